@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, needed
-from jacokin.files import read_arrays
+from jacokin.files import check_end, read_arrays
 from jacokin.ik.files.targets import rotations_from_quats, rotations_from_rpys
 from jacokin.model import checks, poses
 
@@ -301,6 +301,7 @@ def _read(path: Path) -> Mapping[str, Array]:
     Raises:
         InvalidInputError: cannot be read, or rows of different lengths.
     """
+    check_end(path)
     try:
         if path.suffix == ".npz":
             arrays = read_arrays(path, NOT_MEASUREMENTS)

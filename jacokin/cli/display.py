@@ -8,6 +8,7 @@ import math
 import shutil
 import sys
 import textwrap
+import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from enum import Enum
@@ -23,6 +24,7 @@ GAP = 3  # columns between columns
 NARROWEST = 16  # columns that text is broken into at least
 PERIOD = 0.1  # [s] between two states of a progress bar
 LINE_PERIOD = 10.0  # [s] between two lines where there is no terminal
+LOOK_PERIOD = 0.5  # [s] between two looks whether that has passed
 CLEAR = "\r\x1b[K"  # back to the start of the line, and erase it
 
 
@@ -151,33 +153,50 @@ def plain(value: object) -> object:
 def progress_bar(title: str) -> Iterator[Callable[[int, int | None], None]]:
     """Show progress on stderr, through a function that takes the counts done and in all, None where that is unknown.
 
-    A terminal gets one line that changes; a file or a pipe gets a line now and then.
+    A terminal gets one line that changes; a file or a pipe gets a line now and then. Where nothing is said for long, as
+    in the midst of a slow step, it says how long it has worked.
     """
     on_terminal = sys.stderr.isatty()
     before, after, period = (CLEAR, "", PERIOD) if on_terminal else ("jacokin: ", "\n", LINE_PERIOD)
-    shown = 0.0 if on_terminal else time.monotonic()
+    began = time.monotonic()
+    shown = began - period if on_terminal else began
     first: tuple[float, int] | None = None  # when, and what had been done
+    latest, ended = title, threading.Event()
+
+    def write(text: str, now: float) -> None:
+        nonlocal shown
+        shown = now
+        sys.stderr.write(f"{before}{text}{after}")
+        sys.stderr.flush()
 
     def show(done: int, total: int | None) -> None:
-        nonlocal shown, first
+        nonlocal first, latest
         now = time.monotonic()
         first = first or (now, done)
+        latest = f"{title} {done}"
+        if total is not None:
+            latest += f" of {total} ({100.0 * done / max(total, 1):.0f} %)"
         if now - shown > period:
-            shown = now
-            text = f"{title} {done}"
-            if total is not None:
-                text += f" of {total} ({100.0 * done / max(total, 1):.0f} %)"
-            rate = (done - first[1]) / max(now - first[0], PERIOD)
+            text, rate = latest, (done - first[1]) / max(now - first[0], PERIOD)
             if rate > 0.0:
                 text += f", {rate:.0f}/s"
                 if total is not None:
                     text += f", {format_duration((total - done) / rate)} left"
-            sys.stderr.write(f"{before}{text}{after}")
-            sys.stderr.flush()
+            write(text, now)
 
+    def keep_telling() -> None:
+        while not ended.wait(LOOK_PERIOD):
+            now = time.monotonic()
+            if now - shown > LINE_PERIOD:
+                write(f"{latest}, {format_duration(now - began)} so far", now)
+
+    teller = threading.Thread(target=keep_telling, daemon=True)
+    teller.start()
     try:
         yield show
     finally:
+        ended.set()
+        teller.join()
         if on_terminal:
             sys.stderr.write(CLEAR)
             sys.stderr.flush()

@@ -16,7 +16,7 @@ from jacokin.cli import display
 from jacokin.cli.display import progress_bar
 from jacokin.cli.units import Units, warn_of_degrees
 from jacokin.ik.batches.chunk import EMPTY, count_rows, solve_rows
-from jacokin.ik.batches.solve_file import solve_file
+from jacokin.ik.batches.solve_file import folder_of, solve_file
 from jacokin.ik.files.carried import as_objects
 from jacokin.ik.files.formats import targets_format
 from jacokin.ik.files.targets import RPY
@@ -54,7 +54,7 @@ def run(
         summary = _solve_for_display(solver, targets, seed, workers, results if as_json else None, closest=closest)
     else:
         cluster = contextlib.nullcontext() if dask is None else dask_executor(dask)
-        with progress_bar("solving") as show, cluster as executor:
+        with _told_to_go_on(out), progress_bar("solving") as show, cluster as executor:
             summary = solve_file(
                 solver,
                 targets,
@@ -71,6 +71,18 @@ def run(
     else:
         _show(solver, summary, closest=closest)
     return summary.solved == summary.targets
+
+
+@contextlib.contextmanager
+def _told_to_go_on(out: Path) -> Iterator[None]:
+    """Say after Ctrl-C what is kept."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        kept = folder_of(out.resolve())
+        if kept.is_dir():
+            click.echo(f"jacokin: {kept} has what is solved: the same command goes on from there", err=True)
+        raise
 
 
 def _solve_for_display(

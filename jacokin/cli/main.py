@@ -89,9 +89,16 @@ def main(argv: Sequence[str] | None = None) -> None:
         SystemExit: always; carries the exit code.
     """
     with process.around_command():
+        stdout, stderr = sys.stdout, sys.stderr
         try:
             try:
                 code = app.main(args=argv, prog_name="jacokin", standalone_mode=False)
+            except SystemExit:
+                if sys.stdout is stdout:
+                    raise
+                sys.stdout, sys.stderr = stdout, stderr  # click replaces them where who reads its help has left
+                process.drop_output()
+                code = 0
             finally:
                 process.flush()
         except click.ClickException as error:

@@ -279,9 +279,9 @@ def place(
     rows_of_file = ik.read_targets(targets)
     wanted = rows_of_file.targets
     reach, obstacles = load_map(folder, source, map_scene), options.load_scene(scene)
-    found = reachability.place_base(
-        reach, wanted, scene=obstacles, x=x, y=y, heights=None if height is None else [height]
-    )
+    heights = None if height is None else [height]
+    with progress_bar("looking for places"):
+        found = reachability.place_base(reach, wanted, scene=obstacles, x=x, y=y, heights=heights)
     if not found:
         raise InvalidInputError("the base stands inside an obstacle wherever it may stand")
     failed = [

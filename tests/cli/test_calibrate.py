@@ -75,6 +75,7 @@ def test_what_is_refused(run: Run, robot: Robot, tmp_path: Path) -> None:
     for words, sentence in [
         ((str(path),), "has no column sigma"),
         ((str(tmp_path / "none.csv"),), "cannot be read"),
+        (("/dev/zero", "--sigma", "0.001"), "is a device: give a file or a pipe"),
         ((str(path), "--sigma", "0.001", "--output", str(path)), "it would be lost"),
         ((str(path), "--sigma-angle", "0.001"), "--sigma-angle needs --sigma"),
         ((str(path), "--sigma", "-1"), "sigma must be positive"),

@@ -7,6 +7,7 @@ import json
 import os
 import shutil
 import sys
+import time
 
 import numpy as np
 import pytest
@@ -84,3 +85,20 @@ def test_progress_without_a_terminal_is_a_line_now_and_then(
     assert capsys.readouterr().err == (
         "jacokin: solving 30 of 200 (15 %), 2/s, 68 s left\n"  # twelve seconds after the first
     )
+
+
+def test_a_long_step_says_how_long_it_takes(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(display, "LINE_PERIOD", 0.05)
+    monkeypatch.setattr(display, "LOOK_PERIOD", 0.01)
+    lines: list[str] = []
+    with display.progress_bar("looking for places") as show:
+        while len(lines) < 2:
+            time.sleep(0.01)
+            lines += capsys.readouterr().err.splitlines()
+        show(3, 12)
+        while not lines[-1].endswith("so far") or "3 of 12" not in lines[-1]:
+            time.sleep(0.01)
+            lines += capsys.readouterr().err.splitlines()
+    assert lines[0] == "jacokin: looking for places, 0 s so far"

@@ -48,7 +48,10 @@ def test_a_pipe_that_is_closed_early_is_no_traceback() -> None:
     assert "ipe" not in done.stderr  # "Broken pipe"
 
 
-@pytest.mark.parametrize(("words", "code"), [("info", 0), ("ik --position 2 0 0.5 --down --no-closest", 1)])
+@pytest.mark.parametrize(
+    ("words", "code"),
+    [("info", 0), ("--help", 0), ("--version", 0), ("ik --help", 0), ("ik --position 2 0 0.5 --down --no-closest", 1)],
+)
 def test_a_reader_that_has_left_does_not_change_the_exit_code(words: str, code: int) -> None:
     read, write = os.pipe()
     os.close(read)
@@ -96,6 +99,7 @@ def test_a_signal_leaves_the_old_output_and_beside_it_finished_chunks(tmp_path: 
     _, errors = running.communicate(timeout=DEADLINE)
     assert running.returncode == 128 + number
     assert "Traceback" not in errors
+    assert ("goes on from there" in errors) == (number == signal.SIGINT)
     assert out.read_text(encoding="utf-8") == "old"
     assert {path.name for path in tmp_path.iterdir()} == {"out.csv", "out.csv.chunks", "targets.csv"}
     assert {path.suffix for path in chunks.iterdir()} == {".json", ".chunk"}  # `--resume` goes on from them

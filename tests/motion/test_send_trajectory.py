@@ -53,7 +53,7 @@ def test_the_arm_ends_at_the_last_row(rows: tuple[list[list[float]], list[list[f
     arm = Faulty([angle + 720.0 for angle in rows[0][0]])  # joints may stand whole turns away
     assert send_velocities(*rows, arm, arm) < 1e-6
     times = [time for time, _ in arm.sent]
-    np.testing.assert_allclose(np.diff(times), PERIOD, atol=1e-9)
+    np.testing.assert_allclose(np.diff(times[: len(rows[0])]), PERIOD, atol=1e-9)
     assert [velocities for _, velocities in arm.sent][: len(rows[1])] == rows[1]
 
 

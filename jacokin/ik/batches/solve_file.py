@@ -57,6 +57,7 @@ from jacokin.model import checks
 from jacokin.model.robot import fingerprint
 
 ROWS = 8192  # rows of a chunk that the compiled loop solves: about a tenth of a second
+CLOSEST_ROWS = 1024  # the same where what is out of reach takes milliseconds: seconds at most
 SINGLE_ROWS = 256  # rows of a chunk that is solved row by row: a few seconds
 TOGETHER = 16  # consecutive chunks in one job, at most: some seconds of work that is handed out at once
 SHARE = 4  # a job has at most this part of what is left for each worker: towards the end, none waits long for another
@@ -128,7 +129,7 @@ def solve_file(
         if source.is_file() and out.is_file() and out.samefile(source):
             raise InvalidInputError(f"output {out} is the file of targets: they would be lost")
         compiled = solver.has_closed_form and columns != POSITION
-        rows = ROWS if compiled else SINGLE_ROWS
+        rows = (CLOSEST_ROWS if closest else ROWS) if compiled else SINGLE_ROWS
         parts = targets_format(source).parts(source, rows)
         total = sum(part.rows for part in parts)
         recipe = _recipe(solver, source, total, rows, start, closest, out.suffix)
@@ -154,7 +155,8 @@ def solve_file(
                         suffix=out.suffix,
                         keeper=folder.keeper,
                     )
-                    for index, kept in solve_chunks(job, source, parts, rows, missing, executor, several=compiled):
+                    several = compiled and not closest
+                    for index, kept in solve_chunks(job, source, parts, rows, missing, executor, several=several):
                         joined.add(index, folder.put(index, kept))
                         show(parts[index].rows)
                 tally = joined.finish()
@@ -354,7 +356,8 @@ def _recipe(
     }
 
 
-def _folder_of(final: Path) -> Path:
+def folder_of(final: Path) -> Path:
+    """Where the finished chunks of an output are."""
     return final.with_name(f"{final.name}{FOLDER_SUFFIX}")
 
 
@@ -367,7 +370,7 @@ def _folder(
     final = files.writable(out)
     if not final.parent.is_dir():
         raise InvalidInputError(f"{out}: cannot be written: there is no folder {final.parent}")
-    path = _folder_of(final)
+    path = folder_of(final)
     if not resume and (path / RECIPE).exists():
         shutil.rmtree(path)
     if not path.exists():

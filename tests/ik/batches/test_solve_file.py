@@ -39,6 +39,7 @@ def solver(robot: Robot) -> IKSolver:
 @pytest.fixture(autouse=True)
 def _small_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "ROWS", ROWS)
+    monkeypatch.setattr(module, "CLOSEST_ROWS", ROWS)
 
 
 @pytest.fixture
@@ -271,6 +272,7 @@ def test_answers_do_not_depend_on_executors_or_chunks(
     with ThreadPoolExecutor(3) as executor:
         solve_file(solver, source, tmp_path / "b.csv", executor)
     monkeypatch.setattr(module, "ROWS", 7)
+    monkeypatch.setattr(module, "CLOSEST_ROWS", 7)
     solve_file(solver, source, tmp_path / "c.csv", workers=2)
     first = (tmp_path / "a.csv").read_bytes()
     assert first == (tmp_path / "b.csv").read_bytes() == (tmp_path / "c.csv").read_bytes()
@@ -399,6 +401,7 @@ def test_a_full_disk_keeps_what_is_finished(
     assert out.read_text() == "old"
     monkeypatch.undo()
     monkeypatch.setattr(module, "ROWS", ROWS)
+    monkeypatch.setattr(module, "CLOSEST_ROWS", ROWS)
     assert solve_file(solver, source, out).resumed >= 2 * ROWS
 
 
@@ -498,7 +501,7 @@ RUN = """
 import os, signal, sys, jacokin
 from jacokin.ik import solve_file
 from jacokin.ik.batches import solve_file as module
-module.ROWS = 64
+module.ROWS = module.CLOSEST_ROWS = 64
 syncs, fsync = int(sys.argv[3]), os.fsync
 def counted(file):
     global syncs
