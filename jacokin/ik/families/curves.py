@@ -66,12 +66,11 @@ class CurveArm:
         chain: (7, 3, 4) of six joints, or (8, 3, 4) of seven.
         constants: (46,) or (12,), see `ik.geometry`.
         limits: (2, 7) [rad], infinite where some copy of every angle is within them.
-        circular: whether every joint has either no limits, or one copy of an angle at most within them.
         sees_straight_wrists: whether the kernels find the targets' straight wrists: not of six joints that are not
             built like a Jaco's.
     """
 
-    __slots__ = ("_given", "_idle", "chain", "circular", "constants", "limits", "parameter", "sees_straight_wrists")
+    __slots__ = ("_given", "_idle", "chain", "constants", "limits", "parameter", "sees_straight_wrists")
 
     def __init__(self, parameter: int, chain: Array, constants: Array, lower: Array, upper: Array) -> None:
         """Take the constants of an arm and its limits (dof,) [rad], and load the compiled kernels."""
@@ -81,7 +80,6 @@ class CurveArm:
         self.limits = np.array([np.full(7, -np.inf), np.full(7, np.inf)])
         self.limits[0, : len(lower)][bounded] = lower[bounded]
         self.limits[1, : len(upper)][bounded] = upper[bounded]
-        self.circular = bool((bounded | np.isinf(upper - lower)).all())
         self.sees_straight_wrists = parameter == JOINT_3 or unpack_arm(constants).six.scale == 0.0
         self._idle: list[Call[CurveWork]] = [Call(run_curves, make_curve_work())]  # each thread takes one or makes one
 
@@ -185,19 +183,13 @@ class CurveProblem(NamedTuple):
     def nearest(self, seed: Array) -> Array | None:
         """The point (7,) within the limits nearest to a seed (dof,), joints in the copies nearest to it.
 
-        None where nothing is within the limits, where a curve was lost, or where limits of more than a turn leave a
-        choice of copies.
+        Joints with more than a turn of room may be in copies past their limits. None where nothing is within the
+        limits, or where a curve was lost.
         """
-        return (
-            self._nearest(self._prepare(quarters=self.free_axis is not None)[0], FIND_NEAREST, seed)
-            if self.arm.circular
-            else None
-        )
+        return self._nearest(self._prepare(quarters=self.free_axis is not None)[0], FIND_NEAREST, seed)
 
     def nearest_on(self, nodes: Array, seed: Array) -> Array | None:
         """As `nearest`, on a run of nodes (m, 14) alone."""
-        if not self.arm.circular:
-            return None
         call = self._take()
         call.work.arcs.nodes[: len(nodes)] = nodes
         call.work.options[:] = 0, self.arm.parameter, len(nodes), 0

@@ -101,8 +101,10 @@ class Interval:
     def nearest(self, seed: ArrayLike | None = None) -> Array:
         """The member (dof,) [rad] nearest to a seed; None for the seed of the family."""
         wanted = self._members.near(seed)
-        found = None if self._members.wide.any() else self._track.nearest(wanted)
-        return self._least(by_distance(wanted), wanted) if found is None else self._member(*found, wanted)
+        found = self._track.nearest(wanted)
+        if found is None or not self._members.are_copies(found[1]):
+            return self._least(by_distance(wanted), wanted)
+        return self._member(*found, wanted)
 
     def widest(self) -> Array:
         """The member (dof,) [rad] with the largest limit margin."""

@@ -86,6 +86,10 @@ class Members:
         room = self.robot.upper - self.robot.lower
         return np.isfinite(room) & (room >= TURN)
 
+    def are_copies(self, q: Array) -> bool:
+        """Whether joints of q (dof,) that have several copies within their limits are in one of those."""
+        return bool(((q >= self.robot.lower) & (q <= self.robot.upper))[self.wide].all())
+
     def verified(self, q: Array, parameter: float) -> Array:
         """A configuration (dof,) that reaches the target and is within the limits, exactly.
 

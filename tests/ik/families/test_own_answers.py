@@ -1174,3 +1174,14 @@ def test_a_curve_that_is_a_point_but_for_rounding_is_a_member_at_the_end_of_a_ra
     solver, own = solver_of("j2s6s300"), np.array((-90.0, 180.0, 180.0, 0.0, 270.0, -90.0)) * DEGREES
     family = solver.solve_all(FreeAxis(solver.verifier.tool_pose(own), axis=(1.0, 0.0, 0.0), range=range_))
     assert min(np.abs(wrap_to_pi(interval.nearest(own) - own)).max() for interval in family) < 1e-5
+
+
+def test_members_are_found_where_a_joint_with_several_copies_bends_sharply() -> None:
+    """Next to two singularities at once, of an arm whose joint 4 has more than a turn of room."""
+    solver = solver_of("j2s7s300", joint_4=(-0.984, 11.23))
+    own = np.array((90.0, 180.0, 0.0, 270.0, 0.0, 180.0, 90.0)) * DEGREES
+    own += np.array((-103.0, 71.0, -92.0, 16.0, -110.0, -168.0, 157.0)) * 1e-6
+    family = solver.solve_all(solver.verifier.tool_pose(own))
+    assert family.branches == 8
+    assert all(interval.length > 1.0 for interval in family)
+    assert min(np.abs(wrap_to_pi(interval.nearest(own) - own)).max() for interval in family) < 1e-9
