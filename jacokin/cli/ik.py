@@ -76,6 +76,7 @@ class TargetOptions:
                 raise InvalidInputError("--free-axis and --free-range need an orientation to start from")
             from jacokin.model import checks
 
+            warn_of_millimetres("--position", self.position)
             return checks.vector("position", self.position, 3, "m")
         # Within half a turn: of more, `warn_of_degrees` has told already.
         rpy = None if self.rpy is None else [math.remainder(angle, 2.0 * math.pi) for angle in units.to_si(self.rpy)]
@@ -212,8 +213,6 @@ def ik(
     arm = source.load()
     if wanted.rpy is not None:
         warn_of_degrees("--rpy", wanted.rpy, units)
-    if wanted.position is not None:
-        warn_of_millimetres("--position", wanted.position)
     if wanted.free_range is not None:
         warn_of_degrees("--free-range", wanted.free_range, units)
     start = units.for_joints(arm).seed("--seed", seed)

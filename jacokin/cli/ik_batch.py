@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import csv
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -19,7 +20,7 @@ from jacokin.ik.batches.chunk import EMPTY, count_rows, solve_rows
 from jacokin.ik.batches.solve_file import folder_of, solve_file
 from jacokin.ik.files.carried import as_objects
 from jacokin.ik.files.formats import targets_format
-from jacokin.ik.files.targets import RPY
+from jacokin.ik.files.targets import RPY, left_behind
 
 FIRST_ROWS = 1000  # that are looked at for angles in degrees
 ROWS = 4096  # solved at a time where no file is written
@@ -48,6 +49,12 @@ def run(
         if first.columns[3:] == RPY:
             widest = float(np.nanmax(np.abs(first.values[:, 3:]), initial=0.0))
             warn_of_degrees(f"{targets}: roll, pitch, yaw", [widest], Units(degrees=False))
+        if targets.suffix not in (".npz", ".parquet"):
+            with targets.open(encoding="utf-8-sig", newline="") as file:
+                lost = left_behind(next(csv.reader(file), []))
+            if lost:
+                text = display.printable(f"{targets}: columns not carried through: {', '.join(lost)}")
+                click.echo(f"jacokin: note: {text}", err=True)
     if out is None:
         if not as_json:
             click.echo("jacokin: note: the answers are counted, not saved: --output FILE keeps them", err=True)

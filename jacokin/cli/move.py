@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import importlib.util
 import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,9 +15,10 @@ from jacokin.cli.command import Command, NumberList
 from jacokin.cli.display import number, show_facts
 from jacokin.cli.ik import TargetOptions, target_options
 from jacokin.cli.options import keep_apart
+from jacokin.cli.paths import check_trajectory_files
 from jacokin.cli.process import NOT_SOLVED
 from jacokin.cli.units import Units
-from jacokin.errors import InvalidInputError, MissingExtraError
+from jacokin.errors import InvalidInputError
 
 if TYPE_CHECKING:
     import pinocchio as pin
@@ -100,19 +100,12 @@ def move(
     """
     import numpy as np
 
-    from jacokin.motion.plot import FORMATS as PICTURES
-    from jacokin.motion.trajectory import FORMATS
-
     has_pose = wanted.position is not None or wanted.kinova is not None
     if has_pose == (joints_to is not None):
         raise InvalidInputError("exactly one of --to and a pose (--position or --kinova) is needed")
     if rated_torque and torque_limit is not None:
         raise InvalidInputError("at most one of --torque-limit and --rated-torque is needed")
-    for option, file, endings in (("--output", output, FORMATS), ("--plot", plot, PICTURES)):
-        if file is not None and file.suffix not in endings:
-            raise InvalidInputError(f"{option} must end in {' or '.join(endings)}, got {str(file)!r}")
-    if plot is not None and importlib.util.find_spec("matplotlib") is None:
-        raise MissingExtraError("matplotlib", "plot")
+    check_trajectory_files(output, plot, ros, joint_prefix)
     keep_apart({"--output": output, "--plot": plot}, {"--robot": source.robot, "--scene": scene}, source.package_dirs)
     arm = source.load()
     joints = units.for_joints(arm)

@@ -260,18 +260,28 @@ def check_files(given: PathOptions, source: options.RobotOptions) -> None:
         InvalidInputError: an output of another kind, or one that is read.
         MissingExtraError: matplotlib is needed and not installed.
     """
+    check_trajectory_files(given.output, given.plot, given.ros, given.joint_prefix)
+    inputs = {"--path": given.waypoints, "--robot": source.robot, "--scene": given.scene}
+    keep_apart({"--output": given.output, "--plot": given.plot}, inputs, source.package_dirs)
+
+
+def check_trajectory_files(output: Path | None, plot: Path | None, ros: str, joint_prefix: str) -> None:
+    """Check what a trajectory is to be written to.
+
+    Raises:
+        InvalidInputError: a file of another kind, or options of one kind with another.
+        MissingExtraError: matplotlib is needed and not installed.
+    """
     from jacokin.motion.plot import FORMATS as PICTURES
     from jacokin.motion.trajectory import FORMATS
 
-    for option, file, endings in (("--output", given.output, FORMATS), ("--plot", given.plot, PICTURES)):
+    for option, file, endings in (("--output", output, FORMATS), ("--plot", plot, PICTURES)):
         if file is not None and file.suffix not in endings:
             raise InvalidInputError(f"{option} must end in {' or '.join(endings)}, got {str(file)!r}")
-    if (given.ros != "2" or given.joint_prefix) and (given.output is None or given.output.suffix != ".json"):
+    if (ros != "2" or joint_prefix) and (output is None or output.suffix != ".json"):
         raise InvalidInputError("--ros and --joint-prefix go with --output FILE.json")
-    if given.plot is not None and importlib.util.find_spec("matplotlib") is None:
+    if plot is not None and importlib.util.find_spec("matplotlib") is None:
         raise MissingExtraError("matplotlib", "plot")
-    inputs = {"--path": given.waypoints, "--robot": source.robot, "--scene": given.scene}
-    keep_apart({"--output": given.output, "--plot": given.plot}, inputs, source.package_dirs)
 
 
 def read_poses(path: Path) -> Array:

@@ -292,7 +292,7 @@ def place(
     if plot is not None:
         from jacokin.reachability.placement import draw_placement
 
-        draw_placement(plot, found[0], wanted, reach.robot, obstacles)
+        draw_placement(plot, found[0], wanted, reach, obstacles)
     if json:
         places = [
             {

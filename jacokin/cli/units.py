@@ -12,6 +12,7 @@ import click
 
 from jacokin import model
 from jacokin.errors import InvalidInputError
+from jacokin.model.poses import FARTHEST
 
 # In a message: a number, numbers before "rad", and what was given where angles are needed.
 NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d*)?(?:e[-+]?\d+)?(?!\w)")
@@ -19,7 +20,6 @@ ANGLES = re.compile(rf"\[?{NUMBER.pattern}(?:(?:, | to ){NUMBER.pattern})*\]? ra
 GIVEN = re.compile(r"\[rad\b[^]]*\](, got (?!shape\b).*)?", re.DOTALL)
 UNIT = re.compile(r"\brad\b")
 DIGITS = 6  # of an angle in a message, or as many as it has there
-FARTHEST = 10.0  # [m] no arm of this kind reaches so far
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,6 +88,10 @@ class JointUnits:
             raise InvalidInputError(f"{option} must be {len(self.prismatic)} numbers, got {len(values)}")
         turning = [value for value, slides in zip(values, self.prismatic, strict=False) if not slides]
         warn_of_degrees(option, turning, self.units)
+        if self.units.degrees and 0.0 < max(map(abs, turning), default=0.0) < 2.0 * math.pi:
+            _note(
+                f"{option} is in degrees, and no angle exceeds {2.0 * math.pi:.3g}; without --degrees they are radians"
+            )
         return self.to_si(values)
 
     def seed(self, option: str, values: Sequence[float] | None) -> list[float] | None:
@@ -137,9 +141,9 @@ def warn_of_degrees(option: str, values: Iterable[float], units: Units, unit: st
 
 
 def warn_of_millimetres(option: str, position: Iterable[float]) -> None:
-    """A note on stderr where a position in metres looks like one in millimetres."""
+    """A note on stderr where a position in metres looks like one in millimetres; `pose` says it of its own."""
     if any(abs(value) > FARTHEST for value in position):
-        _note(f"{option} is in metres, and a coordinate exceeds {FARTHEST:g} m; 350 mm are 0.35")
+        _note(f"{option} is in metres, and {list(position)} exceeds {FARTHEST:g} m; 350 mm are 0.35")
 
 
 def _turned(found: re.Match[str]) -> str:

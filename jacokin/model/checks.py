@@ -180,7 +180,7 @@ def text(name: str, value: object) -> str:
     """
     string = instance(name, value, str, "a string")
     if "\0" in string or string.encode(errors="ignore").decode() != string:
-        raise refusal(name, "a text that UTF-8 can write, without nulls,", value)
+        raise refusal(name, "a text that UTF-8 can write and that has no nulls", value)
     return string
 
 

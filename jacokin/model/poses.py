@@ -22,6 +22,8 @@ from jacokin.model.angles import TURN
 
 logger = logging.getLogger(__name__)
 
+FARTHEST = 10.0  # [m] no arm of this kind reaches so far
+NEAREST_MM = 10.0  # [mm] the tool of none comes so near to its base
 QUATERNION_NORM_TOLERANCE = 0.01  # hand-typed quaternions have two or three digits; more than 1 % is a mistake
 RIGID_TOLERANCE = 1e-6  # |R^T R - I|: admits float32 matrices (1e-7), refuses scaled or sheared ones
 ORTHONORMAL = 1e-14  # |R^T R - I| of a product of a dozen rotations: rounding, left as it is
@@ -89,6 +91,9 @@ def pose(
     if len(given) > 1:
         raise InvalidInputError(f"give at most one orientation, got {' and '.join(given)}")
     at = checks.vector("position", position, 3, "m").copy()
+    if np.abs(at).max() > FARTHEST:
+        shown = checks.shown(position)
+        logger.warning("pose: position is in metres, and %s exceeds %g m; 350 mm are 0.35", shown, FARTHEST)
     if approach is not None:
         return FreeAxis(pin.SE3(_facing(unit_vector("approach", approach)), at), axis=(0.0, 0.0, 1.0))
     if quat_wxyz is not None:
@@ -117,6 +122,9 @@ def pose_from_kinova(position_mm: ArrayLike, angles_deg: ArrayLike) -> pin.SE3:
     """
     position = checks.vector("position_mm", position_mm, 3, "mm")
     angles = np.radians(checks.vector("angles_deg", angles_deg, 3, "deg"))
+    if np.linalg.norm(position) < NEAREST_MM:
+        shown = checks.shown(position_mm)
+        logger.warning("position_mm is in millimetres, and %s is less than %g mm from the base", shown, NEAREST_MM)
     # The inverse of Rx(a) Ry(b) Rz(c) is Rz(-c) Ry(-b) Rx(-a).
     return pin.SE3(pin.rpy.rpyToMatrix(-angles).T, 1e-3 * position)
 

@@ -214,6 +214,8 @@ class ReachabilityMap:
             InvalidInputError: another ending, or the file cannot be written.
         """
         robot = self.recipe["robot"]["name"]
+        if scene is not None and self.recipe["scene"] is None:
+            robot += ", computed without the obstacles"
         title = f"{robot}, frame {self.recipe['frame']}: {self.orientations.name}"
         try:
             arm = [outline_arm(self.robot, self.robot.home)]

@@ -21,7 +21,6 @@ from jacokin.errors import InvalidInputError, MissingExtraError
 from jacokin.ik.results import Frozen
 from jacokin.model import checks
 from jacokin.model.contact import ContactInWorld
-from jacokin.model.robot import Robot
 from jacokin.model.scene import Scene, checked_scene
 from jacokin.reachability.folder import count_reaching, one_by_one, usable_rows
 from jacokin.reachability.map import ReachabilityMap, checked_poses
@@ -305,18 +304,41 @@ class _Search:
         return None
 
 
+def _posture(
+    map: ReachabilityMap,  # noqa: A002 - as above
+    place: BasePlacement,
+    targets: Array,
+    scene: Scene | None,
+) -> tuple[Array, str]:
+    """A configuration (dof,) that reaches the first target that a place reaches, and what it is; home without any."""
+    world = None if scene is None else ContactInWorld(map.robot, scene.surroundings)
+    yaw = float(np.arctan2(place.pose.rotation[1, 0], place.pose.rotation[0, 0]))
+    for number in np.flatnonzero(place.success).tolist():
+        (seen,) = _targets_in_base(targets[number : number + 1], place.pose.translation, yaw)
+        for q in usable_rows(map.solver, seen)[0]:
+            if world is None or not world.touching(q, place.pose):
+                return q, f"arm at target {number + 1}"
+    return map.robot.home, "arm at home"
+
+
 PLACE_ENDINGS = (".png", ".svg", ".pdf")
 AXIS = 0.15  # [m] length of the axes of the base
 
 
-def draw_placement(path: Path, place: BasePlacement, targets: Array, robot: Robot, scene: Scene | None = None) -> None:
-    """Draw a place.
+def draw_placement(
+    path: Path,
+    place: BasePlacement,
+    targets: Array,
+    map: ReachabilityMap,  # noqa: A002 - as above
+    scene: Scene | None = None,
+) -> None:
+    """Draw a place, and the arm at the first target that it reaches.
 
     Args:
         path: where to, which also tells the format.
         place: what `place_base` has found.
         targets: (n, 4, 4) poses in the world.
-        robot: the arm, drawn at home.
+        map: of the robot.
         scene: obstacles in the world.
 
     Raises:
@@ -332,7 +354,9 @@ def draw_placement(path: Path, place: BasePlacement, targets: Array, robot: Robo
     except ImportError as error:
         raise MissingExtraError("matplotlib", "plot") from error
     base, turn = place.pose.translation, place.pose.rotation
-    arm = outline_arm(robot, robot.home) @ turn.T + base
+    robot = map.robot
+    q, shown = _posture(map, place, targets, scene)
+    arm = outline_arm(robot, q) @ turn.T + base
     obstacles = [] if scene is None else outline_scene(scene)
     at = targets[:, :3, 3]
     missed = ~place.success & ~place.touching
@@ -341,7 +365,7 @@ def draw_placement(path: Path, place: BasePlacement, targets: Array, robot: Robo
         axes = figure.add_subplot(1, 2, column + 1)
         for line in obstacles:
             axes.plot(line[:, first], line[:, second], color="0.6", linewidth=0.8)
-        axes.plot(arm[:, first], arm[:, second], color="0.2", linewidth=2.5, label="arm at home")
+        axes.plot(arm[:, first], arm[:, second], color="0.2", linewidth=2.5, label=shown)
         for axis, colour in ((first, "tab:red"), (second, "tab:green" if second == 1 else "tab:blue")):
             end = base + AXIS * turn[:, axis]
             axes.plot([base[first], end[first]], [base[second], end[second]], color=colour, linewidth=1.5)

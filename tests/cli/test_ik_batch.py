@@ -81,6 +81,16 @@ def test_remarks_are_carried_through_and_named_in_one_line(targets: Path, capsys
     assert document["results"][0]["carried"] == {"note": "mine"}
 
 
+def test_columns_that_answers_have_too_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "targets.csv"
+    file.write_text("x,y,z,status,q1,,note\n0.3,-0.2,0.5,keep,1.0,7,mine\n", encoding="utf-8")
+    assert leave("ik", "--targets", str(file), "--output", str(tmp_path / "joints.csv")) == 0
+    note = "columns not carried through: status (answers have one), q1 (answers have one), number 6 (it has no name)"
+    assert note in capsys.readouterr().err
+    assert leave("ik", "--targets", str(tmp_path / "joints.csv"), "--output", str(tmp_path / "again.csv")) == 0
+    assert "carried" not in capsys.readouterr().err
+
+
 def test_targets_without_quaternions_are_positions(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "positions.csv"
     path.write_text("\ufeffx, y, z\n0.3,-0.2,0.5\n0.3,-0.2,0.4\n", encoding="utf-8")  # as a spreadsheet writes it

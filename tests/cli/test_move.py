@@ -73,6 +73,7 @@ def test_no_way_says_what_touches(tmp_path: Path, capsys: pytest.CaptureFixture[
         (("--to", "1", "2"), "--to must be 6 numbers, got 2"),
         (("--position", "0.3", "-0.2", "0.5", "--output", "motion.txt"), "--output must end in"),
         (("--position", "0.3", "-0.2", "0.5", "--time-limit", "0"), "--time-limit must be"),
+        (("--to", "1", "2", "--output", "m.csv", "--ros", "1"), "--ros and --joint-prefix go with --output FILE.json"),
     ],
 )
 def test_what_is_refused(words: tuple[str, ...], message: str, capsys: pytest.CaptureFixture[str]) -> None:

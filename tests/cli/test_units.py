@@ -66,7 +66,11 @@ def test_angles_that_look_like_degrees_are_noticed(run: Run, tmp_path: Path) -> 
 
 
 def test_numbers_of_another_unit_are_noticed(run: Run, arm: tuple[str, ...]) -> None:
-    assert "--position is in metres" in run("ik", "--position", "350", "-300", "100", "--down").err
+    for orientation in ([], ["--down"], ["--approach", "0", "0", "-1"]):
+        assert run("ik", "--position", "350", "-300", "100", *orientation).err.count("position is in metres") == 1
+    assert "position_mm is in millimetres" in run("ik", "--kinova", "0.35", "-0.3", "0.1", "1.5", "0", "0").err
+    radians = ("4.8", "2.9", "1", "4.2", "1.4", "1.3")
+    assert "ANGLE is in degrees, and no angle exceeds 6.28" in run("fk", "--degrees", *radians).err
     assert "ANGLE is in radians" in run("fk", "275", "167", "57", "241", "83", "76").err
     assert "--seed is in radians" in run("ik", *POSE, "--seed", "275", "167", "57", "241", "83", "76").err
     for words in (("fk", "275", "167", "57", "241", "83", "76", "--degrees"), ("fk", "1", "1", "9.0", "1", *arm)):

@@ -140,3 +140,12 @@ def test_degrees_given_for_radians_are_noticed(caplog: pytest.LogCaptureFixture)
     assert not caplog.records
     jacokin.pose([0.3, 0.0, 0.3], rpy=[90, 0, 0])
     assert "rpy is in radians, and an angle of [90, 0, 0] exceeds a full turn" in caplog.text
+
+
+def test_millimetres_given_for_metres_are_noticed_and_the_other_way_round(caplog: pytest.LogCaptureFixture) -> None:
+    pose_from_kinova([350.0, -300.0, 100.0], [90.0, 0.0, 0.0])
+    assert not caplog.records
+    jacokin.pose([350, -300, 100], down=True)
+    assert "position is in metres, and [350, -300, 100] exceeds 10 m; 350 mm are 0.35" in caplog.text
+    pose_from_kinova([0.35, -0.3, 0.1], [90.0, 0.0, 0.0])
+    assert "position_mm is in millimetres, and [0.35, -0.3, 0.1] is less than 10 mm from the base" in caplog.text

@@ -160,6 +160,15 @@ def _name_of(group: tuple[str, ...]) -> str:
     return {QUATERNION: "quaternions", RPY: "roll, pitch, yaw", MATRIX: "matrices"}[group]
 
 
+def left_behind(header: Sequence[str]) -> list[str]:
+    """Columns of a file that are not carried through, and why; none of a file of answers, which is solved again."""
+    names = [name.strip() for name in header]
+    if set(ANSWERS) <= set(names):
+        return []
+    own = [f"{name} (answers have one)" for name in names if is_answer(name)]
+    return own + [f"number {at} (it has no name)" for at, name in enumerate(names, 1) if not name]
+
+
 def is_answer(name: str) -> bool:
     """Whether a column is one of those that files of answers have beside the target."""
     return name in ANSWERS or _JOINT.fullmatch(name) is not None

@@ -60,8 +60,8 @@ class TargetControls:
     def __init__(self, gui: viser.GuiApi, post: Post) -> None:
         """Add the controls, which post "typed"."""
         with gui.add_folder("Target"):
-            self._position = gui.add_vector3("Target [m]", (0.0, 0.0, 0.0), step=0.001, hint="x, y, z in the base")
-            self._rpy = gui.add_vector3("Target [deg]", (0.0, 0.0, 0.0), step=0.1, hint="Roll, pitch, yaw")
+            self._position = gui.add_vector3("x, y, z [m]", (0.0, 0.0, 0.0), step=0.001, hint="Position in the base")
+            self._rpy = gui.add_vector3("Roll, pitch, yaw [deg]", (0.0, 0.0, 0.0), step=0.1, hint="R = Rz Ry Rx")
         self._position.precision, self._rpy.precision = TARGET_DIGITS
         self._shown = self._position.value
         watch(post, "typed", self._position, self._rpy)

@@ -50,23 +50,23 @@ def test_another_frame_is_where_the_arm_has_it(viewer: Viewer, page: Page, robot
 
 def test_a_target_is_typed_in_numbers(viewer: Viewer, page: Page) -> None:
     before = viewer.view.target
-    x, _, z = page.value("Target [m]")
-    assert np.allclose(page.value("Target [m]"), before.translation, atol=5.1e-5)
-    page.change("Target [m]", (x, -0.25, z))
+    x, _, z = page.value("x, y, z [m]")
+    assert np.allclose(page.value("x, y, z [m]"), before.translation, atol=5.1e-5)
+    page.change("x, y, z [m]", (x, -0.25, z))
     assert until(lambda: viewer.view.target.translation[1] == -0.25)
     # What was not touched stays exactly as it is.
     assert np.array_equal(viewer.view.target.translation[[0, 2]], before.translation[[0, 2]])
     assert np.allclose(viewer.view.target.rotation, before.rotation, atol=1e-15)
-    page.change("Target [deg]", (10.0, 90.0, 0.0))  # which other angles say, too
+    page.change("Roll, pitch, yaw [deg]", (10.0, 90.0, 0.0))  # which other angles say, too
     wanted = pin.rpy.rpyToMatrix(*np.radians([10.0, 90.0, 0.0]))
     assert until(lambda: np.allclose(viewer.view.target.rotation, wanted, atol=1e-12))
     assert until(lambda: np.allclose(page.node("/target").position, viewer.view.target.translation))
     viewer.show(jacokin.pose(NEAR, rpy=(0.0, 0.0, 0.5)))
-    assert until(lambda: np.allclose(page.value("Target [deg]"), (0.0, 0.0, 28.65)))
-    page.change("Target [m]", (float("nan"), 0.0, 0.0))
+    assert until(lambda: np.allclose(page.value("Roll, pitch, yaw [deg]"), (0.0, 0.0, 28.65)))
+    page.change("x, y, z [m]", (float("nan"), 0.0, 0.0))
     assert until(lambda: viewer.view.note.startswith("Ignored: target"))
     with opened(viewer) as other:
-        assert until(lambda: np.allclose(other.value("Target [m]"), NEAR))
+        assert until(lambda: np.allclose(other.value("x, y, z [m]"), NEAR))
 
 
 def test_joints_are_in_degrees_on_demand(viewer: Viewer, page: Page, robot: Robot) -> None:
