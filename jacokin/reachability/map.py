@@ -215,7 +215,7 @@ class ReachabilityMap:
         """
         robot = self.recipe["robot"]["name"]
         if scene is not None and self.recipe["scene"] is None:
-            robot += ", computed without the obstacles"
+            robot += ", obstacles not counted"
         title = f"{robot}, frame {self.recipe['frame']}: {self.orientations.name}"
         try:
             arm = [outline_arm(self.robot, self.robot.home)]

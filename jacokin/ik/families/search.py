@@ -66,7 +66,7 @@ AIMS = 4
 SAME_AIM = 1e-3
 #: A member farther from the seed than this [rad], and than so many times what the seed misses the target by [m, rad],
 #: may not be the nearest: there may be a singular one beside the seed.
-FAR_FROM_SEED, FAR_FOR_MISS = 1e-2, 100.0
+FAR_FROM_SEED, FAR_FOR_MISS = 1e-5, 100.0
 #: Moves of near misses, in tolerances, and ways: curves must be long enough to be found between two slices.
 MOVE, WAYS = 1000.0, 2
 #: Configurations of each branch next to the target that are within the limits, and outside, to start from at most.
@@ -266,10 +266,11 @@ class FamilySearch:
 
     def _skips_seed(self, request: Request, q: Array) -> bool:
         """Whether a member (dof,) is much farther from the seed than the seed from the target: one may be beside it."""
-        away = float(np.linalg.norm(q - request.seed))
-        if away <= FAR_FROM_SEED or request.target.free_axis is not None:
+        away, target = float(np.linalg.norm(q - request.seed)), request.target
+        if away <= FAR_FROM_SEED:
             return False
-        return away > FAR_FOR_MISS * max(self._verifier.measure(request.seed, request.target))
+        p = target.nearest_angle(Members(self._verifier, target, request.seed).parameter(request.seed))
+        return away > FAR_FOR_MISS * max(self._verifier.measure(request.seed, target.at(p)))
 
     def _with_beside_seed(self, candidates: Iterator[Candidate], members: Members) -> Iterator[Candidate]:
         """The member beside a seed that nearly is one before the candidates, if it is nearer."""

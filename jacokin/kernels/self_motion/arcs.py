@@ -13,6 +13,10 @@ from jacokin.kernels.self_motion.slices import POINTS, SLICES, Slices, wrapped
 
 #: Nodes and arcs at most.
 NODES, ARCS = 16384, 256
+#: [rad] of the parameter: beside closed curves that are shorter there may be others as short, between two slices.
+SHORT_LOOP = 0.1
+#: [rad] ends nearer to each other are one fold.
+SAME_FOLD = 1e-6
 #: What an arc ends at: a fold, an end of the range, itself (a closed curve), or where the curve was lost.
 FOLD_END, RANGE_END, SEAM_END, LOST_END = 0, 1, 2, 3
 
@@ -152,3 +156,26 @@ def add_arcs_between_folds(graph: Graph, link: int, parameter: int, arcs: Arcs) 
                     emit(arcs, start, graph.traced[r, 0:7], graph.traced[r, 7:14], parameter)
                 close_arc(arcs, start, FOLD_END, FOLD_END)
             last = n
+
+
+def has_short_loop(arcs: Arcs, parameter: int) -> bool:
+    """Whether two short arcs lead from one fold to another and back: a small closed curve."""
+    for a in range(arcs.size[1]):
+        first, last = arcs.arcs[a, 0], arcs.arcs[a, 1] - 1
+        length = arcs.nodes[last, parameter] - arcs.nodes[first, parameter]
+        if arcs.arcs[a, 2] != FOLD_END or arcs.arcs[a, 3] != FOLD_END or length >= SHORT_LOOP:
+            continue
+        for b in range(a):
+            if is_same_point(arcs.nodes[first], arcs.nodes[arcs.arcs[b, 0]]) and is_same_point(
+                arcs.nodes[last], arcs.nodes[arcs.arcs[b, 1] - 1]
+            ):
+                return True
+    return False
+
+
+def is_same_point(x: Array, y: Array) -> bool:
+    """Whether two nodes are one point."""
+    farthest = 0.0
+    for j in range(7):
+        farthest = max(farthest, abs(wrapped(x[j] - y[j])))
+    return farthest <= SAME_FOLD

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.kernels.closed_form.arm import unpack_arm
-from jacokin.kernels.self_motion.arcs import Arcs, assemble, make_arcs
+from jacokin.kernels.self_motion.arcs import Arcs, assemble, has_short_loop, make_arcs
 from jacokin.kernels.self_motion.census import Census, make_census, take_census
 from jacokin.kernels.self_motion.follow import between, where_joint_is
 from jacokin.kernels.self_motion.gaps import Loops, add_loops, add_windows, insert_slice, make_loops
@@ -144,6 +144,8 @@ def run_curves(work: CurveWork) -> int:
         n = add_loops(T, n, closed, work.slices, work.six, work.loops)
     if task == FIND_NEAREST:
         draw(work, n)
+        if has_short_loop(work.arcs, parameter):  # its neighbours may be nearer
+            return 0
         return 1 if search_arcs(chain, T, work.arcs, work.nearest, walk) else 0
     for attempt in range(2):
         draw(work, n)

@@ -1185,3 +1185,15 @@ def test_members_are_found_where_a_joint_with_several_copies_bends_sharply() -> 
     assert family.branches == 8
     assert all(interval.length > 1.0 for interval in family)
     assert min(np.abs(wrap_to_pi(interval.nearest(own) - own)).max() for interval in family) < 1e-9
+
+
+def test_the_nearest_member_is_found_on_a_short_curve_beside_one_as_short() -> None:
+    """Slices see two closed curves here, one of them 0.01 rad long, and none of a third one, half as long."""
+    solver = solver_of("m1n6s300")
+    own = np.array((1.57231605424, 3.14152732231, 3.14344283667, -3.14357389195, -3.14154271949, 1.5722623961588))
+    target = FreeAxis(solver.verifier.tool_pose(own), axis=(0.0, 1.0, 0.0))
+    way = np.array((-1.6, 4.2, -4.5, 1.7, -5.0, 5.7)) * 1e-4
+    for seed in (own, own + way):
+        result = solver.solve(target, seed=seed)
+        assert result.success
+        assert np.linalg.norm(result.q - seed) <= np.linalg.norm(seed - own) + 1e-6
