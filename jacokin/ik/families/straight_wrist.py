@@ -26,7 +26,7 @@ EXACT = 1e-9
 #: Sine of the middle joint's angle from straight, up to which points of curves are brought to a straight wrist.
 NEARLY_STRAIGHT = 0.6
 #: The same of a wrist that is bent by little more than rounding: how its outer joints turn is uncertain then.
-ALMOST_STRAIGHT = 1e-6
+ALMOST_STRAIGHT = 1e-5
 #: The same where no curve was lost.
 TOUCHING = 0.05
 #: Starts at most, steps of each, and the longest one [rad].

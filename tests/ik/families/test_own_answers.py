@@ -1197,3 +1197,13 @@ def test_the_nearest_member_is_found_on_a_short_curve_beside_one_as_short() -> N
         result = solver.solve(target, seed=seed)
         assert result.success
         assert np.linalg.norm(result.q - seed) <= np.linalg.norm(seed - own) + 1e-6
+
+
+def test_turns_about_the_last_axis_of_a_nearly_straight_wrist_are_not_said_to_be_all() -> None:
+    """The wrist is bent by 1e-6 rad: joint 4 is known to 2e-4 rad there, and two branches are taken for one."""
+    solver = solver_of("j2s6s300")
+    own = np.array((-math.pi, 1.5 * math.pi, math.pi, -0.5 * math.pi, math.pi, math.pi))
+    own += np.array((-4.0422, -0.8172, 0.8151, 1.4714, -1.0385, 4.9791)) * 1e-6
+    target = FreeAxis(solver.verifier.tool_pose(own), axis=(0.0, 0.0, 1.0))
+    assert not solver.family(target).complete
+    np.testing.assert_allclose(solver.solve(target, seed=own).q, own, atol=1e-9)
