@@ -34,6 +34,7 @@ SILENCE = 0.5  # [s] without measured angles
 PATIENCE = 10.0  # [s] until the driver or the controller shows up
 ZEROS = 5  # messages that end it
 NOT_OURS = "not a .kinova.csv file of jacokin"
+NOTHING_HEARD = f"nothing on {{}} says where the arm is (waited {PATIENCE:g} s)"
 
 
 class StoppedError(Exception):
@@ -119,15 +120,36 @@ class KinovaDriver:
 
 def read_velocities(path: Path) -> tuple[list[list[float]], list[list[float]]]:
     """Angles [deg] and velocities [deg/s] of a .kinova.csv file, a row each 10 ms."""
-    with path.open(encoding="utf-8", newline="") as stream:
-        head, *rows = csv.reader(line for line in stream if not line.startswith("#"))
+    try:
+        with path.open(encoding="utf-8", newline="") as stream:
+            head, *rows = csv.reader(line for line in stream if not line.startswith("#"))
+        numbers = [[float(cell) for cell in row] for row in rows]
+    except ValueError as error:
+        raise StoppedError(f"{path}: {NOT_OURS}: {error}") from error
     joints = (len(head) - 1) // 2
-    if head[0] != "time_s" or head[1 : 1 + joints] != [f"joint{j + 1}_deg" for j in range(joints)] or not rows:
+    names = ["time_s", *(f"joint{j + 1}_deg" for j in range(joints)), *(f"joint{j + 1}_deg_s" for j in range(joints))]
+    if head != names or not numbers or any(len(row) != len(head) for row in numbers):
         raise StoppedError(f"{path}: {NOT_OURS}")
-    numbers = [[float(cell) for cell in row] for row in rows]
     if any(abs(row[0] - k * PERIOD) > 1e-6 for k, row in enumerate(numbers)):
         raise StoppedError(f"{path}: {NOT_OURS}: rows are not 10 ms apart")
     return [row[1 : 1 + joints] for row in numbers], [row[1 + joints :] for row in numbers]
+
+
+def read_goal(path: Path) -> dict[str, Any]:
+    """The fields of a JointTrajectory that a .json file has."""
+    try:
+        message: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        parts = ("positions", "velocities", "accelerations", "time_from_start")
+        whole = (
+            message["joint_names"]
+            and message["points"]
+            and all(point[part] for point in message["points"] for part in parts)
+        )
+    except (ValueError, KeyError, TypeError):
+        whole = False
+    if not whole:
+        raise StoppedError(f"{path}: not a .json file of a trajectory of jacokin")
+    return message
 
 
 def farthest(angles: list[float], others: list[float], turn: float) -> float:
@@ -211,7 +233,10 @@ def send_goal_ros1(message: dict[str, Any], action: str, states: str) -> str:
     sensors: Any = importlib.import_module("sensor_msgs.msg")
     messages: Any = importlib.import_module("trajectory_msgs.msg")
     rospy.init_node("send_trajectory", anonymous=True, disable_signals=True)
-    state = rospy.wait_for_message(states, sensors.JointState, timeout=PATIENCE)
+    try:
+        state = rospy.wait_for_message(states, sensors.JointState, timeout=PATIENCE)
+    except rospy.ROSException as error:
+        raise StoppedError(NOTHING_HEARD.format(states)) from error
     check_start(list(state.name), list(state.position), message)
     client = actionlib.SimpleActionClient(action, control.FollowJointTrajectoryAction)
     if not client.wait_for_server(rospy.Duration(PATIENCE)):
@@ -244,7 +269,7 @@ def send_goal_ros2(message: dict[str, Any], action: str, states: str) -> str:
         while not heard and time.monotonic() < end:
             rclpy.spin_once(node, timeout_sec=0.1)
         if not heard:
-            raise StoppedError(f"nothing on {states} says where the arm is (waited {PATIENCE:g} s)")
+            raise StoppedError(NOTHING_HEARD.format(states))
         check_start(list(heard[-1].name), list(heard[-1].position), message)
         client = actions.ActionClient(node, control.FollowJointTrajectory, action)
         if not client.wait_for_server(timeout_sec=PATIENCE):
@@ -291,7 +316,7 @@ def send(options: argparse.Namespace) -> str:
         )
     if path.suffix != ".json":
         raise StoppedError(f"{path}: .kinova.csv or .json, as jacokin saves them")
-    message = json.loads(path.read_text(encoding="utf-8"))
+    message = read_goal(path)
     if options.rehearse:
         return f"{len(message['points'])} points of {', '.join(message['joint_names'])}; without ROS no goal is sent"
     action = options.action or f"/{options.robot}/follow_joint_trajectory"

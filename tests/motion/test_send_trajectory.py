@@ -110,9 +110,19 @@ def test_other_files_are_refused(tmp_path: Path) -> None:
     (tmp_path / "a.kinova.csv").write_text("time_s,joint1_deg,joint1_deg_s\n0.00,1,2\n0.02,1,0\n")
     with pytest.raises(StoppedError, match="10 ms"):
         read_velocities(tmp_path / "a.kinova.csv")
-    (tmp_path / "a.kinova.csv").write_text("x,y,z\n1,2,3\n")
-    with pytest.raises(StoppedError, match="not a"):
-        read_velocities(tmp_path / "a.kinova.csv")
+    for text in (
+        "x,y,z\n1,2,3\n",
+        "",
+        "time_s,joint1_deg,joint1_deg_s\n0.00,1,fast\n",
+        "time_s,joint1_deg\n0.00,1,2\n",
+    ):
+        (tmp_path / "a.kinova.csv").write_text(text)
+        with pytest.raises(StoppedError, match="not a .kinova.csv file"):
+            read_velocities(tmp_path / "a.kinova.csv")
+    for text in ("", "[]", '{"joint_names": ["joint_1"], "points": [{}]}', '{"points": []}'):
+        (tmp_path / "a.json").write_text(text)
+        with pytest.raises(StoppedError, match="not a .json file"):
+            send_trajectory.read_goal(tmp_path / "a.json")
 
 
 class Message(SimpleNamespace):
@@ -190,6 +200,7 @@ def test_a_goal_of_ros_1(
         init_node=lambda *_, **__: None,
         wait_for_message=lambda topic, kind, timeout: asked.append(topic) or state,  # type: ignore[func-returns-value]
         Duration=float,
+        ROSException=TimeoutError,
     )
     stand_in(
         "actionlib",
