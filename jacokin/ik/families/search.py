@@ -52,6 +52,8 @@ from jacokin.model.robot import Robot
 SAME_AXIS = 1e-10
 #: [rad] curves along which no angle changes by more are looked at as points; the second one where some were lost.
 SMALL, SMALL_LOST = 1e-5, 1e-3
+#: [m] and [rad] by which single points miss the target, by rounding.
+EXACT_POINT = 2e-14
 #: [rad] how far from single points curves are looked for that would lead on from them.
 ASIDE = 0.05
 #: Joints and the free axis.
@@ -187,6 +189,7 @@ class FamilySearch:
                 surface = edge.nearly_stuck_twice(np.vstack([rows, *(arc[:, :7] for arc in found.arcs)]), problem)
                 complete = stuck and self._sees_loops and _is_small(found.arcs, SMALL) and not surface
                 complete = complete and not sight.parameters and not len(edge.beside(rows, problem, ASIDE))
+                complete = complete and _are_exact(beside, members) and not self._wrist.hides_any(rows, problem)
                 points = _on_edge(beside, circles, members, seen[0] if seen else None, complete=complete)
                 if not (sight.parameters and found.arcs) and (len(points.family) or (points.family.branches and stuck)):
                     return points
@@ -204,13 +207,14 @@ class FamilySearch:
         branches = len(found.arcs)
         intervals += [*_on_circles(circles, members, branches), *_at_points(beside, members, branches + len(circles))]
         branches += len(circles) + len(beside)
-        family = Family(tuple(intervals), members, branches=branches, complete=found.complete and self._sees_loops)
+        complete = found.complete and self._sees_loops and _are_exact(beside, members)
+        family = Family(tuple(intervals), members, branches=branches, complete=complete)
 
         def tracks() -> Sequence[Track]:
             return [*circles, *_whole_arcs(problem, found.arcs), *map(_at, beside)]
 
-        complete = found.complete
-        return FamilyFindings(family, members, lambda: _find_least_excess(tracks(), robot, exact=complete), tracks)
+        exact = found.complete
+        return FamilyFindings(family, members, lambda: _find_least_excess(tracks(), robot, exact=exact), tracks)
 
     def scatter(self, target: TargetPose, step: float) -> Scattered | None:
         """Members at whole multiples of a step [rad] and at the ends of the range, and guesses where intervals end.
@@ -495,6 +499,15 @@ def _on_circles(circles: Sequence[WristTrack], members: Members, first: int) -> 
 
 def _is_among(point: LimitExcess, points: Sequence[LimitExcess]) -> bool:
     return any(np.abs(angles.wrap_to_pi(point.q - other.q)).max() <= SAME_POINT for other in points)
+
+
+def _are_exact(points: Sequence[LimitExcess], members: Members) -> bool:
+    """Whether single points reach the target to rounding: one that does not is amid a small curve.
+
+    The curve is as wide as the root of what the point misses: 1e-4 rad and more for 2e-13.
+    """
+    misses = [max(members.verifier.measure(point.q, members.target.at(point.parameter))) for point in points]
+    return all(miss <= EXACT_POINT or miss > MEMBER_CLOSURE for miss in misses)
 
 
 def _at_points(points: Sequence[LimitExcess], members: Members, first: int) -> list[Interval]:

@@ -1207,3 +1207,23 @@ def test_turns_about_the_last_axis_of_a_nearly_straight_wrist_are_not_said_to_be
     target = FreeAxis(solver.verifier.tool_pose(own), axis=(0.0, 0.0, 1.0))
     assert not solver.family(target).complete
     np.testing.assert_allclose(solver.solve(target, seed=own).q, own, atol=1e-9)
+
+
+def test_a_point_amid_a_small_curve_leaves_a_family_in_doubt() -> None:
+    """The point that the curve shrinks to misses the target by 3e-13; its members are 2e-4 rad away, all round."""
+    solver = IKSolver(solver_of("j2s6s300").robot, tool=jacokin.pose((-0.08, -0.05, -0.03)), collision="ignore")
+    own = np.array((-90.0, 180.0, 180.0, 90.0, 270.0, -90.0)) * DEGREES
+    own += np.array((2.2182, 1.3804, 1.2708, 0.0631, 7.0153, -0.7657)) * 1e-6
+    target = FreeAxis(solver.verifier.tool_pose(own), axis=(0.187, 0.387, 0.903))
+    assert not solver.family(target).complete
+    np.testing.assert_allclose(wrap_to_pi(solver.solve(target, seed=own).q - own), 0.0, atol=1e-9)
+
+
+def test_single_points_beside_a_nearly_straight_wrist_leave_a_family_in_doubt() -> None:
+    """The wrist is bent by 4e-9 rad on the edge of reach; joint 5 of the points that are found is 1.6 rad away."""
+    solver = IKSolver(solver_of("j2s7s200").robot, tool=jacokin.pose((0.5, 0.0, 0.0)), collision="ignore")
+    own = np.array((180.0, 90.0, -180.0, 180.0, 90.0, 180.0, -180.0)) * DEGREES
+    own += np.array((26.4, -15.8, 11.1, 3.0, 7.6, 4.2, 49.3)) * 1e-9
+    pose = solver.verifier.tool_pose(own)
+    assert not solver.family(pose).complete
+    np.testing.assert_allclose(wrap_to_pi(solver.solve(pose, seed=own).q - own), 0.0, atol=1e-9)
