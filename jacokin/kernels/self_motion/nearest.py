@@ -186,7 +186,9 @@ def search_chord(chain: Array, T: Array, nearest: Nearest, walk: Walk) -> bool:
         part = stack[top]
         a, b = part[0:14], part[14:28]
         length = chord_length(a, b)
-        if length < SHORTEST_CHORD:
+        if length < SHORTEST_CHORD:  # in doubt to the last: a joint touches its limit where another passes its own
+            found = offer(nearest, a[0:7]) and found
+            found = offer(nearest, b[0:7]) and found
             top -= 1
             continue
         cos_a, cos_b = 0.0, 0.0

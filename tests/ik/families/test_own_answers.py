@@ -1227,3 +1227,16 @@ def test_single_points_beside_a_nearly_straight_wrist_leave_a_family_in_doubt() 
     pose = solver.verifier.tool_pose(own)
     assert not solver.family(pose).complete
     np.testing.assert_allclose(wrap_to_pi(solver.solve(pose, seed=own).q - own), 0.0, atol=1e-9)
+
+
+def test_the_member_beside_a_seed_is_found_where_one_joint_touches_its_limit_as_another_leaves_its_own() -> None:
+    """Joint 2 touches just where joint 5 comes in: halves of the chord stay in doubt until they are too short."""
+    lower_5, upper_5, lower_6, upper_6 = -2.792526803190927, -1.2217304763960306, -2.30310985616651, 2.1610731664701013
+    solver = solver_of("j2s7s200", joint_5=(lower_5, upper_5), joint_6=(lower_6, upper_6))
+    tool = jacokin.pose((0.01752, 0.186436, 0.294286))
+    solver = IKSolver(solver.robot, tool=tool, collision="ignore")
+    own = np.array((0.132015793, solver.robot.lower[1], -0.493793429, math.pi, upper_5, 0.658884877, -2.558367184))
+    away = np.array((5.94182, 0.0, -4.58386, 3.54390, 0.0, 3.03341, 0.25500)) * 1e-4
+    result = solver.solve(solver.verifier.tool_pose(own), seed=own + away)
+    assert result.success
+    assert np.linalg.norm(result.q - own - away) <= np.linalg.norm(away) + 1e-6
