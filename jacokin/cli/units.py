@@ -12,7 +12,6 @@ import click
 
 from jacokin import model
 from jacokin.errors import InvalidInputError
-from jacokin.model.poses import FARTHEST
 
 # In a message: a number, numbers before "rad", and what was given where angles are needed.
 NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d*)?(?:e[-+]?\d+)?(?!\w)")
@@ -142,6 +141,8 @@ def warn_of_degrees(option: str, values: Iterable[float], units: Units, unit: st
 
 def warn_of_millimetres(option: str, position: Iterable[float]) -> None:
     """A note on stderr where a position in metres looks like one in millimetres; `pose` says it of its own."""
+    from jacokin.model.poses import FARTHEST  # with NumPy, not for the command line's help
+
     if any(abs(value) > FARTHEST for value in position):
         _note(f"{option} is in metres, and {list(position)} exceeds {FARTHEST:g} m; 350 mm are 0.35")
 

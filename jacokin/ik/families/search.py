@@ -52,6 +52,8 @@ from jacokin.model.robot import Robot
 SAME_AXIS = 1e-10
 #: [rad] curves along which no angle changes by more are looked at as points; the second one where some were lost.
 SMALL, SMALL_LOST = 1e-5, 1e-3
+#: [rad] a joint this far past its limit at a fold may be on it: the root of rounding, and more.
+NEAR_LIMIT = 1e-5
 #: [m] and [rad] by which single points miss the target, by rounding.
 EXACT_POINT = 2e-14
 #: [rad] how far from single points curves are looked for that would lead on from them.
@@ -201,7 +203,7 @@ class FamilySearch:
                     known[code] = _end(code, robot)
             ends = known[piece.codes[0]], known[piece.codes[1]]
             intervals.append(Interval(members, CurveTrack(problem, piece), piece.branch, ends))
-        intervals += _at_range_ends(found, problem, members)
+        intervals += _at_range_ends(found, problem, members, edge)
         intervals.sort(key=lambda interval: (interval.branch, interval.start))
         beside = edge.fitted(alone, problem) if len(alone) else []
         branches = len(found.arcs)
@@ -520,9 +522,13 @@ def _at_points(points: Sequence[LimitExcess], members: Members, first: int) -> l
     return intervals
 
 
-def _at_range_ends(found: FoundCurves, problem: CurveProblem, members: Members) -> list[Interval]:
-    """Where curves leave the limits at an end of the range: single members there, past limits by rounding."""
+def _at_range_ends(found: FoundCurves, problem: CurveProblem, members: Members, edge: Edge) -> list[Interval]:
+    """Where curves leave the limits at an end of the range: single members there, past limits by rounding.
+
+    If the end is a fold, too, that is the root of rounding, and a point on the limits is looked for.
+    """
     robot, snap, intervals = members.robot, members.verifier.options.limit_snap, []
+    reason = IntervalEnd("range")
     if problem.closed:
         return []
     for branch, (nodes, ends) in enumerate(zip(found.arcs, found.ends, strict=True)):
@@ -534,8 +540,12 @@ def _at_range_ends(found: FoundCurves, problem: CurveProblem, members: Members) 
             q = angles.into_limits(x[: robot.dof], robot.lower, robot.upper)
             p = members.target.nearest_angle(float(x[problem.arm.parameter]))
             excess = np.abs(angles.wrap_to_pi(q - x[: robot.dof]))
-            if excess.max() <= snap and max(members.verifier.measure(q, members.target.at(p))) <= MEMBER_CLOSURE:
-                reason = IntervalEnd("range")
+            if snap < excess.max() <= NEAR_LIMIT:
+                points = [point for point in edge.fitted(x[np.newaxis], problem) if not point.excess.any()]
+                q, p = (points[0].q, points[0].parameter) if points else (q, p)
+            elif excess.max() > snap:
+                continue
+            if max(members.verifier.measure(q, members.target.at(p))) <= MEMBER_CLOSURE:
                 intervals.append(Interval(members, CircleTrack(q, 0.0, p, p), branch, (reason, reason)))
     return intervals
 

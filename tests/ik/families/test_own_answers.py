@@ -1240,3 +1240,26 @@ def test_the_member_beside_a_seed_is_found_where_one_joint_touches_its_limit_as_
     result = solver.solve(solver.verifier.tool_pose(own), seed=own + away)
     assert result.success
     assert np.linalg.norm(result.q - own - away) <= np.linalg.norm(away) + 1e-6
+
+
+@pytest.mark.parametrize(
+    ("tool", "axis"),
+    [
+        ((-0.173, 0.079, 0.016), (0.63, 0.743, -0.299)),
+        ((-0.179, 0.091, 0.028), (0.638, 0.673, -0.35)),
+        ((-0.153, 0.099, 0.007), (0.594, 0.661, -0.359)),
+    ],
+)
+def test_a_member_on_limits_at_a_fold_that_is_the_end_of_the_range_is_found(
+    tool: tuple[float, float, float], axis: tuple[float, float, float]
+) -> None:
+    """Joint 2 and joint 5 on limits; the curves are known to 2e-6 rad there, the root of how well they close."""
+    limits = {
+        "joint_2": (-3.316125579, math.radians(490.0)),
+        "joint_3": (math.radians(-230.0), math.radians(-150.0)),
+        "joint_5": (-6.145053321681674, -3.548166356),
+    }
+    solver = IKSolver(solver_of("j2n6s200", **limits).robot, tool=jacokin.pose(tool), collision="ignore")
+    own = np.array((math.pi, math.radians(490.0), -math.pi, 0.0, -6.145053321681674, -0.5 * math.pi))
+    family = solver.solve_all(FreeAxis(solver.verifier.tool_pose(own), axis=axis, range=(0.0, 2.0)))
+    assert min(np.abs(wrap_to_pi(interval.nearest(own) - own)).max() for interval in family) < 1e-6

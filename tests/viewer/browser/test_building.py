@@ -145,7 +145,7 @@ def test_without_a_scene_the_first_obstacle_makes_one(robot: Robot) -> None:
         page.change("Obstacles", False)
         assert until(lambda: not page.names("/scene/"))
         viewer.show(jacokin.pose(panel.PLACE, down=True))
-        assert until(lambda: viewer.view.target.translation[1] == -0.3 and not viewer.view.pending)
-        assert viewer.view.status is Status.OK  # what is unticked is not there
+        assert until(lambda: viewer.view.target.translation[1] == -0.3)
+        assert until(lambda: viewer.view.status is Status.OK)  # what is unticked is not there
         page.click("Remove")
         assert until(lambda: viewer.scene is None)
