@@ -389,7 +389,7 @@ class SixJointFamilies(FamilySearch):
         robot, members = self._verifier.robot, Members(self._verifier, target, seed)
         branches = self._form.solve_all(target.matrix, seed)
         rows = np.column_stack([branches.q, np.zeros(len(branches.q))])
-        many = self._edge.nearly_stuck_twice(rows, self._arm.problem(target))
+        many = _are_crowded(branches.q) or self._edge.nearly_stuck_twice(rows, self._arm.problem(target))
         complete = not branches.dropped and self._sees_loops and not many
         intervals, tracks = [], []
         for number, (q, margin) in enumerate(zip(branches.q, branches.margin, strict=True)):
@@ -501,6 +501,12 @@ def _on_circles(circles: Sequence[WristTrack], members: Members, first: int) -> 
 
 def _is_among(point: LimitExcess, points: Sequence[LimitExcess]) -> bool:
     return any(np.abs(angles.wrap_to_pi(point.q - other.q)).max() <= SAME_POINT for other in points)
+
+
+def _are_crowded(q: Array) -> bool:
+    """Whether three branches (k, dof) are about the same: of nearly a continuum, which the closed form has some of."""
+    apart = np.abs(angles.wrap_to_pi(q[:, np.newaxis] - q)).max(axis=2)
+    return bool((np.sum(apart <= SAME_POINT, axis=1) > 2).any())
 
 
 def _are_exact(points: Sequence[LimitExcess], members: Members) -> bool:

@@ -1263,3 +1263,11 @@ def test_a_member_on_limits_at_a_fold_that_is_the_end_of_the_range_is_found(
     own = np.array((math.pi, math.radians(490.0), -math.pi, 0.0, -6.145053321681674, -0.5 * math.pi))
     family = solver.solve_all(FreeAxis(solver.verifier.tool_pose(own), axis=axis, range=(0.0, 2.0)))
     assert min(np.abs(wrap_to_pi(interval.nearest(own) - own)).max() for interval in family) < 1e-6
+
+
+def test_turns_about_the_last_axis_of_a_stretched_arm_with_a_nearly_straight_wrist_are_not_said_to_be_all() -> None:
+    """Ten branches of the pose are within 2e-3 rad: some of nearly a continuum."""
+    solver = solver_of("j2s6s300")
+    own = np.array((3.061252972, 1.508941758, math.pi, 1.235948287, math.pi + 1.06814e-4, 0.403912713))
+    target = FreeAxis(solver.verifier.tool_pose(own), axis=(0.0, 0.0, 1.0))
+    assert not solver.family(target).complete
