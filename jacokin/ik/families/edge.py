@@ -231,7 +231,7 @@ class Edge:
             lower, upper = np.append(lower, low), np.append(upper, high)
         inside = angles.into_limits(x, lower, upper)
         over = np.abs(angles.wrap_to_pi(x - inside))
-        held = (over > 0.0) & (over <= NEAR_LIMIT)
+        held = (over <= NEAR_LIMIT) & ((inside == lower) | (inside == upper))
         rows = np.vstack([x, np.where(held, inside, x)])
         rows, closure = self._settled(rows, np.vstack([np.zeros_like(held), held]), T, axis)
         inside = angles.into_limits(rows, lower, upper)

@@ -187,6 +187,7 @@ class FamilySearch:
                 rows = np.array([[*point.q, point.parameter][:DIMENSIONS] for point in seen]).reshape(-1, DIMENSIONS)
                 circles = with_others(circles, self._wrist.circles(rows, problem))
                 beside = [point for point in seen if not any(circle.passes(point.q) for circle in circles)]
+                beside += _at_corners(circles, edge, problem, robot)
                 rows = np.array([[*point.q, point.parameter][:DIMENSIONS] for point in beside]).reshape(-1, DIMENSIONS)
                 surface = edge.nearly_stuck_twice(np.vstack([rows, *(arc[:, :7] for arc in found.arcs)]), problem)
                 complete = stuck and self._sees_loops and _is_small(found.arcs, SMALL) and not surface
@@ -205,7 +206,7 @@ class FamilySearch:
             intervals.append(Interval(members, CurveTrack(problem, piece), piece.branch, ends))
         intervals += _at_range_ends(found, problem, members, edge)
         intervals.sort(key=lambda interval: (interval.branch, interval.start))
-        beside = edge.fitted(alone, problem) if len(alone) else []
+        beside = [*(edge.fitted(alone, problem) if len(alone) else []), *_at_corners(circles, edge, problem, robot)]
         branches = len(found.arcs)
         intervals += [*_on_circles(circles, members, branches), *_at_points(beside, members, branches + len(circles))]
         branches += len(circles) + len(beside)
@@ -497,6 +498,15 @@ def _on_circles(circles: Sequence[WristTrack], members: Members, first: int) -> 
             low, high = (SEAM if code < 0 else code for code in codes)
             intervals.append(Interval(members, track, branch, (_end(low, robot), _end(high, robot))))
     return intervals
+
+
+def _at_corners(circles: Sequence[WristTrack], edge: Edge, problem: CurveProblem, robot: Robot) -> list[LimitExcess]:
+    """Single members, on limits, of circles that are outside by no more than circles may be off where curves meet."""
+    rows = [
+        circle.corners(robot.lower, robot.upper) for circle in circles if not circle.within(robot.lower, robot.upper)
+    ]
+    corners = np.vstack(rows) if rows else np.empty((0, DIMENSIONS))
+    return [point for point in edge.fitted(corners, problem) if not point.excess.any()] if len(corners) else []
 
 
 def _is_among(point: LimitExcess, points: Sequence[LimitExcess]) -> bool:

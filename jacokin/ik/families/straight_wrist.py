@@ -234,6 +234,20 @@ class WristTrack(Track):
             (WristTrack(self._q, self._turn, self.start, first, last), (code, end)) for first, last, code, end in parts
         ]
 
+    def corners(self, lower: Array, upper: Array) -> Array:
+        """Rows (k, 7) of a circle that is outside limits (dof,) by so little that it may be known no better.
+
+        One of the joints that turn is on a limit there, and none is far past its own.
+        """
+        places = [
+            float(self._turn[j] * (limits[j] - self._q[j]))
+            for j in np.flatnonzero((self._turn != 0.0) & np.isfinite(upper - lower))
+            for limits in (lower, upper)
+        ]
+        rows = self._q + np.array(places).reshape(-1, 1) * self._turn
+        past = np.abs(angles.wrap_to_pi(angles.into_limits(rows, lower, upper) - rows)).max(axis=1, initial=0.0)
+        return np.column_stack([rows, np.full(len(rows), self.start)])[past <= NEAR_LIMIT, :7]
+
     def _cut(
         self, part: tuple[float, float, int, int], j: int, lower: float, upper: float
     ) -> list[tuple[float, float, int, int]]:

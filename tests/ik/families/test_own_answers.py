@@ -1271,3 +1271,19 @@ def test_turns_about_the_last_axis_of_a_stretched_arm_with_a_nearly_straight_wri
     own = np.array((3.061252972, 1.508941758, math.pi, 1.235948287, math.pi + 1.06814e-4, 0.403912713))
     target = FreeAxis(solver.verifier.tool_pose(own), axis=(0.0, 0.0, 1.0))
     assert not solver.family(target).complete
+
+
+def test_a_straight_wrist_on_two_limits_that_is_known_to_1e_6_rad_is_found() -> None:
+    """Joints 1, 4 and 6 are on limits; the circle is found where another motion is free, to the root of rounding."""
+    limits = {
+        "joint_1": (math.radians(-280.0), math.radians(-20.0)),
+        "joint_2": (math.radians(-190.0), math.radians(40.0)),
+        "joint_3": (math.radians(-230.0), math.radians(-110.0)),
+        "joint_4": (math.radians(-330.0), math.radians(-240.0)),
+        "joint_6": (-5.93876796600899, -2.300370215),
+    }
+    tool = jacokin.pose((0.193806073, -0.109497, -0.114366145))
+    solver = IKSolver(solver_of("j2s6s200", **limits).robot, tool=tool, collision="ignore")
+    own = np.array((math.radians(-20.0), 0.0, -math.pi, math.radians(-330.0), math.pi, -5.93876796600899))
+    family = solver.solve_all(FreeAxis(solver.verifier.tool_pose(own), axis=(0.0, 1.0, 0.0)))
+    assert min(np.abs(wrap_to_pi(interval.nearest(own) - own)).max() for interval in family) < 1e-9
