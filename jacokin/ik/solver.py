@@ -497,6 +497,7 @@ class IKSolver:
         rows = [form.solve_all(moved[index], seed).q for index in np.flatnonzero(more).tolist()]
         if len(branches):
             rows.append(branches.q[branches.margin.min(axis=1) >= near])
+            rows.append(self._six.turned(branches.q, self._near_misses.near))
         return np.vstack(rows) if rows else np.empty((0, 6))
 
     def _solve_by_qp(self, request: Request) -> IKResult:

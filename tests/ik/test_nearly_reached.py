@@ -140,6 +140,25 @@ def test_wide_tolerances_reach_as_far_beyond_a_fold(kind: str, rng: np.random.Ge
         assert wide.solve(target, closest=False).status is Status.OK
 
 
+@pytest.mark.parametrize("bent", [4e-9, 1e-7, 8e-7])
+def test_a_wrist_that_is_nearly_straight_turns_within_limits_that_leave_out_its_branches(
+    bent: float, rng: np.random.Generator
+) -> None:
+    free = jacokin.load_robot("j2s6s300")
+    for _ in range(3):
+        q = free.sample(rng)
+        q[4] = np.pi
+        turn = rng.uniform(0.1, 3.0)  # of all branches of the bent wrist
+        T = free.forward_kinematics(np.add(q, (0.0, 0.0, 0.0, turn, bent, 0.0)))
+        limits = {"joint_4": (q[3] - 1e-3, q[3] + 1e-3), "joint_5": (2.0, q[4])}
+        solver = IKSolver(jacokin.load_robot("j2s6s300", limits=limits), frame="end_effector", collision="ignore")
+        assert not any(solver.solve_all(T).within_limits)
+        result = solver.solve(T, closest=False)
+        assert result.status is Status.OK, (q.tolist(), result.message)
+        assert solver.robot.within_limits(result.q)
+        assert solver.solve_batch([T], closest=False).status == (Status.OK,)
+
+
 @pytest.mark.parametrize("count", [3, pytest.param(20, marks=pytest.mark.slow)])
 def test_a_target_well_beyond_a_fold_has_one_status(count: int, rng: np.random.Generator) -> None:
     robot = jacokin.load_robot("j2n6s300")

@@ -34,7 +34,13 @@ from jacokin.ik.families.family import Family, Interval, IntervalEnd
 from jacokin.ik.families.least import least, minima
 from jacokin.ik.families.meeting import follow_curves
 from jacokin.ik.families.members import MEMBER_CLOSURE, LostMemberError, Members
-from jacokin.ik.families.straight_wrist import SpunWristTrack, StraightWrist, WristTrack, with_others
+from jacokin.ik.families.straight_wrist import (
+    ALMOST_STRAIGHT,
+    SpunWristTrack,
+    StraightWrist,
+    WristTrack,
+    with_others,
+)
 from jacokin.ik.families.tracks import CircleTrack, CurveTrack, Track
 from jacokin.ik.geometry import measure_seven
 from jacokin.ik.near_misses import NearMisses
@@ -349,6 +355,17 @@ class SixJointFamilies(FamilySearch):
         family = Family(intervals, members, branches=len(circles), complete=self._sees_loops)
         return FamilyFindings(family, members, lambda: None, lambda: circles)
 
+    def turned(self, q: Array, past: float) -> Array:
+        """Branches (k, 6) whose wrists may be straight, turned until a joint is on a limit; (m, 6) [rad].
+
+        The tool stays within the tolerance; so do the limits, but for so much [rad].
+        """
+        robot, tolerance = self._verifier.robot, self._verifier.options.orientation_tolerance
+        turns = ((row, self._wrist.turn(row, max(tolerance, ALMOST_STRAIGHT))) for row in q)
+        circles = [WristTrack(row, turn, 0.0, 0.0, TURN) for row, turn in turns if turn is not None]
+        rows = [circle.corners(robot.lower, robot.upper, past)[:, : robot.dof] for circle in circles]
+        return np.vstack(rows) if rows else np.empty((0, robot.dof))
+
     def nearest(self, target: TargetPose, seed: Array) -> tuple[Array, float] | None:
         """See `FamilySearch`."""
         axis, sign = self._last_axis(target)
@@ -403,7 +420,7 @@ class SixJointFamilies(FamilySearch):
                 spun = SpunWristTrack(q, turn, sign, limits, *free.range)
                 intervals.append(Interval(members, spun, number, (end, end)))
                 continue
-            complete = complete and not self._wrist.is_nearly_straight(q)
+            complete = complete and self._wrist.turn(q, ALMOST_STRAIGHT) is None
             for start, stop, ends in _turns_of_joint_6(q[5], sign, free, robot.lower[5], robot.upper[5]):
                 reasons = (_end(ends[0], robot), _end(ends[1], robot))
                 intervals.append(Interval(members, CircleTrack(q, sign, start, stop), number, reasons))

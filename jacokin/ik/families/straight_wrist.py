@@ -25,10 +25,10 @@ from jacokin.model.poses import FreeAxis
 EXACT = 1e-9
 #: Sine of the middle joint's angle from straight, up to which points of curves are brought to a straight wrist.
 NEARLY_STRAIGHT = 0.6
-#: The same of a wrist that is bent by little more than rounding: how its outer joints turn is uncertain then.
-ALMOST_STRAIGHT = 1e-5
 #: The same where no curve was lost.
 TOUCHING = 0.05
+#: [rad] a wrist that is bent by less is so by little more than rounding: how its outer joints turn is uncertain then.
+ALMOST_STRAIGHT = 1e-5
 #: Starts at most, steps of each, and the longest one [rad].
 STARTS, STEPS, LONGEST_STEP = 24, 40, 0.3
 #: [m] and [rad]: what is FAR is given up at once, and what is not NEAR after the first steps.
@@ -73,17 +73,13 @@ class StraightWrist:
             self._turns.append(turn)
         self._straight = angle
 
-    def turn(self, q: Array) -> Array | None:
-        """How the joints (dof,) turn against each other at a configuration (dof,); None where the wrist is bent."""
+    def turn(self, q: Array, bent: float = EXACT) -> Array | None:
+        """How the joints (dof,) turn against each other at a configuration (dof,); None where it is bent more."""
         if self._straight is None:
             return None
         half = round((float(q[-2]) - self._straight) / math.pi)
-        straight = abs(float(q[-2]) - self._straight - half * math.pi) < EXACT
+        straight = abs(float(q[-2]) - self._straight - half * math.pi) < bent
         return self._turns[half % 2] if straight else None
-
-    def is_nearly_straight(self, q: Array) -> bool:
-        """Whether the wrist of a configuration (dof,) is straight but for rounding: many turns of it close."""
-        return self._straight is not None and abs(math.sin(float(q[-2]) - self._straight)) < ALMOST_STRAIGHT
 
     def starts(self, arcs: Sequence[Array], farthest: float) -> Array:
         """Nodes (k, 7) of curves where they come nearest to straight, to a sine that is no larger than the farthest."""
@@ -234,10 +230,10 @@ class WristTrack(Track):
             (WristTrack(self._q, self._turn, self.start, first, last), (code, end)) for first, last, code, end in parts
         ]
 
-    def corners(self, lower: Array, upper: Array) -> Array:
+    def corners(self, lower: Array, upper: Array, past: float = NEAR_LIMIT) -> Array:
         """Rows (k, 7) of a circle that is outside limits (dof,) by so little that it may be known no better.
 
-        One of the joints that turn is on a limit there, and none is far past its own.
+        One of the joints that turn is on a limit there, and none is farther past its own than so [rad].
         """
         places = [
             float(self._turn[j] * (limits[j] - self._q[j]))
@@ -245,8 +241,8 @@ class WristTrack(Track):
             for limits in (lower, upper)
         ]
         rows = self._q + np.array(places).reshape(-1, 1) * self._turn
-        past = np.abs(angles.wrap_to_pi(angles.into_limits(rows, lower, upper) - rows)).max(axis=1, initial=0.0)
-        return np.column_stack([rows, np.full(len(rows), self.start)])[past <= NEAR_LIMIT, :7]
+        over = np.abs(angles.wrap_to_pi(angles.into_limits(rows, lower, upper) - rows)).max(axis=1, initial=0.0)
+        return np.column_stack([rows, np.full(len(rows), self.start)])[over <= past, :7]
 
     def _cut(
         self, part: tuple[float, float, int, int], j: int, lower: float, upper: float
