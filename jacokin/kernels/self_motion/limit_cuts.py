@@ -26,6 +26,10 @@ DOUBT = 2e-3
 #: [rad] shorter chords are not halved.
 SHORTEST_CHORD = 1e-7
 HALVINGS = 14
+#: Of one chord, in all: it has two extrema at most, and one more half may be open at each. More are open by rounding.
+DIVISIONS = 4 * HALVINGS
+#: [rad] a joint that changes by less along a chord stands still there, but for rounding.
+STILL = 1e-11
 #: Shares of a chord at which a joint touches its limit once.
 SAME_SHARE = 1e-3
 EVENTS, INTERVALS = 512, 256
@@ -84,6 +88,12 @@ def doubtful(v0: float, v1: float, d0: float, d1: float, slack: float) -> bool:
     return False
 
 
+def stays(v0: float, v1: float, d0: float, d1: float, side: int) -> bool:
+    """Whether the same cubic stays within a lower (0) or upper (1) limit at zero, where it stands still."""
+    within = max(v0, v1) <= 0.0 if side > 0 else min(v0, v1) >= 0.0
+    return within and abs(v1 - v0) + abs(d0) + abs(d1) < STILL
+
+
 def divide(stack: Array, top: int, x: Array, t: Array) -> None:
     """Replace the part on top of the stack by the two that a point divides it into."""
     half, later = stack[top], stack[top + 1]
@@ -104,16 +114,17 @@ def add_crossings(
         stack[0, m] = arcs.nodes[node, m]
         stack[0, 14 + m] = arcs.nodes[node + 1, m]
     stack[0, 28] = 0.0
-    top = 0
+    top, divisions = 0, 0
     while top >= 0:
         half = stack[top]
         a, b = half[0:14], half[14:28]
         length = chord_length(a, b)
-        v0, v1 = a[j] - level, b[j] - level
-        open_ = doubtful(v0, v1, a[7 + j] * length, b[7 + j] * length, max(DOUBT * length * length, SINGLE))
-        if open_ and length > SHORTEST_CHORD and half[28] < HALVINGS and node_between(chain, T, a, b, 0.5, walk) != 0.0:
+        v0, v1, d0, d1 = a[j] - level, b[j] - level, a[7 + j] * length, b[7 + j] * length
+        open_ = doubtful(v0, v1, d0, d1, max(DOUBT * length * length, SINGLE)) and not stays(v0, v1, d0, d1, side)
+        long = length > SHORTEST_CHORD and half[28] < HALVINGS and divisions < DIVISIONS
+        if open_ and long and node_between(chain, T, a, b, 0.5, walk) != 0.0:
             divide(stack, top, walk.x, walk.t)
-            top += 1
+            top, divisions = top + 1, divisions + 1
             continue
         crosses = (v0 < 0.0) != (v1 < 0.0) and n < EVENTS
         if crosses and where_joint_is(chain, T, a, b, j, level, walk.x, walk) < 0.0:
@@ -128,7 +139,6 @@ def add_crossings(
             n += 1
         elif open_ and is_touching(v0, side) and is_touching(v1, side):
             # At the extremum itself: another joint may pass its limit just there.
-            d0, d1 = a[7 + j], b[7 + j]
             share = d0 / (d0 - d1) if d0 * d1 < 0.0 else 0.0
             exact = share > 0.0 and between(chain, T, a, b, share, walk.x, walk)
             nearer = a if abs(v0) < abs(v1) else b
