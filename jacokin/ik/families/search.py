@@ -358,7 +358,7 @@ class SixJointFamilies(FamilySearch):
     def turned(self, q: Array, past: float) -> Array:
         """Branches (k, 6) whose wrists may be straight, turned until a joint is on a limit; (m, 6) [rad].
 
-        The tool stays within the tolerance; so do the limits, but for so much [rad].
+        The tool stays within the tolerance of orientation, and no joint is farther past its limit than so [rad].
         """
         robot, tolerance = self._verifier.robot, self._verifier.options.orientation_tolerance
         turns = ((row, self._wrist.turn(row, max(tolerance, ALMOST_STRAIGHT))) for row in q)
