@@ -1,11 +1,12 @@
 """The least of a cost along tracks: guesses tell where it may be, and those places are looked at exactly.
 
 A joint with more than a turn of room may be within its limits in several copies: a guess counts in those nearest to the
-seed, and places where only other copies are within the limits, between two guesses, are looked for.
+seed, and places where other copies come into the limits, or these leave them, between two guesses, are looked for.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
@@ -29,6 +30,8 @@ ACCURACY = 1e-9
 #: [rad] or share of a chord at which a cost ceases to be finite.
 EDGE = 1e-12
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
+#: [rad] what guesses may be wrong by.
+ROUGH = 1e-3
 #: [rad] joints that nearly pass their limits at once are looked at.
 AT_ONCE = 0.01
 
@@ -108,25 +111,34 @@ def _places_to_look(track: Track, coordinates: Array, rows: Array, copies: Array
 
 
 def _glances(members: Members, track: Track, coordinates: Array, rows: Array, seed: Array) -> Iterator[_Look]:
-    """Where a joint with more than a turn of room is within its limits in another copy, between two guesses only."""
-    snap = members.verifier.options.limit_snap
-    for joint, limit, side in _wide_limits(members):
+    """Where a joint with more than a turn of room passes its limit and comes back, between two guesses only.
 
-        def beyond(q: Array, joint: int = joint, limit: float = limit, side: float = side) -> Array:
-            return np.asarray(angles.wrap_to_pi(side * (q[:, joint] - limit)))
+    It comes in from another copy, or it leaves, and both places where it is on the limit are looked at.
+    """
+    snap = members.verifier.options.limit_snap
+    for (joint, limit, side), leaves in itertools.product(_wide_limits(members), (False, True)):
+        way = -side if leaves else side
+
+        def beyond(q: Array, joint: int = joint, limit: float = limit, way: float = way) -> Array:
+            return np.asarray(angles.wrap_to_pi(way * (q[:, joint] - limit)))
 
         here = beyond(rows)
         padded = np.concatenate([here[1:2], here, here[-2:-1]])
         left, right = padded[:-2], padded[2:]
-        local = (here > 0.0) & (here <= left) & (here <= right) & (here <= np.maximum(left, right) - here)
+        local = (here > -ROUGH) & (here <= left) & (here <= right) & (here <= np.maximum(left, right) - here + ROUGH)
         for index in np.flatnonzero(local).tolist():
             excess, coordinate = refine(beyond, coordinates, index, track.joints)
-            if excess <= snap:
-                around = coordinates[[max(index - 1, 0), 0, min(index + 1, len(rows) - 1)]]
-                around[1] = coordinate
-                q = track.joints(coordinate)
-                copies = _turns(members, q, seed, snap)
-                copies[joint] = np.round((limit - q[joint]) / TURN)
+            if excess > (-snap if leaves else snap):
+                continue
+            around = coordinates[[max(index - 1, 0), 0, min(index + 1, len(rows) - 1)]]
+            around[1] = coordinate
+            q = track.joints(coordinate)
+            copies = _turns(members, q, seed, snap)
+            copies[joint] = np.round((limit - q[joint]) / TURN)
+            if leaves:
+                yield _Look(-math.inf, track, 0, around[:2], copies)
+                yield _Look(-math.inf, track, 1, around[1:], copies)
+            else:
                 yield _Look(-math.inf, track, 1, around, copies)
 
 
@@ -225,7 +237,7 @@ def minima(values: Array) -> NDArray[np.int64]:
 def refine(
     cost: Callable[[Array], Array], coordinates: Array, index: int, exact: Callable[[float], Array]
 ) -> tuple[float, float]:
-    """The least cost between the neighbours of a guess, and its coordinate.
+    """The least cost next to a guess, and its coordinate: between the neighbours, or on from the one where it is less.
 
     The cost is infinite from where a joint passes its limit on: there the least may be just this side of it.
     """
@@ -235,13 +247,19 @@ def refine(
 
     middle = float(coordinates[index])
     known = (at(middle), middle)
-    neighbours = coordinates[[max(index - 1, 0), min(index + 1, len(coordinates) - 1)]].tolist()
-    ends = [last_finite(at, known, end) for end in neighbours]
-    (_, low), (_, high) = ends
-    found = (
-        brent(at, low, known[1], high, known[0]) if low < middle < high else brent(at, low, 0.5 * (low + high), high)
-    )
-    return min(known, found, *ends)
+    while True:
+        places = [max(index - 1, 0), min(index + 1, len(coordinates) - 1)]
+        ends = [last_finite(at, known, end) for end in coordinates[places].tolist()]
+        (_, low), (_, high) = ends
+        middle = known[1]
+        found = (
+            brent(at, low, middle, high, known[0]) if low < middle < high else brent(at, low, 0.5 * (low + high), high)
+        )
+        best = min(known, found, *ends)
+        on = [place for place in places if coordinates[place] == best[1] and place != index]
+        if best[0] >= known[0] or not on:
+            return best
+        known, index = best, on[0]
 
 
 def last_finite(at: Callable[[float], float], known: tuple[float, float], end: float) -> tuple[float, float]:

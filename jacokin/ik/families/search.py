@@ -243,10 +243,10 @@ class FamilySearch:
 
     def nearest(self, target: TargetPose, seed: Array) -> tuple[Array, float] | None:
         """The member (dof,) nearest to a seed and its parameter [rad]; None where only `find` can tell."""
-        x = self._arm.problem(target).nearest(seed)
+        x, robot = self._arm.problem(target).nearest(seed), self._verifier.robot
         if x is None or not Members(self._verifier, target, seed).are_copies(x[: len(seed)]):
             return None
-        return x[: len(seed)], float(x[self._arm.parameter])
+        return np.clip(x[: len(seed)], robot.lower, robot.upper), float(x[self._arm.parameter])
 
     def _almost_reaching(self, request: Request, found: FamilyFindings) -> Array:
         """Rows (k, dof), with the parameter of a free axis after them, where branches come nearest to the limits [rad].

@@ -17,6 +17,8 @@ from jacokin.ik import Branches, Family
 TURN = 2.0 * math.pi
 WIDE = {"joint_1": (-7.0, 7.0), "joint_2": (0.0, TURN), "joint_4": (-5.0, 4.0)}
 SAMPLES = 800
+#: Members of an interval among which to look for extrema of a joint.
+COARSE = 200
 
 
 def lopsided(q: Array) -> float:
@@ -84,3 +86,54 @@ def test_a_member_is_chosen_in_the_best_copy(name: str, count: int, rng: np.rand
         nearest = family.nearest(seed)
         assert nearest is not None
         assert np.linalg.norm(nearest - seed) <= np.linalg.norm(every - seed, axis=1).min() + 1e-6
+
+
+def passing_its_limit(
+    name: str, joint: int, depth: float, rng: np.random.Generator
+) -> tuple[Robot, Array | FreeAxis, Array]:
+    """An arm with more than a turn of room in a joint, which passes its upper limit for a short way along a curve.
+
+    Returns the arm, a target, and the members (2, dof) before and after which the joint is past it, by no more than a
+    depth [rad].
+    """
+    robot = jacokin.load_robot(name)
+    solver = IKSolver(robot, collision="ignore")
+    while True:
+        T = robot.forward_kinematics(robot.sample(rng))
+        target: Array | FreeAxis = T.homogeneous if robot.dof == 7 else FreeAxis(T, axis=rng.normal(size=3))
+        for interval in solver.family(target):
+            p, rows = interval.sample(COARSE)
+            angle = np.unwrap(rows[:, joint])
+            for top in 1 + np.flatnonzero((angle[1:-1] > angle[:-2]) & (angle[1:-1] > angle[2:])):
+                q = rows[top]
+                below = np.flatnonzero(angle < angle[top] - depth)
+                before, after = below[below < top], below[below > top]
+                if not (before.size and after.size):
+                    continue
+                edges = []
+                for inside in (p[before[-1]], p[after[0]]):
+                    outside = p[top]
+                    for _ in range(60):
+                        middle = 0.5 * (inside + outside)
+                        is_past = interval.at(middle, seed=q)[joint] > q[joint] - depth
+                        inside, outside = (inside, middle) if is_past else (middle, outside)
+                    edges.append(interval.at(inside, seed=q))
+                upper = max(edge[joint] for edge in edges)
+                robot = jacokin.load_robot(name, limits={robot.joint_names[joint]: (upper - 7.0, upper)})
+                return robot, target, np.array(edges)
+
+
+@pytest.mark.parametrize("depth", [1e-7, 1e-5, 1e-3])
+@pytest.mark.parametrize(("name", "joint"), [("j2n6s300", 3), ("j2n6s300", 5), ("j2s7s300", 4), ("j2s7s300", 6)])
+@pytest.mark.parametrize("count", [2, pytest.param(20, marks=pytest.mark.slow)])
+def test_members_next_to_where_a_joint_passes_its_limit_are_found(
+    name: str, joint: int, depth: float, count: int, rng: np.random.Generator
+) -> None:
+    for _ in range(count):
+        robot, target, edges = passing_its_limit(name, joint, depth, rng)
+        family = IKSolver(robot, collision="ignore").family(target)
+        for q in edges:
+            nearest = family.nearest(q)
+            assert nearest is not None
+            assert robot.within_limits(nearest)
+            np.testing.assert_allclose(nearest, q, rtol=0.0, atol=1e-6)
