@@ -99,9 +99,9 @@ def branches_of_spherical_wrist(k: ArmConstants, pose: Pose, query: PoseQuery, w
         q1, q5, q6, family = starts.rows[i, 0], starts.rows[i, 1], starts.rows[i, 2], starts.rows[i, 3]
         singular = family == 0.0 and refine(k, pose, q1, q5, q6, FOLD_DETERMINANT)[3]
         complete(k, pose, q1, q5, q6, branches.newton.q)
-        if singular and add_fold(query, branches):
-            continue
-        complete(k, pose, q1, q5, q6, branches.newton.q)
+        if singular:  # a fold may be said to be known, or lead to one branch twice, next to a straight wrist
+            add_fold(query, branches)
+            complete(k, pose, q1, q5, q6, branches.newton.q)
         add_branch(query, branches, family)
 
 

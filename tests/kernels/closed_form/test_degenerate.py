@@ -211,6 +211,26 @@ def test_a_nearly_aligned_spherical_wrist_is_not(
         assert contains(rows, q, 1e-4)
 
 
+@pytest.mark.parametrize(("bend", "stretch"), [(1e-5, 1e-3), (1e-6, 1e-3), (1e-6, 3e-4)])
+@pytest.mark.parametrize("name", ["j2s6s300", "j2s6s200"])
+def test_a_nearly_straight_wrist_on_a_nearly_stretched_arm_loses_no_posture(
+    name: str, bend: float, stretch: float, bundled: Callable[[str], Robot], rng: np.random.Generator
+) -> None:
+    robot = bundled(name)
+    form = closed_form(robot)
+    for q in robot.sample(rng, 60):
+        q[2], q[4] = np.pi + rng.choice([-stretch, stretch]), np.pi + rng.choice([-bend, bend])
+        rows = form.solve_all(target(robot, q), q)
+        arms, sides = rows.q[:, :3], rows.q[:, 4] > np.pi
+        postures = [arms[0]]
+        for arm in arms:
+            if circular(np.array(postures), arm).min() > 0.1 * stretch:
+                postures.append(arm)
+        assert len(postures) == 4  # joint 1 either way round, and the elbow up or down
+        for arm in postures:  # the wrist bent either way
+            assert set(sides[circular(arms, arm) < 0.1 * stretch]) == {False, True}
+
+
 def vertical_forearms(robot: Robot, rng: np.random.Generator, number: int) -> Iterator[Array]:
     """Configurations whose axis 4 is within 1e-7 to 3e-2 rad of parallel to axis 1: two branches differ by q1 + pi."""
     data = robot.pin_model.createData()
