@@ -65,6 +65,8 @@ NEAR_LIMIT = 1e-3
 ON_LIMIT = 1e-7
 #: [rad] points nearer to each other are one.
 SAME_POINT = 1e-2
+#: [m] and [rad] by which single points miss the target by rounding alone.
+EXACT_POINT = 2e-14
 #: [rad] how far from a nearly singular configuration others are looked for: this times how far the tool moves there,
 #: which is about half the size of a small curve; but no less than the second one. They close so well [m] and [rad].
 AROUND, SHORTEST_WAY, BESIDE_CLOSURE = 10.0, 1e-3, 1e-12
@@ -222,8 +224,12 @@ class Edge:
         missed: list[float] = x[(closure < MEMBER_CLOSURE) & regular, 6].tolist()
         return missed
 
-    def fitted(self, x: Array, problem: CurveProblem) -> list[LimitExcess]:
-        """Those of the rows (k, 7) that reach the target, joints near to their limits moved onto them."""
+    def fitted(self, x: Array, problem: CurveProblem, near: float = SAME_POINT) -> list[LimitExcess]:
+        """Those of the rows (k, 7) that reach the target, joints near to their limits moved onto them.
+
+        Of rows this near to each other one is taken [rad]: of those that miss the target by rounding alone; of others
+        where they are SAME_POINT near.
+        """
         dof, lower, upper, free, T = self.chain.dof, self._lower, self._upper, problem.free_axis, problem.T
         axis = axis_in_base(problem)
         if free is not None:
@@ -238,13 +244,18 @@ class Edge:
         over = np.abs(angles.wrap_to_pi(rows - inside))
         over[over <= self._snap] = 0.0
         points: list[LimitExcess] = []
+        same: list[float] = []  # how far from each of them others are the same
         for i in np.lexsort([closure, over.max(axis=1)]).tolist():
-            q = inside[i, :dof]
-            known = any(np.abs(angles.wrap_to_pi(point.q - q)).max() <= SAME_POINT for point in points)
+            q, own = inside[i, :dof], near if closure[i] <= EXACT_POINT else SAME_POINT
+            known = any(
+                np.abs(angles.wrap_to_pi(point.q - q)).max() <= max(own, other)
+                for point, other in zip(points, same, strict=True)
+            )
             if closure[i] <= ON_EDGE and not over[i, dof:].any() and not known:
                 p = float(inside[i, problem.arm.parameter])
                 p = float(angles.wrap_to_pi(p)) if problem.closed else p
                 points.append(LimitExcess(q, over[i, :dof], p))
+                same.append(own)
         return points
 
     def _settled(self, x: Array, held: NDArray[np.bool_], T: Array, axis: Array | None) -> tuple[Array, Array]:

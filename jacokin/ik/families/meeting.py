@@ -34,6 +34,8 @@ SAME_PLACE = 3.0 * max(ROOM)
 AROUND_LOST = (-0.06, -0.03, -0.01, 0.01, 0.03, 0.06)
 #: [rad] of the parameter: shorter curves may lie between two slices.
 SHORT = 0.1
+#: [rad] curves along which no angle changes by more are lost where they are solved for at both sides of their middle.
+TINY = 1e-3
 #: Where to look for others beside one that is: from its start, in its lengths.
 BESIDE_SHORT = (-1.0, -0.5, -0.1, 1.1, 1.5, 2.0)
 #: [rad] a point nearer to a node of a curve is on it.
@@ -159,11 +161,14 @@ def _joined(
     parameter = problem.arm.parameter
     places = [*(circle.start for circle in circles), *singular[:, parameter].tolist()]
     first, middles = found, [nodes[len(nodes) // 2, :7] for nodes in found.arcs]
+    tiny = [x for x, nodes in zip(middles, found.arcs, strict=True) if np.ptp(nodes[:, :7], axis=0).max() < TINY]
     for room in ROOM:
         if places:
             found = problem.find(crossings=_distinct(places), room=room)
         ended = found if found.complete else _ended(found, np.vstack([singular, found.singular]), problem, edge)
-        if not all(any(_distance(nodes, x) <= NEARBY for nodes in found.arcs) for x in middles):
+        if not all(any(_distance(nodes, x) <= NEARBY for nodes in found.arcs) for x in middles) or not all(
+            _is_passed_by(x, found.arcs, problem, edge) for x in tiny
+        ):
             found = _ended(first, np.vstack([singular, first.singular]), problem, edge)._replace(complete=False)
             break  # curves so short that they lie between both sides
         if ended.complete:
@@ -201,6 +206,19 @@ def _is_passed(x: Array, followed: Followed, problem: CurveProblem, edge: Edge) 
         if _distance(piece.nodes, x) <= NEARBY:
             nearest = CurveTrack(problem, piece).nearest(inside[:dof])
             if nearest is not None and np.abs(angles.wrap_to_pi(nearest[1] - x[:dof])).max() <= SAME_POINT:
+                return True
+    return False
+
+
+def _is_passed_by(x: Array, arcs: Sequence[Array], problem: CurveProblem, edge: Edge) -> bool:
+    """Whether a point (7,) is on any of some curves, exactly; one outside the limits always counts as such."""
+    row = x[: edge.chain.dof]
+    if excess_of(x[np.newaxis], problem.arm.limits).max() > SLACK:
+        return True
+    for nodes in arcs:
+        if _distance(nodes, x) <= NEARBY:
+            nearest = CurveTrack(problem, whole_piece(nodes, 0)).nearest(row)
+            if nearest is None or np.abs(angles.wrap_to_pi(nearest[1] - row)).max() <= SAME_POINT:
                 return True
     return False
 

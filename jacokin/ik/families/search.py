@@ -29,7 +29,7 @@ from jacokin.ik.families.curves import (
     Piece,
     whole_piece,
 )
-from jacokin.ik.families.edge import ON_EDGE, SAME_POINT, Edge
+from jacokin.ik.families.edge import EXACT_POINT, ON_EDGE, SAME_POINT, Edge
 from jacokin.ik.families.family import Family, Interval, IntervalEnd
 from jacokin.ik.families.least import least, minima
 from jacokin.ik.families.meeting import follow_curves
@@ -60,8 +60,6 @@ SAME_AXIS = 1e-10
 SMALL, SMALL_LOST = 1e-5, 1e-3
 #: [rad] a joint this far past its limit at a fold may be on it: the root of rounding, and more.
 NEAR_LIMIT = 1e-5
-#: [m] and [rad] by which single points miss the target, by rounding.
-EXACT_POINT = 2e-14
 #: [rad] how far from single points curves are looked for that would lead on from them.
 ASIDE = 0.05
 #: Joints and the free axis.
@@ -187,7 +185,7 @@ class FamilySearch:
                     found, circles, alone = follow_curves(problem, edge, self._wrist, sight.parameters)
                     found = _reaching(found, members, parameter)
                 known_best = np.vstack([alone, *(arc[[0, -1], :7] for arc in found.arcs if small)])
-                beside = edge.fitted(known_best, problem) if len(known_best) else []
+                beside = edge.fitted(known_best, problem, SMALL) if len(known_best) else []
                 seen = [*beside, *(point for point in sight.points if not _is_among(point, beside))]
                 seen.sort(key=lambda point: float(point.excess.max()))
                 rows = np.array([[*point.q, point.parameter][:DIMENSIONS] for point in seen]).reshape(-1, DIMENSIONS)
@@ -198,7 +196,7 @@ class FamilySearch:
                 surface = edge.nearly_stuck_twice(np.vstack([rows, *(arc[:, :7] for arc in found.arcs)]), problem)
                 complete = stuck and self._sees_loops and _is_small(found.arcs, SMALL) and not surface
                 complete = complete and not sight.parameters and not len(edge.beside(rows, problem, ASIDE))
-                complete = complete and _are_exact(beside, members) and not self._wrist.hides_any(rows, problem)
+                complete = complete and _are_single(beside, members) and not self._wrist.hides_any(rows, problem)
                 points = _on_edge(beside, circles, members, seen[0] if seen else None, complete=complete)
                 if not (sight.parameters and found.arcs) and (len(points.family) or (points.family.branches and stuck)):
                     return points
@@ -212,11 +210,14 @@ class FamilySearch:
             intervals.append(Interval(members, CurveTrack(problem, piece), piece.branch, ends))
         intervals += _at_range_ends(found, problem, members, edge)
         intervals.sort(key=lambda interval: (interval.branch, interval.start))
-        beside = [*(edge.fitted(alone, problem) if len(alone) else []), *_at_corners(circles, edge, problem, robot)]
+        beside = [
+            *(edge.fitted(alone, problem, SMALL) if len(alone) else []),
+            *_at_corners(circles, edge, problem, robot),
+        ]
         branches = len(found.arcs)
         intervals += [*_on_circles(circles, members, branches), *_at_points(beside, members, branches + len(circles))]
         branches += len(circles) + len(beside)
-        complete = found.complete and self._sees_loops and _are_exact(beside, members)
+        complete = found.complete and self._sees_loops and _are_single(beside, members)
         family = Family(tuple(intervals), members, branches=branches, complete=complete)
 
         def tracks() -> Sequence[Track]:
@@ -536,13 +537,15 @@ def _are_crowded(q: Array) -> bool:
     return bool((np.sum(apart <= SAME_POINT, axis=1) > 2).any())
 
 
-def _are_exact(points: Sequence[LimitExcess], members: Members) -> bool:
-    """Whether single points reach the target to rounding: one that does not is amid a small curve.
+def _are_single(points: Sequence[LimitExcess], members: Members) -> bool:
+    """Whether single points reach the target to rounding, and none is near another: else they are amid small curves.
 
-    The curve is as wide as the root of what the point misses: 1e-4 rad and more for 2e-13.
+    Such a curve is as wide as the root of what a point misses: 1e-4 rad and more for 2e-13.
     """
     misses = [max(members.verifier.measure(point.q, members.target.at(point.parameter))) for point in points]
-    return all(miss <= EXACT_POINT or miss > MEMBER_CLOSURE for miss in misses)
+    return all(miss <= EXACT_POINT or miss > MEMBER_CLOSURE for miss in misses) and not any(
+        _is_among(point, points[:i]) for i, point in enumerate(points)
+    )
 
 
 def _at_points(points: Sequence[LimitExcess], members: Members, first: int) -> list[Interval]:

@@ -1209,14 +1209,29 @@ def test_turns_about_the_last_axis_of_a_nearly_straight_wrist_are_not_said_to_be
     np.testing.assert_allclose(solver.solve(target, seed=own).q, own, atol=1e-9)
 
 
-def test_a_point_amid_a_small_curve_leaves_a_family_in_doubt() -> None:
-    """The point that the curve shrinks to misses the target by 3e-13; its members are 2e-4 rad away, all round."""
-    solver = IKSolver(solver_of("j2s6s300").robot, tool=jacokin.pose((-0.08, -0.05, -0.03)), collision="ignore")
-    own = np.array((-90.0, 180.0, 180.0, 90.0, 270.0, -90.0)) * DEGREES
-    own += np.array((2.2182, 1.3804, 1.2708, 0.0631, 7.0153, -0.7657)) * 1e-6
-    target = FreeAxis(solver.verifier.tool_pose(own), axis=(0.187, 0.387, 0.903))
-    assert not solver.family(target).complete
-    np.testing.assert_allclose(wrap_to_pi(solver.solve(target, seed=own).q - own), 0.0, atol=1e-9)
+@pytest.mark.parametrize(
+    ("tool", "degrees", "off", "axis", "complete"),
+    [
+        # the curve is found,
+        ((-80, -50, -30), (-90, 180, 180, 90, 270, -90), (2.2182, 1.3804, 1.2708, 0.0631, 7.0153, -0.7657), 3, True),
+        # is not solved for where others meet beside it,
+        ((-80, -50, -30), (-90, 180, 180, 90, 270, -90), (1.7129, 0.4147, -0.0137, 0.6133, 1.0022, -0.9847), 3, False),
+        # or the parameter stands still along it: two points are known of each.
+        ((-90, 90, -80), (0, 180, 180, 0, 90, 180), (10.4454, 10.9558, 0.058, -9.1823, -23.6863, -12.7412), 1, False),
+    ],
+)
+def test_members_of_small_curves_are_found(
+    tool: tuple[float, ...], degrees: tuple[float, ...], off: tuple[float, ...], axis: int, complete: bool
+) -> None:
+    """Next to a straight wrist of a stretched arm, curves are 3e-5 to 2e-3 rad long."""
+    solver = IKSolver(solver_of("j2s6s300").robot, tool=jacokin.pose(np.array(tool) * 1e-3), collision="ignore")
+    own = np.array(degrees) * DEGREES + np.array(off) * 1e-6
+    axes = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (0.187, 0.387, 0.903))
+    target = FreeAxis(solver.verifier.tool_pose(own), axis=axes[axis])
+    family = solver.family(target)
+    assert family.complete == complete
+    assert min(np.abs(wrap_to_pi(interval.nearest(own) - own)).max() for interval in family) < 1e-6
+    np.testing.assert_allclose(wrap_to_pi(solver.solve(target, seed=own).q - own), 0.0, atol=1e-6)
 
 
 def test_single_points_beside_a_nearly_straight_wrist_leave_a_family_in_doubt() -> None:
@@ -1287,3 +1302,13 @@ def test_a_straight_wrist_on_two_limits_that_is_known_to_1e_6_rad_is_found() -> 
     own = np.array((math.radians(-20.0), 0.0, -math.pi, math.radians(-330.0), math.pi, -5.93876796600899))
     family = solver.solve_all(FreeAxis(solver.verifier.tool_pose(own), axis=(-0.523, -0.665, 0.564)))
     assert min(np.abs(wrap_to_pi(interval.nearest(own) - own)).max() for interval in family) < 1e-9
+
+
+def test_a_point_amid_a_small_curve_leaves_a_family_in_doubt() -> None:
+    """The point misses the target by more than rounding; members are up to 9e-5 rad away, all round."""
+    solver = solver_of("j2s6s300")
+    own = np.array((-90.0, 180.0, 180.0, -180.0, 180.0, 0.0)) * DEGREES
+    own += np.array((1.3224, -1.6982, -0.0359, -0.1289, -1.7517, 0.0588)) * 1e-6
+    target = FreeAxis(solver.verifier.tool_pose(own), axis=(0.0, 1.0, 0.0))
+    assert not solver.family(target).complete
+    np.testing.assert_allclose(wrap_to_pi(solver.solve(target, seed=own).q - own), 0.0, atol=1e-6)
