@@ -236,6 +236,9 @@ def search_chord(chain: Array, T: Array, nearest: Nearest, walk: Walk) -> bool:
             found = False
         elif f_a < 0.0 < f_b:
             found = offer_between(chain, T, a, b, f_a, f_b, nearest, walk) and found
+        elif part[28] > 0.0:  # what follows may be outside by no more than rounding: no limit is passed in between then
+            found = offer(nearest, a[0:7]) and found
+            found = offer(nearest, b[0:7]) and found
         top -= 1
     return found
 

@@ -187,3 +187,14 @@ def test_seeds_far_outside_the_limits(rng: np.random.Generator) -> None:
     for call in (family.nearest, family.intervals[0].nearest):
         with pytest.raises(InvalidInputError, match="joint_1 = 1e\\+07 rad is too far from zero"):
             call([1e7] * 6)
+
+
+def test_the_nearest_member_is_where_a_joint_touches_its_limit_and_another_leaves_its_own() -> None:
+    """Joint 2 touches its limit but for 1e-12 rad where joint 6 leaves its own; at the seed, both are within."""
+    robot = jacokin.load_robot("j2s7s300")
+    solver = IKSolver(robot, collision="ignore")
+    own = np.array([-2.2545966205740147, 0.0, -0.07686896226313067, math.pi, 0.4471113528288475, 0.0, -0.148673705741])
+    own[1], own[5] = robot.lower[1], robot.upper[5]
+    way = np.array([3.6516785987, 0.0, -2.7984763943, 2.6609735746, -3.2901009524, -1.3889230732, 5.8806420276]) * 1e-4
+    result = solver.solve(solver.verifier.tool_pose(own), seed=own + way).raise_for_status()
+    assert np.linalg.norm(result.q - own - way) <= np.linalg.norm(way) + 1e-6
