@@ -245,21 +245,18 @@ def refine(
     def at(coordinate: float) -> float:
         return float(cost(exact(coordinate)[np.newaxis])[0])
 
-    middle = float(coordinates[index])
-    known = (at(middle), middle)
+    known = (at(float(coordinates[index])), float(coordinates[index]))
     while True:
         places = [max(index - 1, 0), min(index + 1, len(coordinates) - 1)]
         ends = [last_finite(at, known, end) for end in coordinates[places].tolist()]
-        (_, low), (_, high) = ends
-        middle = known[1]
-        found = (
-            brent(at, low, middle, high, known[0]) if low < middle < high else brent(at, low, 0.5 * (low + high), high)
-        )
-        best = min(known, found, *ends)
-        on = [place for place in places if coordinates[place] == best[1] and place != index]
-        if best[0] >= known[0] or not on:
-            return best
-        known, index = best, on[0]
+        best, place = min(zip(ends, places, strict=True))
+        if best[0] >= known[0] or best[1] != coordinates[place]:
+            break
+        known, index = best, place
+    (_, low), (_, high) = ends
+    middle = known[1]
+    found = brent(at, low, middle, high, known[0]) if low < middle < high else brent(at, low, 0.5 * (low + high), high)
+    return min(known, found, *ends)
 
 
 def last_finite(at: Callable[[float], float], known: tuple[float, float], end: float) -> tuple[float, float]:
