@@ -20,8 +20,8 @@ from jacokin.kernels.self_motion.follow import Walk, chord_length, node_between,
 from jacokin.kernels.self_motion.limit_cuts import CORNER, DOUBT, HALVINGS, SHORTEST_CHORD, SINGLE, divide, doubtful
 from jacokin.kernels.self_motion.slices import POINTS, SLICES, wrapped
 
-#: [rad] a joint this near to a limit is on it, by rounding: one that touches it is 1e-7 rad along the curve from there.
-ON_LIMIT = 1e-14
+#: [rad] a joint this near to a limit is on it: with less, members are lost where two joints touch their limits.
+ON_LIMIT = 1e-12
 #: A chord is longer than its curve's way from node to node by a factor of at most 1 + ARC_EXCESS + what its turn adds.
 ARC_EXCESS, ARC_TURN = 0.02, 2.0
 #: Least cosine between a chord and the tangents at its ends; others are halved.

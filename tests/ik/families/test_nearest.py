@@ -198,3 +198,25 @@ def test_the_nearest_member_is_where_a_joint_touches_its_limit_and_another_leave
     way = np.array([3.6516785987, 0.0, -2.7984763943, 2.6609735746, -3.2901009524, -1.3889230732, 5.8806420276]) * 1e-4
     result = solver.solve(solver.verifier.tool_pose(own), seed=own + way).raise_for_status()
     assert np.linalg.norm(result.q - own - way) <= np.linalg.norm(way) + 1e-6
+
+
+def test_a_member_is_nearest_where_two_joints_touch_their_limits_at_once() -> None:
+    """Joints 2 and 6 are within by 1e-13 rad along 1e-5 rad of the curve, and nowhere else near by."""
+    limits = {
+        "joint_1": (-3.9438066006297547, 0.9932977770513172),
+        "joint_2": (math.radians(-210.0), math.radians(-100.0)),
+    }
+    limits |= {"joint_3": (math.radians(-140.0), math.radians(-50.0)), "joint_7": (0.0, 0.5 * math.pi)}
+    robot = jacokin.load_robot("j2s7s300", limits=limits)
+    rotation = [
+        [-0.8017705603274574, -0.48690365015112425, 0.3465383154309305],
+        [0.4726846773960961, -0.871466685514908, -0.13082435473798296],
+        [0.365695453003102, 0.05891223563210534, 0.9288682275466652],
+    ]
+    position = -0.22686592623758506, -0.18985313974168583, -0.16190718708915855
+    tool = jacokin.pose(position, rotation=rotation)
+    solver = IKSolver(robot, tool=tool, collision="ignore")
+    own = np.array([robot.upper[0], robot.upper[1], -0.5 * math.pi, math.pi, math.pi / 6, robot.lower[5], math.pi / 6])
+    way = np.array([0.0, 0.0, -0.714195191651168, -2.703632261842337, 8.641592339660997, 0.0, 3.013563656887319]) * 1e-4
+    result = solver.solve(solver.verifier.tool_pose(own), seed=own + way).raise_for_status()
+    assert np.linalg.norm(result.q - own - way) <= np.linalg.norm(way) + 1e-6
