@@ -227,8 +227,8 @@ class Edge:
     def fitted(self, x: Array, problem: CurveProblem, near: float = SAME_POINT) -> list[LimitExcess]:
         """Those of the rows (k, 7) that reach the target, joints near to their limits moved onto them.
 
-        Of rows this near to each other one is taken [rad]: of those that miss the target by rounding alone; of others
-        where they are SAME_POINT near.
+        Those that miss the target by rounding alone are one where they are this near to each other [rad]; others, known
+        to the root of rounding, where they are SAME_POINT near.
         """
         dof, lower, upper, free, T = self.chain.dof, self._lower, self._upper, problem.free_axis, problem.T
         axis = axis_in_base(problem)
