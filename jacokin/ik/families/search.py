@@ -60,6 +60,9 @@ SAME_AXIS = 1e-10
 SMALL, SMALL_LOST = 1e-5, 1e-3
 #: [rad] a joint this far past its limit at a fold may be on it: the root of rounding, and more.
 NEAR_LIMIT = 1e-5
+#: Slope along a curve at which the parameter stands still: of an end of the range it is known to rounding where it is,
+#: and of the other joints to rounding by the slope. It is measured on so much of the curve [rad]: folds are shorter.
+STILL, STILL_LENGTH = 1e-9, 1e-3
 #: [rad] how far from single points curves are looked for that would lead on from them.
 ASIDE = 0.05
 #: Joints and the free axis.
@@ -218,6 +221,7 @@ class FamilySearch:
         intervals += [*_on_circles(circles, members, branches), *_at_points(beside, members, branches + len(circles))]
         branches += len(circles) + len(beside)
         complete = found.complete and self._sees_loops and _are_single(beside, members)
+        complete = complete and not _stands_still_at_range_end(found, parameter)
         family = Family(tuple(intervals), members, branches=branches, complete=complete)
 
         def tracks() -> Sequence[Track]:
@@ -584,6 +588,19 @@ def _at_range_ends(found: FoundCurves, problem: CurveProblem, members: Members, 
             if max(members.verifier.measure(q, members.target.at(p))) <= MEMBER_CLOSURE:
                 intervals.append(Interval(members, CircleTrack(q, 0.0, p, p), branch, (reason, reason)))
     return intervals
+
+
+def _stands_still_at_range_end(found: FoundCurves, parameter: int) -> bool:
+    """Whether the parameter of a curve hardly changes where the range ends: next to the circle of a straight wrist."""
+    for nodes, ends in zip(found.arcs, found.ends, strict=True):
+        for end, from_end in zip(ends, (nodes[:, :7], nodes[::-1, :7]), strict=True):
+            if -1 - end == RANGE:
+                way = from_end - from_end[0]
+                long = np.linalg.norm(way, axis=1) > STILL_LENGTH
+                first = int(np.argmax(long))
+                if long[first] and abs(way[first, parameter]) < STILL * np.linalg.norm(way[first]):
+                    return True
+    return False
 
 
 def _on_edge(

@@ -20,8 +20,6 @@ from jacokin.kernels.self_motion.follow import Walk, chord_length, node_between,
 from jacokin.kernels.self_motion.limit_cuts import CORNER, DOUBT, HALVINGS, SHORTEST_CHORD, SINGLE, divide, doubtful
 from jacokin.kernels.self_motion.slices import POINTS, SLICES, wrapped
 
-#: [rad] a joint this near to a limit is on it: with less, members are lost where two joints touch their limits.
-ON_LIMIT = 1e-12
 #: A chord is longer than its curve's way from node to node by a factor of at most 1 + ARC_EXCESS + what its turn adds.
 ARC_EXCESS, ARC_TURN = 0.02, 2.0
 #: Least cosine between a chord and the tangents at its ends; others are halved.
@@ -143,7 +141,6 @@ def where_outside(nearest: Nearest, a: Array, b: Array, length: float, decided: 
     If it is decided, a joint comes no nearer to its limit between the nodes than there, but for rounding.
     """
     crossed, side_crossed, doubt = -1, 0, False
-    on_limit = CORNER if decided else ON_LIMIT
     for j in range(7):
         if not nearest.limits[0, j] > -math.inf:
             continue
@@ -156,8 +153,8 @@ def where_outside(nearest: Nearest, a: Array, b: Array, length: float, decided: 
             v0 = flip * (start - nearest.limits[side, j])
             v1 = v0 + flip * way
             d0, d1 = flip * a[7 + j] * length, flip * b[7 + j] * length
-            v0 = 0.0 if abs(v0) <= on_limit else v0
-            v1 = 0.0 if abs(v1) <= on_limit else v1
+            v0 = 0.0 if abs(v0) <= CORNER else v0
+            v1 = 0.0 if abs(v1) <= CORNER else v1
             if not decided and length > SHORTEST_CHORD and doubtful(v0, v1, d0, d1, DOUBT * length * length):
                 doubt = True
             elif (v0 > 0.0 and v1 >= 0.0) or (v0 >= 0.0 and v1 > 0.0):
@@ -201,7 +198,7 @@ def search_chord(chain: Array, T: Array, nearest: Nearest, walk: Walk) -> bool:
             top -= 1
             continue
         decided = part[28] >= HALVINGS
-        if decided:  # a joint may touch its limit just there
+        if part[28] > 0.0:  # what follows may be outside by no more than rounding, and a joint touch its limit there
             found = offer(nearest, a[0:7]) and found
             found = offer(nearest, b[0:7]) and found
         j, side = where_outside(nearest, a, b, length, decided)
@@ -236,9 +233,6 @@ def search_chord(chain: Array, T: Array, nearest: Nearest, walk: Walk) -> bool:
             found = False
         elif f_a < 0.0 < f_b:
             found = offer_between(chain, T, a, b, f_a, f_b, nearest, walk) and found
-        elif part[28] > 0.0:  # what follows may be outside by no more than rounding: no limit is passed in between then
-            found = offer(nearest, a[0:7]) and found
-            found = offer(nearest, b[0:7]) and found
         top -= 1
     return found
 

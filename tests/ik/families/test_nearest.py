@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import pytest
@@ -189,15 +189,49 @@ def test_seeds_far_outside_the_limits(rng: np.random.Generator) -> None:
             call([1e7] * 6)
 
 
-def test_the_nearest_member_is_where_a_joint_touches_its_limit_and_another_leaves_its_own() -> None:
+#: Limits of joints 2 and 6 of a j2s7s300 [rad].
+LOWER_2, LOWER_6, UPPER_6 = math.radians(47.0), math.radians(65.0), math.radians(295.0)
+
+
+@pytest.mark.parametrize(
+    ("own", "way"),
+    [
+        (
+            (-2.2545966205740147, LOWER_2, -0.07686896226313067, math.pi, 0.4471113528288475, UPPER_6, -0.148673705741),
+            (
+                3.6516785987e-4,
+                0.0,
+                -2.7984763943e-4,
+                2.6609735746e-4,
+                -3.2901009524e-4,
+                -1.3889230732e-4,
+                5.8806420276e-4,
+            ),
+        ),
+        (
+            (
+                -1.4472959465492676,
+                LOWER_2,
+                -1.9688515463705814,
+                3.141592423175998,
+                -1.4613186114159336,
+                LOWER_6,
+                -1.9085600954664903,
+            ),
+            (-1.47543655e-4, 4.22522899e-4, -2.25456162e-4, 4.08337940e-4, 6.66036160e-4, 0.0, 6.56261364e-6),
+        ),
+    ],
+)
+def test_the_nearest_member_is_where_a_joint_touches_its_limit_and_another_leaves_its_own(
+    own: Sequence[float], way: Sequence[float]
+) -> None:
     """Joint 2 touches its limit but for 1e-12 rad where joint 6 leaves its own; at the seed, both are within."""
     robot = jacokin.load_robot("j2s7s300")
     solver = IKSolver(robot, collision="ignore")
-    own = np.array([-2.2545966205740147, 0.0, -0.07686896226313067, math.pi, 0.4471113528288475, 0.0, -0.148673705741])
-    own[1], own[5] = robot.lower[1], robot.upper[5]
-    way = np.array([3.6516785987, 0.0, -2.7984763943, 2.6609735746, -3.2901009524, -1.3889230732, 5.8806420276]) * 1e-4
-    result = solver.solve(solver.verifier.tool_pose(own), seed=own + way).raise_for_status()
-    assert np.linalg.norm(result.q - own - way) <= np.linalg.norm(way) + 1e-6
+    q = np.array(own)
+    seed = q + way
+    result = solver.solve(solver.verifier.tool_pose(q), seed=seed).raise_for_status()
+    assert np.linalg.norm(result.q - seed) <= np.linalg.norm(way) + 1e-6
 
 
 def test_a_member_is_nearest_where_two_joints_touch_their_limits_at_once() -> None:

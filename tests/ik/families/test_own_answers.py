@@ -280,6 +280,26 @@ def test_a_straight_wrist_outside_the_range_is_no_member(limits: tuple[float, fl
         assert limits[0] - 1e-9 <= interval.start <= interval.stop <= limits[1] + 1e-9
 
 
+def test_a_nearly_straight_wrist_at_the_end_of_a_range_is_a_member_or_may_be_missing(
+    rng: np.random.Generator,
+) -> None:
+    complete, held = 0, 0
+    for number in range(60):
+        solver = solver_of(("j2s6s300", "j2s6s200", "m1n6s200")[number % 3])
+        q = solver.robot.sample(rng)
+        q[4] = math.pi if number % 3 < 2 else q[4]
+        q = np.clip(q + 1e-10 * rng.normal(size=6), solver.robot.lower, solver.robot.upper)
+        axis = np.eye(3)[number % 3] if number % 2 else rng.normal(size=3)
+        T = solver.robot.forward_kinematics(q)
+        for limits in ((-math.pi, 0.0), (0.0, 2.0)):
+            family = solver.solve_all(FreeAxis(T, axis=axis, range=limits))
+            near = any(np.abs(wrap_to_pi(each.nearest(q) - q)).max() < 1e-4 for each in family)
+            assert near or not family.complete, (number, limits)
+            held, complete = held + near, complete + family.complete
+    assert held >= 90
+    assert complete >= 30
+
+
 def members_around(solver: IKSolver, rng: np.random.Generator, number: int) -> int:
     """Ask for members all along the intervals of poses at right angles; returns how many there were."""
     robot, asked = solver.robot, 0
