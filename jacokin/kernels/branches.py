@@ -117,15 +117,17 @@ def add_beside_seed(query: PoseQuery, work: BranchWork) -> None:
     any of them, and the smaller the weight, the nearer it is to the target.
     """
     position, orientation = errors(query.chain, query.T, query.seed)
-    miss, nearest = max(position, orientation), math.inf
+    miss, nearest, nearest_at_all = max(position, orientation), math.inf, math.inf
     for i in range(work.filled[0]):
-        nearest = min(nearest, work.rows[i, DISTANCE])
+        nearest_at_all = min(nearest_at_all, work.rows[i, DISTANCE])
+        if work.rows[i, WITHIN_LIMITS] > 0.0:
+            nearest = min(nearest, work.rows[i, DISTANCE])
     if miss > NEAR_SEED or nearest <= SAME_AS_SEED:
         return
     newton, row, weight = work.newton, work.row, FIRST_SEED_WEIGHT
     for j in range(6):
         newton.q[j], newton.held[j] = query.seed[j], 0.0
-    if miss > POLISHED_CLOSURE and is_alone(query, newton, weight, nearest):
+    if miss > POLISHED_CLOSURE and is_alone(query, newton, weight, nearest_at_all):
         return
     while miss > POLISHED_CLOSURE and weight >= LEAST_SEED_WEIGHT:
         for j in range(6):

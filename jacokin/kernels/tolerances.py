@@ -129,8 +129,8 @@ SAME_FOLD = 2e-5
 # Limits (pose)
 
 #: [rad]; at a fold, rounding may put a joint this far past its limit: about the square root of 1e-15 over the smallest
-#: curvature of folds, and the cube root where three branches merge.
-TANGENCY_EXCESS = 1e-4
+#: curvature of folds, the cube root where three branches merge, and more next to wrists that are straight just there.
+TANGENCY_EXCESS = 2e-3
 #: [m] and [rad]; a branch that closes so well within its limits needs not be held on them: a thousand times rounding.
 TANGENCY_CLOSURE = 1e-12
 #: [m] and [rad]; the closure of a branch held on its limit. Of a stretched arm 24 times the former was measured, and a

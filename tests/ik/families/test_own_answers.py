@@ -280,6 +280,28 @@ def test_a_straight_wrist_outside_the_range_is_no_member(limits: tuple[float, fl
         assert limits[0] - 1e-9 <= interval.start <= interval.stop <= limits[1] + 1e-9
 
 
+def test_a_configuration_on_a_limit_is_its_own_answer_where_rounding_puts_branches_past_it() -> None:
+    """Wrist and arm are bent by 1e-6 rad: rounding moves branches along joints 4 and 6 by 1e-4 rad."""
+    own = np.array([-1.5707937981667417, 1.5707981096920451, -3.1415974484233025, -1.3793406341518253, 0.0, 0.0])
+    own[4:] = 1.4237138742437597e-06, 1.5650614879298345e-07
+    way = np.array([9.17989e-05, 3.125824e-04, 2.527282e-04, 0.0, -1.14967e-05, -8.765564e-04])
+    limits = {"joint_3": (-1.5 * math.pi, -140.0 * DEGREES), "joint_4": (float(own[3]), 1.957291462053893)}
+    limits |= {"joint_5": (-0.6421231638150, 5.3219655373554), "joint_6": (-200.0 * DEGREES, 120.0 * DEGREES)}
+    rotation = [
+        [0.5977287432088384, 0.7988938043688476, -0.06700029017140206],
+        [-0.8015659788430265, 0.5940202773266612, -0.06805800236693166],
+        [-0.014571585480079027, 0.09438537739409691, 0.9954290880975755],
+    ]
+    tool = jacokin.pose((-0.1516035340053487, 0.29998116389451884, -0.06330209730991643), rotation=rotation)
+    solver = IKSolver(jacokin.load_robot("j2s6s200", limits=limits), tool=tool, collision="ignore")
+    T = solver.verifier.tool_pose(own)
+    branches = solver.solve_all(T)
+    within = branches.q[(branches.margin >= 0.0).all(axis=1)]
+    assert np.abs(wrap_to_pi(within - own)).max(axis=1).min() < 1e-4
+    result = solver.solve(T, seed=own + way).raise_for_status()
+    assert np.linalg.norm(result.q - own - way) <= np.linalg.norm(way) + 1e-4
+
+
 def test_a_nearly_straight_wrist_at_the_end_of_a_range_is_a_member_or_may_be_missing(
     rng: np.random.Generator,
 ) -> None:
