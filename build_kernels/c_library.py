@@ -6,8 +6,11 @@ kernels. They are compiled as they are linked.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from pathlib import Path
+
+import numpy as np
 
 from jacokin.kernels import branches
 from jacokin.kernels.closed_form import arm
@@ -75,8 +78,6 @@ def _arrays(work: tuple[object, ...], prefix: str = "") -> Iterator[tuple[str, s
         if isinstance(value, tuple):
             yield from _arrays(value, f"{prefix}{name}_")
         else:
-            is_free = value.shape[0] == 0  # type: ignore[attr-defined]  # the rest are arrays
-            numbers = 1
-            for size in value.shape[is_free:]:  # type: ignore[attr-defined]
-                numbers *= size
-            yield "FREE" if is_free else "ARRAY", f"{prefix}{name}", numbers
+            assert isinstance(value, np.ndarray)  # what works consist of
+            is_free = value.shape[0] == 0
+            yield "FREE" if is_free else "ARRAY", f"{prefix}{name}", math.prod(value.shape[is_free:])

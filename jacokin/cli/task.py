@@ -155,7 +155,11 @@ def _record_data(
         sys.path.insert(0, "")
     with contextlib.closing(tasks.TaskEnv(name, control=control, flatten=False)) as environment:
         environment.action_space.seed(seed)
-        policy: Callable[[object], ArrayLike] = lambda observation: environment.action_space.sample()  # noqa: E731
+
+        def act_at_random(observation: object) -> ArrayLike:
+            return environment.action_space.sample()
+
+        policy: Callable[[object], ArrayLike] = act_at_random
         if expert:
             policy = tasks.expert(name, control=control, noise=noise, mistakes=mistakes)
         with progress_bar("episode") as progress:
