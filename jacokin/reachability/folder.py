@@ -14,10 +14,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import orjson
 from numpy.typing import NDArray
 
 import jacokin
+from jacokin import files
 from jacokin.arrays import Array
 from jacokin.chunks.folder import HASH_DIGITS, RECIPE, Keeper, digest, file_digest
 from jacokin.errors import InvalidInputError, JacokinError
@@ -107,13 +107,11 @@ def _document(path: Path, name: str, missing: str) -> dict[str, Any]:  # Any: JS
         InvalidInputError: it is not there, cannot be read, or holds something else.
     """
     try:
-        document = orjson.loads((path / name).read_bytes())
-    except FileNotFoundError as error:
-        raise InvalidInputError(f"{path}: {missing if path.exists() else 'there is no such folder'}") from error
-    except OSError as error:
-        raise InvalidInputError(f"{path}: cannot be read: {error.strerror}") from error
-    except orjson.JSONDecodeError as error:
-        raise InvalidInputError(f"{path / name}: is not JSON: {error}") from error
+        document = files.read_json(path / name, "is not JSON")
+    except InvalidInputError as error:
+        if isinstance(error.__cause__, FileNotFoundError):
+            raise InvalidInputError(f"{path}: {missing if path.exists() else 'there is no such folder'}") from error
+        raise
     if not isinstance(document, dict):
         raise InvalidInputError(f"{path / name}: is not a JSON object")
     return document
@@ -121,13 +119,12 @@ def _document(path: Path, name: str, missing: str) -> dict[str, Any]:  # Any: JS
 
 def _chunk(path: Path, wanted: str) -> dict[str, NDArray[np.generic]]:
     try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise JacokinError(f"{path}: cannot be read: {error.strerror}; build the map again") from error
+        content = files.read_bytes(path, files.TABLE)
+    except InvalidInputError as error:
+        raise InvalidInputError(f"{error}; build the map again") from error
     if digest(content) != wanted or wanted[:HASH_DIGITS] not in path.name:
         raise InvalidInputError(f"{path}: is damaged: its hash is not that of the manifest; build the map again")
-    with np.load(path) as file:
-        return {name: file[name] for name in file.files}
+    return files.read_arrays(path, "is not a chunk of a map; build the map again")
 
 
 def make_recipe(solver: IKSolver, samples: Samples) -> dict[str, object]:
