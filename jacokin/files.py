@@ -32,7 +32,8 @@ if TYPE_CHECKING:
 KEPT_NAME = 60  # characters of the file's name in the temporary one: the ending decides formats, names may be 255 bytes
 
 # Bounds of what is read, by kind; what is larger is refused by name.
-DOCUMENT = 10_000_000  # [byte] of JSON or XML that describes something: some 100,000 shapes of a scene
+DOCUMENT = 10_000_000  # [byte] of JSON or text that describes something: some 100,000 shapes of a scene
+DESCRIPTION = 50_000_000  # [byte] of a robot as XML, whose meshes may stand in it as numbers
 YAML = 1_000_000  # [byte]: 12,000 shapes of a scene, for which Python's reader of YAML takes 8 s
 TOML = 250_000  # [byte]: a calibration takes 4,000
 TOML_LINE = 1000  # characters: Python's reader takes the square of a dotted key's parts
