@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
@@ -53,6 +54,15 @@ class Playback:
     def duration(self) -> float:
         """Length of the trajectory at its own speed [s]."""
         return float(self.t[-1])
+
+    @property
+    def said(self) -> str:
+        """How far it is, in words."""
+        return f"{self.time:.2f} of {self.duration:.2f} s"
+
+    def rows(self, most: int) -> NDArray[np.intp]:
+        """Numbers of at most so many rows, evenly from the first to the last."""
+        return np.unique(np.linspace(0, len(self.t) - 1, min(len(self.t), most)).astype(np.intp))
 
     def scrub(self, time: float) -> None:
         """Go to a time [s]; one that is not in the trajectory is brought to its nearer end."""
