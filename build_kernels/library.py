@@ -204,6 +204,8 @@ def _link(command: list[str], objects: list[Path], size: int, made: Path) -> int
     shown = f'extern const char {PREFIX}about[] __attribute__((visibility("default")));'
     source.write_text(f"{shown}\nconst char {PREFIX}about[] = {text};\n", encoding="ascii")
     name = [f"-Wl,-install_name,@rpath/{made.name}"] if sys.platform == "darwin" else ["-s", f"-Wl,-soname,{made.name}"]
+    if sys.platform == "linux":  # see jacokin/kernels/c/glibc.c
+        name += [f"-Wl,--wrap={function}" for function in c_library.WRAPPED]
     c_library.write_header(made.parent)
     words = [*command, *c_library.flags(made.parent), "-shared", "-fPIC", *name, "-o", str(made), str(source)]
     words += [*map(str, objects), "-lm"]
