@@ -74,9 +74,12 @@ def load(folder: str | Path, *, robot: Robot | None = None, scene: Scene | None 
     first = 0
     for name, content in manifest["sha256"].items():
         chunk = _chunk(path / name, content)
-        stop = first + len(chunk["branches"])
-        counts[first:stop], margins[first:stop] = chunk["branches"], chunk["margin"]
-        touching[first:stop] = chunk.get("touching", 0)  # maps of versions that did not know contact
+        try:
+            stop = first + len(chunk["branches"])
+            counts[first:stop], margins[first:stop] = chunk["branches"], chunk["margin"]
+            touching[first:stop] = chunk.get("touching", 0)  # maps of versions that did not know contact
+        except (ValueError, TypeError, KeyError) as error:
+            raise InvalidInputError(f"{path / name}: is not of this map: {error}; build the map again") from error
         first = stop
     if first != samples.positions:
         raise InvalidInputError(f"{path}: has {first} positions of {samples.positions}; build the rest of it")
@@ -193,7 +196,9 @@ def _samples_of(recipe: dict[str, Any], place: str) -> Samples:  # Any: JSON
         orientations = Orientations(
             given["quat_wxyz"], given["name"], axes=given.get("free about"), ranges=given.get("from and to")
         )
-    except (KeyError, TypeError) as error:
+    except InvalidInputError:
+        raise
+    except (KeyError, TypeError, ValueError) as error:
         raise InvalidInputError(f"{place}: is not the recipe of a map: {error!r} is missing or wrong") from error
     return Samples(grid, orientations, symmetries)
 
