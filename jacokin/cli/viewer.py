@@ -58,12 +58,6 @@ FULL_TURN = (-math.pi, math.pi)  # [rad]
     metavar="FOLDER|NAME",
     help="A reachability map to show slices of: its folder, or a bundled robot.",
 )
-@click.option(
-    "--velocity-limit",
-    cls=NumberList,
-    metavar="V ..",
-    help="Of the joints, for Track and Go [rad/s], one for all or one for each; those of the file if not given.",
-)
 @click.option("--visuals", is_flag=True, help="Draw the visual meshes of the file, not the shapes that collide.")
 @options.frame
 @options.tool
@@ -82,7 +76,6 @@ def view(
     free_range: tuple[float, float] | None,
     trajectory: Path | None,
     reachability: str | None,
-    velocity_limit: list[float] | None,
     visuals: bool,
     frame: str | None,
     tool: pin.SE3 | None,
@@ -93,8 +86,7 @@ def view(
     """Show the arm and every branch in the browser, with a gizmo to move the target.
 
     Prints the address to open, and serves it to this computer only until Ctrl-C; its token keeps other users of the
-    computer out. --degrees is for --seed, --free-range and
-    --velocity-limit.
+    computer out. --degrees is for --seed and --free-range.
 
     Examples:
       jacokin view
@@ -107,7 +99,6 @@ def view(
     arm = source.load()
     if free_range is not None:
         warn_of_degrees("--free-range", free_range, units)
-    joints = units.for_joints(arm)
     shown = viewer.serve(
         arm,
         frame=frame,
@@ -121,9 +112,8 @@ def view(
         visuals=visuals,
         reachability=None if reachability is None else load_map(reachability),
         trajectory=trajectory,
-        velocity_limit=joints.limits("--velocity-limit", velocity_limit, "rad/s"),
         target=target,
-        seed=joints.seed("--seed", seed),
+        seed=units.for_joints(arm).seed("--seed", seed),
         host=host,
         port=port,
     )
