@@ -37,7 +37,9 @@ DESCRIPTION = 50_000_000  # [byte] of a robot as XML, whose meshes may stand in 
 YAML = 1_000_000  # [byte]: 12,000 shapes of a scene, for which Python's reader of YAML takes 8 s
 TOML = 250_000  # [byte]: a calibration takes 4,000
 TOML_LINE = 1000  # characters: Python's reader takes the square of a dotted key's parts
-TABLE = 500_000_000  # [byte] of rows as CSV or JSON: three hours of a trajectory at 100 Hz
+TABLE = 500_000_000  # [byte] of rows as CSV: three hours of a trajectory at 100 Hz
+HELD = 10_000_000  # rows of a table that is held: a trajectory of a day at 100 Hz has 8,640,000
+MESSAGE = 200_000_000  # [byte] of a trajectory as JSON, which takes twenty times as much: an hour at 100 Hz has 1.5e8
 LINE = 65_536  # characters of a row of a table: some 3000 numbers
 ARRAYS = 2_000_000_000  # [byte] of an archive's arrays: a trajectory of a day at 100 Hz takes 1.2e9
 PIPED = 10_000_000_000  # [byte] that are copied from a pipe: a hundred million targets
@@ -365,6 +367,22 @@ def table_rows(path: Path, lines: Iterable[str], first: int = 1) -> Iterator[tup
         for row in reader:
             length = 0
             yield first + reader.line_num - 1, row
+
+
+def read_rows(path: Path) -> list[tuple[int, list[str]]]:
+    """The rows of a CSV file that are not blank, and the number of the line on which each ends.
+
+    Raises:
+        InvalidInputError: as `open_table` and `table_rows`, or more than `HELD` rows.
+    """
+    found = []
+    with open_table(path) as file:
+        for line, row in table_rows(path, table_lines(path, file)):
+            if row:
+                found.append((line, row))
+            if len(found) > HELD:
+                raise InvalidInputError(f"{path}: has more than {HELD} rows")
+    return found
 
 
 def read_arrays(path: Path, otherwise: str) -> dict[str, NDArray[np.generic]]:

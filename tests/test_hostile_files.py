@@ -277,6 +277,22 @@ def test_rows_without_an_end_are_refused(tmp_path: Path) -> None:
             refused(kind, path)
 
 
+def test_rows_that_are_held_are_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "many.csv"
+    monkeypatch.setattr(files, "HELD", 1000)
+    path.write_text("x,y,z\n" + "1,2,3\n" * 1000)
+    for kind in ("trajectory.csv", "measurements.csv"):
+        assert "has more than 1000 rows" in refused(kind, path)
+    path.write_text("\n" * 100_000 + "a,b\n")
+    assert files.read_rows(path) == [(100_001, ["a", "b"])]
+    assert len(read_targets(_written(tmp_path / "targets.csv", "x,y,z\n" + "0.1,0.2,0.3\n" * 2000)).targets) == 2000
+
+
+def _written(path: Path, text: str) -> Path:
+    path.write_text(text)
+    return path
+
+
 def test_a_pipe_is_read_to_its_end(tmp_path: Path) -> None:
     read_end, write_end = os.pipe()
     with os.fdopen(write_end, "wb") as file:

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
-from jacokin.files import ARRAYS, open_parquet, open_table, read_arrays, table_lines, table_rows
+from jacokin.files import ARRAYS, open_parquet, read_arrays, read_rows
 from jacokin.ik.files.targets import rotations_from_quats, rotations_from_rpys
 from jacokin.model import checks, poses
 
@@ -313,10 +313,9 @@ def _read(path: Path) -> Mapping[str, Array]:
                 for name in table.column_names
                 if str(table.schema.field(name).type) in ("double", "float", "int64", "int32")
             }
-    with open_table(path) as text:
-        table_of_cells = table_rows(path, table_lines(path, text))
-        names = [name.strip() for name in next(table_of_cells, (1, []))[1]]
-        rows = [[*row, *[""] * (len(names) - len(row))] for _, row in table_of_cells if row]
+    table_of_cells = read_rows(path)
+    names = [name.strip() for _, row in table_of_cells[:1] for name in row]
+    rows = [[*row, *[""] * (len(names) - len(row))] for _, row in table_of_cells[1:]]
     twice = [name for number, name in enumerate(names) if name in names[:number]]
     if twice:
         raise InvalidInputError(f"{path}: column {twice[0]!r} is there twice")

@@ -93,10 +93,9 @@ def read_table(file: Path) -> Table:
     Raises:
         InvalidInputError: unreadable, without rows, or a row that is longer or shorter than the head.
     """
-    with files.open_table(file) as stream:
-        rows = list(files.table_rows(file, files.table_lines(file, stream)))
-    notes = {row[0][2:]: row[1:] for _, row in rows if row and row[0].startswith("# ")}
-    numbered = [(line, row) for line, row in rows if row and not row[0].startswith("# ")]
+    rows = files.read_rows(file)
+    notes = {row[0][2:]: row[1:] for _, row in rows if row[0].startswith("# ")}
+    numbered = [(line, row) for line, row in rows if not row[0].startswith("# ")]
     if len(numbered) < 2:
         raise InvalidInputError(f"{file}: {NOT_OURS} (no rows)")
     head = numbered[0][1]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
-from jacokin.files import TABLE, read_json
+from jacokin.files import MESSAGE, read_json
 from jacokin.model import NAMES, checks
 from jacokin.model.robot import Robot
 from jacokin.motion import files
@@ -110,7 +110,7 @@ def _columns(trajectory: Trajectory) -> Columns:
 
 def _read_ros(file: Path, robot: Robot) -> Columns:
     """The fields of a JointTrajectory message of ROS 1 or ROS 2, as JSON."""
-    message = read_json(file, NOT_ROS, TABLE)
+    message = read_json(file, NOT_ROS, MESSAGE)
     try:
         names = [str(name) for name in message["joint_names"]]
         points = message["points"]
