@@ -1,7 +1,8 @@
 """Files: read whole or as streams, within bounds; written in one step, and only when they are complete.
 
 Every file that a user names is opened by `open_bytes` or read by one of `read_bytes`, `read_text`, `read_json`,
-`read_yaml`, `read_toml`, `read_arrays`, and rows of CSV come from `table_rows`. Whatever a file holds, they return or
+`read_yaml`, `read_toml`, `read_rows` and `read_arrays`; larger ones come from `open_table` and `table_rows`, from
+`open_archive` and `open_parquet`, piece by piece. Whatever a file holds, they return or
 raise InvalidInputError: what is endless, too large, damaged or made to exhaust time and memory is refused.
 """
 
@@ -51,7 +52,7 @@ MEMBERS = 1000  # arrays of an archive; each is an open file
 DIRECTORY = 16_000_000  # [byte] read from an archive at once: its list of members, or a part of one
 ARRAY_HEADER = 10_000  # [byte], NumPy's own bound
 DEFLATION = 1100  # byte that one compressed byte can stand for: 1032 by the format, and a margin
-TEXT_KINDS, ARRAY_KINDS = "U", "biufcSU"  # of NumPy's types
+ARRAY_KINDS, TEXT_KIND = "biufcSU", "U"  # of NumPy's types: those that are read, and texts among them
 ROWS = 10_000_000_000  # of a Parquet file, which can say a number often in little space
 PIECE = 1_000_000  # [byte] read at once
 PATIENCE, WAIT = 10.0, 0.05  # [s] that a named pipe may be without a writer, and between two looks
@@ -165,18 +166,18 @@ def is_pipe(path: Path) -> bool:
     Raises:
         InvalidInputError: it is another device, such as /dev/zero, which has no end.
     """
-    if not is_device(path):
-        return False
     try:
         mode = path.stat().st_mode
+        if stat.S_ISREG(mode) or stat.S_ISDIR(mode):
+            return False
+        if stat.S_ISFIFO(mode):
+            return True
         if stat.S_ISCHR(mode):
             with path.open("rb") as device:
                 if device.isatty():
                     return True
-        elif stat.S_ISFIFO(mode):
-            return True
-    except OSError as error:
-        raise _unreadable(path, error) from error
+    except (OSError, ValueError):  # `open_bytes` says why
+        return False
     raise InvalidInputError(f"{path}: is a device: give a file or a pipe")
 
 
@@ -520,7 +521,7 @@ def _array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> NDArray[np.gene
             raise ValueError(f"{member.filename} holds more than its array")
     if not content:
         return np.zeros(shape, dtype)
-    if dtype.kind == TEXT_KINDS:
+    if dtype.kind == TEXT_KIND:
         codes = np.frombuffer(content, np.dtype("u4").newbyteorder(dtype.byteorder))
         if ((codes > 0x10FFFF) | ((codes >= 0xD800) & (codes < 0xE000))).any():
             raise ValueError(f"{member.filename} holds texts that are not Unicode")

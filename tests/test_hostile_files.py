@@ -67,6 +67,22 @@ def test_what_has_no_end_is_refused(kind: str, tmp_path: Path, monkeypatch: pyte
 
 
 @pytest.mark.parametrize("kind", KINDS)
+def test_names_that_no_file_has_are_refused(kind: str, tmp_path: Path) -> None:
+    ending = kind.partition(".")[2]
+    loop = tmp_path / f"loop.{ending}"
+    loop.symlink_to(loop)
+    for path in (
+        tmp_path / f"none.{ending}",
+        tmp_path / f"{'long' * 100}.{ending}",
+        tmp_path / "a" / f"b.{ending}",
+        loop,
+    ):
+        assert "cannot be read" in refused(kind, path)
+    with pytest.raises((InvalidInputError, ModelError), match="null|NUL|cannot"):
+        KINDS[kind](Path(f"a\0b.{ending}"))
+
+
+@pytest.mark.parametrize("kind", KINDS)
 def test_what_is_huge_is_refused(kind: str, tmp_path: Path) -> None:
     path = tmp_path / f"sparse.{kind.partition('.')[2]}"
     with path.open("wb") as file:
