@@ -100,7 +100,7 @@ def test_a_click_shows_the_ellipsoid(viewer: Viewer, tab: Tab, inspector: Inspec
         red, green, blue, seen = image(viewer)[row, column].astype(int)
         return bool(seen and blue > red > green)
 
-    with hidden(viewer, "/grid", "/target", "/start", "/scene/0", *parts(viewer)):
+    with hidden(viewer, "/grid", "/target", "/start", "/path", "/scene/0", *parts(viewer)):
         assert until(violet)
         assert until(lambda: 0 < picture(viewer).sum() < 0.5 * WIDTH * HEIGHT)
     tab.click("Manipulability")
@@ -135,7 +135,7 @@ def test_cells_of_the_map_are_drawn_where_they_are(viewer: Viewer, tab: Tab) -> 
         covered = picture(viewer)[at[seen][:, 1], at[seen][:, 0]]
         return bool((covered == (fraction[seen] > 0.0)).mean() > 0.97)
 
-    with hidden(viewer, "/grid", "/target", "/start", "/scene/0", *parts(viewer)):
+    with hidden(viewer, "/grid", "/target", "/start", "/path", "/scene/0", *parts(viewer)):
         assert until(drawn)
         inside = seen & (fraction > 0.0)
         colours = image(viewer)[at[inside][:, 1], at[inside][:, 0], :3].astype(int)
