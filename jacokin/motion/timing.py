@@ -23,8 +23,7 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.kernels.library import Call
 from jacokin.kernels.speeds import SpeedWork, fit_speeds, make_speed_work
-from jacokin.model import checks
-from jacokin.model.robot import Robot
+from jacokin.model.robot import Robot, effort_limits
 
 WHOLE_TICK = 1e-9  # a duration this near to whole ticks is whole; division rounds
 MAX_TICKS = 10_000_000  # more than a day at 100 Hz: a speed or a step was mistyped
@@ -315,11 +314,14 @@ def torque_limits(robot: Robot, limit: ArrayLike | bool | None) -> Array | None:
     """Checked limits (dof,) [N m]: those given, the robot's own for True, or none.
 
     Raises:
-        InvalidInputError: neither one number nor one for each joint, or one that is not positive.
+        InvalidInputError: neither one number nor one for each joint, one that is not positive, or True where the file
+            gives no efforts.
+        ModelError: the description gives no masses.
     """
     if limit is None or limit is False:
         return None
-    return robot.effort_limit if limit is True else checks.positive_vector("torque_limit", limit, robot.dof, "N m")
+    robot.check_masses()
+    return effort_limits(robot, limit)
 
 
 def slow_down(robot: Robot, law: TimeLaw, limit: Array) -> TimeLaw | TooHeavy:

@@ -236,15 +236,25 @@ def test_arms_without_masses_say_so(tmp_path: Path) -> None:
     path.write_text(ur5_text())
     arm = jacokin.load_robot(path)
     q = [0.1] * 6
-    np.testing.assert_array_equal(arm.gravity(q), 0.0)
-    np.testing.assert_array_equal(arm.gravity(q, base=BASE), 0.0)
-    with pytest.raises(ModelError, match="no masses"):
-        arm.forward_dynamics(q, q, q)
     with pytest.raises(ModelError, match="no masses"):
         arm.centre_of_mass(q)
-    with pytest.raises(ModelError, match="no masses"):
-        arm.operational_space_inertia(q)
     loaded = arm.with_payload(2.0, [0.1, 0.0, 0.0])
+    for weightless in (arm, loaded, pickle.loads(pickle.dumps(loaded))):
+        for refused in (
+            lambda robot: robot.gravity(q),
+            lambda robot: robot.gravity(q, base=BASE),
+            lambda robot: robot.mass_matrix(q),
+            lambda robot: robot.coriolis(q, q),
+            lambda robot: robot.inverse_dynamics(q, q, q),
+            lambda robot: robot.forward_dynamics(q, q, q),
+            lambda robot: robot.operational_space_inertia(q),
+            lambda robot: robot.external_wrench(q, q, q, q),
+            lambda robot: jacokin.motion.move_joints(robot, q, [0.2] * 6, torque_limit=5.0),
+        ):
+            with pytest.raises(ModelError, match="no masses"):
+                refused(weightless)
+    weighed = arm.with_bodies([[1.0, 0.0, 0.0, 0.1, 0.1, 0.0, 0.1, 0.0, 0.0, 0.1]] * 6)
+    assert np.abs(weighed.gravity(q)).max() > 0.1
     np.testing.assert_allclose(
         loaded.centre_of_mass(q), loaded.forward_kinematics(q).act(np.array([0.1, 0.0, 0.0])), atol=1e-12
     )

@@ -100,7 +100,7 @@ MISTAKES = {
         robot_text('<limit upper="1" effort="1" velocity="1"/>', "revolute"),
         "joint 'j': a <limit> has no lower",
     ),
-    "no effort": (robot_text('<limit lower="0" upper="1"/>', "revolute"), "joint 'j': a <limit> has no effort"),
+    "no upper": (robot_text('<limit lower="0"/>', "revolute"), "joint 'j': a <limit> has no upper"),
     "no limit": (robot_text("", "prismatic"), "joint 'j': a prismatic joint needs <limit>"),
     "no name": (robot_text().replace('robot name="r"', "robot"), "a <robot> has no name"),
     "huge": (robot_text('<origin xyz="1e999 0 0"/>'), "joint 'j': <origin> xyz=\"1e999 0 0\" is not finite"),
