@@ -18,6 +18,7 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, ModelError, UnknownNameError
 from jacokin.model import urdf_folder
 from jacokin.model.poses import quaternion
+from jacokin.motion import move_joints
 from tests.robot_files import ur5_text
 
 NAMES = ("j2n6s300", "j2n6s200", "j2s6s300", "m1n6s300", "j2s7s300", "j2s7s200")
@@ -240,19 +241,20 @@ def test_arms_without_masses_say_so(tmp_path: Path) -> None:
         arm.centre_of_mass(q)
     loaded = arm.with_payload(2.0, [0.1, 0.0, 0.0])
     for weightless in (arm, loaded, pickle.loads(pickle.dumps(loaded))):
-        for refused in (
-            lambda robot: robot.gravity(q),
-            lambda robot: robot.gravity(q, base=BASE),
-            lambda robot: robot.mass_matrix(q),
-            lambda robot: robot.coriolis(q, q),
-            lambda robot: robot.inverse_dynamics(q, q, q),
-            lambda robot: robot.forward_dynamics(q, q, q),
-            lambda robot: robot.operational_space_inertia(q),
-            lambda robot: robot.external_wrench(q, q, q, q),
-            lambda robot: jacokin.motion.move_joints(robot, q, [0.2] * 6, torque_limit=5.0),
-        ):
+        asked: tuple[Callable[[], object], ...] = (
+            functools.partial(weightless.gravity, q),
+            functools.partial(weightless.gravity, q, base=BASE),
+            functools.partial(weightless.mass_matrix, q),
+            functools.partial(weightless.coriolis, q, q),
+            functools.partial(weightless.inverse_dynamics, q, q, q),
+            functools.partial(weightless.forward_dynamics, q, q, q),
+            functools.partial(weightless.operational_space_inertia, q),
+            functools.partial(weightless.external_wrench, q, q, q, q),
+            functools.partial(move_joints, weightless, q, [0.2] * 6, torque_limit=5.0),
+        )
+        for ask in asked:
             with pytest.raises(ModelError, match="no masses"):
-                refused(weightless)
+                ask()
     weighed = arm.with_bodies([[1.0, 0.0, 0.0, 0.1, 0.1, 0.0, 0.1, 0.0, 0.0, 0.1]] * 6)
     assert np.abs(weighed.gravity(q)).max() > 0.1
     np.testing.assert_allclose(

@@ -34,9 +34,10 @@ _VERTEX = re.compile(rb"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)", re.IGNORECASE)
 
 Z_UP = "Z_UP"
 
+FARTHEST = 1e9  # [m] of a vertex; squares of larger numbers leave no digits for a hull
 THIN = 1e-5  # [m] half the thickness that a flat mesh gets: a hull needs a volume
 MANY_CORNERS = 2000  # of a hull; finer ones are thinned out
-COARSENING = 2e-5  # [m] that a hull of fewer corners is inside the full one, at most
+COARSENING = 5e-5  # [m] that a hull of fewer corners is inside the full one, at most
 
 
 class Mesh(NamedTuple):
@@ -99,9 +100,9 @@ def _candidates(
 def read_mesh_file(file: Path, description: Path) -> Mesh:
     """The triangles of a mesh file.
 
-    Lengths are metres: a COLLADA file says its unit, which is followed, and other formats are taken to be in metres. Axes
-    are those of the file, also where a COLLADA file says that another axis than z points up: robots are described for
-    viewers and planners that take them so, and their makers' exporters write Y_UP whatever the axes are.
+    Lengths are metres: a COLLADA file says its unit, which is followed, and other formats are taken to be in metres.
+    Axes are those of the file, also where a COLLADA file says that another one than z points up: robots are described
+    for viewers and planners that take them so, and exporters write Y_UP whatever the axes are.
 
     Args:
         file: one of `FORMATS`.
@@ -215,7 +216,7 @@ def _collada_asset(content: bytes) -> tuple[float, str]:
 def hull_of(vertices: Array) -> Mesh | None:
     """The convex hull of some points (n, 3) [m]; None where they are one point.
 
-    Points in a plane or on a line get a thickness of 0.02 mm. A hull of thousands of corners is thinned out, by 0.02 mm
+    Points in a plane or on a line get a thickness of 0.02 mm. A hull of thousands of corners is thinned out, by 0.05 mm
     at most.
 
     Raises:
@@ -223,6 +224,8 @@ def hull_of(vertices: Array) -> Mesh | None:
     """
     from scipy.spatial import ConvexHull, QhullError  # only meshes need it
 
+    if not np.abs(vertices).max() <= FARTHEST:
+        raise ValueError(f"its vertices are not finite, or beyond {FARTHEST:g} m")
     points = np.unique(vertices, axis=0) if len(vertices) < MANY_CORNERS else vertices
     centred = points - points.mean(axis=0)
     axes = np.linalg.eigh(centred.T @ centred)[1].T
