@@ -714,7 +714,7 @@ def velocity_limits(robot: Robot, value: ArrayLike | None) -> Array:
     """
     if value is not None:
         return checks.positive_vector("velocity_limit", value, robot.dof, "rad/s")
-    return _own_limits(robot, robot.velocity_limit, "velocity", "velocity_limit= [rad/s], here or to load_robot")
+    return _own_limits(robot, robot.velocity_limit, "velocity", "velocity_limit= [rad/s]")
 
 
 def effort_limits(robot: Robot, value: ArrayLike | bool) -> Array:
