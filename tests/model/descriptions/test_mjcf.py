@@ -248,7 +248,7 @@ def test_motors_that_are_too_weak_pass_no_motion(tmp_path: Path) -> None:
     robot = jacokin.load_robot(two_joints(tmp_path, actuators=weak), velocity_limit=1.0)
     motion = move_joints(robot, [0.0, 0.0], [0.5, 0.5], torque_limit=True)
     assert not motion.success
-    assert "torque" in motion.message
+    assert "a needs -46.23 N m on the way" in motion.message
     robot = jacokin.load_robot(two_joints(tmp_path), velocity_limit=1.0)
     with pytest.raises(InvalidInputError, match=r"arm.xml\) gives no effort limits for a, b; pass torque_limit="):
         move_joints(robot, [0.0, 0.0], [0.5, 0.5], torque_limit=True)
