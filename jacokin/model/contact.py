@@ -81,7 +81,7 @@ class Contact:
         Raises:
             InvalidInputError: `robot` is not a Robot, or the scene does not fit it (`surround`).
             UnknownNameError: the scene speaks of a link that is not there.
-            ModelError: the description's shapes cannot be loaded.
+            ShapeError: the description's shapes cannot be loaded.
         """
         self._robot = checked_robot("robot", robot)
         self._clearance = clearance
@@ -390,17 +390,18 @@ class SelfContact(Contact):
 
         Raises:
             InvalidInputError: `robot` is not a Robot.
-            ModelError: the description's shapes cannot be loaded.
+            ShapeError: the description's shapes cannot be loaded.
         """
         super().__init__(robot)
 
     @classmethod
     def of(cls, robot: Robot) -> SelfContact | None:
-        """A checker, or None when the description has no shapes to check."""
-        try:
-            checker = cls(robot)
-        except ModelError:
-            return None
+        """A checker, or None when the description has no shapes to check.
+
+        Raises:
+            ShapeError: the description's shapes cannot be loaded.
+        """
+        checker = cls(robot)
         return checker if checker.pairs else None
 
 

@@ -270,7 +270,11 @@ def find_home(robot: Robot) -> Home:
     """
     from jacokin.model.contact import SelfContact  # which needs Robot
 
-    checker = SelfContact.of(robot)
+    unchecked = "without shapes to check for contact"
+    try:
+        checker = SelfContact.of(robot)
+    except ShapeError:
+        checker, unchecked = None, "contact was not checked, as the shapes cannot be loaded"
     best, fewest, singular = Home(middle(robot), "the middle of the limits"), np.inf, True
     for candidate in _candidates(robot):
         if not robot.within_limits(candidate.q):
@@ -281,7 +285,7 @@ def find_home(robot: Robot) -> Home:
         if (fewest, singular) == (0, False):
             break
     if checker is None:
-        return Home(best.q, f"{best.source}; without shapes to check for contact")
+        return Home(best.q, f"{best.source}; {unchecked}")
     return Home(best.q, best.source if fewest == 0 else f"{best.source}; {fewest} pairs of shapes touch")
 
 

@@ -259,7 +259,7 @@ class Scene:
 
         Raises:
             InvalidInputError: an obstacle has the name of a shape of the arm, or no finger can take the angle.
-            ModelError: the description's shapes cannot be loaded.
+            ShapeError: the description's shapes cannot be loaded.
         """
         if robot not in self._contacts:
             self._contacts[robot] = Contact(robot, self.surroundings)

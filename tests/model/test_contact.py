@@ -15,6 +15,7 @@ import pytest
 import jacokin
 from jacokin import Robot, pose
 from jacokin.arrays import Array
+from jacokin.errors import ShapeError
 from jacokin.model import Scene, SelfContact
 from jacokin.model.contact import Contact, overlapping
 from jacokin.model.descriptions import mjcf
@@ -290,3 +291,28 @@ def test_the_shapes_of_a_robot_are_read_once(tmp_path: Path, monkeypatch: pytest
         jacokin.IKSolver(robot, collision="reject")
         robot.clearance(robot.home, Scene([Box("wall", [0.1, 0.1, 0.1], [5.0, 0.0, 0.0])]))
     assert len(read) == 1
+
+
+def test_nothing_is_planned_without_looking_where_shapes_cannot_be_loaded(tmp_path: Path) -> None:
+    from jacokin.calibration import plan_measurements
+    from jacokin.reachability import Grid, build
+
+    path = tmp_path / "arm.urdf"
+    path.write_text(ur5_text('<collision><geometry><mesh filename="package://arm/a.stl"/></geometry></collision>'))
+    robot = jacokin.load_robot(path)
+    assert "contact was not checked" in robot.home_source
+    solver = jacokin.IKSolver(robot)
+    T = robot.forward_kinematics([0.1, -1.0, 1.2, 0.3, 0.5, 0.2])
+    up = T.copy()
+    up.translation[2] += 0.02
+    grid = Grid([-0.1] * 3, [0.1] * 3, 0.1)
+    asked: tuple[Callable[[], object], ...] = (
+        lambda: jacokin.plan_path(solver, [T, up], dt=0.05),
+        lambda: build(robot, grid=grid, orientations=2, folder=tmp_path / "map"),
+        lambda: plan_measurements(robot, n=10),
+    )
+    for ask in asked:
+        with pytest.raises(ShapeError, match=r"'package://arm/a.stl' is not found.* with package_dirs="):
+            ask()
+    unchecked = jacokin.IKSolver(robot, collision="ignore")
+    assert jacokin.plan_path(unchecked, [T, up], dt=0.05).success
