@@ -40,7 +40,7 @@ def load_robot(
 
     Args:
         robot: a bundled name (`jacokin.model.NAMES`), or the path of a .urdf or .xml (MJCF) file. Load only files that
-            you trust, or in a sandbox: what an MJCF makes MuJoCo do is not bounded.
+            you trust, or in a sandbox: not all that an MJCF makes MuJoCo do is bounded.
         base: frame in which poses are expressed. None: the root link of a URDF, the world of an MJCF.
         tip: frame at the end of the arm, and its default frame. None: the arm ends where the tree branches (into
             fingers), and its default frame is the end effector there.
