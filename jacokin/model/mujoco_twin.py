@@ -357,6 +357,9 @@ def _compile(tree: ET.Element, assets: dict[str, bytes], source: Source) -> mujo
     for element in list(tree):
         if element.tag not in urdf.KINEMATIC_TAGS:
             tree.remove(element)
+        for limit in element.findall("limit"):
+            if limit.get("lower") == limit.get("upper"):  # MuJoCo takes it for none, and would warn on stderr
+                element.remove(limit)
     try:
         spec = mujoco.MjSpec.from_string(ET.tostring(tree, encoding="unicode"), assets=assets)
         spec.compiler.fusestatic = False

@@ -36,8 +36,8 @@ Z_UP = "Z_UP"
 
 FARTHEST = 1e9  # [m] of a vertex; squares of larger numbers leave no digits for a hull
 THIN = 1e-5  # [m] half the thickness that a flat mesh gets: a hull needs a volume
-MANY_CORNERS = 2000  # of a hull; finer ones are thinned out
-COARSENING = 5e-5  # [m] that a hull of fewer corners is inside the full one, at most
+MANY_POINTS = 5000  # of a mesh; the hull of finer ones is found with fewer corners
+COARSENING = 5e-5  # [m] that such a hull is inside the full one, at most
 
 
 class Mesh(NamedTuple):
@@ -148,12 +148,15 @@ def _content(file: Path, where: str) -> bytes:
 def _read_stl(content: bytes) -> Mesh:
     """A binary file, whatever its header begins with, or one of text with any number of solids."""
     count = int.from_bytes(content[STL_HEADER - 4 : STL_HEADER], "little")
-    text = content.lstrip()[:5].lower() == b"solid"
-    if len(content) == STL_HEADER + STL_FACE * count or not text:
+    size = STL_HEADER + STL_FACE * count
+    corners = np.empty((0, 3))
+    if len(content) != size and content.lstrip()[:5].lower() == b"solid":
+        corners = np.array(_VERTEX.findall(content), dtype=np.float64).reshape(-1, 3)
+        if not len(corners) and len(content) < size:
+            count = 0
+    if not len(corners) and count:
         rows = np.frombuffer(content, STL_CORNERS, count, STL_HEADER)
         corners = rows["corners"].reshape(-1, 3).astype(np.float64)
-    else:
-        corners = np.array(_VERTEX.findall(content), dtype=np.float64).reshape(-1, 3)
     return Mesh(corners, np.arange(len(corners)).reshape(-1, 3))
 
 
@@ -216,8 +219,8 @@ def _collada_asset(content: bytes) -> tuple[float, str]:
 def hull_of(vertices: Array) -> Mesh | None:
     """The convex hull of some points (n, 3) [m]; None where they are one point.
 
-    Points in a plane or on a line get a thickness of 0.02 mm. A hull of thousands of corners is thinned out, by 0.05 mm
-    at most.
+    Points in a plane or on a line get a thickness of 0.02 mm. That of many points leaves out what is outside by less
+    than 0.05 mm.
 
     Raises:
         ValueError: the coordinates are too large or too different for a hull to be found.
@@ -226,7 +229,7 @@ def hull_of(vertices: Array) -> Mesh | None:
 
     if not np.abs(vertices).max() <= FARTHEST:
         raise ValueError(f"its vertices are not finite, or beyond {FARTHEST:g} m")
-    points = np.unique(vertices, axis=0) if len(vertices) < MANY_CORNERS else vertices
+    points = np.unique(vertices, axis=0) if len(vertices) < MANY_POINTS else vertices
     centred = points - points.mean(axis=0)
     axes = np.linalg.eigh(centred.T @ centred)[1].T
     extents = np.ptp(centred @ axes.T, axis=0)
@@ -235,9 +238,7 @@ def hull_of(vertices: Array) -> Mesh | None:
     for axis in axes[extents < THIN]:
         points = np.concatenate([points - THIN * axis, points + THIN * axis])
     try:
-        hull = ConvexHull(points)
-        if len(hull.vertices) > MANY_CORNERS:
-            hull = ConvexHull(points[hull.vertices], qhull_options=f"Qt W{COARSENING}")
+        hull = ConvexHull(points, qhull_options=f"Qt W{COARSENING}" if len(points) > MANY_POINTS else "Qt")
     except QhullError as error:
         raise ValueError(f"it has no convex hull: {str(error).splitlines()[0]}") from error
     used, numbers = np.unique(hull.simplices, return_inverse=True)

@@ -17,7 +17,7 @@ import pinocchio as pin
 from jacokin.arrays import Array
 from jacokin.errors import ShapeError, shown
 from jacokin.model.descriptions import bundled
-from jacokin.model.descriptions.meshes import THIN, Z_UP, Mesh, find_mesh, hull_of, read_mesh_file, stl_bytes
+from jacokin.model.descriptions.meshes import FARTHEST, THIN, Z_UP, Mesh, find_mesh, hull_of, read_mesh_file, stl_bytes
 
 NO_VERTICES = np.empty((0, 3))
 #: What shapes can be, simple ones first; the names are MJCF's.
@@ -104,12 +104,12 @@ def _shape(geom: ET.Element, frame: pin.Frame) -> Shape:
     return Shape(geom.attrib["name"], geom.attrib["type"], size, frame.parentJoint, frame.placement * placement)
 
 
-# The numbers of the simple shapes of a URDF that must be larger than zero for it to have a volume.
+# The numbers of the simple shapes of a URDF that must be larger than zero for them to have a volume.
 SIZES: Mapping[str, Sequence[str]] = {
     "box": ("size",),
     "sphere": ("radius",),
     "cylinder": ("radius", "length"),
-    "capsule": ("radius",),
+    "capsule": ("radius", "length"),
 }
 LEFT_OUT = "has no size and is left out of contact"
 
@@ -148,15 +148,18 @@ def prepare_shapes(robot: ET.Element, path: Path, package_dirs: Sequence[Path]) 
             if name in names:
                 collision.attrib.pop("name", None)
             names.add(name)
-            geometry = collision.find("geometry")
-            shape = None if geometry is None else next(iter(geometry), None)
-            if shape is None or (shape.tag != "mesh" and shape.tag not in SIZES):
+            shape = next(iter(collision.findall("geometry/*")), None)
+            if shape is not None and shape.tag != "mesh" and shape.tag not in SIZES:
                 kinds = ", ".join((*SIZES, "mesh"))
-                raise ShapeError(f"{path}: {where} is none of {kinds}")
+                raise ShapeError(f"{path}: {where} is a <{shape.tag}>, none of {kinds}")
             try:
-                has_size = hulls.replace(shape, notes) if shape.tag == "mesh" else _has_size(shape)
+                has_size = shape is not None and (
+                    hulls.replace(shape, notes) if shape.tag == "mesh" else _has_size(shape)
+                )
+            except ShapeError:
+                raise
             except ValueError as error:
-                raise error if isinstance(error, ShapeError) else ShapeError(f"{path}: {where}: {error}") from error
+                raise ShapeError(f"{path}: {where}: {error}") from error
             if not has_size:
                 link.remove(collision)
                 notes.append(f"{where} {LEFT_OUT}")
@@ -167,13 +170,14 @@ def _has_size(shape: ET.Element) -> bool:
     """Whether a simple shape is more than a point; where it is flat it gets a thickness.
 
     Raises:
-        ValueError: a size is negative.
+        ValueError: a size is negative, or too large.
     """
     found = False
     for attribute in SIZES[shape.tag]:
         numbers = np.array(shape.get(attribute, "").split(), dtype=np.float64)
-        if (numbers < 0.0).any():
-            raise ValueError(f"{attribute} {shape.get(attribute)} is negative")
+        if (numbers < 0.0).any() or (numbers > FARTHEST).any():
+            problem = "negative" if (numbers < 0.0).any() else f"beyond {FARTHEST:g} m"
+            raise ValueError(f"{attribute} {shape.get(attribute)} is {problem}")
         found |= bool((numbers > THIN).any())
         shape.set(attribute, " ".join(map(repr, np.maximum(numbers, 2.0 * THIN).tolist())))
     return found

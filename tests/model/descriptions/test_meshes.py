@@ -152,6 +152,7 @@ WAYS: dict[str, tuple[str, Callable[[Path], object], str]] = {
     "text in capitals": ("A.STL", lambda file: file.write_text(ascii_stl(body()).upper()), ""),
     "two solids": ("a.stl", lambda file: file.write_text(half_text(-1) + half_text(1)), ""),
     "trailing bytes": ("a.stl", lambda file: file.write_bytes(binary_stl(body()) + b"\0\0"), ""),
+    "solid and trailing bytes": ("a.stl", lambda file: file.write_bytes(binary_stl(body(), b"solid") + b"\n\n"), ""),
     "groups": ("a.obj", lambda file: file.write_text(obj_text()), ""),
     "ply": ("a.ply", lambda file: body().export(file), ""),
     "off": ("a.off", lambda file: body().export(file), ""),
@@ -247,6 +248,8 @@ def test_a_flat_mesh_is_a_thin_shape(tmp_path: Path, case: str, suffix: str) -> 
         '<box size="0 0 0"/>',
         '<sphere radius="0"/>',
         '<cylinder radius="0" length="0"/>',
+        '<capsule radius="0" length="0"/>',
+        "",
         '<mesh filename="part.stl" scale="0 0 0"/>',
         '<mesh filename="point.obj"/>',
     ],
@@ -270,6 +273,8 @@ def test_a_shape_without_a_size_is_left_out_alone_and_said(tmp_path: Path, geome
         ('<box size="0.1 0.06 0"/>', 0.23),
         ('<cylinder radius="0" length="0.1"/>', 0.28),
         ('<cylinder radius="0.05" length="0"/>', 0.23),
+        ('<capsule radius="0.05" length="0"/>', 0.23),
+        ('<capsule radius="0" length="0.1"/>', 0.28),
     ],
 )
 def test_a_flat_simple_shape_is_thin(tmp_path: Path, geometry: str, near: float) -> None:
