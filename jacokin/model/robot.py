@@ -413,8 +413,8 @@ class Robot:
         """
         if not self._has_masses:
             raise ModelError(
-                f"{self.name}: the description gives no masses that a joint moves, so no torque is known; "
-                "robot.with_bodies takes them"
+                f"the description of {self.name} ({self.source.path}) gives no masses that a joint moves, so no torque "
+                "is known; robot.with_bodies takes masses"
             )
 
     def centre_of_mass(self, q: ArrayLike) -> Array:
