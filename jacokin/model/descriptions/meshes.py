@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import io
 import itertools
+import json
 import os
 import re
 import xml.etree.ElementTree as ET
@@ -25,10 +26,12 @@ from jacokin.errors import ShapeError, shown
 PACKAGE_SCHEMES = ("package", "model")
 SEARCH_PATH = "ROS_PACKAGE_PATH"
 FORMATS = (".stl", ".obj", ".dae", ".ply", ".off", ".glb", ".gltf")
-LARGEST = 200_000_000  # [byte] of a file
+LARGEST = 100_000_000  # [byte] of a file
+MOST_VERTICES = 3_000_000  # of a file that says how many it has, or lists them as text: 0.5 GB
 PACKED = (b"\x1f\x8b", b"BZh", b"\xfd7zXZ\x00", b"\x28\xb5\x2f\xfd")  # how gzip, bzip2, xz and zstandard begin
 
 STL_HEADER, STL_FACE = 84, 50  # [byte] of a binary file
+GLB_HEADER = 20  # [byte] before the description; the last eight say how long it is, and that it is one
 STL_CORNERS = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _VERTEX = re.compile(rb"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)", re.IGNORECASE)
 
@@ -124,6 +127,8 @@ def read_mesh_file(file: Path, description: Path) -> Mesh:
         raise ShapeError(f"{where} cannot be read: {shown(error)}") from error
     if not len(mesh.faces):
         raise ShapeError(f"{where} holds no triangles")
+    if mesh.faces.min() < 0 or mesh.faces.max() >= len(mesh.vertices):
+        raise ShapeError(f"{where} holds triangles of vertices that it has not")
     if not np.isfinite(mesh.vertices).all():
         raise ShapeError(f"{where} holds vertices that are not finite")
     return mesh
@@ -134,14 +139,29 @@ def _content(file: Path, where: str) -> bytes:
     if file.suffix.lower() not in FORMATS:
         raise ShapeError(f"{where} is of an unknown format; valid: {', '.join(FORMATS)}")
     try:
-        with file.open("rb") as opened:
-            content = opened.read(LARGEST + 1)
+        content = _bounded(file)
     except OSError as error:
         raise ShapeError(f"{where} cannot be read: {error.strerror or error}") from error
-    if len(content) > LARGEST:
-        raise ShapeError(f"{where} is larger than {LARGEST // 1_000_000} MB")
+    except ValueError as error:
+        raise ShapeError(f"{where}: {error}") from error
     if content.startswith(PACKED) or zipfile.is_zipfile(io.BytesIO(content)):
         raise ShapeError(f"{where} is packed (gzip, zip or the like): unpack it")
+    return content
+
+
+def _bounded(file: Path) -> bytes:
+    """The bytes of a regular file.
+
+    Raises:
+        OSError: it cannot be read.
+        ValueError: it is not a regular file, or too large.
+    """
+    if not file.is_file():
+        raise ValueError(f"{file.name} is not a regular file")
+    with file.open("rb") as opened:
+        content = opened.read(LARGEST + 1)
+    if len(content) > LARGEST:
+        raise ValueError(f"{file.name} is larger than {LARGEST // 1_000_000} MB")
     return content
 
 
@@ -164,12 +184,14 @@ def _read_obj(content: bytes) -> Mesh:
     """All faces of all groups and objects; polygons are cut into triangles."""
     vertices: list[list[float]] = []
     faces: list[tuple[int, int, int]] = []
-    for line in content.replace(b"\\\n", b" ").replace(b"\\\r\n", b" ").splitlines():
+    for line in io.BytesIO(content.replace(b"\\\n", b" ").replace(b"\\\r\n", b" ")):
         words = line.split()
         if not words:
             continue
         if words[0] == b"v":
             vertices.append([float(word) for word in words[1:4]])
+            if len(vertices) > MOST_VERTICES:
+                raise ValueError(f"more than {MOST_VERTICES} vertices")
         elif words[0] == b"f":
             given = [int(word.split(b"/")[0]) for word in words[1:]]
             corners = [number - 1 if number > 0 else len(vertices) + number for number in given]  # -1 is the last one
@@ -188,9 +210,8 @@ def _read_other(content: bytes, file: Path) -> Mesh:
 
     suffix = file.suffix.lower()
     unit, up = _collada_asset(content) if suffix == ".dae" else (1.0, Z_UP)
-    whole = trimesh.load_mesh(
-        io.BytesIO(content), file_type=suffix[1:], resolver=trimesh.resolvers.FilePathResolver(str(file)), process=False
-    )
+    beside = _gltf_buffers(content, file.parent) if suffix in (".glb", ".gltf") else {}
+    whole = trimesh.load_mesh(io.BytesIO(content), file_type=suffix[1:], resolver=beside, process=False)
     vertices = unit * np.asarray(whole.vertices, dtype=np.float64)
     faces = np.asarray(whole.faces, dtype=np.int64)
     return Mesh(vertices, faces, up)
@@ -214,6 +235,23 @@ def _collada_asset(content: bytes) -> tuple[float, str]:
     if not 0.0 < unit < np.inf:
         raise ValueError(f"its unit is {unit} m")
     return unit, up
+
+
+def _gltf_buffers(content: bytes, folder: Path) -> dict[str, bytes]:
+    """The files beside a glTF file that hold its numbers, by name.
+
+    Raises:
+        ValueError: not glTF, or more vertices than are read.
+    """
+    text = content
+    if content.startswith(b"glTF"):
+        text = content[GLB_HEADER : GLB_HEADER + int.from_bytes(content[GLB_HEADER - 8 : GLB_HEADER - 4], "little")]
+    described = json.loads(text)
+    for accessor in described.get("accessors", []):
+        if accessor["count"] > 3 * MOST_VERTICES:
+            raise ValueError(f"more than {3 * MOST_VERTICES} numbers of a kind")
+    names = [buffer.get("uri", "data:") for buffer in described.get("buffers", [])]
+    return {name: _bounded(folder / unquote(name)) for name in names if not name.startswith("data:")}
 
 
 def hull_of(vertices: Array) -> Mesh | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import os
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -309,6 +310,9 @@ REFUSED = {
     "far vertex": ("far.obj", "cannot be read"),
     "far away": ("away.obj", "beyond 1e+09 m"),
     "not finite": ("nan.obj", "not finite"),
+    "no vertex": ("index.ply", "triangles of vertices that it has not"),
+    "giant": ("giant.gltf", "more than 9000000 numbers of a kind"),
+    "pipe beside": ("pipe.gltf", "pipe is not a regular file"),
     "no unit": ("unit.dae", "its unit is 0.0 m"),
 }
 
@@ -325,6 +329,11 @@ def test_what_is_no_mesh_is_refused_by_name_wherever_contact_is_asked_for(tmp_pa
     (tmp_path / "far.obj").write_text("v 0 0 0\nf 1 2 3")
     (tmp_path / "away.obj").write_text("v 0 0 0\nv 1e200 0 0\nv 0 1 0\nf 1 2 3")
     (tmp_path / "nan.obj").write_text("v 0 0 0\nv nan 0 0\nv 0 1 0\nf 1 2 3")
+    flat = body().export(file_type="ply", encoding="ascii").decode()
+    (tmp_path / "index.ply").write_text(flat[: flat.rindex("3 ")] + "3 1 2 99\n")
+    (tmp_path / "giant.gltf").write_text('{"accessors": [{"count": 2000000000}]}')
+    (tmp_path / "pipe.gltf").write_text('{"buffers": [{"byteLength": 9, "uri": "pipe"}]}')
+    os.mkfifo(tmp_path / "pipe")
     (tmp_path / "unit.dae").write_text(dae_text(body(), 1.0).replace('meter="1.0"', 'meter="0"'))
     robot = jacokin.load_robot(arm_with(tmp_path, f'<mesh filename="{name}"/>'))
     solver = jacokin.IKSolver(robot)
