@@ -134,6 +134,8 @@ def _resolve(robot: str | Path) -> tuple[Path, str | None]:
         return path, None
     if problem == NO_FILE:
         raise UnknownNameError("robot", text, [*bundled.NAMES, "or a path to a .urdf or .xml file"])
+    if problem is None and path.suffix.lower() == ".xacro":
+        raise ModelError(f"{path}: is a xacro file, not a URDF: expand it: xacro {path.name} > out.urdf")
     raise ModelError(f"{path}: {problem or f'unknown file type {path.suffix!r}; valid: .urdf, .xml (MJCF)'}")
 
 

@@ -265,7 +265,7 @@ def hull_of(vertices: Array) -> Mesh | None:
     """
     from scipy.spatial import ConvexHull, QhullError  # only meshes need it
 
-    if not np.abs(vertices).max() <= FARTHEST:
+    if not np.abs(vertices).max() <= FARTHEST:  # or not a number
         raise ValueError(f"its vertices are not finite, or beyond {FARTHEST:g} m")
     points = np.unique(vertices, axis=0) if len(vertices) < MANY_POINTS else vertices
     centred = points - points.mean(axis=0)

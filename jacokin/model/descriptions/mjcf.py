@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import mujoco
@@ -43,6 +43,7 @@ UNIT = ("body_quat", "body_iquat", "site_quat", "jnt_axis")  # zeros in the comp
 COPYING = ("replicate", "composite", "flexcomp")
 MOST_ELEMENTS = 20_000  # that copies may make; the time MuJoCo takes grows with their square: 6 s
 MOST_POINTS = {"hfield": 4_000_000, "texture": 100_000_000}  # 0.1 GB and 0.3 GB
+FOLDERS = ("assetdir", "meshdir", "texturedir")  # in which the compiler looks for files
 MOST_USER_DATA = 1_000_000
 LONGEST_NAME = 200  # of a file; systems refuse longer ones, and so does MuJoCo
 MOST_FILES = 1000  # that a file includes
@@ -110,7 +111,7 @@ def _check_text(path: Path) -> None:
 
     Files that cannot be parsed are left to MuJoCo, which says why.
     """
-    files, seen, elements = [path], set[Path](), 0
+    files, seen, folders, elements = [path], set[Path](), {""}, 0
     while files:
         file = files.pop()
         if file in seen or len(seen) == MOST_FILES:
@@ -120,15 +121,16 @@ def _check_text(path: Path) -> None:
             root = ET.parse(file).getroot()
         except (OSError, ValueError, ET.ParseError):
             continue
+        folders.update(each.get(key, "") for each in root.iter("compiler") for key in FOLDERS)
         waiting = [(root, 1)]
         while waiting:
             element, copies = waiting.pop()
             _refuse_nan(file, element)
-            _refuse_giants(file, path.parent, element, root)
+            _refuse_giants(file, element, [path.parent / folder for folder in folders])
             if element.tag in ("include", "model") and element.get("file"):
                 files.append(path.parent / element.get("file", ""))
             copies *= _copies(element)
-            elements += copies
+            elements += copies if copies > 1 else 0
             if elements > MOST_ELEMENTS:
                 raise ModelError(f"{path}: replicate, composite and flexcomp make more than {MOST_ELEMENTS} elements")
             waiting += [(child, copies) for child in element]
@@ -156,11 +158,12 @@ def _whole(text: str | None) -> int:
         return 0  # MuJoCo says what is wrong with it
 
 
-def _refuse_giants(file: Path, folder: Path, element: ET.Element, root: ET.Element) -> None:
+def _refuse_giants(file: Path, element: ET.Element, folders: Sequence[Path]) -> None:
     """Refuse terrains and textures of too many points, user data without end, and files that are none."""
     who = f"{file}: <{element.tag}> {element.get('name', 'without a name')}"
     named = [value for name, value in element.attrib.items() if name.startswith("file") and value]
-    found = [path for name in named for path in _places(name, folder, root) if path.exists()]
+    sane = [name for name in named if "\0" not in name and len(name) <= LONGEST_NAME]
+    found = [folder / name for name in sane for folder in folders if (folder / name).exists()]
     for path in found:
         if not path.is_file():
             raise ModelError(f"{who}: {path} is not a regular file")
@@ -173,15 +176,6 @@ def _refuse_giants(file: Path, folder: Path, element: ET.Element, root: ET.Eleme
         for name, value in element.attrib.items():
             if name.startswith("nuser") and _whole(value) > MOST_USER_DATA:
                 raise ModelError(f"{who}: {name}={value} is more than the {MOST_USER_DATA} that are read")
-
-
-def _places(name: str, folder: Path, root: ET.Element) -> Iterator[Path]:
-    """Where the compiler may look for a file, as far as such a name can be one."""
-    given = {each.get(key, "") for each in root.iter("compiler") for key in ("assetdir", "meshdir", "texturedir")}
-    for each in sorted(given | {""}):
-        path = folder / each / name
-        if "\0" not in name and len(name) <= LONGEST_NAME:
-            yield path
 
 
 def _pixels(path: Path) -> int:

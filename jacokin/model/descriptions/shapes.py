@@ -17,7 +17,7 @@ import pinocchio as pin
 from jacokin.arrays import Array
 from jacokin.errors import ShapeError, shown
 from jacokin.model.descriptions import bundled
-from jacokin.model.descriptions.meshes import FARTHEST, THIN, Z_UP, Mesh, find_mesh, hull_of, read_mesh_file, stl_bytes
+from jacokin.model.descriptions.meshes import FARTHEST, THIN, Z_UP, find_mesh, hull_of, read_mesh_file, stl_bytes
 
 NO_VERTICES = np.empty((0, 3))
 #: What shapes can be, simple ones first; the names are MJCF's.
@@ -184,12 +184,12 @@ def _has_size(shape: ET.Element) -> bool:
 
 
 class _Hulls:
-    """The meshes of a URDF as hulls, each file read once."""
+    """The meshes of a URDF as hulls, each found once."""
 
     def __init__(self, path: Path, package_dirs: Sequence[Path]) -> None:
         self.assets: dict[str, bytes] = {}
         self._path, self._package_dirs = path, package_dirs
-        self._read: dict[Path, tuple[Mesh | None, str]] = {}
+        self._found: dict[tuple[Path, tuple[float, ...]], str] = {}  # file and scale -> asset, "" for none
 
     def replace(self, element: ET.Element, notes: list[str]) -> bool:
         """Let a `<mesh>` name the hull of its file, scaled; False where that is a point.
@@ -198,22 +198,22 @@ class _Hulls:
             ShapeError: no such file, or it cannot be read.
             ValueError: it has no hull.
         """
-        file_name = element.get("filename", "")
+        file_name, scale = element.get("filename", ""), mesh_scale(element)
         file = find_mesh(file_name, self._path, self._package_dirs)
-        if file not in self._read:
+        key = file, tuple(scale.tolist())
+        if key not in self._found:
             mesh = read_mesh_file(file, self._path)
-            self._read[file] = hull_of(mesh.vertices), mesh.up_axis
-        hull, up_axis = self._read[file]
-        if up_axis != Z_UP:
-            notes.append(f"the mesh {shown(file_name)} says {up_axis}; it is not turned, as viewers of robots do not")
-        scaled = None if hull is None else hull_of(hull.vertices * mesh_scale(element))
+            if mesh.up_axis != Z_UP:
+                notes.append(
+                    f"the mesh {shown(file_name)} says {mesh.up_axis}; it is not turned, as viewers of robots do not"
+                )
+            hull = hull_of(mesh.vertices * scale)
+            self._found[key] = "" if hull is None else f"{len(self.assets)}_{file.stem}.stl"
+            if hull is not None:
+                self.assets[self._found[key]] = stl_bytes(hull)
         element.attrib.pop("scale", None)
-        if scaled is None:
-            return False
-        name = f"{len(self.assets)}_{file.stem}.stl"
-        self.assets[name] = stl_bytes(scaled)
-        element.set("filename", name)
-        return True
+        element.set("filename", self._found[key])
+        return bool(self._found[key])
 
 
 def mesh_scale(element: ET.Element) -> Array:

@@ -293,6 +293,8 @@ def test_what_would_take_minutes_or_gigabytes_is_refused(tmp_path: Path, case: s
 
 
 def test_a_pile_of_copies_is_read(tmp_path: Path) -> None:
+    many = "".join(f'<numeric name="n{number}" data="1"/>' for number in range(21_000))
+    assert jacokin.load_robot(two_joints(tmp_path, top=f"<custom>{many}</custom>")).dof == 2
     row = '<replicate count="20" offset="0 0.3 0"><geom size="0.1"/></replicate>'
     pile = f'<replicate count="20" offset="0.3 0 0">{row}</replicate>'
     assert jacokin.load_robot(two_joints(tmp_path, pile)).dof == 2

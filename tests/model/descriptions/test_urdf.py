@@ -354,10 +354,10 @@ def test_definitions_of_xacro_that_nothing_uses_are_skipped(tmp_path: Path, head
     ],
 )
 def test_real_xacro_says_how_it_is_expanded(tmp_path: Path, text: str) -> None:
-    path = tmp_path / "arm.urdf"
-    path.write_text(text)
-    with pytest.raises(ModelError, match=r"expand it: xacro arm\.urdf > out\.urdf"):
-        jacokin.load_robot(path)
+    for name in ("arm.urdf", "arm.urdf.xacro"):
+        (tmp_path / name).write_text(text)
+        with pytest.raises(ModelError, match=rf"expand it: xacro {name} > out\.urdf"):
+            jacokin.load_robot(tmp_path / name)
 
 
 def test_some_masses_that_are_missing_are_said(tmp_path: Path) -> None:
