@@ -321,7 +321,7 @@ def _missing_numbers(robot: Robot) -> Iterator[str]:
         ("velocity", robot.velocity_limit, "velocity_limit="),
         ("effort", robot.effort_limit, "torque_limit="),
     ):
-        missing = robot.joints_without(limits)
+        missing = [name for name, limit in zip(robot.joint_names, limits, strict=True) if np.isinf(limit)]
         if missing:
             yield f"no limits of {what} for {', '.join(missing)}: motions that keep them need {cure}"
     bodies = list(robot.pin_model.inertias)[1:]

@@ -620,9 +620,19 @@ class Robot:
         """
         return () if self._find_notes is None else self._find_notes(self)
 
-    def joints_without(self, limits: Array) -> list[str]:
-        """Names of the joints whose limit of (dof,) is infinite: the file gives none."""
-        return [name for name, limit in zip(self.joint_names, limits, strict=True) if not np.isfinite(limit)]
+    def known_efforts(self) -> Array:
+        """`effort_limit`, where the file gives it for every joint.
+
+        Raises:
+            InvalidInputError: it gives none for a joint.
+        """
+        missing = [name for name, limit in zip(self.joint_names, self.effort_limit, strict=True) if np.isinf(limit)]
+        if missing:
+            raise InvalidInputError(
+                f"the description of {self.name} ({self.source.path}) gives no effort limits for {', '.join(missing)}; "
+                "pass torque_limit= [N m] in numbers"
+            )
+        return self.effort_limit
 
     @cached_property
     def _found_home(self) -> Home:
@@ -688,24 +698,6 @@ def checked_robot(name: str, value: object) -> Robot:
     return checks.instance(name, value, Robot, "a Robot, from load_robot")
 
 
-def middle(robot: Robot) -> Array:
-    """Middle of the limits; zero on unlimited joints, zero clipped where one side is open [rad]."""
-    both = np.isfinite(robot.lower) & np.isfinite(robot.upper)
-    q = np.clip(np.zeros(robot.dof), robot.lower, robot.upper)
-    q[both] = 0.5 * (robot.lower[both] + robot.upper[both])
-    return np.clip(q, robot.lower, robot.upper)
-
-
-def spread(robot: Robot, count: int) -> Array:
-    """Random configurations (count, dof) [rad] of a fixed seed within the limits.
-
-    At most half a turn from the middle: more leads to the same places.
-    """
-    centre = middle(robot)
-    lower, upper = np.maximum(robot.lower, centre - np.pi), np.minimum(robot.upper, centre + np.pi)
-    return np.random.default_rng(0).uniform(lower, upper, (count, robot.dof))
-
-
 def velocity_limits(robot: Robot, value: ArrayLike | None) -> Array:
     """The given limits (dof,) or one for all [rad/s], or the robot's own.
 
@@ -714,33 +706,15 @@ def velocity_limits(robot: Robot, value: ArrayLike | None) -> Array:
     """
     if value is not None:
         return checks.positive_vector("velocity_limit", value, robot.dof, "rad/s")
-    return _own_limits(robot, robot.velocity_limit, "velocity", "velocity_limit= [rad/s]")
-
-
-def effort_limits(robot: Robot, value: ArrayLike | bool) -> Array:
-    """The given limits (dof,) or one for all [N m], or the robot's own for True.
-
-    Raises:
-        InvalidInputError: malformed or not positive, or the robot's file gives none.
-    """
-    if value is not True:
-        return checks.positive_vector("torque_limit", value, robot.dof, "N m")
-    return _own_limits(robot, robot.effort_limit, "effort", "torque_limit= [N m] in numbers")
-
-
-def _own_limits(robot: Robot, limits: Array, what: str, cure: str) -> Array:
-    """What the file gives.
-
-    Raises:
-        InvalidInputError: it gives none for a joint.
-    """
-    missing = robot.joints_without(limits)
+    missing = [
+        name for name, limit in zip(robot.joint_names, robot.velocity_limit, strict=True) if not np.isfinite(limit)
+    ]
     if missing:
         raise InvalidInputError(
-            f"the description of {robot.name} ({robot.source.path}) gives no {what} limits for {', '.join(missing)}; "
-            f"pass {cure}"
+            f"the description of {robot.name} ({robot.source.path}) gives no velocity limits for {', '.join(missing)}; "
+            "pass velocity_limit= [rad/s]"
         )
-    return limits.copy()
+    return checks.positive_vector("velocity_limit", robot.velocity_limit, robot.dof, "rad/s")
 
 
 def fingerprint(robot: Robot, *, shapes: bool = False) -> str:
@@ -774,3 +748,21 @@ def _shapes(robot: Robot) -> bytes:
         return described.encode()
     arrays = (described.geom_type, described.geom_size, described.geom_pos, described.geom_quat, described.geom_bodyid)
     return b"".join(np.ascontiguousarray(array).tobytes() for array in (*arrays, described.mesh_vert))
+
+
+def middle(robot: Robot) -> Array:
+    """Middle of the limits; zero on unlimited joints, zero clipped where one side is open [rad]."""
+    both = np.isfinite(robot.lower) & np.isfinite(robot.upper)
+    q = np.clip(np.zeros(robot.dof), robot.lower, robot.upper)
+    q[both] = 0.5 * (robot.lower[both] + robot.upper[both])
+    return np.clip(q, robot.lower, robot.upper)
+
+
+def spread(robot: Robot, count: int) -> Array:
+    """Random configurations (count, dof) [rad] of a fixed seed within the limits.
+
+    At most half a turn from the middle: more leads to the same places.
+    """
+    centre = middle(robot)
+    lower, upper = np.maximum(robot.lower, centre - np.pi), np.minimum(robot.upper, centre + np.pi)
+    return np.random.default_rng(0).uniform(lower, upper, (count, robot.dof))

@@ -23,7 +23,8 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.kernels.library import Call
 from jacokin.kernels.speeds import SpeedWork, fit_speeds, make_speed_work
-from jacokin.model.robot import Robot, effort_limits
+from jacokin.model import checks
+from jacokin.model.robot import Robot
 
 WHOLE_TICK = 1e-9  # a duration this near to whole ticks is whole; division rounds
 MAX_TICKS = 10_000_000  # more than a day at 100 Hz: a speed or a step was mistyped
@@ -321,7 +322,7 @@ def torque_limits(robot: Robot, limit: ArrayLike | bool | None) -> Array | None:
     if limit is None or limit is False:
         return None
     robot.check_masses()
-    return effort_limits(robot, limit)
+    return robot.known_efforts() if limit is True else checks.positive_vector("torque_limit", limit, robot.dof, "N m")
 
 
 def slow_down(robot: Robot, law: TimeLaw, limit: Array) -> TimeLaw | TooHeavy:
