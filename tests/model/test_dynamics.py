@@ -16,7 +16,7 @@ import jacokin
 from jacokin import Robot
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, ModelError, UnknownNameError
-from jacokin.model import urdf_folder
+from jacokin.model import identify_payload, urdf_folder
 from jacokin.model.poses import quaternion
 from jacokin.motion import move_joints
 from tests.robot_files import ur5_text
@@ -250,6 +250,7 @@ def test_arms_without_masses_say_so(tmp_path: Path) -> None:
             functools.partial(weightless.forward_dynamics, q, q, q),
             functools.partial(weightless.operational_space_inertia, q),
             functools.partial(weightless.external_wrench, q, q, q, q),
+            functools.partial(identify_payload, weightless, *np.zeros((4, 80, 6))),
             functools.partial(move_joints, weightless, q, [0.2] * 6, torque_limit=5.0),
         )
         for ask in asked:
