@@ -70,9 +70,9 @@ def test_info_says_what_a_file_leaves_open(run: Run, tmp_path: Path) -> None:
     path = tmp_path / "ARM.URDF"
     text = ur5_text('<collision><geometry><mesh filename="package://arm/a.stl"/></geometry></collision>')
     path.write_text(text.replace('effort="1"', 'effort="0"'))
-    notes = run("info", path, "--json").document["notes"]
+    notes = run("info", str(path), "--json").document["notes"]
     assert notes == list(jacokin.load_robot(path).notes)
-    table = run("info", path).out
+    table = run("info", str(path)).out
     for word in ("no limits of effort", "no masses", "contact cannot be looked for", "'package://arm/a.stl'"):
         assert any(word in note for note in notes)
         assert word in " ".join(table.split())
