@@ -153,7 +153,8 @@ def _arm_tip_joint(model: pin.Model, base_joint: int) -> int:
     if not start:
         raise ModelError("no joint starts at the base; say where the arm begins with base=...")
     if len(start) > 1:
-        names = ", ".join(model.names[joint] for joint in start)
+        names = ", ".join(model.names[joint] for joint in start[:NAMED_CANDIDATES])
+        names += ", ..." if len(start) > NAMED_CANDIDATES else ""
         raise ModelError(f"several chains start at the base ({names}); {_advice(model, start)}")
     joint, length = _before_the_branches(model, start[0])
     branches = list(model.children[joint])
