@@ -24,7 +24,9 @@ WORLD = "world"
 NUMERIC = frozenset((
     "pos", "quat", "euler", "axisangle", "xyaxes", "zaxis", "axis", "range", "ref", "springref", "mass", "qpos", "size",
     "fromto", "diaginertia", "fullinertia", "damping", "armature", "frictionloss", "stiffness", "margin", "friction",
-    "actuatorfrcrange", "solref", "solimp", "gravity", "timestep", "rgba",
+    "actuatorfrcrange", "solref", "solimp", "gravity", "timestep", "rgba", "gear", "ctrlrange", "forcerange", "kp",
+    "kv", "gainprm", "biasprm", "dynprm", "scale", "refpos", "refquat", "count", "offset", "nrow", "ncol", "elevation",
+    "density", "gap", "coef", "polycoef", "width", "height",
 ))  # fmt: skip
 MUJOCO_ERRORS = (ValueError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError)  # of its compiler
 COMPILED = (
@@ -45,7 +47,6 @@ MOST_ELEMENTS = 20_000  # that copies may make; the time MuJoCo takes grows with
 MOST_POINTS = {"hfield": 4_000_000, "texture": 100_000_000}  # 0.1 GB and 0.3 GB
 FOLDERS = ("assetdir", "meshdir", "texturedir")  # in which the compiler looks for files
 MOST_USER_DATA = 1_000_000
-LONGEST_NAME = 200  # of a file; systems refuse longer ones, and so does MuJoCo
 MOST_FILES = 1000  # that a file includes
 PNG = b"\x89PNG\r\n\x1a\n"
 UNIT_TOLERANCE = 1e-6  # of a norm; MuJoCo normalises
@@ -162,8 +163,7 @@ def _refuse_giants(file: Path, element: ET.Element, folders: Sequence[Path]) -> 
     """Refuse terrains and textures of too many points, user data without end, and files that are none."""
     who = f"{file}: <{element.tag}> {element.get('name', 'without a name')}"
     named = [value for name, value in element.attrib.items() if name.startswith("file") and value]
-    sane = [name for name in named if "\0" not in name and len(name) <= LONGEST_NAME]
-    found = [folder / name for name in sane for folder in folders if (folder / name).exists()]
+    found = [folder / name for name in named for folder in folders if _is_there(folder / name)]
     for path in found:
         if not path.is_file():
             raise ModelError(f"{who}: {path} is not a regular file")
@@ -176,6 +176,13 @@ def _refuse_giants(file: Path, element: ET.Element, folders: Sequence[Path]) -> 
         for name, value in element.attrib.items():
             if name.startswith("nuser") and _whole(value) > MOST_USER_DATA:
                 raise ModelError(f"{who}: {name}={value} is more than the {MOST_USER_DATA} that are read")
+
+
+def _is_there(path: Path) -> bool:
+    try:
+        return path.exists()
+    except (OSError, ValueError):  # a name that no file can have
+        return False
 
 
 def _pixels(path: Path) -> int:

@@ -276,6 +276,11 @@ GIANTS = {
     ),
     "user data": ("", '<size nuserdata="1000000000"/>', "nuserdata=1000000000 is more than"),
     "included": ("", '<include file="inside.xml"/>', "more than 20000"),
+    "a long name": (
+        "",
+        f'<compiler meshdir="{"x" * 300}"/><asset><mesh name="m" file="a.stl"/></asset>',
+        "MuJoCo cannot",
+    ),
     "a pipe": ("", '<asset><mesh name="m" file="pipe.stl"/></asset>', "pipe.stl is not a regular file"),
 }
 
