@@ -90,7 +90,7 @@ class Verifier:
             ShapeError: contact is to be avoided, and the description's shapes cannot be loaded.
         """
         if self._unreadable is not None:
-            raise ShapeError(f"{self._unreadable}. IKSolver(robot, collision='ignore') goes on without looking")
+            raise ShapeError(f"{self._unreadable}; collision='ignore' goes on without looking")
 
     @property
     def looks_for_contact(self) -> bool:
