@@ -28,8 +28,10 @@ from jacokin.motion.free_motion.plan_motion import plan_motion
 from jacokin.motion.joint_motion import ACCELERATION
 from jacokin.motion.path import MOST_FAMILIES, MOST_PLACES, CartesianPath
 from jacokin.motion.planning.manifold import Curve, Manifold, Pace
+from jacokin.motion.planning.passing import keep_speed, pass_slowly
 from jacokin.motion.planning.search import Climb, Ladder, PathSearch, Rung
-from jacokin.motion.timing import check_ticks, fit_ticks, sample_lines
+from jacokin.motion.rows import HELD, Rows, most_between, spline_rows, standing
+from jacokin.motion.timing import check_ticks, sample_lines
 from jacokin.motion.track import ANGULAR_SPEED, SPEED
 from jacokin.motion.trajectory import LEAD_IN, Trajectory, changes
 
@@ -40,6 +42,7 @@ FREE_STEP = float(np.radians(10.0))  # [rad] between members of a family that ar
 SPACING = 0.01  # [m] of the tool between two steps of the path
 TURNING = 0.05  # [rad] the same of its orientation
 TIGHT = 0.05  # [rad] a joint this near to its limit is why a way ends
+TINY = 1e-9  # [s] asked for between two rows, at least
 SPEED_ROUNDING = 1e-9  # [rad/s] of positions subtracted and divided by a step
 ACCELERATION_ROUNDING = 1e-6  # relative
 
@@ -196,32 +199,24 @@ class _Writer:
         path = self.manifold.path
         u = sample_lines(self.pace.times, self.dt)
         parameter = np.full(path.lines + 1, np.nan)
-        x = self.manifold.points(q[None], path.target(0.0))
-        return self._measure(u, np.tile(x, (len(u), 1)), parameter, -1.0, reason)
+        x = np.tile(self.manifold.points(q[None], path.target(0.0)), (len(u), 1))
+        return self._measure(u, x, standing(spline_rows(q[None], self.dt), len(u) - 1, self.dt), parameter, -1.0, reason)
 
     def follow(self, curve: Curve, reached: float, reason: str) -> Trajectory:
         """The ticks along a joint path; beyond its end the arm stays there."""
-        ticks = kept = sample_lines(self.pace.times, self.dt)
-        if self.slow and len(curve.u) > 1:
-            dof = self.manifold.dof
-            ticks = fit_ticks(
-                curve.u,
-                curve.q,
-                lambda u: curve.at(u)[0][:, :dof],
-                self.pace.times,
-                self.dt,
-                self.pace.velocity,
-                self.acceleration,
-            )
         parameter = self._at_waypoints(curve, reached)
-        if reached == self.manifold.path.lines:
-            return self._measure(ticks, curve.at(ticks)[0], parameter, reached, reason)
-        if self.slow:
-            ticks = np.concatenate([ticks, kept[kept > reached]])
-        inside = ticks <= reached
-        x = np.tile(curve.x[-1], (len(ticks), 1))
-        x[inside] = curve.at(ticks[inside])[0] if len(curve.u) > 1 else curve.x[0]
-        return self._measure(ticks, x, parameter, reached, reason)
+        if len(curve.u) < 2:
+            u, x, rows = np.zeros(1), curve.x[:1], spline_rows(curve.q[:1], self.dt)
+        elif self.slow:
+            u, x, rows = pass_slowly(curve, self.pace, self.dt, self.acceleration)
+        else:
+            u, x, rows = keep_speed(curve, self.pace, self.dt)
+        if reached < self.manifold.path.lines:  # the time that the rest would have taken
+            beyond = sample_lines(self.pace.times, self.dt)
+            beyond = beyond[beyond > reached]
+            u, x = np.append(u, beyond), np.vstack([x, np.tile(x[-1], (len(beyond), 1))])
+            rows = standing(rows, len(beyond), self.dt)
+        return self._measure(u, x, rows, parameter, reached, reason)
 
     def _at_waypoints(self, curve: Curve, reached: float) -> Array:
         """The parameter (lines + 1,) at the waypoints that are reached; nan at others, and where there is none."""
@@ -234,23 +229,21 @@ class _Writer:
         parameter[: len(passed)] = path.free_angle(found) if path.free else found
         return parameter
 
-    def _measure(self, u: Array, x: Array, parameter: Array, reached: float, reason: str) -> Trajectory:
+    def _measure(
+        self, u: Array, x: Array, rows: Rows, parameter: Array, reached: float, reason: str
+    ) -> Trajectory:
         """Every row measured by Pinocchio, against limits, and for contact."""
         robot, verifier = self.solver.robot, self.solver.verifier
         path, dof = self.manifold.path, self.manifold.dof
-        wanted, q = path.at(u, x[:, dof] if path.free else None), x[:, :dof]
+        wanted, q = path.at(u, x[:, dof] if path.free else None), rows.q
         errors = np.array(
             [verifier.measure(row, TargetPose(T, position_only=False)) for row, T in zip(q, wanted, strict=True)]
         )
-        v = np.zeros_like(q)
-        v[1:] = np.diff(q, axis=0) / self.dt
         off = (errors[:, 0] > verifier.options.position_tolerance) | (
             errors[:, 1] > verifier.options.orientation_tolerance
         )
-        fast = np.abs(v) > self.pace.velocity + SPEED_ROUNDING
-        hard = np.zeros_like(fast)
-        if self.acceleration is not None:
-            hard[1:] = np.abs(np.diff(v, axis=0)) > self.acceleration * self.dt * (1.0 + ACCELERATION_ROUNDING)
+        speed, hard = self._needed(u, rows)
+        fast = speed > self.pace.velocity * HELD + SPEED_ROUNDING
         status, limiting = [], []
         for row in range(len(q)):
             names = [f"{robot.joint_names[j]} velocity" for j in np.flatnonzero(fast[row])]
@@ -261,12 +254,13 @@ class _Writer:
         clearance = verifier.distances(q) if verifier.looks_for_contact else np.full(len(q), np.nan)
         away = np.abs(q[0] - self.near)
         jump = seeds.describe_jump(robot.joint_names, away, self.origin)
-        words = [reason or self._sentence(v, fast, status), jump, self.note]
+        words = [reason or self._sentence(speed, fast, status), jump, self.note]
         return Trajectory(
             joint_names=robot.joint_names,
-            t=checks.read_only(np.arange(len(q)) * self.dt),
+            t=checks.read_only(rows.t),
             q=checks.read_only(q),
-            v=checks.read_only(v),
+            v=checks.read_only(rows.v),
+            a=checks.read_only(rows.a),
             position_error=checks.read_only(errors[:, 0]),
             orientation_error=checks.read_only(errors[:, 1]),
             status=tuple(status),
@@ -281,13 +275,28 @@ class _Writer:
             start_distance=float(away.max()),
         )
 
-    def _sentence(self, v: Array, fast: NDArray[np.bool_], status: list[str]) -> str:
+    def _needed(self, u: Array, rows: Rows) -> tuple[Array, NDArray[np.bool_]]:
+        """Velocities (n, dof) [rad/s] that rows need, and where (n, dof) they accelerate too much.
+
+        Where the speed is kept, those that it asks for count, also on the ramps.
+        """
+        none = np.zeros((1, rows.q.shape[1]))
+        fast, hard = (np.vstack([none, each]) for each in most_between(rows))
+        if not self.slow:
+            ends = np.append(0.0, np.cumsum(self.pace.times))
+            asked = np.diff(np.interp(u, np.arange(len(ends)), ends))[:, None]
+            moved = np.abs(np.diff(rows.q, axis=0))
+            fast[1:] = np.maximum(fast[1:], np.where(moved > 0.0, moved / np.maximum(asked, TINY), 0.0))
+        limit = np.inf if self.acceleration is None else self.acceleration * (1.0 + ACCELERATION_ROUNDING)
+        return fast, hard > limit
+
+    def _sentence(self, speed: Array, fast: NDArray[np.bool_], status: list[str]) -> str:
         if all(word == "OK" for word in status):
             return "on the path throughout"
         ticks = np.flatnonzero(fast.any(axis=1))
         if ticks.size:
             names = ", ".join(self.solver.robot.joint_names[j] for j in np.flatnonzero(fast.any(axis=0)))
-            excess = float((np.abs(v) / self.pace.velocity).max()) - 1.0
+            excess = float((speed / self.pace.velocity).max()) - 1.0
             return (
                 f"{names} cannot follow at this speed on {ticks.size} of {len(fast)} ticks, first at "
                 f"{ticks[0] * self.dt:.6g} s, too fast by up to {100.0 * excess:.3g} %; timing='slow' slows "

@@ -17,6 +17,7 @@ from jacokin.errors import InvalidInputError, StructureError, UnknownNameError
 from jacokin.ik import Box, FreeAxis, Scene, Sphere
 from jacokin.motion import Trajectory, track_path
 from tests.motion.by_mujoco import DOWN, at, tool_poses
+from tests.motion.controllers import check_as_controllers_go
 
 
 def off_the_lines(positions: Array, corners: list[pin.SE3]) -> Array:
@@ -35,7 +36,8 @@ def check(robot: Robot, result: Trajectory, corners: list[pin.SE3], frame: str =
     assert (result.q >= robot.lower).all()
     assert (result.q <= robot.upper).all()
     assert (np.abs(result.v) <= result.velocity_limit + 1e-9).all()
-    np.testing.assert_allclose(np.diff(result.q, axis=0), result.v[1:] * (result.t[1] - result.t[0]), atol=1e-12)
+    np.testing.assert_allclose(np.diff(result.t), result.t[1], rtol=1e-9)
+    check_as_controllers_go(result)
     positions, _ = tool_poses(robot, result.q, frame)
     assert off_the_lines(positions, corners).max() < 1e-8
     assert np.linalg.norm(positions[0] - corners[0].translation) < 1e-8
@@ -48,7 +50,10 @@ def test_a_path_with_corners_is_planned_tick_by_tick(robot: Robot) -> None:
     corners = [at(0.4, -0.4, 0.3), at(0.4, -0.2, 0.3), at(0.3, -0.2, 0.4), at(0.3, -0.3, 0.4)]
     result = plan_path(IKSolver(robot), corners, dt=0.01, speed=0.1)
     check(robot, result, corners)
-    assert result.t[-1] == pytest.approx(2.0 + np.sqrt(2.0) + 1.0, abs=0.03)
+    assert 2.0 + np.sqrt(2.0) + 1.0 < result.t[-1] < 2.0 + np.sqrt(2.0) + 1.0 + 0.6  # and the ramps at both ends
+    speed = np.linalg.norm(np.diff(tool_poses(robot, result.q)[0], axis=0), axis=1) / 0.01
+    assert np.median(speed) == pytest.approx(0.1, rel=0.01)
+    assert speed.max() < 0.1 + 1e-9
     assert set(result.segment.tolist()) == {0, 1, 2}
     _, rotations = tool_poses(robot, result.q)
     np.testing.assert_allclose(rotations, np.broadcast_to(DOWN, rotations.shape), atol=1e-8)

@@ -1,0 +1,123 @@
+"""Rows of a motion as controllers take them: positions, velocities and accelerations that belong together.
+
+Controllers go from row to row by straight lines, by cubics that meet velocities, or by quintics that meet accelerations,
+too. Rows whose accelerations change steadily in between are one and the same motion for the last two: the cubic spline
+through the positions (`spline_rows`). So a motion whose acceleration jumps is written as a weighted mean over three
+ticks, a quarter, a half and a quarter, which takes two ticks longer, and slowed down by what the spline still swings
+over its limits (a few percent of acceleration).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import solve_banded
+
+from jacokin.arrays import Array
+
+WHOLE_TICK = 1e-9  # a duration this near to whole ticks is whole; division rounds
+MEAN = 0.25, 0.5, 0.25  # weights of three ticks
+HELD = 1.0 + 1e-9  # times a limit; what is beyond is no rounding
+ATTEMPTS = 30  # to find how slow a motion must be
+LEAST_SLOWER = 1.001  # from attempt to attempt
+
+
+class Rows(NamedTuple):
+    """A motion in steps of equal length, from rest to rest."""
+
+    t: Array
+    """(n,) [s]."""
+    q: Array
+    """(n, dof) [rad]."""
+    v: Array
+    """(n, dof) [rad/s]."""
+    a: Array
+    """(n, dof) [rad/s^2]."""
+
+
+def spline_rows(q: Array, dt: float) -> Rows:
+    """The motion from rest to rest through configurations (n, dof) [rad] that are `dt` [s] apart.
+
+    Its accelerations change steadily between rows and without jumps, so that cubics that meet its velocities, and
+    quintics that meet its accelerations, too, are the same motion. One row stands still.
+    """
+    count = len(q)
+    t, v, a = np.arange(count) * dt, np.zeros_like(q), np.zeros_like(q)
+    if count == 1:
+        return Rows(t, q, v, a)
+    if count > 2:
+        bands = np.tile([[1.0], [4.0], [1.0]], (1, count - 2))
+        v[1:-1] = solve_banded((1, 1), bands, 3.0 / dt * (q[2:] - q[:-2]), overwrite_ab=True, check_finite=False)
+    step = np.diff(q, axis=0) / dt
+    a[:-1] = (6.0 * step - 4.0 * v[:-1] - 2.0 * v[1:]) / dt
+    a[-1] = (2.0 * v[-2] + 4.0 * v[-1] - 6.0 * step[-1]) / dt
+    return Rows(t, q, v, a)
+
+
+def most_between(rows: Rows) -> tuple[Array, Array]:
+    """The largest velocities [rad/s] and accelerations [rad/s^2] (n - 1, dof) from each row to the next."""
+    start, end = rows.a[:-1], rows.a[1:]
+    fastest = np.maximum(np.abs(rows.v[:-1]), np.abs(rows.v[1:]))
+    turns = start * end < 0.0  # where the acceleration is zero in between, the velocity is largest
+    change = np.where(turns, end - start, 1.0)
+    peak = rows.v[:-1] - np.where(turns, 0.5 * start**2 / change, 0.0) * np.diff(rows.t)[:, None]
+    return np.maximum(fastest, np.where(turns, np.abs(peak), 0.0)), np.maximum(np.abs(start), np.abs(end))
+
+
+def strain(rows: Rows, velocity: Array, acceleration: Array) -> Array:
+    """How many times as long each step (n - 1,) must take for limits (dof,) in rad and s to hold in it."""
+    fast, hard = most_between(rows)
+    return np.maximum((fast / velocity).max(axis=1), np.sqrt((hard / acceleration).max(axis=1)))
+
+
+def sample(at: Callable[[Array], Array], duration: float, dt: float, slower: float = 1.0) -> Array:
+    """Values at ticks of `dt` [s], each the mean of three ticks; the motion stands still before and after.
+
+    Args:
+        at: values (m, ...) at times (m,) [s].
+        duration: of the motion [s]; it is slowed down to whole ticks.
+        dt: control step [s].
+        slower: how many times as long it is to take.
+    """
+    count = max(1, math.ceil(slower * duration / dt - WHOLE_TICK))
+    times = np.linspace(0.0, duration, count + 1)
+    values = at(times)
+    padded = np.concatenate([np.repeat(values[:1], 2, axis=0), values, np.repeat(values[-1:], 2, axis=0)])
+    found = MEAN[0] * padded[:-2] + MEAN[1] * padded[1:-1] + MEAN[2] * padded[2:]
+    low, high = np.minimum(padded[:-2], padded[2:]), np.maximum(padded[:-2], padded[2:])
+    low, high = np.minimum(low, padded[1:-1]), np.maximum(high, padded[1:-1])
+    return np.asarray(np.clip(found, low, high))  # a mean of equal values may round
+
+
+def from_rest_to_rest(
+    at: Callable[[Array], Array], duration: float, dt: float, velocity: Array, acceleration: Array
+) -> Rows:
+    """Rows of a motion, within limits as controllers go from row to row: whole ticks, two more than it takes.
+
+    Args:
+        at: configurations (m, dof) [rad] at times (m,) [s].
+        duration: of the motion [s]; 0 for one row.
+        dt: control step [s].
+        velocity: (dof,) limits [rad/s].
+        acceleration: (dof,) limits [rad/s^2].
+    """
+    if duration == 0.0:
+        return spline_rows(at(np.zeros(1)), dt)
+    slower = 1.0
+    for _ in range(ATTEMPTS):
+        rows = spline_rows(sample(at, duration, dt, slower), dt)
+        worst = float(strain(rows, velocity, acceleration).max())
+        if worst <= HELD:
+            break
+        slower *= max(worst, LEAST_SLOWER)
+    return rows
+
+
+def standing(rows: Rows, more: int, dt: float) -> Rows:
+    """Rows, and so many more of a motion that stands still where they end."""
+    still = np.zeros((more, rows.q.shape[1]))
+    q = np.vstack([rows.q, np.tile(rows.q[-1], (more, 1))])
+    return Rows(np.arange(len(q)) * dt, q, np.vstack([rows.v, still]), np.vstack([rows.a, still]))
