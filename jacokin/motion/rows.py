@@ -67,10 +67,24 @@ def most_between(rows: Rows) -> tuple[Array, Array]:
     return np.maximum(fastest, np.where(turns, np.abs(peak), 0.0)), np.maximum(np.abs(start), np.abs(end))
 
 
-def strain(rows: Rows, velocity: Array, acceleration: Array) -> Array:
-    """How many times as long each step (n - 1,) must take for limits (dof,) in rad and s to hold in it."""
-    fast, hard = most_between(rows)
-    return np.maximum((fast / velocity).max(axis=1), np.sqrt((hard / acceleration).max(axis=1)))
+class Limits(NamedTuple):
+    """What is held from row to row."""
+
+    velocity: Array
+    """(dof,) [rad/s]; infinite for none."""
+    acceleration: Array
+    """(dof,) [rad/s^2]; infinite for none."""
+    jerk: Array | None = None
+    """(dof,) [rad/s^3]; None for none."""
+
+    def strain(self, rows: Rows) -> Array:
+        """How many times as long each step (n - 1,) must take for the limits to hold in it."""
+        fast, hard = most_between(rows)
+        found = np.maximum((fast / self.velocity).max(axis=1), np.sqrt((hard / self.acceleration).max(axis=1)))
+        if self.jerk is not None:
+            sudden = np.abs(np.diff(rows.a, axis=0)) / np.diff(rows.t)[:, None]
+            found = np.maximum(found, np.cbrt((sudden / self.jerk).max(axis=1)))
+        return found
 
 
 def sample(at: Callable[[Array], Array], duration: float, dt: float, slower: float = 1.0) -> Array:
@@ -93,7 +107,7 @@ def sample(at: Callable[[Array], Array], duration: float, dt: float, slower: flo
 
 
 def from_rest_to_rest(
-    at: Callable[[Array], Array], duration: float, dt: float, velocity: Array, acceleration: Array
+    at: Callable[[Array], Array], duration: float, dt: float, strain: Callable[[Rows], float | Array]
 ) -> Rows:
     """Rows of a motion, within limits as controllers go from row to row: whole ticks, two more than it takes.
 
@@ -101,15 +115,14 @@ def from_rest_to_rest(
         at: configurations (m, dof) [rad] at times (m,) [s].
         duration: of the motion [s]; 0 for one row.
         dt: control step [s].
-        velocity: (dof,) limits [rad/s].
-        acceleration: (dof,) limits [rad/s^2].
+        strain: how many times as long rows must take for limits to hold, at most 1 where they do, see `Limits.strain`.
     """
     if duration == 0.0:
         return spline_rows(at(np.zeros(1)), dt)
     slower = 1.0
     for _ in range(ATTEMPTS):
         rows = spline_rows(sample(at, duration, dt, slower), dt)
-        worst = float(strain(rows, velocity, acceleration).max())
+        worst = float(np.max(strain(rows)))
         if worst <= HELD:
             break
         slower *= max(worst, LEAST_SLOWER)

@@ -24,7 +24,7 @@ from jacokin.kernels.library import Call
 from jacokin.kernels.speeds import SpeedWork, fit_speeds, make_speed_work
 from jacokin.model import checks
 from jacokin.model.robot import Robot
-from jacokin.motion.rows import WHOLE_TICK
+from jacokin.motion.rows import WHOLE_TICK, Rows
 
 MAX_TICKS = 10_000_000  # more than a day at 100 Hz: a speed or a step was mistyped
 LINE_USED = 0.8, 0.98  # parts of acceleration and velocity limits for a line that is tracked, no tick of it checked
@@ -242,13 +242,7 @@ def slow_down(robot: Robot, law: TimeLaw, limit: Array) -> TimeLaw | TooHeavy:
     accelerations ask for, so the least k that keeps a limit is found directly.
     """
     count = int(np.clip(np.ceil(law.duration / BETWEEN), 2, MOST_PLACES))
-    rows = law.at(np.linspace(0.0, law.duration, count + 1))
-    still = np.zeros(robot.dof)
-    gravity = np.array([robot.inverse_dynamics(q, still, still) for q in rows[0]])
-    moving = np.array([robot.inverse_dynamics(*row) for row in zip(*rows, strict=True)]) - gravity
-    room = USED * limit - np.where(moving > 0.0, gravity, -gravity)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        share = np.where(moving == 0.0, np.inf, room / np.abs(moving))
+    gravity, share = _shares(robot, law.at(np.linspace(0.0, law.duration, count + 1)), USED * limit)
     heavy = np.abs(gravity) - USED * limit
     if heavy.max() > 0.0:
         row, joint = np.unravel_index(int(np.argmax(heavy)), heavy.shape)
@@ -260,3 +254,19 @@ def slow_down(robot: Robot, law: TimeLaw, limit: Array) -> TimeLaw | TooHeavy:
         row, joint = np.unravel_index(int(np.argmin(share)), share.shape)
         return TooHeavy(int(joint), float(gravity[row, joint]))
     return Slowed(law, 1.0 / float(np.sqrt(least)))
+
+
+def torque_strain(robot: Robot, rows: Rows, limit: Array) -> float:
+    """How many times as long rows must take for no joint to need more torque than its limit (dof,) [N m]."""
+    least = float(_shares(robot, (rows.q, rows.v, rows.a), limit)[1].min())
+    return 1.0 / float(np.sqrt(max(least, SLOWEST**2)))
+
+
+def _shares(robot: Robot, rows: tuple[Array, Array, Array], limit: Array) -> tuple[Array, Array]:
+    """Torques (n, dof) against gravity [N m], and the share (n, dof) of what else is needed that limits leave."""
+    still = np.zeros(robot.dof)
+    gravity = np.array([robot.inverse_dynamics(q, still, still) for q in rows[0]])
+    moving = np.array([robot.inverse_dynamics(*row) for row in zip(*rows, strict=True)]) - gravity
+    room = limit - np.where(moving > 0.0, gravity, -gravity)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return gravity, np.where(moving == 0.0, np.inf, room / np.abs(moving))

@@ -18,7 +18,7 @@ from scipy.interpolate import CubicSpline
 from jacokin.arrays import Array
 from jacokin.motion.joint_motion import ACCELERATION
 from jacokin.motion.planning.manifold import Curve, Pace
-from jacokin.motion.rows import ATTEMPTS, HELD, LEAST_SLOWER, Rows, sample, spline_rows, strain
+from jacokin.motion.rows import ATTEMPTS, HELD, LEAST_SLOWER, Limits, Rows, sample, spline_rows
 from jacokin.motion.timing import check_ticks, fit_course, sample_lines, slopes
 
 GRID = 0.01  # [s] at full speed between places whose limits are looked at
@@ -118,7 +118,7 @@ def pass_slowly(curve: Curve, pace: Pace, dt: float, acceleration: Array | None)
         u = course.path_places(p)
         x = curve.at(u)[0]
         rows = spline_rows(x[:, :dof], dt)
-        worst = strain(rows, pace.velocity, held)
+        worst = Limits(pace.velocity, held).strain(rows)
         if worst.max() <= HELD:
             break
         if attempt < EASINGS:

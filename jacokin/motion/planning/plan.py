@@ -23,7 +23,7 @@ from jacokin.ik.verification import Verifier
 from jacokin.model import checks
 from jacokin.model.many_configurations import Chain
 from jacokin.model.poses import FreeAxis, rotation_angle
-from jacokin.model.robot import velocity_limits
+from jacokin.model.robot import acceleration_limits, velocity_limits
 from jacokin.motion.free_motion.plan_motion import plan_motion
 from jacokin.motion.joint_motion import ACCELERATION
 from jacokin.motion.path import MOST_FAMILIES, MOST_PLACES, CartesianPath
@@ -108,7 +108,7 @@ def plan_path(
     if acceleration_limit is not None:
         if timing == "keep":
             raise InvalidInputError("acceleration_limit needs timing='slow': the speed that is kept has corners")
-        acceleration = checks.positive_vector("acceleration_limit", acceleration_limit, robot.dof, "rad/s^2")
+        acceleration = acceleration_limits(robot, acceleration_limit)
     velocity = velocity_limits(robot, velocity_limit)
     if velocity.min() < SLOWEST:
         raise InvalidInputError(f"velocity_limit must be at least {SLOWEST:g} rad/s, got {velocity.min():g}")
