@@ -13,7 +13,6 @@ from jacokin.arrays import Array
 from jacokin.errors import SolveError
 from jacokin.showing import Shown, show
 
-
 FEW = 8  # numbers of an array, or items of a tuple, that `repr` shows; of more it says how many
 
 

@@ -1,28 +1,30 @@
 """Rows of a motion as controllers take them: positions, velocities and accelerations that belong together.
 
-Controllers go from row to row by straight lines, by cubics that meet velocities, or by quintics that meet accelerations,
-too. Rows whose accelerations change steadily in between are one and the same motion for the last two: the cubic spline
-through the positions (`spline_rows`). So a motion whose acceleration jumps is written as a weighted mean over three
-ticks, a quarter, a half and a quarter, which takes two ticks longer, and slowed down by what the spline still swings
-over its limits (a few percent of acceleration).
+Controllers go from row to row by straight lines, by cubics that meet velocities, or by quintics that meet
+accelerations, too. Rows whose accelerations change steadily in between are one and the same motion for the last two:
+the cubic spline through the positions (`spline_rows`). So a motion whose acceleration jumps is written as a weighted
+mean over three ticks, a quarter, a half and a quarter, which takes two ticks longer, and slowed down by what the spline
+still swings over its limits (a few percent of acceleration).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import solve_banded
 
 from jacokin.arrays import Array
+from jacokin.model.contact import REFUSED_WITHIN, Contact, Pair
 
 WHOLE_TICK = 1e-9  # a duration this near to whole ticks is whole; division rounds
 MEAN = 0.25, 0.5, 0.25  # weights of three ticks
 HELD = 1.0 + 1e-9  # times a limit; what is beyond is no rounding
 ATTEMPTS = 30  # to find how slow a motion must be
 LEAST_SLOWER = 1.001  # from attempt to attempt
+HALVINGS = 20  # of the step from row to row; a step of 10 s comes to 20 us
 
 
 class Rows(NamedTuple):
@@ -45,7 +47,7 @@ def spline_rows(q: Array, dt: float) -> Rows:
     quintics that meet its accelerations, too, are the same motion. One row stands still.
     """
     count = len(q)
-    t, v, a = np.arange(count) * dt, np.zeros_like(q), np.zeros_like(q)
+    t, v, a = dt * np.arange(count, dtype=np.float64), np.zeros_like(q), np.zeros_like(q)
     if count == 1:
         return Rows(t, q, v, a)
     if count > 2:
@@ -84,7 +86,7 @@ class Limits(NamedTuple):
         if self.jerk is not None:
             sudden = np.abs(np.diff(rows.a, axis=0)) / np.diff(rows.t)[:, None]
             found = np.maximum(found, np.cbrt((sudden / self.jerk).max(axis=1)))
-        return found
+        return np.asarray(found)
 
 
 def sample(at: Callable[[Array], Array], duration: float, dt: float, slower: float = 1.0) -> Array:
@@ -129,8 +131,36 @@ def from_rest_to_rest(
     return rows
 
 
+def halved(dt: float) -> Iterator[float]:
+    """Steps [s], each half of the one before."""
+    return (dt / 2.0**k for k in range(HALVINGS))
+
+
+def touching_between(rows: Rows, contact: Contact) -> Pair | None:
+    """Shapes that touch as controllers go from row to row; None if it is clear.
+
+    Between two rows an acceleration a leaves the straight line by at most a dt^2 / 8, and the mean of three ticks
+    leaves what the motion was by a dt^2 / 4. Where all of that is less than what certified motions keep free, there is
+    nothing to look at.
+    """
+    steps = np.diff(rows.t)
+    off = 0.125 * steps**2 * (np.maximum(np.abs(rows.a[:-1]), np.abs(rows.a[1:])) @ contact.levers)  # [m]
+    for row in np.flatnonzero(3.0 * off > REFUSED_WITHIN).tolist():
+        pair = contact.in_the_way(rows.q[row], rows.q[row + 1], extra=float(off[row]))
+        if pair is not None:
+            return pair
+    return None
+
+
+def coarse(asked: float, dt: float, pair: Pair | None) -> str:
+    """Why rows are `dt` [s] apart and not as asked, to be added to a sentence; "" if they are as asked."""
+    if pair is None:
+        return ""
+    return f", in rows of {dt:.6g} s: between those of {asked:.6g} s {pair[0]} could touch {pair[1]}"
+
+
 def standing(rows: Rows, more: int, dt: float) -> Rows:
     """Rows, and so many more of a motion that stands still where they end."""
     still = np.zeros((more, rows.q.shape[1]))
     q = np.vstack([rows.q, np.tile(rows.q[-1], (more, 1))])
-    return Rows(np.arange(len(q)) * dt, q, np.vstack([rows.v, still]), np.vstack([rows.a, still]))
+    return Rows(dt * np.arange(len(q), dtype=np.float64), q, np.vstack([rows.v, still]), np.vstack([rows.a, still]))

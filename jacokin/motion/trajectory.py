@@ -425,9 +425,7 @@ class Trajectory(_Looking):
             {
                 ".csv": self._write_csv,
                 ".npz": lambda file: write_arrays(file, self._arrays()),
-                ".json": partial(
-                    write_ros_json, trajectory=self, ros=ros, joint_prefix=joint_prefix, first_time=later
-                ),
+                ".json": partial(write_ros_json, trajectory=self, ros=ros, joint_prefix=joint_prefix, first_time=later),
                 ".kinova.csv": partial(write_kinova_csv, trajectory=self),
             },
         )
@@ -643,7 +641,7 @@ def check_interpolated(trajectory: Trajectory) -> None:
         fast = np.abs(speed) - trajectory.velocity_limit * (1.0 + SWUNG[0])
         for excess, allowed, unit in ((fast, SPEED_ROUNDING, "rad/s"), (past, SWUNG[1], "rad")):
             if excess.max() > allowed:
-                row, _, joint = np.unravel_index(int(np.argmax(excess)), excess.shape)
+                row, _, joint = (int(index) for index in np.unravel_index(int(np.argmax(excess)), excess.shape))
                 raise InvalidInputError(
                     f"{names[joint]} would pass its limit by {excess.max():.3g} {unit} between rows {row} and "
                     f"{row + 1} where a controller interpolates by {order}: plan it with a smaller dt, "

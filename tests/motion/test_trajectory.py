@@ -321,9 +321,7 @@ def short(motion: Trajectory, rows: int) -> dict[str, Any]:
 
 @pytest.mark.parametrize("name", ENDINGS)
 @pytest.mark.parametrize("jump", [2.0 * np.pi, 0.02, np.nan])
-def test_nothing_that_jumps_leaves_the_library(
-    trajectory: Trajectory, tmp_path: Path, name: str, jump: float
-) -> None:
+def test_nothing_that_jumps_leaves_the_library(trajectory: Trajectory, tmp_path: Path, name: str, jump: float) -> None:
     q = trajectory.q.copy()
     q[len(q) // 2 :, 3] += jump
     wrong = replace(trajectory, q=q)

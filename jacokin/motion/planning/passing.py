@@ -175,7 +175,7 @@ def _asked_speeds(course: _Course, pace: Pace) -> Array:
     line = np.clip(course.u[:, 0].astype(np.intp), 0, len(pace.times) - 1)
     with np.errstate(divide="ignore"):
         asked = np.diff(course.p) / ((course.u[:, 1] - course.u[:, 0]) * pace.times[line])
-    return np.minimum(np.append(asked, asked[-1]), np.append(asked[0], asked))
+    return np.asarray(np.minimum(np.append(asked, asked[-1]), np.append(asked[0], asked)))
 
 
 def _at_corners(course: _Course, top: Array, acceleration: Array, dt: float) -> tuple[Array, NDArray[np.intp]]:

@@ -7,8 +7,9 @@ from the first to the last (`search`); then it computes every tick exactly on th
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import pinocchio as pin
@@ -30,10 +31,10 @@ from jacokin.motion.path import MOST_FAMILIES, MOST_PLACES, CartesianPath
 from jacokin.motion.planning.manifold import Curve, Manifold, Pace
 from jacokin.motion.planning.passing import keep_speed, pass_slowly
 from jacokin.motion.planning.search import Climb, Ladder, PathSearch, Rung
-from jacokin.motion.rows import HELD, Rows, most_between, spline_rows, standing
+from jacokin.motion.rows import HELD, Rows, coarse, halved, most_between, spline_rows, standing, touching_between
 from jacokin.motion.timing import check_ticks, sample_lines
 from jacokin.motion.track import ANGULAR_SPEED, SPEED
-from jacokin.motion.trajectory import LEAD_IN, Trajectory, changes
+from jacokin.motion.trajectory import LEAD_IN, Trajectory
 
 TIMINGS = ("keep", "slow")
 FINEST = 0.01  # [rad] between members of a family: more of them take minutes
@@ -125,19 +126,18 @@ def plan_path(
     check_ticks(times, dt)
     near, note = seeds.choose_start(robot, seed, start)
     if start is not None and is_away(verifier, near, path.target(0.0)):
-        line = plan_path(
+        plan = partial(
+            plan_path,
             solver,
             targets,
-            dt,
             speed=speed,
             angular_speed=angular_speed,
             timing=timing,
-            seed=near,
             velocity_limit=velocity_limit,
             acceleration_limit=acceleration_limit,
             free_step=free_step,
         )
-        return lead_in(solver, near, line, dt, acceleration) if line.success else line
+        return _led_in(solver, near, plan, dt, ACCELERATION if acceleration is None else acceleration)
 
     chain = Chain(robot, verifier.frame_id, verifier.tool)
     manifold = Manifold(robot, chain, path, verifier.options.limit_snap)
@@ -200,23 +200,31 @@ class _Writer:
         u = sample_lines(self.pace.times, self.dt)
         parameter = np.full(path.lines + 1, np.nan)
         x = np.tile(self.manifold.points(q[None], path.target(0.0)), (len(u), 1))
-        return self._measure(u, x, standing(spline_rows(q[None], self.dt), len(u) - 1, self.dt), parameter, -1.0, reason)
+        return self._measure(
+            u, x, standing(spline_rows(q[None], self.dt), len(u) - 1, self.dt), parameter, -1.0, reason
+        )
 
     def follow(self, curve: Curve, reached: float, reason: str) -> Trajectory:
         """The ticks along a joint path; beyond its end the arm stays there."""
-        parameter = self._at_waypoints(curve, reached)
-        if len(curve.u) < 2:
-            u, x, rows = np.zeros(1), curve.x[:1], spline_rows(curve.q[:1], self.dt)
-        elif self.slow:
-            u, x, rows = pass_slowly(curve, self.pace, self.dt, self.acceleration)
-        else:
-            u, x, rows = keep_speed(curve, self.pace, self.dt)
+        parameter, pair = self._at_waypoints(curve, reached), None
+        contact = self.solver.verifier.contact if self.solver.verifier.avoids_contact else None
+        for dt in halved(self.dt):
+            if len(curve.u) < 2:
+                u, x, rows = np.zeros(1), curve.x[:1], spline_rows(curve.q[:1], dt)
+            elif self.slow:
+                u, x, rows = pass_slowly(curve, self.pace, dt, self.acceleration)
+            else:
+                u, x, rows = keep_speed(curve, self.pace, dt)
+            touching = None if contact is None else touching_between(rows, contact)
+            if touching is None:
+                break
+            pair = touching
         if reached < self.manifold.path.lines:  # the time that the rest would have taken
-            beyond = sample_lines(self.pace.times, self.dt)
+            beyond = sample_lines(self.pace.times, dt)
             beyond = beyond[beyond > reached]
             u, x = np.append(u, beyond), np.vstack([x, np.tile(x[-1], (len(beyond), 1))])
-            rows = standing(rows, len(beyond), self.dt)
-        return self._measure(u, x, rows, parameter, reached, reason)
+            rows = standing(rows, len(beyond), dt)
+        return self._measure(u, x, rows, parameter, reached, reason, coarse(self.dt, dt, pair))
 
     def _at_waypoints(self, curve: Curve, reached: float) -> Array:
         """The parameter (lines + 1,) at the waypoints that are reached; nan at others, and where there is none."""
@@ -230,9 +238,9 @@ class _Writer:
         return parameter
 
     def _measure(
-        self, u: Array, x: Array, rows: Rows, parameter: Array, reached: float, reason: str
+        self, u: Array, x: Array, rows: Rows, parameter: Array, reached: float, reason: str, note: str = ""
     ) -> Trajectory:
-        """Every row measured by Pinocchio, against limits, and for contact."""
+        """Every row measured by Pinocchio, against limits, and for contact; a note is added to what happened."""
         robot, verifier = self.solver.robot, self.solver.verifier
         path, dof = self.manifold.path, self.manifold.dof
         wanted, q = path.at(u, x[:, dof] if path.free else None), rows.q
@@ -254,7 +262,7 @@ class _Writer:
         clearance = verifier.distances(q) if verifier.looks_for_contact else np.full(len(q), np.nan)
         away = np.abs(q[0] - self.near)
         jump = seeds.describe_jump(robot.joint_names, away, self.origin)
-        words = [reason or self._sentence(speed, fast, status), jump, self.note]
+        words = [(reason or self._sentence(speed, fast, status, rows)) + note, jump, self.note]
         return Trajectory(
             joint_names=robot.joint_names,
             t=checks.read_only(rows.t),
@@ -290,7 +298,7 @@ class _Writer:
         limit = np.inf if self.acceleration is None else self.acceleration * (1.0 + ACCELERATION_ROUNDING)
         return fast, hard > limit
 
-    def _sentence(self, speed: Array, fast: NDArray[np.bool_], status: list[str]) -> str:
+    def _sentence(self, speed: Array, fast: NDArray[np.bool_], status: list[str], rows: Rows) -> str:
         if all(word == "OK" for word in status):
             return "on the path throughout"
         ticks = np.flatnonzero(fast.any(axis=1))
@@ -299,11 +307,11 @@ class _Writer:
             excess = float((speed / self.pace.velocity).max()) - 1.0
             return (
                 f"{names} cannot follow at this speed on {ticks.size} of {len(fast)} ticks, first at "
-                f"{ticks[0] * self.dt:.6g} s, too fast by up to {100.0 * excess:.3g} %; timing='slow' slows "
+                f"{rows.t[ticks[0]]:.6g} s, too fast by up to {100.0 * excess:.3g} %; timing='slow' slows "
                 "down there"
             )
         if "LIMITED" in status:
-            return f"joints would accelerate too much at {status.index('LIMITED') * self.dt:.6g} s"
+            return f"joints would accelerate too much at {rows.t[status.index('LIMITED')]:.6g} s"
         return "a tick misses the path"
 
 
@@ -349,6 +357,7 @@ def _explain_end(search: PathSearch, reached: float, q: Array, blocked: str, sol
 
 
 THERE = 1e-3  # [m] and [rad] an arm this near to the first pose is at it
+JOINED = 1e-6  # [rad] a motion that ends this near to the first row leads to it; the same part of a step
 
 
 def is_away(verifier: Verifier, q: Array, target: pin.SE3 | FreeAxis) -> bool:
@@ -362,56 +371,43 @@ def is_away(verifier: Verifier, q: Array, target: pin.SE3 | FreeAxis) -> bool:
     return float(np.linalg.norm(tool.rotation @ target.axis - pose.rotation @ target.axis)) > THERE
 
 
-def lead_in(solver: IKSolver, start: Array, path: Trajectory, dt: float, acceleration: Array | None) -> Trajectory:
-    """A path with the motion to its first row before it, in rows of `dt` [s] whose status is "LEAD_IN".
+def _led_in(
+    solver: IKSolver, start: Array, plan: Callable[..., Trajectory], dt: float, acceleration: ArrayLike
+) -> Trajectory:
+    """A path with the motion to its first row before it, in rows whose status is "LEAD_IN".
 
     Args:
         solver: knows the arm and its scene.
         start: (dof,) where the arm is [rad].
-        path: a path that begins elsewhere.
+        plan: plans the path, with its step `dt` [s], and a `seed` or `start` of its own.
         dt: control step [s].
-        acceleration: (dof,) limits [rad/s^2]; None for those of `plan_motion`.
+        acceleration: limits of the motion [rad/s^2].
     """
+    path = plan(dt=dt, seed=start)
+    if not path.success:
+        return path
     motion = plan_motion(
-        solver,
-        start,
-        path.q[0],
-        dt=dt,
-        velocity_limit=path.velocity_limit,
-        acceleration_limit=ACCELERATION if acceleration is None else acceleration,
+        solver, start, path.q[0], dt=dt, velocity_limit=path.velocity_limit, acceleration_limit=acceleration
     )
     if not motion.success:
-        status = ("HELD",) * len(path)
-        q = checks.read_only(np.tile(start, (len(path), 1)))
-        away = checks.read_only(np.full(len(path), np.nan))
-        message = f"there is no way from the start to where the path would begin: {motion.message}"
-        still = checks.read_only(np.zeros_like(q))
-        return replace(
-            path,
-            q=q,
-            v=still,
-            a=still,
-            status=status,
-            limiting=(message,) * len(path),
-            position_error=away,
-            orientation_error=away,
-            clearance=away,
-            message=message,
-        )
-    # All but its last row are whole steps; the last one is reached within the step after them.
+        return _without_way(path, start, motion)
+    if np.abs(motion.q[-1] - path.q[0]).max() > JOINED:  # whole turns away: the path begins where the motion ends
+        path = plan(dt=dt, start=motion.q[-1])
+        if not path.success:
+            return path
+    steps = float(motion.t[min(1, len(motion) - 1)]) or float(path.t[1]), float(path.t[1])
+    if abs(steps[0] - steps[1]) > JOINED * dt:  # one of them needs smaller ones
+        return _led_in(solver, start, plan, min(steps), acceleration)
     count = len(motion) - 1
-    q = np.vstack([motion.q[:-1], path.q])
-    v = np.zeros_like(q)
-    v[1:] = np.diff(q, axis=0) / dt
+    rows = spline_rows(np.vstack([motion.q[:-1], path.q]), steps[0])
     unknown = np.full(count, np.nan)
     clear = motion.clearance[:-1] if not np.isnan(path.clearance).all() else unknown
-    t = checks.read_only(np.arange(len(q)) * dt)
     return replace(
         path,
-        t=t,
-        q=checks.read_only(q),
-        v=checks.read_only(v),
-        a=changes(t, v),
+        t=rows.t,
+        q=rows.q,
+        v=rows.v,
+        a=rows.a,
         status=(LEAD_IN,) * count + path.status,
         limiting=("",) * count + path.limiting,
         segment=checks.sealed(np.concatenate([np.full(count, -1, dtype=np.intp), path.segment])),
@@ -420,4 +416,22 @@ def lead_in(solver: IKSolver, start: Array, path: Trajectory, dt: float, acceler
         clearance=checks.read_only(np.concatenate([clear, path.clearance])),
         start_distance=0.0,
         message=f"{path.message.partition(';')[0]}, after a motion of {motion.duration:.4g} s to where it begins",
+    )
+
+
+def _without_way(path: Trajectory, start: Array, motion: Trajectory) -> Trajectory:
+    """A path that is not reached from the start (dof,) [rad], where the arm stays."""
+    q, away = np.tile(start, (len(path), 1)), checks.read_only(np.full(len(path), np.nan))
+    message = f"there is no way from the start to where the path would begin: {motion.message}"
+    return replace(
+        path,
+        q=q,
+        v=np.zeros_like(q),
+        a=np.zeros_like(q),
+        status=("HELD",) * len(path),
+        limiting=(message,) * len(path),
+        position_error=away,
+        orientation_error=away,
+        clearance=away,
+        message=message,
     )
