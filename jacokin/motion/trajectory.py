@@ -43,7 +43,7 @@ FORMATS = (".csv", ".npz", ".json", ".kinova.csv")
 LIMITS = ("lower", "upper", "velocity_limit")
 LEAD_IN = "LEAD_IN"  # status of rows that lead to where a path begins
 NAMED = 8  # segments in a sentence
-WITHOUT_FAILURES = (".json", ".kinova.csv")  # files that are sent to an arm
+TO_SEND = (".json", ".kinova.csv")  # files that are sent to an arm
 FIRST_TIME = 10.0  # [s] at most
 KINOVA_STEP = 0.01  # [s] the control loop of the Jaco's base runs at 100 Hz (kinova-ros, README, velocity control)
 SPEED_ROUNDING = 1e-9  # [rad/s] of positions subtracted and divided by a step
@@ -417,7 +417,7 @@ class Trajectory(_Looking):
         ending = by_ending(path, FORMATS)[1]
         if (ros != 2 or joint_prefix or later) and ending != ".json":
             raise InvalidInputError(f"ros, joint_prefix and first_time are for .json files, got {str(path)!r}")
-        if not self.success and (not failed or ending in WITHOUT_FAILURES):
+        if not self.success and (not failed or ending in TO_SEND):
             cure = "it can be written to .csv or .npz, to look at, with failed=True"
             raise InvalidInputError(f"a trajectory that failed is not saved: {self.outcome}, {self.message}; {cure}")
         save(
