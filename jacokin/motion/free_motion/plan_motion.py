@@ -77,7 +77,8 @@ def plan_motion(
             quickest way so far is taken.
         ways: how many ways are looked for where the straight motion is blocked; the quickest is taken.
         rng: randomness of the search; None for a fixed seed.
-        dt: sampling step [s]; the last row is at the end of the motion, whole step or not.
+        dt: step from row to row [s]; smaller where controllers could touch something between two rows, as `message`
+            says.
         velocity_limit: (dof,) or one for all [rad/s]; None for the robot's own.
         acceleration_limit: (dof,) or one for all [rad/s^2].
         jerk_limit: (dof,) or one for all [rad/s^3]; None for none. With one, the arm stands still at corners.
@@ -85,9 +86,9 @@ def plan_motion(
             motion is slowed down until no joint needs more, what the robot carries (`Robot.with_payload`) included.
 
     Returns:
-        The motion from rest to rest, its limits held at every instant, with the goal that was taken, and the least
-        distance at each row, measured when it is first asked for. Without a way it stays at the start, and `outcome`
-        and `message` say why.
+        The motion from rest to rest, its limits held at every instant as controllers go from row to row, with the goal
+        that was taken, and the least distance at each row, measured when it is first asked for. Without a way it stays
+        at the start, and `outcome` and `message` say why.
 
     Raises:
         InvalidInputError: a malformed argument, or a configuration outside the limits.

@@ -65,7 +65,10 @@ def plan_path(
     """Joint trajectory of least cost along straight lines through poses, over all branches.
 
     Every tick is on the path: positions move on straight lines, orientations turn about one axis by the short way.
-    Contact is looked for as the solver does, between ticks too: nothing is stepped over.
+    It begins and ends at rest, and limits hold as controllers go from row to row, by straight lines, cubics or
+    quintics. Contact is looked for as the solver does, between ticks too: nothing is stepped over. Where controllers
+    could touch something on their way between two rows, all rows are nearer to each other than `dt`, and `message`
+    says so.
 
     Args:
         solver: a solver whose robot has a closed form, of six or seven joints; its scene, clearance and limits hold
@@ -77,13 +80,15 @@ def plan_path(
         speed: along the lines [m/s], one for all or (n - 1,).
         angular_speed: of turning [rad/s], as `speed`; a line takes the longer of the two times. Turning about a free
             axis does not count.
-        timing: "keep" holds these speeds and says where joints cannot follow; "slow" slows down there.
+        timing: "keep" holds these speeds, corners included, between ramps of 1 rad/s^2 at both ends, and says where
+            joints cannot follow; "slow" slows down there.
         seed: (dof,) configuration [rad] to start near; None for home.
         start: (dof,) configuration [rad] that the arm is in, instead of `seed`. Where the tool is elsewhere than at the
             first target, the arm first moves there without contact, as `plan_motion` does.
         velocity_limit: (dof,) or one for all [rad/s]; None for the robot's own.
-        acceleration_limit: (dof,) or one for all [rad/s^2], with timing="slow"; None for none. With one, the path is
-            run through from rest to rest, and the arm stands still at corners.
+        acceleration_limit: (dof,) or one for all [rad/s^2], with timing="slow"; None for 1 rad/s^2 of speeding up and
+            slowing down along the path, and none at corners, which are passed in a tick. With one, the arm slows down
+            or stands still at corners.
         free_step: between values of the free angle, or of joint 3 on seven joints, that are tried [rad]; the ends of
             their intervals are tried too, and the best way is then smoothed.
 
