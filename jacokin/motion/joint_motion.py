@@ -16,7 +16,7 @@ from jacokin.errors import InvalidInputError, needed
 from jacokin.ik.seeds import checked_start
 from jacokin.model import angles, checks
 from jacokin.model.robot import Robot, acceleration_limits, checked_robot, jerk_limits, velocity_limits
-from jacokin.motion.rows import Limits, Rows, from_rest_to_rest
+from jacokin.motion.rows import Limits, OnTheWay, Rows, coarse, from_rest_to_rest, halved
 from jacokin.motion.timing import MAX_TICKS, TooHeavy, slow_down, torque_limits, torque_strain
 from jacokin.motion.trajectory import MotionStatus, Trajectory
 
@@ -95,8 +95,15 @@ def move_joints(
         worst = float(limits.strain(rows).max())
         return worst if torque is None else max(worst, torque_strain(robot, rows, torque))
 
-    rows = from_rest_to_rest(at, duration, step, strain)
-    return Trajectory.of(robot, velocity, rows, message="" if duration else "already there")
+    way, fault = OnTheWay(robot, None), ""
+    for finer in halved(step):
+        rows = from_rest_to_rest(at, duration, finer, strain)
+        found = way.fault(rows)
+        if not found:
+            break
+        fault = found
+    message = f"reached in {rows.t[-1]:.4g} s{coarse(step, finer, fault)}" if duration else "already there"
+    return Trajectory.of(robot, velocity, rows, message=message)
 
 
 class Profile:

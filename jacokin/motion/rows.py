@@ -17,13 +17,16 @@ import numpy as np
 from scipy.linalg import solve_banded
 
 from jacokin.arrays import Array
-from jacokin.model.contact import REFUSED_WITHIN, Contact, Pair
+from jacokin.model.contact import REFUSED_WITHIN, Contact
+from jacokin.model.robot import Robot
 
 WHOLE_TICK = 1e-9  # a duration this near to whole ticks is whole; division rounds
 MEAN = 0.25, 0.5, 0.25  # weights of three ticks
 HELD = 1.0 + 1e-9  # times a limit; what is beyond is no rounding
 ATTEMPTS = 30  # to find how slow a motion must be
 LEAST_SLOWER = 1.001  # from attempt to attempt
+ON_LIMIT = 1e-6  # [rad] past its limit, a joint is on it
+PARTS = np.linspace(0.0, 1.0, 9)  # of a step, at which it is looked at
 HALVINGS = 20  # of the step from row to row; a step of 10 s comes to 20 us
 
 
@@ -89,6 +92,22 @@ class Limits(NamedTuple):
         return np.asarray(found)
 
 
+def between(rows: Rows, steps: slice = slice(None), *, quintic: bool = False) -> tuple[Array, Array]:
+    """Angles and velocities (m, 9, dof) along some steps, by cubics that meet velocities, or by quintics."""
+    x, dt = PARTS[:, None], np.diff(rows.t)[steps, None]
+    x0, moved = rows.q[:-1][steps], np.diff(rows.q, axis=0)[steps]
+    v0, v1 = dt * rows.v[:-1][steps], dt * rows.v[1:][steps]
+    if quintic:
+        a0, a1 = 0.5 * dt**2 * rows.a[:-1][steps], 0.5 * dt**2 * rows.a[1:][steps]
+        d0, d1, d2 = moved - v0 - a0, v1 - v0 - 2.0 * a0, a1 - a0
+        factors = [x0, v0, a0, 10.0 * d0 - 4.0 * d1 + d2, -15.0 * d0 + 7.0 * d1 - 2.0 * d2, 6.0 * d0 - 3.0 * d1 + d2]
+    else:
+        factors = [x0, v0, 3.0 * moved - 2.0 * v0 - v1, v0 + v1 - 2.0 * moved]
+    at = sum(factor[:, None] * x**k for k, factor in enumerate(factors))
+    speed = sum(k * factor[:, None] * x ** (k - 1) for k, factor in enumerate(factors) if k)
+    return np.asarray(at), np.asarray(speed) / dt[:, None]
+
+
 def sample(at: Callable[[Array], Array], duration: float, dt: float, slower: float = 1.0) -> Array:
     """Values at ticks of `dt` [s], each the mean of three ticks; the motion stands still before and after.
 
@@ -136,27 +155,44 @@ def halved(dt: float) -> Iterator[float]:
     return (dt / 2.0**k for k in range(HALVINGS))
 
 
-def touching_between(rows: Rows, contact: Contact) -> Pair | None:
-    """Shapes that touch as controllers go from row to row; None if it is clear.
+class OnTheWay(NamedTuple):
+    """What controllers must not run into on their way from row to row."""
 
-    Between two rows an acceleration a leaves the straight line by at most a dt^2 / 8, and the mean of three ticks
-    leaves what the motion was by a dt^2 / 4. Where all of that is less than what certified motions keep free, there is
-    nothing to look at.
-    """
-    steps = np.diff(rows.t)
-    off = 0.125 * steps**2 * (np.maximum(np.abs(rows.a[:-1]), np.abs(rows.a[1:])) @ contact.levers)  # [m]
-    for row in np.flatnonzero(3.0 * off > REFUSED_WITHIN).tolist():
-        pair = contact.in_the_way(rows.q[row], rows.q[row + 1], extra=float(off[row]))
-        if pair is not None:
-            return pair
-    return None
+    robot: Robot
+    contact: Contact | None
+    """What may touch; None where that is not looked at."""
 
+    def fault(self, rows: Rows) -> str:
+        """What happens between two rows that happens at none of them, in a few words; "" for nothing.
 
-def coarse(asked: float, dt: float, pair: Pair | None) -> str:
-    """Why rows are `dt` [s] apart and not as asked, to be added to a sentence; "" if they are as asked."""
-    if pair is None:
+        Between two rows an acceleration a leaves the straight line by at most a dt^2 / 8, and the mean of three ticks
+        leaves what the motion was by a dt^2 / 4. Where all of that is less than what certified motions keep free,
+        there is nothing to look at.
+        """
+        if len(rows.q) == 1:
+            return ""
+        robot, dt = self.robot, rows.t[1]
+        off = 0.125 * dt**2 * np.maximum(np.abs(rows.a[:-1]), np.abs(rows.a[1:]))  # (n - 1, dof) [rad]
+        least, most = np.minimum(rows.q[:-1], rows.q[1:]), np.maximum(rows.q[:-1], rows.q[1:])
+        room = np.minimum(least - robot.lower, robot.upper - most)
+        for row in np.flatnonzero((room + ON_LIMIT < off).any(axis=1)).tolist():
+            at = between(rows, slice(row, row + 1))[0][0]
+            past = np.maximum(robot.lower - at, at - robot.upper).max(axis=0) - np.maximum(-room[row], 0.0)
+            if past.max() > ON_LIMIT:
+                return f"{robot.joint_names[int(np.argmax(past))]} could pass its limit"
+        if self.contact is None:
+            return ""
+        reach = off @ self.contact.levers  # [m]
+        for row in np.flatnonzero(3.0 * reach > REFUSED_WITHIN).tolist():
+            pair = self.contact.in_the_way(rows.q[row], rows.q[row + 1], extra=float(reach[row]))
+            if pair is not None:
+                return f"{pair[0]} could touch {pair[1]}"
         return ""
-    return f", in rows of {dt:.6g} s: between those of {asked:.6g} s {pair[0]} could touch {pair[1]}"
+
+
+def coarse(asked: float, dt: float, fault: str) -> str:
+    """Why rows are `dt` [s] apart and not as asked, to be added to a sentence; "" if they are as asked."""
+    return f", in rows of {dt:.6g} s: between those of {asked:.6g} s {fault}" if fault else ""
 
 
 def standing(rows: Rows, more: int, dt: float) -> Rows:

@@ -37,6 +37,7 @@ from jacokin.motion.files import (
     write_table,
 )
 from jacokin.motion.grasps import Grasp
+from jacokin.motion.rows import ON_LIMIT, Rows, between
 from jacokin.showing import Shown, show
 
 FORMATS = (".csv", ".npz", ".json", ".kinova.csv")
@@ -49,8 +50,7 @@ KINOVA_STEP = 0.01  # [s] the control loop of the Jaco's base runs at 100 Hz (ki
 SPEED_ROUNDING = 1e-9  # [rad/s] of positions subtracted and divided by a step
 ROUNDED = 4.0 * float(np.finfo(np.float64).eps)  # of the largest angle of two that are subtracted
 AT_REST = 1e-7  # [rad/s] ROS 2's joint_trajectory_controller refuses trajectories that end with more than 1.2e-7
-BETWEEN = np.linspace(0.0, 1.0, 9)  # parts of a step at which it is looked at
-SWUNG = 1e-6, 1e-6  # relative to a velocity limit, and [rad] past a limit, between rows
+SWUNG = 1e-6  # relative to a velocity limit, between rows
 DURATION = {1: ("secs", "nsecs"), 2: ("sec", "nanosec")}  # parts of a duration in each version of ROS
 NANOSECONDS = 1_000_000_000  # [1/s]
 
@@ -626,7 +626,7 @@ def check_interpolated(trajectory: Trajectory) -> None:
     Raises:
         InvalidInputError: names the joint, the rows and the value; or it does not end at rest.
     """
-    q, v, a, names = trajectory.q, trajectory.v, trajectory.a, trajectory.joint_names
+    q, v, names = trajectory.q, trajectory.v, trajectory.joint_names
     if np.abs(v[-1]).max() > AT_REST:
         joint = int(np.argmax(np.abs(v[-1])))
         raise InvalidInputError(
@@ -634,34 +634,19 @@ def check_interpolated(trajectory: Trajectory) -> None:
         )
     if len(q) == 1:
         return
-    steps = np.diff(trajectory.t)[:, None]
-    for order, ends in (("cubics", None), ("quintics", a)):
-        at, speed = _between(steps, q, v, ends)
+    rows, steps = Rows(trajectory.t, q, v, trajectory.a), np.diff(trajectory.t)
+    for order in ("cubics", "quintics"):
+        at, speed = between(rows, quintic=order == "quintics")
         past = beyond_limits(trajectory, np.vstack([q[:1], at.reshape(-1, q.shape[1])]))[1:].reshape(at.shape)
-        fast = np.abs(speed) - trajectory.velocity_limit * (1.0 + SWUNG[0])
-        for excess, allowed, unit in ((fast, SPEED_ROUNDING, "rad/s"), (past, SWUNG[1], "rad")):
+        fast = np.abs(speed) - trajectory.velocity_limit * (1.0 + SWUNG)
+        for excess, allowed, unit in ((fast, SPEED_ROUNDING, "rad/s"), (past, ON_LIMIT, "rad")):
             if excess.max() > allowed:
                 row, _, joint = (int(index) for index in np.unravel_index(int(np.argmax(excess)), excess.shape))
                 raise InvalidInputError(
                     f"{names[joint]} would pass its limit by {excess.max():.3g} {unit} between rows {row} and "
                     f"{row + 1} where a controller interpolates by {order}: plan it with a smaller dt, "
-                    f"{0.5 * steps[row, 0]:.3g} s or less"
+                    f"{0.5 * steps[row]:.3g} s or less"
                 )
-
-
-def _between(steps: Array, q: Array, v: Array, a: Array | None) -> tuple[Array, Array]:
-    """Angles and velocities (n - 1, m, dof) at parts of steps (n - 1, 1) [s], by cubics, or by quintics with a."""
-    x, x0, v0 = BETWEEN[:, None], q[:-1], steps * v[:-1]
-    moved, v1 = q[1:] - q[:-1], steps * v[1:]
-    if a is None:
-        factors = [x0, v0, 3.0 * moved - 2.0 * v0 - v1, v0 + v1 - 2.0 * moved]
-    else:
-        a0, a1 = 0.5 * steps**2 * a[:-1], 0.5 * steps**2 * a[1:]
-        d0, d1, d2 = moved - v0 - a0, v1 - v0 - 2.0 * a0, a1 - a0
-        factors = [x0, v0, a0, 10.0 * d0 - 4.0 * d1 + d2, -15.0 * d0 + 7.0 * d1 - 2.0 * d2, 6.0 * d0 - 3.0 * d1 + d2]
-    at = sum(factor[:, None] * x**k for k, factor in enumerate(factors))
-    speed = sum(k * factor[:, None] * x ** (k - 1) for k, factor in enumerate(factors) if k)
-    return np.asarray(at), np.asarray(speed) / steps[:, None]
 
 
 def _to_degrees(q: Array, lower: Array, upper: Array) -> Array:

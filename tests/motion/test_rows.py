@@ -11,7 +11,7 @@ from jacokin import Robot
 from jacokin.arrays import Array
 from jacokin.ik import Box, Scene
 from jacokin.motion import Trajectory, plan_motion
-from jacokin.motion.rows import Limits, from_rest_to_rest, most_between, sample, spline_rows, standing
+from jacokin.motion.rows import Limits, OnTheWay, from_rest_to_rest, halved, most_between, sample, spline_rows, standing
 from tests.motion.controllers import PARTS, interpolated
 
 DT = 0.01  # [s]
@@ -64,7 +64,7 @@ def test_jumps_of_acceleration_are_held(dt: float, length: float) -> None:
         rest = np.maximum(t - half, 0.0)
         return np.asarray(up + limit * half * rest - 0.5 * limit * rest**2)[:, None]
 
-    limits = Limits(np.array([1e3]), np.array([limit]), None)
+    limits = Limits(np.array([1e3]), np.array([limit]))
     rows = from_rest_to_rest(at, duration, dt, limits.strain)
     fast, hard = most_between(rows)
     assert fast.max() <= 1e3
@@ -102,3 +102,20 @@ def between(motion: Trajectory) -> Array:
     lines = motion.q[:-1, None] + PARTS[:, None] * np.diff(motion.q, axis=0)[:, None]
     cubics = interpolated(motion.t, (motion.q, motion.v))
     return np.concatenate([lines, cubics]).reshape(-1, motion.q.shape[1])
+
+
+def test_a_joint_that_leaves_its_limit_stays_inside(robot: Robot) -> None:
+    """Between coarse rows the spline would swing over it; smaller ones are taken."""
+    upper = robot.upper[1]
+
+    def at(t: Array) -> Array:
+        q = np.tile(robot.home, (len(t), 1))
+        q[:, 1] = upper - 2.0 * np.clip(t - 1.013, 0.0, None) ** 2 * np.clip(2.0 - t, 0.0, None)
+        return q
+
+    way = OnTheWay(robot, None)
+    swung = spline_rows(at(np.linspace(0.0, 2.0, 41)), 0.05)
+    assert way.fault(swung) == "joint_2 could pass its limit"
+    assert interpolated(swung.t, (swung.q, swung.v)).max(axis=(0, 1))[1] > upper + 1e-6
+    step = next(step for step in halved(0.05) if not way.fault(spline_rows(at(np.arange(0.0, 2.001, step)), step)))
+    assert 1e-4 < step < 0.05

@@ -38,7 +38,7 @@ from jacokin.motion.blending import fit_time, round_corners
 from jacokin.motion.free_motion.search import MOST_SAMPLES, Found, StraightMotion, WaySearch
 from jacokin.motion.grasps import Grasp
 from jacokin.motion.joint_motion import ACCELERATION, SmoothLines
-from jacokin.motion.rows import Limits, Rows, coarse, from_rest_to_rest, halved, touching_between
+from jacokin.motion.rows import Limits, OnTheWay, Rows, coarse, from_rest_to_rest, halved
 from jacokin.motion.timing import MAX_TICKS, TimeLaw, TooHeavy, check_ticks, slow_down, torque_limits, torque_strain
 from jacokin.motion.trajectory import Aim, Goal, MotionStatus, Trajectory
 
@@ -251,14 +251,14 @@ class _Request:
             q[0], q[-1] = self.start, way[-1]
             return q
 
-        pair = None
+        between, fault = OnTheWay(robot, contact), ""
         for step in halved(self.dt):
             rows = from_rest_to_rest(at, duration, step, self._strain)
-            touching = None if contact is None else touching_between(rows, contact)
-            if touching is None:
+            found = between.fault(rows)
+            if not found:
                 break
-            pair = touching
-        sentence = f"reached in {rows.t[-1]:.4g} s{coarse(self.dt, step, pair)}"
+            fault = found
+        sentence = f"reached in {rows.t[-1]:.4g} s{coarse(self.dt, step, fault)}"
         lines = len(way) - 1
         sentence += "" if law is timed.law else ", slower for the torques"
         sentence += ", straight" if lines == 1 else f", around what is in the way by {lines} lines"

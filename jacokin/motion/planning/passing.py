@@ -105,6 +105,8 @@ def pass_slowly(curve: Curve, pace: Pace, dt: float, acceleration: Array | None)
     else:
         usable, held = USED * acceleration, acceleration
         top, stops = _at_corners(course, top, acceleration, dt)
+    limits = Limits(pace.velocity, held)
+    asked = np.append(0.0, np.cumsum(pace.times))
     slower = 1.0
     for attempt in range(ATTEMPTS):
         parts = [slice(first, last + 1) for first, last in itertools.pairwise(stops.tolist())]
@@ -118,7 +120,7 @@ def pass_slowly(curve: Curve, pace: Pace, dt: float, acceleration: Array | None)
         u = course.path_places(p)
         x = curve.at(u)[0]
         rows = spline_rows(x[:, :dof], dt)
-        worst = Limits(pace.velocity, held).strain(rows)
+        worst = np.maximum(limits.strain(rows), np.diff(np.interp(u, np.arange(len(asked)), asked)) / dt)
         if worst.max() <= HELD:
             break
         if attempt < EASINGS:

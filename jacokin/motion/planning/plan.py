@@ -31,7 +31,7 @@ from jacokin.motion.path import MOST_FAMILIES, MOST_PLACES, CartesianPath
 from jacokin.motion.planning.manifold import Curve, Manifold, Pace
 from jacokin.motion.planning.passing import keep_speed, pass_slowly
 from jacokin.motion.planning.search import Climb, Ladder, PathSearch, Rung
-from jacokin.motion.rows import HELD, Rows, coarse, halved, most_between, spline_rows, standing, touching_between
+from jacokin.motion.rows import HELD, OnTheWay, Rows, coarse, halved, most_between, spline_rows, standing
 from jacokin.motion.timing import check_ticks, sample_lines
 from jacokin.motion.track import ANGULAR_SPEED, SPEED
 from jacokin.motion.trajectory import LEAD_IN, Trajectory
@@ -211,8 +211,8 @@ class _Writer:
 
     def follow(self, curve: Curve, reached: float, reason: str) -> Trajectory:
         """The ticks along a joint path; beyond its end the arm stays there."""
-        parameter, pair = self._at_waypoints(curve, reached), None
-        contact = self.solver.verifier.contact if self.solver.verifier.avoids_contact else None
+        parameter, fault, verifier = self._at_waypoints(curve, reached), "", self.solver.verifier
+        between = OnTheWay(self.solver.robot, verifier.contact if verifier.avoids_contact else None)
         for dt in halved(self.dt):
             if len(curve.u) < 2:
                 u, x, rows = np.zeros(1), curve.x[:1], spline_rows(curve.q[:1], dt)
@@ -220,16 +220,16 @@ class _Writer:
                 u, x, rows = pass_slowly(curve, self.pace, dt, self.acceleration)
             else:
                 u, x, rows = keep_speed(curve, self.pace, dt)
-            touching = None if contact is None else touching_between(rows, contact)
-            if touching is None:
+            found = between.fault(rows)
+            if not found:
                 break
-            pair = touching
+            fault = found
         if reached < self.manifold.path.lines:  # the time that the rest would have taken
             beyond = sample_lines(self.pace.times, dt)
             beyond = beyond[beyond > reached]
             u, x = np.append(u, beyond), np.vstack([x, np.tile(x[-1], (len(beyond), 1))])
             rows = standing(rows, len(beyond), dt)
-        return self._measure(u, x, rows, parameter, reached, reason, coarse(self.dt, dt, pair))
+        return self._measure(u, x, rows, parameter, reached, reason, coarse(self.dt, dt, fault))
 
     def _at_waypoints(self, curve: Curve, reached: float) -> Array:
         """The parameter (lines + 1,) at the waypoints that are reached; nan at others, and where there is none."""
