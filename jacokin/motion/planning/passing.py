@@ -18,7 +18,7 @@ from scipy.interpolate import CubicSpline
 from jacokin.arrays import Array
 from jacokin.motion.joint_motion import ACCELERATION
 from jacokin.motion.planning.manifold import Curve, Pace
-from jacokin.motion.rows import ATTEMPTS, HELD, WHOLE_TICK, Limits, Rows, sample, spline_rows
+from jacokin.motion.rows import ATTEMPTS, HELD, ON_LIMIT, WHOLE_TICK, Limits, Rows, past_limits, sample, spline_rows
 from jacokin.motion.timing import check_ticks, fit_course, sample_lines, slopes
 
 GRID = 0.01  # [s] at full speed between places whose limits are looked at
@@ -29,6 +29,7 @@ SHORT = 1e-4  # [s] at full speed: on a piece that is shorter joints move in pro
 IN_A_TICK = 3.0**0.5  # the spline through ticks accelerates so much harder than a velocity that changes in one of them
 EASINGS = 6  # times that places are passed more slowly where limits do not hold; then the whole is
 EASED = 0.98
+EASED_AT_LIMIT = 2.0  # times as slow at most where a joint would swing over its limit between two rows
 SLOWER = 0.01  # from attempt to attempt, and each time by so much more: ticks fall elsewhere on corners each time
 USED = 0.96  # of the acceleration; the spline through the ticks swings over the rest
 AROUND = 2  # ticks
@@ -130,9 +131,11 @@ def pass_slowly(curve: Curve, pace: Pace, dt: float, acceleration: Array | None)
         x = curve.at(u)[0]
         rows = spline_rows(x[:, :dof], dt)
         worst = np.maximum(limits.strain(rows), np.diff(np.interp(u, np.arange(len(asked)), asked)) / dt)
-        if worst.max() <= HELD:
+        past = past_limits(rows, curve.manifold.lower, curve.manifold.upper).max(axis=1)
+        if worst.max() <= HELD and (past.max() <= ON_LIMIT or attempt >= EASINGS):
             break
         if attempt < EASINGS:
+            worst = np.maximum(worst, np.minimum(np.sqrt(past / ON_LIMIT), EASED_AT_LIMIT))
             speed = np.concatenate([[0.0], *(each.speed[1:] for each in found)])
             top = np.minimum(top, _eased(course.p, speed, p, worst))
         else:
