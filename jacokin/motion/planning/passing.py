@@ -19,7 +19,7 @@ from jacokin.arrays import Array
 from jacokin.motion.joint_motion import ACCELERATION
 from jacokin.motion.planning.manifold import Curve, Pace
 from jacokin.motion.rows import ATTEMPTS, HELD, ON_LIMIT, WHOLE_TICK, Limits, Rows, past_limits, sample, spline_rows
-from jacokin.motion.timing import check_ticks, fit_course, sample_lines, slopes
+from jacokin.motion.timing import check_ticks, fit_course, sample_lines, slopes, with_ramps
 
 GRID = 0.01  # [s] at full speed between places whose limits are looked at
 LEAST_INTERVALS = 2  # between waypoints
@@ -83,14 +83,7 @@ def keep_speed(curve: Curve, pace: Pace, dt: float) -> tuple[Array, Array, Rows]
     enough = 2.0 * halves * ACCELERATION * dt >= fastest[halves - 1]
     ramp = 2 * int(halves[int(np.argmax(enough))] if enough.any() else whole // 2)
 
-    def gone(tick: Array) -> Array:
-        """How many of the ticks (m,) at full speed are behind at ticks (m,)."""
-        if not ramp:
-            return tick
-        up, down = np.minimum(tick, ramp), np.clip(tick - whole, 0.0, ramp)
-        return np.asarray(0.5 * up**2 / ramp + np.clip(tick - ramp, 0.0, whole - ramp) + down - 0.5 * down**2 / ramp)
-
-    u = np.interp(np.interp(sample(gone, float(whole + ramp), 1.0), np.arange(whole + 1), asked), ends, places)
+    u = np.interp(with_ramps(asked, ramp), ends, places)
     u[[0, -1]] = ticks[[0, -1]]
     x = curve.at(u)[0]
     return u, x, spline_rows(x[:, : curve.manifold.dof], dt)
