@@ -195,7 +195,8 @@ class OnTheWay(NamedTuple):
         reach = _bulge(rows) @ self.contact.levers  # [m]
         for row in np.flatnonzero(3.0 * reach > REFUSED_WITHIN).tolist():
             pair = self.contact.in_the_way(rows.q[row], rows.q[row + 1], extra=float(reach[row]))
-            if pair is not None:
+            # What is near at a row itself is being left, or landed at: that was looked at closely.
+            if pair is not None and all(self.contact.in_the_way(q, q) is None for q in rows.q[row : row + 2]):
                 return f"{pair[0]} could touch {pair[1]}"
         return ""
 
