@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any, cast
+
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
@@ -131,10 +133,10 @@ def test_motions_around_obstacles_hold_limits_of_any_size(
     solver = jacokin.IKSolver(robot, scene=scene)
     start = solver.solve(jacokin.pose([0.4, -0.35, 0.3], down=True)).q
     goal = jacokin.pose([0.4, 0.25, 0.3], down=True)
-    limits: dict[str, float] = {"velocity_limit": velocity, "acceleration_limit": acceleration}
+    limits: dict[str, Any] = {"velocity_limit": velocity, "acceleration_limit": acceleration}
     motion = plan_motion(solver, start, goal, dt=dt, time_limit=10.0, **limits)
     assert motion.success
     check_as_controllers_go(motion, acceleration)
     for name in limits:
         with pytest.raises(InvalidInputError, match=f"{name} must be at most"):
-            plan_motion(solver, start, goal, **{name: 1e12})
+            plan_motion(solver, start, goal, **cast(dict[str, Any], {name: 1e12}))
