@@ -110,7 +110,8 @@ def lead(
         goes_on = act is None or act(step)
         if getattr(device, "ended", False):
             is_closing_in = step.target is not None and (
-                step.tracking.status is TrackerStatus.LIMITED
+                held == 0.0  # a last pose far from the one before waits for another that confirms it
+                or step.tracking.status is TrackerStatus.LIMITED
                 or not (asked is None or step.target.isApprox(asked, SETTLED))  # smoothed, it is still on its way
             )
             held = held + dt if is_closing_in and last is not None and len(last) == 7 else math.inf
