@@ -28,6 +28,7 @@ from jacokin.errors import InvalidInputError, shown
 from jacokin.model import checks
 from jacokin.tasks.datasets.placing import check_free, episodes_folder
 from jacokin.tasks.datasets.recorded import SINGLE, Recorded
+from jacokin.tasks.datasets.video import find_ffmpeg
 from jacokin.tasks.episode import clip_action
 from jacokin.tasks.gym.environment import TaskEnv
 from jacokin.tasks.gym.packing import EnvOptions, Observation
@@ -39,6 +40,10 @@ KEPT = (*(name for name in EnvOptions.__slots__ if name != "task"), "randomizati
 FUNCTION = "function"  # instead of a reward that cannot be kept
 
 Policy = Callable[[Any], Any]
+
+
+class EndEpisode(Exception):  # noqa: N818 - a signal of a policy, not an error
+    """A policy raises it instead of giving an action: the episode ends there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,21 +100,11 @@ def record(
     if not callable(policy):
         raise checks.refusal("policy", "a function of an observation", policy)
     target = checks.path("path", path)
-    writer = _writer(target)
+    writer = checked_writer(target, env.unwrapped)
     count, first = checks.whole_number("episodes", episodes, 1), checks.whole_number("seed", seed)
     checked_executor(executor)
     if progress is not None:
         checks.function("progress", progress)
-    others = [name for name in env.unwrapped.options.sizes if "/" in name]
-    if others and target.suffix == ".lerobot":
-        raise InvalidInputError(
-            f"a .lerobot data set keeps videos of colours, not {', '.join(others)}: use .hdf5 or .minari"
-        )
-    rate = 1.0 / env.unwrapped.dt
-    if abs(rate - round(rate)) > 1e-6 and target.suffix == ".lerobot":
-        raise InvalidInputError(
-            f"a .lerobot data set has a whole number of steps a second, not {rate:.4g}: use .hdf5 or .minari"
-        )
     description = describe(env.unwrapped)
     recipe = {"environment": description, "policy": _name(policy), "seed": first, "mujoco": mujoco.__version__}
     folder = ChunkFolder(episodes_folder(target), recipe, count, ".npz")
@@ -160,12 +155,31 @@ def _is_of(env: TaskEnv, kept: Recorded) -> bool:
     return env._episode.is_over or bool(kept.error)
 
 
-def _writer(path: Path) -> Any:  # a module
+def checked_writer(path: Path, env: TaskEnv) -> Any:  # a module
+    """The module that writes a data set of an environment, which may be written there.
+
+    Raises:
+        InvalidInputError: another ending, no such folder, something is there already, or the format does not keep what
+            the environment observes.
+        MissingExtraError: the package that writes the format is not installed.
+    """
     if path.suffix not in FORMATS:
         raise InvalidInputError(f"path must end in {', '.join(FORMATS)}, got {path}")
     if not path.absolute().parent.is_dir():
         raise InvalidInputError(f"path: there is no folder {path.absolute().parent}")
     check_free(path)
+    others = [name for name in env.options.sizes if "/" in name]
+    if others and path.suffix == ".lerobot":
+        raise InvalidInputError(
+            f"a .lerobot data set keeps videos of colours, not {', '.join(others)}: use .hdf5 or .minari"
+        )
+    rate = 1.0 / env.dt
+    if abs(rate - round(rate)) > 1e-6 and path.suffix == ".lerobot":
+        raise InvalidInputError(
+            f"a .lerobot data set has a whole number of steps a second, not {rate:.4g}: use .hdf5 or .minari"
+        )
+    if env.options.sizes and path.suffix == ".lerobot":
+        find_ffmpeg()  # before episodes are run that it then could not write
     return importlib.import_module(f"jacokin.tasks.datasets.{FORMATS[path.suffix]}")
 
 
@@ -232,7 +246,7 @@ def run_episode(
 
     Args:
         env: the environment.
-        policy: gives the actions.
+        policy: gives the actions; may raise `EndEpisode` after the first one.
         seed: of the episode.
         watch: called after the reset and after each step.
         most: steps after which it is given up; None to run it to its end.
@@ -245,7 +259,11 @@ def run_episode(
     watch()
     is_over = False
     while not is_over and len(actions) != most:
-        action = clip_action(np.asarray(policy(observation), dtype=np.float64), *env._control.bounds)
+        try:
+            wanted = policy(observation)
+        except EndEpisode:
+            break
+        action = clip_action(np.asarray(wanted, dtype=np.float64), *env._control.bounds)
         observation, reward, _, is_over, info = env.step(action)
         seen.append(_by_name(observation))
         states.append(env.task.physics.get_state())
