@@ -122,11 +122,10 @@ def demonstrate(
             if recorded is not None:
                 files[number] = folder.put(number, recorded.to_bytes())  # before anybody is asked: a kill loses nothing
                 if hand.is_kept(recorded):
-                    hand.say(f"kept, {len(files)}{'' if wanted is None else f' of {wanted}'} episodes")
+                    hand.say(f"kept: {len(files)}{' so far' if wanted is None else f' of {wanted}'}")
                 else:
                     files.pop(number).unlink()
-            if recorded is None or number not in files:
-                discarded += hand.was_begun
+            discarded += hand.was_thrown_away
             number += 1
         every = [files[index] for index in sorted(files)]
         solved = steps = 0
@@ -145,7 +144,7 @@ class _Hand:
 
     Attributes:
         goes_on: whether the session does.
-        was_begun: whether the last episode was.
+        was_thrown_away: whether the last episode was.
         late: control steps that began later than a step after their time.
     """
 
@@ -169,7 +168,7 @@ class _Hand:
         self._played = self._is_cut = False
         self._taken, self._rest = 0, 0.0
         self._last: Array | None = None
-        self.was_begun, self.late = False, 0
+        self.was_thrown_away, self.late = False, 0
 
     @property
     def goes_on(self) -> bool:
@@ -181,12 +180,11 @@ class _Hand:
 
     def episode(self, seed: int, kept: int) -> Recorded | None:
         """An episode that was begun and has ended; None for one that was thrown away, or for none."""
-        self.was_begun, self._verdict = False, None
+        self.was_thrown_away, self._verdict = False, None
         self._env.reset(seed=seed)
         arm = TaskArm(self._env)
         if not self._is_begun(arm, seed, kept):
             return None
-        self.was_begun = True
         self._played = True
         reset = getattr(self._device, "reset", None)
         if reset is not None:
@@ -199,6 +197,7 @@ class _Hand:
         recorded = run_episode(self._env, self._act, seed)
         taken, self._taken = self._taken, 0
         if self._verdict is False:
+            self.was_thrown_away = True
             self.say(f"thrown away after {taken} steps")
             return None
         if self._is_cut:
@@ -220,6 +219,7 @@ class _Hand:
                 if command in (KEEP, DISCARD):
                     self._verdict = command == KEEP
         if self._verdict is False:
+            self.was_thrown_away = True
             self.say("thrown away")
         return self._verdict is not False
 
