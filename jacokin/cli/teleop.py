@@ -41,6 +41,7 @@ DATA_SETS = (".hdf5", ".minari", ".lerobot")
 ARRIVED = 1e-3  # [m] nearer to its target, the tool has arrived
 DT = 0.01  # [s]
 ACCELERATION = 4.0  # [rad/s^2]
+TASK_SPEED = 0.1, 0.6  # [m/s], [rad/s] of keys
 PICTURE = 84, 84  # rows and columns of what a camera observes [pixels]
 STREAM = ".npz"
 CLUTCH, LEAVE = " ", ("q", "\x1b", "\x04")
@@ -121,6 +122,12 @@ def read_cameras(
     metavar="NAME[=HxW]",
     help="With --record: a camera that observes, front_close or wrist, and the size of its pictures. Repeatable.",
 )
+@click.option(
+    "--pace",
+    type=click.FloatRange(min=0.0, min_open=True),
+    metavar="P",
+    help="With --record: simulated seconds in a second; 0.5 is slow motion.",
+)
 @click.option("--render", is_flag=True, help="With --task: show the simulation in a window, which needs a display.")
 @click.option("--view", is_flag=True, help="Show the arm in the browser; prints the address. --device page does, too.")
 @click.option("--port", type=click.IntRange(min=0), default=8080, metavar="N", help="Of the page; 0 for any free one.")
@@ -152,6 +159,7 @@ def teleop(
     record: Path | None,
     episodes: int | None,
     cameras: dict[str, tuple[int, int]] | None,
+    pace: float | None,
     render: bool,
     view: bool,
     port: int,
@@ -183,7 +191,9 @@ def teleop(
 
     if device != "player" and (stream is not None or fast):
         raise InvalidInputError("--stream and --fast are for --device player")
-    _check_record(record, task, episodes, cameras, seconds, output)
+    _check_record(record, task, episodes, cameras, pace, seconds, output)
+    if fast and pace is not None:
+        raise InvalidInputError("give at most one of --fast and --pace")
     if output is not None and output.suffix not in FORMATS:
         raise InvalidInputError(f"--output must end in {' or '.join(FORMATS)}, got {str(output)!r}")
     recording = None if stream is None or Path(stream).suffix != STREAM else Path(stream)
@@ -197,7 +207,7 @@ def teleop(
         raise InvalidInputError(
             "--render needs a display; without one, --view shows the arm and the props in a browser"
         )
-    from jacokin.teleop import SpaceMouse, Teleop, lead
+    from jacokin.teleop import Keyboard, SpaceMouse, Teleop, lead
     from jacokin.teleop.teleop import AUTO
 
     with contextlib.ExitStack() as stack:
@@ -236,14 +246,16 @@ def teleop(
 
             props = Props(shown.server, simulation.environment)
         leading: Device
+        # In a task, whose episodes end after a while, as quick as the page's keys.
+        keyboard = Keyboard() if task is None else Keyboard(speed=TASK_SPEED[0], turn=TASK_SPEED[1])
         if device == "player":
             leading = _player(robot, stream, rate, random_seed or 0)
         elif device == "spacemouse":
             mouse = stack.enter_context(SpaceMouse())
             is_typed = record is not None or (sys.platform != "win32" and sys.stdin.isatty())
-            leading = stack.enter_context(_keys("--record", mouse)) if is_typed else mouse
+            leading = stack.enter_context(_keys("--record", keyboard, mouse)) if is_typed else mouse
         elif device == "keyboard":
-            leading = stack.enter_context(_keys("--device keyboard"))
+            leading = stack.enter_context(_keys("--device keyboard", keyboard))
         else:
             assert shown is not None
             leading = shown.add_controller()
@@ -258,7 +270,7 @@ def teleop(
                 record,
                 episodes,
                 random_seed or 0,
-                not fast,
+                math.inf if fast else pace or 1.0,
                 make,
                 stop,
                 props,
@@ -296,6 +308,7 @@ def _check_record(
     task: str | None,
     episodes: int | None,
     cameras: dict[str, tuple[int, int]] | None,
+    pace: float | None,
     seconds: float | None,
     output: Path | None,
 ) -> None:
@@ -307,8 +320,8 @@ def _check_record(
     if output is not None and output.suffix in DATA_SETS:
         raise InvalidInputError(f"--output writes one motion; a data set of a task is --record {output} --task NAME")
     if record is None:
-        if episodes is not None or cameras:
-            raise InvalidInputError("--episodes and --camera are for --record: give it, and --task")
+        if episodes is not None or cameras or pace is not None:
+            raise InvalidInputError("--episodes, --camera and --pace are for --record: give it, and --task")
         return
     if task is None:
         raise InvalidInputError("--record writes episodes of a task: give --task too, such as lift_brick")
@@ -326,7 +339,7 @@ def _demonstrate(
     path: Path,
     episodes: int | None,
     seed: int,
-    paced: bool,
+    pace: float,
     make: Callable[[TaskArm], Teleop],
     stop: threading.Event,
     props: Props | None,
@@ -349,15 +362,13 @@ def _demonstrate(
         if props is not None:
             props.show()
 
-    if episodes is None and not hasattr(device, "commands"):
-        episodes = 1
     found = demonstrate(
         environment,
         device,
         path,
         episodes=episodes,
         seed=seed,
-        paced=paced,
+        pace=pace,
         make=make,
         watch=watch,
         tell=lambda text: click.echo(text, err=True),
@@ -460,14 +471,12 @@ class _Keys:
 
 
 @contextlib.contextmanager
-def _keys(option: str, beside: Device | None = None) -> Iterator[_Keys]:
+def _keys(option: str, keyboard: Keyboard, beside: Device | None = None) -> Iterator[_Keys]:
     """Keys as they are typed, without Enter, beside another device or alone; the terminal is as before afterwards.
 
     Raises:
         InvalidInputError: standard input is not a terminal of Unix.
     """
-    from jacokin.teleop import Keyboard
-
     if sys.platform == "win32" or not sys.stdin.isatty():
         raise InvalidInputError(f"{option} needs a terminal of Linux or macOS as standard input")
     import termios
@@ -477,7 +486,7 @@ def _keys(option: str, beside: Device | None = None) -> Iterator[_Keys]:
     try:
         tty.setcbreak(sys.stdin)
         click.echo(HINT, err=True)
-        yield _Keys(Keyboard(), beside)
+        yield _Keys(keyboard, beside)
     finally:
         termios.tcsetattr(sys.stdin, termios.TCSADRAIN, before)
 

@@ -6,6 +6,7 @@ it ends, beside the data set, which is written as a whole in the end; so nothing
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Callable
@@ -61,7 +62,7 @@ def demonstrate(
     *,
     episodes: int | None = None,
     seed: int = 0,
-    paced: bool = True,
+    pace: float = 1.0,
     make: Callable[[TaskArm], Teleop] | None = None,
     watch: Callable[[TaskArm, TeleopStep | None], None] | None = None,
     tell: Callable[[str], None] | None = None,
@@ -83,7 +84,7 @@ def demonstrate(
         episodes: how many are to be kept; a session that ends with fewer is continued by the same call. None for as
             many as are kept until the session ends.
         seed: of the first episode; each further one, kept or not, has the next number.
-        paced: whether control steps come in real time, or as fast as they can.
+        pace: simulated seconds in a second: 1 is real time, 0.5 slow motion, `math.inf` as fast as it can.
         make: gives the teleoperation for an arm, with its clutch open or closed; None for ``Teleop(arm.tracker())``.
         watch: called with each tick, and with None while nothing is recorded, many times a second.
         tell: called with a sentence whenever something is begun, ended, kept, thrown away or asked for.
@@ -105,7 +106,11 @@ def demonstrate(
     target = checks.path("path", path)
     writer = checked_writer(target, env.unwrapped)
     wanted = None if episodes is None else checks.whole_number("episodes", episodes, 1, MOST_EPISODES)
+    if wanted is None and not hasattr(device, "commands"):
+        wanted = 1
     first = checks.whole_number("seed", seed)
+    if pace != math.inf:
+        checks.positive("pace", pace)
     for name, function in (("make", make), ("watch", watch), ("tell", tell)):
         if function is not None:
             checks.function(name, function)
@@ -114,29 +119,37 @@ def demonstrate(
     folder = ChunkFolder(episodes_folder(target), recipe, MOST_EPISODES, ".npz")
     with folder.locked():
         folder.remove_unfinished()
-        hand = _Hand(env.unwrapped, device, paced, make, watch, tell, stop)
-        files, discarded = folder.finished(), 0
-        number = max(files, default=-1) + 1
-        while (wanted is None or len(files) < wanted) and hand.goes_on:
-            recorded = hand.episode(first + number, len(files))
-            if recorded is not None:
-                files[number] = folder.put(number, recorded.to_bytes())  # before anybody is asked: a kill loses nothing
-                if hand.is_kept(recorded):
-                    hand.say(f"kept: {len(files)}{' so far' if wanted is None else f' of {wanted}'}")
-                else:
-                    files.pop(number).unlink()
-            discarded += hand.was_thrown_away
-            number += 1
-        every = [files[index] for index in sorted(files)]
+        files, hand = folder.finished(), _Hand(env.unwrapped, device, pace, make, watch, tell, stop)
+        try:
+            discarded = _lead_episodes(hand, folder, files, first, wanted)
+        finally:
+            if not files:
+                folder.remove()
+        every = [files[number] for number in sorted(files)]
         solved = steps = 0
         for each in map(Recorded.from_file, every):
             solved, steps = solved + bool(each.success[-1]), steps + len(each.actions)
         is_written = bool(every) and (wanted is None or len(every) >= wanted)
         if is_written:
             writer.write(target, description, env.unwrapped, lambda: map(Recorded.from_file, every))
-        if is_written or not every:
             folder.remove()
     return Demonstrations(target, len(every), solved, steps, discarded, hand.late, is_written)
+
+
+def _lead_episodes(hand: _Hand, folder: ChunkFolder, files: dict[int, Path], first: int, wanted: int | None) -> int:
+    """Add episodes to the files by number, until there are as many as wanted; returns how many were thrown away."""
+    discarded, number = 0, max(files, default=-1) + 1
+    while (wanted is None or len(files) < wanted) and hand.goes_on:
+        recorded = hand.episode(first + number, len(files))
+        if recorded is not None:
+            files[number] = folder.put(number, recorded.to_bytes())  # before anybody is asked: a kill loses nothing
+            if hand.is_kept(recorded):
+                hand.say(f"kept: {len(files)}{' so far' if wanted is None else f' of {wanted}'}")
+            else:
+                files.pop(number).unlink()
+        discarded += hand.was_thrown_away
+        number += 1
+    return discarded
 
 
 class _Hand:
@@ -152,13 +165,13 @@ class _Hand:
         self,
         env: TaskEnv,
         device: Device,
-        paced: bool,
+        pace: float,
         make: Callable[[TaskArm], Teleop] | None,
         watch: Callable[[TaskArm, TeleopStep | None], None] | None,
         tell: Callable[[str], None] | None,
         stop: threading.Event | None,
     ) -> None:
-        self._env, self._device, self._paced, self._stop = env, device, paced, stop
+        self._env, self._device, self._pace, self._stop = env, device, pace, stop
         self._make = make or (lambda arm: Teleop(arm.tracker()))
         self._watch = watch or (lambda arm, step: None)
         self.say = tell or (lambda text: None)
@@ -246,7 +259,7 @@ class _Hand:
             EndEpisode: there is none.
         """
         if not self._taken:  # what took long before counts for nothing
-            self._began = time.monotonic() - self._now
+            self._began = time.monotonic() - self._now / self._pace
         now = self._tick()
         heard, _ = read_device(self._device, now)
         work_clutch(self._teleop, self._device)
@@ -283,18 +296,17 @@ class _Hand:
 
     @property
     def _now(self) -> float:
-        """[s] since the session began, by ticks."""
+        """[s] of simulated time since the session began, by ticks."""
         return self._ticks * self._env.dt
 
     def _tick(self) -> float:
         """Wait for the next tick; its time [s]."""
-        if self._paced:
-            ahead = self._began + self._now - time.monotonic()
-            if ahead > 0.0:
-                time.sleep(ahead)
-            elif -ahead > self._env.dt:
-                self.late += self._taken > 0
-                self._began -= ahead  # what is lost is not caught up with
+        ahead = self._began + self._now / self._pace - time.monotonic()
+        if ahead > 0.0:
+            time.sleep(ahead)
+        elif -ahead > self._env.dt / self._pace and math.isfinite(self._pace):
+            self.late += self._taken > 0
+            self._began -= ahead  # what is lost is not caught up with
         now = self._now
         self._ticks += 1
         return now

@@ -257,7 +257,7 @@ def test_seconds_count_from_when_somebody_has_opened_the_page() -> None:
         (("--task", "lift_brick", "--record", "d.hdf5", "--camera", "wrist=96"), "--camera must be NAME or"),
         (("--task", "lift_brick", "--record", "d.hdf5", "--episodes", "0"), "'--episodes': 0 is not in the range"),
         (("--task", "lift_brick", "--record", "d.hdf5", "--device", "keyboard"), "--device keyboard needs a terminal"),
-        (("--camera", "wrist"), "--camera are for --record"),
+        (("--camera", "wrist"), "--pace are for --record"),
         (("--velocity-limit", "1", "2"), "--velocity-limit must be one number or 6, got 2"),
         (("--velocity-limit", "0"), "--velocity-limit must be"),
         (("--render",), "--render shows the simulation of a task"),

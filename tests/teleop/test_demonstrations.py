@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import os
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -71,7 +73,7 @@ def test_keys_begin_end_keep_and_throw_away_episodes(env: TaskEnv, tmp_path: Pat
             "q",
         )
     )
-    made = demonstrate(env, device, tmp_path / "demos.hdf5", seed=5, paced=False, tell=said.append)
+    made = demonstrate(env, device, tmp_path / "demos.hdf5", seed=5, pace=math.inf, tell=said.append)
     assert (made.kept, made.discarded, made.is_written) == (2, 2, True)
     _, episodes = hdf5.read(tmp_path / "demos.hdf5")
     first, second = episodes
@@ -98,7 +100,7 @@ def test_a_recorded_hand_demonstrates_and_is_replayed_bit_by_bit(env: TaskEnv, e
     time = np.arange(0.0, 1.0, 0.02)
     hand = np.tile([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0], (len(time), 1))
     hand[:, 2] = 0.05 * time
-    made = demonstrate(env, Player(Stream(time, hand)), path, episodes=2, paced=False)
+    made = demonstrate(env, Player(Stream(time, hand)), path, episodes=2, pace=math.inf)
     assert (made.kept, made.discarded, made.late) == (2, 0, 0)
     played = replay(path)
     assert [each.seed for each in played] == [0, 1]
@@ -107,7 +109,7 @@ def test_a_recorded_hand_demonstrates_and_is_replayed_bit_by_bit(env: TaskEnv, e
 
 
 PICTURES = """
-import sys
+import math, sys
 sys.path.append(sys.argv[1])
 from tests.teleop.test_demonstrations import Typist, typed
 from jacokin.tasks import TaskEnv, replay
@@ -115,7 +117,7 @@ from jacokin.teleop import demonstrate
 env = TaskEnv("lift_brick", control="joint_position", flatten=False, observations="vision", cameras={"wrist": (32, 32)})
 for ending in ("hdf5", "lerobot"):
     path = f"{sys.argv[2]}/demos.{ending}"
-    demonstrate(env, Typist(typed("bwwwy")), path, paced=False)
+    demonstrate(env, Typist(typed("bwwwy")), path, pace=math.inf)
     assert all(each.is_equal for each in replay(path))
 """
 
@@ -146,7 +148,7 @@ def test_success_is_the_task_s(env: TaskEnv, tmp_path: Path) -> None:
             pinch = env_now.site(next(name for name in names if name.endswith("pinchsite"))).xpos
             return np.append(np.clip(3.0 * (target - pinch), -0.2, 0.2), np.zeros(3))
 
-    made = demonstrate(env, Seeking(), tmp_path / "demos.hdf5", episodes=1, paced=False)
+    made = demonstrate(env, Seeking(), tmp_path / "demos.hdf5", episodes=1, pace=math.inf)
     assert made.solved == 1
     assert replay(tmp_path / "demos.hdf5")[0].success
     _, (episode,) = hdf5.read(tmp_path / "demos.hdf5")
@@ -156,21 +158,21 @@ def test_success_is_the_task_s(env: TaskEnv, tmp_path: Path) -> None:
 def test_a_session_that_stops_keeps_what_has_ended_and_goes_on(env: TaskEnv, tmp_path: Path) -> None:
     path, stop = tmp_path / "demos.hdf5", threading.Event()
     device = Typist(typed("bwwwy", "bssse", "  !"), stop)
-    made = demonstrate(env, device, path, episodes=4, paced=False, stop=stop)
+    made = demonstrate(env, device, path, episodes=4, pace=math.inf, stop=stop)
     assert (made.kept, made.is_written) == (2, False)  # the second had ended, nobody had thrown it away
     assert not path.exists()
-    made = demonstrate(env, Typist(typed("bwww", "q")), path, episodes=4, paced=False)
+    made = demonstrate(env, Typist(typed("bwww", "q")), path, episodes=4, pace=math.inf)
     assert (made.kept, made.is_written) == (2, False)  # what runs has not ended
-    made = demonstrate(env, Typist(typed("bdddy", "bfffy")), path, episodes=4, paced=False)
+    made = demonstrate(env, Typist(typed("bdddy", "bfffy")), path, episodes=4, pace=math.inf)
     assert (made.kept, made.is_written) == (4, True)
     assert all(each.is_equal for each in replay(path))
     assert [each.seed for each in replay(path)] == [0, 1, 2, 3]
     with pytest.raises(InvalidInputError, match="is there already"):
-        demonstrate(env, Typist([]), path, paced=False)
+        demonstrate(env, Typist([]), path, pace=math.inf)
 
 
 KILLED = """
-import os, signal, sys
+import math, os, signal, sys
 sys.path.append(sys.argv[1])
 from tests.teleop.test_demonstrations import Typist, typed
 from jacokin.tasks import TaskEnv
@@ -181,7 +183,7 @@ class Killed(Typist):
             os.kill(os.getpid(), signal.SIGKILL)
         return super().read(time)
 env = TaskEnv("reach_site", control="joint_position", flatten=False)
-demonstrate(env, Killed(typed(*sys.argv[3:])), sys.argv[2], paced=False)
+demonstrate(env, Killed(typed(*sys.argv[3:])), sys.argv[2], pace=math.inf)
 """
 
 
@@ -196,15 +198,50 @@ def test_a_kill_loses_no_episode_that_has_ended(env: TaskEnv, script: str, tmp_p
     )
     assert process.returncode == -9, process.stderr
     assert len(list((tmp_path / "demos.hdf5.episodes").glob("*.npz"))) == 1
-    made = demonstrate(env, Typist(typed("q")), path, paced=False)
+    made = demonstrate(env, Typist(typed("q")), path, pace=math.inf)
     assert (made.kept, made.is_written) == (1, True)
     assert all(each.is_equal for each in replay(path))
 
 
 def test_nothing_kept_leaves_nothing(env: TaskEnv, tmp_path: Path) -> None:
-    made = demonstrate(env, Typist(typed("bwwwx", "q")), tmp_path / "demos.lerobot", paced=False)
+    made = demonstrate(env, Typist(typed("bwwwx", "q")), tmp_path / "demos.lerobot", pace=math.inf)
     assert (made.kept, made.discarded, made.is_written) == (0, 1, False)
     assert not list(tmp_path.iterdir())
+
+
+def test_a_failure_of_the_caller_s_leaves_what_has_ended_and_nothing_else(env: TaskEnv, tmp_path: Path) -> None:
+    def fail(text: str) -> None:
+        if text.startswith(word):
+            raise KeyboardInterrupt
+
+    word = "episode 1"
+    with pytest.raises(KeyboardInterrupt):
+        demonstrate(env, Typist(typed("bwwwy")), tmp_path / "demos.hdf5", pace=math.inf, tell=fail)
+    assert not list(tmp_path.iterdir())
+    word = "ended"
+    with pytest.raises(KeyboardInterrupt):
+        demonstrate(env, Typist(typed("bwwwy")), tmp_path / "demos.hdf5", pace=math.inf, tell=fail)
+    assert demonstrate(env, Typist(typed("q")), tmp_path / "demos.hdf5", pace=math.inf).kept == 1
+
+
+def test_two_sessions_do_not_write_the_same(env: TaskEnv, tmp_path: Path) -> None:
+    path, said = tmp_path / "demos.hdf5", list[str]()
+
+    def watch(arm: TaskArm, step: TeleopStep | None) -> None:
+        if not said:
+            with pytest.raises(InvalidInputError, match="another process is working on it") as caught:
+                demonstrate(env, Typist([]), path, pace=math.inf)
+            said.append(str(caught.value))
+
+    demonstrate(env, Typist(typed("  bwwwy")), path, pace=math.inf, watch=watch)
+    assert said
+
+
+def test_slow_motion_takes_its_time(env: TaskEnv, tmp_path: Path) -> None:
+    began = time.monotonic()
+    made = demonstrate(env, Typist(typed("bwwwwwwwwwy")), tmp_path / "demos.hdf5", pace=0.5)
+    assert made.steps == 9
+    assert time.monotonic() - began > 9 * 0.04 / 0.5
 
 
 def test_a_page_and_a_gamepad_ask_as_keys_do() -> None:
@@ -229,7 +266,7 @@ def test_the_hand_is_made_and_watched_as_wished(env: TaskEnv, tmp_path: Path) ->
     def watch(arm: TaskArm, step: TeleopStep | None) -> None:
         seen.append(step is not None)
 
-    demonstrate(env, Typist(typed("  bwwwy")), tmp_path / "demos.hdf5", paced=False, make=make, watch=watch)
+    demonstrate(env, Typist(typed("  bwwwy")), tmp_path / "demos.hdf5", pace=math.inf, make=make, watch=watch)
     assert seen[:3] == [False, False, False]
     assert sum(seen) == 3
 
@@ -242,6 +279,7 @@ def test_the_hand_is_made_and_watched_as_wished(env: TaskEnv, tmp_path: Path) ->
         ({"path": "nowhere/demos.hdf5"}, "there is no folder"),
         ({"episodes": 0}, "episodes must be"),
         ({"seed": -1}, "seed must be"),
+        ({"pace": 0.0}, "pace must be"),
         ({"make": 3}, "make must be"),
         ({"env": 3}, "env must be an environment"),
     ],
