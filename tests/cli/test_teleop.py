@@ -13,6 +13,8 @@ import time
 import urllib.request
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -132,6 +134,45 @@ def test_a_recording_is_shown_in_the_browser(capsys: pytest.CaptureFixture[str])
     said = capsys.readouterr()
     assert said.err.startswith("http://127.0.0.1:")
     assert json.loads(said.out)["ticks"] >= 100
+
+
+@pytest.mark.parametrize("task", ["lift_brick", "reach_site", "place_cradle"])
+def test_the_props_of_a_task_are_drawn_where_they_are(task: str) -> None:
+    import viser
+
+    from jacokin.cli.props import Props
+    from jacokin.tasks import TaskEnv
+
+    drawn = dict[str, SimpleNamespace]()
+
+    class Scene:
+        def __getattr__(self, kind: str) -> Callable[..., SimpleNamespace]:
+            assert hasattr(viser.SceneApi, kind)
+
+            def add(name: str, **look: Any) -> SimpleNamespace:
+                assert name not in drawn
+                made = drawn[name] = SimpleNamespace(kind=kind, **look)
+                return made
+
+            return add
+
+    environment = TaskEnv(task, control="joint_position", flatten=False)
+    environment.reset(seed=0)
+    props = Props(SimpleNamespace(scene=Scene()), environment)  # type: ignore[arg-type]  # a stand-in
+    model, data = environment.model, environment.data
+    arm = model.body_rootid[model.jnt_bodyid[0]]
+    frames = {int(name.split("/")[2]): one for name, one in drawn.items() if one.kind == "add_frame"}
+    assert frames
+    assert all(model.body_rootid[body] != arm for body in frames)
+    offset = data.xpos[model.body_parentid[model.jnt_bodyid[0]]]
+    for _ in range(2):
+        for body, frame in frames.items():
+            np.testing.assert_allclose(frame.position, data.xpos[body] - offset, atol=1e-9)
+        environment.reset(seed=1)
+        time.sleep(0.05)
+        props.show()
+    assert not any("ground" in name for name in drawn)
+    environment.close()
 
 
 def test_keys_of_a_terminal_move_the_arm(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
