@@ -316,7 +316,8 @@ class Teleop:
         With a workspace, the first that keeps the tool inside, by how far the joints go.
         """
         tracker, workspace, end = self.tracker, self._workspace, time.monotonic() + time_limit
-        acceleration = ACCELERATION if tracker.acceleration_limit is None else tracker.acceleration_limit
+        limit = np.inf if tracker.acceleration_limit is None else tracker.acceleration_limit
+        acceleration = np.where(np.isfinite(limit), limit, ACCELERATION)
         solver = self._solver()
 
         def plan(those: list[Array] | list[pin.SE3], seconds: float) -> Trajectory:
@@ -503,7 +504,7 @@ class Teleop:
         else:
             if self._rest is None:
                 self._rest = self.tracker.q
-            tracking = self.tracker.step(JointTarget(self._rest), obstacles=obstacles, budget=budget)
+            tracking = self._track(JointTarget(self._rest), obstacles, budget)
         return TeleopStep(tracking.q, tracking.v, status, message, None, 0.0, tracking)
 
     def _go_on_switching(

@@ -73,13 +73,13 @@ class Workspace:
             tool: T_frame_tool.
             q: (dof,) [rad].
             v: (dof,) [rad/s].
-            acceleration: (dof,) by which joints brake [rad/s^2]; None for joints that stand at once.
+            acceleration: (dof,) by which joints brake [rad/s^2], infinite for those that stand at once; None for all.
             dt: control step [s].
         """
         rows = q[np.newaxis]
         if acceleration is not None and v.any():
-            less = acceleration * dt  # in every tick
-            ticks = np.floor(np.abs(v) / less)
+            ticks = np.floor(np.abs(v) / (acceleration * dt))
+            less = np.where(ticks > 0.0, acceleration * dt, 0.0)  # in every tick
             passed = np.minimum(np.round(np.linspace(0.0, ticks.max(), STOPS))[:, np.newaxis], ticks)
             rows = q + dt * np.sign(v) * (passed * np.abs(v) - 0.5 * less * passed * (passed + 1.0))
         return all(self.contains((robot.placement(row, frame) * tool).translation) for row in rows)
