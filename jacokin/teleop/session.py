@@ -117,6 +117,7 @@ def lead(
             is_closing_in = step.target is not None and (
                 held == 0.0  # a last pose far from the one before waits for another that confirms it
                 or step.tracking.status is TrackerStatus.LIMITED
+                or float(np.abs(step.v).max()) > STILL
                 or not (asked is None or step.target.isApprox(asked, SETTLED))  # smoothed, it is still on its way
             )
             held = held + dt if is_closing_in and last is not None and len(last) == 7 else math.inf
