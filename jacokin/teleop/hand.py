@@ -100,9 +100,9 @@ class Mapping:
         rotation = pin.exp3(self._rotation_scale * (self._axes @ turn)) @ self.target.rotation
         self.target = pin.SE3(rotation, self.target.translation + way)
 
-    def stay_near(self, tool: pin.SE3, linear: float, angular: float) -> None:
-        """Bring the target back to within [m] and [rad] of the tool."""
-        self.target = near(tool, self.target, linear, angular)
+    def in_base(self, twist: Array) -> Array:
+        """A twist (6,) of the hand as one of the tool in base axes [m/s, rad/s]."""
+        return np.concatenate([self._scale * (self._axes @ twist[:3]), self._rotation_scale * (self._axes @ twist[3:])])
 
 
 def near(tool: pin.SE3, target: pin.SE3, linear: float, angular: float) -> pin.SE3:
@@ -149,16 +149,26 @@ class LowPass:
 
     Attributes:
         latency: by which a target that moves steadily lags [s]: the time constant.
+        part: of what is missing that a tick makes up for.
     """
 
     def __init__(self, pose: pin.SE3, constant: float, dt: float) -> None:
         """Begin at a pose, with a time constant [s], 0 for none, and the control step [s]."""
         self._pose, self.latency = pose, constant
-        self._part = 1.0 if constant == 0.0 else -math.expm1(-dt / constant)
+        self.part = 1.0 if constant == 0.0 else -math.expm1(-dt / constant)
+
+    @property
+    def lag_of_twists(self) -> float:
+        """By which a twist lags [s]."""
+        return self.latency
+
+    def start_from(self, pose: pin.SE3) -> None:
+        """Go on from a pose, which something else has led to."""
+        self._pose = pose
 
     def move(self, target: pin.SE3, is_new: bool) -> pin.SE3:
         """A tick nearer to the target."""
-        self._pose = _between(self._pose, target, self._part)
+        self._pose = _between(self._pose, target, self.part)
         return self._pose
 
 
@@ -168,7 +178,13 @@ class Approach:
     Each new pose is approached straight, at the speed that leads there in two gaps between poses, the longest ones of
     about the last second. The next pose comes half way, so a hand that moves steadily is followed steadily. Where none
     comes, the second half of the way takes ever longer: the arm comes to rest without going too far.
+
+    Attributes:
+        part: of what is missing of a twist that a tick makes up for: twists are no steps.
+        lag_of_twists: by which one lags [s].
     """
+
+    part, lag_of_twists = 1.0, 0.0
 
     def __init__(self, pose: pin.SE3, dt: float, longest: float) -> None:
         """Begin at a pose, with the control step [s]; a hand had paused in gaps that are longer than `longest` [s]."""
@@ -180,6 +196,12 @@ class Approach:
     def latency(self) -> float:
         """By how much a hand that moves steadily is ahead [s]: two gaps, none where it speaks in every tick."""
         return 2.0 * self._gap - self._dt if self._gap > (1.0 + ROUNDING) * self._dt else 0.0
+
+    def start_from(self, pose: pin.SE3) -> None:
+        """Go on from a pose, which something else has led to."""
+        self._pose = pose
+        self._gap = self._left = self._dt
+        self._since = 0.0
 
     def move(self, target: pin.SE3, is_new: bool) -> pin.SE3:
         """A tick nearer to the target, which `is_new` if the hand has moved since the last tick."""

@@ -4,8 +4,8 @@ A tick takes what the hand device said last, moves the tool's target by it, and 
 keeps limits and distances; what is done here is whether there is something to follow, and what:
 
 - The clutch: closing it ties the tool, where it is, to the hand, wherever that is. So nothing ever jumps.
-- The target moves by differences of the hand's poses, or by its twist. Walls slow it; the steps of a hand that is
-  slower than the ticks are smoothed, and single frames that no hand can have made are left out.
+- The target moves by differences of the hand's poses, and walls slow it; the steps of a hand that is slower than the
+  ticks are smoothed, and single frames that no hand can have made are left out. A twist is the tracker's to follow.
 - Inside a workspace, a tick after which the tool could not stop there is not taken.
 - Without input for a while, with input that is malformed or with time that runs backwards, the arm brakes within its
   limits. When good input returns, the tool is tied to it anew.
@@ -53,7 +53,6 @@ RETRY = 2.0  # [s] until another way to a target that is held off is looked for 
 SEVEN = 7  # joints, of which any is held where it is if the curves of its branches are not known
 SPREAD = 5  # places on a branch that is a curve; those at its ends are not tried
 ARRIVED = 1e-4  # [rad] nearer to the end of a planned motion, it is done
-LEASH = (0.05, 0.3)  # [m], [rad] a target led by twists is never farther from the tool, so that it comes back at once
 
 
 class TeleopStatus(Enum):
@@ -80,7 +79,8 @@ class TeleopStep:
     message: str
     """Why the arm does not follow, with numbers; empty when it does."""
     target: pin.SE3 | None
-    """T_base_tool that the hand asks for, smoothed; None when the arm does not follow."""
+    """T_base_tool that the hand asks for, smoothed; by a twist, where it leads in a tick; None when the arm does not
+    follow."""
     latency: float
     """By how much `target` lags behind a hand that moves steadily, because of `filter` [s]."""
     tracking: TrackerStep
@@ -158,6 +158,7 @@ class Teleop:
         self._play: Play | None = None
         self._twist: Array | None = None
         self._witness = Witness()
+        self._speed = np.zeros(6)  # of twists, in base axes [m/s, rad/s]
         self._switch: _Switch | None = None
         self._now = 0.0
         self._lost = False
@@ -388,6 +389,7 @@ class Teleop:
         """Untie the tool from the hand; it is tied again by the next input."""
         self._mapping = self._smooth = self._play = self._twist = None
         self._witness = Witness()
+        self._speed = np.zeros(6)
         self._rest = None
         self._lost = False
 
@@ -406,10 +408,9 @@ class Teleop:
         before = self._mapping.target
         self._hear(heard)
         if self._twist is not None:
-            moved = self.tracker.dt * self._twist
-            self._mapping.shift(moved[:3], moved[3:], self._workspace)
-            self._mapping.stay_near(self.tool, *LEASH)
-        is_new = self._twist is not None or not self._mapping.target.isApprox(before, SAME)
+            return self._follow_twist(self._twist, self._mapping, self._smooth, obstacles, budget)
+        self._speed = np.zeros(6)
+        is_new = not self._mapping.target.isApprox(before, SAME)
         target = self._smooth.move(self._mapping.target, is_new)
         tracking = self._track(target, obstacles, budget)
         self._rest = None
@@ -418,26 +419,61 @@ class Teleop:
             self._recover(target)
         return TeleopStep(tracking.q, tracking.v, TeleopStatus.FOLLOWING, "", target, self._smooth.latency, tracking)
 
+    def _follow_twist(
+        self,
+        twist: Array,
+        mapping: Mapping,
+        smooth: Approach | LowPass,
+        obstacles: MappingType[str, Motion] | None,
+        budget: float | None,
+    ) -> TeleopStep:
+        """Move the arm along a twist, which the tracker follows in its direction or not at all."""
+        dt, before = self.tracker.dt, self.tool
+        self._speed = self._speed + smooth.part * (mapping.in_base(twist) - self._speed)
+        speed = self._speed.copy()
+        if self._workspace is not None:
+            speed[:3] = self._workspace.slowed(before.translation, dt * speed[:3]) / dt
+        tracking = self._track(speed, obstacles, budget)
+        # What the arm did not follow is not made up for, and a pose goes on from where it is.
+        mapping.target = self.tool
+        smooth.start_from(mapping.target)
+        self._rest, self._held = None, 0.0
+        target = pin.SE3(pin.exp3(dt * speed[3:]) @ before.rotation, before.translation + dt * speed[:3])
+        return TeleopStep(tracking.q, tracking.v, TeleopStatus.FOLLOWING, "", target, smooth.lag_of_twists, tracking)
+
     def _track(
-        self, target: pin.SE3 | JointTarget, obstacles: MappingType[str, Motion] | None, budget: float | None
+        self, target: pin.SE3 | JointTarget | Array, obstacles: MappingType[str, Motion] | None, budget: float | None
     ) -> TrackerStep:
-        """A tick of the tracker after which the tool can stop inside the workspace; if there is none, of braking."""
+        """A tick of the tracker after which the tool can stop inside the workspace; if there is none, of braking.
+
+        Args:
+            target: a pose, joint angles, or a twist (6,) at the tool in base axes.
+            obstacles: as in `step`.
+            budget: as in `step`.
+        """
         tracker, workspace, tool = self.tracker, self._workspace, self.tool
-        if workspace is None:
-            return tracker.step(target, obstacles=obstacles, budget=budget)
-        workspace.start_from(tool.translation)
-        aims: list[pin.SE3 | JointTarget] = [target]
-        if isinstance(target, pin.SE3):
-            farther, nearer = (near(tool, target, *ahead) for ahead in AHEAD)
-            aims = [farther, nearer, pin.SE3(tool.rotation, nearer.translation)]
+        aims: list[pin.SE3 | JointTarget | Array] = [target]
+        if workspace is not None:
+            workspace.start_from(tool.translation)
+            if isinstance(target, pin.SE3):
+                farther, nearer = (near(tool, target, *ahead) for ahead in AHEAD)
+                aims = [farther, nearer, pin.SE3(tool.rotation, nearer.translation)]
+            elif isinstance(target, np.ndarray):
+                aims.append(np.append(target[:3], np.zeros(3)))
         before, limit = tracker._state, tracker.acceleration_limit
         for aim in aims:
-            step = tracker.step(aim, obstacles=obstacles, budget=budget)
-            if workspace.keeps(tracker.robot, self._frame, tracker.tool, step.q, step.v, limit, tracker.dt):
-                return step if isinstance(target, JointTarget) else self._towards(target, step, aim is not aims[0])
+            if isinstance(aim, np.ndarray):
+                step = tracker.step(twist=aim, obstacles=obstacles, budget=budget)
+            else:
+                step = tracker.step(aim, obstacles=obstacles, budget=budget)
+            if workspace is None or workspace.keeps(
+                tracker.robot, self._frame, tracker.tool, step.q, step.v, limit, tracker.dt
+            ):
+                is_other = workspace is not None and isinstance(target, pin.SE3)
+                return self._towards(target, step, aim is not aims[0]) if is_other else step
             tracker._state = before
         step = tracker.brake(obstacles=obstacles)
-        return step if isinstance(target, JointTarget) else self._towards(target, step, True)
+        return self._towards(target, step, True) if isinstance(target, pin.SE3) else step
 
     def _towards(self, target: pin.SE3, step: TrackerStep, is_refused: bool) -> TrackerStep:
         """A tick that asked for a place on the way to a target, as one that asked for the target."""

@@ -155,15 +155,37 @@ def test_a_hand_in_every_tick_and_one_that_is_not_smoothed_are_commanded_at_once
 
 
 def test_twists_with_pauses_are_commanded_at_once(robot: Robot) -> None:
-    step, height = make(robot, clutch=True), 0.0
-    start = step.tool.translation[2]
+    step = make(robot, clutch=True)
     for tick in range(80):
         twist = [0.0, 0.0, 0.05 * (tick % 10 < 5), 0.0, 0.0, 0.0]
+        before = step.tool.translation[2]
         last = step(twist)
-        height += DT * twist[2]
         assert last.target is not None
-        assert last.target.translation[2] - start == pytest.approx(height, abs=1e-9)
+        assert last.target.translation[2] - before == pytest.approx(DT * twist[2], abs=1e-9)
         assert last.latency == 0.0
+
+
+def test_a_low_pass_is_one_of_twists_too(robot: Robot) -> None:
+    step = make(robot, clutch=True, filter=0.2)
+    start = step.tool.translation[2]
+    for _ in range(200):
+        last = step([0.0, 0.0, 0.03, 0.0, 0.0, 0.0])
+    assert last.latency == 0.2
+    assert step.tool.translation[2] - start == pytest.approx(0.03 * (2.0 - 0.2), abs=2e-3)
+
+
+def test_from_a_twist_to_a_pose_and_back_nothing_jumps(robot: Robot) -> None:
+    """Limits of acceleration are checked in every tick; the tool stays where the change finds it."""
+    step = make(robot, clutch=True)
+    for _ in range(60):
+        step([0.0, 0.05, 0.05, 0.0, 0.0, 0.3])
+    where = step.tool
+    for _ in range(100):
+        step(hand(4.0))
+    assert np.linalg.norm(step.tool.translation - where.translation) < 5e-3
+    for _ in range(60):
+        step([0.0, -0.05, 0.0, 0.0, 0.0, 0.0])
+    assert 0.02 < where.translation[1] - step.tool.translation[1] < 0.035
 
 
 def test_a_hand_that_repeats_its_pose_between_moves_is_a_slow_hand(robot: Robot) -> None:
@@ -187,9 +209,9 @@ def test_twists_lead_while_they_last_and_wind_nothing_up(robot: Robot) -> None:
     for _ in range(1_000):  # far out of reach
         last = step([0.0, 0.0, 0.2, 0.0, 0.0, 0.0])
     assert last.target is not None
-    assert last.target.translation[2] - step.tool.translation[2] < 0.06
+    assert last.target.translation[2] - step.tool.translation[2] < 0.01
     top = step.tool.translation[2]
-    for _ in range(100):
+    for _ in range(150):
         last = step([0.0, 0.0, -0.1, 0.0, 0.0, 0.0])
     assert step.tool.translation[2] < top - 0.03
 
@@ -317,7 +339,7 @@ def test_single_frames_that_no_hand_can_have_made_are_left_out(robot: Robot, fil
         bad = pin.SE3(pin.exp3(np.array([0.0, np.pi / 2, 0.0])) @ pose.rotation, pose.translation + (tick % 2) * 0.3)
         a, b = clean(pose), wrong(bad if tick % 17 == 9 else pose)
         assert np.abs(a.q - b.q).max() < 1e-2
-        assert np.abs(b.v).max() < 0.2
+        assert np.abs(b.v).max() < 0.3
     assert np.abs(a.q - b.q).max() < 1e-3
 
 
