@@ -461,6 +461,7 @@ class Teleop:
             elif isinstance(target, np.ndarray):
                 aims.append(np.append(target[:3], np.zeros(3)))
         before, limit = tracker._state, tracker.acceleration_limit
+        aim: pin.SE3 | JointTarget | Array | None
         for aim in aims:
             if isinstance(aim, np.ndarray):
                 step = tracker.step(twist=aim, obstacles=obstacles, budget=budget)
@@ -469,17 +470,19 @@ class Teleop:
             if workspace is None or workspace.keeps(
                 tracker.robot, self._frame, tracker.tool, step.q, step.v, limit, tracker.dt
             ):
-                is_other = workspace is not None and isinstance(target, pin.SE3)
-                return self._towards(target, step, aim is not aims[0]) if is_other else step
+                break
             tracker._state = before
-        step = tracker.brake(obstacles=obstacles)
-        return self._towards(target, step, True) if isinstance(target, pin.SE3) else step
+        else:
+            aim, step = None, tracker.brake(obstacles=obstacles)
+        return step if workspace is None else self._in_workspace(target, step, aim is not aims[0])
 
-    def _towards(self, target: pin.SE3, step: TrackerStep, is_refused: bool) -> TrackerStep:
-        """A tick that asked for a place on the way to a target, as one that asked for the target."""
-        tool = self.tool
-        position = float(np.linalg.norm(tool.translation - target.translation))
-        turn = float(np.linalg.norm(pin.log3(target.rotation @ tool.rotation.T)))
+    def _in_workspace(self, target: pin.SE3 | JointTarget | Array, step: TrackerStep, is_refused: bool) -> TrackerStep:
+        """A tick that asked for a place on the way to a target, or for less, as one that asked for the target."""
+        position, turn = step.position_error, step.orientation_error
+        if isinstance(target, pin.SE3):
+            tool = self.tool
+            position = float(np.linalg.norm(tool.translation - target.translation))
+            turn = float(np.linalg.norm(pin.log3(target.rotation @ tool.rotation.T)))
         if position <= step.position_error + SAME and turn <= step.orientation_error + SAME and not is_refused:
             return step
         status, limiting, message = step.status, step.limiting, step.message

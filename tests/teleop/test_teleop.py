@@ -94,7 +94,7 @@ def test_closing_the_clutch_moves_nothing_and_opening_it_holds(robot: Robot) -> 
         assert np.abs(last.v).max() < 1e-6
     for tick in range(101):
         last = step(hand(2.0 - 1e-3 * tick))
-    for _ in range(30):
+    for _ in range(60):
         last = step(hand(1.9))
     assert step.tool.translation[0] == pytest.approx(there.translation[0] - 0.1, abs=1e-3)
 
