@@ -2,8 +2,9 @@
 
 ``python -m benchmarks.smooth`` plays the streams of `benchmarks.streams` through jacokin's `Tracker` and `Teleop` with
 their defaults, and through the loops that users of mink, pink and placo write, as the examples of these packages show
-them. pink and placo run in environments of their own, made on first use. It prints a table in Markdown, one row for
-each kind of stream and loop.
+them. Teleoperation ties the tool to the hand anew after silence, so after dropouts it ends elsewhere. pink and placo
+run in environments of their own, made on first use. It prints a table in Markdown, a row for each kind of stream and
+loop.
 """
 
 from __future__ import annotations
