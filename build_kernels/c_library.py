@@ -7,6 +7,7 @@ kernels. They are compiled as they are linked.
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -39,11 +40,14 @@ CONSTANTS = {
     ),
 }
 HEADER = "arrays.h"
+#: Functions of the C library that are called by their oldest version, on Linux: by `glibc.c`, which others leave out.
+WRAPPED = ("hypot", "exp", "log")
+OLDEST = "glibc.c"
 
 
 def sources() -> list[Path]:
     """The C files, in order."""
-    return sorted(FOLDER.glob("*.c"))
+    return sorted(path for path in FOLDER.glob("*.c") if sys.platform == "linux" or path.name != OLDEST)
 
 
 def flags(folder: Path) -> list[str]:

@@ -24,7 +24,7 @@ import sysconfig
 import tempfile
 import time
 from collections.abc import Iterable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 
 import jacokin
@@ -41,6 +41,10 @@ TARGET = PACKAGE / "kernels" / library.PATH.name
 COMPILERS = ("numba", "llvmlite", "numpy")
 #: [s] Object files of earlier builds are kept for a week after their last use.
 KEPT_UNUSED = 7 * 86400.0
+#: What all kernels take.
+DURATION = "All of them take 3 to 7 minutes of processor time, 2 to 4 minutes on two cores"
+#: The terminal that a program was started from, whatever became of its output.
+TERMINAL = Path("/dev/tty")
 #: Kernels compiled at a time: each takes up to 0.6 GB of memory.
 JOBS = min(2, os.cpu_count() or 1)
 #: Old systems that zig links for: those of manylinux_2_17.
@@ -82,13 +86,15 @@ def build(target: Path = TARGET, kept: Path = KEPT) -> Path:
     objects = {entry: kept / f"{entry.run.__name__}-{object_key(entry)}.o" for entry in ENTRIES}
     missing = [entry for entry, file in objects.items() if not file.exists()]
     if missing:
-        names = ", ".join(entry.run.__name__ for entry in missing)
-        print(f"compiling {names}: about a minute on two cores, with up to 1 GB of memory", flush=True)
+        tell(f"jacokin: compiling {len(missing)} of {len(ENTRIES)} kernels. {DURATION}, with up to 1 GB of memory")
     with ThreadPoolExecutor(JOBS) as pool:
-        list(pool.map(lambda entry: compile_object(entry, objects[entry]), missing))
+        working = {pool.submit(compile_object, entry, objects[entry]): entry.run.__name__ for entry in missing}
+        for done, each in enumerate(as_completed(working), start=1):
+            each.result()
+            tell(f"jacokin: {done} of {len(missing)}, {working[each]}, after {time.perf_counter() - start:.0f} s")
     link([*objects.values(), *c_library.sources()], target)
     remove_unused(kept, objects.values())
-    print(f"{target}: built in {time.perf_counter() - start:.0f} s")
+    tell(f"{target}: built in {time.perf_counter() - start:.0f} s")
     return target
 
 
@@ -108,6 +114,14 @@ def build_or_exit() -> Path:
         return build()
     except BuildError as error:
         raise SystemExit(f"jacokin cannot be built: {error}") from None
+
+
+def tell(text: str) -> None:
+    """Say what takes long on stdout, and to who sits before the terminal: pip shows nothing of a build unless by -v."""
+    print(text, flush=True)
+    if not sys.stdout.isatty():
+        with contextlib.suppress(OSError), TERMINAL.open("w", encoding="utf-8") as terminal:
+            terminal.write(f"\r{text}\n")
 
 
 def compile_object(entry: Entry, file: Path) -> None:
@@ -204,6 +218,8 @@ def _link(command: list[str], objects: list[Path], size: int, made: Path) -> int
     shown = f'extern const char {PREFIX}about[] __attribute__((visibility("default")));'
     source.write_text(f"{shown}\nconst char {PREFIX}about[] = {text};\n", encoding="ascii")
     name = [f"-Wl,-install_name,@rpath/{made.name}"] if sys.platform == "darwin" else ["-s", f"-Wl,-soname,{made.name}"]
+    if sys.platform == "linux":  # see jacokin/kernels/c/glibc.c
+        name += [f"-Wl,--wrap={function}" for function in c_library.WRAPPED]
     c_library.write_header(made.parent)
     words = [*command, *c_library.flags(made.parent), "-shared", "-fPIC", *name, "-o", str(made), str(source)]
     words += [*map(str, objects), "-lm"]

@@ -1,27 +1,59 @@
-"""Output files that replace what is there in one step, and only when they are complete; archives of arrays, read."""
+"""Files: read whole or as streams, within bounds; written in one step, and only when they are complete.
+
+Every file that a user names is opened by `open_bytes` or read by one of `read_bytes`, `read_text`, `read_json`,
+`read_yaml`, `read_toml`, `read_arrays`, and rows of CSV come from `table_rows`. Whatever a file holds, they return or
+raise InvalidInputError: what is endless, too large, damaged or made to exhaust time and memory is refused.
+"""
 
 from __future__ import annotations
 
+import io
 import math
 import os
 import secrets
 import stat
-import zlib
-from collections.abc import Iterator
+import time
+from collections import Counter
+from collections.abc import Hashable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import IO, TYPE_CHECKING, Any, TextIO
 
-from jacokin.errors import InvalidInputError
+from jacokin.errors import InvalidInputError, JacokinError, needed
 
 if TYPE_CHECKING:
     import zipfile
 
     import numpy as np
+    import pyarrow.parquet as pq
     from numpy.typing import NDArray
 
-LARGEST = 4_000_000_000  # [byte] of an NPZ file's arrays: a trajectory of a day at 100 Hz takes 1.2e9
 KEPT_NAME = 60  # characters of the file's name in the temporary one: the ending decides formats, names may be 255 bytes
+
+# Bounds of what is read, by kind; what is larger is refused by name.
+DOCUMENT = 10_000_000  # [byte] of JSON or text that describes something: some 100,000 shapes of a scene
+DESCRIPTION = 50_000_000  # [byte] of a robot as XML, whose meshes may stand in it as numbers
+YAML = 1_000_000  # [byte]: 12,000 shapes of a scene, for which Python's reader of YAML takes 8 s
+TOML = 250_000  # [byte]: a calibration takes 4,000
+TOML_LINE = 1000  # characters: Python's reader takes the square of a dotted key's parts
+TABLE = 500_000_000  # [byte] of rows as CSV or JSON: three hours of a trajectory at 100 Hz
+LINE = 65_536  # characters of a row of a table: some 3000 numbers
+ARRAYS = 2_000_000_000  # [byte] of an archive's arrays: a trajectory of a day at 100 Hz takes 1.2e9
+PIPED = 10_000_000_000  # [byte] that are copied from a pipe: a hundred million targets
+
+NODES = 1_000_000  # of a YAML document, each counted wherever an alias repeats it
+NUMBER = 1000  # characters of a number in YAML
+ENCRYPTED = 0x1  # flag of a member of an archive
+MEMBERS = 1000  # arrays of an archive; each is an open file
+DIRECTORY = 16_000_000  # [byte] read from an archive at once: its list of members, or a part of one
+ARRAY_HEADER = 10_000  # [byte], NumPy's own bound
+DEFLATION = 1100  # byte that one compressed byte can stand for: 1032 by the format, and a margin
+TEXT_KINDS, ARRAY_KINDS = "U", "biufcSU"  # of NumPy's types
+ROWS = 10_000_000_000  # of a Parquet file, which can say a number often in little space
+PIECE = 1_000_000  # [byte] read at once
+PATIENCE, WAIT = 10.0, 0.05  # [s] that a named pipe may be without a writer, and between two looks
+SHOWN_ERROR = 300  # characters of what a parser says
 
 
 @contextmanager
@@ -61,18 +93,6 @@ def is_device(path: Path) -> bool:
     return path.exists() and not path.is_file() and not path.is_dir()
 
 
-def check_end(path: Path) -> None:
-    """Check that what is read has an end: a file, a pipe, a terminal.
-
-    Raises:
-        InvalidInputError: it is another device, such as /dev/zero, which has no end.
-    """
-    if path.exists() and stat.S_ISCHR(path.stat().st_mode):
-        with path.open("rb") as device:
-            if not device.isatty():
-                raise InvalidInputError(f"{path}: is a device: give a file or a pipe")
-
-
 def writable(path: Path) -> Path:
     """Where a file ends up when links are followed.
 
@@ -92,42 +112,414 @@ def writable(path: Path) -> Path:
     return final
 
 
+def open_bytes(path: Path) -> io.BufferedReader:
+    """A regular file, opened.
+
+    Raises:
+        InvalidInputError: no such file, or it is something else.
+    """
+    try:
+        mode = path.stat().st_mode
+        if stat.S_ISREG(mode):
+            return path.open("rb")
+    except OSError as error:
+        raise _unreadable(path, error) from error
+    except ValueError as error:  # a null byte
+        raise InvalidInputError(f"{str(path)!r}: cannot be read: {error}") from error
+    kind = "is a folder" if stat.S_ISDIR(mode) else "is not a regular file (a pipe, socket or device)"
+    raise InvalidInputError(f"{path}: cannot be read: it {kind}")
+
+
+def is_pipe(path: Path) -> bool:
+    """Whether something is there that is read once and has an end: a pipe, or a terminal.
+
+    Raises:
+        InvalidInputError: it is another device, such as /dev/zero, which has no end.
+    """
+    if not is_device(path):
+        return False
+    try:
+        mode = path.stat().st_mode
+        if stat.S_ISCHR(mode):
+            with path.open("rb") as device:
+                if device.isatty():
+                    return True
+        elif stat.S_ISFIFO(mode):
+            return True
+    except OSError as error:
+        raise _unreadable(path, error) from error
+    raise InvalidInputError(f"{path}: is a device: give a file or a pipe")
+
+
+def pieces(path: Path, largest: int) -> Iterator[bytes]:
+    """What a file or a pipe holds, in pieces.
+
+    Raises:
+        InvalidInputError: it cannot be read, has no end, is larger than that many bytes, or is a named pipe that
+            nobody writes to.
+    """
+    total = 0
+    try:
+        with _open_pipe(path) if is_pipe(path) else open_bytes(path) as file:
+            if os.fstat(file.fileno()).st_size > largest:
+                raise _too_large(path, largest)
+            piece = _first_piece(path, file) if isinstance(file, io.FileIO) else file.read(PIECE)
+            while piece:
+                total += len(piece)
+                if total > largest:
+                    raise _too_large(path, largest)
+                yield piece
+                piece = file.read(PIECE)
+    except OSError as error:
+        raise _unreadable(path, error) from error
+
+
+def _open_pipe(path: Path) -> io.FileIO:
+    """A pipe or a terminal, without waiting for a writer."""
+    return io.FileIO(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY))
+
+
+def _first_piece(path: Path, pipe: io.FileIO) -> bytes:
+    """What comes first from a pipe, however late it is written.
+
+    Raises:
+        InvalidInputError: it has a name, and nobody opens it for writing.
+    """
+    named, give_up = Path(os.path.realpath(path)).exists(), time.monotonic() + PATIENCE
+    while (piece := pipe.read(PIECE)) == b"" and named:  # None is a writer that has not written yet
+        if time.monotonic() > give_up:
+            raise InvalidInputError(f"{path}: is a pipe that nothing has written to for {PATIENCE:g} s")
+        time.sleep(WAIT)
+    os.set_blocking(pipe.fileno(), True)
+    return pipe.read(PIECE) or b"" if piece is None else piece
+
+
+def read_bytes(path: Path, largest: int = DOCUMENT) -> bytes:
+    """A file or what comes from a pipe; errors as `pieces`."""
+    with _parsing(path, "cannot be read"):
+        return b"".join(pieces(path, largest))
+
+
+def read_text(path: Path, largest: int = DOCUMENT, *, encoding: str = "utf-8") -> str:
+    """A text.
+
+    Raises:
+        InvalidInputError: as `pieces`, or it is not in this encoding.
+    """
+    content = read_bytes(path, largest)
+    with _parsing(path, f"is not a text file in {encoding.removesuffix('-sig').upper()}"):
+        return io.TextIOWrapper(io.BytesIO(content), encoding).read()
+
+
+def read_json(path: Path, otherwise: str, largest: int = DOCUMENT) -> Any:  # Any: JSON
+    """A JSON document in which no key is given twice.
+
+    Args:
+        path: the file.
+        otherwise: what the error says of another one, such as "is not a recording".
+        largest: bytes that it may have.
+
+    Raises:
+        InvalidInputError: as `pieces`, or it is not that.
+    """
+    import json
+
+    text = read_text(path, largest)
+    with _parsing(path, otherwise):
+        return json.loads(text, object_pairs_hook=_without_repetition)
+
+
+def read_yaml(path: Path, otherwise: str) -> Any:  # Any: YAML
+    """A YAML document of plain values; arguments and errors as `read_json`."""
+    import yaml
+
+    class Loader(yaml.SafeLoader):
+        """YAML without repeated keys: YAML's own takes the last of two equal ones."""
+
+        def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, object]:
+            _without_repetition([(key.value, each) for key, each in node.value if key.tag == "tag:yaml.org,2002:str"])
+            return super().construct_mapping(node, deep)
+
+    def size(node: yaml.Node) -> int:
+        """How many nodes it stands for, whatever is repeated by an alias; in `sizes`, so that each is counted once."""
+        if id(node) in sizes:
+            return sizes[id(node)]
+        sizes[id(node)] = NODES  # if it is met within itself
+        if isinstance(node, yaml.ScalarNode):
+            if len(node.value) > NUMBER and not node.tag.endswith(":str"):
+                raise ValueError(f"a number of {len(node.value)} characters")
+            inner: Iterable[yaml.Node] = ()
+        else:
+            inner = (each for entry in node.value for each in (entry if isinstance(entry, tuple) else (entry,)))
+        sizes[id(node)] = 1 + sum(map(size, inner))
+        if sizes[id(node)] > NODES:
+            raise ValueError(f"its aliases stand for more than {NODES} values")
+        return sizes[id(node)]
+
+    text = read_text(path, YAML)
+    sizes: dict[int, int] = {}
+    with _parsing(path, otherwise):
+        loader = Loader(text)
+        node = loader.get_single_node()
+        if node is None:
+            return None
+        size(node)
+        return loader.construct_document(node)
+
+
+def read_toml(path: Path, otherwise: str) -> dict[str, Any]:  # Any: TOML
+    """A TOML document; arguments and errors as `read_json`."""
+    import tomllib
+
+    text = read_text(path, TOML)
+    with _parsing(path, otherwise):
+        longest = max(map(len, text.splitlines()), default=0)
+        if longest > TOML_LINE:
+            raise ValueError(f"has a line of {longest} characters; at most {TOML_LINE} are read")
+        return tomllib.loads(text)
+
+
+def open_table(path: Path, largest: int | None = TABLE) -> TextIO:
+    """A CSV file as a stream of text, line ends within its cells as they are; of a pipe, all that it holds.
+
+    Args:
+        path: the file.
+        largest: bytes that it may have; None for a file of any length. A pipe may hold `TABLE` bytes.
+
+    Raises:
+        InvalidInputError: as `pieces`.
+    """
+    binary: IO[bytes] = io.BytesIO(read_bytes(path, TABLE)) if is_pipe(path) else open_bytes(path)
+    if largest is not None and binary.seek(0, io.SEEK_END) > largest:
+        binary.close()
+        raise _too_large(path, largest)
+    binary.seek(0)
+    return io.TextIOWrapper(binary, encoding="utf-8-sig", newline="")
+
+
+def table_lines(path: Path, file: TextIO, first: int = 1) -> Iterator[str]:
+    """The lines of a table, the first of which has this number.
+
+    Raises:
+        InvalidInputError: one is longer than `LINE` characters, or it is not text.
+    """
+    with _parsing(path, "is not a text file in UTF-8"):
+        for number, line in enumerate(iter(partial(file.readline, LINE), ""), start=first):
+            if len(line) == LINE:
+                raise InvalidInputError(f"{path}, line {number}: is longer than {LINE} characters: not a table")
+            yield line
+
+
+def table_rows(path: Path, lines: Iterable[str], first: int = 1) -> Iterator[tuple[int, list[str]]]:
+    """The cells of each row of a CSV file, and the number of the line on which it ends.
+
+    Args:
+        path: the file.
+        lines: its lines, or some of them.
+        first: number of the first of them.
+
+    Raises:
+        InvalidInputError: not CSV, a cell is too long, or a row is longer than `LINE` characters.
+    """
+    import csv
+
+    length = 0
+
+    def counted() -> Iterator[str]:
+        nonlocal length
+        for line in lines:
+            length += len(line)
+            if length > LINE:  # quoted cells may hold line ends
+                raise InvalidInputError(f"{path}, line {first + reader.line_num}: its row does not end: not a table")
+            yield line
+
+    reader = csv.reader(counted(), strict=True)
+    with _parsing(path, "is not a CSV file"):
+        for row in reader:
+            length = 0
+            yield first + reader.line_num - 1, row
+
+
 def read_arrays(path: Path, otherwise: str) -> dict[str, NDArray[np.generic]]:
-    """Read an NPZ file, its headers first: a small file may claim to hold more than the memory.
+    """Read an NPZ file of numbers and texts.
 
     Args:
         path: the file.
         otherwise: what the error says of a file that is damaged or something else, such as "is not a recording".
 
     Raises:
-        InvalidInputError: unreadable, or not an archive of plain arrays.
+        InvalidInputError: unreadable, not an archive of plain arrays, or of more than `ARRAYS` bytes.
+    """
+    with open_archive(path, otherwise) as archive:
+        if sum(member.file_size for member in archive.infolist()) > ARRAYS:
+            raise ValueError(f"its arrays have more than {ARRAYS} bytes")
+        return {member.filename.removesuffix(".npy"): _array(archive, member) for member in archive.infolist()}
+
+
+@contextmanager
+def open_archive(path: Path, otherwise: str) -> Iterator[zipfile.ZipFile]:
+    """An NPZ file, its list of members checked; whatever goes wrong in the block is an error in the file.
+
+    Raises:
+        InvalidInputError: unreadable, not an archive, too many members, or one that is not an array, is stored in
+            another way than NumPy does, or claims more than can be there.
     """
     import zipfile  # like NumPy, not for the command line's help
 
+    with _parsing(path, otherwise), _Bounded(open_bytes(path).detach()) as plain, zipfile.ZipFile(plain) as archive:
+        members, there = archive.infolist(), os.fstat(plain.fileno()).st_size
+        if len(members) > MEMBERS:
+            raise ValueError(f"has {len(members)} members")
+        for member in members:
+            if not member.filename.endswith(".npy"):
+                raise ValueError(f"{member.filename} is not an array")
+            if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED) or member.flag_bits & ENCRYPTED:
+                raise ValueError(f"{member.filename} is compressed or encrypted in another way than NumPy does")
+            most = member.compress_size * (DEFLATION if member.compress_type == zipfile.ZIP_DEFLATED else 1)
+            if member.compress_size > there or member.file_size > most:
+                raise ValueError(f"{member.filename} claims {member.file_size} bytes")
+        yield archive
+
+
+@contextmanager
+def open_parquet(path: Path, otherwise: str) -> Iterator[pq.ParquetFile]:
+    """A Parquet file; whatever goes wrong in the block is an error in the file.
+
+    Raises:
+        InvalidInputError: unreadable, not such a file, or of more than `ROWS` rows.
+        MissingExtraError: pyarrow is not installed.
+    """
+    with needed("pyarrow", "parquet"):
+        import pyarrow.parquet as pq
+    open_bytes(path).close()
+    # Without buffering ahead: that would hold a row group, which may be the whole file.
+    with _parsing(path, otherwise), pq.ParquetFile(path, pre_buffer=False, buffer_size=1 << 20) as file:
+        if not 0 <= file.metadata.num_rows <= ROWS:
+            raise ValueError(f"claims {file.metadata.num_rows} rows")
+        yield file
+
+
+class _Bounded(io.BufferedReader):
+    """A file that is never read by more than `DIRECTORY` bytes at once, whatever it says itself."""
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        """As any file.
+
+        Raises:
+            ValueError: more than the bound.
+        """
+        if size is not None and size > DIRECTORY:
+            raise ValueError(f"claims {size} bytes for a list of its members")
+        return super().read(size)
+
+
+def array_header(stream: IO[bytes], size: int) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
+    """Shape, whether it is stored column by column, and type of an NPY file.
+
+    Args:
+        stream: of the file.
+        size: bytes that it has.
+
+    Raises:
+        ValueError: not an NPY file, or it claims more than it has. Others, as NumPy's reader raises them.
+    """
+    import warnings
+
     import numpy as np
 
+    version = np.lib.format.read_magic(stream)
+    digits = stream.read(2 if version == (1, 0) else 4)
+    length = int.from_bytes(digits, "little")
+    if length > ARRAY_HEADER:
+        raise ValueError(f"a header of {length} bytes")
+    read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # NumPy's, of files of Python 2, and Python's, of what is to be a header
+        shape, by_columns, dtype = read(io.BytesIO(digits + stream.read(length)))
+    # A pickled array has any size, and is never read.
+    most = 0 if dtype.hasobject else max(math.prod(shape), *shape, 0) * max(dtype.itemsize, 1)
+    if min(shape, default=0) < 0 or most > size:
+        raise ValueError(f"claims an array {shape} of {dtype} in {size} bytes")
+    return shape, by_columns, dtype
+
+
+def read_exactly(stream: IO[bytes], size: int) -> bytearray:
+    """So many bytes.
+
+    Raises:
+        EOFError: the stream ends before.
+    """
+    content = bytearray()
+    while len(content) < size:
+        piece = stream.read(min(PIECE, size - len(content)))
+        if not piece:
+            raise EOFError(f"{size - len(content)} bytes are missing")
+        content += piece
+    return content
+
+
+def _array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> NDArray[np.generic]:
+    """An array of numbers or texts.
+
+    Raises:
+        ValueError: it is another one. Others, as zipfile's and NumPy's readers raise them.
+    """
+    import numpy as np
+
+    with archive.open(member) as stream:
+        shape, by_columns, dtype = array_header(stream, member.file_size)
+        if dtype.kind not in ARRAY_KINDS:
+            raise ValueError(f"{member.filename} holds {dtype}")
+        content = read_exactly(stream, math.prod(shape) * dtype.itemsize)
+        if stream.read(1):  # at the end, zipfile checks the sum
+            raise ValueError(f"{member.filename} holds more than its array")
+    if not content:
+        return np.zeros(shape, dtype)
+    if dtype.kind == TEXT_KINDS:
+        codes = np.frombuffer(content, np.dtype("u4").newbyteorder(dtype.byteorder))
+        if ((codes > 0x10FFFF) | ((codes >= 0xD800) & (codes < 0xE000))).any():
+            raise ValueError(f"{member.filename} holds texts that are not Unicode")
+    return np.frombuffer(content, dtype).reshape(shape, order="F" if by_columns else "C")
+
+
+@contextmanager
+def _parsing(path: Path, otherwise: str) -> Iterator[None]:
+    """Say of whatever goes wrong that the file is at fault."""
     try:
-        with zipfile.ZipFile(path) as archive:
-            _check_headers(archive)
-        with np.load(path, allow_pickle=False) as arrays:
-            return {name: arrays[name] for name in arrays.files}
-    except (ValueError, EOFError, KeyError, NotImplementedError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
-        raise InvalidInputError(f"{path}: {otherwise}: {error}") from error
+        yield
+    except InvalidInputError as error:
+        if str(path) in str(error):
+            raise
+        raise InvalidInputError(f"{path}: {error}") from error
+    except JacokinError:
+        raise
     except OSError as error:
-        raise InvalidInputError(f"{path}: cannot be read: {error.strerror or error}") from error
+        raise _unreadable(path, error) from error
+    except MemoryError as error:
+        raise InvalidInputError(f"{path}: {otherwise}: it does not fit into memory") from error
+    except RecursionError as error:
+        raise InvalidInputError(f"{path}: {otherwise}: it is nested too deeply") from error
+    except Exception as error:  # parsers of damaged content raise whatever they stumble over
+        text = str(error) or type(error).__name__
+        cut = text if len(text) <= SHOWN_ERROR else f"{text[:SHOWN_ERROR]}..."
+        raise InvalidInputError(f"{path}: {otherwise}: {cut}") from error
 
 
-def _check_headers(archive: zipfile.ZipFile) -> None:
-    """ValueError when a member is not an array, or the arrays claim more than the archive holds or than is sensible."""
-    import numpy as np
+def _unreadable(path: Path, error: OSError) -> InvalidInputError:
+    return InvalidInputError(f"{path}: cannot be read: {error.strerror or error}")
 
-    total = 0
-    for member in archive.infolist():
-        with archive.open(member) as stream:
-            version = np.lib.format.read_magic(stream)
-            read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-            shape, _, dtype = read(stream)
-        size = math.prod(shape) * dtype.itemsize
-        total += size
-        if dtype.hasobject or size > member.file_size or total > LARGEST:
-            raise ValueError(f"{member.filename} claims {size} bytes")
+
+def _too_large(path: Path, largest: int) -> InvalidInputError:
+    return InvalidInputError(f"{path}: is larger than the {largest} bytes that are read of such a file")
+
+
+def _without_repetition(pairs: Sequence[tuple[str, object]]) -> dict[str, object]:
+    """A mapping of pairs.
+
+    Raises:
+        InvalidInputError: a key is given twice.
+    """
+    repeated = [key for key, count in Counter(key for key, _ in pairs).items() if count > 1]
+    if repeated:
+        raise InvalidInputError(f"the key {repeated[0]!r} is given twice")
+    return dict(pairs)

@@ -11,7 +11,7 @@
 
 int main(int argc, char** argv) try {
   const jacokin::Solver arm(argc > 1 ? argv[1] : "j2n6s300.jacokin");
-  jacokin::Work work(arm, JACOKIN_IK_INTERVALS);
+  jacokin::Work work;
   const jacokin::Pose target = arm.forward(arm.home());
   const jacokin::Axis about_z = {{0.0, 0.0, 1.0}, {-3.141592653589793, 3.141592653589793}};
 

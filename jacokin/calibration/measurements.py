@@ -6,7 +6,6 @@ and contact with one point. Rows that are not finite are kept here and named by 
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -16,8 +15,8 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
-from jacokin.errors import InvalidInputError, needed
-from jacokin.files import check_end, read_arrays
+from jacokin.errors import InvalidInputError
+from jacokin.files import ARRAYS, open_parquet, open_table, read_arrays, table_lines, table_rows
 from jacokin.ik.files.targets import rotations_from_quats, rotations_from_rpys
 from jacokin.model import checks, poses
 
@@ -301,37 +300,33 @@ def _read(path: Path) -> Mapping[str, Array]:
     Raises:
         InvalidInputError: cannot be read, or rows of different lengths.
     """
-    check_end(path)
-    try:
-        if path.suffix == ".npz":
-            arrays = read_arrays(path, NOT_MEASUREMENTS)
-            return {name: array.astype(np.float64) for name, array in arrays.items() if array.dtype.kind in "iuf"}
-        if path.suffix == ".parquet":
-            with needed("pyarrow", "parquet"):
-                import pyarrow.parquet as parquet
-            table = parquet.read_table(path)
+    if path.suffix == ".npz":
+        arrays = read_arrays(path, NOT_MEASUREMENTS)
+        return {name: array.astype(np.float64) for name, array in arrays.items() if array.dtype.kind in "iuf"}
+    if path.suffix == ".parquet":
+        with open_parquet(path, NOT_MEASUREMENTS) as file:
+            if file.metadata.num_rows * file.metadata.num_columns > ARRAYS // 8:
+                raise InvalidInputError(f"{path}: {NOT_MEASUREMENTS}: its columns have more than {ARRAYS} bytes")
+            table = file.read()
             return {
                 name: np.asarray(table.column(name).to_numpy(), dtype=np.float64)
                 for name in table.column_names
                 if str(table.schema.field(name).type) in ("double", "float", "int64", "int32")
             }
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            reader = csv.DictReader(file, strict=True, restkey="more", restval="")
-            rows, names = list(reader), [name.strip() for name in reader.fieldnames or ()]
-    except OSError as error:
-        raise InvalidInputError(f"{path}: cannot be read: {error.strerror or error}") from error
-    except (ValueError, KeyError, csv.Error) as error:
-        raise InvalidInputError(f"{path}: {NOT_MEASUREMENTS}: {error}") from error
+    with open_table(path) as text:
+        table_of_cells = table_rows(path, table_lines(path, text))
+        names = [name.strip() for name in next(table_of_cells, (1, []))[1]]
+        rows = [[*row, *[""] * (len(names) - len(row))] for _, row in table_of_cells if row]
     twice = [name for number, name in enumerate(names) if name in names[:number]]
     if twice:
         raise InvalidInputError(f"{path}: column {twice[0]!r} is there twice")
     if not rows:
         raise InvalidInputError(f"{path}: has no rows of measurements")
     columns: dict[str, Array] = {}
-    for name in rows[0]:
-        cells = [str(row[name] or "").strip() for row in rows]
+    for number, name in enumerate(names):
+        cells = [row[number].strip() for row in rows]
         try:
-            columns[name.strip()] = np.array([float(cell) if cell else math.nan for cell in cells])
+            columns[name] = np.array([float(cell) if cell else math.nan for cell in cells])
         except ValueError:  # a column of words
             continue
     return columns

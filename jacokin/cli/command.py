@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Container, Iterable, Mapping
 from dataclasses import fields
@@ -94,6 +95,7 @@ class Command(click.Command):
             Refusal: the input is wrong; says so with the names of the options.
         """
         try:
+            self._check_finite(ctx)
             result: object = super().invoke(ctx)
         except JacokinError as error:
             flags = {str(each.name): each.opts[0] for each in self.params if each.opts[0].startswith("-")}
@@ -103,6 +105,15 @@ class Command(click.Command):
                 text = units.in_words(text)
             raise Refusal(text) from error
         return result
+
+    def _check_finite(self, ctx: click.Context) -> None:
+        """InvalidInputError where a number of an option is NaN or infinite; limits of joints may be."""
+        for option in (each for each in self.params if isinstance(each, click.Option)):
+            value = ctx.params.get(str(option.name))
+            numbers = value if isinstance(value, list | tuple) else [value]
+            wrong = [number for number in numbers if isinstance(number, float) and not math.isfinite(number)]
+            if wrong:
+                raise InvalidInputError(f"{option.opts[0]} must be finite, got {wrong[0]}")
 
 
 class Argument(click.Argument):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import csv
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -19,6 +18,7 @@ from jacokin.cli.units import Units, warn_of_degrees
 from jacokin.ik.batches.chunk import EMPTY, count_rows, solve_rows
 from jacokin.ik.batches.solve_file import folder_of, solve_file
 from jacokin.ik.files.carried import as_objects
+from jacokin.ik.files.csv_files import read_names
 from jacokin.ik.files.formats import targets_format
 from jacokin.ik.files.targets import RPY, left_behind
 
@@ -50,8 +50,7 @@ def run(
             widest = float(np.nanmax(np.abs(first.values[:, 3:]), initial=0.0))
             warn_of_degrees(f"{targets}: roll, pitch, yaw", [widest], Units(degrees=False))
         if targets.suffix not in (".npz", ".parquet"):
-            with targets.open(encoding="utf-8-sig", newline="") as file:
-                lost = left_behind(next(csv.reader(file), []))
+            lost = left_behind(read_names(targets))
             if lost:
                 text = display.printable(f"{targets}: columns not carried through: {', '.join(lost)}")
                 click.echo(f"jacokin: note: {text}", err=True)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from jacokin import ik, model
+from jacokin import files, ik, model
 from jacokin.cli.command import NumberList, option_group, parse_numbers
 from jacokin.cli.units import Units
 from jacokin.errors import InvalidInputError
@@ -278,7 +278,7 @@ def _read_files(path: Path, packages: Sequence[Path]) -> Iterator[Path]:
         seen.add(file)
         yield file
         if file.suffix.lower() in (".urdf", ".xml", ".mjcf"):
-            text = file.read_text(encoding="utf-8", errors="replace")
+            text = files.read_bytes(file, files.DESCRIPTION).decode("utf-8", "replace")
             folders = [*packages, path.parent, file.parent, *(path.parent / folder for folder in _FOLDER.findall(text))]
             names = [_SCHEME.sub("", name) for name in _REFERENCE.findall(text)]
             ahead += [folder / name for folder in folders for name in names]

@@ -26,7 +26,8 @@
  * that make a solver; they keep no state, lock nothing, print nothing, and raise no signals.
  *
  * BAD INPUT. A null pointer, a number that is not finite, too little memory or a damaged file is refused with a
- * negative code, and nothing is written but what the function says. On anything but success a configuration is filled
+ * negative code, and nothing is written but what the function says. A file is tried when it is loaded: one whose
+ * numbers do not belong together finds none of eight configurations again, and is refused as damaged. On anything but success a configuration is filled
  * with NaN: it cannot be mistaken for an answer.
  */
 

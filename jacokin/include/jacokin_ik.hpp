@@ -1,10 +1,12 @@
 // jacokin_ik.hpp: jacokin_ik.h for C++17, header only.
 //
 //     jacokin::Solver arm("j2n6s300.jacokin");
-//     jacokin::Work work(arm);                        // one for each thread
+//     jacokin::Work work;                             // one for each thread, for any solver and call
 //     jacokin::Pose target = arm.forward(q);          // std::array<double, 16>, row by row [m]
 //     if (auto answer = arm.nearest(target, seed, work)) move_to(*answer);
 //     for (const auto& branch : arm.all(target, seed, work).branches) ...
+//     jacokin::Batch many = arm.batch(targets, {}, work);
+//     if (many.success(3)) move_to(many.configuration(3));
 //
 // Not reaching a pose is an empty answer; a wrong argument or file is a jacokin::Error with the library's sentence.
 // What everything means is said in jacokin_ik.h.
@@ -38,15 +40,21 @@ class Error : public std::runtime_error {
 
 class Solver;
 
-// Memory that calls work in: one for each thread.
+// Memory that calls work in: one for each thread. It grows to what a call needs, and is then kept; no call allocates
+// with one that was made for the solver and its task.
 class Work {
  public:
+  Work() = default;
   explicit Work(const Solver& solver, jacokin_ik_task task = JACOKIN_IK_POSES);
 
- private:
-  friend class Solver;
+  // For the functions of jacokin_ik.h: address and bytes.
   void* data() { return memory_.data(); }
   std::size_t size() const { return memory_.size() * sizeof(double); }
+
+  // Hold at least what a solver's task needs.
+  void fit(const Solver& solver, jacokin_ik_task task);
+
+ private:
   std::vector<double> memory_;
 };
 
@@ -55,6 +63,26 @@ struct Branches {
   std::vector<Branch> branches;
   int status;     // JACOKIN_IK_OK where one is a success, else why none is
   bool complete;  // whether none is missing
+};
+
+// The nearest configurations of many poses.
+struct Batch {
+  std::vector<double> q;    // a row of dof angles for each target [rad]; NaN where it has no answer
+  std::vector<int> status;  // of each target: what nearest() says
+
+  std::size_t size() const { return status.size(); }
+  bool success(std::size_t i) const { return status.at(i) == JACOKIN_IK_OK; }
+  Configuration configuration(std::size_t i) const {
+    const std::size_t dof = status.empty() ? 0 : q.size() / status.size();
+    (void)status.at(i);
+    return Configuration(q.data() + dof * i, q.data() + dof * (i + 1));
+  }
+};
+
+// A configuration with one free parameter.
+struct Member {
+  Configuration q;   // [rad]
+  double parameter;  // [rad] the angle about a free axis, in its range; or joint 3
 };
 
 // All configurations with one free parameter, as intervals of it.
@@ -71,6 +99,13 @@ class Solver {
   explicit Solver(const std::string& path) {
     jacokin_ik_solver* made = nullptr;
     check(jacokin_ik_load(path.c_str(), &made));
+    solver_.reset(made);
+  }
+
+  // From the contents of such a file, which are copied.
+  Solver(const void* contents, std::size_t size) {
+    jacokin_ik_solver* made = nullptr;
+    check(jacokin_ik_read(contents, size, &made));
     solver_.reset(made);
   }
 
@@ -100,6 +135,7 @@ class Solver {
   Branches all(const Pose& target, const Configuration& seed, Work& work) const {
     Branches found{std::vector<Branch>(JACOKIN_IK_MAX_BRANCHES), 0, false};
     int count = 0, complete = 0;
+    work.fit(*this, JACOKIN_IK_POSES);
     found.status = check(jacokin_ik_all(get(), target.data(), checked(seed), work.data(), work.size(),
                                         found.branches.data(), JACOKIN_IK_MAX_BRANCHES, &count, &complete));
     found.branches.resize(static_cast<std::size_t>(count));
@@ -111,16 +147,31 @@ class Solver {
   std::optional<Configuration> nearest(const Pose& target, const Configuration& seed, Work& work,
                                        int* status = nullptr) const {
     Configuration q(dof());
+    work.fit(*this, JACOKIN_IK_POSES);
     const int found = check(jacokin_ik_nearest(get(), target.data(), checked(seed), work.data(), work.size(), q.data()));
     if (status != nullptr) *status = found;
     return found == JACOKIN_IK_OK ? std::optional<Configuration>(q) : std::nullopt;
   }
 
+  // The configurations nearest to their seeds, one for each target; without seeds, nearest to home.
+  Batch batch(const std::vector<Pose>& targets, const std::vector<Configuration>& seeds, Work& work) const {
+    Batch found{std::vector<double>(targets.size() * dof()), std::vector<int>(targets.size())};
+    if (targets.empty()) return found;
+    if (!seeds.empty() && seeds.size() != targets.size()) throw Error(JACOKIN_IK_BAD_ARGUMENT);
+    std::vector<double> starts;
+    starts.reserve(seeds.size() * dof());
+    for (const Configuration& seed : seeds) starts.insert(starts.end(), checked(seed), checked(seed) + dof());
+    work.fit(*this, JACOKIN_IK_POSES);
+    check(jacokin_ik_batch(get(), targets.size(), targets.front().data(), seeds.empty() ? nullptr : starts.data(),
+                           work.data(), work.size(), found.q.data(), found.status.data()));
+    return found;
+  }
+
   // All configurations of a seven-joint arm at a pose, or of a six-joint arm whose tool may turn about an axis.
-  // The work memory is that for intervals.
   Family intervals(const Pose& target, Work& work, const Axis* about = nullptr) const {
     Family found{std::vector<Interval>(JACOKIN_IK_MAX_INTERVALS), 0, false};
     int count = 0, complete = 0;
+    work.fit(*this, JACOKIN_IK_INTERVALS);
     found.status = check(jacokin_ik_intervals(get(), target.data(), about, work.data(), work.size(),
                                               found.intervals.data(), JACOKIN_IK_MAX_INTERVALS, &count, &complete));
     found.intervals.resize(static_cast<std::size_t>(count));
@@ -135,6 +186,17 @@ class Solver {
     const int found =
         check(jacokin_ik_at(get(), work.data(), work.size(), &interval, parameter, checked(seed), q.data()));
     return found == JACOKIN_IK_OK ? std::optional<Configuration>(q) : std::nullopt;
+  }
+
+  // The member of all intervals that is nearest to the seed; nothing where there is none. `status` says why.
+  std::optional<Member> nearest_about(const Pose& target, const Configuration& seed, Work& work,
+                                      const Axis* about = nullptr, int* status = nullptr) const {
+    Member found{Configuration(dof()), 0.0};
+    work.fit(*this, JACOKIN_IK_INTERVALS);
+    const int done = check(jacokin_ik_nearest_about(get(), target.data(), about, checked(seed), work.data(),
+                                                    work.size(), found.q.data(), &found.parameter));
+    if (status != nullptr) *status = done;
+    return done == JACOKIN_IK_OK ? std::optional<Member>(found) : std::nullopt;
   }
 
   const jacokin_ik_solver* get() const { return solver_.get(); }
@@ -164,7 +226,11 @@ class Solver {
   std::unique_ptr<jacokin_ik_solver, Free> solver_;
 };
 
-inline Work::Work(const Solver& solver, jacokin_ik_task task)
-    : memory_(jacokin_ik_work_size(solver.get(), task) / sizeof(double)) {}
+inline Work::Work(const Solver& solver, jacokin_ik_task task) { fit(solver, task); }
+
+inline void Work::fit(const Solver& solver, jacokin_ik_task task) {
+  const std::size_t needed = jacokin_ik_work_size(solver.get(), task);
+  if (size() < needed) memory_.resize((needed + sizeof(double) - 1) / sizeof(double));
+}
 
 }  // namespace jacokin

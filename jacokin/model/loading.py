@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
+from jacokin import files
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, ModelError, UnknownNameError
 from jacokin.model import checks
@@ -132,7 +133,7 @@ def _resolve(robot: str | Path) -> tuple[Path, str | None]:
 def _problem(path: Path) -> str | None:
     """Why a path cannot be read as a file; None when it can. Reading a FIFO would wait without end."""
     try:
-        mode = path.stat().st_mode
+        mode, size = path.stat().st_mode, path.stat().st_size
     except (OSError, ValueError) as error:
         if getattr(error, "errno", None) == errno.ELOOP:
             return "is a loop of symbolic links"
@@ -141,6 +142,8 @@ def _problem(path: Path) -> str | None:
         return NO_FILE  # or a name that no file can have
     if stat.S_ISDIR(mode):
         return "is a folder, not a file"
+    if stat.S_ISREG(mode) and size > files.DESCRIPTION:
+        return f"is larger than the {files.DESCRIPTION} bytes that are read of a description"
     return None if stat.S_ISREG(mode) else "is not a regular file (a pipe, socket or device)"
 
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -193,11 +192,9 @@ class MeasuredArm:
         """
         path = checks.path("calibration", path)
         try:
-            content = tomllib.loads(path.read_text(encoding="utf-8"))
-        except OSError as error:
-            raise ModelError(f"{path}: cannot be read: {error.strerror}") from error
-        except (ValueError, RecursionError) as error:
-            raise ModelError(f"{path}: is not a calibration file, or damaged: {error}") from error
+            content = files.read_toml(path, "is not a calibration file, or damaged")
+        except InvalidInputError as error:
+            raise ModelError(str(error)) from error
         return _parse(path, content)
 
 

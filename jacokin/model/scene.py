@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import json
 import weakref
-from collections import Counter
-from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Self
 
 import mujoco
 import numpy as np
 import pinocchio as pin
-import yaml
 from numpy.typing import ArrayLike
 
+from jacokin import files
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.model import checks, poses
@@ -36,7 +34,6 @@ from jacokin.model.poses import pose
 from jacokin.model.robot import Robot
 
 ENDINGS = (".yaml", ".yml", ".json")
-LARGEST = 10_000_000  # [byte] of a file
 PLACE = ("position", "quat_wxyz", "rpy")
 # Each shape of a file and its keys beside "shape" and "name".
 SHAPES: Mapping[str, tuple[Callable[..., Obstacle], tuple[str, ...]]] = {
@@ -317,43 +314,7 @@ def _content(file: Path) -> object:
     ending = file.suffix.lower()
     if ending not in ENDINGS:
         raise InvalidInputError(f"the file of a scene must end in {' or '.join(ENDINGS)}, got {str(file)!r}")
-    try:
-        if file.stat().st_size > LARGEST:
-            raise InvalidInputError(f"{file} is larger than {LARGEST} bytes: not a scene")
-        text = file.read_text(encoding="utf-8")
-    except OSError as error:
-        raise InvalidInputError(f"cannot read {file}: {error.strerror or error}") from error
-    except UnicodeDecodeError as error:
-        raise InvalidInputError(f"{file}: not a text file: {error}") from error
-
-    try:
-        if ending == ".json":
-            return json.loads(text, object_pairs_hook=_refuse_repeated_keys)
-        return yaml.load(text, _Loader)
-    except InvalidInputError as error:
-        raise InvalidInputError(f"{file}: {error}") from error
-    except (ValueError, yaml.YAMLError, RecursionError) as error:
-        raise InvalidInputError(f"{file}: not a {ending[1:].upper()} file: {error}") from error
-
-
-class _Loader(yaml.SafeLoader):
-    """YAML without repeated keys: YAML's own takes the last of two equal ones."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, object]:
-        _refuse_repeated_keys([(key.value, value) for key, value in node.value if key.tag == "tag:yaml.org,2002:str"])
-        return super().construct_mapping(node, deep)
-
-
-def _refuse_repeated_keys(pairs: Sequence[tuple[str, object]]) -> dict[str, object]:
-    """A mapping of pairs.
-
-    Raises:
-        InvalidInputError: a key is given twice.
-    """
-    repeated = [key for key, count in Counter(key for key, _ in pairs).items() if count > 1]
-    if repeated:
-        raise InvalidInputError(f"the key {repeated[0]!r} is given twice")
-    return dict(pairs)
+    return files.read_json(file, "not a JSON file") if ending == ".json" else files.read_yaml(file, "not a YAML file")
 
 
 def _obstacle(where: str, entry: object, index: int) -> Obstacle:

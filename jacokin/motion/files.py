@@ -93,15 +93,10 @@ def read_table(file: Path) -> Table:
     Raises:
         InvalidInputError: unreadable, without rows, or a row that is longer or shorter than the head.
     """
-    try:
-        with file.open(newline="", encoding="utf-8") as stream:
-            rows = list(csv.reader(stream))
-    except OSError as error:
-        raise InvalidInputError(f"cannot read {file}: {error.strerror or error}") from error
-    except (csv.Error, UnicodeDecodeError) as error:
-        raise InvalidInputError(f"{file}: not a CSV file: {error}") from error
-    notes = {row[0][2:]: row[1:] for row in rows if row and row[0].startswith("# ")}
-    numbered = [(line, row) for line, row in enumerate(rows, start=1) if row and not row[0].startswith("# ")]
+    with files.open_table(file) as stream:
+        rows = list(files.table_rows(file, files.table_lines(file, stream)))
+    notes = {row[0][2:]: row[1:] for _, row in rows if row and row[0].startswith("# ")}
+    numbered = [(line, row) for line, row in rows if row and not row[0].startswith("# ")]
     if len(numbered) < 2:
         raise InvalidInputError(f"{file}: {NOT_OURS} (no rows)")
     head = numbered[0][1]

@@ -14,10 +14,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import orjson
 from numpy.typing import NDArray
 
 import jacokin
+from jacokin import files
 from jacokin.arrays import Array
 from jacokin.chunks.folder import HASH_DIGITS, RECIPE, Keeper, digest, file_digest
 from jacokin.errors import InvalidInputError, JacokinError
@@ -74,9 +74,12 @@ def load(folder: str | Path, *, robot: Robot | None = None, scene: Scene | None 
     first = 0
     for name, content in manifest["sha256"].items():
         chunk = _chunk(path / name, content)
-        stop = first + len(chunk["branches"])
-        counts[first:stop], margins[first:stop] = chunk["branches"], chunk["margin"]
-        touching[first:stop] = chunk.get("touching", 0)  # maps of versions that did not know contact
+        try:
+            stop = first + len(chunk["branches"])
+            counts[first:stop], margins[first:stop] = chunk["branches"], chunk["margin"]
+            touching[first:stop] = chunk.get("touching", 0)  # maps of versions that did not know contact
+        except (ValueError, TypeError, KeyError) as error:
+            raise InvalidInputError(f"{path / name}: is not of this map: {error}; build the map again") from error
         first = stop
     if first != samples.positions:
         raise InvalidInputError(f"{path}: has {first} positions of {samples.positions}; build the rest of it")
@@ -107,13 +110,11 @@ def _document(path: Path, name: str, missing: str) -> dict[str, Any]:  # Any: JS
         InvalidInputError: it is not there, cannot be read, or holds something else.
     """
     try:
-        document = orjson.loads((path / name).read_bytes())
-    except FileNotFoundError as error:
-        raise InvalidInputError(f"{path}: {missing if path.exists() else 'there is no such folder'}") from error
-    except OSError as error:
-        raise InvalidInputError(f"{path}: cannot be read: {error.strerror}") from error
-    except orjson.JSONDecodeError as error:
-        raise InvalidInputError(f"{path / name}: is not JSON: {error}") from error
+        document = files.read_json(path / name, "is not JSON")
+    except InvalidInputError as error:
+        if isinstance(error.__cause__, FileNotFoundError):
+            raise InvalidInputError(f"{path}: {missing if path.exists() else 'there is no such folder'}") from error
+        raise
     if not isinstance(document, dict):
         raise InvalidInputError(f"{path / name}: is not a JSON object")
     return document
@@ -121,13 +122,12 @@ def _document(path: Path, name: str, missing: str) -> dict[str, Any]:  # Any: JS
 
 def _chunk(path: Path, wanted: str) -> dict[str, NDArray[np.generic]]:
     try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise JacokinError(f"{path}: cannot be read: {error.strerror}; build the map again") from error
+        content = files.read_bytes(path, files.TABLE)
+    except InvalidInputError as error:
+        raise InvalidInputError(f"{error}; build the map again") from error
     if digest(content) != wanted or wanted[:HASH_DIGITS] not in path.name:
         raise InvalidInputError(f"{path}: is damaged: its hash is not that of the manifest; build the map again")
-    with np.load(path) as file:
-        return {name: file[name] for name in file.files}
+    return files.read_arrays(path, "is not a chunk of a map; build the map again")
 
 
 def make_recipe(solver: IKSolver, samples: Samples) -> dict[str, object]:
@@ -196,7 +196,9 @@ def _samples_of(recipe: dict[str, Any], place: str) -> Samples:  # Any: JSON
         orientations = Orientations(
             given["quat_wxyz"], given["name"], axes=given.get("free about"), ranges=given.get("from and to")
         )
-    except (KeyError, TypeError) as error:
+    except InvalidInputError:
+        raise
+    except (KeyError, TypeError, ValueError) as error:
         raise InvalidInputError(f"{place}: is not the recipe of a map: {error!r} is missing or wrong") from error
     return Samples(grid, orientations, symmetries)
 

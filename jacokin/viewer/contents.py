@@ -86,6 +86,8 @@ class Contents:
     """Of a reachability map."""
     playback: Playback | None
     """A trajectory to play."""
+    velocity_limit: Array | None = None
+    """(dof,) of tracking and of motions [rad/s]; None for the robot's own."""
 
 
 COLOURS = np.array([[68, 1, 84], [59, 82, 139], [33, 145, 140], [94, 201, 98], [253, 231, 37]])  # 0 to 1, evenly

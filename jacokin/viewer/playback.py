@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
+from jacokin.files import TABLE, read_json
 from jacokin.model import NAMES, checks
 from jacokin.model.robot import Robot
 from jacokin.motion import files
@@ -17,7 +18,7 @@ from jacokin.motion.trajectory import Trajectory
 
 SPEEDS = (0.1, 4.0)  # least and largest, of the recorded one
 ENDINGS = (".csv", ".npz", ".json", ".kinova.csv")
-LARGEST = 500_000_000  # [byte] of a .json file: a day at 100 Hz takes some 4e9, an hour 1.5e8
+NOT_ROS = "not a JointTrajectory as JSON"
 NANOSECOND = 1e-9  # [s]
 
 Columns = tuple[tuple[str, ...], Array, Array]  # names of the joints, times (n,) [s], angles (n, dof) [rad]
@@ -53,6 +54,15 @@ class Playback:
     def duration(self) -> float:
         """Length of the trajectory at its own speed [s]."""
         return float(self.t[-1])
+
+    @property
+    def said(self) -> str:
+        """How far it is, in words."""
+        return f"{self.time:.2f} of {self.duration:.2f} s"
+
+    def rows(self, most: int) -> NDArray[np.intp]:
+        """Numbers of at most so many rows, evenly from the first to the last."""
+        return np.unique(np.linspace(0, len(self.t) - 1, min(len(self.t), most)).astype(np.intp))
 
     def scrub(self, time: float) -> None:
         """Go to a time [s]; one that is not in the trajectory is brought to its nearer end."""
@@ -100,18 +110,14 @@ def _columns(trajectory: Trajectory) -> Columns:
 
 def _read_ros(file: Path, robot: Robot) -> Columns:
     """The fields of a JointTrajectory message of ROS 1 or ROS 2, as JSON."""
+    message = read_json(file, NOT_ROS, TABLE)
     try:
-        if file.stat().st_size > LARGEST:
-            raise InvalidInputError(f"{file} is larger than {LARGEST} bytes: not a trajectory to play")
-        message = json.loads(file.read_text(encoding="utf-8"))
         names = [str(name) for name in message["joint_names"]]
         points = message["points"]
         times = [_seconds(point["time_from_start"]) for point in points]
         rows = [[float(angle) for angle in point["positions"]] for point in points]
-    except OSError as error:
-        raise InvalidInputError(f"cannot read {file}: {error.strerror or error}") from error
-    except (ValueError, TypeError, KeyError, AttributeError, RecursionError, OverflowError) as error:
-        raise InvalidInputError(f"{file}: not a JointTrajectory as JSON: {error!r}") from error
+    except (ValueError, TypeError, KeyError, AttributeError, OverflowError) as error:
+        raise InvalidInputError(f"{file}: {NOT_ROS}: {error!r}") from error
     names = _without_prefix(file, names, robot)
     if any(len(row) != robot.dof for row in rows):
         raise InvalidInputError(f"{file}: every point must have {robot.dof} positions")

@@ -24,7 +24,7 @@ from jacokin.ik.targets import checked_target
 from jacokin.model import checks
 from jacokin.model.loading import load_robot
 from jacokin.model.poses import FreeAxis
-from jacokin.model.robot import Robot, fingerprint
+from jacokin.model.robot import Robot, fingerprint, velocity_limits
 from jacokin.model.scene import Scene, checked_scene
 from jacokin.reachability import ReachabilityMap, bundled, load
 from jacokin.viewer.contents import Contents, MapSlices, Setup
@@ -58,6 +58,7 @@ def serve(
     visuals: bool = False,
     reachability: ReachabilityMap | str | Path | None = None,
     trajectory: Trajectory | str | Path | None = None,
+    velocity_limit: ArrayLike | None = None,
     target: pin.SE3 | ArrayLike | None = None,
     seed: ArrayLike | None = None,
     host: str = DEFAULT_HOST,
@@ -80,6 +81,8 @@ def serve(
         reachability: a map to show slices of, or its folder; None for the one of a bundled robot, if there is one.
         trajectory: to play: a `Trajectory`, or a file that it saved: .csv, .npz, .json (ROS)
             or .kinova.csv.
+        velocity_limit: (dof,) or one for all, of what "Track" and "Go" do [rad/s]; None for the robot's own. An arm
+            whose file gives none is shown all the same, and only these two ask for it.
         target: T_base_tool to begin with, as `pin.SE3` or (4, 4); a position (3,) [m] keeps the orientation that the
             tool has at `seed`; None for where the tool is there.
         seed: (dof,) where the arm is at first [rad]; None for the robot's home.
@@ -132,6 +135,7 @@ def serve(
         note="; ".join(notes),
         slices=_slices(robot, reachability),
         playback=playback,
+        velocity_limit=None if velocity_limit is None else velocity_limits(robot, velocity_limit),
     )
     start, _ = seed_within_limits(robot, seed)
     if target is None and playback is not None and seed is None:
@@ -142,6 +146,8 @@ def serve(
         place = pin.SE3(place.rotation if asked.position_only else asked.rotation, asked.position)
     if axis is not None:
         view = inspector.turned(place, axis, start, None, span)
+    elif playback is not None and target is None and seed is None:
+        view = inspector.played(playback.at(0.0), f"Trajectory at {playback.said}")
     else:
         view = inspector.posture(start) if target is None else inspector.at(place, start)
     return Viewer(inspector, view, contents, host=host, port=port)
@@ -226,7 +232,7 @@ def show(
         place = robot.forward_kinematics(at, frame)
         viewer = serving(target=place if tool is None else place * tool, seed=shown.nearest())
     else:
-        viewer = serving(trajectory=shown)
+        viewer = serving(trajectory=shown, velocity_limit=getattr(shown, "velocity_limit", None))
     if browsing and (sys.platform != "linux" or any(os.environ.get(name) for name in SCREENS)):
         webbrowser.open(viewer.url)
     return viewer

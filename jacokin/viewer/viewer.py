@@ -307,6 +307,7 @@ class Viewer:
         self._stage.show_obstacles(wanted.obstacles)
         if wanted.frame != before.frame or wanted.tool is not before.tool:
             self._show(self._inspector.posture(self._view.q))
+            self._stage.draw_path()
         self._aim({})
 
     def _build(self, names: dict[str, int]) -> None:
@@ -329,7 +330,7 @@ class Viewer:
             self._aim({})  # where the gizmo is, which may have moved on
             return
         try:
-            self._following = Following(self._inspector.solver, self._seed())
+            self._following = Following(self._inspector.solver, self._seed(), self._contents.velocity_limit)
         except JacokinError:
             self._panel.stop_tracking()
             raise
@@ -372,7 +373,8 @@ class Viewer:
         self._show(replace(goal, note="Looking for a way"), move_gizmo=False)
         try:
             planner = self._setup.planner(inspector.solver)
-            self._motion = motion = plan_motion(planner, self._start, goal.q, time_limit=SEARCH)
+            speeds = self._contents.velocity_limit
+            self._motion = motion = plan_motion(planner, self._start, goal.q, time_limit=SEARCH, velocity_limit=speeds)
             stopped = self._inbox.drop("go")  # the same button, meanwhile
             if motion.success and not stopped:
                 self._going = Going(motion, goal, inspector)
@@ -444,7 +446,7 @@ class Viewer:
         elif self._player is not None:
             playback = self._player.playback
             q = playback.advance(elapsed)
-            self._arrive(self._inspector.played(q, f"Trajectory at {playback.time:.2f} of {playback.duration:.2f} s"))
+            self._arrive(self._inspector.played(q, f"Trajectory at {playback.said}"))
             self._player.show()
 
     def _arrive(self, view: View, *, move_gizmo: bool = True) -> None:
@@ -523,13 +525,19 @@ class Inbox:
 class Following:
     """A tracker that follows the gizmo at 100 Hz of the clock, within the velocity limits."""
 
-    def __init__(self, solver: IKSolver, q: Array) -> None:
+    def __init__(self, solver: IKSolver, q: Array, velocity_limit: Array | None) -> None:
         """Start at rest at `q` (dof,) [rad].
 
+        Args:
+            solver: for its robot, frame and tool.
+            q: where the arm is.
+            velocity_limit: (dof,) [rad/s]; None for the robot's own.
+
         Raises:
-            InvalidInputError: the robot's file has no velocity limits.
+            InvalidInputError: neither there nor in the robot's file is a velocity limit.
         """
-        self._tracker = Tracker(solver.robot, solver.frame, dt=TICK, q=q, tool=solver.tool)
+        robot = solver.robot
+        self._tracker = Tracker(robot, solver.frame, dt=TICK, q=q, tool=solver.tool, velocity_limit=velocity_limit)
         self._owed = 0.0  # [s] on the clock that no tick has covered
 
     def advance(self, target: pin.SE3, elapsed: float) -> TrackerStep | None:
@@ -562,7 +570,7 @@ class Going:
     @property
     def said(self) -> str:
         """How far it is, in words."""
-        return f"{self._playback.time:.2f} of {self._playback.duration:.2f} s"
+        return self._playback.said
 
     def advance(self) -> tuple[View, bool]:
         """The view of now, and whether the motion is over."""

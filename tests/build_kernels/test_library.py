@@ -93,6 +93,23 @@ def test_what_stops_a_build_is_one_sentence(monkeypatch: pytest.MonkeyPatch, tmp
         build.build(kept=tmp_path)
 
 
+def test_what_takes_long_is_said_on_the_terminal_too(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Pip takes the output of a build that succeeds; without a terminal nothing else happens."""
+    ours, theirs = os.openpty()
+    monkeypatch.setattr(build, "TERMINAL", Path(os.ttyname(theirs)))
+    build.tell("jacokin: compiling")
+    assert capsys.readouterr().out == "jacokin: compiling\n"
+    assert os.read(ours, 100).strip() == b"jacokin: compiling"
+    os.close(ours)
+    os.close(theirs)
+    for nothing in (Path("/dev/nothing/at/all"), Path(__file__).parent):
+        monkeypatch.setattr(build, "TERMINAL", nothing)
+        build.tell("jacokin: linked")
+        assert capsys.readouterr().out == "jacokin: linked\n"
+
+
 def test_object_files_of_other_builds_stay_for_a_week(tmp_path: Path) -> None:
     """Another Python builds in the same clone, perhaps at the same time."""
     used, other, old = (tmp_path / f"{name}.o" for name in ("used", "other", "old"))

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
+import time
 from collections.abc import Callable
-from ctypes import byref, c_int, c_void_p
+from ctypes import byref, c_double, c_int, c_void_p
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from jacokin.ik import IKSolver, Status
 from jacokin.ik.c_library import INCLUDE, check_sum, export_c, solver_file
 from tests.c import binding
 from tests.c.binding import C, CSolver
+from tests.robot_files import ur5_text
 
 HEADER = (INCLUDE / "jacokin_ik.h").read_text(encoding="utf-8")
 STATUSES = {name: int(code) for name, code in re.findall(r"JACOKIN_IK_(\w+) = (-?\d+),? +/\*", HEADER)}
@@ -45,9 +47,15 @@ def text(status: int) -> str:
 
 
 def test_statuses_have_the_sentences_of_the_package() -> None:
+    """The same beginning; the advice is what C can do."""
     for name in ("UNREACHABLE", "OUTSIDE_LIMITS", "NO_CONVERGENCE"):
-        assert text(getattr(binding, name)) == Status[name].value
+        said = text(getattr(binding, name))
         assert STATUSES[name] == getattr(binding, name)
+        assert not {"restart", "position only", "seed near", "load the robot"} & {
+            words for words in ("restart", "position only", "seed near", "load the robot") if words in said
+        }
+        if name != "NO_CONVERGENCE":
+            assert said.partition(":")[0] == Status[name].value.partition(":")[0]
     assert text(0) == Status.OK.value
     sentences = {text(code) for code in range(-10, 4)}
     assert len(sentences) == 14
@@ -226,6 +234,39 @@ def test_numbers_that_make_no_arm_are_refused_even_with_a_check_sum(place: int, 
     contents[place : place + 8] = np.float64(value).tobytes()
     contents[-8:] = check_sum(bytes(contents[:-8])).to_bytes(8, "little")
     assert binding.read(bytes(contents))[0] == binding.DAMAGED_FILE
+
+
+@pytest.mark.parametrize("name", ["j2n6s300", "j2s7s300", "ur5"])
+def test_numbers_that_do_not_belong_together_are_refused_or_solved_soon(name: str, tmp_path: Path) -> None:
+    """The check sum is right, each number of some size: nothing may search without end for what is not there."""
+    if name == "ur5":
+        (tmp_path / "ur5.urdf").write_text(ur5_text(), encoding="utf-8")
+    robot = jacokin.load_robot(tmp_path / "ur5.urdf" if name == "ur5" else name)
+    whole = solver_file(IKSolver(robot, collision="ignore"))
+    target = np.ascontiguousarray(robot.forward_kinematics(robot.home).homogeneous)
+    about = axis((0.0, 0.0, 1.0), -np.pi, np.pi) if robot.dof == 6 else None
+    doubles = (len(whole) - 28 - int.from_bytes(whole[16:20], "little")) // 8
+    memory = np.zeros(C.jacokin_ik_work_size(CSolver(IKSolver(robot, collision="ignore")).handle, 1) // 8)
+    work, q, parameter = (memory.ctypes.data, memory.nbytes), np.empty(7), c_double()
+    rng = np.random.default_rng(3)
+    refused = 0
+    for place in range(doubles):
+        contents = bytearray(whole)
+        at = slice(20 + 8 * place, 28 + 8 * place)
+        contents[at] = np.float64(rng.choice([-0.0, -0.5, 1e18, 1.35e10, rng.normal()])).tobytes()
+        contents[-8:] = check_sum(bytes(contents[:-8])).to_bytes(8, "little")
+        status, solver = binding.read(bytes(contents))
+        if status != binding.OK:
+            assert status == binding.DAMAGED_FILE
+            refused += 1
+            continue
+        began = time.process_time()
+        axis_given = None if about is None else byref(about)
+        C.jacokin_ik_nearest(solver, target.ctypes.data, None, *work, q.ctypes.data)
+        C.jacokin_ik_nearest_about(solver, target.ctypes.data, axis_given, None, *work, q.ctypes.data, byref(parameter))
+        assert time.process_time() - began < 1.0, f"double {place}"
+        C.jacokin_ik_free(solver)
+    assert refused > doubles // 2
 
 
 def test_another_version_is_named(tmp_path: Path) -> None:

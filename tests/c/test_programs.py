@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 import jacokin
 from build_kernels import c_library
+from build_kernels.library import OLDEST_GLIBC
 from jacokin.ik import IKSolver, export_c
 from jacokin.ik.c_library import INCLUDE
 from jacokin.kernels import library
@@ -110,6 +113,22 @@ def test_the_example_in_cpp(arm: Path, tmp_path: Path) -> None:
     execute("c++", "-std=c++17", *WARNINGS, EXAMPLES / "family.cpp", *linked(arm), "-o", program)
     assert "8 intervals, none is missing" in execute(program, arm / "j2n6s300.jacokin")
     assert "16 intervals" in execute(program, arm / "j2s7s300.jacokin")
+
+
+@needs_cxx
+@pytest.mark.parametrize("name", ["j2n6s300", "j2s7s300"])
+def test_the_wrapper_has_a_batch_and_memory_for_every_call(name: str, arm: Path, tmp_path: Path) -> None:
+    program = tmp_path / "wrapper"
+    execute("c++", "-std=c++17", *WARNINGS, HERE / "wrapper.cpp", *linked(arm), "-o", program)
+    assert "20 of 21 reached" in execute(program, arm / f"{name}.jacokin")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="needs the GNU C library")
+def test_an_export_runs_on_old_systems(arm: Path) -> None:
+    """Names of the C library that are younger than ten years are not asked for, whatever compiler linked it."""
+    contents = (arm / "lib" / library.PATH.name).read_bytes()
+    versions = {int(minor) for minor in re.findall(rb"GLIBC_2\.(\d+)", contents)}
+    assert max(versions, default=0) <= OLDEST_GLIBC
 
 
 @pytest.mark.skipif(shutil.which("rustc") is None, reason="needs rustc")

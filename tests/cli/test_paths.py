@@ -25,7 +25,7 @@ BOTH = (
     (("--frame", "link_9"), "link_6"),
     (("--seed", "1", "2"), "--seed"),
     (("--velocity-limit", "1", "2"), "--velocity-limit"),
-    (("--scene", "none.yaml"), "cannot read none.yaml"),
+    (("--scene", "none.yaml"), "none.yaml: cannot be read"),
 )
 TRACK = (
     (("--acceleration-limit", "0"), "--acceleration-limit"),

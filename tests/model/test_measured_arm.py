@@ -264,6 +264,9 @@ def test_files_that_are_no_text(tmp_path: Path) -> None:
     with pytest.raises(ModelError, match="cannot be read: No such file"):
         jacokin.load_robot(calibration=path)
     path.write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(ModelError, match="is not a text file"):
+        jacokin.load_robot(calibration=path)
+    path.write_text("format = [")
     with pytest.raises(ModelError, match="is not a calibration file, or damaged"):
         jacokin.load_robot(calibration=path)
     with pytest.raises(InvalidInputError, match="calibration must be"):

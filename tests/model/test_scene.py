@@ -158,7 +158,7 @@ def test_wrong_files_are_refused_by_name(tmp_path: Path, text: str, error: type[
 
 
 def test_files_that_are_not_scenes(tmp_path: Path) -> None:
-    with pytest.raises(InvalidInputError, match="cannot read"):
+    with pytest.raises(InvalidInputError, match="cannot be read"):
         Scene.load(tmp_path / "none.yaml")
     with pytest.raises(InvalidInputError, match=r"must end in .yaml or .yml or .json"):
         Scene.load(tmp_path / "scene.txt")

@@ -56,7 +56,7 @@ def test_wrong_arguments(robot: Robot, through: Trajectory, tmp_path: Path) -> N
         path_clearance(robot, through, [Sphere("a", 1.0, [0, 0, 0])])  # type: ignore[arg-type]  # what is tested
     with pytest.raises(InvalidInputError, match="path must be a Trajectory"):
         path_clearance(robot, through.q, WALL)  # type: ignore[arg-type]  # what is tested
-    with pytest.raises(InvalidInputError, match="cannot read"):
+    with pytest.raises(InvalidInputError, match="cannot be read"):
         path_clearance(robot, tmp_path / "none.csv", WALL)
     with pytest.raises(InvalidInputError, match="resolution must be"):
         path_clearance(robot, through, WALL, resolution=0.0)

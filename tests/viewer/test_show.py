@@ -80,6 +80,26 @@ def test_a_motion_is_played(robot: Robot) -> None:
         assert running.scene is scene
 
 
+def test_a_motion_opens_where_it_begins_with_its_path_and_play_in_sight(robot: Robot) -> None:
+    motion = jacokin.plan_motion(IKSolver(robot), robot.home, jacokin.solve_ik(TARGET, robot).q)
+    tool = [robot.forward_kinematics(q).translation for q in (motion.q[0], motion.q[-1])]
+    with motion.show(robot, browse=False) as running, opened(running) as page:  # type: ignore[arg-type]  # a Viewer
+        assert isinstance(running, Viewer)
+        assert np.array_equal(running.view.q, motion.q[0])
+        assert page.text.count("Trajectory at 0.00 of") == 1
+        lines = page.node("/path").props["points"].reshape(-1, 2, 3)
+        np.testing.assert_allclose([lines[0, 0], lines[-1, 1]], tool, atol=1e-6)
+        assert np.array_equal(lines[1:, 0], lines[:-1, 1])
+        assert page.ghosts == 0
+        orders = {each.props.get("label"): each.props["order"] for each in page.screen.controls.values()}
+        assert orders["Trajectory"] == min(
+            order for label, order in orders.items() if label in ("Trajectory", "Branch")
+        )
+        page.change("Frame", "link_4")
+        start = robot.forward_kinematics(motion.q[0], "link_4").translation
+        assert until(lambda: np.allclose(page.node("/path").props["points"].reshape(-1, 2, 3)[0, 0], start, atol=1e-6))
+
+
 def test_the_wrong_robot_and_no_branches_are_said(robot: Robot, bundled: Callable[[str], Robot]) -> None:
     solver = IKSolver(robot)
     result, branches = solver.solve(TARGET), solver.solve_all(TARGET)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import gc
+import re
 import sys
 import threading
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -19,6 +21,7 @@ import jacokin
 from jacokin import IKSolver, Robot, Status
 from jacokin.errors import InvalidInputError
 from jacokin.ik import Box, Floor, Scene
+from jacokin.model import urdf_folder
 from jacokin.viewer import Inspector, Viewer, serve
 from tests.model.measured_arms import perturbed
 from tests.viewer.page import Page, opened, port_of, repeat, until
@@ -206,6 +209,34 @@ def test_the_tracker_follows_the_gizmo_within_the_velocity_limits(viewer: Viewer
     page.move_gizmo(NEAR)
     assert at(viewer, NEAR)
     assert until(lambda: viewer.view.note == "")
+
+
+def test_an_arm_without_velocity_limits_opens_and_tracks_with_given_ones(tmp_path: Path) -> None:
+    text = (urdf_folder() / "j2n6s300.urdf").read_text(encoding="utf-8")
+    file = tmp_path / "slow.urdf"
+    file.write_text(re.sub(r'velocity="[^"]*"', 'velocity="0"', text), encoding="utf-8")
+    arm = jacokin.load_robot(file)
+    with serve(arm, port=0) as viewer, opened(viewer) as page:
+        page.move_gizmo(NEAR)
+        assert at(viewer, NEAR)
+        page.change("Track", True)
+        assert until(lambda: "velocity" in viewer.view.note)
+        assert until(lambda: page.value("Track") is False)
+    with serve(arm, velocity_limit=0.5, port=0) as viewer, opened(viewer) as page:
+        start = viewer.view.q
+        page.change("Track", True)
+        assert until(lambda: viewer.view.note.startswith("Tracking"))
+        page.change("Track", False)
+        page.move_gizmo(NEAR)
+        assert at(viewer, NEAR)
+        page.click("Go")
+        assert until(lambda: viewer.motion is not None and viewer.motion.success)
+        assert viewer.motion is not None
+        assert (np.abs(viewer.motion.v) <= 0.5 + 1e-9).all()
+        assert np.allclose(viewer.motion.q[0], start)
+    for wrong in (0.0, -1.0, [1.0, 2.0], np.nan, "fast"):
+        with pytest.raises(InvalidInputError, match="velocity_limit"):
+            serve(arm, velocity_limit=wrong, port=0)
 
 
 def test_a_trajectory_is_played_paused_scrubbed_and_slowed(robot: Robot) -> None:

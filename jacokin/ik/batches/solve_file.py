@@ -319,15 +319,14 @@ class Joining:
 
 def _source(stack: contextlib.ExitStack, targets: Path) -> Path:
     """A file that can be read several times: a copy of what comes from a pipe."""
-    if not files.is_device(targets):
+    if not files.is_pipe(targets):
         return targets
     copy = Path(stack.enter_context(tempfile.TemporaryDirectory())) / f"targets{targets.suffix}"
     try:
-        files.check_end(targets)
-        with targets.open("rb") as source, copy.open("wb") as file:
-            shutil.copyfileobj(source, file)
+        with copy.open("wb") as file:
+            file.writelines(files.pieces(targets, files.PIPED))
     except OSError as error:
-        raise InvalidInputError(f"{targets}: cannot be read: {error.strerror}") from error
+        raise InvalidInputError(f"{targets}: cannot be copied to {copy.parent}: {error.strerror}") from error
     return copy
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import io
 import itertools
 import math
@@ -10,7 +9,6 @@ import re
 import shutil
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import TextIO
 
 import numpy as np
 import orjson
@@ -66,24 +64,18 @@ def read_blocks(path: Path, size: int, *, strict: bool) -> Iterator[TargetFile]:
     Unless `strict`, numbers that are not finite and wrong norms are problems of their rows, and not errors.
     """
     empty = True
-    try:
-        with _opened(path) as file:
-            columns = _header(path, file)
-            for values, lines, texts in _rows(path, file, columns, size, finite=strict):
-                if len(values):
-                    empty = False
-                    block = target_rows(columns.names, values, lines, texts)
-                    if strict and block.problems:
-                        row = min(block.problems)
-                        place = f"{path}, line {lines[row]}, columns {', '.join(block.columns[3:])}"
-                        raise InvalidInputError(f"{place}: {block.problems[row]}")
-                    yield block
-    except OSError as error:
-        raise InvalidInputError(f"{path}: cannot be read: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise InvalidInputError(f"{path}: is not a text file in UTF-8") from error
-    except csv.Error as error:
-        raise InvalidInputError(f"{path}: is not a CSV file: {error}") from error
+    with files.open_table(path, largest=None) as file:
+        text = files.table_lines(path, file)
+        columns = choose_columns(path, _names(path, text))
+        for values, lines, texts in _rows(path, text, columns, size, finite=strict):
+            if len(values):
+                empty = False
+                block = target_rows(columns.names, values, lines, texts)
+                if strict and block.problems:
+                    row = min(block.problems)
+                    place = f"{path}, line {lines[row]}, columns {', '.join(block.columns[3:])}"
+                    raise InvalidInputError(f"{place}: {block.problems[row]}")
+                yield block
     if empty:
         raise InvalidInputError(f"{path}: has no rows of targets")
 
@@ -96,23 +88,23 @@ def blocks(path: Path, size: int, consecutive: Sequence[FilePart] | None = None)
     if consecutive is None:
         yield from read_blocks(path, size, strict=False)
         return
-    with _opened(path) as file:
-        columns = _header(path, file)
-    with path.open("rb") as binary:
+    columns = choose_columns(path, read_names(path))
+    with files.open_bytes(path) as binary:
         for part in consecutive:
             binary.seek(part.offset or 0)
-            text = io.StringIO(b"".join(itertools.islice(binary, size)).decode("utf-8"), newline="")
+            text = iter(io.StringIO(b"".join(itertools.islice(binary, size)).decode("utf-8"), newline=""))
             for values, lines, texts in _rows(path, text, columns, size, finite=False, first=part.first):
                 yield target_rows(columns.names, values, lines, texts)
 
 
 def parts(path: Path, size: int) -> list[FilePart]:
     """Where the rows of each block of `size` lines are; rows may be not finite. Errors as `read_targets`."""
+    read = [(int(block.lines[0]), len(block)) for block in blocks(path, size)]  # which also bounds the lines
     offsets = _offsets(path, size)
     found = []
-    for number, block in enumerate(blocks(path, size)):
-        index = number if offsets is None else (int(block.lines[0]) - FIRST_LINE) // size  # blank blocks are left out
-        found.append(FilePart(FIRST_LINE + index * size, len(block), None if offsets is None else offsets[index]))
+    for number, (line, rows) in enumerate(read):
+        index = number if offsets is None else (line - FIRST_LINE) // size  # blank blocks are left out
+        found.append(FilePart(FIRST_LINE + index * size, rows, None if offsets is None else offsets[index]))
     return found
 
 
@@ -135,22 +127,18 @@ def _offsets(path: Path, size: int) -> list[int] | None:
     return offsets
 
 
-def _opened(path: Path) -> TextIO:
-    try:
-        files.check_end(path)
-        return path.open(encoding="utf-8-sig", newline="")  # line ends within cells stay as they are
-    except InvalidInputError:
-        raise
-    except ValueError as error:  # a null byte
-        raise InvalidInputError(f"{str(path)!r}: cannot be read: {error}") from error
+def read_names(path: Path) -> list[str]:
+    """The names of a file's columns. Errors as `read_targets`, of the first line."""
+    with files.open_table(path, largest=None) as file:
+        return _names(path, files.table_lines(path, file))
 
 
-def _header(path: Path, file: TextIO) -> Columns:
-    return choose_columns(path, next(csv.reader([file.readline()], strict=True), []))
+def _names(path: Path, lines: Iterator[str]) -> list[str]:
+    return next((names for _, names in files.table_rows(path, [next(lines, "")])), [])
 
 
 def _rows(
-    path: Path, file: TextIO, columns: Columns, size: int, *, finite: bool, first: int = FIRST_LINE
+    path: Path, text: Iterator[str], columns: Columns, size: int, *, finite: bool, first: int = FIRST_LINE
 ) -> Iterator[Rows]:
     """Values (n, columns), line numbers (n,) and texts of the rows from line `first` on, at most `size` lines at once.
 
@@ -159,30 +147,27 @@ def _rows(
     Raises:
         InvalidInputError: a number or a row is malformed; names line and column.
     """
-    while lines := list(itertools.islice(file, size)):
-        text = "".join(lines)
-        if '"' in text:  # a quoted cell may hold commas and line ends
-            rest = _numbered(itertools.chain(lines, file), first)
+    while lines := list(itertools.islice(text, size)):
+        together = "".join(lines)
+        if '"' in together:  # a quoted cell may hold commas and line ends
+            rest = _filled(path, itertools.chain(lines, text), first)
             while rows := list(itertools.islice(rest, size)):
                 yield _checked(path, rows, columns, finite)
             return
-        values = _only_numbers(text, len(lines), columns)
+        values = _only_numbers(together, len(lines), columns)
         if values is None:
             values = _plain(lines, columns, finite)
         if values is None:
-            yield _checked(path, list(_numbered(lines, first)), columns, finite)
+            yield _checked(path, list(_filled(path, lines, first)), columns, finite)
         else:
             cells = [line.rstrip("\r\n").split(",") for line in lines] if columns.carried else []
             yield values, np.arange(first, first + len(lines)), _texts(cells, columns)
         first += len(lines)
 
 
-def _numbered(lines: Iterable[str], first: int) -> Iterator[tuple[int, list[str]]]:
+def _filled(path: Path, lines: Iterable[str], first: int) -> Iterator[tuple[int, list[str]]]:
     """Rows with the number of the line each ends on, blank ones left out."""
-    reader = csv.reader(lines, strict=True)
-    for row in reader:
-        if any(cell.strip() for cell in row):
-            yield first + reader.line_num - 1, row
+    return ((line, row) for line, row in files.table_rows(path, lines, first) if any(cell.strip() for cell in row))
 
 
 def _only_numbers(text: str, rows: int, columns: Columns) -> Array | None:

@@ -15,6 +15,7 @@ from typing import IO
 import numpy as np
 from numpy.typing import NDArray
 
+from jacokin import files
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.ik.files.carried import KINDS, as_array
@@ -37,7 +38,6 @@ from jacokin.model.checks import NUMBER_KINDS
 _GROUPS = {("position", (3,)): POSITION, ("quat_wxyz", (4,)): QUATERNION, ("rpy", (3,)): RPY}
 _MATRICES = (4, 4)
 LOCAL_HEADER = 30  # bytes before the name of a file in a ZIP archive; the lengths of name and extra field end it
-ENCRYPTED = 0x1  # flag of a file in a ZIP archive
 _NEEDED = (
     "needed: targets (n, 4, 4) or (n, 3); or position (n, 3) with quat_wxyz (n, 4), rpy (n, 3) or nothing; "
     "or an array (n,) for each column of a CSV file"
@@ -79,28 +79,20 @@ def parts(path: Path, size: int) -> list[FilePart]:
 @contextlib.contextmanager
 def _reading(path: Path) -> Iterator[tuple[tuple[str, ...], list[_Member], dict[str, _Member]]]:
     """The columns, the arrays that hold them, in their order, and those that are carried through."""
-    try:
-        with contextlib.ExitStack() as stack:
-            archive = stack.enter_context(zipfile.ZipFile(path))
-            names = [name.removesuffix(".npy") for name in archive.namelist() if name.endswith(".npy")]
-            found = {name: _opened(stack, archive, path, name) for name in names}
-            columns, chosen_names = _chosen(path, found)
-            members = [found[name] for name in chosen_names]
-            for member in members:
-                member.check_numbers()
-            lengths = {member.shape[0] for member in members}
-            if len(lengths) > 1:
-                text = ", ".join(f"{name} {found[name].shape}" for name in chosen_names)
-                raise InvalidInputError(f"{path}: the arrays have different lengths: {text}")
-            if lengths == {0}:
-                raise InvalidInputError(f"{path}: has no rows of targets")
-            yield columns, members, _carried(found, {*columns, *chosen_names}, members[0].shape[0])
-    except OSError as error:
-        raise InvalidInputError(f"{path}: cannot be read: {error.strerror or error}") from error
-    except (zipfile.BadZipFile, EOFError, ValueError) as error:
-        if isinstance(error, InvalidInputError):
-            raise
-        raise InvalidInputError(f"{path}: is not an NPZ file: {error}") from error
+    with files.open_archive(path, "is not an NPZ file") as archive, contextlib.ExitStack() as stack:
+        names = [name.removesuffix(".npy") for name in archive.namelist()]
+        found = {name: _opened(stack, archive, path, name) for name in names}
+        columns, chosen_names = _chosen(path, found)
+        members = [found[name] for name in chosen_names]
+        for member in members:
+            member.check_numbers()
+        lengths = {member.shape[0] for member in members}
+        if len(lengths) > 1:
+            text = ", ".join(f"{name} {found[name].shape}" for name in chosen_names)
+            raise InvalidInputError(f"{path}: the arrays have different lengths: {text}")
+        if lengths == {0}:
+            raise InvalidInputError(f"{path}: has no rows of targets")
+        yield columns, members, _carried(found, {*columns, *chosen_names}, members[0].shape[0])
 
 
 class _Member:
@@ -111,10 +103,8 @@ class _Member:
         stored: whether it is not compressed, so that rows can be skipped without reading them.
     """
 
-    def __init__(self, path: Path, name: str, file: IO[bytes], stored: bool) -> None:
-        version = np.lib.format.read_magic(file)
-        read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-        self.shape, self._fortran, self._dtype = read(file)
+    def __init__(self, path: Path, name: str, file: IO[bytes], size: int, stored: bool) -> None:
+        self.shape, self._fortran, self._dtype = files.array_header(file, size)
         self._place, self._file, self.stored = f"{path}, array {name!r}", file, stored
         self._size = int(np.prod(self.shape[1:])) * self._dtype.itemsize
 
@@ -134,6 +124,8 @@ class _Member:
                 f"{self._place}: cannot be carried through, since it holds {self._dtype}: save it as numbers or texts, "
                 f"numpy.array(..., dtype=str)"
             )
+        if self._size > files.LINE:
+            raise InvalidInputError(f"{self._place}: cannot be carried through: {self._size} bytes a row")
 
     def skip(self, count: int) -> None:
         """Leave out the next rows of an array that is not compressed."""
@@ -141,9 +133,7 @@ class _Member:
 
     def rows(self, count: int) -> NDArray[np.generic]:
         """The next rows (count, ...)."""
-        data = self._file.read(count * self._size)
-        if len(data) != count * self._size:
-            raise InvalidInputError(f"{self._place}: is truncated")
+        data = files.read_exactly(self._file, count * self._size)
         rows = np.frombuffer(data, self._dtype) if self._size else np.zeros(count, self._dtype)
         return rows.astype(self._dtype.newbyteorder("=")).reshape(count, *self.shape[1:])
 
@@ -152,13 +142,13 @@ def _opened(stack: contextlib.ExitStack, archive: zipfile.ZipFile, path: Path, n
     """An array of the archive; one that is not compressed is read from the file itself, where it can be skipped in."""
     info = archive.getinfo(f"{name}.npy")
     member = stack.enter_context(archive.open(info))  # also checks that the archive has it where it says
-    if info.compress_type != zipfile.ZIP_STORED or info.flag_bits & ENCRYPTED:
-        return _Member(path, name, member, stored=False)
+    if info.compress_type != zipfile.ZIP_STORED:
+        return _Member(path, name, member, info.file_size, stored=False)
     file = stack.enter_context(path.open("rb"))
     file.seek(info.header_offset)
     header = file.read(LOCAL_HEADER)
     file.seek(int.from_bytes(header[26:28], "little") + int.from_bytes(header[28:30], "little"), io.SEEK_CUR)
-    return _Member(path, name, file, stored=True)
+    return _Member(path, name, file, info.file_size, stored=True)
 
 
 def _chosen(path: Path, found: dict[str, _Member]) -> tuple[tuple[str, ...], list[str]]:

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from jacokin import files
 from jacokin.arrays import Array
-from jacokin.errors import InvalidInputError, needed
+from jacokin.errors import InvalidInputError
 from jacokin.ik.files.carried import as_arrow
 from jacokin.ik.files.targets import Columns, FilePart, TargetFile, choose_columns, equal_parts, target_rows
 from jacokin.ik.results import STATUS_NAMES, BatchResult
@@ -94,20 +95,11 @@ def _groups_from(metadata: pq.FileMetaData, start: int) -> tuple[list[int], int]
 
 @contextlib.contextmanager
 def _reading(path: Path) -> Iterator[tuple[pq.ParquetFile, Columns]]:
-    with needed("pyarrow", "parquet"):
-        import pyarrow as pa
-        import pyarrow.parquet as pq
-    try:
-        # Without buffering ahead: that would hold a row group, which may be the whole file.
-        with pq.ParquetFile(path, pre_buffer=False, buffer_size=1 << 20) as file:
-            columns = choose_columns(path, file.schema_arrow.names, "")
-            if not file.metadata.num_rows:
-                raise InvalidInputError(f"{path}: has no rows of targets")
-            yield file, columns
-    except OSError as error:
-        raise InvalidInputError(f"{path}: cannot be read: {error.strerror or error}") from error
-    except pa.ArrowException as error:
-        raise InvalidInputError(f"{path}: is not a Parquet file that can be read: {error}") from error
+    with files.open_parquet(path, "is not a Parquet file that can be read") as file:
+        columns = choose_columns(path, file.schema_arrow.names, "")
+        if not file.metadata.num_rows:
+            raise InvalidInputError(f"{path}: has no rows of targets")
+        yield file, columns
 
 
 def _numbers(path: Path, name: str, column: pa.ChunkedArray) -> Array:

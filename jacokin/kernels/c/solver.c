@@ -17,13 +17,13 @@ const char *jacokin_ik_status_text(int status) {
             return "the pose is reached within the tolerances and every joint is inside its limits";
         case JACOKIN_IK_UNREACHABLE:
             return "no joint angles reach this pose, with or without limits: move the target closer to the arm, "
-                   "or free its orientation by giving a position only";
+                   "or let the tool turn about an axis";
         case JACOKIN_IK_OUTSIDE_LIMITS:
             return "the pose can only be reached by breaking a joint limit: turn or shift the target, "
-                   "or load the robot with wider limits if yours allows it";
+                   "or export the solver with wider limits if your arm allows them";
         case JACOKIN_IK_NO_CONVERGENCE:
-            return "no start of the local search reached the pose, which may be reachable all the same: "
-                   "allow more restarts, give a seed near the answer, or loosen the tolerances";
+            return "nothing was found, and it is not certain that there is nothing: turn or shift the target a little, "
+                   "export the solver with larger tolerances, or ask the Python package, which searches further";
         case JACOKIN_IK_BAD_ARGUMENT:
             return "an argument is a null pointer or out of its range: see what the header says about it";
         case JACOKIN_IK_NOT_FINITE:
@@ -65,6 +65,14 @@ enum { FILE_VERSION = 2, FILE_HEADER = 20, FILE_CHECK = 8, MAX_FILE = 65536 };
 static const double ROTATION_SLACK = 1e-6;
 /* [rad] A joint is put on its limit from no farther away. */
 static const double LARGEST_SNAP = 1e-3;
+/* Configurations that are tried, of which one must be found again; none is on an arm that cannot move in all directions. */
+enum { TRIALS = 8 };
+/* [rad] A joint that is found again. */
+static const double SAME_JOINT = 1e-4;
+/* [m] No link is longer, and no constant of the mechanism larger than the square of that. */
+static const double LONGEST = 1e6;
+/* [rad] Farther from zero a double no longer resolves an angle to 1e-10. */
+static const double FARTHEST = 1e6;
 
 static uint64_t read_unsigned(const unsigned char *bytes, int size) {
     uint64_t value = 0;
@@ -86,11 +94,15 @@ static uint64_t check_sum(const unsigned char *bytes, size_t size) {
     return hash;
 }
 
-static int all_finite(const double *values, int count) {
+static int all_within(const double *values, int count, double bound) {
     for (int i = 0; i < count; i++)
-        if (!isfinite(values[i])) return 0;
+        if (!(fabs(values[i]) <= bound)) return 0;
     return 1;
 }
+
+static int all_finite(const double *values, int count) { return all_within(values, count, DBL_MAX); }
+
+static int is_limit(double value) { return isinf(value) || fabs(value) <= FARTHEST; }
 
 /* The largest entry of R^T R - I, for a rotation in rows of so many doubles. */
 static double misfit_of(const double *R, int stride) {
@@ -112,16 +124,50 @@ static double determinant_of(const double *R, int stride) {
 /* Whether the numbers are those of an arm: no kernel is given others. */
 static int makes_sense(const jacokin_ik_solver *solver) {
     int constants = solver->dof == 6 ? CONSTANTS_SIX : CONSTANTS_SEVEN;
-    if (!all_finite(solver->chain, (solver->dof + 1) * 12) || !all_finite(solver->constants, constants)) return 0;
+    if (!all_within(solver->chain, (solver->dof + 1) * 12, LONGEST) ||
+        !all_within(solver->constants, constants, LONGEST * LONGEST) || !all_within(solver->home, solver->dof, FARTHEST))
+        return 0;
     for (int i = 0; i <= solver->dof; i++)
         if (!(misfit_of(&solver->chain[12 * i], 4) <= ROTATION_SLACK) || determinant_of(&solver->chain[12 * i], 4) < 0.0)
             return 0;
     for (int j = 0; j < solver->dof; j++)
-        if (!(solver->lower[j] <= solver->home[j] && solver->home[j] <= solver->upper[j]) || !isfinite(solver->home[j]))
+        if (!(solver->lower[j] <= solver->home[j] && solver->home[j] <= solver->upper[j]) ||
+            !is_limit(solver->lower[j]) || !is_limit(solver->upper[j]))
             return 0;
     return solver->snap >= 0.0 && solver->snap <= LARGEST_SNAP && solver->position_tolerance > 0.0 &&
            isfinite(solver->position_tolerance) && solver->orientation_tolerance > 0.0 &&
            isfinite(solver->orientation_tolerance);
+}
+
+/* Whether the closed form finds one of some configurations again: with constants that are not those of the chain it
+ * finds nothing, and searches long for it. JACOKIN_IK_DAMAGED_FILE, JACOKIN_IK_NO_MEMORY. */
+static int finds_itself(const jacokin_ik_solver *solver) {
+    if (solver->dof != 6) return JACOKIN_IK_OK;
+    size_t size = jacokin_ik_work_size(solver, JACOKIN_IK_POSES);
+    void *work = malloc(size);
+    layout memory;
+    if (work == NULL) return JACOKIN_IK_NO_MEMORY;
+    int status = jacokin_lay_out(solver, work, size, JACOKIN_IK_POSES, &memory);
+    int found = 0;
+    for (int trial = 0; trial < TRIALS && status == JACOKIN_IK_OK && !found; trial++) {
+        double q[6], T[16];
+        for (int j = 0; j < 6; j++) { /* spread evenly by the golden ratio */
+            double share = 0.6180339887498949 * (6 * trial + j + 1);
+            q[j] = TURN * (share - floor(share)) - PI;
+        }
+        jacokin_forward(solver, q, T);
+        int dropped, count = jacokin_find_branches(solver, T, solver->home, memory.targets, &dropped);
+        const double *rows = memory.targets[TARGETS_pose_branches_rows].numbers;
+        for (int i = 0; i < count && !found; i++) {
+            found = 1;
+            for (int j = 0; j < 6; j++) {
+                double away = rows[i * JACOKIN_COLUMNS + j] - q[j];
+                found = found && fabs(away - TURN * rint(away / TURN)) <= SAME_JOINT;
+            }
+        }
+    }
+    free(work);
+    return status != JACOKIN_IK_OK || found ? status : JACOKIN_IK_DAMAGED_FILE;
 }
 
 /* Point the names into the text; 0 where there are not as many as there should be. */
@@ -178,12 +224,10 @@ int jacokin_ik_read(const void *contents, size_t size, jacokin_ik_solver **solve
         made->limits[6 + j] = made->upper[j];
         made->limits[12 + j] = made->snap;
     }
-    if (!makes_sense(made) || !find_names(made, (size_t)text)) {
-        jacokin_ik_free(made);
-        return JACOKIN_IK_DAMAGED_FILE;
-    }
-    *solver = made;
-    return JACOKIN_IK_OK;
+    int status = makes_sense(made) && find_names(made, (size_t)text) ? finds_itself(made) : JACOKIN_IK_DAMAGED_FILE;
+    if (status == JACOKIN_IK_OK) *solver = made;
+    else jacokin_ik_free(made);
+    return status;
 }
 
 int jacokin_ik_load(const char *path, jacokin_ik_solver **solver) {
@@ -373,8 +417,6 @@ int jacokin_no_answer(const jacokin_ik_solver *solver, double *q, int status) {
 static const double RIGID = 1e-6;
 /* [-] The same of a product of a dozen rotations: rounding, which is left as it is. */
 static const double ORTHONORMAL = 1e-14;
-/* [rad] Farther from zero a double no longer resolves an angle to 1e-10. */
-static const double FARTHEST = 1e6;
 
 int jacokin_read_target(const double *target, double *T) {
     if (!all_finite(target, 16)) return JACOKIN_IK_NOT_FINITE;

@@ -315,7 +315,7 @@ class PlayerControls:
 
 def _plot(gui: viser.GuiApi, robot: Robot, playback: Playback, joint: int) -> None:
     """A joint over time, with its limits as lines where it has any."""
-    rows = np.unique(np.linspace(0, len(playback.t) - 1, min(len(playback.t), MOST_POINTS)).astype(int))
+    rows = playback.rows(MOST_POINTS)
     unit = "m" if robot.sliding[joint] else "rad"
     lines = [(f"{robot.joint_names[joint]} [{unit}]", playback.q[rows, joint], "#1c7ed6")]
     for name, limit in (("lower", robot.lower[joint]), ("upper", robot.upper[joint])):

@@ -11,7 +11,7 @@ from jacokin.errors import InvalidInputError
 from jacokin.model import checks
 from jacokin.teleop import Controller, TeleopStatus, TeleopStep
 from jacokin.teleop.devices import CLUTCH_KEY, COMMAND_KEYS, FINGER_KEYS, KEYS
-from jacokin.viewer.browser.server import Server
+from jacokin.viewer.browser.server import OWN_HEADER, Server
 
 PATH = "/hand"
 PERIOD = 40  # [ms] from one report of the page to the next
@@ -48,7 +48,7 @@ SCRIPT = """(() => {
         axes: pad ? numbers([...pad.axes]) : '',
         buttons: pad ? numbers([...pad.buttons].map(button => button.value)) : '',
       });
-      await fetch('%(path)s?' + said, {cache: 'no-store'}).catch(() => {});
+      await fetch('%(path)s?' + said, {cache: 'no-store', headers: {'%(header)s': 'hand'}}).catch(() => {});
     }
     setTimeout(report, %(period)d);
   };
@@ -108,5 +108,5 @@ def _numbers(name: str, words: list[str]) -> list[float]:
 def _attribute(script: str) -> str:
     """The script as the value of an attribute of HTML."""
     keys = str(sorted({*KEYS, *FINGER_KEYS, *COMMAND_KEYS, CLUTCH_KEY}))
-    text = script % {"keys": keys, "path": PATH, "period": PERIOD}
+    text = script % {"keys": keys, "path": PATH, "header": OWN_HEADER, "period": PERIOD}
     return text.replace("&", "&amp;").replace('"', "&quot;")

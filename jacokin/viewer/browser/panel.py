@@ -67,13 +67,17 @@ class Panel:
         gui.configure_theme(show_logo=False, show_share_button=False, control_width="large")
         gui.main_panel.dock_right()  # beside the scene, not over the arm
         gui.add_html(STYLE)
+        playback = contents.playback
+        if playback is not None:
+            gui.add_command("Play, or pause", hotkey="space").on_trigger(lambda _: post("play"))
+        self.player = None if playback is None else PlayerControls(gui, inspector.robot, playback, post)
         self._status = gui.add_html("")
         self._branch = gui.add_slider("Branch", 1, 2, 1, 1, hint="N and P: the next and the previous one")
         watch(post, "branch", self._branch)
         gui.add_command("Next branch", hotkey="N").on_trigger(lambda _: post("next"))
         gui.add_command("Previous branch", hotkey="P").on_trigger(lambda _: post("previous"))
         gui.add_command("Go, or stop", hotkey="G").on_trigger(lambda _: post("go"))
-        self._ghosts = gui.add_checkbox("Ghosts", True, hint="Draw the other branches, and the start")
+        self._ghosts = gui.add_checkbox("Ghosts", playback is None, hint="Draw the other branches, and the start")
         watch(post, "ghosts", self._ghosts)
         self._ellipsoid = gui.add_checkbox("Manipulability", False, hint="Draw how fast the tool can move each way")
         watch(post, "ellipsoid", self._ellipsoid)
@@ -107,10 +111,6 @@ class Panel:
         self.solving = SolverControls(gui, inspector.robot, contents.setup, post)
         self.building = BuildingControls(server, contents.setup.scene, post)
         self.slicing = None if contents.slices is None else SliceControls(server, contents.slices, post)
-        playback = contents.playback
-        if playback is not None:
-            gui.add_command("Play, or pause", hotkey="space").on_trigger(lambda _: post("play"))
-        self.player = None if playback is None else PlayerControls(gui, inspector.robot, playback, post)
         self.joints = JointControls(gui, inspector.robot, post)
         with gui.add_folder("Copy", expand_by_default=False):
             gui.add_button("As Python").on_click(lambda _: post("python"))

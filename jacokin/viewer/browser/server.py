@@ -38,6 +38,9 @@ LOOPBACK = "127.0.0.1"
 LAST_PORT = 65535
 PATIENCE = 0.5  # [s] that pages are given to close their connection, once the viewer ends
 TOKEN_BYTES = 16
+OWN_SITES = ["same-origin", "none"]  # values of Sec-Fetch-Site: of the page itself, and of an address that was typed
+WHOLE_PAGE = "document"  # Sec-Fetch-Dest of a page that is opened
+OWN_HEADER = "X-Jacokin"  # of what the viewer's pages tell: browsers leave out Sec-Fetch-Site without encryption
 HEADERS = {  # of every answer: no other page may hold this one in a frame, or learn the token from Referer
     "Content-Security-Policy": "frame-ancestors 'none'",
     "X-Frame-Options": "DENY",
@@ -156,7 +159,8 @@ class OwnPages:
 
     A browser names the page in Origin, and in Host the name that it looked the server up by. A foreign page has another
     Origin; one whose name was made to point here (DNS rebinding) has its own name in Host, which is not one of ours.
-    A program that is not a browser sends no Origin.
+    Requests that a page makes for pictures and the like have no Origin, and cookies are shared by all ports of a
+    machine: from where they come is in Sec-Fetch-Site. A program that is not a browser sends neither.
     """
 
     def __init__(self, host: str) -> None:
@@ -172,7 +176,18 @@ class OwnPages:
             return f"{hosts[0]!r} is not a name of the viewer"
         if origins and origins[0].lower() != f"http://{hosts[0].lower()}":
             return f"pages of {origins[0]!r} may not use the viewer"
+        others = set(headers.get_all("Sec-Fetch-Site")) - set(OWN_SITES)
+        if others and headers.get_all("Sec-Fetch-Dest") != [WHOLE_PAGE]:  # which is a link that was clicked
+            return f"pages of others ({', '.join(others)}) may not use the viewer"
         return None
+
+    def changes(self, headers: Headers) -> bool:
+        """Whether a request of a page that may change something is of the viewer's own: nothing else says so.
+
+        Other pages can send no header of their own choice here: a browser asks before, and is refused.
+        """
+        sites = headers.get_all("Sec-Fetch-Site")
+        return sites == OWN_SITES[:1] or (not sites and ("Origin" in headers or OWN_HEADER in headers))
 
     def _own_name(self, host: str) -> bool:
         try:
@@ -202,13 +217,17 @@ class Token:
         """For a page that brought the token: pages of other sites cannot use it, and no script can read it."""
         return f"{self._name}={self.text}; Path=/; HttpOnly; SameSite=Strict"
 
+    def in_address(self, request: Request) -> bool:
+        """Whether a request has the token in its address: pages of others do not know it."""
+        return self._is_among(parse_qs(urlsplit(request.path).query).get("token", []))
+
     def brought_by(self, request: Request) -> bool:
         """Whether a request has the token, in its address or in its cookie."""
-        given = parse_qs(urlsplit(request.path).query).get("token", [])
-        for cookie in "; ".join(request.headers.get_all("Cookie")).split("; "):
-            name, _, value = cookie.partition("=")
-            given += [value] if name == self._name else []
-        return any(secrets.compare_digest(each.encode(), self.text.encode()) for each in given)
+        pairs = (each.partition("=") for each in "; ".join(request.headers.get_all("Cookie")).split("; "))
+        return self.in_address(request) or self._is_among([value for name, _, value in pairs if name == self._name])
+
+    def _is_among(self, given: list[str]) -> bool:
+        return any(secrets.compare_digest(each.encode("utf-8", "replace"), self.text.encode()) for each in given)
 
 
 class _Kind(msgspec.Struct):
@@ -294,12 +313,15 @@ class _Guard:
 
     def _checked(self, inner: Check | None) -> Check:
         async def check(connection: ServerConnection, request: Request) -> Answer:
-            answer = self._refused(connection, request) or self._told(connection, request)
-            if answer is None and inner is not None:
-                found = inner(connection, request)
-                answer = await found if inspect.isawaitable(found) else found
-                if answer is not None:
-                    answer.headers["Set-Cookie"] = self.token.cookie
+            try:
+                answer = self._refused(connection, request) or self._told(connection, request)
+                if answer is None and inner is not None:
+                    found = inner(connection, request)
+                    answer = await found if inspect.isawaitable(found) else found
+                    if answer is not None:
+                        answer.headers["Set-Cookie"] = self.token.cookie
+            except (ValueError, LookupError, OSError) as error:  # an address or a header that no browser sends
+                answer = connection.respond(http.HTTPStatus.BAD_REQUEST, f"not a request of a page: {error}\n")
             if answer is not None:
                 answer.headers.update(HEADERS)
             return answer
@@ -312,6 +334,8 @@ class _Guard:
         listen = self.listeners.get(asked.path)
         if listen is None:
             return None
+        if not self.token.in_address(request) and not self._pages.changes(request.headers):
+            return connection.respond(http.HTTPStatus.FORBIDDEN, "only a page of the viewer may tell this\n")
         try:
             listen(asked.query)
         except JacokinError as error:

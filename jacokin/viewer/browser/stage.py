@@ -35,6 +35,9 @@ FLAT = 1e-3  # [m] least semi-axis drawn
 SAME_PLACE = 1e-5  # [m], and of the cosine of half an angle
 SHADOW = 0.2  # opacity on the floor
 START: Colour = (47, 158, 68)
+PATH: Colour = (24, 100, 171)
+PATH_THICKNESS = 0.006  # [m]
+PATH_POINTS = 1000  # of a trajectory that are drawn
 GIZMO = "/target"
 GIZMO_SIZE = 0.15  # [m]
 
@@ -55,7 +58,7 @@ class Stage:
             server: viser's.
             inspector: of the robot.
             parts: of the arm, to draw.
-            contents: the shapes of the arm, which are drawn where they touch, and obstacles.
+            contents: the shapes of the arm, which are drawn where they touch, obstacles, and a trajectory.
         """
         self._server = server
         self._inspector = inspector
@@ -79,6 +82,8 @@ class Stage:
         self._ellipsoid = nodes.add_mesh_simple(
             "/ellipsoid", ball.vertices, ball.faces, color=ELLIPSOID, opacity=0.35, visible=False, cast_shadow=False
         )
+        self._playback = contents.playback
+        self.draw_path()
         self._sticks = build_sticks(inspector.robot)
         self._start: viser.MeshHandle | None = None
         self._start_q: Array | None = None
@@ -140,6 +145,15 @@ class Stage:
         """Bring the gizmo to a pose."""
         self.gizmo.position = target.translation
         self.gizmo.wxyz = poses.quaternion(target.rotation)
+
+    def draw_path(self) -> None:
+        """Draw where the trajectory leads the tool, if there is one."""
+        if self._playback is None:
+            return
+        rows = self._playback.rows(PATH_POINTS)
+        points = np.array([self._inspector.pose_of(q).translation for q in self._playback.q[rows]])
+        lines = np.stack((points[:-1], points[1:]), axis=1)
+        self._server.scene.add_line_segments("/path", lines, colors=PATH, thickness=PATH_THICKNESS)
 
     def draw_obstacles(self, scene: Scene | None) -> None:
         """Draw the obstacles of a scene instead of those before."""

@@ -111,7 +111,7 @@ def test_files_that_are_no_text_files_are_refused(tmp_path: Path, file: Path) ->
     file.write_bytes(b"\xff\xfe\x00x")
     with pytest.raises(InvalidInputError, match="UTF-8"):
         read_targets(file)
-    with pytest.raises(InvalidInputError, match=r"directory"):
+    with pytest.raises(InvalidInputError, match="it is a folder"):
         read_targets(tmp_path)
     with pytest.raises(InvalidInputError, match="No such file"):
         read_targets(tmp_path / "nowhere.csv")

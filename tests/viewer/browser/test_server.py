@@ -6,7 +6,7 @@ import http.client
 import logging
 import socket
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from email.message import Message
 from urllib.parse import quote, urlsplit
 
@@ -34,12 +34,17 @@ def address(viewer: Viewer) -> tuple[str, int]:
 
 
 def ask(
-    viewer: Viewer, origin: str | None, host: str | None = None, path: str = "/", cookie: str | None = None
+    viewer: Viewer,
+    origin: str | None,
+    host: str | None = None,
+    path: str = "/",
+    cookie: str | None = None,
+    headers: Mapping[str, str] | None = None,
 ) -> tuple[int, Message]:
     """Status and headers of the answer to a request for a websocket, or for the page where there is no Origin."""
     name, port = address(viewer)
     connection = http.client.HTTPConnection(name, port, timeout=60)
-    headers = {"Host": f"{name}:{port}" if host is None else host}
+    headers = {"Host": f"{name}:{port}" if host is None else host} | dict(headers or {})
     headers |= {} if cookie is None else {"Cookie": cookie}
     if origin is not None:
         headers |= {
@@ -122,6 +127,71 @@ def test_without_the_token_there_is_neither_a_page_nor_a_websocket(viewer: Viewe
     for cookie in (None, "jacokin_viewer=x", f"jacokin_viewer_{port_of(viewer)}=wrong"):
         assert ask(viewer, None, path=path, cookie=cookie)[0] == 403
         assert ask(viewer, own, path=path, cookie=cookie)[0] == 403
+
+
+FOREIGN = [{"Sec-Fetch-Site": site} for site in ("same-site", "cross-site", "", "SAME-ORIGIN")]
+
+
+@pytest.mark.parametrize("sent", [*FOREIGN, {}, {"Sec-Fetch-Site": "none"}, FOREIGN[0] | {"X-Jacokin": "hand"}])
+@pytest.mark.parametrize("dest", ["image", "empty", "document", None])
+def test_what_another_page_of_this_machine_asks_for_moves_nothing(
+    viewer: Viewer, sent: dict[str, str], dest: str | None
+) -> None:
+    """Cookies are shared by all ports, and pictures are asked for without an Origin."""
+    told: list[str] = []
+    assert isinstance(viewer.server, server.Server)
+    viewer.server.listen("/told", told.append)
+    cookie = ask(viewer, None, path=f"/{query(viewer)}")[1]["Set-Cookie"].split(";")[0]
+    headers = sent | ({} if dest is None else {"Sec-Fetch-Dest": dest})
+    assert ask(viewer, None, path="/told?keys=w", cookie=cookie, headers=headers)[0] == 403
+    assert told == []
+    for own in ({"Sec-Fetch-Site": "same-origin"}, {"X-Jacokin": "hand"}, {"Origin": viewer.url.split("/?")[0]}):
+        assert ask(viewer, None, path="/told?keys=w", cookie=cookie, headers=own)[0] == 200
+    assert told == ["keys=w"] * 3
+
+
+@pytest.mark.parametrize("sent", FOREIGN)
+def test_the_page_opens_from_a_link_elsewhere_and_as_nothing_else(viewer: Viewer, sent: dict[str, str]) -> None:
+    clicked = {**sent, "Sec-Fetch-Dest": "document"}
+    assert ask(viewer, None, path=f"/{query(viewer)}", headers=clicked)[0] == 200
+    for dest in ("image", "script", "iframe", "empty", "websocket"):
+        assert ask(viewer, None, path=f"/{query(viewer)}", headers={**sent, "Sec-Fetch-Dest": dest})[0] == 403
+    own = viewer.url.split("/?")[0]
+    assert ask(viewer, own, path=f"/{query(viewer)}", headers={"Sec-Fetch-Site": "same-site"})[0] == 403
+    assert ask(viewer, own, path=f"/{query(viewer)}", headers={"Sec-Fetch-Site": "same-origin"})[0] == 101
+
+
+ADDRESSES = [
+    b"/\xff", b"//[", b"/[", b"//[x]", b"http://[/", b"/%00", b"/%ff", b"/%", b"/a\xff?token=\xff", b"?", b"*", b"//",
+    b"/" + b"a" * 3000, b"/..", b"/%2e%2e%2f" * 9, b"/\\", b"/?token=%ff", b"/hand?keys=\xff", b"//[/hand?keys=w",
+    b"/;", b"/#", b"[", b"\xff",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("known", [False, True], ids=["stranger", "page"])
+@pytest.mark.parametrize("address_asked", ADDRESSES)
+def test_no_address_is_an_error_of_the_viewer(viewer: Viewer, address_asked: bytes, known: bool) -> None:
+    cookie = ask(viewer, None, path=f"/{query(viewer)}")[1]["Set-Cookie"].split(";")[0]
+    with socket.create_connection(address(viewer), timeout=30.0) as caller:
+        lines = [b"GET " + address_asked + b" HTTP/1.1", b"Host: 127.0.0.1:%d" % port_of(viewer), b"Connection: close"]
+        lines += [b"Cookie: " + cookie.encode()] if known else []
+        caller.sendall(b"\r\n".join([*lines, b"", b""]))
+        answer = caller.recv(4096).split(b"\r\n")[0]
+    assert answer.split()[1] in ((b"200", b"400", b"404") if known else (b"400", b"403")), answer
+
+
+@pytest.mark.parametrize(
+    "name", ["Host", "Origin", "Cookie", "Sec-Fetch-Site", "Sec-Fetch-Dest", "Connection", "Upgrade"]
+)
+def test_no_header_is_an_error_of_the_viewer(viewer: Viewer, name: str) -> None:
+    for value in (b"\xff", b"[", b"", b"\xc3\xa9", b"a" * 3000, b"%d" % 10**30, b"; ;=;", b"upgrade"):
+        for times in (1, 2):
+            lines = [f"GET /{query(viewer)} HTTP/1.1".encode(), *[name.encode() + b": " + value] * times]
+            lines += [] if name == "Host" else [b"Host: 127.0.0.1:%d" % port_of(viewer)]
+            with socket.create_connection(address(viewer), timeout=30.0) as caller:
+                caller.sendall(b"\r\n".join([*lines, b"", b""]))
+                answer = caller.recv(4096).split(b"\r\n")[0]
+            assert answer.split()[1] in (b"200", b"400", b"403", b"426"), (value, times, answer)
 
 
 def test_the_page_brings_the_token_back_as_a_cookie(viewer: Viewer) -> None:
