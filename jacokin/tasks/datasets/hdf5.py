@@ -22,7 +22,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from jacokin.errors import InvalidInputError, MissingExtraError
-from jacokin.files import LARGEST
+from jacokin.files import ARRAYS
 from jacokin.tasks.datasets.placing import placing
 from jacokin.tasks.datasets.recorded import (
     SINGLE,
@@ -193,7 +193,7 @@ def _check_inside(group: Any, depth: int = 0) -> None:
             raise ValueError(f"{place} is not a group or an array")
         elif each.external or each.is_virtual:
             raise ValueError(f"{place} is kept outside the file, which is not read")
-        elif each.shape is None or each.nbytes > min(LARGEST, _DENSEST * each.id.get_storage_size() + 1000):
+        elif each.shape is None or each.nbytes > min(ARRAYS, _DENSEST * each.id.get_storage_size() + 1000):
             raise ValueError(f"{place} claims {each.nbytes} bytes")
 
 
