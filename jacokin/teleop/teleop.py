@@ -44,6 +44,7 @@ AUTO = "auto"
 WORKSPACE = "workspace"
 SAME = 1e-12  # relative: a hand that repeats its pose moves the target by rounding only
 STILL = 1e-5  # [rad/s] a slower arm stands still
+RESTS = 1e-6  # [m/s], [rad/s] a slower twist is none
 STAYS = 5e-3  # [rad] an arm that stays this near to where it was, and off its target by more than this, is stuck
 FAR_OFF = 1e-3, 0.01  # [m], [rad]
 PLANNED_PART = 0.8  # of the tracker's clearance: an arm that leans against it must find a way, too
@@ -433,11 +434,13 @@ class Teleop:
         speed = self._speed.copy()
         if self._workspace is not None:
             speed[:3] = self._workspace.slowed(before.translation, dt * speed[:3]) / dt
-        tracking = self._track(speed, obstacles, budget)
+        rests = float(np.abs(speed).max()) < RESTS and float(np.abs(self.tracker.v).max()) <= STILL
+        self._rest = None if not rests else self.tracker.q if self._rest is None else self._rest
+        tracking = self._track(speed if self._rest is None else JointTarget(self._rest), obstacles, budget)
         # What the arm did not follow is not made up for, and a pose goes on from where it is.
         mapping.target = self.tool
         smooth.start_from(mapping.target)
-        self._rest, self._held = None, 0.0
+        self._held = 0.0
         target = pin.SE3(pin.exp3(dt * speed[3:]) @ before.rotation, before.translation + dt * speed[:3])
         return TeleopStep(tracking.q, tracking.v, TeleopStatus.FOLLOWING, "", target, smooth.lag_of_twists, tracking)
 
