@@ -10,7 +10,8 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 FOLDER = ROOT / ".venv-bench"
 
-# What several peers build on, held at one version for all of them.
+SHARED = "peers"  # the environment that peers share whose versions agree with each other
+# What several of them build on, held at one version for all of them.
 SHARED_PINS = (
     "daqp==0.11.0",
     "mujoco==4.0.0",
@@ -38,9 +39,8 @@ class Peer:
     """File in benchmarks/peers."""
     packages: tuple[str, ...] = ()
     """Pinned requirements; none for jacokin, which runs in this interpreter."""
-    environment: str = "peers"
-    """Folder under .venv-bench. These versions agree with each other, so all share one; a peer that does not gets
-    its own."""
+    environment: str = SHARED
+    """Folder under .venv-bench. A peer that needs other versions than the shared ones gets its own."""
     variant: str = ""
     """Which call of the module, where it has several."""
     all_branches: bool = False
@@ -75,14 +75,15 @@ def interpreter(peer: Peer) -> Path:
     folder = FOLDER / peer.environment
     python = folder / "bin" / "python"
     installed = folder / f"{peer.name}.installed"
-    wanted = "\n".join((*peer.packages, *SHARED_PINS)) + "\n"
+    pins = SHARED_PINS if peer.environment == SHARED else ()
+    wanted = "\n".join((*peer.packages, *pins)) + "\n"
     if installed.is_file() and installed.read_text() == wanted:
         return python
     if not python.exists():
         _run([sys.executable, "-m", "venv", str(folder)])
     print(f"installing {' '.join(peer.packages)} into {folder.relative_to(ROOT)} ...", flush=True)
     constraints = folder / "constraints.txt"
-    constraints.write_text("\n".join(SHARED_PINS) + "\n")
+    constraints.write_text("\n".join(pins) + "\n")
     _run([str(python), "-m", "pip", "install", "--quiet", "--constraint", str(constraints), *peer.packages])
     installed.write_text(wanted)
     return python

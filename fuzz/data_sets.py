@@ -18,7 +18,8 @@ import jacokin.tasks
 from fuzz.findings import Finding
 from jacokin.errors import JacokinError
 from jacokin.tasks import Task, TaskEnv
-from jacokin.tasks.datasets.recording import FORMATS, Recorded, run_episode
+from jacokin.tasks.datasets.recorded import Recorded
+from jacokin.tasks.datasets.recording import FORMATS, run_episode
 
 EPISODES, STEPS, SEED = 6, 8, 4
 TASKS = ("reach_site", "lift_brick")

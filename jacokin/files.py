@@ -91,33 +91,6 @@ def replacing(path: Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
-@contextmanager
-def replacing_folder(path: Path) -> Iterator[Path]:
-    """A temporary folder beside the final one, whose name it takes when the block ends well.
-
-    Raises:
-        InvalidInputError: something is there already, or the folder cannot be made.
-    """
-    temporary = path.absolute().with_name(f".{secrets.token_hex(8)}-{path.name[-KEPT_NAME:]}")
-    try:
-        try:
-            temporary.mkdir()
-        except OSError as error:
-            raise InvalidInputError(f"{path}: cannot be written: {error.strerror}") from error
-        yield temporary
-        try:
-            if path.exists():
-                raise InvalidInputError(f"{path}: is there already")
-            temporary.replace(path)
-        except OSError as error:
-            raise InvalidInputError(f"{path}: cannot be written: {error.strerror}") from error
-    finally:
-        if temporary.exists():
-            import shutil  # which brings every compression
-
-            shutil.rmtree(temporary, ignore_errors=True)
-
-
 def is_device(path: Path) -> bool:
     """Whether something is there that is neither a file nor a folder, such as /dev/stdout or a pipe."""
     return path.exists() and not path.is_file() and not path.is_dir()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import functools
 import hashlib
 import os
@@ -61,8 +62,24 @@ class ChunkFolder:
             else:
                 write(path / RECIPE, text)
         except OSError as error:
+            with contextlib.suppress(OSError):
+                path.rmdir()  # which was made here, if it is empty
             raise InvalidInputError(f"{path}: cannot be used: {error.strerror}") from error
         self.keeper = Keeper(path.absolute(), digest(text), suffix)
+
+    @contextlib.contextmanager
+    def locked(self) -> Iterator[None]:
+        """Keep other processes of this machine out.
+
+        Raises:
+            InvalidInputError: another one is inside.
+        """
+        with (self.path / RECIPE).open("rb") as lock:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError as error:
+                raise InvalidInputError(f"{self.path}: another process is working on it") from error
+            yield
 
     def finished(self) -> dict[int, Path]:
         """Number and file of every chunk that is complete; files that are truncated or changed are removed."""
@@ -94,7 +111,7 @@ class ChunkFolder:
         for attempt in range(REMOVALS):
             for path in self.path.iterdir():
                 if self._name.fullmatch(path.name) or path.name.endswith(TEMPORARY):
-                    path.unlink(missing_ok=True)
+                    discard(path)
             (self.path / RECIPE).unlink(missing_ok=True)  # last: chunks without a recipe could be anybody's
             try:
                 self.path.rmdir()
@@ -106,7 +123,7 @@ class ChunkFolder:
     def remove_unfinished(self) -> None:
         """Remove what killed processes left, once nobody writes any more."""
         for path in self.path.glob(f"*{TEMPORARY}"):
-            path.unlink(missing_ok=True)
+            discard(path)
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,11 +206,21 @@ def sync(path: Path) -> None:
 
 @contextlib.contextmanager
 def temporary(folder: Path) -> Iterator[Path]:
-    """A path to write to and to move to its place; removed if it is still there in the end."""
+    """A path to write to and to move to its place; the file or folder is removed if it is still there in the end."""
     path = folder / f".{secrets.token_hex(8)}{TEMPORARY}"
     try:
         yield path
     finally:
+        discard(path)
+
+
+def discard(path: Path) -> None:
+    """Remove a file, or a folder with all that is in it; nothing if there is none."""
+    if path.is_dir() and not path.is_symlink():
+        import shutil  # which brings every compression
+
+        shutil.rmtree(path, ignore_errors=True)
+    else:
         path.unlink(missing_ok=True)
 
 

@@ -36,9 +36,7 @@ if TYPE_CHECKING:
 @click.option("--time-limit", default=2.0, metavar="T", help="For the search [s].")
 @options.random_seed
 @click.option("--dt", default=0.01, metavar="T", help="Control step [s].")
-@click.option(
-    "--velocity-limit", cls=NumberList, metavar="V ..", help="Of the joints [rad/s], one for all or one for each."
-)
+@options.velocity_limit
 @click.option(
     "--acceleration-limit", cls=NumberList, metavar="A ..", help="Of the joints [rad/s^2]; 1 rad/s^2 if not given."
 )

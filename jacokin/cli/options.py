@@ -171,6 +171,9 @@ scene = click.option("--scene", type=FILE, metavar="FILE.yaml", help="Obstacles 
 clearance = click.option(
     "--clearance", default=0.0, metavar="D", help="Shapes this near to each other count as touching [m]."
 )
+velocity_limit = click.option(
+    "--velocity-limit", cls=NumberList, metavar="V ..", help="Of the joints [rad/s], one for all or one for each."
+)
 degrees = click.option(
     "--degrees",
     "units",
@@ -193,6 +196,9 @@ workers = click.option(
     help="Threads; processes where code is not compiled.",
 )
 dask = click.option("--dask", metavar="ADDRESS", help="Work on a dask cluster, by its scheduler: tcp://10.0.0.1:8786.")
+
+
+RADIANS = Units(degrees=False)  # of commands without --degrees
 
 
 def robot(default: str | None = DEFAULT_ROBOT, text: str = NAME_OR_FILE) -> Callable[..., Any]:

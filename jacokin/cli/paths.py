@@ -141,9 +141,7 @@ path_options = option_group(
     click.option("--plot", type=options.FILE, metavar="FILE.png", help="Draw joints, limits and errors over time."),
     click.option("--speed", default=0.05, metavar="V", help="Speed along the path [m/s]."),
     click.option("--angular-speed", type=float, metavar="W", help="Speed of turning [rad/s]; 0.5 if not given."),
-    click.option(
-        "--velocity-limit", cls=NumberList, metavar="V ..", help="Of the joints [rad/s], one for all or one for each."
-    ),
+    options.velocity_limit,
     click.option(
         "--acceleration-limit",
         cls=NumberList,

@@ -154,12 +154,7 @@ def _record_data(
     if ":" in name:
         sys.path.insert(0, "")
     with contextlib.closing(tasks.TaskEnv(name, control=control, flatten=False)) as environment:
-        environment.action_space.seed(seed)
-
-        def act_at_random(observation: object) -> ArrayLike:
-            return environment.action_space.sample()
-
-        policy: Callable[[object], ArrayLike] = act_at_random
+        policy: Expert | _RandomActions = _RandomActions(environment)
         if expert:
             policy = tasks.expert(name, control=control, noise=noise, mistakes=mistakes)
         with progress_bar("episode") as progress:
@@ -175,6 +170,19 @@ def _record_data(
     display.echo(f"wrote {path}")
     if expert and found.solved < found.episodes:
         raise SystemExit(NOT_SOLVED)
+
+
+class _RandomActions:
+    """Actions that follow from the seed of an episode, so that a recording can go on after a kill."""
+
+    def __init__(self, environment: TaskEnv) -> None:
+        self._space = environment.action_space
+
+    def reset(self, seed: int) -> None:
+        self._space.seed(seed)
+
+    def __call__(self, observation: object) -> ArrayLike:
+        return self._space.sample()
 
 
 def _replay(path: Path, record: Path | None, render: bool) -> None:
@@ -195,7 +203,9 @@ def _replay(path: Path, record: Path | None, render: bool) -> None:
 
         found = tasks.replay(path, render_mode=mode, watch=watch)
     for each in found:
-        what = "equal" if each.is_equal else f"states differ by {each.largest_difference:.3g}"
+        what = "equal" if each.is_equal else f"{', '.join(each.differing)} differ"
+        if "states" in each.differing:
+            what = f"states differ by {each.largest_difference:.3g}"
         display.echo(f"episode {each.episode + 1}, seed {each.seed}: {what}")
     equal = sum(each.is_equal for each in found)
     display.echo(f"{equal} of {len(found)} equal bit by bit")
@@ -275,7 +285,8 @@ def record_to(path: Path) -> Iterator[ArrayRecorder | VideoRecorder]:
     """Record to a file, which is there when the block has ended well and untouched otherwise.
 
     Raises:
-        InvalidInputError: another ending, or a file that cannot be written; before the block runs.
+        InvalidInputError: another ending, or a file that cannot be written: before the block runs, as far as that can
+            be known.
         MissingExtraError: a video, and no ffmpeg.
     """
     from jacokin.tasks.datasets.video import VideoRecorder, find_ffmpeg
@@ -289,7 +300,10 @@ def record_to(path: Path) -> Iterator[ArrayRecorder | VideoRecorder]:
         if not is_video(path):
             arrays = ArrayRecorder()
             yield arrays
-            arrays.write(unfinished)
+            try:
+                arrays.write(unfinished)
+            except OSError as error:  # a full disk
+                raise InvalidInputError(f"{path}: cannot be written: {error.strerror or error}") from error
             return
         video = VideoRecorder(unfinished, ffmpeg)
         try:

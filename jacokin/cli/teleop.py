@@ -1,4 +1,7 @@
-"""`jacokin teleop`: a recorded hand, a space mouse, keys or a gamepad lead the arm, in the viewer or in a task."""
+"""`jacokin teleop`: a recorded hand, a space mouse, keys or a gamepad lead the arm, in the viewer or in a task.
+
+In a task, episodes of what the hand does become a data set.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +13,7 @@ import select
 import signal
 import sys
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -22,27 +25,48 @@ from jacokin.cli.command import Command
 from jacokin.cli.display import number, show_facts
 from jacokin.cli.options import keep_apart
 from jacokin.cli.process import NOT_SOLVED
+from jacokin.cli.task import choose_renderer, has_display
 from jacokin.errors import InvalidInputError
 from jacokin.model.descriptions import bundled
 
 if TYPE_CHECKING:
     from jacokin.arrays import Array
+    from jacokin.cli.props import Props
     from jacokin.tasks import TaskEnv
-    from jacokin.teleop import Controller, Device, Keyboard, Session, Stream, Teleop, TeleopStep
+    from jacokin.teleop import Device, Fingers, Keyboard, Player, Session, TaskArm, Teleop, TeleopStep
     from jacokin.viewer import Viewer
 
 DEVICES = ("player", "spacemouse", "keyboard", "page")
+DATA_SETS = (".hdf5", ".minari", ".lerobot")
 ARRIVED = 1e-3  # [m] nearer to its target, the tool has arrived
 DT = 0.01  # [s]
 ACCELERATION = 4.0  # [rad/s^2]
-MOTOR_PART = 0.8  # of the acceleration that simulated motors are strong enough for
-FINGERS = 3
+TASK_SPEED = 0.1, 0.6  # [m/s], [rad/s] of keys
+PICTURE = 84, 84  # rows and columns of what a camera observes [pixels]
 STREAM = ".npz"
 CLUTCH, LEAVE = " ", ("q", "\x1b", "\x04")
 SPECIAL_KEY = r"\x1b[\[o][0-9;]*[a-z~]"  # arrows and others are sequences that begin with the character of Esc
 MOST_TYPED = 256  # characters that are read at once
 HINT = """w s, a d, r f move along x, y, z; j l, i k, u o turn about them; g h close and open the fingers;
 space opens and closes the clutch, q ends"""
+
+
+def read_cameras(
+    context: click.Context, option: click.Parameter, texts: tuple[str, ...]
+) -> dict[str, tuple[int, int]] | None:
+    """Read cameras and the sizes of their pictures from --camera.
+
+    Raises:
+        InvalidInputError: it is neither NAME nor NAME=HEIGHTxWIDTH.
+    """
+    found = dict[str, tuple[int, int]]()
+    for text in texts:
+        name, sign, size = text.partition("=")
+        match = re.fullmatch(r"([0-9]{1,4})x([0-9]{1,4})", size)
+        if not name or (sign and match is None):
+            raise InvalidInputError(f"--camera must be NAME or NAME=HEIGHTxWIDTH, such as wrist=96x96, got {text!r}")
+        found[name] = PICTURE if match is None else (int(match[1]), int(match[2]))
+    return found or None
 
 
 @click.command(cls=Command)
@@ -76,7 +100,35 @@ space opens and closes the clutch, q ends"""
     metavar="A",
     help="Of the joints [rad/s^2]; 4, or what the motors of the task are strong enough for.",
 )
+@options.velocity_limit
 @click.option("--task", metavar="NAME", help="Lead the arm of this task's simulation, such as reach_site.")
+@click.option(
+    "--record",
+    type=options.FILE,
+    metavar="FILE",
+    help="With --task: a data set of the episodes that are kept, .hdf5, .minari or .lerobot.",
+)
+@click.option(
+    "--episodes",
+    type=click.IntRange(min=1),
+    metavar="N",
+    help="With --record: how many to keep; a session that ends with fewer goes on when it is started again.",
+)
+@click.option(
+    "--camera",
+    "cameras",
+    multiple=True,
+    callback=read_cameras,
+    metavar="NAME[=HxW]",
+    help="With --record: a camera that observes, front_close or wrist, and the size of its pictures. Repeatable.",
+)
+@click.option(
+    "--pace",
+    type=click.FloatRange(min=0.0, min_open=True),
+    metavar="P",
+    help="With --record: simulated seconds in a second; 0.5 is slow motion.",
+)
+@click.option("--render", is_flag=True, help="With --task: show the simulation in a window, which needs a display.")
 @click.option("--view", is_flag=True, help="Show the arm in the browser; prints the address. --device page does, too.")
 @click.option("--port", type=click.IntRange(min=0), default=8080, metavar="N", help="Of the page; 0 for any free one.")
 @click.option(
@@ -102,7 +154,13 @@ def teleop(
     clearance: float,
     dt: float | None,
     acceleration_limit: float | None,
+    velocity_limit: list[float] | None,
     task: str | None,
+    record: Path | None,
+    episodes: int | None,
+    cameras: dict[str, tuple[int, int]] | None,
+    pace: float | None,
+    render: bool,
     view: bool,
     port: int,
     output: Path | None,
@@ -116,8 +174,10 @@ def teleop(
     r f move along x, y, z; j l, i k, u o turn about them; g and h close and open the fingers; the space bar opens and
     closes the clutch; q ends, in the page its button does, and Ctrl-C everywhere: the arm brakes first. The page reads
     a gamepad, too. In a task the seed of the episode is that of --random-seed, and without --scene the arm keeps off
-    the table.
-    Exit code: 0 the tool ends on its target, 1 more than 1 mm off, 2 wrong input.
+    the table. With --record, b begins an episode, e ends it, y keeps it and x throws it away; a player begins, ends
+    and keeps by itself. What has ended is on disk at once; Ctrl-C and q end the session, and write the data set.
+    Exit code: 0 the tool ends on its target, or all episodes that were asked for are kept; 1 it is more than 1 mm off,
+    or fewer are kept; 2 wrong input.
 
     Examples:
       jacokin teleop --stream jerky --fast --output motion.csv
@@ -125,63 +185,110 @@ def teleop(
       jacokin teleop --device keyboard --task reach_site
       jacokin teleop --device spacemouse --scale 0.5 --view
       jacokin teleop --device page --task lift_brick
+      jacokin teleop --device keyboard --view --task lift_brick --record demos.lerobot --camera wrist --episodes 50
     """
     from jacokin.motion.trajectory import FORMATS
 
     if device != "player" and (stream is not None or fast):
         raise InvalidInputError("--stream and --fast are for --device player")
+    _check_record(record, task, episodes, cameras, pace, seconds, output)
+    if fast and pace is not None:
+        raise InvalidInputError("give at most one of --fast and --pace")
     if output is not None and output.suffix not in FORMATS:
         raise InvalidInputError(f"--output must end in {' or '.join(FORMATS)}, got {str(output)!r}")
     recording = None if stream is None or Path(stream).suffix != STREAM else Path(stream)
     inputs = {"--robot": source.robot, "--scene": scene, "--stream": recording}
-    keep_apart({"--output": output}, inputs, source.package_dirs)
+    keep_apart({"--output": output, "--record": record}, inputs, source.package_dirs)
     if task is not None and (dt is not None or source != options.RobotOptions(robot=model.DEFAULT_ROBOT)):
         raise InvalidInputError(f"--task has its robot, {model.DEFAULT_ROBOT}, and its control step: leave them out")
-    from jacokin.teleop import Fingers, Player, SpaceMouse, Teleop, lead
+    if render and task is None:
+        raise InvalidInputError("--render shows the simulation of a task: give --task too, or --view")
+    if render and not has_display():
+        raise InvalidInputError(
+            "--render needs a display; without one, --view shows the arm and the props in a browser"
+        )
+    from jacokin.teleop import Keyboard, SpaceMouse, Teleop, lead
     from jacokin.teleop.teleop import AUTO
 
     with contextlib.ExitStack() as stack:
         writable = None if output is None else stack.enter_context(files.replacing(output))
-        simulation = None if task is None else stack.enter_context(_simulation(task, random_seed or 0))
-        robot = source.load() if simulation is None else simulation.robot
-        around = simulation.table if simulation is not None and scene is None else options.load_scene(scene)
-        possible = ACCELERATION if simulation is None else simulation.acceleration.clip(max=ACCELERATION)
-        tracker = motion.Tracker(
-            robot,
-            frame,
-            q=None if simulation is None else simulation.q,
-            dt=simulation.dt if simulation is not None else DT if dt is None else dt,
-            scene=around,
-            clearance=clearance,
-            acceleration_limit=possible if acceleration_limit is None else acceleration_limit,
-        )
-        led = Teleop(tracker, clutch=True, scale=scale, filter=AUTO if constant is None else constant, recover=recover)
+        simulation = None
+        if task is not None:
+            if cameras:
+                choose_renderer()
+            simulation = stack.enter_context(_simulation(task, random_seed or 0, cameras, render))
+        robot = source.load() if simulation is None else simulation.arm.robot
+        around = simulation.arm.table if simulation is not None and scene is None else options.load_scene(scene)
+        speeds = options.RADIANS.for_joints(robot).limits("--velocity-limit", velocity_limit, "rad/s")
+
+        def make(arm: TaskArm | None) -> Teleop:
+            possible = ACCELERATION if arm is None else arm.acceleration
+            tracker = motion.Tracker(
+                robot if arm is None else arm.robot,
+                frame,
+                q=None if arm is None else arm.q,
+                dt=arm.dt if arm is not None else DT if dt is None else dt,
+                scene=around,
+                clearance=clearance,
+                velocity_limit=speeds,
+                acceleration_limit=possible if acceleration_limit is None else acceleration_limit,
+            )
+            smoothing = AUTO if constant is None else constant
+            return Teleop(tracker, clutch=True, scale=scale, filter=smoothing, recover=recover)
+
+        led = make(None if simulation is None else simulation.arm)
         shown = None
         if view or device == "page":
-            shown = stack.enter_context(_page(tracker, around, clearance, port))
+            shown = stack.enter_context(_page(led.tracker, around, clearance, port))
+        props = None
+        if shown is not None and simulation is not None:
+            from jacokin.cli.props import Props
+
+            props = Props(shown.server, simulation.environment)
         leading: Device
+        # In a task, whose episodes end after a while, as quick as the page's keys.
+        keyboard = Keyboard() if task is None else Keyboard(speed=TASK_SPEED[0], turn=TASK_SPEED[1])
         if device == "player":
-            leading = Player(_stream(robot, stream, rate, random_seed or 0))
+            leading = _player(robot, stream, rate, random_seed or 0)
         elif device == "spacemouse":
-            leading = stack.enter_context(SpaceMouse())
+            mouse = stack.enter_context(SpaceMouse())
+            is_typed = record is not None or (sys.platform != "win32" and sys.stdin.isatty())
+            leading = stack.enter_context(_keys("--record", keyboard, mouse)) if is_typed else mouse
         elif device == "keyboard":
-            leading = stack.enter_context(_keys(led))
+            leading = stack.enter_context(_keys("--device keyboard", keyboard))
         else:
             assert shown is not None
-            leading = _PageKeys(led, shown.add_controller())
-        limits = bundled.robot_table()["finger"]
-        at = limits["lower"] if robot.finger_angle is None else robot.finger_angle
-        fingers = Fingers(at, lower=limits["lower"], upper=limits["upper"])
-
-        def act(step: TeleopStep) -> bool:
-            angle = fingers.move(getattr(leading, "fingers", 0.0), tracker.dt)
-            if shown is not None:
-                shown.follow(step, finger_angle=angle)
-            return simulation is None or simulation.act(step, angle)
-
+            leading = shown.add_controller()
         if shown is not None:
             click.echo(f"{shown.url} shows {robot.label}; Ctrl-C ends it", err=True)
         stop = stack.enter_context(_interrupted())
+        if record is not None:
+            assert simulation is not None
+            _demonstrate(
+                simulation.environment,
+                leading,
+                record,
+                episodes,
+                random_seed or 0,
+                math.inf if fast else pace or 1.0,
+                make,
+                stop,
+                props,
+                shown,
+                json,
+            )
+            return
+        fingers = _fingers(robot) if simulation is None else simulation.arm.fingers
+
+        def act(step: TeleopStep) -> bool:
+            angle = fingers.move(getattr(leading, "fingers", 0.0), led.tracker.dt)
+            if shown is not None:
+                shown.follow(step, finger_angle=angle)
+            goes_on = simulation is None or simulation.act(step, angle)
+            if props is not None:
+                props.show()
+            return goes_on
+
         session = lead(
             led, leading, seconds=math.inf if seconds is None else seconds, paced=not fast, act=act, stop=stop
         )
@@ -196,15 +303,110 @@ def teleop(
         raise SystemExit(NOT_SOLVED)
 
 
-def _stream(robot: model.Robot, given: str | None, rate: float, seed: int) -> Stream:
+def _check_record(
+    record: Path | None,
+    task: str | None,
+    episodes: int | None,
+    cameras: dict[str, tuple[int, int]] | None,
+    pace: float | None,
+    seconds: float | None,
+    output: Path | None,
+) -> None:
+    """Check the options of a data set before anything is made.
+
+    Raises:
+        InvalidInputError: some do not go together.
+    """
+    if output is not None and output.suffix in DATA_SETS:
+        raise InvalidInputError(f"--output writes one motion; a data set of a task is --record {output} --task NAME")
+    if record is None:
+        if episodes is not None or cameras or pace is not None:
+            raise InvalidInputError("--episodes, --camera and --pace are for --record: give it, and --task")
+        return
+    if task is None:
+        raise InvalidInputError("--record writes episodes of a task: give --task too, such as lift_brick")
+    if record.suffix not in DATA_SETS:
+        raise InvalidInputError(f"--record must end in {', '.join(DATA_SETS)}, got {str(record)!r}")
+    if seconds is not None or output is not None:
+        raise InvalidInputError(
+            "--record ends with its episodes and writes them only: leave out --seconds and --output"
+        )
+
+
+def _demonstrate(
+    environment: TaskEnv,
+    device: Device,
+    path: Path,
+    episodes: int | None,
+    seed: int,
+    pace: float,
+    make: Callable[[TaskArm], Teleop],
+    stop: threading.Event,
+    props: Props | None,
+    shown: Viewer | None,
+    json: bool,
+) -> None:
+    """Record episodes, and say what became of them."""
+    from jacokin.teleop import demonstrate
+
+    standing: list[TaskArm] = []  # the arm that stands in the page
+
+    def watch(arm: TaskArm, step: TeleopStep | None) -> None:
+        if shown is not None and step is None and arm not in standing:
+            standing[:] = [arm]
+            still = make(arm)
+            still.clutch(False)
+            step = still.step()
+        if shown is not None and step is not None:
+            shown.follow(step, finger_angle=arm.fingers.angle)
+        if props is not None:
+            props.show()
+
+    found = demonstrate(
+        environment,
+        device,
+        path,
+        episodes=episodes,
+        seed=seed,
+        pace=pace,
+        make=make,
+        watch=watch,
+        tell=lambda text: click.echo(text, err=True),
+        stop=stop,
+    )
+    kept = f"{found.kept} kept, {found.solved} of them solved, {found.discarded} thrown away"
+    if json:
+        document = {name: getattr(found, name) for name in ("kept", "solved", "steps", "discarded", "late")}
+        display.print_json({"path": str(found.path), **document, "is_written": found.is_written})
+    else:
+        lines = [("episodes", kept), ("steps", f"{found.steps}, {found.late} late in this session")]
+        if found.is_written:
+            lines.append(("written to", str(found.path)))
+        elif found.kept:
+            lines.append(("not complete", f"they are kept in {found.path}.episodes: the same command goes on"))
+        show_facts(lines)
+    if not found.is_written:
+        raise SystemExit(NOT_SOLVED)
+
+
+def _player(robot: model.Robot, given: str | None, rate: float, seed: int) -> Player:
     """A recording, or a hand that is made."""
     import numpy as np
 
-    from jacokin.teleop import Stream, make_stream
+    from jacokin.teleop import Player, Stream, make_stream
 
     if given is not None and Path(given).suffix == STREAM:
-        return Stream.load(given)
-    return make_stream(robot, given or "smooth", np.random.default_rng(seed), rate=rate)
+        return Player(Stream.load(given))
+    return Player(make_stream(robot, given or "smooth", np.random.default_rng(seed), rate=rate))
+
+
+def _fingers(robot: model.Robot) -> Fingers:
+    """The fingers of an arm that is in no simulation."""
+    from jacokin.teleop import Fingers
+
+    limits = bundled.robot_table()["finger"]
+    at = limits["lower"] if robot.finger_angle is None else robot.finger_angle
+    return Fingers(at, lower=limits["lower"], upper=limits["upper"])
 
 
 @contextlib.contextmanager
@@ -238,65 +440,45 @@ def _page(tracker: motion.Tracker, scene: model.Scene | None, clearance: float, 
         yield shown
 
 
-class _PageKeys:
-    """Keys and gamepad of the page."""
+class _Keys:
+    """The keys of a terminal, alone or beside another device, and whether one has ended the session."""
 
-    def __init__(self, led: Teleop, controller: Controller) -> None:
-        self._led, self._controller = led, controller
-
-    @property
-    def ended(self) -> bool:
-        """Whether the page has ended the session."""
-        return self._controller.ended
+    def __init__(self, keyboard: Keyboard, beside: Device | None) -> None:
+        self._keyboard, self._beside = keyboard, beside
+        self.ended = False
+        self.toggled, self.commands = keyboard.toggled, keyboard.commands
 
     @property
     def fingers(self) -> float:
         """How fast the fingers are to close, from -1 to 1."""
-        return self._controller.fingers
+        return self._keyboard.fingers or float(getattr(self._beside, "fingers", 0.0))
+
+    @property
+    def trouble(self) -> str:
+        """Why the other device says nothing."""
+        return str(getattr(self._beside, "trouble", ""))
 
     def read(self, time: float) -> Array | None:
-        """The twist that was reported since the last call."""
-        if self._controller.toggled():
-            self._led.clutch(not self._led.engaged)
-        return self._controller.read(time)
-
-
-class _Keys:
-    """The keys of a terminal, and whether one has ended the session."""
-
-    def __init__(self, led: Teleop, keyboard: Keyboard) -> None:
-        self._led, self._keyboard = led, keyboard
-        self.ended = False
-
-    @property
-    def fingers(self) -> float:
-        """How fast the fingers are to close, from -1 to 1."""
-        return self._keyboard.fingers
-
-    def read(self, time: float) -> Array:
-        """The twist of the keys that are pressed."""
+        """The twist of the keys that are pressed; without one, what the other device says."""
         while not self.ended and select.select([sys.stdin], [], [], 0.0)[0]:
             typed = os.read(sys.stdin.fileno(), MOST_TYPED).decode("ascii", errors="replace").lower()
             self.ended = not typed
             for key in re.sub(SPECIAL_KEY, "", typed):
-                if key == CLUTCH:
-                    self._led.clutch(not self._led.engaged)
-                self._keyboard.press(key, time)
+                self._keyboard.press("space" if key == CLUTCH else key, time)
                 self.ended |= key in LEAVE
-        return self._keyboard.read(time)
+        twist = self._keyboard.read(time)
+        return twist if self._beside is None or twist.any() else self._beside.read(time)
 
 
 @contextlib.contextmanager
-def _keys(led: Teleop) -> Iterator[_Keys]:
-    """Keys as they are typed, without Enter; the terminal is as before afterwards.
+def _keys(option: str, keyboard: Keyboard, beside: Device | None = None) -> Iterator[_Keys]:
+    """Keys as they are typed, without Enter, beside another device or alone; the terminal is as before afterwards.
 
     Raises:
         InvalidInputError: standard input is not a terminal of Unix.
     """
-    from jacokin.teleop import Keyboard
-
     if sys.platform == "win32" or not sys.stdin.isatty():
-        raise InvalidInputError("--device keyboard needs a terminal of Linux or macOS as standard input")
+        raise InvalidInputError(f"{option} needs a terminal of Linux or macOS as standard input")
     import termios
     import tty
 
@@ -304,7 +486,7 @@ def _keys(led: Teleop) -> Iterator[_Keys]:
     try:
         tty.setcbreak(sys.stdin)
         click.echo(HINT, err=True)
-        yield _Keys(led, Keyboard())
+        yield _Keys(keyboard, beside)
     finally:
         termios.tcsetattr(sys.stdin, termios.TCSADRAIN, before)
 
@@ -313,64 +495,52 @@ class _Simulation:
     """A task whose arm follows commands.
 
     Attributes:
-        robot: its arm, with the fingers about as they are.
-        q: (6,) where its arm is at first [rad].
-        dt: its control step [s].
-        table: what the arm stands on.
+        environment: the task.
+        arm: its arm, where it is at first.
         total: sum of the rewards.
         is_solved: whether the task is solved now.
         lag: largest angle of a joint between the simulated arm and the command [rad].
-        acceleration: (6,) that its motors are strong enough for, with a reserve [rad/s^2].
     """
 
     def __init__(self, environment: TaskEnv, seed: int) -> None:
-        from gymnasium.spaces import Box
+        from jacokin.teleop import TaskArm
 
-        from jacokin.mujoco_bridge import robots
-
-        self._environment = environment
+        self.environment = environment
         environment.reset(seed=seed)
-        space = environment.action_space
-        assert isinstance(space, Box)  # as the environment made it
-        angles = environment.data.qpos[: len(space.low)].clip(space.low, space.high)
-        self.q = angles[:-FINGERS]
-        self.robot = model.load_robot(finger_angle=float(angles[-FINGERS:].mean()))
-        self.dt = environment.dt
-        self.table = model.Scene([model.Floor(-robots.ARM_OFFSET[2])])
+        self.arm = TaskArm(environment)
         self.total, self.is_solved, self.lag = 0.0, False, 0.0
-        self.acceleration = self._possible_acceleration()
-
-    def _possible_acceleration(self) -> Array:
-        """Torque of the motors less friction and the gravity that they hold here, over the inertia with armature."""
-        import numpy as np
-
-        simulated, robot = self._environment.model, self.robot
-        arm = slice(robot.dof)
-        spare = simulated.actuator_forcerange[arm, 1] - simulated.dof_frictionloss[arm] - np.abs(robot.gravity(self.q))
-        inertia = robot.mass_matrix(self.q).diagonal() + simulated.dof_armature[arm]
-        return np.asarray(MOTOR_PART * spare / inertia)
 
     def act(self, step: TeleopStep, finger_angle: float) -> bool:
         """Move the simulated arm to where the command is, and the fingers; whether the episode goes on."""
         from jacokin.model.angles import nearest_copy
 
-        free = self.robot.unlimited
-        q = nearest_copy(step.q, 0.0 * step.q, free)  # the actions allow a turn to each side
-        _, reward, _, is_over, info = self._environment.step([*q, *[finger_angle] * FINGERS])
+        robot = self.arm.robot
+        _, reward, _, is_over, info = self.environment.step(self.arm.action(step.q, finger_angle))
         self.total += reward
         self.is_solved = bool(info["is_success"])
-        at = self._environment.data.qpos[: self.robot.dof]
-        self.lag = max(self.lag, float(abs(nearest_copy(at, step.q, free) - step.q).max()))
+        at = self.environment.data.qpos[: robot.dof]
+        self.lag = max(self.lag, float(abs(nearest_copy(at, step.q, robot.unlimited) - step.q).max()))
         return not is_over
 
 
 @contextlib.contextmanager
-def _simulation(name: str, seed: int) -> Iterator[_Simulation]:
+def _simulation(
+    name: str, seed: int, cameras: dict[str, tuple[int, int]] | None, render: bool
+) -> Iterator[_Simulation]:
     from jacokin import tasks
+    from jacokin.teleop.task_arm import CONTROL
 
     if ":" in name:
         sys.path.insert(0, "")
-    with contextlib.closing(tasks.TaskEnv(name, control="joint_position", flatten=False)) as environment:
+    made = tasks.TaskEnv(
+        name,
+        control=CONTROL,
+        flatten=False,
+        observations="vision" if cameras else "features",
+        cameras=cameras,
+        render_mode="human" if render else None,
+    )
+    with contextlib.closing(made) as environment:
         yield _Simulation(environment, seed)
 
 

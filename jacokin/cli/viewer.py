@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -58,6 +58,7 @@ FULL_TURN = (-math.pi, math.pi)  # [rad]
     metavar="FOLDER|NAME",
     help="A reachability map to show slices of: its folder, or a bundled robot.",
 )
+@options.velocity_limit
 @click.option("--visuals", is_flag=True, help="Draw the visual meshes of the file, not the shapes that collide.")
 @options.frame
 @options.tool
@@ -76,6 +77,7 @@ def view(
     free_range: tuple[float, float] | None,
     trajectory: Path | None,
     reachability: str | None,
+    velocity_limit: list[float] | None,
     visuals: bool,
     frame: str | None,
     tool: pin.SE3 | None,
@@ -86,7 +88,7 @@ def view(
     """Show the arm and every branch in the browser, with a gizmo to move the target.
 
     Prints the address to open, and serves it to this computer only until Ctrl-C; its token keeps other users of the
-    computer out. --degrees is for --seed and --free-range.
+    computer out. --degrees is for --seed, --free-range and --velocity-limit, within which the arm moves.
 
     Examples:
       jacokin view
@@ -99,6 +101,8 @@ def view(
     arm = source.load()
     if free_range is not None:
         warn_of_degrees("--free-range", free_range, units)
+    limits = units.for_joints(arm).limits("--velocity-limit", velocity_limit, "rad/s")
+    speeds: dict[str, Any] = {} if limits is None else {"velocity_limit": limits}
     shown = viewer.serve(
         arm,
         frame=frame,
@@ -116,6 +120,7 @@ def view(
         seed=units.for_joints(arm).seed("--seed", seed),
         host=host,
         port=port,
+        **speeds,
     )
     with shown:
         try:

@@ -4,7 +4,10 @@ teleop    `Teleop`: poses or twists of a hand device to joint commands, with a c
 hand      what a hand device says, in its own frame: checks, dead band, filter
 streams   recorded streams: made by code, read from files
 devices   space mouse, keyboard, gamepad, and recorded streams as devices; the fingers that their keys move
+workspace `Workspace`: a box that neither target nor tool leaves
 session   `lead`: a device leads the arm for some time, and what came of it
+task_arm  `TaskArm`: the simulated arm of a task, as a hand leads it
+demonstrations  `demonstrate`: episodes of a task that a hand leads, as data sets
 """
 
 from jacokin import lazy

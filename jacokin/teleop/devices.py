@@ -20,6 +20,9 @@ from jacokin.teleop.streams import Stream
 KEY_HOLD = 0.15  # [s] a key counts as pressed after it was heard: terminals repeat keys, and do not say when it ends
 MOST_REPORTS = 64  # that are read at once: hidapi keeps no more
 REOPEN = 1.0  # [s] until an unplugged device is looked for again
+SILENT = 5.0  # [s] without a report, after which a space mouse is in trouble
+MOUSE_AXES = ("x", "y", "z", "roll", "pitch", "yaw")
+UDEV_RULE = 'KERNEL=="hidraw*", ATTRS{idVendor}=="256f|046d", TAG+="uaccess"'  # 3Dconnexion and, before, Logitech
 KEYS = {  # key -> axis of the twist and its sign
     "w": (0, 1.0),
     "s": (0, -1.0),
@@ -36,15 +39,24 @@ KEYS = {  # key -> axis of the twist and its sign
 }
 FINGER_KEYS = {"g": 1.0, "h": -1.0}  # close and open
 CLUTCH_KEY = "space"
+BEGIN, END, KEEP, DISCARD = "begin", "end", "keep", "discard"  # of an episode, what a hand may ask for
+COMMAND_KEYS = {"b": BEGIN, "e": END, "y": KEEP, "x": DISCARD}
 STICKS = ((1, 0, -1.0), (0, 1, -1.0), (3, 4, -1.0), (2, 5, -1.0))  # of a gamepad: its axis, that of the twist, sign
 BUTTONS = ((7, 2, 1.0), (6, 2, -1.0), (5, 3, 1.0), (4, 3, -1.0))  # triggers up and down, shoulders turn about x
 CLOSE_BUTTON, OPEN_BUTTON, CLUTCH_BUTTON = 0, 1, 9
+COMMAND_BUTTONS = {8: BEGIN, 3: KEEP, 2: DISCARD}  # select, the highest, and the left one
 STICK_REST = 0.12  # a stick this near to its middle rests there
 MOST_AXES = 64  # of a gamepad, and buttons
 
 
 class Device(Protocol):
-    """Anything that says what a hand does."""
+    """Anything that says what a hand does.
+
+    Beside `read` it may have `ended`, whether the session is to end; `opened`, False until there is somebody who leads;
+    `fingers`, how fast the fingers are to close, from -1 to 1; `toggled()`, whether the clutch is to change;
+    `commands()`, what it asks for in `demonstrate`; `reset(time)`, to begin anew with an episode; and `trouble`, why it
+    says nothing.
+    """
 
     def read(self, time: float) -> Array | None:
         """A pose (7,) or twist (6,) for `Teleop.step`, None for nothing new; `time` [s] since the start."""
@@ -60,11 +72,16 @@ class Player:
             InvalidInputError: not a stream.
         """
         self._stream = checks.instance("stream", stream, Stream, "a Stream")
+        self.reset()
+
+    def reset(self, time: float = 0.0) -> None:
+        """Play from the beginning, from a time [s] on."""
+        self._began = time
         self._next = 0
 
     def read(self, time: float) -> Array | None:
         """The newest pose that has arrived since the last call."""
-        arrived = int(np.searchsorted(self._stream.time, time, side="right"))
+        arrived = int(np.searchsorted(self._stream.time, time - self._began, side="right"))
         if arrived <= self._next:
             return None
         self._next = arrived
@@ -76,8 +93,37 @@ class Player:
         return self._next >= len(self._stream)
 
 
-class Keyboard:
+class _Asked:
+    """What keys ask for beside motion: the clutch, and commands."""
+
+    def __init__(self) -> None:
+        self._toggles = 0
+        self._commands: list[str] = []
+
+    def toggle(self) -> None:
+        """Open or close the clutch."""
+        self._toggles += 1
+
+    def toggled(self) -> bool:
+        """Whether the clutch is to change, once for each time it was asked for."""
+        if not self._toggles:
+            return False
+        self._toggles -= 1
+        return True
+
+    def command(self, name: str) -> None:
+        """Ask for "begin", "end", "keep" or "discard", see `demonstrate`."""
+        self._commands.append(checks.choice("name", name, (BEGIN, END, KEEP, DISCARD)))
+
+    def commands(self) -> list[str]:
+        """What was asked for since the last call."""
+        return [self._commands.pop(0) for _ in range(len(self._commands))]  # another thread may ask meanwhile
+
+
+class Keyboard(_Asked):
     """Keys of a terminal as twists: w s, a d, r f move along x, y, z; j l, i k, u o turn about them.
+
+    "space" opens and closes the clutch; b, e, y and x ask to begin an episode, to end, to keep and to discard it.
 
     Attributes:
         fingers: how fast the fingers are to close as of the last `read`: 1 while g is pressed, -1 while h is, else 0.
@@ -90,6 +136,7 @@ class Keyboard:
             speed: [m/s] while a key is pressed.
             turn: [rad/s] likewise.
         """
+        super().__init__()
         self._size = np.repeat([checks.positive("speed", speed, "m/s"), checks.positive("turn", turn, "rad/s")], 3)
         self._pressed: dict[str, float] = {}
         self.fingers = 0.0
@@ -98,6 +145,10 @@ class Keyboard:
         """Hear a key at a time [s]; others than those above do nothing."""
         if key in KEYS or key in FINGER_KEYS:
             self._pressed[key] = time
+        elif key == CLUTCH_KEY:
+            self.toggle()
+        elif key in COMMAND_KEYS:
+            self.command(COMMAND_KEYS[key])
 
     def read(self, time: float) -> Array:
         """The twist of the keys that are pressed."""
@@ -106,16 +157,18 @@ class Keyboard:
         return np.asarray(_directions(held) * self._size)
 
 
-class Controller:
+class Controller(_Asked):
     """Keys that are held and a gamepad, as somebody who sees them reports them, the viewer's page for example.
 
-    Keys are those of `Keyboard`; "space" opens and closes the clutch. Of a gamepad in the standard layout the left
-    stick moves along x and y, the triggers up and down; the right stick turns about z and y, the shoulder buttons about
-    x; the lowest and the right button close and open the fingers, start works the clutch.
+    Keys are those of `Keyboard`. Of a gamepad in the standard layout the left stick moves along x and y, the triggers
+    up and down; the right stick turns about z and y, the shoulder buttons about x; the lowest and the right button
+    close and open the fingers, start works the clutch; select begins an episode, the highest button keeps it, the left
+    one discards it.
 
     Attributes:
         fingers: how fast the fingers are to close, from -1 to 1; as of the last report.
         ended: whether the session is to end.
+        opened: whether anything has reported yet.
     """
 
     def __init__(self, *, speed: float = 0.1, turn: float = 0.6) -> None:
@@ -126,10 +179,10 @@ class Controller:
             turn: [rad/s] likewise.
         """
         self._size = np.repeat([checks.positive("speed", speed, "m/s"), checks.positive("turn", turn, "rad/s")], 3)
+        super().__init__()
         self._news: Array | None = None
-        self._clutch_held = False
-        self._toggles = 0
-        self.fingers, self.ended = 0.0, False
+        self._held: set[str] = set()  # of the clutch and of commands, as of the last report
+        self.fingers, self.ended, self.opened = 0.0, False, False
 
     def report(self, keys: Iterable[str] = (), axes: ArrayLike = (), buttons: ArrayLike = ()) -> None:
         """Say what is held now, many times a second; may be called from another thread than `read`.
@@ -150,22 +203,18 @@ class Controller:
             for number, axis, sign in table:
                 twist[axis] += sign * numbers[number]
         fingers = sum(FINGER_KEYS.get(key, 0.0) for key in held) + pressed[CLOSE_BUTTON] - pressed[OPEN_BUTTON]
-        clutch_held = CLUTCH_KEY in held or pressed[CLUTCH_BUTTON] > 0.5
-        self._toggles += clutch_held and not self._clutch_held
-        self._clutch_held = clutch_held
+        asked = {name for key, name in COMMAND_KEYS.items() if key in held}
+        asked |= {name for button, name in COMMAND_BUTTONS.items() if pressed[button] > 0.5}
+        if CLUTCH_KEY in held or pressed[CLUTCH_BUTTON] > 0.5:
+            asked.add(CLUTCH_KEY)
+        before, self._held, self.opened = self._held, asked, True
+        for name in sorted(asked - before):
+            if name == CLUTCH_KEY:
+                self.toggle()
+            else:
+                self.command(name)
         self.fingers = min(max(float(fingers), -1.0), 1.0)
         self._news = np.clip(twist, -1.0, 1.0) * self._size
-
-    def toggle(self) -> None:
-        """Open or close the clutch."""
-        self._toggles += 1
-
-    def toggled(self) -> bool:
-        """Whether the clutch is to change, once for each time it was asked for."""
-        if not self._toggles:
-            return False
-        self._toggles -= 1
-        return True
 
     def read(self, time: float) -> Array | None:
         """The twist (6,) of the last report; None where none came since the last call."""
@@ -225,10 +274,19 @@ class Fingers:
 
 
 class SpaceMouse:
-    """A space mouse (extra `spacemouse`, package pyspacemouse) as twists: x to the right, y away from you, z up."""
+    """A space mouse (extra `spacemouse`, package pyspacemouse) as twists: x to the right, y away from you, z up.
+
+    A mouse may have several interfaces, most of them silent, and several mice may be plugged in: the one that is moved
+    first leads, until it is unplugged.
+
+    Attributes:
+        fingers: how fast the fingers are to close as of the last `read`: 1 while the first button is pressed, -1 while
+            the second is, else 0.
+        trouble: why it says nothing, as a sentence; "" while it does, or has not been waited for long.
+    """
 
     def __init__(self, *, speed: float = 0.1, turn: float = 0.6) -> None:
-        """Open the first one that is plugged in.
+        """Open every one that is plugged in.
 
         Args:
             speed: [m/s] when the cap is pushed all the way.
@@ -236,55 +294,53 @@ class SpaceMouse:
 
         Raises:
             MissingExtraError: pyspacemouse is not installed.
-            JacokinError: none is plugged in, or it cannot be opened.
+            JacokinError: none is plugged in, or none can be opened, for lack of permission for example.
         """
         self._size = np.repeat([checks.positive("speed", speed, "m/s"), checks.positive("turn", turn, "rad/s")], 3)
         with needed("pyspacemouse", "spacemouse"):
             import pyspacemouse  # noqa: F401 - looked for here, opened below
-        try:
-            self._device = _open_space_mouse()
-        except Exception as error:  # the package's own, hidapi's, the system's
-            raise JacokinError(f"no space mouse can be opened: {error}") from error
-        self._heard = -math.inf  # [s] of the last report, by the package's clock
+        self._open = _open_space_mice()
+        self._leading: _Interface | None = None
         self._retry = 0.0  # [s] when an unplugged one is looked for again
+        self._since: float | None = None  # [s] when it was first asked
+        self.fingers, self.trouble = 0.0, ""
 
     def read(self, time: float) -> Array | None:
-        """The twist of the newest report, which holds until the next; None where the mouse is unplugged.
+        """The twist of the newest report, which holds until the next; None before a mouse is moved, and unplugged.
 
         An unplugged one is looked for again once a second.
         """
-        if self._device is None:
-            if time < self._retry:
-                return None
+        self._since = time if self._since is None else self._since
+        if not self._open and time >= self._retry:
             self._retry = time + REOPEN
-            try:
-                self._device = _open_space_mouse()
-            except Exception:  # still unplugged
-                return None
-        try:
-            state = self._newest()
-        except Exception:  # unplugged, whichever of the packages below says so
-            state = None
-        if state is None or not self._device.connected:  # which repeats its last state
-            self._let_go()
-            return None
-        return twist_of_space_mouse(state, self._size)
+            with contextlib.suppress(JacokinError):  # still unplugged
+                self._open = _open_space_mice()
+                self._since = time
+        for interface in list(self._open):
+            if not interface.listen():
+                self._let_go(interface)
+            elif self._leading is None and interface.moves:
+                self._leading = interface
+        if self._leading is not None:
+            for other in [each for each in self._open if each is not self._leading]:
+                self._let_go(other)
+            self.trouble, self.fingers = "", self._leading.fingers
+            return twist_of_space_mouse(self._leading.state, self._size)
+        self.fingers = 0.0
+        if not self._open:
+            self.trouble = "the space mouse is unplugged"
+        elif time - self._since > SILENT:
+            names = ", ".join(dict.fromkeys(each.name for each in self._open))
+            self.trouble = f"nothing has come from {names} yet: push its cap, or plug it in anew"
+        return None
 
-    def _newest(self) -> Any:
-        """The state after all reports that wait: a call of the package reads one, the mouse may send more in a tick."""
-        for _ in range(MOST_REPORTS):
-            state = self._device.read()
-            before, self._heard = self._heard, state.t
-            if self._heard == before:
-                break
-        return state
-
-    def _let_go(self) -> None:
-        """Close the device, which may be gone."""
-        device, self._device = self._device, None
-        if device is not None:
-            with contextlib.suppress(Exception):
-                device.close()
+    def _let_go(self, interface: _Interface) -> None:
+        """Close an interface, which may be gone."""
+        self._open.remove(interface)
+        interface.close()
+        if interface is self._leading:
+            self._leading = None
+            self._retry = 0.0
 
     def __enter__(self) -> Self:
         """Itself."""
@@ -293,18 +349,103 @@ class SpaceMouse:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Close the device."""
-        self._let_go()
+        """Close what is open."""
+        for interface in list(self._open):
+            self._let_go(interface)
 
 
-def _open_space_mouse() -> Any:  # Any: of a package that is not always there
-    """The first one that is plugged in; raises what the package, hidapi and the system raise."""
+class _Interface:
+    """One interface of a space mouse.
+
+    Attributes:
+        name: of the mouse.
+        state: of the package, as of the newest report.
+    """
+
+    def __init__(self, name: str, device: Any) -> None:  # Any: of a package that is not always there
+        self.name, self._device = name, device
+        self.state: Any = None
+        self._heard = -math.inf  # [s] of the last report, by the package's clock
+
+    def listen(self) -> bool:
+        """Read all reports that wait: a call of the package reads one, the mouse may send more in a tick.
+
+        Returns:
+            Whether it is still there.
+        """
+        try:
+            for _ in range(MOST_REPORTS):
+                self.state = self._device.read()
+                before, self._heard = self._heard, self.state.t
+                if self._heard == before:
+                    break
+        except Exception:  # unplugged, whichever of the packages below says so
+            return False
+        return bool(self._device.connected)  # otherwise it repeats its last state
+
+    @property
+    def moves(self) -> bool:
+        """Whether the newest report is of a cap or a button that is not at rest; of a battery, for example, it is."""
+        return any(getattr(self.state, axis, 0.0) for axis in MOUSE_AXES) or any(self._buttons)
+
+    @property
+    def fingers(self) -> float:
+        """1 while the first button is pressed, -1 while the second is, else 0."""
+        pressed = [*self._buttons, 0, 0]
+        return float(bool(pressed[0])) - float(bool(pressed[1]))
+
+    @property
+    def _buttons(self) -> list[int]:
+        return list(getattr(self.state, "buttons", ()))
+
+    def close(self) -> None:
+        """Close it, if it is there."""
+        with contextlib.suppress(Exception):
+            self._device.close()
+
+
+def _open_space_mice() -> list[_Interface]:
+    """Every interface of every space mouse that can be opened.
+
+    Raises:
+        JacokinError: there is none; says why.
+    """
     import pyspacemouse
 
     # It prints what it found, and standard output is the program's. Its older conventions turn about other axes than
     # they move along.
+    convention = pyspacemouse.AxisConvention.HID_Z_UP
+    found, reason = list[_Interface](), Exception("none is plugged in")
     with contextlib.redirect_stdout(sys.stderr):
-        return pyspacemouse.open(axis_convention=pyspacemouse.AxisConvention.HID_Z_UP)
+        try:
+            names = pyspacemouse.get_connected_devices() if hasattr(pyspacemouse, "get_connected_devices") else []
+            if not names:  # it may know better, and says what is wrong
+                return [_Interface("the space mouse", pyspacemouse.open(axis_convention=convention))]
+        except Exception as error:  # the package's own, hidapi's, the system's
+            raise JacokinError(_why_not_opened(error)) from error
+        for number, name in enumerate(names):
+            index = names[:number].count(name)  # a mouse has as many names here as interfaces
+            try:
+                device = pyspacemouse.open(device=name, device_index=index, axis_convention=convention)
+            except Exception as error:  # as above
+                reason = error
+            else:
+                found.append(_Interface(name, device))
+    if not found:
+        raise JacokinError(_why_not_opened(reason, list(dict.fromkeys(names)))) from reason
+    return found
+
+
+def _why_not_opened(error: Exception, names: list[str] | None = None) -> str:
+    """A sentence about mice that cannot be opened; with names where there are some."""
+    if names is None and not isinstance(error, PermissionError):
+        return f"no space mouse can be opened: {error}"
+    what = ", ".join(names or ["the space mouse"])
+    return (
+        f"{what} is plugged in and cannot be opened ({error}): this user lacks the permission, which a udev rule gives "
+        f"({UDEV_RULE} in /etc/udev/rules.d/70-spacemouse.rules, then `udevadm control --reload` and plug it in anew), "
+        "or another program holds it"
+    )
 
 
 def twist_of_space_mouse(state: Any, size: Array) -> Array:
@@ -314,7 +455,7 @@ def twist_of_space_mouse(state: Any, size: Array) -> Array:
         InvalidInputError: the state lacks an axis.
     """
     try:
-        axes = [state.x, state.y, state.z, state.roll, state.pitch, state.yaw]
+        axes = [getattr(state, axis) for axis in MOUSE_AXES]
         return np.asarray(size * np.array(axes, dtype=np.float64))
     except (AttributeError, TypeError, ValueError) as error:
         raise InvalidInputError(f"not what a space mouse says: {error}") from error

@@ -11,11 +11,13 @@ from numpy.typing import ArrayLike
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.model import checks, poses
+from jacokin.teleop.workspace import Workspace
 
 LARGEST = 1e6  # [m], [m/s] or [rad/s] that a hand may say: squares of more could overflow
 FORGETTING = 1.0  # [s] time constant by which a long gap between poses is forgotten
 ROUNDING = 1e-6  # of times: gaps are sums of control steps
-WALL_SOFTNESS = 0.05  # [m] before a wall, from which the target slows
+FASTEST = (3.0, 10.0)  # [m/s], [rad/s] that hands move and turn; frames that are farther from the last one are suspects
+NOISE = (0.05, 0.2)  # [m], [rad] that a frame may be off however soon it comes
 
 
 def read_hand(hand: pin.SE3 | ArrayLike) -> pin.SE3 | Array:
@@ -90,20 +92,56 @@ class Mapping:
         self.target = tool
         self._axes, self._scale, self._rotation_scale = axes, scale, rotation_scale
 
-    def shift(self, way: Array, turn: Array, walls: tuple[Array, Array] | None) -> None:
+    def shift(self, way: Array, turn: Array, workspace: Workspace | None) -> None:
         """Move the target by what the hand moved (3,) [m] and turned (3,) [rad], in the hand's frame."""
         way = self._scale * (self._axes @ way)
-        if walls is not None:
-            way = soften(self.target.translation, way, *walls)
+        if workspace is not None:
+            way = workspace.slowed(self.target.translation, way)
         rotation = pin.exp3(self._rotation_scale * (self._axes @ turn)) @ self.target.rotation
         self.target = pin.SE3(rotation, self.target.translation + way)
 
-    def stay_near(self, tool: pin.SE3, linear: float, angular: float) -> None:
-        """Bring the target back to within [m] and [rad] of the tool."""
-        away = self.target.translation - tool.translation
-        turn = pin.log3(self.target.rotation @ tool.rotation.T)
-        turn, away = turn - _shortened(turn, angular), away - _shortened(away, linear)
-        self.target = pin.SE3(pin.exp3(turn) @ tool.rotation, tool.translation + away)
+    def in_base(self, twist: Array) -> Array:
+        """A twist (6,) of the hand as one of the tool in base axes [m/s, rad/s]."""
+        return np.concatenate([self._scale * (self._axes @ twist[:3]), self._rotation_scale * (self._axes @ twist[3:])])
+
+
+def near(tool: pin.SE3, target: pin.SE3, linear: float, angular: float) -> pin.SE3:
+    """The pose on the way from the tool to a target that is at most [m] and [rad] from the tool."""
+    away = target.translation - tool.translation
+    turn = pin.log3(target.rotation @ tool.rotation.T)
+    turn, away = turn - _shortened(turn, angular), away - _shortened(away, linear)
+    return pin.SE3(pin.exp3(turn) @ tool.rotation, tool.translation + away)
+
+
+class Witness:
+    """Leaves out single frames that no hand can have made, such as those of a camera that mistook it for a moment.
+
+    A pose that is farther from the last one than hands are fast waits for the next: if that is near to it, the hand has
+    jumped; if not, the frame was wrong.
+    """
+
+    def __init__(self) -> None:
+        """Begin without a pose."""
+        self._last: tuple[pin.SE3, float] | None = None
+        self._suspect: tuple[pin.SE3, float] | None = None
+
+    def believes(self, pose: pin.SE3, time: float) -> bool:
+        """Whether a pose of the hand is to be followed that came at a time [s]."""
+        suspect, self._suspect = self._suspect, None
+        believed = [known for known in (self._last, suspect) if known is not None]
+        if believed and not any(_is_possible(*known, pose, time) for known in believed) and suspect is None:
+            self._suspect = pose, time
+            return False
+        self._last = pose, time
+        return True
+
+
+def _is_possible(before: pin.SE3, since: float, after: pin.SE3, now: float) -> bool:
+    """Whether a hand can have gone from one pose to another."""
+    gap = max(now - since, 0.0)
+    turn = pin.log3(after.rotation @ before.rotation.T)
+    away = np.linalg.norm(after.translation - before.translation), np.linalg.norm(turn)
+    return all(far <= max(noise, gap * fast) for far, noise, fast in zip(away, NOISE, FASTEST, strict=True))
 
 
 class LowPass:
@@ -111,16 +149,26 @@ class LowPass:
 
     Attributes:
         latency: by which a target that moves steadily lags [s]: the time constant.
+        part: of what is missing that a tick makes up for.
     """
 
     def __init__(self, pose: pin.SE3, constant: float, dt: float) -> None:
         """Begin at a pose, with a time constant [s], 0 for none, and the control step [s]."""
         self._pose, self.latency = pose, constant
-        self._part = 1.0 if constant == 0.0 else -math.expm1(-dt / constant)
+        self.part = 1.0 if constant == 0.0 else -math.expm1(-dt / constant)
+
+    @property
+    def lag_of_twists(self) -> float:
+        """By which a twist lags [s]."""
+        return self.latency
+
+    def start_from(self, pose: pin.SE3) -> None:
+        """Go on from a pose, which something else has led to."""
+        self._pose = pose
 
     def move(self, target: pin.SE3, is_new: bool) -> pin.SE3:
         """A tick nearer to the target."""
-        self._pose = _between(self._pose, target, self._part)
+        self._pose = _between(self._pose, target, self.part)
         return self._pose
 
 
@@ -130,7 +178,13 @@ class Approach:
     Each new pose is approached straight, at the speed that leads there in two gaps between poses, the longest ones of
     about the last second. The next pose comes half way, so a hand that moves steadily is followed steadily. Where none
     comes, the second half of the way takes ever longer: the arm comes to rest without going too far.
+
+    Attributes:
+        part: of what is missing of a twist that a tick makes up for: twists are no steps.
+        lag_of_twists: by which one lags [s].
     """
+
+    part, lag_of_twists = 1.0, 0.0
 
     def __init__(self, pose: pin.SE3, dt: float, longest: float) -> None:
         """Begin at a pose, with the control step [s]; a hand had paused in gaps that are longer than `longest` [s]."""
@@ -142,6 +196,12 @@ class Approach:
     def latency(self) -> float:
         """By how much a hand that moves steadily is ahead [s]: two gaps, none where it speaks in every tick."""
         return 2.0 * self._gap - self._dt if self._gap > (1.0 + ROUNDING) * self._dt else 0.0
+
+    def start_from(self, pose: pin.SE3) -> None:
+        """Go on from a pose, which something else has led to."""
+        self._pose = pose
+        self._gap = self._left = self._dt
+        self._since = 0.0
 
     def move(self, target: pin.SE3, is_new: bool) -> pin.SE3:
         """A tick nearer to the target, which `is_new` if the hand has moved since the last tick."""
@@ -162,27 +222,3 @@ def _between(start: pin.SE3, end: pin.SE3, part: float) -> pin.SE3:
         return end
     turn = pin.exp3(part * pin.log3(end.rotation @ start.rotation.T))
     return pin.SE3(turn @ start.rotation, start.translation + part * (end.translation - start.translation))
-
-
-def soften(position: Array, way: Array, lower: Array, upper: Array) -> Array:
-    """A way (3,) [m] from a position that slows towards walls and does not cross them; outside, only inwards."""
-    room = np.maximum(np.where(way > 0.0, upper - position, position - lower), 0.0)
-    slowed = np.abs(way) * np.minimum(room / WALL_SOFTNESS, 1.0)
-    return np.asarray(np.sign(way) * np.minimum(slowed, room))
-
-
-def checked_walls(workspace: tuple[ArrayLike, ArrayLike] | None) -> tuple[Array, Array] | None:
-    """Lower and upper corner (3,) [m].
-
-    Raises:
-        InvalidInputError: not two corners, or the lower above the upper.
-    """
-    if workspace is None:
-        return None
-    corners = checks.listed("workspace", workspace, "two corners, lower and upper")
-    if len(corners) != 2:
-        raise checks.refusal("workspace", "two corners, lower and upper", workspace)
-    lower, upper = (checks.vector("workspace", corner, 3, "m") for corner in corners)
-    if not (lower < upper).all():
-        raise InvalidInputError(f"workspace: lower {lower.tolist()} must be below upper {upper.tolist()}")
-    return lower, upper

@@ -21,6 +21,7 @@ from jacokin.teleop.devices import Device
 from jacokin.teleop.teleop import STILL, Teleop, TeleopStatus, TeleopStep
 
 SETTLED = 1e-6  # relative, of a target that moves no more
+POLL = 0.05  # [s]
 HOLD = 5.0  # [s] for which the last pose of a recording holds at most
 
 
@@ -70,9 +71,10 @@ def lead(
 
     Args:
         teleop: what is led, with its clutch closed if the arm is to follow.
-        device: what is read once a tick. One with an attribute `ended`, such as `Player`, ends the session: its last
-            pose holds until the tool is there, for at most 5 s.
-        seconds: for how long at most [s]; infinite for as long as the device goes on.
+        device: what is read once a tick; keys and a gamepad work the clutch, too. One with an attribute `ended`, such
+            as `Player`, ends the session: its last pose holds until the tool is there, for at most 5 s.
+        seconds: for how long at most [s], from when somebody has opened a page that leads; infinite for as long as the
+            device goes on.
         paced: whether ticks come in real time, or as fast as they can.
         act: gets every tick, to move a simulation; returns whether to go on. None for always.
         stop: once set, by another thread or a signal, the arm brakes and the session ends.
@@ -88,6 +90,8 @@ def lead(
     dt = teleop.tracker.dt
     rows, steps, late = [teleop.tracker.q], list[TeleopStep](), 0
     faults = Counter[str]()
+    if paced:
+        wait_for_somebody(device, stop)
     began = time.monotonic()
     goes_on, is_led = True, True
     last: Array | None = None
@@ -99,7 +103,8 @@ def lead(
             if ahead > 0.0:
                 time.sleep(ahead)
             late += -ahead > dt
-        heard, fault = (last, "") if held > 0.0 else _read(device, now)
+        heard, fault = (last, "") if held > 0.0 else read_device(device, now)
+        work_clutch(teleop, device)
         last = last if heard is None else heard
         asked = steps[-1].target if steps else None
         step = teleop.step(heard if is_led else None)
@@ -110,7 +115,9 @@ def lead(
         goes_on = act is None or act(step)
         if getattr(device, "ended", False):
             is_closing_in = step.target is not None and (
-                step.tracking.status is TrackerStatus.LIMITED
+                held == 0.0  # a last pose far from the one before waits for another that confirms it
+                or step.tracking.status is TrackerStatus.LIMITED
+                or float(np.abs(step.v).max()) > STILL
                 or not (asked is None or step.target.isApprox(asked, SETTLED))  # smoothed, it is still on its way
             )
             held = held + dt if is_closing_in and last is not None and len(last) == 7 else math.inf
@@ -120,12 +127,26 @@ def lead(
     return _summed_up(teleop, np.array(rows), steps, faults, late)
 
 
-def _read(device: Device, now: float) -> tuple[Array | None, str]:
-    """What a device says, and why it failed; empty if it did not."""
+def wait_for_somebody(device: Device, stop: threading.Event | None) -> None:
+    """Wait until there is somebody who leads, nobody is to, or `stop` is set."""
+    while not (getattr(device, "opened", True) or getattr(device, "ended", False) or (stop and stop.is_set())):
+        time.sleep(POLL)
+
+
+def read_device(device: Device, now: float) -> tuple[Array | None, str]:
+    """What a device says, and why it failed or says nothing; empty if it did not."""
     try:
-        return device.read(now), ""
+        heard = device.read(now)
     except Exception as error:  # of whatever driver: an arm in motion must brake, not stop being led
         return None, f"{type(error).__name__}: {error}"
+    return heard, str(getattr(device, "trouble", "")) if heard is None else ""
+
+
+def work_clutch(teleop: Teleop, device: Device) -> None:
+    """Open or close the clutch as often as a device asks for it."""
+    toggled = getattr(device, "toggled", None)
+    while toggled is not None and toggled():
+        teleop.clutch(not teleop.engaged)
 
 
 def _summed_up(teleop: Teleop, q: Array, steps: list[TeleopStep], faults: Counter[str], late: int) -> Session:

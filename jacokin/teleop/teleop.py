@@ -4,8 +4,9 @@ A tick takes what the hand device said last, moves the tool's target by it, and 
 keeps limits and distances; what is done here is whether there is something to follow, and what:
 
 - The clutch: closing it ties the tool, where it is, to the hand, wherever that is. So nothing ever jumps.
-- The target moves by differences of the hand's poses, or by its twist. Walls slow it; the steps of a hand that is
-  slower than the ticks are smoothed.
+- The target moves by differences of the hand's poses, and walls slow it; the steps of a hand that is slower than the
+  ticks are smoothed, and single frames that no hand can have made are left out. A twist is the tracker's to follow.
+- Inside a workspace, a tick after which the tool could not stop there is not taken.
 - Without input for a while, with input that is malformed or with time that runs backwards, the arm brakes within its
   limits. When good input returns, the tool is tied to it anew.
 - Another branch is reached by a planned motion without contact, which the tracker follows joint by joint.
@@ -13,9 +14,11 @@ keeps limits and distances; what is done here is whether there is something to f
 
 from __future__ import annotations
 
+import contextlib
 import math
+import time
 from collections.abc import Mapping as MappingType
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
@@ -23,7 +26,8 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
-from jacokin.errors import InvalidInputError
+from jacokin.errors import InvalidInputError, StructureError
+from jacokin.ik.families.family import Family
 from jacokin.ik.solver import IKSolver
 from jacokin.model import checks, poses
 from jacokin.motion.free_motion.plan_motion import plan_motion
@@ -32,20 +36,24 @@ from jacokin.motion.tracking.moving import Motion
 from jacokin.motion.tracking.steps import TrackerStatus, TrackerStep
 from jacokin.motion.tracking.targets import JointTarget
 from jacokin.motion.tracking.tracker import Tracker
-from jacokin.motion.trajectory import Trajectory
-from jacokin.teleop.hand import Approach, LowPass, Mapping, Play, checked_walls, dead, read_hand
+from jacokin.motion.trajectory import MotionStatus, Trajectory
+from jacokin.teleop.hand import Approach, LowPass, Mapping, Play, Witness, dead, near, read_hand
+from jacokin.teleop.workspace import AHEAD, checked_workspace
 
 AUTO = "auto"
+WORKSPACE = "workspace"
 SAME = 1e-12  # relative: a hand that repeats its pose moves the target by rounding only
 STILL = 1e-5  # [rad/s] a slower arm stands still
+RESTS = 1e-6  # [m/s], [rad/s] a slower twist is none
 STAYS = 5e-3  # [rad] an arm that stays this near to where it was, and off its target by more than this, is stuck
 FAR_OFF = 1e-3, 0.01  # [m], [rad]
 PLANNED_PART = 0.8  # of the tracker's clearance: an arm that leans against it must find a way, too
 LAG = 0.05  # [rad] a planned motion waits for joints that are farther behind
 BLOCKED = 2.0  # [s] of waiting, after which a planned motion is given up
 RETRY = 2.0  # [s] until another way to a target that is held off is looked for again
+SEVEN = 7  # joints, of which any is held where it is if the curves of its branches are not known
+SPREAD = 5  # places on a branch that is a curve; those at its ends are not tried
 ARRIVED = 1e-4  # [rad] nearer to the end of a planned motion, it is done
-LEASH = (0.05, 0.3)  # [m], [rad] a target led by twists is never farther from the tool, so that it comes back at once
 
 
 class TeleopStatus(Enum):
@@ -72,7 +80,8 @@ class TeleopStep:
     message: str
     """Why the arm does not follow, with numbers; empty when it does."""
     target: pin.SE3 | None
-    """T_base_tool that the tracker was asked for; None when the arm does not follow."""
+    """T_base_tool that the hand asks for, smoothed; by a twist, where it leads in a tick; None when the arm does not
+    follow."""
     latency: float
     """By how much `target` lags behind a hand that moves steadily, because of `filter` [s]."""
     tracking: TrackerStep
@@ -118,8 +127,9 @@ class Teleop:
                 gaps between them, the longest of about the last second, and not at all where a pose comes in every
                 tick. A number is the time constant of a low-pass [s], by which a target that moves steadily lags. 0 or
                 None for neither.
-            workspace: lower and upper corner (3,) [m] of a box in the base that the target does not leave. It slows
-                down in the last 5 cm; started outside, it may only go inwards.
+            workspace: lower and upper corner (3,) [m] of a box in the base that neither the target nor the tool leaves,
+                by more than 0.1 mm. The target slows down in the last 5 cm, and ends 1 mm before a wall; started
+                outside, it may only go inwards.
             watchdog: without input for this long, the arm brakes [s].
             recover: a tool that is held off a target for this long [s] goes there by another branch, along a planned
                 motion without contact, if there is one; None for never.
@@ -136,7 +146,8 @@ class Teleop:
             raise checks.refusal("deadband", "two numbers, linear and angular", deadband)
         self._bands = checks.non_negative("deadband", bands[0]), checks.non_negative("deadband", bands[1])
         self._constant = _checked_filter(filter)
-        self._walls = checked_walls(workspace)
+        self._workspace = checked_workspace(workspace)
+        self._frame = tracker.robot.frame_id(tracker.frame)
         self._watchdog = checks.positive("watchdog", watchdog, "s")
         self._patience = math.inf if recover is None else checks.positive("recover", recover, "s")
         self.engaged = checks.flag("clutch", clutch)
@@ -147,6 +158,8 @@ class Teleop:
         self._smooth: Approach | LowPass | None = None
         self._play: Play | None = None
         self._twist: Array | None = None
+        self._witness = Witness()
+        self._speed = np.zeros(6)  # of twists, in base axes [m/s, rad/s]
         self._switch: _Switch | None = None
         self._now = 0.0
         self._lost = False
@@ -230,30 +243,60 @@ class Teleop:
         tracker keeps clear of these, too.
 
         Args:
-            q: (dof,) the configuration to go to [rad]; None for the other branch that is reached soonest.
+            q: (dof,) the configuration to go to [rad]; None for the other branch that is reached soonest. On seven
+                joints a branch is a curve: places spread over each of the others are tried.
             time_limit: for the search [s], in which the arm stands.
 
         Returns:
             The plan. Without a way its `success` is False, `message` says why, and the arm stays.
 
         Raises:
-            InvalidInputError: the arm is not standing still (open the clutch and wait), or `q` is malformed.
+            InvalidInputError: the arm is not standing still (open the clutch and wait), `q` is malformed, or without
+                `q` no other branch is within the limits, or the arm's branches cannot be listed.
         """
         tracker = self.tracker
         if float(np.abs(tracker.v).max()) > STILL:
             raise InvalidInputError("the arm must stand still: open the clutch and step until it does")
-        if q is not None:
-            goal: ArrayLike | list[Array] = tracker.robot.configuration(q)
-        else:
-            rows = np.asarray(self._solver().solve_all(self.tool, seed=tracker.q).q_within_limits)
-            goal = [row for row in rows if np.abs(row - tracker.q).max() > LAG]
-            if not goal:
-                raise InvalidInputError("no other branch of the tool's pose is within the limits")
-        plan = self._plan(goal, time_limit)
+        goals = self._other_branches() if q is None else [tracker.robot.configuration(q)]
+        plan = self._plan(goals, time_limit)
         if plan.success:
             self._let_go()
             self._switch = _Switch(plan)
         return plan
+
+    def _other_branches(self) -> list[Array]:
+        """Configurations (dof,) of other branches of the tool's pose, within the limits; of curves, several of each.
+
+        Raises:
+            InvalidInputError: there are none, or they cannot be listed.
+        """
+        q, robot, solver = self.tracker.q, self.tracker.robot, self._solver()
+        try:
+            found = solver.solve_all(self.tool, seed=q)
+        except StructureError as error:
+            for joint, angle in zip(robot.joint_names, q.tolist(), strict=True) if robot.dof == SEVEN else ():
+                with contextlib.suppress(StructureError):
+                    found = solver.solve_all(self.tool, seed=q, fixed={joint: angle})
+                    break
+            else:
+                raise InvalidInputError(
+                    f"the branches of {robot.label} cannot be listed, so give q, the configuration to go to: {error}"
+                ) from error
+        if isinstance(found, Family):
+            nearest = [interval.nearest(q) for interval in found.intervals]
+            here = min(range(len(nearest)), key=lambda i: float(np.abs(nearest[i] - q).max()), default=0)
+            rows = [
+                row
+                for interval, first in zip(found.intervals, nearest, strict=True)
+                if interval.branch != found.intervals[here].branch
+                for row in (first, *interval.sample(SPREAD)[1][1:-1])
+            ]
+        else:
+            rows = list(found.q_within_limits)
+        others = [row for row in rows if np.abs(row - q).max() > LAG]
+        if not others:
+            raise InvalidInputError("no other branch of the tool's pose is within the limits")
+        return others
 
     def _solver(self) -> IKSolver:
         """Inverse kinematics of the tracker's tool among its obstacles."""
@@ -269,18 +312,57 @@ class Teleop:
             clearance=PLANNED_PART * tracker.clearance,
         )
 
-    def _plan(self, goal: object, time_limit: float) -> Trajectory:
-        """A motion that the tracker can follow, at nine tenths of its limits."""
-        tracker = self.tracker
-        acceleration = ACCELERATION if tracker.acceleration_limit is None else tracker.acceleration_limit
-        return plan_motion(
-            self._solver(),
-            tracker.q,
-            goal,
-            time_limit=time_limit,
-            dt=tracker.dt,
-            velocity_limit=0.9 * tracker.velocity_limit,
-            acceleration_limit=0.9 * acceleration,
+    def _plan(self, goals: list[Array] | list[pin.SE3], time_limit: float) -> Trajectory:
+        """The soonest motion to one of some goals, for the tracker to follow: at nine tenths of its limits.
+
+        With a workspace, the first that keeps the tool inside, by how far the joints go.
+        """
+        tracker, workspace, end = self.tracker, self._workspace, time.monotonic() + time_limit
+        limit = np.inf if tracker.acceleration_limit is None else tracker.acceleration_limit
+        acceleration = np.where(np.isfinite(limit), limit, ACCELERATION)
+        solver = self._solver()
+
+        def plan(those: list[Array] | list[pin.SE3], seconds: float) -> Trajectory:
+            return plan_motion(
+                solver,
+                tracker.q,
+                those,
+                time_limit=seconds,
+                dt=tracker.dt,
+                velocity_limit=0.9 * tracker.velocity_limit,
+                acceleration_limit=0.9 * acceleration,
+            )
+
+        found = plan(goals, time_limit)
+        if workspace is None or not found.success:
+            return found
+        workspace.start_from(self.tool.translation)
+        rows = [goal for goal in goals if not isinstance(goal, pin.SE3)]
+        for goal in sorted(rows, key=lambda row: float((np.abs(row - tracker.q) / tracker.velocity_limit).max())):
+            if self._stays_inside(found):
+                return found
+            left = end - time.monotonic()
+            if left <= 0.0:
+                break
+            found = plan([goal], left)
+        if found.success and self._stays_inside(found):
+            return found
+        q, still = tracker.q[np.newaxis], np.zeros((1, tracker.robot.dof))
+        return Trajectory.of(
+            tracker.robot,
+            tracker.velocity_limit,
+            (np.zeros(1), q, still, still),
+            status=MotionStatus.NO_WAY,
+            message="no motion was found that keeps the tool inside the workspace",
+        )
+
+    def _stays_inside(self, plan: Trajectory) -> bool:
+        """Whether a motion succeeds and keeps the tool inside the workspace."""
+        tracker, workspace = self.tracker, self._workspace
+        return plan.success and all(
+            workspace is None
+            or workspace.contains((tracker.robot.placement(row, self._frame) * tracker.tool).translation)
+            for row in plan.q
         )
 
     def _look_at_the_clock(self, time: float | None) -> str:
@@ -307,6 +389,8 @@ class Teleop:
     def _let_go(self) -> None:
         """Untie the tool from the hand; it is tied again by the next input."""
         self._mapping = self._smooth = self._play = self._twist = None
+        self._witness = Witness()
+        self._speed = np.zeros(6)
         self._rest = None
         self._lost = False
 
@@ -315,7 +399,8 @@ class Teleop:
     ) -> TeleopStep:
         """Move the target by what the hand did, and the arm towards it."""
         if self._mapping is None or self._smooth is None:
-            self._mapping = Mapping(self.tool, self._axes, self._scale, self._rotation_scale)
+            tied = self.tool if self._workspace is None else self._workspace.tied(self.tool)
+            self._mapping = Mapping(tied, self._axes, self._scale, self._rotation_scale)
             self._smooth = (
                 Approach(self._mapping.target, self.tracker.dt, self._watchdog)
                 if self._constant is None
@@ -324,17 +409,98 @@ class Teleop:
         before = self._mapping.target
         self._hear(heard)
         if self._twist is not None:
-            moved = self.tracker.dt * self._twist
-            self._mapping.shift(moved[:3], moved[3:], self._walls)
-            self._mapping.stay_near(self.tool, *LEASH)
-        is_new = self._twist is not None or not self._mapping.target.isApprox(before, SAME)
+            return self._follow_twist(self._twist, self._mapping, self._smooth, obstacles, budget)
+        self._speed = np.zeros(6)
+        is_new = not self._mapping.target.isApprox(before, SAME)
         target = self._smooth.move(self._mapping.target, is_new)
-        tracking = self.tracker.step(target, obstacles=obstacles, budget=budget)
+        tracking = self._track(target, obstacles, budget)
         self._rest = None
         self._held = self._held + self.tracker.dt if self._is_stuck(tracking) else 0.0
         if self._held > self._patience:
             self._recover(target)
         return TeleopStep(tracking.q, tracking.v, TeleopStatus.FOLLOWING, "", target, self._smooth.latency, tracking)
+
+    def _follow_twist(
+        self,
+        twist: Array,
+        mapping: Mapping,
+        smooth: Approach | LowPass,
+        obstacles: MappingType[str, Motion] | None,
+        budget: float | None,
+    ) -> TeleopStep:
+        """Move the arm along a twist, which the tracker follows in its direction or not at all."""
+        dt, before = self.tracker.dt, self.tool
+        self._speed = self._speed + smooth.part * (mapping.in_base(twist) - self._speed)
+        speed = self._speed.copy()
+        if self._workspace is not None:
+            speed[:3] = self._workspace.slowed(before.translation, dt * speed[:3]) / dt
+        rests = float(np.abs(speed).max()) < RESTS and float(np.abs(self.tracker.v).max()) <= STILL
+        self._rest = None if not rests else self.tracker.q if self._rest is None else self._rest
+        tracking = self._track(speed if self._rest is None else JointTarget(self._rest), obstacles, budget)
+        # What the arm did not follow is not made up for, and a pose goes on from where it is.
+        mapping.target = self.tool
+        smooth.start_from(mapping.target)
+        self._held = 0.0
+        target = pin.SE3(pin.exp3(dt * speed[3:]) @ before.rotation, before.translation + dt * speed[:3])
+        return TeleopStep(tracking.q, tracking.v, TeleopStatus.FOLLOWING, "", target, smooth.lag_of_twists, tracking)
+
+    def _track(
+        self, target: pin.SE3 | JointTarget | Array, obstacles: MappingType[str, Motion] | None, budget: float | None
+    ) -> TrackerStep:
+        """A tick of the tracker after which the tool can stop inside the workspace; if there is none, of braking.
+
+        Args:
+            target: a pose, joint angles, or a twist (6,) at the tool in base axes.
+            obstacles: as in `step`.
+            budget: as in `step`.
+        """
+        tracker, workspace, tool = self.tracker, self._workspace, self.tool
+        aims: list[pin.SE3 | JointTarget | Array] = [target]
+        if workspace is not None:
+            workspace.start_from(tool.translation)
+            if isinstance(target, pin.SE3):
+                farther, nearer = (near(tool, target, *ahead) for ahead in AHEAD)
+                aims = [farther, nearer, pin.SE3(tool.rotation, nearer.translation)]
+            elif isinstance(target, np.ndarray):
+                aims.append(np.append(target[:3], np.zeros(3)))
+        before, limit = tracker._state, tracker.acceleration_limit
+        aim: pin.SE3 | JointTarget | Array | None
+        for aim in aims:
+            if isinstance(aim, np.ndarray):
+                step = tracker.step(twist=aim, obstacles=obstacles, budget=budget)
+            else:
+                step = tracker.step(aim, obstacles=obstacles, budget=budget)
+            if workspace is None or workspace.keeps(
+                tracker.robot, self._frame, tracker.tool, step.q, step.v, limit, tracker.dt
+            ):
+                break
+            tracker._state = before
+        else:
+            aim, step = None, tracker.brake(obstacles=obstacles)
+        return step if workspace is None else self._in_workspace(target, step, aim is not aims[0])
+
+    def _in_workspace(self, target: pin.SE3 | JointTarget | Array, step: TrackerStep, is_refused: bool) -> TrackerStep:
+        """A tick that asked for a place on the way to a target, or for less, as one that asked for the target."""
+        position, turn = step.position_error, step.orientation_error
+        if isinstance(target, pin.SE3):
+            tool = self.tool
+            position = float(np.linalg.norm(tool.translation - target.translation))
+            turn = float(np.linalg.norm(pin.log3(target.rotation @ tool.rotation.T)))
+        if position <= step.position_error + SAME and turn <= step.orientation_error + SAME and not is_refused:
+            return step
+        status, limiting, message = step.status, step.limiting, step.message
+        if is_refused:
+            limiting, message = (*limiting, WORKSPACE), "the workspace holds the tool back"
+        if status is not TrackerStatus.LATE:
+            status = TrackerStatus.HELD if float(np.abs(step.v).max()) < STILL else TrackerStatus.LIMITED
+        return replace(
+            step,
+            status=status,
+            limiting=limiting,
+            message=message or "on the way to a target that is far ahead",
+            position_error=position,
+            orientation_error=turn,
+        )
 
     def _hear(self, heard: pin.SE3 | Array | None) -> None:
         """Move the target by how far the hand went since its last pose; keep a twist."""
@@ -342,12 +508,14 @@ class Teleop:
             return
         if isinstance(heard, pin.SE3):
             self._twist = None
+            if self._constant != 0.0 and not self._witness.believes(heard, self._now):
+                return
             if self._play is None:
                 self._play = Play(*self._bands, heard)
             before = self._play.pose
             after = self._play.move(heard)
             turn = pin.log3(after.rotation @ before.rotation.T)
-            self._mapping.shift(after.translation - before.translation, turn, self._walls)
+            self._mapping.shift(after.translation - before.translation, turn, self._workspace)
         elif heard is not None:
             self._twist, self._play = dead(heard, *self._bands), None
 
@@ -365,7 +533,7 @@ class Teleop:
         """Go to a target that is held off by another branch, if there is one."""
         self._held = -RETRY
         if self._solver().solve(target, seed=self.tracker.q).success:
-            plan = self._plan(target, time_limit=0.3)
+            plan = self._plan([target], time_limit=0.3)
             if plan.success:
                 self._switch = _Switch(plan)
 
@@ -378,7 +546,7 @@ class Teleop:
         else:
             if self._rest is None:
                 self._rest = self.tracker.q
-            tracking = self.tracker.step(JointTarget(self._rest), obstacles=obstacles, budget=budget)
+            tracking = self._track(JointTarget(self._rest), obstacles, budget)
         return TeleopStep(tracking.q, tracking.v, status, message, None, 0.0, tracking)
 
     def _go_on_switching(
@@ -391,7 +559,7 @@ class Teleop:
             switch.row, switch.waited = switch.row + 1, 0.0
         else:
             switch.waited += self.tracker.dt
-        tracking = self.tracker.step(JointTarget(plan.q[switch.row]), obstacles=obstacles, budget=budget)
+        tracking = self._track(JointTarget(plan.q[switch.row]), obstacles, budget)
         message = f"{plan.t[switch.row]:.1f} s of {plan.t[-1]:.1f} s"
         if switch.row == last and float(np.abs(tracking.q - plan.q[last]).max()) < ARRIVED:
             self._switch, self._heard = None, self._now

@@ -11,7 +11,10 @@ import termios
 import threading
 import time
 import urllib.request
+from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,7 +22,7 @@ import pytest
 import jacokin
 from jacokin.motion import Trajectory
 from jacokin.teleop import make_stream
-from tests.cli.run import Run, leave, start
+from tests.cli.run import Answer, Run, leave, start
 
 
 def test_a_recorded_hand_leads_the_arm_to_where_it_ends(run: Run, tmp_path: Path) -> None:
@@ -133,6 +136,45 @@ def test_a_recording_is_shown_in_the_browser(capsys: pytest.CaptureFixture[str])
     assert json.loads(said.out)["ticks"] >= 100
 
 
+@pytest.mark.parametrize("task", ["lift_brick", "reach_site", "place_cradle"])
+def test_the_props_of_a_task_are_drawn_where_they_are(task: str) -> None:
+    import viser
+
+    from jacokin.cli.props import Props
+    from jacokin.tasks import TaskEnv
+
+    drawn = dict[str, SimpleNamespace]()
+
+    class Scene:
+        def __getattr__(self, kind: str) -> Callable[..., SimpleNamespace]:
+            assert hasattr(viser.SceneApi, kind)
+
+            def add(name: str, **look: Any) -> SimpleNamespace:
+                assert name not in drawn
+                made = drawn[name] = SimpleNamespace(kind=kind, **look)
+                return made
+
+            return add
+
+    environment = TaskEnv(task, control="joint_position", flatten=False)
+    environment.reset(seed=0)
+    props = Props(SimpleNamespace(scene=Scene()), environment)  # type: ignore[arg-type]  # a stand-in
+    model, data = environment.model, environment.data
+    arm = model.body_rootid[model.jnt_bodyid[0]]
+    frames = {int(name.split("/")[2]): one for name, one in drawn.items() if one.kind == "add_frame"}
+    assert frames
+    assert all(model.body_rootid[body] != arm for body in frames)
+    offset = data.xpos[model.body_parentid[model.jnt_bodyid[0]]]
+    for _ in range(2):
+        for body, frame in frames.items():
+            np.testing.assert_allclose(frame.position, data.xpos[body] - offset, atol=1e-9)
+        environment.reset(seed=1)
+        time.sleep(0.05)
+        props.show()
+    assert not any("ground" in name for name in drawn)
+    environment.close()
+
+
 def test_keys_of_a_terminal_move_the_arm(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     ours, theirs = pty.openpty()
 
@@ -159,13 +201,86 @@ def test_keys_of_a_terminal_move_the_arm(run: Run, monkeypatch: pytest.MonkeyPat
     assert answer.document["statuses"]["HOLDING"] > 0
 
 
+def at_a_terminal(monkeypatch: pytest.MonkeyPatch, keys: list[bytes], act: Callable[[], Answer]) -> Answer:
+    """What a command says while keys are typed, some 30 a second."""
+    ours, theirs = pty.openpty()
+
+    def type_keys() -> None:
+        until = time.monotonic() + 60.0  # [s]
+        while termios.tcgetattr(ours)[3] & termios.ICANON and time.monotonic() < until:
+            time.sleep(0.01)  # what is typed before the program listens is lost
+        for key in keys:
+            time.sleep(0.03)
+            os.write(ours, key)
+
+    with os.fdopen(theirs, "r") as terminal:
+        monkeypatch.setattr(sys, "stdin", terminal)
+        typist = threading.Thread(target=type_keys)
+        typist.start()
+        answer = act()
+        typist.join()
+    os.close(ours)
+    return answer
+
+
+def test_keys_record_demonstrations(run: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    path = tmp_path / "demos.lerobot"
+    pause = [b"-"] * 10  # which does nothing
+    keys = [*pause, b"b", *[b"w"] * 20, b"e", *pause, b"y", *pause, b"b", *[b"s"] * 15, b"x", *pause]
+    words = ("teleop", "--device", "keyboard", "--task", "reach_site", "--record", str(path), "--json")
+    answer = at_a_terminal(monkeypatch, [*keys, b"b", *[b"a"] * 15, b"y", *pause, b"q"], lambda: run(*words))
+    assert answer.code == 0
+    assert {name: answer.document[name] for name in ("kept", "discarded", "is_written")} == {
+        "kept": 2,
+        "discarded": 1,
+        "is_written": True,
+    }
+    assert "b begins it" in answer.err
+    again = run("task", "replay", str(path))
+    assert (again.code, again.out.splitlines()[-1]) == (0, "2 of 2 equal bit by bit")
+
+
+def test_a_recorded_hand_demonstrates(run: Run, tmp_path: Path) -> None:
+    path = str(tmp_path / "demos.hdf5")
+    words = ("teleop", "--task", "reach_site", "--stream", "smooth", "--fast", "--record", path)
+    answer = run(*words, "--episodes", "2", "--random-seed", "4")
+    assert answer.code == 0
+    assert "2 kept" in answer.out
+    assert run("task", "replay", path).out.startswith("episode 1, seed 4: equal\nepisode 2, seed 5: equal")
+    assert "is there already" in run(*words).err
+
+
+def test_joints_are_as_slow_as_wished(run: Run, tmp_path: Path) -> None:
+    out = tmp_path / "motion.csv"
+    run("teleop", "--stream", "jerky", "--fast", "--seconds", "6", "--velocity-limit", "0.1", "--output", str(out))
+    motion = Trajectory.load(out)
+    assert 0.09 < np.abs(motion.v).max() <= 0.1 + 1e-9
+
+
+@pytest.mark.slow
+def test_seconds_count_from_when_somebody_has_opened_the_page() -> None:
+    process = start("teleop", "--device", "page", "--port", "0", "--seconds", "1", "--json")
+    try:
+        assert process.stderr is not None
+        address = process.stderr.readline().split()[0]
+        time.sleep(2.0)
+        assert process.poll() is None
+        with urllib.request.urlopen(f"{address.replace('/?', '/hand?')}&keys=", timeout=60.0):
+            pass
+        out, _ = process.communicate(timeout=60.0)
+    finally:
+        process.kill()
+        process.communicate()
+    assert 0.9 < json.loads(out)["duration"] < 1.5
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
         (("--stream", "jery"), "Did you mean 'jerky'"),
         (("--stream", "missing.npz"), "missing.npz: cannot be read: No such file"),
         (("--device", "keyboard", "--fast"), "--stream and --fast are for --device player"),
-        (("--device", "keyboard"), "needs a terminal"),
+        (("--device", "keyboard"), "--device keyboard needs a terminal"),
         (("--device", "glove"), "'glove' is not one of"),
         (("--output", "motion.txt"), "--output must end in"),
         (("--seconds", "0"), "--seconds must be"),
@@ -174,6 +289,19 @@ def test_keys_of_a_terminal_move_the_arm(run: Run, monkeypatch: pytest.MonkeyPat
         (("--task", "reach_site", "--robot", "j2s7s300"), "--task has its robot"),
         (("--acceleration-limit", "-1"), "--acceleration-limit must be"),
         (("--view", "--port", "70000"), "--port must be"),
+        (("--output", "demos.lerobot"), "a data set of a task is --record demos.lerobot --task NAME"),
+        (("--record", "demos.lerobot"), "give --task too"),
+        (("--task", "lift_brick", "--record", "demos.csv"), "--record must end in .hdf5, .minari, .lerobot"),
+        (("--task", "lift_brick", "--record", "d.hdf5", "--seconds", "3"), "leave out --seconds"),
+        (("--task", "lift_brick", "--record", "no/d.hdf5"), "there is no folder"),
+        (("--task", "lift_brick", "--record", "d.hdf5", "--camera", "wrst"), "Did you mean 'wrist'"),
+        (("--task", "lift_brick", "--record", "d.hdf5", "--camera", "wrist=96"), "--camera must be NAME or"),
+        (("--task", "lift_brick", "--record", "d.hdf5", "--episodes", "0"), "'--episodes': 0 is not in the range"),
+        (("--task", "lift_brick", "--record", "d.hdf5", "--device", "keyboard"), "--device keyboard needs a terminal"),
+        (("--camera", "wrist"), "--pace are for --record"),
+        (("--velocity-limit", "1", "2"), "--velocity-limit must be one number or 6, got 2"),
+        (("--velocity-limit", "0"), "--velocity-limit must be"),
+        (("--render",), "--render shows the simulation of a task"),
     ],
 )
 def test_what_is_refused(run: Run, words: tuple[str, ...], message: str) -> None:

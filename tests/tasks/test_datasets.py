@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import json
 import os
+import resource
+import shutil
 import signal
 import subprocess
 import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -16,18 +19,20 @@ import pytest
 from numpy.typing import NDArray
 
 import jacokin.tasks
-from jacokin.chunks.execution import worker_processes
-from jacokin.errors import InvalidInputError
+from jacokin.chunks.execution import Progress, worker_processes
+from jacokin.errors import InvalidInputError, JacokinError
 from jacokin.mujoco_bridge.distributions import Uniform
 from jacokin.tasks import Randomization, Task, TaskEnv
 from jacokin.tasks.datasets import recording, video
-from jacokin.tasks.datasets.recording import Recorded, run_episode
+from jacokin.tasks.datasets.recorded import Recorded
+from jacokin.tasks.datasets.recording import run_episode
 from jacokin.tasks.task import CONTROL_TIMESTEP
 from tests import rendering
 from tests.cli.run import leave
 
 h5py = pytest.importorskip("h5py", reason="the extra data is not installed")
 parquet = pytest.importorskip("pyarrow.parquet", reason="the extra data is not installed")
+hdf5 = pytest.importorskip("jacokin.tasks.datasets.hdf5")
 
 ROOT = Path(__file__).resolve().parents[2]
 STEPS, EPISODES, SEED = 6, 3, 4
@@ -362,3 +367,221 @@ def test_a_function_as_a_reward_needs_the_environment(tmp_path: Path) -> None:
     with pytest.raises(InvalidInputError, match="give env="):
         jacokin.tasks.replay(path)
     assert jacokin.tasks.replay(path, env=env)[0].is_equal
+
+
+def is_continued_when_there_is_room(path: Path, make_room: Callable[[], None]) -> None:
+    """After a recording that found no room: nothing but whole episodes is there, and a second one goes on from them."""
+    kept = sorted(path.parent.rglob("*"))
+    folder = path.with_name(f"{path.name}.episodes")
+    assert [each for each in kept if each not in (folder, folder / "recipe.json") and each.suffix != ".npz"] == []
+    make_room()
+    told: list[int] = []
+    jacokin.tasks.record(
+        make(), Wave(), path, episodes=EPISODES, seed=SEED, progress=lambda made: told.append(made.done)
+    )
+    assert len(told) == EPISODES - sum(each.suffix == ".npz" for each in kept)
+    for one, other in zip(read(path), expected(), strict=True):
+        check_equal(one, other, observed=path.suffix != ".lerobot")
+    assert [each.name for each in path.parent.iterdir()] == [path.name]
+
+
+@pytest.mark.usefixtures("short")
+@pytest.mark.parametrize("room", [10, 3_000, 16_000, 50_000])  # [byte] an episode takes 12,000
+@pytest.mark.parametrize("ending", FORMATS)
+def test_files_that_may_not_grow(ending: str, room: int, tmp_path: Path) -> None:
+    path, (_, most) = tmp_path / f"demos{ending}", resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (room, most))
+    try:
+        with pytest.raises(JacokinError, match=f"demos{ending}.*: cannot be .*: File too large"):
+            jacokin.tasks.record(make(), Wave(), path, episodes=EPISODES, seed=SEED)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))
+    is_continued_when_there_is_room(path, lambda: None)
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[tuple[Path, Callable[[int], None]]]:
+    """A disk in memory, and what changes its size [KiB]."""
+    place = tmp_path / "disk"
+    place.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=200k", "tmpfs", str(place)]
+    if shutil.which("mount") is None or subprocess.run(mount, check=False, capture_output=True).returncode:
+        pytest.skip("disks cannot be mounted here")
+
+    def resize(size: int) -> None:
+        subprocess.run(["mount", "-o", f"remount,size={size}k", str(place)], check=True)
+
+    try:
+        yield place, resize
+    finally:
+        subprocess.run(["umount", str(place)], check=True)
+
+
+@pytest.mark.usefixtures("short")
+@pytest.mark.parametrize("size", [4, 24, 60, 100, 160])  # [KiB] the episodes take 52
+@pytest.mark.parametrize("ending", FORMATS)
+def test_a_full_disk(ending: str, size: int, small_disk: tuple[Path, Callable[[int], None]]) -> None:
+    folder, resize = small_disk
+    path = folder / f"demos{ending}"
+    resize(size)
+    with pytest.raises(JacokinError, match=f"demos{ending}.*: cannot be .*: No space left on device"):
+        jacokin.tasks.record(make(), Wave(), path, episodes=EPISODES, seed=SEED)
+    is_continued_when_there_is_room(path, lambda: resize(10_000))
+
+
+KILLED_WRITING = """
+import os, signal, sys
+sys.path[:0] = sys.argv[3:]
+from tests.tasks.test_datasets import *
+from jacokin.tasks.datasets import hdf5, lerobot
+Task.time_limit = STEPS * CONTROL_TIMESTEP
+where = {"hdf5": (hdf5, "_dones"), "minari": (hdf5, "_serialized"), "lerobot": (lerobot, "_features")}
+module, name = where[sys.argv[2]]
+setattr(module, name, lambda *_: os.kill(os.getpid(), signal.SIGKILL))
+jacokin.tasks.record(make(), Wave(), sys.argv[1], episodes=EPISODES, seed=SEED)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("short")
+@pytest.mark.parametrize("ending", FORMATS)
+def test_a_kill_in_the_last_write_leaves_nothing_for_ever(ending: str, tmp_path: Path) -> None:
+    path = tmp_path / f"demos{ending}"
+    command = [sys.executable, "-P", "-c", KILLED_WRITING, str(path), ending[1:], str(ROOT), *sys.path]
+    done = subprocess.run(command, check=False, capture_output=True)
+    assert done.returncode == -signal.SIGKILL, done.stderr
+    folder = path.with_name(f"{path.name}.episodes")
+    assert list(tmp_path.iterdir()) == [folder]
+    assert any(each.name.endswith(".unfinished") for each in folder.iterdir())
+    told: list[int] = []
+    jacokin.tasks.record(
+        make(), Wave(), path, episodes=EPISODES, seed=SEED, progress=lambda made: told.append(made.done)
+    )
+    assert told == []
+    assert list(tmp_path.iterdir()) == [path]
+
+
+class StopError(Exception):
+    """Ends a recording in the middle."""
+
+
+def interrupted(path: Path, env: TaskEnv, policy: Any, episodes: int = 2) -> None:
+    """Record until some episodes are kept."""
+
+    def stop(made: Progress) -> None:
+        if made.done == episodes:
+            raise StopError
+
+    with pytest.raises(StopError):
+        jacokin.tasks.record(env, policy, path, episodes=EPISODES, seed=SEED, progress=stop)
+
+
+class Steady:
+    """The same action always, or another one late in the episode."""
+
+    def __init__(self, speed: float, last: float | None = None) -> None:
+        self.speed, self.last = speed, speed if last is None else last
+
+    def reset(self) -> None:
+        self.time = 0
+
+    def __call__(self, observation: Any) -> NDArray[np.float64]:
+        self.time += 1
+        return np.full(9, self.last if self.time == STEPS else self.speed)
+
+
+@pytest.mark.usefixtures("short")
+def test_a_recording_goes_on_with_what_began_it_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    env, path = TaskEnv("reach_site", flatten=False), tmp_path / "demos.hdf5"
+    interrupted(path, env, Steady(0.1))
+    kept = sorted(tmp_path.rglob("*"))
+    for policy in (Steady(0.2), Steady(0.1, last=0.1001)):
+        with pytest.raises(InvalidInputError, match="holds episodes by another policy: its actions differ"):
+            jacokin.tasks.record(env, policy, path, episodes=EPISODES, seed=SEED)
+    others = {
+        "environment.id": TaskEnv("reach_duplo", flatten=False),
+        "environment.kwargs.flatten": TaskEnv("reach_site"),
+        "environment.kwargs.control ": TaskEnv("reach_site", flatten=False, control="joint_delta"),
+        "environment.kwargs.control_timestep": TaskEnv("reach_site", flatten=False, control_timestep=0.02),
+        "environment.kwargs.reward": TaskEnv("reach_site", flatten=False, reward="sparse"),
+        "environment.kwargs.randomization": TaskEnv("reach_site", flatten=False, randomization=VARIED),
+    }
+    for words, other in others.items():
+        with pytest.raises(InvalidInputError, match=f"another recipe, which differs in.*{words}"):
+            jacokin.tasks.record(other, Steady(0.1), path, episodes=EPISODES, seed=SEED)
+    with pytest.raises(InvalidInputError, match="another recipe, which differs in seed"):
+        jacokin.tasks.record(env, Steady(0.1), path, episodes=EPISODES, seed=SEED + 1)
+    heavy = TaskEnv("reach_site", flatten=False)
+    heavy.model.opt.gravity[0] = 3.0  # what no option tells of
+    with pytest.raises(InvalidInputError, match="of another environment: .*states"):
+        jacokin.tasks.record(heavy, Steady(0.1), path, episodes=EPISODES, seed=SEED)
+    with monkeypatch.context() as patched:
+        patched.setattr(Task, "time_limit", 2 * STEPS * CONTROL_TIMESTEP)
+        with pytest.raises(InvalidInputError, match="of another environment"):
+            jacokin.tasks.record(TaskEnv("reach_site", flatten=False), Steady(0.1), path, episodes=EPISODES, seed=SEED)
+    assert sorted(tmp_path.rglob("*")) == kept
+    jacokin.tasks.record(env, Steady(0.1), path, episodes=EPISODES, seed=SEED)
+    assert all(each.is_equal for each in jacokin.tasks.replay(path))
+    for each in read(path):
+        np.testing.assert_array_equal(each.actions, 0.1)
+
+
+@pytest.mark.usefixtures("short")
+def test_rewards_of_the_same_name_are_told_apart(tmp_path: Path) -> None:
+    def make_with(factor: float) -> TaskEnv:
+        return TaskEnv("reach_site", reward=lambda state: factor * state["target_position"][..., 0])
+
+    path = tmp_path / "demos.hdf5"
+    interrupted(path, make_with(1.0), Steady(0.1))
+    with pytest.raises(InvalidInputError, match="of another environment: rewards differ"):
+        jacokin.tasks.record(make_with(2.0), Steady(0.1), path, episodes=EPISODES, seed=SEED)
+    jacokin.tasks.record(make_with(1.0), Steady(0.1), path, episodes=EPISODES, seed=SEED)
+
+
+@pytest.mark.usefixtures("short")
+def test_policies_that_do_not_follow_from_the_seed_go_on(tmp_path: Path) -> None:
+    env, path, rng = TaskEnv("reach_site"), tmp_path / "demos.hdf5", np.random.default_rng(0)
+
+    def act(observation: Any) -> NDArray[np.float64]:
+        return rng.uniform(-0.1, 0.1, 9)
+
+    interrupted(path, env, act)
+    told: list[int] = []
+    jacokin.tasks.record(env, act, path, episodes=EPISODES, seed=SEED, progress=lambda made: told.append(made.done))
+    assert told == [3]
+    assert all(each.is_equal for each in jacokin.tasks.replay(path))
+
+
+@pytest.mark.usefixtures("short")
+def test_one_process_records_to_a_path_at_a_time(tmp_path: Path) -> None:
+    path, env = tmp_path / "demos.hdf5", TaskEnv("reach_site")
+
+    def act(observation: Any) -> NDArray[np.float64]:
+        with pytest.raises(InvalidInputError, match="another process is working on it"):
+            jacokin.tasks.record(TaskEnv("reach_site"), act, path, seed=SEED)
+        return np.zeros(9)
+
+    jacokin.tasks.record(env, act, path, seed=SEED)
+
+
+@pytest.mark.usefixtures("short")
+def test_actions_at_random_go_on_as_they_would_have(tmp_path: Path) -> None:
+    """Of the command line: those of an episode follow from its seed."""
+    paths = [str(tmp_path / f"{name}.hdf5") for name in ("whole", "last")]
+    assert leave("task", "reach_site", "--episodes", "2", "--seed", "3", "--record", paths[0]) == 0
+    assert leave("task", "reach_site", "--episodes", "1", "--seed", "4", "--record", paths[1]) == 0
+    check_equal(read(Path(paths[0]))[1], read(Path(paths[1]))[0])
+
+
+@pytest.mark.usefixtures("short")
+def test_episodes_that_end_early_are_equal_as_far_as_they_go(tmp_path: Path) -> None:
+    path, env = tmp_path / "demos.hdf5", TaskEnv("reach_site", flatten=False)
+    short = run_episode(env, Steady(0.1), SEED, most=3)
+    hdf5.write(path, recording.describe(env), env, lambda: [short])
+    (found,) = jacokin.tasks.replay(path)
+    assert (found.is_equal, found.differing) == (True, ())
+    Task.time_limit = 2 * CONTROL_TIMESTEP  # shorter than the recording
+    (found,) = jacokin.tasks.replay(path)
+    assert not found.is_equal
+    assert found.largest_difference == np.inf
+    assert set(found.differing) >= {"actions", "rewards", "states"}

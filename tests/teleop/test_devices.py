@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from jacokin import Robot
+from jacokin import Robot, Tracker
 from jacokin.errors import InvalidInputError, JacokinError, MissingExtraError, UnknownNameError
-from jacokin.teleop import Controller, Fingers, Keyboard, Player, SpaceMouse, Stream, make_stream
+from jacokin.teleop import Controller, Fingers, Keyboard, Player, SpaceMouse, Stream, Teleop, lead, make_stream
 from jacokin.teleop.devices import twist_of_space_mouse
 from jacokin.teleop.streams import KINDS
 
@@ -291,7 +291,7 @@ def test_pyspacemouse_itself_reads_the_reports_of_a_mouse(monkeypatch: pytest.Mo
         return bytearray([channel]) + b"".join(number.to_bytes(2, "little", signed=True) for number in numbers)
 
     with SpaceMouse(speed=0.1, turn=1.0) as mouse:
-        assert np.allclose(np.asarray(mouse.read(0.0)), 0.0)
+        assert mouse.read(0.0) is None  # nothing has come yet
         for number in range(20):
             hid.waiting += [report(1, 10 * number, 0, 0), report(2, 0, 0, 0)]
         hid.waiting += [report(1, 350, -175, -70), report(2, 35, -70, 105)]
@@ -299,7 +299,114 @@ def test_pyspacemouse_itself_reads_the_reports_of_a_mouse(monkeypatch: pytest.Mo
         hid.is_there = False
         assert mouse.read(0.02) is None
         hid.is_there = True
-        assert np.allclose(np.asarray(mouse.read(1.5)), 0.0)
+        hid.waiting += [report(1, 0, -350, 0)]
+        assert np.allclose(np.asarray(mouse.read(1.5)), [0.0, 0.1, 0.0, 0.0, 0.0, 0.0])
+
+
+def plug_in(monkeypatch: pytest.MonkeyPatch, mice: list[tuple[str, FakeMouse | Exception]]) -> None:
+    """Names and interfaces, as the package lists them: a mouse has as many of both."""
+
+    def open_mouse(axis_convention: object, device: str | None = None, device_index: int = 0) -> FakeMouse:
+        those = [each for name, each in mice if device in (name, None)]
+        if not those:
+            raise RuntimeError("No connected or supported devices found.")
+        found = those[device_index]
+        if isinstance(found, Exception):
+            raise found
+        return found
+
+    module = SimpleNamespace(
+        open=open_mouse,
+        get_connected_devices=lambda: [name for name, _ in mice],
+        AxisConvention=SimpleNamespace(HID_Z_UP="hid_z_up"),
+    )
+    monkeypatch.setitem(sys.modules, "pyspacemouse", module)
+
+
+def resting() -> FakeMouse:
+    fake = FakeMouse()
+    fake.state.z = 0.0
+    return fake
+
+
+def test_a_silent_first_interface_does_not_hide_the_mouse(monkeypatch: pytest.MonkeyPatch) -> None:
+    silent, battery, cap = resting(), resting(), resting()
+    plug_in(monkeypatch, [("SpaceMouse Pro", silent), ("SpaceMouse Pro", battery), ("SpaceMouse Pro", cap)])
+    with SpaceMouse(speed=0.2) as mouse:
+        battery.waiting = [{}]  # a report that says nothing of the cap
+        assert mouse.read(0.0) is None
+        cap.waiting = [{"x": 0.5}]
+        assert np.allclose(np.asarray(mouse.read(0.1)), [0.1, 0.0, 0.0, 0.0, 0.0, 0.0])
+        assert (silent.closed, battery.closed, cap.closed) == (True, True, False)
+        cap.waiting = [{"x": 0.0}]
+        for tick in range(100):  # at rest it says so, for as long as it is
+            assert np.allclose(np.asarray(mouse.read(1.0 + tick)), 0.0)
+        assert mouse.trouble == ""
+    assert cap.closed
+
+
+def test_of_two_mice_the_one_that_is_moved_first_leads(monkeypatch: pytest.MonkeyPatch) -> None:
+    one, other = resting(), resting()
+    plug_in(monkeypatch, [("SpaceNavigator", one), ("SpaceMouse Compact", other)])
+    mouse = SpaceMouse(speed=0.1)
+    other.waiting = [{"y": 1.0}]
+    assert np.allclose(np.asarray(mouse.read(0.0)), [0.0, 0.1, 0.0, 0.0, 0.0, 0.0])
+    one.waiting = [{"x": 1.0}]
+    assert np.allclose(np.asarray(mouse.read(0.1)), [0.0, 0.1, 0.0, 0.0, 0.0, 0.0])
+    other.plugged = False
+    assert mouse.read(0.2) is None
+    other.plugged, one.plugged = False, True
+    assert np.allclose(np.asarray(mouse.read(1.3)), [0.1, 0.0, 0.0, 0.0, 0.0, 0.0])  # what is there now
+
+
+def test_a_mouse_that_says_nothing_says_why(monkeypatch: pytest.MonkeyPatch, robot: Robot) -> None:
+    silent = resting()
+    plug_in(monkeypatch, [("SpaceNavigator", silent)])
+    mouse = SpaceMouse()
+    assert mouse.read(0.0) is None
+    assert mouse.trouble == ""
+    assert mouse.read(6.0) is None
+    assert mouse.trouble == "nothing has come from SpaceNavigator yet: push its cap, or plug it in anew"
+    session = lead(Teleop(Tracker(robot, dt=0.1), clutch=True), SpaceMouse(), seconds=8.0, paced=False)
+    assert list(session.faults) == [mouse.trouble]
+    assert session.statuses == {"WAITING": 80}
+    silent.plugged = False
+    assert mouse.read(6.1) is None
+    assert mouse.trouble == "the space mouse is unplugged"
+
+
+@pytest.mark.parametrize("error", [RuntimeError("Failed to open device"), PermissionError(13, "Permission denied")])
+def test_a_mouse_without_permission_says_how_to_give_it(monkeypatch: pytest.MonkeyPatch, error: Exception) -> None:
+    plug_in(monkeypatch, [("SpaceNavigator", error)])
+    with pytest.raises(JacokinError, match=r"SpaceNavigator is plugged in and cannot be opened .*udev rule"):
+        SpaceMouse()
+    plug_in(monkeypatch, [("SpaceNavigator", error), ("SpaceMouse Pro", FakeMouse())])
+    assert SpaceMouse(speed=0.2).read(0.0) is not None  # the other one can
+    plug_in(monkeypatch, [])
+    with pytest.raises(JacokinError, match="no space mouse can be opened: No connected"):
+        SpaceMouse()
+
+
+def test_the_buttons_of_a_mouse_close_and_open_the_fingers(monkeypatch: pytest.MonkeyPatch) -> None:
+    fake = resting()
+    plug_in(monkeypatch, [("SpaceNavigator", fake)])
+    mouse, fingers = SpaceMouse(), list[float]()
+    for buttons in ([0, 0], [1, 0], [0, 1], [1, 1], [1]):
+        vars(fake.state).update(buttons=buttons)
+        mouse.read(0.0)
+        fingers.append(mouse.fingers)
+    assert fingers == [0.0, 1.0, -1.0, 0.0, 1.0]
+
+
+def test_a_recording_plays_anew(robot: Robot) -> None:
+    player = Player(make_stream(robot, "smooth", np.random.default_rng(0)))
+    first = player.read(0.5)
+    while not player.ended:
+        player.read(100.0)
+    player.reset(50.0)
+    assert not player.ended
+    assert player.read(49.9) is None
+    np.testing.assert_array_equal(np.asarray(player.read(50.5)), np.asarray(first))
 
 
 def test_without_its_package_a_space_mouse_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,13 +11,15 @@ import pinocchio as pin
 import pytest
 from numpy.typing import NDArray
 
-from jacokin import Robot, Tracker
+from jacokin import IKSolver, Robot, Tracker, load_robot
 from jacokin.errors import InvalidInputError
 from jacokin.ik import Box, Floor, Scene
+from jacokin.model.descriptions.bundled import NAMES
 from jacokin.model.poses import quat_wxyz
 from jacokin.motion import LimitDistance, Manipulability, TrackerStatus
 from jacokin.teleop import Player, Stream, Teleop, TeleopStatus, TeleopStep, make_stream
 from jacokin.teleop.streams import KINDS
+from tests.robot_files import UR5_JOINTS
 
 Array = NDArray[np.float64]
 DT = 0.01  # [s]
@@ -90,7 +94,7 @@ def test_closing_the_clutch_moves_nothing_and_opening_it_holds(robot: Robot) -> 
         assert np.abs(last.v).max() < 1e-6
     for tick in range(101):
         last = step(hand(2.0 - 1e-3 * tick))
-    for _ in range(30):
+    for _ in range(60):
         last = step(hand(1.9))
     assert step.tool.translation[0] == pytest.approx(there.translation[0] - 0.1, abs=1e-3)
 
@@ -151,15 +155,37 @@ def test_a_hand_in_every_tick_and_one_that_is_not_smoothed_are_commanded_at_once
 
 
 def test_twists_with_pauses_are_commanded_at_once(robot: Robot) -> None:
-    step, height = make(robot, clutch=True), 0.0
-    start = step.tool.translation[2]
+    step = make(robot, clutch=True)
     for tick in range(80):
         twist = [0.0, 0.0, 0.05 * (tick % 10 < 5), 0.0, 0.0, 0.0]
+        before = step.tool.translation[2]
         last = step(twist)
-        height += DT * twist[2]
         assert last.target is not None
-        assert last.target.translation[2] - start == pytest.approx(height, abs=1e-9)
+        assert last.target.translation[2] - before == pytest.approx(DT * twist[2], abs=1e-9)
         assert last.latency == 0.0
+
+
+def test_a_low_pass_is_one_of_twists_too(robot: Robot) -> None:
+    step = make(robot, clutch=True, filter=0.2)
+    start = step.tool.translation[2]
+    for _ in range(200):
+        last = step([0.0, 0.0, 0.03, 0.0, 0.0, 0.0])
+    assert last.latency == 0.2
+    assert step.tool.translation[2] - start == pytest.approx(0.03 * (2.0 - 0.2), abs=2e-3)
+
+
+def test_from_a_twist_to_a_pose_and_back_nothing_jumps(robot: Robot) -> None:
+    """Limits of acceleration are checked in every tick; the tool stays where the change finds it."""
+    step = make(robot, clutch=True)
+    for _ in range(60):
+        step([0.0, 0.05, 0.05, 0.0, 0.0, 0.3])
+    where = step.tool
+    for _ in range(100):
+        step(hand(4.0))
+    assert np.linalg.norm(step.tool.translation - where.translation) < 5e-3
+    for _ in range(60):
+        step([0.0, -0.05, 0.0, 0.0, 0.0, 0.0])
+    assert 0.02 < where.translation[1] - step.tool.translation[1] < 0.035
 
 
 def test_a_hand_that_repeats_its_pose_between_moves_is_a_slow_hand(robot: Robot) -> None:
@@ -177,15 +203,16 @@ def test_twists_lead_while_they_last_and_wind_nothing_up(robot: Robot) -> None:
     start = step.tool
     for tick in range(100):
         step([0.0, 0.0, 0.05, 0.0, 0.0, 0.1] if tick % 5 == 0 else None)
-    for _ in range(30):
-        step(np.zeros(6))
+    for _ in range(50):
+        last = step(np.zeros(6))
+    assert not last.v.any()  # not even a little
     assert np.allclose(step.tool.translation - start.translation, [0.0, 0.0, 0.05], atol=1e-3)
     for _ in range(1_000):  # far out of reach
         last = step([0.0, 0.0, 0.2, 0.0, 0.0, 0.0])
     assert last.target is not None
-    assert last.target.translation[2] - step.tool.translation[2] < 0.06
+    assert last.target.translation[2] - step.tool.translation[2] < 0.01
     top = step.tool.translation[2]
-    for _ in range(100):
+    for _ in range(150):
         last = step([0.0, 0.0, -0.1, 0.0, 0.0, 0.0])
     assert step.tool.translation[2] < top - 0.03
 
@@ -221,7 +248,7 @@ def test_walls_are_approached_softly_and_never_crossed(robot: Robot) -> None:
         assert heights[-1] <= box[1][2] + 1e-12
     speeds = np.diff(heights)
     assert (np.diff(speeds[1:]) <= 1e-12).all()  # slower and slower
-    assert heights[-1] > box[1][2] - 2e-3
+    assert heights[-1] > box[1][2] - 3e-3
     for tick in range(40):  # back at once
         last = step(hand(0.0, 0.0, 0.2 - 5e-4 * tick))
     assert last.target is not None
@@ -237,6 +264,99 @@ def test_an_arm_outside_the_walls_may_come_in_only(robot: Robot) -> None:
     for tick in range(60):
         last = step(hand(0.0, 0.0, 0.06 - 1e-3 * tick))
     assert step.tool.translation[2] < start[2] - 0.05
+
+
+def wild(rng: np.random.Generator, ticks: int) -> Iterator[pin.SE3]:
+    """A hand that jumps, turns and runs."""
+    place, turn, v, w = (np.zeros(3) for _ in range(4))
+    for _ in range(ticks):
+        if rng.random() < 0.02:
+            v, w = rng.uniform(-0.6, 0.6, 3), rng.uniform(-2.5, 2.5, 3)
+        if rng.random() < 0.01:
+            place = place + rng.uniform(-0.4, 0.4, 3)
+            turn = rng.uniform(-3.0, 3.0, 3)
+        place, turn = place + v * DT, turn + w * DT
+        yield pin.SE3(pin.exp3(turn), place)
+
+
+@pytest.mark.parametrize("name", ["j2n6s300", "j2s7s300"])
+@pytest.mark.parametrize("acceleration", [ACCELERATION, 40.0])
+@pytest.mark.parametrize("outside", [0.0, 0.05])
+def test_tool_and_target_stay_in_the_workspace_whatever_the_hand_does(
+    bundled: Any, name: str, acceleration: float, outside: float
+) -> None:
+    """Jumps, turns and new ties lead neither outside, nor farther outside than they were at first."""
+    robot = bundled(name)
+    for seed in range(2):
+        rng = np.random.default_rng([seed, 40])
+        start = robot.forward_kinematics(robot.home).translation
+        lower, upper = start - rng.uniform(0.01, 0.1, 3), start + rng.uniform(0.01, 0.1, 3)
+        upper[0] = max(upper[0], lower[0] + 0.02) if not outside else upper[0]
+        if outside:
+            lower[0], upper[0] = start[0] + outside, start[0] + outside + 0.1
+        tracker = Tracker(robot, dt=DT, acceleration_limit=acceleration)
+        teleop = Teleop(tracker, clutch=True, workspace=(lower, upper), scale=float(rng.choice([0.5, 1.0, 3.0])))
+        far = np.maximum(lower - start, 0.0)
+        for hand in wild(rng, 400):
+            if rng.random() < 0.03:
+                teleop.clutch(not teleop.engaged)
+            step = teleop.step(hand)
+            tool = robot.forward_kinematics(step.q).translation
+            assert (np.maximum(lower - tool, tool - upper) <= far + 1e-4 * (far > 0.0)).all()
+            if step.target is not None:
+                target = step.target.translation
+                assert (np.maximum(lower - target, target - upper) <= far).all()
+
+
+def test_a_tool_comes_to_its_target_in_the_corner_of_a_workspace(robot: Robot) -> None:
+    start = robot.forward_kinematics(robot.home).translation
+    step = make(robot, clutch=True, workspace=(start - 0.1, start + 0.05))
+    for tick in range(500):
+        part = min(tick / 300, 1.0)
+        last = step(hand(0.2 * part, 0.2 * part, 0.2 * part, (0.0, 0.0, 0.6 * part)))
+    assert last.tracking.status is TrackerStatus.OK
+    assert np.abs(step.tool.translation - start - 0.05).max() < 4e-3
+
+
+def test_an_arm_that_the_workspace_holds_says_so(robot: Robot) -> None:
+    """A target is far ahead, by its turn: the tool would leave the box on the way, or waits."""
+    start = robot.forward_kinematics(robot.home).translation
+    teleop = Teleop(Tracker(robot, dt=DT, acceleration_limit=4.0), clutch=True, workspace=(start - 0.02, start + 0.02))
+    seen = set()
+    for pose in wild(np.random.default_rng(3), 400):
+        step = teleop.step(pose)
+        seen |= set(step.tracking.limiting)
+        assert step.target is not None
+        off = teleop.tool.translation - step.target.translation
+        assert step.tracking.position_error == pytest.approx(float(np.linalg.norm(off)), abs=1e-9)
+    assert "workspace" in seen
+
+
+@pytest.mark.parametrize("filtered", ["auto", 0.05])
+def test_single_frames_that_no_hand_can_have_made_are_left_out(robot: Robot, filtered: str | float) -> None:
+    clean, wrong = (make(robot, clutch=True, filter=filtered) for _ in range(2))
+    for tick in range(400):
+        pose = hand(0.0, 0.0, 3e-4 * min(tick, 250))
+        bad = pin.SE3(pin.exp3(np.array([0.0, np.pi / 2, 0.0])) @ pose.rotation, pose.translation + (tick % 2) * 0.3)
+        a, b = clean(pose), wrong(bad if tick % 17 == 9 else pose)
+        assert np.abs(a.q - b.q).max() < 1e-2
+        assert np.abs(b.v).max() < 0.3
+    assert np.abs(a.q - b.q).max() < 1e-3
+
+
+def test_a_hand_that_has_truly_jumped_is_followed_with_its_next_pose(robot: Robot) -> None:
+    step = make(robot, clutch=True)
+    step(hand())
+    assert np.abs(step(hand(0.3)).v).max() < 1e-9
+    for _ in range(300):
+        last = step(hand(0.1))
+    assert last.tracking.position_error < 1e-4
+    assert step.tool.translation[0] == pytest.approx(
+        robot.forward_kinematics(robot.home).translation[0] + 0.1, abs=1e-4
+    )
+    unfiltered = make(robot, clutch=True, filter=None)
+    unfiltered(hand())
+    assert np.abs(unfiltered(hand(0.1)).v).max() > 1e-3
 
 
 def test_without_input_the_arm_brakes_says_so_and_goes_on_where_it_is(robot: Robot) -> None:
@@ -358,6 +478,83 @@ def test_another_branch_is_reached_without_contact_and_the_tool_is_back(robot: R
     assert last.status is TeleopStatus.FOLLOWING
     assert last.tracking.position_error < 2e-3
     assert start.translation[2] < stood.translation[2]
+
+
+def switched(teleop: Teleop, ticks: int = 4_000) -> TeleopStep:
+    for _ in range(ticks):
+        if (step := teleop.step(hand())).status is not TeleopStatus.SWITCHING:
+            return step
+    raise AssertionError("the other branch is not reached")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_bundled_arm_reaches_another_branch(bundled: Any, name: str) -> None:
+    robot = bundled(name)
+    teleop = Teleop(Tracker(robot, dt=0.02, acceleration_limit=ACCELERATION))
+    start, q = teleop.tool, teleop.tracker.q
+    plan = teleop.switch_branch()
+    assert plan.success
+    switched(teleop)
+    assert np.abs(teleop.tracker.q - q).max() > 0.3
+    assert np.linalg.norm(teleop.tool.translation - start.translation) < 1e-3
+    assert np.linalg.norm(pin.log3(teleop.tool.rotation.T @ start.rotation)) < 1e-3
+
+
+def test_seven_joints_switch_to_another_curve_from_anywhere(bundled: Any) -> None:
+    robot, rng, switches = bundled("j2s7s300"), np.random.default_rng(5), 0
+    solver = IKSolver(robot)
+    for q in robot.sample(rng, 12):
+        teleop = Teleop(Tracker(robot, q=q, acceleration_limit=ACCELERATION))
+        plan = teleop.switch_branch()
+        switches += plan.success
+        family = solver.family(teleop.tool, seed=q)
+        distances = {i: float(np.abs(each.nearest(plan.q[-1]) - plan.q[-1]).max()) for i, each in enumerate(family)}
+        before = {i: float(np.abs(each.nearest(q) - q).max()) for i, each in enumerate(family)}
+        there, here = (min(found, key=lambda i: found[i]) for found in (distances, before))
+        assert distances[there] < 1e-6
+        assert not plan.success or family.intervals[there].branch != family.intervals[here].branch
+    assert switches >= 11
+
+
+def arm(joints: int, folder: Path) -> Robot:
+    """A UR5 that lacks its last joint, or has one more."""
+    links = "".join(f'<link name="l{i}"/>' for i in range(joints + 1))
+    rows = "".join(
+        f'<joint name="q{i}" type="revolute"><parent link="l{i}"/><child link="l{i + 1}"/>'
+        f'<origin xyz="{xyz}" rpy="{rpy}"/><axis xyz="{axis}"/>'
+        '<limit lower="-3.1" upper="3.1" effort="1" velocity="1"/></joint>'
+        for i, (xyz, rpy, axis) in enumerate([*UR5_JOINTS, ("0 0.05 0.1", "0.4 0 0", "1 0 0")][:joints])
+    )
+    (folder / "arm.urdf").write_text(f'<robot name="arm">{links}{rows}</robot>')
+    return load_robot(folder / "arm.urdf")
+
+
+@pytest.mark.parametrize("joints", [5, 6, 7])
+def test_other_arms_reach_another_branch_or_say_that_theirs_cannot_be_listed(joints: int, tmp_path: Path) -> None:
+    robot = arm(joints, tmp_path)
+    q = np.array([0.3, -1.2, 1.3, -0.5, 1.1, 0.4, 0.2])[:joints]
+    teleop = Teleop(Tracker(robot, q=q, acceleration_limit=ACCELERATION))
+    start = teleop.tool
+    if joints == 5:
+        with pytest.raises(InvalidInputError, match="cannot be listed, so give q"):
+            teleop.switch_branch()
+        assert teleop.switch_branch(q + 0.1).success
+        return
+    assert teleop.switch_branch().success
+    switched(teleop)
+    assert np.abs(teleop.tracker.q - q).max() > 0.3
+    assert np.linalg.norm(teleop.tool.translation - start.translation) < 1e-3
+
+
+def test_a_switch_keeps_the_tool_in_the_workspace_or_says_that_none_does(robot: Robot) -> None:
+    start = robot.forward_kinematics(robot.home).translation
+    tight = Teleop(Tracker(robot, acceleration_limit=ACCELERATION), workspace=(start - 0.01, start + 0.01))
+    plan = tight.switch_branch()
+    assert not plan.success
+    assert "inside the workspace" in plan.message
+    assert tight.step().status is TeleopStatus.HOLDING
+    wide = Teleop(Tracker(robot, acceleration_limit=ACCELERATION), workspace=(start - 1.5, start + 1.5))
+    assert wide.switch_branch().success
 
 
 def test_opening_the_clutch_stops_a_switch(robot: Robot) -> None:

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import fcntl
 import functools
 import pickle
 import shutil
@@ -375,11 +374,7 @@ def _folder(
     if not path.exists():
         stack.push(functools.partial(_remove_new, path))
     folder = ChunkFolder(path, recipe, count, ".chunk")
-    lock = stack.enter_context((path / RECIPE).open("rb"))
-    try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError as error:
-        raise InvalidInputError(f"{path}: another process is working on it") from error
+    stack.enter_context(folder.locked())
     return final, folder
 
 

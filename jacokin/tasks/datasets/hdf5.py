@@ -6,8 +6,11 @@ In robomimic's layout an episode is a group ``data/demo_0`` with ``obs`` and ``n
 
 from __future__ import annotations
 
+import contextlib
 import copy
+import io
 import json
+import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -16,10 +19,21 @@ import gymnasium
 import mujoco
 import numpy as np
 from gymnasium import spaces
+from numpy.typing import NDArray
 
-from jacokin import files
 from jacokin.errors import InvalidInputError, MissingExtraError
-from jacokin.tasks.datasets.recording import FUNCTION, SINGLE, Recorded
+from jacokin.files import ARRAYS
+from jacokin.tasks.datasets.placing import placing
+from jacokin.tasks.datasets.recorded import (
+    SINGLE,
+    Recorded,
+    checked_description,
+    count,
+    json_object,
+    read_json,
+    reading,
+)
+from jacokin.tasks.datasets.recording import FUNCTION
 from jacokin.tasks.gym.environment import TaskEnv
 
 try:
@@ -32,8 +46,79 @@ MINARI_FORMAT = "0.5.4"  # of Minari, whose layout this is
 MAIN, METADATA = "main_data.hdf5", "metadata.json"  # names of Minari's files
 _VARIED = "randomization/"  # begins the attributes of an episode that hold its randomization
 _COMPRESSED: Mapping[str, Any] = {"compression": "gzip", "compression_opts": 4, "shuffle": True}
+_DEEPEST = 4  # groups in groups in groups
+_DENSEST = 1100.0  # bytes in one of a compressed file; deflate can do 1032
 
 Episodes = Callable[[], Iterable[Recorded]]
+
+
+class _Sink(io.RawIOBase):
+    """A file for HDF5, which crashes where a write fails: it is told that all went well, and the error is kept.
+
+    Attributes:
+        error: the first error; what was to be written after it is dropped.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._file = path.open("w+b", buffering=0)
+        self.error: OSError | None = None
+
+    def readable(self) -> bool:
+        return True
+
+    def writable(self) -> bool:
+        return True
+
+    def seekable(self) -> bool:
+        return True
+
+    def seek(self, offset: int, whence: int = io.SEEK_SET) -> int:
+        return self._file.seek(offset, whence)
+
+    def tell(self) -> int:
+        return self._file.tell()
+
+    def readinto(self, buffer: Any) -> int:
+        return self._file.readinto(buffer)
+
+    def write(self, data: Any) -> int:
+        left = memoryview(data).cast("B")
+        size = len(left)
+        try:
+            while left and self.error is None:
+                left = left[self._file.write(left) :]
+        except OSError as error:
+            self.error = error
+        return size
+
+    def truncate(self, size: int | None = None) -> int:
+        try:
+            return self._file.truncate(size) if self.error is None else size or 0
+        except OSError as error:
+            self.error = error
+            return size or 0
+
+    def close(self) -> None:
+        try:
+            if not self.closed and self.error is None:
+                os.fsync(self._file.fileno())  # a disk may find out late that it is full
+            self._file.close()
+        except OSError as error:
+            self.error = self.error or error
+        super().close()
+
+    def raise_for_error(self) -> None:
+        if self.error is not None:
+            raise self.error
+
+
+@contextlib.contextmanager
+def _new_file(path: Path) -> Iterator[tuple[Any, Callable[[], None]]]:
+    """A new HDF5 file, and what raises OSError if it could not be written so far, as the end of the block does."""
+    sink = _Sink(path)
+    with contextlib.closing(sink), h5py.File(sink, "w", track_order=True) as file:
+        yield file, sink.raise_for_error
+    sink.raise_for_error()
 
 
 def write(path: Path, description: Mapping[str, Any], env: TaskEnv, episodes: Episodes) -> None:
@@ -48,34 +133,85 @@ def write(path: Path, description: Mapping[str, Any], env: TaskEnv, episodes: Ep
     Raises:
         InvalidInputError: it cannot be written.
     """
-    if path.suffix == ".minari":
-        with files.replacing_folder(path) as unfinished:
+    with placing(path) as unfinished:
+        if path.suffix == ".minari":
+            unfinished.mkdir()
             _write_minari(unfinished, description, env, episodes())
-        return
-    with files.replacing(path) as unfinished, h5py.File(unfinished, "w") as file:
-        _write_robomimic(file, description, env, episodes())
+        else:
+            _write_robomimic(unfinished, description, env, episodes())
 
 
 def read(path: Path) -> tuple[dict[str, Any], Iterator[Recorded]]:
     """The description of the environment, and the episodes in their order.
 
+    Nothing outside the data set is read: links are refused. What is kept twice must be the same.
+
     Raises:
-        InvalidInputError: no such data set.
+        InvalidInputError: no such data set, or it is damaged; also while the episodes are read.
     """
     main = path / MAIN if path.is_dir() else path
-    try:
-        with h5py.File(main) as file:
-            top = file if path.is_dir() else file["data"]
-            description = json.loads(top.attrs["jacokin"])
-    except (OSError, KeyError, ValueError) as error:
-        raise InvalidInputError(f"{path}: is not a data set that jacokin wrote: {error}") from error
-    return description, _minari_episodes(main) if path.is_dir() else _robomimic_episodes(main)
+    if main.is_symlink() or not main.is_file():
+        raise InvalidInputError(f"{path}: is not a data set that jacokin wrote: there is no file {main}")
+    with reading(path), h5py.File(main) as file:
+        _check_inside(file)
+        top = file if path.is_dir() else file["data"]
+        description = checked_description(json_object(top.attrs["jacokin"]))
+        names = sorted(top, key=lambda name: (len(name), name))
+        if names != [f"{'episode' if path.is_dir() else 'demo'}_{number}" for number in range(len(names))] or not names:
+            raise ValueError(f"its episodes are {names[:10]}")
+        if path.is_dir():
+            metadata = read_json(path / METADATA)
+            count("total_episodes", metadata["total_episodes"], len(names))
+        elif json_object(top.attrs["env_args"]) != _arguments(description):
+            raise ValueError("env_args and jacokin are not the same environment")
+    return description, _episodes(path, main, names)
 
 
-def _write_robomimic(file: Any, description: Mapping[str, Any], env: TaskEnv, episodes: Iterable[Recorded]) -> None:
+def _episodes(path: Path, main: Path, names: list[str]) -> Iterator[Recorded]:
+    """The episodes one by one, checked."""
+    with reading(path), h5py.File(main) as file:
+        for number, name in enumerate(names):
+            found = _minari_episode(file, file[name]) if path.is_dir() else _robomimic_episode(file["data"][name])
+            yield found.checked(f"{path}: episode {number + 1}")
+
+
+def _check_inside(group: Any, depth: int = 0) -> None:
+    """Check that all is in the file itself, and no larger than the file can hold.
+
+    Raises:
+        ValueError: it is not.
+    """
+    for name in group:
+        place = f"{group.name.rstrip('/')}/{name}"
+        link = group.get(name, getlink=True)
+        if not isinstance(link, h5py.HardLink):
+            raise ValueError(f"{place} is a link, and links are not followed")
+        each = group[name]
+        if isinstance(each, h5py.Group) and depth < _DEEPEST:
+            _check_inside(each, depth + 1)
+        elif not isinstance(each, h5py.Dataset):
+            raise ValueError(f"{place} is not a group or an array")
+        elif each.external or each.is_virtual:
+            raise ValueError(f"{place} is kept outside the file, which is not read")
+        elif each.shape is None or each.nbytes > min(ARRAYS, _DENSEST * each.id.get_storage_size() + 1000):
+            raise ValueError(f"{place} claims {each.nbytes} bytes")
+
+
+def _arguments(description: Mapping[str, Any]) -> dict[str, Any]:
+    """What robomimic makes the environment of."""
+    return {"env_name": description["id"], "type": ROBOMIMIC_GYM, "env_kwargs": description["kwargs"]}
+
+
+def _write_robomimic(path: Path, description: Mapping[str, Any], env: TaskEnv, episodes: Iterable[Recorded]) -> None:
+    with _new_file(path) as (file, check):
+        _fill_robomimic(file, check, description, env, episodes)
+
+
+def _fill_robomimic(
+    file: Any, check: Callable[[], None], description: Mapping[str, Any], env: TaskEnv, episodes: Iterable[Recorded]
+) -> None:
     data, solved = file.create_group("data", track_order=True), []
-    arguments = {"env_name": description["id"], "type": ROBOMIMIC_GYM, "env_kwargs": description["kwargs"]}
-    data.attrs["env_args"] = json.dumps(arguments)
+    data.attrs["env_args"] = json.dumps(_arguments(description))
     data.attrs["jacokin"] = json.dumps(description)
     data.attrs["mujoco"] = mujoco.__version__
     lower, upper = env._control.bounds
@@ -90,11 +226,10 @@ def _write_robomimic(file: Any, description: Mapping[str, Any], env: TaskEnv, ep
             key = name.replace("/", "_")
             demo.create_dataset(f"obs/{key}", data=values[:-1], **_COMPRESSED).attrs["name"] = name
             demo.create_dataset(f"next_obs/{key}", data=values[1:], **_COMPRESSED)
-        dones = np.zeros(n, dtype=np.int64)
-        dones[-1] = 1
-        columns = {"actions": each.actions, "rewards": each.rewards, "success": each.success, "dones": dones}
+        columns = {"actions": each.actions, "rewards": each.rewards, "success": each.success, "dones": _dones(n)}
         for name, values in {**columns, "states": each.states[:-1], "next_states": each.states[1:]}.items():
             demo.create_dataset(name, data=values, **_COMPRESSED)
+        check()
         total += n
         if each.success[-1]:
             solved.append(f"demo_{number - 1}")
@@ -102,19 +237,37 @@ def _write_robomimic(file: Any, description: Mapping[str, Any], env: TaskEnv, ep
     file.create_dataset("mask/solved", data=np.array(solved, dtype="S"))
 
 
-def _robomimic_episodes(path: Path) -> Iterator[Recorded]:
-    with h5py.File(path) as file:
-        data = file["data"]
-        for number in range(len(data)):
-            demo = data[f"demo_{number}"]
-            observations = {
-                values.attrs["name"]: np.concatenate((values[:], demo["next_obs"][key][-1:]))
-                for key, values in demo["obs"].items()
-            }
-            states = np.concatenate((demo["states"][:], demo["next_states"][-1:]))
-            actions, rewards, success = (demo[name][:] for name in ("actions", "rewards", "success"))
-            seed, error = int(demo.attrs["seed"]), str(demo.attrs["error"])
-            yield Recorded(seed, observations, actions, rewards, success, states, _varied(demo), error)
+def _dones(steps: int) -> NDArray[np.int64]:
+    dones = np.zeros(steps, dtype=np.int64)
+    dones[-1:] = 1
+    return dones
+
+
+def _robomimic_episode(demo: Any) -> Recorded:
+    observations = {}
+    if sorted(demo["obs"]) != sorted(demo["next_obs"]):
+        raise ValueError(f"{demo.name}/obs and next_obs have not the same names")
+    for key, values in demo["obs"].items():
+        observations[str(values.attrs["name"])] = _joined(values, demo["next_obs"][key])
+    actions, rewards, success = (demo[name][()] for name in ("actions", "rewards", "success"))
+    states = _joined(demo["states"], demo["next_states"])
+    count(f"{demo.name} num_samples", demo.attrs["num_samples"], len(actions))
+    if not np.array_equal(demo["dones"][()], _dones(len(actions))):
+        raise ValueError(f"{demo.name}/dones is not 1 at the end alone")
+    seed, error = demo.attrs["seed"].item(), demo.attrs["error"]
+    return Recorded(seed, observations, actions, rewards, success, states, _varied(demo), error)
+
+
+def _joined(before: Any, after: Any) -> NDArray[Any]:
+    """What was before each action and after the last, of what was before and after each.
+
+    Raises:
+        ValueError: what is in both differs.
+    """
+    first, second = before[()], after[()]
+    if first.dtype != second.dtype or first[1:].tobytes() != second[:-1].tobytes() or first.shape != second.shape:
+        raise ValueError(f"{after.name} does not follow {before.name} by one step")
+    return np.concatenate((first, second[-1:]))
 
 
 def _varied(group: Any) -> dict[str, float]:
@@ -123,7 +276,7 @@ def _varied(group: Any) -> dict[str, float]:
 
 def _write_minari(folder: Path, description: Mapping[str, Any], env: TaskEnv, episodes: Iterable[Recorded]) -> None:
     steps = number = 0
-    with h5py.File(folder / MAIN, "w", track_order=True) as file:
+    with _new_file(folder / MAIN) as (file, check):
         file.attrs["jacokin"] = json.dumps(description)
         names: dict[str, str] = {}
         for number, each in enumerate(episodes, 1):
@@ -136,18 +289,17 @@ def _write_minari(folder: Path, description: Mapping[str, Any], env: TaskEnv, ep
                 names[key] = name
                 place = "observations" if name == SINGLE else f"observations/{key}"
                 group.create_dataset(place, data=values, **_COMPRESSED)
-            truncations = np.zeros(n, dtype=bool)
-            truncations[-1] = True
             columns = {
                 "actions": each.actions,
                 "rewards": each.rewards,
                 "terminations": np.zeros(n, dtype=bool),
-                "truncations": truncations,
+                "truncations": _dones(n).astype(bool),
                 "infos/is_success": np.concatenate(([False], each.success)),
                 "infos/state": each.states,
             }
             for name, values in columns.items():
                 group.create_dataset(name, data=values, **_COMPRESSED)
+            check()
             steps += n
         file.attrs["names"] = json.dumps(names)
     metadata = {
@@ -184,23 +336,18 @@ def _serialized(space: spaces.Space[Any]) -> dict[str, Any]:
     return {"type": "Box", "dtype": str(space.dtype), "shape": list(space.shape), **bounds}
 
 
-def _minari_episodes(path: Path) -> Iterator[Recorded]:
-    with h5py.File(path) as file:
-        names = json.loads(file.attrs["names"])
-        for number in range(len(file)):
-            group = file[f"episode_{number}"]
-            observed = group["observations"]
-            if isinstance(observed, h5py.Dataset):
-                observations = {SINGLE: observed[:]}
-            else:
-                observations = {names[key]: values[:] for key, values in observed.items()}
-            yield Recorded(
-                int(group.attrs["seed"]),
-                observations,
-                group["actions"][:],
-                group["rewards"][:],
-                group["infos/is_success"][1:],
-                group["infos/state"][:],
-                _varied(group),
-                str(group.attrs["error"]),
-            )
+def _minari_episode(file: Any, group: Any) -> Recorded:
+    names = json_object(file.attrs["names"])
+    observed = group["observations"]
+    if isinstance(observed, h5py.Dataset):
+        observations = {SINGLE: observed[()]}
+    else:
+        observations = {names[key]: values[()] for key, values in observed.items()}
+    actions, success = group["actions"][()], group["infos/is_success"][()]
+    count(f"{group.name} total_steps", group.attrs["total_steps"], len(actions))
+    ends = group["terminations"][()], group["truncations"][()]
+    if ends[0].any() or not np.array_equal(ends[1], _dones(len(actions))) or success[0]:
+        raise ValueError(f"{group.name} does not begin unsolved and end at its last step")
+    seed, error = group.attrs["seed"].item(), group.attrs["error"]
+    states = group["infos/state"][()]
+    return Recorded(seed, observations, actions, group["rewards"][()], success[1:], states, _varied(group), error)

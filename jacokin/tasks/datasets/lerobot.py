@@ -7,6 +7,7 @@ exact actions and states, by which episodes are replayed, are kept in ``meta/jac
 
 from __future__ import annotations
 
+import itertools
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack
@@ -16,10 +17,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from jacokin import files
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, MissingExtraError
-from jacokin.tasks.datasets.recording import SINGLE, Recorded
+from jacokin.tasks.datasets.placing import placing
+from jacokin.tasks.datasets.recorded import SINGLE, Recorded, checked_description, read_json, reading
 from jacokin.tasks.datasets.video import VideoRecorder, find_ffmpeg
 from jacokin.tasks.gym.environment import TaskEnv
 from jacokin.tasks.gym.packing import PROPRIOCEPTION
@@ -41,6 +42,7 @@ _EXACT = "meta/jacokin"
 _FIRST = "chunk-000/file-000"
 _FILE = "chunk-{chunk_index:03d}/file-{file_index:03d}"
 _INDICES = ("timestamp", "frame_index", "episode_index", "index", "task_index")
+_COMPARED = (ACTION, REWARD, SUCCESS, DONE, "frame_index", "episode_index", "index")  # by `read`
 
 Episodes = Callable[[], Iterable[Recorded]]
 Columns = dict[str, NDArray[Any]]
@@ -59,26 +61,83 @@ def write(path: Path, description: Mapping[str, Any], env: TaskEnv, episodes: Ep
         InvalidInputError: it cannot be written.
         MissingExtraError: pictures, and no ffmpeg.
     """
-    with files.replacing_folder(path) as folder:
+    with placing(path) as folder:
+        folder.mkdir()
         _Writer(folder, description, env).write(episodes())
 
 
 def read(path: Path) -> tuple[dict[str, Any], Iterator[Recorded]]:
     """The description of the environment, and the episodes, without their observations.
 
+    Nothing outside the data set is read: links in it are refused. Actions, rewards and success in the Parquet files
+    must be those of the exact episodes.
+
     Raises:
-        InvalidInputError: no such data set.
+        InvalidInputError: no such data set, or it is damaged; also while the episodes are read.
     """
-    folder = path / _EXACT
-    try:
-        description = json.loads((folder / "environment.json").read_text(encoding="utf-8"))
-        count = int(json.loads((path / "meta" / "info.json").read_text(encoding="utf-8"))["total_episodes"])
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise InvalidInputError(f"{path}: is not a data set that jacokin wrote: {error}") from error
-    episodes = sorted(folder.glob("*.npz"))
-    if len(episodes) != count:
-        raise InvalidInputError(f"{path}: is damaged: {len(episodes)} of its {count} episodes are in {_EXACT}")
-    return description, map(Recorded.from_file, episodes)
+    with reading(path):
+        _check_inside(path)
+        description = checked_description(read_json(path / _EXACT / "environment.json"))
+        info = read_json(path / "meta" / "info.json")
+        episodes = sorted((path / _EXACT).glob("*.npz"))
+        total = info["total_episodes"]
+        if len(episodes) != total or not episodes:
+            raise InvalidInputError(f"{path}: is damaged: {len(episodes)} of its {total} episodes are in {_EXACT}")
+        if [each.name for each in episodes] != [_exact_name(number) for number in range(len(episodes))]:
+            raise ValueError(f"the names in {_EXACT} are not {_exact_name(0)} and so on")
+    return description, _episodes(path, episodes, info["total_frames"])
+
+
+def _episodes(path: Path, exact: list[Path], frames: int) -> Iterator[Recorded]:
+    """The episodes one by one, compared with the tables."""
+    rows, before = _rows(path), 0
+    for number, file in enumerate(exact):
+        each = Recorded.from_file(file)
+        with reading(path):
+            count = len(each.actions)
+            found = next(rows, None)
+            wanted = _table({**_numbers(each), **_indices(number, before, count, 1)}).select(_COMPARED)
+            if found is None or not found.equals(wanted):
+                raise ValueError(f"the Parquet files do not hold what {file.name} does")
+        before += count
+        yield each
+    with reading(path):
+        if next(rows, None) is not None or before != frames:
+            raise ValueError(f"it does not have the {frames} steps that it tells of, in the Parquet files too")
+
+
+def _rows(path: Path) -> Iterator[Any]:
+    """The tables of the episodes, one by one."""
+    for file in sorted((path / "data").glob("chunk-*/file-*.parquet")):
+        table = parquet.read_table(file, columns=list(_COMPARED))
+        numbers = table["episode_index"].to_numpy()
+        ends = np.flatnonzero(np.diff(numbers)) + 1
+        for start, stop in itertools.pairwise((0, *ends.tolist(), len(numbers))):
+            yield table.slice(start, stop - start).combine_chunks().replace_schema_metadata(None)
+
+
+def _check_inside(path: Path) -> None:
+    """Check that all is in the folder itself.
+
+    Raises:
+        ValueError: it is not.
+    """
+    for each in path.rglob("*"):
+        if each.is_symlink() or not (each.is_file() or each.is_dir()):
+            raise ValueError(f"{each} is a link or a device, which is not followed")
+
+
+def _exact_name(number: int) -> str:
+    """Of the file with what an episode is replayed by."""
+    return f"{number:06d}.npz"
+
+
+def _numbers(each: Recorded) -> Columns:
+    """The columns of what was done, and came of it."""
+    done = np.zeros(len(each.actions), dtype=bool)
+    done[-1] = True
+    columns = {ACTION: each.actions.astype(np.float32), REWARD: each.rewards.astype(np.float32)}
+    return {**columns, SUCCESS: each.success, DONE: done}
 
 
 class _Writer:
@@ -134,7 +193,7 @@ class _Writer:
                 plain = Recorded(
                     each.seed, {}, each.actions, each.rewards, each.success, each.states, each.randomization, each.error
                 )
-                (exact / f"{number:06d}.npz").write_bytes(plain.to_bytes())
+                (exact / _exact_name(number)).write_bytes(plain.to_bytes())
                 frames += count
                 if size > FILE_MEGABYTES * 1e6:
                     self._write_data(tables, file)
@@ -160,11 +219,8 @@ class _Writer:
         columns = {STATE: np.concatenate(states, axis=1)} if states else {}
         if others:
             columns[ENVIRONMENT] = np.concatenate(others, axis=1)
-        done = np.zeros(len(each.actions), dtype=bool)
-        done[-1] = True
-        columns.update({ACTION: each.actions, REWARD: each.rewards})
         columns = {name: values.astype(np.float32) for name, values in columns.items()}
-        return {**columns, SUCCESS: each.success, DONE: done}, pictures
+        return {**columns, **_numbers(each)}, pictures
 
     def _names(self, each: Recorded) -> dict[str, list[str]]:
         """The name of each number of the columns that have several."""

@@ -8,9 +8,8 @@ from __future__ import annotations
 import functools
 import importlib
 import inspect
-import io
 import pickle
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -26,75 +25,25 @@ from jacokin.arrays import Array
 from jacokin.chunks.execution import Progress, checked_executor, reporter, run_jobs
 from jacokin.chunks.folder import ChunkFolder, Keeper
 from jacokin.errors import InvalidInputError, shown
-from jacokin.files import read_arrays
 from jacokin.model import checks
+from jacokin.tasks.datasets.placing import check_free, episodes_folder
+from jacokin.tasks.datasets.recorded import SINGLE, Recorded
+from jacokin.tasks.datasets.video import find_ffmpeg
 from jacokin.tasks.episode import clip_action
 from jacokin.tasks.gym.environment import TaskEnv
-from jacokin.tasks.gym.packing import Observation
+from jacokin.tasks.gym.packing import EnvOptions, Observation
 from jacokin.tasks.gym.registration import IDS
 from jacokin.tasks.randomization import Randomization
 
 FORMATS = {".hdf5": "hdf5", ".minari": "hdf5", ".lerobot": "lerobot"}  # ending, and the module that writes it
+KEPT = (*(name for name in EnvOptions.__slots__ if name != "task"), "randomization")  # options of environments
 FUNCTION = "function"  # instead of a reward that cannot be kept
-_OBSERVED = "observed "  # begins the names of observations among those of arrays
-SINGLE = "observation"  # name of an observation that has none
 
 Policy = Callable[[Any], Any]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Recorded:
-    """An episode of n control steps.
-
-    Attributes:
-        seed: from which it was reset.
-        observations: (n + 1, ...) by name: before each action, and after the last.
-        actions: (n, k) in the units of the control.
-        rewards: (n,).
-        success: (n,) bool, after each step.
-        states: (n + 1, m) of the simulation, as `Physics.set_state` takes them.
-        randomization: values of the episode by name.
-        error: why the simulation diverged; "" if it did not.
-    """
-
-    seed: int
-    observations: Mapping[str, NDArray[Any]]
-    actions: Array
-    rewards: Array
-    success: NDArray[np.bool_]
-    states: Array
-    randomization: Mapping[str, float]
-    error: str = ""
-
-    def to_bytes(self) -> bytes:
-        """As an .npz file."""
-        names = ("actions", "rewards", "success", "states")
-        arrays: dict[str, Any] = {name: getattr(self, name) for name in names}
-        arrays.update({_OBSERVED + name: values for name, values in self.observations.items()})
-        arrays.update(seed=self.seed, error=self.error)
-        arrays["varied"] = np.array(list(self.randomization), dtype=str)
-        arrays["values"] = np.array(list(self.randomization.values()), dtype=np.float64)
-        file = io.BytesIO()
-        np.savez(file, **arrays)
-        return file.getvalue()
-
-    @classmethod
-    def from_file(cls, path: Path) -> Recorded:
-        """Of what `to_bytes` gave.
-
-        Raises:
-            InvalidInputError: the file is damaged.
-        """
-        arrays: dict[str, Any] = dict(read_arrays(path, "is not an episode, or damaged"))
-        observations = {
-            name.removeprefix(_OBSERVED): each for name, each in arrays.items() if name.startswith(_OBSERVED)
-        }
-        try:
-            varied = dict(zip(arrays["varied"].tolist(), arrays["values"].tolist(), strict=True))
-            plain = {name: arrays[name] for name in ("actions", "rewards", "success", "states")}
-            return cls(int(arrays["seed"]), observations, **plain, randomization=varied, error=str(arrays["error"]))
-        except (KeyError, TypeError, ValueError) as error:
-            raise InvalidInputError(f"{path}: is not an episode, or damaged: {error}") from error
+class EndEpisode(Exception):  # noqa: N818 - a signal of a policy, not an error
+    """A policy raises it instead of giving an action: the episode ends there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,8 +74,10 @@ def record(
 ) -> RecordSummary:
     """Record episodes of a policy for other libraries to learn from.
 
-    Each episode is on disk as soon as it ends, in a folder beside the path; a run that was killed goes on where it
-    stopped when it is started again with the same arguments. In the end the data set is written, as a whole.
+    Each episode is on disk as soon as it ends, in the folder ``NAME.episodes`` beside the path; a run that was killed,
+    or found the disk full, goes on where it stopped when it is started again with the same arguments. It first runs an
+    episode that is there again, and refuses to mix what another environment or policy made; a policy whose actions do
+    not follow from the seed cannot be told from another. In the end the data set is written, as a whole.
 
     Args:
         env: an environment of a task, of ours or your own. Wrappers around it are left out: actions are in its units.
@@ -149,44 +100,86 @@ def record(
     if not callable(policy):
         raise checks.refusal("policy", "a function of an observation", policy)
     target = checks.path("path", path)
-    writer = _writer(target)
+    writer = checked_writer(target, env.unwrapped)
     count, first = checks.whole_number("episodes", episodes, 1), checks.whole_number("seed", seed)
     checked_executor(executor)
     if progress is not None:
         checks.function("progress", progress)
-    others = [name for name in env.unwrapped.options.sizes if "/" in name]
-    if others and target.suffix == ".lerobot":
-        raise InvalidInputError(
-            f"a .lerobot data set keeps videos of colours, not {', '.join(others)}: use .hdf5 or .minari"
-        )
-    rate = 1.0 / env.unwrapped.dt
-    if abs(rate - round(rate)) > 1e-6 and target.suffix == ".lerobot":
-        raise InvalidInputError(
-            f"a .lerobot data set has a whole number of steps a second, not {rate:.4g}: use .hdf5 or .minari"
-        )
     description = describe(env.unwrapped)
     recipe = {"environment": description, "policy": _name(policy), "seed": first, "mujoco": mujoco.__version__}
-    folder = ChunkFolder(target.with_name(f"{target.name}.episodes"), recipe, count, ".npz")
-    files = folder.finished()
-    advance = reporter(progress, count, len(files))
-    jobs = [(index, first + index) for index in range(count) if index not in files]
-    for index, kept in _run(env.unwrapped, policy, folder, jobs, executor):
-        files[index] = folder.put(index, kept)
-        advance(1)
-    every = [files[index] for index in range(count)]
-    summary = _summary(target, map(Recorded.from_file, every))
-    writer.write(target, description, env.unwrapped, lambda: map(Recorded.from_file, every))
-    folder.remove()
+    folder = ChunkFolder(episodes_folder(target), recipe, count, ".npz")
+    with folder.locked():
+        folder.remove_unfinished()
+        files = folder.finished()
+        if files:
+            _check_continued(env.unwrapped, policy, files[min(files)])
+        advance = reporter(progress, count, len(files))
+        jobs = [(index, first + index) for index in range(count) if index not in files]
+        for index, kept in _run(env.unwrapped, policy, folder, jobs, executor):
+            files[index] = folder.put(index, kept)
+            advance(1)
+        every = [files[index] for index in range(count)]
+        summary = _summary(target, map(Recorded.from_file, every))
+        writer.write(target, description, env.unwrapped, lambda: map(Recorded.from_file, every))
+        folder.remove()
     return summary
 
 
-def _writer(path: Path) -> Any:  # a module
+def _check_continued(env: TaskEnv, policy: Policy, file: Path) -> None:
+    """Check that a finished episode is one of this environment and this policy, by running it again.
+
+    Raises:
+        InvalidInputError: it went another way; says in what.
+    """
+    kept = Recorded.from_file(file)
+    found = kept.differences(run_episode(env, policy, kept.seed))
+    if "actions" in found and _is_of(env, kept):  # the policy's doing
+        again = [run_episode(env, policy, kept.seed) for _ in range(2)]
+        if "actions" in again[0].differences(again[1]):
+            return  # its actions do not follow from the seed, so that nothing tells it from another
+        what = "by another policy: its actions differ"
+    elif found:
+        what = f"of another environment: {', '.join(found)} differ"
+    else:
+        return
+    raise InvalidInputError(
+        f"{file.parent}: holds episodes {what} in the one with seed {kept.seed}. "
+        "Use the same again, another path, or remove this folder"
+    )
+
+
+def _is_of(env: TaskEnv, kept: Recorded) -> bool:
+    """Whether the actions of an episode lead to the rest of it in an environment, and to the end."""
+    if kept.actions.shape[1:] != env.action_space.shape or kept.differences(run_actions(env, kept)):
+        return False
+    return env._episode.is_over or bool(kept.error)
+
+
+def checked_writer(path: Path, env: TaskEnv) -> Any:  # a module
+    """The module that writes a data set of an environment, which may be written there.
+
+    Raises:
+        InvalidInputError: another ending, no such folder, something is there already, or the format does not keep what
+            the environment observes.
+        MissingExtraError: the package that writes the format is not installed.
+    """
     if path.suffix not in FORMATS:
         raise InvalidInputError(f"path must end in {', '.join(FORMATS)}, got {path}")
     if not path.absolute().parent.is_dir():
         raise InvalidInputError(f"path: there is no folder {path.absolute().parent}")
-    if path.exists():
-        raise InvalidInputError(f"path: {path} is there already; data sets are never changed")
+    check_free(path)
+    others = [name for name in env.options.sizes if "/" in name]
+    if others and path.suffix == ".lerobot":
+        raise InvalidInputError(
+            f"a .lerobot data set keeps videos of colours, not {', '.join(others)}: use .hdf5 or .minari"
+        )
+    rate = 1.0 / env.dt
+    if abs(rate - round(rate)) > 1e-6 and path.suffix == ".lerobot":
+        raise InvalidInputError(
+            f"a .lerobot data set has a whole number of steps a second, not {rate:.4g}: use .hdf5 or .minari"
+        )
+    if env.options.sizes and path.suffix == ".lerobot":
+        find_ffmpeg()  # before episodes are run that it then could not write
     return importlib.import_module(f"jacokin.tasks.datasets.{FORMATS[path.suffix]}")
 
 
@@ -202,7 +195,7 @@ def describe(env: TaskEnv) -> dict[str, Any]:
         InvalidInputError: a randomization with samplers that JSON cannot keep.
     """
     options = env.options
-    kwargs: dict[str, Any] = {name: getattr(options, name) for name in options.__slots__ if name != "task"}
+    kwargs: dict[str, Any] = {name: getattr(options, name) for name in KEPT if name != "randomization"}
     if callable(options.reward):
         kwargs["reward"] = FUNCTION
     if env.randomization is not None:
@@ -246,23 +239,31 @@ def _unpickled(content: bytes) -> tuple[TaskEnv, Policy]:
     return found
 
 
-def run_episode(env: TaskEnv, policy: Policy, seed: int, watch: Callable[[], None] = lambda: None) -> Recorded:
+def run_episode(
+    env: TaskEnv, policy: Policy, seed: int, watch: Callable[[], None] = lambda: None, most: int | None = None
+) -> Recorded:
     """Run an episode.
 
     Args:
         env: the environment.
-        policy: gives the actions.
+        policy: gives the actions; may raise `EndEpisode` after the first one.
         seed: of the episode.
         watch: called after the reset and after each step.
+        most: steps after which it is given up; None to run it to its end.
     """
     observation, info = env.reset(seed=seed)
     _reset(policy, seed)
-    seen, states, actions, rewards, success = [_by_name(observation)], [env.task.physics.get_state()], [], [], []
+    seen, states = [_by_name(observation)], [env.task.physics.get_state()]
+    actions, rewards, success = list[Array](), list[float](), list[bool]()
     varied = dict(info.get("randomization", {}))
     watch()
     is_over = False
-    while not is_over:
-        action = clip_action(np.asarray(policy(observation), dtype=np.float64), *env._control.bounds)
+    while not is_over and len(actions) != most:
+        try:
+            wanted = policy(observation)
+        except EndEpisode:
+            break
+        action = clip_action(np.asarray(wanted, dtype=np.float64), *env._control.bounds)
         observation, reward, _, is_over, info = env.step(action)
         seen.append(_by_name(observation))
         states.append(env.task.physics.get_state())
@@ -280,6 +281,12 @@ def run_episode(env: TaskEnv, policy: Policy, seed: int, watch: Callable[[], Non
         varied,
         info.get("error", ""),
     )
+
+
+def run_actions(env: TaskEnv, recorded: Recorded, watch: Callable[[], None] = lambda: None) -> Recorded:
+    """Run an episode again: from its seed, by its actions, as far as they or the episode go."""
+    actions = iter(recorded.actions)
+    return run_episode(env, lambda observation: next(actions), recorded.seed, watch, len(recorded.actions))
 
 
 def _reset(policy: Policy, seed: int) -> None:

@@ -14,7 +14,8 @@ import numpy as np
 from jacokin.errors import InvalidInputError
 from jacokin.model import checks
 from jacokin.tasks import registry
-from jacokin.tasks.datasets.recording import FORMATS, FUNCTION, Recorded, run_episode
+from jacokin.tasks.datasets.recorded import Recorded
+from jacokin.tasks.datasets.recording import FORMATS, FUNCTION, KEPT, run_actions
 from jacokin.tasks.gym.environment import TaskEnv
 from jacokin.tasks.gym.registration import IDS
 
@@ -30,9 +31,11 @@ class Replayed:
     success: bool
     """Whether it was solved at its end, now."""
     is_equal: bool
-    """Whether observations, rewards, success and states are those of the recording, bit by bit."""
+    """Whether observations, actions, rewards, success and states are those of the recording, bit by bit."""
     largest_difference: float
-    """Of the states; infinite where there are more or fewer of them."""
+    """Of the states; infinite where there are more or fewer of them, or one is not a number."""
+    differing: tuple[str, ...]
+    """The names of what is not equal."""
 
 
 def replay(
@@ -44,7 +47,8 @@ def replay(
 ) -> list[Replayed]:
     """Run the episodes of a data set again: from their seeds, by their actions.
 
-    On the version of MuJoCo and of jacokin that recorded them, they are equal bit by bit.
+    On the version of MuJoCo and of jacokin that recorded them, they are equal bit by bit. An episode that was recorded
+    with fewer steps than the environment's are run as far as it goes.
 
     Args:
         path: what `record` wrote.
@@ -53,7 +57,8 @@ def replay(
         watch: called with the environment after each reset and each step, to render it, for example.
 
     Raises:
-        InvalidInputError: no such data set; or its environment has a function as its reward, and env is None.
+        InvalidInputError: no such data set, or it is damaged; or its environment has a function as its reward, and env
+            is None; or its actions are not those of the environment.
         UnknownNameError: the task of the data set is not registered.
     """
     source = checks.path("path", path)
@@ -61,31 +66,42 @@ def replay(
         raise InvalidInputError(f"path must be a data set that is there, ending in {', '.join(FORMATS)}, got {source}")
     description, episodes = importlib.import_module(f"jacokin.tasks.datasets.{FORMATS[source.suffix]}").read(source)
     if env is None:
-        made = _make(description, render_mode)
+        made = _make(source, description, render_mode)
     elif isinstance(env, gymnasium.Env) and isinstance(env.unwrapped, TaskEnv):
         made = env.unwrapped
     else:
         raise checks.refusal("env", "an environment that gymnasium.make made of a task of jacokin", env)
     look = (lambda: None) if watch is None else (lambda: watch(made))
-    return [_again(number, each, made, look) for number, each in enumerate(episodes)]
+    return [_again(f"{source}: episode {number + 1}", number, each, made, look) for number, each in enumerate(episodes)]
 
 
-def _make(description: dict[str, Any], render_mode: str | None) -> TaskEnv:
+def _make(source: Path, description: dict[str, Any], render_mode: str | None) -> TaskEnv:
     kwargs = dict(description["kwargs"])
     if kwargs["reward"] == FUNCTION:
         raise InvalidInputError("the reward of this data set is a function, which it does not hold: give env=...")
     name = description["id"]
     task = {identifier: task for task, identifier in IDS.items()}.get(name, name)
     checks.choice("task", task, registry.TASKS)
+    for option in kwargs:
+        checks.choice(f"option of the environment of {source}", option, KEPT)
     return TaskEnv(task, render_mode=render_mode, **kwargs)
 
 
-def _again(number: int, recorded: Recorded, env: TaskEnv, look: Callable[[], None]) -> Replayed:
-    actions = iter(recorded.actions)
-    now = run_episode(env, lambda observation: next(actions), recorded.seed, look)
-    pairs = [(getattr(recorded, name), getattr(now, name)) for name in ("rewards", "success", "states")]
-    pairs += [(values, now.observations.get(name)) for name, values in recorded.observations.items()]
-    is_equal = all(before is not None and np.array_equal(before, after) for before, after in pairs)
-    same = recorded.states.shape == now.states.shape
-    difference = float(np.abs(recorded.states - now.states).max()) if same else np.inf
-    return Replayed(number, recorded.seed, bool(now.success[-1]), is_equal, difference)
+def _again(place: str, number: int, recorded: Recorded, env: TaskEnv, look: Callable[[], None]) -> Replayed:
+    shape = env.action_space.shape
+    if recorded.actions.shape[1:] != shape:
+        raise InvalidInputError(
+            f"{place} has actions of {recorded.actions.shape[1]} numbers, and the environment takes actions of shape "
+            f"{shape} (control={env.options.control!r})"
+        )
+    try:
+        now = run_actions(env, recorded, look)
+    except InvalidInputError as error:
+        raise InvalidInputError(f"{place} cannot be run again: {error}") from error
+    found = recorded.differences(now)
+    difference = np.inf
+    if recorded.states.shape == now.states.shape:
+        difference = float(np.nan_to_num(np.abs(recorded.states - now.states), nan=np.inf, posinf=np.inf).max())
+    if "states" not in found:
+        difference = 0.0
+    return Replayed(number, recorded.seed, bool(now.success[-1]), not found, difference, tuple(found))

@@ -10,7 +10,7 @@ import viser
 from jacokin.errors import InvalidInputError
 from jacokin.model import checks
 from jacokin.teleop import Controller, TeleopStatus, TeleopStep
-from jacokin.teleop.devices import CLUTCH_KEY, FINGER_KEYS, KEYS
+from jacokin.teleop.devices import CLUTCH_KEY, COMMAND_KEYS, FINGER_KEYS, KEYS
 from jacokin.viewer.browser.server import OWN_HEADER, Server
 
 PATH = "/hand"
@@ -18,7 +18,8 @@ PERIOD = 40  # [ms] from one report of the page to the next
 LONGEST = 2000  # characters of a report
 LINE = '<div style="font-size:0.8em;padding:0 0.75em">'
 HELP = f"""{LINE}Click into the scene, then hold keys: w s, a d, r f move along x, y, z; j l, i k, u o turn about them;
-g and h close and open the fingers; the space bar works the clutch. A gamepad is read as soon as one of its buttons was
+g and h close and open the fingers; the space bar works the clutch. Where episodes are recorded, b begins one, e ends
+it, y keeps it, x throws it away. A gamepad is read as soon as one of its buttons was
 pressed. Only a page in front leads.</div>"""
 
 # A page may run a script where an image that does not exist fails to load. Keys that lead do nothing else: viser's own
@@ -106,6 +107,6 @@ def _numbers(name: str, words: list[str]) -> list[float]:
 
 def _attribute(script: str) -> str:
     """The script as the value of an attribute of HTML."""
-    keys = str(sorted({*KEYS, *FINGER_KEYS, CLUTCH_KEY}))
+    keys = str(sorted({*KEYS, *FINGER_KEYS, *COMMAND_KEYS, CLUTCH_KEY}))
     text = script % {"keys": keys, "path": PATH, "header": OWN_HEADER, "period": PERIOD}
     return text.replace("&", "&amp;").replace('"', "&quot;")

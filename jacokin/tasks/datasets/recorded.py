@@ -1,0 +1,203 @@
+"""`Recorded`, an episode as it is kept, and the checks of what was read from disk, which anybody may have changed."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError, JacokinError, shown
+from jacokin.files import read_arrays
+from jacokin.model import checks
+
+SINGLE = "observation"  # name of an observation that has none
+LARGEST_JSON = 100_000_000  # [byte] of a file or an attribute
+_OBSERVED = "observed "  # begins the names of observations among those of arrays
+_KINDS = "biuf"  # of NumPy's dtypes that observations may have
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Recorded:
+    """An episode of n control steps.
+
+    Attributes:
+        seed: from which it was reset.
+        observations: (n + 1, ...) by name: before each action, and after the last.
+        actions: (n, k) in the units of the control.
+        rewards: (n,).
+        success: (n,) bool, after each step.
+        states: (n + 1, m) of the simulation, as `Physics.set_state` takes them.
+        randomization: values of the episode by name.
+        error: why the simulation diverged; "" if it did not.
+    """
+
+    seed: int
+    observations: Mapping[str, NDArray[Any]]
+    actions: Array
+    rewards: Array
+    success: NDArray[np.bool_]
+    states: Array
+    randomization: Mapping[str, float]
+    error: str = ""
+
+    def to_bytes(self) -> bytes:
+        """As an .npz file."""
+        names = ("actions", "rewards", "success", "states")
+        arrays: dict[str, Any] = {name: getattr(self, name) for name in names}
+        arrays.update({_OBSERVED + name: values for name, values in self.observations.items()})
+        arrays.update(seed=self.seed, error=self.error)
+        arrays["varied"] = np.array(list(self.randomization), dtype=str)
+        arrays["values"] = np.array(list(self.randomization.values()), dtype=np.float64)
+        file = io.BytesIO()
+        np.savez(file, **arrays)
+        return file.getvalue()
+
+    @classmethod
+    def from_file(cls, path: Path) -> Recorded:
+        """Of what `to_bytes` gave.
+
+        Raises:
+            InvalidInputError: the file is damaged.
+        """
+        arrays: dict[str, Any] = dict(read_arrays(path, "is not an episode, or damaged"))
+        observations = {
+            name.removeprefix(_OBSERVED): each for name, each in arrays.items() if name.startswith(_OBSERVED)
+        }
+        with reading(path, "is not an episode, or damaged"):
+            varied = dict(zip(arrays["varied"].tolist(), arrays["values"].tolist(), strict=True))
+            plain = {name: arrays[name] for name in ("actions", "rewards", "success", "states")}
+            seed, error = arrays["seed"].item(), arrays["error"].item()
+            found = cls(seed, observations, **plain, randomization=varied, error=error)
+        return found.checked(str(path))
+
+    def checked(self, place: str) -> Recorded:
+        """This episode, if it is one: arrays of the right kinds, as many rows of each as there were steps.
+
+        Args:
+            place: what an error calls the episode.
+
+        Raises:
+            InvalidInputError: it is none; names what is wrong with which part.
+        """
+
+        def refuse(name: str, what: str, value: object) -> InvalidInputError:
+            got = f"{value.dtype} of shape {value.shape}" if isinstance(value, np.ndarray) else shown(value)
+            return InvalidInputError(f"{place} is damaged: {name} must be {what}, got {got}")
+
+        if not isinstance(self.seed, int) or isinstance(self.seed, bool) or self.seed < 0:
+            raise refuse("seed", "a whole number >= 0", self.seed)
+        if not isinstance(self.error, str):
+            raise refuse("error", "a text", self.error)
+        if not isinstance(self.actions, np.ndarray) or self.actions.ndim != 2 or 0 in self.actions.shape:
+            raise refuse("actions", "float64 of shape (n, k)", self.actions)
+        steps = len(self.actions)
+        rows = {"actions": (steps, self.actions.shape[1]), "rewards": (steps,), "success": (steps,)}
+        for name, shape in rows.items():
+            values, kind = getattr(self, name), np.dtype(bool if name == "success" else np.float64)
+            if not isinstance(values, np.ndarray) or values.dtype != kind or values.shape != shape:
+                raise refuse(name, f"{kind} of shape {shape}", values)
+            if not np.isfinite(values).all():
+                raise InvalidInputError(f"{place} is damaged: {name} must be finite")
+        states = self.states
+        if not isinstance(states, np.ndarray) or states.dtype != np.float64 or states.shape[:1] != (steps + 1,):
+            raise refuse("states", f"float64 of shape ({steps + 1}, m)", states)
+        for name, values in self.observations.items():
+            is_array = isinstance(values, np.ndarray) and values.dtype.kind in _KINDS
+            if not is_array or values.shape[:1] != (steps + 1,):
+                raise refuse(f"observation {name!r}", f"numbers of shape ({steps + 1}, ...)", values)
+        for name, value in self.randomization.items():
+            if not isinstance(name, str) or not isinstance(value, float) or not np.isfinite(value):
+                raise refuse(f"randomization {shown(name)}", "a finite number", value)
+        return self
+
+    def differences(self, other: Recorded) -> list[str]:
+        """The names of what is not the same bit by bit in another episode; observations only if this one has some."""
+        names = ("actions", "rewards", "success", "states")
+        found = [name for name in names if not _same(getattr(self, name), getattr(other, name))]
+        seen = sorted({*self.observations, *other.observations} if self.observations else ())
+        found += [name for name in seen if not _same(self.observations.get(name), other.observations.get(name))]
+        if dict(self.randomization) != dict(other.randomization):
+            found.append("randomization")
+        return found + (["error"] if self.error != other.error else [])
+
+
+def _same(one: NDArray[Any] | None, other: NDArray[Any] | None) -> bool:
+    if one is None or other is None or one.dtype != other.dtype or one.shape != other.shape:
+        return False
+    return one.tobytes() == other.tobytes()  # NaN too, of a simulation that diverged
+
+
+@contextlib.contextmanager
+def reading(path: Path, otherwise: str = "is not a data set that jacokin wrote, or damaged") -> Iterator[None]:
+    """Turn what libraries raise on files that are something else into one error.
+
+    Args:
+        path: the file or folder, named by the error.
+        otherwise: what it says of it.
+
+    Raises:
+        InvalidInputError: the block raised anything.
+    """
+    try:
+        yield
+    except JacokinError:
+        raise
+    except KeyError as error:
+        raise InvalidInputError(f"{path}: {otherwise}: it lacks {error.args[0] if error.args else error}") from error
+    except Exception as error:  # h5py and pyarrow have no base of their errors
+        raise InvalidInputError(f"{path}: {otherwise}: {error}") from error
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """The object in a JSON file; inside `reading`, which says what any error means.
+
+    Raises:
+        InvalidInputError: something else than a file of sensible size that holds an object.
+    """
+    if path.is_symlink() or not path.is_file():
+        raise InvalidInputError(f"{path}: there is no such file")
+    if path.stat().st_size > LARGEST_JSON:
+        raise InvalidInputError(f"{path}: has {path.stat().st_size} bytes, and at most {LARGEST_JSON} are read")
+    return json_object(path.read_text(encoding="utf-8"))
+
+
+def json_object(text: object) -> dict[str, Any]:
+    """The object of some JSON.
+
+    Raises:
+        ValueError: something else.
+    """
+    found = json.loads(text) if isinstance(text, str | bytes) else None
+    if not isinstance(found, dict):
+        raise ValueError(f"expected a JSON object, got {shown(text)}")
+    return found
+
+
+def checked_description(description: dict[str, Any]) -> dict[str, Any]:
+    """What `describe` gave, as far as that can be said without making the environment.
+
+    Raises:
+        ValueError: something else.
+    """
+    kwargs = description["kwargs"]
+    if not isinstance(description["id"], str) or not isinstance(kwargs, dict) or "reward" not in kwargs:
+        raise ValueError(f"its environment is {shown(description)}")
+    return description
+
+
+def count(name: str, value: object, expected: int) -> None:
+    """Check a number that a data set tells of itself.
+
+    Raises:
+        ValueError: another one.
+    """
+    if checks.whole_number(name, value) != expected:
+        raise ValueError(f"{name} says {value}, and there are {expected}")
