@@ -121,7 +121,8 @@ def plan_path(
     times = path.durations(speed, angular_speed)
     check_ticks(times, dt)
     near, note = seeds.choose_start(robot, seed, start)
-    if start is not None and is_away(verifier, near, path.target(0.0)):
+    inside = seeds.inside_exactly(robot.lower.tolist(), near.tolist(), robot.upper.tolist())
+    if start is not None and (not inside or is_away(verifier, near, path.target(0.0))):
         line = plan_path(
             solver,
             targets,
