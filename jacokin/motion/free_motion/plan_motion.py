@@ -80,7 +80,7 @@ def plan_motion(
         goal: a configuration (dof,) [rad], a pose T_base_tool, a `FreeAxis`, a position (3,) [m], a `Grasp`, or a list
             of them, any of which will do. What is reached soonest is taken. A configuration is reached as it is given,
             on unlimited joints whole turns apart.
-        time_limit: for all but writing the rows [s]. It does not change what is found, only whether the search is cut:
+        time_limit: for all but the first look at a scene and writing the rows [s]. It does not change what is found, only whether the search is cut:
             then the quickest way so far is taken.
         ways: how many ways are looked for where the straight motion is blocked; the quickest is taken.
         rng: randomness of the search; None for a fixed seed.
@@ -103,7 +103,6 @@ def plan_motion(
             looking for contact then, and `message` says so.
         MissingExtraError: `jerk_limit` is given, and Ruckig is not installed.
     """
-    begun = time.monotonic()
     checks.instance("solver", solver, IKSolver, "an IKSolver")
     robot = solver.robot
     q = checked_start(robot, start, "start", outside=True)
@@ -128,7 +127,9 @@ def plan_motion(
         speed=speed / slowest,
         unit=1.0 / slowest,
     )
-    return request.plan(list_aims(robot, goal), generator, begun, begun + limit)
+    aims, search = list_aims(robot, goal), search_of(solver)
+    begun = time.monotonic()
+    return request.plan(aims, search, generator, begun, begun + limit)
 
 
 class _Timed(NamedTuple):
@@ -189,9 +190,11 @@ class _Request:
     speed: Array
     unit: float
 
-    def plan(self, aims: Sequence[Any], rng: np.random.Generator, begun: float, deadline: float) -> Trajectory:
+    def plan(
+        self, aims: Sequence[Any], search: WaySearch | None, rng: np.random.Generator, begun: float, deadline: float
+    ) -> Trajectory:
         """See `plan_motion`."""
-        robot, search = self.solver.robot, search_of(self.solver)
+        robot = self.solver.robot
         finder = GoalFinder(self.solver, np.clip(self.start, robot.lower, robot.upper), rng, begun, deadline)
         goals, missed = finder.find_all(aims)
         if not goals:
@@ -225,9 +228,8 @@ class _Request:
         straight = StraightMotion(straight.reached, blocked, straight.touching)
         if straight.reached < 0 and not len(straight.blocked):
             reasons = [f"touch something: {_named(straight.touching)}"] if straight.touching else []
-            reasons += [f"are nearer to something than motions are kept: {next(iter(nearness.values()))}"] * bool(
-                nearness
-            )
+            if nearness:
+                reasons.append(f"are nearer to something than motions are kept: {next(iter(nearness.values()))}")
             sentence = f"all {len(rows)} configurations that reach the goal {', or '.join(reasons)}"
             return self._stay(MotionStatus.GOAL_IN_CONTACT, sentence)
         best = self._quickest(search, straight, rows, _Ends(before[:-1], after), deadline)
@@ -516,7 +518,7 @@ class GoalFinder:
         """
         checked, goals = [self.check(number, aim) for number, aim in enumerate(aims)], list[Goal]()
         for number, (aim, wanted) in enumerate(zip(aims, checked, strict=True)):
-            if self.is_late:
+            if number and self.is_late:
                 if goals:
                     break
                 return [], f"the time was over after {number} of {len(aims)} goals, none of which is reached"
