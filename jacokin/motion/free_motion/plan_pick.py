@@ -29,6 +29,7 @@ from jacokin.motion.trajectory import MotionStatus, Trajectory
 HAND = "hand"  # of bundled robots: the link whose contact with the object is allowed, with the fingers that it carries
 AHEAD = 40  # configurations before grasps among which the free motion chooses
 LONGEST = 1.0  # [rad] no joint moves farther along the straight line
+EACH = "each is out of reach, in contact, or the line to it leaves its branch"
 LINES = 5  # straight lines that are tried
 FINDING = 0.6  # of the time is for finding configurations at grasps, at most
 LEAST_TIME = 0.1  # [s] for the lift, whatever time is left
@@ -177,17 +178,13 @@ def plan_pick(
         if remaining() <= 0.0:
             failed = failed or "the time was over before a grasp was reached"
             break
-        motion = plan_motion(
-            free, q, [each.q for each in found], time_limit=remaining(), rng=generator, **limits
-        )
+        motion = plan_motion(free, q, [each.q for each in found], time_limit=remaining(), rng=generator, **limits)
         if not motion.success or motion.goal is None:
             failed = failed or motion.message
             break
         taken = found.pop(motion.goal.number)
         try:
-            line = plan_path(
-                near, [taken.before, taken.at], speed=pace, timing="slow", start=motion.q[-1], **limits
-            )
+            line = plan_path(near, [taken.before, taken.at], speed=pace, timing="slow", start=motion.q[-1], **limits)
         except InvalidInputError as error:  # a line that joints cannot follow in any reasonable time
             failed = f"no straight line to a grasp: {error}"
             continue
@@ -210,7 +207,7 @@ def plan_pick(
                     **limits,
                 )
                 if not raised.success:
-                    failed = f"a grasp is reached, but the object cannot be lifted: {raised.message}"
+                    failed = f"a grasp is reached, but the object cannot be lifted by {up:.3g} m: {raised.message}"
                     continue
                 message += f"; lift {raised.message}"
         return Pick(motion, line, _joined(motion, line), raised, taken.grasp, opening, fingers, held, True, message)
@@ -255,6 +252,7 @@ def _joined(first: Trajectory, then: Trajectory) -> Trajectory:
     """Two motions from rest to rest, one after the other, in one."""
     t = np.concatenate([first.t, first.t[-1] + then.t[1:]])
     q, v, a = (np.vstack([getattr(first, name), getattr(then, name)[1:]]) for name in ("q", "v", "a"))
+    v[-1] = 0.0
     return Trajectory(
         joint_names=first.joint_names,
         t=checks.read_only(t),
@@ -287,7 +285,7 @@ class _Approaches:
         self._back = pin.SE3(np.eye(3), np.array([0.0, 0.0, -back]))
         self._until = begun + FINDING * (deadline - begun)
         self._finder = GoalFinder(near, start, rng, begun, self._until)
-        self.reason = "each is out of reach, in contact, or the line to it leaves its branch"
+        self.reason = EACH
 
     def find(self, grasps: Sequence[Grasp]) -> list[_Approach]:
         """Lines to some of the grasps, those that begin near to where the arm is first."""
@@ -296,7 +294,7 @@ class _Approaches:
         found = list[_Approach]()
         for k in np.argsort(far, kind="stable").tolist():
             if time.monotonic() >= self._until:
-                self.reason += ", as far as there was time to look"
+                self.reason = f"{EACH}, as far as there was time to look"
                 break
             q, grasp, at = ends[k]
             if self._near.verifier.touching(q):
@@ -316,6 +314,7 @@ class _Approaches:
         """The grasps in an order in which the first ones are from all sides, as long as there is time."""
         for k in np.random.default_rng(DEFAULT_RANDOM_SEED).permutation(len(grasps)).tolist():
             if self._finder.is_late:
+                self.reason = f"{EACH}, as far as there was time to look"
                 break
             yield grasps[k]
 
