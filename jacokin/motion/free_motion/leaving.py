@@ -23,6 +23,7 @@ from jacokin.kernels.contact.run import (
     MEASURE_PAIRS,
     ROWS,
     TASK,
+    ContactWork,
     make_contact_work,
     run_contact,
 )
@@ -69,7 +70,7 @@ class Leaving:
         self._work = make_contact_work(contact.geometry, 1)
         self._list = Call(run_contact, self._work)
         self._links = contact.geometry.shapes.integers[:, LINK]
-        self._measure: Call | None = None
+        self._measure: Call[ContactWork] | None = None
 
     def near(self, q: Array) -> Nearness:
         """What is near at a configuration (dof,); nothing where a motion from there can be certified at once."""

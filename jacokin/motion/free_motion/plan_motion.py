@@ -80,8 +80,8 @@ def plan_motion(
         goal: a configuration (dof,) [rad], a pose T_base_tool, a `FreeAxis`, a position (3,) [m], a `Grasp`, or a list
             of them, any of which will do. What is reached soonest is taken. A configuration is reached as it is given,
             on unlimited joints whole turns apart.
-        time_limit: for all but the first look at a scene and writing the rows [s]. It does not change what is found, only whether the search is cut:
-            then the quickest way so far is taken.
+        time_limit: for all but the first look at a scene and writing the rows [s]. It does not change what is found,
+            only whether the search is cut: then the quickest way so far is taken.
         ways: how many ways are looked for where the straight motion is blocked; the quickest is taken.
         rng: randomness of the search; None for a fixed seed.
         dt: sampling step [s]; the last row is at the end of the motion, whole step or not.
@@ -99,8 +99,8 @@ def plan_motion(
     Raises:
         InvalidInputError: a malformed argument, or a goal outside the limits.
         UnknownNameError: the scene speaks of a link that is not there.
-        ModelError: the shapes of the description cannot be loaded; with collision="ignore" the motion is planned without
-            looking for contact then, and `message` says so.
+        ModelError: the shapes of the description cannot be loaded; with collision="ignore" the motion is planned
+            without looking for contact then, and `message` says so.
         MissingExtraError: `jerk_limit` is given, and Ruckig is not installed.
     """
     checks.instance("solver", solver, IKSolver, "an IKSolver")

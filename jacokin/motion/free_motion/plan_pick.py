@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -32,6 +33,7 @@ LONGEST = 1.0  # [rad] no joint moves farther along the straight line
 EACH = "each is out of reach, in contact, or the line to it leaves its branch"
 LINES = 5  # straight lines that are tried
 FINDING = 0.6  # of the time is for finding configurations at grasps, at most
+UP = np.array([0.0, 0.0, 1.0])
 LEAST_TIME = 0.1  # [s] for the lift, whatever time is left
 CLOSED = 6400.0  # what Kinova's driver counts for a closed finger, 0 for an open one; about (kinova-ros, README)
 
@@ -170,7 +172,10 @@ def plan_pick(
     def remaining() -> float:
         return begun + limit - time.monotonic()
 
-    limits = {"dt": step, "velocity_limit": velocity, "acceleration_limit": acceleration}
+    move = partial(plan_motion, rng=generator, dt=step, velocity_limit=velocity, acceleration_limit=acceleration)
+    follow = partial(
+        plan_path, dt=step, speed=pace, timing="slow", velocity_limit=velocity, acceleration_limit=acceleration
+    )
     for _ in range(LINES):
         if not found:
             failed = failed or f"no grasp can be approached: {finder.reason}"
@@ -178,13 +183,13 @@ def plan_pick(
         if remaining() <= 0.0:
             failed = failed or "the time was over before a grasp was reached"
             break
-        motion = plan_motion(free, q, [each.q for each in found], time_limit=remaining(), rng=generator, **limits)
+        motion = move(free, q, [each.q for each in found], time_limit=remaining())
         if not motion.success or motion.goal is None:
             failed = failed or motion.message
             break
         taken = found.pop(motion.goal.number)
         try:
-            line = plan_path(near, [taken.before, taken.at], speed=pace, timing="slow", start=motion.q[-1], **limits)
+            line = follow(near, [taken.before, taken.at], start=motion.q[-1])
         except InvalidInputError as error:  # a line that joints cannot follow in any reasonable time
             failed = f"no straight line to a grasp: {error}"
             continue
@@ -197,15 +202,9 @@ def plan_pick(
             T_frame_object = robot.forward_kinematics(line.q[-1], frame=solver.frame).inverse() * pose_of(shape)
             held = around.attach(shape.name, to=solver.frame, pose=T_frame_object)
             if up > 0.0:
-                goal = pin.SE3(taken.at.rotation, taken.at.translation + [0.0, 0.0, up])
-                raised = plan_motion(
-                    solver.in_scene(held),
-                    line.q[-1],
-                    goal,
-                    time_limit=max(remaining(), LEAST_TIME),
-                    rng=generator,
-                    **limits,
-                )
+                goal = pin.SE3(taken.at.rotation, taken.at.translation + up * UP)
+                left = max(remaining(), LEAST_TIME)
+                raised = move(solver.in_scene(held), line.q[-1], goal, time_limit=left)
                 if not raised.success:
                     failed = f"a grasp is reached, but the object cannot be lifted by {up:.3g} m: {raised.message}"
                     continue
@@ -229,8 +228,8 @@ def _opened(solver: IKSolver, around: Scene, opening: float | None) -> IKSolver:
             raise
         raise InvalidInputError(
             f"the fingers of {solver.robot.name} cannot stand at the opening {opening:.4g} of the grasps ({error}): "
-            "grasps.box, cylinder and sphere are for the bundled hands; give jacokin.motion.Grasp(target, opening) with "
-            "an opening in the unit of this hand's joints, [m] where they slide, or opening=None to leave them as they "
+            "grasps.box, cylinder and sphere are for the bundled hands; give jacokin.motion.Grasp(target, opening) "
+            "with an opening in the unit of this hand's joints, [m] where they slide, or opening=None to leave them as they "
             "are"
         ) from error
 
@@ -280,7 +279,7 @@ class _Approaches:
         begun: float,
         deadline: float,
     ) -> None:
-        """Take a solver that lets the hand touch the object, one that does not, where the arm is [rad], and the time."""
+        """Take a solver that lets the hand touch the object, one that does not, where the arm is, and the time."""
         self._near, self._free, self._start, self._rng = near, free, start, rng
         self._back = pin.SE3(np.eye(3), np.array([0.0, 0.0, -back]))
         self._until = begun + FINDING * (deadline - begun)

@@ -15,6 +15,7 @@ from tests.coal_shapes import coal_distance
 
 coal = pytest.importorskip("coal")
 CUP = np.array([0.06, 0.06, 0.12])  # [m]
+UP = np.array([0.0, 0.0, 1.0])
 PLACE = np.array([0.45, 0.2, 0.06])  # [m] of its middle: it stands on the floor
 KEPT = 1e-4  # [m] beyond the clearance
 
@@ -22,7 +23,7 @@ KEPT = 1e-4  # [m] beyond the clearance
 def holding(robot: Robot, *, sunk: float = 0.0, others: tuple[Box, ...] = ()) -> tuple[Scene, Array]:
     """A cup in the hand, on the floor or sunk into it [m], and the configuration."""
     q = IKSolver(robot).solve(jacokin.pose(PLACE, down=True)).q
-    at = robot.forward_kinematics(q).inverse() * pin.SE3(np.eye(3), PLACE - [0.0, 0.0, sunk])
+    at = robot.forward_kinematics(q).inverse() * pin.SE3(np.eye(3), PLACE - sunk * UP)
     scene = Scene([Floor(0.0), *others]).attach(Box("cup", CUP, [0, 0, 0]), to="end_effector", pose=at)
     return scene, q
 
@@ -31,7 +32,7 @@ def heights(robot: Robot, scene: Scene, rows: Array) -> Array:
     """(n,) of the cup above the floor by coal [m]."""
     held = scene.attached[0].shape
     assert isinstance(held, Box)
-    shapes = coal.Box(*held.size), coal.Halfspace(np.array([0.0, 0.0, 1.0]), 0.0)
+    shapes = coal.Box(*np.asarray(held.size).tolist()), coal.Halfspace(np.array([0.0, 0.0, 1.0]), 0.0)
     floor = pin.SE3.Identity()
     return np.array([coal_distance(shapes, (robot.forward_kinematics(q) * held.pose, floor)) for q in rows])
 
@@ -54,7 +55,7 @@ def finely(motion: Trajectory) -> Array:
 def test_a_cup_on_the_floor_is_lifted(robot: Robot, clearance: float, sunk: float) -> None:
     scene, q = holding(robot, sunk=sunk)
     solver = IKSolver(robot, scene=scene, clearance=clearance)
-    beside = pin.SE3(robot.forward_kinematics(q).rotation, PLACE + [0.1, 0.1, clearance + sunk + 1e-3])
+    beside = pin.SE3(robot.forward_kinematics(q).rotation, PLACE + np.array([0.1, 0.1, clearance + sunk + 1e-3]))
     for goal in (robot.home, beside):
         motion = plan_motion(solver, q, goal, time_limit=10.0)
         assert motion.success, motion.message
@@ -83,10 +84,10 @@ def test_too_deep_is_said(robot: Robot) -> None:
 def test_a_goal_next_to_a_box_is_reached(robot: Robot) -> None:
     """1e-6 m from a box, which is less than certified motions keep."""
     goal = robot.home + 0.3
-    centre = robot.forward_kinematics(goal).translation + [0.0, 0.0, -0.4]
+    centre = robot.forward_kinematics(goal).translation - 0.4 * UP
     for _ in range(20):
         box = Box("box", [0.1, 0.1, 0.1], centre)
-        centre = centre + [0.0, 0.0, float(robot.clearance(goal, Scene([box]))) - 1e-6]
+        centre = centre + (float(robot.clearance(goal, Scene([box]))) - 1e-6) * UP
     scene = Scene([Box("box", [0.1, 0.1, 0.1], centre)])
     assert float(robot.clearance(goal, scene)) == pytest.approx(1e-6, abs=1e-8)
     solver = IKSolver(robot, scene=scene)

@@ -303,6 +303,7 @@ def test_mistakes(robot: Robot) -> None:
     outside[1] = 0.1
     with pytest.raises(InvalidInputError, match="goal puts joint_2 at 0.1"):
         plan_motion(solver, robot.home, outside)
+    empty: Any
     for empty in ([], (), np.zeros((0, 6)), np.zeros(0), np.zeros((0, 4, 4))):
         with pytest.raises(InvalidInputError, match="goal is empty"):
             plan_motion(solver, robot.home, empty)

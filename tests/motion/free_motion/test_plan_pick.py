@@ -13,7 +13,7 @@ import jacokin
 from jacokin import IKSolver, Robot
 from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.ik import Box, Scene
-from jacokin.motion import Grasp, Trajectory, grasps, plan_motion, plan_pick
+from jacokin.motion import Grasp, Trajectory, grasps, plan_motion, plan_path, plan_pick
 from jacokin.motion.free_motion import plan_pick as module
 
 TABLE = Box("table", [0.6, 1.2, 0.05], [0.5, 0.0, -0.025])
@@ -78,7 +78,7 @@ def test_what_stands_on_the_table_is_lifted_off(name: str, tmp_path: Path) -> No
     np.testing.assert_array_equal(pick.lift.q[0], pick.reach.q[-1])
     up = [robot.forward_kinematics(q).translation for q in pick.lift.q[[0, -1]]]
     np.testing.assert_allclose(up[1] - up[0], [0.0, 0.0, 0.1], atol=1e-6)
-    distance = robot.clearance(pick.lift.q, pick.held, self_collision=True)
+    distance = np.asarray(robot.clearance(pick.lift.q, pick.held, self_collision=True))
     assert np.min(distance) > -1e-9
     assert (np.diff(np.minimum(distance, 0.0101)) > -1e-7).all()
     assert distance[-1] > 0.0101
@@ -94,7 +94,7 @@ def test_what_stands_on_the_table_is_lifted_off(name: str, tmp_path: Path) -> No
 
 
 def test_the_next_line_is_tried(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
-    real, calls = module.plan_path, 0
+    real, calls = plan_path, 0
 
     def fails_at_first(*given: Any, **options: Any) -> Trajectory:
         nonlocal calls
