@@ -386,7 +386,7 @@ class _Request:
         sentence += ", straight" if lines == 1 else f", around what is in the way by {lines} lines"
         sentence += f"; {note}" if note else ""
         if contact is None:
-            sentence += "; the description has no collision shapes, so contact was not checked"
+            sentence += "; the description has no collision shapes that can be loaded, so contact was not checked"
         return self._write((t, q, v, a), goal, contact, sentence)
 
     def _write(

@@ -229,8 +229,8 @@ def _opened(solver: IKSolver, around: Scene, opening: float | None) -> IKSolver:
         raise InvalidInputError(
             f"the fingers of {solver.robot.name} cannot stand at the opening {opening:.4g} of the grasps ({error}): "
             "grasps.box, cylinder and sphere are for the bundled hands; give jacokin.motion.Grasp(target, opening) "
-            "with an opening in the unit of this hand's joints, [m] where they slide, or opening=None to leave them as they "
-            "are"
+            "with an opening in the unit of this hand's joints, [m] where they slide, or opening=None for fingers that "
+            "stay as they are"
         ) from error
 
 
