@@ -49,6 +49,7 @@ BETTER = 0.98  # of the time of a way at full speed is what the next one may tak
 NEXT_SAMPLES = 500  # after which the search for it is given up
 SAME = 1e-9  # [rad] a motion that is shorter is none
 SAME_TICK = 1e-3  # of a step: a row this near to the end of the motion is the end
+FASTEST, HARDEST, SHARPEST = 1e4, 1e8, 1e12  # [rad/s], [rad/s^2], [rad/s^3] no more is used of larger limits
 MOST_DIRECT = 8  # goals to which a motion that leaves contact tries to go straight
 MOST_LANDINGS = 16  # goals next to something to which it is tried to come
 
@@ -113,6 +114,8 @@ def plan_motion(
     jerk = None if jerk_limit is None else checks.positive_vector("jerk_limit", jerk_limit, robot.dof, "rad/s^3")
     torque = torque_limits(robot, torque_limit)
     step, count = checks.positive("dt", dt, "s"), checks.whole_number("ways", ways, 1, MOST_WAYS)
+    velocity, acceleration = np.minimum(velocity, FASTEST), np.minimum(acceleration, HARDEST)
+    jerk = None if jerk is None else np.minimum(jerk, SHARPEST)
     speed = np.minimum(velocity, np.sqrt(np.pi * acceleration))
     slowest = float(speed.min())
     request = _Request(
