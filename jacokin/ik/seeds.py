@@ -14,6 +14,7 @@ from jacokin.model.robot import Robot
 
 FARTHEST_SEED = 1e6  # [rad] beyond this a double no longer resolves an angle to 1e-10 rad
 LIMIT_NOISE = 0.01  # [rad] an encoder may report a joint this far past its limit
+ON_LIMIT = 1e-6  # [rad] or [m] past its limit, a joint is on it: rounding of files, degrees and single precision
 AT_SEED = 1e-3  # [rad] a start this near to the seed is not worth a word
 DEFAULT_RANDOM_SEED = 0  # of the generator used when the caller brings none: results repeat
 
@@ -77,10 +78,20 @@ def random_configurations(robot: Robot, size: int, rng: np.random.Generator) -> 
     return rng.uniform(lower, upper, (size, robot.dof))
 
 
-def checked_start(robot: Robot, q: ArrayLike | None, name: str = "q", noise: float = LIMIT_NOISE) -> Array:
-    """A configuration (dof,) [rad] within the limits, read-only; None is home.
+def checked_start(
+    robot: Robot, q: ArrayLike | None, name: str = "q", noise: float = ON_LIMIT, *, outside: bool = False
+) -> Array:
+    """A configuration (dof,) [rad] that the arm is in, or is to go to, read-only; None is home.
 
-    A joint past its limit by at most `noise` [rad] is put on the limit.
+    A joint past its limit by at most `noise` is put on the limit. One that is farther out is refused, or left where it
+    is with `outside`: an arm that is pushed there by hand still has to come back.
+
+    Args:
+        robot: the arm.
+        q: (dof,) [rad].
+        name: of the argument, for messages.
+        noise: [rad], or [m] where a joint slides.
+        outside: True for where the arm is, False for where it is to go.
 
     Raises:
         InvalidInputError: malformed, outside the limits, or more than 1e6 rad from zero.
@@ -89,26 +100,31 @@ def checked_start(robot: Robot, q: ArrayLike | None, name: str = "q", noise: flo
         return robot.home
     found = near_configuration(robot, q, name)
     inside = np.clip(found, robot.lower, robot.upper)
-    joint = int(np.argmax(np.abs(found - inside)))
-    if abs(found[joint] - inside[joint]) > noise:
-        raise InvalidInputError(
-            f"{name} puts {robot.joint_names[joint]} at {found[joint]:.17g} rad, outside "
-            f"[{robot.lower[joint]:.17g}, {robot.upper[joint]:.17g}] rad"
-        )
-    return checks.read_only(inside)
+    away = np.abs(found - inside)
+    joint = int(np.argmax(away))
+    if away[joint] <= noise:
+        return checks.read_only(inside)
+    if outside:
+        return checks.read_only(np.where(away <= noise, inside, found))
+    raise InvalidInputError(
+        f"{name} puts {robot.joint_names[joint]} at {found[joint]:.17g} rad, outside "
+        f"[{robot.lower[joint]:.17g}, {robot.upper[joint]:.17g}] rad"
+    )
 
 
 def choose_start(robot: Robot, seed: ArrayLike | None, start: ArrayLike | None) -> tuple[Array, str]:
     """Where a path should begin, near `seed`, or begins, at `start`; and a sentence when a seed was moved.
 
+    Joints of `start` may be outside the limits, where they are left.
+
     Raises:
-        InvalidInputError: both are given, one is malformed, or `start` is outside the limits.
+        InvalidInputError: both are given, or one is malformed.
     """
     if start is None:
         return seed_within_limits(robot, seed)
     if seed is not None:
         raise InvalidInputError("give at most one of seed and start")
-    return checked_start(robot, start, "start"), ""
+    return checked_start(robot, start, "start", outside=True), ""
 
 
 def describe_jump(joint_names: Sequence[str], away: Array, name: str) -> str:

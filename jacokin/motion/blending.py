@@ -83,6 +83,17 @@ def round_corners(way: Array, velocity: Array, cuts: Array) -> tuple[BlendedCour
     return BlendedCourse(np.array(s), np.array(q), np.array(slope), np.array(bend)), np.array([*stops, s[-1]])
 
 
+def straightened(way: Array, cuts: Array, velocity: Array) -> tuple[Array, Array]:
+    """A way (n, dof) and its cuts (n,) without corners that are none; see `round_corners`."""
+    if len(way) < 3:
+        return way, cuts
+    steps = np.diff(way, axis=0)
+    slopes = steps / (np.abs(steps) / velocity).max(axis=1)[:, None]
+    bent = (np.abs(np.diff(slopes, axis=0)) / velocity).max(axis=1, initial=0.0) >= STRAIGHT
+    kept = np.concatenate([[True], bent, [True]])
+    return way[kept], cuts[kept]
+
+
 @dataclass(frozen=True, slots=True)
 class TimedCourse:
     """A course and when each place of it is passed; between neighbours of a grid, places accelerate steadily.

@@ -37,11 +37,12 @@ class Grasp:
 
     Attributes:
         target: where the tool is: a pose that may turn about an axis.
-        opening: angle of the fingers before they close [rad].
+        opening: of the fingers before they close: angle [rad], or [m] where they slide; None for as the robot was
+            loaded.
     """
 
     target: FreeAxis
-    opening: float
+    opening: float | None = None
 
 
 def box(size: ArrayLike, pose: pin.SE3 | ArrayLike) -> list[Grasp]:

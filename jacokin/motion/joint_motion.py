@@ -65,7 +65,7 @@ def move_joints(
     """
     checked_robot("robot", robot)
     step = checks.positive("dt", dt, "s")
-    start, end = (checked_start(robot, q, name, noise=0.0) for q, name in ((q_from, "q_from"), (q_to, "q_to")))
+    start, end = (checked_start(robot, q, name) for q, name in ((q_from, "q_from"), (q_to, "q_to")))
     end = angles.nearest_copy(end, start, robot.unlimited)
     velocity = velocity_limits(robot, velocity_limit)
     acceleration = acceleration_limits(robot, acceleration_limit)

@@ -3,6 +3,7 @@
 A plan goes through these steps:
 
     goals       every configuration that reaches a goal is a candidate: branches, members of families, turns
+    ends        joints outside their limits come back, and what is near at the start comes apart (`leaving`)
     straight    the straight motion to each of them, the quickest first, is certified (`Contact.in_the_way`)
     search      where those are blocked, two trees grow from start and goals until they meet, and the way is shortened
     blending    its corners are rounded, and it is timed within the limits (`motion.blending`)
@@ -14,7 +15,7 @@ import itertools
 import time
 import weakref
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple
@@ -34,7 +35,8 @@ from jacokin.model.contact import Contact
 from jacokin.model.obstacles import Surroundings
 from jacokin.model.poses import FreeAxis
 from jacokin.model.robot import Robot, acceleration_limits, jerk_limits, velocity_limits
-from jacokin.motion.blending import fit_time, round_corners
+from jacokin.motion.blending import fit_time, round_corners, straightened
+from jacokin.motion.free_motion.leaving import DEEPEST, SAME_DISTANCE
 from jacokin.motion.free_motion.search import MOST_SAMPLES, Found, StraightMotion, WaySearch
 from jacokin.motion.grasps import Grasp
 from jacokin.motion.joint_motion import ACCELERATION, SmoothLines
@@ -47,6 +49,9 @@ DETOUR = 1.5  # a straight motion this many times slower than the nearest goal a
 BETTER = 0.98  # of the time of a way at full speed is what the next one may take
 NEXT_SAMPLES = 500  # after which the search for it is given up
 SAME = 1e-9  # [rad] a motion that is shorter is none
+FASTEST, HARDEST, SHARPEST = 1e4, 1e8, 1e12  # [rad/s], [rad/s^2], [rad/s^3] no more is used of larger limits
+MOST_DIRECT = 8  # goals to which a motion that leaves contact tries to go straight
+MOST_LANDINGS = 16  # goals next to something to which it is tried to come
 
 
 def plan_motion(
@@ -70,11 +75,14 @@ def plan_motion(
 
     Args:
         solver: knows the arm, its tool, and its scene.
-        start: (dof,) where the arm is [rad].
+        start: (dof,) where the arm is [rad]. A joint up to 1e-6 rad past its limit is on it; one that is farther out
+            first comes straight back. Shapes that touch there, up to 1 cm deep, or are nearer than the clearance, first
+            come apart, without any of them getting nearer.
         goal: a configuration (dof,) [rad], a pose T_base_tool, a `FreeAxis`, a position (3,) [m], a `Grasp`, or a list
-            of them, any of which will do. What is reached soonest is taken.
-        time_limit: for the search [s]. It does not change what is found, only whether the search is cut: then the
-            quickest way so far is taken.
+            of them, any of which will do. What is reached soonest is taken. A configuration is reached as it is given,
+            on unlimited joints whole turns apart.
+        time_limit: for all but the first look at a scene and writing the rows [s]. It does not change what is found,
+            only whether the search is cut: then the quickest way so far is taken.
         ways: how many ways are looked for where the straight motion is blocked; the quickest is taken.
         rng: randomness of the search; None for a fixed seed.
         dt: step from row to row [s]; smaller where controllers could touch something between two rows, as `message`
@@ -91,21 +99,40 @@ def plan_motion(
         at the start, and `outcome` and `message` say why.
 
     Raises:
-        InvalidInputError: a malformed argument, or a configuration outside the limits.
+        InvalidInputError: a malformed argument, or a goal outside the limits.
         UnknownNameError: the scene speaks of a link that is not there.
+        ModelError: the shapes of the description cannot be loaded; with collision="ignore" the motion is planned
+            without looking for contact then, and `message` says so.
         MissingExtraError: `jerk_limit` is given, and Ruckig is not installed.
     """
     checks.instance("solver", solver, IKSolver, "an IKSolver")
     robot = solver.robot
-    q = checked_start(robot, start, "start", noise=0.0)
+    q = checked_start(robot, start, "start", outside=True)
     limit = checks.positive("time_limit", time_limit, "s")
     generator = np.random.default_rng(DEFAULT_RANDOM_SEED) if rng is None else checks.generator("rng", rng)
     velocity = velocity_limits(robot, velocity_limit)
     acceleration, jerk = acceleration_limits(robot, acceleration_limit), jerk_limits(robot, jerk_limit)
     torque = torque_limits(robot, torque_limit)
     step, count = checks.positive("dt", dt, "s"), checks.whole_number("ways", ways, 1, MOST_WAYS)
-    request = _Request(solver, q, velocity, acceleration, jerk, torque, step, count)
-    return request.plan(list_aims(robot, goal), generator, time.monotonic() + limit)
+    velocity, acceleration = np.minimum(velocity, FASTEST), np.minimum(acceleration, HARDEST)
+    jerk = None if jerk is None else np.minimum(jerk, SHARPEST)
+    speed = np.minimum(velocity, np.sqrt(np.pi * acceleration))
+    slowest = float(speed.min())
+    request = _Request(
+        solver=solver,
+        start=q,
+        velocity=velocity,
+        acceleration=acceleration,
+        jerk=jerk,
+        torque=torque,
+        dt=step,
+        ways=count,
+        speed=speed / slowest,
+        unit=1.0 / slowest,
+    )
+    aims, search = list_aims(robot, goal), search_of(solver)
+    begun = time.monotonic()
+    return request.plan(aims, search, generator, begun, begun + limit)
 
 
 class _Timed(NamedTuple):
@@ -116,22 +143,43 @@ class _Timed(NamedTuple):
     duration: float
     """[s]."""
     at_full_speed: float
-    """[s]."""
+    """In units of `_Request.unit`."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+class _Ends(NamedTuple):
+    """What comes before and after what a search finds."""
+
+    before: Array
+    """(n, dof) up to where the search begins [rad]."""
+    after: Mapping[int, Array]
+    """(m, dof) by number of the goal: where the search ends, and what comes then [rad]."""
+
+
+class _Beginning(NamedTuple):
+    """How a motion begins before it is searched for."""
+
+    rows: Array
+    """(n, dof) from the start to where the search begins [rad]."""
+    note: str
+    """What happens there, for a sentence; "" for nothing."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class _Request:
     """One motion that is asked for, checked.
 
     Attributes:
         solver: knows the arm and its scene.
-        start: (dof,) [rad].
+        start: (dof,) [rad]; joints may be outside their limits.
         velocity: (dof,) [rad/s].
         acceleration: (dof,) [rad/s^2].
         jerk: (dof,) [rad/s^3]; None for no limit.
         torque: (dof,) [N m]; None for no limit.
         dt: of the rows [s].
         ways: how many ways around are compared.
+        speed: (dof,) what ways are compared by, the slowest joint 1: the velocity limit, or what a joint reaches within
+            half a turn at its acceleration limit, whichever is less.
+        unit: what times at that speed are counted in [s].
     """
 
     solver: IKSolver
@@ -142,63 +190,146 @@ class _Request:
     torque: Array | None
     dt: float
     ways: int
+    speed: Array
+    unit: float
 
-    def plan(self, aims: Sequence[Any], rng: np.random.Generator, deadline: float) -> Trajectory:
+    def plan(
+        self, aims: Sequence[Any], search: WaySearch | None, rng: np.random.Generator, begun: float, deadline: float
+    ) -> Trajectory:
         """See `plan_motion`."""
-        finder = GoalFinder(self.solver, self.start, rng)
-        goals, reasons = list[Goal](), list[str]()
-        for number, aim in enumerate(aims):
-            found, reason = finder.find(number, aim)
-            goals += found
-            reasons += [reason] if reason else []
-        search = search_of(self.solver)
-        pair = None if search is None else search.contact.first_touching(self.start)
-        if pair is not None:
-            return self._stay(MotionStatus.START_IN_CONTACT, f"{pair[0]} touches {pair[1]} at the start")
+        robot = self.solver.robot
+        finder = GoalFinder(self.solver, np.clip(self.start, robot.lower, robot.upper), rng, begun, deadline)
+        goals, missed = finder.find_all(aims)
         if not goals:
-            return self._stay(MotionStatus.UNREACHABLE, _listed(reasons))
+            status = MotionStatus.NO_WAY if missed else MotionStatus.UNREACHABLE
+            return self._stay(status, missed or finder.why_none(aims))
         rows = np.array([each.q for each in goals])
-        order = np.argsort((np.abs(rows - self.start) / self.velocity).max(axis=1), kind="stable")
+        still = np.flatnonzero(np.abs(rows - self.start).max(axis=1) <= SAME)
+        if len(still) and (search is None or not search.contact.touches(self.start)):
+            there = self._timed(self.start[None], None)
+            return self._go(there, goals[int(still[0])], None if search is None else search.contact, "")
+        order = np.argsort(self._times(rows, self.start), kind="stable")
         rows, goals = rows[order], [goals[k] for k in order.tolist()]
+        beginning = self._begin(search, rows)
+        if isinstance(beginning, Trajectory):
+            return beginning
+        before, note = beginning
         if search is None:
-            return self._go(self._timed(np.array([self.start, rows[0]]), None), goals[0], None)
-        search.begin(self.start, rows, self.velocity, rng)
+            way = np.array([*before, rows[0]])
+            return self._go(self._timed(way, None), goals[0], None, note)
+        order = np.argsort(self._times(rows, before[-1]), kind="stable")
+        rows, goals = rows[order], [goals[k] for k in order.tolist()]
+        search.begin(before[-1], rows, self.speed, rng)
         straight = search.go_straight()
+        after, nearness = self._land(search, straight, rows, before[-1])
+        if after:
+            for k, tail in after.items():
+                rows[k] = tail[0]
+            search.begin(before[-1], rows, self.speed, rng)
+            straight = search.go_straight()
+        blocked = np.array([k for k in straight.blocked.tolist() if k not in nearness], dtype=np.intp)
+        straight = StraightMotion(straight.reached, blocked, straight.touching)
         if straight.reached < 0 and not len(straight.blocked):
-            sentence = (
-                f"all {len(rows)} configurations that reach the goal touch something: {_named(straight.touching)}"
-            )
+            reasons = [f"touch something: {_named(straight.touching)}"] if straight.touching else []
+            if nearness:
+                reasons.append(f"are nearer to something than motions are kept: {next(iter(nearness.values()))}")
+            sentence = f"all {len(rows)} configurations that reach the goal {', or '.join(reasons)}"
             return self._stay(MotionStatus.GOAL_IN_CONTACT, sentence)
-        best = self._quickest(search, straight, rows, deadline)
+        best = self._quickest(search, straight, rows, _Ends(before[:-1], after), deadline)
         if isinstance(best, Found):
             cut = "within the time" if time.monotonic() >= deadline else "in all samples"
             sentence = (
-                f"no way was found {cut} ({best.samples} samples); two parts of one came within {best.nearest:.3g} s "
-                f"of motion of each other; most often in the way: {_named(search.hindrances)}"
+                f"no way was found {cut} ({best.samples} samples); two parts of one came within "
+                f"{best.nearest * self.unit:.3g} s of motion of each other; most often in the way: "
+                f"{_named(search.hindrances)}"
             )
             return self._stay(MotionStatus.NO_WAY, sentence)
         timed, number = best
         reached = goals[number]
         end = Goal(checks.read_only(timed.way[-1]), reached.number, reached.target, reached.parameter)
-        return self._go(timed, end, search.contact)
+        return self._go(timed, end, search.contact, note)
 
-    def _is_direct(self, rows: Array, straight: StraightMotion) -> bool:
+    def _times(self, rows: Array, start: Array) -> Array:
+        """Of straight motions from a configuration (dof,) to some (n, dof), at full speed."""
+        return np.asarray((np.abs(rows - start) / self.speed).max(axis=1))
+
+    def _begin(self, search: WaySearch | None, goals: Array) -> _Beginning | Trajectory:
+        """Bring joints onto their limits, then apart what is near; or the motion that stays, with the reason."""
+        robot, rows, notes = self.solver.robot, [self.start], list[str]()
+        inside = np.clip(self.start, robot.lower, robot.upper)
+        leaving = None if search is None else search.leaving
+        near = None if leaving is None else leaving.near(self.start)
+        if (inside != self.start).any():
+            names = ", ".join(robot.joint_names[joint] for joint in np.flatnonzero(inside != self.start).tolist())
+            if search is not None and leaving is not None:
+                if near:
+                    near, pair = leaving.follow(self.start, inside, near)
+                else:
+                    pair = search.contact.in_the_way(self.start, inside)
+                if pair is not None:
+                    sentence = f"{names} starts outside its limits, and {pair[0]} and {pair[1]} touch on the way back"
+                    return self._stay(MotionStatus.START_IN_CONTACT, sentence)
+            rows.append(inside)
+            notes.append(f"{names} starts outside its limits and comes back first")
+        if not near or leaving is None:
+            return _Beginning(np.array(rows), "; ".join(notes))
+        distance, pair = leaving.nearest(near)
+        how = f"are {distance:.3g} m apart" if distance > SAME_DISTANCE else "touch"
+        where = f"{pair[0]} and {pair[1]} {how} at the start"
+        if distance < -DEEPEST:
+            sentence = (
+                f"{pair[0]} touches {pair[1]} at the start, {-distance:.3g} m deep: more than {DEEPEST} m, up to which "
+                "what touches is pulled apart"
+            )
+            return self._stay(MotionStatus.START_IN_CONTACT, sentence)
+        out = leaving.way_out(inside, near, goals[:MOST_DIRECT])
+        if out is None:
+            sentence = (
+                f"{where}, nearer than {leaving.kept:.3g} m (the clearance and a reserve), and no straight motion was "
+                "found that parts them without bringing anything nearer"
+            )
+            return self._stay(MotionStatus.START_IN_CONTACT, sentence)
+        notes.append(f"{where} and come apart first")
+        return _Beginning(np.array([*rows[:-1], *out]), "; ".join(notes))
+
+    def _land(
+        self, search: WaySearch, straight: StraightMotion, rows: Array, start: Array
+    ) -> tuple[dict[int, Array], dict[int, str]]:
+        """Motions (n, dof) that end at goals nearer to something than a certified motion may be, by number of the goal.
+
+        They begin where it may be. With them, why there is none to some others.
+        """
+        leaving, found, none = search.leaving, dict[int, Array](), dict[int, str]()
+        for k in straight.blocked.tolist():
+            near = leaving.near(rows[k])
+            if not near:
+                continue
+            out = leaving.way_out(rows[k], near, start[None]) if len(found) < MOST_LANDINGS else None
+            if out is not None:
+                found[k] = out[::-1]
+            else:
+                distance, pair = leaving.nearest(near)
+                none[k] = f"{pair[0]} and {pair[1]} are {distance:.3g} m apart there, kept {leaving.kept:.3g} m apart"
+        return found, none
+
+    def _is_direct(self, rows: Array, straight: StraightMotion, start: Array) -> bool:
         """Whether the straight motion to the goal that was reached takes not much longer than one to a nearer goal."""
         if not len(straight.blocked):
             return True
-        far, near = (np.abs(rows[k] - self.start) / self.velocity for k in (straight.reached, straight.blocked[0]))
-        return float(far.max()) <= DETOUR * float(near.max())
+        far, near = self._times(rows[[straight.reached, straight.blocked[0]]], start).tolist()
+        return bool(far <= DETOUR * near)
 
     def _quickest(
-        self, search: WaySearch, straight: StraightMotion, rows: Array, deadline: float
+        self, search: WaySearch, straight: StraightMotion, rows: Array, ends: _Ends, deadline: float
     ) -> tuple[_Timed, int] | Found:
         """The quickest of the straight motion and some ways around to goals (k, dof), and the number of its goal."""
-        best: tuple[_Timed, int] | None = None
+        start, best = search.start, None
         if straight.reached >= 0:
-            best = self._timed(np.array([self.start, rows[straight.reached]]), search), straight.reached
-            if self._is_direct(rows, straight):
+            way = np.array([start, rows[straight.reached]])
+            best = self._timed(way, search, ends, straight.reached), straight.reached
+            if self._is_direct(rows, straight, start):
                 return best
-        times = (np.abs(rows[straight.blocked] - self.start) / self.velocity).max(axis=1)
+        times = self._times(rows[straight.blocked], start)
         found, bound, most = Found(), np.inf, MOST_SAMPLES
         for _ in range(self.ways):
             if best is not None:
@@ -208,35 +339,38 @@ class _Request:
                 break
             found = search.go_around(goals, deadline, most, bound)
             if found.way is not None:
-                timed = self._timed(found.way, search)
+                timed = self._timed(found.way, search, ends, found.goal)
                 if best is None or timed.duration < best[0].duration:
                     best = timed, found.goal
             elif best is None:
                 break
         return best or found
 
-    def _timed(self, way: Array, search: WaySearch | None) -> _Timed:
-        """A way (n, dof) in the least time within the limits."""
-        size = np.abs(way[1:] - way[:-1])
-        moves = size.max(axis=1) > SAME
-        if not moves.all():
-            way = np.vstack([way[:1], way[1:][moves]])
-            if len(way) == 1:
-                return _Timed(way, None, 0.0, 0.0)
-            size = np.abs(way[1:] - way[:-1])
-        least = float((size / self.velocity).max(axis=1).sum())
+    def _timed(self, way: Array, search: WaySearch | None, ends: _Ends | None = None, goal: int = -1) -> _Timed:
+        """A way (n, dof), with what comes before and after it, in the least time within the limits."""
+        way = way[np.append(True, np.abs(np.diff(way, axis=0)).max(axis=1) > SAME)]
+        least = float((np.abs(np.diff(way, axis=0)) / self.speed).max(axis=1).sum())
+        cuts = search.cuts(way) if search is not None and len(way) > 2 else np.zeros(len(way))
+        if ends is not None:
+            tail = ends.after.get(goal, way[-1:])
+            tail = (tail + TURN * np.round((way[-1] - tail[0]) / TURN) * self.solver.robot.unlimited)[1:]  # turned on
+            way = np.vstack([ends.before, way, tail])
+            cuts = np.concatenate([np.zeros(len(ends.before)), cuts, np.zeros(len(tail))])
+            way, cuts = straightened(way, cuts, self.speed)
+        if len(way) == 1:
+            return _Timed(way, None, 0.0, 0.0)
         if self.jerk is not None:
             lines = SmoothLines(way, self.velocity, self.acceleration, self.jerk)
             return _Timed(way, lines, lines.duration, least)
-        cuts = np.zeros(2) if len(way) == 2 or search is None else search.cuts(way)
-        timed = fit_time(*round_corners(way, self.velocity, cuts), self.velocity, self.acceleration)
+        timed = fit_time(*round_corners(way, self.speed, cuts), self.velocity, self.acceleration)
         return _Timed(way, timed, timed.duration, least)
 
-    def _go(self, timed: _Timed, goal: Goal, contact: Contact | None) -> Trajectory:
+    def _go(self, timed: _Timed, goal: Goal, contact: Contact | None, note: str) -> Trajectory:
         """The motion along a timed way to a goal, measured."""
         robot, way = self.solver.robot, timed.way
         if timed.law is None:
             none = np.zeros_like(way)
+            goal = Goal(checks.read_only(way[-1]), goal.number, goal.target, goal.parameter)
             return self._write((np.zeros(1), way, none, none), goal, contact, "already there")
         law = timed.law if self.torque is None else slow_down(robot, timed.law, self.torque)
         if isinstance(law, TooHeavy):
@@ -264,8 +398,9 @@ class _Request:
         lines = len(way) - 1
         sentence += "" if law is timed.law else ", slower for the torques"
         sentence += ", straight" if lines == 1 else f", around what is in the way by {lines} lines"
+        sentence += f"; {note}" if note else ""
         if contact is None:
-            sentence += "; the description has no collision shapes, so contact was not checked"
+            sentence += "; the description has no collision shapes that can be loaded, so contact was not checked"
         return self._write(rows, goal, contact, sentence)
 
     def _strain(self, rows: Rows) -> float:
@@ -319,34 +454,30 @@ def search_of(solver: IKSolver) -> WaySearch | None:
 
     Raises:
         InvalidInputError: the scene does not fit the robot.
+        ModelError: the description's shapes cannot be loaded, unless the solver ignores contact.
         UnknownNameError: the scene speaks of a link that is not there.
     """
     if solver not in _searches:
         options = solver.verifier.options
         around = Surroundings() if options.scene is None else options.scene.surroundings
-        contact = _build_contact(solver.robot, around, options.clearance)
+        contact = _build_contact(solver, around, options.clearance)
         _searches[solver] = None if contact is None else WaySearch(solver.robot, contact, options.clearance)
     return _searches[solver]
 
 
-def _build_contact(robot: Robot, around: Surroundings, clearance: float) -> Contact | None:
+def _build_contact(solver: IKSolver, around: Surroundings, clearance: float) -> Contact | None:
     try:
-        found = Contact(robot, around, clearance=clearance)
+        found = Contact(solver.robot, around, clearance=clearance)
     except ModelError:
-        if around.names:
-            raise
-        return None
+        if solver.verifier.options.collision == "ignore" or solver.robot.source.content is None:
+            return None
+        raise
     return found if found.has_shapes else None
 
 
 def _named(pairs: Counter[tuple[str, str]]) -> str:
     """The pairs of shapes that are met most often, for a sentence."""
     return ", ".join(f"{a} and {b}" for (a, b), _ in pairs.most_common(2))
-
-
-def _listed(reasons: Sequence[str]) -> str:
-    """Why goals are not reached, each reason once."""
-    return "; ".join(dict.fromkeys(reasons))
 
 
 SPREAD = float(np.radians(20.0))  # between members of a family that are tried
@@ -362,7 +493,7 @@ def list_aims(robot: Robot, goal: Any) -> tuple[Any, ...]:
         InvalidInputError: an empty list.
     """
     is_list = isinstance(goal, list | tuple) and not all(isinstance(each, PartialTarget) for each in goal)
-    if isinstance(goal, list | tuple) and not goal:
+    if (isinstance(goal, list | tuple) and not goal) or (isinstance(goal, np.ndarray) and not goal.size):
         raise InvalidInputError("goal is empty; give a configuration, a pose, a FreeAxis, or a list of them")
     if is_list and not isinstance(goal[0], int | float | np.number) and not _is_matrix(goal):
         return tuple(goal)
@@ -379,34 +510,80 @@ def _is_matrix(goal: Sequence[Any]) -> bool:
 
 
 class GoalFinder:
-    """Finds the configurations that reach goals; those that are nearer to the start of the motion come first."""
+    """Finds the configurations that reach goals; those that are nearer to the start of the motion come first.
 
-    def __init__(self, solver: IKSolver, start: Array, rng: np.random.Generator) -> None:
-        """Take a checked start (dof,) [rad]."""
+    It stops in the middle of the time once there is any, at the end of it otherwise.
+    """
+
+    def __init__(
+        self, solver: IKSolver, start: Array, rng: np.random.Generator, begun: float = 0.0, deadline: float = np.inf
+    ) -> None:
+        """Take a checked start (dof,) [rad], and when the time begins and ends on the clock of `time.monotonic` [s]."""
         self._solver, self._start, self._rng = solver, start, rng
         self._robot = solver.robot
+        self._deadline, self._middle = deadline, 0.5 * (begun + deadline)
+        self._any = False
 
-    def find(self, number: int, aim: Any) -> tuple[list[Goal], str]:
-        """Configurations that reach one goal within the limits, in contact or not; and why there is none.
+    @property
+    def is_late(self) -> bool:
+        """Whether there is no more time."""
+        return time.monotonic() >= (self._middle if self._any else self._deadline)
+
+    def find_all(self, aims: Sequence[Any]) -> tuple[list[Goal], str]:
+        """Configurations that reach any of some goals; and a sentence where time ran out before there was one.
+
+        Raises:
+            InvalidInputError: not a goal, or malformed; a configuration outside the limits.
+        """
+        checked, goals = [self.check(number, aim) for number, aim in enumerate(aims)], list[Goal]()
+        for number, (aim, wanted) in enumerate(zip(aims, checked, strict=True)):
+            if number and self.is_late:
+                if goals:
+                    break
+                return [], f"the time was over after {number} of {len(aims)} goals, none of which is reached"
+            goals += self.find(number, aim, wanted)
+        return goals, ""
+
+    def check(self, number: int, aim: Any) -> Array | TargetPose:
+        """A goal, checked: a configuration (dof,) [rad], or what the tool is to reach.
 
         Raises:
             InvalidInputError: not a goal, or malformed; a configuration outside the limits.
         """
         robot = self._robot
-        if not isinstance(aim, pin.SE3 | FreeAxis | PartialTarget | Grasp | list | tuple):
-            aim = checks.array(f"goal {number}", aim, "a configuration, a pose, a FreeAxis or a grasp")
-        if isinstance(aim, list | tuple) and aim and not isinstance(aim[0], PartialTarget):
+        name = "goal" if number == 0 else f"goal {number}"
+        if not isinstance(aim, pin.SE3 | FreeAxis | PartialTarget | Grasp | list | tuple) or (
+            isinstance(aim, list | tuple) and not (aim and isinstance(aim[0], PartialTarget))
+        ):
             aim = checks.array(f"goal {number}", aim, "a configuration, a pose, a FreeAxis or a grasp")
         if isinstance(aim, np.ndarray) and aim.ndim == 1 and (aim.shape == (robot.dof,) or aim.shape != (3,)):
-            q = checked_start(robot, aim, "goal" if number == 0 else f"goal {number}", noise=0.0)
-            return self._goals([(q, None)], number, None), ""
-        wanted = interpret(aim.target if isinstance(aim, Grasp) else aim, self._solver.frame)
-        found = list(self._configurations(wanted))
-        if found:
-            return self._goals(found, number, aim), ""
-        if wanted.free_axis is not None and self._robot.dof == SEVEN:
-            return [], "no configuration within the limits was found at any of the angles that were tried"
-        return [], self._solver.solve(self._pose_of(wanted), seed=self._start, closest=False).message
+            return checked_start(robot, aim, name)
+        return interpret(aim.target if isinstance(aim, Grasp) else aim, self._solver.frame)
+
+    def find(self, number: int, aim: Any, wanted: Array | TargetPose) -> list[Goal]:
+        """Configurations that reach one checked goal within the limits, in contact or not."""
+        if isinstance(wanted, np.ndarray):
+            near = angles.nearest_copy(wanted, self._start, self._robot.unlimited)
+            found = [Goal(checks.sealed(near), number)]
+        else:
+            found = self._goals(list(self._configurations(wanted)), number, aim)
+        self._any = self._any or bool(found)
+        return found
+
+    def why_none(self, aims: Sequence[Any]) -> str:
+        """Why no configuration reaches any of some goals, each reason once; of as many as there is time for."""
+        reasons = list[str]()
+        for number, aim in enumerate(aims):
+            wanted = self.check(number, aim)
+            if isinstance(wanted, np.ndarray):
+                continue
+            if wanted.free_axis is not None and self._robot.dof == SEVEN:
+                reasons.append("no configuration within the limits was found at any of the angles that were tried")
+            else:
+                reasons.append(self._solver.solve(self._pose_of(wanted), seed=self._start, closest=False).message)
+            if self.is_late:
+                break
+        return "; ".join(dict.fromkeys(reasons))
 
     def _pose_of(self, wanted: TargetPose) -> Target:
         if wanted.free_axis is not None:
@@ -427,6 +604,8 @@ class GoalFinder:
         else:
             seeds = [self._start, self._robot.home, *random_configurations(self._robot, STARTS - 2, self._rng)]
             for seed in seeds:
+                if self.is_late:
+                    return
                 result = solver.solve(self._pose_of(wanted), seed=seed, rng=self._rng, closest=False)
                 if verifier.reached(result.q, (result.position_error, result.orientation_error)):
                     yield result.q, None
@@ -445,11 +624,17 @@ class GoalFinder:
         assert wanted.free_axis is not None
         low, high = wanted.free_axis.range
         for angle in np.linspace(low, high, max(2, int(np.ceil((high - low) / TURNED)) + 1)).tolist():
+            if self.is_late:
+                return
             for interval in self._solver.family(wanted.at(angle).matrix, seed=self._start):
                 yield interval.nearest(self._start), angle
+                self._any = True
 
     def _goals(self, found: Sequence[tuple[Array, float | None]], number: int, aim: Aim | None) -> list[Goal]:
+        """What was found, and for poses its 2-pi equivalents within the limits."""
         robot = self._robot
+        if not found:
+            return []
         near = angles.nearest_copy(np.array([q for q, _ in found]), self._start, robot.unlimited)
         wide = np.flatnonzero(~robot.unlimited & ~robot.sliding & (robot.upper - robot.lower >= TURN)).tolist()
         return [

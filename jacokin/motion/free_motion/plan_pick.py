@@ -1,9 +1,11 @@
-"""`plan_pick`: to an object and around it, by a free motion and a straight line at its end."""
+"""`plan_pick`: to an object, around it, and up with it: a free motion, a straight line to the grasp, and the lift."""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -17,40 +19,59 @@ from jacokin.ik.seeds import DEFAULT_RANDOM_SEED, checked_start
 from jacokin.ik.solver import IKSolver
 from jacokin.model import checks
 from jacokin.model.obstacles import pose_of
+from jacokin.model.robot import Robot, velocity_limits
 from jacokin.model.scene import Scene
 from jacokin.motion.free_motion.plan_motion import GoalFinder, plan_motion
-from jacokin.motion.grasps import Grasp
+from jacokin.motion.grasps import ANGLES, Grasp
 from jacokin.motion.joint_motion import ACCELERATION
 from jacokin.motion.planning.plan import plan_path
-from jacokin.motion.trajectory import Goal, Trajectory
+from jacokin.motion.trajectory import MotionStatus, Trajectory
 
-HAND = "hand"  # the link whose contact with the object is allowed, with the fingers that it carries
+HAND = "hand"  # of bundled robots: the link whose contact with the object is allowed, with the fingers that it carries
 AHEAD = 40  # configurations before grasps among which the free motion chooses
 LONGEST = 1.0  # [rad] no joint moves farther along the straight line
+EACH = "each is out of reach, in contact, or the line to it leaves its branch"
 LINES = 5  # straight lines that are tried
+FINDING = 0.6  # of the time is for finding configurations at grasps, at most
+UP = np.array([0.0, 0.0, 1.0])
+LEAST_TIME = 0.1  # [s] for the lift, whatever time is left
+CLOSED = 6400.0  # what Kinova's driver counts for a closed finger, 0 for an open one; about (kinova-ros, README)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Pick(Frozen):
-    """A way to an object: first `motion`, then `approach`."""
+    """To an object and up with it: `motion`, then `approach`, then the fingers close, then `lift`."""
 
     motion: Trajectory
     """From the start to before the object, in joints."""
     approach: Trajectory | None
     """Straight along the tool's z axis to the grasp, from rest to rest; None where there is no way."""
+    reach: Trajectory | None
+    """`motion` and `approach` in one, to be saved in one file; None where there is no way."""
+    lift: Trajectory | None
+    """Up with the object in the hand, from rest to rest; None without a name of the object, with `lift=0`, or where
+    there is no way."""
     grasp: Grasp | None
-    """The grasp at its end; the fingers stand at its `opening`, or wider, all along."""
-    opening: float
-    """Angle of the fingers all along [rad]."""
+    """The grasp at the end of `reach`; the fingers stand at its `opening`, or wider, up to there."""
+    opening: float | None
+    """Of the fingers until they close: angle [rad], or [m] where they slide; None for as the robot was loaded."""
+    kinova_fingers: float | None
+    """The same for each finger as Kinova's driver counts, about 0 (open) to 6400 (closed); None for other hands."""
     held: Scene | None
     """The scene once the fingers hold the object, for what comes next; None without a name of the object."""
+    success: bool
+    """True when the object is reached, and lifted if it is to be."""
     message: str
     """What happened, in a sentence."""
 
-    @property
-    def success(self) -> bool:
-        """True when the object is reached."""
-        return self.approach is not None
+    def __repr__(self) -> str:
+        """How long each part takes."""
+        parts = [
+            f"{name} {'none' if part is None else f'{part.duration:.3g} s'}"
+            for name, part in (("motion", self.motion), ("approach", self.approach), ("lift", self.lift))
+        ]
+        opening = "as loaded" if self.opening is None else f"{self.opening:.3g}"
+        return f"Pick({'OK' if self.success else 'no way'}: {', '.join(parts)}; opening {opening}; {self.message})"
 
 
 class _Approach(NamedTuple):
@@ -71,8 +92,9 @@ def plan_pick(
     grasps: Sequence[Grasp],
     *,
     obstacle: str | None = None,
-    hand: str = HAND,
+    hand: str | None = None,
     distance: float = 0.1,
+    lift: float = 0.1,
     speed: float = 0.1,
     time_limit: float = 1.0,
     rng: np.random.Generator | None = None,
@@ -80,118 +102,222 @@ def plan_pick(
     velocity_limit: ArrayLike | None = None,
     acceleration_limit: ArrayLike = ACCELERATION,
 ) -> Pick:
-    """A motion to before an object, and a straight line to one of its grasps.
+    """A motion to before an object, a straight line to one of its grasps, and a motion up with the object in the hand.
 
-    The fingers stand as wide as the widest of the grasps asks for.
+    The fingers stand as wide as the widest of the grasps asks for. What the object stands on may touch it, or be nearer
+    than the clearance, until it is lifted off; meanwhile the object gets no nearer to it.
 
     Args:
         solver: knows the arm and its scene; its frame is the tool of the grasps.
         start: (dof,) where the arm is [rad].
-        grasps: what `grasps.box`, `grasps.cylinder` or `grasps.sphere` return.
-        obstacle: name of the object in the scene, which the hand may touch on the straight line; None for none.
-        hand: the link that may touch it, with what it carries.
+        grasps: what `grasps.box`, `grasps.cylinder` or `grasps.sphere` return, or grasps of your own.
+        obstacle: name of the object in the scene, which the hand may touch on the straight line, and which is lifted;
+            None for none.
+        hand: the link that may touch it, with what it carries; None for "hand", or where there is no such link for all
+            that moves with the solver's frame.
         distance: length of the straight line [m].
-        speed: along it [m/s].
-        time_limit: for the search of the free motion [s].
+        lift: how far up, along the z axis of the base [m]; 0 for not at all.
+        speed: along the straight line [m/s].
+        time_limit: for all of it but writing the rows [s].
         rng: randomness of the search; None for a fixed seed.
         dt: sampling step [s].
         velocity_limit: (dof,) or one for all [rad/s]; None for the robot's own.
         acceleration_limit: (dof,) or one for all [rad/s^2].
 
     Raises:
-        InvalidInputError: a malformed argument.
+        InvalidInputError: a malformed argument, or an opening that the fingers do not have.
         UnknownNameError: no obstacle or link of that name.
+        ModelError: the shapes of the description cannot be loaded.
         StructureError: the robot has no closed form.
     """
+    begun = time.monotonic()
     checks.instance("solver", solver, IKSolver, "an IKSolver")
     robot = solver.robot
-    q = checked_start(robot, start, "start", noise=0.0)
+    q = checked_start(robot, start, "start", outside=True)
     ways = checks.listed("grasps", grasps, "a list of grasps")
     for way in ways:
         checks.instance("grasps", way, Grasp, "grasps, for example grasps.box(size, pose)")
     if not ways:
         raise InvalidInputError("grasps is empty; see jacokin.motion.grasps")
-    back = checks.positive("distance", distance, "m")
+    back, pace = checks.positive("distance", distance, "m"), checks.positive("speed", speed, "m/s")
+    step, limit = checks.positive("dt", dt, "s"), checks.positive("time_limit", time_limit, "s")
+    up = 0.0 if checks.number("lift", lift, "m") == 0.0 else checks.positive("lift", lift, "m")
     generator = np.random.default_rng(DEFAULT_RANDOM_SEED) if rng is None else checks.generator("rng", rng)
-    opening = min(way.opening for way in ways)
-    around = (solver.verifier.options.scene or Scene()).with_fingers(opening)
+    velocity = velocity_limits(robot, velocity_limit)
+    acceleration = checks.positive_vector("acceleration_limit", acceleration_limit, robot.dof, "rad/s^2")
+    openings = [way.opening for way in ways if way.opening is not None]
+    opening = min(openings, default=None)
+    around = solver.verifier.options.scene or Scene()
     shapes = {each.name: each for each in around.obstacles}
     shape = None if obstacle is None else shapes[checks.choice("obstacle", obstacle, shapes)]
-    free = solver.in_scene(around)
-    near = free if obstacle is None else solver.in_scene(around.allowing((hand, obstacle)))
-    finder = _Approaches(near, free, q, back, generator)
-    found = finder.find(ways)
-    if not found:
-        still = plan_motion(free, q, q, dt=dt)
-        return Pick(still, None, None, opening, None, f"no grasp can be approached: {finder.reason}")
-    failed = ""
+    free = _opened(solver, around, opening)
+    around = free.verifier.options.scene or Scene()
+    near = free
+    if obstacle is not None and (touching := _hand_links(robot, solver.frame, hand)):
+        near = solver.in_scene(around.allowing(*((link, obstacle) for link in touching)))
+    finder = _Approaches(near, free, np.clip(q, robot.lower, robot.upper), back, generator, begun, begun + limit)
+    found, failed = finder.find(ways), ""
+    motion = Trajectory.of(
+        robot,
+        velocity,
+        (np.zeros(1), q[None], np.zeros((1, robot.dof)), np.zeros((1, robot.dof))),
+        status=MotionStatus.UNREACHABLE,
+        message=finder.reason,
+    )
+    fingers = None
+    if opening is not None and robot.source.bundled is not None:
+        share = (opening - ANGLES[0]) / (ANGLES[-1] - ANGLES[0])
+        fingers = CLOSED * float(np.clip(share, 0.0, 1.0))
+
+    def remaining() -> float:
+        return begun + limit - time.monotonic()
+
+    move = partial(plan_motion, rng=generator, dt=step, velocity_limit=velocity, acceleration_limit=acceleration)
+    follow = partial(
+        plan_path, dt=step, speed=pace, timing="slow", velocity_limit=velocity, acceleration_limit=acceleration
+    )
     for _ in range(LINES):
-        motion = plan_motion(
-            free,
-            q,
-            [each.q for each in found],
-            time_limit=time_limit,
-            rng=generator,
-            dt=dt,
-            velocity_limit=velocity_limit,
-            acceleration_limit=acceleration_limit,
-        )
-        if not motion.success or motion.goal is None:
-            return Pick(motion, None, None, opening, None, motion.message)
-        taken = found[motion.goal.number]
-        line = plan_path(
-            near,
-            [taken.before, taken.at],
-            dt,
-            speed=speed,
-            timing="slow",
-            start=motion.q[-1],
-            velocity_limit=velocity_limit,
-            acceleration_limit=acceleration_limit,
-        )
-        if line.success:
-            held = None
-            if shape is not None:
-                T_frame_object = robot.forward_kinematics(line.q[-1], frame=solver.frame).inverse() * pose_of(shape)
-                held = around.attach(shape.name, to=solver.frame, pose=T_frame_object)
-            message = f"{motion.message}; then {line.duration:.4g} s straight to the grasp"
-            return Pick(motion, line, taken.grasp, opening, held, message)
-        failed = line.message
-        del found[motion.goal.number]
         if not found:
+            failed = failed or f"no grasp can be approached: {finder.reason}"
             break
-    return Pick(motion, None, None, opening, None, f"no straight line to a grasp: {failed}")
+        if remaining() <= 0.0:
+            failed = failed or "the time was over before a grasp was reached"
+            break
+        motion = move(free, q, [each.q for each in found], time_limit=remaining())
+        if not motion.success or motion.goal is None:
+            failed = failed or motion.message
+            break
+        taken = found.pop(motion.goal.number)
+        try:
+            line = follow(near, [taken.before, taken.at], start=motion.q[-1])
+        except InvalidInputError as error:  # a line that joints cannot follow in any reasonable time
+            failed = f"no straight line to a grasp: {error}"
+            continue
+        if not line.success:
+            failed = f"no straight line to a grasp: {line.message}"
+            continue
+        message = f"{motion.message}; then {line.duration:.4g} s straight to the grasp"
+        held, raised = None, None
+        if shape is not None:
+            T_frame_object = robot.forward_kinematics(line.q[-1], frame=solver.frame).inverse() * pose_of(shape)
+            held = around.attach(shape.name, to=solver.frame, pose=T_frame_object)
+            if up > 0.0:
+                goal = pin.SE3(taken.at.rotation, taken.at.translation + up * UP)
+                left = max(remaining(), LEAST_TIME)
+                raised = move(solver.in_scene(held), line.q[-1], goal, time_limit=left)
+                if not raised.success:
+                    failed = f"a grasp is reached, but the object cannot be lifted by {up:.3g} m: {raised.message}"
+                    continue
+                message += f"; lift {raised.message}"
+        return Pick(motion, line, _joined(motion, line), raised, taken.grasp, opening, fingers, held, True, message)
+    return Pick(motion, None, None, None, None, opening, fingers, None, False, failed)
+
+
+def _opened(solver: IKSolver, around: Scene, opening: float | None) -> IKSolver:
+    """The solver with the fingers at an opening.
+
+    Raises:
+        InvalidInputError: the fingers do not have it.
+    """
+    if opening is None:
+        return solver.in_scene(around)
+    try:
+        return solver.in_scene(around.with_fingers(opening))
+    except InvalidInputError as error:
+        if solver.robot.source.bundled is not None:
+            raise
+        raise InvalidInputError(
+            f"the fingers of {solver.robot.name} cannot stand at the opening {opening:.4g} of the grasps ({error}): "
+            "grasps.box, cylinder and sphere are for the bundled hands; give jacokin.motion.Grasp(target, opening) "
+            "with an opening in the unit of this hand's joints, [m] where they slide, or opening=None for fingers that "
+            "stay as they are"
+        ) from error
+
+
+def _hand_links(robot: Robot, frame: str, hand: str | None) -> list[str]:
+    """Links that may touch the object."""
+    from jacokin.model.mujoco_twin import shapes_of_links
+
+    if hand is not None:
+        return [hand]
+    links = shapes_of_links(robot)
+    if HAND in links:
+        return [HAND]
+    joints = {link: robot.pin_model.frames[robot.frame_id(link)].parentJoint for link in (*links, frame)}
+    return [link for link in links if joints[link] == joints[frame]]
+
+
+def _joined(first: Trajectory, then: Trajectory) -> Trajectory:
+    """Two motions from rest to rest, one after the other, in one."""
+    t = np.concatenate([first.t, first.t[-1] + then.t[1:]])
+    q, v, a = (np.vstack([getattr(first, name), getattr(then, name)[1:]]) for name in ("q", "v", "a"))
+    v[-1] = 0.0
+    return Trajectory(
+        joint_names=first.joint_names,
+        t=checks.read_only(t),
+        q=checks.read_only(q),
+        v=checks.read_only(v),
+        lower=first.lower,
+        upper=first.upper,
+        velocity_limit=first.velocity_limit,
+        a=checks.read_only(a),
+        clearance=checks.read_only(np.concatenate([first.clearance, then.clearance[1:]])),
+        message=f"{first.message}; then {then.duration:.4g} s straight to the grasp",
+    )
 
 
 class _Approaches:
     """Finds straight lines to grasps whose ends are clear and on one branch."""
 
-    def __init__(self, near: IKSolver, free: IKSolver, start: Array, back: float, rng: np.random.Generator) -> None:
-        """Take a solver that lets the hand touch the object, one that does not, and where the arm is [rad]."""
-        self._near, self._free, self._start = near, free, start
+    def __init__(
+        self,
+        near: IKSolver,
+        free: IKSolver,
+        start: Array,
+        back: float,
+        rng: np.random.Generator,
+        begun: float,
+        deadline: float,
+    ) -> None:
+        """Take a solver that lets the hand touch the object, one that does not, where the arm is, and the time."""
+        self._near, self._free, self._start, self._rng = near, free, start, rng
         self._back = pin.SE3(np.eye(3), np.array([0.0, 0.0, -back]))
-        self._finder = GoalFinder(near, start, rng)
-        self.reason = "each is out of reach, in contact, or the line to it leaves its branch"
+        self._until = begun + FINDING * (deadline - begun)
+        self._finder = GoalFinder(near, start, rng, begun, self._until)
+        self.reason = EACH
 
     def find(self, grasps: Sequence[Grasp]) -> list[_Approach]:
         """Lines to some of the grasps, those that begin near to where the arm is first."""
-        ends = [(goal.q, grasp, at) for grasp in grasps for goal, at in self._ends(grasp)]
+        ends = [(q, grasp, at) for grasp in self._spread(grasps) for q, at in self._ends(grasp)]
         far = [float(np.abs(q - self._start).max()) for q, _, _ in ends]
         found = list[_Approach]()
         for k in np.argsort(far, kind="stable").tolist():
+            if time.monotonic() >= self._until:
+                self.reason = f"{EACH}, as far as there was time to look"
+                break
             q, grasp, at = ends[k]
             if self._near.verifier.touching(q):
                 continue
             before = at * self._back
-            result = self._free.solve(before, seed=q, closest=False)
-            if result.success and not result.touching and np.abs(result.q - q).max() <= LONGEST:
-                found.append(_Approach(grasp, before, at, result.q))
-                if len(found) == AHEAD:
-                    break
+            finder = GoalFinder(self._free, q, self._rng)
+            rows = [goal.q for goal in finder.find(0, before, finder.check(0, before))]
+            begins = min(rows, key=lambda row: float(np.abs(row - q).max()), default=None)
+            if begins is None or np.abs(begins - q).max() > LONGEST or self._free.verifier.touching(begins):
+                continue
+            found.append(_Approach(grasp, before, at, begins))
+            if len(found) == AHEAD:
+                break
         return found
 
-    def _ends(self, grasp: Grasp) -> Iterator[tuple[Goal, pin.SE3]]:
-        """Configurations at a grasp, and the pose of the tool there."""
-        goals, _ = self._finder.find(0, grasp)
-        for goal in goals:
-            yield goal, grasp.target.at(goal.parameter or 0.0)
+    def _spread(self, grasps: Sequence[Grasp]) -> Iterator[Grasp]:
+        """The grasps in an order in which the first ones are from all sides, as long as there is time."""
+        for k in np.random.default_rng(DEFAULT_RANDOM_SEED).permutation(len(grasps)).tolist():
+            if self._finder.is_late:
+                self.reason = f"{EACH}, as far as there was time to look"
+                break
+            yield grasps[k]
+
+    def _ends(self, grasp: Grasp) -> Iterator[tuple[Array, pin.SE3]]:
+        """Configurations at a grasp (dof,) [rad], and the pose of the tool there."""
+        for goal in self._finder.find(0, grasp, self._finder.check(0, grasp)):
+            yield goal.q, grasp.target.at(goal.parameter or 0.0)

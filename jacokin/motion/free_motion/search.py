@@ -38,6 +38,7 @@ from jacokin.kernels.library import Call
 from jacokin.model.angles import TURN
 from jacokin.model.contact import REFUSED_WITHIN, Contact, Pair
 from jacokin.model.robot import Robot
+from jacokin.motion.free_motion.leaving import Leaving
 
 MOST_STRAIGHT = 64  # clear goals to which the straight motion is tried
 MOST_ROOTS = 48  # clear goals from which the second tree grows, the quickest to reach
@@ -46,6 +47,7 @@ FIRST_ROOM = 1024  # configurations of a tree, twice as many whenever one is ful
 ROOM_KEPT = 16_384  # configurations of a tree; more memory than for these is given back
 FARTHEST = 1e3  # [rad] or [m] from zero, random configurations of joints without one limit
 AT_ONCE = 64  # samples or shortcuts before the clock is looked at
+UNEQUAL = 4.0  # a joint that is faster than the slowest by more counts as so much faster when steps are measured
 IN_VAIN = 40  # shortcuts one after another that are none, after which no more are looked for
 
 
@@ -91,8 +93,24 @@ class WaySearch:
         self._robot, self._clearance = robot, clearance
         self._local = threading.local()
 
-    def begin(self, start: Array, goals: Array, velocity: Array, rng: np.random.Generator) -> None:
-        """Set start (dof,) and goals (k, dof) [rad], the soonest first, and the velocity limits (dof,) [rad/s]."""
+    @property
+    def leaving(self) -> Leaving:
+        """What finds ways out of contact, for this thread."""
+        found: Leaving | None = getattr(self._local, "leaving", None)
+        if found is None:
+            found = self._local.leaving = Leaving(self._robot, self.contact, self._clearance)
+        return found
+
+    @property
+    def start(self) -> Array:
+        """(dof,) where the search begins [rad]."""
+        return self._call().work.start.copy()
+
+    def begin(self, start: Array, goals: Array, speed: Array, rng: np.random.Generator) -> None:
+        """Set start (dof,) and goals (k, dof) [rad], the soonest first, and the speeds of the joints (dof,) [rad/s].
+
+        Times at full speed are those at these speeds.
+        """
         kept = getattr(self._local, "call", None)
         if kept is not None and len(kept.work.trees.parents) > 2 * ROOM_KEPT:
             self._local.call = None
@@ -100,7 +118,8 @@ class WaySearch:
         work, space = call.work, call.work.space
         work.start[:], work.goals[: goals.size] = start, goals.ravel()
         work.integers[[JOINTS, GOALS]] = len(start), len(goals)
-        space.speed[:], space.weights[:] = velocity, float(velocity.mean()) / velocity
+        compared = np.minimum(speed, UNEQUAL * speed.min())
+        space.speed[:], space.weights[:] = speed, float(compared.mean()) / compared
         work.hindrances.times[:] = 0
         self._local.rng = rng
 

@@ -135,7 +135,8 @@ def plan_path(
     check_ticks(times, dt)
     times = np.where(times < NO_LINE * dt, 0.0, times)
     near, note = seeds.choose_start(robot, seed, start)
-    if start is not None and is_away(verifier, near, path.target(0.0)):
+    inside = seeds.inside_exactly(robot.lower.tolist(), near.tolist(), robot.upper.tolist())
+    if start is not None and (not inside or is_away(verifier, near, path.target(0.0))):
         plan = partial(
             plan_path,
             solver,

@@ -23,7 +23,7 @@ from jacokin.errors import InvalidInputError
 from jacokin.ik import targets
 from jacokin.ik.options import TRACKING_ORIENTATION_TOLERANCE, TRACKING_POSITION_TOLERANCE
 from jacokin.ik.qp_backend import Backend, QPFailed
-from jacokin.ik.seeds import checked_start
+from jacokin.ik.seeds import LIMIT_NOISE, checked_start
 from jacokin.model import checks, poses
 from jacokin.model.jacobians import REFERENCES
 from jacokin.model.robot import Robot, checked_robot, velocity_limits
@@ -240,7 +240,7 @@ class Tracker:
         Raises:
             InvalidInputError: malformed or outside the limits; the tracker stays as it was.
         """
-        start = checked_start(self.robot, q)
+        start = checked_start(self.robot, q, noise=LIMIT_NOISE)
         guard, distances, where = self._guard, None, None
         if guard is not None:
             where = guard.shapes.start

@@ -247,7 +247,8 @@ def test_copies_within_wide_limits_are_all_tried() -> None:
     start[0], goal[0] = 3.0, -3.0
     motion = plan_motion(IKSolver(robot), start, robot.forward_kinematics(goal))
     assert motion.q[-1, 0] == pytest.approx(2.0 * np.pi - 3.0, abs=1e-6)
-    assert plan_motion(IKSolver(robot), start, goal).q[-1, 0] == pytest.approx(2.0 * np.pi - 3.0, abs=1e-9)
+    # A configuration is what it says: cables know the turns of a limited joint.
+    np.testing.assert_array_equal(plan_motion(IKSolver(robot), start, goal).q[-1], goal)
 
 
 def test_seven_joints_choose_their_elbow() -> None:
@@ -301,12 +302,12 @@ def test_mistakes(robot: Robot) -> None:
     solver = IKSolver(robot)
     outside = robot.home.copy()
     outside[1] = 0.1
-    with pytest.raises(InvalidInputError, match="start puts joint_2 at 0.1"):
-        plan_motion(solver, outside, robot.home)
     with pytest.raises(InvalidInputError, match="goal puts joint_2 at 0.1"):
         plan_motion(solver, robot.home, outside)
-    with pytest.raises(InvalidInputError, match="goal is empty"):
-        plan_motion(solver, robot.home, [])
+    empty: Any
+    for empty in ([], (), np.zeros((0, 6)), np.zeros(0), np.zeros((0, 4, 4))):
+        with pytest.raises(InvalidInputError, match="goal is empty"):
+            plan_motion(solver, robot.home, empty)
     with pytest.raises(InvalidInputError, match="time_limit must be"):
         plan_motion(solver, robot.home, robot.home, time_limit=0.0)
     with pytest.raises(InvalidInputError, match="ways must be"):

@@ -482,7 +482,6 @@ BAD[1, 0, 3] = np.nan
         ({"timing": "slowly"}, "timing 'slowly'. Did you mean 'slow'"),
         ({"acceleration_limit": 1.0}, "acceleration_limit needs timing='slow'"),
         ({"seed": [4.8, 2.9, 1.0, 4.2, 1.4, 1.3], "start": [4.8, 2.9, 1.0, 4.2, 1.4, 1.3]}, "at most one of seed and"),
-        ({"start": [0.0] * 6}, "start puts joint_2"),
         ({"dt": -1.0}, "dt must be"),
         ({"dt": 100.0}, "less than one control step"),
         ({"speed": -1.0}, "speed must be"),
@@ -523,3 +522,15 @@ def test_limits_beyond_all_bounds(robot: Robot) -> None:
 def test_an_arm_without_a_closed_form_is_refused(robot: Robot) -> None:
     with pytest.raises(StructureError, match="plan_path needs a closed form"):
         plan_path(IKSolver(robot, "link_4"), [at(0.4, -0.4, 0.3), at(0.4, -0.3, 0.3)])
+
+
+def test_a_start_outside_the_limits_comes_back_first(robot: Robot) -> None:
+    start = robot.home.copy()
+    start[1] = robot.lower[1] - 0.05
+    poses = [jacokin.pose([0.4, y, 0.4], down=True) for y in (-0.3, -0.2)]
+    path = plan_path(IKSolver(robot), poses, start=start, timing="slow")
+    assert path.success, path.message
+    np.testing.assert_array_equal(path.q[0], start)
+    past = np.maximum(robot.lower - path.q, 0.0).max(axis=1)
+    assert (np.diff(past) <= 1e-12).all()
+    assert past[-1] == 0.0

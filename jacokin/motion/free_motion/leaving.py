@@ -1,0 +1,227 @@
+"""Leaving contact: the first part of a motion that starts where shapes touch, or are nearer than a planner keeps them.
+
+Pairs of shapes that are near at the start may stay near until they have come apart; on the way none gets nearer than
+it was, and no other pair gets near. A motion that ends near something is one that leaves it, backwards.
+
+A line is looked at in steps in which no point of the arm moves farther than `STEP`: what is farther apart than that at
+both ends of a step stays apart between them. The distances of the pairs that leave are measured at each step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from jacokin.arrays import Array
+from jacokin.kernels.contact.run import (
+    LIST_TOUCHING,
+    MARGIN_KEPT,
+    MEASURE_PAIRS,
+    ROWS,
+    TASK,
+    ContactWork,
+    make_contact_work,
+    run_contact,
+)
+from jacokin.kernels.contact.shapes import LINK
+from jacokin.kernels.library import Call
+from jacokin.model.contact import REFUSED_WITHIN, Contact, Pair
+from jacokin.model.robot import Robot
+
+STEP = 1e-4  # [m] no point of the arm moves farther between two places that are looked at
+MOST_STEPS = 3_000  # of one line
+ROOM = 0.005  # [m] beyond what is kept, to which a line leads where nothing hinders it
+DEEPEST = 0.01  # [m] deeper than this, shapes are not pulled apart: the scene is wrong, or the arm is
+SAME_DISTANCE = 1e-7  # [m] distances are known this well; pairs that overlap less well than those that do not
+LONGEST = 0.5  # [rad] of any joint along one line
+MOST_LINES = 12
+LEAST_GAIN = 1e-3  # [m] by which a line that does not lead out must part the nearest pair
+PROBE = 1e-6  # [rad] over which rates of distances are measured
+DAMPING = 1e-3  # of least squares, in part of the largest singular value
+
+
+class Nearness(NamedTuple):
+    """What is near at a configuration."""
+
+    pairs: NDArray[np.int64]
+    """(n, 2) numbers of shapes, the one that moves less first unless it is an obstacle."""
+    distances: Array
+    """(n,) [m], negative where they overlap."""
+
+    def __bool__(self) -> bool:
+        """Whether anything is."""
+        return len(self.pairs) > 0
+
+
+class Leaving:
+    """Finds ways out of contact for one robot among obstacles; not to be shared between threads."""
+
+    def __init__(self, robot: Robot, contact: Contact, clearance: float) -> None:
+        """Take what may be in contact, and the distance that counts as contact [m]."""
+        self._robot, self._contact = robot, contact
+        self._clearance = clearance
+        #: [m] what certified motions keep.
+        self.kept = clearance + REFUSED_WITHIN
+        self._levers = contact.levers
+        self._work = make_contact_work(contact.geometry, 1)
+        self._list = Call(run_contact, self._work)
+        self._links = contact.geometry.shapes.integers[:, LINK]
+        self._measure: Call[ContactWork] | None = None
+
+    def near(self, q: Array) -> Nearness:
+        """What is near at a configuration (dof,); nothing where a motion from there can be certified at once."""
+        pairs = self._nearer(q, self.kept)
+        if len(pairs):  # and what a step could bring near
+            pairs = self._nearer(q, self.kept + STEP)
+        return Nearness(pairs, self._measured(pairs, q)[:, 0] if len(pairs) else np.zeros(0))
+
+    def nearest(self, near: Nearness) -> tuple[float, Pair]:
+        """The nearest of some pairs [m], and its names."""
+        k = int(np.argmin(near.distances))
+        a, b = near.pairs[k].tolist()
+        return float(near.distances[k]), self._contact.ordered(a, b, by_kind=True)
+
+    def way_out(self, q: Array, near: Nearness, towards: Array) -> Array | None:
+        """Straight motions (n, dof) to where nothing is near [rad]; None where none are found.
+
+        Args:
+            q: (dof,) where the arm is [rad].
+            near: what is near there.
+            towards: (k, dof) where it is to go; a straight motion there is the first choice [rad].
+        """
+        for end in towards:
+            out, _, _ = self._walk(q, end, near, room=0.0)
+            if out is not None:
+                return np.array([q, out])
+        rows, there = [q], near
+        for _ in range(MOST_LINES):
+            best: tuple[float, Array, Array] | None = None
+            for end in self._ends(rows[-1], there):
+                out, last, distances = self._walk(rows[-1], end, there, room=ROOM)
+                if out is not None:
+                    return np.array([*rows, out])
+                gain = float((distances - there.distances).min())
+                if gain > LEAST_GAIN and (best is None or gain > best[0]):
+                    best = gain, last, distances
+            if best is None:
+                return None
+            rows.append(best[1])
+            there = Nearness(near.pairs, best[2])
+        return None
+
+    def follow(self, q: Array, end: Array, near: Nearness) -> tuple[Nearness, Pair | None]:
+        """Follow a straight motion to its end, near what is near.
+
+        Returns:
+            What has not come apart there, and the pair that hinders it; None where none does.
+        """
+        _, last, distances = self._walk(q, end, near, room=np.inf)
+        still = distances < self.kept + STEP
+        if (last != end).any():
+            return near, self.nearest(self.near(last) or near)[1]
+        return Nearness(near.pairs[still], distances[still]), None
+
+    def _walk(self, q: Array, end: Array, near: Nearness, *, room: float) -> tuple[Array | None, Array, Array]:
+        """Follow a straight motion until nothing is near.
+
+        Returns:
+            Where that is (dof,), or None; and how far it leads while nothing gets nearer (dof,), with the distances
+            there (n,).
+        """
+        step = end - q
+        count = int(np.clip(np.ceil(float(np.abs(step) @ self._levers) / STEP), 1, None))
+        pairs, most, last = {(a, b) for a, b in near.pairs.tolist()}, near.distances, q
+        out: Array | None = None
+        for k in range(1, min(count, MOST_STEPS) + 1):
+            there = end if k == count else q + (k / count) * step
+            met = self._nearer(there, self.kept + STEP)
+            if any((a, b) not in pairs for a, b in met.tolist()):
+                break
+            distances = self._measured(near.pairs, there)[:, 0]
+            if (distances < most - SAME_DISTANCE).any():
+                break
+            most, last = np.maximum(most, distances), there
+            if not len(met):
+                out = there
+                if distances.min() >= self.kept + room:
+                    break
+        return out, last, most
+
+    def _ends(self, q: Array, near: Nearness) -> Iterator[Array]:
+        """Ends of straight motions that may part pairs, the most promising first."""
+        robot = self._robot
+        normals = self._measured(near.pairs, q)[:, 7:]
+        moved = np.where(self._links[near.pairs] > robot.dof, 0, self._links[near.pairs])  # obstacles stand still
+        outward = np.where((moved[:, 1] >= moved[:, 0])[:, None], normals, -normals)
+        free = np.ones(robot.dof)
+        for _ in range(2):  # again without joints that a limit holds
+            for step in self._steps(q, near, outward, int(moved.max()), free):
+                if (end := self._within(q, step)) is not None:
+                    yield end
+            free = np.where((q <= robot.lower) | (q >= robot.upper), 0.0, 1.0)
+            if free.all():
+                break
+        for joint in range(robot.dof):
+            for sign in (1.0, -1.0):
+                if (end := self._within(q, sign * np.eye(robot.dof)[joint])) is not None:
+                    yield end
+
+    def _steps(self, q: Array, near: Nearness, outward: Array, link: int, free: Array) -> Iterator[Array]:
+        """Directions (dof,): the outermost link straight away, turned as it is; all pairs apart equally fast."""
+        model = self._robot.pin_model
+        data = model.createData()
+        pin.computeJointJacobians(model, data, q)
+        jacobian = pin.getJointJacobian(model, data, link, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED) * free
+        for away in (outward.sum(axis=0), *outward):
+            if np.linalg.norm(away) > DAMPING:
+                yield _least_squares(jacobian, np.append(away, np.zeros(3)))
+        rates = np.empty((len(near.pairs), len(q)))
+        for joint in range(len(q)):
+            shift = PROBE * np.eye(len(q))[joint]
+            ahead, behind = (self._measured(near.pairs, q + sign * shift)[:, 0] for sign in (1.0, -1.0))
+            rates[:, joint] = (ahead - behind) / (2.0 * PROBE)
+        yield _least_squares(rates * free, np.ones(len(near.pairs)))
+
+    def _within(self, q: Array, step: Array) -> Array | None:
+        """The end of a motion along a step as far as the limits allow; None where that is nowhere."""
+        robot, size = self._robot, float(np.abs(step).max())
+        if not 0.0 < size < np.inf:
+            return None
+        step = step * (LONGEST / size)
+        step[np.abs(step) < 1e-9] = 0.0
+        with np.errstate(divide="ignore", invalid="ignore"):
+            room = np.where(step > 0.0, robot.upper - q, q - robot.lower) / np.abs(step)
+        share = min(1.0, float(np.where(step == 0.0, np.inf, room).min()))
+        return np.clip(q + share * step, robot.lower, robot.upper) if share > 1e-6 else None
+
+    def _nearer(self, q: Array, margin: float) -> NDArray[np.int64]:
+        """Pairs (n, 2) that are nearer than a margin [m]."""
+        work = self._work
+        work.q[:], work.integers[TASK], work.integers[ROWS], work.numbers[MARGIN_KEPT] = q, LIST_TOUCHING, 1, margin
+        found = self._list()
+        return work.hits.pairs[:found].copy()
+
+    def _measured(self, pairs: NDArray[np.int64], q: Array) -> Array:
+        """Rows (n, 10) of distance, nearest points and normal from the first shape to the second of pairs."""
+        if self._measure is None or len(self._measure.work.given) != len(pairs):
+            fresh = make_contact_work(self._contact.geometry, 1, len(pairs))
+            fresh.reach[:] = np.inf
+            fresh.integers[TASK], fresh.integers[ROWS] = MEASURE_PAIRS, len(pairs)
+            self._measure = Call(run_contact, fresh)
+        work = self._measure.work
+        work.q[:], work.given[:] = q, pairs
+        self._measure()
+        return work.measured.copy()
+
+
+def _least_squares(matrix: Array, wanted: Array) -> Array:
+    """The step (n,) that gives what is wanted as well as it can, damped near singular places."""
+    scale = float(np.linalg.norm(matrix, 2))
+    if scale == 0.0:
+        return np.zeros(matrix.shape[1])
+    square = matrix @ matrix.T + (DAMPING * scale) ** 2 * np.eye(len(matrix))
+    return np.asarray(matrix.T @ np.linalg.solve(square, wanted))
