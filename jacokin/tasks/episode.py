@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.model import checks
+from jacokin.mujoco_bridge.arena import set_contact
 from jacokin.mujoco_bridge.base import RandomState
 from jacokin.mujoco_bridge.control.site_ik import Asking
 from jacokin.mujoco_bridge.simulation.rendering import Renderers
@@ -56,18 +57,20 @@ class Episode:
         most_steps: control steps until the time limit.
     """
 
-    def __init__(self, name: str, control_timestep: float = CONTROL_TIMESTEP) -> None:
+    def __init__(self, name: str, contact: str, control_timestep: float = CONTROL_TIMESTEP) -> None:
         """Compile the scene of a task.
 
         Args:
             name: of the task.
+            contact: how friction is solved, as for an `Arena`.
             control_timestep: time between two actions [s], some physics steps.
 
         Raises:
-            UnknownNameError: no such task.
+            UnknownNameError: no such task or contact.
         """
         self.task = registry.make(name)
         self.physics = self.task.physics
+        set_contact(self.physics.model.opt, contact)
         self.substeps = round(control_timestep / PHYSICS_TIMESTEP)
         self.most_steps = self.task.steps_of(control_timestep)
         self._view = StateView.of(self.physics.data)

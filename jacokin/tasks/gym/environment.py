@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, PhysicsError, shown
 from jacokin.model import checks
+from jacokin.mujoco_bridge.arena import FIRM
 from jacokin.mujoco_bridge.control import site_ik
 from jacokin.mujoco_bridge.control.site_ik import Asking
 from jacokin.tasks import registry
@@ -59,6 +60,7 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
         flatten: bool = True,
         cameras: Mapping[str, tuple[int, int]] | None = None,
         control_timestep: float = CONTROL_TIMESTEP,
+        contact: str = FIRM,
         randomization: Randomization | Mapping[str, Any] | None = None,
         render_mode: str | None = None,
         width: int = SIZE,
@@ -81,6 +83,8 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
                 (height, width, 1) int32, -1 for none; ``env.unwrapped.model.geom(number)`` tells which.
             control_timestep: time between two actions [s], a multiple of 0.002 s. Episodes last as long as before;
                 ``gymnasium.make`` ends ours after 250 steps all the same, unless it is given ``max_episode_steps=-1``.
+            contact: how friction is solved: "firm", so that what the hand holds stays where it is held, or
+                "dm_control", as there, where it creeps.
             randomization: what is drawn at each reset beside the initial state, or the fields of a `Randomization` by
                 name, as a specification in JSON has them; ``info["randomization"]`` has the values,
                 ``reset(options={"randomization": values})`` uses them again.
@@ -94,7 +98,9 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
             PhysicsError: "human" without a display.
         """
         self._spec: EnvSpec | None = None
-        self.options = EnvOptions(task, control, reward, goal, observations, flatten, cameras, control_timestep)
+        self.options = EnvOptions(
+            task, control, reward, goal, observations, flatten, cameras, control_timestep, contact
+        )
         self._randomization = None if randomization is None else Randomization.of(randomization)
         if render_mode is not None:
             checks.choice("render_mode", render_mode, RENDER_MODES)
@@ -105,7 +111,7 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
         rate = max(1, round(1.0 / self.options.control_timestep))
         self.metadata = {**_METADATA, "render_modes": usable, "render_fps": rate}
         self._size = checks.whole_number("height", height, 1), checks.whole_number("width", width, 1)
-        self._episode = Episode(self.options.task, self.options.control_timestep)
+        self._episode = Episode(self.options.task, contact, self.options.control_timestep)
         self._packing = Packing(self._episode.task, self.options)
         self._control: Control = CONTROLS[control](
             self._episode.lower, self._episode.upper, self.options.control_timestep
@@ -127,6 +133,15 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
         values = {} if self._randomization is None else dict.fromkeys(self._randomization.names, 0.0)
         self._packing.deviations(values, FEATURE_BIAS)  # refuses what is not observed
         self._deviations: Array = self._packing.deviations(values)
+
+    @property
+    def observation_names(self) -> tuple[str, ...]:
+        """The name of each number of a flat observation, such as ``duplo2x4/position.2``.
+
+        They are in the order of ``gymnasium.spaces.flatten``, and so are the numbers: an environment with
+        ``flatten=False`` in Gymnasium's ``FlattenObservation`` gives the same. Goals and pictures are parts as well.
+        """
+        return self._packing.names
 
     @property
     def spec(self) -> EnvSpec | None:

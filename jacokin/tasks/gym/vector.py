@@ -121,6 +121,11 @@ class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
         self._last = cast(Observation, create_empty_array(first.observation_space, num_envs))
 
     @property
+    def observation_names(self) -> tuple[str, ...]:
+        """The name of each number of the observation of one environment; see `TaskEnv.observation_names`."""
+        return self._first.observation_names
+
+    @property
     def spec(self) -> EnvSpec | None:
         """How ``gymnasium.make_vec`` made it, None otherwise."""
         return self._spec
