@@ -243,7 +243,7 @@ class _Writer:
     def _video(self, name: str, stack: ExitStack) -> VideoRecorder:
         path = self._folder / f"videos/{name}/{_FIRST}.mp4"
         path.parent.mkdir(parents=True)
-        recorder = VideoRecorder(path, find_ffmpeg(), keys_every=KEYS_EVERY, rate=self._rate)
+        recorder = VideoRecorder(path, find_ffmpeg(), keys_every=KEYS_EVERY, rate=self._rate, preset="medium")
         stack.callback(recorder.close)
         return recorder
 

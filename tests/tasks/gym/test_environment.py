@@ -11,6 +11,7 @@ import warnings
 from typing import Any
 
 import gymnasium
+import mujoco
 import numpy as np
 import pytest
 from gymnasium.envs.registration import EnvSpec
@@ -27,6 +28,7 @@ from jacokin.tasks.gym.environment import RENDER_MODES
 from jacokin.tasks.gym.packing import Packing
 from jacokin.tasks.gym.registration import EPISODE_STEPS, IDS
 from jacokin.tasks.registry import OURS, TASKS
+from jacokin.tasks.task import WHOLE
 from tests.rendering import backends
 from tests.tasks.gym.checking import make
 
@@ -82,6 +84,36 @@ def test_flat_observations_are_those_that_gymnasium_flattens(task: str) -> None:
             key, *index = name.split(".")
             assert by_name[key][tuple(map(int, index))] == value
         found, wanted = flat.step(np.full(9, 0.2))[0], wrapped.step(np.full(9, 0.2))[0]
+
+
+def seen_by(env: TaskEnv, camera: str) -> bool:
+    """Whether a camera has all of the arm, the hand and what is to be handled in a square picture, by projection."""
+    model, data = env.model, env.data
+    number = model.camera(camera).id
+    half = np.tan(np.radians(0.5 * model.cam_fovy[number]))
+    is_solid = (model.geom_type != mujoco.mjtGeom.mjGEOM_PLANE) & (data.geom_xpos[:, 2] > 0.0)
+    in_camera = (data.geom_xpos[is_solid] - data.cam_xpos[number]) @ data.cam_xmat[number].reshape(3, 3)
+    return bool((np.abs(in_camera[:, :2]) < half * -in_camera[:, 2:]).all())
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_what_is_rendered_shows_the_whole_arm(task: str) -> None:
+    if task not in OURS:
+        return
+    env = TaskEnv(task)
+    for seed in range(3):
+        env.reset(seed=seed)
+        assert seen_by(env, WHOLE)
+    assert env._render_camera == WHOLE
+
+
+def test_front_close_cuts_the_arm_off() -> None:
+    env = TaskEnv("lift_brick", render_camera="front_close")
+    env.reset(seed=0)
+    assert not seen_by(env, "front_close")
+    assert copy.copy(env)._render_camera == "front_close"
+    with pytest.raises(UnknownNameError, match="Valid: front_close, wrist, whole"):
+        TaskEnv("lift_brick", render_camera="above")
 
 
 def test_names_of_observations_with_goals() -> None:
