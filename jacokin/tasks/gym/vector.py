@@ -44,7 +44,7 @@ Begun = list[tuple[Observation, Info]]
 Steps = tuple[Observation, Array, Flags, Flags, Info]
 
 AUTORESET_MODES = tuple(mode.value for mode in AutoresetMode)
-_WITHOUT_WINDOW = [name for name in OPTIONS if name not in ("render_mode", "width", "height")]
+_WITHOUT_WINDOW = [name for name in OPTIONS if name not in ("render_mode", "width", "height", "render_camera")]
 _OPTIONS = ("threads", "sleep", "max_episode_steps", "autoreset_mode", *_WITHOUT_WINDOW)
 _VELOCITIES = int(mujoco.mjtStage.mjSTAGE_VEL)
 _HUGE = 1e10  # where MuJoCo takes a simulation for unstable
