@@ -40,7 +40,7 @@ def scene() -> tuple[Physics, JacoArm, JacoHand]:
     arm = robots.make_arm(observations.PERFECT_FEATURES)
     hand = robots.make_hand(observations.PERFECT_FEATURES)
     arm.attach(hand)
-    arena = Arena()
+    arena = Arena(contact="dm_control")
     arena.attach(arm, position=robots.ARM_OFFSET)
     physics = Physics.from_entity(arena)
     arm.set_home(physics)

@@ -12,6 +12,7 @@ from typing import Any
 
 from jacokin.model import DEFAULT_ROBOT, NAMES
 from jacokin.model.descriptions import bundled
+from jacokin.mujoco_bridge.arena import CONTACT_OPTIONS
 
 PAGE = Path(__file__).resolve().with_name("robot.md")
 
@@ -347,6 +348,14 @@ def _arena(numbers: Row) -> list[str]:
         "`boundmass` in kg, `boundinertia` in kg m².",
         grid(("option", "value"), rows),
         f"Source: {arena['source']}. Doubt (ground): {ground['doubt']}.",
+        "`Arena(contact=...)` has one of these, `firm` if nothing else is asked for:",
+        grid(
+            ("contact", *CONTACT_OPTIONS, "source", "doubt"),
+            [
+                (name, *(value(row[key]) for key in CONTACT_OPTIONS), row["source"], row.get("doubt", ""))
+                for name, row in arena["contacts"].items()
+            ],
+        ),
     ]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -101,14 +102,10 @@ def check(folder: Path, rng: np.random.Generator) -> Iterator[Finding]:
                 yield Finding("raw", "record, a damaged episode removed", f"{again}; {given}")
                 return
         yield from check_same(task, path, f"{given}, killed{'' if harmed is None else ', damaged'}")
-    if ending == ".lerobot":
-        files = [each for each in path.rglob("*") if each.suffix in (".npz", ".json")]
-        damage(files[int(rng.integers(len(files)))], rng)
-        try:
-            for _ in jacokin.tasks.replay(path):
-                pass
-        except JacokinError:
-            pass
+    files = sorted(each for each in (path, *path.rglob("*")) if each.is_file())
+    damage(files[int(rng.integers(len(files)))], rng)
+    with contextlib.suppress(JacokinError):
+        jacokin.tasks.replay(path)
 
 
 def damage(path: Path, rng: np.random.Generator) -> None:
@@ -132,7 +129,7 @@ def check_same(task: str, path: Path, given: str) -> Iterator[Finding]:
         for name in ("seed", "actions", "rewards", "success", "states"):
             if not np.array_equal(getattr(one, name), getattr(other, name)):
                 yield Finding("wrong", "data set", f"{name} of episode {one.seed}; {given}")
-    left = [each.name for each in path.parent.iterdir() if each != path and not each.name.startswith(".")]  # of a kill
+    left = [each.name for each in path.parent.iterdir() if each != path]
     if left:
         yield Finding("wrong", "data set", f"{left} left over; {given}")
     if not all(each.is_equal for each in jacokin.tasks.replay(path)):

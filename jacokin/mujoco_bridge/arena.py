@@ -8,10 +8,14 @@ from typing import Any
 import mujoco
 from numpy.typing import ArrayLike
 
+from jacokin.model import checks
 from jacokin.model.descriptions import bundled
 from jacokin.mujoco_bridge.entity import Entity, new_spec
 
 CAMERA = "overview"
+FIRM, DM_CONTROL = "firm", "dm_control"
+CONTACTS = (FIRM, DM_CONTROL)
+CONTACT_OPTIONS = ("impratio", "noslip_iterations", "noslip_tolerance")  # of MuJoCo
 
 _FLOOR = "ground"
 _FLOOR_SIZE = (1.0, 1.0, 0.1)  # half-lengths of the drawn plane, and grid spacing [m]
@@ -33,15 +37,21 @@ _NEAREST_DRAWN = 0.01  # of the model's extent
 class Arena(Entity):
     """A checkered floor. Attach the arm to it, then make the physics from it."""
 
-    def _build(self, name: str | None = None) -> None:
+    def _build(self, name: str | None = None, contact: str = FIRM) -> None:
         """Build the arena.
 
         Args:
             name: a name for the model; names of elements do not contain it.
+            contact: how friction is solved: "firm", so that what the hand holds stays where it is held, or
+                "dm_control", as in dm_control's manipulation suite, where it creeps.
+
+        Raises:
+            UnknownNameError: no such contact.
         """
         spec = self._mjcf_root = new_spec("arena", name)
         row = bundled.robot_table()["arena"]
         _set_options(spec, row)
+        set_contact(spec.option, contact)
         _add_looks(spec)
         ground = row["ground"]
         spec.worldbody.add_geom(
@@ -83,12 +93,25 @@ class Arena(Entity):
         return body
 
 
+def set_contact(option: mujoco.MjOption, contact: str) -> None:
+    """Set how friction is solved, in the options of a model, compiled or not.
+
+    Args:
+        option: ``spec.option`` or ``model.opt``.
+        contact: one of `CONTACTS`.
+
+    Raises:
+        UnknownNameError: no such contact.
+    """
+    row = bundled.robot_table()["arena"]["contacts"][checks.choice("contact", contact, CONTACTS)]
+    for name in CONTACT_OPTIONS:
+        setattr(option, name, row[name])
+
+
 def _set_options(spec: mujoco.MjSpec, row: Mapping[str, Any]) -> None:
     spec.memory = _MEMORY
     spec.option.timestep = row["timestep"]  # [s]
     spec.option.cone = getattr(mujoco.mjtCone, f"mjCONE_{row['cone'].upper()}")
-    spec.option.noslip_iterations = row["noslip_iterations"]
-    spec.option.noslip_tolerance = row["noslip_tolerance"]
     spec.compiler.boundmass = row["boundmass"]  # [kg]
     spec.compiler.boundinertia = row["boundinertia"]  # [kg m^2]
 

@@ -32,6 +32,7 @@ class CameraSpec(NamedTuple):
 
 FRONT_CLOSE = CameraSpec("front_close", pos=(0.0, -0.6, 0.75), xyaxes=(1.0, 0.0, 0.0, 0.0, 0.7, 0.75))
 FRONT_FAR = CameraSpec("front_far", pos=(0.0, -0.8, 1.0), xyaxes=(1.0, 0.0, 0.0, 0.0, 0.7, 0.75))
+WHOLE = CameraSpec("whole", pos=(1.0, -0.98, 1.25), xyaxes=(1.0, 1.0, 0.0, -0.34, 0.34, 0.877))
 TOP_DOWN = CameraSpec("top_down", pos=(0.0, 0.0, 2.5), xyaxes=(1.0, 0.0, 0.0, 0.0, 1.0, 0.0))
 LEFT_CLOSE = CameraSpec("left_close", pos=(-0.6, 0.0, 0.75), xyaxes=(0.0, -1.0, 0.0, 0.7, 0.0, 0.75))
 RIGHT_CLOSE = CameraSpec("right_close", pos=(0.6, 0.0, 0.75), xyaxes=(0.0, 1.0, 0.0, -0.7, 0.0, 0.75))

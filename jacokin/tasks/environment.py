@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from jacokin.errors import MissingExtraError
 from jacokin.model import checks
 from jacokin.mujoco_bridge import Physics
+from jacokin.mujoco_bridge.arena import CONTACTS, FIRM
 from jacokin.mujoco_bridge.base import RandomState
 from jacokin.mujoco_bridge.control import site_ik
 from jacokin.tasks import registry
@@ -35,12 +36,13 @@ class Environment(dm_env.Environment):  # type: ignore[misc]  # dm_env has no ty
     dm_control's buffers and are new arrays each time. Pickles and copies, in the middle of an episode too.
     """
 
-    def __init__(self, name: str, seed: int | RandomState | None = None) -> None:
+    def __init__(self, name: str, seed: int | RandomState | None = None, *, contact: str = FIRM) -> None:
         """Compile the scene; see `load`."""
         task, observed = registry.task_and_observations(name)
         self._name = name.rpartition(":")[2]
         self._random_state = checked_random_state(seed)
-        self._episode = Episode(task)
+        self._contact = checks.choice("contact", contact, CONTACTS)
+        self._episode = Episode(task, contact)
         self._has_camera = observed == registry.VISION
         self._features = [
             each for each in self._episode.task.features if each.is_proprioceptive or not self._has_camera
@@ -141,7 +143,8 @@ class Environment(dm_env.Environment):  # type: ignore[misc]  # dm_env has no ty
     def __reduce__(self) -> tuple[Callable[..., Environment], tuple[object, ...], Snapshot]:
         """Pickle the name, the source of random numbers, and where the episode is."""
         task, _ = registry.task_and_observations(self._name)
-        return _again, (self._name, self._random_state, task, registry.own_entry(task)), self._episode.snapshot()
+        made = (self._name, self._random_state, task, registry.own_entry(task), self._contact)
+        return _again, made, self._episode.snapshot()
 
     def __setstate__(self, snapshot: Snapshot) -> None:
         """Go back to where the episode was."""
@@ -152,25 +155,29 @@ class Environment(dm_env.Environment):  # type: ignore[misc]  # dm_env has no ty
         return copy.deepcopy(self)
 
 
-def _again(name: str, random_state: RandomState, task: str, entry: registry.TaskEntry | None) -> Environment:
+def _again(
+    name: str, random_state: RandomState, task: str, entry: registry.TaskEntry | None, contact: str
+) -> Environment:
     registry.receive(task, entry)
-    return Environment(name, random_state)
+    return Environment(name, random_state, contact=contact)
 
 
-def load(name: str, seed: int | RandomState | None = None) -> Environment:
+def load(name: str, seed: int | RandomState | None = None, *, contact: str = FIRM) -> Environment:
     """Make an environment.
 
     Args:
         name: one of `names`, or an id that was registered, with its module and a colon in front if that is to be
             imported; without ``_features`` or ``_vision`` features are observed.
         seed: of the random numbers, or their source itself; None for another one each time.
+        contact: how friction is solved: "firm", so that what the hand holds stays where it is held, or "dm_control", as
+            there, where it creeps.
 
     Raises:
-        UnknownNameError: no such task; tells the nearest name and lists all.
+        UnknownNameError: no such task or contact; tells the nearest name and lists all.
         InvalidInputError: seed is neither a whole number from 0 nor a source of random numbers.
         MissingExtraError: dm_env is not installed.
     """
-    return Environment(name, seed)
+    return Environment(name, seed, contact=contact)
 
 
 def checked_random_state(seed: object) -> RandomState:

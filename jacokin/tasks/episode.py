@@ -11,12 +11,13 @@ from numpy.typing import ArrayLike, NDArray
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.model import checks
+from jacokin.mujoco_bridge.arena import set_contact
 from jacokin.mujoco_bridge.base import RandomState
 from jacokin.mujoco_bridge.control.site_ik import Asking
-from jacokin.mujoco_bridge.simulation.rendering import Renderers
+from jacokin.mujoco_bridge.simulation.rendering import Renderers, RenderFlags
 from jacokin.tasks import registry
 from jacokin.tasks.features import StateView
-from jacokin.tasks.task import CAMERA, CONTROL_TIMESTEP, PHYSICS_TIMESTEP, TIME_LIMIT, WRIST, State
+from jacokin.tasks.task import CAMERA, CAMERAS, CONTROL_TIMESTEP, PHYSICS_TIMESTEP, TIME_LIMIT, State
 
 DEPTH, SEGMENTATION = "depth", "segmentation"  # kinds of pictures beside colours
 PICTURE = 84  # rows and columns of what the camera observes [pixels]
@@ -56,25 +57,28 @@ class Episode:
         most_steps: control steps until the time limit.
     """
 
-    def __init__(self, name: str, control_timestep: float = CONTROL_TIMESTEP) -> None:
+    def __init__(self, name: str, contact: str, control_timestep: float = CONTROL_TIMESTEP) -> None:
         """Compile the scene of a task.
 
         Args:
             name: of the task.
+            contact: how friction is solved, as for an `Arena`.
             control_timestep: time between two actions [s], some physics steps.
 
         Raises:
-            UnknownNameError: no such task.
+            UnknownNameError: no such task or contact.
         """
         self.task = registry.make(name)
         self.physics = self.task.physics
+        set_contact(self.physics.model.opt, contact)
         self.substeps = round(control_timestep / PHYSICS_TIMESTEP)
         self.most_steps = self.task.steps_of(control_timestep)
         self._view = StateView.of(self.physics.data)
         self.goal: Array = np.zeros(self.task.goal_size)
         self.action: Array = np.zeros(self.physics.model.nu)
         self.steps: int | None = None
-        self._wrist = next(each for each in _camera_names(self.physics.model) if each.endswith(WRIST))
+        names = _camera_names(self.physics.model)
+        self._cameras = {name: next(each for each in names if each.endswith(name)) for name in CAMERAS}
         self._renderers = Renderers(self.physics.model)
         limits = self.physics.model.actuator_ctrlrange
         self.lower, self.upper = (checks.read_only(bound) for bound in limits.T)
@@ -127,6 +131,7 @@ class Episode:
         camera: str = CAMERA,
         kind: str = "",
         data: mujoco.MjData | None = None,
+        flags: RenderFlags | None = None,
     ) -> NDArray[np.generic]:
         """What the camera sees.
 
@@ -136,9 +141,10 @@ class Episode:
         Args:
             height: rows [pixels].
             width: columns [pixels].
-            camera: "front_close" or "wrist".
+            camera: one of `CAMERAS`.
             kind: "" for colours, `DEPTH` or `SEGMENTATION`.
             data: of another simulation of the model; None for this one.
+            flags: of rendering, see `Physics.render`.
 
         Raises:
             PhysicsError: there is no OpenGL context.
@@ -148,9 +154,10 @@ class Episode:
                 self.physics.data if data is None else data,
                 height,
                 width,
-                camera if camera == CAMERA else self._wrist,
+                self._cameras[camera],
                 depth=kind == DEPTH,
                 segmentation=kind == SEGMENTATION,
+                render_flag_overrides=flags,
             )
         if kind == DEPTH:
             return found[..., None]

@@ -37,7 +37,8 @@ PHYSICS_TIMESTEP = 0.002  # [s]
 SUBSTEPS = round(CONTROL_TIMESTEP / PHYSICS_TIMESTEP)
 TIME_LIMIT = 10.0  # [s]
 CAMERA, WRIST = cameras.FRONT_CLOSE.name, "wrist"
-CAMERAS = (CAMERA, WRIST)
+WHOLE = cameras.WHOLE.name
+CAMERAS = (CAMERA, WRIST, WHOLE)
 BRICK = "duplo2x4"  # name of the first brick in dm_control's observations
 
 ANY_YAW = QuaternionFromAxisAngle((0.0, 0.0, 1.0), Uniform(-np.pi, np.pi, single_sample=True))
@@ -239,7 +240,7 @@ class Task:
         self._observables = _instances("observables", observables, Feature)
         self.arena = Arena()
         _set_looks(self.arena.mjcf_model)
-        cameras.add_camera_observables(self.arena, observations.VISION, cameras.FRONT_CLOSE)
+        cameras.add_camera_observables(self.arena, observations.VISION, cameras.FRONT_CLOSE, cameras.WHOLE)
         self.arm = (
             robots.make_arm(observations.PERFECT_FEATURES)
             if arm is None

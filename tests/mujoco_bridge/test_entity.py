@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from jacokin.errors import InvalidInputError, ModelError, PhysicsError
+from jacokin.errors import InvalidInputError, ModelError, PhysicsError, UnknownNameError
 from jacokin.mujoco_bridge import Arena, JacoArm, JacoHand, ModelWrapperEntity, Physics
 from jacokin.mujoco_bridge.props import Primitive
 
@@ -133,7 +133,11 @@ def test_the_arenas_options_and_bounds_apply() -> None:
     model = Physics.from_entity(arena).model
     assert model.opt.timestep == 0.002
     assert model.opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC
-    assert (model.opt.noslip_iterations, model.opt.noslip_tolerance) == (5, 0.0)
+    assert (model.opt.impratio, model.opt.noslip_iterations, model.opt.noslip_tolerance) == (3.0, 50, 1e-12)
+    theirs = Physics.from_entity(Arena(contact="dm_control")).model.opt
+    assert (theirs.impratio, theirs.noslip_iterations, theirs.noslip_tolerance) == (1.0, 5, 0.0)
+    with pytest.raises(UnknownNameError, match="Valid: firm, dm_control"):
+        Arena(contact="soft")
     assert model.body("jaco_arm/link_6").mass == 1e-5
     alone = Physics.from_entity(JacoArm()).model
     assert alone.body("link_6").mass == 1e-9

@@ -23,6 +23,8 @@ from jacokin.model import checks
 FREE_CAMERA = -1
 RenderFlags = Mapping[str, bool]
 
+_Kind = tuple[int, int, int, int]  # height, width, size of shadows, samples
+
 _FLAG = "mjRND_"
 _MOST_PIXELS = 2**31 - 1  # along one side, in MuJoCo
 _NO_CONTEXT = (
@@ -37,14 +39,14 @@ _DISCARDED: list[mujoco.Renderer] = []  # of renderers that nothing refers to an
 
 
 class Renderers:
-    """The renderers of one model, made for each size of picture when first needed."""
+    """The renderers of one model, made when first needed for a size of picture and a quality, `model.vis.quality`."""
 
     def __init__(self, model: mujoco.MjModel) -> None:
         """Start without any."""
         self._model = model
-        self._by_size: dict[tuple[int, int], mujoco.Renderer] = {}
+        self._made: dict[_Kind, mujoco.Renderer] = {}
         # Freed by Python at any time, one would take away the OpenGL context that a picture is being taken in.
-        weakref.finalize(self, _discard, self._by_size).atexit = False
+        weakref.finalize(self, _discard, self._made).atexit = False
 
     def render(
         self,
@@ -76,10 +78,12 @@ class Renderers:
             checks.whole_number("width", width, 1, _MOST_PIXELS),
         )
         _free(_DISCARDED)
-        if size not in self._by_size:
-            self._by_size[size] = _new_renderer(self._model, *size)
+        quality = self._model.vis.quality
+        kind = (*size, int(quality.shadowsize), int(quality.offsamples))  # which a context keeps as it was made
+        if kind not in self._made:
+            self._made[kind] = _new_renderer(self._model, *size)
             _close_at_exit(self)
-        renderer = self._by_size[size]
+        renderer = self._made[kind]
         renderer.update_scene(data, camera=number, scene_option=scene_option)
         before = renderer.scene.flags.copy()
         try:
@@ -98,7 +102,7 @@ class Renderers:
 
     def close(self) -> None:
         """Free the renderers."""
-        _discard(self._by_size)
+        _discard(self._made)
         _free(_DISCARDED)
 
     def _camera_id(self, camera: int | str) -> int:
@@ -115,7 +119,7 @@ class Renderers:
         return number
 
 
-def _discard(renderers: dict[tuple[int, int], mujoco.Renderer]) -> None:
+def _discard(renderers: dict[_Kind, mujoco.Renderer]) -> None:
     while renderers:
         _DISCARDED.append(renderers.popitem()[1])
 

@@ -229,8 +229,7 @@ class _Writer:
         found: dict[str, list[str]] = {STATE: [], ENVIRONMENT: []}
         for name, values in each.observations.items():
             if values.dtype != np.uint8:
-                size = int(np.prod(values.shape[1:]))
-                found[STATE if name in own else ENVIRONMENT] += [f"{name}.{index}" for index in range(size)]
+                found[STATE if name in own else ENVIRONMENT] += self._env._packing.names_of(name)
         size = each.actions.shape[1]
         found[ACTION] = [f"{self._env.options.control}.{index}" for index in range(size)]
         if self._env.options.control == "joint_velocity":
@@ -244,7 +243,7 @@ class _Writer:
     def _video(self, name: str, stack: ExitStack) -> VideoRecorder:
         path = self._folder / f"videos/{name}/{_FIRST}.mp4"
         path.parent.mkdir(parents=True)
-        recorder = VideoRecorder(path, find_ffmpeg(), keys_every=KEYS_EVERY, rate=self._rate)
+        recorder = VideoRecorder(path, find_ffmpeg(), keys_every=KEYS_EVERY, rate=self._rate, preset="medium")
         stack.callback(recorder.close)
         return recorder
 

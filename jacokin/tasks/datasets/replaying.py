@@ -13,6 +13,7 @@ import numpy as np
 
 from jacokin.errors import InvalidInputError
 from jacokin.model import checks
+from jacokin.mujoco_bridge.arena import DM_CONTROL
 from jacokin.tasks import registry
 from jacokin.tasks.datasets.recorded import Recorded
 from jacokin.tasks.datasets.recording import FORMATS, FUNCTION, KEPT, run_actions
@@ -84,6 +85,7 @@ def _make(source: Path, description: dict[str, Any], render_mode: str | None) ->
     checks.choice("task", task, registry.TASKS)
     for option in kwargs:
         checks.choice(f"option of the environment of {source}", option, KEPT)
+    kwargs.setdefault("contact", DM_CONTROL)  # before it was an option
     return TaskEnv(task, render_mode=render_mode, **kwargs)
 
 

@@ -25,7 +25,9 @@ RATE = 25  # pictures a second, about, of a film: one for each control step of 0
 class VideoRecorder:
     """Hands pictures to ffmpeg."""
 
-    def __init__(self, path: Path, ffmpeg: str, *, keys_every: int | None = None, rate: float = RATE) -> None:
+    def __init__(
+        self, path: Path, ffmpeg: str, *, keys_every: int | None = None, rate: float = RATE, preset: str = "veryfast"
+    ) -> None:
         """Encode to a file, as soon as the first picture tells the size.
 
         Args:
@@ -33,9 +35,11 @@ class VideoRecorder:
             ffmpeg: the program.
             keys_every: pictures from one that stands for itself to the next; None for the encoder's choice.
             rate: pictures a second; `film` chooses its own.
+            preset: of the encoder x264: how much time it takes to make the file small.
         """
         self._path, self._ffmpeg, self._rate = path, ffmpeg, rate
         self._looks = 0  # of `film`
+        self._preset = preset
         self._keys = [] if keys_every is None else ["-g", str(keys_every)]
         self._complaints = tempfile.TemporaryFile()  # noqa: SIM115 - closed by `close`
         self._process: subprocess.Popen[bytes] | None = None
@@ -49,7 +53,18 @@ class VideoRecorder:
         if self._process is None:
             height, width = picture.shape[:2]
             raw = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", str(self._rate), "-i", "-"]
-            encoded = ["-c:v", "libx264", *self._keys, "-pix_fmt", "yuv420p", "-f", "mp4", str(self._path)]
+            encoded = [
+                "-c:v",
+                "libx264",
+                "-preset",
+                self._preset,
+                *self._keys,
+                "-pix_fmt",
+                "yuv420p",
+                "-f",
+                "mp4",
+                str(self._path),
+            ]
             self._process = subprocess.Popen(
                 [self._ffmpeg, "-y", "-loglevel", "error", *raw, *encoded],
                 stdin=subprocess.PIPE,

@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, PhysicsError, shown
 from jacokin.model import checks
+from jacokin.mujoco_bridge.arena import FIRM
 from jacokin.mujoco_bridge.control import site_ik
 from jacokin.mujoco_bridge.control.site_ik import Asking
 from jacokin.tasks import registry
@@ -28,11 +29,14 @@ from jacokin.tasks.gym.controls import CONTROLS, Control
 from jacokin.tasks.gym.packing import EnvOptions, Observation, Packing, add_pictures
 from jacokin.tasks.gym.window import Window, check_display, is_usable
 from jacokin.tasks.randomization import FEATURE_BIAS, Pushes, Randomization, Variation, delay, has_offsets, has_pushes
-from jacokin.tasks.task import CONTROL_TIMESTEP, Measure, State, Task, check_rewards, measured
+from jacokin.tasks.task import CAMERAS, CONTROL_TIMESTEP, WHOLE, Measure, State, Task, check_rewards, measured
 
 RENDER_MODES = ("rgb_array", "human", "depth_array")
 NO_EPISODE = "there is no episode, or the last step was not completed: call reset() before step()"
 SIZE = 480  # rows and columns of rendered pictures [pixels]
+# Of what is rendered but not observed: a fifth of the time that MuJoCo's own take on a processor.
+QUICK_SHADOWS, QUICK_SAMPLES = 1024, 0  # [pixels] of the map of shadows, samples of a pixel
+QUICK = {"reflection": False}
 DELAY = "observation_delay"
 _METADATA = {"render_modes": list(RENDER_MODES), "render_fps": round(1.0 / CONTROL_TIMESTEP)}
 
@@ -59,10 +63,12 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
         flatten: bool = True,
         cameras: Mapping[str, tuple[int, int]] | None = None,
         control_timestep: float = CONTROL_TIMESTEP,
+        contact: str = FIRM,
         randomization: Randomization | Mapping[str, Any] | None = None,
         render_mode: str | None = None,
         width: int = SIZE,
         height: int = SIZE,
+        render_camera: str = WHOLE,
     ) -> None:
         """Compile the scene.
 
@@ -81,12 +87,15 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
                 (height, width, 1) int32, -1 for none; ``env.unwrapped.model.geom(number)`` tells which.
             control_timestep: time between two actions [s], a multiple of 0.002 s. Episodes last as long as before;
                 ``gymnasium.make`` ends ours after 250 steps all the same, unless it is given ``max_episode_steps=-1``.
+            contact: how friction is solved: "firm", so that what the hand holds stays where it is held, or
+                "dm_control", as there, where it creeps.
             randomization: what is drawn at each reset beside the initial state, or the fields of a `Randomization` by
                 name, as a specification in JSON has them; ``info["randomization"]`` has the values,
                 ``reset(options={"randomization": values})`` uses them again.
             render_mode: what `render` gives: "rgb_array", "depth_array", "human" (a window), or None.
-            width: columns of rendered pictures [pixels].
-            height: rows of rendered pictures [pixels].
+            width: columns of rendered pictures [pixels], at most 640.
+            height: rows of rendered pictures [pixels], at most 480.
+            render_camera: which camera renders them: "whole", which shows all of the arm, "front_close" or "wrist".
 
         Raises:
             UnknownNameError: an unknown option; lists the valid ones.
@@ -94,7 +103,9 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
             PhysicsError: "human" without a display.
         """
         self._spec: EnvSpec | None = None
-        self.options = EnvOptions(task, control, reward, goal, observations, flatten, cameras, control_timestep)
+        self.options = EnvOptions(
+            task, control, reward, goal, observations, flatten, cameras, control_timestep, contact
+        )
         self._randomization = None if randomization is None else Randomization.of(randomization)
         if render_mode is not None:
             checks.choice("render_mode", render_mode, RENDER_MODES)
@@ -105,7 +116,11 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
         rate = max(1, round(1.0 / self.options.control_timestep))
         self.metadata = {**_METADATA, "render_modes": usable, "render_fps": rate}
         self._size = checks.whole_number("height", height, 1), checks.whole_number("width", width, 1)
-        self._episode = Episode(self.options.task, self.options.control_timestep)
+        self._render_camera = checks.choice("render_camera", render_camera, CAMERAS)
+        self._episode = Episode(self.options.task, contact, self.options.control_timestep)
+        if not self.options.has_camera:  # otherwise pictures are as the reference has them
+            quality = self.model.vis.quality
+            quality.shadowsize, quality.offsamples = QUICK_SHADOWS, QUICK_SAMPLES
         self._packing = Packing(self._episode.task, self.options)
         self._control: Control = CONTROLS[control](
             self._episode.lower, self._episode.upper, self.options.control_timestep
@@ -127,6 +142,15 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
         values = {} if self._randomization is None else dict.fromkeys(self._randomization.names, 0.0)
         self._packing.deviations(values, FEATURE_BIAS)  # refuses what is not observed
         self._deviations: Array = self._packing.deviations(values)
+
+    @property
+    def observation_names(self) -> tuple[str, ...]:
+        """The name of each number of a flat observation, such as ``duplo2x4/position.2``.
+
+        They are in the order of ``gymnasium.spaces.flatten``, and so are the numbers: an environment with
+        ``flatten=False`` in Gymnasium's ``FlattenObservation`` gives the same. Goals and pictures are parts as well.
+        """
+        return self._packing.names
 
     @property
     def spec(self) -> EnvSpec | None:
@@ -311,8 +335,8 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
             return None
         height, width = self._size
         if self.render_mode == "depth_array":
-            return self._episode.picture(height, width, kind=DEPTH)[..., 0]
-        return self._episode.picture(height, width)
+            return self._episode.picture(height, width, camera=self._render_camera, kind=DEPTH)[..., 0]
+        return self._episode.picture(height, width, camera=self._render_camera, flags=QUICK)
 
     def close(self) -> None:
         """Free what pictures need."""
@@ -422,7 +446,12 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
         height, width = self._size
         return {
             "options": self.options,
-            "render": {"render_mode": self.render_mode, "height": height, "width": width},
+            "render": {
+                "render_mode": self.render_mode,
+                "height": height,
+                "width": width,
+                "render_camera": self._render_camera,
+            },
             "random": (self._np_random, self._np_random_seed, self._variation_random),
             "spec": self.spec,
             "control": self._control,

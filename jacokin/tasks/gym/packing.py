@@ -5,6 +5,7 @@ Observations are one array or a dictionary, of one simulation or of many.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, cast
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.model import checks
+from jacokin.mujoco_bridge.arena import CONTACTS, FIRM
 from jacokin.tasks import registry
 from jacokin.tasks.episode import DEPTH, PICTURE, SEGMENTATION
 from jacokin.tasks.features import StateView
@@ -30,6 +32,7 @@ _ROUNDING = 1e-9  # [s] of multiples of the physics step
 LARGEST = 480  # rows and columns of pictures that MuJoCo's buffer has room for
 PICTURES = tuple(f"{name}{kind}" for kind in ("", f"/{DEPTH}", f"/{SEGMENTATION}") for name in CAMERAS)
 PROPRIOCEPTION = "proprioception"  # key of the features of the robot beside a picture
+OBSERVATION = "observation"  # key of all features beside goals
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +49,7 @@ class EnvOptions:
         cameras: sizes (height, width) of the pictures by the name of the camera, with "/depth" or "/segmentation" after
             it for those; None for the reference's.
         control_timestep: time between two actions [s].
+        contact: how friction is solved: "firm" or "dm_control".
     """
 
     task: str
@@ -56,6 +60,7 @@ class EnvOptions:
     flatten: bool = True
     cameras: Mapping[str, tuple[int, int]] | None = None
     control_timestep: float = CONTROL_TIMESTEP
+    contact: str = FIRM
 
     def __post_init__(self) -> None:
         """Check the options.
@@ -69,6 +74,7 @@ class EnvOptions:
         checks.choice("control", self.control, CONTROLS)
         if not callable(self.reward):
             checks.choice("reward", self.reward, REWARDS)
+        checks.choice("contact", self.contact, CONTACTS)
         checks.flag("goal", self.goal)
         checks.flag("flatten", self.flatten)
         checks.choice("observations", self.observations, registry.OBSERVATIONS)
@@ -133,7 +139,7 @@ class Packing:
         flat = _box(self._size)
         if options.goal:
             return spaces.Dict(
-                {"observation": flat, "achieved_goal": _box(self.goal_size), "desired_goal": _box(self.goal_size)}
+                {OBSERVATION: flat, "achieved_goal": _box(self.goal_size), "desired_goal": _box(self.goal_size)}
             )
         if options.flatten and not options.has_camera:
             return flat
@@ -144,8 +150,8 @@ class Packing:
             found[PROPRIOCEPTION] = flat
         else:
             found.update({each.name: _box(*each.shape) for each in self._features})
-        # Of a dictionary Gymnasium sorts the names, of pairs it keeps their order, which is that of `pack`.
-        return spaces.Dict(list(found.items()) if options.has_camera else found)
+        # Of a dictionary Gymnasium sorts the names, of pairs it keeps their order: that of `pack`, flat or not.
+        return spaces.Dict(list(found.items()))
 
     def _picture_space(self, name: str, size: tuple[int, int]) -> spaces.Box:
         kind = name.partition("/")[2]
@@ -154,6 +160,25 @@ class Packing:
         if kind == SEGMENTATION:
             return spaces.Box(-1, int(self._task.physics.model.ngeom) - 1, (*size, 1), np.int32)
         return spaces.Box(0, 255, (*size, 3), np.uint8)
+
+    @functools.cached_property
+    def names(self) -> tuple[str, ...]:
+        """The name of each number of ``gymnasium.spaces.flatten(space, observation)``, which a flat observation is."""
+        if not isinstance(self.space, spaces.Dict):
+            return self.names_of(OBSERVATION)
+        return tuple(name for key in self.space.spaces for name in self.names_of(key))
+
+    def names_of(self, key: str) -> tuple[str, ...]:
+        """The name of each number of a part of the observation: that of its feature, and where in it the number is.
+
+        Args:
+            key: of the part; that of a flat observation is "observation".
+        """
+        if self._options.flatten and key in (OBSERVATION, PROPRIOCEPTION):
+            return tuple(name for each in self._features for name in number_names(each.name, each.shape))
+        shape = cast(spaces.Dict, self.space)[key].shape
+        assert shape is not None  # a Box
+        return number_names(key, shape)
 
     def pack(self, state: State) -> Observation:
         """The observation, as new arrays, without the picture, of one simulation or of n."""
@@ -167,7 +192,7 @@ class Packing:
             flat[..., where] = value if len(each.shape) == 1 else value.reshape(*leading, -1)
         if options.goal:
             return {
-                "observation": flat,
+                OBSERVATION: flat,
                 "achieved_goal": np.array(state.achieved),
                 "desired_goal": np.array(state.desired),
             }
@@ -219,6 +244,11 @@ class Packing:
             return [observation]
         names = ["observation", "achieved_goal"] if self._options.goal else [PROPRIOCEPTION]
         return [observation[name] for name in (names if self._options.flatten else [f.name for f in self._features])]
+
+
+def number_names(name: str, shape: tuple[int, ...]) -> tuple[str, ...]:
+    """The names of the numbers of an array: ``position.0``, ``joints_pos.5.1``; rows one after another."""
+    return tuple(".".join((name, *map(str, index))) for index in np.ndindex(*shape))
 
 
 def add_pictures(observation: Observation, pictures: Mapping[str, NDArray[Any]]) -> Observation:

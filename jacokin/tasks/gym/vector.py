@@ -44,7 +44,7 @@ Begun = list[tuple[Observation, Info]]
 Steps = tuple[Observation, Array, Flags, Flags, Info]
 
 AUTORESET_MODES = tuple(mode.value for mode in AutoresetMode)
-_WITHOUT_WINDOW = [name for name in OPTIONS if name not in ("render_mode", "width", "height")]
+_WITHOUT_WINDOW = [name for name in OPTIONS if name not in ("render_mode", "width", "height", "render_camera")]
 _OPTIONS = ("threads", "sleep", "max_episode_steps", "autoreset_mode", *_WITHOUT_WINDOW)
 _VELOCITIES = int(mujoco.mjtStage.mjSTAGE_VEL)
 _HUGE = 1e10  # where MuJoCo takes a simulation for unstable
@@ -119,6 +119,11 @@ class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
         self._is_over = np.zeros(num_envs, dtype=bool)
         self._has_begun = np.zeros(num_envs, dtype=bool)
         self._last = cast(Observation, create_empty_array(first.observation_space, num_envs))
+
+    @property
+    def observation_names(self) -> tuple[str, ...]:
+        """The name of each number of the observation of one environment; see `TaskEnv.observation_names`."""
+        return self._first.observation_names
 
     @property
     def spec(self) -> EnvSpec | None:

@@ -106,6 +106,23 @@ print("seen")
 """
 
 
+QUALITY = """
+physics = Physics.from_entity(arena)
+size, quality = {"height": 60, "width": 80}, physics.model.vis.quality
+fine = physics.render(**size)
+quality.shadowsize, quality.offsamples = 64, 0
+coarse = physics.render(**size)
+assert (coarse != fine).any()
+quality.shadowsize, quality.offsamples = 4096, 4
+np.testing.assert_array_equal(physics.render(**size), fine)
+print("seen")
+"""
+
+
+def test_quality_may_be_changed_after_the_first_picture() -> None:
+    assert run(SCENE + QUALITY, MUJOCO_GL="egl") == "seen\n"
+
+
 @pytest.mark.slow
 def test_colours_depth_and_segmentation() -> None:
     assert run(SCENE + PICTURES, MUJOCO_GL="egl") == "seen\n"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import os
 import pickle
 import subprocess
@@ -10,13 +11,14 @@ import warnings
 from typing import Any
 
 import gymnasium
+import mujoco
 import numpy as np
 import pytest
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils.env_checker import check_env
 
 import jacokin.tasks
-from jacokin.errors import InvalidInputError, PhysicsError
+from jacokin.errors import InvalidInputError, PhysicsError, UnknownNameError
 from jacokin.ik.closest import ClosestSearch
 from jacokin.model.angles import nearest_copy
 from jacokin.tasks import Environment, TaskEnv
@@ -26,6 +28,7 @@ from jacokin.tasks.gym.environment import RENDER_MODES
 from jacokin.tasks.gym.packing import Packing
 from jacokin.tasks.gym.registration import EPISODE_STEPS, IDS
 from jacokin.tasks.registry import OURS, TASKS
+from jacokin.tasks.task import WHOLE
 from tests.rendering import backends
 from tests.tasks.gym.checking import make
 
@@ -50,6 +53,85 @@ def test_a_seed_gives_the_episode_of_dm_env() -> None:
         observation, reward, *_ = ours.step(action)
         step = theirs.step(action)
         assert reward == step.reward
+
+
+@pytest.mark.parametrize("contact", ["firm", "dm_control"])
+def test_options_of_contact_are_kept(contact: str) -> None:
+    """By both kinds of environments, and by copies of them."""
+    for made in (TaskEnv("lift_brick", contact=contact), jacokin.tasks.load("lift_brick", contact=contact)):
+        made.reset()
+        for each in (made, copy.copy(made), pickle.loads(pickle.dumps(made))):
+            option = each.task.physics.model.opt
+            assert (option.impratio, option.noslip_iterations) == ((3.0, 50) if contact == "firm" else (1.0, 5))
+    for refused in (jacokin.tasks.load, TaskEnv):
+        with pytest.raises(UnknownNameError, match="Valid: firm, dm_control"):
+            refused("lift_brick", contact="soft")
+
+
+@pytest.mark.parametrize("task", ["reach_site", "lift_brick", "place_cradle", "stack_3_bricks_random_order"])
+def test_flat_observations_are_those_that_gymnasium_flattens(task: str) -> None:
+    flat, named = TaskEnv(task), TaskEnv(task, flatten=False)
+    wrapped: Any = gymnasium.wrappers.FlattenObservation(named)
+    names = flat.observation_names
+    assert names == named.observation_names
+    assert flat.observation_space.shape == wrapped.observation_space.shape == (len(names),)
+    assert len(set(names)) == len(names)
+    (found, _), (wanted, _) = flat.reset(seed=3), wrapped.reset(seed=3)
+    for _ in range(3):
+        np.testing.assert_array_equal(found, wanted)
+        by_name: Any = named._last
+        for name, value in zip(names, found, strict=True):
+            key, *index = name.split(".")
+            assert by_name[key][tuple(map(int, index))] == value
+        found, wanted = flat.step(np.full(9, 0.2))[0], wrapped.step(np.full(9, 0.2))[0]
+
+
+def seen_by(env: TaskEnv, camera: str) -> bool:
+    """Whether a camera has all of the arm, the hand and what is to be handled in a square picture, by projection."""
+    model, data = env.model, env.data
+    number = model.camera(camera).id
+    half = np.tan(np.radians(0.5 * model.cam_fovy[number]))
+    is_solid = (model.geom_type != mujoco.mjtGeom.mjGEOM_PLANE) & (data.geom_xpos[:, 2] > 0.0)
+    in_camera = (data.geom_xpos[is_solid] - data.cam_xpos[number]) @ data.cam_xmat[number].reshape(3, 3)
+    return bool((np.abs(in_camera[:, :2]) < half * -in_camera[:, 2:]).all())
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_what_is_rendered_shows_the_whole_arm(task: str) -> None:
+    if task not in OURS:
+        return
+    env = TaskEnv(task)
+    for seed in range(3):
+        env.reset(seed=seed)
+        assert seen_by(env, WHOLE)
+    assert env._render_camera == WHOLE
+
+
+def test_front_close_cuts_the_arm_off() -> None:
+    env = TaskEnv("lift_brick", render_camera="front_close")
+    env.reset(seed=0)
+    assert not seen_by(env, "front_close")
+    assert copy.copy(env)._render_camera == "front_close"
+    with pytest.raises(UnknownNameError, match="Valid: front_close, wrist, whole"):
+        TaskEnv("lift_brick", render_camera="above")
+
+
+def test_names_of_observations_with_goals() -> None:
+    env, name = TaskEnv("lift_brick", goal=True), "duplo2x4/position"
+    observation, _ = env.reset(seed=0)
+    numbers: Any = gymnasium.spaces.flatten(env.observation_space, observation)
+    names = env.observation_names
+    assert len(names) == len(numbers)
+    assert names[:2] == ("achieved_goal.0", "desired_goal.0")
+    position = env.task.features_by_name[name].read(env._episode.view, env._episode.goal)
+    assert numbers[names.index(f"{name}.2")] == position[2]
+
+
+def test_names_of_observations_with_pictures() -> None:
+    env = TaskEnv("lift_brick", observations="vision", cameras={"wrist": (2, 3)})
+    assert len(env.observation_names) == gymnasium.spaces.flatdim(env.observation_space)
+    assert env.observation_names[:4] == ("wrist.0.0.0", "wrist.0.0.1", "wrist.0.0.2", "wrist.0.1.0")
+    assert env.observation_names[18:20] == ("jaco_arm/joints_pos.0.0", "jaco_arm/joints_pos.0.1")
 
 
 @pytest.mark.parametrize("task", ["reach_duplo", "lift_brick", "place_brick", "stack_3_bricks_random_order"])

@@ -364,3 +364,13 @@ def test_mistakes_in_options() -> None:
     vector: Any = VectorTaskEnv(2, task="reach_site", randomization=Randomization(base_pose=(0.5, 0.5, 0.5, 0.0)))
     with pytest.raises(EpisodeInitializationError):  # the arm stands too far away
         vector.reset(seed=0)
+
+
+def test_names_and_order_of_flat_observations() -> None:
+    flat, named = VectorTaskEnv(2, task="lift_brick"), VectorTaskEnv(2, task="lift_brick", flatten=False)
+    wrapped: Any = gymnasium.wrappers.vector.FlattenObservation(named)
+    assert flat.observation_names == named.observation_names == TaskEnv("lift_brick").observation_names
+    (found, _), (wanted, _) = flat.reset(seed=[1, 2]), wrapped.reset(seed=[1, 2])
+    np.testing.assert_array_equal(found, wanted)
+    action = np.full((2, 9), 0.2)
+    np.testing.assert_array_equal(flat.step(action)[0], wrapped.step(action)[0])

@@ -48,7 +48,7 @@ def compare(name: str) -> dict[str, Any]:
     hide_robot(model, lambda body: model.id2name(body, "body"))
     wanted = [step.observation[CAMERA][0], theirs.render(height=SIZE, width=SIZE, camera_id=index)]
 
-    ours = jacokin.tasks.load(name, seed=0)
+    ours = jacokin.tasks.load(name, seed=0, contact="dm_control")
     ours.reset()
     ours._episode.goal = take_over(reference, ours)
     own = ours.physics.model

@@ -31,7 +31,7 @@ def policy(name: str, spec: Any) -> Callable[[Any], Array]:
 
 def compare(name: str, steps: int) -> list[float]:
     """Step the reference, and put ours in each of its states; returns the rewards."""
-    reference, ours = load_reference(name, seed=5), jacokin.tasks.load(name, seed=0)
+    reference, ours = load_reference(name, seed=5), jacokin.tasks.load(name, seed=0, contact="dm_control")
     ours.reset()
     act = policy(name, reference.action_spec())
     step, rewards = reference.reset(), []
@@ -67,7 +67,7 @@ def test_whole_episodes_have_the_same_rewards_and_observations(name: str) -> Non
 @pytest.mark.parametrize("name", slow_but(FEATURES))
 def test_the_same_actions_give_the_same_observations(name: str) -> None:
     """Torques too, as long as the hand, whose shapes differ, touches nothing."""
-    reference, ours = load_reference(name, seed=6), jacokin.tasks.load(name, seed=0)
+    reference, ours = load_reference(name, seed=6), jacokin.tasks.load(name, seed=0, contact="dm_control")
     ours.reset()
     spec, rng = reference.action_spec(), np.random.default_rng(2)
     reference.reset()
