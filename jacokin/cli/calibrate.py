@@ -16,7 +16,7 @@ from jacokin.cli.units import Units
 from jacokin.errors import InvalidInputError
 from jacokin.files import replacing
 
-FIT = "fit"
+FIT, NOTHING = "fit", "none"
 
 
 class FitUnlessNamed(click.Group):
@@ -61,7 +61,8 @@ sigma_angle = click.option("--sigma-angle", type=float, metavar="A", help="Of po
     "--estimate",
     multiple=True,
     metavar="WHAT",
-    help="What may be off: geometry, offset (these two by default), scale, compliance. Repeatable.",
+    help="What may be off: geometry, offset (these two by default), scale, compliance; or none: only base and tool "
+    "are looked for. Repeatable.",
 )
 @options.frame
 @options.degrees
@@ -93,6 +94,7 @@ def fit(
     Examples:
       jacokin calibrate m.csv --sigma 0.0003 --output my_arm.toml --report report.html
       jacokin calibrate poses.csv --sigma 0.001 --sigma-angle 0.002 --unknown-base --unknown-tool
+      jacokin calibrate camera.csv --sigma 0.001 --sigma-angle 0.002 --unknown-base --unknown-tool --estimate none
       jacokin calibrate touched.csv --contact plane --sigma 0.0005 --output my_arm.toml
       jacokin ik --calibration my_arm.toml --position 0.3 -0.2 0.5 --down
     """
@@ -116,7 +118,10 @@ def fit(
         )
         for path in files
     ]
-    found = calibration.calibrate(source.load(), sets, estimate or "auto")
+    if NOTHING in estimate and len(set(estimate)) > 1:
+        raise InvalidInputError("--estimate none goes with no other --estimate")
+    groups = [] if NOTHING in estimate else estimate or "auto"
+    found = calibration.calibrate(source.load(), sets, groups)
     if output is not None:
         found.save(output)
     if report is not None:
@@ -131,6 +136,8 @@ def fit(
                 "facts": dict(found.measured_arm.facts),
                 "noise": found.noise,
                 "p_value": found.p_value,
+                "base": None if found.base is None else found.base.homogeneous,
+                "tools": [{"frame": name, "pose": pose.homogeneous} for name, pose in found.tools.items()],
                 "parameters": {name: asdict(each) for name, each in found.parameters.items()},
                 "rejected": [asdict(each) for each in found.rejected],
                 "unidentified": found.unidentified,

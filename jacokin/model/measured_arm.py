@@ -29,6 +29,7 @@ from jacokin.model import checks
 FORMAT = 1
 FARTHEST = 0.1  # [m] that a joint can be from its place: more is another arm, or another unit
 STEEPEST = 0.5  # [rad] between an axis and its description
+LARGEST_FILE, LONGEST_LINE = 200_000, 1000  # characters: thirteen joints take 3,000; keys of dots take the square
 UNIT = 1e-9  # that the length of an axis may miss one by: what rounding leaves in a file
 SCALES = (0.5, 2.0)  # of a transmission
 SOFTEST = 1.0  # [rad/(N m)]
@@ -193,9 +194,16 @@ class MeasuredArm:
         """
         path = checks.path("calibration", path)
         try:
-            content = tomllib.loads(path.read_text(encoding="utf-8"))
+            files.check_end(path)
+            with path.open(encoding="utf-8") as file:
+                text = file.read(LARGEST_FILE + 1)
+            if len(text) > LARGEST_FILE or max(map(len, text.split("\n"))) > LONGEST_LINE:
+                raise ValueError(f"it has more than {LARGEST_FILE} characters, or a line with more than {LONGEST_LINE}")
+            content = tomllib.loads(text)
         except OSError as error:
             raise ModelError(f"{path}: cannot be read: {error.strerror}") from error
+        except InvalidInputError as error:
+            raise ModelError(str(error)) from error
         except (ValueError, RecursionError) as error:
             raise ModelError(f"{path}: is not a calibration file, or damaged: {error}") from error
         return _parse(path, content)
