@@ -314,8 +314,9 @@ def _as_noisy_as_they_are(
         if chi2.sf(chi_square / MISJUDGED**2 * freedom / usual, max(freedom, 1.0)) < UNLIKELY:
             raise InvalidInputError(
                 f"{name}: residuals are {larger:.1f} times what sigma says{_each_part(rows, fit, k, x, used)}: most "
-                "rows are wrong, or of another arm, frame, base or unit, or the arm has what is not estimated; if the instrument is that much worse than "
-                f"stated, give the sigma that it has, at least {larger / MISJUDGED:.1f} times as large"
+                "rows are wrong, or of another arm, frame, base or unit, or the arm has what is not estimated; if the "
+                "instrument is that much worse than stated, give the sigma that it has, at least "
+                f"{larger / MISJUDGED:.1f} times as large"
             )
         found.append(weight / larger**2)
     return found

@@ -452,6 +452,9 @@ class IKSolver:
 
     def _solve_by_branches(self, form: ClosedForm, request: Request) -> IKResult:
         """The branch within the limits of the least cost, or why there is none."""
+        beyond = self._closest.beyond_reach(request)
+        if beyond is not None:
+            return beyond
         target, robot = request.target, self.robot
         branches = form.solve_all(target.matrix, request.seed)
         rows = branches.rows
