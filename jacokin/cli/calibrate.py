@@ -64,6 +64,12 @@ sigma_angle = click.option("--sigma-angle", type=float, metavar="A", help="Of po
     help="What may be off: geometry, offset (these two by default), scale, compliance; or none: only base and tool "
     "are looked for. Repeatable.",
 )
+@click.option(
+    "--prior",
+    type=(float, float, float),
+    metavar="M RAD RAD",
+    help="How far arms are from their description, in place, axis and zero of a joint; 0.001 0.003 0.0175 by default.",
+)
 @options.frame
 @options.degrees
 @options.json
@@ -81,6 +87,7 @@ def fit(
     contact: str | None,
     kinova: bool,
     estimate: Sequence[str],
+    prior: tuple[float, float, float] | None,
     frame: str | None,
     units: Units,
     json: bool,
@@ -121,7 +128,8 @@ def fit(
     if NOTHING in estimate and len(set(estimate)) > 1:
         raise InvalidInputError("--estimate none goes with no other --estimate")
     groups = [] if NOTHING in estimate else estimate or "auto"
-    found = calibration.calibrate(source.load(), sets, groups)
+    known = None if prior is None else calibration.Prior(*prior)
+    found = calibration.calibrate(source.load(), sets, groups, prior=known)
     if output is not None:
         found.save(output)
     if report is not None:

@@ -26,7 +26,7 @@ from jacokin.model.many_configurations import Chain
 from jacokin.model.measured_arm import joint_axis
 
 DRAWN = 1000  # random configurations that are measured
-REACH_SLACK = 1e-3  # [m] more than any tolerance: a bound that can be trusted
+REACH_SLACK = 1e-3  # [m] beyond the tolerance: a bound that can be trusted
 FARTHEST = 10.0  # arm lengths: from there on only the direction to the target matters
 
 
@@ -127,12 +127,13 @@ class ReachBound:
             centre = axes[0] * float(axes[0] @ links[0])
             links[0] = links[0] - centre
         self._shoulder: Array = places[0].act(centre)
+        self._slack = REACH_SLACK + verifier.options.position_tolerance
         travel = np.where(robot.sliding, np.maximum(np.abs(robot.lower), np.abs(robot.upper)), 0.0)[:count]
         self._radius = _longest(links, [place.rotation for place in places], axes) + float(travel.sum())
 
     def exceeded(self, target: TargetPose) -> Outcome | None:
         """When the target is provably out of reach, whatever the joint angles."""
-        if math.hypot(*(target.position - self._shoulder).tolist()) <= self._radius + REACH_SLACK:
+        if math.hypot(*(target.position - self._shoulder).tolist()) <= self._radius + self._slack:
             return None
         return Outcome(Status.UNREACHABLE, "the target is farther away than the arm is long")
 

@@ -443,8 +443,8 @@ class IKSolver:
             return None if target.position_only else self._seven
         if self.robot.dof == SEVEN:
             raise InvalidInputError(
-                "a FreeAxis on seven joints leaves two free parameters: give the pose at one angle, target.at(angle), "
-                "or try several"
+                "a FreeAxis on seven joints leaves two free parameters: give the pose at one angle about it, or try "
+                "several"
             )
         if self._uses_qp:
             raise InvalidInputError("a FreeAxis needs the closed form; use method='auto'")

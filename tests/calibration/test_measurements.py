@@ -176,7 +176,7 @@ def test_rows_are_named_by_the_lines_of_their_file(robot: Robot, tmp_path: Path,
     assert (read.source, read.name_row(7)) == (path, "line 9")
     assert read.select([7]).name_row(0) == "line 9"
     assert str(calibrate(robot, read).rejected[0]).startswith(f"{path}, line 9, is 70.0 mm from")
-    np.savez(tmp_path / "m.npz", **dict(zip(header.split(","), rows.T, strict=True)))  # type: ignore[arg-type]  # as above
+    np.savez(tmp_path / "m.npz", **dict(zip(header.split(","), rows.T, strict=True)))
     assert Measurements.load(tmp_path / "m.npz", sigma=1e-3).name_row(7) == "row 7 (from 0)"
     lines = path.read_text().splitlines()
     for line, text in ((5, ",1.0"), (2, ",1.0,2.0")):

@@ -322,9 +322,7 @@ class FamilySearch:
         except LostMemberError:
             return None
 
-    def _closest_to(
-        self, request: Request, members: Members, least: LimitExcess | None, outcome: Outcome
-    ) -> IKResult:
+    def _closest_to(self, request: Request, members: Members, least: LimitExcess | None, outcome: Outcome) -> IKResult:
         """Why there is no member, with the closest configuration; the angle of a free axis follows where that comes."""
         target = request.target
         p = target.nearest_angle(0.0 if least is None else least.parameter)
