@@ -306,7 +306,9 @@ class IKSolver:
         if fixed is None:
             return (self._usable_form or self.closed_form()).solve_all(wanted.matrix, start, look)
         if wanted.free_axis is not None:
-            raise InvalidInputError("fixed is for poses; a FreeAxis leaves one more joint free: give target.at(angle)")
+            raise InvalidInputError(
+                "fixed is for poses; a FreeAxis leaves one more joint free: give the pose at one angle"
+            )
         branches = self._holding(checked_values(verifier.robot, fixed)).solve_all(wanted.matrix, start)
         return branches if look is None else branches.looking(look)
 

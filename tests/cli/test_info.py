@@ -63,3 +63,9 @@ def test_info_says_what_a_calibration_says(run: Run, robot: jacokin.Robot, tmp_p
     refused = run("info", "j2s6s200", "--calibration", str(path))
     assert refused.code == 2
     assert "is a calibration of 'j2n6s300', and this robot is 'j2s6s200'" in refused.err
+
+
+def test_info_takes_the_robot_as_every_other_command_does(run: Run) -> None:
+    assert run("info", "--robot", "j2s6s200", "--json").document == run("info", "j2s6s200", "--json").document
+    both = run("info", "j2s6s200", "--robot", "j2s6s200")
+    assert (both.code, both.err) == (2, "jacokin: give the robot once: as an argument, or with --robot\n")
