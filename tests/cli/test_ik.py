@@ -184,6 +184,6 @@ def test_messages_name_options_and_not_pythons_arguments(run: Run, tmp_path: Pat
     near = ("ik", "--robot", str(tmp_path / "five.urdf"), "--position", *words[:3], "--rpy", *words[3:])
     missed = run(*near)
     assert missed.code == 1
-    named = re.findall(r"(--[a-z]+-tolerance) (1e-\d)", missed.err)
-    assert named, missed.err
+    named = re.findall(r"(--[a-z]+-tolerance) (1e-\d)", missed.out)
+    assert named
     assert run(*near, *(word for option in named for word in option)).code == 0
