@@ -208,7 +208,9 @@ class ArmModel:
     Attributes:
         parameters: the numbers that are estimated.
         prior: (p,) their standard deviations before anything is measured.
+        robot: the arm as it is described.
         sets: the measurements.
+        sets_named: what each is called in messages: its file, or its place in the list.
         free_columns: (8 dof,) which of `KEYS` of each joint are estimated.
         reference: where base, tools, planes and points were found, before they are refined.
     """
@@ -221,7 +223,8 @@ class ArmModel:
             ModelError: a joint slides.
             UnknownNameError: no such frame.
         """
-        self.sets = tuple(sets)
+        self.robot, self.sets = robot, tuple(sets)
+        self.sets_named = tuple(str(each.source or f"measurements[{k}]") for k, each in enumerate(sets))
         self.dof, self._joint_names = robot.dof, robot.joint_names
         for each in sets:
             if each.q.shape[1] != robot.dof:

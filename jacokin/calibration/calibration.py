@@ -15,8 +15,9 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from jacokin import files
+from jacokin.arrays import Array
 from jacokin.calibration.arm_model import ArmKinematics
-from jacokin.calibration.findings import Findings
+from jacokin.calibration.findings import Findings, pose_in_words
 from jacokin.errors import needed
 from jacokin.model import checks
 from jacokin.model.loading import load_robot
@@ -92,6 +93,7 @@ STYLE = (
     "td,th{padding:.1em .8em;text-align:right;font-variant-numeric:tabular-nums}"
     "td:first-child,th:first-child{text-align:left}img{max-width:100%}"
 )
+LEAST_SHOWN = 1e-6  # [mm] of a residual
 SHOWN = {"m": (1e3, "mm"), "rad": (1e3, "mrad"), "1": (1.0, ""), "rad/(N m)": (1e3, "mrad/(N m)")}
 
 
@@ -138,11 +140,7 @@ def _facts(findings: Findings) -> list[tuple[str, str]]:
         ("residuals over the stated sigma", f"{findings.noise:.2f} (p = {findings.p_value:.2g})"),
         ("combinations of numbers that show", f"{fit.identifiability.rank} of {len(findings.parameters)}"),
     ]
-    for name, pose in [("base in the instrument's frame", findings.base), *findings.tools.items()]:
-        if pose is not None:
-            xyz = ", ".join(f"{value:.5f}" for value in pose.translation)
-            facts.append((name if isinstance(name, str) else "tool", f"({xyz}) m"))
-    return facts
+    return facts + [(name, pose_in_words(pose)) for name, pose in findings.placed.items()]
 
 
 def _numbers(findings: Findings) -> Iterable[tuple[str, ...]]:
@@ -161,8 +159,9 @@ def _rows(findings: Findings) -> Figure:
     axes.bar(numbers, 1e3 * findings.residuals_before, color=BEFORE)
     axes.bar(numbers, 1e3 * findings.residuals, color=AFTER)
     out = numbers[findings.used == 0.0]
-    axes.plot(out, np.full(len(out), 1e3 * np.nanmin(findings.residuals)), "x", color="red", label="not used")
-    axes.set(xlabel="measurement", ylabel="residual [mm]", yscale="log")
+    low, high = _shown_range(findings)
+    axes.set(xlabel="measurement", ylabel="residual [mm]", yscale="log", ylim=(low, high))
+    axes.plot(out, np.full(len(out), low), "x", color="red", label="not used", clip_on=False)
     if len(out):
         axes.legend()
     return figure
@@ -177,8 +176,22 @@ def _by_joint(findings: Findings) -> Figure:
         axes.plot(q[:, k], 1e3 * findings.residuals_before, ".", color=BEFORE)
         axes.plot(q[:, k], 1e3 * findings.residuals, ".", color=AFTER)
         axes.set(title=f"{name} (p = {findings.trends[k].p_value:.2f})", yscale="log")
-        axes.set(xlabel="[rad]", ylabel="[mm]" if k % 3 == 0 else "")
+        axes.set(xlabel="[rad]", ylabel="[mm]" if k % 3 == 0 else "", ylim=_shown_range(findings))
+        axes.set_xlim(*_padded(q[findings.used > 0.0, k]))
     return figure
+
+
+def _shown_range(findings: Findings) -> tuple[float, float]:
+    """From the least to the largest residual of the rows that were used [mm]: one in millimetres hides no other."""
+    used = findings.used > 0.0
+    sizes = 1e3 * np.concatenate([findings.residuals_before[used], findings.residuals[used]])
+    return 0.7 * max(float(sizes.min()), LEAST_SHOWN), 1.4 * max(float(sizes.max()), 2.0 * LEAST_SHOWN)
+
+
+def _padded(values: Array) -> tuple[float, float]:
+    """From the least to the largest of some angles (n,), and a little more [rad]."""
+    room = 0.05 * max(float(np.ptp(values)), 0.1)
+    return float(values.min()) - room, float(values.max()) + room
 
 
 def _by_place(findings: Findings) -> Figure:

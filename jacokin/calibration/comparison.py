@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -71,8 +70,7 @@ def compare(first: Calibration, second: Calibration) -> Comparison:
         # The estimate is (1 - covariance) truth + noise, and the truth as far from zero as the prior has it.
         kept = np.eye(size) - covariance
         pulled += sign * kept
-        noise = each.noise if math.isfinite(each.noise) else 1.0
-        spread += max(noise, 1.0) ** 2 * kept @ covariance
+        spread += kept @ covariance
     spread = pulled @ pulled.T + 0.5 * (spread + spread.T)
     shown = _shown(first, size)
     along = shown @ apart

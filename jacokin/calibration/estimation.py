@@ -3,10 +3,15 @@
 The most probable numbers, given the measurements and a prior around the described arm: SciPy's `least_squares` on
 residuals over their noise and numbers over their priors. Rows that are grossly off are found by weights that fall to
 zero as the fit closes in (graduated non-convexity), and are left out and named; small ones are weighted after Huber.
+
+A fit is refused where it says of itself that it is not one: most rows do not fit, nothing checks those that are left,
+residuals are many times what the instrument's error makes them, or the arm is one that hardly exists. Where residuals
+are only somewhat larger than stated, the error of the instrument is taken to be as large as they say.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 
 import numpy as np
@@ -17,7 +22,7 @@ from scipy.stats import chi2
 from jacokin.arrays import Array
 from jacokin.calibration.arm_model import AUTO, GROUPS, ArmModel, Prior
 from jacokin.calibration.calibration import Calibration
-from jacokin.calibration.findings import Fit, Rejected, identify
+from jacokin.calibration.findings import NOISY, Fit, Rejected, farthest, identify
 from jacokin.calibration.measurements import CONTACTS, Measurements, checked_measurements
 from jacokin.errors import InvalidInputError
 from jacokin.model import checks
@@ -33,6 +38,13 @@ SETTLED = 1e-3  # of all weights' change
 FOLDS = 10  # of the cross-validation
 DECIMETRES = 0.1  # [m] from where the described arm is: another unit or frame, not another arm
 THOUSAND = (300.0, 3000.0)  # lengths over those expected, in millimetres
+FEWEST = 3  # configurations: two leave one motion, which turns about one axis and says nothing along it
+SAME_CONFIGURATION = 0.01  # [rad] of every joint: nearer, rows repeat each other
+LARGER = 0.05  # probability of residuals that are taken to say more of the instrument than sigma does
+TOLD = 2.0  # numbers that are left out for each number that checks the others
+UNLIKELY = 0.01  # probability of refusing an instrument that is as much worse as it may be
+MISJUDGED = 3.0  # times that an instrument may be worse than stated: half of the rows being wrong starts beyond
+FARTHEST = 10.0  # standard deviations of the prior: arms three times as far off as it says have up to seven or eight
 MANY_TURNS = 15.0  # [rad] in the median of the largest angles: degrees
 
 
@@ -50,7 +62,8 @@ def calibrate(
         robot: the arm as it is described, with its masses if joints give under load.
         measurements: one set, or several of different kinds.
         parameters: "auto" for "geometry" and "offset"; or some of "geometry", "offset", "scale" (of the transmissions)
-            and "compliance" (of the joints, under gravity). Unknown bases and tools are always found.
+            and "compliance" (of the joints, under gravity). Unknown bases and tools are always found; with an empty
+            list nothing else is, and the arm is taken as it is described (hand-eye calibration).
         prior: how far arms are from their description; None for 1 mm, 3 mrad, and 1 degree of offset.
         loss: "huber", which also leaves gross errors out; "none" for plain least squares of all finite rows.
 
@@ -58,7 +71,8 @@ def calibrate(
         The calibration: the arm, what is sure about it and what is not.
 
     Raises:
-        InvalidInputError: malformed, of another arm, in other units, or too few.
+        InvalidInputError: malformed, of another arm, in other units, or too few; or measurements of which half or more
+            are wrong, or that only an arm far from its prior would explain. Says which, and by how much.
         ModelError: a joint slides, or the robot is a calibrated one.
         UnknownNameError: no such frame or group of parameters.
     """
@@ -67,16 +81,19 @@ def calibrate(
         raise InvalidInputError("robot is calibrated already: give the one of its description")
     sets = checked_measurements("measurements", measurements)
     chosen = AUTO if isinstance(parameters, str) and parameters == "auto" else checks.listed("parameters", parameters)
-    if not chosen:
-        raise InvalidInputError(f"parameters is empty: give some of {', '.join(GROUPS)}")
     groups = tuple(dict.fromkeys(checks.choice("group of parameters", each, GROUPS) for each in chosen))
     known = checks.instance("prior", Prior() if prior is None else prior, Prior, "a Prior")
     checks.choice("loss", loss, LOSSES)
-    _check_units(sets)
+    if not chosen and not any(each.base is None or each.tool is None for each in sets):
+        raise InvalidInputError(
+            f"parameters is empty, and neither base nor tool is unknown: give some of {', '.join(GROUPS)}"
+        )
     model = ArmModel(robot, sets, groups, known)
+    _check_units(model)
     finite = [each.finite for each in sets]
     if not any(mask.any() for mask in finite):
         raise InvalidInputError("measurements has no row of finite numbers")
+    _check_configurations(sets)
     _check_places(model, finite)
 
     weights = [mask.astype(np.float64) for mask in finite]
@@ -86,7 +103,11 @@ def calibrate(
         x = fit.solve(x, weights)
     else:
         x, weights = fit.robust(x, weights, finite)
-        _check_majority(weights, finite)
+        _check_majority(model, weights, finite)
+        _check_checked(fit, x, weights, finite)
+    weights = _as_noisy_as_they_are(fit, x, weights, groups, known)
+    _check_prior(model, x)
+    x = fit.solve(x, weights)
     return Calibration(robot, model, _finish(fit, x, weights, finite))
 
 
@@ -218,7 +239,9 @@ def _finish(fit: Estimator, x: Array, weights: list[Array], finite: Sequence[NDA
             if mask[row]:
                 hint = ": another unit?" if away[row] > DECIMETRES else ""
                 reason = f"is {1e3 * away[row]:.1f} mm from where the other rows have it{hint}"
-            rejected.append(Rejected(k, int(row), reason))
+            rejected.append(
+                Rejected(k, int(row), f"{model.sets_named[k]}, {model.sets[k].name_row(int(row))},", reason)
+            )
     used = [weight > 0.0 for weight in weights]
     squares = sum(float(each[mask].sum()) for each, mask in zip(fit.squares(x), used, strict=True))
     numbers = sum(int(mask.sum()) * model.sets[k].sigma.shape[1] for k, mask in enumerate(used))
@@ -238,26 +261,142 @@ def _finish(fit: Estimator, x: Array, weights: list[Array], finite: Sequence[NDA
     )
 
 
-def _check_majority(weights: Sequence[Array], finite: Sequence[NDArray[np.bool_]]) -> None:
+def _check_majority(model: ArmModel, weights: Sequence[Array], finite: Sequence[NDArray[np.bool_]]) -> None:
     """Gross errors are told from others by the majority of a set's rows, as long as that is right.
 
     Raises:
         InvalidInputError: at most half of a set's rows fit.
     """
-    for k, (weight, mask) in enumerate(zip(weights, finite, strict=True)):
+    for name, weight, mask in zip(model.sets_named, weights, finite, strict=True):
         fitting, given = int((weight[mask] > 0.0).sum()), int(mask.sum())
         if given and 2 * fitting <= given:
             raise InvalidInputError(
-                f"measurements[{k}]: {fitting} of {given} rows fit together, and more than half must: "
+                f"{name}: {fitting} of {given} rows fit together, and more than half must: "
                 "is what they say true of them all (frame, base, contact, units, sigma)?"
             )
 
 
-def _check_units(sets: Sequence[Measurements]) -> None:
-    for each in sets:
+def _check_prior(model: ArmModel, x: Array) -> None:
+    """Refuse arms that hardly exist: a base, a tool or a frame that is not where it is said to be looks like one.
+
+    Raises:
+        InvalidInputError: a number is far from its prior.
+    """
+    far, name = farthest(model, x)
+    if far > FARTHEST:
+        raise InvalidInputError(
+            f"{name} would be {far:.1f} standard deviations of the prior from the description, at most {FARTHEST:g}: "
+            "is the base, the tool or the frame another one, or unknown? If the arm is that far off, give a wider prior"
+        )
+
+
+def _as_noisy_as_they_are(
+    fit: Estimator, x: Array, weights: Sequence[Array], groups: Sequence[str], prior: Prior
+) -> list[Array]:
+    """Weights of sets whose residuals contradict their sigma, as small as that of the larger errors would make them.
+
+    Raises:
+        InvalidInputError: residuals are many times what sigma makes them.
+    """
+    model, found = fit.model, []
+    squares, leverages = fit.squares(x), fit.leverages(x, weights)
+    absent = _not_estimated(model, groups, prior)
+    for k, (rows, weight, name) in enumerate(zip(model.sets, weights, model.sets_named, strict=True)):
+        used = weight > 0.0
+        size = rows.sigma.shape[1]
+        freedom = size * float(np.sum(1.0 - leverages[k][used]))
+        chi_square = float(squares[k][used].sum())
+        usual = freedom + float(absent[k][used].sum())
+        if not freedom > 0.0 or chi2.sf(chi_square, max(freedom, 1.0)) >= LARGER:
+            found.append(weight)
+            continue
+        larger = math.sqrt(chi_square / freedom)
+        if chi2.sf(chi_square / MISJUDGED**2 * freedom / usual, max(freedom, 1.0)) < UNLIKELY:
+            raise InvalidInputError(
+                f"{name}: residuals are {larger:.1f} times what sigma says{_each_part(rows, fit, k, x, used)}: most "
+                "rows are wrong, or of another arm, frame, base or unit, or the arm has what is not estimated; if the "
+                "instrument is that much worse than stated, give the sigma that it has, at least "
+                f"{larger / MISJUDGED:.1f} times as large"
+            )
+        found.append(weight / larger**2)
+    return found
+
+
+def _each_part(rows: Measurements, fit: Estimator, k: int, x: Array, used: NDArray[np.bool_]) -> str:
+    """Of poses, how many times larger positions and orientations are than sigma says, in words."""
+    if rows.kind != "poses":
+        return ""
+    missed = fit.model.whitened(k, x)[0][used]
+    place, turn = (float(np.sqrt(np.mean(part**2))) for part in (missed[:, :3], missed[:, 3:]))
+    return f" (positions {place:.1f}, orientations {turn:.1f} times)"
+
+
+def _not_estimated(model: ArmModel, groups: Sequence[str], prior: Prior) -> list[Array]:
+    """Of each row of each set, the mean square that numbers of the arm which are not estimated add to its residual."""
+    missing = [group for group in AUTO if group not in groups]
+    if not missing:
+        return [np.zeros(len(each)) for each in model.sets]
+    other = ArmModel(model.robot, model.sets, missing, prior)
+    count, zero = int(other.free_columns.sum()), np.zeros(len(other.prior))
+    return [
+        np.sum((other.whitened(k, zero)[1][:, :, :count] * other.prior[:count]) ** 2, axis=(1, 2))
+        for k in range(len(model.sets))
+    ]
+
+
+def _check_configurations(sets: Sequence[Measurements]) -> None:
+    """Refuse measurements at too few configurations to say anything of an arm, however many they are.
+
+    Raises:
+        InvalidInputError: fewer than three that differ.
+    """
+    different: list[Array] = []
+    for q in np.vstack([each.q[each.finite] for each in sets]):
+        turned = [np.abs(np.remainder(q - other + np.pi, 2.0 * np.pi) - np.pi).max() for other in different]
+        if not turned or min(turned) > SAME_CONFIGURATION:
+            different.append(q)
+            if len(different) == FEWEST:
+                return
+    raise InvalidInputError(
+        f"measurements are at {len(different)} configuration{'s' if len(different) > 1 else ''} of the arm that differ "
+        f"by more than {SAME_CONFIGURATION:g} rad, and at least {FEWEST} are needed: 20 to 30 are a good number"
+    )
+
+
+def _check_checked(fit: Estimator, x: Array, weights: Sequence[Array], finite: Sequence[NDArray[np.bool_]]) -> None:
+    """Refuse rows left out where those that remain could not tell: what a fit can follow fits whatever it is.
+
+    Rows that are decimetres from every arm of this kind need nobody to tell. Where the rest is larger than sigma says,
+    it may be wrong as well, and must check itself better.
+
+    Raises:
+        InvalidInputError: more numbers were left out than the remaining ones can tell.
+    """
+    model, freedom, doubtful, numbers = fit.model, 0.0, 0, 0
+    squares = sum(float(each[weight > 0.0].sum()) for each, weight in zip(fit.squares(x), weights, strict=True))
+    for k, (weight, mask, leverage) in enumerate(zip(weights, finite, fit.leverages(x, weights), strict=True)):
+        size = model.sets[k].sigma.shape[1]
+        freedom += size * float(np.sum(1.0 - leverage[weight > 0.0]))
+        near = ~(model.distances(k, model.predict(k, np.zeros_like(x))[0]) > DECIMETRES)
+        out = int((mask & near & (weight == 0.0)).sum())
+        doubtful, numbers = doubtful + out, numbers + size * out
+    told = freedom if chi2.sf(squares, max(freedom, 1.0)) < NOISY else TOLD * freedom
+    if numbers > told:
+        raise InvalidInputError(
+            f"measurements: {doubtful} row{'s' if doubtful > 1 else ''} would be left out, and the others cannot tell "
+            f"that these are wrong (they have {freedom:.1f} numbers more than the fit follows; {numbers} were left "
+            "out): measure more, or look for what is wrong with them"
+        )
+
+
+def _check_units(model: ArmModel) -> None:
+    for name, each in zip(model.sets_named, model.sets, strict=True):
         rows = each.q[each.finite]
         if len(rows) and np.median(np.abs(rows).max(axis=1)) > MANY_TURNS:
-            raise InvalidInputError("q must be in radians: its angles look like degrees")
+            raise InvalidInputError(
+                f"{name}: joint angles must be in radians and look like degrees"
+                f"{': read them with degrees=True' if each.source else ''}"
+            )
 
 
 def _check_places(model: ArmModel, finite: Sequence[NDArray[np.bool_]]) -> None:
@@ -274,7 +413,12 @@ def _check_places(model: ArmModel, finite: Sequence[NDArray[np.bool_]]) -> None:
         if away > DECIMETRES:
             places = model.kinematics(rows.q[mask], rows.frame, zero).position
             ratio = away / float(np.median(np.linalg.norm(places, axis=1)))
-            why = "they look like millimetres" if THOUSAND[0] < ratio < THOUSAND[1] else "another frame, base or unit?"
+            why = "another frame, base or unit?"
+            if THOUSAND[0] < ratio < THOUSAND[1]:
+                why = "they look like millimetres"
+                if rows.source:
+                    why += ": write them in metres, or read them with kinova=True where angles are in degrees, too"
             raise InvalidInputError(
-                f"{rows.kind} are {away:.3g} m from where the described arm has them, in the median: {why}"
+                f"{model.sets_named[k]}: {rows.kind} are {away:.3g} m from where the described arm has them, "
+                f"in the median: {why}"
             )

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -25,11 +26,13 @@ SIZES = {"positions": 3, "poses": 6, "distances": 1, "plane": 1, "point": 3}  # 
 CONTACTS = ("plane", "point")
 NOT_MEASUREMENTS = "is not a file of measurements"
 LARGEST = 1e6  # [m], [rad] of what anybody measures
+SMALLEST = 1e-12  # [m], [rad] of what any instrument tells apart; squares of less overflow
 POSITION = ("x", "y", "z")
 QUATERNION = ("qw", "qx", "qy", "qz")
 RPY = ("roll", "pitch", "yaw")
 KINOVA = ("theta_x", "theta_y", "theta_z")  # R = Rx Ry Rz
 FIXED_POINT = ("px", "py", "pz")
+READ = (*POSITION, *QUATERNION, *RPY, *KINOVA, *FIXED_POINT, "distance", "sigma", "sigma_angle")  # besides joints
 
 Sigma = ArrayLike | tuple[ArrayLike, ArrayLike]
 
@@ -46,6 +49,7 @@ class Measurements:
         frame: the frame that carries the point; None for the robot's default frame.
         base: T_sensor_base, the arm's base in the instrument's frame; None where it is unknown.
         tool: T_frame_target, the measured point or marker in the hand; None where it is unknown.
+        source: the file that the rows were read from; None for arrays.
     """
 
     def __init__(
@@ -108,6 +112,8 @@ class Measurements:
         self.frame = checks.optional(checks.instance, "frame", frame, str, "the name of a frame")
         self.base = _placed("base", base)
         self.tool = _placed("tool", tool)
+        self.source: Path | None = None
+        self._lines: NDArray[np.intp] | None = None
         if self.kind in CONTACTS and self.base is None:
             raise InvalidInputError("base cannot be unknown for contact: no instrument measures it")
 
@@ -135,7 +141,15 @@ class Measurements:
             array = getattr(self, name)
             if array is not None:
                 setattr(chosen, name, checks.read_only(array[index]))
+        if self._lines is not None:
+            chosen._lines = checks.sealed(self._lines[index])
         return chosen
+
+    def name_row(self, row: int) -> str:
+        """Which row it is, in words: the line of a text file, from 1; else its index, from 0."""
+        if self._lines is not None:
+            return f"line {self._lines[row]}"
+        return f"row {row} (from 0)" if self.source is not None else f"row {row}"
 
     @property
     def finite(self) -> NDArray[np.bool_]:
@@ -159,7 +173,8 @@ class Measurements:
 
         Its columns: joint_1, joint_2, ... or q1, q2, ...; x, y, z; for poses also qw, qx, qy, qz, or roll, pitch, yaw,
         or theta_x, theta_y, theta_z (Kinova's, R = Rx Ry Rz); for distances `distance`, px, py, pz. `sigma` [m] and
-        `sigma_angle` [rad] may be columns, too. Other columns are left alone. An empty cell is a missing number.
+        `sigma_angle` [rad] may be columns, too. Other columns are left alone. An empty cell is a missing number; a row
+        with more cells than columns is refused.
 
         Args:
             path: the file.
@@ -176,34 +191,36 @@ class Measurements:
             MissingExtraError: a Parquet file without pyarrow.
         """
         path = checks.path("path", path)
-        columns = _read(path)
+        columns, lines = _read(path)
         angle = math.pi / 180.0 if checks.flag("degrees", degrees) or checks.flag("kinova", kinova) else 1.0
-        length = 1e-3 if kinova else 1.0
-        joints = [name for name in columns if name.removeprefix("joint_").removeprefix("q").isdigit()]
+        joints = [name for name in columns if _is_joint(name)]
         joints.sort(key=lambda name: int(name.removeprefix("joint_").removeprefix("q")))
         if not joints:
             raise InvalidInputError(f"{path}: has no joint angles: columns joint_1, joint_2, ... or q1, q2, ...")
         q = angle * np.column_stack([columns[name] for name in joints])
+        arguments: tuple[str, ...] = ("sigma", "frame", "base", "tool", "unknown")
         if sigma is None:
-            missing = [name for name in ("sigma",) if name not in columns]
-            if missing:
+            arguments = arguments[1:]
+            if "sigma" not in columns:
                 raise InvalidInputError(f"{path}: has no column sigma: give sigma= [m], the error of the instrument")
             sigma = columns["sigma"]
             if "sigma_angle" in columns:
                 sigma = (columns["sigma"], columns["sigma_angle"])
-        where = {"frame": frame, "base": base, "tool": tool}
-        if contact is not None:
-            return cls(q, sigma=sigma, contact=contact, **where)  # type: ignore[arg-type]  # checked there
-        if "distance" in columns:
-            points = length * _columns(path, columns, FIXED_POINT)
-            return cls(q, sigma=sigma, distances=length * columns["distance"], points=points, **where)  # type: ignore[arg-type]  # checked there
-        positions = length * _columns(path, columns, POSITION)
-        rotations = _rotations(path, columns, angle)
-        if rotations is None:
-            return cls(q, sigma=sigma, positions=positions, **where)  # type: ignore[arg-type]  # checked there
-        T = np.tile(np.eye(4), (len(q), 1, 1))
-        T[:, :3, :3], T[:, :3, 3] = rotations, positions
-        return cls(q, sigma=sigma, poses=T, **where)  # type: ignore[arg-type]  # checked there
+        try:
+            found = cls(
+                q,
+                sigma=sigma,
+                frame=frame,
+                base=base,
+                tool=tool,
+                **_measured(path, columns, len(q), angle, 1e-3 if kinova else 1.0, contact),
+            )
+        except InvalidInputError as error:
+            if str(error).startswith(arguments):  # not what the file says
+                raise
+            raise InvalidInputError(f"{path}: {error}") from error
+        found.source, found._lines = path, lines
+        return found
 
 
 def checked_measurements(name: str, value: Measurements | Sequence[Measurements]) -> tuple[Measurements, ...]:
@@ -284,6 +301,9 @@ def _sigma(name: str, value: object, n: int, size: int, unit: str) -> Array:
         raise InvalidInputError(f"{name} must have shape (), ({n},) or ({n}, {size}), got {given.shape}") from None
     if not (np.isfinite(full) & (full > 0.0)).all():
         raise InvalidInputError(f"{name} must be positive and finite [{unit}]")
+    if full.min() < SMALLEST or full.max() > LARGEST:
+        worst = full.min() if full.min() < SMALLEST else full.max()
+        raise InvalidInputError(f"{name} must be between {SMALLEST:g} and {LARGEST:g} [{unit}], got {worst:.3g}")
     return full
 
 
@@ -294,15 +314,33 @@ def _placed(name: str, value: str | pin.SE3 | ArrayLike) -> pin.SE3 | None:
     return poses.checked_pose(value, name)
 
 
-def _read(path: Path) -> Mapping[str, Array]:
-    """The columns of a file that hold numbers.
+def _measured(
+    path: Path, columns: Mapping[str, Array], n: int, angle: float, length: float, contact: str | None
+) -> dict[str, Any]:
+    """What a file's columns say beside the joint angles, as arguments of `Measurements`."""
+    if contact is not None:
+        return {"contact": contact}
+    if "distance" in columns:
+        points = length * _columns(path, columns, FIXED_POINT)
+        return {"distances": length * columns["distance"], "points": points}
+    positions = length * _columns(path, columns, POSITION)
+    rotations = _rotations(path, columns, angle)
+    if rotations is None:
+        return {"positions": positions}
+    T = np.tile(np.eye(4), (n, 1, 1))
+    T[:, :3, :3], T[:, :3, 3] = rotations, positions
+    return {"poses": T}
+
+
+def _read(path: Path) -> tuple[Mapping[str, Array], NDArray[np.intp] | None]:
+    """The columns of a file that hold numbers, and the line of each row, from 1; None where there are no lines.
 
     Raises:
         InvalidInputError: cannot be read, or rows of different lengths.
     """
     if path.suffix == ".npz":
         arrays = read_arrays(path, NOT_MEASUREMENTS)
-        return {name: array.astype(np.float64) for name, array in arrays.items() if array.dtype.kind in "iuf"}
+        return _same_length(path, {name: each for name, each in arrays.items() if each.dtype.kind in "iuf"}), None
     if path.suffix == ".parquet":
         with open_parquet(path, NOT_MEASUREMENTS) as file:
             if file.metadata.num_rows * file.metadata.num_columns > ARRAYS // 8:
@@ -312,10 +350,15 @@ def _read(path: Path) -> Mapping[str, Array]:
                 name: np.asarray(table.column(name).to_numpy(), dtype=np.float64)
                 for name in table.column_names
                 if str(table.schema.field(name).type) in ("double", "float", "int64", "int32")
-            }
-    table_of_cells = read_rows(path)
-    names = [name.strip() for _, row in table_of_cells[:1] for name in row]
-    rows = [[*row, *[""] * (len(names) - len(row))] for _, row in table_of_cells[1:]]
+            }, None
+    cells = read_rows(path)
+    names = [name.strip() for _, row in cells[:1] for name in row]
+    lines, rows = [], []
+    for line, row in cells[1:]:
+        if any(cell.strip() for cell in row[len(names) :]):
+            raise InvalidInputError(f"{path}: line {line} has {len(row)} cells, and there are {len(names)} columns")
+        lines.append(line)
+        rows.append([cell.strip() for cell in row] + [""] * (len(names) - len(row)))
     twice = [name for number, name in enumerate(names) if name in names[:number]]
     if twice:
         raise InvalidInputError(f"{path}: column {twice[0]!r} is there twice")
@@ -323,12 +366,28 @@ def _read(path: Path) -> Mapping[str, Array]:
         raise InvalidInputError(f"{path}: has no rows of measurements")
     columns: dict[str, Array] = {}
     for number, name in enumerate(names):
-        cells = [row[number].strip() for row in rows]
         try:
-            columns[name] = np.array([float(cell) if cell else math.nan for cell in cells])
+            columns[name] = np.array([float(row[number]) if row[number] else math.nan for row in rows])
         except ValueError:  # a column of words
             continue
+    return columns, checks.sealed(np.array(lines))
+
+
+def _same_length(path: Path, arrays: Mapping[str, NDArray[Any]]) -> Mapping[str, Array]:
+    """Columns of an archive that are read, all of one length.
+
+    Raises:
+        InvalidInputError: they have other shapes.
+    """
+    columns = {name: array.astype(np.float64) for name, array in arrays.items() if _is_joint(name) or name in READ}
+    if len({column.shape for column in columns.values()}) > 1 or any(each.ndim != 1 for each in columns.values()):
+        told = ", ".join(f"{name} {column.shape}" for name, column in columns.items())
+        raise InvalidInputError(f"{path}: its columns must have one dimension and one length, got shapes {told}")
     return columns
+
+
+def _is_joint(name: str) -> bool:
+    return name.removeprefix("joint_").removeprefix("q").isdigit()
 
 
 def _columns(path: Path, columns: Mapping[str, Array], names: Sequence[str]) -> Array:

@@ -16,7 +16,7 @@ from jacokin.cli.units import Units
 from jacokin.errors import InvalidInputError
 from jacokin.files import replacing
 
-FIT = "fit"
+FIT, NOTHING = "fit", "none"
 
 
 class FitUnlessNamed(click.Group):
@@ -61,7 +61,14 @@ sigma_angle = click.option("--sigma-angle", type=float, metavar="A", help="Of po
     "--estimate",
     multiple=True,
     metavar="WHAT",
-    help="What may be off: geometry, offset (these two by default), scale, compliance. Repeatable.",
+    help="What may be off: geometry, offset (these two by default), scale, compliance; or none: only base and tool "
+    "are looked for. Repeatable.",
+)
+@click.option(
+    "--prior",
+    type=(float, float, float),
+    metavar="M RAD RAD",
+    help="How far arms are from their description, in place, axis and zero of a joint; 0.001 0.003 0.0175 by default.",
 )
 @options.frame
 @options.degrees
@@ -80,6 +87,7 @@ def fit(
     contact: str | None,
     kinova: bool,
     estimate: Sequence[str],
+    prior: tuple[float, float, float] | None,
     frame: str | None,
     units: Units,
     json: bool,
@@ -93,6 +101,7 @@ def fit(
     Examples:
       jacokin calibrate m.csv --sigma 0.0003 --output my_arm.toml --report report.html
       jacokin calibrate poses.csv --sigma 0.001 --sigma-angle 0.002 --unknown-base --unknown-tool
+      jacokin calibrate camera.csv --sigma 0.001 --sigma-angle 0.002 --unknown-base --unknown-tool --estimate none
       jacokin calibrate touched.csv --contact plane --sigma 0.0005 --output my_arm.toml
       jacokin ik --calibration my_arm.toml --position 0.3 -0.2 0.5 --down
     """
@@ -116,7 +125,11 @@ def fit(
         )
         for path in files
     ]
-    found = calibration.calibrate(source.load(), sets, estimate or "auto")
+    if NOTHING in estimate and len(set(estimate)) > 1:
+        raise InvalidInputError("--estimate none goes with no other --estimate")
+    groups = [] if NOTHING in estimate else estimate or "auto"
+    known = None if prior is None else calibration.Prior(*prior)
+    found = calibration.calibrate(source.load(), sets, groups, prior=known)
     if output is not None:
         found.save(output)
     if report is not None:
@@ -131,6 +144,8 @@ def fit(
                 "facts": dict(found.measured_arm.facts),
                 "noise": found.noise,
                 "p_value": found.p_value,
+                "base": None if found.base is None else found.base.homogeneous,
+                "tools": [{"frame": name, "pose": pose.homogeneous} for name, pose in found.tools.items()],
                 "parameters": {name: asdict(each) for name, each in found.parameters.items()},
                 "rejected": [asdict(each) for each in found.rejected],
                 "unidentified": found.unidentified,

@@ -16,7 +16,9 @@ from jacokin.cli.units import Units
 from jacokin.errors import InvalidInputError, JacokinError, UnknownNameError
 
 # Names of the library's arguments where those of the parameters differ.
-OTHER_NAMES = {"axis": "--free-axis", "range": "--free-range", "q": "ANGLE..."}
+OTHER_NAMES = {"axis": "--free-axis", "range": "--free-range", "q": "ANGLE...", "degrees": "--degrees"}
+# Words of the library for what an option does; where a command has that option, it is named.
+OTHER_WORDS = {"solve_all": "--all", "a FreeAxis": "--free-axis"}
 # In a message about options, and fields of a scene, that are in radians also with --degrees.
 ALWAYS_RADIANS = ("--limit", "--finger-angle", "finger_angle")
 
@@ -27,7 +29,10 @@ HEADINGS = {
         *("--from", "--to", "--target", "--position", "--kinova", "--quat-wxyz", "--rpy", "--down", "--approach"),
         *("--free-axis", "--free-range", "--frame", "--tool"),
     ),
-    "Choice of the answer": ("--prefer", "--all", "--seed", "--closest", "--random-seed", "--method", "--qp-solver"),
+    "Choice of the answer": (
+        *("--prefer", "--all", "--fixed", "--seed", "--closest", "--random-seed", "--method", "--qp-solver"),
+        *("--position-tolerance", "--orientation-tolerance"),
+    ),
     "Contact": ("--collision", "--scene", "--clearance"),
     "Motion": (
         *("--start", "--dt", "--speed", "--angular-speed", "--velocity-limit", "--acceleration-limit"),
@@ -100,6 +105,9 @@ class Command(click.Command):
         except JacokinError as error:
             flags = {str(each.name): each.opts[0] for each in self.params if each.opts[0].startswith("-")}
             text = name_flags(error, {**flags, **OTHER_NAMES}, ctx.params)
+            for word, flag in OTHER_WORDS.items():
+                if flag in flags.values():
+                    text = text.replace(word, flag)
             units = ctx.params.get("units")
             if isinstance(units, Units) and not any(name in text for name in ALWAYS_RADIANS):
                 text = units.in_words(text)
@@ -221,7 +229,7 @@ def name_flags(error: JacokinError, flags: Mapping[str, str], values: Mapping[st
     """
     names = "|".join(map(re.escape, flags))
     text = re.sub(
-        rf"^({names})(?=[ :\[])|\b({names})=([\w'\"(\[-])?",
+        rf"^({names})(?=[ :\[])|\b({names})=(?:True\b|([\w'\"(\[-])?)",
         lambda match: flags[match[1] or match[2]] + (f" {match[3]}" if match[3] else ""),
         str(error),
     )

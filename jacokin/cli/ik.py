@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,7 +13,7 @@ import click
 import jacokin.ik
 import jacokin.model
 from jacokin.cli import options
-from jacokin.cli.command import Command, option_group
+from jacokin.cli.command import Command, option_group, parse_numbers
 from jacokin.cli.options import Vector3, Vector4, Vector6, keep_apart
 from jacokin.cli.process import NOT_SOLVED
 from jacokin.cli.units import Units, warn_of_degrees, warn_of_millimetres
@@ -143,6 +143,19 @@ target_options = option_group(
 @options.seed
 @options.random_seed
 @click.option("--method", default="auto", metavar="NAME", help="auto, closed_form or qp.")
+@click.option("--position-tolerance", type=float, metavar="D", help="A success is this near [m]; 1e-6 by default.")
+@click.option(
+    "--orientation-tolerance",
+    type=float,
+    metavar="A",
+    help="And this near in orientation [rad], also with --degrees; 1e-6 by default.",
+)
+@click.option(
+    "--fixed",
+    multiple=True,
+    metavar="JOINT=VALUE",
+    help="With --all, on an arm of more than six joints: hold a joint there. Repeatable.",
+)
 @click.option("--qp-solver", default="daqp", metavar="NAME", help="daqp, quadprog, osqp or proxqp.")
 @click.option(
     "--collision",
@@ -169,6 +182,9 @@ def ik(
     seed: list[float] | None,
     random_seed: int | None,
     method: str,
+    position_tolerance: float | None,
+    orientation_tolerance: float | None,
+    fixed: Sequence[str],
     qp_solver: str,
     collision: str | None,
     scene: Path | None,
@@ -196,7 +212,10 @@ def ik(
       jacokin ik --targets poses.parquet --output joints.parquet --workers 8
     """
     from jacokin.cli.ik_answers import show_branches, show_family, show_result
+    from jacokin.ik.options import ORIENTATION_TOLERANCE, POSITION_TOLERANCE
 
+    if fixed and not every:
+        raise InvalidInputError("--fixed goes with --all")
     if targets is None:
         check_one_pose(wanted, every, prefer, output)
         if every and closest is not None:
@@ -226,6 +245,8 @@ def ik(
         collision=collision,
         scene=obstacles,
         clearance=clearance,
+        position_tolerance=POSITION_TOLERANCE if position_tolerance is None else position_tolerance,
+        orientation_tolerance=ORIENTATION_TOLERANCE if orientation_tolerance is None else orientation_tolerance,
     )
     if targets is not None:
         from jacokin.cli import ik_batch
@@ -242,7 +263,9 @@ def ik(
             as_json=json,
         )
     elif every:
-        found = solver.solve_all(wanted.build(units), start)
+        held = read_fixed(fixed, arm, units)
+        target = wanted.build(units)
+        found = solver.solve_all(target, start, fixed=held) if held else solver.solve_all(target, start)
         if isinstance(found, jacokin.ik.Family):
             solved = show_family(solver, found, units, as_json=json)
         else:
@@ -256,6 +279,23 @@ def ik(
         solved = show_result(solver, result, units, closest=looks, as_json=json)
     if not solved:
         raise SystemExit(NOT_SOLVED)
+
+
+def read_fixed(texts: Sequence[str], arm: jacokin.Robot, units: Units) -> dict[str, float]:
+    """Joints and the values that they are held at [rad or m].
+
+    Raises:
+        InvalidInputError: not JOINT=VALUE.
+    """
+    slides = dict(zip(arm.joint_names, arm.sliding.tolist(), strict=True))
+    values = {}
+    for text in texts:
+        joint, sign, value = text.rpartition("=")
+        if not sign:
+            raise InvalidInputError(f"--fixed must be JOINT=VALUE, for example joint_3=0.4, got {text!r}")
+        [number] = parse_numbers(f"--fixed {joint}", value, 1)
+        values[joint] = number if slides.get(joint, False) else units.to_si([number])[0]
+    return values
 
 
 def check_file(wanted: TargetOptions, others: Mapping[str, bool]) -> None:

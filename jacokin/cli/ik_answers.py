@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 
 from jacokin import ik
@@ -20,7 +22,7 @@ def show_result(solver: ik.IKSolver, result: ik.IKResult, units: Units, *, close
                 **display.head(robot, units, solver.frame),
                 "success": result.success,
                 "status": result.status,
-                "message": units.in_words(result.message),
+                "message": in_options(result.message, units),
                 "advice": None if result.success else result.status.value,
                 "q": joints.from_si(result.q),
                 "limit_margin": joints.from_si(margin),
@@ -44,7 +46,7 @@ def show_result(solver: ik.IKSolver, result: ik.IKResult, units: Units, *, close
     title = f"{robot.label}: {solver.frame} reaches the target"
     if not result.success:
         title = "the closest configuration within the limits" if closest else "where the search began or ended"
-        display.say(f"{result.status.name}: {units.in_words(result.message)}.\n{result.status.value}.")
+        display.say(f"{result.status.name}: {in_options(result.message, units)}.\n{result.status.value}.")
     display.show_table(title, columns, rows)
     lines = [
         ("position error", display.small(result.position_error, "m")),
@@ -52,11 +54,16 @@ def show_result(solver: ik.IKSolver, result: ik.IKResult, units: Units, *, close
         ("method", ran),
     ]
     if result.success and result.message:
-        lines.append(("note", units.in_words(result.message)))
+        lines.append(("note", in_options(result.message, units)))
     if result.touching:
         lines.append(("touching", ", ".join(f"{a} and {b}" for a, b in result.touching)))
     display.show_facts(lines)
     return result.success
+
+
+def in_options(message: str, units: Units) -> str:
+    """A message of a result with the command's options in place of the solver's, in the user's unit of angles."""
+    return units.in_words(re.sub(r"\b(position|orientation)_tolerance=", r"--\1-tolerance ", message))
 
 
 def show_branches(solver: ik.IKSolver, branches: ik.Branches, units: Units, *, as_json: bool) -> bool:

@@ -13,11 +13,13 @@ from jacokin.cli import display, options
 from jacokin.cli.command import Argument, Command
 from jacokin.cli.options import RobotOptions
 from jacokin.cli.units import JointUnits, Units
+from jacokin.errors import InvalidInputError
 from jacokin.model.descriptions import bundled
 
 
 @click.command(cls=Command)
-@click.argument("robot", cls=Argument, default=model.DEFAULT_ROBOT, metavar="[NAME|FILE]", text=options.NAME_OR_FILE)
+@click.argument("name", cls=Argument, required=False, metavar="[NAME|FILE]", text=options.NAME_OR_FILE)
+@click.option("--robot", metavar="NAME|FILE", help="As NAME|FILE, for who is used to it from the other commands.")
 @options.degrees
 @options.json
 @options.base
@@ -25,7 +27,8 @@ from jacokin.model.descriptions import bundled
 @options.package_dir
 @options.calibration
 def info(
-    robot: str,
+    name: str | None,
+    robot: str | None,
     units: Units,
     json: bool,
     base: str | None,
@@ -43,15 +46,17 @@ def info(
       jacokin info j2s6s200 --degrees
       jacokin info urdf/j2n6s300.urdf --json
     """
-    arm = RobotOptions(robot, base, tip, package_dirs, calibration=calibration).load()
+    if name is not None and robot is not None:
+        raise InvalidInputError("give the robot once: as an argument, or with --robot")
+    arm = RobotOptions(robot or name or model.DEFAULT_ROBOT, base, tip, package_dirs, calibration=calibration).load()
     joints = units.for_joints(arm)
     rows = list_joints(arm, joints)
     sources = list_sources(arm)
     placed = ik.structure(arm)
-    model = arm.pin_model
-    parents = [model.frames[arm.frame_id(name)].parentJoint for name in arm.frames]
+    chain = arm.pin_model
+    parents = [chain.frames[arm.frame_id(name)].parentJoint for name in arm.frames]
     frames = [
-        (name, str(model.names[joint]) if joint else "nothing") for name, joint in zip(arm.frames, parents, strict=True)
+        (name, str(chain.names[joint]) if joint else "nothing") for name, joint in zip(arm.frames, parents, strict=True)
     ]
     if json:
         display.print_json(

@@ -23,9 +23,10 @@ from jacokin.kernels.closest import CIRCULAR, LOWER, UPPER, ClosestWork, find_cl
 from jacokin.kernels.library import Call
 from jacokin.model import angles
 from jacokin.model.many_configurations import Chain
+from jacokin.model.measured_arm import joint_axis
 
 DRAWN = 1000  # random configurations that are measured
-REACH_SLACK = 1e-3  # [m] more than any tolerance: a bound that can be trusted
+REACH_SLACK = 1e-3  # [m] beyond the tolerance: a bound that can be trusted
 FARTHEST = 10.0  # arm lengths: from there on only the direction to the target matters
 
 
@@ -81,6 +82,11 @@ class ClosestSearch:
             return verifier.result(Candidate(seed, target, ""), outcome.status, message)
         return verifier.result(closest, outcome.status, message, touching=verifier.touching(q))
 
+    def beyond_reach(self, request: Request, nearby: Sequence[Array] = ()) -> IKResult | None:
+        """The answer to a pose or a position that is provably out of reach; None for others."""
+        outcome = self.reach.exceeded(request.target)
+        return None if outcome is None else self.solve(request, outcome, nearby)
+
     def find(self, target: TargetPose, first: Sequence[Array], rng: np.random.Generator) -> tuple[Array, Effort]:
         """The configuration (dof,) within the limits of the least measure that descents end in, and what they took.
 
@@ -104,22 +110,30 @@ class ClosestSearch:
 
 
 class ReachBound:
-    """A ball around the origin of joint 1 that the tool cannot leave: the links laid end to end."""
+    """A ball around a point of joint 1 that the tool cannot leave, whatever the joint angles."""
 
     def __init__(self, verifier: Verifier) -> None:
         """Add up the links; the radius is infinite when a sliding joint has no limits."""
         model, robot = verifier.robot.pin_model, verifier.robot
-        lengths = [float(np.linalg.norm(model.jointPlacements[joint].translation)) for joint in range(2, model.njoints)]
         placed = model.frames[verifier.frame_id].placement
         tip = placed if verifier.tool is None else placed * verifier.tool
-        lengths.append(float(np.linalg.norm(tip.translation)))
-        lengths.extend(np.maximum(np.abs(robot.lower), np.abs(robot.upper))[robot.sliding].tolist())
-        self._shoulder: Array = np.array(model.jointPlacements[1].translation)
-        self._radius = sum(lengths)
+        count = int(model.frames[verifier.frame_id].parentJoint)
+        places = [model.jointPlacements[joint] for joint in range(1, count + 1)] + [tip]
+        links = [place.translation for place in places[1:]]  # from each joint to the next, in its own axes
+        centre = np.zeros(3)
+        slides = robot.sliding[:count].tolist()
+        axes = [None if slides[k] else joint_axis(model, k + 1) for k in range(count)]
+        if axes[0] is not None:  # any point of its axis stays where it is: the one that is nearest to joint 2
+            centre = axes[0] * float(axes[0] @ links[0])
+            links[0] = links[0] - centre
+        self._shoulder: Array = places[0].act(centre)
+        self._slack = REACH_SLACK + verifier.options.position_tolerance
+        travel = np.where(robot.sliding, np.maximum(np.abs(robot.lower), np.abs(robot.upper)), 0.0)[:count]
+        self._radius = _longest(links, [place.rotation for place in places], axes) + float(travel.sum())
 
     def exceeded(self, target: TargetPose) -> Outcome | None:
         """When the target is provably out of reach, whatever the joint angles."""
-        if math.hypot(*(target.position - self._shoulder).tolist()) <= self._radius + REACH_SLACK:
+        if math.hypot(*(target.position - self._shoulder).tolist()) <= self._radius + self._slack:
             return None
         return Outcome(Status.UNREACHABLE, "the target is farther away than the arm is long")
 
@@ -130,3 +144,25 @@ class ReachBound:
         if not distance > FARTHEST * self._radius:
             return target
         return target.moved_to(self._shoulder + away / distance * (FARTHEST * self._radius))
+
+
+def _longest(links: Sequence[Array], rotations: Sequence[Array], axes: Sequence[Array | None]) -> float:
+    """A length [m] that a chain of links cannot exceed: that of links, or of pairs about the joint between, end to end.
+
+    Args:
+        links: (3,) from each joint to the next, in its own axes [m].
+        rotations: (3, 3) of each joint in the one before, at zero.
+        axes: (3,) of each joint, a unit vector; None for one that slides.
+    """
+    lengths = [float(np.linalg.norm(link)) for link in links]
+    least = [0.0, 0.0]  # of the rest of the chain: from the next link on, and from the one after
+    for k in reversed(range(len(links))):
+        whole = lengths[k] + least[0]
+        axis = axes[k + 1] if k + 1 < len(links) else None
+        if axis is not None:
+            before, after = rotations[k + 1].T @ links[k], links[k + 1]
+            along = float(axis @ (before + after))
+            across = sum(float(np.linalg.norm(each - axis * (axis @ each))) for each in (before, after))
+            whole = min(whole, math.hypot(along, across) + least[1])
+        least = [whole, least[0]]
+    return least[0]

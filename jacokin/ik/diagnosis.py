@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -12,7 +13,9 @@ from jacokin.ik.results import Status
 
 if TYPE_CHECKING:
     from jacokin.ik.closed_form import Branches
+    from jacokin.ik.options import SolverOptions
 
+NEARLY = 1e-3  # [m] or [rad] of a target in few digits: those of 1.571 leave 2e-4
 NAMED_PAIRS = 3  # in a message; the result's `touching` has all
 
 
@@ -89,11 +92,33 @@ def _exceeded(joint_names: Sequence[str], excess: Array) -> str:
     )
 
 
-def explain_descents(starts: int, *, failed: bool) -> Outcome:
-    """When no descent of the QP reaches the target: it may be reachable all the same, or the solver itself failed."""
+def explain_descents(starts: int, best: tuple[float, float], options: SolverOptions, *, failed: bool) -> Outcome:
+    """When no descent of the QP reaches the target: it may be reachable all the same, or the solver itself failed.
+
+    Args:
+        starts: how many there were.
+        best: position [m] and orientation error [rad] of the end that came nearest.
+        options: the solver's, with its tolerances.
+        failed: whether no QP solver solved the step.
+    """
     if failed:
         return Outcome(Status.SOLVER_ERROR, "no QP solver solved the step")
-    return Outcome(Status.NO_CONVERGENCE, f"{starts} starts ended in local minima")
+    if max(best) > NEARLY:
+        return Outcome(Status.NO_CONVERGENCE, f"{starts} starts ended in local minima")
+    tolerances = ("position_tolerance", "m"), ("orientation_tolerance", "rad")
+    missed = [(*each, by) for each, by in zip(tolerances, best, strict=True) if by > getattr(options, each[0])]
+    by_how_much = " and ".join(f"{_short(by)} {unit}" for _, unit, by in missed)
+    accepting = ", ".join(f"{name}=1e{math.ceil(math.log10(by))}" for name, _, by in missed)
+    accepts = f"{accepting} accept{'s' if len(missed) == 1 else ''} it"
+    return Outcome(
+        Status.NO_CONVERGENCE,
+        f"what comes nearest after {starts} start{'s' if starts > 1 else ''} misses by {by_how_much}: {accepts}",
+    )
+
+
+def _short(value: float) -> str:
+    """A small number in two digits, such as 7.3e-6."""
+    return f"{value:.1e}".replace("e-0", "e-")
 
 
 def explain_contact(what: str, nearest: Sequence[tuple[str, str]]) -> str:

@@ -34,7 +34,7 @@ def chain_of(model: pin.Model, frame_id: int, tool: pin.SE3 | None, count: int) 
     """
     joints = list(model.joints)[1:]
     if model.nq != count or model.nv != count or len(joints) != count:
-        hint = ": solve_all with fixed={joint: value} holds some" if model.nv > count else ""
+        hint = ": solve_all holds joints at values with fixed=" if model.nv > count else ""
         raise StructureError(
             f"the closed form needs {WORDS[count]} joints of one angle each; this model has {model.nv}{hint}"
         )

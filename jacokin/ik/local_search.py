@@ -6,6 +6,7 @@ home, from configurations that reach a position in closed form, at random. Where
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Iterator
 from typing import NamedTuple, Protocol
 
@@ -24,6 +25,11 @@ from jacokin.model import angles
 ORIENTATIONS = 200
 #: Members that are enough.
 ENOUGH = 5
+
+#: Numbers of a pose, which fewer joints cannot all meet.
+POSE_NUMBERS = 6
+#: Ends that miss a pose by little on an arm of fewer joints, after which nothing better is expected.
+ENOUGH_NEARLY = 2
 
 #: The configuration (dof,) within the limits nearest to a seed (dof,) that reaches a pose; None for none.
 Nearest = Callable[[TargetPose, Array], Array | None]
@@ -87,8 +93,11 @@ class LocalSearch:
             return verifier.result(unmoved, out_of_reach.status, message, touching=verifier.touching(seed))
         best, least, effort = Descent(seed, 0, False), np.inf, Effort(0, 0)
 
+        nearly = 0  # ends that miss a pose by little: fewer than six joints do not meet one that is rounded
+        enough = ENOUGH_NEARLY if self._robot.dof < POSE_NUMBERS and not target.position_only else 1 + request.restarts
+
         def ends() -> Iterator[Candidate]:
-            nonlocal best, least, effort
+            nonlocal best, least, effort, nearly
             for start in self._starts(request, first):
                 end = self._descents.descend(target, start)
                 effort = Effort(effort.iterations + end.iterations, effort.starts + 1, self._descents.used)
@@ -99,16 +108,24 @@ class LocalSearch:
                     message = f"start {effort.starts}, {effort.iterations} iterations"
                     for q in (angles.nearest_copy(end.q, seed, self._circular), end.q):  # which differ by rounding
                         yield Candidate(q, target, message, effort=effort)
+                nearly += max(errors) <= diagnosis.NEARLY
+                if nearly >= enough:
+                    return
 
         self._descents.reset()
         result = verifier.select(ends(), request, "every configuration found is in contact; the first")
         if result is not None:
             return result
-        failure = diagnosis.explain_descents(effort.starts, failed=best.failed)
+        missed = verifier.measure(best.q, target)
+        failure = diagnosis.explain_descents(effort.starts, missed, verifier.options, failed=best.failed)
         if failure.status is not Status.SOLVER_ERROR:
             result = self._closest.solve(request, failure, [best.q], effort)
-            if request.closest or result.success:
+            if result.success:
                 return result
+            if request.closest:
+                errors = result.position_error, result.orientation_error
+                outcome = diagnosis.explain_descents(effort.starts, errors, verifier.options, failed=False)
+                return dataclasses.replace(result, message=request.message(outcome.message))
         q = angles.nearest_copy(best.q, seed, self._circular)
         end = Candidate(q, target, "", effort=effort)
         return verifier.result(end, failure.status, request.message(failure.message), touching=verifier.touching(q))

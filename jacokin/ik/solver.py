@@ -306,7 +306,9 @@ class IKSolver:
         if fixed is None:
             return (self._usable_form or self.closed_form()).solve_all(wanted.matrix, start, look)
         if wanted.free_axis is not None:
-            raise InvalidInputError("fixed is for poses; a FreeAxis leaves one more joint free: give target.at(angle)")
+            raise InvalidInputError(
+                "fixed is for poses; a FreeAxis leaves one more joint free: give the pose at one angle"
+            )
         branches = self._holding(checked_values(verifier.robot, fixed)).solve_all(wanted.matrix, start)
         return branches if look is None else branches.looking(look)
 
@@ -443,8 +445,8 @@ class IKSolver:
             return None if target.position_only else self._seven
         if self.robot.dof == SEVEN:
             raise InvalidInputError(
-                "a FreeAxis on seven joints leaves two free parameters: give the pose at one angle, target.at(angle), "
-                "or try several"
+                "a FreeAxis on seven joints leaves two free parameters: give the pose at one angle about it, or try "
+                "several"
             )
         if self._uses_qp:
             raise InvalidInputError("a FreeAxis needs the closed form; use method='auto'")
@@ -452,6 +454,9 @@ class IKSolver:
 
     def _solve_by_branches(self, form: ClosedForm, request: Request) -> IKResult:
         """The branch within the limits of the least cost, or why there is none."""
+        beyond = self._closest.beyond_reach(request)
+        if beyond is not None:
+            return beyond
         target, robot = request.target, self.robot
         branches = form.solve_all(target.matrix, request.seed)
         rows = branches.rows

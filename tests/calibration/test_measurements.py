@@ -9,7 +9,7 @@ import pytest
 
 import jacokin
 from jacokin import Robot
-from jacokin.calibration import Measurements
+from jacokin.calibration import Measurements, calibrate
 from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.model import pose_to_kinova
 from tests.calibration.simulated import Array, poses_of
@@ -164,3 +164,32 @@ def test_files_that_say_too_little(tmp_path: Path) -> None:
     (tmp_path / "empty.csv").write_text("")
     with pytest.raises(InvalidInputError, match="has no rows of measurements"):
         Measurements.load(tmp_path / "empty.csv")
+
+
+def test_rows_are_named_by_the_lines_of_their_file(robot: Robot, tmp_path: Path, rng: np.random.Generator) -> None:
+    q = robot.sample(rng, 12)
+    rows = np.hstack([q, poses_of(robot, q)[:, :3, 3]])
+    rows[7, 6] += 0.07
+    header = ",".join([*(f"joint_{k}" for k in range(1, 7)), "x", "y", "z"])
+    path = write_csv(tmp_path / "m.csv", header, rows)
+    read = Measurements.load(path, sigma=1e-3)
+    assert (read.source, read.name_row(7)) == (path, "line 9")
+    assert read.select([7]).name_row(0) == "line 9"
+    assert str(calibrate(robot, read).rejected[0]).startswith(f"{path}, line 9, is 70.0 mm from")
+    np.savez(tmp_path / "m.npz", **dict(zip(header.split(","), rows.T, strict=True)))
+    assert Measurements.load(tmp_path / "m.npz", sigma=1e-3).name_row(7) == "row 7 (from 0)"
+    lines = path.read_text().splitlines()
+    for line, text in ((5, ",1.0"), (2, ",1.0,2.0")):
+        damaged = [each + text * (number == line) for number, each in enumerate(lines, 1)]
+        (tmp_path / "long.csv").write_text("\n".join(damaged))
+        with pytest.raises(InvalidInputError, match=rf"long.csv: line {line} has 1[01] cells, and there are 9 columns"):
+            Measurements.load(tmp_path / "long.csv", sigma=1e-3)
+    degrees = write_csv(tmp_path / "degrees.csv", header, np.hstack([np.degrees(q), rows[:, 6:]]))
+    with pytest.raises(InvalidInputError, match=r"degrees.csv: joint angles .* look like degrees: .* degrees=True"):
+        calibrate(robot, Measurements.load(degrees, sigma=1e-3))
+    lengths = write_csv(tmp_path / "mm.csv", header, np.hstack([q, 1000.0 * rows[:, 6:]]))
+    with pytest.raises(InvalidInputError, match=r"mm.csv: positions are .* look like millimetres.*kinova=True"):
+        calibrate(robot, Measurements.load(lengths, sigma=1e-3))
+    np.savez(tmp_path / "ragged.npz", q1=np.zeros(3), q2=np.zeros(2))
+    with pytest.raises(InvalidInputError, match="must have one dimension and one length"):
+        Measurements.load(tmp_path / "ragged.npz", sigma=1e-3)

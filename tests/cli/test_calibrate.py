@@ -86,3 +86,53 @@ def test_what_is_refused(run: Run, robot: Robot, tmp_path: Path) -> None:
         answer = run("calibrate", *words)
         assert answer.code == 2
         assert sentence in answer.err
+
+
+def test_half_bad_sets_leave_with_two_and_write_nothing(run: Run, robot: Robot, tmp_path: Path) -> None:
+    path, arm = tmp_path / "m.csv", hidden_arm(robot, 1)
+    assert run("calibrate", "plan", "--points", "16", "--output", str(path)).code == 0
+    fill_in(path, arm)
+    good = path.read_text().splitlines()
+    rng = np.random.default_rng(0)
+    rows = list(csv.DictReader(good))
+    for row in rows[:11]:
+        row |= {axis: repr(float(row[axis]) + float(rng.normal(0, 0.03))) for axis in "xyz"}
+    bad = tmp_path / "bad.csv"
+    with bad.open("w", newline="") as file:
+        writer = csv.DictWriter(file, rows[0])
+        writer.writeheader()
+        writer.writerows(rows)
+    refused = run("calibrate", str(bad), "--sigma", "0.0003", "--output", str(tmp_path / "a.toml"))
+    assert refused.code == 2
+    assert str(bad) in refused.err or "cannot tell" in refused.err
+    assert not (tmp_path / "a.toml").exists()
+    (tmp_path / "long.csv").write_text("\n".join([*good[:3], good[3] + ",1.0", *good[4:]]))
+    assert "long.csv: line 4 has 10 cells, and there are 9 columns" in run("calibrate", str(tmp_path / "long.csv")).err
+    moved = run("calibrate", str(path), "--sigma", "0.0003", "--prior", "0.002", "0.005", "0.02", "--json")
+    assert moved.document["parameters"]["joint_1.x"]["prior"] == 0.002
+    assert moved.document["base"] is None
+
+
+def test_units_are_named_by_file_and_option(run: Run, robot: Robot, tmp_path: Path) -> None:
+    path = tmp_path / "m.csv"
+    assert run("calibrate", "plan", "--points", "8", "--output", str(path), "--degrees").code == 0
+    fill_in(path, robot, degrees=True)
+    refused = run("calibrate", str(path), "--sigma", "0.001")
+    assert refused.code == 2
+    assert f"{path}: joint angles must be in radians and look like degrees: read them with --degrees\n" in refused.err
+
+
+def test_hand_eye(run: Run, robot: Robot, tmp_path: Path) -> None:
+    rng = np.random.default_rng(2)
+    q, camera = robot.sample(rng, 10), jacokin.pose([1.0, 0.4, 0.3], rpy=[0.3, 0.2, 2.0])
+    T = [(camera * robot.forward_kinematics(row)).homogeneous for row in q]
+    rows = np.hstack([q, [each[:3, 3] for each in T], [jacokin.model.quat_wxyz(each[:3, :3]) for each in T]])
+    header = ",".join([*robot.joint_names, "x", "y", "z", "qw", "qx", "qy", "qz"])
+    np.savetxt(tmp_path / "looks.csv", rows, delimiter=",", header=header, comments="")
+    words = ("calibrate", str(tmp_path / "looks.csv"), "--sigma", "0.001", "--sigma-angle", "0.002")
+    unknown = ("--unknown-base", "--unknown-tool", "--estimate", "none")
+    document = run(*words, *unknown, "--json").document
+    np.testing.assert_allclose(document["base"], camera.homogeneous, atol=1e-6)
+    np.testing.assert_allclose(document["tools"][0]["pose"], np.eye(4), atol=1e-6)
+    assert "base in the instrument's frame: position (1.000000, 0.400000, 0.300000) m" in run(*words, *unknown).out
+    assert "parameters is empty, and neither base nor tool" in run(*words, "--estimate", "none").err

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import math
+import re
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -11,6 +13,7 @@ import pytest
 
 import jacokin
 from tests.cli.run import POSE, Run, leave
+from tests.ik.test_few_joints import CHAINS, urdf_of
 
 FAR = ("--position", "9", "9", "9", "--down")
 
@@ -161,3 +164,26 @@ def test_fingers_stand_where_they_are_told(capsys: pytest.CaptureFixture[str]) -
     assert len(solved(capsys, "--finger-angle", "1.2", "--collision", "reject")) == 6
     assert leave("ik", *TARGET, "--finger-angle", "9") == 2
     assert "the fingers move from" in capsys.readouterr().err
+
+
+def test_messages_name_options_and_not_pythons_arguments(run: Run, tmp_path: Path) -> None:
+    for name in ("five", "seven"):
+        (tmp_path / f"{name}.urdf").write_text(urdf_of(CHAINS[name]))
+    seven = ("ik", *POSE, "--robot", str(tmp_path / "seven.urdf"), "--all")
+    refused = run(*seven)
+    assert refused.code == 2
+    assert refused.err.endswith("this model has 7: --all holds joints at values with --fixed\n")
+    assert run(*seven, "--fixed", "joint_3=20", "--degrees").code in (0, 1)
+    assert "--fixed must be JOINT=VALUE" in run(*seven, "--fixed", "0.4").err
+    assert "--fixed goes with --all" in run("ik", *POSE, "--fixed", "joint_3=0.4").err
+    about = run("ik", *POSE, "--robot", "j2s7s300", "--free-axis", "z")
+    assert about.err.startswith("jacokin: --free-axis on seven joints leaves two free parameters")
+    arm = jacokin.load_robot(tmp_path / "five.urdf")
+    T = arm.forward_kinematics([0.4, -0.5, -1.0, 0.3, 0.8])
+    words = [f"{value:.4f}" for value in (*T.translation, *pin.rpy.matrixToRpy(T.rotation))]
+    near = ("ik", "--robot", str(tmp_path / "five.urdf"), "--position", *words[:3], "--rpy", *words[3:])
+    missed = run(*near)
+    assert missed.code == 1
+    named = re.findall(r"(--[a-z]+-tolerance) (1e-\d)", missed.out)
+    assert named
+    assert run(*near, *(word for option in named for word in option)).code == 0

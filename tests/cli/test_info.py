@@ -77,3 +77,9 @@ def test_info_says_what_a_file_leaves_open(run: Run, tmp_path: Path) -> None:
         assert any(word in note for note in notes)
         assert word in " ".join(table.split())
     assert run("info", "--json").document["notes"] == []
+
+
+def test_info_takes_the_robot_as_every_other_command_does(run: Run) -> None:
+    assert run("info", "--robot", "j2s6s200", "--json").document == run("info", "j2s6s200", "--json").document
+    both = run("info", "j2s6s200", "--robot", "j2s6s200")
+    assert (both.code, both.err) == (2, "jacokin: give the robot once: as an argument, or with --robot\n")

@@ -11,6 +11,7 @@ from jacokin.arrays import Array
 from jacokin.ik import diagnosis
 from jacokin.ik.closed_form import Branches
 from jacokin.ik.diagnosis import LimitExcess
+from jacokin.ik.options import SolverOptions
 from jacokin.ik.seeds import seed_within_limits
 from jacokin.ik.targets import Request, interpret
 from jacokin.ik.verification import Candidate
@@ -85,8 +86,15 @@ def test_families(complete: bool, least: LimitExcess | None, status: Status, mes
 
 
 def test_descents() -> None:
-    assert diagnosis.explain_descents(7, failed=True) == (Status.SOLVER_ERROR, "no QP solver solved the step")
-    assert diagnosis.explain_descents(7, failed=False) == (Status.NO_CONVERGENCE, "7 starts ended in local minima")
+    def explained(best: tuple[float, float], *, failed: bool = False) -> diagnosis.Outcome:
+        return diagnosis.explain_descents(7, best, SolverOptions(), failed=failed)
+
+    assert explained((1.0, 1.0), failed=True) == (Status.SOLVER_ERROR, "no QP solver solved the step")
+    assert explained((0.2, 0.1)) == (Status.NO_CONVERGENCE, "7 starts ended in local minima")
+    missed = "what comes nearest after 7 starts misses by"
+    assert explained((1e-7, 7.3e-6)).message == f"{missed} 7.3e-6 rad: orientation_tolerance=1e-5 accepts it"
+    both = "2.0e-5 m and 3.0e-4 rad: position_tolerance=1e-4, orientation_tolerance=1e-3 accept it"
+    assert explained((2e-5, 3e-4)).message == f"{missed} {both}"
 
 
 def test_contact_names_three_pairs() -> None:

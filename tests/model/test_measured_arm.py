@@ -277,3 +277,10 @@ def test_another_base_is_another_arm(robot: Robot, rng: np.random.Generator) -> 
     arm = drawn_arm(robot, rng)
     with pytest.raises(ModelError, match="or another base than 'link_1'"):
         jacokin.load_robot(base="link_1", calibration=replace(arm, joints=arm.joints[1:]))
+
+
+def test_long_keys_are_refused_at_once(tmp_path: Path) -> None:
+    for text in (".".join("a" * 50_000) + " = 1", "a = 1\n" * 100_000):
+        (tmp_path / "long.toml").write_text(text)
+        with pytest.raises(ModelError, match="more than 200000 characters, or a line with more than 1000"):
+            MeasuredArm.load(tmp_path / "long.toml")

@@ -14,7 +14,7 @@ from jacokin.arrays import Array
 from jacokin.ik import diagnosis
 from jacokin.ik.closed_form import ClosedForm
 from jacokin.ik.closest import ClosestSearch
-from jacokin.ik.diagnosis import LimitExcess
+from jacokin.ik.diagnosis import LimitExcess, Outcome
 from jacokin.ik.families.beside_seed import find_beside_seed
 from jacokin.ik.families.curves import (
     FOLD,
@@ -148,6 +148,9 @@ class FamilySearch:
     def solve(self, request: Request) -> IKResult:
         """The member of the least cost, or why there is none."""
         verifier = self._verifier
+        beyond = self._closest.reach.exceeded(request.target)
+        if beyond is not None:
+            return self._closest_to(request, Members(verifier, request.target, request.seed), None, beyond)
         if request.cost is None:  # the kernels find the nearest member at once
             member = self.nearest(request.target, request.seed)
             if member is not None:
@@ -169,7 +172,11 @@ class FamilySearch:
             rows = self._near_misses.find(request, self._almost_reaching(request, found))
             near = (found.members.candidate(x[:dof], float(x[parameter])) for x in rows)
             result = verifier.select(near, request, in_contact)
-        return self._closest_to(request, found) if result is None else result
+        if result is not None:
+            return result
+        least, names = found.least_excess(), verifier.robot.joint_names
+        outcome = diagnosis.explain_family(found.family.complete, found.family.branches, least, names)
+        return self._closest_to(request, found.members, least, outcome)
 
     def find(self, target: TargetPose, seed: Array) -> FamilyFindings:
         """Everything that reaches a target; unlimited joints in the copies nearest to a seed (dof,)."""
@@ -315,11 +322,9 @@ class FamilySearch:
         except LostMemberError:
             return None
 
-    def _closest_to(self, request: Request, found: FamilyFindings) -> IKResult:
+    def _closest_to(self, request: Request, members: Members, least: LimitExcess | None, outcome: Outcome) -> IKResult:
         """Why there is no member, with the closest configuration; the angle of a free axis follows where that comes."""
-        least, target, members = found.least_excess(), request.target, found.members
-        names = self._verifier.robot.joint_names
-        outcome = diagnosis.explain_family(found.family.complete, found.family.branches, least, names)
+        target = request.target
         p = target.nearest_angle(0.0 if least is None else least.parameter)
         nearby = [] if least is None else [least.q]
         results: list[IKResult] = []

@@ -126,7 +126,7 @@ def plan_path(
     path = CartesianPath(targets, solver.frame)
     if path.free and solver.has_families:
         raise InvalidInputError(
-            "a FreeAxis on seven joints leaves two free parameters: give the poses at one angle, target.at(angle)"
+            "a FreeAxis on seven joints leaves two free parameters: give the poses at one angle about it"
         )
     free_step = checks.positive("free_step", free_step, "rad")
     if free_step < FINEST:

@@ -1,0 +1,101 @@
+"""Arms as their makers publish them: the bound of reach first on every way, and poses in few digits."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import jacokin
+from jacokin import IKSolver, Robot, Status
+from jacokin.arrays import Array
+from jacokin.ik.closest import ReachBound
+from tests.kernels.six_joints.arms import chain_of_arm
+
+#: Placements (n + 1, 3, 4) by name.
+CHAINS = {
+    "xarm6": chain_of_arm("xarm6"),
+    "offset wrist": chain_of_arm("offset wrist"),
+    "five": np.delete(chain_of_arm("xarm6"), 5, 0),
+    "four": chain_of_arm("xarm6")[[0, 1, 2, 3, 6]],
+    "seven": np.insert(chain_of_arm("generic"), 3, chain_of_arm("offset wrist")[4], 0),
+}
+
+
+def urdf_of(chain: Array) -> str:
+    """A description of turning joints, 3 rad to both sides."""
+    lines = ['<robot name="arm"><link name="link_0"/>']
+    for k, place in enumerate(chain):
+        rpy, xyz = (" ".join(map(repr, row.tolist())) for row in (pin.rpy.matrixToRpy(place[:, :3]), place[:, 3]))
+        kind = "fixed" if k == len(chain) - 1 else "revolute"
+        lines.append(
+            f'<link name="link_{k + 1}"/><joint name="joint_{k + 1}" type="{kind}"><parent link="link_{k}"/>'
+            f'<child link="link_{k + 1}"/><origin xyz="{xyz}" rpy="{rpy}"/><axis xyz="0 0 1"/>'
+            '<limit lower="-3" upper="3" velocity="2" effort="10"/></joint>'
+        )
+    return "".join([*lines, "</robot>"])
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("arms")
+
+
+@cache
+def arm(folder: Path, name: str) -> Robot:
+    path = folder / f"{name}.urdf"
+    path.write_text(urdf_of(CHAINS[name]))
+    return jacokin.load_robot(path)
+
+
+@pytest.mark.parametrize("name", CHAINS)
+def test_the_tool_never_leaves_the_bound_of_reach(folder: Path, name: str, rng: np.random.Generator) -> None:
+    robot = arm(folder, name)
+    solver = IKSolver(robot, tool=jacokin.pose([0.05, 0.03, 0.1]), position_tolerance=0.01)
+    bound = ReachBound(solver.verifier)
+    for q in robot.sample(rng, 500):
+        target = jacokin.ik.targets.interpret(solver.verifier.tool_pose(q), solver.frame)
+        assert bound.exceeded(target) is None
+
+
+@pytest.mark.parametrize("name", CHAINS)
+def test_far_targets_are_unreachable_whatever_the_way(folder: Path, name: str) -> None:
+    robot = arm(folder, name)
+    far = jacokin.pose([2.0, 1.5, 0.9], rpy=[0.3, 0.2, 1.0])
+    targets: list[jacokin.ik.targets.Target] = [far, far.translation]
+    if robot.dof == 6:
+        targets += [jacokin.FreeAxis(far, axis=[0, 0, 1]), jacokin.FreeAxis(far, axis=[1, 0, 0], range=(-0.5, 0.5))]
+    for method in ("auto", "qp"):
+        solver = IKSolver(robot, method=method)
+        for target in targets[: 2 if method == "qp" else None]:
+            for closest in (True, False):
+                result = solver.solve(target, closest=closest)
+                assert result.status is Status.UNREACHABLE
+                assert result.message.startswith("the target is farther away than the arm is long")
+        assert set(solver.solve_batch(targets[:2]).status) == {Status.UNREACHABLE}
+
+
+@pytest.mark.parametrize("digits", [5, 4])
+def test_a_pose_in_few_digits_is_missed_by_what_the_message_says(
+    folder: Path, digits: int, rng: np.random.Generator
+) -> None:
+    robot = arm(folder, "five")
+    solver, missed = IKSolver(robot), 0
+    for q in robot.sample(rng, 4):
+        T = robot.forward_kinematics(q)
+        target = jacokin.pose(np.round(T.translation, digits), rpy=np.round(pin.rpy.matrixToRpy(T.rotation), digits))
+        result = solver.solve(target)
+        if result.success:
+            continue
+        missed += 1
+        assert result.status is Status.NO_CONVERGENCE
+        sentence = result.message.partition(": ")[2].partition(" accept")[0]
+        named = dict(each.split("=") for each in sentence.split(", "))
+        assert named.keys() <= {"position_tolerance", "orientation_tolerance"}
+        wider = IKSolver(robot, **{name: float(value) for name, value in named.items()})  # type: ignore[arg-type]  # numbers
+        assert wider.solve(target).success
+        assert result.restarts < 500
+    assert missed
