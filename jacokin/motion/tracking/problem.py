@@ -16,11 +16,11 @@ from jacokin.model import angles, checks
 from jacokin.model.robot import Robot
 from jacokin.motion.tracking.avoidance import ClearanceGuard, Distances
 from jacokin.motion.tracking.moving import Whereabouts
-from jacokin.motion.tracking.targets import FrameTask, Kinematics
+from jacokin.motion.tracking.targets import Expansion, FrameTask, Kinematics
 
 Quadratic = tuple[Array, Array]  # H (dof, dof) and g (dof,) of x H x / 2 + g x
 TIKHONOV = 1e-10  # keeps the QP strictly convex at singular poses
-NULL_WEIGHT = 1e-4  # of null-space motion; it competes with nothing, so only the order of magnitude matters
+DAMPING = 1e-2  # relative to the squared error, so that it vanishes on target
 NULL_SPEED = 0.25  # part of the velocity limits that null-space motion may use; its curvature costs microns a tick
 LATER_SPEED = 0.5  # the same of targets of later priorities
 RANK = 1e-3  # directions whose singular value is below this part of the largest are left to the null space
@@ -117,38 +117,50 @@ def checked_objectives(
 
 @dataclass(frozen=True, slots=True)
 class TickProblem:
-    """Minimise x H x / 2 + g x over displacements x [rad].
+    """What the arm is to minimise, to second order in a displacement x (dof,) [rad] of the joints: g x + x H x / 2.
+
+    The Hessian is that of the error as it is, curvature of the kinematics included, made positive definite: so the
+    minimiser moves smoothly with the arm also where the target is out of reach, at which least squares of the
+    linearised error would jump from one side of a singular pose to the other at every tick.
 
     Attributes:
         jacobian: (k, dof) weighted Jacobian of the tasks that come first.
         error: (k,) their weighted error.
         cost: its square.
-        hessian: (dof, dof) of everything that is kept when damping is raised.
-        gradient: (dof,) of the same.
+        gradient: (dof,) of half of it and of what moves shapes apart.
+        hessian: (dof, dof) of the same, positive definite.
+        root: (dof, dof) rows whose squares sum up to the Hessian, without damping.
         inequalities: G and h of G x <= h, or (None, None).
         separating: True when shapes are too near, or about to be, and are being moved apart.
-        evading: True when obstacles come nearer too fast.
         exits: see `Distances`.
     """
 
     jacobian: Array
     error: Array
     cost: float
-    hessian: Array
     gradient: Array
+    hessian: Array
+    root: Array
     inequalities: Inequalities
     separating: bool
-    evading: bool
     exits: Mapping[int, Array]
 
-    def damp(self, damping: float, null_space: Quadratic | None) -> Quadratic:
-        """Hessian and gradient with the null-space objective and with damping relative to the squared error."""
-        hessian, gradient = self.hessian.copy(), self.gradient
-        if null_space is not None:
-            hessian += null_space[0]
-            gradient = gradient + null_space[1]
-        hessian.flat[:: len(gradient) + 1] += TIKHONOV + damping * self.cost
-        return hessian, gradient
+    def minimise(self, room: tuple[Array, Array], qp: Backend) -> Array:
+        """The displacement (dof,) [rad] that is missing to the least error within `room`, least and largest (dof,).
+
+        Raises:
+            QPFailed: no QP solver solved it.
+        """
+        low, high = np.maximum(room[0], -angles.TURN), np.minimum(room[1], angles.TURN)
+        free = np.linalg.solve(self.hessian, -self.gradient)
+        rows, ends = self.inequalities
+        if (free >= low).all() and (free <= high).all() and (rows is None or (rows.dot(free) <= ends).all()):
+            return free
+        return qp.minimize(self.hessian, self.gradient, self.inequalities, low, high)
+
+    def follow(self, moved: Array) -> Array:
+        """The displacement (dof,) [rad] that follows a target which moves the error by `moved` (k,)."""
+        return np.asarray(np.linalg.solve(self.hessian, moved.dot(self.jacobian)))
 
 
 def build_problem(
@@ -160,17 +172,17 @@ def build_problem(
     where: Whereabouts | None,
 ) -> TickProblem:
     """The problem at `q` (dof,) [rad], where the kinematics are, of tasks of one priority and the obstacles."""
-    jacobian, error = linearise(kinematics, tasks)
+    expansion = expand(kinematics, tasks)
     inequalities = [found for task in tasks if (found := task.inequalities(kinematics)) is not None]
-    hessian, gradient = jacobian.T.dot(jacobian), -error.dot(jacobian)
-    separating = evading = False
+    gradient, hessian = -expansion.error.dot(expansion.jacobian), expansion.hessian
+    separating = False
     exits: Mapping[int, Array] = {}
     if guard is not None and distances is not None and where is not None and distances.near.size:
         separation = guard.linearise(q, distances, where)
         inequalities.append(separation.inequalities)
         exits = separation.exits
         if separation.error.size:
-            separating, evading = True, separation.evading
+            separating = True
             hessian = hessian + separation.jacobian.T @ separation.jacobian
             gradient = gradient - separation.error @ separation.jacobian
     stacked: Inequalities = (None, None)
@@ -178,16 +190,34 @@ def build_problem(
         stacked = inequalities[0]
     elif inequalities:
         stacked = np.vstack([G for G, _ in inequalities]), np.concatenate([h for _, h in inequalities])
-    return TickProblem(jacobian, error, float(error.dot(error)), hessian, gradient, stacked, separating, evading, exits)
+    cost = float(expansion.error.dot(expansion.error))
+    bends, directions = np.linalg.eigh(hessian)
+    bends = np.abs(bends)
+    damped = bends + (TIKHONOV + DAMPING * cost)
+    return TickProblem(
+        jacobian=expansion.jacobian,
+        error=expansion.error,
+        cost=cost,
+        gradient=gradient,
+        hessian=(directions * damped).dot(directions.T),
+        root=np.sqrt(bends)[:, np.newaxis] * directions.T,
+        inequalities=stacked,
+        separating=separating,
+        exits=exits,
+    )
 
 
-def linearise(kinematics: Kinematics, tasks: list[FrameTask]) -> tuple[Array, Array]:
-    """Weighted Jacobian (k, dof) and error (k,) of several tasks."""
+def expand(kinematics: Kinematics, tasks: list[FrameTask]) -> Expansion:
+    """Several tasks as one."""
     # `dot` instead of @ in all that follows: on six numbers it costs half.
     if len(tasks) == 1:
-        return tasks[0].linearise(kinematics)
-    parts = [task.linearise(kinematics) for task in tasks]
-    return np.vstack([J for J, _ in parts]), np.concatenate([e for _, e in parts])
+        return tasks[0].expand(kinematics)
+    parts = [task.expand(kinematics) for task in tasks]
+    return Expansion(
+        np.concatenate([part.error for part in parts]),
+        np.vstack([part.jacobian for part in parts]),
+        np.sum([part.hessian for part in parts], axis=0),
+    )
 
 
 def by_priority(tasks: list[FrameTask]) -> list[list[FrameTask]]:
@@ -204,12 +234,9 @@ def controlled_directions(jacobian: Array) -> Array:
 
 def refine(
     displacement: Array,
+    problem: TickProblem,
     levels: Sequence[tuple[Array, Array]],
-    first: Array,
-    damping: float,
-    inequalities: Inequalities,
-    low: Array,
-    high: Array,
+    bounds: tuple[Array, Array],
     step_limit: Array,
     qp: Backend,
 ) -> Array:
@@ -219,18 +246,15 @@ def refine(
     whose QP fails is left out.
 
     Args:
-        displacement: of the first level.
+        displacement: of the first level, in this tick.
+        problem: that level.
         levels: Jacobian and error of each later one.
-        first: (k, dof) Jacobian of the first level.
-        damping: relative to the squared error of each level.
-        inequalities: G and h of G x <= h for the whole displacement.
-        low: (dof,) least displacement [rad].
-        high: (dof,) largest.
+        bounds: least and largest displacement (dof,) in this tick.
         step_limit: (dof,) [rad] by the velocity limits, of which later levels use a part.
         qp: solves.
     """
-    above = first
-    rows, ends = inequalities
+    (low, high), above = bounds, problem.root
+    rows, ends = problem.inequalities
     for jacobian, error in levels:
         controlled = controlled_directions(above)
         if len(controlled) == len(displacement):
@@ -239,7 +263,7 @@ def refine(
         above = np.vstack([above, jacobian])
         reduced, missing = jacobian @ basis, error - jacobian @ displacement
         hessian = reduced.T @ reduced
-        hessian.flat[:: len(hessian) + 1] += TIKHONOV + damping * float(missing @ missing)
+        hessian.flat[:: len(hessian) + 1] += TIKHONOV + DAMPING * float(missing @ missing)
         G = np.vstack([basis, -basis] if rows is None else [basis, -basis, rows @ basis])
         h = [high - displacement, displacement - low]
         if rows is not None and ends is not None:
@@ -254,13 +278,10 @@ def refine(
     return displacement
 
 
-def null_space_objective(
-    robot: Robot, frame: str, q: Array, jacobian: Array, objectives: Sequence[Objective], step_limit: Array, dt: float
-) -> Quadratic:
-    """Hessian and gradient that move the null space of the tasks as the objectives want.
-
-    The projector N = I - V V^T leaves out the directions V that the tasks control, so to first order no task error
-    changes.
+def null_space_level(
+    robot: Robot, frame: str, q: Array, objectives: Sequence[Objective], step_limit: Array, dt: float
+) -> tuple[Array, Array]:
+    """What the objectives want in a tick, as the Jacobian and error of a last level.
 
     Raises:
         InvalidInputError: an objective returns something else than a joint velocity.
@@ -272,6 +293,4 @@ def null_space_objective(
     part = float(np.max(np.abs(displacement) / step_limit))
     if part > NULL_SPEED:
         displacement *= NULL_SPEED / part
-    controlled = controlled_directions(jacobian)
-    projector = NULL_WEIGHT * (np.eye(robot.dof) - controlled.T @ controlled)
-    return projector, -(projector @ displacement)
+    return np.eye(robot.dof), displacement

@@ -11,7 +11,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -26,6 +26,7 @@ from jacokin.model.robot import Robot
 
 RIGID = 1e-9  # a pose this near to rigid is used as it is; others are checked and made rigid
 FAR = 100.0  # [m] from the base; nothing beyond is within reach, and its error would drown all else in the QP
+SMALL_TURN = 1e-6  # [rad] of a rotation vector whose axis does not matter
 IN_BASE = pin.LOCAL_WORLD_ALIGNED  # at the frame's origin, axes of the base
 TOOL_FRAME = "jacokin_tool"
 
@@ -73,9 +74,7 @@ class PoseTarget(TrackingTarget):
     def make_task(self, frame: int) -> FrameTask:
         """Position and orientation."""
         assert isinstance(self.pose, pin.SE3)  # __post_init__ made it one
-        task = PoseTask(frame, self.weight)
-        task.set(self.pose)
-        return task
+        return PoseTask(frame, self.weight, self.pose)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -115,9 +114,7 @@ class OrientationTarget(TrackingTarget):
 
     def make_task(self, frame: int) -> FrameTask:
         """Orientation alone."""
-        task = PoseTask(frame, self.weight, orientation_only=True)
-        task.set(pin.SE3(np.asarray(self.rotation), np.zeros(3)))
-        return task
+        return PoseTask(frame, self.weight, pin.SE3(np.asarray(self.rotation), np.zeros(3)), orientation_only=True)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -198,18 +195,16 @@ class JointTarget(TrackingTarget):
 
 
 class TaskFactory:
-    """Makes tasks from what `Tracker.step` takes; the one for a plain pose is built once."""
+    """Makes tasks from what `Tracker.step` takes."""
 
     def __init__(self, kinematics: Kinematics) -> None:
         """Keep the kinematics for its frames."""
         self._kinematics = kinematics
-        self._pose = PoseTask(kinematics.tool, 1.0)
 
     def tasks(self, target: pin.SE3 | ArrayLike | TrackingTarget | Sequence[TrackingTarget] | None) -> list[FrameTask]:
         """Tasks for a target or several; errors as in `Tracker.step`."""
         if isinstance(target, pin.SE3):
-            self._pose.set(target if _rigid(target) else poses.checked_pose(target))
-            return [self._pose]
+            return [PoseTask(self._kinematics.tool, 1.0, target if _rigid(target) else poses.checked_pose(target))]
         if isinstance(target, TrackingTarget):
             return [self._task(target)]
         if isinstance(target, list | tuple) and any(isinstance(one, TrackingTarget) for one in target):
@@ -217,8 +212,7 @@ class TaskFactory:
         checked = targets.checked_target(target)  # refuses what is neither a pose nor a position
         if checked.position_only:
             return [self._task(PositionTarget(checked.position))]
-        self._pose.set(pin.SE3(checked.rotation, checked.position))
-        return [self._pose]
+        return [PoseTask(self._kinematics.tool, 1.0, pin.SE3(checked.rotation, checked.position))]
 
     def _task(self, target: TrackingTarget) -> FrameTask:
         if not isinstance(target, TrackingTarget):
@@ -322,6 +316,14 @@ class Kinematics:
         jacobian: Array = pin.getFrameJacobian(self._model, self._data, frame, reference)
         return jacobian.reshape(6, -1)  # one joint gives six numbers without a second axis
 
+    def jacobian_change(self, displacement: Array) -> Array:
+        """(6, dof) by how much the tool's Jacobian in base axes changes with a small displacement (dof,) [rad]."""
+        assert self._computed is not None
+        pin.computeJointJacobiansTimeVariation(self._model, self._data, self._computed, displacement)
+        pin.updateFramePlacement(self._model, self._data, self.tool)
+        change: Array = pin.getFrameJacobianTimeVariation(self._model, self._data, self.tool, IN_BASE)
+        return change.reshape(6, -1)
+
 
 def _limit_distance(position: Array) -> Array:
     """The position (3,) [m], or if it is farther than `FAR` from the base, the one at `FAR` on the way there."""
@@ -330,6 +332,17 @@ def _limit_distance(position: Array) -> Array:
         return position
     direction = position / largest  # whose norm does not overflow
     return np.asarray(FAR * direction / np.linalg.norm(direction))
+
+
+class Expansion(NamedTuple):
+    """Half the squared weighted error about a configuration, to second order in a displacement of the joints."""
+
+    error: Array
+    """(k,) weighted error e."""
+    jacobian: Array
+    """(k, dof) weighted J: the gradient is -e J."""
+    hessian: Array
+    """(dof, dof) how J turns included: it need not be positive definite."""
 
 
 class FrameTask(ABC):
@@ -346,13 +359,17 @@ class FrameTask(ABC):
         self._frame = frame
         self._weight = weight
 
+    def is_like(self, other: FrameTask) -> bool:
+        """Whether it asks the same of the same frame, at another place."""
+        return type(self) is type(other) and self._frame == other._frame and self._weight == other._weight
+
     @abstractmethod
     def error(self, kinematics: Kinematics) -> Array:
         """Weighted error e (k,): what is missing to the target."""
 
     @abstractmethod
-    def linearise(self, kinematics: Kinematics) -> tuple[Array, Array]:
-        """Weighted Jacobian J (k, dof) and the same error e (k,)."""
+    def expand(self, kinematics: Kinematics) -> Expansion:
+        """Half the square of that error where the arm is."""
 
     @abstractmethod
     def measure(self, kinematics: Kinematics) -> tuple[float, float]:
@@ -363,37 +380,85 @@ class FrameTask(ABC):
         return None
 
 
-class PoseTask(FrameTask):
-    """Position and orientation, or orientation alone: the SE(3) logarithm of T_target_frame.
+def _turned(error: Array, angular: Array, moved: Array) -> Array:
+    """(dof, dof) error . (angular_i x moved_j) where joint i comes before j or is it, and symmetric.
 
-    With M = T_target_frame, log(M exp(v)) = log(M) + Jlog(M) v to first order, so log(M) vanishes where
-    Jlog(M) J x = -log(M) (Sola, Deray, Atchuthan: A micro Lie theory for state estimation in robotics, 2018).
+    For a position error it is that error times the second derivative of the position: joint i turns how joint j, which
+    comes after it, moves the point.
+    """
+    upper = np.triu(_cross_rows(error, angular).dot(moved))
+    return np.asarray(upper + np.triu(upper, 1).T)
+
+
+def _cross_rows(vector: Array, columns: Array) -> Array:
+    """(dof, 3) vector x column, for each column of (3, dof)."""
+    x, y, z = vector.tolist()
+    a, b, c = columns
+    return np.array([y * c - z * b, z * a - x * c, x * b - y * a]).T
+
+
+def _expand_position(error: Array, jacobian: Array, weight: float, use: Array | None = None) -> Expansion:
+    """Of the distance to a position: `error` (3,) [m] and the frame's Jacobian (6, dof) in base axes."""
+    linear, angular = jacobian[:3], jacobian[3:]
+    used = linear if use is None else use[:, None] * linear
+    hessian = used.T.dot(used) - _turned(error, angular, linear)
+    return Expansion(weight * error, weight * used, weight * weight * hessian)
+
+
+def _expand_rotation(rotation: Array, angular: Array, weight: float) -> Expansion:
+    """Of the angle of a rotation vector r (3,) [rad] in base axes.
+
+    Turning by a small w changes r by -(A w + r x w / 2), where A is 1 along r and (|r| / 2) cot(|r| / 2) across it.
+    """
+    hessian = angular.T.dot(angular)
+    angle = math.sqrt(float(rotation.dot(rotation)))
+    if angle > SMALL_TURN:
+        along, half = (rotation / angle).dot(angular), 0.5 * angle
+        cotangent = half / math.tan(half)
+        hessian = cotangent * hessian + (1.0 - cotangent) * np.outer(along, along)
+    upper = np.triu(_cross_rows(rotation, angular).dot(angular), 1)
+    hessian = weight * weight * (hessian - 0.5 * (upper + upper.T))
+    return Expansion(weight * rotation, weight * angular, hessian)
+
+
+class PoseTask(FrameTask):
+    """Position and orientation, or orientation alone: the distance and the rotation vector to the target.
+
+    Both are taken apart, unlike in the SE(3) logarithm: so the position goes straight whatever the orientation does.
     """
 
-    def __init__(self, frame: int, weight: float, *, orientation_only: bool = False) -> None:
-        """Start at the identity; `set` gives the pose."""
+    def __init__(self, frame: int, weight: float, pose: pin.SE3, *, orientation_only: bool = False) -> None:
+        """Keep a copy of T_base_frame, which the caller may change."""
         super().__init__(frame, weight)
         self._orientation_only = orientation_only
-        linear = 0.0 if orientation_only else weight
-        self._cost = np.array([linear] * 3 + [weight * RADIAN_IN_METRES] * 3)
-        self._costs = self._cost[:, None]
-        self.set(pin.SE3.Identity())
+        self._pose = pin.SE3(pose)
+        self._near = _limit_distance(self._pose.translation)
 
-    def set(self, pose: pin.SE3) -> None:
-        """Set T_base_frame, which must not change until it is set again."""
-        self._pose, position = pose, pose.translation
-        near = _limit_distance(position)
-        self._near = pose if near is position else pin.SE3(pose.rotation, near)
+    def _missing(self, kinematics: Kinematics) -> tuple[Array, Array]:
+        """Position (3,) [m] and rotation vector (3,) [rad] that are missing, in base axes."""
+        pose = kinematics.pose(self._frame)
+        rotation = pin.log3(self._pose.rotation.dot(pose.rotation.T))
+        return self._near - pose.translation, rotation
 
     def error(self, kinematics: Kinematics) -> Array:
-        """Weighted logarithm of the way to the target."""
-        return np.asarray(-self._cost * pin.log6(self._near.actInv(kinematics.pose(self._frame))).vector)
+        """Weighted position and rotation vector to the target."""
+        position, rotation = self._missing(kinematics)
+        turn = self._weight * RADIAN_IN_METRES * rotation
+        return turn if self._orientation_only else np.concatenate([self._weight * position, turn])
 
-    def linearise(self, kinematics: Kinematics) -> tuple[Array, Array]:
-        """Weighted Jacobian of that logarithm, and itself."""
-        way = self._near.actInv(kinematics.pose(self._frame))
-        jacobian = pin.Jlog6(way).dot(kinematics.jacobian(self._frame, pin.LOCAL))
-        return self._costs * jacobian, -self._cost * pin.log6(way).vector
+    def expand(self, kinematics: Kinematics) -> Expansion:
+        """The sum of both."""
+        position, rotation = self._missing(kinematics)
+        jacobian = kinematics.jacobian(self._frame, IN_BASE)
+        turn = _expand_rotation(rotation, jacobian[3:], self._weight * RADIAN_IN_METRES)
+        if self._orientation_only:
+            return turn
+        move = _expand_position(position, jacobian, self._weight)
+        return Expansion(
+            np.concatenate([move.error, turn.error]),
+            np.concatenate([move.jacobian, turn.jacobian]),
+            move.hessian + turn.hessian,
+        )
 
     def measure(self, kinematics: Kinematics) -> tuple[float, float]:
         """Distance and angle."""
@@ -416,9 +481,10 @@ class PositionTask(FrameTask):
         """Weighted difference of the positions."""
         return np.asarray(self._weight * (self._near - kinematics.pose(self._frame).translation))
 
-    def linearise(self, kinematics: Kinematics) -> tuple[Array, Array]:
-        """Weighted linear Jacobian, and the error."""
-        return self._weight * kinematics.jacobian(self._frame, IN_BASE)[:3], self.error(kinematics)
+    def expand(self, kinematics: Kinematics) -> Expansion:
+        """Of the distance."""
+        missing = self._near - kinematics.pose(self._frame).translation
+        return _expand_position(missing, kinematics.jacobian(self._frame, IN_BASE), self._weight)
 
     def measure(self, kinematics: Kinematics) -> tuple[float, float]:
         """Distance; the orientation is free."""
@@ -452,12 +518,19 @@ class AxisTask(FrameTask):
         """Weighted rotation vector of the shortest rotation."""
         return self._weight * RADIAN_IN_METRES * self._rotation(kinematics)[1]
 
-    def linearise(self, kinematics: Kinematics) -> tuple[Array, Array]:
-        """Weighted angular Jacobian without the rotation about the axis, and the error."""
-        points, rotation, _ = self._rotation(kinematics)
+    def expand(self, kinematics: Kinematics) -> Expansion:
+        """Of the angle, half of whose square bends by 1 towards the direction and by t cot t across (t the angle)."""
+        points, rotation, angle = self._rotation(kinematics)
         angular = kinematics.jacobian(self._frame, IN_BASE)[3:]
+        moved = -_cross_rows(points, angular).T  # of the axis' tip
+        ahead = np.cross(rotation, points)  # from the tip to the direction, as long as the angle
         weight = self._weight * RADIAN_IN_METRES
-        return weight * (angular - np.outer(points, points @ angular)), weight * rotation
+        hessian = moved.T.dot(moved)
+        if angle > SMALL_TURN:
+            along, cotangent = (ahead / angle).dot(moved), angle * math.cos(angle) / max(math.sin(angle), SMALL_TURN)
+            hessian = cotangent * hessian + (1.0 - cotangent) * np.outer(along, along)
+        hessian = weight * weight * (hessian - _turned(ahead, angular, moved))
+        return Expansion(weight * rotation, weight * (angular - np.outer(points, points.dot(angular))), hessian)
 
     def measure(self, kinematics: Kinematics) -> tuple[float, float]:
         """Angle between axis and direction."""
@@ -480,12 +553,11 @@ class RegionTask(FrameTask):
         """Weighted difference to the nearest point of the box."""
         return self._weight * self._difference(kinematics)
 
-    def linearise(self, kinematics: Kinematics) -> tuple[Array, Array]:
-        """Weighted linear Jacobian along the axes of the base in which the frame is outside, and the error."""
+    def expand(self, kinematics: Kinematics) -> Expansion:
+        """Of the distance, along the axes of the base in which the frame is outside."""
         difference = self._difference(kinematics)
-        outside = (difference != 0.0).astype(np.float64)[:, None]
-        jacobian = self._weight * outside * kinematics.jacobian(self._frame, IN_BASE)[:3]
-        return np.asarray(jacobian), self._weight * difference
+        outside = (difference != 0.0).astype(np.float64)
+        return _expand_position(difference, kinematics.jacobian(self._frame, IN_BASE), self._weight, outside)
 
     def inequalities(self, kinematics: Kinematics) -> tuple[Array, Array] | None:
         """Faces of the box that the frame must not cross, along the axes in which it is inside."""
@@ -507,15 +579,16 @@ class JointTask(FrameTask):
     def __init__(self, frame: int, weight: float, q: Array) -> None:
         """Keep the angles (dof,) [rad]."""
         super().__init__(frame, weight)
-        self._q, self._jacobian = q, weight * RADIAN_IN_METRES * np.eye(len(q))
+        self._q, self._scale = q, weight * RADIAN_IN_METRES
 
     def error(self, kinematics: Kinematics) -> Array:
         """Weighted difference of the angles."""
-        return np.asarray(self._weight * RADIAN_IN_METRES * (self._q - kinematics.q))
+        return np.asarray(self._scale * (self._q - kinematics.q))
 
-    def linearise(self, kinematics: Kinematics) -> tuple[Array, Array]:
-        """The weights, and the error."""
-        return self._jacobian, self.error(kinematics)
+    def expand(self, kinematics: Kinematics) -> Expansion:
+        """Of the difference."""
+        eye = np.eye(len(self._q))
+        return Expansion(self.error(kinematics), self._scale * eye, self._scale**2 * eye)
 
     def measure(self, kinematics: Kinematics) -> tuple[float, float]:
         """The largest difference, as an angle."""
