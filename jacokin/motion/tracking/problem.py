@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
@@ -20,9 +21,12 @@ from jacokin.motion.tracking.targets import Expansion, FrameTask, Kinematics
 
 Quadratic = tuple[Array, Array]  # H (dof, dof) and g (dof,) of x H x / 2 + g x
 TIKHONOV = 1e-10  # keeps the QP strictly convex at singular poses
-DAMPING = 1e-2  # relative to the squared error, so that it vanishes on target
+DAMPING = 0.1  # [m/rad^2] relative to the error that can be removed; less lets the joints swing near singular poses
 NULL_SPEED = 0.25  # part of the velocity limits that null-space motion may use; its curvature costs microns a tick
 LATER_SPEED = 0.5  # the same of targets of later priorities
+LITTLE = 1e-4  # of an error out of reach, by which it is not worth while to move on
+FAR = 1e6  # [rad] no bound for a joint without limits
+TINY = np.finfo(np.float64).tiny
 RANK = 1e-3  # directions whose singular value is below this part of the largest are left to the null space
 
 
@@ -151,7 +155,7 @@ class TickProblem:
         Raises:
             QPFailed: no QP solver solved it.
         """
-        low, high = np.maximum(room[0], -angles.TURN), np.minimum(room[1], angles.TURN)
+        low, high = np.maximum(room[0], -FAR), np.minimum(room[1], FAR)
         free = np.linalg.solve(self.hessian, -self.gradient)
         rows, ends = self.inequalities
         if (free >= low).all() and (free <= high).all() and (rows is None or (rows.dot(free) <= ends).all()):
@@ -170,8 +174,12 @@ def build_problem(
     guard: ClearanceGuard | None,
     distances: Distances | None,
     where: Whereabouts | None,
+    negligible: float,
 ) -> TickProblem:
-    """The problem at `q` (dof,) [rad], where the kinematics are, of tasks of one priority and the obstacles."""
+    """The problem at `q` (dof,) [rad], where the kinematics are, of tasks of one priority and the obstacles.
+
+    What is left of an error is not made smaller by less than `negligible` [m] and a small part of it.
+    """
     expansion = expand(kinematics, tasks)
     inequalities = [found for task in tasks if (found := task.inequalities(kinematics)) is not None]
     gradient, hessian = -expansion.error.dot(expansion.jacobian), expansion.hessian
@@ -193,7 +201,15 @@ def build_problem(
     cost = float(expansion.error.dot(expansion.error))
     bends, directions = np.linalg.eigh(hessian)
     bends = np.abs(bends)
-    damped = bends + (TIKHONOV + DAMPING * cost)
+    # Damping goes with what there is to gain: it vanishes at the least error, on target or out of reach. Where error is
+    # left there, directions in which next to nothing is to be gained are left alone: the arm comes to rest.
+    slopes = gradient.dot(directions)
+    gains = slopes * slopes / (bends + TIKHONOV)
+    gain = min(cost, float(gains.sum()))
+    left = math.sqrt(cost - gain)
+    slopes *= np.maximum(1.0 - 2.0 * left * (negligible + LITTLE * left) / np.maximum(gains, TINY), 0.0)
+    gradient = directions.dot(slopes)
+    damped = bends + (TIKHONOV + DAMPING * math.sqrt(gain))
     return TickProblem(
         jacobian=expansion.jacobian,
         error=expansion.error,
@@ -263,7 +279,7 @@ def refine(
         above = np.vstack([above, jacobian])
         reduced, missing = jacobian @ basis, error - jacobian @ displacement
         hessian = reduced.T @ reduced
-        hessian.flat[:: len(hessian) + 1] += TIKHONOV + DAMPING * float(missing @ missing)
+        hessian.flat[:: len(hessian) + 1] += TIKHONOV + DAMPING * float(np.linalg.norm(missing))
         G = np.vstack([basis, -basis] if rows is None else [basis, -basis, rows @ basis])
         h = [high - displacement, displacement - low]
         if rows is not None and ends is not None:

@@ -231,7 +231,7 @@ class Tracker:
         self._objectives = checked_objectives(robot, objectives, posture)
         self._position_tolerance = checks.positive("position_tolerance", position_tolerance, "m")
         self._orientation_tolerance = checks.positive("orientation_tolerance", orientation_tolerance, "rad")
-        self._negligible = (NEGLIGIBLE * self._position_tolerance) ** 2
+        self._negligible = NEGLIGIBLE * self._position_tolerance
         self._qp = Backend(qp_solver)
         if state is None:
             self.reset(q)
@@ -490,7 +490,9 @@ class Tracker:
         """A tick towards targets whose distances are known."""
         q, tasks, limits = state.arm.q, levels[0], self._limits
         self._kinematics.move_to(q)
-        problem = build_problem(self._kinematics, tasks, q, state.guard, state.arm.distances, state.where)
+        problem = build_problem(
+            self._kinematics, tasks, q, state.guard, state.arm.distances, state.where, self._negligible
+        )
         bounds, held = limits.bounds(q, state.v), ""
         later = [(part.jacobian, part.error) for part in (expand(self._kinematics, level) for level in levels[1:])]
         if self._objectives:
@@ -533,7 +535,7 @@ class Tracker:
             for task in tasks:
                 error = task.error(self._kinematics)
                 now += float(error.dot(error))
-            if now <= problem.cost or now <= self._negligible:
+            if now <= problem.cost or now <= self._negligible**2:
                 return step, True
             step = 0.5 * step
         return np.zeros_like(step), False
