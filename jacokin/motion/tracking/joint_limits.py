@@ -17,7 +17,7 @@ from jacokin.model.robot import Robot
 
 AT_BOUND = 1e-6  # of the velocity limit's step: a displacement this near to a bound lies on it
 EASY = 0.8  # part of the acceleration limit with which an approach brakes; the rest is for what curvature adds
-TINY = np.finfo(np.float64).tiny
+TINY = 1e-200  # instead of dividing by zero
 
 
 def braking_speed(distance: Array, deceleration: Array, dt: float) -> Array:
@@ -124,7 +124,7 @@ class JointLimits:
         part = min(
             1.0,
             float(((self.step - np.copysign(along, along * gap)) / size).min()),
-            float((self._stopping(np.abs(gap), EASY * self._acceleration) / size).min()),
+            float((self._stopping(size, EASY * self._acceleration) / size).min()),
         )
         return np.asarray(along + max(part, 0.0) * gap)
 

@@ -24,9 +24,11 @@ TIKHONOV = 1e-10  # keeps the QP strictly convex at singular poses
 DAMPING = 0.1  # [m/rad^2] relative to the error that can be removed; less lets the joints swing near singular poses
 NULL_SPEED = 0.25  # part of the velocity limits that null-space motion may use; its curvature costs microns a tick
 LATER_SPEED = 0.5  # the same of targets of later priorities
+CLOSE = 0.01  # [m] an error below which damping vanishes with its square, so that moving targets are followed to microns
+LEAVING = 10.0  # damping relative to the square of what is missing to the distance, weighted: the arm leaves straight
 LITTLE = 1e-4  # of an error out of reach, by which it is not worth while to move on
 FAR = 1e6  # [rad] no bound for a joint without limits
-TINY = np.finfo(np.float64).tiny
+TINY = 1e-200  # instead of dividing by zero
 RANK = 1e-3  # directions whose singular value is below this part of the largest are left to the null space
 
 
@@ -192,6 +194,7 @@ def build_problem(
         if separation.error.size:
             separating = True
             hessian = hessian + separation.jacobian.T @ separation.jacobian
+            hessian.flat[:: len(q) + 1] += LEAVING * float(separation.error.max(initial=0.0)) ** 2
             gradient = gradient - separation.error @ separation.jacobian
     stacked: Inequalities = (None, None)
     if len(inequalities) == 1:
@@ -209,7 +212,7 @@ def build_problem(
     left = math.sqrt(cost - gain)
     slopes *= np.maximum(1.0 - 2.0 * left * (negligible + LITTLE * left) / np.maximum(gains, TINY), 0.0)
     gradient = directions.dot(slopes)
-    damped = bends + (TIKHONOV + DAMPING * math.sqrt(gain))
+    damped = bends + (TIKHONOV + damping(gain))
     return TickProblem(
         jacobian=expansion.jacobian,
         error=expansion.error,
@@ -221,6 +224,11 @@ def build_problem(
         separating=separating,
         exits=exits,
     )
+
+
+def damping(gain: float) -> float:
+    """Of the Hessian [m^2/rad^2], where so much [m^2] of the squared error can be removed; quadratic near the target."""
+    return DAMPING * gain / (math.sqrt(gain) + CLOSE)
 
 
 def expand(kinematics: Kinematics, tasks: list[FrameTask]) -> Expansion:
@@ -279,7 +287,7 @@ def refine(
         above = np.vstack([above, jacobian])
         reduced, missing = jacobian @ basis, error - jacobian @ displacement
         hessian = reduced.T @ reduced
-        hessian.flat[:: len(hessian) + 1] += TIKHONOV + DAMPING * float(np.linalg.norm(missing))
+        hessian.flat[:: len(hessian) + 1] += TIKHONOV + damping(float(missing @ missing))
         G = np.vstack([basis, -basis] if rows is None else [basis, -basis, rows @ basis])
         h = [high - displacement, displacement - low]
         if rows is not None and ends is not None:

@@ -434,6 +434,14 @@ class PoseTask(FrameTask):
         self._pose = pin.SE3(pose)
         self._near = _limit_distance(self._pose.translation)
 
+    def is_like(self, other: FrameTask) -> bool:
+        """And whether both ask for a position."""
+        return (
+            super().is_like(other)
+            and isinstance(other, PoseTask)
+            and self._orientation_only == other._orientation_only
+        )
+
     def _missing(self, kinematics: Kinematics) -> tuple[Array, Array]:
         """Position (3,) [m] and rotation vector (3,) [rad] that are missing, in base axes."""
         pose = kinematics.pose(self._frame)

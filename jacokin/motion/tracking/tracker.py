@@ -65,6 +65,7 @@ from jacokin.motion.tracking.twist import (
 )
 
 NEGLIGIBLE = 0.1  # of the tolerances: an error below this may grow again
+REMOVED = 1e-2  # part of the squared error that is all but none
 HALVINGS = 6  # of a step that makes the error grow, before the arm stays
 PARTS = (1.0, 0.5, 0.2, 0.05)  # of the way from braking to what the arm would do, tried until nothing is too near
 SINGULAR = 0.01  # [m/rad] weighted; in directions with a smaller singular value the arm hardly moves the tool
@@ -526,15 +527,20 @@ class Tracker:
         return moved if moved.any() else None
 
     def _descend(self, tasks: list[FrameTask], q: Array, step: Array, problem: TickProblem) -> tuple[Array, bool]:
-        """A step (dof,) [rad] halved until the error does not grow, and whether that was so."""
+        """A step (dof,) [rad] halved until the error does not grow, and whether that was so.
+
+        One that all but removes the error is corrected by what is left: so moving targets are followed to the curvature
+        of the kinematics' third order.
+        """
         if problem.separating:
             return step, True
         for _ in range(HALVINGS):
             self._kinematics.move_to(self._limits.move(q, step))
-            now = 0.0
-            for task in tasks:
-                error = task.error(self._kinematics)
-                now += float(error.dot(error))
+            errors = [task.error(self._kinematics) for task in tasks]
+            left = errors[0] if len(errors) == 1 else np.concatenate(errors)
+            now = float(left.dot(left))
+            if now <= REMOVED * problem.cost:
+                return step + problem.follow(left), True
             if now <= problem.cost or now <= self._negligible**2:
                 return step, True
             step = 0.5 * step
