@@ -677,7 +677,7 @@ def acceleration_limits(robot: Robot, value: ArrayLike | None, velocity: Array) 
     """
     if value is None:
         own = robot.acceleration_limit
-        return np.full(robot.dof, np.inf)  # TEMP
+        return np.where(np.isfinite(own), own, velocity / TIME_TO_SPEED)
     return checks.positive_vector("acceleration_limit", value, robot.dof, "rad/s^2", infinite=True)
 
 

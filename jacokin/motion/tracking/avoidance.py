@@ -7,7 +7,7 @@ nearer.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -79,12 +79,14 @@ class Separation:
         inequalities: G and h of G x <= h: no pair uses up more than a part of its spare distance.
         jacobian: (k, dof) weighted, of the distances of pairs that are too near.
         error: (k,) weighted increase of distance that is asked of them.
+        pairs: (k,) numbers of these pairs.
         exits: as in `Distances`, for the coming step.
     """
 
     inequalities: tuple[Array, Array]
     jacobian: Array
     error: Array
+    pairs: NDArray[np.intp]
     exits: Mapping[int, Array]
 
 
@@ -322,6 +324,7 @@ class ClearanceGuard:
             inequalities=(-gradients[kept], np.maximum(room[kept], 0.0)),
             jacobian=SEPARATION_WEIGHT * gradients[rows],
             error=-SEPARATION_WEIGHT * room[rows],
+            pairs=now.near[rows],
             exits=exits,
         )
 
@@ -356,9 +359,10 @@ class ClearanceGuard:
             torque[:, self._slide] = normals @ axis[self._slide].T
         return np.asarray(torque * self._between[now.near])
 
-    def limiting(self, now: Distances) -> list[str]:
-        """Names of the pairs at the distance or nearer."""
-        return [self.name(pair) for pair in now.near[now.distance < self._distance + 2.0 * BUFFER].tolist()]
+    def limiting(self, now: Distances, apart: Iterable[int]) -> list[str]:
+        """Names of the pairs at the distance or nearer, and of those by their numbers that are moved apart."""
+        near = now.near[now.distance < self._distance + 2.0 * BUFFER].tolist()
+        return [self.name(pair) for pair in dict.fromkeys((*near, *apart))]
 
 
 def _levers(robot: Robot, geometry: Geometry) -> Array:

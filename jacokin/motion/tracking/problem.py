@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
@@ -17,7 +17,7 @@ from jacokin.model import angles, checks
 from jacokin.model.robot import Robot
 from jacokin.motion.tracking.avoidance import ClearanceGuard, Distances
 from jacokin.motion.tracking.moving import Whereabouts
-from jacokin.motion.tracking.targets import Expansion, FrameTask, Kinematics
+from jacokin.motion.tracking.targets import FrameTask, Kinematics
 
 Quadratic = tuple[Array, Array]  # H (dof, dof) and g (dof,) of x H x / 2 + g x
 TIKHONOV = 1e-10  # keeps the QP strictly convex at singular poses
@@ -28,6 +28,7 @@ CLOSE = 0.01  # [m] an error below which damping vanishes with its square, so th
 LEAVING = 10.0  # damping relative to the square of what is missing to the distance, weighted: the arm leaves straight
 LITTLE = 1e-4  # of an error out of reach, by which it is not worth while to move on
 FAR = 1e6  # [rad] no bound for a joint without limits
+NONE_APART = np.empty(0, dtype=np.intp)
 TINY = 1e-200  # instead of dividing by zero
 RANK = 1e-3  # directions whose singular value is below this part of the largest are left to the null space
 
@@ -125,9 +126,10 @@ def checked_objectives(
 class TickProblem:
     """What the arm is to minimise, to second order in a displacement x (dof,) [rad] of the joints: g x + x H x / 2.
 
-    The Hessian is that of the error as it is, curvature of the kinematics included, made positive definite: so the
-    minimiser moves smoothly with the arm also where the target is out of reach, at which least squares of the
-    linearised error would jump from one side of a singular pose to the other at every tick.
+    The Hessian is that of least squares of the linearised error and, where a part of the error cannot be removed, of how
+    the Jacobian turns against that part; it is made positive definite. So the minimiser moves smoothly with the arm
+    also where the target is out of reach, where least squares alone would jump from one side of a singular pose to the
+    other at every tick.
 
     Attributes:
         jacobian: (k, dof) weighted Jacobian of the tasks that come first.
@@ -137,7 +139,7 @@ class TickProblem:
         hessian: (dof, dof) of the same, positive definite.
         root: (dof, dof) rows whose squares sum up to the Hessian, without damping.
         inequalities: G and h of G x <= h, or (None, None).
-        separating: True when shapes are too near, or about to be, and are being moved apart.
+        apart: numbers of the pairs of shapes that are too near, or about to be, and are being moved apart.
         exits: see `Distances`.
     """
 
@@ -148,7 +150,7 @@ class TickProblem:
     hessian: Array
     root: Array
     inequalities: Inequalities
-    separating: bool
+    apart: NDArray[np.intp]
     exits: Mapping[int, Array]
 
     def minimise(self, room: tuple[Array, Array], qp: Backend) -> Array:
@@ -182,18 +184,19 @@ def build_problem(
 
     What is left of an error is not made smaller by less than `negligible` [m] and a small part of it.
     """
-    expansion = expand(kinematics, tasks)
+    jacobian, error = linearise(kinematics, tasks)
     inequalities = [found for task in tasks if (found := task.inequalities(kinematics)) is not None]
-    gradient, hessian = -expansion.error.dot(expansion.jacobian), expansion.hessian
-    separating = False
-    exits: Mapping[int, Array] = {}
+    cost = float(error.dot(error))
+    damping = damping_for(cost)
+    gradient, hessian = -error.dot(jacobian), jacobian.T.dot(jacobian)
+    hessian += _bend(kinematics, tasks, error, _left(jacobian, error, damping))
+    apart, exits = NONE_APART, dict[int, Array]()
     if guard is not None and distances is not None and where is not None and distances.near.size:
         separation = guard.linearise(q, distances, where)
         inequalities.append(separation.inequalities)
-        exits = separation.exits
-        if separation.error.size:
-            separating = True
-            hessian = hessian + separation.jacobian.T @ separation.jacobian
+        exits, apart = separation.exits, separation.pairs
+        if apart.size:
+            hessian += separation.jacobian.T @ separation.jacobian
             hessian.flat[:: len(q) + 1] += LEAVING * float(separation.error.max(initial=0.0)) ** 2
             gradient = gradient - separation.error @ separation.jacobian
     stacked: Inequalities = (None, None)
@@ -201,7 +204,6 @@ def build_problem(
         stacked = inequalities[0]
     elif inequalities:
         stacked = np.vstack([G for G, _ in inequalities]), np.concatenate([h for _, h in inequalities])
-    cost = float(expansion.error.dot(expansion.error))
     bends, directions = np.linalg.eigh(hessian)
     bends = np.abs(bends)
     # Damping goes with what there is to gain: it vanishes at the least error, on target or out of reach. Where error is
@@ -211,37 +213,50 @@ def build_problem(
     gain = min(cost, float(gains.sum()))
     left = math.sqrt(cost - gain)
     slopes *= np.maximum(1.0 - 2.0 * left * (negligible + LITTLE * left) / np.maximum(gains, TINY), 0.0)
-    gradient = directions.dot(slopes)
-    damped = bends + (TIKHONOV + damping(gain))
     return TickProblem(
-        jacobian=expansion.jacobian,
-        error=expansion.error,
+        jacobian=jacobian,
+        error=error,
         cost=cost,
-        gradient=gradient,
-        hessian=(directions * damped).dot(directions.T),
+        gradient=directions.dot(slopes),
+        hessian=(directions * (bends + (TIKHONOV + damping_for(gain)))).dot(directions.T),
         root=np.sqrt(bends)[:, np.newaxis] * directions.T,
         inequalities=stacked,
-        separating=separating,
+        apart=apart,
         exits=exits,
     )
 
 
-def damping(gain: float) -> float:
-    """Of the Hessian [m^2/rad^2], where so much [m^2] of the squared error can be removed; quadratic near the target."""
+def damping_for(gain: float) -> float:
+    """Of the Hessian [m^2/rad^2], where so much [m^2] of the squared error can be removed."""
     return DAMPING * gain / (math.sqrt(gain) + CLOSE)
 
 
-def expand(kinematics: Kinematics, tasks: list[FrameTask]) -> Expansion:
-    """Several tasks as one."""
+def _left(jacobian: Array, error: Array, damping: float) -> Array:
+    """The part (k,) of an error (k,) that damped least squares do not remove."""
+    directions, singular, _ = np.linalg.svd(jacobian, full_matrices=False)
+    squares = singular * singular
+    return np.asarray(error - directions.dot(squares / (squares + (TIKHONOV + damping)) * error.dot(directions)))
+
+
+def _bend(kinematics: Kinematics, tasks: list[FrameTask], error: Array, left: Array) -> Array:
+    """(dof, dof) of all tasks against what is left (k,) of their errors."""
+    if len(tasks) == 1:
+        return tasks[0].bend(kinematics, left)
+    total, start = np.zeros(()), 0
+    for task in tasks:
+        size = len(task.error(kinematics))
+        total = total + task.bend(kinematics, left[start : start + size])
+        start += size
+    return total
+
+
+def linearise(kinematics: Kinematics, tasks: list[FrameTask]) -> tuple[Array, Array]:
+    """Weighted Jacobian (k, dof) and error (k,) of several tasks."""
     # `dot` instead of @ in all that follows: on six numbers it costs half.
     if len(tasks) == 1:
-        return tasks[0].expand(kinematics)
-    parts = [task.expand(kinematics) for task in tasks]
-    return Expansion(
-        np.concatenate([part.error for part in parts]),
-        np.vstack([part.jacobian for part in parts]),
-        np.sum([part.hessian for part in parts], axis=0),
-    )
+        return tasks[0].linearise(kinematics)
+    parts = [task.linearise(kinematics) for task in tasks]
+    return np.vstack([J for J, _ in parts]), np.concatenate([e for _, e in parts])
 
 
 def by_priority(tasks: list[FrameTask]) -> list[list[FrameTask]]:
@@ -287,7 +302,7 @@ def refine(
         above = np.vstack([above, jacobian])
         reduced, missing = jacobian @ basis, error - jacobian @ displacement
         hessian = reduced.T @ reduced
-        hessian.flat[:: len(hessian) + 1] += TIKHONOV + damping(float(missing @ missing))
+        hessian.flat[:: len(hessian) + 1] += TIKHONOV + damping_for(float(missing @ missing))
         G = np.vstack([basis, -basis] if rows is None else [basis, -basis, rows @ basis])
         h = [high - displacement, displacement - low]
         if rows is not None and ends is not None:

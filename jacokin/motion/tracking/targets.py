@@ -11,7 +11,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -26,7 +26,6 @@ from jacokin.model.robot import Robot
 
 RIGID = 1e-9  # a pose this near to rigid is used as it is; others are checked and made rigid
 FAR = 100.0  # [m] from the base; nothing beyond is within reach, and its error would drown all else in the QP
-SMALL_TURN = 1e-6  # [rad] of a rotation vector whose axis does not matter
 IN_BASE = pin.LOCAL_WORLD_ALIGNED  # at the frame's origin, axes of the base
 TOOL_FRAME = "jacokin_tool"
 
@@ -334,17 +333,6 @@ def _limit_distance(position: Array) -> Array:
     return np.asarray(FAR * direction / np.linalg.norm(direction))
 
 
-class Expansion(NamedTuple):
-    """Half the squared weighted error about a configuration, to second order in a displacement of the joints."""
-
-    error: Array
-    """(k,) weighted error e."""
-    jacobian: Array
-    """(k, dof) weighted J: the gradient is -e J."""
-    hessian: Array
-    """(dof, dof) how J turns included: it need not be positive definite."""
-
-
 class FrameTask(ABC):
     """One target on one frame.
 
@@ -368,8 +356,12 @@ class FrameTask(ABC):
         """Weighted error e (k,): what is missing to the target."""
 
     @abstractmethod
-    def expand(self, kinematics: Kinematics) -> Expansion:
-        """Half the square of that error where the arm is."""
+    def linearise(self, kinematics: Kinematics) -> tuple[Array, Array]:
+        """Weighted Jacobian J (k, dof) and the same error e (k,)."""
+
+    @abstractmethod
+    def bend(self, kinematics: Kinematics, left: Array) -> Array:
+        """How J turns, against an error `left` (k,) that stays: (dof, dof), minus the sum of left_i dJ_i/dq."""
 
     @abstractmethod
     def measure(self, kinematics: Kinematics) -> tuple[float, float]:
@@ -397,30 +389,6 @@ def _cross_rows(vector: Array, columns: Array) -> Array:
     return np.array([y * c - z * b, z * a - x * c, x * b - y * a]).T
 
 
-def _expand_position(error: Array, jacobian: Array, weight: float, use: Array | None = None) -> Expansion:
-    """Of the distance to a position: `error` (3,) [m] and the frame's Jacobian (6, dof) in base axes."""
-    linear, angular = jacobian[:3], jacobian[3:]
-    used = linear if use is None else use[:, None] * linear
-    hessian = used.T.dot(used) - _turned(error, angular, linear)
-    return Expansion(weight * error, weight * used, weight * weight * hessian)
-
-
-def _expand_rotation(rotation: Array, angular: Array, weight: float) -> Expansion:
-    """Of the angle of a rotation vector r (3,) [rad] in base axes.
-
-    Turning by a small w changes r by -(A w + r x w / 2), where A is 1 along r and (|r| / 2) cot(|r| / 2) across it.
-    """
-    hessian = angular.T.dot(angular)
-    angle = math.sqrt(float(rotation.dot(rotation)))
-    if angle > SMALL_TURN:
-        along, half = (rotation / angle).dot(angular), 0.5 * angle
-        cotangent = half / math.tan(half)
-        hessian = cotangent * hessian + (1.0 - cotangent) * np.outer(along, along)
-    upper = np.triu(_cross_rows(rotation, angular).dot(angular), 1)
-    hessian = weight * weight * (hessian - 0.5 * (upper + upper.T))
-    return Expansion(weight * rotation, weight * angular, hessian)
-
-
 class PoseTask(FrameTask):
     """Position and orientation, or orientation alone: the distance and the rotation vector to the target.
 
@@ -431,6 +399,7 @@ class PoseTask(FrameTask):
         """Keep a copy of T_base_frame, which the caller may change."""
         super().__init__(frame, weight)
         self._orientation_only = orientation_only
+        self._costs = np.array([[weight]] * 3 + [[weight * RADIAN_IN_METRES]] * 3)
         self._pose = pin.SE3(pose)
         self._near = _limit_distance(self._pose.translation)
 
@@ -454,19 +423,19 @@ class PoseTask(FrameTask):
         turn = self._weight * RADIAN_IN_METRES * rotation
         return turn if self._orientation_only else np.concatenate([self._weight * position, turn])
 
-    def expand(self, kinematics: Kinematics) -> Expansion:
-        """The sum of both."""
-        position, rotation = self._missing(kinematics)
+    def linearise(self, kinematics: Kinematics) -> tuple[Array, Array]:
+        """The weighted frame's Jacobian in base axes, and the error."""
         jacobian = kinematics.jacobian(self._frame, IN_BASE)
-        turn = _expand_rotation(rotation, jacobian[3:], self._weight * RADIAN_IN_METRES)
         if self._orientation_only:
-            return turn
-        move = _expand_position(position, jacobian, self._weight)
-        return Expansion(
-            np.concatenate([move.error, turn.error]),
-            np.concatenate([move.jacobian, turn.jacobian]),
-            move.hessian + turn.hessian,
-        )
+            return self._weight * RADIAN_IN_METRES * jacobian[3:], self.error(kinematics)
+        return self._costs * jacobian, self.error(kinematics)
+
+    def bend(self, kinematics: Kinematics, left: Array) -> Array:
+        """Of position and rotation."""
+        jacobian = kinematics.jacobian(self._frame, IN_BASE)
+        linear, angular, turn = jacobian[:3], jacobian[3:], self._weight * RADIAN_IN_METRES
+        bend = -turn * _turned(left[-3:], angular, angular) / 2.0
+        return bend if self._orientation_only else bend - self._weight * _turned(left[:3], angular, linear)
 
     def measure(self, kinematics: Kinematics) -> tuple[float, float]:
         """Distance and angle."""
@@ -489,10 +458,14 @@ class PositionTask(FrameTask):
         """Weighted difference of the positions."""
         return np.asarray(self._weight * (self._near - kinematics.pose(self._frame).translation))
 
-    def expand(self, kinematics: Kinematics) -> Expansion:
-        """Of the distance."""
-        missing = self._near - kinematics.pose(self._frame).translation
-        return _expand_position(missing, kinematics.jacobian(self._frame, IN_BASE), self._weight)
+    def linearise(self, kinematics: Kinematics) -> tuple[Array, Array]:
+        """Weighted linear Jacobian, and the error."""
+        return self._weight * kinematics.jacobian(self._frame, IN_BASE)[:3], self.error(kinematics)
+
+    def bend(self, kinematics: Kinematics, left: Array) -> Array:
+        """Of the position."""
+        jacobian = kinematics.jacobian(self._frame, IN_BASE)
+        return -self._weight * _turned(left, jacobian[3:], jacobian[:3])
 
     def measure(self, kinematics: Kinematics) -> tuple[float, float]:
         """Distance; the orientation is free."""
@@ -526,19 +499,19 @@ class AxisTask(FrameTask):
         """Weighted rotation vector of the shortest rotation."""
         return self._weight * RADIAN_IN_METRES * self._rotation(kinematics)[1]
 
-    def expand(self, kinematics: Kinematics) -> Expansion:
-        """Of the angle, half of whose square bends by 1 towards the direction and by t cot t across (t the angle)."""
-        points, rotation, angle = self._rotation(kinematics)
+    def linearise(self, kinematics: Kinematics) -> tuple[Array, Array]:
+        """Weighted angular Jacobian without the rotation about the axis, and the error."""
+        points, rotation, _ = self._rotation(kinematics)
         angular = kinematics.jacobian(self._frame, IN_BASE)[3:]
-        moved = -_cross_rows(points, angular).T  # of the axis' tip
-        ahead = np.cross(rotation, points)  # from the tip to the direction, as long as the angle
         weight = self._weight * RADIAN_IN_METRES
-        hessian = moved.T.dot(moved)
-        if angle > SMALL_TURN:
-            along, cotangent = (ahead / angle).dot(moved), angle * math.cos(angle) / max(math.sin(angle), SMALL_TURN)
-            hessian = cotangent * hessian + (1.0 - cotangent) * np.outer(along, along)
-        hessian = weight * weight * (hessian - _turned(ahead, angular, moved))
-        return Expansion(weight * rotation, weight * (angular - np.outer(points, points.dot(angular))), hessian)
+        return weight * (angular - np.outer(points, points.dot(angular))), weight * rotation
+
+    def bend(self, kinematics: Kinematics, left: Array) -> Array:
+        """Of the axis' tip: an error of rotation pulls it across the axis."""
+        points = kinematics.pose(self._frame).rotation @ self._axis
+        angular = kinematics.jacobian(self._frame, IN_BASE)[3:]
+        tip = -_cross_rows(points, angular).T
+        return -self._weight * RADIAN_IN_METRES * _turned(np.cross(left, points), angular, tip)
 
     def measure(self, kinematics: Kinematics) -> tuple[float, float]:
         """Angle between axis and direction."""
@@ -561,11 +534,17 @@ class RegionTask(FrameTask):
         """Weighted difference to the nearest point of the box."""
         return self._weight * self._difference(kinematics)
 
-    def expand(self, kinematics: Kinematics) -> Expansion:
-        """Of the distance, along the axes of the base in which the frame is outside."""
+    def linearise(self, kinematics: Kinematics) -> tuple[Array, Array]:
+        """Weighted linear Jacobian along the axes of the base in which the frame is outside, and the error."""
         difference = self._difference(kinematics)
-        outside = (difference != 0.0).astype(np.float64)
-        return _expand_position(difference, kinematics.jacobian(self._frame, IN_BASE), self._weight, outside)
+        outside = (difference != 0.0).astype(np.float64)[:, None]
+        jacobian = self._weight * outside * kinematics.jacobian(self._frame, IN_BASE)[:3]
+        return np.asarray(jacobian), self._weight * difference
+
+    def bend(self, kinematics: Kinematics, left: Array) -> Array:
+        """Of the position."""
+        jacobian = kinematics.jacobian(self._frame, IN_BASE)
+        return -self._weight * _turned(left, jacobian[3:], jacobian[:3])
 
     def inequalities(self, kinematics: Kinematics) -> tuple[Array, Array] | None:
         """Faces of the box that the frame must not cross, along the axes in which it is inside."""
@@ -593,10 +572,13 @@ class JointTask(FrameTask):
         """Weighted difference of the angles."""
         return np.asarray(self._scale * (self._q - kinematics.q))
 
-    def expand(self, kinematics: Kinematics) -> Expansion:
-        """Of the difference."""
-        eye = np.eye(len(self._q))
-        return Expansion(self.error(kinematics), self._scale * eye, self._scale**2 * eye)
+    def linearise(self, kinematics: Kinematics) -> tuple[Array, Array]:
+        """The weights, and the error."""
+        return self._scale * np.eye(len(self._q)), self.error(kinematics)
+
+    def bend(self, kinematics: Kinematics, left: Array) -> Array:
+        """None: joint angles are linear in themselves."""
+        return np.zeros((len(self._q), len(self._q)))
 
     def measure(self, kinematics: Kinematics) -> tuple[float, float]:
         """The largest difference, as an angle."""

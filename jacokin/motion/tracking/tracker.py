@@ -40,7 +40,7 @@ from jacokin.motion.tracking.problem import (
     build_problem,
     by_priority,
     checked_objectives,
-    expand,
+    linearise,
     null_space_level,
     refine,
 )
@@ -495,7 +495,7 @@ class Tracker:
             self._kinematics, tasks, q, state.guard, state.arm.distances, state.where, self._negligible
         )
         bounds, held = limits.bounds(q, state.v), ""
-        later = [(part.jacobian, part.error) for part in (expand(self._kinematics, level) for level in levels[1:])]
+        later = [linearise(self._kinematics, level) for level in levels[1:]]
         if self._objectives:
             later.append(null_space_level(self.robot, self.frame, q, self._objectives, limits.step, self.dt))
         moved = self._target_moved(state.tasks, tasks, problem.error)
@@ -515,7 +515,7 @@ class Tracker:
         arm, can_stop = self._keep_clear(state, displacement, problem.exits, deadline)
         after = state.move(arm, self.dt)._replace(can_stop=can_stop, tasks=tuple(tasks), line=None)
         # Shapes moving apart, or joints still gathering speed, may take the tool away from its target for a while.
-        excused = problem.separating or not limits.stops_at_once
+        excused = problem.apart.size > 0 or not limits.stops_at_once
         return self._report(tasks, state, after, held=held, began=began, excused=excused, problem=problem)
 
     def _target_moved(self, before: tuple[FrameTask, ...], now: list[FrameTask], error: Array) -> Array | None:
@@ -532,7 +532,7 @@ class Tracker:
         One that all but removes the error is corrected by what is left: so moving targets are followed to the curvature
         of the kinematics' third order.
         """
-        if problem.separating:
+        if problem.apart.size:
             return step, True
         for _ in range(HALVINGS):
             self._kinematics.move_to(self._limits.move(q, step))
@@ -631,7 +631,8 @@ class Tracker:
             limiting = [TIME_BUDGET] if late else []
             limiting += self._limits.limiting(before.arm.q, after.v, before.v)
             if after.guard is not None and after.arm.distances is not None:
-                limiting.extend(after.guard.limiting(after.arm.distances))
+                apart = () if problem is None else problem.apart.tolist()
+                limiting.extend(after.guard.limiting(after.arm.distances, apart))
             if along is not None and along.cause:
                 limiting.append(along.cause)
             if problem is not None and _is_singular(problem):
