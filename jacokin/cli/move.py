@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from jacokin import files, ik, motion
+from jacokin import ik, motion
 from jacokin.cli import display, options
 from jacokin.cli.command import Command, NumberList
 from jacokin.cli.display import number, show_facts
 from jacokin.cli.ik import TargetOptions, target_options
 from jacokin.cli.options import keep_apart
-from jacokin.cli.paths import check_trajectory_files
+from jacokin.cli.paths import Written, check_trajectory_files, compute_into, files_written
 from jacokin.cli.process import NOT_SOLVED
 from jacokin.cli.units import Units
 from jacokin.errors import InvalidInputError
@@ -60,6 +59,8 @@ if TYPE_CHECKING:
 @click.option(
     "--joint-prefix", default="", metavar="P", help="Before the names of joints in a .json, such as j2n6s300_."
 )
+@click.option("--first-time", default=0.0, metavar="T", help="Of the first point in a .json [s].")
+@click.option("--save-failed", is_flag=True, help="Write a motion that failed, too, .csv or .npz, to look at.")
 @click.option("--plot", type=options.FILE, metavar="FILE.png", help="Draw joints, limits and distances over time.")
 @options.frame
 @options.tool
@@ -82,6 +83,8 @@ def move(
     output: Path | None,
     ros: str,
     joint_prefix: str,
+    first_time: float,
+    save_failed: bool,
     plot: Path | None,
     frame: str | None,
     tool: pin.SE3 | None,
@@ -105,7 +108,8 @@ def move(
         raise InvalidInputError("exactly one of --to and a pose (--position or --kinova) is needed")
     if rated_torque and torque_limit is not None:
         raise InvalidInputError("at most one of --torque-limit and --rated-torque is needed")
-    check_trajectory_files(output, plot, ros, joint_prefix)
+    written = Written(output, int(ros), joint_prefix, first_time, save_failed)
+    check_trajectory_files(written, plot)
     keep_apart({"--output": output, "--plot": plot}, {"--robot": source.robot, "--scene": scene}, source.package_dirs)
     arm = source.load()
     joints = units.for_joints(arm)
@@ -115,10 +119,9 @@ def move(
     goal = wanted.build(units) if joints_to is None else np.array(joints.configuration("--to", joints_to))
     limits = joints.limits("--acceleration-limit", acceleration_limit, "rad/s^2")
     acceleration: dict[str, Any] = {} if limits is None else {"acceleration_limit": limits}
-    with contextlib.ExitStack() as stack:
-        writable = None if output is None else stack.enter_context(files.replacing(output))
-        drawable = None if plot is None else stack.enter_context(files.replacing(plot))
-        result = motion.plan_motion(
+
+    def compute() -> motion.Trajectory:
+        return motion.plan_motion(
             solver,
             arm.home if start is None else joints.configuration("--from", start),
             goal,
@@ -129,14 +132,12 @@ def move(
             torque_limit=rated_torque or (torque_limit[0] if torque_limit and len(torque_limit) == 1 else torque_limit),
             **acceleration,
         )
-        if writable is not None:
-            result.save(writable, ros=int(ros), joint_prefix=joint_prefix)
-        if drawable is not None:
-            motion.plot_path(result, drawable)
+
+    result = compute_into(written, plot, compute)
     if json:
         _print_json(arm, result, units)
     else:
-        _show(arm, result, units, output, plot)
+        _show(arm, result, units, files_written(written, plot, result))
     if not result.success:
         raise SystemExit(NOT_SOLVED)
 
@@ -159,7 +160,7 @@ def _print_json(arm: model.Robot, result: motion.Trajectory, units: Units) -> No
     )
 
 
-def _show(arm: model.Robot, result: motion.Trajectory, units: Units, output: Path | None, plot: Path | None) -> None:
+def _show(arm: model.Robot, result: motion.Trajectory, units: Units, written: list[tuple[str, str]]) -> None:
     joints = units.for_joints(arm)
     ends = zip(joints.from_si(result.q[-1]), joints.names, strict=True)
     lines = [
@@ -176,8 +177,7 @@ def _show(arm: model.Robot, result: motion.Trajectory, units: Units, output: Pat
     least = _least(result)
     if least is not None:
         lines.append(("least clearance", f"{number(least)} m"))
-    lines += [(name, str(file)) for name, file in (("written to", output), ("drawn in", plot)) if file is not None]
-    show_facts(lines, arm.label)
+    show_facts([*lines, *written], arm.label)
 
 
 def _least(result: motion.Trajectory) -> float | None:

@@ -29,6 +29,22 @@ SHOWN = 6  # values of the parameter in a line
 
 
 @dataclass(frozen=True, slots=True)
+class Written:
+    """A file that a trajectory is to be written to, and how."""
+
+    output: Path | None
+    ros: int
+    joint_prefix: str
+    first_time: float
+    """[s]"""
+    failed: bool
+
+    def keeps(self, result: motion.Trajectory) -> bool:
+        """Whether a trajectory is written."""
+        return self.output is not None and (result.success or self.failed)
+
+
+@dataclass(frozen=True, slots=True)
 class PathOptions:
     """What `plan` and `track` have in common; they take these options as one parameter."""
 
@@ -37,6 +53,8 @@ class PathOptions:
     output: Path | None
     ros: str
     joint_prefix: str
+    first_time: float
+    save_failed: bool
     plot: Path | None
     speed: float
     angular_speed: float | None
@@ -50,6 +68,11 @@ class PathOptions:
     start: list[float] | None
     units: Units
     json: bool
+
+    @property
+    def written(self) -> Written:
+        """What is written, and how."""
+        return Written(self.output, int(self.ros), self.joint_prefix, self.first_time, self.save_failed)
 
     def in_si(self, arm: model.Robot) -> PathNumbers:
         """What is typed in the user's unit of angles, with a note where it looks like another one.
@@ -113,6 +136,8 @@ path_options = option_group(
     click.option(
         "--joint-prefix", default="", metavar="P", help="Before the names of joints in a .json, such as j2n6s300_."
     ),
+    click.option("--first-time", default=0.0, metavar="T", help="Of the first point in a .json [s]."),
+    click.option("--save-failed", is_flag=True, help="Write a trajectory that failed, too, .csv or .npz, to look at."),
     click.option("--plot", type=options.FILE, metavar="FILE.png", help="Draw joints, limits and errors over time."),
     click.option("--speed", default=0.05, metavar="V", help="Speed along the path [m/s]."),
     click.option("--angular-speed", type=float, metavar="W", help="Speed of turning [rad/s]; 0.5 if not given."),
@@ -260,12 +285,12 @@ def check_files(given: PathOptions, source: options.RobotOptions) -> None:
         InvalidInputError: an output of another kind, or one that is read.
         MissingExtraError: matplotlib is needed and not installed.
     """
-    check_trajectory_files(given.output, given.plot, given.ros, given.joint_prefix)
+    check_trajectory_files(given.written, given.plot)
     inputs = {"--path": given.waypoints, "--robot": source.robot, "--scene": given.scene}
     keep_apart({"--output": given.output, "--plot": given.plot}, inputs, source.package_dirs)
 
 
-def check_trajectory_files(output: Path | None, plot: Path | None, ros: str, joint_prefix: str) -> None:
+def check_trajectory_files(written: Written, plot: Path | None) -> None:
     """Check what a trajectory is to be written to.
 
     Raises:
@@ -273,15 +298,62 @@ def check_trajectory_files(output: Path | None, plot: Path | None, ros: str, joi
         MissingExtraError: matplotlib is needed and not installed.
     """
     from jacokin.motion.plot import FORMATS as PICTURES
-    from jacokin.motion.trajectory import FORMATS
+    from jacokin.motion.trajectory import FORMATS, TO_SEND
 
+    output = written.output
     for option, file, endings in (("--output", output, FORMATS), ("--plot", plot, PICTURES)):
         if file is not None and file.suffix not in endings:
             raise InvalidInputError(f"{option} must end in {' or '.join(endings)}, got {str(file)!r}")
-    if (ros != "2" or joint_prefix) and (output is None or output.suffix != ".json"):
-        raise InvalidInputError("--ros and --joint-prefix go with --output FILE.json")
+    of_ros = written.ros != 2 or written.joint_prefix or written.first_time
+    if of_ros and (output is None or output.suffix != ".json"):
+        raise InvalidInputError("--ros, --joint-prefix and --first-time go with --output FILE.json")
+    if written.failed and (output is None or output.name.endswith(TO_SEND)):
+        raise InvalidInputError("--save-failed goes with --output FILE.csv or FILE.npz")
     if plot is not None and importlib.util.find_spec("matplotlib") is None:
         raise MissingExtraError("matplotlib", "plot")
+
+
+class _NotWrittenError(Exception):
+    """A trajectory failed."""
+
+
+def compute_into(written: Written, plot: Path | None, compute: Callable[[], motion.Trajectory]) -> motion.Trajectory:
+    """Compute a trajectory, write it unless it failed, and draw it; both files are known to be writable before.
+
+    Raises:
+        InvalidInputError: a file cannot be written, or holds what it does not take.
+    """
+    with contextlib.ExitStack() as stack:
+        drawable = None if plot is None else stack.enter_context(files.replacing(plot))
+        with contextlib.suppress(_NotWrittenError), contextlib.ExitStack() as output:
+            writable = None if written.output is None else output.enter_context(files.replacing(written.output))
+            result = compute()
+            if writable is not None and not written.keeps(result):
+                raise _NotWrittenError
+            if writable is not None:
+                result.save(
+                    writable,
+                    ros=written.ros,
+                    joint_prefix=written.joint_prefix,
+                    first_time=written.first_time,
+                    failed=written.failed,
+                )
+        if drawable is not None:
+            motion.plot_path(result, drawable)
+    return result
+
+
+def files_written(written: Written, plot: Path | None, result: motion.Trajectory) -> list[tuple[str, str]]:
+    """Lines that name the files."""
+    lines = [("drawn in", str(plot))] if plot is not None else []
+    if written.keeps(result):
+        return [("written to", str(written.output)), *lines]
+    if written.output is not None:
+        kinds = (
+            "" if written.output.name.endswith((".json", ".kinova.csv")) else "; --save-failed writes it all the same"
+        )
+        return [("not written", f"{written.output}, because it failed{kinds}"), *lines]
+    return lines
 
 
 def read_poses(path: Path) -> Array:
@@ -306,14 +378,7 @@ def deliver(compute: Callable[[], motion.Trajectory], arm: model.Robot, given: P
     Raises:
         SystemExit: it is not on the path throughout.
     """
-    with contextlib.ExitStack() as stack:
-        writable = None if given.output is None else stack.enter_context(files.replacing(given.output))
-        drawable = None if given.plot is None else stack.enter_context(files.replacing(given.plot))
-        result = compute()
-        if writable is not None:
-            result.save(writable, ros=int(given.ros), joint_prefix=given.joint_prefix)
-        if drawable is not None:
-            motion.plot_path(result, drawable)
+    result = compute_into(given.written, given.plot, compute)
     if given.json:
         print_json(arm, result, given)
     else:
@@ -349,7 +414,7 @@ def print_json(arm: model.Robot, result: motion.Trajectory, given: PathOptions) 
                 }
                 for branch in result.branches
             ],
-            "output": None if given.output is None else str(given.output),
+            "output": str(given.output) if given.written.keeps(result) else None,
             "plot": None if given.plot is None else str(given.plot),
         }
     )
@@ -384,8 +449,7 @@ def show(arm: model.Robot, result: motion.Trajectory, given: PathOptions) -> Non
         shown = [number(units.from_si(value), 3).replace("nan", "none") for value in result.parameter[:SHOWN]]
         more = "" if len(result.parameter) <= SHOWN else f" and {len(result.parameter) - SHOWN} more"
         lines.append((f"{name} at the poses", f"{', '.join(shown)}{more} {units.angle}"))
-    written = (("written to", given.output), ("drawn in", given.plot))
-    lines += [(name, str(file)) for name, file in written if file is not None]
+    lines += files_written(given.written, given.plot, result)
     show_facts(lines, arm.label)
     if not result.success and result.branches:
         from jacokin.motion.trajectory import list_segments

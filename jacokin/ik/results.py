@@ -13,15 +13,38 @@ from jacokin.arrays import Array
 from jacokin.errors import SolveError
 from jacokin.showing import Shown, show
 
+FEW = 8  # numbers of an array, or items of a tuple, that `repr` shows; of more it says how many
+
 
 class Frozen:
-    """A result whose arrays stay read-only when it is copied or pickled."""
+    """A result whose arrays stay read-only when it is copied or pickled, and whose `repr` is short."""
 
     __slots__ = ()
+
+    def __init_subclass__(cls) -> None:
+        """Keep the short `repr`: dataclasses make another one, with every number, for a class that has none itself."""
+        if "__repr__" not in cls.__dict__:
+            cls.__repr__ = Frozen.__repr__  # type: ignore[method-assign]  # what dataclasses look for
+
+    def __repr__(self) -> str:
+        """Fields that have a value, long arrays and tuples by their size."""
+        values = {each.name: getattr(self, each.name) for each in fields(self)}  # type: ignore[arg-type]  # every subclass is a dataclass
+        return f"{type(self).__name__}({', '.join(f'{name}={in_short(value)}' for name, value in values.items())})"
 
     def __reduce__(self) -> tuple[object, tuple[object, ...]]:
         """Rebuild from the fields."""
         return _rebuilt, (type(self), *(getattr(self, field.name) for field in fields(self)))  # type: ignore[arg-type]  # every subclass is a dataclass
+
+
+def in_short(value: object) -> str:
+    """The `repr` of a value; of a long array its shape, of a long tuple how many items it has."""
+    if isinstance(value, np.ndarray):
+        if value.size <= FEW:
+            return " ".join(repr(value).split())
+        return f"<{' x '.join(map(str, value.shape))} numbers>"
+    if isinstance(value, tuple) and type(value) is tuple and len(value) > FEW:
+        return f"<{len(value)} items>"
+    return repr(value)
 
 
 def _rebuilt(kind: type, *values: object) -> object:

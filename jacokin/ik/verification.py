@@ -88,6 +88,11 @@ class Verifier:
         """Whether contact is looked for at all."""
         return self._contact is not None
 
+    @property
+    def contact(self) -> Contact | None:
+        """What touches; None when the solver does not look."""
+        return self._contact
+
     def touching(self, q: Array) -> list[tuple[str, str]]:
         """Pairs of shapes that touch at a configuration (dof,); none when the solver does not look."""
         return [] if self._contact is None else self._contact.all_touching(q)

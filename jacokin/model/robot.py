@@ -641,14 +641,20 @@ def checked_robot(name: str, value: object) -> Robot:
     return checks.instance(name, value, Robot, "a Robot, from load_robot")
 
 
+FASTEST = 1e4  # [rad/s] 1,600 turns a second; [m/s] where a joint slides
+HARDEST = 1e6  # [rad/s^2] full speed of a fast arm within a few microseconds
+SUDDENEST = 1e9  # [rad/s^3]
+
+
 def velocity_limits(robot: Robot, value: ArrayLike | None) -> Array:
-    """The given limits (dof,) or one for all [rad/s], or the robot's own.
+    """The given limits (dof,) or one for all [rad/s], or the robot's own, 1e4 rad/s where those are larger.
 
     Raises:
-        InvalidInputError: malformed or not positive, or the robot's file (MJCF has no such field) gives none.
+        InvalidInputError: malformed, not positive or more than 1e4 rad/s, or the robot's file (MJCF has no such field)
+            gives none.
     """
     if value is not None:
-        return checks.positive_vector("velocity_limit", value, robot.dof, "rad/s")
+        return _bounded("velocity_limit", value, robot.dof, "rad/s", FASTEST)
     missing = [
         name for name, limit in zip(robot.joint_names, robot.velocity_limit, strict=True) if not np.isfinite(limit)
     ]
@@ -657,7 +663,37 @@ def velocity_limits(robot: Robot, value: ArrayLike | None) -> Array:
             f"the description of {robot.name} gives no velocity limits for {', '.join(missing)}; "
             "pass velocity_limit= [rad/s]"
         )
-    return checks.positive_vector("velocity_limit", robot.velocity_limit, robot.dof, "rad/s")
+    return checks.positive_vector("velocity_limit", np.minimum(robot.velocity_limit, FASTEST), robot.dof, "rad/s")
+
+
+def acceleration_limits(robot: Robot, value: ArrayLike) -> Array:
+    """The given limits (dof,) or one for all [rad/s^2].
+
+    Raises:
+        InvalidInputError: malformed, not positive or more than 1e6 rad/s^2.
+    """
+    return _bounded("acceleration_limit", value, robot.dof, "rad/s^2", HARDEST)
+
+
+def jerk_limits(robot: Robot, value: ArrayLike | None) -> Array | None:
+    """The given limits (dof,) or one for all [rad/s^3]; None for none.
+
+    Raises:
+        InvalidInputError: malformed, not positive or more than 1e9 rad/s^3.
+    """
+    return None if value is None else _bounded("jerk_limit", value, robot.dof, "rad/s^3", SUDDENEST)
+
+
+def _bounded(name: str, value: ArrayLike, size: int, unit: str, most: float) -> Array:
+    """Positive limits (size,) that no arm exceeds.
+
+    Raises:
+        InvalidInputError: malformed, not positive, or larger.
+    """
+    found = checks.positive_vector(name, value, size, unit)
+    if found.max() > most:
+        raise InvalidInputError(f"{name} must be at most {most:g} [{unit}], got {checks.shown(value)}")
+    return found
 
 
 def _acceleration_limit(name: str | None, joint_names: Sequence[str]) -> Array:

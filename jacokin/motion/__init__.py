@@ -7,7 +7,8 @@ free_motion        `plan_motion`: from a configuration to a goal without contact
 blending           corners that are passed without stopping, and time for them
 grasps             ways to grasp boxes, cylinders and spheres
 joint_motion       `move_joints`: from one configuration to another in the least time
-path, timing       lines between poses, and when each place of them is passed, within limits of torque, too
+path, timing       lines between poses, and when each place of a course is passed, within limits of torque, too
+rows               positions, velocities and accelerations of a motion, as controllers take them
 trajectory, files  joint angles over time, and their files
 clearance, plot    how far a trajectory stays from a scene; its picture
 """

@@ -18,7 +18,7 @@ import numpy as np
 
 from jacokin.arrays import Array
 from jacokin.kernels.free_motion.corners import STRAIGHT
-from jacokin.motion.timing import largest_speeds
+from jacokin.motion.timing import fit_course
 
 GRID = 0.02  # [s] between places, at least
 ON_CURVE = 12  # pieces of a parabola
@@ -131,27 +131,10 @@ def fit_time(course: BlendedCourse, stops: Array, velocity: Array, acceleration:
         return _fit_line(course, velocity, acceleration)
     s, piece = _grid(course, stops, velocity, acceleration)
     on = np.stack([s[:-1] - course.s[piece], s[1:] - course.s[piece]])[:, :, None]
-    slope = course.slope[piece] + on * course.bend[piece]  # (2, n, dof) at both ends of each interval
-    bend, limit = course.bend[piece], USED * acceleration
-    h = np.diff(s)
-    with np.errstate(divide="ignore"):
-        fastest = (USED * velocity / np.abs(slope).max(axis=0)).min(axis=1) ** 2
-        turning = (limit / np.abs(bend)).min(axis=1)
-    top = np.full(len(s), np.inf)
-    np.minimum(top[:-1], np.minimum(fastest, turning), out=top[:-1])
-    np.minimum(top[1:], np.minimum(fastest, turning), out=top[1:])
-    top[(np.abs(s[:, None] - stops) <= STILL).any(axis=1)] = 0.0
-    # A joint's acceleration is slope u + bend x at the beginning of an interval and slope u + bend (x + 2 h u) at its
-    # end: linear in both.
-    rate = np.concatenate([slope[0], slope[1] + 2.0 * h[:, None] * bend], axis=1)  # (n, 2 dof) of u
-    size = np.abs(rate)
-    counts = size > 1e-9 * size.max()
-    safe = np.where(counts, size, 1.0)
-    high = np.where(counts, np.concatenate([limit, limit]) / safe, np.inf)
-    tilt = np.where(counts, np.sign(rate) * np.concatenate([bend, bend], axis=1) / safe, 0.0)
-    speed = largest_speeds(h, high, tilt, top)
-    times = 2.0 * h / np.maximum(speed[:-1] + speed[1:], STILL)
-    return TimedCourse(course, s, np.append(0.0, np.cumsum(times)), speed)
+    slope = course.slope[piece] + on * course.bend[piece]
+    top = np.where((np.abs(s[:, None] - stops) <= STILL).any(axis=1), 0.0, np.inf)
+    found = fit_course(s, slope, USED * velocity, USED * acceleration, top)
+    return TimedCourse(course, s, found.t, found.speed)
 
 
 def _fit_line(course: BlendedCourse, velocity: Array, acceleration: Array) -> TimedCourse:

@@ -15,8 +15,9 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, needed
 from jacokin.ik.seeds import checked_start
 from jacokin.model import angles, checks
-from jacokin.model.robot import Robot, checked_robot, velocity_limits
-from jacokin.motion.timing import MAX_TICKS, TooHeavy, slow_down, torque_limits
+from jacokin.model.robot import Robot, acceleration_limits, checked_robot, jerk_limits, velocity_limits
+from jacokin.motion.rows import Limits, OnTheWay, Rows, coarse, from_rest_to_rest, halved
+from jacokin.motion.timing import MAX_TICKS, TooHeavy, slow_down, torque_limits, torque_strain
 from jacokin.motion.trajectory import MotionStatus, Trajectory
 
 if TYPE_CHECKING:
@@ -45,7 +46,7 @@ def move_joints(
         robot: the arm.
         q_from: (dof,) where the arm is [rad].
         q_to: (dof,) where it goes [rad]; on unlimited joints the 2 pi copy nearest to `q_from` is taken.
-        dt: sampling step [s]; the last row is at the end of the motion, whole step or not.
+        dt: step from row to row [s].
         velocity_limit: (dof,) or one for all [rad/s]; None for the robot's own.
         acceleration_limit: (dof,) or one for all [rad/s^2].
         jerk_limit: (dof,) or one for all [rad/s^3]; None for none.
@@ -53,7 +54,9 @@ def move_joints(
             motion is slowed down until no joint needs more, what the robot carries (`Robot.with_payload`) included.
 
     Returns:
-        The sampled motion. Shapes are not looked at: check it for collisions. Where gravity alone asks for more torque
+        The motion in whole steps, two more than the least time takes: its accelerations change steadily from row to
+        row, so that limits hold as controllers go from one to the next. One row where the arm is already there. Shapes
+        are not looked at: check it for collisions. Where gravity alone asks for more torque
         than the limits it stays at the start, and `outcome` and `message` say so.
 
     Raises:
@@ -65,8 +68,8 @@ def move_joints(
     start, end = (checked_start(robot, q, name, noise=0.0) for q, name in ((q_from, "q_from"), (q_to, "q_to")))
     end = angles.nearest_copy(end, start, robot.unlimited)
     velocity = velocity_limits(robot, velocity_limit)
-    acceleration = checks.positive_vector("acceleration_limit", acceleration_limit, robot.dof, "rad/s^2")
-    jerk = None if jerk_limit is None else checks.positive_vector("jerk_limit", jerk_limit, robot.dof, "rad/s^3")
+    acceleration = acceleration_limits(robot, acceleration_limit)
+    jerk = jerk_limits(robot, jerk_limit)
     torque = torque_limits(robot, torque_limit)
     fastest = Profile(start, end, velocity, acceleration, jerk)
     law = fastest if torque is None else slow_down(robot, fastest, torque)
@@ -76,14 +79,31 @@ def move_joints(
     duration = law.duration
     if not duration / step <= MAX_TICKS:
         raise InvalidInputError(f"the motion takes {duration:.6g} s: more than {MAX_TICKS} steps of {step:.6g} s")
-    times = np.append(np.arange(0.0, duration, step), duration) if duration > 0.0 else np.zeros(1)
-    q, v, a = law.at(times)
-    if not np.abs(q[-1] - end).max() <= MISSED:
-        raise InvalidInputError(f"no motion found within these limits: it ends {np.abs(q[-1] - end).max():.3g} rad off")
-    # Rounding may pass the ends by one unit in the last place, and an end may be a limit.
-    q = np.clip(q, np.minimum(start, end), np.maximum(start, end))
-    q[0], q[-1], v[0], v[-1] = start, end, 0.0, 0.0
-    return Trajectory.of(robot, velocity, (times, q, v, a))
+    missed = float(np.abs(law.at(np.array([duration]))[0][-1] - end).max())
+    if not missed <= MISSED:
+        raise InvalidInputError(f"no motion found within these limits: it ends {missed:.3g} rad off")
+
+    def at(times: Array) -> Array:
+        """Rounding may pass the ends by one unit in the last place, and an end may be a limit."""
+        q = np.clip(law.at(times)[0], np.minimum(start, end), np.maximum(start, end))
+        q[0], q[-1] = start, end
+        return q
+
+    limits = Limits(velocity, acceleration, jerk)
+
+    def strain(rows: Rows) -> float:
+        worst = float(limits.strain(rows).max())
+        return worst if torque is None else max(worst, torque_strain(robot, rows, torque))
+
+    way, fault = OnTheWay(robot, None), ""
+    for finer in halved(step):
+        rows = from_rest_to_rest(at, duration, finer, strain)
+        found = way.fault(rows)
+        if not found:
+            break
+        fault = found
+    message = f"reached in {rows.t[-1]:.4g} s{coarse(step, finer, fault)}" if duration else "already there"
+    return Trajectory.of(robot, velocity, rows, message=message)
 
 
 class Profile:

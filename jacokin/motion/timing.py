@@ -12,12 +12,11 @@ A place u counts lines: 2.5 is half way along the third.
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
@@ -25,17 +24,13 @@ from jacokin.kernels.library import Call
 from jacokin.kernels.speeds import SpeedWork, fit_speeds, make_speed_work
 from jacokin.model import checks
 from jacokin.model.robot import Robot
+from jacokin.motion.rows import WHOLE_TICK, Rows
 
-WHOLE_TICK = 1e-9  # a duration this near to whole ticks is whole; division rounds
 MAX_TICKS = 10_000_000  # more than a day at 100 Hz: a speed or a step was mistyped
-ACCELERATION_USED = 0.9  # part of the acceleration limits that is planned with where ticks are checked
 LINE_USED = 0.8, 0.98  # parts of acceleration and velocity limits for a line that is tracked, no tick of it checked
-NO_MOTION = 1e-12  # [rad] a joint that moves less along a line limits nothing
-PATH_SPEED_USED = 0.995  # of the velocity limits where ticks are checked: one may take in a little of a faster part
-ATTEMPTS = 24  # to find a pace whose ticks are all within the limits
-LESS = 0.9  # of the limits is used at the next attempt
+NO_RATE = 1e-9  # of the largest change of a joint's acceleration with that of the place: it limits nothing
+STILL = 1e-12
 ROOM_KEPT = 10_000  # intervals, of which a thread keeps the memory
-EASED, LEAST_EASED = 0.97, 0.5  # of its speed is left to a part of the path, beside the excess and at least
 
 
 _local = threading.local()  # the kernel with work arrays of each thread
@@ -70,156 +65,77 @@ def sample_lines(durations: Array, dt: float) -> Array:
     return np.concatenate(places)
 
 
-def fit_ticks(
-    u: Array,
-    q: Array,
-    joints_at: Callable[[Array], Array],
-    times: Array,
-    dt: float,
-    velocity: Array,
-    acceleration: Array | None,
-) -> Array:
-    """Places of the ticks along a path that every joint can follow, no faster than asked.
-
-    Args:
-        u: (n,) places of knots.
-        q: (n, dof) configurations there [rad].
-        joints_at: the configurations (m, dof) at places (m,) [rad].
-        times: (lines,) asked for each line [s].
-        dt: control step [s].
-        velocity: (dof,) limits [rad/s].
-        acceleration: (dof,) limits [rad/s^2], from rest to rest then; None for none.
-
-    Raises:
-        InvalidInputError: more than ten million ticks, or none.
-    """
-    line = np.clip(0.5 * (u[:-1] + u[1:]), 0.0, None).astype(np.intp)
-    least = np.maximum(np.diff(u) * times[line], 1e-12)
-    part, top_speed, ticks = PATH_SPEED_USED, np.full(len(u) - 1, np.inf), u
-    for _ in range(ATTEMPTS):
-        if acceleration is None:
-            schedule = fit_speed(u, q, least, part * velocity)
-        else:
-            stops = _corners(u, q, least, acceleration, dt)
-            usable = ACCELERATION_USED * acceleration
-            schedule = fit_acceleration(u, q, least, part * velocity, usable, stops, top_speed)
-        check_ticks(np.asarray(np.bincount(line, np.diff(schedule.t)), dtype=np.float64), dt)
-        ticks = schedule.ticks(dt)
-        v = np.diff(joints_at(ticks), axis=0) / dt
-        fast = float((np.abs(v) / velocity).max())
-        if fast > 1.0:
-            part *= min(LESS, 1.0 / fast) if fast > 1.05 else 1.0 / fast - 1e-6
-        if schedule.speed is None or acceleration is None:
-            if fast <= 1.0:
-                break
-            continue
-        still = np.zeros((1, v.shape[1]))
-        change = np.abs(np.diff(np.vstack([still, v, still]), axis=0)) / dt
-        hard = (change / acceleration).max(axis=1)
-        if fast <= 1.0 and (hard <= 1.0).all():
-            break
-        speed, slower = np.maximum(schedule.speed[:-1], schedule.speed[1:]), top_speed.copy()
-        for tick in np.flatnonzero(hard > 1.0).tolist():  # slower where ticks gain or lose speed too quickly
-            near = (u[1:] >= ticks[max(tick - 1, 0)]) & (u[:-1] <= ticks[min(tick + 1, len(ticks) - 1)])
-            slower[near] = np.minimum(slower[near], max(LEAST_EASED, EASED / hard[tick]) * speed[near].max())
-        top_speed = slower
-    return ticks
-
-
-def _corners(u: Array, q: Array, least: Array, acceleration: Array, dt: float) -> NDArray[np.bool_]:
-    """(n,) True at both ends, and where the joints' velocities change suddenly from one line to the next."""
-    v = np.diff(q, axis=0) / least[:, None]
-    jump = np.abs(np.diff(v, axis=0)) - 0.5 * (least[:-1] + least[1:])[:, None] * acceleration
-    sudden = (jump > 0.1 * acceleration * dt).any(axis=1)
-    stops = np.zeros(len(u), dtype=np.bool_)
-    stops[1:-1] = sudden & (u[1:-1] == np.round(u[1:-1]))
-    stops[[0, -1]] = True
-    return stops
-
-
 @dataclass(frozen=True, slots=True)
 class Schedule:
-    """When each knot is passed.
+    """When each place is passed; between neighbours, places accelerate steadily.
 
     Attributes:
-        u: (n,) places of the knots.
+        u: (n,) places.
         t: (n,) times [s].
-        speed: (n,) du/dt at the knots; None when it is constant between them.
+        speed: (n,) du/dt there.
     """
 
     u: Array
     t: Array
-    speed: Array | None = None
+    speed: Array
 
-    def ticks(self, dt: float) -> Array:
-        """Places (m,) at every tick of `dt` [s]; the last one is the end, and the whole is slowed down to that."""
-        count = max(1, int(np.ceil(self.t[-1] / dt - 1e-9)))
-        times = np.arange(count + 1) * (self.t[-1] / count)
-        times[-1] = self.t[-1]
-        if self.speed is None:
-            return np.asarray(np.interp(times, self.t, self.u))
+    @property
+    def duration(self) -> float:
+        """From start to end [s]."""
+        return float(self.t[-1])
+
+    def at(self, times: Array) -> Array:
+        """Places (m,) at times (m,) [s]."""
         i = np.clip(np.searchsorted(self.t, times, side="right") - 1, 0, len(self.t) - 2)
         length, start, end = self.u[i + 1] - self.u[i], self.speed[i], self.speed[i + 1]
         gone = times - self.t[i]
         found = self.u[i] + start * gone + 0.25 * (end**2 - start**2) / length * gone**2
         return np.maximum.accumulate(np.clip(found, self.u[i], self.u[i + 1]))
 
-
-def fit_speed(u: Array, q: Array, least: Array, velocity: Array) -> Schedule:
-    """Each interval takes the time that was asked for, or the longer one that the joints need.
-
-    Args:
-        u: (n,) places.
-        q: (n, dof) [rad].
-        least: (n - 1,) time asked for each interval [s].
-        velocity: (dof,) limits [rad/s], as far as they are to be used.
-    """
-    needed = (np.abs(np.diff(q, axis=0)) / velocity).max(axis=1)
-    return Schedule(u, np.append(0.0, np.cumsum(np.maximum(least, needed))))
+    def ticks(self, dt: float) -> Array:
+        """Places (m,) at every tick of `dt` [s]; the last one is the end, and the whole is slowed down to that."""
+        count = max(1, int(np.ceil(self.t[-1] / dt - WHOLE_TICK)))
+        return self.at(np.linspace(0.0, self.duration, count + 1))
 
 
-def fit_acceleration(
-    u: Array,
-    q: Array,
-    least: Array,
-    velocity: Array,
-    acceleration: Array,
-    stops: NDArray[np.bool_],
-    top_speed: Array,
-) -> Schedule:
-    """From rest to rest within velocity and acceleration limits.
+def fit_course(s: Array, slope: Array, velocity: Array, acceleration: Array, top: Array) -> Schedule:
+    """The least time from rest to rest along a course whose direction changes steadily from place to place.
+
+    A joint's acceleration is slope u + bend x, with x the square of the speed and u the acceleration of the place: at
+    the beginning of an interval with x, at its end with x + 2 h u. Both are linear in x and u, and what lies between
+    lies within.
 
     Args:
-        u: (n,) places.
-        q: (n, dof) [rad].
-        least: (n - 1,) time asked for each interval [s].
-        velocity: (dof,) limits [rad/s], as far as they are to be used.
-        acceleration: (dof,) limits [rad/s^2], as far as they are to be used.
-        stops: (n,) True where the path stands still.
-        top_speed: (n - 1,) of u, in each interval [1/s]; infinite where nothing else limits it.
+        s: (n + 1,) places, rising.
+        slope: (2, n, dof) dq/ds at the beginning and at the end of each interval.
+        velocity: (dof,) limits [rad/s]; infinite for none.
+        acceleration: (dof,) limits [rad/s^2].
+        top: (n + 1,) largest speed of each place, 0 where it stands still; infinite where nothing else limits it.
     """
-    h = np.diff(u)
-    slope = np.diff(q, axis=0) / h[:, None]
-    fastest = np.minimum(h / least, (velocity / np.maximum(np.abs(slope), NO_MOTION)).min(axis=1))
-    fastest = np.minimum(fastest, top_speed)
-    # Of a knot: the slower of its two intervals.
-    top = np.append(fastest, fastest[-1])
-    top[1:-1] = np.minimum(fastest[:-1], fastest[1:])
-    top = np.where(stops, 0.0, top**2)
-    bend = np.zeros_like(slope)
-    inner = np.diff(slope, axis=0) / (0.5 * (h[:-1] + h[1:]))[:, None]
-    inner[stops[1:-1]] = 0.0
-    bend[:-1] = inner
-    bend[1:] = np.where(np.abs(bend[1:]) > np.abs(inner), bend[1:], inner)
-    slope = np.where(np.abs(slope) < NO_MOTION, NO_MOTION, slope)
-    # u'' in [low - tilt x, high - tilt x] for x = u'^2, joint by joint.
-    with np.errstate(over="ignore"):  # what is beyond 1e308 limits nothing
-        high = acceleration / np.abs(slope)
-    tilt = bend / slope
-    speed = largest_speeds(h, high, tilt, top)
-    total = speed[:-1] + speed[1:]
-    times = 2.0 * h / np.maximum(total, NO_MOTION)
-    return Schedule(u, np.append(0.0, np.cumsum(times)), speed)
+    h = np.diff(s)
+    bend = (slope[1] - slope[0]) / h[:, None]
+    with np.errstate(divide="ignore"):
+        fastest = (velocity / np.abs(slope).max(axis=0)).min(axis=1) ** 2
+        turning = (acceleration / np.abs(bend)).min(axis=1)
+    most, own = top**2, np.minimum(fastest, turning)
+    np.minimum(most[:-1], own, out=most[:-1])
+    np.minimum(most[1:], own, out=most[1:])
+    most[[0, -1]] = 0.0
+    rate = np.concatenate([slope[0], slope[1] + 2.0 * h[:, None] * bend], axis=1)  # (n, 2 dof) of u
+    size = np.abs(rate)
+    counts = size > NO_RATE * size.max()
+    safe = np.where(counts, size, 1.0)
+    high = np.where(counts, np.concatenate([acceleration, acceleration]) / safe, np.inf)
+    tilt = np.where(counts, np.sign(rate) * np.concatenate([bend, bend], axis=1) / safe, 0.0)
+    speed = largest_speeds(h, high, tilt, most)
+    times = 2.0 * h / np.maximum(speed[:-1] + speed[1:], STILL)
+    return Schedule(s, np.append(0.0, np.cumsum(times)), speed)
+
+
+def slopes(s: Array, q: Array) -> Array:
+    """(2, n, dof) dq/ds at the ends of the intervals between places (n + 1,), for configurations (n + 1, dof) there."""
+    found = np.gradient(q, s, axis=0, edge_order=2 if len(s) > 2 else 1)
+    return np.stack([found[:-1], found[1:]])
 
 
 def fit_line(u: Array, q: Array, duration: float, velocity: Array, acceleration: Array) -> Schedule:
@@ -234,11 +150,8 @@ def fit_line(u: Array, q: Array, duration: float, velocity: Array, acceleration:
     """
     if len(u) == 2:  # at rest at both, it would never move
         u, q = np.insert(u, 1, u.mean()), np.insert(q, 1, q.mean(axis=0), axis=0)
-    stops = np.zeros(len(u), dtype=np.bool_)
-    stops[[0, -1]] = True
-    fastest = np.full(len(u) - 1, np.inf)
     usable, speed = LINE_USED[0] * acceleration, LINE_USED[1] * velocity
-    return fit_acceleration(u, q, np.diff(u) * duration, speed, usable, stops, fastest)
+    return fit_course(u, slopes(u, q), speed, usable, np.full(len(u), 1.0 / duration))
 
 
 def largest_speeds(lengths: Array, high: Array, tilt: Array, top: Array) -> Array:
@@ -329,13 +242,7 @@ def slow_down(robot: Robot, law: TimeLaw, limit: Array) -> TimeLaw | TooHeavy:
     accelerations ask for, so the least k that keeps a limit is found directly.
     """
     count = int(np.clip(np.ceil(law.duration / BETWEEN), 2, MOST_PLACES))
-    rows = law.at(np.linspace(0.0, law.duration, count + 1))
-    still = np.zeros(robot.dof)
-    gravity = np.array([robot.inverse_dynamics(q, still, still) for q in rows[0]])
-    moving = np.array([robot.inverse_dynamics(*row) for row in zip(*rows, strict=True)]) - gravity
-    room = USED * limit - np.where(moving > 0.0, gravity, -gravity)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        share = np.where(moving == 0.0, np.inf, room / np.abs(moving))
+    gravity, share = _shares(robot, law.at(np.linspace(0.0, law.duration, count + 1)), USED * limit)
     heavy = np.abs(gravity) - USED * limit
     if heavy.max() > 0.0:
         row, joint = np.unravel_index(int(np.argmax(heavy)), heavy.shape)
@@ -347,3 +254,19 @@ def slow_down(robot: Robot, law: TimeLaw, limit: Array) -> TimeLaw | TooHeavy:
         row, joint = np.unravel_index(int(np.argmin(share)), share.shape)
         return TooHeavy(int(joint), float(gravity[row, joint]))
     return Slowed(law, 1.0 / float(np.sqrt(least)))
+
+
+def torque_strain(robot: Robot, rows: Rows, limit: Array) -> float:
+    """How many times as long rows must take for no joint to need more torque than its limit (dof,) [N m]."""
+    least = float(_shares(robot, (rows.q, rows.v, rows.a), limit)[1].min())
+    return 1.0 / float(np.sqrt(max(least, SLOWEST**2)))
+
+
+def _shares(robot: Robot, rows: tuple[Array, Array, Array], limit: Array) -> tuple[Array, Array]:
+    """Torques (n, dof) against gravity [N m], and the share (n, dof) of what else is needed that limits leave."""
+    still = np.zeros(robot.dof)
+    gravity = np.array([robot.inverse_dynamics(q, still, still) for q in rows[0]])
+    moving = np.array([robot.inverse_dynamics(*row) for row in zip(*rows, strict=True)]) - gravity
+    room = limit - np.where(moving > 0.0, gravity, -gravity)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return gravity, np.where(moving == 0.0, np.inf, room / np.abs(moving))

@@ -22,6 +22,7 @@ from jacokin.model import angles, checks
 from jacokin.model.robot import Robot, checked_robot
 from jacokin.model.scene import Scene
 from jacokin.motion.path import CartesianPath
+from jacokin.motion.rows import spline_rows
 from jacokin.motion.timing import Schedule, check_ticks, fit_line, sample_lines
 from jacokin.motion.tracking.steps import TrackerStatus, TrackerStep
 from jacokin.motion.tracking.tracker import Tracker
@@ -257,12 +258,13 @@ class _Follower:
         return steps
 
     def _result(self, u: Array, steps: list[TrackerStep]) -> Trajectory:
-        robot = self._tracker.robot
+        robot, rows = self._tracker.robot, spline_rows(np.array([step.q for step in steps]), self._tracker.dt)
         return Trajectory(
             joint_names=robot.joint_names,
-            t=checks.read_only(np.arange(len(steps)) * self._tracker.dt),
-            q=checks.read_only([step.q for step in steps]),
-            v=checks.read_only([step.v for step in steps]),
+            t=checks.read_only(rows.t),
+            q=checks.read_only(rows.q),
+            v=checks.read_only(rows.v),
+            a=checks.read_only(rows.a),
             lower=robot.lower,
             upper=robot.upper,
             velocity_limit=self._tracker.velocity_limit,

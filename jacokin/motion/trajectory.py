@@ -37,14 +37,20 @@ from jacokin.motion.files import (
     write_table,
 )
 from jacokin.motion.grasps import Grasp
+from jacokin.motion.rows import ON_LIMIT, Rows, between
 from jacokin.showing import Shown, show
 
 FORMATS = (".csv", ".npz", ".json", ".kinova.csv")
 LIMITS = ("lower", "upper", "velocity_limit")
 LEAD_IN = "LEAD_IN"  # status of rows that lead to where a path begins
 NAMED = 8  # segments in a sentence
+TO_SEND = (".json", ".kinova.csv")  # files that are sent to an arm
+FIRST_TIME = 10.0  # [s] at most
 KINOVA_STEP = 0.01  # [s] the control loop of the Jaco's base runs at 100 Hz (kinova-ros, README, velocity control)
 SPEED_ROUNDING = 1e-9  # [rad/s] of positions subtracted and divided by a step
+ROUNDED = 4.0 * float(np.finfo(np.float64).eps)  # of the largest angle of two that are subtracted
+AT_REST = 1e-7  # [rad/s] ROS 2's joint_trajectory_controller refuses trajectories that end with more than 1.2e-7
+SWUNG = 1e-6  # relative to a velocity limit, between rows
 DURATION = {1: ("secs", "nsecs"), 2: ("sec", "nanosec")}  # parts of a duration in each version of ROS
 NANOSECONDS = 1_000_000_000  # [1/s]
 
@@ -149,6 +155,10 @@ class MotionStatus(Enum):
         "gravity alone asks for more torque than `torque_limit` somewhere on the way, however slow the motion: carry "
         "less, or give goals nearer to the base"
     )
+    TOO_FAST = (
+        "a joint moves faster from one row to the next than its velocity limit: this is not to be sent to an arm; "
+        "plan it anew, with a smaller dt or speed"
+    )
     MISSED = "the end of the motion misses its goal by more than the tolerances: give a goal away from singular poses"
 
 
@@ -184,7 +194,7 @@ class Trajectory(_Looking):
     q: Array
     """(n, dof) joint angles [rad]."""
     v: Array
-    """(n, dof) joint velocities [rad/s]; along a path those over the tick that ends here, row 0 is zero."""
+    """(n, dof) joint velocities at that time [rad/s]; planned motions are at rest in the first and the last row."""
     lower: Array
     """(dof,) lower limits [rad]."""
     upper: Array
@@ -192,8 +202,8 @@ class Trajectory(_Looking):
     velocity_limit: Array
     """(dof,) velocity limits that were held [rad/s]."""
     a: Array = field(default_factory=_empty)
-    """(n, dof) accelerations [rad/s^2]; along a path the change of velocity at the beginning of the tick that ends
-    here, row 0 is zero."""
+    """(n, dof) accelerations at that time [rad/s^2]. Without any, the change of velocity over the tick that ends here;
+    row 0 is zero."""
     clearance: Array = field(default_factory=_empty)
     """(n,) smallest distance of shapes whose contact counts, or that are kept apart [m]; nan where unknown.
     `plan_motion` leaves measuring it to the first time that it is asked for."""
@@ -243,6 +253,26 @@ class Trajectory(_Looking):
                 object.__setattr__(self, name, value)
         if left:
             object.__setattr__(self, "outcome", MotionStatus.OFF_PATH.name)
+        for name in ("t", *JOINTS, *LIMITS):  # what is checked here stays as it is
+            if getattr(self, name).flags.writeable:
+                object.__setattr__(self, name, checks.read_only(getattr(self, name)))
+        if self.success and (fault := self._too_fast()):
+            object.__setattr__(self, "outcome", MotionStatus.TOO_FAST.name)
+            object.__setattr__(self, "message", fault)
+
+    def _too_fast(self) -> str:
+        """Where a joint moves faster from one row to the next than its velocity limit; "" if none does."""
+        steps = np.diff(self.t)[:, None]
+        rounding = SPEED_ROUNDING * steps + ROUNDED * np.maximum(np.abs(self.q[:-1]), np.abs(self.q[1:]))
+        moved = np.abs(np.diff(self.q, axis=0))
+        fast = ~(moved <= self.velocity_limit * (1.0 + SPEED_ROUNDING) * steps + rounding)
+        if not fast.any():
+            return ""
+        row, joint = (int(index) for index in np.argwhere(fast)[0])
+        return (
+            f"{self.joint_names[joint]} moves {moved[row, joint]:.6g} rad from row {row} to the next, in "
+            f"{steps[row, 0]:.6g} s: faster than {self.velocity_limit[joint]:.6g} rad/s"
+        )
 
     @classmethod
     def of(
@@ -334,6 +364,10 @@ class Trajectory(_Looking):
         """Number of rows."""
         return len(self.t)
 
+    def __repr__(self) -> str:
+        """The trajectory on one line."""
+        return f"<Trajectory: {str(self).partition(chr(10))[0]}>"
+
     def __str__(self) -> str:
         """The trajectory on two lines."""
         if not self.follows_path:
@@ -348,7 +382,15 @@ class Trajectory(_Looking):
         """Play it in the browser: `of` is its robot, or the solver. See `jacokin.viewer.show`."""
         return show(self, of, options)
 
-    def save(self, path: str | Path, *, ros: int = 2, joint_prefix: str = "") -> None:
+    def save(
+        self,
+        path: str | Path,
+        *,
+        ros: int = 2,
+        joint_prefix: str = "",
+        first_time: float = 0.0,
+        failed: bool = False,
+    ) -> None:
         """Write a file; an existing one is replaced only when the new one is complete.
 
         ".csv" and ".npz" hold everything and can be loaded. ".json" holds the fields of a ROS JointTrajectory.
@@ -358,21 +400,32 @@ class Trajectory(_Looking):
             path: where the file goes.
             ros: 1 or 2, whose names of the parts of a duration .json files have: secs and nsecs, or sec and nanosec.
             joint_prefix: put before the names of joints in .json files; kinova-ros has "j2n6s300_".
+            first_time: of the first point in .json files [s]; some controllers drop one at time 0.
+            failed: True to write one that failed, too, to .csv or .npz, to look at.
 
         Raises:
-            InvalidInputError: another ending, the file cannot be written, a limit is broken after resampling, or an
-                option of ROS with another kind of file.
+            InvalidInputError: a trajectory that failed; another ending, the file cannot be written, or an option of ROS
+                with another kind of file. Of a .json, that it does not end at rest, or leaves its limits where
+                controllers interpolate between rows; of a .kinova.csv, that a limit is broken after resampling.
         """
         checks.whole_number("ros", ros, 1, 2)
         checks.text("joint_prefix", joint_prefix)
-        if (ros != 2 or joint_prefix) and by_ending(path, FORMATS)[1] != ".json":
-            raise InvalidInputError(f"ros and joint_prefix are for .json files, got {str(path)!r}")
+        later = checks.non_negative("first_time", first_time, "s")
+        if later > FIRST_TIME:
+            raise checks.refusal("first_time", f"at most {FIRST_TIME:g}", first_time, "s")
+        checks.flag("failed", failed)
+        ending = by_ending(path, FORMATS)[1]
+        if (ros != 2 or joint_prefix or later) and ending != ".json":
+            raise InvalidInputError(f"ros, joint_prefix and first_time are for .json files, got {str(path)!r}")
+        if not self.success and (not failed or ending in TO_SEND):
+            cure = "it can be written to .csv or .npz, to look at, with failed=True"
+            raise InvalidInputError(f"a trajectory that failed is not saved: {self.outcome}, {self.message}; {cure}")
         save(
             path,
             {
                 ".csv": self._write_csv,
                 ".npz": lambda file: write_arrays(file, self._arrays()),
-                ".json": partial(write_ros_json, trajectory=self, ros=ros, joint_prefix=joint_prefix),
+                ".json": partial(write_ros_json, trajectory=self, ros=ros, joint_prefix=joint_prefix, first_time=later),
                 ".kinova.csv": partial(write_kinova_csv, trajectory=self),
             },
         )
@@ -472,16 +525,20 @@ def list_segments(segments: Sequence[int]) -> str:
     return ", ".join(map(str, segments[:NAMED])) + (f" and {more} more" if more > 0 else "")
 
 
-def write_ros_json(file: Path, trajectory: Trajectory, *, ros: int, joint_prefix: str) -> None:
+def write_ros_json(file: Path, trajectory: Trajectory, *, ros: int, joint_prefix: str, first_time: float) -> None:
     """Write the fields of a ROS trajectory_msgs/JointTrajectory: SI units and radians, times to the nanosecond.
 
     Numbers keep all their digits: a rounded one may lie outside its limit.
+
+    Raises:
+        InvalidInputError: it does not end at rest, or leaves its limits where controllers interpolate between rows.
     """
+    check_interpolated(trajectory)
     points = []
     for time, q, v, a in zip(
         trajectory.t.tolist(), trajectory.q.tolist(), trajectory.v.tolist(), trajectory.a.tolist(), strict=True
     ):
-        seconds, nanoseconds = divmod(round(time * NANOSECONDS), NANOSECONDS)
+        seconds, nanoseconds = divmod(round((time + first_time) * NANOSECONDS), NANOSECONDS)
         points.append(
             {
                 "positions": q,
@@ -543,7 +600,7 @@ def check_limits(trajectory: Trajectory, q: Array, v: Array) -> None:
     Raises:
         InvalidInputError: names the joint, the row and the value.
     """
-    outside = (q < trajectory.lower) | (q > trajectory.upper)
+    outside = beyond_limits(trajectory, q) > 0.0
     fast = np.abs(v) > trajectory.velocity_limit + SPEED_ROUNDING
     for broken, values, unit in ((outside, q, "rad"), (fast, v, "rad/s")):
         if broken.any():
@@ -552,6 +609,44 @@ def check_limits(trajectory: Trajectory, q: Array, v: Array) -> None:
                 f"{trajectory.joint_names[joint]} breaks its limit after resampling: "
                 f"{values[row, joint]:.17g} {unit} in row {row}"
             )
+
+
+def beyond_limits(trajectory: Trajectory, q: Array) -> Array:
+    """How far rows (n, dof) [rad] are past the limits of their trajectory.
+
+    Where it starts outside, how much farther than it already was on its way inside.
+    """
+    past = np.maximum(np.maximum(trajectory.lower - q, q - trajectory.upper), 0.0)
+    return np.asarray(past - np.minimum.accumulate(past, axis=0))
+
+
+def check_interpolated(trajectory: Trajectory) -> None:
+    """Refuse what would leave its limits where controllers go from row to row by cubics or quintics.
+
+    Raises:
+        InvalidInputError: names the joint, the rows and the value; or it does not end at rest.
+    """
+    q, v, names = trajectory.q, trajectory.v, trajectory.joint_names
+    if np.abs(v[-1]).max() > AT_REST:
+        joint = int(np.argmax(np.abs(v[-1])))
+        raise InvalidInputError(
+            f"the last row is not at rest ({names[joint]} at {v[-1, joint]:.3g} rad/s): controllers of ROS 2 refuse it"
+        )
+    if len(q) == 1:
+        return
+    rows, steps = Rows(trajectory.t, q, v, trajectory.a), np.diff(trajectory.t)
+    for order in ("cubics", "quintics"):
+        at, speed = between(rows, quintic=order == "quintics")
+        past = beyond_limits(trajectory, np.vstack([q[:1], at.reshape(-1, q.shape[1])]))[1:].reshape(at.shape)
+        fast = np.abs(speed) - trajectory.velocity_limit * (1.0 + SWUNG)
+        for excess, allowed, unit in ((fast, SPEED_ROUNDING, "rad/s"), (past, ON_LIMIT, "rad")):
+            if excess.max() > allowed:
+                row, _, joint = (int(index) for index in np.unravel_index(int(np.argmax(excess)), excess.shape))
+                raise InvalidInputError(
+                    f"{names[joint]} would pass its limit by {excess.max():.3g} {unit} between rows {row} and "
+                    f"{row + 1} where a controller interpolates by {order}: plan it with a smaller dt, "
+                    f"{0.5 * steps[row]:.3g} s or less"
+                )
 
 
 def _to_degrees(q: Array, lower: Array, upper: Array) -> Array:

@@ -65,6 +65,31 @@ def test_no_way_says_what_touches(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert "no way" in shown
 
 
+@pytest.mark.parametrize("name", ["motion.csv", "motion.npz", "motion.json", "motion.kinova.csv"])
+def test_what_failed_is_not_written(tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str) -> None:
+    scene, out = tmp_path / "scene.yaml", tmp_path / name
+    scene.write_text(BLOCK)
+    out.write_text("precious")
+    words = ("move", "--position", "0.3", "-0.2", "0.5", "--down", "--scene", str(scene), "--output", str(out))
+    assert leave(*words) == 1
+    assert "not written" in capsys.readouterr().out
+    assert out.read_text() == "precious"
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted([name, "scene.yaml"])
+    if name in ("motion.csv", "motion.npz"):
+        assert leave(*words, "--save-failed") == 1
+        assert "written to" in capsys.readouterr().out
+        assert not Trajectory.load(out).success
+
+
+def test_a_motion_for_ros(tmp_path: Path) -> None:
+    out = tmp_path / "motion.json"
+    words = ("move", "--position", "0.3", "-0.2", "0.5", "--down", "--output", str(out), "--first-time", "0.5")
+    assert leave(*words) == 0
+    points = json.loads(out.read_text())["points"]
+    assert points[0]["time_from_start"] == {"sec": 0, "nanosec": 500_000_000}
+    assert not any(points[0]["velocities"] + points[-1]["velocities"])
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
@@ -73,7 +98,14 @@ def test_no_way_says_what_touches(tmp_path: Path, capsys: pytest.CaptureFixture[
         (("--to", "1", "2"), "--to must be 6 numbers, got 2"),
         (("--position", "0.3", "-0.2", "0.5", "--output", "motion.txt"), "--output must end in"),
         (("--position", "0.3", "-0.2", "0.5", "--time-limit", "0"), "--time-limit must be"),
-        (("--to", "1", "2", "--output", "m.csv", "--ros", "1"), "--ros and --joint-prefix go with --output FILE.json"),
+        (
+            ("--to", "1", "2", "--output", "m.csv", "--ros", "1"),
+            "--ros, --joint-prefix and --first-time go with",
+        ),
+        (("--to", "1", "2", "--output", "m.csv", "--first-time", "1"), "--first-time go with --output FILE.json"),
+        (("--to", "1", "2", "--output", "m.kinova.csv", "--save-failed"), "--save-failed goes with --output FILE.csv"),
+        (("--to", "1", "2", "--save-failed"), "--save-failed goes with --output FILE.csv or FILE.npz"),
+        (("--to", "1", "2", "3", "4", "5", "6", "--velocity-limit", "1e12"), "velocity-limit must be at most 10000"),
     ],
 )
 def test_what_is_refused(words: tuple[str, ...], message: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -91,8 +91,14 @@ def test_track_keeps_limits_in_degrees_and_clear_of_obstacles(
     scene = path_file.with_name("scene.json")
     box = {"shape": "box", "name": "box", "size": [0.1, 0.1, 0.1], "position": [0.4, -0.2, 0.5]}
     scene.write_text(json.dumps([box]), encoding="utf-8")
+    before = out.read_bytes()
     assert leave(*words, "--scene", str(scene), "--clearance", "0.01") == 1
-    assert "NOT on the path" in capsys.readouterr().out
+    shown = capsys.readouterr().out
+    assert "NOT on the path" in shown
+    assert "not written" in shown
+    assert out.read_bytes() == before
+    assert leave(*words, "--scene", str(scene), "--clearance", "0.01", "--save-failed") == 1
+    assert not Trajectory.load(out).success
 
 
 def test_track_starts_near_a_seed_in_degrees(path_file: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -11,6 +11,7 @@ import pytest
 from jacokin import Robot
 from jacokin.errors import InvalidInputError, MissingExtraError
 from jacokin.motion import move_joints
+from tests.motion.controllers import check_as_controllers_go
 
 ROUNDING = 1e-9  # [rad/s, rad/s^2] in Ruckig's polynomials
 
@@ -42,8 +43,9 @@ def test_the_time_is_the_least_possible(robot: Robot) -> None:
     end[1] -= 1.0
     motion = move_joints(robot, robot.home, end, acceleration_limit=1.0)
     speed = robot.velocity_limit[1]
-    assert motion.duration == pytest.approx(1.0 / speed + speed / 1.0, rel=1e-9)
-    assert len(motion) == int(np.ceil(motion.duration / 0.01)) + 1
+    least = 1.0 / speed + speed / 1.0
+    assert least < motion.duration < 1.02 * least + 0.03  # two ticks, one to be whole, and what the spline swings over
+    assert len(motion) == round(motion.duration / 0.01) + 1
 
 
 def test_unlimited_joints_take_the_short_way(robot: Robot) -> None:
@@ -56,7 +58,7 @@ def test_unlimited_joints_take_the_short_way(robot: Robot) -> None:
 
 def test_going_nowhere_takes_no_time(robot: Robot) -> None:
     motion = move_joints(robot, robot.home, robot.home)
-    assert motion.duration == 0.0
+    assert (motion.duration, motion.message) == (0.0, "already there")
     assert np.array_equal(motion.q, robot.home[None])
 
 
@@ -97,8 +99,11 @@ def test_without_ruckig_the_extra_is_named(robot: Robot, monkeypatch: pytest.Mon
         move_joints(robot, robot.home, robot.home)
 
 
-@pytest.mark.parametrize("name", ["velocity_limit", "acceleration_limit", "jerk_limit"])
-@pytest.mark.parametrize("size", [10.0**k for k in (-300, -100, -20, -12, -9, -6, -4, 4, 6, 9, 12, 100, 300)])
+BOUNDS = {"velocity_limit": 1e4, "acceleration_limit": 1e6, "jerk_limit": 1e9}
+
+
+@pytest.mark.parametrize("name", BOUNDS)
+@pytest.mark.parametrize("size", [10.0**k for k in (-300, -100, -20, -12, -9, -6, -4, 4, 6, 9, 12, 100, 300, 308)])
 def test_limits_of_extreme_size_hold_or_are_refused(robot: Robot, name: str, size: float) -> None:
     goal = robot.home.copy()
     goal[[0, 1, 5]] += [2.0, 0.4, -1.0]
@@ -107,18 +112,39 @@ def test_limits_of_extreme_size_hold_or_are_refused(robot: Robot, name: str, siz
         with pytest.raises(InvalidInputError, match=r"no motion found within these limits|more than 10000000 steps"):
             move_joints(robot, robot.home, goal, dt=1e-4, **limits)
         return
-    try:
-        motion = move_joints(robot, robot.home, goal, **limits)
-    except InvalidInputError as error:
-        if "no motion found within these limits" not in str(error) or size < 1e6:
-            raise
+    if size > BOUNDS[name]:
+        with pytest.raises(InvalidInputError, match=f"{name} must be at most"):
+            move_joints(robot, robot.home, goal, **limits)
         return
+    motion = move_joints(robot, robot.home, goal, **limits)
     assert len(motion) > 10
     assert np.array_equal(motion.q[-1], goal)
     assert (np.abs(motion.v) <= limits["velocity_limit"] * (1 + 1e-9)).all()
-    assert (np.abs(motion.a) <= limits["acceleration_limit"] * (1 + 1e-9)).all()
-    slope = np.abs(np.diff(motion.q, axis=0) / np.diff(motion.t)[:, None])
-    assert (slope <= limits["velocity_limit"] * (1 + 1e-6) + 1e-9).all()
+    assert (np.abs(motion.a) <= limits["acceleration_limit"] * (1 + 1e-8)).all()
+
+
+@pytest.mark.parametrize("acceleration", [1e3, 1e5, 1e6])
+@pytest.mark.parametrize("velocity", [0.6, 100.0, 1e4])
+@pytest.mark.parametrize("dt", [0.01, 1e-4])
+def test_accelerations_are_held_up_to_the_bounds(robot: Robot, velocity: float, acceleration: float, dt: float) -> None:
+    goal = robot.home.copy()
+    goal[[0, 1, 5]] += [2.0, 0.4, -1.0]
+    motion = move_joints(robot, robot.home, goal, dt=dt, velocity_limit=velocity, acceleration_limit=acceleration)
+    assert motion.success
+    assert (np.abs(motion.a) <= acceleration * (1 + 1e-8)).all()
+    assert (np.abs(np.diff(motion.q, axis=0)) <= velocity * dt * (1 + 1e-9)).all()
+    assert np.array_equal(motion.q[-1], goal)
+
+
+@pytest.mark.parametrize("dt", [0.001, 0.01, 0.1, 0.5, 5.0])
+@pytest.mark.parametrize("acceleration", [0.3, 1.0, 10.0])
+def test_limits_hold_as_controllers_go_from_row_to_row(robot: Robot, dt: float, acceleration: float) -> None:
+    goal = robot.home.copy()
+    goal[[0, 1, 5]] += [2.0, 0.4, -1.0]
+    goal = goal if dt > 0.001 else robot.home + 0.02
+    motion = move_joints(robot, robot.home, goal, dt=dt, acceleration_limit=acceleration)
+    check_as_controllers_go(motion, acceleration)
+    assert np.allclose(np.diff(motion.t), dt, rtol=1e-9)
 
 
 def test_far_turns_are_kept(robot: Robot) -> None:

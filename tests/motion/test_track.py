@@ -29,7 +29,7 @@ def test_a_square_is_followed(robot: Robot, square: list[pin.SE3], result: Traje
         edges = [abs(place[1]), abs(place[1] - 0.05), abs(place[2]), abs(place[2] - 0.05)]
         assert abs(place[0]) < 1e-4
         assert min(edges) < 1e-4
-    assert np.allclose(np.diff(result.q, axis=0) / 0.01, result.v[1:], atol=1e-9)
+    assert not result.v[[0, -1]].any()
     assert (np.abs(result.v) <= robot.velocity_limit + 1e-9).all()
     assert (result.limit_margin >= 0.0).all()
     assert np.isinf(result.limit_margin[:, robot.unlimited]).all()

@@ -143,7 +143,7 @@ def test_files_without_sense_are_refused(trajectory: Trajectory, tmp_path: Path)
             (replace(trajectory, q=q), "q is not finite"),
             (replace(trajectory, t=t), "t does not rise"),
         ):
-            wrong.save(file)
+            wrong.save(file, failed=True)
             with pytest.raises(InvalidInputError, match=message):
                 type(trajectory).load(file)
     trajectory.save(file)
@@ -175,7 +175,7 @@ def test_files_of_earlier_versions_are_read(result: Trajectory, motion: Trajecto
         numbers = {name: archive[name] for name in archive.files if name not in ("a", "outcome")}
     np.savez(file, **numbers)
     back = Trajectory.load(file)
-    np.testing.assert_array_equal(back.a, result.a)
+    np.testing.assert_allclose(back.a[1:], np.diff(result.v, axis=0) / np.diff(result.t)[:, None])
     assert (back.outcome, back.success, back.follows_path) == ("OK", True, True)
     file = tmp_path / "motion.csv"
     for known in ("", ",".join(["0.25"] * len(motion))):
@@ -274,14 +274,120 @@ def test_json_for_ros_1_and_with_the_names_of_a_driver(trajectory: Trajectory, t
     assert np.allclose(times, trajectory.t, atol=1e-9)
     with pytest.raises(InvalidInputError, match="ros must be a whole number <= 2"):
         trajectory.save(file, ros=3)
-    with pytest.raises(InvalidInputError, match=r"ros and joint_prefix are for \.json files"):
+    with pytest.raises(InvalidInputError, match=r"ros, joint_prefix and first_time are for \.json files"):
         trajectory.save(tmp_path / "trajectory.csv", joint_prefix="a")
 
 
-def test_accelerations_of_a_path_are_changes_of_its_velocity(result: Trajectory) -> None:
-    rebuilt = np.cumsum(result.a[1:] * np.diff(result.t)[:, None], axis=0)
-    assert np.allclose(rebuilt, result.v[1:], atol=1e-12)
-    assert not result.a[0].any()
+def test_a_first_time_is_for_controllers_that_drop_a_point_at_time_0(trajectory: Trajectory, tmp_path: Path) -> None:
+    file = tmp_path / "trajectory.json"
+    trajectory.save(file, first_time=0.25)
+    points = json.loads(file.read_text(encoding="utf-8"))["points"]
+    times = [point["time_from_start"]["sec"] + 1e-9 * point["time_from_start"]["nanosec"] for point in points]
+    assert np.allclose(times, trajectory.t + 0.25, atol=1e-9)
+    for wrong in (-0.1, np.inf, 11.0, "0.1"):
+        with pytest.raises(InvalidInputError, match="first_time must be"):
+            trajectory.save(file, first_time=wrong)  # type: ignore[arg-type]  # wrong on purpose
+    with pytest.raises(InvalidInputError, match=r"first_time are for \.json files"):
+        trajectory.save(tmp_path / "trajectory.csv", first_time=0.1)
+
+
+ENDINGS = ["motion.csv", "motion.npz", "motion.json", "motion.kinova.csv"]
+
+
+@pytest.mark.parametrize("name", ENDINGS)
+def test_what_failed_is_not_saved(motion: Trajectory, tmp_path: Path, name: str) -> None:
+    one = {field: getattr(motion, field)[:1] for field in ("t", "q", "v", "a")}
+    failed = replace(motion, **one, outcome="NO_WAY", message="no way was found", **short(motion, 1))
+    file = tmp_path / name
+    with pytest.raises(InvalidInputError, match="failed is not saved: NO_WAY, no way was found"):
+        failed.save(file)
+    if name in ENDINGS[:2]:
+        failed.save(file, failed=True)
+        back = Trajectory.load(file)
+        assert (back.success, back.outcome, len(back)) == (False, "NO_WAY", 1)
+        with pytest.raises(InvalidInputError, match="NO_WAY"):
+            back.save(tmp_path / "again.csv")
+    else:
+        with pytest.raises(InvalidInputError, match="NO_WAY"):
+            failed.save(file, failed=True)
+        assert not file.exists()
+
+
+def short(motion: Trajectory, rows: int) -> dict[str, Any]:
+    """The fields of the first rows."""
+    names = ("clearance", "position_error", "orientation_error", "status", "limiting", "segment")
+    return {name: getattr(motion, name)[:rows] for name in names}
+
+
+@pytest.mark.parametrize("name", ENDINGS)
+@pytest.mark.parametrize("jump", [2.0 * np.pi, 0.02, np.nan])
+def test_nothing_that_jumps_leaves_the_library(trajectory: Trajectory, tmp_path: Path, name: str, jump: float) -> None:
+    q = trajectory.q.copy()
+    q[len(q) // 2 :, 3] += jump
+    wrong = replace(trajectory, q=q)
+    assert (wrong.success, wrong.outcome) == (False, "TOO_FAST")
+    assert "joint_4 moves" in wrong.message
+    with pytest.raises(InvalidInputError, match="TOO_FAST, joint_4 moves"):
+        wrong.save(tmp_path / name)
+    q[:] = trajectory.q  # what was checked is not changed from outside
+    assert not np.array_equal(wrong.q, q)
+
+
+@pytest.mark.parametrize("name", ["path.csv", "path.npz"])
+def test_a_file_that_was_changed_to_jump_is_no_success(motion: Trajectory, tmp_path: Path, name: str) -> None:
+    file = tmp_path / name
+    motion.save(file)
+    if name == "path.npz":
+        with np.load(file) as archive:
+            numbers = dict(archive)
+        numbers["q"][5:, 0] += 2.0 * np.pi
+        np.savez(file, **numbers)
+    else:
+        lines = file.read_text(encoding="utf-8").splitlines()
+        limit = next(k for k, line in enumerate(lines) if line.startswith("# velocity_limit"))
+        lines[limit] = "# velocity_limit,0.1,0.1,0.1,0.1,0.1,0.1"
+        file.write_text("\n".join(lines), encoding="utf-8")
+    back = Trajectory.load(file)
+    assert (back.success, back.outcome) == (False, "TOO_FAST")
+    for ending in ENDINGS:
+        with pytest.raises(InvalidInputError, match="TOO_FAST"):
+            back.save(tmp_path / ending)
+
+
+def test_rows_as_controllers_of_ros_take_them(trajectory: Trajectory, tmp_path: Path) -> None:
+    file = tmp_path / "trajectory.json"
+    rests = trajectory.v.copy()
+    rests[-1] = 2e-7
+    with pytest.raises(InvalidInputError, match="the last row is not at rest"):
+        replace(trajectory, v=rests).save(file)
+    wild = trajectory.v.copy()
+    wild[10, 2] = 1.0
+    with pytest.raises(InvalidInputError, match="joint_3 would pass its limit by .* between rows .* a smaller dt"):
+        replace(trajectory, v=wild).save(file)
+    wild = trajectory.a.copy()
+    wild[10, 2] = 1e6
+    with pytest.raises(InvalidInputError, match="joint_3 would pass its limit by .* interpolates by quintics"):
+        replace(trajectory, a=wild).save(file)
+    assert not file.exists()
+
+
+def test_where_it_starts_outside_it_may_come_inside(motion: Trajectory, tmp_path: Path) -> None:
+    lower = motion.lower.copy()
+    lower[1] = motion.q[len(motion) // 2, 1]
+    inwards = replace(motion, lower=lower)
+    for name in ENDINGS:
+        inwards.save(tmp_path / name)
+    outwards = replace(motion, lower=lower, q=motion.q[::-1].copy(), v=-motion.v[::-1], a=motion.a[::-1])
+    for name in ENDINGS[2:]:
+        with pytest.raises(InvalidInputError, match="joint_2"):
+            outwards.save(tmp_path / name)
+
+
+def test_results_print_short(trajectory: Trajectory) -> None:
+    assert repr(trajectory).count("\n") == 0
+    assert len(repr(trajectory)) < 200
+    assert len(str(trajectory)) < 400
+    assert len(repr([trajectory, trajectory])) < 400
 
 
 def kinova_rows(file: Path) -> tuple[list[str], NDArray[np.float64]]:
@@ -325,7 +431,7 @@ def test_kinova_files_keep_joints_that_stand_on_their_limits(robot: Robot, motio
 
 def test_a_trajectory_that_breaks_limits_is_not_sent(motion: Trajectory, tmp_path: Path) -> None:
     file = tmp_path / "fast.kinova.csv"
-    with pytest.raises(InvalidInputError, match="joint_1 breaks its limit after resampling"):
+    with pytest.raises(InvalidInputError, match="TOO_FAST, joint_1 moves"):
         replace(motion, velocity_limit=motion.velocity_limit * 0.5).save(file)
     with pytest.raises(InvalidInputError, match="joint_2 breaks its limit after resampling"):
         replace(motion, upper=np.array([np.inf, motion.q[0, 1], *motion.upper[2:]])).save(file)

@@ -38,7 +38,8 @@ from jacokin.motion.blending import fit_time, round_corners
 from jacokin.motion.free_motion.search import MOST_SAMPLES, Found, StraightMotion, WaySearch
 from jacokin.motion.grasps import Grasp
 from jacokin.motion.joint_motion import ACCELERATION, SmoothLines
-from jacokin.motion.timing import MAX_TICKS, TimeLaw, TooHeavy, check_ticks, slow_down, torque_limits
+from jacokin.motion.rows import Limits, OnTheWay, Rows, coarse, from_rest_to_rest, halved
+from jacokin.motion.timing import MAX_TICKS, TimeLaw, TooHeavy, check_ticks, slow_down, torque_limits, torque_strain
 from jacokin.motion.trajectory import Aim, Goal, MotionStatus, Trajectory
 
 MOST_WAYS = 1000  # some seconds of searching
@@ -76,7 +77,8 @@ def plan_motion(
             quickest way so far is taken.
         ways: how many ways are looked for where the straight motion is blocked; the quickest is taken.
         rng: randomness of the search; None for a fixed seed.
-        dt: sampling step [s]; the last row is at the end of the motion, whole step or not.
+        dt: step from row to row [s]; smaller where controllers could touch something between two rows, as `message`
+            says.
         velocity_limit: (dof,) or one for all [rad/s]; None for the robot's own.
         acceleration_limit: (dof,) or one for all [rad/s^2].
         jerk_limit: (dof,) or one for all [rad/s^3]; None for none. With one, the arm stands still at corners.
@@ -84,9 +86,9 @@ def plan_motion(
             motion is slowed down until no joint needs more, what the robot carries (`Robot.with_payload`) included.
 
     Returns:
-        The motion from rest to rest, its limits held at every instant, with the goal that was taken, and the least
-        distance at each row, measured when it is first asked for. Without a way it stays at the start, and `outcome`
-        and `message` say why.
+        The motion from rest to rest, its limits held at every instant as controllers go from row to row, with the goal
+        that was taken, and the least distance at each row, measured when it is first asked for. Without a way it stays
+        at the start, and `outcome` and `message` say why.
 
     Raises:
         InvalidInputError: a malformed argument, or a configuration outside the limits.
@@ -243,17 +245,31 @@ class _Request:
         duration = law.duration
         if duration / self.dt > MAX_TICKS:
             check_ticks(np.array([duration]), self.dt)
-        t = np.append(np.arange(0.0, duration, self.dt), duration)
-        q, v, a = law.at(t)
-        q = np.clip(q, robot.lower, robot.upper)  # rounding
-        q[0], q[-1], v[0], v[-1] = self.start, way[-1], 0.0, 0.0
-        sentence = f"reached in {duration:.4g} s"
+
+        def at(times: Array) -> Array:
+            q = np.clip(law.at(times)[0], robot.lower, robot.upper)  # rounding
+            q[0], q[-1] = self.start, way[-1]
+            return q
+
+        between, fault = OnTheWay(robot, contact), ""
+        for step in halved(self.dt):
+            rows = from_rest_to_rest(at, duration, step, self._strain)
+            found = between.fault(rows)
+            if not found:
+                break
+            fault = found
+        sentence = f"reached in {rows.t[-1]:.4g} s{coarse(self.dt, step, fault)}"
         lines = len(way) - 1
         sentence += "" if law is timed.law else ", slower for the torques"
         sentence += ", straight" if lines == 1 else f", around what is in the way by {lines} lines"
         if contact is None:
             sentence += "; the description has no collision shapes, so contact was not checked"
-        return self._write((t, q, v, a), goal, contact, sentence)
+        return self._write(rows, goal, contact, sentence)
+
+    def _strain(self, rows: Rows) -> float:
+        """How many times as long rows must take for the limits to hold."""
+        worst = float(Limits(self.velocity, self.acceleration, self.jerk).strain(rows).max())
+        return worst if self.torque is None else max(worst, torque_strain(self.solver.robot, rows, self.torque))
 
     def _write(
         self, rows: tuple[Array, Array, Array, Array], goal: Goal, contact: Contact | None, message: str

@@ -7,8 +7,9 @@ from the first to the last (`search`); then it computes every tick exactly on th
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import pinocchio as pin
@@ -23,15 +24,17 @@ from jacokin.ik.verification import Verifier
 from jacokin.model import checks
 from jacokin.model.many_configurations import Chain
 from jacokin.model.poses import FreeAxis, rotation_angle
-from jacokin.model.robot import velocity_limits
+from jacokin.model.robot import acceleration_limits, velocity_limits
 from jacokin.motion.free_motion.plan_motion import plan_motion
 from jacokin.motion.joint_motion import ACCELERATION
 from jacokin.motion.path import MOST_FAMILIES, MOST_PLACES, CartesianPath
 from jacokin.motion.planning.manifold import Curve, Manifold, Pace
+from jacokin.motion.planning.passing import keep_speed, pass_slowly
 from jacokin.motion.planning.search import Climb, Ladder, PathSearch, Rung
-from jacokin.motion.timing import check_ticks, fit_ticks, sample_lines
+from jacokin.motion.rows import HELD, OnTheWay, Rows, coarse, halved, most_between, spline_rows, standing
+from jacokin.motion.timing import check_ticks, sample_lines
 from jacokin.motion.track import ANGULAR_SPEED, SPEED
-from jacokin.motion.trajectory import LEAD_IN, Trajectory, changes
+from jacokin.motion.trajectory import LEAD_IN, Trajectory
 
 TIMINGS = ("keep", "slow")
 FINEST = 0.01  # [rad] between members of a family: more of them take minutes
@@ -40,6 +43,7 @@ FREE_STEP = float(np.radians(10.0))  # [rad] between members of a family that ar
 SPACING = 0.01  # [m] of the tool between two steps of the path
 TURNING = 0.05  # [rad] the same of its orientation
 TIGHT = 0.05  # [rad] a joint this near to its limit is why a way ends
+TINY = 1e-9  # [s] asked for between two rows, at least
 SPEED_ROUNDING = 1e-9  # [rad/s] of positions subtracted and divided by a step
 ACCELERATION_ROUNDING = 1e-6  # relative
 
@@ -61,7 +65,10 @@ def plan_path(
     """Joint trajectory of least cost along straight lines through poses, over all branches.
 
     Every tick is on the path: positions move on straight lines, orientations turn about one axis by the short way.
-    Contact is looked for as the solver does, between ticks too: nothing is stepped over.
+    It begins and ends at rest, and limits hold as controllers go from row to row, by straight lines, cubics or
+    quintics. Contact is looked for as the solver does, between ticks too: nothing is stepped over. Where controllers
+    could touch something on their way between two rows, all rows are nearer to each other than `dt`, and `message`
+    says so.
 
     Args:
         solver: a solver whose robot has a closed form, of six or seven joints; its scene, clearance and limits hold
@@ -73,13 +80,15 @@ def plan_path(
         speed: along the lines [m/s], one for all or (n - 1,).
         angular_speed: of turning [rad/s], as `speed`; a line takes the longer of the two times. Turning about a free
             axis does not count.
-        timing: "keep" holds these speeds and says where joints cannot follow; "slow" slows down there.
+        timing: "keep" holds these speeds, corners included, between ramps of 1 rad/s^2 at both ends, and says where
+            joints cannot follow; "slow" slows down there.
         seed: (dof,) configuration [rad] to start near; None for home.
         start: (dof,) configuration [rad] that the arm is in, instead of `seed`. Where the tool is elsewhere than at the
             first target, the arm first moves there without contact, as `plan_motion` does.
         velocity_limit: (dof,) or one for all [rad/s]; None for the robot's own.
-        acceleration_limit: (dof,) or one for all [rad/s^2], with timing="slow"; None for none. With one, the path is
-            run through from rest to rest, and the arm stands still at corners.
+        acceleration_limit: (dof,) or one for all [rad/s^2], with timing="slow"; None for 1 rad/s^2 of speeding up and
+            slowing down along the path, and none at corners, which are passed in a tick. With one, the arm slows down
+            or stands still at corners.
         free_step: between values of the free angle, or of joint 3 on seven joints, that are tried [rad]; the ends of
             their intervals are tried too, and the best way is then smoothed.
 
@@ -105,7 +114,7 @@ def plan_path(
     if acceleration_limit is not None:
         if timing == "keep":
             raise InvalidInputError("acceleration_limit needs timing='slow': the speed that is kept has corners")
-        acceleration = checks.positive_vector("acceleration_limit", acceleration_limit, robot.dof, "rad/s^2")
+        acceleration = acceleration_limits(robot, acceleration_limit)
     velocity = velocity_limits(robot, velocity_limit)
     if velocity.min() < SLOWEST:
         raise InvalidInputError(f"velocity_limit must be at least {SLOWEST:g} rad/s, got {velocity.min():g}")
@@ -122,19 +131,18 @@ def plan_path(
     check_ticks(times, dt)
     near, note = seeds.choose_start(robot, seed, start)
     if start is not None and is_away(verifier, near, path.target(0.0)):
-        line = plan_path(
+        plan = partial(
+            plan_path,
             solver,
             targets,
-            dt,
             speed=speed,
             angular_speed=angular_speed,
             timing=timing,
-            seed=near,
             velocity_limit=velocity_limit,
             acceleration_limit=acceleration_limit,
             free_step=free_step,
         )
-        return lead_in(solver, near, line, dt, acceleration) if line.success else line
+        return _led_in(solver, near, plan, dt, ACCELERATION if acceleration is None else acceleration)
 
     chain = Chain(robot, verifier.frame_id, verifier.tool)
     manifold = Manifold(robot, chain, path, verifier.options.limit_snap)
@@ -196,32 +204,32 @@ class _Writer:
         path = self.manifold.path
         u = sample_lines(self.pace.times, self.dt)
         parameter = np.full(path.lines + 1, np.nan)
-        x = self.manifold.points(q[None], path.target(0.0))
-        return self._measure(u, np.tile(x, (len(u), 1)), parameter, -1.0, reason)
+        x = np.tile(self.manifold.points(q[None], path.target(0.0)), (len(u), 1))
+        return self._measure(
+            u, x, standing(spline_rows(q[None], self.dt), len(u) - 1, self.dt), parameter, -1.0, reason
+        )
 
     def follow(self, curve: Curve, reached: float, reason: str) -> Trajectory:
         """The ticks along a joint path; beyond its end the arm stays there."""
-        ticks = kept = sample_lines(self.pace.times, self.dt)
-        if self.slow and len(curve.u) > 1:
-            dof = self.manifold.dof
-            ticks = fit_ticks(
-                curve.u,
-                curve.q,
-                lambda u: curve.at(u)[0][:, :dof],
-                self.pace.times,
-                self.dt,
-                self.pace.velocity,
-                self.acceleration,
-            )
-        parameter = self._at_waypoints(curve, reached)
-        if reached == self.manifold.path.lines:
-            return self._measure(ticks, curve.at(ticks)[0], parameter, reached, reason)
-        if self.slow:
-            ticks = np.concatenate([ticks, kept[kept > reached]])
-        inside = ticks <= reached
-        x = np.tile(curve.x[-1], (len(ticks), 1))
-        x[inside] = curve.at(ticks[inside])[0] if len(curve.u) > 1 else curve.x[0]
-        return self._measure(ticks, x, parameter, reached, reason)
+        parameter, fault, verifier = self._at_waypoints(curve, reached), "", self.solver.verifier
+        between = OnTheWay(self.solver.robot, verifier.contact if verifier.avoids_contact else None)
+        for dt in halved(self.dt):
+            if len(curve.u) < 2:
+                u, x, rows = np.zeros(1), curve.x[:1], spline_rows(curve.q[:1], dt)
+            elif self.slow:
+                u, x, rows = pass_slowly(curve, self.pace, dt, self.acceleration)
+            else:
+                u, x, rows = keep_speed(curve, self.pace, dt)
+            found = between.fault(rows)
+            if not found:
+                break
+            fault = found
+        if reached < self.manifold.path.lines:  # the time that the rest would have taken
+            beyond = sample_lines(self.pace.times, dt)
+            beyond = beyond[beyond > reached]
+            u, x = np.append(u, beyond), np.vstack([x, np.tile(x[-1], (len(beyond), 1))])
+            rows = standing(rows, len(beyond), dt)
+        return self._measure(u, x, rows, parameter, reached, reason, coarse(self.dt, dt, fault))
 
     def _at_waypoints(self, curve: Curve, reached: float) -> Array:
         """The parameter (lines + 1,) at the waypoints that are reached; nan at others, and where there is none."""
@@ -234,23 +242,21 @@ class _Writer:
         parameter[: len(passed)] = path.free_angle(found) if path.free else found
         return parameter
 
-    def _measure(self, u: Array, x: Array, parameter: Array, reached: float, reason: str) -> Trajectory:
-        """Every row measured by Pinocchio, against limits, and for contact."""
+    def _measure(
+        self, u: Array, x: Array, rows: Rows, parameter: Array, reached: float, reason: str, note: str = ""
+    ) -> Trajectory:
+        """Every row measured by Pinocchio, against limits, and for contact; a note is added to what happened."""
         robot, verifier = self.solver.robot, self.solver.verifier
         path, dof = self.manifold.path, self.manifold.dof
-        wanted, q = path.at(u, x[:, dof] if path.free else None), x[:, :dof]
+        wanted, q = path.at(u, x[:, dof] if path.free else None), rows.q
         errors = np.array(
             [verifier.measure(row, TargetPose(T, position_only=False)) for row, T in zip(q, wanted, strict=True)]
         )
-        v = np.zeros_like(q)
-        v[1:] = np.diff(q, axis=0) / self.dt
         off = (errors[:, 0] > verifier.options.position_tolerance) | (
             errors[:, 1] > verifier.options.orientation_tolerance
         )
-        fast = np.abs(v) > self.pace.velocity + SPEED_ROUNDING
-        hard = np.zeros_like(fast)
-        if self.acceleration is not None:
-            hard[1:] = np.abs(np.diff(v, axis=0)) > self.acceleration * self.dt * (1.0 + ACCELERATION_ROUNDING)
+        speed, hard = self._needed(u, rows)
+        fast = speed > self.pace.velocity * HELD + SPEED_ROUNDING
         status, limiting = [], []
         for row in range(len(q)):
             names = [f"{robot.joint_names[j]} velocity" for j in np.flatnonzero(fast[row])]
@@ -261,12 +267,13 @@ class _Writer:
         clearance = verifier.distances(q) if verifier.looks_for_contact else np.full(len(q), np.nan)
         away = np.abs(q[0] - self.near)
         jump = seeds.describe_jump(robot.joint_names, away, self.origin)
-        words = [reason or self._sentence(v, fast, status), jump, self.note]
+        words = [(reason or self._sentence(speed, fast, status, rows)) + note, jump, self.note]
         return Trajectory(
             joint_names=robot.joint_names,
-            t=checks.read_only(np.arange(len(q)) * self.dt),
+            t=checks.read_only(rows.t),
             q=checks.read_only(q),
-            v=checks.read_only(v),
+            v=checks.read_only(rows.v),
+            a=checks.read_only(rows.a),
             position_error=checks.read_only(errors[:, 0]),
             orientation_error=checks.read_only(errors[:, 1]),
             status=tuple(status),
@@ -281,20 +288,35 @@ class _Writer:
             start_distance=float(away.max()),
         )
 
-    def _sentence(self, v: Array, fast: NDArray[np.bool_], status: list[str]) -> str:
+    def _needed(self, u: Array, rows: Rows) -> tuple[Array, NDArray[np.bool_]]:
+        """Velocities (n, dof) [rad/s] that rows need, and where (n, dof) they accelerate too much.
+
+        Where the speed is kept, those that it asks for count, also on the ramps.
+        """
+        none = np.zeros((1, rows.q.shape[1]))
+        fast, hard = (np.vstack([none, each]) for each in most_between(rows))
+        if not self.slow:
+            ends = np.append(0.0, np.cumsum(self.pace.times))
+            asked = np.diff(np.interp(u, np.arange(len(ends)), ends))[:, None]
+            moved = np.abs(np.diff(rows.q, axis=0))
+            fast[1:] = np.maximum(fast[1:], np.where(moved > 0.0, moved / np.maximum(asked, TINY), 0.0))
+        limit = np.inf if self.acceleration is None else self.acceleration * (1.0 + ACCELERATION_ROUNDING)
+        return fast, hard > limit
+
+    def _sentence(self, speed: Array, fast: NDArray[np.bool_], status: list[str], rows: Rows) -> str:
         if all(word == "OK" for word in status):
             return "on the path throughout"
         ticks = np.flatnonzero(fast.any(axis=1))
         if ticks.size:
             names = ", ".join(self.solver.robot.joint_names[j] for j in np.flatnonzero(fast.any(axis=0)))
-            excess = float((np.abs(v) / self.pace.velocity).max()) - 1.0
+            excess = float((speed / self.pace.velocity).max()) - 1.0
             return (
                 f"{names} cannot follow at this speed on {ticks.size} of {len(fast)} ticks, first at "
-                f"{ticks[0] * self.dt:.6g} s, too fast by up to {100.0 * excess:.3g} %; timing='slow' slows "
+                f"{rows.t[ticks[0]]:.6g} s, too fast by up to {100.0 * excess:.3g} %; timing='slow' slows "
                 "down there"
             )
         if "LIMITED" in status:
-            return f"joints would accelerate too much at {status.index('LIMITED') * self.dt:.6g} s"
+            return f"joints would accelerate too much at {rows.t[status.index('LIMITED')]:.6g} s"
         return "a tick misses the path"
 
 
@@ -340,6 +362,7 @@ def _explain_end(search: PathSearch, reached: float, q: Array, blocked: str, sol
 
 
 THERE = 1e-3  # [m] and [rad] an arm this near to the first pose is at it
+JOINED = 1e-6  # [rad] a motion that ends this near to the first row leads to it; the same part of a step
 
 
 def is_away(verifier: Verifier, q: Array, target: pin.SE3 | FreeAxis) -> bool:
@@ -353,56 +376,43 @@ def is_away(verifier: Verifier, q: Array, target: pin.SE3 | FreeAxis) -> bool:
     return float(np.linalg.norm(tool.rotation @ target.axis - pose.rotation @ target.axis)) > THERE
 
 
-def lead_in(solver: IKSolver, start: Array, path: Trajectory, dt: float, acceleration: Array | None) -> Trajectory:
-    """A path with the motion to its first row before it, in rows of `dt` [s] whose status is "LEAD_IN".
+def _led_in(
+    solver: IKSolver, start: Array, plan: Callable[..., Trajectory], dt: float, acceleration: ArrayLike
+) -> Trajectory:
+    """A path with the motion to its first row before it, in rows whose status is "LEAD_IN".
 
     Args:
         solver: knows the arm and its scene.
         start: (dof,) where the arm is [rad].
-        path: a path that begins elsewhere.
+        plan: plans the path, with its step `dt` [s], and a `seed` or `start` of its own.
         dt: control step [s].
-        acceleration: (dof,) limits [rad/s^2]; None for those of `plan_motion`.
+        acceleration: limits of the motion [rad/s^2].
     """
+    path = plan(dt=dt, seed=start)
+    if not path.success:
+        return path
     motion = plan_motion(
-        solver,
-        start,
-        path.q[0],
-        dt=dt,
-        velocity_limit=path.velocity_limit,
-        acceleration_limit=ACCELERATION if acceleration is None else acceleration,
+        solver, start, path.q[0], dt=dt, velocity_limit=path.velocity_limit, acceleration_limit=acceleration
     )
     if not motion.success:
-        status = ("HELD",) * len(path)
-        q = checks.read_only(np.tile(start, (len(path), 1)))
-        away = checks.read_only(np.full(len(path), np.nan))
-        message = f"there is no way from the start to where the path would begin: {motion.message}"
-        still = checks.read_only(np.zeros_like(q))
-        return replace(
-            path,
-            q=q,
-            v=still,
-            a=still,
-            status=status,
-            limiting=(message,) * len(path),
-            position_error=away,
-            orientation_error=away,
-            clearance=away,
-            message=message,
-        )
-    # All but its last row are whole steps; the last one is reached within the step after them.
+        return _without_way(path, start, motion)
+    if np.abs(motion.q[-1] - path.q[0]).max() > JOINED:  # whole turns away: the path begins where the motion ends
+        path = plan(dt=dt, start=motion.q[-1])
+        if not path.success:
+            return path
+    steps = float(motion.t[min(1, len(motion) - 1)]) or float(path.t[1]), float(path.t[1])
+    if abs(steps[0] - steps[1]) > JOINED * dt:  # one of them needs smaller ones
+        return _led_in(solver, start, plan, min(steps), acceleration)
     count = len(motion) - 1
-    q = np.vstack([motion.q[:-1], path.q])
-    v = np.zeros_like(q)
-    v[1:] = np.diff(q, axis=0) / dt
+    rows = spline_rows(np.vstack([motion.q[:-1], path.q]), steps[0])
     unknown = np.full(count, np.nan)
     clear = motion.clearance[:-1] if not np.isnan(path.clearance).all() else unknown
-    t = checks.read_only(np.arange(len(q)) * dt)
     return replace(
         path,
-        t=t,
-        q=checks.read_only(q),
-        v=checks.read_only(v),
-        a=changes(t, v),
+        t=rows.t,
+        q=rows.q,
+        v=rows.v,
+        a=rows.a,
         status=(LEAD_IN,) * count + path.status,
         limiting=("",) * count + path.limiting,
         segment=checks.sealed(np.concatenate([np.full(count, -1, dtype=np.intp), path.segment])),
@@ -411,4 +421,22 @@ def lead_in(solver: IKSolver, start: Array, path: Trajectory, dt: float, acceler
         clearance=checks.read_only(np.concatenate([clear, path.clearance])),
         start_distance=0.0,
         message=f"{path.message.partition(';')[0]}, after a motion of {motion.duration:.4g} s to where it begins",
+    )
+
+
+def _without_way(path: Trajectory, start: Array, motion: Trajectory) -> Trajectory:
+    """A path that is not reached from the start (dof,) [rad], where the arm stays."""
+    q, away = np.tile(start, (len(path), 1)), checks.read_only(np.full(len(path), np.nan))
+    message = f"there is no way from the start to where the path would begin: {motion.message}"
+    return replace(
+        path,
+        q=q,
+        v=np.zeros_like(q),
+        a=np.zeros_like(q),
+        status=("HELD",) * len(path),
+        limiting=(message,) * len(path),
+        position_error=away,
+        orientation_error=away,
+        clearance=away,
+        message=message,
     )

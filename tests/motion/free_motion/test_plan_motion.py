@@ -89,7 +89,8 @@ def test_a_straight_motion_where_nothing_is_in_the_way(robot: Robot) -> None:
     check(robot, Scene(), motion)
     speed = (robot.velocity_limit / np.maximum(np.abs(goal - robot.home), 1e-12)).min()  # of the whole way
     pull = (1.0 / np.maximum(np.abs(goal - robot.home), 1e-12)).min()
-    assert motion.duration == pytest.approx(1.0 / speed + speed / pull, rel=1e-6)
+    least = 1.0 / speed + speed / pull
+    assert least < motion.duration < 1.02 * least + 0.03
     away = motion.q - robot.home
     share = away[:, :1] / away[-1, :1]
     np.testing.assert_allclose(away, share * away[-1], atol=1e-9)

@@ -1,0 +1,202 @@
+"""Rows of a motion as controllers take them: positions, velocities and accelerations that belong together.
+
+Controllers go from row to row by straight lines, by cubics that meet velocities, or by quintics that meet
+accelerations, too. Rows whose accelerations change steadily in between are one and the same motion for the last two:
+the cubic spline through the positions (`spline_rows`). So a motion whose acceleration jumps is written as a weighted
+mean over three ticks, a quarter, a half and a quarter, which takes two ticks longer, and slowed down by what the spline
+still swings over its limits (a few percent of acceleration).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import solve_banded
+
+from jacokin.arrays import Array
+from jacokin.model.contact import REFUSED_WITHIN, Contact
+from jacokin.model.robot import Robot
+
+WHOLE_TICK = 1e-9  # a duration this near to whole ticks is whole; division rounds
+MEAN = 0.25, 0.5, 0.25  # weights of three ticks
+HELD = 1.0 + 1e-9  # times a limit; what is beyond is no rounding
+ATTEMPTS = 30  # to find how slow a motion must be
+LEAST_SLOWER = 1.001  # from attempt to attempt
+ON_LIMIT = 1e-6  # [rad] past its limit, a joint is on it
+PARTS = np.linspace(0.0, 1.0, 9)  # of a step, at which it is looked at
+HALVINGS = 20  # of the step from row to row; a step of 10 s comes to 20 us
+
+
+class Rows(NamedTuple):
+    """A motion in steps of equal length, from rest to rest."""
+
+    t: Array
+    """(n,) [s]."""
+    q: Array
+    """(n, dof) [rad]."""
+    v: Array
+    """(n, dof) [rad/s]."""
+    a: Array
+    """(n, dof) [rad/s^2]."""
+
+
+def spline_rows(q: Array, dt: float) -> Rows:
+    """The motion from rest to rest through configurations (n, dof) [rad] that are `dt` [s] apart.
+
+    Its accelerations change steadily between rows and without jumps, so that cubics that meet its velocities, and
+    quintics that meet its accelerations, too, are the same motion. One row stands still.
+    """
+    count = len(q)
+    t, v, a = dt * np.arange(count, dtype=np.float64), np.zeros_like(q), np.zeros_like(q)
+    if count == 1:
+        return Rows(t, q, v, a)
+    if count > 2:
+        bands = np.tile([[1.0], [4.0], [1.0]], (1, count - 2))
+        v[1:-1] = solve_banded((1, 1), bands, 3.0 / dt * (q[2:] - q[:-2]), overwrite_ab=True, check_finite=False)
+    step = np.diff(q, axis=0) / dt
+    a[:-1] = (6.0 * step - 4.0 * v[:-1] - 2.0 * v[1:]) / dt
+    a[-1] = (2.0 * v[-2] + 4.0 * v[-1] - 6.0 * step[-1]) / dt
+    return Rows(t, q, v, a)
+
+
+def most_between(rows: Rows) -> tuple[Array, Array]:
+    """The largest velocities [rad/s] and accelerations [rad/s^2] (n - 1, dof) from each row to the next."""
+    start, end = rows.a[:-1], rows.a[1:]
+    fastest = np.maximum(np.abs(rows.v[:-1]), np.abs(rows.v[1:]))
+    turns = start * end < 0.0  # where the acceleration is zero in between, the velocity is largest
+    change = np.where(turns, end - start, 1.0)
+    peak = rows.v[:-1] - np.where(turns, 0.5 * start**2 / change, 0.0) * np.diff(rows.t)[:, None]
+    return np.maximum(fastest, np.where(turns, np.abs(peak), 0.0)), np.maximum(np.abs(start), np.abs(end))
+
+
+class Limits(NamedTuple):
+    """What is held from row to row."""
+
+    velocity: Array
+    """(dof,) [rad/s]; infinite for none."""
+    acceleration: Array
+    """(dof,) [rad/s^2]; infinite for none."""
+    jerk: Array | None = None
+    """(dof,) [rad/s^3]; None for none."""
+
+    def strain(self, rows: Rows) -> Array:
+        """How many times as long each step (n - 1,) must take for the limits to hold in it."""
+        fast, hard = most_between(rows)
+        found = np.maximum((fast / self.velocity).max(axis=1), np.sqrt((hard / self.acceleration).max(axis=1)))
+        if self.jerk is not None:
+            sudden = np.abs(np.diff(rows.a, axis=0)) / np.diff(rows.t)[:, None]
+            found = np.maximum(found, np.cbrt((sudden / self.jerk).max(axis=1)))
+        return np.asarray(found)
+
+
+def between(rows: Rows, steps: slice = slice(None), *, quintic: bool = False) -> tuple[Array, Array]:
+    """Angles and velocities (m, 9, dof) along some steps, by cubics that meet velocities, or by quintics."""
+    x, dt = PARTS[:, None], np.diff(rows.t)[steps, None]
+    x0, moved = rows.q[:-1][steps], np.diff(rows.q, axis=0)[steps]
+    v0, v1 = dt * rows.v[:-1][steps], dt * rows.v[1:][steps]
+    if quintic:
+        a0, a1 = 0.5 * dt**2 * rows.a[:-1][steps], 0.5 * dt**2 * rows.a[1:][steps]
+        d0, d1, d2 = moved - v0 - a0, v1 - v0 - 2.0 * a0, a1 - a0
+        factors = [x0, v0, a0, 10.0 * d0 - 4.0 * d1 + d2, -15.0 * d0 + 7.0 * d1 - 2.0 * d2, 6.0 * d0 - 3.0 * d1 + d2]
+    else:
+        factors = [x0, v0, 3.0 * moved - 2.0 * v0 - v1, v0 + v1 - 2.0 * moved]
+    at = sum(factor[:, None] * x**k for k, factor in enumerate(factors))
+    speed = sum(k * factor[:, None] * x ** (k - 1) for k, factor in enumerate(factors) if k)
+    return np.asarray(at), np.asarray(speed) / dt[:, None]
+
+
+def sample(at: Callable[[Array], Array], duration: float, dt: float, slower: float = 1.0) -> Array:
+    """Values at ticks of `dt` [s], each the mean of three ticks; the motion stands still before and after.
+
+    Args:
+        at: values (m, ...) at times (m,) [s].
+        duration: of the motion [s]; it is slowed down to whole ticks.
+        dt: control step [s].
+        slower: how many times as long it is to take.
+    """
+    count = max(1, math.ceil(slower * duration / dt - WHOLE_TICK))
+    times = np.linspace(0.0, duration, count + 1)
+    values = at(times)
+    padded = np.concatenate([np.repeat(values[:1], 2, axis=0), values, np.repeat(values[-1:], 2, axis=0)])
+    found = MEAN[0] * padded[:-2] + MEAN[1] * padded[1:-1] + MEAN[2] * padded[2:]
+    low, high = np.minimum(padded[:-2], padded[2:]), np.maximum(padded[:-2], padded[2:])
+    low, high = np.minimum(low, padded[1:-1]), np.maximum(high, padded[1:-1])
+    return np.asarray(np.clip(found, low, high))  # a mean of equal values may round
+
+
+def from_rest_to_rest(
+    at: Callable[[Array], Array], duration: float, dt: float, strain: Callable[[Rows], float | Array]
+) -> Rows:
+    """Rows of a motion, within limits as controllers go from row to row: whole ticks, two more than it takes.
+
+    Args:
+        at: configurations (m, dof) [rad] at times (m,) [s].
+        duration: of the motion [s]; 0 for one row.
+        dt: control step [s].
+        strain: how many times as long rows must take for limits to hold, at most 1 where they do, see `Limits.strain`.
+    """
+    if duration == 0.0:
+        return spline_rows(at(np.zeros(1)), dt)
+    slower = 1.0
+    for _ in range(ATTEMPTS):
+        rows = spline_rows(sample(at, duration, dt, slower), dt)
+        worst = float(np.max(strain(rows)))
+        if worst <= HELD:
+            break
+        slower *= max(worst, LEAST_SLOWER)
+    return rows
+
+
+def halved(dt: float) -> Iterator[float]:
+    """Steps [s], each half of the one before."""
+    return (dt / 2.0**k for k in range(HALVINGS))
+
+
+class OnTheWay(NamedTuple):
+    """What controllers must not run into on their way from row to row."""
+
+    robot: Robot
+    contact: Contact | None
+    """What may touch; None where that is not looked at."""
+
+    def fault(self, rows: Rows) -> str:
+        """What happens between two rows that happens at none of them, in a few words; "" for nothing.
+
+        Between two rows an acceleration a leaves the straight line by at most a dt^2 / 8, and the mean of three ticks
+        leaves what the motion was by a dt^2 / 4. Where all of that is less than what certified motions keep free,
+        there is nothing to look at.
+        """
+        if len(rows.q) == 1:
+            return ""
+        robot, dt = self.robot, rows.t[1]
+        off = 0.125 * dt**2 * np.maximum(np.abs(rows.a[:-1]), np.abs(rows.a[1:]))  # (n - 1, dof) [rad]
+        least, most = np.minimum(rows.q[:-1], rows.q[1:]), np.maximum(rows.q[:-1], rows.q[1:])
+        room = np.minimum(least - robot.lower, robot.upper - most)
+        for row in np.flatnonzero((room + ON_LIMIT < off).any(axis=1)).tolist():
+            at = between(rows, slice(row, row + 1))[0][0]
+            past = np.maximum(robot.lower - at, at - robot.upper).max(axis=0) - np.maximum(-room[row], 0.0)
+            if past.max() > ON_LIMIT:
+                return f"{robot.joint_names[int(np.argmax(past))]} could pass its limit"
+        if self.contact is None:
+            return ""
+        reach = off @ self.contact.levers  # [m]
+        for row in np.flatnonzero(3.0 * reach > REFUSED_WITHIN).tolist():
+            pair = self.contact.in_the_way(rows.q[row], rows.q[row + 1], extra=float(reach[row]))
+            if pair is not None:
+                return f"{pair[0]} could touch {pair[1]}"
+        return ""
+
+
+def coarse(asked: float, dt: float, fault: str) -> str:
+    """Why rows are `dt` [s] apart and not as asked, to be added to a sentence; "" if they are as asked."""
+    return f", in rows of {dt:.6g} s: between those of {asked:.6g} s {fault}" if fault else ""
+
+
+def standing(rows: Rows, more: int, dt: float) -> Rows:
+    """Rows, and so many more of a motion that stands still where they end."""
+    still = np.zeros((more, rows.q.shape[1]))
+    q = np.vstack([rows.q, np.tile(rows.q[-1], (more, 1))])
+    return Rows(dt * np.arange(len(q), dtype=np.float64), q, np.vstack([rows.v, still]), np.vstack([rows.a, still]))
