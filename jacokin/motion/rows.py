@@ -150,6 +150,22 @@ def from_rest_to_rest(
     return rows
 
 
+def _bulge(rows: Rows) -> Array:
+    """How far each step (n - 1, dof) leaves the straight line between its rows, at most [rad]."""
+    return np.asarray(0.125 * rows.t[1] ** 2 * np.maximum(np.abs(rows.a[:-1]), np.abs(rows.a[1:])))
+
+
+def past_limits(rows: Rows, lower: Array, upper: Array) -> Array:
+    """How far each step (n - 1, dof) passes limits (dof,), beyond what its rows do [rad]; 0 where it does not."""
+    least, most = np.minimum(rows.q[:-1], rows.q[1:]), np.maximum(rows.q[:-1], rows.q[1:])
+    room, found = np.minimum(least - lower, upper - most), np.zeros_like(least)
+    for row in np.flatnonzero((room < _bulge(rows)).any(axis=1)).tolist():
+        at = between(rows, slice(row, row + 1))[0][0]
+        past = np.maximum(lower - at, at - upper).max(axis=0) - np.maximum(-room[row], 0.0)
+        found[row] = np.maximum(past, 0.0)
+    return found
+
+
 def halved(dt: float) -> Iterator[float]:
     """Steps [s], each half of the one before."""
     return (dt / 2.0**k for k in range(HALVINGS))
@@ -171,21 +187,16 @@ class OnTheWay(NamedTuple):
         """
         if len(rows.q) == 1:
             return ""
-        robot, dt = self.robot, rows.t[1]
-        off = 0.125 * dt**2 * np.maximum(np.abs(rows.a[:-1]), np.abs(rows.a[1:]))  # (n - 1, dof) [rad]
-        least, most = np.minimum(rows.q[:-1], rows.q[1:]), np.maximum(rows.q[:-1], rows.q[1:])
-        room = np.minimum(least - robot.lower, robot.upper - most)
-        for row in np.flatnonzero((room + ON_LIMIT < off).any(axis=1)).tolist():
-            at = between(rows, slice(row, row + 1))[0][0]
-            past = np.maximum(robot.lower - at, at - robot.upper).max(axis=0) - np.maximum(-room[row], 0.0)
-            if past.max() > ON_LIMIT:
-                return f"{robot.joint_names[int(np.argmax(past))]} could pass its limit"
+        past = past_limits(rows, self.robot.lower, self.robot.upper).max(axis=0)
+        if past.max() > ON_LIMIT:
+            return f"{self.robot.joint_names[int(np.argmax(past))]} could pass its limit"
         if self.contact is None:
             return ""
-        reach = off @ self.contact.levers  # [m]
+        reach = _bulge(rows) @ self.contact.levers  # [m]
         for row in np.flatnonzero(3.0 * reach > REFUSED_WITHIN).tolist():
             pair = self.contact.in_the_way(rows.q[row], rows.q[row + 1], extra=float(reach[row]))
-            if pair is not None:
+            # What is near at a row itself is being left, or landed at: that was looked at closely.
+            if pair is not None and all(self.contact.in_the_way(q, q) is None for q in rows.q[row : row + 2]):
                 return f"{pair[0]} could touch {pair[1]}"
         return ""
 

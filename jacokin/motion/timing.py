@@ -24,7 +24,7 @@ from jacokin.kernels.library import Call
 from jacokin.kernels.speeds import SpeedWork, fit_speeds, make_speed_work
 from jacokin.model import checks
 from jacokin.model.robot import Robot
-from jacokin.motion.rows import WHOLE_TICK, Rows
+from jacokin.motion.rows import WHOLE_TICK, Rows, sample
 
 MAX_TICKS = 10_000_000  # more than a day at 100 Hz: a speed or a step was mistyped
 LINE_USED = 0.8, 0.98  # parts of acceleration and velocity limits for a line that is tracked, no tick of it checked
@@ -63,6 +63,24 @@ def sample_lines(durations: Array, dt: float) -> Array:
             ticks = max(1, int(np.ceil(duration / dt - WHOLE_TICK)))
             places.append(line + np.arange(1, ticks + 1) / ticks)
     return np.concatenate(places)
+
+
+def with_ramps(places: Array, ramp: int) -> Array:
+    """Places (m,) of ticks from rest to rest, for those (n,) of ticks at full speed.
+
+    They are the same ones between two ramps of so many ticks, an even number and less than n, in which the speed rises
+    and falls steadily. It takes `ramp` + 2 ticks longer.
+    """
+    whole = len(places) - 1
+
+    def gone(tick: Array) -> Array:
+        """How many of the ticks at full speed are behind at ticks (m,)."""
+        if not ramp:
+            return tick
+        up, down = np.minimum(tick, ramp), np.clip(tick - whole, 0.0, ramp)
+        return np.asarray(0.5 * up**2 / ramp + np.clip(tick - ramp, 0.0, whole - ramp) + down - 0.5 * down**2 / ramp)
+
+    return np.asarray(np.interp(sample(gone, float(whole + ramp), 1.0), np.arange(whole + 1), places))
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any, cast
+
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
@@ -9,10 +11,11 @@ from scipy.interpolate import CubicSpline
 import jacokin
 from jacokin import Robot
 from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError
 from jacokin.ik import Box, Scene
 from jacokin.motion import Trajectory, plan_motion
 from jacokin.motion.rows import Limits, OnTheWay, from_rest_to_rest, halved, most_between, sample, spline_rows, standing
-from tests.motion.controllers import PARTS, interpolated
+from tests.motion.controllers import PARTS, check_as_controllers_go, interpolated
 
 DT = 0.01  # [s]
 
@@ -119,3 +122,21 @@ def test_a_joint_that_leaves_its_limit_stays_inside(robot: Robot) -> None:
     assert interpolated(swung.t, (swung.q, swung.v)).max(axis=(0, 1))[1] > upper + 1e-6
     step = next(step for step in halved(0.05) if not way.fault(spline_rows(at(np.arange(0.0, 2.001, step)), step)))
     assert 1e-4 < step < 0.05
+
+
+@pytest.mark.parametrize("dt", [0.01, 0.5])
+@pytest.mark.parametrize(("velocity", "acceleration"), [(0.3, 0.1), (0.6, 50.0), (100.0, 1.0), (1e4, 1e6)])
+def test_motions_around_obstacles_hold_limits_of_any_size(
+    robot: Robot, dt: float, velocity: float, acceleration: float
+) -> None:
+    scene = Scene([Box("wall", [0.6, 0.02, 0.5], [0.45, -0.05, 0.25])])
+    solver = jacokin.IKSolver(robot, scene=scene)
+    start = solver.solve(jacokin.pose([0.4, -0.35, 0.3], down=True)).q
+    goal = jacokin.pose([0.4, 0.25, 0.3], down=True)
+    limits: dict[str, Any] = {"velocity_limit": velocity, "acceleration_limit": acceleration}
+    motion = plan_motion(solver, start, goal, dt=dt, time_limit=10.0, **limits)
+    assert motion.success
+    check_as_controllers_go(motion, acceleration)
+    for name in limits:
+        with pytest.raises(InvalidInputError, match=f"{name} must be at most"):
+            plan_motion(solver, start, goal, **cast(dict[str, Any], {name: 1e12}))

@@ -7,7 +7,7 @@ import pytest
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
-from jacokin.motion.timing import check_ticks, fit_course, fit_line, sample_lines, slopes
+from jacokin.motion.timing import check_ticks, fit_course, fit_line, sample_lines, slopes, with_ramps
 
 DT = 0.01  # [s]
 
@@ -72,3 +72,17 @@ def test_limits_hold_at_every_place_and_between(speed: float) -> None:
     change = np.abs(np.diff(v, axis=0)) / step
     assert (change <= acceleration * 1.02).all()  # slopes are differences
     assert (change.max(axis=0) > 0.9 * acceleration).any()
+
+
+@pytest.mark.parametrize(("whole", "ramp"), [(100, 0), (100, 20), (7, 6), (6, 6), (2, 2), (1, 0)])
+def test_ramps_lead_to_the_ticks_at_full_speed_and_from_them(whole: int, ramp: int) -> None:
+    places = np.cumsum(np.append(0.0, np.linspace(1.0, 2.0, whole)))
+    found = with_ramps(places, ramp)
+    assert len(found) == whole + 1 + ramp + 2
+    assert (found[0], found[-1]) == (0.0, places[-1])
+    assert (np.diff(found) >= 0.0).all()
+    inner = found[ramp + 2 : whole + 1]
+    assert np.isin(np.round(inner, 9), np.round(places, 9)).all()
+    if ramp >= 6:
+        speed = np.diff(with_ramps(np.arange(whole + 1.0), ramp))
+        assert np.abs(np.diff(speed)).max() <= 1.0 / ramp + 1e-12

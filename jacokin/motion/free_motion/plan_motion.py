@@ -33,7 +33,7 @@ from jacokin.model.angles import TURN
 from jacokin.model.contact import Contact
 from jacokin.model.obstacles import Surroundings
 from jacokin.model.poses import FreeAxis
-from jacokin.model.robot import Robot, velocity_limits
+from jacokin.model.robot import Robot, acceleration_limits, jerk_limits, velocity_limits
 from jacokin.motion.blending import fit_time, round_corners
 from jacokin.motion.free_motion.search import MOST_SAMPLES, Found, StraightMotion, WaySearch
 from jacokin.motion.grasps import Grasp
@@ -101,8 +101,7 @@ def plan_motion(
     limit = checks.positive("time_limit", time_limit, "s")
     generator = np.random.default_rng(DEFAULT_RANDOM_SEED) if rng is None else checks.generator("rng", rng)
     velocity = velocity_limits(robot, velocity_limit)
-    acceleration = checks.positive_vector("acceleration_limit", acceleration_limit, robot.dof, "rad/s^2")
-    jerk = None if jerk_limit is None else checks.positive_vector("jerk_limit", jerk_limit, robot.dof, "rad/s^3")
+    acceleration, jerk = acceleration_limits(robot, acceleration_limit), jerk_limits(robot, jerk_limit)
     torque = torque_limits(robot, torque_limit)
     step, count = checks.positive("dt", dt, "s"), checks.whole_number("ways", ways, 1, MOST_WAYS)
     request = _Request(solver, q, velocity, acceleration, jerk, torque, step, count)
@@ -246,8 +245,11 @@ class _Request:
         if duration / self.dt > MAX_TICKS:
             check_ticks(np.array([duration]), self.dt)
 
+        # Joints that start outside their limits stay there until they are back; what else is beyond is rounding.
+        lower, upper = np.minimum(robot.lower, self.start), np.maximum(robot.upper, self.start)
+
         def at(times: Array) -> Array:
-            q = np.clip(law.at(times)[0], robot.lower, robot.upper)  # rounding
+            q = np.clip(law.at(times)[0], lower, upper)
             q[0], q[-1] = self.start, way[-1]
             return q
 

@@ -39,6 +39,8 @@ class Manifold:
         width: number of coordinates.
         column: the coordinate that is the parameter of families; None when there are none.
         circular: (width,) coordinates that are the same after a turn.
+        lower: (dof,) limits of the joints [rad].
+        upper: (dof,) [rad].
     """
 
     def __init__(self, robot: Robot, chain: Chain, path: CartesianPath, limit_snap: float) -> None:
@@ -54,7 +56,7 @@ class Manifold:
         self.width = self.dof + path.free
         self.column = self.dof if path.free else JOINT_3 if self.dof > 6 else None
         self.circular = np.array([*robot.unlimited, *[True] * path.free])
-        self._lower, self._upper, self._snap = robot.lower, robot.upper, limit_snap
+        self.lower, self.upper, self._snap = robot.lower, robot.upper, limit_snap
 
     @property
     def has_families(self) -> bool:
@@ -82,7 +84,7 @@ class Manifold:
 
     def window(self, u: Array) -> tuple[Array, Array]:
         """Least and largest value (n, width) of each coordinate at places (n,)."""
-        lower, upper = np.tile(self._lower, (len(u), 1)), np.tile(self._upper, (len(u), 1))
+        lower, upper = np.tile(self.lower, (len(u), 1)), np.tile(self.upper, (len(u), 1))
         if self.path.free:
             low, high, full = self.path.window(u)
             lower = np.column_stack([lower, np.where(full, -np.inf, low)])

@@ -18,8 +18,8 @@ from scipy.interpolate import CubicSpline
 from jacokin.arrays import Array
 from jacokin.motion.joint_motion import ACCELERATION
 from jacokin.motion.planning.manifold import Curve, Pace
-from jacokin.motion.rows import ATTEMPTS, HELD, LEAST_SLOWER, Limits, Rows, sample, spline_rows
-from jacokin.motion.timing import check_ticks, fit_course, sample_lines, slopes
+from jacokin.motion.rows import ATTEMPTS, HELD, ON_LIMIT, WHOLE_TICK, Limits, Rows, past_limits, sample, spline_rows
+from jacokin.motion.timing import check_ticks, fit_course, sample_lines, slopes, with_ramps
 
 GRID = 0.01  # [s] at full speed between places whose limits are looked at
 LEAST_INTERVALS = 2  # between waypoints
@@ -29,6 +29,8 @@ SHORT = 1e-4  # [s] at full speed: on a piece that is shorter joints move in pro
 IN_A_TICK = 3.0**0.5  # the spline through ticks accelerates so much harder than a velocity that changes in one of them
 EASINGS = 6  # times that places are passed more slowly where limits do not hold; then the whole is
 EASED = 0.98
+EASED_AT_LIMIT = 2.0  # times as slow at most where a joint would swing over its limit between two rows
+SLOWER = 0.01  # from attempt to attempt, and each time by so much more: ticks fall elsewhere on corners each time
 USED = 0.96  # of the acceleration; the spline through the ticks swings over the rest
 AROUND = 2  # ticks
 STOPS = 0.2  # of the speed without the corner: where less is left, the arm stands still
@@ -67,21 +69,22 @@ def keep_speed(curve: Curve, pace: Pace, dt: float) -> tuple[Array, Array, Rows]
     Waypoints are rows, and lines take whole ticks; corners are passed in one. Before the first and after the last line
     the arm is at rest: it speeds up and slows down by `ACCELERATION` at most, as far as joints move as they do there.
     """
+    places, ends = np.arange(len(pace.times) + 1), np.append(0.0, np.cumsum(pace.times))
     ticks = sample_lines(pace.times, dt)
-    ticks = np.append(ticks[ticks < curve.u[-1]], curve.u[-1])
+    end = float(np.interp(curve.u[-1], places, ends))
+    asked = np.interp(ticks, places, ends)  # [s]; places jump where waypoints are the same
+    inside = asked < end - WHOLE_TICK * dt
+    ticks, asked = np.append(ticks[inside], curve.u[-1]), np.append(asked[inside], end)
     whole = len(ticks) - 1
-    q = curve.at(ticks[[0, min(1, whole), whole - 1, whole]])[0][:, : curve.manifold.dof]
-    fastest = float(np.abs(np.diff(q, axis=0)[[0, 2]]).max()) / dt
-    ramp = min(2 * int(np.ceil(min(0.5 * fastest / (ACCELERATION * dt), whole))), whole - whole % 2)
+    speed = np.abs(np.diff(curve.at(ticks)[0][:, : curve.manifold.dof], axis=0)) / dt
+    speed = np.minimum(speed, pace.velocity).max(axis=1)
+    fastest = np.maximum.accumulate(np.maximum(speed, speed[::-1]))  # so many ticks from either end
+    halves = np.arange(1, whole // 2 + 1)  # of ramps
+    enough = 2.0 * halves * ACCELERATION * dt >= fastest[halves - 1]
+    ramp = 2 * int(halves[int(np.argmax(enough))] if enough.any() else whole // 2)
 
-    def gone(tick: Array) -> Array:
-        """How many of the ticks (m,) at full speed are behind at ticks (m,)."""
-        if not ramp:
-            return tick
-        up, down = np.minimum(tick, ramp), np.clip(tick - whole, 0.0, ramp)
-        return np.asarray(0.5 * up**2 / ramp + np.clip(tick - ramp, 0.0, whole - ramp) + down - 0.5 * down**2 / ramp)
-
-    u = np.interp(sample(gone, float(whole + ramp), 1.0), np.arange(whole + 1), ticks)
+    u = np.interp(with_ramps(asked, ramp), ends, places)
+    u[[0, -1]] = ticks[[0, -1]]
     x = curve.at(u)[0]
     return u, x, spline_rows(x[:, : curve.manifold.dof], dt)
 
@@ -121,13 +124,15 @@ def pass_slowly(curve: Curve, pace: Pace, dt: float, acceleration: Array | None)
         x = curve.at(u)[0]
         rows = spline_rows(x[:, :dof], dt)
         worst = np.maximum(limits.strain(rows), np.diff(np.interp(u, np.arange(len(asked)), asked)) / dt)
-        if worst.max() <= HELD:
+        past = past_limits(rows, curve.manifold.lower, curve.manifold.upper).max(axis=1)
+        if worst.max() <= HELD and (past.max() <= ON_LIMIT or attempt >= EASINGS):
             break
         if attempt < EASINGS:
+            worst = np.maximum(worst, np.minimum(np.sqrt(past / ON_LIMIT), EASED_AT_LIMIT))
             speed = np.concatenate([[0.0], *(each.speed[1:] for each in found)])
             top = np.minimum(top, _eased(course.p, speed, p, worst))
         else:
-            slower *= max(float(worst.max()), LEAST_SLOWER)
+            slower *= max(float(worst.max()), 1.0 + SLOWER * (attempt - EASINGS + 1))
     return u, x, rows
 
 

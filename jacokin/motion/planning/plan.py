@@ -43,6 +43,8 @@ FREE_STEP = float(np.radians(10.0))  # [rad] between members of a family that ar
 SPACING = 0.01  # [m] of the tool between two steps of the path
 TURNING = 0.05  # [rad] the same of its orientation
 TIGHT = 0.05  # [rad] a joint this near to its limit is why a way ends
+STILL = 1e-12  # [rad] a way on which joints move less is none
+NO_LINE = 1e-3  # of a control step: a line that takes less time takes none
 TINY = 1e-9  # [s] asked for between two rows, at least
 SPEED_ROUNDING = 1e-9  # [rad/s] of positions subtracted and divided by a step
 ACCELERATION_ROUNDING = 1e-6  # relative
@@ -129,6 +131,7 @@ def plan_path(
         raise InvalidInputError(f"free_step must be at least {FINEST:g} rad, got {free_step!r}")
     times = path.durations(speed, angular_speed)
     check_ticks(times, dt)
+    times = np.where(times < NO_LINE * dt, 0.0, times)
     near, note = seeds.choose_start(robot, seed, start)
     if start is not None and is_away(verifier, near, path.target(0.0)):
         plan = partial(
@@ -214,8 +217,8 @@ class _Writer:
         parameter, fault, verifier = self._at_waypoints(curve, reached), "", self.solver.verifier
         between = OnTheWay(self.solver.robot, verifier.contact if verifier.avoids_contact else None)
         for dt in halved(self.dt):
-            if len(curve.u) < 2:
-                u, x, rows = np.zeros(1), curve.x[:1], spline_rows(curve.q[:1], dt)
+            if len(curve.u) < 2 or np.abs(np.diff(curve.q, axis=0)).max() < STILL:
+                u, x, rows = curve.u[-1:], curve.x[-1:], spline_rows(curve.q[-1:], dt)
             elif self.slow:
                 u, x, rows = pass_slowly(curve, self.pace, dt, self.acceleration)
             else:
@@ -404,15 +407,16 @@ def _led_in(
     if abs(steps[0] - steps[1]) > JOINED * dt:  # one of them needs smaller ones
         return _led_in(solver, start, plan, min(steps), acceleration)
     count = len(motion) - 1
-    rows = spline_rows(np.vstack([motion.q[:-1], path.q]), steps[0])
+    q, v, a = (np.vstack([before[:-1], after]) for before, after in zip(_parts(motion), _parts(path), strict=True))
+    a[count] = 0.5 * (motion.a[-1] + path.a[0])
     unknown = np.full(count, np.nan)
     clear = motion.clearance[:-1] if not np.isnan(path.clearance).all() else unknown
     return replace(
         path,
-        t=rows.t,
-        q=rows.q,
-        v=rows.v,
-        a=rows.a,
+        t=steps[0] * np.arange(len(q), dtype=np.float64),
+        q=q,
+        v=v,
+        a=a,
         status=(LEAD_IN,) * count + path.status,
         limiting=("",) * count + path.limiting,
         segment=checks.sealed(np.concatenate([np.full(count, -1, dtype=np.intp), path.segment])),
@@ -422,6 +426,10 @@ def _led_in(
         start_distance=0.0,
         message=f"{path.message.partition(';')[0]}, after a motion of {motion.duration:.4g} s to where it begins",
     )
+
+
+def _parts(rows: Trajectory) -> tuple[Array, Array, Array]:
+    return rows.q, rows.v, rows.a
 
 
 def _without_way(path: Trajectory, start: Array, motion: Trajectory) -> Trajectory:

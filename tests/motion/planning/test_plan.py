@@ -170,6 +170,17 @@ def test_near_equal_and_repeated_waypoints_are_one(robot: Robot, acceleration: f
     assert max(times) <= 1.02 * min(times)
 
 
+def test_the_speed_is_kept_through_repeated_waypoints(robot: Robot) -> None:
+    first, second = at(0.4, -0.4, 0.3), at(0.5, -0.4, 0.3)
+    corners = [first, first, moved(second, -1e-7, 0.0, 0.0), second, second]
+    result = plan_path(IKSolver(robot), corners, speed=0.05)
+    check(robot, result, [first, second])
+    check_as_controllers_go(result, 1.3)  # the path bends, too
+    speed = np.linalg.norm(np.diff(tool_poses(robot, result.q)[0], axis=0), axis=1) / 0.01
+    assert speed.max() < 0.05 * 1.001
+    assert np.median(speed) == pytest.approx(0.05, rel=0.01)
+
+
 def test_short_lines_after_long_ones_take_no_ages(robot: Robot) -> None:
     """Ten centimetres along x, then a millimetre along y; steps of a millimetre; a helix in many points."""
     solver, start = IKSolver(robot), at(0.4, -0.4, 0.3)
