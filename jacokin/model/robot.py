@@ -684,14 +684,14 @@ def jerk_limits(robot: Robot, value: ArrayLike | None) -> Array | None:
     return None if value is None else _bounded("jerk_limit", value, robot.dof, "rad/s^3", SUDDENEST)
 
 
-def _bounded(name: str, value: ArrayLike, size: int, unit: str, most: float) -> Array:
+def _bounded(name: str, value: ArrayLike, size: int, unit: str, most: float, *, infinite: bool = False) -> Array:
     """Positive limits (size,) that no arm exceeds.
 
     Raises:
-        InvalidInputError: malformed, not positive, or larger.
+        InvalidInputError: malformed, not positive, or larger; with `infinite`, inf is taken.
     """
-    found = checks.positive_vector(name, value, size, unit)
-    if found.max() > most:
+    found = checks.positive_vector(name, value, size, unit, infinite=infinite)
+    if (found[np.isfinite(found)] > most).any():
         raise InvalidInputError(f"{name} must be at most {most:g} [{unit}], got {checks.shown(value)}")
     return found
 
@@ -703,18 +703,18 @@ def _acceleration_limit(name: str | None, joint_names: Sequence[str]) -> Array:
     return np.array([row.get("acceleration", np.inf) for row in rows])
 
 
-def acceleration_limits(robot: Robot, value: ArrayLike | None, velocity: Array) -> Array:
+def tracking_accelerations(robot: Robot, value: ArrayLike | None, velocity: Array) -> Array:
     """The given limits (dof,) or one for all [rad/s^2], inf for none, or the robot's own.
 
     A robot without ones of its own takes 0.3 s from rest to its velocity limits (dof,) [rad/s].
 
     Raises:
-        InvalidInputError: malformed or not positive.
+        InvalidInputError: malformed, not positive, or finite and more than 1e6 rad/s^2.
     """
     if value is None:
         own = robot.acceleration_limit
         return np.where(np.isfinite(own), own, velocity / TIME_TO_SPEED)
-    return checks.positive_vector("acceleration_limit", value, robot.dof, "rad/s^2", infinite=True)
+    return _bounded("acceleration_limit", value, robot.dof, "rad/s^2", HARDEST, infinite=True)
 
 
 def fingerprint(robot: Robot, *, shapes: bool = False) -> str:

@@ -29,7 +29,7 @@ from jacokin.ik.results import Frozen
 from jacokin.ik.seeds import near_configuration
 from jacokin.model import checks, poses
 from jacokin.model.obstacles import Obstacle
-from jacokin.model.robot import Robot, acceleration_limits, checked_robot, velocity_limits
+from jacokin.model.robot import Robot, checked_robot, tracking_accelerations, velocity_limits
 from jacokin.model.scene import Scene
 from jacokin.motion.tracking.avoidance import CLEARANCE, ClearanceGuard, Distances, make_guard
 from jacokin.motion.tracking.joint_limits import JointLimits
@@ -213,7 +213,7 @@ class Tracker:
         self._targets = TaskFactory(self._kinematics)
         self.dt = checks.positive("dt", dt, "s")
         self.velocity_limit = checks.read_only(velocity_limits(robot, velocity_limit))
-        self.acceleration_limit = checks.read_only(acceleration_limits(robot, acceleration_limit, self.velocity_limit))
+        self.acceleration_limit = checks.read_only(tracking_accelerations(robot, acceleration_limit, self.velocity_limit))
         self._limits = JointLimits(robot, self.velocity_limit, self.acceleration_limit, self.dt)
         self._twists = TwistFollower(self._kinematics, self._limits, self.dt)
         around = {
