@@ -5,6 +5,7 @@
     │   ├── UnknownNameError                   a name that does not exist; lists the valid ones
     │   └── RepresentationSingularity          an analytical Jacobian does not exist at this orientation
     ├── ModelError (ValueError)                a robot description cannot be used
+    │   ├── ShapeError                         the collision shapes of a description cannot be loaded
     │   └── StructureError                     the closed form does not fit this robot
     ├── SolveError                             raised by ``IKResult.raise_for_status()``
     ├── PhysicsError (RuntimeError)            the simulation is not usable or has diverged
@@ -94,6 +95,10 @@ class RepresentationSingularity(InvalidInputError):  # noqa: N818 - the public n
 
 class ModelError(JacokinError, ValueError):
     """A robot description is missing, malformed, or not usable as an arm."""
+
+
+class ShapeError(ModelError):
+    """The collision shapes of a description cannot be loaded; kinematics does not need them, contact does."""
 
 
 class StructureError(ModelError):

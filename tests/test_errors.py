@@ -16,6 +16,7 @@ ERRORS = (
     errors.UnknownNameError("frame", "tool0", ["tool", "wrist"]),
     errors.RepresentationSingularity("rpy", "pitch", 1.5),
     errors.ModelError("no joints"),
+    errors.ShapeError("no such mesh"),
     errors.StructureError("axes apart", ("joint_3", "joint_4"), 0.02),
     errors.SolveError("UNREACHABLE: too far", None),
     errors.PhysicsError("diverged"),

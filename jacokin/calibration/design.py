@@ -89,7 +89,7 @@ def plan_measurements(
 
     Raises:
         InvalidInputError: malformed, or too few configurations are seen and clear of contact.
-        ModelError: a joint slides, or the robot has a scene and no shapes.
+        ModelError: a joint slides, the robot has a scene and no shapes, or its shapes cannot be loaded.
         UnknownNameError: no such frame, kind or group of parameters.
     """
     checked_robot("robot", robot)

@@ -68,6 +68,7 @@ def info(
                 "home_source": arm.home_source,
                 "structure": asdict(placed),
                 "frames": [{"name": name, "moved_by": joint} for name, joint in frames],
+                "notes": list(arm.notes),
             }
         )
         return
@@ -114,6 +115,7 @@ def info(
     notes.append(("effort", "the limit the file states, same source as the angles"))
     if arm.source.bundled is not None:
         notes.append(("datasheet", "peak torque [N m]; it differs from the file's effort"))
+    notes += [("note", text) for text in arm.notes]
     display.show_facts(notes)
     display.show_table("Frames", ("frame", "moved by"), frames, text=2)
 

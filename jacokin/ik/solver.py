@@ -115,7 +115,7 @@ class IKSolver:
                 frame that no joint moves; a scene or clearance with collision="ignore".
             StructureError: method="closed_form" and the robot has another structure.
             JacokinError: the compiled kernels do not load.
-            ModelError: the description's shapes cannot be loaded, and contact is reported or rejected.
+            ShapeError: the description's shapes cannot be loaded, and contact is reported or rejected.
         """
         checked_robot("robot", robot)
         options = SolverOptions(

@@ -10,7 +10,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.errors import ModelError
+from jacokin.errors import ShapeError
 from jacokin.ik import diagnosis, targets
 from jacokin.ik.closed_form import BranchTable
 from jacokin.ik.options import SolverOptions
@@ -70,7 +70,7 @@ class Verifier:
         Raises:
             UnknownNameError: unknown frame.
             InvalidInputError: an obstacle has the name of a shape of the arm, or no finger can take the scene's angle.
-            ModelError: contact is reported or rejected, or there is a scene, and the description's shapes cannot be
+            ShapeError: contact is reported or rejected, or there is a scene, and the description's shapes cannot be
                 loaded.
         """
         self.robot = robot
@@ -80,8 +80,17 @@ class Verifier:
         self.options = options
         self._lower = robot.lower.tolist()
         self._upper = robot.upper.tolist()
-        self._contact, self.unchecked = _contact(robot, options)
+        self._contact, self.unchecked, self._unreadable = _contact(robot, options)
         self.avoids_contact = self._contact is not None and options.collision in ("prefer", "reject")
+
+    def require_contact(self) -> None:
+        """Refuse to go on without looking for contact where that is only because the shapes cannot be loaded.
+
+        Raises:
+            ShapeError: contact is to be avoided, and the description's shapes cannot be loaded.
+        """
+        if self._unreadable is not None:
+            raise ShapeError(f"{self._unreadable}; collision='ignore' goes on without looking")
 
     @property
     def looks_for_contact(self) -> bool:
@@ -213,20 +222,23 @@ class Verifier:
         return cast(IKResult, made)
 
 
-def _contact(robot: Robot, options: SolverOptions) -> tuple[Contact | None, str]:
-    """What looks for contact, if anything does; and why nothing does although contact is to be avoided."""
+def _contact(robot: Robot, options: SolverOptions) -> tuple[Contact | None, str, ShapeError | None]:
+    """What looks for contact, if anything does; and why nothing does although contact is to be avoided.
+
+    In words, and as the error where the shapes cannot be loaded.
+    """
     if options.collision == "ignore":
-        return None, ""
+        return None, "", None
     from jacokin.model.contact import Contact
     from jacokin.model.obstacles import NOTHING_AROUND
 
     around = NOTHING_AROUND if options.scene is None else options.scene.surroundings
     try:
         found = Contact(robot, around, clearance=options.clearance)
-    except ModelError as error:
+    except ShapeError as error:
         if options.collision != "prefer" or around.names:
             raise
-        return None, f"contact was not checked: {error}"
+        return None, f"contact was not checked: {error}", error
     if options.collision == "prefer" and not found.has_shapes:
-        return None, "contact was not checked: the description has no collision shapes"
-    return found, ""
+        return None, "contact was not checked: the description has no collision shapes", None
+    return found, "", None

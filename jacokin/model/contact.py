@@ -6,6 +6,7 @@ Read `kernels/contact/run` for how it is found.
 from __future__ import annotations
 
 import threading
+import weakref
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -40,13 +41,14 @@ from jacokin.kernels.library import Call
 from jacokin.model.contact_arrays import contact_arrays
 from jacokin.model.descriptions.shapes import KINDS
 from jacokin.model.obstacles import NOTHING_AROUND, Surroundings
-from jacokin.model.robot import Robot, checked_robot
+from jacokin.model.robot import Robot, checked_robot, middle, spread
 from jacokin.model.surrounded import allowed_pairs, surround
 
 STANDING = 0.005  # [m] a base may be this deep in what it stands on or is screwed to
 ROWS_AT_ONCE = 64  # configurations that go to the kernels together
 REFUSED_WITHIN = 1e-4  # [m] of the clearance, a motion is not certain, and counts as touching
 MOTION_ACCURACY = 1e-4  # [m] of the least distance along a motion
+OVERLAPPING_IN = 200  # random configurations; shapes that touch in all of them are taken to touch everywhere
 Pair = tuple[str, str]
 
 
@@ -79,15 +81,17 @@ class Contact:
         Raises:
             InvalidInputError: `robot` is not a Robot, or the scene does not fit it (`surround`).
             UnknownNameError: the scene speaks of a link that is not there.
-            ModelError: the description's shapes cannot be loaded.
+            ShapeError: the description's shapes cannot be loaded.
         """
         self._robot = checked_robot("robot", robot)
         self._clearance = clearance
         shapes, own, partly, standing = found = surround(robot, around)
+        always = overlapping(robot)
+        own = [(a, b) for a, b in own if frozenset((shapes[a].name, shapes[b].name)) not in always]
         self._geometry, numbers, self._met_partly = contact_arrays(robot.pin_model, shapes, own, standing, partly)
         self._arm_shapes = len(numbers) - len(standing)
         self._partly = len({obstacle for obstacle, _ in partly})
-        self.pairs = len(found.pairs)
+        self.pairs = len(found._replace(own=own).pairs)
         self._names = [shapes[number].name for number in numbers]
         # The arm's own pairs are named in the order of the description, obstacles before the arm.
         obstacles = set(around.obstacle_names)
@@ -347,6 +351,37 @@ class Contact:
         return (names[a], names[b]) if rank[a] <= rank[b] else (names[b], names[a])
 
 
+_overlapping: weakref.WeakKeyDictionary[Robot, frozenset[frozenset[str]]] = weakref.WeakKeyDictionary()
+
+
+def overlapping(robot: Robot) -> frozenset[frozenset[str]]:
+    """Pairs of names of the arm's own shapes that touch in every configuration, so that their contact says nothing.
+
+    In all of some random configurations and in the middle of the limits. Bundled robots have none.
+
+    Raises:
+        ShapeError: the description's shapes cannot be loaded.
+    """
+    if robot.source.bundled is not None:
+        return frozenset()
+    if robot not in _overlapping:
+        shapes, own, _, _ = surround(robot, NOTHING_AROUND)
+        geometry, numbers, _ = contact_arrays(robot.pin_model, shapes, own, [])
+        call = Call(run_contact, make_contact_work(geometry, 1))
+        call.work.integers[TASK], call.work.integers[ROWS] = LIST_TOUCHING, 1
+        call.work.integers[MEETINGS] = len(geometry.arm.meetings)
+        found: set[frozenset[str]] | None = None
+        for q in (middle(robot), *spread(robot, OVERLAPPING_IN)):
+            call.work.q[: q.size] = q
+            pairs = call.work.hits.pairs[: call()].tolist()
+            touching = {frozenset((shapes[numbers[a]].name, shapes[numbers[b]].name)) for a, b in pairs}
+            found = touching if found is None else found & touching
+            if not found:
+                break
+        _overlapping[robot] = frozenset(found or ())
+    return _overlapping[robot]
+
+
 class SelfContact(Contact):
     """Self-contact of one robot; may be shared between threads."""
 
@@ -355,17 +390,18 @@ class SelfContact(Contact):
 
         Raises:
             InvalidInputError: `robot` is not a Robot.
-            ModelError: the description's shapes cannot be loaded.
+            ShapeError: the description's shapes cannot be loaded.
         """
         super().__init__(robot)
 
     @classmethod
     def of(cls, robot: Robot) -> SelfContact | None:
-        """A checker, or None when the description has no shapes to check."""
-        try:
-            checker = cls(robot)
-        except ModelError:
-            return None
+        """A checker, or None when the description has no shapes to check.
+
+        Raises:
+            ShapeError: the description's shapes cannot be loaded.
+        """
+        checker = cls(robot)
         return checker if checker.pairs else None
 
 

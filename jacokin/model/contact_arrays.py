@@ -11,7 +11,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.errors import ModelError
+from jacokin.errors import ShapeError
 from jacokin.kernels.contact.arm import HINGE, SLIDE, ArmShapes
 from jacokin.kernels.contact.shapes import (
     BOX,
@@ -69,7 +69,7 @@ def contact_arrays(
         partly: pairs of another obstacle and a shape that moves; these obstacles are kept as shapes of the base.
 
     Raises:
-        ModelError: a shape of a kind that is not convex.
+        ShapeError: a shape of a kind that is not convex.
     """
     turns, placements, kinds = _joints(model)
     links = [shape.joint for shape in given]
@@ -150,7 +150,7 @@ def _joints(model: pin.Model) -> tuple[list[pin.SE3], Array, list[int]]:
 def _row(shape: Shape, link: int, turns: Sequence[pin.SE3]) -> _Row:
     """A shape as the kernels see it."""
     if shape.kind not in CORES:
-        raise ModelError(f"the shape {shape.name!r} is of a kind that contact is not computed for ({', '.join(KINDS)})")
+        raise ShapeError(f"the shape {shape.name!r} is of a kind that contact is not computed for ({', '.join(KINDS)})")
     core, size, T_link_shape = CORES[shape.kind], shape.size, shape.placement
     if link < len(turns):  # of the arm
         T_link_shape = turns[link].inverse() * T_link_shape

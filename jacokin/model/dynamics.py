@@ -40,6 +40,11 @@ class ExternalWrench:
     """(dof,) the part of `joint_torque` [N m] that no wrench at this frame explains."""
 
 
+def has_moving_masses(model: pin.Model) -> bool:
+    """Whether a joint moves a mass."""
+    return any(body.mass > 0.0 for body in list(model.inertias)[1:])
+
+
 def gravity_change(model: pin.Model, data: pin.Data, q: Array, base: pin.SE3 | ArrayLike) -> Array:
     """Joint torques (dof,) [N m] by which `gravity` differs when the base is mounted at another angle.
 
@@ -57,8 +62,6 @@ def gravity_change(model: pin.Model, data: pin.Data, q: Array, base: pin.SE3 | A
     described = np.asarray(model.gravity.linear)  # [m/s^2] in base axes
     mounted = rotation.T @ np.array([0.0, 0.0, -np.linalg.norm(described)])
     com_jacobian = np.asarray(pin.jacobianCenterOfMass(model, data, q)).reshape(3, model.nv)
-    if not data.mass[0] > 0.0:  # Pinocchio divides by it
-        return np.zeros(model.nv)
     return np.asarray(data.mass[0] * com_jacobian.T @ (described - mounted))
 
 

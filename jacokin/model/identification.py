@@ -82,8 +82,9 @@ def identify_payload(
     Raises:
         InvalidInputError: malformed, too large, of different lengths, too short, or a frame that does not move.
         UnknownNameError: no such frame.
+        ModelError: the description gives no masses, so that the body would be found to weigh what the arm does.
     """
-    checked_robot("robot", robot)
+    checked_robot("robot", robot).check_masses()
     carried = robot.pin_model.frames[robot.frame_id(frame)]
     log = _checked_log(robot, q, v, a, torque)
     if carried.parentJoint == 0:

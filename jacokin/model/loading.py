@@ -10,13 +10,14 @@ from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
-from jacokin.errors import InvalidInputError, ModelError, UnknownNameError
+from jacokin.errors import InvalidInputError, ModelError, ShapeError, UnknownNameError
 from jacokin.model import checks
 from jacokin.model.descriptions import bundled, chain, urdf
 from jacokin.model.measured_arm import MeasuredArm
-from jacokin.model.robot import Home, HomeFinder, Robot, Source
+from jacokin.model.robot import Home, HomeFinder, Robot, Source, middle, spread
 
 FINGER_ANGLE = 0.15  # [rad] fully open: the fingers' lower limit
 TIP_OF_BUNDLED = "end_effector"
@@ -33,12 +34,13 @@ def load_robot(
     limits: Mapping[str, tuple[float, float]] | None = None,
     package_dirs: Sequence[str | Path] = (),
     calibration: str | Path | MeasuredArm | None = None,
+    velocity_limit: ArrayLike | None = None,
 ) -> Robot:
     """Load an arm by name or from a file, which is not read again afterwards (meshes of a URDF: when first needed).
 
     Args:
         robot: a bundled name (`jacokin.model.NAMES`), or the path of a .urdf or .xml (MJCF) file. Load only files that
-            you trust, or in a sandbox: what an MJCF makes MuJoCo do is not bounded.
+            you trust, or in a sandbox: not all that an MJCF makes MuJoCo do is bounded.
         base: frame in which poses are expressed. None: the root link of a URDF, the world of an MJCF.
         tip: frame at the end of the arm, and its default frame. None: the arm ends where the tree branches (into
             fingers), and its default frame is the end effector there.
@@ -49,13 +51,15 @@ def load_robot(
             folders above the file. Kinematics needs no meshes; self-contact does.
         calibration: how this arm differs from its description: a file that `jacokin.calibration` saved, or what
             `robot.calibration` holds. None: not at all. Limits stay those of the reported angles.
+        velocity_limit: (dof,) or one for all [rad/s], in place of those of the file. None: what the file gives; an MJCF
+            gives none.
 
     Returns:
         The robot; nq == nv == dof in `robot.pin_model`.
 
     Raises:
         UnknownNameError: no such bundled robot, frame or joint.
-        InvalidInputError: limits malformed, or a finger angle that no finger can take.
+        InvalidInputError: limits or velocity limits malformed, or a finger angle that no finger can take.
         ModelError: the file is missing, malformed, or holds no such arm; the calibration is damaged or another arm's.
     """
     path, name = _resolve(robot)
@@ -76,6 +80,8 @@ def load_robot(
     if finger_angle is not None:
         _check_fingers(described.model, model, finger_angle)
     own_limits = () if limits is None else _override_limits(model, limits)
+    if velocity_limit is not None:
+        model.velocityLimit = checks.positive_vector("velocity_limit", velocity_limit, model.nv, "rad/s")
     measured = None if calibration is None else _calibrate(model, base or described.base, calibration)
     return Robot(
         model,
@@ -91,9 +97,11 @@ def load_robot(
             own_limits,
             described.content,
             measured,
+            described.notes,
         ),
         finger_angle=finger_angle,
         home=_documented_home(name, model) if name else find_home,
+        notes=find_notes,
     )
 
 
@@ -120,12 +128,14 @@ def _resolve(robot: str | Path) -> tuple[Path, str | None]:
     if text in bundled.NAMES:
         return bundled.urdf_folder() / f"{text}.urdf", text
     problem = _problem(path)
-    if path.suffix in SUFFIXES:
+    if path.suffix.lower() in SUFFIXES:
         if problem:
             raise ModelError(f"{path}: {problem}")
         return path, None
     if problem == NO_FILE:
         raise UnknownNameError("robot", text, [*bundled.NAMES, "or a path to a .urdf or .xml file"])
+    if problem is None and path.suffix.lower() == ".xacro":
+        raise ModelError(f"{path}: is a xacro file, not a URDF: expand it: xacro {path.name} > out.urdf")
     raise ModelError(f"{path}: {problem or f'unknown file type {path.suffix!r}; valid: .urdf, .xml (MJCF)'}")
 
 
@@ -152,7 +162,7 @@ def _read(path: Path, name: str | None) -> chain.Description:
     """
     if name is not None:
         return urdf.read_bundled(path)
-    if path.suffix == ".urdf" or _is_urdf(path):
+    if path.suffix.lower() == ".urdf" or _is_urdf(path):
         return urdf.read(path)
     from jacokin.model.descriptions import mjcf  # loads MuJoCo
 
@@ -262,7 +272,11 @@ def find_home(robot: Robot) -> Home:
     """
     from jacokin.model.contact import SelfContact  # which needs Robot
 
-    checker = SelfContact.of(robot)
+    unchecked = "without shapes to check for contact"
+    try:
+        checker = SelfContact.of(robot)
+    except ShapeError:
+        checker, unchecked = None, "contact was not checked, as the shapes cannot be loaded"
     best, fewest, singular = Home(middle(robot), "the middle of the limits"), np.inf, True
     for candidate in _candidates(robot):
         if not robot.within_limits(candidate.q):
@@ -273,22 +287,55 @@ def find_home(robot: Robot) -> Home:
         if (fewest, singular) == (0, False):
             break
     if checker is None:
-        return Home(best.q, f"{best.source}; without shapes to check for contact")
+        return Home(best.q, f"{best.source}; {unchecked}")
     return Home(best.q, best.source if fewest == 0 else f"{best.source}; {fewest} pairs of shapes touch")
+
+
+def find_notes(robot: Robot) -> tuple[str, ...]:
+    """Sentences on what the description leaves open, and on what was left out of it; none for a bundled robot.
+
+    Loads the shapes of the description.
+    """
+    if robot.source.bundled is not None:
+        return ()
+    from jacokin.model.contact import Contact, overlapping
+    from jacokin.model.mujoco_twin import with_shapes
+
+    notes = [*robot.source.notes, *_missing_numbers(robot)]
+    try:
+        notes += with_shapes(robot).notes
+        always = sorted(tuple(sorted(pair)) for pair in overlapping(robot))
+        if not Contact(robot).has_shapes:
+            notes.append("the description has no collision shapes: contact is not looked for")
+    except ShapeError as error:
+        return (*notes, f"contact cannot be looked for: {error}")
+    if always:
+        pairs = ", ".join(" and ".join(pair) for pair in always)
+        notes.append(f"shapes that touch in every configuration, whose contact does not count: {pairs}")
+    return tuple(notes)
+
+
+def _missing_numbers(robot: Robot) -> Iterator[str]:
+    """Sentences on numbers that the description does not give."""
+    for what, limits, cure in (
+        ("velocity", robot.velocity_limit, "velocity_limit="),
+        ("effort", robot.effort_limit, "torque_limit="),
+    ):
+        missing = [name for name, limit in zip(robot.joint_names, limits, strict=True) if np.isinf(limit)]
+        if missing:
+            yield f"no limits of {what} for {', '.join(missing)}: motions that keep them need {cure}"
+    bodies = list(robot.pin_model.inertias)[1:]
+    weightless = [name for name, body in zip(robot.joint_names, bodies, strict=True) if not body.mass > 0.0]
+    if len(weightless) == robot.dof:
+        yield "no masses: what needs them is refused (gravity, mass matrix, torques)"
+    elif weightless:
+        yield f"no masses for what {', '.join(weightless)} carry up to the next joint: torques are those of the rest"
 
 
 def _is_singular(robot: Robot, q: Array) -> bool:
     """Whether the tool can hardly move in some direction, as of a straight arm; solving from there goes badly."""
     values = robot.singular_values(q)
     return bool(values[-1] < SINGULAR * values[0])
-
-
-def middle(robot: Robot) -> Array:
-    """Middle of the limits; zero on unlimited joints, zero clipped where one side is open [rad]."""
-    both = np.isfinite(robot.lower) & np.isfinite(robot.upper)
-    q = np.clip(np.zeros(robot.dof), robot.lower, robot.upper)
-    q[both] = 0.5 * (robot.lower[both] + robot.upper[both])
-    return np.clip(q, robot.lower, robot.upper)
 
 
 def _candidates(robot: Robot) -> Iterator[Home]:
@@ -299,12 +346,8 @@ def _candidates(robot: Robot) -> Iterator[Home]:
         if _has_the_joints_of(robot, name):
             yield documented_home(name)
             break
-    centre = middle(robot)
-    yield Home(centre, "the middle of the limits")
-    # At most half a turn from the middle: more leads to the same places.
-    lower, upper = np.maximum(robot.lower, centre - np.pi), np.minimum(robot.upper, centre + np.pi)
-    drawn = np.random.default_rng(0).uniform(lower, upper, (RANDOM_TRIES, robot.dof))
-    for q in sorted(drawn, key=lambda q: _is_awkward(robot, q)):
+    yield Home(middle(robot), "the middle of the limits")
+    for q in sorted(spread(robot, RANDOM_TRIES), key=lambda q: _is_awkward(robot, q)):
         yield Home(q, "a random search within the limits")
 
 

@@ -8,18 +8,20 @@ MuJoCo compiles too: `with_shapes` and `with_masses`.
 from __future__ import annotations
 
 import itertools
+import weakref
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
 import pinocchio as pin
 
 from jacokin.arrays import Array
-from jacokin.errors import InvalidInputError, ModelError
+from jacokin.errors import InvalidInputError, ModelError, ShapeError
 from jacokin.model import checks, poses
 from jacokin.model.descriptions import bundled, mjcf, urdf
-from jacokin.model.descriptions.shapes import Shape, embed_meshes
+from jacokin.model.descriptions.shapes import Shape, prepare_shapes
 from jacokin.model.robot import Robot, Source, checked_robot
 
 UNLIMITED = 1e6  # [rad] stands for an open side
@@ -43,9 +45,22 @@ def to_mujoco(robot: Robot, *, geometry: bool = False) -> mujoco.MjModel:
 
     Raises:
         InvalidInputError: `robot` is not a Robot, `geometry` neither True nor False.
-        ModelError: `geometry` and the description's shapes cannot be loaded by MuJoCo.
+        ShapeError: `geometry` and the description's shapes cannot be loaded.
     """
-    return to_spec(checked_robot("robot", robot), geometry=checks.flag("geometry", geometry)).compile()
+    spec = to_spec(checked_robot("robot", robot), geometry=checks.flag("geometry", geometry))
+    return compile_spec(spec, robot)
+
+
+def compile_spec(spec: mujoco.MjSpec, robot: Robot) -> mujoco.MjModel:
+    """The twin of a robot, compiled.
+
+    Raises:
+        ShapeError: MuJoCo cannot compile its shapes.
+    """
+    try:
+        return spec.compile()
+    except mjcf.MUJOCO_ERRORS as error:
+        raise ShapeError(f"{robot.source.path}: MuJoCo cannot load these shapes: {error}") from error
 
 
 def to_spec(robot: Robot, *, geometry: bool = False, finger_angle: float | None = None) -> mujoco.MjSpec:
@@ -119,9 +134,9 @@ def add_shapes(
 
     Raises:
         InvalidInputError: a finger angle that no joint off the arm can take.
-        ModelError: a mesh is not found, or MuJoCo cannot load the shapes.
+        ShapeError: a mesh is not found, or the shapes cannot be loaded.
     """
-    source = with_shapes(robot)
+    source = with_shapes(robot).model
     model = robot.pin_model
     fingers = None if finger_angle is None else _Fingers(source, robot, finger_angle)
     names = set(robot.frames)
@@ -162,7 +177,7 @@ def shapes_of_twin(model: mujoco.MjModel) -> list[Shape]:
 
 def shapes_of_links(robot: Robot) -> dict[str, frozenset[str]]:
     """Names of the shapes of each link, with those of links behind it that no joint of the arm separates from it."""
-    source, model = with_shapes(robot), robot.pin_model
+    source, model = with_shapes(robot).model, robot.pin_model
     joint_of = {link: int(model.frames[robot.frame_id(link)].parentJoint) for link in robot.frames}
     found: dict[str, set[str]] = {}
     for geom in range(source.ngeom):
@@ -267,21 +282,41 @@ def _parent_and_child(source: mujoco.MjModel, body_a: int, body_b: int) -> bool:
     return weld_a == parent_b or weld_b == parent_a
 
 
-def with_shapes(robot: Robot) -> mujoco.MjModel:
-    """The description with its shapes; the masses of a URDF are placeholders.
+class DescribedShapes(NamedTuple):
+    """A description with its collision shapes, in MuJoCo; the masses of a URDF are placeholders."""
+
+    model: mujoco.MjModel
+    notes: tuple[str, ...] = ()
+    """Sentences on shapes that were left out, and on meshes whose axes are in doubt."""
+
+
+_described: weakref.WeakKeyDictionary[Robot, DescribedShapes] = weakref.WeakKeyDictionary()
+
+
+def with_shapes(robot: Robot) -> DescribedShapes:
+    """The description of a robot with its shapes, read once.
 
     Raises:
-        ModelError: a mesh is not found, or MuJoCo cannot load the shapes.
+        ShapeError: a mesh is not found, or the shapes cannot be loaded.
     """
-    source = robot.source
-    if not isinstance(source.content, str):
-        return _mjcf(source)
-    tree = ET.fromstring(source.content)
-    for link in tree.findall("link"):
-        _replace_inertial(link)
-        for visual in link.findall("visual"):
-            link.remove(visual)
-    return _compile(tree, embed_meshes(tree, source.path, source.package_dirs), source)
+    if robot not in _described:
+        _described[robot] = _read_shapes(robot.source)
+    return _described[robot]
+
+
+def _read_shapes(source: Source) -> DescribedShapes:
+    try:
+        if not isinstance(source.content, str):
+            return DescribedShapes(_mjcf(source))
+        tree = ET.fromstring(source.content)
+        for link in tree.findall("link"):
+            _replace_inertial(link)
+            for visual in link.findall("visual"):
+                link.remove(visual)
+        assets, notes = prepare_shapes(tree, source.path, source.package_dirs)
+        return DescribedShapes(_compile(tree, assets, source), notes)
+    except ModelError as error:
+        raise ShapeError(str(error)) from error
 
 
 def with_masses(robot: Robot) -> mujoco.MjModel:
@@ -320,8 +355,11 @@ def _mjcf(source: Source) -> mujoco.MjModel:
 def _compile(tree: ET.Element, assets: dict[str, bytes], source: Source) -> mujoco.MjModel:
     """A URDF in MuJoCo with all its links."""
     for element in list(tree):
-        if element.tag not in (*urdf.KINEMATIC_TAGS, "material"):
+        if element.tag not in urdf.KINEMATIC_TAGS:
             tree.remove(element)
+        for limit in element.findall("limit"):
+            if limit.get("lower") == limit.get("upper"):  # MuJoCo takes it for none, and would warn on stderr
+                element.remove(limit)
     try:
         spec = mujoco.MjSpec.from_string(ET.tostring(tree, encoding="unicode"), assets=assets)
         spec.compiler.fusestatic = False

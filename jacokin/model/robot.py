@@ -19,7 +19,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
-from jacokin.errors import InvalidInputError, UnknownNameError, shown
+from jacokin.errors import InvalidInputError, ModelError, UnknownNameError, shown
 from jacokin.model import checks, dynamics, jacobians
 from jacokin.model.descriptions import bundled, chain
 from jacokin.model.dynamics import ExternalWrench
@@ -45,8 +45,8 @@ class Robot:
         upper: (dof,) upper limits [rad]; +inf on unlimited joints.
         sliding: (dof,) True where a joint is prismatic, with values in [m] instead of [rad].
         unlimited: (dof,) True where a joint has no limits.
-        velocity_limit: (dof,) [rad/s]; inf where the file gives none.
-        effort_limit: (dof,) [N m], what the loaded file says; inf where it gives none.
+        velocity_limit: (dof,) [rad/s]; inf where the file gives none, or 0.
+        effort_limit: (dof,) [N m], what the loaded file says; inf where it gives none, or 0.
         acceleration_limit: (dof,) [rad/s^2], the table's for bundled arms; inf for others, whose files have none.
         finger_angle: angle at which the finger joints are locked [rad]; None for their reference position.
         frames: names usable as `frame`.
@@ -63,6 +63,8 @@ class Robot:
         source: Source,
         finger_angle: float | None = None,
         home: Home | HomeFinder,
+        notes: NotesFinder | None = None,
+        has_masses: bool | None = None,
     ) -> None:
         """Wrap a chain made by `chain.extract`; users call `load_robot`.
 
@@ -73,6 +75,8 @@ class Robot:
             source: where it came from.
             finger_angle: angle at which joints off the chain were locked [rad].
             home: or the function that finds it when it is first asked for; pickled by its name.
+            notes: the function that finds `notes` when they are first asked for; pickled by its name.
+            has_masses: whether the masses that joints move are known; None where the model tells.
         """
         self.pin_model = model
         self.name: str = model.name
@@ -94,6 +98,8 @@ class Robot:
         self.frames: tuple[str, ...] = tuple(self._frame_ids)
         self.default_frame = chain.default_frame(model, tip)
         self._home = home
+        self._find_notes = notes
+        self._has_masses = dynamics.has_moving_masses(model) if has_masses is None else has_masses
         self._local = threading.local()
         self._sealed = True
 
@@ -117,6 +123,8 @@ class Robot:
             source=self.source,
             finger_angle=self.finger_angle,
             home=self.__dict__.get("_found_home", self._home),
+            notes=self._find_notes,
+            has_masses=self._has_masses,
         )
         return rebuild, (self.pin_model,)
 
@@ -143,6 +151,8 @@ class Robot:
             source=replace(self.source, calibration=None),
             finger_angle=self.finger_angle,
             home=self._home,
+            notes=self._find_notes,
+            has_masses=self._has_masses,
         )
 
     @property
@@ -297,7 +307,9 @@ class Robot:
 
         Raises:
             InvalidInputError: `q` malformed.
+            ModelError: the description gives no masses.
         """
+        self.check_masses()
         matrix = pin.crba(self.pin_model, self._data, self.configuration(q))
         return np.array(matrix).reshape(self.dof, self.dof)  # Pinocchio drops the second dimension of a single joint
 
@@ -314,7 +326,9 @@ class Robot:
 
         Raises:
             InvalidInputError: `q` or `base` malformed.
+            ModelError: the description gives no masses.
         """
+        self.check_masses()
         at = self.configuration(q)
         return np.array(pin.computeGeneralizedGravity(self.pin_model, self._data, at)) - self._push(
             at, None, None, base
@@ -329,7 +343,9 @@ class Robot:
 
         Raises:
             InvalidInputError: malformed, or too large for the answer to be finite.
+            ModelError: the description gives no masses.
         """
+        self.check_masses()
         model, data, at, velocity = self.pin_model, self._data, self.configuration(q), self.configuration(v, "v")
         matrix = np.array(pin.computeCoriolisMatrix(model, data, at, velocity)).reshape(self.dof, self.dof)
         return dynamics.answered(model, data, at, matrix)
@@ -361,7 +377,9 @@ class Robot:
         Raises:
             InvalidInputError: malformed, or too large for the answer to be finite.
             UnknownNameError: no such frame.
+            ModelError: the description gives no masses.
         """
+        self.check_masses()
         model, data, at = self.pin_model, self._data, self.configuration(q)
         velocity, acceleration = self.configuration(v, "v"), self.configuration(a, "a")
         torque = np.array(pin.rnea(model, data, at, velocity, acceleration)) - self._push(at, external, frame, base)
@@ -384,10 +402,23 @@ class Robot:
         Raises:
             ModelError: a joint moves no mass.
         """
+        self.check_masses()
         model, data, at = self.pin_model, self._data, self.configuration(q)
         velocity, applied = self.configuration(v, "v"), self.configuration(torque, "torque")
         applied = applied + self._push(at, external, frame, base)
         return dynamics.answered(model, data, at, np.array(pin.aba(model, data, at, velocity, applied)))
+
+    def check_masses(self) -> None:
+        """Refuse an arm whose joints move no mass: its torques would all be zero.
+
+        Raises:
+            ModelError: the description gives no masses.
+        """
+        if not self._has_masses:
+            raise ModelError(
+                f"the description of {self.name} ({self.source.path}) gives no masses that a joint moves, so no torque "
+                "is known; robot.with_bodies takes masses"
+            )
 
     def centre_of_mass(self, q: ArrayLike) -> Array:
         """Centre of mass (3,) of the whole robot in the base [m], its base link and locked fingers included.
@@ -446,6 +477,7 @@ class Robot:
         Raises:
             InvalidInputError: malformed, or a covariance that is not symmetric and positive definite.
             UnknownNameError: no such frame.
+            ModelError: the description gives no masses.
         """
         applied = self.configuration(torque, "torque")
         missing = dynamics.answered(
@@ -471,7 +503,8 @@ class Robot:
             UnknownNameError: no such frame.
         """
         weight, centre = checks.non_negative("mass", mass, "kg"), checks.vector("com", com, 3, "m")
-        return self._weighing(dynamics.loaded(self.pin_model, self.frame_id(frame), weight, centre, inertia))
+        loaded = dynamics.loaded(self.pin_model, self.frame_id(frame), weight, centre, inertia)
+        return self._weighing(loaded, has_masses=self._has_masses)
 
     def with_bodies(self, parameters: ArrayLike) -> Robot:
         """This robot with other masses, as `jacokin.model.identify_arm` finds them: another robot.
@@ -486,9 +519,9 @@ class Robot:
         rows = checks.matrix("parameters", parameters, dynamics.BODY, "kg, kg m, kg m^2")
         if len(rows) != self.dof:
             raise InvalidInputError(f"parameters must have shape ({self.dof}, {dynamics.BODY}), got shape {rows.shape}")
-        return self._weighing(dynamics.reweighed(self.pin_model, rows))
+        return self._weighing(dynamics.reweighed(self.pin_model, rows), has_masses=True)
 
-    def _weighing(self, pin_model: pin.Model) -> Robot:
+    def _weighing(self, pin_model: pin.Model, *, has_masses: bool) -> Robot:
         """The same arm with a model of other masses."""
         return Robot(
             pin_model,
@@ -497,6 +530,8 @@ class Robot:
             source=self.source,
             finger_angle=self.finger_angle,
             home=self.__dict__.get("_found_home", self._home),
+            notes=self._find_notes,
+            has_masses=has_masses,
         )
 
     def _push(self, q: Array, external: ArrayLike | None, frame: str | None, base: pin.SE3 | ArrayLike | None) -> Array:
@@ -581,6 +616,28 @@ class Robot:
         return self._found_home.source
 
     @cached_property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences on what was left out of the description, guessed, or is missing there; `jacokin info` shows them.
+
+        Found when they are first asked for, with the collision shapes. Empty for a bundled robot.
+        """
+        return () if self._find_notes is None else self._find_notes(self)
+
+    def known_efforts(self) -> Array:
+        """`effort_limit`, where the file gives it for every joint.
+
+        Raises:
+            InvalidInputError: it gives none for a joint.
+        """
+        missing = [name for name, limit in zip(self.joint_names, self.effort_limit, strict=True) if np.isinf(limit)]
+        if missing:
+            raise InvalidInputError(
+                f"the description of {self.name} ({self.source.path}) gives no effort limits for {', '.join(missing)}; "
+                "pass torque_limit= [N m] in numbers"
+            )
+        return self.effort_limit
+
+    @cached_property
     def _found_home(self) -> Home:
         return self._home(self) if callable(self._home) else self._home
 
@@ -599,6 +656,7 @@ class Source:
         limits: a user's own limits: joint, lower and upper [rad].
         content: the checked text of a URDF, or an MJCF as MuJoCo compiled it; None for bundled robots.
         calibration: how the arm differs from that content; None for not at all.
+        notes: sentences on what was left out of the file.
     """
 
     path: Path
@@ -610,6 +668,7 @@ class Source:
     limits: tuple[tuple[str, float, float], ...] = ()
     content: str | mujoco.MjModel | None = field(default=None, repr=False, compare=False)
     calibration: MeasuredArm | None = None
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -623,6 +682,7 @@ class Home:
 
 
 HomeFinder = Callable[[Robot], Home]
+NotesFinder = Callable[[Robot], tuple[str, ...]]
 
 
 class SceneLike(Protocol):
@@ -660,7 +720,7 @@ def velocity_limits(robot: Robot, value: ArrayLike | None) -> Array:
     ]
     if missing:
         raise InvalidInputError(
-            f"the description of {robot.name} gives no velocity limits for {', '.join(missing)}; "
+            f"the description of {robot.name} ({robot.source.path}) gives no velocity limits for {', '.join(missing)}; "
             "pass velocity_limit= [rad/s]"
         )
     return checks.positive_vector("velocity_limit", np.minimum(robot.velocity_limit, FASTEST), robot.dof, "rad/s")
@@ -748,3 +808,21 @@ def _shapes(robot: Robot) -> bytes:
         return described.encode()
     arrays = (described.geom_type, described.geom_size, described.geom_pos, described.geom_quat, described.geom_bodyid)
     return b"".join(np.ascontiguousarray(array).tobytes() for array in (*arrays, described.mesh_vert))
+
+
+def middle(robot: Robot) -> Array:
+    """Middle of the limits; zero on unlimited joints, zero clipped where one side is open [rad]."""
+    both = np.isfinite(robot.lower) & np.isfinite(robot.upper)
+    q = np.clip(np.zeros(robot.dof), robot.lower, robot.upper)
+    q[both] = 0.5 * (robot.lower[both] + robot.upper[both])
+    return np.clip(q, robot.lower, robot.upper)
+
+
+def spread(robot: Robot, count: int) -> Array:
+    """Random configurations (count, dof) [rad] of a fixed seed within the limits.
+
+    At most half a turn from the middle: more leads to the same places.
+    """
+    centre = middle(robot)
+    lower, upper = np.maximum(robot.lower, centre - np.pi), np.minimum(robot.upper, centre + np.pi)
+    return np.random.default_rng(0).uniform(lower, upper, (count, robot.dof))

@@ -277,7 +277,7 @@ class Scene:
 
         Raises:
             InvalidInputError: an obstacle has the name of a shape of the arm, or no finger can take the angle.
-            ModelError: the description's shapes cannot be loaded.
+            ShapeError: the description's shapes cannot be loaded.
         """
         if robot not in self._contacts:
             self._contacts[robot] = Contact(robot, self.surroundings)
@@ -391,7 +391,7 @@ def _obstacle(where: str, entry: object, index: int) -> Obstacle:
     missing = [key for key in keys if key not in given and key not in OPTIONAL]
     if missing:
         raise InvalidInputError(f"{where}: {shape} needs {', '.join(missing)}")
-    name = given.get("name", f"{shape}_{index}")
+    name = given.get("name", Floor().name if build is Floor else f"{shape}_{index}")
     if not isinstance(name, str) or not name:
         raise checks.refusal(f"{where}: name", "a word", name)
     values = {key: given[key] for key in keys if key in given}

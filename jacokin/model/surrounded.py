@@ -48,7 +48,7 @@ def surround(robot: Robot, around: Surroundings) -> Surrounded:
         InvalidInputError: a shape of the scene has the name of a shape of the arm, one is attached to what does not
             move, or no finger can take the angle.
         UnknownNameError: a shape is attached to, or contact is allowed with, a name that is not there.
-        ModelError: the description's shapes cannot be loaded.
+        ShapeError: the description's shapes cannot be loaded.
     """
     if around == NOTHING_AROUND and robot.source.bundled is not None:
         links = {name: robot.frame_id(name) for name in robot.frames}
@@ -92,7 +92,7 @@ class Twin(NamedTuple):
 
 def compile_twin(robot: Robot, around: Surroundings) -> Twin:
     """The robot's twin with all shapes of a scene; errors as of `surround`."""
-    from jacokin.model.mujoco_twin import to_spec
+    from jacokin.model.mujoco_twin import compile_spec, to_spec
 
     spec = to_spec(robot, geometry=True, finger_angle=around.finger_angle)
     arm = {geom.name: geom.parent.name for geom in spec.geoms}
@@ -101,7 +101,7 @@ def compile_twin(robot: Robot, around: Surroundings) -> Twin:
             raise InvalidInputError(f"the name {name!r} is used by a shape of the arm; names must differ")
     add_to_spec(spec, around.obstacles)
     held = {each.name: _attach(spec, robot, each) for each in around.attached}
-    return Twin(spec.compile(), arm, held)
+    return Twin(compile_spec(spec, robot), arm, held)
 
 
 def allowed_pairs(robot: Robot, around: Surroundings, arm: Sequence[str]) -> set[frozenset[str]]:

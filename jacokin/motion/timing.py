@@ -246,11 +246,14 @@ def torque_limits(robot: Robot, limit: ArrayLike | bool | None) -> Array | None:
     """Checked limits (dof,) [N m]: those given, the robot's own for True, or none.
 
     Raises:
-        InvalidInputError: neither one number nor one for each joint, or one that is not positive.
+        InvalidInputError: neither one number nor one for each joint, one that is not positive, or True where the file
+            gives no efforts.
+        ModelError: the description gives no masses.
     """
     if limit is None or limit is False:
         return None
-    return robot.effort_limit if limit is True else checks.positive_vector("torque_limit", limit, robot.dof, "N m")
+    robot.check_masses()
+    return robot.known_efforts() if limit is True else checks.positive_vector("torque_limit", limit, robot.dof, "N m")
 
 
 def slow_down(robot: Robot, law: TimeLaw, limit: Array) -> TimeLaw | TooHeavy:

@@ -93,6 +93,7 @@ def build(
     Raises:
         InvalidInputError: malformed arguments, too large a grid, or a folder of another map (says what differs).
         StructureError: the robot has no closed form.
+        ShapeError: the robot's shapes cannot be loaded, and contact is to be avoided.
         JacokinError: a worker failed or the disk is full; finished chunks are kept.
     """
     mine = _shard(shard)
@@ -107,6 +108,7 @@ def build(
         )
         raise InvalidInputError(f"collision must be {choices}, got {collision!r}")
     solver = IKSolver(robot, frame, tool=tool, method="closed_form", collision=collision, scene=scene)
+    solver.verifier.require_contact()
     if not solver.has_families:
         solver.closed_form()
     found = NO_SYMMETRIES

@@ -15,7 +15,8 @@ from jacokin.arrays import Array
 from jacokin.errors import ModelError
 from jacokin.model import poses
 from jacokin.model.descriptions import mjcf
-from jacokin.model.descriptions.shapes import find_mesh
+from jacokin.model.descriptions.meshes import Mesh, find_mesh, read_mesh_file
+from jacokin.model.descriptions.shapes import mesh_scale
 from jacokin.model.mujoco_twin import to_mujoco
 from jacokin.model.robot import Robot
 from jacokin.model.scene import Scene
@@ -144,7 +145,7 @@ def load_visuals(robot: Robot) -> tuple[ArmPart, ...] | None:
 
 def _read_urdf(robot: Robot, text: str) -> dict[int, list[ColouredMesh]]:
     """Pieces by the number of the joint that moves them, in its frame."""
-    read: dict[Path, Triangles] = {}
+    read: dict[Path, Mesh] = {}
     drawn: dict[int, list[ColouredMesh]] = {}
     tree = ET.fromstring(text)
     looks = {each.get("name", ""): each for each in tree.findall("material")}
@@ -173,7 +174,7 @@ def _look(visual: ET.Element, looks: dict[str, ET.Element]) -> Colour:
     return PLAIN
 
 
-def _read_visual(robot: Robot, visual: ET.Element, read: dict[Path, Triangles]) -> Triangles | None:
+def _read_visual(robot: Robot, visual: ET.Element, read: dict[Path, Mesh]) -> Triangles | None:
     """One `<visual>` of a checked URDF in its own axes."""
     for shape in visual.findall("geometry/*"):
         if shape.tag == "box":
@@ -186,29 +187,11 @@ def _read_visual(robot: Robot, visual: ET.Element, read: dict[Path, Triangles]) 
             source = robot.source
             found = find_mesh(shape.get("filename", ""), source.path, source.package_dirs)
             if found not in read:
-                read[found] = _load(found, source.path)
-            scale = _numbers(shape, "scale", "1 1 1")
-            faces = read[found].faces if np.prod(scale) > 0.0 else read[found].faces[:, ::-1]  # a mirrored mesh
-            return Triangles((read[found].vertices * scale).astype(np.float32), faces)
+                read[found] = read_mesh_file(found, source.path)
+            scale, mesh = mesh_scale(shape), read[found]
+            faces = mesh.faces if np.prod(scale) > 0.0 else mesh.faces[:, ::-1]  # a mirrored mesh
+            return Triangles((mesh.vertices * scale).astype(np.float32), faces.astype(np.uint32))
     return None
-
-
-def _load(file: Path, description: Path) -> Triangles:
-    """A mesh file of any format that trimesh reads, as one mesh.
-
-    Raises:
-        ModelError: it cannot be read, or holds no triangles.
-    """
-    import trimesh
-
-    try:
-        whole = trimesh.load_mesh(file)
-        vertices, faces = np.asarray(whole.vertices), np.asarray(whole.faces)
-    except Exception as error:  # whatever the reader of that format raises
-        raise ModelError(f"{description}: mesh {file} cannot be read: {error!r}") from error
-    if not len(faces) or not np.isfinite(vertices).all():
-        raise ModelError(f"{description}: mesh {file} holds no triangles, or vertices that are not finite")
-    return Triangles(vertices.astype(np.float32), faces.astype(np.uint32))
 
 
 def _read_mjcf(robot: Robot, model: mujoco.MjModel) -> dict[int, list[ColouredMesh]]:

@@ -11,6 +11,7 @@ import jacokin
 from jacokin.model.descriptions import bundled
 from tests.cli.run import Run
 from tests.model.measured_arms import drawn_arm
+from tests.robot_files import ur5_text
 
 
 @pytest.mark.parametrize("name", bundled.NAMES)
@@ -63,3 +64,16 @@ def test_info_says_what_a_calibration_says(run: Run, robot: jacokin.Robot, tmp_p
     refused = run("info", "j2s6s200", "--calibration", str(path))
     assert refused.code == 2
     assert "is a calibration of 'j2n6s300', and this robot is 'j2s6s200'" in refused.err
+
+
+def test_info_says_what_a_file_leaves_open(run: Run, tmp_path: Path) -> None:
+    path = tmp_path / "ARM.URDF"
+    text = ur5_text('<collision><geometry><mesh filename="package://arm/a.stl"/></geometry></collision>')
+    path.write_text(text.replace('effort="1"', 'effort="0"'))
+    notes = run("info", str(path), "--json").document["notes"]
+    assert notes == list(jacokin.load_robot(path).notes)
+    table = run("info", str(path)).out
+    for word in ("no limits of effort", "no masses", "contact cannot be looked for", "'package://arm/a.stl'"):
+        assert any(word in note for note in notes)
+        assert word in " ".join(table.split())
+    assert run("info", "--json").document["notes"] == []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import xml.etree.ElementTree as ET
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -14,9 +15,12 @@ import pytest
 import jacokin
 from jacokin import Robot, pose
 from jacokin.arrays import Array
-from jacokin.model.contact import Contact
+from jacokin.errors import ShapeError
+from jacokin.model import Scene, SelfContact
+from jacokin.model.contact import Contact, overlapping
 from jacokin.model.descriptions import mjcf
-from jacokin.model.mujoco_twin import to_spec
+from jacokin.model.descriptions.shapes import PreparedShapes, prepare_shapes
+from jacokin.model.mujoco_twin import to_mujoco, to_spec
 from jacokin.model.obstacles import (
     Box,
     Capsule,
@@ -28,7 +32,7 @@ from jacokin.model.obstacles import (
     add_to_spec,
 )
 from tests.coal_shapes import coal_shape, collision_pairs
-from tests.robot_files import urdf_text
+from tests.robot_files import ur5_text, urdf_text
 
 ROBOTS = ("j2n6s300", "j2n6s200", "j2s6s300", "j2s7s300")
 
@@ -214,8 +218,6 @@ def test_a_sheet_thinner_than_any_step_is_in_the_way(robot: Robot) -> None:
 
 
 def test_own_urdf_shapes_are_checked_for_contact(tmp_path: Path, rng: np.random.Generator) -> None:
-    from jacokin.model import SelfContact
-
     path = tmp_path / "mine.urdf"
     path.write_text(urdf_text())
     mine, bundled = SelfContact(jacokin.load_robot(path, finger_angle=0.15)), SelfContact(jacokin.load_robot())
@@ -228,3 +230,89 @@ def test_own_urdf_shapes_are_checked_for_contact(tmp_path: Path, rng: np.random.
     assert hits > 5
     own = jacokin.load_robot(path)
     assert mine.touching(own.home) == []
+
+
+def ball_arm(tmp_path: Path, names: str = "") -> Path:
+    """An arm with a ball at each joint: those of the base and of the upper arm overlap whatever the joints do."""
+    path = tmp_path / "arm.urdf"
+    path.write_text(ur5_text(f'<collision {names}><geometry><sphere radius="0.09"/></geometry></collision>'))
+    return path
+
+
+def test_shapes_that_overlap_everywhere_are_no_contact_and_are_said(tmp_path: Path, rng: np.random.Generator) -> None:
+    robot = jacokin.load_robot(ball_arm(tmp_path))
+    model = to_mujoco(robot, geometry=True)
+    data = mujoco.MjData(model)
+    both = zip(model.pair_geom1.tolist(), model.pair_geom2.tolist(), strict=True)
+    always = {frozenset((model.geom(a).name, model.geom(b).name)) for a, b in both}
+    contact = SelfContact(robot)
+    for q in robot.sample(rng, 300):
+        data.qpos[:] = q
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_collision(model, data)
+        touching = {frozenset(model.geom(int(geom)).name for geom in pair) for pair in data.contact.geom}
+        always &= touching
+        assert {frozenset(pair) for pair in contact.touching(q)} == touching - overlapping(robot)
+    assert overlapping(robot) == always
+    assert len(always) == 2
+    assert contact.pairs == 15 - len(always)
+    assert contact.touching(robot.home) == []
+    notes = [note for note in robot.notes if "touch in every configuration" in note]
+    assert len(notes) == 1
+    for pair in always:
+        assert all(name in notes[0] for name in pair)
+    assert jacokin.IKSolver(robot, collision="reject").solve(robot.forward_kinematics(robot.home)).success
+    # With an obstacle around, and with contact that is allowed, the same pairs are left out.
+    around = Scene([Box("wall", [0.1, 0.1, 0.1], [5.0, 0.0, 0.0])], allow=[("wall", "l6")])
+    assert around.contact(robot).touching(robot.home) == []
+    assert robot.clearance(robot.home, Scene(), self_collision=True) > 0.0
+
+
+def test_names_that_shapes_share_are_no_message_of_mujoco(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    robot = jacokin.load_robot(ball_arm(tmp_path, 'name="ball"'))
+    assert robot.clearance(robot.home, Scene([Box("wall", [0.1, 0.1, 0.1], [5.0, 0.0, 0.0])])) > 1.0
+    assert len(set(Scene().contact(robot).names)) == 7
+    assert jacokin.crosscheck(robot, samples=3).within()
+    assert capfd.readouterr() == ("", "")
+
+
+def test_the_shapes_of_a_robot_are_read_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    read: list[object] = []
+
+    def counted(tree: ET.Element, path: Path, package_dirs: Sequence[Path]) -> PreparedShapes:
+        read.append(path)
+        return prepare_shapes(tree, path, package_dirs)
+
+    monkeypatch.setattr("jacokin.model.mujoco_twin.prepare_shapes", counted)
+    robot = jacokin.load_robot(ball_arm(tmp_path))
+    for _ in range(2):
+        assert robot.home.shape == (6,)
+        assert robot.notes
+        jacokin.IKSolver(robot, collision="reject")
+        robot.clearance(robot.home, Scene([Box("wall", [0.1, 0.1, 0.1], [5.0, 0.0, 0.0])]))
+    assert len(read) == 1
+
+
+def test_nothing_is_planned_without_looking_where_shapes_cannot_be_loaded(tmp_path: Path) -> None:
+    from jacokin.calibration import plan_measurements
+    from jacokin.reachability import Grid, build
+
+    path = tmp_path / "arm.urdf"
+    path.write_text(ur5_text('<collision><geometry><mesh filename="package://arm/a.stl"/></geometry></collision>'))
+    robot = jacokin.load_robot(path)
+    assert "contact was not checked" in robot.home_source
+    solver = jacokin.IKSolver(robot)
+    T = robot.forward_kinematics([0.1, -1.0, 1.2, 0.3, 0.5, 0.2])
+    up = T.copy()
+    up.translation[2] += 0.02
+    grid = Grid([-0.1] * 3, [0.1] * 3, 0.1)
+    asked: tuple[Callable[[], object], ...] = (
+        lambda: jacokin.plan_path(solver, [T, up], dt=0.05),
+        lambda: build(robot, grid=grid, orientations=2, folder=tmp_path / "map"),
+        lambda: plan_measurements(robot, n=10),
+    )
+    for ask in asked:
+        with pytest.raises(ShapeError, match=r"'package://arm/a.stl' is not found.* with package_dirs="):
+            ask()
+    unchecked = jacokin.IKSolver(robot, collision="ignore")
+    assert jacokin.plan_path(unchecked, [T, up], dt=0.05).success

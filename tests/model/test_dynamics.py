@@ -16,8 +16,9 @@ import jacokin
 from jacokin import Robot
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, ModelError, UnknownNameError
-from jacokin.model import urdf_folder
+from jacokin.model import identify_payload, urdf_folder
 from jacokin.model.poses import quaternion
+from jacokin.motion import move_joints
 from tests.robot_files import ur5_text
 
 NAMES = ("j2n6s300", "j2n6s200", "j2s6s300", "m1n6s300", "j2s7s300", "j2s7s200")
@@ -236,15 +237,27 @@ def test_arms_without_masses_say_so(tmp_path: Path) -> None:
     path.write_text(ur5_text())
     arm = jacokin.load_robot(path)
     q = [0.1] * 6
-    np.testing.assert_array_equal(arm.gravity(q), 0.0)
-    np.testing.assert_array_equal(arm.gravity(q, base=BASE), 0.0)
-    with pytest.raises(ModelError, match="no masses"):
-        arm.forward_dynamics(q, q, q)
     with pytest.raises(ModelError, match="no masses"):
         arm.centre_of_mass(q)
-    with pytest.raises(ModelError, match="no masses"):
-        arm.operational_space_inertia(q)
     loaded = arm.with_payload(2.0, [0.1, 0.0, 0.0])
+    for weightless in (arm, loaded, pickle.loads(pickle.dumps(loaded))):
+        asked: tuple[Callable[[], object], ...] = (
+            functools.partial(weightless.gravity, q),
+            functools.partial(weightless.gravity, q, base=BASE),
+            functools.partial(weightless.mass_matrix, q),
+            functools.partial(weightless.coriolis, q, q),
+            functools.partial(weightless.inverse_dynamics, q, q, q),
+            functools.partial(weightless.forward_dynamics, q, q, q),
+            functools.partial(weightless.operational_space_inertia, q),
+            functools.partial(weightless.external_wrench, q, q, q, q),
+            functools.partial(identify_payload, weightless, *np.zeros((4, 80, 6))),
+            functools.partial(move_joints, weightless, q, [0.2] * 6, torque_limit=5.0),
+        )
+        for ask in asked:
+            with pytest.raises(ModelError, match="no masses"):
+                ask()
+    weighed = arm.with_bodies([[1.0, 0.0, 0.0, 0.1, 0.1, 0.0, 0.1, 0.0, 0.0, 0.1]] * 6)
+    assert np.abs(weighed.gravity(q)).max() > 0.1
     np.testing.assert_allclose(
         loaded.centre_of_mass(q), loaded.forward_kinematics(q).act(np.array([0.1, 0.0, 0.0])), atol=1e-12
     )

@@ -115,7 +115,7 @@ def test_a_file_means_what_it_says(tmp_path: Path, robot: Robot, rng: np.random.
     rows = robot.sample(rng, 20)
     for name in ("scene.yaml", "scene.json"):
         read = Scene.load(tmp_path / name)
-        assert read.names == ("table", "ball", "post", "can", "floor_4")
+        assert read.names == ("table", "ball", "post", "can", "floor")
         assert read.finger_angle == 0.8
         np.testing.assert_array_equal(robot.clearance(rows, read), robot.clearance(rows, here))
     (tmp_path / "list.yaml").write_text("- {shape: floor, name: ground}\n")
@@ -144,7 +144,7 @@ def test_a_file_means_what_it_says(tmp_path: Path, robot: Robot, rng: np.random.
         ("finger_angle: open", InvalidInputError, r"finger_angle must be a finite number"),
         ("just words", InvalidInputError, r"must be a list"),
         ("- {shape: floor", InvalidInputError, r"not a YAML file"),
-        ("- {shape: floor}\n- {shape: floor, name: floor_0}", InvalidInputError, r"'floor_0' is used by two"),
+        ("- {shape: floor}\n- {shape: floor, name: floor}", InvalidInputError, r"'floor' is used by two"),
         ("- !!python/object/apply:os.getcwd []", InvalidInputError, r"not a YAML file"),
         ("- {shape: floor, height: 0, height: 1}", InvalidInputError, r"scene.yaml: the key 'height' is given twice"),
         ("obstacles: []\nobstacles: []", InvalidInputError, r"the key 'obstacles' is given twice"),

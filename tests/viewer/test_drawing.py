@@ -20,6 +20,7 @@ from jacokin.errors import ModelError
 from jacokin.model import NAMES, to_mujoco, urdf_folder
 from jacokin.viewer import Inspector, drawing, serve
 from jacokin.viewer.drawing import ArmPart, load_parts, load_visuals
+from tests.robot_files import ur5_text
 from tests.viewer.page import Page, opened, until
 
 
@@ -293,3 +294,22 @@ def test_the_switch_changes_what_is_drawn_and_leaves_no_messages_behind(meshed: 
     with serve(robot, visuals=True, port=0) as viewer, opened(viewer) as page:
         assert drawn(page, visuals)
         assert page.names("/arm/") == {f"{part}{piece}" for part in (0, 2, 4, 6) for piece in ("", "/0")}
+
+
+def test_a_visual_mesh_has_the_unit_of_its_file_and_colours_of_three_numbers(tmp_path: Path) -> None:
+    """Millimetres in a .dae file, a scale of one number, and a `<color>` without a fourth number."""
+    ball = trimesh.creation.icosphere(subdivisions=1, radius=50.0)
+    ball.export(tmp_path / "ball.stl")
+    ball.export(tmp_path / "ball.dae")
+    text = (tmp_path / "ball.dae").read_text()
+    (tmp_path / "ball.dae").write_text(text.replace("<up_axis>", '<unit name="millimeter" meter="0.001"/><up_axis>'))
+    paint = '<material name=""><color rgba="1 0.5 0"/></material>'
+    path = tmp_path / "arm.urdf"
+    for mesh in ('filename="ball.dae"', 'filename="ball.stl" scale="0.001"'):
+        path.write_text(ur5_text(f"<visual><geometry><mesh {mesh}/></geometry>{paint}</visual>"))
+        parts = load_visuals(jacokin.load_robot(path))
+        assert parts is not None
+        for part in parts:
+            assert part.mesh is not None
+            np.testing.assert_allclose(np.linalg.norm(part.mesh.vertices, axis=1), 0.05, atol=1e-6)
+            assert [piece.colour for piece in part.pieces] == [(255, 128, 0)]

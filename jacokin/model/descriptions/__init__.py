@@ -3,6 +3,7 @@
 chain     what a description holds, and the chain of joints from base to tip taken from it
 bundled   the bundled robots and their table of numbers
 urdf      URDF files
-shapes    collision shapes, those of bundled robots, and the mesh files that a URDF names
+shapes    collision shapes, those of bundled robots, and those of a URDF made ready for MuJoCo
+meshes    the mesh files that a URDF names, in metres
 mjcf      MJCF files, as MuJoCo compiles them
 """

@@ -55,6 +55,8 @@ class Description:
     couplings: Sequence[Coupling]
     content: str | mujoco.MjModel | None
     """Checked text of a URDF, compiled MJCF; None for bundled robots."""
+    notes: tuple[str, ...] = ()
+    """Sentences on what was left out of the file."""
 
 
 def extract(full: pin.Model, q_reference: Array, base: str | None, tip: str | None, name: str) -> pin.Model:
@@ -151,7 +153,8 @@ def _arm_tip_joint(model: pin.Model, base_joint: int) -> int:
     if not start:
         raise ModelError("no joint starts at the base; say where the arm begins with base=...")
     if len(start) > 1:
-        names = ", ".join(model.names[joint] for joint in start)
+        names = ", ".join(model.names[joint] for joint in start[:NAMED_CANDIDATES])
+        names += ", ..." if len(start) > NAMED_CANDIDATES else ""
         raise ModelError(f"several chains start at the base ({names}); {_advice(model, start)}")
     joint, length = _before_the_branches(model, start[0])
     branches = list(model.children[joint])
@@ -205,12 +208,17 @@ def _add_joint(arm: pin.Model, parent: int, placement: pin.SE3, full: pin.Model,
         plain,
         placement,
         full.names[index],
-        full.effortLimit[at],
-        full.velocityLimit[at],
+        _given(full.effortLimit[at]),
+        _given(full.velocityLimit[at]),
         np.array([lower if lower > -NO_LIMIT else -np.inf]),
         np.array([upper if upper < NO_LIMIT else np.inf]),
     )
     return added
+
+
+def _given(limit: Array) -> Array:
+    """A limit of effort or velocity; files write 0 where they know none."""
+    return np.where(limit > 0.0, limit, np.inf)
 
 
 def _one_coordinate_joint(full: pin.Model, index: int) -> tuple[object, bool]:

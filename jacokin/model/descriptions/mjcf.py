@@ -6,8 +6,9 @@ compiles the file, and the Pinocchio model is built from the compiled model: bot
 
 from __future__ import annotations
 
+import math
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import mujoco
@@ -23,7 +24,9 @@ WORLD = "world"
 NUMERIC = frozenset((
     "pos", "quat", "euler", "axisangle", "xyaxes", "zaxis", "axis", "range", "ref", "springref", "mass", "qpos", "size",
     "fromto", "diaginertia", "fullinertia", "damping", "armature", "frictionloss", "stiffness", "margin", "friction",
-    "actuatorfrcrange", "solref", "solimp", "gravity", "timestep", "rgba",
+    "actuatorfrcrange", "solref", "solimp", "gravity", "timestep", "rgba", "gear", "ctrlrange", "forcerange", "kp",
+    "kv", "gainprm", "biasprm", "dynprm", "scale", "refpos", "refquat", "count", "offset", "nrow", "ncol", "elevation",
+    "density", "gap", "coef", "polycoef", "width", "height",
 ))  # fmt: skip
 MUJOCO_ERRORS = (ValueError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError)  # of its compiler
 COMPILED = (
@@ -39,6 +42,13 @@ COMPILED = (
     "qpos0",
 )
 UNIT = ("body_quat", "body_iquat", "site_quat", "jnt_axis")  # zeros in the compiled model where a norm overflowed
+COPYING = ("replicate", "composite", "flexcomp")
+MOST_ELEMENTS = 20_000  # that copies may make; the time MuJoCo takes grows with their square: 6 s
+MOST_POINTS = {"hfield": 4_000_000, "texture": 100_000_000}  # 0.1 GB and 0.3 GB
+FOLDERS = ("assetdir", "meshdir", "texturedir")  # in which the compiler looks for files
+MOST_USER_DATA = 1_000_000
+MOST_FILES = 1000  # that a file includes
+PNG = b"\x89PNG\r\n\x1a\n"
 UNIT_TOLERANCE = 1e-6  # of a norm; MuJoCo normalises
 SITE_SUFFIX = "_site"  # of a site that has the name of a body
 # As ints: NumPy's comparisons do not take enums.
@@ -47,6 +57,10 @@ CONNECT, WELD, JOINT, TENDON = (
     for kind in (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD, mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtEq.mjEQ_TENDON)
 )
 SCALAR_JOINTS = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
+JOINT_TRANSMISSIONS = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
+FOLLOWING = tuple(  # dynamics whose state stays within the range of the control
+    int(kind) for kind in (mujoco.mjtDyn.mjDYN_NONE, mujoco.mjtDyn.mjDYN_FILTER, mujoco.mjtDyn.mjDYN_FILTEREXACT)
+)
 SITE = int(mujoco.mjtObj.mjOBJ_SITE)
 FREE = int(mujoco.mjtJoint.mjJNT_FREE)
 BODY_NAME, JOINT_NAME, SITE_NAME = mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_JOINT, mujoco.mjtObj.mjOBJ_SITE
@@ -74,10 +88,10 @@ def compile_mjcf(path: Path) -> mujoco.MjModel:
     """Compile an MJCF file.
 
     Raises:
-        ModelError: MuJoCo refuses the file (its message is passed on), or a number in it is not finite, or so large
-            that MuJoCo cannot normalise it.
+        ModelError: MuJoCo refuses the file (its message is passed on), a number in it is not finite, or so large that
+            MuJoCo cannot normalise it, or the file asks for more elements, terrain or pixels than are read.
     """
-    _refuse_nan(path)
+    _check_text(path)
     try:
         model = mujoco.MjModel.from_xml_path(str(path))
     except MUJOCO_ERRORS as error:
@@ -93,19 +107,93 @@ def compile_mjcf(path: Path) -> mujoco.MjModel:
     return model
 
 
-def _refuse_nan(path: Path) -> None:
-    """Refuse NaN, of which MuJoCo would only warn. Files that cannot be parsed are left to MuJoCo, which says why."""
+def _check_text(path: Path) -> None:
+    """Refuse what MuJoCo would only warn of, and what would take minutes or gigabytes to compile.
+
+    Files that cannot be parsed are left to MuJoCo, which says why.
+    """
+    files, seen, folders, elements = [path], set[Path](), {""}, 0
+    while files:
+        file = files.pop()
+        if file in seen or len(seen) == MOST_FILES:
+            continue
+        seen.add(file)
+        try:
+            root = ET.parse(file).getroot()
+        except (OSError, ValueError, ET.ParseError):
+            continue
+        folders.update(each.get(key, "") for each in root.iter("compiler") for key in FOLDERS)
+        waiting = [(root, 1)]
+        while waiting:
+            element, copies = waiting.pop()
+            _refuse_nan(file, element)
+            _refuse_giants(file, element, [path.parent / folder for folder in folders])
+            if element.tag in ("include", "model") and element.get("file"):
+                files.append(path.parent / element.get("file", ""))
+            copies *= _copies(element)
+            elements += copies if copies > 1 else 0
+            if elements > MOST_ELEMENTS:
+                raise ModelError(f"{path}: replicate, composite and flexcomp make more than {MOST_ELEMENTS} elements")
+            waiting += [(child, copies) for child in element]
+
+
+def _refuse_nan(file: Path, element: ET.Element) -> None:
+    for attribute in NUMERIC.intersection(element.keys()):
+        if "nan" in element.attrib[attribute].lower().split():
+            who = element.get("name", "without a name")
+            raise ModelError(f'{file}: <{element.tag}> {who}: {attribute}="{element.attrib[attribute]}" is not finite')
+
+
+def _copies(element: ET.Element) -> int:
+    """How many times an element and what is in it are made."""
+    if element.tag not in COPYING:
+        return 1
+    counts = (max(_whole(part), 1) for part in element.get("count", "1").split())
+    return min(math.prod(counts), MOST_ELEMENTS + 1)
+
+
+def _whole(text: str | None) -> int:
     try:
-        elements = ET.parse(path).getroot().iter()
-    except (OSError, ET.ParseError):
-        return
-    for element in elements:
-        for attribute in NUMERIC.intersection(element.keys()):
-            if "nan" in element.attrib[attribute].lower().split():
-                who = element.get("name", "without a name")
-                raise ModelError(
-                    f'{path}: <{element.tag}> {who}: {attribute}="{element.attrib[attribute]}" is not finite'
-                )
+        return int(float(text or "0"))
+    except (ValueError, OverflowError):
+        return 0  # MuJoCo says what is wrong with it
+
+
+def _refuse_giants(file: Path, element: ET.Element, folders: Sequence[Path]) -> None:
+    """Refuse terrains and textures of too many points, user data without end, and files that are none."""
+    who = f"{file}: <{element.tag}> {element.get('name', 'without a name')}"
+    named = [value for name, value in element.attrib.items() if name.startswith("file") and value]
+    found = [folder / name for name in named for folder in folders if _is_there(folder / name)]
+    for path in found:
+        if not path.is_file():
+            raise ModelError(f"{who}: {path} is not a regular file")
+    if element.tag in MOST_POINTS:
+        rows, columns = ("nrow", "ncol") if element.tag == "hfield" else ("height", "width")
+        points = max([_whole(element.get(rows)) * _whole(element.get(columns)), *map(_pixels, found)])
+        if points > MOST_POINTS[element.tag]:
+            raise ModelError(f"{who} has {points} points; at most {MOST_POINTS[element.tag]} are read")
+    if element.tag == "size":
+        for name, value in element.attrib.items():
+            if name.startswith("nuser") and _whole(value) > MOST_USER_DATA:
+                raise ModelError(f"{who}: {name}={value} is more than the {MOST_USER_DATA} that are read")
+
+
+def _is_there(path: Path) -> bool:
+    try:
+        return path.exists()
+    except (OSError, ValueError):  # a name that no file can have
+        return False
+
+
+def _pixels(path: Path) -> int:
+    """Width times height of a PNG file; 0 for another."""
+    try:
+        with path.open("rb") as opened:
+            header = opened.read(24)
+    except OSError:
+        return 0
+    wide, high = (int.from_bytes(header[at : at + 4], "big") for at in (16, 20))
+    return wide * high if header.startswith(PNG) else 0
 
 
 def to_pinocchio(model: mujoco.MjModel, name: str) -> pin.Model:
@@ -128,7 +216,7 @@ def to_pinocchio(model: mujoco.MjModel, name: str) -> pin.Model:
             plain, T_zero = pinocchio_joint(model, joint)
             # A range alone is no limit to MuJoCo.
             lower, upper = model.jnt_range[joint] if model.jnt_limited[joint] else (-np.inf, np.inf)
-            effort = np.abs(model.jnt_actfrcrange[joint]).min() if model.jnt_actfrclimited[joint] else np.inf
+            effort = _effort(model, joint)
             parent = out.addJoint(
                 parent,
                 plain,
@@ -161,6 +249,39 @@ def to_pinocchio(model: mujoco.MjModel, name: str) -> pin.Model:
     out.upperDryFrictionLimit = np.array(model.dof_frictionloss[dofs])
     out.lowerDryFrictionLimit = -out.upperDryFrictionLimit
     return out
+
+
+def _effort(model: mujoco.MjModel, joint: int) -> float:
+    """The largest effort that the actuators of a joint can exert both ways [N m] or [N]; infinite where not bounded.
+
+    The range of the joint itself, and the sum of those of its actuators: their force ranges, or the control ranges of
+    plain motors. 0 where they push one way only.
+    """
+    limits = [model.jnt_actfrcrange[joint]] if model.jnt_actfrclimited[joint] else []
+    on_joint = np.isin(model.actuator_trntype, JOINT_TRANSMISSIONS) & (model.actuator_trnid[:, 0] == joint)
+    if on_joint.any():
+        limits.append(
+            np.sum([_actuator_range(model, actuator) for actuator in np.flatnonzero(on_joint).tolist()], axis=0)
+        )
+    return max(0.0, min((min(-float(low), float(high)) for low, high in limits), default=np.inf))
+
+
+def _actuator_range(model: mujoco.MjModel, actuator: int) -> tuple[float, float]:
+    """The least and the largest effort of an actuator on its joint; infinite where it is not bounded."""
+    low, high = model.actuator_forcerange[actuator] if model.actuator_forcelimited[actuator] else (-np.inf, np.inf)
+    plain = (
+        model.actuator_gaintype[actuator] == mujoco.mjtGain.mjGAIN_FIXED
+        and model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_NONE
+        and model.actuator_dyntype[actuator] in FOLLOWING
+    )
+    if plain and model.actuator_ctrllimited[actuator]:
+        driven = sorted(model.actuator_gainprm[actuator, 0] * model.actuator_ctrlrange[actuator])
+        low, high = max(low, driven[0]), min(high, driven[1])
+    gear = float(model.actuator_gear[actuator, 0])
+    if gear == 0.0:
+        return 0.0, 0.0
+    ends = gear * low, gear * high
+    return min(ends), max(ends)
 
 
 def scalar_joint_motion(model: mujoco.MjModel, joint: int, position: float) -> pin.SE3:

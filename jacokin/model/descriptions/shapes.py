@@ -1,24 +1,23 @@
 """The collision shapes of a robot as its description has them; those of bundled robots are read without MuJoCo.
 
-And the mesh files that a URDF names: where they are, and their content in a format that MuJoCo reads.
+And those of a URDF, made ready for MuJoCo: meshes as their convex hulls, and no shape without a size.
 """
 
 from __future__ import annotations
 
 import itertools
-import os
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path, PurePosixPath
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import NamedTuple
-from urllib.parse import unquote, urlparse
 
 import numpy as np
 import pinocchio as pin
 
 from jacokin.arrays import Array
-from jacokin.errors import ModelError
+from jacokin.errors import ShapeError, shown
 from jacokin.model.descriptions import bundled
+from jacokin.model.descriptions.meshes import FARTHEST, THIN, Z_UP, find_mesh, hull_of, read_mesh_file, stl_bytes
 
 NO_VERTICES = np.empty((0, 3))
 #: What shapes can be, simple ones first; the names are MJCF's.
@@ -105,13 +104,30 @@ def _shape(geom: ET.Element, frame: pin.Frame) -> Shape:
     return Shape(geom.attrib["name"], geom.attrib["type"], size, frame.parentJoint, frame.placement * placement)
 
 
-PACKAGE_SCHEMES = ("package", "model")
-SEARCH_PATH = "ROS_PACKAGE_PATH"
-STL_HEADER, STL_FACE = 84, 50  # bytes of a binary file
+# The numbers of the simple shapes of a URDF that must be larger than zero for them to have a volume.
+SIZES: Mapping[str, Sequence[str]] = {
+    "box": ("size",),
+    "sphere": ("radius",),
+    "cylinder": ("radius", "length"),
+    "capsule": ("radius", "length"),
+}
+LEFT_OUT = "has no size and is left out of contact"
 
 
-def embed_meshes(robot: ET.Element, path: Path, package_dirs: Sequence[Path]) -> dict[str, bytes]:
-    """Replace the file names of all meshes by unique ones without folders, and return the contents by these names.
+class PreparedShapes(NamedTuple):
+    """What a URDF needs beside its text so that MuJoCo takes its collision shapes."""
+
+    assets: dict[str, bytes]
+    """The hulls of its meshes as STL files, by the names that the text has for them now."""
+    notes: tuple[str, ...]
+    """Sentences on shapes that were left out, and on meshes whose axes are in doubt."""
+
+
+def prepare_shapes(robot: ET.Element, path: Path, package_dirs: Sequence[Path]) -> PreparedShapes:
+    """Make the collision shapes of a URDF ones that MuJoCo takes.
+
+    A mesh becomes its convex hull, which is what collides. What is flat gets a thickness of 0.02 mm. A shape that is a
+    point is left out, alone, and a name that another shape has is dropped.
 
     Args:
         robot: the robot element of a checked URDF; changed.
@@ -119,69 +135,87 @@ def embed_meshes(robot: ET.Element, path: Path, package_dirs: Sequence[Path]) ->
         package_dirs: folders that hold packages, searched before those of ROS_PACKAGE_PATH.
 
     Raises:
-        ModelError: a mesh is not found or cannot be read; names it.
+        ShapeError: a mesh is not found or cannot be read, a size is negative, or a shape is of an unknown kind; names
+            the link.
     """
-    names: dict[Path, str] = {}
-    contents: dict[str, bytes] = {}
-    for mesh in robot.iter("mesh"):
-        file_name = mesh.get("filename", "")
-        found = find_mesh(file_name, path, package_dirs)
-        if found not in names:
-            content, suffix = _content(found, path)
-            names[found] = f"{len(names)}_{found.stem}{suffix}"  # MuJoCo's messages name it
-            contents[names[found]] = content
-        mesh.set("filename", names[found])
-    return contents
+    hulls = _Hulls(path, package_dirs)
+    names: set[str] = set()
+    notes: list[str] = []
+    for link in robot.findall("link"):
+        for number, collision in enumerate(link.findall("collision")):
+            name = collision.get("name", "")
+            where = f"collision shape {name or number + 1!r} of link {link.get('name')!r}"
+            if name in names:
+                collision.attrib.pop("name", None)
+            names.add(name)
+            shape = next(iter(collision.findall("geometry/*")), None)
+            if shape is not None and shape.tag != "mesh" and shape.tag not in SIZES:
+                kinds = ", ".join((*SIZES, "mesh"))
+                raise ShapeError(f"{path}: {where} is a <{shape.tag}>, none of {kinds}")
+            try:
+                has_size = shape is not None and (
+                    hulls.replace(shape, notes) if shape.tag == "mesh" else _has_size(shape)
+                )
+            except ShapeError:
+                raise
+            except ValueError as error:
+                raise ShapeError(f"{path}: {where}: {error}") from error
+            if not has_size:
+                link.remove(collision)
+                notes.append(f"{where} {LEFT_OUT}")
+    return PreparedShapes(hulls.assets, tuple(dict.fromkeys(notes)))
 
 
-def find_mesh(file_name: str, path: Path, package_dirs: Sequence[Path]) -> Path:
-    """The file that a URDF at `path` means by the name of a mesh.
+def _has_size(shape: ET.Element) -> bool:
+    """Whether a simple shape is more than a point; where it is flat it gets a thickness.
 
     Raises:
-        ModelError: there is none; says what to give for a package.
+        ValueError: a size is negative, or too large.
     """
-    candidates = list(_candidates(file_name, path, package_dirs))
-    for candidate in candidates:
-        if candidate.is_file():
-            return candidate
-    url = urlparse(file_name)
-    advice = ""
-    if url.scheme in PACKAGE_SCHEMES:
-        advice = f"; give the folder that holds the package {url.netloc!r} with package_dirs= or {SEARCH_PATH}"
-    raise ModelError(
-        f"{path}: mesh {file_name!r} is not found{advice}. Self-contact needs the meshes, kinematics does not"
-    )
+    found = False
+    for attribute in SIZES[shape.tag]:
+        numbers = np.array(shape.get(attribute, "").split(), dtype=np.float64)
+        if (numbers < 0.0).any() or (numbers > FARTHEST).any():
+            problem = "negative" if (numbers < 0.0).any() else f"beyond {FARTHEST:g} m"
+            raise ValueError(f"{attribute} {shape.get(attribute)} is {problem}")
+        found |= bool((numbers > THIN).any())
+        shape.set(attribute, " ".join(map(repr, np.maximum(numbers, 2.0 * THIN).tolist())))
+    return found
 
 
-def _candidates(file_name: str, path: Path, package_dirs: Sequence[Path]) -> Iterator[Path]:
-    """Where a file may be: in a package, or beside the URDF."""
-    url = urlparse(file_name)
-    if url.scheme == "file":
-        yield Path(unquote(url.path))
-    elif url.scheme in PACKAGE_SCHEMES:
-        inside = PurePosixPath(unquote(url.path).lstrip("/"))
-        roots = [*package_dirs, *(Path(entry) for entry in os.environ.get(SEARCH_PATH, "").split(os.pathsep) if entry)]
-        for root in [*roots, *path.parents]:
-            yield root / url.netloc / inside
-            if root.name == url.netloc:  # the folder of the package itself
-                yield root / inside
-    else:
-        yield path.parent / file_name
+class _Hulls:
+    """The meshes of a URDF as hulls, each found once."""
+
+    def __init__(self, path: Path, package_dirs: Sequence[Path]) -> None:
+        self.assets: dict[str, bytes] = {}
+        self._path, self._package_dirs = path, package_dirs
+        self._found: dict[tuple[Path, tuple[float, ...]], str] = {}  # file and scale -> asset, "" for none
+
+    def replace(self, element: ET.Element, notes: list[str]) -> bool:
+        """Let a `<mesh>` name the hull of its file, scaled; False where that is a point.
+
+        Raises:
+            ShapeError: no such file, or it cannot be read.
+            ValueError: it has no hull.
+        """
+        file_name, scale = element.get("filename", ""), mesh_scale(element)
+        file = find_mesh(file_name, self._path, self._package_dirs)
+        key = file, tuple(scale.tolist())
+        if key not in self._found:
+            mesh = read_mesh_file(file, self._path)
+            if mesh.up_axis != Z_UP:
+                notes.append(
+                    f"the mesh {shown(file_name)} says {mesh.up_axis}; it is not turned, as viewers of robots do not"
+                )
+            hull = hull_of(mesh.vertices * scale)
+            self._found[key] = "" if hull is None else f"{len(self.assets)}_{file.stem}.stl"
+            if hull is not None:
+                self.assets[self._found[key]] = stl_bytes(hull)
+        element.attrib.pop("scale", None)
+        element.set("filename", self._found[key])
+        return bool(self._found[key])
 
 
-def _content(mesh: Path, path: Path) -> tuple[bytes, str]:
-    """The bytes of a mesh, and the suffix of their format: OBJ or binary STL, into which all others are converted."""
-    try:
-        content = mesh.read_bytes()
-    except OSError as error:
-        raise ModelError(f"{path}: mesh {mesh} cannot be read: {error}") from error
-    suffix = mesh.suffix.lower()
-    faces = int.from_bytes(content[STL_HEADER - 4 : STL_HEADER], "little")
-    if suffix == ".obj" or (suffix == ".stl" and len(content) == STL_HEADER + STL_FACE * faces):
-        return content, suffix
-    import trimesh
-
-    try:
-        return trimesh.exchange.stl.export_stl(trimesh.load_mesh(mesh)), ".stl"
-    except Exception as error:  # whatever the reader of that format raises
-        raise ModelError(f"{path}: mesh {mesh} cannot be read: {error!r}") from error
+def mesh_scale(element: ET.Element) -> Array:
+    """(3,) by what the axes of a `<mesh>` of a checked URDF are multiplied; one number stands for all three."""
+    return np.broadcast_to(np.array(element.get("scale", "1").split(), dtype=np.float64), 3)

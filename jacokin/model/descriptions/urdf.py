@@ -24,26 +24,26 @@ DEEPEST = 100  # elements within elements; writing them down again is recursive
 SMALLEST = 1e-300  # numbers below are read as 0: some parsers refuse denormal numbers
 
 # Attributes that hold numbers, by the element's tag: how many. Elements and attributes that are not named are ignored.
-NUMBERS: Mapping[str, Mapping[str, int]] = {
-    "origin": {"xyz": 3, "rpy": 3},
-    "axis": {"xyz": 3},
-    "limit": {"lower": 1, "upper": 1, "effort": 1, "velocity": 1},
-    "dynamics": {"damping": 1, "friction": 1},
-    "mimic": {"multiplier": 1, "offset": 1},
-    "safety_controller": {"soft_lower_limit": 1, "soft_upper_limit": 1, "k_position": 1, "k_velocity": 1},
-    "calibration": {"rising": 1, "falling": 1, "reference_position": 1},
-    "mass": {"value": 1},
-    "inertia": {"ixx": 1, "ixy": 1, "ixz": 1, "iyy": 1, "iyz": 1, "izz": 1},
-    "box": {"size": 3},
-    "cylinder": {"radius": 1, "length": 1},
-    "sphere": {"radius": 1},
-    "capsule": {"radius": 1, "length": 1},
-    "mesh": {"scale": 3},
-    "color": {"rgba": 4},
+ONE, THREE = (1,), (3,)
+NUMBERS: Mapping[str, Mapping[str, Sequence[int]]] = {
+    "origin": {"xyz": THREE, "rpy": THREE},
+    "axis": {"xyz": THREE},
+    "limit": {"lower": ONE, "upper": ONE, "effort": ONE, "velocity": ONE},
+    "dynamics": {"damping": ONE, "friction": ONE},
+    "mimic": {"multiplier": ONE, "offset": ONE},
+    "safety_controller": {"soft_lower_limit": ONE, "soft_upper_limit": ONE, "k_position": ONE, "k_velocity": ONE},
+    "calibration": {"rising": ONE, "falling": ONE, "reference_position": ONE},
+    "mass": {"value": ONE},
+    "inertia": {"ixx": ONE, "ixy": ONE, "ixz": ONE, "iyy": ONE, "iyz": ONE, "izz": ONE},
+    "box": {"size": THREE},
+    "cylinder": {"radius": ONE, "length": ONE},
+    "sphere": {"radius": ONE},
+    "capsule": {"radius": ONE, "length": ONE},
+    "mesh": {"scale": (3, 1)},  # one number for all three axes, as some exporters write it
+    "color": {"rgba": (4, 3)},
 }
 # Attributes that an element cannot do without.
 REQUIRED: Mapping[str, Sequence[str]] = {
-    "limit": ("effort", "velocity"),
     "mimic": ("joint",),
     "safety_controller": ("k_velocity",),
     "mass": ("value",),
@@ -63,6 +63,8 @@ _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)  # as C
 _NOT_FINITE = re.compile(r"[-+]?(nan|inf|infinity)", re.IGNORECASE | re.ASCII)
 KINEMATIC_TAGS = ("link", "joint")  # of a <robot>; materials, transmissions and plugins are for other programs
 SHAPE_TAGS = ("visual", "collision")
+DEFINITIONS = ("property", "arg", "macro")  # of xacro: without a use they mean nothing
+TEMPLATE = ("${", "$(")  # how xacro's expressions begin
 
 
 def read(path: Path) -> Description:
@@ -75,10 +77,11 @@ def read(path: Path) -> Description:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise ModelError(f"{path}: cannot be read: {error}") from error
-    robot = check(text, str(path))
-    text = ET.tostring(robot, encoding="unicode")
-    couplings = [Coupling(frozenset((joint,)), "mimic") for joint in _mimic_joints(text, str(path))]
-    return _description(_parse(kinematic_text(robot), str(path)), couplings, text)
+    notes: list[str] = []
+    robot = check(text, str(path), notes)
+    bare = kinematic_text(robot)
+    couplings = [Coupling(frozenset((joint,)), "mimic") for joint in _mimic_joints(bare, str(path))]
+    return _description(_parse(bare, str(path)), couplings, ET.tostring(robot, encoding="unicode"), notes)
 
 
 def read_bundled(path: Path) -> Description:
@@ -86,7 +89,9 @@ def read_bundled(path: Path) -> Description:
     return _description(_parse(path.read_text(encoding="utf-8"), str(path)), (), None)
 
 
-def _description(model: pin.Model, couplings: Sequence[Coupling], content: str | None) -> Description:
+def _description(
+    model: pin.Model, couplings: Sequence[Coupling], content: str | None, notes: Sequence[str] = ()
+) -> Description:
     return Description(
         model=model,
         reference=pin.neutral(model),
@@ -94,6 +99,7 @@ def _description(model: pin.Model, couplings: Sequence[Coupling], content: str |
         base=_root_link(model),
         couplings=couplings,
         content=content,
+        notes=tuple(notes),
     )
 
 
@@ -118,7 +124,10 @@ def _parse(text: str, source: str) -> pin.Model:
 
 
 def kinematic_text(robot: ET.Element) -> str:
-    """Links with their inertials, and joints: the URDF without shapes and without what is for other programs."""
+    """Links with their inertials, and joints: the URDF without shapes and without what is for other programs.
+
+    A limit of effort or velocity that is not given is 0, as parsers want the attribute; 0 stands for not given.
+    """
     bare = ET.Element("robot", name=robot.get("name", ""))
     for element in robot:
         if element.tag in KINEMATIC_TAGS:
@@ -126,6 +135,9 @@ def kinematic_text(robot: ET.Element) -> str:
             for child in list(copy):
                 if child.tag in SHAPE_TAGS:
                     copy.remove(child)
+            for limit in copy.findall("limit"):
+                for attribute in ("effort", "velocity"):
+                    limit.set(attribute, limit.get(attribute, "0"))
             bare.append(copy)
     return ET.tostring(bare, encoding="unicode")
 
@@ -141,10 +153,16 @@ def _mimic_joints(text: str, source: str) -> list[str]:
     return [joint.name for joint in parsed.robot.joints if joint.mimic is not None]
 
 
-def check(text: str, source: str) -> ET.Element:
+def check(text: str, source: str, notes: list[str] | None = None) -> ET.Element:
     """The robot element of URDF text that describes one tree of links with finite numbers.
 
     Numbers are rewritten with plain blanks between them: tabs and line ends are XML, and not every parser takes them.
+    What only says how the robot looks is left out where it is malformed.
+
+    Args:
+        text: of the file.
+        source: its name, for messages.
+        notes: where sentences on what was left out are added.
 
     Raises:
         ModelError: names the element at fault.
@@ -157,16 +175,17 @@ def check(text: str, source: str) -> ET.Element:
         raise ModelError(f"{source}: the root element is <{robot.tag}>, a URDF has <robot>")
     _required(robot, "name", source)
     _check_depth(robot, source)
-    if any(isinstance(element.tag, str) and "xacro" in element.tag for element in robot.iter()):
-        raise ModelError(f"{source}: is a xacro file, not a URDF: expand it with xacro first")
+    said: list[str] = [] if notes is None else notes
+    _check_expanded(robot, source, said)
     links, joints = robot.findall("link"), robot.findall("joint")
     _unique([_required(link, "name", source) for link in links], "link", source)
     _unique([_required(joint, "name", source) for joint in joints], "joint", source)
     if not links:
         raise ModelError(f"{source}: has no links")
     _check_size(links, joints, source)
-    for material in robot.findall("material"):
-        _check_numbers(material, f"{source}: material {material.get('name')!r}")
+    _drop_malformed(robot, "material", source, said)
+    for link in links:
+        _drop_malformed(link, "visual", f"{source}: link {link.get('name')!r}", said)
     link_names, joint_names = ({element.get("name", "") for element in group} for group in (links, joints))
     for link in links:
         where = f"{source}: link {link.get('name')!r}"
@@ -178,6 +197,29 @@ def check(text: str, source: str) -> ET.Element:
         _check_joint(joint, link_names, joint_names, where)
     _check_tree(joints, [link.get("name", "") for link in links], source)
     return robot
+
+
+def _check_expanded(robot: ET.Element, source: str, notes: list[str]) -> None:
+    """Refuse what xacro has yet to expand; its definitions that nothing uses are left over and mean nothing."""
+    foreign = [element.tag for element in robot.iter() if isinstance(element.tag, str) and "xacro" in element.tag]
+    used = [tag for tag in foreign if re.split("[}:]", tag)[-1] not in DEFINITIONS]
+    searched = (
+        robot.iter() if foreign else (each for tag in KINEMATIC_TAGS for own in robot.iter(tag) for each in own.iter())
+    )
+    if used or any(sign in value for element in searched for value in element.attrib.values() for sign in TEMPLATE):
+        raise ModelError(f"{source}: is a xacro file, not a URDF: expand it: xacro {Path(source).name} > out.urdf")
+    if foreign:
+        notes.append("definitions of xacro that nothing uses are skipped")
+
+
+def _drop_malformed(owner: ET.Element, tag: str, where: str, notes: list[str]) -> None:
+    """Remove children that only say how the robot looks and that are malformed: kinematics does not need them."""
+    for element in owner.findall(tag):
+        try:
+            _check_numbers(element, f"{where}: {tag} {element.get('name', '')!r}")
+        except ModelError as error:
+            owner.remove(element)
+            notes.append(f"what cannot be drawn is left out: {error}")
 
 
 def _required(element: ET.Element, attribute: str, where: str) -> str:
@@ -214,24 +256,24 @@ def _check_numbers(owner: ET.Element, where: str) -> None:
     for element in owner.iter():
         for attribute in REQUIRED.get(element.tag, ()):
             _required(element, attribute, where)
-        for attribute, count in NUMBERS.get(element.tag, {}).items():
+        for attribute, counts in NUMBERS.get(element.tag, {}).items():
             text = element.get(attribute)
             if text is None:
                 continue
-            values = _numbers(text, count, f'{where}: <{element.tag}> {attribute}="{text}"')
+            values = _numbers(text, counts, f'{where}: <{element.tag}> {attribute}="{text}"')
             if (element.tag, attribute) in NEVER_NEGATIVE and values[0] < 0.0:
                 raise ModelError(f"{where}: {element.tag} {attribute} {values[0]} is negative")
             element.set(attribute, " ".join(repr(value if abs(value) > SMALLEST else 0.0) for value in values))
 
 
-def _numbers(text: str, count: int, what: str) -> list[float]:
+def _numbers(text: str, counts: Sequence[int], what: str) -> list[float]:
     parts = text.split()
     if any(_NOT_FINITE.fullmatch(part) for part in parts):
         raise ModelError(f"{what} is not finite")
     if not all(_NUMBER.fullmatch(part) for part in parts):
         raise ModelError(f"{what} is not made of numbers")
-    if len(parts) != count:
-        raise ModelError(f"{what} must have {count} {'number' if count == 1 else 'numbers'}")
+    if len(parts) not in counts:
+        raise ModelError(f"{what} must have {counts[0]} {'number' if counts[0] == 1 else 'numbers'}")
     values = [float(part) for part in parts]
     if not all(map(math.isfinite, values)):
         raise ModelError(f"{what} is not finite")

@@ -103,9 +103,11 @@ def plan_path(
             acceleration limits with timing="keep"; a `FreeAxis` on seven joints.
         UnknownNameError: unknown timing.
         StructureError: the robot has no closed form.
+        ShapeError: the robot's shapes cannot be loaded, and contact is to be avoided.
     """
     checks.instance("solver", solver, IKSolver, "an IKSolver")
     robot, verifier = solver.robot, solver.verifier
+    verifier.require_contact()
     try:
         if not solver.has_families:
             solver.closed_form()

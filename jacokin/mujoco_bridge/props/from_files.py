@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, ModelError, shown
 from jacokin.model import checks
+from jacokin.model.descriptions.meshes import read_mesh_file
 from jacokin.mujoco_bridge.entity import check_name, new_spec
 from jacokin.mujoco_bridge.props.primitive import DENSITY, FreeProp, refused_attributes
 from jacokin.mujoco_bridge.workspaces import SITE_GROUP
@@ -80,7 +81,7 @@ class Mesh(FreeProp):
         Where neither is there, its hull touches, and a warning says so; ``prop.shape.method`` tells.
 
         Args:
-            path: a file that trimesh reads, such as .obj or .stl, with z upwards.
+            path: a .stl, .obj, .dae, .ply, .off, .glb or .gltf file, with z upwards; of these only .dae has a unit.
             mass: [kg]; None for that of the density. Give one of the two.
             rgba: colour, 0..1.
             name: replaces the name of the file in the names of its elements.
@@ -177,14 +178,11 @@ def _load(path: Path, changed: int, scale: float, decomposed: bool) -> MeshPart:
     import trimesh
 
     try:
-        mesh = trimesh.load_mesh(str(path))
-        if isinstance(mesh, trimesh.Scene):
-            mesh = mesh.to_mesh()
-        vertices = np.array(mesh.vertices, dtype=np.float64) * scale
-        faces = np.array(mesh.faces, dtype=np.int32)
+        read = read_mesh_file(path, path.parent)
+        vertices, faces = read.vertices * scale, read.faces.astype(np.int32)
         mesh = trimesh.Trimesh(vertices, faces)  # merges equal vertices, as .stl has them
         hull = mesh.convex_hull
-    except Exception as error:  # whatever the reader of the format raises
+    except Exception as error:  # of the reader, or where no hull is found
         raise InvalidInputError(f"{path}: no mesh that can be read: {shown(error)}") from error
     if len(faces) == 0 or not np.isfinite(vertices).all() or not hull.volume > 0.0:
         raise InvalidInputError(f"{path}: the mesh has no volume")

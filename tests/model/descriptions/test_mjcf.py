@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from pathlib import Path
 
 import mujoco
@@ -11,8 +12,9 @@ import pytest
 
 import jacokin
 import jacokin.model
-from jacokin.errors import ModelError
+from jacokin.errors import InvalidInputError, ModelError
 from jacokin.model import urdf_folder
+from jacokin.motion import move_joints
 from tests.optional import needs_dm_control
 from tests.robot_files import SCENE
 
@@ -201,3 +203,103 @@ def test_nan_in_an_mjcf_is_named(tmp_path: Path, capfd: pytest.CaptureFixture[st
     with pytest.raises(ModelError, match='<body> fore: pos="nan 0 0.3" is not finite'):
         jacokin.load_robot(path)
     assert capfd.readouterr().err == ""
+
+
+def two_joints(tmp_path: Path, world: str = "", top: str = "", actuators: str = "", joint: str = "") -> Path:
+    path = tmp_path / "arm.xml"
+    path.write_text(
+        f"""<mujoco>{top}<worldbody><body><joint name="a" axis="0 1 0" {joint}/><geom size="0.05 0.2" type="capsule"/>
+        <body pos="0 0 0.5"><joint name="b" axis="0 1 0"/><geom size="0.05 0.2" type="capsule" fromto="0 0 0 1 0 0"/>
+        </body></body>{world}</worldbody><actuator>{actuators}</actuator></mujoco>"""
+    )
+    return path
+
+
+EFFORTS = {
+    "none": ("", "", (np.inf, np.inf)),
+    "motors": (
+        '<motor joint="a" ctrlrange="-1 1"/><motor joint="b" gear="-50" ctrlrange="-1 2"/>',
+        "",
+        (1.0, 50.0),
+    ),
+    "unbounded motors": ('<motor joint="a"/><motor joint="b" gear="0"/>', "", (np.inf, np.inf)),
+    "force ranges": (
+        '<position joint="a" kp="10" forcerange="-3 4"/><velocity joint="b" kv="9" forcerange="-2 2" gear="3"/>',
+        "",
+        (3.0, 6.0),
+    ),
+    "the tighter range": ('<motor joint="a" ctrlrange="-9 9" forcerange="-4 4"/>', "", (4.0, np.inf)),
+    "servos with a range of positions": ('<position joint="a" kp="10" ctrlrange="-3 3"/>', "", (np.inf, np.inf)),
+    "two on a joint": ('<motor joint="a" ctrlrange="-1 1"/><motor joint="a" ctrlrange="-2 2"/>', "", (3.0, np.inf)),
+    "one way only": ('<motor joint="a" ctrlrange="0 1"/>', "", (np.inf, np.inf)),
+    "the joint's own": ('<motor joint="a" ctrlrange="-9 9"/>', 'actuatorfrcrange="-5 6"', (5.0, np.inf)),
+}
+
+
+@pytest.mark.parametrize("case", EFFORTS)
+def test_ranges_of_actuators_are_efforts(tmp_path: Path, case: str) -> None:
+    actuators, joint, efforts = EFFORTS[case]
+    robot = jacokin.load_robot(two_joints(tmp_path, actuators=actuators, joint=joint))
+    np.testing.assert_allclose(robot.effort_limit, efforts)
+
+
+def test_motors_that_are_too_weak_pass_no_motion(tmp_path: Path) -> None:
+    weak = '<motor joint="a" ctrlrange="-1 1"/><motor joint="b" ctrlrange="-1 1"/>'
+    robot = jacokin.load_robot(two_joints(tmp_path, actuators=weak), velocity_limit=1.0)
+    motion = move_joints(robot, [0.0, 0.0], [0.5, 0.5], torque_limit=True)
+    assert not motion.success
+    assert "a needs -46.23 N m on the way" in motion.message
+    robot = jacokin.load_robot(two_joints(tmp_path), velocity_limit=1.0)
+    with pytest.raises(InvalidInputError, match=r"arm.xml\) gives no effort limits for a, b; pass torque_limit="):
+        move_joints(robot, [0.0, 0.0], [0.5, 0.5], torque_limit=True)
+
+
+GIANTS = {
+    "replicate": ('<replicate count="1000000" offset="1 0 0"><geom size="0.1"/></replicate>', "", "more than 20000"),
+    "replicate of replicates": (
+        '<replicate count="150" offset="1 0 0"><replicate count="150" offset="0 1 0"><geom size="1"/></replicate>'
+        "</replicate>",
+        "",
+        "more than 20000",
+    ),
+    "grid": ('<flexcomp name="f" type="grid" count="300 300 30" spacing="1 1 1" dim="3"/>', "", "more than 20000"),
+    "terrain": (
+        "",
+        '<asset><hfield name="h" nrow="9000" ncol="9000" size="1 1 1 1"/></asset>',
+        "h has 81000000 points",
+    ),
+    "picture": ("", '<asset><hfield name="h" file="big.png" size="1 1 1 1"/></asset>', "h has 900000000 points"),
+    "texture": (
+        "",
+        '<asset><texture name="t" type="2d" builtin="flat" width="50000" height="50000"/></asset>',
+        "<texture> t has 2500000000 points",
+    ),
+    "user data": ("", '<size nuserdata="1000000000"/>', "nuserdata=1000000000 is more than"),
+    "included": ("", '<include file="inside.xml"/>', "more than 20000"),
+    "a long name": (
+        "",
+        f'<compiler meshdir="{"x" * 300}"/><asset><mesh name="m" file="a.stl"/></asset>',
+        "MuJoCo cannot",
+    ),
+    "a pipe": ("", '<asset><mesh name="m" file="pipe.stl"/></asset>', "pipe.stl is not a regular file"),
+}
+
+
+@pytest.mark.parametrize("case", GIANTS)
+def test_what_would_take_minutes_or_gigabytes_is_refused(tmp_path: Path, case: str) -> None:
+    world, top, message = GIANTS[case]
+    header = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR" + (30_000).to_bytes(4, "big") * 2
+    (tmp_path / "big.png").write_bytes(header + bytes(20))
+    (tmp_path / "inside.xml").write_text(f"<mujoco><worldbody>{GIANTS['replicate'][0]}</worldbody></mujoco>")
+    os.mkfifo(tmp_path / "pipe.stl")
+    with pytest.raises(ModelError) as error:
+        jacokin.load_robot(two_joints(tmp_path, world, top))
+    assert message in str(error.value)
+
+
+def test_a_pile_of_copies_is_read(tmp_path: Path) -> None:
+    many = "".join(f'<numeric name="n{number}" data="1"/>' for number in range(21_000))
+    assert jacokin.load_robot(two_joints(tmp_path, top=f"<custom>{many}</custom>")).dof == 2
+    row = '<replicate count="20" offset="0 0.3 0"><geom size="0.1"/></replicate>'
+    pile = f'<replicate count="20" offset="0.3 0 0">{row}</replicate>'
+    assert jacokin.load_robot(two_joints(tmp_path, pile)).dof == 2

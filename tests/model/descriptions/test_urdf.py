@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+import pickle
 import random
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
 import jacokin
-from jacokin.errors import JacokinError, ModelError
+from jacokin.errors import InvalidInputError, JacokinError, ModelError
+from jacokin.model import Floor, Scene
 from jacokin.model.descriptions import urdf
+from jacokin.motion import move_joints
+from jacokin.viewer.drawing import load_parts
 from tests.robot_files import urdf_text
 
 BROKEN: dict[str, tuple[Callable[[str], str], str]] = {
@@ -100,7 +105,7 @@ MISTAKES = {
         robot_text('<limit upper="1" effort="1" velocity="1"/>', "revolute"),
         "joint 'j': a <limit> has no lower",
     ),
-    "no effort": (robot_text('<limit lower="0" upper="1"/>', "revolute"), "joint 'j': a <limit> has no effort"),
+    "no upper": (robot_text('<limit lower="0"/>', "revolute"), "joint 'j': a <limit> has no upper"),
     "no limit": (robot_text("", "prismatic"), "joint 'j': a prismatic joint needs <limit>"),
     "no name": (robot_text().replace('robot name="r"', "robot"), "a <robot> has no name"),
     "huge": (robot_text('<origin xyz="1e999 0 0"/>'), "joint 'j': <origin> xyz=\"1e999 0 0\" is not finite"),
@@ -230,3 +235,135 @@ def test_damaged_files_make_a_robot_or_a_message(tmp_path: Path, capfd: pytest.C
             assert str(path) in str(error) or "base" in str(error)  # noqa: PT017
     assert 5 < read < 55
     assert capfd.readouterr().err == ""
+
+
+def arm_text(limit: str = 'lower="-3" upper="3"', shape: str = "", head: str = "") -> str:
+    """An arm of two joints with masses."""
+    inertial = '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>'
+    joints = "".join(
+        f'<joint name="j{i}" type="revolute"><parent link="l{i}"/><child link="l{i + 1}"/><origin xyz="0.2 0 0"/>'
+        f'<axis xyz="0 1 0"/><limit {limit}/></joint>'
+        for i in range(2)
+    )
+    links = f'<link name="l0"/><link name="l1">{inertial}{shape}</link><link name="l2">{inertial}</link>'
+    return f'<robot name="arm" {head}{links}{joints}</robot>'
+
+
+@pytest.mark.parametrize(
+    ("limit", "velocity", "effort"),
+    [
+        ('lower="-3" upper="3"', np.inf, np.inf),
+        ('lower="-3" upper="3" velocity="2"', 2.0, np.inf),
+        ('lower="-3" upper="3" effort="5"', np.inf, 5.0),
+        ('lower="-3" upper="3" effort="0" velocity="0"', np.inf, np.inf),
+        ('lower="-3" upper="3" effort="0.0" velocity="1"', 1.0, np.inf),
+        ('lower="-3" upper="3" effort="1e-320" velocity="-0"', np.inf, np.inf),
+    ],
+)
+def test_zero_and_nothing_stand_for_limits_that_are_not_given(
+    tmp_path: Path, limit: str, velocity: float, effort: float, capfd: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "arm.urdf"
+    path.write_text(arm_text(limit, head=">"))
+    robot = jacokin.load_robot(path)
+    np.testing.assert_array_equal(robot.velocity_limit, velocity)
+    np.testing.assert_array_equal(robot.effort_limit, effort)
+    assert any("no limits of velocity for j0, j1" in note for note in robot.notes) == np.isinf(velocity)
+    assert any("no limits of effort for j0, j1" in note for note in robot.notes) == np.isinf(effort)
+    start, goal = [0.0, 0.0], [0.5, 0.5]
+    if np.isinf(velocity):
+        with pytest.raises(
+            InvalidInputError, match=r"arm.urdf\) gives no velocity limits for j0, j1; pass velocity_lim"
+        ):
+            move_joints(robot, start, goal)
+        with pytest.raises(
+            InvalidInputError, match=r"arm.urdf\) gives no velocity limits for j0, j1; pass velocity_lim"
+        ):
+            jacokin.Tracker(robot)
+    assert move_joints(robot, start, goal, velocity_limit=1.0).success
+    given = jacokin.load_robot(path, velocity_limit=[1.0, 2.0])
+    for same in (given, pickle.loads(pickle.dumps(given)), given.with_payload(1.0, [0.0, 0.0, 0.0])):
+        np.testing.assert_array_equal(same.velocity_limit, [1.0, 2.0])
+        assert move_joints(same, start, goal).success
+    assert not any("velocity" in note for note in given.notes)
+    if np.isinf(effort):
+        with pytest.raises(InvalidInputError, match=r"arm.urdf\) gives no effort limits for j0, j1; pass torque_limit"):
+            move_joints(robot, start, goal, velocity_limit=1.0, torque_limit=True)
+    assert move_joints(robot, start, goal, velocity_limit=1.0, torque_limit=100.0).success
+    assert capfd.readouterr().err == ""
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0, np.nan, [1.0], "fast", np.inf])
+def test_velocity_limits_are_checked(value: object) -> None:
+    with pytest.raises(InvalidInputError, match="velocity_limit"):
+        jacokin.load_robot(velocity_limit=value)  # type: ignore[arg-type]  # wrong on purpose
+
+
+LOOKS = [
+    '<visual><geometry><box size="0.1 0.1 0.1"/></geometry><material><color rgba="1 0 0"/></material></visual>',
+    '<visual><geometry><box size="a b c"/></geometry></visual>',
+    '<visual><geometry><mesh filename=""/></geometry></visual>',
+    '<visual><geometry><mesh filename="nowhere.dae" scale="1 2"/></geometry></visual>',
+    '<visual><origin xyz="nan 0 0"/><geometry><sphere/></geometry></visual>',
+    "<visual/>",
+    '<visual><geometry><cylinder radius="1" length="nan"/></geometry><material><color rgba="red"/></material></visual>',
+]
+
+
+@pytest.mark.parametrize("shape", LOOKS)
+def test_looks_stop_nothing(tmp_path: Path, shape: str) -> None:
+    path = tmp_path / "arm.urdf"
+    collision = '<collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision>'
+    text = arm_text(shape=shape + collision, head='><material name="m"><color rgba="1 2"/></material>')
+    path.write_text(text)
+    robot = jacokin.load_robot(path)
+    assert robot.clearance([0.0, 0.0], Scene([Floor(-0.3)])) == pytest.approx(0.25)
+    assert any("what cannot be drawn is left out" in note and "material 'm'" in note for note in robot.notes)
+    load_parts(robot)
+
+
+XACRO = 'xmlns:xacro="http://www.ros.org/wiki/xacro"'
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        f'{XACRO}><xacro:property name="width" value="0.2"/>',
+        f'{XACRO}><xacro:arg name="hand" default="true"/><xacro:property name="pi" value="3.14"/>',
+        f'{XACRO}><xacro:macro name="wheel" params="side"><link name="wheel"/></xacro:macro>',
+        'xmlns:gz="http://gazebosim.org"><gz:plugin name="p"/><gazebo reference="${link}"/>',
+    ],
+)
+def test_definitions_of_xacro_that_nothing_uses_are_skipped(tmp_path: Path, head: str) -> None:
+    path = tmp_path / "ARM.URDF"
+    path.write_text(arm_text(head=head))
+    robot = jacokin.load_robot(path)
+    assert robot.joint_names == ("j0", "j1")
+    assert any("xacro" in note for note in robot.notes) == ("xacro" in head)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        arm_text(head=f'{XACRO}><xacro:include filename="other.xacro"/>'),
+        arm_text(head=f'{XACRO}><xacro:property name="w" value="${{2 * pi}}"/>'),
+        arm_text(head=f'{XACRO}><xacro:property name="w" value="1"/><xacro:arm w="1"/>'),
+        arm_text(head=f'{XACRO}><xacro:if value="true"><link name="x"/></xacro:if>'),
+        arm_text('lower="${low}" upper="3"', head=">"),
+        arm_text(shape='<visual><geometry><mesh filename="$(find arm)/a.dae"/></geometry></visual>', head=">"),
+    ],
+)
+def test_real_xacro_says_how_it_is_expanded(tmp_path: Path, text: str) -> None:
+    for name in ("arm.urdf", "arm.urdf.xacro"):
+        (tmp_path / name).write_text(text)
+        with pytest.raises(ModelError, match=rf"expand it: xacro {name} > out\.urdf"):
+            jacokin.load_robot(tmp_path / name)
+
+
+def test_some_masses_that_are_missing_are_said(tmp_path: Path) -> None:
+    path = tmp_path / "arm.urdf"
+    text = arm_text(head=">")
+    path.write_text(text[: text.rindex("<inertial>")] + text[text.rindex("</inertial>") + len("</inertial>") :])
+    robot = jacokin.load_robot(path)
+    assert any("no masses for what j1 carry" in note for note in robot.notes)
+    assert np.isfinite(robot.gravity([0.1, 0.2])).all()

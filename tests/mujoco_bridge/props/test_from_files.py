@@ -12,6 +12,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+import trimesh
 
 from examples.make_mug import HEIGHT, RADIUS, SECTIONS, WALL, make_mug, write_mug
 from jacokin.arrays import Array
@@ -202,3 +203,11 @@ def test_mistakes(tmp_path: Path) -> None:
     (tmp_path / "broken.xml").write_text("<mujoco")
     with pytest.raises(ModelError, match="MuJoCo cannot read"):
         ModelFile(tmp_path / "broken.xml")
+
+
+def test_a_mesh_has_the_unit_that_its_file_says(tmp_path: Path) -> None:
+    file = tmp_path / "ball.dae"
+    trimesh.creation.icosphere(subdivisions=1, radius=30.0).export(file)
+    file.write_text(file.read_text().replace("<up_axis>", '<unit name="millimeter" meter="0.001"/><up_axis>'))
+    ball = Mesh(file, decomposed=False)
+    np.testing.assert_allclose(np.linalg.norm(ball.shape.vertices, axis=1), 0.03, atol=1e-6)
