@@ -266,6 +266,8 @@ class _Follower:
             else:
                 tracker.brake()
                 steps.append(tracker.measure(poses[-1]))
+        if progress is not None and len(steps) > len(u):
+            progress(len(steps), len(steps))
         return steps
 
     def _result(self, u: Array, steps: list[TrackerStep]) -> Trajectory:

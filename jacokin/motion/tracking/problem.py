@@ -26,6 +26,7 @@ NULL_SPEED = 0.25  # part of the velocity limits that null-space motion may use;
 LATER_SPEED = 0.5  # the same of targets of later priorities
 CLOSE = 0.01  # [m] an error below which damping vanishes with its square, so that moving targets are followed to microns
 LEAVING = 10.0  # damping relative to the square of what is missing to the distance, weighted: the arm leaves straight
+ROUNDED = 1e-6  # of a squared error: less is not told from rounding and the damping that keeps the Hessian regular
 LITTLE = 1e-4  # of an error out of reach, by which it is not worth while to move on
 FAR = 1e6  # [rad] no bound for a joint without limits
 NONE_APART = np.empty(0, dtype=np.intp)
@@ -211,7 +212,7 @@ def build_problem(
     slopes = gradient.dot(directions)
     gains = slopes * slopes / (bends + TIKHONOV)
     gain = min(cost, float(gains.sum()))
-    left = math.sqrt(cost - gain)
+    left = math.sqrt(max(cost - gain - ROUNDED * cost, 0.0))
     slopes *= np.maximum(1.0 - 2.0 * left * (negligible + LITTLE * left) / np.maximum(gains, TINY), 0.0)
     return TickProblem(
         jacobian=jacobian,

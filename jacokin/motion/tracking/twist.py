@@ -27,8 +27,9 @@ from jacokin.motion.tracking.targets import IN_BASE, Kinematics
 EXACT = 1e-12  # damping where nothing is to be given away: square of a weighted singular value [m^2/rad^2]
 ASIDE = 0.01  # part of the twist that may be given away where the joints could not follow it otherwise
 HALVINGS = 5  # of the range of damping in which no more is given away than needed
-BENT = 0.25  # part of a tick's way along which the joints' path may turn, at most
-BENDING = 0.5  # part of the acceleration limits that the bend of the joints' path may use
+BENT = 0.1  # part of its way in a tick by which the joints' path may bend towards a singular pose
+CREEPING = 1e-3  # a smaller part of a twist towards a singular pose is none: the arm stands
+BENDING = 1.0  # part of the acceleration limits that the bend of the joints' path may use
 TURNS_FREE = 1e-3  # weight [m/rad] of turning against moving where an arm cannot do both, instead of RADIAN_IN_METRES
 SETTLING = 1e-5  # damping, and
 SETTLED = 0.5  # part of the tick's room, with which the tool is brought back to the line
@@ -187,10 +188,12 @@ class TwistFollower:
             coming = closing > 0.0
             if coming.any():
                 paces.append(_Pace(_stopping(float((ends[coming] / closing[coming]).min()), braking), "what is near"))
-        bend = np.abs(solve(self._weight * self._bend(direction), damping))
-        turning = math.sqrt(BENDING * float((limits.change / np.maximum(bend, TINY)).min()))
-        straight = BENT * float(np.linalg.norm(direction)) / max(float(np.linalg.norm(bend)), TINY)
-        paces.append(_Pace(min(turning, straight), SINGULAR_POSE))
+        bend = solve(self._weight * self._bend(direction), damping)
+        turning = math.sqrt(BENDING * float((limits.change / np.maximum(np.abs(bend), TINY)).min()))
+        if float(bend.dot(direction)) > 0.0:  # the joints get ever faster: towards a singular pose
+            turning = min(turning, BENT * float(np.linalg.norm(direction)) / max(float(np.linalg.norm(bend)), TINY))
+            turning = turning if turning > CREEPING else 0.0
+        paces.append(_Pace(turning, SINGULAR_POSE))
         least = min(paces)
         return least if least.part < 1.0 else _Pace(1.0, "")
 
