@@ -278,14 +278,16 @@ def vector(name: str, value: ArrayLike, size: int, unit: str) -> Array:
     return checked if checked.flags.c_contiguous else np.ascontiguousarray(checked)
 
 
-def positive_vector(name: str, value: ArrayLike, size: int, unit: str) -> Array:
+def positive_vector(name: str, value: ArrayLike, size: int, unit: str, *, infinite: bool = False) -> Array:
     """Positive numbers (size,), read-only; one number stands for all.
 
     Raises:
-        InvalidInputError: wrong shape, not numbers, not finite or not positive.
+        InvalidInputError: wrong shape, not numbers, not finite (unless `infinite`: inf is taken) or not positive.
     """
     given = array(name, value, f"one number or {size}", unit)
-    checked = vector(name, np.full(size, given) if given.ndim == 0 else given, size, unit)
+    full = np.full(size, given) if given.ndim == 0 else given
+    endless = np.isposinf(full) if infinite else np.zeros(full.shape, dtype=np.bool_)
+    checked = np.where(endless, np.inf, vector(name, np.where(endless, 1.0, full), size, unit))
     if not (checked > 0.0).all():
         raise InvalidInputError(f"{name} must be positive{_bracketed(unit)}, got {checked.tolist()}")
     return read_only(checked)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -21,13 +21,14 @@ from numpy.typing import ArrayLike, NDArray
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, ModelError, UnknownNameError, shown
 from jacokin.model import checks, dynamics, jacobians
-from jacokin.model.descriptions import chain
+from jacokin.model.descriptions import bundled, chain
 from jacokin.model.dynamics import ExternalWrench
 from jacokin.model.measured_arm import MeasuredArm
 
 if TYPE_CHECKING:
     import mujoco
 
+TIME_TO_SPEED = 0.3  # [s] from rest to full speed of an arm whose accelerations nobody states; the Jaco takes as long
 UNLIMITED_RANGE = (-np.pi, np.pi)  # [rad] half-open, for sampling a joint without limits
 
 
@@ -46,6 +47,7 @@ class Robot:
         unlimited: (dof,) True where a joint has no limits.
         velocity_limit: (dof,) [rad/s]; inf where the file gives none, or 0.
         effort_limit: (dof,) [N m], what the loaded file says; inf where it gives none, or 0.
+        acceleration_limit: (dof,) [rad/s^2], the table's for bundled arms; inf for others, whose files have none.
         finger_angle: angle at which the finger joints are locked [rad]; None for their reference position.
         frames: names usable as `frame`.
         pin_model: the Pinocchio model, nq == nv == dof. Treat it as read-only.
@@ -91,6 +93,7 @@ class Robot:
         )
         self.velocity_limit = checks.read_only(model.velocityLimit)
         self.effort_limit = checks.read_only(model.effortLimit)
+        self.acceleration_limit = checks.read_only(_acceleration_limit(source.bundled, self.joint_names))
         self._frame_ids = chain.frame_names(model)
         self.frames: tuple[str, ...] = tuple(self._frame_ids)
         self.default_frame = chain.default_frame(model, tip)
@@ -741,16 +744,37 @@ def jerk_limits(robot: Robot, value: ArrayLike | None) -> Array | None:
     return None if value is None else _bounded("jerk_limit", value, robot.dof, "rad/s^3", SUDDENEST)
 
 
-def _bounded(name: str, value: ArrayLike, size: int, unit: str, most: float) -> Array:
+def _bounded(name: str, value: ArrayLike, size: int, unit: str, most: float, *, infinite: bool = False) -> Array:
     """Positive limits (size,) that no arm exceeds.
 
     Raises:
-        InvalidInputError: malformed, not positive, or larger.
+        InvalidInputError: malformed, not positive, or larger; with `infinite`, inf is taken.
     """
-    found = checks.positive_vector(name, value, size, unit)
-    if found.max() > most:
+    found = checks.positive_vector(name, value, size, unit, infinite=infinite)
+    if (found[np.isfinite(found)] > most).any():
         raise InvalidInputError(f"{name} must be at most {most:g} [{unit}], got {checks.shown(value)}")
     return found
+
+
+def _acceleration_limit(name: str | None, joint_names: Sequence[str]) -> Array:
+    """(dof,) of a bundled arm by its table [rad/s^2]; inf for others."""
+    joints = {} if name is None else bundled.arm_joints(name)
+    rows = [bundled.actuator(joints[joint]["group"]) if joint in joints else {} for joint in joint_names]
+    return np.array([row.get("acceleration", np.inf) for row in rows])
+
+
+def tracking_accelerations(robot: Robot, value: ArrayLike | None, velocity: Array) -> Array:
+    """The given limits (dof,) or one for all [rad/s^2], inf for none, or the robot's own.
+
+    A robot without ones of its own takes 0.3 s from rest to its velocity limits (dof,) [rad/s].
+
+    Raises:
+        InvalidInputError: malformed, not positive, or finite and more than 1e6 rad/s^2.
+    """
+    if value is None:
+        own = robot.acceleration_limit
+        return np.where(np.isfinite(own), own, velocity / TIME_TO_SPEED)
+    return _bounded("acceleration_limit", value, robot.dof, "rad/s^2", HARDEST, infinite=True)
 
 
 def fingerprint(robot: Robot, *, shapes: bool = False) -> str:

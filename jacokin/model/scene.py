@@ -197,6 +197,24 @@ class Scene:
         """
         return _rebuild(self.surroundings._replace(obstacles=checked_obstacles((*self.obstacles, *obstacles))))
 
+    def changed(self, leaving: Iterable[str], coming: Mapping[str, Obstacle]) -> Scene:
+        """The same scene with some obstacles gone and others come, by name; one that comes replaces that of its name.
+
+        Raises:
+            InvalidInputError: what comes is not a shape, or has another name.
+            UnknownNameError: what leaves is not there, nor comes.
+        """
+        for name, shape in coming.items():
+            if shape.name != name:
+                raise InvalidInputError(f"obstacles[{name!r}] has the name {shape.name!r}")
+        known = [obstacle.name for obstacle in self.obstacles]
+        for name in leaving:
+            if name not in coming:
+                checks.choice("obstacle", name, known)
+        gone = {*leaving, *coming}
+        kept = [obstacle for obstacle in self.obstacles if obstacle.name not in gone]
+        return _rebuild(self.surroundings._replace(obstacles=checked_obstacles((*kept, *coming.values()))))
+
     def allowing(self, *pairs: tuple[str, str]) -> Scene:
         """The same scene with more pairs of names whose contact does not count.
 

@@ -35,6 +35,8 @@ FAMILY_STARTS = 24  # members of the first pose's family that are tried on seven
 PROGRESS_CALLS = 200  # per branch at most
 REHEARSAL_SPEED = 1e3  # [rad/s] no limit in effect
 REHEARSAL_TICKS = 200  # of a line at least, however fast it is asked for: they show how joints speed up and slow down
+SETTLING = 1.0  # [s] after the end of a path in which the arm may still come nearer to it, before it brakes
+AT_REST = 1e-6  # [rad/s]
 SAME_BRANCH = 1e-3  # [rad] two starts nearer than this are one branch
 
 Progress = Callable[[int, int], None]
@@ -76,8 +78,9 @@ def track_path(
         start: (dof,) configuration [rad] that the arm is in, instead of `seed`; the path begins there, and no other
             branch is tried.
         velocity_limit: (dof,) or one for all [rad/s]; None for the robot's own.
-        acceleration_limit: (dof,) or one for all [rad/s^2]; None for none. With one, each line is run through from
-            rest to rest, and more slowly than asked for where the joints need it.
+        acceleration_limit: (dof,) or one for all [rad/s^2]; None for the robot's own, `numpy.inf` for none. With one,
+            each line is run through from rest to rest, and more slowly than asked for where the joints need it;
+            without, at the speed asked for, and velocities jump at corners and at both ends.
         scene: obstacles around the arm, in the base frame.
         clearance: shapes are kept this far apart [m]; None for 0.01.
         collision: "reject" or "ignore"; None for "reject" where a scene, a clearance or pairs are given.
@@ -118,11 +121,12 @@ def track_path(
         pairs=pairs,
         qp_solver=qp_solver,
     )
-    rehearsal = acceleration = None
-    if acceleration_limit is not None:
-        acceleration = checks.positive_vector("acceleration_limit", acceleration_limit, robot.dof, "rad/s^2")
-        rehearsal = Tracker(robot, frame, dt=dt, tool=tool, velocity_limit=REHEARSAL_SPEED)
-    follower = _Follower(tracker, path, times, progress, rehearsal, acceleration)
+    rehearsal = None
+    if np.isfinite(tracker.acceleration_limit).any():
+        rehearsal = Tracker(
+            robot, frame, dt=dt, tool=tool, velocity_limit=REHEARSAL_SPEED, acceleration_limit=np.inf
+        )
+    follower = _Follower(tracker, path, times, progress, rehearsal)
     if start is not None:
         starts, reaching = [near], 1
     else:
@@ -206,26 +210,25 @@ class _Follower:
         times: Array,
         progress: Progress | None,
         rehearsal: Tracker | None,
-        acceleration: Array | None,
     ) -> None:
         """Take the path and how long its lines take at the speed asked for (lines,) [s].
 
-        With acceleration limits (dof,) [rad/s^2] also a tracker without limits, to rehearse with.
+        With acceleration limits also a tracker without limits, to rehearse with.
         """
         check_ticks(times, tracker.dt)
         self._tracker, self._path, self._times, self._progress = tracker, path, times, progress
-        self._rehearsal, self._acceleration = rehearsal, acceleration
+        self._rehearsal = rehearsal
 
     def follow(self, q: Array) -> Trajectory:
         """The whole path from a configuration (dof,) [rad]."""
         times, dt = self._times, self._tracker.dt
         u = sample_lines(times, dt)
-        if self._rehearsal is not None and self._acceleration is not None:
+        if self._rehearsal is not None:
             u = sample_lines(np.where(times > 0.0, np.maximum(times, REHEARSAL_TICKS * dt), 0.0), dt)
-            u = self._accelerated(u, self._steps(self._rehearsal, u, q, None), self._acceleration)
+            u = self._accelerated(u, self._steps(self._rehearsal, u, q, None))
         return self._result(u, self._steps(self._tracker, u, q, self._progress))
 
-    def _accelerated(self, u: Array, rehearsed: list[TrackerStep], acceleration: Array) -> Array:
+    def _accelerated(self, u: Array, rehearsed: list[TrackerStep]) -> Array:
         """Places of the ticks with each line run through from rest to rest, for rehearsed ticks at places (n,)."""
         q, dt = np.array([step.q for step in rehearsed]), self._tracker.dt
         times, schedules = self._times.copy(), dict[int, Schedule]()
@@ -234,7 +237,7 @@ class _Follower:
             on_path = all(step.status is TrackerStatus.OK for step in rehearsed[start : end + 1])
             if times[line] > 0.0 and on_path:  # what the rehearsal leaves fails at any speed
                 knots = np.append(float(line), u[start + 1 : end + 1])
-                limits = self._tracker.velocity_limit, acceleration
+                limits = self._tracker.velocity_limit, self._tracker.acceleration_limit
                 schedules[line] = fit_line(knots, q[start : end + 1], float(times[line]), *limits)
                 times[line] = schedules[line].t[-1]
         check_ticks(times, dt)
@@ -246,7 +249,7 @@ class _Follower:
         return np.concatenate(places)
 
     def _steps(self, tracker: Tracker, u: Array, q: Array, progress: Progress | None) -> list[TrackerStep]:
-        """A tick for every place of the path; the first one only measures the start."""
+        """A tick for every place of the path, and those until the arm stands; the first one only measures the start."""
         poses = [pin.SE3(T[:3, :3], T[:3, 3]) for T in self._path.at(u)]
         tracker.reset(q)
         steps = [tracker.measure(poses[0])]
@@ -255,6 +258,16 @@ class _Follower:
             steps.append(tracker.step(pose))
             if progress is not None and (index % every == 0 or index + 1 == len(u)):
                 progress(index + 1, len(u))
+        settling = int(SETTLING / tracker.dt)
+        while self._rehearsal is not None and np.abs(tracker.v).max() > AT_REST:
+            if settling:
+                settling -= 1
+                steps.append(tracker.step(poses[-1]))
+            else:
+                tracker.brake()
+                steps.append(tracker.measure(poses[-1]))
+        if progress is not None and len(steps) > len(u):
+            progress(len(steps), len(steps))
         return steps
 
     def _result(self, u: Array, steps: list[TrackerStep]) -> Trajectory:
@@ -272,7 +285,7 @@ class _Follower:
             orientation_error=checks.read_only([step.orientation_error for step in steps]),
             status=tuple(step.status.name for step in steps),
             limiting=tuple("; ".join(step.limiting) for step in steps),
-            segment=self._path.segments(u),
+            segment=self._path.segments(np.append(u, np.full(len(steps) - len(u), u[-1]))),
             clearance=checks.read_only([np.nan if step.clearance is None else step.clearance for step in steps]),
             qp_solver=next((step.qp_solver for step in steps if "then" in step.qp_solver), steps[-1].qp_solver),
         )

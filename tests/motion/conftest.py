@@ -22,4 +22,4 @@ def square(robot: Robot) -> list[pin.SE3]:
 
 @pytest.fixture(scope="session")
 def result(robot: Robot, square: list[pin.SE3]) -> Trajectory:
-    return track_path(robot, square, speed=[0.05, 0.1, 0.05, 0.1])
+    return track_path(robot, square, speed=[0.05, 0.1, 0.05, 0.1], acceleration_limit=np.inf)

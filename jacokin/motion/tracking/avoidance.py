@@ -7,7 +7,7 @@ nearer.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -31,13 +31,11 @@ from jacokin.motion.tracking.moving import MovableShapes, Whereabouts
 
 CLEARANCE = 0.01  # [m] kept between shapes unless told otherwise
 COLLISION = ("ignore", "reject")
-APPROACH = 0.5  # part of the spare distance that may be used up in one tick
 BUFFER = 5e-4  # [m] the QP stays this far above the distance, so that curvature does not cost a shortened step
-LOOK_AHEAD = 3.0  # ticks at full speed before a pair could come too near, from which it is watched
+LOOK_AHEAD = 3.0  # ticks at full speed, and the way to rest, before a pair could come too near: then it is watched
 MEASURED = 0.01  # [m] above the distance, from which pairs are watched however slow they are: there `least` is exact
 HORIZON = 0.05  # [m] beyond the watched range up to which distances are measured
 SEPARATION_WEIGHT = 100.0  # of moving too near pairs apart, against 1 for the target: its pull then costs microns
-SEPARATION_PART = 0.2  # part of the missing distance asked back in one tick
 WORSE = 1e-9  # [m] rounding of a distance
 FORESIGHT = 0.15  # [s] a moving obstacle that would be too near by then is avoided now
 BETWEEN = 0.01  # [m] shapes may come nearer than the distance between two places of a way to rest that are looked at
@@ -81,14 +79,14 @@ class Separation:
         inequalities: G and h of G x <= h: no pair uses up more than a part of its spare distance.
         jacobian: (k, dof) weighted, of the distances of pairs that are too near.
         error: (k,) weighted increase of distance that is asked of them.
-        evading: whether any of them is an obstacle that comes nearer too fast.
+        pairs: (k,) numbers of these pairs.
         exits: as in `Distances`, for the coming step.
     """
 
     inequalities: tuple[Array, Array]
     jacobian: Array
     error: Array
-    evading: bool
+    pairs: NDArray[np.intp]
     exits: Mapping[int, Array]
 
 
@@ -123,8 +121,6 @@ class ClearanceGuard:
             reaction: time in which the arm can stop [s].
         """
         self.shapes, self._dt = shapes, dt
-        # Distances may be used up so fast that an arm that needs time to stop still can.
-        self._part = min(APPROACH, dt / reaction) if reaction > 0.0 else APPROACH
         self._foresight = max(FORESIGHT, reaction)
         self._placed: Array | None = shapes.start.poses
         rows = np.full(len(contact.names), -1)
@@ -139,7 +135,9 @@ class ClearanceGuard:
         self._between = ((inner <= joint) & (joint < outer)).astype(np.float64)
         self._slide = arm.joint_kinds == SLIDE
         self._lever = _levers(robot, self._geometry)[self._second] * self._between
-        self._watch_still = distance + BUFFER + np.maximum(LOOK_AHEAD * dt * (self._lever @ velocity), MEASURED)
+        self._watch_still = (
+            distance + BUFFER + np.maximum((LOOK_AHEAD * dt + 0.5 * reaction) * (self._lever @ velocity), MEASURED)
+        )
         self._watch, self._watched = self._watch_still, shapes.start.speeds
         self._fixed = links[self._first] == 0
         # The kernels take a plane, and any obstacle, as the second shape.
@@ -317,11 +315,8 @@ class ClearanceGuard:
             normals[row] = exits[int(self._first[now.near[row]])]
         gradients = self._gradients(q, now, normals)
         spare = now.distance - self._distance - BUFFER
-        part, closing = np.full(spare.size, self._part), np.zeros(spare.size)
-        if where.moving:
-            closing = self._closing(now, where)
-            part[closing > 0.0] = min(self._part, self._dt / self._foresight)
-        room = np.where(spare > 0.0, part, SEPARATION_PART) * spare - self._dt * closing
+        closing = self._foresight * self._closing(now, where) if where.moving else np.zeros(spare.size)
+        room = spare - np.maximum(closing, 0.0)
         approaching = (room < 0.0) & (closing > 0.0)
         rows = (now.distance < self._distance + 0.5 * BUFFER) | approaching
         kept = ~leaving & ~approaching
@@ -329,7 +324,7 @@ class ClearanceGuard:
             inequalities=(-gradients[kept], np.maximum(room[kept], 0.0)),
             jacobian=SEPARATION_WEIGHT * gradients[rows],
             error=-SEPARATION_WEIGHT * room[rows],
-            evading=bool(approaching.any()),
+            pairs=now.near[rows],
             exits=exits,
         )
 
@@ -364,9 +359,10 @@ class ClearanceGuard:
             torque[:, self._slide] = normals @ axis[self._slide].T
         return np.asarray(torque * self._between[now.near])
 
-    def limiting(self, now: Distances) -> list[str]:
-        """Names of the pairs at the distance or nearer."""
-        return [self.name(pair) for pair in now.near[now.distance < self._distance + 2.0 * BUFFER].tolist()]
+    def limiting(self, now: Distances, apart: Iterable[int]) -> list[str]:
+        """Names of the pairs at the distance or nearer, and of those by their numbers that are moved apart."""
+        near = now.near[now.distance < self._distance + 2.0 * BUFFER].tolist()
+        return [self.name(pair) for pair in dict.fromkeys((*near, *apart))]
 
 
 def _levers(robot: Robot, geometry: Geometry) -> Array:

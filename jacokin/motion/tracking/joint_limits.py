@@ -1,13 +1,9 @@
 """How far each joint may go in one tick: position, velocity and acceleration limits.
 
-Position and velocity limits are bounds on the displacement of a joint, so together they are a box, and from a
-configuration within the limits the box contains zero: the QP inside it always has an answer.
-
-Acceleration limits are kept outside the QP. The QP moves a reference that obeys the box, and each joint of the arm
-follows its reference as fast as its acceleration allows, never faster than it can brake again: within the way to the
-reference, relative to the reference's own speed, and within the way to its limit. The joints do not couple, so nothing
-oscillates. From wherever the arm is and however fast, it can come to rest so (`Braking`), within all limits: a tracker
-that keeps shapes apart takes no step from which that way is not clear.
+A joint is only ever as fast as it can still stop before its limit, braking as hard as its acceleration limit allows. So
+there is always a displacement that keeps all three, whatever was asked for: to go on braking. The joints do not couple.
+No acceleration limit is one that takes a joint from full speed to full speed backwards in a tick: then nothing here
+binds but position and velocity.
 """
 
 from __future__ import annotations
@@ -20,46 +16,8 @@ from jacokin.arrays import Array
 from jacokin.model.robot import Robot
 
 AT_BOUND = 1e-6  # of the velocity limit's step: a displacement this near to a bound lies on it
-
-
-class JointBox:
-    """Bounds on the displacement of the joints in one tick.
-
-    Attributes:
-        lower: (dof,) lower limits [rad].
-        upper: (dof,) upper limits [rad].
-        step: (dof,) largest displacement in a tick by the velocity limits [rad].
-    """
-
-    def __init__(self, robot: Robot, velocity: Array, dt: float) -> None:
-        """Keep the limits: `velocity` (dof,) [rad/s], `dt` the control step [s]."""
-        self._names = robot.joint_names
-        self.lower, self.upper = robot.lower, robot.upper
-        self.step = velocity * dt
-
-    def bounds(self, q: Array) -> tuple[Array, Array]:
-        """Least and largest displacement (dof,) [rad] from a `q` within the limits [rad]."""
-        return np.maximum(-self.step, self.lower - q), np.minimum(self.step, self.upper - q)
-
-    def move(self, q: Array, displacement: Array) -> Array:
-        """The configuration after a displacement; adding may round past a limit."""
-        return np.minimum(np.maximum(q + displacement, self.lower), self.upper)
-
-    def limiting(self, displacement: Array, q: Array) -> list[str]:
-        """Which limits a displacement from `q` has run into."""
-        slack = AT_BOUND * self.step
-        at_upper = displacement >= self.upper - q - slack
-        at_lower = displacement <= self.lower - q + slack
-        fast = np.abs(displacement) >= self.step - slack
-        found = []
-        for joint, name in enumerate(self._names):
-            if at_upper[joint]:
-                found.append(f"{name} upper limit")
-            elif at_lower[joint]:
-                found.append(f"{name} lower limit")
-            elif fast[joint]:
-                found.append(f"{name} velocity")
-        return found
+EASY = 0.8  # part of the acceleration limit with which an approach brakes; the rest is for what curvature adds
+TINY = 1e-200  # instead of dividing by zero
 
 
 def braking_speed(distance: Array, deceleration: Array, dt: float) -> Array:
@@ -112,73 +70,98 @@ class Braking(NamedTuple):
         return np.asarray(self.q + self.unit * (self.speed * n - 0.5 * n * (n + 1.0)))
 
 
-class Follower:
-    """Follows a reference within acceleration limits."""
+class JointLimits:
+    """Bounds on the displacement of the joints in one tick.
 
-    def __init__(self, robot: Robot, box: JointBox, acceleration: Array, dt: float) -> None:
-        """Keep the limits: `acceleration` (dof,) [rad/s^2], `dt` the control step [s]."""
-        self._names = robot.joint_names
-        self._box = box
-        self._acceleration = acceleration
-        self._dt = dt
+    Attributes:
+        lower: (dof,) lower limits [rad].
+        upper: (dof,) upper limits [rad].
+        step: (dof,) largest displacement in a tick by the velocity limits [rad].
+        change: (dof,) by how much that displacement may change from tick to tick [rad].
+        stops_at_once: whether every joint may stop within a tick.
+    """
 
-    def braking(self, q: Array, v: Array) -> Braking:
-        """The way to rest from `q` (dof,) [rad], which `v` (dof,) [rad/s] led to."""
-        unit = self._acceleration * self._dt
-        return Braking(q, np.abs(v) / unit, np.copysign(unit * self._dt, v))
+    def __init__(self, robot: Robot, velocity: Array, acceleration: Array, dt: float) -> None:
+        """Keep the limits: `velocity` (dof,) [rad/s], `acceleration` (dof,) [rad/s^2] or inf, `dt` the step [s]."""
+        self._names, self._dt = robot.joint_names, dt
+        self.lower, self.upper = robot.lower, robot.upper
+        self.step = velocity * dt
+        self._acceleration = np.minimum(acceleration, 2.0 * velocity / dt)
+        self.change = self._acceleration * dt * dt
+        self._limited = acceleration <= self._acceleration
+        self.stops_at_once = bool((self.change >= self.step).all())
 
-    def _ways(self, *distances: Array) -> Array:
-        """(k, dof) largest ways [rad] in the coming tick after which the joints can still stop within distances."""
-        return braking_speed(np.array(distances), self._acceleration, self._dt) * self._dt
-
-    def _stoppable(self, q: Array, below: Array, above: Array) -> tuple[Array, Array]:
-        """Least and largest displacement (dof,) [rad], by ways towards the limits after which the joints can stop."""
-        low, high = self._box.bounds(q)
-        return np.maximum(low, -below), np.minimum(high, above)
+    def room(self, q: Array) -> tuple[Array, Array]:
+        """Least and largest displacement (dof,) [rad] to the limits; a joint that is past one may only come back."""
+        return np.minimum(self.lower - q, 0.0), np.maximum(self.upper - q, 0.0)
 
     def bounds(self, q: Array, v: Array) -> tuple[Array, Array]:
         """Least and largest displacement (dof,) [rad] by all limits, at `q` [rad] after velocities `v` [rad/s]."""
-        least, most = self.window(v)
-        below, above = self._ways(q - self._box.lower, self._box.upper - q)
-        low, high = (np.minimum(np.maximum(bound, least), most) for bound in self._stoppable(q, below, above))
-        return low, high
+        low, high = self.room(q)
+        below, above = self._stopping(np.array([-low, high]), self._acceleration)
+        low, high = np.maximum(-np.minimum(below, self.step), low), np.minimum(np.minimum(above, self.step), high)
+        # Braking as hard as allowed always satisfies the bounds, but for rounding.
+        least, most = v * self._dt - self.change, v * self._dt + self.change
+        return np.minimum(np.maximum(low, least), most), np.minimum(np.maximum(high, least), most)
 
-    def window(self, v: Array) -> tuple[Array, Array]:
-        """Least and largest displacement (dof,) [rad] in a tick after velocities `v` (dof,) [rad/s]."""
-        change = self._acceleration * self._dt
-        return (v - change) * self._dt, (v + change) * self._dt
+    def _stopping(self, distances: Array, deceleration: Array) -> Array:
+        """Largest displacement (..., dof) [rad] in the coming tick after which joints can still stop in distances."""
+        return braking_speed(distances, deceleration, self._dt) * self._dt
 
-    def brake(self, v: Array) -> Array:
-        """Displacement (dof,) [rad] of a tick of braking."""
-        less = np.maximum(np.abs(v) - self._acceleration * self._dt, 0.0)
-        return np.asarray(np.copysign(less, v) * self._dt)
+    def stride(self, total: Array, along: Array) -> Array:
+        """The part (dof,) [rad] for the coming tick of a displacement `total` (dof,) [rad] on which the arm is to stop.
 
-    def displacement(self, q: Array, v: Array, reference: Array, reference_velocity: Array) -> Array:
-        """Where the joints go in the coming tick.
+        All joints take the same part, so that the arm goes straight. It can stop at the end of `total`, or go on as
+        `along` does.
 
         Args:
-            q: (dof,) joint angles [rad], within the limits.
-            v: (dof,) velocities over the last tick [rad/s].
-            reference: (dof,) where the joints should be at the end of the tick [rad].
-            reference_velocity: (dof,) velocity of the reference [rad/s].
-
-        Returns:
-            (dof,) displacement [rad].
+            total: what is missing to the target at the end of the tick.
+            along: (dof,) by how much the target itself moves in a tick [rad].
         """
-        along = reference_velocity * self._dt
-        gap = reference - q - along
-        way, below, above = self._ways(np.abs(gap), q - self._box.lower, self._box.upper - q)
-        low, high = self._stoppable(q, below, above)
-        wanted = np.minimum(np.maximum(along + np.copysign(way, gap), low), high)
-        # Braking as hard as allowed always satisfies the bounds above, but for rounding.
-        least, most = self.window(v)
-        return np.asarray(np.minimum(np.maximum(wanted, least), most))
+        along = along * min(1.0, float((self.step / np.maximum(np.abs(along), TINY)).min()))
+        gap = total - along
+        size = np.maximum(np.abs(gap), TINY)
+        part = min(
+            1.0,
+            float(((self.step - np.copysign(along, along * gap)) / size).min()),
+            float((self._stopping(size, EASY * self._acceleration) / size).min()),
+        )
+        return np.asarray(along + max(part, 0.0) * gap)
 
-    def limiting(self, v: Array, v_before: Array) -> list[str]:
-        """Joints whose speed changed as fast as allowed."""
-        most = self._acceleration * self._dt * (1.0 - AT_BOUND)
-        return [
-            f"{name} acceleration"
-            for name, change, limit in zip(self._names, np.abs(v - v_before), most, strict=True)
-            if change >= limit
-        ]
+    def move(self, q: Array, displacement: Array) -> Array:
+        """The configuration after a displacement; adding may round past a limit."""
+        return np.minimum(np.maximum(q + displacement, np.minimum(q, self.lower)), np.maximum(q, self.upper))
+
+    def braking(self, q: Array, v: Array) -> Braking:
+        """The way to rest from `q` (dof,) [rad], which `v` (dof,) [rad/s] led to."""
+        return Braking(q, np.abs(v) * self._dt / self.change, np.copysign(self.change, v))
+
+    def brake(self, v: Array) -> Array:
+        """Displacement (dof,) [rad] of a tick of braking after velocities `v` (dof,) [rad/s]."""
+        return np.asarray(np.copysign(np.maximum(np.abs(v) * self._dt - self.change, 0.0), v))
+
+    def limiting(self, q: Array, v: Array, v_before: Array) -> list[str]:
+        """Which limits `v` (dof,) [rad/s] from `q` (dof,) [rad] runs into, after `v_before` (dof,) [rad/s]."""
+        displacement, slack = v * self._dt, AT_BOUND * self.step
+        at_upper = displacement >= self.upper - q - slack
+        at_lower = displacement <= self.lower - q + slack
+        fast = np.abs(displacement) >= self.step - slack
+        hard = self._limited & (np.abs(v - v_before) * self._dt >= self.change * (1.0 - AT_BOUND))
+        found = []
+        for joint, name in enumerate(self._names):
+            if at_upper[joint]:
+                found.append(f"{name} upper limit")
+            elif at_lower[joint]:
+                found.append(f"{name} lower limit")
+            elif fast[joint]:
+                found.append(f"{name} velocity")
+        return found + [f"{name} acceleration" for name, is_hard in zip(self._names, hard, strict=True) if is_hard]
+
+    def outside(self, q: Array) -> str:
+        """Which joints are past their limits at `q` (dof,) [rad], as the end of a sentence; "" for none."""
+        past = np.maximum(q - self.upper, self.lower - q)
+        return "".join(
+            f"; {name} is {far:.3g} rad past its limit and moves only inwards"
+            for name, far in zip(self._names, past.tolist(), strict=True)
+            if far > 0.0
+        )

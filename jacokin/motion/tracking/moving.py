@@ -58,12 +58,14 @@ class MovableShapes:
     def __init__(self, obstacles: Sequence[Obstacle], contact: Contact) -> None:
         """Read them; a floor and shapes of other classes cannot move."""
         self._rows: dict[str, int] = {}
+        self._shapes: list[Obstacle] = []
         self._fixed: list[str] = []
         found = []
         for obstacle in obstacles:
             try:
                 found.append(pose_of(obstacle).homogeneous[:3])
                 self._rows[obstacle.name] = len(self._rows)
+                self._shapes.append(obstacle)
             except InvalidInputError:
                 self._fixed.append(obstacle.name)
         self.start = Whereabouts(
@@ -85,13 +87,26 @@ class MovableShapes:
             InvalidInputError: not a mapping, one that cannot move, or malformed poses or twists.
         """
         places, twists = before.poses.copy(), before.twists.copy()
-        for name, motion in checks.mapping("obstacles", given, "a dict of poses by name").items():
+        for name, motion in given.items():
             row = self._row(name)
             pose, twist = motion if isinstance(motion, tuple) and len(motion) == 2 else (motion, None)
             _place(places[row], f"obstacles[{name!r}]", pose)
             twists[row] = 0.0
             if twist is not None:
                 twists[row] = checks.vector(f"obstacles[{name!r}]: twist", twist, 6, "m/s, rad/s")
+        return self._at(places, twists)
+
+    def carried(self, before: MovableShapes, where: Whereabouts) -> Whereabouts:
+        """Where these shapes are, if those that other shapes had go on as they did there."""
+        places, twists = self.start.poses.copy(), self.start.twists.copy()
+        for name, row in self._rows.items():
+            old = before._rows.get(name)
+            if old is not None and self._shapes[row] is before._shapes[old]:
+                places[row], twists[row] = where.poses[old], where.twists[old]
+        return self._at(places, twists)
+
+    def _at(self, places: Array, twists: Array) -> Whereabouts:
+        """The shapes at places (k, 3, 4), with twists (k, 6)."""
         # Turning about its origin, no point is faster than its farthest.
         speeds = _lengths(twists[:, :3]) + _lengths(twists[:, 3:]) * self._reach
         return Whereabouts(places, twists, speeds, bool(speeds.any()))

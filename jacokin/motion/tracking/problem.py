@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
@@ -20,9 +21,16 @@ from jacokin.motion.tracking.targets import FrameTask, Kinematics
 
 Quadratic = tuple[Array, Array]  # H (dof, dof) and g (dof,) of x H x / 2 + g x
 TIKHONOV = 1e-10  # keeps the QP strictly convex at singular poses
-NULL_WEIGHT = 1e-4  # of null-space motion; it competes with nothing, so only the order of magnitude matters
+DAMPING = 0.1  # [m/rad^2] relative to the error that can be removed; less lets the joints swing near singular poses
 NULL_SPEED = 0.25  # part of the velocity limits that null-space motion may use; its curvature costs microns a tick
 LATER_SPEED = 0.5  # the same of targets of later priorities
+CLOSE = 0.01  # [m] an error below which damping vanishes with its square, so that moving targets are followed to microns
+LEAVING = 10.0  # damping relative to the square of what is missing to the distance, weighted: the arm leaves straight
+ROUNDED = 1e-6  # of a squared error: less is not told from rounding and the damping that keeps the Hessian regular
+LITTLE = 1e-4  # of an error out of reach, by which it is not worth while to move on
+FAR = 1e6  # [rad] no bound for a joint without limits
+NONE_APART = np.empty(0, dtype=np.intp)
+TINY = 1e-200  # instead of dividing by zero
 RANK = 1e-3  # directions whose singular value is below this part of the largest are left to the null space
 
 
@@ -117,38 +125,51 @@ def checked_objectives(
 
 @dataclass(frozen=True, slots=True)
 class TickProblem:
-    """Minimise x H x / 2 + g x over displacements x [rad].
+    """What the arm is to minimise, to second order in a displacement x (dof,) [rad] of the joints: g x + x H x / 2.
+
+    The Hessian is that of least squares of the linearised error and, where a part of the error cannot be removed, of how
+    the Jacobian turns against that part; it is made positive definite. So the minimiser moves smoothly with the arm
+    also where the target is out of reach, where least squares alone would jump from one side of a singular pose to the
+    other at every tick.
 
     Attributes:
         jacobian: (k, dof) weighted Jacobian of the tasks that come first.
         error: (k,) their weighted error.
         cost: its square.
-        hessian: (dof, dof) of everything that is kept when damping is raised.
-        gradient: (dof,) of the same.
+        gradient: (dof,) of half of it and of what moves shapes apart.
+        hessian: (dof, dof) of the same, positive definite.
+        root: (dof, dof) rows whose squares sum up to the Hessian, without damping.
         inequalities: G and h of G x <= h, or (None, None).
-        separating: True when shapes are too near, or about to be, and are being moved apart.
-        evading: True when obstacles come nearer too fast.
+        apart: numbers of the pairs of shapes that are too near, or about to be, and are being moved apart.
         exits: see `Distances`.
     """
 
     jacobian: Array
     error: Array
     cost: float
-    hessian: Array
     gradient: Array
+    hessian: Array
+    root: Array
     inequalities: Inequalities
-    separating: bool
-    evading: bool
+    apart: NDArray[np.intp]
     exits: Mapping[int, Array]
 
-    def damp(self, damping: float, null_space: Quadratic | None) -> Quadratic:
-        """Hessian and gradient with the null-space objective and with damping relative to the squared error."""
-        hessian, gradient = self.hessian.copy(), self.gradient
-        if null_space is not None:
-            hessian += null_space[0]
-            gradient = gradient + null_space[1]
-        hessian.flat[:: len(gradient) + 1] += TIKHONOV + damping * self.cost
-        return hessian, gradient
+    def minimise(self, room: tuple[Array, Array], qp: Backend) -> Array:
+        """The displacement (dof,) [rad] that is missing to the least error within `room`, least and largest (dof,).
+
+        Raises:
+            QPFailed: no QP solver solved it.
+        """
+        low, high = np.maximum(room[0], -FAR), np.minimum(room[1], FAR)
+        free = np.linalg.solve(self.hessian, -self.gradient)
+        rows, ends = self.inequalities
+        if (free >= low).all() and (free <= high).all() and (rows is None or (rows.dot(free) <= ends).all()):
+            return free
+        return qp.minimize(self.hessian, self.gradient, self.inequalities, low, high)
+
+    def follow(self, moved: Array) -> Array:
+        """The displacement (dof,) [rad] that follows a target which moves the error by `moved` (k,)."""
+        return np.asarray(np.linalg.solve(self.hessian, moved.dot(self.jacobian)))
 
 
 def build_problem(
@@ -158,27 +179,76 @@ def build_problem(
     guard: ClearanceGuard | None,
     distances: Distances | None,
     where: Whereabouts | None,
+    negligible: float,
 ) -> TickProblem:
-    """The problem at `q` (dof,) [rad], where the kinematics are, of tasks of one priority and the obstacles."""
+    """The problem at `q` (dof,) [rad], where the kinematics are, of tasks of one priority and the obstacles.
+
+    What is left of an error is not made smaller by less than `negligible` [m] and a small part of it.
+    """
     jacobian, error = linearise(kinematics, tasks)
     inequalities = [found for task in tasks if (found := task.inequalities(kinematics)) is not None]
-    hessian, gradient = jacobian.T.dot(jacobian), -error.dot(jacobian)
-    separating = evading = False
-    exits: Mapping[int, Array] = {}
+    cost = float(error.dot(error))
+    damping = damping_for(cost)
+    gradient, hessian = -error.dot(jacobian), jacobian.T.dot(jacobian)
+    hessian += _bend(kinematics, tasks, error, _left(jacobian, error, damping))
+    apart, exits = NONE_APART, dict[int, Array]()
     if guard is not None and distances is not None and where is not None and distances.near.size:
         separation = guard.linearise(q, distances, where)
         inequalities.append(separation.inequalities)
-        exits = separation.exits
-        if separation.error.size:
-            separating, evading = True, separation.evading
-            hessian = hessian + separation.jacobian.T @ separation.jacobian
+        exits, apart = separation.exits, separation.pairs
+        if apart.size:
+            hessian += separation.jacobian.T @ separation.jacobian
+            hessian.flat[:: len(q) + 1] += LEAVING * float(separation.error.max(initial=0.0)) ** 2
             gradient = gradient - separation.error @ separation.jacobian
     stacked: Inequalities = (None, None)
     if len(inequalities) == 1:
         stacked = inequalities[0]
     elif inequalities:
         stacked = np.vstack([G for G, _ in inequalities]), np.concatenate([h for _, h in inequalities])
-    return TickProblem(jacobian, error, float(error.dot(error)), hessian, gradient, stacked, separating, evading, exits)
+    bends, directions = np.linalg.eigh(hessian)
+    bends = np.abs(bends)
+    # Damping goes with what there is to gain: it vanishes at the least error, on target or out of reach. Where error is
+    # left there, directions in which next to nothing is to be gained are left alone: the arm comes to rest.
+    slopes = gradient.dot(directions)
+    gains = slopes * slopes / (bends + TIKHONOV)
+    gain = min(cost, float(gains.sum()))
+    left = math.sqrt(max(cost - gain - ROUNDED * cost, 0.0))
+    slopes *= np.maximum(1.0 - 2.0 * left * (negligible + LITTLE * left) / np.maximum(gains, TINY), 0.0)
+    return TickProblem(
+        jacobian=jacobian,
+        error=error,
+        cost=cost,
+        gradient=directions.dot(slopes),
+        hessian=(directions * (bends + (TIKHONOV + damping_for(gain)))).dot(directions.T),
+        root=np.sqrt(bends)[:, np.newaxis] * directions.T,
+        inequalities=stacked,
+        apart=apart,
+        exits=exits,
+    )
+
+
+def damping_for(gain: float) -> float:
+    """Of the Hessian [m^2/rad^2], where so much [m^2] of the squared error can be removed."""
+    return DAMPING * gain / (math.sqrt(gain) + CLOSE)
+
+
+def _left(jacobian: Array, error: Array, damping: float) -> Array:
+    """The part (k,) of an error (k,) that damped least squares do not remove."""
+    directions, singular, _ = np.linalg.svd(jacobian, full_matrices=False)
+    squares = singular * singular
+    return np.asarray(error - directions.dot(squares / (squares + (TIKHONOV + damping)) * error.dot(directions)))
+
+
+def _bend(kinematics: Kinematics, tasks: list[FrameTask], error: Array, left: Array) -> Array:
+    """(dof, dof) of all tasks against what is left (k,) of their errors."""
+    if len(tasks) == 1:
+        return tasks[0].bend(kinematics, left)
+    total, start = np.zeros(()), 0
+    for task in tasks:
+        size = len(task.error(kinematics))
+        total = total + task.bend(kinematics, left[start : start + size])
+        start += size
+    return total
 
 
 def linearise(kinematics: Kinematics, tasks: list[FrameTask]) -> tuple[Array, Array]:
@@ -204,12 +274,9 @@ def controlled_directions(jacobian: Array) -> Array:
 
 def refine(
     displacement: Array,
+    problem: TickProblem,
     levels: Sequence[tuple[Array, Array]],
-    first: Array,
-    damping: float,
-    inequalities: Inequalities,
-    low: Array,
-    high: Array,
+    bounds: tuple[Array, Array],
     step_limit: Array,
     qp: Backend,
 ) -> Array:
@@ -219,18 +286,15 @@ def refine(
     whose QP fails is left out.
 
     Args:
-        displacement: of the first level.
+        displacement: of the first level, in this tick.
+        problem: that level.
         levels: Jacobian and error of each later one.
-        first: (k, dof) Jacobian of the first level.
-        damping: relative to the squared error of each level.
-        inequalities: G and h of G x <= h for the whole displacement.
-        low: (dof,) least displacement [rad].
-        high: (dof,) largest.
+        bounds: least and largest displacement (dof,) in this tick.
         step_limit: (dof,) [rad] by the velocity limits, of which later levels use a part.
         qp: solves.
     """
-    above = first
-    rows, ends = inequalities
+    (low, high), above = bounds, problem.root
+    rows, ends = problem.inequalities
     for jacobian, error in levels:
         controlled = controlled_directions(above)
         if len(controlled) == len(displacement):
@@ -239,7 +303,7 @@ def refine(
         above = np.vstack([above, jacobian])
         reduced, missing = jacobian @ basis, error - jacobian @ displacement
         hessian = reduced.T @ reduced
-        hessian.flat[:: len(hessian) + 1] += TIKHONOV + damping * float(missing @ missing)
+        hessian.flat[:: len(hessian) + 1] += TIKHONOV + damping_for(float(missing @ missing))
         G = np.vstack([basis, -basis] if rows is None else [basis, -basis, rows @ basis])
         h = [high - displacement, displacement - low]
         if rows is not None and ends is not None:
@@ -254,13 +318,10 @@ def refine(
     return displacement
 
 
-def null_space_objective(
-    robot: Robot, frame: str, q: Array, jacobian: Array, objectives: Sequence[Objective], step_limit: Array, dt: float
-) -> Quadratic:
-    """Hessian and gradient that move the null space of the tasks as the objectives want.
-
-    The projector N = I - V V^T leaves out the directions V that the tasks control, so to first order no task error
-    changes.
+def null_space_level(
+    robot: Robot, frame: str, q: Array, objectives: Sequence[Objective], step_limit: Array, dt: float
+) -> tuple[Array, Array]:
+    """What the objectives want in a tick, as the Jacobian and error of a last level.
 
     Raises:
         InvalidInputError: an objective returns something else than a joint velocity.
@@ -272,6 +333,4 @@ def null_space_objective(
     part = float(np.max(np.abs(displacement) / step_limit))
     if part > NULL_SPEED:
         displacement *= NULL_SPEED / part
-    controlled = controlled_directions(jacobian)
-    projector = NULL_WEIGHT * (np.eye(robot.dof) - controlled.T @ controlled)
-    return projector, -(projector @ displacement)
+    return np.eye(robot.dof), displacement

@@ -73,9 +73,7 @@ class PoseTarget(TrackingTarget):
     def make_task(self, frame: int) -> FrameTask:
         """Position and orientation."""
         assert isinstance(self.pose, pin.SE3)  # __post_init__ made it one
-        task = PoseTask(frame, self.weight)
-        task.set(self.pose)
-        return task
+        return PoseTask(frame, self.weight, self.pose)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -115,9 +113,7 @@ class OrientationTarget(TrackingTarget):
 
     def make_task(self, frame: int) -> FrameTask:
         """Orientation alone."""
-        task = PoseTask(frame, self.weight, orientation_only=True)
-        task.set(pin.SE3(np.asarray(self.rotation), np.zeros(3)))
-        return task
+        return PoseTask(frame, self.weight, pin.SE3(np.asarray(self.rotation), np.zeros(3)), orientation_only=True)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -198,18 +194,16 @@ class JointTarget(TrackingTarget):
 
 
 class TaskFactory:
-    """Makes tasks from what `Tracker.step` takes; the one for a plain pose is built once."""
+    """Makes tasks from what `Tracker.step` takes."""
 
     def __init__(self, kinematics: Kinematics) -> None:
         """Keep the kinematics for its frames."""
         self._kinematics = kinematics
-        self._pose = PoseTask(kinematics.tool, 1.0)
 
     def tasks(self, target: pin.SE3 | ArrayLike | TrackingTarget | Sequence[TrackingTarget] | None) -> list[FrameTask]:
         """Tasks for a target or several; errors as in `Tracker.step`."""
         if isinstance(target, pin.SE3):
-            self._pose.set(target if _rigid(target) else poses.checked_pose(target))
-            return [self._pose]
+            return [PoseTask(self._kinematics.tool, 1.0, target if _rigid(target) else poses.checked_pose(target))]
         if isinstance(target, TrackingTarget):
             return [self._task(target)]
         if isinstance(target, list | tuple) and any(isinstance(one, TrackingTarget) for one in target):
@@ -217,8 +211,7 @@ class TaskFactory:
         checked = targets.checked_target(target)  # refuses what is neither a pose nor a position
         if checked.position_only:
             return [self._task(PositionTarget(checked.position))]
-        self._pose.set(pin.SE3(checked.rotation, checked.position))
-        return [self._pose]
+        return [PoseTask(self._kinematics.tool, 1.0, pin.SE3(checked.rotation, checked.position))]
 
     def _task(self, target: TrackingTarget) -> FrameTask:
         if not isinstance(target, TrackingTarget):
@@ -322,6 +315,14 @@ class Kinematics:
         jacobian: Array = pin.getFrameJacobian(self._model, self._data, frame, reference)
         return jacobian.reshape(6, -1)  # one joint gives six numbers without a second axis
 
+    def jacobian_change(self, displacement: Array) -> Array:
+        """(6, dof) by how much the tool's Jacobian in base axes changes with a small displacement (dof,) [rad]."""
+        assert self._computed is not None
+        pin.computeJointJacobiansTimeVariation(self._model, self._data, self._computed, displacement)
+        pin.updateFramePlacement(self._model, self._data, self.tool)
+        change: Array = pin.getFrameJacobianTimeVariation(self._model, self._data, self.tool, IN_BASE)
+        return change.reshape(6, -1)
+
 
 def _limit_distance(position: Array) -> Array:
     """The position (3,) [m], or if it is farther than `FAR` from the base, the one at `FAR` on the way there."""
@@ -346,6 +347,10 @@ class FrameTask(ABC):
         self._frame = frame
         self._weight = weight
 
+    def is_like(self, other: FrameTask) -> bool:
+        """Whether it asks the same of the same frame, at another place."""
+        return type(self) is type(other) and self._frame == other._frame and self._weight == other._weight
+
     @abstractmethod
     def error(self, kinematics: Kinematics) -> Array:
         """Weighted error e (k,): what is missing to the target."""
@@ -353,6 +358,10 @@ class FrameTask(ABC):
     @abstractmethod
     def linearise(self, kinematics: Kinematics) -> tuple[Array, Array]:
         """Weighted Jacobian J (k, dof) and the same error e (k,)."""
+
+    @abstractmethod
+    def bend(self, kinematics: Kinematics, left: Array) -> Array:
+        """How J turns, against an error `left` (k,) that stays: (dof, dof), minus the sum of left_i dJ_i/dq."""
 
     @abstractmethod
     def measure(self, kinematics: Kinematics) -> tuple[float, float]:
@@ -363,37 +372,70 @@ class FrameTask(ABC):
         return None
 
 
-class PoseTask(FrameTask):
-    """Position and orientation, or orientation alone: the SE(3) logarithm of T_target_frame.
+def _turned(error: Array, angular: Array, moved: Array) -> Array:
+    """(dof, dof) error . (angular_i x moved_j) where joint i comes before j or is it, and symmetric.
 
-    With M = T_target_frame, log(M exp(v)) = log(M) + Jlog(M) v to first order, so log(M) vanishes where
-    Jlog(M) J x = -log(M) (Sola, Deray, Atchuthan: A micro Lie theory for state estimation in robotics, 2018).
+    For a position error it is that error times the second derivative of the position: joint i turns how joint j, which
+    comes after it, moves the point.
+    """
+    upper = np.triu(_cross_rows(error, angular).dot(moved))
+    return np.asarray(upper + np.triu(upper, 1).T)
+
+
+def _cross_rows(vector: Array, columns: Array) -> Array:
+    """(dof, 3) vector x column, for each column of (3, dof)."""
+    x, y, z = vector.tolist()
+    a, b, c = columns
+    return np.array([y * c - z * b, z * a - x * c, x * b - y * a]).T
+
+
+class PoseTask(FrameTask):
+    """Position and orientation, or orientation alone: the distance and the rotation vector to the target.
+
+    Both are taken apart, unlike in the SE(3) logarithm: so the position goes straight whatever the orientation does.
     """
 
-    def __init__(self, frame: int, weight: float, *, orientation_only: bool = False) -> None:
-        """Start at the identity; `set` gives the pose."""
+    def __init__(self, frame: int, weight: float, pose: pin.SE3, *, orientation_only: bool = False) -> None:
+        """Keep a copy of T_base_frame, which the caller may change."""
         super().__init__(frame, weight)
         self._orientation_only = orientation_only
-        linear = 0.0 if orientation_only else weight
-        self._cost = np.array([linear] * 3 + [weight * RADIAN_IN_METRES] * 3)
-        self._costs = self._cost[:, None]
-        self.set(pin.SE3.Identity())
+        self._costs = np.array([[weight]] * 3 + [[weight * RADIAN_IN_METRES]] * 3)
+        self._pose = pin.SE3(pose)
+        self._near = _limit_distance(self._pose.translation)
 
-    def set(self, pose: pin.SE3) -> None:
-        """Set T_base_frame, which must not change until it is set again."""
-        self._pose, position = pose, pose.translation
-        near = _limit_distance(position)
-        self._near = pose if near is position else pin.SE3(pose.rotation, near)
+    def is_like(self, other: FrameTask) -> bool:
+        """And whether both ask for a position."""
+        return (
+            super().is_like(other)
+            and isinstance(other, PoseTask)
+            and self._orientation_only == other._orientation_only
+        )
+
+    def _missing(self, kinematics: Kinematics) -> tuple[Array, Array]:
+        """Position (3,) [m] and rotation vector (3,) [rad] that are missing, in base axes."""
+        pose = kinematics.pose(self._frame)
+        rotation = pin.log3(self._pose.rotation.dot(pose.rotation.T))
+        return self._near - pose.translation, rotation
 
     def error(self, kinematics: Kinematics) -> Array:
-        """Weighted logarithm of the way to the target."""
-        return np.asarray(-self._cost * pin.log6(self._near.actInv(kinematics.pose(self._frame))).vector)
+        """Weighted position and rotation vector to the target."""
+        position, rotation = self._missing(kinematics)
+        turn = self._weight * RADIAN_IN_METRES * rotation
+        return turn if self._orientation_only else np.concatenate([self._weight * position, turn])
 
     def linearise(self, kinematics: Kinematics) -> tuple[Array, Array]:
-        """Weighted Jacobian of that logarithm, and itself."""
-        way = self._near.actInv(kinematics.pose(self._frame))
-        jacobian = pin.Jlog6(way).dot(kinematics.jacobian(self._frame, pin.LOCAL))
-        return self._costs * jacobian, -self._cost * pin.log6(way).vector
+        """The weighted frame's Jacobian in base axes, and the error."""
+        jacobian = kinematics.jacobian(self._frame, IN_BASE)
+        if self._orientation_only:
+            return self._weight * RADIAN_IN_METRES * jacobian[3:], self.error(kinematics)
+        return self._costs * jacobian, self.error(kinematics)
+
+    def bend(self, kinematics: Kinematics, left: Array) -> Array:
+        """Of position and rotation."""
+        jacobian = kinematics.jacobian(self._frame, IN_BASE)
+        linear, angular, turn = jacobian[:3], jacobian[3:], self._weight * RADIAN_IN_METRES
+        bend = -turn * _turned(left[-3:], angular, angular) / 2.0
+        return bend if self._orientation_only else bend - self._weight * _turned(left[:3], angular, linear)
 
     def measure(self, kinematics: Kinematics) -> tuple[float, float]:
         """Distance and angle."""
@@ -419,6 +461,11 @@ class PositionTask(FrameTask):
     def linearise(self, kinematics: Kinematics) -> tuple[Array, Array]:
         """Weighted linear Jacobian, and the error."""
         return self._weight * kinematics.jacobian(self._frame, IN_BASE)[:3], self.error(kinematics)
+
+    def bend(self, kinematics: Kinematics, left: Array) -> Array:
+        """Of the position."""
+        jacobian = kinematics.jacobian(self._frame, IN_BASE)
+        return -self._weight * _turned(left, jacobian[3:], jacobian[:3])
 
     def measure(self, kinematics: Kinematics) -> tuple[float, float]:
         """Distance; the orientation is free."""
@@ -457,7 +504,14 @@ class AxisTask(FrameTask):
         points, rotation, _ = self._rotation(kinematics)
         angular = kinematics.jacobian(self._frame, IN_BASE)[3:]
         weight = self._weight * RADIAN_IN_METRES
-        return weight * (angular - np.outer(points, points @ angular)), weight * rotation
+        return weight * (angular - np.outer(points, points.dot(angular))), weight * rotation
+
+    def bend(self, kinematics: Kinematics, left: Array) -> Array:
+        """Of the axis' tip: an error of rotation pulls it across the axis."""
+        points = kinematics.pose(self._frame).rotation @ self._axis
+        angular = kinematics.jacobian(self._frame, IN_BASE)[3:]
+        tip = -_cross_rows(points, angular).T
+        return -self._weight * RADIAN_IN_METRES * _turned(np.cross(left, points), angular, tip)
 
     def measure(self, kinematics: Kinematics) -> tuple[float, float]:
         """Angle between axis and direction."""
@@ -487,6 +541,11 @@ class RegionTask(FrameTask):
         jacobian = self._weight * outside * kinematics.jacobian(self._frame, IN_BASE)[:3]
         return np.asarray(jacobian), self._weight * difference
 
+    def bend(self, kinematics: Kinematics, left: Array) -> Array:
+        """Of the position."""
+        jacobian = kinematics.jacobian(self._frame, IN_BASE)
+        return -self._weight * _turned(left, jacobian[3:], jacobian[:3])
+
     def inequalities(self, kinematics: Kinematics) -> tuple[Array, Array] | None:
         """Faces of the box that the frame must not cross, along the axes in which it is inside."""
         position = kinematics.pose(self._frame).translation
@@ -507,15 +566,19 @@ class JointTask(FrameTask):
     def __init__(self, frame: int, weight: float, q: Array) -> None:
         """Keep the angles (dof,) [rad]."""
         super().__init__(frame, weight)
-        self._q, self._jacobian = q, weight * RADIAN_IN_METRES * np.eye(len(q))
+        self._q, self._scale = q, weight * RADIAN_IN_METRES
 
     def error(self, kinematics: Kinematics) -> Array:
         """Weighted difference of the angles."""
-        return np.asarray(self._weight * RADIAN_IN_METRES * (self._q - kinematics.q))
+        return np.asarray(self._scale * (self._q - kinematics.q))
 
     def linearise(self, kinematics: Kinematics) -> tuple[Array, Array]:
         """The weights, and the error."""
-        return self._jacobian, self.error(kinematics)
+        return self._scale * np.eye(len(self._q)), self.error(kinematics)
+
+    def bend(self, kinematics: Kinematics, left: Array) -> Array:
+        """None: joint angles are linear in themselves."""
+        return np.zeros((len(self._q), len(self._q)))
 
     def measure(self, kinematics: Kinematics) -> tuple[float, float]:
         """The largest difference, as an angle."""

@@ -1,17 +1,19 @@
-"""`Tracker`: one QP a tick, from where the arm is towards a target, within every limit. Read this file first.
+"""`Tracker`: one tick at a time, from where the arm is towards a target, within every limit. Read this file first.
 
-A tick asks for the joint displacement that brings the tool to its target, as least squares inside a box (velocity and
-position limits) and a few linear inequalities (clearance). What the QP says of linearised kinematics is checked at the
-new configuration: a step that makes the error grow is taken again with more damping, one that brings shapes too near is
-shortened. So the error never oscillates and the limits hold exactly. With acceleration limits no step is taken from
-which the arm could not brake to rest within all limits and clear of what stands still: the way out is always known. Why
-this QP is written on Pinocchio and the one of the solver is mink's: see `jacokin.ik.qp`.
+A tick first asks what displacement of the joints is missing to the target: the minimiser of the error to second order
+within the joint limits and the distances to what is near (`problem`), or for a twist the displacement along it
+(`twist`). Then how much of it the arm goes in this tick: all joints the same part, as fast as they may and still stop
+at the end (`joint_limits`). Where that leads is looked at before it is taken: a step that makes the error grow is
+halved, one that brings shapes too near, or from which the arm could not brake clear of what stands still, is brought
+nearer to braking. So the way out is always known, and limits hold exactly.
 """
 
 from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,23 +25,23 @@ from jacokin.errors import InvalidInputError
 from jacokin.ik import targets
 from jacokin.ik.options import TRACKING_ORIENTATION_TOLERANCE, TRACKING_POSITION_TOLERANCE
 from jacokin.ik.qp_backend import Backend, QPFailed
-from jacokin.ik.seeds import LIMIT_NOISE, checked_start
+from jacokin.ik.results import Frozen
+from jacokin.ik.seeds import checked_start
 from jacokin.model import checks, poses
-from jacokin.model.jacobians import REFERENCES
-from jacokin.model.robot import Robot, checked_robot, velocity_limits
+from jacokin.model.obstacles import Obstacle
+from jacokin.model.robot import Robot, checked_robot, tracking_accelerations, velocity_limits
 from jacokin.model.scene import Scene
-from jacokin.motion.tracking.avoidance import CLEARANCE, Distances, make_guard
-from jacokin.motion.tracking.joint_limits import Follower, JointBox
+from jacokin.motion.tracking.avoidance import CLEARANCE, ClearanceGuard, Distances, make_guard
+from jacokin.motion.tracking.joint_limits import JointLimits
 from jacokin.motion.tracking.moving import Motion, Whereabouts
 from jacokin.motion.tracking.problem import (
     Objective,
-    Quadratic,
     TickProblem,
     build_problem,
     by_priority,
     checked_objectives,
     linearise,
-    null_space_objective,
+    null_space_level,
     refine,
 )
 from jacokin.motion.tracking.steps import (
@@ -50,21 +52,29 @@ from jacokin.motion.tracking.steps import (
     TrackerStep,
     TrackerSummary,
 )
-from jacokin.motion.tracking.targets import FrameTask, Kinematics, TaskFactory, TrackingTarget
+from jacokin.motion.tracking.targets import IN_BASE, FrameTask, Kinematics, TaskFactory, TrackingTarget
+from jacokin.motion.tracking.twist import (
+    FOLLOWED,
+    Line,
+    TwistFollower,
+    TwistStep,
+    in_base_axes,
+    is_astray,
+    missing,
+    moved,
+)
 
 NEGLIGIBLE = 0.1  # of the tolerances: an error below this may grow again
-DAMPING = (1e-2, 1e4)  # relative to the squared error: least, and where no step helps any more
-MORE_DAMPING, LESS_DAMPING = 10.0, 3.0  # factors after a step that makes the error grow, and after a good one
-RETRIES = 6  # QPs in one tick at most
-SHORTENINGS = 6  # halvings of a step that comes too near, before the arm stays
-PARTS = (1.0, 0.5, 0.2)  # of the way from braking to what the arm would do, tried until it can still stop in time
-SAME = 1e-12  # [rad] nearer to its reference, a joint is on it
+REMOVED = 1e-2  # part of the squared error that is all but none
+HALVINGS = 6  # of a step that makes the error grow, before the arm stays
+PARTS = (1.0, 0.5, 0.2, 0.05)  # of the way from braking to what the arm would do, tried until nothing is too near
 SINGULAR = 0.01  # [m/rad] weighted; in directions with a smaller singular value the arm hardly moves the tool
 MOSTLY = 0.5  # part of the error in such directions from which they hold the arm back
 RESERVE = 1e-4  # [s] of a budget that braking and the report take
 STILL = 1e-5  # [rad/s] a slower arm stands still
 GROWTH_TIME = 0.25  # [s] of growing error until the target counts as lost
 GROWTH = 1e-7  # [m] an error must grow by this in a tick to count as growing
+NEARBY = 0.05  # [rad] a measured configuration this near to the tracker's own is one of a motion that goes on
 
 
 class JointState(NamedTuple):
@@ -74,6 +84,18 @@ class JointState(NamedTuple):
     distances: Distances | None
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class MotionState(Frozen):
+    """A motion at one time, from which another tracker may go on. Arrays are read-only."""
+
+    q: Array
+    """(dof,) joint angles [rad]."""
+    v: Array
+    """(dof,) joint velocities [rad/s]."""
+    a: Array
+    """(dof,) joint accelerations [rad/s^2], the last change of the velocities."""
+
+
 class TrackerState(NamedTuple):
     """Everything a tick starts from."""
 
@@ -81,32 +103,32 @@ class TrackerState(NamedTuple):
     """Where the arm is."""
     v: Array
     """(dof,) its velocity over the last tick [rad/s]; read-only."""
-    reference: JointState
-    """What the QP moves and the arm follows; the arm itself without acceleration limits."""
+    a: Array
+    """(dof,) by how much it changed in that tick [rad/s^2]; read-only."""
+    guard: ClearanceGuard | None
+    """What keeps shapes apart."""
+    scene: Scene | None
+    """What the arm is kept clear of."""
     where: Whereabouts | None
     """The obstacles that can move, at the end of the last tick; None when no shapes are kept apart."""
     can_stop: bool
     """Whether braking from now on is certain to come too near to nothing."""
-    damping: float
-    """Of the next QP, relative to the squared error."""
     error: float
     """Of the last tick [m], position and orientation in one."""
     growing: int
     """Ticks in a row in which the error grew."""
-    twist_pose: pin.SE3 | None
-    """T_base_tool that the last twist asked for, while the arm keeps up with twists."""
+    tasks: tuple[FrameTask, ...]
+    """What the last tick was asked for, of the first priority; empty after a twist, and before the first tick."""
+    line: Line | None
+    """Where twists have led; None after a target."""
 
-    @classmethod
-    def at_rest(cls, arm: JointState, where: Whereabouts | None, damping: float) -> TrackerState:
-        """Standing still."""
-        return cls(arm, checks.read_only(np.zeros(len(arm.q))), arm, where, True, damping, np.inf, 0, None)
-
-    def move(self, arm: JointState, reference: JointState, dt: float, damping: float) -> TrackerState:
+    def move(self, arm: JointState, dt: float) -> TrackerState:
         """After a tick of `dt` [s]."""
         v = (arm.q - self.arm.q) / dt
-        for array in (arm.q, v):
+        a = (v - self.v) / dt
+        for array in (arm.q, v, a):
             array.setflags(write=False)
-        return self._replace(arm=arm, v=v, reference=reference, damping=damping, twist_pose=None)
+        return self._replace(arm=arm, v=v, a=a)
 
 
 class OutOfTime(Exception):  # noqa: N818 - internal signal, never seen by users
@@ -124,8 +146,7 @@ class Tracker:
         tool: T_frame_tool.
         dt: control step [s].
         velocity_limit: (dof,) [rad/s]; read-only.
-        acceleration_limit: (dof,) [rad/s^2], read-only; None for none.
-        scene: what the arm is kept clear of, at the start; None where nothing is kept apart.
+        acceleration_limit: (dof,) [rad/s^2], read-only; inf for none.
         clearance: shapes are kept this far apart [m].
     """
 
@@ -146,6 +167,7 @@ class Tracker:
         pairs: Sequence[tuple[str, str]] | None = None,
         posture: ArrayLike | None = None,
         objectives: Sequence[Objective] = (),
+        state: MotionState | None = None,
         qp_solver: str = "daqp",
         position_tolerance: float = TRACKING_POSITION_TOLERANCE,
         orientation_tolerance: float = TRACKING_ORIENTATION_TOLERANCE,
@@ -159,7 +181,8 @@ class Tracker:
             q: (dof,) where the arm is [rad]; None for the robot's home.
             tool: T_frame_tool, a constant pose after the frame.
             velocity_limit: (dof,) or one for all [rad/s]; None for the robot's own.
-            acceleration_limit: (dof,) or one for all [rad/s^2]; None for none: then a joint may stop within a tick.
+            acceleration_limit: (dof,) or one for all [rad/s^2]; None for the robot's own, `numpy.inf` for none: then a
+                joint may stop within a tick.
             scene: obstacles around the arm, in the base frame.
             clearance: shapes are kept this far apart [m]; None for 0.01.
             collision: "reject" keeps the arm clear of the scene and of itself, "ignore" keeps nothing apart. None is
@@ -169,6 +192,7 @@ class Tracker:
             posture: (dof,) configuration [rad] to stay near with the freedom that targets leave.
             objectives: what else to do with that freedom, see `Objective`. They are added up; for wishes in order, give
                 targets a `priority`.
+            state: a motion under way, `state` of another tracker, to go on from instead of standing at `q`.
             qp_solver: a QP solver installed for qpsolvers: "daqp", "quadprog", "osqp", "proxqp".
             position_tolerance: the target is reached this near [m].
             orientation_tolerance: the target is reached this near [rad].
@@ -187,33 +211,35 @@ class Tracker:
         self._kinematics = Kinematics(robot, self.frame, self.tool)
         self._targets = TaskFactory(self._kinematics)
         self.dt = checks.positive("dt", dt, "s")
-        self.velocity_limit = velocity_limits(robot, velocity_limit)
-        self._box = JointBox(robot, self.velocity_limit, self.dt)
-        self._follower, self.acceleration_limit, reaction = None, None, 0.0
-        if acceleration_limit is not None:
-            acceleration = checks.positive_vector("acceleration_limit", acceleration_limit, robot.dof, "rad/s^2")
-            self.acceleration_limit = checks.read_only(acceleration)
-            self._follower = Follower(robot, self._box, acceleration, self.dt)
-            reaction = float((self.velocity_limit / acceleration).max())
-        self._guard = make_guard(
-            robot,
-            self.velocity_limit,
-            self.dt,
-            scene=scene,
-            clearance=clearance,
-            collision=collision,
-            self_collision=self_collision,
-            pairs=pairs,
-            reaction=reaction,
-        )
+        self.velocity_limit = checks.read_only(velocity_limits(robot, velocity_limit))
+        self.acceleration_limit = checks.read_only(tracking_accelerations(robot, acceleration_limit, self.velocity_limit))
+        self._limits = JointLimits(robot, self.velocity_limit, self.acceleration_limit, self.dt)
+        self._twists = TwistFollower(self._kinematics, self._limits, self.dt)
+        around = {
+            "clearance": clearance,
+            "collision": collision,
+            "self_collision": self_collision,
+            "pairs": pairs,
+            "reaction": 0.0
+            if self._limits.stops_at_once
+            else float((self.velocity_limit / self.acceleration_limit).max()),
+        }
+        self._make_guard = partial(make_guard, robot, self.velocity_limit, self.dt, **around)
+        self._guard = self._make_guard(scene=scene)
+        self._scene = None if self._guard is None else Scene() if scene is None else scene
         self.clearance = CLEARANCE if clearance is None else float(clearance)
-        self.scene = None if self._guard is None else Scene() if scene is None else scene
         self._objectives = checked_objectives(robot, objectives, posture)
         self._position_tolerance = checks.positive("position_tolerance", position_tolerance, "m")
         self._orientation_tolerance = checks.positive("orientation_tolerance", orientation_tolerance, "rad")
-        self._negligible = (NEGLIGIBLE * self._position_tolerance) ** 2
+        self._negligible = NEGLIGIBLE * self._position_tolerance
         self._qp = Backend(qp_solver)
-        self.reset(q)
+        if state is None:
+            self.reset(q)
+            return
+        if q is not None:
+            raise InvalidInputError("give at most one of q and state")
+        checks.instance("state", state, MotionState, "a MotionState, `state` of another tracker")
+        self.reset(state.q, v=state.v)
 
     @property
     def q(self) -> Array:
@@ -226,28 +252,78 @@ class Tracker:
         return self._state.v
 
     @property
+    def state(self) -> MotionState:
+        """The motion now, for another tracker to go on from."""
+        return MotionState(self._state.arm.q, self._state.v, self._state.a)
+
+    @property
+    def scene(self) -> Scene | None:
+        """What the arm is kept clear of, obstacles where they stood when they came; None where nothing is kept apart."""
+        return self._state.scene
+
+    @property
     def summary(self) -> TrackerSummary:
         """How often what happened since the last `reset`."""
         return self._tally.summary()
 
-    def reset(self, q: ArrayLike | None = None) -> None:
-        """Put the arm somewhere, standing still, and obstacles back to where the scene has them.
+    def reset(self, q: ArrayLike | None = None, *, v: ArrayLike | None = None) -> None:
+        """Put the arm somewhere.
+
+        Obstacles go back to where the scene has them, unless the motion goes on.
 
         Args:
-            q: (dof,) configuration [rad]; None for the robot's home. A joint past its limit by at most 0.01 rad, as
-                an encoder may report it, is put on the limit.
+            q: (dof,) configuration [rad]; None for the robot's home. A joint past its limit by at most 1e-6 rad is put
+                on the limit; one that is farther past it comes back within it and moves no farther out.
+            v: (dof,) its velocity [rad/s], at most the limits. None lets a motion that is under way go on where no
+                joint is farther than 0.05 rad from where the tracker has it, as a measured configuration is; elsewhere
+                the arm stands still.
 
         Raises:
-            InvalidInputError: malformed or outside the limits; the tracker stays as it was.
+            InvalidInputError: malformed, or faster than the limits; the tracker stays as it was.
         """
-        start = checked_start(self.robot, q, noise=LIMIT_NOISE)
-        guard, distances, where = self._guard, None, None
-        if guard is not None:
-            where = guard.shapes.start
-            guard.put(where)
-            distances = guard.start(start)
-        self._tally = StepTally()
-        self._state = TrackerState.at_rest(JointState(start, distances), where, DAMPING[0])
+        start = checked_start(self.robot, q, outside=True)
+        before: TrackerState | None = getattr(self, "_state", None)
+        if v is not None:
+            speed = self.robot.configuration(v, "v")
+            fast = int(np.argmax(np.abs(speed) - self.velocity_limit))
+            if abs(speed[fast]) > self.velocity_limit[fast] * (1.0 + 1e-9):
+                raise InvalidInputError(
+                    f"v has {self.robot.joint_names[fast]} at {speed[fast]:.6g} rad/s, "
+                    f"its limit is {self.velocity_limit[fast]:.6g} rad/s"
+                )
+            before = None
+        elif before is not None and q is not None and bool((np.abs(start - before.arm.q) <= NEARBY).all()):
+            speed = before.v
+        else:
+            speed, before = np.zeros(self.robot.dof), None
+        if before is not None:
+            distances = before.arm.distances
+            if before.guard is not None and before.where is not None and distances is not None:
+                before.guard.put(before.where)
+                distances = before.guard.move(start, distances, start - before.arm.q, {})
+            state = before._replace(arm=JointState(start, distances), v=checks.read_only(speed), can_stop=False)
+        else:
+            guard, where, distances = self._guard, None, None
+            if guard is not None:
+                where = guard.shapes.start
+                guard.put(where)
+                distances = guard.start(start)
+            still = checks.read_only(np.zeros(self.robot.dof))
+            state = TrackerState(
+                arm=JointState(start, distances),
+                v=checks.read_only(speed),
+                a=still,
+                guard=guard,
+                scene=self._scene,
+                where=where,
+                can_stop=v is None,
+                error=np.inf,
+                growing=0,
+                tasks=(),
+                line=None,
+            )
+            self._tally = StepTally()
+        self._state = state
 
     def step(
         self,
@@ -255,18 +331,19 @@ class Tracker:
         *,
         twist: ArrayLike | None = None,
         reference: str = "local_world_aligned",
-        obstacles: Mapping[str, Motion] | None = None,
+        obstacles: Mapping[str, Motion | Obstacle | None] | None = None,
         budget: float | None = None,
     ) -> TrackerStep:
         """One tick towards a target, or along a twist.
 
         Args:
             target: T_base_tool as `pin.SE3` or (4, 4), a position (3,) [m], or targets from `jacokin.motion`.
-            twist: (6,) velocity of the tool, linear [m/s] then angular [rad/s]; instead of a target.
+            twist: (6,) velocity of the tool, linear [m/s] then angular [rad/s]; instead of a target. It is followed in
+                its direction and never exceeded; where the arm cannot, it goes slower.
             reference: where the twist is expressed: "local_world_aligned", "local" or "world".
-            obstacles: where obstacles of the scene are now, by name: T_base_shape or a position (3,) [m], or a tuple
-                of that and the twist (6,) of its origin in base axes [m/s, rad/s]. Those that are not named go on as
-                they moved.
+            obstacles: where obstacles are now, by name: T_base_shape or a position (3,) [m], or a tuple of that and the
+                twist (6,) of its origin in base axes [m/s, rad/s]. An obstacle as of a scene is a new one, or takes
+                the place of the one of its name; None takes it away. Those that are not named go on as they moved.
             budget: time for this call [s]; None for any. When it runs out, the arm brakes within its limits.
 
         Returns:
@@ -282,19 +359,16 @@ class Tracker:
             raise InvalidInputError("give exactly one of target and twist")
         limit = np.inf if budget is None else checks.positive("budget", budget, "s")
         state = self._around(self._state, obstacles)
-        twist_pose = None
+        deadline = began + limit - RESERVE
         if twist is not None:
-            twist_pose = move_by_twist(self._twist_start(state), twist, reference, self.dt)
-            target = twist_pose
-        after, step = self._tick(state, self._targets.tasks(target), began, began + limit - RESERVE)
-        # Rounding does not add up while the arm keeps up; when it cannot, no backlog builds.
-        keeps_up = step.status is TrackerStatus.OK
-        # One assignment: an interrupt leaves the old state or the new one.
-        self._state = after._replace(twist_pose=twist_pose) if keeps_up and twist_pose is not None else after
+            after, step = self._follow(state, twist, reference, began, deadline)
+        else:
+            after, step = self._approach(state, self._targets.tasks(target), began, deadline)
+        self._state = after  # one assignment: an interrupt leaves the old state or the new one
         self._tally.add(step, limit)
         return step
 
-    def brake(self, *, obstacles: Mapping[str, Motion] | None = None) -> TrackerStep:
+    def brake(self, *, obstacles: Mapping[str, Motion | Obstacle | None] | None = None) -> TrackerStep:
         """One tick of braking as hard as the limits allow, towards nothing: OK once the arm stands still.
 
         Without acceleration limits it stands at once.
@@ -303,7 +377,7 @@ class Tracker:
             obstacles: as in `step`.
         """
         began = time.perf_counter()
-        after, step = self._braked(self._around(self._state, obstacles), None, [], began)
+        after, step = self._brake(self._around(self._state, obstacles), None, [], began)
         self._state = after
         self._tally.add(step, np.inf)
         return step
@@ -312,98 +386,202 @@ class Tracker:
         """How far the tool is from a target, without moving; errors as `step`."""
         levels = by_priority(self._targets.tasks(target))
         self._qp.reset()
-        return self._report(levels[0], self._state, self._state, "", began=time.perf_counter(), excused=False)[1]
+        return self._report(levels[0], self._state, self._state, began=time.perf_counter(), excused=False)[1]
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Unpickled arrays are writable until told otherwise."""
         self.__dict__.update(state)
-        limits = [self.velocity_limit, *([] if self.acceleration_limit is None else [self.acceleration_limit])]
-        for array in (self._state.arm.q, self._state.v, self._state.reference.q, *limits):
+        now = self._state
+        for array in (now.arm.q, now.v, now.a, self.velocity_limit, self.acceleration_limit):
             array.setflags(write=False)
 
-    def _twist_start(self, state: TrackerState) -> pin.SE3:
-        """T_base_tool that a twist moves on from."""
-        if state.twist_pose is not None:
-            return state.twist_pose
-        self._kinematics.move_to(state.arm.q)
-        return pin.SE3(self._kinematics.pose(self._kinematics.tool))
-
-    def _around(self, state: TrackerState, obstacles: Mapping[str, Motion] | None) -> TrackerState:
+    def _around(self, state: TrackerState, obstacles: Mapping[str, Motion | Obstacle | None] | None) -> TrackerState:
         """The state with the obstacles where they are told to be now."""
         if obstacles is None:
             return state
-        if self._guard is None or state.where is None:
+        if state.guard is None or state.where is None or state.scene is None:
             raise InvalidInputError("obstacles has no effect without a scene: nothing is kept apart")
-        return state._replace(where=self._guard.shapes.told(state.where, obstacles))
+        given = checks.mapping("obstacles", obstacles, "a dict of poses by name")
+        coming = {name: shape for name, shape in given.items() if hasattr(shape, "add_to")}
+        changed = {name for name, shape in given.items() if shape is None} | coming.keys()
+        if changed:
+            state = self._in_scene(state, state.scene.changed(changed, coming))
+            given = {name: motion for name, motion in given.items() if name not in changed}
+        assert state.guard is not None and state.where is not None
+        return state._replace(where=state.guard.shapes.told(state.where, given)) if given else state
 
-    def _tick(
+    def _in_scene(self, state: TrackerState, scene: Scene) -> TrackerState:
+        """The state among other obstacles; those that were there before go on as they moved."""
+        guard, before = self._make_guard(scene=scene), state.guard
+        assert guard is not None and before is not None and state.where is not None
+        where = guard.shapes.carried(before.shapes, state.where)
+        guard.put(where)
+        arm = JointState(state.arm.q, guard.start(state.arm.q))
+        return state._replace(guard=guard, scene=scene, where=where, arm=arm, can_stop=False)
+
+    def _approach(
         self, state: TrackerState, tasks: list[FrameTask], began: float, deadline: float
     ) -> tuple[TrackerState, TrackerStep]:
-        """Solve, check and move: the state after the tick."""
+        """A tick towards targets: the state after it."""
         levels = by_priority(tasks) if len(tasks) > 1 else [tasks]
         self._qp.reset()
-        shift = self._move_obstacles(state)
+        places = self._move_obstacles(state)
         try:
-            return self._solve(self._see(state, shift), levels, began, deadline)
+            return self._solve(self._see(state, places), levels, began, deadline)
         except OutOfTime:
-            return self._braked(state, shift, levels[0], began)
+            return self._brake(state, places, levels[0], began)
+
+    def _follow(
+        self, state: TrackerState, twist: ArrayLike, reference: str, began: float, deadline: float
+    ) -> tuple[TrackerState, TrackerStep]:
+        """A tick along a twist: the state after it."""
+        kinematics = self._kinematics
+        kinematics.move_to(state.arm.q)
+        tool = pin.SE3(kinematics.pose(kinematics.tool))
+        line = state.line
+        if line is None:
+            velocity = kinematics.jacobian(kinematics.tool, IN_BASE).dot(state.v)
+            line = Line(tool, velocity)
+        elif is_astray(missing(line.pose, tool)):
+            line = line._replace(pose=tool)
+        wanted = in_base_axes(twist, reference, line.pose)
+        goal = self._targets.tasks(moved(line.pose, wanted, self.dt))
+        self._qp.reset()
+        places = self._move_obstacles(state)
+        try:
+            state = self._see(state, places)
+            guard, rows, ends = state.guard, None, None
+            if guard is not None and state.arm.distances is not None and state.where is not None:
+                separation = guard.linearise(state.arm.q, state.arm.distances, state.where)
+                if separation.error.size:  # shapes are moved apart first
+                    after, step = self._solve(state, [goal], began, deadline)
+                    return after._replace(tasks=(), line=None), step
+                rows, ends = separation.inequalities
+            along = self._twists.step(line, wanted, state.v, rows, ends)
+            arm, can_stop = self._keep_clear(state, along.displacement, {}, deadline)
+        except OutOfTime:
+            return self._brake(state, places, goal, began)
+        after = state.move(arm, self.dt)._replace(can_stop=can_stop, tasks=(), line=along.line)
+        return self._report(goal, state, after, began=began, excused=True, along=along)
 
     def _move_obstacles(self, state: TrackerState) -> tuple[Whereabouts | None, Array | None]:
         """Put the obstacles where they are at the end of the tick; with how far they moved (k,) [m], None for not."""
-        guard, before = self._guard, self._state.where
-        if guard is None or state.where is None or before is None:
+        guard = state.guard
+        if guard is None or state.where is None:
             return None, None
+        before = self._state.where if self._state.guard is guard else state.where
+        assert before is not None
         where = state.where.after(self.dt)
         guard.put(where)
         return where, None if where.poses is before.poses else guard.shapes.travel(before, where)
 
     def _see(self, state: TrackerState, moved: tuple[Whereabouts | None, Array | None]) -> TrackerState:
-        """The state with distances to the obstacles where they are at the end of the tick."""
-        where, shift = moved
-        arm = self._measured(state.arm, shift)
-        reference = arm if state.reference is state.arm else self._measured(state.reference, shift)
-        return state._replace(arm=arm, reference=reference, where=where)
+        """The state with distances to the obstacles where they are at the end of the tick.
 
-    def _measured(self, joints: JointState, shift: Array | None) -> JointState:
-        """A configuration with its distances, measured anew where obstacles moved or there was no time for it."""
-        if self._guard is None or joints.distances is None or (shift is None and joints.distances.measured):
-            return joints
-        return JointState(joints.q, self._guard.refresh(joints.q, joints.distances, shift))
+        They are measured anew where obstacles moved or there was no time for it.
+        """
+        (where, shift), arm = moved, state.arm
+        if state.guard is not None and arm.distances is not None and (shift is not None or not arm.distances.measured):
+            arm = JointState(arm.q, state.guard.refresh(arm.q, arm.distances, shift))
+        return state._replace(arm=arm, where=where)
 
     def _solve(
         self, state: TrackerState, levels: list[list[FrameTask]], began: float, deadline: float
     ) -> tuple[TrackerState, TrackerStep]:
-        """A tick whose distances are known."""
-        before, tasks = state.reference, levels[0]
-        self._kinematics.move_to(before.q)
-        problem = build_problem(self._kinematics, tasks, before.q, self._guard, before.distances, state.where)
-        bounds = self._box.bounds(before.q)
-        if problem.evading and self._follower is not None:
-            # A reference that jumps away would be followed too late: the QP moves the arm itself, as fast as it can.
-            if before is not state.arm:
-                before = state.arm
-                state = state._replace(reference=before)
-                self._kinematics.move_to(before.q)
-                problem = build_problem(self._kinematics, tasks, before.q, self._guard, before.distances, state.where)
-            bounds = self._follower.bounds(before.q, state.v)
+        """A tick towards targets whose distances are known."""
+        q, tasks, limits = state.arm.q, levels[0], self._limits
+        self._kinematics.move_to(q)
+        problem = build_problem(
+            self._kinematics, tasks, q, state.guard, state.arm.distances, state.where, self._negligible
+        )
+        bounds, held = limits.bounds(q, state.v), ""
         later = [linearise(self._kinematics, level) for level in levels[1:]]
-        null_space = None
         if self._objectives:
-            everything = np.vstack([problem.jacobian, *(jacobian for jacobian, _ in later)])
-            null_space = null_space_objective(
-                self.robot, self.frame, before.q, everything, self._objectives, self._box.step, self.dt
-            )
-        reference, damping, held = self._descend(tasks, problem, later, null_space, state, bounds, deadline)
-        arm, can_stop = reference, True
-        if self._follower is not None:
-            arm, reference, can_stop = self._follow(self._follower, state, reference, problem.exits, deadline)
-        after = state.move(arm, reference, self.dt, damping)._replace(can_stop=can_stop)
+            later.append(null_space_level(self.robot, self.frame, q, self._objectives, limits.step, self.dt))
+        moved = self._target_moved(state.tasks, tasks, problem.error)
+        displacement = np.zeros(self.robot.dof)
+        if time.perf_counter() > deadline:
+            raise OutOfTime
+        try:
+            total = problem.minimise(limits.room(q), self._qp)
+            along = displacement if moved is None else problem.follow(moved)
+            displacement, is_near = self._descend(tasks, q, limits.stride(total, along), problem)
+            held = "" if is_near else "every step makes the error grow"
+        except QPFailed:
+            held = "no QP solver solved this tick"
+        displacement = np.minimum(np.maximum(displacement, bounds[0]), bounds[1])
+        if later and not held:
+            displacement = refine(displacement, problem, later, bounds, limits.step, self._qp)
+        arm, can_stop = self._keep_clear(state, displacement, problem.exits, deadline)
+        after = state.move(arm, self.dt)._replace(can_stop=can_stop, tasks=tuple(tasks), line=None)
         # Shapes moving apart, or joints still gathering speed, may take the tool away from its target for a while.
-        lagging = self._follower is not None and arm is not reference
-        excused = problem.separating or lagging
-        return self._report(tasks, state, after, held, began=began, excused=excused, problem=problem)
+        excused = problem.apart.size > 0 or not limits.stops_at_once
+        return self._report(tasks, state, after, held=held, began=began, excused=excused, problem=problem)
 
-    def _braked(
+    def _target_moved(self, before: tuple[FrameTask, ...], now: list[FrameTask], error: Array) -> Array | None:
+        """How the error (k,) at this configuration changed with the targets since the last tick; None for not at all."""
+        if len(before) != len(now) or any(not old.is_like(new) for old, new in zip(before, now, strict=True)):
+            return None
+        old = [task.error(self._kinematics) for task in before]
+        moved: Array = error - (old[0] if len(old) == 1 else np.concatenate(old))
+        return moved if moved.any() else None
+
+    def _descend(self, tasks: list[FrameTask], q: Array, step: Array, problem: TickProblem) -> tuple[Array, bool]:
+        """A step (dof,) [rad] halved until the error does not grow, and whether that was so.
+
+        One that all but removes the error is corrected by what is left: so moving targets are followed to the curvature
+        of the kinematics' third order.
+        """
+        if problem.apart.size:
+            return step, True
+        for _ in range(HALVINGS):
+            self._kinematics.move_to(self._limits.move(q, step))
+            errors = [task.error(self._kinematics) for task in tasks]
+            left = errors[0] if len(errors) == 1 else np.concatenate(errors)
+            now = float(left.dot(left))
+            if now <= REMOVED * problem.cost:
+                return step + problem.follow(left), True
+            if now <= problem.cost or now <= self._negligible**2:
+                return step, True
+            step = 0.5 * step
+        return np.zeros_like(step), False
+
+    def _keep_clear(
+        self, state: TrackerState, displacement: Array, exits: Mapping[int, Array], deadline: float
+    ) -> tuple[JointState, bool]:
+        """The arm after a displacement (dof,) [rad], or as much of it as is clear, and whether it can stop then."""
+        limits, start, guard, where = self._limits, state.arm, state.guard, state.where
+        if guard is None or where is None or start.distances is None:
+            return JointState(limits.move(start.q, displacement), None), True
+        braking = limits.brake(state.v)
+        best, least = start, -np.inf
+        for part in PARTS:
+            if time.perf_counter() > deadline:
+                raise OutOfTime
+            q = limits.move(start.q, braking + part * (displacement - braking))
+            found = JointState(q, guard.move(q, start.distances, q - start.q, exits))
+            if found.distances is None or not guard.acceptable(start.distances, found.distances):
+                continue
+            if limits.stops_at_once:
+                return found, True
+            rest = limits.braking(found.q, (found.q - start.q) / self.dt)
+            clear, spare = guard.rests_clear(start.distances, found.distances, rest, where)
+            if clear:
+                return found, True
+            if spare > least:
+                best, least = found, spare
+        q = limits.move(start.q, braking)
+        distances = guard.move(q, start.distances, q - start.q, exits)
+        found = JointState(q, distances)
+        if limits.stops_at_once or (state.can_stop and not where.moving):
+            return found, True
+        rest = limits.braking(q, (q - start.q) / self.dt)
+        clear, spare = guard.rests_clear(start.distances, distances, rest, where)
+        if not clear and spare < least:  # an obstacle comes nearer, and stopping keeps less far from it
+            found = best
+        return found, clear
+
+    def _brake(
         self,
         state: TrackerState,
         moved: tuple[Whereabouts | None, Array | None] | None,
@@ -413,143 +591,26 @@ class Tracker:
         """A tick of braking: because it was asked for, with `moved` None, or because time ran out."""
         late = moved is not None
         where, shift = self._move_obstacles(state) if moved is None else moved
-        displacement = np.zeros(self.robot.dof) if self._follower is None else self._follower.brake(state.v)
-        q = self._box.move(state.arm.q, displacement)
-        arm, can_stop, guard = JointState(q, None), state.can_stop, self._guard
+        q = self._limits.move(state.arm.q, self._limits.brake(state.v))
+        arm, can_stop, guard = JointState(q, None), state.can_stop, state.guard
         if guard is not None and where is not None and state.arm.distances is not None:
             distances = guard.unmeasured(state.arm.distances, q - state.arm.q, shift)
             arm = JointState(q, distances if late else guard.refresh(q, distances, None))
             can_stop = state.can_stop and shift is None
-        after = state.move(arm, arm, self.dt, state.damping)._replace(where=where, can_stop=can_stop)
-        return self._report(tasks, state, after, "", began=began, excused=True, late=late)
-
-    def _follow(
-        self,
-        follower: Follower,
-        state: TrackerState,
-        reference: JointState,
-        exits: Mapping[int, Array],
-        deadline: float,
-    ) -> tuple[JointState, JointState, bool]:
-        """The arm one tick nearer to its reference, no faster than it can stop clear of everything.
-
-        Returns:
-            The arm; its reference, which an arm that has to brake takes with it; and whether the arm can stop.
-        """
-        start, guard, where = state.arm, self._guard, state.where
-        speed = (reference.q - state.reference.q) / self.dt
-        wanted = follower.displacement(start.q, state.v, reference.q, speed)
-        q = self._box.move(start.q, wanted)
-        arrives = float(np.abs(q - reference.q).max()) <= SAME
-        if guard is None or where is None or start.distances is None:
-            return reference if arrives else JointState(q, None), reference, True
-        braking = follower.brake(state.v)
-        best, least = start, -np.inf
-        for part in PARTS:
-            if time.perf_counter() > deadline:
-                raise OutOfTime
-            if part == 1.0 and arrives:
-                found = reference
-            else:
-                q = self._box.move(start.q, braking + part * (wanted - braking))
-                found = JointState(q, guard.move(q, start.distances, q - start.q, exits))
-            if found.distances is None or not guard.acceptable(start.distances, found.distances):
-                continue
-            rest = follower.braking(found.q, (found.q - start.q) / self.dt)
-            clear, spare = guard.rests_clear(start.distances, found.distances, rest, where)
-            if clear:
-                return found, reference if part == 1.0 else found, True
-            if spare > least:
-                best, least = found, spare
-        q = self._box.move(start.q, braking)
-        distances = guard.move(q, start.distances, q - start.q, exits)
-        found = JointState(q, distances)
-        if state.can_stop and not where.moving:
-            return found, found, True
-        clear, spare = guard.rests_clear(
-            start.distances, distances, follower.braking(q, (q - start.q) / self.dt), where
-        )
-        if not clear and spare < least:  # an obstacle comes nearer, and stopping keeps less far from it
-            found = best
-        return found, found, clear
-
-    def _descend(
-        self,
-        tasks: list[FrameTask],
-        problem: TickProblem,
-        later: list[tuple[Array, Array]],
-        null_space: Quadratic | None,
-        state: TrackerState,
-        bounds: tuple[Array, Array],
-        deadline: float,
-    ) -> tuple[JointState, float, str]:
-        """The first state that is no farther from the target, with as little damping as that takes.
-
-        Returns:
-            The state, the damping for the next tick, and why the arm stays if it does.
-        """
-        start, damping = state.reference, state.damping
-        low, high = bounds
-        for _ in range(RETRIES):
-            if time.perf_counter() > deadline:
-                raise OutOfTime
-            try:
-                displacement = self._qp.minimize(*problem.damp(damping, null_space), problem.inequalities, low, high)
-            except QPFailed:
-                return start, damping, "no QP solver solved this tick"
-            if later:
-                displacement = refine(
-                    displacement,
-                    later,
-                    problem.jacobian,
-                    damping,
-                    problem.inequalities,
-                    low,
-                    high,
-                    self._box.step,
-                    self._qp,
-                )
-            found = self._try(start, displacement, problem.exits)
-            if problem.separating or self._nearer(tasks, found.q, problem.cost):
-                return found, max(damping / LESS_DAMPING, DAMPING[0]), ""
-            null_space, later = None, []
-            if damping >= DAMPING[1]:
-                break
-            damping *= MORE_DAMPING
-        return start, damping, "every step makes the error grow"
-
-    def _try(self, start: JointState, displacement: Array, exits: Mapping[int, Array]) -> JointState:
-        """Where a displacement leads, shortened until nothing comes too near."""
-        guard = self._guard
-        for _ in range(SHORTENINGS):
-            q = self._box.move(start.q, displacement)
-            if guard is None or start.distances is None:
-                return JointState(q, None)
-            distances = guard.move(q, start.distances, displacement, exits)
-            if guard.acceptable(start.distances, distances):
-                return JointState(q, distances)
-            displacement = 0.5 * displacement
-        return start
-
-    def _nearer(self, tasks: list[FrameTask], q: Array, cost: float) -> bool:
-        """Whether the error shrank, or is too small to matter."""
-        self._kinematics.move_to(q)
-        now = 0.0
-        for task in tasks:
-            error = task.error(self._kinematics)
-            now += float(error.dot(error))
-        return now <= cost or now <= self._negligible
+        after = state.move(arm, self.dt)._replace(where=where, can_stop=can_stop, tasks=(), line=None)
+        return self._report(tasks, state, after, began=began, excused=True, late=late)
 
     def _report(
         self,
         tasks: list[FrameTask],
         before: TrackerState,
         after: TrackerState,
-        held: str,
         *,
         began: float,
         excused: bool,
+        held: str = "",
         problem: TickProblem | None = None,
+        along: TwistStep | None = None,
         late: bool = False,
     ) -> tuple[TrackerState, TrackerStep]:
         """Measure where the arm is; the state with what was learned of the error."""
@@ -560,19 +621,23 @@ class Tracker:
         on_target = position <= self._position_tolerance and orientation <= self._orientation_tolerance
         if not tasks:
             on_target = float(np.abs(after.v).max()) < STILL
+        if along is not None:
+            on_target = along.part >= FOLLOWED and self._twists.lag(along, after.v) <= 1.0 - FOLLOWED
         error = targets.combined_error(position, orientation)
         grows = not (excused or on_target) and error > before.error + GROWTH
         after = after._replace(error=error, growing=before.growing + 1 if grows else 0)
         status, limiting, message = TrackerStatus.OK, list[str](), ""
         if late or not on_target:
             limiting = [TIME_BUDGET] if late else []
-            limiting += self._box.limiting(after.arm.q - before.arm.q, before.arm.q)
-            if self._follower is not None:
-                limiting.extend(self._follower.limiting(after.v, before.v))
-            if self._guard is not None and after.arm.distances is not None:
-                limiting.extend(self._guard.limiting(after.arm.distances))
+            limiting += self._limits.limiting(before.arm.q, after.v, before.v)
+            if after.guard is not None and after.arm.distances is not None:
+                apart = () if problem is None else problem.apart.tolist()
+                limiting.extend(after.guard.limiting(after.arm.distances, apart))
+            if along is not None and along.cause:
+                limiting.append(along.cause)
             if problem is not None and _is_singular(problem):
                 limiting.append(SINGULAR_POSE)
+            limiting = list(dict.fromkeys(limiting))
             status, message = self._why(after, limiting, held, late=late)
         distances = after.arm.distances
         step = TrackerStep(
@@ -584,7 +649,7 @@ class Tracker:
             limiting=tuple(limiting),
             clearance=None if distances is None else distances.least,
             qp_solver=self._qp.used,
-            message=message,
+            message=message + self._limits.outside(after.arm.q),
             elapsed=time.perf_counter() - began,
         )
         return after, step
@@ -605,19 +670,3 @@ def _is_singular(problem: TickProblem) -> bool:
     left, singular, _ = np.linalg.svd(problem.jacobian, full_matrices=False)
     missing = left[:, singular < SINGULAR].T @ problem.error
     return bool(missing @ missing > MOSTLY**2 * problem.cost)
-
-
-def move_by_twist(pose: pin.SE3, twist: ArrayLike, reference: str, dt: float) -> pin.SE3:
-    """A pose after moving along a twist (6,) for `dt` [s].
-
-    Raises:
-        InvalidInputError: the twist is malformed.
-        UnknownNameError: the reference is unknown.
-    """
-    checks.choice("reference", reference, REFERENCES)
-    motion = checks.vector("twist", twist, 6, "m/s, rad/s") * dt
-    if reference == "local":
-        return pose * pin.exp6(motion)
-    if reference == "world":
-        return pin.exp6(motion) * pose
-    return pin.SE3(pin.exp3(motion[3:]) @ pose.rotation, pose.translation + motion[:3])

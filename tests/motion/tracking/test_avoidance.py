@@ -64,10 +64,10 @@ def test_passes_at_full_speed_keep_the_distance(robot: Robot, rng: np.random.Gen
         if referee.least(robot.home) < 0.03:
             continue
         passes += 1
-        tracker = Tracker(robot, scene=scene, clearance=DISTANCE, self_collision=False)
+        tracker = Tracker(robot, scene=scene, clearance=DISTANCE, self_collision=False, acceleration_limit=np.inf)
         # Beyond the obstacle, so that the way there leads through it.
         target = centre + 0.3 * (centre - start) / np.linalg.norm(centre - start)
-        for _ in range(40):
+        for _ in range(120):
             step = tracker.step(target)
             distance = referee.least(step.q)
             assert distance >= DISTANCE - TOLERANCE
@@ -105,21 +105,21 @@ def test_the_floor_is_not_touched(robot: Robot) -> None:
     referee = Referee(robot, Scene([Floor()]), self_collision=False)
     tracker = Tracker(robot, scene=Scene([Floor()]), self_collision=False)
     start = robot.forward_kinematics(robot.home).translation
-    for _ in range(250):
+    for _ in range(400):
         step = tracker.step(np.array([start[0], start[1] - 0.1, -0.2]))
         assert referee.least(step.q) >= DISTANCE - TOLERANCE
     assert referee.least(step.q) < 2 * DISTANCE
     assert any(name.startswith("floor~") for name in step.limiting)
 
 
-@pytest.mark.parametrize("targets", [5, pytest.param(12, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("targets", [8, pytest.param(12, marks=pytest.mark.slow)])
 def test_the_arm_does_not_touch_itself(robot: Robot, rng: np.random.Generator, targets: int) -> None:
     referee = Referee(robot, Scene())
     tracker = Tracker(robot, collision="reject", clearance=0.005)
     nearest = np.inf
     for _ in range(targets):
         target = robot.forward_kinematics(robot.sample(rng))
-        for tick in range(100):
+        for tick in range(200):
             step = tracker.step(target)
             assert robot.within_limits(step.q)
             if tick % 10 == 9:

@@ -155,17 +155,21 @@ def test_an_interrupted_tick_leaves_the_old_state_or_the_new_one(
     assert line > 100
 
 
-@given(scale=st.floats(-100.0, 100.0))
+@given(past=st.floats(0.0, 100.0), number=st.integers(0, 2**32 - 1))
 @settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_starts_outside_the_limits_are_refused_and_noise_is_removed(robot: Robot, scale: float) -> None:
-    assume(abs(scale) > 1e-6)
+def test_a_joint_past_its_limit_moves_only_inwards(robot: Robot, past: float, number: int) -> None:
+    """Up to 1e-6 rad it is put on its limit."""
+    assume(abs(past - 1e-6) > 1e-9)
     q = robot.home.copy()
-    q[1] = robot.upper[1] + abs(scale)
-    tracker = Tracker(robot)
-    if abs(scale) <= 0.01:
-        tracker.reset(q)
-        assert tracker.q[1] == robot.upper[1]
-    else:
-        with pytest.raises(InvalidInputError, match="joint_2"):
-            tracker.reset(q)
-        assert np.array_equal(tracker.q, robot.home)
+    q[1] = robot.upper[1] + past
+    tracker, rng = Tracker(robot, q=q), np.random.default_rng(number)
+    outside = tracker.q[1] > robot.upper[1]
+    assert outside == (past > 1e-6)
+    for _ in range(4):
+        target = robot.forward_kinematics(robot.sample(rng))
+        for _ in range(25):
+            before = max(float(tracker.q[1]), float(robot.upper[1]))
+            step = tracker.step(target)
+            assert step.q[1] <= before
+            assert (np.abs(step.v) <= robot.velocity_limit + ROUNDING).all()
+            assert ("joint_2 is" in step.message) == bool(step.q[1] > robot.upper[1])

@@ -44,7 +44,7 @@ def test_position_only(robot: Robot) -> None:
 def test_the_arm_stretches_towards_targets_however_far(robot: Robot, distance: float) -> None:
     home = robot.forward_kinematics(robot.home)
     for target in ([distance, 0.0, 0.3], pin.SE3(home.rotation, np.array([distance, 0.0, 0.3]))):
-        tracker = Tracker(robot)
+        tracker = Tracker(robot, acceleration_limit=np.inf)
         step = tracker.step(target)
         assert np.abs(step.v).max() > 0.1
         assert step.position_error == pytest.approx(distance, abs=1.0)
@@ -134,7 +134,7 @@ def test_objectives_use_the_freedom_without_costing_accuracy(robot: Robot) -> No
     other = robot.home + np.array([0.0, 0.2, 0.2, 0.5, 0.5, 0.5])
 
     def after(objective: Any) -> Any:
-        tracker = Tracker(robot, objectives=[objective])
+        tracker = Tracker(robot, objectives=[objective], acceleration_limit=np.inf)
         for _ in range(500):
             step = tracker.step(place)
             assert step.position_error < 1e-5

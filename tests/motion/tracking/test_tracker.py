@@ -18,7 +18,7 @@ from jacokin import IKSolver, Robot, Tracker
 from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.ik import qp_backend
 from jacokin.ik.qp_backend import Backend, QPFailed
-from jacokin.motion import TrackerStatus
+from jacokin.motion import JointTarget, TrackerStatus
 
 DT = 0.01  # [s]
 
@@ -37,7 +37,7 @@ def distance_to_line(robot: Robot, q: NDArray[np.float64]) -> float:
 
 
 def test_a_straight_line_is_followed(robot: Robot) -> None:
-    tracker = Tracker(robot, dt=DT)
+    tracker = Tracker(robot, dt=DT, acceleration_limit=np.inf)
     for pose in line(robot):
         step = tracker.step(pose)
         assert step.status is TrackerStatus.OK
@@ -48,7 +48,7 @@ def test_a_straight_line_is_followed(robot: Robot) -> None:
 
 def test_a_circle_is_followed(robot: Robot) -> None:
     start = robot.forward_kinematics(robot.home)
-    tracker = Tracker(robot, dt=DT)
+    tracker = Tracker(robot, dt=DT, acceleration_limit=np.inf)
     ticks = round(2 * np.pi * 0.05 / 0.05 / DT)  # once round a radius of 5 cm at 5 cm/s
     for angle in 2 * np.pi * np.arange(1, ticks + 1) / ticks:
         offset = 0.05 * np.array([0.0, np.sin(angle), 1.0 - np.cos(angle)])
@@ -61,7 +61,7 @@ def test_a_circle_is_followed(robot: Robot) -> None:
 
 @pytest.mark.parametrize("ticks", [1_500, pytest.param(10_000, marks=pytest.mark.slow)])
 def test_limits_hold_exactly_while_targets_jump(robot: Robot, rng: np.random.Generator, ticks: int) -> None:
-    tracker = Tracker(robot, dt=DT)
+    tracker = Tracker(robot, dt=DT, acceleration_limit=np.inf)
     before = tracker.q
     at_speed = 0
     for tick in range(ticks):
@@ -97,7 +97,7 @@ def test_every_qp_solver_gives_the_path_of_daqp(robot: Robot, solver: str) -> No
     "position", [[2.0, 0.3, 0.5], [0.0, 0.0, 3.0], [-1.5, -1.0, 0.1]], ids=["ahead", "above", "behind"]
 )
 def test_a_target_out_of_reach_gives_the_closest_motion_and_no_oscillation(robot: Robot, position: list[float]) -> None:
-    tracker = Tracker(robot, dt=DT)
+    tracker = Tracker(robot, dt=DT, acceleration_limit=np.inf)
     steps = [tracker.step(np.array(position)) for _ in range(900)]
     errors = np.array([step.position_error for step in steps])
     assert (np.diff(errors) <= 1e-9).all()
@@ -111,7 +111,7 @@ def test_a_target_out_of_reach_gives_the_closest_motion_and_no_oscillation(robot
 
 
 def test_a_target_that_runs_away_is_lost_and_found_again(robot: Robot) -> None:
-    tracker = Tracker(robot, dt=DT)
+    tracker = Tracker(robot, dt=DT, acceleration_limit=np.inf)
     start = robot.forward_kinematics(robot.home)
     statuses = set()
     for tick in range(60):
@@ -132,7 +132,7 @@ def half_turn(robot: Robot, axis: list[float]) -> pin.SE3:
 
 def test_a_half_turn_is_reached(robot: Robot) -> None:
     target = half_turn(robot, [0.0, 0.0, 1.0])
-    tracker = Tracker(robot, dt=DT)
+    tracker = Tracker(robot, dt=DT, acceleration_limit=np.inf)
     for _ in range(1_000):
         step = tracker.step(target)
     assert step.status is TrackerStatus.OK
@@ -143,21 +143,20 @@ def test_a_half_turn_is_reached(robot: Robot) -> None:
 def test_a_half_turn_out_of_reach_ends_as_near_as_the_arm_gets(robot: Robot, axis: list[float]) -> None:
     target = half_turn(robot, axis)
     assert not IKSolver(robot).solve_all(target).within_limits.any()
-    tracker = Tracker(robot, dt=DT)
+    tracker = Tracker(robot, dt=DT, acceleration_limit=np.inf)
     steps = [tracker.step(target) for _ in range(1_500)]
-    weights = np.array([1.0, 1.0, 1.0, 0.1, 0.1, 0.1])  # one radian counts as 0.1 m
-    ways = [pin.log6(robot.forward_kinematics(step.q).actInv(target)).vector for step in steps]
-    assert (np.diff(np.linalg.norm(weights * ways, axis=1)) <= 1e-9).all()
+    errors = [np.hypot(step.position_error, 0.1 * step.orientation_error) for step in steps]  # 1 rad counts as 0.1 m
+    assert (np.diff(errors) <= 1e-9).all()
     assert steps[-1].status is TrackerStatus.HELD
     # Both end in the same local minimum.
-    assert steps[-1].orientation_error == pytest.approx(1.0373, abs=1e-3)
-    assert steps[-1].position_error == pytest.approx(0.0346, abs=1e-3)
+    assert steps[-1].orientation_error == pytest.approx(1.023, abs=2e-3)
+    assert steps[-1].position_error == pytest.approx(0.0388, abs=1e-3)
 
 
 @pytest.mark.parametrize("reference", ["local_world_aligned", "local", "world"])
 def test_a_twist_moves_the_tool_at_that_velocity(robot: Robot, reference: str) -> None:
     twist = np.array([0.01, -0.02, 0.03, 0.05, 0.1, -0.05])
-    tracker = Tracker(robot, dt=1e-3)
+    tracker = Tracker(robot, dt=1e-3, acceleration_limit=np.inf)
     middle = None
     for tick in range(101):
         step = tracker.step(twist=twist, reference=reference)
@@ -170,7 +169,7 @@ def test_a_twist_moves_the_tool_at_that_velocity(robot: Robot, reference: str) -
 
 
 def test_twists_do_not_drift(robot: Robot) -> None:
-    tracker = Tracker(robot, dt=DT)
+    tracker = Tracker(robot, dt=DT, acceleration_limit=np.inf)
     start = robot.forward_kinematics(robot.home)
     for _ in range(200):
         step = tracker.step(twist=[0.0, 0.0, 0.05, 0.0, 0.0, 0.1])
@@ -216,12 +215,11 @@ def test_the_errors_reported_are_what_forward_kinematics_says(robot: Robot, rng:
 def test_reset_puts_the_arm_there_and_noise_past_a_limit_is_removed(robot: Robot) -> None:
     tracker = Tracker(robot)
     q = robot.home.copy()
-    q[1] = robot.upper[1] + 1e-3
+    q[1] = robot.upper[1] + 9e-7
     tracker.reset(q)
     assert tracker.q[1] == robot.upper[1]
     assert not tracker.v.any()
-    step = tracker.step(robot.forward_kinematics(robot.home))
-    assert robot.within_limits(step.q)
+    assert robot.within_limits(tracker.step(robot.forward_kinematics(robot.home)).q)
 
 
 def test_copies_go_on_from_where_the_tracker_is(robot: Robot) -> None:
@@ -236,23 +234,28 @@ def test_copies_go_on_from_where_the_tracker_is(robot: Robot) -> None:
             assert np.array_equal(other.step(pose).q, here.step(pose).q)
 
 
+def at_upper_limit(robot: Robot) -> NDArray[np.float64]:
+    """Joint 2 is at its limit, so that the QP has to keep it."""
+    q = robot.home.copy()
+    q[1] = robot.upper[1]
+    return q
+
+
 def test_a_qp_that_cannot_be_solved_holds_the_arm_and_says_so(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
-    pose = line(robot)[20]
-    tracker = Tracker(robot)
-    tracker.step(pose)
-    before = tracker.q
+    tracker = Tracker(robot, q=at_upper_limit(robot), acceleration_limit=np.inf)
+    before, pose = tracker.q, robot.forward_kinematics(robot.home)
 
     def fail(*_: object) -> None:
         raise QPFailed
 
     with monkeypatch.context() as patch:
         patch.setattr(Backend, "minimize", fail)
-        step = tracker.step(line(robot)[-1])
+        step = tracker.step(JointTarget(before + 1.0))
     assert step.status is TrackerStatus.HELD
     assert "no QP solver" in step.message
     assert np.array_equal(step.q, before)
     assert not step.v.any()
-    for _ in range(200):
+    for _ in range(600):
         step = tracker.step(pose)
     assert step.status is TrackerStatus.OK
 
@@ -266,9 +269,9 @@ def test_a_failing_solver_is_replaced_and_the_step_says_by_which(robot: Robot, m
         return run(problem, solver)
 
     monkeypatch.setattr(qp_backend, "_solve", fail_proxqp)
-    tracker = Tracker(robot, qp_solver="proxqp")
-    step = tracker.step(line(robot)[0])
-    assert step.status is TrackerStatus.OK
+    tracker = Tracker(robot, q=at_upper_limit(robot), qp_solver="proxqp")
+    step = tracker.step(JointTarget(tracker.q + 1.0))
+    assert step.status is TrackerStatus.LIMITED
     assert step.qp_solver == "proxqp, then daqp"
 
 
@@ -277,10 +280,8 @@ def test_failed_calls_change_nothing(robot: Robot) -> None:
     pose = line(robot)[100]
     tracker.step(pose)
     twin.step(pose)
-    outside = robot.home.copy()
-    outside[1] = 0.0
     for call in (
-        lambda: tracker.reset(outside),
+        lambda: tracker.reset(robot.home, v=np.ones(6)),
         lambda: tracker.reset([np.nan] * 6),
         lambda: tracker.step(),
         lambda: tracker.step(pose, twist=np.zeros(6)),
@@ -315,7 +316,6 @@ def test_failed_calls_change_nothing(robot: Robot) -> None:
         ({"objectives": ["manipulability"]}, "objectives"),
         ({"objectives": 3}, "objectives must be a list"),
         ({"frame": "link_base"}, "fixed to the base"),
-        ({"q": [0.0] * 6}, "q puts joint_2"),
         ({"q": [1e17, 2.9, 1.0, 4.2, 1.4, 1.3]}, r"q: joint_1 = 1e\+17 rad is too far from zero"),
         ({"q": np.ma.masked_array([4.8, 2.9, 1.0, 4.2, 1.4, 1.3], mask=[False] * 6)}, "q must be 6 numbers"),
         ({"dt": True}, "dt must be a positive number"),
@@ -358,7 +358,7 @@ def test_a_description_without_velocity_limits_asks_for_them() -> None:
 def test_other_members_of_the_family_follow_too(bundled: Any, name: str) -> None:
     robot = bundled(name)
     start = robot.forward_kinematics(robot.home)
-    tracker = Tracker(robot)
+    tracker = Tracker(robot, acceleration_limit=np.inf)
     for way in np.linspace(0.0, 0.03, 100):
         step = tracker.step(pin.SE3(start.rotation, start.translation - np.array([0.0, 0.0, way])))
         assert step.status is TrackerStatus.OK
