@@ -123,9 +123,7 @@ def track_path(
     )
     rehearsal = None
     if np.isfinite(tracker.acceleration_limit).any():
-        rehearsal = Tracker(
-            robot, frame, dt=dt, tool=tool, velocity_limit=REHEARSAL_SPEED, acceleration_limit=np.inf
-        )
+        rehearsal = Tracker(robot, frame, dt=dt, tool=tool, velocity_limit=REHEARSAL_SPEED, acceleration_limit=np.inf)
     follower = _Follower(tracker, path, times, progress, rehearsal)
     if start is not None:
         starts, reaching = [near], 1

@@ -24,7 +24,9 @@ TIKHONOV = 1e-10  # keeps the QP strictly convex at singular poses
 DAMPING = 0.1  # [m/rad^2] relative to the error that can be removed; less lets the joints swing near singular poses
 NULL_SPEED = 0.25  # part of the velocity limits that null-space motion may use; its curvature costs microns a tick
 LATER_SPEED = 0.5  # the same of targets of later priorities
-CLOSE = 0.01  # [m] an error below which damping vanishes with its square, so that moving targets are followed to microns
+CLOSE = (
+    0.01  # [m] an error below which damping vanishes with its square, so that moving targets are followed to microns
+)
 LEAVING = 10.0  # damping relative to the square of what is missing to the distance, weighted: the arm leaves straight
 ROUNDED = 1e-6  # of a squared error: less is not told from rounding and the damping that keeps the Hessian regular
 LITTLE = 1e-4  # of an error out of reach, by which it is not worth while to move on
@@ -127,10 +129,10 @@ def checked_objectives(
 class TickProblem:
     """What the arm is to minimise, to second order in a displacement x (dof,) [rad] of the joints: g x + x H x / 2.
 
-    The Hessian is that of least squares of the linearised error and, where a part of the error cannot be removed, of how
-    the Jacobian turns against that part; it is made positive definite. So the minimiser moves smoothly with the arm
-    also where the target is out of reach, where least squares alone would jump from one side of a singular pose to the
-    other at every tick.
+    The Hessian is that of least squares of the linearised error and, where a part of the error cannot be removed, of
+    how the Jacobian turns against that part; it is made positive definite. So the minimiser moves smoothly with the arm
+    also where the target is out of reach: there least squares alone jump from one side of a singular pose to the other
+    at every tick.
 
     Attributes:
         jacobian: (k, dof) weighted Jacobian of the tasks that come first.
@@ -161,7 +163,7 @@ class TickProblem:
             QPFailed: no QP solver solved it.
         """
         low, high = np.maximum(room[0], -FAR), np.minimum(room[1], FAR)
-        free = np.linalg.solve(self.hessian, -self.gradient)
+        free: Array = np.linalg.solve(self.hessian, -self.gradient)
         rows, ends = self.inequalities
         if (free >= low).all() and (free <= high).all() and (rows is None or (rows.dot(free) <= ends).all()):
             return free
@@ -191,7 +193,8 @@ def build_problem(
     damping = damping_for(cost)
     gradient, hessian = -error.dot(jacobian), jacobian.T.dot(jacobian)
     hessian += _bend(kinematics, tasks, error, _left(jacobian, error, damping))
-    apart, exits = NONE_APART, dict[int, Array]()
+    apart = NONE_APART
+    exits: Mapping[int, Array] = {}
     if guard is not None and distances is not None and where is not None and distances.near.size:
         separation = guard.linearise(q, distances, where)
         inequalities.append(separation.inequalities)

@@ -406,9 +406,7 @@ class PoseTask(FrameTask):
     def is_like(self, other: FrameTask) -> bool:
         """And whether both ask for a position."""
         return (
-            super().is_like(other)
-            and isinstance(other, PoseTask)
-            and self._orientation_only == other._orientation_only
+            super().is_like(other) and isinstance(other, PoseTask) and self._orientation_only == other._orientation_only
         )
 
     def _missing(self, kinematics: Kinematics) -> tuple[Array, Array]:

@@ -212,19 +212,24 @@ class Tracker:
         self._targets = TaskFactory(self._kinematics)
         self.dt = checks.positive("dt", dt, "s")
         self.velocity_limit = checks.read_only(velocity_limits(robot, velocity_limit))
-        self.acceleration_limit = checks.read_only(tracking_accelerations(robot, acceleration_limit, self.velocity_limit))
+        self.acceleration_limit = checks.read_only(
+            tracking_accelerations(robot, acceleration_limit, self.velocity_limit)
+        )
         self._limits = JointLimits(robot, self.velocity_limit, self.acceleration_limit, self.dt)
         self._twists = TwistFollower(self._kinematics, self._limits, self.dt)
-        around = {
-            "clearance": clearance,
-            "collision": collision,
-            "self_collision": self_collision,
-            "pairs": pairs,
-            "reaction": 0.0
+        self._make_guard = partial(
+            make_guard,
+            robot,
+            self.velocity_limit,
+            self.dt,
+            clearance=clearance,
+            collision=collision,
+            self_collision=self_collision,
+            pairs=pairs,
+            reaction=0.0
             if self._limits.stops_at_once
             else float((self.velocity_limit / self.acceleration_limit).max()),
-        }
-        self._make_guard = partial(make_guard, robot, self.velocity_limit, self.dt, **around)
+        )
         self._guard = self._make_guard(scene=scene)
         self._scene = None if self._guard is None else Scene() if scene is None else scene
         self.clearance = CLEARANCE if clearance is None else float(clearance)
@@ -258,7 +263,7 @@ class Tracker:
 
     @property
     def scene(self) -> Scene | None:
-        """What the arm is kept clear of, obstacles where they stood when they came; None where nothing is kept apart."""
+        """What the arm is kept clear of, obstacles where they first stood; None where nothing is kept apart."""
         return self._state.scene
 
     @property
@@ -407,13 +412,16 @@ class Tracker:
         if changed:
             state = self._in_scene(state, state.scene.changed(changed, coming))
             given = {name: motion for name, motion in given.items() if name not in changed}
-        assert state.guard is not None and state.where is not None
+        assert state.guard is not None
+        assert state.where is not None
         return state._replace(where=state.guard.shapes.told(state.where, given)) if given else state
 
     def _in_scene(self, state: TrackerState, scene: Scene) -> TrackerState:
         """The state among other obstacles; those that were there before go on as they moved."""
         guard, before = self._make_guard(scene=scene), state.guard
-        assert guard is not None and before is not None and state.where is not None
+        assert guard is not None
+        assert before is not None
+        assert state.where is not None
         where = guard.shapes.carried(before.shapes, state.where)
         guard.put(where)
         arm = JointState(state.arm.q, guard.start(state.arm.q))
@@ -519,7 +527,7 @@ class Tracker:
         return self._report(tasks, state, after, held=held, began=began, excused=excused, problem=problem)
 
     def _target_moved(self, before: tuple[FrameTask, ...], now: list[FrameTask], error: Array) -> Array | None:
-        """How the error (k,) at this configuration changed with the targets since the last tick; None for not at all."""
+        """How the error (k,) at this configuration changed with the targets in the last tick; None for not at all."""
         if len(before) != len(now) or any(not old.is_like(new) for old, new in zip(before, now, strict=True)):
             return None
         old = [task.error(self._kinematics) for task in before]

@@ -199,7 +199,7 @@ class TwistFollower:
 
     def _bend(self, direction: Array) -> Array:
         """(6,) by how much the twist of a displacement (dof,) [rad] changes over it."""
-        return -self._kinematics.jacobian_change(direction).dot(direction)
+        return np.asarray(-self._kinematics.jacobian_change(direction).dot(direction))
 
 
 class _Pace(NamedTuple):
