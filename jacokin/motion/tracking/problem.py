@@ -163,7 +163,7 @@ class TickProblem:
             QPFailed: no QP solver solved it.
         """
         low, high = np.maximum(room[0], -FAR), np.minimum(room[1], FAR)
-        free: Array = np.linalg.solve(self.hessian, -self.gradient)
+        free = np.asarray(np.linalg.solve(self.hessian, -self.gradient), dtype=np.float64)
         rows, ends = self.inequalities
         if (free >= low).all() and (free <= high).all() and (rows is None or (rows.dot(free) <= ends).all()):
             return free
