@@ -13,7 +13,6 @@ from jacokin.model import angles, checks
 from jacokin.model.robot import Robot
 
 FARTHEST_SEED = 1e6  # [rad] beyond this a double no longer resolves an angle to 1e-10 rad
-LIMIT_NOISE = 0.01  # [rad] an encoder may report a joint this far past its limit
 ON_LIMIT = 1e-6  # [rad] or [m] past its limit, a joint is on it: rounding of files, degrees and single precision
 AT_SEED = 1e-3  # [rad] a start this near to the seed is not worth a word
 DEFAULT_RANDOM_SEED = 0  # of the generator used when the caller brings none: results repeat
@@ -78,19 +77,16 @@ def random_configurations(robot: Robot, size: int, rng: np.random.Generator) -> 
     return rng.uniform(lower, upper, (size, robot.dof))
 
 
-def checked_start(
-    robot: Robot, q: ArrayLike | None, name: str = "q", noise: float = ON_LIMIT, *, outside: bool = False
-) -> Array:
+def checked_start(robot: Robot, q: ArrayLike | None, name: str = "q", *, outside: bool = False) -> Array:
     """A configuration (dof,) [rad] that the arm is in, or is to go to, read-only; None is home.
 
-    A joint past its limit by at most `noise` is put on the limit. One that is farther out is refused, or left where it
-    is with `outside`: an arm that is pushed there by hand still has to come back.
+    A joint past its limit by at most `ON_LIMIT` is put on the limit. One that is farther out is refused, or left where
+    it is with `outside`: an arm that is pushed there by hand still has to come back.
 
     Args:
         robot: the arm.
         q: (dof,) [rad].
         name: of the argument, for messages.
-        noise: [rad], or [m] where a joint slides.
         outside: True for where the arm is, False for where it is to go.
 
     Raises:
@@ -102,10 +98,10 @@ def checked_start(
     inside = np.clip(found, robot.lower, robot.upper)
     away = np.abs(found - inside)
     joint = int(np.argmax(away))
-    if away[joint] <= noise:
+    if away[joint] <= ON_LIMIT:
         return checks.read_only(inside)
     if outside:
-        return checks.read_only(np.where(away <= noise, inside, found))
+        return checks.read_only(np.where(away <= ON_LIMIT, inside, found))
     raise InvalidInputError(
         f"{name} puts {robot.joint_names[joint]} at {found[joint]:.17g} rad, outside "
         f"[{robot.lower[joint]:.17g}, {robot.upper[joint]:.17g}] rad"

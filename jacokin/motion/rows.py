@@ -17,6 +17,7 @@ import numpy as np
 from scipy.linalg import solve_banded
 
 from jacokin.arrays import Array
+from jacokin.ik.seeds import ON_LIMIT
 from jacokin.model.contact import REFUSED_WITHIN, Contact
 from jacokin.model.robot import Robot
 
@@ -25,7 +26,6 @@ MEAN = 0.25, 0.5, 0.25  # weights of three ticks
 HELD = 1.0 + 1e-9  # times a limit; what is beyond is no rounding
 ATTEMPTS = 30  # to find how slow a motion must be
 LEAST_SLOWER = 1.001  # from attempt to attempt
-ON_LIMIT = 1e-6  # [rad] past its limit, a joint is on it
 PARTS = np.linspace(0.0, 1.0, 9)  # of a step, at which it is looked at
 FINEST = 5e-4  # [s] a step from row to row that needs no halving: in it no arm leaves the line by more than 0.1 um
 

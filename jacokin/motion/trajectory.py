@@ -23,6 +23,7 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.files import read_arrays
 from jacokin.ik.results import Frozen
+from jacokin.ik.seeds import ON_LIMIT
 from jacokin.ik.targets import Target
 from jacokin.model import checks
 from jacokin.model.robot import Robot
@@ -37,7 +38,7 @@ from jacokin.motion.files import (
     write_table,
 )
 from jacokin.motion.grasps import Grasp
-from jacokin.motion.rows import ON_LIMIT, Rows, between
+from jacokin.motion.rows import Rows, between
 from jacokin.showing import Shown, show
 
 FORMATS = (".csv", ".npz", ".json", ".kinova.csv")

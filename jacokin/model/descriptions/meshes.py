@@ -21,7 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.errors import ShapeError, shown
+from jacokin.errors import InvalidInputError, ShapeError, shown
+from jacokin.files import open_bytes, read_bytes
 
 PACKAGE_SCHEMES = ("package", "model")
 SEARCH_PATH = "ROS_PACKAGE_PATH"
@@ -115,7 +116,7 @@ def read_mesh_file(file: Path, description: Path) -> Mesh:
         ShapeError: it cannot be read, is packed, too large or of another format, or holds no triangles.
     """
     where = f"{description}: mesh {file}"
-    content, suffix = _content(file, where), file.suffix.lower()
+    content, suffix = _content(file, description), file.suffix.lower()
     try:
         if suffix == ".stl":
             mesh = _read_stl(content)
@@ -134,35 +135,28 @@ def read_mesh_file(file: Path, description: Path) -> Mesh:
     return mesh
 
 
-def _content(file: Path, where: str) -> bytes:
+def _content(file: Path, description: Path) -> bytes:
     """The bytes of a file that is not packed, not too large, and of a known format."""
+    where = f"{description}: mesh {file}"
     if file.suffix.lower() not in FORMATS:
         raise ShapeError(f"{where} is of an unknown format; valid: {', '.join(FORMATS)}")
     try:
-        content = _bounded(file)
-    except OSError as error:
-        raise ShapeError(f"{where} cannot be read: {error.strerror or error}") from error
-    except ValueError as error:
-        raise ShapeError(f"{where}: {error}") from error
+        content = _regular(file)
+    except InvalidInputError as error:
+        raise ShapeError(f"{description}: mesh {error}") from error
     if content.startswith(PACKED) or zipfile.is_zipfile(io.BytesIO(content)):
         raise ShapeError(f"{where} is packed (gzip, zip or the like): unpack it")
     return content
 
 
-def _bounded(file: Path) -> bytes:
-    """The bytes of a regular file.
+def _regular(file: Path) -> bytes:
+    """The bytes of a file that is no pipe.
 
     Raises:
-        OSError: it cannot be read.
-        ValueError: it is not a regular file, or too large.
+        InvalidInputError: it cannot be read, or is too large.
     """
-    if not file.is_file():
-        raise ValueError(f"{file.name} is not a regular file")
-    with file.open("rb") as opened:
-        content = opened.read(LARGEST + 1)
-    if len(content) > LARGEST:
-        raise ValueError(f"{file.name} is larger than {LARGEST // 1_000_000} MB")
-    return content
+    open_bytes(file).close()
+    return read_bytes(file, LARGEST)
 
 
 def _read_stl(content: bytes) -> Mesh:
@@ -251,7 +245,7 @@ def _gltf_buffers(content: bytes, folder: Path) -> dict[str, bytes]:
         if accessor["count"] > 3 * MOST_VERTICES:
             raise ValueError(f"more than {3 * MOST_VERTICES} numbers of a kind")
     names = [buffer.get("uri", "data:") for buffer in described.get("buffers", [])]
-    return {name: _bounded(folder / unquote(name)) for name in names if not name.startswith("data:")}
+    return {name: _regular(folder / unquote(name)) for name in names if not name.startswith("data:")}
 
 
 def hull_of(vertices: Array) -> Mesh | None:

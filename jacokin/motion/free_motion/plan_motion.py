@@ -34,7 +34,7 @@ from jacokin.model.angles import TURN
 from jacokin.model.contact import Contact
 from jacokin.model.obstacles import Surroundings
 from jacokin.model.poses import FreeAxis
-from jacokin.model.robot import Robot, acceleration_limits, jerk_limits, velocity_limits
+from jacokin.model.robot import acceleration_limits, jerk_limits, velocity_limits
 from jacokin.motion.blending import fit_time, round_corners, straightened
 from jacokin.motion.free_motion.leaving import DEEPEST, SAME_DISTANCE
 from jacokin.motion.free_motion.search import MOST_SAMPLES, Found, StraightMotion, WaySearch
@@ -49,7 +49,6 @@ DETOUR = 1.5  # a straight motion this many times slower than the nearest goal a
 BETTER = 0.98  # of the time of a way at full speed is what the next one may take
 NEXT_SAMPLES = 500  # after which the search for it is given up
 SAME = 1e-9  # [rad] a motion that is shorter is none
-FASTEST, HARDEST, SHARPEST = 1e4, 1e8, 1e12  # [rad/s], [rad/s^2], [rad/s^3] no more is used of larger limits
 MOST_DIRECT = 8  # goals to which a motion that leaves contact tries to go straight
 MOST_LANDINGS = 16  # goals next to something to which it is tried to come
 
@@ -114,8 +113,6 @@ def plan_motion(
     acceleration, jerk = acceleration_limits(robot, acceleration_limit), jerk_limits(robot, jerk_limit)
     torque = torque_limits(robot, torque_limit)
     step, count = checks.positive("dt", dt, "s"), checks.whole_number("ways", ways, 1, MOST_WAYS)
-    velocity, acceleration = np.minimum(velocity, FASTEST), np.minimum(acceleration, HARDEST)
-    jerk = None if jerk is None else np.minimum(jerk, SHARPEST)
     speed = np.minimum(velocity, np.sqrt(np.pi * acceleration))
     slowest = float(speed.min())
     request = _Request(
@@ -130,7 +127,7 @@ def plan_motion(
         speed=speed / slowest,
         unit=1.0 / slowest,
     )
-    aims, search = list_aims(robot, goal), search_of(solver)
+    aims, search = list_aims(goal), search_of(solver)
     begun = time.monotonic()
     return request.plan(aims, search, generator, begun, begun + limit)
 
@@ -486,7 +483,7 @@ STARTS = 8  # of descents to a goal without a closed form
 MOST_COPIES = 64  # of one configuration, whole turns away within the limits
 
 
-def list_aims(robot: Robot, goal: Any) -> tuple[Any, ...]:
+def list_aims(goal: Any) -> tuple[Any, ...]:
     """The goals of a list, or the only one.
 
     Raises:

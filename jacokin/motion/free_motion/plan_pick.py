@@ -19,7 +19,7 @@ from jacokin.ik.seeds import DEFAULT_RANDOM_SEED, checked_start
 from jacokin.ik.solver import IKSolver
 from jacokin.model import checks
 from jacokin.model.obstacles import pose_of
-from jacokin.model.robot import Robot, velocity_limits
+from jacokin.model.robot import Robot, acceleration_limits, velocity_limits
 from jacokin.model.scene import Scene
 from jacokin.motion.free_motion.plan_motion import GoalFinder, plan_motion
 from jacokin.motion.grasps import ANGLES, Grasp
@@ -144,7 +144,7 @@ def plan_pick(
     up = 0.0 if checks.number("lift", lift, "m") == 0.0 else checks.positive("lift", lift, "m")
     generator = np.random.default_rng(DEFAULT_RANDOM_SEED) if rng is None else checks.generator("rng", rng)
     velocity = velocity_limits(robot, velocity_limit)
-    acceleration = checks.positive_vector("acceleration_limit", acceleration_limit, robot.dof, "rad/s^2")
+    acceleration = acceleration_limits(robot, acceleration_limit)
     openings = [way.opening for way in ways if way.opening is not None]
     opening = min(openings, default=None)
     around = solver.verifier.options.scene or Scene()

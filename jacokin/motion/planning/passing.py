@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from jacokin.arrays import Array
+from jacokin.ik.seeds import ON_LIMIT
 from jacokin.motion.joint_motion import ACCELERATION
 from jacokin.motion.planning.manifold import Curve, Pace
-from jacokin.motion.rows import ATTEMPTS, HELD, ON_LIMIT, WHOLE_TICK, Limits, Rows, past_limits, sample, spline_rows
+from jacokin.motion.rows import ATTEMPTS, HELD, WHOLE_TICK, Limits, Rows, past_limits, sample, spline_rows
 from jacokin.motion.timing import check_ticks, fit_course, sample_lines, slopes, with_ramps
 
 GRID = 0.01  # [s] at full speed between places whose limits are looked at

@@ -22,7 +22,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from jacokin.errors import InvalidInputError, MissingExtraError
-from jacokin.files import ARRAYS
+from jacokin.files import ARRAYS, DEFLATION
 from jacokin.tasks.datasets.placing import placing
 from jacokin.tasks.datasets.recorded import (
     SINGLE,
@@ -47,7 +47,6 @@ MAIN, METADATA = "main_data.hdf5", "metadata.json"  # names of Minari's files
 _VARIED = "randomization/"  # begins the attributes of an episode that hold its randomization
 _COMPRESSED: Mapping[str, Any] = {"compression": "gzip", "compression_opts": 4, "shuffle": True}
 _DEEPEST = 4  # groups in groups in groups
-_DENSEST = 1100.0  # bytes in one of a compressed file; deflate can do 1032
 
 Episodes = Callable[[], Iterable[Recorded]]
 
@@ -193,7 +192,7 @@ def _check_inside(group: Any, depth: int = 0) -> None:
             raise ValueError(f"{place} is not a group or an array")
         elif each.external or each.is_virtual:
             raise ValueError(f"{place} is kept outside the file, which is not read")
-        elif each.shape is None or each.nbytes > min(ARRAYS, _DENSEST * each.id.get_storage_size() + 1000):
+        elif each.shape is None or each.nbytes > min(ARRAYS, DEFLATION * each.id.get_storage_size() + 1000):
             raise ValueError(f"{place} claims {each.nbytes} bytes")
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, JacokinError, shown
-from jacokin.files import read_arrays
+from jacokin.files import read_arrays, read_text
 from jacokin.model import checks
 
 SINGLE = "observation"  # name of an observation that has none
@@ -164,9 +164,7 @@ def read_json(path: Path) -> dict[str, Any]:
     """
     if path.is_symlink() or not path.is_file():
         raise InvalidInputError(f"{path}: there is no such file")
-    if path.stat().st_size > LARGEST_JSON:
-        raise InvalidInputError(f"{path}: has {path.stat().st_size} bytes, and at most {LARGEST_JSON} are read")
-    return json_object(path.read_text(encoding="utf-8"))
+    return json_object(read_text(path, LARGEST_JSON))
 
 
 def json_object(text: object) -> dict[str, Any]:

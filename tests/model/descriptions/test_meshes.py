@@ -312,7 +312,7 @@ REFUSED = {
     "not finite": ("nan.obj", "not finite"),
     "no vertex": ("index.ply", "triangles of vertices that it has not"),
     "giant": ("giant.gltf", "more than 9000000 numbers of a kind"),
-    "pipe beside": ("pipe.gltf", "pipe is not a regular file"),
+    "pipe beside": ("pipe.gltf", "pipe: cannot be read: it is not a regular file"),
     "no unit": ("unit.dae", "its unit is 0.0 m"),
 }
 
