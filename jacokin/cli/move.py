@@ -27,9 +27,7 @@ if TYPE_CHECKING:
 
 @click.command(cls=Command, no_args_is_help=True)
 @click.option("--from", "start", cls=NumberList, metavar="Q1 .. Q6", help="Joint angles now; home if not given.")
-@click.option(
-    "--to", "joints_to", cls=NumberList, metavar="Q1 .. Q6", help="Joint angles to go to, in place of a pose."
-)
+@click.option("--to", "goal", cls=NumberList, metavar="Q1 .. Q6", help="Joint angles to go to, in place of a pose.")
 @target_options
 @options.scene
 @options.clearance
@@ -67,7 +65,7 @@ if TYPE_CHECKING:
 @options.robot()
 def move(
     start: list[float] | None,
-    joints_to: list[float] | None,
+    goal: list[float] | None,
     wanted: TargetOptions,
     scene: Path | None,
     clearance: float,
@@ -102,7 +100,7 @@ def move(
     import numpy as np
 
     has_pose = wanted.position is not None or wanted.kinova is not None
-    if has_pose == (joints_to is not None):
+    if has_pose == (goal is not None):
         raise InvalidInputError("exactly one of --to and a pose (--position or --kinova) is needed")
     if rated_torque and torque_limit is not None:
         raise InvalidInputError("at most one of --torque-limit and --rated-torque is needed")
@@ -114,7 +112,7 @@ def move(
     solver = ik.IKSolver(
         arm, frame, tool=tool, collision="reject", scene=options.load_scene(scene), clearance=clearance
     )
-    goal = wanted.build(units) if joints_to is None else np.array(joints.configuration("--to", joints_to))
+    target = wanted.build(units) if goal is None else np.array(joints.configuration("--to", goal))
     limits = joints.limits("--acceleration-limit", acceleration_limit, "rad/s^2")
     acceleration: dict[str, Any] = {} if limits is None else {"acceleration_limit": limits}
 
@@ -122,7 +120,7 @@ def move(
         return motion.plan_motion(
             solver,
             arm.home if start is None else joints.configuration("--from", start),
-            goal,
+            target,
             time_limit=time_limit,
             rng=None if random_seed is None else np.random.default_rng(random_seed),
             dt=dt,

@@ -14,7 +14,7 @@ from jacokin import model
 from jacokin.errors import InvalidInputError
 
 # In a message: a number, numbers before "rad", and what was given where angles are needed.
-NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d*)?(?:e[-+]?\d+)?(?!\w)")
+NUMBER = re.compile(r"(?<![\w.^])-?\d+(?:\.\d*)?(?:e[-+]?\d+)?(?!\w)")
 ANGLES = re.compile(rf"\[?{NUMBER.pattern}(?:(?:, | to ){NUMBER.pattern})*\]? rad\b")
 GIVEN = re.compile(r"\[rad\b[^]]*\](, got (?!shape\b).*)?", re.DOTALL)
 UNIT = re.compile(r"\brad\b")

@@ -751,8 +751,9 @@ def _bounded(name: str, value: ArrayLike, size: int, unit: str, most: float, *, 
         InvalidInputError: malformed, not positive, or larger; with `infinite`, inf is taken.
     """
     found = checks.positive_vector(name, value, size, unit, infinite=infinite)
-    if (found[np.isfinite(found)] > most).any():
-        raise InvalidInputError(f"{name} must be at most {most:g} [{unit}], got {checks.shown(value)}")
+    largest = float(found[np.isfinite(found)].max(initial=0.0))
+    if largest > most:
+        raise InvalidInputError(f"{name} must be at most {most:g} {unit}, got {largest:.6g} {unit}")
     return found
 
 

@@ -209,6 +209,17 @@ def coarse(asked: float, dt: float, fault: str) -> str:
     return f", in rows of {dt:.6g} s: between those of {asked:.6g} s {fault}" if fault else ""
 
 
+def joined(first: Rows, then: Rows) -> Rows:
+    """Two motions from rest to rest, one after the other; the second begins where the first ends.
+
+    The row between them has the mean of both accelerations.
+    """
+    t = np.concatenate([first.t, first.t[-1] + then.t[1:]])
+    q, v, a = (np.vstack([before[:-1], after]) for before, after in zip(first[1:], then[1:], strict=True))
+    a[len(first.t) - 1] = 0.5 * (first.a[-1] + then.a[0])
+    return Rows(t, q, v, a)
+
+
 def standing(rows: Rows, more: int, dt: float) -> Rows:
     """Rows, and so many more of a motion that stands still where they end."""
     still = np.zeros((more, rows.q.shape[1]))

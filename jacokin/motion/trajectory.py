@@ -452,6 +452,11 @@ class Trajectory(_Looking):
                 found[name] = array.item() if name in TEXTS + VALUES else checks.sealed(array)
         return cls(**found)
 
+    @property
+    def rows(self) -> Rows:
+        """Times, angles, velocities and accelerations."""
+        return Rows(self.t, self.q, self.v, self.a)
+
     def _arrays(self) -> dict[str, NDArray[Any]]:
         """The fields that files hold."""
         return {name: np.asarray(getattr(self, name)) for name in KNOWN if self.follows_path or name not in OF_PATHS}
@@ -635,7 +640,7 @@ def check_interpolated(trajectory: Trajectory) -> None:
         )
     if len(q) == 1:
         return
-    rows, steps = Rows(trajectory.t, q, v, trajectory.a), np.diff(trajectory.t)
+    rows, steps = trajectory.rows, np.diff(trajectory.t)
     for order in ("cubics", "quintics"):
         at, speed = between(rows, quintic=order == "quintics")
         past = beyond_limits(trajectory, np.vstack([q[:1], at.reshape(-1, q.shape[1])]))[1:].reshape(at.shape)

@@ -22,7 +22,7 @@ from jacokin.chunks.folder import ChunkFolder
 from jacokin.model import checks
 from jacokin.tasks.datasets.placing import episodes_folder
 from jacokin.tasks.datasets.recorded import Recorded
-from jacokin.tasks.datasets.recording import EndEpisode, checked_writer, describe, run_episode
+from jacokin.tasks.datasets.recording import EndEpisode, checked_environment, checked_writer, describe, run_episode
 from jacokin.tasks.gym.environment import TaskEnv
 from jacokin.teleop.devices import BEGIN, COMMAND_KEYS, DISCARD, END, KEEP, Device
 from jacokin.teleop.session import read_device, work_clutch
@@ -98,13 +98,12 @@ def demonstrate(
         MissingExtraError: the package that writes the format is not installed.
         EpisodeInitializationError: an episode has no initial state.
     """
-    if not isinstance(env, gymnasium.Env) or not isinstance(env.unwrapped, TaskEnv):
-        raise checks.refusal("env", "an environment that gymnasium.make made of a task of jacokin", env)
-    check_control(env.unwrapped)
+    inner = checked_environment(env)
+    check_control(inner)
     if not callable(getattr(device, "read", None)):
         raise checks.refusal("device", "something with read(time), such as a Keyboard", device)
     target = checks.path("path", path)
-    writer = checked_writer(target, env.unwrapped)
+    writer = checked_writer(target, inner)
     wanted = None if episodes is None else checks.whole_number("episodes", episodes, 1, MOST_EPISODES)
     if wanted is None and not hasattr(device, "commands"):
         wanted = 1
@@ -114,12 +113,12 @@ def demonstrate(
     for name, function in (("make", make), ("watch", watch), ("tell", tell)):
         if function is not None:
             checks.function(name, function)
-    description = describe(env.unwrapped)
+    description = describe(inner)
     recipe = {"environment": description, "policy": "teleoperation", "seed": first, "mujoco": mujoco.__version__}
     folder = ChunkFolder(episodes_folder(target), recipe, MOST_EPISODES, ".npz")
     with folder.locked():
         folder.remove_unfinished()
-        files, hand = folder.finished(), _Hand(env.unwrapped, device, pace, make, watch, tell, stop)
+        files, hand = folder.finished(), _Hand(inner, device, pace, make, watch, tell, stop)
         try:
             discarded = _lead_episodes(hand, folder, files, first, wanted)
         finally:
@@ -131,7 +130,7 @@ def demonstrate(
             solved, steps = solved + bool(each.success[-1]), steps + len(each.actions)
         is_written = bool(every) and (wanted is None or len(every) >= wanted)
         if is_written:
-            writer.write(target, description, env.unwrapped, lambda: map(Recorded.from_file, every))
+            writer.write(target, description, inner, lambda: map(Recorded.from_file, every))
             folder.remove()
     return Demonstrations(target, len(every), solved, steps, discarded, hand.late, is_written)
 

@@ -106,6 +106,15 @@ def test_a_motion_for_ros(tmp_path: Path) -> None:
         (("--to", "1", "2", "--output", "m.kinova.csv", "--save-failed"), "--save-failed goes with --output FILE.csv"),
         (("--to", "1", "2", "--save-failed"), "--save-failed goes with --output FILE.csv or FILE.npz"),
         (("--to", "1", "2", "3", "4", "5", "6", "--velocity-limit", "1e12"), "velocity-limit must be at most 10000"),
+        (
+            ("--to", *"123456", "--acceleration-limit", "1e9", "--degrees"),
+            "--acceleration-limit must be at most 5.72958e+07 deg/s^2, got 1e+09 deg/s^2",
+        ),
+        (
+            ("--to", *"123456", "--acceleration-limit", "-1", "--degrees"),
+            "--acceleration-limit must be positive [deg/s^2], got [-1,",
+        ),
+        (("--to", "0", "500", "0", "0", "0", "0", "--degrees"), "--to puts joint_2 at 500 deg, outside [47, 313] deg"),
     ],
 )
 def test_what_is_refused(words: tuple[str, ...], message: str, capsys: pytest.CaptureFixture[str]) -> None:

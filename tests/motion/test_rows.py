@@ -14,7 +14,17 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.ik import Box, Scene
 from jacokin.motion import Trajectory, plan_motion
-from jacokin.motion.rows import Limits, OnTheWay, from_rest_to_rest, halved, most_between, sample, spline_rows, standing
+from jacokin.motion.rows import (
+    Limits,
+    OnTheWay,
+    from_rest_to_rest,
+    halved,
+    joined,
+    most_between,
+    sample,
+    spline_rows,
+    standing,
+)
 from tests.motion.controllers import PARTS, check_as_controllers_go, interpolated
 
 DT = 0.01  # [s]
@@ -42,6 +52,17 @@ def test_a_single_row_stands_still() -> None:
     more = standing(rows, 3, DT)
     assert len(more.q) == 4
     np.testing.assert_array_equal(more.t, DT * np.arange(4))
+
+
+def test_motions_that_are_joined_stand_still_in_between(rng: np.random.Generator) -> None:
+    first, then = (spline_rows(rng.uniform(-1.0, 1.0, (5, 2)), dt) for dt in (0.1, 0.05))
+    then = spline_rows(then.q + first.q[-1] - then.q[0], 0.05)
+    both = joined(first, then)
+    np.testing.assert_allclose(both.t, [0.0, 0.1, 0.2, 0.3, 0.4, 0.45, 0.5, 0.55, 0.6])
+    np.testing.assert_array_equal(both.q, np.vstack([first.q, then.q[1:]]))
+    np.testing.assert_array_equal(both.v[[0, 4, 8]], 0.0)
+    np.testing.assert_allclose(both.a[4], 0.5 * (first.a[-1] + then.a[0]))
+    np.testing.assert_array_equal(both.a[5:], then.a[1:])
 
 
 def test_the_largest_velocity_between_rows_is_found(rng: np.random.Generator) -> None:

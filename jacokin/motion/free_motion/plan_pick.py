@@ -25,6 +25,7 @@ from jacokin.motion.free_motion.plan_motion import GoalFinder, plan_motion
 from jacokin.motion.grasps import ANGLES, Grasp
 from jacokin.motion.joint_motion import ACCELERATION
 from jacokin.motion.planning.plan import plan_path
+from jacokin.motion.rows import joined
 from jacokin.motion.trajectory import MotionStatus, Trajectory
 
 HAND = "hand"  # of bundled robots: the link whose contact with the object is allowed, with the fingers that it carries
@@ -249,18 +250,16 @@ def _hand_links(robot: Robot, frame: str, hand: str | None) -> list[str]:
 
 def _joined(first: Trajectory, then: Trajectory) -> Trajectory:
     """Two motions from rest to rest, one after the other, in one."""
-    t = np.concatenate([first.t, first.t[-1] + then.t[1:]])
-    q, v, a = (np.vstack([getattr(first, name), getattr(then, name)[1:]]) for name in ("q", "v", "a"))
-    v[-1] = 0.0
+    rows = joined(first.rows, then.rows)
     return Trajectory(
         joint_names=first.joint_names,
-        t=checks.read_only(t),
-        q=checks.read_only(q),
-        v=checks.read_only(v),
+        t=checks.sealed(rows.t),
+        q=checks.sealed(rows.q),
+        v=checks.sealed(rows.v),
         lower=first.lower,
         upper=first.upper,
         velocity_limit=first.velocity_limit,
-        a=checks.read_only(a),
+        a=checks.sealed(rows.a),
         clearance=checks.read_only(np.concatenate([first.clearance, then.clearance[1:]])),
         message=f"{first.message}; then {then.duration:.4g} s straight to the grasp",
     )

@@ -31,7 +31,7 @@ from jacokin.motion.path import MOST_FAMILIES, MOST_PLACES, CartesianPath
 from jacokin.motion.planning.manifold import Curve, Manifold, Pace
 from jacokin.motion.planning.passing import keep_speed, pass_slowly
 from jacokin.motion.planning.search import Climb, Ladder, PathSearch, Rung
-from jacokin.motion.rows import HELD, OnTheWay, Rows, coarse, halved, most_between, spline_rows, standing
+from jacokin.motion.rows import HELD, OnTheWay, Rows, coarse, halved, joined, most_between, spline_rows, standing
 from jacokin.motion.timing import check_ticks, sample_lines
 from jacokin.motion.track import ANGULAR_SPEED, SPEED
 from jacokin.motion.trajectory import LEAD_IN, Trajectory
@@ -410,16 +410,15 @@ def _led_in(
     if abs(steps[0] - steps[1]) > JOINED * dt:  # one of them needs smaller ones
         return _led_in(solver, start, plan, min(steps), acceleration)
     count = len(motion) - 1
-    q, v, a = (np.vstack([before[:-1], after]) for before, after in zip(_parts(motion), _parts(path), strict=True))
-    a[count] = 0.5 * (motion.a[-1] + path.a[0])
+    rows = joined(motion.rows, path.rows)
     unknown = np.full(count, np.nan)
     clear = motion.clearance[:-1] if not np.isnan(path.clearance).all() else unknown
     return replace(
         path,
-        t=steps[0] * np.arange(len(q), dtype=np.float64),
-        q=q,
-        v=v,
-        a=a,
+        t=checks.sealed(steps[0] * np.arange(len(rows.q), dtype=np.float64)),
+        q=checks.sealed(rows.q),
+        v=checks.sealed(rows.v),
+        a=checks.sealed(rows.a),
         status=(LEAD_IN,) * count + path.status,
         limiting=("",) * count + path.limiting,
         segment=checks.sealed(np.concatenate([np.full(count, -1, dtype=np.intp), path.segment])),
@@ -429,10 +428,6 @@ def _led_in(
         start_distance=0.0,
         message=f"{path.message.partition(';')[0]}, after a motion of {motion.duration:.4g} s to where it begins",
     )
-
-
-def _parts(rows: Trajectory) -> tuple[Array, Array, Array]:
-    return rows.q, rows.v, rows.a
 
 
 def _without_way(path: Trajectory, start: Array, motion: Trajectory) -> Trajectory:

@@ -95,34 +95,44 @@ def record(
         MissingExtraError: the package that writes the format is not installed.
         EpisodeInitializationError: an episode has no initial state.
     """
-    if not isinstance(env, gymnasium.Env) or not isinstance(env.unwrapped, TaskEnv):
-        raise checks.refusal("env", "an environment that gymnasium.make made of a task of jacokin", env)
+    inner = checked_environment(env)
     if not callable(policy):
         raise checks.refusal("policy", "a function of an observation", policy)
     target = checks.path("path", path)
-    writer = checked_writer(target, env.unwrapped)
+    writer = checked_writer(target, inner)
     count, first = checks.whole_number("episodes", episodes, 1), checks.whole_number("seed", seed)
     checked_executor(executor)
     if progress is not None:
         checks.function("progress", progress)
-    description = describe(env.unwrapped)
+    description = describe(inner)
     recipe = {"environment": description, "policy": _name(policy), "seed": first, "mujoco": mujoco.__version__}
     folder = ChunkFolder(episodes_folder(target), recipe, count, ".npz")
     with folder.locked():
         folder.remove_unfinished()
         files = folder.finished()
         if files:
-            _check_continued(env.unwrapped, policy, files[min(files)])
+            _check_continued(inner, policy, files[min(files)])
         advance = reporter(progress, count, len(files))
         jobs = [(index, first + index) for index in range(count) if index not in files]
-        for index, kept in _run(env.unwrapped, policy, folder, jobs, executor):
+        for index, kept in _run(inner, policy, folder, jobs, executor):
             files[index] = folder.put(index, kept)
             advance(1)
         every = [files[index] for index in range(count)]
         summary = _summary(target, map(Recorded.from_file, every))
-        writer.write(target, description, env.unwrapped, lambda: map(Recorded.from_file, every))
+        writer.write(target, description, inner, lambda: map(Recorded.from_file, every))
         folder.remove()
     return summary
+
+
+def checked_environment(env: gymnasium.Env[Any, Any]) -> TaskEnv:
+    """The environment of a task, without the wrappers around it.
+
+    Raises:
+        InvalidInputError: it is something else.
+    """
+    if not isinstance(env, gymnasium.Env) or not isinstance(env.unwrapped, TaskEnv):
+        raise checks.refusal("env", "an environment that gymnasium.make made of a task of jacokin", env)
+    return env.unwrapped
 
 
 def _check_continued(env: TaskEnv, policy: Policy, file: Path) -> None:

@@ -16,7 +16,7 @@ from jacokin.model import checks
 from jacokin.mujoco_bridge.arena import DM_CONTROL
 from jacokin.tasks import registry
 from jacokin.tasks.datasets.recorded import Recorded
-from jacokin.tasks.datasets.recording import FORMATS, FUNCTION, KEPT, run_actions
+from jacokin.tasks.datasets.recording import FORMATS, FUNCTION, KEPT, checked_environment, run_actions
 from jacokin.tasks.gym.environment import TaskEnv
 from jacokin.tasks.gym.registration import IDS
 
@@ -66,12 +66,7 @@ def replay(
     if source.suffix not in FORMATS or not source.exists():
         raise InvalidInputError(f"path must be a data set that is there, ending in {', '.join(FORMATS)}, got {source}")
     description, episodes = importlib.import_module(f"jacokin.tasks.datasets.{FORMATS[source.suffix]}").read(source)
-    if env is None:
-        made = _make(source, description, render_mode)
-    elif isinstance(env, gymnasium.Env) and isinstance(env.unwrapped, TaskEnv):
-        made = env.unwrapped
-    else:
-        raise checks.refusal("env", "an environment that gymnasium.make made of a task of jacokin", env)
+    made = _make(source, description, render_mode) if env is None else checked_environment(env)
     look = (lambda: None) if watch is None else (lambda: watch(made))
     return [_again(f"{source}: episode {number + 1}", number, each, made, look) for number, each in enumerate(episodes)]
 

@@ -144,5 +144,7 @@ def test_mistakes(robot: Robot) -> None:
         plan_pick(solver, robot.home, found, obstacle="cap")
     with pytest.raises(InvalidInputError, match="grasps is empty"):
         plan_pick(solver, robot.home, [])
+    with pytest.raises(InvalidInputError, match="acceleration_limit must be at most 1e"):
+        plan_pick(solver, robot.home, found, acceleration_limit=1e7)
     with pytest.raises(InvalidInputError, match="grasps must be grasps"):
         plan_pick(solver, robot.home, [jacokin.pose([0, 0, 0])])
