@@ -43,7 +43,7 @@ SKIPPED = {"warmup", "Physics.disable"}
 # Trusted arguments, by their documentation.
 INTERNAL = {
     "Robot.placement", "quat_wxyz", "Box.add_to", "Capsule.add_to", "Floor.add_to",
-    "SelfContact.all_touching", "SelfContact.distances", "SelfContact.first_touching", "SelfContact.in_the_way",
+    "SelfContact.all_touching", "SelfContact.distances", "SelfContact.in_the_way",
     "SelfContact.list_touching", "SelfContact.nearest", "SelfContact.nearest_between", "SelfContact.ordered",
     "SelfContact.pair_numbers", "SelfContact.touches", "SelfContact.touches_at", "SelfContact.touching_from",
     "Observables.take_over", "Orientations.free_axis", "Trajectory.of", "fall_beyond", "sin_cos",

@@ -126,13 +126,6 @@ class Contact:
         work.numbers[MARGIN_KEPT] = self._clearance
         return work
 
-    def first_touching(self, q: Array) -> Pair | None:
-        """Two shapes that touch at a checked configuration (dof,) [rad]; None where none do."""
-        if not self.touches(q):
-            return None
-        a, b = self._local.touch[1].work.hits.pairs[0].tolist()
-        return self.ordered(a, b, by_kind=True)
-
     def touching(self, q: ArrayLike) -> list[Pair]:
         """Names of the shapes that touch at `q` (dof,) [rad]; empty when none do.
 

@@ -304,7 +304,6 @@ MINARI: dict[str, tuple[Change, str]] = {
     "external storage": (stored_outside(f"{E}/actions"), REFUSED),
     "an external link": (linked(f"{E}/rewards", lambda path: h5py.ExternalLink(path, "values")), REFUSED),
 }
-TABLES = ("action", "next.reward", "next.success", "episode_index")
 
 
 def check(path: Path, outcome: str) -> None:

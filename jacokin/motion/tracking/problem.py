@@ -16,10 +16,10 @@ from jacokin.ik.qp_backend import Backend, Inequalities, QPFailed
 from jacokin.model import angles, checks
 from jacokin.model.robot import Robot
 from jacokin.motion.tracking.avoidance import ClearanceGuard, Distances
+from jacokin.motion.tracking.joint_limits import TINY
 from jacokin.motion.tracking.moving import Whereabouts
 from jacokin.motion.tracking.targets import FrameTask, Kinematics
 
-Quadratic = tuple[Array, Array]  # H (dof, dof) and g (dof,) of x H x / 2 + g x
 TIKHONOV = 1e-10  # keeps the QP strictly convex at singular poses
 DAMPING = 0.1  # [m/rad^2] relative to the error that can be removed; less lets the joints swing near singular poses
 NULL_SPEED = 0.25  # part of the velocity limits that null-space motion may use; its curvature costs microns a tick
@@ -32,7 +32,6 @@ ROUNDED = 1e-6  # of a squared error: less is not told from rounding and the dam
 LITTLE = 1e-4  # of an error out of reach, by which it is not worth while to move on
 FAR = 1e6  # [rad] no bound for a joint without limits
 NONE_APART = np.empty(0, dtype=np.intp)
-TINY = 1e-200  # instead of dividing by zero
 RANK = 1e-3  # directions whose singular value is below this part of the largest are left to the null space
 
 

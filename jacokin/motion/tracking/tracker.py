@@ -199,7 +199,7 @@ class Tracker:
 
         Raises:
             InvalidInputError: a number that is malformed or not positive, a frame that does not move, velocity limits
-                missing in the robot's file and here, `q` outside the limits, or a scene, clearance or pairs with
+                missing in the robot's file and here, `q` and `state`, or a scene, clearance or pairs with
                 collision="ignore".
             UnknownNameError: unknown frame, QP solver, collision mode or shape.
             ModelError: shapes are to be kept apart and the description has none.
