@@ -58,7 +58,7 @@ def test_track_follows_a_line_inside_the_limits(path_file: Path, capsys: pytest.
     words = ("track", "--path", str(path_file), "--dt", "0.02", "--output", str(out), "--plot", str(plot), "--json")
     assert leave(*words) == 0
     document = json.loads(capsys.readouterr().out)
-    assert document["duration"] == pytest.approx(2.0)  # 0.1 m at 0.05 m/s
+    assert 2.0 < document["duration"] < 2.3  # 0.1 m at 0.05 m/s, from rest to rest
     assert document["max_position_error"] < 1e-4
     result = Trajectory.load(out)
     robot = jacokin.load_robot()

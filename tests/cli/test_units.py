@@ -122,9 +122,9 @@ def test_angles_in_a_message_are_turned_into_degrees(message: str, expected: str
     assert Units(degrees=False).in_words(message) == message
 
 
-def test_refusals_are_in_degrees_too(run: Run) -> None:
-    start = ("275", "10", "57", "241", "83", "76")
-    refused = run("move", "--to", *start, "--degrees").err
+def test_refusals_are_in_degrees_too(run: Run, waypoints: str) -> None:
+    start, outside = ("275", "50", "57", "241", "83", "76"), ("275", "10", "57", "241", "83", "76")
+    refused = run("move", "--from", *start, "--to", *outside, "--degrees").err
     assert "--to puts joint_2 at 10 deg, outside [47, 313] deg" in refused
     assert "got 10 to -10 deg" in run("ik", *POSE, "--free-axis", "z", "--free-range", "10", "-10", "--degrees").err
     held = run("fk", *start, "--degrees", "--finger-angle", "9").err

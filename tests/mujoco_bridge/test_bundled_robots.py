@@ -121,7 +121,7 @@ def test_finger_travel_time(robot: str, start: float, ctrl: float) -> None:
 
 def grip_forces(hand: JacoHand) -> Any:
     """Normal force of each finger on a ball of 2 cm in its middle, which may slide sideways [N]."""
-    arena = Arena()
+    arena = Arena(contact="dm_control")
     arena.attach(hand)
     spec = mujoco.MjSpec()
     spec.compiler.degree = False

@@ -1,11 +1,11 @@
-"""Following targets at a fixed rate within position and velocity limits. Read `tracker` first.
+"""Following targets at a fixed rate within position, velocity and acceleration limits. Read `tracker` first.
 
-tracker        `Tracker`: one QP a tick
-steps          what a tick says, and the counts of many
-targets        what can be followed: poses, parts of them, regions
-twist          a velocity of the tool that is followed instead
-problem        the QP of a tick
+tracker        `Tracker`: a tick
+problem        what is missing to the targets of a tick: their error to second order, and the QP within limits
 joint_limits   how far each joint may go in a tick
-moving         obstacles that move
+twist          following a twist, in its direction or slower
+targets        what can be followed: poses, parts of them, regions
 avoidance      how collisions are avoided
+moving         obstacles that move
+steps          what a tick says, and the counts of many
 """

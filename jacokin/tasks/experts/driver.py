@@ -63,7 +63,7 @@ class ArmDriver:
         """Load the robot and its solver."""
         self.robot = jacokin.load_robot()
         self.solver = jacokin.IKSolver(self.robot, FRAME, collision="ignore")
-        self.tracker = jacokin.Tracker(self.robot, FRAME, dt=CONTROL_TIMESTEP)
+        self.tracker = jacokin.Tracker(self.robot, FRAME, dt=CONTROL_TIMESTEP, acceleration_limit=np.inf)
         self.lag, self.is_stuck = 0.0, False
         self.grip: Array = np.full(3, CLOSED)
         self._observation: Mapping[str, Any] = {}
@@ -169,7 +169,7 @@ class ArmDriver:
 
     def follow_from_here(self) -> None:
         """Let the tracker begin where the arm is."""
-        self.tracker.reset(self.q)
+        self.tracker.reset(self.q, v=np.zeros(self.robot.dof))
         self.lag, self.is_stuck = 0.0, False
 
     def along(self, T_world_tool: pin.SE3, fingers: ArrayLike) -> Array:

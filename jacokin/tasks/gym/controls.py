@@ -81,7 +81,8 @@ class _Following(Control):
     def __init__(self, lower: Array, upper: Array, dt: float) -> None:
         self._lower, self._upper, self._dt = lower, upper, dt
         self._robot = _robot()
-        self._tracker = jacokin.Tracker(self._robot, FRAME, dt=dt)
+        # The simulated motors limit accelerations.
+        self._tracker = jacokin.Tracker(self._robot, FRAME, dt=dt, acceleration_limit=np.inf)
         self._joints = self._robot.dof
 
     def start(self, physics: Physics) -> None:
@@ -92,7 +93,11 @@ class _Following(Control):
         base = model.body_parentid[model.jnt_bodyid[0]]
         self._base_position: Array = data.xpos[base].copy()
         self._R_base_world: Array = data.xmat[base].reshape(3, 3).T.copy()
-        self._tracker.reset(self._within(physics.data.qpos[: self._joints]))
+        self._put(self._within(physics.data.qpos[: self._joints]))
+
+    def _put(self, q: Array) -> None:
+        """Put the reference to a configuration (dof,) [rad], at rest."""
+        self._tracker.reset(q, v=np.zeros(self._joints))
 
     def _within(self, q: Array) -> Array:
         return np.asarray(np.clip(q, self._robot.lower, self._robot.upper))
@@ -109,7 +114,7 @@ class _Following(Control):
         before = self._tracker.q
         way = nearest_copy(q, before, self._robot.unlimited) - before
         longest = float(np.max(np.abs(way) / (self._tracker.velocity_limit * self._dt)))
-        self._tracker.reset(self._within(before + way / max(1.0, longest)))
+        self._put(self._within(before + way / max(1.0, longest)))
         return np.asarray((self._tracker.q - before) / self._dt)
 
     def _close(self, view: StateView, angles: Array) -> Array:
@@ -121,7 +126,7 @@ class _Following(Control):
         """Put the reference back to an arm that something has stopped."""
         q = view.qpos[: self._joints]
         if np.abs(self._tracker.q - q).max() > LEAD:
-            self._tracker.reset(self._within(q))
+            self._put(self._within(q))
 
 
 class JointPosition(_Following):

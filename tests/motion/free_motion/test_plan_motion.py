@@ -280,7 +280,7 @@ def test_failures_say_what_to_do(robot: Robot) -> None:
     assert "allow" in str(motion)
     motion = plan_motion(IKSolver(robot), robot.home, jacokin.pose([2.0, 0.0, 0.0]))
     assert motion.outcome == "UNREACHABLE"
-    assert "reach" in motion.message
+    assert "farther away than the arm is long" in motion.message
     pose = robot.forward_kinematics(robot.home + 0.4)
     blocked = IKSolver(robot, collision="reject", scene=Scene([Sphere("ball", 0.08, pose.translation)]))
     motion = plan_motion(blocked, robot.home, pose)

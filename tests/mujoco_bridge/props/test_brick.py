@@ -25,7 +25,8 @@ VARIANTS = list(itertools.product((False, True), repeat=2))  # easy_align, flang
 
 def stacked(**options: Any) -> tuple[Physics, Brick, Brick]:
     """One brick fixed, another free on top of it."""
-    arena, bottom, top = Arena(), Brick(name="bottom", **options), Brick(name="top", **options)
+    # The studs' friction is set for dm_control's options.
+    arena, bottom, top = Arena(contact="dm_control"), Brick(name="bottom", **options), Brick(name="top", **options)
     arena.attach(bottom)
     arena.add_free_entity(top, position=(0.0, 0.0, HEIGHT))
     return Physics.from_entity(arena), bottom, top
