@@ -394,9 +394,12 @@ def _player(robot: model.Robot, given: str | None, rate: float, seed: int) -> Pl
     import numpy as np
 
     from jacokin.teleop import Player, Stream, make_stream
+    from jacokin.teleop.streams import KINDS
 
     if given is not None and Path(given).suffix == STREAM:
         return Player(Stream.load(given))
+    if given is not None and given not in KINDS and Path(given).suffix:
+        raise InvalidInputError(f"--stream must be a recording, {STREAM}, or one of {', '.join(KINDS)}, got {given!r}")
     return Player(make_stream(robot, given or "smooth", np.random.default_rng(seed), rate=rate))
 
 

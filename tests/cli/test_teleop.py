@@ -278,6 +278,7 @@ def test_seconds_count_from_when_somebody_has_opened_the_page() -> None:
     ("words", "message"),
     [
         (("--stream", "jery"), "Did you mean 'jerky'"),
+        (("--stream", "hand.csv"), "--stream must be a recording, .npz, or one of smooth, jerky"),
         (("--stream", "missing.npz"), "missing.npz: cannot be read: No such file"),
         (("--device", "keyboard", "--fast"), "--stream and --fast are for --device player"),
         (("--device", "keyboard"), "--device keyboard needs a terminal"),

@@ -83,7 +83,7 @@ def test_what_the_tracker_follows_is_planned_and_more(robot: Robot, lines: int, 
 
 
 def test_across_the_base_axis_it_slows_down(robot: Robot) -> None:
-    """The wrist crosses the axis of joint 1 at 10 cm/s: without time for it the tracker is lost, joint 1 turns round."""
+    """The wrist crosses the axis of joint 1 at 10 cm/s: joint 1 turns round, for which the tracker has no time."""
     rotation = robot.forward_kinematics(robot.home, "link_6").rotation
     corners = [at(side, 0.002, 0.75, rotation) for side in (0.12, -0.12)]
     solver = IKSolver(robot, "link_6")
