@@ -7,7 +7,7 @@ units, display             radians and degrees, tables and JSON
 ik, ik_answers, ik_batch   `jacokin ik`: the command, the answer to one pose, a file of poses
 kinematics, info           `fk`, `jacobian`; `info`
 paths, move                `plan`, `track`; `move`
-teleop, props              `teleop`, with a terminal's keys and a task's simulation, and what is drawn of that
+teleop                     `teleop`, with a terminal's keys and a task's simulation
 reachability               `map`, `place`
 calibrate                  `calibrate`, with `fit` and `plan`
 task, viewer               `task`; `view`

@@ -31,10 +31,10 @@ from jacokin.model.descriptions import bundled
 
 if TYPE_CHECKING:
     from jacokin.arrays import Array
-    from jacokin.cli.props import Props
     from jacokin.tasks import TaskEnv
     from jacokin.teleop import Device, Fingers, Keyboard, Player, Session, TaskArm, Teleop, TeleopStep
     from jacokin.viewer import Viewer
+    from jacokin.viewer.browser.props import Props
 
 DEVICES = ("player", "spacemouse", "keyboard", "page")
 DATA_SETS = (".hdf5", ".minari", ".lerobot")
@@ -242,7 +242,7 @@ def teleop(
             shown = stack.enter_context(_page(led.tracker, around, clearance, port))
         props = None
         if shown is not None and simulation is not None:
-            from jacokin.cli.props import Props
+            from jacokin.viewer.browser.props import Props
 
             props = Props(shown.server, simulation.environment)
         leading: Device

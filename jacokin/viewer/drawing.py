@@ -201,13 +201,13 @@ def _read_mjcf(robot: Robot, model: mujoco.MjModel) -> dict[int, list[ColouredMe
     for geom in range(model.ngeom):
         body = int(model.geom_bodyid[geom])
         name = mjcf.body_name(model, body)
-        alpha = _rgba(model, geom)[3]
+        alpha = rgba_of(model, geom)[3]
         if not body or name not in robot.frames or model.geom_group[geom] >= SHOWN_GROUPS or not alpha:
             continue
         mesh = read_geom(model, geom)
         if mesh is not None:
             frame = robot.pin_model.frames[robot.frame_id(name)]
-            piece = ColouredMesh(move(mesh, frame.placement), to_colour(_rgba(model, geom)))
+            piece = ColouredMesh(move(mesh, frame.placement), to_colour(rgba_of(model, geom)))
             drawn.setdefault(frame.parentJoint, []).append(piece)
             decorative |= not (model.geom_contype[geom] or model.geom_conaffinity[geom])
     return drawn if decorative else {}
@@ -230,10 +230,11 @@ def to_colour(rgba: Array) -> Colour:
     return red, green, blue
 
 
-def _rgba(model: mujoco.MjModel, geom: int) -> Array:
-    """(4,) the colour of a shape in 0..1."""
-    material = int(model.geom_matid[geom])
-    return np.array(model.geom_rgba[geom] if material < 0 else model.mat_rgba[material], dtype=np.float64)
+def rgba_of(model: mujoco.MjModel, number: int, kind: str = "geom") -> Array:
+    """(4,) the colour of a geom or a site in 0..1."""
+    material = int(getattr(model, f"{kind}_matid")[number])
+    rgba = getattr(model, f"{kind}_rgba")[number] if material < 0 else model.mat_rgba[material]
+    return np.array(rgba, dtype=np.float64)
 
 
 def by_colour(pieces: list[ColouredMesh]) -> tuple[ColouredMesh, ...]:
@@ -345,30 +346,44 @@ def draw_geom(model: mujoco.MjModel, geom: int) -> ColouredMesh | None:
     """One shape as it is drawn: in its colour, boxes and cylinders with rounded edges."""
     mesh = read_geom(model, geom, rounded=True)
     smooth = model.geom_type[geom] != mujoco.mjtGeom.mjGEOM_MESH
-    return None if mesh is None else ColouredMesh(mesh, to_colour(_rgba(model, geom)), smooth)
+    return None if mesh is None else ColouredMesh(mesh, to_colour(rgba_of(model, geom)), smooth)
 
 
 def read_geom(model: mujoco.MjModel, geom: int, *, rounded: bool = False) -> Triangles | None:
     """One shape in the frame of its body; None for an infinite one, such as a plane."""
-    kind, size = int(model.geom_type[geom]), np.array(model.geom_size[geom])
+    if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH:
+        mesh: Triangles | None = read_mesh(model, int(model.geom_dataid[geom]))
+    else:
+        mesh = _primitive(int(model.geom_type[geom]), np.array(model.geom_size[geom]), rounded=rounded)
+    return None if mesh is None else _placed(mesh, model.geom_pos[geom], model.geom_quat[geom])
+
+
+def read_site(model: mujoco.MjModel, site: int) -> Triangles | None:
+    """The shape of a site in the frame of its body."""
+    mesh = _primitive(int(model.site_type[site]), np.array(model.site_size[site]))
+    return None if mesh is None else _placed(mesh, model.site_pos[site], model.site_quat[site])
+
+
+def _placed(mesh: Triangles, position: Array, quat_wxyz: Array) -> Triangles:
+    w, x, y, z = (float(value) for value in quat_wxyz)
+    return move(mesh, pin.SE3(poses.rotation_from_quat_wxyz([w, x, y, z]), np.array(position)))
+
+
+def _primitive(kind: int, size: Array, *, rounded: bool = False) -> Triangles | None:
+    """A shape of MuJoCo by its kind and size (3,) [m]; None for what is none of those that are drawn."""
     kinds = mujoco.mjtGeom
     if kind == kinds.mjGEOM_BOX:
-        mesh = rounded_box(size) if rounded else box(size)
-    elif kind == kinds.mjGEOM_SPHERE:
-        mesh = sphere(float(size[0]))
-    elif kind == kinds.mjGEOM_CAPSULE:
-        mesh = capsule(float(size[0]), float(size[1]))
-    elif kind == kinds.mjGEOM_CYLINDER:
-        mesh = (rounded_cylinder if rounded else cylinder)(float(size[0]), float(size[1]))
-    elif kind == kinds.mjGEOM_ELLIPSOID:
+        return rounded_box(size) if rounded else box(size)
+    if kind == kinds.mjGEOM_SPHERE:
+        return sphere(float(size[0]))
+    if kind == kinds.mjGEOM_CAPSULE:
+        return capsule(float(size[0]), float(size[1]))
+    if kind == kinds.mjGEOM_CYLINDER:
+        return (rounded_cylinder if rounded else cylinder)(float(size[0]), float(size[1]))
+    if kind == kinds.mjGEOM_ELLIPSOID:
         unit = sphere(1.0)
-        mesh = Triangles((unit.vertices * size).astype(np.float32), unit.faces)
-    elif kind == kinds.mjGEOM_MESH:
-        mesh = read_mesh(model, int(model.geom_dataid[geom]))
-    else:
-        return None
-    w, x, y, z = (float(value) for value in model.geom_quat[geom])
-    return move(mesh, pin.SE3(poses.rotation_from_quat_wxyz([w, x, y, z]), np.array(model.geom_pos[geom])))
+        return Triangles((unit.vertices * size).astype(np.float32), unit.faces)
+    return None
 
 
 def read_mesh(model: mujoco.MjModel, mesh: int) -> Triangles:

@@ -140,8 +140,8 @@ def test_a_recording_is_shown_in_the_browser(capsys: pytest.CaptureFixture[str])
 def test_the_props_of_a_task_are_drawn_where_they_are(task: str) -> None:
     import viser
 
-    from jacokin.cli.props import Props
     from jacokin.tasks import TaskEnv
+    from jacokin.viewer.browser.props import Props
 
     drawn = dict[str, SimpleNamespace]()
 

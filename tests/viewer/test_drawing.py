@@ -19,7 +19,7 @@ from jacokin.arrays import Array
 from jacokin.errors import ModelError
 from jacokin.model import NAMES, to_mujoco, urdf_folder
 from jacokin.viewer import Inspector, drawing, serve
-from jacokin.viewer.drawing import ArmPart, load_parts, load_visuals
+from jacokin.viewer.drawing import ArmPart, load_parts, load_visuals, read_geom, read_site, rgba_of, to_colour
 from tests.robot_files import ur5_text
 from tests.viewer.page import Page, opened, until
 
@@ -313,3 +313,17 @@ def test_a_visual_mesh_has_the_unit_of_its_file_and_colours_of_three_numbers(tmp
             assert part.mesh is not None
             np.testing.assert_allclose(np.linalg.norm(part.mesh.vertices, axis=1), 0.05, atol=1e-6)
             assert [piece.colour for piece in part.pieces] == [(255, 128, 0)]
+
+
+@pytest.mark.parametrize("kind", ["box", "sphere", "capsule", "cylinder", "ellipsoid"])
+def test_a_site_is_drawn_like_a_geom(kind: str) -> None:
+    look = f'type="{kind}" size="0.1 0.2 0.3" pos="1 2 3" quat="0.5 0.5 -0.5 0.5"'
+    model = mujoco.MjModel.from_xml_string(
+        f"<mujoco><worldbody><geom {look} rgba='1 0 0 1'/><site {look} rgba='0 1 0 1'/></worldbody></mujoco>"
+    )
+    geom, site = read_geom(model, 0), read_site(model, 0)
+    assert geom is not None
+    assert site is not None
+    np.testing.assert_array_equal(site.vertices, geom.vertices)
+    assert to_colour(rgba_of(model, 0)) == (255, 0, 0)
+    assert to_colour(rgba_of(model, 0, "site")) == (0, 255, 0)
