@@ -44,7 +44,7 @@ def move_joints(
 
     Args:
         robot: the arm.
-        q_from: (dof,) where the arm is [rad].
+        q_from: (dof,) where the arm is [rad]; a joint that is outside its limits comes straight back.
         q_to: (dof,) where it goes [rad]; on unlimited joints the 2 pi copy nearest to `q_from` is taken.
         dt: step from row to row [s].
         velocity_limit: (dof,) or one for all [rad/s]; None for the robot's own.
@@ -56,16 +56,16 @@ def move_joints(
     Returns:
         The motion in whole steps, two more than the least time takes: its accelerations change steadily from row to
         row, so that limits hold as controllers go from one to the next. One row where the arm is already there. Shapes
-        are not looked at: check it for collisions. Where gravity alone asks for more torque
-        than the limits it stays at the start, and `outcome` and `message` say so.
+        are not looked at: check it for collisions. Where gravity alone asks for more torque than the limits it stays at
+        the start, and `outcome` and `message` say so.
 
     Raises:
-        InvalidInputError: a configuration outside the limits, or a number that is malformed or not positive.
+        InvalidInputError: `q_to` outside the limits, or a number that is malformed or not positive.
         MissingExtraError: Ruckig is not installed.
     """
     checked_robot("robot", robot)
     step = checks.positive("dt", dt, "s")
-    start, end = (checked_start(robot, q, name) for q, name in ((q_from, "q_from"), (q_to, "q_to")))
+    start, end = checked_start(robot, q_from, "q_from", outside=True), checked_start(robot, q_to, "q_to")
     end = angles.nearest_copy(end, start, robot.unlimited)
     velocity = velocity_limits(robot, velocity_limit)
     acceleration = acceleration_limits(robot, acceleration_limit)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -66,7 +67,6 @@ def test_going_nowhere_takes_no_time(robot: Robot) -> None:
     ("arguments", "match"),
     [
         ({"q_to": [0.0] * 6}, "q_to puts joint_2"),
-        ({"q_from": [0.0] * 6}, "q_from puts joint_2"),
         ({"q_to": [0.0] * 5}, "q_to must have shape"),
         ({"q_to": [np.nan] * 6}, "q_to must be finite"),
         ({"dt": 0.0}, "dt must be"),
@@ -153,3 +153,16 @@ def test_far_turns_are_kept(robot: Robot) -> None:
     start[0] += 1000 * 2 * np.pi
     motion = move_joints(robot, start, robot.home)
     assert np.abs(motion.q - start).max() < 1e-9
+
+
+@pytest.mark.parametrize("far", [1e-7, 1e-3, 0.3])
+def test_a_joint_outside_its_limits_comes_straight_back(robot: Robot, tmp_path: Path, far: float) -> None:
+    start = robot.home.copy()
+    start[1] = robot.lower[1] - far
+    motion = move_joints(robot, start, robot.home)
+    assert motion.success
+    past = np.maximum(robot.lower - motion.q, 0.0).max(axis=1)
+    assert past[0] == pytest.approx(0.0 if far <= 1e-6 else far)
+    assert (np.diff(past) <= 0.0).all()
+    for name in ("motion.json", "motion.kinova.csv"):
+        motion.save(tmp_path / name)

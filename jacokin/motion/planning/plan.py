@@ -86,7 +86,8 @@ def plan_path(
             joints cannot follow; "slow" slows down there.
         seed: (dof,) configuration [rad] to start near; None for home.
         start: (dof,) configuration [rad] that the arm is in, instead of `seed`. Where the tool is elsewhere than at the
-            first target, the arm first moves there without contact, as `plan_motion` does.
+            first target, or a joint is outside its limits, the arm first moves there without contact, as `plan_motion`
+            does.
         velocity_limit: (dof,) or one for all [rad/s]; None for the robot's own.
         acceleration_limit: (dof,) or one for all [rad/s^2], with timing="slow"; None for 1 rad/s^2 of speeding up and
             slowing down along the path, and none at corners, which are passed in a tick. With one, the arm slows down
@@ -99,7 +100,7 @@ def plan_path(
         end, the best one as far as it leads, where the arm then stays, and the reason in `message`.
 
     Raises:
-        InvalidInputError: malformed targets, speeds or limits; `start` outside the limits or beside `seed`;
+        InvalidInputError: malformed targets, speeds or limits; `start` beside `seed`;
             acceleration limits with timing="keep"; a `FreeAxis` on seven joints.
         UnknownNameError: unknown timing.
         StructureError: the robot has no closed form.
