@@ -16,7 +16,7 @@ from jacokin.cli.units import Units
 from jacokin.errors import InvalidInputError, JacokinError, UnknownNameError
 
 # Names of the library's arguments where those of the parameters differ.
-OTHER_NAMES = {"axis": "--free-axis", "range": "--free-range", "q": "ANGLE...", "degrees": "--degrees"}
+OTHER_NAMES = {"axis": "--free-axis", "range": "--free-range", "q": "ANGLE...", "degrees": "--degrees", "goal": "--to"}
 # Words of the library for what an option does; where a command has that option, it is named.
 OTHER_WORDS = {"solve_all": "--all", "a FreeAxis": "--free-axis"}
 # In a message about options, and fields of a scene, that are in radians also with --degrees.
