@@ -92,7 +92,7 @@ def calibrate(
     _check_units(model)
     finite = [each.finite for each in sets]
     if not any(mask.any() for mask in finite):
-        raise InvalidInputError("measurements has no row of finite numbers")
+        raise InvalidInputError(f"{', '.join(model.sets_named)}: has no row of finite numbers")
     _check_configurations(sets)
     _check_places(model, finite)
 

@@ -241,5 +241,5 @@ def name_flags(error: JacokinError, flags: Mapping[str, str], values: Mapping[st
 
 
 def _is_or_has(value: object, name: object) -> bool:
-    """Whether a value is this name, or has it as a key."""
-    return value == name or (isinstance(value, Mapping) and name in value)
+    """Whether a value is this name, or has it as a key or an item."""
+    return value == name or (isinstance(value, Mapping | list | tuple) and name in value)

@@ -70,11 +70,12 @@ def test_what_is_refused(run: Run, robot: Robot, tmp_path: Path) -> None:
     assert run("calibrate", "plan", "--points", "4", "--output", str(path)).code == 0
     empty = run("calibrate", str(path), "--sigma", "0.001")
     assert empty.code == 2
-    assert "has no row of finite numbers" in empty.err
+    assert f"{path}: has no row of finite numbers" in empty.err
     fill_in(path, robot)
     for words, sentence in [
         ((str(path),), "has no column sigma"),
         ((str(tmp_path / "none.csv"),), "cannot be read"),
+        ((str(path), "--sigma", "0.001", "--estimate", "length"), "--estimate: unknown group of parameters 'length'"),
         (("/dev/zero", "--sigma", "0.001"), "is a device: give a file or a pipe"),
         ((str(path), "--sigma", "0.001", "--output", str(path)), "it would be lost"),
         ((str(path), "--sigma-angle", "0.001"), "--sigma-angle needs --sigma"),
