@@ -95,7 +95,7 @@ def track_path(
         says so.
 
     Raises:
-        InvalidInputError: malformed path, speeds or limits, see `Tracker`; `start` outside the limits or beside `seed`.
+        InvalidInputError: malformed path, speeds or limits, see `Tracker`; `start` beside `seed`.
         UnknownNameError: unknown frame, QP solver, collision mode or shape.
     """
     checked_robot("robot", robot)

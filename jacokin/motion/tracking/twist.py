@@ -29,7 +29,7 @@ ASIDE = 0.01  # part of the twist that may be given away where the joints could 
 HALVINGS = 5  # of the range of damping in which no more is given away than needed
 BENT = 0.1  # part of its way in a tick by which the joints' path may bend towards a singular pose
 CREEPING = 1e-3  # a smaller part of a twist towards a singular pose is none: the arm stands
-BENDING = 1.0  # part of the acceleration limits that the bend of the joints' path may use
+BENDING = .5
 TURNS_FREE = 1e-3  # weight [m/rad] of turning against moving where an arm cannot do both, instead of RADIAN_IN_METRES
 SETTLING = 1e-5  # damping, and
 SETTLED = 0.5  # part of the tick's room, with which the tool is brought back to the line
@@ -121,16 +121,21 @@ class TwistFollower:
         off = missing(line.pose, tool)
         solve = _Inverse(self._weight[:, None] * jacobian)
         wanted = self._weight * twist * dt
+        late = _behind(self._weight * off, wanted) / self._weight
+        off -= late  # to hurry after the line would be faster than asked
         direction, pace = self._fastest(solve, wanted, q, rows, ends)
         before = solve(self._weight * line.twist * dt, EXACT)
         back = solve(self._weight * off, SETTLING)
         back *= SETTLED * min(1.0, float((limits.step / np.maximum(np.abs(back), TINY)).min()))
         change, start = pace.part * direction - before, before + back
-        share = _largest_share(start, change, low, high)
-        displacement = np.minimum(np.maximum(start + share * change, low), high)
-        followed = jacobian.dot(before + share * change) / dt
+        planned = start + _largest_share(start, change, low, high) * change
+        # What joints cannot accelerate to would turn the tool aside: then all of them brake together.
+        braking = v * dt * (1.0 - min(1.0, float((limits.change / np.maximum(np.abs(v * dt), TINY)).min())))
+        share = _largest_share(braking, planned - braking, low, high)
+        displacement = np.minimum(np.maximum(braking + share * (planned - braking), low), high)
+        followed = jacobian.dot(displacement - share * back) / dt
         return TwistStep(
-            displacement, Line(moved(line.pose, followed, dt), followed), pace.part, pace.cause, wanted, solve.jacobian
+            displacement, Line(moved(line.pose, followed - late / dt, dt), followed), pace.part, pace.cause, wanted, solve.jacobian
         )
 
     def lag(self, step: TwistStep, v: Array) -> float:
@@ -239,6 +244,12 @@ class _Inverse:
             else:
                 most = middle
         return math.exp(least)
+
+
+def _behind(off: Array, wanted: Array) -> Array:
+    """The part (6,) of what is missing to a line, weighted, that is ahead along a twist that is wanted."""
+    square = float(wanted.dot(wanted))
+    return np.asarray(max(float(off.dot(wanted)), 0.0) / square * wanted if square > 0.0 else 0.0 * wanted)
 
 
 def _largest_share(start: Array, change: Array, low: Array, high: Array) -> float:
