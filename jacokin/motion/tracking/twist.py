@@ -29,7 +29,7 @@ ASIDE = 0.01  # part of the twist that may be given away where the joints could 
 HALVINGS = 5  # of the range of damping in which no more is given away than needed
 BENT = 0.1  # part of its way in a tick by which the joints' path may bend towards a singular pose
 CREEPING = 1e-3  # a smaller part of a twist towards a singular pose is none: the arm stands
-BENDING = .5
+BENDING = 0.5
 TURNS_FREE = 1e-3  # weight [m/rad] of turning against moving where an arm cannot do both, instead of RADIAN_IN_METRES
 SETTLING = 1e-5  # damping, and
 SETTLED = 0.5  # part of the tick's room, with which the tool is brought back to the line
@@ -135,7 +135,12 @@ class TwistFollower:
         displacement = np.minimum(np.maximum(braking + share * (planned - braking), low), high)
         followed = jacobian.dot(displacement - share * back) / dt
         return TwistStep(
-            displacement, Line(moved(line.pose, followed - late / dt, dt), followed), pace.part, pace.cause, wanted, solve.jacobian
+            displacement,
+            Line(moved(line.pose, followed - late / dt, dt), followed),
+            pace.part,
+            pace.cause,
+            wanted,
+            solve.jacobian,
         )
 
     def lag(self, step: TwistStep, v: Array) -> float:
@@ -153,14 +158,14 @@ class TwistFollower:
         exact = solve(wanted, EXACT)
         if not exact.any():
             return exact, _Pace(1.0, "")
-        found = exact, self._pace(solve, exact, EXACT, q, rows, ends)
+        found = exact, self._pace(solve, wanted, exact, EXACT, q, rows, ends)
         if found[1].part >= 1.0:
             return found
         least, most = EXACT, solve.damping_for(wanted, ASIDE * float(np.linalg.norm(wanted)))
         damping = most
         for _ in range(HALVINGS):
             direction = solve(wanted, damping)
-            pace = self._pace(solve, direction, damping, q, rows, ends)
+            pace = self._pace(solve, wanted, direction, damping, q, rows, ends)
             if pace.part >= 1.0:
                 found, most = (direction, pace), damping
             else:
@@ -173,7 +178,14 @@ class TwistFollower:
         return found
 
     def _pace(
-        self, solve: _Inverse, direction: Array, damping: float, q: Array, rows: Array | None, ends: Array | None
+        self,
+        solve: _Inverse,
+        wanted: Array,
+        direction: Array,
+        damping: float,
+        q: Array,
+        rows: Array | None,
+        ends: Array | None,
     ) -> _Pace:
         """The largest part from 0 to 1 of a displacement (dof,) [rad] that keeps every limit, and what limits it."""
         limits = self._limits
@@ -193,7 +205,8 @@ class TwistFollower:
             coming = closing > 0.0
             if coming.any():
                 paces.append(_Pace(_stopping(float((ends[coming] / closing[coming]).min()), braking), "what is near"))
-        bend = solve(self._weight * self._bend(direction), damping)
+        turn = self._weight[:, np.newaxis] * self._kinematics.jacobian_change(direction)
+        bend = solve.bend(wanted, direction, turn, damping)
         turning = math.sqrt(BENDING * float((limits.change / np.maximum(np.abs(bend), TINY)).min()))
         if float(bend.dot(direction)) > 0.0:  # the joints get ever faster: towards a singular pose
             turning = min(turning, BENT * float(np.linalg.norm(direction)) / max(float(np.linalg.norm(bend)), TINY))
@@ -201,10 +214,6 @@ class TwistFollower:
         paces.append(_Pace(turning, SINGULAR_POSE))
         least = min(paces)
         return least if least.part < 1.0 else _Pace(1.0, "")
-
-    def _bend(self, direction: Array) -> Array:
-        """(6,) by how much the twist of a displacement (dof,) [rad] changes over it."""
-        return np.asarray(-self._kinematics.jacobian_change(direction).dot(direction))
 
 
 class _Pace(NamedTuple):
@@ -231,6 +240,13 @@ class _Inverse:
     def __call__(self, y: Array, damping: float) -> Array:
         """The x (dof,) that minimises |J x - y|^2 + damping |x|^2, for y (6,)."""
         return np.asarray((self._values / (self._squares + damping) * y.dot(self._left)).dot(self._right))
+
+    def bend(self, y: Array, x: Array, turn: Array, damping: float) -> Array:
+        """By how much the answer x (dof,) for y (6,) changes where the Jacobian changes by a `turn` (6, dof)."""
+        left = y - self.jacobian.dot(x)
+        return self(-turn.dot(x), damping) + (self._right.dot(left.dot(turn)) / (self._squares + damping)).dot(
+            self._right
+        )
 
     def damping_for(self, y: Array, residual: float) -> float:
         """The largest damping at which no more than a residual of y (6,), in its units, is left by damping alone."""
