@@ -280,7 +280,8 @@ class Tracker:
 
         Args:
             q: (dof,) configuration [rad]; None for the robot's home. A joint past its limit by at most 1e-6 rad is put
-                on the limit; one that is farther past it comes back within it and moves no farther out.
+                on the limit, as is one of a motion that goes on within the limits; one that is farther past it comes
+                back within it and moves no farther out.
             v: (dof,) its velocity [rad/s], at most the limits. None lets a motion that is under way go on where no
                 joint is farther than 0.05 rad from where the tracker has it, as a measured configuration is; elsewhere
                 the arm stands still.
@@ -304,6 +305,8 @@ class Tracker:
         else:
             speed, before = np.zeros(self.robot.dof), None
         if before is not None:
+            # Where the arm was sent within its limits, what is measured beyond them is noise, and is not kept.
+            start = checks.read_only(self._limits.move(before.arm.q, start - before.arm.q))
             distances = before.arm.distances
             if before.guard is not None and before.where is not None and distances is not None:
                 before.guard.put(before.where)

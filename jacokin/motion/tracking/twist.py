@@ -35,6 +35,7 @@ SETTLING = 1e-5  # damping, and
 SETTLED = 0.5  # part of the tick's room, with which the tool is brought back to the line
 ASTRAY = (1e-3, 1e-2)  # [m, rad] farther than this from where it was to be, the tool takes its line with it
 NOTHING = 1e-5  # [m/s] a slower twist counts as none
+HURRY = 5e-3  # part of a twist by which the tool may be faster than asked, to make up for what a tick left undone
 FOLLOWED = 0.98  # part of a twist that counts as all of it
 
 
@@ -122,7 +123,7 @@ class TwistFollower:
         solve = _Inverse(self._weight[:, None] * jacobian)
         wanted = self._weight * twist * dt
         late = _behind(self._weight * off, wanted) / self._weight
-        off -= late  # to hurry after the line would be faster than asked
+        off -= late  # to hurry more after the line would be faster than asked
         direction, pace = self._fastest(solve, wanted, q, rows, ends)
         before = solve(self._weight * line.twist * dt, EXACT)
         back = solve(self._weight * off, SETTLING)
@@ -244,9 +245,8 @@ class _Inverse:
     def bend(self, y: Array, x: Array, turn: Array, damping: float) -> Array:
         """By how much the answer x (dof,) for y (6,) changes where the Jacobian changes by a `turn` (6, dof)."""
         left = y - self.jacobian.dot(x)
-        return self(-turn.dot(x), damping) + (self._right.dot(left.dot(turn)) / (self._squares + damping)).dot(
-            self._right
-        )
+        parts = self._right.dot(left.dot(turn)) / (self._squares + damping)
+        return np.asarray(self(-turn.dot(x), damping) + parts.dot(self._right))
 
     def damping_for(self, y: Array, residual: float) -> float:
         """The largest damping at which no more than a residual of y (6,), in its units, is left by damping alone."""
@@ -263,9 +263,9 @@ class _Inverse:
 
 
 def _behind(off: Array, wanted: Array) -> Array:
-    """The part (6,) of what is missing to a line, weighted, that is ahead along a twist that is wanted."""
-    square = float(wanted.dot(wanted))
-    return np.asarray(max(float(off.dot(wanted)), 0.0) / square * wanted if square > 0.0 else 0.0 * wanted)
+    """The part (6,) of what is missing to a line, weighted, along a twist that is wanted, that no tick makes up for."""
+    size = max(float(np.linalg.norm(wanted)), TINY)
+    return np.asarray(max(float(off.dot(wanted)) / size - HURRY * size, 0.0) / size * wanted)
 
 
 def _largest_share(start: Array, change: Array, low: Array, high: Array) -> float:
