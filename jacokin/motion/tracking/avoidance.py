@@ -330,6 +330,8 @@ class ClearanceGuard:
 
     def _leaving(self, exits: Mapping[int, Array]) -> NDArray[np.bool_]:
         """(pairs,) True for pairs with an obstacle that something is inside."""
+        if not exits:
+            return np.zeros(len(self._first), dtype=np.bool_)
         return np.isin(self._first, list(exits))
 
     def _exits(self, now: Distances, normals: Array) -> dict[int, Array]:

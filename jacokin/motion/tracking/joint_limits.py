@@ -8,6 +8,7 @@ binds but position and velocity.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -35,10 +36,24 @@ def braking_speed(distance: Array, deceleration: Array, dt: float) -> Array:
     Returns:
         (..., dof) speeds [rad/s].
     """
-    x = distance / (deceleration * dt * dt)
-    n = np.floor(0.5 * (np.sqrt(1.0 + 8.0 * np.minimum(x, 1e15)) - 1.0))
-    speed: Array = (x + 0.5 * n * (n + 1.0)) / (n + 1.0) * deceleration * dt
+    change = deceleration * dt
+    x = distance / (change * dt)
+    n = np.floor(0.5 * np.sqrt(1.0 + 8.0 * np.minimum(x, 1e15)) - 0.5)
+    speed: Array = (x / (n + 1.0) + 0.5 * n) * change
     return speed
+
+
+def stopping_part(distance: float) -> float:
+    """The part of a distance, from 0 to 1, in the coming tick, after which a joint can still stop at its end easily.
+
+    Args:
+        distance: in what a tick of braking takes from a displacement, > 0. Longer ones give smaller parts.
+    """
+    if distance <= 1.0:
+        return 1.0
+    easy = 1.0 + (distance - 1.0) / EASY  # the last tick may brake as hard as it can
+    ticks = math.floor(0.5 * math.sqrt(1.0 + 8.0 * min(easy, 1e15)) - 0.5)
+    return 1.0 / (ticks + 1.0) + 0.5 * ticks / easy
 
 
 class Braking(NamedTuple):
@@ -89,6 +104,8 @@ class JointLimits:
         self._acceleration = np.minimum(acceleration, 2.0 * velocity / dt)
         self.change = self._acceleration * dt * dt
         self._limited = acceleration <= self._acceleration
+        ticks = self.step / self.change + 1.0
+        self._far = self.step * ticks  # (dof,) [rad] from which a limit does not bind: more than the way to rest
         self.stops_at_once = bool((self.change >= self.step).all())
 
     def room(self, q: Array) -> tuple[Array, Array]:
@@ -98,15 +115,14 @@ class JointLimits:
     def bounds(self, q: Array, v: Array) -> tuple[Array, Array]:
         """Least and largest displacement (dof,) [rad] by all limits, at `q` [rad] after velocities `v` [rad/s]."""
         low, high = self.room(q)
-        below, above = self._stopping(np.array([-low, high]), self._acceleration)
-        low, high = np.maximum(-np.minimum(below, self.step), low), np.minimum(np.minimum(above, self.step), high)
+        if (high >= self._far).all() and (low <= -self._far).all():
+            low, high = -self.step, self.step
+        else:
+            below, above = braking_speed(np.array([-low, high]), self._acceleration, self._dt) * self._dt
+            low, high = np.maximum(-np.minimum(below, self.step), low), np.minimum(np.minimum(above, self.step), high)
         # Braking as hard as allowed always satisfies the bounds, but for rounding.
         least, most = v * self._dt - self.change, v * self._dt + self.change
         return np.minimum(np.maximum(low, least), most), np.minimum(np.maximum(high, least), most)
-
-    def _stopping(self, distances: Array, deceleration: Array) -> Array:
-        """Largest displacement (..., dof) [rad] in the coming tick after which joints can still stop in distances."""
-        return braking_speed(distances, deceleration, self._dt) * self._dt
 
     def stride(self, total: Array, along: Array) -> Array:
         """The part (dof,) [rad] for the coming tick of a displacement `total` (dof,) [rad] on which the arm is to stop.
@@ -122,9 +138,8 @@ class JointLimits:
         gap = total - along
         size = np.maximum(np.abs(gap), TINY)
         part = min(
-            1.0,
             float(((self.step - np.copysign(along, along * gap)) / size).min()),
-            float((self._stopping(size, EASY * self._acceleration) / size).min()),
+            stopping_part(float((size / self.change).max())),
         )
         return np.asarray(along + max(part, 0.0) * gap)
 

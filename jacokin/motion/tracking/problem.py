@@ -9,6 +9,7 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.linalg.lapack import dgesv, dsyevd  # half the time of NumPy's, on six numbers
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
@@ -138,8 +139,9 @@ class TickProblem:
         error: (k,) their weighted error.
         cost: its square.
         gradient: (dof,) of half of it and of what moves shapes apart.
-        hessian: (dof, dof) of the same, positive definite.
-        root: (dof, dof) rows whose squares sum up to the Hessian, without damping.
+        directions: (dof, dof) columns, orthonormal: the Hessian's principal directions.
+        bends: (dof,) how much the Hessian bends in them, > 0.
+        damping: how much of that is damping.
         inequalities: G and h of G x <= h, or (None, None).
         apart: numbers of the pairs of shapes that are too near, or about to be, and are being moved apart.
         exits: see `Distances`.
@@ -149,11 +151,22 @@ class TickProblem:
     error: Array
     cost: float
     gradient: Array
-    hessian: Array
-    root: Array
+    directions: Array
+    bends: Array
+    damping: float
     inequalities: Inequalities
     apart: NDArray[np.intp]
     exits: Mapping[int, Array]
+
+    @property
+    def hessian(self) -> Array:
+        """(dof, dof), positive definite."""
+        return np.asarray((self.directions * self.bends).dot(self.directions.T))
+
+    @property
+    def root(self) -> Array:
+        """(dof, dof) rows whose squares sum up to the Hessian, without damping."""
+        return np.sqrt(np.maximum(self.bends - self.damping, 0.0))[:, np.newaxis] * self.directions.T
 
     def minimise(self, room: tuple[Array, Array], qp: Backend) -> Array:
         """The displacement (dof,) [rad] that is missing to the least error within `room`, least and largest (dof,).
@@ -161,16 +174,20 @@ class TickProblem:
         Raises:
             QPFailed: no QP solver solved it.
         """
-        low, high = np.maximum(room[0], -FAR), np.minimum(room[1], FAR)
-        free = np.asarray(np.linalg.solve(self.hessian, -self.gradient), dtype=np.float64)
+        free, (low, high) = self._divide(-self.gradient), room
         rows, ends = self.inequalities
         if (free >= low).all() and (free <= high).all() and (rows is None or (rows.dot(free) <= ends).all()):
             return free
+        low, high = np.maximum(low, -FAR), np.minimum(high, FAR)
         return qp.minimize(self.hessian, self.gradient, self.inequalities, low, high)
 
     def follow(self, moved: Array) -> Array:
         """The displacement (dof,) [rad] that follows a target which moves the error by `moved` (k,)."""
-        return np.asarray(np.linalg.solve(self.hessian, moved.dot(self.jacobian)))
+        return self._divide(moved.dot(self.jacobian))
+
+    def _divide(self, slopes: Array) -> Array:
+        """The x (dof,) with H x = slopes (dof,)."""
+        return np.asarray(self.directions.dot(slopes.dot(self.directions) / self.bends))
 
 
 def build_problem(
@@ -189,9 +206,8 @@ def build_problem(
     jacobian, error = linearise(kinematics, tasks)
     inequalities = [found for task in tasks if (found := task.inequalities(kinematics)) is not None]
     cost = float(error.dot(error))
-    damping = damping_for(cost)
     gradient, hessian = -error.dot(jacobian), jacobian.T.dot(jacobian)
-    hessian += _bend(kinematics, tasks, error, _left(jacobian, error, damping))
+    hessian += _bend(kinematics, tasks, _left(jacobian, error, gradient, hessian, damping_for(cost)))
     apart = NONE_APART
     exits: Mapping[int, Array] = {}
     if guard is not None and distances is not None and where is not None and distances.near.size:
@@ -207,22 +223,26 @@ def build_problem(
         stacked = inequalities[0]
     elif inequalities:
         stacked = np.vstack([G for G, _ in inequalities]), np.concatenate([h for _, h in inequalities])
-    bends, directions = np.linalg.eigh(hessian)
-    bends = np.abs(bends)
+    bends, directions, _ = dsyevd(hessian)
+    bends = np.abs(bends) + TIKHONOV
     # Damping goes with what there is to gain: it vanishes at the least error, on target or out of reach. Where error is
     # left there, directions in which next to nothing is to be gained are left alone: the arm comes to rest.
     slopes = gradient.dot(directions)
-    gains = slopes * slopes / (bends + TIKHONOV)
+    gains = slopes * slopes / bends
     gain = min(cost, float(gains.sum()))
     left = math.sqrt(max(cost - gain - ROUNDED * cost, 0.0))
-    slopes *= np.maximum(1.0 - 2.0 * left * (negligible + LITTLE * left) / np.maximum(gains, TINY), 0.0)
+    if left > 0.0:
+        slopes *= np.maximum(1.0 - 2.0 * left * (negligible + LITTLE * left) / np.maximum(gains, TINY), 0.0)
+        gradient = directions.dot(slopes)
+    damping = damping_for(gain)
     return TickProblem(
         jacobian=jacobian,
         error=error,
         cost=cost,
-        gradient=directions.dot(slopes),
-        hessian=(directions * (bends + (TIKHONOV + damping_for(gain)))).dot(directions.T),
-        root=np.sqrt(bends)[:, np.newaxis] * directions.T,
+        gradient=gradient,
+        directions=directions,
+        bends=bends + damping,
+        damping=TIKHONOV + damping,
         inequalities=stacked,
         apart=apart,
         exits=exits,
@@ -234,14 +254,14 @@ def damping_for(gain: float) -> float:
     return DAMPING * gain / (math.sqrt(gain) + CLOSE)
 
 
-def _left(jacobian: Array, error: Array, damping: float) -> Array:
+def _left(jacobian: Array, error: Array, gradient: Array, hessian: Array, damping: float) -> Array:
     """The part (k,) of an error (k,) that damped least squares do not remove."""
-    directions, singular, _ = np.linalg.svd(jacobian, full_matrices=False)
-    squares = singular * singular
-    return np.asarray(error - directions.dot(squares / (squares + (TIKHONOV + damping)) * error.dot(directions)))
+    damped = hessian.copy()
+    damped.flat[:: len(damped) + 1] += TIKHONOV + damping
+    return np.asarray(error + jacobian.dot(dgesv(damped, gradient)[2]))
 
 
-def _bend(kinematics: Kinematics, tasks: list[FrameTask], error: Array, left: Array) -> Array:
+def _bend(kinematics: Kinematics, tasks: list[FrameTask], left: Array) -> Array:
     """(dof, dof) of all tasks against what is left (k,) of their errors."""
     if len(tasks) == 1:
         return tasks[0].bend(kinematics, left)

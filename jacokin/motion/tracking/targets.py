@@ -7,6 +7,7 @@ joints with J x = e reaches the target to first order. It also measures the erro
 
 from __future__ import annotations
 
+import functools
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -15,7 +16,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
@@ -372,21 +373,25 @@ class FrameTask(ABC):
         return None
 
 
-def _turned(error: Array, angular: Array, moved: Array) -> Array:
-    """(dof, dof) error . (angular_i x moved_j) where joint i comes before j or is it, and symmetric.
+def _turned(*parts: tuple[Array, Array, Array]) -> Array:
+    """The sum of error . (angular_i x moved_j) where joint i comes before j or is it, and symmetric: (dof, dof).
 
     For a position error it is that error times the second derivative of the position: joint i turns how joint j, which
     comes after it, moves the point.
+
+    Args:
+        parts: an error (3,), and what the joints turn and move, (3, dof) each.
     """
-    upper = np.triu(_cross_rows(error, angular).dot(moved))
-    return np.asarray(upper + np.triu(upper, 1).T)
+    rows = [angular.T.dot(pin.skew(error).T).dot(moved) for error, angular, moved in parts]
+    total = rows[0] if len(rows) == 1 else rows[0] + rows[1]
+    return np.asarray(total.take(_upper(len(total))))
 
 
-def _cross_rows(vector: Array, columns: Array) -> Array:
-    """(dof, 3) vector x column, for each column of (3, dof)."""
-    x, y, z = vector.tolist()
-    a, b, c = columns
-    return np.array([y * c - z * b, z * a - x * c, x * b - y * a]).T
+@functools.cache
+def _upper(size: int) -> NDArray[np.intp]:
+    """(size, size) numbers of the elements in the upper triangle of a square, for both of its triangles."""
+    row, column = np.indices((size, size))
+    return np.asarray(np.minimum(row, column) * size + np.maximum(row, column))
 
 
 class PoseTask(FrameTask):
@@ -432,8 +437,10 @@ class PoseTask(FrameTask):
         """Of position and rotation."""
         jacobian = kinematics.jacobian(self._frame, IN_BASE)
         linear, angular, turn = jacobian[:3], jacobian[3:], self._weight * RADIAN_IN_METRES
-        bend = -turn * _turned(left[-3:], angular, angular) / 2.0
-        return bend if self._orientation_only else bend - self._weight * _turned(left[:3], angular, linear)
+        turned = -0.5 * turn * left[-3:], angular, angular
+        return (
+            _turned(turned) if self._orientation_only else _turned(turned, (-self._weight * left[:3], angular, linear))
+        )
 
     def measure(self, kinematics: Kinematics) -> tuple[float, float]:
         """Distance and angle."""
@@ -463,7 +470,7 @@ class PositionTask(FrameTask):
     def bend(self, kinematics: Kinematics, left: Array) -> Array:
         """Of the position."""
         jacobian = kinematics.jacobian(self._frame, IN_BASE)
-        return -self._weight * _turned(left, jacobian[3:], jacobian[:3])
+        return _turned((-self._weight * left, jacobian[3:], jacobian[:3]))
 
     def measure(self, kinematics: Kinematics) -> tuple[float, float]:
         """Distance; the orientation is free."""
@@ -508,8 +515,8 @@ class AxisTask(FrameTask):
         """Of the axis' tip: an error of rotation pulls it across the axis."""
         points = kinematics.pose(self._frame).rotation @ self._axis
         angular = kinematics.jacobian(self._frame, IN_BASE)[3:]
-        tip = -_cross_rows(points, angular).T
-        return -self._weight * RADIAN_IN_METRES * _turned(np.cross(left, points), angular, tip)
+        tip = -pin.skew(points).dot(angular)
+        return _turned((-self._weight * RADIAN_IN_METRES * np.cross(left, points), angular, tip))
 
     def measure(self, kinematics: Kinematics) -> tuple[float, float]:
         """Angle between axis and direction."""
@@ -542,7 +549,7 @@ class RegionTask(FrameTask):
     def bend(self, kinematics: Kinematics, left: Array) -> Array:
         """Of the position."""
         jacobian = kinematics.jacobian(self._frame, IN_BASE)
-        return -self._weight * _turned(left, jacobian[3:], jacobian[:3])
+        return _turned((-self._weight * left, jacobian[3:], jacobian[:3]))
 
     def inequalities(self, kinematics: Kinematics) -> tuple[Array, Array] | None:
         """Faces of the box that the frame must not cross, along the axes in which it is inside."""

@@ -32,7 +32,7 @@ from jacokin.model.obstacles import Obstacle
 from jacokin.model.robot import Robot, checked_robot, tracking_accelerations, velocity_limits
 from jacokin.model.scene import Scene
 from jacokin.motion.tracking.avoidance import CLEARANCE, ClearanceGuard, Distances, make_guard
-from jacokin.motion.tracking.joint_limits import JointLimits
+from jacokin.motion.tracking.joint_limits import TINY, JointLimits
 from jacokin.motion.tracking.moving import Motion, Whereabouts
 from jacokin.motion.tracking.problem import (
     Objective,
@@ -119,16 +119,18 @@ class TrackerState(NamedTuple):
     """Ticks in a row in which the error grew."""
     tasks: tuple[FrameTask, ...]
     """What the last tick was asked for, of the first priority; empty after a twist, and before the first tick."""
+    moved: Array | None
+    """(k,) by how much that changed the error [m], weighted; None for not at all."""
     line: Line | None
     """Where twists have led; None after a target."""
 
-    def move(self, arm: JointState, dt: float) -> TrackerState:
-        """After a tick of `dt` [s]."""
+    def move(self, arm: JointState, dt: float, **changes: Any) -> TrackerState:
+        """After a tick of `dt` [s], with what else it changed."""
         v = (arm.q - self.arm.q) / dt
         a = (v - self.v) / dt
         for array in (arm.q, v, a):
             array.setflags(write=False)
-        return self._replace(arm=arm, v=v, a=a)
+        return self._replace(arm=arm, v=v, a=a, **changes)
 
 
 class OutOfTime(Exception):  # noqa: N818 - internal signal, never seen by users
@@ -278,7 +280,8 @@ class Tracker:
 
         Args:
             q: (dof,) configuration [rad]; None for the robot's home. A joint past its limit by at most 1e-6 rad is put
-                on the limit; one that is farther past it comes back within it and moves no farther out.
+                on the limit, as is one of a motion that goes on within the limits; one that is farther past it comes
+                back within it and moves no farther out.
             v: (dof,) its velocity [rad/s], at most the limits. None lets a motion that is under way go on where no
                 joint is farther than 0.05 rad from where the tracker has it, as a measured configuration is; elsewhere
                 the arm stands still.
@@ -302,6 +305,8 @@ class Tracker:
         else:
             speed, before = np.zeros(self.robot.dof), None
         if before is not None:
+            # Where the arm was sent within its limits, what is measured beyond them is noise, and is not kept.
+            start = checks.read_only(self._limits.move(before.arm.q, start - before.arm.q))
             distances = before.arm.distances
             if before.guard is not None and before.where is not None and distances is not None:
                 before.guard.put(before.where)
@@ -325,6 +330,7 @@ class Tracker:
                 error=np.inf,
                 growing=0,
                 tasks=(),
+                moved=None,
                 line=None,
             )
             self._tally = StepTally()
@@ -463,13 +469,13 @@ class Tracker:
                 separation = guard.linearise(state.arm.q, state.arm.distances, state.where)
                 if separation.error.size:  # shapes are moved apart first
                     after, step = self._solve(state, [goal], began, deadline)
-                    return after._replace(tasks=(), line=None), step
+                    return after._replace(tasks=(), moved=None, line=None), step
                 rows, ends = separation.inequalities
             along = self._twists.step(line, wanted, state.v, rows, ends)
             arm, can_stop = self._keep_clear(state, along.displacement, {}, deadline)
         except OutOfTime:
             return self._brake(state, places, goal, began)
-        after = state.move(arm, self.dt)._replace(can_stop=can_stop, tasks=(), line=along.line)
+        after = state.move(arm, self.dt, can_stop=can_stop, tasks=(), moved=None, line=along.line)
         return self._report(goal, state, after, began=began, excused=True, along=along)
 
     def _move_obstacles(self, state: TrackerState) -> tuple[Whereabouts | None, Array | None]:
@@ -512,7 +518,7 @@ class Tracker:
             raise OutOfTime
         try:
             total = problem.minimise(limits.room(q), self._qp)
-            along = displacement if moved is None else problem.follow(moved)
+            along = displacement if moved is None else problem.follow(_lasting(state.moved, moved))
             displacement, is_near = self._descend(tasks, q, limits.stride(total, along), problem)
             held = "" if is_near else "every step makes the error grow"
         except QPFailed:
@@ -521,7 +527,7 @@ class Tracker:
         if later and not held:
             displacement = refine(displacement, problem, later, bounds, limits.step, self._qp)
         arm, can_stop = self._keep_clear(state, displacement, problem.exits, deadline)
-        after = state.move(arm, self.dt)._replace(can_stop=can_stop, tasks=tuple(tasks), line=None)
+        after = state.move(arm, self.dt, can_stop=can_stop, tasks=tuple(tasks), moved=moved, line=None)
         # Shapes moving apart, or joints still gathering speed, may take the tool away from its target for a while.
         excused = problem.apart.size > 0 or not limits.stops_at_once
         return self._report(tasks, state, after, held=held, began=began, excused=excused, problem=problem)
@@ -605,7 +611,7 @@ class Tracker:
             distances = guard.unmeasured(state.arm.distances, q - state.arm.q, shift)
             arm = JointState(q, distances if late else guard.refresh(q, distances, None))
             can_stop = state.can_stop and shift is None
-        after = state.move(arm, self.dt)._replace(where=where, can_stop=can_stop, tasks=(), line=None)
+        after = state.move(arm, self.dt, where=where, can_stop=can_stop, tasks=(), moved=None, line=None)
         return self._report(tasks, state, after, began=began, excused=True, late=late)
 
     def _report(
@@ -671,6 +677,17 @@ class Tracker:
         if float(np.abs(state.v).max()) < STILL:
             return TrackerStatus.HELD, held or "the arm has come as near as it can"
         return TrackerStatus.LIMITED, f"slowed by {', '.join(limiting) or 'damping near a singular pose'}"
+
+
+def _lasting(before: Array | None, moved: Array) -> Array:
+    """What a target's motion (k,) has in common with the one of the tick before: so much is expected to go on.
+
+    A target that jumps stands afterwards, as far as anyone knows.
+    """
+    if before is None:
+        return np.zeros_like(moved)
+    part = float(before.dot(moved)) / max(float(moved.dot(moved)), TINY)
+    return min(max(part, 0.0), 1.0) * moved
 
 
 def _is_singular(problem: TickProblem) -> bool:

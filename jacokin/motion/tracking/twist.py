@@ -29,12 +29,13 @@ ASIDE = 0.01  # part of the twist that may be given away where the joints could 
 HALVINGS = 5  # of the range of damping in which no more is given away than needed
 BENT = 0.1  # part of its way in a tick by which the joints' path may bend towards a singular pose
 CREEPING = 1e-3  # a smaller part of a twist towards a singular pose is none: the arm stands
-BENDING = 1.0  # part of the acceleration limits that the bend of the joints' path may use
+BENDING = 0.5
 TURNS_FREE = 1e-3  # weight [m/rad] of turning against moving where an arm cannot do both, instead of RADIAN_IN_METRES
 SETTLING = 1e-5  # damping, and
 SETTLED = 0.5  # part of the tick's room, with which the tool is brought back to the line
 ASTRAY = (1e-3, 1e-2)  # [m, rad] farther than this from where it was to be, the tool takes its line with it
 NOTHING = 1e-5  # [m/s] a slower twist counts as none
+HURRY = 5e-3  # part of a twist by which the tool may be faster than asked, to make up for what a tick left undone
 FOLLOWED = 0.98  # part of a twist that counts as all of it
 
 
@@ -121,16 +122,26 @@ class TwistFollower:
         off = missing(line.pose, tool)
         solve = _Inverse(self._weight[:, None] * jacobian)
         wanted = self._weight * twist * dt
+        late = _behind(self._weight * off, wanted) / self._weight
+        off -= late  # to hurry more after the line would be faster than asked
         direction, pace = self._fastest(solve, wanted, q, rows, ends)
         before = solve(self._weight * line.twist * dt, EXACT)
         back = solve(self._weight * off, SETTLING)
         back *= SETTLED * min(1.0, float((limits.step / np.maximum(np.abs(back), TINY)).min()))
         change, start = pace.part * direction - before, before + back
-        share = _largest_share(start, change, low, high)
-        displacement = np.minimum(np.maximum(start + share * change, low), high)
-        followed = jacobian.dot(before + share * change) / dt
+        planned = start + _largest_share(start, change, low, high) * change
+        # What joints cannot accelerate to would turn the tool aside: then all of them brake together.
+        braking = v * dt * (1.0 - min(1.0, float((limits.change / np.maximum(np.abs(v * dt), TINY)).min())))
+        share = _largest_share(braking, planned - braking, low, high)
+        displacement = np.minimum(np.maximum(braking + share * (planned - braking), low), high)
+        followed = jacobian.dot(displacement - share * back) / dt
         return TwistStep(
-            displacement, Line(moved(line.pose, followed, dt), followed), pace.part, pace.cause, wanted, solve.jacobian
+            displacement,
+            Line(moved(line.pose, followed - late / dt, dt), followed),
+            pace.part,
+            pace.cause,
+            wanted,
+            solve.jacobian,
         )
 
     def lag(self, step: TwistStep, v: Array) -> float:
@@ -148,14 +159,14 @@ class TwistFollower:
         exact = solve(wanted, EXACT)
         if not exact.any():
             return exact, _Pace(1.0, "")
-        found = exact, self._pace(solve, exact, EXACT, q, rows, ends)
+        found = exact, self._pace(solve, wanted, exact, EXACT, q, rows, ends)
         if found[1].part >= 1.0:
             return found
         least, most = EXACT, solve.damping_for(wanted, ASIDE * float(np.linalg.norm(wanted)))
         damping = most
         for _ in range(HALVINGS):
             direction = solve(wanted, damping)
-            pace = self._pace(solve, direction, damping, q, rows, ends)
+            pace = self._pace(solve, wanted, direction, damping, q, rows, ends)
             if pace.part >= 1.0:
                 found, most = (direction, pace), damping
             else:
@@ -168,7 +179,14 @@ class TwistFollower:
         return found
 
     def _pace(
-        self, solve: _Inverse, direction: Array, damping: float, q: Array, rows: Array | None, ends: Array | None
+        self,
+        solve: _Inverse,
+        wanted: Array,
+        direction: Array,
+        damping: float,
+        q: Array,
+        rows: Array | None,
+        ends: Array | None,
     ) -> _Pace:
         """The largest part from 0 to 1 of a displacement (dof,) [rad] that keeps every limit, and what limits it."""
         limits = self._limits
@@ -188,7 +206,8 @@ class TwistFollower:
             coming = closing > 0.0
             if coming.any():
                 paces.append(_Pace(_stopping(float((ends[coming] / closing[coming]).min()), braking), "what is near"))
-        bend = solve(self._weight * self._bend(direction), damping)
+        turn = self._weight[:, np.newaxis] * self._kinematics.jacobian_change(direction)
+        bend = solve.bend(wanted, direction, turn, damping)
         turning = math.sqrt(BENDING * float((limits.change / np.maximum(np.abs(bend), TINY)).min()))
         if float(bend.dot(direction)) > 0.0:  # the joints get ever faster: towards a singular pose
             turning = min(turning, BENT * float(np.linalg.norm(direction)) / max(float(np.linalg.norm(bend)), TINY))
@@ -196,10 +215,6 @@ class TwistFollower:
         paces.append(_Pace(turning, SINGULAR_POSE))
         least = min(paces)
         return least if least.part < 1.0 else _Pace(1.0, "")
-
-    def _bend(self, direction: Array) -> Array:
-        """(6,) by how much the twist of a displacement (dof,) [rad] changes over it."""
-        return np.asarray(-self._kinematics.jacobian_change(direction).dot(direction))
 
 
 class _Pace(NamedTuple):
@@ -227,6 +242,12 @@ class _Inverse:
         """The x (dof,) that minimises |J x - y|^2 + damping |x|^2, for y (6,)."""
         return np.asarray((self._values / (self._squares + damping) * y.dot(self._left)).dot(self._right))
 
+    def bend(self, y: Array, x: Array, turn: Array, damping: float) -> Array:
+        """By how much the answer x (dof,) for y (6,) changes where the Jacobian changes by a `turn` (6, dof)."""
+        left = y - self.jacobian.dot(x)
+        parts = self._right.dot(left.dot(turn)) / (self._squares + damping)
+        return np.asarray(self(-turn.dot(x), damping) + parts.dot(self._right))
+
     def damping_for(self, y: Array, residual: float) -> float:
         """The largest damping at which no more than a residual of y (6,), in its units, is left by damping alone."""
         parts = y.dot(self._left) ** 2
@@ -239,6 +260,12 @@ class _Inverse:
             else:
                 most = middle
         return math.exp(least)
+
+
+def _behind(off: Array, wanted: Array) -> Array:
+    """The part (6,) of what is missing to a line, weighted, along a twist that is wanted, that no tick makes up for."""
+    size = max(float(np.linalg.norm(wanted)), TINY)
+    return np.asarray(max(float(off.dot(wanted)) / size - HURRY * size, 0.0) / size * wanted)
 
 
 def _largest_share(start: Array, change: Array, low: Array, high: Array) -> float:

@@ -1,0 +1,394 @@
+"""The law of the tracker: it moves as its target does, follows twists in their direction, comes to rest, never jumps.
+
+Reversals are counted as `benchmarks.smooth` does: a joint turns round within three ticks of 10 ms, faster than 5 % of
+its limit on both sides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import jacokin
+from benchmarks import streams
+from benchmarks.smooth import reversals, stands_after, target_reversals
+from jacokin import Robot, Tracker
+from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError, UnknownNameError
+from jacokin.ik import Box, Scene, Sphere
+from jacokin.model.descriptions.bundled import NAMES
+from jacokin.motion import TrackerStep
+from tests.robot_files import ur5_text
+
+DT = 0.01  # [s]
+ROUNDING = 1e-9
+MORE = 2  # reversals than the target itself has
+RADIAN = 0.1  # [m] that a radian counts in an error
+HOLDS = 5e-4  # [m] by which an error may grow in all, after the first second: where joints brake past singular poses
+NEAR = 1e-5  # [m] to the least error that counts as being there
+TURNED = 0.02  # part by which a tool may turn faster than asked: a tick is a finite turn
+WITHIN = 0.03  # [s] three ticks at 100 Hz
+QUICK = "j2n6s300", "j2s7s300", "ur5", "five"
+MOVING = "moving", "shoulder", "folds", "beyond", "bursts", "turned_bursts"
+Find = Callable[[str], Robot]
+
+
+@pytest.fixture(scope="module")
+def find(bundled: Find, tmp_path_factory: pytest.TempPathFactory) -> Find:
+    """A robot by name: a bundled one, a UR5, or its first five joints."""
+    path = Path(tmp_path_factory.mktemp("law")) / "ur5.urdf"
+    path.write_text(ur5_text())
+    others = {
+        "ur5": jacokin.load_robot(path, velocity_limit=2.0),
+        "five": jacokin.load_robot(path, velocity_limit=2.0, tip="l5"),
+    }
+    return lambda name: others[name] if name in others else bundled(name)
+
+
+def cases(*quick: str, without: str = "") -> list[Any]:
+    """Names of robots, those that are not quick marked as slow."""
+    others = [name for name in (*QUICK, *NAMES) if name not in (*quick, without)]
+    return [*quick, *(pytest.param(name, marks=pytest.mark.slow) for name in dict.fromkeys(others))]
+
+
+def error_of(step: TrackerStep) -> float:
+    return float(np.hypot(step.position_error, RADIAN * step.orientation_error))
+
+
+def play(tracker: Tracker, targets: Sequence[Any]) -> tuple[Array, Array, TrackerStep]:
+    """Velocities and errors of all ticks, each within every limit; and the last step."""
+    robot, before = tracker.robot, tracker.v
+    hardest = np.where(np.isfinite(tracker.acceleration_limit), tracker.acceleration_limit * tracker.dt, np.inf)
+    velocities, errors = [], []
+    for target in targets:
+        step = tracker.step(target)
+        assert np.isfinite(step.q).all()
+        assert robot.within_limits(step.q)
+        assert (np.abs(step.v) <= tracker.velocity_limit + ROUNDING).all()
+        assert (np.abs(step.v - before) <= hardest + ROUNDING).all()
+        velocities.append(step.v)
+        errors.append(error_of(step))
+        before = step.v
+    return np.array(velocities), np.array(errors), step
+
+
+def turns(v: Array, limit: Array, dt: float) -> int:
+    """Reversals of the joint that has most, of ticks as long as those of 100 Hz or shorter."""
+    every = max(1, round(dt / DT))  # longer ticks: only those within one
+    return int(reversals(np.repeat(v, 3, axis=0) if every > 1 else v, limit).max())
+
+
+def stream_of(robot: Robot, kind: str, number: int, dt: float = DT, seconds: float = 10.0) -> streams.TargetStream:
+    return streams.make(robot, kind, np.random.default_rng([number, 7]), dt=dt, seconds=seconds)
+
+
+# (a) It turns round no more often than its target.
+
+
+@pytest.mark.parametrize("name", cases("j2n6s300", "j2s7s300", "ur5", "five"))
+@pytest.mark.parametrize("kind", ["moving", "bursts", *(pytest.param(kind, marks=pytest.mark.slow) for kind in MOVING)])
+def test_joints_turn_round_no_more_often_than_the_target(find: Find, name: str, kind: str) -> None:
+    robot = find(name)
+    stream = stream_of(robot, kind, 0, seconds=8.0)
+    v, _, _ = play(Tracker(robot, dt=DT, q=stream.start), stream.targets)
+    assert turns(v, robot.velocity_limit, DT) <= target_reversals(stream.targets, DT) + MORE
+
+
+@pytest.mark.parametrize("dt", [0.02, pytest.param(0.002, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("kind", ["moving", "beyond"])
+@pytest.mark.parametrize("name", cases("j2n6s300"))
+def test_at_other_rates_too(find: Find, name: str, kind: str, dt: float) -> None:
+    robot = find(name)
+    stream = stream_of(robot, kind, 1, dt, seconds=6.0)
+    v, _, _ = play(Tracker(robot, dt=dt, q=stream.start), stream.targets)
+    assert turns(v, robot.velocity_limit, dt) <= target_reversals(stream.targets, dt) + MORE
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", QUICK)
+@pytest.mark.parametrize("kind", ["bursts", "turned_bursts"])
+def test_without_acceleration_limits_a_jump_of_the_target_is_one_turn_at_most(find: Find, name: str, kind: str) -> None:
+    """Every packet is a new target, in another direction: a joint may turn to it and once more on the way."""
+    robot = find(name)
+    stream = stream_of(robot, kind, 0)
+    v, _, _ = play(Tracker(robot, dt=DT, acceleration_limit=np.inf), stream.targets)
+    jumps = sum(pose is not None for pose in stream.heard)
+    assert turns(v, robot.velocity_limit, DT) <= 0.3 * jumps
+
+
+# (c) A standing target: ever nearer, then at rest.
+
+
+def stand(robot: Robot, target: Any, dt: float, seconds: float, acceleration: float | None) -> None:
+    """The law for a target that stands."""
+    ticks = round(seconds / dt)
+    v, errors, step = play(Tracker(robot, dt=dt, acceleration_limit=acceleration), [target] * ticks)
+    assert turns(v, robot.velocity_limit, dt) <= MORE
+    later = errors[round(1.0 / dt) :]
+    assert np.maximum(np.diff(later), 0.0).sum() < HOLDS
+    best = float(np.argmax(errors <= errors.min() + NEAR)) * dt
+    assert stands_after(v, robot.velocity_limit, dt) < best + 2.0
+    if step.status.name != "OK":
+        assert step.status.name == "HELD"
+        assert step.message
+
+
+@pytest.mark.parametrize("acceleration", [None, np.inf])
+@pytest.mark.parametrize("name", cases("j2n6s300", "j2s7s300", "ur5", "five"))
+@pytest.mark.parametrize("number", [0, *(pytest.param(n, marks=pytest.mark.slow) for n in (1, 4))])
+def test_a_standing_target_is_approached_without_turning_back(
+    find: Find, name: str, number: int, acceleration: float | None
+) -> None:
+    robot = find(name)
+    stand(robot, stream_of(robot, "standing", number).targets[0], DT, 12.0, acceleration)
+
+
+@pytest.mark.parametrize("acceleration", [None, np.inf])
+@pytest.mark.parametrize("name", cases("j2n6s300", "ur5"))
+@pytest.mark.parametrize("dt", [DT, *(pytest.param(dt, marks=pytest.mark.slow) for dt in (0.02, 0.002))])
+def test_towards_a_target_out_of_reach_the_arm_comes_to_rest(
+    find: Find, name: str, acceleration: float | None, dt: float
+) -> None:
+    robot = find(name)
+    home = robot.forward_kinematics(robot.home)
+    stand(robot, pin.SE3(home.rotation, np.array([1.5, 0.0, 0.4])), dt, 14.0, acceleration)
+
+
+# (b) A twist: in its direction, never faster, and at rest where the arm cannot go on.
+
+# Five joints cannot turn as asked: there only targets are promised.
+SIX_OR_MORE = cases("j2n6s300", "j2s7s300", without="five")
+UP, DOWN = (0.0, 0.0, 1.0), (0.0, 0.0, -1.0)
+
+
+def follow_twist(
+    robot: Robot, twist: Array, reference: str, acceleration: float | None, dt: float, seconds: float
+) -> None:
+    """The law for a linear or angular twist from home."""
+    tracker = Tracker(robot, dt=dt, acceleration_limit=acceleration)
+    start = before = robot.forward_kinematics(robot.home)
+    way = start.rotation @ twist[:3] if reference == "local" else twist[:3]
+    speed, turn = float(np.linalg.norm(twist[:3])), float(np.linalg.norm(twist[3:]))
+    velocities, aside = [], 0.0
+    for _ in range(round(seconds / dt)):
+        step = tracker.step(twist=twist, reference=reference)
+        assert robot.within_limits(step.q)
+        velocities.append(step.v)
+        tool = robot.forward_kinematics(step.q)
+        moved = float(np.linalg.norm(tool.translation - before.translation)) / dt
+        turned = float(np.linalg.norm(pin.log3(tool.rotation @ before.rotation.T))) / dt
+        if speed > 0.0:
+            assert moved <= 1.01 * speed
+            off = tool.translation - start.translation
+            along = float(off @ way) / speed
+            aside = max(aside, float(np.linalg.norm(off - along * way / speed)) - 0.02 * along)
+        else:
+            # About an axis far away the tool moves far, and a hundredth of that is more of the turn.
+            assert turned <= (1.1 if reference == "world" else 1.0 + TURNED) * turn
+            if reference != "world":
+                aside = max(aside, 0.2 * float(np.linalg.norm(tool.translation - start.translation)))
+        before = tool
+    assert aside < 0.005
+    v = np.array(velocities)
+    assert turns(v, robot.velocity_limit, dt) <= MORE
+    if np.isfinite(stands_after(v, robot.velocity_limit, dt)):
+        assert step.limiting
+        assert step.message
+
+
+@pytest.mark.parametrize("acceleration", [2.0, np.inf])
+@pytest.mark.parametrize("way", [UP, *(pytest.param(w, marks=pytest.mark.slow) for w in (DOWN, (1, 0, 0)))])
+@pytest.mark.parametrize("name", SIX_OR_MORE)
+def test_a_linear_twist_into_the_edge_of_reach(
+    find: Find, name: str, way: Sequence[float], acceleration: float
+) -> None:
+    """Five centimetres a second upwards: the tool ran away there, ten times as fast and half a metre aside."""
+    follow_twist(find(name), np.array([*np.multiply(0.05, way), 0.0, 0.0, 0.0]), "world", acceleration, DT, 14.0)
+
+
+@pytest.mark.parametrize("reference", ["local_world_aligned", "local", "world"])
+@pytest.mark.parametrize("number", range(2))
+@pytest.mark.parametrize("name", SIX_OR_MORE)
+def test_twists_in_every_reference(find: Find, name: str, reference: str, number: int) -> None:
+    way = np.random.default_rng(number).normal(size=3)
+    way /= np.linalg.norm(way)
+    twist = np.concatenate([0.1 * way, np.zeros(3)] if number == 0 else [np.zeros(3), 0.3 * way])
+    follow_twist(find(name), twist, reference, None, DT, 5.0)
+
+
+# (d) By default accelerations are limited.
+
+
+@pytest.mark.parametrize("name", cases("j2n6s300", "ur5"))
+def test_a_step_of_the_target_is_no_step_of_the_velocity(find: Find, name: str) -> None:
+    robot = find(name)
+    tracker = Tracker(robot, dt=DT)
+    own = robot.acceleration_limit
+    expected = own if np.isfinite(own).all() else robot.velocity_limit / 0.3
+    assert np.allclose(tracker.acceleration_limit, expected)
+    if name in NAMES:
+        assert np.array_equal(expected, np.full(robot.dof, 2.0))
+    rng = np.random.default_rng(3)
+    jumps = [robot.forward_kinematics(robot.sample(rng)) for _ in range(8)]
+    play(tracker, [jump for jump in jumps for _ in range(40)])  # asserts the limits at every tick
+
+
+def test_a_new_tracker_goes_on_from_the_state_of_another(robot: Robot) -> None:
+    target = robot.forward_kinematics(robot.home + 0.4)
+    first = Tracker(robot, dt=DT)
+    play(first, [target] * 60)
+    assert np.abs(first.v).max() > 0.3
+    second = Tracker(robot, dt=DT, state=first.state)
+    assert np.array_equal(second.q, first.q)
+    assert np.array_equal(second.v, first.v)
+    assert np.array_equal(second.step(target).q, first.step(target).q)
+    play(second, [robot.forward_kinematics(robot.home)] * 100)
+    with pytest.raises(InvalidInputError, match="at most one of q and state"):
+        Tracker(robot, q=robot.home, state=first.state)
+
+
+# (e) Measured feedback.
+
+
+def measured(tracker: Tracker, target: Any, ticks: int, noise: float, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Commanded velocities and configurations of an arm that follows with one tick of lag, measured with noise."""
+    arm, commanded, velocities, places = tracker.q, tracker.q, [], []
+    for _ in range(ticks):
+        tracker.reset(arm + rng.normal(scale=noise, size=arm.size))
+        step = tracker.step(target)
+        arm, commanded = commanded, step.q
+        velocities.append(step.v)
+        places.append(arm)
+    return np.array(velocities), np.array(places)
+
+
+def test_with_measured_feedback_the_arm_gets_there(robot: Robot) -> None:
+    """A reset at every tick forgot the velocity: 15 of 100 mm were moved."""
+    start = robot.forward_kinematics(robot.home)
+    target = pin.SE3(start.rotation, start.translation + np.array([0.0, 0.0, 0.1]))
+    v, q = measured(Tracker(robot, dt=DT), target, 500, 1e-3, np.random.default_rng(0))
+    assert np.linalg.norm(robot.forward_kinematics(q[-1]).translation - target.translation) < 5e-3
+    assert turns(v, robot.velocity_limit, DT) <= MORE
+    assert np.abs(v[-100:]).max() < 0.2
+
+
+def test_at_a_joint_limit_noise_is_not_made_larger(robot: Robot) -> None:
+    q = robot.home.copy()
+    q[2] = robot.lower[2] + 0.1
+    asked = q.copy()
+    asked[2] = robot.lower[2] - 0.3
+    data = robot.pin_model.createData()
+    pin.forwardKinematics(robot.pin_model, data, asked)
+    target = pin.SE3(pin.updateFramePlacement(robot.pin_model, data, robot.frame_id()))
+    v, places = measured(Tracker(robot, dt=DT, q=q), target, 800, 1e-3, np.random.default_rng(1))
+    late = places[600:]
+    assert (late >= robot.lower - ROUNDING).all()
+    assert (late[:, 2] - robot.lower[2]).max() < 0.02
+    # Differences of the noise over a tick are 0.14 rad/s.
+    assert np.abs(v[600:]).max() < 0.2
+
+
+def test_reset_takes_a_velocity_and_refuses_one_beyond_the_limits(robot: Robot) -> None:
+    tracker = Tracker(robot, dt=DT)
+    v = 0.5 * robot.velocity_limit
+    tracker.reset(robot.home, v=v)
+    assert np.array_equal(tracker.v, v)
+    step = tracker.brake()
+    assert np.allclose(step.v, v - 2.0 * DT)
+    for wrong in (2.0 * robot.velocity_limit, np.full(robot.dof, np.nan), [0.1]):
+        with pytest.raises(InvalidInputError, match="v "):
+            tracker.reset(robot.home, v=wrong)
+    assert np.array_equal(tracker.q, step.q)
+
+
+@pytest.mark.parametrize("far", [1e-3, 0.2])
+def test_a_start_past_a_limit_moves_only_inwards(robot: Robot, far: float) -> None:
+    q = robot.home.copy()
+    q[1] = robot.upper[1] + far
+    tracker = Tracker(robot, dt=DT, q=q)
+    before = q[1]
+    for _ in range(400):
+        step = tracker.step(robot.forward_kinematics(robot.home))
+        assert step.q[1] <= max(before, robot.upper[1])
+        if step.q[1] > robot.upper[1]:
+            assert "joint_2 is" in step.message or step.status.name == "OK"
+        before = step.q[1]
+    assert robot.within_limits(step.q)
+
+
+# With obstacles, which come, are replaced and go.
+
+
+def crowd(robot: Robot, number: int) -> Scene:
+    rng, found = np.random.default_rng(number), list[Box]()
+    hand = robot.forward_kinematics(robot.home).translation
+    while len(found) < 4:
+        box = Box(f"box_{len(found)}", [0.12, 0.1, 0.12], hand + rng.uniform(-0.45, 0.45, 3))
+        if robot.clearance(robot.home, Scene([box])) > 0.05:
+            found.append(box)
+    return Scene(found)
+
+
+@pytest.mark.parametrize("name", ["j2n6s300", pytest.param("j2s7s300", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("number", [0, *(pytest.param(n, marks=pytest.mark.slow) for n in range(1, 6))])
+def test_among_obstacles_the_law_holds(find: Find, name: str, number: int) -> None:
+    robot = find(name)
+    scene, clearance = crowd(robot, number), 0.02
+    tracker = Tracker(robot, dt=DT, scene=scene, clearance=clearance)
+    target, v = robot.forward_kinematics(robot.sample(np.random.default_rng(number))), []
+    for tick in range(800):
+        step = tracker.step(target)
+        v.append(step.v)
+        if tick % 20 == 0:
+            assert robot.clearance(step.q, scene) >= clearance - 1e-6
+    assert turns(np.array(v), robot.velocity_limit, DT) <= MORE
+
+
+def test_obstacles_come_are_replaced_and_go(robot: Robot) -> None:
+    start = robot.forward_kinematics(robot.home)
+    target = pin.SE3(start.rotation, start.translation + np.array([0.0, 0.0, 0.25]))
+    above = start.translation + np.array([0.0, 0.0, 0.22])
+    cup, ball = Box("cup", [0.1, 0.1, 0.04], above), Sphere("cup", 0.05, above + 0.02)
+    tracker = Tracker(robot, dt=DT, clearance=0.02)
+    tracker.step(target)
+    for shape, ticks in ((cup, 300), (ball, 200)):
+        tracker.step(target, obstacles={"cup": shape})
+        for tick in range(ticks):
+            step = tracker.step(target)
+            if tick % 20 == 0:
+                assert robot.clearance(step.q, Scene([shape])) >= 0.02 - 1e-6
+        assert step.status.name != "OK"
+    tracker.step(target, obstacles={"cup": None})
+    for _ in range(500):
+        step = tracker.step(target)
+    assert step.status.name == "OK"
+
+
+@pytest.mark.parametrize(
+    ("obstacles", "error", "match"),
+    [
+        ({"cup": Box("mug", [0.1, 0.1, 0.1], [1.0, 0.0, 0.5])}, InvalidInputError, "has the name 'mug'"),
+        ({"mug": None}, UnknownNameError, "mug"),
+        ({"mug": [0.0, 0.0, 0.0]}, UnknownNameError, "mug"),
+        ({"cup": "there"}, InvalidInputError, "cup"),
+        ([1], InvalidInputError, "obstacles"),
+    ],
+)
+def test_wrong_obstacles_are_refused_and_change_nothing(
+    robot: Robot, obstacles: Any, error: type[Exception], match: str
+) -> None:
+    tracker = Tracker(robot, dt=DT, scene=Scene([Box("cup", [0.1, 0.1, 0.1], [1.2, 0.0, 0.5])]))
+    target = robot.forward_kinematics(robot.home + 0.1)
+    tracker.step(target)
+    before = tracker.q
+    with pytest.raises(error, match=match):
+        tracker.step(target, obstacles=obstacles)
+    assert tracker.q is before
+    assert tracker.scene is not None
+    with pytest.raises(InvalidInputError, match="no effect without a scene"):
+        Tracker(robot).step(target, obstacles={"cup": None})
