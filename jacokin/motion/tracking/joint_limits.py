@@ -56,6 +56,14 @@ def stopping_part(distance: float) -> float:
     return 1.0 / (ticks + 1.0) + 0.5 * ticks / easy
 
 
+def largest_share(start: Array, change: Array, low: Array, high: Array) -> float:
+    """The largest share from 0 to 1 of a change that keeps start + share * change within bounds, all (dof,)."""
+    ends = np.where(change > 0.0, high, low) - start
+    with np.errstate(divide="ignore", invalid="ignore"):
+        shares = np.where(np.abs(change) > TINY, ends / change, np.inf)
+    return float(np.clip(shares.min(), 0.0, 1.0))
+
+
 class Braking(NamedTuple):
     """Every joint brakes as hard as its acceleration limit allows, until it rests.
 

@@ -17,7 +17,7 @@ from jacokin.ik.qp_backend import Backend, Inequalities, QPFailed
 from jacokin.model import angles, checks
 from jacokin.model.robot import Robot
 from jacokin.motion.tracking.avoidance import ClearanceGuard, Distances
-from jacokin.motion.tracking.joint_limits import TINY
+from jacokin.motion.tracking.joint_limits import TINY, JointLimits
 from jacokin.motion.tracking.moving import Whereabouts
 from jacokin.motion.tracking.targets import FrameTask, Kinematics
 
@@ -299,7 +299,7 @@ def refine(
     problem: TickProblem,
     levels: Sequence[tuple[Array, Array]],
     bounds: tuple[Array, Array],
-    step_limit: Array,
+    limits: JointLimits,
     qp: Backend,
 ) -> Array:
     """Add what later priorities want to a displacement (dof,) [rad], as far as earlier ones are not moved by it.
@@ -312,7 +312,7 @@ def refine(
         problem: that level.
         levels: Jacobian and error of each later one.
         bounds: least and largest displacement (dof,) in this tick.
-        step_limit: (dof,) [rad] by the velocity limits, of which later levels use a part.
+        limits: of the joints; later levels use a part of their velocities, and can stop where they lead.
         qp: solves.
     """
     (low, high), above = bounds, problem.root
@@ -331,11 +331,14 @@ def refine(
         if rows is not None and ends is not None:
             h.append(ends - rows @ displacement)
         free = np.full(basis.shape[1], 10.0)  # [rad] more than any tick
+        total = basis @ np.linalg.solve(hessian, reduced.T @ missing)
         try:
             extra = basis @ qp.minimize(hessian, -reduced.T @ missing, (G, np.concatenate(h)), -free, free)
         except QPFailed:
             continue
-        part = LATER_SPEED / max(LATER_SPEED, float(np.max(np.abs(extra) / step_limit)))
+        extra *= min(1.0, LATER_SPEED / max(float((np.abs(extra) / limits.step).max()), TINY))
+        most = np.abs(limits.stride(total, np.zeros_like(total)))  # from which all of it can still end in time
+        part = min(1.0, float((np.maximum(most, TINY) / np.maximum(np.abs(extra), TINY)).min()))
         displacement = np.clip(displacement + part * extra, low, high)
     return displacement
 

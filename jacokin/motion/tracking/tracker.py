@@ -517,15 +517,18 @@ class Tracker:
         if time.perf_counter() > deadline:
             raise OutOfTime
         try:
-            total = problem.minimise(limits.room(q), self._qp)
-            along = displacement if moved is None else problem.follow(_lasting(state.moved, moved))
-            displacement, is_near = self._descend(tasks, q, limits.stride(total, along), problem)
-            held = "" if is_near else "every step makes the error grow"
+            if problem.apart.size:  # at once, as far as the joints can go in this tick
+                displacement = problem.minimise(bounds, self._qp)
+            else:
+                total = problem.minimise(limits.room(q), self._qp)
+                along = displacement if moved is None else problem.follow(_lasting(state.moved, moved))
+                displacement, is_near = self._descend(tasks, q, limits.stride(total, along), problem)
+                held = "" if is_near else "every step makes the error grow"
         except QPFailed:
             held = "no QP solver solved this tick"
         displacement = np.minimum(np.maximum(displacement, bounds[0]), bounds[1])
         if later and not held:
-            displacement = refine(displacement, problem, later, bounds, limits.step, self._qp)
+            displacement = refine(displacement, problem, later, bounds, limits, self._qp)
         arm, can_stop = self._keep_clear(state, displacement, problem.exits, deadline)
         after = state.move(arm, self.dt, can_stop=can_stop, tasks=tuple(tasks), moved=moved, line=None)
         # Shapes moving apart, or joints still gathering speed, may take the tool away from its target for a while.
@@ -546,8 +549,6 @@ class Tracker:
         One that all but removes the error is corrected by what is left: so moving targets are followed to the curvature
         of the kinematics' third order.
         """
-        if problem.apart.size:
-            return step, True
         for _ in range(HALVINGS):
             self._kinematics.move_to(self._limits.move(q, step))
             errors = [task.error(self._kinematics) for task in tasks]

@@ -20,7 +20,7 @@ from jacokin.arrays import Array
 from jacokin.ik.targets import RADIAN_IN_METRES
 from jacokin.model import checks
 from jacokin.model.jacobians import REFERENCES
-from jacokin.motion.tracking.joint_limits import EASY, TINY, JointLimits, braking_speed
+from jacokin.motion.tracking.joint_limits import EASY, TINY, JointLimits, braking_speed, largest_share
 from jacokin.motion.tracking.steps import SINGULAR_POSE
 from jacokin.motion.tracking.targets import IN_BASE, Kinematics
 
@@ -129,10 +129,10 @@ class TwistFollower:
         back = solve(self._weight * off, SETTLING)
         back *= SETTLED * min(1.0, float((limits.step / np.maximum(np.abs(back), TINY)).min()))
         change, start = pace.part * direction - before, before + back
-        planned = start + _largest_share(start, change, low, high) * change
+        planned = start + largest_share(start, change, low, high) * change
         # What joints cannot accelerate to would turn the tool aside: then all of them brake together.
         braking = v * dt * (1.0 - min(1.0, float((limits.change / np.maximum(np.abs(v * dt), TINY)).min())))
-        share = _largest_share(braking, planned - braking, low, high)
+        share = largest_share(braking, planned - braking, low, high)
         displacement = np.minimum(np.maximum(braking + share * (planned - braking), low), high)
         followed = jacobian.dot(displacement - share * back) / dt
         return TwistStep(
@@ -266,11 +266,3 @@ def _behind(off: Array, wanted: Array) -> Array:
     """The part (6,) of what is missing to a line, weighted, along a twist that is wanted, that no tick makes up for."""
     size = max(float(np.linalg.norm(wanted)), TINY)
     return np.asarray(max(float(off.dot(wanted)) / size - HURRY * size, 0.0) / size * wanted)
-
-
-def _largest_share(start: Array, change: Array, low: Array, high: Array) -> float:
-    """The largest share from 0 to 1 of a change that keeps start + share * change within bounds, all (dof,)."""
-    ends = np.where(change > 0.0, high, low) - start
-    with np.errstate(divide="ignore", invalid="ignore"):
-        shares = np.where(np.abs(change) > TINY, ends / change, np.inf)
-    return float(np.clip(shares.min(), 0.0, 1.0))
