@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -294,30 +294,42 @@ def controlled_directions(jacobian: Array) -> Array:
     return np.asarray(right[: singular.size][singular > RANK * max(float(singular[0]), np.finfo(float).tiny)])
 
 
+class Level(NamedTuple):
+    """Targets of a later priority, linearised."""
+
+    jacobian: Array
+    """(k, dof) weighted."""
+    error: Array
+    """(k,) weighted."""
+    ends_there: bool = True
+    """Whether the arm is to stop where nothing is missing; False for a wish that is for one tick."""
+
+
 def refine(
     displacement: Array,
     problem: TickProblem,
-    levels: Sequence[tuple[Array, Array]],
-    bounds: tuple[Array, Array],
+    levels: Sequence[Level],
+    room: tuple[Array, Array],
     limits: JointLimits,
     qp: Backend,
 ) -> Array:
     """Add what later priorities want to a displacement (dof,) [rad], as far as earlier ones are not moved by it.
 
-    Each level is least squares in a basis of the null space of all levels before it, within the same bounds. A level
-    whose QP fails is left out.
+    Each level is least squares in a basis of the null space of all levels before it, within the same limits. Of what it
+    is missing the arm goes as much as it can still stop on. A level whose QP fails is left out.
 
     Args:
         displacement: of the first level, in this tick.
         problem: that level.
-        levels: Jacobian and error of each later one.
-        bounds: least and largest displacement (dof,) in this tick.
+        levels: the later ones.
+        room: least and largest displacement (dof,) to the limits [rad].
         limits: of the joints; later levels use a part of their velocities, and can stop where they lead.
         qp: solves.
     """
-    (low, high), above = bounds, problem.root
+    low, high = np.maximum(room[0], -FAR), np.minimum(room[1], FAR)
+    above = problem.root
     rows, ends = problem.inequalities
-    for jacobian, error in levels:
+    for jacobian, error, ends_there in levels:
         controlled = controlled_directions(above)
         if len(controlled) == len(displacement):
             break
@@ -330,23 +342,21 @@ def refine(
         h = [high - displacement, displacement - low]
         if rows is not None and ends is not None:
             h.append(ends - rows @ displacement)
-        free = np.full(basis.shape[1], 10.0)  # [rad] more than any tick
-        total = basis @ np.linalg.solve(hessian, reduced.T @ missing)
+        free = np.full(basis.shape[1], FAR)
         try:
-            extra = basis @ qp.minimize(hessian, -reduced.T @ missing, (G, np.concatenate(h)), -free, free)
+            total = basis @ qp.minimize(hessian, -reduced.T @ missing, (G, np.concatenate(h)), -free, free)
         except QPFailed:
             continue
-        extra *= min(1.0, LATER_SPEED / max(float((np.abs(extra) / limits.step).max()), TINY))
-        most = np.abs(limits.stride(total, np.zeros_like(total)))  # from which all of it can still end in time
-        part = min(1.0, float((np.maximum(most, TINY) / np.maximum(np.abs(extra), TINY)).min()))
-        displacement = np.clip(displacement + part * extra, low, high)
+        extra = limits.stride(total, np.zeros_like(total)) if ends_there else total
+        fast = float((np.abs(extra) / limits.step).max())
+        displacement = displacement + min(1.0, LATER_SPEED / max(fast, TINY)) * extra
     return displacement
 
 
 def null_space_level(
     robot: Robot, frame: str, q: Array, objectives: Sequence[Objective], step_limit: Array, dt: float
-) -> tuple[Array, Array]:
-    """What the objectives want in a tick, as the Jacobian and error of a last level.
+) -> Level:
+    """What the objectives want in a tick, as a last level.
 
     Raises:
         InvalidInputError: an objective returns something else than a joint velocity.
@@ -358,4 +368,4 @@ def null_space_level(
     part = float(np.max(np.abs(displacement) / step_limit))
     if part > NULL_SPEED:
         displacement *= NULL_SPEED / part
-    return np.eye(robot.dof), displacement
+    return Level(np.eye(robot.dof), displacement, ends_there=False)

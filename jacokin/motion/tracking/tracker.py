@@ -35,6 +35,7 @@ from jacokin.motion.tracking.avoidance import CLEARANCE, ClearanceGuard, Distanc
 from jacokin.motion.tracking.joint_limits import TINY, JointLimits
 from jacokin.motion.tracking.moving import Motion, Whereabouts
 from jacokin.motion.tracking.problem import (
+    Level,
     Objective,
     TickProblem,
     build_problem,
@@ -509,7 +510,7 @@ class Tracker:
             self._kinematics, tasks, q, state.guard, state.arm.distances, state.where, self._negligible
         )
         bounds, held = limits.bounds(q, state.v), ""
-        later = [linearise(self._kinematics, level) for level in levels[1:]]
+        later = [Level(*linearise(self._kinematics, level)) for level in levels[1:]]
         if self._objectives:
             later.append(null_space_level(self.robot, self.frame, q, self._objectives, limits.step, self.dt))
         moved = self._target_moved(state.tasks, tasks, problem.error)
@@ -526,9 +527,9 @@ class Tracker:
                 held = "" if is_near else "every step makes the error grow"
         except QPFailed:
             held = "no QP solver solved this tick"
-        displacement = np.minimum(np.maximum(displacement, bounds[0]), bounds[1])
         if later and not held:
-            displacement = refine(displacement, problem, later, bounds, limits, self._qp)
+            displacement = refine(displacement, problem, later, limits.room(q), limits, self._qp)
+        displacement = np.minimum(np.maximum(displacement, bounds[0]), bounds[1])
         arm, can_stop = self._keep_clear(state, displacement, problem.exits, deadline)
         after = state.move(arm, self.dt, can_stop=can_stop, tasks=tuple(tasks), moved=moved, line=None)
         # Shapes moving apart, or joints still gathering speed, may take the tool away from its target for a while.

@@ -93,12 +93,14 @@ def test_an_arm_inside_an_obstacle_moves_out(robot: Robot, number: int) -> None:
     referee = Referee(robot, scene)
     assert referee.least(robot.home) < 0.0
     tracker = Tracker(robot, scene=scene, clearance=DISTANCE)
+    named = False
     for _ in range(200):
         step = tracker.step(pose)
         assert robot.within_limits(step.q)
+        named |= any("~" in name for name in step.limiting)
     assert referee.least(step.q) >= DISTANCE - TOLERANCE
     assert step.status is not TrackerStatus.OK
-    assert any("~" in name for name in step.limiting)
+    assert named
 
 
 def test_the_floor_is_not_touched(robot: Robot) -> None:

@@ -60,14 +60,16 @@ def arrival(robot: Robot, rng: np.random.Generator, kind: int) -> tuple[Obstacle
     return shapes[kind], twist
 
 
-def fly(robot: Robot, number: int) -> float:
+def fly(robot: Robot, number: int, acceleration_limit: float | None = np.inf) -> float:
     """The least distance [m] of a standing arm that evades a flight, everything else checked on the way."""
     rng = np.random.default_rng(number)
     shape, twist = flight(robot, rng, number % 3)
     scene = Scene([shape])
     referee = Referee(robot, scene, self_collision=False)
     start, home = pose_of(shape), robot.forward_kinematics(robot.home)
-    tracker = Tracker(robot, dt=DT, scene=scene, clearance=DISTANCE, self_collision=False)
+    tracker = Tracker(
+        robot, dt=DT, scene=scene, clearance=DISTANCE, self_collision=False, acceleration_limit=acceleration_limit
+    )
     nearest = without = np.inf
     for tick in range(round(0.8 / np.linalg.norm(twist[:3]) / DT)):
         step = tracker.step(home, obstacles={"it": (after(start, twist, tick * DT), twist)})
@@ -92,8 +94,9 @@ def test_what_flies_at_the_arm_is_evaded(robot: Robot, number: int) -> None:
 
 
 @pytest.mark.slow
-def test_most_flights_are_evaded_and_none_goes_deep(robot: Robot) -> None:
-    nearest = np.array([fly(robot, number) for number in range(20)])
+@pytest.mark.parametrize("acceleration_limit", [None, np.inf], ids=["default", "none"])
+def test_most_flights_are_evaded_and_none_goes_deep(robot: Robot, acceleration_limit: float | None) -> None:
+    nearest = np.array([fly(robot, number, acceleration_limit) for number in range(20)])
     assert (nearest > 0.0).sum() >= 16
     assert nearest.min() > -0.04  # [m]
 
