@@ -1,6 +1,6 @@
 """Motion: how the arm gets there. Everything public is imported from here; read `tracking/tracker` first.
 
-tracking           following targets at a fixed rate, one QP a tick
+tracking           following targets at a fixed rate
 track              `track_path`: following a path of poses with the tracker, from the start that makes it possible
 planning           `plan_path`: the best branch at every place of a path, before anything moves
 free_motion        `plan_motion`: from a configuration to a goal without contact

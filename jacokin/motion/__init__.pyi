@@ -22,6 +22,7 @@ from jacokin.motion.tracking.targets import OrientationTarget as OrientationTarg
 from jacokin.motion.tracking.targets import PoseTarget as PoseTarget
 from jacokin.motion.tracking.targets import PositionTarget as PositionTarget
 from jacokin.motion.tracking.targets import RegionTarget as RegionTarget
+from jacokin.motion.tracking.tracker import MotionState as MotionState
 from jacokin.motion.tracking.tracker import Tracker as Tracker
 from jacokin.motion.trajectory import BranchReport as BranchReport
 from jacokin.motion.trajectory import Goal as Goal

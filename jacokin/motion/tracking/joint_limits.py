@@ -120,14 +120,17 @@ class JointLimits:
         """Least and largest displacement (dof,) [rad] to the limits; a joint that is past one may only come back."""
         return np.minimum(self.lower - q, 0.0), np.maximum(self.upper - q, 0.0)
 
-    def bounds(self, q: Array, v: Array) -> tuple[Array, Array]:
-        """Least and largest displacement (dof,) [rad] by all limits, at `q` [rad] after velocities `v` [rad/s]."""
+    def stoppable(self, q: Array) -> tuple[Array, Array]:
+        """Least and largest displacement (dof,) [rad] from `q` (dof,) [rad] after which joints can stop in time."""
         low, high = self.room(q)
         if (high >= self._far).all() and (low <= -self._far).all():
-            low, high = -self.step, self.step
-        else:
-            below, above = braking_speed(np.array([-low, high]), self._acceleration, self._dt) * self._dt
-            low, high = np.maximum(-np.minimum(below, self.step), low), np.minimum(np.minimum(above, self.step), high)
+            return -self.step, self.step
+        below, above = braking_speed(np.array([-low, high]), self._acceleration, self._dt) * self._dt
+        return np.maximum(-np.minimum(below, self.step), low), np.minimum(np.minimum(above, self.step), high)
+
+    def bounds(self, q: Array, v: Array) -> tuple[Array, Array]:
+        """Least and largest displacement (dof,) [rad] by all limits, at `q` [rad] after velocities `v` [rad/s]."""
+        low, high = self.stoppable(q)
         # Braking as hard as allowed always satisfies the bounds, but for rounding.
         least, most = v * self._dt - self.change, v * self._dt + self.change
         return np.minimum(np.maximum(low, least), most), np.minimum(np.maximum(high, least), most)

@@ -1,4 +1,4 @@
-"""The least-squares problem of one tick, linearised where the arm is."""
+"""What is missing to the targets of one tick: their error to second order where the arm is, and its QP."""
 
 from __future__ import annotations
 
@@ -25,9 +25,7 @@ TIKHONOV = 1e-10  # keeps the QP strictly convex at singular poses
 DAMPING = 0.1  # [m/rad^2] relative to the error that can be removed; less lets the joints swing near singular poses
 NULL_SPEED = 0.25  # part of the velocity limits that null-space motion may use; its curvature costs microns a tick
 LATER_SPEED = 0.5  # the same of targets of later priorities
-CLOSE = (
-    0.01  # [m] an error below which damping vanishes with its square, so that moving targets are followed to microns
-)
+CLOSE = 0.01  # [m] an error below which damping vanishes with its square: so moving targets are followed to microns
 LEAVING = 10.0  # damping relative to the square of what is missing to the distance, weighted: the arm leaves straight
 ROUNDED = 1e-6  # of a squared error: less is not told from rounding and the damping that keeps the Hessian regular
 LITTLE = 1e-4  # of an error out of reach, by which it is not worth while to move on
@@ -353,10 +351,8 @@ def refine(
     return displacement
 
 
-def null_space_level(
-    robot: Robot, frame: str, q: Array, objectives: Sequence[Objective], step_limit: Array, dt: float
-) -> Level:
-    """What the objectives want in a tick, as a last level.
+def wished(robot: Robot, frame: str, q: Array, objectives: Sequence[Objective], step_limit: Array, dt: float) -> Array:
+    """The displacement (dof,) [rad] that the objectives want in a tick.
 
     Raises:
         InvalidInputError: an objective returns something else than a joint velocity.
@@ -368,4 +364,4 @@ def null_space_level(
     part = float(np.max(np.abs(displacement) / step_limit))
     if part > NULL_SPEED:
         displacement *= NULL_SPEED / part
-    return Level(np.eye(robot.dof), displacement, ends_there=False)
+    return displacement

@@ -32,7 +32,7 @@ from jacokin.model.obstacles import Obstacle
 from jacokin.model.robot import Robot, checked_robot, tracking_accelerations, velocity_limits
 from jacokin.model.scene import Scene
 from jacokin.motion.tracking.avoidance import CLEARANCE, ClearanceGuard, Distances, make_guard
-from jacokin.motion.tracking.joint_limits import TINY, JointLimits
+from jacokin.motion.tracking.joint_limits import AT_BOUND, TINY, JointLimits
 from jacokin.motion.tracking.moving import Motion, Whereabouts
 from jacokin.motion.tracking.problem import (
     Level,
@@ -42,8 +42,8 @@ from jacokin.motion.tracking.problem import (
     by_priority,
     checked_objectives,
     linearise,
-    null_space_level,
     refine,
+    wished,
 )
 from jacokin.motion.tracking.steps import (
     SINGULAR_POSE,
@@ -65,7 +65,7 @@ from jacokin.motion.tracking.twist import (
     moved,
 )
 
-NEGLIGIBLE = 0.1  # of the tolerances: an error below this may grow again
+NEGLIGIBLE = 0.1  # of the tolerances: an error below this may grow again, and is not worth while to be made smaller by
 REMOVED = 1e-2  # part of the squared error that is all but none
 HALVINGS = 6  # of a step that makes the error grow, before the arm stays
 PARTS = (1.0, 0.5, 0.2, 0.05)  # of the way from braking to what the arm would do, tried until nothing is too near
@@ -472,7 +472,7 @@ class Tracker:
                     after, step = self._solve(state, [goal], began, deadline)
                     return after._replace(tasks=(), moved=None, line=None), step
                 rows, ends = separation.inequalities
-            along = self._twists.step(line, wanted, state.v, rows, ends)
+            along = self._twists.step(line, wanted, state.v, rows, ends, self._wish(state.arm.q))
             arm, can_stop = self._keep_clear(state, along.displacement, {}, deadline)
         except OutOfTime:
             return self._brake(state, places, goal, began)
@@ -511,8 +511,9 @@ class Tracker:
         )
         bounds, held = limits.bounds(q, state.v), ""
         later = [Level(*linearise(self._kinematics, level)) for level in levels[1:]]
-        if self._objectives:
-            later.append(null_space_level(self.robot, self.frame, q, self._objectives, limits.step, self.dt))
+        wish = self._wish(q)
+        if wish is not None:
+            later.append(Level(np.eye(self.robot.dof), wish, ends_there=False))
         moved = self._target_moved(state.tasks, tasks, problem.error)
         displacement = np.zeros(self.robot.dof)
         if time.perf_counter() > deadline:
@@ -529,12 +530,19 @@ class Tracker:
             held = "no QP solver solved this tick"
         if later and not held:
             displacement = refine(displacement, problem, later, limits.room(q), limits, self._qp)
-        displacement = np.minimum(np.maximum(displacement, bounds[0]), bounds[1])
+        wanted = displacement
+        displacement = np.minimum(np.maximum(wanted, bounds[0]), bounds[1])
         arm, can_stop = self._keep_clear(state, displacement, problem.exits, deadline)
         after = state.move(arm, self.dt, can_stop=can_stop, tasks=tuple(tasks), moved=moved, line=None)
         # Shapes moving apart, or joints still gathering speed, may take the tool away from its target for a while.
-        excused = problem.apart.size > 0 or not limits.stops_at_once
+        excused = problem.apart.size > 0 or bool((np.abs(displacement - wanted) > AT_BOUND * limits.step).any())
         return self._report(tasks, state, after, held=held, began=began, excused=excused, problem=problem)
+
+    def _wish(self, q: Array) -> Array | None:
+        """The displacement (dof,) [rad] that the objectives want in a tick at `q` (dof,) [rad]; None without any."""
+        if not self._objectives:
+            return None
+        return wished(self.robot, self.frame, q, self._objectives, self._limits.step, self.dt)
 
     def _target_moved(self, before: tuple[FrameTask, ...], now: list[FrameTask], error: Array) -> Array | None:
         """How the error (k,) at this configuration changed with the targets in the last tick; None for not at all."""

@@ -21,6 +21,7 @@ from jacokin.ik.targets import RADIAN_IN_METRES
 from jacokin.model import checks
 from jacokin.model.jacobians import REFERENCES
 from jacokin.motion.tracking.joint_limits import EASY, TINY, JointLimits, braking_speed, largest_share
+from jacokin.motion.tracking.problem import controlled_directions
 from jacokin.motion.tracking.steps import SINGULAR_POSE
 from jacokin.motion.tracking.targets import IN_BASE, Kinematics
 
@@ -29,7 +30,7 @@ ASIDE = 0.01  # part of the twist that may be given away where the joints could 
 HALVINGS = 5  # of the range of damping in which no more is given away than needed
 BENT = 0.1  # part of its way in a tick by which the joints' path may bend towards a singular pose
 CREEPING = 1e-3  # a smaller part of a twist towards a singular pose is none: the arm stands
-BENDING = 0.5
+BENDING = 0.5  # part of the acceleration limits that the bend of the joints' path may use
 TURNS_FREE = 1e-4  # weight [m/rad] of turning against moving where an arm cannot do both, instead of RADIAN_IN_METRES
 SETTLING = 1e-5  # damping, and
 SETTLED = 0.5  # part of the tick's room, with which the tool is brought back to the line
@@ -105,7 +106,9 @@ class TwistFollower:
         turn = RADIAN_IN_METRES if kinematics.robot.dof >= 6 else TURNS_FREE
         self._weight = np.array([1.0, 1.0, 1.0, turn, turn, turn])
 
-    def step(self, line: Line, twist: Array, v: Array, rows: Array | None, ends: Array | None) -> TwistStep:
+    def step(
+        self, line: Line, twist: Array, v: Array, rows: Array | None, ends: Array | None, wish: Array | None
+    ) -> TwistStep:
         """One tick from where the kinematics are.
 
         Args:
@@ -114,6 +117,7 @@ class TwistFollower:
             v: (dof,) velocity of the joints [rad/s].
             rows: (k, dof) how the displacement uses up distances to what is near [m/rad]; None for nothing near.
             ends: (k,) those distances [m].
+            wish: (dof,) displacement [rad] that joints are to make as well, where it does not move the tool; or None.
         """
         limits, dt, q = self._limits, self._dt, self._kinematics.q
         low, high = limits.bounds(q, v)
@@ -129,6 +133,8 @@ class TwistFollower:
         back = solve(self._weight * off, SETTLING)
         back *= SETTLED * min(1.0, float((limits.step / np.maximum(np.abs(back), TINY)).min()))
         change, start = pace.part * direction - before, before + back
+        if wish is not None:
+            start += self._aside(jacobian, wish, rows, ends)
         planned = start + largest_share(start, change, low, high) * change
         # What joints cannot accelerate to would turn the tool aside: then all of them brake together.
         braking = v * dt * (1.0 - min(1.0, float((limits.change / np.maximum(np.abs(v * dt), TINY)).min())))
@@ -143,6 +149,16 @@ class TwistFollower:
             wanted,
             solve.jacobian,
         )
+
+    def _aside(self, jacobian: Array, wish: Array, rows: Array | None, ends: Array | None) -> Array:
+        """As much of a wish (dof,) [rad] as does not move the tool, nor lead to a limit or to what is near."""
+        controlled = controlled_directions(jacobian)
+        found = wish - controlled.T.dot(controlled.dot(wish))
+        part = largest_share(np.zeros_like(found), found, *self._limits.stoppable(self._kinematics.q))
+        if rows is not None and ends is not None and len(ends):
+            closing = rows.dot(found)
+            part = min(part, float((ends / np.maximum(closing, TINY)).min()))
+        return np.asarray(part * found)
 
     def lag(self, step: TwistStep, v: Array) -> float:
         """What velocities (dof,) [rad/s] leave of the twist that was asked for, as a part of it."""

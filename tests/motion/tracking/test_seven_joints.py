@@ -86,6 +86,26 @@ def test_the_elbow_moves_while_the_tool_stays(seven: Robot) -> None:
     assert np.abs(tracker.q - elsewhere).max() < 0.3 * before
 
 
+@pytest.mark.parametrize("acceleration", [None, np.inf], ids=["default", "none"])
+def test_the_elbow_moves_while_the_tool_follows_a_twist(seven: Robot, acceleration: float | None) -> None:
+    """As it does while the tool follows poses on the same line."""
+    start, twist = seven.forward_kinematics(seven.home), np.array([0.0, 0.0, 0.02, 0.0, 0.0, 0.0])
+    posture = seven.home + np.array([0.0, 0.0, 0.6, 0.0, 0.0, 0.0, 0.0])
+    free = Tracker(seven, dt=DT, acceleration_limit=acceleration)
+    held, led = (Tracker(seven, dt=DT, posture=posture, acceleration_limit=acceleration) for _ in range(2))
+    for tick in range(1, 301):
+        free.step(twist=twist)
+        step = held.step(twist=twist)
+        led.step(pin.SE3(start.rotation, start.translation + tick * DT * twist[:3]))
+    assert step.status is TrackerStatus.OK
+    assert np.abs(led.q - free.q).max() > 0.1
+    assert np.abs(held.q - led.q).max() < 0.1 * np.abs(led.q - free.q).max()
+    for tracker in (free, held):
+        moved = seven.forward_kinematics(tracker.q).translation - start.translation
+        assert np.abs(moved[:2]).max() < 1e-4
+        assert moved[2] == pytest.approx(0.06, abs=2e-3)
+
+
 @pytest.mark.parametrize(("paths", "least"), [(3, 0), pytest.param(8, 1, marks=pytest.mark.slow)])
 def test_a_path_is_tracked_from_a_start_that_allows_it(seven: Robot, paths: int, least: int) -> None:
     """The nearest member of the first pose's family runs into a limit on some lines, and another one does not."""
