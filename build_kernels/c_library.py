@@ -16,7 +16,7 @@ import numpy as np
 from jacokin.kernels import branches
 from jacokin.kernels.closed_form import arm
 from jacokin.kernels.entries import ENTRIES
-from jacokin.kernels.self_motion import arcs, intervals, limit_cuts, slices
+from jacokin.kernels.solution_set import slices, within
 
 PACKAGE = Path(__file__).parents[1] / "jacokin"
 FOLDER, INCLUDE = PACKAGE / "kernels" / "c", PACKAGE / "include"
@@ -27,17 +27,8 @@ FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fvisibility=hidden")
 CONSTANTS = {
     arm: ("ARM_CONSTANTS",),
     branches: ("COLUMNS", "DISTANCE", "WITHIN_LIMITS", "FAMILY"),
-    slices: ("SLICES", "SLICES_SIX", "SLICES_SEVEN"),
-    arcs: ("NODES", "ARCS", "SEAM_END"),
-    limit_cuts: ("INTERVALS", "INTERVAL_COLUMNS"),
-    intervals: (
-        "FIND_INTERVALS",
-        "FIND_AT_PARAMETER",
-        "FIND_NEAREST",
-        "FIND_NEAREST_ON_RUN",
-        "FIRST_SLICE",
-        "SAME_SLICE",
-    ),
+    slices: ("AFTER", "BEFORE", "JOINT_3"),
+    within: ("PIECES", "FOLD", "CIRCLE", "LOST"),
 }
 HEADER = "arrays.h"
 #: Functions of the C library that are called by their oldest version, on Linux: by `glibc.c`, which others leave out.

@@ -14,8 +14,9 @@ from jacokin.kernels.closest import find_closest, make_closest_work
 from jacokin.kernels.contact.run import make_contact_work, run_contact
 from jacokin.kernels.free_motion.run import make_motion_work, run_free_motion
 from jacokin.kernels.rung_links import link_rungs, make_link_work
-from jacokin.kernels.self_motion.intervals import make_curve_work, run_curves
 from jacokin.kernels.six_joints.ranking import make_rank_work, rank_labellings
+from jacokin.kernels.solution_set.nearest import find_nearest, find_point, make_nearest_work, make_point_work
+from jacokin.kernels.solution_set.run import make_set_work, solve_set
 from jacokin.kernels.speeds import fit_speeds, make_speed_work
 
 
@@ -28,7 +29,6 @@ class Entry(NamedTuple):
 
 ENTRIES = (
     Entry(solve_targets, make_target_work),
-    Entry(run_curves, make_curve_work),
     Entry(rank_labellings, make_rank_work),
     Entry(run_contact, make_contact_work),
     Entry(run_free_motion, make_motion_work),
@@ -36,4 +36,7 @@ ENTRIES = (
     Entry(link_rungs, make_link_work),
     Entry(fit_speeds, make_speed_work),
     Entry(find_closest, make_closest_work),
+    Entry(solve_set, make_set_work),
+    Entry(find_point, make_point_work),
+    Entry(find_nearest, make_nearest_work),
 )

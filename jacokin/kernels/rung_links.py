@@ -15,7 +15,7 @@ from jacokin.arrays import Array
 from jacokin.kernels.chain import deviation
 from jacokin.kernels.closest import AXIS, OFFSET, SLIDES, added, turned
 from jacokin.kernels.limits import TURN
-from jacokin.kernels.self_motion.slices import turn_target
+from jacokin.kernels.solution_set.slices import turn_target
 from jacokin.kernels.trigonometry import sin_cos
 from jacokin.kernels.vector import Vec, mix, norm
 

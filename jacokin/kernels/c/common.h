@@ -47,9 +47,11 @@ struct jacokin_ik_solver {
 enum { JACOKIN_SOLVE_TARGETS(POSITION, FREE_POSITION) TARGETS_TABLE };
 #undef POSITION
 #undef FREE_POSITION
-#define POSITION(name, numbers) CURVES_##name,
-enum { JACOKIN_RUN_CURVES(POSITION, POSITION) CURVES_TABLE };
+#define POSITION(name, numbers) SET_##name,
+#define FREE_POSITION(name, numbers) SET_##name, SET_##name##_length,
+enum { JACOKIN_SOLVE_SET(POSITION, FREE_POSITION) CURVES_TABLE };
 #undef POSITION
+#undef FREE_POSITION
 
 /* Every entry is 8 bytes: a double, an int64_t, or the address of some. */
 typedef union {
@@ -61,7 +63,7 @@ typedef union {
 
 /* The kernels. */
 int64_t jacokin_solve_targets(entry *table);
-int64_t jacokin_run_curves(entry *table);
+int64_t jacokin_solve_set(entry *table);
 
 /* A call's memory, laid out by jacokin_lay_out. */
 typedef struct {

@@ -285,7 +285,7 @@ int jacokin_ik_limits(const jacokin_ik_solver *solver, double *lower, double *up
 /* An array of any length holds one row here: a call is for one target. */
 #define COUNT(name, numbers) numbers,
 static const int64_t target_numbers[] = {JACOKIN_SOLVE_TARGETS(COUNT, COUNT)};
-static const int64_t curve_numbers[] = {JACOKIN_RUN_CURVES(COUNT, COUNT)};
+static const int64_t curve_numbers[] = {JACOKIN_SOLVE_SET(COUNT, COUNT)};
 #undef COUNT
 #define IS_FIXED(name, numbers) 0,
 #define IS_FREE(name, numbers) 1,

@@ -113,16 +113,12 @@ def at_linear_roots(
     arm: SixArm, reach: Reach, wrist: Triangle, query: PoseQuery, work: Candidates, branches: BranchWork
 ) -> None:
     """The branches where axes 1 and 2 meet or are parallel: u and v have one direction."""
-    u, v, state = reach.u, reach.v, work.state
-    # Of length |(u, v)|: the direction of both, from the longer one.
-    uu, vv = u[0] * u[0] + u[1] * u[1], v[0] * v[0] + v[1] * v[1]
-    longer, square = (u, uu) if uu > vv else (v, vv)
-    ex, ey = longer[0] / math.sqrt(square), longer[1] / math.sqrt(square)
-    along_u, along_v = u[0] * ex + u[1] * ey, v[0] * ex + v[1] * ey
+    state = work.state
+    ex, ey, along_u, along_v, square = direction_of(reach)
     rest = combined(reach.distance, along_v, reach.height, -along_u)
     joint = joint_of(arm.form_labelling, 2)
     threes = pair_of(rest[1], rest[2], -rest[0], query.seed[joint], slack_after(0))
-    coordinate = combined(reach.distance, along_u / (uu + vv), reach.height, along_v / (uu + vv))
+    coordinate = combined(reach.distance, along_u / square, reach.height, along_v / square)
     for i in range(3):
         if skips(threes, SIGNS[i]):
             continue
@@ -164,15 +160,8 @@ def at_quartic_roots(
     branches: BranchWork,
 ) -> None:
     """The branches where the turned coordinates of f follow from height and distance."""
-    u, v, state = reach.u, reach.v, work.state
-    x = combined(reach.distance, v[1] / reach.cross, reach.height, -u[1] / reach.cross)
-    y = combined(reach.height, u[0] / reach.cross, reach.distance, -v[0] / reach.cross)
-    for n in range(len(roots.cosine)):
-        roots.cosine[n], roots.sine[n] = 0.0, 0.0
-    size = add_square(x, 1.0, roots) + add_square(y, 1.0, roots)
-    for i in range(2):
-        size += add_square((reach.f0[i], reach.fc[i], reach.fs[i]), -1.0, roots)
-    noise = SMALLEST_NOISE * size
+    state = work.state
+    x, y, noise = fill_quartic(reach, roots.cosine, roots.sine)
     for i in range(find_roots(noise, 0.0, roots)):
         theta = roots.roots[i, 0]
         _, slope = value_and_slope(roots.cosine, roots.sine, theta)
@@ -189,16 +178,77 @@ def at_quartic_roots(
         turn_wrist(arm, reach, wrist, f, False, query, work, branches)
 
 
-def add_square(wave: Wave, sign: float, roots: RootWork) -> float:
-    """Add the square of a wave to a polynomial; returns a bound of its size."""
+def fill_quartic(reach: Reach, cosine: Array, sine: Array) -> tuple[Wave, Wave, float]:
+    """Fill the coefficients of the polynomial of degree 2 in theta_3 whose roots bring W to its place.
+
+    Returns:
+        The turned coordinates of f, and the noise of the polynomial's values.
+    """
+    u, v = reach.u, reach.v
+    x = combined(reach.distance, v[1] / reach.cross, reach.height, -u[1] / reach.cross)
+    y = combined(reach.height, u[0] / reach.cross, reach.distance, -v[0] / reach.cross)
+    for n in range(len(cosine)):
+        cosine[n], sine[n] = 0.0, 0.0
+    size = add_square(x, 1.0, cosine, sine) + add_square(y, 1.0, cosine, sine)
+    for i in range(2):
+        size += add_square((reach.f0[i], reach.fc[i], reach.fs[i]), -1.0, cosine, sine)
+    return x, y, SMALLEST_NOISE * size
+
+
+def fill_both_turns(reach: Reach, cosine: Array, sine: Array) -> float:
+    """The same where axes 1 and 2 meet or are parallel: of degree 2 in theta_2; returns the noise of its values.
+
+    Two theta_3 solve an equation of their own, and for each theta_2 has one like it. With c_3 and s_3 = (e + r g) / h,
+    where r is a root that may be imaginary, the product of both equations for theta_2 has no root.
+    """
+    ex, ey, along_u, along_v, square = direction_of(reach)
+    rest = combined(reach.distance, along_v, reach.height, -along_u)
+    x = combined(reach.distance, along_u / square, reach.height, along_v / square)
+    along = combined(wave_of(reach, 0), ex, wave_of(reach, 1), ey)
+    across = combined(wave_of(reach, 0), ey, wave_of(reach, 1), -ex)
+    h = rest[1] * rest[1] + rest[2] * rest[2]
+    r2 = h - rest[0] * rest[0]
+    # h times a wave is its first number plus r times its second.
+    a, b, c = parts_of(along, rest, h), parts_of(across, rest, h), parts_of(x, rest, h)
+    for n in range(len(cosine)):
+        cosine[n], sine[n] = 0.0, 0.0
+    size = add_square((-c[0], a[0], b[0]), 1.0, cosine, sine)
+    size += add_square((-c[1], a[1], b[1]), -r2, cosine, sine)
+    return SMALLEST_NOISE * size
+
+
+def direction_of(reach: Reach) -> tuple[float, float, float, float, float]:
+    """The direction that u and v have in common, their coordinates along it, and the sum of their squares."""
+    u, v = reach.u, reach.v
+    uu, vv = u[0] * u[0] + u[1] * u[1], v[0] * v[0] + v[1] * v[1]
+    longer, square = (u, uu) if uu > vv else (v, vv)
+    ex, ey = longer[0] / math.sqrt(square), longer[1] / math.sqrt(square)
+    return ex, ey, u[0] * ex + u[1] * ey, v[0] * ex + v[1] * ey, uu + vv
+
+
+def wave_of(reach: Reach, i: int) -> Wave:
+    """Coordinate i of f."""
+    return (reach.f0[i], reach.fc[i], reach.fs[i])
+
+
+def parts_of(wave: Wave, rest: Wave, h: float) -> tuple[float, float]:
+    """H times a wave where another one is zero: a number, and what is multiplied by the root."""
+    return (
+        h * wave[0] - rest[0] * (rest[1] * wave[1] + rest[2] * wave[2]),
+        rest[1] * wave[2] - rest[2] * wave[1],
+    )
+
+
+def add_square(wave: Wave, factor: float, cosine: Array, sine: Array) -> float:
+    """Add a multiple of the square of a wave to a polynomial; returns a bound of its size."""
     a, b, c = wave
-    roots.cosine[0] += sign * (a * a + 0.5 * (b * b + c * c))
-    roots.cosine[1] += sign * 2.0 * a * b
-    roots.sine[1] += sign * 2.0 * a * c
-    roots.cosine[2] += sign * 0.5 * (b * b - c * c)
-    roots.sine[2] += sign * b * c
+    cosine[0] += factor * (a * a + 0.5 * (b * b + c * c))
+    cosine[1] += factor * 2.0 * a * b
+    sine[1] += factor * 2.0 * a * c
+    cosine[2] += factor * 0.5 * (b * b - c * c)
+    sine[2] += factor * b * c
     size = abs(a) + abs(b) + abs(c)
-    return size * size
+    return abs(factor) * size * size
 
 
 def turn_wrist(

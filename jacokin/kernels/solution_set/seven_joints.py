@@ -9,10 +9,15 @@ from __future__ import annotations
 import math
 
 from jacokin.arrays import Array
+from jacokin.kernels.closed_form.resultant import DEGREE, SAMPLES, SPACING, TO_COSINE, TO_SINE
+from jacokin.kernels.closed_form.roots import RootWork, find_roots
+from jacokin.kernels.solution_set.curve import wrapped
 from jacokin.kernels.trigonometry import angle_of, sin_cos
 from jacokin.kernels.vector import Vec, dot
 
 MOST_AT_Q3 = 8
+#: Folds at most, and the noise of their equations relative to their largest value.
+MOST_FOLDS, FOLD_NOISE = 64, 1e-14
 
 
 def row_of(chain: Array, i: int, k: int) -> Vec:
@@ -80,44 +85,62 @@ def wrist_after_joint_2(chain: Array, arm7: Array, u: Vec, c3: float, s3: float,
     return (u[0] + d[0], u[1] + d[1], u[2] + d[2])
 
 
-def elbow_discriminant(chain: Array, arm7: Array, D0: Vec, q3: float) -> float:
-    """The first of the `discriminants`."""
-    s3, c3 = sin_cos(q3)
-    a, b, c = elbow_equation(chain, arm7, D0, elbow(chain, arm7, c3, s3), c3, s3)
-    return a * a + b * b - c * c
+def fill_fold_equations(chain: Array, arm7: Array, D0: Vec, q3: float) -> tuple[float, float, float]:
+    """Three functions of joint 3 that vanish where configurations meet: trigonometric polynomials of degrees 2, 4, 4.
 
-
-def discriminants(chain: Array, arm7: Array, D0: Vec, q3: float) -> tuple[float, float, float]:
-    """How far from vanishing the configurations with this joint 3 are, < 0 where there are none.
-
-    Args:
-        chain: (8, 3, 4) the arm's placements.
-        arm7: (12,) see `solve_at_q3`.
-        D0: what `wrist_from_shoulder` returned.
-        q3: [rad].
-
-    Returns:
-        For joint 4, and for joint 2 with either value of joint 4; the others are -1 where the first one is negative.
+    The first one is the discriminant of joint 4. Joint 2 has one value where the height of W after joint 2 is one of two
+    constants, the second and the third function: with joint 4's equation, both linear in its cosine and sine.
     """
     s3, c3 = sin_cos(q3)
     u = elbow(chain, arm7, c3, s3)
     a, b, c = elbow_equation(chain, arm7, D0, u, c3, s3)
-    square = a * a + b * b
-    first = square - c * c
-    if not first > 0.0:
-        return first, -1.0, -1.0
-    root = math.sqrt(first)
+    up = turned_back(chain, 3, about_z(c3, -s3, row_of(chain, 2, 2)))  # axis z after joint 2, seen after joint 3
+    across, along = up[0] * arm7[9] + up[1] * arm7[10], up[1] * arm7[9] - up[0] * arm7[10]
+    height = u[2] + up[2] * arm7[11]
+    r = chain[1, 2, 2]
+    flat = math.sqrt(max((1.0 - r * r) * (dot(D0, D0) - D0[2] * D0[2]), 0.0))
+    determinant = a * along - b * across
+    above, below = r * D0[2] + flat - height, r * D0[2] - flat - height
     return (
-        first,
-        _second(chain, arm7, D0, u, c3, s3, (a * c - b * root) / square, (b * c + a * root) / square),
-        _second(chain, arm7, D0, u, c3, s3, (a * c + b * root) / square, (b * c - a * root) / square),
+        a * a + b * b - c * c,
+        (c * along - b * above) ** 2 + (a * above - across * c) ** 2 - determinant * determinant,
+        (c * along - b * below) ** 2 + (a * below - across * c) ** 2 - determinant * determinant,
     )
 
 
-def _second(chain: Array, arm7: Array, D0: Vec, u: Vec, c3: float, s3: float, c4: float, s4: float) -> float:
-    """The discriminant for joint 2, with cosines and sines of joints 3 and 4."""
-    a, b, c = plane_equation(row_of(chain, 1, 2), wrist_after_joint_2(chain, arm7, u, c3, s3, c4, s4), D0[2])
-    return a * a + b * b - c * c
+def find_folds(chain: Array, arm7: Array, T: Array, roots: RootWork, folds: Array) -> tuple[int, bool]:
+    """Fill folds with the values of joint 3 where configurations meet, in order; how many, and whether all are single.
+
+    A root that may be a double one gives the ends of its interval.
+    """
+    D0 = wrist_from_shoulder(chain, arm7, T)
+    count, single = 0, True
+    for which in range(3):
+        largest = 0.0
+        for n in range(DEGREE + 1):
+            roots.cosine[n], roots.sine[n] = 0.0, 0.0
+        for j in range(SAMPLES):
+            value = fill_fold_equations(chain, arm7, D0, SPACING * j)[which]
+            largest = max(largest, abs(value))
+            for n in range(3 if which == 0 else 5):
+                roots.cosine[n] += TO_COSINE[j, n] * value
+                roots.sine[n] += TO_SINE[j, n] * value
+        found = find_roots(FOLD_NOISE * largest, 0.0, roots)
+        for i in range(found):
+            half = roots.roots[i, 1]
+            single = single and half == 0.0
+            for side in range(1 if half == 0.0 else 2):
+                if count < folds.shape[0]:
+                    folds[count] = wrapped(roots.roots[i, 0] + (2 * side - 1) * half)
+                    count += 1
+    for i in range(1, count):
+        k = i
+        while k > 0 and folds[k] < folds[k - 1]:
+            swap = folds[k]
+            folds[k] = folds[k - 1]
+            folds[k - 1] = swap
+            k -= 1
+    return count, single and largest > 0.0
 
 
 def solve_at_q3(chain: Array, arm7: Array, T: Array, q3: float, rows: Array) -> None:

@@ -1,0 +1,224 @@
+"""One curve of solutions: steps along it, and points between two of its nodes.
+
+A chain of seven joints at a pose has a curve of solutions: the six equations of the pose leave one of seven angles. A
+node is a point x (7,) of it with the unit tangent t (7,) of the null space there, side by side in a row (14,).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from jacokin.arrays import Array
+from jacokin.kernels.chain import bordered_newton, linearise7, null_tangent
+from jacokin.kernels.limits import TURN
+
+#: [rad] the one resolution: what is nearer than this on a curve, or to another curve, is not told apart.
+RESOLUTION = 1e-7
+#: [rad] longest step along a curve, and least cosine between the tangents at its ends.
+LONGEST_STEP, LEAST_COSINE = 0.2, 0.955
+#: Square of the distance of the next point from the tangent, relative to the step's.
+LARGEST_BEND = 0.05
+#: [m] and [rad]; residual of a point, where Newton's method ends and at most.
+RESIDUAL, LARGEST_RESIDUAL = 1e-13, 1e-10
+NEWTON_STEPS = 8
+SECANTS = 60
+#: What a step may come to.
+FAILED, STEPPED, FLIPPED = 0, 1, 2
+COLUMNS = 14
+
+
+class Walk(NamedTuple):
+    """Where a walk along a curve stands, and what a step needs."""
+
+    x: Array  # (7,) the last point [rad]
+    t: Array  # (7,) its tangent, forwards
+    bend: Array  # (7,) how the tangent turned on the last step, for a distance of 1
+    y: Array  # (7,) the point ahead
+    ty: Array  # (7,)
+    z: Array  # (7,) a point between them
+    tz: Array  # (7,)
+    border: Array  # (7,)
+    system: Array  # (7, 8)
+
+
+def make_walk() -> Walk:
+    """Fresh arrays."""
+    x, t, bend, y, ty, z, tz, border = (np.zeros(7) for _ in range(8))
+    return Walk(x, t, bend, y, ty, z, tz, border, np.zeros((7, 8)))
+
+
+def wrapped(angle: float) -> float:
+    """The 2 pi equivalent of an angle in [-pi, pi)."""
+    return angle - TURN * math.floor(angle / TURN + 0.5)
+
+
+def tangent(chain: Array, T: Array, x: Array, border: Array, t: Array, walk: Walk) -> float:
+    """Fill t with the tangent at x for which border . t > 0; the sign of the determinant of both, 0 for no tangent."""
+    linearise7(chain, T, x, walk.system)
+    return null_tangent(border, t, walk.system)
+
+
+def advance(chain: Array, T: Array, walk: Walk, h: float, sign: float, y: Array, ty: Array) -> int:
+    """Fill y and ty with the point a distance h along the tangent from walk.x, and its tangent.
+
+    Args:
+        chain: (8, 3, 4).
+        T: (4, 4) target.
+        walk: where to start.
+        h: how far to go [rad].
+        sign: of `tangent`, along this curve.
+        y: filled.
+        ty: filled.
+
+    Returns:
+        `FAILED` where the step cannot be trusted; `FLIPPED` where only the sign differs, which it does on a curve
+        beside this one and where curves meet; else `STEPPED`.
+    """
+    x, t = walk.x, walk.t
+    offset = h
+    for j in range(7):
+        y[j] = x[j] + h * (t[j] + 0.5 * h * walk.bend[j])
+        offset += t[j] * x[j]
+    if not bordered_newton(chain, T, y, t, offset, walk.system, NEWTON_STEPS, RESIDUAL) <= LARGEST_RESIDUAL:
+        return FAILED
+    away, cosine = 0.0, 0.0
+    for j in range(7):
+        d = y[j] - x[j] - h * t[j]
+        away += d * d
+    if away > LARGEST_BEND * h * h:
+        return FAILED
+    reached = tangent(chain, T, y, t, ty, walk)
+    for j in range(7):
+        cosine += t[j] * ty[j]
+    if reached == 0.0 or cosine < LEAST_COSINE:
+        return FAILED
+    return STEPPED if reached == sign else FLIPPED
+
+
+def cubic(a: Array, b: Array, length: float, u: float, j: int) -> float:
+    """Coordinate j at a share u of the chord between two nodes (14,), on the cubic through both."""
+    v = 1.0 - u
+    return float(
+        (1.0 + 2.0 * u) * v * v * a[j]
+        + u * v * v * length * a[7 + j]
+        + u * u * (3.0 - 2.0 * u) * b[j]
+        - u * u * v * length * b[7 + j]
+    )
+
+
+def cubic_slope(a: Array, b: Array, length: float, u: float, j: int) -> float:
+    """The derivative of `cubic` by u."""
+    v = 1.0 - u
+    return float(
+        6.0 * u * v * (b[j] - a[j]) + v * (1.0 - 3.0 * u) * length * a[7 + j] - u * (2.0 - 3.0 * u) * length * b[7 + j]
+    )
+
+
+def chord_length(a: Array, b: Array) -> float:
+    """Distance between two nodes [rad]."""
+    square = 0.0
+    for j in range(7):
+        square += (b[j] - a[j]) * (b[j] - a[j])
+    return math.sqrt(square)
+
+
+def cubic_root(a: Array, b: Array, length: float, j: int, value: float, low: float, high: float) -> float:
+    """The share between low and high at which coordinate j of the cubic has a value that lies between theirs."""
+    f_low = cubic(a, b, length, low, j) - value
+    u = 0.5 * (low + high)
+    for _ in range(SECANTS):
+        f = cubic(a, b, length, u, j) - value
+        if f == 0.0 or high - low < 1e-15:
+            break
+        if (f > 0.0) == (f_low > 0.0):
+            low = u
+        else:
+            high = u
+        slope = cubic_slope(a, b, length, u, j)
+        before = u
+        u = u - f / slope if slope != 0.0 else low
+        if not low < u < high:
+            u = 0.5 * (low + high)
+        if abs(u - before) < 1e-15:
+            break
+    return u
+
+
+def point_across(chain: Array, T: Array, a: Array, b: Array, u: float, x: Array, t: Array, walk: Walk) -> bool:
+    """Fill x and t with the node across the chord from a to b (14,) at a share u of it; False for none there."""
+    length = chord_length(a, b)
+    if length == 0.0:
+        for j in range(7):
+            x[j], t[j] = a[j], a[7 + j]
+        return True
+    offset = 0.0
+    for j in range(7):
+        walk.border[j] = (b[j] - a[j]) / length
+        x[j] = cubic(a, b, length, u, j)
+        offset += walk.border[j] * (a[j] + u * (b[j] - a[j]))
+    if not bordered_newton(chain, T, x, walk.border, offset, walk.system, NEWTON_STEPS, RESIDUAL) <= LARGEST_RESIDUAL:
+        return False
+    return tangent(chain, T, x, walk.border, t, walk) != 0.0
+
+
+def point_at(
+    chain: Array, T: Array, a: Array, b: Array, j: int, value: float, u: float, x: Array, t: Array, walk: Walk
+) -> bool:
+    """Fill x and t with the node between a and b (14,) where angle j has a value; u is about where.
+
+    First with the angle given, and where that is no good condition, next to its extremes, by the secant method across
+    the chord.
+    """
+    length = chord_length(a, b)
+    for m in range(7):
+        walk.border[m] = 1.0 if m == j else 0.0
+        x[m] = cubic(a, b, length, u, m)
+        t[m] = x[m]
+    residual = bordered_newton(chain, T, x, walk.border, value, walk.system, NEWTON_STEPS, RESIDUAL)
+    moved = 0.0
+    for m in range(7):
+        moved = max(moved, abs(x[m] - t[m]))
+        walk.border[m] = (b[m] - a[m]) / length
+    if residual <= LARGEST_RESIDUAL and moved <= 0.01 * length and tangent(chain, T, x, walk.border, t, walk) != 0.0:
+        return True
+    low, f_low, high, f_high = 0.0, a[j] - value, 1.0, b[j] - value
+    if f_low * f_high > 0.0:
+        return False
+    for _ in range(SECANTS):
+        u = high - f_high * (high - low) / (f_high - f_low) if f_high != f_low else 0.5 * (low + high)
+        if not min(low, high) <= u <= max(low, high):
+            u = 0.5 * (low + high)
+        if not point_across(chain, T, a, b, u, x, t, walk):
+            return False
+        f = x[j] - value
+        if abs(f) <= 1e-15 or abs(high - low) < 1e-15:
+            return True
+        if f * f_high < 0.0:
+            low, f_low = high, f_high
+        else:
+            f_low *= 0.5
+        high, f_high = u, f
+    return False
+
+
+def point_where_still(chain: Array, T: Array, a: Array, b: Array, j: int, x: Array, t: Array, walk: Walk) -> bool:
+    """Fill x and t with the node between a and b (14,) where angle j stands still, having opposite slopes at both."""
+    low, f_low, high, f_high = 0.0, a[7 + j], 1.0, b[7 + j]
+    u = 0.5
+    for _ in range(SECANTS):
+        u = high - f_high * (high - low) / (f_high - f_low) if f_high != f_low else 0.5 * (low + high)
+        if not min(low, high) <= u <= max(low, high):
+            u = 0.5 * (low + high)
+        if not point_across(chain, T, a, b, u, x, t, walk):
+            return False
+        if abs(t[j]) < 1e-13 or abs(high - low) < 1e-14:
+            break
+        if t[j] * f_high < 0.0:
+            low, f_low = high, f_high
+        else:
+            f_low *= 0.5
+        high, f_high = u, t[j]
+    return True

@@ -1,0 +1,91 @@
+"""Where curves meet: the other curve through a point that a walk has passed."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from jacokin.arrays import Array
+from jacokin.kernels.chain import bordered_newton, linearise7
+from jacokin.kernels.solution_set.curve import LARGEST_RESIDUAL, NEWTON_STEPS, RESIDUAL, Walk
+
+#: [rad] how far from a meeting the other curve is looked for.
+ASIDE = 0.02
+SWEEPS = 12
+
+
+class Directions(NamedTuple):
+    """A symmetric matrix and its eigenvectors."""
+
+    square: Array  # (7, 7)
+    vectors: Array  # (7, 7) in columns
+
+
+def make_directions() -> Directions:
+    """Fresh arrays."""
+    return Directions(np.empty((7, 7)), np.empty((7, 7)))
+
+
+def points_aside(chain: Array, T: Array, meeting: Array, side: float, null: Directions, x: Array, walk: Walk) -> bool:
+    """Fill x with a point of the other curve, on one side of a meeting that lies between two points (14,).
+
+    The Jacobian has two null directions there; the other curve leaves along a combination of the known one and the one
+    across it, so that it is looked for across.
+    """
+    for j in range(7):
+        x[j] = 0.5 * (meeting[j] + meeting[7 + j])
+    linearise7(chain, T, x, walk.system)
+    for i in range(7):
+        for j in range(7):
+            product = 0.0
+            for row in range(6):
+                product += walk.system[row, i] * walk.system[row, j]
+            null.square[i, j] = product
+            null.vectors[i, j] = 1.0 if i == j else 0.0
+    diagonalise(null)
+    first, second = 0, 1
+    for i in range(7):
+        if null.square[i, i] < null.square[first, first]:
+            first, second = i, first
+        elif i != first and (second == first or null.square[i, i] < null.square[second, second]):
+            second = i
+    along_1, along_2, length = 0.0, 0.0, 0.0
+    for j in range(7):
+        d = meeting[7 + j] - meeting[j]
+        along_1 += d * null.vectors[j, first]
+        along_2 += d * null.vectors[j, second]
+    length = math.sqrt(along_1 * along_1 + along_2 * along_2)
+    if length == 0.0:
+        return False
+    offset = 0.0
+    for j in range(7):
+        across = (along_1 * null.vectors[j, second] - along_2 * null.vectors[j, first]) / length
+        walk.border[j] = across
+        x[j] += side * ASIDE * across
+        offset += across * x[j]
+    return bordered_newton(chain, T, x, walk.border, offset, walk.system, NEWTON_STEPS, RESIDUAL) <= LARGEST_RESIDUAL
+
+
+def diagonalise(null: Directions) -> None:
+    """Turn the square matrix to diagonal form, in place, by Jacobi's rotations; they make up the vectors."""
+    a, v = null.square, null.vectors
+    for _ in range(SWEEPS):
+        for p in range(6):
+            for q in range(p + 1, 7):
+                if a[p, q] == 0.0:
+                    continue
+                theta = 0.5 * (a[q, q] - a[p, p]) / a[p, q]
+                t = math.copysign(1.0, theta) / (abs(theta) + math.sqrt(theta * theta + 1.0))
+                c = 1.0 / math.sqrt(t * t + 1.0)
+                s = t * c
+                for k in range(7):
+                    x, y = a[k, p], a[k, q]
+                    a[k, p], a[k, q] = c * x - s * y, s * x + c * y
+                for k in range(7):
+                    x, y = a[p, k], a[q, k]
+                    a[p, k], a[q, k] = c * x - s * y, s * x + c * y
+                for k in range(7):
+                    x, y = v[k, p], v[k, q]
+                    v[k, p], v[k, q] = c * x - s * y, s * x + c * y

@@ -1,0 +1,241 @@
+"""Points of pieces: where the parameter has a value, and nearest to a seed."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jacokin.arrays import Array
+from jacokin.kernels.limits import TURN
+from jacokin.kernels.solution_set.curve import (
+    COLUMNS,
+    RESOLUTION,
+    SECANTS,
+    Walk,
+    chord_length,
+    cubic,
+    cubic_root,
+    make_walk,
+    point_across,
+    point_at,
+)
+
+#: Parts of a chord at a time.
+PARTS = 48
+#: A piece is at most so many times as long as the chord between two nodes.
+LONGER = 1.1
+#: Places on a chord at which the distance is looked at, by its cubic.
+LOOKS = 4
+#: [rad] where along the curve the nearest point is: as exact as rounding allows.
+STATIONARY = 1e-14
+#: A joint that goes on in another 2 pi equivalent on a chord.
+JUMP = 3.0
+
+
+class NearestWork(NamedTuple):
+    """What a call reads and writes."""
+
+    chain: Array  # (8, 3, 4) placements between seven joints that turn about z
+    T: Array  # (4, 4) target
+    nodes: Array  # (n, 14) nodes of all pieces
+    ends: NDArray[np.int64]  # (m, 6) first node and node after the last of each piece; the rest is not read
+    seed: Array  # (7,) [rad]
+    weights: Array  # (7,) 1 for an angle that counts, 0 for a free axis
+    limits: Array  # (2, 7) of the angles that count, infinite for none [rad]
+    best: Array  # (1,) the least distance [rad], inf for none
+    x: Array  # (7,) the point, in the 2 pi equivalents within the limits
+    parts: Array  # (PARTS, 28)
+    walk: Walk
+
+
+class PointWork(NamedTuple):
+    """What a call reads and writes."""
+
+    chain: Array  # (8, 3, 4)
+    T: Array  # (4, 4)
+    options: NDArray[np.int64]  # (2,) index of the parameter, node with which the chord begins
+    nodes: Array  # (n, 14)
+    at: Array  # (1,) value of the parameter between those of the chord's nodes [rad]
+    x: Array  # (7,) the point
+    walk: Walk
+
+
+def make_nearest_work() -> NearestWork:
+    """Fresh arrays, without pieces."""
+    return NearestWork(
+        np.zeros((8, 3, 4)),
+        np.eye(4),
+        np.empty((0, COLUMNS)),
+        np.zeros((0, 6), np.int64),
+        np.zeros(7),
+        np.ones(7),
+        np.empty((2, 7)),
+        np.zeros(1),
+        np.zeros(7),
+        np.empty((PARTS, 2 * COLUMNS)),
+        make_walk(),
+    )
+
+
+def make_point_work() -> PointWork:
+    """Fresh arrays, without nodes."""
+    return PointWork(
+        np.zeros((8, 3, 4)), np.eye(4), np.zeros(2, np.int64), np.empty((0, COLUMNS)), np.zeros(1), np.zeros(7), make_walk()
+    )
+
+
+def find_point(work: PointWork) -> int:
+    """Fill x with the point of a chord where the parameter has a value; 0 where there is none.
+
+    Next to where curves meet, and where the parameter stands still, the chord's cubic gives the point.
+    """
+    parameter, a, b = int(work.options[0]), work.nodes[work.options[1]], work.nodes[work.options[1] + 1]
+    p, q, value, length = a[parameter], b[parameter], work.at[0], chord_length(a, b)
+    if length == 0.0 or not min(p, q) <= value <= max(p, q):
+        return 0
+    u = cubic_root(a, b, length, parameter, value, 0.0, 1.0) if p != q else 0.5
+    walk = work.walk
+    if p == q or not point_at(work.chain, work.T, a, b, parameter, value, u, walk.z, walk.tz, walk):
+        for j in range(7):
+            walk.z[j] = cubic(a, b, length, u, j)
+    for j in range(7):
+        work.x[j] = walk.z[j]
+    return 1
+
+
+def find_nearest(work: NearestWork) -> int:
+    """Fill best and x with the point nearest to the seed on all pieces; 0 where there is none."""
+    work.best[0] = math.inf
+    for n in range(work.ends.shape[0]):
+        for i in range(work.ends[n, 0], work.ends[n, 1]):
+            offer(work, work.nodes[i])
+    for n in range(work.ends.shape[0]):
+        for i in range(work.ends[n, 0], work.ends[n, 1] - 1):
+            search_chord(work, i)
+    return int(work.best[0] < math.inf)
+
+
+def equivalent(work: NearestWork, angle: float, j: int) -> float:
+    """The 2 pi equivalent of an angle that is nearest to the seed within the limits, or nearest to them."""
+    low, high = work.limits[0, j], work.limits[1, j]
+    found = angle + TURN * math.floor((work.seed[j] - angle) / TURN + 0.5)
+    if found > high:
+        found -= TURN * math.ceil((found - high) / TURN - RESOLUTION)
+        if found < low - RESOLUTION and low - found > found + TURN - high:
+            found += TURN
+    elif found < low:
+        found += TURN * math.ceil((low - found) / TURN - RESOLUTION)
+        if found > high + RESOLUTION and found - high > low - found + TURN:
+            found -= TURN
+    return found
+
+
+def distance(work: NearestWork, x: Array) -> float:
+    """From the seed to a point, in the equivalents that count [rad]."""
+    square = 0.0
+    for j in range(7):
+        if work.weights[j] > 0.0:
+            d = equivalent(work, x[j], j) - work.seed[j]
+            square += d * d
+    return math.sqrt(square)
+
+
+def offer(work: NearestWork, x: Array) -> None:
+    """Keep a point if it is nearer than the best one."""
+    found = distance(work, x)
+    if found < work.best[0]:
+        work.best[0] = found
+        for j in range(7):
+            work.x[j] = equivalent(work, x[j], j) if work.weights[j] > 0.0 else x[j]
+
+
+def least_bound(work: NearestWork, x: Array) -> float:
+    """The distance on circles, which bounds the one that counts from below and does not jump [rad]."""
+    square = 0.0
+    for j in range(7):
+        if work.weights[j] > 0.0:
+            d = x[j] - work.seed[j]
+            d -= TURN * math.floor(d / TURN + 0.5)
+            square += d * d
+    return math.sqrt(square)
+
+
+def search_chord(work: NearestWork, i: int) -> None:
+    """Look for a nearer point between nodes i and i + 1; where an angle goes on in another equivalent, chords are cut."""
+    parts, walk, top = work.parts, work.walk, 0
+    for m in range(COLUMNS):
+        parts[0, m], parts[0, COLUMNS + m] = work.nodes[i, m], work.nodes[i + 1, m]
+    while top >= 0:
+        a, b = parts[top, :COLUMNS], parts[top, COLUMNS:]
+        length = chord_length(a, b)
+        if 0.5 * (least_bound(work, a) + least_bound(work, b) - LONGER * length) >= work.best[0] or length == 0.0:
+            top -= 1
+            continue
+        jumps = False
+        for j in range(7):
+            if work.weights[j] > 0.0:
+                moved = equivalent(work, b[j], j) - equivalent(work, a[j], j) - (b[j] - a[j])
+                jumps = jumps or abs(moved) > JUMP
+        if jumps and length > RESOLUTION and top + 1 < PARTS:
+            if point_across(work.chain, work.T, a, b, 0.5, walk.z, walk.tz, walk):
+                offer(work, walk.z)
+                for m in range(COLUMNS):
+                    parts[top + 1, COLUMNS + m] = b[m]
+                for j in range(7):
+                    b[j], b[7 + j] = walk.z[j], walk.tz[j]
+                    parts[top + 1, j], parts[top + 1, 7 + j] = walk.z[j], walk.tz[j]
+                top += 1
+                continue
+        elif not jumps:
+            search_smooth(work, a, b, length)
+        top -= 1
+
+
+def search_smooth(work: NearestWork, a: Array, b: Array, length: float) -> None:
+    """Look for a nearer point between two nodes; all angles stay in one equivalent."""
+    before, slope_before = 0.0, slope(work, a, b, length, 0.0)
+    for n in range(1, LOOKS + 1):
+        u = n / LOOKS
+        here = slope(work, a, b, length, u)
+        if slope_before < 0.0 < here:
+            refine(work, a, b, before, slope_before, u, here)
+        before, slope_before = u, here
+
+
+def slope(work: NearestWork, a: Array, b: Array, length: float, u: float) -> float:
+    """Half the derivative of the squared distance along the cubic between two nodes."""
+    v, found = 1.0 - u, 0.0
+    for j in range(7):
+        if work.weights[j] > 0.0:
+            d = equivalent(work, a[j], j) - a[j] + cubic(a, b, length, u, j) - work.seed[j]
+            along = 6.0 * u * v * (b[j] - a[j]) + length * (
+                v * (1.0 - 3.0 * u) * a[7 + j] - u * (2.0 - 3.0 * u) * b[7 + j]
+            )
+            found += d * along
+    return found
+
+
+def refine(work: NearestWork, a: Array, b: Array, low: float, f_low: float, high: float, f_high: float) -> None:
+    """Offer the point of the curve between two shares of a chord where the distance is least."""
+    walk = work.walk
+    for _ in range(SECANTS):
+        u = high - f_high * (high - low) / (f_high - f_low) if f_high != f_low else 0.5 * (low + high)
+        if not min(low, high) < u < max(low, high):
+            u = 0.5 * (low + high)
+        if not point_across(work.chain, work.T, a, b, u, walk.z, walk.tz, walk):
+            return
+        f = 0.0
+        for j in range(7):
+            if work.weights[j] > 0.0:
+                f += walk.tz[j] * (equivalent(work, a[j], j) - a[j] + walk.z[j] - work.seed[j])
+        if abs(f) <= STATIONARY or abs(high - low) < STATIONARY:
+            break
+        if f * f_high < 0.0:
+            low, f_low = high, f_high
+        else:
+            f_low *= 0.5
+        high, f_high = u, f
+    offer(work, walk.z)

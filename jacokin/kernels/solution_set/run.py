@@ -1,0 +1,167 @@
+"""The entry point: from a target to the curves of all solutions, and to what of them is within the limits."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jacokin.arrays import Array
+from jacokin.kernels.limits import TURN
+from jacokin.kernels.solution_set.curve import RESOLUTION, Walk, make_walk
+from jacokin.kernels.solution_set.islands import OFFSET, Islands, find_islands, make_islands
+from jacokin.kernels.solution_set.meeting import Directions, make_directions, points_aside
+from jacokin.kernels.solution_set.seven_joints import MOST_FOLDS, find_folds
+from jacokin.kernels.solution_set.slices import (
+    JOINT_3,
+    SevenJoints,
+    SixJoints,
+    Slices,
+    add_slice,
+    add_start,
+    make_seven_joints,
+    make_six_joints,
+    make_slices,
+)
+from jacokin.kernels.solution_set.trace import Loops, make_loops, trace
+from jacokin.kernels.solution_set.within import Pieces, cut, make_pieces
+
+#: Values of the parameter that are solved at in any case, apart by a share of a turn that no structure has, and rounds
+#: of those at which F shows more or fewer solutions than the curves so far.
+FIRST, ROUNDS = 3, 3
+#: Rounds of curves that were met on the way along others.
+MEETINGS = 2
+
+
+class SetWork(NamedTuple):
+    """What a call reads and writes."""
+
+    chain: Array  # (8, 3, 4) placements between seven joints that turn about z
+    T: Array  # (4, 4) target
+    options: NDArray[np.int64]  # (3,) index of the parameter, kind of `slices`, solutions for each root of F
+    starts: Array  # (n, 7) points that may lie on a curve, tried first [rad]
+    six: SixJoints
+    seven: SevenJoints
+    islands: Islands
+    slices: Slices
+    loops: Loops
+    pieces: Pieces
+    null: Directions
+    walk: Walk
+
+
+def make_set_work() -> SetWork:
+    """Fresh arrays."""
+    return SetWork(
+        np.zeros((8, 3, 4)),
+        np.eye(4),
+        np.zeros(3, np.int64),
+        np.empty((0, 7)),
+        make_six_joints(),
+        make_seven_joints(MOST_FOLDS),
+        make_islands(),
+        make_slices(),
+        make_loops(),
+        make_pieces(),
+        make_directions(),
+        make_walk(),
+    )
+
+
+def solve_set(work: SetWork) -> int:
+    """Fill loops with all curves and pieces with what of them is within the limits.
+
+    Returns:
+        How many things went wrong, so that parts may be missing; 0 for none.
+    """
+    parameter, kind, slices, loops = int(work.options[0]), int(work.options[1]), work.slices, work.loops
+    slices.size[0], slices.size[1] = 0, 0
+    for n in range(4):
+        loops.size[n] = 0
+    doubts = 0
+    if kind == JOINT_3:
+        doubts += slice_between_folds(work)
+        trace(work.chain, work.T, parameter, slices, loops, work.walk)
+    else:
+        doubts += slice_by_roots(work)
+    for n in range(work.starts.shape[0]):
+        doubts += not add_start(slices, work.starts[n])
+    trace(work.chain, work.T, parameter, slices, loops, work.walk)
+    doubts += follow_meetings(work)
+    cut(work.chain, work.T, parameter, loops, work.pieces, work.walk)
+    wrong = doubts + slices.size[1] + loops.size[3] + work.pieces.size[3]
+    for i in range(slices.size[0]):
+        for k in range(slices.count[i]):
+            wrong += slices.passed[i, k] != 1 and not math.isnan(slices.p[i])
+    return int(wrong)
+
+
+def slice_between_folds(work: SetWork) -> int:
+    """One slice between each two values of joint 3 at which configurations meet; how many doubts there are."""
+    folds = work.seven.folds
+    count, single = find_folds(work.chain, work.seven.arm, work.T, work.islands.roots, folds)
+    doubts = int(not single)
+    for n in range(max(count, 1)):
+        low = folds[n] if count > 0 else OFFSET
+        high = folds[n + 1] if n + 1 < count else (folds[0] if count > 0 else OFFSET) + TURN
+        if high - low > RESOLUTION:
+            doubts += not add_slice(work.chain, work.T, JOINT_3, 0.5 * (low + high), work.slices, work.six, work.seven)
+    return doubts
+
+
+def slice_by_roots(work: SetWork) -> int:
+    """Some slices, and more wherever F has other numbers of roots than the curves pass; how many doubts there are."""
+    chain, T, parameter, kind = work.chain, work.T, int(work.options[0]), int(work.options[1])
+    slices, loops, islands = work.slices, work.loops, work.islands
+    find_islands(work.six, islands)
+    doubts = int(islands.size[1])
+    for n in range(FIRST):
+        add_slice(chain, T, kind, islands.p[n * islands.size[2] // FIRST], slices, work.six, work.seven)
+    for _ in range(ROUNDS):
+        trace(chain, T, parameter, slices, loops, work.walk)
+        missing = 0
+        for i in range(islands.size[2] + islands.size[0]):
+            roots = islands.count[i]
+            if is_sliced(slices, islands.p[i]) or passing(loops, parameter, islands.p[i]) == roots * work.options[2]:
+                continue
+            missing += 1
+            doubts += not add_slice(chain, T, kind, islands.p[i], slices, work.six, work.seven)
+        if missing == 0:
+            break
+    return doubts
+
+
+def is_sliced(slices: Slices, p: float) -> bool:
+    """Whether there is a slice at a value."""
+    for i in range(slices.size[0]):  # noqa: SIM110  # numba compiles no generator expressions
+        if slices.p[i] == p:
+            return True
+    return False
+
+
+def passing(loops: Loops, parameter: int, value: float) -> int:
+    """How often curves pass a value of the parameter."""
+    count = 0
+    for c in range(loops.size[1]):
+        for n in range(loops.ends[c, 0], loops.ends[c, 1] - 1):
+            p, q = loops.nodes[n, parameter], loops.nodes[n + 1, parameter]
+            near = value + TURN * math.floor((0.5 * (p + q) - value) / TURN + 0.5)
+            count += min(p, q) < near <= max(p, q)
+    return count
+
+
+def follow_meetings(work: SetWork) -> int:
+    """Follow the curves that cross those there are, where a walk has passed a meeting; how many were not found."""
+    loops, first, doubts = work.loops, 0, 0
+    for _ in range(MEETINGS):
+        last = loops.size[2]
+        for n in range(first, last):
+            for side in range(2):
+                x = work.walk.z
+                if points_aside(work.chain, work.T, loops.meetings[n], 2.0 * side - 1.0, work.null, x, work.walk):
+                    doubts += not add_start(work.slices, x)
+        first = last
+        trace(work.chain, work.T, int(work.options[0]), work.slices, loops, work.walk)
+    return doubts + (loops.size[2] > first)

@@ -1,0 +1,366 @@
+"""What of the curves is within the limits: pieces along which the parameter rises."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jacokin.arrays import Array
+from jacokin.kernels.limits import TURN
+from jacokin.kernels.solution_set.curve import (
+    COLUMNS,
+    LONGEST_STEP,
+    RESOLUTION,
+    Walk,
+    chord_length,
+    cubic,
+    cubic_root,
+    cubic_slope,
+    point_across,
+    point_at,
+    point_where_still,
+    wrapped,
+)
+from jacokin.kernels.solution_set.trace import Loops
+
+ROWS, PIECES = 24576, 512
+#: Why a piece ends, besides 2 j and 2 j + 1 for the lower and upper limit of angle j: a fold, or nothing ends.
+FOLD, CIRCLE, LOST = -1, -2, -3
+#: [rad] an angle past its limit by no more is on it, but for rounding.
+SNAP = 1e-9
+#: Share of the square of a chord by which the cubic through its ends may be off.
+DOUBT = 3e-3
+#: Parts of one chord at a time, and places where limits are passed on one part.
+PARTS, EVENTS = 40, 32
+
+
+class Pieces(NamedTuple):
+    """Pieces within the limits as runs of nodes, and the chord at hand."""
+
+    limits: Array  # (2, 7) lower and upper limits [rad], infinite for none
+    nodes: Array  # (ROWS, 14) tangents with dp/ds >= 0
+    ends: NDArray[np.int64]  # (PIECES, 6) first node, node after the last, codes of both ends, branch, curve
+    size: NDArray[np.int64]  # (5,) nodes, pieces, branches, what went wrong, 1 while a piece is open
+    parts: Array  # (PARTS, 28) parts of a chord still to be looked at, by their two nodes, the first one last
+    events: Array  # (EVENTS, 16) share, code and node of the places on a part where limits are passed
+
+
+def make_pieces() -> Pieces:
+    """Fresh arrays."""
+    return Pieces(
+        np.empty((2, 7)),
+        np.empty((ROWS, COLUMNS)),
+        np.zeros((PIECES, 6), np.int64),
+        np.zeros(5, np.int64),
+        np.empty((PARTS, 2 * COLUMNS)),
+        np.empty((EVENTS, COLUMNS + 2)),
+    )
+
+
+def excess(x: Array, limits: Array) -> float:
+    """How far angles are past their limits [rad]: negative within them, -inf without any."""
+    most = -math.inf
+    for j in range(7):
+        if limits[0, j] > -math.inf:
+            middle, half = 0.5 * (limits[0, j] + limits[1, j]), 0.5 * (limits[1, j] - limits[0, j])
+            most = max(most, abs(wrapped(x[j] - middle)) - half)
+    return most
+
+
+def nearest_limit(x: Array, limits: Array) -> int:
+    """The code of the limit that a point is nearest to, or farthest past."""
+    most, code = -math.inf, LOST
+    for j in range(7):
+        if limits[0, j] > -math.inf:
+            middle, half = 0.5 * (limits[0, j] + limits[1, j]), 0.5 * (limits[1, j] - limits[0, j])
+            d = wrapped(x[j] - middle)
+            if abs(d) - half > most:
+                most, code = abs(d) - half, 2 * j + (d > 0.0)
+    return code
+
+
+def cut(chain: Array, T: Array, parameter: int, loops: Loops, pieces: Pieces, walk: Walk) -> None:
+    """Fill pieces with the parts of all curves that are within the limits."""
+    for n in range(5):
+        pieces.size[n] = 0
+    for c in range(loops.size[1]):
+        cut_loop(chain, T, parameter, c, loops, pieces, walk)
+
+
+def cut_loop(chain: Array, T: Array, parameter: int, c: int, loops: Loops, pieces: Pieces, walk: Walk) -> None:
+    """Append the pieces of one curve, from a node on where none is open: a fold, or a point outside the limits."""
+    first, end, closed = loops.ends[c, 0], loops.ends[c, 1], loops.ends[c, 2] > 0
+    size = pieces.size
+    start, whole, turns = first, closed, False
+    if closed:
+        for n in range(first, end - 1):
+            fold = loops.fold[n] > 0
+            if (fold and not turns) or (whole and excess(loops.nodes[n], pieces.limits) > SNAP):
+                start, whole, turns = n, False, turns or fold
+    chords, before = end - 1 - first, size[1]
+    size[2] += 1
+    opening = CIRCLE if whole else (FOLD if turns else LOST)
+    if excess(loops.nodes[start], pieces.limits) <= SNAP:
+        open_piece(pieces, loops.nodes[start], opening, c)
+    several = abs(loops.nodes[end - 1, parameter] - loops.nodes[first, parameter]) > 1.5 * TURN or turns
+    for step in range(chords):
+        n = start + step if start + step < end - 1 else start + step - chords
+        write_chord(loops, n, start, first, end, pieces)
+        cut_chord(chain, T, parameter, pieces, walk, c)
+        m = n + 1 if n + 1 < end - 1 or not closed else first
+        last = step == chords - 1
+        node = pieces.parts[0, COLUMNS:]
+        if loops.fold[m] > 0 and not last:
+            close_piece(pieces, parameter, FOLD)
+            size[2] += 1
+            if excess(node, pieces.limits) <= SNAP:
+                open_piece(pieces, node, FOLD, c)
+        elif not last and several and is_a_turn_long(pieces, parameter):
+            close_piece(pieces, parameter, CIRCLE)
+            open_piece(pieces, node, CIRCLE, c)
+    if size[4] > 0:
+        close_piece(pieces, parameter, CIRCLE if whole else (FOLD if turns else LOST))
+        if whole and size[1] > before + 1:
+            join_round(loops.nodes[first], loops.nodes[end - 1], before, pieces)
+
+
+def is_a_turn_long(pieces: Pieces, parameter: int) -> bool:
+    """Whether the open piece would be longer than a turn of the parameter with another step."""
+    if pieces.size[4] == 0:
+        return False
+    first, last = pieces.ends[pieces.size[1], 0], pieces.size[0] - 1
+    return bool(abs(pieces.nodes[last, parameter] - pieces.nodes[first, parameter]) > TURN - LONGEST_STEP)
+
+
+def join_round(start: Array, end: Array, k: int, pieces: Pieces) -> None:
+    """Join the last piece and piece k, which goes on from there: they are cut where a curve without folds began."""
+    last = pieces.size[1] - 1
+    first = pieces.size[0]
+    for n in range(pieces.ends[last, 0], pieces.ends[last, 1]):
+        add_row(pieces, pieces.nodes[n])
+    for n in range(pieces.ends[k, 0] + 1, pieces.ends[k, 1]):
+        add_row(pieces, pieces.nodes[n])
+        for j in range(7):
+            pieces.nodes[pieces.size[0] - 1, j] += end[j] - start[j]
+    pieces.ends[k, 0], pieces.ends[k, 1], pieces.ends[k, 2] = first, pieces.size[0], pieces.ends[last, 2]
+    pieces.size[1] = last
+
+
+def write_chord(loops: Loops, n: int, start: int, first: int, end: int, pieces: Pieces) -> None:
+    """Write the chord from node n on as the first part; chords before the start come a whole round later."""
+    part = pieces.parts[0]
+    for j in range(7):
+        later = loops.nodes[end - 1, j] - loops.nodes[first, j] if n < start else 0.0
+        part[j], part[7 + j] = loops.nodes[n, j] + later, loops.nodes[n, 7 + j]
+        part[14 + j], part[21 + j] = loops.nodes[n + 1, j] + later, loops.nodes[n + 1, 7 + j]
+
+
+def cut_chord(chain: Array, T: Array, parameter: int, pieces: Pieces, walk: Walk, c: int) -> None:
+    """Go along the chord in pieces.parts[0], and close and open pieces where limits are passed; leaves its end there.
+
+    Parts on which the cubic does not tell whether a limit is passed are halved.
+    """
+    parts, top = pieces.parts, 0
+    for m in range(COLUMNS):
+        walk_end = parts[0, COLUMNS + m]
+        parts[PARTS - 1, m] = walk_end
+    while top >= 0:
+        a, b = parts[top, :COLUMNS], parts[top, COLUMNS:]
+        length = chord_length(a, b)
+        if (
+            length > RESOLUTION
+            and top + 2 < PARTS - 1
+            and is_doubtful(a, b, length, pieces.limits)
+            and point_across(chain, T, a, b, 0.5, walk.z, walk.tz, walk)
+        ):
+            for j in range(7):
+                parts[top + 1, j], parts[top + 1, 7 + j] = a[j], a[7 + j]
+                parts[top + 1, 14 + j], parts[top + 1, 21 + j] = walk.z[j], walk.tz[j]
+            for j in range(7):
+                a[j], a[7 + j] = walk.z[j], walk.tz[j]
+            top += 1
+            continue
+        cut_part(chain, T, parameter, a, b, pieces, walk, c)
+        top -= 1
+    for m in range(COLUMNS):
+        parts[0, COLUMNS + m] = parts[PARTS - 1, m]
+
+
+def level_near(limit: float, a: float, b: float) -> float:
+    """The 2 pi equivalent of a limit that is nearest to the middle of two angles."""
+    middle = 0.5 * (a + b)
+    return middle + wrapped(limit - middle)
+
+
+def is_doubtful(a: Array, b: Array, length: float, limits: Array) -> bool:
+    """Whether the cubics through two nodes leave open how often a limit is passed between them."""
+    slack = DOUBT * length * length
+    for j in range(7):
+        if not limits[0, j] > -math.inf:
+            continue
+        for side in range(2):
+            level = level_near(limits[side, j], a[j], b[j])
+            v0, v1 = a[j] - level, b[j] - level
+            d0, d1 = a[7 + j] * length, b[7 + j] * length
+            if min(abs(v0), abs(v1)) > abs(d0) + abs(d1) + length:
+                continue
+            c3, c2 = 2.0 * (v0 - v1) + d0 + d1, 3.0 * (v1 - v0) - 2.0 * d0 - d1
+            square = c2 * c2 - 3.0 * c3 * d0
+            if square <= 0.0:
+                continue
+            q = -(c2 + math.copysign(math.sqrt(square), c2))
+            for n in range(2):
+                bottom, over = (3.0 * c3, q) if n == 0 else (q, d0)
+                u = over / bottom if bottom != 0.0 else -1.0
+                if 0.0 < u < 1.0:
+                    value = v0 + u * (d0 + u * (c2 + u * c3))
+                    if SNAP < abs(value) < slack or value * v0 < 0.0 or value * v1 < 0.0:
+                        return True
+    return False
+
+
+def cut_part(chain: Array, T: Array, parameter: int, a: Array, b: Array, pieces: Pieces, walk: Walk, c: int) -> None:
+    """Go along a part of a chord on which each limit is passed once at most, or touched."""
+    length, events, n = chord_length(a, b), pieces.events, 0
+    for j in range(7):
+        if not pieces.limits[0, j] > -math.inf:
+            continue
+        for side in range(2):
+            level = level_near(pieces.limits[side, j], a[j], b[j])
+            v0, v1 = a[j] - level, b[j] - level
+            crosses = (v0 < 0.0) != (v1 < 0.0)
+            if n == EVENTS or (not crosses and min(abs(v0), abs(v1)) > length):
+                continue
+            if crosses:
+                u = cubic_root(a, b, length, j, level, 0.0, 1.0)
+                found = point_at(chain, T, a, b, j, level, u, walk.z, walk.tz, walk)
+                pieces.size[3] += not found
+            else:  # perhaps it comes to its limit and goes back
+                outside = (v0 > 0.0) == (side > 0)
+                found = (
+                    a[7 + j] * b[7 + j] < 0.0
+                    and outside
+                    and touches(a, b, length, j, level)
+                    and point_where_still(chain, T, a, b, j, walk.z, walk.tz, walk)
+                )
+            if found:
+                event, along = events[n], 0.0
+                for m in range(7):
+                    event[2 + m], event[9 + m] = walk.z[m], walk.tz[m]
+                    along += (walk.z[m] - a[m]) * (b[m] - a[m])
+                event[0], event[1] = along, 2 * j + side
+                n += 1
+    for i in range(1, n):
+        k = i
+        while k > 0 and events[k, 0] < events[k - 1, 0]:
+            for m in range(COLUMNS + 2):
+                swap = events[k, m]
+                events[k, m] = events[k - 1, m]
+                events[k - 1, m] = swap
+            k -= 1
+    for i in range(n + 1):
+        # Between two events nothing is passed: the middle tells.
+        here = a if i == 0 else events[i - 1, 2:]
+        there = b if i == n else events[i, 2:]
+        inside = inside_between(a, b, length, here, there, pieces.limits)
+        code = int(events[i - 1, 1]) if i > 0 else nearest_limit(here, pieces.limits)
+        if pieces.size[4] > 0 and not inside:
+            if i > 0:
+                put_on_limit(pieces, events[i - 1])
+            close_piece(pieces, parameter, code)
+        elif pieces.size[4] == 0 and inside:
+            open_piece(pieces, here, code, c)
+            if i > 0:
+                put_on_limit(pieces, events[i - 1])
+        elif pieces.size[4] == 0 and i > 0 and excess(here, pieces.limits) <= SNAP:
+            open_piece(pieces, here, code, c)  # a single point
+            put_on_limit(pieces, events[i - 1])
+            close_piece(pieces, parameter, code)
+        if inside:
+            add_row(pieces, there)
+
+
+def touches(a: Array, b: Array, length: float, j: int, level: float) -> bool:
+    """Whether an angle that stands still between two nodes comes to a level there, by the cubic."""
+    low, high = 0.0, 1.0
+    for _ in range(50):
+        u = 0.5 * (low + high)
+        if (cubic_slope(a, b, length, u, j) > 0.0) == (a[7 + j] > 0.0):
+            low = u
+        else:
+            high = u
+    return abs(cubic(a, b, length, 0.5 * (low + high), j) - level) < DOUBT * length * length + SNAP
+
+
+def inside_between(a: Array, b: Array, length: float, here: Array, there: Array, limits: Array) -> bool:
+    """Whether the middle between two points of a part is within the limits, by its cubic."""
+    first, last = 0.0, 0.0
+    for j in range(7):
+        first += (here[j] - a[j]) * (b[j] - a[j])
+        last += (there[j] - a[j]) * (b[j] - a[j])
+    u = 0.5 * (first + last) / (length * length) if length > 0.0 else 0.0
+    most = -math.inf
+    for j in range(7):
+        if limits[0, j] > -math.inf:
+            middle, half = 0.5 * (limits[0, j] + limits[1, j]), 0.5 * (limits[1, j] - limits[0, j])
+            most = max(most, abs(wrapped(cubic(a, b, length, u, j) - middle)) - half)
+    return most <= SNAP
+
+
+def add_row(pieces: Pieces, node: Array) -> None:
+    """Append a node to the open piece."""
+    n = pieces.size[0]
+    if n == ROWS:
+        pieces.size[3] += 1
+        return
+    for m in range(COLUMNS):
+        pieces.nodes[n, m] = node[m]
+    pieces.size[0] = n + 1
+
+
+def put_on_limit(pieces: Pieces, event: Array) -> None:
+    """Put the last node of the open piece on the limit that an event passes, exactly."""
+    code, n = int(event[1]), pieces.size[0] - 1
+    j, side = code // 2, code % 2
+    level = pieces.limits[side, j]
+    if abs(wrapped(pieces.nodes[n, j] - level)) <= 10.0 * SNAP:
+        pieces.nodes[n, j] -= wrapped(pieces.nodes[n, j] - level)
+
+
+def open_piece(pieces: Pieces, node: Array, code: int, c: int) -> None:
+    """Begin a piece at a node."""
+    k = pieces.size[1]
+    if k == PIECES:
+        pieces.size[3] += 1
+        return
+    pieces.ends[k, 0], pieces.ends[k, 2] = pieces.size[0], code
+    pieces.ends[k, 4], pieces.ends[k, 5] = pieces.size[2] - 1, c
+    pieces.size[4] = 1
+    add_row(pieces, node)
+
+
+def close_piece(pieces: Pieces, parameter: int, code: int) -> None:
+    """End the open piece at its last node, and turn it so that the parameter rises."""
+    if pieces.size[4] == 0:
+        return
+    k = pieces.size[1]
+    first, end = pieces.ends[k, 0], pieces.size[0]
+    pieces.ends[k, 1], pieces.ends[k, 3] = end, code
+    pieces.size[1], pieces.size[4] = k + 1, 0
+    if pieces.nodes[end - 1, parameter] < pieces.nodes[first, parameter]:
+        swap_code = pieces.ends[k, 2]
+        pieces.ends[k, 2] = pieces.ends[k, 3]
+        pieces.ends[k, 3] = swap_code
+        for i in range((end - first + 1) // 2):
+            a, b = pieces.nodes[first + i], pieces.nodes[end - 1 - i]
+            for m in range(7):
+                swap = a[m]
+                a[m] = b[m]
+                b[m] = swap
+            for m in range(7, COLUMNS):
+                swap = a[m]
+                a[m] = -b[m]
+                b[m] = -swap
