@@ -25,7 +25,7 @@ from jacokin.kernels.solution_set.slices import (
     make_six_joints,
     make_slices,
 )
-from jacokin.kernels.solution_set.trace import Loops, make_loops, trace
+from jacokin.kernels.solution_set.trace import Loops, count_all_passed, make_loops, trace
 from jacokin.kernels.solution_set.within import Pieces, cut, make_pieces
 
 #: Values of the parameter that are solved at in any case, apart by a share of a turn that no structure has, and rounds
@@ -127,7 +127,10 @@ def slice_by_roots(work: SetWork) -> int:
             if is_sliced(slices, islands.p[i]) or passing(loops, parameter, islands.p[i]) == roots * work.options[2]:
                 continue
             missing += 1
-            doubts += not add_slice(chain, T, kind, islands.p[i], slices, work.six, work.seven)
+            if add_slice(chain, T, kind, islands.p[i], slices, work.six, work.seven):
+                count_all_passed(chain, T, parameter, slices.size[0] - 1, slices, loops, work.walk)
+            else:
+                doubts += 1
         if missing == 0:
             break
     return doubts

@@ -290,6 +290,21 @@ def point_passed(chain: Array, T: Array, parameter: int, a: Array, b: Array, i: 
     return nearest if least <= min(PASSED, PASSED_SHARE * second) else -1
 
 
+def count_all_passed(
+    chain: Array, T: Array, parameter: int, i: int, slices: Slices, loops: Loops, walk: Walk
+) -> None:
+    """Count the points of slice i that the curves so far pass."""
+    for c in range(loops.size[1]):
+        for n in range(loops.ends[c, 0], loops.ends[c, 1] - 1):
+            a, b = loops.nodes[n], loops.nodes[n + 1]
+            if passes(slices.p[i], a[parameter], b[parameter]):
+                nearest = point_passed(chain, T, parameter, a, b, i, slices, walk)
+                if nearest >= 0:
+                    count_passed(i, nearest, slices, loops)
+                else:
+                    loops.size[3] += 1
+
+
 def count_passed(i: int, k: int, slices: Slices, loops: Loops) -> None:
     """Count point k of slice i as passed; something went wrong if it was before."""
     slices.passed[i, k] += 1
