@@ -35,8 +35,6 @@ from jacokin.ik import diagnosis, near_misses, preferences
 from jacokin.ik.batches import batch
 from jacokin.ik.closed_form import Branches, ClosedForm
 from jacokin.ik.closest import ClosestSearch
-from jacokin.ik.families.family import Family
-from jacokin.ik.families.search import FamilySearch, Scattered, SixJointFamilies, seven_joint_families
 from jacokin.ik.fixed_joints import FixedJoints, checked_values
 from jacokin.ik.local_search import LocalSearch
 from jacokin.ik.near_misses import NearMisses
@@ -52,6 +50,9 @@ from jacokin.ik.options import (
 from jacokin.ik.preferences import Cost, Prefer
 from jacokin.ik.results import BatchResult, IKResult
 from jacokin.ik.seeds import seed_within_limits
+from jacokin.ik.solutions import curve_arm
+from jacokin.ik.solutions.family import Family
+from jacokin.ik.solutions.search import Scattered, SetSearch
 from jacokin.ik.targets import PartialTarget, Request, Target, TargetPose, interpret
 from jacokin.ik.verification import Candidate, Verifier
 from jacokin.kernels.branches import FAMILY
@@ -422,19 +423,19 @@ class IKSolver:
         return holding
 
     @functools.cached_property
-    def _six(self) -> SixJointFamilies:
-        return SixJointFamilies(self.closed_form(), self._verifier)
+    def _six(self) -> SetSearch:
+        return SetSearch(self._verifier, curve_arm.about_axis(self.closed_form(), self.robot))
 
     @functools.cached_property
-    def _seven(self) -> FamilySearch | None:
+    def _seven(self) -> SetSearch | None:
         if self._uses_qp or self.robot.dof != SEVEN:
             return None
         try:
-            return seven_joint_families(self._verifier)
+            return SetSearch(self._verifier, curve_arm.at_poses(self._verifier))
         except StructureError:
             return None
 
-    def _families(self, target: TargetPose) -> FamilySearch | None:
+    def _families(self, target: TargetPose) -> SetSearch | None:
         """What finds the family of a target; None where no parameter is free.
 
         Raises:
@@ -502,7 +503,6 @@ class IKSolver:
         rows = [form.solve_all(moved[index], seed).q for index in np.flatnonzero(more).tolist()]
         if len(branches):
             rows.append(branches.q[branches.margin.min(axis=1) >= near])
-            rows.append(self._six.turned(branches.q, self._near_misses.near))
         return np.vstack(rows) if rows else np.empty((0, 6))
 
     def _solve_by_qp(self, request: Request) -> IKResult:

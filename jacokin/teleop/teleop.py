@@ -27,7 +27,7 @@ from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, StructureError
-from jacokin.ik.families.family import Family
+from jacokin.ik.solutions.family import Family
 from jacokin.ik.solver import IKSolver
 from jacokin.model import checks, poses
 from jacokin.motion.free_motion.plan_motion import plan_motion

@@ -24,7 +24,7 @@ from jacokin.model.poses import FreeAxis
 from jacokin.viewer.view import Free, ShownPlaces, View
 
 if TYPE_CHECKING:
-    from jacokin.ik.families.family import Family
+    from jacokin.ik.solutions.family import Family
     from jacokin.motion.tracking.steps import TrackerStep  # loads MuJoCo
 
 MEMBERS = 12  # least number of postures drawn of a family

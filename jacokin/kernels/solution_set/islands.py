@@ -46,7 +46,7 @@ class Islands(NamedTuple):
     """Values of the parameter at which F is looked at, and what it takes."""
 
     p: Array  # (LOOKED_AT + MOST_FOUND,) evenly all round, then values found beside folds [rad]
-    count: NDArray[np.int64]  # (LOOKED_AT + MOST_FOUND,) roots of F at each; -1 where they are in doubt
+    counts: NDArray[np.int64]  # (LOOKED_AT + MOST_FOUND,) roots of F at each; -1 where they are in doubt
     size: NDArray[np.int64]  # (3,) values found, places for which there was no room, values all round
     x: Array  # (LOOKED_AT, EXTREMA) extrema [rad]
     w: Array  # (LOOKED_AT, EXTREMA) [rad^2]
@@ -117,7 +117,7 @@ def fill_extrema(k: ArmConstants, six: SixJoints, work: Islands, i: int) -> floa
             w[found] = 0.0
         found += 1
     work.extrema[i] = found
-    work.count[i] = count_of(work, noise)
+    work.counts[i] = count_of(work, noise)
     fill_F(k, six, work, p + ASIDE)
     for e in range(found):
         value, _ = value_and_slope(work.cosine, work.sine, x[e])
@@ -161,7 +161,7 @@ def look_between(k: ArmConstants, six: SixJoints, work: Islands, i: int, e: int)
     if w > -ONE_ROOT:  # or a point where F has a double root, and two solutions that are complex
         if work.size[0] < MOST_FOUND:
             work.p[LOOKED_AT + work.size[0]] = p
-            work.count[LOOKED_AT + work.size[0]] = count_of(work, noise)
+            work.counts[LOOKED_AT + work.size[0]] = count_of(work, noise)
             work.size[0] += 1
         else:
             work.size[1] += 1
@@ -173,7 +173,8 @@ def climb(
     """The peak of w of one extremum from p to p + step, or the first place on the way where w is positive.
 
     Args:
-        k: the arm.
+        k: constants of the six joints.
+        six: those joints.
         work: F is left there.
         p: where to start [rad].
         step: how far to look, of either sign [rad].

@@ -83,7 +83,13 @@ def make_nearest_work() -> NearestWork:
 def make_point_work() -> PointWork:
     """Fresh arrays, without nodes."""
     return PointWork(
-        np.zeros((8, 3, 4)), np.eye(4), np.zeros(2, np.int64), np.empty((0, COLUMNS)), np.zeros(1), np.zeros(7), make_walk()
+        np.zeros((8, 3, 4)),
+        np.eye(4),
+        np.zeros(2, np.int64),
+        np.empty((0, COLUMNS)),
+        np.zeros(1),
+        np.zeros(7),
+        make_walk(),
     )
 
 
@@ -164,7 +170,7 @@ def least_bound(work: NearestWork, x: Array) -> float:
 
 
 def search_chord(work: NearestWork, i: int) -> None:
-    """Look for a nearer point between nodes i and i + 1; where an angle goes on in another equivalent, chords are cut."""
+    """Look for a nearer point between nodes i and i + 1; chords are cut where angles go on in other equivalents."""
     parts, walk, top = work.parts, work.walk, 0
     for m in range(COLUMNS):
         parts[0, m], parts[0, COLUMNS + m] = work.nodes[i, m], work.nodes[i + 1, m]

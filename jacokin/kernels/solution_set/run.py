@@ -9,13 +9,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
+from jacokin.kernels.chain import bordered_newton, linearise7
 from jacokin.kernels.limits import TURN
-from jacokin.kernels.solution_set.curve import RESOLUTION, Walk, make_walk
+from jacokin.kernels.solution_set.curve import (
+    LARGEST_RESIDUAL,
+    NEWTON_STEPS,
+    RESIDUAL,
+    RESOLUTION,
+    Walk,
+    make_walk,
+    tangent,
+)
 from jacokin.kernels.solution_set.islands import OFFSET, Islands, find_islands, make_islands
 from jacokin.kernels.solution_set.meeting import Directions, make_directions, points_aside
 from jacokin.kernels.solution_set.seven_joints import MOST_FOLDS, find_folds
 from jacokin.kernels.solution_set.slices import (
     JOINT_3,
+    NO_SLICES,
     SevenJoints,
     SixJoints,
     Slices,
@@ -31,6 +41,8 @@ from jacokin.kernels.solution_set.within import Pieces, cut, make_pieces
 #: Values of the parameter that are solved at in any case, apart by a share of a turn that no structure has, and rounds
 #: of those at which F shows more or fewer solutions than the curves so far.
 FIRST, ROUNDS = 3, 3
+#: [m] and [rad] a start misses the target by less, and [rad] is no farther from a curve.
+NEARBY, FARTHEST_START = 0.02, 0.2
 #: Rounds of curves that were met on the way along others.
 MEETINGS = 2
 
@@ -41,7 +53,7 @@ class SetWork(NamedTuple):
     chain: Array  # (8, 3, 4) placements between seven joints that turn about z
     T: Array  # (4, 4) target
     options: NDArray[np.int64]  # (3,) index of the parameter, kind of `slices`, solutions for each root of F
-    starts: Array  # (n, 7) points that may lie on a curve, tried first [rad]
+    starts: Array  # (n, 7) points near curves that are followed too, NaN for none [rad]
     six: SixJoints
     seven: SevenJoints
     islands: Islands
@@ -81,21 +93,53 @@ def solve_set(work: SetWork) -> int:
     for n in range(4):
         loops.size[n] = 0
     doubts = 0
-    if kind == JOINT_3:
+    if kind == NO_SLICES:
+        pass
+    elif kind == JOINT_3:
         doubts += slice_between_folds(work)
         trace(work.chain, work.T, parameter, slices, loops, work.walk)
     else:
         doubts += slice_by_roots(work)
     for n in range(work.starts.shape[0]):
-        doubts += not add_start(slices, work.starts[n])
+        if bring_to_curve(work.chain, work.T, work.starts[n], work.walk):
+            doubts += not add_start(slices, work.walk.z)
     trace(work.chain, work.T, parameter, slices, loops, work.walk)
     doubts += follow_meetings(work)
     cut(work.chain, work.T, parameter, loops, work.pieces, work.walk)
     wrong = doubts + slices.size[1] + loops.size[3] + work.pieces.size[3]
     for i in range(slices.size[0]):
-        for k in range(slices.count[i]):
+        for k in range(slices.counts[i]):
             wrong += slices.passed[i, k] != 1 and not math.isnan(slices.p[i])
     return int(wrong)
+
+
+def bring_to_curve(chain: Array, T: Array, start: Array, walk: Walk) -> bool:
+    """Fill walk.z with the point of a curve that Newton's method leads to from a start nearby; False for none.
+
+    Each step is across the null space: the shortest one.
+    """
+    x, t = walk.z, walk.tz
+    for j in range(7):
+        x[j] = start[j]
+    if not linearise7(chain, T, x, walk.system) <= NEARBY:  # NaN for no start
+        return False
+    for _ in range(NEWTON_STEPS):
+        found = False
+        for m in range(7):
+            for j in range(7):
+                walk.border[j] = 1.0 if j == m else 0.0
+            found = found or tangent(chain, T, x, walk.border, t, walk) != 0.0
+        offset = 0.0
+        for j in range(7):
+            offset += t[j] * x[j]
+        if not found:
+            return False
+        if bordered_newton(chain, T, x, t, offset, walk.system, 1, RESIDUAL) <= RESIDUAL:
+            break
+    moved = 0.0
+    for j in range(7):
+        moved = max(moved, abs(x[j] - start[j]))
+    return moved <= FARTHEST_START and linearise7(chain, T, x, walk.system) <= LARGEST_RESIDUAL
 
 
 def slice_between_folds(work: SetWork) -> int:
@@ -123,7 +167,7 @@ def slice_by_roots(work: SetWork) -> int:
         trace(chain, T, parameter, slices, loops, work.walk)
         missing = 0
         for i in range(islands.size[2] + islands.size[0]):
-            roots = islands.count[i]
+            roots = islands.counts[i]
             if is_sliced(slices, islands.p[i]) or passing(loops, parameter, islands.p[i]) == roots * work.options[2]:
                 continue
             missing += 1
@@ -152,7 +196,7 @@ def passing(loops: Loops, parameter: int, value: float) -> int:
             p, q = loops.nodes[n, parameter], loops.nodes[n + 1, parameter]
             near = value + TURN * math.floor((0.5 * (p + q) - value) / TURN + 0.5)
             count += min(p, q) < near <= max(p, q)
-    return count
+    return int(count)
 
 
 def follow_meetings(work: SetWork) -> int:
@@ -167,4 +211,4 @@ def follow_meetings(work: SetWork) -> int:
                     doubts += not add_start(work.slices, x)
         first = last
         trace(work.chain, work.T, int(work.options[0]), work.slices, loops, work.walk)
-    return doubts + (loops.size[2] > first)
+    return int(doubts + (loops.size[2] > first))

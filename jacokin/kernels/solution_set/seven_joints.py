@@ -88,8 +88,8 @@ def wrist_after_joint_2(chain: Array, arm7: Array, u: Vec, c3: float, s3: float,
 def fill_fold_equations(chain: Array, arm7: Array, D0: Vec, q3: float) -> tuple[float, float, float]:
     """Three functions of joint 3 that vanish where configurations meet: trigonometric polynomials of degrees 2, 4, 4.
 
-    The first one is the discriminant of joint 4. Joint 2 has one value where the height of W after joint 2 is one of two
-    constants, the second and the third function: with joint 4's equation, both linear in its cosine and sine.
+    The first one is the discriminant of joint 4. Joint 2 has one value where the height of W after joint 2 is one of
+    two constants, the second and the third function: with joint 4's equation, both linear in its cosine and sine.
     """
     s3, c3 = sin_cos(q3)
     u = elbow(chain, arm7, c3, s3)

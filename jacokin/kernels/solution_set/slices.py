@@ -16,15 +16,16 @@ from jacokin.kernels.solution_set.seven_joints import MOST_AT_Q3, solve_at_q3
 
 #: Values of the parameter, and points at each, at most.
 SLICES, POINTS = 160, MAX_BRANCHES
-#: Which joint is the parameter, of the six others: after them, before them, or joint 3 of an arm built like a Jaco.
-AFTER, BEFORE, JOINT_3 = 0, 1, 2
+#: Which joint is the parameter, of the six others: after them, before them, or joint 3 of an arm built like a Jaco. And
+#: where nothing is solved for, to follow curves from given points only.
+AFTER, BEFORE, JOINT_3, NO_SLICES = 0, 1, 2, 3
 
 
 class Slices(NamedTuple):
     """All solutions at some values of the parameter."""
 
     p: Array  # (SLICES,) [rad]; NaN for points of any value, to start from only
-    count: NDArray[np.int64]  # (SLICES,)
+    counts: NDArray[np.int64]  # (SLICES,)
     x: Array  # (SLICES, POINTS, 7) [rad]
     passed: NDArray[np.int64]  # (SLICES, POINTS) by how many curves
     size: NDArray[np.int64]  # (2,) values, and those at which solutions may be missing
@@ -116,7 +117,7 @@ def add_slice(chain: Array, T: Array, kind: int, p: float, slices: Slices, six: 
             slices.x[i, k, 6 if kind == AFTER else 0] = p
     for k in range(POINTS):
         slices.passed[i, k] = 0
-    slices.p[i], slices.count[i] = p, count
+    slices.p[i], slices.counts[i] = p, count
     slices.size[0] = i + 1
     return True
 
@@ -126,7 +127,7 @@ def add_start(slices: Slices, x: Array) -> bool:
     i = slices.size[0]
     if i == SLICES:
         return False
-    slices.p[i], slices.count[i], slices.passed[i, 0] = math.nan, 1, 0
+    slices.p[i], slices.counts[i], slices.passed[i, 0] = math.nan, 1, 0
     for j in range(7):
         slices.x[i, 0, j] = x[j]
     slices.size[0] = i + 1

@@ -68,7 +68,7 @@ def make_loops() -> Loops:
 def trace(chain: Array, T: Array, parameter: int, slices: Slices, loops: Loops, walk: Walk) -> None:
     """Follow the curves through all points of the slices that none has passed so far; fills loops."""
     for i in range(slices.size[0]):
-        for k in range(slices.count[i]):
+        for k in range(slices.counts[i]):
             if slices.passed[i, k] > 0 or (math.isnan(slices.p[i]) and is_traced(loops, slices.x[i, k])):
                 continue
             slices.passed[i, k] = 1
@@ -213,7 +213,7 @@ def note_meeting(loops: Loops, x: Array, y: Array) -> None:
 def nearest_of(slices: Slices, i: int, x: Array) -> tuple[int, float, float]:
     """Which point of slice i is nearest to a point, its distance, and that of the next one [rad]."""
     nearest, least, second = -1, math.inf, math.inf
-    for k in range(slices.count[i]):
+    for k in range(slices.counts[i]):
         away = 0.0
         for j in range(7):
             away = max(away, abs(wrapped(slices.x[i, k, j] - x[j])))
@@ -290,9 +290,7 @@ def point_passed(chain: Array, T: Array, parameter: int, a: Array, b: Array, i: 
     return nearest if least <= min(PASSED, PASSED_SHARE * second) else -1
 
 
-def count_all_passed(
-    chain: Array, T: Array, parameter: int, i: int, slices: Slices, loops: Loops, walk: Walk
-) -> None:
+def count_all_passed(chain: Array, T: Array, parameter: int, i: int, slices: Slices, loops: Loops, walk: Walk) -> None:
     """Count the points of slice i that the curves so far pass."""
     for c in range(loops.size[1]):
         for n in range(loops.ends[c, 0], loops.ends[c, 1] - 1):

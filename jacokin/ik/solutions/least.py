@@ -1,24 +1,22 @@
 """The least of a cost along tracks: guesses tell where it may be, and those places are looked at exactly.
 
 A joint with more than a turn of room may be within its limits in several copies: a guess counts in those nearest to the
-seed, and places where other copies come into the limits, or these leave them, between two guesses, are looked for.
+seed. Where another copy comes into the limits between two guesses and leaves them again, it is not seen.
 """
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.ik.families.members import LostMemberError, Members
-from jacokin.ik.families.tracks import GUESS_SPACING, Track
 from jacokin.ik.preferences import Cost, copies_to_try
-from jacokin.model import angles
+from jacokin.ik.solutions.members import LostMemberError, Members
+from jacokin.ik.solutions.track import CurveTrack
 from jacokin.model.angles import TURN
 
 #: Local minima among the guesses that are looked at exactly.
@@ -30,13 +28,9 @@ ACCURACY = 1e-9
 #: [rad] or share of a chord at which a cost ceases to be finite.
 EDGE = 1e-12
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
-#: [rad] what guesses may be wrong by.
-ROUGH = 1e-3
-#: [rad] joints that nearly pass their limits at once are looked at.
-AT_ONCE = 0.01
 
 
-def least_member(members: Members, tracks: Sequence[Track], cost: Cost, seed: Array) -> tuple[Array, float]:
+def least_member(members: Members, tracks: Sequence[CurveTrack], cost: Cost, seed: Array) -> tuple[Array, float]:
     """The member (dof,) of the least cost on one or more tracks, and its parameter [rad].
 
     Guesses all along tell where minima may be; a minimum is looked at unless the change from guess to guess leaves no
@@ -47,12 +41,10 @@ def least_member(members: Members, tracks: Sequence[Track], cost: Cost, seed: Ar
         coordinates, rows = track.guesses()
         for copies in copies_to_try(cost.copies, rows, seed, members.robot):
             looks += _places_to_look(track, coordinates, rows, copies, cost)
-        looks += _glances(members, track, coordinates, rows, seed)
-        looks += _corners(members, track, coordinates, rows, seed)
 
     def look(place: _Look) -> tuple[float, float]:
         def exact(coordinate: float) -> Array:
-            return members.on_limits(place.track.joints(coordinate) + TURN * place.turns)
+            return members.on_limits(place.track.point(coordinate)[1] + TURN * place.turns)
 
         return refine(lambda rows: _cost_or_inf(cost, rows), place.coordinates, place.guess, exact)
 
@@ -80,7 +72,7 @@ class _Look(NamedTuple):
 
     bound: float
     """What leaves no doubt to be less than the cost near by."""
-    track: Track
+    track: CurveTrack
     guess: int
     """Which one is the least near by."""
     coordinates: Array
@@ -89,7 +81,7 @@ class _Look(NamedTuple):
     """(dof,) by which the angles differ from those of the track."""
 
 
-def _places_to_look(track: Track, coordinates: Array, rows: Array, copies: Array, cost: Cost) -> list[_Look]:
+def _places_to_look(track: CurveTrack, coordinates: Array, rows: Array, copies: Array, cost: Cost) -> list[_Look]:
     """Local minima among the guesses (m, dof) of a track in some copies, NaN where those are outside the limits.
 
     Where joints go on in other copies, the cost may jump: such runs are looked at one by one.
@@ -108,102 +100,6 @@ def _places_to_look(track: Track, coordinates: Array, rows: Array, copies: Array
         _Look(float(bound), track, int(index), coordinates, turns[index])
         for bound, index in zip(bounds, chosen, strict=True)
     ]
-
-
-def _glances(members: Members, track: Track, coordinates: Array, rows: Array, seed: Array) -> Iterator[_Look]:
-    """Where a joint with more than a turn of room passes its limit and comes back, between two guesses only.
-
-    It comes in from another copy, or it leaves, and both places where it is on the limit are looked at.
-    """
-    snap = members.verifier.options.limit_snap
-    for (joint, limit, side), leaves in itertools.product(_wide_limits(members), (False, True)):
-        way = -side if leaves else side
-
-        def beyond(q: Array, joint: int = joint, limit: float = limit, way: float = way) -> Array:
-            return np.asarray(angles.wrap_to_pi(way * (q[:, joint] - limit)))
-
-        here = beyond(rows)
-        padded = np.concatenate([here[1:2], here, here[-2:-1]])
-        left, right = padded[:-2], padded[2:]
-        local = (here > -ROUGH) & (here <= left) & (here <= right) & (here <= np.maximum(left, right) - here + ROUGH)
-        for index in np.flatnonzero(local).tolist():
-            excess, coordinate = refine(beyond, coordinates, index, track.joints)
-            if excess > (-snap if leaves else snap):
-                continue
-            around = coordinates[[max(index - 1, 0), 0, min(index + 1, len(rows) - 1)]]
-            around[1] = coordinate
-            q = track.joints(coordinate)
-            copies = _turns(members, q, seed, snap)
-            copies[joint] = np.round((limit - q[joint]) / TURN)
-            if leaves:
-                yield _Look(-math.inf, track, 0, around[:2], copies)
-                yield _Look(-math.inf, track, 1, around[1:], copies)
-            else:
-                yield _Look(-math.inf, track, 1, around, copies)
-
-
-def _corners(members: Members, track: Track, coordinates: Array, rows: Array, seed: Array) -> Iterator[_Look]:
-    """Where a joint with more than a turn of room comes in, and another leaves, between two guesses only."""
-    wide, snap, limits = np.flatnonzero(members.wide), members.verifier.options.limit_snap, _wide_limits(members)
-    if len(wide) < 2:
-        return
-    lower, upper = members.robot.lower[wide], members.robot.upper[wide]
-
-    def is_seen(chord: int, turns: Array) -> bool:
-        q = (rows[chord : chord + 2] + TURN * turns)[:, wide]
-        return bool(((lower <= q) & (q <= upper)).all(axis=1).any())
-
-    def on_limits(q: Array, slack: float) -> set[int]:
-        return {joint for joint, limit, _ in limits if abs(angles.wrap_to_pi(q[joint] - limit)) <= slack}
-
-    for joint, limit, _ in limits:
-        excess = np.asarray(angles.wrap_to_pi(rows[:, joint] - limit))
-        passed = (excess[1:] * excess[:-1] <= 0.0) & (np.abs(np.diff(excess)) < math.pi)
-        for chord in np.flatnonzero(passed).tolist():
-            first, last = excess[chord : chord + 2].tolist()
-            q = rows[chord] + (first / (first - last) if first != last else 0.0) * (rows[chord + 1] - rows[chord])
-            alone = on_limits(q, AT_ONCE) <= {joint}
-            if alone and all(is_seen(chord, _turns(members, q, seed, slack)) for slack in (AT_ONCE, GUESS_SPACING)):
-                continue
-            around = coordinates[[max(chord - 1, 0), chord, min(chord + 2, len(rows) - 1)]]
-
-            def beyond(coordinate: float, joint: int = joint, limit: float = limit) -> float:
-                return float(angles.wrap_to_pi(track.joints(coordinate)[joint] - limit))
-
-            start = beyond(float(around[0]))
-
-            def not_passed(coordinate: float, start: float = start) -> float:
-                return 0.0 if beyond(coordinate) * start >= 0.0 else math.inf
-
-            around[1] = last_finite(not_passed, (0.0, float(around[0])), float(around[2]))[1]
-            q = track.joints(float(around[1]))
-            turns = _turns(members, q, seed, snap)
-            if not on_limits(q, snap) <= {joint} or not is_seen(chord, turns):
-                yield _Look(-math.inf, track, 1, around, turns)
-
-
-def _wide_limits(members: Members) -> list[tuple[int, float, float]]:
-    """Joints with more than a turn of room: each with its limits [rad], the lower one with -1, the upper one with 1."""
-    robot = members.robot
-    return [
-        (joint, float(limits[joint]), side)
-        for joint in np.flatnonzero(members.wide).tolist()
-        for limits, side in ((robot.lower, -1.0), (robot.upper, 1.0))
-    ]
-
-
-def _turns(members: Members, q: Array, seed: Array, slack: float) -> Array:
-    """Turns (dof,) to add to q (dof,) for the copies nearest to a seed: within the limits, but for a slack [rad].
-
-    Only joints with more than a turn of room are given that slack.
-    """
-    turns = np.round((members.copies(q, seed) - q) / TURN)
-    for joint, limit, _ in _wide_limits(members):
-        at_limit = np.round((limit - q[joint]) / TURN)
-        if abs(q[joint] + TURN * at_limit - limit) <= slack:
-            choices = (at_limit, turns[joint])
-            turns[joint] = min(choices, key=lambda turn: abs(q[joint] + TURN * turn - seed[joint]))
-    return np.asarray(turns)
 
 
 def _cost_or_inf(cost: Cost, rows: Array) -> Array:

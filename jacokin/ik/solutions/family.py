@@ -15,10 +15,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
-from jacokin.ik.families.least import least_member
-from jacokin.ik.families.members import Members
-from jacokin.ik.families.tracks import GUESS_SPACING, Track
 from jacokin.ik.preferences import Cost, by_distance, by_margin
+from jacokin.ik.solutions.least import least_member
+from jacokin.ik.solutions.members import Members
+from jacokin.ik.solutions.track import GUESS_SPACING, CurveTrack
 from jacokin.model import checks
 from jacokin.model.angles import TURN
 
@@ -55,7 +55,7 @@ class Interval:
 
     __slots__ = ("_members", "_track", "branch", "ends", "start", "stop")
 
-    def __init__(self, members: Members, track: Track, branch: int, ends: tuple[IntervalEnd, IntervalEnd]) -> None:
+    def __init__(self, members: Members, track: CurveTrack, branch: int, ends: tuple[IntervalEnd, IntervalEnd]) -> None:
         """Take a track within the limits."""
         self._members, self._track = members, track
         self.branch, self.ends = branch, ends
@@ -101,8 +101,9 @@ class Interval:
     def nearest(self, seed: ArrayLike | None = None) -> Array:
         """The member (dof,) [rad] nearest to a seed; None for the seed of the family."""
         wanted = self._members.near(seed)
-        found = self._track.nearest(wanted)
-        if found is None or not self._members.are_copies(found[1]):
+        robot = self._members.robot
+        found = self._track.nearest(wanted, robot.lower, robot.upper)
+        if found is None:
             return self._least(by_distance(wanted), wanted)
         return self._member(*found, wanted)
 

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import JacokinError
-from jacokin.ik.families.tracks import Track
 from jacokin.ik.seeds import seed_within_limits
+from jacokin.ik.solutions.track import CurveTrack
 from jacokin.ik.targets import TargetPose
 from jacokin.ik.verification import Candidate, Verifier
 from jacokin.model import angles
@@ -36,6 +36,8 @@ class Members:
     """One target of one arm."""
 
     verifier: Verifier
+    index: int
+    """Which joint is the parameter; of no meaning about a free axis."""
     target: TargetPose
     seed: Array
     """(dof,) unlimited joints take the 2 pi copy nearest to this [rad]."""
@@ -48,13 +50,13 @@ class Members:
     def parameter(self, q: Array) -> float:
         """The parameter [rad] of a configuration (dof,)."""
         free = self.target.free_axis
-        return float(q[2]) if free is None else free.parameter_of(self.verifier.tool_pose(q).rotation)
+        return float(q[self.index]) if free is None else free.parameter_of(self.verifier.tool_pose(q).rotation)
 
     def candidate(self, q: Array, parameter: float) -> Candidate:
         """A member (dof,) in the copies that are wanted, with its parameter [rad] in the range of the target."""
         free = self.target.free_axis
         if free is None:
-            p = float(q[2])  # joint 3 itself, in its copy
+            p = float(q[self.index])  # the joint itself, in its copy
         else:
             p = float(angles.wrap_to_pi(parameter)) if free.full_turn else self.target.nearest_angle(parameter)
         return Candidate(q, self.target.at(p), f"parameter {p:.6g} rad", p)
@@ -107,7 +109,7 @@ class Members:
             )
         return q
 
-    def on_track(self, track: Track, parameter: float, q: Array, seed: Array) -> Array:
+    def on_track(self, track: CurveTrack, parameter: float, q: Array, seed: Array) -> Array:
         """A configuration (dof,) of a track, in the copies nearest to a seed (dof,), verified; or the one beside it.
 
         Raises:

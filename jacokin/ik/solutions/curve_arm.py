@@ -1,0 +1,328 @@
+"""`CurveArm`: what the kernels know about an arm whose targets leave one parameter free, and their calls."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from jacokin.arrays import Array
+from jacokin.errors import StructureError
+from jacokin.ik.closed_form import ClosedForm
+from jacokin.ik.geometry import chain_of, frame_with_z, measure_seven
+from jacokin.ik.quick_forms import NO_FORM, quick_form
+from jacokin.ik.structures import count_freedoms, measure_general, size_of
+from jacokin.ik.targets import TargetPose
+from jacokin.ik.verification import Verifier
+from jacokin.kernels.library import Call
+from jacokin.kernels.six_joints.loop import SPHERICAL_WRIST
+from jacokin.kernels.solution_set.nearest import (
+    NearestWork,
+    find_nearest,
+    find_point,
+    make_nearest_work,
+    make_point_work,
+)
+from jacokin.kernels.solution_set.run import SetWork, make_set_work, solve_set
+from jacokin.kernels.solution_set.slices import AFTER, BEFORE, JOINT_3, NO_SLICES
+from jacokin.kernels.solution_set.within import CIRCLE, FOLD, LOST
+from jacokin.model.angles import TURN
+from jacokin.model.robot import Robot
+
+__all__ = ["CIRCLE", "FOLD", "LOST", "CurveArm", "CurveProblem", "Curves"]
+
+#: Index among seven angles of one about a free axis, which comes after six joints; and how many there are.
+FREE_AXIS, DIMENSIONS = 6, 7
+#: Constants of six joints: which structure gives their branches, see `closed_form.arm`.
+FORM = 42
+#: Half a turn about x: an arm turned round turns the same way.
+HALF_TURN = np.diag([1.0, -1.0, -1.0])
+#: An axis of the tool that no structure has, for curves of six joints at a pose.
+ANY_AXIS = np.array([0.48, -0.6, 0.64])
+#: Configurations on which the freedoms of six of seven joints are counted.
+TRIED = 8
+
+
+class CurveArm:
+    """An arm whose targets leave one parameter free; may be shared between threads.
+
+    Attributes:
+        parameter: index among seven angles of the one that is the parameter.
+        name: what the parameter is called: a joint's name, or "angle".
+        dof: joints of the arm.
+    """
+
+    __slots__ = ("_chain", "_constants", "_idle", "_kind", "_limits", "dof", "name", "parameter")
+
+    def __init__(self, kind: int, name: str, chain: Array, constants: Array, robot: Robot) -> None:
+        """Take the constants of an arm.
+
+        Args:
+            kind: which joint is the parameter, see `kernels.solution_set.slices`.
+            name: what it is called.
+            chain: (7, 3, 4) of six joints, or (8, 3, 4) of seven.
+            constants: (46,) of the six joints that are solved for, or (12,) of seven built like a Jaco's.
+            robot: the arm.
+        """
+        self._kind, self.name, self._chain, self._constants, self.dof = kind, name, chain, constants, robot.dof
+        self.parameter = {AFTER: FREE_AXIS, BEFORE: 0, JOINT_3: 2}[kind]
+        bounded = robot.upper - robot.lower < TURN  # others have some equivalent of every angle within their limits
+        self._limits = np.array([np.full(DIMENSIONS, -np.inf), np.full(DIMENSIONS, np.inf)])
+        self._limits[0, : self.dof][bounded] = robot.lower[bounded]
+        self._limits[1, : self.dof][bounded] = robot.upper[bounded]
+        self._idle: list[_Calls] = [_Calls()]  # each thread takes one, or makes one, and puts it back
+
+    def __getstate__(self) -> tuple[object, ...]:
+        """Working memory is made anew."""
+        return self._kind, self.name, self._chain, self._constants, self.dof, self.parameter, self._limits
+
+    def __setstate__(self, state: tuple[object, ...]) -> None:
+        """See `__getstate__`."""
+        names = ("_kind", "name", "_chain", "_constants", "dof", "parameter", "_limits")
+        for name, value in zip(names, state, strict=True):
+            setattr(self, name, value)
+        self._idle = [_Calls()]
+
+    def problem(self, target: TargetPose) -> CurveProblem:
+        """A target for the kernels: a pose of seven joints, or a free axis of six."""
+        free = target.free_axis
+        if free is None:
+            return CurveProblem(self, self._chain, target.matrix, self._limits, None)
+        limits = self._limits
+        if not free.full_turn:
+            limits = limits.copy()
+            limits[:, FREE_AXIS] = free.range
+        return CurveProblem(self, with_axis(self._chain, free.axis), target.matrix, limits, free.axis)
+
+    def circles(self, T: Array) -> CurveProblem:
+        """A pose (4, 4) of six joints, for curves along which they move and the tool does not."""
+        return CurveProblem(self, with_axis(self._chain, ANY_AXIS), T, self._limits, ANY_AXIS)
+
+    def _prepare(self, problem: CurveProblem, starts: Array, *, only_starts: bool = False) -> _Calls:
+        try:
+            calls = self._idle.pop()
+        except IndexError:
+            calls = _Calls()
+        work, six = calls.solve.work, calls.solve.work.six
+        work.chain[:], work.T[:], work.pieces.limits[:] = problem.chain, problem.T, problem.limits
+        wrist = len(self._constants) > FORM and self._constants[FORM] == SPHERICAL_WRIST
+        work.options[:] = self.parameter, NO_SLICES if only_starts else self._kind, 2 if wrist else 1
+        work.starts[:] = np.nan
+        work.starts[: len(starts)] = starts
+        if self._kind == JOINT_3:
+            work.seven.arm[:] = self._constants
+            return calls
+        six.arm[:] = self._constants
+        if problem.axis is not None:
+            six.chain[:], six.axis[:], six.T[:] = self._chain, problem.axis, problem.T
+        elif self._kind == AFTER:
+            six.chain[:], six.axis[:] = self._chain[:7], (0.0, 0.0, -1.0)
+            six.T[:] = problem.T @ _inverse(_square(self._chain[7]))
+        else:
+            turned = turned_round(self._chain)
+            six.chain[:], six.axis[:] = turned[:7], (0.0, 0.0, -1.0)
+            six.T[:] = _inverse(problem.T) @ _inverse(_square(turned[7]))
+        return calls
+
+    def _put_back(self, calls: _Calls) -> None:
+        """Let others use calls, once their arrays are read."""
+        self._idle.append(calls)
+
+
+class _Calls:
+    """The kernels' calls of one thread at a time; they share the pieces that are found."""
+
+    __slots__ = ("nearest", "point", "solve")
+
+    #: Starts there is room for.
+    STARTS = 24
+
+    def __init__(self) -> None:
+        self.solve = Call(solve_set, make_set_work()._replace(starts=np.full((self.STARTS, DIMENSIONS), np.nan)))
+        work = self.solve.work
+        pieces = work.pieces
+        nearest = make_nearest_work()._replace(chain=work.chain, T=work.T, nodes=pieces.nodes, ends=pieces.ends)
+        self.nearest = Call(find_nearest, nearest)
+        self.point = Call(find_point, make_point_work()._replace(nodes=np.zeros((2, 2 * DIMENSIONS))))
+
+
+class Curves(NamedTuple):
+    """What reaches a target."""
+
+    pieces: list[Piece]
+    """What is within the limits."""
+    whole: list[Array]
+    """(m, 14) nodes of whole curves, within the limits or not."""
+    branches: int
+    """Parts of the curves from fold to fold."""
+    complete: bool
+    """Whether nothing may be missing."""
+
+
+class Piece(NamedTuple):
+    """A part of a curve within the limits, along which the parameter rises."""
+
+    nodes: Array
+    """(m, 14) points and unit tangents."""
+    codes: tuple[int, int]
+    """Of both ends: 2 j and 2 j + 1 for the limits of angle j, `FOLD`, `CIRCLE` or `LOST`."""
+    branch: int
+
+
+class CurveProblem(NamedTuple):
+    """The curves of solutions of one arm at one target, in the space of seven angles."""
+
+    arm: CurveArm
+    chain: Array
+    """(8, 3, 4)"""
+    T: Array
+    """(4, 4)"""
+    limits: Array
+    """(2, 7) [rad], infinite for none."""
+    axis: Array | None
+    """(3,) of a free axis of six joints, in the tool frame."""
+
+    def find(self, starts: Array, *, only_starts: bool = False) -> Curves:
+        """All curves; also those that lead from starts (k, 7) nearby, or those alone."""
+        calls = self.arm._prepare(self, starts, only_starts=only_starts)
+        wrong, work = calls.solve(), calls.solve.work
+        found = read_curves(work, complete=wrong == 0)
+        self.arm._put_back(calls)
+        return found
+
+    def nearest(self, starts: Array, seed: Array, lower: Array, upper: Array) -> tuple[Array | None, bool]:
+        """The point (7,) within the limits nearest to a seed, None for none; and whether nothing may be missing.
+
+        Args:
+            starts: (k, 7) points nearby whose curves are followed too.
+            seed: (dof,) [rad].
+            lower: (dof,) limits [rad].
+            upper: (dof,) limits [rad].
+        """
+        calls = self.arm._prepare(self, starts)
+        wrong, work = calls.solve(), calls.solve.work
+        work.pieces.ends[work.pieces.size[1] :] = 0
+        x = _nearest(calls.nearest, seed, lower, upper)
+        self.arm._put_back(calls)
+        return x, wrong == 0
+
+    def nearest_on(self, nodes: list[Array], seed: Array, lower: Array, upper: Array) -> Array | None:
+        """As `nearest`, on runs of nodes (m, 14) alone."""
+        ends = np.zeros((len(nodes), 6), np.int64)
+        ends[:, 1] = np.cumsum([len(each) for each in nodes])
+        ends[1:, 0] = ends[:-1, 1]
+        work = make_nearest_work()._replace(chain=self.chain, T=self.T, nodes=np.vstack(nodes), ends=ends)
+        return _nearest(Call(find_nearest, work), seed, lower, upper)
+
+    def at(self, chord: Array, parameter: float) -> Array:
+        """The point (7,) of a chord (2, 14) where the parameter has a value [rad], or the end that is nearer to it."""
+        calls = self.arm._prepare(self, np.empty((0, DIMENSIONS)))
+        work = calls.point.work
+        work.chain[:], work.T[:], work.nodes[:], work.at[0] = self.chain, self.T, chord, parameter
+        work.options[:] = self.arm.parameter, 0
+        found = calls.point()
+        ends = np.abs(chord[:, self.arm.parameter] - parameter)
+        x = work.x.copy() if found else chord[int(ends.argmin()), :DIMENSIONS].copy()
+        self.arm._put_back(calls)
+        return np.asarray(x)
+
+
+def about_axis(form: ClosedForm, robot: Robot) -> CurveArm:
+    """Six joints whose tool may turn about an axis; the parameter is that angle."""
+    chain, constants = form.chain, form.arm
+    return CurveArm(AFTER, "angle", chain, measure_general(chain).arm if form.spherical else constants, robot)
+
+
+def at_poses(verifier: Verifier) -> CurveArm:
+    """Seven joints at a pose; the parameter is joint 3 of an arm built like a Jaco, else the first or the last joint.
+
+    Raises:
+        StructureError: no six joints of those move the tool in six independent ways.
+    """
+    robot, frame_id, tool = verifier.robot, verifier.frame_id, verifier.tool
+    names = robot.joint_names
+    try:
+        geometry = measure_seven(robot.pin_model, frame_id, tool)
+    except StructureError:
+        chain = chain_of(robot.pin_model, frame_id, tool, DIMENSIONS)
+    else:
+        return CurveArm(JOINT_3, names[2], geometry.chain, geometry.arm, robot)
+    kind, six = min(_cuts(chain), key=lambda cut: _effort(cut[1]))
+    constants = measure_general(np.ascontiguousarray(six)).arm
+    return CurveArm(kind, names[-1 if kind == AFTER else 0], chain, constants, robot)
+
+
+def _cuts(chain: Array) -> list[tuple[int, Array]]:
+    """Which joint may be the parameter, and the chain (7, 3, 4) of the six others.
+
+    Raises:
+        StructureError: they move the tool in fewer than six ways, whichever six they are.
+    """
+    q = np.random.default_rng(0).uniform(-np.pi, np.pi, (TRIED, 6))
+    found, most = [], 0
+    for kind, six in ((AFTER, chain[:7]), (BEFORE, turned_round(chain)[:7])):
+        size = size_of(six)
+        freedoms = max(count_freedoms(six, row, size) for row in q) if 0.0 < size < np.inf else 0
+        most = max(most, freedoms)
+        if freedoms == 6:
+            found.append((kind, six))
+    if not found:
+        raise StructureError(f"the joints move the tool in {most} independent ways only, whatever their angles")
+    return found
+
+
+def _effort(six: Array) -> tuple[bool, int]:
+    """How long a pose of six joints (7, 3, 4) takes, to be compared."""
+    form = quick_form(six, 1.0 / size_of(six))
+    return form.kind == NO_FORM.kind, form.rank
+
+
+def with_axis(chain: Array, axis: Array) -> Array:
+    """(8, 3, 4): six joints, and a seventh that turns the tool back about an axis (3,) of its own."""
+    align, found = frame_with_z(-axis), np.zeros((8, 3, 4))
+    found[:7] = chain
+    found[6, :, :3] = chain[6, :, :3] @ align
+    found[7, :, :3] = align.T
+    return found
+
+
+def turned_round(chain: Array) -> Array:
+    """(8, 3, 4): the arm from its tool to its base, whose joints turn by the same angles in the opposite order."""
+    flip = np.eye(4)
+    flip[:3, :3] = HALF_TURN
+    links = [_inverse(_square(placement)) for placement in chain[::-1]]
+    last = len(links) - 1
+    turned = [(link if i == 0 else flip @ link) @ (np.eye(4) if i == last else flip) for i, link in enumerate(links)]
+    return np.ascontiguousarray(np.array(turned)[:, :3])
+
+
+def _square(placement: Array) -> Array:
+    return np.vstack([placement, [0.0, 0.0, 0.0, 1.0]])
+
+
+def _inverse(T: Array) -> Array:
+    return np.asarray(pin.SE3(T[:3, :3], T[:3, 3]).inverse().homogeneous)
+
+
+def _nearest(call: Call[NearestWork], seed: Array, lower: Array, upper: Array) -> Array | None:
+    work, dof = call.work, len(seed)
+    work.seed[:], work.weights[:] = 0.0, 0.0
+    work.seed[:dof], work.weights[:dof] = seed, 1.0
+    work.limits[0], work.limits[1] = -np.inf, np.inf
+    work.limits[0, :dof], work.limits[1, :dof] = lower, upper
+    return work.x.copy() if call() else None
+
+
+def read_curves(work: SetWork, *, complete: bool) -> Curves:
+    """What the kernel found, copied."""
+    pieces, loops = work.pieces, work.loops
+    ends: NDArray[np.int64] = pieces.ends[: pieces.size[1]]
+    found = [
+        Piece(pieces.nodes[first:end].copy(), (start, stop), branch)
+        for first, end, start, stop, branch, _ in ends.tolist()
+    ]
+    whole = [loops.nodes[first:end].copy() for first, end, _ in loops.ends[: loops.size[1]].tolist()]
+    return Curves(found, whole, int(pieces.size[2]), complete and bool(math.isfinite(work.T.sum())))

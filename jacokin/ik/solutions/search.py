@@ -1,0 +1,329 @@
+"""`FamilySearch`: from a target to its `Family`, and to the member that is wanted, or why there is none."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jacokin.arrays import Array
+from jacokin.ik import diagnosis
+from jacokin.ik.closest import ClosestSearch
+from jacokin.ik.diagnosis import LimitExcess, Outcome
+from jacokin.ik.near_misses import NearMisses
+from jacokin.ik.preferences import Cost, copies_to_try, with_ties
+from jacokin.ik.results import IKResult
+from jacokin.ik.solutions.curve_arm import CIRCLE, DIMENSIONS, FOLD, CurveArm, CurveProblem, Curves
+from jacokin.ik.solutions.family import Family, Interval, IntervalEnd
+from jacokin.ik.solutions.least import least, minima
+from jacokin.ik.solutions.members import LostMemberError, Members
+from jacokin.ik.solutions.track import CurveTrack
+from jacokin.ik.targets import Request, TargetPose, combined_error
+from jacokin.ik.verification import Candidate, Verifier
+from jacokin.model import angles
+from jacokin.model.angles import TURN
+from jacokin.model.robot import Robot
+
+#: [rad] between members that are looked at where the best one is in contact.
+TRIED = 0.03
+#: Of an interval along which the parameter stands still, how many are; and so many are looked at together.
+TRIED_STANDING, AT_ONCE = 16, 64
+#: Times that a search for the closest configuration turns the target to where it has come.
+AIMS = 4
+#: [rad] a target turned by less than this is the same.
+SAME_AIM = 1e-3
+#: [m] and [rad]; a seed that misses its target by less may be beside a curve, which is followed.
+NEAR_TARGET = 0.02
+#: Moves of near misses, in tolerances, and ways: curves must be long enough to be found between two slices.
+MOVE, WAYS = 1000.0, 2
+#: Configurations of each branch next to the target that are within the limits, and outside, to start from at most.
+SPREAD = 6
+#: Steps of the parameter at most for a first look.
+MOST_SCATTERED = 190
+
+
+class FamilyFindings(NamedTuple):
+    """The family of a target, and what its members have in common."""
+
+    family: Family
+    members: Members
+    least_excess: Callable[[], LimitExcess | None]  # where branches come nearest to the limits; None without any
+    tracks: Callable[[], Sequence[CurveTrack]]  # all branches, within the limits or not
+
+    def candidates(self, cost: Cost | None, *, several: bool) -> Iterator[Candidate]:
+        """Members, the best one first; that one alone, or after it those that are clear, about 0.03 rad apart."""
+        members, seed = self.members, self.members.seed
+        wish = with_ties(cost, seed)
+        best = self.family.choose(wish, seed)
+        if best is not None:
+            yield members.candidate(*best)
+        elif (least := self.least_excess()) is not None and not least.excess.any():
+            yield members.candidate(members.copies(least.q, seed), least.parameter)
+        if best is None or not several:
+            return
+        found: list[tuple[Array, Array, Array]] = []
+        for number, interval in enumerate(self.family):
+            standing = interval.start == interval.stop
+            p, q = interval.sample(TRIED_STANDING) if standing else interval.walk(TRIED)
+            for copies in copies_to_try(wish.copies, q, seed, members.robot):
+                kept = ~np.isnan(copies).any(axis=1)
+                found.append((copies[kept], p[kept], np.full(kept.sum(), number)))
+        rows, parameters, numbers = (np.concatenate(column) for column in zip(*found, strict=True))
+        order = np.argsort(wish(rows), kind="stable")
+        for first in range(0, len(order), AT_ONCE):
+            some = order[first : first + AT_ONCE]
+            for index in some[~members.verifier.touching_rows(rows[some])].tolist():
+                value, interval = float(parameters[index]), self.family.intervals[numbers[index]]
+                exact = rows[index] if interval.start == interval.stop else interval.at(value)  # `walk` is not exact
+                yield members.candidate(angles.nearest_copy(exact, rows[index]), value)
+
+
+class Scattered(NamedTuple):
+    """Configurations of a family for a first look."""
+
+    q: Array
+    """(k, dof) within the limits [rad]."""
+    parameters: Array
+    """(k,) [rad]."""
+    guessed: NDArray[np.bool_]
+    """(k,) which are near members, about where intervals end; others are members."""
+    reached: bool
+    """Whether anything was found, within the limits or not."""
+
+
+class SetSearch:
+    """Sets of solutions of one arm: the curves on which a target is reached, and what of them is within the limits."""
+
+    __slots__ = ("_arm", "_closest", "_near_misses", "_verifier")
+
+    def __init__(self, verifier: Verifier, arm: CurveArm) -> None:
+        """Take the constants of an arm."""
+        self._verifier, self._arm = verifier, arm
+        self._closest, self._near_misses = ClosestSearch(verifier), NearMisses(verifier, MOVE, WAYS)
+
+    @property
+    def parameter(self) -> str:
+        """What the parameter is called: a joint's name, or "angle"."""
+        return self._arm.name
+
+    def members(self, target: TargetPose, seed: Array) -> Members:
+        """What the solutions of a target have in common; unlimited joints are near to a seed (dof,)."""
+        return Members(self._verifier, self._arm.parameter, target, seed)
+
+    def solve(self, request: Request) -> IKResult:
+        """The member of the least cost, or why there is none."""
+        verifier, members = self._verifier, self.members(request.target, request.seed)
+        beyond = self._closest.reach.exceeded(request.target)
+        if beyond is not None:
+            return self._closest_to(request, members, None, beyond)
+        if request.cost is None:  # the kernels find the nearest member at once
+            member = self.nearest(request.target, request.seed)
+            if member is not None:
+                result = verifier.select(iter([members.candidate(*member)]), request, "")
+                if result is not None and not (result.touching and verifier.avoids_contact):
+                    return result
+        found = self.find(request.target, request.seed)
+        candidates = found.candidates(request.cost, several=verifier.avoids_contact)
+        in_contact = "every member that was tried is in contact; the best one"
+        result = verifier.select(candidates, request, in_contact)
+        if result is None:
+            dof, parameter = verifier.robot.dof, self._arm.parameter
+            rows = self._near_misses.find(request, self._almost_reaching(request, found))
+            near = (found.members.candidate(x[:dof], float(x[parameter])) for x in rows)
+            result = verifier.select(near, request, in_contact)
+        if result is not None:
+            return result
+        least, names = found.least_excess(), verifier.robot.joint_names
+        outcome = diagnosis.explain_family(found.family.complete, found.family.branches, least, names)
+        return self._closest_to(request, found.members, least, outcome)
+
+    def find(self, target: TargetPose, seed: Array) -> FamilyFindings:
+        """Everything that reaches a target; unlimited joints in the copies nearest to a seed (dof,)."""
+        problem = self._arm.problem(target)
+        members = self.members(target, seed)
+        return self._findings(problem, problem.find(self._starts(members)), members)
+
+    def straight_wrists(self, target: TargetPose, seed: Array, q: Array) -> FamilyFindings:
+        """What reaches a pose of six joints on the curves through branches (k, 6) that stand for whole ones."""
+        problem = self._arm.circles(target.matrix)
+        starts = np.column_stack([q, np.zeros(len(q))])
+        return self._findings(problem, problem.find(starts, only_starts=True), self.members(target, seed))
+
+    def _starts(self, members: Members) -> Array:
+        """(k, 7) the seed, if it nearly reaches the target: a curve beside it is followed."""
+        target, seed = members.target, members.seed
+        p = target.nearest_angle(members.parameter(seed))
+        near = max(self._verifier.measure(seed, target.at(p))) < NEAR_TARGET
+        return np.append(seed, p)[np.newaxis, :DIMENSIONS] if near else np.empty((0, DIMENSIONS))
+
+    def _findings(self, problem: CurveProblem, found: Curves, members: Members) -> FamilyFindings:
+        """What of curves is within the limits, as intervals."""
+        robot, free, index = self._verifier.robot, members.target.free_axis, self._arm.parameter
+        closed, known = free is None or free.full_turn, dict[int, IntervalEnd]()
+        intervals, complete = [], found.complete
+        for piece in found.pieces:
+            for code in piece.codes:
+                if code not in known:
+                    known[code] = _end(code, robot)
+            track = CurveTrack(problem, piece.nodes, closed=closed)
+            if len(piece.nodes) == 1 and not self._reaches(piece.nodes[0], members):
+                complete = False
+                continue
+            ends = known[piece.codes[0]], known[piece.codes[1]]
+            intervals.append(Interval(members, track, piece.branch, ends))
+        intervals.sort(key=lambda interval: (interval.branch, interval.start))
+        family = Family(tuple(intervals), members, branches=found.branches, complete=complete)
+
+        def tracks() -> Sequence[CurveTrack]:
+            return [
+                CurveTrack(problem, nodes, closed=closed)
+                for whole in found.whole
+                for nodes in _between_folds(whole, index)
+            ]
+
+        return FamilyFindings(family, members, lambda: _find_least_excess(tracks(), robot), tracks)
+
+    def _reaches(self, x: Array, members: Members) -> bool:
+        """Whether a single point (14,), where joints pass their limits at once, is within them but for rounding."""
+        dof = members.robot.dof
+        try:
+            members.verified(members.copies(x[:dof], members.seed), float(x[self._arm.parameter]))
+        except LostMemberError:
+            return False
+        return True
+
+    def scatter(self, target: TargetPose, step: float) -> Scattered | None:
+        """Members at whole multiples of a step [rad] and where intervals end, to about 1e-4 rad between them.
+
+        None where there are too many.
+        """
+        free, robot = target.free_axis, self._verifier.robot
+        low, high = (-math.pi, math.pi) if free is None or free.full_turn else free.range
+        if high - low > MOST_SCATTERED * step:
+            return None
+        found = self._arm.problem(target).find(np.empty((0, DIMENSIONS)))
+        members = self.members(target, robot.home)
+        rows, parameters, guessed = [np.empty((0, robot.dof))], [np.empty(0)], [np.empty(0, dtype=np.bool_)]
+        for interval in self._findings(self._arm.problem(target), found, members).family:
+            p, q = interval.spread(step)
+            rows.append(angles.into_limits(q, robot.lower, robot.upper))
+            parameters.append(p)
+            guessed.append(np.ones(len(p), dtype=np.bool_))
+        return Scattered(
+            np.vstack(rows), np.concatenate(parameters), np.concatenate(guessed), reached=found.branches > 0
+        )
+
+    def nearest(self, target: TargetPose, seed: Array) -> tuple[Array, float] | None:
+        """The member (dof,) nearest to a seed and its parameter [rad]; None where only `find` can tell."""
+        robot, members = self._verifier.robot, self.members(target, seed)
+        x, _ = self._arm.problem(target).nearest(self._starts(members), seed, robot.lower, robot.upper)
+        if x is None:
+            return None
+        return np.clip(x[: robot.dof], robot.lower, robot.upper), x.item(self._arm.parameter)
+
+    def _almost_reaching(self, request: Request, found: FamilyFindings) -> Array:
+        """Rows (k, dof), with the parameter of a free axis after them, where branches come nearest to the limits [rad].
+
+        Branches of the target itself and of those next to it. Where nothing reaches it, within the limits or not, the
+        latter were looked at.
+        """
+        target, robot = request.target, self._verifier.robot
+        tracks = list(found.tracks())
+        for T in self._near_misses.moved(target.matrix):
+            tracks += self._tracks(target, T)
+        starts = [np.empty((0, robot.dof + (target.free_axis is not None)))]
+        for track in tracks:
+            parameters, rows = track.polyline()
+            outside = np.abs(angles.wrap_to_pi(rows - angles.into_limits(rows, robot.lower, robot.upper))).max(axis=1)
+            chosen = minima(outside)
+            within = np.sort(chosen[outside[chosen] == 0.0])
+            within = within[np.linspace(0, len(within) - 1, min(len(within), SPREAD)).astype(np.intp)]
+            beyond = chosen[(outside[chosen] > 0.0) & (outside[chosen] <= self._near_misses.near)]
+            chosen = np.concatenate([within, beyond[:SPREAD]])
+            some = rows[chosen]
+            starts.append(some if target.free_axis is None else np.column_stack([some, parameters[chosen]]))
+        return np.vstack(starts)
+
+    def _tracks(self, target: TargetPose, T: Array) -> Sequence[CurveTrack]:
+        """The branches of a target that is moved to a pose (4, 4)."""
+        problem = self._arm.problem(target)._replace(T=T)
+        found = problem.find(np.empty((0, DIMENSIONS)))
+        return self._findings(problem, found, self.members(target, self._verifier.robot.home)).tracks()
+
+    def _closest_to(self, request: Request, members: Members, least: LimitExcess | None, outcome: Outcome) -> IKResult:
+        """Why there is no member, with the closest configuration; the angle of a free axis follows where that comes."""
+        target = request.target
+        p = target.nearest_angle(0.0 if least is None else least.parameter)
+        nearby = [] if least is None else [least.q]
+        results: list[IKResult] = []
+        for _ in range(AIMS if target.free_axis is not None and request.closest else 1):
+            result = self._closest.solve(request._replace(target=target.at(p)), outcome, nearby)
+            parameter = (
+                p if target.free_axis is not None or not request.closest else float(result.q[self._arm.parameter])
+            )
+            results.append(replace(result, parameter=parameter))
+            last, p, nearby = p, target.nearest_angle(members.parameter(result.q)), [result.q]
+            if result.success or abs(p - last) < SAME_AIM:
+                break
+        return min(results, key=lambda each: (not each.success, _error(each)))
+
+
+def _error(result: IKResult) -> float:
+    return combined_error(result.position_error, result.orientation_error)
+
+
+def _between_folds(nodes: Array, index: int) -> list[Array]:
+    """A curve (m, 14) in runs along which the parameter rises, of which it is the angle with an index."""
+    rises = np.diff(nodes[:, index]) >= 0.0
+    cuts = [0, *(np.flatnonzero(rises[1:] != rises[:-1]) + 1).tolist(), len(nodes) - 1]
+    runs = []
+    for first, last in itertools.pairwise(cuts):
+        run = nodes[first : last + 1]
+        if run[-1, index] < run[0, index]:
+            run = run[::-1].copy()
+            run[:, DIMENSIONS:] *= -1.0
+        runs.append(run)
+    return runs
+
+
+def _find_least_excess(tracks: Sequence[CurveTrack], robot: Robot) -> LimitExcess | None:
+    """Where tracks come nearest to the limits; None without any."""
+    bounded = robot.upper - robot.lower < TURN
+    lower, upper = np.where(bounded, robot.lower, -np.inf), np.where(bounded, robot.upper, np.inf)
+
+    def excess(rows: Array) -> Array:
+        beyond: Array = np.abs(angles.wrap_to_pi(rows - angles.into_limits(rows, lower, upper)))
+        return beyond
+
+    best: tuple[float, float, Array] | None = None
+    for track in tracks:
+        coordinates, rows = track.guesses()
+        coordinate = least(lambda rows: excess(rows).max(axis=1), coordinates, rows, _exact(track))
+        p, q = track.point(coordinate)
+        worst = float(excess(q).max())
+        if best is None or worst < best[0]:
+            best = (worst, p, q)
+    if best is None:
+        return None
+    _, parameter, q = best
+    return LimitExcess(angles.into_limits(q, robot.lower, robot.upper), excess(q), parameter)
+
+
+def _exact(track: CurveTrack) -> Callable[[float], Array]:
+    """The configuration (dof,) at a coordinate of a track."""
+    return lambda coordinate: track.point(coordinate)[1]
+
+
+def _end(code: int, robot: Robot) -> IntervalEnd:
+    """An end in words from its code, see `curve_arm.Piece`."""
+    if code // 2 >= robot.dof:
+        return IntervalEnd("range")
+    if code >= 0:
+        limit = (robot.lower, robot.upper)[code % 2][code // 2]
+        return IntervalEnd("limit", robot.joint_names[code // 2], float(limit))
+    return IntervalEnd({FOLD: "fold", CIRCLE: "circle"}.get(code, "lost"))
