@@ -21,11 +21,11 @@ from jacokin.kernels.closed_form.roots import RootWork, find_roots, make_roots
 from jacokin.kernels.limits import TURN
 from jacokin.kernels.six_joints.characteristic import Determinant, fourier_of_determinant, make_determinant
 from jacokin.kernels.six_joints.equations import Equations, make_equations, write_equations
-from jacokin.kernels.six_joints.loop import SPHERICAL_WRIST, fill_links
+from jacokin.kernels.six_joints.loop import LABELLINGS, SPHERICAL_WRIST, fill_links
 from jacokin.kernels.six_joints.spherical_wrist import fill_both_turns, fill_quartic, reach_of
 from jacokin.kernels.solution_set.curve import wrapped
 from jacokin.kernels.solution_set.slices import SixJoints, turn_target
-from jacokin.kernels.tolerances import DISTINCT
+from jacokin.kernels.tolerances import DISTINCT, UNCERTAIN
 
 LOOKED_AT, MOST_FOUND, EXTREMA = 48, 128, 32
 #: [rad] where the even values begin: away from the round angles that people use.
@@ -80,13 +80,16 @@ def make_islands() -> Islands:
     )
 
 
-def fill_F(k: ArmConstants, six: SixJoints, work: Islands, p: float) -> float:
-    """Fill cosine and sine with the coefficients of F(x; p), up to a factor; returns the noise of its values."""
+def fill_F(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling: int) -> float:
+    """Fill cosine and sine with the coefficients of F(x; p), up to a factor; returns the noise of its values.
+
+    A general arm has an F in each labelling of its joints, and the same number of roots in all that suit it.
+    """
     turn_target(six.T, six.axis, p, six.turned)
     if k.six.scale > 0.0:
         wrist = k.six.form == SPHERICAL_WRIST
         fill_links(
-            six.chain, six.turned, k.six.scale, k.six.form_labelling if wrist else k.six.own, work.equations.links
+            six.chain, six.turned, k.six.scale, k.six.form_labelling if wrist else labelling, work.equations.links
         )
         if wrist:  # where the wrist is; each way of its own joints goes with one on the other side
             reach = reach_of(k.six, work.equations.links)
@@ -102,7 +105,7 @@ def fill_F(k: ArmConstants, six: SixJoints, work: Islands, p: float) -> float:
 def fill_extrema(k: ArmConstants, six: SixJoints, work: Islands, i: int) -> float:
     """Fill extrema, x, w and slope of slice i; returns the noise of F."""
     p, x, w, roots = work.p[i], work.x[i], work.w[i], work.roots
-    noise = fill_F(k, six, work, p)
+    noise = fill_F(k, six, work, p, k.six.own)
     for n in range(DEGREE + 1):
         roots.cosine[n], roots.sine[n] = n * work.sine[n], -n * work.cosine[n]
     count = find_roots(DEGREE * noise, 0.0, roots)
@@ -117,8 +120,8 @@ def fill_extrema(k: ArmConstants, six: SixJoints, work: Islands, i: int) -> floa
             w[found] = 0.0
         found += 1
     work.extrema[i] = found
-    work.counts[i] = count_of(work, noise)
-    fill_F(k, six, work, p + ASIDE)
+    work.counts[i] = count_of(k, six, work, p, noise)
+    fill_F(k, six, work, p + ASIDE, k.six.own)
     for e in range(found):
         value, _ = value_and_slope(work.cosine, work.sine, x[e])
         work.slope[i, e] = (-2.0 * value / work.bend[i, e] - w[e]) / ASIDE
@@ -137,11 +140,29 @@ def find_islands(six: SixJoints, work: Islands) -> None:
             look_between(k, six, work, i, e)
 
 
-def count_of(work: Islands, noise: float) -> int:
-    """How many roots the F at hand has, -1 where there is doubt."""
-    roots = work.roots
+def count_of(k: ArmConstants, six: SixJoints, work: Islands, p: float, noise: float) -> int:
+    """How many roots F(x; p) has, of which the coefficients are at hand; -1 where there is doubt.
+
+    Where two complex solutions have one real angle in common, F has a double root without a solution: in another
+    labelling they have not.
+    """
+    count = count_single_roots(work, noise)
+    if k.six.scale > 0.0 and k.six.form != SPHERICAL_WRIST:
+        other = 1
+        while count < 0 and other < LABELLINGS:
+            count = count_single_roots(work, fill_F(k, six, work, p, (k.six.own + other) % LABELLINGS))
+            other += 1
+    return count
+
+
+def count_single_roots(work: Islands, noise: float) -> int:
+    """How many roots the F at hand has, -1 where some may not be single."""
+    roots, total = work.roots, 0.0
     for n in range(DEGREE + 1):
         roots.cosine[n], roots.sine[n] = work.cosine[n], work.sine[n]
+        total += abs(work.cosine[n]) + abs(work.sine[n])
+    if not total > UNCERTAIN * noise:
+        return -1
     count = find_roots(noise, 0.0, roots)
     for i in range(count):
         if roots.roots[i, 1] > 0.0:
@@ -161,7 +182,7 @@ def look_between(k: ArmConstants, six: SixJoints, work: Islands, i: int, e: int)
     if w > -ONE_ROOT:  # or a point where F has a double root, and two solutions that are complex
         if work.size[0] < MOST_FOUND:
             work.p[LOOKED_AT + work.size[0]] = p
-            work.counts[LOOKED_AT + work.size[0]] = count_of(work, noise)
+            work.counts[LOOKED_AT + work.size[0]] = count_of(k, six, work, p, noise)
             work.size[0] += 1
         else:
             work.size[1] += 1
@@ -211,7 +232,7 @@ def at_extremum(
     k: ArmConstants, six: SixJoints, work: Islands, p: float, x: float, like: float
 ) -> tuple[float, float, float]:
     """W and place of the extremum of F(x; p) nearest to x at which F'' has the sign of `like`, and the noise of F."""
-    noise = fill_F(k, six, work, p)
+    noise = fill_F(k, six, work, p, k.six.own)
     bend = like
     for _ in range(NEWTON_STEPS):
         slope, bend = slope_and_curvature(work.cosine, work.sine, x)

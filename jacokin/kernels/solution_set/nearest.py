@@ -136,7 +136,7 @@ def equivalent(work: NearestWork, angle: float, j: int) -> float:
         found += TURN * math.ceil((low - found) / TURN - RESOLUTION)
         if found > high + RESOLUTION and found - high > low - found + TURN:
             found -= TURN
-    return found
+    return float(found)
 
 
 def distance(work: NearestWork, x: Array) -> float:

@@ -89,7 +89,7 @@ def solve_set(work: SetWork) -> int:
         How many things went wrong, so that parts may be missing; 0 for none.
     """
     parameter, kind, slices, loops = int(work.options[0]), int(work.options[1]), work.slices, work.loops
-    slices.size[0], slices.size[1] = 0, 0
+    slices.size[0] = 0
     for n in range(4):
         loops.size[n] = 0
     doubts = 0
@@ -106,7 +106,7 @@ def solve_set(work: SetWork) -> int:
     trace(work.chain, work.T, parameter, slices, loops, work.walk)
     doubts += follow_meetings(work)
     cut(work.chain, work.T, parameter, loops, work.pieces, work.walk)
-    wrong = doubts + slices.size[1] + loops.size[3] + work.pieces.size[3]
+    wrong = doubts + loops.size[3] + work.pieces.size[3]
     for i in range(slices.size[0]):
         for k in range(slices.counts[i]):
             wrong += slices.passed[i, k] != 1 and not math.isnan(slices.p[i])
@@ -167,8 +167,7 @@ def slice_by_roots(work: SetWork) -> int:
         trace(chain, T, parameter, slices, loops, work.walk)
         missing = 0
         for i in range(islands.size[2] + islands.size[0]):
-            roots = islands.counts[i]
-            if is_sliced(slices, islands.p[i]) or passing(loops, parameter, islands.p[i]) == roots * work.options[2]:
+            if find_slice(slices, islands.p[i]) >= 0 or is_counted(work, i):
                 continue
             missing += 1
             if add_slice(chain, T, kind, islands.p[i], slices, work.six, work.seven):
@@ -177,15 +176,25 @@ def slice_by_roots(work: SetWork) -> int:
                 doubts += 1
         if missing == 0:
             break
+    for i in range(islands.size[2] + islands.size[0]):
+        n = find_slice(slices, islands.p[i])
+        doubts += not is_counted(work, i) and (n < 0 or slices.doubt[n] > 0)
     return doubts
 
 
-def is_sliced(slices: Slices, p: float) -> bool:
-    """Whether there is a slice at a value."""
-    for i in range(slices.size[0]):  # noqa: SIM110  # numba compiles no generator expressions
+def find_slice(slices: Slices, p: float) -> int:
+    """The slice at a value, -1 for none."""
+    for i in range(slices.size[0]):
         if slices.p[i] == p:
-            return True
-    return False
+            return i
+    return -1
+
+
+def is_counted(work: SetWork, i: int) -> bool:
+    """Whether as many curves as F has roots, times the solutions of each, pass a value at which F was looked at."""
+    roots = work.islands.counts[i]
+    passed = passing(work.loops, int(work.options[0]), work.islands.p[i])
+    return bool(roots >= 0 and passed == roots * work.options[2])
 
 
 def passing(loops: Loops, parameter: int, value: float) -> int:

@@ -28,7 +28,8 @@ class Slices(NamedTuple):
     counts: NDArray[np.int64]  # (SLICES,)
     x: Array  # (SLICES, POINTS, 7) [rad]
     passed: NDArray[np.int64]  # (SLICES, POINTS) by how many curves
-    size: NDArray[np.int64]  # (2,) values, and those at which solutions may be missing
+    doubt: NDArray[np.int64]  # (SLICES,) 1 where solutions may be missing
+    size: NDArray[np.int64]  # (1,) values
 
 
 class SixJoints(NamedTuple):
@@ -59,7 +60,8 @@ def make_slices() -> Slices:
         np.zeros(SLICES, np.int64),
         np.empty((SLICES, POINTS, 7)),
         np.zeros((SLICES, POINTS), np.int64),
-        np.zeros(2, np.int64),
+        np.zeros(SLICES, np.int64),
+        np.zeros(1, np.int64),
     )
 
 
@@ -96,7 +98,7 @@ def add_slice(chain: Array, T: Array, kind: int, p: float, slices: Slices, six: 
     i = slices.size[0]
     if i == SLICES:
         return False
-    count = 0
+    count, slices.doubt[i] = 0, 0
     if kind == JOINT_3:
         solve_at_q3(chain, seven.arm, T, p, seven.rows)
         for k in range(MOST_AT_Q3):
@@ -109,7 +111,7 @@ def add_slice(chain: Array, T: Array, kind: int, p: float, slices: Slices, six: 
         query = PoseQuery(six.chain, six.limits, six.turned, six.seed)
         solve_pose(six.arm, unpack_arm(six.arm), query, six.work)
         branches = six.work.branches
-        slices.size[1] += branches.filled[1]
+        slices.doubt[i] = branches.filled[1]
         count = branches.filled[0]
         for k in range(count):
             for j in range(6):
