@@ -66,6 +66,7 @@ if TYPE_CHECKING:
     from jacokin.model.scene import Scene
 
 MOVE, WAYS = 30.0, 3  # of near misses: those cross a fold unless it lies along all three ways to a thirtieth
+NEARLY_SINGULAR = 1e-4  # [m or rad] singular value of a branch beside which the tool hardly moves along a curve
 SEVEN = 7  # joints of an arm whose poses have families
 ALL_IN_CONTACT = "every branch within the limits is in contact; the best"
 HELD = 16  # values of joints that are held, whose preparation is kept
@@ -503,7 +504,13 @@ class IKSolver:
         rows = [form.solve_all(moved[index], seed).q for index in np.flatnonzero(more).tolist()]
         if len(branches):
             rows.append(branches.q[branches.margin.min(axis=1) >= near])
+            nearly_singular = [self._singular_value(q) < NEARLY_SINGULAR for q in branches.q]
+            rows.append(self._six.nearly_standing(T, branches.q[nearly_singular]))
         return np.vstack(rows) if rows else np.empty((0, 6))
+
+    def _singular_value(self, q: Array) -> float:
+        """The smallest singular value of the Jacobian at a configuration (dof,) [m or rad]."""
+        return float(self.robot.singular_values(q, frame=self.frame).min())
 
     def _solve_by_qp(self, request: Request) -> IKResult:
         """One configuration by descents from many starts, or why there is none.

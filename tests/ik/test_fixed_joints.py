@@ -166,5 +166,4 @@ def test_what_may_not_be_held(tmp_path: Path) -> None:
     six = jacokin.load_robot()
     with pytest.raises(InvalidInputError, match="0 of j2n6s300's 6, not 1"):
         IKSolver(six).solve_all(six.forward_kinematics(six.home), fixed={"joint_3": 3.0})
-    with pytest.raises(StructureError, match="fixed="):
-        solver.solve_all(target)
+    assert len(solver.solve_all(target)) > 0  # without: a set with one parameter

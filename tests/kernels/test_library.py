@@ -20,7 +20,7 @@ from jacokin import FreeAxis, IKSolver, Robot, warmup
 from jacokin.errors import JacokinError
 from jacokin.ik import Box, Scene
 from jacokin.ik import closed_form as closed_form_module
-from jacokin.ik.families import curves
+from jacokin.ik.solutions import curves
 from jacokin.kernels import library
 from jacokin.kernels.closed_form.batch import make_target_work, solve_targets
 from jacokin.kernels.entries import ENTRIES

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,8 +37,8 @@ class Members:
     """One target of one arm."""
 
     verifier: Verifier
-    index: int
-    """Which joint is the parameter; of no meaning about a free axis."""
+    index: int | None
+    """Which joint is the parameter; None for a free axis, and at a pose of six joints."""
     target: TargetPose
     seed: Array
     """(dof,) unlimited joints take the 2 pi copy nearest to this [rad]."""
@@ -50,13 +51,15 @@ class Members:
     def parameter(self, q: Array) -> float:
         """The parameter [rad] of a configuration (dof,)."""
         free = self.target.free_axis
-        return float(q[self.index]) if free is None else free.parameter_of(self.verifier.tool_pose(q).rotation)
+        if free is not None:
+            return free.parameter_of(self.verifier.tool_pose(q).rotation)
+        return math.nan if self.index is None else float(q[self.index])
 
     def candidate(self, q: Array, parameter: float) -> Candidate:
         """A member (dof,) in the copies that are wanted, with its parameter [rad] in the range of the target."""
         free = self.target.free_axis
         if free is None:
-            p = float(q[self.index])  # the joint itself, in its copy
+            p = self.parameter(q)  # the joint itself, in its copy
         else:
             p = float(angles.wrap_to_pi(parameter)) if free.full_turn else self.target.nearest_angle(parameter)
         return Candidate(q, self.target.at(p), f"parameter {p:.6g} rad", p)

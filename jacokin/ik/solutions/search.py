@@ -22,7 +22,7 @@ from jacokin.ik.solutions.curve_arm import CIRCLE, DIMENSIONS, FOLD, CurveArm, C
 from jacokin.ik.solutions.family import Family, Interval, IntervalEnd
 from jacokin.ik.solutions.least import least, minima
 from jacokin.ik.solutions.members import LostMemberError, Members
-from jacokin.ik.solutions.track import CurveTrack
+from jacokin.ik.solutions.track import STANDING, CurveTrack
 from jacokin.ik.targets import Request, TargetPose, combined_error
 from jacokin.ik.verification import Candidate, Verifier
 from jacokin.model import angles
@@ -113,7 +113,8 @@ class SetSearch:
 
     def members(self, target: TargetPose, seed: Array) -> Members:
         """What the solutions of a target have in common; unlimited joints are near to a seed (dof,)."""
-        return Members(self._verifier, self._arm.parameter, target, seed)
+        parameter = self._arm.parameter
+        return Members(self._verifier, parameter if parameter < self._arm.dof else None, target, seed)
 
     def solve(self, request: Request) -> IKResult:
         """The member of the least cost, or why there is none."""
@@ -150,9 +151,20 @@ class SetSearch:
 
     def straight_wrists(self, target: TargetPose, seed: Array, q: Array) -> FamilyFindings:
         """What reaches a pose of six joints on the curves through branches (k, 6) that stand for whole ones."""
-        problem = self._arm.circles(target.matrix)
+        problem = self._arm.circles(target.matrix, STANDING)
         starts = np.column_stack([q, np.zeros(len(q))])
         return self._findings(problem, problem.find(starts, only_starts=True), self.members(target, seed))
+
+    def nearly_standing(self, T: Array, q: Array) -> Array:
+        """Configurations (m, 6) within the limits on curves through branches (k, 6) along which the tool hardly turns.
+
+        Those of a wrist that is straight but for the tolerance of orientation.
+        """
+        problem = self._arm.circles(T, self._verifier.options.orientation_tolerance)
+        starts = np.column_stack([q, np.zeros(len(q))])
+        found = problem.find(starts, only_starts=True) if len(q) else None
+        pieces = [] if found is None else [piece.nodes[:, : self._arm.dof] for piece in found.pieces]
+        return np.vstack([np.empty((0, self._arm.dof)), *pieces])
 
     def _starts(self, members: Members) -> Array:
         """(k, 7) the seed, if it nearly reaches the target: a curve beside it is followed."""

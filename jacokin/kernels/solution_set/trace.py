@@ -41,7 +41,7 @@ SHORTEST_STEP, MEETING_STEP = 1e-9, 1e-4
 PASSED, PASSED_SHARE = 0.03, 0.5
 MOST_STEPS = 6000
 #: [-] slope of a parameter that stands still, but for rounding.
-STANDING = 1e-9
+STANDING = 1e-6
 
 
 class Loops(NamedTuple):
@@ -134,6 +134,7 @@ def follow(chain: Array, T: Array, parameter: int, i: int, k: int, slices: Slice
     loops.size[1] = number + 1
     room = add_node(loops, x, t, 0)
     h, done = 0.25 * LONGEST_STEP, False
+    way = t[parameter] if abs(t[parameter]) > STANDING else 0.0  # the last slope of the parameter that is no rounding
     for _ in range(MOST_STEPS):
         if not room or h < SHORTEST_STEP:
             break
@@ -152,17 +153,23 @@ def follow(chain: Array, T: Array, parameter: int, i: int, k: int, slices: Slice
             loops.size[0] = a + 1
             h *= 0.5
             continue
-        if is_fold(t[parameter], ty[parameter]):
-            if not point_where_still(
+        slope = ty[parameter]
+        if slope * way < 0.0 and abs(slope) > STANDING:
+            if t[parameter] * way <= 0.0:  # at the last node, but for rounding
+                loops.fold[a] = 1
+            elif not point_where_still(
                 chain, T, loops.nodes[a], loops.nodes[a + 1], parameter, walk.z, walk.tz, walk
             ) or not add_node(loops, y, ty, 0):
                 loops.size[0] = a + 1
                 h *= 0.5
                 continue
-            for j in range(7):
-                loops.nodes[a + 1, j], loops.nodes[a + 1, 7 + j] = walk.z[j], walk.tz[j]
-            loops.nodes[a + 1, 7 + parameter] = 0.0
-            loops.fold[a + 1] = 1
+            else:
+                for j in range(7):
+                    loops.nodes[a + 1, j], loops.nodes[a + 1, 7 + j] = walk.z[j], walk.tz[j]
+                loops.nodes[a + 1, 7 + parameter] = 0.0
+                loops.fold[a + 1] = 1
+        if abs(slope) > STANDING:
+            way = slope
         n = a
         while n < loops.size[0] - 1 and not done:
             done = note_passed(chain, T, parameter, n, (i, k, first), slices, loops, walk)
@@ -177,11 +184,6 @@ def follow(chain: Array, T: Array, parameter: int, i: int, k: int, slices: Slice
     if not done:
         loops.size[3] += 1
     loops.ends[number, 1] = loops.size[0]
-
-
-def is_fold(here: float, there: float) -> bool:
-    """Whether the parameter's slope changes its sign on a step."""
-    return (here > STANDING and there < -STANDING) or (here < -STANDING and there > STANDING)
 
 
 def turns_twice(a: Array, b: Array, parameter: int) -> bool:

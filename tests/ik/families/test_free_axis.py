@@ -14,7 +14,7 @@ from jacokin import FreeAxis, IKSolver, Robot, Status
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, StructureError
 from jacokin.ik import Family
-from jacokin.ik.families.curves import FREE_AXIS, CurveArm
+from jacokin.ik.solutions.curves import FREE_AXIS, CurveArm
 from jacokin.ik.targets import interpret
 from jacokin.model.angles import wrap_to_pi
 

@@ -14,7 +14,7 @@ from jacokin import FreeAxis, IKSolver, Robot
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.ik import Family
-from jacokin.ik.families.curves import CurveProblem
+from jacokin.ik.solutions.curves import CurveProblem
 from jacokin.model.angles import TURN
 
 SCANNED = 4000

@@ -12,7 +12,7 @@ import pytest
 from jacokin import FreeAxis, IKSolver, Robot
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
-from jacokin.ik.families.family import Family
+from jacokin.ik.solutions.family import Family
 from jacokin.model.angles import wrap_to_pi
 
 STEP = math.radians(10.0)

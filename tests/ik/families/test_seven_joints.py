@@ -17,7 +17,7 @@ from jacokin import FreeAxis, IKSolver, Robot, Status
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, StructureError
 from jacokin.ik import Family
-from jacokin.ik.families import curves
+from jacokin.ik.solutions import curves
 from jacokin.ik.geometry import measure_seven
 from jacokin.kernels.self_motion import gaps
 from jacokin.kernels.self_motion.intervals import make_curve_work

@@ -10,7 +10,7 @@ import pytest
 import jacokin
 from jacokin import FreeAxis, IKSolver, pose
 from jacokin.arrays import Array
-from jacokin.ik.families.curves import FREE_AXIS, CurveArm, CurveProblem
+from jacokin.ik.solutions.curves import FREE_AXIS, CurveArm, CurveProblem
 from jacokin.ik.targets import interpret
 from jacokin.kernels.self_motion import limit_cuts
 from jacokin.kernels.self_motion.arcs import Arcs

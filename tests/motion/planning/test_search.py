@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 from jacokin import FreeAxis, IKSolver, Robot
-from jacokin.ik.families.search import Scattered
+from jacokin.ik.solutions.search import Scattered
 from jacokin.model.many_configurations import Chain
 from jacokin.motion.path import CartesianPath
 from jacokin.motion.planning.manifold import Manifold, Pace
