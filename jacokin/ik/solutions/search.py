@@ -39,6 +39,8 @@ AIMS = 4
 SAME_AIM = 1e-3
 #: [m] and [rad]; a seed that misses its target by less may be beside a curve, which is followed.
 NEAR_TARGET = 0.02
+#: [rad] from the seed to a member that is its own neighbour, whatever else there is.
+BESIDE = 1e-7
 #: Moves of near misses, in tolerances, and ways: curves must be long enough to be found between two slices.
 MOVE, WAYS = 1000.0, 2
 #: Configurations of each branch next to the target that are within the limits, and outside, to start from at most.
@@ -124,8 +126,11 @@ class SetSearch:
             return self._closest_to(request, members, None, beyond)
         if request.cost is None:  # the kernels find the nearest member at once
             member = self.nearest(request.target, request.seed)
+            candidates = self._beside_seed(members, member)
             if member is not None:
-                result = verifier.select(iter([members.candidate(*member)]), request, "")
+                candidates.append(members.candidate(*member))
+            if candidates:
+                result = verifier.select(iter(candidates), request, "")
                 if result is not None and not (result.touching and verifier.avoids_contact):
                     return result
         found = self.find(request.target, request.seed)
@@ -165,6 +170,22 @@ class SetSearch:
         found = problem.find(starts, only_starts=True) if len(q) else None
         pieces = [] if found is None else [piece.nodes[:, : self._arm.dof] for piece in found.pieces]
         return np.vstack([np.empty((0, self._arm.dof)), *pieces])
+
+    def _beside_seed(self, members: Members, nearest: tuple[Array, float] | None) -> list[Candidate]:
+        """The member that Newton's method leads to from a seed that nearly is one, if it is nearer than the nearest.
+
+        Next to where curves meet they may not be told apart, and a seed gets its own neighbour back all the same.
+        """
+        starts, seed = self._starts(members), members.seed
+        away = math.inf if nearest is None else float(np.linalg.norm(nearest[0] - seed))
+        if not len(starts) or away < BESIDE:
+            return []
+        p = starts.item(0, self._arm.parameter)
+        try:
+            q = members.verified(seed, p)
+        except LostMemberError:
+            return []
+        return [members.candidate(q, p)] if np.linalg.norm(q - seed) < away else []
 
     def _starts(self, members: Members) -> Array:
         """(k, 7) the seed, if it nearly reaches the target: a curve beside it is followed."""

@@ -195,11 +195,14 @@ def fill_quartic(reach: Reach, cosine: Array, sine: Array) -> tuple[Wave, Wave, 
     return x, y, SMALLEST_NOISE * size
 
 
-def fill_both_turns(reach: Reach, cosine: Array, sine: Array) -> float:
-    """The same where axes 1 and 2 meet or are parallel: of degree 2 in theta_2; returns the noise of its values.
+def fill_both_turns(reach: Reach, cosine: Array, sine: Array) -> tuple[float, float]:
+    """The same where axes 1 and 2 meet or are parallel: of degree 2 in theta_2.
 
     Two theta_3 solve an equation of their own, and for each theta_2 has one like it. With c_3 and s_3 = (e + r g) / h,
     where r is a root that may be imaginary, the product of both equations for theta_2 has no root.
+
+    Returns:
+        The noise of its values, and the square of r relative to h: where that is negative, theta_3 is complex.
     """
     ex, ey, along_u, along_v, square = direction_of(reach)
     rest = combined(reach.distance, along_v, reach.height, -along_u)
@@ -214,7 +217,7 @@ def fill_both_turns(reach: Reach, cosine: Array, sine: Array) -> float:
         cosine[n], sine[n] = 0.0, 0.0
     size = add_square((-c[0], a[0], b[0]), 1.0, cosine, sine)
     size += add_square((-c[1], a[1], b[1]), -r2, cosine, sine)
-    return SMALLEST_NOISE * size
+    return SMALLEST_NOISE * size, r2 / h if h > 0.0 else 0.0
 
 
 def direction_of(reach: Reach) -> tuple[float, float, float, float, float]:

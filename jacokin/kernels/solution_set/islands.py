@@ -38,8 +38,21 @@ OVERSHOOT = 1.2
 ASIDE, CLOSE_ENOUGH = 1e-4, 1e-7
 #: [rad^2] w of two roots that are not told from one; and how often a peak of w is looked at from closer by.
 ONE_ROOT, LOOKS = 1e-13, 24
+#: [rad^2] w of two complex roots that may be one real solution at a place known to 1e-3 rad.
+NEARLY_DOUBLE = 1e-5
+#: [rad] how well that place is known, and w [rad^2] of what may be one real solution just there.
+PEAK_KNOWN, NEARLY_ONE = 1e-3, 1e-11
 #: Newton's method for an extremum: steps, the largest one and the last one [rad]; and w of no extremum.
 NEWTON_STEPS, LARGEST_MOVE, SAME_PLACE, NONE = 20, 0.1, 1e-11, -1e9
+
+
+class Extremum(NamedTuple):
+    """An extremum of F."""
+
+    x: float  # [rad]
+    w: float  # [rad^2]
+    bend: float  # F'': of one sign as long as the extremum is between the same two roots
+    labelling: int  # see `fill_F`
 
 
 class Islands(NamedTuple):
@@ -47,6 +60,7 @@ class Islands(NamedTuple):
 
     p: Array  # (LOOKED_AT + MOST_FOUND,) evenly all round, then values found beside folds [rad]
     counts: NDArray[np.int64]  # (LOOKED_AT + MOST_FOUND,) roots of F at each; -1 where they are in doubt
+    peak: NDArray[np.int64]  # (MOST_FOUND,) 1 where w comes to zero, and no farther
     size: NDArray[np.int64]  # (3,) values found, places for which there was no room, values all round
     x: Array  # (LOOKED_AT, EXTREMA) extrema [rad]
     w: Array  # (LOOKED_AT, EXTREMA) [rad^2]
@@ -56,6 +70,7 @@ class Islands(NamedTuple):
     roots: RootWork
     cosine: Array  # (9,) F
     sine: Array  # (9,)
+    apart: Array  # (1,) of F of a spherical wrist, see `fill_both_turns`
     equations: Equations
     determinant: Determinant
 
@@ -66,6 +81,7 @@ def make_islands() -> Islands:
     return Islands(
         np.empty(LOOKED_AT + MOST_FOUND),
         np.zeros(LOOKED_AT + MOST_FOUND, np.int64),
+        np.zeros(MOST_FOUND, np.int64),
         np.zeros(3, np.int64),
         np.empty(many),
         np.empty(many),
@@ -75,6 +91,7 @@ def make_islands() -> Islands:
         make_roots(),
         np.empty(DEGREE + 1),
         np.empty(DEGREE + 1),
+        np.zeros(1),
         make_equations(),
         make_determinant(),
     )
@@ -83,29 +100,39 @@ def make_islands() -> Islands:
 def fill_F(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling: int) -> float:
     """Fill cosine and sine with the coefficients of F(x; p), up to a factor; returns the noise of its values.
 
-    A general arm has an F in each labelling of its joints, and the same number of roots in all that suit it.
+    In the way that suits the arm, or in a labelling of its joints as those of any arm; -1 for the former. Of a
+    spherical wrist, F is then about where the wrist is: each root goes with two solutions.
     """
-    turn_target(six.T, six.axis, p, six.turned)
-    if k.six.scale > 0.0:
-        wrist = k.six.form == SPHERICAL_WRIST
-        fill_links(
-            six.chain, six.turned, k.six.scale, k.six.form_labelling if wrist else labelling, work.equations.links
-        )
-        if wrist:  # where the wrist is; each way of its own joints goes with one on the other side
-            reach = reach_of(k.six, work.equations.links)
-            if abs(reach.cross) < DISTINCT:
-                return fill_both_turns(reach, work.cosine, work.sine)
-            _, _, noise = fill_quartic(reach, work.cosine, work.sine)
+    if labelling >= 0:
+        return fill_determinant(unpack_arm(six.general), six, work, p, labelling)
+    if k.six.form == SPHERICAL_WRIST:
+        turn_target(six.T, six.axis, p, six.turned)
+        fill_links(six.chain, six.turned, k.six.scale, k.six.form_labelling, work.equations.links)
+        reach = reach_of(k.six, work.equations.links)
+        if abs(reach.cross) < DISTINCT:
+            noise, work.apart[0] = fill_both_turns(reach, work.cosine, work.sine)
             return noise
-        write_equations(work.equations)
-        return fourier_of_determinant(work.equations, work.determinant, work.cosine, work.sine)
+        work.apart[0] = 0.0
+        _, _, noise = fill_quartic(reach, work.cosine, work.sine)
+        return noise
+    if k.six.scale > 0.0:
+        return fill_determinant(k, six, work, p, k.six.own)
+    turn_target(six.T, six.axis, p, six.turned)
     return fourier_of_F(k, pose_of(six.arm, k, six.turned), work.cosine, work.sine)
+
+
+def fill_determinant(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling: int) -> float:
+    """As `fill_F`, of an arm of any structure in one labelling."""
+    turn_target(six.T, six.axis, p, six.turned)
+    fill_links(six.chain, six.turned, k.six.scale, labelling, work.equations.links)
+    write_equations(work.equations)
+    return fourier_of_determinant(work.equations, work.determinant, work.cosine, work.sine)
 
 
 def fill_extrema(k: ArmConstants, six: SixJoints, work: Islands, i: int) -> float:
     """Fill extrema, x, w and slope of slice i; returns the noise of F."""
     p, x, w, roots = work.p[i], work.x[i], work.w[i], work.roots
-    noise = fill_F(k, six, work, p, k.six.own)
+    noise = fill_F(k, six, work, p, -1)
     for n in range(DEGREE + 1):
         roots.cosine[n], roots.sine[n] = n * work.sine[n], -n * work.cosine[n]
     count = find_roots(DEGREE * noise, 0.0, roots)
@@ -121,7 +148,7 @@ def fill_extrema(k: ArmConstants, six: SixJoints, work: Islands, i: int) -> floa
         found += 1
     work.extrema[i] = found
     work.counts[i] = count_of(k, six, work, p, noise)
-    fill_F(k, six, work, p + ASIDE, k.six.own)
+    fill_F(k, six, work, p + ASIDE, -1)
     for e in range(found):
         value, _ = value_and_slope(work.cosine, work.sine, x[e])
         work.slope[i, e] = (-2.0 * value / work.bend[i, e] - w[e]) / ASIDE
@@ -144,14 +171,21 @@ def count_of(k: ArmConstants, six: SixJoints, work: Islands, p: float, noise: fl
     """How many roots F(x; p) has, of which the coefficients are at hand; -1 where there is doubt.
 
     Where two complex solutions have one real angle in common, F has a double root without a solution: in another
-    labelling they have not.
+    labelling they have not, and there the two roots are apart. Where they are not, there may be a single solution.
+    The noise is infinite for such a place.
     """
     count = count_single_roots(work, noise)
-    if k.six.scale > 0.0 and k.six.form != SPHERICAL_WRIST:
-        other = 1
-        while count < 0 and other < LABELLINGS:
-            count = count_single_roots(work, fill_F(k, six, work, p, (k.six.own + other) % LABELLINGS))
-            other += 1
+    if k.six.form == SPHERICAL_WRIST:
+        return 0 if count < 0 and work.apart[0] < -ONE_ROOT else count
+    first = unpack_arm(six.general).six.own
+    for n in range(LABELLINGS):
+        if count >= 0:
+            break
+        labelling = (first + n) % LABELLINGS
+        other = fill_F(k, six, work, p, labelling)
+        count = count_single_roots(work, other)
+        if count >= 0 and not noise < math.inf and is_nearly_double(k, six, work, p, labelling, other):
+            return -1
     return count
 
 
@@ -170,6 +204,27 @@ def count_single_roots(work: Islands, noise: float) -> int:
     return count
 
 
+def is_nearly_double(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling: int, noise: float) -> bool:
+    """Whether two complex roots in a labelling come together at a value of the parameter nearby."""
+    roots = work.roots
+    for n in range(DEGREE + 1):
+        roots.cosine[n], roots.sine[n] = n * work.sine[n], -n * work.cosine[n]
+    nearest = Extremum(0.0, -NEARLY_DOUBLE, 0.0, labelling)
+    for e in range(find_roots(DEGREE * noise, 0.0, roots)):
+        value, _ = value_and_slope(work.cosine, work.sine, roots.roots[e, 0])
+        _, bend = slope_and_curvature(work.cosine, work.sine, roots.roots[e, 0])
+        if bend != 0.0 and nearest.w < -2.0 * value / bend <= 0.0:
+            nearest = Extremum(roots.roots[e, 0], -2.0 * value / bend, bend, labelling)
+    if nearest.bend == 0.0:
+        return False
+    for side in range(2):
+        step = (2.0 * side - 1.0) * PEAK_KNOWN
+        _, peak, _ = climb(k, six, work, p, step, 0.5 * step, nearest)
+        if peak.w > -NEARLY_ONE:
+            return True
+    return False
+
+
 def look_between(k: ArmConstants, six: SixJoints, work: Islands, i: int, e: int) -> None:
     """Add a value next to slice i where an extremum that is below zero here comes to zero on the way to a neighbour."""
     x, w, slope = work.x[i, e], work.w[i, e], work.slope[i, e]
@@ -178,19 +233,23 @@ def look_between(k: ArmConstants, six: SixJoints, work: Islands, i: int, e: int)
         return
     side = 1 if slope > 0.0 else -1
     first = side * min(OVERSHOOT * abs(w / slope), step)
-    p, w, noise = climb(k, six, work, work.p[i], side * step, w, x, first, work.bend[i, e])
+    start = Extremum(x, w, work.bend[i, e], -1)
+    p, found, noise = climb(k, six, work, work.p[i], side * step, first, start)
+    w = found.w
     if w > -ONE_ROOT:  # or a point where F has a double root, and two solutions that are complex
         if work.size[0] < MOST_FOUND:
             work.p[LOOKED_AT + work.size[0]] = p
-            work.counts[LOOKED_AT + work.size[0]] = count_of(k, six, work, p, noise)
+            peak = w <= ONE_ROOT  # perhaps a single solution, or complex ones
+            work.counts[LOOKED_AT + work.size[0]] = count_of(k, six, work, p, math.inf if peak else noise)
+            work.peak[work.size[0]] = peak
             work.size[0] += 1
         else:
             work.size[1] += 1
 
 
 def climb(
-    k: ArmConstants, six: SixJoints, work: Islands, p: float, step: float, w: float, x: float, first: float, bend: float
-) -> tuple[float, float, float]:
+    k: ArmConstants, six: SixJoints, work: Islands, p: float, step: float, first: float, e: Extremum
+) -> tuple[float, Extremum, float]:
     """The peak of w of one extremum from p to p + step, or the first place on the way where w is positive.
 
     Args:
@@ -199,55 +258,52 @@ def climb(
         work: F is left there.
         p: where to start [rad].
         step: how far to look, of either sign [rad].
-        w: at p [rad^2].
-        x: the extremum at p [rad].
         first: how far to look first [rad].
-        bend: F'' there: of one sign as long as the extremum is between the same two roots.
+        e: the extremum at p.
 
     Returns:
-        P and w there, and the noise of F.
+        P and the extremum there, and the noise of F.
     """
     low, high = p, p + step
     trial, noise = p + first, 0.0
     for _ in range(LOOKS):
-        at, there, noise = at_extremum(k, six, work, trial, x, bend)
-        if at > w:
-            ahead = OVERSHOOT * abs(at / (at - w) * (trial - p))  # to zero, as w has risen so far
-            low, p, w, x = p, trial, at, there
+        there, noise = at_extremum(k, six, work, trial, e)
+        if there.w > e.w:
+            ahead = OVERSHOOT * abs(there.w / (there.w - e.w) * (trial - p))  # to zero, as w has risen so far
+            low, p, e = p, trial, there
             trial = p + math.copysign(min(ahead, 0.5 * abs(high - p)), step)
         else:
             high, trial = trial, 0.5 * (p + low)
-            at, there, noise = at_extremum(k, six, work, trial, x, bend)
-            if at > w:
-                high, p, w, x = p, trial, at, there
+            there, noise = at_extremum(k, six, work, trial, e)
+            if there.w > e.w:
+                high, p, e = p, trial, there
             else:
                 low = trial
             trial = 0.5 * (p + high)
-        if w > ONE_ROOT or abs(high - low) < CLOSE_ENOUGH:
+        if e.w > ONE_ROOT or abs(high - low) < CLOSE_ENOUGH:
             break
-    return p, w, noise
+    return p, e, noise
 
 
-def at_extremum(
-    k: ArmConstants, six: SixJoints, work: Islands, p: float, x: float, like: float
-) -> tuple[float, float, float]:
-    """W and place of the extremum of F(x; p) nearest to x at which F'' has the sign of `like`, and the noise of F."""
-    noise = fill_F(k, six, work, p, k.six.own)
-    bend = like
+def at_extremum(k: ArmConstants, six: SixJoints, work: Islands, p: float, e: Extremum) -> tuple[Extremum, float]:
+    """The extremum of F(x; p) nearest to another one and like it, and the noise of F; its w is `NONE` for none."""
+    noise = fill_F(k, six, work, p, e.labelling)
+    x, bend = e.x, e.bend
     for _ in range(NEWTON_STEPS):
         slope, bend = slope_and_curvature(work.cosine, work.sine, x)
-        if bend * like <= 0.0:
+        if bend * e.bend <= 0.0:
             break
         step = -slope / bend
         x += min(max(step, -LARGEST_MOVE), LARGEST_MOVE)
         if abs(step) < SAME_PLACE:
             break
-    if bend * like <= 0.0:
-        x, bend = nearest_extremum(work, noise, x, like)
+    if bend * e.bend <= 0.0:
+        x, bend = nearest_extremum(work, noise, x, e.bend)
         if bend == 0.0:
-            return NONE, x, noise
+            return Extremum(x, NONE, e.bend, e.labelling), noise
     value, _ = value_and_slope(work.cosine, work.sine, x)
-    return (0.0 if abs(value) <= noise else -2.0 * value / bend), x, noise
+    w = 0.0 if abs(value) <= noise else -2.0 * value / bend
+    return Extremum(x, w, bend, e.labelling), noise
 
 
 def nearest_extremum(work: Islands, noise: float, x: float, like: float) -> tuple[float, float]:

@@ -178,7 +178,8 @@ def slice_by_roots(work: SetWork) -> int:
             break
     for i in range(islands.size[2] + islands.size[0]):
         n = find_slice(slices, islands.p[i])
-        doubts += not is_counted(work, i) and (n < 0 or slices.doubt[n] > 0)
+        peak = i >= islands.size[2] and islands.peak[i - islands.size[2]] > 0  # perhaps a single point
+        doubts += not is_counted(work, i) and (n < 0 or slices.doubt[n] > 0 or peak)
     return doubts
 
 

@@ -37,6 +37,7 @@ class SixJoints(NamedTuple):
 
     chain: Array  # (7, 3, 4), of joints 7 to 2 the other way round where the parameter is the first one
     arm: Array  # (46,) their constants, see `closed_form.arm`
+    general: Array  # (46,) what they are as an arm of any structure: a scale, and a labelling to begin with
     limits: Array  # (3, 6) without any
     seed: Array  # (6,)
     axis: Array  # (3,) unit vector in the tool frame
@@ -70,7 +71,15 @@ def make_six_joints() -> SixJoints:
     limits = np.array([np.full(6, -np.inf), np.full(6, np.inf), np.zeros(6)])
     work = make_work(np.empty((POINTS, COLUMNS)))
     return SixJoints(
-        np.zeros((7, 3, 4)), np.zeros(ARM_CONSTANTS), limits, np.zeros(6), np.zeros(3), np.eye(4), np.eye(4), work
+        np.zeros((7, 3, 4)),
+        np.zeros(ARM_CONSTANTS),
+        np.zeros(ARM_CONSTANTS),
+        limits,
+        np.zeros(6),
+        np.zeros(3),
+        np.eye(4),
+        np.eye(4),
+        work,
     )
 
 

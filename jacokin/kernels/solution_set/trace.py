@@ -124,12 +124,19 @@ def follow(chain: Array, T: Array, parameter: int, i: int, k: int, slices: Slice
             for j in range(7):
                 walk.border[j] = 1.0 if j == m else 0.0
             sign = tangent(chain, T, x, walk.border, t, walk) if sign == 0.0 else sign
-    number = loops.size[1]
-    if sign == 0.0 or number == LOOPS:
+    number, first = loops.size[1], loops.size[0]
+    if number == LOOPS:
         loops.size[3] += 1
         return
+    if sign == 0.0:  # no curve passes here alone: a single point
+        for j in range(7):
+            t[j] = 0.0
+        loops.size[3] += 1
+        if add_node(loops, x, t, 1):
+            loops.ends[number, 0], loops.ends[number, 1], loops.ends[number, 2] = first, first + 1, 1
+            loops.size[1] = number + 1
+        return
     sign = tangent(chain, T, x, t, ty, walk)
-    first = loops.size[0]
     loops.ends[number, 0], loops.ends[number, 2] = first, 0
     loops.size[1] = number + 1
     room = add_node(loops, x, t, 0)

@@ -95,6 +95,12 @@ def cut_loop(chain: Array, T: Array, parameter: int, c: int, loops: Loops, piece
     first, end, closed = loops.ends[c, 0], loops.ends[c, 1], loops.ends[c, 2] > 0
     size = pieces.size
     start, whole, turns = first, closed, False
+    if end == first + 1:
+        size[2] += 1
+        if excess(loops.nodes[first], pieces.limits) <= SNAP:
+            open_piece(pieces, loops.nodes[first], FOLD, c)
+            close_piece(pieces, parameter, FOLD)
+        return
     if closed:
         for n in range(first, end - 1):
             fold = loops.fold[n] > 0
