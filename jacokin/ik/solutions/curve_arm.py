@@ -336,6 +336,7 @@ def read_curves(work: SetWork, *, complete: bool) -> Curves:
     found = [
         Piece(pieces.nodes[first:end].copy(), (start, stop), branch)
         for first, end, start, stop, branch, _ in ends.tolist()
+        if end > first  # a full table
     ]
     whole = [loops.nodes[first:end].copy() for first, end, _ in loops.ends[: loops.size[1]].tolist()]
     return Curves(found, whole, int(pieces.size[2]), complete and bool(math.isfinite(work.T.sum())))

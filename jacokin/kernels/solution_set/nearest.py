@@ -29,6 +29,8 @@ PARTS = 48
 LONGER = 1.1
 #: Places on a chord at which the distance is looked at, by its cubic.
 LOOKS = 4
+#: Share of a chord by which the place of the least distance on its cubic may be off.
+WIDER = 0.1
 #: [rad] where along the curve the nearest point is: as exact as rounding allows.
 STATIONARY = 1e-14
 #: A joint that goes on in another 2 pi equivalent on a chord.
@@ -202,13 +204,12 @@ def search_chord(work: NearestWork, i: int) -> None:
 
 def search_smooth(work: NearestWork, a: Array, b: Array, length: float) -> None:
     """Look for a nearer point between two nodes; all angles stay in one equivalent."""
-    before, slope_before = 0.0, slope(work, a, b, length, 0.0)
+    before = slope(work, a, b, length, 0.0)
     for n in range(1, LOOKS + 1):
-        u = n / LOOKS
-        here = slope(work, a, b, length, u)
-        if slope_before < 0.0 < here:
-            refine(work, a, b, before, slope_before, u, here)
-        before, slope_before = u, here
+        here = slope(work, a, b, length, n / LOOKS)
+        if before <= 0.0 <= here:
+            refine(work, a, b, max((n - 1) / LOOKS - WIDER, 0.0), min(n / LOOKS + WIDER, 1.0))
+        before = here
 
 
 def slope(work: NearestWork, a: Array, b: Array, length: float, u: float) -> float:
@@ -224,20 +225,17 @@ def slope(work: NearestWork, a: Array, b: Array, length: float, u: float) -> flo
     return found
 
 
-def refine(work: NearestWork, a: Array, b: Array, low: float, f_low: float, high: float, f_high: float) -> None:
+def refine(work: NearestWork, a: Array, b: Array, low: float, high: float) -> None:
     """Offer the point of the curve between two shares of a chord where the distance is least."""
-    walk = work.walk
+    walk, f_low, f_high = work.walk, exact_slope(work, a, b, low), exact_slope(work, a, b, high)
+    if not f_low <= 0.0 <= f_high:
+        return
     for _ in range(SECANTS):
         u = high - f_high * (high - low) / (f_high - f_low) if f_high != f_low else 0.5 * (low + high)
         if not min(low, high) < u < max(low, high):
             u = 0.5 * (low + high)
-        if not point_across(work.chain, work.T, a, b, u, walk.z, walk.tz, walk):
-            return
-        f = 0.0
-        for j in range(7):
-            if work.weights[j] > 0.0:
-                f += walk.tz[j] * (equivalent(work, a[j], j) - a[j] + walk.z[j] - work.seed[j])
-        if abs(f) <= STATIONARY or abs(high - low) < STATIONARY:
+        f = exact_slope(work, a, b, u)
+        if not abs(f) > STATIONARY or abs(high - low) < STATIONARY:
             break
         if f * f_high < 0.0:
             low, f_low = high, f_high
@@ -245,3 +243,14 @@ def refine(work: NearestWork, a: Array, b: Array, low: float, f_low: float, high
             f_low *= 0.5
         high, f_high = u, f
     offer(work, walk.z)
+
+
+def exact_slope(work: NearestWork, a: Array, b: Array, u: float) -> float:
+    """Half the slope of the squared distance at a share of a chord; the point is left in walk.z, NaN for none there."""
+    walk, found = work.walk, 0.0
+    if not point_across(work.chain, work.T, a, b, u, walk.z, walk.tz, walk):
+        return math.nan
+    for j in range(7):
+        if work.weights[j] > 0.0:
+            found += walk.tz[j] * (equivalent(work, a[j], j) - a[j] + walk.z[j] - work.seed[j])
+    return found

@@ -13,7 +13,6 @@ from jacokin.kernels.chain import bordered_newton, linearise7
 from jacokin.kernels.limits import TURN
 from jacokin.kernels.solution_set.curve import (
     LARGEST_RESIDUAL,
-    NEWTON_STEPS,
     RESIDUAL,
     RESOLUTION,
     Walk,
@@ -43,6 +42,8 @@ from jacokin.kernels.solution_set.within import Pieces, cut, make_pieces
 FIRST, ROUNDS = 3, 3
 #: [m] and [rad] a start misses the target by less, and [rad] is no farther from a curve.
 NEARBY, FARTHEST_START = 0.02, 0.2
+#: Steps from a start to a curve: each halves what is left where curves meet.
+STARTING_STEPS = 40
 #: Rounds of curves that were met on the way along others.
 MEETINGS = 2
 
@@ -123,7 +124,7 @@ def bring_to_curve(chain: Array, T: Array, start: Array, walk: Walk) -> bool:
         x[j] = start[j]
     if not linearise7(chain, T, x, walk.system) <= NEARBY:  # NaN for no start
         return False
-    for _ in range(NEWTON_STEPS):
+    for _ in range(STARTING_STEPS):
         found = False
         for m in range(7):
             for j in range(7):

@@ -40,6 +40,8 @@ SHORTEST_STEP, MEETING_STEP = 1e-9, 1e-4
 #: this share of the distance to any other.
 PASSED, PASSED_SHARE = 0.03, 0.5
 MOST_STEPS = 6000
+#: [rad] where a curve turns so sharply that steps are shorter, another one comes so near that they may not be told apart.
+SHARP = 1e-3
 #: [-] slope of a parameter that stands still, but for rounding.
 STANDING = 1e-6
 
@@ -152,6 +154,8 @@ def follow(chain: Array, T: Array, parameter: int, i: int, k: int, slices: Slice
         if result == FLIPPED:
             note_meeting(loops, x, y)
             sign = -sign
+        elif h < SHARP:
+            loops.size[3] += 1
         a = loops.size[0] - 1
         room = add_node(loops, y, ty, 0)
         if not room:
