@@ -38,6 +38,8 @@ OVERSHOOT = 1.2
 ASIDE, CLOSE_ENOUGH = 1e-4, 1e-7
 #: [rad^2] w of two roots that are not told from one; and how often a peak of w is looked at from closer by.
 ONE_ROOT, LOOKS = 1e-13, 24
+#: [rad^2] w that rounding leaves open: where that is more, the peak is not known well enough to look for it otherwise.
+BLURRED = 1e-7
 #: [rad^2] w of two complex roots that may be one real solution at a place known to 1e-3 rad.
 NEARLY_DOUBLE = 1e-5
 #: [rad] how well that place is known, and w [rad^2] of what may be one real solution just there.
@@ -240,7 +242,9 @@ def look_between(k: ArmConstants, six: SixJoints, work: Islands, i: int, e: int)
         if work.size[0] < MOST_FOUND:
             work.p[LOOKED_AT + work.size[0]] = p
             peak = w <= ONE_ROOT  # perhaps a single solution, or complex ones
-            work.counts[LOOKED_AT + work.size[0]] = count_of(k, six, work, p, math.inf if peak else noise)
+            blurred = peak and 2.0 * noise > BLURRED * abs(found.bend)
+            count = -1 if blurred else count_of(k, six, work, p, math.inf if peak else noise)
+            work.counts[LOOKED_AT + work.size[0]] = count
             work.peak[work.size[0]] = peak
             work.size[0] += 1
         else:
