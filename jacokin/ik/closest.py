@@ -27,6 +27,7 @@ from jacokin.model.measured_arm import joint_axis
 
 DRAWN = 1000  # random configurations that are measured
 REACH_SLACK = 1e-3  # [m] beyond the tolerance: a bound that can be trusted
+POSITION_FIRST = 1e-3  # [m/rad] too little for an orientation to be worth a position that is missed
 FARTHEST = 10.0  # arm lengths: from there on only the direction to the target matters
 
 
@@ -101,6 +102,15 @@ class ClosestSearch:
         work.starts[:], work.counts[1] = starts.ravel(), len(first)
         descended = Call(find_closest, work)()
         return work.starts[: self._robot.dof].copy(), Effort(int(work.counts[2]), descended)
+
+    def least_turned(self, target: TargetPose, first: Sequence[Array], rng: np.random.Generator) -> Array:
+        """As `find`, (dof,): the position goes before everything, and of what reaches it the least turned is taken."""
+        starts = np.vstack([*first, seeds.random_configurations(self._robot, DRAWN, rng)])
+        work = make_closest_work(self._robot.dof, len(starts))
+        self.fill(work, target)
+        work.weight[0], work.starts[:], work.counts[1] = POSITION_FIRST, starts.ravel(), len(first)
+        Call(find_closest, work)()
+        return work.starts[: self._robot.dof].copy()
 
     def fill(self, work: ClosestWork, target: TargetPose) -> None:
         """Tell the kernel about the arm and the target."""
