@@ -1,4 +1,4 @@
-"""Arms of three to five joints: own configurations that are lost, and microseconds a target: `-m benchmarks.few_joints`.
+"""Arms of three to five joints: own configurations lost, and microseconds a target: `python -m benchmarks.few_joints`.
 
 Configurations whose smallest singular value of the task is below 1e-3 are left out.
 """
@@ -57,9 +57,14 @@ def urdf_of(places: list[tuple[float, ...]], limit: float = 3.1) -> str:
     return "".join([*lines, "</robot>"])
 
 
-def kinds(dof: int) -> dict[str, Array | None | str]:
+def tip(robot: Robot) -> str:
+    """The frame of the tool."""
+    return f"link_{robot.dof + 1}"
+
+
+def kinds(dof: int) -> dict[str, Array | str | None]:
     """Kinds of target that arms of so many joints have points for: a free axis (3,), None for a pose, or a position."""
-    free: dict[str, Array | None | str] = {"pose": None}
+    free: dict[str, Array | str | None] = {"pose": None}
     if dof > 3:
         free |= {"axis z": np.array([0.0, 0, 1]), "axis x": np.array([1.0, 0, 0])}
     else:
@@ -67,7 +72,7 @@ def kinds(dof: int) -> dict[str, Array | None | str]:
     return free
 
 
-def target_at(T: pin.SE3, kind: Array | None | str) -> pin.SE3 | FreeAxis | Array:
+def target_at(T: pin.SE3, kind: Array | str | None) -> pin.SE3 | FreeAxis | Array:
     """The target of one kind that a pose of the tool meets."""
     if kind is None:
         return T
@@ -76,10 +81,10 @@ def target_at(T: pin.SE3, kind: Array | None | str) -> pin.SE3 | FreeAxis | Arra
     return FreeAxis(T * pin.SE3(pin.exp3(0.7 * kind), np.zeros(3)), axis=kind)
 
 
-def regular(robot: Robot, q: Array, kind: Array | None | str, least: float = 1e-3) -> bool:
+def regular(robot: Robot, q: Array, kind: Array | str | None, least: float = 1e-3) -> bool:
     """Whether the joints, and the angle about a free axis, move the tool in independent ways."""
     J = pin.computeFrameJacobian(
-        robot.pin_model, robot.pin_model.createData(), q, robot.frame_id(None), pin.ReferenceFrame.LOCAL
+        robot.pin_model, robot.pin_model.createData(), q, robot.frame_id(tip(robot)), pin.ReferenceFrame.LOCAL
     )
     if isinstance(kind, str):
         J = J[:3]
@@ -90,15 +95,15 @@ def regular(robot: Robot, q: Array, kind: Array | None | str, least: float = 1e-
     return bool(np.linalg.svd(J, compute_uv=False)[-1] > least)
 
 
-def measure(robot: Robot, kind: Array | None | str, count: int) -> tuple[int, int, float, float]:
+def measure(robot: Robot, kind: Array | str | None, count: int) -> tuple[int, int, float, float]:
     """How many configurations are regular, how many are lost, mean number of branches, microseconds a target."""
-    solver, rng = IKSolver(robot, collision="ignore"), np.random.default_rng(1)
+    solver, rng = IKSolver(robot, tip(robot), collision="ignore"), np.random.default_rng(1)
     tried = lost = branches = 0
     spent = 0.0
     for q in robot.sample(rng, count):
         if not regular(robot, q, kind):
             continue
-        target = target_at(robot.forward_kinematics(q), kind)
+        target = target_at(robot.forward_kinematics(q, tip(robot)), kind)
         if not tried:
             solver.solve_all(target, q)
         start = time.perf_counter()

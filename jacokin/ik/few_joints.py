@@ -16,11 +16,11 @@ from jacokin.arrays import Array
 from jacokin.errors import StructureError
 from jacokin.ik import diagnosis, preferences
 from jacokin.ik.closed_form import Look
-from jacokin.ik.closest import ClosestSearch
+from jacokin.ik.closest import DRAWN, ClosestSearch
 from jacokin.ik.diagnosis import Outcome
-from jacokin.ik.results import IKResult, Status
+from jacokin.ik.results import IKResult
 from jacokin.ik.targets import Request, TargetPose
-from jacokin.ik.verification import Candidate, Verifier
+from jacokin.ik.verification import Candidate, Effort, Verifier
 from jacokin.ik.virtual_joints import BranchesOfFew, VirtualJoints
 from jacokin.model import angles
 
@@ -95,7 +95,9 @@ class FewJoints:
         said = f"; {branches.free_joint} is free" if branches.free_joint else ""
         rows = [(index, branches.q[index]) for index in indices]
         if request.cost is not None and indices:
-            copies = np.array(list(preferences.copies_to_try(request.cost.copies, branches.q[indices], request.seed, robot)))
+            copies = np.array(
+                list(preferences.copies_to_try(request.cost.copies, branches.q[indices], request.seed, robot))
+            )
             kept = ~np.isnan(copies).any(axis=2)
             some, index = copies[kept], np.broadcast_to(indices, kept.shape)[kept]
             order = np.lexsort((np.linalg.norm(some - request.seed, axis=1), request.cost(some)))
@@ -106,13 +108,13 @@ class FewJoints:
             yield Candidate(q, at, f"branch {index + 1} of {len(branches)}{said}", parameter)
 
     def _closest_to(self, request: Request, outcome: Outcome, nearby: list[Array]) -> IKResult:
-        """Why there is no answer, with the closest configuration; of a pose, with the position exact where it can be."""
+        """Why there is no answer, with the closest configuration, of a pose at its position if it can be."""
         target = request.target
         if target.free_axis is None:
             result = self._closest.solve(request, outcome, nearby)
             if target.position_only or result.success or not request.closest:
                 return result
-            return self._position_first(request, result)
+            return self._position_first(request, outcome, result)
         results, p = [], target.nearest_angle(0.0)
         for _ in range(AIMS if request.closest else 1):
             result = self._closest.solve(request._replace(target=target.at(p)), outcome, nearby)
@@ -123,18 +125,24 @@ class FewJoints:
                 break
         return min(results, key=lambda each: (not each.success, each.position_error + each.orientation_error))
 
-    def _position_first(self, request: Request, result: IKResult) -> IKResult:
-        """The configuration of the least orientation error among those that are at the position, if there is one."""
-        if self._closest.reach.exceeded(request.target) is not None:
-            return result
+    def _position_first(self, request: Request, outcome: Outcome, result: IKResult) -> IKResult:
+        """The configuration of the least orientation error among those at the position; the given one without any."""
         verifier, target = self._verifier, request.target
+        if self._closest.reach.exceeded(target) is not None:
+            return result
         found = self._closest.least_turned(target, [result.q, request.seed], request.generator())
         q = angles.nearest_copy(found, request.seed, verifier.robot.unlimited)
-        position, orientation = verifier.measure(q, target)
-        if position > verifier.options.position_tolerance:
+        closest = Candidate(
+            q, target, "found while looking for the closest configuration", effort=Effort(result.iterations, DRAWN)
+        )
+        reached = verifier.select([closest], request, "")
+        if reached is not None and reached.success:
+            return reached
+        errors = verifier.measure(q, target)
+        if errors[0] > verifier.options.position_tolerance:
             return result
-        message = f"{result.message}; the position is reached, {math.degrees(orientation):.3g} deg from the orientation"
-        status = Status.UNREACHABLE if result.status is Status.NO_CONVERGENCE else result.status
-        closest = Candidate(q, target, "", effort=None)
-        made = verifier.result(closest, status, message, (position, orientation), verifier.touching(q))
-        return dataclasses.replace(made, method=result.method, iterations=result.iterations, restarts=result.restarts)
+        sentence = f"{outcome.message}; the position is reached, {math.degrees(errors[1]):.3g} deg from the orientation"
+        outcome = outcome._replace(message=sentence)
+        if errors[1] <= diagnosis.NEARLY:  # a pose in few digits: the tolerances that accept it
+            outcome = diagnosis.explain_descents(DRAWN, errors, verifier.options, failed=False)
+        return verifier.result(closest, outcome.status, request.message(outcome.message), errors, verifier.touching(q))

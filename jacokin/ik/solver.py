@@ -143,7 +143,9 @@ class IKSolver:
             from jacokin.ik import qp_backend
 
             qp_backend.checked_solver(qp_solver)
-        in_closed_form = self.has_families or self.has_closed_form  # builds it: no solve waits for that
+        in_closed_form = (
+            self.has_families or self.has_closed_form or self.has_points(np.eye(4))
+        )  # builds it: no solve waits for that
         if method == "closed_form" and not in_closed_form:
             self.closed_form()  # says why
         self._search()
@@ -207,6 +209,14 @@ class IKSolver:
     def has_families(self) -> bool:
         """Whether a pose has a family: an arm of seven joints that its closed form fits, and the method allows it."""
         return self._seven is not None
+
+    def has_points(self, target: Target) -> bool:
+        """Whether `solve_all` gives a target's points on an arm of fewer than six joints: every configuration.
+
+        Raises:
+            InvalidInputError: target malformed.
+        """
+        return self._few_at(interpret(target, self.frame)) is not None
 
     def solve(
         self,

@@ -23,6 +23,7 @@ from jacokin.arrays import Array
 from jacokin.errors import StructureError
 from jacokin.ik.closed_form import Branches, ClosedForm, Look, Touching
 from jacokin.ik.fixed_joints import hold
+from jacokin.ik.structures import FEWEST
 from jacokin.ik.targets import TargetPose
 from jacokin.ik.verification import Verifier
 from jacokin.kernels.branches import COLUMNS, DISTANCE, FAMILY, ORIENTATION_ERROR, POSITION_ERROR, WITHIN_LIMITS
@@ -30,7 +31,6 @@ from jacokin.model import angles, checks
 from jacokin.model.measured_arm import joint_axis
 
 SIX = 6  # joints that the closed form solves for
-FEWEST = 3  # joints of the smallest arm: those of a position
 STANDS = 0.03  # [rad] of a joint that should stand at zero: from there on Newton's method decides
 SAME = 1e-7  # [rad] configurations nearer than that are one
 STEPS = 8  # of Newton's method
@@ -38,7 +38,7 @@ SMALLEST_STEP = 1e-13  # [rad] after which it ends
 ON_LIMIT = 1e-9  # [rad] past a limit: rounding
 ON_ONE_LINE = 1e-9  # sine, and distance over the arm's length, of two axes that count as one
 
-#: Where joints that stand at zero are: turned by [rad] and moved by, in lengths of the arm. Any generic numbers will do.
+#: Where joints that stand at zero are: turned by [rad], moved by [lengths of the arm]. Any generic numbers will do.
 ANYWHERE = (
     ((0.31, -0.74, 1.13), (0.37, -0.23, 0.41)),
     ((-0.92, 0.43, 0.58), (-0.29, 0.33, 0.19)),
@@ -177,9 +177,7 @@ class VirtualJoints:
         else:
             made[:, FAMILY] = rows[:, FAMILY]
         away = q - seed
-        made[:, DISTANCE] = np.linalg.norm(
-            np.where(robot.unlimited, angles.wrap_to_pi(away), away), axis=1
-        )
+        made[:, DISTANCE] = np.linalg.norm(np.where(robot.unlimited, angles.wrap_to_pi(away), away), axis=1)
         made[:, WITHIN_LIMITS] = (margin >= 0.0).all(axis=1) & ~outside
         kept: list[int] = []
         for index in np.argsort(made[:, DISTANCE], kind="stable").tolist():
@@ -252,7 +250,7 @@ class VirtualJoints:
 
 
 def _error_and_jacobian(chain: Array, q: Array, T: Array) -> tuple[Array, Array]:
-    """What a chain (7, 3, 4) at q (6,) misses a pose (4, 4) by, (6,) [m, rad], and its derivative (6, 6), in the base."""
+    """What a chain (7, 3, 4) at q (6,) misses a pose (4, 4) by, (6,) [m, rad], and its derivative (6, 6)."""
     rotation, position = np.eye(3), np.zeros(3)
     axes, points = np.empty((SIX, 3)), np.empty((SIX, 3))
     for index, place in enumerate(chain):

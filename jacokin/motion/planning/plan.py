@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, StructureError
 from jacokin.ik import diagnosis, seeds
+from jacokin.ik.closed_form import Branches
 from jacokin.ik.solver import IKSolver
 from jacokin.ik.targets import Target, TargetPose
 from jacokin.ik.verification import Verifier
@@ -110,7 +111,7 @@ def plan_path(
     robot, verifier = solver.robot, solver.verifier
     verifier.require_contact()
     try:
-        if not solver.has_families:
+        if not solver.has_families and not (robot.dof < 6 and solver.has_points(np.eye(4))):
             solver.closed_form()
     except StructureError as error:
         raise StructureError(f"plan_path needs a closed form: {error}") from error
@@ -342,7 +343,11 @@ def _explain_rung(rung: Rung, solver: IKSolver, manifold: Manifold) -> str:
         return "contact of " + ", ".join(f"{a} and {b}" for a, b in rung.touching[:2])
     if manifold.has_families:
         return solver.solve(manifold.path.target(rung.u), closest=False).message
-    rows = solver.closed_form().solve_all(manifold.path.at(np.array([rung.u]))[0], solver.robot.home)
+    if manifold.dof < 6:
+        rows = solver.solve_all(manifold.path.target(rung.u), solver.robot.home)
+        assert isinstance(rows, Branches)
+    else:
+        rows = solver.closed_form().solve_all(manifold.path.at(np.array([rung.u]))[0], solver.robot.home)
     return diagnosis.explain_branches(rows, solver.robot.joint_names).message
 
 

@@ -21,6 +21,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
+from jacokin.ik.closed_form import Branches
 from jacokin.ik.solver import IKSolver
 from jacokin.kernels.library import Call
 from jacokin.kernels.rung_links import (
@@ -161,7 +162,12 @@ class Ladder:
         ]
 
     def _branches(self, u: float, T: Array) -> Rung:
-        """The branches of a pose (4, 4)."""
+        """The branches of a pose (4, 4); on fewer than six joints, of the target there."""
+        if self.manifold.dof < 6:
+            target = self.manifold.path.target(u)
+            found = self._solver.solve_all(target, self._robot.home)
+            assert isinstance(found, Branches)
+            return self._rung(u, self.manifold.points(found.q_within_limits, target), len(found))
         rows = self._solver.closed_form().solve_all(T, self._robot.home)
         return self._rung(u, rows.q[self.verifier.reached_rows(rows)], len(rows))
 
