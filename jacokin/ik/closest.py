@@ -88,29 +88,25 @@ class ClosestSearch:
         outcome = self.reach.exceeded(request.target)
         return None if outcome is None else self.solve(request, outcome, nearby)
 
-    def find(self, target: TargetPose, first: Sequence[Array], rng: np.random.Generator) -> tuple[Array, Effort]:
+    def find(
+        self, target: TargetPose, first: Sequence[Array], rng: np.random.Generator, *, position_first: bool = False
+    ) -> tuple[Array, Effort]:
         """The configuration (dof,) within the limits of the least measure that descents end in, and what they took.
 
         Args:
             target: what to come close to.
             first: configurations (dof,) within the limits to descend from in any case.
             rng: draws the others.
+            position_first: whether the position goes before everything: of what reaches it, the least turned is taken.
         """
         starts = np.vstack([*first, seeds.random_configurations(self._robot, DRAWN, rng)])
         work = make_closest_work(self._robot.dof, len(starts))
         self.fill(work, target)
+        if position_first:
+            work.weight[0] = POSITION_FIRST
         work.starts[:], work.counts[1] = starts.ravel(), len(first)
         descended = Call(find_closest, work)()
         return work.starts[: self._robot.dof].copy(), Effort(int(work.counts[2]), descended)
-
-    def least_turned(self, target: TargetPose, first: Sequence[Array], rng: np.random.Generator) -> Array:
-        """As `find`, (dof,): the position goes before everything, and of what reaches it the least turned is taken."""
-        starts = np.vstack([*first, seeds.random_configurations(self._robot, DRAWN, rng)])
-        work = make_closest_work(self._robot.dof, len(starts))
-        self.fill(work, target)
-        work.weight[0], work.starts[:], work.counts[1] = POSITION_FIRST, starts.ravel(), len(first)
-        Call(find_closest, work)()
-        return work.starts[: self._robot.dof].copy()
 
     def fill(self, work: ClosestWork, target: TargetPose) -> None:
         """Tell the kernel about the arm and the target."""

@@ -16,11 +16,11 @@ from jacokin.arrays import Array
 from jacokin.errors import StructureError
 from jacokin.ik import diagnosis, preferences
 from jacokin.ik.closed_form import Look
-from jacokin.ik.closest import DRAWN, ClosestSearch
+from jacokin.ik.closest import ClosestSearch
 from jacokin.ik.diagnosis import Outcome
 from jacokin.ik.results import IKResult
 from jacokin.ik.targets import Request, TargetPose
-from jacokin.ik.verification import Candidate, Effort, Verifier
+from jacokin.ik.verification import Candidate, Verifier
 from jacokin.ik.virtual_joints import BranchesOfFew, VirtualJoints
 from jacokin.model import angles
 
@@ -130,11 +130,9 @@ class FewJoints:
         verifier, target = self._verifier, request.target
         if self._closest.reach.exceeded(target) is not None:
             return result
-        found = self._closest.least_turned(target, [result.q, request.seed], request.generator())
+        found, effort = self._closest.find(target, [result.q, request.seed], request.generator(), position_first=True)
         q = angles.nearest_copy(found, request.seed, verifier.robot.unlimited)
-        closest = Candidate(
-            q, target, "found while looking for the closest configuration", effort=Effort(result.iterations, DRAWN)
-        )
+        closest = Candidate(q, target, "found while looking for the closest configuration", effort=effort)
         reached = verifier.select([closest], request, "")
         if reached is not None and reached.success:
             return reached
@@ -144,5 +142,5 @@ class FewJoints:
         sentence = f"{outcome.message}; the position is reached, {math.degrees(errors[1]):.3g} deg from the orientation"
         outcome = outcome._replace(message=sentence)
         if errors[1] <= diagnosis.NEARLY:  # a pose in few digits: the tolerances that accept it
-            outcome = diagnosis.explain_descents(DRAWN, errors, verifier.options, failed=False)
+            outcome = diagnosis.explain_descents(effort.starts, errors, verifier.options, failed=False)
         return verifier.result(closest, outcome.status, request.message(outcome.message), errors, verifier.touching(q))
