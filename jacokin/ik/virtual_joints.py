@@ -179,11 +179,9 @@ class VirtualJoints:
         away = q - seed
         made[:, DISTANCE] = np.linalg.norm(np.where(robot.unlimited, angles.wrap_to_pi(away), away), axis=1)
         made[:, WITHIN_LIMITS] = (margin >= 0.0).all(axis=1) & ~outside
-        kept: list[int] = []
-        for index in np.argsort(made[:, DISTANCE], kind="stable").tolist():
-            apart = np.abs(angles.wrap_to_pi(q[kept] - q[index])).max(axis=1)
-            if not (apart < SAME).any():
-                kept.append(index)
+        kept = np.argsort(made[:, DISTANCE], kind="stable").tolist()
+        if self._still or self._position_only:  # several of the chain's may be one of the arm's
+            kept = _different(q, kept)
         parameter = None if parameter is None else parameter[kept]
         return BranchesOfFew(made[kept], robot.dof, parameter, self.free_joint, dropped, None, look)
 
@@ -247,6 +245,15 @@ class VirtualJoints:
             joint = model.addJoint(joint, pin.JointModelRZ(), at * place, f"virtual_{joint}")
             at = place.inverse()
         return model, model.addFrame(pin.Frame("tool", joint, 0, at, pin.FrameType.OP_FRAME), False)
+
+
+def _different(q: Array, order: list[int]) -> list[int]:
+    """Indices, in an order, of configurations (k, dof) that differ from all before them."""
+    kept: list[int] = []
+    for index in order:
+        if not (np.abs(angles.wrap_to_pi(q[kept] - q[index])).max(axis=1) < SAME).any():
+            kept.append(index)
+    return kept
 
 
 def _error_and_jacobian(chain: Array, q: Array, T: Array) -> tuple[Array, Array]:

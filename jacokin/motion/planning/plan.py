@@ -74,10 +74,10 @@ def plan_path(
     says so.
 
     Args:
-        solver: a solver whose robot has a closed form, of six or seven joints; its scene, clearance and limits hold
+        solver: a solver whose robot has a closed form, of five to seven joints; its scene, clearance and limits hold
             along the path.
-        targets: two or more poses T_base_tool (`pin.SE3` or (4, 4)), or `FreeAxis` targets on six joints, each with an
-            axis and a range of its own; targets of the tracker that make either will do too. On seven joints a pose
+        targets: two or more poses T_base_tool (`pin.SE3` or (4, 4)), or `FreeAxis` targets on five or six joints, each
+            with an axis and a range of its own; targets of the tracker that make either will do too. On seven joints a pose
             leaves the elbow free, which is chosen here.
         dt: control step [s].
         speed: along the lines [m/s], one for all or (n - 1,).
@@ -243,10 +243,11 @@ class _Writer:
         """The parameter (lines + 1,) at the waypoints that are reached; nan at others, and where there is none."""
         path = self.manifold.path
         parameter = np.full(path.lines + 1, np.nan)
-        if self.manifold.column is None:
+        column = self.manifold.dof if path.free else self.manifold.column
+        if column is None:
             return parameter
         passed = np.arange(int(reached) + 1, dtype=np.float64)
-        found = (curve.at(passed)[0] if len(curve.u) > 1 else curve.x)[:, self.manifold.column]
+        found = (curve.at(passed)[0] if len(curve.u) > 1 else curve.x)[:, column]
         parameter[: len(passed)] = path.free_angle(found) if path.free else found
         return parameter
 
