@@ -32,6 +32,7 @@ from jacokin.model.measured_arm import joint_axis
 
 SIX = 6  # joints that the closed form solves for
 STANDS = 0.03  # [rad] of a joint that should stand at zero: from there on Newton's method decides
+AT_ZERO = 1e-10  # [rad] of such a joint: nothing to correct
 SAME = 1e-7  # [rad] configurations nearer than that are one
 STEPS = 8  # of Newton's method
 SMALLEST_STEP = 1e-13  # [rad] after which it ends
@@ -190,7 +191,11 @@ class VirtualJoints:
         options, free, kept = self._verifier.options, SIX - self._still, []
         lower, upper = self._verifier.robot.lower[: self._real], self._verifier.robot.upper[: self._real]
         for row in rows[(np.abs(angles.wrap_to_pi(rows[:, free:SIX])) < STANDS).all(axis=1)]:
+            stood = np.abs(angles.wrap_to_pi(row[free:SIX])).max()
             row[free:SIX] = 0.0
+            if stood < AT_ZERO:
+                kept.append(row)
+                continue
             for _ in range(STEPS):
                 error, jacobian = _error_and_jacobian(self._form.chain, row[:SIX], T)
                 step = np.linalg.lstsq(jacobian[:, :free], error, rcond=None)[0]

@@ -77,8 +77,8 @@ def plan_path(
         solver: a solver whose robot has a closed form, of five to seven joints; its scene, clearance and limits hold
             along the path.
         targets: two or more poses T_base_tool (`pin.SE3` or (4, 4)), or `FreeAxis` targets on five or six joints, each
-            with an axis and a range of its own; targets of the tracker that make either will do too. On seven joints a pose
-            leaves the elbow free, which is chosen here.
+            with an axis and a range of its own; targets of the tracker that make either will do too. On seven joints a
+            pose leaves the elbow free, which is chosen here.
         dt: control step [s].
         speed: along the lines [m/s], one for all or (n - 1,).
         angular_speed: of turning [rad/s], as `speed`; a line takes the longer of the two times. Turning about a free
