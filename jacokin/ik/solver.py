@@ -302,8 +302,8 @@ class IKSolver:
 
         Returns:
             All branches, nearest first; none when the pose is out of reach. For a `FreeAxis`, or a pose of a
-            seven-joint Jaco without `fixed`, a `Family`; on fewer than six joints branches, those about a `FreeAxis` with
-            the angle of each as `parameter`.
+            seven-joint Jaco without `fixed`, a `Family`; on fewer than six joints branches, those about a `FreeAxis`
+            with the angle of each as `parameter`.
 
         Raises:
             InvalidInputError: target, seed or fixed malformed, or a target without orientation.
