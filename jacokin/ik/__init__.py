@@ -5,6 +5,8 @@ targets, seeds           what is asked for, and where solving starts
 closed_form, geometry    every branch of a six-joint Jaco; whether an arm is built like one
 structures, quick_forms  how an arm's axes are placed; what any other arm of six joints is solved with
 fixed_joints             arms of more than six joints, all but six held: every branch
+few_joints               arms of three to five turning joints: every point of a target
+virtual_joints           freedoms of a target as joints, so that those arms are chains of six
 families                 self-motions: all configurations where one parameter is free
 local_search             descents from many starts, for what the closed form does not cover
 qp, qp_backend           those descents by mink's quadratic programs, and the solvers of those

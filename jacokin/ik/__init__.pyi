@@ -3,14 +3,14 @@ from jacokin.ik.batches.chunk import FileSummary as FileSummary
 from jacokin.ik.batches.solve_file import solve_file as solve_file
 from jacokin.ik.c_library import export_c as export_c
 from jacokin.ik.closed_form import Branches as Branches
-from jacokin.ik.solutions.family import Family as Family
-from jacokin.ik.solutions.family import Interval as Interval
-from jacokin.ik.solutions.family import IntervalEnd as IntervalEnd
 from jacokin.ik.files.csv_files import read_targets as read_targets
 from jacokin.ik.files.targets import TargetFile as TargetFile
 from jacokin.ik.results import BatchResult as BatchResult
 from jacokin.ik.results import IKResult as IKResult
 from jacokin.ik.results import Status as Status
+from jacokin.ik.solutions.family import Family as Family
+from jacokin.ik.solutions.family import Interval as Interval
+from jacokin.ik.solutions.family import IntervalEnd as IntervalEnd
 from jacokin.ik.solver import IKSolver as IKSolver
 from jacokin.ik.solver import solve_ik as solve_ik
 from jacokin.ik.structures import Residual as Residual

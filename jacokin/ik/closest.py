@@ -27,6 +27,7 @@ from jacokin.model.measured_arm import joint_axis
 
 DRAWN = 1000  # random configurations that are measured
 REACH_SLACK = 1e-3  # [m] beyond the tolerance: a bound that can be trusted
+POSITION_FIRST = 1e-3  # [m/rad] too little for an orientation to be worth a position that is missed
 FARTHEST = 10.0  # arm lengths: from there on only the direction to the target matters
 
 
@@ -87,17 +88,22 @@ class ClosestSearch:
         outcome = self.reach.exceeded(request.target)
         return None if outcome is None else self.solve(request, outcome, nearby)
 
-    def find(self, target: TargetPose, first: Sequence[Array], rng: np.random.Generator) -> tuple[Array, Effort]:
+    def find(
+        self, target: TargetPose, first: Sequence[Array], rng: np.random.Generator, *, position_first: bool = False
+    ) -> tuple[Array, Effort]:
         """The configuration (dof,) within the limits of the least measure that descents end in, and what they took.
 
         Args:
             target: what to come close to.
             first: configurations (dof,) within the limits to descend from in any case.
             rng: draws the others.
+            position_first: whether the position goes before everything: of what reaches it, the least turned is taken.
         """
         starts = np.vstack([*first, seeds.random_configurations(self._robot, DRAWN, rng)])
         work = make_closest_work(self._robot.dof, len(starts))
         self.fill(work, target)
+        if position_first:
+            work.weight[0] = POSITION_FIRST
         work.starts[:], work.counts[1] = starts.ravel(), len(first)
         descended = Call(find_closest, work)()
         return work.starts[: self._robot.dof].copy(), Effort(int(work.counts[2]), descended)

@@ -7,6 +7,7 @@ QP from many starts. For a pose that cannot be reached, descents look for the cl
 A solve goes through these modules:
 
     targets        what is asked for, checked once: a pose, a position, or a pose that may turn about an axis
+    few_joints     arms of three, four and five turning joints
     closed_form    candidates: the branches of a pose;  families, where a parameter is free;  qp, for everything else
     verification   the check behind every success, and the selection of the first candidate that passes it
     near_misses    what is within the tolerances where no candidate meets the target exactly
@@ -35,7 +36,8 @@ from jacokin.ik import diagnosis, near_misses, preferences
 from jacokin.ik.batches import batch
 from jacokin.ik.closed_form import Branches, ClosedForm
 from jacokin.ik.closest import ClosestSearch
-from jacokin.ik.fixed_joints import FixedJoints, checked_values
+from jacokin.ik.few_joints import FewJoints
+from jacokin.ik.fixed_joints import SIX, FixedJoints, checked_values
 from jacokin.ik.local_search import LocalSearch
 from jacokin.ik.near_misses import NearMisses
 from jacokin.ik.options import (
@@ -143,7 +145,9 @@ class IKSolver:
             from jacokin.ik import qp_backend
 
             qp_backend.checked_solver(qp_solver)
-        in_closed_form = self.has_families or self.has_closed_form  # builds it: no solve waits for that
+        in_closed_form = (
+            self.has_families or self.has_closed_form or self.has_points(np.eye(4))
+        )  # builds it: no solve waits for that
         if method == "closed_form" and not in_closed_form:
             self.closed_form()  # says why
         self._search()
@@ -208,6 +212,14 @@ class IKSolver:
         """Whether a pose has a family: an arm of seven joints that its closed form fits, and the method allows it."""
         return self._seven is not None
 
+    def has_points(self, target: Target) -> bool:
+        """Whether `solve_all` gives a target's points on an arm of fewer than six joints: every configuration.
+
+        Raises:
+            InvalidInputError: target malformed.
+        """
+        return self._few_at(interpret(target, self.frame)) is not None
+
     def solve(
         self,
         target: Target,
@@ -254,6 +266,9 @@ class IKSolver:
         is_nearest = isinstance(prefer, str) and prefer == "nearest"
         cost = None if is_nearest else preferences.cost_of(prefer, robot, frame)
         request = Request(wanted, start, note, rng, restarts, closest, cost)
+        few = self._few_at(wanted)
+        if few is not None:
+            return few.solve(request)
         families = self._families(wanted)
         if families is not None:
             return families.solve(request)
@@ -289,7 +304,8 @@ class IKSolver:
 
         Returns:
             All branches, nearest first; none when the pose is out of reach. For a `FreeAxis`, or a pose of a
-            seven-joint Jaco without `fixed`, a `Family`.
+            seven-joint Jaco without `fixed`, a `Family`; on fewer than six joints branches, those about a `FreeAxis`
+            with the angle of each as `parameter`.
 
         Raises:
             InvalidInputError: target, seed or fixed malformed, or a target without orientation.
@@ -299,12 +315,15 @@ class IKSolver:
         verifier = self._verifier
         wanted = interpret(target, verifier.frame)
         start, _ = seed_within_limits(verifier.robot, seed)
+        look = verifier.touching if verifier.looks_for_contact else None
+        few = self._few_at(wanted) if fixed is None else None
+        if few is not None:
+            return few.solve_all(wanted, start, look)
         families = self._families(wanted) if fixed is None else None
         if families is not None:
             return families.find(wanted, start).family
         if wanted.position_only:
             raise InvalidInputError("solve_all needs an orientation: a position alone is reached by infinitely many")
-        look = verifier.touching if verifier.looks_for_contact else None
         if fixed is None:
             return (self._usable_form or self.closed_form()).solve_all(wanted.matrix, start, look)
         if wanted.free_axis is not None:
@@ -435,6 +454,15 @@ class IKSolver:
             return SetSearch(self._verifier, curve_arm.at_poses(self._verifier))
         except StructureError:
             return None
+
+    @functools.cached_property
+    def _few(self) -> FewJoints:
+        return FewJoints(self._verifier, self._closest)
+
+    def _few_at(self, target: TargetPose) -> FewJoints | None:
+        """What finds every configuration of an arm of fewer than six joints; None where those are not points."""
+        few = not self._uses_qp and self.robot.dof < SIX and self._few.covers(target)
+        return self._few if few else None
 
     def _families(self, target: TargetPose) -> SetSearch | None:
         """What finds the family of a target; None where no parameter is free.

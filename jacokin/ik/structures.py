@@ -25,6 +25,9 @@ from jacokin.kernels.tolerances import EXACT_MISFIT, EXACT_STRUCTURE, SMALLEST_F
 from jacokin.model import checks, poses
 from jacokin.model.robot import Robot, checked_robot
 
+#: Joints of the smallest arm that has sets of points, and the names of such arms.
+FEWEST = 3
+FEW = "three joints", "four joints", "five joints"
 #: Configurations that labellings are tried on: enough to tell those that miss branches, in a tenth of a second.
 RANKED = 24
 #: What one finding counts: a configuration missed, a branch less than another labelling found, a pose in doubt, which
@@ -53,7 +56,8 @@ class Structure:
     """How the axes of an arm are placed, and how its poses are solved."""
 
     name: str
-    """"jaco", "jaco with seven joints", "spherical wrist", "three parallel axes", "general" or "none"."""
+    """"jaco", "jaco with seven joints", "spherical wrist", "three parallel axes", "general", "five joints",
+    "four joints", "three joints" or "none"."""
     method: str
     """What finds the configurations of a pose, in a sentence."""
     residuals: tuple[Residual, ...]
@@ -81,6 +85,8 @@ def structure(robot: Robot, frame: str | None = None, *, tool: pin.SE3 | ArrayLi
         except StructureError as error:
             return Structure("none", f"the QP finds one configuration: {error}", ())
         return Structure("jaco with seven joints", "a closed form for each angle of joint 3: families", ())
+    if FEWEST <= robot.dof < 6 and not robot.sliding.any():
+        return Structure(FEW[robot.dof - FEWEST], "every configuration, as a chain of six with virtual joints", ())
     try:
         chain = chain_of(robot.pin_model, frame_id, checked, 6)
     except StructureError as error:

@@ -54,7 +54,8 @@ class Manifold:
         """
         self.path, self.chain, self.dof = path, chain, robot.dof
         self.width = self.dof + path.free
-        self.column = self.dof if path.free else JOINT_3 if self.dof > 6 else None
+        six = self.dof >= 6  # fewer joints about a free axis have points
+        self.column = self.dof if path.free and six else JOINT_3 if self.dof > 6 else None
         self.circular = np.array([*robot.unlimited, *[True] * path.free])
         self.lower, self.upper, self._snap = robot.lower, robot.upper, limit_snap
 

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, StructureError
 from jacokin.ik import diagnosis, seeds
+from jacokin.ik.closed_form import Branches
 from jacokin.ik.solver import IKSolver
 from jacokin.ik.targets import Target, TargetPose
 from jacokin.ik.verification import Verifier
@@ -73,11 +74,11 @@ def plan_path(
     says so.
 
     Args:
-        solver: a solver whose robot has a closed form, of six or seven joints; its scene, clearance and limits hold
+        solver: a solver whose robot has a closed form, of five to seven joints; its scene, clearance and limits hold
             along the path.
-        targets: two or more poses T_base_tool (`pin.SE3` or (4, 4)), or `FreeAxis` targets on six joints, each with an
-            axis and a range of its own; targets of the tracker that make either will do too. On seven joints a pose
-            leaves the elbow free, which is chosen here.
+        targets: two or more poses T_base_tool (`pin.SE3` or (4, 4)), or `FreeAxis` targets on five or six joints, each
+            with an axis and a range of its own; targets of the tracker that make either will do too. On seven joints a
+            pose leaves the elbow free, which is chosen here.
         dt: control step [s].
         speed: along the lines [m/s], one for all or (n - 1,).
         angular_speed: of turning [rad/s], as `speed`; a line takes the longer of the two times. Turning about a free
@@ -110,7 +111,7 @@ def plan_path(
     robot, verifier = solver.robot, solver.verifier
     verifier.require_contact()
     try:
-        if not solver.has_families:
+        if not solver.has_families and not (robot.dof < 6 and solver.has_points(np.eye(4))):
             solver.closed_form()
     except StructureError as error:
         raise StructureError(f"plan_path needs a closed form: {error}") from error
@@ -242,10 +243,11 @@ class _Writer:
         """The parameter (lines + 1,) at the waypoints that are reached; nan at others, and where there is none."""
         path = self.manifold.path
         parameter = np.full(path.lines + 1, np.nan)
-        if self.manifold.column is None:
+        column = self.manifold.dof if path.free else self.manifold.column
+        if column is None:
             return parameter
         passed = np.arange(int(reached) + 1, dtype=np.float64)
-        found = (curve.at(passed)[0] if len(curve.u) > 1 else curve.x)[:, self.manifold.column]
+        found = (curve.at(passed)[0] if len(curve.u) > 1 else curve.x)[:, column]
         parameter[: len(passed)] = path.free_angle(found) if path.free else found
         return parameter
 
@@ -342,7 +344,11 @@ def _explain_rung(rung: Rung, solver: IKSolver, manifold: Manifold) -> str:
         return "contact of " + ", ".join(f"{a} and {b}" for a, b in rung.touching[:2])
     if manifold.has_families:
         return solver.solve(manifold.path.target(rung.u), closest=False).message
-    rows = solver.closed_form().solve_all(manifold.path.at(np.array([rung.u]))[0], solver.robot.home)
+    if manifold.dof < 6:
+        rows = solver.solve_all(manifold.path.target(rung.u), solver.robot.home)
+        assert isinstance(rows, Branches)
+    else:
+        rows = solver.closed_form().solve_all(manifold.path.at(np.array([rung.u]))[0], solver.robot.home)
     return diagnosis.explain_branches(rows, solver.robot.joint_names).message
 
 

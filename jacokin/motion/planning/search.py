@@ -21,6 +21,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
+from jacokin.ik.closed_form import Branches
 from jacokin.ik.solver import IKSolver
 from jacokin.kernels.library import Call
 from jacokin.kernels.rung_links import (
@@ -142,7 +143,7 @@ class Ladder:
         manifold = self.manifold
         if not manifold.has_families:
             poses = manifold.path.at(places)
-            return [self._branches(u, T) for u, T in zip(places.tolist(), poses, strict=True)]
+            return [self._branches(u, T, near) for u, T in zip(places.tolist(), poses, strict=True)]
         parts = [places[start : start + PLACES_TOGETHER] for start in range(0, len(places), PLACES_TOGETHER)]
         return [rung for part in parts for rung in self._family_rungs(part, near)]
 
@@ -160,8 +161,13 @@ class Ladder:
             for u, (start, end), members in zip(places.tolist(), itertools.pairwise(ends), found, strict=True)
         ]
 
-    def _branches(self, u: float, T: Array) -> Rung:
-        """The branches of a pose (4, 4)."""
+    def _branches(self, u: float, T: Array, near: Array | None) -> Rung:
+        """The branches of a pose (4, 4); on fewer than six joints, of the target there."""
+        if self.manifold.dof < 6:
+            target = self.manifold.path.target(u)
+            found = self._solver.solve_all(target, self._robot.home if near is None else near)
+            assert isinstance(found, Branches)
+            return self._rung(u, self.manifold.points(found.q_within_limits, target), len(found))
         rows = self._solver.closed_form().solve_all(T, self._robot.home)
         return self._rung(u, rows.q[self.verifier.reached_rows(rows)], len(rows))
 

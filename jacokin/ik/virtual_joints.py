@@ -1,0 +1,276 @@
+"""`VirtualJoints`: every configuration of an arm of three, four or five turning joints at a target.
+
+A freedom of the target is a turning joint after the tool, which no motor drives. With as many of them as the arm lacks
+for six, the arm is a chain of six joints at a pose, which `ik.closed_form` solves:
+
+    five joints about a free axis     a virtual joint along that axis: its angle is the parameter
+    three joints at a position        three virtual joints through the tool: its free orientation
+    everything else                   virtual joints anywhere: what has them at zero reaches the target
+
+Targets of the last kind ask for more than the arm has joints, so that only those which forward kinematics made, or such
+as the arm reaches by its structure, have answers.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from jacokin.arrays import Array
+from jacokin.errors import StructureError
+from jacokin.ik.closed_form import Branches, ClosedForm, Look, Touching
+from jacokin.ik.fixed_joints import hold
+from jacokin.ik.structures import FEWEST
+from jacokin.ik.targets import TargetPose
+from jacokin.ik.verification import Verifier
+from jacokin.kernels.branches import COLUMNS, DISTANCE, FAMILY, ORIENTATION_ERROR, POSITION_ERROR, WITHIN_LIMITS
+from jacokin.model import angles, checks
+from jacokin.model.measured_arm import joint_axis
+
+SIX = 6  # joints that the closed form solves for
+STANDS = 0.03  # [rad] of a joint that should stand at zero: from there on Newton's method decides
+AT_ZERO = 1e-10  # [rad] of such a joint: nothing to correct
+SAME = 1e-7  # [rad] configurations nearer than that are one
+STEPS = 8  # of Newton's method
+SMALLEST_STEP = 1e-13  # [rad] after which it ends
+ON_LIMIT = 1e-9  # [rad] past a limit: rounding
+ON_ONE_LINE = 1e-9  # sine, and distance over the arm's length, of two axes that count as one
+
+#: Where joints that stand at zero are: turned by [rad], moved by [lengths of the arm]. Any generic numbers will do.
+ANYWHERE = (
+    ((0.31, -0.74, 1.13), (0.37, -0.23, 0.41)),
+    ((-0.92, 0.43, 0.58), (-0.29, 0.33, 0.19)),
+    ((0.67, 1.21, -0.36), (0.17, 0.39, -0.31)),
+)
+#: Axes of a spherical wrist in the tool, and the orientation that it is given: none of them line up.
+WRIST = (np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0]))
+ORIENTATION = pin.exp3(np.array([0.53, -0.81, 0.27]))
+
+
+class BranchesOfFew(Branches):
+    """Configurations of an arm of fewer than six joints at a target, nearest to the seed first.
+
+    Attributes:
+        parameter: (k,) angle about the free axis [rad], read-only; None where the target has none.
+        free_joint: name of a joint that turns about the free axis itself, so that it may have any value: it stays
+            where the seed has it; empty for none.
+    """
+
+    __slots__ = ("_dof", "free_joint", "parameter")
+
+    def __init__(
+        self,
+        rows: Array,
+        dof: int,
+        parameter: Array | None,
+        free_joint: str,
+        dropped: bool,
+        touching: Touching | None = None,
+        look: Look | None = None,
+    ) -> None:
+        """Take rows (k, 17), whose first columns are the arm's own joints."""
+        super().__init__(rows, dropped, touching, look)
+        self._dof, self.free_joint = dof, free_joint
+        self.parameter = None if parameter is None else checks.sealed(parameter)
+
+    def __reduce__(self) -> tuple[object, tuple[object, ...]]:
+        """Rebuild from the arrays, which stay read-only."""
+        return type(self), (self.rows, self._dof, self.parameter, self.free_joint, self.dropped, self.touching)
+
+    @property
+    def q(self) -> Array:
+        """(k, dof) joint angles [rad]: unlimited joints nearest to the seed."""
+        return self.rows[:, : self._dof]
+
+    @property
+    def margin(self) -> Array:
+        """(k, dof) distance to the nearer limit [rad]: negative outside, inf for an unlimited joint."""
+        return self.rows[:, SIX : SIX + self._dof]
+
+    @property
+    def complete(self) -> bool:
+        """False where a joint is free, too: each branch then stands for all its values."""
+        return super().complete and not self.free_joint
+
+
+class VirtualJoints:
+    """One arm of fewer than six joints and one kind of target; immutable.
+
+    Attributes:
+        free_joint: as `BranchesOfFew` has it.
+    """
+
+    __slots__ = ("_form", "_position_only", "_real", "_sign", "_still", "_verifier", "free_joint")
+
+    def __init__(self, verifier: Verifier, axis: Array | None, *, position_only: bool, limit_snap: float) -> None:
+        """Build the chain of six and prepare its closed form: a tenth of a second.
+
+        Args:
+            verifier: the arm, frame and tool.
+            axis: (3,) free axis in the tool, a unit vector; None for none.
+            position_only: whether the orientation is free.
+            limit_snap: as `IKSolver` takes it.
+
+        Raises:
+            StructureError: the arm has other joints than three to five that turn, in one chain to the frame; or a
+                target of this kind leaves more than points.
+        """
+        robot = verifier.robot
+        if not FEWEST <= robot.dof < SIX or robot.sliding.any():
+            raise StructureError(f"sets of points are for three to five turning joints; {robot.name} has {robot.dof}")
+        if position_only and robot.dof != FEWEST:
+            raise StructureError(f"a position leaves {robot.dof - FEWEST} of {robot.dof} joints free")
+        self._verifier, self._position_only = verifier, position_only
+        self._sign = 0.0 if axis is None else self._last_along(axis)
+        self.free_joint = robot.joint_names[-1] if self._sign else ""
+        self._real = robot.dof - 1 if self._sign else robot.dof
+        virtual = list(WRIST) if position_only else [] if axis is None else [-axis]
+        self._still = SIX - self._real - len(virtual)  # virtual joints that must stand at zero
+        unbounded = np.full(SIX - self._real, np.inf)
+        lower = np.concatenate([robot.lower[: self._real], -unbounded])
+        upper = np.concatenate([robot.upper[: self._real], unbounded])
+        model, frame_id = self._chain(virtual)
+        self._form = ClosedForm(model, frame_id, None, lower, upper, limit_snap=limit_snap)
+
+    def solve_all(self, target: TargetPose, seed: Array, look: Look | None = None) -> BranchesOfFew:
+        """Every configuration, nearest to the seed (dof,) first, within the limits or not."""
+        real, T = self._real, target.matrix.copy()
+        if self._position_only:
+            T[:3, :3] = ORIENTATION
+        found = self._form.solve_all(T, np.concatenate([seed[:real], np.zeros(SIX - real)]))
+        rows, free = found.rows.copy(), target.free_axis
+        if self._still:
+            rows = self._standing(rows, T)
+        q = np.tile(seed, (len(rows), 1))
+        q[:, :real] = rows[:, :real]
+        parameter, outside = None, np.zeros(len(rows), dtype=np.bool_)
+        if free is not None:
+            turned = rows[:, real] + self._sign * q[:, -1] if self._sign else rows[:, real]
+            parameter = np.array([target.nearest_angle(p) for p in turned.tolist()])
+            beyond = angles.wrap_to_pi(turned - parameter)
+            if self._sign:  # the joint that turns about the axis itself goes where the range has it
+                q[:, -1] -= self._sign * beyond
+            else:
+                outside = np.abs(beyond) > SAME
+        return self._made(rows, q, seed, parameter, outside, found.dropped, look)
+
+    def _made(
+        self,
+        rows: Array,
+        q: Array,
+        seed: Array,
+        parameter: Array | None,
+        outside: NDArray[np.bool_],
+        dropped: bool,
+        look: Look | None,
+    ) -> BranchesOfFew:
+        """Configurations (k, dof) as the answer, those that are one only once."""
+        robot = self._verifier.robot
+        margin = np.minimum(q - robot.lower, robot.upper - q)
+        made = np.zeros((len(q), COLUMNS))
+        made[:, : robot.dof], made[:, SIX : SIX + robot.dof] = q, margin
+        made[:, POSITION_ERROR : ORIENTATION_ERROR + 1] = rows[:, POSITION_ERROR : ORIENTATION_ERROR + 1]
+        if self._position_only:
+            made[:, ORIENTATION_ERROR] = 0.0
+        else:
+            made[:, FAMILY] = rows[:, FAMILY]
+        away = q - seed
+        made[:, DISTANCE] = np.linalg.norm(np.where(robot.unlimited, angles.wrap_to_pi(away), away), axis=1)
+        made[:, WITHIN_LIMITS] = (margin >= 0.0).all(axis=1) & ~outside
+        kept = np.argsort(made[:, DISTANCE], kind="stable").tolist()
+        if self._still or self._position_only:  # several of the chain's may be one of the arm's
+            kept = _different(q, kept)
+        parameter = None if parameter is None else parameter[kept]
+        return BranchesOfFew(made[kept], robot.dof, parameter, self.free_joint, dropped, None, look)
+
+    def _standing(self, rows: Array, T: Array) -> Array:
+        """Those of some rows whose last joints stand at zero within the tolerances, moved so that they do exactly."""
+        options, free, kept = self._verifier.options, SIX - self._still, []
+        lower, upper = self._verifier.robot.lower[: self._real], self._verifier.robot.upper[: self._real]
+        for row in rows[(np.abs(angles.wrap_to_pi(rows[:, free:SIX])) < STANDS).all(axis=1)]:
+            stood = np.abs(angles.wrap_to_pi(row[free:SIX])).max()
+            row[free:SIX] = 0.0
+            if stood < AT_ZERO:
+                kept.append(row)
+                continue
+            for _ in range(STEPS):
+                error, jacobian = _error_and_jacobian(self._form.chain, row[:SIX], T)
+                step = np.linalg.lstsq(jacobian[:, :free], error, rcond=None)[0]
+                row[:free] += step
+                if np.abs(step).max() < SMALLEST_STEP:
+                    break
+            real = row[: self._real]
+            onto = np.clip(real, lower, upper)
+            row[: self._real] = np.where(np.abs(onto - real) < ON_LIMIT, onto, real)
+            error, _ = _error_and_jacobian(self._form.chain, row[:SIX], T)
+            row[POSITION_ERROR], row[ORIENTATION_ERROR] = np.linalg.norm(error[:3]), np.linalg.norm(error[3:])
+            near = row[POSITION_ERROR] <= options.position_tolerance
+            if near and row[ORIENTATION_ERROR] <= options.orientation_tolerance:
+                kept.append(row)
+        return np.array(kept).reshape(-1, COLUMNS)
+
+    def _last_along(self, axis: Array) -> float:
+        """Whether the last joint turns about the free axis (3,) itself: 1.0, against it -1.0, or not 0.0."""
+        place, robot = self._tool_in_last(), self._verifier.robot
+        own = joint_axis(robot.pin_model, robot.dof)
+        turned, arm = place.rotation @ axis, place.translation
+        across = float(np.linalg.norm(np.cross(own, turned)))
+        apart = float(np.linalg.norm(np.cross(own, arm)))
+        along = float(own @ turned)
+        return (1.0 if along > 0.0 else -1.0) if max(across, apart) < ON_ONE_LINE else 0.0
+
+    def _tool_in_last(self) -> pin.SE3:
+        """The tool in the axes of the joint that carries it."""
+        verifier = self._verifier
+        place = verifier.robot.pin_model.frames[verifier.frame_id].placement
+        return place.copy() if verifier.tool is None else place * verifier.tool
+
+    def _chain(self, virtual: list[Array]) -> tuple[pin.Model, int]:
+        """The arm with virtual joints about axes (3,) in the tool, then those that stand at zero; the tool's frame."""
+        verifier, robot = self._verifier, self._verifier.robot
+        model, last = robot.pin_model, int(robot.pin_model.frames[verifier.frame_id].parentJoint)
+        if last != robot.dof:
+            raise StructureError(f"frame {verifier.frame!r} is not moved by all joints of {robot.name}")
+        values = np.full(robot.dof, np.nan)
+        if self._sign:
+            values[-1] = 0.0
+        model, frame_id = hold(model, verifier.frame_id, values)
+        frame = model.frames[frame_id]
+        at = frame.placement if verifier.tool is None else frame.placement * verifier.tool
+        size = sum(float(np.linalg.norm(place.translation)) for place in model.jointPlacements)
+        joint = int(frame.parentJoint)
+        for axis in virtual:
+            joint = model.addJoint(joint, pin.JointModelRevoluteUnaligned(*axis.tolist()), at, f"virtual_{joint}")
+            at = pin.SE3.Identity()
+        for turn, move in ANYWHERE[: self._still]:
+            place = pin.SE3(pin.exp3(np.array(turn)), size * np.array(move))
+            joint = model.addJoint(joint, pin.JointModelRZ(), at * place, f"virtual_{joint}")
+            at = place.inverse()
+        return model, model.addFrame(pin.Frame("tool", joint, 0, at, pin.FrameType.OP_FRAME), False)
+
+
+def _different(q: Array, order: list[int]) -> list[int]:
+    """Indices, in an order, of configurations (k, dof) that differ from all before them."""
+    kept: list[int] = []
+    for index in order:
+        if not (np.abs(angles.wrap_to_pi(q[kept] - q[index])).max(axis=1) < SAME).any():
+            kept.append(index)
+    return kept
+
+
+def _error_and_jacobian(chain: Array, q: Array, T: Array) -> tuple[Array, Array]:
+    """What a chain (7, 3, 4) at q (6,) misses a pose (4, 4) by, (6,) [m, rad], and its derivative (6, 6)."""
+    rotation, position = np.eye(3), np.zeros(3)
+    axes, points = np.empty((SIX, 3)), np.empty((SIX, 3))
+    for index, place in enumerate(chain):
+        position = position + rotation @ place[:, 3]
+        rotation = rotation @ place[:, :3]
+        if index < SIX:
+            axes[index], points[index] = rotation[:, 2], position
+            c, s = math.cos(q[index]), math.sin(q[index])
+            rotation = rotation @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    error = np.concatenate([T[:3, 3] - position, pin.log3(T[:3, :3] @ rotation.T)])
+    return error, np.concatenate([np.cross(axes, position - points), axes], axis=1).T
