@@ -50,8 +50,8 @@ class Interval(Structure):
         ("branch", c_int),
         ("ends", c_int * 2),
         ("joints", c_int * 2),
-        ("rows", c_int * 2),
-        ("shift", c_double * 2),
+        ("piece", c_int),
+        ("shift", c_double),
     )
 
 
@@ -63,6 +63,7 @@ _ARGUMENTS: dict[str, Sequence[type]] = {
     "jacokin_ik_work_size": (_P, c_int),
     "jacokin_ik_status_text": (c_int,),
     "jacokin_ik_dof": (_P,),
+    "jacokin_ik_parameter": (_P,),
     "jacokin_ik_joint_name": (_P, c_int),
     "jacokin_ik_limits": (_P, _NUMBERS, _NUMBERS, _NUMBERS),
     "jacokin_fk": (_P, _NUMBERS, _NUMBERS),

@@ -22,6 +22,7 @@ from jacokin.kernels.solution_set.curve import (
     point_across,
     point_at,
 )
+from jacokin.kernels.solution_set.within import SNAP
 
 #: Parts of a chord at a time.
 PARTS = 48
@@ -129,12 +130,12 @@ def equivalent(work: NearestWork, angle: float, j: int) -> float:
     low, high = work.limits[0, j], work.limits[1, j]
     found = angle + TURN * math.floor((work.seed[j] - angle) / TURN + 0.5)
     if found > high:
-        found -= TURN * math.ceil((found - high) / TURN - RESOLUTION)
-        if found < low - RESOLUTION and low - found > found + TURN - high:
+        found -= TURN * math.ceil((found - high - SNAP) / TURN)
+        if found < low - SNAP and low - found > found + TURN - high:
             found += TURN
     elif found < low:
-        found += TURN * math.ceil((low - found) / TURN - RESOLUTION)
-        if found > high + RESOLUTION and found - high > low - found + TURN:
+        found += TURN * math.ceil((low - found - SNAP) / TURN)
+        if found > high + SNAP and found - high > low - found + TURN:
             found -= TURN
     return float(found)
 
