@@ -120,10 +120,7 @@ def solver_file(solver: IKSolver) -> bytes:
         raise InvalidInputError("the C library does not look for contact; use collision='ignore'")
     if solver.method == "qp":
         raise InvalidInputError("the C library solves by the closed form only; use method='auto'")
-    if robot.dof == 7:
-        arm = curve_arm.at_poses(verifier)
-    else:
-        arm = curve_arm.about_axis(solver.closed_form(), robot)
+    arm = curve_arm.at_poses(verifier) if robot.dof == 7 else curve_arm.about_axis(solver.closed_form(), robot)
     kind, chain, constants = arm.constants
     tolerances = [options.limit_snap, options.position_tolerance, options.orientation_tolerance]
     numbers = np.concatenate([chain.ravel(), constants, robot.lower, robot.upper, robot.home, tolerances])

@@ -112,8 +112,8 @@ def read(contents: bytes) -> tuple[int, c_void_p]:
 class CSolver:
     """A solver of the C library with work memory of its own, which begins as garbage."""
 
-    def __init__(self, solver: IKSolver, task: int = POSES) -> None:
-        status, self.handle = read(solver_file(solver))
+    def __init__(self, solver: IKSolver, task: int = POSES, *, contents: bytes | None = None) -> None:
+        status, self.handle = read(solver_file(solver) if contents is None else contents)
         assert status == OK
         self.dof = solver.robot.dof
         self.memory = np.full(C.jacokin_ik_work_size(self.handle, task) // 8, 0xFFFFFFFFFFFFFFFF, np.uint64)

@@ -14,6 +14,10 @@ import pytest
 import jacokin
 from jacokin.arrays import Array
 from jacokin.ik import FreeAxis, IKSolver, Status
+from jacokin.ik.c_library import check_sum, solver_file
+from jacokin.ik.solutions import curve_arm
+from jacokin.ik.structures import measure_general
+from jacokin.kernels.solution_set.slices import AFTER, BEFORE
 from jacokin.model.descriptions import bundled
 from tests.c import binding
 from tests.c.binding import C, CSolver
@@ -249,7 +253,7 @@ def test_poses_of_seven_joints_are_solved_one_by_one_and_in_a_batch() -> None:
 
 @pytest.mark.parametrize(("name", "free"), [TURNS["seven joints"], TURNS["a spherical wrist"]])
 def test_the_circle_of_a_straight_wrist_is_found(name: str, free: Callable[[Array], FreeAxis | None]) -> None:
-    """Axes before and after the middle joint are one line: configurations at one value of the parameter are a circle."""
+    """Axes before and after the middle joint are one line: at one value of the parameter, a whole circle reaches."""
     robot = jacokin.load_robot(name)
     middle, (low, high) = robot.dof - 2, (robot.lower[robot.dof - 2], robot.upper[robot.dof - 2])
     angles = np.arange(-1, 3) * math.pi
@@ -269,3 +273,67 @@ def test_the_circle_of_a_straight_wrist_is_found(name: str, free: Callable[[Arra
         other[middle + 1] -= math.copysign(0.1, before @ after)
         np.testing.assert_allclose(robot.forward_kinematics(other).homogeneous, T, atol=1e-12)
         np.testing.assert_allclose(c.nearest_about(T, about, other)[1], other, atol=1e-6)
+
+
+#: Placements of seven joints, none of whose axes meet or are parallel: xyz [m] and rpy [rad].
+SEVEN_JOINTS = (
+    ("0 0 0.3", "0.1 0 0"),
+    ("0.02 0.05 0.1", "-1.4 0.2 0"),
+    ("0.03 -0.25 0.02", "1.5 0 0.3"),
+    ("0.08 0.03 0.1", "1.3 0.1 0"),
+    ("-0.05 0.3 0.02", "-1.6 0 0.1"),
+    ("0.02 0.04 0.1", "1.2 0.3 0"),
+    ("0.09 0.02 0.05", "1.5 0 0.2"),
+)
+
+
+def seven_joints(folder: Path) -> jacokin.Robot:
+    """An arm of seven joints of no special structure."""
+    joints = "".join(
+        f'<joint name="joint_{i + 1}" type="revolute"><parent link="l{i}"/><child link="l{i + 1}"/>'
+        f'<origin xyz="{xyz}" rpy="{rpy}"/><axis xyz="0 0 1"/>'
+        '<limit lower="-2.5" upper="2.5" effort="1" velocity="1"/></joint>'
+        for i, (xyz, rpy) in enumerate(SEVEN_JOINTS)
+    )
+    links = "".join(f'<link name="l{i}"/>' for i in range(8))
+    path = folder / "seven.urdf"
+    path.write_text(f'<robot name="seven">{links}{joints}</robot>', encoding="utf-8")
+    return jacokin.load_robot(path)
+
+
+@pytest.mark.parametrize("kind", [AFTER, BEFORE])
+def test_seven_joints_of_any_structure_have_the_last_or_the_first_one_as_parameter(kind: int, tmp_path: Path) -> None:
+    robot = seven_joints(tmp_path)
+    solver = IKSolver(robot, collision="ignore")
+    c = CSolver(solver, binding.INTERVALS, contents=file_with_parameter(solver, kind))
+    joint = C.jacokin_ik_parameter(c.handle)
+    assert joint == (6 if kind == AFTER else 0)
+    for q in robot.sample(np.random.default_rng(10), 8):
+        T = np.ascontiguousarray(robot.forward_kinematics(q).homogeneous)
+        status, nearest = c.nearest(T, q)
+        assert status == binding.OK
+        np.testing.assert_allclose(nearest, q, atol=1e-8)
+        status, intervals, complete = c.intervals(T)
+        assert (status, complete) == (binding.OK, True)
+        own = [each for each in intervals if each.start <= q[joint] <= each.stop]
+        assert min(np.abs(c.at(each, q[joint], q)[1] - q).max() for each in own) < 1e-6
+        for interval in intervals:
+            for share in (0.0, 0.4, 1.0):
+                p = interval.start + share * (interval.stop - interval.start)
+                done, found = c.at(interval, p, q)
+                assert done == binding.OK
+                assert robot.within_limits(found)
+                assert found[joint] == pytest.approx(p, abs=1e-9)
+                np.testing.assert_allclose(robot.forward_kinematics(found).homogeneous, T, atol=1e-8)
+
+
+def file_with_parameter(solver: IKSolver, kind: int) -> bytes:
+    """The file of a solver for seven joints of any structure, with the last or the first one as parameter."""
+    contents = solver_file(solver)
+    chain = np.frombuffer(contents, dtype="<f8", count=96, offset=24).reshape(8, 3, 4)
+    six = chain[:7] if kind == AFTER else curve_arm.turned_round(chain)[:7]
+    constants = measure_general(np.ascontiguousarray(six)).arm.tobytes()
+    first = 24 + 8 * 96
+    changed = contents[:16] + kind.to_bytes(4, "little") + contents[20:first] + constants
+    changed += contents[first + len(constants) : -8]
+    return changed + check_sum(changed).to_bytes(8, "little")

@@ -203,13 +203,12 @@ def search_chord(work: NearestWork, i: int) -> None:
 
 def search_smooth(work: NearestWork, a: Array, b: Array, length: float) -> None:
     """Look for a nearer point between two nodes; all angles stay in one equivalent."""
-    before, slope_before = 0.0, slope(work, a, b, length, 0.0)
+    slope_before = slope(work, a, b, length, 0.0)
     for n in range(1, LOOKS + 1):
-        u = n / LOOKS
-        here = slope(work, a, b, length, u)
+        here = slope(work, a, b, length, n / LOOKS)
         if slope_before < 0.0 < here:
-            refine(work, a, b, before, slope_before, u, here)
-        before, slope_before = u, here
+            refine(work, a, b, (n - 1) / LOOKS, n / LOOKS)
+        slope_before = here
 
 
 def slope(work: NearestWork, a: Array, b: Array, length: float, u: float) -> float:
@@ -225,19 +224,37 @@ def slope(work: NearestWork, a: Array, b: Array, length: float, u: float) -> flo
     return found
 
 
-def refine(work: NearestWork, a: Array, b: Array, low: float, f_low: float, high: float, f_high: float) -> None:
-    """Offer the point of the curve between two shares of a chord where the distance is least."""
-    walk = work.walk
+def exact_slope(work: NearestWork, a: Array, b: Array, u: float) -> float:
+    """As `slope`, at the point of the curve itself, which is left in walk.z; NaN for none there."""
+    walk, found = work.walk, 0.0
+    if not point_across(work.chain, work.T, a, b, u, walk.z, walk.tz, walk):
+        return math.nan
+    for j in range(7):
+        if work.weights[j] > 0.0:
+            found += walk.tz[j] * (equivalent(work, a[j], j) - a[j] + walk.z[j] - work.seed[j])
+    return found
+
+
+def refine(work: NearestWork, a: Array, b: Array, low: float, high: float) -> None:
+    """Offer the point of the curve where the distance is least, by the cubic between two shares of a chord."""
+    f_low, f_high = exact_slope(work, a, b, low), exact_slope(work, a, b, high)
+    if f_low > 0.0:  # the cubic is not the curve: it is just before
+        high, f_high = low, f_low
+        low = max(0.0, low - 1.0 / LOOKS)
+        f_low = exact_slope(work, a, b, low)
+    elif f_high < 0.0:
+        low, f_low = high, f_high
+        high = min(1.0, high + 1.0 / LOOKS)
+        f_high = exact_slope(work, a, b, high)
+    if not f_low <= 0.0 <= f_high:
+        return
     for _ in range(SECANTS):
         u = high - f_high * (high - low) / (f_high - f_low) if f_high != f_low else 0.5 * (low + high)
-        if not min(low, high) < u < max(low, high):
+        if not min(low, high) <= u <= max(low, high):
             u = 0.5 * (low + high)
-        if not point_across(work.chain, work.T, a, b, u, walk.z, walk.tz, walk):
+        f = exact_slope(work, a, b, u)
+        if math.isnan(f):
             return
-        f = 0.0
-        for j in range(7):
-            if work.weights[j] > 0.0:
-                f += walk.tz[j] * (equivalent(work, a[j], j) - a[j] + walk.z[j] - work.seed[j])
         if abs(f) <= STATIONARY or abs(high - low) < STATIONARY:
             break
         if f * f_high < 0.0:
@@ -245,4 +262,4 @@ def refine(work: NearestWork, a: Array, b: Array, low: float, f_low: float, high
         else:
             f_low *= 0.5
         high, f_high = u, f
-    offer(work, walk.z)
+    offer(work, work.walk.z)
