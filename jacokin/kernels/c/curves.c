@@ -111,37 +111,17 @@ static int settle(const jacokin_ik_solver *solver, const double *T, const double
 
 /* --- The curves ------------------------------------------------------------------------------------------------ */
 
-/* A rotation in columns x, y, z whose z is minus a unit vector. */
-static void align(const double *axis, double *x, double *y, double *z) {
-    int least = 0;
-    for (int i = 0; i < 3; i++) {
-        z[i] = -axis[i];
-        if (fabs(z[i]) < fabs(z[least])) least = i;
-    }
-    double e[3] = {0.0, 0.0, 0.0};
-    e[least] = 1.0;
-    x[0] = z[1] * e[2] - z[2] * e[1];
-    x[1] = z[2] * e[0] - z[0] * e[2];
-    x[2] = z[0] * e[1] - z[1] * e[0];
-    double length = sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2]);
-    for (int i = 0; i < 3; i++) x[i] /= length;
-    y[0] = z[1] * x[2] - z[2] * x[1];
-    y[1] = z[2] * x[0] - z[0] * x[2];
-    y[2] = z[0] * x[1] - z[1] * x[0];
-}
-
 /* Let a seventh joint follow six: one about minus the axis, which turns the tool back. */
 static void add_axis(const double *axis, double *chain) {
-    double x[3], y[3], z[3], *C = &chain[6 * 12], *D = &chain[7 * 12];
-    align(axis, x, y, z);
+    double *C = &chain[6 * 12], *D = &chain[7 * 12], x = -axis[0], y = -axis[1], z = -axis[2];
+    double side = z < 0.0 ? -1.0 : 1.0, a = -1.0 / (side + z), b = x * y * a;
+    const double R[9] = {1.0 + side * x * x * a, b, x, side * b, side + y * y * a, y, -side * x, -y, z};
     for (int i = 0; i < 3; i++) {
-        double a = C[4 * i], b = C[4 * i + 1], c = C[4 * i + 2];
-        C[4 * i] = a * x[0] + b * x[1] + c * x[2];
-        C[4 * i + 1] = a * y[0] + b * y[1] + c * y[2];
-        C[4 * i + 2] = a * z[0] + b * z[1] + c * z[2];
-        D[i] = x[i];
-        D[4 + i] = y[i];
-        D[8 + i] = z[i];
+        double row[3] = {C[4 * i], C[4 * i + 1], C[4 * i + 2]};
+        for (int k = 0; k < 3; k++) {
+            C[4 * i + k] = row[0] * R[k] + row[1] * R[3 + k] + row[2] * R[6 + k];
+            D[4 * k + i] = R[3 * i + k];
+        }
         D[4 * i + 3] = 0.0;
     }
 }
@@ -310,10 +290,11 @@ int jacokin_ik_at(const jacokin_ik_solver *solver, void *work, size_t work_size,
         if (!(interval->start - SAME_PARAMETER <= p && p <= interval->stop + SAME_PARAMETER))
             return jacokin_no_answer(solver, q, JACOKIN_IK_BAD_ARGUMENT);
     }
-    const int64_t *size = memory.set[SET_pieces_size].integers;
-    const int64_t *piece = &memory.set[SET_pieces_ends].integers[PIECE * (int64_t)(interval->piece < 0 ? 0 : interval->piece)];
-    if (interval->piece < 0 || interval->piece >= size[1] || size[1] > JACOKIN_PIECES || piece[FIRST] < 0 ||
-        piece[FIRST] >= piece[END] || piece[END] > JACOKIN_ROWS) /* memory in which no intervals were found */
+    int64_t pieces = memory.set[SET_pieces_size].integers[1], n = interval->piece;
+    if (n < 0 || n >= pieces || pieces > JACOKIN_PIECES) /* memory in which no intervals were found */
+        return jacokin_no_answer(solver, q, JACOKIN_IK_BAD_ARGUMENT);
+    const int64_t *piece = &memory.set[SET_pieces_ends].integers[PIECE * n];
+    if (!(0 <= piece[FIRST] && piece[FIRST] < piece[END] && piece[END] <= JACOKIN_ROWS))
         return jacokin_no_answer(solver, q, JACOKIN_IK_BAD_ARGUMENT);
     const double *x = point_of(&memory, parameter_of(solver), piece[FIRST], piece[END], p + interval->shift);
     if (solver->dof == 6) memcpy(axis, memory.set[SET_six_axis].numbers, sizeof axis);
