@@ -28,7 +28,7 @@ CONSTANTS = {
     arm: ("ARM_CONSTANTS",),
     branches: ("COLUMNS", "DISTANCE", "WITHIN_LIMITS", "FAMILY"),
     slices: ("AFTER", "BEFORE", "JOINT_3"),
-    within: ("PIECES", "FOLD", "CIRCLE", "LOST"),
+    within: ("ROWS", "PIECES", "FOLD", "CIRCLE", "LOST"),
 }
 HEADER = "arrays.h"
 #: Functions of the C library that are called by their oldest version, on Linux: by `glibc.c`, which others leave out.

@@ -16,7 +16,7 @@ import numpy as np
 from jacokin import __version__
 from jacokin.errors import InvalidInputError
 from jacokin.files import replacing
-from jacokin.ik.geometry import measure_seven
+from jacokin.ik.solutions import curve_arm
 from jacokin.ik.solver import IKSolver
 from jacokin.kernels import library
 from jacokin.model import checks
@@ -27,7 +27,7 @@ HEADERS = ("jacokin_ik.h", "jacokin_ik.hpp")
 #: What the file of a solver is called: the robot's name and this.
 ENDING = ".jacokin"
 #: The file begins with this; the version is that of its layout.
-MAGIC, VERSION = b"jacokin\0", 2
+MAGIC, VERSION = b"jacokin\0", 3
 #: Where CMake looks for a package, below the folder that it is told.
 CMAKE = Path("lib", "cmake", "jacokin_ik")
 
@@ -120,17 +120,13 @@ def solver_file(solver: IKSolver) -> bytes:
         raise InvalidInputError("the C library does not look for contact; use collision='ignore'")
     if solver.method == "qp":
         raise InvalidInputError("the C library solves by the closed form only; use method='auto'")
-    if solver.has_families:
-        geometry = measure_seven(robot.pin_model, verifier.frame_id, verifier.tool)
-        chain, constants = geometry.chain, geometry.arm
-    else:
-        form = solver.closed_form()
-        chain, constants = form.chain, form.arm
+    arm = curve_arm.at_poses(verifier) if robot.dof == 7 else curve_arm.about_axis(solver.closed_form(), robot)
+    kind, chain, constants = arm.constants
     tolerances = [options.limit_snap, options.position_tolerance, options.orientation_tolerance]
     numbers = np.concatenate([chain.ravel(), constants, robot.lower, robot.upper, robot.home, tolerances])
     names = [robot.name, robot.base, solver.frame, *robot.joint_names]
     text = b"".join(name.encode() + b"\0" for name in names)
-    head = MAGIC + struct.pack("<3I", VERSION, robot.dof, len(text))
+    head = MAGIC + struct.pack("<4I", VERSION, robot.dof, kind, len(text))
     contents = head + numbers.astype("<f8").tobytes() + text
     return contents + struct.pack("<Q", check_sum(contents))
 

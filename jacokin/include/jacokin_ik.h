@@ -1,4 +1,4 @@
-/* jacokin_ik.h: inverse kinematics of Kinova Jaco arms, without Python.
+/* jacokin_ik.h: inverse kinematics of arms with six or seven turning joints, without Python.
  *
  * Every configuration of a six-joint arm at a pose, or all configurations with one free parameter: those of a
  * seven-joint arm at a pose, or of a six-joint arm whose tool may turn about an axis. C99, usable from C++11 on.
@@ -27,8 +27,8 @@
  *
  * BAD INPUT. A null pointer, a number that is not finite, too little memory or a damaged file is refused with a
  * negative code, and nothing is written but what the function says. A file is tried when it is loaded: one whose
- * numbers do not belong together finds none of eight configurations again, and is refused as damaged. On anything but success a configuration is filled
- * with NaN: it cannot be mistaken for an answer.
+ * numbers do not belong together finds none of eight configurations again, and is refused as damaged. On anything but
+ * success a configuration is filled with NaN: it cannot be mistaken for an answer.
  */
 
 #ifndef JACOKIN_IK_H
@@ -47,7 +47,7 @@ extern "C" {
 #endif
 
 /* Raised when a function or a structure of this header changes its meaning. */
-#define JACOKIN_IK_ABI_VERSION 1
+#define JACOKIN_IK_ABI_VERSION 2
 
 /* The most joints of an arm, and the most branches that a pose can have. */
 #define JACOKIN_IK_MAX_DOF 7
@@ -99,7 +99,7 @@ typedef struct jacokin_ik_branch {
     double distance;              /* from the seed [rad], Euclidean */
     double margin;                /* to the nearest limit [rad]: negative outside, infinite without limits */
     int success;                  /* 1 where q is within every limit exactly, and within the tolerances */
-    int singular;                 /* 1 where it stands for a whole self-motion of an arm with a spherical wrist */
+    int singular;                 /* 1 where it stands for a whole curve: two axes of a spherical wrist on one line */
 } jacokin_ik_branch;
 
 /* An axis of the tool about which it may turn, by the right hand: T_base_tool = target * Rot(axis, p). */
@@ -109,15 +109,15 @@ typedef struct jacokin_ik_axis {
 } jacokin_ik_axis;
 
 /* Configurations on one branch for start <= p <= stop: each reaches the target, and is within the limits. The
- * parameter p [rad] is joint 3 of a seven-joint arm, or the angle about a free axis. */
+ * parameter p [rad] is the angle about a free axis, or the joint of a seven-joint arm that jacokin_ik_parameter() names. */
 typedef struct jacokin_ik_interval {
-    double start;    /* [rad]; in [-pi, pi) where p may go full circle */
-    double stop;     /* [rad]; at most start + 2 pi */
-    int branch;      /* two intervals on one branch are parts of one curve */
-    int ends[2];     /* why it ends at start and at stop: enum jacokin_ik_end */
-    int joints[2];   /* index of the joint that is on its limit there; -1 for none */
-    int rows[2];     /* for jacokin_ik_at: where the library keeps its ends */
-    double shift[2]; /* for jacokin_ik_at: the curve's own parameter less p [rad], and how far it goes round */
+    double start;  /* [rad]; in [-pi, pi) where p may go full circle */
+    double stop;   /* [rad]; at most start + 2 pi; start itself where the parameter stands still along the curve */
+    int branch;    /* two intervals on one branch are parts of one curve */
+    int ends[2];   /* why it ends at start and at stop: enum jacokin_ik_end */
+    int joints[2]; /* index of the joint that is on its limit there; -1 for none */
+    int piece;     /* for jacokin_ik_at: where the library keeps it */
+    double shift;  /* for jacokin_ik_at: the curve's own parameter less p [rad] */
 } jacokin_ik_interval;
 
 /* The version of the library; it must be JACOKIN_IK_ABI_VERSION. */
@@ -141,6 +141,10 @@ JACOKIN_IK_API void jacokin_ik_free(jacokin_ik_solver *solver);
 /* Number of joints, 6 or 7; 0 for null. */
 JACOKIN_IK_API int jacokin_ik_dof(const jacokin_ik_solver *solver);
 
+/* Index of the joint that is the parameter of a seven-joint arm: 2 where it is built like a Jaco, else 0 or 6. -1 for six
+ * joints and null. */
+JACOKIN_IK_API int jacokin_ik_parameter(const jacokin_ik_solver *solver);
+
 /* Names, of the solver's own memory: the robot, the base frame, the frame that is brought to a target, a joint. Empty
  * for null or an index that is out of range. */
 JACOKIN_IK_API const char *jacokin_ik_robot(const jacokin_ik_solver *solver);
@@ -152,7 +156,7 @@ JACOKIN_IK_API const char *jacokin_ik_joint_name(const jacokin_ik_solver *solver
  * jacokin_ik_dof() doubles, and may be null. */
 JACOKIN_IK_API int jacokin_ik_limits(const jacokin_ik_solver *solver, double *lower, double *upper, double *home);
 
-/* Bytes of work memory that calls need, 75 kB for poses of six joints and 4 MB for curves; 0 for null. The memory must
+/* Bytes of work memory that calls need, 75 kB for poses of six joints and 5 MB for curves; 0 for null. The memory must
  * be aligned as malloc() does, and need not be filled. */
 JACOKIN_IK_API size_t jacokin_ik_work_size(const jacokin_ik_solver *solver, enum jacokin_ik_task task);
 
@@ -170,7 +174,7 @@ JACOKIN_IK_API int jacokin_fk(const jacokin_ik_solver *solver, const double *q, 
  * seed      a configuration to stay near to, moved inside the limits where it is not; null for home
  * branches  filled; room for `capacity` of them, JACOKIN_IK_MAX_BRANCHES are always enough
  * count     how many there are; JACOKIN_IK_NO_ROOM where that is more than capacity, and the nearest ones are filled in
- * complete  0 where a branch may be missing, or one stands for a whole self-motion; may be null
+ * complete  0 where a branch may be missing, or one stands for a whole curve; may be null
  *
  * JACOKIN_IK_OK where one is a success, else _OUTSIDE_LIMITS, _UNREACHABLE, _NO_CONVERGENCE.
  * JACOKIN_IK_WRONG_ARM on seven joints: their poses have intervals. */
@@ -204,10 +208,8 @@ JACOKIN_IK_API int jacokin_ik_batch(const jacokin_ik_solver *solver, size_t n, c
  * count      how many there are; JACOKIN_IK_NO_ROOM where that is more than capacity, and the first ones are filled in
  * complete   0 where something may be missing; may be null
  *
- * What the kernels find is given as it is. Where curves meet, where the target is at the edge of reach, and where the
- * axes before and after the middle joint of a spherical wrist may become one line, they may lose a curve or know
- * nothing of members among which the parameter stands still: complete is 0 then. The Python package goes on from there,
- * and finds what is missing.
+ * What the kernels find is given as it is. Where the configurations of a target are singular in several ways at once,
+ * they may lose a curve: complete is 0 then.
  *
  * JACOKIN_IK_OK where there is an interval, else _OUTSIDE_LIMITS, _UNREACHABLE, _NO_CONVERGENCE. */
 JACOKIN_IK_API int jacokin_ik_intervals(const jacokin_ik_solver *solver, const double *target,
@@ -219,7 +221,7 @@ JACOKIN_IK_API int jacokin_ik_intervals(const jacokin_ik_solver *solver, const d
  * work      what jacokin_ik_intervals() left there: no other call may have used it meanwhile but this one
  * interval  one that it gave
  * p         from start to stop, or whole turns away [rad]
- * seed      unlimited joints take the copy nearest to it; null for home
+ * seed      joints take the 2 pi equivalent within their limits that is nearest to it; null for home
  *
  * JACOKIN_IK_NO_CONVERGENCE where the point found does not reach the target within the limits. */
 JACOKIN_IK_API int jacokin_ik_at(const jacokin_ik_solver *solver, void *work, size_t work_size,
@@ -228,7 +230,7 @@ JACOKIN_IK_API int jacokin_ik_at(const jacokin_ik_solver *solver, void *work, si
 /* The configuration nearest to the seed on all intervals, as jacokin_ik_nearest, and its parameter.
  *
  * about      as for jacokin_ik_intervals()
- * parameter  where it is [rad]: about a free axis in its range; joint 3 itself. May be null */
+ * parameter  where it is [rad]: the angle about a free axis, in its range; or the joint itself. May be null */
 JACOKIN_IK_API int jacokin_ik_nearest_about(const jacokin_ik_solver *solver, const double *target,
                                             const jacokin_ik_axis *about, const double *seed, void *work,
                                             size_t work_size, double *q, double *parameter);

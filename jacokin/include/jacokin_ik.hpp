@@ -79,14 +79,14 @@ struct Batch {
   }
 };
 
-// A configuration with one free parameter.
-struct Member {
+// A configuration of a target with one free parameter.
+struct Solution {
   Configuration q;   // [rad]
-  double parameter;  // [rad] the angle about a free axis, in its range; or joint 3
+  double parameter;  // [rad] the angle about a free axis, in its range; or that of the joint that is the parameter
 };
 
 // All configurations with one free parameter, as intervals of it.
-struct Family {
+struct SolutionSet {
   std::vector<Interval> intervals;
   int status;     // JACOKIN_IK_OK where there is an interval, else why there is none
   bool complete;  // whether nothing is missing
@@ -110,6 +110,8 @@ class Solver {
   }
 
   std::size_t dof() const { return static_cast<std::size_t>(jacokin_ik_dof(get())); }
+  // Index of the joint that is the parameter of a seven-joint arm; -1 for six joints.
+  int parameter() const { return jacokin_ik_parameter(get()); }
   std::string robot() const { return jacokin_ik_robot(get()); }
   std::string base() const { return jacokin_ik_base(get()); }
   std::string frame() const { return jacokin_ik_frame(get()); }
@@ -168,8 +170,8 @@ class Solver {
   }
 
   // All configurations of a seven-joint arm at a pose, or of a six-joint arm whose tool may turn about an axis.
-  Family intervals(const Pose& target, Work& work, const Axis* about = nullptr) const {
-    Family found{std::vector<Interval>(JACOKIN_IK_MAX_INTERVALS), 0, false};
+  SolutionSet intervals(const Pose& target, Work& work, const Axis* about = nullptr) const {
+    SolutionSet found{std::vector<Interval>(JACOKIN_IK_MAX_INTERVALS), 0, false};
     int count = 0, complete = 0;
     work.fit(*this, JACOKIN_IK_INTERVALS);
     found.status = check(jacokin_ik_intervals(get(), target.data(), about, work.data(), work.size(),
@@ -188,15 +190,15 @@ class Solver {
     return found == JACOKIN_IK_OK ? std::optional<Configuration>(q) : std::nullopt;
   }
 
-  // The member of all intervals that is nearest to the seed; nothing where there is none. `status` says why.
-  std::optional<Member> nearest_about(const Pose& target, const Configuration& seed, Work& work,
+  // The configuration of all intervals that is nearest to the seed; nothing where there is none. `status` says why.
+  std::optional<Solution> nearest_about(const Pose& target, const Configuration& seed, Work& work,
                                       const Axis* about = nullptr, int* status = nullptr) const {
-    Member found{Configuration(dof()), 0.0};
+    Solution found{Configuration(dof()), 0.0};
     work.fit(*this, JACOKIN_IK_INTERVALS);
     const int done = check(jacokin_ik_nearest_about(get(), target.data(), about, checked(seed), work.data(),
                                                     work.size(), found.q.data(), &found.parameter));
     if (status != nullptr) *status = done;
-    return done == JACOKIN_IK_OK ? std::optional<Member>(found) : std::nullopt;
+    return done == JACOKIN_IK_OK ? std::optional<Solution>(found) : std::nullopt;
   }
 
   const jacokin_ik_solver* get() const { return solver_.get(); }

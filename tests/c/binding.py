@@ -50,8 +50,8 @@ class Interval(Structure):
         ("branch", c_int),
         ("ends", c_int * 2),
         ("joints", c_int * 2),
-        ("rows", c_int * 2),
-        ("shift", c_double * 2),
+        ("piece", c_int),
+        ("shift", c_double),
     )
 
 
@@ -63,6 +63,7 @@ _ARGUMENTS: dict[str, Sequence[type]] = {
     "jacokin_ik_work_size": (_P, c_int),
     "jacokin_ik_status_text": (c_int,),
     "jacokin_ik_dof": (_P,),
+    "jacokin_ik_parameter": (_P,),
     "jacokin_ik_joint_name": (_P, c_int),
     "jacokin_ik_limits": (_P, _NUMBERS, _NUMBERS, _NUMBERS),
     "jacokin_fk": (_P, _NUMBERS, _NUMBERS),
@@ -111,8 +112,8 @@ def read(contents: bytes) -> tuple[int, c_void_p]:
 class CSolver:
     """A solver of the C library with work memory of its own, which begins as garbage."""
 
-    def __init__(self, solver: IKSolver, task: int = POSES) -> None:
-        status, self.handle = read(solver_file(solver))
+    def __init__(self, solver: IKSolver, task: int = POSES, *, contents: bytes | None = None) -> None:
+        status, self.handle = read(solver_file(solver) if contents is None else contents)
         assert status == OK
         self.dof = solver.robot.dof
         self.memory = np.full(C.jacokin_ik_work_size(self.handle, task) // 8, 0xFFFFFFFFFFFFFFFF, np.uint64)

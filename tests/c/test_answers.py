@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -12,7 +13,11 @@ import pytest
 
 import jacokin
 from jacokin.arrays import Array
-from jacokin.ik import Family, FreeAxis, IKSolver, Status
+from jacokin.ik import FreeAxis, IKSolver, Status
+from jacokin.ik.c_library import check_sum, solver_file
+from jacokin.ik.solutions import curve_arm
+from jacokin.ik.structures import measure_general
+from jacokin.kernels.solution_set.slices import AFTER, BEFORE
 from jacokin.model.descriptions import bundled
 from tests.c import binding
 from tests.c.binding import C, CSolver
@@ -45,17 +50,21 @@ def test_10000_answers_are_those_of_the_package_to_the_bit() -> None:
 
 
 @pytest.mark.parametrize("name", SIX)
-def test_all_branches_are_those_of_the_package_to_the_bit(name: str) -> None:
+def test_all_branches_are_those_of_the_package(name: str) -> None:
     robot = jacokin.load_robot(name)
     solver = IKSolver(robot, collision="ignore")
     c = CSolver(solver)
     for T, seed in zip(*make_targets(robot, 200, 1), strict=True):
         found = solver.solve_all(T, seed)
         status, branches, complete = c.all(T, seed)
-        assert np.array([each.q[:6] for each in branches]).tobytes() == found.q.tobytes()
-        assert [each.distance for each in branches] == found.distance.tolist()
+        q = np.array([each.q[:6] for each in branches]).reshape(-1, 6)
+        if solver.closed_form().spherical:  # exported with the constants of any spherical wrist
+            np.testing.assert_allclose(np.exp(1j * q), np.exp(1j * found.q), atol=1e-9)
+        else:
+            assert q.tobytes() == found.q.tobytes()
+            assert [each.distance for each in branches] == found.distance.tolist()
+            assert [each.margin for each in branches] == found.margin.min(axis=1, initial=np.inf).tolist()
         assert [bool(each.success) for each in branches] == found.within_limits.tolist()
-        assert [each.margin for each in branches] == found.margin.min(axis=1, initial=np.inf).tolist()
         assert complete == found.complete
         assert (status == binding.OK) == any(found.within_limits)
 
@@ -129,7 +138,7 @@ TURNS: dict[str, tuple[str, Callable[[Array], FreeAxis | None]]] = {
 
 
 @pytest.mark.parametrize(("name", "free"), TURNS.values(), ids=TURNS)
-def test_intervals_are_those_of_the_family(name: str, free: Callable[[Array], FreeAxis | None]) -> None:
+def test_intervals_are_those_of_the_package(name: str, free: Callable[[Array], FreeAxis | None]) -> None:
     compare_intervals(name, free, *make_targets(jacokin.load_robot(name), 12, 5))
 
 
@@ -154,7 +163,7 @@ def test_intervals_of_structured_targets(name: str, free: Callable[[Array], Free
 
 @pytest.mark.parametrize("number", [15, pytest.param(200, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("about", ["seven joints", "a free axis"])
-def test_no_member_is_nearer_where_limits_leave_a_choice_of_copies(about: str, number: int) -> None:
+def test_nothing_is_nearer_where_limits_leave_a_choice_of_equivalents(about: str, number: int) -> None:
     name, free = TURNS[about]
     wide = (-1.7 * np.pi, 2.3 * np.pi)
     joints = (1, 3, 5, 7) if name == "j2s7s300" else (1, 4, 5, 6)
@@ -182,14 +191,13 @@ def compare_intervals(name: str, free: Callable[[Array], FreeAxis | None], targe
     for T, start in zip(targets, seeds, strict=True):
         target = free(T)
         about = None if target is None else binding.axis_of(target)
-        family = solver.solve_all(T if target is None else target)
-        assert isinstance(family, Family)
+        whole_set = solver.solve_all(T if target is None else target)
         status, intervals, complete = c.intervals(T, about)
         assert (status == binding.OK) == bool(intervals)
         whole += complete
-        assert family.complete or not complete
+        assert whole_set.complete or not complete
         if complete:
-            assert_same(intervals, family)
+            assert_same(intervals, whole_set.intervals)
         for interval in intervals:
             for share in (0.0, 0.37, 1.0):
                 p = interval.start + share * (interval.stop - interval.start)
@@ -212,19 +220,19 @@ def compare_intervals(name: str, free: Callable[[Array], FreeAxis | None], targe
     assert whole > 0.7 * len(targets)
 
 
-def assert_same(intervals: list[binding.Interval], family: Family) -> None:
+def assert_same(intervals: list[binding.Interval], others: Sequence[Any]) -> None:
     """They cover the same, and end at the same places for the same reasons; a curve may be cut anywhere on a circle."""
     kinds = ("limit", "fold", "range", "circle", "lost")
     mine = [((each.start, each.stop), tuple(kinds[end] for end in each.ends)) for each in intervals]
-    theirs = [((each.start, each.stop), tuple(end.kind for end in each.ends)) for each in family]
+    theirs = [((each.start, each.stop), tuple(end.kind for end in each.ends)) for each in others]
     assert sum(b - a for (a, b), _ in mine) == pytest.approx(sum(b - a for (a, b), _ in theirs), abs=1e-5)
     for side in range(2):
-        ends, others = (
+        ends, known = (
             sorted((why[side], math.remainder(at[side], math.tau)) for at, why in which if why[side] != "circle")
             for which in (mine, theirs)
         )
-        assert [kind for kind, _ in ends] == [kind for kind, _ in others]
-        np.testing.assert_allclose([p for _, p in ends], [p for _, p in others], atol=1e-6)
+        assert [kind for kind, _ in ends] == [kind for kind, _ in known]
+        np.testing.assert_allclose([p for _, p in ends], [p for _, p in known], atol=1e-6)
     order = [each.branch for each in intervals]
     assert order == sorted(order)
 
@@ -244,10 +252,8 @@ def test_poses_of_seven_joints_are_solved_one_by_one_and_in_a_batch() -> None:
 
 
 @pytest.mark.parametrize(("name", "free"), [TURNS["seven joints"], TURNS["a spherical wrist"]])
-def test_a_wrist_that_may_be_straight_is_not_called_complete(
-    name: str, free: Callable[[Array], FreeAxis | None]
-) -> None:
-    """Its members at one value of the parameter are a circle, which only the package finds."""
+def test_the_circle_of_a_straight_wrist_is_found(name: str, free: Callable[[Array], FreeAxis | None]) -> None:
+    """Axes before and after the middle joint are one line: at one value of the parameter, a whole circle reaches."""
     robot = jacokin.load_robot(name)
     middle, (low, high) = robot.dof - 2, (robot.lower[robot.dof - 2], robot.upper[robot.dof - 2])
     angles = np.arange(-1, 3) * math.pi
@@ -256,6 +262,78 @@ def test_a_wrist_that_may_be_straight_is_not_called_complete(
         q[middle] = angles[(angles > low) & (angles < high)][0]
         before, after = robot.jacobian(q)[3:, [middle - 1, middle + 1]].T
         assert np.linalg.norm(np.cross(before, after)) < 1e-9
+        target = free(np.ascontiguousarray(robot.forward_kinematics(q).homogeneous))
         T = np.ascontiguousarray(robot.forward_kinematics(q).homogeneous)
-        target = free(T)
-        assert not c.intervals(T, None if target is None else binding.axis_of(target))[2]
+        about = None if target is None else binding.axis_of(target)
+        status, nearest, _ = c.nearest_about(T, about, q)
+        assert status == binding.OK
+        np.testing.assert_allclose(nearest, q, atol=1e-6)
+        other = q.copy()
+        other[middle - 1] += 0.1
+        other[middle + 1] -= math.copysign(0.1, before @ after)
+        np.testing.assert_allclose(robot.forward_kinematics(other).homogeneous, T, atol=1e-12)
+        np.testing.assert_allclose(c.nearest_about(T, about, other)[1], other, atol=1e-6)
+
+
+#: Placements of seven joints, none of whose axes meet or are parallel: xyz [m] and rpy [rad].
+SEVEN_JOINTS = (
+    ("0 0 0.3", "0.1 0 0"),
+    ("0.02 0.05 0.1", "-1.4 0.2 0"),
+    ("0.03 -0.25 0.02", "1.5 0 0.3"),
+    ("0.08 0.03 0.1", "1.3 0.1 0"),
+    ("-0.05 0.3 0.02", "-1.6 0 0.1"),
+    ("0.02 0.04 0.1", "1.2 0.3 0"),
+    ("0.09 0.02 0.05", "1.5 0 0.2"),
+)
+
+
+def seven_joints(folder: Path) -> jacokin.Robot:
+    """An arm of seven joints of no special structure."""
+    joints = "".join(
+        f'<joint name="joint_{i + 1}" type="revolute"><parent link="l{i}"/><child link="l{i + 1}"/>'
+        f'<origin xyz="{xyz}" rpy="{rpy}"/><axis xyz="0 0 1"/>'
+        '<limit lower="-2.5" upper="2.5" effort="1" velocity="1"/></joint>'
+        for i, (xyz, rpy) in enumerate(SEVEN_JOINTS)
+    )
+    links = "".join(f'<link name="l{i}"/>' for i in range(8))
+    path = folder / "seven.urdf"
+    path.write_text(f'<robot name="seven">{links}{joints}</robot>', encoding="utf-8")
+    return jacokin.load_robot(path)
+
+
+@pytest.mark.parametrize("kind", [AFTER, BEFORE])
+def test_seven_joints_of_any_structure_have_the_last_or_the_first_one_as_parameter(kind: int, tmp_path: Path) -> None:
+    robot = seven_joints(tmp_path)
+    solver = IKSolver(robot, collision="ignore")
+    c = CSolver(solver, binding.INTERVALS, contents=file_with_parameter(solver, kind))
+    joint = C.jacokin_ik_parameter(c.handle)
+    assert joint == (6 if kind == AFTER else 0)
+    for q in robot.sample(np.random.default_rng(10), 8):
+        T = np.ascontiguousarray(robot.forward_kinematics(q).homogeneous)
+        status, nearest = c.nearest(T, q)
+        assert status == binding.OK
+        np.testing.assert_allclose(nearest, q, atol=1e-8)
+        status, intervals, complete = c.intervals(T)
+        assert (status, complete) == (binding.OK, True)
+        own = [each for each in intervals if each.start <= q[joint] <= each.stop]
+        assert min(np.abs(c.at(each, q[joint], q)[1] - q).max() for each in own) < 1e-6
+        for interval in intervals:
+            for share in (0.0, 0.4, 1.0):
+                p = interval.start + share * (interval.stop - interval.start)
+                done, found = c.at(interval, p, q)
+                assert done == binding.OK
+                assert robot.within_limits(found)
+                assert found[joint] == pytest.approx(p, abs=1e-9)
+                np.testing.assert_allclose(robot.forward_kinematics(found).homogeneous, T, atol=1e-8)
+
+
+def file_with_parameter(solver: IKSolver, kind: int) -> bytes:
+    """The file of a solver for seven joints of any structure, with the last or the first one as parameter."""
+    contents = solver_file(solver)
+    chain = np.frombuffer(contents, dtype="<f8", count=96, offset=24).reshape(8, 3, 4)
+    six = chain[:7] if kind == AFTER else curve_arm.turned_round(chain)[:7]
+    constants = measure_general(np.ascontiguousarray(six)).arm.tobytes()
+    first = 24 + 8 * 96
+    changed = contents[:16] + kind.to_bytes(4, "little") + contents[20:first] + constants
+    changed += contents[first + len(constants) : -8]
+    return changed + check_sum(changed).to_bytes(8, "little")

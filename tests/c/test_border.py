@@ -206,7 +206,7 @@ def test_a_point_outside_its_interval_is_refused(six: CSolver, target: Array) ->
     assert np.isnan(q).all()
     assert six.at(intervals[0], np.nan)[0] == binding.NOT_FINITE
     made_up = binding.Interval()
-    made_up.stop, made_up.rows[:] = 1.0, (9999, -1)
+    made_up.stop, made_up.piece = 1.0, 9999
     assert six.at(made_up, 0.5)[0] == binding.BAD_ARGUMENT
     six.memory[:] = 0xFFFFFFFFFFFFFFFF
     assert six.at(intervals[0], intervals[0].start)[0] < 0
@@ -220,13 +220,13 @@ def test_every_damage_to_a_file_is_noticed() -> None:
         status, solver = binding.read(bytes(damaged))
         assert status in (binding.DAMAGED_FILE, binding.OTHER_VERSION)
         assert not solver
-    for size in (0, 1, 8, 19, 20, 28, len(contents) // 2, len(contents) - 1):
+    for size in (0, 1, 8, 23, 24, 32, len(contents) // 2, len(contents) - 1):
         assert binding.read(contents[:size])[0] == binding.DAMAGED_FILE
     assert binding.read(contents + b"\0")[0] == binding.DAMAGED_FILE
 
 
 @pytest.mark.parametrize(
-    ("place", "value"), [(20, np.nan), (20, 2.0), (20 + 8 * 130, np.nan), (20 + 8 * 136, 0.0), (20 + 8 * 148, -1.0)]
+    ("place", "value"), [(24, np.nan), (24, 2.0), (24 + 8 * 130, np.nan), (24 + 8 * 136, 0.0), (24 + 8 * 148, -1.0)]
 )
 def test_numbers_that_make_no_arm_are_refused_even_with_a_check_sum(place: int, value: float) -> None:
     """A chain that is not finite or not rigid, limits without a number or crossed, a snap below zero."""
@@ -245,14 +245,14 @@ def test_numbers_that_do_not_belong_together_are_refused_or_solved_soon(name: st
     whole = solver_file(IKSolver(robot, collision="ignore"))
     target = np.ascontiguousarray(robot.forward_kinematics(robot.home).homogeneous)
     about = axis((0.0, 0.0, 1.0), -np.pi, np.pi) if robot.dof == 6 else None
-    doubles = (len(whole) - 28 - int.from_bytes(whole[16:20], "little")) // 8
+    doubles = (len(whole) - 32 - int.from_bytes(whole[20:24], "little")) // 8
     memory = np.zeros(C.jacokin_ik_work_size(CSolver(IKSolver(robot, collision="ignore")).handle, 1) // 8)
     work, q, parameter = (memory.ctypes.data, memory.nbytes), np.empty(7), c_double()
     rng = np.random.default_rng(3)
     refused = 0
     for place in range(doubles):
         contents = bytearray(whole)
-        at = slice(20 + 8 * place, 28 + 8 * place)
+        at = slice(24 + 8 * place, 32 + 8 * place)
         contents[at] = np.float64(rng.choice([-0.0, -0.5, 1e18, 1.35e10, rng.normal()])).tobytes()
         contents[-8:] = check_sum(bytes(contents[:-8])).to_bytes(8, "little")
         status, solver = binding.read(bytes(contents))

@@ -68,7 +68,7 @@ def test_the_header_of_the_arrays_names_each_kernel_and_constant() -> None:
     assert "#define JACOKIN_SOLVE_TARGETS(ARRAY, FREE)" in text
     assert "    FREE(T, 16)" in text
     assert "    ARRAY(pose_branches_rows, 408)" in text
-    assert "#define JACOKIN_FIND_NEAREST 3" in text
+    assert "#define JACOKIN_LOST -3" in text
 
 
 @needs_cc
@@ -109,8 +109,8 @@ def test_the_example_in_c(arm: Path, tmp_path: Path) -> None:
 
 @needs_cxx
 def test_the_example_in_cpp(arm: Path, tmp_path: Path) -> None:
-    program = tmp_path / "family"
-    execute("c++", "-std=c++17", *WARNINGS, EXAMPLES / "family.cpp", *linked(arm), "-o", program)
+    program = tmp_path / "intervals"
+    execute("c++", "-std=c++17", *WARNINGS, EXAMPLES / "intervals.cpp", *linked(arm), "-o", program)
     assert "8 intervals, none is missing" in execute(program, arm / "j2n6s300.jacokin")
     assert "16 intervals" in execute(program, arm / "j2s7s300.jacokin")
 

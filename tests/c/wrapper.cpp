@@ -47,11 +47,11 @@ int main(int, char** argv) {
   const jacokin::Axis about_z = {{0.0, 0.0, 1.0}, {-3.141592653589793, 3.141592653589793}};
   const jacokin::Axis* about = arm.dof() == 6 ? &about_z : nullptr;
   jacokin::Work fresh;
-  const auto member = arm.nearest_about(targets[0], arm.home(), fresh, about);
-  expect(member && member->q.size() == arm.dof() && std::isfinite(member->parameter), "a member");
-  const jacokin::Family family = arm.intervals(targets[0], fresh, about);
-  expect(!family.intervals.empty() && family.status == JACOKIN_IK_OK, "intervals");
-  expect(arm.at(family.intervals[0], family.intervals[0].start, arm.home(), fresh).has_value(), "a point of one");
+  const auto solution = arm.nearest_about(targets[0], arm.home(), fresh, about);
+  expect(solution && solution->q.size() == arm.dof() && std::isfinite(solution->parameter), "a solution");
+  const jacokin::SolutionSet found_all = arm.intervals(targets[0], fresh, about);
+  expect(!found_all.intervals.empty() && found_all.status == JACOKIN_IK_OK, "intervals");
+  expect(arm.at(found_all.intervals[0], found_all.intervals[0].start, arm.home(), fresh).has_value(), "a point of one");
   jacokin::Configuration q(arm.dof());
   expect(jacokin_ik_nearest(arm.get(), targets[0].data(), nullptr, fresh.data(), fresh.size(), q.data()) == JACOKIN_IK_OK,
          "its work memory in C");

@@ -40,7 +40,7 @@ Arm::Lease::~Lease() {
 
 Candidates Arm::find(const Pose& target, const Configuration& seed, const Redundancy& redundancy) const {
   Lease lease(*this);
-  return solver_.dof() == 6 ? branches(target, seed, lease.work()) : members(target, seed, redundancy, lease.work());
+  return solver_.dof() == 6 ? branches(target, seed, lease.work()) : solutions(target, seed, redundancy, lease.work());
 }
 
 Candidates Arm::branches(const Pose& target, const Configuration& seed, jacokin::Work& work) const {
@@ -52,8 +52,8 @@ Candidates Arm::branches(const Pose& target, const Configuration& seed, jacokin:
   return found;
 }
 
-Candidates Arm::members(const Pose& target, const Configuration& seed, const Redundancy& redundancy,
-                        jacokin::Work& work) const {
+Candidates Arm::solutions(const Pose& target, const Configuration& seed, const Redundancy& redundancy,
+                          jacokin::Work& work) const {
   Candidates found;
   if (!redundancy.held) {
     if (const auto nearest = solver_.nearest(target, seed, work)) found.within_limits.push_back(*nearest);
@@ -64,7 +64,8 @@ Candidates Arm::members(const Pose& target, const Configuration& seed, const Red
     if (redundancy.held) {
       const double turn = 2.0 * 3.141592653589793;
       const double middle = 0.5 * (interval.start + interval.stop);
-      const double at = seed[kRedundantJoint] + turn * std::round((middle - seed[kRedundantJoint]) / turn);
+      const double wanted = seed[redundant_joint()];
+      const double at = wanted + turn * std::round((middle - wanted) / turn);
       if (interval.start <= at && at <= interval.stop) parameters.push_back(at);
     } else {
       const int steps = std::max(1, static_cast<int>(std::ceil((interval.stop - interval.start) / step)));

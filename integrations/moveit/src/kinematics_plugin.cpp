@@ -74,7 +74,7 @@ bool KinematicsPlugin::initialize(const rclcpp::Node::SharedPtr& node, const mov
                        std::min(upper[j], bounds.position_bounded_ ? bounds.max_position_ : infinity)});
   }
   supported_methods_ = {NO_DISCRETIZATION, ALL_DISCRETIZED};
-  if (arm_->solver().dof() == 7 && setRedundantJoints(std::vector<unsigned int>{kRedundantJoint}))
+  if (arm_->solver().dof() == 7 && setRedundantJoints(std::vector<unsigned int>{arm_->redundant_joint()}))
     setSearchDiscretization(search_discretization);
   return true;
 }
@@ -112,7 +112,7 @@ std::string KinematicsPlugin::difference_from(const moveit::core::RobotModel& ro
 bool KinematicsPlugin::setRedundantJoints(const std::vector<unsigned int>& indices) {
   const bool is_redundant = arm_ != nullptr && arm_->solver().dof() == 7;
   for (const unsigned int index : indices) {
-    if (!is_redundant || index != kRedundantJoint) return false;
+    if (!is_redundant || index != arm_->redundant_joint()) return false;
   }
   return KinematicsBase::setRedundantJoints(indices);
 }
@@ -142,7 +142,7 @@ std::optional<Candidates> KinematicsPlugin::find(const Message& message, const s
     return std::nullopt;
   }
   try {
-    const Redundancy redundancy{hold_redundant, getSearchDiscretization(kRedundantJoint)};
+    const Redundancy redundancy{hold_redundant, getSearchDiscretization(arm_->redundant_joint())};
     Candidates found = arm_->find(*target, seed, redundancy);
     std::vector<Configuration> kept;
     for (Configuration& q : found.within_limits) {

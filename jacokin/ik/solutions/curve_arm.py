@@ -89,6 +89,11 @@ class CurveArm:
             setattr(self, name, value)
         self._idle = [_Calls()]
 
+    @property
+    def constants(self) -> tuple[int, Array, Array]:
+        """What the C library is told: which joint is the parameter, the chain, and the constants."""
+        return self._kind, self._chain, self._constants
+
     def problem(self, target: TargetPose) -> CurveProblem:
         """A target for the kernels: a pose of seven joints, or a free axis of six."""
         free = target.free_axis

@@ -6,7 +6,7 @@
 
 int jacokin_find_branches(const jacokin_ik_solver *solver, const double *T, const double *seed, entry *table,
                           int *dropped) {
-    memcpy(table[TARGETS_chain].numbers, solver->chain, 7 * 12 * sizeof(double));
+    memcpy(table[TARGETS_chain].numbers, solver->six, 7 * 12 * sizeof(double));
     memcpy(table[TARGETS_arm].numbers, solver->constants, CONSTANTS_SIX * sizeof(double));
     memcpy(table[TARGETS_limits].numbers, solver->limits, sizeof solver->limits);
     memcpy(table[TARGETS_T].numbers, T, 16 * sizeof(double));
@@ -88,7 +88,7 @@ static int nearest(const jacokin_ik_solver *solver, const double *target, const 
     int status = jacokin_read_target(target, T);
     if (status == JACOKIN_IK_OK) status = jacokin_read_seed(solver, seed, start);
     if (status != JACOKIN_IK_OK) return jacokin_no_answer(solver, q, status);
-    if (solver->dof == 7) return jacokin_nearest_member(solver, T, start, memory, q);
+    if (solver->dof == 7) return jacokin_nearest_on_curves(solver, T, start, memory, q);
     return nearest_branch(solver, T, start, memory->targets, q);
 }
 

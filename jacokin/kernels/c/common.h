@@ -1,7 +1,7 @@
 /* What the files of the C library have in common: the solver, work memory as tables of arrays, and kinematics.
  *
  * solver.c     making a solver, what it knows, forward kinematics
- * branches.c   every branch of a pose of six joints, and the nearest one; reads its targets, as curves.c does
+ * branches.c   every branch of a pose of six joints, and the nearest one
  * curves.c     one free parameter: intervals, points on them, the nearest one
  *
  * The kernels are Python, compiled to functions that take a table of the addresses of their arrays. arrays.h is
@@ -23,13 +23,13 @@
 
 /* Doubles of a solver file that its chain, constants and joints take at most. */
 enum { MAX_CHAIN = (JACOKIN_IK_MAX_DOF + 1) * 12, CONSTANTS_SIX = JACOKIN_ARM_CONSTANTS, CONSTANTS_SEVEN = 12 };
-/* The constant that is above 0 for six joints that are not built like a Jaco's. */
-enum { OTHER_STRUCTURE = 39 };
-
 struct jacokin_ik_solver {
     int dof;
+    int kind;                        /* which of seven angles is the parameter: JACOKIN_AFTER, _BEFORE or _JOINT_3 */
     double chain[MAX_CHAIN];         /* (dof + 1, 3, 4) placements between joints that turn about z */
-    double constants[CONSTANTS_SIX]; /* what the kernels know about the mechanism */
+    double six[MAX_CHAIN];           /* the same, turned round where the kind is JACOKIN_BEFORE: the first six joints
+                                        are solved for, unless the kind is JACOKIN_JOINT_3 */
+    double constants[CONSTANTS_SIX]; /* what the kernels know about those six joints; or (12) about seven */
     double lower[JACOKIN_IK_MAX_DOF], upper[JACOKIN_IK_MAX_DOF], home[JACOKIN_IK_MAX_DOF]; /* [rad] */
     double limits[3 * 6];            /* six joints, for the kernels: lower, upper, and the snap distance */
     double snap;                     /* [rad] a joint past its limit by no more is put on it */
@@ -42,16 +42,18 @@ struct jacokin_ik_solver {
 /* --- Work memory: a table of addresses, and the arrays themselves --------------------------------------------- */
 
 /* Positions in the tables. An array of any length is followed by its length. */
-#define POSITION(name, numbers) TARGETS_##name,
-#define FREE_POSITION(name, numbers) TARGETS_##name, TARGETS_##name##_length,
-enum { JACOKIN_SOLVE_TARGETS(POSITION, FREE_POSITION) TARGETS_TABLE };
-#undef POSITION
-#undef FREE_POSITION
-#define POSITION(name, numbers) SET_##name,
-#define FREE_POSITION(name, numbers) SET_##name, SET_##name##_length,
-enum { JACOKIN_SOLVE_SET(POSITION, FREE_POSITION) CURVES_TABLE };
-#undef POSITION
-#undef FREE_POSITION
+#define TARGETS(name, numbers) TARGETS_##name,
+#define TARGETS_FREE(name, numbers) TARGETS_##name, TARGETS_##name##_length,
+#define SET(name, numbers) SET_##name,
+#define SET_FREE(name, numbers) SET_##name, SET_##name##_length,
+#define POINT(name, numbers) POINT_##name,
+#define POINT_FREE(name, numbers) POINT_##name, POINT_##name##_length,
+#define NEAREST(name, numbers) NEAREST_##name,
+#define NEAREST_FREE(name, numbers) NEAREST_##name, NEAREST_##name##_length,
+enum { JACOKIN_SOLVE_TARGETS(TARGETS, TARGETS_FREE) TARGETS_TABLE };
+enum { JACOKIN_SOLVE_SET(SET, SET_FREE) SET_TABLE };
+enum { JACOKIN_FIND_POINT(POINT, POINT_FREE) POINT_TABLE };
+enum { JACOKIN_FIND_NEAREST(NEAREST, NEAREST_FREE) NEAREST_TABLE };
 
 /* Every entry is 8 bytes: a double, an int64_t, or the address of some. */
 typedef union {
@@ -64,11 +66,12 @@ typedef union {
 /* The kernels. */
 int64_t jacokin_solve_targets(entry *table);
 int64_t jacokin_solve_set(entry *table);
+int64_t jacokin_find_point(entry *table);
+int64_t jacokin_find_nearest(entry *table);
 
-/* A call's memory, laid out by jacokin_lay_out. */
+/* A call's memory, laid out by jacokin_lay_out: a table for each kernel. Memory for poses only has that of targets. */
 typedef struct {
-    entry *targets; /* TARGETS_TABLE entries */
-    entry *curves;  /* CURVES_TABLE entries; null where the memory is for poses only */
+    entry *targets, *set, *point, *nearest;
 } layout;
 
 /* Lay tables and arrays out in the caller's memory. JACOKIN_IK_WORK_TOO_SMALL, JACOKIN_IK_BAD_ARGUMENT. */
@@ -85,14 +88,17 @@ int jacokin_read_seed(const jacokin_ik_solver *solver, const double *seed, doubl
 
 /* --- Kinematics ------------------------------------------------------------------------------------------------ */
 
-/* Fill the pose (16) of the tool at q. */
-void jacokin_forward(const jacokin_ik_solver *solver, const double *q, double *pose);
+/* Fill the pose (16) at the end of a chain of so many joints at q. */
+void jacokin_forward(const double *chain, int joints, const double *q, double *pose);
+
+/* Fill the inverse (3, 4) of a placement (3, 4). */
+void jacokin_invert(const double *placement, double *inverse);
 
 /* Whether q reaches a target (16): within every limit exactly, and within the tolerances. Position error [m] and
  * orientation error [rad] go to errors (2) where that is not null. */
 int jacokin_reaches(const jacokin_ik_solver *solver, const double *T, const double *q, double *errors);
 
-/* The copy of an angle within its limits that is nearest to it; without one, the nearer limit [rad]. */
+/* The 2 pi equivalent of an angle within its limits that is nearest to it; without one, the nearer limit [rad]. */
 double jacokin_into_limits(double angle, double lower, double upper);
 
 /* Fill q with NaN, and return the status. */
@@ -108,7 +114,7 @@ int jacokin_find_branches(const jacokin_ik_solver *solver, const double *T, cons
 /* --- Seven joints ---------------------------------------------------------------------------------------------- */
 
 /* jacokin_ik_nearest for a target and a seed that were checked. */
-int jacokin_nearest_member(const jacokin_ik_solver *solver, const double *T, const double *seed, layout *memory,
-                           double *q);
+int jacokin_nearest_on_curves(const jacokin_ik_solver *solver, const double *T, const double *seed, const layout *memory,
+                              double *q);
 
 #endif

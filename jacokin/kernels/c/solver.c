@@ -54,12 +54,16 @@ const char *jacokin_ik_status_text(int status) {
 /* Numbers are little-endian, doubles IEEE 754:
  *
  *     8 bytes     "jacokin", and a zero
- *     3 uint32    version of the format, number of joints, bytes of text
- *     doubles     chain, constants, lower and upper limits, home, snap, tolerances of position and orientation
+ *     4 uint32    version of the format, number of joints, kind, bytes of text
+ *     doubles     chain, constants (of six joints, or of seven built like a Jaco's), lower and
+ *                 upper limits, home, snap, tolerances of position and orientation
  *     text        names in UTF-8, each ended by a zero: robot, base, frame, joints
  *     uint64      FNV-1a of everything before
+ *
+ * The kind says which of seven angles is the parameter: 0 the last one (always so of six joints), 1 the first one, 2
+ * joint 3 of seven joints built like a Jaco's.
  */
-enum { FILE_VERSION = 2, FILE_HEADER = 20, FILE_CHECK = 8, MAX_FILE = 65536 };
+enum { FILE_VERSION = 3, FILE_HEADER = 24, FILE_CHECK = 8, MAX_FILE = 65536 };
 
 /* [-] A placement's rotation is orthonormal to this, or the file is not what was written. */
 static const double ROTATION_SLACK = 1e-6;
@@ -121,11 +125,12 @@ static double determinant_of(const double *R, int stride) {
            a[2] * (b[0] * c[1] - b[1] * c[0]);
 }
 
+static int constants_of(int kind) { return kind == JACOKIN_JOINT_3 ? CONSTANTS_SEVEN : CONSTANTS_SIX; }
+
 /* Whether the numbers are those of an arm: no kernel is given others. */
 static int makes_sense(const jacokin_ik_solver *solver) {
-    int constants = solver->dof == 6 ? CONSTANTS_SIX : CONSTANTS_SEVEN;
     if (!all_within(solver->chain, (solver->dof + 1) * 12, LONGEST) ||
-        !all_within(solver->constants, constants, LONGEST * LONGEST) || !all_within(solver->home, solver->dof, FARTHEST))
+        !all_within(solver->constants, constants_of(solver->kind), LONGEST * LONGEST) || !all_within(solver->home, solver->dof, FARTHEST))
         return 0;
     for (int i = 0; i <= solver->dof; i++)
         if (!(misfit_of(&solver->chain[12 * i], 4) <= ROTATION_SLACK) || determinant_of(&solver->chain[12 * i], 4) < 0.0)
@@ -139,10 +144,24 @@ static int makes_sense(const jacokin_ik_solver *solver) {
            isfinite(solver->orientation_tolerance);
 }
 
-/* Whether the closed form finds one of some configurations again: with constants that are not those of the chain it
+/* Fill the chain of the arm from its tool to its base. Half a turn about x between its joints lets them turn the same
+ * way as they do. */
+static void turn_round(const double *chain, int joints, double *turned) {
+    for (int i = 0; i <= joints; i++) {
+        double *C = &turned[12 * i];
+        jacokin_invert(&chain[12 * (joints - i)], C);
+        for (int row = 0; row < 3; row++)
+            for (int column = 0; column < 4; column++) {
+                int turns = (row > 0 && i > 0) + (column % 3 > 0 && i < joints);
+                if (turns == 1) C[4 * row + column] = -C[4 * row + column];
+            }
+    }
+}
+
+/* Whether the closed form finds one of some configurations of six joints again: with constants that are not those of the chain it
  * finds nothing, and searches long for it. JACOKIN_IK_DAMAGED_FILE, JACOKIN_IK_NO_MEMORY. */
 static int finds_itself(const jacokin_ik_solver *solver) {
-    if (solver->dof != 6) return JACOKIN_IK_OK;
+    if (solver->kind == JACOKIN_JOINT_3) return JACOKIN_IK_OK;
     size_t size = jacokin_ik_work_size(solver, JACOKIN_IK_POSES);
     void *work = malloc(size);
     layout memory;
@@ -155,7 +174,7 @@ static int finds_itself(const jacokin_ik_solver *solver) {
             double share = 0.6180339887498949 * (6 * trial + j + 1);
             q[j] = TURN * (share - floor(share)) - PI;
         }
-        jacokin_forward(solver, q, T);
+        jacokin_forward(solver->six, 6, q, T);
         int dropped, count = jacokin_find_branches(solver, T, solver->home, memory.targets, &dropped);
         const double *rows = memory.targets[TARGETS_pose_branches_rows].numbers;
         for (int i = 0; i < count && !found; i++) {
@@ -190,9 +209,9 @@ int jacokin_ik_read(const void *contents, size_t size, jacokin_ik_solver **solve
     if (size < FILE_HEADER + FILE_CHECK || size > MAX_FILE || memcmp(bytes, "jacokin", 8) != 0)
         return JACOKIN_IK_DAMAGED_FILE;
     if (read_unsigned(bytes + 8, 4) != FILE_VERSION) return JACOKIN_IK_OTHER_VERSION;
-    uint64_t dof = read_unsigned(bytes + 12, 4), text = read_unsigned(bytes + 16, 4);
-    if (dof != 6 && dof != 7) return JACOKIN_IK_DAMAGED_FILE;
-    int joints = (int)dof, constants = dof == 6 ? CONSTANTS_SIX : CONSTANTS_SEVEN;
+    uint64_t dof = read_unsigned(bytes + 12, 4), of = read_unsigned(bytes + 16, 4), text = read_unsigned(bytes + 20, 4);
+    if (!(dof == 6 && of == JACOKIN_AFTER) && !(dof == 7 && of <= JACOKIN_JOINT_3)) return JACOKIN_IK_DAMAGED_FILE;
+    int joints = (int)dof, kind = (int)of, constants = constants_of(kind);
     size_t doubles = (size_t)((joints + 1) * 12 + constants + 3 * joints + 3);
     if (text > MAX_FILE || size != FILE_HEADER + 8 * doubles + (size_t)text + FILE_CHECK)
         return JACOKIN_IK_DAMAGED_FILE;
@@ -207,6 +226,7 @@ int jacokin_ik_read(const void *contents, size_t size, jacokin_ik_solver **solve
         return JACOKIN_IK_NO_MEMORY;
     }
     made->dof = joints;
+    made->kind = kind;
     made->text = names;
     double last[3];
     bytes = read_doubles(bytes + FILE_HEADER, (joints + 1) * 12, made->chain);
@@ -224,6 +244,8 @@ int jacokin_ik_read(const void *contents, size_t size, jacokin_ik_solver **solve
         made->limits[6 + j] = made->upper[j];
         made->limits[12 + j] = made->snap;
     }
+    if (kind == JACOKIN_BEFORE) turn_round(made->chain, joints, made->six);
+    else memcpy(made->six, made->chain, sizeof made->six);
     int status = makes_sense(made) && find_names(made, (size_t)text) ? finds_itself(made) : JACOKIN_IK_DAMAGED_FILE;
     if (status == JACOKIN_IK_OK) *solver = made;
     else jacokin_ik_free(made);
@@ -261,6 +283,11 @@ static const char *name_of(const jacokin_ik_solver *solver, int index) {
     return solver == NULL ? "" : solver->names[index];
 }
 
+int jacokin_ik_parameter(const jacokin_ik_solver *solver) {
+    if (jacokin_ik_dof(solver) != 7) return -1;
+    return solver->kind == JACOKIN_JOINT_3 ? 2 : solver->kind == JACOKIN_BEFORE ? 0 : 6;
+}
+
 const char *jacokin_ik_robot(const jacokin_ik_solver *solver) { return name_of(solver, 0); }
 
 const char *jacokin_ik_base(const jacokin_ik_solver *solver) { return name_of(solver, 1); }
@@ -282,32 +309,39 @@ int jacokin_ik_limits(const jacokin_ik_solver *solver, double *lower, double *up
 
 /* --- Work memory ----------------------------------------------------------------------------------------------- */
 
-/* An array of any length holds one row here: a call is for one target. */
+/* Numbers of the arrays of each kernel, and below 0 those in a row of one of any length. It holds one row here: a call
+ * is for one target, and curves.c points others to what was found. */
 #define COUNT(name, numbers) numbers,
-static const int64_t target_numbers[] = {JACOKIN_SOLVE_TARGETS(COUNT, COUNT)};
-static const int64_t curve_numbers[] = {JACOKIN_SOLVE_SET(COUNT, COUNT)};
-#undef COUNT
-#define IS_FIXED(name, numbers) 0,
-#define IS_FREE(name, numbers) 1,
-static const char target_is_free[] = {JACOKIN_SOLVE_TARGETS(IS_FIXED, IS_FREE)};
-enum { TARGET_ARRAYS = sizeof target_numbers / sizeof *target_numbers };
-enum { CURVE_ARRAYS = sizeof curve_numbers / sizeof *curve_numbers };
+#define ROW(name, numbers) -(numbers),
+static const int64_t target_arrays[] = {JACOKIN_SOLVE_TARGETS(COUNT, ROW)};
+static const int64_t set_arrays[] = {JACOKIN_SOLVE_SET(COUNT, ROW)};
+static const int64_t point_arrays[] = {JACOKIN_FIND_POINT(COUNT, ROW)};
+static const int64_t nearest_arrays[] = {JACOKIN_FIND_NEAREST(COUNT, ROW)};
+#define LENGTH(arrays) (int)(sizeof(arrays) / sizeof *(arrays))
+static const struct {
+    const int64_t *numbers;
+    int arrays, entries;
+} tables[] = {
+    {target_arrays, LENGTH(target_arrays), TARGETS_TABLE},
+    {set_arrays, LENGTH(set_arrays), SET_TABLE},
+    {point_arrays, LENGTH(point_arrays), POINT_TABLE},
+    {nearest_arrays, LENGTH(nearest_arrays), NEAREST_TABLE},
+};
 
-static size_t total_of(const int64_t *numbers, int arrays) {
-    size_t total = 0;
-    for (int i = 0; i < arrays; i++) total += (size_t)numbers[i];
-    return total;
-}
+static size_t size_of(int64_t numbers) { return (size_t)(numbers < 0 ? -numbers : numbers); }
 
-/* The task that a solver's calls need memory for: poses of seven joints are found on curves. */
-static int needs_curves(const jacokin_ik_solver *solver, enum jacokin_ik_task task) {
-    return solver->dof == 7 || task == JACOKIN_IK_INTERVALS;
+/* How many tables the calls for a task need: poses of seven joints are found on curves. */
+static int tables_for(const jacokin_ik_solver *solver, enum jacokin_ik_task task) {
+    return solver->dof == 7 || task == JACOKIN_IK_INTERVALS ? LENGTH(tables) : 1;
 }
 
 size_t jacokin_ik_work_size(const jacokin_ik_solver *solver, enum jacokin_ik_task task) {
     if (solver == NULL) return 0;
-    size_t entries = TARGETS_TABLE + total_of(target_numbers, TARGET_ARRAYS);
-    if (needs_curves(solver, task)) entries += CURVES_TABLE + total_of(curve_numbers, CURVE_ARRAYS);
+    size_t entries = 0;
+    for (int n = 0; n < tables_for(solver, task); n++) {
+        entries += (size_t)tables[n].entries;
+        for (int i = 0; i < tables[n].arrays; i++) entries += size_of(tables[n].numbers[i]);
+    }
     return entries * sizeof(entry);
 }
 
@@ -315,30 +349,28 @@ int jacokin_lay_out(const jacokin_ik_solver *solver, void *work, size_t work_siz
                     layout *memory) {
     if (work == NULL || (uintptr_t)work % sizeof(entry) != 0) return JACOKIN_IK_BAD_ARGUMENT;
     if (work_size < jacokin_ik_work_size(solver, task)) return JACOKIN_IK_WORK_TOO_SMALL;
-    entry *next = memory->targets = work;
-    double *array = (double *)(next + TARGETS_TABLE);
-    for (int i = 0; i < TARGET_ARRAYS; i++) {
-        next++->numbers = array;
-        if (target_is_free[i]) next++->length = 1;
-        array += target_numbers[i];
+    entry *laid[LENGTH(tables)] = {NULL}, *next = work;
+    for (int n = 0; n < tables_for(solver, task); n++) {
+        laid[n] = next;
+        double *array = (double *)(next + tables[n].entries);
+        for (int i = 0; i < tables[n].arrays; i++) {
+            int64_t numbers = tables[n].numbers[i];
+            next++->numbers = array;
+            if (numbers < 0) next++->length = 1;
+            array += size_of(numbers);
+        }
+        next = (entry *)array;
     }
-    memory->curves = NULL;
-    if (!needs_curves(solver, task)) return JACOKIN_IK_OK;
-    next = memory->curves = (entry *)array;
-    array += CURVES_TABLE;
-    for (int i = 0; i < CURVE_ARRAYS; i++) {
-        next++->numbers = array;
-        array += curve_numbers[i];
-    }
+    *memory = (layout){laid[0], laid[1], laid[2], laid[3]};
     return JACOKIN_IK_OK;
 }
 
 /* --- Kinematics ------------------------------------------------------------------------------------------------ */
 
-void jacokin_forward(const jacokin_ik_solver *solver, const double *q, double *pose) {
+void jacokin_forward(const double *chain, int joints, const double *q, double *pose) {
     double R[9] = {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0}, p[3] = {0.0, 0.0, 0.0};
-    for (int i = 0; i <= solver->dof; i++) {
-        const double *C = &solver->chain[12 * i];
+    for (int i = 0; i <= joints; i++) {
+        const double *C = &chain[12 * i];
         double placed[9];
         for (int row = 0; row < 3; row++) {
             const double *r = &R[3 * row];
@@ -346,7 +378,7 @@ void jacokin_forward(const jacokin_ik_solver *solver, const double *q, double *p
             for (int k = 0; k < 3; k++) placed[3 * row + k] = r[0] * C[k] + r[1] * C[4 + k] + r[2] * C[8 + k];
         }
         memcpy(R, placed, sizeof R);
-        if (i == solver->dof) break;
+        if (i == joints) break;
         double c = cos(q[i]), s = sin(q[i]);
         for (int row = 0; row < 3; row++) {
             double x = R[3 * row], y = R[3 * row + 1];
@@ -362,17 +394,27 @@ void jacokin_forward(const jacokin_ik_solver *solver, const double *q, double *p
     pose[15] = 1.0;
 }
 
+void jacokin_invert(const double *placement, double *inverse) {
+    for (int row = 0; row < 3; row++) {
+        inverse[4 * row + 3] = 0.0;
+        for (int k = 0; k < 3; k++) {
+            inverse[4 * row + k] = placement[4 * k + row];
+            inverse[4 * row + 3] -= placement[4 * k + row] * placement[4 * k + 3];
+        }
+    }
+}
+
 int jacokin_fk(const jacokin_ik_solver *solver, const double *q, double *pose) {
     if (solver == NULL || q == NULL || pose == NULL) return JACOKIN_IK_BAD_ARGUMENT;
     if (!all_finite(q, solver->dof)) return JACOKIN_IK_NOT_FINITE;
-    jacokin_forward(solver, q, pose);
+    jacokin_forward(solver->chain, solver->dof, q, pose);
     return JACOKIN_IK_OK;
 }
 
 /* Position error [m] and orientation error [rad] of q against a target (16). */
 static void measure(const jacokin_ik_solver *solver, const double *T, const double *q, double *errors) {
     double pose[16], turn[3] = {0.0, 0.0, 0.0}, cosine = -1.0;
-    jacokin_forward(solver, q, pose);
+    jacokin_forward(solver->chain, solver->dof, q, pose);
     double x = T[3] - pose[3], y = T[7] - pose[7], z = T[11] - pose[11];
     errors[0] = sqrt(x * x + y * y + z * z);
     for (int k = 0; k < 3; k++) { /* the columns, reached and wanted: their cross products add up to 2 sin(angle) axis */
@@ -447,7 +489,7 @@ int jacokin_read_seed(const jacokin_ik_solver *solver, const double *seed, doubl
         double lower = solver->lower[j], upper = solver->upper[j];
         if (lower <= seed[j] && seed[j] <= upper)
             inside[j] = seed[j];
-        else /* with more than a turn of travel, the copies nearest to a limit are those nearest to the seed */
+        else /* with more than a turn of travel, the equivalents nearest to a limit are nearest to the seed */
             inside[j] = upper - lower < TURN ? jacokin_into_limits(seed[j], lower, upper)
                                              : fmin(fmax(seed[j], lower), upper);
     }

@@ -22,6 +22,7 @@ from jacokin.kernels.solution_set.curve import (
     point_across,
     point_at,
 )
+from jacokin.kernels.solution_set.within import SNAP
 
 #: Parts of a chord at a time.
 PARTS = 48
@@ -29,8 +30,6 @@ PARTS = 48
 LONGER = 1.1
 #: Places on a chord at which the distance is looked at, by its cubic.
 LOOKS = 4
-#: Share of a chord by which the place of the least distance on its cubic may be off.
-WIDER = 0.1
 #: [rad] where along the curve the nearest point is: as exact as rounding allows.
 STATIONARY = 1e-14
 #: A joint that goes on in another 2 pi equivalent on a chord.
@@ -131,12 +130,12 @@ def equivalent(work: NearestWork, angle: float, j: int) -> float:
     low, high = work.limits[0, j], work.limits[1, j]
     found = angle + TURN * math.floor((work.seed[j] - angle) / TURN + 0.5)
     if found > high:
-        found -= TURN * math.ceil((found - high) / TURN - RESOLUTION)
-        if found < low - RESOLUTION and low - found > found + TURN - high:
+        found -= TURN * math.ceil((found - high - SNAP) / TURN)
+        if found < low - SNAP and low - found > found + TURN - high:
             found += TURN
     elif found < low:
-        found += TURN * math.ceil((low - found) / TURN - RESOLUTION)
-        if found > high + RESOLUTION and found - high > low - found + TURN:
+        found += TURN * math.ceil((low - found - SNAP) / TURN)
+        if found > high + SNAP and found - high > low - found + TURN:
             found -= TURN
     return float(found)
 
@@ -204,12 +203,12 @@ def search_chord(work: NearestWork, i: int) -> None:
 
 def search_smooth(work: NearestWork, a: Array, b: Array, length: float) -> None:
     """Look for a nearer point between two nodes; all angles stay in one equivalent."""
-    before = slope(work, a, b, length, 0.0)
+    slope_before = slope(work, a, b, length, 0.0)
     for n in range(1, LOOKS + 1):
         here = slope(work, a, b, length, n / LOOKS)
-        if before <= 0.0 <= here:
-            refine(work, a, b, max((n - 1) / LOOKS - WIDER, 0.0), min(n / LOOKS + WIDER, 1.0))
-        before = here
+        if slope_before < 0.0 < here:
+            refine(work, a, b, (n - 1) / LOOKS, n / LOOKS)
+        slope_before = here
 
 
 def slope(work: NearestWork, a: Array, b: Array, length: float, u: float) -> float:
@@ -225,28 +224,8 @@ def slope(work: NearestWork, a: Array, b: Array, length: float, u: float) -> flo
     return found
 
 
-def refine(work: NearestWork, a: Array, b: Array, low: float, high: float) -> None:
-    """Offer the point of the curve between two shares of a chord where the distance is least."""
-    walk, f_low, f_high = work.walk, exact_slope(work, a, b, low), exact_slope(work, a, b, high)
-    if not f_low <= 0.0 <= f_high:
-        return
-    for _ in range(SECANTS):
-        u = high - f_high * (high - low) / (f_high - f_low) if f_high != f_low else 0.5 * (low + high)
-        if not min(low, high) < u < max(low, high):
-            u = 0.5 * (low + high)
-        f = exact_slope(work, a, b, u)
-        if not abs(f) > STATIONARY or abs(high - low) < STATIONARY:
-            break
-        if f * f_high < 0.0:
-            low, f_low = high, f_high
-        else:
-            f_low *= 0.5
-        high, f_high = u, f
-    offer(work, walk.z)
-
-
 def exact_slope(work: NearestWork, a: Array, b: Array, u: float) -> float:
-    """Half the slope of the squared distance at a share of a chord; the point is left in walk.z, NaN for none there."""
+    """As `slope`, at the point of the curve itself, which is left in walk.z; NaN for none there."""
     walk, found = work.walk, 0.0
     if not point_across(work.chain, work.T, a, b, u, walk.z, walk.tz, walk):
         return math.nan
@@ -254,3 +233,33 @@ def exact_slope(work: NearestWork, a: Array, b: Array, u: float) -> float:
         if work.weights[j] > 0.0:
             found += walk.tz[j] * (equivalent(work, a[j], j) - a[j] + walk.z[j] - work.seed[j])
     return found
+
+
+def refine(work: NearestWork, a: Array, b: Array, low: float, high: float) -> None:
+    """Offer the point of the curve where the distance is least, by the cubic between two shares of a chord."""
+    f_low, f_high = exact_slope(work, a, b, low), exact_slope(work, a, b, high)
+    if f_low > 0.0:  # the cubic is not the curve: it is just before
+        high, f_high = low, f_low
+        low = max(0.0, low - 1.0 / LOOKS)
+        f_low = exact_slope(work, a, b, low)
+    elif f_high < 0.0:
+        low, f_low = high, f_high
+        high = min(1.0, high + 1.0 / LOOKS)
+        f_high = exact_slope(work, a, b, high)
+    if not f_low <= 0.0 <= f_high:
+        return
+    for _ in range(SECANTS):
+        u = high - f_high * (high - low) / (f_high - f_low) if f_high != f_low else 0.5 * (low + high)
+        if not min(low, high) <= u <= max(low, high):
+            u = 0.5 * (low + high)
+        f = exact_slope(work, a, b, u)
+        if math.isnan(f):
+            return
+        if abs(f) <= STATIONARY or abs(high - low) < STATIONARY:
+            break
+        if f * f_high < 0.0:
+            low, f_low = high, f_high
+        else:
+            f_low *= 0.5
+        high, f_high = u, f
+    offer(work, work.walk.z)

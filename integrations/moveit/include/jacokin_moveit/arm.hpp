@@ -15,9 +15,6 @@ namespace jacokin_moveit {
 using jacokin::Configuration;
 using jacokin::Pose;
 
-// Index of the joint that is free to choose on an arm of seven joints.
-constexpr unsigned int kRedundantJoint = 2;
-
 // What one pose has given.
 struct Candidates {
   std::vector<Configuration> within_limits;  // nearest to the seed first
@@ -38,12 +35,15 @@ class Arm {
 
   const jacokin::Solver& solver() const { return solver_; }
 
+  // Index of the joint that is free to choose on an arm of seven joints; 0 on one of six.
+  unsigned int redundant_joint() const { return solver_.dof() == 7 ? static_cast<unsigned int>(solver_.parameter()) : 0; }
+
   // Every configuration within the limits of six joints; of seven, the nearest one and samples of all others.
   // Throws jacokin::Error for numbers that are not finite and a pose that is not rigid.
   Candidates find(const Pose& target, const Configuration& seed, const Redundancy& redundancy) const;
 
  private:
-  // Work memory lent to one call, and kept for the next: seven joints need 4 MB.
+  // Work memory lent to one call, and kept for the next: seven joints need 5 MB.
   class Lease {
    public:
     explicit Lease(const Arm& arm);
@@ -58,8 +58,8 @@ class Arm {
   };
 
   Candidates branches(const Pose& target, const Configuration& seed, jacokin::Work& work) const;
-  Candidates members(const Pose& target, const Configuration& seed, const Redundancy& redundancy,
-                     jacokin::Work& work) const;
+  Candidates solutions(const Pose& target, const Configuration& seed, const Redundancy& redundancy,
+                       jacokin::Work& work) const;
 
   jacokin::Solver solver_;
   mutable std::mutex mutex_;

@@ -33,7 +33,7 @@ class KinematicsPlugin : public kinematics::KinematicsBase {
   bool getPositionIK(const Message& ik_pose, const std::vector<double>& ik_seed_state, std::vector<double>& solution,
                      ErrorCode& error_code, const Options& options = Options()) const override;
 
-  // Every configuration, nearest to the seed first; of seven joints those with joint 3 at the seed's value
+  // Every configuration, nearest to the seed first; of seven joints those with the redundant one at the seed's value
   // (NO_DISCRETIZATION), or samples of all of them (ALL_DISCRETIZED).
   bool getPositionIK(const std::vector<Message>& ik_poses, const std::vector<double>& ik_seed_state,
                      std::vector<std::vector<double>>& solutions, kinematics::KinematicsResult& result,

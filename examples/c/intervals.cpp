@@ -1,9 +1,9 @@
-// All configurations with one free parameter, in C++17: the tool of a six-joint arm may turn about its own z axis, a
-// seven-joint arm has the angle of joint 3.
+// All configurations with one free parameter, in C++17: the tool of a six-joint arm may turn about its own z axis; on a
+// seven-joint arm the parameter is one of its joints.
 //
 //     jacokin export-c j2n6s300 --output arm
-//     c++ -std=c++17 family.cpp -Iarm/include arm/lib/libjacokin.so -Wl,-rpath,arm/lib -o family
-//     ./family arm/j2n6s300.jacokin
+//     c++ -std=c++17 intervals.cpp -Iarm/include arm/lib/libjacokin.so -Wl,-rpath,arm/lib -o intervals
+//     ./intervals arm/j2n6s300.jacokin
 
 #include <cstdio>
 
@@ -15,10 +15,10 @@ int main(int argc, char** argv) try {
   const jacokin::Pose target = arm.forward(arm.home());
   const jacokin::Axis about_z = {{0.0, 0.0, 1.0}, {-3.141592653589793, 3.141592653589793}};
 
-  const jacokin::Family family = arm.intervals(target, work, arm.dof() == 6 ? &about_z : nullptr);
-  std::printf("%s: %zu intervals, %s\n", arm.robot().c_str(), family.intervals.size(),
-              family.complete ? "none is missing" : "some may be missing");
-  for (const jacokin::Interval& interval : family.intervals) {
+  const jacokin::SolutionSet found = arm.intervals(target, work, arm.dof() == 6 ? &about_z : nullptr);
+  std::printf("%s: %zu intervals, %s\n", arm.robot().c_str(), found.intervals.size(),
+              found.complete ? "none is missing" : "some may be missing");
+  for (const jacokin::Interval& interval : found.intervals) {
     const double middle = 0.5 * (interval.start + interval.stop);
     std::printf("branch %d: %.4f to %.4f rad\n", interval.branch, interval.start, interval.stop);
     if (const auto q = arm.at(interval, middle, arm.home(), work)) {
@@ -27,7 +27,7 @@ int main(int argc, char** argv) try {
       std::printf("\n");
     }
   }
-  return family.intervals.empty() ? 1 : 0;
+  return found.intervals.empty() ? 1 : 0;
 } catch (const jacokin::Error& error) {
   std::fprintf(stderr, "%s\n", error.what());
   return 2;
