@@ -37,8 +37,8 @@ __all__ = ["CIRCLE", "FOLD", "LOST", "CurveArm", "CurveProblem", "Curves"]
 
 #: Index among seven angles of one about a free axis, which comes after six joints; and how many there are.
 FREE_AXIS, DIMENSIONS = 6, 7
-#: Constants of six joints, see `closed_form.arm`: a scale, a labelling, and which structure gives their branches; and the
-#: labelling in which the six joints of a Jaco have no double roots.
+#: Constants of six joints, see `closed_form.arm`: a scale, a labelling, and which structure gives their branches; and
+#: the labelling in which the six joints of a Jaco have no double roots.
 SCALE, OWN, FORM, JACO_LABELLING = 39, 40, 42, 6
 #: Half a turn about x: an arm turned round turns the same way.
 HALF_TURN = np.diag([1.0, -1.0, -1.0])

@@ -126,11 +126,11 @@ class SetSearch:
             return self._closest_to(request, members, None, beyond)
         if request.cost is None:  # the kernels find the nearest member at once
             member = self.nearest(request.target, request.seed)
-            candidates = self._beside_seed(members, member)
+            first = self._beside_seed(members, member)
             if member is not None:
-                candidates.append(members.candidate(*member))
-            if candidates:
-                result = verifier.select(iter(candidates), request, "")
+                first.append(members.candidate(*member))
+            if first:
+                result = verifier.select(iter(first), request, "")
                 if result is not None and not (result.touching and verifier.avoids_contact):
                     return result
         found = self.find(request.target, request.seed)
