@@ -19,7 +19,17 @@ from jacokin.kernels.solution_set.curve import (
     make_walk,
     tangent,
 )
-from jacokin.kernels.solution_set.islands import OFFSET, Islands, find_islands, make_islands
+from jacokin.kernels.solution_set.islands import (
+    LINES,
+    LOOKED_AT,
+    OFFSET,
+    Islands,
+    add_zero_on_line,
+    count_on_lines,
+    find_islands,
+    joint_of_root,
+    make_islands,
+)
 from jacokin.kernels.solution_set.meeting import Directions, make_directions, points_aside
 from jacokin.kernels.solution_set.seven_joints import MOST_FOLDS, find_folds
 from jacokin.kernels.solution_set.slices import (
@@ -164,8 +174,10 @@ def slice_by_roots(work: SetWork) -> int:
     doubts = int(islands.size[1])
     for n in range(FIRST):
         add_slice(chain, T, kind, islands.p[n * islands.size[2] // FIRST], slices, work.six, work.seven)
+    joint = joint_of_root(work.six, islands, kind)
     for _ in range(ROUNDS):
         trace(chain, T, parameter, slices, loops, work.walk)
+        look_along_lines(work, joint)
         missing = 0
         for i in range(islands.size[2] + islands.size[0]):
             if find_slice(slices, islands.p[i]) >= 0 or is_counted(work, i):
@@ -182,6 +194,20 @@ def slice_by_roots(work: SetWork) -> int:
         peak = i >= islands.size[2] and islands.peak[i - islands.size[2]] > 0  # perhaps a single point
         doubts += not is_counted(work, i) and (n < 0 or slices.doubt[n] > 0 or peak)
     return doubts
+
+
+def look_along_lines(work: SetWork, joint: int) -> None:
+    """Add values of the parameter at which F has a root that no curve passes: where it changes its sign along lines.
+
+    A curve may go round in x while the parameter hardly changes.
+    """
+    islands, each = work.islands, work.options[2]
+    count_on_lines(work.loops, int(work.options[0]), joint, islands)
+    for n in range(LINES):
+        for i in range(LOOKED_AT):
+            here, there = islands.lines[i, n], islands.lines[(i + 1) % LOOKED_AT, n]
+            if here * there < 0.0 and islands.crossed[i, n] // each % 2 == 0:
+                add_zero_on_line(work.six, islands, i, n)
 
 
 def find_slice(slices: Slices, p: float) -> int:
