@@ -55,9 +55,21 @@ class CurveArm:
         parameter: index among seven angles of the one that is the parameter.
         name: what the parameter is called: a joint's name, or "angle".
         dof: joints of the arm.
+        each_angle_once: whether no joint has several equivalents of an angle within its limits.
     """
 
-    __slots__ = ("_chain", "_constants", "_general", "_idle", "_kind", "_limits", "dof", "name", "parameter")
+    __slots__ = (
+        "_chain",
+        "_constants",
+        "_general",
+        "_idle",
+        "_kind",
+        "_limits",
+        "dof",
+        "each_angle_once",
+        "name",
+        "parameter",
+    )
 
     def __init__(self, kind: int, name: str, chain: Array, constants: Array, robot: Robot) -> None:
         """Take the constants of an arm.
@@ -72,6 +84,7 @@ class CurveArm:
         self._kind, self.name, self._chain, self._constants, self.dof = kind, name, chain, constants, robot.dof
         self.parameter = {AFTER: FREE_AXIS, BEFORE: 0, JOINT_3: 2}[kind]
         bounded = robot.upper - robot.lower < TURN  # others have some equivalent of every angle within their limits
+        self.each_angle_once = not (np.isfinite(robot.upper - robot.lower) & ~bounded).any()
         self._limits = np.array([np.full(DIMENSIONS, -np.inf), np.full(DIMENSIONS, np.inf)])
         self._limits[0, : self.dof][bounded] = robot.lower[bounded]
         self._limits[1, : self.dof][bounded] = robot.upper[bounded]
@@ -120,7 +133,7 @@ class CurveArm:
         work.chain[:], work.T[:], work.pieces.limits[:] = problem.chain, problem.T, problem.limits
         wrist = len(self._constants) > FORM and self._constants[FORM] == SPHERICAL_WRIST
         work.options[:] = self.parameter, NO_SLICES if only_starts else self._kind, 2 if wrist else 1
-        work.starts[:] = np.nan
+        work.starts[:], work.seed[:] = np.nan, np.nan
         work.starts[: len(starts)] = starts
         if self._kind == JOINT_3:
             work.seven.arm[:] = self._constants
@@ -213,7 +226,10 @@ class CurveProblem(NamedTuple):
             upper: (dof,) limits [rad].
         """
         calls = self.arm._prepare(self, starts)
-        wrong, work = calls.solve(), calls.solve.work
+        work = calls.solve.work
+        if self.arm.parameter < len(seed) and self.arm.each_angle_once:
+            work.seed[: len(seed)] = seed
+        wrong = calls.solve()
         work.pieces.ends[work.pieces.size[1] :] = 0
         x = _nearest(calls.nearest, seed, lower, upper)
         self.arm._put_back(calls)

@@ -169,13 +169,17 @@ def fill_extrema(k: ArmConstants, six: SixJoints, work: Islands, i: int) -> floa
     return noise
 
 
-def find_islands(six: SixJoints, work: Islands) -> None:
-    """Fill p and count, at even values all round and beside every fold that F shows between them."""
+def find_islands(six: SixJoints, window: Array, work: Islands) -> None:
+    """Fill p and counts, at even values in a window and beside, and next to every fold that F shows between."""
     k = unpack_arm(six.arm)
     work.size[0], work.size[1], work.size[2] = 0, 0, LOOKED_AT
     for i in range(LOOKED_AT):
         work.p[i] = wrapped(OFFSET + TURN * i / LOOKED_AT)
-        fill_extrema(k, six, work, i)
+        work.extrema[i], work.counts[i] = 0, -1
+        for n in range(LINES):
+            work.lines[i, n] = 0.0
+        if abs(wrapped(work.p[i] - window[0])) <= window[1] + TURN / LOOKED_AT:
+            fill_extrema(k, six, work, i)
     for i in range(LOOKED_AT):
         for e in range(work.extrema[i]):
             look_between(k, six, work, i, e)
@@ -212,7 +216,7 @@ def count_on_lines(loops: Loops, parameter: int, joint: int, work: Islands) -> N
                 value += TURN * math.floor((0.5 * (a[joint] + b[joint]) - value) / TURN + 0.5)
                 if (a[joint] < value) != (b[joint] < value):
                     p = a[parameter] + (value - a[joint]) / (b[joint] - a[joint]) * (b[parameter] - a[parameter])
-                    i = int(math.floor((p - OFFSET) / step)) % LOOKED_AT
+                    i = math.floor((p - OFFSET) / step) % LOOKED_AT
                     work.crossed[i, n] += 1
 
 
