@@ -17,7 +17,7 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.ik.preferences import Cost, by_distance, by_margin
 from jacokin.ik.solutions.least import least_member
-from jacokin.ik.solutions.members import Members
+from jacokin.ik.solutions.members import LostMemberError, Members
 from jacokin.ik.solutions.track import GUESS_SPACING, CurveTrack
 from jacokin.model import checks
 from jacokin.model.angles import TURN
@@ -105,7 +105,10 @@ class Interval:
         found = self._track.nearest(wanted, robot.lower, robot.upper)
         if found is None:
             return self._least(by_distance(wanted), wanted)
-        return self._member(*found, wanted)
+        try:
+            return self._members.verified(found[1], found[0])
+        except LostMemberError:
+            return self._member(*found, wanted)
 
     def widest(self) -> Array:
         """The member (dof,) [rad] with the largest limit margin."""

@@ -53,7 +53,7 @@ class CurveTrack:
             return None
         p = x.item(self._problem.arm.parameter)
         p += TURN * round((0.5 * (self.start + self.stop) - p) / TURN)
-        return min(max(p, self.start), self.stop), self._joints(x)
+        return min(max(p, self.start), self.stop), np.clip(self._joints(x), lower, upper)
 
     def guesses(self) -> tuple[Array, Array]:
         """Coordinates (m,) in order, and configurations there (m, dof) to about 1e-4 rad; ends and nodes exactly."""

@@ -250,7 +250,8 @@ def count_of(k: ArmConstants, six: SixJoints, work: Islands, p: float, noise: fl
     """
     count = count_single_roots(work, noise)
     if k.six.form == SPHERICAL_WRIST:
-        return 0 if count < 0 and work.apart[0] < -ONE_ROOT else count
+        enough = ONE_ROOT if noise < math.inf else NEARLY_DOUBLE
+        return 0 if count < 0 and work.apart[0] < -enough else count
     first = unpack_arm(six.general).six.own
     for n in range(LABELLINGS):
         if count >= 0:

@@ -168,6 +168,8 @@ def bring_to_curve(chain: Array, T: Array, start: Array, walk: Walk) -> bool:
     if not linearise7(chain, T, x, walk.system) <= NEARBY:  # NaN for no start
         return False
     for _ in range(STARTING_STEPS):
+        if linearise7(chain, T, x, walk.system) <= RESIDUAL:
+            break
         found = False
         for m in range(7):
             for j in range(7):
@@ -178,8 +180,7 @@ def bring_to_curve(chain: Array, T: Array, start: Array, walk: Walk) -> bool:
             offset += t[j] * x[j]
         if not found:
             return False
-        if bordered_newton(chain, T, x, t, offset, walk.system, 1, RESIDUAL) <= RESIDUAL:
-            break
+        bordered_newton(chain, T, x, t, offset, walk.system, 1, RESIDUAL)
     moved = 0.0
     for j in range(7):
         moved = max(moved, abs(x[j] - start[j]))
