@@ -196,14 +196,22 @@ class SetSearch:
 
     def _findings(self, problem: CurveProblem, found: Curves, members: Members) -> FamilyFindings:
         """What of curves is within the limits, as intervals."""
-        robot, free, index = self._verifier.robot, members.target.free_axis, self._arm.parameter
-        closed, known = free is None or free.full_turn, dict[int, IntervalEnd]()
+        robot, free, index = members.robot, members.target.free_axis, self._arm.parameter
+        known = dict[int, IntervalEnd]()
         intervals, complete = [], found.complete
+        least = -math.pi
+        if free is not None and not free.full_turn:
+            least = free.range[0]
+        elif free is None and index < robot.dof and robot.upper[index] - robot.lower[index] < TURN:
+            least = float(robot.lower[index])
         for piece in found.pieces:
             for code in piece.codes:
                 if code not in known:
                     known[code] = _end(code, robot)
-            track = CurveTrack(problem, piece.nodes, closed=closed)
+            nodes = piece.nodes
+            middle = nodes[len(nodes) // 2, : robot.dof]
+            nodes[:, : robot.dof] += TURN * np.where(robot.unlimited, np.round((members.seed - middle) / TURN), 0.0)
+            track = CurveTrack(problem, nodes, least)
             if len(piece.nodes) == 1 and not self._reaches(piece.nodes[0], members):
                 complete = False
                 continue
@@ -214,9 +222,7 @@ class SetSearch:
 
         def tracks() -> Sequence[CurveTrack]:
             return [
-                CurveTrack(problem, nodes, closed=closed)
-                for whole in found.whole
-                for nodes in _between_folds(whole, index)
+                CurveTrack(problem, nodes, least) for whole in found.whole for nodes in _between_folds(whole, index)
             ]
 
         return FamilyFindings(family, members, lambda: _find_least_excess(tracks(), robot), tracks)

@@ -27,13 +27,13 @@ class CurveTrack:
 
     __slots__ = ("_problem", "_turns", "nodes", "start", "stop")
 
-    def __init__(self, problem: CurveProblem, nodes: Array, *, closed: bool) -> None:
-        """Take the nodes of a piece; where the parameter goes round, its start is moved into [-pi, pi)."""
+    def __init__(self, problem: CurveProblem, nodes: Array, least: float) -> None:
+        """Take the nodes of a piece, and the least value of the parameter: by whole turns it starts from there on."""
         self._problem, self.nodes = problem, nodes
         first, last = nodes.item(0, problem.arm.parameter), nodes.item(-1, problem.arm.parameter)
         if last - first < STANDING:
             last = first
-        self._turns = -TURN * math.floor((first + math.pi) / TURN) if closed else 0.0
+        self._turns = -TURN * math.floor((first - least + STANDING) / TURN) if math.isfinite(least) else 0.0
         self.start, self.stop = first + self._turns, last + self._turns
 
     def at(self, parameter: float) -> Array:

@@ -24,7 +24,7 @@ LARGEST_BEND = 0.05
 #: [m] and [rad]; residual of a point, where Newton's method ends and at most.
 RESIDUAL, LARGEST_RESIDUAL = 1e-13, 1e-10
 #: The same of nodes: what lies between them is known no better.
-NODE_RESIDUAL = 1e-8
+NODE_RESIDUAL = 1e-10
 NEWTON_STEPS = 8
 SECANTS = 60
 #: What a step may come to.

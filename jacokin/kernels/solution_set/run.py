@@ -41,6 +41,7 @@ from jacokin.kernels.solution_set.slices import (
     Slices,
     add_slice,
     add_start,
+    fill_general,
     make_seven_joints,
     make_six_joints,
     make_slices,
@@ -209,6 +210,7 @@ def slice_by_roots(work: SetWork) -> int:
     """Some slices, and more wherever F has other numbers of roots than the curves pass; how many doubts there are."""
     chain, T, parameter, kind = work.chain, work.T, int(work.options[0]), int(work.options[1])
     slices, loops, islands = work.slices, work.loops, work.islands
+    fill_general(work.six)
     find_islands(work.six, loops.window, islands)
     doubts = int(islands.size[1])
     for n in range(FIRST if slices.size[0] == 0 else 0):

@@ -107,10 +107,10 @@ def fold_equations(
     return first, meeting_of(a, b, c, across, along, above), meeting_of(a, b, c, across, along, below)
 
 
-def meeting_of(a: float, b: float, c: float, l: float, m: float, k: float) -> tuple[float, float]:
-    """What vanishes where a cos q + b sin q = c and l cos q + m sin q = k have a solution, and the size of its terms."""
-    x, y, z = c * m - b * k, a * k - c * l, a * m - b * l
-    size = (abs(c * m) + abs(b * k)) ** 2 + (abs(a * k) + abs(c * l)) ** 2 + (abs(a * m) + abs(b * l)) ** 2
+def meeting_of(a: float, b: float, c: float, d: float, e: float, f: float) -> tuple[float, float]:
+    """What vanishes where a cos q + b sin q = c and d cos q + e sin q = f have a solution; the size of its terms."""
+    x, y, z = c * e - b * f, a * f - c * d, a * e - b * d
+    size = (abs(c * e) + abs(b * f)) ** 2 + (abs(a * f) + abs(c * d)) ** 2 + (abs(a * e) + abs(b * d)) ** 2
     return x * x + y * y - z * z, size
 
 

@@ -42,7 +42,7 @@ SHORTEST_STEP, MEETING_STEP = 1e-9, 1e-4
 PASSED, PASSED_SHARE = 0.03, 0.5
 MOST_STEPS = 6000
 #: [rad] where a curve turns so sharply that steps are shorter, another one is so near that they may not be told apart.
-SHARP = 1e-3
+SHARP = 1e-4
 #: How a curve ends: nowhere, where it leaves the window, lost on the way, or for want of room.
 LOST, CLOSED, LEFT, FULL = 0, 1, 2, 3
 #: [-] slope of a parameter that stands still, but for rounding.
