@@ -44,7 +44,7 @@ ASIDE, CLOSE_ENOUGH = 1e-4, 1e-7
 #: [rad^2] w of two roots that are not told from one; and how often a peak of w is looked at from closer by.
 ONE_ROOT, LOOKS = 1e-13, 24
 #: [rad^2] w that rounding leaves open: where that is more, the peak is not known well enough to look for it otherwise.
-BLURRED = 1e-7
+BLURRED = 1e-6
 #: [rad^2] w of two complex roots that may be one real solution at a place known to 1e-3 rad.
 NEARLY_DOUBLE = 1e-5
 #: [rad] how well that place is known, and w [rad^2] of what may be one real solution just there.
@@ -253,7 +253,7 @@ def count_of(k: ArmConstants, six: SixJoints, work: Islands, p: float, noise: fl
         enough = ONE_ROOT if noise < math.inf else NEARLY_DOUBLE
         return 0 if count < 0 and work.apart[0] < -enough else count
     first = unpack_arm(six.general).six.own
-    for n in range(LABELLINGS):
+    for n in range(1 if k.six.scale > 0.0 else 0, LABELLINGS):  # the first one is the arm's own
         if count >= 0:
             break
         labelling = (first + n) % LABELLINGS
