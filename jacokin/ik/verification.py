@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from jacokin.arrays import Array
 from jacokin.errors import ShapeError
 from jacokin.ik import diagnosis, targets
-from jacokin.ik.closed_form import BranchTable
 from jacokin.ik.options import SolverOptions
 from jacokin.ik.results import IKResult, IKResultDraft, Status
 from jacokin.ik.seeds import inside_exactly
+from jacokin.ik.solutions.points import BranchTable
 from jacokin.ik.targets import Request, TargetPose
 from jacokin.model import checks
 from jacokin.model.robot import Robot
@@ -82,6 +82,10 @@ class Verifier:
         self._upper = robot.upper.tolist()
         self._contact, self.unchecked, self._unreadable = _contact(robot, options)
         self.avoids_contact = self._contact is not None and options.collision in ("prefer", "reject")
+
+    def __reduce__(self) -> tuple[object, tuple[object, ...]]:
+        """Pickle the options; working memory is made anew."""
+        return Verifier, (self.robot, self.frame, self.tool, self.options)
 
     def require_contact(self) -> None:
         """Refuse to go on without looking for contact where that is only because the shapes cannot be loaded.

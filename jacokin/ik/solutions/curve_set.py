@@ -1,6 +1,6 @@
-"""`Family`: all configurations that reach a target with one free parameter, as intervals of the parameter.
+"""`CurveSet`: all configurations that reach a target with one free parameter, as intervals of the parameter.
 
-The parameter p [rad] is the angle about the free axis of a `FreeAxis`, or joint 3 of a seven-joint arm. On a branch,
+The parameter p [rad] is the angle about the free axis of a `FreeAxis`, or one joint of seven. On a branch,
 the configuration is a smooth function of p, from one fold to another (where two branches meet) or all the way round.
 What is within the limits of a branch is some intervals of p.
 """
@@ -15,9 +15,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
-from jacokin.ik.preferences import Cost, by_distance, by_margin
+from jacokin.ik import preferences
+from jacokin.ik.preferences import Cost, Prefer, by_distance, by_margin
 from jacokin.ik.solutions.least import least_member
 from jacokin.ik.solutions.members import Members
+from jacokin.ik.solutions.solution_set import SolutionSet, Touching
 from jacokin.ik.solutions.track import GUESS_SPACING, CurveTrack
 from jacokin.model import checks
 from jacokin.model.angles import TURN
@@ -86,7 +88,7 @@ class Interval:
 
         Args:
             parameter: [rad] from start to stop, or whole turns away from there.
-            seed: (dof,) unlimited joints take the copy nearest to it [rad]; None for the seed of the family.
+            seed: (dof,) unlimited joints take the copy nearest to it [rad]; None for the seed of the set.
 
         Raises:
             InvalidInputError: the parameter is outside the interval.
@@ -99,7 +101,7 @@ class Interval:
         return self._member(p, self._track.at(p), self._members.near(seed))
 
     def nearest(self, seed: ArrayLike | None = None) -> Array:
-        """The member (dof,) [rad] nearest to a seed; None for the seed of the family."""
+        """The member (dof,) [rad] nearest to a seed; None for the seed of the set."""
         wanted = self._members.near(seed)
         robot = self._members.robot
         found = self._track.nearest(wanted, robot.lower, robot.upper)
@@ -179,28 +181,27 @@ class Interval:
         return min(max(moved, self.start), self.stop)
 
 
-class Family:
-    """All configurations within the limits that reach a target with one free parameter. Immutable.
+class CurveSet(SolutionSet):
+    """All configurations within the limits that reach a target with one free parameter.
 
     Attributes:
         intervals: intervals of the parameter, by branch and start; none when nothing within the limits reaches it.
         complete: False when a curve was lost or a table of the kernels was full, so that intervals may be missing.
         branches: how many branches reach the target, within the limits or not; each from fold to fold.
+        parameter: what is free: the name of a joint, or "angle" for that about a free axis.
     """
 
-    __slots__ = ("_members", "branches", "complete", "intervals")
-    has_parameter = True
+    __slots__ = ("_members", "branches", "complete", "intervals", "parameter")
+    dimension = 1
+    intervals: tuple[Interval, ...]
+    complete: bool
+    parameter: str
 
     def __init__(
-        self,
-        intervals: tuple[Interval, ...],
-        members: Members,
-        *,
-        branches: int,
-        complete: bool,
+        self, intervals: tuple[Interval, ...], members: Members, *, parameter: str, branches: int, complete: bool
     ) -> None:
         """Take intervals of a target."""
-        self.intervals, self._members = intervals, members
+        self.intervals, self._members, self.parameter = intervals, members, parameter
         self.branches, self.complete = branches, complete
 
     def __len__(self) -> int:
@@ -213,7 +214,7 @@ class Family:
 
     def __repr__(self) -> str:
         """How many intervals on how many branches."""
-        return f"Family({len(self)} intervals within the limits, {self.branches} branches)"
+        return f"SolutionSet({len(self)} intervals of {self.parameter} within the limits, on {self.branches} branches)"
 
     @property
     def q(self) -> Array:
@@ -227,13 +228,51 @@ class Family:
         return checks.sealed(np.ones(len(self.intervals), dtype=np.bool_))
 
     @property
+    def q_within_limits(self) -> Array:
+        """The same as `q`."""
+        return self.q
+
+    @property
+    def distance(self) -> Array:
+        """(k,) distance of those members to the seed [rad], Euclidean."""
+        return checks.sealed(np.linalg.norm(self.q - self._members.seed, axis=1))
+
+    @property
+    def position_error(self) -> Array:
+        """(k,) of those members [m]."""
+        return self._errors[:, 0]
+
+    @property
+    def orientation_error(self) -> Array:
+        """(k,) of those members [rad]."""
+        return self._errors[:, 1]
+
+    @property
+    def singular(self) -> NDArray[np.bool_]:
+        """(k,) False: intervals are whole."""
+        return checks.sealed(np.zeros(len(self.intervals), dtype=np.bool_))
+
+    @property
+    def touching(self) -> Touching | None:
+        """Pairs of shapes that touch at each of those members; None when the solver does not look."""
+        verifier = self._members.verifier
+        return tuple(tuple(verifier.touching(q)) for q in self.q) if verifier.looks_for_contact else None
+
+    @property
+    def _errors(self) -> Array:
+        """(k, 2) position [m] and orientation [rad] errors of those members."""
+        members = self._members
+        found = [members.verifier.measure(q, members.target.at(members.parameter(q))) for q in self.q]
+        return checks.sealed(np.array(found, dtype=np.float64).reshape(-1, 2))
+
+    @property
     def margin(self) -> Array:
         """(k, dof) distance of those members to the nearer limit [rad]; inf on unlimited joints."""
         q, robot = self.q, self._members.robot
         return checks.read_only(np.minimum(q - robot.lower, robot.upper - q))
 
     def nearest(self, seed: ArrayLike | None = None) -> Array | None:
-        """The member (dof,) [rad] nearest to a seed, None for the seed of the family; None when there is no member.
+        """The member (dof,) [rad] nearest to a seed, None for the seed of the set; None when there is no member.
 
         Raises:
             InvalidInputError: a malformed seed, or one more than 1e6 rad from zero.
@@ -242,9 +281,13 @@ class Family:
         members = [interval.nearest(start) for interval in self.intervals]
         return min(members, key=lambda q: float(np.linalg.norm(q - start)), default=None)
 
-    def widest(self) -> Array | None:
-        """The member (dof,) [rad] with the largest limit margin; None when there is no member."""
-        best = self.choose(by_margin(self._members.robot), self._members.seed)
+    def best(self, prefer: Prefer = "nearest") -> Array | None:
+        """The preferred member (dof,) [rad]; see `SolutionSet.best`."""
+        members = self._members
+        cost = preferences.cost_of(prefer, members.robot, members.verifier.frame)
+        if cost is None:
+            return self.nearest()
+        best = self.choose(preferences.with_ties(cost, members.seed), members.seed)
         return None if best is None else best[0]
 
     def choose(self, cost: Cost, seed: Array) -> tuple[Array, float] | None:
@@ -270,8 +313,8 @@ class Family:
         rows = [interval.sample(count)[1] for interval, count in zip(self.intervals, self._shares(n), strict=True)]
         return np.concatenate(rows) if rows else np.empty((0, self._members.robot.dof))
 
-    def parameter(self, q: ArrayLike) -> float:
-        """The parameter [rad] of a member (dof,): in [-pi, pi] about a free axis; the angle of joint 3 itself.
+    def parameter_of(self, q: ArrayLike) -> float:
+        """The parameter [rad] of a member (dof,): in [-pi, pi] about a free axis; else the angle of that joint.
 
         Raises:
             InvalidInputError: a malformed q.
