@@ -61,7 +61,7 @@ class Tally:
 def count_members(family: Family, parameters: Array) -> NDArray[np.int64]:
     """How many intervals hold each parameter."""
     count = np.zeros(len(parameters), dtype=np.int64)
-    for interval in family:
+    for interval in family.intervals:
         for turns in (-TURN, 0.0, TURN):
             count += (parameters + turns >= interval.start) & (parameters + turns < interval.stop)
     return count
@@ -78,7 +78,7 @@ def longest_difference(family: Family, scan: Counter) -> float:
 def worst_end(robot: Robot, family: Family, target: FreeAxis | pin.SE3) -> float:
     """Largest distance [rad] of an end of an interval from where Newton's method, by Pinocchio, puts it."""
     worst = 0.0
-    for interval in family:
+    for interval in family.intervals:
         for p, end in zip((interval.start, interval.stop), interval.ends, strict=True):
             if end.kind in ("limit", "fold"):
                 worst = max(worst, end_error(robot, target, interval.at(p), p, end.joint))
@@ -109,7 +109,7 @@ def end_error(robot: Robot, target: FreeAxis | pin.SE3, q: Array, p: float, join
 def bad_members(robot: Robot, family: Family, target: FreeAxis | pin.SE3) -> int:
     """Members all along the intervals that do not reach the target within the limits, by Pinocchio."""
     bad = 0
-    for interval in family:
+    for interval in family.intervals:
         for p in np.linspace(interval.start, interval.stop, MEMBERS):
             q = interval.at(p)
             T = target.at(p) if isinstance(target, FreeAxis) else target
@@ -123,7 +123,7 @@ def enter(
 ) -> None:
     """Find the family of one target, and check it."""
     begin = time.perf_counter()
-    family = solver.family(target)
+    family = solver.solve_all(target)
     tally.all_times.append(time.perf_counter() - begin)
     begin = time.perf_counter()
     solver.solve(target)

@@ -42,7 +42,7 @@ def check(
         target = T if robot.dof == 7 else _free_axis(T, rng)
         label = f"family of {robot.name}, {solver.frame}, {kind}"
         try:
-            family = solver.family(target, seed)
+            family = solver.solve_all(target, seed)
             result = solver.solve(target, seed, closest=False)
         except JacokinError as error:
             yield Finding("wrong", label, f"{error} for q = {own.tolist()}, target {target}")
@@ -72,7 +72,7 @@ def _members(
     robot: Robot, label: str, family: Family, target: FreeAxis | Array, forward: Callable[[Array], Array], own: Array
 ) -> Iterator[Finding]:
     """Members all along every interval are within the limits and at the target."""
-    for interval in family:
+    for interval in family.intervals:
         parameters = np.linspace(interval.start, interval.stop, MEMBERS)
         rows = np.array([interval.at(p) for p in parameters])
         wanted = np.array([target.matrix_at(p) if isinstance(target, FreeAxis) else target for p in parameters])

@@ -252,7 +252,7 @@ def find_missing(
     geometry = measure_seven(robot.pin_model, solver.verifier.frame_id, solver.verifier.tool) if is_seven else None
     for p in map(float, places):
         T = target.at(p) if isinstance(target, FreeAxis) else target
-        members = [interval.at(p) for interval in family if interval.contains(p)]
+        members = [interval.at(p) for interval in family.intervals if interval.contains(p)]
         for branch in solver.solve_all(T).q if geometry is None else _at_joint_3(geometry, T, p):
             row = middle + wrap_to_pi(branch - middle)
             margin = np.minimum(row - robot.lower, robot.upper - row).min()
@@ -260,7 +260,7 @@ def find_missing(
                 continue
             if any(_apart(member, row) <= ON_CURVE for member in members):
                 continue
-            if not any(_apart(interval.nearest(row), row) <= ON_CURVE for interval in family):  # where one ends, too
+            if not any(_apart(interval.nearest(row), row) <= ON_CURVE for interval in family.intervals):  # where one ends, too
                 return np.asarray(row)
     return None
 
@@ -274,7 +274,7 @@ def _at_joint_3(geometry: ArmGeometry, T: pin.SE3, q3: float) -> Array:
 
 def _is_held(family: Family, q: Array, near: float) -> bool:
     """Whether a configuration is a member."""
-    return any(_apart(interval.nearest(q), q) <= max(near, 1e-5) for interval in family)
+    return any(_apart(interval.nearest(q), q) <= max(near, 1e-5) for interval in family.intervals)
 
 
 def _apart(a: Array, b: Array) -> float:

@@ -138,9 +138,7 @@ class ClosedForm:
         """(7, 3, 4) placements, read-only: pose = C0 Rz(q1) C1 Rz(q2) ... Rz(q6) C6."""
         return self._chain
 
-    def solve_all(
-        self, T: NDArray[np.float64], seed: NDArray[np.float64], verifier: Verifier | None = None
-    ) -> Points:
+    def solve_all(self, T: NDArray[np.float64], seed: NDArray[np.float64], verifier: Verifier | None = None) -> Points:
         """Every branch, nearest to the seed first.
 
         Args:

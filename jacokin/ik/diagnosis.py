@@ -12,8 +12,8 @@ from jacokin.arrays import Array
 from jacokin.ik.results import Status
 
 if TYPE_CHECKING:
-    from jacokin.ik.solutions.points import Points
     from jacokin.ik.options import SolverOptions
+    from jacokin.ik.solutions.points import Points
 
 NEARLY = 1e-3  # [m] or [rad] of a target in few digits: those of 1.571 leave 2e-4
 NAMED_PAIRS = 3  # in a message; the result's `touching` has all

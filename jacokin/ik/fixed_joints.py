@@ -32,8 +32,7 @@ class FixedJoints:
 
     __slots__ = ("_form", "_verifier", "values")
 
-    def __init__(
-        self, verifier: Verifier, values: tuple[float | None, ...]) -> None:
+    def __init__(self, verifier: Verifier, values: tuple[float | None, ...]) -> None:
         """Write the chain without the joints that are held, and prepare its closed form: a tenth of a second.
 
         Args:

@@ -49,20 +49,19 @@ from jacokin.ik.options import (
     SolverOptions,
     default_collision,
 )
-from jacokin.ik.preferences import Cost, Prefer
+from jacokin.ik.preferences import Prefer
 from jacokin.ik.results import BatchResult, IKResult
 from jacokin.ik.seeds import seed_within_limits
 from jacokin.ik.solutions import curve_arm
 from jacokin.ik.solutions.points import Points
 from jacokin.ik.solutions.search import Scattered, SetSearch
 from jacokin.ik.solutions.solution_set import SolutionSet
-from jacokin.ik.targets import PartialTarget, Request, Target, TargetPose, interpret
+from jacokin.ik.targets import Request, Target, TargetPose, interpret
 from jacokin.ik.verification import Candidate, Verifier
 from jacokin.kernels.branches import FAMILY
 from jacokin.kernels.closed_form.batch import BRANCHES, LARGEST_MARGIN
 from jacokin.model import checks, poses
 from jacokin.model.loading import load_robot
-from jacokin.model.poses import FreeAxis
 from jacokin.model.robot import Robot, checked_robot
 
 if TYPE_CHECKING:
@@ -222,6 +221,16 @@ class IKSolver:
         if self._at_poses is not None:
             return 1
         return None if self._usable_form is None else 0
+
+    @property
+    def is_compiled(self) -> bool:
+        """Whether many poses are solved in one compiled loop: those of six joints in closed form."""
+        return self._usable_form is not None
+
+    @property
+    def parameter(self) -> str | None:
+        """The joint that is the parameter of the curves of a pose; None where poses have none."""
+        return None if self._at_poses is None else self._at_poses.parameter
 
     def solve(
         self,
@@ -466,8 +475,7 @@ class IKSolver:
         branches = form.solve_all(target.matrix, request.seed, self._verifier)
         rows = branches.rows
         candidates: Iterator[Candidate] = (
-            Candidate(q, target, f"branch {index + 1} of {len(rows)}")
-            for index, q in branches.in_order(request.cost)
+            Candidate(q, target, f"branch {index + 1} of {len(rows)}") for index, q in branches.in_order(request.cost)
         )
         candidates = self._with_straight_wrists(candidates, branches, request)
         result = self._verifier.select(candidates, request, ALL_IN_CONTACT)

@@ -16,6 +16,7 @@ from jacokin.ik.options import SolverOptions
 from jacokin.ik.results import IKResult, IKResultDraft, Status
 from jacokin.ik.seeds import inside_exactly
 from jacokin.ik.solutions.points import BranchTable
+from jacokin.ik.solutions.solution_set import SolutionSet
 from jacokin.ik.targets import Request, TargetPose
 from jacokin.model import checks
 from jacokin.model.robot import Robot
@@ -158,7 +159,7 @@ class Verifier:
             and inside_exactly(self._lower, q.tolist(), self._upper)
         )
 
-    def reached_rows(self, rows: BranchTable) -> NDArray[np.bool_]:
+    def reached_rows(self, rows: BranchTable | SolutionSet) -> NDArray[np.bool_]:
         """`reached` for rows of the closed form, which come with their measured errors."""
         within = (rows.q >= self.robot.lower).all(axis=1) & (rows.q <= self.robot.upper).all(axis=1)
         near = rows.position_error <= self.options.position_tolerance

@@ -109,13 +109,13 @@ def build(
         raise InvalidInputError(f"collision must be {choices}, got {collision!r}")
     solver = IKSolver(robot, frame, tool=tool, method="closed_form", collision=collision, scene=scene)
     solver.verifier.require_contact()
-    if not solver.has_families:
+    if solver.dimension() != 1:
         solver.closed_form()
     found = NO_SYMMETRIES
     if use_symmetry and solver.verifier.options.collision in ("ignore", "prefer"):
         found = find_symmetries(solver)
     chosen, found = checked_orientations(orientations, found)
-    if chosen.axes is not None and solver.has_families:
+    if chosen.axes is not None and solver.dimension() == 1:
         raise InvalidInputError("orientations that may turn about an axis are for six joints: seven turn by themselves")
     samples = Samples(Grid.around(robot, SPACING) if grid is None else grid, chosen, found)
     recipe = make_recipe(solver, samples)

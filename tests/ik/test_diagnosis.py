@@ -9,7 +9,7 @@ import jacokin
 from jacokin import IKSolver, Robot, Status
 from jacokin.arrays import Array
 from jacokin.ik import diagnosis
-from jacokin.ik.closed_form import Branches
+from jacokin.ik.solutions.points import Points
 from jacokin.ik.diagnosis import LimitExcess
 from jacokin.ik.options import SolverOptions
 from jacokin.ik.seeds import seed_within_limits
@@ -82,7 +82,7 @@ def test_branches(found: Branches, status: Status, message: str) -> None:
     ],
 )
 def test_families(complete: bool, least: LimitExcess | None, status: Status, message: str) -> None:
-    assert diagnosis.explain_family(complete, 3, least, NAMES) == (status, message)
+    assert diagnosis.explain_curves(complete, 3, least, NAMES) == (status, message)
 
 
 def test_descents() -> None:

@@ -120,7 +120,7 @@ def test_a_jaco_of_seven_joints_agrees_with_its_family(rng: np.random.Generator)
     solver = IKSolver(robot, collision="ignore")
     q = robot.sample(rng)
     target = robot.forward_kinematics(q)
-    interval = solver.family(target, q).intervals[0]
+    interval = solver.solve_all(target, q).intervals[0]
     value = 0.5 * (interval.start + interval.stop)
     held = {"joint_3": float(interval.at(value)[2])}
     branches = solver.solve_all(target, fixed=held)

@@ -140,7 +140,7 @@ def test_solve_all_refuses(
 def test_only_targets_with_a_free_parameter_have_a_family(robot: Robot) -> None:
     for target in (POSE, POSITION):
         with pytest.raises(InvalidInputError, match="only a FreeAxis, or a pose of a seven-joint arm, has a family"):
-            IKSolver(robot).family(target)
+            IKSolver(robot).solve_all(target)
     with pytest.raises(InvalidInputError, match="leaves two free parameters"):
         IKSolver(jacokin.load_robot("j2s7s300")).solve(FREE)
 

@@ -152,7 +152,7 @@ def test_batches_keep_the_note_about_the_seed(robot: Robot) -> None:
 
 def test_families_are_pickled(robot: Robot) -> None:
     target = jacokin.FreeAxis(jacokin.pose([0.3, -0.2, 0.4], down=True), axis=(0.0, 0.0, 1.0))
-    family = IKSolver(robot).family(target)
+    family = IKSolver(robot).solve_all(target)
     copied = pickle.loads(pickle.dumps(family))
     assert (len(copied), copied.branches, copied.complete) == (len(family), family.branches, family.complete)
     np.testing.assert_array_equal(copied.sample(20), family.sample(20))

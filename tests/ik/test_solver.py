@@ -166,13 +166,13 @@ def test_branches_and_families_are_read_in_one_way(bundled: Callable[[str], Robo
         for column in (found.q, found.within_limits, found.margin):
             assert not column.flags.writeable
         rows = found.q[found.within_limits]
-        nearest, widest = found.nearest(), found.widest()
+        nearest, widest = found.nearest(), found.best("margin")
         assert nearest is not None
         assert widest is not None
         np.testing.assert_array_equal(nearest, rows[np.argmin(np.linalg.norm(rows - seed, axis=1))])
         assert np.minimum(widest - robot.lower, robot.upper - widest).min() >= found.margin.min(axis=1).max() - 1e-9
         none: Branches | Family = IKSolver(robot).solve_all(far, seed)
-        assert (len(none), none.q.shape, none.nearest(), none.widest()) == (0, (0, robot.dof), None, None)
+        assert (len(none), none.q.shape, none.nearest(), none.best("margin")) == (0, (0, robot.dof), None, None)
 
 
 def test_limits_that_exclude_every_branch_are_named(rng: np.random.Generator) -> None:
@@ -333,7 +333,8 @@ def test_no_solve_waits_for_an_import(made: str, solved: str) -> None:
 
 
 def test_missing_branches_are_no_proof(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
-    from jacokin.ik.closed_form import Branches, ClosedForm
+    from jacokin.ik.closed_form import ClosedForm
+    from jacokin.ik.solutions.points import Points
 
     solve_all = ClosedForm.solve_all
 

@@ -12,7 +12,7 @@ import jacokin
 from jacokin import IKSolver, Robot, Status
 from jacokin.arrays import Array
 from jacokin.errors import UnknownNameError
-from jacokin.ik.closed_form import Branches, ClosedForm, Look
+from jacokin.ik.closed_form import ClosedForm
 from jacokin.viewer import Inspector, View, texts
 
 TURNS = (-2 * np.pi, 0.0, 2 * np.pi)

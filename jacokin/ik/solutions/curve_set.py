@@ -7,7 +7,6 @@ What is within the limits of a branch is some intervals of p.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -109,9 +108,11 @@ class Interval:
             return self._least(by_distance(wanted), wanted)
         return self._member(*found, wanted)
 
-    def widest(self) -> Array:
-        """The member (dof,) [rad] with the largest limit margin."""
-        return self._least(by_margin(self._members.robot), self._members.seed)
+    def best(self, prefer: Prefer = "nearest") -> Array:
+        """The preferred member (dof,) [rad]; see `SolutionSet.best`."""
+        members = self._members
+        cost = preferences.cost_of(prefer, members.robot, members.verifier.frame)
+        return self.nearest() if cost is None else self._least(preferences.with_ties(cost, members.seed), members.seed)
 
     @property
     def margin(self) -> float:
@@ -195,6 +196,7 @@ class CurveSet(SolutionSet):
     dimension = 1
     intervals: tuple[Interval, ...]
     complete: bool
+    branches: int
     parameter: str
 
     def __init__(
@@ -207,10 +209,6 @@ class CurveSet(SolutionSet):
     def __len__(self) -> int:
         """Number of intervals."""
         return len(self.intervals)
-
-    def __iter__(self) -> Iterator[Interval]:
-        """The intervals."""
-        return iter(self.intervals)
 
     def __repr__(self) -> str:
         """How many intervals on how many branches."""
@@ -246,6 +244,13 @@ class CurveSet(SolutionSet):
     def orientation_error(self) -> Array:
         """(k,) of those members [rad]."""
         return self._errors[:, 1]
+
+    @property
+    def angle(self) -> Array | None:
+        """(k,) angle of those members about the free axis of the target [rad]; None where it has none."""
+        if self._members.target.free_axis is None:
+            return None
+        return checks.sealed(np.array([self._members.parameter(q) for q in self.q]))
 
     @property
     def singular(self) -> NDArray[np.bool_]:

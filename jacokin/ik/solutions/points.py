@@ -77,10 +77,12 @@ class Points(BranchTable, SolutionSet):
     Attributes:
         dropped: whether some may be missing: a table of the kernels was full, or, on an arm not built like a Jaco,
             no neighbour of the arm settled what its roots left in doubt.
+        angle: on fewer than six joints, (k,) angle about the free axis of the target [rad]; else None.
     """
 
     __slots__ = ("_seed", "_touching", "_verifier", "dropped")
     dimension = 0
+    angle: Array | None = None
 
     def __init__(
         self,
@@ -115,6 +117,11 @@ class Points(BranchTable, SolutionSet):
     def parameter(self) -> None:
         """None: nothing is free."""
         return None
+
+    @property
+    def branches(self) -> int:
+        """How many points there are."""
+        return len(self)
 
     @property
     def intervals(self) -> tuple[Interval, ...]:
@@ -183,6 +190,14 @@ class Points(BranchTable, SolutionSet):
         rows, index = copies[kept], np.broadcast_to(some, kept.shape)[kept]
         for each in np.lexsort((np.linalg.norm(rows - seed, axis=1), cost(rows))).tolist():
             yield int(index[each]), rows[each]
+
+    def parameter_of(self, q: ArrayLike) -> float:
+        """Points have none.
+
+        Raises:
+            InvalidInputError: always.
+        """
+        raise InvalidInputError("points have no parameter: no joint is free")
 
     def sample(self, n: int) -> NDArray[np.float64]:
         """The n nearest points within the limits, (k, dof) [rad or m]; all where there are fewer.

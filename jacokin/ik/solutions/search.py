@@ -69,7 +69,7 @@ class CurveFindings(NamedTuple):
         if best is None or not several:
             return
         found: list[tuple[Array, Array, Array]] = []
-        for number, interval in enumerate(self.curves):
+        for number, interval in enumerate(self.curves.intervals):
             standing = interval.start == interval.stop
             p, q = interval.sample(TRIED_STANDING) if standing else interval.walk(TRIED)
             for copies in copies_to_try(wish.copies, q, seed, members.robot):
@@ -244,7 +244,7 @@ class SetSearch:
         found = self._arm.problem(target).find(np.empty((0, DIMENSIONS)))
         members = self.members(target, robot.home)
         rows, parameters, guessed = [np.empty((0, robot.dof))], [np.empty(0)], [np.empty(0, dtype=np.bool_)]
-        for interval in self._findings(self._arm.problem(target), found, members).curves:
+        for interval in self._findings(self._arm.problem(target), found, members).curves.intervals:
             p, q = interval.spread(step)
             rows.append(angles.into_limits(q, robot.lower, robot.upper))
             parameters.append(p)

@@ -45,6 +45,11 @@ class SolutionSet(ABC):
 
     @property
     @abstractmethod
+    def branches(self) -> int:
+        """How many branches reach the target, within the limits or not: points, or parts of curves from fold to fold."""
+
+    @property
+    @abstractmethod
     def intervals(self) -> tuple[Interval, ...]:
         """Intervals of the parameter within the limits, by branch and start; () for points."""
 
@@ -85,6 +90,11 @@ class SolutionSet(ABC):
 
     @property
     @abstractmethod
+    def angle(self) -> Array | None:
+        """(k,) angle about the free axis of the target [rad]; None where it has none."""
+
+    @property
+    @abstractmethod
     def singular(self) -> NDArray[np.bool_]:
         """(k,) where a point stands for a whole curve: axes 4 and 6 of a spherical wrist aligned, for one."""
 
@@ -120,6 +130,14 @@ class SolutionSet(ABC):
         Raises:
             UnknownNameError: an unknown preference.
             InvalidInputError: neither a name nor callable.
+        """
+
+    @abstractmethod
+    def parameter_of(self, q: ArrayLike) -> float:
+        """The parameter [rad] of a configuration (dof,) on a curve: in [-pi, pi] about a free axis, else that joint's.
+
+        Raises:
+            InvalidInputError: a malformed q, or these are points.
         """
 
     @abstractmethod
