@@ -12,7 +12,7 @@ import pytest
 import jacokin
 from jacokin import Robot
 from jacokin.arrays import Array
-from jacokin.errors import InvalidInputError, StructureError, UnknownNameError
+from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.ik import IKSolver, Scene, Sphere
 from jacokin.model.angles import circular_distance
 
@@ -162,7 +162,7 @@ def test_what_may_not_be_held(tmp_path: Path) -> None:
         with pytest.raises(InvalidInputError, match="fixed must hold all joints but six: 1 of offsets's 7"):
             solver.solve_all(target, fixed=wrong)
     with pytest.raises(InvalidInputError, match="fixed must be a dict"):
-        solver.solve_all(target, fixed=[("joint_3", 0.1)])  # type: ignore[call-overload]
+        solver.solve_all(target, fixed=[("joint_3", 0.1)])  # type: ignore[arg-type]
     six = jacokin.load_robot()
     with pytest.raises(InvalidInputError, match="0 of j2n6s300's 6, not 1"):
         IKSolver(six).solve_all(six.forward_kinematics(six.home), fixed={"joint_3": 3.0})

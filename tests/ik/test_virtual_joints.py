@@ -32,9 +32,9 @@ def solver_of(folder: Path, name: str, limit: float = 3.1) -> IKSolver:
     return IKSolver(robot, few_joints.tip(robot), collision="ignore")
 
 
-def points(solver: IKSolver, target: jacokin.ik.targets.Target, seed: Array) -> Branches:
+def points(solver: IKSolver, target: jacokin.ik.targets.Target, seed: Array) -> Points:
     found = solver.solve_all(target, seed)
-    assert isinstance(found, Branches)
+    assert isinstance(found, Points)
     return found
 
 

@@ -74,7 +74,7 @@ def test_a_cell_is_reached_when_any_member_is(
         found = bool((branches > 0).any())
         if found != (count > 0):  # between two angles of the scan
             assert not found
-            lengths = [interval.length for interval in solver.solve_all(target)]
+            lengths = [interval.length for interval in solver.solve_all(target).intervals]
             assert max(lengths) < 2.0 * np.pi / SCANNED
             continue
         seen[found] += 1

@@ -508,7 +508,9 @@ def test_seven_joints_switch_to_another_curve_from_anywhere(bundled: Any) -> Non
         plan = teleop.switch_branch()
         switches += plan.success
         family = solver.solve_all(teleop.tool, seed=q)
-        distances = {i: float(np.abs(each.nearest(plan.q[-1]) - plan.q[-1]).max()) for i, each in enumerate(family.intervals)}
+        distances = {
+            i: float(np.abs(each.nearest(plan.q[-1]) - plan.q[-1]).max()) for i, each in enumerate(family.intervals)
+        }
         before = {i: float(np.abs(each.nearest(q) - q).max()) for i, each in enumerate(family.intervals)}
         there, here = (min(found, key=lambda i: found[i]) for found in (distances, before))
         assert distances[there] < 1e-6

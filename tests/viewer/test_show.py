@@ -65,7 +65,9 @@ def test_every_branch_is_shown(robot: Robot) -> None:
         assert len(running.view.branches) == len(branches)
         shown = np.abs(running.view.branches[:, None, 1:3] - branches.q[None, :, 1:3]).max(axis=2).min(axis=0)
         assert shown.max() < 1e-6
-        assert np.allclose(running.view.q, branches.nearest(), atol=1e-6)
+        nearest = branches.nearest()
+        assert nearest is not None
+        assert np.allclose(running.view.q, nearest, atol=1e-6)
 
 
 def test_a_motion_is_played(robot: Robot) -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from jacokin import Robot
 from jacokin.arrays import Array
-from jacokin.ik.closed_form import BranchTable, ClosedForm
+from jacokin.ik.solutions.points import BranchTable, ClosedForm
 
 
 def sizes(quick: int, thorough: int) -> list[Any]:  # Any: what pytest.param returns

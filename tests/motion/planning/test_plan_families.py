@@ -157,7 +157,7 @@ def test_narrow_windows_are_found(robot: Robot) -> None:
     narrow = jacokin.load_robot(limits=limits)
     solver = IKSolver(narrow)
     for target in targets:
-        assert max(interval.length for interval in solver.solve_all(target)) < 0.1
+        assert max(interval.length for interval in solver.solve_all(target).intervals) < 0.1
     result = plan_path(solver, targets, dt=0.05, timing="slow")
     assert result.success
     check_limits(narrow, result)
