@@ -46,7 +46,7 @@ class SolutionSet(ABC):
     @property
     @abstractmethod
     def branches(self) -> int:
-        """How many branches reach the target, within the limits or not: points, or parts of curves from fold to fold."""
+        """How many branches reach the target, within the limits or not: points, or curves from fold to fold."""
 
     @property
     @abstractmethod
