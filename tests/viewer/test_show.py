@@ -113,7 +113,7 @@ def test_the_wrong_robot_and_no_branches_are_said(robot: Robot, bundled: Callabl
             shown.show("j2n6s300", browse=False)
         with pytest.raises(InvalidInputError, match="browse must be"):
             shown.show(robot, browse="yes")
-    with pytest.raises(InvalidInputError, match="no branches to show"):
+    with pytest.raises(InvalidInputError, match="no configuration to show"):
         solver.solve_all(jacokin.pose([2.0, 0.0, 0.0])).show(robot, browse=False)
 
 
