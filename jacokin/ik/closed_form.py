@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from jacokin.errors import StructureError
 from jacokin.ik.geometry import chain_of, measure
-from jacokin.ik.solutions.points import BranchTable, Points
+from jacokin.ik.solutions.points import BranchTable, Knows, Points
 from jacokin.ik.structures import measure_general
 from jacokin.kernels.branches import ORIENTATION_ERROR, POSITION_ERROR, WITHIN_LIMITS
 from jacokin.kernels.clear_targets import ClearWork, solve_clear_targets
@@ -45,9 +45,6 @@ from jacokin.kernels.contact.run import ContactWork
 from jacokin.kernels.library import Call
 from jacokin.kernels.tolerances import EXACT_MISFIT
 from jacokin.model import checks
-
-if TYPE_CHECKING:
-    from jacokin.ik.verification import Verifier
 
 
 class BestBranches(BranchTable):
@@ -138,7 +135,7 @@ class ClosedForm:
         """(7, 3, 4) placements, read-only: pose = C0 Rz(q1) C1 Rz(q2) ... Rz(q6) C6."""
         return self._chain
 
-    def solve_all(self, T: NDArray[np.float64], seed: NDArray[np.float64], verifier: Verifier | None = None) -> Points:
+    def solve_all(self, T: NDArray[np.float64], seed: NDArray[np.float64], verifier: Knows | None = None) -> Points:
         """Every branch, nearest to the seed first.
 
         Args:

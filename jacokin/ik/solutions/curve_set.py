@@ -7,7 +7,7 @@ What is within the limits of a branch is some intervals of p.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,82 +16,28 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.ik import preferences
 from jacokin.ik.preferences import Cost, Prefer, by_distance, by_margin
+from jacokin.ik.solutions import picture
+from jacokin.ik.solutions.interval import Interval, IntervalEnd
 from jacokin.ik.solutions.least import least_member
 from jacokin.ik.solutions.members import Members
 from jacokin.ik.solutions.solution_set import SolutionSet, Touching
 from jacokin.ik.solutions.track import GUESS_SPACING, CurveTrack
-from jacokin.model import checks
+from jacokin.model import angles, checks
 from jacokin.model.angles import TURN
 
-#: [rad] a value of the parameter this far outside an interval is at its end.
-PARAMETER_SLACK = 1e-9
 
+class TrackInterval(Interval):
+    """An interval that runs along a track."""
 
-@dataclass(frozen=True, slots=True)
-class IntervalEnd:
-    """Why an interval ends."""
-
-    kind: str
-    """"limit"; "fold", where two branches meet and exist no further; "range", of the target; "circle", where nothing
-    ends; "lost", where the curve could not be followed any further."""
-    joint: str | None = None
-    """The joint on its limit."""
-    limit: float | None = None
-    """That limit [rad]."""
-
-    def __str__(self) -> str:
-        """In words."""
-        return self.kind if self.joint is None else f"{self.joint} at its limit {self.limit:.6g} rad"
-
-
-class Interval:
-    """Configurations on one branch for start <= p <= stop; each reaches the target and is within the limits.
-
-    Attributes:
-        branch: number of the branch; two intervals on one branch are parts of one curve.
-        start: least value of the parameter [rad]; in [-pi, pi) when the parameter may go full circle.
-        stop: largest value of the parameter [rad]; at most start + 2 pi.
-        ends: why it ends at start and at stop.
-    """
-
-    __slots__ = ("_members", "_track", "branch", "ends", "start", "stop")
+    __slots__ = ("_members", "_track")
 
     def __init__(self, members: Members, track: CurveTrack, branch: int, ends: tuple[IntervalEnd, IntervalEnd]) -> None:
         """Take a track within the limits."""
+        super().__init__(branch, track.start, track.stop, ends)
         self._members, self._track = members, track
-        self.branch, self.ends = branch, ends
-        self.start, self.stop = track.start, track.stop
-
-    def __repr__(self) -> str:
-        """Ends and their reasons."""
-        return f"Interval(branch {self.branch}, {self.start:.6f} ({self.ends[0]}) to {self.stop:.6f} ({self.ends[1]}))"
-
-    @property
-    def length(self) -> float:
-        """Stop - start [rad]."""
-        return self.stop - self.start
-
-    @property
-    def _is_round(self) -> bool:
-        """Whether the end is the start again."""
-        return self.ends[1].kind == "circle"
-
-    def contains(self, parameter: float) -> bool:
-        """Whether a value of the parameter, or one whole turns away, is in the interval."""
-        return self._moved_inside(checks.number("parameter", parameter, "rad")) is not None
 
     def at(self, parameter: float, seed: ArrayLike | None = None) -> Array:
-        """The member (dof,) [rad] where the parameter has a value.
-
-        Where curves meet just as a joint comes to its limit, rounding may leave none there: the one beside it, then.
-
-        Args:
-            parameter: [rad] from start to stop, or whole turns away from there.
-            seed: (dof,) unlimited joints take the copy nearest to it [rad]; None for the seed of the set.
-
-        Raises:
-            InvalidInputError: the parameter is outside the interval.
-        """
+        """See `Interval`."""
         p = self._moved_inside(checks.number("parameter", parameter, "rad"))
         if p is None:
             raise InvalidInputError(
@@ -134,11 +80,7 @@ class Interval:
         return p, np.array([self._member(value, self._track.at(value), self._members.seed) for value in p.tolist()])
 
     def spread(self, step: float) -> tuple[Array, Array]:
-        """Values of the parameter (n,) and configurations (n, dof) [rad], for callers that refine them.
-
-        The ends exactly, unless nothing ends there; between them, whole multiples of a step, to about 1e-3 rad; at
-        least one. Angles are in any 2 pi copy, and not looked at.
-        """
+        """See `Interval`."""
         p, rows = self._track.polyline()
         if self.start == self.stop:  # a point, or members among which the parameter stands still
             chosen = np.arange(0, len(p), max(1, int(step / GUESS_SPACING)))
@@ -153,10 +95,7 @@ class Interval:
         return np.concatenate([p[:1], inner, p[-1:]]), np.vstack([rows[0], between, rows[-1]])
 
     def walk(self, step: float) -> tuple[Array, Array]:
-        """As `spread`: values of the parameter (n,) and configurations (n, dof), neighbours at most a step apart [rad].
-
-        Where curves turn back, the parameter hardly changes and joints do.
-        """
+        """See `Interval`."""
         p, rows = self._track.polyline()
         counts = np.maximum(1, np.ceil(np.linalg.norm(np.diff(rows, axis=0), axis=1) / step).astype(np.intp))
         chord = np.repeat(np.arange(len(counts)), counts)
@@ -165,6 +104,15 @@ class Interval:
         nodes = np.arange(len(p))
         return np.interp(places, nodes, p), np.column_stack([np.interp(places, nodes, each) for each in rows.T])
 
+    def drawn(self, step: float) -> tuple[Array, Array]:
+        """As `walk`, within the limits to about 1e-3 rad; unlimited joints without jumps."""
+        p, q = self.walk(step)
+        robot, free = self._members.robot, self._members.robot.unlimited
+        q = angles.into_limits(q, robot.lower, robot.upper)
+        q[:, free] = np.unwrap(q[:, free], axis=0)
+        q[:, free] += TURN * np.round((self._members.seed[free] - q[0, free]) / TURN)
+        return p, q
+
     def _member(self, parameter: float, q: Array, seed: Array) -> Array:
         """A configuration (dof,) of the track, in the copies nearest to a seed, verified; or the one beside it."""
         return self._members.on_track(self._track, parameter, q, seed)
@@ -172,14 +120,6 @@ class Interval:
     def _least(self, cost: Cost, seed: Array) -> Array:
         """The member (dof,) of the least cost."""
         return least_member(self._members, [self._track], cost, seed)[0]
-
-    def _moved_inside(self, p: float) -> float | None:
-        moved = p + TURN * round((0.5 * (self.start + self.stop) - p) / TURN)
-        if self.start <= p <= self.stop:
-            return p
-        if not self.start - PARAMETER_SLACK <= moved <= self.stop + PARAMETER_SLACK:
-            return None
-        return min(max(moved, self.start), self.stop)
 
 
 class CurveSet(SolutionSet):
@@ -194,13 +134,13 @@ class CurveSet(SolutionSet):
 
     __slots__ = ("_members", "branches", "complete", "intervals", "parameter")
     dimension = 1
-    intervals: tuple[Interval, ...]
+    intervals: tuple[TrackInterval, ...]
     complete: bool
     branches: int
     parameter: str
 
     def __init__(
-        self, intervals: tuple[Interval, ...], members: Members, *, parameter: str, branches: int, complete: bool
+        self, intervals: tuple[TrackInterval, ...], members: Members, *, parameter: str, branches: int, complete: bool
     ) -> None:
         """Take intervals of a target."""
         self.intervals, self._members, self.parameter = intervals, members, parameter
@@ -325,6 +265,12 @@ class CurveSet(SolutionSet):
             InvalidInputError: a malformed q.
         """
         return self._members.parameter(self._members.robot.configuration(q))
+
+    def plot(self, path: str | Path) -> None:
+        """Draw each joint over the parameter; see `SolutionSet.plot`."""
+        robot = self._members.robot
+        runs = [(interval, *interval.drawn(picture.STEP)) for interval in self.intervals]
+        picture.write(path, lambda: picture.draw_curves(runs, self.parameter, robot, repr(self)))
 
     def _shares(self, n: int) -> list[int]:
         """How many samples each interval gets: one each, the rest by length."""

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import compress, count
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,13 +15,26 @@ from jacokin.errors import InvalidInputError
 from jacokin.ik import preferences
 from jacokin.ik.preferences import Cost, Prefer
 from jacokin.ik.seeds import seed_within_limits
+from jacokin.ik.solutions import picture
+from jacokin.ik.solutions.interval import Interval
 from jacokin.ik.solutions.solution_set import SolutionSet, Touching
 from jacokin.kernels.branches import DISTANCE, FAMILY, ORIENTATION_ERROR, POSITION_ERROR, WITHIN_LIMITS
 from jacokin.model import angles, checks
+from jacokin.model.robot import Robot
 
-if TYPE_CHECKING:
-    from jacokin.ik.solutions.curve_set import Interval
-    from jacokin.ik.verification import Verifier
+
+class Knows(Protocol):
+    """What points ask of the arm: an `ik.verification.Verifier`."""
+
+    robot: Robot
+    frame: str
+
+    @property
+    def looks_for_contact(self) -> bool:
+        """Whether contact is looked for."""
+
+    def touching(self, q: Array) -> list[tuple[str, str]]:
+        """Pairs of shapes that touch at a configuration (dof,)."""
 
 
 class BranchTable:
@@ -89,7 +103,7 @@ class Points(BranchTable, SolutionSet):
         rows: Array,
         dropped: bool = False,
         seed: Array | None = None,
-        verifier: Verifier | None = None,
+        verifier: Knows | None = None,
         touching: Touching | None = None,
     ) -> None:
         """Make the rows of one target, an array of one's own, read-only.
@@ -207,7 +221,12 @@ class Points(BranchTable, SolutionSet):
         """
         return self.q_within_limits[: checks.whole_number("n", n, lowest=1)]
 
-    def _known(self) -> Verifier:
+    def plot(self, path: str | Path) -> None:
+        """Draw the joints of each point; see `SolutionSet.plot`."""
+        robot = self._known().robot
+        picture.write(path, lambda: picture.draw_points(self.q, self.within_limits, robot, repr(self)))
+
+    def _known(self) -> Knows:
         """What knows the arm.
 
         Raises:

@@ -19,7 +19,8 @@ from jacokin.ik.near_misses import NearMisses
 from jacokin.ik.preferences import Cost, copies_to_try, with_ties
 from jacokin.ik.results import IKResult
 from jacokin.ik.solutions.curve_arm import CIRCLE, DIMENSIONS, FOLD, CurveArm, CurveProblem, Curves
-from jacokin.ik.solutions.curve_set import CurveSet, Interval, IntervalEnd
+from jacokin.ik.solutions.curve_set import CurveSet, TrackInterval
+from jacokin.ik.solutions.interval import IntervalEnd
 from jacokin.ik.solutions.least import least, minima
 from jacokin.ik.solutions.members import LostMemberError, Members
 from jacokin.ik.solutions.track import STANDING, CurveTrack
@@ -208,7 +209,7 @@ class SetSearch:
                 complete = False
                 continue
             ends = known[piece.codes[0]], known[piece.codes[1]]
-            intervals.append(Interval(members, track, piece.branch, ends))
+            intervals.append(TrackInterval(members, track, piece.branch, ends))
         intervals.sort(key=lambda interval: (interval.branch, interval.start))
         curves = CurveSet(
             tuple(intervals), members, parameter=self.parameter, branches=found.branches, complete=complete

@@ -7,18 +7,18 @@ interval: of that, the member nearest to the seed.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
 from jacokin.ik.preferences import Prefer
+from jacokin.ik.solutions.interval import Interval
 from jacokin.showing import Shown, show
 
 if TYPE_CHECKING:
     import numpy as np
-
-    from jacokin.ik.solutions.curve_set import Interval
 
 Touching = tuple[tuple[tuple[str, str], ...], ...]
 
@@ -155,3 +155,17 @@ class SolutionSet(ABC):
     def show(self, of: object, **options: Any) -> Shown:  # Any: checked there
         """Look at it in the browser: `of` is its robot, or the solver. See `jacokin.viewer.show`."""
         return show(self, of, options)
+
+    @abstractmethod
+    def plot(self, path: str | Path) -> None:
+        """Draw it: each joint over the parameter, folds ringed; or the joints of points, hollow outside the limits.
+
+        What is beyond the limits is shaded.
+
+        Args:
+            path: where to, which also tells the format: .png, .svg or .pdf.
+
+        Raises:
+            MissingExtraError: matplotlib is not installed.
+            InvalidInputError: another ending, or the file cannot be written.
+        """
