@@ -122,7 +122,7 @@ class ClosedForm:
 
     @property
     def constants(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """What the kernels of families know about the arm: chain (7, 3, 4), arm (46,), limits (3, 6); read-only."""
+        """What the kernels of curves know about the arm: chain (7, 3, 4), arm (46,), limits (3, 6); read-only."""
         return self._chain, self._family_arm, self._limits
 
     @property

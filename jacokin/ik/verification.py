@@ -43,7 +43,7 @@ class Candidate(NamedTuple):
     q: Array
     """(dof,) [rad]."""
     target: TargetPose
-    """What it is measured against: for a family, the pose where the parameter has its value."""
+    """What it is measured against: on a curve, the pose where the parameter has its value."""
     message: str
     """Which one it is."""
     parameter: float | None = None

@@ -2,7 +2,7 @@
 
 A pose is reached in up to a dozen ways, and a path that is easy from one of them runs into a joint limit from another.
 `track_path` starts the tracker on every branch of the first pose within the limits (on seven joints: on members of its
-family), nearest to the seed first, until one of them stays on the path throughout; or on the one that the arm is on.
+curves), nearest to the seed first, until one of them stays on the path throughout; or on the one that the arm is on.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from jacokin.motion.trajectory import BranchReport, Trajectory, list_segments
 SPEED = 0.05  # [m/s]
 ANGULAR_SPEED = 0.5  # [rad/s]
 QP_STARTS = 24  # random seeds that look for branches where the closed form does not apply
-CURVE_STARTS = 24  # members of the first pose's family that are tried on seven joints
+CURVE_STARTS = 24  # members of the first pose's curves that are tried on seven joints
 PROGRESS_CALLS = 200  # per branch at most
 REHEARSAL_SPEED = 1e3  # [rad/s] no limit in effect
 REHEARSAL_TICKS = 200  # of a line at least, however fast it is asked for: they show how joints speed up and slow down

@@ -68,7 +68,7 @@ def build(
     """Build a map, or the part of it that is missing.
 
     Args:
-        robot: an arm of six or seven joints with a closed form. On seven, each pose has a family of configurations,
+        robot: an arm of six or seven joints with a closed form. On seven, each pose has curves of configurations,
             which takes some hundred times as long, and intervals are counted.
         folder: where the map is kept; made if it is not there. A map that is there is completed.
         grid: the box to cover; None for all that the arm could reach, in steps of 5 cm.

@@ -152,7 +152,11 @@ class CurveSet(SolutionSet):
 
     def __repr__(self) -> str:
         """How many intervals on how many branches."""
-        return f"SolutionSet({len(self)} intervals of {self.parameter} within the limits, on {self.branches} branches)"
+        return f"SolutionSet({self._said})"
+
+    @property
+    def _said(self) -> str:
+        return f"{len(self)} intervals of {self.parameter} within the limits, on {self.branches} branches"
 
     @property
     def q(self) -> Array:
@@ -270,7 +274,7 @@ class CurveSet(SolutionSet):
         """Draw each joint over the parameter; see `SolutionSet.plot`."""
         robot = self._members.robot
         runs = [(interval, *interval.drawn(picture.STEP)) for interval in self.intervals]
-        picture.write(path, lambda: picture.draw_curves(runs, self.parameter, robot, repr(self)))
+        picture.write(path, lambda: picture.draw_curves(runs, self.parameter, robot, self._said))
 
     def _shares(self, n: int) -> list[int]:
         """How many samples each interval gets: one each, the rest by length."""

@@ -100,6 +100,7 @@ def draw_points(q: Array, within: NDArray[np.bool_], robot: Robot, title: str) -
             axes.plot([index + 1], [scale * row[joint]], "o", color=f"C{index % 10}", fillstyle=style)
         _shade(axes, robot, joint)
         axes.set(title=name, xlabel="point", ylabel=("[m]" if robot.sliding[joint] else "[deg]") if joint == 0 else "")
+        axes.locator_params(axis="x", integer=True)
         axes.set_xlim(0.5, max(len(q), 1) + 0.5)
     figure.suptitle(f"{robot.label}: {title}")
     return figure

@@ -125,7 +125,11 @@ class Points(BranchTable, SolutionSet):
 
     def __repr__(self) -> str:
         """How many there are, and how many of them are within the limits."""
-        return f"SolutionSet({len(self)} points, {int(self.within_limits.sum())} within the limits)"
+        return f"SolutionSet({self._said})"
+
+    @property
+    def _said(self) -> str:
+        return f"{len(self)} points, {int(self.within_limits.sum())} within the limits"
 
     @property
     def parameter(self) -> None:
@@ -224,7 +228,7 @@ class Points(BranchTable, SolutionSet):
     def plot(self, path: str | Path) -> None:
         """Draw the joints of each point; see `SolutionSet.plot`."""
         robot = self._known().robot
-        picture.write(path, lambda: picture.draw_points(self.q, self.within_limits, robot, repr(self)))
+        picture.write(path, lambda: picture.draw_points(self.q, self.within_limits, robot, self._said))
 
     def _known(self) -> Knows:
         """What knows the arm.

@@ -2,7 +2,7 @@
 
 A plan goes through these steps:
 
-    goals       every configuration that reaches a goal is a candidate: branches, members of families, turns
+    goals       every configuration that reaches a goal is a candidate: branches, members of curves, turns
     ends        joints outside their limits come back, and what is near at the start comes apart (`leaving`)
     straight    the straight motion to each of them, the quickest first, is certified (`Contact.in_the_way`)
     search      where those are blocked, two trees grow from start and goals until they meet, and the way is shortened
@@ -477,7 +477,7 @@ def _named(pairs: Counter[tuple[str, str]]) -> str:
     return ", ".join(f"{a} and {b}" for (a, b), _ in pairs.most_common(2))
 
 
-SPREAD = float(np.radians(20.0))  # between members of a family that are tried
+SPREAD = float(np.radians(20.0))  # between members of a curve that are tried
 TURNED = float(np.radians(30.0))  # between angles about a free axis that are tried on seven joints
 STARTS = 8  # of descents to a goal without a closed form
 MOST_COPIES = 64  # of one configuration, whole turns away within the limits

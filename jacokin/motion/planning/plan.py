@@ -28,7 +28,7 @@ from jacokin.model.poses import FreeAxis, rotation_angle
 from jacokin.model.robot import acceleration_limits, velocity_limits
 from jacokin.motion.free_motion.plan_motion import plan_motion
 from jacokin.motion.joint_motion import ACCELERATION
-from jacokin.motion.path import MOST_FAMILIES, MOST_PLACES, CartesianPath
+from jacokin.motion.path import MOST_CURVES, MOST_PLACES, CartesianPath
 from jacokin.motion.planning.manifold import Curve, Manifold, Pace
 from jacokin.motion.planning.passing import keep_speed, pass_slowly
 from jacokin.motion.planning.search import Climb, Ladder, PathSearch, Rung
@@ -38,9 +38,9 @@ from jacokin.motion.track import ANGULAR_SPEED, SPEED
 from jacokin.motion.trajectory import LEAD_IN, Trajectory
 
 TIMINGS = ("keep", "slow")
-FINEST = 0.01  # [rad] between members of a family: more of them take minutes
+FINEST = 0.01  # [rad] between members of a curve: more of them take minutes
 SLOWEST = 1e-6  # [rad/s] of a velocity limit: a turn takes 70 days
-FREE_STEP = float(np.radians(10.0))  # [rad] between members of a family that are tried
+FREE_STEP = float(np.radians(10.0))  # [rad] between members of a curve that are tried
 SPACING = 0.01  # [m] of the tool between two steps of the path
 TURNING = 0.05  # [rad] the same of its orientation
 TIGHT = 0.05  # [rad] a joint this near to its limit is why a way ends
@@ -156,7 +156,7 @@ def plan_path(
     manifold = Manifold(robot, chain, path, verifier.options.limit_snap, solver.parameter)
     pace = Pace(times, velocity)
     ladder = Ladder(solver, manifold, pace, free_step, keep=timing == "keep")
-    places = path.places(SPACING, TURNING, MOST_FAMILIES if manifold.has_curves else MOST_PLACES)
+    places = path.places(SPACING, TURNING, MOST_CURVES if manifold.has_curves else MOST_PLACES)
     search = PathSearch(ladder, places, near, exactly=start is not None)
     found = Climb(search, dt).find()
     writer = _Writer(

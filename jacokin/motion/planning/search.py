@@ -2,7 +2,7 @@
 
 `Ladder` makes rungs of all solutions at places of the path, and tells which of neighbouring rungs follow each other.
 Two solutions do when the straight motion between them stays near the line of the tool: half way, the tool misses the
-line by no more than `MISSED` and `TILTED`, and by a little more where the parameter of a family changes. What is on
+line by no more than `MISSED` and `TILTED`, and by a little more where the parameter of a curve changes. What is on
 the line exactly is found later (`manifold.Curve`).
 
 `PathSearch` finds the cheapest way by dynamic programming, and makes steps smaller where no way leads on. `Climb` looks
@@ -96,7 +96,7 @@ class Links:
 
 
 class _Members(NamedTuple):
-    """Points of the family of one place."""
+    """Points of the curves of one place."""
 
     x: Array
     """(k, width)."""

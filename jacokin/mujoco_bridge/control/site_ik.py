@@ -1,6 +1,6 @@
 """Inverse kinematics on an arm as it stands in a scene: what `RobotArm.set_site_to_xpos` runs.
 
-Where the arm has a closed form, it gives every branch (of seven joints, the family of configurations), and the nearest
+Where the arm has a closed form, it gives every branch (of seven joints, curves), and the nearest
 one within the limits is taken. Otherwise the QP starts from the present configuration and then from random ones. The
 chain of joints is built from the compiled scene. The simulation is read only; nothing is written before there is
 a solution.
@@ -47,7 +47,7 @@ Solution = tuple[NDArray[np.intp], Array]  # addresses in qpos, and values for t
 
 BASE = "base"  # the frames of the chain
 SITE = "site"
-MEMBERS = 32  # of a family that are tried for contact
+MEMBERS = 32  # of curves that are tried for contact
 
 _INFINITE = np.array([np.inf])
 _FEW = 16  # numbers that are added up sooner than a dot product starts
