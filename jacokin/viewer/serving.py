@@ -227,10 +227,11 @@ def show(
     elif isinstance(shown, SolutionSet):
         if not len(shown):
             raise InvalidInputError("there is no configuration to show: the pose is out of reach")
-        at = checks.vector("set", shown.q[0], robot.dof, "rad")
+        nearest = shown.nearest()
+        at = checks.vector("set", shown.q[0] if nearest is None else nearest, robot.dof, "rad")
         frame, tool = (of.frame, of.tool) if isinstance(of, IKSolver) else (None, None)
         place = robot.forward_kinematics(at, frame)
-        viewer = serving(target=place if tool is None else place * tool, seed=shown.nearest())
+        viewer = serving(target=place if tool is None else place * tool, seed=nearest)
     else:
         viewer = serving(trajectory=shown, velocity_limit=getattr(shown, "velocity_limit", None))
     if browsing and (sys.platform != "linux" or any(os.environ.get(name) for name in SCREENS)):
