@@ -309,7 +309,7 @@ class IKSolver:
         """
         verifier = self._verifier
         wanted = interpret(target, verifier.frame)
-        start, _ = seed_within_limits(verifier.robot, seed)
+        start = seed_within_limits(verifier.robot, seed)[0].copy()  # the set keeps it
         few = self._few_at(wanted) if fixed is None else None
         if few is not None:
             return few.solve_all(wanted, start)

@@ -162,3 +162,14 @@ def test_sets_are_pickled(robot: Robot) -> None:
         np.testing.assert_array_equal(copied.sample(20), found.sample(20))
         np.testing.assert_array_equal(copied.nearest(robot.home), found.nearest(robot.home))
         np.testing.assert_array_equal(copied.best("margin"), found.best("margin"))
+
+
+def test_a_set_keeps_the_seed_that_it_was_solved_with(robot: Robot) -> None:
+    pose = jacokin.pose([0.3, -0.2, 0.4], down=True)
+    for target in (pose, jacokin.FreeAxis(pose, axis=(1.0, 0.0, 0.0))):
+        seed = robot.home + 0.1
+        found = IKSolver(robot).solve_all(target, seed)
+        before = found.nearest(), found.best("margin")
+        seed += 1.0
+        np.testing.assert_array_equal(found.nearest(), before[0])
+        np.testing.assert_array_equal(found.best("margin"), before[1])
