@@ -206,7 +206,8 @@ def otherwise(
         limits = {
             name: (float(q[j] - room[0, j]), float(q[j] + room[1, j])) for j, name in enumerate(robot.joint_names)
         }
-        solver = IKSolver(load_robot(robot.name, limits=limits), tool=solver.tool, collision="ignore")
+        source = robot.source.bundled or robot.source.path
+        solver = IKSolver(load_robot(source, limits=limits), tool=solver.tool, collision="ignore")
         seeds["limits close by, "] = solver.robot.home
     elif way == 2:  # where contact is avoided
         solver = _avoiding(solver)
