@@ -155,7 +155,7 @@ def fit_window(work: SetWork) -> None:
 
 def is_in_window(window: Array, p: float) -> bool:
     """Whether a value of the parameter is in the window, or just outside."""
-    return abs(wrapped(p - window[0])) <= window[1]
+    return bool(abs(wrapped(p - window[0])) <= window[1])
 
 
 def bring_to_curve(chain: Array, T: Array, start: Array, walk: Walk) -> bool:
