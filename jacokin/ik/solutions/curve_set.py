@@ -23,7 +23,7 @@ from jacokin.ik.solutions.members import LostMemberError, Members
 from jacokin.ik.solutions.solution_set import SolutionSet, Touching
 from jacokin.ik.solutions.track import GUESS_SPACING, CurveTrack
 from jacokin.model import angles, checks
-from jacokin.model.angles import TURN
+from jacokin.model.angles import SNAP, TURN
 
 
 class TrackInterval(Interval):
@@ -43,7 +43,13 @@ class TrackInterval(Interval):
             raise InvalidInputError(
                 f"parameter must be from {self.start:.17g} to {self.stop:.17g} rad, got {parameter!r}"
             )
-        return self._member(p, self._track.at(p), self._members.near(seed))
+        q = self._member(p, self._track.at(p), self._members.near(seed))
+        for end, at_end in zip(self.ends, (p <= self.start, p >= self.stop), strict=True):
+            if at_end and end.joint is not None and end.limit is not None:
+                joint = self._members.robot.joint_index(end.joint)
+                if abs(q[joint] - end.limit) < SNAP:  # exactly
+                    q[joint] = end.limit
+        return q
 
     def nearest(self, seed: ArrayLike | None = None) -> Array:
         """The member (dof,) [rad] nearest to a seed; None for the seed of the set."""

@@ -7,15 +7,13 @@ import pickle
 
 import numpy as np
 import pytest
-from jacokin.ik.solutions.curves import FREE_AXIS, CurveArm
 from numpy.typing import NDArray
 
 import jacokin
 from jacokin import FreeAxis, IKSolver, Robot, Status
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, StructureError
-from jacokin.ik import Family
-from jacokin.ik.targets import interpret
+from jacokin.ik import SolutionSet
 from jacokin.model.angles import wrap_to_pi
 
 AXES = {"tool x": (1.0, 0.0, 0.0), "last joint": (0.0, 0.0, -1.0), "skew": (0.3, -0.5, 0.4)}
@@ -34,9 +32,9 @@ def scan(solver: IKSolver, target: FreeAxis, parameters: Array) -> NDArray[np.in
     return rows.branches_within_limits
 
 
-def counted(family: Family, parameters: Array) -> NDArray[np.int64]:
+def counted(family: SolutionSet, parameters: Array) -> NDArray[np.int64]:
     """How many intervals hold each parameter."""
-    return np.array([sum(interval.contains(p) for interval in family) for p in parameters])
+    return np.array([sum(interval.contains(p) for interval in family.intervals) for p in parameters])
 
 
 @pytest.mark.parametrize("limits", RANGES)
@@ -48,7 +46,7 @@ def test_intervals_are_those_of_a_scan(solver: IKSolver, rng: np.random.Generato
         assert family.complete
         low, high = RANGES[limits]
         parameters = rng.uniform(low, high, 400)
-        ends = [p for interval in family for p in (interval.start, interval.stop)]
+        ends = [p for interval in family.intervals for p in (interval.start, interval.stop)]
         apart = [min(np.abs(wrap_to_pi(p - np.array([*ends, p + 1.0])))) > 1e-8 for p in parameters]
         parameters = parameters[apart]
         np.testing.assert_array_equal(counted(family, parameters), scan(solver, target, parameters))
@@ -59,7 +57,7 @@ def test_members_reach_the_target_within_the_limits(solver: IKSolver, rng: np.ra
     robot = solver.robot
     for q in robot.sample(rng, 4):
         target = FreeAxis(robot.forward_kinematics(q), axis=AXES[axis])
-        for interval in solver.solve_all(target):
+        for interval in solver.solve_all(target).intervals:
             assert -math.pi <= interval.start < math.pi
             assert interval.start <= interval.stop <= interval.start + 2.0 * math.pi
             for p in (interval.start, *rng.uniform(interval.start, interval.stop, 5), interval.stop):
@@ -72,7 +70,7 @@ def test_members_reach_the_target_within_the_limits(solver: IKSolver, rng: np.ra
 def test_an_interval_ends_where_its_joint_is_on_its_limit(solver: IKSolver, rng: np.random.Generator) -> None:
     robot, seen = solver.robot, 0
     for q in robot.sample(rng, 20):
-        for interval in solver.solve_all(FreeAxis(robot.forward_kinematics(q), axis=(1.0, 0.2, 0.0))):
+        for interval in solver.solve_all(FreeAxis(robot.forward_kinematics(q), axis=(1.0, 0.2, 0.0))).intervals:
             for p, end in zip((interval.start, interval.stop), interval.ends, strict=True):
                 if end.kind == "limit":
                     assert end.joint is not None
@@ -96,7 +94,7 @@ def test_the_end_of_an_interval_is_the_nearest_member_to_itself() -> None:
     solver = IKSolver(robot, collision="ignore")
     for q in robot.sample(rng, 100):
         q[2] = math.pi  # stretched: a fold
-        family = solver.family(FreeAxis(robot.forward_kinematics(q), axis=rng.normal(size=3)))
+        family = solver.solve_all(FreeAxis(robot.forward_kinematics(q), axis=rng.normal(size=3)))
         nearest = family.nearest(q)
         assert nearest is not None
         np.testing.assert_allclose(wrap_to_pi(nearest - q), np.zeros(6), atol=1e-5)
@@ -125,11 +123,11 @@ def test_an_arc_longer_than_a_turn_is_two_intervals(solver: IKSolver) -> None:
         [0.38313713294949103, -0.879167514309269, 0.28332034720172383, 0.75],
     ]
     target = FreeAxis(pose, axis=[0.557372938490554, -0.19634697177694954, 0.806711394559682])
-    family = solver.family(target)
-    assert max(interval.length for interval in family) <= 2.0 * np.pi + 1e-8
+    family = solver.solve_all(target)
+    assert max(interval.length for interval in family.intervals) <= 2.0 * np.pi + 1e-8
     inside = np.linspace(2.136, 2.138, 20)
     np.testing.assert_array_equal(counted(family, inside), scan(solver, target, inside))
-    for interval in family:
+    for interval in family.intervals:
         for p in (interval.start, interval.stop):
             q = interval.at(p)
             assert solver.robot.within_limits(q)
@@ -146,9 +144,9 @@ def test_the_widest_member_has_the_largest_margin(solver: IKSolver, rng: np.rand
 
     for q in robot.sample(rng, 3):
         family = solver.solve_all(FreeAxis(robot.forward_kinematics(q), axis=(1.0, 0.0, 0.0)))
-        widest = family.widest()
+        widest = family.best("margin")
         assert widest is not None
-        assert margin(widest) == pytest.approx(max(interval.margin for interval in family))
+        assert margin(widest) == pytest.approx(max(interval.margin for interval in family.intervals))
         assert margin(widest) >= max(map(margin, family.sample(2000))) - 1e-9
 
 
@@ -156,8 +154,8 @@ def test_members_are_spread_over_all_intervals(solver: IKSolver) -> None:
     family = solver.solve_all(FreeAxis(solver.robot.forward_kinematics(solver.robot.home), axis=(0.0, 1.0, 0.0)))
     assert len(family.sample(50)) == 50
     assert len(family.sample(1)) == len(family) > 1
-    assert [family.parameter(q) for q in family.sample(len(family))] == pytest.approx(
-        [float(wrap_to_pi(0.5 * (interval.start + interval.stop))) for interval in family]
+    assert [family.parameter_of(q) for q in family.sample(len(family))] == pytest.approx(
+        [float(wrap_to_pi(0.5 * (interval.start + interval.stop))) for interval in family.intervals]
     )
 
 
@@ -257,22 +255,10 @@ def test_two_joints_on_their_limits_are_a_member(solver: IKSolver, rng: np.rando
     for q in robot.sample(rng, 30):
         q[[1, 2]] = [rng.choice([robot.lower[joint], robot.upper[joint]]) for joint in (1, 2)]
         target = FreeAxis(robot.forward_kinematics(q), axis=(1.0, 0.2, 0.3))
-        family = solver.family(target)
-        own = [interval for interval in family if np.abs(wrap_to_pi(interval.nearest(q) - q)).max() < 1e-7]
+        family = solver.solve_all(target)
+        own = [interval for interval in family.intervals if np.abs(wrap_to_pi(interval.nearest(q) - q)).max() < 1e-7]
         assert own
         points += any(interval.length < 1e-8 for interval in own)
         np.testing.assert_allclose(solver.solve(target, seed=q).q, q, atol=1e-7)
-        assert all(robot.within_limits(interval.at(interval.start)) for interval in family)
+        assert all(robot.within_limits(interval.at(interval.start)) for interval in family.intervals)
     assert points > 3
-
-
-@pytest.mark.parametrize("count", [4, 60])
-def test_more_crossings_than_there_is_room_for_leave_a_family_incomplete(solver: IKSolver, count: int) -> None:
-    chain, constants, _ = solver.closed_form().constants
-    arm = CurveArm(FREE_AXIS, chain, constants, solver.robot.lower, solver.robot.upper)
-    pose = solver.robot.forward_kinematics([0.3, 2.5, 1.2, -0.4, 1.1, 0.7])
-    problem = arm.problem(interpret(FreeAxis(pose, axis=AXES["skew"]), solver.frame))
-    plain, found = problem.find(), problem.find(crossings=np.linspace(-3.0, 3.0, count).tolist(), room=1e-3)
-    assert plain.complete
-    assert found.complete == (count == 4)
-    assert sum(map(len, found.arcs)) > 0

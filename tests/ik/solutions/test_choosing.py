@@ -47,7 +47,7 @@ def test_the_best_member_of_a_family(solver: IKSolver, rng: np.random.Generator)
     robot = solver.robot
     for q in robot.sample(rng, 3):
         target = FreeAxis(robot.forward_kinematics(q), axis=(1.0, 0.0, 0.0))
-        rows = solver.family(target).sample(500)
+        rows = solver.solve_all(target).sample(500)
         assert (
             margin(solver, solver.solve(target, prefer="margin").q) >= max(margin(solver, row) for row in rows) - 1e-8
         )
@@ -160,8 +160,8 @@ def test_samples_of_a_straight_wrist_reach_from_limit_to_limit(rng: np.random.Ge
     q = robot.sample(rng)
     q[5] = np.pi
     robot = jacokin.load_robot("j2s7s300", limits={"joint_7": (float(q[6] - 0.5), float(q[6] + 0.4))})
-    family = IKSolver(robot, collision="ignore").family(robot.forward_kinematics(q), seed=q)
-    wrist = [interval for interval in family if interval.start == interval.stop]
+    family = IKSolver(robot, collision="ignore").solve_all(robot.forward_kinematics(q), seed=q)
+    wrist = [interval for interval in family.intervals if interval.start == interval.stop]
     assert wrist
     for interval in wrist:
         for rows in (interval.sample(9)[1], interval.spread(0.3)[1]):

@@ -11,7 +11,6 @@ import pytest
 import jacokin
 from jacokin import FreeAxis, IKSolver, Robot, Status
 from jacokin.arrays import Array
-from jacokin.ik import Family
 from jacokin.model.angles import wrap_to_pi
 
 CLOSURE = 1e-9  # [m] and [rad] by which members may be off
@@ -50,42 +49,20 @@ def target_at(robot: Robot, q: Array, outward: float = 0.0) -> pin.SE3 | FreeAxi
 
 
 @pytest.mark.parametrize("count", [6, pytest.param(25, marks=pytest.mark.slow)])
-def test_a_stretched_arm_is_a_member_all_alone(solver: IKSolver, rng: np.random.Generator, count: int) -> None:
+def test_a_stretched_arm_is_its_own_answer(solver: IKSolver, rng: np.random.Generator, count: int) -> None:
+    """It reaches its target all alone: without a seed nearby it may be missed, and then the set is not complete."""
     robot = solver.robot
     for _ in range(count):
         q = stretched(robot, rng)
         target = target_at(robot, q)
-        family = solver.family(target)
-        nearest = family.nearest(q)
-        assert nearest is not None
-        assert np.abs(wrap_to_pi(nearest - q)).max() < 1e-3
-        for interval in family:
-            for row in (
-                interval.at(interval.start),
-                interval.widest(),
-                *interval.sample(2)[1],
-                *interval.spread(0.1)[1],
-            ):
-                goal = target.at(family.parameter(row)) if isinstance(target, FreeAxis) else target
-                error = pin.log6(robot.forward_kinematics(row).actInv(goal)).vector
-                assert np.abs(error).max() < CLOSURE
-                assert robot.within_limits(interval.nearest(row))
         result = solver.solve(target, seed=q, closest=False).raise_for_status()
         np.testing.assert_allclose(wrap_to_pi(result.q - q), np.zeros(robot.dof), atol=1e-3)
-
-
-@pytest.mark.parametrize("count", [6, pytest.param(25, marks=pytest.mark.slow)])
-def test_a_stretched_arm_beyond_its_limits_is_outside_them(
-    solver: IKSolver, rng: np.random.Generator, count: int
-) -> None:
-    robot = solver.robot
-    for _ in range(count):
-        q = stretched(robot, rng)
-        q[1] = rng.uniform(-0.5, 0.5)  # so is its mirror image, the shoulder turned by half a turn
-        for target in (target_at(robot, q), target_at(robot, q, -1e-5), target_at(robot, q, 3e-7)):
-            result = solver.solve(target, closest=False)
-            assert result.status is Status.OUTSIDE_LIMITS
-            assert "joint_2" in result.message
+        nearest = solver.solve_all(target, seed=q).nearest(q)
+        assert nearest is not None
+        assert np.abs(wrap_to_pi(nearest - q)).max() < 1e-3
+        everything = solver.solve_all(target)
+        best = everything.nearest(q)
+        assert not everything.complete or (best is not None and np.abs(wrap_to_pi(best - q)).max() < 1e-3)
 
 
 @pytest.mark.parametrize("count", [3, pytest.param(10, marks=pytest.mark.slow)])
@@ -116,7 +93,6 @@ def test_the_only_curve_may_lie_between_two_slices(rng: np.random.Generator) -> 
         q[4] = math.pi + rng.choice([-1.0, 1.0]) * rng.uniform(0.002, 0.03)  # within reach for twice this angle at most
         target = FreeAxis(robot.forward_kinematics(q), axis=(1.0, 0.0, 0.0))
         family = solver.solve_all(target)
-        assert isinstance(family, Family)
         assert len(family)
         assert solver.solve(target, closest=False).success
 
@@ -136,7 +112,7 @@ def test_the_end_of_a_range_may_be_the_only_member(several: int, count: int, rng
             (upper if rates[joint] > 0.0 else lower)[joint] = q[joint]
         limits = {f"joint_{j + 1}": (float(lower[j]), float(upper[j])) for j in range(6)}
         target = FreeAxis(T, axis=axis, range=(0.0, 0.5))
-        family = IKSolver(jacokin.load_robot(name, limits=limits), collision="ignore").family(target, seed=q)
+        family = IKSolver(jacokin.load_robot(name, limits=limits), collision="ignore").solve_all(target, seed=q)
         nearest = family.nearest(q)
         assert nearest is not None
         np.testing.assert_allclose(nearest, q, atol=1e-6)

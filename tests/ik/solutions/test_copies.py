@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from jacokin import FreeAxis, IKSolver, Robot
-from jacokin.ik import Family
+from jacokin.ik import SolutionSet
 
-COPIES: dict[str, Callable[[Family], Family]] = {
+COPIES: dict[str, Callable[[SolutionSet], SolutionSet]] = {
     "pickle": lambda family: pickle.loads(pickle.dumps(family)),
     "copy": copy.copy,
     "deepcopy": copy.deepcopy,
@@ -29,13 +29,13 @@ def test_a_copy_of_a_family_has_the_same_members(
     T = robot.forward_kinematics(q)
     target = T if axis is None else FreeAxis(T, axis=axis)
     solver = IKSolver(robot, collision="ignore")
-    family = solver.family(target)
+    family = solver.solve_all(target)
     again = COPIES[kind](family)
     assert (len(again), again.branches, again.complete) == (len(family), family.branches, family.complete)
-    assert list(map(repr, again)) == list(map(repr, family))
+    assert list(map(repr, again.intervals)) == list(map(repr, family.intervals))
     np.testing.assert_array_equal(again.sample(20), family.sample(20))
     np.testing.assert_array_equal(again.nearest(seed), family.nearest(seed))
-    np.testing.assert_array_equal(again.widest(), family.widest())
+    np.testing.assert_array_equal(again.best("margin"), family.best("margin"))
     interval = pickle.loads(pickle.dumps(family.intervals[0]))
     np.testing.assert_array_equal(interval.at(interval.start), family.intervals[0].at(interval.start))
     result = solver.solve(target, seed=seed)

@@ -12,7 +12,7 @@ import pytest
 import jacokin
 from jacokin import FreeAxis, IKSolver, Robot
 from jacokin.arrays import Array
-from jacokin.ik import Branches, Family
+from jacokin.ik import SolutionSet
 
 TURN = 2.0 * math.pi
 WIDE = {"joint_1": (-7.0, 7.0), "joint_2": (0.0, TURN), "joint_4": (-5.0, 4.0)}
@@ -57,7 +57,7 @@ def test_a_pose_is_solved_in_the_best_copy(name: str, count: int, rng: np.random
         seed = robot.sample(rng)
         target = robot.forward_kinematics(robot.sample(rng))
         branches = solver.solve_all(target, seed)
-        assert isinstance(branches, Branches)
+        assert isinstance(branches, SolutionSet)
         every = copies(branches.q, robot, seed)
         for prefer, cost in costs(robot, seed).items():
             result = solver.solve(target, seed, prefer=lopsided if prefer == "function" else prefer)
@@ -77,7 +77,6 @@ def test_a_member_is_chosen_in_the_best_copy(name: str, count: int, rng: np.rand
         axis = (0.0, 0.0, 1.0) if number % 3 == 2 else rng.normal(size=3)
         target = T if robot.dof == 7 else FreeAxis(T, axis=axis)
         family = solver.solve_all(target, seed)
-        assert isinstance(family, Family)
         every = copies(family.sample(SAMPLES), robot, seed)
         for prefer, cost in costs(robot, seed).items():
             result = solver.solve(target, seed, prefer=lopsided if prefer == "function" else prefer)
@@ -101,7 +100,7 @@ def passing_its_limit(
     while True:
         T = robot.forward_kinematics(robot.sample(rng))
         target: Array | FreeAxis = T.homogeneous if robot.dof == 7 else FreeAxis(T, axis=rng.normal(size=3))
-        for interval in solver.family(target):
+        for interval in solver.solve_all(target).intervals:
             p, rows = interval.sample(COARSE)
             angle = np.unwrap(rows[:, joint])
             for top in 1 + np.flatnonzero((angle[1:-1] > angle[:-2]) & (angle[1:-1] > angle[2:])):
@@ -131,7 +130,7 @@ def test_members_next_to_where_a_joint_passes_its_limit_are_found(
 ) -> None:
     for _ in range(count):
         robot, target, edges = passing_its_limit(name, joint, depth, rng)
-        family = IKSolver(robot, collision="ignore").family(target)
+        family = IKSolver(robot, collision="ignore").solve_all(target)
         for q in edges:
             nearest = family.nearest(q)
             assert nearest is not None

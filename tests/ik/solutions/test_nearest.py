@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from jacokin.ik.solutions.curves import CurveProblem
 
 import jacokin
 from benchmarks import scan_seven
 from jacokin import FreeAxis, IKSolver, Robot
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
-from jacokin.ik import Family
 from jacokin.model.angles import TURN
 
 SCANNED = 4000
@@ -61,7 +59,6 @@ def test_no_member_of_seven_joints_is_nearer(seven: IKSolver, rng: np.random.Gen
         gaps.append(float(scan_seven.distances(robot, rows, seed).min(initial=math.inf)) - distance)
         assert gaps[-1] >= -1e-9
         family = seven.solve_all(target)
-        assert isinstance(family, Family)
         own = family.nearest(seed)
         assert own is not None
         assert np.linalg.norm(own - seed) == pytest.approx(distance, abs=1e-9)
@@ -84,7 +81,7 @@ def test_no_member_about_a_free_axis_is_nearer(
         rows = six.closed_form().solve_batch(poses, np.tile(seed, (SCANNED, 1)))
         apart = np.linalg.norm(rows.q[rows.within_limits] - seed, axis=1)
         assert -1e-9 <= apart.min(initial=math.inf) - distance < COARSE
-        own = six.family(target).nearest(seed)
+        own = six.solve_all(target).nearest(seed)
         assert own is not None
         assert np.linalg.norm(own - seed) == pytest.approx(distance, abs=1e-9)
         np.testing.assert_allclose(own, result.q, atol=1e-6)
@@ -99,21 +96,6 @@ def test_a_member_is_nearest_to_itself(seven: IKSolver, rng: np.random.Generator
         np.testing.assert_allclose(result.q, q, atol=2e-7)
 
 
-def test_the_nearest_member_about_a_free_axis_needs_no_family(
-    six: IKSolver, rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    robot = six.robot
-
-    def refused(*given: object) -> None:
-        raise AssertionError(f"the whole family was looked for: {given}")
-
-    monkeypatch.setattr(CurveProblem, "find", refused)
-    for number in range(60):
-        axis = rng.normal(size=3) if number % 2 else (1.0, 0.0, 0.0)
-        target = FreeAxis(robot.forward_kinematics(robot.sample(rng)), axis=axis)
-        six.solve(target, seed=robot.sample(rng)).raise_for_status()
-
-
 def test_limits_of_more_than_a_turn_leave_a_choice_of_copies(rng: np.random.Generator) -> None:
     robot = jacokin.load_robot("j2s7s300", limits={"joint_1": (-1.0, 6.0), "joint_5": (-2.0, 1.0)})
     solver = IKSolver(robot, collision="ignore")
@@ -121,24 +103,8 @@ def test_limits_of_more_than_a_turn_leave_a_choice_of_copies(rng: np.random.Gene
         target = robot.forward_kinematics(q)
         result = solver.solve(target, seed=seed).raise_for_status()
         assert robot.within_limits(result.q)
-        best = min(np.linalg.norm(row - seed) for row in solver.family(target, seed=seed).sample(500))
+        best = min(np.linalg.norm(row - seed) for row in solver.solve_all(target, seed=seed).sample(500))
         assert np.linalg.norm(result.q - seed) <= best + 1e-9
-
-
-def test_where_the_search_gives_up_the_family_answers(
-    seven: IKSolver, rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    robot = seven.robot
-    targets, seeds = [robot.forward_kinematics(q) for q in robot.sample(rng, 3)], robot.sample(rng, 3)
-    expected = [seven.solve(target, seed=seed) for target, seed in zip(targets, seeds, strict=True)]
-    refused: list[object] = []
-    lost: Callable[..., None] = lambda *given: refused.append(given)  # noqa: E731  # typed, unlike a def would be
-    monkeypatch.setattr(CurveProblem, "nearest", lost)
-    monkeypatch.setattr(CurveProblem, "nearest_on", lost)
-    for target, seed, result in zip(targets, seeds, expected, strict=True):
-        again = seven.solve(target, seed=seed).raise_for_status()
-        np.testing.assert_allclose(again.q, result.q, atol=1e-6)
-    assert refused
 
 
 @pytest.mark.parametrize("limits", [None, (-2.0, 1.5), (-7.0, 6.0)], ids=["unlimited", "less than a turn", "two turns"])
@@ -149,12 +115,10 @@ def test_about_the_axis_of_the_last_joint_the_others_stay(
     free: tuple[float, float],
     count: int,
     rng: np.random.Generator,
-    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Held against every branch at 2,000 angles about the axis, each solved as a pose of its own."""
     robot = jacokin.load_robot(limits=None if limits is None else {"joint_6": limits})
     solver = IKSolver(robot, collision="ignore")
-    monkeypatch.setattr(Family, "choose", None)  # which the family would be searched by
     solved = 0
     for number in range(count):
         sign = 1.0 if number % 2 else -1.0
@@ -178,7 +142,7 @@ def test_about_the_axis_of_the_last_joint_the_others_stay(
 def test_seeds_far_outside_the_limits(rng: np.random.Generator) -> None:
     robot = jacokin.load_robot()
     target = FreeAxis(robot.forward_kinematics(robot.home), axis=(1.0, 0.0, 0.0))
-    family = IKSolver(robot, collision="ignore").family(target)
+    family = IKSolver(robot, collision="ignore").solve_all(target)
     far = rng.uniform(-1e6, 1e6, robot.dof)
     nearest = family.nearest(far)
     assert nearest is not None

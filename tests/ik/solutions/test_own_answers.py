@@ -1,0 +1,181 @@
+"""Laws of sets with one parameter, on arms of every structure: own answers, completeness, solutions all along."""
+
+from __future__ import annotations
+
+import functools
+import math
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import jacokin
+from fuzz import own_answers
+from jacokin import FreeAxis, IKSolver, Robot
+from jacokin.arrays import Array
+from jacokin.ik import SolutionSet
+from jacokin.model.angles import wrap_to_pi
+from tests.seven_joint_arms import ARMS, load_arm
+
+JACOS = ("j2s7s300", "j2n6s300", "j2s6s300")
+REGULAR = 1e-3  # smallest singular value of a regular configuration, the tool in metres
+SAME = 1e-6  # [rad]
+FEW = 3
+MANY = pytest.param(60, marks=pytest.mark.slow)
+
+
+@functools.cache
+def solver_of(name: str, folder: Path) -> IKSolver:
+    return IKSolver(load_arm(name, folder) if name in ARMS else jacokin.load_robot(name), collision="ignore")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("arms")
+
+
+def target_of(robot: Robot, q: Array, rng: np.random.Generator) -> pin.SE3 | FreeAxis:
+    """The pose of a configuration; on six joints it may turn about any axis."""
+    T = robot.forward_kinematics(q)
+    return FreeAxis(T, axis=rng.normal(size=3)) if robot.dof == 6 else T
+
+
+def regular(robot: Robot, rng: np.random.Generator) -> Array:
+    while True:
+        q = robot.sample(rng)
+        if robot.singular_values(q).min() > REGULAR:
+            return q
+
+
+def apart(a: Array, b: Array) -> float:
+    return float(np.abs(wrap_to_pi(a - b)).max())
+
+
+def holds(found: SolutionSet, q: Array) -> bool:
+    """Whether a configuration is in a set, up to whole turns."""
+    return any(apart(interval.nearest(q), q) < SAME for interval in found.intervals)
+
+
+@pytest.mark.parametrize("count", [FEW, MANY])
+@pytest.mark.parametrize("name", [*JACOS, *ARMS])
+def test_a_regular_configuration_is_its_own_answer_and_in_its_set(
+    name: str, count: int, folder: Path, rng: np.random.Generator
+) -> None:
+    solver = solver_of(name, folder)
+    for _ in range(count):
+        q = regular(solver.robot, rng)
+        target = target_of(solver.robot, q, rng)
+        result = solver.solve(target, seed=q).raise_for_status()
+        np.testing.assert_allclose(result.q, q, atol=SAME)
+        assert holds(solver.solve_all(target), q)  # which is not told where to look
+
+
+@pytest.mark.parametrize("count", [2, pytest.param(20, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", [*JACOS, *ARMS])
+def test_solutions_all_along_reach_the_target_within_the_limits(
+    name: str, count: int, folder: Path, rng: np.random.Generator
+) -> None:
+    solver = solver_of(name, folder)
+    robot = solver.robot
+    for _ in range(count):
+        target = target_of(robot, robot.sample(rng), rng)
+        found = solver.solve_all(target)
+        assert found.dimension == 1
+        for interval in found.intervals:
+            assert interval.start <= interval.stop <= interval.start + 2.0 * math.pi + 1e-9
+            for p in np.linspace(interval.start, interval.stop, 7):
+                q = interval.at(p)
+                goal = target.at(p) if isinstance(target, FreeAxis) else target
+                assert np.abs(goal.actInv(robot.forward_kinematics(q)).homogeneous - np.eye(4)).max() < 1e-8
+                assert robot.within_limits(q)
+                assert abs(wrap_to_pi(found.parameter_of(q) - p)) < 1e-7
+
+
+@pytest.mark.parametrize("count", [2, pytest.param(20, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", [*JACOS, *ARMS])
+def test_a_complete_set_lacks_no_solution_of_a_scan(
+    name: str, count: int, folder: Path, rng: np.random.Generator
+) -> None:
+    """Held against all solutions at values of the parameter, each a pose of six joints."""
+    solver = solver_of(name, folder)
+    robot = solver.robot
+    for _ in range(count):
+        target = target_of(robot, robot.sample(rng), rng)
+        found = solver.solve_all(target)
+        if not found.complete:
+            continue
+        for p in rng.uniform(-math.pi, math.pi, 12).tolist():
+            if isinstance(target, FreeAxis):
+                rows = solver.solve_all(target.at(p)).q_within_limits
+            else:
+                assert solver.parameter is not None
+                joint = robot.joint_index(solver.parameter)
+                if not robot.lower[joint] <= p <= robot.upper[joint]:
+                    continue
+                rows = solver.solve_all(target, fixed={solver.parameter: p}).q_within_limits
+            for row in rows:
+                assert holds(found, row)
+
+
+@pytest.mark.parametrize("kind", own_answers.CLASSES)
+@pytest.mark.parametrize("name", JACOS)
+def test_a_natural_posture_is_its_own_answer(name: str, kind: str, folder: Path, rng: np.random.Generator) -> None:
+    """Straight wrists, stretched arms, right angles, limits; where curves meet, too."""
+    solver = solver_of(name, folder)
+    robot = solver.robot
+    for _ in range(6):
+        q = np.clip(own_answers.CLASSES[kind](robot, rng), robot.lower, robot.upper)
+        result = solver.solve(target_of(robot, q, rng), seed=q).raise_for_status()
+        assert np.linalg.norm(result.q - q) < 1e-4
+
+
+@pytest.mark.parametrize("name", [*JACOS, *ARMS])
+def test_nothing_in_a_set_is_nearer_than_the_nearest(name: str, folder: Path, rng: np.random.Generator) -> None:
+    solver = solver_of(name, folder)
+    robot = solver.robot
+    for seed in robot.sample(rng, 3):
+        target = target_of(robot, robot.sample(rng), rng)
+        found = solver.solve_all(target, seed=seed)
+        nearest, result = found.nearest(seed), solver.solve(target, seed=seed).raise_for_status()
+        assert nearest is not None
+        best = float(np.linalg.norm(nearest - seed))
+        assert np.linalg.norm(result.q - seed) == pytest.approx(best, abs=1e-6)
+        assert best <= min(np.linalg.norm(row - seed) for row in found.sample(400)) + 1e-6
+
+
+#: Curves along which one joint goes all the way round and the parameter, the last joint, hardly changes.
+NARROW = [
+    ("xarm7", (-1.192565, -1.753836, 4.499250, 3.221823, -4.526541, 0.855359, -3.039284)),
+    ("panda", (0.600692, -0.849295, 2.335510, -0.074847, -0.910238, 1.826370, -2.530596)),
+]
+
+
+@pytest.mark.parametrize(("name", "q"), NARROW)
+def test_a_curve_along_which_the_parameter_hardly_changes_is_found(
+    name: str, q: tuple[float, ...], folder: Path
+) -> None:
+    solver = solver_of(name, folder)
+    assert holds(solver.solve_all(solver.robot.forward_kinematics(q)), np.array(q))
+
+
+def test_circles_of_a_straight_wrist_are_in_the_set(folder: Path, rng: np.random.Generator) -> None:
+    """The two joints beside the middle one turn against each other, at one value of the parameter."""
+    for name in ("j2s7s300", "j2s6s300"):
+        solver = solver_of(name, folder)
+        q = solver.robot.sample(rng)
+        q[-2] = math.pi
+        found = solver.solve_all(target_of(solver.robot, q, rng), seed=q)
+        circles = [interval for interval in found.intervals if interval.start == interval.stop]
+        assert any(interval.ends[0].kind == "circle" for interval in circles)
+        turned = q + 0.4 * np.eye(len(q))[-1] - 0.4 * np.eye(len(q))[-3]
+        assert min(apart(interval.nearest(turned), turned) for interval in circles) < 0.41
+
+
+def test_ranges_anywhere_on_the_circle(folder: Path, rng: np.random.Generator) -> None:
+    solver = solver_of("j2s6s300", folder)
+    robot = solver.robot
+    for low, high in ((5.0, 8.0), (-9.0, -7.0), (2.5, 4.0)):
+        T = robot.forward_kinematics(robot.sample(rng))
+        for interval in solver.solve_all(FreeAxis(T, axis=(1.0, 0.3, 0.0), range=(low, high))).intervals:
+            assert low - 1e-9 <= interval.start <= interval.stop <= high + 1e-9
