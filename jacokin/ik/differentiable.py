@@ -10,6 +10,7 @@ from jacokin.errors import InvalidInputError
 from jacokin.ik.solver import IKSolver
 from jacokin.ik.targets import checked_target
 from jacokin.model import checks
+from jacokin.model.poses import checked_matrices
 
 #: The type of numbers that answers are exact in; float32 knows a pose to 1e-7 only.
 NUMBERS = "float64"
@@ -60,7 +61,7 @@ def solve_poses(solver: IKSolver, poses: Array, seeds: Array, closest: bool) -> 
     Raises:
         InvalidInputError: poses or seeds malformed; the row is named.
     """
-    matrices, starts = poses.reshape(-1, 4, 4), seeds.reshape(-1, seeds.shape[-1])
+    matrices, starts = checked_matrices("poses", poses.reshape(-1, 4, 4).copy()), seeds.reshape(-1, seeds.shape[-1])
     found = solver.solve_batch(matrices, starts, closest=closest)
     return found.q.reshape(seeds.shape), found.success.reshape(poses.shape[:-2])
 
