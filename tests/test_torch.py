@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-import jacokin
+import jacokin.torch
 from jacokin import IKSolver, Robot
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
