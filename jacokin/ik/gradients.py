@@ -118,7 +118,7 @@ def _held(robot: Robot, axes: Array, parameter: str | None) -> int | None:
         return None
     if freedoms == POSE + 1 and len(axes) == 1:
         return robot.dof
-    if freedoms == POSE + 1 and parameter is not None:
+    if freedoms == POSE + 1 and not len(axes) and parameter is not None:
         return robot.joint_index(parameter)
     target = {0: "a pose", 1: "a FreeAxis", 3: "a position"}[len(axes)]
     if freedoms < POSE:
