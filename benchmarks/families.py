@@ -22,7 +22,7 @@ from benchmarks.scan_seven import Scan, within_limits
 from benchmarks.worker import Worker, WorkerError
 from jacokin import FreeAxis, IKSolver, Robot
 from jacokin.arrays import Array
-from jacokin.ik import Family
+from jacokin.ik import SolutionSet
 from jacokin.model.angles import TURN, wrap_to_pi
 
 SCANNED = 20_000
@@ -58,27 +58,27 @@ class Tally:
     solve_times: list[float] = field(default_factory=list)
 
 
-def count_members(family: Family, parameters: Array) -> NDArray[np.int64]:
+def count_members(found: SolutionSet, parameters: Array) -> NDArray[np.int64]:
     """How many intervals hold each parameter."""
     count = np.zeros(len(parameters), dtype=np.int64)
-    for interval in family:
+    for interval in found.intervals:
         for turns in (-TURN, 0.0, TURN):
             count += (parameters + turns >= interval.start) & (parameters + turns < interval.stop)
     return count
 
 
-def longest_difference(family: Family, scan: Counter) -> float:
-    """Longest run [rad] of parameters at which the family has another number of members than a scan."""
+def longest_difference(found: SolutionSet, scan: Counter) -> float:
+    """Longest run [rad] of parameters at which the set has another number of members than a scan."""
     parameters = -np.pi + TURN * (np.arange(SCANNED) + 0.5) / SCANNED
-    wrong = count_members(family, parameters) != scan(parameters)
+    wrong = count_members(found, parameters) != scan(parameters)
     runs = [len(list(group)) for differs, group in itertools.groupby(wrong) if differs]
     return max(runs, default=0) * TURN / SCANNED
 
 
-def worst_end(robot: Robot, family: Family, target: FreeAxis | pin.SE3) -> float:
+def worst_end(robot: Robot, found: SolutionSet, target: FreeAxis | pin.SE3) -> float:
     """Largest distance [rad] of an end of an interval from where Newton's method, by Pinocchio, puts it."""
     worst = 0.0
-    for interval in family:
+    for interval in found.intervals:
         for p, end in zip((interval.start, interval.stop), interval.ends, strict=True):
             if end.kind in ("limit", "fold"):
                 worst = max(worst, end_error(robot, target, interval.at(p), p, end.joint))
@@ -106,10 +106,10 @@ def end_error(robot: Robot, target: FreeAxis | pin.SE3, q: Array, p: float, join
     return abs(float(x[-1] - p if free else x[2] - q[2]))
 
 
-def bad_members(robot: Robot, family: Family, target: FreeAxis | pin.SE3) -> int:
+def bad_members(robot: Robot, found: SolutionSet, target: FreeAxis | pin.SE3) -> int:
     """Members all along the intervals that do not reach the target within the limits, by Pinocchio."""
     bad = 0
-    for interval in family:
+    for interval in found.intervals:
         for p in np.linspace(interval.start, interval.stop, MEMBERS):
             q = interval.at(p)
             T = target.at(p) if isinstance(target, FreeAxis) else target
@@ -123,20 +123,20 @@ def enter(
 ) -> None:
     """Find the family of one target, and check it."""
     begin = time.perf_counter()
-    family = solver.family(target)
+    found = solver.solve_all(target)
     tally.all_times.append(time.perf_counter() - begin)
     begin = time.perf_counter()
     solver.solve(target)
     tally.solve_times.append(time.perf_counter() - begin)
     tally.number += 1
-    tally.intervals += len(family)
-    tally.incomplete += not family.complete
-    tally.missed += longest_difference(family, scan) > LONG
-    tally.ends = max(tally.ends, worst_end(solver.robot, family, target))
-    tally.bad += bad_members(solver.robot, family, target)
+    tally.intervals += len(found)
+    tally.incomplete += not found.complete
+    tally.missed += longest_difference(found, scan) > LONG
+    tally.ends = max(tally.ends, worst_end(solver.robot, found, target))
+    tally.bad += bad_members(solver.robot, found, target)
     tally.own += any(
         np.abs(wrap_to_pi(interval.at(parameter) - q)).max() < OWN
-        for interval in family
+        for interval in found.intervals
         if interval.contains(parameter)
     )
 

@@ -21,7 +21,7 @@ ROOT = Path(__file__).resolve().parents[1]
 IMAGES = ROOT / "docs" / "images"
 LARGE = 100_000  # [byte]
 COLOURS = 128
-PAGES = ("tutorials", "six_joints", "real_arm")
+PAGES = ("tutorials", "sets_of_solutions", "real_arm")
 BLOCK = re.compile(r"^```python\n(.*?)^```", re.M | re.S)
 
 

@@ -35,9 +35,9 @@ DOORS = (
 )  # fmt: skip
 # Made by jacokin alone, and known to compile or to run for as long as they are told to.
 RESULTS = {
-    "BasePlacement", "BatchResult", "BranchReport", "Branches", "CrossCheckReport", "Deviation", "Expert", "Family",
-    "IKResult", "Inspector", "Interval", "JointMotion", "PathResult", "ReachabilityMap", "Robot", "Source",
-    "TargetFile", "TrackerStep", "Trajectory", "View", "Viewer",
+    "BasePlacement", "BatchResult", "BranchReport", "CrossCheckReport", "Deviation", "Expert", "IKResult", "Inspector",
+    "Interval", "JointMotion", "PathResult", "ReachabilityMap", "Robot", "SolutionSet", "Source", "TargetFile",
+    "TrackerStep", "Trajectory", "View", "Viewer",
 }  # fmt: skip
 SKIPPED = {"warmup", "Physics.disable"}
 # Trusted arguments, by their documentation.

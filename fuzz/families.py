@@ -12,7 +12,7 @@ from fuzz.kinematics import rotation_error
 from jacokin import FreeAxis, IKSolver, Status
 from jacokin.arrays import Array
 from jacokin.errors import JacokinError
-from jacokin.ik import Family
+from jacokin.ik import SolutionSet
 from jacokin.model import Robot
 from jacokin.model.angles import wrap_to_pi
 
@@ -42,21 +42,21 @@ def check(
         target = T if robot.dof == 7 else _free_axis(T, rng)
         label = f"family of {robot.name}, {solver.frame}, {kind}"
         try:
-            family = solver.family(target, seed)
+            found = solver.solve_all(target, seed)
             result = solver.solve(target, seed, closest=False)
         except JacokinError as error:
             yield Finding("wrong", label, f"{error} for q = {own.tolist()}, target {target}")
             continue
-        yield from _members(robot, label, family, target, forward, own)
+        yield from _members(robot, label, found, target, forward, own)
         inside = robot.within_limits(own)
-        if inside and family.complete and not _holds(family, own, robot.dof):
-            yield Finding("lost", label, f"q = {own.tolist()} is in none of {len(family)} intervals, {target}")
+        if inside and found.complete and not _holds(found, own, robot.dof):
+            yield Finding("lost", label, f"q = {own.tolist()} is in none of {len(found)} intervals, {target}")
         if inside and not result.success:
             yield Finding("lost", label, f"{result.status.name} for q = {own.tolist()}: {result.message}, {target}")
         if not inside and result.status is Status.UNREACHABLE:
             yield Finding("wrong", label, f"UNREACHABLE, but reached beyond the limits by q = {own.tolist()}, {target}")
         if result.success:
-            nearest = family.nearest(seed)
+            nearest = found.nearest(seed)
             if nearest is not None and abs(_apart(nearest, seed) - _apart(result.q, seed)) > SAME_DISTANCE:
                 yield Finding("wrong", label, f"solve and nearest differ for q = {own.tolist()}, seed {seed.tolist()}")
 
@@ -69,10 +69,15 @@ def _free_axis(T: Array, rng: np.random.Generator) -> FreeAxis:
 
 
 def _members(
-    robot: Robot, label: str, family: Family, target: FreeAxis | Array, forward: Callable[[Array], Array], own: Array
+    robot: Robot,
+    label: str,
+    found: SolutionSet,
+    target: FreeAxis | Array,
+    forward: Callable[[Array], Array],
+    own: Array,
 ) -> Iterator[Finding]:
     """Members all along every interval are within the limits and at the target."""
-    for interval in family:
+    for interval in found.intervals:
         parameters = np.linspace(interval.start, interval.stop, MEMBERS)
         rows = np.array([interval.at(p) for p in parameters])
         wanted = np.array([target.matrix_at(p) if isinstance(target, FreeAxis) else target for p in parameters])
@@ -85,15 +90,15 @@ def _members(
             yield Finding("wrong", label, f"a member is outside the limits, q = {own.tolist()}, {target}")
 
 
-def _holds(family: Family, own: Array, dof: int) -> bool:
+def _holds(found: SolutionSet, own: Array, dof: int) -> bool:
     """Whether a configuration is a member, at its own parameter or next to it."""
     parameter = own[2] if dof == 7 else 0.0
     if any(
         interval.contains(parameter) and np.abs(wrap_to_pi(interval.at(parameter) - own)).max() < OWN
-        for interval in family
+        for interval in found.intervals
     ):
         return True
-    nearest = family.nearest(own)  # where it is an end of an interval
+    nearest = found.nearest(own)  # where it is an end of an interval
     return nearest is not None and float(np.abs(wrap_to_pi(nearest - own)).max()) < OWN
 
 

@@ -13,7 +13,7 @@ from fuzz.findings import Finding
 from jacokin import FreeAxis, IKSolver, load_robot, pose
 from jacokin.arrays import Array
 from jacokin.errors import JacokinError
-from jacokin.ik import Family
+from jacokin.ik import SolutionSet
 from jacokin.ik.geometry import ArmGeometry, measure_seven
 from jacokin.ik.preferences import cost_of
 from jacokin.ik.targets import TargetPose
@@ -159,9 +159,9 @@ def check(solver: IKSolver, kind: str, q: Array, rng: np.random.Generator) -> It
         try:
             own, moved = solver.solve(target, seed=q), solver.solve(target, seed=seed)
             everything = solver.solve_all(target)  # not told where to look
-            held = _is_held(everything, q, near) if isinstance(everything, Family) else True
+            held = _is_held(everything, q, near) if everything.dimension == 1 else True
             (scan_rng,) = rng.spawn(1)  # whether it scans changes no case
-            scan = isinstance(everything, Family) and scan_rng.random() < SCANNED
+            scan = everything.dimension == 1 and scan_rng.random() < SCANNED
             missed = find_missing(solver, everything, target, q, scan_rng) if scan else None
         except JacokinError as error:
             yield Finding("raw", where, f"{error}; {given}")
@@ -206,7 +206,8 @@ def otherwise(
         limits = {
             name: (float(q[j] - room[0, j]), float(q[j] + room[1, j])) for j, name in enumerate(robot.joint_names)
         }
-        solver = IKSolver(load_robot(robot.name, limits=limits), tool=solver.tool, collision="ignore")
+        source = robot.source.bundled or robot.source.path
+        solver = IKSolver(load_robot(source, limits=limits), tool=solver.tool, collision="ignore")
         seeds["limits close by, "] = solver.robot.home
     elif way == 2:  # where contact is avoided
         solver = _avoiding(solver)
@@ -239,20 +240,20 @@ def _avoiding(solver: IKSolver) -> IKSolver:
 
 
 def find_missing(
-    solver: IKSolver, family: Family, target: FreeAxis | pin.SE3, q: Array, rng: np.random.Generator
+    solver: IKSolver, found: SolutionSet, target: FreeAxis | pin.SE3, q: Array, rng: np.random.Generator
 ) -> Array | None:
-    """A branch (dof,) at some value of the parameter that a complete family lacks, most likely near q (dof,)."""
+    """A branch (dof,) at some value of the parameter that a complete set lacks, most likely near q (dof,)."""
     robot, own = solver.robot, float(q[2]) if solver.robot.dof == 7 else 0.0
     limited = ~robot.unlimited
     middle = np.zeros(robot.dof)
     middle[limited] = 0.5 * (robot.lower[limited] + robot.upper[limited])
     apart = 10.0 ** rng.uniform(-6.0, -0.5, 2 * SCAN) * np.repeat([1.0, -1.0], SCAN)
-    places = (*(own + apart), *rng.uniform(-math.pi, math.pi, SCAN)) if family.complete else ()
+    places = (*(own + apart), *rng.uniform(-math.pi, math.pi, SCAN)) if found.complete else ()
     is_seven = robot.dof == 7
     geometry = measure_seven(robot.pin_model, solver.verifier.frame_id, solver.verifier.tool) if is_seven else None
     for p in map(float, places):
         T = target.at(p) if isinstance(target, FreeAxis) else target
-        members = [interval.at(p) for interval in family if interval.contains(p)]
+        members = [interval.at(p) for interval in found.intervals if interval.contains(p)]
         for branch in solver.solve_all(T).q if geometry is None else _at_joint_3(geometry, T, p):
             row = middle + wrap_to_pi(branch - middle)
             margin = np.minimum(row - robot.lower, robot.upper - row).min()
@@ -260,7 +261,9 @@ def find_missing(
                 continue
             if any(_apart(member, row) <= ON_CURVE for member in members):
                 continue
-            if not any(_apart(interval.nearest(row), row) <= ON_CURVE for interval in family):  # where one ends, too
+            if not any(
+                _apart(interval.nearest(row), row) <= ON_CURVE for interval in found.intervals
+            ):  # where one ends, too
                 return np.asarray(row)
     return None
 
@@ -272,9 +275,9 @@ def _at_joint_3(geometry: ArmGeometry, T: pin.SE3, q3: float) -> Array:
     return rows[~np.isnan(rows[:, 0])]
 
 
-def _is_held(family: Family, q: Array, near: float) -> bool:
+def _is_held(found: SolutionSet, q: Array, near: float) -> bool:
     """Whether a configuration is a member."""
-    return any(_apart(interval.nearest(q), q) <= max(near, 1e-5) for interval in family)
+    return any(_apart(interval.nearest(q), q) <= max(near, 1e-5) for interval in found.intervals)
 
 
 def _apart(a: Array, b: Array) -> float:

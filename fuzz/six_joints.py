@@ -15,7 +15,6 @@ from fuzz.findings import Finding
 from jacokin import IKSolver, load_robot
 from jacokin.arrays import Array
 from jacokin.errors import JacokinError
-from jacokin.ik import Branches
 from jacokin.model import Robot
 from jacokin.model.angles import wrap_to_pi
 
@@ -89,7 +88,6 @@ def check_branches(solver: IKSolver, q: Array) -> Iterator[Finding]:
     except JacokinError as error:
         yield Finding("raw", "solve_all", f"{error}; q = {q.tolist()}")
         return
-    assert isinstance(found, Branches)
     for row in found.q:
         missed = pin.log6(T.actInv(solver.verifier.tool_pose(row))).vector
         if np.abs(missed).max() > SAME:

@@ -211,7 +211,7 @@ def ik(
       jacokin ik --targets targets.csv --output joints.csv      a file of poses
       jacokin ik --targets poses.parquet --output joints.parquet --workers 8
     """
-    from jacokin.cli.ik_answers import show_branches, show_family, show_result
+    from jacokin.cli.ik_answers import show_curves, show_points, show_result
     from jacokin.ik.options import ORIENTATION_TOLERANCE, POSITION_TOLERANCE
 
     if fixed and not every:
@@ -266,10 +266,10 @@ def ik(
         held = read_fixed(fixed, arm, units)
         target = wanted.build(units)
         found = solver.solve_all(target, start, fixed=held) if held else solver.solve_all(target, start)
-        if isinstance(found, jacokin.ik.Family):
-            solved = show_family(solver, found, units, as_json=json)
+        if found.dimension == 1:
+            solved = show_curves(solver, found, units, as_json=json)
         else:
-            solved = show_branches(solver, found, units, as_json=json)
+            solved = show_points(solver, found, units, as_json=json)
     else:
         import numpy as np
 

@@ -66,7 +66,7 @@ def in_options(message: str, units: Units) -> str:
     return units.in_words(re.sub(r"\b(position|orientation)_tolerance=", r"--\1-tolerance ", message))
 
 
-def show_branches(solver: ik.IKSolver, branches: ik.Branches, units: Units, *, as_json: bool) -> bool:
+def show_points(solver: ik.IKSolver, branches: ik.SolutionSet, units: Units, *, as_json: bool) -> bool:
     """Print every branch; returns whether one is inside the limits and, where contact is rejected, free of it."""
     robot = solver.robot
     joints = units.for_joints(robot)
@@ -120,12 +120,12 @@ def show_branches(solver: ik.IKSolver, branches: ik.Branches, units: Units, *, a
         ("worst error", f"{display.small(worst[0], 'm')}, {display.small(worst[1], units.angle)}"),
     ]
     if not branches.complete:
-        lines.append(("note", "this pose has a one-parameter family of solutions; the rows are members of it"))
+        lines.append(("note", "this pose has a curve of solutions; the rows are members of it"))
     display.show_facts(lines)
     return bool(acceptable.any())
 
 
-def show_family(solver: ik.IKSolver, family: ik.Family, units: Units, *, as_json: bool) -> bool:
+def show_curves(solver: ik.IKSolver, found: ik.SolutionSet, units: Units, *, as_json: bool) -> bool:
     """Print every interval of the parameter; returns whether there is one."""
     robot = solver.robot
     joints = units.for_joints(robot)
@@ -133,7 +133,7 @@ def show_family(solver: ik.IKSolver, family: ik.Family, units: Units, *, as_json
         display.print_json(
             {
                 **display.head(robot, units, solver.frame),
-                "complete": family.complete,
+                "complete": found.complete,
                 "intervals": [
                     {
                         "branch": interval.branch,
@@ -141,14 +141,14 @@ def show_family(solver: ik.IKSolver, family: ik.Family, units: Units, *, as_json
                         "stop": units.from_si(interval.stop),
                         "ends": [units.in_words(str(end)) for end in interval.ends],
                         "nearest": joints.from_si(interval.nearest()),
-                        "widest": joints.from_si(interval.widest()),
+                        "widest": joints.from_si(interval.best("margin")),
                     }
-                    for interval in family
+                    for interval in found.intervals
                 ],
             }
         )
-        return bool(family.intervals)
-    if not family.intervals:
+        return bool(found.intervals)
+    if not found.intervals:
         display.say("No configuration within the limits reaches this target, whatever the free parameter.")
         return False
     columns = ["branch", "from", "to", "ends", *joints.labels(robot.joint_names)]
@@ -160,13 +160,13 @@ def show_family(solver: ik.IKSolver, family: ik.Family, units: Units, *, as_json
             " / ".join(end.joint or end.kind for end in interval.ends),
             *(display.number(value, 4) for value in joints.from_si(interval.nearest())),
         ]
-        for interval in family
+        for interval in found.intervals
     ]
-    title = f"{robot.label}: {len(family)} intervals of the free parameter; angles in {units.angle}"
+    title = f"{robot.label}: {len(found)} intervals of the free parameter; angles in {units.angle}"
     display.show_table(title, columns, rows, text=4)
-    what = robot.joint_names[2] if robot.dof == 7 else "the angle about the free axis"
+    what = "the angle about the free axis" if found.parameter == "angle" else found.parameter
     lines = [("from, to", f"ends of the interval of {what}"), ("joints", "of the member nearest to the seed")]
-    if not family.complete:
+    if not found.complete:
         lines.append(("note", "some curves were lost: there may be more"))
     display.show_facts(lines)
     return True

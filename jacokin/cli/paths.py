@@ -443,7 +443,8 @@ def show(arm: model.Robot, result: motion.Trajectory, given: PathOptions) -> Non
     if not np.isnan(result.clearance).all():
         lines.append(("least clearance", f"{number(result.clearance.min())} m"))
     if not np.isnan(result.parameter).all():
-        name = result.joint_names[2] if arm.dof == 7 else "free angle"  # joint 3 is the parameter of seven joints
+        solver = ik.IKSolver(arm, given.frame, tool=given.tool, collision="ignore")
+        name = solver.parameter or "free angle"
         shown = [number(units.from_si(value), 3).replace("nan", "none") for value in result.parameter[:SHOWN]]
         more = "" if len(result.parameter) <= SHOWN else f" and {len(result.parameter) - SHOWN} more"
         lines.append((f"{name} at the poses", f"{', '.join(shown)}{more} {units.angle}"))

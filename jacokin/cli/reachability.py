@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 
 
 MISSED = 20  # targets of which is said why they are missed; --json has them all
-SEVEN = 7  # joints of an arm whose poses have families
 MAP = "A map, or the bundled one of a robot."
 MAP_ROBOT = "The robot of the map, where it is not a bundled one as it is."
 
@@ -108,9 +107,9 @@ def build(
         else reachability.Grid(lower, upper, spacing)
     )
     obstacles = options.load_scene(scene)
-    is_slow = (
-        collision != "ignore" or free_axis is not None or arm.dof == SEVEN
-    )  # in Python, where threads wait for each other
+    is_slow = (  # in Python, where threads wait for each other
+        collision != "ignore" or free_axis is not None or ik.IKSolver(arm, frame, collision="ignore").dimension() == 1
+    )
     pool: AbstractContextManager[Executor]
     if dask is not None:
         pool = dask_executor(dask)

@@ -7,7 +7,7 @@ structures, quick_forms  how an arm's axes are placed; what any other arm of six
 fixed_joints             arms of more than six joints, all but six held: every branch
 few_joints               arms of three to five turning joints: every point of a target
 virtual_joints           freedoms of a target as joints, so that those arms are chains of six
-families                 self-motions: all configurations where one parameter is free
+solutions                `SolutionSet`: everything that reaches a target, points or curves
 local_search             descents from many starts, for what the closed form does not cover
 qp, qp_backend           those descents by mink's quadratic programs, and the solvers of those
 positions                descents to positions, on arms with a closed form

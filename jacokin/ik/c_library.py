@@ -120,7 +120,8 @@ def solver_file(solver: IKSolver) -> bytes:
         raise InvalidInputError("the C library does not look for contact; use collision='ignore'")
     if solver.method == "qp":
         raise InvalidInputError("the C library solves by the closed form only; use method='auto'")
-    arm = curve_arm.at_poses(verifier) if robot.dof == 7 else curve_arm.about_axis(solver.closed_form(), robot)
+    at_poses = solver.dimension() == 1
+    arm = curve_arm.at_poses(verifier) if at_poses else curve_arm.about_axis(solver.closed_form(), robot)
     kind, chain, constants = arm.constants
     tolerances = [options.limit_snap, options.position_tolerance, options.orientation_tolerance]
     numbers = np.concatenate([chain.ravel(), constants, robot.lower, robot.upper, robot.home, tolerances])

@@ -1,4 +1,4 @@
-"""`ClosedForm`: every branch of a six-joint arm at a pose, and `Branches`, which holds them.
+"""`ClosedForm`: every branch of a six-joint arm at a pose.
 
 A Jaco has no spherical wrist, yet its joint axes are so placed that the whole problem is one trigonometric polynomial
 of degree 8 in joint 6; other arms have one of the same degree in another joint, which takes longer to write.
@@ -18,9 +18,8 @@ of degree 8 in joint 6; other arms have one of the same degree in another joint,
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from itertools import compress, count
 from typing import Any
 
 import numpy as np
@@ -29,8 +28,9 @@ from numpy.typing import NDArray
 
 from jacokin.errors import StructureError
 from jacokin.ik.geometry import chain_of, measure
+from jacokin.ik.solutions.points import BranchTable, Knows, Points
 from jacokin.ik.structures import measure_general
-from jacokin.kernels.branches import DISTANCE, FAMILY, ORIENTATION_ERROR, POSITION_ERROR, WITHIN_LIMITS
+from jacokin.kernels.branches import ORIENTATION_ERROR, POSITION_ERROR, WITHIN_LIMITS
 from jacokin.kernels.clear_targets import ClearWork, solve_clear_targets
 from jacokin.kernels.closed_form.batch import (
     BATCH_COLUMNS,
@@ -45,128 +45,6 @@ from jacokin.kernels.contact.run import ContactWork
 from jacokin.kernels.library import Call
 from jacokin.kernels.tolerances import EXACT_MISFIT
 from jacokin.model import checks
-from jacokin.showing import Shown, show
-
-Touching = tuple[tuple[tuple[str, str], ...], ...]
-Look = Callable[[NDArray[np.float64]], Sequence[tuple[str, str]]]
-
-
-class BranchTable:
-    """Branches, one row each, as the kernels computed them. Arrays are read-only.
-
-    Attributes:
-        rows: (k, 17) or (k, 20), the columns that ``kernels.closed_form.pose`` and ``batch`` name.
-    """
-
-    __slots__ = ("rows",)
-
-    def __init__(self, rows: NDArray[np.float64]) -> None:
-        """Make an array of one's own read-only."""
-        self.rows = checks.sealed(rows)
-
-    def __len__(self) -> int:
-        """How many rows."""
-        return len(self.rows)
-
-    @property
-    def q(self) -> NDArray[np.float64]:
-        """(k, 6) joint angles [rad]: unlimited joints nearest to the seed, others within their limits if possible."""
-        return self.rows[:, :6]
-
-    @property
-    def within_limits(self) -> NDArray[np.bool_]:
-        """(k,) True where every joint is within its limits, exactly."""
-        return checks.sealed(np.equal(self.rows[:, WITHIN_LIMITS], 1.0))
-
-    @property
-    def margin(self) -> NDArray[np.float64]:
-        """(k, 6) distance to the nearer limit [rad]: negative outside, inf for an unlimited joint."""
-        return self.rows[:, 6:12]
-
-    @property
-    def distance(self) -> NDArray[np.float64]:
-        """(k,) distance to the seed [rad], Euclidean, circular on unlimited joints."""
-        return self.rows[:, DISTANCE]
-
-    @property
-    def position_error(self) -> NDArray[np.float64]:
-        """(k,) [m], measured on the model's own joint placements."""
-        return self.rows[:, POSITION_ERROR]
-
-    @property
-    def orientation_error(self) -> NDArray[np.float64]:
-        """(k,) [rad], measured on the model's own joint placements."""
-        return self.rows[:, ORIENTATION_ERROR]
-
-
-class Branches(BranchTable):
-    """Every configuration that reaches a pose, within the limits or not, nearest to the seed first.
-
-    Attributes:
-        dropped: whether branches may be missing: a table of the kernels was full, or, on an arm not built like a Jaco,
-            no neighbour of the arm settled what its roots left in doubt.
-    """
-
-    __slots__ = ("_look", "_touching", "dropped")
-    has_parameter = False
-
-    def __init__(
-        self,
-        rows: NDArray[np.float64],
-        dropped: bool = False,
-        touching: Touching | None = None,
-        look: Look | None = None,
-    ) -> None:
-        """Make the rows of one target, an array of one's own, read-only; `look` finds what touches when asked for."""
-        rows.flags.writeable = False  # one per solve: without a call
-        self.rows, self.dropped, self._touching, self._look = rows, dropped, touching, look
-
-    def __reduce__(self) -> tuple[object, tuple[object, ...]]:
-        """Rebuild from the array, which stays read-only."""
-        return type(self), (self.rows, self.dropped, self.touching)
-
-    @property
-    def touching(self) -> Touching | None:
-        """Pairs of shapes that touch at each branch; None when the solver does not look."""
-        if self._touching is None and self._look is not None:
-            self._touching = tuple(tuple(self._look(q)) for q in self.q)
-        return self._touching
-
-    def __repr__(self) -> str:
-        """How many there are, and how many of them are within the limits."""
-        return f"Branches({len(self)}, {int(self.within_limits.sum())} within the limits)"
-
-    def each_within_limits(self) -> Iterator[int]:
-        """The indices of the branches within the limits, in order."""
-        return compress(count(), self.rows[:, WITHIN_LIMITS].tolist())
-
-    @property
-    def singular(self) -> NDArray[np.bool_]:
-        """(k,) where a branch stands for a whole self-motion: axes 4 and 6 of a spherical wrist aligned, for one."""
-        return np.equal(self.rows[:, FAMILY], 1.0)
-
-    @property
-    def complete(self) -> bool:
-        """False when a branch stands for a whole self-motion, or when branches may be missing, see `dropped`."""
-        return not (self.dropped or self.singular.any())
-
-    @property
-    def q_within_limits(self) -> NDArray[np.float64]:
-        """(m, 6) joint angles [rad] of the branches within the limits."""
-        return checks.sealed(self.q[self.within_limits])
-
-    def show(self, of: object, **options: Any) -> Shown:  # Any: checked there
-        """Look at all of them in the browser: `of` is their robot, or the solver. See `jacokin.viewer.show`."""
-        return show(self, of, options)
-
-    def nearest(self) -> NDArray[np.float64] | None:
-        """The branch (dof,) within the limits [rad] nearest to the seed; None when there is none."""
-        return next((self.q[index] for index in self.each_within_limits()), None)
-
-    def widest(self) -> NDArray[np.float64] | None:
-        """The branch (dof,) within the limits [rad] with the largest limit margin; None when there is none."""
-        indices = list(self.each_within_limits())
-        return self.q[indices[int(self.margin[indices].min(axis=1).argmax())]] if indices else None
 
 
 class BestBranches(BranchTable):
@@ -244,7 +122,7 @@ class ClosedForm:
 
     @property
     def constants(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """What the kernels of families know about the arm: chain (7, 3, 4), arm (46,), limits (3, 6); read-only."""
+        """What the kernels of curves know about the arm: chain (7, 3, 4), arm (46,), limits (3, 6); read-only."""
         return self._chain, self._family_arm, self._limits
 
     @property
@@ -257,13 +135,13 @@ class ClosedForm:
         """(7, 3, 4) placements, read-only: pose = C0 Rz(q1) C1 Rz(q2) ... Rz(q6) C6."""
         return self._chain
 
-    def solve_all(self, T: NDArray[np.float64], seed: NDArray[np.float64], look: Look | None = None) -> Branches:
+    def solve_all(self, T: NDArray[np.float64], seed: NDArray[np.float64], verifier: Knows | None = None) -> Points:
         """Every branch, nearest to the seed first.
 
         Args:
             T: (4, 4) target T_base_tool: a rigid transformation, C-contiguous.
             seed: (6,) [rad].
-            look: finds pairs of shapes that touch at a branch, when they are asked for; None for no looking.
+            verifier: knows the arm and what touches, for what may be asked of the points; None for neither.
         """
         try:
             call = self._calls.pop()
@@ -273,7 +151,7 @@ class ClosedForm:
         target[:], start[:] = T, seed
         count = run()
         # A copy: the call's own rows are overwritten by its next run.
-        found = Branches(rows[: count if count >= 0 else ~count].copy(), count < 0, None, look)
+        found = Points(rows[: count if count >= 0 else ~count].copy(), count < 0, seed, verifier)
         self._calls.append(call)
         return found
 

@@ -12,8 +12,8 @@ from jacokin.arrays import Array
 from jacokin.ik.results import Status
 
 if TYPE_CHECKING:
-    from jacokin.ik.closed_form import Branches
     from jacokin.ik.options import SolverOptions
+    from jacokin.ik.solutions.points import Points
 
 NEARLY = 1e-3  # [m] or [rad] of a target in few digits: those of 1.571 leave 2e-4
 NAMED_PAIRS = 3  # in a message; the result's `touching` has all
@@ -37,7 +37,7 @@ class LimitExcess(NamedTuple):
     """Value of the free parameter [rad]."""
 
 
-def explain_branches(rows: Branches, joint_names: Sequence[str]) -> Outcome:
+def explain_branches(rows: Points, joint_names: Sequence[str]) -> Outcome:
     """When no branch of the closed form is a success: there is none, or each breaks a limit, or some may be missing."""
     if rows.dropped:
         return Outcome(
@@ -61,11 +61,11 @@ def explain_branches(rows: Branches, joint_names: Sequence[str]) -> Outcome:
     )
 
 
-def explain_family(complete: bool, branches: int, least: LimitExcess | None, joint_names: Sequence[str]) -> Outcome:
-    """When no member of a family is a success: nothing reaches the target, or every branch breaks a limit throughout.
+def explain_curves(complete: bool, branches: int, least: LimitExcess | None, joint_names: Sequence[str]) -> Outcome:
+    """When no member of a curve is a success: nothing reaches the target, or every branch breaks a limit throughout.
 
     Args:
-        complete: whether nothing is missing in the family.
+        complete: whether no curve is missing.
         branches: how many there are.
         least: where they come nearest to the limits; None without branches.
         joint_names: (dof,).

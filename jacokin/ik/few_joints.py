@@ -14,14 +14,13 @@ import numpy as np
 
 from jacokin.arrays import Array
 from jacokin.errors import StructureError
-from jacokin.ik import diagnosis, preferences
-from jacokin.ik.closed_form import Look
+from jacokin.ik import diagnosis
 from jacokin.ik.closest import ClosestSearch
 from jacokin.ik.diagnosis import Outcome
 from jacokin.ik.results import IKResult
 from jacokin.ik.targets import Request, TargetPose
 from jacokin.ik.verification import Candidate, Verifier
-from jacokin.ik.virtual_joints import BranchesOfFew, VirtualJoints
+from jacokin.ik.virtual_joints import PointsOfFew, VirtualJoints
 from jacokin.model import angles
 
 KEPT = 16  # free axes whose chains are kept
@@ -67,13 +66,13 @@ class FewJoints:
             return False
         return True
 
-    def solve_all(self, target: TargetPose, seed: Array, look: Look | None = None) -> BranchesOfFew:
+    def solve_all(self, target: TargetPose, seed: Array) -> PointsOfFew:
         """Every configuration, nearest to the seed (dof,) first.
 
         Raises:
             StructureError: as `chain`.
         """
-        return self.chain(target).solve_all(target, seed, look)
+        return self.chain(target).solve_all(target, seed)
 
     def solve(self, request: Request) -> IKResult:
         """The configuration within the limits of the least cost, or why there is none."""
@@ -89,21 +88,11 @@ class FewJoints:
         inside = [np.clip(q, verifier.robot.lower, verifier.robot.upper) for q in branches.q]
         return self._closest_to(request, outcome, inside)
 
-    def _candidates(self, branches: BranchesOfFew, request: Request) -> Iterator[Candidate]:
+    def _candidates(self, branches: PointsOfFew, request: Request) -> Iterator[Candidate]:
         """Branches within the limits, best first."""
-        indices, robot = list(branches.each_within_limits()), self._verifier.robot
         said = f"; {branches.free_joint} is free" if branches.free_joint else ""
-        rows = [(index, branches.q[index]) for index in indices]
-        if request.cost is not None and indices:
-            copies = np.array(
-                list(preferences.copies_to_try(request.cost.copies, branches.q[indices], request.seed, robot))
-            )
-            kept = ~np.isnan(copies).any(axis=2)
-            some, index = copies[kept], np.broadcast_to(indices, kept.shape)[kept]
-            order = np.lexsort((np.linalg.norm(some - request.seed, axis=1), request.cost(some)))
-            rows = [(int(index[each]), some[each]) for each in order.tolist()]
-        for index, q in rows:
-            parameter = None if branches.parameter is None else float(branches.parameter[index])
+        for index, q in branches.in_order(request.cost):
+            parameter = None if branches.angle is None else float(branches.angle[index])
             at = request.target if parameter is None else request.target.at(parameter)
             yield Candidate(q, at, f"branch {index + 1} of {len(branches)}{said}", parameter)
 

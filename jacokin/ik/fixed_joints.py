@@ -13,7 +13,10 @@ import pinocchio as pin
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
-from jacokin.ik.closed_form import Branches, ClosedForm, Look
+from jacokin.ik.closed_form import ClosedForm
+from jacokin.ik.solutions.points import Points
+from jacokin.ik.solutions.solution_set import Touching
+from jacokin.ik.verification import Verifier
 from jacokin.model import angles, checks
 from jacokin.model.robot import Robot
 
@@ -27,64 +30,70 @@ class FixedJoints:
         values: (dof,) values of the joints that are held [rad or m], NaN for the six others.
     """
 
-    __slots__ = ("_form", "_robot", "values")
+    __slots__ = ("_form", "_verifier", "values")
 
-    def __init__(
-        self, robot: Robot, frame: str, tool: pin.SE3 | None, values: tuple[float | None, ...], limit_snap: float
-    ) -> None:
+    def __init__(self, verifier: Verifier, values: tuple[float | None, ...]) -> None:
         """Write the chain without the joints that are held, and prepare its closed form: a tenth of a second.
 
         Args:
-            robot: the arm.
-            frame: name of the frame to solve for.
-            tool: T_frame_tool, or None.
+            verifier: the arm, frame and tool.
             values: as `checked_values` returns them.
-            limit_snap: as `IKSolver` takes it.
 
         Raises:
             StructureError: the six others are not turning joints that move the frame in six independent ways.
         """
-        self._robot, self.values = robot, checks.sealed(np.array(values, dtype=np.float64))
+        robot, snap = verifier.robot, verifier.options.limit_snap
+        self._verifier, self.values = verifier, checks.sealed(np.array(values, dtype=np.float64))
         free = np.isnan(self.values)
-        model, frame_id = hold(robot.pin_model, robot.frame_id(frame), self.values)
-        self._form = ClosedForm(model, frame_id, tool, robot.lower[free], robot.upper[free], limit_snap=limit_snap)
+        model, frame_id = hold(robot.pin_model, verifier.frame_id, self.values)
+        self._form = ClosedForm(model, frame_id, verifier.tool, robot.lower[free], robot.upper[free], limit_snap=snap)
 
-    def solve_all(self, T: Array, seed: Array) -> BranchesOfFixed:
+    def solve_all(self, T: Array, seed: Array) -> PointsOfFixed:
         """Every branch with those values, nearest to the seed first.
 
         Args:
             T: (4, 4) target T_base_tool.
             seed: (dof,) [rad or m].
         """
-        robot, free = self._robot, np.isnan(self.values)
+        robot, free = self._verifier.robot, np.isnan(self.values)
         away = angles.circular_distance(np.where(free, seed, self.values), seed, robot.unlimited)
-        return BranchesOfFixed(self._form.solve_all(T, seed[free]), robot, self.values, float(away))
+        found = self._form.solve_all(T, seed[free])
+        return PointsOfFixed(found.rows, found.dropped, seed, self._verifier, self.values, float(away))
 
 
-class BranchesOfFixed(Branches):
-    """Branches of an arm of more than six joints, those joints that are held in their places."""
+class PointsOfFixed(Points):
+    """Points of an arm of more than six joints, those joints that are held in their places."""
 
-    __slots__ = ("_held", "_robot", "_values")
+    __slots__ = ("_held", "_values")
 
-    def __init__(self, found: Branches, robot: Robot, values: Array, held: float) -> None:
-        """Take the branches (k, 6) of the other joints.
+    def __init__(
+        self,
+        rows: Array,
+        dropped: bool,
+        seed: Array,
+        verifier: Verifier,
+        values: Array,
+        held: float,
+        touching: Touching | None = None,
+    ) -> None:
+        """Take the rows (k, 17) of the other joints.
 
         Args:
-            found: those branches.
-            robot: the arm.
+            rows: those.
+            dropped: as `Points` takes it.
+            seed: (dof,) [rad or m].
+            verifier: of the whole arm.
             values: (dof,) values of the joints that are held [rad or m], NaN for the others.
             held: how far those are from the seed [rad or m].
+            touching: as `Points` takes it.
         """
-        super().__init__(found.rows, found.dropped, found._touching, found._look)
-        self._robot, self._values, self._held = robot, values, held
+        super().__init__(rows, dropped, seed, verifier, touching)
+        self._values, self._held = values, held
 
     def __reduce__(self) -> tuple[object, tuple[object, ...]]:
         """Rebuild from the arrays, which stay read-only."""
-        return type(self), (Branches(self.rows, self.dropped, self.touching), self._robot, self._values, self._held)
-
-    def looking(self, look: Look) -> BranchesOfFixed:
-        """The same branches, for each of which pairs of shapes that touch are found when they are asked for."""
-        return BranchesOfFixed(Branches(self.rows, self.dropped, look=look), self._robot, self._values, self._held)
+        shared = self.rows, self.dropped, self._seed, self._verifier
+        return type(self), (*shared, self._values, self._held, self.touching)
 
     @property
     def q(self) -> Array:
@@ -94,7 +103,7 @@ class BranchesOfFixed(Branches):
     @property
     def margin(self) -> Array:
         """(k, dof) distance to the nearer limit [rad or m]: negative outside, inf for an unlimited joint."""
-        robot = self._robot
+        robot = self._known().robot
         return self._placed(np.minimum(self._values - robot.lower, robot.upper - self._values), super().margin)
 
     @property

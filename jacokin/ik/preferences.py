@@ -40,7 +40,7 @@ class Cost(NamedTuple):
 
 #: What `prefer=` takes, besides a callable.
 PREFERENCES = ("nearest", "margin", "manipulability")
-#: Members of a family whose costs differ by less than this times the difference of their squared distances to the seed
+#: Members of curves whose costs differ by less than this times the difference of their squared distances to the seed
 #: [rad^2] count as equal: the nearer one is taken.
 TIE = 1e-9
 
@@ -71,7 +71,7 @@ def cost_of(prefer: Prefer, robot: Robot, frame: str) -> Cost | None:
 
 
 def with_ties(cost: Cost | None, seed: Array) -> Cost:
-    """A cost for members of a family: of equal ones the nearest to the seed is the best."""
+    """A cost for members of curves: of equal ones the nearest to the seed is the best."""
     distance = by_distance(seed)
     if cost is None:
         return distance

@@ -8,7 +8,7 @@ A solve goes through these modules:
 
     targets        what is asked for, checked once: a pose, a position, or a pose that may turn about an axis
     few_joints     arms of three, four and five turning joints
-    closed_form    candidates: the branches of a pose;  families, where a parameter is free;  qp, for everything else
+    closed_form    candidates: the branches of a pose;  solutions, where a parameter is free;  qp, for everything else
     verification   the check behind every success, and the selection of the first candidate that passes it
     near_misses    what is within the tolerances where no candidate meets the target exactly
     diagnosis      the status and the sentence when none does
@@ -26,7 +26,7 @@ import itertools
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, cast, overload
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import pinocchio as pin
@@ -36,7 +36,7 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, StructureError
 from jacokin.ik import diagnosis, gradients, near_misses, preferences
 from jacokin.ik.batches import batch
-from jacokin.ik.closed_form import Branches, ClosedForm
+from jacokin.ik.closed_form import ClosedForm
 from jacokin.ik.closest import ClosestSearch
 from jacokin.ik.few_joints import FewJoints
 from jacokin.ik.fixed_joints import SIX, FixedJoints, checked_values
@@ -51,19 +51,19 @@ from jacokin.ik.options import (
     SolverOptions,
     default_collision,
 )
-from jacokin.ik.preferences import Cost, Prefer
+from jacokin.ik.preferences import Prefer
 from jacokin.ik.results import BatchResult, IKResult
 from jacokin.ik.seeds import seed_within_limits
 from jacokin.ik.solutions import curve_arm
-from jacokin.ik.solutions.family import Family
+from jacokin.ik.solutions.points import Points
 from jacokin.ik.solutions.search import Scattered, SetSearch
-from jacokin.ik.targets import PartialTarget, Request, Target, TargetPose, interpret
+from jacokin.ik.solutions.solution_set import SolutionSet
+from jacokin.ik.targets import Request, Target, TargetPose, interpret
 from jacokin.ik.verification import Candidate, Verifier
 from jacokin.kernels.branches import FAMILY
 from jacokin.kernels.closed_form.batch import BRANCHES, LARGEST_MARGIN
 from jacokin.model import checks, poses
 from jacokin.model.loading import load_robot
-from jacokin.model.poses import FreeAxis
 from jacokin.model.robot import Robot, checked_robot
 
 if TYPE_CHECKING:
@@ -71,7 +71,6 @@ if TYPE_CHECKING:
 
 MOVE, WAYS = 30.0, 3  # of near misses: those cross a fold unless it lies along all three ways to a thirtieth
 NEARLY_SINGULAR = 1e-4  # [m or rad] singular value of a branch beside which the tool hardly moves along a curve
-SEVEN = 7  # joints of an arm whose poses have families
 ALL_IN_CONTACT = "every branch within the limits is in contact; the best"
 HELD = 16  # values of joints that are held, whose preparation is kept
 
@@ -147,10 +146,7 @@ class IKSolver:
             from jacokin.ik import qp_backend
 
             qp_backend.checked_solver(qp_solver)
-        in_closed_form = (
-            self.has_families or self.has_closed_form or self.has_points(np.eye(4))
-        )  # builds it: no solve waits for that
-        if method == "closed_form" and not in_closed_form:
+        if self.dimension() is None and method == "closed_form":  # builds what it asks for: no solve waits for that
             self.closed_form()  # says why
         self._search()
 
@@ -198,29 +194,45 @@ class IKSolver:
         Raises:
             StructureError: the robot has another structure; names the pair of axes and the misfit.
         """
-        if self.has_families:
-            raise StructureError("closed form for six joints; on seven joints a pose has a family: use solve_all")
+        if self._at_poses is not None:
+            raise StructureError("closed form for six joints; on seven a pose leaves one free: use solve_all")
         if isinstance(self._form, StructureError):
             raise self._form.with_traceback(None)  # one object, raised again and again
         return self._form
 
-    @property
-    def has_closed_form(self) -> bool:
-        """Whether the closed form fits this robot and frame, and the method allows it."""
-        return self._usable_form is not None
+    def dimension(self, target: Target | None = None) -> Literal[0, 1] | None:
+        """What `solve_all` gives for a target.
 
-    @property
-    def has_families(self) -> bool:
-        """Whether a pose has a family: an arm of seven joints that its closed form fits, and the method allows it."""
-        return self._seven is not None
+        Args:
+            target: as `solve` takes it; None for a pose, whichever.
 
-    def has_points(self, target: Target) -> bool:
-        """Whether `solve_all` gives a target's points on an arm of fewer than six joints: every configuration.
+        Returns:
+            0 for points, 1 for curves along which one parameter is free; None where only the QP helps, one
+            configuration at a time.
 
         Raises:
             InvalidInputError: target malformed.
         """
-        return self._few_at(interpret(target, self.frame)) is not None
+        wanted = interpret(np.eye(4) if target is None else target, self.frame)
+        if self._few_at(wanted) is not None:
+            return 0
+        if wanted.position_only:
+            return None
+        if wanted.free_axis is not None:
+            return None if self._usable_form is None else 1
+        if self._at_poses is not None:
+            return 1
+        return None if self._usable_form is None else 0
+
+    @property
+    def is_compiled(self) -> bool:
+        """Whether many poses are solved in one compiled loop: those of six joints in closed form."""
+        return self._usable_form is not None
+
+    @property
+    def parameter(self) -> str | None:
+        """The joint that is the parameter of the curves of a pose; None where poses have none."""
+        return None if self._at_poses is None else self._at_poses.parameter
 
     def solve(
         self,
@@ -249,7 +261,7 @@ class IKSolver:
 
         Returns:
             The preferred configuration within the limits, unlimited joints in the 2 pi copy nearest to the seed,
-            measured by Pinocchio; or why there is none. Of a family it has a `parameter`.
+            measured by Pinocchio; or why there is none. On a curve it has a `parameter`.
 
         Raises:
             InvalidInputError: target or seed malformed; method="closed_form" with a position-only target.
@@ -271,43 +283,26 @@ class IKSolver:
         few = self._few_at(wanted)
         if few is not None:
             return few.solve(request)
-        families = self._families(wanted)
-        if families is not None:
-            return families.solve(request)
+        curves = self._curves(wanted)
+        if curves is not None:
+            return curves.solve(request)
         form = None if wanted.position_only else self._usable_form
         return self._solve_by_qp(request) if form is None else self._solve_by_branches(form, request)
 
-    @overload
-    def solve_all(
-        self, target: FreeAxis | PartialTarget | Sequence[PartialTarget], seed: ArrayLike | None = None
-    ) -> Family: ...
-
-    @overload
-    def solve_all(self, target: pin.SE3 | ArrayLike, seed: ArrayLike | None = None) -> Branches: ...
-
-    @overload
-    def solve_all(
-        self, target: pin.SE3 | ArrayLike, seed: ArrayLike | None = None, *, fixed: Mapping[str, float]
-    ) -> Branches: ...
-
-    @overload
-    def solve_all(self, target: Target, seed: ArrayLike | None = None) -> Branches | Family: ...
-
     def solve_all(
         self, target: Target, seed: ArrayLike | None = None, *, fixed: Mapping[str, float] | None = None
-    ) -> Branches | Family:
-        """Every branch that reaches a pose, inside the limits or not; all of a family within the limits.
+    ) -> SolutionSet:
+        """Everything that reaches a target: points inside the limits or not, or curves within them.
 
         Args:
-            target: T_base_tool as `pin.SE3` or (4, 4), or a `FreeAxis`.
-            seed: (dof,) configuration [rad] branches are ordered by, and unlimited joints are near to; None for home.
+            target: T_base_tool as `pin.SE3` or (4, 4), or a `FreeAxis`; on three joints a position (3,) [m].
+            seed: (dof,) configuration [rad] points are ordered by, and unlimited joints are near to; None for home.
             fixed: on an arm of more than six joints, of any structure: all joints but six, held at these values
                 [rad or m], such as ``{"joint_3": 0.4}``. The first call with other values takes 25 to 50 ms more.
 
         Returns:
-            All branches, nearest first; none when the pose is out of reach. For a `FreeAxis`, or a pose of a
-            seven-joint Jaco without `fixed`, a `Family`; on fewer than six joints branches, those about a `FreeAxis`
-            with the angle of each as `parameter`.
+            Points, nearest first, where the target leaves no joint free; none when it is out of reach. Curves for a
+            pose of seven joints without `fixed`, and for a `FreeAxis` on six. `dimension` says which.
 
         Raises:
             InvalidInputError: target, seed or fixed malformed, or a target without orientation.
@@ -316,38 +311,25 @@ class IKSolver:
         """
         verifier = self._verifier
         wanted = interpret(target, verifier.frame)
-        start, _ = seed_within_limits(verifier.robot, seed)
-        look = verifier.touching if verifier.looks_for_contact else None
+        start = seed_within_limits(verifier.robot, seed)[0].copy()  # the set keeps it
         few = self._few_at(wanted) if fixed is None else None
         if few is not None:
-            return few.solve_all(wanted, start, look)
-        families = self._families(wanted) if fixed is None else None
-        if families is not None:
-            return families.find(wanted, start).family
+            return few.solve_all(wanted, start)
+        curves = self._curves(wanted) if fixed is None else None
+        if curves is not None:
+            return curves.find(wanted, start).curves
         if wanted.position_only:
             raise InvalidInputError("solve_all needs an orientation: a position alone is reached by infinitely many")
         if fixed is None:
-            return (self._usable_form or self.closed_form()).solve_all(wanted.matrix, start, look)
+            return (self._usable_form or self.closed_form()).solve_all(wanted.matrix, start, verifier)
         if wanted.free_axis is not None:
             raise InvalidInputError(
                 "fixed is for poses; a FreeAxis leaves one more joint free: give the pose at one angle"
             )
-        branches = self._holding(checked_values(verifier.robot, fixed)).solve_all(wanted.matrix, start)
-        return branches if look is None else branches.looking(look)
-
-    def family(self, target: Target, seed: ArrayLike | None = None) -> Family:
-        """As `solve_all` for a target that has a family: a `FreeAxis`, or a pose of a seven-joint arm.
-
-        Raises:
-            InvalidInputError: target or seed malformed, or a target that has no family.
-            StructureError: the robot has no closed form.
-        """
-        if self._families(interpret(target, self.frame)) is None:
-            raise InvalidInputError("only a FreeAxis, or a pose of a seven-joint arm, has a family; use solve_all")
-        return cast(Family, self.solve_all(target, seed))
+        return self._holding(checked_values(verifier.robot, fixed)).solve_all(wanted.matrix, start)
 
     def scatter(self, target: Target, step: float) -> Scattered | None:
-        """Members of a family for a first look, a step of the parameter apart: many times sooner than `family`.
+        """Members of curves for a first look, a step of the parameter apart: many times sooner than `solve_all`.
 
         What lies between two of them wholly is missing, and contact is not looked for.
 
@@ -356,14 +338,14 @@ class IKSolver:
             step: of the parameter [rad].
 
         Returns:
-            The members within the limits; None where there would be too many, or the target has no family.
+            The members within the limits; None where there would be too many, or the target has no curves.
 
         Raises:
             InvalidInputError: malformed target or step.
         """
         wanted, step = interpret(target, self.frame), checks.positive("step", step, "rad")
-        families = self._families(wanted)
-        return None if families is None else families.scatter(wanted, step)
+        curves = self._curves(wanted)
+        return None if curves is None else curves.scatter(wanted, step)
 
     def solve_batch(
         self,
@@ -395,7 +377,7 @@ class IKSolver:
         nearest = preferences.cost_of(prefer, self.robot, self.frame) is None
         if callable(prefer) and workers != 1:
             batch.check_picklable("prefer", prefer)
-        compiled = self._compiled if nearest and self.has_closed_form else None
+        compiled = self._compiled if nearest and self._usable_form is not None else None
         single = functools.partial(self.solve, prefer=prefer)
         return batch.solve(
             self.robot,
@@ -431,7 +413,7 @@ class IKSolver:
             SingularAnswerError: the joints cannot follow every motion; names the smallest singular value.
             UnknownNameError: no such reference.
         """
-        return gradients.target_gradient(self._verifier, result, self._parameter, reference)
+        return gradients.target_gradient(self._verifier, result, self.parameter, reference)
 
     def parameter_gradient(self, result: IKResult) -> Array:
         """How the joints of an answer move along the curve of all answers to its target, where there is one.
@@ -446,7 +428,7 @@ class IKSolver:
             InvalidInputError: as `gradient`, or the answers to the target are points.
             SingularAnswerError: the curve turns back here, or several meet; names the smallest singular value.
         """
-        return gradients.parameter_gradient(self._verifier, result, self._parameter)
+        return gradients.parameter_gradient(self._verifier, result, self.parameter)
 
     def pull_back(self, q: ArrayLike, cotangents: ArrayLike) -> Array:
         """Derivatives of a number by the entries of poses, from those by their answers: for automatic differentiation.
@@ -465,12 +447,7 @@ class IKSolver:
         Raises:
             InvalidInputError: malformed arguments, or an arm of other than six joints, or seven with a parameter.
         """
-        return gradients.pull_back(self._verifier, q, cotangents, self._parameter)
-
-    @property
-    def _parameter(self) -> str | None:
-        """The joint that is the parameter of the curves of a pose; None where poses have none."""
-        return None if self._seven is None else self._seven.parameter
+        return gradients.pull_back(self._verifier, q, cotangents, self.parameter)
 
     def __reduce__(self) -> tuple[object, tuple[object, ...]]:
         """Pickle the options; working memory is made anew."""
@@ -499,21 +476,23 @@ class IKSolver:
     @functools.cached_property
     def _holding(self) -> Callable[[tuple[float | None, ...]], FixedJoints]:
         """What solves with joints held at values (dof,) [rad or m], None for six; the last ones are kept."""
-        verifier, snap = self._verifier, self._options.limit_snap
+        verifier = self._verifier
 
         @functools.lru_cache(maxsize=HELD)
         def holding(values: tuple[float | None, ...]) -> FixedJoints:
-            return FixedJoints(verifier.robot, verifier.frame, verifier.tool, values, snap)
+            return FixedJoints(verifier, values)
 
         return holding
 
     @functools.cached_property
-    def _six(self) -> SetSearch:
+    def _about_axis(self) -> SetSearch:
+        """What finds the curves of an arm whose poses have points, about a free axis."""
         return SetSearch(self._verifier, curve_arm.about_axis(self.closed_form(), self.robot))
 
     @functools.cached_property
-    def _seven(self) -> SetSearch | None:
-        if self._uses_qp or self.robot.dof != SEVEN:
+    def _at_poses(self) -> SetSearch | None:
+        """What finds the curves of poses; None for an arm whose poses have none."""
+        if self._uses_qp:
             return None
         try:
             return SetSearch(self._verifier, curve_arm.at_poses(self._verifier))
@@ -529,23 +508,23 @@ class IKSolver:
         few = not self._uses_qp and self.robot.dof < SIX and self._few.covers(target)
         return self._few if few else None
 
-    def _families(self, target: TargetPose) -> SetSearch | None:
-        """What finds the family of a target; None where no parameter is free.
+    def _curves(self, target: TargetPose) -> SetSearch | None:
+        """What finds the curves of a target; None where no parameter is free.
 
         Raises:
-            InvalidInputError: a free axis on seven joints, or with the QP.
+            InvalidInputError: a free axis where poses have curves, or with the QP.
             StructureError: a free axis, and the robot has no closed form.
         """
         if target.free_axis is None:
-            return None if target.position_only else self._seven
-        if self.robot.dof == SEVEN:
+            return None if target.position_only else self._at_poses
+        if self._uses_qp:
+            raise InvalidInputError("a FreeAxis needs the closed form; use method='auto'")
+        if self._at_poses is not None:
             raise InvalidInputError(
                 "a FreeAxis on seven joints leaves two free parameters: give the pose at one angle about it, or try "
                 "several"
             )
-        if self._uses_qp:
-            raise InvalidInputError("a FreeAxis needs the closed form; use method='auto'")
-        return self._six
+        return self._about_axis
 
     def _solve_by_branches(self, form: ClosedForm, request: Request) -> IKResult:
         """The branch within the limits of the least cost, or why there is none."""
@@ -553,11 +532,10 @@ class IKSolver:
         if beyond is not None:
             return beyond
         target, robot = request.target, self.robot
-        branches = form.solve_all(target.matrix, request.seed)
+        branches = form.solve_all(target.matrix, request.seed, self._verifier)
         rows = branches.rows
         candidates: Iterator[Candidate] = (
-            Candidate(q, target, f"branch {index + 1} of {len(rows)}")
-            for index, q in _in_order(branches, request.cost, request.seed, robot)
+            Candidate(q, target, f"branch {index + 1} of {len(rows)}") for index, q in branches.in_order(request.cost)
         )
         candidates = self._with_straight_wrists(candidates, branches, request)
         result = self._verifier.select(candidates, request, ALL_IN_CONTACT)
@@ -572,14 +550,14 @@ class IKSolver:
         return self._closest.solve(request, outcome, [np.clip(q, robot.lower, robot.upper) for q in branches.q])
 
     def _with_straight_wrists(
-        self, candidates: Iterator[Candidate], branches: Branches, request: Request
+        self, candidates: Iterator[Candidate], branches: Points, request: Request
     ) -> Iterator[Candidate]:
         """The branches, and in their places among them what those that stand for a whole self-motion stand for."""
         if request.cost is None:
             yield from itertools.islice(candidates, 1)  # the nearest of all is a branch; who asks on avoids contact
         if branches.singular.any():
             several, target, seed = self._verifier.avoids_contact, request.target, request.seed
-            found = self._six.straight_wrists(target, seed, branches.q[branches.singular])
+            found = self._about_axis.straight_wrists(target, seed, branches.q[branches.singular])
             members = (
                 Candidate(member.q, target, "a member of a self-motion")
                 for member in found.candidates(request.cost, several=several)
@@ -588,7 +566,7 @@ class IKSolver:
             candidates = heapq.merge(candidates, members, key=lambda each: float(wish(each.q[np.newaxis])[0]))
         yield from candidates
 
-    def _almost_reaching(self, form: ClosedForm, request: Request, branches: Branches) -> Array:
+    def _almost_reaching(self, form: ClosedForm, request: Request, branches: Points) -> Array:
         """Branches (k, 6) [rad] of a target that are not far outside the limits, and such beyond a fold next to it."""
         T, seed, near = request.target.matrix, request.seed, -self._near_misses.near
         moved = self._near_misses.moved(T)
@@ -598,7 +576,7 @@ class IKSolver:
         if len(branches):
             rows.append(branches.q[branches.margin.min(axis=1) >= near])
             nearly_singular = [self._singular_value(q) < NEARLY_SINGULAR for q in branches.q]
-            rows.append(self._six.nearly_standing(T, branches.q[nearly_singular]))
+            rows.append(self._about_axis.nearly_standing(T, branches.q[nearly_singular]))
         return np.vstack(rows) if rows else np.empty((0, 6))
 
     def _singular_value(self, q: Array) -> float:
@@ -618,7 +596,7 @@ class IKSolver:
                 raise InvalidInputError("prefer needs an orientation: a position is solved for one configuration only")
         elif request.cost is not None:
             raise InvalidInputError("prefer needs the closed form, which gives all configurations to choose from")
-        no_form = not self._uses_qp and not self.has_families and isinstance(self._form, StructureError)
+        no_form = not self._uses_qp and self._at_poses is None and isinstance(self._form, StructureError)
         if no_form and self._closest.reach.exceeded(request.target) is None:  # beyond reach it does not matter
             request = request._replace(note=request.message(f"no closed form: {self._form}"))
         return self._search().solve(request)
@@ -636,7 +614,7 @@ class IKSolver:
         return search
 
     def _make_search(self) -> LocalSearch:
-        nearest = self._nearest_at if self.has_families or self.has_closed_form else None
+        nearest = None if self._at_poses is None and self._usable_form is None else self._nearest_at
         if nearest is not None and self._options.qp_solver == DEFAULT_QP_SOLVER:
             from jacokin.ik.positions import PositionDescents
 
@@ -647,9 +625,9 @@ class IKSolver:
 
     def _nearest_at(self, pose: TargetPose, seed: Array) -> Array | None:
         """The configuration within the limits nearest to a seed (dof,) that reaches a pose; None for none."""
-        if self._seven is None:
+        if self._at_poses is None:
             return self.closed_form().solve_all(pose.matrix, seed).nearest()
-        member = self._seven.nearest(pose, seed)
+        member = self._at_poses.nearest(pose, seed)
         return None if member is None else member[0]
 
     def _compiled(self, matrices: Array, seeds: Array, workers: int) -> batch.CompiledAnswers:
@@ -678,21 +656,6 @@ class IKSolver:
 def _rebuild(robot: Robot, frame: str, tool: pin.SE3 | None, options: SolverOptions) -> IKSolver:
     given = {field.name: getattr(options, field.name) for field in dataclasses.fields(options)}
     return IKSolver(robot, frame, tool=tool, **given)
-
-
-def _in_order(branches: Branches, cost: Cost | None, seed: Array, robot: Robot) -> Iterator[tuple[int, Array]]:
-    """Indices and configurations (6,) of the branches within the limits, best first, of equal ones the nearest."""
-    indices = branches.each_within_limits()
-    if cost is None:
-        yield from ((index, branches.rows[index, :6]) for index in indices)
-        return
-    some = list(indices)
-    copies = np.array(list(preferences.copies_to_try(cost.copies, branches.q[some], seed, robot)))  # (c, k, 6)
-    kept = ~np.isnan(copies).any(axis=2)
-    rows, index = copies[kept], np.broadcast_to(some, kept.shape)[kept]
-    costs = cost(rows) if len(rows) else np.empty(0)
-    for each in np.lexsort((np.linalg.norm(rows - seed, axis=1), costs)).tolist():
-        yield int(index[each]), rows[each]
 
 
 def solve_ik(

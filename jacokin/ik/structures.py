@@ -79,12 +79,12 @@ def structure(robot: Robot, frame: str | None = None, *, tool: pin.SE3 | ArrayLi
     checked_robot("robot", robot)
     frame_id = robot.frame_id(frame)
     checked = None if tool is None else poses.checked_pose(tool, "tool")
-    if robot.dof == 7:
+    if _turns_seven(robot, frame_id, checked):
         try:
             measure_seven(robot.pin_model, frame_id, checked)
-        except StructureError as error:
-            return Structure("none", f"the QP finds one configuration: {error}", ())
-        return Structure("jaco with seven joints", "a closed form for each angle of joint 3: families", ())
+        except StructureError:
+            return Structure("seven joints", "curves in the first or the last joint, through a chain of six", ())
+        return Structure("jaco with seven joints", "a closed form for each angle of joint 3: curves", ())
     if FEWEST <= robot.dof < 6 and not robot.sliding.any():
         return Structure(FEW[robot.dof - FEWEST], "every configuration, as a chain of six with virtual joints", ())
     try:
@@ -109,6 +109,15 @@ def structure(robot: Robot, frame: str | None = None, *, tool: pin.SE3 | ArrayLi
         NO_FORM.sentence if geometry.misfit > EXACT_MISFIT else "every branch, from the Jaco's closed form",
         (Residual("built like a Jaco", float(geometry.misfit), 0.0),),
     )
+
+
+def _turns_seven(robot: Robot, frame_id: int, tool: pin.SE3 | None) -> bool:
+    """Whether an arm is one chain of seven turning joints up to a frame."""
+    try:
+        chain_of(robot.pin_model, frame_id, tool, 7)
+    except StructureError:
+        return False
+    return True
 
 
 def spherical_wrist(chain: NDArray[np.float64]) -> Residual:

@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from jacokin.arrays import Array
 from jacokin.errors import ShapeError
 from jacokin.ik import diagnosis, targets
-from jacokin.ik.closed_form import BranchTable
 from jacokin.ik.options import SolverOptions
 from jacokin.ik.results import IKResult, IKResultDraft, Status
 from jacokin.ik.seeds import inside_exactly
+from jacokin.ik.solutions.points import BranchTable
+from jacokin.ik.solutions.solution_set import SolutionSet
 from jacokin.ik.targets import Request, TargetPose
 from jacokin.model import checks
 from jacokin.model.robot import Robot
@@ -42,7 +43,7 @@ class Candidate(NamedTuple):
     q: Array
     """(dof,) [rad]."""
     target: TargetPose
-    """What it is measured against: for a family, the pose where the parameter has its value."""
+    """What it is measured against: on a curve, the pose where the parameter has its value."""
     message: str
     """Which one it is."""
     parameter: float | None = None
@@ -82,6 +83,10 @@ class Verifier:
         self._upper = robot.upper.tolist()
         self._contact, self.unchecked, self._unreadable = _contact(robot, options)
         self.avoids_contact = self._contact is not None and options.collision in ("prefer", "reject")
+
+    def __reduce__(self) -> tuple[object, tuple[object, ...]]:
+        """Pickle the options; working memory is made anew."""
+        return Verifier, (self.robot, self.frame, self.tool, self.options)
 
     def require_contact(self) -> None:
         """Refuse to go on without looking for contact where that is only because the shapes cannot be loaded.
@@ -154,7 +159,7 @@ class Verifier:
             and inside_exactly(self._lower, q.tolist(), self._upper)
         )
 
-    def reached_rows(self, rows: BranchTable) -> NDArray[np.bool_]:
+    def reached_rows(self, rows: BranchTable | SolutionSet) -> NDArray[np.bool_]:
         """`reached` for rows of the closed form, which come with their measured errors."""
         within = (rows.q >= self.robot.lower).all(axis=1) & (rows.q <= self.robot.upper).all(axis=1)
         near = rows.position_error <= self.options.position_tolerance

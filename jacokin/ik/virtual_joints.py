@@ -21,8 +21,10 @@ from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import StructureError
-from jacokin.ik.closed_form import Branches, ClosedForm, Look, Touching
+from jacokin.ik.closed_form import ClosedForm
 from jacokin.ik.fixed_joints import hold
+from jacokin.ik.solutions.points import Points
+from jacokin.ik.solutions.solution_set import Touching
 from jacokin.ik.structures import FEWEST
 from jacokin.ik.targets import TargetPose
 from jacokin.ik.verification import Verifier
@@ -50,35 +52,36 @@ WRIST = (np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.
 ORIENTATION = pin.exp3(np.array([0.53, -0.81, 0.27]))
 
 
-class BranchesOfFew(Branches):
+class PointsOfFew(Points):
     """Configurations of an arm of fewer than six joints at a target, nearest to the seed first.
 
     Attributes:
-        parameter: (k,) angle about the free axis [rad], read-only; None where the target has none.
+        angle: (k,) angle about the free axis [rad], read-only; None where the target has none.
         free_joint: name of a joint that turns about the free axis itself, so that it may have any value: it stays
             where the seed has it; empty for none.
     """
 
-    __slots__ = ("_dof", "free_joint", "parameter")
+    __slots__ = ("_dof", "angle", "free_joint")
 
     def __init__(
         self,
         rows: Array,
-        dof: int,
-        parameter: Array | None,
-        free_joint: str,
         dropped: bool,
+        seed: Array,
+        verifier: Verifier,
+        angle: Array | None,
+        free_joint: str,
         touching: Touching | None = None,
-        look: Look | None = None,
     ) -> None:
-        """Take rows (k, 17), whose first columns are the arm's own joints."""
-        super().__init__(rows, dropped, touching, look)
-        self._dof, self.free_joint = dof, free_joint
-        self.parameter = None if parameter is None else checks.sealed(parameter)
+        """Take rows (k, 17), whose first columns are the arm's own joints; the rest as `Points` does."""
+        super().__init__(rows, dropped, seed, verifier, touching)
+        self._dof, self.free_joint = len(seed), free_joint
+        self.angle = None if angle is None else checks.sealed(angle)
 
     def __reduce__(self) -> tuple[object, tuple[object, ...]]:
         """Rebuild from the arrays, which stay read-only."""
-        return type(self), (self.rows, self._dof, self.parameter, self.free_joint, self.dropped, self.touching)
+        shared = self.rows, self.dropped, self._seed, self._verifier
+        return type(self), (*shared, self.angle, self.free_joint, self.touching)
 
     @property
     def q(self) -> Array:
@@ -100,7 +103,7 @@ class VirtualJoints:
     """One arm of fewer than six joints and one kind of target; immutable.
 
     Attributes:
-        free_joint: as `BranchesOfFew` has it.
+        free_joint: as `PointsOfFew` has it.
     """
 
     __slots__ = ("_form", "_position_only", "_real", "_sign", "_still", "_verifier", "free_joint")
@@ -135,7 +138,7 @@ class VirtualJoints:
         model, frame_id = self._chain(virtual)
         self._form = ClosedForm(model, frame_id, None, lower, upper, limit_snap=limit_snap)
 
-    def solve_all(self, target: TargetPose, seed: Array, look: Look | None = None) -> BranchesOfFew:
+    def solve_all(self, target: TargetPose, seed: Array) -> PointsOfFew:
         """Every configuration, nearest to the seed (dof,) first, within the limits or not."""
         real, T = self._real, target.matrix.copy()
         if self._position_only:
@@ -155,7 +158,7 @@ class VirtualJoints:
                 q[:, -1] -= self._sign * beyond
             else:
                 outside = np.abs(beyond) > SAME
-        return self._made(rows, q, seed, parameter, outside, found.dropped, look)
+        return self._made(rows, q, seed, parameter, outside, found.dropped)
 
     def _made(
         self,
@@ -165,8 +168,7 @@ class VirtualJoints:
         parameter: Array | None,
         outside: NDArray[np.bool_],
         dropped: bool,
-        look: Look | None,
-    ) -> BranchesOfFew:
+    ) -> PointsOfFew:
         """Configurations (k, dof) as the answer, those that are one only once."""
         robot = self._verifier.robot
         margin = np.minimum(q - robot.lower, robot.upper - q)
@@ -184,7 +186,7 @@ class VirtualJoints:
         if self._still or self._position_only:  # several of the chain's may be one of the arm's
             kept = _different(q, kept)
         parameter = None if parameter is None else parameter[kept]
-        return BranchesOfFew(made[kept], robot.dof, parameter, self.free_joint, dropped, None, look)
+        return PointsOfFew(made[kept], dropped, seed, self._verifier, parameter, self.free_joint)
 
     def _standing(self, rows: Array, T: Array) -> Array:
         """Those of some rows whose last joints stand at zero within the tolerances, moved so that they do exactly."""

@@ -4,7 +4,7 @@ They take numbers and arrays, no robot and no file. C programs reach them throug
 
 closed_form                          every branch of a six-joint Jaco at a pose
 six_joints                           every branch of a six-joint arm of any structure
-self_motion                          self-motions: all configurations with one free parameter
+solution_set                         sets of solutions with one parameter
 contact                              contact, distances and certain motions of an arm among obstacles
 free_motion                          ways around what blocks a straight joint motion
 clear_targets                        many targets, each answered by the nearest branch clear of contact

@@ -24,7 +24,7 @@ from jacokin.model.poses import FreeAxis
 OPPOSITE = 1e-6  # [rad] axes this near to opposite have no way from one to the other
 NARROW = 1e-9  # [rad] a range of the free angle below this is one value
 MOST_PLACES = 50_000  # steps of a path: half a kilometre, or that many waypoints
-MOST_FAMILIES = 10_000  # the same where each of them has a family
+MOST_CURVES = 10_000  # the same where each of them has curves
 
 
 class CartesianPath:

@@ -2,7 +2,7 @@
 
 A pose is reached in up to a dozen ways, and a path that is easy from one of them runs into a joint limit from another.
 `track_path` starts the tracker on every branch of the first pose within the limits (on seven joints: on members of its
-family), nearest to the seed first, until one of them stays on the path throughout; or on the one that the arm is on.
+curves), nearest to the seed first, until one of them stays on the path throughout; or on the one that the arm is on.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from jacokin.motion.trajectory import BranchReport, Trajectory, list_segments
 SPEED = 0.05  # [m/s]
 ANGULAR_SPEED = 0.5  # [rad/s]
 QP_STARTS = 24  # random seeds that look for branches where the closed form does not apply
-FAMILY_STARTS = 24  # members of the first pose's family that are tried on seven joints
+CURVE_STARTS = 24  # members of the first pose's curves that are tried on seven joints
 PROGRESS_CALLS = 200  # per branch at most
 REHEARSAL_SPEED = 1e3  # [rad/s] no limit in effect
 REHEARSAL_TICKS = 200  # of a line at least, however fast it is asked for: they show how joints speed up and slow down
@@ -153,7 +153,7 @@ def track_path(
         words = [_sentence_from_start(best), note]
     else:
         words = [
-            _sentence(best, len(reports), reaching, "start" if solver.has_families else "branch"),
+            _sentence(best, len(reports), reaching, "start" if solver.dimension() == 1 else "branch"),
             seeds.describe_jump(robot.joint_names, away, "home" if seed is None else "the seed"),
             note,
         ]
@@ -171,19 +171,19 @@ def start_branches(solver: IKSolver, pose: pin.SE3, seed: Array) -> list[Array]:
     On seven joints the nearest one and others spread over all intervals. Where the closed form does not apply, those
     that the QP finds from the seed and random configurations.
     """
-    if solver.has_families:
-        family = solver.family(pose, seed=seed)
-        nearest = family.nearest(seed)
-        if nearest is None:
-            return []
-        others = family.sample(FAMILY_STARTS)
-        order = np.argsort(angles.circular_distance(others, seed, solver.robot.unlimited), kind="stable")
-        return [nearest, *(np.array(q) for q in others[order])]
     try:
-        branches = solver.solve_all(pose, seed=seed)
-        return [np.array(q) for q in branches.q[branches.within_limits]]
+        reaching = solver.solve_all(pose, seed=seed)
     except StructureError:
         pass
+    else:
+        if reaching.dimension == 0:
+            return [np.array(q) for q in reaching.q_within_limits]
+        nearest = reaching.nearest(seed)
+        if nearest is None:
+            return []
+        others = reaching.sample(CURVE_STARTS)
+        order = np.argsort(angles.circular_distance(others, seed, solver.robot.unlimited), kind="stable")
+        return [nearest, *(np.array(q) for q in others[order])]
     robot, found = solver.robot, list[Array]()
     rng = np.random.default_rng(seeds.DEFAULT_RANDOM_SEED)
     for first in (seed, *robot.sample(rng, QP_STARTS)):

@@ -137,7 +137,7 @@ class RobotArm(Entity):
         with check_physics(physics).lock:
             solver = self.site_solver(physics, site)
             found: Iterable[Solution]
-            if solver.has_closed_form:
+            if solver.lists_all:
                 found = solver.nearest(position, rotation)
             else:
                 found = solver.solutions(position, rotation, self.sampling_bounds(physics), random_state, attempts)
@@ -160,7 +160,7 @@ class RobotArm(Entity):
             JacokinError: as `site_solver`, or the compiled kernels do not load.
         """
         check_physics(physics)
-        if site is None or self.site_solver(physics, site).has_closed_form:
+        if site is None or self.site_solver(physics, site).lists_all:
             warmup()
 
     def site_solver(self, physics: Physics, site: mujoco.MjsSite | str) -> SiteSolver:

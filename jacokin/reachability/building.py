@@ -68,7 +68,7 @@ def build(
     """Build a map, or the part of it that is missing.
 
     Args:
-        robot: an arm of six or seven joints with a closed form. On seven, each pose has a family of configurations,
+        robot: an arm of six or seven joints with a closed form. On seven, each pose has curves of configurations,
             which takes some hundred times as long, and intervals are counted.
         folder: where the map is kept; made if it is not there. A map that is there is completed.
         grid: the box to cover; None for all that the arm could reach, in steps of 5 cm.
@@ -109,13 +109,13 @@ def build(
         raise InvalidInputError(f"collision must be {choices}, got {collision!r}")
     solver = IKSolver(robot, frame, tool=tool, method="closed_form", collision=collision, scene=scene)
     solver.verifier.require_contact()
-    if not solver.has_families:
+    if solver.dimension() != 1:
         solver.closed_form()
     found = NO_SYMMETRIES
     if use_symmetry and solver.verifier.options.collision in ("ignore", "prefer"):
         found = find_symmetries(solver)
     chosen, found = checked_orientations(orientations, found)
-    if chosen.axes is not None and solver.has_families:
+    if chosen.axes is not None and solver.dimension() == 1:
         raise InvalidInputError("orientations that may turn about an axis are for six joints: seven turn by themselves")
     samples = Samples(Grid.around(robot, SPACING) if grid is None else grid, chosen, found)
     recipe = make_recipe(solver, samples)

@@ -22,9 +22,9 @@ from jacokin.arrays import Array
 from jacokin.chunks.folder import HASH_DIGITS, RECIPE, Keeper, digest, file_digest
 from jacokin.errors import InvalidInputError, JacokinError
 from jacokin.ik.batches.chunk import unpickled_solver
-from jacokin.ik.closed_form import BranchTable
-from jacokin.ik.solutions.family import Interval
 from jacokin.ik.preferences import by_margin
+from jacokin.ik.solutions.interval import Interval
+from jacokin.ik.solutions.points import BranchTable
 from jacokin.ik.solver import IKSolver
 from jacokin.model import angles, checks
 from jacokin.model.descriptions.bundled import DEFAULT_ROBOT
@@ -136,7 +136,7 @@ def make_recipe(solver: IKSolver, samples: Samples) -> dict[str, object]:
     source = solver.robot.source
     free = samples.orientations.axes is not None and symmetries.tool_axis is None
     single = one_by_one(solver, free)
-    counted = INTERVALS if free or solver.has_families else "configurations within the limits"
+    counted = INTERVALS if single else "configurations within the limits"
     return {
         "format": FORMAT,
         "version": jacokin.__version__,
@@ -228,14 +228,14 @@ def one_by_one(solver: IKSolver, free: bool) -> bool:
         solver: of the map.
         free: whether tools may turn about an axis.
     """
-    return free or solver.has_families
+    return free or solver.dimension() == 1
 
 
 def count_reaching(solver: IKSolver, targets: Array, orientations: Orientations | None = None) -> Answers:
     """How many configurations reach each of n poses (n, 4, 4), with what margin, and how many only in contact.
 
-    Where a pose has a family of configurations, because the arm has seven joints or the tool may turn about an axis,
-    the number is that of its intervals, and the margin that of its widest member.
+    Where a pose has curves of configurations, because the arm has seven joints or the tool may turn about an axis,
+    the number is that of its intervals, and the margin the largest of a member.
 
     Args:
         solver: of the map.
@@ -284,14 +284,14 @@ def _without_contact(solver: IKSolver, targets: Array, found: Answers) -> Answer
 
 
 def _count_intervals(solver: IKSolver, target: Array | FreeAxis) -> tuple[int, float, int]:
-    """Intervals of a family, the largest margin, and intervals in contact: those whose members touch, of some."""
-    family = solver.family(target)
+    """Intervals of curves, the largest margin, and intervals in contact: those whose members touch, of some."""
+    found = solver.solve_all(target)
     cost = by_margin(solver.robot)
     if not solver.verifier.avoids_contact:
-        widest = family.widest()
-        return len(family), np.nan if widest is None else -float(cost(widest[None])[0]), 0
-    found = [-float(cost(rows).min()) for interval in family if len(rows := _clear_on(solver, interval))]
-    return len(found), max(found, default=np.nan), len(family) - len(found)
+        best = found.best("margin")
+        return len(found), np.nan if best is None else -float(cost(best[None])[0]), 0
+    clear = [-float(cost(rows).min()) for interval in found.intervals if len(rows := _clear_on(solver, interval))]
+    return len(clear), max(clear, default=np.nan), len(found) - len(clear)
 
 
 def _clear_on(solver: IKSolver, interval: Interval) -> Array:
@@ -304,21 +304,19 @@ def _clear_on(solver: IKSolver, interval: Interval) -> Array:
 
 def _free_members(solver: IKSolver, interval: Interval) -> Array:
     """Of some members (k, dof) of an interval, those that touch nothing, where contact counts."""
-    rows = np.vstack([interval.sample(SAMPLES)[1], interval.widest()])
+    rows = np.vstack([interval.sample(SAMPLES)[1], interval.best("margin")])
     if not solver.verifier.avoids_contact:
         return rows
     return np.asarray(rows[~solver.verifier.touching_rows(rows)])
 
 
 def usable_rows(solver: IKSolver, target: Array) -> tuple[Array, Array]:
-    """Configurations (k, dof) that reach a pose, of families some, and the limit margin (k,) of each, largest first."""
-    if solver.has_families:
-        rows = np.vstack(
-            [np.empty((0, solver.robot.dof)), *(_free_members(solver, each) for each in solver.family(target))]
-        )
+    """Configurations (k, dof) that reach a pose, of curves some, and the limit margin (k,) of each, largest first."""
+    found = solver.solve_all(target)
+    if found.dimension == 1:
+        rows = np.vstack([np.empty((0, solver.robot.dof)), *(_free_members(solver, each) for each in found.intervals)])
     else:
-        branches = solver.solve_all(target)
-        rows = branches.q_within_limits
+        rows = found.q_within_limits
         if solver.verifier.avoids_contact:
             rows = rows[~solver.verifier.touching_rows(rows)]
     margins = -by_margin(solver.robot)(rows)

@@ -124,7 +124,7 @@ class ReachabilityMap:
 
     @cached_property
     def branches(self) -> Array:
-        """(nx, ny, nz) mean number of configurations (of families: intervals), over all orientations."""
+        """(nx, ny, nz) mean number of configurations (of curves: intervals), over all orientations."""
         return self._spread(self.counts.mean(axis=1))
 
     @cached_property

@@ -27,7 +27,6 @@ from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, StructureError
-from jacokin.ik.solutions.family import Family
 from jacokin.ik.solver import IKSolver
 from jacokin.model import checks, poses
 from jacokin.motion.free_motion.plan_motion import plan_motion
@@ -51,7 +50,6 @@ PLANNED_PART = 0.8  # of the tracker's clearance: an arm that leans against it m
 LAG = 0.05  # [rad] a planned motion waits for joints that are farther behind
 BLOCKED = 2.0  # [s] of waiting, after which a planned motion is given up
 RETRY = 2.0  # [s] until another way to a target that is held off is looked for again
-SEVEN = 7  # joints, of which any is held where it is if the curves of its branches are not known
 SPREAD = 5  # places on a branch that is a curve; those at its ends are not tried
 ARRIVED = 1e-4  # [rad] nearer to the end of a planned motion, it is done
 
@@ -274,15 +272,15 @@ class Teleop:
         try:
             found = solver.solve_all(self.tool, seed=q)
         except StructureError as error:
-            for joint, angle in zip(robot.joint_names, q.tolist(), strict=True) if robot.dof == SEVEN else ():
-                with contextlib.suppress(StructureError):
+            for joint, angle in zip(robot.joint_names, q.tolist(), strict=True):
+                with contextlib.suppress(StructureError, InvalidInputError):  # of seven joints, any may be held
                     found = solver.solve_all(self.tool, seed=q, fixed={joint: angle})
                     break
             else:
                 raise InvalidInputError(
                     f"the branches of {robot.label} cannot be listed, so give q, the configuration to go to: {error}"
                 ) from error
-        if isinstance(found, Family):
+        if found.dimension == 1:
             nearest = [interval.nearest(q) for interval in found.intervals]
             here = min(range(len(nearest)), key=lambda i: float(np.abs(nearest[i] - q).max()), default=0)
             rows = [

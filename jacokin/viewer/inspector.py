@@ -24,11 +24,10 @@ from jacokin.model.poses import FreeAxis
 from jacokin.viewer.view import Free, ShownPlaces, View
 
 if TYPE_CHECKING:
-    from jacokin.ik.solutions.family import Family
+    from jacokin.ik.solutions.solution_set import SolutionSet
     from jacokin.motion.tracking.steps import TrackerStep  # loads MuJoCo
 
-MEMBERS = 12  # least number of postures drawn of a family
-FREE_JOINT = 2  # of a seven-joint arm, the parameter of its families
+MEMBERS = 12  # least number of postures drawn along curves
 FULL_TURN = (-math.pi, math.pi)  # [rad]
 SAME = 1e-6  # [rad] a branch this near to the joint angles is the arm itself
 
@@ -60,9 +59,9 @@ class Inspector:
             target: T_base_tool, checked.
             seed: (dof,) where the arm is, within the limits [rad].
         """
-        if not self.solver.has_closed_form:  # one answer, or with seven joints its family
+        if self.solver.dimension() != 0:  # one answer, or curves
             view = self.closest(self._bare(target, seed))
-            return self._with_family(view) if view.status is Status.OK else view
+            return self._with_curves(view) if view.status is Status.OK else view
         answer = self.solver.solve(target, seed, closest=False, prefer=self.prefer)
         found = self.solver.solve_all(target, seed)
         view = replace(
@@ -116,7 +115,7 @@ class Inspector:
         """
         direction = np.eye(3)[axis]
         target = FreeAxis(pose, axis=direction, range=limits)
-        family = self.solver.family(target, seed)
+        found = self.solver.solve_all(target, seed)
         near = seed
         if angle is None:
             answer = self.solver.solve(target, seed, closest=False, prefer=self.prefer)
@@ -124,7 +123,7 @@ class Inspector:
             near = answer.q if answer.success else seed
         angle = min(max(float(angle), limits[0]), limits[1])
         view = self.at(pose * pin.SE3(pin.exp3(angle * direction), np.zeros(3)), near)
-        free = Free(f"angle about {'xyz'[axis]}", angle, *limits, _spans(family), axis, pose)
+        free = Free(f"angle about {'xyz'[axis]}", angle, *limits, _spans(found), axis, pose)
         return replace(view, seed=seed, free=free)
 
     def slid(self, view: View, value: float) -> View:
@@ -140,9 +139,9 @@ class Inspector:
         if view.free is None:
             raise InvalidInputError(f"{self.robot.name} has no redundant joint")
         value = checks.number("value", value, "rad")
-        family = self.solver.family(view.target, view.q)
+        found = self.solver.solve_all(view.target, view.q)
         members = []
-        for interval in family:
+        for interval in found.intervals:
             near = value + TURN * round((0.5 * (interval.start + interval.stop) - value) / TURN)
             inside = min(max(near, interval.start), interval.stop)
             q = interval.at(inside, view.q)
@@ -151,14 +150,14 @@ class Inspector:
             return view
         _, _, q = min(members, key=lambda member: member[:2])
         moved = replace(self._placed(view, q), seed=q, errors=self.errors(q, view.target))
-        return self._with_family(moved, family)
+        return self._with_curves(moved, found)
 
     def posture(self, q: Array) -> View:
         """The view of an arm whose joints are set by hand: the target is where its tool is."""
         inside = checks.read_only(np.clip(q, self.robot.lower, self.robot.upper))
         target = self.pose_of(inside)
-        if not self.solver.has_closed_form:
-            return self._with_family(self._placed(self._bare(target, inside), inside))
+        if self.solver.dimension() != 0:
+            return self._with_curves(self._placed(self._bare(target, inside), inside))
         view = self.at(target, inside)
         # In a singular posture the branch that the arm is at may stand for many, or be in contact.
         near = np.flatnonzero((np.abs(view.branches - inside) < SAME).all(axis=1))
@@ -169,7 +168,7 @@ class Inspector:
 
     def followed(self, target: pin.SE3, step: TrackerStep) -> View:
         """The view of a target that a tracker follows: the arm where the tracker is."""
-        view = self.at(target, step.q) if self.solver.has_closed_form else self._bare(target, step.q)
+        view = self.at(target, step.q) if self.solver.dimension() == 0 else self._bare(target, step.q)
         errors = step.position_error, step.orientation_error
         by = f", held back by {', '.join(step.limiting)}" if step.limiting else ""
         far = f"{1e3 * errors[0]:.1f} mm and {math.degrees(errors[1]):.1f} deg from the target{by}"
@@ -260,14 +259,15 @@ class Inspector:
             view, status=status, q=q, selected=None, arm_touching=pairs, errors=(0.0, 0.0), message="", pending=False
         )
 
-    def _with_family(self, view: View, family: Family | None = None) -> View:
+    def _with_curves(self, view: View, found: SolutionSet | None = None) -> View:
         """A reached view of a seven-joint arm: some of the postures that reach the target for branches."""
-        if not self.solver.has_families:
+        if self.solver.dimension() != 1:
             return view
-        family = self.solver.family(view.target, view.q) if family is None else family
-        branches = np.vstack((view.q, family.sample(MEMBERS)))
+        found = self.solver.solve_all(view.target, view.q) if found is None else found
+        assert found.parameter is not None
+        branches = np.vstack((view.q, found.sample(MEMBERS)))
         margins = self.margin(branches)
-        joint = FREE_JOINT
+        joint = self.robot.joint_index(found.parameter)
         low, high = max(float(self.robot.lower[joint]), -np.pi), min(float(self.robot.upper[joint]), np.pi)
         return replace(
             view,
@@ -276,7 +276,7 @@ class Inspector:
             margins=checks.read_only(margins),
             within=np.all(margins >= 0.0, axis=1),
             touching=tuple(map(self.touching, branches)) if self.solver.verifier.looks_for_contact else None,
-            free=Free(self.robot.joint_names[joint], float(view.q[joint]), low, high, _spans(family)),
+            free=Free(self.robot.joint_names[joint], float(view.q[joint]), low, high, _spans(found)),
         )
 
 
@@ -295,6 +295,6 @@ def _answered(view: View, answer: IKResult) -> View:
     )
 
 
-def _spans(family: Family) -> tuple[tuple[float, float], ...]:
-    """Values of the parameter from start to stop that a family has [rad]."""
-    return tuple((float(interval.start), float(interval.stop)) for interval in family)
+def _spans(found: SolutionSet) -> tuple[tuple[float, float], ...]:
+    """Values of the parameter from start to stop that curves have [rad]."""
+    return tuple((float(interval.start), float(interval.stop)) for interval in found.intervals)

@@ -131,7 +131,7 @@ def find_call(inspector: Inspector, view: View) -> SolveCall:
                 call = SolveCall(seed, prefer, free)
                 if inspector.robot.within_limits(seed) and _gives(inspector, view, call):
                     return call
-    if len(view.branches) and inspector.solver.has_closed_form:
+    if len(view.branches) and inspector.solver.dimension() == 0:
         found = inspector.solver.solve_all(view.target, view.seed)
         apart = np.abs(found.q - view.q).max(axis=1)
         if len(apart) and apart.min() < SAME:

@@ -16,9 +16,9 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from jacokin.errors import InvalidInputError, MissingExtraError, ModelError
-from jacokin.ik.closed_form import Branches
 from jacokin.ik.results import IKResult
 from jacokin.ik.seeds import seed_within_limits
+from jacokin.ik.solutions.solution_set import SolutionSet
 from jacokin.ik.solver import IKSolver
 from jacokin.ik.targets import checked_target
 from jacokin.model import checks
@@ -186,17 +186,17 @@ SCREENS = ("DISPLAY", "WAYLAND_DISPLAY")
 
 
 def show(
-    shown: IKResult | Branches | Trajectory,
+    shown: IKResult | SolutionSet | Trajectory,
     of: Robot | IKSolver,
     *,
     scene: Scene | None = None,
     browse: bool = True,
     port: int = 0,
 ) -> Viewer:
-    """Show a result in the browser; `result.show(of)`, `branches.show(of)` and `trajectory.show(of)` call this.
+    """Show a result in the browser; `result.show(of)`, `solution_set.show(of)` and `trajectory.show(of)` call this.
 
     Args:
-        shown: an answer of `solve`, of which the arm stands where it is; branches of `solve_all`, each of which is
+        shown: an answer of `solve`, of which the arm stands where it is; what `solve_all` gave, each point of which is
             drawn; a trajectory, to play.
         of: the robot that it is about, or the solver that found it, for its frame, tool, obstacles and contact.
         scene: obstacles, instead of the solver's.
@@ -224,13 +224,14 @@ def show(
         raise checks.refusal("of", "a Robot, or the IKSolver that found the result", of)
     if isinstance(shown, IKResult):
         viewer = serving(seed=shown.q)
-    elif isinstance(shown, Branches):
+    elif isinstance(shown, SolutionSet):
         if not len(shown):
-            raise InvalidInputError("there are no branches to show: the pose is out of reach")
-        at = checks.vector("branches", shown.q[0], robot.dof, "rad")
+            raise InvalidInputError("there is no configuration to show: the pose is out of reach")
+        nearest = shown.nearest()
+        at = checks.vector("set", shown.q[0] if nearest is None else nearest, robot.dof, "rad")
         frame, tool = (of.frame, of.tool) if isinstance(of, IKSolver) else (None, None)
         place = robot.forward_kinematics(at, frame)
-        viewer = serving(target=place if tool is None else place * tool, seed=shown.nearest())
+        viewer = serving(target=place if tool is None else place * tool, seed=nearest)
     else:
         viewer = serving(trajectory=shown, velocity_limit=getattr(shown, "velocity_limit", None))
     if browsing and (sys.platform != "linux" or any(os.environ.get(name) for name in SCREENS)):

@@ -14,7 +14,7 @@ from jacokin.viewer.view import Free, View
 
 GREEN, RED, ORANGE, GREY = "#237032", "#c92a2a", "#a34700", "#495057"  # each readable on white
 REACHED = 1e-5  # [m] and [rad] an error below this cannot be seen
-LIST = "max-height:14em;overflow-y:auto"  # of branches: eight are seen, the members of a family are scrolled
+LIST = "max-height:14em;overflow-y:auto"  # of branches: eight are seen, members of curves are scrolled
 RIGHT = "text-align:right;white-space:nowrap"
 COLOUR = {Status.OK: GREEN, Status.IN_COLLISION: ORANGE}
 

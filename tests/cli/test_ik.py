@@ -167,12 +167,13 @@ def test_fingers_stand_where_they_are_told(capsys: pytest.CaptureFixture[str]) -
 
 
 def test_messages_name_options_and_not_pythons_arguments(run: Run, tmp_path: Path) -> None:
-    for name in ("five", "seven"):
-        (tmp_path / f"{name}.urdf").write_text(urdf_of(CHAINS[name]))
-    seven = ("ik", *POSE, "--robot", str(tmp_path / "seven.urdf"), "--all")
-    refused = run(*seven)
+    eight = np.insert(CHAINS["seven"], 3, CHAINS["seven"][1], 0)
+    for name, chain in (("five", CHAINS["five"]), ("seven", CHAINS["seven"]), ("eight", eight)):
+        (tmp_path / f"{name}.urdf").write_text(urdf_of(chain))
+    refused = run("ik", *POSE, "--robot", str(tmp_path / "eight.urdf"), "--all")
     assert refused.code == 2
-    assert refused.err.endswith("this model has 7: --all holds joints at values with --fixed\n")
+    assert refused.err.endswith("this model has 8: --all holds joints at values with --fixed\n")
+    seven = ("ik", *POSE, "--robot", str(tmp_path / "seven.urdf"), "--all")
     assert run(*seven, "--fixed", "joint_3=20", "--degrees").code in (0, 1)
     assert "--fixed must be JOINT=VALUE" in run(*seven, "--fixed", "0.4").err
     assert "--fixed goes with --all" in run("ik", *POSE, "--fixed", "joint_3=0.4").err

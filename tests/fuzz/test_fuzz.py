@@ -15,7 +15,8 @@ from fuzz import arguments, calibrations, examples, files, motions, six_joints, 
 from fuzz.kinematics import bundled_chain, rotation_error, urdf_chain
 from jacokin import IKSolver, Robot
 from jacokin.calibration import Measurements, calibrate
-from jacokin.ik import BatchResult, Branches
+from jacokin.ik import BatchResult
+from jacokin.ik.solutions.points import Points
 from jacokin.model import NAMES, Scene, Sphere, load_robot, urdf_folder
 from jacokin.motion import move_joints
 
@@ -132,7 +133,7 @@ def test_a_branch_that_is_lost_is_noticed(tmp_path: Path, monkeypatch: pytest.Mo
     solver, q = IKSolver(robot, collision="ignore"), robot.sample(rng)
     assert list(six_joints.check_branches(solver, q)) == []
     found = solver.solve_all(robot.forward_kinematics(q), q).q  # the nearest first, which is q
-    monkeypatch.setattr(Branches, "q", property(lambda branches: found[1:]))
+    monkeypatch.setattr(Points, "q", property(lambda branches: found[1:]))
     (finding,) = six_joints.check_branches(solver, q)
     assert finding.kind == "lost"
 

@@ -151,7 +151,7 @@ def assert_nearest_clear_member(
     """Whether the nearest member of all touches: another one is taken, and no clear one is much nearer."""
     result = solver.solve(target, seed)
     assert result.success
-    family = IKSolver(solver.robot, collision="ignore").family(target, seed)
+    family = IKSolver(solver.robot, collision="ignore").solve_all(target, seed)
     rows = family.sample(2000)
     clear = rows[[not contact.touches(q) for q in rows]]
     if result.touching:

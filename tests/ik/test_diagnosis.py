@@ -9,10 +9,10 @@ import jacokin
 from jacokin import IKSolver, Robot, Status
 from jacokin.arrays import Array
 from jacokin.ik import diagnosis
-from jacokin.ik.closed_form import Branches
 from jacokin.ik.diagnosis import LimitExcess
 from jacokin.ik.options import SolverOptions
 from jacokin.ik.seeds import seed_within_limits
+from jacokin.ik.solutions.points import Points
 from jacokin.ik.targets import Request, interpret
 from jacokin.ik.verification import Candidate
 from jacokin.kernels.branches import COLUMNS, ORIENTATION_ERROR, POSITION_ERROR, WITHIN_LIMITS
@@ -21,13 +21,13 @@ NAMES = tuple(f"joint_{number}" for number in range(1, 7))
 FREE = [1.0] * 6  # [rad] from every limit
 
 
-def branches(*margins: list[float], dropped: bool = False) -> Branches:
+def branches(*margins: list[float], dropped: bool = False) -> Points:
     """Branches with these distances (6,) to their limits [rad], a little off their target."""
     rows = np.zeros((len(margins), COLUMNS))
     for row, margin in zip(rows, margins, strict=True):
         row[6:12], row[WITHIN_LIMITS] = margin, min(margin) >= 0.0
         row[POSITION_ERROR], row[ORIENTATION_ERROR] = 2e-5, 3e-5
-    return Branches(rows, dropped)
+    return Points(rows, dropped)
 
 
 @pytest.mark.parametrize(
@@ -53,7 +53,7 @@ def branches(*margins: list[float], dropped: bool = False) -> Branches:
         ),
     ],
 )
-def test_branches(found: Branches, status: Status, message: str) -> None:
+def test_branches(found: Points, status: Status, message: str) -> None:
     assert diagnosis.explain_branches(found, NAMES) == (status, message)
 
 
@@ -82,7 +82,7 @@ def test_branches(found: Branches, status: Status, message: str) -> None:
     ],
 )
 def test_families(complete: bool, least: LimitExcess | None, status: Status, message: str) -> None:
-    assert diagnosis.explain_family(complete, 3, least, NAMES) == (status, message)
+    assert diagnosis.explain_curves(complete, 3, least, NAMES) == (status, message)
 
 
 def test_descents() -> None:

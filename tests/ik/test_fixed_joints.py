@@ -12,7 +12,7 @@ import pytest
 import jacokin
 from jacokin import Robot
 from jacokin.arrays import Array
-from jacokin.errors import InvalidInputError, StructureError, UnknownNameError
+from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.ik import IKSolver, Scene, Sphere
 from jacokin.model.angles import circular_distance
 
@@ -120,7 +120,7 @@ def test_a_jaco_of_seven_joints_agrees_with_its_family(rng: np.random.Generator)
     solver = IKSolver(robot, collision="ignore")
     q = robot.sample(rng)
     target = robot.forward_kinematics(q)
-    interval = solver.family(target, q).intervals[0]
+    interval = solver.solve_all(target, q).intervals[0]
     value = 0.5 * (interval.start + interval.stop)
     held = {"joint_3": float(interval.at(value)[2])}
     branches = solver.solve_all(target, fixed=held)
@@ -162,7 +162,7 @@ def test_what_may_not_be_held(tmp_path: Path) -> None:
         with pytest.raises(InvalidInputError, match="fixed must hold all joints but six: 1 of offsets's 7"):
             solver.solve_all(target, fixed=wrong)
     with pytest.raises(InvalidInputError, match="fixed must be a dict"):
-        solver.solve_all(target, fixed=[("joint_3", 0.1)])  # type: ignore[call-overload]
+        solver.solve_all(target, fixed=[("joint_3", 0.1)])  # type: ignore[arg-type]
     six = jacokin.load_robot()
     with pytest.raises(InvalidInputError, match="0 of j2n6s300's 6, not 1"):
         IKSolver(six).solve_all(six.forward_kinematics(six.home), fixed={"joint_3": 3.0})

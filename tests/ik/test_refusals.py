@@ -137,12 +137,15 @@ def test_solve_all_refuses(
         IKSolver(robot, **options).solve_all(target)
 
 
-def test_only_targets_with_a_free_parameter_have_a_family(robot: Robot) -> None:
-    for target in (POSE, POSITION):
-        with pytest.raises(InvalidInputError, match="only a FreeAxis, or a pose of a seven-joint arm, has a family"):
-            IKSolver(robot).family(target)
+def test_what_a_target_has_is_said_beforehand(robot: Robot) -> None:
+    seven = IKSolver(jacokin.load_robot("j2s7s300"))
+    assert [IKSolver(robot).dimension(target) for target in (None, POSE, FREE, POSITION)] == [0, 0, 1, None]
+    assert [seven.dimension(target) for target in (None, POSE, FREE, POSITION)] == [1, 1, None, None]
+    assert [IKSolver(robot, method="qp").dimension(target) for target in (POSE, FREE)] == [None, None]
+    with pytest.raises(InvalidInputError, match="points have no parameter"):
+        IKSolver(robot).solve_all(POSE).parameter_of(robot.home)
     with pytest.raises(InvalidInputError, match="leaves two free parameters"):
-        IKSolver(jacokin.load_robot("j2s7s300")).solve(FREE)
+        seven.solve(FREE)
 
 
 @pytest.mark.parametrize(

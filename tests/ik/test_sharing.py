@@ -150,10 +150,26 @@ def test_batches_keep_the_note_about_the_seed(robot: Robot) -> None:
     assert "joint_2" not in batch.message[1]
 
 
-def test_families_are_pickled(robot: Robot) -> None:
-    target = jacokin.FreeAxis(jacokin.pose([0.3, -0.2, 0.4], down=True), axis=(0.0, 0.0, 1.0))
-    family = IKSolver(robot).family(target)
-    copied = pickle.loads(pickle.dumps(family))
-    assert (len(copied), copied.branches, copied.complete) == (len(family), family.branches, family.complete)
-    np.testing.assert_array_equal(copied.sample(20), family.sample(20))
-    np.testing.assert_array_equal(copied.nearest(robot.home), family.nearest(robot.home))
+def test_sets_are_pickled(robot: Robot) -> None:
+    pose = jacokin.pose([0.3, -0.2, 0.4], down=True)
+    for target in (pose, jacokin.FreeAxis(pose, axis=(0.0, 0.0, 1.0))):
+        found = IKSolver(robot).solve_all(target)
+        copied = pickle.loads(pickle.dumps(found))
+        assert repr(copied) == repr(found)
+        assert (len(copied), copied.branches, copied.complete) == (len(found), found.branches, found.complete)
+        for name in ("q", "margin", "within_limits", "distance"):
+            np.testing.assert_array_equal(getattr(copied, name), getattr(found, name))
+        np.testing.assert_array_equal(copied.sample(20), found.sample(20))
+        np.testing.assert_array_equal(copied.nearest(robot.home), found.nearest(robot.home))
+        np.testing.assert_array_equal(copied.best("margin"), found.best("margin"))
+
+
+def test_a_set_keeps_the_seed_that_it_was_solved_with(robot: Robot) -> None:
+    pose = jacokin.pose([0.3, -0.2, 0.4], down=True)
+    for target in (pose, jacokin.FreeAxis(pose, axis=(1.0, 0.0, 0.0))):
+        seed = robot.home + 0.1
+        found = IKSolver(robot).solve_all(target, seed)
+        before = found.nearest(), found.best("margin")
+        seed += 1.0
+        np.testing.assert_array_equal(found.nearest(), before[0])
+        np.testing.assert_array_equal(found.best("margin"), before[1])

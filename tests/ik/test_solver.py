@@ -18,7 +18,7 @@ import jacokin
 from jacokin import IKSolver, Robot, Status
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, StructureError
-from jacokin.ik import Branches, Family
+from jacokin.ik import SolutionSet
 from jacokin.model import NAMES, SelfContact, urdf_folder
 
 angles = st.floats(-math.pi, math.pi)
@@ -149,30 +149,50 @@ def test_branches_come_nearest_first_with_margins(robot: Robot, rng: np.random.G
     assert not branches.q.flags.writeable
 
 
-def test_branches_and_families_are_read_in_one_way(bundled: Callable[[str], Robot], rng: np.random.Generator) -> None:
+def test_points_and_curves_are_read_in_one_way(bundled: Callable[[str], Robot], rng: np.random.Generator) -> None:
     six, seven = bundled("j2n6s300"), bundled("j2s7s300")
     poses = [six.forward_kinematics(six.sample(rng)), seven.forward_kinematics(seven.sample(rng))]
     about_x = jacokin.FreeAxis(poses[0], axis=(1.0, 0.0, 0.0))
     far = jacokin.pose([3.0, 0.0, 0.0])
-    for robot, target, expected in ((six, poses[0], False), (six, about_x, True), (seven, poses[1], True)):
+    for robot, target, expected in (
+        (six, poses[0], (0, None)),
+        (six, about_x, (1, "angle")),
+        (seven, poses[1], (1, "joint_3")),
+    ):
         seed = robot.sample(rng)
-        found: Branches | Family = IKSolver(robot).solve_all(target, seed)
-        assert found.has_parameter == expected
+        found: SolutionSet = IKSolver(robot).solve_all(target, seed)
+        assert (found.dimension, found.parameter) == expected
+        assert IKSolver(robot).dimension(target) == found.dimension
         assert found.complete
         assert found.q.shape == found.margin.shape == (len(found), robot.dof)
+        assert bool(found.intervals) == (found.dimension == 1)
+        assert max(found.position_error.max(), found.orientation_error.max()) < 1e-6
+        np.testing.assert_allclose(
+            found.distance,
+            np.linalg.norm(np.where(robot.unlimited, circular(found.q - seed), found.q - seed), axis=1),
+            atol=1e-9,
+        )
         assert found.within_limits.shape == (len(found),)
         for row, margin, within in zip(found.q, found.margin, found.within_limits, strict=True):
             assert robot.within_limits(row) == within == (margin >= 0.0).all()
-        for column in (found.q, found.within_limits, found.margin):
+        for column in (found.q, found.within_limits, found.margin, found.distance, found.q_within_limits):
             assert not column.flags.writeable
         rows = found.q[found.within_limits]
-        nearest, widest = found.nearest(), found.widest()
+        nearest, widest = found.nearest(), found.best("margin")
         assert nearest is not None
         assert widest is not None
         np.testing.assert_array_equal(nearest, rows[np.argmin(np.linalg.norm(rows - seed, axis=1))])
         assert np.minimum(widest - robot.lower, robot.upper - widest).min() >= found.margin.min(axis=1).max() - 1e-9
-        none: Branches | Family = IKSolver(robot).solve_all(far, seed)
-        assert (len(none), none.q.shape, none.nearest(), none.widest()) == (0, (0, robot.dof), None, None)
+        for prefer in ("nearest", "margin", "manipulability", lambda q: float(q[0])):
+            answer = IKSolver(robot, collision="ignore").solve(target, seed, prefer=prefer)
+            np.testing.assert_array_equal(found.best(prefer), answer.q)
+        other = robot.sample(rng)
+        moved = found.nearest(other)
+        assert moved is not None
+        assert np.linalg.norm(moved - other) <= np.linalg.norm(found.sample(50) - other, axis=1).min() + 1e-9
+        assert all(robot.within_limits(row) for row in found.sample(5))
+        none: SolutionSet = IKSolver(robot).solve_all(far, seed)
+        assert (len(none), none.q.shape, none.nearest(), none.best("margin")) == (0, (0, robot.dof), None, None)
 
 
 def test_limits_that_exclude_every_branch_are_named(rng: np.random.Generator) -> None:
@@ -333,12 +353,14 @@ def test_no_solve_waits_for_an_import(made: str, solved: str) -> None:
 
 
 def test_missing_branches_are_no_proof(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
-    from jacokin.ik.closed_form import Branches, ClosedForm
+    from jacokin.ik.closed_form import ClosedForm
+    from jacokin.ik.solutions.points import Points
+    from jacokin.ik.verification import Verifier
 
     solve_all = ClosedForm.solve_all
 
-    def full(self: ClosedForm, T: Array, seed: Array) -> Branches:
-        return Branches(solve_all(self, T, seed).rows, dropped=True)
+    def full(self: ClosedForm, T: Array, seed: Array, verifier: Verifier) -> Points:
+        return Points(solve_all(self, T, seed).rows, True, seed, verifier)
 
     monkeypatch.setattr(ClosedForm, "solve_all", full)
     solver = IKSolver(robot)

@@ -38,7 +38,7 @@ def moved_jaco(folder: Path, metres: str) -> Robot:
 
 def test_a_ur5_has_all_its_branches(ur5: Robot, rng: np.random.Generator) -> None:
     solver = IKSolver(ur5)
-    assert solver.has_closed_form
+    assert solver.dimension() == 0
     for q in ur5.sample(rng, 20):
         target = ur5.forward_kinematics(q)
         branches = solver.solve_all(target, q)
@@ -79,13 +79,12 @@ def test_what_a_ur5_does_not_reach_is_said_as_of_a_jaco(ur5: Robot) -> None:
 
 
 def test_a_tool_that_may_turn(ur5: Robot) -> None:
-    """The curves are followed from every branch; a small closed one may be missed, which is said."""
     q = np.array([0.3, -1.0, 1.2, 0.4, 0.5, 0.6])
     target = jacokin.FreeAxis(ur5.forward_kinematics(q), axis=(1, 0, 0))
     solver = IKSolver(ur5)
-    family = solver.solve_all(target, q)
-    assert len(family)
-    assert not family.complete
+    found = solver.solve_all(target, q)
+    assert len(found)
+    assert found.complete
     result = solver.solve(target, q).raise_for_status()
     assert result.parameter is not None
     reached = ur5.forward_kinematics(result.q)

@@ -13,7 +13,7 @@ import jacokin
 from benchmarks import few_joints
 from jacokin import FreeAxis, IKSolver, Status
 from jacokin.arrays import Array
-from jacokin.ik.closed_form import Branches
+from jacokin.ik.solutions.points import Points
 
 CASES = [(name, word) for name, places in few_joints.ARMS.items() for word in few_joints.kinds(len(places) - 1)]
 Z = np.array([0.0, 0.0, 1.0])
@@ -32,9 +32,9 @@ def solver_of(folder: Path, name: str, limit: float = 3.1) -> IKSolver:
     return IKSolver(robot, few_joints.tip(robot), collision="ignore")
 
 
-def points(solver: IKSolver, target: jacokin.ik.targets.Target, seed: Array) -> Branches:
+def points(solver: IKSolver, target: jacokin.ik.targets.Target, seed: Array) -> Points:
     found = solver.solve_all(target, seed)
-    assert isinstance(found, Branches)
+    assert isinstance(found, Points)
     return found
 
 

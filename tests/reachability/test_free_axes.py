@@ -74,12 +74,12 @@ def test_a_cell_is_reached_when_any_member_is(
         found = bool((branches > 0).any())
         if found != (count > 0):  # between two angles of the scan
             assert not found
-            lengths = [interval.length for interval in solver.family(target)]
+            lengths = [interval.length for interval in solver.solve_all(target).intervals]
             assert max(lengths) < 2.0 * np.pi / SCANNED
             continue
         seen[found] += 1
         if found:
-            assert count == len(solver.family(target))
+            assert count == len(solver.solve_all(target))
             best = float(margins[branches > 0].max())
             assert best - 2e-3 <= margin < best + 2e-2
     assert min(seen.values()) > 5

@@ -55,7 +55,7 @@ def test_a_map_agrees_with_the_solver(reach: ReachabilityMap, seven: Robot, rng:
     assert 0.05 < (counts > 0).mean() < 0.9
     solver = IKSolver(seven, collision="ignore")
     for target, count in zip(targets, counts, strict=True):
-        assert len(solver.family(target)) == count
+        assert len(solver.solve_all(target)) == count
     # Nothing that the map calls unreachable is reached by descents, which know nothing of the closed form.
     descents = IKSolver(seven, method="qp", max_restarts=4, collision="ignore")
     out = targets[counts == 0][:20]

@@ -12,7 +12,9 @@ import jacokin
 from jacokin import IKSolver, Robot, Status
 from jacokin.arrays import Array
 from jacokin.errors import UnknownNameError
-from jacokin.ik.closed_form import Branches, ClosedForm, Look
+from jacokin.ik.closed_form import ClosedForm
+from jacokin.ik.solutions.points import Points
+from jacokin.ik.verification import Verifier
 from jacokin.viewer import Inspector, View, texts
 
 TURNS = (-2 * np.pi, 0.0, 2 * np.pi)
@@ -136,10 +138,10 @@ def test_the_status_is_the_solvers_also_where_branches_are_missing(
     """A table of the closed form that was full does not prove that no branch is missing: it is looked for otherwise."""
     solve_all = ClosedForm.solve_all
 
-    def cut(form: ClosedForm, T: Array, seed: Array, look: Look | None = None) -> Branches:
-        table = solve_all(form, T, seed, look)
+    def cut(form: ClosedForm, T: Array, seed: Array, verifier: Verifier | None = None) -> Points:
+        table = solve_all(form, T, seed, verifier)
         kept = ~table.within_limits if branches == "outside" else np.zeros(len(table), dtype=bool)
-        return Branches(table.rows[kept].copy(), dropped)
+        return Points(table.rows[kept].copy(), dropped, seed, verifier)
 
     target = outside(inspector, rng).target
     monkeypatch.setattr(ClosedForm, "solve_all", cut)
@@ -265,7 +267,7 @@ def test_a_tool_after_the_frame_counts(robot: Robot) -> None:
 
 def test_a_solver_without_a_closed_form_has_one_answer(robot: Robot) -> None:
     inspector = Inspector(IKSolver(robot, "end_effector", method="qp"))
-    assert not inspector.solver.has_closed_form
+    assert inspector.solver.dimension() is None
     view = inspector.posture(robot.home)
     assert view.status is Status.OK
     moved = view.target * pin.SE3(np.eye(3), np.array([0.02, 0.0, 0.0]))

@@ -65,7 +65,9 @@ def test_every_branch_is_shown(robot: Robot) -> None:
         assert len(running.view.branches) == len(branches)
         shown = np.abs(running.view.branches[:, None, 1:3] - branches.q[None, :, 1:3]).max(axis=2).min(axis=0)
         assert shown.max() < 1e-6
-        assert np.allclose(running.view.q, branches.nearest(), atol=1e-6)
+        nearest = branches.nearest()
+        assert nearest is not None
+        assert np.allclose(running.view.q, nearest, atol=1e-6)
 
 
 def test_a_motion_is_played(robot: Robot) -> None:
@@ -100,6 +102,19 @@ def test_a_motion_opens_where_it_begins_with_its_path_and_play_in_sight(robot: R
         assert until(lambda: np.allclose(page.node("/path").props["points"].reshape(-1, 2, 3)[0, 0], start, atol=1e-6))
 
 
+def test_curves_are_shown_from_the_member_nearest_to_their_seed(robot: Robot) -> None:
+    solver = IKSolver(robot)
+    found = solver.solve_all(jacokin.FreeAxis(TARGET, axis=(0.0, 0.0, 1.0)))
+    assert found.dimension == 1
+    nearest = found.nearest()
+    assert nearest is not None
+    with found.show(solver, browse=False) as running:
+        assert isinstance(running, Viewer)
+        reached = running.view.target.translation
+        assert np.allclose(reached, TARGET.translation, atol=1e-6)
+        assert np.abs(found.q - running.view.q).max(axis=1).min() < 1e-6
+
+
 def test_the_wrong_robot_and_no_branches_are_said(robot: Robot, bundled: Callable[[str], Robot]) -> None:
     solver = IKSolver(robot)
     result, branches = solver.solve(TARGET), solver.solve_all(TARGET)
@@ -111,7 +126,7 @@ def test_the_wrong_robot_and_no_branches_are_said(robot: Robot, bundled: Callabl
             shown.show("j2n6s300", browse=False)
         with pytest.raises(InvalidInputError, match="browse must be"):
             shown.show(robot, browse="yes")
-    with pytest.raises(InvalidInputError, match="no branches to show"):
+    with pytest.raises(InvalidInputError, match="no configuration to show"):
         solver.solve_all(jacokin.pose([2.0, 0.0, 0.0])).show(robot, browse=False)
 
 

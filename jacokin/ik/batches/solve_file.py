@@ -127,7 +127,7 @@ def solve_file(
         answers = answers_format(out, carried)
         if source.is_file() and out.is_file() and out.samefile(source):
             raise InvalidInputError(f"output {out} is the file of targets: they would be lost")
-        compiled = solver.has_closed_form and columns != POSITION
+        compiled = solver.is_compiled and columns != POSITION
         rows = (CLOSEST_ROWS if closest else ROWS) if compiled else SINGLE_ROWS
         parts = targets_format(source).parts(source, rows)
         total = sum(part.rows for part in parts)

@@ -17,7 +17,6 @@ from jacokin.ik.quick_forms import NO_FORM, quick_form
 from jacokin.ik.structures import count_freedoms, measure_general, size_of
 from jacokin.ik.targets import TargetPose
 from jacokin.ik.verification import Verifier
-from jacokin.kernels.closed_form.arm import ARM_CONSTANTS
 from jacokin.kernels.library import Call
 from jacokin.kernels.six_joints.loop import SPHERICAL_WRIST
 from jacokin.kernels.solution_set.nearest import (
@@ -37,9 +36,8 @@ __all__ = ["CIRCLE", "FOLD", "LOST", "CurveArm", "CurveProblem", "Curves"]
 
 #: Index among seven angles of one about a free axis, which comes after six joints; and how many there are.
 FREE_AXIS, DIMENSIONS = 6, 7
-#: Constants of six joints, see `closed_form.arm`: a scale, a labelling, and which structure gives their branches; and
-#: the labelling in which the six joints of a Jaco have no double roots.
-SCALE, OWN, FORM, JACO_LABELLING = 39, 40, 42, 6
+#: Constants of six joints: which structure gives their branches, see `closed_form.arm`.
+FORM = 42
 #: Half a turn about x: an arm turned round turns the same way.
 HALF_TURN = np.diag([1.0, -1.0, -1.0])
 #: An axis of the tool that no structure has, for curves of six joints at a pose.
@@ -55,9 +53,20 @@ class CurveArm:
         parameter: index among seven angles of the one that is the parameter.
         name: what the parameter is called: a joint's name, or "angle".
         dof: joints of the arm.
+        each_angle_once: whether no joint has several equivalents of an angle within its limits.
     """
 
-    __slots__ = ("_chain", "_constants", "_general", "_idle", "_kind", "_limits", "dof", "name", "parameter")
+    __slots__ = (
+        "_chain",
+        "_constants",
+        "_idle",
+        "_kind",
+        "_limits",
+        "dof",
+        "each_angle_once",
+        "name",
+        "parameter",
+    )
 
     def __init__(self, kind: int, name: str, chain: Array, constants: Array, robot: Robot) -> None:
         """Take the constants of an arm.
@@ -72,10 +81,10 @@ class CurveArm:
         self._kind, self.name, self._chain, self._constants, self.dof = kind, name, chain, constants, robot.dof
         self.parameter = {AFTER: FREE_AXIS, BEFORE: 0, JOINT_3: 2}[kind]
         bounded = robot.upper - robot.lower < TURN  # others have some equivalent of every angle within their limits
+        self.each_angle_once = not (np.isfinite(robot.upper - robot.lower) & ~bounded).any()
         self._limits = np.array([np.full(DIMENSIONS, -np.inf), np.full(DIMENSIONS, np.inf)])
         self._limits[0, : self.dof][bounded] = robot.lower[bounded]
         self._limits[1, : self.dof][bounded] = robot.upper[bounded]
-        self._general = general_constants(chain if len(chain) == DIMENSIONS else chain[:DIMENSIONS], constants)
         self._idle: list[_Calls] = [_Calls()]  # each thread takes one, or makes one, and puts it back
 
     def __getstate__(self) -> tuple[object, ...]:
@@ -120,12 +129,12 @@ class CurveArm:
         work.chain[:], work.T[:], work.pieces.limits[:] = problem.chain, problem.T, problem.limits
         wrist = len(self._constants) > FORM and self._constants[FORM] == SPHERICAL_WRIST
         work.options[:] = self.parameter, NO_SLICES if only_starts else self._kind, 2 if wrist else 1
-        work.starts[:] = np.nan
+        work.starts[:], work.seed[:] = np.nan, np.nan
         work.starts[: len(starts)] = starts
         if self._kind == JOINT_3:
             work.seven.arm[:] = self._constants
             return calls
-        six.arm[:], six.general[:] = self._constants, self._general
+        six.arm[:] = self._constants
         if problem.axis is not None:
             six.chain[:], six.axis[:], six.T[:] = self._chain, problem.axis, problem.T
         elif self._kind == AFTER:
@@ -213,7 +222,10 @@ class CurveProblem(NamedTuple):
             upper: (dof,) limits [rad].
         """
         calls = self.arm._prepare(self, starts)
-        wrong, work = calls.solve(), calls.solve.work
+        work = calls.solve.work
+        if self.arm.parameter < len(seed) and self.arm.each_angle_once:
+            work.seed[: len(seed)] = seed
+        wrong = calls.solve()
         work.pieces.ends[work.pieces.size[1] :] = 0
         x = _nearest(calls.nearest, seed, lower, upper)
         self.arm._put_back(calls)
@@ -282,14 +294,6 @@ def _cuts(chain: Array) -> list[tuple[int, Array]]:
     if not found:
         raise StructureError(f"the joints move the tool in {most} independent ways only, whatever their angles")
     return found
-
-
-def general_constants(chain: Array, constants: Array) -> Array:
-    """(46,) of six joints (7, 3, 4) as an arm of any structure, with the labelling that suits them, if it is known."""
-    general = np.zeros(ARM_CONSTANTS)
-    general[SCALE] = 1.0 / size_of(chain)
-    general[OWN] = constants[OWN] if len(constants) > SCALE and constants[SCALE] > 0.0 else JACO_LABELLING
-    return general
 
 
 def _effort(six: Array) -> tuple[bool, int]:

@@ -1,4 +1,4 @@
-"""`Members`: what configurations of one target have in common, however its family was found; each is verified."""
+"""`Members`: what configurations of one target have in common, however its set was found; each is verified."""
 
 from __future__ import annotations
 
@@ -19,8 +19,10 @@ from jacokin.model import angles
 from jacokin.model.angles import SNAP, TURN
 from jacokin.model.robot import Robot
 
-#: [m] and [rad]; members of a family close this well.
+#: [m] and [rad]; members of curves close this well.
 MEMBER_CLOSURE = 1e-9
+#: [m] and [rad]; the same where curves meet on limits, where that is not to be had.
+LARGEST_MISS = 1e-7
 #: Gauss-Newton steps for what closes worse, and the relative size of motions that they leave out. Where joints are on
 #: limits and curves meet, each halves what is left.
 SETTLING_STEPS, NO_MOTION = 16, 1e-4
@@ -65,7 +67,7 @@ class Members:
         return Candidate(q, self.target.at(p), f"parameter {p:.6g} rad", p)
 
     def near(self, seed: ArrayLike | None) -> Array:
-        """A seed (dof,) moved inside the limits [rad]; None for the seed of the family.
+        """A seed (dof,) moved inside the limits [rad]; None for the seed of the set.
 
         Raises:
             InvalidInputError: malformed, or more than 1e6 rad from zero.
@@ -105,9 +107,9 @@ class Members:
         if max(errors) > MEMBER_CLOSURE:  # a joint that is near its limit all along, moved onto it
             q = self._settled(q, parameter)
             errors = self.verifier.measure(q, self.target.at(parameter))
-        if max(errors) > MEMBER_CLOSURE or not self.robot.within_limits(q):
+        if max(errors) > LARGEST_MISS or not self.robot.within_limits(q):
             raise LostMemberError(
-                f"internal error: a member of a family misses its target by {errors[0]:.3g} m and "
+                f"internal error: a member of a curve misses its target by {errors[0]:.3g} m and "
                 f"{errors[1]:.3g} rad, please report it"
             )
         return q

@@ -1,4 +1,4 @@
-"""`FamilySearch`: from a target to its `Family`, and to the member that is wanted, or why there is none."""
+"""`SetSearch`: from a target to its `CurveSet`, and to the member that is wanted, or why there is none."""
 
 from __future__ import annotations
 
@@ -19,7 +19,8 @@ from jacokin.ik.near_misses import NearMisses
 from jacokin.ik.preferences import Cost, copies_to_try, with_ties
 from jacokin.ik.results import IKResult
 from jacokin.ik.solutions.curve_arm import CIRCLE, DIMENSIONS, FOLD, CurveArm, CurveProblem, Curves
-from jacokin.ik.solutions.family import Family, Interval, IntervalEnd
+from jacokin.ik.solutions.curve_set import CurveSet, TrackInterval
+from jacokin.ik.solutions.interval import IntervalEnd
 from jacokin.ik.solutions.least import least, minima
 from jacokin.ik.solutions.members import LostMemberError, Members
 from jacokin.ik.solutions.track import STANDING, CurveTrack
@@ -49,10 +50,10 @@ SPREAD = 6
 MOST_SCATTERED = 190
 
 
-class FamilyFindings(NamedTuple):
-    """The family of a target, and what its members have in common."""
+class CurveFindings(NamedTuple):
+    """The set of a target, and what its members have in common."""
 
-    family: Family
+    curves: CurveSet
     members: Members
     least_excess: Callable[[], LimitExcess | None]  # where branches come nearest to the limits; None without any
     tracks: Callable[[], Sequence[CurveTrack]]  # all branches, within the limits or not
@@ -61,7 +62,7 @@ class FamilyFindings(NamedTuple):
         """Members, the best one first; that one alone, or after it those that are clear, about 0.03 rad apart."""
         members, seed = self.members, self.members.seed
         wish = with_ties(cost, seed)
-        best = self.family.choose(wish, seed)
+        best = self.curves.choose(wish, seed)
         if best is not None:
             yield members.candidate(*best)
         elif (least := self.least_excess()) is not None and not least.excess.any():
@@ -69,7 +70,7 @@ class FamilyFindings(NamedTuple):
         if best is None or not several:
             return
         found: list[tuple[Array, Array, Array]] = []
-        for number, interval in enumerate(self.family):
+        for number, interval in enumerate(self.curves.intervals):
             standing = interval.start == interval.stop
             p, q = interval.sample(TRIED_STANDING) if standing else interval.walk(TRIED)
             for copies in copies_to_try(wish.copies, q, seed, members.robot):
@@ -80,13 +81,13 @@ class FamilyFindings(NamedTuple):
         for first in range(0, len(order), AT_ONCE):
             some = order[first : first + AT_ONCE]
             for index in some[~members.verifier.touching_rows(rows[some])].tolist():
-                value, interval = float(parameters[index]), self.family.intervals[numbers[index]]
+                value, interval = float(parameters[index]), self.curves.intervals[numbers[index]]
                 exact = rows[index] if interval.start == interval.stop else interval.at(value)  # `walk` is not exact
                 yield members.candidate(angles.nearest_copy(exact, rows[index]), value)
 
 
 class Scattered(NamedTuple):
-    """Configurations of a family for a first look."""
+    """Configurations of a set for a first look."""
 
     q: Array
     """(k, dof) within the limits [rad]."""
@@ -145,16 +146,16 @@ class SetSearch:
         if result is not None:
             return result
         least, names = found.least_excess(), verifier.robot.joint_names
-        outcome = diagnosis.explain_family(found.family.complete, found.family.branches, least, names)
+        outcome = diagnosis.explain_curves(found.curves.complete, found.curves.branches, least, names)
         return self._closest_to(request, found.members, least, outcome)
 
-    def find(self, target: TargetPose, seed: Array) -> FamilyFindings:
+    def find(self, target: TargetPose, seed: Array) -> CurveFindings:
         """Everything that reaches a target; unlimited joints in the copies nearest to a seed (dof,)."""
         problem = self._arm.problem(target)
         members = self.members(target, seed)
         return self._findings(problem, problem.find(self._starts(members)), members)
 
-    def straight_wrists(self, target: TargetPose, seed: Array, q: Array) -> FamilyFindings:
+    def straight_wrists(self, target: TargetPose, seed: Array, q: Array) -> CurveFindings:
         """What reaches a pose of six joints on the curves through branches (k, 6) that stand for whole ones."""
         problem = self._arm.circles(target.matrix, STANDING)
         starts = np.column_stack([q, np.zeros(len(q))])
@@ -194,32 +195,40 @@ class SetSearch:
         near = max(self._verifier.measure(seed, target.at(p))) < NEAR_TARGET
         return np.append(seed, p)[np.newaxis, :DIMENSIONS] if near else np.empty((0, DIMENSIONS))
 
-    def _findings(self, problem: CurveProblem, found: Curves, members: Members) -> FamilyFindings:
+    def _findings(self, problem: CurveProblem, found: Curves, members: Members) -> CurveFindings:
         """What of curves is within the limits, as intervals."""
-        robot, free, index = self._verifier.robot, members.target.free_axis, self._arm.parameter
-        closed, known = free is None or free.full_turn, dict[int, IntervalEnd]()
+        robot, free, index = members.robot, members.target.free_axis, self._arm.parameter
+        known = dict[int, IntervalEnd]()
         intervals, complete = [], found.complete
+        least = -math.pi
+        if free is not None and not free.full_turn:
+            least = free.range[0]
+        elif free is None and index < robot.dof and robot.upper[index] - robot.lower[index] < TURN:
+            least = float(robot.lower[index])
         for piece in found.pieces:
             for code in piece.codes:
                 if code not in known:
                     known[code] = _end(code, robot)
-            track = CurveTrack(problem, piece.nodes, closed=closed)
+            nodes = piece.nodes
+            middle = nodes[len(nodes) // 2, : robot.dof]
+            nodes[:, : robot.dof] += TURN * np.where(robot.unlimited, np.round((members.seed - middle) / TURN), 0.0)
+            track = CurveTrack(problem, nodes, least)
             if len(piece.nodes) == 1 and not self._reaches(piece.nodes[0], members):
                 complete = False
                 continue
             ends = known[piece.codes[0]], known[piece.codes[1]]
-            intervals.append(Interval(members, track, piece.branch, ends))
+            intervals.append(TrackInterval(members, track, piece.branch, ends))
         intervals.sort(key=lambda interval: (interval.branch, interval.start))
-        family = Family(tuple(intervals), members, branches=found.branches, complete=complete)
+        curves = CurveSet(
+            tuple(intervals), members, parameter=self.parameter, branches=found.branches, complete=complete
+        )
 
         def tracks() -> Sequence[CurveTrack]:
             return [
-                CurveTrack(problem, nodes, closed=closed)
-                for whole in found.whole
-                for nodes in _between_folds(whole, index)
+                CurveTrack(problem, nodes, least) for whole in found.whole for nodes in _between_folds(whole, index)
             ]
 
-        return FamilyFindings(family, members, lambda: _find_least_excess(tracks(), robot), tracks)
+        return CurveFindings(curves, members, lambda: _find_least_excess(tracks(), robot), tracks)
 
     def _reaches(self, x: Array, members: Members) -> bool:
         """Whether a single point (14,), where joints pass their limits at once, is within them but for rounding."""
@@ -242,7 +251,7 @@ class SetSearch:
         found = self._arm.problem(target).find(np.empty((0, DIMENSIONS)))
         members = self.members(target, robot.home)
         rows, parameters, guessed = [np.empty((0, robot.dof))], [np.empty(0)], [np.empty(0, dtype=np.bool_)]
-        for interval in self._findings(self._arm.problem(target), found, members).family:
+        for interval in self._findings(self._arm.problem(target), found, members).curves.intervals:
             p, q = interval.spread(step)
             rows.append(angles.into_limits(q, robot.lower, robot.upper))
             parameters.append(p)
@@ -259,7 +268,7 @@ class SetSearch:
             return None
         return np.clip(x[: robot.dof], robot.lower, robot.upper), x.item(self._arm.parameter)
 
-    def _almost_reaching(self, request: Request, found: FamilyFindings) -> Array:
+    def _almost_reaching(self, request: Request, found: CurveFindings) -> Array:
         """Rows (k, dof), with the parameter of a free axis after them, where branches come nearest to the limits [rad].
 
         Branches of the target itself and of those next to it. Where nothing reaches it, within the limits or not, the

@@ -27,13 +27,13 @@ class CurveTrack:
 
     __slots__ = ("_problem", "_turns", "nodes", "start", "stop")
 
-    def __init__(self, problem: CurveProblem, nodes: Array, *, closed: bool) -> None:
-        """Take the nodes of a piece; where the parameter goes round, its start is moved into [-pi, pi)."""
+    def __init__(self, problem: CurveProblem, nodes: Array, least: float) -> None:
+        """Take the nodes of a piece, and the least value of the parameter: by whole turns it starts from there on."""
         self._problem, self.nodes = problem, nodes
         first, last = nodes.item(0, problem.arm.parameter), nodes.item(-1, problem.arm.parameter)
         if last - first < STANDING:
             last = first
-        self._turns = -TURN * math.floor((first + math.pi) / TURN) if closed else 0.0
+        self._turns = -TURN * math.floor((first - least + STANDING) / TURN) if math.isfinite(least) else 0.0
         self.start, self.stop = first + self._turns, last + self._turns
 
     def at(self, parameter: float) -> Array:
@@ -53,7 +53,7 @@ class CurveTrack:
             return None
         p = x.item(self._problem.arm.parameter)
         p += TURN * round((0.5 * (self.start + self.stop) - p) / TURN)
-        return min(max(p, self.start), self.stop), self._joints(x)
+        return min(max(p, self.start), self.stop), np.clip(self._joints(x), lower, upper)
 
     def guesses(self) -> tuple[Array, Array]:
         """Coordinates (m,) in order, and configurations there (m, dof) to about 1e-4 rad; ends and nodes exactly."""

@@ -1,7 +1,12 @@
 """Sets of solutions with one parameter: the curves of a chain of seven joints at a pose. Read `trace` first.
 
-curve    steps along one curve, and points between its nodes
-trace    all curves through given solutions, each followed until it closes
-within   what of them is within the limits
-run      the entry points
+curve          steps along one curve, and points between its nodes
+trace          all curves through given solutions, each followed until it closes
+slices         all solutions at one value of the parameter: six joints at a pose
+seven_joints   the same of seven joints built like a Jaco's, in closed form, and where they meet
+islands        at which values to look for solutions, by the characteristic function
+meeting        the other curve where two meet
+within         what of the curves is within the limits
+run            from a target to all of it: the entry point
+nearest        points of the pieces: where the parameter has a value, and nearest to a seed
 """

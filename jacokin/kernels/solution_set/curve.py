@@ -23,6 +23,8 @@ LONGEST_STEP, LEAST_COSINE = 0.2, 0.955
 LARGEST_BEND = 0.05
 #: [m] and [rad]; residual of a point, where Newton's method ends and at most.
 RESIDUAL, LARGEST_RESIDUAL = 1e-13, 1e-10
+#: The same of nodes: what lies between them is known no better.
+NODE_RESIDUAL = 1e-10
 NEWTON_STEPS = 8
 SECANTS = 60
 #: What a step may come to.
@@ -35,7 +37,10 @@ class Walk(NamedTuple):
 
     x: Array  # (7,) the last point [rad]
     t: Array  # (7,) its tangent, forwards
-    bend: Array  # (7,) how the tangent turned on the last step, for a distance of 1
+    bend: Array  # (7,) how the tangent turns at x, for a distance of 1,
+    more: Array  # (7,) and how that changes
+    turned: Array  # (7,) how it turned on the last step,
+    length: Array  # (1,) which was so long
     y: Array  # (7,) the point ahead
     ty: Array  # (7,)
     z: Array  # (7,) a point between them
@@ -46,8 +51,8 @@ class Walk(NamedTuple):
 
 def make_walk() -> Walk:
     """Fresh arrays."""
-    x, t, bend, y, ty, z, tz, border = (np.zeros(7) for _ in range(8))
-    return Walk(x, t, bend, y, ty, z, tz, border, np.zeros((7, 8)))
+    x, t, bend, more, turned, y, ty, z, tz, border = (np.zeros(7) for _ in range(10))
+    return Walk(x, t, bend, more, turned, np.zeros(1), y, ty, z, tz, border, np.zeros((7, 8)))
 
 
 def wrapped(angle: float) -> float:
@@ -80,9 +85,10 @@ def advance(chain: Array, T: Array, walk: Walk, h: float, sign: float, y: Array,
     x, t = walk.x, walk.t
     offset = h
     for j in range(7):
-        y[j] = x[j] + h * (t[j] + 0.5 * h * walk.bend[j])
+        y[j] = x[j] + h * (t[j] + h * (0.5 * walk.bend[j] + h / 6.0 * walk.more[j]))
         offset += t[j] * x[j]
-    if not bordered_newton(chain, T, y, t, offset, walk.system, NEWTON_STEPS, RESIDUAL) <= LARGEST_RESIDUAL:
+    residual = bordered_newton(chain, T, y, t, offset, walk.system, NEWTON_STEPS, NODE_RESIDUAL)
+    if not residual <= NODE_RESIDUAL:
         return FAILED
     away, cosine = 0.0, 0.0
     for j in range(7):
@@ -90,12 +96,23 @@ def advance(chain: Array, T: Array, walk: Walk, h: float, sign: float, y: Array,
         away += d * d
     if away > LARGEST_BEND * h * h:
         return FAILED
-    reached = tangent(chain, T, y, t, ty, walk)
+    reached = null_tangent(t, ty, walk.system)  # of the Jacobian that Newton's method left there
     for j in range(7):
         cosine += t[j] * ty[j]
     if reached == 0.0 or cosine < LEAST_COSINE:
         return FAILED
     return STEPPED if reached == sign else FLIPPED
+
+
+def go_on(walk: Walk, h: float) -> None:
+    """Make the point ahead, a step h away, the last one; how the tangent turned tells where the next one will be."""
+    before = walk.length[0]
+    for j in range(7):
+        turn = (walk.ty[j] - walk.t[j]) / h
+        change = 2.0 * (turn - walk.turned[j]) / (h + before) if before > 0.0 else 0.0
+        walk.bend[j], walk.more[j], walk.turned[j] = turn + 0.5 * h * change, change, turn
+        walk.x[j], walk.t[j] = walk.y[j], walk.ty[j]
+    walk.length[0] = h
 
 
 def cubic(a: Array, b: Array, length: float, u: float, j: int) -> float:

@@ -21,13 +21,18 @@ from jacokin.kernels.closed_form.roots import RootWork, find_roots, make_roots
 from jacokin.kernels.limits import TURN
 from jacokin.kernels.six_joints.characteristic import Determinant, fourier_of_determinant, make_determinant
 from jacokin.kernels.six_joints.equations import Equations, make_equations, write_equations
-from jacokin.kernels.six_joints.loop import LABELLINGS, SPHERICAL_WRIST, fill_links
+from jacokin.kernels.six_joints.loop import LABELLINGS, SPHERICAL_WRIST, fill_links, joint_of
 from jacokin.kernels.six_joints.spherical_wrist import fill_both_turns, fill_quartic, reach_of
 from jacokin.kernels.solution_set.curve import wrapped
-from jacokin.kernels.solution_set.slices import SixJoints, turn_target
+from jacokin.kernels.solution_set.slices import BEFORE, SixJoints, turn_target
+from jacokin.kernels.solution_set.trace import Loops
 from jacokin.kernels.tolerances import DISTINCT, UNCERTAIN
 
 LOOKED_AT, MOST_FOUND, EXTREMA = 48, 128, 32
+#: Values of x at which F is looked at, too, at all values of the parameter; evenly all round from the second on [rad].
+LINES, FIRST_LINE = 3, 0.7
+#: Halvings to where F is zero on such a line.
+LINE_HALVINGS = 24
 #: [rad] where the even values begin: away from the round angles that people use.
 OFFSET = 0.1234
 #: Times the change of w from slice to slice, by its slope, by which it may be below zero and come there.
@@ -39,7 +44,7 @@ ASIDE, CLOSE_ENOUGH = 1e-4, 1e-7
 #: [rad^2] w of two roots that are not told from one; and how often a peak of w is looked at from closer by.
 ONE_ROOT, LOOKS = 1e-13, 24
 #: [rad^2] w that rounding leaves open: where that is more, the peak is not known well enough to look for it otherwise.
-BLURRED = 1e-7
+BLURRED = 1e-6
 #: [rad^2] w of two complex roots that may be one real solution at a place known to 1e-3 rad.
 NEARLY_DOUBLE = 1e-5
 #: [rad] how well that place is known, and w [rad^2] of what may be one real solution just there.
@@ -69,6 +74,8 @@ class Islands(NamedTuple):
     slope: Array  # (LOOKED_AT, EXTREMA) dw / dp [rad]
     bend: Array  # (LOOKED_AT, EXTREMA) F''
     extrema: NDArray[np.int64]  # (LOOKED_AT,)
+    lines: Array  # (LOOKED_AT, LINES) F where x has one of some values, 0 for noise
+    crossed: NDArray[np.int64]  # (LOOKED_AT, LINES) how often curves pass there before the next slice
     roots: RootWork
     cosine: Array  # (9,) F
     sine: Array  # (9,)
@@ -90,6 +97,8 @@ def make_islands() -> Islands:
         np.empty(many),
         np.empty(many),
         np.zeros(LOOKED_AT, np.int64),
+        np.zeros((LOOKED_AT, LINES)),
+        np.zeros((LOOKED_AT, LINES), np.int64),
         make_roots(),
         np.empty(DEGREE + 1),
         np.empty(DEGREE + 1),
@@ -149,6 +158,9 @@ def fill_extrema(k: ArmConstants, six: SixJoints, work: Islands, i: int) -> floa
             w[found] = 0.0
         found += 1
     work.extrema[i] = found
+    for n in range(LINES):
+        value, _ = value_and_slope(work.cosine, work.sine, line_at(n))
+        work.lines[i, n] = value if abs(value) > noise else 0.0
     work.counts[i] = count_of(k, six, work, p, noise)
     fill_F(k, six, work, p + ASIDE, -1)
     for e in range(found):
@@ -157,16 +169,76 @@ def fill_extrema(k: ArmConstants, six: SixJoints, work: Islands, i: int) -> floa
     return noise
 
 
-def find_islands(six: SixJoints, work: Islands) -> None:
-    """Fill p and count, at even values all round and beside every fold that F shows between them."""
+def find_islands(six: SixJoints, window: Array, work: Islands) -> None:
+    """Fill p and counts, at even values in a window and beside, and next to every fold that F shows between."""
     k = unpack_arm(six.arm)
     work.size[0], work.size[1], work.size[2] = 0, 0, LOOKED_AT
     for i in range(LOOKED_AT):
         work.p[i] = wrapped(OFFSET + TURN * i / LOOKED_AT)
-        fill_extrema(k, six, work, i)
+        work.extrema[i], work.counts[i] = 0, -1
+        for n in range(LINES):
+            work.lines[i, n] = 0.0
+        if abs(wrapped(work.p[i] - window[0])) <= window[1] + TURN / LOOKED_AT:
+            fill_extrema(k, six, work, i)
     for i in range(LOOKED_AT):
         for e in range(work.extrema[i]):
             look_between(k, six, work, i, e)
+
+
+def line_at(n: int) -> float:
+    """One of the values of x at which F is looked at [rad]."""
+    return FIRST_LINE + TURN * n / LINES
+
+
+def joint_of_root(six: SixJoints, work: Islands, kind: int) -> int:
+    """Index among seven angles of the one that a root of F is."""
+    k = unpack_arm(six.arm)
+    j = joint_of(k.six.own, 2)
+    if k.six.form == SPHERICAL_WRIST:
+        fill_links(six.chain, six.T, k.six.scale, k.six.form_labelling, work.equations.links)
+        meet = abs(reach_of(k.six, work.equations.links).cross) < DISTINCT
+        j = joint_of(k.six.form_labelling, 1 if meet else 2)
+    elif k.six.scale == 0.0:
+        j = 5  # of the Jaco's own F
+    return 6 - j if kind == BEFORE else j
+
+
+def count_on_lines(loops: Loops, parameter: int, joint: int, work: Islands) -> None:
+    """Fill crossed with how often curves pass each line between slice i and the next one."""
+    step = TURN / LOOKED_AT
+    for n in range(LINES):
+        for i in range(LOOKED_AT):
+            work.crossed[i, n] = 0
+        for c in range(loops.size[1]):
+            for m in range(loops.ends[c, 0], loops.ends[c, 1] - 1):
+                a, b = loops.nodes[m], loops.nodes[m + 1]
+                value = line_at(n)
+                value += TURN * math.floor((0.5 * (a[joint] + b[joint]) - value) / TURN + 0.5)
+                if (a[joint] < value) != (b[joint] < value):
+                    p = a[parameter] + (value - a[joint]) / (b[joint] - a[joint]) * (b[parameter] - a[parameter])
+                    i = math.floor((p - OFFSET) / step) % LOOKED_AT
+                    work.crossed[i, n] += 1
+
+
+def add_zero_on_line(six: SixJoints, work: Islands, i: int, n: int) -> None:
+    """Add the value of the parameter between slices i and i + 1 at which F is zero on line n; it changes its sign."""
+    k, x = unpack_arm(six.arm), line_at(n)
+    low, step, sign = work.p[i], 0.5 * TURN / LOOKED_AT, work.lines[i, n]
+    for _ in range(LINE_HALVINGS):
+        fill_F(k, six, work, low + step, -1)
+        value, _ = value_and_slope(work.cosine, work.sine, x)
+        if (value > 0.0) == (sign > 0.0):
+            low += step
+        step *= 0.5
+    if work.size[0] == MOST_FOUND:
+        work.size[1] += 1
+        return
+    p = low + step
+    noise = fill_F(k, six, work, p, -1)
+    work.p[LOOKED_AT + work.size[0]] = p
+    work.counts[LOOKED_AT + work.size[0]] = count_of(k, six, work, p, noise)
+    work.peak[work.size[0]] = 0
+    work.size[0] += 1
 
 
 def count_of(k: ArmConstants, six: SixJoints, work: Islands, p: float, noise: float) -> int:
@@ -178,9 +250,10 @@ def count_of(k: ArmConstants, six: SixJoints, work: Islands, p: float, noise: fl
     """
     count = count_single_roots(work, noise)
     if k.six.form == SPHERICAL_WRIST:
-        return 0 if count < 0 and work.apart[0] < -ONE_ROOT else count
+        enough = ONE_ROOT if noise < math.inf else NEARLY_DOUBLE
+        return 0 if count < 0 and work.apart[0] < -enough else count
     first = unpack_arm(six.general).six.own
-    for n in range(LABELLINGS):
+    for n in range(1 if k.six.scale > 0.0 else 0, LABELLINGS):  # the first one is the arm's own
         if count >= 0:
             break
         labelling = (first + n) % LABELLINGS

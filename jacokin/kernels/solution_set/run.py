@@ -18,8 +18,19 @@ from jacokin.kernels.solution_set.curve import (
     Walk,
     make_walk,
     tangent,
+    wrapped,
 )
-from jacokin.kernels.solution_set.islands import OFFSET, Islands, find_islands, make_islands
+from jacokin.kernels.solution_set.islands import (
+    LINES,
+    LOOKED_AT,
+    OFFSET,
+    Islands,
+    add_zero_on_line,
+    count_on_lines,
+    find_islands,
+    joint_of_root,
+    make_islands,
+)
 from jacokin.kernels.solution_set.meeting import Directions, make_directions, points_aside
 from jacokin.kernels.solution_set.seven_joints import MOST_FOLDS, find_folds
 from jacokin.kernels.solution_set.slices import (
@@ -30,16 +41,19 @@ from jacokin.kernels.solution_set.slices import (
     Slices,
     add_slice,
     add_start,
+    fill_general,
     make_seven_joints,
     make_six_joints,
     make_slices,
 )
 from jacokin.kernels.solution_set.trace import Loops, count_all_passed, make_loops, trace
-from jacokin.kernels.solution_set.within import Pieces, cut, make_pieces
+from jacokin.kernels.solution_set.within import Pieces, cut, excess, make_pieces
 
 #: Values of the parameter that are solved at in any case, apart by a share of a turn that no structure has, and rounds
 #: of those at which F shows more or fewer solutions than the curves so far.
 FIRST, ROUNDS = 3, 3
+#: [rad] how far beyond the nearest solution curves are followed, and the widest window that saves anything.
+BEYOND, WIDEST = 1e-6, 2.8
 #: [m] and [rad] a start misses the target by less, and [rad] is no farther from a curve.
 NEARBY, FARTHEST_START = 0.02, 0.2
 #: Steps from a start to a curve: each halves what is left where curves meet.
@@ -54,6 +68,7 @@ class SetWork(NamedTuple):
     chain: Array  # (8, 3, 4) placements between seven joints that turn about z
     T: Array  # (4, 4) target
     options: NDArray[np.int64]  # (3,) index of the parameter, kind of `slices`, solutions for each root of F
+    seed: Array  # (7,) where only solutions as near to it as the nearest one are wanted; NaN for all of them [rad]
     starts: Array  # (n, 7) points near curves that are followed too, NaN for none [rad]
     six: SixJoints
     seven: SevenJoints
@@ -71,6 +86,7 @@ def make_set_work() -> SetWork:
         np.zeros((8, 3, 4)),
         np.eye(4),
         np.zeros(3, np.int64),
+        np.full(7, np.nan),
         np.empty((0, 7)),
         make_six_joints(),
         make_seven_joints(MOST_FOLDS),
@@ -94,6 +110,7 @@ def solve_set(work: SetWork) -> int:
     for n in range(4):
         loops.size[n] = 0
     doubts = 0
+    fit_window(work)
     if kind == NO_SLICES:
         pass
     elif kind == JOINT_3:
@@ -114,6 +131,33 @@ def solve_set(work: SetWork) -> int:
     return int(wrong)
 
 
+def fit_window(work: SetWork) -> None:
+    """Follow curves only where solutions may be as near to the seed as the best one at its value of the parameter."""
+    parameter, window, slices = int(work.options[0]), work.loops.window, work.slices
+    window[0], window[1] = work.seed[parameter], math.inf
+    if math.isnan(window[0]):
+        window[0] = 0.0
+        return
+    add_slice(work.chain, work.T, int(work.options[1]), window[0], slices, work.six, work.seven)
+    for k in range(slices.counts[0]):
+        square = 0.0
+        for j in range(7):
+            d = wrapped(slices.x[0, k, j] - work.seed[j])
+            if work.pieces.limits[0, j] > -math.inf:
+                middle = 0.5 * (work.pieces.limits[0, j] + work.pieces.limits[1, j])
+                d = middle + wrapped(slices.x[0, k, j] - middle) - work.seed[j]
+            square += d * d
+        if excess(slices.x[0, k], work.pieces.limits) <= 0.0:
+            window[1] = min(window[1], math.sqrt(square) + BEYOND)
+    if window[1] > WIDEST:
+        window[1] = math.inf
+
+
+def is_in_window(window: Array, p: float) -> bool:
+    """Whether a value of the parameter is in the window, or just outside."""
+    return bool(abs(wrapped(p - window[0])) <= window[1])
+
+
 def bring_to_curve(chain: Array, T: Array, start: Array, walk: Walk) -> bool:
     """Fill walk.z with the point of a curve that Newton's method leads to from a start nearby; False for none.
 
@@ -125,6 +169,8 @@ def bring_to_curve(chain: Array, T: Array, start: Array, walk: Walk) -> bool:
     if not linearise7(chain, T, x, walk.system) <= NEARBY:  # NaN for no start
         return False
     for _ in range(STARTING_STEPS):
+        if linearise7(chain, T, x, walk.system) <= RESIDUAL:
+            break
         found = False
         for m in range(7):
             for j in range(7):
@@ -135,8 +181,7 @@ def bring_to_curve(chain: Array, T: Array, start: Array, walk: Walk) -> bool:
             offset += t[j] * x[j]
         if not found:
             return False
-        if bordered_newton(chain, T, x, t, offset, walk.system, 1, RESIDUAL) <= RESIDUAL:
-            break
+        bordered_newton(chain, T, x, t, offset, walk.system, 1, RESIDUAL)
     moved = 0.0
     for j in range(7):
         moved = max(moved, abs(x[j] - start[j]))
@@ -145,14 +190,19 @@ def bring_to_curve(chain: Array, T: Array, start: Array, walk: Walk) -> bool:
 
 def slice_between_folds(work: SetWork) -> int:
     """One slice between each two values of joint 3 at which configurations meet; how many doubts there are."""
-    folds = work.seven.folds
+    folds, window, slices = work.seven.folds, work.loops.window, work.slices
     count, single = find_folds(work.chain, work.seven.arm, work.T, work.islands.roots, folds)
     doubts = int(not single)
     for n in range(max(count, 1)):
         low = folds[n] if count > 0 else OFFSET
         high = folds[n + 1] if n + 1 < count else (folds[0] if count > 0 else OFFSET) + TURN
+        if window[1] < math.inf:
+            middle = window[0] + TURN * math.floor((0.5 * (low + high) - window[0]) / TURN + 0.5)
+            if low < middle < high:
+                continue  # there is a slice in the middle of the window
+            low, high = max(low, middle - window[1]), min(high, middle + window[1])
         if high - low > RESOLUTION:
-            doubts += not add_slice(work.chain, work.T, JOINT_3, 0.5 * (low + high), work.slices, work.six, work.seven)
+            doubts += not add_slice(work.chain, work.T, JOINT_3, 0.5 * (low + high), slices, work.six, work.seven)
     return doubts
 
 
@@ -160,15 +210,22 @@ def slice_by_roots(work: SetWork) -> int:
     """Some slices, and more wherever F has other numbers of roots than the curves pass; how many doubts there are."""
     chain, T, parameter, kind = work.chain, work.T, int(work.options[0]), int(work.options[1])
     slices, loops, islands = work.slices, work.loops, work.islands
-    find_islands(work.six, islands)
+    fill_general(work.six)
+    find_islands(work.six, loops.window, islands)
     doubts = int(islands.size[1])
-    for n in range(FIRST):
+    for n in range(FIRST if slices.size[0] == 0 else 0):
         add_slice(chain, T, kind, islands.p[n * islands.size[2] // FIRST], slices, work.six, work.seven)
+    joint = joint_of_root(work.six, islands, kind)
     for _ in range(ROUNDS):
         trace(chain, T, parameter, slices, loops, work.walk)
+        look_along_lines(work, joint)
         missing = 0
         for i in range(islands.size[2] + islands.size[0]):
-            if find_slice(slices, islands.p[i]) >= 0 or is_counted(work, i):
+            if (
+                not is_in_window(loops.window, islands.p[i])
+                or find_slice(slices, islands.p[i]) >= 0
+                or is_counted(work, i)
+            ):
                 continue
             missing += 1
             if add_slice(chain, T, kind, islands.p[i], slices, work.six, work.seven):
@@ -178,10 +235,29 @@ def slice_by_roots(work: SetWork) -> int:
         if missing == 0:
             break
     for i in range(islands.size[2] + islands.size[0]):
+        if not is_in_window(loops.window, islands.p[i]):
+            continue
         n = find_slice(slices, islands.p[i])
         peak = i >= islands.size[2] and islands.peak[i - islands.size[2]] > 0  # perhaps a single point
         doubts += not is_counted(work, i) and (n < 0 or slices.doubt[n] > 0 or peak)
     return doubts
+
+
+def look_along_lines(work: SetWork, joint: int) -> None:
+    """Add values of the parameter at which F has a root that no curve passes: where it changes its sign along lines.
+
+    A curve may go round in x while the parameter hardly changes.
+    """
+    islands, each = work.islands, work.options[2]
+    count_on_lines(work.loops, int(work.options[0]), joint, islands)
+    for n in range(LINES):
+        for i in range(LOOKED_AT):
+            here, there = islands.lines[i, n], islands.lines[(i + 1) % LOOKED_AT, n]
+            inside = is_in_window(work.loops.window, islands.p[i]) or is_in_window(
+                work.loops.window, islands.p[(i + 1) % LOOKED_AT]
+            )
+            if inside and here * there < 0.0 and islands.crossed[i, n] // each % 2 == 0:
+                add_zero_on_line(work.six, islands, i, n)
 
 
 def find_slice(slices: Slices, p: float) -> int:

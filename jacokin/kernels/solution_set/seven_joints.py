@@ -16,8 +16,8 @@ from jacokin.kernels.trigonometry import angle_of, sin_cos
 from jacokin.kernels.vector import Vec, dot
 
 MOST_AT_Q3 = 8
-#: Folds at most, and the noise of their equations relative to their largest value.
-MOST_FOLDS, FOLD_NOISE = 64, 1e-14
+#: Folds at most, and the noise of their equations relative to their largest terms.
+MOST_FOLDS, FOLD_NOISE = 64, 1e-15
 
 
 def row_of(chain: Array, i: int, k: int) -> Vec:
@@ -85,11 +85,14 @@ def wrist_after_joint_2(chain: Array, arm7: Array, u: Vec, c3: float, s3: float,
     return (u[0] + d[0], u[1] + d[1], u[2] + d[2])
 
 
-def fill_fold_equations(chain: Array, arm7: Array, D0: Vec, q3: float) -> tuple[float, float, float]:
+def fold_equations(
+    chain: Array, arm7: Array, D0: Vec, q3: float
+) -> tuple[tuple[float, float], tuple[float, float], tuple[float, float]]:
     """Three functions of joint 3 that vanish where configurations meet: trigonometric polynomials of degrees 2, 4, 4.
 
     The first one is the discriminant of joint 4. Joint 2 has one value where the height of W after joint 2 is one of
-    two constants, the second and the third function: with joint 4's equation, both linear in its cosine and sine.
+    two constants, the second and the third function: with joint 4's equation, both linear in its cosine and sine. Each
+    comes with the size of its terms, to which rounding is in proportion.
     """
     s3, c3 = sin_cos(q3)
     u = elbow(chain, arm7, c3, s3)
@@ -99,13 +102,16 @@ def fill_fold_equations(chain: Array, arm7: Array, D0: Vec, q3: float) -> tuple[
     height = u[2] + up[2] * arm7[11]
     r = chain[1, 2, 2]
     flat = math.sqrt(max((1.0 - r * r) * (dot(D0, D0) - D0[2] * D0[2]), 0.0))
-    determinant = a * along - b * across
     above, below = r * D0[2] + flat - height, r * D0[2] - flat - height
-    return (
-        a * a + b * b - c * c,
-        (c * along - b * above) ** 2 + (a * above - across * c) ** 2 - determinant * determinant,
-        (c * along - b * below) ** 2 + (a * below - across * c) ** 2 - determinant * determinant,
-    )
+    first = (a * a + b * b - c * c, a * a + b * b + c * c)
+    return first, meeting_of(a, b, c, across, along, above), meeting_of(a, b, c, across, along, below)
+
+
+def meeting_of(a: float, b: float, c: float, d: float, e: float, f: float) -> tuple[float, float]:
+    """What vanishes where a cos q + b sin q = c and d cos q + e sin q = f have a solution; the size of its terms."""
+    x, y, z = c * e - b * f, a * f - c * d, a * e - b * d
+    size = (abs(c * e) + abs(b * f)) ** 2 + (abs(a * f) + abs(c * d)) ** 2 + (abs(a * e) + abs(b * d)) ** 2
+    return x * x + y * y - z * z, size
 
 
 def find_folds(chain: Array, arm7: Array, T: Array, roots: RootWork, folds: Array) -> tuple[int, bool]:
@@ -120,8 +126,9 @@ def find_folds(chain: Array, arm7: Array, T: Array, roots: RootWork, folds: Arra
         for n in range(DEGREE + 1):
             roots.cosine[n], roots.sine[n] = 0.0, 0.0
         for j in range(SAMPLES):
-            value = fill_fold_equations(chain, arm7, D0, SPACING * j)[which]
-            largest = max(largest, abs(value))
+            equations = fold_equations(chain, arm7, D0, SPACING * j)
+            value, size = equations[0] if which == 0 else (equations[1] if which == 1 else equations[2])
+            largest = max(largest, size)
             for n in range(3 if which == 0 else 5):
                 roots.cosine[n] += TO_COSINE[j, n] * value
                 roots.sine[n] += TO_SINE[j, n] * value

@@ -21,6 +21,11 @@ SLICES, POINTS = 160, MAX_BRANCHES
 AFTER, BEFORE, JOINT_3, NO_SLICES = 0, 1, 2, 3
 
 
+#: Constants of six joints, see `closed_form.arm`: a scale of lengths, 0 for a Jaco, and a labelling; and the labelling
+#: in which a Jaco has no double roots.
+SCALE, OWN, JACO_LABELLING = 39, 40, 6
+
+
 class Slices(NamedTuple):
     """All solutions at some values of the parameter."""
 
@@ -37,7 +42,7 @@ class SixJoints(NamedTuple):
 
     chain: Array  # (7, 3, 4), of joints 7 to 2 the other way round where the parameter is the first one
     arm: Array  # (46,) their constants, see `closed_form.arm`
-    general: Array  # (46,) what they are as an arm of any structure: a scale, and a labelling to begin with
+    general: Array  # (46,) filled: constants as those of an arm of any structure, see `fill_general`
     limits: Array  # (3, 6) without any
     seed: Array  # (6,)
     axis: Array  # (3,) unit vector in the tool frame
@@ -100,6 +105,20 @@ def turn_target(T: Array, axis: Array, angle: float, turned: Array) -> None:
         turned[i, 2] = c * d + along * z + s * (a * y - b * x)
         turned[i, 3] = T[i, 3]
     turned[3, 0], turned[3, 1], turned[3, 2], turned[3, 3] = 0.0, 0.0, 0.0, 1.0
+
+
+def fill_general(six: SixJoints) -> None:
+    """Fill six.general: a scale of lengths, and a labelling that suits the arm, to begin with."""
+    size = 0.0
+    for i in range(1, 6):
+        square = 0.0
+        for row in range(3):
+            square += six.chain[i, row, 3] * six.chain[i, row, 3]
+        size += 0.5 * math.sqrt(square)
+    for i in range(ARM_CONSTANTS):
+        six.general[i] = 0.0
+    six.general[SCALE] = 1.0 / size
+    six.general[OWN] = six.arm[OWN] if six.arm[SCALE] > 0.0 else JACO_LABELLING
 
 
 def add_slice(chain: Array, T: Array, kind: int, p: float, slices: Slices, six: SixJoints, seven: SevenJoints) -> bool:

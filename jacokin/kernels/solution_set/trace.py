@@ -26,6 +26,7 @@ from jacokin.kernels.solution_set.curve import (
     chord_length,
     cubic,
     cubic_root,
+    go_on,
     point_at,
     point_where_still,
     tangent,
@@ -40,8 +41,10 @@ SHORTEST_STEP, MEETING_STEP = 1e-9, 1e-4
 #: this share of the distance to any other.
 PASSED, PASSED_SHARE = 0.03, 0.5
 MOST_STEPS = 6000
-#: [rad] where a curve turns so sharply that steps are shorter, another one comes so near that they may not be told apart.
-SHARP = 1e-3
+#: [rad] where a curve turns so sharply that steps are shorter, another one is so near that they may not be told apart.
+SHARP = 1e-4
+#: How a curve ends: nowhere, where it leaves the window, lost on the way, or for want of room.
+LOST, CLOSED, LEFT, FULL = 0, 1, 2, 3
 #: [-] slope of a parameter that stands still, but for rounding.
 STANDING = 1e-6
 
@@ -51,7 +54,8 @@ class Loops(NamedTuple):
 
     nodes: Array  # (NODES, 14) points, unwrapped along the curve, and tangents forwards
     fold: NDArray[np.int64]  # (NODES,) 1 where the parameter turns back
-    ends: NDArray[np.int64]  # (LOOPS, 3) first node, node after the last, 1 for a closed curve
+    ends: NDArray[np.int64]  # (LOOPS, 3) first node, node after the last, how it ends
+    window: Array  # (2,) values of the parameter from whose middle curves are followed so far to either side [rad]
     meetings: Array  # (MEETINGS, 14) points between which curves meet
     size: NDArray[np.int64]  # (4,) nodes, curves, meetings, what went wrong
 
@@ -62,6 +66,7 @@ def make_loops() -> Loops:
         np.empty((NODES, COLUMNS)),
         np.zeros(NODES, np.int64),
         np.zeros((LOOPS, 3), np.int64),
+        np.array([0.0, np.inf]),
         np.empty((MEETINGS, COLUMNS)),
         np.zeros(4, np.int64),
     )
@@ -100,101 +105,139 @@ def is_traced(loops: Loops, x: Array) -> bool:
     return False
 
 
-def add_node(loops: Loops, x: Array, t: Array, fold: int) -> bool:
-    """Append a node; False where there is no room."""
-    n = loops.size[0]
+def add_node(loops: Loops, x: Array, t: Array, fold: int) -> int:
+    """Append a node; its number, or -1 where there is no room."""
+    n = int(loops.size[0])
     if n == NODES:
-        return False
+        return -1
     for j in range(7):
         loops.nodes[n, j] = x[j]
         loops.nodes[n, 7 + j] = t[j]
     loops.fold[n] = fold
     loops.size[0] = n + 1
-    return True
+    return n
 
 
 def follow(chain: Array, T: Array, parameter: int, i: int, k: int, slices: Slices, loops: Loops, walk: Walk) -> None:
-    """Follow the curve from point k of slice i until it comes back there."""
-    x, t, y, ty = walk.x, walk.t, walk.y, walk.ty
+    """Follow the curve from point k of slice i until it comes back there, or leaves the window on both sides."""
+    begin(chain, T, parameter, slices.x[i, k], walk)
+    if loops.size[1] == LOOPS:
+        loops.size[3] += 1
+        return
+    if norm_of(walk.t) == 0.0:  # no curve passes here alone: a single point
+        loops.size[3] += 1
+        enter_run(loops, add_node(loops, walk.x, walk.t, 1), CLOSED)
+        return
+    if run(chain, T, parameter, (i, k), slices, loops, walk) != LEFT or loops.size[1] == LOOPS:
+        return
+    begin(chain, T, parameter, slices.x[i, k], walk)
     for j in range(7):
-        x[j] = slices.x[i, k, j]
-        walk.border[j] = 1.0 if j == parameter else 0.0
-        walk.bend[j] = 0.0
-    sign = tangent(chain, T, x, walk.border, t, walk)
-    if sign == 0.0:  # the parameter stands still here: any other border
-        for m in range(7):
-            for j in range(7):
-                walk.border[j] = 1.0 if j == m else 0.0
-            sign = tangent(chain, T, x, walk.border, t, walk) if sign == 0.0 else sign
-    number, first = loops.size[1], loops.size[0]
-    if number == LOOPS:
-        loops.size[3] += 1
-        return
-    if sign == 0.0:  # no curve passes here alone: a single point
+        walk.t[j] = -walk.t[j]
+    run(chain, T, parameter, (i, k), slices, loops, walk)
+
+
+def begin(chain: Array, T: Array, parameter: int, start: Array, walk: Walk) -> None:
+    """Make a point the last one of a walk, the parameter rising ahead; the tangent is zero where there is none."""
+    found = False
+    for m in range(8):  # where the parameter stands still, any other angle tells the way ahead
         for j in range(7):
-            t[j] = 0.0
-        loops.size[3] += 1
-        if add_node(loops, x, t, 1):
-            loops.ends[number, 0], loops.ends[number, 1], loops.ends[number, 2] = first, first + 1, 1
-            loops.size[1] = number + 1
-        return
-    sign = tangent(chain, T, x, t, ty, walk)
-    loops.ends[number, 0], loops.ends[number, 2] = first, 0
-    loops.size[1] = number + 1
-    room = add_node(loops, x, t, 0)
-    h, done = 0.25 * LONGEST_STEP, False
-    way = t[parameter] if abs(t[parameter]) > STANDING else 0.0  # the last slope of the parameter that is no rounding
+            walk.x[j] = start[j]
+            walk.border[j] = 1.0 if j == (parameter if m == 0 else m - 1) else 0.0
+        found = found or tangent(chain, T, walk.x, walk.border, walk.t, walk) != 0.0
+    for j in range(7):
+        walk.bend[j], walk.more[j] = 0.0, 0.0
+        walk.t[j] = walk.t[j] if found else 0.0
+    walk.length[0] = 0.0
+
+
+def norm_of(t: Array) -> float:
+    """The square of a vector's length."""
+    square = 0.0
+    for j in range(7):
+        square += t[j] * t[j]
+    return square
+
+
+def enter_run(loops: Loops, first: int, state: int) -> None:
+    """Enter the nodes from the first one on as a curve."""
+    n = loops.size[1]
+    loops.ends[n, 0], loops.ends[n, 1], loops.ends[n, 2] = first, loops.size[0], state
+    loops.size[1] = n + 1
+
+
+def run(
+    chain: Array, T: Array, parameter: int, point: tuple[int, int], slices: Slices, loops: Loops, walk: Walk
+) -> int:
+    """Follow the curve ahead of a walk that begins at a point of a slice; how it ends."""
+    sign = tangent(chain, T, walk.x, walk.t, walk.ty, walk)
+    first = add_node(loops, walk.x, walk.t, 0)
+    h, state = 0.25 * LONGEST_STEP, LOST if first >= 0 else FULL
+    way = 0.0  # the last slope of the parameter that is no rounding
     for _ in range(MOST_STEPS):
-        if not room or h < SHORTEST_STEP:
+        if h < SHORTEST_STEP or state != LOST:
             break
-        result = advance(chain, T, walk, h, sign, y, ty)
-        if result == FAILED or (result == FLIPPED and h > MEETING_STEP):
+        if abs(walk.t[parameter]) > STANDING:
+            way = walk.t[parameter]
+        result = advance(chain, T, walk, h, sign, walk.y, walk.ty)
+        last = loops.size[0] - 1
+        if (
+            result == FAILED
+            or (result == FLIPPED and h > MEETING_STEP)
+            or not add_step(chain, T, parameter, way, loops, walk)
+        ):
+            loops.size[0] = last + 1
             h *= 0.5
             continue
         if result == FLIPPED:
-            note_meeting(loops, x, y)
+            note_meeting(loops, walk.x, walk.y)
             sign = -sign
         elif h < SHARP:
             loops.size[3] += 1
-        a = loops.size[0] - 1
-        room = add_node(loops, y, ty, 0)
-        if not room:
-            break
-        if turns_twice(loops.nodes[a], loops.nodes[a + 1], parameter):
-            loops.size[0] = a + 1
-            h *= 0.5
-            continue
-        slope = ty[parameter]
-        if slope * way < 0.0 and abs(slope) > STANDING:
-            if t[parameter] * way <= 0.0:  # at the last node, but for rounding
-                loops.fold[a] = 1
-            elif not point_where_still(
-                chain, T, loops.nodes[a], loops.nodes[a + 1], parameter, walk.z, walk.tz, walk
-            ) or not add_node(loops, y, ty, 0):
-                loops.size[0] = a + 1
-                h *= 0.5
-                continue
-            else:
-                for j in range(7):
-                    loops.nodes[a + 1, j], loops.nodes[a + 1, 7 + j] = walk.z[j], walk.tz[j]
-                loops.nodes[a + 1, 7 + parameter] = 0.0
-                loops.fold[a + 1] = 1
-        if abs(slope) > STANDING:
-            way = slope
-        n = a
-        while n < loops.size[0] - 1 and not done:
-            done = note_passed(chain, T, parameter, n, (i, k, first), slices, loops, walk)
-            n += 1
-        if done:
-            loops.ends[number, 2] = 1
-            break
-        for j in range(7):
-            walk.bend[j] = (ty[j] - t[j]) / h
-            x[j], t[j] = y[j], ty[j]
+        for n in range(last, loops.size[0] - 1):
+            if state == LOST and note_passed(chain, T, parameter, n, (point[0], point[1], first), slices, loops, walk):
+                state = CLOSED
+        if state == LOST and abs(wrapped(walk.y[parameter] - loops.window[0])) > loops.window[1]:
+            state = LEFT
+        if loops.size[0] + 2 > NODES:
+            state = FULL
+        go_on(walk, h)
         h = min(1.5 * h, LONGEST_STEP)
-    if not done:
-        loops.size[3] += 1
-    loops.ends[number, 1] = loops.size[0]
+    loops.size[3] += state in (LOST, FULL)
+    if first >= 0:
+        enter_run(loops, first, state)
+    return state
+
+
+def add_step(chain: Array, T: Array, parameter: int, way: float, loops: Loops, walk: Walk) -> bool:
+    """Append the point ahead of a walk, and a fold before it; False where it has to be nearer to see which there are.
+
+    Args:
+        chain: (8, 3, 4).
+        T: (4, 4) target.
+        parameter: index of the parameter.
+        way: the parameter's slope before.
+        loops: appended to.
+        walk: from its last point to the one ahead.
+    """
+    n = loops.size[0]
+    a, slope = n - 1, walk.ty[parameter]
+    if add_node(loops, walk.y, walk.ty, 0) < 0 or turns_twice(loops.nodes[a], loops.nodes[n], parameter):
+        return False
+    if not (slope * way < 0.0 and abs(slope) > STANDING):
+        return True
+    if walk.t[parameter] * way <= 0.0:  # at the last node, but for rounding
+        loops.fold[a] = 1
+        return True
+    if (
+        not point_where_still(chain, T, loops.nodes[a], loops.nodes[n], parameter, walk.z, walk.tz, walk)
+        or add_node(loops, walk.y, walk.ty, 0) < 0
+    ):
+        return False
+    for j in range(7):
+        loops.nodes[n, j], loops.nodes[n, 7 + j] = walk.z[j], walk.tz[j]
+    loops.nodes[n, 7 + parameter] = 0.0
+    loops.fold[n] = 1
+    return True
 
 
 def turns_twice(a: Array, b: Array, parameter: int) -> bool:

@@ -24,7 +24,7 @@ from jacokin.kernels.solution_set.curve import (
     point_where_still,
     wrapped,
 )
-from jacokin.kernels.solution_set.trace import Loops
+from jacokin.kernels.solution_set.trace import CLOSED, Loops
 
 ROWS, PIECES = 24576, 512
 #: Why a piece ends, besides 2 j and 2 j + 1 for the lower and upper limit of angle j: a fold, or nothing ends.
@@ -92,7 +92,7 @@ def cut(chain: Array, T: Array, parameter: int, loops: Loops, pieces: Pieces, wa
 
 def cut_loop(chain: Array, T: Array, parameter: int, c: int, loops: Loops, pieces: Pieces, walk: Walk) -> None:
     """Append the pieces of one curve, from a node on where none is open: a fold, or a point outside the limits."""
-    first, end, closed = loops.ends[c, 0], loops.ends[c, 1], loops.ends[c, 2] > 0
+    first, end, closed = loops.ends[c, 0], loops.ends[c, 1], loops.ends[c, 2] == CLOSED
     size = pieces.size
     start, whole, turns = first, closed, False
     if end == first + 1:

@@ -2,7 +2,7 @@
 
 A plan goes through these steps:
 
-    goals       every configuration that reaches a goal is a candidate: branches, members of families, turns
+    goals       every configuration that reaches a goal is a candidate: branches, members of curves, turns
     ends        joints outside their limits come back, and what is near at the start comes apart (`leaving`)
     straight    the straight motion to each of them, the quickest first, is certified (`Contact.in_the_way`)
     search      where those are blocked, two trees grow from start and goals until they meet, and the way is shortened
@@ -27,7 +27,7 @@ from numpy.typing import ArrayLike
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, ModelError
 from jacokin.ik.seeds import DEFAULT_RANDOM_SEED, checked_start, inside_exactly, random_configurations
-from jacokin.ik.solver import SEVEN, IKSolver
+from jacokin.ik.solver import IKSolver
 from jacokin.ik.targets import PartialTarget, Target, TargetPose, interpret
 from jacokin.model import angles, checks
 from jacokin.model.angles import TURN
@@ -477,7 +477,7 @@ def _named(pairs: Counter[tuple[str, str]]) -> str:
     return ", ".join(f"{a} and {b}" for (a, b), _ in pairs.most_common(2))
 
 
-SPREAD = float(np.radians(20.0))  # between members of a family that are tried
+SPREAD = float(np.radians(20.0))  # between members of a curve that are tried
 TURNED = float(np.radians(30.0))  # between angles about a free axis that are tried on seven joints
 STARTS = 8  # of descents to a goal without a closed form
 MOST_COPIES = 64  # of one configuration, whole turns away within the limits
@@ -574,7 +574,7 @@ class GoalFinder:
             wanted = self.check(number, aim)
             if isinstance(wanted, np.ndarray):
                 continue
-            if wanted.free_axis is not None and self._robot.dof == SEVEN:
+            if wanted.free_axis is not None and self._solver.dimension() == 1:
                 reasons.append("no configuration within the limits was found at any of the angles that were tried")
             else:
                 reasons.append(self._solver.solve(self._pose_of(wanted), seed=self._start, closest=False).message)
@@ -590,14 +590,17 @@ class GoalFinder:
     def _configurations(self, wanted: TargetPose) -> Iterator[tuple[Array, float | None]]:
         """Configurations that reach a target, each with its parameter."""
         solver, verifier = self._solver, self._solver.verifier
-        if wanted.free_axis is not None and solver.has_families and self._robot.dof == SEVEN:
+        if wanted.free_axis is not None and solver.dimension() == 1:  # two free parameters
             yield from self._turned(wanted)
-        elif wanted.free_axis is not None or (solver.has_families and not wanted.position_only):
+            return
+        dimension = solver.dimension(self._pose_of(wanted))
+        if dimension == 1:
             yield from self._members(wanted)
-        elif solver.has_closed_form and not wanted.position_only:
-            rows = solver.closed_form().solve_all(wanted.matrix, self._start)
-            for q in rows.q[verifier.reached_rows(rows)]:
-                yield q, None
+        elif dimension == 0:
+            rows = solver.solve_all(self._pose_of(wanted), self._start)
+            angle = [None] * len(rows) if rows.angle is None else rows.angle.tolist()
+            for index in np.flatnonzero(verifier.reached_rows(rows)).tolist():
+                yield rows.q[index], angle[index]
         else:
             seeds = [self._start, self._robot.home, *random_configurations(self._robot, STARTS - 2, self._rng)]
             for seed in seeds:
@@ -608,11 +611,11 @@ class GoalFinder:
                     yield result.q, None
 
     def _members(self, wanted: TargetPose) -> Iterator[tuple[Array, float | None]]:
-        """Of each interval of a family the member nearest to the start, and some all along it."""
-        family = self._solver.family(self._pose_of(wanted), seed=self._start)
-        for interval in family:
+        """Of each interval of curves the member nearest to the start, and some all along it."""
+        found = self._solver.solve_all(self._pose_of(wanted), seed=self._start)
+        for interval in found.intervals:
             nearest = interval.nearest(self._start)
-            yield nearest, family.parameter(nearest)
+            yield nearest, found.parameter_of(nearest)
             parameters, rows = interval.sample(max(2, int(np.ceil(interval.length / SPREAD))))
             yield from zip(rows, parameters.tolist(), strict=True)
 
@@ -623,7 +626,7 @@ class GoalFinder:
         for angle in np.linspace(low, high, max(2, int(np.ceil((high - low) / TURNED)) + 1)).tolist():
             if self.is_late:
                 return
-            for interval in self._solver.family(wanted.at(angle).matrix, seed=self._start):
+            for interval in self._solver.solve_all(wanted.at(angle).matrix, seed=self._start).intervals:
                 yield interval.nearest(self._start), angle
                 self._any = True
 

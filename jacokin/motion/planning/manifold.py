@@ -22,7 +22,6 @@ from jacokin.model.robot import Robot
 from jacokin.motion.path import CartesianPath
 
 CLOSURE = 1e-9  # [m] and [rad] an exact configuration misses its pose by less
-JOINT_3 = 2  # the parameter of a seven-joint arm
 STRAY = 0.25  # [rad] from the straight joint motion between two knots; farther away is another branch
 MOST_KNOTS = 400_000
 TOO_FAST = 1e3  # cost of a second beyond a velocity limit: avoided wherever another way leads on
@@ -37,13 +36,15 @@ class Manifold:
         chain: the kinematics of the arm.
         dof: number of joints.
         width: number of coordinates.
-        column: the coordinate that is the parameter of families; None when there are none.
+        column: the coordinate that is the parameter of curves; None when there are none.
         circular: (width,) coordinates that are the same after a turn.
         lower: (dof,) limits of the joints [rad].
         upper: (dof,) [rad].
     """
 
-    def __init__(self, robot: Robot, chain: Chain, path: CartesianPath, limit_snap: float) -> None:
+    def __init__(
+        self, robot: Robot, chain: Chain, path: CartesianPath, limit_snap: float, parameter: str | None = None
+    ) -> None:
         """Prepare.
 
         Args:
@@ -51,16 +52,18 @@ class Manifold:
             chain: its kinematics up to the tool.
             path: the path of the tool.
             limit_snap: a joint past its limit by at most this is put on the limit [rad].
+            parameter: the joint that is the parameter of the curves of a pose; None where poses have none.
         """
         self.path, self.chain, self.dof = path, chain, robot.dof
         self.width = self.dof + path.free
-        six = self.dof >= 6  # fewer joints about a free axis have points
-        self.column = self.dof if path.free and six else JOINT_3 if self.dof > 6 else None
+        self.column = None if parameter is None else robot.joint_index(parameter)
+        if path.free and self.dof >= 6:  # fewer joints about a free axis have points
+            self.column = self.dof
         self.circular = np.array([*robot.unlimited, *[True] * path.free])
         self.lower, self.upper, self._snap = robot.lower, robot.upper, limit_snap
 
     @property
-    def has_families(self) -> bool:
+    def has_curves(self) -> bool:
         """Whether there are curves of configurations at each place."""
         return self.column is not None
 
@@ -102,7 +105,7 @@ class Manifold:
         lower, upper = self.window_near(u, found)
         within = np.clip(found, lower, upper)
         beyond = np.abs(within - found)
-        if self.has_families:
+        if self.has_curves:
             rows = np.flatnonzero(((beyond > self._snap).any(axis=1)) & (beyond.max(axis=1) < 0.1))
             if rows.size:
                 held = beyond[rows] > 0.0
@@ -145,7 +148,7 @@ class Curve:
             x: (n, width) points, circular coordinates counting their turns [rad].
         """
         self.manifold, self.u, self.x = manifold, u, x
-        self._smooth = PchipInterpolator(u, x, axis=0) if manifold.has_families and len(u) > 1 else None
+        self._smooth = PchipInterpolator(u, x, axis=0) if manifold.has_curves and len(u) > 1 else None
 
     @property
     def q(self) -> Array:

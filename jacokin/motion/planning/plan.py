@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, StructureError
 from jacokin.ik import diagnosis, seeds
-from jacokin.ik.closed_form import Branches
+from jacokin.ik.solutions.points import Points
 from jacokin.ik.solver import IKSolver
 from jacokin.ik.targets import Target, TargetPose
 from jacokin.ik.verification import Verifier
@@ -28,7 +28,7 @@ from jacokin.model.poses import FreeAxis, rotation_angle
 from jacokin.model.robot import acceleration_limits, velocity_limits
 from jacokin.motion.free_motion.plan_motion import plan_motion
 from jacokin.motion.joint_motion import ACCELERATION
-from jacokin.motion.path import MOST_FAMILIES, MOST_PLACES, CartesianPath
+from jacokin.motion.path import MOST_CURVES, MOST_PLACES, CartesianPath
 from jacokin.motion.planning.manifold import Curve, Manifold, Pace
 from jacokin.motion.planning.passing import keep_speed, pass_slowly
 from jacokin.motion.planning.search import Climb, Ladder, PathSearch, Rung
@@ -38,9 +38,9 @@ from jacokin.motion.track import ANGULAR_SPEED, SPEED
 from jacokin.motion.trajectory import LEAD_IN, Trajectory
 
 TIMINGS = ("keep", "slow")
-FINEST = 0.01  # [rad] between members of a family: more of them take minutes
+FINEST = 0.01  # [rad] between members of a curve: more of them take minutes
 SLOWEST = 1e-6  # [rad/s] of a velocity limit: a turn takes 70 days
-FREE_STEP = float(np.radians(10.0))  # [rad] between members of a family that are tried
+FREE_STEP = float(np.radians(10.0))  # [rad] between members of a curve that are tried
 SPACING = 0.01  # [m] of the tool between two steps of the path
 TURNING = 0.05  # [rad] the same of its orientation
 TIGHT = 0.05  # [rad] a joint this near to its limit is why a way ends
@@ -111,7 +111,7 @@ def plan_path(
     robot, verifier = solver.robot, solver.verifier
     verifier.require_contact()
     try:
-        if not solver.has_families and not (robot.dof < 6 and solver.has_points(np.eye(4))):
+        if solver.dimension() is None:
             solver.closed_form()
     except StructureError as error:
         raise StructureError(f"plan_path needs a closed form: {error}") from error
@@ -126,7 +126,7 @@ def plan_path(
         raise InvalidInputError(f"velocity_limit must be at least {SLOWEST:g} rad/s, got {velocity.min():g}")
     dt = checks.positive("dt", dt, "s")
     path = CartesianPath(targets, solver.frame)
-    if path.free and solver.has_families:
+    if path.free and solver.dimension() == 1:
         raise InvalidInputError(
             "a FreeAxis on seven joints leaves two free parameters: give the poses at one angle about it"
         )
@@ -153,10 +153,10 @@ def plan_path(
         return _led_in(solver, near, plan, dt, ACCELERATION if acceleration is None else acceleration)
 
     chain = Chain(robot, verifier.frame_id, verifier.tool)
-    manifold = Manifold(robot, chain, path, verifier.options.limit_snap)
+    manifold = Manifold(robot, chain, path, verifier.options.limit_snap, solver.parameter)
     pace = Pace(times, velocity)
     ladder = Ladder(solver, manifold, pace, free_step, keep=timing == "keep")
-    places = path.places(SPACING, TURNING, MOST_FAMILIES if manifold.has_families else MOST_PLACES)
+    places = path.places(SPACING, TURNING, MOST_CURVES if manifold.has_curves else MOST_PLACES)
     search = PathSearch(ladder, places, near, exactly=start is not None)
     found = Climb(search, dt).find()
     writer = _Writer(
@@ -342,11 +342,11 @@ def _explain_rung(rung: Rung, solver: IKSolver, manifold: Manifold) -> str:
         return "out of reach"
     if rung.touching:
         return "contact of " + ", ".join(f"{a} and {b}" for a, b in rung.touching[:2])
-    if manifold.has_families:
+    if manifold.has_curves:
         return solver.solve(manifold.path.target(rung.u), closest=False).message
     if manifold.dof < 6:
         rows = solver.solve_all(manifold.path.target(rung.u), solver.robot.home)
-        assert isinstance(rows, Branches)
+        assert isinstance(rows, Points)
     else:
         rows = solver.closed_form().solve_all(manifold.path.at(np.array([rung.u]))[0], solver.robot.home)
     return diagnosis.explain_branches(rows, solver.robot.joint_names).message

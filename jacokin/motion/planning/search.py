@@ -2,7 +2,7 @@
 
 `Ladder` makes rungs of all solutions at places of the path, and tells which of neighbouring rungs follow each other.
 Two solutions do when the straight motion between them stays near the line of the tool: half way, the tool misses the
-line by no more than `MISSED` and `TILTED`, and by a little more where the parameter of a family changes. What is on
+line by no more than `MISSED` and `TILTED`, and by a little more where the parameter of a curve changes. What is on
 the line exactly is found later (`manifold.Curve`).
 
 `PathSearch` finds the cheapest way by dynamic programming, and makes steps smaller where no way leads on. `Climb` looks
@@ -21,7 +21,6 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.ik.closed_form import Branches
 from jacokin.ik.solver import IKSolver
 from jacokin.kernels.library import Call
 from jacokin.kernels.rung_links import (
@@ -59,7 +58,7 @@ AT_START = 1e-3  # [rad] a solution this near to `start` is the one the arm is o
 FROM_SEED = 0.1  # cost of a first solution's squared distance to the seed, beside that of the motion
 SMOOTHINGS = 4  # times a way is smoothed, with what got worse by it left alone
 MOST_ROUNDS = 100  # times the way is changed because a closer look found a gap or an obstacle
-FEW_ROUNDS = 20  # the same on a first look at families, before whole ones are looked at
+FEW_ROUNDS = 20  # the same on a first look at curves, before whole ones are looked at
 MOST_FASTER = 12  # times another way is tried because joints would be too fast on the best one
 SPEED_ROUNDING = 1e-9  # relative to a velocity limit
 
@@ -97,7 +96,7 @@ class Links:
 
 
 class _Members(NamedTuple):
-    """Points of the family of one place."""
+    """Points of the curves of one place."""
 
     x: Array
     """(k, width)."""
@@ -118,7 +117,7 @@ class Ladder:
         manifold: the configurations on the path.
         pace: what motion costs.
         keep: whether motions that need more than the time of their line are the last resort.
-        thorough: whether rungs have members of whole families; else of a first look, which misses short intervals.
+        thorough: whether rungs have members of whole curves; else of a first look, which misses short intervals.
     """
 
     def __init__(self, solver: IKSolver, manifold: Manifold, pace: Pace, step: float, *, keep: bool) -> None:
@@ -128,27 +127,27 @@ class Ladder:
             solver: what solves; it has a closed form.
             manifold: the configurations on the path.
             pace: what motion costs.
-            step: between members of a family, in the parameter [rad].
+            step: between members of a curve, in the parameter [rad].
             keep: True when motions that need more than the time of their line are the last resort.
         """
         self.manifold, self.pace = manifold, pace
         self._solver, self._step, self.keep = solver, step, keep
-        self.thorough = not manifold.has_families
+        self.thorough = not manifold.has_curves
         self._robot, self.verifier = solver.robot, solver.verifier
         # Limited joints with more than a turn of room stand for several configurations.
         self._wide = np.flatnonzero(~self._robot.unlimited & (self._robot.upper - self._robot.lower > TURN))
 
     def make_rungs(self, places: Array, near: Array | None = None) -> list[Rung]:
-        """The solutions at places (n,); of whole families, with the members nearest to a configuration (dof,)."""
+        """The solutions at places (n,); of whole curves, with the members nearest to a configuration (dof,)."""
         manifold = self.manifold
-        if not manifold.has_families:
+        if not manifold.has_curves:
             poses = manifold.path.at(places)
             return [self._branches(u, T, near) for u, T in zip(places.tolist(), poses, strict=True)]
         parts = [places[start : start + PLACES_TOGETHER] for start in range(0, len(places), PLACES_TOGETHER)]
-        return [rung for part in parts for rung in self._family_rungs(part, near)]
+        return [rung for part in parts for rung in self._curve_rungs(part, near)]
 
-    def _family_rungs(self, places: Array, near: Array | None) -> list[Rung]:
-        """Members of families, guesses corrected all together."""
+    def _curve_rungs(self, places: Array, near: Array | None) -> list[Rung]:
+        """Members of curves, guesses corrected all together."""
         manifold = self.manifold
         found = [self._members(u, manifold.path.target(u), near) for u in places.tolist()]
         counts = [len(members.x) for members in found]
@@ -166,13 +165,12 @@ class Ladder:
         if self.manifold.dof < 6:
             target = self.manifold.path.target(u)
             found = self._solver.solve_all(target, self._robot.home if near is None else near)
-            assert isinstance(found, Branches)
             return self._rung(u, self.manifold.points(found.q_within_limits, target), len(found))
         rows = self._solver.closed_form().solve_all(T, self._robot.home)
         return self._rung(u, rows.q[self.verifier.reached_rows(rows)], len(rows))
 
     def _members(self, u: float, target: pin.SE3 | FreeAxis, near: Array | None) -> _Members:
-        """Points of a family."""
+        """Points of curves."""
         if not isinstance(target, FreeAxis) and self.manifold.path.free:  # six joints, at one value of the free angle
             branches = self._solver.closed_form().solve_all(target.homogeneous, self._robot.home)
             angle = float(self.manifold.path.window(np.array([u]))[0][0])
@@ -182,16 +180,16 @@ class Ladder:
         if seen is not None:
             x = np.column_stack([seen.q, seen.parameters]) if self.manifold.path.free else seen.q
             return _Members(x, seen.guessed, int(seen.reached))
-        family = self._solver.family(target)
+        curves = self._solver.solve_all(target)
         found = [np.empty((0, self.manifold.width))]
-        for interval in family:
+        for interval in curves.intervals:
             parameters, rows = interval.spread(self._step)
             rows = angles.into_limits(rows, self._robot.lower, self._robot.upper)
             found.append(np.column_stack([rows, parameters]) if self.manifold.path.free else rows)
         if near is not None:  # the member nearest to it, and the configuration itself, which may be a member
-            nearest = family.nearest(near)
+            nearest = curves.nearest(near)
             found.append(self.manifold.points(np.array([near] if nearest is None else [nearest, near]), target))
-        return _all_guessed(np.concatenate(found), family.branches)
+        return _all_guessed(np.concatenate(found), curves.branches)
 
     def _rung(self, u: float, x: Array, solutions: int) -> Rung:
         """The rung of points (k, width): without those in contact, and with their copies."""
@@ -341,7 +339,7 @@ class Climb:
 
     def _smooth(self, curve: Curve) -> Curve | None:
         """The way, finely, after its knots moved to where joints move less; None when nothing better is free."""
-        if not self._manifold.has_families:
+        if not self._manifold.has_curves:
             return None
         pull = None if self._search.exactly else (self._search.near, FROM_SEED)
         smoothing = Smoothing(self._manifold, self._pace, curve.u, pull)
@@ -407,7 +405,7 @@ class PathSearch:
         self._valid = 0  # rungs whose costs are still right
 
     def look_thoroughly(self) -> bool:
-        """Begin anew with whole families; False if that is how it began."""
+        """Begin anew with whole curves; False if that is how it began."""
         if self.ladder.thorough:
             return False
         self.ladder.thorough = True

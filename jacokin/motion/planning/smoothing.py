@@ -1,4 +1,4 @@
-"""Smoothing: a way through families is moved along their self-motions until the joints move as little as they can.
+"""Smoothing: a way through curves is moved along their self-motions until the joints move as little as they can.
 
 The search chooses among members some degrees apart. Each knot may move along its curve, by s along a unit tangent n;
 what the motion costs is, to first order, a sum of squares of neighbouring s, whose minimum is a tridiagonal system.

@@ -130,7 +130,7 @@ class ToolCenterPointInitializer:
                 query = solver.query(position, rotation, bounds, random_state)
                 q = yield query
                 if q is None:
-                    if solver.has_closed_form:
+                    if solver.lists_all:
                         break  # another start changes nothing
                 elif self._is_free(physics, trial_of(physics), query.qpos, q):
                     physics.set_qpos(query.qpos, q)
@@ -139,7 +139,7 @@ class ToolCenterPointInitializer:
 
     def _place(self, physics: Physics, random_state: RandomState) -> None:
         solver = self._arm.site_solver(physics, self._site)
-        bounds = None if solver.has_closed_form else self._arm.sampling_bounds(physics)
+        bounds = None if solver.lists_all else self._arm.sampling_bounds(physics)
         trial = trial_of(physics)
         for _ in range(self._max_rejection_samples):
             shuffle, attempts = self._branch == "random", self._max_ik_attempts

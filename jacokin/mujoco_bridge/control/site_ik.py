@@ -1,6 +1,6 @@
 """Inverse kinematics on an arm as it stands in a scene: what `RobotArm.set_site_to_xpos` runs.
 
-Where the arm has a closed form, it gives every branch (of seven joints, the family of configurations), and the nearest
+Where the arm has a closed form, it gives every branch (of seven joints, curves), and the nearest
 one within the limits is taken. Otherwise the QP starts from the present configuration and then from random ones. The
 chain of joints is built from the compiled scene. The simulation is read only; nothing is written before there is
 a solution.
@@ -29,6 +29,7 @@ from jacokin.ik import targets
 from jacokin.ik.closed_form import NearestBranch
 from jacokin.ik.local_search import LocalSearch
 from jacokin.ik.options import ORIENTATION_TOLERANCE, POSITION_TOLERANCE, SolverOptions
+from jacokin.ik.solutions.solution_set import SolutionSet
 from jacokin.ik.solver import IKSolver
 from jacokin.ik.verification import Verifier
 from jacokin.model.angles import TURN
@@ -46,7 +47,7 @@ Solution = tuple[NDArray[np.intp], Array]  # addresses in qpos, and values for t
 
 BASE = "base"  # the frames of the chain
 SITE = "site"
-MEMBERS = 32  # of a family that are tried for contact
+MEMBERS = 32  # of curves that are tried for contact
 
 _INFINITE = np.array([np.inf])
 _FEW = 16  # numbers that are added up sooner than a dot product starts
@@ -59,7 +60,7 @@ class SiteSolver:
     """Inverse kinematics of one site of one scene, for target poses in the world.
 
     Attributes:
-        has_closed_form: whether the arm has a closed form; otherwise the QP runs.
+        lists_all: whether every configuration at a pose is found; otherwise the QP runs.
     """
 
     def __init__(self, physics: Physics, joints: Sequence[int], site: int) -> None:
@@ -96,15 +97,13 @@ class SiteSolver:
         self._chain = scene_chain(self._model, self._data.qpos, self._joints, self._site)
         robot = self._chain.robot
         self._solver = IKSolver(robot, SITE, collision="ignore")
-        self._has_families = self._solver.has_families
-        self.has_closed_form = self._has_families or self._solver.has_closed_form
-        if not self.has_closed_form:
+        self.lists_all = self._solver.dimension() is not None
+        if not self.lists_all:
             from jacokin.ik.qp import QPDescents  # imports mink, which arms with a closed form do not need
 
             verifier = Verifier(robot, SITE, None, SolverOptions(collision="ignore"))
             self._qp = LocalSearch(verifier, QPDescents(verifier))
-        with_branches = self.has_closed_form and not self._has_families
-        self._nearest = self._solver.closed_form().nearest_branch() if with_branches else None
+        self._nearest = self._solver.closed_form().nearest_branch() if self._solver.is_compiled else None
         self._T = np.eye(4) if self._nearest is None else self._nearest.T
         self._rotation, self._translation = self._T[:3, :3], self._T[:3, 3]
         kinds = self._model.jnt_type[list(self._chain.joints)]
@@ -129,7 +128,7 @@ class SiteSolver:
         """
         chain = self._target(position, rotation)
         if self._nearest is None:
-            member = next(self._members(self._qpos[chain.qpos], None), None)
+            member = self._solver.solve_all(self._T, self._qpos[chain.qpos]).nearest()
             q = None if member is None else member.copy()
         else:
             self._nearest.seed[:] = self._qpos[chain.qpos]
@@ -242,26 +241,25 @@ class SiteSolver:
         self._is_upright = np.array_equal(self._R_base_world, np.eye(3))
         self._seen = b"".join(self._watched)
 
-    def _members(self, present: Array, shuffled_by: RandomState | None) -> Iterator[Array]:
-        """Members of the family of seven joints: the nearest one, then some of all others by distance; or at random."""
-        family = self._solver.family(self._T, present)
-        nearest = family.nearest()
+    def _members(self, found: SolutionSet, present: Array, shuffled_by: RandomState | None) -> Iterator[Array]:
+        """Members of curves: the nearest one, then some of all others by distance; or at random."""
+        nearest = found.nearest()
         if nearest is None:
             return
         if shuffled_by is None:
             yield nearest
-        rows = family.sample(MEMBERS)
+        rows = found.sample(MEMBERS)
         order = np.argsort(((rows - present) ** 2).sum(axis=1), kind="stable")
         for index in order if shuffled_by is None else shuffled_by.permutation(len(rows)):
             yield rows[index]
 
     def _branches(self, present: Array, shuffled_by: RandomState | None) -> Iterator[Array]:
-        if self._has_families:
-            yield from self._members(present, shuffled_by)
+        found = self._solver.solve_all(self._T, present)
+        if found.dimension == 1:
+            yield from self._members(found, present, shuffled_by)
             return
-        branches = self._solver.closed_form().solve_all(self._T, present)
-        q = branches.q
-        order = branches.within_limits.nonzero()[0]
+        q = found.q
+        order = found.within_limits.nonzero()[0]
         for index in order if shuffled_by is None else shuffled_by.permutation(order):
             yield q[index]
 

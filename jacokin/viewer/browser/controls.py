@@ -171,18 +171,22 @@ class FreeControls:
             axis: 0, 1 or 2 of the tool to begin with, or None.
             span: least and largest angle to begin with [rad].
         """
-        seven = inspector.solver.has_families
+        curves = inspector.solver.dimension() == 1
         self._span = span
         chosen = AXES[0] if axis is None else AXES[axis + 1]
         self._axis = gui.add_dropdown(
-            "Free axis", AXES, initial_value=chosen, disabled=seven, hint="The tool may turn about this axis of its own"
+            "Free axis",
+            AXES,
+            initial_value=chosen,
+            disabled=curves,
+            hint="The tool may turn about this axis of its own",
         )
         low, high = (min(max(math.degrees(end), -180.0), 180.0) for end in span)
         self._range = gui.add_multi_slider(
             "Range [deg]", -180.0, 180.0, STEP, (low, high), min_range=NARROWEST, disabled=axis is None
         )
         self._shown = (low, high)
-        label = f"{inspector.robot.joint_names[2]}, free [deg]" if seven else "Angle [deg]"
+        label = f"{inspector.solver.parameter}, free [deg]" if curves else "Angle [deg]"
         self._value = gui.add_slider(label, -180.0, 180.0, STEP, 0.0, disabled=True)
         for name, control in (("axis", self._axis), ("range", self._range), ("angle", self._value)):
             watch(post, name, control)

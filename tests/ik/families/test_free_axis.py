@@ -7,6 +7,7 @@ import pickle
 
 import numpy as np
 import pytest
+from jacokin.ik.solutions.curves import FREE_AXIS, CurveArm
 from numpy.typing import NDArray
 
 import jacokin
@@ -14,7 +15,6 @@ from jacokin import FreeAxis, IKSolver, Robot, Status
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, StructureError
 from jacokin.ik import Family
-from jacokin.ik.solutions.curves import FREE_AXIS, CurveArm
 from jacokin.ik.targets import interpret
 from jacokin.model.angles import wrap_to_pi
 

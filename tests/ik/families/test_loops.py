@@ -7,12 +7,12 @@ from collections.abc import Callable
 import numpy as np
 import pinocchio as pin
 import pytest
-
-from jacokin import FreeAxis, IKSolver, Robot
-from jacokin.arrays import Array
 from jacokin.kernels.self_motion import gaps
 from jacokin.kernels.self_motion.intervals import make_curve_work
 from jacokin.kernels.self_motion.slices import SLICES_SIX
+
+from jacokin import FreeAxis, IKSolver, Robot
+from jacokin.arrays import Array
 from jacokin.model.angles import TURN, wrap_to_pi
 
 #: Of the loops built here at random, some with next to no curvature in one direction, this share is found at least.

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 import pytest
+from jacokin.ik.solutions.curves import CurveProblem
 
 import jacokin
 from benchmarks import scan_seven
@@ -14,7 +15,6 @@ from jacokin import FreeAxis, IKSolver, Robot
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.ik import Family
-from jacokin.ik.solutions.curves import CurveProblem
 from jacokin.model.angles import TURN
 
 SCANNED = 4000

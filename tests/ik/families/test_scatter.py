@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from jacokin.ik.solutions.family import Family
 
 from jacokin import FreeAxis, IKSolver, Robot
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
-from jacokin.ik.solutions.family import Family
 from jacokin.model.angles import wrap_to_pi
 
 STEP = math.radians(10.0)

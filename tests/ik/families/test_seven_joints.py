@@ -8,6 +8,8 @@ from collections.abc import Callable
 import numpy as np
 import pinocchio as pin
 import pytest
+from jacokin.kernels.self_motion import gaps
+from jacokin.kernels.self_motion.intervals import make_curve_work
 from numpy.typing import NDArray
 
 import jacokin
@@ -17,10 +19,8 @@ from jacokin import FreeAxis, IKSolver, Robot, Status
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, StructureError
 from jacokin.ik import Family
-from jacokin.ik.solutions import curves
 from jacokin.ik.geometry import measure_seven
-from jacokin.kernels.self_motion import gaps
-from jacokin.kernels.self_motion.intervals import make_curve_work
+from jacokin.ik.solutions import curves
 from jacokin.model.angles import TURN, wrap_to_pi
 from tests.kernels.plain import PlainCall
 

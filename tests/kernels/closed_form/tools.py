@@ -10,7 +10,8 @@ import pytest
 
 from jacokin import Robot
 from jacokin.arrays import Array
-from jacokin.ik.closed_form import BranchTable, ClosedForm
+from jacokin.ik.closed_form import ClosedForm
+from jacokin.ik.solutions.points import BranchTable
 
 
 def sizes(quick: int, thorough: int) -> list[Any]:  # Any: what pytest.param returns

@@ -6,16 +6,16 @@ from unittest import mock
 
 import numpy as np
 import pytest
-
-import jacokin
-from jacokin import FreeAxis, IKSolver, pose
-from jacokin.arrays import Array
 from jacokin.ik.solutions.curves import FREE_AXIS, CurveArm, CurveProblem
-from jacokin.ik.targets import interpret
 from jacokin.kernels.self_motion import limit_cuts
 from jacokin.kernels.self_motion.arcs import Arcs
 from jacokin.kernels.self_motion.follow import make_walk, node_between
 from jacokin.kernels.self_motion.limit_cuts import DIVISIONS, HALVINGS, add_crossings, make_cuts
+
+import jacokin
+from jacokin import FreeAxis, IKSolver, pose
+from jacokin.arrays import Array
+from jacokin.ik.targets import interpret
 
 RIGHT = 0.5 * np.pi
 Q = np.array([RIGHT, 0.8203047484373349, np.pi, -np.pi, 5.759586531581287, -RIGHT])  # joints 1 and 4 stand still

@@ -7,12 +7,12 @@ import math
 import numpy as np
 import pinocchio as pin
 import pytest
+from jacokin.kernels.self_motion.slices import make_seven_joints, make_six_joints
+from jacokin.kernels.self_motion.straight_wrist import find_straight_seven, find_straight_six, make_straight
 
 import jacokin
 from jacokin.arrays import Array
 from jacokin.ik.geometry import measure, measure_seven
-from jacokin.kernels.self_motion.slices import make_seven_joints, make_six_joints
-from jacokin.kernels.self_motion.straight_wrist import find_straight_seven, find_straight_six, make_straight
 from jacokin.model.angles import wrap_to_pi
 
 COUNT = 40

@@ -15,6 +15,7 @@ from jacokin import FreeAxis, IKSolver, Robot, plan_path
 from jacokin.errors import InvalidInputError
 from jacokin.ik import Scene, Sphere
 from jacokin.motion import AxisTarget, PositionTarget, Trajectory, track_path
+from tests.ik.test_few_joints import CHAINS, urdf_of
 from tests.motion.by_mujoco import at, tool_poses
 
 SEVEN = "j2s7s300"
@@ -157,7 +158,7 @@ def test_narrow_windows_are_found(robot: Robot) -> None:
     narrow = jacokin.load_robot(limits=limits)
     solver = IKSolver(narrow)
     for target in targets:
-        assert max(interval.length for interval in solver.solve_all(target)) < 0.1
+        assert max(interval.length for interval in solver.solve_all(target).intervals) < 0.1
     result = plan_path(solver, targets, dt=0.05, timing="slow")
     assert result.success
     check_limits(narrow, result)
@@ -278,3 +279,15 @@ def test_seven_joints_count_turns_and_keep_to_a_cable() -> None:
     assert not whole.success
     assert "joint_1 runs into its limit" in whole.message
     check_limits(cable, whole)
+
+
+def test_seven_joints_of_any_structure_have_curves_along_the_way(tmp_path: Path) -> None:
+    (tmp_path / "seven.urdf").write_text(urdf_of(CHAINS["seven"]))
+    solver = IKSolver(jacokin.load_robot(tmp_path / "seven.urdf"))
+    q = np.linspace(0.3, -0.7, 7)
+    assert solver.parameter == "joint_7"
+    targets = [solver.robot.forward_kinematics(row) for row in (q, q + 0.05)]
+    result = plan_path(solver, targets, dt=0.05, seed=q)
+    assert result.success
+    np.testing.assert_allclose(result.parameter, result.q[[0, -1], 6], atol=1e-6)
+    assert np.linalg.norm(solver.robot.forward_kinematics(result.q[-1]).translation - targets[1].translation) < 1e-5

@@ -74,8 +74,8 @@ def test_limits_hold_to_the_last_bit(seven: Robot) -> None:
 
 def test_the_elbow_moves_while_the_tool_stays(seven: Robot) -> None:
     pose = seven.forward_kinematics(seven.home)
-    family = IKSolver(seven).family(pose)
-    own = [interval for interval in family if np.abs(interval.nearest(seven.home) - seven.home).max() < 1e-6]
+    family = IKSolver(seven).solve_all(pose)
+    own = [interval for interval in family.intervals if np.abs(interval.nearest(seven.home) - seven.home).max() < 1e-6]
     elsewhere = own[0].at(seven.home[2] + 0.4, seed=seven.home)
     tracker = Tracker(seven, dt=DT, posture=elsewhere, acceleration_limit=np.inf)
     before = np.abs(seven.home - elsewhere).max()

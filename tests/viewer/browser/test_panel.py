@@ -106,7 +106,7 @@ def test_boxes_hold_numbers_of_six_characters(viewer: Viewer, page: Page, robot:
 
 def test_without_branches_there_is_no_slider_for_them(tmp_path: Path) -> None:
     path = tmp_path / "ur5.urdf"
-    path.write_text(ur5_text().replace('name="q5" type="revolute"', 'name="q5" type="fixed"'), encoding="utf-8")
+    path.write_text(ur5_text().replace('name="q5" type="revolute"', 'name="q5" type="prismatic"'), encoding="utf-8")
     with serve(str(path), port=0) as viewer, opened(viewer) as page:
         assert len(viewer.view.branches) == 0
         assert not page.control("Branch").props["visible"]

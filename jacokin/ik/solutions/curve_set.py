@@ -1,96 +1,43 @@
-"""`Family`: all configurations that reach a target with one free parameter, as intervals of the parameter.
+"""`CurveSet`: all configurations that reach a target with one free parameter, as intervals of the parameter.
 
-The parameter p [rad] is the angle about the free axis of a `FreeAxis`, or joint 3 of a seven-joint arm. On a branch,
+The parameter p [rad] is the angle about the free axis of a `FreeAxis`, or one joint of seven. On a branch,
 the configuration is a smooth function of p, from one fold to another (where two branches meet) or all the way round.
 What is within the limits of a branch is some intervals of p.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
-from jacokin.ik.preferences import Cost, by_distance, by_margin
+from jacokin.ik import preferences
+from jacokin.ik.preferences import Cost, Prefer, by_distance, by_margin
+from jacokin.ik.solutions import picture
+from jacokin.ik.solutions.interval import Interval, IntervalEnd
 from jacokin.ik.solutions.least import least_member
-from jacokin.ik.solutions.members import Members
+from jacokin.ik.solutions.members import LostMemberError, Members
+from jacokin.ik.solutions.solution_set import SolutionSet, Touching
 from jacokin.ik.solutions.track import GUESS_SPACING, CurveTrack
-from jacokin.model import checks
+from jacokin.model import angles, checks
 from jacokin.model.angles import TURN
 
-#: [rad] a value of the parameter this far outside an interval is at its end.
-PARAMETER_SLACK = 1e-9
 
+class TrackInterval(Interval):
+    """An interval that runs along a track."""
 
-@dataclass(frozen=True, slots=True)
-class IntervalEnd:
-    """Why an interval ends."""
-
-    kind: str
-    """"limit"; "fold", where two branches meet and exist no further; "range", of the target; "circle", where nothing
-    ends; "lost", where the curve could not be followed any further."""
-    joint: str | None = None
-    """The joint on its limit."""
-    limit: float | None = None
-    """That limit [rad]."""
-
-    def __str__(self) -> str:
-        """In words."""
-        return self.kind if self.joint is None else f"{self.joint} at its limit {self.limit:.6g} rad"
-
-
-class Interval:
-    """Configurations on one branch for start <= p <= stop; each reaches the target and is within the limits.
-
-    Attributes:
-        branch: number of the branch; two intervals on one branch are parts of one curve.
-        start: least value of the parameter [rad]; in [-pi, pi) when the parameter may go full circle.
-        stop: largest value of the parameter [rad]; at most start + 2 pi.
-        ends: why it ends at start and at stop.
-    """
-
-    __slots__ = ("_members", "_track", "branch", "ends", "start", "stop")
+    __slots__ = ("_members", "_track")
 
     def __init__(self, members: Members, track: CurveTrack, branch: int, ends: tuple[IntervalEnd, IntervalEnd]) -> None:
         """Take a track within the limits."""
+        super().__init__(branch, track.start, track.stop, ends)
         self._members, self._track = members, track
-        self.branch, self.ends = branch, ends
-        self.start, self.stop = track.start, track.stop
-
-    def __repr__(self) -> str:
-        """Ends and their reasons."""
-        return f"Interval(branch {self.branch}, {self.start:.6f} ({self.ends[0]}) to {self.stop:.6f} ({self.ends[1]}))"
-
-    @property
-    def length(self) -> float:
-        """Stop - start [rad]."""
-        return self.stop - self.start
-
-    @property
-    def _is_round(self) -> bool:
-        """Whether the end is the start again."""
-        return self.ends[1].kind == "circle"
-
-    def contains(self, parameter: float) -> bool:
-        """Whether a value of the parameter, or one whole turns away, is in the interval."""
-        return self._moved_inside(checks.number("parameter", parameter, "rad")) is not None
 
     def at(self, parameter: float, seed: ArrayLike | None = None) -> Array:
-        """The member (dof,) [rad] where the parameter has a value.
-
-        Where curves meet just as a joint comes to its limit, rounding may leave none there: the one beside it, then.
-
-        Args:
-            parameter: [rad] from start to stop, or whole turns away from there.
-            seed: (dof,) unlimited joints take the copy nearest to it [rad]; None for the seed of the family.
-
-        Raises:
-            InvalidInputError: the parameter is outside the interval.
-        """
+        """See `Interval`."""
         p = self._moved_inside(checks.number("parameter", parameter, "rad"))
         if p is None:
             raise InvalidInputError(
@@ -99,17 +46,22 @@ class Interval:
         return self._member(p, self._track.at(p), self._members.near(seed))
 
     def nearest(self, seed: ArrayLike | None = None) -> Array:
-        """The member (dof,) [rad] nearest to a seed; None for the seed of the family."""
+        """The member (dof,) [rad] nearest to a seed; None for the seed of the set."""
         wanted = self._members.near(seed)
         robot = self._members.robot
         found = self._track.nearest(wanted, robot.lower, robot.upper)
         if found is None:
             return self._least(by_distance(wanted), wanted)
-        return self._member(*found, wanted)
+        try:
+            return self._members.verified(found[1], found[0])
+        except LostMemberError:
+            return self._member(*found, wanted)
 
-    def widest(self) -> Array:
-        """The member (dof,) [rad] with the largest limit margin."""
-        return self._least(by_margin(self._members.robot), self._members.seed)
+    def best(self, prefer: Prefer = "nearest") -> Array:
+        """The preferred member (dof,) [rad]; see `SolutionSet.best`."""
+        members = self._members
+        cost = preferences.cost_of(prefer, members.robot, members.verifier.frame)
+        return self.nearest() if cost is None else self._least(preferences.with_ties(cost, members.seed), members.seed)
 
     @property
     def margin(self) -> float:
@@ -131,11 +83,7 @@ class Interval:
         return p, np.array([self._member(value, self._track.at(value), self._members.seed) for value in p.tolist()])
 
     def spread(self, step: float) -> tuple[Array, Array]:
-        """Values of the parameter (n,) and configurations (n, dof) [rad], for callers that refine them.
-
-        The ends exactly, unless nothing ends there; between them, whole multiples of a step, to about 1e-3 rad; at
-        least one. Angles are in any 2 pi copy, and not looked at.
-        """
+        """See `Interval`."""
         p, rows = self._track.polyline()
         if self.start == self.stop:  # a point, or members among which the parameter stands still
             chosen = np.arange(0, len(p), max(1, int(step / GUESS_SPACING)))
@@ -150,10 +98,7 @@ class Interval:
         return np.concatenate([p[:1], inner, p[-1:]]), np.vstack([rows[0], between, rows[-1]])
 
     def walk(self, step: float) -> tuple[Array, Array]:
-        """As `spread`: values of the parameter (n,) and configurations (n, dof), neighbours at most a step apart [rad].
-
-        Where curves turn back, the parameter hardly changes and joints do.
-        """
+        """See `Interval`."""
         p, rows = self._track.polyline()
         counts = np.maximum(1, np.ceil(np.linalg.norm(np.diff(rows, axis=0), axis=1) / step).astype(np.intp))
         chord = np.repeat(np.arange(len(counts)), counts)
@@ -161,6 +106,15 @@ class Interval:
         places = np.append(chord + within / counts[chord], len(counts))
         nodes = np.arange(len(p))
         return np.interp(places, nodes, p), np.column_stack([np.interp(places, nodes, each) for each in rows.T])
+
+    def drawn(self, step: float) -> tuple[Array, Array]:
+        """As `walk`, within the limits to about 1e-3 rad; unlimited joints without jumps."""
+        p, q = self.walk(step)
+        robot, free = self._members.robot, self._members.robot.unlimited
+        q = angles.into_limits(q, robot.lower, robot.upper)
+        q[:, free] = np.unwrap(q[:, free], axis=0)
+        q[:, free] += TURN * np.round((self._members.seed[free] - q[0, free]) / TURN)
+        return p, q
 
     def _member(self, parameter: float, q: Array, seed: Array) -> Array:
         """A configuration (dof,) of the track, in the copies nearest to a seed, verified; or the one beside it."""
@@ -170,50 +124,42 @@ class Interval:
         """The member (dof,) of the least cost."""
         return least_member(self._members, [self._track], cost, seed)[0]
 
-    def _moved_inside(self, p: float) -> float | None:
-        moved = p + TURN * round((0.5 * (self.start + self.stop) - p) / TURN)
-        if self.start <= p <= self.stop:
-            return p
-        if not self.start - PARAMETER_SLACK <= moved <= self.stop + PARAMETER_SLACK:
-            return None
-        return min(max(moved, self.start), self.stop)
 
-
-class Family:
-    """All configurations within the limits that reach a target with one free parameter. Immutable.
+class CurveSet(SolutionSet):
+    """All configurations within the limits that reach a target with one free parameter.
 
     Attributes:
         intervals: intervals of the parameter, by branch and start; none when nothing within the limits reaches it.
         complete: False when a curve was lost or a table of the kernels was full, so that intervals may be missing.
         branches: how many branches reach the target, within the limits or not; each from fold to fold.
+        parameter: what is free: the name of a joint, or "angle" for that about a free axis.
     """
 
-    __slots__ = ("_members", "branches", "complete", "intervals")
-    has_parameter = True
+    __slots__ = ("_members", "branches", "complete", "intervals", "parameter")
+    dimension = 1
+    intervals: tuple[TrackInterval, ...]
+    complete: bool
+    branches: int
+    parameter: str
 
     def __init__(
-        self,
-        intervals: tuple[Interval, ...],
-        members: Members,
-        *,
-        branches: int,
-        complete: bool,
+        self, intervals: tuple[TrackInterval, ...], members: Members, *, parameter: str, branches: int, complete: bool
     ) -> None:
         """Take intervals of a target."""
-        self.intervals, self._members = intervals, members
+        self.intervals, self._members, self.parameter = intervals, members, parameter
         self.branches, self.complete = branches, complete
 
     def __len__(self) -> int:
         """Number of intervals."""
         return len(self.intervals)
 
-    def __iter__(self) -> Iterator[Interval]:
-        """The intervals."""
-        return iter(self.intervals)
-
     def __repr__(self) -> str:
         """How many intervals on how many branches."""
-        return f"Family({len(self)} intervals within the limits, {self.branches} branches)"
+        return f"SolutionSet({self._said})"
+
+    @property
+    def _said(self) -> str:
+        return f"{len(self)} intervals of {self.parameter} within the limits, on {self.branches} branches"
 
     @property
     def q(self) -> Array:
@@ -227,13 +173,58 @@ class Family:
         return checks.sealed(np.ones(len(self.intervals), dtype=np.bool_))
 
     @property
+    def q_within_limits(self) -> Array:
+        """The same as `q`."""
+        return self.q
+
+    @property
+    def distance(self) -> Array:
+        """(k,) distance of those members to the seed [rad], Euclidean."""
+        return checks.sealed(np.linalg.norm(self.q - self._members.seed, axis=1))
+
+    @property
+    def position_error(self) -> Array:
+        """(k,) of those members [m]."""
+        return self._errors[:, 0]
+
+    @property
+    def orientation_error(self) -> Array:
+        """(k,) of those members [rad]."""
+        return self._errors[:, 1]
+
+    @property
+    def angle(self) -> Array | None:
+        """(k,) angle of those members about the free axis of the target [rad]; None where it has none."""
+        if self._members.target.free_axis is None:
+            return None
+        return checks.sealed(np.array([self._members.parameter(q) for q in self.q]))
+
+    @property
+    def singular(self) -> NDArray[np.bool_]:
+        """(k,) False: intervals are whole."""
+        return checks.sealed(np.zeros(len(self.intervals), dtype=np.bool_))
+
+    @property
+    def touching(self) -> Touching | None:
+        """Pairs of shapes that touch at each of those members; None when the solver does not look."""
+        verifier = self._members.verifier
+        return tuple(tuple(verifier.touching(q)) for q in self.q) if verifier.looks_for_contact else None
+
+    @property
+    def _errors(self) -> Array:
+        """(k, 2) position [m] and orientation [rad] errors of those members."""
+        members = self._members
+        found = [members.verifier.measure(q, members.target.at(members.parameter(q))) for q in self.q]
+        return checks.sealed(np.array(found, dtype=np.float64).reshape(-1, 2))
+
+    @property
     def margin(self) -> Array:
         """(k, dof) distance of those members to the nearer limit [rad]; inf on unlimited joints."""
         q, robot = self.q, self._members.robot
         return checks.read_only(np.minimum(q - robot.lower, robot.upper - q))
 
     def nearest(self, seed: ArrayLike | None = None) -> Array | None:
-        """The member (dof,) [rad] nearest to a seed, None for the seed of the family; None when there is no member.
+        """The member (dof,) [rad] nearest to a seed, None for the seed of the set; None when there is no member.
 
         Raises:
             InvalidInputError: a malformed seed, or one more than 1e6 rad from zero.
@@ -242,9 +233,13 @@ class Family:
         members = [interval.nearest(start) for interval in self.intervals]
         return min(members, key=lambda q: float(np.linalg.norm(q - start)), default=None)
 
-    def widest(self) -> Array | None:
-        """The member (dof,) [rad] with the largest limit margin; None when there is no member."""
-        best = self.choose(by_margin(self._members.robot), self._members.seed)
+    def best(self, prefer: Prefer = "nearest") -> Array | None:
+        """The preferred member (dof,) [rad]; see `SolutionSet.best`."""
+        members = self._members
+        cost = preferences.cost_of(prefer, members.robot, members.verifier.frame)
+        if cost is None:
+            return self.nearest()
+        best = self.choose(preferences.with_ties(cost, members.seed), members.seed)
         return None if best is None else best[0]
 
     def choose(self, cost: Cost, seed: Array) -> tuple[Array, float] | None:
@@ -270,13 +265,19 @@ class Family:
         rows = [interval.sample(count)[1] for interval, count in zip(self.intervals, self._shares(n), strict=True)]
         return np.concatenate(rows) if rows else np.empty((0, self._members.robot.dof))
 
-    def parameter(self, q: ArrayLike) -> float:
-        """The parameter [rad] of a member (dof,): in [-pi, pi] about a free axis; the angle of joint 3 itself.
+    def parameter_of(self, q: ArrayLike) -> float:
+        """The parameter [rad] of a member (dof,): in [-pi, pi] about a free axis; else the angle of that joint.
 
         Raises:
             InvalidInputError: a malformed q.
         """
         return self._members.parameter(self._members.robot.configuration(q))
+
+    def plot(self, path: str | Path) -> None:
+        """Draw each joint over the parameter; see `SolutionSet.plot`."""
+        robot = self._members.robot
+        runs = [(interval, *interval.drawn(picture.STEP)) for interval in self.intervals]
+        picture.write(path, lambda: picture.draw_curves(runs, self.parameter, robot, self._said))
 
     def _shares(self, n: int) -> list[int]:
         """How many samples each interval gets: one each, the rest by length."""
