@@ -10,7 +10,19 @@ from jacokin import lazy
 __version__ = "0.3.0"
 
 # `jacokin.tasks` needs no import of its own; names of rooms are left out of `__all__`, which would load them all.
-ROOMS = ("calibration", "ik", "model", "motion", "mujoco_bridge", "reachability", "tasks", "teleop", "viewer")
+ROOMS = (
+    "calibration",
+    "ik",
+    "jax",
+    "model",
+    "motion",
+    "mujoco_bridge",
+    "reachability",
+    "tasks",
+    "teleop",
+    "torch",
+    "viewer",
+)
 
 _public, _load, _ = lazy.door(__name__, __file__)
 __all__ = sorted([*_public, "__version__"])

@@ -3,7 +3,8 @@
     JacokinError
     ├── InvalidInputError (ValueError)         an argument is wrong; the message names it and its value
     │   ├── UnknownNameError                   a name that does not exist; lists the valid ones
-    │   └── RepresentationSingularity          an analytical Jacobian does not exist at this orientation
+    │   ├── RepresentationSingularity          an analytical Jacobian does not exist at this orientation
+    │   └── SingularAnswerError                an answer has no gradient; gives the smallest singular value
     ├── ModelError (ValueError)                a robot description cannot be used
     │   ├── ShapeError                         the collision shapes of a description cannot be loaded
     │   └── StructureError                     the closed form does not fit this robot
@@ -91,6 +92,19 @@ class RepresentationSingularity(InvalidInputError):  # noqa: N818 - the public n
             f"the {representation} Jacobian does not exist here: {name} = {angle:.17g} rad is a singularity of "
             f"the representation. Use the geometric Jacobian or representation='quaternion'."
         )
+
+
+class SingularAnswerError(InvalidInputError):
+    """An answer of inverse kinematics has no gradient: its joints cannot follow every motion of the target.
+
+    Attributes:
+        singular_value: the smallest one of the Jacobian of the joints that follow [m or rad].
+    """
+
+    def __init__(self, message: str, singular_value: float) -> None:
+        """Keep the singular value beside the message."""
+        self.singular_value = singular_value
+        super().__init__(message)
 
 
 class ModelError(JacokinError, ValueError):

@@ -15,6 +15,7 @@ ERRORS = (
     errors.InvalidInputError("q must be finite"),
     errors.UnknownNameError("frame", "tool0", ["tool", "wrist"]),
     errors.RepresentationSingularity("rpy", "pitch", 1.5),
+    errors.SingularAnswerError("the answer is singular", 1e-9),
     errors.ModelError("no joints"),
     errors.ShapeError("no such mesh"),
     errors.StructureError("axes apart", ("joint_3", "joint_4"), 0.02),

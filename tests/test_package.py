@@ -25,6 +25,8 @@ LAYERS = {
     "ik": 2,
     "motion": 3,
     "mujoco_bridge": 3,
+    "torch": 3,
+    "jax": 3,
     "reachability": 4,
     "calibration": 4,
     "teleop": 4,
@@ -46,6 +48,8 @@ HEAVY = (
     "dm_env",
     "gymnasium",
     "viser",
+    "torch",
+    "jax",
 )
 
 

@@ -16,6 +16,8 @@ near_misses              configurations within the tolerances of a target that n
 preferences              `prefer=`: which of several configurations is the best
 verification, diagnosis  the check behind every success; the status of everything else
 results                  statuses and results
+gradients                how the joints of an answer follow a target that moves
+differentiable           a solver for automatic differentiation, `jacokin.torch` and `jacokin.jax`
 files                    files of target poses and of answers
 batches                  many targets, and files of any length, through any executor
 c_library                a solver for C programs

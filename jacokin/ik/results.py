@@ -111,6 +111,9 @@ class IKResult(Frozen):
     """Pairs of shapes that touch at `q`; filled when the solver looks for contact."""
     parameter: float | None = None
     """Value of the free parameter at `q` [rad]: the angle about a free axis, or joint 3 of a seven-joint arm."""
+    free_axes: Array | None = None
+    """(k, 3) axes in the tool frame about which the target lets the tool turn: one of a `FreeAxis`, three of a
+    position; None for a pose."""
 
     @property
     def success(self) -> bool:

@@ -13,6 +13,8 @@ A solve goes through these modules:
     near_misses    what is within the tolerances where no candidate meets the target exactly
     diagnosis      the status and the sentence when none does
     closest        the configuration that comes closest then
+
+How the joints of an answer follow a target that moves is in `gradients`.
 """
 
 from __future__ import annotations
@@ -32,7 +34,7 @@ from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, StructureError
-from jacokin.ik import diagnosis, near_misses, preferences
+from jacokin.ik import diagnosis, gradients, near_misses, preferences
 from jacokin.ik.batches import batch
 from jacokin.ik.closed_form import ClosedForm
 from jacokin.ik.closest import ClosestSearch
@@ -388,6 +390,64 @@ class IKSolver:
             closest=closest,
             note=self._verifier.unchecked,
         )
+
+    def gradient(self, result: IKResult, *, reference: str = "local_world_aligned") -> Array:
+        """How the joints of an answer follow a target that moves: dq = gradient @ twist of the target.
+
+        Where the answers are a curve (seven joints at a pose, six about a `FreeAxis`) this is at a constant parameter:
+        the joint that is the parameter stands still, or the angle about the axis does. The answer nearest to a seed
+        moves along the curve besides when the target moves, and that is not in it. Where a joint is on its limit, the
+        answer follows only those motions of the target that lead the joint inwards.
+
+        Args:
+            result: a success of `solve` on this solver.
+            reference: of the twists, as in `Robot.jacobian`: "local_world_aligned" (velocity of the tool's origin, in
+                base axes), "local" (in the axes that the tool has at the answer) or "world".
+
+        Returns:
+            (dof, 6) d q / d twist, linear columns [rad/m] first, then angular [rad/rad].
+
+        Raises:
+            InvalidInputError: not a success, not of this arm, or of a target that does not determine the joints, such
+                as a position of six.
+            SingularAnswerError: the joints cannot follow every motion; names the smallest singular value.
+            UnknownNameError: no such reference.
+        """
+        return gradients.target_gradient(self._verifier, result, self.parameter, reference)
+
+    def parameter_gradient(self, result: IKResult) -> Array:
+        """How the joints of an answer move along the curve of all answers to its target, where there is one.
+
+        Args:
+            result: a success of `solve` on this solver.
+
+        Returns:
+            (dof,) d q / d parameter [rad/rad], the target at rest. The parameter is that of `IKResult.parameter`.
+
+        Raises:
+            InvalidInputError: as `gradient`, or the answers to the target are points.
+            SingularAnswerError: the curve turns back here, or several meet; names the smallest singular value.
+        """
+        return gradients.parameter_gradient(self._verifier, result, self.parameter)
+
+    def pull_back(self, q: ArrayLike, cotangents: ArrayLike) -> Array:
+        """Derivatives of a number by the entries of poses, from those by their answers: for automatic differentiation.
+
+        Of rotations only the part along turns counts, so what lies across the rotations is zero: it is right for poses
+        that are computed as rotations. As in `gradient`, the parameter of seven joints is constant.
+
+        Args:
+            q: (n, dof) answers to n poses [rad].
+            cotangents: (n, dof) derivatives of the number by each joint; NaN goes through.
+
+        Returns:
+            (n, 4, 4) derivatives by the entries of each pose. Zero where the row of cotangents is, and else NaN where
+            the answer is singular.
+
+        Raises:
+            InvalidInputError: malformed arguments, or an arm of other than six joints, or seven with a parameter.
+        """
+        return gradients.pull_back(self._verifier, q, cotangents, self.parameter)
 
     def __reduce__(self) -> tuple[object, tuple[object, ...]]:
         """Pickle the options; working memory is made anew."""

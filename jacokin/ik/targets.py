@@ -23,6 +23,7 @@ from jacokin.model.poses import FreeAxis
 #: from the arm's tool frame to its fingertips; there is no source for the figure.
 RADIAN_IN_METRES = 0.1
 SQRT_8 = math.sqrt(8.0)
+ALL_AXES = checks.read_only(np.eye(3))
 
 
 class TargetPose(NamedTuple):
@@ -34,6 +35,15 @@ class TargetPose(NamedTuple):
     """True when the orientation is free."""
     free_axis: FreeAxis | None = None
     """The axis that the tool may turn about, and the range of the angle; None for none."""
+    turned_about: Array | None = None
+    """(3,) axis in the tool frame of a free axis that this is a pose of; None for none."""
+
+    @property
+    def free_axes(self) -> Array | None:
+        """(k, 3) axes of the tool, in its frame, that an answer may turn about; None for a pose."""
+        if self.position_only:
+            return ALL_AXES
+        return None if self.turned_about is None else self.turned_about[np.newaxis]
 
     @property
     def position(self) -> Array:
@@ -53,7 +63,8 @@ class TargetPose(NamedTuple):
 
     def at(self, angle: float) -> TargetPose:
         """The pose at an angle about the free axis [rad]; the target itself where there is none."""
-        return self if self.free_axis is None else TargetPose(self.free_axis.matrix_at(angle))
+        free = self.free_axis
+        return self if free is None else TargetPose(free.matrix_at(angle), turned_about=free.axis)
 
     def nearest_angle(self, angle: float) -> float:
         """The angle in the range of the free axis that is nearest to a value [rad], up to whole turns."""

@@ -222,6 +222,7 @@ class Verifier:
             message,
             tuple(touching),
             parameter,
+            found.target.free_axes,
         )
         made.__class__ = IKResult
         return cast(IKResult, made)

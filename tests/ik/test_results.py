@@ -14,7 +14,20 @@ from jacokin import IKSolver, Robot, Status
 from jacokin.ik.results import IKResult, IKResultDraft
 from jacokin.ik.targets import TargetPose
 
-VALUES = (np.array([1.0, 2.0]), Status.OK, 1e-9, 2e-9, "closed_form", None, 0, 0, "branch 1 of 2", (("a", "b"),), 0.5)
+VALUES = (
+    np.array([1.0, 2.0]),
+    Status.OK,
+    1e-9,
+    2e-9,
+    "closed_form",
+    None,
+    0,
+    0,
+    "branch 1 of 2",
+    (("a", "b"),),
+    0.5,
+    np.eye(3),
+)
 
 
 def test_a_filled_draft_is_what_the_class_makes() -> None:

@@ -1,0 +1,90 @@
+"""`solve`: inverse kinematics as a differentiable function of JAX arrays. Needs the extra `jax`."""
+
+from __future__ import annotations
+
+import functools
+from typing import Any
+
+import numpy as np
+
+from jacokin.errors import needed
+from jacokin.ik import differentiable
+from jacokin.ik.solver import IKSolver
+
+__all__ = ["solve"]
+
+ADVICE = 'call jax.config.update("jax_enable_x64", True) before arrays are made'
+
+
+def solve(  # Any: arrays of a package that need not be installed
+    solver: IKSolver, poses: Any, seeds: Any = None, *, closest: bool = True
+) -> tuple[Any, Any]:
+    """Joint angles that bring the tool to poses, with gradients by the poses; under `jit`, `vmap` and `grad`, too.
+
+    The gradient by a pose is that of `IKSolver.pull_back`: its part along motions of the pose, for poses that are
+    computed as rotations and positions. On seven joints the parameter is constant, as in `IKSolver.gradient`. It is of
+    reverse mode (`grad`, `vjp`, `jacrev`), there is no second derivative, and none by the seeds.
+
+    Args:
+        solver: of six joints, or of seven whose poses have curves of answers.
+        poses: (..., 4, 4) array, float64, T_base_tool; the work is done by the CPU.
+        seeds: array that broadcasts to (..., dof), to stay near to [rad]; None for the robot's home.
+        closest: as in `IKSolver.solve`, where a pose is not reached.
+
+    Returns:
+        Joint angles (..., dof) [rad], and success (...) of booleans. Where it is False the angles are the closest that
+        were found, and their gradient is zero. Where an answer is singular its gradient is NaN, unless nothing that is
+        differentiated depends on it. Under a transformation malformed poses and seeds are not refused: their angles are
+        NaN, without success.
+
+    Raises:
+        MissingExtraError: JAX is not installed.
+        InvalidInputError: malformed arguments, or an arm whose answers to poses have no gradients.
+    """
+    with needed("jax", "jax"):
+        import jax
+        import jax.numpy as jnp
+    poses = jnp.asarray(poses)
+    shape = tuple(poses.shape)
+    made = differentiable.check_arguments(solver, shape, str(poses.dtype), closest, ADVICE)
+    start = made.robot.home if seeds is None else seeds
+    if not isinstance(start, jax.core.Tracer):
+        start = differentiable.seeds_of_poses(made, np.asarray(start), shape)
+    start = jnp.broadcast_to(jnp.asarray(start, poses.dtype), (*shape[:-2], made.robot.dof))
+    if not isinstance(poses, jax.core.Tracer) and not isinstance(start, jax.core.Tracer):
+        q, success = differentiable.solve_poses(made, np.asarray(poses), np.asarray(start), closest)
+        return jnp.asarray(q), jnp.asarray(success)
+    found = _answers()(made, closest, poses, start)
+    return found[0], found[1]
+
+
+@functools.cache
+def _answers() -> Any:  # Any: a function of a package that need not be installed
+    import jax
+
+    @functools.partial(jax.custom_vjp, nondiff_argnums=(0, 1))
+    def answers(solver: IKSolver, closest: bool, poses: Any, seeds: Any) -> Any:
+        def host(matrices: Any, starts: Any) -> Any:
+            return differentiable.solve_what_is_a_pose(solver, np.asarray(matrices), np.asarray(starts), closest)
+
+        shapes = _of(seeds.shape, poses.dtype), _of(poses.shape[:-2], np.bool_)
+        return jax.pure_callback(host, shapes, poses, seeds, vmap_method="broadcast_all")
+
+    def forward(solver: IKSolver, closest: bool, poses: Any, seeds: Any) -> Any:
+        found = answers(solver, closest, poses, seeds)
+        return found, found
+
+    def backward(solver: IKSolver, _closest: bool, found: Any, cotangents: Any) -> Any:
+        def host(*arrays: Any) -> Any:
+            return differentiable.pull_back(solver, *map(np.asarray, arrays))
+
+        q, success = found
+        poses = _of((*success.shape, 4, 4), q.dtype)
+        given = jax.pure_callback(host, poses, q, success, cotangents[0], vmap_method="broadcast_all")
+        return given, jax.numpy.zeros_like(q)
+
+    def _of(shape: tuple[int, ...], dtype: Any) -> Any:
+        return jax.ShapeDtypeStruct(shape, dtype)
+
+    answers.defvjp(forward, backward)
+    return answers

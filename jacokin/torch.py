@@ -1,0 +1,74 @@
+"""`solve`: inverse kinematics as a differentiable function of PyTorch tensors. Needs the extra `torch`."""
+
+from __future__ import annotations
+
+import functools
+from typing import Any
+
+from jacokin.errors import InvalidInputError, needed
+from jacokin.ik import differentiable
+from jacokin.ik.solver import IKSolver
+
+__all__ = ["solve"]
+
+
+def solve(  # Any: tensors, of a package that need not be installed
+    solver: IKSolver, poses: Any, seeds: Any = None, *, closest: bool = True
+) -> tuple[Any, Any]:
+    """Joint angles that bring the tool to poses, with gradients by the poses.
+
+    The gradient by a pose is that of `IKSolver.pull_back`: its part along motions of the pose, for poses that are
+    computed as rotations and positions. On seven joints the parameter is constant, as in `IKSolver.gradient`. There is
+    no second derivative, and none by the seeds.
+
+    Args:
+        solver: of six joints, or of seven whose poses have curves of answers.
+        poses: (..., 4, 4) tensor, float64, T_base_tool; on any device, though the work is done by the CPU.
+        seeds: tensor that broadcasts to (..., dof), to stay near to [rad]; None for the robot's home.
+        closest: as in `IKSolver.solve`, where a pose is not reached.
+
+    Returns:
+        Joint angles (..., dof) [rad], and success (...) of booleans. Where it is False the angles are the closest that
+        were found, and their gradient is zero. Where an answer is singular its gradient is NaN, unless nothing that is
+        differentiated depends on it.
+
+    Raises:
+        MissingExtraError: PyTorch is not installed.
+        InvalidInputError: malformed arguments, or an arm whose answers to poses have no gradients.
+    """
+    with needed("torch", "torch"):
+        import torch
+    for name, value in (("poses", poses), ("seeds", seeds)):
+        if not isinstance(value, torch.Tensor) and (name == "poses" or value is not None):
+            raise InvalidInputError(f"{name} must be a torch.Tensor, got {type(value).__name__}")
+    dtype = str(poses.dtype).removeprefix("torch.")
+    made = differentiable.check_arguments(solver, tuple(poses.shape), dtype, closest, "use poses.double()")
+    start = None if seeds is None else seeds.detach().cpu().numpy()
+    found = _answers().apply(poses, made, differentiable.seeds_of_poses(made, start, tuple(poses.shape)), closest)
+    return found[0], found[1]
+
+
+@functools.cache
+def _answers() -> Any:  # Any: a class of a package that need not be installed
+    import torch
+
+    class Answers(torch.autograd.Function):  # type: ignore[misc]  # PyTorch may be missing
+        """q and success of poses."""
+
+        @staticmethod
+        def forward(ctx: Any, poses: Any, solver: IKSolver, seeds: Any, closest: bool) -> tuple[Any, Any]:
+            q, success = differentiable.solve_poses(solver, poses.detach().cpu().numpy(), seeds, closest)
+            answers = torch.tensor(q, device=poses.device), torch.tensor(success, device=poses.device)
+            ctx.solver = solver
+            ctx.save_for_backward(*answers)
+            ctx.mark_non_differentiable(answers[1])
+            return answers
+
+        @staticmethod
+        @torch.autograd.function.once_differentiable  # type: ignore[untyped-decorator]  # PyTorch may be missing
+        def backward(ctx: Any, cotangents: Any, _: Any) -> tuple[Any, None, None, None]:
+            arrays = [each.cpu().numpy() for each in (*ctx.saved_tensors, cotangents)]
+            found = differentiable.pull_back(ctx.solver, *arrays)
+            return torch.tensor(found, device=cotangents.device), None, None, None
+
+    return Answers

@@ -1,0 +1,114 @@
+"""`jacokin.torch.solve`: values as the solver's, gradients as finite differences'."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import jacokin.torch
+from jacokin import IKSolver, Robot
+from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError
+
+torch = pytest.importorskip("torch", reason="the extra torch is not installed")
+
+
+@pytest.fixture(scope="module")
+def solver(robot: Robot) -> IKSolver:
+    return IKSolver(robot, tool=jacokin.pose([0.05, 0.03, 0.1], rpy=[0.2, -0.4, 0.7]), collision="ignore")
+
+
+def regular(solver: IKSolver, rng: np.random.Generator, size: int) -> tuple[Array, Array]:
+    """Configurations (size, dof) that are not singular, and the poses (size, 4, 4) there."""
+    rows = list[Array]()
+    while len(rows) < size:
+        q = solver.robot.sample(rng)
+        if solver.robot.singular_values(q).min() > 0.05:
+            rows.append(q)
+    return np.array(rows), np.array([solver.verifier.tool_pose(q).homogeneous for q in rows])
+
+
+def moved(poses: Any, twists: Any) -> Any:
+    """Poses (n, 4, 4) after twists (n, 6), local_world_aligned."""
+    x, y, z = twists[:, 3:].T
+    o = torch.zeros_like(x)
+    S = torch.stack([o, -z, y, z, o, -x, -y, x, o], dim=1).reshape(-1, 3, 3)
+    R = torch.linalg.matrix_exp(S) @ poses[:, :3, :3]
+    top = torch.cat([R, (poses[:, :3, 3] + twists[:, :3])[:, :, None]], dim=2)
+    return torch.cat([top, poses[:, 3:]], dim=1)
+
+
+def test_values_are_the_solvers(solver: IKSolver, rng: np.random.Generator) -> None:
+    seeds, poses = regular(solver, rng, 20)
+    poses[3, :3, 3] += 5.0
+    expected = solver.solve_batch(poses, seeds)
+    q, success = jacokin.torch.solve(solver, torch.tensor(poses), torch.tensor(seeds))
+    np.testing.assert_array_equal(q.numpy(), expected.q)
+    np.testing.assert_array_equal(success.numpy(), expected.success)
+    q, success = jacokin.torch.solve(solver, torch.tensor(poses[0]))
+    np.testing.assert_array_equal(q.numpy(), solver.solve(poses[0]).q)
+    assert success.shape == ()
+
+
+def test_gradients_agree_with_finite_differences_along_motions(solver: IKSolver, rng: np.random.Generator) -> None:
+    seeds, poses = (torch.tensor(each) for each in regular(solver, rng, 6))
+    twists = torch.zeros(6, 6, dtype=torch.float64, requires_grad=True)
+    assert torch.autograd.gradcheck(
+        lambda twists: jacokin.torch.solve(solver, moved(poses, twists), seeds)[0], twists, atol=1e-4, rtol=1e-4
+    )
+
+
+def test_gradients_are_those_of_the_solver(solver: IKSolver, rng: np.random.Generator) -> None:
+    seeds, poses = regular(solver, rng, 6)
+    given = torch.tensor(poses.reshape(2, 3, 4, 4), requires_grad=True)
+    q, success = jacokin.torch.solve(solver, given, torch.tensor(seeds.reshape(2, 3, 6)))
+    assert success.all()
+    assert not success.requires_grad
+    (torch.sin(q) + 0.1 * q**2).sum().backward()
+    expected = solver.pull_back(seeds, np.cos(seeds) + 0.2 * seeds)
+    np.testing.assert_allclose(given.grad.reshape(6, 4, 4), expected, rtol=1e-6, atol=1e-6 * np.abs(expected).max())
+
+
+def test_seven_joints_hold_the_parameter() -> None:
+    robot = jacokin.load_robot("j2s7s300")
+    solver = IKSolver(robot, collision="ignore")
+    pose, seed = robot.forward_kinematics(robot.home), torch.tensor(robot.home)
+    given = torch.tensor(pose.homogeneous[np.newaxis])
+    rows = torch.autograd.functional.jacobian(
+        lambda twist: jacokin.torch.solve(solver, moved(given, twist[None]), seed)[0][0],
+        torch.zeros(6, dtype=torch.float64),
+    )
+    np.testing.assert_allclose(rows, solver.gradient(solver.solve(pose, robot.home)), atol=1e-6)
+
+
+def test_failed_and_singular_answers(bundled: Any) -> None:
+    robot = bundled("j2s6s300")
+    solver, straight = IKSolver(robot, collision="ignore"), robot.home.copy()
+    straight[4] = np.pi
+    seeds = np.array([robot.home, straight, robot.home])
+    poses = np.array([robot.forward_kinematics(q).homogeneous for q in seeds])
+    poses[2, :3, 3] += 5.0
+    for rows, singular in ((slice(None), True), (slice(0, 1), False)):
+        given = torch.tensor(poses, requires_grad=True)
+        q, success = jacokin.torch.solve(solver, given, torch.tensor(seeds))
+        assert success.tolist() == [True, True, False]
+        q[rows].sum().backward()
+        assert torch.isfinite(given.grad[0]).all()
+        assert bool(torch.isnan(given.grad[1, :3]).all()) is singular  # unless nothing depends on it
+        assert not given.grad[2].any()
+
+
+def test_arguments_are_checked(solver: IKSolver, rng: np.random.Generator) -> None:
+    seeds, poses = (torch.tensor(each) for each in regular(solver, rng, 3))
+    with pytest.raises(InvalidInputError, match=r"poses must be a torch.Tensor, got ndarray"):
+        jacokin.torch.solve(solver, poses.numpy())
+    with pytest.raises(InvalidInputError, match=r"seeds must be a torch.Tensor, got list"):
+        jacokin.torch.solve(solver, poses, [0.0] * 6)
+    with pytest.raises(InvalidInputError, match=r"poses must be float64, got float32: use poses.double\(\)"):
+        jacokin.torch.solve(solver, poses.float())
+    with pytest.raises(InvalidInputError, match=r"poses must have shape \(\.\.\., 4, 4\), got shape \(0, 4, 4\)"):
+        jacokin.torch.solve(solver, poses[:0])
+    with pytest.raises(InvalidInputError, match=r"poses\[2\] is not a rotation"):
+        jacokin.torch.solve(solver, torch.cat([poses[:2], 2.0 * poses[2:] - torch.eye(4, dtype=torch.float64)]), seeds)
