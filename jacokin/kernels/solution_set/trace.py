@@ -46,7 +46,7 @@ SHARP = 1e-4
 #: How a curve ends: nowhere, where it leaves the window, lost on the way, or for want of room.
 LOST, CLOSED, LEFT, FULL = 0, 1, 2, 3
 #: [-] slope of a parameter that stands still, but for rounding.
-STANDING = 1e-6
+STANDING = 1e-4
 
 
 class Loops(NamedTuple):
