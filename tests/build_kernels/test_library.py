@@ -20,7 +20,9 @@ import pytest
 from build_kernels import library as build
 from build_kernels.library import BuildError
 from jacokin.kernels import library
+from jacokin.kernels.closed_form.batch import solve_targets
 from jacokin.kernels.entries import ENTRIES
+from jacokin.kernels.solution_set.run import solve_set
 
 REPOSITORY = Path(__file__).parents[2]
 
@@ -33,13 +35,13 @@ def test_every_kernel_is_part_of_some_entry() -> None:
 
 
 def test_an_object_file_is_kept_until_its_kernel_changes(monkeypatch: pytest.MonkeyPatch) -> None:
-    targets, curves = ENTRIES[:2]
+    targets, curves = (next(entry for entry in ENTRIES if entry.run is run) for run in (solve_targets, solve_set))
     before = build.object_key(targets), build.object_key(curves)
     assert before[0] != before[1]
     parse = ast.parse
 
     def changed(source: str) -> ast.Module:
-        return parse(source.replace("FIND_INTERVALS", "FIND_ALL") if "def run_curves" in source else source)
+        return parse(source.replace("ROUNDS", "TURNS") if "def solve_set" in source else source)
 
     monkeypatch.setattr(ast, "parse", changed)
     assert build.object_key(targets) == before[0]

@@ -20,7 +20,7 @@ from jacokin import FreeAxis, IKSolver, Robot, warmup
 from jacokin.errors import JacokinError
 from jacokin.ik import Box, Scene
 from jacokin.ik import closed_form as closed_form_module
-from jacokin.ik.solutions import curves
+from jacokin.ik.solutions import curve_arm
 from jacokin.kernels import library
 from jacokin.kernels.closed_form.batch import make_target_work, solve_targets
 from jacokin.kernels.entries import ENTRIES
@@ -77,7 +77,7 @@ def test_plain_and_compiled_curves_give_the_same_bits(
         (robot, FreeAxis(robot.forward_kinematics(robot.sample(rng)), axis=(0.0, 0.0, 1.0), range=(-0.3, 0.2))),
     ]
     compiled = [IKSolver(arm).solve_all(wanted) for arm, wanted in cases]
-    monkeypatch.setattr(curves, "Call", PlainCall)
+    monkeypatch.setattr(curve_arm, "Call", PlainCall)
     plain = [IKSolver(arm).solve_all(wanted) for arm, wanted in cases]
     for one, other in zip(compiled, plain, strict=True):
         assert [(i.start, i.stop) for i in one.intervals] == [(i.start, i.stop) for i in other.intervals]
@@ -196,5 +196,5 @@ def test_the_library_exports_its_kernels_and_nothing_of_python() -> None:
     """The names that C callers see."""
     contents = library.PATH.read_bytes()
     names = set(re.findall(rb"\0([A-Za-z_]\w*)(?=\0)", contents))
-    assert {b"jacokin_solve_targets", b"jacokin_run_curves", b"jacokin_about"} <= names
+    assert {b"jacokin_solve_targets", b"jacokin_solve_set", b"jacokin_about"} <= names
     assert not [name for name in names if b"Numba" in name or name.startswith((b"Py", b"NRT_"))]
