@@ -143,7 +143,6 @@ _CALLED = frozenset(
         "separation",
         "solve_fold",
         "sort_rows",
-        "spherical_starts",
         "starts_of_g",
         "take_clear",
         "tangent7",

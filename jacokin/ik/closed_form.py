@@ -8,7 +8,6 @@ of degree 8 in joint 6; other arms have one of the same degree in another joint,
     kernels.closed_form.resultant   F(q6), the polynomial
     kernels.closed_form.roots       all its real roots
     kernels.closed_form.wrist       from a root to (q1, q5, q6), refined on three smooth equations, then q2, q3, q4
-    kernels.closed_form.spherical   the same for the spherical variants
     kernels.closed_form.pose        the branches of a Jaco
     kernels.branches                verification on the model itself, polishing, limits, duplicates
     kernels.six_joints.pose         the branches of any other arm
@@ -115,7 +114,7 @@ class ClosedForm:
             self.other = error.with_traceback(None)
         self._chain, self._family_arm, self.misfit, self.spherical = geometry
         self._arm = self._family_arm
-        if self.misfit > EXACT_MISFIT:
+        if self.misfit > EXACT_MISFIT or self.spherical:  # as an arm with a spherical wrist, it is solved as quickly
             self._arm = measure_general(self._chain).arm
         self._limits = checks.sealed(np.ascontiguousarray([lower, upper, np.full(6, limit_snap)], dtype=np.float64))
         self._make_calls()

@@ -50,7 +50,7 @@ ROOT_ERROR = 5e-8
 #: On a model that misses the structure, candidates of F within this many times the misfit of zero are kept as well.
 MISFIT_FACTOR = 3.0
 
-# From a root to candidates (wrist, spherical)
+# From a root to candidates (wrist)
 
 #: |n| below this: axis 4 is nearly parallel to axis 1 and n / |n| magnifies the error of q5, up to 4e-4 rad at a double
 #: root, so that axis 3 is also taken from its distance to O. Of 60,000 targets with axis 4 up to 0.03 rad from axis 1,
@@ -75,8 +75,6 @@ MAX_REFINE_STEP = 0.3
 ALIGNED_SINE = 1e-10
 #: [m^2]; a squared distance this little below zero is rounding at the edge of the workspace.
 EDGE_SLACK = 1e-9
-#: [m^2]; below this a square root is mostly rounding: the exact fold is tried as well.
-FOLDED_SQUARE = 1e-12
 
 # Verification on the model (chain, pose)
 

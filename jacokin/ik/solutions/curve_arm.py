@@ -254,8 +254,7 @@ class CurveProblem(NamedTuple):
 
 def about_axis(form: ClosedForm, robot: Robot) -> CurveArm:
     """Six joints whose tool may turn about an axis; the parameter is that angle."""
-    chain, constants = form.chain, form.arm
-    return CurveArm(AFTER, "angle", chain, measure_general(chain).arm if form.spherical else constants, robot)
+    return CurveArm(AFTER, "angle", form.chain, form.arm, robot)
 
 
 def at_poses(verifier: Verifier) -> CurveArm:

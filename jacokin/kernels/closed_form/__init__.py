@@ -2,7 +2,7 @@
 
 pose               from roots to branches, verified
 resultant, roots   the polynomial in one unknown, and its real roots
-wrist, spherical   from a root to candidates; those of a spherical wrist
+wrist              from a root to candidates
 folds              singular configurations, where two branches merge
 arm                the constants of an arm and of a target
 batch              the entry point, for one pose or many

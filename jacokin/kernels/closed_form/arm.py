@@ -30,7 +30,6 @@ class ArmConstants(NamedTuple):
     psi_c: float  # angle of C - O about axis 3 at q = 0
     psi_4: float  # angle of axis 4 about axis 3 at q = 0
     chi_3: float  # angle of axis 3 about axis 4 at q = 0
-    spherical: bool
     misfit: float  # largest deviation of the model from this structure
     six: SixArm  # with a scale above 0, the arm has another structure, and all the above is 0
 
@@ -64,7 +63,6 @@ def unpack_arm(arm: Array) -> ArmConstants:
         arm[34],
         arm[35],
         arm[36],
-        arm[37] > 0.0,
         arm[38],
         SixArm(arm[39], int(arm[40]), int(arm[41]), int(arm[42]), int(arm[43]), arm[44], arm[45]),
     )

@@ -22,7 +22,6 @@ from jacokin.kernels.branches import (
 from jacokin.kernels.closed_form.arm import ArmConstants, Pose, pose_of
 from jacokin.kernels.closed_form.resultant import DEGREE, fourier_of_divided_F, fourier_of_F
 from jacokin.kernels.closed_form.roots import MAX_ROOTS, RootWork, add_known, add_known_pair, find_roots, make_roots
-from jacokin.kernels.closed_form.spherical import spherical_starts
 from jacokin.kernels.closed_form.wrist import (
     MAX_STARTS,
     Starts,
@@ -83,26 +82,9 @@ def solve_pose(arm: Array, k: ArmConstants, query: PoseQuery, work: Work) -> Non
     pose = pose_of(arm, k, query.T)
     if not pose.distance <= math.sqrt(k.R2) + abs(k.c4) + abs(k.b5) + REACH_SLACK:
         return
-    if k.spherical:
-        branches_of_spherical_wrist(k, pose, query, work)
-        return
     branches_at_double_roots(k, pose, query, work)
     for turn in range(2 if k.misfit > EXACT_MISFIT else 1):
         branches_at_roots(k, pose, query, work, turn * MISFIT_FACTOR * k.misfit)
-
-
-def branches_of_spherical_wrist(k: ArmConstants, pose: Pose, query: PoseQuery, work: Work) -> None:
-    """Every branch of an arm with axes 4, 5 and 6 in one point."""
-    starts, branches = work.starts, work.branches
-    spherical_starts(k, pose, query.seed, query.limits, starts, branches.newton.q)
-    for i in range(starts.filled[0]):
-        q1, q5, q6, family = starts.rows[i, 0], starts.rows[i, 1], starts.rows[i, 2], starts.rows[i, 3]
-        singular = family == 0.0 and refine(k, pose, q1, q5, q6, FOLD_DETERMINANT)[3]
-        complete(k, pose, q1, q5, q6, branches.newton.q)
-        if singular:  # a fold may be said to be known, or lead to one branch twice, next to a straight wrist
-            add_fold(query, branches)
-            complete(k, pose, q1, q5, q6, branches.newton.q)
-        add_branch(query, branches, family)
 
 
 def branches_at_double_roots(k: ArmConstants, pose: Pose, query: PoseQuery, work: Work) -> None:
