@@ -56,7 +56,7 @@ from jacokin.ik.results import BatchResult, IKResult
 from jacokin.ik.seeds import seed_within_limits
 from jacokin.ik.solutions import curve_arm
 from jacokin.ik.solutions.points import Points
-from jacokin.ik.solutions.search import Scattered, SetSearch
+from jacokin.ik.solutions.search import SetSearch
 from jacokin.ik.solutions.solution_set import SolutionSet
 from jacokin.ik.targets import Request, Target, TargetPose, interpret
 from jacokin.ik.verification import Candidate, Verifier
@@ -327,25 +327,6 @@ class IKSolver:
                 "fixed is for poses; a FreeAxis leaves one more joint free: give the pose at one angle"
             )
         return self._holding(checked_values(verifier.robot, fixed)).solve_all(wanted.matrix, start)
-
-    def scatter(self, target: Target, step: float) -> Scattered | None:
-        """Members of curves for a first look, a step of the parameter apart: many times sooner than `solve_all`.
-
-        What lies between two of them wholly is missing, and contact is not looked for.
-
-        Args:
-            target: as for `solve`.
-            step: of the parameter [rad].
-
-        Returns:
-            The members within the limits; None where there would be too many, or the target has no curves.
-
-        Raises:
-            InvalidInputError: malformed target or step.
-        """
-        wanted, step = interpret(target, self.frame), checks.positive("step", step, "rad")
-        curves = self._curves(wanted)
-        return None if curves is None else curves.scatter(wanted, step)
 
     def solve_batch(
         self,

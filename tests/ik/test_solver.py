@@ -185,7 +185,9 @@ def test_points_and_curves_are_read_in_one_way(bundled: Callable[[str], Robot], 
         assert np.minimum(widest - robot.lower, robot.upper - widest).min() >= found.margin.min(axis=1).max() - 1e-9
         for prefer in ("nearest", "margin", "manipulability", lambda q: float(q[0])):
             answer = IKSolver(robot, collision="ignore").solve(target, seed, prefer=prefer)
-            np.testing.assert_allclose(found.best(prefer), answer.q, rtol=0.0, atol=1e-9)
+            best = found.best(prefer)
+            assert best is not None
+            np.testing.assert_allclose(best, answer.q, rtol=0.0, atol=1e-9)
         other = robot.sample(rng)
         moved = found.nearest(other)
         assert moved is not None

@@ -9,7 +9,6 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.ik import diagnosis
@@ -46,8 +45,6 @@ BESIDE = 1e-7
 MOVE, WAYS = 1000.0, 2
 #: Configurations of each branch next to the target that are within the limits, and outside, to start from at most.
 SPREAD = 6
-#: Steps of the parameter at most for a first look.
-MOST_SCATTERED = 190
 
 
 class CurveFindings(NamedTuple):
@@ -84,19 +81,6 @@ class CurveFindings(NamedTuple):
                 value, interval = float(parameters[index]), self.curves.intervals[numbers[index]]
                 exact = rows[index] if interval.start == interval.stop else interval.at(value)  # `walk` is not exact
                 yield members.candidate(angles.nearest_copy(exact, rows[index]), value)
-
-
-class Scattered(NamedTuple):
-    """Configurations of a set for a first look."""
-
-    q: Array
-    """(k, dof) within the limits [rad]."""
-    parameters: Array
-    """(k,) [rad]."""
-    guessed: NDArray[np.bool_]
-    """(k,) which are near members, about where intervals end; others are members."""
-    reached: bool
-    """Whether anything was found, within the limits or not."""
 
 
 class SetSearch:
@@ -238,27 +222,6 @@ class SetSearch:
         except LostMemberError:
             return False
         return True
-
-    def scatter(self, target: TargetPose, step: float) -> Scattered | None:
-        """Members at whole multiples of a step [rad] and where intervals end, to about 1e-4 rad between them.
-
-        None where there are too many.
-        """
-        free, robot = target.free_axis, self._verifier.robot
-        low, high = (-math.pi, math.pi) if free is None or free.full_turn else free.range
-        if high - low > MOST_SCATTERED * step:
-            return None
-        found = self._arm.problem(target).find(np.empty((0, DIMENSIONS)))
-        members = self.members(target, robot.home)
-        rows, parameters, guessed = [np.empty((0, robot.dof))], [np.empty(0)], [np.empty(0, dtype=np.bool_)]
-        for interval in self._findings(self._arm.problem(target), found, members).curves.intervals:
-            p, q = interval.spread(step)
-            rows.append(angles.into_limits(q, robot.lower, robot.upper))
-            parameters.append(p)
-            guessed.append(np.ones(len(p), dtype=np.bool_))
-        return Scattered(
-            np.vstack(rows), np.concatenate(parameters), np.concatenate(guessed), reached=found.branches > 0
-        )
 
     def nearest(self, target: TargetPose, seed: Array) -> tuple[Array, float] | None:
         """The member (dof,) nearest to a seed and its parameter [rad]; None where only `find` can tell."""

@@ -58,7 +58,6 @@ AT_START = 1e-3  # [rad] a solution this near to `start` is the one the arm is o
 FROM_SEED = 0.1  # cost of a first solution's squared distance to the seed, beside that of the motion
 SMOOTHINGS = 4  # times a way is smoothed, with what got worse by it left alone
 MOST_ROUNDS = 100  # times the way is changed because a closer look found a gap or an obstacle
-FEW_ROUNDS = 20  # the same on a first look at curves, before whole ones are looked at
 MOST_FASTER = 12  # times another way is tried because joints would be too fast on the best one
 SPEED_ROUNDING = 1e-9  # relative to a velocity limit
 
@@ -96,18 +95,12 @@ class Links:
 
 
 class _Members(NamedTuple):
-    """Points of the curves of one place."""
+    """Points of the set of one place, to about 1e-3 rad."""
 
     x: Array
     """(k, width)."""
-    guessed: NDArray[np.bool_]
-    """(k,) which are only near the curves."""
     solutions: int
-    """How many branches there are, whatever the limits; of a first look 1 for any."""
-
-
-def _all_guessed(x: Array, solutions: int) -> _Members:
-    return _Members(x, np.ones(len(x), dtype=np.bool_), solutions)
+    """How many branches there are, whatever the limits."""
 
 
 class Ladder:
@@ -117,7 +110,6 @@ class Ladder:
         manifold: the configurations on the path.
         pace: what motion costs.
         keep: whether motions that need more than the time of their line are the last resort.
-        thorough: whether rungs have members of whole curves; else of a first look, which misses short intervals.
     """
 
     def __init__(self, solver: IKSolver, manifold: Manifold, pace: Pace, step: float, *, keep: bool) -> None:
@@ -132,7 +124,6 @@ class Ladder:
         """
         self.manifold, self.pace = manifold, pace
         self._solver, self._step, self.keep = solver, step, keep
-        self.thorough = not manifold.has_curves
         self._robot, self.verifier = solver.robot, solver.verifier
         # Limited joints with more than a turn of room stand for several configurations.
         self._wide = np.flatnonzero(~self._robot.unlimited & (self._robot.upper - self._robot.lower > TURN))
@@ -151,9 +142,7 @@ class Ladder:
         manifold = self.manifold
         found = [self._members(u, manifold.path.target(u), near) for u in places.tolist()]
         counts = [len(members.x) for members in found]
-        x, good = np.concatenate([members.x for members in found]), np.ones(sum(counts), dtype=np.bool_)
-        rows = np.flatnonzero(np.concatenate([members.guessed for members in found]))
-        x[rows], good[rows] = manifold.project(np.repeat(places, counts)[rows], x[rows])
+        x, good = manifold.project(np.repeat(places, counts), np.concatenate([members.x for members in found]))
         ends = np.cumsum([0, *counts]).tolist()
         return [
             self._rung(u, x[start:end][good[start:end]], members.solutions)
@@ -175,11 +164,7 @@ class Ladder:
             branches = self._solver.closed_form().solve_all(target.homogeneous, self._robot.home)
             angle = float(self.manifold.path.window(np.array([u]))[0][0])
             rows = branches.q[self.verifier.reached_rows(branches)]
-            return _all_guessed(self.manifold.points(rows, target, angle), len(branches))
-        seen = None if self.thorough or near is not None else self._solver.scatter(target, self._step)
-        if seen is not None:
-            x = np.column_stack([seen.q, seen.parameters]) if self.manifold.path.free else seen.q
-            return _Members(x, seen.guessed, int(seen.reached))
+            return _Members(self.manifold.points(rows, target, angle), len(branches))
         curves = self._solver.solve_all(target)
         found = [np.empty((0, self.manifold.width))]
         for interval in curves.intervals:
@@ -189,7 +174,7 @@ class Ladder:
         if near is not None:  # the member nearest to it, and the configuration itself, which may be a member
             nearest = curves.nearest(near)
             found.append(self.manifold.points(np.array([near] if nearest is None else [nearest, near]), target))
-        return _all_guessed(np.concatenate(found), curves.branches)
+        return _Members(np.concatenate(found), curves.branches)
 
     def _rung(self, u: float, x: Array, solutions: int) -> Rung:
         """The rung of points (k, width): without those in contact, and with their copies."""
@@ -296,15 +281,9 @@ class Climb:
                 late, dearer = self._charge_haste(done.curve, way, curve) if search.ladder.keep else (0.0, False)
                 if best is None or (done.reached, -late) > (best[1].reached, -best[0]):
                     best = late, done
-                if late and search.look_thoroughly():
-                    rounds = 0
-                    continue
                 faster += 1
                 if not dearer or faster > MOST_FASTER:
                     return best[1]
-            elif rounds > FEW_ROUNDS and best is None and search.look_thoroughly():
-                rounds = 0
-                continue
             elif rounds == MOST_ROUNDS and best is None:
                 last = look.wrong[-1]
                 return ClimbResult(self._curve(way[: last + 1]), float(curve.u[last]), blocked)
@@ -404,21 +383,13 @@ class PathSearch:
         self._back: list[NDArray[np.intp]] = []
         self._valid = 0  # rungs whose costs are still right
 
-    def look_thoroughly(self) -> bool:
-        """Begin anew with whole curves; False if that is how it began."""
-        if self.ladder.thorough:
-            return False
-        self.ladder.thorough = True
-        self._make_rungs()
-        return True
-
     def best(self) -> list[int]:
         """Solutions of the cheapest way, rung by rung: to the end, or else to the last rung that can be reached."""
         while True:
             reached = self._climb()
             if reached == len(self.rungs) - 1:
                 return self._trace(reached)
-            if not self.look_thoroughly() and not self._refine(reached):
+            if not self._refine(reached):
                 return self._trace(reached)
 
     def cut(self, rung: int, first: int, second: int) -> None:

@@ -9,7 +9,6 @@ import pinocchio as pin
 import pytest
 
 from jacokin import FreeAxis, IKSolver, Robot
-from jacokin.ik.solutions.search import Scattered
 from jacokin.model.many_configurations import Chain
 from jacokin.motion.path import CartesianPath
 from jacokin.motion.planning.manifold import Manifold, Pace
@@ -129,13 +128,3 @@ def test_links_are_what_stays_near_the_line_half_way(robot: Robot) -> None:
         if keep:
             cost += np.where(speed.max(axis=1) > 1.0, 1e3 * time * speed.max(axis=1), 0.0)
         np.testing.assert_allclose(found.cost, cost, rtol=1e-9)
-
-
-def test_what_a_first_look_does_not_see_is_found(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
-    blind = Scattered(np.empty((0, 6)), np.empty(0), np.empty(0, dtype=np.bool_), reached=True)
-    monkeypatch.setattr(IKSolver, "scatter", lambda solver, target, step: blind)
-    path = line(robot, robot.home.tolist(), (robot.home + 0.05).tolist(), free=True)
-    search = PathSearch(make_ladder(robot, path), np.array([0.0, 0.5, 1.0]), robot.home, exactly=False)
-    assert [len(rung.x) for rung in search.rungs[1:]] == [0, 0]
-    assert len(search.best()) == 3
-    assert not search.look_thoroughly()  # it did
