@@ -13,7 +13,7 @@ from jacokin.model.angles import TURN
 #: [rad] distance in joint space between guesses along a track.
 GUESS_SPACING = 0.05
 #: [rad] a parameter that changes by less stands still.
-STANDING = 1e-9
+STANDING = 1e-7
 
 
 class CurveTrack:
