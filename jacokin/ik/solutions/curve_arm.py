@@ -114,11 +114,9 @@ class CurveArm:
             limits[:, FREE_AXIS] = free.range
         return CurveProblem(self, with_axis(self._chain, free.axis), target.matrix, limits, free.axis)
 
-    def circles(self, T: Array, room: float) -> CurveProblem:
-        """A pose (4, 4) of six joints, for curves along which they move and the tool turns by no more than so [rad]."""
-        limits = self._limits.copy()
-        limits[:, FREE_AXIS] = -room, room
-        return CurveProblem(self, with_axis(self._chain, ANY_AXIS), T, limits, ANY_AXIS)
+    def turning(self, T: Array) -> CurveProblem:
+        """A pose (4, 4) of six joints whose tool may turn: a self-motion of the pose is a curve along which it does not."""
+        return CurveProblem(self, with_axis(self._chain, ANY_AXIS), T, self._limits, ANY_AXIS)
 
     def _prepare(self, problem: CurveProblem, starts: Array, *, only_starts: bool = False) -> _Calls:
         try:

@@ -141,20 +141,22 @@ class SetSearch:
 
     def straight_wrists(self, target: TargetPose, seed: Array, q: Array) -> CurveFindings:
         """What reaches a pose of six joints on the curves through branches (k, 6) that stand for whole ones."""
-        problem = self._arm.circles(target.matrix, STANDING)
-        starts = np.column_stack([q, np.zeros(len(q))])
-        return self._findings(problem, problem.find(starts, only_starts=True), self.members(target, seed))
+        problem = self._arm.turning(target.matrix)
+        found = problem.find(np.column_stack([q, np.zeros(len(q))]), only_starts=True)
+        standing = [piece for piece in found.pieces if np.ptp(piece.nodes[:, self._arm.parameter]) < STANDING]
+        return self._findings(problem, found._replace(pieces=standing), self.members(target, seed))
 
     def nearly_standing(self, T: Array, q: Array) -> Array:
         """Configurations (m, 6) within the limits on curves through branches (k, 6) along which the tool hardly turns.
 
         Those of a wrist that is straight but for the tolerance of orientation.
         """
-        problem = self._arm.circles(T, self._verifier.options.orientation_tolerance)
-        starts = np.column_stack([q, np.zeros(len(q))])
-        found = problem.find(starts, only_starts=True) if len(q) else None
-        pieces = [] if found is None else [piece.nodes[:, : self._arm.dof] for piece in found.pieces]
-        return np.vstack([np.empty((0, self._arm.dof)), *pieces])
+        if not len(q):
+            return np.empty((0, self._arm.dof))
+        found = self._arm.turning(T).find(np.column_stack([q, np.zeros(len(q))]), only_starts=True)
+        nodes = np.vstack([np.empty((0, 2 * DIMENSIONS)), *(piece.nodes for piece in found.pieces)])
+        hardly = np.abs(nodes[:, self._arm.parameter]) <= self._verifier.options.orientation_tolerance
+        return nodes[hardly, : self._arm.dof]
 
     def _beside_seed(self, members: Members, nearest: tuple[Array, float] | None) -> list[Candidate]:
         """The member that Newton's method leads to from a seed that nearly is one, if it is nearer than the nearest.

@@ -23,8 +23,8 @@ LONGEST_STEP, LEAST_COSINE = 0.2, 0.955
 LARGEST_BEND = 0.05
 #: [m] and [rad]; residual of a point, where Newton's method ends and at most.
 RESIDUAL, LARGEST_RESIDUAL = 1e-13, 1e-10
-#: The same of nodes: what lies between them is known no better.
-NODE_RESIDUAL = 1e-10
+#: The same of nodes after steps that are not so short [rad]: what lies between them is known no better.
+NODE_RESIDUAL, SHORT_STEP = 1e-10, 0.02
 NEWTON_STEPS = 8
 SECANTS = 60
 #: What a step may come to.
@@ -87,7 +87,8 @@ def advance(chain: Array, T: Array, walk: Walk, h: float, sign: float, y: Array,
     for j in range(7):
         y[j] = x[j] + h * (t[j] + h * (0.5 * walk.bend[j] + h / 6.0 * walk.more[j]))
         offset += t[j] * x[j]
-    residual = bordered_newton(chain, T, y, t, offset, walk.system, NEWTON_STEPS, NODE_RESIDUAL)
+    wanted = NODE_RESIDUAL if h > SHORT_STEP else RESIDUAL
+    residual = bordered_newton(chain, T, y, t, offset, walk.system, NEWTON_STEPS, wanted)
     if not residual <= NODE_RESIDUAL:
         return FAILED
     away, cosine = 0.0, 0.0

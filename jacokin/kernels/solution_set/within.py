@@ -354,8 +354,11 @@ def close_piece(pieces: Pieces, parameter: int, code: int) -> None:
         return
     k = pieces.size[1]
     first, end = pieces.ends[k, 0], pieces.size[0]
+    pieces.size[4] = 0
+    if end == first:  # for want of room
+        return
     pieces.ends[k, 1], pieces.ends[k, 3] = end, code
-    pieces.size[1], pieces.size[4] = k + 1, 0
+    pieces.size[1] = k + 1
     if pieces.nodes[end - 1, parameter] < pieces.nodes[first, parameter]:
         swap_code = pieces.ends[k, 2]
         pieces.ends[k, 2] = pieces.ends[k, 3]
