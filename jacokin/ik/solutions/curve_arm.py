@@ -115,7 +115,7 @@ class CurveArm:
         return CurveProblem(self, with_axis(self._chain, free.axis), target.matrix, limits, free.axis)
 
     def turning(self, T: Array) -> CurveProblem:
-        """A pose (4, 4) of six joints whose tool may turn: a self-motion of the pose is a curve along which it does not."""
+        """A pose (4, 4) of six joints whose tool may turn, which it does not along the self-motions of the pose."""
         return CurveProblem(self, with_axis(self._chain, ANY_AXIS), T, self._limits, ANY_AXIS)
 
     def _prepare(self, problem: CurveProblem, starts: Array, *, only_starts: bool = False) -> _Calls:
