@@ -1,64 +1,170 @@
 """`FixedJoints`: every branch of an arm of more than six joints, the others held at given values.
 
-An arm whose extra joints stand still is an arm of six joints: its chain is written anew without them, and the closed
-form of six joints solves it. Seven joints of any structure are searched so, one value of a joint at a time.
+An arm whose extra joints stand still is an arm of six joints, which the closed form of six joints solves. What that
+knows about the six is measured on the links between them: a joint that is held before the first or after the last of
+them only moves the base or the tool, so that nothing is measured anew for its values; for a joint in between, a
+link is. Which labelling of the loop suits six joints takes long to find out (``ik.structures``); it is found out once,
+at values chosen here, and again for values that make axes parallel, or where doubt remains.
 """
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.errors import InvalidInputError
-from jacokin.ik.closed_form import ClosedForm
+from jacokin.errors import InvalidInputError, StructureError
+from jacokin.ik.geometry import align_z, chain_of, measure_chain
+from jacokin.ik.quick_forms import sine_of
 from jacokin.ik.solutions.points import Points
 from jacokin.ik.solutions.solution_set import Touching
+from jacokin.ik.structures import measure_general
 from jacokin.ik.verification import Verifier
+from jacokin.kernels.closed_form.batch import TargetWork, make_target_work, solve_targets
+from jacokin.kernels.library import Call
+from jacokin.kernels.tolerances import DISTINCT, EXACT_MISFIT
 from jacokin.model import angles, checks
 from jacokin.model.robot import Robot
 
 SIX = 6  # joints that the closed form solves for
+KEPT = 64  # values of joints between the six whose constants are kept
+SHARE = 0.71  # of a joint's range: a value where no axes should happen to meet or to be parallel
+LABELLINGS = slice(40, 42)  # where the constants of six joints have their labellings, see `closed_form.arm`
+
+
+class _Joint(NamedTuple):
+    """A joint between the base and the frame."""
+
+    placement: pin.SE3  # after the joint before it
+    joint: pin.JointModel
+    align: pin.SE3 | None  # takes z to its axis; None for one that is held
 
 
 class FixedJoints:
-    """An arm of which all joints but six are held; immutable.
+    """An arm of which all joints but six are held, at whichever values; may be shared between threads."""
 
-    Attributes:
-        values: (dof,) values of the joints that are held [rad or m], NaN for the six others.
-    """
+    __slots__ = ("_arm_between", "_between", "_free", "_idle", "_last", "_limits", "_names", "_path", "_verifier")
 
-    __slots__ = ("_form", "_verifier", "values")
-
-    def __init__(self, verifier: Verifier, values: tuple[float | None, ...]) -> None:
-        """Write the chain without the joints that are held, and prepare its closed form: a tenth of a second.
+    def __init__(self, verifier: Verifier, free: NDArray[np.bool_]) -> None:
+        """Take the joints apart.
 
         Args:
             verifier: the arm, frame and tool.
-            values: as `checked_values` returns them.
+            free: (dof,) which six joints are solved for.
 
         Raises:
-            StructureError: the six others are not turning joints that move the frame in six independent ways.
+            StructureError: those are not turning joints that all move the frame.
         """
-        robot, snap = verifier.robot, verifier.options.limit_snap
-        self._verifier, self.values = verifier, checks.sealed(np.array(values, dtype=np.float64))
-        free = np.isnan(self.values)
-        model, frame_id = hold(robot.pin_model, verifier.frame_id, self.values)
-        self._form = ClosedForm(model, frame_id, verifier.tool, robot.lower[free], robot.upper[free], limit_snap=snap)
+        robot, model = verifier.robot, verifier.robot.pin_model
+        lower, upper = np.maximum(robot.lower, -np.pi), np.minimum(robot.upper, np.pi)
+        values = np.clip(lower + SHARE * (upper - lower), robot.lower, robot.upper)
+        values[free] = np.nan
+        held, frame_id = hold(model, verifier.frame_id, values)
+        chain_of(held, frame_id, verifier.tool, SIX)  # says what does not fit
+        self._verifier, self._free, self._names = verifier, checks.sealed(free.copy()), list(held.names)[1:]
+        frame = model.frames[verifier.frame_id]
+        self._last = frame.placement if verifier.tool is None else frame.placement * verifier.tool
+        self._path: list[_Joint] = []
+        index = frame.parentJoint
+        while index > 0:
+            joint, align = model.joints[index], None
+            if free[joint.idx_v]:
+                align = pin.SE3(align_z(joint, model.names[index]), np.zeros(3))
+            self._path.insert(0, _Joint(model.jointPlacements[index], joint, align))
+            index = model.parents[index]
+        turning = [each.align is not None for each in self._path]
+        first, last = turning.index(True), len(turning) - turning[::-1].index(True)
+        self._between = [each.joint.idx_v for each in self._path[first:last] if each.align is None]
+        links = [sum(turning[:k]) for k in range(first, last) if not turning[k]]  # those that depend on their values
+        snap = np.full(SIX, verifier.options.limit_snap)
+        self._limits = checks.sealed(np.array([robot.lower[free], robot.upper[free], snap]))
+        self._idle = [self._call()]  # each thread takes one, or makes one, and puts it back
 
-    def solve_all(self, T: Array, seed: Array) -> PointsOfFixed:
-        """Every branch with those values, nearest to the seed first.
+        @functools.cache
+        def labellings() -> list[float] | None:
+            """Those that suit the arm at any values; None where each value has its own."""
+            try:
+                return measure_general(self._chain(values)).arm[LABELLINGS].tolist() if self._between else None
+            except StructureError:
+                return None
+
+        @functools.lru_cache(maxsize=KEPT)
+        def arm_between(between: tuple[float, ...], anew: bool) -> Array | None:
+            """Constants of six joints with values between them; None where they are built like a Jaco."""
+            at = values.copy()
+            at[self._between] = between
+            chain = self._chain(at)
+            try:
+                measured = measure_chain(self._names, chain)
+                if measured.misfit <= EXACT_MISFIT and not measured.spherical:
+                    return None
+            except StructureError:  # not built like a Jaco
+                pass
+            # Parallel axes are another structure, which other labellings may suit.
+            anew = anew or any(sine_of(chain[link]) < DISTINCT for link in links)
+            return measure_general(chain, None if anew else labellings()).arm
+
+        self._arm_between = arm_between
+
+    def solve_all(self, values: Array, T: Array, seed: Array) -> PointsOfFixed:
+        """Every branch with some values, nearest to the seed first.
 
         Args:
+            values: (dof,) values of the joints that are held [rad or m], NaN for the six others; read-only.
             T: (4, 4) target T_base_tool.
             seed: (dof,) [rad or m].
+
+        Raises:
+            StructureError: with those values, the six joints do not move the frame in six independent ways.
         """
-        robot, free = self._verifier.robot, np.isnan(self.values)
-        away = angles.circular_distance(np.where(free, seed, self.values), seed, robot.unlimited)
-        found = self._form.solve_all(T, seed[free])
-        return PointsOfFixed(found.rows, found.dropped, seed, self._verifier, self.values, float(away))
+        chain, between = self._chain(values), tuple(values[self._between].tolist())
+        arm = self._arm_between(between, anew=False)
+        rows, dropped = self._branches(chain, arm, T, seed)
+        if dropped and between:
+            rows, dropped = self._branches(chain, self._arm_between(between, anew=True), T, seed)
+        robot = self._verifier.robot
+        away = angles.circular_distance(np.where(self._free, seed, values), seed, robot.unlimited)
+        return PointsOfFixed(rows, dropped, seed, self._verifier, values, float(away))
+
+    def _chain(self, values: Array) -> Array:
+        """(7, 3, 4) placements between the six joints, the others at their values (dof,), NaN for the six."""
+        chain, count, T = np.empty((SIX + 1, 3, 4)), 0, pin.SE3.Identity()
+        for placement, joint, align in self._path:
+            T = T * placement
+            if align is None:
+                motion = joint.createData()
+                joint.calc(motion, values)
+                T = T * motion.M
+                continue
+            chain[count] = (T * align).homogeneous[:3]
+            T, count = align.inverse(), count + 1
+        chain[SIX] = (T * self._last).homogeneous[:3]
+        return chain
+
+    def _call(self) -> Call[TargetWork]:
+        """A call of the kernels for one target, with a chain and constants of its own."""
+        T, seed = np.empty((1, 4, 4)), np.empty((1, SIX))
+        return Call(solve_targets, make_target_work()._replace(limits=self._limits, T=T, seed=seed))
+
+    def _branches(self, chain: Array, arm: Array | None, T: Array, seed: Array) -> tuple[Array, bool]:
+        """Rows (k, 17) of the branches of a chain, and whether some may be missing; None for an arm like a Jaco."""
+        if arm is None:
+            arm = measure_chain(self._names, chain).arm
+        try:
+            call = self._idle.pop()
+        except IndexError:
+            call = self._call()
+        work = call.work
+        work.chain[:], work.arm[:], work.T[0], work.seed[0] = chain, arm, T, seed[self._free]
+        count = call()
+        rows = work.pose.branches.rows[: count if count >= 0 else ~count].copy()
+        self._idle.append(call)
+        return rows, count < 0
 
 
 class PointsOfFixed(Points):
@@ -118,14 +224,14 @@ class PointsOfFixed(Points):
         return checks.sealed(rows)
 
 
-def checked_values(robot: Robot, fixed: Mapping[str, float]) -> tuple[float | None, ...]:
-    """Check which joints are held where; (dof,) values [rad or m], None for the six others.
+def checked_values(robot: Robot, fixed: Mapping[str, float]) -> Array:
+    """Check which joints are held where; (dof,) values [rad or m], NaN for the six others.
 
     Raises:
         UnknownNameError: no such joint.
         InvalidInputError: a value that is not a number within the joint's limits, or not all joints but six.
     """
-    values: list[float | None] = [None] * robot.dof
+    values = np.full(robot.dof, np.nan)
     for name, value in checks.mapping("fixed", fixed, "a dict of joint names and values").items():
         index = robot.joint_index(name)
         values[index] = held = checks.number(f"fixed[{name!r}]", value, "m" if robot.sliding[index] else "rad")
@@ -134,12 +240,12 @@ def checked_values(robot: Robot, fixed: Mapping[str, float]) -> tuple[float | No
                 f"fixed[{name!r}] = {held:g} is outside the limits {robot.lower[index]:g} to "
                 f"{robot.upper[index]:g} of that joint"
             )
-    if values.count(None) != SIX or robot.dof == SIX:
+    if np.isnan(values).sum() != SIX or robot.dof == SIX:
         raise InvalidInputError(
             f"fixed must hold all joints but six: {max(robot.dof - SIX, 0)} of {robot.name}'s {robot.dof}, "
             f"not {len(fixed)}"
         )
-    return tuple(values)
+    return checks.sealed(values)
 
 
 def hold(model: pin.Model, frame_id: int, values: Array) -> tuple[pin.Model, int]:

@@ -7,6 +7,7 @@ The letters are those of ``docs/closed_form.md``: axes ``w1 .. w6``, the points 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -52,7 +53,7 @@ def chain_of(model: pin.Model, frame_id: int, tool: pin.SE3 | None, count: int) 
     turn = np.eye(3)  # from z-aligned axes to the joint's own
     for i, joint in enumerate(joints):
         placement = model.jointPlacements[i + 1]
-        align = _align_z(joint, names[i])
+        align = align_z(joint, names[i])
         chain[i, :, :3] = turn.T @ placement.rotation @ align
         chain[i, :, 3] = turn.T @ placement.translation
         turn = align
@@ -62,8 +63,12 @@ def chain_of(model: pin.Model, frame_id: int, tool: pin.SE3 | None, count: int) 
     return chain
 
 
-def _align_z(joint: pin.JointModel, name: str) -> NDArray[np.float64]:
-    """A rotation that takes z to the axis of a revolute joint; the identity for z itself."""
+def align_z(joint: pin.JointModel, name: str) -> NDArray[np.float64]:
+    """A rotation that takes z to the axis of a revolute joint; the identity for z itself.
+
+    Raises:
+        StructureError: the joint does not turn; names it.
+    """
     kind = joint.shortname()
     if kind in _AXES:
         axis = np.array(_AXES[kind])
@@ -105,9 +110,9 @@ class StructureCheck:
         worst: the largest misfit so far [m or rad].
     """
 
-    def __init__(self, model: pin.Model, chain: NDArray[np.float64]) -> None:
-        """Place the joints of a chain, which have the names of a model's."""
-        self._names = [str(name) for name in list(model.names)[1:]]
+    def __init__(self, names: Sequence[str], chain: NDArray[np.float64]) -> None:
+        """Place the joints of a chain, which have these names."""
+        self._names = names
         *self.frames, self.home = frames_at_zero(chain)
         self.axes = [rotation[:, 2].copy() for rotation, _ in self.frames]
         self._points = [position for _, position in self.frames]
@@ -194,8 +199,16 @@ def measure(model: pin.Model, frame_id: int, tool: pin.SE3 | None = None) -> Arm
         StructureError: The model is no such chain, or a pair of axes does not meet, is not parallel or not
             perpendicular where the closed form needs it; names the joints and the misfit.
     """
-    chain = chain_of(model, frame_id, tool, 6)
-    check = StructureCheck(model, chain)
+    return measure_chain(list(model.names)[1:], chain_of(model, frame_id, tool, 6))
+
+
+def measure_chain(names: Sequence[str], chain: NDArray[np.float64]) -> ArmGeometry:
+    """Measure the structure of a chain (7, 3, 4) of six joints, as `measure` does; the names are those of its joints.
+
+    Raises:
+        StructureError: as there.
+    """
+    check = StructureCheck(names, chain)
     w, (R_home, p_home) = check.axes, check.home
 
     check.angle(0, 1, 90.0)
@@ -263,7 +276,7 @@ def measure_seven(model: pin.Model, frame_id: int, tool: pin.SE3 | None = None) 
         StructureError: The model is no such chain, or a pair of axes does not meet; names the joints and the misfit.
     """
     chain = chain_of(model, frame_id, tool, 7)
-    check = StructureCheck(model, chain)
+    check = StructureCheck(list(model.names)[1:], chain)
     for i in range(6):
         check.twist(i, i + 1)
     S = check.meet(0, 1)

@@ -62,10 +62,13 @@ def quick_form(chain: NDArray[np.float64], scale: float) -> QuickForm:
         chain: placements between joints that turn about z.
         scale: what lengths are multiplied by [1/m].
     """
-    links = np.zeros((6, 3, 4))
+    ways = np.zeros((2, 6, 3, 4))  # the links forwards, and backwards
+    fill_links(chain, np.eye(4), scale, 0, ways[0])
+    fill_links(chain, np.eye(4), scale, 6, ways[1])
     found = []
     for labelling in range(LABELLINGS):
-        fill_links(chain, np.eye(4), scale, labelling, links)
+        backwards, begin = divmod(labelling, 6)
+        links = ways[backwards, (np.arange(6) + (-begin if backwards else begin)) % 6]
         carrier = next(i for i in range(6) if link_of(labelling, i) == TARGET)
         found += [
             form for form in (wrist_form(links, labelling, carrier), plane_form(links, labelling, carrier)) if form
@@ -82,14 +85,16 @@ def wrist_form(links: NDArray[np.float64], labelling: int, carrier: int) -> Quic
     """Axes 4, 5 and 6 meet, and axes 1 and 2 clearly do or do not, nor are they parallel."""
     if carrier in (0, 3, 4):
         return None
+    if min(sine_of(links[3]), sine_of(links[4])) < DISTINCT:
+        return None
+    if max(distance_of(links[3]), distance_of(links[4])) > 2.0 * EXACT_STRUCTURE:
+        return None
     origins, axes = [np.zeros(3)], [np.array([0.0, 0.0, 1.0])]
     rotation, position = np.eye(3), np.zeros(3)
     for link in links[3:5]:
         position, rotation = position + rotation @ link[:, 3], rotation @ link[:, :3]
         origins.append(position)
         axes.append(rotation[:, 2].copy())
-    if min(sine_of(links[3]), sine_of(links[4])) < DISTINCT:
-        return None
     projections = [np.eye(3) - np.outer(axis, axis) for axis in axes]
     right = np.concatenate([P @ p for P, p in zip(projections, origins, strict=True)])
     point = np.linalg.lstsq(np.concatenate(projections), right, rcond=None)[0]
@@ -128,3 +133,8 @@ def plane_form(links: NDArray[np.float64], labelling: int, carrier: int) -> Quic
 def sine_of(link: NDArray[np.float64]) -> float:
     """The sine of the angle between the axes at both ends of a link (3, 4)."""
     return float(np.hypot(link[0, 2], link[1, 2]))
+
+
+def distance_of(link: NDArray[np.float64]) -> float:
+    """The distance of the axes at both ends of a link (3, 4), which are not parallel."""
+    return abs(float(link[1, 3] * link[0, 2] - link[0, 3] * link[1, 2])) / sine_of(link)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -139,11 +140,12 @@ def parallel_axes(chain: NDArray[np.float64]) -> Residual:
     return Residual("axes 2, 3 and 4 are parallel", 0.0, max(float(np.arcsin(min(sine, 1.0))) for sine in sines))
 
 
-def measure_general(chain: NDArray[np.float64]) -> ArmGeometry:
+def measure_general(chain: NDArray[np.float64], labellings: Sequence[float] | None = None) -> ArmGeometry:
     """What an arm of any structure is solved with: a scale of its lengths, and the labellings that suit it.
 
     Args:
         chain: (7, 3, 4) placements between joints that turn about z.
+        labellings: those of the arm itself and of its neighbours, if they are known; None to rank all of them.
 
     Raises:
         StructureError: the joints do not move the tool in six independent ways, whatever their angles; or lengths that
@@ -153,9 +155,18 @@ def measure_general(chain: NDArray[np.float64]) -> ArmGeometry:
     if not np.isfinite(size):
         raise StructureError("the lengths of the arm must be finite")
     q = np.random.default_rng(0).uniform(-np.pi, np.pi, (RANKED, 6))
-    freedoms = max(count_freedoms(chain, row, size) for row in q)
+    freedoms = most_freedoms(chain, q, size)
     if freedoms < 6:
         raise StructureError(f"the joints move the tool in {freedoms} independent ways only, whatever their angles")
+    arm = np.zeros(ARM_CONSTANTS)
+    form = quick_form(chain, 1.0 / size)
+    own, neighbours = rank(chain, q, size) if labellings is None else labellings
+    arm[39:] = 1.0 / size, own, neighbours, form.kind, form.labelling, form.first, form.second
+    return ArmGeometry(checks.sealed(chain), checks.sealed(arm), 0.0, spherical=False)
+
+
+def rank(chain: NDArray[np.float64], q: NDArray[np.float64], size: float) -> NDArray[np.int64]:
+    """The labellings (2,) that suit an arm and its neighbours best, tried on configurations (n, 6)."""
     limits = np.array([np.full(6, -np.inf), np.full(6, np.inf), np.zeros(6)])
     call = Call(
         rank_labellings, make_rank_work()._replace(chain=chain, scale=np.array([1.0 / size]), limits=limits, q=q)
@@ -166,11 +177,7 @@ def measure_general(chain: NDArray[np.float64]) -> ArmGeometry:
     costs = np.zeros(scores.shape[:2])
     for column, cost in COSTS.items():
         costs += cost * scores[:, :, column]
-    own, neighbours = costs.argmin(axis=1)
-    arm = np.zeros(ARM_CONSTANTS)
-    form = quick_form(chain, 1.0 / size)
-    arm[39:] = 1.0 / size, own, neighbours, form.kind, form.labelling, form.first, form.second
-    return ArmGeometry(checks.sealed(chain), checks.sealed(arm), 0.0, spherical=False)
+    return np.asarray(costs.argmin(axis=1), dtype=np.int64)
 
 
 def size_of(chain: NDArray[np.float64]) -> float:
@@ -178,16 +185,29 @@ def size_of(chain: NDArray[np.float64]) -> float:
     return 0.5 * float(np.linalg.norm(chain[1:6, :, 3], axis=1).sum())
 
 
+def most_freedoms(chain: NDArray[np.float64], q: NDArray[np.float64], size: float) -> int:
+    """The most independent ways in which the joints move the tool at any of some configurations (n, 6)."""
+    most = 0
+    for row in q:
+        most = max(most, count_freedoms(chain, row, size))
+        if most == len(chain) - 1:  # all there are
+            break
+    return most
+
+
 def count_freedoms(chain: NDArray[np.float64], q: NDArray[np.float64], size: float) -> int:
     """In how many independent ways the joints move the tool at q (6,), with lengths in units of the arm's size [m]."""
+    turns = np.zeros((6, 3, 3))
+    turns[:, 0, 0] = turns[:, 1, 1] = np.cos(q)
+    turns[:, 1, 0] = np.sin(q)
+    turns[:, 0, 1], turns[:, 2, 2] = -turns[:, 1, 0], 1.0
     rotation, position = np.eye(3), np.zeros(3)
-    axes, points = [], []
-    for placement, angle in zip(chain[:6], q, strict=True):
-        position = position + rotation @ placement[:, 3]
-        rotation = rotation @ placement[:, :3]
-        axes.append(rotation[:, 2].copy())
-        points.append(position)
-        rotation = rotation @ pin.exp3(np.array([0.0, 0.0, angle]))
+    axes, points = np.empty((6, 3)), np.empty((6, 3))
+    for index in range(6):
+        position = position + rotation @ chain[index, :, 3]
+        rotation = rotation @ chain[index, :, :3]
+        axes[index], points[index] = rotation[:, 2], position
+        rotation = rotation @ turns[index]
     scale = 1.0 / size if size > 0.0 else 1.0
-    columns = [np.concatenate([scale * np.cross(point, axis), axis]) for point, axis in zip(points, axes, strict=True)]
-    return int((np.linalg.svd(np.array(columns), compute_uv=False) > SMALLEST_FREEDOM).sum())
+    columns = np.concatenate([scale * np.cross(points, axes), axes], axis=1)
+    return int((np.linalg.svd(columns, compute_uv=False) > SMALLEST_FREEDOM).sum())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import time
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +13,12 @@ import pytest
 import jacokin
 from jacokin import Robot
 from jacokin.arrays import Array
-from jacokin.errors import InvalidInputError, UnknownNameError
-from jacokin.ik import IKSolver, Scene, Sphere
-from jacokin.model.angles import circular_distance
+from jacokin.errors import InvalidInputError, StructureError, UnknownNameError
+from jacokin.ik import IKSolver, Scene, SolutionSet, Sphere
+from jacokin.ik.closed_form import ClosedForm
+from jacokin.ik.fixed_joints import hold
+from jacokin.ik.solutions.points import Points
+from jacokin.model.angles import circular_distance, wrap_to_pi
 
 # The joints of three arms of seven joints that are not built like a Jaco: origin [m] and rpy [rad] before each joint.
 H = np.pi / 2
@@ -133,6 +137,111 @@ def test_a_rail_may_be_held(tmp_path: Path, rng: np.random.Generator) -> None:
     target = robot.forward_kinematics(q)
     branches = IKSolver(robot).solve_all(target, q, fixed={"joint_1": float(q[0])})
     np.testing.assert_allclose(branches.q[0], q, atol=1e-6)
+
+
+def written_anew(solver: IKSolver, target: pin.SE3, q: Array, fixed: dict[str, float]) -> Points:
+    """The branches of the arm of six joints that is left, its model made and measured for these values alone."""
+    robot, values = solver.robot, np.full(solver.robot.dof, np.nan)
+    for name, value in fixed.items():
+        values[robot.joint_index(name)] = value
+    free = np.isnan(values)
+    model, frame_id = hold(robot.pin_model, robot.frame_id(solver.frame), values)
+    form = ClosedForm(model, frame_id, solver.tool, robot.lower[free], robot.upper[free])
+    return form.solve_all(target.homogeneous, q[free])
+
+
+def assert_equal(found: SolutionSet, anew: Points, free: list[int]) -> None:
+    """The same branches, measured in the same way; what was in doubt may be settled."""
+    if anew.dropped and len(found) > len(anew):
+        return
+    assert len(found) == len(anew)
+    for each, row in enumerate(anew.q):
+        near = np.abs(wrap_to_pi(found.q[:, free] - row)).max(axis=1)
+        index = int(near.argmin())
+        assert near[index] < 1e-8
+        assert found.within_limits[index] == anew.within_limits[each]
+        assert found.position_error[index] == pytest.approx(anew.position_error[each], abs=1e-11)
+
+
+@pytest.mark.parametrize("name", [*ARMS, "j2s7s300"])
+def test_values_do_not_depend_on_what_is_kept_of_others(tmp_path: Path, rng: np.random.Generator, name: str) -> None:
+    """Every joint held, at random and where axes are parallel: as the arm of six joints that is left."""
+    robot = load(tmp_path, name) if name in ARMS else jacokin.load_robot(name)
+    tool = jacokin.pose((0.02, -0.03, 0.1), rpy=(0.3, -0.2, 0.5))
+    solver = IKSolver(robot, tool=tool, collision="ignore")
+    for joint in range(robot.dof):
+        if name == "no offsets" and joint == 3:
+            continue  # shoulder and wrist stay as far apart as they are: five freedoms
+        rows = robot.sample(rng, 3)
+        if robot.lower[joint] < 0.0 < robot.upper[joint] and joint in (2, 4):
+            rows[1, joint] = 0.0
+        for q in rows:
+            target, fixed = robot.forward_kinematics(q) * tool, {robot.joint_names[joint]: float(q[joint])}
+            others = [index for index in range(robot.dof) if index != joint]
+            assert_equal(solver.solve_all(target, q, fixed=fixed), written_anew(solver, target, q, fixed), others)
+
+
+@pytest.mark.parametrize("joint", ["joint_1", "joint_3", "joint_7"])
+def test_other_values_take_no_time(rng: np.random.Generator, joint: str) -> None:
+    """The first one takes 50 ms and more."""
+    robot = jacokin.load_robot("j2s7s300")
+    solver, index, times = IKSolver(robot, collision="ignore"), robot.joint_index(joint), []
+    for q in robot.sample(rng, 30):
+        target, start = robot.forward_kinematics(q), time.perf_counter()
+        found = solver.solve_all(target, q, fixed={joint: float(q[index])})
+        times.append(time.perf_counter() - start)
+        assert circular_distance(found.q[0], q) < 1e-6
+    assert np.median(times) < 8e-3  # [s]
+
+
+def test_a_rail_moves_the_base_only(tmp_path: Path, rng: np.random.Generator) -> None:
+    """Both the rail and a joint of the arm are held; another place of the rail is the target moved back by as much."""
+    text = text_of("offsets").replace('<link name="base"/>', RAIL).replace('<parent link="base"/>', PARENT, 1)
+    (tmp_path / "railed.urdf").write_text(text)
+    robot = jacokin.load_robot(tmp_path / "railed.urdf")
+    assert robot.dof == 8
+    solver = IKSolver(robot, collision="ignore")
+    for held in ("joint_1", "joint_4", "joint_7"):
+        q = robot.sample(rng)
+        target, fixed = robot.forward_kinematics(q), {"rail": float(q[0]), held: float(q[robot.joint_index(held)])}
+        here = solver.solve_all(target, q, fixed=fixed)
+        free = [i for i in range(8) if robot.joint_names[i] not in fixed]
+        assert_equal(here, written_anew(solver, target, q, fixed), free)
+        moved = pin.SE3(target.rotation, target.translation - np.array([q[0] - 0.1, 0.0, 0.0]))
+        there = solver.solve_all(moved, q, fixed=fixed | {"rail": 0.1})
+        np.testing.assert_allclose(there.q[:, 1:], here.q[:, 1:], atol=1e-8)
+
+
+RAIL = (
+    '<link name="floor"/><link name="base"/><joint name="rail" type="prismatic"><axis xyz="1 0 0"/>'
+    '<limit lower="-1" upper="1" velocity="1" effort="1"/><parent link="floor"/><child link="base"/></joint>'
+)
+PARENT = '<parent link="base"/>'
+
+
+def test_a_joint_beyond_the_frame_may_be_held(tmp_path: Path, rng: np.random.Generator) -> None:
+    robot = load(tmp_path, "offsets")
+    solver = IKSolver(robot, "link_6", collision="ignore")
+    q = robot.sample(rng)
+    target = robot.forward_kinematics(q, "link_6")
+    assert circular_distance(solver.solve_all(target, q, fixed={"joint_7": float(q[6])}).q[0], q) < 1e-6
+    with pytest.raises(StructureError, match="'joint_7'"):
+        solver.solve_all(target, q, fixed={"joint_2": float(q[1])})
+
+
+def test_values_that_leave_five_freedoms(tmp_path: Path, rng: np.random.Generator) -> None:
+    """With joint 2 at zero, axes 1 and 3 are one line; beside it they are not."""
+    robot = load(tmp_path, "offsets")
+    solver = IKSolver(robot, collision="ignore")
+    q = robot.sample(rng)
+    for value in (0.0, 0.5):
+        q[1] = value
+        target = robot.forward_kinematics(q)
+        if value:
+            assert circular_distance(solver.solve_all(target, q, fixed={"joint_2": value}).q[0], q) < 1e-6
+        else:
+            with pytest.raises(StructureError, match="5 independent ways"):
+                solver.solve_all(target, q, fixed={"joint_2": value})
 
 
 def test_contact_and_pickles(tmp_path: Path, rng: np.random.Generator) -> None:
