@@ -26,7 +26,7 @@ class BruteForce:
     robot: str
     targets: str
     count: int
-    """Targets compared: those without a family of solutions."""
+    """Targets compared: those without a curve of solutions."""
     roots: int
     """Configurations Newton found, all targets together."""
     missed: int
@@ -41,7 +41,7 @@ def compare(robot: Robot, wanted: targets.Targets, rng: np.random.Generator) -> 
     count = total = missed = extra = 0
     for pose in wanted.poses:
         branches = solver.solve_all(pose)
-        if not branches.complete:  # a family: infinitely many
+        if not branches.complete:  # a curve: infinitely many
             continue
         roots = newton_roots(robot, pose, rng)
         distance = apart(roots[:, None], branches.q)
@@ -77,7 +77,7 @@ def newton_roots(robot: Robot, pose: Array, rng: np.random.Generator) -> Array:
 
 
 INTRODUCTION = f"""Against brute force: Newton's method from {NEWTON_STARTS} random starts a target, limits aside,
-poses on a family left out. *Missed*: found by Newton and not among the branches. *More*: branches, all verified, that
+poses with a curve left out. *Missed*: found by Newton and not among the branches. *More*: branches, all verified, that
 no start of Newton's came to."""
 
 HEADER = ("robot", "targets", "number", "found by Newton", "missed", "more")

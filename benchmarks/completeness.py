@@ -37,9 +37,9 @@ class Completeness:
     targets: str
     count: int
     found: int
-    """Targets whose generating configuration is among the branches; of those not on a family."""
-    families: int
-    """Targets with a one-parameter family of solutions, which the branches stand for but cannot list."""
+    """Targets whose generating configuration is among the branches; of those without a curve."""
+    curves: int
+    """Targets with a curve of solutions, which the branches stand for but cannot list."""
     regular_lost: int
     """Targets not found although their smallest singular value exceeds 1e-4."""
     solved: int
@@ -60,7 +60,7 @@ class Completeness:
 def measure(robot: Robot, wanted: targets.Targets) -> Completeness:
     """Solve every target and judge every branch."""
     solver = jacokin.IKSolver(robot, collision="ignore")
-    families = found = regular_lost = solved = outside = duplicates = tight = total = 0
+    curves = found = regular_lost = solved = outside = duplicates = tight = total = 0
     closure = 0.0
     begin = time.perf_counter()
     for pose, q in zip(wanted.poses, wanted.generating, strict=True):
@@ -72,7 +72,7 @@ def measure(robot: Robot, wanted: targets.Targets) -> Completeness:
             tight += int((errors <= TIGHT_CLOSURE).sum())
             duplicates += int((apart(branches.q[:, None], branches.q) < DUPLICATE).sum() - len(branches)) // 2
         if not branches.complete:
-            families += 1
+            curves += 1
         elif len(branches) and apart(branches.q, q).min() <= SAME_CONFIGURATION:
             found += 1
         else:
@@ -85,7 +85,7 @@ def measure(robot: Robot, wanted: targets.Targets) -> Completeness:
         targets=wanted.name,
         count=len(wanted.poses),
         found=found,
-        families=families,
+        curves=curves,
         regular_lost=regular_lost,
         solved=solved,
         outside=outside,
@@ -134,7 +134,7 @@ def section(share: int = 1) -> report.Section:
 
 
 INTRODUCTION = """Poses of random configurations within the limits, and poses with the tool vertical (where branches
-are easily lost). *Families*: poses with infinitely many solutions (spherical wrist, axes 4 and 6 aligned), which are
+are easily lost). *Curves*: poses with infinitely many solutions (spherical wrist, axes 4 and 6 aligned), which are
 represented by members. *Found*, of the others: the configuration the pose was made from is among the branches, to
 1e-4 rad on the circle. *Lost where regular*: not found although the smallest singular value of the Jacobian there
 exceeds 1e-4. *Closure*: the worst distance of a branch from its target [m or rad], by Pinocchio; *tight*: the share
@@ -145,7 +145,7 @@ HEADER = (
     "robot",
     "targets",
     "number",
-    "families",
+    "curves",
     "found",
     "lost where regular",
     "solved",
@@ -162,8 +162,8 @@ def _row(measured: Completeness) -> tuple[str, ...]:
         measured.robot,
         measured.targets,
         f"{measured.count:,}",
-        str(measured.families),
-        report.percent(measured.found / max(measured.count - measured.families, 1)),
+        str(measured.curves),
+        report.percent(measured.found / max(measured.count - measured.curves, 1)),
         str(measured.regular_lost),
         report.percent(measured.solved / measured.count),
         str(measured.outside),

@@ -25,11 +25,11 @@ from benchmarks import (
     completeness,
     costs,
     environments,
-    families,
     pose_files,
     qp_success,
     reachability,
     report,
+    solution_sets,
     targets,
 )
 from jacokin import Robot
@@ -62,7 +62,7 @@ PRINTING = {
     "tasks": Printing("Environments beside bare MuJoCo", quick=("reach_site",)),
     "viewer": Printing("A move in the viewer", quick=("--moves", "50")),
 }
-SECTIONS = ("peers", "costs", "files", "reachability", "completeness", "families", "qp", *PRINTING)
+SECTIONS = ("peers", "costs", "files", "reachability", "completeness", "sets", "qp", *PRINTING)
 PRINTING_TIMEOUT = 600.0  # [s]
 
 PEERS_INTRODUCTION = f"""Every solver gets the same poses, in rounds in which they take turns, one process at a time.
@@ -207,7 +207,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "files": lambda: pose_files.section(robot),
         "reachability": lambda: reachability.section(share),
         "completeness": lambda: completeness.section(share),
-        "families": lambda: families.section(300 // share),
+        "sets": lambda: solution_sets.section(300 // share),
         "qp": lambda: qp_success.section(
             robot, [targets.random_configurations(robot, rng, 300 // share)], qp_success.QP_SOLVERS
         ),

@@ -25,14 +25,14 @@ STEP = 0.01  # [m] of a move in each direction
 RADIUS = 0.25  # [m] the gizmo stays this near to where it began
 ALLOWED = 2e-3  # [s] of one move
 SLICE = "slice of the map"
-FAMILIES = ("free axis", "seven joints")  # members of families, of which there are more than branches
+SETS = ("free axis", "seven joints")  # members of curves, of which there are more than branches
 CASES: tuple[tuple[str, str, str, str | None], ...] = (  # robot, what is shown, contact, free axis
     ("j2n6s300", "", "ignore", None),
     ("j2n6s300", SLICE, "ignore", None),
     ("j2n6s300", "contact", "report", None),
     ("j2s6s300", "", "ignore", None),
-    ("j2n6s300", FAMILIES[0], "ignore", "z"),
-    ("j2s7s300", FAMILIES[1], "ignore", None),
+    ("j2n6s300", SETS[0], "ignore", "z"),
+    ("j2s7s300", SETS[1], "ignore", None),
 )
 
 
@@ -82,7 +82,7 @@ def main(moves: int = MOVES) -> float:
             measured(viewer, robot, min(moves, 20))
             seconds, branches = measured(viewer, robot, moves)
         median = float(np.median(seconds))
-        if shown not in FAMILIES:
+        if shown not in SETS:
             worst = max(worst, median)
         slow = float(np.quantile(seconds, 0.99))
         rows.append((name, shown, f"{branches.mean():.1f}", report.seconds(median), report.seconds(slow)))

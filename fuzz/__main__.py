@@ -1,6 +1,6 @@
 """`python -m fuzz`: random targets, arguments, files, motions, ... for a bounded time; exit code 1 for any finding.
 
-A family that is not complete, and says so, may lack a member: "unsure" is counted and no failure.
+A set that is not complete, and says so, may lack a member: "unsure" is counted and no failure.
 
 The seed is printed. The same seed, from the same first case on, runs the same cases.
 """

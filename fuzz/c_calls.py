@@ -93,9 +93,9 @@ def check_curves(solver: IKSolver, c: CSolver, given: str, rng: np.random.Genera
         about = binding.axis_of(target) if isinstance(target, FreeAxis) else None
         at = f"{given}, {target}, {T.tolist()}, seed {seed.tolist()}"
         status, intervals, complete = c.intervals(T, about)
-        family = solver.solve_all(target)
-        if (status == binding.OK) != bool(intervals) or (complete and bool(family.intervals) != bool(intervals)):
-            yield Finding("wrong", "C, intervals", f"status {status}, {len(intervals)} of {len(family)}: {at}")
+        found = solver.solve_all(target)
+        if (status == binding.OK) != bool(intervals) or (complete and bool(found.intervals) != bool(intervals)):
+            yield Finding("wrong", "C, intervals", f"status {status}, {len(intervals)} of {len(found)}: {at}")
         for interval in intervals:
             p = float(rng.uniform(interval.start, interval.stop))
             done, q = c.at(interval, p, seed)

@@ -10,7 +10,7 @@ class Finding(NamedTuple):
 
     kind: str
     """"wrong" (an untrue answer), "lost" (a solution not found), "raw" (an exception that is not jacokin's), "crash"
-    (the process died), "slow" (longer than a case may take), or "unsure" (a family that says it is not complete lacks a
+    (the process died), "slow" (longer than a case may take), or "unsure" (a set that says it is not complete lacks a
     member, which breaks no promise)."""
     where: str
     """What was called."""

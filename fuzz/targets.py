@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fuzz import families
+from fuzz import solution_sets
 from fuzz.findings import Finding
 from fuzz.kinematics import Chain, bundled_chain, placement, rotation_error
 from jacokin import IKSolver, Status, load_robot, pose
@@ -19,7 +19,7 @@ from jacokin.model import NAMES, Robot, urdf_folder
 BATCH = 500  # targets in one case
 TOLERANCE = 1e-6  # [m] and [rad]: what jacokin promises of a success
 ROUNDING = 1e-10  # [m] and [rad] by which two forward kinematics may differ
-FAMILIES = 0.3  # share of cases with one free parameter
+SETS = 0.3  # share of cases with one free parameter
 HALF_TURN = math.pi + 1e-9  # [rad] a joint without limits stays this near to its seed
 
 Maker = Callable[[Robot, np.random.Generator, int], Array]
@@ -136,11 +136,11 @@ def run(seed: int, first: int, cases: int) -> Iterator[tuple[int, int, list[Find
     """Case after case: its index, how many targets it had, and what was found."""
     for index in range(first, first + cases):
         rng = np.random.default_rng([seed, index])
-        if rng.random() < FAMILIES:
+        if rng.random() < SETS:
             what = case(rng, "7" if rng.random() < 0.5 else "6")
             kind = str(rng.choice(list(CLASSES)))
-            q = CLASSES[kind](what.solver.robot, rng, families.TARGETS)
-            yield index, len(q), list(families.check(what.solver, what.forward, kind, q, rng))
+            q = CLASSES[kind](what.solver.robot, rng, solution_sets.TARGETS)
+            yield index, len(q), list(solution_sets.check(what.solver, what.forward, kind, q, rng))
             continue
         what = case(rng)
         if rng.random() < 0.15:

@@ -27,6 +27,7 @@ from jacokin.ik.structures import measure_general
 from jacokin.ik.verification import Verifier
 from jacokin.kernels.closed_form.batch import TargetWork, make_target_work, solve_targets
 from jacokin.kernels.library import Call
+from jacokin.kernels.six_joints.loop import GENERAL
 from jacokin.kernels.tolerances import DISTINCT, EXACT_MISFIT
 from jacokin.model import angles, checks
 from jacokin.model.robot import Robot
@@ -34,7 +35,7 @@ from jacokin.model.robot import Robot
 SIX = 6  # joints that the closed form solves for
 KEPT = 64  # values of joints between the six whose constants are kept
 SHARE = 0.71  # of a joint's range: a value where no axes should happen to meet or to be parallel
-LABELLINGS = slice(40, 42)  # where the constants of six joints have their labellings, see `closed_form.arm`
+LABELLINGS, FORM = slice(40, 42), 42  # where the constants of six joints have them, see `closed_form.arm`
 
 
 class _Joint(NamedTuple):
@@ -105,9 +106,10 @@ class FixedJoints:
                     return None
             except StructureError:  # not built like a Jaco
                 pass
-            # Parallel axes are another structure, which other labellings may suit.
-            anew = anew or any(sine_of(chain[link]) < DISTINCT for link in links)
-            return measure_general(chain, None if anew else labellings()).arm
+            arm = measure_general(chain, None if anew else labellings()).arm
+            if not anew and arm[FORM] == GENERAL and any(sine_of(chain[link]) < DISTINCT for link in links):
+                arm = measure_general(chain).arm  # other labellings may suit parallel axes
+            return arm
 
         self._arm_between = arm_between
 

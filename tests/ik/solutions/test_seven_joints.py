@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 import jacokin
-from benchmarks import families
+from benchmarks import solution_sets
 from benchmarks.scan_seven import Scan, within_limits
 from jacokin import FreeAxis, IKSolver, Robot, Status
 from jacokin.arrays import Array
@@ -95,7 +95,7 @@ def test_folds_of_a_stretched_arm_are_exact(solver: IKSolver, rng: np.random.Gen
         target = robot.forward_kinematics(q)
         family = solver.solve_all(target)
         folds += sum(end.kind == "fold" for interval in family.intervals for end in interval.ends)
-        assert families.worst_end(robot, family, target) < 1e-9
+        assert solution_sets.worst_end(robot, family, target) < 1e-9
     assert folds > 20
 
 
@@ -141,8 +141,8 @@ def test_curves_of_an_almost_stretched_arm_are_complete_if_they_say_so(
             rows = scanner.configurations(T, parameters)
             return np.asarray((np.isfinite(rows[..., 0]) & within_limits(robot, rows)).sum(axis=1))
 
-        assert not family.complete or families.longest_difference(family, scan) < families.LONG
-        assert families.bad_members(robot, family, target) == 0
+        assert not family.complete or solution_sets.longest_difference(family, scan) < solution_sets.LONG
+        assert solution_sets.bad_members(robot, family, target) == 0
         nearest = family.nearest(q)
         assert nearest is not None
         np.testing.assert_allclose(nearest, q, atol=1e-4)

@@ -27,7 +27,7 @@ MEMBERS = 5  # of an interval that are looked at
 def check(
     solver: IKSolver, forward: Callable[[Array], Array], kind: str, q: Array, rng: np.random.Generator
 ) -> Iterator[Finding]:
-    """Families of targets made from configurations (n, dof); those within the limits must be members.
+    """Sets of targets made from configurations (n, dof); those within the limits must be members.
 
     Args:
         solver: of six or seven joints.
@@ -40,7 +40,7 @@ def check(
     seeds = robot.sample(rng, len(q)) + 2.0 * math.pi * rng.integers(-3, 4, q.shape) * robot.unlimited
     for own, T, seed in zip(q, forward(q), seeds, strict=True):
         target = T if robot.dof == 7 else _free_axis(T, rng)
-        label = f"family of {robot.name}, {solver.frame}, {kind}"
+        label = f"set of {robot.name}, {solver.frame}, {kind}"
         try:
             found = solver.solve_all(target, seed)
             result = solver.solve(target, seed, closest=False)

@@ -1,16 +1,19 @@
-"""Families of configurations against scans of 20,000 parameters by other code; members, ends, time.
+"""Sets of solutions with a free parameter against scans of its values by other code; members, ends, time.
 
-Run ``python -m benchmarks.families [targets]``; 300 of each kind take about six minutes, nearly all of it the scans.
-Six joints are scanned by the closed form, pose by pose, seven by `scan_seven`.
+Run ``python -m benchmarks.solution_sets [targets]``; 300 of each kind take about eight minutes, nearly all of it the
+scans. Six joints are scanned by the closed form, pose by pose, seven of a Jaco by `scan_seven`, others by the closed
+form of six joints with the parameter held.
 """
 
 from __future__ import annotations
 
 import itertools
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -24,8 +27,9 @@ from jacokin import FreeAxis, IKSolver, Robot
 from jacokin.arrays import Array
 from jacokin.ik import SolutionSet
 from jacokin.model.angles import TURN, wrap_to_pi
+from tests.seven_joint_arms import ARMS, load_arm
 
-SCANNED = 20_000
+SCANNED, SCANNED_HELD = 20_000, 2_000  # values of the parameter; where a joint is held at each
 LONG = 1e-3  # [rad] of an interval that must be found
 STEP, NEWTON_STEPS = 1e-5, 4  # of the search for ends: of differences [rad], and how many
 FOLD_SCALE = 30.0  # of determinants, to the size of the other equations
@@ -34,6 +38,14 @@ OWN = 1e-6  # [rad] a member this near is the generating configuration
 MEMBERS = 7  # of each interval that are looked at
 PEER = environments.Peer("ssik", "ssik `j2s7s300_ik.solve`", "ssik_solver", ("ssik==8.2.0",), variant="j2s7s300_ik")
 PEER_TARGETS = 120
+HELD = (
+    ("j2s7s300", "joint_1"),
+    ("j2s7s300", "joint_3"),
+    ("gen3", "joint_3"),
+    ("gen3", "joint_7"),
+    ("panda", "joint_4"),
+)
+HELD_VALUES = 200  # of each of those
 
 Counter = Callable[[Array], NDArray[np.int64]]
 
@@ -46,7 +58,9 @@ class Tally:
     number: int = 0
     intervals: int = 0
     missed: int = 0
-    """Targets where the number of members differs from the scan's on more than LONG."""
+    """Targets where the number of members differs from the scan's on more than LONG,"""
+    wrongly_complete: int = 0
+    """and of those, where the set says that it is complete."""
     ends: float = 0.0
     """Largest distance of an end from where Newton's method puts it [rad]."""
     bad: int = 0
@@ -67,12 +81,12 @@ def count_members(found: SolutionSet, parameters: Array) -> NDArray[np.int64]:
     return count
 
 
-def longest_difference(found: SolutionSet, scan: Counter) -> float:
-    """Longest run [rad] of parameters at which the set has another number of members than a scan."""
-    parameters = -np.pi + TURN * (np.arange(SCANNED) + 0.5) / SCANNED
+def longest_difference(found: SolutionSet, scan: Counter, scanned: int = SCANNED) -> float:
+    """Longest run [rad] of so many parameters at which the set has another number of members than a scan."""
+    parameters = -np.pi + TURN * (np.arange(scanned) + 0.5) / scanned
     wrong = count_members(found, parameters) != scan(parameters)
     runs = [len(list(group)) for differs, group in itertools.groupby(wrong) if differs]
-    return max(runs, default=0) * TURN / SCANNED
+    return max(runs, default=0) * TURN / scanned
 
 
 def worst_end(robot: Robot, found: SolutionSet, target: FreeAxis | pin.SE3) -> float:
@@ -81,13 +95,16 @@ def worst_end(robot: Robot, found: SolutionSet, target: FreeAxis | pin.SE3) -> f
     for interval in found.intervals:
         for p, end in zip((interval.start, interval.stop), interval.ends, strict=True):
             if end.kind in ("limit", "fold"):
-                worst = max(worst, end_error(robot, target, interval.at(p), p, end.joint))
+                worst = max(worst, end_error(robot, target, interval.at(p), found.parameter, p, end.joint))
     return worst
 
 
-def end_error(robot: Robot, target: FreeAxis | pin.SE3, q: Array, p: float, joint: str | None) -> float:
+def end_error(
+    robot: Robot, target: FreeAxis | pin.SE3, q: Array, parameter: str | None, p: float, joint: str | None
+) -> float:
     """Distance [rad] of the parameter from where a joint is on its limit, or for None from the fold."""
     free = isinstance(target, FreeAxis)
+    held = None if free or parameter is None else robot.joint_index(parameter)
     index = None if joint is None else robot.joint_index(joint)
 
     def equations(x: Array) -> Array:
@@ -97,13 +114,15 @@ def end_error(robot: Robot, target: FreeAxis | pin.SE3, q: Array, p: float, join
         if index is not None:
             return np.array([*closure, configuration[index] - q[index]])
         jacobian = robot.jacobian(configuration, reference="local")
-        return np.array([*closure, FOLD_SCALE * np.linalg.det(jacobian if free else np.delete(jacobian, 2, axis=1))])
+        return np.array(
+            [*closure, FOLD_SCALE * np.linalg.det(jacobian if held is None else np.delete(jacobian, held, axis=1))]
+        )
 
     x = np.r_[q, p] if free else q.copy()
     for _ in range(NEWTON_STEPS):
         slopes = [(equations(x + STEP * way) - equations(x - STEP * way)) / (2.0 * STEP) for way in np.eye(len(x))]
         x = x - np.linalg.solve(np.array(slopes).T, equations(x))
-    return abs(float(x[-1] - p if free else x[2] - q[2]))
+    return abs(float(x[-1] - p if held is None else x[held] - q[held]))
 
 
 def bad_members(robot: Robot, found: SolutionSet, target: FreeAxis | pin.SE3) -> int:
@@ -119,9 +138,15 @@ def bad_members(robot: Robot, found: SolutionSet, target: FreeAxis | pin.SE3) ->
 
 
 def enter(
-    tally: Tally, solver: IKSolver, target: FreeAxis | pin.SE3, q: Array, parameter: float, scan: Counter
+    tally: Tally,
+    solver: IKSolver,
+    target: FreeAxis | pin.SE3,
+    q: Array,
+    parameter: float,
+    scan: Counter,
+    scanned: int = SCANNED,
 ) -> None:
-    """Find the family of one target, and check it."""
+    """Find the set of one target, and check it."""
     begin = time.perf_counter()
     found = solver.solve_all(target)
     tally.all_times.append(time.perf_counter() - begin)
@@ -131,7 +156,9 @@ def enter(
     tally.number += 1
     tally.intervals += len(found)
     tally.incomplete += not found.complete
-    tally.missed += longest_difference(found, scan) > LONG
+    missed = longest_difference(found, scan, scanned) > LONG
+    tally.missed += missed
+    tally.wrongly_complete += missed and found.complete
     tally.ends = max(tally.ends, worst_end(solver.robot, found, target))
     tally.bad += bad_members(solver.robot, found, target)
     tally.own += any(
@@ -194,6 +221,67 @@ def seven_joints(size: int) -> list[Tally]:
     return list(tallies.values())
 
 
+def any_structure(size: int) -> list[Tally]:
+    """Random poses of seven joints by other makers, the parameter held at every value that is scanned."""
+    tallies = []
+    for name in ARMS:
+        robot, rng = other_arm(name), np.random.default_rng(0)
+        solver = IKSolver(robot, collision="ignore")
+        joint = str(solver.parameter)
+        tally, index = Tally(f"{name}, {joint}"), robot.joint_index(joint)
+        for q in robot.sample(rng, size):
+            target = robot.forward_kinematics(q)
+            enter(tally, solver, target, q, float(q[index]), held_scan(solver, target, joint), SCANNED_HELD)
+        tallies.append(tally)
+    return tallies
+
+
+def held_scan(solver: IKSolver, target: pin.SE3, joint: str) -> Counter:
+    """Counts the configurations of a pose within the limits at values of a joint."""
+    index = solver.robot.joint_index(joint)
+    lower, upper = solver.robot.lower[index], solver.robot.upper[index]
+
+    def scan(parameters: Array) -> NDArray[np.int64]:
+        count = np.zeros(len(parameters), dtype=np.int64)
+        for each in np.flatnonzero((parameters >= lower) & (parameters <= upper)):
+            found = solver.solve_all(target, fixed={joint: float(parameters[each])})
+            count[each] = found.within_limits.sum()
+        return count
+
+    return scan
+
+
+def other_arm(name: str) -> Robot:
+    """An arm by its name: a bundled one, or one by another maker."""
+    if name not in ARMS:
+        return jacokin.load_robot(name)
+    with tempfile.TemporaryDirectory() as folder:
+        return load_arm(name, Path(folder))
+
+
+def held_row(name: str, joint: str) -> tuple[str, ...]:
+    """Times of points with a joint held: the first call, with other values, and with the same value again."""
+    robot, rng = other_arm(name), np.random.default_rng(2)
+    solver, index = IKSolver(robot, collision="ignore"), robot.joint_index(joint)
+    rows = robot.sample(rng, HELD_VALUES)
+
+    def times(values: Array) -> Array:
+        spent = np.empty(len(rows))
+        for k, (q, value) in enumerate(zip(rows, values, strict=True)):
+            held = q.copy()
+            held[index] = value
+            target, fixed = robot.forward_kinematics(held), {joint: float(value)}
+            begin = time.perf_counter()
+            solver.solve_all(target, fixed=fixed)
+            spent[k] = time.perf_counter() - begin
+        return spent
+
+    other = times(rows[:, index])
+    same = times(np.full(len(rows), rows[-1, index]))
+    figures = (other[0], np.median(other[1:]), np.percentile(other[1:], 99), np.median(same))
+    return (f"{name}, {joint}", *(report.seconds(float(figure)) for figure in figures))
+
+
 def peer_row() -> tuple[str, ...]:
     """Time of ssik's samples for seven joints, and how many there are."""
     robot, rng = jacokin.load_robot("j2s7s300"), np.random.default_rng(1)
@@ -215,29 +303,53 @@ def peer_row() -> tuple[str, ...]:
 
 
 def section(size: int) -> report.Section:
-    """The part of the page on families."""
-    tallies = [*free_axes(size), *seven_joints(size)]
+    """The part of the page on sets with a free parameter."""
+    tallies = [*free_axes(size), *seven_joints(size), *any_structure(max(size // 10, 3))]
     found = report.table(FOUND_HEADER, [_found_row(tally) for tally in tallies])
     times = [_time_row(tally, "solve_all") for tally in tallies] + [_time_row(tally, "solve") for tally in tallies]
     return report.Section(
-        "Families: one free parameter",
-        "\n\n".join([INTRODUCTION, found, report.table(TIME_HEADER, [*times, peer_row()])]),
+        "Sets of solutions: one free parameter",
+        "\n\n".join(
+            [
+                INTRODUCTION,
+                found,
+                report.table(TIME_HEADER, [*times, peer_row()]),
+                HELD_INTRODUCTION,
+                report.table(HELD_HEADER, [held_row(*each) for each in HELD]),
+            ]
+        ),
     )
 
 
 INTRODUCTION = f"""Each target is scanned at {SCANNED:,} values of its parameter by other code: six joints by the closed
-form, pose by pose, seven by textbook subproblems in NumPy. *Missed*: targets whose number of members differs from the
-scan's on more than {LONG:g} rad. *Ends*: largest distance of an end of an interval from where Newton's method, by
-Pinocchio, puts the fold or the joint on its limit. *Bad members*: of {MEMBERS} on each interval, those outside the
-limits, or farther than {CLOSURE:g} m or rad from the target, by Pinocchio. *Own*: the configuration that the target was
-made from is a member. All seeds are home."""
+form, pose by pose, seven of a Jaco by textbook subproblems in NumPy. Arms by other makers are scanned at
+{SCANNED_HELD:,} values by the closed form of six joints, the parameter held at each. *Missed*: targets whose number of
+members differs from the scan's on more than {LONG:g} rad; *wrongly complete*: of those, the ones that say they are
+complete. *Ends*: largest distance of an end of an interval from where Newton's method, by Pinocchio, puts the fold or
+the joint on its limit. *Bad members*: of {MEMBERS} on each interval, those outside the limits, or farther than
+{CLOSURE:g} m or rad from the target, by Pinocchio. *Own*: the configuration that the target was made from is a member.
+All seeds are home."""
 
-FOUND_HEADER = ("targets", "number", "intervals", "missed", "ends", "bad members", "own", "incomplete")
+HELD_INTRODUCTION = f"""Points of seven joints, one of them held by `solve_all(fixed=...)`: the first call, calls with
+{HELD_VALUES} other values, and with one value again and again."""
+
+FOUND_HEADER = (
+    "targets",
+    "number",
+    "intervals",
+    "missed",
+    "wrongly complete",
+    "ends",
+    "bad members",
+    "own",
+    "incomplete",
+)
+HELD_HEADER = ("held", "first", "other values", "p99", "same value")
 TIME_HEADER = ("call", "targets", "answers", "median", "p99")
 
 
 def _found_row(tally: Tally) -> tuple[str, ...]:
-    first = (f"{count:,}" for count in (tally.number, tally.intervals, tally.missed))
+    first = (f"{count:,}" for count in (tally.number, tally.intervals, tally.missed, tally.wrongly_complete))
     last = (f"{count:,}" for count in (tally.bad, tally.own, tally.incomplete))
     return (tally.name, *first, report.number(tally.ends, "rad"), *last)
 
