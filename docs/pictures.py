@@ -19,7 +19,7 @@ from PIL import Image
 
 ROOT = Path(__file__).resolve().parents[1]
 IMAGES = ROOT / "docs" / "images"
-LARGE = 100_000  # [byte]
+LARGE = 60_000  # [byte]
 COLOURS = 128
 PAGES = ("tutorials", "sets_of_solutions", "real_arm")
 BLOCK = re.compile(r"^```python\n(.*?)^```", re.M | re.S)

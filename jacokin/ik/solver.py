@@ -299,7 +299,7 @@ class IKSolver:
             seed: (dof,) configuration [rad] points are ordered by, and unlimited joints are near to; None for home.
             fixed: on an arm of more than six joints, of any structure: all joints but six, held at these values
                 [rad or m], such as ``{"joint_3": 0.4}``. The first call that holds other joints takes 25 to 60 ms more;
-                one with other values of the same joints 1 to 2 ms, or nothing where those are the first or the last.
+                one with other values of the same joints 1 ms, or nothing where those are the first or the last.
 
         Returns:
             Points, nearest first, where the target leaves no joint free; none when it is out of reach. Curves for a

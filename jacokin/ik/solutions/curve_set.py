@@ -280,7 +280,7 @@ class CurveSet(SolutionSet):
         return self._members.parameter(self._members.robot.configuration(q))
 
     def plot(self, path: str | Path) -> None:
-        """Draw each joint over the parameter; see `SolutionSet.plot`."""
+        """Draw the other joints over the parameter; see `SolutionSet.plot`."""
         robot = self._members.robot
         runs = [(interval, *interval.drawn(picture.STEP)) for interval in self.intervals]
         picture.write(path, lambda: picture.draw_curves(runs, self.parameter, robot, self._said))

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 ENDINGS = (".png", ".svg", ".pdf")
 STEP = 0.02  # [rad] between configurations along a curve
-COLUMNS = 4  # of small multiples
+ROWS, WIDE, HIGH = 2, 2.5, 2.1  # of small multiples, and how large each is [inch]
 ROOM = 0.06  # of the height, above and below what is drawn
 BEYOND = "0.85"  # colour of what is outside the limits
 
@@ -44,7 +44,7 @@ def write(path: str | Path, draw: Callable[[], Figure]) -> None:
 
 
 def draw_curves(runs: Sequence[tuple[Interval, Array, Array]], parameter: str, robot: Robot, title: str) -> Figure:
-    """Each joint over the parameter, one colour for a branch, folds as rings, what is beyond the limits shaded.
+    """Each other joint over the parameter, one colour for a branch, folds as rings, beyond the limits shaded.
 
     Args:
         runs: intervals, and along each the parameter (n,) and configurations (n, dof) [rad].
@@ -57,12 +57,13 @@ def draw_curves(runs: Sequence[tuple[Interval, Array, Array]], parameter: str, r
     """
     with needed("matplotlib", "plot"):
         from matplotlib.figure import Figure
-    rows = math.ceil(robot.dof / COLUMNS)
-    figure = Figure(figsize=(3.2 * COLUMNS, 2.6 * rows + 0.4), layout="constrained")
+    joints = [joint for joint, name in enumerate(robot.joint_names) if name != parameter]
+    columns = math.ceil(len(joints) / ROWS)
+    figure = Figure(figsize=(WIDE * columns + 0.3, HIGH * ROWS + 0.4), layout="constrained")
     branches = sorted({interval.branch for interval, _, _ in runs})
     colours = {branch: f"C{place % 10}" for place, branch in enumerate(branches)}
-    for joint, name in enumerate(robot.joint_names):
-        axes = figure.add_subplot(rows, COLUMNS, joint + 1)
+    for place, joint in enumerate(joints):
+        axes = figure.add_subplot(ROWS, columns, place + 1)
         for interval, p, q in runs:
             colour, column = colours[interval.branch], np.degrees(q[:, joint])
             jumps = np.flatnonzero(np.abs(np.diff(column)) > 180.0) + 1  # to another equivalent of the angle
@@ -72,7 +73,8 @@ def draw_curves(runs: Sequence[tuple[Interval, Array, Array]], parameter: str, r
                 if interval.ends[end].kind == "fold":
                     axes.plot(np.degrees(p[-end]), column[-end], "o", color=colour, fillstyle="none", label="fold")
         _shade(axes, robot, joint)
-        axes.set(title=name, xlabel=f"{parameter} [deg]", ylabel="[deg]")
+        name = robot.joint_names[joint]
+        axes.set(title=name, xlabel=f"{parameter} [deg]", ylabel="" if place % columns else "[deg]")
     figure.suptitle(f"{robot.label}: {title}")
     return figure
 
@@ -100,7 +102,7 @@ def draw_points(q: Array, within: NDArray[np.bool_], robot: Robot, title: str) -
             axes.plot([index + 1], [scale * row[joint]], "o", color=f"C{index % 10}", fillstyle=style)
         _shade(axes, robot, joint)
         axes.set(title=name, xlabel="point", ylabel=("[m]" if robot.sliding[joint] else "[deg]") if joint == 0 else "")
-        axes.locator_params(axis="x", integer=True)
+        axes.locator_params(axis="x", integer=True, nbins=9, min_n_ticks=1)
         axes.set_xlim(0.5, max(len(q), 1) + 0.5)
     figure.suptitle(f"{robot.label}: {title}")
     return figure

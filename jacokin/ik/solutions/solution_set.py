@@ -158,7 +158,7 @@ class SolutionSet(ABC):
 
     @abstractmethod
     def plot(self, path: str | Path) -> None:
-        """Draw it: each joint over the parameter, folds ringed; or the joints of points, hollow outside the limits.
+        """Draw it: the other joints over the parameter, folds ringed; or the joints of points, hollow outside limits.
 
         What is beyond the limits is shaded.
 
