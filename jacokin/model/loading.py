@@ -301,14 +301,15 @@ def find_notes(robot: Robot) -> tuple[str, ...]:
     """
     if robot.source.bundled is not None:
         return ()
-    from jacokin.model.contact import Contact, overlapping
+    from jacokin.model.contact import self_contact
     from jacokin.model.mujoco_twin import with_shapes
+    from jacokin.model.own_shapes import overlapping
 
     notes = [*robot.source.notes, *_missing_numbers(robot)]
     try:
         notes += with_shapes(robot).notes
         always = sorted(tuple(sorted(pair)) for pair in overlapping(robot))
-        if not Contact(robot).has_shapes:
+        if not self_contact(robot).has_shapes:
             notes.append("the description has no collision shapes: contact is not looked for")
     except ShapeError as error:
         return (*notes, f"contact cannot be looked for: {error}")

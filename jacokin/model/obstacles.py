@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from jacokin.errors import InvalidInputError
 from jacokin.model import checks, poses
+from jacokin.model.descriptions.shapes import Shape
 
 if TYPE_CHECKING:
     import mujoco
@@ -226,6 +227,33 @@ def pose_of(shape: Obstacle) -> pin.SE3:
     raise checks.refusal("shape", "a Box, Sphere, Capsule or Cylinder, which have a pose", shape)
 
 
+def shape_of(obstacle: Obstacle) -> Shape:
+    """An obstacle as contact takes it, where it is placed; one that is not of this module through MuJoCo.
+
+    Raises:
+        ShapeError: MuJoCo cannot compile it.
+    """
+    if isinstance(obstacle, Box):
+        return Shape(obstacle.name, "box", 0.5 * np.asarray(obstacle.size), 0, _placed(obstacle.pose))
+    if isinstance(obstacle, Capsule | Cylinder):
+        kind, size = "capsule" if isinstance(obstacle, Capsule) else "cylinder", np.zeros(3)
+        size[:2] = obstacle.radius, 0.5 * obstacle.length
+        return Shape(obstacle.name, kind, size, 0, _placed(obstacle.pose))
+    if isinstance(obstacle, Sphere):
+        size = np.array([obstacle.radius, 0.0, 0.0])
+        return Shape(obstacle.name, "sphere", size, 0, pin.SE3(np.eye(3), np.asarray(obstacle.position)))
+    if isinstance(obstacle, Floor):
+        return Shape(obstacle.name, "plane", np.zeros(3), 0, pin.SE3(np.eye(3), np.array([0.0, 0.0, obstacle.height])))
+    from jacokin.model.mujoco_twin import shape_through_mujoco
+
+    return shape_through_mujoco(obstacle.name, obstacle.add_to)
+
+
+def _placed(pose: pin.SE3 | ArrayLike) -> pin.SE3:
+    assert isinstance(pose, pin.SE3)  # __post_init__ made it one
+    return pose
+
+
 def checked_obstacles(obstacles: Iterable[Obstacle]) -> tuple[Obstacle, ...]:
     """The obstacles of a list.
 
@@ -280,15 +308,15 @@ def _pose(name: str, value: pin.SE3 | ArrayLike) -> pin.SE3:
 def _add(body: mujoco.MjsBody, name: str, kind: str, size: ArrayLike, pose: pin.SE3 | ArrayLike) -> None:
     import mujoco  # an arm alone is checked without it
 
-    assert isinstance(pose, pin.SE3)  # __post_init__ made it one
+    placed = _placed(pose)
     full = np.zeros(3)
     full[: len(np.asarray(size))] = size
     body.add_geom(
         name=name,
         type=getattr(mujoco.mjtGeom, f"mjGEOM_{kind}"),
         size=full,
-        pos=pose.translation,
-        quat=poses.quaternion(pose.rotation),
+        pos=placed.translation,
+        quat=poses.quaternion(placed.rotation),
         contype=0,
         conaffinity=0,
     )

@@ -17,6 +17,7 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.model import checks, poses
 from jacokin.model.contact import Contact
+from jacokin.model.contact_arrays import WorldArrays
 from jacokin.model.descriptions import mjcf
 from jacokin.model.obstacles import (
     Attached,
@@ -32,6 +33,7 @@ from jacokin.model.obstacles import (
 )
 from jacokin.model.poses import pose
 from jacokin.model.robot import Robot
+from jacokin.model.surrounded import make_world, surround
 
 ENDINGS = (".yaml", ".yml", ".json")
 PLACE = ("position", "quat_wxyz", "rpy")
@@ -58,9 +60,10 @@ class Scene:
         surroundings: the same in one value.
     """
 
-    __slots__ = ("_contacts", "surroundings")
+    __slots__ = ("_contacts", "_world", "surroundings")
 
     surroundings: Surroundings
+    _world: WorldArrays | None
     _contacts: weakref.WeakKeyDictionary[Robot, Contact]
 
     def __init__(
@@ -93,6 +96,7 @@ class Scene:
     def _keep(self, surroundings: Surroundings) -> None:
         object.__setattr__(self, "surroundings", surroundings)
         object.__setattr__(self, "_contacts", weakref.WeakKeyDictionary())
+        object.__setattr__(self, "_world", None)
 
     @property
     def obstacles(self) -> tuple[Obstacle, ...]:
@@ -277,8 +281,17 @@ class Scene:
             ShapeError: the description's shapes cannot be loaded.
         """
         if robot not in self._contacts:
-            self._contacts[robot] = Contact(robot, self.surroundings)
+            around = self.surroundings
+            self._contacts[robot] = Contact(robot, around, found=surround(robot, around, self._made_world()))
         return self._contacts[robot]
+
+    def _made_world(self) -> WorldArrays:
+        """The arrays of the obstacles, made once for all robots."""
+        made = self._world
+        if made is None:
+            made = make_world(self.obstacles)
+            object.__setattr__(self, "_world", made)
+        return made
 
 
 def checked_scene(name: str, value: object) -> Scene:

@@ -40,15 +40,15 @@ class Shape(NamedTuple):
     """(n, 3) of a mesh, in the frame of the shape [m]."""
 
 
-class BundledShapes(NamedTuple):
-    """The shapes of the links of a bundled robot, and which of them count as contact when they touch."""
+class ShapesOfLinks(NamedTuple):
+    """The shapes of the links of an arm, and which of them count as contact when they touch."""
 
     shapes: list[Shape]
     pairs: list[tuple[int, int]]
     """Numbers of shapes: not of parent and child, and not excluded in the file."""
 
 
-def read_bundled(name: str, model: pin.Model, links: Mapping[str, int]) -> BundledShapes:
+def read_bundled(name: str, model: pin.Model, links: Mapping[str, int]) -> ShapesOfLinks:
     """The shapes of a bundled robot, from its generated MJCF file.
 
     Args:
@@ -75,7 +75,7 @@ def read_bundled(name: str, model: pin.Model, links: Mapping[str, int]) -> Bundl
         (weld, parent), (other_weld, other_parent) = welds[link], welds[other]
         if weld != other_parent and other_weld != parent:
             pairs.append((a, b))
-    return BundledShapes([shape for shape, _ in found], pairs)
+    return ShapesOfLinks([shape for shape, _ in found], pairs)
 
 
 def _welds(root: ET.Element, path: Path) -> dict[str, tuple[str, str]]:
