@@ -40,6 +40,13 @@ from jacokin.model.descriptions.shapes import KINDS, Shape
 
 CORES = np.array([PLANE, POINT, SEGMENT, ELLIPSOID, CYLINDER, BOX, MESH])  # of the `KINDS`
 NUMBER_OF_KIND = {kind: number for number, kind in enumerate(KINDS)}
+# For each of the kinds: which of MJCF's sizes are the half sizes of its core, and whether they are; whether the first
+# is a margin around it; which half sizes its farthest point has; and whether it has an end.
+HALF_FROM = np.array([(0, 0, 0), (0, 0, 0), (0, 0, 1), (0, 1, 2), (0, 0, 1), (0, 1, 2), (0, 0, 0)])
+HALF_IS = np.array([(0, 0, 0), (0, 0, 0), (0, 0, 1), (1, 1, 1), (1, 1, 1), (1, 1, 1), (0, 0, 0)], dtype=np.float64)
+HAS_MARGIN = np.array([0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0])
+REACHES = np.array([(1, 1, 1), (1, 1, 1), (1, 1, 1), (1, 1, 1), (1, 0, 1), (1, 1, 1), (1, 1, 1)], dtype=np.float64)
+ENDLESS = np.array([np.inf, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
 WIDEST_GROUP = 1.35  # times its largest shape: wider groups hold more shapes and are near more often
 GROUP_AT_LEAST = 0.08  # [m] radius below which shapes are grouped anyway
 
@@ -173,9 +180,9 @@ def world_arrays(obstacles: Sequence[Shape]) -> WorldArrays:
     sizes = np.array([shape.size for shape in obstacles], dtype=np.float64).reshape(-1, 3)
     placed = np.array([shape.placement.homogeneous for shape in obstacles]).reshape(-1, 16)
     numbers, integers = np.zeros((count, SHAPE_NUMBERS)), np.zeros((count, SHAPE_INTEGERS), dtype=np.int64)
-    half, margin = _half_sizes(cores, sizes)
+    half, margin = _half_sizes(kinds, sizes)
     numbers[:, :SIZE], numbers[:, SIZE : SIZE + 3], numbers[:, MARGIN] = placed[:, :SIZE], half, margin
-    numbers[:, CENTRE : CENTRE + 3], numbers[:, RADIUS] = placed[:, 3:SIZE:4], margin + _core_radii(cores, half)
+    numbers[:, CENTRE : CENTRE + 3], numbers[:, RADIUS] = placed[:, 3:SIZE:4], margin + _core_radii(kinds, half)
     integers[:, KIND] = cores
     meshes = np.flatnonzero(cores == MESH).tolist()
     if not meshes:
@@ -242,19 +249,19 @@ def shape_row(model: pin.Model, shape: Shape) -> ShapeRow:
     Raises:
         ShapeError: its kind is not convex.
     """
-    core = CORES[[_kind(shape)]]
+    kind = np.array([_kind(shape)])
     T_link_shape = shape.placement
     if shape.joint:
         T_link_shape = _turn(model, shape.joint)[0].inverse() * T_link_shape
-    if core[0] == MESH:
+    if CORES[kind[0]] == MESH:
         row = _mesh_row(T_link_shape, shape.vertices)
     else:
         numbers, integers = np.zeros(SHAPE_NUMBERS), np.zeros(SHAPE_INTEGERS, dtype=np.int64)
-        half, margin = _half_sizes(core, shape.size[np.newaxis])
+        half, margin = _half_sizes(kind, shape.size[np.newaxis])
         numbers[:SIZE] = T_link_shape.homogeneous[:3].ravel()
         numbers[SIZE : SIZE + 3], numbers[MARGIN] = half[0], margin[0]
-        numbers[CENTRE : CENTRE + 3], numbers[RADIUS] = T_link_shape.translation, margin[0] + _core_radii(core, half)[0]
-        integers[KIND] = core[0]
+        numbers[CENTRE : CENTRE + 3], numbers[RADIUS] = T_link_shape.translation, margin[0] + _core_radii(kind, half)[0]
+        integers[KIND] = CORES[kind[0]]
         row = ShapeRow(numbers, integers, np.empty((0, 3)), [])
     row.integers[LINK] = shape.joint
     return row
@@ -269,29 +276,18 @@ def _kind(shape: Shape) -> int:
         raise ShapeError(f"the shape {shape.name!r} is of a kind that contact is not computed for ({kinds})") from None
 
 
-def _half_sizes(cores: NDArray[np.int64], sizes: Array) -> tuple[Array, Array]:
+def _half_sizes(kinds: NDArray[np.int64], sizes: Array) -> tuple[Array, Array]:
     """Half sizes (n, 3) of cores without margin, and margins (n,) [m], from sizes (n, 3) as in MJCF."""
-    half, margin = np.zeros(sizes.shape), np.zeros(len(sizes))
-    for core in np.unique(cores).tolist():
-        some = cores == core
-        if core in (POINT, SEGMENT):
-            margin[some] = sizes[some, 0]
-        if core == SEGMENT:
-            half[some, 2] = sizes[some, 1]
-        elif core == CYLINDER:
-            half[some] = sizes[some][:, [0, 0, 1]]
-        elif core in (BOX, ELLIPSOID):
-            half[some] = sizes[some]
-    return half, margin
+    half = np.take_along_axis(sizes, HALF_FROM[kinds], axis=1) * HALF_IS[kinds]
+    return half, sizes[:, 0] * HAS_MARGIN[kinds]
 
 
-def _core_radii(cores: NDArray[np.int64], half: Array) -> Array:
+def _core_radii(kinds: NDArray[np.int64], half: Array) -> Array:
     """How far cores other than meshes reach from their centres (n,) [m]."""
-    found: Array = np.sqrt(np.einsum("ij,ij->i", half, half))
-    round_ones, ellipsoids = cores == CYLINDER, cores == ELLIPSOID
-    found[round_ones] = np.hypot(half[round_ones, 0], half[round_ones, 2])
-    found[ellipsoids] = half[ellipsoids].max(axis=1)
-    found[cores == PLANE] = np.inf
+    found: Array = np.sqrt(np.einsum("ij,ij,ij->i", half, half, REACHES[kinds])) + ENDLESS[kinds]
+    ellipsoids = kinds == NUMBER_OF_KIND["ellipsoid"]
+    if ellipsoids.any():
+        found[ellipsoids] = half[ellipsoids].max(axis=1)
     return found
 
 
@@ -392,15 +388,14 @@ def _tree(shapes: Shapes) -> Tree:
     # One array of which least values are asked for: lowest and highest coordinates, then the same of the centres.
     bounds, places = np.column_stack([low, -high, low + high, -(low + high)]), np.arange(len(order))
     boxes = np.empty((len(children), 6))
-    for first, starts, counts in levels:
-        if counts.max() == 1:  # the last level, without those that were alone one level above
+    for first, starts, part in levels:
+        if not len(part):
             boxes[first:] = bounds[places[starts], :6]
             break
         least = np.minimum.reduceat(bounds[places], starts)
         boxes[first : first + len(starts)] = least[:, :6]
-        axes = np.argmax(-least[:, 6:9] - least[:, 9:], axis=1)
-        keys = bounds[places, 6 + np.repeat(axes, counts)]
-        places = places[np.lexsort((keys, np.repeat(np.arange(len(counts)), counts)))]
+        axes = 6 + (least[:, 6:9] + least[:, 9:]).argmin(axis=1)
+        places = places[np.lexsort((bounds[places, axes[part]], part))]
     centres, halves = 0.5 * (boxes[:, :3] - boxes[:, 3:]), 0.5 * (-boxes[:, 3:] - boxes[:, :3])
     children = children.copy()
     children[leaves[:, 0], 1] = order[places[leaves[:, 1]]]
@@ -415,7 +410,8 @@ def _halves(count: int) -> tuple[list[Level], NDArray[np.int64], NDArray[np.intp
     """How so many things in a row are halved, level by level, until each is alone.
 
     Returns:
-        For each level the number of its first node, and where each node's things start and how many they are; the two
+        For each level the number of its first node, where each node's things start, and for each thing which of the
+        level's nodes holds it: nothing for the last level, whose nodes hold one each, and not all of them. The two
         nodes inside of each node (n, 2), -1 for one of a single thing; and nodes of a single thing with its place
         (count, 2).
     """
@@ -425,7 +421,9 @@ def _halves(count: int) -> tuple[list[Level], NDArray[np.int64], NDArray[np.intp
     parts = [(0, count)] if count else []
     while parts:
         first = len(children)
-        levels.append((first, np.array([start for start, _ in parts]), np.array([size for _, size in parts])))
+        sizes = [size for _, size in parts] if max(size for _, size in parts) > 1 else []
+        part = np.repeat(np.arange(len(sizes)), sizes)
+        levels.append((first, np.array([start for start, _ in parts]), part))
         below: list[tuple[int, int]] = []
         for node, (start, size) in enumerate(parts, start=first):
             inside = first + len(parts) + len(below)

@@ -30,11 +30,9 @@ class OwnShapes(NamedTuple):
     """Names of those that touch in every configuration, which does not count."""
     rows: list[ShapeRow]
     arrays: ArmArrays
-
-    @property
-    def names(self) -> list[str]:
-        """Names of the shapes."""
-        return [shape.name for shape in self.shapes]
+    names: tuple[str, ...]
+    taken: frozenset[str]
+    """The same."""
 
 
 def own_shapes(robot: Robot, finger_angle: float | None = None) -> OwnShapes:
@@ -105,7 +103,8 @@ def _prepared(
     counted = [(a, b) for a, b in pairs if frozenset((shapes[a].name, shapes[b].name)) not in always]
     arrays = arm_arrays(robot.pin_model, [shape.joint for shape in shapes], rows, counted)
     light = [shape._replace(vertices=NO_VERTICES) for shape in shapes]  # the hulls are in the rows
-    return OwnShapes(light, counted, always, rows, arrays)
+    names = tuple(shape.name for shape in shapes)
+    return OwnShapes(light, counted, always, rows, arrays, names, frozenset(names))
 
 
 def _touching_everywhere(robot: Robot, own: OwnShapes) -> frozenset[frozenset[str]]:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from jacokin.errors import InvalidInputError
 from jacokin.kernels.contact.touching import Geometry
 from jacokin.model import checks
-from jacokin.model.contact_arrays import ArmArrays, WorldArrays, arm_arrays, joined, shape_row, world_arrays
+from jacokin.model.contact_arrays import NO_WORLD, ArmArrays, WorldArrays, arm_arrays, joined, shape_row, world_arrays
 from jacokin.model.descriptions.shapes import KINDS, Shape
 from jacokin.model.obstacles import Attached, Obstacle, Surroundings, shape_of
 from jacokin.model.own_shapes import OwnShapes, own_shapes
@@ -45,6 +45,8 @@ class Surrounded(NamedTuple):
     """How many of them, the first ones, are obstacles that do not count against every shape that moves."""
     arm_shapes: int
     """How many are kept with the arm: those obstacles, and its own shapes with what it holds."""
+    moving: int
+    """How many of those are moved by a joint."""
     met_partly: int
     """How many meetings of the arm's groups, the first ones, are with those obstacles."""
     pairs: int
@@ -65,15 +67,20 @@ def surround(robot: Robot, around: Surroundings, world: WorldArrays | None = Non
         UnknownNameError: a shape is attached to, or contact is allowed with, a name that is not there.
         ShapeError: the description's shapes cannot be loaded.
     """
-    own = own_shapes(robot, around.finger_angle)
-    taken = frozenset(own.names)
-    for name in around.names:
-        if name in taken:
-            raise InvalidInputError(f"the name {name!r} is used by a shape of the arm; names must differ")
+    own, names = own_shapes(robot, around.finger_angle), around.names
+    if not own.taken.isdisjoint(names):
+        name = next(name for name in names if name in own.taken)
+        raise InvalidInputError(f"the name {name!r} is used by a shape of the arm; names must differ")
     if around.attached or around.allow:
         return _surround_some(robot, own, around)
-    world = make_world(around.obstacles) if world is None else world
-    return _joined(own.shapes, own.arrays, len(own.pairs), around.obstacle_names, world)
+    alone = robot.once(_alone, around.finger_angle)
+    return _with_world(alone, own.arrays, names, make_world(around.obstacles) if world is None else world)
+
+
+def _alone(robot: Robot, finger_angle: float | None) -> Surrounded:
+    """A robot with nothing around it."""
+    own = own_shapes(robot, finger_angle)
+    return _among_nothing(own.shapes, own.arrays, len(own.pairs))
 
 
 def make_world(obstacles: Sequence[Obstacle]) -> WorldArrays:
@@ -117,8 +124,8 @@ def _surround_some(robot: Robot, own: OwnShapes, around: Surroundings) -> Surrou
             rows.append(shape_row(model, _with_ends(shapes[-1])))
     links, alone = [shape.joint for shape in shapes], range(count, len(shapes))
     arrays = arm_arrays(model, links, rows, [*partly, *pairs], alone)
-    names = [obstacle.name for obstacle in standing]
-    return _joined(shapes, arrays, len(partly) + len(pairs), names, make_world(standing))
+    some = _among_nothing(shapes, arrays, len(partly) + len(pairs))
+    return _with_world(some, arrays, [obstacle.name for obstacle in standing], make_world(standing))
 
 
 def _with_ends(shape: Shape) -> Shape:
@@ -129,23 +136,31 @@ def _with_ends(shape: Shape) -> Shape:
     return shape._replace(kind="box", size=np.full(3, WIDE), placement=shape.placement * below)
 
 
-def _joined(
-    shapes: Sequence[Shape], arrays: ArmArrays, pairs: int, standing: Sequence[str], world: WorldArrays
-) -> Surrounded:
-    """An arm with its own pairs among obstacles that count against all shapes that move."""
-    numbers, alone = arrays.numbers.tolist(), arrays.alone
+def _among_nothing(shapes: Sequence[Shape], arrays: ArmArrays, pairs: int) -> Surrounded:
+    """An arm with so many pairs of its own, and no obstacles that count against all shapes that move."""
+    given = [shapes[number] for number in arrays.numbers]
     ranks = arrays.numbers.astype(np.int64)
-    ranks[:alone] = -1
-    moving = sum(shapes[number].joint > 0 for number in numbers)
+    ranks[: arrays.alone] = -1
     return Surrounded(
-        geometry=joined(arrays, world),
-        names=(*(shapes[number].name for number in numbers), *standing),
+        geometry=joined(arrays, NO_WORLD),
+        names=tuple(shape.name for shape in given),
         ranks=ranks,
-        kinds=np.append([KINDS.index(shapes[number].kind) for number in numbers], world.kinds).astype(np.int64),
-        alone=alone,
-        arm_shapes=len(numbers),
+        kinds=np.array([KINDS.index(shape.kind) for shape in given], dtype=np.int64),
+        alone=arrays.alone,
+        arm_shapes=len(given),
+        moving=sum(shape.joint > 0 for shape in given),
         met_partly=arrays.met_partly,
-        pairs=pairs + moving * len(standing),
+        pairs=pairs,
+    )
+
+
+def _with_world(arm: Surrounded, arrays: ArmArrays, names: Sequence[str], world: WorldArrays) -> Surrounded:
+    """The same with obstacles that count against all shapes that move."""
+    return arm._replace(
+        geometry=joined(arrays, world),
+        names=(*arm.names, *names),
+        kinds=np.concatenate([arm.kinds, world.kinds]),
+        pairs=arm.pairs + arm.moving * len(names),
     )
 
 
