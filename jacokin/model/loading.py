@@ -36,6 +36,7 @@ def load_robot(
     package_dirs: Sequence[str | Path] = (),
     calibration: str | Path | MeasuredArm | None = None,
     velocity_limit: ArrayLike | None = None,
+    decompose: bool = False,
 ) -> Robot:
     """Load an arm by name or from a file, which is not read again afterwards (meshes of a URDF: when first needed).
 
@@ -54,6 +55,8 @@ def load_robot(
             `robot.calibration` holds. None: not at all. Limits stay those of the reported angles.
         velocity_limit: (dof,) or one for all [rad/s], in place of those of the file. None: what the file gives; an MJCF
             gives none.
+        decompose: True to look for contact on convex parts of the meshes, which takes seconds when it is first looked
+            for; False for their convex hulls, which see contact where a mesh is hollow.
 
     Returns:
         The robot; nq == nv == dof in `robot.pin_model`.
@@ -99,6 +102,7 @@ def load_robot(
             described.content,
             measured,
             described.notes,
+            checks.flag("decompose", decompose),
         ),
         finger_angle=finger_angle,
         home=_documented_home(name, model) if name else find_home,

@@ -10,6 +10,7 @@ from __future__ import annotations
 import itertools
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 import mujoco
@@ -20,12 +21,17 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, ModelError, ShapeError
 from jacokin.model import checks, poses
 from jacokin.model.descriptions import bundled, mjcf, urdf
+from jacokin.model.descriptions.convex_parts import convex_parts
+from jacokin.model.descriptions.meshes import Mesh
 from jacokin.model.descriptions.shapes import Shape, ShapesOfLinks, prepare_shapes
 from jacokin.model.robot import Robot, Source, checked_robot
 
 UNLIMITED = 1e6  # [rad] stands for an open side
 LOCKED_ROOM = 1e-9  # [rad] on both sides of a joint with equal limits
 BASE_BODY = "jacokin_base"
+PART = ", part "  # between the name of a shape and the number of a part of it
+HULLS = ("meshes collide as their convex hulls, which may touch where they do not; decompose=True takes convex parts",)
+MESH_GEOM = int(mujoco.mjtGeom.mjGEOM_MESH)
 # Off the joint's axes and turned, or MuJoCo's compiler marks the body for shortcuts that its true numbers forbid.
 PLACEHOLDER = """<inertial><origin xyz="0.1 0.2 0.3" rpy="0.3 0.2 0.1"/><mass value="1"/>
 <inertia ixx="3" iyy="4" izz="5" ixy="0" ixz="0" iyz="0"/></inertial>"""
@@ -139,7 +145,7 @@ def add_shapes(
     shapes, pairs = shapes_of_description(robot, finger_angle)
     colours = {mjcf.geom_name(source, geom): _colour(source, geom) for geom in range(source.ngeom)}
     for shape in shapes:
-        _add_geom(spec, carriers[shape.joint], shape, colours[shape.name])
+        _add_geom(spec, carriers[shape.joint], shape, colours[shape.name.rsplit(PART, 1)[0]])
     for a, b in pairs:
         first, second = shapes[a].name, shapes[b].name
         spec.add_pair(name=f"{first}~{second}", geomname1=first, geomname2=second)
@@ -163,11 +169,51 @@ def shapes_of_description(robot: Robot, finger_angle: float | None = None) -> Sh
         frame = model.frames[robot.frame_id(link)]
         T_carrier_link = frame.placement if fingers is None else fingers.placement(body, frame.parentJoint)
         shape = _shape(source, geom, int(frame.parentJoint))
-        found.append((shape._replace(placement=T_carrier_link * shape.placement), geom))
+        shape = shape._replace(placement=T_carrier_link * shape.placement)
+        found += [(part, geom) for part in _parts(robot, shape, source, geom)]
     found.sort(key=lambda each: each[0].joint)  # as MuJoCo numbers them in the twin of the arm
-    number = {geom: index for index, (_, geom) in enumerate(found)}
-    pairs = _pairs(source, {geom: shape.joint for shape, geom in found})
-    return ShapesOfLinks([shape for shape, _ in found], [(number[a], number[b]) for a, b in pairs])
+    numbers: dict[int, list[int]] = {}
+    for index, (_, geom) in enumerate(found):
+        numbers.setdefault(geom, []).append(index)
+    pairs = tested_pairs(source, {geom: shape.joint for shape, geom in found})
+    each = [pair for a, b in pairs for pair in itertools.product(numbers[a], numbers[b])]
+    return ShapesOfLinks([shape for shape, _ in found], each)
+
+
+def _parts(robot: Robot, shape: Shape, source: mujoco.MjModel, geom: int) -> list[Shape]:
+    """A shape of the source as it collides: a mesh in its convex parts, where that is asked for."""
+    if shape.kind != "mesh" or not robot.source.decompose:
+        return [shape]
+    parts = robot.once(_parts_of_meshes, carried=True)[int(source.geom_dataid[geom])]
+    if len(parts) == 1:
+        return [shape._replace(vertices=parts[0])]
+    return [shape._replace(name=_part_name(shape.name, number), vertices=part) for number, part in enumerate(parts)]
+
+
+def _part_name(name: str, number: int) -> str:
+    return f"{name}{PART}{number + 1}"
+
+
+def _parts_of_meshes(robot: Robot) -> dict[int, list[Array]]:
+    """For each mesh the corners (n, 3) of its convex parts, in the frame of its geoms [m]."""
+    described, found = with_shapes(robot), dict[int, list[Array]]()
+    model = described.model
+    collides = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
+    for mesh in np.unique(model.geom_dataid[(model.geom_type == MESH_GEOM) & collides]).tolist():
+        T_file_geom = mjcf.placement(model.mesh_quat[mesh], model.mesh_pos[mesh])  # MuJoCo takes its principal axes
+        given = described.meshes.get(_file_name(model, mesh))
+        if given is None:
+            first = int(model.mesh_faceadr[mesh])
+            faces = np.array(model.mesh_face[first : first + int(model.mesh_facenum[mesh])], dtype=np.int64)
+            given = Mesh(mesh_vertices(model, mesh) @ T_file_geom.rotation.T + T_file_geom.translation, faces)
+        found[mesh] = [(part - T_file_geom.translation) @ T_file_geom.rotation for part in convex_parts(given)]
+    return found
+
+
+def _file_name(model: mujoco.MjModel, mesh: int) -> str:
+    """Of a mesh, as MuJoCo was given it."""
+    first = int(model.mesh_pathadr[mesh])
+    return str(bytes(model.paths[first:]).split(b"\0", 1)[0].decode(errors="replace")) if first >= 0 else ""
 
 
 def shapes_of_twin(model: mujoco.MjModel) -> list[Shape]:
@@ -223,7 +269,8 @@ def _shapes_of_links(robot: Robot) -> dict[str, frozenset[str]]:
         while body:
             link = mjcf.body_name(source, body)
             if joint is not None and joint_of.get(link) == joint:
-                found.setdefault(link, set()).add(mjcf.geom_name(source, geom))
+                shape = _shape(source, geom, 0)
+                found.setdefault(link, set()).update(part.name for part in _parts(robot, shape, source, geom))
             body = int(source.body_parentid[body])
     return {link: frozenset(shapes) for link, shapes in found.items()}
 
@@ -292,7 +339,7 @@ def mesh_vertices(source: mujoco.MjModel, mesh: int) -> Array:
     return np.array(source.mesh_vert[first : first + int(source.mesh_vertnum[mesh])], dtype=np.float64)
 
 
-def _pairs(source: mujoco.MjModel, carrier: Mapping[int, int]) -> list[tuple[int, int]]:
+def tested_pairs(source: mujoco.MjModel, carrier: Mapping[int, int]) -> list[tuple[int, int]]:
     """Pairs of shapes MuJoCo would test: masks agree, not parent and child, not excluded, and able to move apart."""
     # MuJoCo's signature of an excluded pair: lower body id in the high half.
     excluded = {int(signature) for signature in source.exclude_signature}
@@ -327,6 +374,8 @@ class DescribedShapes(NamedTuple):
     model: mujoco.MjModel
     notes: tuple[str, ...] = ()
     """Sentences on shapes that were left out, and on meshes whose axes are in doubt."""
+    meshes: Mapping[str, Mesh] = MappingProxyType({})
+    """Of a URDF, by the names of the files that MuJoCo was given instead: their hulls."""
 
 
 def with_shapes(robot: Robot) -> DescribedShapes:
@@ -342,14 +391,18 @@ def _read_shapes(robot: Robot) -> DescribedShapes:
     source = robot.source
     try:
         if not isinstance(source.content, str):
-            return DescribedShapes(_mjcf(source))
+            model = _mjcf(source)
+            collides = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
+            meshes_collide = bool(((model.geom_type == MESH_GEOM) & collides).any())
+            return DescribedShapes(model, HULLS if meshes_collide and not source.decompose else ())
         tree = ET.fromstring(source.content)
         for link in tree.findall("link"):
             _replace_inertial(link)
             for visual in link.findall("visual"):
                 link.remove(visual)
-        assets, notes = prepare_shapes(tree, source.path, source.package_dirs)
-        return DescribedShapes(_compile(tree, assets, source), notes)
+        prepared = prepare_shapes(tree, source.path, source.package_dirs)
+        meshes, notes = (prepared.meshes, ()) if source.decompose else ({}, HULLS if prepared.meshes else ())
+        return DescribedShapes(_compile(tree, prepared.assets, source), (*prepared.notes, *notes), meshes)
     except ModelError as error:
         raise ShapeError(str(error)) from error
 

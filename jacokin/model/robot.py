@@ -703,6 +703,7 @@ class Source:
         content: the checked text of a URDF, or an MJCF as MuJoCo compiled it; None for bundled robots.
         calibration: how the arm differs from that content; None for not at all.
         notes: sentences on what was left out of the file.
+        decompose: whether meshes collide as convex parts instead of one hull each.
     """
 
     path: Path
@@ -715,6 +716,7 @@ class Source:
     content: str | mujoco.MjModel | None = field(default=None, repr=False, compare=False)
     calibration: MeasuredArm | None = None
     notes: tuple[str, ...] = ()
+    decompose: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -844,6 +846,7 @@ def fingerprint(robot: Robot, *, shapes: bool = False) -> str:
         content.update(np.ascontiguousarray(array, dtype=np.float64).tobytes())
     if shapes:
         content.update(_shapes(robot))
+        content.update(b"decomposed" if robot.source.decompose else b"")
     return content.hexdigest()
 
 
