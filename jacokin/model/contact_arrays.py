@@ -48,6 +48,7 @@ HAS_MARGIN = np.array([0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0])
 REACHES = np.array([(1, 1, 1), (1, 1, 1), (1, 1, 1), (1, 1, 1), (1, 0, 1), (1, 1, 1), (1, 1, 1)], dtype=np.float64)
 ENDLESS = np.array([np.inf, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
 WIDEST_GROUP = 1.35  # times its largest shape: wider groups hold more shapes and are near more often
+TINY = 1e-300  # [m] added to a length that is divided by
 GROUP_AT_LEAST = 0.08  # [m] radius below which shapes are grouped anyway
 
 
@@ -387,6 +388,8 @@ def _tree(shapes: Shapes) -> Tree:
     low, high = _extents(shapes.numbers[order])
     # One array of which least values are asked for: lowest and highest coordinates, then the same of the centres.
     bounds, places = np.column_stack([low, -high, low + high, -(low + high)]), np.arange(len(order))
+    middles = bounds[:, 6:9]
+    shares = (middles - middles.min(axis=0)) / (1.01 * np.ptp(middles) + TINY) if len(order) else middles  # below 1
     boxes = np.empty((len(children), 6))
     for first, starts, part in levels:
         if not len(part):
@@ -394,8 +397,8 @@ def _tree(shapes: Shapes) -> Tree:
             break
         least = np.minimum.reduceat(bounds[places], starts)
         boxes[first : first + len(starts)] = least[:, :6]
-        axes = 6 + (least[:, 6:9] + least[:, 9:]).argmin(axis=1)
-        places = places[np.lexsort((bounds[places, axes[part]], part))]
+        axes = (least[:, 6:9] + least[:, 9:]).argmin(axis=1)
+        places = places[(part + shares[places, axes[part]]).argsort()]
     centres, halves = 0.5 * (boxes[:, :3] - boxes[:, 3:]), 0.5 * (-boxes[:, 3:] - boxes[:, :3])
     children = children.copy()
     children[leaves[:, 0], 1] = order[places[leaves[:, 1]]]
