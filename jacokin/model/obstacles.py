@@ -40,13 +40,13 @@ class Box:
         name: name of the shape.
         size: (3,) edge lengths [m].
         pose: where its centre is: T_base_box, or a position (3,) [m].
-        shape: the same as contact takes it; not given.
+        solid: the same as contact takes it; not given.
     """
 
     name: str
     size: ArrayLike
     pose: pin.SE3 | ArrayLike
-    shape: Shape = field(init=False, repr=False)
+    solid: Shape = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         """Check the numbers."""
@@ -55,7 +55,7 @@ class Box:
         pose = _pose(f"{self.name}: pose", self.pose)
         object.__setattr__(self, "size", size)
         object.__setattr__(self, "pose", pose)
-        object.__setattr__(self, "shape", Shape(self.name, "box", 0.5 * size, 0, pose))
+        object.__setattr__(self, "solid", Shape(self.name, "box", 0.5 * size, 0, pose))
 
     def add_to(self, body: mujoco.MjsBody) -> None:
         """Add the shape to the base body."""
@@ -70,13 +70,13 @@ class Sphere:
         name: name of the shape.
         radius: [m].
         position: (3,) centre [m].
-        shape: the same as contact takes it; not given.
+        solid: the same as contact takes it; not given.
     """
 
     name: str
     radius: float
     position: ArrayLike
-    shape: Shape = field(init=False, repr=False)
+    solid: Shape = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         """Check the numbers."""
@@ -85,7 +85,7 @@ class Sphere:
         position = checks.vector(f"{self.name}: position", self.position, 3, "m")
         object.__setattr__(self, "position", checks.read_only(position))
         place = pin.SE3(np.eye(3), position)
-        object.__setattr__(self, "shape", Shape(self.name, "sphere", np.array([self.radius, 0.0, 0.0]), 0, place))
+        object.__setattr__(self, "solid", Shape(self.name, "sphere", np.array([self.radius, 0.0, 0.0]), 0, place))
 
     def add_to(self, body: mujoco.MjsBody) -> None:
         """Add the shape to the base body."""
@@ -101,7 +101,7 @@ class _Round:
     radius: float
     length: float
     pose: pin.SE3 | ArrayLike
-    shape: Shape = field(init=False, repr=False)
+    solid: Shape = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         """Check the numbers."""
@@ -111,7 +111,7 @@ class _Round:
         pose, size = _pose(f"{self.name}: pose", self.pose), np.array([self.radius, 0.5 * self.length, 0.0])
         kind = "capsule" if isinstance(self, Capsule) else "cylinder"
         object.__setattr__(self, "pose", pose)
-        object.__setattr__(self, "shape", Shape(self.name, kind, size, 0, pose))
+        object.__setattr__(self, "solid", Shape(self.name, kind, size, 0, pose))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -123,7 +123,7 @@ class Capsule(_Round):
         radius: [m].
         length: of the cylinder, without the half spheres [m].
         pose: where its centre is: T_base_capsule, or a position (3,) [m].
-        shape: the same as contact takes it; not given.
+        solid: the same as contact takes it; not given.
     """
 
     def add_to(self, body: mujoco.MjsBody) -> None:
@@ -140,7 +140,7 @@ class Cylinder(_Round):
         radius: [m].
         length: [m].
         pose: where its centre is: T_base_cylinder, or a position (3,) [m].
-        shape: the same as contact takes it; not given.
+        solid: the same as contact takes it; not given.
     """
 
     def add_to(self, body: mujoco.MjsBody) -> None:
@@ -155,19 +155,19 @@ class Floor:
     Attributes:
         height: its z in the base frame [m].
         name: name of the shape.
-        shape: the same as contact takes it; not given.
+        solid: the same as contact takes it; not given.
     """
 
     height: float = 0.0
     name: str = "floor"
-    shape: Shape = field(init=False, repr=False, compare=False)
+    solid: Shape = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         """Check the numbers."""
         _check_name(self.name)
         object.__setattr__(self, "height", checks.number(f"{self.name}: height", self.height, "m"))
         place = pin.SE3(np.eye(3), np.array([0.0, 0.0, self.height]))
-        object.__setattr__(self, "shape", Shape(self.name, "plane", np.zeros(3), 0, place))
+        object.__setattr__(self, "solid", Shape(self.name, "plane", np.zeros(3), 0, place))
 
     def add_to(self, body: mujoco.MjsBody) -> None:
         """Add the shape to the base body."""
@@ -253,7 +253,7 @@ def shape_of(obstacle: Obstacle) -> Shape:
         ShapeError: MuJoCo cannot compile it.
     """
     if isinstance(obstacle, OURS):
-        return obstacle.shape
+        return obstacle.solid
     from jacokin.model.mujoco_twin import shape_through_mujoco
 
     return shape_through_mujoco(obstacle.name, obstacle.add_to)
