@@ -16,8 +16,8 @@ from jacokin import IKSolver, load_robot, plan_motion, pose
 from jacokin.arrays import Array
 from jacokin.errors import JacokinError
 from jacokin.model import NAMES, Box, Capsule, Cylinder, Floor, Robot, Scene, Sphere
-from jacokin.model.surrounded import compile_twin, surround
 from jacokin.motion import Trajectory, move_joints
+from tests.twin import compile_twin
 
 FINE = 1e-3  # [rad] between configurations that the referee looks at
 DEEPER = 5e-5  # [m] than this counts: rows are joined by straight lines where the motion turns a corner
@@ -31,9 +31,9 @@ class Referee:
 
     def __init__(self, robot: Robot, scene: Scene) -> None:
         """Compile the arm among the obstacles."""
-        self.model = compile_twin(robot, scene.surroundings).model
+        self.model, pairs = compile_twin(robot, scene.surroundings)
         self.data = mujoco.MjData(self.model)
-        self.first, self.second = np.array(surround(robot, scene.surroundings).pairs).T
+        self.first, self.second = np.array(pairs).T
         sizes = self.model.geom_rbound
         self.far = sizes[self.first] + sizes[self.second]
         self.far[(sizes[self.first] == 0.0) | (sizes[self.second] == 0.0)] = np.inf  # planes

@@ -176,11 +176,9 @@ def _candidates(
     rng: np.random.Generator,
 ) -> Array:
     """Configurations that are seen and clear of contact."""
-    contact: Contact | None = None
-    if scene is not None:
-        contact = Contact(robot, scene.surroundings, clearance=clearance)
-    elif SelfContact.of(robot) is not None:
-        contact = Contact(robot, clearance=clearance)
+    contact: Contact | None = SelfContact.of(robot) if scene is None else scene.contact(robot)
+    if contact is not None:
+        contact = contact.with_clearance(clearance)
     frame_id = robot.frame_id(frame)
     wanted = max(CANDIDATES, 4 * count)
     found: list[Array] = []

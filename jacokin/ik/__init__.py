@@ -4,6 +4,7 @@ solver, options          poses to joint angles; the solver's options, and every 
 targets, seeds           what is asked for, and where solving starts
 closed_form, geometry    every branch of a six-joint Jaco; whether an arm is built like one
 structures, quick_forms  how an arm's axes are placed; what any other arm of six joints is solved with
+forms                    what all solvers of one robot, frame and tool share
 fixed_joints             arms of more than six joints, all but six held: every branch
 few_joints               arms of three to five turning joints: every point of a target
 virtual_joints           freedoms of a target as joints, so that those arms are chains of six

@@ -14,7 +14,7 @@ import numpy as np
 
 from jacokin.arrays import Array
 from jacokin.errors import StructureError
-from jacokin.ik import diagnosis
+from jacokin.ik import diagnosis, forms
 from jacokin.ik.closest import ClosestSearch
 from jacokin.ik.diagnosis import Outcome
 from jacokin.ik.results import IKResult
@@ -23,7 +23,7 @@ from jacokin.ik.verification import Candidate, Verifier
 from jacokin.ik.virtual_joints import PointsOfFew, VirtualJoints
 from jacokin.model import angles
 
-KEPT = 16  # free axes whose chains are kept
+KEPT = 16  # free axes whose chains are at hand
 AIMS = 3  # angles about a free axis that the closest configuration is looked for at
 
 
@@ -33,18 +33,7 @@ class FewJoints:
     def __init__(self, verifier: Verifier, closest: ClosestSearch) -> None:
         """Take the arm; chains are built for the kinds of target that are asked for."""
         self._verifier, self._closest = verifier, closest
-
-        @functools.lru_cache(maxsize=KEPT)
-        def chain(axis: tuple[float, ...] | None, position_only: bool) -> VirtualJoints | StructureError:
-            along = None if axis is None else np.array(axis)
-            try:
-                return VirtualJoints(
-                    verifier, along, position_only=position_only, limit_snap=verifier.options.limit_snap
-                )
-            except StructureError as error:
-                return error
-
-        self._chain = chain
+        self._chain = functools.lru_cache(maxsize=KEPT)(functools.partial(forms.virtual_joints, verifier))
 
     def chain(self, target: TargetPose) -> VirtualJoints:
         """What solves targets of one kind.
@@ -55,7 +44,7 @@ class FewJoints:
         axis = None if target.free_axis is None else tuple(target.free_axis.axis.tolist())
         found = self._chain(axis, target.position_only)
         if isinstance(found, StructureError):
-            raise found.with_traceback(None)
+            raise found.with_traceback(None)  # one object, raised again and again
         return found
 
     def covers(self, target: TargetPose) -> bool:

@@ -10,14 +10,13 @@ import mink
 import numpy as np
 
 from jacokin.arrays import Array
+from jacokin.ik.forms import TOOL_SITE, twin_with_tool
 from jacokin.ik.local_search import Descent
 from jacokin.ik.qp_backend import Backend, QPFailed
 from jacokin.ik.targets import TargetPose
 from jacokin.ik.verification import Verifier
 from jacokin.model import poses
-from jacokin.model.mujoco_twin import body_of_joint, to_spec
 
-TOOL_SITE = "jacokin_tool"
 MAX_ITERATIONS = 60  # per start; a start that converges needs 4 near its answer, 10 to 20 far from it
 STALL_ITERATIONS = 8  # without halving the error: a local minimum, or too slow to wait for
 CONVERGED = 0.01  # of the tolerances: one quadratic step past them, so that measuring anew cannot fail
@@ -40,16 +39,11 @@ class QPDescents:
         Raises:
             UnknownNameError: a QP solver that is not installed.
         """
-        options, robot, tool = verifier.options, verifier.robot, verifier.tool
+        options = verifier.options
         self._backend = Backend(options.qp_solver)
-        self.name, self._robot = options.qp_solver, robot
+        self.name, self._robot = options.qp_solver, verifier.robot
         self._tolerance = options.position_tolerance, options.orientation_tolerance
-        spec = to_spec(robot)
-        placed = robot.pin_model.frames[verifier.frame_id]
-        T_joint_tool = placed.placement if tool is None else placed.placement * tool
-        body = spec.body(body_of_joint(robot, placed.parentJoint))
-        body.add_site(name=TOOL_SITE, pos=T_joint_tool.translation, quat=poses.quaternion(T_joint_tool.rotation))
-        model = spec.compile()
+        model = twin_with_tool(verifier)
         self._configuration = mink.Configuration(model)
         self._limits = [mink.ConfigurationLimit(model, gain=1.0)]
         self._pose_task = mink.FrameTask(TOOL_SITE, "site", position_cost=1.0, orientation_cost=1.0)

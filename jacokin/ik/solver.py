@@ -34,7 +34,7 @@ from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, StructureError
-from jacokin.ik import diagnosis, gradients, near_misses, preferences
+from jacokin.ik import diagnosis, forms, gradients, near_misses, preferences
 from jacokin.ik.batches import batch
 from jacokin.ik.closed_form import ClosedForm
 from jacokin.ik.closest import ClosestSearch
@@ -54,7 +54,6 @@ from jacokin.ik.options import (
 from jacokin.ik.preferences import Prefer
 from jacokin.ik.results import BatchResult, IKResult
 from jacokin.ik.seeds import seed_within_limits
-from jacokin.ik.solutions import curve_arm
 from jacokin.ik.solutions.points import Points
 from jacokin.ik.solutions.search import SetSearch
 from jacokin.ik.solutions.solution_set import SolutionSet
@@ -443,13 +442,7 @@ class IKSolver:
     @functools.cached_property
     def _form(self) -> ClosedForm | StructureError:
         """The closed form of six joints, or why it does not fit."""
-        robot, snap = self.robot, self._options.limit_snap
-        try:
-            return ClosedForm(
-                robot.pin_model, self._frame_id, self._verifier.tool, robot.lower, robot.upper, limit_snap=snap
-            )
-        except StructureError as error:
-            return error
+        return forms.closed_form(self._verifier)
 
     @functools.cached_property
     def _usable_form(self) -> ClosedForm | None:
@@ -470,17 +463,15 @@ class IKSolver:
     @functools.cached_property
     def _about_axis(self) -> SetSearch:
         """What finds the curves of an arm whose poses have points, about a free axis."""
-        return SetSearch(self._verifier, curve_arm.about_axis(self.closed_form(), self.robot))
+        return SetSearch(self._verifier, forms.about_axis(self._verifier))
 
     @functools.cached_property
     def _at_poses(self) -> SetSearch | None:
         """What finds the curves of poses; None for an arm whose poses have none."""
         if self._uses_qp:
             return None
-        try:
-            return SetSearch(self._verifier, curve_arm.at_poses(self._verifier))
-        except StructureError:
-            return None
+        arm = forms.at_poses(self._verifier)
+        return None if isinstance(arm, StructureError) else SetSearch(self._verifier, arm)
 
     @functools.cached_property
     def _few(self) -> FewJoints:

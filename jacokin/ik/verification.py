@@ -235,16 +235,15 @@ def _contact(robot: Robot, options: SolverOptions) -> tuple[Contact | None, str,
     """
     if options.collision == "ignore":
         return None, "", None
-    from jacokin.model.contact import Contact
-    from jacokin.model.obstacles import NOTHING_AROUND
+    from jacokin.model.contact import self_contact
 
-    around = NOTHING_AROUND if options.scene is None else options.scene.surroundings
+    scene = options.scene
     try:
-        found = Contact(robot, around, clearance=options.clearance)
+        found = self_contact(robot) if scene is None else scene.contact(robot)
     except ShapeError as error:
-        if options.collision != "prefer" or around.names:
+        if options.collision != "prefer" or (scene is not None and scene.surroundings.names):
             raise
         return None, f"contact was not checked: {error}", error
     if options.collision == "prefer" and not found.has_shapes:
         return None, "contact was not checked: the description has no collision shapes", None
-    return found, "", None
+    return found.with_clearance(options.clearance), "", None

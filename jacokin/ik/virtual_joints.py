@@ -13,6 +13,7 @@ as the arm reaches by its structure, have answers.
 
 from __future__ import annotations
 
+import copy
 import math
 
 import numpy as np
@@ -137,6 +138,12 @@ class VirtualJoints:
         upper = np.concatenate([robot.upper[: self._real], unbounded])
         model, frame_id = self._chain(virtual)
         self._form = ClosedForm(model, frame_id, None, lower, upper, limit_snap=limit_snap)
+
+    def measured_by(self, verifier: Verifier) -> VirtualJoints:
+        """The same chain for another solver of the same arm, frame and tool."""
+        found = copy.copy(self)
+        found._verifier = verifier
+        return found
 
     def solve_all(self, target: TargetPose, seed: Array) -> PointsOfFew:
         """Every configuration, nearest to the seed (dof,) first, within the limits or not."""

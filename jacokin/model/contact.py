@@ -6,7 +6,6 @@ Read `kernels/contact/run` for how it is found.
 from __future__ import annotations
 
 import threading
-import weakref
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -38,17 +37,14 @@ from jacokin.kernels.contact.run import (
 from jacokin.kernels.contact.shapes import CENTRE, LINK, RADIUS
 from jacokin.kernels.contact.touching import Geometry
 from jacokin.kernels.library import Call
-from jacokin.model.contact_arrays import contact_arrays
-from jacokin.model.descriptions.shapes import KINDS
 from jacokin.model.obstacles import NOTHING_AROUND, Surroundings
-from jacokin.model.robot import Robot, checked_robot, middle, spread
-from jacokin.model.surrounded import allowed_pairs, surround
+from jacokin.model.robot import Robot, checked_robot
+from jacokin.model.surrounded import Surrounded, allowed_pairs, surround
 
 STANDING = 0.005  # [m] a base may be this deep in what it stands on or is screwed to
 ROWS_AT_ONCE = 64  # configurations that go to the kernels together
 REFUSED_WITHIN = 1e-4  # [m] of the clearance, a motion is not certain, and counts as touching
 MOTION_ACCURACY = 1e-4  # [m] of the least distance along a motion
-OVERLAPPING_IN = 200  # random configurations; shapes that touch in all of them are taken to touch everywhere
 Pair = tuple[str, str]
 
 
@@ -70,13 +66,21 @@ class Contact:
         pairs: how many pairs of shapes are tested.
     """
 
-    def __init__(self, robot: Robot, around: Surroundings = NOTHING_AROUND, *, clearance: float = 0.0) -> None:
-        """Read the shapes.
+    def __init__(
+        self,
+        robot: Robot,
+        around: Surroundings = NOTHING_AROUND,
+        *,
+        clearance: float = 0.0,
+        found: Surrounded | None = None,
+    ) -> None:
+        """Read the shapes, unless the robot has them.
 
         Args:
             robot: the arm.
             around: the scene.
             clearance: shapes this near to each other count as touching [m].
+            found: `surround` of both, where it is known.
 
         Raises:
             InvalidInputError: `robot` is not a Robot, or the scene does not fit it (`surround`).
@@ -84,30 +88,21 @@ class Contact:
             ShapeError: the description's shapes cannot be loaded.
         """
         self._robot = checked_robot("robot", robot)
-        self._clearance = clearance
-        shapes, own, partly, standing = found = surround(robot, around)
-        always = overlapping(robot)
-        own = [(a, b) for a, b in own if frozenset((shapes[a].name, shapes[b].name)) not in always]
-        self._geometry, numbers, self._met_partly = contact_arrays(robot.pin_model, shapes, own, standing, partly)
-        self._arm_shapes = len(numbers) - len(standing)
-        self._partly = len({obstacle for obstacle, _ in partly})
-        self.pairs = len(found._replace(own=own).pairs)
-        self._names = [shapes[number].name for number in numbers]
-        # The arm's own pairs are named in the order of the description, obstacles before the arm.
-        obstacles = set(around.obstacle_names)
-        self._rank = [
-            int(number) - (len(shapes) if name in obstacles else 0)
-            for number, name in zip(numbers, self._names, strict=True)
-        ]
-        kinds = [KINDS.index(shapes[number].kind) for number in numbers]
-        self._rank_by_kind = [kind * 2 * len(shapes) + rank for kind, rank in zip(kinds, self._rank, strict=True)]
+        self._around, self._clearance = around, clearance
+        self._found = found = surround(robot, around) if found is None else found
+        self._geometry, self._names, self.pairs = found.geometry, found.names, found.pairs
+        self._partly, self._arm_shapes, self._met_partly = found.alone, found.arm_shapes, found.met_partly
         self._local = threading.local()
-        self._made_of = robot, around, clearance
+
+    def with_clearance(self, clearance: float) -> Contact:
+        """The same shapes, which count as touching this near to each other [m]."""
+        if clearance == self._clearance:
+            return self
+        return Contact(self._robot, self._around, clearance=clearance, found=self._found)
 
     def __reduce__(self) -> tuple[object, tuple[object, ...]]:
-        """For pickle: made anew where it arrives, as what the kernels are told belongs to a thread."""
-        robot, around, clearance = self._made_of
-        return partial(Contact, robot, around, clearance=clearance), ()
+        """For pickle: made anew of the robot's arrays, as what the kernels are told belongs to a thread."""
+        return partial(Contact, self._robot, self._around, clearance=self._clearance), ()
 
     def touches(self, q: Array) -> bool:
         """Whether any shapes touch at a checked configuration (dof,) [rad]."""
@@ -273,7 +268,7 @@ class Contact:
     @property
     def arm_shapes(self) -> tuple[str, ...]:
         """Names of the shapes of the arm, its base included, and of what it holds."""
-        return tuple(self._names[self._partly : self._arm_shapes])
+        return self._names[self._partly : self._arm_shapes]
 
     @property
     def base_shapes(self) -> tuple[str, ...]:
@@ -289,7 +284,7 @@ class Contact:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the shapes."""
-        return tuple(self._names)
+        return self._names
 
     def pair_numbers(self, *, self_collision: bool) -> NDArray[np.int64]:
         """(n, 2) numbers of the shapes that count when they touch: obstacle and shape of the arm, then the arm's own.
@@ -340,39 +335,14 @@ class Contact:
 
     def ordered(self, a: int, b: int, *, by_kind: bool = False) -> Pair:
         """Names of two shapes by their numbers: obstacles first, then as described; or the simpler kind first."""
-        rank, names = self._rank_by_kind if by_kind else self._rank, self._names
-        return (names[a], names[b]) if rank[a] <= rank[b] else (names[b], names[a])
+        names = self._names
+        return (names[a], names[b]) if self._rank(a, by_kind) <= self._rank(b, by_kind) else (names[b], names[a])
 
-
-_overlapping: weakref.WeakKeyDictionary[Robot, frozenset[frozenset[str]]] = weakref.WeakKeyDictionary()
-
-
-def overlapping(robot: Robot) -> frozenset[frozenset[str]]:
-    """Pairs of names of the arm's own shapes that touch in every configuration, so that their contact says nothing.
-
-    In all of some random configurations and in the middle of the limits. Bundled robots have none.
-
-    Raises:
-        ShapeError: the description's shapes cannot be loaded.
-    """
-    if robot.source.bundled is not None:
-        return frozenset()
-    if robot not in _overlapping:
-        shapes, own, _, _ = surround(robot, NOTHING_AROUND)
-        geometry, numbers, _ = contact_arrays(robot.pin_model, shapes, own, [])
-        call = Call(run_contact, make_contact_work(geometry, 1))
-        call.work.integers[TASK], call.work.integers[ROWS] = LIST_TOUCHING, 1
-        call.work.integers[MEETINGS] = len(geometry.arm.meetings)
-        found: set[frozenset[str]] | None = None
-        for q in (middle(robot), *spread(robot, OVERLAPPING_IN)):
-            call.work.q[: q.size] = q
-            pairs = call.work.hits.pairs[: call()].tolist()
-            touching = {frozenset((shapes[numbers[a]].name, shapes[numbers[b]].name)) for a, b in pairs}
-            found = touching if found is None else found & touching
-            if not found:
-                break
-        _overlapping[robot] = frozenset(found or ())
-    return _overlapping[robot]
+    def _rank(self, shape: int, by_kind: bool) -> tuple[int, int]:
+        """What pairs are ordered by: no two obstacles make one."""
+        found = self._found
+        rank = int(found.ranks[shape]) if shape < found.arm_shapes else -1
+        return (int(found.kinds[shape]) if by_kind else 0), rank
 
 
 class SelfContact(Contact):
@@ -394,8 +364,17 @@ class SelfContact(Contact):
         Raises:
             ShapeError: the description's shapes cannot be loaded.
         """
-        checker = cls(robot)
+        checker = self_contact(robot)
         return checker if checker.pairs else None
+
+
+def self_contact(robot: Robot) -> SelfContact:
+    """Contact of a robot with itself, prepared once.
+
+    Raises:
+        ShapeError: the description's shapes cannot be loaded.
+    """
+    return checked_robot("robot", robot).once(SelfContact)
 
 
 class ContactInWorld:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from typing import NamedTuple
+from functools import lru_cache
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 import pinocchio as pin
@@ -37,9 +38,49 @@ from jacokin.kernels.contact.touching import Geometry
 from jacokin.kernels.contact.tree import Tree
 from jacokin.model.descriptions.shapes import KINDS, Shape
 
-CORES = dict(zip(KINDS, (PLANE, POINT, SEGMENT, ELLIPSOID, CYLINDER, BOX, MESH), strict=True))
+CORES = np.array([PLANE, POINT, SEGMENT, ELLIPSOID, CYLINDER, BOX, MESH])  # of the `KINDS`
+NUMBER_OF_KIND = {kind: number for number, kind in enumerate(KINDS)}
+# For each of the kinds: which of MJCF's sizes are the half sizes of its core, and whether they are; whether the first
+# is a margin around it; which half sizes its farthest point has; and whether it has an end.
+HALF_FROM = np.array([(0, 0, 0), (0, 0, 0), (0, 0, 1), (0, 1, 2), (0, 0, 1), (0, 1, 2), (0, 0, 0)])
+HALF_IS = np.array([(0, 0, 0), (0, 0, 0), (0, 0, 1), (1, 1, 1), (1, 1, 1), (1, 1, 1), (0, 0, 0)], dtype=np.float64)
+HAS_MARGIN = np.array([0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0])
+REACHES = np.array([(1, 1, 1), (1, 1, 1), (1, 1, 1), (1, 1, 1), (1, 0, 1), (1, 1, 1), (1, 1, 1)], dtype=np.float64)
+ENDLESS = np.array([np.inf, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
 WIDEST_GROUP = 1.35  # times its largest shape: wider groups hold more shapes and are near more often
+TINY = 1e-300  # [m] added to a length that is divided by
 GROUP_AT_LEAST = 0.08  # [m] radius below which shapes are grouped anyway
+
+
+class ShapeRow(NamedTuple):
+    """One shape as the kernels see it."""
+
+    numbers: Array
+    integers: NDArray[np.int64]
+    vertices: Array
+    neighbours: list[list[int]]
+
+
+class ArmArrays(NamedTuple):
+    """What the kernels know of an arm, and whose shapes they are."""
+
+    shapes: Shapes
+    arm: ArmShapes
+    numbers: NDArray[np.intp]
+    """(n,) number of each of them among the shapes given, group by group."""
+    alone: int
+    """How many, the first ones, are obstacles that do not count against every shape."""
+    met_partly: int
+    """How many meetings, the first ones, are with these."""
+
+
+class WorldArrays(NamedTuple):
+    """What the kernels know of obstacles, whatever arm is among them: all shapes are of link 0, and numbered from 0."""
+
+    shapes: Shapes
+    tree: Tree
+    kinds: NDArray[np.int64]
+    """(n,) number of the kind of each among `KINDS`."""
 
 
 class ContactArrays(NamedTuple):
@@ -48,16 +89,10 @@ class ContactArrays(NamedTuple):
     geometry: Geometry
     numbers: NDArray[np.intp]
     """(n,) number of each of them among the shapes given: those of the arm group by group, then the obstacles."""
-    met_partly: int
-    """How many meetings, the first ones, are with obstacles that do not count against every shape."""
 
 
 def contact_arrays(
-    model: pin.Model,
-    given: Sequence[Shape],
-    pairs: Sequence[tuple[int, int]],
-    obstacles: Sequence[int],
-    partly: Sequence[tuple[int, int]] = (),
+    model: pin.Model, given: Sequence[Shape], pairs: Sequence[tuple[int, int]], obstacles: Sequence[int]
 ) -> ContactArrays:
     """The arrays for an arm and its obstacles.
 
@@ -66,37 +101,57 @@ def contact_arrays(
         given: the shapes of the arm and the obstacles.
         pairs: numbers of the shapes of the arm that count as contact when they touch.
         obstacles: numbers of obstacles that count against every shape that moves.
-        partly: pairs of another obstacle and a shape that moves; these obstacles are kept as shapes of the base.
 
     Raises:
         ShapeError: a shape of a kind that is not convex.
     """
-    turns, placements, kinds = _joints(model)
-    links = [shape.joint for shape in given]
-    for geom in obstacles:
-        links[geom] = len(turns)
-    rows = {geom: _row(shape, links[geom], turns) for geom, shape in enumerate(given)}
-    alone = list(dict.fromkeys(obstacle for obstacle, _ in partly))
+    own = [number for number in range(len(given)) if number not in obstacles]
+    place = {number: index for index, number in enumerate(own)}
+    rows = [shape_row(model, given[number]) for number in own]
+    arm = arm_arrays(model, [given[number].joint for number in own], rows, [(place[a], place[b]) for a, b in pairs])
+    world = world_arrays([given[number] for number in obstacles])
+    numbers = np.append(np.array(own)[arm.numbers], obstacles).astype(np.intp)
+    return ContactArrays(joined(arm, world), numbers)
+
+
+def arm_arrays(
+    model: pin.Model,
+    links: Sequence[int],
+    rows: Sequence[ShapeRow],
+    pairs: Sequence[tuple[int, int]],
+    alone: Sequence[int] = (),
+) -> ArmArrays:
+    """The arrays for an arm.
+
+    Args:
+        model: the arm, a chain of joints.
+        links: number of the joint that carries each shape.
+        rows: the shapes.
+        pairs: numbers of the shapes that count as contact when they touch.
+        alone: numbers of shapes that are obstacles, kept as shapes of the base: those that do not count against every
+            shape that moves.
+    """
+    placements, kinds = _joints(model)
     # They come first, and so do their meetings.
-    groups = [(0, [geom], rows[geom].numbers[CENTRE:]) for geom in alone] + [
+    groups = [(0, [number], rows[number].numbers[CENTRE:]) for number in alone] + [
         (link, group, sphere)
-        for link in range(len(turns))
+        for link in range(model.njoints)
         for group, sphere in _grouped(
-            {geom: rows[geom].numbers for geom in rows if links[geom] == link and geom not in alone}
+            {number: row.numbers for number, row in enumerate(rows) if links[number] == link and number not in alone}
         )
     ]
-    geoms = [geom for _, group, _ in groups for geom in group] + list(obstacles)
-    shape_of = {geom: index for index, geom in enumerate(geoms)}
-    group_of = {geom: index for index, (_, group, _) in enumerate(groups) for geom in group}
+    numbers = [number for _, group, _ in groups for number in group]
+    shape_of = {number: index for index, number in enumerate(numbers)}
+    group_of = {number: index for index, (_, group, _) in enumerate(groups) for number in group}
     ends = np.cumsum([0] + [len(group) for _, group, _ in groups])
 
-    ordered = [(a, b) if links[a] <= links[b] else (b, a) for a, b in [*partly, *pairs]]
+    ordered = [(a, b) if links[a] <= links[b] else (b, a) for a, b in pairs]
     ordered.sort(key=lambda pair: (group_of[pair[0]], group_of[pair[1]], shape_of[pair[0]], shape_of[pair[1]]))
     between = [(group_of[a], group_of[b]) for a, b in ordered]
     met = sorted(set(between))
     firsts = np.searchsorted([g * len(groups) + h for g, h in between], [g * len(groups) + h for g, h in met])
-    shapes = _stacked([rows[geom] for geom in geoms])
-    low, high = _extents(shapes)
+    shapes = _stacked([rows[number] for number in numbers])
+    low, high = _extents(shapes.numbers)
     slices = list(itertools.pairwise(ends.tolist()))
     extents = [(low[i:j].min(axis=0), high[i:j].max(axis=0)) for i, j in slices]
     arm = ArmShapes(
@@ -110,10 +165,55 @@ def contact_arrays(
         ),
         pairs=_integers([(shape_of[a], shape_of[b]) for a, b in ordered], 2),
     )
-    return ContactArrays(
-        Geometry(shapes, arm, _tree(shapes, int(ends[-1]))),
-        np.array(geoms, dtype=np.intp),
-        sum(inner < len(alone) for inner, _ in met),
+    met_partly = sum(inner < len(alone) for inner, _ in met)
+    return ArmArrays(shapes, arm, np.array(numbers, dtype=np.intp), len(alone), met_partly)
+
+
+def world_arrays(obstacles: Sequence[Shape]) -> WorldArrays:
+    """The arrays for obstacles.
+
+    Raises:
+        ShapeError: one of a kind that is not convex.
+    """
+    count = len(obstacles)
+    kinds = np.array([_kind(shape) for shape in obstacles], dtype=np.int64)
+    cores = CORES[kinds]
+    sizes = np.array([shape.size for shape in obstacles], dtype=np.float64).reshape(-1, 3)
+    placed = np.array([shape.placement.homogeneous for shape in obstacles]).reshape(-1, 16)
+    numbers, integers = np.zeros((count, SHAPE_NUMBERS)), np.zeros((count, SHAPE_INTEGERS), dtype=np.int64)
+    half, margin = _half_sizes(kinds, sizes)
+    numbers[:, :SIZE], numbers[:, SIZE : SIZE + 3], numbers[:, MARGIN] = placed[:, :SIZE], half, margin
+    numbers[:, CENTRE : CENTRE + 3], numbers[:, RADIUS] = placed[:, 3:SIZE:4], margin + _core_radii(kinds, half)
+    integers[:, KIND] = cores
+    meshes = np.flatnonzero(cores == MESH).tolist()
+    if not meshes:
+        shapes = Shapes(numbers, integers, np.empty((0, 3)), np.zeros(1, dtype=np.int64), np.zeros(0, dtype=np.int64))
+    else:
+        rows = [ShapeRow(each, whole, np.empty((0, 3)), []) for each, whole in zip(numbers, integers, strict=True)]
+        for number in meshes:
+            rows[number] = _mesh_row(obstacles[number].placement, obstacles[number].vertices)
+        shapes = _stacked(rows)
+    return WorldArrays(shapes, _tree(shapes), kinds)
+
+
+def joined(arm: ArmArrays, world: WorldArrays) -> Geometry:
+    """An arm among obstacles, as the kernels take them; arrays of the arm are shared, those of shapes are not."""
+    own, others = arm.shapes, world.shapes
+    count, dof = len(own.numbers), len(arm.arm.joint_kinds)
+    integers = np.concatenate([own.integers, others.integers])
+    integers[count:, LINK] = dof + 1
+    vertices, first_edge, neighbours = own[2:]
+    if len(others.vertices):
+        integers[count:, [FIRST_VERTEX, LAST_VERTEX]] += len(own.vertices)
+        vertices = np.concatenate([own.vertices, others.vertices])
+        first_edge = np.concatenate([own.first_edge, others.first_edge[1:] + len(own.neighbours)])
+        neighbours = np.concatenate([own.neighbours, others.neighbours + len(own.vertices)])
+    children = world.tree.children.copy()
+    children[children[:, 0] < 0, 1] += count
+    return Geometry(
+        Shapes(np.concatenate([own.numbers, others.numbers]), integers, vertices, first_edge, neighbours),
+        arm.arm,
+        Tree(world.tree.boxes, children, world.tree.planes + count),
     )
 
 
@@ -121,74 +221,89 @@ def _integers(rows: Sequence[tuple[int, ...]], columns: int) -> NDArray[np.int64
     return np.array(rows, dtype=np.int64).reshape(-1, columns)
 
 
-class _Row(NamedTuple):
-    """One shape as the kernels see it."""
-
-    numbers: Array
-    integers: NDArray[np.int64]
-    vertices: Array
-    neighbours: list[list[int]]
-
-
-def _joints(model: pin.Model) -> tuple[list[pin.SE3], Array, list[int]]:
-    """For each link, base first: T_joint_link, whose z is the axis; its placement on the one before; its kind."""
+def _joints(model: pin.Model) -> tuple[Array, list[int]]:
+    """For each joint its placement on the link before it, axes z, and its kind."""
     turns, placements, kinds = [pin.SE3.Identity()], np.empty((model.nv, 3, 4)), []
     for index in range(1, model.njoints):
-        joint = model.joints[index]
-        data = joint.createData()
-        joint.calc(data, np.zeros(model.nq))
-        subspace = np.asarray(data.S).ravel()
-        hinge = bool(subspace[3:].any())
-        axis = subspace[3:] if hinge else subspace[:3]
-        turn = pin.SE3(pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), axis).toRotationMatrix(), np.zeros(3))
+        turn, kind = _turn(model, index)
         placements[index - 1] = (turns[-1].inverse() * model.jointPlacements[index] * turn).homogeneous[:3]
         turns.append(turn)
-        kinds.append(HINGE if hinge else SLIDE)
-    return turns, placements, kinds
+        kinds.append(kind)
+    return placements, kinds
 
 
-def _row(shape: Shape, link: int, turns: Sequence[pin.SE3]) -> _Row:
-    """A shape as the kernels see it."""
-    if shape.kind not in CORES:
-        raise ShapeError(f"the shape {shape.name!r} is of a kind that contact is not computed for ({', '.join(KINDS)})")
-    core, size, T_link_shape = CORES[shape.kind], shape.size, shape.placement
-    if link < len(turns):  # of the arm
-        T_link_shape = turns[link].inverse() * T_link_shape
-    half, margin, vertices, neighbours = np.zeros(3), 0.0, np.empty((0, 3)), list[list[int]]()
-    if core == POINT:
-        margin = size[0]
-    elif core == SEGMENT:
-        half[2], margin = size[1], size[0]
-    elif core == CYLINDER:
-        half[:] = size[0], size[0], size[1]
-    elif core == MESH:
-        vertices, neighbours = _hull(shape.vertices)
-        centre = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
-        vertices = vertices - centre
-        T_link_shape = T_link_shape * pin.SE3(np.eye(3), centre)
-        half = np.abs(vertices).max(axis=0)
-    elif core != PLANE:
-        half = size
+def _turn(model: pin.Model, link: int) -> tuple[pin.SE3, int]:
+    """T_joint_link, whose z is the axis of the joint that moves a link, and the kind of that joint."""
+    joint = model.joints[link]
+    data = joint.createData()
+    joint.calc(data, np.zeros(model.nq))
+    subspace = np.asarray(data.S).ravel()
+    hinge = bool(subspace[3:].any())
+    axis = subspace[3:] if hinge else subspace[:3]
+    turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), axis).toRotationMatrix()
+    return pin.SE3(turn, np.zeros(3)), HINGE if hinge else SLIDE
+
+
+def shape_row(model: pin.Model, shape: Shape) -> ShapeRow:
+    """A shape of an arm as the kernels see it.
+
+    Raises:
+        ShapeError: its kind is not convex.
+    """
+    kind = np.array([_kind(shape)])
+    T_link_shape = shape.placement
+    if shape.joint:
+        T_link_shape = _turn(model, shape.joint)[0].inverse() * T_link_shape
+    if CORES[kind[0]] == MESH:
+        row = _mesh_row(T_link_shape, shape.vertices)
+    else:
+        numbers, integers = np.zeros(SHAPE_NUMBERS), np.zeros(SHAPE_INTEGERS, dtype=np.int64)
+        half, margin = _half_sizes(kind, shape.size[np.newaxis])
+        numbers[:SIZE] = T_link_shape.homogeneous[:3].ravel()
+        numbers[SIZE : SIZE + 3], numbers[MARGIN] = half[0], margin[0]
+        numbers[CENTRE : CENTRE + 3], numbers[RADIUS] = T_link_shape.translation, margin[0] + _core_radii(kind, half)[0]
+        integers[KIND] = CORES[kind[0]]
+        row = ShapeRow(numbers, integers, np.empty((0, 3)), [])
+    row.integers[LINK] = shape.joint
+    return row
+
+
+def _kind(shape: Shape) -> int:
+    """Number of its kind."""
+    try:
+        return NUMBER_OF_KIND[shape.kind]
+    except KeyError:
+        kinds = ", ".join(KINDS)
+        raise ShapeError(f"the shape {shape.name!r} is of a kind that contact is not computed for ({kinds})") from None
+
+
+def _half_sizes(kinds: NDArray[np.int64], sizes: Array) -> tuple[Array, Array]:
+    """Half sizes (n, 3) of cores without margin, and margins (n,) [m], from sizes (n, 3) as in MJCF."""
+    half = np.take_along_axis(sizes, HALF_FROM[kinds], axis=1) * HALF_IS[kinds]
+    return half, sizes[:, 0] * HAS_MARGIN[kinds]
+
+
+def _core_radii(kinds: NDArray[np.int64], half: Array) -> Array:
+    """How far cores other than meshes reach from their centres (n,) [m]."""
+    found: Array = np.sqrt(np.einsum("ij,ij,ij->i", half, half, REACHES[kinds])) + ENDLESS[kinds]
+    ellipsoids = kinds == NUMBER_OF_KIND["ellipsoid"]
+    if ellipsoids.any():
+        found[ellipsoids] = half[ellipsoids].max(axis=1)
+    return found
+
+
+def _mesh_row(T_link_shape: pin.SE3, points: Array) -> ShapeRow:
+    """The convex hull of points (n, 3), with its origin in the middle."""
+    vertices, neighbours = _hull(points)
+    centre = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
+    vertices = vertices - centre
+    T_link_shape = T_link_shape * pin.SE3(np.eye(3), centre)
     numbers, integers = np.zeros(SHAPE_NUMBERS), np.zeros(SHAPE_INTEGERS, dtype=np.int64)
-    numbers[:SIZE] = T_link_shape.homogeneous[:3].ravel()
-    numbers[SIZE : SIZE + 3], numbers[MARGIN] = half, margin
-    numbers[CENTRE : CENTRE + 3], numbers[RADIUS] = (
-        T_link_shape.translation,
-        margin + _core_radius(core, half, vertices),
-    )
-    integers[KIND], integers[LINK] = core, link
-    return _Row(numbers, integers, vertices, neighbours)
-
-
-def _core_radius(core: int, half: Array, vertices: Array) -> float:
-    """How far a core reaches from its centre [m]."""
-    if core == PLANE:
-        return float(np.inf)
-    if core == CYLINDER:
-        return float(np.hypot(half[0], half[2]))
-    if core == ELLIPSOID:
-        return float(half.max())
-    return float(np.linalg.norm(vertices, axis=1).max() if core == MESH else np.linalg.norm(half))
+    numbers[:SIZE], numbers[SIZE : SIZE + 3] = T_link_shape.homogeneous[:3].ravel(), np.abs(vertices).max(axis=0)
+    numbers[CENTRE : CENTRE + 3] = T_link_shape.translation
+    numbers[RADIUS] = np.linalg.norm(vertices, axis=1).max()
+    integers[KIND] = MESH
+    return ShapeRow(numbers, integers, vertices, neighbours)
 
 
 def _hull(points: Array) -> tuple[Array, list[list[int]]]:
@@ -207,7 +322,7 @@ def _hull(points: Array) -> tuple[Array, list[list[int]]]:
     return points[hull.vertices], [sorted(each) for each in neighbours]
 
 
-def _stacked(rows: Sequence[_Row]) -> Shapes:
+def _stacked(rows: Sequence[ShapeRow]) -> Shapes:
     """The shapes one after another."""
     first_edge, neighbours = [0], list[int]()
     vertices = 0
@@ -257,39 +372,72 @@ def _around(a: Array, b: Array) -> Array:
     return np.append(a[:3] + across * ((radius - a[3]) / far), radius)
 
 
-def _extents(shapes: Shapes) -> tuple[Array, Array]:
+def _extents(numbers: Array) -> tuple[Array, Array]:
     """Lowest and highest coordinates (n, 3) of shapes in the frames of their links [m]; a plane is taken as a point."""
-    placed = shapes.numbers[:, :SIZE].reshape(-1, 3, 4)
-    half = np.einsum("nij,nj->ni", np.abs(placed[:, :, :3]), shapes.numbers[:, SIZE : SIZE + 3])
-    half += shapes.numbers[:, MARGIN, None]
+    placed = numbers[:, :SIZE].reshape(-1, 3, 4)
+    half = np.einsum("nij,nj->ni", np.abs(placed[:, :, :3]), numbers[:, SIZE : SIZE + 3])
+    half += numbers[:, MARGIN, None]
     return placed[:, :, 3] - half, placed[:, :, 3] + half
 
 
-def _tree(shapes: Shapes, first: int) -> Tree:
-    """The obstacles, which are the shapes from a number on, halved along the longest side again and again."""
-    numbers, kinds = shapes.numbers, shapes.integers[:, KIND]
-    planes = [i for i in range(first, len(numbers)) if kinds[i] == PLANE]
-    ends = [i for i in range(first, len(numbers)) if kinds[i] != PLANE]
-    boxes, children = list[Array](), list[tuple[int, int]]()
-    if ends:
-        low, high = _extents(shapes)
-        waiting = [(np.array(ends), -1, 0)]
-        while waiting:
-            held, parent, side = waiting.pop()
-            if parent >= 0:
-                children[parent] = (len(boxes), children[parent][1]) if side == 0 else (children[parent][0], len(boxes))
-            least, most = low[held].min(axis=0), high[held].max(axis=0)
-            boxes.append(np.append(0.5 * (least + most), 0.5 * (most - least)))
-            if len(held) == 1:
-                children.append((-1, int(held[0])))
-                continue
-            centres = low[held] + high[held]
-            order = np.argsort(centres[:, int(np.argmax(np.ptp(centres, axis=0)))], kind="stable")
-            middle = len(held) // 2
-            waiting += [(held[order[:middle]], len(boxes) - 1, 0), (held[order[middle:]], len(boxes) - 1, 1)]
-            children.append((0, 0))
-    return Tree(
-        np.array(boxes).reshape(-1, 6),
-        np.array(children, dtype=np.int64).reshape(-1, 2),
-        np.array(planes, dtype=np.int64),
-    )
+def _tree(shapes: Shapes) -> Tree:
+    """Shapes with an end, halved along the longest side of their centres again and again; a level after the other."""
+    ends = shapes.integers[:, KIND] != PLANE
+    order, planes = np.flatnonzero(ends), np.flatnonzero(~ends)
+    levels, children, leaves = _halves(len(order))
+    low, high = _extents(shapes.numbers[order])
+    # One array of which least values are asked for: lowest and highest coordinates, then the same of the centres.
+    bounds, places = np.column_stack([low, -high, low + high, -(low + high)]), np.arange(len(order))
+    middles = bounds[:, 6:9]
+    shares = (middles - middles.min(axis=0)) / (1.01 * np.ptp(middles) + TINY) if len(order) else middles  # below 1
+    boxes = np.empty((len(children), 6))
+    for first, starts, part in levels:
+        if not len(part):
+            boxes[first:] = bounds[places[starts], :6]
+            break
+        least = np.minimum.reduceat(bounds[places], starts)
+        boxes[first : first + len(starts)] = least[:, :6]
+        axes = (least[:, 6:9] + least[:, 9:]).argmin(axis=1)
+        places = places[(part + shares[places, axes[part]]).argsort()]
+    centres, halves = 0.5 * (boxes[:, :3] - boxes[:, 3:]), 0.5 * (-boxes[:, 3:] - boxes[:, :3])
+    children = children.copy()
+    children[leaves[:, 0], 1] = order[places[leaves[:, 1]]]
+    return Tree(np.hstack([centres, halves]), children, planes)
+
+
+Level: TypeAlias = tuple[int, NDArray[np.intp], NDArray[np.intp]]
+
+
+@lru_cache(maxsize=64)
+def _halves(count: int) -> tuple[list[Level], NDArray[np.int64], NDArray[np.intp]]:
+    """How so many things in a row are halved, level by level, until each is alone.
+
+    Returns:
+        For each level the number of its first node, where each node's things start, and for each thing which of the
+        level's nodes holds it: nothing for the last level, whose nodes hold one each, and not all of them. The two
+        nodes inside of each node (n, 2), -1 for one of a single thing; and nodes of a single thing with its place
+        (count, 2).
+    """
+    levels: list[Level] = []
+    children: list[tuple[int, int]] = []
+    leaves: list[tuple[int, int]] = []
+    parts = [(0, count)] if count else []
+    while parts:
+        first = len(children)
+        sizes = [size for _, size in parts] if max(size for _, size in parts) > 1 else []
+        part = np.repeat(np.arange(len(sizes)), sizes)
+        levels.append((first, np.array([start for start, _ in parts]), part))
+        below: list[tuple[int, int]] = []
+        for node, (start, size) in enumerate(parts, start=first):
+            inside = first + len(parts) + len(below)
+            if size == 1:
+                leaves.append((node, start))
+                children.append((-1, -1))
+            else:
+                below += [(start, size // 2), (start + size // 2, size - size // 2)]
+                children.append((inside, inside + 1))
+        parts = below
+    return levels, np.array(children, dtype=np.int64).reshape(-1, 2), np.array(leaves, dtype=np.intp).reshape(-1, 2)
+
+
+NO_WORLD = world_arrays([])

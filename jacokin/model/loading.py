@@ -36,6 +36,7 @@ def load_robot(
     package_dirs: Sequence[str | Path] = (),
     calibration: str | Path | MeasuredArm | None = None,
     velocity_limit: ArrayLike | None = None,
+    decompose: bool = False,
 ) -> Robot:
     """Load an arm by name or from a file, which is not read again afterwards (meshes of a URDF: when first needed).
 
@@ -54,6 +55,8 @@ def load_robot(
             `robot.calibration` holds. None: not at all. Limits stay those of the reported angles.
         velocity_limit: (dof,) or one for all [rad/s], in place of those of the file. None: what the file gives; an MJCF
             gives none.
+        decompose: True to look for contact on convex parts of the meshes, which takes seconds when it is first looked
+            for; False for their convex hulls, which see contact where a mesh is hollow.
 
     Returns:
         The robot; nq == nv == dof in `robot.pin_model`.
@@ -99,6 +102,7 @@ def load_robot(
             described.content,
             measured,
             described.notes,
+            checks.flag("decompose", decompose),
         ),
         finger_angle=finger_angle,
         home=_documented_home(name, model) if name else find_home,
@@ -301,14 +305,15 @@ def find_notes(robot: Robot) -> tuple[str, ...]:
     """
     if robot.source.bundled is not None:
         return ()
-    from jacokin.model.contact import Contact, overlapping
+    from jacokin.model.contact import self_contact
     from jacokin.model.mujoco_twin import with_shapes
+    from jacokin.model.own_shapes import overlapping
 
     notes = [*robot.source.notes, *_missing_numbers(robot)]
     try:
         notes += with_shapes(robot).notes
         always = sorted(tuple(sorted(pair)) for pair in overlapping(robot))
-        if not Contact(robot).has_shapes:
+        if not self_contact(robot).has_shapes:
             notes.append("the description has no collision shapes: contact is not looked for")
     except ShapeError as error:
         return (*notes, f"contact cannot be looked for: {error}")

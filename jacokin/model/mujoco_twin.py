@@ -8,9 +8,9 @@ MuJoCo compiles too: `with_shapes` and `with_masses`.
 from __future__ import annotations
 
 import itertools
-import weakref
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 import mujoco
@@ -21,12 +21,17 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, ModelError, ShapeError
 from jacokin.model import checks, poses
 from jacokin.model.descriptions import bundled, mjcf, urdf
-from jacokin.model.descriptions.shapes import Shape, prepare_shapes
+from jacokin.model.descriptions.convex_parts import convex_parts
+from jacokin.model.descriptions.meshes import Mesh
+from jacokin.model.descriptions.shapes import Shape, ShapesOfLinks, prepare_shapes
 from jacokin.model.robot import Robot, Source, checked_robot
 
 UNLIMITED = 1e6  # [rad] stands for an open side
 LOCKED_ROOM = 1e-9  # [rad] on both sides of a joint with equal limits
 BASE_BODY = "jacokin_base"
+PART = ", part "  # between the name of a shape and the number of a part of it
+HULLS = ("meshes collide as their convex hulls, which may touch where they do not; decompose=True takes convex parts",)
+MESH_GEOM = int(mujoco.mjtGeom.mjGEOM_MESH)
 # Off the joint's axes and turned, or MuJoCo's compiler marks the body for shortcuts that its true numbers forbid.
 PLACEHOLDER = """<inertial><origin xyz="0.1 0.2 0.3" rpy="0.3 0.2 0.1"/><mass value="1"/>
 <inertia ixx="3" iyy="4" izz="5" ixy="0" ixz="0" iyz="0"/></inertial>"""
@@ -137,10 +142,25 @@ def add_shapes(
         ShapeError: a mesh is not found, or the shapes cannot be loaded.
     """
     source = with_shapes(robot).model
+    shapes, pairs = shapes_of_description(robot, finger_angle)
+    colours = {mjcf.geom_name(source, geom): _colour(source, geom) for geom in range(source.ngeom)}
+    for shape in shapes:
+        _add_geom(spec, carriers[shape.joint], shape, colours[shape.name.rsplit(PART, 1)[0]])
+    for a, b in pairs:
+        first, second = shapes[a].name, shapes[b].name
+        spec.add_pair(name=f"{first}~{second}", geomname1=first, geomname2=second)
+
+
+def shapes_of_description(robot: Robot, finger_angle: float | None = None) -> ShapesOfLinks:
+    """The collision shapes of the arm in the order of the joints that carry them, and the pairs that MuJoCo would test.
+
+    Meshes have their vertices, and collide as their convex hulls. Arguments and errors as of `add_shapes`.
+    """
+    source = with_shapes(robot).model
     model = robot.pin_model
     fingers = None if finger_angle is None else _Fingers(source, robot, finger_angle)
     names = set(robot.frames)
-    carrier: dict[int, int] = {}  # geom of the source -> number of the joint that moves it
+    found: list[tuple[Shape, int]] = []
     for geom in range(source.ngeom):
         body = int(source.geom_bodyid[geom])
         link = mjcf.body_name(source, body)
@@ -148,35 +168,98 @@ def add_shapes(
             continue
         frame = model.frames[robot.frame_id(link)]
         T_carrier_link = frame.placement if fingers is None else fingers.placement(body, frame.parentJoint)
-        T_carrier_geom = T_carrier_link * mjcf.placement(source.geom_quat[geom], source.geom_pos[geom])
-        carrier[geom] = frame.parentJoint
-        _add_geom(spec, carriers[frame.parentJoint], source, geom, T_carrier_geom)
-    for pair in _pairs(source, carrier):
-        first, second = (mjcf.geom_name(source, geom) for geom in pair)
-        spec.add_pair(name=f"{first}~{second}", geomname1=first, geomname2=second)
+        shape = _shape(source, geom, int(frame.parentJoint))
+        shape = shape._replace(placement=T_carrier_link * shape.placement)
+        found += [(part, geom) for part in _parts(robot, shape, source, geom)]
+    found.sort(key=lambda each: each[0].joint)  # as MuJoCo numbers them in the twin of the arm
+    numbers: dict[int, list[int]] = {}
+    for index, (_, geom) in enumerate(found):
+        numbers.setdefault(geom, []).append(index)
+    pairs = tested_pairs(source, {geom: shape.joint for shape, geom in found})
+    each = [pair for a, b in pairs for pair in itertools.product(numbers[a], numbers[b])]
+    return ShapesOfLinks([shape for shape, _ in found], each)
+
+
+def _parts(robot: Robot, shape: Shape, source: mujoco.MjModel, geom: int) -> list[Shape]:
+    """A shape of the source as it collides: a mesh in its convex parts, where that is asked for."""
+    if shape.kind != "mesh" or not robot.source.decompose:
+        return [shape]
+    parts = robot.once(_parts_of_meshes, carried=True)[int(source.geom_dataid[geom])]
+    if len(parts) == 1:
+        return [shape._replace(vertices=parts[0])]
+    return [shape._replace(name=_part_name(shape.name, number), vertices=part) for number, part in enumerate(parts)]
+
+
+def _part_name(name: str, number: int) -> str:
+    return f"{name}{PART}{number + 1}"
+
+
+def _parts_of_meshes(robot: Robot) -> dict[int, list[Array]]:
+    """For each mesh the corners (n, 3) of its convex parts, in the frame of its geoms [m]."""
+    described, found = with_shapes(robot), dict[int, list[Array]]()
+    model = described.model
+    collides = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
+    for mesh in np.unique(model.geom_dataid[(model.geom_type == MESH_GEOM) & collides]).tolist():
+        T_file_geom = mjcf.placement(model.mesh_quat[mesh], model.mesh_pos[mesh])  # MuJoCo takes its principal axes
+        given = described.meshes.get(_file_name(model, mesh))
+        if given is None:
+            first = int(model.mesh_faceadr[mesh])
+            faces = np.array(model.mesh_face[first : first + int(model.mesh_facenum[mesh])], dtype=np.int64)
+            given = Mesh(mesh_vertices(model, mesh) @ T_file_geom.rotation.T + T_file_geom.translation, faces)
+        found[mesh] = [(part - T_file_geom.translation) @ T_file_geom.rotation for part in convex_parts(given)]
+    return found
+
+
+def _file_name(model: mujoco.MjModel, mesh: int) -> str:
+    """Of a mesh, as MuJoCo was given it."""
+    first = int(model.mesh_pathadr[mesh])
+    return str(bytes(model.paths[first:]).split(b"\0", 1)[0].decode(errors="replace")) if first >= 0 else ""
 
 
 def shapes_of_twin(model: mujoco.MjModel) -> list[Shape]:
     """The shapes of a compiled twin, and of what was added to it, in the order of its geoms."""
-    found = []
-    for geom in range(model.ngeom):
-        kind = mujoco.mjtGeom(model.geom_type[geom])
-        mesh = kind == mujoco.mjtGeom.mjGEOM_MESH
-        shape = Shape(
-            name=mjcf.geom_name(model, geom),
-            kind=kind.name.removeprefix("mjGEOM_").lower(),
-            size=np.array(model.geom_size[geom]),
-            joint=max((j + 1 for j in mjcf.joints_above(model, int(model.geom_bodyid[geom]))), default=0),
-            placement=mjcf.placement(model.geom_quat[geom], model.geom_pos[geom]),
-        )
-        if mesh:
-            shape = shape._replace(vertices=mesh_vertices(model, int(model.geom_dataid[geom])))
-        found.append(shape)
-    return found
+    joints = [max((j + 1 for j in mjcf.joints_above(model, int(body))), default=0) for body in model.geom_bodyid]
+    return [_shape(model, geom, joint) for geom, joint in enumerate(joints)]
+
+
+def shape_through_mujoco(name: str, add_to: Callable[[mujoco.MjsBody], None]) -> Shape:
+    """A shape that adds itself to a body, in the frame of that body.
+
+    Raises:
+        ShapeError: MuJoCo cannot compile it, or it adds none of its name.
+    """
+    spec = mujoco.MjSpec()
+    try:
+        add_to(spec.worldbody)
+        found = {shape.name: shape for shape in shapes_of_twin(spec.compile())}
+    except mjcf.MUJOCO_ERRORS as error:
+        raise ShapeError(f"MuJoCo cannot load the shape {name!r}: {error}") from error
+    if name not in found:
+        raise ShapeError(f"the shape {name!r} adds no geom of its name")
+    return found[name]
+
+
+def _shape(model: mujoco.MjModel, geom: int, joint: int) -> Shape:
+    """One geom, in the frame of its body."""
+    kind = mujoco.mjtGeom(model.geom_type[geom])
+    shape = Shape(
+        name=mjcf.geom_name(model, geom),
+        kind=kind.name.removeprefix("mjGEOM_").lower(),
+        size=np.array(model.geom_size[geom]),
+        joint=joint,
+        placement=mjcf.placement(model.geom_quat[geom], model.geom_pos[geom]),
+    )
+    if kind == mujoco.mjtGeom.mjGEOM_MESH:
+        shape = shape._replace(vertices=mesh_vertices(model, int(model.geom_dataid[geom])))
+    return shape
 
 
 def shapes_of_links(robot: Robot) -> dict[str, frozenset[str]]:
     """Names of the shapes of each link, with those of links behind it that no joint of the arm separates from it."""
+    return robot.once(_shapes_of_links, carried=True)
+
+
+def _shapes_of_links(robot: Robot) -> dict[str, frozenset[str]]:
     source, model = with_shapes(robot).model, robot.pin_model
     joint_of = {link: int(model.frames[robot.frame_id(link)].parentJoint) for link in robot.frames}
     found: dict[str, set[str]] = {}
@@ -186,7 +269,8 @@ def shapes_of_links(robot: Robot) -> dict[str, frozenset[str]]:
         while body:
             link = mjcf.body_name(source, body)
             if joint is not None and joint_of.get(link) == joint:
-                found.setdefault(link, set()).add(mjcf.geom_name(source, geom))
+                shape = _shape(source, geom, 0)
+                found.setdefault(link, set()).update(part.name for part in _parts(robot, shape, source, geom))
             body = int(source.body_parentid[body])
     return {link: frozenset(shapes) for link, shapes in found.items()}
 
@@ -224,27 +308,29 @@ class _Fingers:
         return mjcf.placement(self._data.xquat[body], self._data.xpos[body])
 
 
-def _add_geom(
-    spec: mujoco.MjSpec, body: mujoco.MjsBody, source: mujoco.MjModel, geom: int, T_body_geom: pin.SE3
-) -> None:
+def _add_geom(spec: mujoco.MjSpec, body: mujoco.MjsBody, shape: Shape, colour: Array) -> None:
     """One shape; meshes are copied as vertices, and collide as their convex hull, as in MuJoCo."""
-    name = mjcf.geom_name(source, geom)
-    kind = mujoco.mjtGeom(source.geom_type[geom])
-    shape: dict[str, object] = {"size": source.geom_size[geom]}
-    if kind == mujoco.mjtGeom.mjGEOM_MESH:
-        shape = {"meshname": name}
-        spec.add_mesh(name=name, uservert=mesh_vertices(source, int(source.geom_dataid[geom])).ravel())
+    given: dict[str, object] = {"size": shape.size}
+    if shape.kind == "mesh":
+        given = {"meshname": shape.name}
+        spec.add_mesh(name=shape.name, uservert=shape.vertices.ravel())
     added = body.add_geom(
-        name=name,
-        type=kind,
-        pos=T_body_geom.translation,
-        quat=poses.quaternion(T_body_geom.rotation),
+        name=shape.name,
+        type=getattr(mujoco.mjtGeom, f"mjGEOM_{shape.kind.upper()}"),
+        pos=shape.placement.translation,
+        quat=poses.quaternion(shape.placement.rotation),
         contype=0,
         conaffinity=0,
-        rgba=source.geom_rgba[geom] if source.geom_matid[geom] < 0 else source.mat_rgba[source.geom_matid[geom]],
-        **shape,
+        rgba=colour,
+        **given,
     )
     added.mass = 0.0
+
+
+def _colour(source: mujoco.MjModel, geom: int) -> Array:
+    """(4,) of a geom: its own, or that of its material."""
+    material = int(source.geom_matid[geom])
+    return np.array(source.geom_rgba[geom] if material < 0 else source.mat_rgba[material])
 
 
 def mesh_vertices(source: mujoco.MjModel, mesh: int) -> Array:
@@ -253,7 +339,7 @@ def mesh_vertices(source: mujoco.MjModel, mesh: int) -> Array:
     return np.array(source.mesh_vert[first : first + int(source.mesh_vertnum[mesh])], dtype=np.float64)
 
 
-def _pairs(source: mujoco.MjModel, carrier: Mapping[int, int]) -> list[tuple[int, int]]:
+def tested_pairs(source: mujoco.MjModel, carrier: Mapping[int, int]) -> list[tuple[int, int]]:
     """Pairs of shapes MuJoCo would test: masks agree, not parent and child, not excluded, and able to move apart."""
     # MuJoCo's signature of an excluded pair: lower body id in the high half.
     excluded = {int(signature) for signature in source.exclude_signature}
@@ -288,9 +374,8 @@ class DescribedShapes(NamedTuple):
     model: mujoco.MjModel
     notes: tuple[str, ...] = ()
     """Sentences on shapes that were left out, and on meshes whose axes are in doubt."""
-
-
-_described: weakref.WeakKeyDictionary[Robot, DescribedShapes] = weakref.WeakKeyDictionary()
+    meshes: Mapping[str, Mesh] = MappingProxyType({})
+    """Of a URDF, by the names of the files that MuJoCo was given instead: their hulls."""
 
 
 def with_shapes(robot: Robot) -> DescribedShapes:
@@ -299,22 +384,25 @@ def with_shapes(robot: Robot) -> DescribedShapes:
     Raises:
         ShapeError: a mesh is not found, or the shapes cannot be loaded.
     """
-    if robot not in _described:
-        _described[robot] = _read_shapes(robot.source)
-    return _described[robot]
+    return robot.once(_read_shapes)
 
 
-def _read_shapes(source: Source) -> DescribedShapes:
+def _read_shapes(robot: Robot) -> DescribedShapes:
+    source = robot.source
     try:
         if not isinstance(source.content, str):
-            return DescribedShapes(_mjcf(source))
+            model = _mjcf(source)
+            collides = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
+            meshes_collide = bool(((model.geom_type == MESH_GEOM) & collides).any())
+            return DescribedShapes(model, HULLS if meshes_collide and not source.decompose else ())
         tree = ET.fromstring(source.content)
         for link in tree.findall("link"):
             _replace_inertial(link)
             for visual in link.findall("visual"):
                 link.remove(visual)
-        assets, notes = prepare_shapes(tree, source.path, source.package_dirs)
-        return DescribedShapes(_compile(tree, assets, source), notes)
+        prepared = prepare_shapes(tree, source.path, source.package_dirs)
+        meshes, notes = (prepared.meshes, ()) if source.decompose else ({}, HULLS if prepared.meshes else ())
+        return DescribedShapes(_compile(tree, prepared.assets, source), (*prepared.notes, *notes), meshes)
     except ModelError as error:
         raise ShapeError(str(error)) from error
 

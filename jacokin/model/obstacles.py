@@ -6,7 +6,7 @@ The arm has shapes of its own: the collision shapes of its description. It may h
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from jacokin.errors import InvalidInputError
 from jacokin.model import checks, poses
+from jacokin.model.descriptions.shapes import Shape
 
 if TYPE_CHECKING:
     import mujoco
@@ -39,17 +40,22 @@ class Box:
         name: name of the shape.
         size: (3,) edge lengths [m].
         pose: where its centre is: T_base_box, or a position (3,) [m].
+        solid: the same as contact takes it; not given.
     """
 
     name: str
     size: ArrayLike
     pose: pin.SE3 | ArrayLike
+    solid: Shape = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         """Check the numbers."""
         _check_name(self.name)
-        object.__setattr__(self, "size", checks.positive_vector(f"{self.name}: size", self.size, 3, "m"))
-        object.__setattr__(self, "pose", _pose(f"{self.name}: pose", self.pose))
+        size = checks.positive_vector(f"{self.name}: size", self.size, 3, "m")
+        pose = _pose(f"{self.name}: pose", self.pose)
+        object.__setattr__(self, "size", size)
+        object.__setattr__(self, "pose", pose)
+        object.__setattr__(self, "solid", Shape(self.name, "box", 0.5 * size, 0, pose))
 
     def add_to(self, body: mujoco.MjsBody) -> None:
         """Add the shape to the base body."""
@@ -64,11 +70,13 @@ class Sphere:
         name: name of the shape.
         radius: [m].
         position: (3,) centre [m].
+        solid: the same as contact takes it; not given.
     """
 
     name: str
     radius: float
     position: ArrayLike
+    solid: Shape = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         """Check the numbers."""
@@ -76,6 +84,8 @@ class Sphere:
         object.__setattr__(self, "radius", checks.positive(f"{self.name}: radius", self.radius, "m"))
         position = checks.vector(f"{self.name}: position", self.position, 3, "m")
         object.__setattr__(self, "position", checks.read_only(position))
+        place = pin.SE3(np.eye(3), position)
+        object.__setattr__(self, "solid", Shape(self.name, "sphere", np.array([self.radius, 0.0, 0.0]), 0, place))
 
     def add_to(self, body: mujoco.MjsBody) -> None:
         """Add the shape to the base body."""
@@ -91,13 +101,17 @@ class _Round:
     radius: float
     length: float
     pose: pin.SE3 | ArrayLike
+    solid: Shape = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         """Check the numbers."""
         _check_name(self.name)
         object.__setattr__(self, "radius", checks.positive(f"{self.name}: radius", self.radius, "m"))
         object.__setattr__(self, "length", checks.positive(f"{self.name}: length", self.length, "m"))
-        object.__setattr__(self, "pose", _pose(f"{self.name}: pose", self.pose))
+        pose, size = _pose(f"{self.name}: pose", self.pose), np.array([self.radius, 0.5 * self.length, 0.0])
+        kind = "capsule" if isinstance(self, Capsule) else "cylinder"
+        object.__setattr__(self, "pose", pose)
+        object.__setattr__(self, "solid", Shape(self.name, kind, size, 0, pose))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -109,6 +123,7 @@ class Capsule(_Round):
         radius: [m].
         length: of the cylinder, without the half spheres [m].
         pose: where its centre is: T_base_capsule, or a position (3,) [m].
+        solid: the same as contact takes it; not given.
     """
 
     def add_to(self, body: mujoco.MjsBody) -> None:
@@ -125,6 +140,7 @@ class Cylinder(_Round):
         radius: [m].
         length: [m].
         pose: where its centre is: T_base_cylinder, or a position (3,) [m].
+        solid: the same as contact takes it; not given.
     """
 
     def add_to(self, body: mujoco.MjsBody) -> None:
@@ -139,15 +155,19 @@ class Floor:
     Attributes:
         height: its z in the base frame [m].
         name: name of the shape.
+        solid: the same as contact takes it; not given.
     """
 
     height: float = 0.0
     name: str = "floor"
+    solid: Shape = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         """Check the numbers."""
         _check_name(self.name)
         object.__setattr__(self, "height", checks.number(f"{self.name}: height", self.height, "m"))
+        place = pin.SE3(np.eye(3), np.array([0.0, 0.0, self.height]))
+        object.__setattr__(self, "solid", Shape(self.name, "plane", np.zeros(3), 0, place))
 
     def add_to(self, body: mujoco.MjsBody) -> None:
         """Add the shape to the base body."""
@@ -224,6 +244,22 @@ def pose_of(shape: Obstacle) -> pin.SE3:
     if isinstance(shape, Box | Capsule | Cylinder) and isinstance(shape.pose, pin.SE3):
         return shape.pose
     raise checks.refusal("shape", "a Box, Sphere, Capsule or Cylinder, which have a pose", shape)
+
+
+def shape_of(obstacle: Obstacle) -> Shape:
+    """An obstacle as contact takes it, where it is placed; one that is not of this module through MuJoCo.
+
+    Raises:
+        ShapeError: MuJoCo cannot compile it.
+    """
+    if isinstance(obstacle, OURS):
+        return obstacle.solid
+    from jacokin.model.mujoco_twin import shape_through_mujoco
+
+    return shape_through_mujoco(obstacle.name, obstacle.add_to)
+
+
+OURS = (Box, Sphere, Capsule, Cylinder, Floor)
 
 
 def checked_obstacles(obstacles: Iterable[Obstacle]) -> tuple[Obstacle, ...]:

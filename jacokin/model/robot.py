@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import hashlib
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -30,6 +30,9 @@ if TYPE_CHECKING:
 
 TIME_TO_SPEED = 0.3  # [s] from rest to full speed of an arm whose accelerations nobody states; the Jaco takes as long
 UNLIMITED_RANGE = (-np.pi, np.pi)  # [rad] half-open, for sampling a joint without limits
+MOST_KEPT = 16  # results of one function that a robot keeps: for several tools, or angles of the fingers
+
+Made = TypeVar("Made")
 
 
 class Robot:
@@ -65,6 +68,7 @@ class Robot:
         home: Home | HomeFinder,
         notes: NotesFinder | None = None,
         has_masses: bool | None = None,
+        carried: Mapping[tuple[Hashable, ...], Any] | None = None,
     ) -> None:
         """Wrap a chain made by `chain.extract`; users call `load_robot`.
 
@@ -77,6 +81,7 @@ class Robot:
             home: or the function that finds it when it is first asked for; pickled by its name.
             notes: the function that finds `notes` when they are first asked for; pickled by its name.
             has_masses: whether the masses that joints move are known; None where the model tells.
+            carried: what another robot of the same joints and shapes has `carried`.
         """
         self.pin_model = model
         self.name: str = model.name
@@ -101,6 +106,9 @@ class Robot:
         self._find_notes = notes
         self._has_masses = dynamics.has_moving_masses(model) if has_masses is None else has_masses
         self._local = threading.local()
+        self._kept: dict[tuple[Hashable, ...], Any] = dict(carried or {})
+        self._to_carry = set(self._kept)
+        self._making = threading.RLock()
         self._sealed = True
 
     def __setattr__(self, name: str, value: object) -> None:
@@ -115,7 +123,7 @@ class Robot:
         return f"Robot({self.name!r}, dof={self.dof}, base={self.base!r}, frame={self.default_frame!r}{calibrated})"
 
     def __reduce__(self) -> tuple[object, tuple[object, ...]]:
-        """Pickle the model and its names; working memory is made anew."""
+        """Pickle the model, its names and what it carries; working memory is made anew."""
         rebuild = partial(
             Robot,
             base=self.base,
@@ -125,8 +133,45 @@ class Robot:
             home=self.__dict__.get("_found_home", self._home),
             notes=self._find_notes,
             has_masses=self._has_masses,
+            carried=self.carried,
         )
         return rebuild, (self.pin_model,)
+
+    def once(self, make: Callable[..., Made], *arguments: Hashable, carried: bool = False) -> Made:
+        """What a function makes of this robot, made when it is first asked for and shared by all who ask.
+
+        For callers inside the package. Threads that ask at the same time wait for the first. The last 16 results of a
+        function are kept; what it raises is not.
+
+        Args:
+            make: a function of a module, called as `make(robot, *arguments)`.
+            arguments: values that are hashed.
+            carried: True for a result that is pickled with the robot.
+        """
+        key = (make, *arguments)
+        try:
+            found: Made = self._kept[key]
+        except KeyError:
+            with self._making:
+                found = self._kept[key] if key in self._kept else make(self, *arguments)
+                self._keep(key, found, carried=carried)
+        return found
+
+    def _keep(self, key: tuple[Hashable, ...], made: object, *, carried: bool) -> None:
+        """Keep what was made, and let go of the oldest of the same function."""
+        older = [each for each in self._kept if each[0] is key[0] and each != key]
+        for each in older[: max(len(older) + 1 - MOST_KEPT, 0)]:
+            del self._kept[each]
+            self._to_carry.discard(each)
+        self._kept[key] = made
+        if carried:
+            self._to_carry.add(key)
+
+    @property
+    def carried(self) -> dict[tuple[Hashable, ...], Any]:
+        """What was made `once` and goes wherever the robot goes."""
+        with self._making:
+            return {key: self._kept[key] for key in self._to_carry}
 
     @property
     def calibration(self) -> MeasuredArm | None:
@@ -532,6 +577,7 @@ class Robot:
             home=self.__dict__.get("_found_home", self._home),
             notes=self._find_notes,
             has_masses=has_masses,
+            carried=self.carried,
         )
 
     def _push(self, q: Array, external: ArrayLike | None, frame: str | None, base: pin.SE3 | ArrayLike | None) -> Array:
@@ -657,6 +703,7 @@ class Source:
         content: the checked text of a URDF, or an MJCF as MuJoCo compiled it; None for bundled robots.
         calibration: how the arm differs from that content; None for not at all.
         notes: sentences on what was left out of the file.
+        decompose: whether meshes collide as convex parts instead of one hull each.
     """
 
     path: Path
@@ -669,6 +716,7 @@ class Source:
     content: str | mujoco.MjModel | None = field(default=None, repr=False, compare=False)
     calibration: MeasuredArm | None = None
     notes: tuple[str, ...] = ()
+    decompose: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -798,6 +846,7 @@ def fingerprint(robot: Robot, *, shapes: bool = False) -> str:
         content.update(np.ascontiguousarray(array, dtype=np.float64).tobytes())
     if shapes:
         content.update(_shapes(robot))
+        content.update(b"decomposed" if robot.source.decompose else b"")
     return content.hexdigest()
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import weakref
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Set
 from pathlib import Path
 from typing import Self
 
@@ -17,6 +17,7 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.model import checks, poses
 from jacokin.model.contact import Contact
+from jacokin.model.contact_arrays import WorldArrays
 from jacokin.model.descriptions import mjcf
 from jacokin.model.obstacles import (
     Attached,
@@ -32,6 +33,7 @@ from jacokin.model.obstacles import (
 )
 from jacokin.model.poses import pose
 from jacokin.model.robot import Robot
+from jacokin.model.surrounded import make_world, surround
 
 ENDINGS = (".yaml", ".yml", ".json")
 PLACE = ("position", "quat_wxyz", "rpy")
@@ -58,9 +60,10 @@ class Scene:
         surroundings: the same in one value.
     """
 
-    __slots__ = ("_contacts", "surroundings")
+    __slots__ = ("_contacts", "_world", "surroundings")
 
     surroundings: Surroundings
+    _world: WorldArrays | None
     _contacts: weakref.WeakKeyDictionary[Robot, Contact]
 
     def __init__(
@@ -93,6 +96,7 @@ class Scene:
     def _keep(self, surroundings: Surroundings) -> None:
         object.__setattr__(self, "surroundings", surroundings)
         object.__setattr__(self, "_contacts", weakref.WeakKeyDictionary())
+        object.__setattr__(self, "_world", None)
 
     @property
     def obstacles(self) -> tuple[Obstacle, ...]:
@@ -178,7 +182,8 @@ class Scene:
         put = held[checks.choice("attached shape", name, held)]
         stands = () if pose is None else (place(put.shape, pose),)
         rest = tuple(each for each in self.attached if each is not put)
-        return _rebuild(self.surroundings._replace(obstacles=(*self.obstacles, *stands), attached=rest))
+        allow = self.allow if stands else self._allowed_without({name})
+        return _rebuild(self.surroundings._replace(obstacles=(*self.obstacles, *stands), attached=rest, allow=allow))
 
     def with_fingers(self, angle: float | None) -> Scene:
         """The same scene with the fingers at another angle [rad] when contact is looked for.
@@ -195,7 +200,34 @@ class Scene:
         Raises:
             InvalidInputError: not shapes, or two of the same name.
         """
-        return _rebuild(self.surroundings._replace(obstacles=checked_obstacles((*self.obstacles, *obstacles))))
+        held = [each.shape for each in self.attached]
+        found = checked_obstacles((*held, *self.obstacles, *obstacles))[len(held) :]
+        return _rebuild(self.surroundings._replace(obstacles=found))
+
+    def removing(self, *names: str) -> Scene:
+        """The same scene without some obstacles, and without the contact that was allowed with them.
+
+        Raises:
+            UnknownNameError: no such obstacle.
+        """
+        gone = {self._obstacle(name).name for name in names}
+        kept = tuple(obstacle for obstacle in self.obstacles if obstacle.name not in gone)
+        return _rebuild(self.surroundings._replace(obstacles=kept, allow=self._allowed_without(gone)))
+
+    def moving(self, poses: Mapping[str, pin.SE3 | ArrayLike]) -> Scene:
+        """The same scene with some obstacles elsewhere.
+
+        Args:
+            poses: T_base_shape by name, or a position (3,) [m], with the axes of the base then.
+
+        Raises:
+            UnknownNameError: no such obstacle.
+            InvalidInputError: not a mapping, a malformed pose, or a floor, which has none.
+        """
+        given = checks.mapping("poses", poses, "a dict of names and poses")
+        moved = {self._obstacle(name).name: place(self._obstacle(name), pose) for name, pose in given.items()}
+        there = tuple(moved.get(obstacle.name, obstacle) for obstacle in self.obstacles)
+        return _rebuild(self.surroundings._replace(obstacles=there))
 
     def changed(self, leaving: Iterable[str], coming: Mapping[str, Obstacle]) -> Scene:
         """The same scene with some obstacles gone and others come, by name; one that comes replaces that of its name.
@@ -213,7 +245,9 @@ class Scene:
                 checks.choice("obstacle", name, known)
         gone = {*leaving, *coming}
         kept = [obstacle for obstacle in self.obstacles if obstacle.name not in gone]
-        return _rebuild(self.surroundings._replace(obstacles=checked_obstacles((*kept, *coming.values()))))
+        there = checked_obstacles((*kept, *coming.values()))
+        allow = self._allowed_without(gone.difference(coming))
+        return _rebuild(self.surroundings._replace(obstacles=there, allow=allow))
 
     def allowing(self, *pairs: tuple[str, str]) -> Scene:
         """The same scene with more pairs of names whose contact does not count.
@@ -222,6 +256,10 @@ class Scene:
             InvalidInputError: not pairs of names.
         """
         return _rebuild(self.surroundings._replace(allow=self.allow + _checked_pairs("pairs", pairs)))
+
+    def _allowed_without(self, gone: Set[str]) -> tuple[tuple[str, str], ...]:
+        """The allowed contact that is not with shapes which are gone."""
+        return tuple(pair for pair in self.allow if gone.isdisjoint(pair))
 
     def _obstacle(self, name: str) -> Obstacle:
         known = {each.name: each for each in self.obstacles}
@@ -277,8 +315,17 @@ class Scene:
             ShapeError: the description's shapes cannot be loaded.
         """
         if robot not in self._contacts:
-            self._contacts[robot] = Contact(robot, self.surroundings)
+            around = self.surroundings
+            self._contacts[robot] = Contact(robot, around, found=surround(robot, around, self._made_world()))
         return self._contacts[robot]
+
+    def _made_world(self) -> WorldArrays:
+        """The arrays of the obstacles, made once for all robots."""
+        made = self._world
+        if made is None:
+            made = make_world(self.obstacles)
+            object.__setattr__(self, "_world", made)
+        return made
 
 
 def checked_scene(name: str, value: object) -> Scene:

@@ -1,48 +1,65 @@
-"""`surround`: the shapes of an arm among those of a scene, and the pairs of shapes whose contact counts.
+"""`surround`: an arm among the shapes of a scene, as the kernels of contact take them.
 
 An obstacle counts against every shape that moves, and so does what the arm holds; that counts against the shapes of
 other links, too. The arm's own pairs are those of its description. Contact that the scene allows does not count.
+
+The arm's own arrays are shared (`own_shapes`), unless it holds something or the scene allows contact. Those of the
+obstacles depend on no robot, and are made once a scene (`WorldArrays`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
 
 from jacokin.errors import InvalidInputError
-from jacokin.model import checks, poses
-from jacokin.model.descriptions.shapes import Shape, read_bundled
-from jacokin.model.obstacles import NOTHING_AROUND, Attached, Surroundings, add_to_spec
+from jacokin.kernels.contact.touching import Geometry
+from jacokin.model import checks
+from jacokin.model.contact_arrays import NO_WORLD, ArmArrays, WorldArrays, arm_arrays, joined, shape_row, world_arrays
+from jacokin.model.descriptions.shapes import KINDS, Shape
+from jacokin.model.obstacles import Attached, Obstacle, Surroundings, shape_of
+from jacokin.model.own_shapes import OwnShapes, own_shapes
 from jacokin.model.robot import Robot
 
-if TYPE_CHECKING:
-    import mujoco
-
+WIDE = 50.0  # [m] half of a box that stands for a floor
 ROBOT = "robot"  # stands for all shapes of the arm where contact is allowed
 
 
 class Surrounded(NamedTuple):
-    """The shapes of an arm and those of a scene, in one list; pairs of shapes by number."""
+    """The shapes of an arm and those of a scene."""
 
-    shapes: list[Shape]
-    own: list[tuple[int, int]]
-    """Pairs of shapes of the arm, and of what it holds."""
-    partly: list[tuple[int, int]]
-    """Pairs of an obstacle, which comes first, and a shape that moves, where not all contact with it counts."""
-    standing: list[int]
-    """The other obstacles, which count against every shape that moves."""
+    geometry: Geometry
+    """As the kernels take them: shapes of the arm group by group, then the obstacles that count against all of it."""
+    names: tuple[str, ...]
+    """Their names."""
+    ranks: NDArray[np.int64]
+    """(arm,) in what order the shapes of the arm are named: that of the joints, then of the description; -1 first for
+    an obstacle among them."""
+    kinds: NDArray[np.int64]
+    """(n,) number of the kind of each shape, simple ones first."""
+    alone: int
+    """How many of them, the first ones, are obstacles that do not count against every shape that moves."""
+    arm_shapes: int
+    """How many are kept with the arm: those obstacles, and its own shapes with what it holds."""
+    moving: int
+    """How many of those are moved by a joint."""
+    met_partly: int
+    """How many meetings of the arm's groups, the first ones, are with those obstacles."""
+    pairs: int
+    """How many pairs of shapes count."""
 
-    @property
-    def pairs(self) -> list[tuple[int, int]]:
-        """All pairs whose contact counts, those with obstacles first."""
-        moving = [number for number, shape in enumerate(self.shapes) if shape.joint > 0]
-        return [(a, b) for a in sorted(self.standing) for b in moving] + self.partly + self.own
 
-
-def surround(robot: Robot, around: Surroundings) -> Surrounded:
+def surround(robot: Robot, around: Surroundings, world: WorldArrays | None = None) -> Surrounded:
     """The shapes of an arm and of a scene, and the pairs of them whose contact counts.
 
-    Those of a bundled robot that stands alone are read without MuJoCo, which takes long to load.
+    Args:
+        robot: the arm.
+        around: the scene.
+        world: `make_world` of its obstacles, where it is known.
 
     Raises:
         InvalidInputError: a shape of the scene has the name of a shape of the arm, one is attached to what does not
@@ -50,58 +67,101 @@ def surround(robot: Robot, around: Surroundings) -> Surrounded:
         UnknownNameError: a shape is attached to, or contact is allowed with, a name that is not there.
         ShapeError: the description's shapes cannot be loaded.
     """
-    if around == NOTHING_AROUND and robot.source.bundled is not None:
-        links = {name: robot.frame_id(name) for name in robot.frames}
-        shapes, pairs = read_bundled(robot.source.bundled, robot.pin_model, links)
-        return Surrounded(shapes, pairs, [], [])
-    from jacokin.model.mujoco_twin import body_of_joint, shapes_of_twin
+    own, names = own_shapes(robot, around.finger_angle), around.names
+    if not own.taken.isdisjoint(names):
+        name = next(name for name in names if name in own.taken)
+        raise InvalidInputError(f"the name {name!r} is used by a shape of the arm; names must differ")
+    if around.attached or around.allow:
+        return _surround_some(robot, own, around)
+    alone = robot.once(_alone, around.finger_angle)
+    return _with_world(alone, own.arrays, names, make_world(around.obstacles) if world is None else world)
 
-    model, arm, held = compile_twin(robot, around)
-    shapes = shapes_of_twin(model)
-    number = {shape.name: index for index, shape in enumerate(shapes)}
-    allowed = allowed_pairs(robot, around, list(arm))
-    own = list(zip(model.pair_geom1.tolist(), model.pair_geom2.tolist(), strict=True))
-    own += [
-        (number[other], number[name])
-        for name, carrier in held.items()
-        for other, body in arm.items()
-        if body != carrier
+
+def _alone(robot: Robot, finger_angle: float | None) -> Surrounded:
+    """A robot with nothing around it."""
+    own = own_shapes(robot, finger_angle)
+    return _among_nothing(own.shapes, own.arrays, len(own.pairs))
+
+
+def make_world(obstacles: Sequence[Obstacle]) -> WorldArrays:
+    """The arrays of obstacles, for whatever arm is among them.
+
+    Raises:
+        ShapeError: MuJoCo cannot compile a shape that is none of ours.
+    """
+    return world_arrays([shape_of(obstacle) for obstacle in obstacles])
+
+
+def _surround_some(robot: Robot, own: OwnShapes, around: Surroundings) -> Surrounded:
+    """An arm that holds something, or may touch something; errors as of `surround`."""
+    model = robot.pin_model
+    held = [_held_shape(robot, each) for each in around.attached]
+    both = [*zip(own.shapes, own.rows, strict=True), *((shape, shape_row(model, shape)) for shape in held)]
+    order = sorted(range(len(both)), key=lambda index: both[index][0].joint)
+    shapes, rows = [both[index][0] for index in order], [both[index][1] for index in order]
+    number = {index: place for place, index in enumerate(order)}
+    own_pairs = [(number[a], number[b]) for a, b in own.pairs]
+    own_pairs += [
+        (number[other], number[index])
+        for index, (shape, _) in enumerate(both[len(own.shapes) :], start=len(own.shapes))
+        for other in range(len(own.shapes))
+        if own.shapes[other].joint != shape.joint
     ]
-    base = body_of_joint(robot, 0)
-    moving = [name for name, body in arm.items() if body != base] + list(held)
-    standing, partly = list[int](), list[tuple[int, int]]()
+    allowed = allowed_pairs(robot, around, own.names)
+    pairs = [(a, b) for a, b in own_pairs if frozenset((shapes[a].name, shapes[b].name)) not in allowed]
+    moving = [place for place, shape in enumerate(shapes) if shape.joint > 0]
+    count, named = len(shapes), frozenset(name for pair in allowed for name in pair)
+    standing, partly = list[Obstacle](), list[tuple[int, int]]()
     for obstacle in around.obstacles:
-        counted = [other for other in moving if frozenset((obstacle.name, other)) not in allowed]
+        counted = moving
+        if obstacle.name in named:
+            counted = [other for other in moving if frozenset((obstacle.name, shapes[other].name)) not in allowed]
         if len(counted) == len(moving):
-            standing.append(number[obstacle.name])
+            standing.append(obstacle)
         else:
-            partly += [(number[obstacle.name], number[other]) for other in counted]
-    unwanted = {frozenset(map(number.__getitem__, pair)) for pair in allowed}
-    return Surrounded(shapes, [pair for pair in own if frozenset(pair) not in unwanted], partly, standing)
+            partly += [(len(shapes), other) for other in counted]
+            shapes.append(shape_of(obstacle))
+            rows.append(shape_row(model, _with_ends(shapes[-1])))
+    links, alone = [shape.joint for shape in shapes], range(count, len(shapes))
+    arrays = arm_arrays(model, links, rows, [*partly, *pairs], alone)
+    some = _among_nothing(shapes, arrays, len(partly) + len(pairs))
+    return _with_world(some, arrays, [obstacle.name for obstacle in standing], make_world(standing))
 
 
-class Twin(NamedTuple):
-    """An arm among the shapes of a scene, in MuJoCo."""
-
-    model: mujoco.MjModel
-    arm: dict[str, str]
-    """Name of the body of each shape of the arm."""
-    held: dict[str, str]
-    """That of each shape that the arm holds."""
+def _with_ends(shape: Shape) -> Shape:
+    """A plane as a box below it, other shapes as they are: the kernels take planes only against every shape."""
+    if shape.kind != "plane":
+        return shape
+    below = pin.SE3(np.eye(3), np.array([0.0, 0.0, -WIDE]))
+    return shape._replace(kind="box", size=np.full(3, WIDE), placement=shape.placement * below)
 
 
-def compile_twin(robot: Robot, around: Surroundings) -> Twin:
-    """The robot's twin with all shapes of a scene; errors as of `surround`."""
-    from jacokin.model.mujoco_twin import compile_spec, to_spec
+def _among_nothing(shapes: Sequence[Shape], arrays: ArmArrays, pairs: int) -> Surrounded:
+    """An arm with so many pairs of its own, and no obstacles that count against all shapes that move."""
+    given = [shapes[number] for number in arrays.numbers]
+    ranks = arrays.numbers.astype(np.int64)
+    ranks[: arrays.alone] = -1
+    return Surrounded(
+        geometry=joined(arrays, NO_WORLD),
+        names=tuple(shape.name for shape in given),
+        ranks=ranks,
+        kinds=np.array([KINDS.index(shape.kind) for shape in given], dtype=np.int64),
+        alone=arrays.alone,
+        arm_shapes=len(given),
+        moving=sum(shape.joint > 0 for shape in given),
+        met_partly=arrays.met_partly,
+        pairs=pairs,
+    )
 
-    spec = to_spec(robot, geometry=True, finger_angle=around.finger_angle)
-    arm = {geom.name: geom.parent.name for geom in spec.geoms}
-    for name in around.names:
-        if name in arm:
-            raise InvalidInputError(f"the name {name!r} is used by a shape of the arm; names must differ")
-    add_to_spec(spec, around.obstacles)
-    held = {each.name: _attach(spec, robot, each) for each in around.attached}
-    return Twin(compile_spec(spec, robot), arm, held)
+
+def _with_world(arm: Surrounded, arrays: ArmArrays, names: Sequence[str], world: WorldArrays) -> Surrounded:
+    """The same with obstacles that count against all shapes that move."""
+    return arm._replace(
+        geometry=joined(arrays, world),
+        names=(*arm.names, *names),
+        kinds=np.concatenate([arm.kinds, world.kinds]),
+        pairs=arm.pairs + arm.moving * len(names),
+    )
 
 
 def allowed_pairs(robot: Robot, around: Surroundings, arm: Sequence[str]) -> set[frozenset[str]]:
@@ -124,19 +184,12 @@ def allowed_pairs(robot: Robot, around: Surroundings, arm: Sequence[str]) -> set
     return found
 
 
-def _attach(spec: mujoco.MjSpec, robot: Robot, attached: Attached) -> str:
-    """Add a shape to the link that carries it, and return the name of its body."""
-    from jacokin.model.descriptions import mjcf
-    from jacokin.model.mujoco_twin import body_of_joint
-
+def _held_shape(robot: Robot, attached: Attached) -> Shape:
+    """A shape that a link carries, in the frame of the joint that moves that link."""
     frame = robot.pin_model.frames[robot.frame_id(attached.to)]
     if frame.parentJoint == 0:
         raise InvalidInputError(
             f"{attached.to!r} is moved by no joint of {robot.name}: leave {attached.name!r} an obstacle"
         )
-    carrier = body_of_joint(robot, frame.parentJoint)
-    attached.shape.add_to(spec.body(carrier))
-    geom = spec.geom(attached.name)
-    T_carrier_shape = frame.placement * mjcf.placement(geom.quat, geom.pos)
-    geom.pos, geom.quat = T_carrier_shape.translation, poses.quaternion(T_carrier_shape.rotation)
-    return carrier
+    shape = shape_of(attached.shape)
+    return shape._replace(joint=int(frame.parentJoint), placement=frame.placement * shape.placement)

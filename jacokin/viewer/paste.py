@@ -213,7 +213,7 @@ def _describe(scene: Scene) -> tuple[list[dict[str, object]], list[str]]:
 def _entry(obstacle: Obstacle, kind: Shape) -> dict[str, object]:
     """An obstacle as in a scene's file: its shape, and its fields in order."""
     entry: dict[str, object] = {"shape": kind.__name__.lower()}
-    for field in fields(kind):
+    for field in (each for each in fields(kind) if each.init):
         value = getattr(obstacle, field.name)
         if field.name == "pose":
             place = poses.checked_pose(value)

@@ -17,7 +17,7 @@ from jacokin import Robot, pose
 from jacokin.arrays import Array
 from jacokin.errors import ShapeError
 from jacokin.model import Scene, SelfContact
-from jacokin.model.contact import Contact, overlapping
+from jacokin.model.contact import Contact
 from jacokin.model.descriptions import mjcf
 from jacokin.model.descriptions.shapes import PreparedShapes, prepare_shapes
 from jacokin.model.mujoco_twin import to_mujoco, to_spec
@@ -31,6 +31,7 @@ from jacokin.model.obstacles import (
     Surroundings,
     add_to_spec,
 )
+from jacokin.model.own_shapes import overlapping
 from tests.coal_shapes import coal_shape, collision_pairs
 from tests.robot_files import ur5_text, urdf_text
 

@@ -16,7 +16,7 @@ import jacokin
 from jacokin import IKSolver, Robot, Status
 from jacokin.errors import InvalidInputError, ModelError, UnknownNameError
 from jacokin.ik import Box, Capsule, Cylinder, Floor, Scene, Sphere
-from jacokin.model import SelfContact
+from jacokin.model import Obstacle, SelfContact
 
 TABLE = Box("table", [0.6, 0.6, 0.05], [0.5, -0.5, 0.1])
 
@@ -289,3 +289,49 @@ def test_scenes_and_their_solvers_can_be_copied(robot: Robot) -> None:
     assert repr(scene) == "Scene(table, floor)"
     assert len(scene) == len(list(scene)) == 2
     assert robot.clearance(robot.home, Scene()) == np.inf
+
+
+def test_a_scene_changes_into_others(robot: Robot, rng: np.random.Generator) -> None:
+    post, ball = Capsule("post", 0.05, 0.6, [-0.4, 0.2, 0.3]), Sphere("ball", 0.1, [0.4, 0.4, 0.4])
+    scene = Scene([TABLE, post, Floor(-0.3)], allow=[("post", "hand")], finger_angle=0.5)
+    there = jacokin.pose([0.3, 0.3, 0.6], rpy=[0.3, 0.2, 0.1])
+    moved = Box("table", np.asarray(TABLE.size), [0.5, 0.5, 0.1]), Capsule("post", 0.05, 0.6, there), Floor(-0.3)
+    cases: list[tuple[Scene, tuple[Obstacle, ...]]] = [
+        (scene.adding(ball), (TABLE, post, Floor(-0.3), ball)),
+        (scene.removing("table", "floor"), (post,)),
+        (scene.moving({"post": there, "table": [0.5, 0.5, 0.1]}), moved),
+    ]
+    for changed, written in cases:
+        expected = Scene(written, allow=scene.allow, finger_angle=0.5)
+        assert changed.names == expected.names
+        assert (changed.allow, changed.finger_angle) == (scene.allow, 0.5)
+        rows = robot.sample(rng, 50)
+        np.testing.assert_array_equal(robot.clearance(rows, changed), robot.clearance(rows, expected))
+    assert scene.names == ("table", "post", "floor")
+    assert scene.removing("post").allow == ()
+    assert np.isfinite(robot.clearance(robot.home, scene.removing("post")))
+
+
+def test_a_scene_does_not_change_into_nonsense() -> None:
+    scene = Scene([TABLE, Floor(-0.3)]).attach(Sphere("ball", 0.1, [0.0, 0.0, 0.0]))
+    for twice in (TABLE, Sphere("ball", 0.2, [1.0, 0.0, 0.0])):
+        with pytest.raises(InvalidInputError, match=f"'{twice.name}' is used by two shapes"):
+            scene.adding(twice)
+    with pytest.raises(UnknownNameError, match=r"tabel.*table"):
+        scene.removing("floor", "tabel")
+    with pytest.raises(UnknownNameError, match=r"tabel.*table"):
+        scene.moving({"tabel": [0.0, 0.0, 0.0]})
+    with pytest.raises(InvalidInputError, match="where a pose is given"):
+        scene.moving({"floor": [0.0, 0.0, 0.0]})
+    with pytest.raises(InvalidInputError, match="finite"):
+        scene.moving({"table": [0.0, np.nan, 0.0]})
+    with pytest.raises(InvalidInputError, match="a dict of names and poses"):
+        scene.moving("table")  # type: ignore[arg-type]
+
+
+def test_what_is_allowed_with_a_shape_goes_with_it(robot: Robot) -> None:
+    scene = Scene([TABLE], allow=[("ball", "hand"), ("table", "hand")]).attach(Sphere("ball", 0.1, [0.0, 0.0, 0.3]))
+    assert scene.detach("ball").allow == (("table", "hand"),)
+    assert scene.detach("ball", pose=[1.0, 0.0, 0.0]).allow == scene.allow
+    assert scene.changed(["table"], {}).allow == (("ball", "hand"),)
+    assert np.isfinite(robot.clearance(robot.home, scene.changed(["table"], {}).adding(Floor(-1.0))))

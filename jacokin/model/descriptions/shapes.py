@@ -17,7 +17,7 @@ import pinocchio as pin
 from jacokin.arrays import Array
 from jacokin.errors import ShapeError, shown
 from jacokin.model.descriptions import bundled
-from jacokin.model.descriptions.meshes import FARTHEST, THIN, Z_UP, find_mesh, hull_of, read_mesh_file, stl_bytes
+from jacokin.model.descriptions.meshes import FARTHEST, THIN, Z_UP, Mesh, find_mesh, hull_of, read_mesh_file, stl_bytes
 
 NO_VERTICES = np.empty((0, 3))
 #: What shapes can be, simple ones first; the names are MJCF's.
@@ -40,15 +40,15 @@ class Shape(NamedTuple):
     """(n, 3) of a mesh, in the frame of the shape [m]."""
 
 
-class BundledShapes(NamedTuple):
-    """The shapes of the links of a bundled robot, and which of them count as contact when they touch."""
+class ShapesOfLinks(NamedTuple):
+    """The shapes of the links of an arm, and which of them count as contact when they touch."""
 
     shapes: list[Shape]
     pairs: list[tuple[int, int]]
     """Numbers of shapes: not of parent and child, and not excluded in the file."""
 
 
-def read_bundled(name: str, model: pin.Model, links: Mapping[str, int]) -> BundledShapes:
+def read_bundled(name: str, model: pin.Model, links: Mapping[str, int]) -> ShapesOfLinks:
     """The shapes of a bundled robot, from its generated MJCF file.
 
     Args:
@@ -75,7 +75,7 @@ def read_bundled(name: str, model: pin.Model, links: Mapping[str, int]) -> Bundl
         (weld, parent), (other_weld, other_parent) = welds[link], welds[other]
         if weld != other_parent and other_weld != parent:
             pairs.append((a, b))
-    return BundledShapes([shape for shape, _ in found], pairs)
+    return ShapesOfLinks([shape for shape, _ in found], pairs)
 
 
 def _welds(root: ET.Element, path: Path) -> dict[str, tuple[str, str]]:
@@ -121,6 +121,8 @@ class PreparedShapes(NamedTuple):
     """The hulls of its meshes as STL files, by the names that the text has for them now."""
     notes: tuple[str, ...]
     """Sentences on shapes that were left out, and on meshes whose axes are in doubt."""
+    meshes: dict[str, Mesh]
+    """The meshes themselves, scaled, by the same names."""
 
 
 def prepare_shapes(robot: ET.Element, path: Path, package_dirs: Sequence[Path]) -> PreparedShapes:
@@ -163,7 +165,7 @@ def prepare_shapes(robot: ET.Element, path: Path, package_dirs: Sequence[Path]) 
             if not has_size:
                 link.remove(collision)
                 notes.append(f"{where} {LEFT_OUT}")
-    return PreparedShapes(hulls.assets, tuple(dict.fromkeys(notes)))
+    return PreparedShapes(hulls.assets, tuple(dict.fromkeys(notes)), hulls.meshes)
 
 
 def _has_size(shape: ET.Element) -> bool:
@@ -188,6 +190,7 @@ class _Hulls:
 
     def __init__(self, path: Path, package_dirs: Sequence[Path]) -> None:
         self.assets: dict[str, bytes] = {}
+        self.meshes: dict[str, Mesh] = {}
         self._path, self._package_dirs = path, package_dirs
         self._found: dict[tuple[Path, tuple[float, ...]], str] = {}  # file and scale -> asset, "" for none
 
@@ -211,6 +214,7 @@ class _Hulls:
             self._found[key] = "" if hull is None else f"{len(self.assets)}_{file.stem}.stl"
             if hull is not None:
                 self.assets[self._found[key]] = stl_bytes(hull)
+                self.meshes[self._found[key]] = mesh._replace(vertices=mesh.vertices * scale)
         element.attrib.pop("scale", None)
         element.set("filename", self._found[key])
         return bool(self._found[key])

@@ -31,8 +31,7 @@ from jacokin.ik.solver import IKSolver
 from jacokin.ik.targets import PartialTarget, Target, TargetPose, interpret
 from jacokin.model import angles, checks
 from jacokin.model.angles import TURN
-from jacokin.model.contact import Contact
-from jacokin.model.obstacles import Surroundings
+from jacokin.model.contact import Contact, self_contact
 from jacokin.model.poses import FreeAxis
 from jacokin.model.robot import acceleration_limits, jerk_limits, velocity_limits
 from jacokin.motion.blending import fit_time, round_corners, straightened
@@ -455,21 +454,22 @@ def search_of(solver: IKSolver) -> WaySearch | None:
         UnknownNameError: the scene speaks of a link that is not there.
     """
     if solver not in _searches:
-        options = solver.verifier.options
-        around = Surroundings() if options.scene is None else options.scene.surroundings
-        contact = _build_contact(solver, around, options.clearance)
-        _searches[solver] = None if contact is None else WaySearch(solver.robot, contact, options.clearance)
+        contact = solver.verifier.contact or _unlooked_contact(solver)
+        found = None
+        if contact is not None and contact.has_shapes:
+            found = WaySearch(solver.robot, contact, solver.verifier.options.clearance)
+        _searches[solver] = found
     return _searches[solver]
 
 
-def _build_contact(solver: IKSolver, around: Surroundings, clearance: float) -> Contact | None:
+def _unlooked_contact(solver: IKSolver) -> Contact | None:
+    """Contact where the solver does not look for it; None where shapes need not be loaded and cannot."""
     try:
-        found = Contact(solver.robot, around, clearance=clearance)
+        return self_contact(solver.robot)
     except ModelError:
         if solver.verifier.options.collision == "ignore" or solver.robot.source.content is None:
             return None
         raise
-    return found if found.has_shapes else None
 
 
 def _named(pairs: Counter[tuple[str, str]]) -> str:

@@ -111,7 +111,7 @@ class ClearanceGuard:
         """Prepare the pairs.
 
         Args:
-            contact: the shapes, whose arrays are this guard's own.
+            contact: the shapes.
             robot: the arm.
             shapes: the obstacles that can move.
             pairs: (n, 2) numbers of shapes, the one nearer to the base first.
@@ -126,7 +126,10 @@ class ClearanceGuard:
         rows = np.full(len(contact.names), -1)
         rows[shapes.numbers] = np.arange(len(shapes.numbers))
         self._mover = rows[pairs[:, 0]]
-        self._geometry, self._names, self._distance = contact.geometry, contact.names, distance
+        self._names, self._distance = contact.names, distance
+        shapes_of_all = contact.geometry.shapes  # obstacles move in arrays of this guard's own
+        own = shapes_of_all._replace(numbers=shapes_of_all.numbers.copy())
+        self._geometry = contact.geometry._replace(shapes=own)
         self._first, self._second = pairs.T
         links, arm = self._geometry.shapes.integers[:, LINK], self._geometry.arm
         links = np.where(links > robot.dof, 0, links)  # obstacles stand as still as the base
@@ -405,7 +408,7 @@ def make_guard(
         if asked:
             raise InvalidInputError(f"{asked[0]} has no effect with collision='ignore'; use 'reject'")
         return None
-    contact = Contact(robot, around.surroundings)
+    contact = around.contact(robot)
     numbers = contact.pair_numbers(self_collision=self_collision)
     if pairs is not None:
         named = [_named_pair(contact, robot.dof, pair) for pair in checks.listed("pairs", pairs)]

@@ -22,9 +22,9 @@ from jacokin.errors import InvalidInputError
 from jacokin.ik import Box, Floor, Scene, Sphere
 from jacokin.model.contact import Contact
 from jacokin.model.poses import rotation_angle
-from jacokin.model.surrounded import compile_twin, surround
 from jacokin.motion import Trajectory, plan_motion
 from jacokin.motion.free_motion import search
+from tests.twin import compile_twin
 
 FINE = 1e-3  # [rad] between configurations that the referee looks at
 WALL = Scene([Box("wall", [0.6, 0.02, 0.7], [0.45, -0.05, 0.35]), Floor(-0.02)])
@@ -32,7 +32,7 @@ WALL = Scene([Box("wall", [0.6, 0.02, 0.7], [0.45, -0.05, 0.35]), Floor(-0.02)])
 
 def touches(robot: Robot, scene: Scene, rows: NDArray[np.float64]) -> int:
     """How many configurations (n, dof) MuJoCo finds in contact."""
-    model, pairs = compile_twin(robot, scene.surroundings).model, surround(robot, scene.surroundings).pairs
+    model, pairs = compile_twin(robot, scene.surroundings)
     data = mujoco.MjData(model)
     first, second = np.array(pairs).T
     far = model.geom_rbound[first] + model.geom_rbound[second]

@@ -65,7 +65,7 @@ def test_a_click_on_the_floor_places_a_box_that_counts_as_contact(viewer: Viewer
     assert names(viewer) == ("table",)
     click(page, (tool[0], tool[1], 0.0))
     assert until(lambda: names(viewer) == ("table", "added_1"))
-    assert page.has(ADD)
+    assert until(lambda: page.has(ADD))
     assert viewer.scene is not None
     assert isinstance(added(viewer), Box)
     assert np.allclose(added(viewer).pose.translation, [tool[0], tool[1], 0.7])

@@ -1,0 +1,123 @@
+"""`own_shapes`: the collision shapes of an arm, read once a robot, as the kernels of contact take them.
+
+They are made when contact is first looked for, and shared by all that look: home, solvers, trackers, planners. They go
+with the robot where it is pickled.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from jacokin.kernels.contact.run import LIST_TOUCHING, TASK, make_contact_work, run_contact
+from jacokin.kernels.library import Call
+from jacokin.model.contact_arrays import NO_WORLD, ArmArrays, ShapeRow, arm_arrays, joined, shape_row
+from jacokin.model.descriptions.shapes import NO_VERTICES, Shape, read_bundled
+from jacokin.model.robot import Robot, middle, spread
+
+OVERLAPPING_IN = 200  # random configurations; shapes that touch in all of them are taken to touch everywhere
+ROUNDING = 1e-12  # [m, or of a matrix] between places of one shape that were computed in two ways
+
+
+class OwnShapes(NamedTuple):
+    """The shapes of an arm, its base included, in the order of the joints that carry them."""
+
+    shapes: list[Shape]
+    pairs: list[tuple[int, int]]
+    """Numbers of shapes whose contact counts."""
+    overlapping: frozenset[frozenset[str]]
+    """Names of those that touch in every configuration, which does not count."""
+    rows: list[ShapeRow]
+    arrays: ArmArrays
+    names: tuple[str, ...]
+    taken: frozenset[str]
+    """The same."""
+
+
+def own_shapes(robot: Robot, finger_angle: float | None = None) -> OwnShapes:
+    """The shapes of a robot and the pairs of them whose contact counts, made once.
+
+    Args:
+        robot: the arm.
+        finger_angle: angle of the joints off the arm [rad]; None for the one the robot was loaded with.
+
+    Raises:
+        InvalidInputError: a finger angle that no joint off the arm can take.
+        ShapeError: the description's shapes cannot be loaded.
+    """
+    if finger_angle is None:
+        return robot.once(_make_own_shapes, carried=True)
+    return robot.once(_make_at_angle, finger_angle)
+
+
+def overlapping(robot: Robot) -> frozenset[frozenset[str]]:
+    """Pairs of names of the arm's own shapes that touch in every configuration, so that their contact says nothing.
+
+    In all of some random configurations and in the middle of the limits. Bundled robots have none.
+
+    Raises:
+        ShapeError: the description's shapes cannot be loaded.
+    """
+    return own_shapes(robot).overlapping
+
+
+def _make_own_shapes(robot: Robot) -> OwnShapes:
+    """Read the description; that of a bundled robot without MuJoCo, which takes long to load."""
+    if robot.source.bundled is not None:
+        links = {name: robot.frame_id(name) for name in robot.frames}
+        shapes, pairs = read_bundled(robot.source.bundled, robot.pin_model, links)
+        return _prepared(robot, shapes, pairs, frozenset(), [shape_row(robot.pin_model, each) for each in shapes])
+    from jacokin.model.mujoco_twin import shapes_of_description
+
+    shapes, pairs = shapes_of_description(robot)
+    rows = [shape_row(robot.pin_model, shape) for shape in shapes]
+    everything = _prepared(robot, shapes, pairs, frozenset(), rows)
+    always = _touching_everywhere(robot, everything)
+    return _prepared(robot, shapes, pairs, always, rows) if always else everything
+
+
+def _make_at_angle(robot: Robot, finger_angle: float) -> OwnShapes:
+    """Those of the fingers stand elsewhere; the others are shared."""
+    from jacokin.model.mujoco_twin import shapes_of_description
+
+    own = own_shapes(robot)
+    shapes, pairs = shapes_of_description(robot, finger_angle)
+    same = {shape.name: (shape.placement, row) for shape, row in zip(own.shapes, own.rows, strict=True)}
+    rows = []
+    for shape in shapes:
+        placement, row = same[shape.name]
+        moved = not np.allclose(placement.homogeneous, shape.placement.homogeneous, rtol=0.0, atol=ROUNDING)
+        rows.append(shape_row(robot.pin_model, shape) if moved else row)
+    return _prepared(robot, shapes, pairs, own.overlapping, rows)
+
+
+def _prepared(
+    robot: Robot,
+    shapes: list[Shape],
+    pairs: list[tuple[int, int]],
+    always: frozenset[frozenset[str]],
+    rows: list[ShapeRow],
+) -> OwnShapes:
+    """The arrays of shapes, without the pairs that touch in every configuration."""
+    counted = [(a, b) for a, b in pairs if frozenset((shapes[a].name, shapes[b].name)) not in always]
+    arrays = arm_arrays(robot.pin_model, [shape.joint for shape in shapes], rows, counted)
+    light = [shape._replace(vertices=NO_VERTICES) for shape in shapes]  # the hulls are in the rows
+    names = tuple(shape.name for shape in shapes)
+    return OwnShapes(light, counted, always, rows, arrays, names, frozenset(names))
+
+
+def _touching_everywhere(robot: Robot, own: OwnShapes) -> frozenset[frozenset[str]]:
+    """Names of shapes that touch in all of some configurations."""
+    call = Call(run_contact, make_contact_work(joined(own.arrays, NO_WORLD), 1))
+    call.work.integers[TASK] = LIST_TOUCHING
+    numbers, names = own.arrays.numbers.tolist(), own.names
+    found: set[frozenset[str]] | None = None
+    for q in (middle(robot), *spread(robot, OVERLAPPING_IN)):
+        call.work.q[: q.size] = q
+        pairs = call.work.hits.pairs[: call()].tolist()
+        touching = {frozenset((names[numbers[a]], names[numbers[b]])) for a, b in pairs}
+        found = touching if found is None else found & touching
+        if not found:
+            break
+    return frozenset(found or ())
