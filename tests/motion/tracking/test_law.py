@@ -21,7 +21,7 @@ from jacokin import Robot, Tracker
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.ik import Box, Scene, Sphere
-from jacokin.model.descriptions.bundled import NAMES
+from jacokin.model.descriptions.bundled import JACOS, NAMES
 from jacokin.motion import TrackerStep
 from tests.robot_files import ur5_text
 
@@ -231,7 +231,7 @@ def test_a_step_of_the_target_is_no_step_of_the_velocity(find: Find, name: str) 
     own = robot.acceleration_limit
     expected = own if np.isfinite(own).all() else robot.velocity_limit / 0.3
     assert np.allclose(tracker.acceleration_limit, expected)
-    if name in NAMES:
+    if name in JACOS:
         assert np.array_equal(expected, np.full(robot.dof, 2.0))
     rng = np.random.default_rng(3)
     jumps = [robot.forward_kinematics(robot.sample(rng)) for _ in range(8)]
