@@ -1,6 +1,8 @@
 """Build the coarse maps that come with the package, and draw the workspace for the documentation.
 
 python examples/build_maps.py [FOLDER]      jacokin/reachability/maps of the repository if no folder is given
+
+That of the gen3, whose seven joints have no closed form, takes 40 minutes.
 """
 
 from __future__ import annotations
