@@ -60,16 +60,17 @@ class Chain:
 
 
 def bundled_chain(folder: Path, name: str, frame: str) -> Chain:
-    """The chain of a bundled robot to one of its named frames, from `jaco.toml`."""
-    table = tomllib.loads((folder / "jaco.toml").read_text(encoding="utf-8"))
+    """The chain of a bundled robot to one of its named frames, from the table of its family."""
+    tables = [tomllib.loads((folder / file).read_text(encoding="utf-8")) for file in ("jaco.toml", "gen3.toml")]
+    table = next(each for each in tables if name in each["variants"])
     rows = _section(table["arms"], table["variants"][name]["arm"])
     joints, lower, upper = [], [], []
     for row in (row for key, row in rows.items() if key.startswith("joint_")):
         joints.append((placement(np.array(row["xyz"]), _angles(row["rpy"])), np.array([0.0, 0.0, 1.0]), False))
         limited = row["type"] == "revolute"
-        lower.append(math.radians(row["lower_deg"]) if limited else -math.inf)
-        upper.append(math.radians(row["upper_deg"]) if limited else math.inf)
-    site = table["sites"][frame]
+        lower.append(_limit(row, "lower") if limited else -math.inf)
+        upper.append(_limit(row, "upper") if limited else math.inf)
+    site = rows["sites"][frame] if "sites" in rows else table["sites"][frame]
     tip = placement(np.array(site["xyz"]), _angles(site["rpy"]))
     if site["parent"] == "hand":  # mounted at the wrist site
         wrist, mount = table["sites"]["wristsite"], table["hand_mount"]
@@ -119,6 +120,11 @@ def _section(group: Mapping[str, Any], name: str) -> dict[str, Any]:
     for key, value in own.items():
         merged[key] = {**merged[key], **value} if isinstance(value, dict) and key in merged else value
     return merged
+
+
+def _limit(row: Mapping[str, Any], side: str) -> float:
+    """[rad]; the table has it in degrees or in radians."""
+    return math.radians(row[f"{side}_deg"]) if f"{side}_deg" in row else float(row[side])
 
 
 def _angles(values: list[float | str]) -> Array:

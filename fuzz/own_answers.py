@@ -20,6 +20,7 @@ from jacokin.ik.targets import TargetPose
 from jacokin.kernels.solution_set.seven_joints import MOST_AT_Q3, solve_at_q3
 from jacokin.model import NAMES, Robot
 from jacokin.model.angles import wrap_to_pi
+from jacokin.model.descriptions.bundled import JACOS
 
 BATCH = 50  # configurations in one case
 REGULAR, SINGULAR = 1e-6, 1e-4  # [rad] distance of the answer from the configuration
@@ -242,8 +243,13 @@ def _avoiding(solver: IKSolver) -> IKSolver:
 def find_missing(
     solver: IKSolver, found: SolutionSet, target: FreeAxis | pin.SE3, q: Array, rng: np.random.Generator
 ) -> Array | None:
-    """A branch (dof,) at some value of the parameter that a complete set lacks, most likely near q (dof,)."""
+    """A branch (dof,) at some value of the parameter that a complete set lacks, most likely near q (dof,).
+
+    Seven joints are scanned where joint 3 is the parameter, as of a Jaco.
+    """
     robot, own = solver.robot, float(q[2]) if solver.robot.dof == 7 else 0.0
+    if robot.dof == 7 and robot.source.bundled not in JACOS:
+        return None
     limited = ~robot.unlimited
     middle = np.zeros(robot.dof)
     middle[limited] = 0.5 * (robot.lower[limited] + robot.upper[limited])

@@ -14,7 +14,8 @@ from fuzz.findings import Finding
 from fuzz.kinematics import Chain, bundled_chain, placement, rotation_error
 from jacokin import IKSolver, Status, load_robot, pose
 from jacokin.arrays import Array
-from jacokin.model import NAMES, Robot, urdf_folder
+from jacokin.model import Robot, urdf_folder
+from jacokin.model.descriptions.bundled import JACOS
 
 BATCH = 500  # targets in one case
 TOLERANCE = 1e-6  # [m] and [rad]: what jacokin promises of a success
@@ -112,8 +113,8 @@ class Case:
 
 
 def case(rng: np.random.Generator, joints: str = "6") -> Case:
-    """A robot of so many joints, one of its frames, and sometimes a tool of up to 0.5 m."""
-    name = str(rng.choice([name for name in NAMES if name[3] == joints]))
+    """A Jaco of so many joints, one of its frames, and sometimes a tool of up to 0.5 m."""
+    name = str(rng.choice([name for name in JACOS if name[3] == joints]))
     robot = _robot(name)
     frame = str(rng.choice([frame for frame in ("end_effector", "wristsite", "gripsite") if frame in robot.frames]))
     tool = np.eye(4)

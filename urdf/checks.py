@@ -6,11 +6,12 @@ from collections.abc import Mapping
 from typing import Any
 
 from jacokin.errors import ModelError, UnknownNameError
-from jacokin.model.descriptions.bundled import ancestors, section
+from jacokin.model.descriptions.bundled import NO_HAND, ancestors, section
 
-VARIANT_FIELDS = ("arm", "hand", "home", "source")
+VARIANT_FIELDS = ("family", "arm", "hand", "home", "source")
 JOINT_FIELDS = ("type", "parent", "child", "xyz", "rpy", "velocity_deg", "effort", "group")
 LIMIT_FIELDS = ("lower_deg", "upper_deg")
+IN_DEGREES = "_deg"  # fields that may be given in radians as well, without this ending
 
 
 def check(table: Mapping[str, Any]) -> None:
@@ -23,7 +24,10 @@ def check(table: Mapping[str, Any]) -> None:
         where = f"variants.{name}"
         _fields(variant, VARIANT_FIELDS, where)
         arm, hand = variant["arm"], variant["hand"]
-        for group, wanted in (("arms", arm), ("hands", hand), ("shapes", arm), ("shapes", hand), ("masses", name)):
+        wanted_sections = [("arms", arm), ("shapes", arm), ("masses", name)]
+        if hand != NO_HAND:
+            wanted_sections += [("hands", hand), ("shapes", hand)]
+        for group, wanted in wanted_sections:
             try:
                 section(table[group], wanted)
             except UnknownNameError as error:
@@ -32,7 +36,7 @@ def check(table: Mapping[str, Any]) -> None:
         if len(variant["home"]) != len(joints):
             raise ModelError(f"{where}: home has {len(variant['home'])} angles, arms.{arm} has {len(joints)} joints")
         for joint, row in joints.items():
-            _check_joint(table, row, f"arms.{arm}.{joint}")
+            _check_joint(table, row, f"arms.{arm}.{joint}", simulated=variant["family"] == "jaco")
             shaped = _given_in(table["shapes"], arm, row["parent"])
             _check_length(table, arm, joint, shaped, f"shapes.{shaped}.{row['parent']}")
             weighed = _given_in(table["masses"], name, row["parent"])
@@ -42,7 +46,7 @@ def check(table: Mapping[str, Any]) -> None:
 
 
 def _fields(row: Mapping[str, Any], names: tuple[str, ...], where: str) -> None:
-    missing = [name for name in names if name not in row]
+    missing = [name for name in names if name not in row and name.removesuffix(IN_DEGREES) not in row]
     if missing:
         raise ModelError(f"{where} has no {', '.join(missing)}")
 
@@ -51,9 +55,9 @@ def _joints(table: Mapping[str, Any], arm: str) -> dict[str, Mapping[str, Any]]:
     return {key: row for key, row in section(table["arms"], arm).items() if key.startswith("joint_")}
 
 
-def _check_joint(table: Mapping[str, Any], row: Mapping[str, Any], where: str) -> None:
+def _check_joint(table: Mapping[str, Any], row: Mapping[str, Any], where: str, *, simulated: bool) -> None:
     _fields(row, JOINT_FIELDS + (LIMIT_FIELDS if row.get("type") == "revolute" else ()), where)
-    for group in ("dynamics", "actuators"):
+    for group in ("dynamics", "actuators") if simulated else ("dynamics",):
         if row["group"] not in table[group]:
             raise ModelError(f"{where}: its group {row['group']!r} has no section in [{group}]")
 

@@ -1,15 +1,14 @@
-"""Reads jaco.toml and shapes.toml into one tree of bodies per robot: what both writers work from."""
+"""Reads the tables into one tree of bodies per robot: what both writers work from."""
 
 from __future__ import annotations
 
 import math
-import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from jacokin.model.descriptions.bundled import parse_angle, section
+from jacokin.model.descriptions.bundled import TABLES, in_hand, parse_angle, read_tables, section
 from urdf.checks import check
 
 FOLDER = Path(__file__).resolve().parent
@@ -85,30 +84,29 @@ class Description:
     """One robot: bodies in an order in which parents come first, frames, pairs that must not collide."""
 
     name: str
+    family: str
     bodies: tuple[Body, ...]
     frames: tuple[Frame, ...]
     excluded: tuple[tuple[str, str], ...]
 
     def hand_bodies(self) -> tuple[Body, ...]:
-        """The hand and everything on it."""
-        first = [body.name for body in self.bodies].index("hand")
-        return self.bodies[first:]
+        """The hand and everything on it; nothing where there is none."""
+        names = [body.name for body in self.bodies]
+        return self.bodies[names.index("hand") :] if "hand" in names else ()
 
     def arm_bodies(self) -> tuple[Body, ...]:
         """Everything up to the hand."""
-        return self.bodies[: -len(self.hand_bodies())]
+        return self.bodies[: len(self.bodies) - len(self.hand_bodies())]
 
 
 def read_table() -> dict[str, Any]:
-    """Both files as one dictionary; the shapes are under ``"shapes"``.
+    """All files as one dictionary; the shapes are under ``"shapes"``.
 
     Raises:
         ModelError: a robot is not complete; see `checks.check`.
     """
-    with (FOLDER / "jaco.toml").open("rb") as file:
-        table = tomllib.load(file)
-    with (FOLDER / "shapes.toml").open("rb") as file:
-        table["shapes"] = tomllib.load(file)
+    table = read_tables(FOLDER, *TABLES)
+    table["shapes"] = read_tables(FOLDER, "shapes.toml")
     check(table)
     return table
 
@@ -117,8 +115,10 @@ def describe(table: Mapping[str, Any], name: str) -> Description:
     """Assemble the arm and hand called ``name`` from the table."""
     variant = table["variants"][name]
     masses = section(table["masses"], name)
-    shapes = section(table["shapes"], variant["arm"]) | section(table["shapes"], variant["hand"])
-    hand = table["hands"][variant["hand"]]
+    shapes = section(table["shapes"], variant["arm"])
+    hand = in_hand(table, variant["hand"])
+    if hand:
+        shapes |= section(table["shapes"], variant["hand"])
 
     def body(name: str, parent: str | None, row: Mapping[str, Any], joint: Joint | None, kind: str = "") -> Body:
         kind = kind or name
@@ -137,21 +137,24 @@ def describe(table: Mapping[str, Any], name: str) -> Description:
         row = rows[joint_name]
         bodies.append(body(row["child"], row["parent"], row, _joint(joint_name, row)))
     last_link = bodies[-1].name
-    bodies.append(body("hand", last_link, {}, None))
-    for finger in hand["fingers"]:
+    if hand:
+        bodies.append(body("hand", last_link, {}, None))
+    for finger in hand.get("fingers", ()):
         link, tip = f"link_{finger}", f"link_{finger.replace('finger', 'finger_tip')}"
-        bodies.append(body(link, "hand", hand[finger], _joint(finger, table["finger"]), "link_finger"))
-        bodies.append(body(tip, link, table["finger_tip"], None, "link_finger_tip"))
+        bodies.append(body(link, "hand", hand[finger], _joint(finger, hand["finger"]), "link_finger"))
+        bodies.append(body(tip, link, hand["finger_tip"], None, "link_finger_tip"))
 
-    sites = {s: row for s, row in table["sites"].items() if row["parent"] != "hand" or s in hand["sites"]}
+    of_hand = hand.get("sites", ())
+    sites = {s: row for s, row in rows.get("sites", table["sites"]).items() if row["parent"] != "hand" or s in of_hand}
     return Description(
         name=name,
+        family=variant["family"],
         bodies=tuple(bodies),
         frames=tuple(
             Frame(s, last_link if row["parent"] == "last_link" else row["parent"], placement(row))
             for s, row in sites.items()
         ),
-        excluded=_excluded(table["contacts"], hand["fingers"]),
+        excluded=_excluded(table["contacts"], hand.get("fingers", ())),
     )
 
 
@@ -206,7 +209,7 @@ def _shape(row: Mapping[str, Any]) -> Shape:
     return Shape(row["name"], row["kind"], size, placement(row), row["look"])
 
 
-def _excluded(contacts: Mapping[str, Any], fingers: list[str]) -> tuple[tuple[str, str], ...]:
+def _excluded(contacts: Mapping[str, Any], fingers: Sequence[str]) -> tuple[tuple[str, str], ...]:
     pairs = [(a, b) for a, b in contacts["exclude_arm"]]
     if contacts["exclude_hand_finger"]:
         pairs += [("hand", f"link_{finger}") for finger in fingers]

@@ -9,6 +9,8 @@ from typing import Any
 from urdf.description import Body, Description, Placement, placement
 from urdf.write_urdf import numbers
 
+FINGER = "link_finger"  # how the names of fingers and their tips begin
+
 
 def robot_mjcf(robot: Description, table: Mapping[str, Any], header: str) -> str:
     """Arm and hand in one file."""
@@ -38,7 +40,8 @@ def _mjcf(
     ET.SubElement(mujoco, "compiler", angle="radian", autolimits="true")
     names = {body.name for body in bodies}
     groups = {body.joint.group for body in bodies if body.joint is not None}
-    _defaults(mujoco, table, [group for group in table["dynamics"] if group in groups])
+    fingers = next((body.joint.group for body in bodies if body.joint and body.name.startswith(FINGER)), "")
+    _defaults(mujoco, table, robot.family, [group for group in table["dynamics"] if group in groups], fingers)
     asset = ET.SubElement(mujoco, "asset")
     for look in ("dark", "light"):
         ET.SubElement(asset, "material", name=look, rgba=numbers(table["looks"][look]["rgba"]))
@@ -49,9 +52,9 @@ def _mjcf(
         pose = root if parent is None and root is not None else body.placement
         element = ET.SubElement(elements[parent], "body", {"name": body.name} | _pose(pose))
         if parent is None:
-            element.set("childclass", "jaco")
+            element.set("childclass", robot.family)
         elements[body.name] = element
-        _contents(element, body)
+        _contents(element, body, fingers)
     for frame in robot.frames:
         if frame.parent in names:
             ET.SubElement(elements[frame.parent], "site", {"name": frame.name} | _pose(frame.placement))
@@ -61,11 +64,11 @@ def _mjcf(
     return ET.tostring(mujoco, encoding="unicode") + "\n"
 
 
-def _defaults(mujoco: ET.Element, table: Mapping[str, Any], groups: list[str]) -> None:
+def _defaults(mujoco: ET.Element, table: Mapping[str, Any], family: str, groups: list[str], fingers: str) -> None:
     contact, looks = table["contacts"]["arm"], table["looks"]
-    jaco = ET.SubElement(ET.SubElement(mujoco, "default"), "default", {"class": "jaco"})
+    whole = ET.SubElement(ET.SubElement(mujoco, "default"), "default", {"class": family})
     ET.SubElement(
-        jaco,
+        whole,
         "geom",
         mass="0",
         contype=str(contact["contype"]),
@@ -76,7 +79,7 @@ def _defaults(mujoco: ET.Element, table: Mapping[str, Any], groups: list[str]) -
         friction=numbers(contact["friction"]),
     )
     ET.SubElement(
-        jaco,
+        whole,
         "site",
         type="sphere",
         size=numbers([looks["site"]["site_radius"]]),
@@ -84,15 +87,15 @@ def _defaults(mujoco: ET.Element, table: Mapping[str, Any], groups: list[str]) -
         group="4",
     )
     for group in groups:
-        element = ET.SubElement(jaco, "default", {"class": group})
-        if group == "finger":
+        element = ET.SubElement(whole, "default", {"class": group})
+        if group == fingers:
             ET.SubElement(element, "geom", condim=str(table["contacts"]["finger"]["condim"]))
         dynamics = table["dynamics"][group]
         keys = ("damping", "armature", "frictionloss")
         ET.SubElement(element, "joint", {key: repr(dynamics[key]) for key in keys})
 
 
-def _contents(element: ET.Element, body: Body) -> None:
+def _contents(element: ET.Element, body: Body, fingers: str) -> None:
     if body.inertial is not None:
         ET.SubElement(
             element,
@@ -107,8 +110,8 @@ def _contents(element: ET.Element, body: Body) -> None:
             joint.set("range", numbers(body.joint.limits))
     for shape in body.shapes:
         geom = ET.SubElement(element, "geom", name=f"{body.name}_{shape.name}", type=shape.kind)
-        if body.name.startswith("link_finger"):
-            geom.set("class", "finger")
+        if body.name.startswith(FINGER):
+            geom.set("class", fingers)
         geom.set("size", numbers(shape.size))
         geom.attrib.update(_pose(shape.placement))
         geom.set("material", shape.look)

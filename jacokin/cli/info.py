@@ -38,8 +38,8 @@ def info(
 ) -> None:
     """Show joints, limits with their source, home and frames.
 
-    Bundled robots: j2n6s300 (the default), j2n6s200, j2s6s300, j2s6s200, m1n6s300, m1n6s200;
-    with seven joints j2s7s300, j2s7s200.
+    Bundled robots: j2n6s300 (the default), j2n6s200, j2s6s300, j2s6s200, m1n6s300, m1n6s200, gen3_6dof, gen3_lite;
+    with seven joints j2s7s300, j2s7s200, gen3.
 
     Examples:
       jacokin info
@@ -158,7 +158,8 @@ def list_joints(arm: model.Robot, units: JointUnits) -> list[JointRow]:
         if robot is not None:
             numbers = bundled.arm_joints(robot)[name]
             actuator = bundled.actuator(numbers["group"])
-            torque, letter = max(actuator["force_range"]), actuator["source"]
+            if actuator:
+                torque, letter = max(actuator["force_range"]), actuator["source"]
             source = numbers.get("source", bundled.arm(robot)["source"])
         limits = (lower[k], upper[k], velocity[k], float(arm.effort_limit[k]))
         rows.append(JointRow(name, bool(arm.unlimited[k]), units.names[k], *limits, torque, source, letter))
@@ -169,4 +170,6 @@ def list_sources(arm: model.Robot) -> dict[str, str]:
     """What the letters in the joint table stand for."""
     if arm.source.bundled is None:
         return {"file": str(arm.source.path)}
-    return {key: bundled.source_text(key) for key in (bundled.arm(arm.source.bundled)["source"], "S")}
+    groups = {row["group"] for row in bundled.arm_joints(arm.source.bundled).values()}
+    letters = {row["source"] for group in groups if (row := bundled.actuator(group))}
+    return {key: bundled.source_text(key) for key in (bundled.arm(arm.source.bundled)["source"], *sorted(letters))}

@@ -81,7 +81,7 @@ def _placed(model: mujoco.MjModel, q: NDArray[np.float64]) -> mujoco.MjData:
         data.joint(f"joint_{index}").qpos[0] = angle
     for joint in range(model.njnt):
         if model.joint(joint).name.startswith("finger"):
-            data.joint(joint).qpos[0] = FINGERS
+            data.joint(joint).qpos[0] = np.clip(FINGERS, *model.jnt_range[joint])
     mujoco.mj_forward(model, data)
     return data
 

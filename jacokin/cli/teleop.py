@@ -407,7 +407,8 @@ def _fingers(robot: model.Robot) -> Fingers:
     """The fingers of an arm that is in no simulation."""
     from jacokin.teleop import Fingers
 
-    limits = bundled.robot_table()["finger"]
+    own = None if robot.source.bundled is None else bundled.finger(robot.source.bundled)
+    limits = own or bundled.robot_table()["finger"]
     at = limits["lower"] if robot.finger_angle is None else robot.finger_angle
     return Fingers(at, lower=limits["lower"], upper=limits["upper"])
 

@@ -20,7 +20,6 @@ from jacokin.model.descriptions import bundled, chain, urdf
 from jacokin.model.measured_arm import MeasuredArm
 from jacokin.model.robot import Home, HomeFinder, Robot, Source, middle, spread
 
-FINGER_ANGLE = 0.15  # [rad] fully open: the fingers' lower limit
 TIP_OF_BUNDLED = "end_effector"
 SUFFIXES = (".urdf", ".xml", ".mjcf")
 NO_FILE = "no such file"
@@ -46,8 +45,8 @@ def load_robot(
         base: frame in which poses are expressed. None: the root link of a URDF, the world of an MJCF.
         tip: frame at the end of the arm, and its default frame. None: the arm ends where the tree branches (into
             fingers), and its default frame is the end effector there.
-        finger_angle: angle at which joints off the arm are locked [rad]. None: 0.15 for bundled robots, the reference
-            position clipped into the limits for a user's file.
+        finger_angle: angle at which joints off the arm are locked [rad]. None: open for bundled robots (0.15, of the
+            gen3_lite -0.96), the reference position clipped into the limits for a user's file.
         limits: a user's own limits (lower, upper) [rad] by joint name, in place of those of the file.
         package_dirs: folders that hold the packages of package:// meshes, searched before ROS_PACKAGE_PATH and the
             folders above the file. Kinematics needs no meshes; self-contact does.
@@ -77,7 +76,7 @@ def load_robot(
     described = _read(path, name)
     if name:
         tip = tip or TIP_OF_BUNDLED
-        finger_angle = FINGER_ANGLE if finger_angle is None else finger_angle
+        finger_angle = bundled.open_angle(name) if finger_angle is None else finger_angle
     locked = _locked_reference(described.model, described.reference, finger_angle)
     model = chain.extract(described.model, locked, base, tip, name or described.model.name or path.stem)
     _refuse_coupled(model, described.couplings)

@@ -806,9 +806,9 @@ def _bounded(name: str, value: ArrayLike, size: int, unit: str, most: float, *, 
 
 
 def _acceleration_limit(name: str | None, joint_names: Sequence[str]) -> Array:
-    """(dof,) of a bundled arm by its table [rad/s^2]; inf for others."""
+    """(dof,) of a bundled arm by its table [rad/s^2], of the joint or of its actuator; inf for others."""
     joints = {} if name is None else bundled.arm_joints(name)
-    rows = [bundled.actuator(joints[joint]["group"]) if joint in joints else {} for joint in joint_names]
+    rows = [{**bundled.actuator(row["group"]), **row} if (row := joints.get(joint)) else {} for joint in joint_names]
     return np.array([row.get("acceleration", np.inf) for row in rows])
 
 

@@ -1,7 +1,7 @@
 """Ways to grasp boxes, cylinders and spheres: where the tool is, about which axis it may turn, how wide the hand opens.
 
-The tool is a bundled arm's `end_effector`: it lies between the pads of the fingers, which close along its x axis, and
-its z axis points away from the palm.
+The hand is a Jaco's, and the tool its `end_effector`: it lies between the pads of the fingers, which close along its x
+axis, and its z axis points away from the palm.
 """
 
 from __future__ import annotations

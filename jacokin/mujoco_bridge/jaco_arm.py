@@ -1,4 +1,4 @@
-"""The arms of the bundled robots, without their hands, in MuJoCo."""
+"""The arms of the bundled Jacos and Micos, without their hands, in MuJoCo."""
 
 from __future__ import annotations
 
@@ -47,10 +47,10 @@ class JacoArm(BundledPart, RobotArm):
             actuation: what its actuators take: "velocity", "torque" or "position".
 
         Raises:
-            UnknownNameError: no bundled robot has this name, or no actuation; lists the valid ones.
+            UnknownNameError: no bundled Jaco has this name, or no actuation; lists the valid ones.
             ModelError: the calibration is damaged or another arm's.
         """
-        rows = bundled.arm_joints(checks.choice("robot", robot, bundled.NAMES))
+        rows = bundled.arm_joints(checks.choice("robot", robot, bundled.JACOS))
         self.actuation = checks.choice("actuation", actuation, ACTUATIONS)
         groups = {joint: row["group"] for joint, row in rows.items()}
         spec = self._read("arm", robot, name, groups, self.actuation)

@@ -1,4 +1,4 @@
-"""The hands of the bundled robots, with three or two fingers, in MuJoCo."""
+"""The hands of the bundled Jacos and Micos, with three or two fingers, in MuJoCo."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class JacoHand(BundledPart, RobotHand):
                 with two fingers, the j2n6s200.
 
         Raises:
-            UnknownNameError: no bundled robot has this name; lists the valid ones.
+            UnknownNameError: no bundled Jaco has this name; lists the valid ones.
             InvalidInputError: another number of fingers, or no pinch site where it is asked for.
         """
         robot = _robot_with(fingers, robot)
@@ -126,16 +126,16 @@ def has_pinch_site(robot: str) -> bool:
     """Whether the hand of a bundled robot has a pinch site.
 
     Raises:
-        UnknownNameError: no bundled robot has this name; lists the valid ones.
+        UnknownNameError: no bundled Jaco has this name; lists the valid ones.
     """
-    return _PINCH_SITE in bundled.hand(checks.choice("robot", robot, bundled.NAMES))["sites"]
+    return _PINCH_SITE in bundled.hand(checks.choice("robot", robot, bundled.JACOS))["sites"]
 
 
 def _robot_with(fingers: int | None, robot: str | None) -> str:
     """The bundled robot whose hand has so many fingers."""
     if fingers is not None and checks.whole_number("fingers", fingers) not in _HANDS:
         raise InvalidInputError(f"fingers must be 3 or 2, got {shown(fingers)}")
-    name = _HANDS[3 if fingers is None else fingers] if robot is None else checks.choice("robot", robot, bundled.NAMES)
+    name = _HANDS[3 if fingers is None else fingers] if robot is None else checks.choice("robot", robot, bundled.JACOS)
     count = len(bundled.hand(name)["fingers"])
     if fingers is not None and count != fingers:
         raise InvalidInputError(f"the hand of the {name} has {count} fingers, not {fingers}")

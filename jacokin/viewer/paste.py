@@ -16,7 +16,8 @@ from jacokin.errors import JacokinError
 from jacokin.ik.options import SolverOptions, default_collision
 from jacokin.ik.results import Status
 from jacokin.model import poses
-from jacokin.model.loading import FINGER_ANGLE, TIP_OF_BUNDLED
+from jacokin.model.descriptions.bundled import open_angle
+from jacokin.model.loading import TIP_OF_BUNDLED
 from jacokin.model.obstacles import Box, Capsule, Cylinder, Floor, Obstacle, Sphere
 from jacokin.model.poses import FreeAxis
 from jacokin.model.robot import Robot
@@ -166,7 +167,7 @@ def _robot_options(robot: Robot) -> list[tuple[str, list[str]]]:
     if source.tip is not None and (source.bundled is None or source.tip != TIP_OF_BUNDLED):
         found.append((f"tip={source.tip!r}", ["--tip", source.tip]))
     angle = robot.finger_angle
-    if angle != (None if source.bundled is None else FINGER_ANGLE):
+    if angle != (None if source.bundled is None else open_angle(source.bundled)):
         found.append((f"finger_angle={angle!r}", ["--finger-angle", repr(angle)]))
     if source.limits:
         pairs = ", ".join(f"{joint!r}: ({_number(low)}, {_number(high)})" for joint, low, high in source.limits)

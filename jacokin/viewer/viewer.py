@@ -17,7 +17,7 @@ from jacokin.arrays import Array
 from jacokin.errors import JacokinError
 from jacokin.ik.solver import IKSolver
 from jacokin.model import checks, poses
-from jacokin.model.descriptions.bundled import robot_table
+from jacokin.model.descriptions.bundled import finger
 from jacokin.model.loading import load_robot
 from jacokin.model.scene import Scene
 from jacokin.motion.free_motion.plan_motion import plan_motion
@@ -403,12 +403,12 @@ class Viewer:
     def _open_hand(self, angle: float) -> None:
         """Draw the fingers at about an angle [rad]; those of a file of one's own, or measured, stay."""
         source, opening = self._inspector.robot.source, round(angle / FINGER_STEP)
-        if source.bundled is None or source.calibration is not None:
+        fingers = None if source.bundled is None else finger(source.bundled)
+        if source.bundled is None or fingers is None or source.calibration is not None:
             return
         if opening == self._opening or self._panel.visuals:
             return
         if opening not in self._hands:
-            fingers = robot_table()["finger"]
             drawn = min(max(opening * FINGER_STEP, fingers["lower"]), fingers["upper"])
             self._hands[opening], _ = load_parts(load_robot(source.bundled, finger_angle=drawn))
         self._opening = opening

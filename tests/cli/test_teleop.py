@@ -51,6 +51,13 @@ def test_a_hand_that_is_never_caught_up_with_ends_with_one(run: Run) -> None:
     assert "held back by" in answer.out
 
 
+@pytest.mark.parametrize("name", ["gen3", "gen3_lite"])
+def test_other_arms_are_led(run: Run, name: str) -> None:
+    answer = run("teleop", "--robot", name, "--stream", "smooth", "--fast", "--seconds", "1")
+    assert answer.code == 0
+    assert "kept in every tick" in answer.out
+
+
 def test_a_task_gives_its_reward(run: Run) -> None:
     answer = run("teleop", "--task", "reach_site", "--fast", "--seconds", "1", "--json")
     assert answer.code == 0

@@ -18,11 +18,15 @@ from jacokin.calibration import Measurements, calibrate
 from jacokin.ik import BatchResult
 from jacokin.ik.solutions.points import Points
 from jacokin.model import NAMES, Scene, Sphere, load_robot, urdf_folder
+from jacokin.model.descriptions.bundled import JACOS
 from jacokin.motion import move_joints
 
 
-@pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("frame", ["end_effector", "wristsite", "gripsite"])
+@pytest.mark.parametrize(
+    ("name", "frame"),
+    [(name, frame) for name in NAMES for frame in ("end_effector", "wristsite")]
+    + [(name, "gripsite") for name in JACOS],
+)
 def test_three_kinematics_agree(
     name: str, frame: str, bundled: Callable[[str], Robot], rng: np.random.Generator
 ) -> None:

@@ -20,6 +20,7 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, StructureError
 from jacokin.ik import SolutionSet
 from jacokin.model import NAMES, SelfContact, urdf_folder
+from jacokin.model.descriptions.bundled import JACOS, arm_joints
 
 angles = st.floats(-math.pi, math.pi)
 fractions = st.floats(0.0, 1.0)
@@ -104,12 +105,13 @@ def test_a_posed_base_changes_nothing(
         np.testing.assert_allclose(circular(here.q[0] - there.q[0]), 0.0, atol=1e-8)
 
 
-@pytest.mark.parametrize("name", [name for name in NAMES if name[3] == "6"])
-def test_every_member_of_the_family(name: str, bundled: Callable[[str], Robot], rng: np.random.Generator) -> None:
+@pytest.mark.parametrize("name", [name for name in NAMES if len(arm_joints(name)) == 6])
+def test_every_arm_with_six_joints(name: str, bundled: Callable[[str], Robot], rng: np.random.Generator) -> None:
     robot = bundled(name)
-    solver = IKSolver(robot, "gripsite", method="closed_form")
+    frame = "gripsite" if name in JACOS else "end_effector"
+    solver = IKSolver(robot, frame, method="closed_form")
     for q in robot.sample(rng, 200):
-        target = robot.forward_kinematics(q, "gripsite")
+        target = robot.forward_kinematics(q, frame)
         result = solver.solve(target, seed=q)
         assert result.success, str(result)
         assert result.method == "closed_form"

@@ -13,6 +13,7 @@ import jacokin.model
 from jacokin import Robot
 from jacokin.errors import InvalidInputError
 from jacokin.model import NAMES, urdf_folder
+from jacokin.model.descriptions.bundled import JACOS
 from tests.robot_files import ur5_text
 
 
@@ -39,8 +40,10 @@ def test_every_frame_agrees_with_mujoco(
     report = jacokin.crosscheck(robot, samples=samples, rng=rng)
     assert report.within(), str(report)
     compared = {row.frame for row in report.deviations if row.frame}
-    sites = {"wristsite", "end_effector", "gripsite"} | ({"pinchsite"} if name.endswith("300") else set())
-    assert {"link_base", "link_6", "hand"} | sites <= compared
+    assert {"link_base", "link_6", "wristsite", "end_effector"} <= compared
+    assert ("hand" in compared) == (name not in ("gen3", "gen3_6dof"))
+    assert ("gripsite" in compared) == (name in JACOS)
+    assert ("pinchsite" in compared) == name.endswith("300")
 
 
 def test_absurd_requests_are_refused(robot: Robot) -> None:

@@ -1,4 +1,4 @@
-"""The arms and hands of all bundled robots: whole robots, speeds, torques, grip, travel, inverse kinematics."""
+"""The arms and hands of the bundled Jacos: whole robots, speeds, torques, grip, travel, inverse kinematics."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.model.descriptions import bundled
 from jacokin.mujoco_bridge import Arena, JacoArm, JacoHand, ModelWrapperEntity, Physics, observations, robots
 
-NAMES = bundled.NAMES
+NAMES = bundled.JACOS
 TWO_FINGERS = [name for name in NAMES if name.endswith("200")]
 REACHED = 1e-6  # [m] of a success
 VELOCITY_BAND = 0.01  # [rad/s]

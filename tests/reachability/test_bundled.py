@@ -22,7 +22,8 @@ def test_a_bundled_map_is_of_its_robot_and_small(name: str) -> None:
     assert reach.robot.name == name
     assert reach.robot.source.bundled == name  # the hash was compared
     assert sum(path.stat().st_size for path in reach.folder.iterdir()) < 1_000_000
-    assert 0.1 < (reach.counts > 0).mean() < 0.5
+    least = 0.1 if reach.robot.unlimited[0] else 0.05  # of a slice through the axis; of a block, which has more corners
+    assert least < (reach.counts > 0).mean() < 0.5
     assert reach.bound is not None
 
 

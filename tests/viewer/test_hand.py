@@ -10,6 +10,7 @@ from urllib.parse import urlsplit
 import numpy as np
 import pytest
 
+import jacokin
 from jacokin import Robot, Tracker
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
@@ -88,6 +89,20 @@ def test_the_arm_is_shown_where_the_hand_brings_it_with_its_fingers(robot: Robot
         viewer.follow(teleop.step())
         assert until(lambda: "HOLDING" in viewer.view.note)
         assert until(lambda: any("Holding" in str(text.props) for text in page.screen.controls.values()))
+
+
+@pytest.mark.parametrize(("name", "angle"), [("gen3_6dof", 0.0), ("gen3_lite", 0.05)])
+def test_fingers_of_other_arms_are_drawn_where_they_have_some(name: str, angle: float) -> None:
+    robot = jacokin.load_robot(name)
+    with serve(robot, port=0) as viewer:
+        teleop = Teleop(Tracker(robot))
+        with opened(viewer) as page:
+            assert until(lambda: len(drawn_hand(page)) > 0)
+            hand = drawn_hand(page)
+            viewer.follow(teleop.step(), finger_angle=angle)
+            moves = name == "gen3_lite"
+            assert until(lambda: "HOLDING" in viewer.view.note)
+            assert until(lambda: np.array_equal(drawn_hand(page), hand) != moves)
 
 
 def test_the_buttons_work_the_clutch_and_end(robot: Robot) -> None:

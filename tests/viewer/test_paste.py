@@ -77,6 +77,8 @@ CASES = {
     ),
     "tip": Case(robot={"tip": "gripsite"}, python=("tip='gripsite'",), command=("--tip gripsite",)),
     "seven": Case(robot={"robot": "j2s7s300"}),
+    "no hand": Case(robot={"robot": "gen3_6dof"}),
+    "other fingers": Case(robot={"robot": "gen3_lite", "finger_angle": -0.5}, python=("finger_angle=-0.5",)),
 }
 
 
@@ -121,6 +123,14 @@ def test_both_texts_give_what_is_on_the_screen(name: str, tmp_path: Path) -> Non
     for words, text in ((case.python, python), (case.command, command)):
         for word in words:
             assert word in text
+
+
+@pytest.mark.parametrize("name", ["j2n6s300", "gen3", "gen3_lite"])
+def test_fingers_as_they_are_loaded_are_not_said(name: str) -> None:
+    inspector = inspector_of(Case(robot={"robot": name}))
+    view = inspector.at(inspector.pose_of(inspector.robot.home), inspector.robot.home)
+    assert "finger" not in paste.python_text(inspector, view)
+    assert "finger" not in paste.command_text(inspector, view)
 
 
 @pytest.mark.parametrize("prefer", ["nearest", "margin"])

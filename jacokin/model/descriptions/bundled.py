@@ -1,4 +1,4 @@
-"""The bundled robots: their names, their files, and their table of numbers, `urdf/jaco.toml`."""
+"""The bundled robots: their names, their files, and their numbers, `urdf/jaco.toml` and `urdf/gen3.toml`."""
 
 from __future__ import annotations
 
@@ -15,6 +15,12 @@ from jacokin.errors import ModelError, UnknownNameError
 #: The robot that is meant when none is named.
 DEFAULT_ROBOT = "j2n6s300"
 
+#: The files that together are the table of numbers; their sections have different names.
+TABLES = ("jaco.toml", "gen3.toml")
+
+#: What `hand` says of an arm that is bundled without one.
+NO_HAND = "none"
+
 
 def urdf_folder() -> Path:
     """Folder of the generated descriptions: inside the installed package, or beside it in a source tree."""
@@ -24,14 +30,26 @@ def urdf_folder() -> Path:
 
 
 @functools.cache
-def robot_table(file_name: str = "jaco.toml") -> Mapping[str, Any]:
-    """The whole table as nested dictionaries; treat it as read-only."""
-    with (urdf_folder() / file_name).open("rb") as file:
-        return tomllib.load(file)
+def robot_table(*file_names: str) -> Mapping[str, Any]:
+    """The whole table, or what the given files hold, as nested dictionaries; treat it as read-only."""
+    return read_tables(urdf_folder(), *(file_names or TABLES))
+
+
+def read_tables(folder: Path, *file_names: str) -> dict[str, Any]:
+    """Files of a folder as nested dictionaries, groups of the same name in one."""
+    whole: dict[str, Any] = {}
+    for file_name in file_names:
+        with (folder / file_name).open("rb") as file:
+            for group, rows in tomllib.load(file).items():
+                whole[group] = {**whole.get(group, {}), **rows}
+    return whole
 
 
 #: Names of the bundled robots, in the order of the table.
 NAMES: tuple[str, ...] = tuple(robot_table()["variants"])
+
+#: Those of the family of the Jaco, whose arms and hands `jacokin.mujoco_bridge` simulates.
+JACOS: tuple[str, ...] = tuple(name for name, row in robot_table()["variants"].items() if row["family"] == "jaco")
 
 
 def parse_angle(value: float | str) -> float:
@@ -98,14 +116,31 @@ def arm_joints(name: str) -> dict[str, Mapping[str, Any]]:
 
 
 def hand(name: str) -> Mapping[str, Any]:
-    """Section of the hand of a bundled robot."""
-    row: Mapping[str, Any] = robot_table()["hands"][variant(name)["hand"]]
-    return row
+    """Section of the hand of a bundled robot; empty where it has none."""
+    return in_hand(robot_table(), variant(name)["hand"])
+
+
+def in_hand(table: Mapping[str, Any], hand: str) -> Mapping[str, Any]:
+    """Section of a hand, with the `finger` and `finger_tip` of all hands where it has none of its own; {} for none."""
+    if hand == NO_HAND:
+        return {}
+    return {"finger": table["finger"], "finger_tip": table["finger_tip"], **table["hands"][hand]}
+
+
+def finger(name: str) -> Mapping[str, Any] | None:
+    """Row of the fingers of a bundled robot, from open (`lower` [rad]) to closed (`upper`); None where it has none."""
+    return hand(name).get("finger")
+
+
+def open_angle(name: str) -> float | None:
+    """Angle of the open fingers of a bundled robot [rad], at which it is loaded; None where it has none."""
+    row = finger(name)
+    return None if row is None else float(row["lower"])
 
 
 def actuator(group: str) -> Mapping[str, Any]:
-    """Row of the actuator of a joint group ("large", "small", "finger"), ranges in [rad/s] and [N m]."""
-    row = dict(robot_table()["actuators"][group])
+    """Row of the actuator of a joint group such as "large", ranges in [rad/s] and [N m]; empty where none is known."""
+    row = dict(robot_table()["actuators"].get(group, {}))
     if "ctrl_range_deg" in row:
         row["ctrl_range"] = [math.radians(value) for value in row.pop("ctrl_range_deg")]
     return row
@@ -117,5 +152,5 @@ def source_text(key: str) -> str:
 
 
 def part_file(robot: str, part: str) -> Path:
-    """The MJCF file of the "arm" or the "hand" of a bundled robot."""
+    """The MJCF file of the "arm" or the "hand" of a bundled robot of the Jaco's family."""
     return urdf_folder() / f"{'jaco' if robot == DEFAULT_ROBOT else robot}_{part}.xml"

@@ -18,6 +18,7 @@ from jacokin.ik.results import Frozen
 from jacokin.ik.seeds import DEFAULT_RANDOM_SEED, checked_start
 from jacokin.ik.solver import IKSolver
 from jacokin.model import checks
+from jacokin.model.descriptions.bundled import JACOS
 from jacokin.model.obstacles import pose_of
 from jacokin.model.robot import Robot, acceleration_limits, velocity_limits
 from jacokin.model.scene import Scene
@@ -166,7 +167,7 @@ def plan_pick(
         message=finder.reason,
     )
     fingers = None
-    if opening is not None and robot.source.bundled is not None:
+    if opening is not None and robot.source.bundled in JACOS:
         share = (opening - ANGLES[0]) / (ANGLES[-1] - ANGLES[0])
         fingers = CLOSED * float(np.clip(share, 0.0, 1.0))
 
@@ -225,11 +226,11 @@ def _opened(solver: IKSolver, around: Scene, opening: float | None) -> IKSolver:
     try:
         return solver.in_scene(around.with_fingers(opening))
     except InvalidInputError as error:
-        if solver.robot.source.bundled is not None:
+        if solver.robot.source.bundled in JACOS:
             raise
         raise InvalidInputError(
             f"the fingers of {solver.robot.name} cannot stand at the opening {opening:.4g} of the grasps ({error}): "
-            "grasps.box, cylinder and sphere are for the bundled hands; give jacokin.motion.Grasp(target, opening) "
+            "grasps.box, cylinder and sphere are for the Jacos' hands; give jacokin.motion.Grasp(target, opening) "
             "with an opening in the unit of this hand's joints, [m] where they slide, or opening=None for fingers that "
             "stay as they are"
         ) from error

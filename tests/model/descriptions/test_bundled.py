@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import importlib
-import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -24,8 +23,8 @@ LONG = 0.5  # [m] between joints 2 and 3 of the new arm
 
 
 def read() -> Table:
-    numbers = tomllib.loads((ROOT / "urdf" / "jaco.toml").read_text())
-    return numbers | {"shapes": tomllib.loads((ROOT / "urdf" / "shapes.toml").read_text())}
+    numbers = bundled.read_tables(ROOT / "urdf", *bundled.TABLES)
+    return numbers | {"shapes": bundled.read_tables(ROOT / "urdf", "shapes.toml")}
 
 
 def with_a_new_arm() -> Table:

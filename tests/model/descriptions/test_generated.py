@@ -23,13 +23,16 @@ from numpy.typing import NDArray
 from jacokin.model.descriptions import bundled
 
 FOLDER = Path(__file__).resolve().parents[3] / "urdf"
-NAMES = ("j2n6s300", "j2n6s200", "j2s6s200", "j2s6s300", "m1n6s200", "m1n6s300", "j2s7s300", "j2s7s200")
+JACOS = ("j2n6s300", "j2n6s200", "j2s6s200", "j2s6s300", "m1n6s200", "m1n6s300", "j2s7s300", "j2s7s200")
+GEN3S = ("gen3", "gen3_6dof", "gen3_lite")
+NAMES = (*JACOS, *GEN3S)
 ARM_LINKS = ["link_base", "link_1", "link_2", "link_3", "link_4", "link_5", "link_6"]
-JOINTS = {name: 7 if name[3] == "7" else 6 for name in NAMES}
+JOINTS = dict.fromkeys(NAMES, 6) | dict.fromkeys(("j2s7s300", "j2s7s200", "gen3"), 7)
+FINGERS = {name: 3 if name.endswith("300") else 2 for name in JACOS} | {"gen3": 0, "gen3_6dof": 0, "gen3_lite": 2}
 # Both engines compute the same chain in double precision; what is left is rounding.
 POSE_TOLERANCE = 1e-12
 DYNAMICS_TOLERANCE = 1e-11
-NOT_NUMBERS = {"fingers", "sites", "exclude_arm"}  # lists of names in the table
+NOT_NUMBERS = {"fingers", "sites", "exclude_arm", "parts"}  # lists in the table, of names or shapes, or empty
 
 
 @pytest.fixture
@@ -44,12 +47,13 @@ def read(name: str) -> dict[str, Any]:
 
 
 def fingers(name: str) -> list[str]:
-    return [f"finger_{i + 1}" for i in range(3 if name.endswith("300") else 2)]
+    return [f"finger_{i + 1}" for i in range(FINGERS[name])]
 
 
 def frames(name: str) -> list[str]:
+    grip = ["gripsite"] if name in JACOS else []
     pinch = ["pinchsite"] if name.endswith("300") else []
-    return ["end_effector", "wristsite", "gripsite", *pinch]
+    return ["end_effector", "wristsite", *grip, *pinch]
 
 
 def mjcf(name: str) -> mujoco.MjModel:
@@ -78,7 +82,7 @@ def test_files_are_what_the_table_says(generator: ModuleType) -> None:
     texts = generator.files()
     assert set(texts) == {p.name for p in FOLDER.iterdir() if p.suffix in {".xml", ".urdf"}}
     expected = {f"{name}.{suffix}" for name in NAMES for suffix in ("urdf", "xml")}
-    parts = {bundled.part_file(name, part).name for name in NAMES for part in ("arm", "hand")}
+    parts = {bundled.part_file(name, part).name for name in JACOS for part in ("arm", "hand")}
     assert {"jaco_arm.xml", "jaco_hand.xml"} < parts
     assert set(texts) == expected | parts
     for name, text in texts.items():
@@ -108,12 +112,18 @@ def leaves(rows: Mapping[str, Any], path: str, source: str | None) -> Iterator[t
 
 
 def test_every_number_has_a_unit_and_a_source() -> None:
-    table = read("jaco.toml")
+    table = bundled.read_tables(FOLDER, *bundled.TABLES)
     sources, units = table.pop("sources"), table.pop("units")
-    numbers = [*leaves(table, "jaco", None), *leaves(read("shapes.toml"), "shapes", None)]
-    assert len(numbers) > 300
+    numbers = [*leaves(table, "", None), *leaves(read("shapes.toml"), "shapes", None)]
+    assert len(numbers) > 500
     assert not [path + "." + key for path, key, _ in numbers if key not in units]
     assert not [path + "." + key for path, key, source in numbers if source not in sources]
+
+
+def test_no_section_is_in_both_tables() -> None:
+    tables = [read(name) for name in bundled.TABLES]
+    for group in set(tables[0]) & set(tables[1]):
+        assert not set(tables[0][group]) & set(tables[1][group]), group
 
 
 def test_angles_are_exact(generator: ModuleType) -> None:
@@ -132,7 +142,8 @@ def test_angles_are_exact(generator: ModuleType) -> None:
 def test_names_in_both_formats(name: str) -> None:
     tips = [finger.replace("finger", "finger_tip") for finger in fingers(name)]
     arm = [*ARM_LINKS, "link_7"][: JOINTS[name] + 1]
-    bodies = [*arm, "hand", *(f"link_{x}" for pair in zip(fingers(name), tips, strict=True) for x in pair)]
+    hand = ["hand"] if FINGERS[name] else []
+    bodies = [*arm, *hand, *(f"link_{x}" for pair in zip(fingers(name), tips, strict=True) for x in pair)]
     joints = [f"joint_{i}" for i in range(1, JOINTS[name] + 1)] + fingers(name)
 
     model = mjcf(name)
@@ -165,7 +176,7 @@ def test_arm_file_ends_at_the_wrist_site() -> None:
     assert hand.body(1).name == "hand"
 
 
-@pytest.mark.parametrize("robot", NAMES)
+@pytest.mark.parametrize("robot", JACOS)
 def test_hand_attached_at_the_wrist_site_is_the_whole_robot(robot: str) -> None:
     arm = mujoco.MjSpec.from_file(str(bundled.part_file(robot, "arm")))
     hand = mujoco.MjSpec.from_file(str(bundled.part_file(robot, "hand")))
@@ -218,6 +229,33 @@ def test_speeds_and_efforts_of_the_urdf() -> None:
     speeds = [math.radians(x) for x in (36, 36, 36, 48, 48, 48)] + [1.0] * 3
     np.testing.assert_array_equal(robot.velocityLimit, speeds)
     np.testing.assert_array_equal(robot.effortLimit, [40, 80, 40, 20, 20, 20, 2, 2, 2])
+
+
+def test_limits_of_the_gen3() -> None:
+    """Kinova's kortex_description of 2024-03 [rad]."""
+    expected = {
+        "gen3": (None, 2.24, None, 2.57, None, 2.09, None),
+        "gen3_6dof": (None, 2.24, 2.57, None, 2.09, None),
+        "gen3_lite": (2.68, 2.61, 2.61, 2.6, 2.53, 2.6),
+    }
+    for name, limits in expected.items():
+        model, robot = mjcf(name), urdf(name)
+        for i, limit in enumerate(limits):
+            joint = robot.joints[robot.getJointId(f"joint_{i + 1}")]
+            assert joint.nq == (2 if limit is None else 1)
+            assert model.jnt_limited[i] == (limit is not None)
+            if limit is not None:
+                assert tuple(model.jnt_range[i]) == (-limit, limit)
+                at = joint.idx_q
+                assert (robot.lowerPositionLimit[at], robot.upperPositionLimit[at]) == (-limit, limit)
+
+
+def test_speeds_and_efforts_of_the_gen3() -> None:
+    np.testing.assert_array_equal(urdf("gen3").velocityLimit, [1.3963] * 4 + [1.2218] * 3)
+    np.testing.assert_array_equal(urdf("gen3").effortLimit, [39.0] * 4 + [9.0] * 3)
+    np.testing.assert_array_equal(urdf("gen3_6dof").velocityLimit, [1.3963] * 3 + [1.2218] * 3)
+    np.testing.assert_array_equal(urdf("gen3_lite").velocityLimit[:6], [1.6] * 5 + [3.2])
+    np.testing.assert_array_equal(urdf("gen3_lite").effortLimit[:6], [10.0, 14.0, 10.0, 7.0, 7.0, 7.0])
 
 
 def test_speeds_of_seven_joints() -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import importlib.util
 import math
 import re
-import tomllib
 from pathlib import Path
 
 import mujoco
@@ -15,10 +14,10 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from jacokin.arrays import Array
+from jacokin.model.descriptions import bundled
 from tests.optional import needs_dm_control
 
 FOLDER = Path(__file__).resolve().parents[3] / "urdf"
-NAMES = ("j2n6s300", "j2n6s200", "j2s6s200", "j2s6s300", "m1n6s200", "m1n6s300", "j2s7s300", "j2s7s200")
 # The other description writes quaternions with six digits: 8e-7 rad and 3e-8 m at the wrist.
 SIX_DIGITS = 2e-6
 MOST_FALSE_CONTACTS = 0.015  # of configurations
@@ -133,15 +132,15 @@ def signed_distance(model: mujoco.MjModel, geom: int, points: Array) -> Array:
     return largest
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", bundled.NAMES)
 def test_home_is_within_limits_and_free_of_contact(name: str) -> None:
-    with (FOLDER / "jaco.toml").open("rb") as file:
-        home = tomllib.load(file)["variants"][name]["home"]
+    home, fingers = bundled.variant(name)["home"], bundled.finger(name)
     model = mjcf(name)
     limited, limits = model.jnt_limited[: len(home)] == 1, model.jnt_range[: len(home)]
     assert (home >= limits[:, 0])[limited].all()
     assert (home <= limits[:, 1])[limited].all()
-    for finger in (0.15, 0.5, 1.35):  # open, as in the sampled configurations, closed [rad]
+    # Open, half closed, closed [rad].
+    for finger in np.linspace(fingers["lower"], fingers["upper"], 3) if fingers else (0.0,):
         assert not touching(model, np.array([[*home, *[finger] * (model.nq - len(home))]])).any()
 
 

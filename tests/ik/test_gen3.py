@@ -1,0 +1,94 @@
+"""Inverse kinematics of Kinova's Gen3 arms: own answers, all branches, curves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from jacokin import FreeAxis, IKSolver, Robot
+from jacokin.ik import structure
+from jacokin.model.angles import wrap_to_pi
+
+NEAR = 1e-6  # [rad] of an own configuration
+ON_CURVE = 1e-5  # [rad] of a point of a curve
+ROOMY = 1e-3  # least singular value of a configuration whose branches are apart
+
+
+def apart(a: np.ndarray, b: np.ndarray) -> float:
+    """Largest difference of two configurations, or of the nearest of many [rad]."""
+    return float(np.abs(wrap_to_pi(a - b)).max(axis=-1).min())
+
+
+def test_structures(bundled: Callable[[str], Robot]) -> None:
+    lite, six, seven = (structure(bundled(name)) for name in ("gen3_lite", "gen3_6dof", "gen3"))
+    assert lite.name == "jaco"
+    assert six.name == "general"
+    residuals = {residual.name: residual.position for residual in six.residuals}
+    assert residuals["axes 4, 5 and 6 meet"] == pytest.approx(0.175e-3, abs=1e-6)  # [m]
+    assert seven.name == "seven joints"
+    assert [IKSolver(bundled(name)).dimension(bundled(name).forward_kinematics(bundled(name).home))
+            for name in ("gen3_lite", "gen3_6dof", "gen3")] == [0, 0, 1]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["gen3_6dof", "gen3_lite"])
+def test_own_configurations_and_all_branches(
+    name: str, bundled: Callable[[str], Robot], rng: np.random.Generator
+) -> None:
+    robot = bundled(name)
+    solver = IKSolver(robot, collision="ignore")
+    for q in robot.sample(rng, 300):
+        target = robot.forward_kinematics(q)
+        result = solver.solve(target, seed=q)
+        assert result.success, str(result)
+        if robot.singular_values(q)[-1] > ROOMY:
+            assert apart(result.q, q) < NEAR
+            assert apart(solver.solve_all(target).q, q) < NEAR
+
+
+def test_own_configurations_and_curves_of_seven_joints(
+    bundled: Callable[[str], Robot], rng: np.random.Generator
+) -> None:
+    robot = bundled("gen3")
+    solver = IKSolver(robot, collision="ignore")
+    for q in robot.sample(rng, 200):
+        assert apart(solver.solve(robot.forward_kinematics(q), seed=q).q, q) < NEAR
+    for q in robot.sample(rng, 30):
+        target = robot.forward_kinematics(q)
+        found = solver.solve_all(target)
+        assert found.dimension == 1
+        nearest = found.nearest(q)
+        assert nearest is not None
+        assert apart(nearest, q) < ON_CURVE
+        for row in found.sample(20):
+            reached = robot.forward_kinematics(row)
+            np.testing.assert_allclose(reached.homogeneous, target.homogeneous, atol=1e-6)
+            assert robot.within_limits(row)
+
+
+@pytest.mark.parametrize("name", ["gen3_6dof", "gen3_lite"])
+def test_a_free_axis_gives_curves(name: str, bundled: Callable[[str], Robot], rng: np.random.Generator) -> None:
+    robot = bundled(name)
+    solver = IKSolver(robot, collision="ignore")
+    for q in robot.sample(rng, 10):
+        target = FreeAxis(robot.forward_kinematics(q), axis=(0.0, 0.0, 1.0))
+        found = solver.solve_all(target)
+        assert found.dimension == 1
+        nearest = found.nearest(q)
+        assert nearest is not None
+        assert apart(nearest, q) < ON_CURVE
+
+
+@pytest.mark.parametrize("name", ["gen3", "gen3_6dof", "gen3_lite"])
+def test_answers_from_home_are_free_of_contact(
+    name: str, bundled: Callable[[str], Robot], rng: np.random.Generator
+) -> None:
+    robot = bundled(name)
+    solver = IKSolver(robot)
+    clear = [q for q in robot.sample(rng, 40) if not solver.solve(robot.forward_kinematics(q), seed=q).touching]
+    assert len(clear) > 30
+    for q in clear:
+        result = solver.solve(robot.forward_kinematics(q), seed=robot.home)
+        assert result.success, str(result)
+        assert not result.touching
