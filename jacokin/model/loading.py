@@ -76,7 +76,9 @@ def load_robot(
         tip = tip or TIP_OF_BUNDLED
         finger_angle = FINGER_ANGLE if finger_angle is None else finger_angle
     locked = _locked_reference(described.model, described.reference, finger_angle)
-    model = chain.extract(described.model, locked, base, tip, name or described.model.name or path.stem)
+    leaders = {joint: each.leader for each in described.couplings if each.leader for joint in each.joints}
+    ends = chain.find_ends(described.model, base, tip, leaders)
+    model = chain.extract(described.model, locked, ends, name or described.model.name or path.stem)
     _refuse_coupled(model, described.couplings)
     if finger_angle is not None:
         _check_fingers(described.model, model, finger_angle)
@@ -87,7 +89,7 @@ def load_robot(
     return Robot(
         model,
         base=base or described.base,
-        tip=tip,
+        tip=ends.frame,
         source=Source(
             path,
             described.kind,
@@ -98,7 +100,7 @@ def load_robot(
             own_limits,
             described.content,
             measured,
-            described.notes,
+            (*ends.notes, *described.notes),
         ),
         finger_angle=finger_angle,
         home=_documented_home(name, model) if name else find_home,
