@@ -657,6 +657,9 @@ class Source:
         content: the checked text of a URDF, or an MJCF as MuJoCo compiled it; None for bundled robots.
         calibration: how the arm differs from that content; None for not at all.
         notes: sentences on what was left out of the file.
+        locked: joints off the arm that were locked at positions of the user's [rad], or [m]; and what follows them.
+        velocity_limit: a user's own limits of velocity [rad/s]; empty for those of the file.
+        home: a user's own home [rad]; empty for none.
     """
 
     path: Path
@@ -669,6 +672,9 @@ class Source:
     content: str | mujoco.MjModel | None = field(default=None, repr=False, compare=False)
     calibration: MeasuredArm | None = None
     notes: tuple[str, ...] = ()
+    locked: tuple[tuple[str, float], ...] = ()
+    velocity_limit: tuple[float, ...] = ()
+    home: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -678,7 +684,7 @@ class Home:
     q: Array
     """(dof,) [rad]."""
     source: str
-    """In words: a documented configuration, a keyframe of the file, the middle of the limits, or a search."""
+    """In words: a documented configuration, a keyframe, the middle of the limits, a search, or the user's own."""
 
 
 HomeFinder = Callable[[Robot], Home]

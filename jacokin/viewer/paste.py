@@ -172,6 +172,9 @@ def _robot_options(robot: Robot) -> list[tuple[str, list[str]]]:
         pairs = ", ".join(f"{joint!r}: ({_number(low)}, {_number(high)})" for joint, low, high in source.limits)
         words = [word for joint, low, high in source.limits for word in ("--limit", f"{joint}={low!r},{high!r}")]
         found.append((f"limits={{{pairs}}}", words))
+    if source.locked:
+        words = [word for joint, value in source.locked for word in ("--lock", f"{joint}={value!r}")]
+        found.append((f"locked={dict(source.locked)!r}", words))
     if source.calibration is not None and source.calibration.path is not None:
         path = str(source.calibration.path)
         found.append((f"calibration={path!r}", ["--calibration", path]))

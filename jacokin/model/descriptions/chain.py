@@ -41,6 +41,9 @@ class Coupling:
     """Kind and name of what couples them, for messages."""
     leader: str | None = None
     """The joint that the one joint follows, where it is of that kind."""
+    multiplier: float = 1.0
+    offset: float = 0.0
+    """[rad] or [m] of the one joint where its leader is at zero."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

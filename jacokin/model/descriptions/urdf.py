@@ -80,7 +80,7 @@ def read(path: Path) -> Description:
     notes: list[str] = []
     robot = check(text, str(path), notes)
     bare = kinematic_text(robot)
-    couplings = [Coupling(frozenset((joint,)), "mimic", leader) for joint, leader in _leaders(bare, str(path)).items()]
+    couplings = _couplings(bare, str(path))
     return _description(_parse(bare, str(path)), couplings, ET.tostring(robot, encoding="unicode"), notes)
 
 
@@ -142,15 +142,25 @@ def kinematic_text(robot: ET.Element) -> str:
     return ET.tostring(bare, encoding="unicode")
 
 
-def _leaders(text: str, source: str) -> dict[str, str]:
-    """Which joint the joints follow that follow another one, as yourdfpy reads them; Pinocchio drops the relation."""
+def _couplings(text: str, source: str) -> list[Coupling]:
+    """The joints that follow another one, as yourdfpy reads them; Pinocchio drops the relation."""
     import yourdfpy
 
     try:
         parsed = yourdfpy.URDF.load(io.BytesIO(text.encode()), load_meshes=False, build_scene_graph=False)
     except Exception as error:  # yourdfpy raises whatever its walk through the XML stumbles over
         raise ModelError(f"{source}: yourdfpy cannot read this URDF: {error!r}") from error
-    return {joint.name: joint.mimic.joint for joint in parsed.robot.joints if joint.mimic is not None}
+    following = [(joint.name, joint.mimic) for joint in parsed.robot.joints if joint.mimic is not None]
+    return [
+        Coupling(
+            frozenset((name,)),
+            "mimic",
+            mimic.joint,
+            1.0 if mimic.multiplier is None else mimic.multiplier,
+            0.0 if mimic.offset is None else mimic.offset,
+        )
+        for name, mimic in following
+    ]
 
 
 def check(text: str, source: str, notes: list[str] | None = None) -> ET.Element:
