@@ -189,8 +189,9 @@ def _read(path: Path, name: str | None) -> chain.Description:
 def _is_urdf(path: Path) -> bool:
     """Whether an XML file holds a URDF, whatever it is called."""
     try:
-        return ET.parse(path).getroot().tag == "robot"
-    except (OSError, ET.ParseError, ValueError):
+        _, root = next(iter(ET.iterparse(path, events=("start",))))
+        return str(root.tag).rpartition("}")[2] == "robot"
+    except (OSError, ET.ParseError, ValueError, StopIteration):
         return False
 
 

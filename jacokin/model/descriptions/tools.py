@@ -96,13 +96,15 @@ def joints_of_tool(model: pin.Model, chain: Sequence[int], leaders: Mapping[str,
         leaders: which joint a joint follows, by name.
     """
     kept, found = list(chain), list[LeftOut]()
-    while len(kept) > 1 and (why := _why_of_tool(model, kept, leaders)):
+    while why := _why_of_tool(model, kept, leaders):
         found.append(LeftOut(kept.pop(), why))
     return found if len(kept) >= FEWEST else []
 
 
 def _why_of_tool(model: pin.Model, chain: Sequence[int], leaders: Mapping[str, str]) -> str | None:
     """Why the last joint of a chain is one of the tool; None where it is one of the arm."""
+    if len(chain) == 1:
+        return None
     name = str(model.names[chain[-1]])
     names = [str(model.names[joint]) for joint in chain]
     if leaders.get(name) in names[:-1]:  # it is of the tool where the joint that it follows is
