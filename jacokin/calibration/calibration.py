@@ -50,6 +50,7 @@ class Calibration(Findings):
             velocity_limit=source.velocity_limit or None,
             locked=dict(source.locked),
             home=source.home or None,
+            srdf=None if source.disabled is None else source.disabled.path,
         )
 
     def forward_kinematics(self, q: ArrayLike, frame: str | None = None) -> pin.SE3:

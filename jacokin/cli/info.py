@@ -27,6 +27,7 @@ from jacokin.model.descriptions.tools import usual_tools
 @options.tip
 @options.package_dir
 @options.lock
+@options.srdf
 @options.calibration
 def info(
     name: str | None,
@@ -37,6 +38,7 @@ def info(
     tip: str | None,
     package_dirs: Sequence[Path],
     locked: dict[str, float] | None,
+    srdf: Path | None,
     calibration: Path | None,
 ) -> None:
     """Show what a robot is: joints, limits with their source, home, frames, structure, shapes, and what is missing.
@@ -52,7 +54,7 @@ def info(
     if name is not None and robot is not None:
         raise InvalidInputError("give the robot once: as an argument, or with --robot")
     named = robot or name or model.DEFAULT_ROBOT
-    arm = RobotOptions(named, base, tip, package_dirs, calibration=calibration, locked=locked).load()
+    arm = RobotOptions(named, base, tip, package_dirs, calibration=calibration, locked=locked, srdf=srdf).load()
     joints = units.for_joints(arm)
     rows = list_joints(arm, joints)
     sources = list_sources(arm)

@@ -43,6 +43,7 @@ class RobotOptions:
     finger_angle: float | None = None
     calibration: Path | None = None
     locked: dict[str, float] | None = None
+    srdf: Path | None = None
 
     def load(self) -> model.Robot:
         """The robot.
@@ -59,6 +60,7 @@ class RobotOptions:
             finger_angle=self.finger_angle,
             calibration=self.calibration,
             locked=self.locked,
+            srdf=self.srdf,
         )
 
 
@@ -169,6 +171,12 @@ lock = click.option(
     metavar="JOINT=VALUE",
     help="Where a joint off the arm is locked [rad], or [m], also with --degrees. Repeatable.",
 )
+srdf = click.option(
+    "--srdf",
+    type=FILE,
+    metavar="FILE.srdf",
+    help="Pairs of links whose contact does not count, if not beside the URDF.",
+)
 calibration = click.option(
     "--calibration", type=FILE, metavar="FILE.toml", help="How this arm differs from its description."
 )
@@ -229,7 +237,9 @@ RADIANS = Units(degrees=False)  # of commands without --degrees
 def robot(default: str | None = DEFAULT_ROBOT, text: str = NAME_OR_FILE) -> Callable[..., Any]:
     """The options that say which robot it is; the command gets them as `source`."""
     name = click.option("--robot", default=default, metavar="NAME|FILE", help=text)
-    return option_group("source", RobotOptions, name, base, tip, package_dir, limit, finger_angle, lock, calibration)
+    return option_group(
+        "source", RobotOptions, name, base, tip, package_dir, limit, finger_angle, lock, srdf, calibration
+    )
 
 
 def load_scene(path: Path | None) -> model.Scene | None:

@@ -17,6 +17,7 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, ModelError, ShapeError, UnknownNameError
 from jacokin.model import checks
 from jacokin.model.descriptions import bundled, chain, urdf
+from jacokin.model.descriptions import srdf as srdf_files
 from jacokin.model.measured_arm import MeasuredArm
 from jacokin.model.robot import Home, HomeFinder, Robot, Source, middle, spread
 
@@ -38,6 +39,7 @@ def load_robot(
     velocity_limit: ArrayLike | None = None,
     locked: Mapping[str, float] | None = None,
     home: ArrayLike | None = None,
+    srdf: str | Path | None = None,
 ) -> Robot:
     """Load an arm by name or from a file, which is not read again afterwards (meshes of a URDF: when first needed).
 
@@ -59,6 +61,8 @@ def load_robot(
         locked: where joints off the arm are locked [rad], or [m] where they slide, by name: another arm of the file, a
             torso, a gripper; what mimics such a joint follows it. Others as `finger_angle` says.
         home: (dof,) a home of your own within the limits [rad], in place of the one that is found.
+        srdf: a file of MoveIt's, whose disabled pairs of links do not count as contact. None: the one of the URDF's
+            name beside it, or in a folder srdf beside that of the URDF, if there is one.
 
     Returns:
         The robot; nq == nv == dof in `robot.pin_model`.
@@ -67,7 +71,8 @@ def load_robot(
         UnknownNameError: no such bundled robot, frame or joint.
         InvalidInputError: limits, velocity limits, locked joints or a home malformed or out of the limits, or a finger
             angle that no finger can take.
-        ModelError: the file is missing, malformed, or holds no such arm; the calibration is damaged or another arm's.
+        ModelError: the file is missing, malformed, or holds no such arm; the calibration is damaged or another arm's;
+            the SRDF cannot be read, or the robot is an MJCF or a bundled one, which exclude pairs themselves.
     """
     path, name = _resolve(robot)
     checks.optional(checks.instance, "base", base, str, "the name of a frame")
@@ -81,6 +86,7 @@ def load_robot(
     if name:
         tip = tip or TIP_OF_BUNDLED
         finger_angle = FINGER_ANGLE if finger_angle is None else finger_angle
+    disabled, said = _disabled_pairs(path, described, srdf)
     leaders = {joint: each.leader for each in described.couplings if each.leader for joint in each.joints}
     ends = chain.find_ends(described.model, base, tip, leaders)
     held = _held(described, ends, locked)
@@ -109,10 +115,11 @@ def load_robot(
             limits=own_limits,
             content=described.content,
             calibration=measured,
-            notes=(*ends.notes, *described.notes),
+            notes=(*ends.notes, *described.notes, *said),
             locked=tuple(held.items()),
             velocity_limit=() if velocity_limit is None else tuple(model.velocityLimit.tolist()),
             home=() if own_home is None else tuple(own_home.q.tolist()),
+            disabled=disabled,
         ),
         finger_angle=finger_angle,
         home=own_home or found_home,
@@ -205,6 +212,34 @@ def _documented_home(name: str, model: pin.Model) -> Home | HomeFinder:
     ):
         return find_home
     return known
+
+
+def _disabled_pairs(
+    path: Path, described: chain.Description, given: str | Path | None
+) -> tuple[srdf_files.DisabledPairs | None, tuple[str, ...]]:
+    """The pairs of links that an SRDF disables, and a note on them; one that merely lies there need not be right.
+
+    Raises:
+        InvalidInputError: not the name of a file.
+        ModelError: the SRDF that was given cannot be read, or is not for this kind of description.
+    """
+    if given is not None:
+        file = checks.path("srdf", given, "a file name")
+        if described.kind != "urdf" or described.content is None:
+            kind = "an MJCF" if described.kind == "mjcf" else "a bundled robot"
+            raise ModelError(f"srdf={str(given)!r}: {path} is {kind}, which excludes pairs of links itself")
+        disabled = srdf_files.read(file.absolute())
+    else:
+        found = srdf_files.find(path) if isinstance(described.content, str) else None
+        if found is None:
+            return None, ()
+        try:
+            disabled = srdf_files.read(found)
+        except ModelError as error:
+            return None, (f"pairs of links are not disabled: {error}",)
+    links = set(chain.frame_names(described.model))
+    known = disabled._replace(pairs=tuple(pair for pair in disabled.pairs if links.issuperset(pair)))
+    return known, (f"contact between {len(known.pairs)} pairs of links does not count, by {disabled.path}",)
 
 
 def _held(described: chain.Description, ends: chain.Ends, locked: Mapping[str, float] | None) -> dict[str, float]:

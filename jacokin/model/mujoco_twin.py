@@ -364,6 +364,10 @@ def _compile(tree: ET.Element, assets: dict[str, bytes], source: Source) -> mujo
     try:
         spec = mujoco.MjSpec.from_string(ET.tostring(tree, encoding="unicode"), assets=assets)
         spec.compiler.fusestatic = False
+        links = {link.get("name") for link in tree.findall("link")}
+        for first, second in () if source.disabled is None else source.disabled.pairs:
+            if first in links and second in links:
+                spec.add_exclude(bodyname1=first, bodyname2=second)
         return spec.compile()
     except mjcf.MUJOCO_ERRORS as error:
         raise ModelError(f"{source.path}: MuJoCo cannot load this URDF: {error}") from error

@@ -22,6 +22,7 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, ModelError, UnknownNameError, shown
 from jacokin.model import checks, dynamics, jacobians
 from jacokin.model.descriptions import bundled, chain
+from jacokin.model.descriptions.srdf import DisabledPairs
 from jacokin.model.dynamics import ExternalWrench
 from jacokin.model.measured_arm import MeasuredArm
 
@@ -660,6 +661,7 @@ class Source:
         locked: joints off the arm that were locked at positions of the user's [rad], or [m]; and what follows them.
         velocity_limit: a user's own limits of velocity [rad/s]; empty for those of the file.
         home: a user's own home [rad]; empty for none.
+        disabled: pairs of links whose contact with each other does not count, by an SRDF; None for no such file.
     """
 
     path: Path
@@ -675,6 +677,7 @@ class Source:
     locked: tuple[tuple[str, float], ...] = ()
     velocity_limit: tuple[float, ...] = ()
     home: tuple[float, ...] = ()
+    disabled: DisabledPairs | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -812,7 +815,8 @@ def _shapes(robot: Robot) -> bytes:
     if described is None:
         return f"bundled {robot.source.bundled}".encode()
     if isinstance(described, str):
-        return described.encode()
+        disabled = robot.source.disabled
+        return f"{described}{'' if disabled is None else disabled.pairs}".encode()
     arrays = (described.geom_type, described.geom_size, described.geom_pos, described.geom_quat, described.geom_bodyid)
     return b"".join(np.ascontiguousarray(array).tobytes() for array in (*arrays, described.mesh_vert))
 

@@ -16,6 +16,7 @@ from jacokin.errors import JacokinError
 from jacokin.ik.options import SolverOptions, default_collision
 from jacokin.ik.results import Status
 from jacokin.model import poses
+from jacokin.model.descriptions.srdf import find as find_srdf
 from jacokin.model.loading import FINGER_ANGLE, TIP_OF_BUNDLED
 from jacokin.model.obstacles import Box, Capsule, Cylinder, Floor, Obstacle, Sphere
 from jacokin.model.poses import FreeAxis
@@ -175,6 +176,9 @@ def _robot_options(robot: Robot) -> list[tuple[str, list[str]]]:
     if source.locked:
         words = [word for joint, value in source.locked for word in ("--lock", f"{joint}={value!r}")]
         found.append((f"locked={dict(source.locked)!r}", words))
+    if source.disabled is not None and source.disabled.path != find_srdf(source.path):
+        path = str(source.disabled.path)
+        found.append((f"srdf={path!r}", ["--srdf", path]))
     if source.calibration is not None and source.calibration.path is not None:
         path = str(source.calibration.path)
         found.append((f"calibration={path!r}", ["--calibration", path]))

@@ -120,3 +120,13 @@ def test_info_says_what_a_structure_gives(run: Run, name: str, gives: str) -> No
     assert document["structure"]["gives"].startswith(gives)
     assert document["masses"].endswith("kg that joints move")
     assert document["shapes"]["shapes"] > 40
+
+
+def test_pairs_that_an_srdf_disables_are_not_among_those_that_may_touch(run: Run, tmp_path: Path) -> None:
+    path, srdf = tmp_path / "arm.urdf", tmp_path / "other.srdf"
+    shape = '<collision><geometry><sphere radius="0.01"/></geometry></collision></link>'
+    path.write_text(skeleton("j1>l1 j2>l2 j3>l3 j4>l4").replace("</link>", shape))
+    pair = '<disable_collisions link1="l1" link2="{}" reason="Never"/>'
+    srdf.write_text(f"<robot name='arm'>{pair.format('l3')}{pair.format('l4')}</robot>")
+    found = [run("info", str(path), "--json", *words).document["shapes"] for words in ((), ("--srdf", str(srdf)))]
+    assert found[0]["pairs"] - found[1]["pairs"] == 2

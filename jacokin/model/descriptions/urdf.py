@@ -181,7 +181,7 @@ def check(text: str, source: str, notes: list[str] | None = None) -> ET.Element:
     Raises:
         ModelError: names the element at fault.
     """
-    robot = _parsed(text, source)
+    robot = parse_xml(text, source)
     if robot.tag != "robot":
         raise ModelError(f"{source}: the root element is <{robot.tag}>, a URDF has <robot>")
     if not robot.get("name"):
@@ -214,7 +214,7 @@ def check(text: str, source: str, notes: list[str] | None = None) -> ET.Element:
     return robot
 
 
-def _parsed(text: str, source: str) -> ET.Element:
+def parse_xml(text: str, source: str) -> ET.Element:
     """The root element, with prefixes in the names as they are written.
 
     ROS's parser knows no namespaces, and many files use prefixes that they do not declare.
