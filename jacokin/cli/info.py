@@ -15,7 +15,6 @@ from jacokin.cli.options import RobotOptions
 from jacokin.cli.units import JointUnits, Units
 from jacokin.errors import InvalidInputError, ShapeError
 from jacokin.model.descriptions import bundled
-from jacokin.model.descriptions.tools import usual_tools
 
 
 @click.command(cls=Command)
@@ -59,7 +58,8 @@ def info(
     rows = list_joints(arm, joints)
     sources = list_sources(arm)
     placed = ik.structure(arm)
-    tools, shapes, masses = list_tools(arm), count_shapes(arm), describe_masses(arm)
+    tools = [name for name in arm.tool_frames if name != arm.default_frame]
+    shapes, masses = count_shapes(arm), describe_masses(arm)
     chain = arm.pin_model
     parents = [chain.frames[arm.frame_id(name)].parentJoint for name in arm.frames]
     frames = [
@@ -137,13 +137,6 @@ def info(
         notes.append(("datasheet", "peak torque [N m]; it differs from the file's effort"))
     display.show_facts(notes)
     display.show_table("Frames", ("frame", "moved by"), frames, text=2)
-
-
-def list_tools(arm: model.Robot) -> list[str]:
-    """Frames on the last link that are called as tools are, all of them if none is; without the default frame."""
-    chain = arm.pin_model
-    last = [name for name in arm.frames if chain.frames[arm.frame_id(name)].parentJoint == arm.dof]
-    return [name for name in usual_tools(last) or last if name != arm.default_frame]
 
 
 @dataclass(frozen=True, slots=True)

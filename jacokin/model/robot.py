@@ -23,6 +23,7 @@ from jacokin.errors import InvalidInputError, ModelError, UnknownNameError, show
 from jacokin.model import checks, dynamics, jacobians
 from jacokin.model.descriptions import bundled, chain
 from jacokin.model.descriptions.srdf import DisabledPairs
+from jacokin.model.descriptions.tools import usual_tools
 from jacokin.model.dynamics import ExternalWrench
 from jacokin.model.measured_arm import MeasuredArm
 
@@ -615,6 +616,13 @@ class Robot:
     def home_source(self) -> str:
         """Where `home` comes from, in words; found with it."""
         return self._found_home.source
+
+    @cached_property
+    def tool_frames(self) -> tuple[str, ...]:
+        """Frames on the last link that are called as tools are, the most usual first; all of them where none is."""
+        frames = self.pin_model.frames
+        last = [name for name in self.frames if frames[self.frame_id(name)].parentJoint == self.dof]
+        return tuple(usual_tools(last) or last)
 
     @cached_property
     def notes(self) -> tuple[str, ...]:

@@ -328,6 +328,14 @@ def test_the_one_arm_of_a_scene_is_taken(tmp_path: Path) -> None:
     assert "the arm is the chain that begins with joint 'j0'; locked are door_hinge, lid_hinge" in robot.notes
 
 
+def test_frames_to_choose_a_tool_from_are_in_order(tmp_path: Path) -> None:
+    path = tmp_path / "arm.urdf"
+    path.write_text(skeleton(ARMS["Gen3 with one finger joint"].parts))
+    assert jacokin.load_robot(path).tool_frames == ("end_effector_link", "tool_frame")
+    path.write_text(skeleton(ARMS["Unitree Z1"].parts))
+    assert set(jacokin.load_robot(path).tool_frames) == {"link06", "gripperStator", "gripperMover"}
+
+
 def test_the_page_lists_the_frames_of_tools_in_their_order() -> None:
     page = " ".join((Path(__file__).parents[3] / "docs" / "kinematics.md").read_text().split())
     assert ", ".join(f"`{frame}`" for frame in tools.TOOL_FRAMES) in page
