@@ -147,7 +147,9 @@ def kinematic_text(robot: ET.Element) -> str:
 
 def _couplings(text: str, source: str) -> list[Coupling]:
     """The joints that follow another one, as yourdfpy reads them; Pinocchio drops the relation."""
-    import yourdfpy
+    if "<mimic" not in text:
+        return []
+    import yourdfpy  # which takes half a second to load
 
     try:
         parsed = yourdfpy.URDF.load(io.BytesIO(text.encode()), load_meshes=False, build_scene_graph=False)
