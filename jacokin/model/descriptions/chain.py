@@ -17,7 +17,7 @@ import pinocchio as pin
 from jacokin.arrays import Array
 from jacokin.errors import ModelError
 from jacokin.model import checks
-from jacokin.model.descriptions.tools import FRAME_TYPES, frames_on, joints_of_tool, usual_tools
+from jacokin.model.descriptions.tools import FRAME_TYPES, frames_on, is_finger, joints_of_tool, usual_tools
 
 if TYPE_CHECKING:
     import mujoco
@@ -213,7 +213,7 @@ def _only_arm(model: pin.Model, starts: list[int], leaders: Mapping[str, str]) -
     if len(starts) == 1:
         return starts[0], ()
     lengths = {joint: _length(model, joint) for joint in starts}
-    arms = [joint for joint in starts if lengths[joint] >= ONLY_ARM]
+    arms = [joint for joint in starts if lengths[joint] >= ONLY_ARM and not is_finger(model, joint)]
     if len(arms) == 1 and all(lengths[joint] <= SHORTEST_ARM for joint in starts if joint != arms[0]):
         others = _listed([model.names[joint] for joint in starts if joint != arms[0]])
         return arms[0], (f"the arm is the chain that begins with joint {model.names[arms[0]]!r}; locked are {others}",)

@@ -101,6 +101,11 @@ def joints_of_tool(model: pin.Model, chain: Sequence[int], leaders: Mapping[str,
     return found if len(kept) >= FEWEST else []
 
 
+def is_finger(model: pin.Model, joint: int) -> bool:
+    """Whether the name of a joint, or of the link that it moves, is that of a finger."""
+    return any(word in name.lower() for word in SURE for name in (str(model.names[joint]), _link(model, joint)))
+
+
 def _why_of_tool(model: pin.Model, chain: Sequence[int], leaders: Mapping[str, str]) -> str | None:
     """Why the last joint of a chain is one of the tool; None where it is one of the arm."""
     if len(chain) == 1:

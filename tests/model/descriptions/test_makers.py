@@ -328,6 +328,16 @@ def test_the_one_arm_of_a_scene_is_taken(tmp_path: Path) -> None:
     assert "the arm is the chain that begins with joint 'j0'; locked are door_hinge, lid_hinge" in robot.notes
 
 
+def test_the_thumb_of_a_hand_is_no_arm(tmp_path: Path) -> None:
+    path = tmp_path / "hand.urdf"
+    thumb = skeleton("thumb_1>a thumb_2>b thumb_3>c thumb_4>d")
+    index = '<link name="{0}"/><joint name="to_{0}" type="revolute"><parent link="base"/><child link="{0}"/>'
+    index += '<limit lower="0" upper="1"/></joint>'
+    path.write_text(thumb.replace("</robot>", f"{index.format('index')}{index.format('ring')}</robot>"))
+    with pytest.raises(jacokin.errors.ModelError, match="several chains start at the base"):
+        jacokin.load_robot(path)
+
+
 def test_frames_to_choose_a_tool_from_are_in_order(tmp_path: Path) -> None:
     path = tmp_path / "arm.urdf"
     path.write_text(skeleton(ARMS["Gen3 with one finger joint"].parts))
