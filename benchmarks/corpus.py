@@ -140,7 +140,7 @@ def _root(path: Path) -> str:
 def kind_of(sentence: str) -> str:
     """A sentence without the names and numbers in it."""
     plain = re.sub(r"'[^']*'|\"[^\"]*\"", "X", sentence)
-    return re.sub(r"\d[\d.e+-]*", "N", plain).partition(";")[0].partition("(")[0][:90]
+    return re.sub(r"\d[\d.e+-]*", "N", plain).partition(";")[0].partition("(")[0].partition("\n")[0][:90]
 
 
 def print_rows(rows: Sequence[Row]) -> None:

@@ -184,6 +184,8 @@ def _arm_end(model: pin.Model, base_joint: int, leaders: Mapping[str, str]) -> t
     # Free objects in the scene hang on the base too, and are not arms.
     starts = list(model.children[base_joint])
     starts = [joint for joint in starts if model.joints[joint].nv == 1] or starts
+    if model.njoints == 1:
+        raise ModelError("no joint starts at the base, nor anywhere else: this is an object, not an arm")
     if not starts:
         raise ModelError("no joint starts at the base; say where the arm begins with base=...")
     start, notes = _only_arm(model, starts, leaders)
@@ -275,7 +277,7 @@ def _add_joint(arm: pin.Model, parent: int, placement: pin.SE3, full: pin.Model,
     if joint.nv != 1:
         raise ModelError(
             f"joint {full.names[index]!r} in the chain has {joint.nv} degrees of freedom; "
-            "an arm needs hinge (or slide) joints"
+            "an arm needs hinge (or slide) joints; base=... names a frame behind it"
         )
     _check_place(f"joint {full.names[index]!r}", placement)
     plain, continuous = _one_coordinate_joint(full, index)
