@@ -47,6 +47,10 @@ class Calibration(Findings):
             limits={joint: (low, high) for joint, low, high in source.limits} or None,
             package_dirs=source.package_dirs,
             calibration=self.measured_arm,
+            velocity_limit=source.velocity_limit or None,
+            locked=dict(source.locked),
+            home=source.home or None,
+            srdf=None if source.disabled is None else source.disabled.path,
         )
 
     def forward_kinematics(self, q: ArrayLike, frame: str | None = None) -> pin.SE3:

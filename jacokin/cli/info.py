@@ -1,4 +1,4 @@
-"""`jacokin info`: joints, limits with their source, home and frames of a robot."""
+"""`jacokin info`: what a robot is and can do: joints, limits with their source, home, frames, structure, shapes."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from jacokin.cli import display, options
 from jacokin.cli.command import Argument, Command
 from jacokin.cli.options import RobotOptions
 from jacokin.cli.units import JointUnits, Units
-from jacokin.errors import InvalidInputError
+from jacokin.errors import InvalidInputError, ShapeError
 from jacokin.model.descriptions import bundled
 
 
@@ -25,6 +25,8 @@ from jacokin.model.descriptions import bundled
 @options.base
 @options.tip
 @options.package_dir
+@options.lock
+@options.srdf
 @options.calibration
 def info(
     name: str | None,
@@ -34,9 +36,11 @@ def info(
     base: str | None,
     tip: str | None,
     package_dirs: Sequence[Path],
+    locked: dict[str, float] | None,
+    srdf: Path | None,
     calibration: Path | None,
 ) -> None:
-    """Show joints, limits with their source, home and frames.
+    """Show what a robot is: joints, limits with their source, home, frames, structure, shapes, and what is missing.
 
     Bundled robots: j2n6s300 (the default), j2n6s200, j2s6s300, j2s6s200, m1n6s300, m1n6s200, gen3_6dof, gen3_lite;
     with seven joints j2s7s300, j2s7s200, gen3.
@@ -48,11 +52,14 @@ def info(
     """
     if name is not None and robot is not None:
         raise InvalidInputError("give the robot once: as an argument, or with --robot")
-    arm = RobotOptions(robot or name or model.DEFAULT_ROBOT, base, tip, package_dirs, calibration=calibration).load()
+    named = robot or name or model.DEFAULT_ROBOT
+    arm = RobotOptions(named, base, tip, package_dirs, calibration=calibration, locked=locked, srdf=srdf).load()
     joints = units.for_joints(arm)
     rows = list_joints(arm, joints)
     sources = list_sources(arm)
     placed = ik.structure(arm)
+    tools = [name for name in arm.tool_frames if name != arm.default_frame]
+    shapes, masses = count_shapes(arm), describe_masses(arm)
     chain = arm.pin_model
     parents = [chain.frames[arm.frame_id(name)].parentJoint for name in arm.frames]
     frames = [
@@ -66,12 +73,15 @@ def info(
                 "calibration": None if arm.calibration is None else describe_calibration(arm.calibration),
                 "base": arm.base,
                 "default_frame": arm.default_frame,
+                "other_tool_frames": tools,
                 "angle_unit": units.angle,
                 "joints": [asdict(row) for row in rows],
                 "sources": sources,
                 "home": joints.from_si(arm.home),
                 "home_source": arm.home_source,
-                "structure": asdict(placed),
+                "structure": {**asdict(placed), "gives": placed.gives},
+                "shapes": None if shapes is None else asdict(shapes),
+                "masses": masses,
                 "frames": [{"name": name, "moved_by": joint} for name, joint in frames],
                 "notes": list(arm.notes),
             }
@@ -87,11 +97,16 @@ def info(
         *(() if arm.calibration is None else (("calibrated", f"{calibration}: {arm.calibration}"),)),
         ("base", arm.base),
         ("default frame", arm.default_frame),
+        *((("other tools", ", ".join(tools)),) if tools else ()),
         (joints.heading("home"), "  ".join(home)),
         ("home from", arm.home_source),
         ("structure", placed.name),
         ("solved by", placed.method),
+        ("gives", placed.gives),
         *(("misses", str(residual)) for residual in placed.residuals),
+        ("shapes", "cannot be loaded" if shapes is None else str(shapes)),
+        ("masses", masses),
+        *(("note", text) for text in arm.notes),
     ]
     display.show_facts(facts, arm.label)
     columns = (
@@ -120,9 +135,40 @@ def info(
     notes.append(("effort", "the limit the file states, same source as the angles"))
     if arm.source.bundled is not None:
         notes.append(("datasheet", "peak torque [N m]; it differs from the file's effort"))
-    notes += [("note", text) for text in arm.notes]
     display.show_facts(notes)
     display.show_table("Frames", ("frame", "moved by"), frames, text=2)
+
+
+@dataclass(frozen=True, slots=True)
+class ShapeCount:
+    """What contact is looked for on."""
+
+    shapes: int
+    pairs: int
+    """Of shapes, which count when they touch."""
+
+    def __str__(self) -> str:
+        """In words."""
+        return (
+            f"{self.shapes}, of which {self.pairs} pairs may touch"
+            if self.shapes
+            else "none: contact is not looked for"
+        )
+
+
+def count_shapes(arm: model.Robot) -> ShapeCount | None:
+    """How many collision shapes an arm has; None where they cannot be loaded, which a note explains."""
+    try:
+        contact = model.SelfContact(arm)
+    except ShapeError:
+        return None
+    return ShapeCount(len(contact.arm_shapes), contact.pairs)
+
+
+def describe_masses(arm: model.Robot) -> str:
+    """How much the joints move, or that it is not known."""
+    moved = sum(body.mass for body in list(arm.pin_model.inertias)[1:])
+    return f"{moved:.3g} kg that joints move" if moved > 0.0 else "not given: no torques"
 
 
 def describe_calibration(measured: model.MeasuredArm) -> dict[str, object]:

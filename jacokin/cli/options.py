@@ -42,6 +42,8 @@ class RobotOptions:
     limits: dict[str, tuple[float, float]] | None = None
     finger_angle: float | None = None
     calibration: Path | None = None
+    locked: dict[str, float] | None = None
+    srdf: Path | None = None
 
     def load(self) -> model.Robot:
         """The robot.
@@ -57,6 +59,8 @@ class RobotOptions:
             limits=self.limits,
             finger_angle=self.finger_angle,
             calibration=self.calibration,
+            locked=self.locked,
+            srdf=self.srdf,
         )
 
 
@@ -76,6 +80,21 @@ def read_limits(
         low, high = parse_numbers(f"--limit {joint}", values, 2)
         limits[joint] = (low, high)
     return limits or None
+
+
+def read_locked(context: click.Context, option: click.Parameter, texts: Sequence[str]) -> dict[str, float] | None:
+    """Read positions of joints from --lock.
+
+    Raises:
+        InvalidInputError: it is not JOINT=VALUE.
+    """
+    locked = {}
+    for text in texts:
+        joint, sign, value = text.rpartition("=")
+        if not sign:
+            raise InvalidInputError(f"--lock must be JOINT=VALUE, for example gripper=0.5, got {text!r}")
+        (locked[joint],) = parse_numbers(f"--lock {joint}", value, 1)
+    return locked or None
 
 
 def read_placement(context: click.Context, option: click.Parameter, text: str | None) -> pin.SE3 | list[float] | None:
@@ -144,6 +163,20 @@ limit = click.option(
 finger_angle = click.option(
     "--finger-angle", type=float, metavar="A", help="Where the fingers are held [rad], also with --degrees."
 )
+lock = click.option(
+    "--lock",
+    "locked",
+    multiple=True,
+    callback=read_locked,
+    metavar="JOINT=VALUE",
+    help="Where a joint off the arm is locked [rad], or [m], also with --degrees. Repeatable.",
+)
+srdf = click.option(
+    "--srdf",
+    type=FILE,
+    metavar="FILE.srdf",
+    help="Pairs of links whose contact does not count, if not beside the URDF.",
+)
 calibration = click.option(
     "--calibration", type=FILE, metavar="FILE.toml", help="How this arm differs from its description."
 )
@@ -204,7 +237,9 @@ RADIANS = Units(degrees=False)  # of commands without --degrees
 def robot(default: str | None = DEFAULT_ROBOT, text: str = NAME_OR_FILE) -> Callable[..., Any]:
     """The options that say which robot it is; the command gets them as `source`."""
     name = click.option("--robot", default=default, metavar="NAME|FILE", help=text)
-    return option_group("source", RobotOptions, name, base, tip, package_dir, limit, finger_angle, calibration)
+    return option_group(
+        "source", RobotOptions, name, base, tip, package_dir, limit, finger_angle, lock, srdf, calibration
+    )
 
 
 def load_scene(path: Path | None) -> model.Scene | None:

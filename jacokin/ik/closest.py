@@ -15,7 +15,7 @@ import numpy as np
 
 from jacokin.arrays import Array
 from jacokin.ik import seeds
-from jacokin.ik.diagnosis import Outcome
+from jacokin.ik.diagnosis import Outcome, explain_near_miss
 from jacokin.ik.results import IKResult, Status
 from jacokin.ik.targets import RADIAN_IN_METRES, Request, TargetPose
 from jacokin.ik.verification import Candidate, Effort, Verifier
@@ -81,7 +81,10 @@ class ClosestSearch:
             return result
         if not request.closest:
             return verifier.result(Candidate(seed, target, ""), outcome.status, message)
-        return verifier.result(closest, outcome.status, message, touching=verifier.touching(q))
+        errors = verifier.measure(q, target)
+        if outcome.status is Status.UNREACHABLE and (missed := explain_near_miss(errors, verifier.options)):
+            message = request.message(f"{outcome.message}; the closest one {missed}")
+        return verifier.result(closest, outcome.status, message, errors, verifier.touching(q))
 
     def beyond_reach(self, request: Request, nearby: Sequence[Array] = ()) -> IKResult | None:
         """The answer to a pose or a position that is provably out of reach; None for others."""

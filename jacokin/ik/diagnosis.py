@@ -103,17 +103,27 @@ def explain_descents(starts: int, best: tuple[float, float], options: SolverOpti
     """
     if failed:
         return Outcome(Status.SOLVER_ERROR, "no QP solver solved the step")
-    if max(best) > NEARLY:
+    missed = explain_near_miss(best, options)
+    if not missed:
         return Outcome(Status.NO_CONVERGENCE, f"{starts} starts ended in local minima")
+    what = f"what comes nearest after {starts} start{'s' if starts > 1 else ''}"
+    return Outcome(Status.NO_CONVERGENCE, f"{what} {missed}")
+
+
+def explain_near_miss(errors: tuple[float, float], options: SolverOptions) -> str:
+    """By how much a target in few digits is missed, and which tolerances accept it; "" for one that is far off.
+
+    Args:
+        errors: of position [m] and orientation [rad].
+        options: the solver's, with its tolerances.
+    """
     tolerances = ("position_tolerance", "m"), ("orientation_tolerance", "rad")
-    missed = [(*each, by) for each, by in zip(tolerances, best, strict=True) if by > getattr(options, each[0])]
+    missed = [(*each, by) for each, by in zip(tolerances, errors, strict=True) if by > getattr(options, each[0])]
+    if max(errors) > NEARLY or not missed:
+        return ""
     by_how_much = " and ".join(f"{_short(by)} {unit}" for _, unit, by in missed)
     accepting = ", ".join(f"{name}=1e{math.ceil(math.log10(by))}" for name, _, by in missed)
-    accepts = f"{accepting} accept{'s' if len(missed) == 1 else ''} it"
-    return Outcome(
-        Status.NO_CONVERGENCE,
-        f"what comes nearest after {starts} start{'s' if starts > 1 else ''} misses by {by_how_much}: {accepts}",
-    )
+    return f"misses by {by_how_much}: {accepting} accept{'s' if len(missed) == 1 else ''} it"
 
 
 def _short(value: float) -> str:

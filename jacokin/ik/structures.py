@@ -64,6 +64,22 @@ class Structure:
     residuals: tuple[Residual, ...]
     """By how much the arm misses known structures; they hold where all are rounding."""
 
+    @property
+    def gives(self) -> str:
+        """What `solve_all` finds for which targets, in a sentence."""
+        if "seven" in self.name:
+            return "curves of configurations at a pose, and every configuration with one joint fixed (fixed=)"
+        return GIVES.get(self.name, "every configuration of a pose, and curves of them about a FreeAxis")
+
+
+#: What arms of fewer than six joints give, and those that the QP alone solves.
+GIVES = {
+    "five joints": "every configuration about a FreeAxis, and at poses that the arm can take",
+    "four joints": "every configuration at poses that the arm can take",
+    "three joints": "every configuration at a position, and at poses that the arm can take",
+    "none": "one configuration of a pose, near the seed",
+}
+
 
 def structure(robot: Robot, frame: str | None = None, *, tool: pin.SE3 | ArrayLike | None = None) -> Structure:
     """Name the structure of an arm, with what it misses others by.

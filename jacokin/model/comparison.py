@@ -213,13 +213,14 @@ class MujocoEngine:
         self._mass = np.zeros((model.nv, model.nv))
 
     def _hold_still(self, robot: Robot) -> None:
-        """Joints off the arm at the robot's finger angle, clipped into their limits."""
-        model = self._model
+        """Joints off the arm where the robot has them, clipped into their limits."""
+        model, locked = self._model, dict(robot.source.locked)
         for joint in range(model.njnt):
             address = model.jnt_qposadr[joint]
             if address in self._qpos or model.jnt_type[joint] not in mjcf.SCALAR_JOINTS:
                 continue
-            angle = self._data.qpos[address] if robot.finger_angle is None else robot.finger_angle
+            usual = self._data.qpos[address] if robot.finger_angle is None else robot.finger_angle
+            angle = locked.get(mjcf.joint_name(model, joint), usual)
             if model.jnt_limited[joint]:
                 angle = np.clip(angle, *model.jnt_range[joint])
             self._data.qpos[address] = angle

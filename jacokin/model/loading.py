@@ -17,6 +17,7 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, ModelError, ShapeError, UnknownNameError
 from jacokin.model import checks
 from jacokin.model.descriptions import bundled, chain, urdf
+from jacokin.model.descriptions import srdf as srdf_files
 from jacokin.model.measured_arm import MeasuredArm
 from jacokin.model.robot import Home, HomeFinder, Robot, Source, middle, spread
 
@@ -36,6 +37,9 @@ def load_robot(
     calibration: str | Path | MeasuredArm | None = None,
     velocity_limit: ArrayLike | None = None,
     decompose: bool = False,
+    locked: Mapping[str, float] | None = None,
+    home: ArrayLike | None = None,
+    srdf: str | Path | None = None,
 ) -> Robot:
     """Load an arm by name or from a file, which is not read again afterwards (meshes of a URDF: when first needed).
 
@@ -56,14 +60,21 @@ def load_robot(
             gives none.
         decompose: True to look for contact on convex parts of the meshes, which takes seconds when it is first looked
             for; False for their convex hulls, which see contact where a mesh is hollow.
+        locked: where joints off the arm are locked [rad], or [m] where they slide, by name: another arm of the file, a
+            torso, a gripper; what mimics such a joint follows it. Others as `finger_angle` says.
+        home: (dof,) a home of your own within the limits [rad], in place of the one that is found.
+        srdf: a file of MoveIt's, whose disabled pairs of links do not count as contact. None: the one of the URDF's
+            name beside it, or in a folder srdf beside that of the URDF, if there is one.
 
     Returns:
         The robot; nq == nv == dof in `robot.pin_model`.
 
     Raises:
         UnknownNameError: no such bundled robot, frame or joint.
-        InvalidInputError: limits or velocity limits malformed, or a finger angle that no finger can take.
-        ModelError: the file is missing, malformed, or holds no such arm; the calibration is damaged or another arm's.
+        InvalidInputError: limits, velocity limits, locked joints or a home malformed or out of the limits, or a finger
+            angle that no finger can take.
+        ModelError: the file is missing, malformed, or holds no such arm; the calibration is damaged or another arm's;
+            the SRDF cannot be read, or the robot is an MJCF or a bundled one, which exclude pairs themselves.
     """
     path, name = _resolve(robot)
     checks.optional(checks.instance, "base", base, str, "the name of a frame")
@@ -77,8 +88,12 @@ def load_robot(
     if name:
         tip = tip or TIP_OF_BUNDLED
         finger_angle = bundled.open_angle(name) if finger_angle is None else finger_angle
-    locked = _locked_reference(described.model, described.reference, finger_angle)
-    model = chain.extract(described.model, locked, base, tip, name or described.model.name or path.stem)
+    disabled, said = _disabled_pairs(path, described, srdf)
+    leaders = {joint: each.leader for each in described.couplings if each.leader for joint in each.joints}
+    ends = chain.find_ends(described.model, base, tip, leaders)
+    held = _held(described, ends, locked)
+    reference = _locked_reference(described.model, described.reference, finger_angle, held)
+    model = chain.extract(described.model, reference, ends, name or described.model.name or path.stem)
     _refuse_coupled(model, described.couplings)
     if finger_angle is not None:
         _check_fingers(described.model, model, finger_angle)
@@ -86,25 +101,31 @@ def load_robot(
     if velocity_limit is not None:
         model.velocityLimit = checks.positive_vector("velocity_limit", velocity_limit, model.nv, "rad/s")
     measured = None if calibration is None else _calibrate(model, base or described.base, calibration)
+    own_home = None if home is None else _own_home(model, home)
+    found_home = _documented_home(name, model) if name else find_home
     return Robot(
         model,
         base=base or described.base,
-        tip=tip,
+        tip=ends.frame,
         source=Source(
             path,
             described.kind,
             name,
             base,
             tip,
-            tuple(folder.absolute() for folder in folders),
-            own_limits,
-            described.content,
-            measured,
-            described.notes,
-            checks.flag("decompose", decompose),
+            package_dirs=tuple(folder.absolute() for folder in folders),
+            limits=own_limits,
+            content=described.content,
+            calibration=measured,
+            notes=(*ends.notes, *described.notes, *said),
+            locked=tuple(held.items()),
+            velocity_limit=() if velocity_limit is None else tuple(model.velocityLimit.tolist()),
+            home=() if own_home is None else tuple(own_home.q.tolist()),
+            disabled=disabled,
+            decompose=checks.flag("decompose", decompose),
         ),
         finger_angle=finger_angle,
-        home=_documented_home(name, model) if name else find_home,
+        home=own_home or found_home,
         notes=find_notes,
     )
 
@@ -178,8 +199,9 @@ def _read(path: Path, name: str | None) -> chain.Description:
 def _is_urdf(path: Path) -> bool:
     """Whether an XML file holds a URDF, whatever it is called."""
     try:
-        return ET.parse(path).getroot().tag == "robot"
-    except (OSError, ET.ParseError, ValueError):
+        _, root = next(iter(ET.iterparse(path, events=("start",))))
+        return str(root.tag).rpartition("}")[2] == "robot"
+    except (OSError, ET.ParseError, ValueError, StopIteration):
         return False
 
 
@@ -195,16 +217,104 @@ def _documented_home(name: str, model: pin.Model) -> Home | HomeFinder:
     return known
 
 
-def _locked_reference(full: pin.Model, reference: Array, finger_angle: float | None) -> Array:
+def _disabled_pairs(
+    path: Path, described: chain.Description, given: str | Path | None
+) -> tuple[srdf_files.DisabledPairs | None, tuple[str, ...]]:
+    """The pairs of links that an SRDF disables, and a note on them; one that merely lies there need not be right.
+
+    Raises:
+        InvalidInputError: not the name of a file.
+        ModelError: the SRDF that was given cannot be read, or is not for this kind of description.
+    """
+    if given is not None:
+        file = checks.path("srdf", given, "a file name")
+        if described.kind != "urdf" or described.content is None:
+            kind = "an MJCF" if described.kind == "mjcf" else "a bundled robot"
+            raise ModelError(f"srdf={str(given)!r}: {path} is {kind}, which excludes pairs of links itself")
+        disabled = srdf_files.read(file.absolute())
+    else:
+        found = srdf_files.find(path) if isinstance(described.content, str) else None
+        if found is None:
+            return None, ()
+        try:
+            disabled = srdf_files.read(found)
+        except ModelError as error:
+            return None, (f"pairs of links are not disabled: {error}",)
+    links = set(chain.frame_names(described.model))
+    known = disabled._replace(pairs=tuple(pair for pair in disabled.pairs if links.issuperset(pair)))
+    return known, (f"contact between {len(known.pairs)} pairs of links does not count, by {disabled.path}",)
+
+
+def _held(described: chain.Description, ends: chain.Ends, locked: Mapping[str, float] | None) -> dict[str, float]:
+    """Where a user locks joints off the arm, and with them the joints that follow those.
+
+    Raises:
+        UnknownNameError: no such joint.
+        InvalidInputError: malformed, a joint of the arm, or out of the limits of the joint.
+    """
+    if locked is None:
+        return {}
+    model = described.model
+    arm = {str(model.names[joint]) for joint in ends.chain}
+    found: dict[str, float] = {}
+    for joint, value in checks.mapping("locked", locked, "a dict of joint names and positions").items():
+        where = f"locked[{joint!r}]"
+        index = model.getJointId(checks.choice("joint", joint, tuple(model.names)[1:]))
+        if joint in arm:
+            raise InvalidInputError(f"{where}: is a joint of the arm, whose positions are q; limits= narrows it")
+        kind = model.joints[index]
+        if kind.nv != 1:
+            raise InvalidInputError(f"{where}: has {kind.nv} degrees of freedom; only hinges and slides are locked")
+        position = checks.number(where, value, "rad, or m")
+        low, high = _limits_of(model, index)
+        if not low <= position <= high:
+            raise InvalidInputError(f"{where} = {position}: the joint moves from {low} to {high}")
+        found[joint] = position
+    followers: dict[str, float] = {}
+    for each in described.couplings:
+        if each.leader in found:
+            for joint in each.joints - arm - found.keys():
+                low, high = _limits_of(model, model.getJointId(joint))
+                followers[joint] = min(max(each.multiplier * found[each.leader] + each.offset, low), high)
+    return found | followers
+
+
+def _limits_of(model: pin.Model, index: int) -> tuple[float, float]:
+    """Lower and upper limit of a hinge or slide; infinite for a continuous one."""
+    joint = model.joints[index]
+    if joint.nq != 1:
+        return -np.inf, np.inf
+    return float(model.lowerPositionLimit[joint.idx_q]), float(model.upperPositionLimit[joint.idx_q])
+
+
+def _own_home(model: pin.Model, home: ArrayLike) -> Home:
+    """A user's own home, checked.
+
+    Raises:
+        InvalidInputError: malformed, or out of the limits.
+    """
+    q = checks.vector("home", home, model.nv, "rad")
+    for name, at, low, high in zip(
+        tuple(model.names)[1:], q.tolist(), model.lowerPositionLimit, model.upperPositionLimit, strict=True
+    ):
+        if not low <= at <= high:
+            raise InvalidInputError(f"home: joint {name!r} at {at} is out of its limits, {low} to {high}")
+    return Home(checks.read_only(q), "given with home=")
+
+
+def _locked_reference(
+    full: pin.Model, reference: Array, finger_angle: float | None, held: Mapping[str, float]
+) -> Array:
     """Configuration at which joints off the arm are locked; the arm's own entries have no effect."""
     q = np.array(reference, dtype=np.float64)
     for index in range(1, full.njoints):
-        joint = full.joints[index]
-        if joint.nq != 1:
-            continue
+        joint, name = full.joints[index], str(full.names[index])
         at = joint.idx_q
-        wanted = q[at] if finger_angle is None else finger_angle
-        q[at] = min(max(wanted, full.lowerPositionLimit[at]), full.upperPositionLimit[at])
+        if joint.nq == 1:
+            wanted = held.get(name, q[at] if finger_angle is None else finger_angle)
+            q[at] = min(max(wanted, full.lowerPositionLimit[at]), full.upperPositionLimit[at])
+        elif name in held:  # a continuous joint
+            q[at : at + 2] = np.cos(held[name]), np.sin(held[name])
     return q
 
 

@@ -279,15 +279,16 @@ class _Fingers:
     """Where the links of a description are when the joints off the arm stand at another angle."""
 
     def __init__(self, source: mujoco.MjModel, robot: Robot, angle: float) -> None:
-        """Put every joint off the arm at the angle [rad], clipped into its limits."""
+        """Put every joint off the arm at the angle [rad] or where it is locked, clipped into its limits."""
         self._source, self._robot = source, robot
         self._data = mujoco.MjData(source)
-        arm, allowed = set(robot.joint_names), list[tuple[float, float]]()
+        arm, allowed, locked = set(robot.joint_names), list[tuple[float, float]](), dict(robot.source.locked)
         for joint in range(source.njnt):
-            if mjcf.joint_name(source, joint) in arm or source.jnt_type[joint] not in mjcf.SCALAR_JOINTS:
+            name = mjcf.joint_name(source, joint)
+            if name in arm or source.jnt_type[joint] not in mjcf.SCALAR_JOINTS:
                 continue
             low, high = source.jnt_range[joint].tolist() if source.jnt_limited[joint] else (-np.inf, np.inf)
-            self._data.qpos[source.jnt_qposadr[joint]] = np.clip(angle, low, high)
+            self._data.qpos[source.jnt_qposadr[joint]] = np.clip(locked.get(name, angle), low, high)
             allowed.append((low, high))
         if not any(low <= angle <= high for low, high in allowed):
             reason = f"the fingers move from {allowed[0][0]} to {allowed[0][1]} rad" if allowed else "it has no fingers"
@@ -451,6 +452,10 @@ def _compile(tree: ET.Element, assets: dict[str, bytes], source: Source) -> mujo
     try:
         spec = mujoco.MjSpec.from_string(ET.tostring(tree, encoding="unicode"), assets=assets)
         spec.compiler.fusestatic = False
+        links = {link.get("name") for link in tree.findall("link")}
+        for first, second in () if source.disabled is None else source.disabled.pairs:
+            if first in links and second in links:
+                spec.add_exclude(bodyname1=first, bodyname2=second)
         return spec.compile()
     except mjcf.MUJOCO_ERRORS as error:
         raise ModelError(f"{source.path}: MuJoCo cannot load this URDF: {error}") from error

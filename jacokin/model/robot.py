@@ -22,6 +22,8 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, ModelError, UnknownNameError, shown
 from jacokin.model import checks, dynamics, jacobians
 from jacokin.model.descriptions import bundled, chain
+from jacokin.model.descriptions.srdf import DisabledPairs
+from jacokin.model.descriptions.tools import usual_tools
 from jacokin.model.dynamics import ExternalWrench
 from jacokin.model.measured_arm import MeasuredArm
 
@@ -662,6 +664,13 @@ class Robot:
         return self._found_home.source
 
     @cached_property
+    def tool_frames(self) -> tuple[str, ...]:
+        """Frames on the last link that are called as tools are, the most usual first; all of them where none is."""
+        frames = self.pin_model.frames
+        last = [name for name in self.frames if frames[self.frame_id(name)].parentJoint == self.dof]
+        return tuple(usual_tools(last) or last)
+
+    @cached_property
     def notes(self) -> tuple[str, ...]:
         """Sentences on what was left out of the description, guessed, or is missing there; `jacokin info` shows them.
 
@@ -704,6 +713,10 @@ class Source:
         calibration: how the arm differs from that content; None for not at all.
         notes: sentences on what was left out of the file.
         decompose: whether meshes collide as convex parts instead of one hull each.
+        locked: joints off the arm that were locked at positions of the user's [rad], or [m]; and what follows them.
+        velocity_limit: a user's own limits of velocity [rad/s]; empty for those of the file.
+        home: a user's own home [rad]; empty for none.
+        disabled: pairs of links whose contact with each other does not count, by an SRDF; None for no such file.
     """
 
     path: Path
@@ -717,6 +730,10 @@ class Source:
     calibration: MeasuredArm | None = None
     notes: tuple[str, ...] = ()
     decompose: bool = False
+    locked: tuple[tuple[str, float], ...] = ()
+    velocity_limit: tuple[float, ...] = ()
+    home: tuple[float, ...] = ()
+    disabled: DisabledPairs | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -726,7 +743,7 @@ class Home:
     q: Array
     """(dof,) [rad]."""
     source: str
-    """In words: a documented configuration, a keyframe of the file, the middle of the limits, or a search."""
+    """In words: a documented configuration, a keyframe, the middle of the limits, a search, or the user's own."""
 
 
 HomeFinder = Callable[[Robot], Home]
@@ -855,7 +872,8 @@ def _shapes(robot: Robot) -> bytes:
     if described is None:
         return f"bundled {robot.source.bundled}".encode()
     if isinstance(described, str):
-        return described.encode()
+        disabled = robot.source.disabled
+        return f"{described}{'' if disabled is None else disabled.pairs}".encode()
     arrays = (described.geom_type, described.geom_size, described.geom_pos, described.geom_quat, described.geom_bodyid)
     return b"".join(np.ascontiguousarray(array).tobytes() for array in (*arrays, described.mesh_vert))
 

@@ -18,6 +18,7 @@ from jacokin.arrays import Array
 from jacokin.errors import ModelError
 from jacokin.model import checks, poses
 from jacokin.model.descriptions import bundled, mjcf
+from jacokin.model.descriptions.urdf import MALFORMED
 from jacokin.model.measured_arm import moved
 from jacokin.model.robot import Robot, checked_robot
 
@@ -47,6 +48,8 @@ def write_urdf(robot: Robot, path: str | Path) -> None:
         place = pin.SE3(pin.rpy.rpyToMatrix(rpy), xyz) * motion
         origin.set("xyz", _text(place.translation))
         origin.set("rpy", _text(_rpy(place.rotation)))
+    for collision in tree.iter("collision"):
+        collision.attrib.pop(MALFORMED, None)
     for mesh in tree.iter("mesh"):
         name = mesh.get("filename", "")
         if name and "://" not in name:

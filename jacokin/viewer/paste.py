@@ -17,6 +17,7 @@ from jacokin.ik.options import SolverOptions, default_collision
 from jacokin.ik.results import Status
 from jacokin.model import poses
 from jacokin.model.descriptions.bundled import open_angle
+from jacokin.model.descriptions.srdf import find as find_srdf
 from jacokin.model.loading import TIP_OF_BUNDLED
 from jacokin.model.obstacles import Box, Capsule, Cylinder, Floor, Obstacle, Sphere
 from jacokin.model.poses import FreeAxis
@@ -173,6 +174,12 @@ def _robot_options(robot: Robot) -> list[tuple[str, list[str]]]:
         pairs = ", ".join(f"{joint!r}: ({_number(low)}, {_number(high)})" for joint, low, high in source.limits)
         words = [word for joint, low, high in source.limits for word in ("--limit", f"{joint}={low!r},{high!r}")]
         found.append((f"limits={{{pairs}}}", words))
+    if source.locked:
+        words = [word for joint, value in source.locked for word in ("--lock", f"{joint}={value!r}")]
+        found.append((f"locked={dict(source.locked)!r}", words))
+    if source.disabled is not None and source.disabled.path != find_srdf(source.path):
+        path = str(source.disabled.path)
+        found.append((f"srdf={path!r}", ["--srdf", path]))
     if source.calibration is not None and source.calibration.path is not None:
         path = str(source.calibration.path)
         found.append((f"calibration={path!r}", ["--calibration", path]))

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 import jacokin
+from jacokin.model import SelfContact
 from jacokin.model.descriptions import bundled
 from tests.cli.run import Run
 from tests.model.measured_arms import drawn_arm
-from tests.robot_files import ur5_text
+from tests.robot_files import skeleton, ur5_text
 
 
 @pytest.mark.parametrize("name", bundled.NAMES)
@@ -83,3 +84,49 @@ def test_info_takes_the_robot_as_every_other_command_does(run: Run) -> None:
     assert run("info", "--robot", "j2s6s200", "--json").document == run("info", "j2s6s200", "--json").document
     both = run("info", "j2s6s200", "--robot", "j2s6s200")
     assert (both.code, both.err) == (2, "jacokin: give the robot once: as an argument, or with --robot\n")
+
+
+def test_info_is_the_page_that_says_what_an_arm_is_and_can_do(run: Run, tmp_path: Path) -> None:
+    path = tmp_path / "arm.urdf"
+    text = skeleton("j1>l1 j2>l2 j3>l3 j4>l4 j5>l5 +tool0 +flange gripper>jaw[0,1]")
+    path.write_text(
+        text.replace("</link>", '<collision><geometry><sphere radius="0.02"/></geometry></collision></link>')
+    )
+    robot = jacokin.load_robot(path)
+    document = run("info", str(path), "--json").document
+    assert (document["default_frame"], document["other_tool_frames"]) == ("tool0", ["flange"])
+    assert document["structure"]["gives"].startswith("every configuration about a FreeAxis")
+    assert document["shapes"] == {"shapes": 8, "pairs": SelfContact(robot).pairs}
+    assert document["masses"] == "not given: no torques"
+    page = " ".join(run("info", str(path)).out.split())
+    for said in (
+        "other tools flange",
+        "joint 'gripper' is not part of the arm",
+        "tip='jaw' takes it in",
+        "no masses: what needs",
+    ):
+        assert said in page
+    opened = run("info", str(path), "--lock", "gripper=0.5", "--json")
+    assert opened.code == 0
+    assert "'gripper'] = 9.0: the joint moves from 0.0 to 1.0" in run("info", str(path), "--lock", "gripper=9").err
+
+
+@pytest.mark.parametrize(
+    ("name", "gives"),
+    [("j2n6s300", "every configuration of a pose, and curves"), ("j2s7s300", "curves of configurations")],
+)
+def test_info_says_what_a_structure_gives(run: Run, name: str, gives: str) -> None:
+    document = run("info", name, "--json").document
+    assert document["structure"]["gives"].startswith(gives)
+    assert document["masses"].endswith("kg that joints move")
+    assert document["shapes"]["shapes"] > 40
+
+
+def test_pairs_that_an_srdf_disables_are_not_among_those_that_may_touch(run: Run, tmp_path: Path) -> None:
+    path, srdf = tmp_path / "arm.urdf", tmp_path / "other.srdf"
+    shape = '<collision><geometry><sphere radius="0.01"/></geometry></collision></link>'
+    path.write_text(skeleton("j1>l1 j2>l2 j3>l3 j4>l4").replace("</link>", shape))
+    pair = '<disable_collisions link1="l1" link2="{}" reason="Never"/>'
+    srdf.write_text(f"<robot name='arm'>{pair.format('l3')}{pair.format('l4')}</robot>")
+    found = [run("info", str(path), "--json", *words).document["shapes"] for words in ((), ("--srdf", str(srdf)))]
+    assert found[0]["pairs"] - found[1]["pairs"] == 2

@@ -49,3 +49,14 @@ def test_limits_and_fingers_of_ones_own(run: Run) -> None:
         for angle in ("0.2", "1.2")
     ]
     assert np.linalg.norm(np.subtract(*tips)) > 0.01  # [m]
+
+
+def test_joints_off_the_arm_are_locked_with_an_option(run: Run) -> None:
+    def place(*words: str) -> list[float]:
+        position: list[float] = run("fk", *HOME, "--frame", "link_finger_tip_1", "--json", *words).document["position"]
+        return position
+
+    assert place("--lock", "finger_1=1.2") == place("--finger-angle", "1.2") != place()
+    for words, message in (("finger_1", "--lock must be JOINT=VALUE"), ("finger_9=1", "unknown joint 'finger_9'")):
+        refused = run("fk", *HOME, "--lock", words)
+        assert (refused.code, message in refused.err) == (2, True)

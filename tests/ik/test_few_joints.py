@@ -99,3 +99,23 @@ def test_a_pose_in_few_digits_is_missed_by_what_the_message_says(
         assert wider.solve(target).success
         assert result.restarts < 500
     assert missed
+
+
+def test_an_axis_that_is_missed_by_rounding_is_accepted_by_the_tolerance_that_is_named(folder: Path) -> None:
+    """Right angles of five digits: such an arm cannot point exactly down."""
+    path = folder / "five_digits.urdf"
+    chain = np.zeros((6, 3, 4))
+    for place, (xyz, roll) in zip(
+        chain,
+        [((0, 0, 0.27), 0.0), ((0, 0, 0), -1.5708), ((0.05, -0.28, 0), 0.0), ((0.08, 0.34, 0), 0.0),
+         ((0.08, 0.1, 0), -1.5708), ((0, 0, 0), 0.0)],
+        strict=True,
+    ):  # fmt: skip
+        place[:, :3], place[:, 3] = pin.rpy.rpyToMatrix(roll, 0.0, 0.0), xyz
+    path.write_text(urdf_of(chain))
+    robot = jacokin.load_robot(path)
+    target = jacokin.FreeAxis(jacokin.pose([0.25, -0.1, 0.15], down=True), axis=[0, 0, 1])
+    result = IKSolver(robot).solve(target)
+    assert result.status is Status.UNREACHABLE
+    assert "the closest one misses by 7.3e-6 rad: orientation_tolerance=1e-5 accepts it" in result.message
+    assert IKSolver(robot, orientation_tolerance=1e-5).solve(target).success

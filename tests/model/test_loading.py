@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import jacokin
@@ -17,7 +18,7 @@ import jacokin.model
 from jacokin import Robot
 from jacokin.errors import InvalidInputError, ModelError, UnknownNameError
 from jacokin.model import SelfContact, urdf_folder
-from tests.robot_files import SCENE, urdf_text
+from tests.robot_files import SCENE, skeleton, urdf_text
 
 KEYFRAME = '<keyframe><key name="home" qpos="{}"/></keyframe></mujoco>'
 HOME = "1 1 1 1 0 0 0 0.5 0.2 0.05 0.3 0.2 0.2"
@@ -193,3 +194,90 @@ def test_coupled_arm_joints_are_refused(tmp_path: Path, scene: Path) -> None:
 def test_fingers_take_only_angles_they_have() -> None:
     with pytest.raises(InvalidInputError, match="the fingers move from 0.15 to 1.35 rad"):
         jacokin.load_robot(finger_angle=100.0)
+
+
+@pytest.fixture
+def two_arms(tmp_path: Path) -> Path:
+    """Two chains of four joints on a base, and two fingers on the left one, of which one mimics the other."""
+    path = tmp_path / "two.urdf"
+    text = skeleton(
+        "left_1>left_a left_2>left_b left_3>left_c left_4>left_d "
+        "|finger_1>finger_a[0,1] |finger_2>finger_b[-2,0] |spinner>propeller*"
+    )
+    mimic = '<mimic joint="finger_1" multiplier="-2" offset="0.5"/></joint>'
+    head, sign, tail = text.partition('<joint name="finger_2"')
+    text = head + sign + tail.replace("</joint>", mimic, 1)
+    right = skeleton("right_1>right_a right_2>right_b right_3>right_c right_4>right_d")
+    inside = right[right.index('<link name="right_a"') : right.index("</robot>")]
+    path.write_text(text.replace("</robot>", f"{inside}</robot>"))
+    return path
+
+
+def test_joints_off_the_arm_are_locked_where_asked(two_arms: Path, rng: np.random.Generator) -> None:
+    locked = {"right_2": 0.4, "right_3": -0.7, "finger_1": 0.6, "spinner": 7.0}
+    robot = jacokin.load_robot(two_arms, tip="left_d", locked=locked)
+    assert robot.joint_names == ("left_1", "left_2", "left_3", "left_4")
+    whole = jacokin.load_robot(two_arms, tip="right_d")
+    other = whole.forward_kinematics([0.0, 0.4, -0.7, 0.0], "right_d")
+    q = robot.sample(rng)
+    np.testing.assert_allclose(robot.forward_kinematics(q, "right_d").homogeneous, other.homogeneous, atol=1e-12)
+    T_tip = robot.forward_kinematics(q, "left_d").inverse()
+    for frame, angle in (("finger_a", 0.6), ("finger_b", 0.5 - 2 * 0.6), ("propeller", 7.0)):
+        turned = pin.log3((T_tip * robot.forward_kinematics(q, frame)).rotation)
+        np.testing.assert_allclose(np.linalg.norm(turned), abs(math.remainder(angle, math.tau)), atol=1e-12)
+    assert dict(robot.source.locked) == locked | {"finger_2": pytest.approx(-0.7)}
+    assert jacokin.crosscheck(robot, samples=10).within()  # MuJoCo has the other arm in the same place
+    assert pickle.loads(pickle.dumps(robot)).source.locked == robot.source.locked
+
+
+@pytest.mark.parametrize(
+    ("locked", "message"),
+    [
+        ({"right_9": 0.0}, "unknown joint 'right_9'"),
+        ({"left_1": 0.0}, "locked['left_1']: is a joint of the arm"),
+        ({"right_1": 3.0}, "locked['right_1'] = 3.0: the joint moves from -2.9 to 2.9"),
+        ({"right_1": math.nan}, "locked['right_1'] must be a finite number"),
+        ([("right_1", 0.0)], "locked must be a dict"),
+    ],
+)
+def test_what_cannot_be_locked_is_named(two_arms: Path, locked: Any, message: str) -> None:
+    with pytest.raises(InvalidInputError, match=re.escape(message)):
+        jacokin.load_robot(two_arms, tip="left_d", locked=locked)
+
+
+def test_a_free_object_cannot_be_locked(scene: Path) -> None:
+    with pytest.raises(InvalidInputError, match="'float'.*has 6 degrees of freedom"):
+        jacokin.load_robot(scene, locked={"float": 0.0})
+
+
+def test_shapes_of_a_locked_arm_stand_where_it_is_locked(tmp_path: Path) -> None:
+    path = tmp_path / "two.xml"
+    geom = '<geom type="sphere" size="0.06"/>'
+    hinge = '<joint name="{0}_{1}" axis="0 1 0" range="-2 2"/>{2}<body name="{0}_{3}" pos="0 0 0.3">{2}'
+    first, second = hinge.replace("{1}", "1").replace("{3}", "b"), hinge.replace("{1}", "2").replace("{3}", "c")
+    arm = f'<body name="{{0}}" pos="{{1}} 0 0">{first}{second}</body></body></body>'
+    path.write_text(
+        '<mujoco><compiler angle="radian" autolimits="true"/><worldbody>'
+        f"{arm.format('left', 0, geom)}{arm.format('right', 1, geom)}</worldbody></mujoco>"
+    )
+    robots = [jacokin.load_robot(path, tip="left_c", locked={"right_1": angle}) for angle in (0.0, -1.5)]
+    places = [robot.forward_kinematics([0.0, 0.0], "right_c").translation for robot in robots]
+    np.testing.assert_allclose(places[1], [1.0 - 0.6 * math.sin(1.5), 0.0, 0.6 * math.cos(1.5)], atol=1e-12)
+    clear = [not SelfContact(robot).touching([math.atan2(0.4, 0.04), 0.0]) for robot in robots]
+    assert clear == [True, False]
+
+
+def test_a_home_of_ones_own_is_taken(two_arms: Path) -> None:
+    robot = jacokin.load_robot(two_arms, tip="left_d", home=[0.1, -0.2, 0.3, 2.9])
+    assert robot.home.tolist() == [0.1, -0.2, 0.3, 2.9]
+    assert robot.home_source == "given with home="
+    assert jacokin.load_robot(home=jacokin.load_robot().home + 0.1).home_source == "given with home="
+    wrong: list[tuple[Any, str]] = [
+        ([0.0] * 5, r"home must have shape \(4,\)"),
+        ([0.0, 0.0, 0.0, 3.0], "home: joint 'left_4' at 3.0 is out of its limits, -2.9 to 2.9"),
+        ([0.0, 0.0, 0.0, math.inf], "home must be finite"),
+        ("here", "home must be 4 numbers"),
+    ]
+    for home, message in wrong:
+        with pytest.raises(InvalidInputError, match=message):
+            jacokin.load_robot(two_arms, tip="left_d", home=home)

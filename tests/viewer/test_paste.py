@@ -59,6 +59,11 @@ CASES = {
         python=("limits=", "finger_angle=0.7"),
         command=("--limit joint_2=1.0,5.0", "--finger-angle 0.7"),
     ),
+    "locked": Case(
+        robot={"robot": str(urdf_folder() / "j2n6s300.urdf"), "locked": {"finger_1": 0.5}},
+        python=("locked={'finger_1': 0.5}",),
+        command=("--lock finger_1=0.5",),
+    ),
     "scene": Case(
         solver={"scene": TABLE, "collision": "report", "clearance": 0.005},
         prefer="margin",

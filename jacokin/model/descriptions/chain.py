@@ -7,9 +7,9 @@ hang on. Pinocchio's (cos, sin) packing of continuous joints ends here.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -17,14 +17,14 @@ import pinocchio as pin
 from jacokin.arrays import Array
 from jacokin.errors import ModelError
 from jacokin.model import checks
+from jacokin.model.descriptions.tools import FRAME_TYPES, frames_on, is_finger, joints_of_tool, usual_tools
 
 if TYPE_CHECKING:
     import mujoco
 
 MOST_JOINTS = 200  # of an arm; Pinocchio's memory grows with the cube of their number: 6 GiB at a thousand
-FRAME_TYPES = (pin.FrameType.BODY, pin.FrameType.OP_FRAME)
-TOOL_FRAMES = ("end_effector", "tool0")  # Kinova's name, and that of ROS-Industrial
 SHORTEST_ARM = 2  # joints of a branch that may be an arm; one joint is a finger, also on a single slide
+ONLY_ARM = 4  # joints of a chain that is the arm of a scene where no other has more than two: doors, wheels, knobs
 NAMED_CANDIDATES = 6  # in a message
 FARTHEST = 1e6  # [m] between a joint and the next one, or a frame; beyond, rounding is larger than any tolerance
 NO_LIMIT = 1e6  # [rad] or [m]; files that must write a number for "none" write one beyond this
@@ -39,6 +39,11 @@ class Coupling:
     joints: frozenset[str]
     what: str
     """Kind and name of what couples them, for messages."""
+    leader: str | None = None
+    """The joint that the one joint follows, where it is of that kind."""
+    multiplier: float = 1.0
+    offset: float = 0.0
+    """[rad] or [m] of the one joint where its leader is at zero."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,27 +64,72 @@ class Description:
     """Sentences on what was left out of the file."""
 
 
-def extract(full: pin.Model, q_reference: Array, base: str | None, tip: str | None, name: str) -> pin.Model:
-    """The arm between two frames of a model, as a fresh model with nq == nv == number of joints.
+class Ends(NamedTuple):
+    """Which joints of a model are those of the arm."""
+
+    base: str | None
+    """The frame in which the arm begins; None for the world of the model."""
+    above_base: frozenset[int]
+    """Numbers of the joints that carry the base."""
+    chain: tuple[int, ...]
+    """Numbers of the joints between base and tip."""
+    frame: str | None
+    """The frame solved when none is named: `tip`, else the one of the last link that is called as tools are."""
+    notes: tuple[str, ...]
+    """Sentences on joints that were left out, and how they would be taken in."""
+
+
+def find_ends(full: pin.Model, base: str | None, tip: str | None, leaders: Mapping[str, str]) -> Ends:
+    """Where the arm of a model begins and ends.
+
+    Args:
+        full: the whole robot.
+        base: frame in which the arm begins; None for the world of the model.
+        tip: frame at the end of the chain; None to end where the tree branches, before joints that move only a tool.
+        leaders: which joint a joint follows, by name.
+
+    Raises:
+        UnknownNameError: no such base or tip.
+        ModelError: the chain does not exist.
+    """
+    start = full.frames[0 if base is None else frame_id(full, base)].parentJoint
+    notes: tuple[str, ...] = ()
+    if tip is None:
+        end, notes = _arm_end(full, start, leaders)
+    else:
+        end = full.frames[frame_id(full, tip)].parentJoint
+    above_base, above_tip = (set(full.supports[joint]) - {0} for joint in (start, end))
+    if not above_base <= above_tip:
+        raise ModelError(f"tip {tip!r} does not descend from base {base!r}: no chain joins them")
+    between = sorted(above_tip - above_base)
+    if not between:
+        raise ModelError(f"no joint moves between base {base!r} and tip {tip!r}")
+    if len(between) > MOST_JOINTS:
+        raise ModelError(f"the chain has {len(between)} joints; at most {MOST_JOINTS} are read")
+    frames = frames_on(full, end)  # not those of fingers, whose joints are locked
+    frame = tip or next(iter(usual_tools(frames) or frames), None)
+    return Ends(base, frozenset(above_base), tuple(between), frame, notes)
+
+
+def extract(full: pin.Model, q_reference: Array, ends: Ends, name: str) -> pin.Model:
+    """The arm between the ends of a model, as a fresh model with nq == nv == number of joints.
 
     Args:
         full: the whole robot.
         q_reference: (full.nq,) configuration at which everything off the chain is locked.
-        base: frame the result is expressed in; None for the world of the model.
-        tip: frame at the end of the chain; None to end where the tree branches.
+        ends: which joints are those of the arm.
         name: name of the result.
 
     Returns:
-        A model whose universe is `base`; frames of the locked parts are kept, rigidly attached.
+        A model whose universe is the base; frames of the locked parts are kept, rigidly attached.
 
     Raises:
-        UnknownNameError: no such base or tip.
-        ModelError: the chain does not exist or contains a joint with more than one degree of freedom.
+        ModelError: the chain contains a joint with more than one degree of freedom.
     """
+    base, above_base, chain = ends.base, ends.above_base, ends.chain
     T_parent_joint, T_world_joint = _placements(full, q_reference)
     base_frame = full.frames[0 if base is None else frame_id(full, base)]
     T_world_base = T_world_joint[base_frame.parentJoint] * base_frame.placement
-    above_base, chain = _above_and_between(full, base_frame.parentJoint, base, tip)
     arm = pin.Model()
     arm.name = name
     arm.gravity.linear = T_world_base.rotation.T @ full.gravity.linear
@@ -103,7 +153,7 @@ def extract(full: pin.Model, q_reference: Array, base: str | None, tip: str | No
         placement = T_carrier_joint * frame.placement
         _check_place(f"frame {frame.name!r}", placement)
         arm.addFrame(pin.Frame(frame.name, carrier, 0, placement, frame.type), False)
-    dofs = [full.joints[joint].idx_v for joint in sorted(chain)]
+    dofs = [full.joints[joint].idx_v for joint in chain]
     arm.armature, arm.damping = full.armature[dofs], full.damping[dofs]
     arm.upperDryFrictionLimit = full.upperDryFrictionLimit[dofs]
     arm.lowerDryFrictionLimit = -arm.upperDryFrictionLimit
@@ -125,46 +175,67 @@ def _placements(full: pin.Model, q: Array) -> tuple[list[pin.SE3], list[pin.SE3]
     return in_parent, in_world
 
 
-def _above_and_between(
-    full: pin.Model, base_joint: int, base: str | None, tip: str | None
-) -> tuple[set[int], set[int]]:
-    """Ids of the joints that carry the base, and of those between base and tip."""
-    tip_joint = _arm_tip_joint(full, base_joint) if tip is None else full.frames[frame_id(full, tip)].parentJoint
-    above_base, above_tip = (set(full.supports[joint]) - {0} for joint in (base_joint, tip_joint))
-    if not above_base <= above_tip:
-        raise ModelError(f"tip {tip!r} does not descend from base {base!r}: no chain joins them")
-    between = above_tip - above_base
-    if not between:
-        raise ModelError(f"no joint moves between base {base!r} and tip {tip!r}")
-    if len(between) > MOST_JOINTS:
-        raise ModelError(f"the chain has {len(between)} joints; at most {MOST_JOINTS} are read")
-    return above_base, between
-
-
-def _arm_tip_joint(model: pin.Model, base_joint: int) -> int:
-    """The last joint before the tree branches, walking out from the base: where the arm ends and fingers begin.
+def _arm_end(model: pin.Model, base_joint: int, leaders: Mapping[str, str]) -> tuple[int, tuple[str, ...]]:
+    """The last joint of the arm: before the tree branches into fingers, and before joints that move only a tool.
 
     Raises:
         ModelError: nothing moves, or arms rather than fingers begin where the tree branches; names candidates for tip.
     """
     # Free objects in the scene hang on the base too, and are not arms.
-    start = list(model.children[base_joint])
-    start = [joint for joint in start if model.joints[joint].nv == 1] or start
-    if not start:
+    starts = list(model.children[base_joint])
+    starts = [joint for joint in starts if model.joints[joint].nv == 1] or starts
+    if model.njoints == 1:
+        raise ModelError("no joint starts at the base, nor anywhere else: this is an object, not an arm")
+    if not starts:
         raise ModelError("no joint starts at the base; say where the arm begins with base=...")
-    if len(start) > 1:
-        names = ", ".join(model.names[joint] for joint in start[:NAMED_CANDIDATES])
-        names += ", ..." if len(start) > NAMED_CANDIDATES else ""
-        raise ModelError(f"several chains start at the base ({names}); {_advice(model, start)}")
-    joint, length = _before_the_branches(model, start[0])
-    branches = list(model.children[joint])
-    longest = max((_length(model, branch) for branch in branches), default=0)
-    if longest >= max(length, SHORTEST_ARM):
+    start, notes = _only_arm(model, starts, leaders)
+    end, length = _before_the_branches(model, start)
+    branches = list(model.children[end])
+    if _branches_into_arms(model, length, branches):
+        longest = max(_length(model, branch) for branch in branches)
         raise ModelError(
-            f"the chain branches at joint {model.names[joint]!r}, its number {length}, into chains of up to {longest} "
-            f"joints: arms on a torso rather than fingers on an arm; {_advice(model, branches)}"
+            f"the chain branches at joint {model.names[end]!r}, its number {length}, into chains of up to {longest} "
+            f"joints: arms on a torso rather than fingers on an arm; {_advice(model, branches, leaders)}"
         )
-    return joint
+    chain = _chain_to(model, base_joint, end)
+    left_out = joints_of_tool(model, chain, leaders)
+    for joint, why in reversed(left_out):
+        frames = frames_on(model, joint)
+        cure = f": tip={frames[0]!r} takes it in" if frames else ""
+        notes = (*notes, f"joint {model.names[joint]!r} is not part of the arm, as it {why}{cure}")
+    return chain[-1 - len(left_out)], notes
+
+
+def _only_arm(model: pin.Model, starts: list[int], leaders: Mapping[str, str]) -> tuple[int, tuple[str, ...]]:
+    """The first joint of the arm among those that start at the base, and notes on the others.
+
+    Raises:
+        ModelError: several may be arms.
+    """
+    if len(starts) == 1:
+        return starts[0], ()
+    lengths = {joint: _length(model, joint) for joint in starts}
+    arms = [joint for joint in starts if lengths[joint] >= ONLY_ARM and not is_finger(model, joint)]
+    if len(arms) == 1 and all(lengths[joint] <= SHORTEST_ARM for joint in starts if joint != arms[0]):
+        others = _listed([model.names[joint] for joint in starts if joint != arms[0]])
+        return arms[0], (f"the arm is the chain that begins with joint {model.names[arms[0]]!r}; locked are {others}",)
+    names = _listed([model.names[joint] for joint in starts])
+    raise ModelError(f"several chains start at the base ({names}); {_advice(model, starts, leaders)}")
+
+
+def _listed(names: Sequence[str]) -> str:
+    """Some names, and that there are more."""
+    return ", ".join(names[:NAMED_CANDIDATES]) + (", ..." if len(names) > NAMED_CANDIDATES else "")
+
+
+def _branches_into_arms(model: pin.Model, length: int, branches: Sequence[int]) -> bool:
+    """Whether what begins where a chain of some joints branches are arms rather than fingers."""
+    return max((_length(model, branch) for branch in branches), default=0) >= max(length, SHORTEST_ARM)
+
+
+def _chain_to(model: pin.Model, base_joint: int, end: int) -> list[int]:
+    """Numbers of the joints after the base up to another one."""
+    return [joint for joint in model.supports[end] if joint > base_joint and joint in model.subtrees[base_joint]]
 
 
 def _before_the_branches(model: pin.Model, joint: int) -> tuple[int, int]:
@@ -180,13 +251,24 @@ def _length(model: pin.Model, joint: int) -> int:
     return max(len(model.supports[end]) for end in model.subtrees[joint]) - len(model.supports[joint]) + 1
 
 
-def _advice(model: pin.Model, starts: list[int]) -> str:
+def _advice(model: pin.Model, starts: list[int], leaders: Mapping[str, str]) -> str:
     """Advice to give tip=..., with frames at the ends of the chains, those of the longest first."""
-    frames = {model.frames[index].parentJoint: name for name, index in reversed(frame_names(model).items())}
-    ends = [_before_the_branches(model, start)[0] for start in sorted(starts, key=lambda start: -_length(model, start))]
-    candidates = [frames[joint] for joint in ends if joint in frames][:NAMED_CANDIDATES]
+    ends = [end for start in starts for end in _ends_of_arms(model, start, leaders)]
+    ends.sort(key=lambda end: -len(model.supports[end]))
+    carried = [frames_on(model, end) for end in ends]
+    candidates = [(usual_tools(frames) or frames)[0] for frames in carried if frames][:NAMED_CANDIDATES]
     named = f", for example {', '.join(candidates)}" if candidates else ""
     return f"say which frame ends the arm with tip=...{named} (and which begins it with base=...)"
+
+
+def _ends_of_arms(model: pin.Model, start: int, leaders: Mapping[str, str]) -> list[int]:
+    """The last joints of what may be arms in the tree from a joint on."""
+    end, length = _before_the_branches(model, start)
+    branches = list(model.children[end])
+    if _branches_into_arms(model, length, branches):
+        return [each for branch in branches for each in _ends_of_arms(model, branch, leaders)]
+    chain = _chain_to(model, model.parents[start], end)
+    return [chain[-1 - len(joints_of_tool(model, chain, leaders))]]
 
 
 def _add_joint(arm: pin.Model, parent: int, placement: pin.SE3, full: pin.Model, index: int) -> int:
@@ -195,7 +277,7 @@ def _add_joint(arm: pin.Model, parent: int, placement: pin.SE3, full: pin.Model,
     if joint.nv != 1:
         raise ModelError(
             f"joint {full.names[index]!r} in the chain has {joint.nv} degrees of freedom; "
-            "an arm needs hinge (or slide) joints"
+            "an arm needs hinge (or slide) joints; base=... names a frame behind it"
         )
     _check_place(f"joint {full.names[index]!r}", placement)
     plain, continuous = _one_coordinate_joint(full, index)
@@ -270,4 +352,4 @@ def default_frame(model: pin.Model, tip: str | None) -> str:
     names = [name for name, index in frame_names(model).items() if model.frames[index].parentJoint == last]
     if not names:
         raise ModelError("the last link of the arm has no named frame; name it, or give tip=...")
-    return min(names, key=lambda name: [(name != tool, not name.endswith(tool)) for tool in TOOL_FRAMES])
+    return (usual_tools(names) or names)[0]

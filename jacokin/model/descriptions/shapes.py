@@ -18,6 +18,7 @@ from jacokin.arrays import Array
 from jacokin.errors import ShapeError, shown
 from jacokin.model.descriptions import bundled
 from jacokin.model.descriptions.meshes import FARTHEST, THIN, Z_UP, Mesh, find_mesh, hull_of, read_mesh_file, stl_bytes
+from jacokin.model.descriptions.urdf import MALFORMED
 
 NO_VERTICES = np.empty((0, 3))
 #: What shapes can be, simple ones first; the names are MJCF's.
@@ -150,6 +151,8 @@ def prepare_shapes(robot: ET.Element, path: Path, package_dirs: Sequence[Path]) 
             if name in names:
                 collision.attrib.pop("name", None)
             names.add(name)
+            if collision.get(MALFORMED):
+                raise ShapeError(f"{collision.get(MALFORMED)}. Contact needs the shapes, kinematics does not")
             shape = next(iter(collision.findall("geometry/*")), None)
             if shape is not None and shape.tag != "mesh" and shape.tag not in SIZES:
                 kinds = ", ".join((*SIZES, "mesh"))

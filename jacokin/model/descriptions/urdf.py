@@ -6,6 +6,7 @@ import io
 import math
 import re
 import xml.etree.ElementTree as ET
+import xml.parsers.expat
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
@@ -65,6 +66,8 @@ KINEMATIC_TAGS = ("link", "joint")  # of a <robot>; materials, transmissions and
 SHAPE_TAGS = ("visual", "collision")
 DEFINITIONS = ("property", "arg", "macro")  # of xacro: without a use they mean nothing
 TEMPLATE = ("${", "$(")  # how xacro's expressions begin
+MALFORMED = "malformed"  # attribute of a collision shape: what is wrong with it, said where contact is asked for
+POINT = {"ixx": "0", "ixy": "0", "ixz": "0", "iyy": "0", "iyz": "0", "izz": "0"}
 
 
 def read(path: Path) -> Description:
@@ -80,7 +83,7 @@ def read(path: Path) -> Description:
     notes: list[str] = []
     robot = check(text, str(path), notes)
     bare = kinematic_text(robot)
-    couplings = [Coupling(frozenset((joint,)), "mimic") for joint in _mimic_joints(bare, str(path))]
+    couplings = _couplings(bare, str(path))
     return _description(_parse(bare, str(path)), couplings, ET.tostring(robot, encoding="unicode"), notes)
 
 
@@ -142,22 +145,35 @@ def kinematic_text(robot: ET.Element) -> str:
     return ET.tostring(bare, encoding="unicode")
 
 
-def _mimic_joints(text: str, source: str) -> list[str]:
-    """Names of the joints that follow another one, as yourdfpy reads them; Pinocchio drops the relation."""
-    import yourdfpy
+def _couplings(text: str, source: str) -> list[Coupling]:
+    """The joints that follow another one, as yourdfpy reads them; Pinocchio drops the relation."""
+    if "<mimic" not in text:
+        return []
+    import yourdfpy  # which takes half a second to load
 
     try:
         parsed = yourdfpy.URDF.load(io.BytesIO(text.encode()), load_meshes=False, build_scene_graph=False)
     except Exception as error:  # yourdfpy raises whatever its walk through the XML stumbles over
         raise ModelError(f"{source}: yourdfpy cannot read this URDF: {error!r}") from error
-    return [joint.name for joint in parsed.robot.joints if joint.mimic is not None]
+    following = [(joint.name, joint.mimic) for joint in parsed.robot.joints if joint.mimic is not None]
+    return [
+        Coupling(
+            frozenset((name,)),
+            "mimic",
+            mimic.joint,
+            1.0 if mimic.multiplier is None else mimic.multiplier,
+            0.0 if mimic.offset is None else mimic.offset,
+        )
+        for name, mimic in following
+    ]
 
 
 def check(text: str, source: str, notes: list[str] | None = None) -> ET.Element:
     """The robot element of URDF text that describes one tree of links with finite numbers.
 
     Numbers are rewritten with plain blanks between them: tabs and line ends are XML, and not every parser takes them.
-    What only says how the robot looks is left out where it is malformed.
+    What only says how the robot looks is left out where it is malformed; a malformed collision shape stays, and is
+    refused where contact is asked for. A robot without a name has that of its file.
 
     Args:
         text: of the file.
@@ -167,16 +183,15 @@ def check(text: str, source: str, notes: list[str] | None = None) -> ET.Element:
     Raises:
         ModelError: names the element at fault.
     """
-    try:
-        robot = ET.fromstring(text)
-    except (ET.ParseError, ValueError) as error:
-        raise ModelError(f"{source}: not well-formed XML (truncated?): {error}") from error
+    robot = parse_xml(text, source)
     if robot.tag != "robot":
         raise ModelError(f"{source}: the root element is <{robot.tag}>, a URDF has <robot>")
-    _required(robot, "name", source)
+    if not robot.get("name"):
+        robot.set("name", Path(source).stem)
     _check_depth(robot, source)
     said: list[str] = [] if notes is None else notes
     _check_expanded(robot, source, said)
+    _drop_foreign(robot)
     links, joints = robot.findall("link"), robot.findall("joint")
     _unique([_required(link, "name", source) for link in links], "link", source)
     _unique([_required(joint, "name", source) for joint in joints], "joint", source)
@@ -189,8 +204,10 @@ def check(text: str, source: str, notes: list[str] | None = None) -> ET.Element:
     link_names, joint_names = ({element.get("name", "") for element in group} for group in (links, joints))
     for link in links:
         where = f"{source}: link {link.get('name')!r}"
+        for collision in link.findall("collision"):
+            _mark_malformed(collision, where)
         _check_numbers(link, where)
-        _check_inertial(link, where)
+        _complete_inertial(link, where, said)
     for joint in joints:
         where = f"{source}: joint {joint.get('name')!r}"
         _check_numbers(joint, where)
@@ -199,10 +216,39 @@ def check(text: str, source: str, notes: list[str] | None = None) -> ET.Element:
     return robot
 
 
+def parse_xml(text: str, source: str) -> ET.Element:
+    """The root element, with prefixes in the names as they are written.
+
+    ROS's parser knows no namespaces, and many files use prefixes that they do not declare.
+
+    Raises:
+        ModelError: not XML.
+    """
+    builder = ET.TreeBuilder()
+    parser = xml.parsers.expat.ParserCreate()
+    parser.StartElementHandler = builder.start
+    parser.EndElementHandler = builder.end
+    try:
+        parser.Parse(text.lstrip(), True)
+        return builder.close()
+    except (xml.parsers.expat.ExpatError, ValueError, AssertionError) as error:
+        raise ModelError(f"{source}: not well-formed XML (truncated?): {error}") from error
+
+
+def _drop_foreign(robot: ET.Element) -> None:
+    """Remove elements and attributes with a prefix, and namespaces: they are for other programs."""
+    for element in robot.iter():
+        for name in [name for name in element.attrib if name == "xmlns" or ":" in name]:
+            del element.attrib[name]
+        for child in list(element):
+            if ":" in child.tag:
+                element.remove(child)
+
+
 def _check_expanded(robot: ET.Element, source: str, notes: list[str]) -> None:
     """Refuse what xacro has yet to expand; its definitions that nothing uses are left over and mean nothing."""
-    foreign = [element.tag for element in robot.iter() if isinstance(element.tag, str) and "xacro" in element.tag]
-    used = [tag for tag in foreign if re.split("[}:]", tag)[-1] not in DEFINITIONS]
+    foreign = [element.tag for element in robot.iter() if element.tag.startswith("xacro:")]
+    used = [tag for tag in foreign if tag.removeprefix("xacro:") not in DEFINITIONS]
     searched = (
         robot.iter() if foreign else (each for tag in KINEMATIC_TAGS for own in robot.iter(tag) for each in own.iter())
     )
@@ -251,9 +297,24 @@ def _check_size(links: list[ET.Element], joints: list[ET.Element], source: str) 
             raise ModelError(f"{source}: has {count} {what}; at most {most} are read")
 
 
+def _mark_malformed(collision: ET.Element, where: str) -> None:
+    """Write into a collision shape what is wrong with it, if something is."""
+    collision.attrib.pop(MALFORMED, None)
+    try:
+        _check_numbers(collision, where)
+    except ModelError as error:
+        collision.set(MALFORMED, str(error))
+
+
 def _check_numbers(owner: ET.Element, where: str) -> None:
-    """Every number of a link, joint or material is a finite number, and what must be there is there."""
+    """Every number of a link, joint or material is a finite number, and what must be there is there.
+
+    What is marked as malformed is not looked at again.
+    """
+    malformed = {id(part) for each in owner.findall("collision") if each.get(MALFORMED) for part in each.iter()}
     for element in owner.iter():
+        if id(element) in malformed:
+            continue
         for attribute in REQUIRED.get(element.tag, ()):
             _required(element, attribute, where)
         for attribute, counts in NUMBERS.get(element.tag, {}).items():
@@ -288,15 +349,19 @@ def _check_single(owner: ET.Element, tags: Sequence[str], where: str) -> None:
             raise ModelError(f"{where}: its <{owner.tag}> has more than one <{tag}>")
 
 
-def _check_inertial(link: ET.Element, where: str) -> None:
+def _complete_inertial(link: ET.Element, where: str, notes: list[str]) -> None:
+    """Refuse ambiguous masses; a body without inertia is a point, and one without mass has none."""
     _check_single(link, ("inertial",), where)
     inertial = link.find("inertial")
     if inertial is None:
         return
     _check_single(inertial, ("origin", "mass", "inertia"), where)
-    for tag in ("mass", "inertia"):
-        if inertial.find(tag) is None:
-            raise ModelError(f"{where}: its <inertial> has no <{tag}>")
+    if inertial.find("mass") is None:
+        link.remove(inertial)
+        notes.append(f"the <inertial> of link {link.get('name')!r} has no <mass> and is left out")
+    elif inertial.find("inertia") is None:
+        ET.SubElement(inertial, "inertia", POINT)
+        notes.append(f"the <inertial> of link {link.get('name')!r} has no <inertia>: its mass is in one point")
 
 
 def _check_joint(joint: ET.Element, links: set[str], joints: set[str], where: str) -> None:
@@ -336,7 +401,11 @@ def _check_limit(joint: ET.Element, kind: str, where: str) -> None:
         return
     if kind in LIMITED_TYPES:
         for attribute in ("lower", "upper"):
-            _required(limit, attribute, where)
+            if not limit.get(attribute):
+                raise ModelError(
+                    f"{where}: a <limit> has no {attribute}: write it [rad, or m], or type continuous for a joint "
+                    "without limits"
+                )
         lower, upper = float(limit.get("lower", "")), float(limit.get("upper", ""))
         if lower > upper:
             raise ModelError(f"{where}: lower limit {lower} is above upper limit {upper}")

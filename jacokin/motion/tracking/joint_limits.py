@@ -18,6 +18,7 @@ from jacokin.model.robot import Robot
 
 AT_BOUND = 1e-6  # of the velocity limit's step: a displacement this near to a bound lies on it
 EASY = 0.8  # part of the acceleration limit with which an approach brakes; the rest is for what curvature adds
+ROUNDING = 1e-9  # [rad] past a limit, of a joint that has come back to it
 TINY = 1e-200  # instead of dividing by zero
 
 
@@ -184,10 +185,10 @@ class JointLimits:
         return found + [f"{name} acceleration" for name, is_hard in zip(self._names, hard, strict=True) if is_hard]
 
     def outside(self, q: Array) -> str:
-        """Which joints are past their limits at `q` (dof,) [rad], as the end of a sentence; "" for none."""
+        """Which joints are past their limits at `q` (dof,) [rad], to end a sentence; "" for none, and for rounding."""
         past = np.maximum(q - self.upper, self.lower - q)
         return "".join(
             f"; {name} is {far:.3g} rad past its limit and moves only inwards"
             for name, far in zip(self._names, past.tolist(), strict=True)
-            if far > 0.0
+            if far > ROUNDING
         )

@@ -673,7 +673,7 @@ class Tracker:
             limiting=tuple(limiting),
             clearance=None if distances is None else distances.least,
             qp_solver=self._qp.used,
-            message=message + self._limits.outside(after.arm.q),
+            message=(message + self._limits.outside(after.arm.q)).removeprefix("; "),
             elapsed=time.perf_counter() - began,
         )
         return after, step

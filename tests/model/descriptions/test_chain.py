@@ -12,6 +12,7 @@ import pytest
 
 import jacokin
 import jacokin.model
+from jacokin.arrays import Array
 from jacokin.errors import ModelError, UnknownNameError
 from jacokin.model.descriptions import chain
 from tests.robot_files import SCENE
@@ -26,6 +27,11 @@ def tree(*parents: int, kind: str = "RZ", frames: bool = True) -> pin.Model:
         if frames:
             model.addFrame(pin.Frame(f"f{index}", index, 0, pin.SE3.Identity(), pin.FrameType.OP_FRAME), False)
     return model
+
+
+def extract(model: pin.Model, q: Array | None = None, base: str | None = None, tip: str | None = None) -> pin.Model:
+    ends = chain.find_ends(model, base, tip, {})
+    return chain.extract(model, pin.neutral(model) if q is None else q, ends, "arm")
 
 
 REFUSED: dict[str, tuple[pin.Model, str | None, str | None, str]] = {
@@ -49,14 +55,14 @@ REFUSED: dict[str, tuple[pin.Model, str | None, str | None, str]] = {
 def test_what_is_no_arm_is_refused(case: str) -> None:
     model, base, tip, message = REFUSED[case]
     with pytest.raises(ModelError, match=re.escape(message)):
-        chain.extract(model, pin.neutral(model), base, tip, "arm")
+        extract(model, base=base, tip=tip)
 
 
 @pytest.mark.parametrize("argument", ["base", "tip"])
 def test_an_unknown_frame_lists_those_there_are(argument: str) -> None:
     model = tree(0, 1)
     with pytest.raises(UnknownNameError, match="unknown frame 'f9'.*Valid: f1, f2"):
-        chain.extract(model, pin.neutral(model), **{"base": None, "tip": None, argument: "f9"}, name="arm")
+        chain.find_ends(model, leaders={}, **{"base": None, "tip": None, argument: "f9"})
 
 
 @pytest.mark.parametrize(
@@ -80,7 +86,7 @@ def test_the_frame_that_is_meant_when_none_is_named(names: list[str], wanted: st
 def test_fingers_end_the_arm_and_free_objects_are_no_arms() -> None:
     model = tree(0, 1, 2, 2)
     model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "box")
-    arm = chain.extract(model, pin.neutral(model), None, None, "arm")
+    arm = extract(model)
     assert list(arm.names)[1:] == ["j1", "j2"]
     assert set(chain.frame_names(arm)) == {"f1", "f2", "f3", "f4"}
 
@@ -88,7 +94,7 @@ def test_fingers_end_the_arm_and_free_objects_are_no_arms() -> None:
 def test_what_is_off_the_chain_is_locked_where_the_reference_says() -> None:
     model = tree(0, 1, 2, 2)
     q = np.array([0.0, 0.0, 0.4, -0.7])
-    arm = chain.extract(model, q, None, "f2", "arm")
+    arm = extract(model, q, tip="f2")
     for finger, angle in (("f3", 0.4), ("f4", -0.7)):
         placement = arm.frames[chain.frame_id(arm, finger)].placement
         np.testing.assert_allclose(pin.log3(placement.rotation), [0.0, 0.0, angle], atol=1e-15)

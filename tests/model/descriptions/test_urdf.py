@@ -15,7 +15,7 @@ from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
 import jacokin
-from jacokin.errors import InvalidInputError, JacokinError, ModelError
+from jacokin.errors import InvalidInputError, JacokinError, ModelError, ShapeError
 from jacokin.model import Floor, Scene
 from jacokin.model.descriptions import urdf
 from jacokin.motion import move_joints
@@ -107,29 +107,16 @@ MISTAKES = {
     ),
     "no upper": (robot_text('<limit lower="0"/>', "revolute"), "joint 'j': a <limit> has no upper"),
     "no limit": (robot_text("", "prismatic"), "joint 'j': a prismatic joint needs <limit>"),
-    "no name": (robot_text().replace('robot name="r"', "robot"), "a <robot> has no name"),
     "huge": (robot_text('<origin xyz="1e999 0 0"/>'), "joint 'j': <origin> xyz=\"1e999 0 0\" is not finite"),
     "other digits": (robot_text('<origin xyz="\u0661 0 0"/>'), "is not made of numbers"),
-    "no inertia": (
-        robot_text(link='<inertial><mass value="1"/></inertial>'),
-        "link 'a': its <inertial> has no <inertia>",
-    ),
     "half an inertia": (
         robot_text(link='<inertial><mass value="1"/><inertia ixx="1"/></inertial>'),
         "link 'a': a <inertia> has no ixy",
-    ),
-    "shape": (
-        robot_text(link='<collision><geometry><sphere radius="nan"/></geometry></collision>'),
-        "link 'a': <sphere> radius=\"nan\" is not finite",
     ),
     "too many joints": (chain_text(201, "continuous"), "has 201 joints that move; at most 200"),
     "too many links": (chain_text(5000, "fixed"), "has 5001 links; at most 1000"),
     "too deep": ("<robot name='r'>" + "<x>" * 5000 + "</x>" * 5000 + "</robot>", "nested more than 100 deep"),
     "far away": (robot_text('<origin xyz="0 2e6 0"/>'), "joint 'j' is at (0, 2e+06, 0) m of the joint before it"),
-    "half a cylinder": (
-        robot_text(link='<collision><geometry><cylinder length="1"/></geometry></collision>'),
-        "link 'a': a <cylinder> has no radius",
-    ),
     "two children": (robot_text('<child link="a"/>'), "joint 'j': its <joint> has more than one <child>"),
     "xacro": (
         '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:arm/></robot>',
@@ -320,6 +307,71 @@ def test_looks_stop_nothing(tmp_path: Path, shape: str) -> None:
     assert robot.clearance([0.0, 0.0], Scene([Floor(-0.3)])) == pytest.approx(0.25)
     assert any("what cannot be drawn is left out" in note and "material 'm'" in note for note in robot.notes)
     load_parts(robot)
+
+
+@pytest.mark.parametrize(
+    ("shape", "message"),
+    [
+        ('<sphere radius="nan"/>', '<sphere> radius="nan" is not finite'),
+        ('<cylinder length="1"/>', "a <cylinder> has no radius"),
+        ('<capsule length="1"/>', "a <capsule> has no radius"),
+        ('<mesh filename="a.stl" scale="1 1 1 1"/>', "must have 3 numbers"),
+    ],
+)
+def test_a_malformed_collision_shape_matters_to_contact_only(tmp_path: Path, shape: str, message: str) -> None:
+    path = tmp_path / "arm.urdf"
+    path.write_text(arm_text(shape=f"<collision><geometry>{shape}</geometry></collision>", head=">"))
+    robot = jacokin.load_robot(path)
+    assert any("contact cannot be looked for" in note and message in note for note in robot.notes)
+    with pytest.raises(ShapeError, match=re.escape(f"link 'l1': {message}" if message[0] == "a" else message)):
+        robot.clearance([0.0, 0.0], Scene([Floor(-0.3)]))
+    jacokin.model.write_urdf(robot, tmp_path / "again.urdf")
+    assert " malformed=" not in (tmp_path / "again.urdf").read_text()
+
+
+def test_a_robot_without_a_name_has_that_of_its_file(tmp_path: Path) -> None:
+    path = tmp_path / "ur3.urdf"
+    path.write_text(arm_text(head=">").replace(' name="arm"', ""))
+    assert jacokin.load_robot(path).name == "ur3"
+
+
+@pytest.mark.parametrize(
+    "part", ["", "<mass value='2'/>", "<inertia ixx='1' ixy='0' ixz='0' iyy='1' iyz='0' izz='1'/>"]
+)
+def test_an_inertial_that_says_half_is_completed_or_left_out(tmp_path: Path, part: str) -> None:
+    path = tmp_path / "arm.urdf"
+    camera = f'<link name="camera"><inertial><origin xyz="0.1 0 0"/>{part}</inertial></link>'
+    camera += '<joint name="to_camera" type="fixed"><parent link="l2"/><child link="camera"/></joint>'
+    path.write_text(arm_text(head=">").replace("</robot>", f"{camera}</robot>"))
+    robot = jacokin.load_robot(path)
+    expected = "no <inertia>: its mass is in one point" if "mass" in part else "no <mass> and is left out"
+    assert any("link 'camera'" in note and expected in note for note in robot.notes)
+    assert robot.pin_model.inertias[2].mass == (3.0 if "mass" in part else 1.0)
+    if "mass" in part:
+        hung = jacokin.load_robot(path, base="l1").gravity([0.0])[0]
+        path.write_text(arm_text(head=">"))
+        np.testing.assert_allclose(
+            hung - jacokin.load_robot(path, base="l1").gravity([0.0])[0], -2 * 9.81 * 0.1, rtol=1e-12
+        )
+
+
+@pytest.mark.parametrize(
+    "foreign",
+    [
+        "<sensor:camera><sensor:noise/></sensor:camera>",
+        '<xacro:property name="pi" value="3.14"/>',
+        '<gz:plugin gz:name="x"><link name="l1"/></gz:plugin>',
+        "<gazebo><controller:ros_camera name='c'/></gazebo>",
+    ],
+)
+def test_prefixes_need_not_be_declared(tmp_path: Path, foreign: str) -> None:
+    """ROS's parser knows no namespaces, and files that it takes are full of them."""
+    for name, head in (("arm.urdf", ">"), ("arm.xml", 'xmlns="http://www.ros.org">')):
+        path = tmp_path / name
+        path.write_text("\n <?xml version='1.0'?>" + arm_text(head=head).replace("</robot>", f"{foreign}</robot>"))
+        robot = jacokin.load_robot(path)
+        assert robot.joint_names == ("j0", "j1")
+        assert jacokin.crosscheck(robot, samples=3).within()
 
 
 XACRO = 'xmlns:xacro="http://www.ros.org/wiki/xacro"'
