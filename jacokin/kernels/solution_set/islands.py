@@ -1,9 +1,11 @@
 """Which values of the parameter to solve at, so that no curve is missed: from the characteristic function alone.
 
-At a value p of the parameter all solutions are roots of one trigonometric polynomial F(x; p) of degree 8. Between two
-roots that are nearest to each other F has an extremum; there w = -2 F / F'' is the square of half their distance, and
-it is negative where the two are complex. In p it goes through zero where two solutions meet and vanish. A closed curve
-that lies wholly between two slices is an extremum whose w is negative at both and positive in between.
+At a value p of the parameter all solutions are roots x of one trigonometric polynomial F(x; p) of degree 8: sixteen, of
+which the real ones are the solutions and the others pairs x and conj(x). Two solutions that meet and vanish become such
+a pair. A closed curve that lies wholly between two values of p is a pair there that comes to the real axis and leaves
+it again. How far it is from the axis and how quickly it comes tells about when: d / (2 |d'|), as d goes with the square
+root of the distance to where they meet. Where pairs come from both sides and might be there in time, the values between
+are halved, until they cannot, or until curves are found there.
 """
 
 from __future__ import annotations
@@ -16,7 +18,7 @@ from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.kernels.closed_form.arm import ArmConstants, pose_of, unpack_arm
-from jacokin.kernels.closed_form.resultant import DEGREE, fourier_of_F, slope_and_curvature, value_and_slope
+from jacokin.kernels.closed_form.resultant import DEGREE, fourier_of_F, value_and_slope
 from jacokin.kernels.closed_form.roots import RootWork, find_roots, make_roots
 from jacokin.kernels.limits import TURN
 from jacokin.kernels.six_joints.characteristic import Determinant, fourier_of_determinant, make_determinant
@@ -28,81 +30,72 @@ from jacokin.kernels.solution_set.slices import BEFORE, SixJoints, turn_target
 from jacokin.kernels.solution_set.trace import Loops
 from jacokin.kernels.tolerances import DISTINCT, UNCERTAIN
 
-LOOKED_AT, MOST_FOUND, EXTREMA = 48, 128, 32
+LOOKED_AT, MOST_FOUND = 48, 128
 #: Values of x at which F is looked at, too, at all values of the parameter; evenly all round from the second on [rad].
 LINES, FIRST_LINE = 3, 0.7
 #: Halvings to where F is zero on such a line.
 LINE_HALVINGS = 24
 #: [rad] where the even values begin: away from the round angles that people use.
 OFFSET = 0.1234
-#: Times the change of w from slice to slice, by its slope, by which it may be below zero and come there.
-SAFETY = 2.0
-#: Times the distance to where w is zero by its slope, that is looked at.
-OVERSHOOT = 1.2
-#: [rad] of the parameter: for slopes of w, and how well a peak of w is known.
-ASIDE, CLOSE_ENOUGH = 1e-4, 1e-7
-#: [rad^2] w of two roots that are not told from one; and how often a peak of w is looked at from closer by.
-ONE_ROOT, LOOKS = 1e-13, 24
-#: [rad^2] w that rounding leaves open: where that is more, the peak is not known well enough to look for it otherwise.
-BLURRED = 1e-6
-#: [rad^2] w of two complex roots that may be one real solution at a place known to 1e-3 rad.
-NEARLY_DOUBLE = 1e-5
-#: [rad] how well that place is known, and w [rad^2] of what may be one real solution just there.
-PEAK_KNOWN, NEARLY_ONE = 1e-3, 1e-11
-#: Newton's method for an extremum: steps, the largest one and the last one [rad]; and w of no extremum.
-NEWTON_STEPS, LARGEST_MOVE, SAME_PLACE, NONE = 20, 0.1, 1e-11, -1e9
+#: Times the distance between two values within which pairs from both sides may come to the axis.
+SAFETY = 1.5
+#: [rad] of the parameter: for slopes, and the shortest distance that is halved.
+ASIDE, CLOSE_ENOUGH = 1e-4, 1e-6
+#: [rad] values nearer to each other than this are halved where another labelling of the joints has such pairs, too.
+LABELLED = 0.01
+#: [rad] roots nearer to the axis are real.
+REAL = 1e-6
+#: Values that are halved at most, and steps to all roots at once, with the relative size of the last one.
+MOST_HALVED, ABERTH_STEPS, LAST_STEP = 400, 60, 1e-11
 
 
-class Extremum(NamedTuple):
-    """An extremum of F."""
+class Look(NamedTuple):
+    """What the roots of F at one value of the parameter tell of those nearby."""
 
-    x: float  # [rad]
-    w: float  # [rad^2]
-    bend: float  # F'': of one sign as long as the extremum is between the same two roots
-    labelling: int  # see `fill_F`
+    ahead: float  # after how much a pair may come to the real axis there [rad], inf for none
+    behind: float  # the same on the other side
+    count: int  # real roots, -1 in doubt
 
 
 class Islands(NamedTuple):
     """Values of the parameter at which F is looked at, and what it takes."""
 
-    p: Array  # (LOOKED_AT + MOST_FOUND,) evenly all round, then values found beside folds [rad]
+    p: Array  # (LOOKED_AT + MOST_FOUND,) evenly all round, then values found between [rad]
     counts: NDArray[np.int64]  # (LOOKED_AT + MOST_FOUND,) roots of F at each; -1 where they are in doubt
-    peak: NDArray[np.int64]  # (MOST_FOUND,) 1 where w comes to zero, and no farther
-    size: NDArray[np.int64]  # (3,) values found, places for which there was no room, values all round
-    x: Array  # (LOOKED_AT, EXTREMA) extrema [rad]
-    w: Array  # (LOOKED_AT, EXTREMA) [rad^2]
-    slope: Array  # (LOOKED_AT, EXTREMA) dw / dp [rad]
-    bend: Array  # (LOOKED_AT, EXTREMA) F''
-    extrema: NDArray[np.int64]  # (LOOKED_AT,)
+    size: NDArray[np.int64]  # (4,) values found, places that are left in doubt, values all round, halvings
+    comes: Array  # (LOOKED_AT, 2) see `Look`
+    stack: Array  # (DEPTH, 6) two values, what is known of each
     lines: Array  # (LOOKED_AT, LINES) F where x has one of some values, 0 for noise
     crossed: NDArray[np.int64]  # (LOOKED_AT, LINES) how often curves pass there before the next slice
     roots: RootWork
     cosine: Array  # (9,) F
     sine: Array  # (9,)
     apart: Array  # (1,) of F of a spherical wrist, see `fill_both_turns`
+    z: Array  # (16, 2) exp(i x) of all roots, real and imaginary part
+    powers: Array  # (2, 17, 2) coefficients of F in z, and of F next to it
     equations: Equations
     determinant: Determinant
 
 
+DEPTH = 32
+
+
 def make_islands() -> Islands:
     """Fresh arrays."""
-    many = (LOOKED_AT, EXTREMA)
     return Islands(
         np.empty(LOOKED_AT + MOST_FOUND),
         np.zeros(LOOKED_AT + MOST_FOUND, np.int64),
-        np.zeros(MOST_FOUND, np.int64),
-        np.zeros(3, np.int64),
-        np.empty(many),
-        np.empty(many),
-        np.empty(many),
-        np.empty(many),
-        np.zeros(LOOKED_AT, np.int64),
+        np.zeros(4, np.int64),
+        np.empty((LOOKED_AT, 2)),
+        np.empty((DEPTH, 6)),
         np.zeros((LOOKED_AT, LINES)),
         np.zeros((LOOKED_AT, LINES), np.int64),
         make_roots(),
         np.empty(DEGREE + 1),
         np.empty(DEGREE + 1),
         np.zeros(1),
+        np.zeros((2 * DEGREE, 2)),
+        np.zeros((2, 2 * DEGREE + 1, 2)),
         make_equations(),
         make_determinant(),
     )
@@ -140,49 +133,209 @@ def fill_determinant(k: ArmConstants, six: SixJoints, work: Islands, p: float, l
     return fourier_of_determinant(work.equations, work.determinant, work.cosine, work.sine)
 
 
-def fill_extrema(k: ArmConstants, six: SixJoints, work: Islands, i: int) -> float:
-    """Fill extrema, x, w and slope of slice i; returns the noise of F."""
-    p, x, w, roots = work.p[i], work.x[i], work.w[i], work.roots
-    noise = fill_F(k, six, work, p, -1)
+def fill_powers(work: Islands, row: int) -> None:
+    """Fill a row with the coefficients of z^8 F, of which the cosines and sines are at hand."""
+    powers = work.powers[row]
+    powers[DEGREE, 0], powers[DEGREE, 1] = work.cosine[0], 0.0
+    for m in range(1, DEGREE + 1):
+        powers[DEGREE + m, 0], powers[DEGREE + m, 1] = 0.5 * work.cosine[m], -0.5 * work.sine[m]
+        powers[DEGREE - m, 0], powers[DEGREE - m, 1] = 0.5 * work.cosine[m], 0.5 * work.sine[m]
+
+
+def polynomial(powers: Array, degree: int, x: complex) -> tuple[complex, complex]:
+    """Value and slope at x of z^(degree / 2) F, which has terms up to half that degree."""
+    first = DEGREE - degree // 2
+    value, slope = complex(powers[first + degree, 0], powers[first + degree, 1]), complex(0.0, 0.0)
+    for m in range(first + degree - 1, first - 1, -1):
+        slope = slope * x + value
+        value = value * x + complex(powers[m, 0], powers[m, 1])
+    return value, slope
+
+
+def find_all_roots(powers: Array, degree: int, z: Array) -> None:
+    """Bring z to all roots of z^(degree / 2) F at once, from wherever it is (Aberth, 1973)."""
+    for _ in range(ABERTH_STEPS):
+        largest = 0.0
+        for i in range(degree):
+            x = complex(z[i, 0], z[i, 1])
+            value, slope = polynomial(powers, degree, x)
+            if slope == 0.0:
+                continue
+            newton, others = value / slope, complex(0.0, 0.0)
+            for j in range(degree):
+                apart = x - complex(z[j, 0], z[j, 1])
+                if j != i and apart != 0.0:
+                    others += 1.0 / apart
+            rest = 1.0 - newton * others
+            step = newton / rest if rest != 0.0 else newton
+            z[i, 0], z[i, 1] = x.real - step.real, x.imag - step.imag
+            largest = max(largest, abs(step) / (abs(x) + 1e-30))
+        if largest < LAST_STEP:
+            break
+
+
+def degree_of(work: Islands, noise: float) -> int:
+    """Of z^n F as a polynomial: twice the highest wave in F that is no noise."""
+    n = DEGREE
+    while n > 0 and abs(work.cosine[n]) + abs(work.sine[n]) <= noise:
+        n -= 1
+    return 2 * n
+
+
+def spread_roots(z: Array) -> None:
+    """Places to start from."""
+    for i in range(len(z)):
+        angle = 0.4 + TURN * i / len(z)
+        size = 0.6 if i % 2 == 0 else 1.7
+        z[i, 0], z[i, 1] = size * math.cos(angle), size * math.sin(angle)
+
+
+def look(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling: int) -> Look:
+    """All roots of F(x; p), and when pairs of them come to the axis; F is left there."""
+    noise = fill_F(k, six, work, p, labelling)
+    total = 0.0
     for n in range(DEGREE + 1):
-        roots.cosine[n], roots.sine[n] = n * work.sine[n], -n * work.cosine[n]
-    count = find_roots(DEGREE * noise, 0.0, roots)
-    found = 0
-    for e in range(min(count, EXTREMA)):
-        value, _ = value_and_slope(work.cosine, work.sine, roots.roots[e, 0])
-        _, bend = slope_and_curvature(work.cosine, work.sine, roots.roots[e, 0])
-        if bend == 0.0:
+        total += abs(work.cosine[n]) + abs(work.sine[n])
+    if not total > UNCERTAIN * noise:
+        return Look(math.inf, math.inf, -1)
+    apart, degree = work.apart[0], degree_of(work, noise)
+    fill_powers(work, 0)
+    fill_F(k, six, work, p + ASIDE, labelling)
+    fill_powers(work, 1)
+    if labelling < 0 and k.six.form == SPHERICAL_WRIST and apart < 0.0:
+        slope = (work.apart[0] - apart) / ASIDE
+        after = -apart / abs(slope) if slope != 0.0 else math.inf
+        return Look(after if slope > 0.0 else math.inf, after if slope < 0.0 else math.inf, 0)
+    z = work.z
+    find_all_roots(work.powers[0], degree, z)
+    ahead, behind, real, single = math.inf, math.inf, 0, True
+    for i in range(degree):
+        x = complex(z[i, 0], z[i, 1])
+        if x == 0.0:
             continue
-        x[found], w[found], work.bend[i, found] = roots.roots[e, 0], -2.0 * value / bend, bend
-        if abs(value) <= noise:
-            w[found] = 0.0
-        found += 1
-    work.extrema[i] = found
-    for n in range(LINES):
-        value, _ = value_and_slope(work.cosine, work.sine, line_at(n))
-        work.lines[i, n] = value if abs(value) > noise else 0.0
-    work.counts[i] = count_of(k, six, work, p, noise)
-    fill_F(k, six, work, p + ASIDE, -1)
-    for e in range(found):
-        value, _ = value_and_slope(work.cosine, work.sine, x[e])
-        work.slope[i, e] = (-2.0 * value / work.bend[i, e] - w[e]) / ASIDE
-    return noise
+        d = -math.log(abs(x))
+        if d < -REAL:
+            continue
+        if d <= REAL:
+            real += 1
+            single = single and is_single(z, i, degree)
+            continue
+        here, slope = polynomial(work.powers[0], degree, x)
+        there, _ = polynomial(work.powers[1], degree, x)
+        if slope == 0.0:
+            return Look(0.0, 0.0, -1)
+        rate = ((there - here) / (ASIDE * x * slope)).real
+        after = 0.5 * d / abs(rate) if rate != 0.0 else math.inf
+        single = single and d > 100.0 * REAL
+        if rate < 0.0:
+            ahead = min(ahead, after)
+        else:
+            behind = min(behind, after)
+    count = real if single else -1
+    if count < 0:
+        noise = fill_F(k, six, work, p, labelling)
+        count = count_of(k, six, work, p, noise) if labelling < 0 else count_single_roots(work, noise)
+    return Look(ahead, behind, count)
+
+
+def is_single(z: Array, i: int, degree: int) -> bool:
+    """Whether no other root is so near that both may be one, or a pair."""
+    nearest = math.inf
+    for j in range(degree):
+        if j != i:
+            nearest = min(nearest, math.hypot(z[j, 0] - z[i, 0], z[j, 1] - z[i, 1]))
+    return nearest >= 100.0 * REAL
 
 
 def find_islands(six: SixJoints, window: Array, work: Islands) -> None:
-    """Fill p and counts, at even values in a window and beside, and next to every fold that F shows between."""
+    """Fill p and counts, at even values in a window and beside, and between where curves may be."""
     k = unpack_arm(six.arm)
-    work.size[0], work.size[1], work.size[2] = 0, 0, LOOKED_AT
+    step = TURN / LOOKED_AT
+    work.size[0], work.size[1], work.size[2], work.size[3] = 0, 0, LOOKED_AT, 0
+    spread_roots(work.z)
     for i in range(LOOKED_AT):
-        work.p[i] = wrapped(OFFSET + TURN * i / LOOKED_AT)
-        work.extrema[i], work.counts[i] = 0, -1
+        work.p[i] = wrapped(OFFSET + step * i)
+        work.counts[i], work.comes[i, 0], work.comes[i, 1] = -1, math.inf, math.inf
         for n in range(LINES):
             work.lines[i, n] = 0.0
-        if abs(wrapped(work.p[i] - window[0])) <= window[1] + TURN / LOOKED_AT:
-            fill_extrema(k, six, work, i)
+        if abs(wrapped(work.p[i] - window[0])) <= window[1] + step:
+            seen = look(k, six, work, work.p[i], -1)
+            work.comes[i, 0], work.comes[i, 1], work.counts[i] = seen.ahead, seen.behind, seen.count
+            noise = fill_F(k, six, work, work.p[i], -1)
+            for n in range(LINES):
+                value, _ = value_and_slope(work.cosine, work.sine, line_at(n))
+                work.lines[i, n] = value if abs(value) > noise else 0.0
     for i in range(LOOKED_AT):
-        for e in range(work.extrema[i]):
-            look_between(k, six, work, i, e)
+        j = (i + 1) % LOOKED_AT
+        halve(
+            k,
+            six,
+            work,
+            (work.p[i], work.p[i] + step),
+            Look(work.comes[i, 0], work.comes[i, 1], work.counts[i]),
+            Look(work.comes[j, 0], work.comes[j, 1], work.counts[j]),
+        )
+
+
+def halve(
+    k: ArmConstants, six: SixJoints, work: Islands, between: tuple[float, float], first: Look, last: Look
+) -> None:
+    """Add values between two, where pairs that come from both sides become solutions in between."""
+    stack, top = work.stack, 0
+    stack[0, 0], stack[0, 1] = between
+    stack[0, 2], stack[0, 3], stack[0, 4], stack[0, 5] = first.ahead, last.behind, first.count, last.count
+    while top >= 0:
+        low, high, ahead, behind = stack[top, 0], stack[top, 1], stack[top, 2], stack[top, 3]
+        counts = (int(stack[top, 4]), int(stack[top, 5]))
+        top -= 1
+        if not ahead + behind <= SAFETY * (high - low) or (
+            high - low < LABELLED and not is_labelled_otherwise(k, six, work, low, high)
+        ):
+            continue
+        middle = 0.5 * (low + high)
+        if high - low < CLOSE_ENOUGH or work.size[3] == MOST_HALVED:
+            work.size[1] += 1
+            continue
+        work.size[3] += 1
+        seen = look(k, six, work, middle, -1)
+        if seen.count < 0 or seen.count > min(counts):
+            add_found(work, middle, seen.count)
+        if top + 2 < DEPTH:
+            write_part(stack[top + 1], low, middle, ahead, seen.behind, counts[0], seen.count)
+            write_part(stack[top + 2], middle, high, seen.ahead, behind, seen.count, counts[1])
+            top += 2
+
+
+def write_part(
+    part: Array, low: float, high: float, ahead: float, behind: float, count_low: int, count_high: int
+) -> None:
+    """Write a part of the stack."""
+    part[0], part[1], part[2], part[3], part[4], part[5] = low, high, ahead, behind, count_low, count_high
+
+
+def is_labelled_otherwise(k: ArmConstants, six: SixJoints, work: Islands, low: float, high: float) -> bool:
+    """Whether pairs come to the axis between two values in another labelling of the joints, too.
+
+    Where two complex solutions have one real angle in common, its F has a pair on the axis without a solution.
+    """
+    if k.six.form == SPHERICAL_WRIST:
+        return True
+    general = unpack_arm(six.general)
+    labelling = general.six.own if k.six.scale == 0.0 else (general.six.own + 1) % LABELLINGS
+    spread_roots(work.z)
+    first = look(k, six, work, low, labelling)
+    last = look(k, six, work, high, labelling)
+    spread_roots(work.z)
+    return first.ahead + last.behind <= SAFETY * (high - low)
+
+
+def add_found(work: Islands, p: float, count: int) -> None:
+    """Add a value of the parameter, with so many roots."""
+    if work.size[0] == MOST_FOUND:
+        work.size[1] += 1
+        return
+    work.p[LOOKED_AT + work.size[0]], work.counts[LOOKED_AT + work.size[0]] = p, count
+    work.size[0] += 1
 
 
 def line_at(n: int) -> float:
@@ -230,37 +383,25 @@ def add_zero_on_line(six: SixJoints, work: Islands, i: int, n: int) -> None:
         if (value > 0.0) == (sign > 0.0):
             low += step
         step *= 0.5
-    if work.size[0] == MOST_FOUND:
-        work.size[1] += 1
-        return
     p = low + step
     noise = fill_F(k, six, work, p, -1)
-    work.p[LOOKED_AT + work.size[0]] = p
-    work.counts[LOOKED_AT + work.size[0]] = count_of(k, six, work, p, noise)
-    work.peak[work.size[0]] = 0
-    work.size[0] += 1
+    add_found(work, p, count_of(k, six, work, p, noise))
 
 
 def count_of(k: ArmConstants, six: SixJoints, work: Islands, p: float, noise: float) -> int:
     """How many roots F(x; p) has, of which the coefficients are at hand; -1 where there is doubt.
 
     Where two complex solutions have one real angle in common, F has a double root without a solution: in another
-    labelling they have not, and there the two roots are apart. Where they are not, there may be a single solution.
-    The noise is infinite for such a place.
+    labelling they have not, and there the two roots are apart.
     """
     count = count_single_roots(work, noise)
     if k.six.form == SPHERICAL_WRIST:
-        enough = ONE_ROOT if noise < math.inf else NEARLY_DOUBLE
-        return 0 if count < 0 and work.apart[0] < -enough else count
+        return count
     first = unpack_arm(six.general).six.own
     for n in range(1 if k.six.scale > 0.0 else 0, LABELLINGS):  # the first one is the arm's own
         if count >= 0:
             break
-        labelling = (first + n) % LABELLINGS
-        other = fill_F(k, six, work, p, labelling)
-        count = count_single_roots(work, other)
-        if count >= 0 and not noise < math.inf and is_nearly_double(k, six, work, p, labelling, other):
-            return -1
+        count = count_single_roots(work, fill_F(k, six, work, p, (first + n) % LABELLINGS))
     return count
 
 
@@ -277,121 +418,3 @@ def count_single_roots(work: Islands, noise: float) -> int:
         if roots.roots[i, 1] > 0.0:
             return -1
     return count
-
-
-def is_nearly_double(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling: int, noise: float) -> bool:
-    """Whether two complex roots in a labelling come together at a value of the parameter nearby."""
-    roots = work.roots
-    for n in range(DEGREE + 1):
-        roots.cosine[n], roots.sine[n] = n * work.sine[n], -n * work.cosine[n]
-    nearest = Extremum(0.0, -NEARLY_DOUBLE, 0.0, labelling)
-    for e in range(find_roots(DEGREE * noise, 0.0, roots)):
-        value, _ = value_and_slope(work.cosine, work.sine, roots.roots[e, 0])
-        _, bend = slope_and_curvature(work.cosine, work.sine, roots.roots[e, 0])
-        if bend != 0.0 and nearest.w < -2.0 * value / bend <= 0.0:
-            nearest = Extremum(roots.roots[e, 0], -2.0 * value / bend, bend, labelling)
-    if nearest.bend == 0.0:
-        return False
-    for side in range(2):
-        step = (2.0 * side - 1.0) * PEAK_KNOWN
-        _, peak, _ = climb(k, six, work, p, step, 0.5 * step, nearest)
-        if peak.w > -NEARLY_ONE:
-            return True
-    return False
-
-
-def look_between(k: ArmConstants, six: SixJoints, work: Islands, i: int, e: int) -> None:
-    """Add a value next to slice i where an extremum that is below zero here comes to zero on the way to a neighbour."""
-    x, w, slope = work.x[i, e], work.w[i, e], work.slope[i, e]
-    step = TURN / LOOKED_AT
-    if not w <= 0.0 or -w > SAFETY * abs(slope) * step:
-        return
-    side = 1 if slope > 0.0 else -1
-    first = side * min(OVERSHOOT * abs(w / slope), step)
-    start = Extremum(x, w, work.bend[i, e], -1)
-    p, found, noise = climb(k, six, work, work.p[i], side * step, first, start)
-    w = found.w
-    if w > -ONE_ROOT:  # or a point where F has a double root, and two solutions that are complex
-        if work.size[0] < MOST_FOUND:
-            work.p[LOOKED_AT + work.size[0]] = p
-            peak = w <= ONE_ROOT  # perhaps a single solution, or complex ones
-            blurred = peak and 2.0 * noise > BLURRED * abs(found.bend)
-            count = -1 if blurred else count_of(k, six, work, p, math.inf if peak else noise)
-            work.counts[LOOKED_AT + work.size[0]] = count
-            work.peak[work.size[0]] = peak
-            work.size[0] += 1
-        else:
-            work.size[1] += 1
-
-
-def climb(
-    k: ArmConstants, six: SixJoints, work: Islands, p: float, step: float, first: float, e: Extremum
-) -> tuple[float, Extremum, float]:
-    """The peak of w of one extremum from p to p + step, or the first place on the way where w is positive.
-
-    Args:
-        k: constants of the six joints.
-        six: those joints.
-        work: F is left there.
-        p: where to start [rad].
-        step: how far to look, of either sign [rad].
-        first: how far to look first [rad].
-        e: the extremum at p.
-
-    Returns:
-        P and the extremum there, and the noise of F.
-    """
-    low, high = p, p + step
-    trial, noise = p + first, 0.0
-    for _ in range(LOOKS):
-        there, noise = at_extremum(k, six, work, trial, e)
-        if there.w > e.w:
-            ahead = OVERSHOOT * abs(there.w / (there.w - e.w) * (trial - p))  # to zero, as w has risen so far
-            low, p, e = p, trial, there
-            trial = p + math.copysign(min(ahead, 0.5 * abs(high - p)), step)
-        else:
-            high, trial = trial, 0.5 * (p + low)
-            there, noise = at_extremum(k, six, work, trial, e)
-            if there.w > e.w:
-                high, p, e = p, trial, there
-            else:
-                low = trial
-            trial = 0.5 * (p + high)
-        if e.w > ONE_ROOT or abs(high - low) < CLOSE_ENOUGH:
-            break
-    return p, e, noise
-
-
-def at_extremum(k: ArmConstants, six: SixJoints, work: Islands, p: float, e: Extremum) -> tuple[Extremum, float]:
-    """The extremum of F(x; p) nearest to another one and like it, and the noise of F; its w is `NONE` for none."""
-    noise = fill_F(k, six, work, p, e.labelling)
-    x, bend = e.x, e.bend
-    for _ in range(NEWTON_STEPS):
-        slope, bend = slope_and_curvature(work.cosine, work.sine, x)
-        if bend * e.bend <= 0.0:
-            break
-        step = -slope / bend
-        x += min(max(step, -LARGEST_MOVE), LARGEST_MOVE)
-        if abs(step) < SAME_PLACE:
-            break
-    if bend * e.bend <= 0.0:
-        x, bend = nearest_extremum(work, noise, x, e.bend)
-        if bend == 0.0:
-            return Extremum(x, NONE, e.bend, e.labelling), noise
-    value, _ = value_and_slope(work.cosine, work.sine, x)
-    w = 0.0 if abs(value) <= noise else -2.0 * value / bend
-    return Extremum(x, w, bend, e.labelling), noise
-
-
-def nearest_extremum(work: Islands, noise: float, x: float, like: float) -> tuple[float, float]:
-    """Place and F'' of the extremum of the F at hand that is nearest to x and like another; F'' is 0 for none."""
-    roots = work.roots
-    for n in range(DEGREE + 1):
-        roots.cosine[n], roots.sine[n] = n * work.sine[n], -n * work.cosine[n]
-    least, found, there = LARGEST_MOVE, x, 0.0
-    for e in range(find_roots(DEGREE * noise, 0.0, roots)):
-        _, bend = slope_and_curvature(work.cosine, work.sine, roots.roots[e, 0])
-        away = abs(wrapped(roots.roots[e, 0] - x))
-        if bend * like > 0.0 and away < least:
-            least, found, there = away, roots.roots[e, 0], bend
-    return found, there

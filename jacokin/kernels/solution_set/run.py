@@ -238,8 +238,7 @@ def slice_by_roots(work: SetWork) -> int:
         if not is_in_window(loops.window, islands.p[i]):
             continue
         n = find_slice(slices, islands.p[i])
-        peak = i >= islands.size[2] and islands.peak[i - islands.size[2]] > 0  # perhaps a single point
-        doubts += not is_counted(work, i) and (n < 0 or slices.doubt[n] > 0 or peak)
+        doubts += not is_counted(work, i) and (n < 0 or slices.doubt[n] > 0)
     return doubts
 
 
