@@ -54,7 +54,7 @@ class Look(NamedTuple):
 
     ahead: float  # after how much a pair may come to the real axis there [rad], inf for none
     behind: float  # the same on the other side
-    count: int  # real roots, -1 in doubt
+    real: int  # how many roots are, -1 in doubt
 
 
 class Islands(NamedTuple):
@@ -260,7 +260,7 @@ def find_islands(six: SixJoints, window: Array, work: Islands) -> None:
             work.lines[i, n] = 0.0
         if abs(wrapped(work.p[i] - window[0])) <= window[1] + step:
             seen = look(k, six, work, work.p[i], -1)
-            work.comes[i, 0], work.comes[i, 1], work.counts[i] = seen.ahead, seen.behind, seen.count
+            work.comes[i, 0], work.comes[i, 1], work.counts[i] = seen.ahead, seen.behind, seen.real
             noise = fill_F(k, six, work, work.p[i], -1)
             for n in range(LINES):
                 value, _ = value_and_slope(work.cosine, work.sine, line_at(n))
@@ -283,7 +283,7 @@ def halve(
     """Add values between two, where pairs that come from both sides become solutions in between."""
     stack, top = work.stack, 0
     stack[0, 0], stack[0, 1] = between
-    stack[0, 2], stack[0, 3], stack[0, 4], stack[0, 5] = first.ahead, last.behind, first.count, last.count
+    stack[0, 2], stack[0, 3], stack[0, 4], stack[0, 5] = first.ahead, last.behind, first.real, last.real
     while top >= 0:
         low, high, ahead, behind = stack[top, 0], stack[top, 1], stack[top, 2], stack[top, 3]
         counts = (int(stack[top, 4]), int(stack[top, 5]))
@@ -298,11 +298,11 @@ def halve(
             continue
         work.size[3] += 1
         seen = look(k, six, work, middle, -1)
-        if seen.count < 0 or seen.count > min(counts):
-            add_found(work, middle, seen.count)
+        if seen.real < 0 or seen.real > min(counts):
+            add_found(work, middle, seen.real)
         if top + 2 < DEPTH:
-            write_part(stack[top + 1], low, middle, ahead, seen.behind, counts[0], seen.count)
-            write_part(stack[top + 2], middle, high, seen.ahead, behind, seen.count, counts[1])
+            write_part(stack[top + 1], low, middle, ahead, seen.behind, counts[0], seen.real)
+            write_part(stack[top + 2], middle, high, seen.ahead, behind, seen.real, counts[1])
             top += 2
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -80,7 +81,7 @@ def test_steps_stay_on_the_curve(curve: Curve) -> None:
     """By Pinocchio: the pose stays, and the tangent is the one motion that leaves it."""
     longest = 0.05
     nodes = nodes_along(curve, FIRST, 40, longest)
-    for before, node in zip(nodes[:-1], nodes[1:], strict=True):
+    for before, node in pairwise(nodes):
         x, t = node[:7], node[7:]
         assert residual(curve, x) < 2.0 * NODE_RESIDUAL
         assert np.linalg.norm(t) == pytest.approx(1.0)
@@ -121,7 +122,7 @@ def test_points_where_an_angle_has_a_value(curve: Curve, rng: np.random.Generato
     walk, x, t = make_walk(), np.empty(7), np.empty(7)
     nodes = nodes_along(curve, FIRST, 12, 0.1)
     tried = 0
-    for a, b in zip(nodes[:-1], nodes[1:], strict=True):
+    for a, b in pairwise(nodes):
         length = chord_length(a, b)
         for j in JOINTS:
             value = a[j] + rng.uniform(0.02, 0.98) * (b[j] - a[j])
@@ -135,11 +136,11 @@ def test_points_where_an_angle_has_a_value(curve: Curve, rng: np.random.Generato
 
 
 def test_points_where_an_angle_stands_still(curve: Curve) -> None:
-    """They are its extremes: beside them it is less, or more; and points just short of them are found, on both sides."""
+    """They are its extremes: beside them it is less, or more; points just short of them are found on both sides."""
     walk, x, t = make_walk(), np.empty(7), np.empty(7)
     nodes = nodes_along(curve, FIRST, 60, 0.08)
     tried = 0
-    for a, b in zip(nodes[:-1], nodes[1:], strict=True):
+    for a, b in pairwise(nodes):
         for j in JOINTS:
             if not (a[7 + j] * b[7 + j] < 0.0 and min(abs(a[7 + j]), abs(b[7 + j])) > 1e-3):
                 continue
@@ -177,7 +178,7 @@ def test_a_circle_is_followed_until_it_closes(rng: np.random.Generator) -> None:
 
 
 def test_every_solution_is_passed_once_and_curves_close(rng: np.random.Generator) -> None:
-    """All solutions at three values of joint 3: each curve comes back to where it began, through all the others once."""
+    """All solutions at three values of joint 3: each curve comes back to where it began, through all others once."""
     robot = jacokin.load_robot("j2s7s300")
     curve, parameter = curve_through(robot, robot.sample(rng)), 2
     seven = make_seven_joints(16)
