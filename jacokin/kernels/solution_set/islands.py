@@ -43,10 +43,13 @@ SAFETY = 1.5
 ASIDE, CLOSE_ENOUGH = 1e-4, 1e-6
 #: [rad] values nearer to each other than this are halved where another labelling of the joints has such pairs, too.
 LABELLED = 0.01
+#: [rad] pairs this close to the axis may come to it on the side on which they leave it, too, and at once.
+CLOSE = 0.02
 #: [rad] roots nearer to the axis are real.
 REAL = 1e-6
-#: Values that are halved at most, and steps to all roots at once, with the relative size of the last one.
-MOST_HALVED, ABERTH_STEPS, LAST_STEP = 400, 60, 1e-11
+#: Values that are halved at most, and steps to all roots at once, with the relative size of the last one: each step
+#: cubes what is missing.
+MOST_HALVED, ABERTH_STEPS, LAST_STEP = 400, 40, 1e-6
 
 
 class Look(NamedTuple):
@@ -72,7 +75,7 @@ class Islands(NamedTuple):
     sine: Array  # (9,)
     apart: Array  # (1,) of F of a spherical wrist, see `fill_both_turns`
     z: Array  # (16, 2) exp(i x) of all roots, real and imaginary part
-    powers: Array  # (2, 17, 2) coefficients of F in z, and of F next to it
+    powers: Array  # (3, 17, 2) coefficients of F in z, and of F on both sides of it
     equations: Equations
     determinant: Determinant
 
@@ -95,7 +98,7 @@ def make_islands() -> Islands:
         np.empty(DEGREE + 1),
         np.zeros(1),
         np.zeros((2 * DEGREE, 2)),
-        np.zeros((2, 2 * DEGREE + 1, 2)),
+        np.zeros((3, 2 * DEGREE + 1, 2)),
         make_equations(),
         make_determinant(),
     )
@@ -145,11 +148,12 @@ def fill_powers(work: Islands, row: int) -> None:
 def polynomial(powers: Array, degree: int, x: complex) -> tuple[complex, complex]:
     """Value and slope at x of z^(degree / 2) F, which has terms up to half that degree."""
     first = DEGREE - degree // 2
-    value, slope = complex(powers[first + degree, 0], powers[first + degree, 1]), complex(0.0, 0.0)
+    a, b = x.real, x.imag
+    value, value_i, slope, slope_i = powers[first + degree, 0], powers[first + degree, 1], 0.0, 0.0
     for m in range(first + degree - 1, first - 1, -1):
-        slope = slope * x + value
-        value = value * x + complex(powers[m, 0], powers[m, 1])
-    return value, slope
+        slope, slope_i = slope * a - slope_i * b + value, slope * b + slope_i * a + value_i
+        value, value_i = value * a - value_i * b + powers[m, 0], value * b + value_i * a + powers[m, 1]
+    return complex(value, value_i), complex(slope, slope_i)
 
 
 def find_all_roots(powers: Array, degree: int, z: Array) -> None:
@@ -161,12 +165,14 @@ def find_all_roots(powers: Array, degree: int, z: Array) -> None:
             value, slope = polynomial(powers, degree, x)
             if slope == 0.0:
                 continue
-            newton, others = value / slope, complex(0.0, 0.0)
+            newton, others, others_i = value / slope, 0.0, 0.0
             for j in range(degree):
-                apart = x - complex(z[j, 0], z[j, 1])
-                if j != i and apart != 0.0:
-                    others += 1.0 / apart
-            rest = 1.0 - newton * others
+                a, b = z[i, 0] - z[j, 0], z[i, 1] - z[j, 1]
+                square = a * a + b * b
+                if square != 0.0:
+                    others += a / square
+                    others_i -= b / square
+            rest = 1.0 - newton * complex(others, others_i)
             step = newton / rest if rest != 0.0 else newton
             z[i, 0], z[i, 1] = x.real - step.real, x.imag - step.imag
             largest = max(largest, abs(step) / (abs(x) + 1e-30))
@@ -200,12 +206,15 @@ def look(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling: in
         return Look(math.inf, math.inf, -1)
     apart, degree = work.apart[0], degree_of(work, noise)
     fill_powers(work, 0)
-    fill_F(k, six, work, p + ASIDE, labelling)
+    fill_F(k, six, work, p - ASIDE, labelling)
     fill_powers(work, 1)
+    apart_before = work.apart[0]
+    fill_F(k, six, work, p + ASIDE, labelling)
+    fill_powers(work, 2)
     if labelling < 0 and k.six.form == SPHERICAL_WRIST and apart < 0.0:
-        slope = (work.apart[0] - apart) / ASIDE
-        after = -apart / abs(slope) if slope != 0.0 else math.inf
-        return Look(after if slope > 0.0 else math.inf, after if slope < 0.0 else math.inf, 0)
+        slope = 0.5 * (work.apart[0] - apart_before) / ASIDE
+        bend = (work.apart[0] - 2.0 * apart + apart_before) / ASIDE**2
+        return Look(first_zero(apart, slope, bend), first_zero(apart, -slope, bend), 0)
     z = work.z
     find_all_roots(work.powers[0], degree, z)
     ahead, behind, real, single = math.inf, math.inf, 0, True
@@ -220,22 +229,34 @@ def look(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling: in
             real += 1
             single = single and is_single(z, i, degree)
             continue
-        here, slope = polynomial(work.powers[0], degree, x)
-        there, _ = polynomial(work.powers[1], degree, x)
+        _, slope = polynomial(work.powers[0], degree, x)
+        before, _ = polynomial(work.powers[1], degree, x)
+        after, _ = polynomial(work.powers[2], degree, x)
         if slope == 0.0:
             return Look(0.0, 0.0, -1)
-        rate = ((there - here) / (ASIDE * x * slope)).real
-        after = 0.5 * d / abs(rate) if rate != 0.0 else math.inf
+        rate = ((after - before) / (2.0 * ASIDE * x * slope)).real
+        until = 0.5 * d / abs(rate) if rate != 0.0 else math.inf
         single = single and d > 100.0 * REAL
-        if rate < 0.0:
-            ahead = min(ahead, after)
-        else:
-            behind = min(behind, after)
+        away = 0.0 if d < CLOSE else math.inf
+        ahead = min(ahead, until if rate < 0.0 else away)
+        behind = min(behind, until if rate > 0.0 else away)
     count = real if single else -1
     if count < 0:
         noise = fill_F(k, six, work, p, labelling)
         count = count_of(k, six, work, p, noise) if labelling < 0 else count_single_roots(work, noise)
     return Look(ahead, behind, count)
+
+
+def first_zero(value: float, slope: float, bend: float) -> float:
+    """Where value + slope u + bend u^2 / 2 may be zero first, for u > 0; inf for nowhere. The value is negative.
+
+    Where it only touches zero, rounding leaves no root: a step of Newton's method, half as far, stands for it.
+    """
+    first = -value / slope if slope > 0.0 else math.inf
+    under = slope * slope - 2.0 * bend * value
+    if under >= 0.0 and slope + math.sqrt(under) > 0.0:
+        first = min(first, -2.0 * value / (slope + math.sqrt(under)))
+    return first
 
 
 def is_single(z: Array, i: int, degree: int) -> bool:
