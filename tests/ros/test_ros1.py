@@ -101,3 +101,19 @@ def test_kinova_ros_gets_no_points_of_another_step(ros: Ros, motion: Trajectory,
             assert ".kinova.json" in errors
         record = arm.ends()
     assert record["goals"] == 0
+
+
+def test_whole_turns_are_added_or_refused(ros: Ros, motion: Trajectory, files: Path) -> None:
+    """A controller of positions that gets them as they are jumps by a turn."""
+    with ros.arm(HERE / "arm.py", *where(motion, 0, turn=(3, 5))) as arm:
+        status, _, errors = ros.send(files / "m.json", *OTHER)
+        assert status == 1
+        assert "j2n6s300_joint_4 stands +1 whole turns" in errors
+        named = ("--unlimited", "j2n6s300_joint_4", "j2n6s300_joint_6")
+        status, output, errors = ros.send(files / "m.json", *OTHER, *named)
+        assert status == 0, errors
+        record = arm.ends()
+    assert record["goals"] == 1
+    assert record["largest_step"] < 2.0  # [deg] in 10 ms
+    np.testing.assert_allclose(record["angles"], np.degrees(motion.q[-1]) + np.array([0, 0, 0, 360, 0, 360]), atol=1e-6)
+    assert "ends 0.00 deg from the last point" in output
