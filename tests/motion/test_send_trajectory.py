@@ -186,3 +186,47 @@ def test_a_rehearsal_takes_no_ros(motion: Trajectory, tmp_path: Path) -> None:
     words = [sys.executable, send_trajectory.__file__, str(tmp_path / "m.kinova.csv"), "--rehearse"]
     done = subprocess.run(words, capture_output=True, text=True, check=True, timeout=20.0)
     assert "ends 0.00 deg" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("there", "wanted", "said", "version"),
+    [
+        ({"rospy"}, None, "", 1),
+        ({"rclpy"}, None, "1", 2),
+        ({"rospy", "rclpy"}, None, "1", 1),
+        ({"rospy", "rclpy"}, 2, "1", 2),
+        ({"rospy", "rclpy"}, None, "", "both ROS 1 and ROS 2"),
+        (set(), None, "1", "not installed"),
+    ],
+)
+def test_which_ros(
+    there: set[str], wanted: int | None, said: str, version: int | str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: name if name in there else None)
+    monkeypatch.setenv("ROS_VERSION", said)
+    if isinstance(version, int):
+        assert send_trajectory.which_ros(wanted) == version
+    else:
+        with pytest.raises(StoppedError, match=version):
+            send_trajectory.which_ros(wanted)
+
+
+def test_what_goes_to_kinova_ros(message: dict[str, Any]) -> None:
+    ours, other = "/j2n6s300/follow_joint_trajectory", "/arm_controller/follow_joint_trajectory"
+    assert send_trajectory.is_kinova(message, "left", ours, "/joint_states")  # by the names of its joints
+    assert send_trajectory.is_kinova(message, "left", "/left/follow_joint_trajectory", "/joint_states")
+    assert send_trajectory.is_kinova(message, "left", other, "/left_driver/out/joint_state")
+    assert not send_trajectory.is_kinova(message, "left", other, "/joint_states")
+
+
+def test_joint_states_of_an_arm_and_a_gripper() -> None:
+    states = send_trajectory.JointStates("/joint_states", ["joint_1", "joint_2"])
+    assert states.age() == math.inf
+    assert "nothing on /joint_states" in states.lacking()
+    states.take(SimpleNamespace(name=["finger_joint"], position=[0.4]))
+    assert states.age() == math.inf
+    assert "no joint_1 among the measured joints finger_joint" in states.lacking()
+    states.take(SimpleNamespace(name=["joint_2", "joint_1"], position=[2.0, 1.0]))
+    states.take(SimpleNamespace(name=["finger_joint"], position=[0.4]))
+    assert states.age() < 1.0
+    assert states.angles() == [1.0, 2.0]

@@ -5,8 +5,10 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import select
 import signal
 import subprocess
+import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,9 +30,9 @@ class Ros:
         """An arm, a node that runs until the end of the block."""
         process = self._start(script, *words)
         try:
-            assert process.stdout is not None
-            assert "ready" in process.stdout.readline()
-            yield Arm(process)
+            arm = Arm(process)
+            arm.says("ready")
+            yield arm
         finally:
             process.kill()
             process.communicate()
@@ -55,6 +57,12 @@ class Arm:
 
     process: subprocess.Popen[str]
 
+    def says(self, word: str) -> None:
+        """Wait until it says that."""
+        assert self.process.stdout is not None
+        assert select.select([self.process.stdout], [], [], BOUND)[0], f"it never said {word!r}"
+        assert self.process.stdout.readline().strip() == word
+
     def ends(self) -> dict[str, Any]:
         """End it; returns what it did."""
         self.process.send_signal(signal.SIGTERM)
@@ -72,6 +80,17 @@ def finish(process: subprocess.Popen[str]) -> tuple[int, str, str]:
         process.kill()
         raise
     return process.returncode, output, errors
+
+
+def interrupt(sender: subprocess.Popen[str], arm: Arm, number: signal.Signals) -> tuple[int, str, float]:
+    """Send a signal in the middle of a motion; returns status, words, and how long the sender then took [s]."""
+    arm.says("moving")
+    time.sleep(0.5)
+    assert sender.poll() is None
+    sender.send_signal(number)
+    begun = time.monotonic()
+    status, _, errors = finish(sender)
+    return status, errors, time.monotonic() - begun
 
 
 def plain_environment(**names: str) -> dict[str, str]:

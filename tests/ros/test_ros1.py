@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import signal
 import socket
 import subprocess
 import time
@@ -13,7 +15,7 @@ import pytest
 
 import jacokin
 from jacokin.motion import Trajectory, move_joints
-from tests.ros.nodes import Ros, plain_environment
+from tests.ros.nodes import Ros, interrupt, plain_environment
 
 pytestmark = pytest.mark.slow
 PYTHON = "/usr/bin/python3"  # of Debian, whose packages rospy and actionlib are
@@ -117,3 +119,87 @@ def test_whole_turns_are_added_or_refused(ros: Ros, motion: Trajectory, files: P
     assert record["largest_step"] < 2.0  # [deg] in 10 ms
     np.testing.assert_allclose(record["angles"], np.degrees(motion.q[-1]) + np.array([0, 0, 0, 360, 0, 360]), atol=1e-6)
     assert "ends 0.00 deg from the last point" in output
+
+
+def test_every_velocity_arrives(ros: Ros, motion: Trajectory, files: Path) -> None:
+    """From the first: what is published before the driver listens is lost."""
+    rows = np.loadtxt(files / "m.kinova.csv", delimiter=",", skiprows=1)
+    with ros.arm(HERE / "arm.py", "--kinova", *where(motion, 0)) as arm:
+        status, output, errors = ros.send(files / "m.kinova.csv")
+        record = arm.ends()
+    assert status == 0, errors
+    heard = np.array(record["heard"])
+    np.testing.assert_allclose(heard[: len(rows)], rows[:, 7:], atol=1e-4)  # of 32 bits
+    assert (heard[len(rows) :] == 0.0).all()
+    np.testing.assert_allclose(record["angles"], np.degrees(motion.q[-1]), atol=0.01)
+    assert "ends 0.00 deg" in output
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_signals_stop_velocities_and_goals(ros: Ros, motion: Trajectory, files: Path, number: signal.Signals) -> None:
+    with ros.arm(HERE / "arm.py", "--kinova", *where(motion, 0)) as arm:
+        status, errors, seconds = interrupt(ros.sending(files / "m.kinova.csv"), arm, number)
+        record = arm.ends()
+    assert status == 1
+    assert "told to stop" in errors
+    assert 50 < len(record["heard"]) < 250
+    assert record["heard"][-1] == [0.0] * 6
+    assert record["waiting"] == 0
+    with ros.arm(HERE / "arm.py", *where(motion, 0)) as arm:
+        status, errors, seconds = interrupt(ros.sending(files / "m.json", *OTHER), arm, number)
+        record = arm.ends()
+    assert (record["goals"], record["cancelled"]) == (1, 1), errors
+    assert status == 1
+    assert "told to stop" in errors
+    assert seconds < 2.0
+
+
+def test_ctrl_c_on_a_goal_of_kinova_ros_says_what_it_does(ros: Ros, motion: Trajectory, files: Path) -> None:
+    with ros.arm(HERE / "arm.py", "--kinova", *where(motion, 0)) as arm:
+        status, errors, seconds = interrupt(ros.sending(files / "m.kinova.json"), arm, signal.SIGINT)
+        record = arm.ends()
+    assert (status, record["cancelled"]) == (1, 1)
+    assert errors.count("dies of a cancelled goal") == 2  # before, and when it happened
+    assert ".kinova.csv" in errors
+    assert seconds < 2.0
+
+
+def test_a_controller_that_dies_is_noticed(ros: Ros, motion: Trajectory, files: Path) -> None:
+    with ros.arm(HERE / "arm.py", "--die-after", "0.5", *where(motion, 0)):
+        begun = time.monotonic()
+        status, _, errors = ros.send(files / "m.json", *OTHER)
+    assert status == 1
+    assert "the controller died" in errors
+    assert time.monotonic() - begun < 10.0
+
+
+def test_a_controller_that_ends_elsewhere_is_not_believed(ros: Ros, motion: Trajectory, files: Path) -> None:
+    with ros.arm(HERE / "arm.py", "--short", "3.0", *where(motion, 0)):
+        status, _, errors = ros.send(files / "m.json", *OTHER)
+    assert status == 1
+    assert "the arm is 3.0 deg from it" in errors
+
+
+def test_a_goal_that_does_not_end_is_cancelled(ros: Ros, motion: Trajectory, files: Path) -> None:
+    with ros.arm(HERE / "arm.py", "--hang", *where(motion, 0)) as arm:
+        status, _, errors = ros.send(files / "m.json", *OTHER)
+        record = arm.ends()
+    assert (status, record["cancelled"]) == (1, 1)
+    assert "did not end within 10 s" in errors
+
+
+def test_a_gripper_has_states_of_its_own(ros: Ros, motion: Trajectory, files: Path) -> None:
+    with ros.arm(HERE / "arm.py", "--gripper", *where(motion, 0)):
+        status, output, errors = ros.send(files / "m.json", *OTHER)
+    assert status == 0, errors
+    assert "ends 0.00 deg from the last point" in output
+
+
+@pytest.mark.parametrize("name", ["m.kinova.csv", "m.kinova.json"])
+def test_without_a_master_it_ends(ros: Ros, files: Path, name: str) -> None:
+    elsewhere = dict(ros.environment) | {"ROS_MASTER_URI": f"http://127.0.0.1:{free_port()}"}
+    begun = time.monotonic()
+    status, _, errors = dataclasses.replace(ros, environment=elsewhere).send(files / name)
+    assert status == 1
+    assert "no ROS master at http://127.0.0.1" in errors
+    assert time.monotonic() - begun < 15.0

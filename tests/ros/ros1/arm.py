@@ -1,6 +1,6 @@
 """An ideal arm at the end of ROS 1: the driver of kinova-ros, or a controller of positions.
 
-It prints a line when it is ready, and at its end, on SIGTERM, a line of JSON: what it did.
+It prints a line when it is ready, one when it begins to move, and at its end, on SIGTERM, a line of JSON: what it did.
 """
 
 from __future__ import annotations
@@ -57,6 +57,7 @@ def play_open_loop(arm: Arm, server: Any) -> Any:
 
     def execute(goal: Any) -> object:
         points, start, k = goal.trajectory.points, time.monotonic(), 0
+        print("moving", flush=True)
         arm.goals += 1
         due = start
         while k < len(points):
@@ -80,6 +81,7 @@ def follow_positions(arm: Arm, server: Any, options: argparse.Namespace) -> Any:
     def execute(goal: Any) -> object:
         points, start = goal.trajectory.points, time.monotonic()
         times = [point.time_from_start.to_sec() for point in points]
+        print("moving", flush=True)
         arm.goals += 1
         while True:
             now = time.monotonic() - start
@@ -112,9 +114,7 @@ def main() -> None:
     parser.add_argument("--die-after", type=float, default=math.inf, help="[s] into a goal")
     parser.add_argument("--hang", action="store_true", help="no goal ends")
     parser.add_argument("--short", type=float, default=0.0, help="[deg] by which all joints miss a goal")
-    parser.add_argument(
-        "--gripper", action="store_true", help="a gripper has messages of its own on the topic of states"
-    )
+    parser.add_argument("--gripper", action="store_true", help="a gripper gives states of its own")
     options = parser.parse_args()
     robot = "j2n6s300"
     rospy.init_node(f"{robot}_driver", disable_signals=True)
@@ -132,6 +132,8 @@ def main() -> None:
 
     def take(message: Any) -> None:
         row = [getattr(message, f"joint{j + 1}") for j in range(6)]
+        if not arm.heard:
+            print("moving", flush=True)
         arm.heard.append(row)
         arm.push(row)
 
