@@ -372,9 +372,9 @@ def send_goal(message: dict[str, Any], controller: Controller, unlimited: list[s
     wait_for(lambda: states.age() < SILENCE, states.lacking, clock)
     wait_for(controller.listens, "no controller answers", clock)
     turns = check_start(states.angles(), message, unlimited)
-    controller.send(message, turns)
     late = clock.now() + seconds(message["points"][-1]["time_from_start"]) + PATIENCE
     try:
+        controller.send(message, turns)
         while not controller.ended():
             controller.wait(0.02)
             if not controller.listens() or states.age() > DEATH:
@@ -537,6 +537,8 @@ class Ros2Controller:
 
     def cancel(self) -> None:
         """See `Controller`."""
+        if self._sent is None:
+            return
         end = time.monotonic() + DEATH
         while not self._sent.done() and time.monotonic() < end:  # what was not accepted yet cannot be cancelled
             self.wait(0.02)
@@ -587,8 +589,6 @@ def send(options: argparse.Namespace) -> str:
     if path.suffix != ".json":
         raise StoppedError(f"{path}: .kinova.csv, .kinova.json or .json, as jacokin saves them")
     message = read_goal(path)
-    if options.rehearse:
-        return f"{len(message['points'])} points of {', '.join(message['joint_names'])}; without ROS no goal is sent"
     action = options.action or f"/{options.robot}/follow_joint_trajectory"
     states = options.states or f"/{options.robot}_driver/out/joint_state"
     names, unlimited = message["joint_names"], options.unlimited
@@ -596,6 +596,9 @@ def send(options: argparse.Namespace) -> str:
     if kinova:
         check_points(message)
         unlimited = names  # it plays velocities: turns do not matter
+    if options.rehearse:
+        return f"{len(message['points'])} points of {', '.join(message['joint_names'])}; without ROS no goal is sent"
+    if kinova:
         print("a goal of kinova-ros: on Ctrl-C, " + DRIVER_DIES, file=sys.stderr)
     controller: Controller
     if which_ros(options.ros) == 2:

@@ -230,3 +230,14 @@ def test_joint_states_of_an_arm_and_a_gripper() -> None:
     states.take(SimpleNamespace(name=["finger_joint"], position=[0.4]))
     assert states.age() < 1.0
     assert states.angles() == [1.0, 2.0]
+
+
+def test_a_rehearsal_says_what_kinova_ros_would_not_get(tmp_path: Path) -> None:
+    robot = jacokin.load_robot()
+    move_joints(robot, robot.home, robot.home + 0.1, dt=0.005).save(tmp_path / "m.json")
+    command = [sys.executable, send_trajectory.__file__, str(tmp_path / "m.json"), "--rehearse"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=20.0)
+    assert done.returncode == 1
+    assert "not 10 ms apart" in done.stderr
+    other = ["--action", "/arm_controller/follow_joint_trajectory", "--states", "/joint_states"]
+    subprocess.run([*command, *other], capture_output=True, check=True, timeout=20.0)
