@@ -60,7 +60,7 @@ address:
 	@! grep '^REPOSITORY.*\.invalid/' package_page.py || { echo "package_page.py: fill in the address of the repository first."; exit 1; }
 
 clean:
-	rm -rf build dist site out jacokin/kernels/libjacokin.* $(VENV) .venv-oldest .venv-bench
+	rm -rf build dist site out jacokin/kernels/libjacokin.* $(VENV) .venv-oldest .venv-ros2 .venv-bench
 
 $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)

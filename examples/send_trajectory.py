@@ -2,16 +2,21 @@
 
     python send_trajectory.py lift.kinova.csv --rehearse
     python send_trajectory.py lift.kinova.csv --robot j2n6s300
-    python send_trajectory.py lift.json --robot j2n6s300
+    python send_trajectory.py lift.json --states /joint_states --action /arm_controller/follow_joint_trajectory
+    python send_trajectory.py lift.kinova.json --robot j2n6s300
 
 It takes ROS, Python 3.8 or later, and nothing else: copy it to the machine with the driver. Velocities go to
 kinova-ros (ROS 1), 100 a second and no faster. A goal goes to any controller of the action FollowJointTrajectory, by
-rclpy (ROS 2) where that is installed, else by actionlib (ROS 1); ``--action`` and ``--states`` name others than those
-of kinova-ros.
+rclpy (ROS 2) or actionlib (ROS 1), whichever is installed; with both, ``--ros`` says which. ``--action`` and
+``--states`` name others than those of kinova-ros.
 
 Nothing is sent unless the arm stands where the file begins. Velocities end, with zero, when the arm leaves the way of
-the file, when it says no longer where it is, and on Ctrl-C, which cancels a goal too. ``--rehearse`` sends to an arm
-that does what it is told, without ROS and without waiting. Keep a hand on the joystick.
+the file, when it says no longer where it is, and on Ctrl-C, SIGTERM and SIGHUP, which cancel a goal too. A goal ends
+with how far the arm is from its last point. ``--rehearse`` sends to an arm that does what it is told, without ROS and
+without waiting. Keep a hand on the joystick.
+
+Send velocities to kinova-ros, not goals. Its controller measures nothing: it plays the velocity of one point each
+10 ms. And its driver dies of a goal that is cancelled (kinova-ros, issue 191); started again, it opens the fingers.
 """
 
 from __future__ import annotations
@@ -22,6 +27,9 @@ import importlib
 import importlib.util
 import json
 import math
+import os
+import signal
+import socket
 import sys
 import time
 from pathlib import Path
@@ -31,10 +39,17 @@ PERIOD = 0.01  # [s] from velocity to velocity, the driver's
 START, DRIFT = 2.0, 5.0  # [deg] from where the file begins, and from the way of the file
 BEHIND = 0.3  # [s] by which measured angles may be late
 SILENCE = 0.5  # [s] without measured angles
-PATIENCE = 10.0  # [s] until the driver or the controller shows up
+PATIENCE = 10.0  # [s] until the driver or the controller shows up, and until a goal ends after its last point
+DEATH = 2.0  # [s] without a sign of life of a controller, which gives five a second or more
+STANDING = 0.1  # [deg] that an arm at rest moves from one look to the next, BEHIND later
 ZEROS = 5  # messages that end it
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+SUCCEEDED = 4  # of action_msgs/GoalStatus, ROS 2
 NOT_OURS = "not a .kinova.csv file of jacokin"
-NOTHING_HEARD = f"nothing on {{}} says where the arm is (waited {PATIENCE:g} s)"
+DRIVER_DIES = (
+    "the driver of kinova-ros dies of a cancelled goal (issue 191): start it again, which opens the fingers; "
+    "velocities, a .kinova.csv file, end without that"
+)
 
 
 class StoppedError(Exception):
@@ -43,6 +58,9 @@ class StoppedError(Exception):
 
 class Arm(Protocol):
     """Kinova's driver, as far as it is needed here."""
+
+    def listens(self) -> bool:
+        """Whether velocities that are sent now arrive."""
 
     def publish(self, velocities: list[float]) -> None:
         """Send velocities [deg/s]."""
@@ -75,6 +93,10 @@ class Rehearsal:
         """Start at some angles [deg]."""
         self.angles, self.time = list(angles), 0.0
 
+    def listens(self) -> bool:
+        """See `Arm`."""
+        return True
+
     def publish(self, velocities: list[float]) -> None:
         """See `Arm`."""
         self.angles = [angle + PERIOD * velocities[j] for j, angle in enumerate(self.angles)]
@@ -100,7 +122,7 @@ class KinovaDriver:
         self._rospy: Any = importlib.import_module("rospy")
         self._messages: Any = importlib.import_module("kinova_msgs.msg")
         self._joints, self._angles, self._heard = joints, [0.0] * joints, -math.inf
-        self._rospy.init_node("send_trajectory", anonymous=True, disable_signals=True)
+        start_ros1(self._rospy)
         topic = f"/{robot}_driver/in/joint_velocity"
         self._publisher = self._rospy.Publisher(topic, self._messages.JointVelocity, queue_size=1)
         self._rospy.Subscriber(f"/{robot}_driver/out/joint_angles", self._messages.JointAngles, self._take)
@@ -108,6 +130,10 @@ class KinovaDriver:
     def _take(self, message: Any) -> None:
         self._angles = [float(getattr(message, f"joint{j + 1}")) for j in range(self._joints)]
         self._heard = time.monotonic()
+
+    def listens(self) -> bool:
+        """See `Arm`."""
+        return bool(self._publisher.get_num_connections())
 
     def publish(self, velocities: list[float]) -> None:
         """See `Arm`."""
@@ -164,6 +190,7 @@ def send_velocities(angles: list[list[float]], velocities: list[list[float]], ar
         StoppedError: says why; the arm was told to stop.
     """
     wait_for(lambda: arm.measured()[1] < SILENCE, "the driver does not say where the arm is", clock)
+    wait_for(arm.listens, "the driver does not listen to velocities", clock)
     away = farthest(arm.measured()[0], angles[0], 360.0)
     if away > START:
         raise StoppedError(
@@ -191,114 +218,357 @@ def send_velocities(angles: list[list[float]], velocities: list[list[float]], ar
     return farthest(arm.measured()[0], angles[-1], 360.0)
 
 
-def wait_for(happens: Callable[[], bool], otherwise: str, clock: Clock) -> None:
+def wait_for(
+    happens: Callable[[], bool], otherwise: str | Callable[[], str], clock: Clock, every: float = 0.02
+) -> None:
     """Wait until something happens."""
     end = clock.now() + PATIENCE
     while not happens():
         if clock.now() > end:
-            raise StoppedError(f"{otherwise} (waited {PATIENCE:g} s)")
-        clock.sleep(0.02)
+            raise StoppedError(f"{otherwise if isinstance(otherwise, str) else otherwise()} (waited {PATIENCE:g} s)")
+        clock.sleep(every)
 
 
-def check_start(names: list[str], positions: list[float], message: dict[str, Any]) -> None:
-    """Refuse a goal that begins elsewhere than the arm is [rad]."""
-    lacking = [name for name in message["joint_names"] if name not in names]
-    if lacking:
-        raise StoppedError(f"no {lacking[0]} among the measured joints {', '.join(names)}: see joint_prefix= of save")
-    now = [positions[names.index(name)] for name in message["joint_names"]]
-    away = math.degrees(farthest(now, message["points"][0]["positions"], math.tau))
+def check_start(angles: list[float], message: dict[str, Any], unlimited: list[str]) -> list[float]:
+    """The whole turns from where a goal begins to where the arm is, of each joint [rad].
+
+    Raises:
+        StoppedError: the goal begins elsewhere, or whole turns away on a joint that may have limits.
+    """
+    names, first = message["joint_names"], message["points"][0]["positions"]
+    away = math.degrees(farthest(angles, first, math.tau))
     if away > START:
         raise StoppedError(
             f"the arm is {away:.1f} deg from where the file begins ({START:g} allowed): move it there first"
         )
+    turns = [round((angle - first[j]) / math.tau) for j, angle in enumerate(angles)]
+    for j, count in enumerate(turns):
+        if count and names[j] not in unlimited:
+            raise StoppedError(
+                f"{names[j]} stands {count:+d} whole turns from where the file begins, and a controller of positions "
+                f"would turn it back: with --unlimited {names[j]} they are added, if it turns without limits"
+            )
+    return [math.tau * count for count in turns]
 
 
-def fill(trajectory: Any, new_point: Callable[[], Any], message: dict[str, Any], parts: tuple[str, str]) -> None:
+def check_points(message: dict[str, Any]) -> None:
+    """Refuse points that kinova-ros would not play as they are meant: it takes one each 10 ms, whatever their times."""
+    times = [seconds(point["time_from_start"]) for point in message["points"]]
+    if any(abs(late - early - PERIOD) > 1e-6 for early, late in zip(times, times[1:])):  # noqa: B905, RUF007 (Python 3.8)
+        raise StoppedError(
+            "the controller of kinova-ros plays one point each 10 ms in an open loop, and these are not 10 ms apart: "
+            "the arm would end elsewhere. Save it as .kinova.csv, or as .kinova.json; --action and --states name "
+            "another controller"
+        )
+
+
+def is_kinova(message: dict[str, Any], robot: str, action: str, states: str) -> bool:
+    """Whether a goal goes to kinova-ros: by the names that it gives its action and its topics."""
+    prefix = message["joint_names"][0].partition("_joint_")[0]
+    return states.endswith("_driver/out/joint_state") or action in (
+        f"/{name}/follow_joint_trajectory" for name in (robot, prefix)
+    )
+
+
+def seconds(duration: dict[str, int]) -> float:
+    """A duration of a file [s]."""
+    whole, nano = duration.values()
+    return whole + 1e-9 * nano
+
+
+def fill(
+    trajectory: Any,
+    new_point: Callable[[], Any],
+    message: dict[str, Any],
+    turns: list[float],
+    parts: tuple[str, str],
+) -> None:
     """Fill a message JointTrajectory from a file; the parts of a duration have other names in ROS 1 and 2."""
     trajectory.joint_names = list(message["joint_names"])
     for row in message["points"]:
         point = new_point()
-        point.positions, point.velocities = row["positions"], row["velocities"]
-        point.accelerations = row["accelerations"]
+        point.positions = [position + turns[j] for j, position in enumerate(row["positions"])]
+        point.velocities, point.accelerations = row["velocities"], row["accelerations"]
         for part, value in enumerate(row["time_from_start"].values()):
             setattr(point.time_from_start, parts[part], value)
         trajectory.points.append(point)
 
 
-def send_goal_ros1(message: dict[str, Any], action: str, states: str) -> str:
-    """Send a goal by actionlib and wait for its end; returns what the controller says."""
-    rospy: Any = importlib.import_module("rospy")
-    actionlib: Any = importlib.import_module("actionlib")
-    control: Any = importlib.import_module("control_msgs.msg")
-    sensors: Any = importlib.import_module("sensor_msgs.msg")
-    messages: Any = importlib.import_module("trajectory_msgs.msg")
-    rospy.init_node("send_trajectory", anonymous=True, disable_signals=True)
+class JointStates:
+    """Where joints are, from messages JointState, which may be of other joints, too, or of some."""
+
+    def __init__(self, topic: str, names: list[str]) -> None:
+        """Of these joints."""
+        self._topic, self._names = topic, names
+        self._heard: dict[str, tuple[float, float]] = {}  # [rad], and when [s]
+
+    def take(self, message: Any) -> None:
+        """A message came."""
+        now = time.monotonic()
+        self._heard.update({name: (message.position[j], now) for j, name in enumerate(message.name)})
+
+    def age(self) -> float:
+        """How old the oldest of the angles is [s]; inf before all were heard."""
+        never = (0.0, -math.inf)
+        return time.monotonic() - min(self._heard.get(name, never)[1] for name in self._names)
+
+    def angles(self) -> list[float]:
+        """The newest angles [rad]."""
+        return [self._heard[name][0] for name in self._names]
+
+    def lacking(self) -> str:
+        """What is missing, in a line."""
+        never = [name for name in self._names if name not in self._heard]
+        if not self._heard or not never:
+            return f"nothing on {self._topic} says where the arm is"
+        return f"no {never[0]} among the measured joints {', '.join(self._heard)}: see joint_prefix= of save"
+
+
+class Controller(Protocol):
+    """One that takes goals of FollowJointTrajectory."""
+
+    states: JointStates
+
+    def wait(self, seconds: float) -> None:
+        """Let messages come in."""
+
+    def listens(self) -> bool:
+        """Whether goals that are sent now arrive."""
+
+    def send(self, message: dict[str, Any], turns: list[float]) -> None:
+        """Send a goal, and these angles with each of its points [rad]."""
+
+    def ended(self) -> bool:
+        """Whether the goal has ended.
+
+        Raises:
+            StoppedError: without success; says why.
+        """
+
+    def cancel(self) -> None:
+        """Cancel the goal."""
+
+    def close(self) -> None:
+        """Leave ROS."""
+
+
+class GoalClock:
+    """Time in which messages come in."""
+
+    now = staticmethod(time.monotonic)
+
+    def __init__(self, controller: Controller) -> None:
+        """Of a controller."""
+        self.sleep = controller.wait
+
+
+def send_goal(message: dict[str, Any], controller: Controller, unlimited: list[str]) -> float:
+    """Send a goal and wait for its end; returns how far the arm then is from the last point [deg].
+
+    Raises:
+        StoppedError: says why; a goal that had not ended was cancelled.
+    """
+    states, clock = controller.states, GoalClock(controller)
+    wait_for(lambda: states.age() < SILENCE, states.lacking, clock)
+    wait_for(controller.listens, "no controller answers", clock)
+    turns = check_start(states.angles(), message, unlimited)
+    late = clock.now() + seconds(message["points"][-1]["time_from_start"]) + PATIENCE
     try:
-        state = rospy.wait_for_message(states, sensors.JointState, timeout=PATIENCE)
-    except rospy.ROSException as error:
-        raise StoppedError(NOTHING_HEARD.format(states)) from error
-    check_start(list(state.name), list(state.position), message)
-    client = actionlib.SimpleActionClient(action, control.FollowJointTrajectoryAction)
-    if not client.wait_for_server(rospy.Duration(PATIENCE)):
-        raise StoppedError(f"no controller at {action} (waited {PATIENCE:g} s)")
-    goal = control.FollowJointTrajectoryGoal()
-    fill(goal.trajectory, messages.JointTrajectoryPoint, message, ("secs", "nsecs"))
-    client.send_goal(goal)
-    try:
-        client.wait_for_result()
+        controller.send(message, turns)
+        while not controller.ended():
+            controller.wait(0.02)
+            if not controller.listens() or states.age() > DEATH:
+                raise StoppedError("the controller died, or is silent; the arm may go on: stop it by hand")
+            if clock.now() > late:
+                raise StoppedError(f"the goal did not end within {PATIENCE:g} s after its last point: cancelled")
     except BaseException:
-        client.cancel_goal()
+        controller.cancel()
         raise
-    result, succeeded = client.get_result(), client.get_state() == actionlib.GoalStatus.SUCCEEDED
-    return describe(succeeded, 0 if result is None else result.error_code, client.get_goal_status_text())
+    last = [position + turns[j] for j, position in enumerate(message["points"][-1]["positions"])]
+    standing: list[float] = []
+
+    def stands() -> bool:
+        nonlocal standing
+        before, standing = standing, states.angles()
+        return bool(before) and math.degrees(farthest(before, standing, math.tau)) < STANDING
+
+    wait_for(stands, "the goal ended, but the arm goes on: stop it by hand", clock, every=BEHIND)
+    if states.age() > SILENCE:
+        raise StoppedError("the goal ended, and nothing says where the arm is")
+    away = math.degrees(farthest(states.angles(), last, math.tau))
+    if away > START:
+        raise StoppedError(f"the controller says that the goal was reached, but the arm is {away:.1f} deg from it")
+    return away
 
 
-def send_goal_ros2(message: dict[str, Any], action: str, states: str) -> str:
-    """Send a goal by rclpy and wait for its end; returns what the controller says."""
-    rclpy: Any = importlib.import_module("rclpy")
-    actions: Any = importlib.import_module("rclpy.action")
-    control: Any = importlib.import_module("control_msgs.action")
-    sensors: Any = importlib.import_module("sensor_msgs.msg")
-    messages: Any = importlib.import_module("trajectory_msgs.msg")
-    rclpy.init()
-    node = rclpy.create_node("send_trajectory")
+def start_ros1(rospy: Any) -> None:
+    """Become a node of ROS 1.
+
+    Raises:
+        StoppedError: no master answers, for which rospy itself would wait for ever.
+    """
+    rosgraph: Any = importlib.import_module("rosgraph")
+    socket.setdefaulttimeout(PATIENCE)
     try:
-        heard: list[Any] = []
-        node.create_subscription(sensors.JointState, states, heard.append, 10)
-        end = time.monotonic() + PATIENCE
-        while not heard and time.monotonic() < end:
-            rclpy.spin_once(node, timeout_sec=0.1)
-        if not heard:
-            raise StoppedError(NOTHING_HEARD.format(states))
-        check_start(list(heard[-1].name), list(heard[-1].position), message)
-        client = actions.ActionClient(node, control.FollowJointTrajectory, action)
-        if not client.wait_for_server(timeout_sec=PATIENCE):
-            raise StoppedError(f"no controller at {action} (waited {PATIENCE:g} s)")
-        goal = control.FollowJointTrajectory.Goal()
-        fill(goal.trajectory, messages.JointTrajectoryPoint, message, ("sec", "nanosec"))
-        sent = client.send_goal_async(goal)
-        rclpy.spin_until_future_complete(node, sent)
-        handle = sent.result()
-        if not handle.accepted:
-            raise StoppedError(f"{action} rejected the goal: other joints, or other limits?")
-        ended = handle.get_result_async()
-        try:
-            rclpy.spin_until_future_complete(node, ended)
-        except BaseException:
-            rclpy.spin_until_future_complete(node, handle.cancel_goal_async(), timeout_sec=1.0)
-            raise
-        result = ended.result().result
-        return describe(result.error_code == 0, result.error_code, result.error_string)
+        online = rosgraph.is_master_online()
     finally:
-        node.destroy_node()
-        rclpy.shutdown()
+        socket.setdefaulttimeout(None)
+    if not online:
+        raise StoppedError(f"no ROS master at {rosgraph.get_master_uri()}: start roscore, or set ROS_MASTER_URI")
+    rospy.init_node("send_trajectory", anonymous=True, disable_signals=True)
 
 
-def describe(succeeded: bool, code: int, text: str) -> str:
-    """What became of a goal, in a line."""
+class Ros1Controller:
+    """A controller of ROS 1, by actionlib."""
+
+    def __init__(self, names: list[str], action: str, states: str, *, kinova: bool) -> None:
+        """Of joints with these names."""
+        rospy: Any = importlib.import_module("rospy")
+        self._actionlib: Any = importlib.import_module("actionlib")
+        self._control: Any = importlib.import_module("control_msgs.msg")
+        self._trajectory: Any = importlib.import_module("trajectory_msgs.msg")
+        sensors: Any = importlib.import_module("sensor_msgs.msg")
+        statuses: Any = importlib.import_module("actionlib_msgs.msg")
+        start_ros1(rospy)
+        self._rospy, self._kinova, self._sign = rospy, kinova, -math.inf
+        self.states = JointStates(states, names)
+        rospy.Subscriber(states, sensors.JointState, self.states.take)
+        rospy.Subscriber(f"{action}/status", statuses.GoalStatusArray, self._live)
+        self._client = self._actionlib.SimpleActionClient(action, self._control.FollowJointTrajectoryAction)
+        self._found = False
+
+    def _live(self, _: Any) -> None:
+        self._sign = time.monotonic()
+
+    def wait(self, seconds: float) -> None:
+        """See `Controller`."""
+        time.sleep(seconds)
+
+    def listens(self) -> bool:
+        """See `Controller`."""
+        self._found = self._found or self._client.wait_for_server(self._rospy.Duration(0.1))
+        return self._found and time.monotonic() - self._sign < DEATH
+
+    def send(self, message: dict[str, Any], turns: list[float]) -> None:
+        """See `Controller`."""
+        goal = self._control.FollowJointTrajectoryGoal()
+        fill(goal.trajectory, self._trajectory.JointTrajectoryPoint, message, turns, ("secs", "nsecs"))
+        self._client.send_goal(goal)
+
+    def ended(self) -> bool:
+        """See `Controller`."""
+        status, state = self._actionlib.GoalStatus, self._client.get_state()
+        if state in (status.PENDING, status.ACTIVE, status.PREEMPTING, status.RECALLING):
+            return False
+        result = self._client.get_result()
+        check_result(
+            state == status.SUCCEEDED, 0 if result is None else result.error_code, self._client.get_goal_status_text()
+        )
+        return True
+
+    def cancel(self) -> None:
+        """See `Controller`."""
+        self._client.cancel_goal()
+        time.sleep(BEHIND)  # the message leaves in another thread
+        if self._kinova:
+            print(DRIVER_DIES, file=sys.stderr)
+
+    def close(self) -> None:
+        """See `Controller`."""
+        self._rospy.signal_shutdown("done")
+
+
+class Ros2Controller:
+    """A controller of ROS 2, by rclpy."""
+
+    def __init__(self, names: list[str], action: str, states: str) -> None:
+        """Of joints with these names."""
+        self._rclpy: Any = importlib.import_module("rclpy")
+        actions: Any = importlib.import_module("rclpy.action")
+        signals: Any = importlib.import_module("rclpy.signals")
+        qos: Any = importlib.import_module("rclpy.qos")
+        control: Any = importlib.import_module("control_msgs.action")
+        sensors: Any = importlib.import_module("sensor_msgs.msg")
+        self._trajectory: Any = importlib.import_module("trajectory_msgs.msg")
+        # Signals are ours: rclpy's own handlers would take away the context that cancels the goal.
+        self._rclpy.init(signal_handler_options=signals.SignalHandlerOptions.NO)
+        self._node = self._rclpy.create_node("send_trajectory")
+        self.states = JointStates(states, names)
+        # Best effort: it hears reliable publishers, too.
+        self._node.create_subscription(sensors.JointState, states, self.states.take, qos.qos_profile_sensor_data)
+        self._type = control.FollowJointTrajectory
+        self._client = actions.ActionClient(self._node, self._type, action)
+        self._sent: Any = None
+        self._result: Any = None
+
+    def wait(self, seconds: float) -> None:
+        """See `Controller`."""
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            self._rclpy.spin_once(self._node, timeout_sec=max(0.0, end - time.monotonic()))
+
+    def listens(self) -> bool:
+        """See `Controller`."""
+        return bool(self._client.server_is_ready())
+
+    def send(self, message: dict[str, Any], turns: list[float]) -> None:
+        """See `Controller`."""
+        goal = self._type.Goal()
+        fill(goal.trajectory, self._trajectory.JointTrajectoryPoint, message, turns, ("sec", "nanosec"))
+        self._sent = self._client.send_goal_async(goal)
+
+    def ended(self) -> bool:
+        """See `Controller`."""
+        if self._result is None:
+            if not self._sent.done():
+                return False
+            if not self._sent.result().accepted:
+                raise StoppedError("the controller rejected the goal: other joints, or other limits?")
+            self._result = self._sent.result().get_result_async()
+        if not self._result.done():
+            return False
+        answer = self._result.result()
+        check_result(
+            answer.status == SUCCEEDED and not answer.result.error_code,
+            answer.result.error_code,
+            answer.result.error_string,
+        )
+        return True
+
+    def cancel(self) -> None:
+        """See `Controller`."""
+        if self._sent is None:
+            return
+        end = time.monotonic() + DEATH
+        while not self._sent.done() and time.monotonic() < end:  # what was not accepted yet cannot be cancelled
+            self.wait(0.02)
+        if self._sent.done() and self._sent.result().accepted:
+            self._rclpy.spin_until_future_complete(
+                self._node, self._sent.result().cancel_goal_async(), timeout_sec=DEATH
+            )
+
+    def close(self) -> None:
+        """See `Controller`."""
+        self._node.destroy_node()
+        self._rclpy.shutdown()
+
+
+def which_ros(wanted: int | None) -> int:
+    """The version of ROS: the one that is wanted, that $ROS_VERSION says, or that is installed."""
+    if wanted is not None:
+        return wanted
+    there = [version for version, name in ((1, "rospy"), (2, "rclpy")) if importlib.util.find_spec(name) is not None]
+    if len(there) == 2 and os.environ.get("ROS_VERSION") in ("1", "2"):
+        return int(os.environ["ROS_VERSION"])
+    if len(there) != 1:
+        raise StoppedError("both ROS 1 and ROS 2 are installed: say --ros 1 or 2" if there else "ROS is not installed")
+    return there[0]
+
+
+def check_result(succeeded: bool, code: int, text: str) -> None:
+    """Refuse to call a goal reached that was not."""
     if not succeeded:
         raise StoppedError(f"the controller gave up, error {code}: {text or 'it does not say why'}")
-    return "the controller says that the goal was reached"
 
 
 def send(options: argparse.Namespace) -> str:
@@ -309,31 +579,67 @@ def send(options: argparse.Namespace) -> str:
         rehearsal = Rehearsal(angles[0])
         if options.rehearse:
             away = send_velocities(angles, velocities, rehearsal, rehearsal)
+        elif options.ros == 2:
+            raise StoppedError("velocities go to kinova-ros, which is of ROS 1")
         else:
             away = send_velocities(angles, velocities, KinovaDriver(options.robot, len(angles[0])), WallClock())
         return (
             f"{len(angles)} rows in {(len(angles) - 1) * PERIOD:.2f} s, the arm ends {away:.2f} deg from the last one"
         )
     if path.suffix != ".json":
-        raise StoppedError(f"{path}: .kinova.csv or .json, as jacokin saves them")
+        raise StoppedError(f"{path}: .kinova.csv, .kinova.json or .json, as jacokin saves them")
     message = read_goal(path)
-    if options.rehearse:
-        return f"{len(message['points'])} points of {', '.join(message['joint_names'])}; without ROS no goal is sent"
     action = options.action or f"/{options.robot}/follow_joint_trajectory"
     states = options.states or f"/{options.robot}_driver/out/joint_state"
-    ros2 = importlib.util.find_spec("rclpy") is not None
-    return (send_goal_ros2 if ros2 else send_goal_ros1)(message, action, states)
+    names, unlimited = message["joint_names"], options.unlimited
+    kinova = is_kinova(message, options.robot, action, states)
+    if kinova:
+        check_points(message)
+        unlimited = names  # it plays velocities: turns do not matter
+    if options.rehearse:
+        return f"{len(message['points'])} points of {', '.join(message['joint_names'])}; without ROS no goal is sent"
+    if kinova:
+        print("a goal of kinova-ros: on Ctrl-C, " + DRIVER_DIES, file=sys.stderr)
+    controller: Controller
+    if which_ros(options.ros) == 2:
+        controller = Ros2Controller(names, action, states)
+    else:
+        controller = Ros1Controller(names, action, states, kinova=kinova)
+    try:
+        away = send_goal(message, controller, unlimited)
+    finally:
+        controller.close()
+    return f"the controller says that the goal was reached; the arm ends {away:.2f} deg from the last point"
+
+
+def interrupt(number: int, _: object) -> None:
+    """Stop as Ctrl-C does, once: what stops the arm is not interrupted."""
+    for each in SIGNALS:
+        signal.signal(each, signal.SIG_IGN)
+    raise KeyboardInterrupt(signal.Signals(number).name)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("file", type=Path, help=".kinova.csv or .json, of jacokin's Trajectory.save")
+    parser.add_argument("file", type=Path, help=".kinova.csv, .kinova.json or .json, of jacokin's Trajectory.save")
     parser.add_argument("--robot", default="j2n6s300", help="name that kinova-ros was started with")
     parser.add_argument("--action", help="of FollowJointTrajectory, by default /ROBOT/follow_joint_trajectory")
     parser.add_argument("--states", help="topic of joint states, by default /ROBOT_driver/out/joint_state")
+    parser.add_argument(
+        "--unlimited",
+        nargs="+",
+        default=[],
+        metavar="JOINT",
+        help="joints that turn without limits, which may stand whole turns from where the file begins",
+    )
+    parser.add_argument("--ros", type=int, choices=(1, 2), help="version of ROS, where both are installed")
     parser.add_argument("--rehearse", action="store_true", help="send to an arm that does what it is told, without ROS")
+    options = parser.parse_args()
+    for each in SIGNALS:
+        if signal.getsignal(each) is not signal.SIG_IGN:  # of nohup
+            signal.signal(each, interrupt)
     try:
-        print(send(parser.parse_args()))
+        print(send(options))
     except KeyboardInterrupt:
         sys.exit("interrupted: the arm was told to stop")
     except (StoppedError, OSError, ImportError) as why:

@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     "--output",
     type=options.FILE,
     metavar="FILE",
-    help="Write the motion here, .csv, .npz, .json (ROS) or .kinova.csv.",
+    help="Write the motion here, .csv, .npz, .json (ROS), .kinova.csv or .kinova.json (kinova-ros).",
 )
 @click.option("--ros", type=click.Choice(["1", "2"]), default="2", help="The version of ROS a .json is for.")
 @click.option(

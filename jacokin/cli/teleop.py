@@ -135,7 +135,7 @@ def read_cameras(
     "--output",
     type=options.FILE,
     metavar="FILE",
-    help="Write the commanded motion here, .csv, .npz, .json (ROS) or .kinova.csv.",
+    help="Write the commanded motion here, .csv, .npz, .json (ROS), .kinova.csv or .kinova.json (kinova-ros).",
 )
 @options.frame
 @options.json

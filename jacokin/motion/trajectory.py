@@ -41,11 +41,11 @@ from jacokin.motion.grasps import Grasp
 from jacokin.motion.rows import Rows, between
 from jacokin.showing import Shown, show
 
-FORMATS = (".csv", ".npz", ".json", ".kinova.csv")
+FORMATS = (".csv", ".npz", ".json", ".kinova.csv", ".kinova.json")
 LIMITS = ("lower", "upper", "velocity_limit")
 LEAD_IN = "LEAD_IN"  # status of rows that lead to where a path begins
 NAMED = 8  # segments in a sentence
-TO_SEND = (".json", ".kinova.csv")  # files that are sent to an arm
+TO_SEND = (".json", ".kinova.csv", ".kinova.json")  # files that are sent to an arm
 FIRST_TIME = 10.0  # [s] at most
 KINOVA_STEP = 0.01  # [s] the control loop of the Jaco's base runs at 100 Hz (kinova-ros, README, velocity control)
 SPEED_ROUNDING = 1e-9  # [rad/s] of positions subtracted and divided by a step
@@ -395,7 +395,9 @@ class Trajectory(_Looking):
         """Write a file; an existing one is replaced only when the new one is complete.
 
         ".csv" and ".npz" hold everything and can be loaded. ".json" holds the fields of a ROS JointTrajectory.
-        ".kinova.csv" holds angles [deg] and velocities [deg/s] at 100 Hz for Kinova's driver.
+        ".kinova.csv" holds angles [deg] and velocities [deg/s] at 100 Hz for Kinova's driver. ".kinova.json" holds a
+        JointTrajectory of points 10 ms apart for the controller of kinova-ros, which plays the velocity of one point
+        each 10 ms, whatever their times: points of another step end elsewhere.
 
         Args:
             path: where the file goes.
@@ -407,7 +409,8 @@ class Trajectory(_Looking):
         Raises:
             InvalidInputError: a trajectory that failed; another ending, the file cannot be written, or an option of ROS
                 with another kind of file. Of a .json, that it does not end at rest, or leaves its limits where
-                controllers interpolate between rows; of a .kinova.csv, that a limit is broken after resampling.
+                controllers interpolate between rows; of .kinova.csv and .kinova.json, that a limit is broken after
+                resampling.
         """
         checks.whole_number("ros", ros, 1, 2)
         checks.text("joint_prefix", joint_prefix)
@@ -416,18 +419,20 @@ class Trajectory(_Looking):
             raise checks.refusal("first_time", f"at most {FIRST_TIME:g}", first_time, "s")
         checks.flag("failed", failed)
         ending = by_ending(path, FORMATS)[1]
-        if (ros != 2 or joint_prefix or later) and ending != ".json":
+        if (ros != 2 or joint_prefix or later) and not ending.endswith(".json"):
             raise InvalidInputError(f"ros, joint_prefix and first_time are for .json files, got {str(path)!r}")
         if not self.success and (not failed or ending in TO_SEND):
             cure = "it can be written to .csv or .npz, to look at, with failed=True"
             raise InvalidInputError(f"a trajectory that failed is not saved: {self.outcome}, {self.message}; {cure}")
+        ros_fields: dict[str, Any] = {"ros": ros, "joint_prefix": joint_prefix, "first_time": later}
         save(
             path,
             {
                 ".csv": self._write_csv,
                 ".npz": lambda file: write_arrays(file, self._arrays()),
-                ".json": partial(write_ros_json, trajectory=self, ros=ros, joint_prefix=joint_prefix, first_time=later),
+                ".json": partial(write_ros_json, trajectory=self, **ros_fields),
                 ".kinova.csv": partial(write_kinova_csv, trajectory=self),
+                ".kinova.json": partial(write_kinova_json, trajectory=self, **ros_fields),
             },
         )
 
@@ -531,7 +536,7 @@ def list_segments(segments: Sequence[int]) -> str:
     return ", ".join(map(str, segments[:NAMED])) + (f" and {more} more" if more > 0 else "")
 
 
-def write_ros_json(file: Path, trajectory: Trajectory, *, ros: int, joint_prefix: str, first_time: float) -> None:
+def write_ros_json(file: Path, *, trajectory: Trajectory, ros: int, joint_prefix: str, first_time: float) -> None:
     """Write the fields of a ROS trajectory_msgs/JointTrajectory: SI units and radians, times to the nanosecond.
 
     Numbers keep all their digits: a rounded one may lie outside its limit.
@@ -540,22 +545,40 @@ def write_ros_json(file: Path, trajectory: Trajectory, *, ros: int, joint_prefix
         InvalidInputError: it does not end at rest, or leaves its limits where controllers interpolate between rows.
     """
     check_interpolated(trajectory)
+    times = trajectory.t + first_time
+    _write_message(file, [joint_prefix + name for name in trajectory.joint_names], times, trajectory.rows, ros)
+
+
+def write_kinova_json(file: Path, *, trajectory: Trajectory, ros: int, joint_prefix: str, first_time: float) -> None:
+    """Write a JointTrajectory for kinova-ros, whose controller plays one point's velocity each 10 ms, in an open loop.
+
+    The velocity of a point is the one for the 10 ms that begin with it, as in `write_kinova_csv`.
+
+    Raises:
+        InvalidInputError: a resampled row breaks a position or velocity limit.
+    """
+    q, v = resample(trajectory, KINOVA_STEP)
+    check_limits(trajectory, q, v)
+    t = np.arange(len(q), dtype=np.float64) * KINOVA_STEP
+    rows = Rows(t, q, v, changes(t, v))
+    _write_message(file, [joint_prefix + name for name in trajectory.joint_names], t + first_time, rows, ros)
+
+
+def _write_message(file: Path, names: list[str], times: Array, rows: Rows, ros: int) -> None:
+    """Write the fields of a JointTrajectory; `times` (n,) are from its start [s]."""
     points = []
-    for time, q, v, a in zip(
-        trajectory.t.tolist(), trajectory.q.tolist(), trajectory.v.tolist(), trajectory.a.tolist(), strict=True
-    ):
-        seconds, nanoseconds = divmod(round((time + first_time) * NANOSECONDS), NANOSECONDS)
+    for time, q, v, a in zip(times.tolist(), rows.q.tolist(), rows.v.tolist(), rows.a.tolist(), strict=True):
+        duration = divmod(round(time * NANOSECONDS), NANOSECONDS)
         points.append(
             {
                 "positions": q,
                 "velocities": v,
                 "accelerations": a,
-                "time_from_start": dict(zip(DURATION[ros], (seconds, nanoseconds), strict=True)),
+                "time_from_start": dict(zip(DURATION[ros], duration, strict=True)),
             }
         )
-    message = {"joint_names": [joint_prefix + name for name in trajectory.joint_names], "points": points}
     with file.open("w", encoding="utf-8") as stream:
-        json.dump(message, stream, allow_nan=False)
+        json.dump({"joint_names": names, "points": points}, stream, allow_nan=False)
         stream.write("\n")
 
 

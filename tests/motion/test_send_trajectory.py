@@ -1,14 +1,13 @@
-"""The example that sends a saved trajectory: when it sends, how fast, and when it stops. ROS is stood in for."""
+"""The example that sends a saved trajectory: when it sends, how fast, and when it stops. Real ROS is in tests/ros."""
 
 from __future__ import annotations
 
 import itertools
-import json
 import math
+import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -125,189 +124,120 @@ def test_other_files_are_refused(tmp_path: Path) -> None:
             send_trajectory.read_goal(tmp_path / "a.json")
 
 
-class Message(SimpleNamespace):
-    """A message of ROS; only the fields it was made with can be set."""
+class Point:
+    """A point of a message."""
 
-    def __setattr__(self, name: str, value: object) -> None:
-        if name not in self.__dict__:
-            raise AttributeError(name)
-        super().__setattr__(name, value)
-
-
-def new_goal() -> Message:
-    return Message(trajectory=Message(joint_names=[], points=[]))
-
-
-def new_point(*parts: str) -> Callable[[], Message]:
-    return lambda: Message(
-        positions=[], velocities=[], accelerations=[], time_from_start=Message(**dict.fromkeys(parts, 0))
-    )
+    def __init__(self) -> None:
+        self.positions: list[float] = []
+        self.velocities: list[float] = []
+        self.accelerations: list[float] = []
+        self.time_from_start = SimpleNamespace(secs=0, nsecs=0)
 
 
 @pytest.fixture
-def stand_in(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
-    """Put a module in the place of one of ROS."""
-
-    def put(name: str, **attributes: object) -> None:
-        module = ModuleType(name)
-        module.__dict__.update(attributes)
-        monkeypatch.setitem(sys.modules, name, module)
-
-    return put
+def message(motion: Trajectory, tmp_path: Path) -> dict[str, Any]:
+    motion.save(tmp_path / "m.kinova.json", joint_prefix="j2n6s300_")
+    return send_trajectory.read_goal(tmp_path / "m.kinova.json")
 
 
-def run(monkeypatch: pytest.MonkeyPatch, *words: str) -> None:
-    monkeypatch.setattr(sys, "argv", ["send_trajectory.py", *words])
-    send_trajectory.main()
+def test_a_message_is_the_file(motion: Trajectory, tmp_path: Path) -> None:
+    motion.save(tmp_path / "m.json", joint_prefix="j2n6s300_", ros=1)
+    message = send_trajectory.read_goal(tmp_path / "m.json")
+    filled = SimpleNamespace(joint_names=[], points=[])
+    send_trajectory.fill(filled, Point, message, [0.0] * 6, ("secs", "nsecs"))
+    assert filled.joint_names == [f"j2n6s300_joint_{k}" for k in range(1, 7)]
+    np.testing.assert_array_equal([point.positions for point in filled.points], motion.q)
+    np.testing.assert_array_equal([point.velocities for point in filled.points], motion.v)
+    times = [point.time_from_start.secs + 1e-9 * point.time_from_start.nsecs for point in filled.points]
+    np.testing.assert_allclose(times, motion.t, atol=1e-9)
 
 
-@pytest.fixture
-def goal_file(motion: Trajectory, tmp_path: Path) -> Path:
-    path = tmp_path / "m.json"
-    motion.save(path, joint_prefix="j2n6s300_")
-    return path
+@pytest.mark.parametrize("dt", [0.002, 0.005, 0.01, 0.05])
+def test_a_file_for_kinova_ros_ends_where_it_should_in_an_open_loop(dt: float, tmp_path: Path) -> None:
+    """One point's velocity for each 10 ms, whatever the times of the points."""
+    robot = jacokin.load_robot()
+    motion = move_joints(robot, robot.home, robot.home + np.array([0.5, 0.2, -0.3, 1.0, 0.1, -1.0]), dt=dt)
+    motion.save(tmp_path / "m.kinova.json", joint_prefix="j2n6s300_", first_time=0.1)
+    message = send_trajectory.read_goal(tmp_path / "m.kinova.json")
+    send_trajectory.check_points(message)
+    played = np.array([point["velocities"] for point in message["points"]])
+    np.testing.assert_allclose(motion.q[0] + PERIOD * played.sum(axis=0), motion.q[-1], atol=1e-9)
+    assert (np.abs(played) <= motion.velocity_limit + 1e-9).all()
+    motion.save(tmp_path / "m.json")
+    if dt != PERIOD:
+        with pytest.raises(StoppedError, match="not 10 ms apart"):
+            send_trajectory.check_points(send_trajectory.read_goal(tmp_path / "m.json"))
 
 
-def check_goal(goal: Message, file: Path, parts: tuple[str, str]) -> None:
-    written = json.loads(file.read_text())
-    assert goal.trajectory.joint_names == [f"j2n6s300_joint_{k}" for k in range(1, 7)]
-    assert [point.positions for point in goal.trajectory.points] == [row["positions"] for row in written["points"]]
-    last = goal.trajectory.points[-1].time_from_start
-    seconds = [getattr(last, part) for part in parts]
-    assert seconds == list(written["points"][-1]["time_from_start"].values())
+def test_whole_turns(message: dict[str, Any]) -> None:
+    first = message["points"][0]["positions"]
+    turned = [first[0] + math.tau + 0.01, *first[1:5], first[5] - 2 * math.tau]
+    for unlimited, lacking in (([], "joint_1 stands [+]1"), (["j2n6s300_joint_1"], "joint_6 stands -2")):
+        with pytest.raises(StoppedError, match=lacking):
+            send_trajectory.check_start(turned, message, unlimited)
+    turns = send_trajectory.check_start(turned, message, message["joint_names"])
+    np.testing.assert_allclose(turns, [math.tau, 0, 0, 0, 0, -2 * math.tau])
+    with pytest.raises(StoppedError, match=r"5.7 deg from where the file begins"):
+        send_trajectory.check_start([angle + 0.1 for angle in first], message, message["joint_names"])
 
 
-def test_a_goal_of_ros_1(
-    goal_file: Path, monkeypatch: pytest.MonkeyPatch, stand_in: Callable[..., None], motion: Trajectory
+def test_a_rehearsal_takes_no_ros(motion: Trajectory, tmp_path: Path) -> None:
+    motion.save(tmp_path / "m.kinova.csv")
+    words = [sys.executable, send_trajectory.__file__, str(tmp_path / "m.kinova.csv"), "--rehearse"]
+    done = subprocess.run(words, capture_output=True, text=True, check=True, timeout=20.0)
+    assert "ends 0.00 deg" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("there", "wanted", "said", "version"),
+    [
+        ({"rospy"}, None, "", 1),
+        ({"rclpy"}, None, "1", 2),
+        ({"rospy", "rclpy"}, None, "1", 1),
+        ({"rospy", "rclpy"}, 2, "1", 2),
+        ({"rospy", "rclpy"}, None, "", "both ROS 1 and ROS 2"),
+        (set(), None, "1", "not installed"),
+    ],
+)
+def test_which_ros(
+    there: set[str], wanted: int | None, said: str, version: int | str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    goals: list[Message] = []
-    names = [f"j2n6s300_joint_{k}" for k in (3, 1, 2, 6, 5, 4)]
-    state = Message(name=names, position=motion.q[0, [2, 0, 1, 5, 4, 3]].tolist())
-    client = SimpleNamespace(
-        wait_for_server=lambda wait: True,
-        send_goal=goals.append,
-        wait_for_result=lambda: True,
-        get_result=lambda: Message(error_code=0),
-        get_state=lambda: 3,
-        get_goal_status_text=lambda: "",
-    )
-    asked: list[str] = []
-    stand_in("control_msgs")
-    stand_in("sensor_msgs")
-    stand_in("trajectory_msgs")
-    stand_in(
-        "rospy",
-        init_node=lambda *_, **__: None,
-        wait_for_message=lambda topic, kind, timeout: asked.append(topic) or state,  # type: ignore[func-returns-value]
-        Duration=float,
-        ROSException=TimeoutError,
-    )
-    stand_in(
-        "actionlib",
-        SimpleActionClient=lambda action, kind: asked.append(action) or client,  # type: ignore[func-returns-value]
-        GoalStatus=SimpleNamespace(SUCCEEDED=3),
-    )
-    stand_in("control_msgs.msg", FollowJointTrajectoryAction=None, FollowJointTrajectoryGoal=new_goal)
-    stand_in("sensor_msgs.msg", JointState=None)
-    stand_in("trajectory_msgs.msg", JointTrajectoryPoint=new_point("secs", "nsecs"))
-    run(monkeypatch, str(goal_file))
-    check_goal(goals[0], goal_file, ("secs", "nsecs"))
-    assert asked == ["/j2n6s300_driver/out/joint_state", "/j2n6s300/follow_joint_trajectory"]
-    state.position = (motion.q[0, [2, 0, 1, 5, 4, 3]] + 0.1).tolist()
-    with pytest.raises(SystemExit, match="5.7 deg from where the file begins"):
-        run(monkeypatch, str(goal_file))
-    assert len(goals) == 1
-
-
-@pytest.mark.parametrize("error", [0, -4])
-def test_a_goal_of_ros_2(
-    error: int,
-    goal_file: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    stand_in: Callable[..., None],
-    motion: Trajectory,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    goals: list[Message] = []
-    state = Message(name=[f"j2n6s300_joint_{k}" for k in range(1, 7)], position=motion.q[0].tolist())
-    outcome = Message(result=Message(error_code=error, error_string="path tolerance" if error else ""))
-    handle = SimpleNamespace(accepted=True, get_result_async=lambda: SimpleNamespace(result=lambda: outcome))
-
-    def send_goal_async(goal: Message) -> object:
-        goals.append(goal)
-        return SimpleNamespace(result=lambda: handle)
-
-    client = SimpleNamespace(wait_for_server=lambda timeout_sec: True, send_goal_async=send_goal_async)
-    waiting: list[Any] = []
-    node = SimpleNamespace(
-        create_subscription=lambda kind, topic, take, depth: waiting.append(take), destroy_node=lambda: None
-    )
-    stand_in("control_msgs")
-    stand_in("sensor_msgs")
-    stand_in("trajectory_msgs")
-    stand_in(
-        "rclpy",
-        __spec__=SimpleNamespace(),
-        init=lambda: None,
-        shutdown=lambda: None,
-        create_node=lambda name: node,
-        spin_once=lambda node, timeout_sec: waiting[0](state),
-        spin_until_future_complete=lambda node, future: None,
-    )
-    stand_in("rclpy.action", ActionClient=lambda node, kind, action: client)
-    stand_in("control_msgs.action", FollowJointTrajectory=SimpleNamespace(Goal=new_goal))
-    stand_in("sensor_msgs.msg", JointState=None)
-    stand_in("trajectory_msgs.msg", JointTrajectoryPoint=new_point("sec", "nanosec"))
-    if error:
-        with pytest.raises(SystemExit, match="error -4: path tolerance"):
-            run(monkeypatch, str(goal_file))
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: name if name in there else None)
+    monkeypatch.setenv("ROS_VERSION", said)
+    if isinstance(version, int):
+        assert send_trajectory.which_ros(wanted) == version
     else:
-        run(monkeypatch, str(goal_file))
-        assert "was reached" in capsys.readouterr().out
-    check_goal(goals[0], goal_file, ("sec", "nanosec"))
+        with pytest.raises(StoppedError, match=version):
+            send_trajectory.which_ros(wanted)
 
 
-def test_velocities_of_the_driver(
-    rows: tuple[list[list[float]], list[list[float]]],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    stand_in: Callable[..., None],
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    """Messages of seven joints, in the topics of the robot that was named; and a rehearsal without ROS."""
-    sent: list[tuple[float, ...]] = []
-    listening: list[Any] = []
-    angles = list(rows[0][0])
-    arm = Rehearsal(angles)
+def test_what_goes_to_kinova_ros(message: dict[str, Any]) -> None:
+    ours, other = "/j2n6s300/follow_joint_trajectory", "/arm_controller/follow_joint_trajectory"
+    assert send_trajectory.is_kinova(message, "left", ours, "/joint_states")  # by the names of its joints
+    assert send_trajectory.is_kinova(message, "left", "/left/follow_joint_trajectory", "/joint_states")
+    assert send_trajectory.is_kinova(message, "left", other, "/left_driver/out/joint_state")
+    assert not send_trajectory.is_kinova(message, "left", other, "/joint_states")
 
-    def tell() -> None:
-        listening[0](Message(**{f"joint{k + 1}": angle for k, angle in enumerate([*arm.angles, 0.0])}))
 
-    def publish(*velocities: float) -> None:
-        sent.append(velocities)
-        arm.publish(list(velocities[:6]))
-        tell()
+def test_joint_states_of_an_arm_and_a_gripper() -> None:
+    states = send_trajectory.JointStates("/joint_states", ["joint_1", "joint_2"])
+    assert states.age() == math.inf
+    assert "nothing on /joint_states" in states.lacking()
+    states.take(SimpleNamespace(name=["finger_joint"], position=[0.4]))
+    assert states.age() == math.inf
+    assert "no joint_1 among the measured joints finger_joint" in states.lacking()
+    states.take(SimpleNamespace(name=["joint_2", "joint_1"], position=[2.0, 1.0]))
+    states.take(SimpleNamespace(name=["finger_joint"], position=[0.4]))
+    assert states.age() < 1.0
+    assert states.angles() == [1.0, 2.0]
 
-    topics: list[str] = []
-    stand_in("kinova_msgs")
-    stand_in("kinova_msgs.msg", JointVelocity=None, JointAngles=None)
 
-    def listen(topic: str, kind: object, take: Callable[[Message], None]) -> None:
-        topics.append(topic)
-        listening.append(take)
-        tell()
-
-    stand_in(
-        "rospy",
-        init_node=lambda *_, **__: None,
-        Publisher=lambda topic, kind, queue_size: topics.append(topic) or SimpleNamespace(publish=publish),  # type: ignore[func-returns-value]
-        Subscriber=listen,
-    )
-    monkeypatch.setattr(send_trajectory, "WallClock", lambda: arm)
-    file = str(tmp_path / "m.kinova.csv")
-    run(monkeypatch, file, "--robot", "j2s6s200")
-    assert topics == ["/j2s6s200_driver/in/joint_velocity", "/j2s6s200_driver/out/joint_angles"]
-    assert sent[100] == (*rows[1][100], 0.0)
-    assert "ends 0.00 deg" in capsys.readouterr().out
-    run(monkeypatch, file, "--rehearse")
-    assert "ends 0.00 deg" in capsys.readouterr().out
+def test_a_rehearsal_says_what_kinova_ros_would_not_get(tmp_path: Path) -> None:
+    robot = jacokin.load_robot()
+    move_joints(robot, robot.home, robot.home + 0.1, dt=0.005).save(tmp_path / "m.json")
+    command = [sys.executable, send_trajectory.__file__, str(tmp_path / "m.json"), "--rehearse"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=20.0)
+    assert done.returncode == 1
+    assert "not 10 ms apart" in done.stderr
+    other = ["--action", "/arm_controller/follow_joint_trajectory", "--states", "/joint_states"]
+    subprocess.run([*command, *other], capture_output=True, check=True, timeout=20.0)

@@ -1,0 +1,99 @@
+"""Nodes of ROS as processes: an arm, and the program that sends to it."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import select
+import signal
+import subprocess
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+SENDER = Path(__file__).parents[2] / "examples" / "send_trajectory.py"
+BOUND = 40.0  # [s] that any of these processes may take
+
+
+@dataclass
+class Ros:
+    """An installation of ROS: its Python, and what its processes see."""
+
+    python: str
+    environment: Mapping[str, str]
+
+    @contextlib.contextmanager
+    def arm(self, script: Path, *words: str) -> Iterator[Arm]:
+        """An arm, a node that runs until the end of the block."""
+        process = self._start(script, *words)
+        try:
+            arm = Arm(process)
+            arm.says("ready")
+            yield arm
+        finally:
+            process.kill()
+            process.communicate()
+
+    def sending(self, *words: object) -> subprocess.Popen[str]:
+        """The sender, at work."""
+        return self._start(SENDER, *map(str, words))
+
+    def send(self, *words: object) -> tuple[int, str, str]:
+        """Run the sender; returns its status, and what it said."""
+        return finish(self.sending(*words))
+
+    def _start(self, script: Path, *words: str) -> subprocess.Popen[str]:
+        pipe = subprocess.PIPE
+        command = [self.python, str(script), *words]
+        return subprocess.Popen(command, env=dict(self.environment), stdout=pipe, stderr=pipe, text=True)
+
+
+@dataclass
+class Arm:
+    """An arm of a block."""
+
+    process: subprocess.Popen[str]
+
+    def says(self, word: str) -> None:
+        """Wait until it says that."""
+        assert self.process.stdout is not None
+        assert select.select([self.process.stdout], [], [], BOUND)[0], f"it never said {word!r}"
+        assert self.process.stdout.readline().strip() == word
+
+    def ends(self) -> dict[str, Any]:
+        """End it; returns what it did."""
+        self.process.send_signal(signal.SIGTERM)
+        _, output, errors = finish(self.process)
+        assert output, errors
+        record: dict[str, Any] = json.loads(output.splitlines()[-1])
+        return record
+
+
+def finish(process: subprocess.Popen[str]) -> tuple[int, str, str]:
+    """Wait for the end of a process."""
+    try:
+        output, errors = process.communicate(timeout=BOUND)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        raise
+    return process.returncode, output, errors
+
+
+def interrupt(sender: subprocess.Popen[str], arm: Arm, number: signal.Signals) -> tuple[int, str, float]:
+    """Send a signal in the middle of a motion; returns status, words, and how long the sender then took [s]."""
+    arm.says("moving")
+    time.sleep(0.5)
+    assert sender.poll() is None
+    sender.send_signal(number)
+    begun = time.monotonic()
+    status, _, errors = finish(sender)
+    return status, errors, time.monotonic() - begun
+
+
+def plain_environment(**names: str) -> dict[str, str]:
+    """The environment without what belongs to another Python."""
+    kept = {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "VIRTUAL_ENV", "ROS_"))}
+    return kept | names

@@ -1,0 +1,1 @@
+"""The action FollowJointTrajectory of ROS 1."""

@@ -1,0 +1,97 @@
+"""The sender at ROS 2, real nodes on the loopback interface, in an environment of its own."""
+
+from __future__ import annotations
+
+import os
+import signal
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import jacokin
+from jacokin.motion import Trajectory, move_joints
+from tests.ros.nodes import Ros, interrupt, plain_environment
+
+pytestmark = pytest.mark.slow
+ENVIRONMENT = Path(os.environ.get("ROS2_ENVIRONMENT", Path(__file__).parents[2] / ".venv-ros2"))
+HERE = Path(__file__).parent / "ros2"
+CONTROLLER = ("--action", "/arm_controller/follow_joint_trajectory", "--states", "/joint_states", "--ros", "2")
+
+
+@pytest.fixture(scope="module")
+def ros() -> Ros:
+    if not (ENVIRONMENT / "installed").exists():
+        pytest.skip(f"ROS 2 is not installed: tests/ros/ros2/install.sh {ENVIRONMENT}")
+    domain = str(1 + os.getpid() % 100)  # nobody else's
+    environment = plain_environment(ROS_DOMAIN_ID=domain, ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST")
+    return Ros(str(ENVIRONMENT / "bin" / "python"), environment)
+
+
+@pytest.fixture(scope="module")
+def motion() -> Trajectory:
+    robot = jacokin.load_robot()
+    return move_joints(robot, robot.home, robot.home + np.array([0.4, 0.1, -0.2, 0.5, 0.1, 0.6]), dt=0.005)
+
+
+@pytest.fixture
+def file(motion: Trajectory, tmp_path: Path) -> Path:
+    motion.save(tmp_path / "m.json", joint_prefix="j2n6s300_")
+    return tmp_path / "m.json"
+
+
+def where(motion: Trajectory, turns: int = 0) -> list[str]:
+    """Options of an arm that stands at the first row, with joint 4 so many turns away."""
+    return ["--angles", *map(repr, (np.degrees(motion.q[0]) + 360.0 * turns * np.eye(6)[3]).tolist())]
+
+
+@pytest.mark.parametrize("words", [("--best-effort",), ("--gripper",)])
+def test_a_goal_is_reached(ros: Ros, motion: Trajectory, file: Path, words: tuple[str, ...]) -> None:
+    with ros.arm(HERE / "arm.py", *words, *where(motion)) as arm:
+        status, output, errors = ros.send(file, *CONTROLLER)
+        record = arm.ends()
+    assert status == 0, errors
+    np.testing.assert_allclose(record["angles"], np.degrees(motion.q[-1]), atol=1e-9)
+    assert "ends 0.00 deg from the last point" in output
+
+
+def test_whole_turns_are_added_or_refused(ros: Ros, motion: Trajectory, file: Path) -> None:
+    with ros.arm(HERE / "arm.py", *where(motion, turns=-2)) as arm:
+        status, _, errors = ros.send(file, *CONTROLLER)
+        assert status == 1
+        assert "j2n6s300_joint_4 stands -2 whole turns" in errors
+        status, _, errors = ros.send(file, *CONTROLLER, "--unlimited", "j2n6s300_joint_4")
+        assert status == 0, errors
+        record = arm.ends()
+    assert record["largest_step"] < 5.0  # [deg]
+    assert record["angles"][3] == pytest.approx(np.degrees(motion.q[-1, 3]) - 720.0)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_signals_cancel(ros: Ros, motion: Trajectory, file: Path, number: signal.Signals) -> None:
+    with ros.arm(HERE / "arm.py", *where(motion)) as arm:
+        status, errors, seconds = interrupt(ros.sending(file, *CONTROLLER), arm, number)
+        record = arm.ends()
+    assert (status, record["goals"], record["cancelled"]) == (1, 1, 1), errors
+    assert "told to stop" in errors
+    assert seconds < 3.0
+
+
+def test_a_controller_that_dies_is_noticed(ros: Ros, motion: Trajectory, file: Path) -> None:
+    with ros.arm(HERE / "arm.py", "--die-after", "0.5", *where(motion)):
+        status, _, errors = ros.send(file, *CONTROLLER)
+    assert status == 1
+    assert "the controller died" in errors
+
+
+def test_a_goal_that_is_rejected(ros: Ros, motion: Trajectory, file: Path) -> None:
+    with ros.arm(HERE / "arm.py", "--reject", *where(motion)):
+        status, _, errors = ros.send(file, *CONTROLLER)
+    assert status == 1
+    assert "rejected the goal" in errors
+
+
+def test_without_anybody_there_it_ends(ros: Ros, file: Path) -> None:
+    status, _, errors = ros.send(file, *CONTROLLER)
+    assert status == 1
+    assert "nothing on /joint_states says where the arm is" in errors
