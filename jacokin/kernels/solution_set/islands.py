@@ -5,7 +5,8 @@ which the real ones are the solutions and the others pairs x and conj(x). Two so
 a pair. A closed curve that lies wholly between two values of p is a pair there that comes to the real axis and leaves
 it again. How far it is from the axis and how quickly it comes tells about when: d / (2 |d'|), as d goes with the square
 root of the distance to where they meet. Where pairs come from both sides and might be there in time, the values between
-are halved, until they cannot, or until curves are found there.
+are halved, until they cannot, or until curves are found there. Where solutions are lost in two ways at one value, as
+by an arm that is stretched straight up, a single point there may be taken for the fold beside it.
 """
 
 from __future__ import annotations
@@ -40,16 +41,18 @@ OFFSET = 0.1234
 #: Times the distance between two values within which pairs from both sides may come to the axis.
 SAFETY = 1.5
 #: [rad] of the parameter: for slopes, and the shortest distance that is halved.
-ASIDE, CLOSE_ENOUGH = 1e-4, 1e-6
+ASIDE, CLOSE_ENOUGH = 1e-4, 3e-5
 #: [rad] values nearer to each other than this are halved where another labelling of the joints has such pairs, too.
 LABELLED = 0.01
-#: [rad] pairs this close to the axis may come to it on the side on which they leave it, too, and at once.
-CLOSE = 0.02
-#: [rad] roots nearer to the axis are real.
-REAL = 1e-6
-#: Values that are halved at most, and steps to all roots at once, with the relative size of the last one: each step
-#: cubes what is missing.
-MOST_HALVED, ABERTH_STEPS, LAST_STEP = 400, 40, 1e-6
+#: [rad] pairs this close to the axis may turn round: they may come to it on both sides, and in this part of the time.
+CLOSE, SOONER = 0.02, 0.2
+#: [rad] roots nearer to the axis are real; roots nearer to each other may be one, or a pair.
+REAL, MEETING = 1e-6, 1e-4
+#: Values that are halved at most, and halves that wait their turn.
+MOST_HALVED, DEPTH = 400, 32
+#: Steps to all roots at once; a root is found when its step is this part of the distance to the nearest other one: each
+#: step squares what is missing at least.
+ABERTH_STEPS, LAST_STEP = 40, 1e-4
 
 
 class Look(NamedTuple):
@@ -75,12 +78,11 @@ class Islands(NamedTuple):
     sine: Array  # (9,)
     apart: Array  # (1,) of F of a spherical wrist, see `fill_both_turns`
     z: Array  # (16, 2) exp(i x) of all roots, real and imaginary part
+    other: Array  # (16, 2) the same in another labelling of the joints
+    settled: Array  # (16,) 1 for those that are found
     powers: Array  # (3, 17, 2) coefficients of F in z, and of F on both sides of it
     equations: Equations
     determinant: Determinant
-
-
-DEPTH = 32
 
 
 def make_islands() -> Islands:
@@ -98,6 +100,8 @@ def make_islands() -> Islands:
         np.empty(DEGREE + 1),
         np.zeros(1),
         np.zeros((2 * DEGREE, 2)),
+        np.zeros((2 * DEGREE, 2)),
+        np.zeros(2 * DEGREE),
         np.zeros((3, 2 * DEGREE + 1, 2)),
         make_equations(),
         make_determinant(),
@@ -156,27 +160,35 @@ def polynomial(powers: Array, degree: int, x: complex) -> tuple[complex, complex
     return complex(value, value_i), complex(slope, slope_i)
 
 
-def find_all_roots(powers: Array, degree: int, z: Array) -> None:
+def find_all_roots(powers: Array, degree: int, z: Array, settled: Array) -> None:
     """Bring z to all roots of z^(degree / 2) F at once, from wherever it is (Aberth, 1973)."""
+    for i in range(degree):
+        settled[i] = 0.0
     for _ in range(ABERTH_STEPS):
-        largest = 0.0
+        moving = 0
         for i in range(degree):
-            x = complex(z[i, 0], z[i, 1])
-            value, slope = polynomial(powers, degree, x)
+            if settled[i] > 0.0:
+                continue
+            value, slope = polynomial(powers, degree, complex(z[i, 0], z[i, 1]))
             if slope == 0.0:
                 continue
-            newton, others, others_i = value / slope, 0.0, 0.0
+            newton, others, others_i, nearest = value / slope, 0.0, 0.0, math.inf
             for j in range(degree):
                 a, b = z[i, 0] - z[j, 0], z[i, 1] - z[j, 1]
                 square = a * a + b * b
                 if square != 0.0:
                     others += a / square
                     others_i -= b / square
+                    nearest = min(nearest, square)
             rest = 1.0 - newton * complex(others, others_i)
             step = newton / rest if rest != 0.0 else newton
-            z[i, 0], z[i, 1] = x.real - step.real, x.imag - step.imag
-            largest = max(largest, abs(step) / (abs(x) + 1e-30))
-        if largest < LAST_STEP:
+            z[i, 0] -= step.real
+            z[i, 1] -= step.imag
+            if step.real * step.real + step.imag * step.imag <= LAST_STEP * LAST_STEP * nearest:
+                settled[i] = 1.0
+            else:
+                moving += 1
+        if moving == 0:
             break
 
 
@@ -215,8 +227,8 @@ def look(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling: in
         slope = 0.5 * (work.apart[0] - apart_before) / ASIDE
         bend = (work.apart[0] - 2.0 * apart + apart_before) / ASIDE**2
         return Look(first_zero(apart, slope, bend), first_zero(apart, -slope, bend), 0)
-    z = work.z
-    find_all_roots(work.powers[0], degree, z)
+    z = work.z if labelling < 0 else work.other
+    find_all_roots(work.powers[0], degree, z, work.settled)
     ahead, behind, real, single = math.inf, math.inf, 0, True
     for i in range(degree):
         x = complex(z[i, 0], z[i, 1])
@@ -236,10 +248,12 @@ def look(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling: in
             return Look(0.0, 0.0, -1)
         rate = ((after - before) / (2.0 * ASIDE * x * slope)).real
         until = 0.5 * d / abs(rate) if rate != 0.0 else math.inf
-        single = single and d > 100.0 * REAL
-        away = 0.0 if d < CLOSE else math.inf
-        ahead = min(ahead, until if rate < 0.0 else away)
-        behind = min(behind, until if rate > 0.0 else away)
+        single = single and d > MEETING
+        until *= SOONER if d < CLOSE else 1.0
+        if rate < 0.0 or d < CLOSE:
+            ahead = min(ahead, until)
+        if rate > 0.0 or d < CLOSE:
+            behind = min(behind, until)
     count = real if single else -1
     if count < 0:
         noise = fill_F(k, six, work, p, labelling)
@@ -265,7 +279,7 @@ def is_single(z: Array, i: int, degree: int) -> bool:
     for j in range(degree):
         if j != i:
             nearest = min(nearest, math.hypot(z[j, 0] - z[i, 0], z[j, 1] - z[i, 1]))
-    return nearest >= 100.0 * REAL
+    return nearest >= MEETING
 
 
 def find_islands(six: SixJoints, window: Array, work: Islands) -> None:
@@ -274,6 +288,7 @@ def find_islands(six: SixJoints, window: Array, work: Islands) -> None:
     step = TURN / LOOKED_AT
     work.size[0], work.size[1], work.size[2], work.size[3] = 0, 0, LOOKED_AT, 0
     spread_roots(work.z)
+    spread_roots(work.other)
     for i in range(LOOKED_AT):
         work.p[i] = wrapped(OFFSET + step * i)
         work.counts[i], work.comes[i, 0], work.comes[i, 1] = -1, math.inf, math.inf
@@ -343,10 +358,8 @@ def is_labelled_otherwise(k: ArmConstants, six: SixJoints, work: Islands, low: f
         return True
     general = unpack_arm(six.general)
     labelling = general.six.own if k.six.scale == 0.0 else (general.six.own + 1) % LABELLINGS
-    spread_roots(work.z)
     first = look(k, six, work, low, labelling)
     last = look(k, six, work, high, labelling)
-    spread_roots(work.z)
     return first.ahead + last.behind <= SAFETY * (high - low)
 
 
