@@ -182,8 +182,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("--own", type=int, default=5, help="poses of its own that each arm solves")
     options = parser.parse_args(arguments)
+    before = logging.root.manager.disable
     logging.disable(logging.CRITICAL)  # what other readers say of files
-    print_rows([look(path, options.folder, options.own) for path in descriptions(options.folder)])
+    try:
+        rows = [look(path, options.folder, options.own) for path in descriptions(options.folder)]
+    finally:
+        logging.disable(before)
+    print_rows(rows)
 
 
 if __name__ == "__main__":

@@ -56,6 +56,7 @@ class Viewer:
     def __init__(self, inspector: Inspector, start: View, contents: Contents, *, host: str, port: int) -> None:
         """Start the server and the thread that answers pages; users call `serve`."""
         from jacokin.viewer.browser import server
+        from jacokin.viewer.browser.controls import posting
         from jacokin.viewer.browser.panel import Panel
         from jacokin.viewer.browser.stage import Stage
 
@@ -78,7 +79,7 @@ class Viewer:
         self._stage = Stage(self._server, inspector, self._parts(contents.dressed), contents)
         self._panel = Panel(self._server, inspector, self._inbox.post, contents)
         self._player = self._panel.player
-        self._stage.gizmo.on_update(self._gizmo_moved)
+        self._stage.gizmo.on_update(posting(self._inbox.post, "target"))
         self._show(start)
         self._done = threading.Event()
         self._thread = threading.Thread(target=self._answer, name="jacokin viewer", daemon=True)
@@ -177,9 +178,6 @@ class Viewer:
     def __exit__(self, *raised: object) -> None:
         """Close."""
         self.close()
-
-    async def _gizmo_moved(self, event: viser.TransformControlsEvent) -> None:
-        self._inbox.post("target")
 
     def _answer(self) -> None:
         """Until closed: answer what pages do, move what moves by itself, and look for closest configurations."""

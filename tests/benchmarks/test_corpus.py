@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from pathlib import Path
 
 import pytest
@@ -34,3 +35,4 @@ def test_every_description_below_a_folder_has_a_row(tmp_path: Path, capsys: pyte
     said = capsys.readouterr().out
     assert "4 files: 2 load, 0 raw exceptions; refused:" in said
     assert "several chains start at the base" in said
+    assert logging.getLogger("jacokin").isEnabledFor(logging.CRITICAL)  # silent for the time of the run only

@@ -17,6 +17,8 @@ from jacokin.kernels.limits import TURN
 
 #: [rad] the one resolution: what is nearer than this on a curve, or to another curve, is not told apart.
 RESOLUTION = 1e-7
+#: Halvings of one chord: where more are wanted, points of other curves are met in between, and no end of them.
+MOST_HALVED = 200
 #: [rad] longest step along a curve, and least cosine between the tangents at its ends.
 LONGEST_STEP, LEAST_COSINE = 0.2, 0.955
 #: Square of the distance of the next point from the tangent, relative to the step's.

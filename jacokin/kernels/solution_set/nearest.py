@@ -12,6 +12,7 @@ from jacokin.arrays import Array
 from jacokin.kernels.limits import TURN
 from jacokin.kernels.solution_set.curve import (
     COLUMNS,
+    MOST_HALVED,
     RESOLUTION,
     SECANTS,
     Walk,
@@ -172,7 +173,7 @@ def least_bound(work: NearestWork, x: Array) -> float:
 
 def search_chord(work: NearestWork, i: int) -> None:
     """Look for a nearer point between nodes i and i + 1; chords are cut where angles go on in other equivalents."""
-    parts, walk, top = work.parts, work.walk, 0
+    parts, walk, top, halved = work.parts, work.walk, 0, 0
     for m in range(COLUMNS):
         parts[0, m], parts[0, COLUMNS + m] = work.nodes[i, m], work.nodes[i + 1, m]
     while top >= 0:
@@ -186,7 +187,7 @@ def search_chord(work: NearestWork, i: int) -> None:
             if work.weights[j] > 0.0:
                 moved = equivalent(work, b[j], j) - equivalent(work, a[j], j) - (b[j] - a[j])
                 jumps = jumps or abs(moved) > JUMP
-        if jumps and length > RESOLUTION and top + 1 < PARTS:
+        if jumps and length > RESOLUTION and top + 1 < PARTS and halved < MOST_HALVED:
             if point_across(work.chain, work.T, a, b, 0.5, walk.z, walk.tz, walk):
                 offer(work, walk.z)
                 for m in range(COLUMNS):
@@ -195,6 +196,7 @@ def search_chord(work: NearestWork, i: int) -> None:
                     b[j], b[7 + j] = walk.z[j], walk.tz[j]
                     parts[top + 1, j], parts[top + 1, 7 + j] = walk.z[j], walk.tz[j]
                 top += 1
+                halved += 1
                 continue
         elif not jumps:
             search_smooth(work, a, b, length)

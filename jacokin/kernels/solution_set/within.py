@@ -13,6 +13,7 @@ from jacokin.kernels.limits import TURN
 from jacokin.kernels.solution_set.curve import (
     COLUMNS,
     LONGEST_STEP,
+    MOST_HALVED,
     RESOLUTION,
     Walk,
     chord_length,
@@ -169,7 +170,7 @@ def cut_chord(chain: Array, T: Array, parameter: int, pieces: Pieces, walk: Walk
 
     Parts on which the cubic does not tell whether a limit is passed are halved.
     """
-    parts, top = pieces.parts, 0
+    parts, top, halved = pieces.parts, 0, 0
     for m in range(COLUMNS):
         walk_end = parts[0, COLUMNS + m]
         parts[PARTS - 1, m] = walk_end
@@ -179,6 +180,7 @@ def cut_chord(chain: Array, T: Array, parameter: int, pieces: Pieces, walk: Walk
         if (
             length > RESOLUTION
             and top + 2 < PARTS - 1
+            and halved < MOST_HALVED
             and is_doubtful(a, b, length, pieces.limits)
             and point_across(chain, T, a, b, 0.5, walk.z, walk.tz, walk)
         ):
@@ -188,9 +190,11 @@ def cut_chord(chain: Array, T: Array, parameter: int, pieces: Pieces, walk: Walk
             for j in range(7):
                 a[j], a[7 + j] = walk.z[j], walk.tz[j]
             top += 1
+            halved += 1
             continue
         cut_part(chain, T, parameter, a, b, pieces, walk, c)
         top -= 1
+    pieces.size[3] += halved == MOST_HALVED
     for m in range(COLUMNS):
         parts[0, COLUMNS + m] = parts[PARTS - 1, m]
 

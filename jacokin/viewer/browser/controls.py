@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
 from typing import Any, TypeVar
 
 import numpy as np
@@ -41,12 +41,25 @@ Value = TypeVar("Value")
 def watch(post: Post, name: str, *controls: viser.GuiInputHandle[Any]) -> None:  # Any: whatever their values
     """Post a name when a client moves one of some controls, and not when the viewer sets one itself."""
 
-    def moved(event: viser.GuiEvent[Any]) -> None:
+    async def moved(event: viser.GuiEvent[Any]) -> None:  # a coroutine, as in `posting`
         if event.client is not None:
             post(name)
 
     for control in controls:
         control.on_update(moved)
+
+
+def posting(post: Post, name: str) -> Callable[[object], Coroutine[None, None, None]]:
+    """A callback that posts a name.
+
+    A coroutine: viser awaits it before the page's next message, so that names are posted in the order of what was done.
+    Plain functions run in threads of their own, and of two messages the second may be answered first.
+    """
+
+    async def answer(event: object) -> None:
+        post(name)
+
+    return answer
 
 
 def set_value(control: viser.GuiInputHandle[Value], value: Value) -> None:
@@ -291,7 +304,7 @@ class PlayerControls:
         self.playback = playback
         with gui.add_folder("Trajectory"):
             self._play = gui.add_button("Play")
-            self._play.on_click(lambda _: post("play"))
+            self._play.on_click(posting(post, "play"))
             end = max(math.ceil(1e3 * playback.duration), 1) / 1e3  # in whole steps, so that the box shows no more
             self._time = gui.add_slider("Time [s]", 0.0, end, 0.001, 0.0)
             watch(post, "time", self._time)

@@ -24,6 +24,7 @@ from jacokin.viewer.browser.controls import (
     SliceControls,
     SolverControls,
     TargetControls,
+    posting,
     set_value,
     watch,
 )
@@ -69,14 +70,14 @@ class Panel:
         gui.add_html(STYLE)
         playback = contents.playback
         if playback is not None:
-            gui.add_command("Play, or pause", hotkey="space").on_trigger(lambda _: post("play"))
+            gui.add_command("Play, or pause", hotkey="space").on_trigger(posting(post, "play"))
         self.player = None if playback is None else PlayerControls(gui, inspector.robot, playback, post)
         self._status = gui.add_html("")
         self._branch = gui.add_slider("Branch", 1, 2, 1, 1, hint="N and P: the next and the previous one")
         watch(post, "branch", self._branch)
-        gui.add_command("Next branch", hotkey="N").on_trigger(lambda _: post("next"))
-        gui.add_command("Previous branch", hotkey="P").on_trigger(lambda _: post("previous"))
-        gui.add_command("Go, or stop", hotkey="G").on_trigger(lambda _: post("go"))
+        gui.add_command("Next branch", hotkey="N").on_trigger(posting(post, "next"))
+        gui.add_command("Previous branch", hotkey="P").on_trigger(posting(post, "previous"))
+        gui.add_command("Go, or stop", hotkey="G").on_trigger(posting(post, "go"))
         self._ghosts = gui.add_checkbox("Ghosts", playback is None, hint="Draw the other branches, and the start")
         watch(post, "ghosts", self._ghosts)
         self._ellipsoid = gui.add_checkbox("Manipulability", False, hint="Draw how fast the tool can move each way")
@@ -102,8 +103,8 @@ class Panel:
         self._track = gui.add_checkbox("Track", False, hint="Follow the gizmo at 100 Hz within the velocity limits")
         watch(post, "track", self._track)
         self._go = gui.add_button("Go", hint="G: move from the start to what is shown, around what is in the way")
-        self._go.on_click(lambda _: post("go"))
-        gui.add_button("Start here", hint="Motions begin where the arm is shown").on_click(lambda _: post("start"))
+        self._go.on_click(posting(post, "go"))
+        gui.add_button("Start here", hint="Motions begin where the arm is shown").on_click(posting(post, "start"))
         self._prefer = gui.add_dropdown("Prefer", PREFERENCES, initial_value=inspector.prefer, hint="Which branch")
         watch(post, "prefer", self._prefer)
         self.target = TargetControls(gui, post)
@@ -113,8 +114,8 @@ class Panel:
         self.slicing = None if contents.slices is None else SliceControls(server, contents.slices, post)
         self.joints = JointControls(gui, inspector.robot, post)
         with gui.add_folder("Copy", expand_by_default=False):
-            gui.add_button("As Python").on_click(lambda _: post("python"))
-            gui.add_button("As command line").on_click(lambda _: post("command"))
+            gui.add_button("As Python").on_click(posting(post, "python"))
+            gui.add_button("As command line").on_click(posting(post, "command"))
             self._text = gui.add_text("Text", "", multiline=True)
 
     def show(self, view: View) -> None:
@@ -242,14 +243,12 @@ class BuildingControls:
             GIZMO, scale=0.12, depth_test=False, disable_rotations=True, visible=False
         )
         self._by_click.on_click(lambda _: self._wait(not self._waiting))
-        self._add.on_click(lambda _: post("add"))
-        self._remove.on_click(lambda _: post("remove"))
+        self._add.on_click(posting(post, "add"))
+        self._remove.on_click(posting(post, "remove"))
         watch(post, "pick", self._pick)
         watch(post, "shape", self._kind, self._size, self._place)
 
-        @self._gizmo.on_update
-        def _(event: viser.TransformControlsEvent) -> None:
-            post("moved")
+        self._gizmo.on_update(posting(post, "moved"))
 
         @server.scene.on_click()
         def _(event: viser.SceneClickEvent) -> None:

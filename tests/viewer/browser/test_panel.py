@@ -63,6 +63,7 @@ def test_a_target_is_typed_in_numbers(viewer: Viewer, page: Page) -> None:
     assert until(lambda: np.allclose(page.node("/target").position, viewer.view.target.translation))
     viewer.show(jacokin.pose(NEAR, rpy=(0.0, 0.0, 0.5)))
     assert until(lambda: np.allclose(page.value("Roll, pitch, yaw [deg]"), (0.0, 0.0, 28.65)))
+    assert until(lambda: np.allclose(viewer.view.target.translation, NEAR) and not viewer.view.pending)  # at rest
     page.change("x, y, z [m]", (float("nan"), 0.0, 0.0))
     assert until(lambda: viewer.view.note.startswith("Ignored: target"))
     with opened(viewer) as other:
