@@ -24,9 +24,11 @@ sys.path.append(str(Path(__file__).resolve().parents[1]))
 settings.register_profile("jacokin", derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("jacokin")
 
-# A shell's background commands ignore SIGINT, and so would the processes that tests start and interrupt.
+# A shell's background commands ignore SIGINT, and nohup SIGHUP; so would the processes that tests start and interrupt.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
 def pytest_sessionstart() -> None:
