@@ -279,7 +279,10 @@ class _Fingers:
     """Where the links of a description are when the joints off the arm stand at another angle."""
 
     def __init__(self, source: mujoco.MjModel, robot: Robot, angle: float) -> None:
-        """Put every joint off the arm at the angle [rad] or where it is locked, clipped into its limits."""
+        """Put every joint off the arm where it is locked, or at the angle [rad], clipped into its limits.
+
+        MuJoCo 3 keeps limits of joints that a URDF calls continuous; the description's own hold for what is locked.
+        """
         self._source, self._robot = source, robot
         self._data = mujoco.MjData(source)
         arm, allowed, locked = set(robot.joint_names), list[tuple[float, float]](), dict(robot.source.locked)
@@ -288,7 +291,7 @@ class _Fingers:
             if name in arm or source.jnt_type[joint] not in mjcf.SCALAR_JOINTS:
                 continue
             low, high = source.jnt_range[joint].tolist() if source.jnt_limited[joint] else (-np.inf, np.inf)
-            self._data.qpos[source.jnt_qposadr[joint]] = np.clip(locked.get(name, angle), low, high)
+            self._data.qpos[source.jnt_qposadr[joint]] = locked[name] if name in locked else np.clip(angle, low, high)
             allowed.append((low, high))
         if not any(low <= angle <= high for low, high in allowed):
             reason = f"the fingers move from {allowed[0][0]} to {allowed[0][1]} rad" if allowed else "it has no fingers"
