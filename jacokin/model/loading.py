@@ -18,6 +18,7 @@ from jacokin.errors import InvalidInputError, ModelError, ShapeError, UnknownNam
 from jacokin.model import checks
 from jacokin.model.descriptions import bundled, chain, urdf
 from jacokin.model.descriptions import srdf as srdf_files
+from jacokin.model.descriptions.tools import limits_of
 from jacokin.model.measured_arm import MeasuredArm
 from jacokin.model.robot import Home, HomeFinder, Robot, Source, middle, spread
 
@@ -266,7 +267,7 @@ def _held(described: chain.Description, ends: chain.Ends, locked: Mapping[str, f
         if kind.nv != 1:
             raise InvalidInputError(f"{where}: has {kind.nv} degrees of freedom; only hinges and slides are locked")
         position = checks.number(where, value, "rad, or m")
-        low, high = _limits_of(model, index)
+        low, high = limits_of(model, index)
         if not low <= position <= high:
             raise InvalidInputError(f"{where} = {position}: the joint moves from {low} to {high}")
         found[joint] = position
@@ -274,17 +275,9 @@ def _held(described: chain.Description, ends: chain.Ends, locked: Mapping[str, f
     for each in described.couplings:
         if each.leader in found:
             for joint in each.joints - arm - found.keys():
-                low, high = _limits_of(model, model.getJointId(joint))
+                low, high = limits_of(model, model.getJointId(joint))
                 followers[joint] = min(max(each.multiplier * found[each.leader] + each.offset, low), high)
     return found | followers
-
-
-def _limits_of(model: pin.Model, index: int) -> tuple[float, float]:
-    """Lower and upper limit of a hinge or slide; infinite for a continuous one."""
-    joint = model.joints[index]
-    if joint.nq != 1:
-        return -np.inf, np.inf
-    return float(model.lowerPositionLimit[joint.idx_q]), float(model.upperPositionLimit[joint.idx_q])
 
 
 def _own_home(model: pin.Model, home: ArrayLike) -> Home:
