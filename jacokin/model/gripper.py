@@ -17,7 +17,7 @@ import pinocchio as pin
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, ModelError
 from jacokin.model import checks
-from jacokin.model.descriptions.bundled import JACOS
+from jacokin.model.descriptions import bundled
 from jacokin.model.descriptions.shapes import Shape
 from jacokin.model.robot import Robot, checked_robot
 
@@ -76,7 +76,7 @@ class Gripper:
         arm = checked_robot("robot", robot)
         name = arm.default_frame if frame is None else checks.text("frame", frame)
         arm.frame_id(name)
-        if arm.source.bundled in JACOS and name == JACO.frame:
+        if arm.source.bundled in bundled.JACOS and name == JACO.frame:
             return JACO
         return arm.once(_measure, name)
 
@@ -119,6 +119,19 @@ JACO = Gripper(
     ahead=0.0,  # tips that bend around an object do not reach beyond it
     spare=0.019,
 )
+
+
+def opening_range(robot: Robot) -> tuple[float, float]:
+    """Values of the joints of an arm's gripper where it is open, and where it is shut [rad], or [m] where they slide.
+
+    Raises:
+        ModelError: as `Gripper.of`.
+    """
+    row = None if robot.source.bundled is None else bundled.finger(robot.source.bundled)
+    if row is not None:
+        return float(row["lower"]), float(row["upper"])
+    hand = Gripper.of(robot)
+    return float(hand.openings[-1]), float(hand.openings[0])
 
 
 class _Hull(NamedTuple):
