@@ -12,16 +12,17 @@ from pathlib import Path
 
 import jacokin
 from jacokin import Robot
-from tests.seven_joint_arms import ARMS, HALF, Placement
+from tests.seven_joint_arms import ARMS, Placement
 
-#: The five joints of an SO-101 (so101_new_calib.urdf of TheRobotStudio, rounded), which turn about z, and its tool.
+#: The five joints of an SO-101 (so101_new_calib.urdf of TheRobotStudio), which turn about z, and its tool; angles have
+#: the digits of the file.
 SO101: list[Placement] = [
-    ((0.0, 0.0, 0.0624), (0.0, 0.0, 0.0)),
-    ((0.03, 0.0, 0.054), (-HALF, 0.0, 0.0)),
-    ((0.028, -0.1126, 0.0), (0.0, 0.0, 0.0)),
-    ((0.1349, 0.0052, 0.0), (0.0, 0.0, 0.0)),
-    ((0.0611, 0.0, 0.0), (-HALF, 0.0487, -HALF)),
-    ((0.0, -0.008, 0.098), (0.0, 0.0, 0.0)),
+    ((0.0388353, 0.0, 0.0624), (3.14159, 0.0, -3.14159)),
+    ((-0.0303992, -0.0182778, -0.0542), (-1.5708, -1.5708, 0.0)),
+    ((-0.11257, -0.028, 0.0), (0.0, 0.0, 1.5708)),
+    ((-0.1349, 0.0052, 0.0), (0.0, 0.0, -1.5708)),
+    ((0.0, -0.0611, 0.0181), (1.5708, 0.0486795, 3.14159)),
+    ((-0.0079, -0.000218121, -0.0981274), (0.0, 3.14159, 0.0)),
 ]
 SO101_NAMES = ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll")
 SO101_LIMITS = [(-1.91986, 1.91986), (-1.74533, 1.74533), (-1.69, 1.69), (-1.65806, 1.65806), (-2.74385, 2.84121)]
@@ -66,11 +67,11 @@ def so101_text() -> str:
     parts, at = [link("base_link", ((0.08, 0.08, 0.04), (-0.02, 0.0, 0.02)))], "base_link"
     names = ("shoulder_link", "upper_arm_link", "lower_arm_link", "wrist_link", "gripper_link")
     boxes: list[list[tuple[Sequence[float], Sequence[float]]]] = [
-        [((0.04, 0.04, 0.03), (0.0, 0.0, 0.02))],
-        [((0.03, 0.11, 0.03), (0.01, -0.055, 0.0))],
-        [((0.12, 0.03, 0.03), (0.065, 0.0, 0.0))],
-        [((0.04, 0.03, 0.03), (0.03, 0.0, 0.0))],
-        [((0.03, 0.05, 0.02), (0.0, 0.0, 0.01)), ((0.02, 0.008, 0.085), (0.0, -0.012, 0.0625))],
+        [((0.04, 0.04, 0.03), (0.0, 0.0, -0.02))],
+        [((0.11, 0.03, 0.03), (-0.055, -0.01, 0.0))],
+        [((0.12, 0.03, 0.03), (-0.065, 0.0, 0.0))],
+        [((0.03, 0.04, 0.03), (0.0, -0.03, 0.018))],
+        [((0.05, 0.03, 0.02), (0.0, 0.0, -0.01)), ((0.008, 0.02, 0.085), (-0.0119, 0.0, -0.0625))],
     ]
     for k, name in enumerate(names):
         xyz, rpy = SO101[k]
@@ -78,9 +79,16 @@ def so101_text() -> str:
         at = name
     parts += [
         link("gripper_frame_link"),
-        joint("gripper_frame_joint", at, "gripper_frame_link", SO101[-1][0], kind="fixed"),
-        link("moving_jaw_link", ((0.02, 0.008, 0.085), (0.0, -0.014, 0.0375))),
-        joint("gripper", at, "moving_jaw_link", (0.0, 0.012, 0.0254), axis=(-1, 0, 0), limits=(-0.174533, 1.74533)),
+        joint("gripper_frame_joint", at, "gripper_frame_link", SO101[-1][0], rpy=SO101[-1][1], kind="fixed"),
+        link("moving_jaw_link", ((0.008, 0.085, 0.02), (-0.0221, -0.0375, 0.0188))),
+        joint(
+            "gripper",
+            at,
+            "moving_jaw_link",
+            (0.0202, 0.0188, -0.0234),
+            rpy=(1.5708, 0.0, 0.0),
+            limits=(-0.174533, 1.74533),
+        ),
     ]
     return f'<robot name="so101">{"".join(parts)}</robot>'
 

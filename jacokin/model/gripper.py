@@ -29,7 +29,7 @@ SHUT = 0.005  # [m] more room between shut fingers than at the narrowest line: b
 COVERED = 0.5  # of the lines through the pads must meet both sides; a jaw that turned farther faces something else
 STILL = 1e-6  # [m] that a shape of a palm moves, by rounding
 ALIKE = 0.5  # cosine between the directions of two fingers of one gripper, at least
-SNAPPED = np.cos(0.6)  # axes of the tool within 34 degrees are meant; the middle of a jaw moves that far aslant
+SNAPPED = np.cos(0.6)  # axes of the tool within 34 degrees are meant; the tip of a jaw moves that far aslant
 PARALLEL = 1e-9  # of a line to a face of a shape
 ROUND = 16  # corners of a circle
 SPARE = 0.006  # [m] between a pad and an object on each side, of a measured gripper
@@ -152,6 +152,14 @@ class _Hull(NamedTuple):
     def middle(self, step: int) -> Array:
         """(3,) mean of the corners in the tool frame [m]."""
         return np.asarray(self.points(step).mean(axis=0))
+
+    def opens(self) -> Array:
+        """(3,) how the corner that moves farthest moves as the gripper begins to open, in the tool frame [m].
+
+        The tip of a finger on a hinge, which moves more nearly across the finger than its middle does.
+        """
+        moves = self.points(FIRST) - self.points(0)
+        return np.asarray(moves[int(np.linalg.norm(moves, axis=1).argmax())])
 
     def distances_in_tool(self, points: Array, step: int) -> Array:
         """(n,) how far points (n, 3) of the tool frame are outside, at least [m]; negative within."""
@@ -278,10 +286,7 @@ def _sides(robot: Robot, moving: list[_Hull], still: list[_Hull]) -> tuple[list[
         ModelError: the fingers move in more than one direction and its opposite.
     """
     bodies = _bodies(moving)
-    moves = [
-        max((hull.middle(FIRST) - hull.middle(0) for hull in body), key=lambda move: float(move @ move))
-        for body in bodies
-    ]
+    moves = [max((hull.opens() for hull in body), key=lambda move: float(move @ move)) for body in bodies]
     lengths = [float(np.linalg.norm(move)) for move in moves]
     most = int(np.argmax(lengths))
     along = moves[most] / lengths[most]
@@ -329,8 +334,7 @@ def _is_shut_last(moving: list[_Hull], still: list[_Hull]) -> bool:
 
 def _axes(robot: Robot, frame: str, joint: int, right: list[_Hull], left: list[_Hull], moving: list[_Hull]) -> Array:
     """R_tool_pads: x along which the gripper opens, z away from the palm; snapped to the axes of the tool."""
-    opening = np.sum([hull.middle(FIRST) - hull.middle(0) for hull in right], axis=0)
-    opening = opening - np.sum([hull.middle(FIRST) - hull.middle(0) for hull in left], axis=0)
+    opening = np.sum([hull.opens() for hull in right], axis=0) - np.sum([hull.opens() for hull in left], axis=0)
     along = _snapped(opening / np.linalg.norm(opening))
     origin = robot.pin_model.frames[robot.frame_id(frame)].placement.inverse().translation  # of the joint, in the tool
     away = np.mean([hull.middle(0) for hull in moving], axis=0) - origin

@@ -37,16 +37,15 @@ def test_one_jaw_on_a_hinge(tmp_path: Path) -> None:
     """The middle moves away from the jaw that stands, whose face is in the plane of the tool."""
     robot = load("so101", tmp_path)
     hand = Gripper.of(robot)
-    assert hand.pads.rotation[:, 2] @ [0.0, 0.0, 1.0] == pytest.approx(1.0)
-    np.testing.assert_allclose(hand.pads.rotation[:, 0], [0.0, 1.0, 0.0], atol=1e-12)  # the jaw opens along y
-    standing = np.array([hand.pads_at(value).translation[1] for value in hand.openings]) - 0.5 * hand.widths
-    np.testing.assert_allclose(standing, 0.0, atol=5e-4)
+    np.testing.assert_allclose(hand.pads.rotation, np.diag([-1.0, -1.0, 1.0]), atol=1e-12)  # the jaw opens along -x
+    middles = np.array([hand.pads_at(value).translation for value in hand.openings]) @ hand.pads.rotation[:, 0]
+    np.testing.assert_allclose(middles, 0.5 * hand.widths, atol=5e-4)
     assert (np.diff(hand.openings) > 0.0).all()
     assert 0.03 < hand.span < 0.06
-    # The narrowest place is at the end of the pads near the hinge; the face of the jaw is 18 mm from the hinge.
-    height = 0.098 + hand.pads.translation[2] - hand.depth - 0.0254
-    face = 0.012 + height * np.tan(hand.openings) - 0.018 / np.cos(hand.openings)
-    np.testing.assert_allclose(hand.widths[1:], face[1:] + 0.008, atol=1e-6)
+    # The narrowest place is at the end of the pads near the hinge; the face of the jaw is 26.1 mm from the hinge.
+    height = 0.0981274 + hand.pads.translation[2] - hand.depth - 0.0234
+    face = 0.0202 + height * np.tan(hand.openings) - 0.0261 / np.cos(hand.openings)
+    np.testing.assert_allclose(hand.widths[1:], face[1:] + 0.0079, atol=1e-5)
 
 
 def test_hinges_that_follow_one_another(tmp_path: Path) -> None:

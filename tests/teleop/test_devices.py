@@ -432,7 +432,7 @@ def test_wrong_streams_are_refused(robot: Robot, arguments: Any, error: type[Exc
 
 
 @pytest.mark.parametrize(
-    ("name", "opened", "shut"), [("panda", 0.04, 0.0), ("mimicking", 0.0, 0.78), ("so101", 0.9, -0.03)]
+    ("name", "opened", "shut"), [("panda", 0.04, 0.0), ("mimicking", 0.0, 0.78), ("so101", 1.05, -0.03)]
 )
 def test_the_fingers_of_other_arms(name: str, opened: float, shut: float, tmp_path: Path) -> None:
     """They are open at first, close towards the value at which the gripper is shut, and stop there."""

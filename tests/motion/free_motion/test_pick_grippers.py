@@ -80,7 +80,7 @@ def check_a_box_is_picked(case: Case, tmp_path: Path) -> None:
     along = T_base_tool.rotation @ hand.pads.rotation[:, 0]
     shares = [float(each @ along) for each in toward]
     assert shares[0] * shares[1] < 0.0, shares
-    assert all(hand.spare - 0.002 < abs(share) < 0.025 for share in shares), shares
+    assert all(0.3 * hand.spare < abs(share) < 0.025 for share in shares), shares  # a jaw that turned is aslant
     shut = scene.with_fingers(float(hand.openings[0]))
     assert robot.clearance(q, shut.removing("table")) < 0.0
     assert pick.lift is not None
