@@ -43,9 +43,9 @@ SAFETY = 1.5
 #: [rad] of the parameter: for slopes, and the shortest distance that is halved.
 ASIDE, CLOSE_ENOUGH = 1e-4, 3e-5
 #: [rad] values nearer to each other than this are halved where another labelling of the joints has such pairs, too.
-LABELLED = 0.01
-#: [rad] pairs this close to the axis may turn round: they may come to it on both sides, and in this part of the time.
-CLOSE, SOONER = 0.02, 0.2
+LABELLED = 0.07
+#: [rad] from a fold that is known; how far from there its pair may be expected, relative to that.
+BESIDE, AT_FOLD = 3e-5, 0.1
 #: [rad] roots nearer to the axis are real; roots nearer to each other may be one, or a pair.
 REAL, MEETING = 1e-6, 1e-4
 #: Values that are halved at most, and halves that wait their turn.
@@ -68,7 +68,7 @@ class Islands(NamedTuple):
 
     p: Array  # (LOOKED_AT + MOST_FOUND,) evenly all round, then values found between [rad]
     counts: NDArray[np.int64]  # (LOOKED_AT + MOST_FOUND,) roots of F at each; -1 where they are in doubt
-    size: NDArray[np.int64]  # (4,) values found, places that are left in doubt, values all round, halvings
+    size: NDArray[np.int64]  # (5,) values found, places left in doubt, values all round, halvings, labelling that tells
     comes: Array  # (LOOKED_AT, 2) see `Look`
     stack: Array  # (DEPTH, 6) two values, what is known of each
     lines: Array  # (LOOKED_AT, LINES) F where x has one of some values, 0 for noise
@@ -90,7 +90,7 @@ def make_islands() -> Islands:
     return Islands(
         np.empty(LOOKED_AT + MOST_FOUND),
         np.zeros(LOOKED_AT + MOST_FOUND, np.int64),
-        np.zeros(4, np.int64),
+        np.zeros(5, np.int64),
         np.empty((LOOKED_AT, 2)),
         np.empty((DEPTH, 6)),
         np.zeros((LOOKED_AT, LINES)),
@@ -149,15 +149,15 @@ def fill_powers(work: Islands, row: int) -> None:
         powers[DEGREE - m, 0], powers[DEGREE - m, 1] = 0.5 * work.cosine[m], 0.5 * work.sine[m]
 
 
-def polynomial(powers: Array, degree: int, x: complex) -> tuple[complex, complex]:
-    """Value and slope at x of z^(degree / 2) F, which has terms up to half that degree."""
+def polynomial(powers: Array, degree: int, x: complex) -> tuple[complex, complex, complex]:
+    """Value, slope and bend at x of z^(degree / 2) F, which has terms up to half that degree."""
     first = DEGREE - degree // 2
-    a, b = x.real, x.imag
-    value, value_i, slope, slope_i = powers[first + degree, 0], powers[first + degree, 1], 0.0, 0.0
+    value, slope, bend = complex(powers[first + degree, 0], powers[first + degree, 1]), 0.0j, 0.0j
     for m in range(first + degree - 1, first - 1, -1):
-        slope, slope_i = slope * a - slope_i * b + value, slope * b + slope_i * a + value_i
-        value, value_i = value * a - value_i * b + powers[m, 0], value * b + value_i * a + powers[m, 1]
-    return complex(value, value_i), complex(slope, slope_i)
+        bend = bend * x + slope
+        slope = slope * x + value
+        value = value * x + complex(powers[m, 0], powers[m, 1])
+    return value, slope, 2.0 * bend
 
 
 def find_all_roots(powers: Array, degree: int, z: Array, settled: Array) -> None:
@@ -169,7 +169,7 @@ def find_all_roots(powers: Array, degree: int, z: Array, settled: Array) -> None
         for i in range(degree):
             if settled[i] > 0.0:
                 continue
-            value, slope = polynomial(powers, degree, complex(z[i, 0], z[i, 1]))
+            value, slope, _ = polynomial(powers, degree, complex(z[i, 0], z[i, 1]))
             if slope == 0.0:
                 continue
             newton, others, others_i, nearest = value / slope, 0.0, 0.0, math.inf
@@ -208,14 +208,34 @@ def spread_roots(z: Array) -> None:
         z[i, 0], z[i, 1] = size * math.cos(angle), size * math.sin(angle)
 
 
-def look(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling: int) -> Look:
-    """All roots of F(x; p), and when pairs of them come to the axis; F is left there."""
+def look(k: ArmConstants, six: SixJoints, work: Islands, p: float) -> Look:
+    """All roots of F(x; p), and when pairs of them come to the axis; F is left there.
+
+    Where two complex solutions have one real angle in common, F has a double root without a solution: in another
+    labelling of the joints they have not, and there the two roots are apart.
+    """
+    seen = look_in(k, six, work, p, -1)
+    if k.six.form == SPHERICAL_WRIST:
+        return seen
+    for _ in range(LABELLINGS):
+        if seen.real >= 0:
+            break
+        other = look_in(k, six, work, p, work.size[4])
+        if other.real >= 0:
+            seen = other
+        else:
+            work.size[4] = next_labelling(k, six, work.size[4])
+    return seen
+
+
+def look_in(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling: int) -> Look:
+    """As `look`, in one labelling of the joints."""
     noise = fill_F(k, six, work, p, labelling)
     total = 0.0
     for n in range(DEGREE + 1):
         total += abs(work.cosine[n]) + abs(work.sine[n])
     if not total > UNCERTAIN * noise:
-        return Look(math.inf, math.inf, -1)
+        return Look(0.0, 0.0, -1)
     apart, degree = work.apart[0], degree_of(work, noise)
     fill_powers(work, 0)
     fill_F(k, six, work, p - ASIDE, labelling)
@@ -237,28 +257,31 @@ def look(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling: in
         d = -math.log(abs(x))
         if d < -REAL:
             continue
-        if d <= REAL:
-            real += 1
-            single = single and is_single(z, i, degree)
-            continue
-        _, slope = polynomial(work.powers[0], degree, x)
-        before, _ = polynomial(work.powers[1], degree, x)
-        after, _ = polynomial(work.powers[2], degree, x)
+        value, slope, bend = polynomial(work.powers[0], degree, x)
         if slope == 0.0:
             return Look(0.0, 0.0, -1)
-        rate = ((after - before) / (2.0 * ASIDE * x * slope)).real
-        until = 0.5 * d / abs(rate) if rate != 0.0 else math.inf
+        if d <= REAL:
+            real += 1
+            single = single and is_single(z, i, degree, noise / abs(slope))
+            continue
+        if d <= degree * noise / abs(slope):
+            ahead, behind, single = 0.0, 0.0, False
+            continue
         single = single and d > MEETING
-        until *= SOONER if d < CLOSE else 1.0
-        if rate < 0.0 or d < CLOSE:
-            ahead = min(ahead, until)
-        if rate > 0.0 or d < CLOSE:
-            behind = min(behind, until)
-    count = real if single else -1
-    if count < 0:
-        noise = fill_F(k, six, work, p, labelling)
-        count = count_of(k, six, work, p, noise) if labelling < 0 else count_single_roots(work, noise)
-    return Look(ahead, behind, count)
+        before, slope_before, _ = polynomial(work.powers[1], degree, x)
+        after, slope_after, _ = polynomial(work.powers[2], degree, x)
+        turns = -(after - before) / (2.0 * ASIDE * slope)
+        mixed = (slope_after - slope_before) / (2.0 * ASIDE)
+        bends = -((after - 2.0 * value + before) / ASIDE**2 + (2.0 * mixed + bend * turns) * turns) / slope
+        rate, change = -(turns / x).real, -(bends / x - (turns / x) * (turns / x)).real
+        slope_of_square, bend_of_square = -2.0 * d * rate, -2.0 * (rate * rate + d * change)
+        ahead = min(ahead, first_zero(-d * d, slope_of_square, bend_of_square))
+        behind = min(behind, first_zero(-d * d, -slope_of_square, bend_of_square))
+    if not single and ahead > 0.0:
+        real = count_single_roots(work, fill_F(k, six, work, p, labelling))
+    elif not single:
+        real = -1
+    return Look(ahead, behind, real)
 
 
 def first_zero(value: float, slope: float, bend: float) -> float:
@@ -273,13 +296,13 @@ def first_zero(value: float, slope: float, bend: float) -> float:
     return first
 
 
-def is_single(z: Array, i: int, degree: int) -> bool:
-    """Whether no other root is so near that both may be one, or a pair."""
+def is_single(z: Array, i: int, degree: int, error: float) -> bool:
+    """Whether no other root is so near that both may be one, or a pair; one that is alone may be off by the error."""
     nearest = math.inf
     for j in range(degree):
         if j != i:
             nearest = min(nearest, math.hypot(z[j, 0] - z[i, 0], z[j, 1] - z[i, 1]))
-    return nearest >= MEETING
+    return nearest >= max(MEETING, degree * error)
 
 
 def find_islands(six: SixJoints, window: Array, work: Islands) -> None:
@@ -287,6 +310,8 @@ def find_islands(six: SixJoints, window: Array, work: Islands) -> None:
     k = unpack_arm(six.arm)
     step = TURN / LOOKED_AT
     work.size[0], work.size[1], work.size[2], work.size[3] = 0, 0, LOOKED_AT, 0
+    own = unpack_arm(six.general).six.own
+    work.size[4] = own if k.six.scale == 0.0 else next_labelling(k, six, own)
     spread_roots(work.z)
     spread_roots(work.other)
     for i in range(LOOKED_AT):
@@ -295,7 +320,7 @@ def find_islands(six: SixJoints, window: Array, work: Islands) -> None:
         for n in range(LINES):
             work.lines[i, n] = 0.0
         if abs(wrapped(work.p[i] - window[0])) <= window[1] + step:
-            seen = look(k, six, work, work.p[i], -1)
+            seen = look(k, six, work, work.p[i])
             work.comes[i, 0], work.comes[i, 1], work.counts[i] = seen.ahead, seen.behind, seen.real
             noise = fill_F(k, six, work, work.p[i], -1)
             for n in range(LINES):
@@ -329,17 +354,65 @@ def halve(
         ):
             continue
         middle = 0.5 * (low + high)
-        if high - low < CLOSE_ENOUGH or work.size[3] == MOST_HALVED:
+        if work.size[3] == MOST_HALVED:
             work.size[1] += 1
             continue
         work.size[3] += 1
-        seen = look(k, six, work, middle, -1)
+        seen = look(k, six, work, middle)
+        if high - low < CLOSE_ENOUGH or (max(counts) < 0 and seen.real < 0):
+            work.size[1] += 1
+            continue
         if seen.real < 0 or seen.real > min(counts):
             add_found(work, middle, seen.real)
         if top + 2 < DEPTH:
             write_part(stack[top + 1], low, middle, ahead, seen.behind, counts[0], seen.real)
             write_part(stack[top + 2], middle, high, seen.ahead, behind, seen.real, counts[1])
             top += 2
+
+
+def look_beside_folds(six: SixJoints, loops: Loops, parameter: int, first: int, work: Islands) -> None:
+    """Add values between a fold of the curves from the first one on and a slice, where solutions may come and go.
+
+    At the slice, the pair of the fold is on its way to the axis, as any that comes there before would be.
+    """
+    k, step = unpack_arm(six.arm), TURN / LOOKED_AT
+    for c in range(first, loops.size[1]):
+        for n in range(loops.ends[c, 0] + 1, loops.ends[c, 1] - 1):
+            side = side_of_fold(loops, n, parameter)
+            if side == 0.0:
+                continue
+            p = loops.nodes[n, parameter] + side * BESIDE
+            i = math.floor((p - OFFSET) / step) + int(side > 0.0)
+            at, i = OFFSET + step * i, i % LOOKED_AT
+            comes = work.comes[i, 1 if side > 0.0 else 0]
+            if not comes <= SAFETY * abs(at - p):
+                continue
+            seen = look(k, six, work, p)
+            there = seen.behind if side > 0.0 else seen.ahead
+            expected = there >= BESIDE * (1.0 - AT_FOLD)
+            if not expected and not is_fold_at(loops, parameter, p - side * there, side, BESIDE * AT_FOLD):
+                work.size[1] += 1
+            elif side > 0.0:
+                halve(k, six, work, (p, at), seen, Look(math.inf, comes, work.counts[i]))
+            else:
+                halve(k, six, work, (at, p), Look(comes, math.inf, work.counts[i]), seen)
+
+
+def side_of_fold(loops: Loops, n: int, parameter: int) -> float:
+    """1 where a curve turns back at node n before higher values of the parameter, -1 before lower ones; else 0."""
+    if loops.fold[n] == 0:
+        return 0.0
+    p, before, after = loops.nodes[n, parameter], loops.nodes[n - 1, parameter], loops.nodes[n + 1, parameter]
+    return 1.0 if 2.0 * p > before + after else -1.0
+
+
+def is_fold_at(loops: Loops, parameter: int, p: float, side: float, away: float) -> bool:
+    """Whether a curve turns back about at a value of the parameter, to that side."""
+    for c in range(loops.size[1]):
+        for n in range(loops.ends[c, 0] + 1, loops.ends[c, 1] - 1):
+            if side_of_fold(loops, n, parameter) == side and abs(wrapped(loops.nodes[n, parameter] - p)) <= away:
+                return True
+    return False
 
 
 def write_part(
@@ -356,11 +429,22 @@ def is_labelled_otherwise(k: ArmConstants, six: SixJoints, work: Islands, low: f
     """
     if k.six.form == SPHERICAL_WRIST:
         return True
-    general = unpack_arm(six.general)
-    labelling = general.six.own if k.six.scale == 0.0 else (general.six.own + 1) % LABELLINGS
-    first = look(k, six, work, low, labelling)
-    last = look(k, six, work, high, labelling)
-    return first.ahead + last.behind <= SAFETY * (high - low)
+    for _ in range(LABELLINGS):
+        first = look_in(k, six, work, low, work.size[4])
+        if first.real >= 0:
+            last = look_in(k, six, work, high, work.size[4])
+            if last.real >= 0:
+                return first.ahead + last.behind <= SAFETY * (high - low)
+        work.size[4] = next_labelling(k, six, work.size[4])
+    return True
+
+
+def next_labelling(k: ArmConstants, six: SixJoints, labelling: int) -> int:
+    """Another labelling of the joints than one, and than the one in which F is the arm's own."""
+    found = (labelling + 1) % LABELLINGS
+    if k.six.scale > 0.0 and found == k.six.own:
+        found = (found + 1) % LABELLINGS
+    return int(found)
 
 
 def add_found(work: Islands, p: float, count: int) -> None:
@@ -417,26 +501,7 @@ def add_zero_on_line(six: SixJoints, work: Islands, i: int, n: int) -> None:
         if (value > 0.0) == (sign > 0.0):
             low += step
         step *= 0.5
-    p = low + step
-    noise = fill_F(k, six, work, p, -1)
-    add_found(work, p, count_of(k, six, work, p, noise))
-
-
-def count_of(k: ArmConstants, six: SixJoints, work: Islands, p: float, noise: float) -> int:
-    """How many roots F(x; p) has, of which the coefficients are at hand; -1 where there is doubt.
-
-    Where two complex solutions have one real angle in common, F has a double root without a solution: in another
-    labelling they have not, and there the two roots are apart.
-    """
-    count = count_single_roots(work, noise)
-    if k.six.form == SPHERICAL_WRIST:
-        return count
-    first = unpack_arm(six.general).six.own
-    for n in range(1 if k.six.scale > 0.0 else 0, LABELLINGS):  # the first one is the arm's own
-        if count >= 0:
-            break
-        count = count_single_roots(work, fill_F(k, six, work, p, (first + n) % LABELLINGS))
-    return count
+    add_found(work, low + step, look(k, six, work, low + step).real)
 
 
 def count_single_roots(work: Islands, noise: float) -> int:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.kernels.chain import bordered_newton, linearise7
+from jacokin.kernels.chain import Newton, linearise7, make_newton, solve_normal
 from jacokin.kernels.limits import TURN
 from jacokin.kernels.solution_set.curve import (
     LARGEST_RESIDUAL,
@@ -17,7 +17,6 @@ from jacokin.kernels.solution_set.curve import (
     RESOLUTION,
     Walk,
     make_walk,
-    tangent,
     wrapped,
 )
 from jacokin.kernels.solution_set.islands import (
@@ -29,6 +28,7 @@ from jacokin.kernels.solution_set.islands import (
     count_on_lines,
     find_islands,
     joint_of_root,
+    look_beside_folds,
     make_islands,
 )
 from jacokin.kernels.solution_set.meeting import Directions, make_directions, points_aside
@@ -51,13 +51,13 @@ from jacokin.kernels.solution_set.within import Pieces, cut, excess, make_pieces
 
 #: Values of the parameter that are solved at in any case, apart by a share of a turn that no structure has, and rounds
 #: of those at which F shows more or fewer solutions than the curves so far.
-FIRST, ROUNDS = 3, 3
+FIRST, ROUNDS = 3, 5
 #: [rad] how far beyond the nearest solution curves are followed, and the widest window that saves anything.
 BEYOND, WIDEST = 1e-6, 2.8
 #: [m] and [rad] a start misses the target by less, and [rad] is no farther from a curve.
 NEARBY, FARTHEST_START = 0.02, 0.2
-#: Steps from a start to a curve: each halves what is left where curves meet.
-STARTING_STEPS = 40
+#: Steps from a start to a curve at most, and their damping relative to what is missing.
+STARTING_STEPS, STARTING_DAMPING = 60, 0.01
 #: Rounds of curves that were met on the way along others.
 MEETINGS = 2
 
@@ -78,6 +78,7 @@ class SetWork(NamedTuple):
     pieces: Pieces
     null: Directions
     walk: Walk
+    newton: Newton
 
 
 def make_set_work() -> SetWork:
@@ -96,6 +97,7 @@ def make_set_work() -> SetWork:
         make_pieces(),
         make_directions(),
         make_walk(),
+        make_newton(),
     )
 
 
@@ -119,7 +121,7 @@ def solve_set(work: SetWork) -> int:
     else:
         doubts += slice_by_roots(work)
     for n in range(work.starts.shape[0]):
-        if bring_to_curve(work.chain, work.T, work.starts[n], work.walk):
+        if bring_to_curve(work.chain, work.T, work.starts[n], work.newton, work.walk):
             doubts += not add_start(slices, work.walk.z)
     trace(work.chain, work.T, parameter, slices, loops, work.walk)
     doubts += follow_meetings(work)
@@ -158,34 +160,39 @@ def is_in_window(window: Array, p: float) -> bool:
     return bool(abs(wrapped(p - window[0])) <= window[1])
 
 
-def bring_to_curve(chain: Array, T: Array, start: Array, walk: Walk) -> bool:
-    """Fill walk.z with the point of a curve that Newton's method leads to from a start nearby; False for none.
+def bring_to_curve(chain: Array, T: Array, start: Array, newton: Newton, walk: Walk) -> bool:
+    """Fill walk.z with the point of a curve that a start nearby leads to; False for none.
 
-    Each step is across the null space: the shortest one.
+    By the least steps that reach the target (Levenberg and Marquardt), damped in proportion to what is missing: where
+    solutions meet each takes about half of that away, and elsewhere the number of digits doubles (Yamashita, 2001).
     """
-    x, t = walk.z, walk.tz
+    x, system, normal = walk.z, walk.system, newton.normal
     for j in range(7):
         x[j] = start[j]
-    if not linearise7(chain, T, x, walk.system) <= NEARBY:  # NaN for no start
+    missing = linearise7(chain, T, x, system)
+    if not missing <= NEARBY:  # NaN for no start
         return False
     for _ in range(STARTING_STEPS):
-        if linearise7(chain, T, x, walk.system) <= RESIDUAL:
+        if missing <= RESIDUAL:
             break
-        found = False
-        for m in range(7):
-            for j in range(7):
-                walk.border[j] = 1.0 if j == m else 0.0
-            found = found or tangent(chain, T, x, walk.border, t, walk) != 0.0
-        offset = 0.0
-        for j in range(7):
-            offset += t[j] * x[j]
-        if not found:
+        for i in range(6):
+            for k in range(i, 6):
+                product = 0.0
+                for j in range(7):
+                    product += system[i, j] * system[k, j]
+                normal[i, k] = product
+            normal[i, i] += STARTING_DAMPING * missing
+            normal[i, 6] = system[i, 7]
+        if not solve_normal(normal):
             return False
-        bordered_newton(chain, T, x, t, offset, walk.system, 1, RESIDUAL)
+        for j in range(7):
+            for i in range(6):
+                x[j] += system[i, j] * normal[i, 6]
+        missing = linearise7(chain, T, x, system)
     moved = 0.0
     for j in range(7):
         moved = max(moved, abs(x[j] - start[j]))
-    return moved <= FARTHEST_START and linearise7(chain, T, x, walk.system) <= LARGEST_RESIDUAL
+    return moved <= FARTHEST_START and missing <= LARGEST_RESIDUAL
 
 
 def slice_between_folds(work: SetWork) -> int:
@@ -209,37 +216,46 @@ def slice_between_folds(work: SetWork) -> int:
 def slice_by_roots(work: SetWork) -> int:
     """Some slices, and more wherever F has other numbers of roots than the curves pass; how many doubts there are."""
     chain, T, parameter, kind = work.chain, work.T, int(work.options[0]), int(work.options[1])
-    slices, loops, islands = work.slices, work.loops, work.islands
+    slices, loops, islands, doubts = work.slices, work.loops, work.islands, 0
     fill_general(work.six)
     find_islands(work.six, loops.window, islands)
-    doubts = int(islands.size[1])
     for n in range(FIRST if slices.size[0] == 0 else 0):
         add_slice(chain, T, kind, islands.p[n * islands.size[2] // FIRST], slices, work.six, work.seven)
-    joint = joint_of_root(work.six, islands, kind)
+    joint, beside = joint_of_root(work.six, islands, kind), 0
     for _ in range(ROUNDS):
         trace(chain, T, parameter, slices, loops, work.walk)
         look_along_lines(work, joint)
-        missing = 0
-        for i in range(islands.size[2] + islands.size[0]):
-            if (
-                not is_in_window(loops.window, islands.p[i])
-                or find_slice(slices, islands.p[i]) >= 0
-                or is_counted(work, i)
-            ):
-                continue
-            missing += 1
-            if add_slice(chain, T, kind, islands.p[i], slices, work.six, work.seven):
-                count_all_passed(chain, T, parameter, slices.size[0] - 1, slices, loops, work.walk)
-            else:
-                doubts += 1
-        if missing == 0:
+        missing, refused = add_missing_slices(work)
+        doubts += refused
+        if missing > 0:
+            continue
+        found = islands.size[0]
+        look_beside_folds(work.six, loops, parameter, beside, islands)
+        beside = loops.size[1]
+        if islands.size[0] == found:
             break
     for i in range(islands.size[2] + islands.size[0]):
         if not is_in_window(loops.window, islands.p[i]):
             continue
         n = find_slice(slices, islands.p[i])
         doubts += not is_counted(work, i) and (n < 0 or slices.doubt[n] > 0)
-    return doubts
+    return doubts + int(islands.size[1])
+
+
+def add_missing_slices(work: SetWork) -> tuple[int, int]:
+    """Add slices where F has other numbers of roots than the curves pass; how many, and those without room."""
+    slices, loops, islands, parameter = work.slices, work.loops, work.islands, int(work.options[0])
+    missing, refused = 0, 0
+    for i in range(islands.size[2] + islands.size[0]):
+        p = islands.p[i]
+        if not is_in_window(loops.window, p) or find_slice(slices, p) >= 0 or is_counted(work, i):
+            continue
+        missing += 1
+        if add_slice(work.chain, work.T, int(work.options[1]), p, slices, work.six, work.seven):
+            count_all_passed(work.chain, work.T, parameter, slices.size[0] - 1, slices, loops, work.walk)
+        else:
+            refused += 1
+    return missing, refused
 
 
 def look_along_lines(work: SetWork, joint: int) -> None:
