@@ -260,23 +260,23 @@ def look_in(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling:
         value, slope, bend = polynomial(work.powers[0], degree, x)
         if slope == 0.0:
             return Look(0.0, 0.0, -1)
-        if d <= REAL:
-            real += 1
-            single = single and is_single(z, i, degree, noise / abs(slope))
-            continue
-        if d <= degree * noise / abs(slope):
+        error = degree * noise / abs(slope)
+        other = 2.0 * d if d > REAL else distance_to_next(z, i, degree)
+        real, single = real + (d <= REAL), single and other > MEETING
+        if other <= error:  # where it is, and where it goes, is noise
             ahead, behind, single = 0.0, 0.0, False
+        if other <= error or d <= REAL:
             continue
-        single = single and d > MEETING
         before, slope_before, _ = polynomial(work.powers[1], degree, x)
         after, slope_after, _ = polynomial(work.powers[2], degree, x)
         turns = -(after - before) / (2.0 * ASIDE * slope)
         mixed = (slope_after - slope_before) / (2.0 * ASIDE)
         bends = -((after - 2.0 * value + before) / ASIDE**2 + (2.0 * mixed + bend * turns) * turns) / slope
         rate, change = -(turns / x).real, -(bends / x - (turns / x) * (turns / x)).real
-        slope_of_square, bend_of_square = -2.0 * d * rate, -2.0 * (rate * rate + d * change)
-        ahead = min(ahead, first_zero(-d * d, slope_of_square, bend_of_square))
-        behind = min(behind, first_zero(-d * d, -slope_of_square, bend_of_square))
+        unsure = abs(turns / x) * abs(bend / slope) * noise / abs(slope)  # of the rate
+        bend_of_square = -2.0 * (rate * rate + d * change)
+        ahead = min(ahead, first_zero(-d * d, 2.0 * d * (unsure - rate), bend_of_square))
+        behind = min(behind, first_zero(-d * d, 2.0 * d * (unsure + rate), bend_of_square))
     if not single and ahead > 0.0:
         real = count_single_roots(work, fill_F(k, six, work, p, labelling))
     elif not single:
@@ -296,13 +296,13 @@ def first_zero(value: float, slope: float, bend: float) -> float:
     return first
 
 
-def is_single(z: Array, i: int, degree: int, error: float) -> bool:
-    """Whether no other root is so near that both may be one, or a pair; one that is alone may be off by the error."""
+def distance_to_next(z: Array, i: int, degree: int) -> float:
+    """From root i to the next one."""
     nearest = math.inf
     for j in range(degree):
         if j != i:
             nearest = min(nearest, math.hypot(z[j, 0] - z[i, 0], z[j, 1] - z[i, 1]))
-    return nearest >= max(MEETING, degree * error)
+    return nearest
 
 
 def find_islands(six: SixJoints, window: Array, work: Islands) -> None:

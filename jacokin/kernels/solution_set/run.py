@@ -58,6 +58,8 @@ BEYOND, WIDEST = 1e-6, 2.8
 NEARBY, FARTHEST_START = 0.02, 0.2
 #: Steps from a start to a curve at most, and their damping relative to what is missing.
 STARTING_STEPS, STARTING_DAMPING = 60, 0.01
+#: Least pivot of the Jacobian times its transpose of a point that is on one curve only.
+CROSSING = 1e-10
 #: Rounds of curves that were met on the way along others.
 MEETINGS = 2
 
@@ -175,14 +177,7 @@ def bring_to_curve(chain: Array, T: Array, start: Array, newton: Newton, walk: W
     for _ in range(STARTING_STEPS):
         if missing <= RESIDUAL:
             break
-        for i in range(6):
-            for k in range(i, 6):
-                product = 0.0
-                for j in range(7):
-                    product += system[i, j] * system[k, j]
-                normal[i, k] = product
-            normal[i, i] += STARTING_DAMPING * missing
-            normal[i, 6] = system[i, 7]
+        fill_steps(system, STARTING_DAMPING * missing, normal)
         if not solve_normal(normal):
             return False
         for j in range(7):
@@ -193,6 +188,18 @@ def bring_to_curve(chain: Array, T: Array, start: Array, newton: Newton, walk: W
     for j in range(7):
         moved = max(moved, abs(x[j] - start[j]))
     return moved <= FARTHEST_START and missing <= LARGEST_RESIDUAL
+
+
+def fill_steps(system: Array, damping: float, normal: Array) -> None:
+    """Fill normal (6, 7) with the equations of the least step that takes away what system (7, 8) says is missing."""
+    for i in range(6):
+        for k in range(i, 6):
+            product = 0.0
+            for j in range(7):
+                product += system[i, j] * system[k, j]
+            normal[i, k] = product
+        normal[i, i] += damping
+        normal[i, 6] = system[i, 7]
 
 
 def slice_between_folds(work: SetWork) -> int:
@@ -239,7 +246,7 @@ def slice_by_roots(work: SetWork) -> int:
             continue
         n = find_slice(slices, islands.p[i])
         doubts += not is_counted(work, i) and (n < 0 or slices.doubt[n] > 0)
-    return doubts + int(islands.size[1])
+    return doubts + int(islands.size[1]) + count_crossings(work)
 
 
 def add_missing_slices(work: SetWork) -> tuple[int, int]:
@@ -273,6 +280,22 @@ def look_along_lines(work: SetWork, joint: int) -> None:
             )
             if inside and here * there < 0.0 and islands.crossed[i, n] // each % 2 == 0:
                 add_zero_on_line(work.six, islands, i, n)
+
+
+def count_crossings(work: SetWork) -> int:
+    """How many folds are where another curve passes: the Jacobian has one null direction more there."""
+    loops, newton, count = work.loops, work.newton, 0
+    for n in range(loops.size[0]):
+        if loops.fold[n] > 0:
+            linearise7(work.chain, work.T, loops.nodes[n, :7], work.walk.system)
+            fill_steps(work.walk.system, 0.0, newton.normal)
+            least = 0.0
+            if solve_normal(newton.normal):
+                least = math.inf
+                for i in range(6):
+                    least = min(least, newton.normal[i, i])
+            count += least < CROSSING
+    return count
 
 
 def find_slice(slices: Slices, p: float) -> int:

@@ -130,6 +130,29 @@ def test_a_natural_posture_is_its_own_answer(name: str, kind: str, folder: Path,
         assert np.linalg.norm(result.q - q) < 1e-4
 
 
+@pytest.mark.parametrize("count", [5, pytest.param(40, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", ["j2s6s200", "m1n6s200", "j2n6s300"])
+def test_a_set_with_single_points_is_complete_only_with_all_of_them(
+    name: str, count: int, rng: np.random.Generator
+) -> None:
+    """Arms stretched straight up with the other joints at right angles: points where solutions are lost in two ways.
+
+    The tool is beside axis 6, without which every turn about that axis would be a solution.
+    """
+    solver = IKSolver(jacokin.load_robot(name), tool=jacokin.pose([0.5, 0.0, 0.0]), collision="ignore")
+    robot = solver.robot
+    for _ in range(count):
+        q = own_answers.CLASSES["multiples of 90 degrees"](robot, rng)
+        q[1:3] = math.pi
+        axis = np.eye(3)[rng.integers(3)] if rng.random() < 0.5 else rng.normal(size=3)
+        target = FreeAxis(solver.verifier.tool_pose(q), axis=axis)
+        found = solver.solve_all(target)
+        assert not found.complete or any(apart(interval.nearest(q), q) < 1e-4 for interval in found.intervals)
+        for seed in (q, q + 1e-3 * rng.normal(size=6) / 3.0):
+            result = solver.solve(target, seed=seed).raise_for_status()
+            assert np.linalg.norm(result.q - seed) <= np.linalg.norm(q - seed) + 1e-4
+
+
 @pytest.mark.parametrize("name", [*JACOS, *ARMS])
 def test_nothing_in_a_set_is_nearer_than_the_nearest(name: str, folder: Path, rng: np.random.Generator) -> None:
     solver = solver_of(name, folder)
