@@ -104,6 +104,7 @@ def test_gradients_agree_with_finite_differences_along_motions(name: str, rng: n
             assert slope == pytest.approx((values[0] - values[1]) / 2e-6, rel=1e-4, abs=1e-4)
 
 
+@pytest.mark.slow
 def test_seven_joints_hold_the_parameter(rng: np.random.Generator) -> None:
     robot = jacokin.load_robot("j2s7s300")
     solver = IKSolver(robot, collision="ignore")

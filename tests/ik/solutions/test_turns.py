@@ -124,7 +124,7 @@ def passing_its_limit(
 
 @pytest.mark.parametrize("depth", [1e-7, 1e-5, 1e-3])
 @pytest.mark.parametrize(("name", "joint"), [("j2n6s300", 3), ("j2n6s300", 5), ("j2s7s300", 4), ("j2s7s300", 6)])
-@pytest.mark.parametrize("count", [2, pytest.param(20, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [2, pytest.param(6, marks=pytest.mark.slow)])
 def test_members_next_to_where_a_joint_passes_its_limit_are_found(
     name: str, joint: int, depth: float, count: int, rng: np.random.Generator
 ) -> None:

@@ -254,7 +254,7 @@ def vertical_forearms(robot: Robot, rng: np.random.Generator, number: int) -> It
 
 
 @pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("number", sizes(150, 2000))
+@pytest.mark.parametrize("number", sizes(150, 700))
 def test_a_forearm_along_axis_1_loses_no_branch(number: int, bundled: Callable[[str], Robot], name: str) -> None:
     robot = bundled(name)
     form = closed_form(robot)
