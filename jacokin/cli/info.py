@@ -13,7 +13,7 @@ from jacokin.cli import display, options
 from jacokin.cli.command import Argument, Command
 from jacokin.cli.options import RobotOptions
 from jacokin.cli.units import JointUnits, Units
-from jacokin.errors import InvalidInputError, ShapeError
+from jacokin.errors import InvalidInputError, ModelError, ShapeError
 from jacokin.model.descriptions import bundled
 
 
@@ -60,6 +60,7 @@ def info(
     placed = ik.structure(arm)
     tools = [name for name in arm.tool_frames if name != arm.default_frame]
     shapes, masses = count_shapes(arm), describe_masses(arm)
+    gripper, fingers = measure_gripper(arm)
     chain = arm.pin_model
     parents = [chain.frames[arm.frame_id(name)].parentJoint for name in arm.frames]
     frames = [
@@ -82,6 +83,7 @@ def info(
                 "structure": {**asdict(placed), "gives": placed.gives},
                 "shapes": None if shapes is None else asdict(shapes),
                 "masses": masses,
+                "gripper": gripper,
                 "frames": [{"name": name, "moved_by": joint} for name, joint in frames],
                 "notes": list(arm.notes),
             }
@@ -106,6 +108,7 @@ def info(
         *(("misses", str(residual)) for residual in placed.residuals),
         ("shapes", "cannot be loaded" if shapes is None else str(shapes)),
         ("masses", masses),
+        ("gripper", fingers),
         *(("note", text) for text in arm.notes),
     ]
     display.show_facts(facts, arm.label)
@@ -163,6 +166,20 @@ def count_shapes(arm: model.Robot) -> ShapeCount | None:
     except ShapeError:
         return None
     return ShapeCount(len(contact.arm_shapes), contact.pairs)
+
+
+def measure_gripper(arm: model.Robot) -> tuple[dict[str, object] | None, str]:
+    """What opens the gripper and how wide, for programs and in words; None where it has none that can be measured."""
+    try:
+        hand = model.Gripper.of(arm)
+    except ModelError as error:
+        return None, str(error)
+    shut, opened = float(hand.openings[0]), float(hand.openings[-1])
+    facts: dict[str, object] = {"open": opened, "shut": shut, "width": float(hand.widths[-1]), "span": hand.span}
+    return (
+        facts,
+        f"opens by {1e3 * hand.widths[-1]:.3g} mm from {shut:.4g} to {opened:.4g}, for {1e3 * hand.span:.3g} mm",
+    )
 
 
 def describe_masses(arm: model.Robot) -> str:

@@ -26,8 +26,7 @@ from jacokin.cli.display import number, show_facts
 from jacokin.cli.options import keep_apart
 from jacokin.cli.process import NOT_SOLVED
 from jacokin.cli.task import choose_renderer, has_display
-from jacokin.errors import InvalidInputError
-from jacokin.model.descriptions import bundled
+from jacokin.errors import InvalidInputError, ModelError
 
 if TYPE_CHECKING:
     from jacokin.arrays import Array
@@ -278,13 +277,17 @@ def teleop(
                 json,
             )
             return
-        fingers = _fingers(robot) if simulation is None else simulation.arm.fingers
+        if simulation is not None:
+            fingers: Fingers | None = simulation.arm.fingers
+        else:
+            fingers = None if shown is None else _fingers(robot, said=hasattr(leading, "fingers"))
 
         def act(step: TeleopStep) -> bool:
-            angle = fingers.move(getattr(leading, "fingers", 0.0), led.tracker.dt)
+            closing = getattr(leading, "fingers", 0.0)
+            angle = None if fingers is None else fingers.move(closing, led.tracker.dt)
             if shown is not None:
                 shown.follow(step, finger_angle=angle)
-            goes_on = simulation is None or simulation.act(step, angle)
+            goes_on = simulation is None or angle is None or simulation.act(step, angle)
             if props is not None:
                 props.show()
             return goes_on
@@ -403,14 +406,16 @@ def _player(robot: model.Robot, given: str | None, rate: float, seed: int) -> Pl
     return Player(make_stream(robot, given or "smooth", np.random.default_rng(seed), rate=rate))
 
 
-def _fingers(robot: model.Robot) -> Fingers:
-    """The fingers of an arm that is in no simulation."""
+def _fingers(robot: model.Robot, *, said: bool) -> Fingers | None:
+    """The fingers of an arm that is in no simulation; None where none can be moved, and why, if that is to be said."""
     from jacokin.teleop import Fingers
 
-    own = None if robot.source.bundled is None else bundled.finger(robot.source.bundled)
-    limits = own or bundled.robot_table()["finger"]
-    at = limits["lower"] if robot.finger_angle is None else robot.finger_angle
-    return Fingers(at, lower=limits["lower"], upper=limits["upper"])
+    try:
+        return Fingers.of(robot)
+    except ModelError as error:
+        if said:
+            click.echo(f"fingers stay as they are: {error}", err=True)
+        return None
 
 
 @contextlib.contextmanager

@@ -11,6 +11,7 @@ poses, angles, checks   building and checking poses, full turns, checks of argum
 many_configurations     kinematics of many configurations at once
 mujoco_twin             the same arm in MuJoCo
 obstacles, scene        shapes around the arm, one by one, from a file or from a MuJoCo model; shapes that it holds
+gripper                 the gripper that an arm carries, measured on its shapes
 own_shapes              the arm's shapes, read once
 surrounded              the arm's shapes among those of a scene, and the pairs of shapes whose contact counts
 contact, contact_arrays whether and how closely the arm comes to itself and to obstacles; the shapes for the kernels

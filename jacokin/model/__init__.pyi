@@ -8,6 +8,7 @@ from jacokin.model.descriptions.bundled import DEFAULT_ROBOT as DEFAULT_ROBOT
 from jacokin.model.descriptions.bundled import NAMES as NAMES
 from jacokin.model.descriptions.bundled import urdf_folder as urdf_folder
 from jacokin.model.dynamics import ExternalWrench as ExternalWrench
+from jacokin.model.gripper import Gripper as Gripper
 from jacokin.model.identification import ArmEstimate as ArmEstimate
 from jacokin.model.identification import PayloadEstimate as PayloadEstimate
 from jacokin.model.identification import identify_arm as identify_arm

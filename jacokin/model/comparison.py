@@ -213,17 +213,17 @@ class MujocoEngine:
         self._mass = np.zeros((model.nv, model.nv))
 
     def _hold_still(self, robot: Robot) -> None:
-        """Joints off the arm where the robot has them, clipped into their limits."""
+        """Joints off the arm where they are locked, or where the robot has them, clipped into their limits."""
         model, locked = self._model, dict(robot.source.locked)
         for joint in range(model.njnt):
             address = model.jnt_qposadr[joint]
             if address in self._qpos or model.jnt_type[joint] not in mjcf.SCALAR_JOINTS:
                 continue
-            usual = self._data.qpos[address] if robot.finger_angle is None else robot.finger_angle
-            angle = locked.get(mjcf.joint_name(model, joint), usual)
+            name = mjcf.joint_name(model, joint)
+            angle = self._data.qpos[address] if robot.finger_angle is None else robot.finger_angle
             if model.jnt_limited[joint]:
                 angle = np.clip(angle, *model.jnt_range[joint])
-            self._data.qpos[address] = angle
+            self._data.qpos[address] = locked.get(name, angle)
 
     def update(self, q: Array) -> None:
         """Compute everything at `q` (dof,) [rad]."""

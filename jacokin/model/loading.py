@@ -18,6 +18,7 @@ from jacokin.errors import InvalidInputError, ModelError, ShapeError, UnknownNam
 from jacokin.model import checks
 from jacokin.model.descriptions import bundled, chain, urdf
 from jacokin.model.descriptions import srdf as srdf_files
+from jacokin.model.descriptions.tools import limits_of
 from jacokin.model.measured_arm import MeasuredArm
 from jacokin.model.robot import Home, HomeFinder, Robot, Source, middle, spread
 
@@ -92,7 +93,8 @@ def load_robot(
     leaders = {joint: each.leader for each in described.couplings if each.leader for joint in each.joints}
     ends = chain.find_ends(described.model, base, tip, leaders)
     held = _held(described, ends, locked)
-    reference = _locked_reference(described.model, described.reference, finger_angle, held)
+    followers = _followers(described, ends)
+    reference = _locked_reference(described.model, described.reference, finger_angle, held, followers)
     model = chain.extract(described.model, reference, ends, name or described.model.name or path.stem)
     _refuse_coupled(model, described.couplings)
     if finger_angle is not None:
@@ -119,6 +121,7 @@ def load_robot(
             calibration=measured,
             notes=(*ends.notes, *described.notes, *said),
             locked=tuple(held.items()),
+            followers=followers,
             velocity_limit=() if velocity_limit is None else tuple(model.velocityLimit.tolist()),
             home=() if own_home is None else tuple(own_home.q.tolist()),
             disabled=disabled,
@@ -266,7 +269,7 @@ def _held(described: chain.Description, ends: chain.Ends, locked: Mapping[str, f
         if kind.nv != 1:
             raise InvalidInputError(f"{where}: has {kind.nv} degrees of freedom; only hinges and slides are locked")
         position = checks.number(where, value, "rad, or m")
-        low, high = _limits_of(model, index)
+        low, high = limits_of(model, index)
         if not low <= position <= high:
             raise InvalidInputError(f"{where} = {position}: the joint moves from {low} to {high}")
         found[joint] = position
@@ -274,17 +277,9 @@ def _held(described: chain.Description, ends: chain.Ends, locked: Mapping[str, f
     for each in described.couplings:
         if each.leader in found:
             for joint in each.joints - arm - found.keys():
-                low, high = _limits_of(model, model.getJointId(joint))
+                low, high = limits_of(model, model.getJointId(joint))
                 followers[joint] = min(max(each.multiplier * found[each.leader] + each.offset, low), high)
     return found | followers
-
-
-def _limits_of(model: pin.Model, index: int) -> tuple[float, float]:
-    """Lower and upper limit of a hinge or slide; infinite for a continuous one."""
-    joint = model.joints[index]
-    if joint.nq != 1:
-        return -np.inf, np.inf
-    return float(model.lowerPositionLimit[joint.idx_q]), float(model.upperPositionLimit[joint.idx_q])
 
 
 def _own_home(model: pin.Model, home: ArrayLike) -> Home:
@@ -303,7 +298,11 @@ def _own_home(model: pin.Model, home: ArrayLike) -> Home:
 
 
 def _locked_reference(
-    full: pin.Model, reference: Array, finger_angle: float | None, held: Mapping[str, float]
+    full: pin.Model,
+    reference: Array,
+    finger_angle: float | None,
+    held: Mapping[str, float],
+    followers: Sequence[tuple[str, str, float, float]],
 ) -> Array:
     """Configuration at which joints off the arm are locked; the arm's own entries have no effect."""
     q = np.array(reference, dtype=np.float64)
@@ -315,7 +314,24 @@ def _locked_reference(
             q[at] = min(max(wanted, full.lowerPositionLimit[at]), full.upperPositionLimit[at])
         elif name in held:  # a continuous joint
             q[at : at + 2] = np.cos(held[name]), np.sin(held[name])
+    for name, leader, multiplier, offset in () if finger_angle is None else followers:
+        joint, leading = (full.joints[full.getJointId(each)] for each in (name, leader))
+        if name not in held and joint.nq == leading.nq == 1:
+            at = joint.idx_q
+            wanted = multiplier * q[leading.idx_q] + offset
+            q[at] = min(max(wanted, full.lowerPositionLimit[at]), full.upperPositionLimit[at])
     return q
+
+
+def _followers(described: chain.Description, ends: chain.Ends) -> tuple[tuple[str, str, float, float], ...]:
+    """The joints off the arm that mimic another one off the arm: joint, leader, multiplier and offset."""
+    arm = {str(described.model.names[joint]) for joint in ends.chain}
+    return tuple(
+        (joint, each.leader, each.multiplier, each.offset)
+        for each in described.couplings
+        if each.leader is not None and each.leader not in arm
+        for joint in sorted(each.joints - arm)
+    )
 
 
 def _refuse_coupled(model: pin.Model, couplings: Iterable[chain.Coupling]) -> None:

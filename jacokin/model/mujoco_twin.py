@@ -279,17 +279,29 @@ class _Fingers:
     """Where the links of a description are when the joints off the arm stand at another angle."""
 
     def __init__(self, source: mujoco.MjModel, robot: Robot, angle: float) -> None:
-        """Put every joint off the arm at the angle [rad] or where it is locked, clipped into its limits."""
+        """Put every joint off the arm where it is locked, else at the angle [rad], clipped into its limits.
+
+        MuJoCo 3 keeps limits of joints that a URDF calls continuous; the description's own hold for what is locked.
+        Joints that mimic another one follow it.
+        """
         self._source, self._robot = source, robot
         self._data = mujoco.MjData(source)
-        arm, allowed, locked = set(robot.joint_names), list[tuple[float, float]](), dict(robot.source.locked)
+        arm, allowed, held = set(robot.joint_names), list[tuple[float, float]](), dict(robot.source.locked)
+        following = {joint: rule for joint, *rule in robot.source.followers if joint not in held}
+        limits, places = dict[str, tuple[float, float]](), dict[str, int]()
         for joint in range(source.njnt):
             name = mjcf.joint_name(source, joint)
             if name in arm or source.jnt_type[joint] not in mjcf.SCALAR_JOINTS:
                 continue
             low, high = source.jnt_range[joint].tolist() if source.jnt_limited[joint] else (-np.inf, np.inf)
-            self._data.qpos[source.jnt_qposadr[joint]] = np.clip(locked.get(name, angle), low, high)
-            allowed.append((low, high))
+            limits[name], places[name] = (low, high), int(source.jnt_qposadr[joint])
+            self._data.qpos[places[name]] = held[name] if name in held else np.clip(angle, low, high)
+            if name not in following:
+                allowed.append((low, high))
+        for name, (leader, multiplier, offset) in following.items():
+            if name in places and leader in places:
+                at = multiplier * self._data.qpos[places[leader]] + offset
+                self._data.qpos[places[name]] = np.clip(at, *limits[name])
         if not any(low <= angle <= high for low, high in allowed):
             reason = f"the fingers move from {allowed[0][0]} to {allowed[0][1]} rad" if allowed else "it has no fingers"
             raise InvalidInputError(f"finger_angle = {angle} rad: {reason}")

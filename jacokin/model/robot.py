@@ -714,6 +714,7 @@ class Source:
         notes: sentences on what was left out of the file.
         decompose: whether meshes collide as convex parts instead of one hull each.
         locked: joints off the arm that were locked at positions of the user's [rad], or [m]; and what follows them.
+        followers: joints off the arm that mimic another one: joint, its leader, multiplier and offset [rad], or [m].
         velocity_limit: a user's own limits of velocity [rad/s]; empty for those of the file.
         home: a user's own home [rad]; empty for none.
         disabled: pairs of links whose contact with each other does not count, by an SRDF; None for no such file.
@@ -731,6 +732,7 @@ class Source:
     notes: tuple[str, ...] = ()
     decompose: bool = False
     locked: tuple[tuple[str, float], ...] = ()
+    followers: tuple[tuple[str, str, float, float], ...] = ()
     velocity_limit: tuple[float, ...] = ()
     home: tuple[float, ...] = ()
     disabled: DisabledPairs | None = None

@@ -1,7 +1,7 @@
 """Ways to grasp boxes, cylinders and spheres: where the tool is, about which axis it may turn, how wide the hand opens.
 
-The hand is a Jaco's, and the tool its `end_effector`: it lies between the pads of the fingers, which close along its x
-axis, and its z axis points away from the palm.
+The hand is a `Gripper`: a Jaco's if none is given, whose tool is its `end_effector`. The pads close along the x axis of
+their frame, and its z axis points away from the palm.
 """
 
 from __future__ import annotations
@@ -18,17 +18,18 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.model import checks, poses
 from jacokin.model.angles import TURN
+from jacokin.model.gripper import JACO, Gripper
 from jacokin.model.poses import FreeAxis
 
-#: Angles of the fingers [rad], and half the room between their pads then [m], of the shapes in the descriptions.
-ANGLES = np.array([0.15, 0.4, 0.6, 0.8, 1.0, 1.2, 1.35])
-HALF_ROOMS = np.array([0.060, 0.050, 0.041, 0.031, 0.021, 0.011, 0.003])
-SPARE = 0.019  # [m] between pads and object, on each side; the knuckles of the fingers are nearer
-DEPTH = 0.017  # [m] below the side of an object that the tool comes to, at most: farther back is the palm
 TILT = 0.15  # [rad] by which a hand that holds a box may turn about the axis along which the fingers close
 SPACING = 0.04  # [m] between grasps along an object
 DIRECTIONS = 24  # from which a sphere is grasped
-AROUND = 24  # directions from which a cylinder is grasped
+AROUND = 24  # directions from which a cylinder is grasped, and turns about an axis that is not one of the tool
+CENTRED = 0.002  # [m] from an axis of the tool to that of the pads: turning about either is the same
+AT_ONE_TURN = 0.01  # [rad] about the axis along which the fingers close, where no larger turn is meant
+CLEARED = 0.002  # [m] that the tips of the fingers stay short of the far side of an object
+
+X, Z = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,13 +40,16 @@ class Grasp:
         target: where the tool is: a pose that may turn about an axis.
         opening: of the fingers before they close: angle [rad], or [m] where they slide; None for as the robot was
             loaded.
+        gripper: the hand whose opening that is, and that comes along the z axis of its pads; None for one that comes
+            along the z axis of the tool, and is the wider open the smaller the opening.
     """
 
     target: FreeAxis
     opening: float | None = None
+    gripper: Gripper | None = None
 
 
-def box(size: ArrayLike, pose: pin.SE3 | ArrayLike) -> list[Grasp]:
+def box(size: ArrayLike, pose: pin.SE3 | ArrayLike, *, gripper: Gripper = JACO) -> list[Grasp]:
     """Grasps across each pair of sides of a box that the hand can span, from every side it can come from.
 
     The hand may tilt about the axis along which the fingers close.
@@ -53,97 +57,135 @@ def box(size: ArrayLike, pose: pin.SE3 | ArrayLike) -> list[Grasp]:
     Args:
         size: (3,) edge lengths [m].
         pose: T_base_box, or the position of its centre (3,) [m].
+        gripper: the hand, `Gripper.of(robot)`; a Jaco's if not given.
 
     Raises:
         InvalidInputError: malformed, or too large for the hand.
     """
+    hand = _checked(gripper)
     edges = checks.positive_vector("size", size, 3, "m")
     T_base_box = _placed(pose)
-    found = []
+    found = list[Grasp]()
     for across in range(3):
-        if edges[across] > 2.0 * (HALF_ROOMS[0] - SPARE):
+        if edges[across] > hand.span:
             continue
-        opening = opening_for(float(edges[across]))
+        opening = hand.opening_for(float(edges[across]))
         for along, sign, turned in itertools.product((k for k in range(3) if k != across), (-1.0, 1.0), (-1.0, 1.0)):
             out = sign * np.eye(3)[along]
-            tool = _tool(turned * np.eye(3)[across], -out)
+            pads = _pads(turned * np.eye(3)[across], -out)
             other = 3 - across - along
-            deep = 0.5 * edges[along] - min(0.5 * edges[along], DEPTH)
-            for shift in _places(float(edges[other])):
+            deep = _deep(hand, float(edges[along]))
+            for shift in _places(hand, float(edges[other])):
                 centre = deep * out + shift * np.eye(3)[other]
-                at = T_base_box * pin.SE3(tool, centre)
-                found.append(Grasp(FreeAxis(at, axis=[1.0, 0.0, 0.0], range=(-TILT, TILT)), opening))
+                found += _tilted(hand, T_base_box * pin.SE3(pads, centre), opening)
     if not found:
-        raise _too_large(f"the shortest edge, {edges.min():.3g} m,")
+        raise InvalidInputError(
+            f"the shortest edge, {edges.min():.3g} m, is more than the hand spans, {hand.span:.3g} m"
+        )
     return found
 
 
-def cylinder(radius: float, length: float, pose: pin.SE3 | ArrayLike) -> list[Grasp]:
+def cylinder(radius: float, length: float, pose: pin.SE3 | ArrayLike, *, gripper: Gripper = JACO) -> list[Grasp]:
     """Grasps around a cylinder from any side, and from both ends.
 
     Args:
         radius: [m].
         length: along its z axis [m].
         pose: T_base_cylinder, or the position of its centre (3,) [m].
+        gripper: the hand, `Gripper.of(robot)`; a Jaco's if not given.
 
     Raises:
         InvalidInputError: malformed, or too large for the hand.
     """
+    hand = _checked(gripper)
     width = 2.0 * checks.positive("radius", radius, "m")
     tall = checks.positive("length", length, "m")
     T_base_cylinder = _placed(pose)
-    opening = opening_for(width)
-    z, found = np.array([0.0, 0.0, 1.0]), []
+    opening, found = hand.opening_for(width), list[Grasp]()
     for sign in (1.0, -1.0):
-        deep = 0.5 * tall - min(0.5 * tall, DEPTH)
-        end = pin.SE3(_tool(np.array([1.0, 0.0, 0.0]), -sign * z), sign * deep * z)
-        found.append(Grasp(FreeAxis(T_base_cylinder * end, axis=[0.0, 0.0, 1.0]), opening))
-    for turn, sign, shift in itertools.product(np.arange(AROUND) * TURN / AROUND, (1.0, -1.0), _places(tall)):
+        end = pin.SE3(_pads(X, -sign * Z), sign * _deep(hand, tall) * Z)
+        found += _turned(hand, T_base_cylinder * end, opening)
+    for turn, sign, shift in itertools.product(np.arange(AROUND) * TURN / AROUND, (1.0, -1.0), _places(hand, tall)):
         out = np.array([np.cos(turn), np.sin(turn), 0.0])
-        side = _tool(sign * np.cross(z, out), -out)
-        at = T_base_cylinder * pin.SE3(side, shift * z + max(0.0, radius - DEPTH) * out)
-        found.append(Grasp(FreeAxis(at, axis=[1.0, 0.0, 0.0], range=(-TILT, TILT)), opening))
+        side = _pads(sign * np.cross(Z, out), -out)
+        at = T_base_cylinder * pin.SE3(side, shift * Z + _deep(hand, width) * out)
+        found += _tilted(hand, at, opening)
     return found
 
 
-def sphere(radius: float, position: ArrayLike) -> list[Grasp]:
+def sphere(radius: float, position: ArrayLike, *, gripper: Gripper = JACO) -> list[Grasp]:
     """Grasps of a sphere from directions spread evenly, each with any turn of the hand.
 
     Args:
         radius: [m].
         position: (3,) of its centre [m].
+        gripper: the hand, `Gripper.of(robot)`; a Jaco's if not given.
 
     Raises:
         InvalidInputError: malformed, or too large for the hand.
     """
-    opening = opening_for(2.0 * checks.positive("radius", radius, "m"))
+    hand = _checked(gripper)
+    width = 2.0 * checks.positive("radius", radius, "m")
+    opening = hand.opening_for(width)
     centre = checks.vector("position", position, 3, "m")
-    found = []
+    found = list[Grasp]()
     for k in range(DIRECTIONS):  # a spiral from pole to pole
         height = 1.0 - (2.0 * k + 1.0) / DIRECTIONS
         turn = np.pi * (1.0 + np.sqrt(5.0)) * k
         flat = np.sqrt(1.0 - height * height)
         out = np.array([flat * np.cos(turn), flat * np.sin(turn), height])
         across = np.array([-np.sin(turn), np.cos(turn), 0.0])
-        at = pin.SE3(_tool(across, -out), centre + max(0.0, radius - DEPTH) * out)
-        found.append(Grasp(FreeAxis(at, axis=[0.0, 0.0, 1.0]), opening))
+        at = pin.SE3(_pads(across, -out), centre + _deep(hand, width) * out)
+        found += _turned(hand, at, opening)
     return found
 
 
-def opening_for(width: float) -> float:
-    """The angle of the fingers [rad] at which something so wide [m] has room between them.
+def _checked(gripper: Gripper) -> Gripper:
+    return checks.instance("gripper", gripper, Gripper, "a Gripper, for example Gripper.of(robot)")
 
-    Raises:
-        InvalidInputError: wider than the hand opens.
+
+def _deep(hand: Gripper, length: float) -> float:
+    """How far from the middle of an object the pads are [m], for a hand that comes along an extent of it [m].
+
+    As deep as the palm allows, but no deeper than the middle, nor so deep that the tips reach out on the far side.
     """
-    half = 0.5 * width + SPARE
-    if half > HALF_ROOMS[0]:
-        raise _too_large(f"{width:.3g} m")
-    return float(np.interp(-half, -HALF_ROOMS, ANGLES))
+    least = max(0.0, 0.5 * length - hand.depth)
+    return max(least, min(hand.ahead + CLEARED - 0.5 * length, 0.5 * length)) if hand.ahead else least
 
 
-def _too_large(what: str) -> InvalidInputError:
-    return InvalidInputError(f"{what} is more than the hand spans, {2.0 * (HALF_ROOMS[0] - SPARE):.3g} m")
+def _tilted(hand: Gripper, at: pin.SE3, opening: float) -> Iterator[Grasp]:
+    """Grasps with the pads at a pose T_base_pads, that may turn a little about the axis along which they close."""
+    T_tool_pads = hand.pads_at(opening)
+    if _off_axis(T_tool_pads, X) <= CENTRED:
+        yield _grasp(hand, at, T_tool_pads, opening, X, TILT)
+        return
+    for tilt in (0.0, TILT, -TILT):
+        yield _grasp(hand, _about(at, X, tilt), T_tool_pads, opening, X, AT_ONE_TURN)
+
+
+def _turned(hand: Gripper, at: pin.SE3, opening: float) -> Iterator[Grasp]:
+    """Grasps with the pads at a pose T_base_pads, or turned about the axis that points away from the palm."""
+    T_tool_pads = hand.pads_at(opening)
+    if _off_axis(T_tool_pads, Z) <= CENTRED:
+        yield _grasp(hand, at, T_tool_pads, opening, Z, 0.5 * TURN)
+        return
+    for turn in np.arange(AROUND) * TURN / AROUND:
+        yield _grasp(hand, _about(at, Z, float(turn)), T_tool_pads, opening, X, AT_ONE_TURN)
+
+
+def _off_axis(T_tool_pads: pin.SE3, axis: Array) -> float:
+    """Distance of the tool from an axis of the pads [m], about which targets turn the tool."""
+    return float(np.linalg.norm(np.cross(T_tool_pads.rotation @ axis, T_tool_pads.translation)))
+
+
+def _about(pose: pin.SE3, axis: Array, angle: float) -> pin.SE3:
+    return pose * pin.SE3(pin.exp3(angle * axis), np.zeros(3))
+
+
+def _grasp(hand: Gripper, at: pin.SE3, T_tool_pads: pin.SE3, opening: float, axis: Array, turn: float) -> Grasp:
+    """A grasp with the pads at a pose T_base_pads, or turned to both sides about an axis of theirs [rad]."""
+    target = FreeAxis(at * T_tool_pads.inverse(), axis=T_tool_pads.rotation @ axis, range=(-turn, turn))
+    return Grasp(target, opening, hand)
 
 
 def _placed(pose: pin.SE3 | ArrayLike) -> pin.SE3:
@@ -152,13 +194,13 @@ def _placed(pose: pin.SE3 | ArrayLike) -> pin.SE3:
     return poses.checked_pose(pose, "pose")
 
 
-def _tool(across: Array, ahead: Array) -> Array:
-    """Rotation of a tool whose fingers close along one direction, and that points in another."""
+def _pads(across: Array, ahead: Array) -> Array:
+    """Rotation of pads that close along one direction, of a hand that points in another."""
     return np.column_stack([across, np.cross(ahead, across), ahead])
 
 
-def _places(length: float) -> Iterator[float]:
+def _places(hand: Gripper, length: float) -> Iterator[float]:
     """Where along an edge the hand may take it, from its middle [m]."""
-    room = max(0.0, 0.5 * length - DEPTH)
+    room = max(0.0, 0.5 * length - hand.depth)
     count = int(room / SPACING)
     return (SPACING * k for k in sorted(range(-count, count + 1), key=abs))

@@ -15,6 +15,8 @@ from numpy.typing import ArrayLike
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, JacokinError, needed
 from jacokin.model import checks
+from jacokin.model.gripper import opening_range
+from jacokin.model.robot import Robot, checked_robot
 from jacokin.teleop.streams import Stream
 
 KEY_HOLD = 0.15  # [s] a key counts as pressed after it was heard: terminals repeat keys, and do not say when it ends
@@ -37,6 +39,7 @@ KEYS = {  # key -> axis of the twist and its sign
     "u": (5, 1.0),
     "o": (5, -1.0),
 }
+CLOSING = 1.5  # [s] that a measured gripper takes from open to shut, as a Jaco's hand does
 FINGER_KEYS = {"g": 1.0, "h": -1.0}  # close and open
 CLUTCH_KEY = "space"
 BEGIN, END, KEEP, DISCARD = "begin", "end", "keep", "discard"  # of an episode, what a hand may ask for
@@ -246,17 +249,20 @@ class Fingers:
     """An opening of the hand that keys or buttons change, at a speed and within limits.
 
     Attributes:
-        angle: of the fingers [rad], open at the lower limit.
+        angle: of the fingers [rad], or [m] where they slide.
     """
 
-    def __init__(self, angle: float, *, lower: float, upper: float, speed: float = 0.8) -> None:
+    def __init__(
+        self, angle: float, *, lower: float, upper: float, speed: float = 0.8, open_at_upper: bool = False
+    ) -> None:
         """Start at an angle.
 
         Args:
             angle: [rad].
-            lower: least angle, where the hand is open [rad].
+            lower: least angle [rad].
             upper: largest angle [rad].
             speed: [rad/s] of fingers that close with all force.
+            open_at_upper: whether the hand is open at the upper limit; else it is at the lower one.
 
         Raises:
             InvalidInputError: malformed numbers, or the lower limit above the upper.
@@ -264,8 +270,21 @@ class Fingers:
         self._lower, self._upper = checks.number("lower", lower, "rad"), checks.number("upper", upper, "rad")
         if not self._lower <= self._upper:
             raise InvalidInputError(f"lower {lower} must not be above upper {upper}")
-        self._speed = checks.positive("speed", speed, "rad/s")
+        closing = checks.positive("speed", speed, "rad/s")
+        self._speed = -closing if checks.flag("open_at_upper", open_at_upper) else closing
         self.angle = min(max(checks.number("angle", angle, "rad"), self._lower), self._upper)
+
+    @classmethod
+    def of(cls, robot: Robot) -> Fingers:
+        """The gripper of an arm, as open as the arm was loaded, else open; it closes in a second and a half.
+
+        Raises:
+            ModelError: the arm has no gripper, or one that cannot be measured; see `jacokin.model.Gripper`.
+        """
+        opened, shut = opening_range(checked_robot("robot", robot))
+        at = opened if robot.finger_angle is None else robot.finger_angle
+        lower, upper = sorted((opened, shut))
+        return cls(at, lower=lower, upper=upper, speed=(upper - lower) / CLOSING, open_at_upper=opened > shut)
 
     def move(self, closing: float, dt: float) -> float:
         """The angle [rad] after closing for `dt` [s], at a part of the speed from -1 to 1."""

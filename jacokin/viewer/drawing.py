@@ -17,7 +17,7 @@ from jacokin.model import poses
 from jacokin.model.descriptions import mjcf
 from jacokin.model.descriptions.meshes import Mesh, find_mesh, read_mesh_file
 from jacokin.model.descriptions.shapes import mesh_scale
-from jacokin.model.mujoco_twin import to_mujoco
+from jacokin.model.mujoco_twin import compile_spec, to_spec
 from jacokin.model.robot import Robot
 from jacokin.model.scene import Scene
 
@@ -74,10 +74,15 @@ class ArmPart:
         return merge([piece.mesh for piece in self.pieces])
 
 
-def load_parts(robot: Robot) -> tuple[tuple[ArmPart, ...], str]:
-    """The base and the part each joint moves, base to tip; and why it is sticks from joint to joint, or ""."""
+def load_parts(robot: Robot, finger_angle: float | None = None) -> tuple[tuple[ArmPart, ...], str]:
+    """The base and the part each joint moves, base to tip; and why it is sticks from joint to joint, or "".
+
+    Args:
+        robot: the arm.
+        finger_angle: where its fingers stand [rad], or [m] where they slide; None for as it was loaded.
+    """
     try:
-        model = to_mujoco(robot, geometry=True)
+        model = compile_spec(to_spec(robot, geometry=True, finger_angle=finger_angle), robot)
     except ModelError as error:
         return build_sticks(robot), str(error)
     first = model.body(1).id  # bodies are the world, the base, and one for each joint, in the order of the joints

@@ -14,11 +14,10 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
-from jacokin.errors import JacokinError
+from jacokin.errors import JacokinError, ModelError
 from jacokin.ik.solver import IKSolver
 from jacokin.model import checks, poses
-from jacokin.model.descriptions.bundled import finger
-from jacokin.model.loading import load_robot
+from jacokin.model.gripper import opening_range
 from jacokin.model.scene import Scene
 from jacokin.motion.free_motion.plan_motion import plan_motion
 from jacokin.motion.tracking.steps import TrackerStep
@@ -42,7 +41,7 @@ AIMED = {"target", "shown", "typed", "axis", "range", "prefer"}  # what changes 
 BUILT = {"add", "clicked", "pick", "shape", "moved", "remove"}  # what changes the obstacles
 PERIOD = 0.02  # [s] from one picture to the next of what moves by itself
 TICK = 0.01  # [s] of the tracker: 100 Hz, as the real arm takes joint angles
-FINGER_STEP = 0.1  # [rad] from one drawn opening of the hand to the next
+OPENINGS = 12  # of the hand that are drawn, beside the first
 LONGEST_LAG = 0.1  # [s] of ticks that are caught up with; after a longer pause the tracker goes on from where it is
 
 SEARCH = 1.0  # [s] for a way around what is between start and goal
@@ -72,6 +71,7 @@ class Viewer:
         self._hand: HandControls | None = None
         self._hands: dict[int, tuple[ArmPart, ...]] = {}
         self._opening: int | None = None
+        self._fingers: tuple[float, float] | None = None  # between which they are drawn; not known yet
         self._motion: Trajectory | None = None
         self._start = start.q  # of the next motion
         self._goal = self._asked = start.target
@@ -139,7 +139,8 @@ class Viewer:
 
         Args:
             step: of a `Teleop` with this robot and frame.
-            finger_angle: of the fingers, drawn in steps of 0.1 rad for a bundled robot [rad]; None for as they are.
+            finger_angle: of the fingers, drawn at a dozen openings of a gripper that is
+                known or can be measured [rad], or [m] where they slide; None for as they are.
 
         Raises:
             InvalidInputError: not a step.
@@ -399,16 +400,24 @@ class Viewer:
             self._hand.show(step)
 
     def _open_hand(self, angle: float) -> None:
-        """Draw the fingers at about an angle [rad]; those of a file of one's own, or measured, stay."""
-        source, opening = self._inspector.robot.source, round(angle / FINGER_STEP)
-        fingers = None if source.bundled is None else finger(source.bundled)
-        if source.bundled is None or fingers is None or source.calibration is not None:
+        """Draw the fingers at about an angle [rad], or [m] where they slide; a gripper that is not known stays."""
+        if self._panel.visuals:
             return
-        if opening == self._opening or self._panel.visuals:
+        robot = self._inspector.robot
+        if self._fingers is None:
+            try:
+                self._fingers = opening_range(robot)
+            except ModelError:
+                self._fingers = (0.0, 0.0)
+        low, high = sorted(self._fingers)
+        if low == high:
+            return
+        opening = round((angle - low) / (high - low) * OPENINGS)
+        if opening == self._opening:
             return
         if opening not in self._hands:
-            drawn = min(max(opening * FINGER_STEP, fingers["lower"]), fingers["upper"])
-            self._hands[opening], _ = load_parts(load_robot(source.bundled, finger_angle=drawn))
+            drawn = min(max(low + opening / OPENINGS * (high - low), low), high)
+            self._hands[opening], _ = load_parts(robot, drawn)
         self._opening = opening
         self._stage.arm.dress(self._hands[opening])
 

@@ -10,6 +10,7 @@ import pytest
 import jacokin
 from jacokin.model import SelfContact
 from jacokin.model.descriptions import bundled
+from tests import gripper_arms
 from tests.cli.run import Run
 from tests.model.measured_arms import drawn_arm
 from tests.robot_files import skeleton, ur5_text
@@ -130,3 +131,12 @@ def test_pairs_that_an_srdf_disables_are_not_among_those_that_may_touch(run: Run
     srdf.write_text(f"<robot name='arm'>{pair.format('l3')}{pair.format('l4')}</robot>")
     found = [run("info", str(path), "--json", *words).document["shapes"] for words in ((), ("--srdf", str(srdf)))]
     assert found[0]["pairs"] - found[1]["pairs"] == 2
+
+
+def test_info_says_how_wide_the_gripper_opens(run: Run, tmp_path: Path) -> None:
+    gripper_arms.load("panda", tmp_path)
+    path = str(tmp_path / "panda.urdf")
+    assert "opens by 80 mm from 0 to 0.04, for 68 mm" in " ".join(run("info", path).out.split())
+    found = run("info", path, "--json").document["gripper"]
+    assert found == pytest.approx({"open": 0.04, "shut": 0.0, "width": 0.08, "span": 0.068})
+    assert run("info", "gen3_6dof", "--json").document["gripper"] is None

@@ -18,6 +18,7 @@ import pytest
 
 import jacokin
 from jacokin.cli.main import main
+from tests.gripper_arms import so101_text
 from tests.rendering import backends
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -54,6 +55,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A scratch folder that looks like the repository to what reads it."""
     for name in ("examples", "urdf"):
         (tmp_path / name).symlink_to(ROOT / name)
+    (tmp_path / "so101_new_calib.urdf").write_text(so101_text())  # stands in for the maker's file
     monkeypatch.chdir(tmp_path)
     return tmp_path
 

@@ -11,10 +11,10 @@ import jacokin
 from jacokin import Robot
 from jacokin.errors import InvalidInputError
 from jacokin.ik import Box, Cylinder, Obstacle, Scene, Sphere
+from jacokin.model.gripper import JACO
 from jacokin.model.mujoco_twin import to_spec
 from jacokin.model.obstacles import place, pose_of
 from jacokin.motion import Grasp, grasps
-from jacokin.motion.grasps import ANGLES, HALF_ROOMS
 
 PLACE = jacokin.pose([0.4, -0.2, 0.3], rpy=[0.1, 0.2, 0.3])
 PADS = 0.024  # [m] from the middle of the tool, no pad is farther along it
@@ -22,7 +22,7 @@ PADS = 0.024  # [m] from the middle of the tool, no pad is farther along it
 
 def test_the_room_between_the_pads_is_that_of_the_shapes(robot: Robot) -> None:
     """Half the distance between the thumb's pad and the others, by MuJoCo, at each angle of the table."""
-    for angle, half in zip(ANGLES, HALF_ROOMS, strict=True):
+    for angle, half in zip(JACO.openings, 0.5 * JACO.widths, strict=True):
         model = to_spec(robot, geometry=True, finger_angle=float(angle)).compile()
         data = mujoco.MjData(model)
         mujoco.mj_kinematics(model, data)
@@ -54,7 +54,7 @@ def test_the_object_is_between_the_pads(robot: Robot, found: list[Grasp], shape:
             assert float(robot.clearance(q, moved)) > 0.0
             inside = Scene([_moved(shape, T_base_hand * T_base_tool.inverse())])
             assert float(robot.clearance(q, inside.with_fingers(1.35))) < 0.0  # closed fingers are in it
-    assert grasps.opening_for(width) == pytest.approx(found[0].opening)
+    assert JACO.opening_for(width) == pytest.approx(found[0].opening)
 
 
 def _moved(shape: Obstacle, move: pin.SE3) -> Obstacle:

@@ -10,11 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+import jacokin
 from jacokin import Robot, Tracker
-from jacokin.errors import InvalidInputError, JacokinError, MissingExtraError, UnknownNameError
+from jacokin.errors import InvalidInputError, JacokinError, MissingExtraError, ModelError, UnknownNameError
 from jacokin.teleop import Controller, Fingers, Keyboard, Player, SpaceMouse, Stream, Teleop, lead, make_stream
 from jacokin.teleop.devices import twist_of_space_mouse
 from jacokin.teleop.streams import KINDS
+from tests import gripper_arms
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -169,7 +171,7 @@ def test_wrong_fingers_are_refused() -> None:
         (0.0, {"lower": 0.0, "upper": 1.0, "speed": 0.0}, "speed must be"),
     ):
         with pytest.raises(InvalidInputError, match=match):
-            Fingers(angle, **options)
+            Fingers(angle, **options)  # type: ignore[arg-type]
 
 
 def test_a_space_mouse_is_a_twist() -> None:
@@ -427,3 +429,23 @@ def test_wrong_streams_are_refused(robot: Robot, arguments: Any, error: type[Exc
         make_stream(robot, *arguments)
     with pytest.raises(InvalidInputError, match="rate must be"):
         make_stream(robot, "smooth", np.random.default_rng(), rate=0.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "opened", "shut"), [("panda", 0.04, 0.0), ("mimicking", 0.0, 0.78), ("so101", 1.05, -0.03)]
+)
+def test_the_fingers_of_other_arms(name: str, opened: float, shut: float, tmp_path: Path) -> None:
+    """They are open at first, close towards the value at which the gripper is shut, and stop there."""
+    hand = Fingers.of(gripper_arms.load(name, tmp_path))
+    assert hand.angle == pytest.approx(opened, abs=0.1)
+    for _ in range(200):
+        hand.move(1.0, 0.01)
+    assert hand.angle == pytest.approx(shut, abs=0.05)
+    before = hand.angle
+    hand.move(-0.5, 0.1)
+    assert 0.0 < (hand.angle - before) / (opened - shut) < 0.1
+
+
+def test_an_arm_without_fingers_has_none_to_move() -> None:
+    with pytest.raises(ModelError, match="gen3_6dof has no gripper"):
+        Fingers.of(jacokin.load_robot("gen3_6dof"))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
+from pathlib import Path
 from urllib.parse import urlsplit
 
 import numpy as np
@@ -16,6 +17,7 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.teleop import Controller, Teleop
 from jacokin.viewer import Viewer, serve
+from tests import gripper_arms
 from tests.viewer.page import Page, opened, until
 
 Led = tuple[Viewer, Controller]
@@ -60,11 +62,9 @@ def test_who_has_no_token_leads_nothing(led: Led) -> None:
     assert controller.read(0.0) is None
 
 
-def drawn_hand(page: Page) -> Array:
+def drawn_hand(page: Page, link: str = "/arm/6/") -> Array:
     """The vertices of all pieces of the hand [m], one after the other."""
-    pieces = [
-        node.props["vertices"] for name, node in sorted(dict(page.screen.nodes).items()) if name.startswith("/arm/6/")
-    ]
+    pieces = [node.props["vertices"] for name, node in sorted(dict(page.screen.nodes).items()) if name.startswith(link)]
     return np.concatenate([np.empty(0), *(np.asarray(piece).reshape(-1) for piece in pieces)])
 
 
@@ -91,18 +91,19 @@ def test_the_arm_is_shown_where_the_hand_brings_it_with_its_fingers(robot: Robot
         assert until(lambda: any("Holding" in str(text.props) for text in page.screen.controls.values()))
 
 
-@pytest.mark.parametrize(("name", "angle"), [("gen3_6dof", 0.0), ("gen3_lite", 0.05)])
-def test_fingers_of_other_arms_are_drawn_where_they_have_some(name: str, angle: float) -> None:
-    robot = jacokin.load_robot(name)
+@pytest.mark.parametrize(("name", "angle"), [("gen3_6dof", 0.0), ("gen3_lite", 0.05), ("so101", 0.8)])
+def test_fingers_of_other_arms_are_drawn_where_they_have_some(name: str, angle: float, tmp_path: Path) -> None:
+    robot = gripper_arms.load(name, tmp_path) if name in gripper_arms.TEXTS else jacokin.load_robot(name)
+    hand_of = "/arm/5/" if robot.dof == 5 else "/arm/6/"
     with serve(robot, port=0) as viewer:
         teleop = Teleop(Tracker(robot))
         with opened(viewer) as page:
-            assert until(lambda: len(drawn_hand(page)) > 0)
-            hand = drawn_hand(page)
+            assert until(lambda: len(drawn_hand(page, hand_of)) > 0)
+            hand = drawn_hand(page, hand_of)
             viewer.follow(teleop.step(), finger_angle=angle)
-            moves = name == "gen3_lite"
+            moves = name != "gen3_6dof"
             assert until(lambda: "HOLDING" in viewer.view.note)
-            assert until(lambda: np.array_equal(drawn_hand(page), hand) != moves)
+            assert until(lambda: np.array_equal(drawn_hand(page, hand_of), hand) != moves)
 
 
 def test_the_buttons_work_the_clutch_and_end(robot: Robot) -> None:

@@ -153,7 +153,7 @@ def _by_motion(model: pin.Model, chain: Sequence[int]) -> str | None:
     if _slides(model, at):
         turning = sum(not _slides(model, joint) for joint in before)
         return f"slides only {1e3 * travel:.0f} mm" if travel <= SHORT and turning >= SLIDES_AFTER and light else None
-    low, high = _limits(model, at)
+    low, high = limits_of(model, at)
     near, far = sorted((abs(low), abs(high)))
     one_sided = low <= near and high >= -near and far >= ONE_SIDED * near
     usual = float(np.median([_travel(model, joint) for joint in before]))
@@ -185,8 +185,8 @@ def _slides(model: pin.Model, joint: int) -> bool:
     return "JointModelP" in model.joints[joint].shortname()
 
 
-def _limits(model: pin.Model, joint: int) -> tuple[float, float]:
-    """Lower and upper limit of a joint; infinite where it has none."""
+def limits_of(model: pin.Model, joint: int) -> tuple[float, float]:
+    """Lower and upper limit of a joint; infinite where it has none, as a continuous one."""
     kind = model.joints[joint]
     if kind.nq != 1:
         return -np.inf, np.inf
@@ -194,7 +194,7 @@ def _limits(model: pin.Model, joint: int) -> tuple[float, float]:
 
 
 def _travel(model: pin.Model, joint: int) -> float:
-    low, high = _limits(model, joint)
+    low, high = limits_of(model, joint)
     return high - low
 
 

@@ -19,11 +19,12 @@ from jacokin.ik.seeds import DEFAULT_RANDOM_SEED, checked_start
 from jacokin.ik.solver import IKSolver
 from jacokin.model import checks
 from jacokin.model.descriptions.bundled import JACOS
+from jacokin.model.gripper import JACO, Gripper
 from jacokin.model.obstacles import pose_of
 from jacokin.model.robot import Robot, acceleration_limits, velocity_limits
 from jacokin.model.scene import Scene
 from jacokin.motion.free_motion.plan_motion import GoalFinder, plan_motion
-from jacokin.motion.grasps import ANGLES, Grasp
+from jacokin.motion.grasps import Grasp
 from jacokin.motion.joint_motion import ACCELERATION
 from jacokin.motion.planning.plan import plan_path
 from jacokin.motion.rows import joined
@@ -47,7 +48,7 @@ class Pick(Frozen):
     motion: Trajectory
     """From the start to before the object, in joints."""
     approach: Trajectory | None
-    """Straight along the tool's z axis to the grasp, from rest to rest; None where there is no way."""
+    """Straight along the z axis of the pads to the grasp, from rest to rest; None where there is no way."""
     reach: Trajectory | None
     """`motion` and `approach` in one, to be saved in one file; None where there is no way."""
     lift: Trajectory | None
@@ -148,7 +149,9 @@ def plan_pick(
     velocity = velocity_limits(robot, velocity_limit)
     acceleration = acceleration_limits(robot, acceleration_limit)
     openings = [way.opening for way in ways if way.opening is not None]
-    opening = min(openings, default=None)
+    hands = [way.gripper for way in ways if way.gripper is not None]
+    opening = None if not openings else hands[0].widest(openings) if hands else min(openings)
+    _check_hand(solver, hands)
     around = solver.verifier.options.scene or Scene()
     shapes = {each.name: each for each in around.obstacles}
     shape = None if obstacle is None else shapes[checks.choice("obstacle", obstacle, shapes)]
@@ -168,7 +171,7 @@ def plan_pick(
     )
     fingers = None
     if opening is not None and robot.source.bundled in JACOS:
-        share = (opening - ANGLES[0]) / (ANGLES[-1] - ANGLES[0])
+        share = (opening - JACO.openings[-1]) / (JACO.openings[0] - JACO.openings[-1])
         fingers = CLOSED * float(np.clip(share, 0.0, 1.0))
 
     def remaining() -> float:
@@ -226,14 +229,32 @@ def _opened(solver: IKSolver, around: Scene, opening: float | None) -> IKSolver:
     try:
         return solver.in_scene(around.with_fingers(opening))
     except InvalidInputError as error:
-        if solver.robot.source.bundled in JACOS:
-            raise
         raise InvalidInputError(
-            f"the fingers of {solver.robot.name} cannot stand at the opening {opening:.4g} of the grasps ({error}): "
-            "grasps.box, cylinder and sphere are for the Jacos' hands; give jacokin.motion.Grasp(target, opening) "
-            "with an opening in the unit of this hand's joints, [m] where they slide, or opening=None for fingers that "
-            "stay as they are"
+            f"the fingers of {solver.robot.name} cannot stand at the opening {opening:.4g} of the grasps: {error}; "
+            "openings are in the unit of the joints of the hand, [m] where they slide, and None leaves them as they are"
         ) from error
+
+
+def _check_hand(solver: IKSolver, hands: Sequence[Gripper]) -> None:
+    """Refuse grasps of another hand than the solver's robot has, or of another tool.
+
+    Raises:
+        InvalidInputError: they are.
+    """
+    robot = solver.robot
+    if any(hand is JACO for hand in hands) and robot.source.bundled not in JACOS:
+        raise InvalidInputError(
+            f"these grasps are for the hand of a Jaco, not for that of {robot.name}: give "
+            "gripper=jacokin.model.Gripper.of(robot) to grasps.box, cylinder and sphere"
+        )
+    for hand in hands:
+        if hand is not hands[0]:
+            raise InvalidInputError("grasps are of several grippers; a pick is made with one")
+        if hand.frame != solver.frame and hand is not JACO:
+            raise InvalidInputError(
+                f"these grasps pose the frame {hand.frame!r}, but the solver poses {solver.frame!r}: "
+                f"Gripper.of(robot, {solver.frame!r}) measures the gripper there"
+            )
 
 
 def _hand_links(robot: Robot, frame: str, hand: str | None) -> list[str]:
@@ -281,7 +302,7 @@ class _Approaches:
     ) -> None:
         """Take a solver that lets the hand touch the object, one that does not, where the arm is, and the time."""
         self._near, self._free, self._start, self._rng = near, free, start, rng
-        self._back = pin.SE3(np.eye(3), np.array([0.0, 0.0, -back]))
+        self._back = back
         self._until = begun + FINDING * (deadline - begun)
         self._finder = GoalFinder(near, start, rng, begun, self._until)
         self.reason = EACH
@@ -290,7 +311,7 @@ class _Approaches:
         """Lines to some of the grasps, those that begin near to where the arm is first."""
         ends = [(q, grasp, at) for grasp in self._spread(grasps) for q, at in self._ends(grasp)]
         far = [float(np.abs(q - self._start).max()) for q, _, _ in ends]
-        found = list[_Approach]()
+        found, clear_ends = list[_Approach](), 0
         for k in np.argsort(far, kind="stable").tolist():
             if time.monotonic() >= self._until:
                 self.reason = f"{EACH}, as far as there was time to look"
@@ -298,15 +319,21 @@ class _Approaches:
             q, grasp, at = ends[k]
             if self._near.verifier.touching(q):
                 continue
-            before = at * self._back
+            ahead = UP if grasp.gripper is None else grasp.gripper.pads.rotation[:, 2]
+            before = at * pin.SE3(np.eye(3), -self._back * ahead)
             finder = GoalFinder(self._free, q, self._rng)
             rows = [goal.q for goal in finder.find(0, before, finder.check(0, before))]
             begins = min(rows, key=lambda row: float(np.abs(row - q).max()), default=None)
             if begins is None or np.abs(begins - q).max() > LONGEST or self._free.verifier.touching(begins):
+                clear_ends += 1
                 continue
             found.append(_Approach(grasp, before, at, begins))
             if len(found) == AHEAD:
                 break
+        if clear_ends and not found and self.reason == EACH:
+            self.reason = (
+                f"grasps are within reach, but no clear line of {self._back:.3g} m to one: try a smaller distance"
+            )
         return found
 
     def _spread(self, grasps: Sequence[Grasp]) -> Iterator[Grasp]:
