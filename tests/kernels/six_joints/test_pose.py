@@ -82,7 +82,7 @@ def test_no_branch_of_brute_force_is_missing(name: str, rng: np.random.Generator
 def test_no_branch_of_brute_force_is_missing_from_any_arm(name: str, sigma: float, rng: np.random.Generator) -> None:
     chain = perturbed(chain_of_arm(name) if name in ARMS else jaco(name), sigma)
     form = form_of(chain)
-    for number, q in enumerate(rng.uniform(-np.pi, np.pi, (8, 6))):
+    for number, q in enumerate(rng.uniform(-np.pi, np.pi, (3, 6))):
         T = pose_at(chain, q)
         assert lost(chain, form.solve_all(T, HOME).q, T, seed=number) == []
 
@@ -151,13 +151,13 @@ def test_complete_is_said_of_nearly_all_poses(rng: np.random.Generator) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["crx", "ur5", "puma", "gen3 lite", "xarm6", "industrial"])
 def test_complete_is_never_wrong_at_round_angles(name: str, rng: np.random.Generator) -> None:
-    assert check_honest(chain_of_arm(name), round_angles(rng, 100), 200) > 50
+    assert check_honest(chain_of_arm(name), round_angles(rng, 40), 200) > 20
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("sigma", [1e-9, 1e-7, 1e-5, 5e-3])
 def test_complete_is_never_wrong_on_a_jaco_that_is_not_quite_one(sigma: float, rng: np.random.Generator) -> None:
-    assert check_honest(perturbed(jaco("j2n6s300"), sigma), round_angles(rng, 75), 200) > 35
+    assert check_honest(perturbed(jaco("j2n6s300"), sigma), round_angles(rng, 40), 200) > 18
 
 
 @pytest.mark.parametrize("name", ["xarm6", "offset wrist", "generic"])

@@ -89,7 +89,7 @@ def test_a_mesh_in_millimetres_is_refused_with_the_scale_it_needs(tmp_path: Path
     shape.vertices *= 1000.0
     shape.export(file)
     with pytest.raises(InvalidInputError, match=r"mesh is \d+ m long, .* millimetres needs scale=0\.001"):
-        Mesh(file, decomposed=False)
+        Mesh(file)
     mug = Mesh(file, scale=0.001, decomposed=False)
     np.testing.assert_allclose(np.ptp(mug.shape.vertices, axis=0), make_mug().extents, atol=1e-6)
 
