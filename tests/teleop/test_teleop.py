@@ -613,9 +613,9 @@ def play(robot: Robot, stream: Stream, smoothing: str | None = "auto") -> tuple[
     return step, last
 
 
-@pytest.mark.parametrize("kind", ["jerky", "shoulder"])  # all, and of more arms, below
-def test_streams_end_on_target(robot: Robot, kind: str) -> None:
-    _, last = play(robot, make_stream(robot, kind, np.random.default_rng(7), rate=60.0))
+def test_a_stream_ends_on_target(robot: Robot) -> None:
+    """All kinds, and more arms, are below."""
+    _, last = play(robot, make_stream(robot, "jerky", np.random.default_rng(7), rate=60.0))
     assert last.status is TeleopStatus.FOLLOWING
     assert last.tracking.position_error < 1e-3
 
@@ -636,7 +636,7 @@ def test_an_arm_that_leans_against_itself_recovers(bundled: Any, name: str, kind
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["j2n6s300", "j2s7s300"])
-@pytest.mark.parametrize(("kind", "rate"), zip(KINDS, itertools.cycle((20.0, 90.0, 200.0)), strict=False))
+@pytest.mark.parametrize(("kind", "rate"), [*zip(KINDS, itertools.cycle((20.0, 90.0, 200.0)), strict=False)])
 def test_more_streams_end_on_target(bundled: Any, name: str, kind: str, rate: float) -> None:
     _, last = play(bundled(name), make_stream(bundled(name), kind, np.random.default_rng(1), rate=rate))
     assert last.status is TeleopStatus.FOLLOWING

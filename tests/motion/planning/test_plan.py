@@ -60,7 +60,7 @@ def test_a_path_with_corners_is_planned_tick_by_tick(robot: Robot) -> None:
     np.testing.assert_allclose(rotations, np.broadcast_to(DOWN, rotations.shape), atol=1e-8)
 
 
-@pytest.mark.parametrize(("lines", "least", "more"), [(8, 1, 0), pytest.param(14, 3, 1, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("lines", "least", "more"), [(5, 1, 0), pytest.param(14, 3, 1, marks=pytest.mark.slow)])
 def test_what_the_tracker_follows_is_planned_and_more(robot: Robot, lines: int, least: int, more: int) -> None:
     rng = np.random.default_rng(3)
     solver = IKSolver(robot)

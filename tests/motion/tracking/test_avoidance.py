@@ -53,7 +53,7 @@ def obstacle(kind: int, centre: NDArray[np.float64], rng: np.random.Generator) -
     return Capsule("rod", 0.03, 0.2, pose)
 
 
-@pytest.mark.parametrize("count", [6, pytest.param(60, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [6, pytest.param(30, marks=pytest.mark.slow)])
 def test_passes_at_full_speed_keep_the_distance(robot: Robot, rng: np.random.Generator, count: int) -> None:
     start = robot.forward_kinematics(robot.home).translation
     passes, closest, at_speed, near = 0, np.inf, 0, 0

@@ -54,14 +54,13 @@ def find(bundled: Find, tmp_path_factory: pytest.TempPathFactory) -> Find:
 
 def cases(*quick: str, without: str = "") -> list[Any]:
     """Names of robots, those that are not quick marked as slow."""
-    others = [name for name in ARMS if name not in (*quick, without)]
-    return [*quick, *(pytest.param(name, marks=pytest.mark.slow) for name in dict.fromkeys(others))]
+    others = dict.fromkeys(name for name in ARMS if name not in (*quick, without))
+    return [*map(pytest.param, quick), *(pytest.param(name, marks=pytest.mark.slow) for name in others)]
 
 
-def combined(*names: Any, first: Sequence[Any], others: Sequence[Any]) -> list[Any]:
-    """Each robot of some with each of the first values, and one robot of each kind with each of the others, slowly."""
-    rows = [(name if hasattr(name, "values") else pytest.param(name), value) for value in first for name in names]
-    found = [pytest.param(*name.values, value, marks=name.marks) for name, value in rows]
+def combined(robots: list[Any], first: Any, others: Sequence[Any]) -> list[Any]:
+    """Robots, each with the first value, and one robot of each kind with each of the others, all slow."""
+    found = [pytest.param(*robot.values, first, marks=robot.marks) for robot in robots]
     return found + [pytest.param(name, value, marks=pytest.mark.slow) for value in others for name in QUICK]
 
 
@@ -119,7 +118,7 @@ def test_joints_turn_round_no_more_often_than_the_target(
 
 
 @pytest.mark.parametrize("kind", ["moving", "beyond"])
-@pytest.mark.parametrize(("name", "dt"), combined(*cases("j2n6s300"), first=[0.02], others=[0.002]))
+@pytest.mark.parametrize(("name", "dt"), combined(cases("j2n6s300"), 0.02, [0.002]))
 def test_at_other_rates_too(find: Find, name: str, kind: str, dt: float) -> None:
     robot = find(name)
     stream = stream_of(robot, kind, 1, dt, seconds=6.0)
@@ -168,7 +167,7 @@ def test_a_standing_target_is_approached_without_turning_back(
 
 
 @pytest.mark.parametrize("acceleration", [None, np.inf])
-@pytest.mark.parametrize(("name", "dt"), combined(*cases("j2n6s300", "ur5"), first=[DT], others=[0.02, 0.002]))
+@pytest.mark.parametrize(("name", "dt"), combined(cases("j2n6s300", "ur5"), DT, [0.02, 0.002]))
 def test_towards_a_target_out_of_reach_the_arm_comes_to_rest(
     find: Find, name: str, acceleration: float | None, dt: float
 ) -> None:
@@ -220,9 +219,7 @@ def follow_twist(
 
 
 @pytest.mark.parametrize("acceleration", [2.0, np.inf])
-@pytest.mark.parametrize(
-    ("name", "way"), combined(*cases("j2n6s300", "j2s7s300", "five"), first=[UP], others=[DOWN, (1.0, 0.0, 0.0)])
-)
+@pytest.mark.parametrize(("name", "way"), combined(cases("j2n6s300", "j2s7s300", "five"), UP, [DOWN, (1.0, 0.0, 0.0)]))
 def test_a_linear_twist_into_the_edge_of_reach(
     find: Find, name: str, way: Sequence[float], acceleration: float
 ) -> None:
