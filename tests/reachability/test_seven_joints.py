@@ -25,7 +25,7 @@ def reach(seven: Robot, tmp_path_factory: pytest.TempPathFactory) -> Reachabilit
         seven,
         folder=tmp_path_factory.mktemp("seven") / "map",
         grid=Grid.around(seven, 0.3),
-        orientations=20,
+        orientations=12,
         collision="ignore",
     )
     assert found is not None
