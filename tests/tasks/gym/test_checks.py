@@ -18,7 +18,7 @@ from tests.tasks.gym.checking import FEATURE_OPTIONS, check, check_copies
 
 QUICK = "stack_2_of_3_bricks_random_order"  # with all that a task may have
 OTHERS = [task for task in TASKS if task != QUICK]
-GROUPS = 4  # of tasks, of which one group renders in one process
+EVERY = 5  # of the other tasks, which render in one process
 ROOT = Path(__file__).resolve().parents[3]
 # The folder of the tests comes last: the installed package is what gets tested.
 PROGRAM = """
@@ -58,7 +58,7 @@ def test_gymnasium_accepts_every_option(task: str, name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("tasks", [[QUICK], OTHERS[::GROUPS]])  # of the same code
+@pytest.mark.parametrize("tasks", [[QUICK], OTHERS[::EVERY]])  # of the same code
 def test_gymnasium_accepts_pictures_of_tasks(tasks: list[str]) -> None:
     if not backends():
         pytest.skip("no rendering back end works here")
