@@ -20,7 +20,6 @@ import pytest
 from build_kernels import library as build
 from build_kernels.library import BuildError
 from jacokin.kernels import library
-from jacokin.kernels.closed_form.batch import solve_targets
 from jacokin.kernels.entries import ENTRIES
 from jacokin.kernels.solution_set.run import solve_set
 from jacokin.kernels.speeds import fit_speeds
