@@ -16,7 +16,7 @@ def test_a_few_generations_are_better_than_random_actions(tmp_path: Path, monkey
     monkeypatch.setattr(learn_reach, "EPISODE_STEPS", 100)
     monkeypatch.setattr(learn_reach, "EVERY", 8)
     monkeypatch.setattr(learn_reach, "expert_return", lambda seeds: 100.0)
-    found, curve = learn_reach.learn(8, pairs=16)
+    found, curve = learn_reach.learn(8)
     assert found["learned"] > 2.0 * found["random"]
     learn_reach.draw(found, curve, tmp_path / "curve.png")
     assert (tmp_path / "curve.png").stat().st_size > 10_000
