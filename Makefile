@@ -9,17 +9,19 @@ SOURCES := $(sort pyproject.toml package_page.py $(wildcard build_kernels/*.py) 
 LIST := build/sources.txt
 $(shell mkdir -p build; echo $(SOURCES) | cmp -s - $(LIST) || echo $(SOURCES) > $(LIST))
 JOBS ?= 2
+# Each process begins with its own part of the tests, so that what a module prepares is prepared once.
+PYTEST := pytest -n $(JOBS) --dist worksteal
 
-.PHONY: demo test test-all lint format type docs build test-oldest bench fuzz release-check address clean
+.PHONY: demo test test-all lint format type docs build old-systems test-oldest bench fuzz release-check address clean
 
 demo: $(VENV)/demo.stamp  ## show branches, a motion around a crate, advice; draw it
 	$(BIN)/jacokin demo --output out/jaco.png
 
 test: $(VENV)/test.stamp  ## the quick tests, against the built wheel: at most 4 minutes on two cores
-	$(BIN)/pytest -n $(JOBS) -m "not slow"
+	$(BIN)/$(PYTEST) -m "not slow"
 
 test-all: $(VENV)/test.stamp  ## all tests, against the built wheel
-	$(BIN)/pytest -n $(JOBS)
+	$(BIN)/$(PYTEST)
 
 lint: $(VENV)/test.stamp  ## style, docstrings, formatting
 	$(BIN)/ruff check .
@@ -37,8 +39,12 @@ docs: $(VENV)/docs.stamp  ## build the documentation site, warnings are errors
 
 build: dist/wheel.stamp  ## build the wheel
 
+old-systems: dist/wheel.stamp  ## a wheel that runs on old systems, linked with zig as where there is no C compiler
+	CC="python -m ziglang cc -target $(shell uname -m)-linux-gnu.2.17" $(BIN)/python -m build --wheel --outdir build/zig .
+	ls build/zig/jacokin-*-manylinux_2_17_*.whl
+
 test-oldest: .venv-oldest/test.stamp  ## the quick tests with the oldest supported versions
-	.venv-oldest/bin/pytest -n $(JOBS) -m "not slow"
+	.venv-oldest/bin/$(PYTEST) -m "not slow"
 
 bench: $(VENV)/test.stamp  ## jacokin beside its peers; writes docs/performance.md
 	$(BIN)/python -m benchmarks.run
@@ -54,7 +60,7 @@ release-check: address $(VENV)/release.stamp  ## build what would be uploaded, a
 	$(BIN)/python -m release_check build/release
 	$(BIN)/python -m pip install --quiet --force-reinstall --no-deps build/release/*.whl
 	tar -xzf build/release/*.tar.gz -C build/release
-	cd build/release/jacokin-*/ && $(abspath $(BIN))/pytest -n $(JOBS) -m "not slow"
+	cd build/release/jacokin-*/ && $(abspath $(BIN))/$(PYTEST) -m "not slow"
 
 address:
 	@! grep '^REPOSITORY.*\.invalid/' package_page.py || { echo "package_page.py: fill in the address of the repository first."; exit 1; }

@@ -1,8 +1,9 @@
 """Every URDF and MJCF below a folder: does it load, is its kinematics right, are its own poses found?
 
-`python -m benchmarks.corpus FOLDER` prints a row for each file that loads, the sentences of those that do not, and how
-many there are of each. Forward kinematics of the default frame is compared with MuJoCo's on the description as jacokin
-read it, and with yourdfpy's, which reads the file itself. Meshes are not looked for. Nothing is written.
+`python -m benchmarks.corpus FOLDER` prints a row for each file that loads, the sentences of those that do not, how many
+there are of each, and the table of docs/corpus.md, a line for each folder in FOLDER. Forward kinematics of the default
+frame is compared with MuJoCo's on the description as jacokin read it, and with yourdfpy's, which reads the file itself.
+Meshes are looked for by the solver that avoids contact, whose time says what they cost. Nothing is written.
 """
 
 from __future__ import annotations
@@ -21,11 +22,15 @@ import numpy as np
 
 import jacokin
 from jacokin import IKSolver, JacokinError, Robot
+from jacokin.errors import ShapeError
 
 SUFFIXES = (".urdf", ".xml", ".mjcf")
 SAMPLES = 5  # configurations that kinematics is compared on
 MOST_JOINTS = 8  # of an arm whose own poses are solved
 CLOSE = 1e-6  # [rad] or [m] between a configuration and the answer to its pose
+# What sentences say of files that are sound, and are not one arm.
+OBJECT = ("this is an object, not an arm", "degrees of freedom; an arm needs")
+SEVERAL = ("several chains start at the base", "the chain branches at joint")
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +55,19 @@ class Row:
     asked: int = 0
     solve: float = np.nan
     """[s] median."""
+    solver: float = np.nan
+    """[s] of the first solver after loading, which ignores contact."""
+    shapes: float = np.nan
+    """[s] more of the first one that avoids contact, and loads meshes for it; NaN where they cannot be loaded."""
+
+    @property
+    def package(self) -> str:
+        """The folder in FOLDER that it is in."""
+        return self.file.partition("/")[0]
+
+    def is_refused_as(self, kind: tuple[str, ...]) -> bool:
+        """Whether the sentence is one of some."""
+        return any(words in self.refused for words in kind)
 
 
 def look(path: Path, folder: Path, own: int) -> Row:
@@ -59,9 +77,12 @@ def look(path: Path, folder: Path, own: int) -> Row:
     try:
         robot = jacokin.load_robot(path)
         load = time.perf_counter() - began
+        began = time.perf_counter()
+        solver = IKSolver(robot, collision="ignore")
+        ready = time.perf_counter() - began
         structure = jacokin.ik.structure(robot).name
         rng = np.random.default_rng(0)
-        found, asked, solve = _own_answers(robot, own, rng)
+        found, asked, solve = _own_answers(solver, own, rng)
         return Row(
             file,
             robot,
@@ -74,11 +95,23 @@ def look(path: Path, folder: Path, own: int) -> Row:
             found,
             asked,
             solve,
+            ready,
+            _time_of_shapes(robot),
         )
     except JacokinError as error:
         return Row(file, refused=str(error).replace(f"{path}: ", ""))
     except Exception as error:  # what this is for
         return Row(file, raw=repr(error))
+
+
+def _time_of_shapes(robot: Robot) -> float:
+    """Time of the first solver that avoids contact [s]; NaN where shapes cannot be loaded."""
+    began = time.perf_counter()
+    try:
+        IKSolver(robot)
+    except ShapeError:
+        return np.nan
+    return time.perf_counter() - began
 
 
 def _beside_mujoco(robot: Robot) -> float:
@@ -105,11 +138,12 @@ def _beside_yourdfpy(robot: Robot, path: Path, rng: np.random.Generator) -> floa
     return worst
 
 
-def _own_answers(robot: Robot, count: int, rng: np.random.Generator) -> tuple[int, int, float]:
+def _own_answers(solver: IKSolver, count: int, rng: np.random.Generator) -> tuple[int, int, float]:
     """How many of some configurations are found from their own poses, how many were asked for, and the median time."""
+    robot = solver.robot
     if robot.dof > MOST_JOINTS or not np.isfinite(np.where(robot.unlimited, 0.0, robot.upper - robot.lower)).all():
         return 0, 0, np.nan
-    solver, found, times = IKSolver(robot, collision="ignore"), 0, list[float]()
+    found, times = 0, list[float]()
     for q in robot.sample(rng, count):
         target = robot.forward_kinematics(q)
         began = time.perf_counter()
@@ -176,6 +210,35 @@ def print_rows(rows: Sequence[Row]) -> None:
     print(f"own configurations: {sum(row.found for row in loaded)} of {sum(row.asked for row in loaded)} found")
 
 
+def table(rows: Sequence[Row]) -> str:
+    """Markdown: what became of the files of each package, and of all."""
+    lines = [
+        "| package | files | load | objects | several arms | other refusals | own poses found | deviation [m] | "
+        "load [ms] | solver [ms] | with shapes [ms] |",
+        "|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|",
+    ]
+    packages = sorted({row.package for row in rows})
+    for name, chosen in [*((name, [row for row in rows if row.package == name]) for name in packages), ("all", rows)]:
+        loaded = [row for row in chosen if row.robot is not None]
+        objects = sum(row.is_refused_as(OBJECT) for row in chosen)
+        several = sum(row.is_refused_as(SEVERAL) for row in chosen)
+        worst = max((np.nanmax([row.mujoco, row.other]) for row in loaded), default=np.nan)
+        times = [_median_ms([getattr(row, kind) for row in loaded]) for kind in ("load", "solver", "shapes")]
+        lines.append(
+            f"| {name} | {len(chosen)} | {len(loaded)} | {objects} | {several} | "
+            f"{len(chosen) - len(loaded) - objects - several} | "
+            f"{sum(row.found for row in loaded)} of {sum(row.asked for row in loaded)} | "
+            f"{'' if not loaded else f'{worst:.0e}'} | {' | '.join(times)} |"
+        )
+    return "\n".join(lines)
+
+
+def _median_ms(times: Sequence[float]) -> str:
+    """The median of times [s] in ms, NaN aside."""
+    known = [1e3 * each for each in times if np.isfinite(each)]
+    return f"{np.median(known):.1f}" if known else ""
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Look at every description below a folder."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -189,6 +252,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     finally:
         logging.disable(before)
     print_rows(rows)
+    print(f"\n{table(rows)}")
 
 
 if __name__ == "__main__":

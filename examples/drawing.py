@@ -153,6 +153,7 @@ class Film:
 
     def __init__(self, model: mujoco.MjModel, look_at: ArrayLike = LOOK_AT) -> None:
         """Begin without pictures of a place [m]."""
+        model.vis.quality.shadowsize = 1024  # of pictures as small as these
         self._renderer = mujoco.Renderer(model, 240, 320)
         self._camera = mujoco.MjvCamera()
         self._camera.lookat[:] = look_at

@@ -84,7 +84,7 @@ def test_gradients_are_those_of_the_solver_under_jit_and_vmap(solver: IKSolver, 
         np.testing.assert_allclose(gradient, expected, rtol=1e-6, atol=1e-6 * np.abs(expected).max())
 
 
-@pytest.mark.parametrize("name", ["j2n6s300", "m1n6s200"])
+@pytest.mark.parametrize("name", ["j2n6s300", pytest.param("m1n6s200", marks=pytest.mark.slow)])
 def test_gradients_agree_with_finite_differences_along_motions(name: str, rng: np.random.Generator) -> None:
     solver = IKSolver(jacokin.load_robot(name), collision="ignore")
     seeds, poses = regular(solver, rng, 4)
@@ -104,6 +104,7 @@ def test_gradients_agree_with_finite_differences_along_motions(name: str, rng: n
             assert slope == pytest.approx((values[0] - values[1]) / 2e-6, rel=1e-4, abs=1e-4)
 
 
+@pytest.mark.slow
 def test_seven_joints_hold_the_parameter(rng: np.random.Generator) -> None:
     robot = jacokin.load_robot("j2s7s300")
     solver = IKSolver(robot, collision="ignore")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 import importlib
 import json
 import re
@@ -65,6 +66,7 @@ def module_files() -> dict[str, Path]:
 MODULES = module_files()
 
 
+@functools.cache
 def imports(name: str) -> set[str]:
     """The modules of this package that a module names in imports, in functions and for type checkers too."""
     found: set[str] = set()

@@ -35,4 +35,6 @@ def test_every_description_below_a_folder_has_a_row(tmp_path: Path, capsys: pyte
     said = capsys.readouterr().out
     assert "4 files: 2 load, 0 raw exceptions; refused:" in said
     assert "several chains start at the base" in said
+    assert "| maker | 3 | 1 | 0 | 1 | 1 | 1 of 1 |" in said
+    assert "| all | 4 | 2 | 0 | 1 | 1 | 2 of 2 |" in said
     assert logging.getLogger("jacokin").isEnabledFor(logging.CRITICAL)  # silent for the time of the run only

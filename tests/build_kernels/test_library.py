@@ -20,9 +20,9 @@ import pytest
 from build_kernels import library as build
 from build_kernels.library import BuildError
 from jacokin.kernels import library
-from jacokin.kernels.closed_form.batch import solve_targets
 from jacokin.kernels.entries import ENTRIES
 from jacokin.kernels.solution_set.run import solve_set
+from jacokin.kernels.speeds import fit_speeds
 
 REPOSITORY = Path(__file__).parents[2]
 
@@ -35,8 +35,8 @@ def test_every_kernel_is_part_of_some_entry() -> None:
 
 
 def test_an_object_file_is_kept_until_its_kernel_changes(monkeypatch: pytest.MonkeyPatch) -> None:
-    targets, curves = (next(entry for entry in ENTRIES if entry.run is run) for run in (solve_targets, solve_set))
-    before = build.object_key(targets), build.object_key(curves)
+    speeds, curves = (next(entry for entry in ENTRIES if entry.run is run) for run in (fit_speeds, solve_set))
+    before = build.object_key(speeds), build.object_key(curves)
     assert before[0] != before[1]
     parse = ast.parse
 
@@ -44,12 +44,12 @@ def test_an_object_file_is_kept_until_its_kernel_changes(monkeypatch: pytest.Mon
         return parse(source.replace("ROUNDS", "TURNS") if "def solve_set" in source else source)
 
     monkeypatch.setattr(ast, "parse", changed)
-    assert build.object_key(targets) == before[0]
+    assert build.object_key(speeds) == before[0]
     assert build.object_key(curves) != before[1]
     monkeypatch.setattr(ast, "parse", lambda source: parse(f"# a comment\n{source}"))
-    assert build.object_key(targets) == before[0]
+    assert build.object_key(speeds) == before[0]
     monkeypatch.setattr(platform, "machine", lambda: "other")
-    assert build.object_key(targets) != before[0]
+    assert build.object_key(speeds) != before[0]
 
 
 def test_a_c_compiler_is_looked_for(monkeypatch: pytest.MonkeyPatch) -> None:

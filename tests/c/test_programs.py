@@ -18,6 +18,7 @@ from jacokin.ik.c_library import INCLUDE
 from jacokin.kernels import library
 
 HERE, EXAMPLES = Path(__file__).parent, Path(__file__).parents[2] / "examples" / "c"
+NAMES = "j2n6s300", "j2s7s300"
 WARNINGS = ("-Wall", "-Wextra", "-Werror", "-pedantic", "-Wshadow", "-Wconversion")
 needs_cc = pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
 needs_cxx = pytest.mark.skipif(shutil.which("c++") is None, reason="needs a C++ compiler")
@@ -27,7 +28,7 @@ needs_cxx = pytest.mark.skipif(shutil.which("c++") is None, reason="needs a C++ 
 def arm(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of an export of both kinds of arm."""
     folder = tmp_path_factory.mktemp("arm")
-    for name in ("j2n6s300", "j2s7s300"):
+    for name in NAMES:
         assert export_c(IKSolver(jacokin.load_robot(name)), folder) == folder / f"{name}.jacokin"
     return folder
 
@@ -72,19 +73,18 @@ def test_the_header_of_the_arrays_names_each_kernel_and_constant() -> None:
 
 
 @needs_cc
-@pytest.mark.parametrize("name", ["j2n6s300", "j2s7s300"])
-def test_eight_threads_share_a_solver(name: str, arm: Path, tmp_path: Path) -> None:
+def test_eight_threads_share_a_solver(arm: Path, tmp_path: Path) -> None:
     source, program = HERE / "exercise.c", tmp_path / "exercise"
     execute("cc", "-std=c99", "-O2", *WARNINGS, source, *linked(arm), "-lpthread", "-o", program)
-    alone = execute(program, arm / f"{name}.jacokin", "10", "1")
-    assert execute(program, arm / f"{name}.jacokin", "10", "8").splitlines() == alone.splitlines() * 8
+    for name in NAMES:
+        alone = execute(program, arm / f"{name}.jacokin", "10", "1")
+        assert execute(program, arm / f"{name}.jacokin", "10", "8").splitlines() == alone.splitlines() * 8
 
 
 @needs_cc
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["j2n6s300", "j2s7s300"])
 @pytest.mark.parametrize("sanitizer", ["address,undefined", "thread"])
-def test_sanitizers_find_nothing(sanitizer: str, name: str, arm: Path, tmp_path: Path) -> None:
+def test_sanitizers_find_nothing(sanitizer: str, arm: Path, tmp_path: Path) -> None:
     """The C files are compiled with them; the kernels are those of the library."""
     empty, program = tmp_path / "empty.c", tmp_path / "exercise"
     empty.write_text("int main(void) { return 0; }\n")
@@ -97,7 +97,8 @@ def test_sanitizers_find_nothing(sanitizer: str, name: str, arm: Path, tmp_path:
     files = [HERE / "exercise.c", *c_library.sources()]
     flags = [*c_library.flags(tmp_path), *sanitize, f"-I{tmp_path}"]
     execute("cc", *flags, *files, *linked(arm), "-lpthread", "-o", program)
-    execute(program, arm / f"{name}.jacokin", "8", "2")
+    for name in NAMES:
+        execute(program, arm / f"{name}.jacokin", "8", "2")
 
 
 @needs_cc
@@ -116,11 +117,11 @@ def test_the_example_in_cpp(arm: Path, tmp_path: Path) -> None:
 
 
 @needs_cxx
-@pytest.mark.parametrize("name", ["j2n6s300", "j2s7s300"])
-def test_the_wrapper_has_a_batch_and_memory_for_every_call(name: str, arm: Path, tmp_path: Path) -> None:
+def test_the_wrapper_has_a_batch_and_memory_for_every_call(arm: Path, tmp_path: Path) -> None:
     program = tmp_path / "wrapper"
     execute("c++", "-std=c++17", *WARNINGS, HERE / "wrapper.cpp", *linked(arm), "-o", program)
-    assert "20 of 21 reached" in execute(program, arm / f"{name}.jacokin")
+    for name in NAMES:
+        assert "20 of 21 reached" in execute(program, arm / f"{name}.jacokin")
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="needs the GNU C library")

@@ -67,6 +67,7 @@ def test_a_task_gives_its_reward(run: Run) -> None:
     assert answer.document["lag"] < 0.05
 
 
+@pytest.mark.slow
 def test_the_command_is_one_that_the_motors_of_a_task_can_follow(run: Run) -> None:
     """Those of the wrist, whose rotors weigh 2 kg m^2, take 2.9 rad/s^2: at 4 they fall behind."""
     words = ("teleop", "--task", "lift_brick", "--stream", "jerky", "--random-seed", "2", "--fast", "--json")
@@ -230,6 +231,7 @@ def at_a_terminal(monkeypatch: pytest.MonkeyPatch, keys: list[bytes], act: Calla
     return answer
 
 
+@pytest.mark.slow
 def test_keys_record_demonstrations(run: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     path = tmp_path / "demos.lerobot"
     pause = [b"-"] * 10  # which does nothing

@@ -27,6 +27,8 @@ BLOCK = re.compile(
     r"^(?:<!-- (?P<mark>no-run: .+?|draws) -->\s*\n)?```(?P<kind>[a-z]+)[^\n]*\n(?P<code>.*?)^```", re.M | re.S
 )
 WIDEST = 88  # columns
+#: The first line of programs that draw, so that they draw soon: that of a page is its title.
+SMALL = "from examples import drawing; drawing.WIDTH, drawing.HEIGHT = 160, 120"
 EXIT_CODE = re.compile(r"#\s*exit (\d)\s*$")
 
 
@@ -74,6 +76,8 @@ def test_python_blocks_run(page: Path, folder: Path, environment: dict[str, str]
     for first, code in blocks(page, ("python",), draws="MUJOCO_GL" in environment):
         for offset, line in enumerate(code.splitlines()):
             lines[first + offset] = line  # the line numbers of an error are those of the page
+    if any("examples.drawing" in line for line in lines):
+        lines[0] = SMALL
     program = folder / f"{page.stem}.py"
     program.write_text("\n".join(lines), encoding="utf-8")
     words = [sys.executable, str(program)]

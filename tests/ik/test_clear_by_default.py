@@ -168,7 +168,7 @@ def assert_nearest_clear_member(
 @pytest.mark.slow
 def test_the_nearest_clear_member_of_families(robot: Robot, contact: SelfContact) -> None:
     seven = jacokin.load_robot("j2s7s300")
-    for arm, count, look in ((robot, 20, contact), (seven, 20, SelfContact(seven))):
+    for arm, count, look in ((robot, 8, contact), (seven, 8, SelfContact(seven))):
         found = 0
         rows = arm.sample(np.random.default_rng(10), 200 * count)
         for q in [q for q in rows if look.touches(q)][:count]:

@@ -126,7 +126,7 @@ def test_negative_eigenvalues_become_positive(robot: Robot, rng: np.random.Gener
 @pytest.mark.parametrize("name", ["j2n6s300", "j2s6s200"])
 def test_no_other_search_comes_closer(name: str, bundled: Callable[[str], Robot], rng: np.random.Generator) -> None:
     robot = bundled(name)
-    figures = other.compare(robot, other.targets_not_reached(robot, rng, 9), 25, rng)
+    figures = other.compare(robot, other.targets_not_reached(robot, rng, 6), 8, rng)
     assert figures.worst < 1e-6
 
 

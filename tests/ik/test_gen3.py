@@ -67,11 +67,14 @@ def test_own_configurations_and_curves_of_seven_joints(
             assert robot.within_limits(row)
 
 
+@pytest.mark.parametrize("count", [3, pytest.param(10, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", ["gen3_6dof", "gen3_lite"])
-def test_a_free_axis_gives_curves(name: str, bundled: Callable[[str], Robot], rng: np.random.Generator) -> None:
+def test_a_free_axis_gives_curves(
+    name: str, count: int, bundled: Callable[[str], Robot], rng: np.random.Generator
+) -> None:
     robot = bundled(name)
     solver = IKSolver(robot, collision="ignore")
-    for q in robot.sample(rng, 10):
+    for q in robot.sample(rng, count):
         target = FreeAxis(robot.forward_kinematics(q), axis=(0.0, 0.0, 1.0))
         found = solver.solve_all(target)
         assert found.dimension == 1

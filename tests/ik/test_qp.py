@@ -52,9 +52,10 @@ def test_every_qp_solver_solves_every_reachable_pose(robot: Robot, rng: np.rando
         assert result.iterations > 0
 
 
-def test_configurations_on_a_limit_are_solved_on_the_limit(robot: Robot, rng: np.random.Generator) -> None:
+@pytest.mark.parametrize("count", [8, pytest.param(20, marks=pytest.mark.slow)])  # four limits in turn
+def test_configurations_on_a_limit_are_solved_on_the_limit(robot: Robot, rng: np.random.Generator, count: int) -> None:
     solver = IKSolver(robot, method="qp")
-    for index, q in enumerate(robot.sample(rng, 20)):
+    for index, q in enumerate(robot.sample(rng, count)):
         q[1 + index % 2] = (robot.lower, robot.upper)[index // 2 % 2][1 + index % 2]
         target = robot.forward_kinematics(q)
         check_success(robot, solver.solve(target, seed=q + 0.1), target)

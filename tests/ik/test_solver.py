@@ -333,8 +333,8 @@ def test_a_seed_outside_the_limits_is_moved_and_the_message_says_so(robot: Robot
     [
         ("", "far, about_z, pose, pose.translation, far.translation"),
         ("collision='reject'", "far, about_z, pose, pose.translation"),
-        ("method='qp'", "far, pose, pose.translation"),
-        ("qp_solver='quadprog'", "far, about_z, pose, pose.translation"),
+        pytest.param("method='qp'", "far, pose, pose.translation", marks=pytest.mark.slow),
+        pytest.param("qp_solver='quadprog'", "far, about_z, pose, pose.translation", marks=pytest.mark.slow),
     ],
 )
 def test_no_solve_waits_for_an_import(made: str, solved: str) -> None:

@@ -141,8 +141,8 @@ def test_contact_is_what_coal_finds(robot: Robot) -> None:
 
 
 @pytest.mark.slow
-def test_contact_is_what_coal_finds_at_thirty_thousand_configurations(robot: Robot) -> None:
-    assert compare_with_coal(robot, range(6), 5000) > 5000
+def test_contact_is_what_coal_finds_among_more_obstacles(robot: Robot) -> None:
+    assert compare_with_coal(robot, range(6), 1500) > 1500
 
 
 def test_many_obstacles_are_found_in_their_tree(robot: Robot, rng: np.random.Generator) -> None:

@@ -62,7 +62,7 @@ def scores(found: PayloadEstimate) -> Array:
     )
 
 
-@pytest.mark.parametrize("draws", [6, pytest.param(200, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("draws", [6, pytest.param(80, marks=pytest.mark.slow)])
 def test_sigmas_are_those_of_many_logs(robot: Robot, draws: int, rng: np.random.Generator) -> None:
     log = motion(robot, 150)
     torque = torques(robot.with_payload(MASS, COM, INERTIA, frame="gripsite"), log)
@@ -162,7 +162,7 @@ def test_without_noise_the_torques_of_any_motion_are_found(robot: Robot, rng: np
         np.testing.assert_allclose(found.robot.inverse_dynamics(q, v, a), truth, atol=1e-5)
 
 
-@pytest.mark.parametrize("draws", [5, pytest.param(60, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("draws", [5, pytest.param(20, marks=pytest.mark.slow)])
 def test_intervals_of_the_base_parameters_hold_the_truth(robot: Robot, draws: int, rng: np.random.Generator) -> None:
     log = motion(robot, 200)
     scores = list[Array]()

@@ -27,13 +27,14 @@ def test_a_bundled_map_is_of_its_robot_and_small(name: str) -> None:
     assert reach.bound is not None
 
 
+@pytest.mark.parametrize("count", [20, pytest.param(80, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", NAMES)
-def test_a_bundled_map_agrees_with_the_solver_of_its_robot(name: str, rng: np.random.Generator) -> None:
+def test_a_bundled_map_agrees_with_the_solver_of_its_robot(name: str, count: int, rng: np.random.Generator) -> None:
     """Contact is that of the samples themselves; kinematics are those of all poses that they stand for."""
     reach = bundled(name)
     bare = IKSolver(reach.robot, collision="ignore")
     reached = (reach.counts > 0) | (reach.touching > 0)
-    targets, cells, orientations = random_samples_at(reach, rng, 80)
+    targets, cells, orientations = random_samples_at(reach, rng, count)
     counts, *_ = count_reaching(bare, targets)
     np.testing.assert_array_equal(counts > 0, reached[cells, orientations])
     targets = reach.samples.targets(cells)[np.arange(len(cells)), orientations]

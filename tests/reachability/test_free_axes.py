@@ -55,15 +55,24 @@ def scan(solver: IKSolver, target: FreeAxis) -> tuple[NDArray[np.int64], Array]:
     return rows.branches_within_limits, rows.largest_margin
 
 
+def of_some_axes(robot: Robot, folder: Path, *, symmetry: bool) -> ReachabilityMap:
+    """The map of an upright tool, a level one, and four others."""
+    axes = [UPRIGHT, LEVEL, *some_axes(np.random.default_rng(3), 4)]
+    found = build(robot, folder=folder, grid=GRID, orientations=axes, use_symmetry=symmetry, collision="ignore")
+    assert found is not None
+    return found
+
+
+@pytest.fixture(scope="module")
+def reach(robot: Robot, tmp_path_factory: pytest.TempPathFactory) -> ReachabilityMap:
+    return of_some_axes(robot, tmp_path_factory.mktemp("free axes") / "map", symmetry=True)
+
+
 @pytest.mark.parametrize("symmetry", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_a_cell_is_reached_when_any_member_is(
-    robot: Robot, tmp_path: Path, rng: np.random.Generator, symmetry: bool
+    robot: Robot, reach: ReachabilityMap, tmp_path: Path, rng: np.random.Generator, symmetry: bool
 ) -> None:
-    orientations = [UPRIGHT, LEVEL, *some_axes(rng, 4)]
-    reach = build(
-        robot, folder=tmp_path / "map", grid=GRID, orientations=orientations, use_symmetry=symmetry, collision="ignore"
-    )
-    assert reach is not None
+    reach = reach if symmetry else of_some_axes(robot, tmp_path / "map", symmetry=False)
     assert reach.samples.symmetries.turns is symmetry
     assert reach.samples.symmetries.tool_axis is None
     assert reach.bound is None
@@ -85,17 +94,18 @@ def test_a_cell_is_reached_when_any_member_is(
     assert min(seen.values()) > 5
 
 
+@pytest.mark.parametrize("count", [3, pytest.param(6, marks=pytest.mark.slow)])
 def test_about_the_axis_of_the_last_joint_a_map_is_one_of_directions(
-    robot: Robot, tmp_path: Path, reach_axis: Array, rng: np.random.Generator
+    robot: Robot, tmp_path: Path, reach_axis: Array, rng: np.random.Generator, count: int
 ) -> None:
     plain = build(
         robot,
         folder=tmp_path / "a",
         grid=GRID,
-        orientations=Orientations.directions(12, reach_axis),
+        orientations=Orientations.directions(count, reach_axis),
         collision="ignore",
     )
-    free = Orientations.directions(12, reach_axis, free_roll=True)
+    free = Orientations.directions(count, reach_axis, free_roll=True)
     rolled = build(robot, folder=tmp_path / "b", grid=GRID, orientations=free, collision="ignore")
     full = build(robot, folder=tmp_path / "c", grid=GRID, orientations=free, use_symmetry=False, collision="ignore")
     assert plain is not None
@@ -103,10 +113,10 @@ def test_about_the_axis_of_the_last_joint_a_map_is_one_of_directions(
     assert full is not None
     np.testing.assert_array_equal(plain.counts, rolled.counts)
     assert rolled.bound == plain.bound
-    for target, count, _ in targets_of(full, rng, 100):  # a full turn of joint 6 on each branch is one interval
+    for target, branches, _ in targets_of(full, rng, 100):  # a full turn of joint 6 on each branch is one interval
         assert (
             int(IKSolver(robot, collision="ignore").solve_all(target.at(rng.uniform(-3.0, 3.0))).within_limits.sum())
-            == count
+            == branches
         )
 
 
@@ -127,18 +137,17 @@ def test_the_nearest_orientation_is_that_of_the_nearest_member(
     assert reach is not None
     rotations = np.array([pin.Quaternion(rng.normal(size=4)).normalized().matrix() for _ in range(20)])
     cosines = reach.samples.cosines(rotations)
-    for row, rotation in enumerate(rotations):
-        for column, axis in enumerate(axes):
-            members = np.array([axis.matrix_at(p)[:3, :3] for p in np.linspace(*axis.range, 1000)])
+    for column, axis in enumerate(axes):
+        members = np.array([axis.matrix_at(p)[:3, :3] for p in np.linspace(*axis.range, 1000)])
+        for row, rotation in enumerate(rotations):
             best = (np.einsum("nij,ij->n", members, rotation).max() - 1.0) / 2.0
             assert cosines[row, column] == pytest.approx(best, abs=2e-5)
 
 
 def test_the_nearest_pose_of_a_map_with_free_axes_is_reached(
-    robot: Robot, tmp_path: Path, rng: np.random.Generator
+    robot: Robot, reach: ReachabilityMap, rng: np.random.Generator
 ) -> None:
-    build(robot, folder=tmp_path / "map", grid=GRID, orientations=[LEVEL, *some_axes(rng, 5)], collision="ignore")
-    reach, solver = load(tmp_path / "map"), IKSolver(robot, collision="ignore")
+    reach, solver = load(reach.folder), IKSolver(robot, collision="ignore")
     for q in robot.sample(rng, 10):
         wanted = robot.forward_kinematics(q)
         found = reach.nearest_reachable(wanted)

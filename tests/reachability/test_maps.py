@@ -177,7 +177,7 @@ def test_other_maps_and_other_folders_are_refused(robot: Robot, tmp_path: Path, 
         load(folder, robot=other)
 
 
-@pytest.mark.parametrize("count", [15, pytest.param(50, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [8, pytest.param(50, marks=pytest.mark.slow)])
 def test_the_base_that_targets_were_made_from_is_found(
     count: int, reach: ReachabilityMap, robot: Robot, rng: np.random.Generator
 ) -> None:

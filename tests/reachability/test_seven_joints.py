@@ -25,7 +25,7 @@ def reach(seven: Robot, tmp_path_factory: pytest.TempPathFactory) -> Reachabilit
         seven,
         folder=tmp_path_factory.mktemp("seven") / "map",
         grid=Grid.around(seven, 0.3),
-        orientations=20,
+        orientations=12,
         collision="ignore",
     )
     assert found is not None
@@ -37,7 +37,7 @@ def slow_from(quick: int, thorough: int) -> pytest.MarkDecorator:
     return pytest.mark.parametrize("count", [quick, pytest.param(thorough, marks=pytest.mark.slow)])
 
 
-@slow_from(30, 150)
+@slow_from(30, 80)
 def test_poses_of_configurations_are_reached_with_their_margin(
     count: int, seven: Robot, rng: np.random.Generator
 ) -> None:
@@ -63,7 +63,7 @@ def test_a_map_agrees_with_the_solver(reach: ReachabilityMap, seven: Robot, rng:
     np.testing.assert_array_equal(reach.reached(targets), counts > 0)
 
 
-@slow_from(2, 8)
+@slow_from(2, 5)
 def test_the_symmetries_give_what_the_full_grid_gives(
     count: int, seven: Robot, tmp_path: Path, rng: np.random.Generator
 ) -> None:
@@ -78,7 +78,7 @@ def test_the_symmetries_give_what_the_full_grid_gives(
     np.testing.assert_array_equal(again > 0, counts > 0)
 
 
-@slow_from(2, 6)
+@slow_from(2, 4)
 def test_a_base_is_placed_for_seven_joints(
     count: int, reach: ReachabilityMap, seven: Robot, rng: np.random.Generator
 ) -> None:

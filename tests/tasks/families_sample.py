@@ -1,4 +1,4 @@
-"""One task of each family for the quick tests; the slow ones have all."""
+"""One task of each family: for the quick tests, and for slow ones of what a family has in common."""
 
 from __future__ import annotations
 
@@ -14,6 +14,13 @@ ONE_OF_EACH_FAMILY = (
     "stack_2_of_3_bricks_random_order",
     "reassemble_3_bricks_fixed_order",
 )
+
+
+def one_of_each_family(names: Iterable[str]) -> list[str]:
+    """Of names of environments, as ``reach_site_features``, those of such a task."""
+    found = [name for name in names if name.rpartition("_")[0] in ONE_OF_EACH_FAMILY]
+    assert len(found) == len(ONE_OF_EACH_FAMILY)
+    return found
 
 
 def slow_but(names: Iterable[str], quick: Iterable[str] = ONE_OF_EACH_FAMILY) -> list[Any]:

@@ -187,7 +187,9 @@ demonstrate(env, Killed(typed(*sys.argv[3:])), sys.argv[2], pace=math.inf)
 """
 
 
-@pytest.mark.parametrize("script", ["bwwwy bss", "bwwwe", "bwwwx bddde  "])
+@pytest.mark.parametrize(
+    "script", ["bwwwy bss", *(pytest.param(each, marks=pytest.mark.slow) for each in ("bwwwe", "bwwwx bddde  "))]
+)
 def test_a_kill_loses_no_episode_that_has_ended(env: TaskEnv, script: str, tmp_path: Path) -> None:
     path = tmp_path / "demos.hdf5"
     process = subprocess.run(

@@ -184,14 +184,15 @@ def test_the_closest_configuration_is_pasted(tmp_path: Path) -> None:
     assert "# unreachable" in python
 
 
+@pytest.mark.parametrize("count", [5, pytest.param(20, marks=pytest.mark.slow)])
 def test_texts_of_random_targets_give_what_is_on_the_screen(
-    bundled: Callable[[str], Robot], rng: np.random.Generator
+    bundled: Callable[[str], Robot], rng: np.random.Generator, count: int
 ) -> None:
     for name in ("j2n6s300", "j2s6s300"):
         inspector = Inspector(IKSolver(bundled(name), collision="reject"), prefer="manipulability")
         robot = inspector.robot
         seed = robot.home
-        for _ in range(20):
+        for _ in range(count):
             view = inspector.at(robot.forward_kinematics(robot.sample(rng)), seed)
             if view.pending:
                 view = inspector.closest(view)

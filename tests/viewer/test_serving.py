@@ -46,8 +46,9 @@ def test_a_wrong_option_is_named(robot: Robot, options: dict[str, Any], message:
         serve(robot, port=0, **options)
 
 
-def test_every_bundled_robot_is_served() -> None:
-    for name in jacokin.model.NAMES:
+@pytest.mark.parametrize("names", [("m1n6s200", "gen3"), pytest.param(jacokin.model.NAMES, marks=pytest.mark.slow)])
+def test_bundled_robots_are_served(names: tuple[str, ...]) -> None:
+    for name in names:
         with serve(name, port=0) as viewer, opened(viewer) as page:
             assert viewer.view.status is Status.OK
             assert page.ghosts == len(viewer.view.branches) - 1 > 0

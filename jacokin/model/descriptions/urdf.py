@@ -196,7 +196,8 @@ def check(text: str, source: str, notes: list[str] | None = None) -> ET.Element:
     _unique([_required(link, "name", source) for link in links], "link", source)
     _unique([_required(joint, "name", source) for joint in joints], "joint", source)
     if not links:
-        raise ModelError(f"{source}: has no links")
+        cure = "a xacro file that only defines a macro expands to that; expand the one that uses it"
+        raise ModelError(f"{source}: has no links: {cure}")
     _check_size(links, joints, source)
     _drop_malformed(robot, "material", source, said)
     for link in links:
@@ -346,7 +347,7 @@ def _check_single(owner: ET.Element, tags: Sequence[str], where: str) -> None:
     counts = Counter(element.tag for element in owner)
     for tag in tags:
         if counts[tag] > 1:
-            raise ModelError(f"{where}: its <{owner.tag}> has more than one <{tag}>")
+            raise ModelError(f"{where}: its <{owner.tag}> has more than one <{tag}>: keep one")
 
 
 def _complete_inertial(link: ET.Element, where: str, notes: list[str]) -> None:

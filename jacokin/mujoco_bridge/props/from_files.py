@@ -102,12 +102,6 @@ class Mesh(FreeProp):
         if not file.is_file():
             raise InvalidInputError(f"path: there is no file {file}")
         self.shape = shape = _load(file, file.stat().st_mtime_ns, factor, is_decomposed)
-        longest = float(np.ptp(shape.vertices, axis=0).max())
-        if longest > LONGEST:
-            raise InvalidInputError(
-                f"{file}: the mesh is {longest:.4g} m long, more than {LONGEST:g} m: a file in millimetres needs "
-                "scale=0.001, one in inches scale=0.0254"
-            )
         weight = checks.positive("density", DENSITY if density is None else density, "kg/m^3") * shape.volume
         if mass is not None:
             weight = checks.positive("mass", mass, "kg")
@@ -186,6 +180,12 @@ def _load(path: Path, changed: int, scale: float, decomposed: bool) -> MeshPart:
         raise InvalidInputError(f"{path}: no mesh that can be read: {shown(error)}") from error
     if len(faces) == 0 or not np.isfinite(vertices).all() or not hull.volume > 0.0:
         raise InvalidInputError(f"{path}: the mesh has no volume")
+    longest = float(np.ptp(vertices, axis=0).max())
+    if longest > LONGEST:
+        raise InvalidInputError(
+            f"{path}: the mesh is {longest:.4g} m long, more than {LONGEST:g} m: a file in millimetres needs "
+            "scale=0.001, one in inches scale=0.0254"
+        )
     is_closed = bool(mesh.is_watertight and mesh.is_winding_consistent)
     if is_closed and mesh.volume < 0.0:
         mesh.invert()

@@ -27,7 +27,7 @@ INTERRUPTED = """
 
     if __name__ == "__main__":
         solver = jacokin.IKSolver(jacokin.load_robot(), method="qp")
-        targets = [[0.3, 0.2, 0.3 + 1e-5 * index] for index in range(20_000)]
+        targets = [[0.3, 0.2, 0.3 + 1e-5 * index] for index in range(2_000)]
         solver.solve_batch(targets, workers=2, progress=report, closest=False)
 """
 

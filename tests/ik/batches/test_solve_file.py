@@ -501,7 +501,7 @@ RUN = """
 import os, signal, sys, jacokin
 from jacokin.ik import solve_file
 from jacokin.ik.batches import solve_file as module
-module.ROWS = module.CLOSEST_ROWS = 64
+module.ROWS, module.CLOSEST_ROWS, module.SYNCED = 64, 64, 12
 syncs, fsync = int(sys.argv[3]), os.fsync
 def counted(file):
     global syncs
@@ -523,14 +523,14 @@ def run_until(sync: int, source: Path, out: Path) -> int:
 @pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".csv", ".parquet"])
 def test_killed_runs_end_in_the_same_bytes(robot: Robot, tmp_path: Path, rng: np.random.Generator, suffix: str) -> None:
-    poses = np.array([robot.forward_kinematics(q).homogeneous for q in robot.sample(rng, 3_000)])
+    poses = np.array([robot.forward_kinematics(q).homogeneous for q in robot.sample(rng, 1_000)])
     source, whole, out = tmp_path / "in.npz", tmp_path / f"whole{suffix}", tmp_path / f"out{suffix}"
     np.savez(source, targets=poses)
     assert run_until(-1, source, whole) == 0
     chunks = -(-len(poses) // 64)
     # At the recipe, at the first chunk, on the way, and when all chunks are there and the whole is written.
     folder = tmp_path / f"{out.name}.chunks"
-    for sync, most in ((1, 0), (2, 1), (20, 20), (5, 25), (chunks, chunks)):
+    for sync, most in ((1, 0), (2, 1), (8, 8), (5, 13), (chunks, chunks)):
         found = len(list(folder.glob("*.chunk")))
         # The file that is joined is brought to disk once on the way, and when it is complete.
         assert run_until(sync if most < chunks else chunks - found + 2, source, out) == -signal.SIGKILL

@@ -44,7 +44,7 @@ def structured(robot: Robot, rng: np.random.Generator, number: int) -> Array:
     return q
 
 
-@pytest.mark.parametrize("count", [12, pytest.param(40, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [12, pytest.param(25, marks=pytest.mark.slow)])
 def test_no_member_of_seven_joints_is_nearer(seven: IKSolver, rng: np.random.Generator, count: int) -> None:
     robot = seven.robot
     scan, gaps = scan_seven.Scan(robot), []
@@ -109,7 +109,7 @@ def test_limits_of_more_than_a_turn_leave_a_choice_of_copies(rng: np.random.Gene
 
 @pytest.mark.parametrize("limits", [None, (-2.0, 1.5), (-7.0, 6.0)], ids=["unlimited", "less than a turn", "two turns"])
 @pytest.mark.parametrize("free", [(-math.pi, math.pi), (-0.5, 0.7), (1.0, 4.0)], ids=["full turn", "narrow", "wide"])
-@pytest.mark.parametrize("count", [4, pytest.param(12, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [4, pytest.param(8, marks=pytest.mark.slow)])
 def test_about_the_axis_of_the_last_joint_the_others_stay(
     limits: tuple[float, float] | None,
     free: tuple[float, float],

@@ -160,8 +160,8 @@ def test_random_pairs_of_shapes(rng: np.random.Generator) -> None:
 
 
 @pytest.mark.slow
-def test_a_million_random_pairs_of_shapes(rng: np.random.Generator) -> None:
-    assert judge(rng, 2000, 500) > 500_000
+def test_many_random_pairs_of_shapes(rng: np.random.Generator) -> None:
+    assert judge(rng, 250, 200) > 25_000
 
 
 @pytest.mark.parametrize("kind", [*KINDS, "ellipsoid"])

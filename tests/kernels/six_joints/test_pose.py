@@ -82,7 +82,7 @@ def test_no_branch_of_brute_force_is_missing(name: str, rng: np.random.Generator
 def test_no_branch_of_brute_force_is_missing_from_any_arm(name: str, sigma: float, rng: np.random.Generator) -> None:
     chain = perturbed(chain_of_arm(name) if name in ARMS else jaco(name), sigma)
     form = form_of(chain)
-    for number, q in enumerate(rng.uniform(-np.pi, np.pi, (8, 6))):
+    for number, q in enumerate(rng.uniform(-np.pi, np.pi, (3, 6))):
         T = pose_at(chain, q)
         assert lost(chain, form.solve_all(T, HOME).q, T, seed=number) == []
 
@@ -151,13 +151,13 @@ def test_complete_is_said_of_nearly_all_poses(rng: np.random.Generator) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["crx", "ur5", "puma", "gen3 lite", "xarm6", "industrial"])
 def test_complete_is_never_wrong_at_round_angles(name: str, rng: np.random.Generator) -> None:
-    assert check_honest(chain_of_arm(name), round_angles(rng, 300), 200) > 150
+    assert check_honest(chain_of_arm(name), round_angles(rng, 40), 200) > 20
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("sigma", [1e-9, 1e-7, 1e-5, 5e-3])
 def test_complete_is_never_wrong_on_a_jaco_that_is_not_quite_one(sigma: float, rng: np.random.Generator) -> None:
-    assert check_honest(perturbed(jaco("j2n6s300"), sigma), round_angles(rng, 75), 200) > 35
+    assert check_honest(perturbed(jaco("j2n6s300"), sigma), round_angles(rng, 40), 200) > 18
 
 
 @pytest.mark.parametrize("name", ["xarm6", "offset wrist", "generic"])
@@ -165,14 +165,14 @@ def test_random_poses_need_no_neighbour(name: str, rng: np.random.Generator) -> 
     """Which takes as long as the arm itself, or longer."""
     form, work = form_of(chain_of_arm(name)), make_work(np.empty((MAX_BRANCHES, COLUMNS)))
     arm, in_doubt = unpack_arm(form.arm).six, 0
-    for q in rng.uniform(-np.pi, np.pi, (40, 6)):
+    for q in rng.uniform(-np.pi, np.pi, (20, 6)):
         query = PoseQuery(form.chain, form.constants[2], pose_at(form.chain, q), HOME)
         work.branches.filled[0] = work.branches.fold.filled[0] = 0
         in_doubt += branches_of_labelling(arm.scale, arm.own, -1, query, work.six, work.branches)
         assert (
             distance(q, min(work.branches.rows[: work.branches.filled[0], :6], key=lambda row: distance(q, row))) < 1e-6
         )
-    assert in_doubt <= 2
+    assert in_doubt <= 1
 
 
 def test_more_branches_than_eight_where_the_structure_gives_them(rng: np.random.Generator) -> None:

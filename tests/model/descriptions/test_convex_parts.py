@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -114,13 +115,14 @@ def test_a_flat_mesh_and_an_open_one_are_held_too(rng: np.random.Generator) -> N
     assert convex_parts(Mesh(np.zeros((3, 3)), np.array([[0, 1, 2]]))) == []
 
 
-@pytest.fixture
-def arm(tmp_path: Path) -> Path:
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A UR5 of horseshoes, each other link of a bent tube."""
-    HORSESHOE.copy().apply_scale(SCALE).export(tmp_path / "horseshoe.stl")
-    bent_tube().export(tmp_path / "tube.obj")
+    folder = tmp_path_factory.mktemp("arm")
+    HORSESHOE.copy().apply_scale(SCALE).export(folder / "horseshoe.stl")
+    bent_tube().export(folder / "tube.obj")
     path, text = (
-        tmp_path / "arm.urdf",
+        folder / "arm.urdf",
         ur5_text('<collision><geometry><mesh filename="horseshoe.stl"/></geometry></collision>'),
     )
     for link in (1, 3, 5):
@@ -128,6 +130,12 @@ def arm(tmp_path: Path) -> Path:
         text = text[:start] + text[start:].replace('"horseshoe.stl"', '"tube.obj" scale="1 1 1"', 1)
     path.write_text(text)
     return path
+
+
+@pytest.fixture(scope="module")
+def in_parts(arm: Path) -> Robot:
+    """The same with its meshes decomposed, which takes a second, once."""
+    return jacokin.load_robot(arm, decompose=True)
 
 
 class Triangles:
@@ -157,8 +165,8 @@ class Triangles:
         )
 
 
-def test_contact_on_parts_is_that_of_the_triangles(arm: Path, rng: np.random.Generator) -> None:
-    hulls, parts = jacokin.load_robot(arm), jacokin.load_robot(arm, decompose=True)
+def test_contact_on_parts_is_that_of_the_triangles(arm: Path, in_parts: Robot, rng: np.random.Generator) -> None:
+    hulls, parts = jacokin.load_robot(arm), in_parts
     truth, rows = Triangles(hulls, arm.parent), hulls.sample(rng, 400)
     real = np.array([truth.touches(q) for q in rows])
     by_hulls, by_parts = (SelfContact(robot).touches_at(rows) for robot in (hulls, parts))
@@ -169,9 +177,8 @@ def test_contact_on_parts_is_that_of_the_triangles(arm: Path, rng: np.random.Gen
     assert (by_parts & ~real).mean() <= 0.02
 
 
-def test_parts_have_names_that_links_stand_for(arm: Path) -> None:
-    robot = jacokin.load_robot(arm, decompose=True)
-    contact = SelfContact(robot)
+def test_parts_have_names_that_links_stand_for(in_parts: Robot) -> None:
+    robot, contact = in_parts, SelfContact(in_parts)
     assert any(name.endswith(", part 2") for name in contact.arm_shapes)
     T = robot.forward_kinematics(robot.home).homogeneous
     around = Box("around the tool", [0.5, 0.5, 0.5], T)
@@ -183,18 +190,20 @@ def test_parts_have_names_that_links_stand_for(arm: Path) -> None:
     assert jacokin.model.to_mujoco(robot, geometry=True).ngeom == len(contact.arm_shapes)
 
 
-def test_what_was_decomposed_is_kept_and_pickled(arm: Path, rng: np.random.Generator) -> None:
-    robot = jacokin.load_robot(arm, decompose=True)
+def test_what_was_decomposed_is_kept_and_pickled(arm: Path, tmp_path: Path, rng: np.random.Generator) -> None:
+    folder = Path(shutil.copytree(arm.parent, tmp_path / "copy"))
+    robot = jacokin.load_robot(folder / arm.name, decompose=True)
     rows = robot.sample(rng, 100)
     before = SelfContact(robot).touches_at(rows)
     for name in ("horseshoe.stl", "tube.obj"):
-        (arm.parent / name).unlink()
+        (folder / name).unlink()
     again = pickle.loads(pickle.dumps(robot))
     np.testing.assert_array_equal(SelfContact(again).touches_at(rows), before)
     assert again.source.decompose
     assert again.with_payload(1.0, [0.0, 0.0, 0.1]).source.decompose
 
 
+@pytest.mark.slow
 def test_meshes_of_an_mjcf_are_decomposed_alike(tmp_path: Path, rng: np.random.Generator) -> None:
     HORSESHOE.copy().apply_scale(SCALE).export(tmp_path / "horseshoe.stl")
     bodies, ends = "", ""
@@ -219,18 +228,16 @@ def test_meshes_of_an_mjcf_are_decomposed_alike(tmp_path: Path, rng: np.random.G
     assert not any("convex hulls" in note for note in jacokin.load_robot(urdf, decompose=True).notes)
 
 
-def test_an_obstacle_fits_into_the_gap_of_a_part(arm: Path) -> None:
+def test_an_obstacle_fits_into_the_gap_of_a_part(arm: Path, in_parts: Robot) -> None:
     """A ball between the legs of the last link's horseshoe."""
-    for decompose, clear in ((False, False), (True, True)):
-        robot = jacokin.load_robot(arm, decompose=decompose)
+    for robot, clear in ((jacokin.load_robot(arm), False), (in_parts, True)):
         T = robot.forward_kinematics(robot.home)
         ball = Scene([Sphere("ball", 0.02, T.act(np.array([0.0, 0.0, 0.1])))])
         touching = [pair for pair in ball.contact(robot).touching(robot.home) if pair[1].startswith("l6")]
         assert (not touching) == clear
 
 
-def test_decompose_is_yes_or_no(arm: Path) -> None:
+def test_decompose_is_yes_or_no(arm: Path, in_parts: Robot) -> None:
     with pytest.raises(InvalidInputError, match="decompose"):
         jacokin.load_robot(arm, decompose="yes")  # type: ignore[arg-type]
-    hulls, parts = jacokin.load_robot(arm), jacokin.load_robot(arm, decompose=True)
-    assert fingerprint(hulls, shapes=True) != fingerprint(parts, shapes=True)
+    assert fingerprint(jacokin.load_robot(arm), shapes=True) != fingerprint(in_parts, shapes=True)

@@ -117,7 +117,8 @@ MISTAKES = {
     "too many links": (chain_text(5000, "fixed"), "has 5001 links; at most 1000"),
     "too deep": ("<robot name='r'>" + "<x>" * 5000 + "</x>" * 5000 + "</robot>", "nested more than 100 deep"),
     "far away": (robot_text('<origin xyz="0 2e6 0"/>'), "joint 'j' is at (0, 2e+06, 0) m of the joint before it"),
-    "two children": (robot_text('<child link="a"/>'), "joint 'j': its <joint> has more than one <child>"),
+    "two children": (robot_text('<child link="a"/>'), "joint 'j': its <joint> has more than one <child>: keep one"),
+    "nothing": ('<robot name="r"><!-- of a macro --></robot>', "has no links: a xacro file that only defines a macro"),
     "xacro": (
         '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:arm/></robot>',
         "is a xacro file, not a URDF",
@@ -172,7 +173,7 @@ def test_a_damaged_urdf_is_read_or_named(seed: int) -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=1000, deadline=None)
+@settings(max_examples=300, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_many_damaged_urdfs_are_read_or_named(seed: int) -> None:
     damage_and_check(seed)

@@ -96,8 +96,8 @@ def test_what_flies_at_the_arm_is_evaded(robot: Robot, number: int) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("acceleration_limit", [None, np.inf], ids=["default", "none"])
 def test_most_flights_are_evaded_and_none_goes_deep(robot: Robot, acceleration_limit: float | None) -> None:
-    nearest = np.array([fly(robot, number, acceleration_limit) for number in range(20)])
-    assert (nearest > 0.0).sum() >= 16
+    nearest = np.array([fly(robot, number, acceleration_limit) for number in range(10)])
+    assert (nearest > 0.0).sum() >= 8
     assert nearest.min() > -0.04  # [m]
 
 

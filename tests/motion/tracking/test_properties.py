@@ -113,14 +113,15 @@ class InterruptAt:
 BALL = Scene([Sphere("ball", 0.05, [0.25, -0.2, 0.62])])
 
 
+@pytest.mark.parametrize("stride", [61, pytest.param(7, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("use_twist", [False, True], ids=["pose", "twist"])
 @pytest.mark.parametrize(
     "options", [{}, {"acceleration_limit": 2.0}, {"scene": BALL}], ids=["plain", "acceleration", "collision"]
 )
 def test_an_interrupted_tick_leaves_the_old_state_or_the_new_one(
-    robot: Robot, options: dict[str, Any], use_twist: bool
+    robot: Robot, options: dict[str, Any], use_twist: bool, stride: int
 ) -> None:
-    """Interrupted at every seventh line of a tick; the ticks that follow move no joint faster than its limit."""
+    """Interrupted at every so many lines of a tick; the ticks that follow move no joint faster than its limit."""
     target = robot.forward_kinematics(robot.home + 0.3)
 
     def tick(tracker: Tracker) -> NDArray[np.float64]:
@@ -133,7 +134,7 @@ def test_an_interrupted_tick_leaves_the_old_state_or_the_new_one(
         start.step(target)
     after = copy.deepcopy(start)
     tick(after)
-    for line in range(1, 2_000, 7):
+    for line in range(1, 2_000, stride):
         tracker = copy.deepcopy(start)
         before = sys.gettrace()
         sys.settrace(InterruptAt(line))

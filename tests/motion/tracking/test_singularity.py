@@ -52,7 +52,14 @@ def test_past_a_singular_pose(robot: Robot, joint: int, offset: float) -> None:
     assert steps[-1].status is TrackerStatus.OK
 
 
-@pytest.mark.parametrize(("offset", "recovering"), [(0.0, 6), (2e-3, 6), (0.02, 3)])
+@pytest.mark.parametrize(
+    ("offset", "recovering"),
+    [
+        (2e-3, 6),
+        pytest.param(0.0, 6, marks=pytest.mark.slow),
+        pytest.param(0.02, 3, marks=pytest.mark.slow),
+    ],
+)
 def test_over_the_shoulder(robot: Robot, offset: float, recovering: int) -> None:
     """The wrist crosses the axis of joint 1 in a straight line: the arm has to turn round at full speed.
 

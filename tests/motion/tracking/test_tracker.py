@@ -59,7 +59,7 @@ def test_a_circle_is_followed(robot: Robot) -> None:
         assert step.status is TrackerStatus.OK
 
 
-@pytest.mark.parametrize("ticks", [1_500, pytest.param(10_000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("ticks", [1_500, pytest.param(5_000, marks=pytest.mark.slow)])
 def test_limits_hold_exactly_while_targets_jump(robot: Robot, rng: np.random.Generator, ticks: int) -> None:
     tracker = Tracker(robot, dt=DT, acceleration_limit=np.inf)
     before = tracker.q
