@@ -208,6 +208,20 @@ def test_a_tracker_stops_before_a_cloud(robot: Robot, rng: np.random.Generator) 
         assert 0.01 - 1e-4 < least < 0.02
 
 
+def test_a_tracker_is_given_what_the_camera_sees_next(robot: Robot, rng: np.random.Generator) -> None:
+    start = robot.forward_kinematics(robot.home)
+    target = pin.SE3(start.rotation, start.translation + np.array([0.5, 0.0, 0.0]))
+    points = start.translation + np.column_stack([np.full(500, 0.2), rng.uniform(-0.2, 0.2, (500, 2))])
+    first = PointCloud("seen", points + np.array([0.3, 0.0, 0.0]), RADIUS)
+    tracker = Tracker(robot, scene=Scene([first]), clearance=0.01)
+    least = np.inf
+    for tick in range(150):
+        seen = {"seen": PointCloud("seen", points + rng.normal(size=3) * 1e-4, RADIUS)} if tick % 10 == 5 else None
+        step = tracker.step(target, obstacles=seen)
+        least = min(least, float(robot.clearance(step.q, Scene([PointCloud("wall", points, RADIUS)]))))
+    assert 0.01 - 5e-4 < least < 0.02
+
+
 def test_a_map_leaves_out_what_a_cloud_blocks(robot: Robot, tmp_path: Path, rng: np.random.Generator) -> None:
     points = wall(rng, 500)
     scene = Scene([PointCloud("wall", points, 0.02)])
