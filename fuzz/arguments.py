@@ -43,6 +43,7 @@ SKIPPED = {"warmup", "Physics.disable"}
 # Trusted arguments, by their documentation.
 INTERNAL = {
     "Robot.placement", "quat_wxyz", "Box.add_to", "Capsule.add_to", "Floor.add_to",
+    "PointCloud.add_to", "PointCloud.some_points",
     "SelfContact.all_touching", "SelfContact.distances", "SelfContact.in_the_way",
     "SelfContact.list_touching", "SelfContact.nearest", "SelfContact.nearest_between", "SelfContact.ordered",
     "SelfContact.pair_numbers", "SelfContact.touches", "SelfContact.touches_at", "SelfContact.touching_from",

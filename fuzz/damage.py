@@ -21,7 +21,7 @@ from fuzz.findings import Finding
 from jacokin.calibration import Measurements
 from jacokin.errors import JacokinError
 from jacokin.ik.files.formats import targets_format
-from jacokin.model import Scene
+from jacokin.model import PointCloud, Scene
 from jacokin.model.measured_arm import MeasuredArm, MeasuredJoint
 from jacokin.motion import Trajectory, move_joints
 from jacokin.teleop.streams import Stream
@@ -45,10 +45,16 @@ def _measurements(path: Path) -> None:
     Measurements.load(path, sigma=1e-3)
 
 
+def _cloud(path: Path) -> None:
+    PointCloud.load(path, name="cloud")
+
+
 #: How each kind is read, by a name whose ending is that of the file.
 KINDS: dict[str, Callable[[Path], object]] = {
     "scene.yaml": Scene.load,
     "scene.json": Scene.load,
+    "cloud.ply": _cloud,
+    "cloud.npz": _cloud,
     "calibration.toml": MeasuredArm.load,
     "trajectory.csv": Trajectory.load,
     "trajectory.npz": Trajectory.load,
@@ -101,6 +107,8 @@ def sound_files(folder: Path) -> dict[str, Path]:
     box = "{shape: box, size: [0.1, 0.2, 0.3], position: [1, 0, 0], rpy: [0, 0, 1]}"
     found["scene.yaml"].write_text(f"obstacles: [{box}, {{shape: floor}}]\nfinger_angle: 0.2\nallow: [[a, b]]\n")
     found["scene.json"].write_text('{"obstacles": [{"shape": "floor", "name": "f", "height": -0.1}], "allow": []}')
+    for kind in ("cloud.ply", "cloud.npz"):
+        PointCloud("cloud", rng.normal(size=(5, 3))).save(found[kind])
     joints = tuple((name, MeasuredJoint()) for name in robot.joint_names)
     MeasuredArm(robot.name, "0123abcd", joints, (("tool", 0.1),)).save(found["calibration.toml"])
     motion = move_joints(robot, robot.home, robot.home + 0.1, dt=0.1)

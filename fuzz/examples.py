@@ -43,6 +43,8 @@ def build(folder: Path) -> Examples:
     arm.set_home(physics)
     csv = folder / "targets.csv"
     csv.write_text("x,y,z,qw,qx,qy,qz\n0.3,-0.2,0.4,0,0.7071,0.7071,0\n", encoding="utf-8")
+    cloud = folder / "cloud.ply"
+    ik.PointCloud("cloud", [[0.4, 0.1, 0.2]]).save(cloud)
     observable = mujoco_bridge.Observable(lambda physics: physics.data.qpos)
     environment, gym = tasks.load("lift_brick", seed=0), tasks.TaskEnv("reach_site", goal=True)
     environment.reset()
@@ -75,6 +77,12 @@ def build(folder: Path) -> Examples:
         "name": "thing",
         "radius": 0.05,
         "length": 0.2,
+        "points": np.array([[0.4, 0.1, 0.2], [0.4, 0.2, 0.2]]),
+        "depth": np.full((4, 6), 0.8),
+        "intrinsics": (10.0, 10.0, 2.5, 1.5),
+        "T_base_camera": target,
+        "Robot.without_own_points.scene": scene,
+        "PointCloud.load.path": cloud,
         "height": -0.2,
         "samples": 3,
         "rng": np.random.default_rng(0),
@@ -149,6 +157,7 @@ def build(folder: Path) -> Examples:
         "Updater": mujoco_bridge.Updater({"qpos": observable}),
         "Environment": environment,
         "Expert": tasks.expert("lift_brick"),
+        "PointCloud": ik.PointCloud("cloud", [[0.4, 0.1, 0.2]]),
         "Grid": grid,
         "Orientations": reachability.Orientations.down(2),
         "Randomization": randomization,

@@ -22,6 +22,7 @@ from jacokin.model.obstacles import Cylinder as Cylinder
 from jacokin.model.obstacles import Floor as Floor
 from jacokin.model.obstacles import Obstacle as Obstacle
 from jacokin.model.obstacles import Sphere as Sphere
+from jacokin.model.point_cloud import PointCloud as PointCloud
 from jacokin.model.poses import FreeAxis as FreeAxis
 from jacokin.model.scene import Scene as Scene
 

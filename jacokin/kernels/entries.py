@@ -11,6 +11,8 @@ from typing import Any, NamedTuple
 from jacokin.kernels.clear_targets import make_clear_work, solve_clear_targets
 from jacokin.kernels.closed_form.batch import make_target_work, solve_targets
 from jacokin.kernels.closest import find_closest, make_closest_work
+from jacokin.kernels.contact.cloud_tree import build_cloud, make_cloud_tree
+from jacokin.kernels.contact.near_points import find_near_points, make_near_work
 from jacokin.kernels.contact.run import make_contact_work, run_contact
 from jacokin.kernels.free_motion.run import make_motion_work, run_free_motion
 from jacokin.kernels.rung_links import link_rungs, make_link_work
@@ -31,6 +33,8 @@ ENTRIES = (
     Entry(solve_targets, make_target_work),
     Entry(rank_labellings, make_rank_work),
     Entry(run_contact, make_contact_work),
+    Entry(build_cloud, make_cloud_tree),
+    Entry(find_near_points, make_near_work),
     Entry(run_free_motion, make_motion_work),
     Entry(solve_clear_targets, make_clear_work),
     Entry(link_rungs, make_link_work),

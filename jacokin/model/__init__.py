@@ -11,6 +11,9 @@ poses, angles, checks   building and checking poses, full turns, checks of argum
 many_configurations     kinematics of many configurations at once
 mujoco_twin             the same arm in MuJoCo
 obstacles, scene        shapes around the arm, one by one, from a file or from a MuJoCo model; shapes that it holds
+point_cloud             points as an obstacle, as cameras see them; their files (point_files)
+depth_images            the points of a depth image
+own_points              of some points, those that are not on the arm
 gripper                 the gripper that an arm carries, measured on its shapes
 own_shapes              the arm's shapes, read once
 surrounded              the arm's shapes among those of a scene, and the pairs of shapes whose contact counts

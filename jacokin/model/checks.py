@@ -184,6 +184,17 @@ def text(name: str, value: object) -> str:
     return string
 
 
+def word(name: str, value: object) -> str:
+    """A text as of `text` that is not empty.
+
+    Raises:
+        InvalidInputError: anything else.
+    """
+    if not text(name, value):
+        raise refusal(name, "a word", value)
+    return str(value)
+
+
 def listed(name: str, items: Iterable[Item], what: str = "a list") -> tuple[Item, ...]:
     """The items of a list.
 

@@ -14,17 +14,24 @@ from numpy.typing import NDArray
 from jacokin.arrays import Array
 from jacokin.errors import ShapeError
 from jacokin.kernels.contact.arm import HINGE, SLIDE, ArmShapes
+from jacokin.kernels.contact.cloud_tree import CloudTree
 from jacokin.kernels.contact.shapes import (
     BOX,
     CENTRE,
+    CLOUD,
     CYLINDER,
     ELLIPSOID,
+    FIRST_NODE,
     FIRST_VERTEX,
     KIND,
     LAST_VERTEX,
+    LEAVES,
     LINK,
     MARGIN,
     MESH,
+    NODE_HALF,
+    NODE_NUMBERS,
+    NODE_RADIUS,
     PLANE,
     POINT,
     RADIUS,
@@ -38,16 +45,22 @@ from jacokin.kernels.contact.touching import Geometry
 from jacokin.kernels.contact.tree import Tree
 from jacokin.model.descriptions.shapes import KINDS, Shape
 
-CORES = np.array([PLANE, POINT, SEGMENT, ELLIPSOID, CYLINDER, BOX, MESH])  # of the `KINDS`
+CORES = np.array([PLANE, POINT, SEGMENT, ELLIPSOID, CYLINDER, BOX, MESH, CLOUD])  # of the `KINDS`
 NUMBER_OF_KIND = {kind: number for number, kind in enumerate(KINDS)}
 # For each of the kinds: which of MJCF's sizes are the half sizes of its core, and whether they are; whether the first
 # is a margin around it; which half sizes its farthest point has; and whether it has an end.
-HALF_FROM = np.array([(0, 0, 0), (0, 0, 0), (0, 0, 1), (0, 1, 2), (0, 0, 1), (0, 1, 2), (0, 0, 0)])
-HALF_IS = np.array([(0, 0, 0), (0, 0, 0), (0, 0, 1), (1, 1, 1), (1, 1, 1), (1, 1, 1), (0, 0, 0)], dtype=np.float64)
-HAS_MARGIN = np.array([0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0])
-REACHES = np.array([(1, 1, 1), (1, 1, 1), (1, 1, 1), (1, 1, 1), (1, 0, 1), (1, 1, 1), (1, 1, 1)], dtype=np.float64)
-ENDLESS = np.array([np.inf, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+# Meshes and clouds have rows of their own.
+HALF_FROM = np.array([(0, 0, 0), (0, 0, 0), (0, 0, 1), (0, 1, 2), (0, 0, 1), (0, 1, 2), (0, 0, 0), (0, 0, 0)])
+HALF_IS = np.array(
+    [(0, 0, 0), (0, 0, 0), (0, 0, 1), (1, 1, 1), (1, 1, 1), (1, 1, 1), (0, 0, 0), (0, 0, 0)], dtype=np.float64
+)
+HAS_MARGIN = np.array([0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+REACHES = np.array(
+    [(1, 1, 1), (1, 1, 1), (1, 1, 1), (1, 1, 1), (1, 0, 1), (1, 1, 1), (1, 1, 1), (1, 1, 1)], dtype=np.float64
+)
+ENDLESS = np.array([np.inf, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
 WIDEST_GROUP = 1.35  # times its largest shape: wider groups hold more shapes and are near more often
+NO_POINTS = np.empty((0, 3))
 TINY = 1e-300  # [m] added to a length that is divided by
 GROUP_AT_LEAST = 0.08  # [m] radius below which shapes are grouped anyway
 
@@ -57,8 +70,9 @@ class ShapeRow(NamedTuple):
 
     numbers: Array
     integers: NDArray[np.int64]
-    vertices: Array
-    neighbours: list[list[int]]
+    vertices: Array = NO_POINTS
+    neighbours: Sequence[Sequence[int]] = ()
+    cloud: CloudTree | None = None
 
 
 class ArmArrays(NamedTuple):
@@ -103,7 +117,7 @@ def contact_arrays(
         obstacles: numbers of obstacles that count against every shape that moves.
 
     Raises:
-        ShapeError: a shape of a kind that is not convex.
+        ShapeError: a shape of an unknown kind.
     """
     own = [number for number in range(len(given)) if number not in obstacles]
     place = {number: index for index, number in enumerate(own)}
@@ -173,7 +187,7 @@ def world_arrays(obstacles: Sequence[Shape]) -> WorldArrays:
     """The arrays for obstacles.
 
     Raises:
-        ShapeError: one of a kind that is not convex.
+        ShapeError: one of an unknown kind.
     """
     count = len(obstacles)
     kinds = np.array([_kind(shape) for shape in obstacles], dtype=np.int64)
@@ -185,13 +199,14 @@ def world_arrays(obstacles: Sequence[Shape]) -> WorldArrays:
     numbers[:, :SIZE], numbers[:, SIZE : SIZE + 3], numbers[:, MARGIN] = placed[:, :SIZE], half, margin
     numbers[:, CENTRE : CENTRE + 3], numbers[:, RADIUS] = placed[:, 3:SIZE:4], margin + _core_radii(kinds, half)
     integers[:, KIND] = cores
-    meshes = np.flatnonzero(cores == MESH).tolist()
-    if not meshes:
-        shapes = Shapes(numbers, integers, np.empty((0, 3)), np.zeros(1, dtype=np.int64), np.zeros(0, dtype=np.int64))
+    own_rows = np.flatnonzero((cores == MESH) | (cores == CLOUD)).tolist()
+    if not own_rows:
+        edges = np.zeros(1, dtype=np.int64), np.zeros(0, dtype=np.int64)
+        shapes = Shapes(numbers, integers, NO_POINTS, *edges, NO_POINTS, np.empty((0, NODE_NUMBERS)))
     else:
-        rows = [ShapeRow(each, whole, np.empty((0, 3)), []) for each, whole in zip(numbers, integers, strict=True)]
-        for number in meshes:
-            rows[number] = _mesh_row(obstacles[number].placement, obstacles[number].vertices)
+        rows = [ShapeRow(each, whole) for each, whole in zip(numbers, integers, strict=True)]
+        for number in own_rows:
+            rows[number] = _own_row(obstacles[number], obstacles[number].placement)
         shapes = _stacked(rows)
     return WorldArrays(shapes, _tree(shapes), kinds)
 
@@ -202,16 +217,27 @@ def joined(arm: ArmArrays, world: WorldArrays) -> Geometry:
     count, dof = len(own.numbers), len(arm.arm.joint_kinds)
     integers = np.concatenate([own.integers, others.integers])
     integers[count:, LINK] = dof + 1
-    vertices, first_edge, neighbours = own[2:]
+    vertices, first_edge, neighbours, points, nodes = own[2:]
+    clouds = integers[:, KIND] == CLOUD
+    clouds[:count] = False
+    if clouds.any():
+        integers[np.ix_(clouds, [FIRST_VERTEX, LAST_VERTEX])] += len(own.points)
+        integers[clouds, FIRST_NODE] += len(own.nodes)
+        points = np.concatenate([own.points, others.points]) if len(own.points) else others.points
+        nodes = np.concatenate([own.nodes, others.nodes]) if len(own.nodes) else others.nodes
     if len(others.vertices):
-        integers[count:, [FIRST_VERTEX, LAST_VERTEX]] += len(own.vertices)
+        meshes = integers[:, KIND] == MESH
+        meshes[:count] = False
+        integers[np.ix_(meshes, [FIRST_VERTEX, LAST_VERTEX])] += len(own.vertices)
         vertices = np.concatenate([own.vertices, others.vertices])
         first_edge = np.concatenate([own.first_edge, others.first_edge[1:] + len(own.neighbours)])
         neighbours = np.concatenate([own.neighbours, others.neighbours + len(own.vertices)])
     children = world.tree.children.copy()
     children[children[:, 0] < 0, 1] += count
     return Geometry(
-        Shapes(np.concatenate([own.numbers, others.numbers]), integers, vertices, first_edge, neighbours),
+        Shapes(
+            np.concatenate([own.numbers, others.numbers]), integers, vertices, first_edge, neighbours, points, nodes
+        ),
         arm.arm,
         Tree(world.tree.boxes, children, world.tree.planes + count),
     )
@@ -248,14 +274,14 @@ def shape_row(model: pin.Model, shape: Shape) -> ShapeRow:
     """A shape of an arm as the kernels see it.
 
     Raises:
-        ShapeError: its kind is not convex.
+        ShapeError: its kind is unknown.
     """
     kind = np.array([_kind(shape)])
     T_link_shape = shape.placement
     if shape.joint:
         T_link_shape = _turn(model, shape.joint)[0].inverse() * T_link_shape
-    if CORES[kind[0]] == MESH:
-        row = _mesh_row(T_link_shape, shape.vertices)
+    if CORES[kind[0]] in (MESH, CLOUD):
+        row = _own_row(shape, T_link_shape)
     else:
         numbers, integers = np.zeros(SHAPE_NUMBERS), np.zeros(SHAPE_INTEGERS, dtype=np.int64)
         half, margin = _half_sizes(kind, shape.size[np.newaxis])
@@ -263,7 +289,7 @@ def shape_row(model: pin.Model, shape: Shape) -> ShapeRow:
         numbers[SIZE : SIZE + 3], numbers[MARGIN] = half[0], margin[0]
         numbers[CENTRE : CENTRE + 3], numbers[RADIUS] = T_link_shape.translation, margin[0] + _core_radii(kind, half)[0]
         integers[KIND] = CORES[kind[0]]
-        row = ShapeRow(numbers, integers, np.empty((0, 3)), [])
+        row = ShapeRow(numbers, integers)
     row.integers[LINK] = shape.joint
     return row
 
@@ -290,6 +316,25 @@ def _core_radii(kinds: NDArray[np.int64], half: Array) -> Array:
     if ellipsoids.any():
         found[ellipsoids] = half[ellipsoids].max(axis=1)
     return found
+
+
+def _own_row(shape: Shape, T_link_shape: pin.SE3) -> ShapeRow:
+    """The row of a mesh or a cloud."""
+    if shape.cloud is None:
+        return _mesh_row(T_link_shape, shape.vertices)
+    return _cloud_row(T_link_shape, float(shape.size[0]), shape.cloud)
+
+
+def _cloud_row(T_link_shape: pin.SE3, radius: float, cloud: CloudTree) -> ShapeRow:
+    """A cloud with spheres of a radius [m]; its tree begins with a box around all points."""
+    numbers, integers = np.zeros(SHAPE_NUMBERS), np.zeros(SHAPE_INTEGERS, dtype=np.int64)
+    around = cloud.nodes[0]
+    numbers[:SIZE] = T_link_shape.homogeneous[:3].ravel()
+    numbers[SIZE : SIZE + 3], numbers[MARGIN] = around[NODE_HALF:NODE_RADIUS], radius
+    numbers[CENTRE : CENTRE + 3] = T_link_shape.act(around[:NODE_HALF])
+    numbers[RADIUS] = around[NODE_RADIUS] + radius
+    integers[KIND], integers[LEAVES] = CLOUD, (len(cloud.nodes) + 1) // 2
+    return ShapeRow(numbers, integers, cloud=cloud)
 
 
 def _mesh_row(T_link_shape: pin.SE3, points: Array) -> ShapeRow:
@@ -324,10 +369,16 @@ def _hull(points: Array) -> tuple[Array, list[list[int]]]:
 
 def _stacked(rows: Sequence[ShapeRow]) -> Shapes:
     """The shapes one after another."""
-    first_edge, neighbours = [0], list[int]()
-    vertices = 0
+    first_edge, neighbours, clouds = [0], list[int](), list[CloudTree]()
+    vertices, points, nodes = 0, 0, 0
     integers = np.array([row.integers for row in rows], dtype=np.int64).reshape(-1, SHAPE_INTEGERS)
     for row, whole in zip(rows, integers, strict=True):
+        if row.cloud is not None:
+            whole[FIRST_VERTEX], whole[LAST_VERTEX] = points, points + len(row.cloud.points)
+            whole[FIRST_NODE] = nodes
+            points, nodes = points + len(row.cloud.points), nodes + len(row.cloud.nodes)
+            clouds.append(row.cloud)
+            continue
         whole[FIRST_VERTEX], whole[LAST_VERTEX] = vertices, vertices + len(row.vertices)
         for each in row.neighbours:
             neighbours.extend(vertices + other for other in each)
@@ -336,10 +387,19 @@ def _stacked(rows: Sequence[ShapeRow]) -> Shapes:
     return Shapes(
         np.array([row.numbers for row in rows]).reshape(-1, SHAPE_NUMBERS),
         integers,
-        np.concatenate([np.empty((0, 3)), *(row.vertices for row in rows)]),
+        np.concatenate([NO_POINTS, *(row.vertices for row in rows)]),
         np.array(first_edge, dtype=np.int64),
         np.array(neighbours, dtype=np.int64),
+        *_stacked_clouds(clouds),
     )
+
+
+def _stacked_clouds(clouds: Sequence[CloudTree]) -> tuple[Array, Array]:
+    """Points and nodes of clouds, one after another; those of one cloud are shared."""
+    if len(clouds) == 1:
+        return clouds[0]
+    points = np.concatenate([NO_POINTS, *(cloud.points for cloud in clouds)])
+    return points, np.concatenate([np.empty((0, NODE_NUMBERS)), *(cloud.nodes for cloud in clouds)])
 
 
 def _grouped(numbers: dict[int, Array]) -> list[tuple[list[int], Array]]:
@@ -377,7 +437,8 @@ def _extents(numbers: Array) -> tuple[Array, Array]:
     placed = numbers[:, :SIZE].reshape(-1, 3, 4)
     half = np.einsum("nij,nj->ni", np.abs(placed[:, :, :3]), numbers[:, SIZE : SIZE + 3])
     half += numbers[:, MARGIN, None]
-    return placed[:, :, 3] - half, placed[:, :, 3] + half
+    centres = numbers[:, CENTRE:RADIUS]
+    return centres - half, centres + half
 
 
 def _tree(shapes: Shapes) -> Tree:

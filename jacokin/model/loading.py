@@ -20,7 +20,7 @@ from jacokin.model.descriptions import bundled, chain, urdf
 from jacokin.model.descriptions import srdf as srdf_files
 from jacokin.model.descriptions.tools import limits_of
 from jacokin.model.measured_arm import MeasuredArm
-from jacokin.model.robot import Home, HomeFinder, Robot, Source, middle, spread
+from jacokin.model.robot import Home, HomeFinder, Robot, SceneLike, Source, middle, spread
 
 TIP_OF_BUNDLED = "end_effector"
 SUFFIXES = (".urdf", ".xml", ".mjcf")
@@ -130,6 +130,7 @@ def load_robot(
         finger_angle=finger_angle,
         home=own_home or found_home,
         notes=find_notes,
+        point_filter=filter_points,
     )
 
 
@@ -421,6 +422,13 @@ def find_home(robot: Robot) -> Home:
     if checker is None:
         return Home(best.q, f"{best.source}; {unchecked}")
     return Home(best.q, best.source if fewest == 0 else f"{best.source}; {fewest} pairs of shapes touch")
+
+
+def filter_points(robot: Robot, q: ArrayLike, points: ArrayLike, margin: float, scene: SceneLike | None) -> Array:
+    """The points that are not on the arm; see `Robot.without_own_points`."""
+    from jacokin.model.own_points import without_own_points  # which needs Robot
+
+    return without_own_points(robot, q, points, margin, scene)
 
 
 def find_notes(robot: Robot) -> tuple[str, ...]:

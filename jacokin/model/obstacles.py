@@ -1,5 +1,7 @@
 """Obstacles around the arm: box, sphere, capsule, cylinder and floor, which stand still in the base frame.
 
+Clouds of points have a file of their own (`point_cloud`).
+
 The arm has shapes of its own: the collision shapes of its description. It may hold others (`Attached`).
 """
 
@@ -16,6 +18,7 @@ from numpy.typing import ArrayLike
 from jacokin.errors import InvalidInputError
 from jacokin.model import checks, poses
 from jacokin.model.descriptions.shapes import Shape
+from jacokin.model.point_cloud import NAME, PointCloud
 
 if TYPE_CHECKING:
     import mujoco
@@ -50,9 +53,9 @@ class Box:
 
     def __post_init__(self) -> None:
         """Check the numbers."""
-        _check_name(self.name)
+        checks.word(NAME, self.name)
         size = checks.positive_vector(f"{self.name}: size", self.size, 3, "m")
-        pose = _pose(f"{self.name}: pose", self.pose)
+        pose = poses.checked_place(f"{self.name}: pose", self.pose)
         object.__setattr__(self, "size", size)
         object.__setattr__(self, "pose", pose)
         object.__setattr__(self, "solid", Shape(self.name, "box", 0.5 * size, 0, pose))
@@ -80,7 +83,7 @@ class Sphere:
 
     def __post_init__(self) -> None:
         """Check the numbers."""
-        _check_name(self.name)
+        checks.word(NAME, self.name)
         object.__setattr__(self, "radius", checks.positive(f"{self.name}: radius", self.radius, "m"))
         position = checks.vector(f"{self.name}: position", self.position, 3, "m")
         object.__setattr__(self, "position", checks.read_only(position))
@@ -105,10 +108,13 @@ class _Round:
 
     def __post_init__(self) -> None:
         """Check the numbers."""
-        _check_name(self.name)
+        checks.word(NAME, self.name)
         object.__setattr__(self, "radius", checks.positive(f"{self.name}: radius", self.radius, "m"))
         object.__setattr__(self, "length", checks.positive(f"{self.name}: length", self.length, "m"))
-        pose, size = _pose(f"{self.name}: pose", self.pose), np.array([self.radius, 0.5 * self.length, 0.0])
+        pose, size = (
+            poses.checked_place(f"{self.name}: pose", self.pose),
+            np.array([self.radius, 0.5 * self.length, 0.0]),
+        )
         kind = "capsule" if isinstance(self, Capsule) else "cylinder"
         object.__setattr__(self, "pose", pose)
         object.__setattr__(self, "solid", Shape(self.name, kind, size, 0, pose))
@@ -164,7 +170,7 @@ class Floor:
 
     def __post_init__(self) -> None:
         """Check the numbers."""
-        _check_name(self.name)
+        checks.word(NAME, self.name)
         object.__setattr__(self, "height", checks.number(f"{self.name}: height", self.height, "m"))
         place = pin.SE3(np.eye(3), np.array([0.0, 0.0, self.height]))
         object.__setattr__(self, "solid", Shape(self.name, "plane", np.zeros(3), 0, place))
@@ -227,10 +233,12 @@ def place(shape: Obstacle, pose: pin.SE3 | ArrayLike) -> Obstacle:
         InvalidInputError: the pose is malformed, or the shape is not one that can be moved.
     """
     if isinstance(shape, Sphere):
-        return replace(shape, position=_pose(f"{shape.name}: pose", pose).translation)
+        return replace(shape, position=poses.checked_place(f"{shape.name}: pose", pose).translation)
     if isinstance(shape, Box | Capsule | Cylinder):
         return replace(shape, pose=pose)
-    raise checks.refusal("shape", "a Box, Sphere, Capsule or Cylinder where a pose is given", shape)
+    if isinstance(shape, PointCloud):
+        return shape.at(pose)
+    raise checks.refusal("shape", "a Box, Sphere, Capsule, Cylinder or PointCloud where a pose is given", shape)
 
 
 def pose_of(shape: Obstacle) -> pin.SE3:
@@ -241,9 +249,9 @@ def pose_of(shape: Obstacle) -> pin.SE3:
     """
     if isinstance(shape, Sphere):
         return pin.SE3(np.eye(3), np.asarray(shape.position))
-    if isinstance(shape, Box | Capsule | Cylinder) and isinstance(shape.pose, pin.SE3):
+    if isinstance(shape, Box | Capsule | Cylinder | PointCloud) and isinstance(shape.pose, pin.SE3):
         return shape.pose
-    raise checks.refusal("shape", "a Box, Sphere, Capsule or Cylinder, which have a pose", shape)
+    raise checks.refusal("shape", "a Box, Sphere, Capsule, Cylinder or PointCloud, which have a pose", shape)
 
 
 def shape_of(obstacle: Obstacle) -> Shape:
@@ -259,7 +267,7 @@ def shape_of(obstacle: Obstacle) -> Shape:
     return shape_through_mujoco(obstacle.name, obstacle.add_to)
 
 
-OURS = (Box, Sphere, Capsule, Cylinder, Floor)
+OURS = (Box, Sphere, Capsule, Cylinder, Floor, PointCloud)
 
 
 def checked_obstacles(obstacles: Iterable[Obstacle]) -> tuple[Obstacle, ...]:
@@ -273,8 +281,10 @@ def checked_obstacles(obstacles: Iterable[Obstacle]) -> tuple[Obstacle, ...]:
     for shape in shapes:
         name = getattr(shape, "name", None)
         if not callable(getattr(shape, "add_to", None)) or not isinstance(name, str) or not name:
-            raise checks.refusal("obstacles", "shapes with a name (Box, Sphere, Capsule, Cylinder, Floor)", shape)
-        _check_name(name)
+            raise checks.refusal(
+                "obstacles", "shapes with a name (Box, Sphere, Capsule, Cylinder, Floor, PointCloud)", shape
+            )
+        checks.word(NAME, name)
         if name in names:
             raise InvalidInputError(f"the name {name!r} is used by two shapes; names must differ")
         names.add(name)
@@ -292,25 +302,6 @@ def add_to_spec(spec: mujoco.MjSpec, obstacles: Iterable[Obstacle], body: mujoco
         if obstacle.name in taken:
             raise InvalidInputError(f"the name {obstacle.name!r} is used by a shape of the arm; names must differ")
         obstacle.add_to(spec.worldbody if body is None else body)
-
-
-def _check_name(name: str) -> None:
-    if not checks.text("the name of an obstacle", name):
-        raise checks.refusal("the name of an obstacle", "a word", name)
-
-
-def _pose(name: str, value: pin.SE3 | ArrayLike) -> pin.SE3:
-    """T_base_shape from a pose or a position (3,) [m].
-
-    Raises:
-        InvalidInputError: neither, or malformed.
-    """
-    if isinstance(value, pin.SE3):
-        return poses.checked_pose(value, name)
-    array = checks.array(name, value, "a pose or a position")
-    if array.ndim == 1:
-        return pin.SE3(np.eye(3), checks.vector(name, array, 3, "m"))
-    return poses.checked_pose(array, name)
 
 
 def _add(body: mujoco.MjsBody, name: str, kind: str, size: ArrayLike, pose: pin.SE3 | ArrayLike) -> None:

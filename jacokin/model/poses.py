@@ -251,6 +251,20 @@ def checked_pose(target: pin.SE3 | ArrayLike, name: str = "target") -> pin.SE3:
     return pin.SE3(matrix[:3, :3], matrix[:3, 3])
 
 
+def checked_place(name: str, value: pin.SE3 | ArrayLike) -> pin.SE3:
+    """A pose from a pose or a position (3,) [m], with the axes of the base then.
+
+    Raises:
+        InvalidInputError: neither, or malformed.
+    """
+    if isinstance(value, pin.SE3):
+        return checked_pose(value, name)
+    array = checks.array(name, value, "a pose or a position")
+    if array.ndim == 1:
+        return pin.SE3(np.eye(3), checks.vector(name, array, 3, "m"))
+    return checked_pose(array, name)
+
+
 def matrix_of(target: pin.SE3 | ArrayLike, name: str = "target") -> Array:
     """A rigid homogeneous matrix (4, 4), always a copy, of a `pin.SE3` or a matrix, positions in [m].
 

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
 TIME_TO_SPEED = 0.3  # [s] from rest to full speed of an arm whose accelerations nobody states; the Jaco takes as long
 UNLIMITED_RANGE = (-np.pi, np.pi)  # [rad] half-open, for sampling a joint without limits
+OWN_MARGIN = 0.02  # [m] for the noise of a camera, and where shapes are smaller than the arm itself
 MOST_KEPT = 16  # results of one function that a robot keeps: for several tools, or angles of the fingers
 
 Made = TypeVar("Made")
@@ -69,6 +70,7 @@ class Robot:
         finger_angle: float | None = None,
         home: Home | HomeFinder,
         notes: NotesFinder | None = None,
+        point_filter: PointFilter | None = None,
         has_masses: bool | None = None,
         carried: Mapping[tuple[Hashable, ...], Any] | None = None,
     ) -> None:
@@ -82,6 +84,7 @@ class Robot:
             finger_angle: angle at which joints off the chain were locked [rad].
             home: or the function that finds it when it is first asked for; pickled by its name.
             notes: the function that finds `notes` when they are first asked for; pickled by its name.
+            point_filter: the function behind `without_own_points`; pickled by its name.
             has_masses: whether the masses that joints move are known; None where the model tells.
             carried: what another robot of the same joints and shapes has `carried`.
         """
@@ -106,6 +109,7 @@ class Robot:
         self.default_frame = chain.default_frame(model, tip)
         self._home = home
         self._find_notes = notes
+        self._point_filter = point_filter
         self._has_masses = dynamics.has_moving_masses(model) if has_masses is None else has_masses
         self._local = threading.local()
         self._kept: dict[tuple[Hashable, ...], Any] = dict(carried or {})
@@ -134,6 +138,7 @@ class Robot:
             finger_angle=self.finger_angle,
             home=self.__dict__.get("_found_home", self._home),
             notes=self._find_notes,
+            point_filter=self._point_filter,
             has_masses=self._has_masses,
             carried=self.carried,
         )
@@ -199,6 +204,7 @@ class Robot:
             finger_angle=self.finger_angle,
             home=self._home,
             notes=self._find_notes,
+            point_filter=self._point_filter,
             has_masses=self._has_masses,
         )
 
@@ -578,6 +584,7 @@ class Robot:
             finger_angle=self.finger_angle,
             home=self.__dict__.get("_found_home", self._home),
             notes=self._find_notes,
+            point_filter=self._point_filter,
             has_masses=has_masses,
             carried=self.carried,
         )
@@ -652,6 +659,32 @@ class Robot:
         if given.ndim == 1:
             return float(scene.measure(self, self.configuration(given)[np.newaxis], self_collision=self_collision)[0])
         return scene.measure(self, checks.matrix("q", given, self.dof, "rad"), self_collision=self_collision)
+
+    def without_own_points(
+        self, q: ArrayLike, points: ArrayLike, *, margin: float = OWN_MARGIN, scene: SceneLike | None = None
+    ) -> Array:
+        """The points that are not on the arm: what a camera sees of it is no obstacle.
+
+        All of its collision shapes count, those of its base and fingers among them.
+
+        Args:
+            q: (dof,) joint angles when the points were seen [rad].
+            points: (n, 3) in the base [m].
+            margin: points this near to a shape are left out, too [m]. More than the radius and clearance that the
+                points are to have as obstacles, and how far the arm may be from its description.
+            scene: a `jacokin.ik.Scene` for the angle of the fingers and the shapes that the arm holds, which are left
+                out as the arm is; None for the angle that the robot was loaded with.
+
+        Returns:
+            (k, 3) the others, in order [m].
+
+        Raises:
+            InvalidInputError: `q`, `points` or `margin` malformed, or not a Scene.
+            ModelError: the description has no collision shapes, or they cannot be loaded.
+        """
+        if self._point_filter is None:
+            raise ModelError(f"{self.name}: was not loaded with load_robot, so its own points are not known")
+        return self._point_filter(self, q, points, margin, scene)
 
     @cached_property
     def home(self) -> Array:
@@ -748,12 +781,13 @@ class Home:
     """In words: a documented configuration, a keyframe, the middle of the limits, a search, or the user's own."""
 
 
+PointFilter = Callable[["Robot", ArrayLike, ArrayLike, float, "SceneLike | None"], Array]
 HomeFinder = Callable[[Robot], Home]
 NotesFinder = Callable[[Robot], tuple[str, ...]]
 
 
 class SceneLike(Protocol):
-    """What `Robot.clearance` measures against: a `Scene`."""
+    """What `Robot.clearance` measures against, as far as robots know it: a `Scene`."""
 
     def measure(self, robot: Robot, rows: Array, *, self_collision: bool = False) -> Array:
         """Distances (n,) [m] for configurations (n, dof) [rad]."""

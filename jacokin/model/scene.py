@@ -31,22 +31,23 @@ from jacokin.model.obstacles import (
     checked_obstacles,
     place,
 )
+from jacokin.model.point_cloud import PointCloud
 from jacokin.model.poses import pose
 from jacokin.model.robot import Robot
 from jacokin.model.surrounded import make_world, surround
 
 ENDINGS = (".yaml", ".yml", ".json")
-PLACE = ("position", "quat_wxyz", "rpy")
-# Each shape of a file and its keys beside "shape" and "name".
-SHAPES: Mapping[str, tuple[Callable[..., Obstacle], tuple[str, ...]]] = {
-    "box": (Box, ("size", *PLACE)),
-    "sphere": (Sphere, ("radius", "position")),
-    "capsule": (Capsule, ("radius", "length", *PLACE)),
-    "cylinder": (Cylinder, ("radius", "length", *PLACE)),
-    "floor": (Floor, ("height",)),
+TURN = ("quat_wxyz", "rpy")
+# Each shape of a file, and its keys beside "shape" and "name": those that it needs, and others.
+SHAPES: Mapping[str, tuple[Callable[..., Obstacle], tuple[str, ...], tuple[str, ...]]] = {
+    "box": (Box, ("size", "position"), TURN),
+    "sphere": (Sphere, ("radius", "position"), ()),
+    "capsule": (Capsule, ("radius", "length", "position"), TURN),
+    "cylinder": (Cylinder, ("radius", "length", "position"), TURN),
+    "floor": (Floor, (), ("height",)),
+    "point_cloud": (PointCloud.load, ("file",), ("radius", "position", *TURN)),
 }
-OPTIONAL = ("quat_wxyz", "rpy", "height")
-ALL_KEYS = ("shape", "name", *dict.fromkeys(key for _, keys in SHAPES.values() for key in keys))
+ALL_KEYS = ("shape", "name", *dict.fromkeys(key for _, needed, more in SHAPES.values() for key in (*needed, *more)))
 
 GEOM = mujoco.mjtGeom
 HORIZONTAL = 1e-9  # a plane whose normal misses the vertical by less is a floor
@@ -76,7 +77,8 @@ class Scene:
         """Check the shapes.
 
         Args:
-            obstacles: `Box`, `Sphere`, `Capsule`, `Cylinder`, `Floor`, or other shapes with `name` and `add_to`.
+            obstacles: `Box`, `Sphere`, `Capsule`, `Cylinder`, `Floor`, `PointCloud`, or other shapes with `name` and
+                `add_to`.
             finger_angle: angle at which the fingers stand when contact is looked for [rad]; None for the angle that
                 the robot was loaded with.
             allow: pairs of names whose contact does not count: of obstacles, of shapes or links of the arm, or "robot"
@@ -153,7 +155,8 @@ class Scene:
             pose: T_to_shape, or a position (3,) [m]; None for the shape's own, read in that frame.
 
         Raises:
-            InvalidInputError: not a shape, the pose of a floor, a name that is used, or an obstacle without a pose.
+            InvalidInputError: not a shape, a floor or a cloud of points, a name that is used, or an obstacle without a
+                pose.
             UnknownNameError: no obstacle of that name.
         """
         checks.text("to", to)
@@ -162,6 +165,10 @@ class Scene:
             raise InvalidInputError(f"pose is needed: where {shape!r} is in the frame {to!r}")
         if isinstance(found, Floor):
             raise InvalidInputError(f"{found.name!r} is a floor, which no arm can hold")
+        if isinstance(found, PointCloud):
+            raise InvalidInputError(
+                f"{found.name!r} is a PointCloud: attach a Box, Sphere, Capsule or Cylinder around it"
+            )
         rest = tuple(each for each in self.obstacles if each is not found)
         held = Attached(found if pose is None else place(found, pose), to)
         checked_obstacles([*rest, *(each.shape for each in self.attached), held.shape])
@@ -370,7 +377,9 @@ def _read_file(file: Path) -> tuple[list[Obstacle], float | None, tuple[tuple[st
         content = content.get("obstacles", [])
     if not isinstance(content, list):
         raise checks.refusal(f"{file}: obstacles", "a list of shapes", content)
-    obstacles = [_obstacle(f"{file}, obstacle {index}", entry, index) for index, entry in enumerate(content)]
+    obstacles = [
+        _obstacle(f"{file}, obstacle {index}", entry, index, file.parent) for index, entry in enumerate(content)
+    ]
     return obstacles, finger_angle, allow
 
 
@@ -382,8 +391,8 @@ def _content(file: Path) -> object:
     return files.read_json(file, "not a JSON file") if ending == ".json" else files.read_yaml(file, "not a YAML file")
 
 
-def _obstacle(where: str, entry: object, index: int) -> Obstacle:
-    """One shape.
+def _obstacle(where: str, entry: object, index: int, folder: Path) -> Obstacle:
+    """One shape; the file of a cloud is looked for in a folder.
 
     Raises:
         InvalidInputError: malformed.
@@ -394,9 +403,10 @@ def _obstacle(where: str, entry: object, index: int) -> Obstacle:
         _check_keys(where, given, ALL_KEYS)
         raise InvalidInputError(f"{where}: needs the key 'shape', one of {', '.join(SHAPES)}")
     shape = checks.choice(f"shape in {where}:", given["shape"], SHAPES)
-    build, keys = SHAPES[shape]
+    build, needed, more = SHAPES[shape]
+    keys = (*needed, *more)
     _check_keys(where, given, ("shape", "name", *keys))
-    missing = [key for key in keys if key not in given and key not in OPTIONAL]
+    missing = [key for key in needed if key not in given]
     if missing:
         raise InvalidInputError(f"{where}: {shape} needs {', '.join(missing)}")
     name = given.get("name", Floor().name if build is Floor else f"{shape}_{index}")
@@ -404,9 +414,11 @@ def _obstacle(where: str, entry: object, index: int) -> Obstacle:
         raise checks.refusal(f"{where}: name", "a word", name)
     values = {key: given[key] for key in keys if key in given}
     try:
-        if set(PLACE) <= set(keys):
-            position, *orientation = (values.pop(key, None) for key in PLACE)
-            values["pose"] = pose(position, orientation[0], rpy=orientation[1])
+        if set(TURN) <= set(keys):
+            position = values.pop("position", np.zeros(3))
+            values["pose"] = pose(position, values.pop("quat_wxyz", None), rpy=values.pop("rpy", None))
+        if "file" in values:
+            values["path"] = folder / checks.word("file", values.pop("file"))
         return build(name=name, **values)
     except InvalidInputError as error:
         raise InvalidInputError(f"{where}: {error}") from error

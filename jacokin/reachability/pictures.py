@@ -16,6 +16,7 @@ from jacokin import files
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, needed
 from jacokin.model import checks
+from jacokin.model.point_cloud import PointCloud
 from jacokin.model.robot import Robot
 from jacokin.model.scene import Scene
 from jacokin.reachability.samples import Grid
@@ -240,6 +241,7 @@ def _write_page(
     return _PAGE.replace("@TITLE@", html.escape(title)).replace("@DATA@", orjson.dumps(data).decode())
 
 
+DRAWN_POINTS = 2_000  # of a cloud
 ROUND = 33  # points of a circle
 PLATE = 1.0  # [m] half the edge of the square that stands for a floor
 EDGES = (0, 1, 3, 2, 0, 4, 5, 7, 6, 4, 5, 1, 3, 7, 6, 2)  # a way through the corners of a box along all its edges
@@ -255,18 +257,23 @@ def outline_arm(robot: Robot, q: Array) -> Array:
 
 
 def outline_scene(scene: Scene) -> list[Array]:
-    """Lines (k, 3) [m] along the edges of the obstacles, where they stand."""
-    spec = mujoco.MjSpec()
+    """Lines (k, 3) [m] along the edges of the obstacles, where they stand; through points of a cloud, as wide."""
+    spec, dashes = mujoco.MjSpec(), list[Array]()
     for obstacle in scene:
-        obstacle.add_to(spec.worldbody)
+        if isinstance(obstacle, PointCloud):
+            across = np.outer([-1.0, 1.0], [obstacle.radius, 0.0, 0.0])
+            dashes += list(obstacle.some_points(DRAWN_POINTS)[:, np.newaxis] + across)
+        else:
+            obstacle.add_to(spec.worldbody)
     model = spec.compile()
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    return [
+    edges = [
         line @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
         for geom in range(model.ngeom)
         for line in _outline_geom(model, geom)
     ]
+    return edges + dashes
 
 
 def _outline_geom(model: mujoco.MjModel, geom: int) -> list[Array]:

@@ -18,6 +18,7 @@ from jacokin.model.descriptions import mjcf
 from jacokin.model.descriptions.meshes import Mesh, find_mesh, read_mesh_file
 from jacokin.model.descriptions.shapes import mesh_scale
 from jacokin.model.mujoco_twin import compile_spec, to_spec
+from jacokin.model.point_cloud import PointCloud
 from jacokin.model.robot import Robot
 from jacokin.model.scene import Scene
 
@@ -28,6 +29,10 @@ STEPS = 3  # of a rounded edge
 ROUND_SIDES = 36  # of what is drawn round, and smooth
 PLATE = (1.0, 1.0, 0.002)  # [m] half edges of what is drawn of a floor
 BONE_RADIUS = 0.02  # [m] of the sticks that stand for an arm without shapes
+DRAWN_POINTS = 20_000  # of a cloud: browsers draw eight triangles for each
+SMALLEST_POINT = 0.001  # [m] radius that points are drawn with at least
+# Faces of an octahedron whose corners are x, y, z, -x, -y, -z; counter-clockwise from outside.
+OCTAHEDRON = np.array([(0, 1, 2), (1, 3, 2), (3, 4, 2), (4, 0, 2), (1, 0, 5), (3, 1, 5), (4, 3, 5), (0, 4, 5)])
 SHOWN_GROUPS = 3  # of an MJCF's geoms: the viewers of MuJoCo show groups 0 to 2 unless told otherwise
 
 
@@ -100,10 +105,13 @@ def load_parts(robot: Robot, finger_angle: float | None = None) -> tuple[tuple[A
 def build_obstacles(scene: Scene) -> dict[str, Triangles]:
     """The shapes of a scene by name, in the base frame; a floor as a thin plate."""
     spec = mujoco.MjSpec()
-    for obstacle in scene:
-        obstacle.add_to(spec.worldbody)
-    model = spec.compile()
     meshes = {}
+    for obstacle in scene:
+        if isinstance(obstacle, PointCloud):
+            meshes[obstacle.name] = cloud(obstacle)
+        else:
+            obstacle.add_to(spec.worldbody)
+    model = spec.compile()
     for geom in range(model.ngeom):
         mesh = read_geom(model, geom)
         if mesh is None:
@@ -340,6 +348,15 @@ def capsule(radius: float, half: float) -> Triangles:
 def cylinder(radius: float, half: float) -> Triangles:
     """A cylinder along z by its radius and half its length [m]."""
     return revolve([(0.0, -half), (radius, -half), (radius, half), (0.0, half)])
+
+
+def cloud(obstacle: PointCloud) -> Triangles:
+    """An octahedron inside of the sphere around each point, in the base frame; of many points some."""
+    points = obstacle.some_points(DRAWN_POINTS)
+    corners = max(obstacle.radius, SMALLEST_POINT) * np.vstack([np.eye(3), -np.eye(3)])
+    vertices = (points[:, np.newaxis] + corners).reshape(-1, 3)
+    faces = OCTAHEDRON + len(corners) * np.arange(len(points))[:, np.newaxis, np.newaxis]
+    return Triangles(vertices.astype(np.float32), faces.reshape(-1, 3).astype(np.uint32))
 
 
 def move(mesh: Triangles, place: pin.SE3) -> Triangles:

@@ -104,7 +104,7 @@ def command_text(inspector: Inspector, view: View) -> str:
         notes.append(f"cat > {SCENE_FILE} <<'END'\n{content}\nEND\n")
         words += ["--scene", SCENE_FILE]
         if left_out:
-            notes.append(f"# left out, as no file can hold them: {', '.join(left_out)}\n")
+            notes.append(f"# left out, as no text can hold them: {', '.join(left_out)}\n")
     return "".join(notes) + shlex.join(words) + "\n"
 
 

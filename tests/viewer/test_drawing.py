@@ -17,6 +17,7 @@ import jacokin
 from jacokin import IKSolver, Robot
 from jacokin.arrays import Array
 from jacokin.errors import ModelError
+from jacokin.ik import Floor, PointCloud, Scene
 from jacokin.model import NAMES, to_mujoco, urdf_folder
 from jacokin.viewer import Inspector, drawing, serve
 from jacokin.viewer.drawing import ArmPart, load_parts, load_visuals, read_geom, read_site, rgba_of, to_colour
@@ -46,6 +47,18 @@ def test_a_primitive_is_closed_and_has_its_volume(mesh: drawing.Triangles, wante
     assert volume(mesh) == pytest.approx(wanted, rel=0.04)
     edges = np.sort(np.vstack([mesh.faces[:, [a, b]] for a, b in ((0, 1), (1, 2), (2, 0))]), axis=1)
     assert (np.unique(edges, axis=0, return_counts=True)[1] == 2).all()
+
+
+def test_a_cloud_is_drawn_inside_of_its_spheres_and_some_of_many_points(rng: np.random.Generator) -> None:
+    few = PointCloud("few", rng.normal(size=(30, 3)), 0.02, [0.1, 0.2, 0.3])
+    mesh = drawing.build_obstacles(Scene([few, Floor(-0.1)]))["few"]
+    assert volume(mesh) == pytest.approx(30 * 4 / 3 * 0.02**3, rel=1e-3)
+    centres = mesh.vertices.reshape(30, 6, 3).mean(axis=1)
+    wanted = few.some_points(30)
+    np.testing.assert_allclose(centres[np.lexsort(centres.T)], wanted[np.lexsort(wanted.T)], atol=1e-6)
+    many = drawing.cloud(PointCloud("many", rng.normal(size=(3 * drawing.DRAWN_POINTS + 1, 3)), 0.0))
+    assert drawing.DRAWN_POINTS / 2 < len(many.faces) / 8 <= drawing.DRAWN_POINTS
+    assert volume(many) > 0.0
 
 
 def test_rounded_edges_stay_inside_and_round() -> None:

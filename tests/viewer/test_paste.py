@@ -19,7 +19,7 @@ import pytest
 import jacokin
 from jacokin import IKSolver, Robot, Status
 from jacokin.arrays import Array
-from jacokin.ik import Box, Capsule, Cylinder, Floor, Scene, Sphere
+from jacokin.ik import Box, Capsule, Cylinder, Floor, PointCloud, Scene, Sphere
 from jacokin.model import urdf_folder
 from jacokin.viewer import Inspector, View
 from jacokin.viewer import paste as paste
@@ -207,7 +207,9 @@ def test_a_shape_of_another_program_is_said_to_be_left_out() -> None:
         def add_to(self, body: mujoco.MjsBody) -> None:
             body.add_geom(name=self.name, type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[0.01, 0.0, 0.0], pos=[1.0, 1.0, 1.0])
 
-    inspector = Inspector(IKSolver(jacokin.load_robot(), scene=Scene([Cone(), Floor(-0.5)]), collision="reject"))
+    seen = PointCloud("seen", [[1.0, 1.0, 1.0]])  # whose points are in no text
+    inspector = Inspector(IKSolver(jacokin.load_robot(), scene=Scene([Cone(), seen, Floor(-0.5)]), collision="reject"))
     view = inspector.posture(inspector.robot.home)
-    assert "left out, as no text can say what it is: cone" in pasted_python(inspector, view)[0]
-    assert "left out, as no file can hold them: cone" in paste.command_text(inspector, view)
+    for name in ("cone", "seen"):
+        assert f"left out, as no text can say what it is: {name}" in pasted_python(inspector, view)[0]
+    assert "left out, as no text can hold them: cone, seen" in paste.command_text(inspector, view)

@@ -3,11 +3,14 @@
 run            the entry point
 shapes         what a shape is: a core and a margin
 simplex        the point of a simplex nearest to the origin
-separation     how far two shapes are apart
+separation     how far two convex shapes are apart
+cloud          how far two shapes are apart, one of which may be a cloud of points
 penetration    how deep they are in each other
 arm            where the links and their shapes are, and how far a motion can move them
 tree           obstacles in a tree of boxes
 touching       pairs of shapes that touch
 nearest        the pair that is nearest, or that a motion could bring together first
 motion         straight motions, without gaps
+cloud_tree     the entry point that sorts points into a tree of boxes
+near_points    the entry point for points that are on the arm
 """

@@ -22,7 +22,8 @@ from jacokin.kernels.contact.arm import (
     in_world,
     relate,
 )
-from jacokin.kernels.contact.separation import SeparationWork, separation
+from jacokin.kernels.contact.cloud import shape_separation
+from jacokin.kernels.contact.separation import SeparationWork
 from jacokin.kernels.contact.shapes import CENTRE, LINK, RADIUS, point_bound
 from jacokin.kernels.contact.touching import Counts, Geometry, meeting_bound, pair_bound
 from jacokin.kernels.contact.tree import Tree, node_bound
@@ -133,7 +134,7 @@ def find_nearest(
             rate = rate_of(counts, places, search, g, shapes.integers[i, LINK] if kind == OWN_PAIR else 0)
             relate(shapes, places.frames, i, j, work.relative)
             enough, deep = least * rate + search.margin, search.rough == math.inf
-            distance = separation(shapes, (i, j), work, enough, -math.inf, search.rough, deep)
+            distance = shape_separation(shapes, (i, j), work, enough, -math.inf, search.rough, deep)
             value = (distance - search.margin) / rate
             if value < search.below:
                 end = keep(search, rows, end, kind, i, j, g)

@@ -1,7 +1,8 @@
 """The entry point: contact, distances and motions of an arm among obstacles. Read this file first.
 
 shapes         what a shape is, and its farthest points
-separation     how far two shapes are apart; simplex, and penetration where they overlap
+separation     how far two convex shapes are apart; simplex, and penetration where they overlap
+cloud          how far a shape is from a cloud of points
 arm, tree      where the arm's shapes are, and which obstacles are near
 touching       pairs that touch: groups of shapes by their spheres, then shapes by theirs, then exactly
 nearest        the least distance, or what a motion could bring together first: best first
@@ -18,10 +19,11 @@ from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.kernels.contact.arm import LAST_SHAPE, ArmShapes, Places, place_links, relate
+from jacokin.kernels.contact.cloud import shape_separation
 from jacokin.kernels.contact.motion import Course, is_clear, least_on_motion, make_course
 from jacokin.kernels.contact.nearest import Best, Heap, Search, find_nearest, list_all, make_best
-from jacokin.kernels.contact.separation import SeparationWork, make_separation_work, separation
-from jacokin.kernels.contact.shapes import LINK, MARGIN, SHAPE_INTEGERS, SHAPE_NUMBERS, Shapes
+from jacokin.kernels.contact.separation import SeparationWork, make_separation_work
+from jacokin.kernels.contact.shapes import LINK, MARGIN, NODE_NUMBERS, SHAPE_INTEGERS, SHAPE_NUMBERS, Shapes
 from jacokin.kernels.contact.touching import Counts, Geometry, Hits, find_touching
 from jacokin.kernels.contact.tree import DEEPEST, Tree
 
@@ -79,7 +81,7 @@ def run_contact(work: ContactWork) -> int:
                 work.best.pair[0], work.best.pair[1] = -1, -1
             elif a >= 0:  # rows are near to each other more often than not, and so is their nearest pair
                 relate(geometry.shapes, places.frames, a, b, hits.pair.relative)
-                near = separation(geometry.shapes, (a, b), hits.pair, math.inf, -math.inf, math.inf, True)
+                near = shape_separation(geometry.shapes, (a, b), hits.pair, math.inf, -math.inf, math.inf, True)
             search = Search(0.0, False, near, math.inf)
             least, _ = find_nearest(geometry, counts, places, heap, hits.pair, search, work.best, course.near, 0, count)
             work.value[i, 0] = least
@@ -126,7 +128,7 @@ def measure_pair(
     """Fill a row of `ContactWork.measured`; beyond the reach, its distance only."""
     a, b = pair[0], pair[1]
     relate(shapes, places.frames, a, b, work.relative)
-    row[0] = separation(shapes, (a, b), work, reach, -math.inf, math.inf, True)
+    row[0] = shape_separation(shapes, (a, b), work, reach, -math.inf, math.inf, True)
     if row[0] > reach:
         return
     shape, frame, witness = shapes.numbers[a], places.frames[shapes.integers[a, LINK]], work.witness
@@ -157,6 +159,8 @@ NOTHING = Geometry(
         np.zeros((0, 3)),
         np.zeros(0, np.int64),
         np.zeros(0, np.int64),
+        np.zeros((0, 3)),
+        np.zeros((0, NODE_NUMBERS)),
     ),
     ArmShapes(
         np.zeros(0, np.int64),

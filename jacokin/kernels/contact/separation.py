@@ -20,6 +20,7 @@ from jacokin.kernels.contact.shapes import (
     support_of_difference,
 )
 from jacokin.kernels.contact.simplex import nearest_in_simplex
+from jacokin.kernels.contact.tree import DEEPEST
 from jacokin.kernels.vector import Vec
 
 #: [m] a distance is known this well when the search ends.
@@ -41,12 +42,21 @@ class SeparationWork(NamedTuple):
     hints: NDArray[np.int64]  # (2,) vertices where the last support was
     witness: Array  # (3, 3) normal from the first to the second, point on the first, on the second; first's frame
     polytope: Polytope
+    stack: NDArray[np.int64]  # (DEEPEST,) nodes of a cloud that wait to be looked into
+    bounds: Array  # (DEEPEST,) how near what they hold can be [m]
 
 
 def make_separation_work() -> SeparationWork:
     """Fresh work arrays."""
     return SeparationWork(
-        np.zeros((3, 4)), np.zeros((4, 9)), np.zeros(4), np.zeros(2, np.int64), np.zeros((3, 3)), make_polytope()
+        np.zeros((3, 4)),
+        np.zeros((4, 9)),
+        np.zeros(4),
+        np.zeros(2, np.int64),
+        np.zeros((3, 3)),
+        make_polytope(),
+        np.zeros(DEEPEST, np.int64),
+        np.zeros(DEEPEST),
     )
 
 

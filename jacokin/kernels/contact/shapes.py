@@ -1,6 +1,7 @@
-"""Convex shapes as the kernels see them: rows of numbers, their farthest points, and bounds on distances to them.
+"""Shapes as the kernels see them: rows of numbers, their farthest points, and bounds on distances to them.
 
-A shape is a core and a margin around it: a sphere is a point with a margin, a capsule a segment with one.
+A shape is a core and a margin around it: a sphere is a point with a margin, a capsule a segment with one. All are
+convex but clouds, which are many points with one margin (`cloud`).
 """
 
 from __future__ import annotations
@@ -15,25 +16,31 @@ from jacokin.arrays import Array
 from jacokin.kernels.vector import Vec
 
 #: What a core is. Half sizes along x, y, z say how large: all zero for a point, (0, 0, h) for a segment, (r, r, h) for
-#: a cylinder, those of its bounding box for a mesh. A plane is z = 0, and everything below it is solid.
-POINT, SEGMENT, BOX, CYLINDER, ELLIPSOID, MESH, PLANE = range(7)
+#: a cylinder, those of its bounding box for a mesh and a cloud. A plane is z = 0, and everything below it is solid.
+POINT, SEGMENT, BOX, CYLINDER, ELLIPSOID, MESH, PLANE, CLOUD = range(8)
 
 #: Columns of a row of numbers: rotation and position in the link's frame as (3, 4), half sizes, margin, and a sphere
-#: around the shape (its centre in the link's frame, its radius).
+#: around the shape (its centre in the link's frame, its radius). The centre is the shape's origin, but that of a cloud
+#: is the middle of its bounding box.
 SIZE, MARGIN, CENTRE, RADIUS, SHAPE_NUMBERS = 12, 15, 16, 19, 20
 #: Columns of a row of integers: what it is, the link that carries it (0 is the base, an obstacle's comes
-#: after the last), and where its vertices are.
-KIND, LINK, FIRST_VERTEX, LAST_VERTEX, SHAPE_INTEGERS = range(5)
+#: after the last), where its vertices are, or its points, and of a cloud the first node and how many leaves there are.
+KIND, LINK, FIRST_VERTEX, LAST_VERTEX, FIRST_NODE, LEAVES, SHAPE_INTEGERS = range(7)
+#: Columns of a node of a cloud: centre and half sizes of a box around its points, and how far its corners
+#: are from the centre.
+NODE_HALF, NODE_RADIUS, NODE_NUMBERS = 3, 6, 7
 
 
 class Shapes(NamedTuple):
     """The shapes of an arm, and after them its obstacles."""
 
     numbers: Array  # (n, 20) [m]
-    integers: NDArray[np.int64]  # (n, 4)
+    integers: NDArray[np.int64]  # (n, 6)
     vertices: Array  # (m, 3) of the hulls of meshes, in the frame of their shape [m]
     first_edge: NDArray[np.int64]  # (m + 1,) where a vertex's neighbours begin
     neighbours: NDArray[np.int64]  # vertices at the other end of the hulls' edges
+    points: Array  # (k, 3) of clouds, in the frame of their shape, those of a leaf together [m]
+    nodes: Array  # (l, 7) of clouds, see `cloud` [m]
 
 
 def core_support(shapes: Shapes, i: int, x: float, y: float, z: float, hint: int) -> tuple[Vec, int]:
@@ -51,7 +58,7 @@ def core_support(shapes: Shapes, i: int, x: float, y: float, z: float, hint: int
         The point [m], and the vertex that it is.
     """
     kind, size = shapes.integers[i, KIND], shapes.numbers[i]
-    if kind == POINT:
+    if kind in (POINT, CLOUD):  # one point of a cloud at a time is measured, and the frame put there
         return (0.0, 0.0, 0.0), hint
     if kind == SEGMENT:
         return (0.0, 0.0, math.copysign(size[SIZE + 2], z)), hint
@@ -89,12 +96,21 @@ def farthest_vertex(shapes: Shapes, start: int, x: float, y: float, z: float) ->
 def point_bound(shapes: Shapes, i: int, p: Vec) -> float:
     """A lower bound of the distance from a point of its link's frame to a shape, negative inside of it [m]."""
     row = shapes.numbers[i]
-    d0, d1, d2 = p[0] - row[3], p[1] - row[7], p[2] - row[11]
+    d0, d1, d2 = p[0] - row[CENTRE], p[1] - row[CENTRE + 1], p[2] - row[CENTRE + 2]
     z = row[2] * d0 + row[6] * d1 + row[10] * d2
     if shapes.integers[i, KIND] == PLANE:
         return float(z)
     x = row[0] * d0 + row[4] * d1 + row[8] * d2
     y = row[1] * d0 + row[5] * d1 + row[9] * d2
+    return core_bound(shapes, i, x, y, z)
+
+
+def core_bound(shapes: Shapes, i: int, x: float, y: float, z: float) -> float:
+    """A lower bound of the distance from a point to a shape with an end, in the axes of the shape and from its centre.
+
+    It is exact for a point, a segment, a box and a cylinder, inside of them too.
+    """
+    row = shapes.numbers[i]
     above = abs(z) - row[SIZE + 2]
     if shapes.integers[i, KIND] == CYLINDER:
         return box_distance(math.sqrt(x * x + y * y) - row[SIZE], above, -math.inf)

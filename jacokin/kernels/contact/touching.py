@@ -22,7 +22,8 @@ from jacokin.kernels.contact.arm import (
     in_world,
     relate,
 )
-from jacokin.kernels.contact.separation import SeparationWork, separation
+from jacokin.kernels.contact.cloud import shape_separation
+from jacokin.kernels.contact.separation import SeparationWork
 from jacokin.kernels.contact.shapes import CENTRE, LINK, RADIUS, Shapes, box_distance, point_bound
 from jacokin.kernels.contact.tree import Tree, node_bound
 from jacokin.kernels.vector import Vec, minus, norm
@@ -90,7 +91,7 @@ def find_touching(
 def touch(geometry: Geometry, places: Places, hits: Hits, a: int, b: int, margin: float) -> bool:
     """Whether two shapes touch."""
     relate(geometry.shapes, places.frames, a, b, hits.pair.relative)
-    return separation(geometry.shapes, (a, b), hits.pair, margin, margin, math.inf, margin < 0.0) <= margin
+    return shape_separation(geometry.shapes, (a, b), hits.pair, margin, margin, math.inf, margin < 0.0) <= margin
 
 
 def touching_obstacles(

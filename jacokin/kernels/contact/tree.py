@@ -11,7 +11,7 @@ from jacokin.arrays import Array
 from jacokin.kernels.contact.shapes import box_distance
 from jacokin.kernels.vector import Vec
 
-#: Levels of a tree that halves its obstacles each time, and one more.
+#: Levels of a tree that halves what it holds each time, and one more.
 DEEPEST = 64
 
 

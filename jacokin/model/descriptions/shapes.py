@@ -16,17 +16,18 @@ import pinocchio as pin
 
 from jacokin.arrays import Array
 from jacokin.errors import ShapeError, shown
+from jacokin.kernels.contact.cloud_tree import CloudTree
 from jacokin.model.descriptions import bundled
 from jacokin.model.descriptions.meshes import FARTHEST, THIN, Z_UP, Mesh, find_mesh, hull_of, read_mesh_file, stl_bytes
 from jacokin.model.descriptions.urdf import MALFORMED
 
 NO_VERTICES = np.empty((0, 3))
-#: What shapes can be, simple ones first; the names are MJCF's.
-KINDS = ("plane", "sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh")
+#: What shapes can be, simple ones first; the names are MJCF's, but for clouds of points.
+KINDS = ("plane", "sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh", "cloud")
 
 
 class Shape(NamedTuple):
-    """One convex shape and what carries it."""
+    """One convex shape, or a cloud of points, and what carries it."""
 
     name: str
     kind: str
@@ -39,6 +40,8 @@ class Shape(NamedTuple):
     """Where it is in the frame of that joint."""
     vertices: Array = NO_VERTICES
     """(n, 3) of a mesh, in the frame of the shape [m]."""
+    cloud: CloudTree | None = None
+    """The points of a cloud, in the frame of the shape; its radius is the first of `size`."""
 
 
 class ShapesOfLinks(NamedTuple):
