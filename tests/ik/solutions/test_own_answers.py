@@ -144,11 +144,12 @@ def test_a_set_with_single_points_is_complete_only_with_all_of_them(
     for _ in range(count):
         q = own_answers.CLASSES["multiples of 90 degrees"](robot, rng)
         q[1:3] = math.pi
+        q = np.clip(q, robot.lower, robot.upper)
         axis = np.eye(3)[rng.integers(3)] if rng.random() < 0.5 else rng.normal(size=3)
         target = FreeAxis(solver.verifier.tool_pose(q), axis=axis)
         found = solver.solve_all(target)
         assert not found.complete or any(apart(interval.nearest(q), q) < 1e-4 for interval in found.intervals)
-        for seed in (q, q + 1e-3 * rng.normal(size=6) / 3.0):
+        for seed in (q, np.clip(q + 3e-4 * rng.normal(size=6), robot.lower, robot.upper)):
             result = solver.solve(target, seed=seed).raise_for_status()
             assert np.linalg.norm(result.q - seed) <= np.linalg.norm(q - seed) + 1e-4
 
