@@ -93,6 +93,8 @@ def twin(
       jacokin twin --ros 2 --task lift_brick --camera wrist=96x96
       jacokin twin --ros 2 --fast --seconds 60 --json
     """
+    if cameras:
+        choose_renderer()
     from jacokin.twin import Faults, KinovaDriver, SimulatedArm, TrajectoryController
 
     found = Faults.parse(faults)
@@ -107,8 +109,6 @@ def twin(
     with contextlib.ExitStack() as stack:
         environment = None
         if task is not None:
-            if cameras:
-                choose_renderer()
             environment = _environment(task, seed)
             stack.callback(environment.close)
         arm = SimulatedArm(robot, q=q, task=None if environment is None else environment.task)

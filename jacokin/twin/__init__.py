@@ -1,13 +1,16 @@
 """Kinova's driver, simulated: a node that clients take for it. Everything public is imported from here.
 
-kinova     `KinovaDriver`: what kinova-ros' driver and the arm's base do; read it first
-following  `TrajectoryController`: what ros2_control does with goals and velocities
-arm        `SimulatedArm`: MuJoCo's arm behind both
-faults     `Faults`: lag, loss and stalls between them, drawn from a seed
-goals      `Goal`, and the `Record` of what was done
-running    ticks at a pace
-pictures   cameras of a scene
-ros1, ros2 the nodes, the only modules that import ROS; `ros1_messages` what Debian has no package of
+Read `kinova` first.
+
+kinova         `KinovaDriver`: what kinova-ros' driver and the base of the arm do
+following      `TrajectoryController`: what ros2_control does with goals and velocities
+arm            `SimulatedArm`: MuJoCo's arm behind both
+faults         `Faults`: lag, loss and stalls between them, drawn from a seed
+goals          `Goal`, and the `Record` of what was done
+running        ticks at a pace
+pictures       cameras of a scene
+ros1, ros2     the nodes, which alone import ROS
+ros1_messages  messages that Debian has no package of
 """
 
 from jacokin import lazy

@@ -6,6 +6,7 @@ representation and parameters), velocities as a forward_command_controller, whic
 
 from __future__ import annotations
 
+import logging
 import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -22,8 +23,11 @@ from jacokin.twin.faults import TICK, Faults, Line
 from jacokin.twin.goals import Goal, GoalStatus, Record
 
 PATH_TOLERANCE, GOAL_TOLERANCE = -4, -5  # error codes of FollowJointTrajectory
+PAUSE = 1.0  # [s] after which velocities are worth a word again
 WATCHDOG = 0.05  # [s] after which a velocity that is not said again ends; ros2_control itself would go on
 STANDING = 1e-5  # [rad/s] of the last point; the controller allows numbers as small as those of single precision
+
+logger = logging.getLogger(__name__)
 
 
 @dataclass(slots=True, eq=False)
@@ -122,6 +126,7 @@ class TrajectoryController:
         with self._lock:
             self._end(GoalStatus.ABORTED, "another goal came")
             self._goals += 1
+            logger.info("a trajectory of %d points, %.2f s", len(positions), at[-1])
             state = self._line.measured
             if at[0] > 0.0:
                 start = [state.command, state.v, np.zeros_like(state.v)]
@@ -179,6 +184,8 @@ class TrajectoryController:
         values = checks.vector("velocities", v, len(self.names), "rad/s")
         with self._lock:
             self._end(GoalStatus.ABORTED, "velocities came")
+            if self.arm.state.time - self._last > PAUSE or not self._velocities:
+                logger.info("velocities come")
             self._velocities += 1
             self._last = self.arm.state.time
             self._line.send((True, values))

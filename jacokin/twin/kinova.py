@@ -9,6 +9,7 @@ FollowJointTrajectory are played in an open loop, a velocity a tick; one that is
 
 from __future__ import annotations
 
+import logging
 import threading
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -31,7 +32,10 @@ JOINT_SPEED = np.radians(20.0)  # [rad/s] of joints_action, jointSpeedLimitParam
 TURNS = 6800.0  # of a finger's motor from open to closed (kinova_arm.cpp, cartesianVelocityWithFingersCallback)
 PERIOD = 0.1  # [s] in which actions look at the arm, rate_hz, and in which the state is published
 STOPPED_VELOCITY = 0.01  # [rad/s] constraints/stopped_velocity_tolerance of joint_trajectory_action_server.cpp
+PAUSE = 1.0  # [s] after which velocities are worth a word again
 REACHED = 1e-3  # [rad], [m] a target in the queue this near is reached
+
+logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -177,6 +181,8 @@ class KinovaDriver:
         with self._lock:
             if self.died or self.is_stopped:
                 return
+            if self.arm.state.time - self._last > PAUSE or not self._velocities:
+                logger.info("velocities come")
             self._velocities += 1
             self._last = self.arm.state.time
             self._line.send(command)
@@ -248,6 +254,7 @@ class KinovaDriver:
                 return goal
             self._clear()
             self._goals += 1
+            logger.info("a goal")
             self._last = watch.since = self.arm.state.time
             if command is not None:
                 self._queue.append(command)
@@ -290,6 +297,7 @@ class KinovaDriver:
                 self._die("an empty trajectory")
                 goal.end(GoalStatus.ABORTED, self.died)
             else:
+                logger.info("a trajectory of %d points, %.2f s", len(rows), times[-1])
                 self._goals += 1
                 self._last = self.arm.state.time
                 # What is still played is replaced, its index is not.
