@@ -12,11 +12,12 @@ from __future__ import annotations
 import logging
 import threading
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
@@ -264,14 +265,15 @@ class KinovaDriver:
     def home(self) -> Goal:
         """`in/home_arm`: the joints to the home configuration, by the short way, then the fingers open."""
         arm = self.arm
-        goal = self.go_to_angles(nearest_copy(arm.robot.home, arm.state.q, arm.robot.unlimited))
-        if goal in self._watches:
-            watch = self._watches[goal]
-            watch.tolerance, watch.threshold = np.full(arm.robot.dof, 2.0 * REACHED), REACHED
-            arm.move_fingers(np.full(len(arm.state.fingers), arm.finger_range[0]))
-        return goal
+        with self._lock:
+            goal = self.go_to_angles(nearest_copy(arm.robot.home, arm.state.q, arm.robot.unlimited))
+            if goal in self._watches:
+                watch = self._watches[goal]
+                watch.tolerance, watch.threshold = np.full(arm.robot.dof, 2.0 * REACHED), REACHED
+                arm.move_fingers(np.full(len(arm.state.fingers), arm.finger_range[0]))
+            return goal
 
-    def follow(self, times: Sequence[float], velocities: Array) -> Goal:
+    def follow(self, times: ArrayLike, velocities: ArrayLike) -> Goal:
         """`follow_joint_trajectory`: play the velocities of points, one a tick, in an open loop.
 
         A goal while another one is active kills the driver, as does an empty one.
@@ -283,9 +285,9 @@ class KinovaDriver:
         Raises:
             InvalidInputError: not so many rows of so many joints.
         """
-        rows = np.asarray(velocities, dtype=np.float64)
-        if len(rows) and rows.shape != (len(times), self.arm.robot.dof):
-            raise InvalidInputError(f"velocities must have shape ({len(times)}, {self.arm.robot.dof})")
+        at, rows = np.asarray(times, dtype=np.float64), np.asarray(velocities, dtype=np.float64)
+        if len(rows) and rows.shape != (len(at), self.arm.robot.dof):
+            raise InvalidInputError(f"velocities must have shape ({len(at)}, {self.arm.robot.dof})")
         with self._lock:
             goal = Goal()
             if self.died:
@@ -297,12 +299,12 @@ class KinovaDriver:
                 self._die("an empty trajectory")
                 goal.end(GoalStatus.ABORTED, self.died)
             else:
-                logger.info("a trajectory of %d points, %.2f s", len(rows), times[-1])
+                logger.info("a trajectory of %d points, %.2f s", len(rows), at[-1])
                 self._goals += 1
                 self._last = self.arm.state.time
                 # What is still played is replaced, its index is not.
                 index = 0 if self._playing is None else self._playing.index
-                self._playing = Playing(goal, np.asarray(times), rows, index, begun=self.arm.state.time)
+                self._playing = Playing(goal, at, rows, index, begun=self.arm.state.time)
             return goal
 
     def cancel(self, goal: Goal) -> None:

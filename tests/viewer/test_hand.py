@@ -111,7 +111,12 @@ def test_an_arm_that_something_else_moves_is_shown(robot: Robot) -> None:
         assert until(lambda: len(drawn_hand(page)) > 0)
         hand = drawn_hand(page)
         q = robot.home + 0.1
-        assert until(lambda: viewer.stand(q, finger_angle=1.2, note="at 1.0 s") or np.array_equal(viewer.view.q, q))
+
+        def stands() -> bool:
+            viewer.stand(q, finger_angle=1.2, note="at 1.0 s")
+            return np.array_equal(viewer.view.q, q)
+
+        assert until(stands)
         assert viewer.view.note == "at 1.0 s"
         assert until(lambda: len(drawn_hand(page)) == len(hand) and not np.array_equal(drawn_hand(page), hand))
         with pytest.raises(InvalidInputError, match="q must"):
