@@ -157,6 +157,16 @@ def finish(process: subprocess.Popen[str]) -> tuple[int, str, str]:
     return process.returncode, output, errors
 
 
+@contextlib.contextmanager
+def at_work(process: subprocess.Popen[str]) -> Iterator[subprocess.Popen[str]]:
+    """A process that has ended after the block, whatever happens there."""
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.communicate()
+
+
 def interrupt(sender: subprocess.Popen[str], arm: Arm, number: signal.Signals) -> tuple[int, str, float]:
     """Send a signal in the middle of a motion; returns status, words, and how long the sender then took [s]."""
     arm.says("moving")

@@ -12,7 +12,7 @@ import pytest
 
 import jacokin
 from jacokin.motion import Trajectory, move_joints
-from tests.ros.nodes import Ros, finish
+from tests.ros.nodes import Ros, at_work, finish
 
 pytestmark = pytest.mark.slow
 HERE = Path(__file__).parent / "ros2"
@@ -55,8 +55,7 @@ def test_a_goal_ends_where_the_file_does(ros2: Ros, motion: Trajectory, file: Pa
 
 
 def test_a_goal_that_is_cancelled_leaves_the_arm_standing(ros2: Ros, motion: Trajectory, file: Path) -> None:
-    with ros2.twin("--ros", 2) as twin:
-        sender = ros2.sending(file, *CONTROLLER)
+    with ros2.twin("--ros", 2) as twin, at_work(ros2.sending(file, *CONTROLLER)) as sender:
         twin.says("a trajectory of")
         time.sleep(0.8)
         sender.send_signal(signal.SIGINT)
@@ -84,8 +83,7 @@ def test_a_goal_that_the_controller_would_reject(ros2: Ros, motion: Trajectory, 
 
 
 def test_velocities_until_their_sender_is_killed(ros2: Ros) -> None:
-    with ros2.twin("--ros", 2) as twin:
-        client = ros2.starting(HERE / "client.py", "velocities")
+    with ros2.twin("--ros", 2) as twin, at_work(ros2.starting(HERE / "client.py", "velocities")) as client:
         twin.says("velocities come")
         time.sleep(1.0)
         client.kill()
