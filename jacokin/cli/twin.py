@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+import re
 import sys
 from collections.abc import Callable
 from dataclasses import asdict
@@ -105,6 +106,8 @@ def twin(
         raise InvalidInputError(f"--task has its robot, {model.DEFAULT_ROBOT}, and its start: leave them out")
     speed = math.inf if fast else pace
     called = robot if name is None else name
+    if not re.fullmatch(r"[A-Za-z]\w*", called, re.ASCII):
+        raise InvalidInputError(f"--name must be letters, digits and underscores, a letter first, got {called!r}")
     q = None if start is None else [math.radians(angle) for angle in start] if degrees else start
     with contextlib.ExitStack() as stack:
         environment = None
