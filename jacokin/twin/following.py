@@ -76,6 +76,7 @@ class TrajectoryController:
         self._following: Following | None = None
         self._velocity, self._until = np.zeros(len(self.names)), -np.inf
         self._position: Array | None = None  # that the base is to lead the joints to
+        self._held: Array | None = None  # the end of a trajectory, which is sent on and on
         self._velocities, self._goals, self._last = 0, 0, 0.0
 
     def tell(self) -> State | None:
@@ -201,12 +202,15 @@ class TrajectoryController:
             self.arm.move_fingers(checks.vector("fingers", angles, count, "rad"))
 
     def _end(self, status: GoalStatus, text: str, code: int = 0) -> None:
-        if self._following is not None:
-            self._following.goal.end(status, text, code)
-            self._following = None
-            if status is not GoalStatus.SUCCEEDED:
-                self._line.clear()
-                self._position = None
+        following, self._following, self._held = self._following, None, None
+        if following is None:
+            return
+        following.goal.end(status, text, code)
+        if status is GoalStatus.SUCCEEDED:
+            self._held = following.path(following.duration)
+        else:
+            self._line.clear()
+            self._position = None
 
     def tick(self) -> None:
         """Let 10 ms pass."""
@@ -215,6 +219,8 @@ class TrajectoryController:
             if self._following is not None:
                 self._last = now
                 self._follow(self._following, now + TICK)
+            elif self._held is not None:
+                self._line.send((False, self._held))
             for is_velocity, values in self._line.arrived():
                 if is_velocity:
                     self._velocity, self._until, self._position = values, now + WATCHDOG, None

@@ -46,7 +46,7 @@ class Record:
     velocities: int
     """Velocities that were heard."""
     lost: int
-    """Velocities that faults have taken."""
+    """Velocities and positions that faults have taken."""
     stalls: int
     """How often nothing passed for a while."""
     goals: int

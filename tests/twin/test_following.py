@@ -59,6 +59,18 @@ def test_a_goal_is_followed_by_what_is_measured(motion: Trajectory, faults: str)
     assert away(made, motion.q[-1]) < HALF_DEGREE / 5.0
 
 
+def test_what_a_stall_has_taken_at_the_end_is_said_again(motion: Trajectory) -> None:
+    made = controller("stall=0.3")
+    goal = follow(made, motion)
+    pass_time(made, motion.duration - 0.2)
+    made._line._dead = made._line._now + 30
+    wait(made, goal)
+    assert goal.status is GoalStatus.SUCCEEDED  # without tolerances nobody looks
+    assert away(made, motion.q[-1]) > HALF_DEGREE
+    pass_time(made, 0.6)
+    assert away(made, motion.q[-1]) < HALF_DEGREE / 5.0
+
+
 def test_one_point_in_another_order_of_joints(motion: Trajectory) -> None:
     made = controller()
     goal = made.follow(NAMES[::-1], [2.0], [motion.q[-1, ::-1].tolist()])
