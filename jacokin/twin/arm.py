@@ -111,18 +111,33 @@ class SimulatedArm:
         self.state = self._measure()
 
     def move_fingers(self, angles: ArrayLike) -> None:
-        """Let the fingers go to angles (k,) [rad]; the range bounds them."""
-        self._finger_speeds = None
-        self._finger_targets = np.clip(np.asarray(angles, dtype=np.float64), *self.finger_range)
+        """Let the fingers go to angles (k,) [rad]; the range bounds them.
+
+        Raises:
+            InvalidInputError: not so many finite numbers.
+        """
+        targets = checks.vector("angles", angles, len(self.state.fingers), "rad")
+        self._finger_speeds, self._finger_targets = None, np.clip(targets, *self.finger_range)
 
     def turn_fingers(self, speeds: ArrayLike) -> None:
-        """Let the fingers turn (k,) [rad/s] for the next tick."""
-        self._finger_speeds = np.clip(np.asarray(speeds, dtype=np.float64), -FINGER_SPEED, FINGER_SPEED)
+        """Let the fingers turn (k,) [rad/s] for the next tick.
 
-    def tick(self, velocity: Array) -> State:
-        """Simulate a tick with velocities (dof,) [rad/s]; what the limits do not allow is not done."""
+        Raises:
+            InvalidInputError: not so many finite numbers.
+        """
+        asked = checks.vector("speeds", speeds, len(self.state.fingers), "rad/s")
+        self._finger_speeds = np.clip(asked, -FINGER_SPEED, FINGER_SPEED)
+
+    def tick(self, velocity: ArrayLike) -> State:
+        """Simulate a tick with velocities (dof,) [rad/s]; what the limits do not allow is not done.
+
+        Raises:
+            InvalidInputError: not so many finite numbers.
+        """
         robot = self.robot
-        v = np.clip(velocity, -robot.velocity_limit, robot.velocity_limit)
+        v = np.clip(
+            checks.vector("velocity", velocity, robot.dof, "rad/s"), -robot.velocity_limit, robot.velocity_limit
+        )
         up, down = (distance.clip(min=0.0) for distance in self._room())
         v = np.clip(v, -_braking(down), _braking(up))
         q = np.array(self._joints.qpos)

@@ -22,7 +22,9 @@ from numpy.typing import ArrayLike
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.ik.solver import IKSolver
+from jacokin.model import checks
 from jacokin.model.angles import nearest_copy
+from jacokin.model.poses import checked_pose
 from jacokin.motion.tracking.tracker import Tracker
 from jacokin.twin.arm import BRAKING, SimulatedArm, State
 from jacokin.twin.faults import TICK, Faults, Line
@@ -127,10 +129,15 @@ class KinovaDriver:
         self._velocities, self._goals, self._ticks = 0, 0, 0
         self._last = 0.0  # [s] when a command last came
 
-    def set_joint_speed(self, speed: Array) -> None:
-        """Set the speeds (dof,) of `go_to_angles` and `home` [rad/s], jointSpeedLimitParameter1 and 2."""
+    def set_joint_speed(self, speed: ArrayLike) -> None:
+        """Set the speeds (dof,) of `go_to_angles` and `home` [rad/s], jointSpeedLimitParameter1 and 2.
+
+        Raises:
+            InvalidInputError: not so many positive numbers.
+        """
+        speeds = checks.positive_vector("speed", speed, self.arm.robot.dof, "rad/s")
         with self._lock:
-            self._speed = speed
+            self._speed = speeds
 
     @property
     def state(self) -> State:
@@ -170,13 +177,26 @@ class KinovaDriver:
         lower, upper = self.arm.finger_range
         return np.asarray(lower + np.asarray(turns) / TURNS * (upper - lower))
 
-    def joint_velocity(self, v: Array) -> None:
-        """`in/joint_velocity`: velocities (dof,) for a tick [rad/s]."""
-        self._send(JointVelocity(v))
+    def joint_velocity(self, v: ArrayLike) -> None:
+        """`in/joint_velocity`: velocities (dof,) for a tick [rad/s].
 
-    def tool_velocity(self, twist: Array, fingers: Array | None = None) -> None:
-        """`in/cartesian_velocity`: twist of the tool (6,) in base axes for a tick, and of fingers (k,) [rad/s]."""
-        self._send(ToolVelocity(twist, fingers))
+        Raises:
+            InvalidInputError: not so many finite numbers.
+        """
+        self._send(JointVelocity(checks.vector("v", v, self.arm.robot.dof, "rad/s")))
+
+    def tool_velocity(self, twist: ArrayLike, fingers: ArrayLike | None = None) -> None:
+        """`in/cartesian_velocity`: a velocity of the tool for a tick.
+
+        Args:
+            twist: (6,) in base axes, linear first [m/s, rad/s].
+            fingers: (k,) velocities of the fingers [rad/s]; None to leave them alone.
+
+        Raises:
+            InvalidInputError: not so many finite numbers.
+        """
+        speeds = None if fingers is None else checks.vector("fingers", fingers, len(self.arm.state.fingers), "rad/s")
+        self._send(ToolVelocity(checks.vector("twist", twist, 6, "m/s, rad/s"), speeds))
 
     def _send(self, command: Command) -> None:
         with self._lock:
@@ -188,8 +208,13 @@ class KinovaDriver:
             self._last = self.arm.state.time
             self._line.send(command)
 
-    def go_to_angles(self, q: Array) -> Goal:
-        """`joints_action/joint_angles`: go to angles (dof,) [rad], as they are, with their whole turns."""
+    def go_to_angles(self, q: ArrayLike) -> Goal:
+        """`joints_action/joint_angles`: go to angles (dof,) [rad], as they are, with their whole turns.
+
+        Raises:
+            InvalidInputError: not so many finite numbers.
+        """
+        q = checks.vector("q", q, self.arm.robot.dof, "rad")
         return self._go(
             JointTarget(q),
             Watch(
@@ -204,15 +229,19 @@ class KinovaDriver:
             ),
         )
 
-    def go_to_pose(self, pose: pin.SE3) -> Goal:
+    def go_to_pose(self, pose: pin.SE3 | ArrayLike) -> Goal:
         """`pose_action/tool_pose`: take the tool to T_base_tool, or as near as it comes.
 
         The joints go together to the nearest configuration; the real base leads the tool in a line.
+
+        Raises:
+            InvalidInputError: malformed pose.
         """
-        found = self._solver.solve(pose, seed=self.state.command.clip(*self._limits))
+        target = checked_pose(pose, "pose")
+        found = self._solver.solve(target, seed=self.state.command.clip(*self._limits))
 
         def read(state: State) -> Array:
-            return np.concatenate(_from_to(self.arm.robot.forward_kinematics(state.q), pose))
+            return np.concatenate(_from_to(self.arm.robot.forward_kinematics(state.q), target))
 
         return self._go(
             JointTarget(found.q),
@@ -228,8 +257,13 @@ class KinovaDriver:
             ),
         )
 
-    def move_fingers(self, turns: Array) -> Goal:
-        """`fingers_action/finger_positions`: move fingers to (k,) turns of their motors; clears the queue."""
+    def move_fingers(self, turns: ArrayLike) -> Goal:
+        """`fingers_action/finger_positions`: move fingers to (k,) turns of their motors; clears the queue.
+
+        Raises:
+            InvalidInputError: not so many finite numbers.
+        """
+        turns = checks.vector("turns", turns, len(self.arm.state.fingers), "turns")
         goal = self._go(
             None,
             Watch(
@@ -283,9 +317,11 @@ class KinovaDriver:
             velocities: (n, dof) in the order in which they came, whatever their names [rad/s].
 
         Raises:
-            InvalidInputError: not so many rows of so many joints.
+            InvalidInputError: not so many rows of so many joints, or not finite.
         """
         at, rows = np.asarray(times, dtype=np.float64), np.asarray(velocities, dtype=np.float64)
+        if not (np.isfinite(rows).all() and np.isfinite(at).all()):
+            raise InvalidInputError("times and velocities must be finite")
         if len(rows) and rows.shape != (len(at), self.arm.robot.dof):
             raise InvalidInputError(f"velocities must have shape ({len(at)}, {self.arm.robot.dof})")
         with self._lock:

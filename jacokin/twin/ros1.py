@@ -281,8 +281,14 @@ class Ros1Node:
             return "" if is_fine else f"poses are in {self._base} here, with a quaternion"
 
         def is_of_others(goal: Any) -> str:
-            is_ours = sorted(goal.trajectory.joint_names) == sorted(self._joint_names)
-            return "" if is_ours else "Joints on incoming goal don't match our joints"
+            if sorted(goal.trajectory.joint_names) != sorted(self._joint_names):
+                return "Joints on incoming goal don't match our joints"
+            is_finite = all(np.isfinite(point.velocities).all() for point in goal.trajectory.points)
+            return "" if is_finite else "velocities must be finite"
+
+        def is_no_number(message: Any) -> str:
+            numbers = [getattr(message, name) for name in message.__slots__]
+            return "" if np.isfinite(numbers).all() else "numbers must be finite"
 
         def follow(goal: Any) -> Goal:
             trajectory = goal.trajectory
@@ -301,7 +307,7 @@ class Ros1Node:
                     messages.ArmJointAnglesAction,
                     angles,
                     lambda _: messages.ArmJointAnglesResult(self._angles(np.degrees(driver.state.q))),
-                    lambda _: "",
+                    lambda goal: is_no_number(goal.angles),
                 ),
                 (
                     f"{node}/pose_action/tool_pose",
@@ -315,7 +321,7 @@ class Ros1Node:
                     messages.SetFingersPositionAction,
                     close,
                     lambda _: messages.SetFingersPositionResult(self._finger_position(driver.state)),
-                    lambda _: "",
+                    lambda goal: is_no_number(goal.fingers),
                 ),
                 (
                     f"/{self._name}/follow_joint_trajectory",

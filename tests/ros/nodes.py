@@ -90,7 +90,15 @@ class Ros:
     def _start(self, script: Path, *words: str) -> subprocess.Popen[str]:
         pipe = subprocess.PIPE
         command = [self.python, str(script), *words]
-        return subprocess.Popen(command, env=dict(self.environment), stdout=pipe, stderr=pipe, text=True)
+        return subprocess.Popen(
+            command, env=dict(self.environment), stdout=pipe, stderr=pipe, text=True, preexec_fn=heed_signals
+        )
+
+
+def heed_signals() -> None:
+    """Heed signals that whoever started the tests may have ignored, as nohup and the shells' & do."""
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_DFL)
 
 
 @dataclass

@@ -8,6 +8,7 @@ import pytest
 
 import jacokin
 from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError
 from jacokin.motion import Trajectory, move_joints
 from jacokin.twin import Faults, Goal, GoalStatus, KinovaDriver, SimulatedArm
 
@@ -251,3 +252,26 @@ def test_faults_are_seeded_and_move_the_end_of_an_open_loop(motion: Trajectory) 
     assert late.state.time == pytest.approx(late.arm.state.time - 0.05)
     pass_time(late, 0.5)
     assert away(late, motion.q[-1]) < HALF_DEGREE / 5.0
+
+
+def test_what_is_malformed_is_refused(motion: Trajectory) -> None:
+    made = driver()
+    for call in (
+        lambda: made.joint_velocity(np.zeros(5)),
+        lambda: made.joint_velocity(np.full(6, np.nan)),
+        lambda: made.tool_velocity(np.zeros(5)),
+        lambda: made.tool_velocity(np.zeros(6), np.zeros(2)),
+        lambda: made.go_to_angles(np.zeros(7)),
+        lambda: made.go_to_pose(np.eye(3)),
+        lambda: made.move_fingers(np.zeros(2)),
+        lambda: made.follow([0.0], np.zeros((2, 6))),
+        lambda: made.follow([0.0], np.full((1, 6), np.nan)),
+        lambda: made.set_joint_speed(np.zeros(6)),
+        lambda: made.arm.tick(np.zeros(5)),
+        lambda: made.arm.move_fingers([0.0]),
+        lambda: made.arm.turn_fingers([np.inf] * 3),
+    ):
+        with pytest.raises(InvalidInputError):
+            call()
+    record = made.record()
+    assert (record.velocities, record.goals, record.time) == (0, 0, 0.0)
