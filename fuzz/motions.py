@@ -17,7 +17,7 @@ from jacokin.arrays import Array
 from jacokin.errors import JacokinError
 from jacokin.model import NAMES, Box, Capsule, Cylinder, Floor, Robot, Scene, Sphere
 from jacokin.motion import Trajectory, move_joints
-from tests.twin import compile_twin
+from tests.compiled_twin import compile_twin
 
 FINE = 1e-3  # [rad] between configurations that the referee looks at
 DEEPER = 5e-5  # [m] than this counts: rows are joined by straight lines where the motion turns a corner

@@ -159,13 +159,19 @@ def install_command(extra: str) -> str:
 
 
 class MissingExtraError(JacokinError, ImportError):
-    """An optional package is not installed; the message is the command that installs it."""
+    """An optional package is not installed; the message is the command that installs it.
 
-    def __init__(self, package: str, extra: str) -> None:
-        """Name the package and the extra of jacokin that brings it."""
+    Attributes:
+        package: what is missing.
+        extra: of jacokin, which brings it; empty where none does.
+    """
+
+    def __init__(self, package: str, extra: str = "", *, command: str | None = None) -> None:
+        """Name the package, and the extra of jacokin that brings it or else the command that does."""
         self.package = package
         self.extra = extra
-        super().__init__(f"{package} is needed for this. Install it with: {install_command(extra)}")
+        how = install_command(extra) if command is None else command
+        super().__init__(f"{package} is needed for this. Install it with: {how}")
 
 
 @contextmanager

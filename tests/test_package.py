@@ -32,6 +32,7 @@ LAYERS = {
     "calibration": 4,
     "teleop": 4,
     "tasks": 4,
+    "twin": 4,
     "viewer": 5,
     "cli": 6,
 }
@@ -122,6 +123,7 @@ def test_no_modules_import_each_other_in_a_circle() -> None:
         "jacokin.mujoco_bridge.props",
         "jacokin.tasks",
         "jacokin.teleop",
+        "jacokin.twin",
         "jacokin.viewer",
     ],
 )

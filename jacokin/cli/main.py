@@ -44,6 +44,7 @@ COMMANDS = {
     "plan": "paths",
     "move": "move",
     "teleop": "teleop",
+    "twin": "twin",
     "view": "viewer",
     "task": "task",
     "map": "reachability",

@@ -68,6 +68,7 @@ class Viewer:
         self._going: Going | None = None
         self._led: tuple[TeleopStep, float | None] | None = None
         self._led_drawn = 0.0
+        self._stood: tuple[Array, float | None, str] | None = None
         self._hand: HandControls | None = None
         self._hands: dict[int, tuple[ArmPart, ...]] = {}
         self._opening: int | None = None
@@ -155,6 +156,24 @@ class Viewer:
             self._led_drawn = now
             self._inbox.post("led")
 
+    def stand(self, q: ArrayLike, *, finger_angle: float | None = None, note: str = "") -> None:
+        """Show the arm where something else moves it; every tick may be given, some are drawn.
+
+        Args:
+            q: (dof,) where the joints are [rad].
+            finger_angle: of the fingers, as for `follow`.
+            note: what the arm is doing, in words.
+
+        Raises:
+            InvalidInputError: not such a configuration.
+        """
+        angle = None if finger_angle is None else checks.number("finger_angle", finger_angle, "rad")
+        self._stood = self._inspector.robot.configuration(q, "q"), angle, note
+        now = time.monotonic()
+        if now - self._led_drawn >= PERIOD:
+            self._led_drawn = now
+            self._inbox.post("stood")
+
     def wait(self, timeout: float | None = None) -> bool:
         """Wait until the viewer is closed, or so long [s]; returns whether it is."""
         return self._done.wait(timeout)
@@ -225,6 +244,7 @@ class Viewer:
             ({"start"}, self._start_here),
             ({"go"}, self._go),
             ({"led"}, self._follow),
+            ({"stood"}, self._stand),
         ):
             if names.keys() & kinds:
                 try:
@@ -398,6 +418,16 @@ class Viewer:
         self._arrive(replace(inspector.followed(target, step.tracking), note=str(step)))
         if self._hand is not None:
             self._hand.show(step)
+
+    def _stand(self, names: dict[str, int]) -> None:
+        """Show where the arm was last said to be."""
+        if self._stood is None:
+            return
+        q, angle, note = self._stood
+        self._stop()
+        if angle is not None:
+            self._open_hand(angle)
+        self._arrive(self._inspector.played(q, note))
 
     def _open_hand(self, angle: float) -> None:
         """Draw the fingers at about an angle [rad], or [m] where they slide; a gripper that is not known stays."""

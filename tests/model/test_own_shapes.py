@@ -22,8 +22,8 @@ from jacokin.model import Box, Capsule, Cylinder, Floor, Obstacle, Scene, SelfCo
 from jacokin.model import own_shapes as own
 from jacokin.model.contact import Contact
 from jacokin.model.poses import pose
+from tests.compiled_twin import TwinContact, compile_twin
 from tests.robot_files import ur5_text
-from tests.twin import TwinContact, compile_twin
 
 WAYS_TO_ASK: dict[str, Callable[[Robot], object]] = {
     "home": lambda robot: robot.home,

@@ -3,17 +3,27 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import json
 import os
 import select
 import signal
+import socket
 import subprocess
+import sys
+import sysconfig
+import threading
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import pytest
+
+import jacokin
+
+BESIDE = Path(__file__).parent / "beside_ros.py"
 SENDER = Path(__file__).parents[2] / "examples" / "send_trajectory.py"
 BOUND = 40.0  # [s] that any of these processes may take
 
@@ -45,10 +55,50 @@ class Ros:
         """Run the sender; returns its status, and what it said."""
         return finish(self.sending(*words))
 
+    def starting(self, *words: object) -> subprocess.Popen[str]:
+        """A script that imports ROS and jacokin, or `jacokin` itself, at work.
+
+        Skips where the two need different Pythons.
+        """
+        folders = [Path(jacokin.__file__).parents[1], sysconfig.get_paths()["purelib"]]
+        beside = dataclasses.replace(
+            self, environment={**self.environment, "JACOKIN_PATHS": os.pathsep.join(map(str, folders))}
+        )
+        version = subprocess.run(
+            [self.python, "-c", "import sys; print(sys.version_info[:2])"], capture_output=True, text=True
+        )
+        if version.stdout.strip() != str(sys.version_info[:2]):
+            pytest.skip(f"ROS has another Python than the tests: {version.stdout.strip()}")
+        return beside._start(BESIDE, *map(str, words))
+
+    def run(self, *words: object) -> tuple[int, str, str]:
+        """Run such a script; returns its status, and what it said."""
+        return finish(self.starting(*words))
+
+    @contextlib.contextmanager
+    def twin(self, *words: object) -> Iterator[Twin]:
+        """A twin, until the end of the block."""
+        process = self.starting("jacokin", "twin", "--json", *words)
+        try:
+            twin = Twin(process)
+            twin.says("ready")
+            yield twin
+        finally:
+            process.kill()
+            process.communicate()
+
     def _start(self, script: Path, *words: str) -> subprocess.Popen[str]:
         pipe = subprocess.PIPE
         command = [self.python, str(script), *words]
-        return subprocess.Popen(command, env=dict(self.environment), stdout=pipe, stderr=pipe, text=True)
+        return subprocess.Popen(
+            command, env=dict(self.environment), stdout=pipe, stderr=pipe, text=True, preexec_fn=heed_signals
+        )
+
+
+def heed_signals() -> None:
+    """Heed signals that whoever started the tests may have ignored, as nohup and the shells' & do."""
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_DFL)
 
 
 @dataclass
@@ -72,6 +122,39 @@ class Arm:
         return record
 
 
+@dataclass
+class Twin:
+    """A twin of a block."""
+
+    process: subprocess.Popen[str]
+
+    def says(self, words: str) -> None:
+        """Wait until it says that."""
+        assert self.process.stderr is not None
+        guard = threading.Timer(BOUND, self.process.kill)
+        guard.start()
+        try:
+            assert any(words in line for line in self.process.stderr), f"it never said {words!r}"
+        finally:
+            guard.cancel()
+
+    def ends(self, *, by_itself: bool = False) -> tuple[int, dict[str, Any], str]:
+        """End it; returns its status, what it has done, and what it said."""
+        if not by_itself:
+            self.process.send_signal(signal.SIGTERM)
+        status, output, errors = finish(self.process)
+        assert output, errors
+        record: dict[str, Any] = json.loads(output)
+        return status, record, errors
+
+
+def free_port() -> int:
+    """A port that nobody listens to."""
+    with socket.socket() as listening:
+        listening.bind(("127.0.0.1", 0))
+        return int(listening.getsockname()[1])
+
+
 def finish(process: subprocess.Popen[str]) -> tuple[int, str, str]:
     """Wait for the end of a process."""
     try:
@@ -80,6 +163,16 @@ def finish(process: subprocess.Popen[str]) -> tuple[int, str, str]:
         process.kill()
         raise
     return process.returncode, output, errors
+
+
+@contextlib.contextmanager
+def at_work(process: subprocess.Popen[str]) -> Iterator[subprocess.Popen[str]]:
+    """A process that has ended after the block, whatever happens there."""
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.communicate()
 
 
 def interrupt(sender: subprocess.Popen[str], arm: Arm, number: signal.Signals) -> tuple[int, str, float]:

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import signal
-import socket
-import subprocess
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -15,47 +12,16 @@ import pytest
 
 import jacokin
 from jacokin.motion import Trajectory, move_joints
-from tests.ros.nodes import Ros, interrupt, plain_environment
+from tests.ros.nodes import Ros, free_port, interrupt
 
 pytestmark = pytest.mark.slow
-PYTHON = "/usr/bin/python3"  # of Debian, whose packages rospy and actionlib are
-NEEDED = "python3-rospy python3-rosmaster python3-actionlib python3-sensor-msgs python3-trajectory-msgs"
 HERE = Path(__file__).parent / "ros1"
 OTHER = ("--action", "/arm_controller/follow_joint_trajectory", "--states", "/joint_states")
 
 
-def free_port() -> int:
-    with socket.socket() as listening:
-        listening.bind(("127.0.0.1", 0))
-        return int(listening.getsockname()[1])
-
-
-def answers(port: int) -> bool:
-    with socket.socket() as asking:
-        return not asking.connect_ex(("127.0.0.1", port))
-
-
-@pytest.fixture(scope="module")
-def ros() -> Iterator[Ros]:
-    """ROS 1 with a master."""
-    port = free_port()
-    environment = plain_environment(ROS_MASTER_URI=f"http://127.0.0.1:{port}", ROS_IP="127.0.0.1", PYTHONPATH=str(HERE))
-    needed = "import actionlib, genpy, rosmaster, rospy, sensor_msgs.msg, trajectory_msgs.msg"
-    try:
-        subprocess.run([PYTHON, "-c", needed], env=environment, check=True, capture_output=True)
-    except (OSError, subprocess.CalledProcessError):
-        pytest.skip(f"ROS 1 is not installed: apt-get install {NEEDED}")
-    command = [PYTHON, "-c", "import rosmaster; rosmaster.rosmaster_main()", "--core", "-p", str(port)]
-    quiet = subprocess.DEVNULL
-    master = subprocess.Popen(command, env=environment, stdout=quiet, stderr=quiet)
-    try:
-        end = time.monotonic() + 20.0
-        while not answers(port) and time.monotonic() < end:
-            time.sleep(0.05)
-        yield Ros(PYTHON, environment)
-    finally:
-        master.kill()
-        master.wait()
+@pytest.fixture
+def ros(ros1: Ros) -> Ros:
+    return ros1
 
 
 @pytest.fixture(scope="module")

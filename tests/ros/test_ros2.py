@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 from pathlib import Path
 
@@ -11,21 +10,16 @@ import pytest
 
 import jacokin
 from jacokin.motion import Trajectory, move_joints
-from tests.ros.nodes import Ros, interrupt, plain_environment
+from tests.ros.nodes import Ros, interrupt
 
 pytestmark = pytest.mark.slow
-ENVIRONMENT = Path(os.environ.get("ROS2_ENVIRONMENT", Path(__file__).parents[2] / ".venv-ros2"))
 HERE = Path(__file__).parent / "ros2"
 CONTROLLER = ("--action", "/arm_controller/follow_joint_trajectory", "--states", "/joint_states", "--ros", "2")
 
 
-@pytest.fixture(scope="module")
-def ros() -> Ros:
-    if not (ENVIRONMENT / "installed").exists():
-        pytest.skip(f"ROS 2 is not installed: tests/ros/ros2/install.sh {ENVIRONMENT}")
-    domain = str(1 + os.getpid() % 100)  # nobody else's
-    environment = plain_environment(ROS_DOMAIN_ID=domain, ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST")
-    return Ros(str(ENVIRONMENT / "bin" / "python"), environment)
+@pytest.fixture
+def ros(ros2: Ros) -> Ros:
+    return ros2
 
 
 @pytest.fixture(scope="module")

@@ -106,6 +106,23 @@ def test_fingers_of_other_arms_are_drawn_where_they_have_some(name: str, angle: 
             assert until(lambda: np.array_equal(drawn_hand(page, hand_of), hand) != moves)
 
 
+def test_an_arm_that_something_else_moves_is_shown(robot: Robot) -> None:
+    with serve(robot, port=0) as viewer, opened(viewer) as page:
+        assert until(lambda: len(drawn_hand(page)) > 0)
+        hand = drawn_hand(page)
+        q = robot.home + 0.1
+
+        def stands() -> bool:
+            viewer.stand(q, finger_angle=1.2, note="at 1.0 s")
+            return np.array_equal(viewer.view.q, q)
+
+        assert until(stands)
+        assert viewer.view.note == "at 1.0 s"
+        assert until(lambda: len(drawn_hand(page)) == len(hand) and not np.array_equal(drawn_hand(page), hand))
+        with pytest.raises(InvalidInputError, match="q must"):
+            viewer.stand(np.zeros(3))
+
+
 def test_the_buttons_work_the_clutch_and_end(robot: Robot) -> None:
     with serve(robot, port=0) as viewer:
         first = viewer.add_controller()

@@ -24,7 +24,7 @@ from jacokin.model.contact import Contact
 from jacokin.model.poses import rotation_angle
 from jacokin.motion import Trajectory, plan_motion
 from jacokin.motion.free_motion import search
-from tests.twin import compile_twin
+from tests.compiled_twin import compile_twin
 
 FINE = 1e-3  # [rad] between configurations that the referee looks at
 WALL = Scene([Box("wall", [0.6, 0.02, 0.7], [0.45, -0.05, 0.35]), Floor(-0.02)])

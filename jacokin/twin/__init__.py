@@ -1,0 +1,18 @@
+"""Kinova's driver, simulated: a node that clients take for it. Everything public is imported from here.
+
+Read `kinova` first.
+
+kinova         `KinovaDriver`: what kinova-ros' driver and the base of the arm do
+following      `TrajectoryController`: what ros2_control does with goals and velocities
+arm            `SimulatedArm`: MuJoCo's arm behind both
+faults         `Faults`: lag, loss and stalls between them, drawn from a seed
+goals          `Goal`, and the `Record` of what was done
+running        ticks at a pace
+pictures       cameras of a scene
+ros1, ros2     the nodes, which alone import ROS
+ros1_messages  messages that Debian has no package of
+"""
+
+from jacokin import lazy
+
+__all__, __getattr__, __dir__ = lazy.door(__name__, __file__)

@@ -1,0 +1,197 @@
+"""`SimulatedArm`: MuJoCo's arm and hand behind the velocities that an arm's own base takes, a tick after the other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError, shown
+from jacokin.model import checks
+from jacokin.model.descriptions import bundled
+from jacokin.model.loading import load_robot
+from jacokin.mujoco_bridge import Arena, JacoArm, Physics, observations, robots
+from jacokin.twin.faults import TICK
+
+if TYPE_CHECKING:
+    from jacokin.tasks import Task
+
+LEAD = 0.1  # [rad] how far the reference may be ahead of an arm that something holds
+BRAKING = 2.0  # [rad/s^2] towards a limit: what the weakest motors hold, `acceleration` of urdf/jaco.toml
+STOPPING = 4.0  # [rad/s^2] of joints that are to stand: what motors, friction and damping do together
+IDLE = 3  # ticks without a velocity, after which a joint is to stand: one of them may have got lost
+GAIN = 15.0  # [1/s] of a joint near its reference
+MARGIN = 5e-3  # [rad] by which the reference keeps off a limit: an arm at full speed passes it by 2e-3
+MOVING = 0.02  # [rad/s] a faster joint moves
+FINGER_GAIN = 8.0  # [1/s]
+FINGER_SPEED = 1.0  # [rad/s] Kinova's: a hand closes in 1.2 s
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class State:
+    """What an arm measures. Arrays are read-only."""
+
+    time: float
+    """Simulated [s]."""
+    q: Array
+    """(dof,) angles [rad], with the whole turns of joints without limits."""
+    v: Array
+    """(dof,) velocities [rad/s]."""
+    torques: Array
+    """(dof,) about the joint axes, with what holds the arm up [N m]."""
+    fingers: Array
+    """(k,) angles of the fingers [rad]."""
+    command: Array
+    """(dof,) where the base of the arm leads the joints [rad]."""
+
+
+class SimulatedArm:
+    """An arm that takes velocities.
+
+    As Kinova's base does, it keeps joints within their limits and speeds, and holds them where they were led:
+    the error of a velocity is made up for.
+
+    Attributes:
+        robot: the arm.
+        physics: its simulation.
+        finger_range: (2,) open and closed [rad].
+        state: what is measured now.
+        margin: the least distance of a joint to its limit so far [rad]; inf without limits.
+        speed: the largest velocity of a joint so far, over its limit.
+        moved: when a joint last moved, in simulated time [s].
+    """
+
+    def __init__(
+        self, robot: str = bundled.DEFAULT_ROBOT, *, q: ArrayLike | None = None, task: Task | None = None
+    ) -> None:
+        """Stand at home, the fingers open.
+
+        Args:
+            robot: a bundled Jaco or Mico.
+            q: (dof,) where to stand instead [rad].
+            task: whose arm it is, in an episode that has begun; None for an arm on a floor.
+
+        Raises:
+            UnknownNameError: no such robot.
+            InvalidInputError: q is malformed, or outside the limits.
+        """
+        self.robot = load_robot(checks.choice("robot", robot, bundled.JACOS))
+        arm: JacoArm
+        if task is None:
+            arm = robots.make_arm(observations.PERFECT_FEATURES, robot)
+            hand = robots.make_hand(observations.PERFECT_FEATURES, robot)
+            arm.attach(hand)
+            arena = Arena()
+            arena.attach(arm, position=robots.ARM_OFFSET)
+            self.physics = Physics.from_entity(arena)
+            arm.set_home(self.physics)
+        else:
+            arm, hand, self.physics = task.arm, task.hand, task.physics
+        self._arm = arm
+        bind = self.physics.bind
+        self._joints, self._fingers = bind(arm.joints), bind(hand.joints)
+        self._motors, self._finger_motors = bind(arm.actuators), bind(hand.actuators)
+        self._steps = round(TICK / self.physics.timestep)
+        self.finger_range = checks.read_only(self._fingers.range[0])
+        if q is not None:
+            start = self.robot.configuration(q, "q")
+            if not self.robot.within_limits(start):
+                raise InvalidInputError(f"q is outside the limits of {self.robot.label}: {shown(start.tolist())}")
+            self._joints.qpos = start
+            self.physics.after_reset()
+        self._reference = np.array(self._joints.qpos)
+        self._idle = np.zeros(self.robot.dof)
+        self._finger_targets = np.array(self._fingers.qpos)
+        self._finger_speeds: Array | None = None
+        self.margin, self.speed, self.moved = np.inf, 0.0, 0.0
+        self._start = self.physics.time
+        self.state = self._measure()
+
+    def move_fingers(self, angles: ArrayLike) -> None:
+        """Let the fingers go to angles (k,) [rad]; the range bounds them.
+
+        Raises:
+            InvalidInputError: not so many finite numbers.
+        """
+        targets = checks.vector("angles", angles, len(self.state.fingers), "rad")
+        self._finger_speeds, self._finger_targets = None, np.clip(targets, *self.finger_range)
+
+    def turn_fingers(self, speeds: ArrayLike) -> None:
+        """Let the fingers turn (k,) [rad/s] for the next tick.
+
+        Raises:
+            InvalidInputError: not so many finite numbers.
+        """
+        asked = checks.vector("speeds", speeds, len(self.state.fingers), "rad/s")
+        self._finger_speeds = np.clip(asked, -FINGER_SPEED, FINGER_SPEED)
+
+    def tick(self, velocity: ArrayLike) -> State:
+        """Simulate a tick with velocities (dof,) [rad/s]; what the limits do not allow is not done.
+
+        Raises:
+            InvalidInputError: not so many finite numbers.
+        """
+        robot = self.robot
+        v = np.clip(
+            checks.vector("velocity", velocity, robot.dof, "rad/s"), -robot.velocity_limit, robot.velocity_limit
+        )
+        up, down = (distance.clip(min=0.0) for distance in self._room())
+        v = np.clip(v, -_braking(down), _braking(up))
+        q = np.array(self._joints.qpos)
+        self._reference = np.clip(self._reference + v * TICK, q - LEAD, q + LEAD)
+        self._rest_ahead(q, v)
+        follow = v + _closing(self._reference - q - v * TICK)
+        follow = np.clip(follow, -robot.velocity_limit, robot.velocity_limit)
+        bias = (self._joints.qfrc_bias - self._joints.qfrc_passive) / self._motors.gainprm[:, 0]
+        self._motors.ctrl = np.clip(follow + bias, *self._motors.ctrlrange.T)
+        self._finger_motors.ctrl = self._finger_control()
+        self.physics.step(self._steps)
+        self.state = self._measure()
+        return self.state
+
+    def _rest_ahead(self, q: Array, velocity: Array) -> None:
+        """Put the reference of joints that are to stand where they can stop, so that they do not turn back."""
+        self._idle = np.where(velocity == 0.0, self._idle + 1, 0)
+        speed = np.array(self._joints.qvel)
+        stop = q + speed * np.abs(speed) / (2.0 * STOPPING)
+        is_passed = (self._idle > IDLE) & ((stop - self._reference) * speed > 0.0)
+        inside = np.clip(stop, self.robot.lower + MARGIN, self.robot.upper - MARGIN)
+        self._reference = np.where(is_passed, inside, self._reference)
+
+    def _room(self) -> tuple[Array, Array]:
+        """How far the reference may still go up and down, (dof,) each [rad]."""
+        return self.robot.upper - MARGIN - self._reference, self._reference - self.robot.lower - MARGIN
+
+    def _finger_control(self) -> Array:
+        now = np.array(self._fingers.qpos)
+        if self._finger_speeds is not None:
+            speeds, self._finger_speeds = self._finger_speeds, None
+            self._finger_targets = np.clip(now + speeds * TICK, *self.finger_range)
+            return speeds
+        return np.asarray(np.clip(FINGER_GAIN * (self._finger_targets - now), -FINGER_SPEED, FINGER_SPEED))
+
+    def _measure(self) -> State:
+        joints, robot = self._joints, self.robot
+        q, v = checks.read_only(joints.qpos), checks.read_only(joints.qvel)
+        time = self.physics.time - self._start
+        self.margin = min(self.margin, float(np.minimum(q - robot.lower, robot.upper - q).min()))
+        self.speed = max(self.speed, float((np.abs(v) / robot.velocity_limit).max()))
+        if np.abs(v).max() > MOVING:
+            self.moved = time
+        torques = checks.read_only(self._arm.joint_torques(self.physics))
+        fingers = checks.read_only(self._fingers.qpos)
+        return State(time, q, v, torques, fingers, checks.read_only(self._reference))
+
+
+def _closing(error: Array) -> Array:
+    """Velocities (dof,) that take joints to their reference, from which they can still stop there [rad/s]."""
+    far = np.sqrt(2.0 * STOPPING * np.maximum(np.abs(error) - STOPPING / (2.0 * GAIN**2), 0.0))
+    return np.sign(error) * np.where(np.abs(error) < STOPPING / GAIN**2, GAIN * np.abs(error), far)
+
+
+def _braking(distance: Array) -> Array:
+    """The speeds (dof,) from which joints still stop within distances (dof,) [rad], at the end of a tick too."""
+    return np.minimum(np.sqrt(2.0 * BRAKING * distance), distance / TICK)

@@ -1,0 +1,273 @@
+"""`TrajectoryController`: what ros2_control does with goals and velocities, without ROS.
+
+Goals are answered as joint_trajectory_controller of ros2_controllers does (its documentation, trajectory
+representation and parameters), velocities as a forward_command_controller, which here has a watchdog.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.interpolate import BPoly
+
+from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError
+from jacokin.model import checks
+from jacokin.twin.arm import SimulatedArm, State
+from jacokin.twin.faults import TICK, Faults, Line
+from jacokin.twin.goals import Goal, GoalStatus, Record
+
+PATH_TOLERANCE, GOAL_TOLERANCE = -4, -5  # error codes of FollowJointTrajectory
+PAUSE = 1.0  # [s] after which velocities are worth a word again
+WATCHDOG = 0.05  # [s] after which a velocity that is not said again ends; ros2_control itself would go on
+STANDING = 1e-5  # [rad/s] of the last point; the controller allows numbers as small as those of single precision
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass(slots=True, eq=False)
+class Following:
+    """A trajectory that is followed."""
+
+    goal: Goal
+    path: BPoly
+    begun: float
+    """[s] in simulated time."""
+    duration: float
+    tolerances: Tolerances
+
+
+@dataclass(frozen=True, slots=True)
+class Tolerances:
+    """How far joints may be off, by their names [rad]; 0 or no entry for any distance."""
+
+    path: Mapping[str, float] = field(default_factory=dict)
+    goal: Mapping[str, float] = field(default_factory=dict)
+    time: float = 0.0
+    """Patience after the end of the trajectory, if a goal tolerance is given [s]; 0 for any."""
+
+
+class TrajectoryController:
+    """ros2_control and an arm, a tick after the other. Several threads may call it.
+
+    Attributes:
+        arm: that it moves.
+        names: of its joints, in their order.
+    """
+
+    def __init__(self, arm: SimulatedArm, names: Sequence[str], *, faults: Faults | None = None, seed: int = 0) -> None:
+        """Control an arm.
+
+        Args:
+            arm: to control.
+            names: of the joints, from the base to the tool.
+            faults: what goes wrong; None for nothing.
+            seed: from which faults are drawn.
+        """
+        self.arm, self.names = arm, tuple(names)
+        self._line: Line[tuple[bool, Array], State] = Line(Faults() if faults is None else faults, seed)
+        self._line.tick(arm.state)
+        self._lock = threading.RLock()
+        self._following: Following | None = None
+        self._velocity, self._until = np.zeros(len(self.names)), -np.inf
+        self._position: Array | None = None  # that the base is to lead the joints to
+        self._held: Array | None = None  # the end of a trajectory, which is sent on and on
+        self._velocities, self._goals, self._last = 0, 0, 0.0
+
+    def tell(self) -> State | None:
+        """What is published now, None where faults take that."""
+        with self._lock:
+            return self._line.tell()
+
+    def record(self) -> Record:
+        """What was done until now."""
+        with self._lock:
+            arm = self.arm
+            return Record(
+                time=arm.state.time,
+                velocities=self._velocities,
+                lost=self._line.lost,
+                stalls=self._line.stalls,
+                goals=self._goals,
+                waiting=0,
+                margin=arm.margin,
+                speed=arm.speed,
+                coasted=max(0.0, arm.moved - self._last),
+                angles=tuple(arm.state.q.tolist()),
+            )
+
+    def follow(
+        self,
+        names: Sequence[str],
+        times: ArrayLike,
+        positions: Sequence[Sequence[float]],
+        velocities: Sequence[Sequence[float]] = (),
+        accelerations: Sequence[Sequence[float]] = (),
+        tolerances: Tolerances | None = None,
+    ) -> Goal:
+        """Accept a goal, which ends the one before; from where the arm is, it goes over to the first point.
+
+        Args:
+            names: of the joints of each row, all of them, in any order.
+            times: (n,) from now [s].
+            positions: (n, dof) [rad].
+            velocities: (n, dof) [rad/s]; without any, the joints move on straight lines.
+            accelerations: (n, dof) [rad/s^2]; without any, along cubics.
+            tolerances: None for any distance.
+
+        Raises:
+            InvalidInputError: the controller rejects the goal; says why.
+        """
+        at, rows = self.check(names, times, positions, velocities, accelerations)
+        with self._lock:
+            self._end(GoalStatus.ABORTED, "another goal came")
+            self._goals += 1
+            logger.info("a trajectory of %d points, %.2f s", len(positions), at[-1])
+            state = self._line.measured
+            if at[0] > 0.0:
+                start = [state.command, state.v, np.zeros_like(state.v)]
+                rows = [np.vstack([first, rest]) for first, rest in zip(start, rows, strict=False)]
+                at = np.append(0.0, at)
+            path = _path(at, rows)
+            goal = Goal()
+            self._following = Following(goal, path, self.arm.state.time, float(at[-1]), tolerances or Tolerances())
+            self._last = self.arm.state.time
+            return goal
+
+    def check(
+        self,
+        names: Sequence[str],
+        times: ArrayLike,
+        positions: Sequence[Sequence[float]],
+        velocities: Sequence[Sequence[float]] = (),
+        accelerations: Sequence[Sequence[float]] = (),
+    ) -> tuple[Array, list[Array]]:
+        """Check a goal, as for `follow`; returns its times, and its rows in the order of the joints.
+
+        Raises:
+            InvalidInputError: as `follow`.
+        """
+        at = np.asarray(times, dtype=np.float64)
+        if sorted(names) != sorted(self.names):
+            raise InvalidInputError(f"joints must be {', '.join(self.names)}, got {', '.join(names)}")
+        if not len(at) or at[0] < 0.0 or not (np.diff(at) > 0.0).all():
+            raise InvalidInputError("there must be points, from time 0 on, at times that strictly increase")
+        order = [list(names).index(name) for name in self.names]
+        rows = [
+            _rows(kind, given, len(at), order)
+            for kind, given in (("positions", positions), ("velocities", velocities), ("accelerations", accelerations))
+            if len(given) and any(len(row) for row in given)
+        ]
+        if not rows or not any(len(row) for row in positions):
+            raise InvalidInputError("positions must be given")
+        if len(rows) > 1 and np.abs(rows[1][-1]).max() > STANDING:
+            raise InvalidInputError("the last point must have no velocity")
+        return at, rows
+
+    def cancel(self, goal: Goal) -> None:
+        """Cancel a goal: the arm stops and holds its place."""
+        with self._lock:
+            if self._following is not None and self._following.goal is goal:
+                self._last = self.arm.state.time
+                self._end(GoalStatus.CANCELLED, "")
+
+    def velocity(self, v: ArrayLike) -> None:
+        """Turn the joints with velocities (dof,) [rad/s], until the watchdog ends that; ends a goal.
+
+        Raises:
+            InvalidInputError: not so many finite numbers.
+        """
+        values = checks.vector("velocities", v, len(self.names), "rad/s")
+        with self._lock:
+            self._end(GoalStatus.ABORTED, "velocities came")
+            if self.arm.state.time - self._last > PAUSE or not self._velocities:
+                logger.info("velocities come")
+            self._velocities += 1
+            self._last = self.arm.state.time
+            self._line.send((True, values))
+
+    def move_fingers(self, angles: ArrayLike) -> None:
+        """Let the fingers go to angles (k,) [rad].
+
+        Raises:
+            InvalidInputError: not so many finite numbers.
+        """
+        count = len(self.arm.state.fingers)
+        with self._lock:
+            self.arm.move_fingers(checks.vector("fingers", angles, count, "rad"))
+
+    def _end(self, status: GoalStatus, text: str, code: int = 0) -> None:
+        following, self._following, self._held = self._following, None, None
+        if following is None:
+            return
+        following.goal.end(status, text, code)
+        if status is GoalStatus.SUCCEEDED:
+            self._held = following.path(following.duration)
+        else:
+            self._line.clear()
+            self._position = None
+
+    def tick(self) -> None:
+        """Let 10 ms pass."""
+        with self._lock:
+            now = self.arm.state.time
+            if self._following is not None:
+                self._last = now
+                self._follow(self._following, now + TICK)
+            elif self._held is not None:
+                self._line.send((False, self._held))
+            for is_velocity, values in self._line.arrived():
+                if is_velocity:
+                    self._velocity, self._until, self._position = values, now + WATCHDOG, None
+                else:
+                    self._position = values
+            v = np.zeros(len(self.names))
+            if self._position is not None:
+                v = (self._position - self.arm.state.command) / TICK
+            elif now < self._until:
+                v = self._velocity
+            self._line.tick(self.arm.tick(v))
+
+    def _follow(self, following: Following, now: float) -> None:
+        """Send where a trajectory is at a time, and look how its goal stands."""
+        time, allowed = now - following.begun, following.tolerances
+        wanted = following.path(min(time, following.duration))
+        error = np.abs(wanted - self._line.measured.q)
+        self._line.send((False, wanted))
+        if time <= following.duration:
+            off = self._off(error, allowed.path)
+            if off:
+                self._end(GoalStatus.ABORTED, f"{off} is off the path by more than its tolerance", PATH_TOLERANCE)
+            return
+        off = self._off(error, allowed.goal)
+        if not off:
+            self._end(GoalStatus.SUCCEEDED, "")
+        elif 0.0 < allowed.time < time - following.duration:
+            self._end(GoalStatus.ABORTED, f"{off} is off the goal by more than its tolerance", GOAL_TOLERANCE)
+
+    def _off(self, error: Array, tolerances: Mapping[str, float]) -> str:
+        """The first joint that is off by more than its tolerance; empty without one."""
+        off = (name for name, far in zip(self.names, error, strict=True) if 0.0 < tolerances.get(name, 0.0) < far)
+        return next(off, "")
+
+
+def _rows(kind: str, given: Sequence[Sequence[float]], count: int, order: list[int]) -> Array:
+    """Rows of a goal (count, dof), in the order of the controller's joints."""
+    if len(given) != count or any(len(row) != len(order) for row in given):
+        raise InvalidInputError(f"{kind} must be {len(order)} numbers at each of the {count} points")
+    rows = np.asarray(given, dtype=np.float64)
+    if not np.isfinite(rows).all():
+        raise InvalidInputError(f"{kind} must be finite")
+    return rows[:, order]
+
+
+def _path(times: Array, rows: Sequence[Array]) -> BPoly:
+    """Straight lines, cubics or quintics through points: positions, and derivatives as far as they are given."""
+    if len(times) == 1:
+        times, rows = np.append(times, times[0] + TICK), [np.vstack([row, row]) for row in rows]
+    return BPoly.from_derivatives(times, np.stack(rows, axis=1))

@@ -1,0 +1,63 @@
+"""`Goal`: what a client asks of a controller, and how it ends."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+
+class GoalStatus(Enum):
+    """How a goal stands, in the words that ROS 1 and 2 have in common."""
+
+    ACTIVE = "active"
+    SUCCEEDED = "succeeded"
+    ABORTED = "aborted"
+    CANCELLED = "cancelled"
+
+
+@dataclass(slots=True, eq=False)
+class Goal:
+    """A goal that was accepted. A controller ends it, once."""
+
+    status: GoalStatus = GoalStatus.ACTIVE
+    """How it stands."""
+    text: str = ""
+    """Why it ended."""
+    code: int = 0
+    """The error code of FollowJointTrajectory; 0 for none."""
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether it has ended."""
+        return self.status is not GoalStatus.ACTIVE
+
+    def end(self, status: GoalStatus, text: str = "", code: int = 0) -> None:
+        """End it; nothing, where it has ended before."""
+        if not self.has_ended:
+            self.status, self.text, self.code = status, text, code
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """What a controller has done until now."""
+
+    time: float
+    """Simulated [s]."""
+    velocities: int
+    """Velocities that were heard."""
+    lost: int
+    """Velocities and positions that faults have taken."""
+    stalls: int
+    """How often nothing passed for a while."""
+    goals: int
+    """Goals that were accepted."""
+    waiting: int
+    """Commands that wait in the queue of the base."""
+    margin: float
+    """The least distance of a joint to its limit [rad]; inf without limits."""
+    speed: float
+    """The largest velocity of a joint, over its limit."""
+    coasted: float
+    """How long the arm moved on after the last velocity came, or a goal ended, until it stood, or until now [s]."""
+    angles: tuple[float, ...]
+    """Where the joints are [rad]."""

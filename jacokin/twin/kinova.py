@@ -1,0 +1,482 @@
+"""`KinovaDriver`: what kinova-ros' driver and the arm's base do with what clients send. Read this file first.
+
+No ROS is in here. It is read from the source of kinova-ros (commit 924781d, 2023) and its README; files are named where
+they tell. It was never compared with a real arm. Angles are in radians here; the node of ROS converts.
+
+The base keeps a queue and takes one velocity each 10 ms, or goes to the target in front until it is there. Goals of
+FollowJointTrajectory are played in an open loop, a velocity a tick; one that is cancelled kills the driver.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError
+from jacokin.ik.solver import IKSolver
+from jacokin.model import checks
+from jacokin.model.angles import nearest_copy
+from jacokin.model.poses import checked_pose
+from jacokin.motion.tracking.tracker import Tracker
+from jacokin.twin.arm import BRAKING, SimulatedArm, State
+from jacokin.twin.faults import TICK, Faults, Line
+from jacokin.twin.goals import Goal, GoalStatus, Record
+
+QUEUE = 2000  # velocities that the base keeps (README, velocity control)
+JOINT_SPEED = np.radians(20.0)  # [rad/s] of joints_action, jointSpeedLimitParameter1 and 2 where they are not set
+TURNS = 6800.0  # of a finger's motor from open to closed (kinova_arm.cpp, cartesianVelocityWithFingersCallback)
+PERIOD = 0.1  # [s] in which actions look at the arm, rate_hz, and in which the state is published
+STOPPED_VELOCITY = 0.01  # [rad/s] constraints/stopped_velocity_tolerance of joint_trajectory_action_server.cpp
+PAUSE = 1.0  # [s] after which velocities are worth a word again
+REACHED = 1e-3  # [rad], [m] a target in the queue this near is reached
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JointVelocity:
+    """Turn the joints for a tick: (dof,) [rad/s]."""
+
+    v: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ToolVelocity:
+    """Move the tool for a tick: twist (6,) in base axes [m/s, rad/s]; fingers (k,) [rad/s], None for as they are."""
+
+    twist: Array
+    fingers: Array | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JointTarget:
+    """Go to (dof,) angles [rad]."""
+
+    q: Array
+
+
+Command = JointVelocity | ToolVelocity | JointTarget
+
+
+@dataclass(slots=True, eq=False)
+class Watch:
+    """How an action of the driver looks at its goal: near to it, or without motion for so long."""
+
+    read: Callable[[State], Array]
+    distance: Callable[[Array, Array], Array]
+    target: Array
+    tolerance: Array
+    """Nearer than this in all entries is there."""
+    threshold: float
+    """More than this in any entry is motion."""
+    patience: float
+    """Without motion for so long, the goal is aborted [s]."""
+    seen: Array
+    since: float
+
+
+@dataclass(slots=True, eq=False)
+class Playing:
+    """A trajectory that is played."""
+
+    goal: Goal
+    times: Array
+    velocities: Array
+    index: int = 0
+    begun: float = 0.0
+    """When the controller got it [s]."""
+    heard: float | None = None
+    """When the action first heard of the controller after that, from which it counts the time [s]."""
+
+
+class KinovaDriver:
+    """The driver and the base of an arm, a tick after the other. Several threads may call it.
+
+    Attributes:
+        arm: that it moves.
+        died: why the driver has died, as the real one would; empty while it lives.
+        is_stopped: whether the service `stop` forbids motion.
+    """
+
+    def __init__(self, arm: SimulatedArm, *, faults: Faults | None = None, seed: int = 0) -> None:
+        """Drive an arm.
+
+        Args:
+            arm: to drive.
+            faults: what goes wrong; None for nothing.
+            seed: from which faults are drawn.
+        """
+        self.arm, self.died, self.is_stopped = arm, "", False
+        self._line: Line[Command, State] = Line(Faults() if faults is None else faults, seed)
+        self._line.tick(arm.state)
+        self._lock = threading.RLock()
+        self._queue: deque[Command] = deque(maxlen=QUEUE)
+        self._speed = np.full(arm.robot.dof, JOINT_SPEED)
+        self._tracker = Tracker(arm.robot, dt=TICK, q=arm.state.q, acceleration_limit=np.inf)
+        self._is_tracking = False
+        self._limits = arm.robot.lower, arm.robot.upper
+        self._solver = IKSolver(arm.robot, collision="ignore")
+        self._watches: dict[Goal, Watch] = {}
+        self._playing: Playing | None = None
+        self._velocities, self._goals, self._ticks = 0, 0, 0
+        self._last = 0.0  # [s] when a command last came
+
+    def set_joint_speed(self, speed: ArrayLike) -> None:
+        """Set the speeds (dof,) of `go_to_angles` and `home` [rad/s], jointSpeedLimitParameter1 and 2.
+
+        Raises:
+            InvalidInputError: not so many positive numbers.
+        """
+        speeds = checks.positive_vector("speed", speed, self.arm.robot.dof, "rad/s")
+        with self._lock:
+            self._speed = speeds
+
+    @property
+    def state(self) -> State:
+        """What the driver knows of the arm, late by the lag."""
+        with self._lock:
+            return self._line.measured
+
+    def tell(self) -> State | None:
+        """What the driver publishes now, None where faults or its death take that."""
+        with self._lock:
+            return None if self.died else self._line.tell()
+
+    def record(self) -> Record:
+        """What was done until now."""
+        with self._lock:
+            arm = self.arm
+            return Record(
+                time=arm.state.time,
+                velocities=self._velocities,
+                lost=self._line.lost,
+                stalls=self._line.stalls,
+                goals=self._goals,
+                waiting=len(self._queue),
+                margin=arm.margin,
+                speed=arm.speed,
+                coasted=max(0.0, arm.moved - self._last),
+                angles=tuple(arm.state.q.tolist()),
+            )
+
+    def finger_turns(self, fingers: Array) -> Array:
+        """Angles of fingers (k,) [rad] as the driver counts them, 0 open, 6800 closed."""
+        lower, upper = self.arm.finger_range
+        return np.asarray((fingers - lower) / (upper - lower) * TURNS)
+
+    def finger_angles(self, turns: Array) -> Array:
+        """The inverse of `finger_turns`."""
+        lower, upper = self.arm.finger_range
+        return np.asarray(lower + np.asarray(turns) / TURNS * (upper - lower))
+
+    def joint_velocity(self, v: ArrayLike) -> None:
+        """`in/joint_velocity`: velocities (dof,) for a tick [rad/s].
+
+        Raises:
+            InvalidInputError: not so many finite numbers.
+        """
+        self._send(JointVelocity(checks.vector("v", v, self.arm.robot.dof, "rad/s")))
+
+    def tool_velocity(self, twist: ArrayLike, fingers: ArrayLike | None = None) -> None:
+        """`in/cartesian_velocity`: a velocity of the tool for a tick.
+
+        Args:
+            twist: (6,) in base axes, linear first [m/s, rad/s].
+            fingers: (k,) velocities of the fingers [rad/s]; None to leave them alone.
+
+        Raises:
+            InvalidInputError: not so many finite numbers.
+        """
+        speeds = None if fingers is None else checks.vector("fingers", fingers, len(self.arm.state.fingers), "rad/s")
+        self._send(ToolVelocity(checks.vector("twist", twist, 6, "m/s, rad/s"), speeds))
+
+    def _send(self, command: Command) -> None:
+        with self._lock:
+            if self.died or self.is_stopped:
+                return
+            if self.arm.state.time - self._last > PAUSE or not self._velocities:
+                logger.info("velocities come")
+            self._velocities += 1
+            self._last = self.arm.state.time
+            self._line.send(command)
+
+    def go_to_angles(self, q: ArrayLike) -> Goal:
+        """`joints_action/joint_angles`: go to angles (dof,) [rad], as they are, with their whole turns.
+
+        Raises:
+            InvalidInputError: not so many finite numbers.
+        """
+        q = checks.vector("q", q, self.arm.robot.dof, "rad")
+        return self._go(
+            JointTarget(q),
+            Watch(
+                read=lambda state: state.q,
+                distance=_apart,
+                target=q,
+                tolerance=np.full(len(q), np.radians(2.0)),
+                threshold=np.radians(1.0),
+                patience=0.5,
+                seen=self.state.q,
+                since=0.0,
+            ),
+        )
+
+    def go_to_pose(self, pose: pin.SE3 | ArrayLike) -> Goal:
+        """`pose_action/tool_pose`: take the tool to T_base_tool, or as near as it comes.
+
+        The joints go together to the nearest configuration; the real base leads the tool in a line.
+
+        Raises:
+            InvalidInputError: malformed pose.
+        """
+        target = checked_pose(pose, "pose")
+        found = self._solver.solve(target, seed=self.state.command.clip(*self._limits))
+
+        def read(state: State) -> Array:
+            return np.concatenate(_from_to(self.arm.robot.forward_kinematics(state.q), target))
+
+        return self._go(
+            JointTarget(found.q),
+            Watch(
+                read=read,
+                distance=lambda one, other: np.abs(one - other),
+                target=np.zeros(6),
+                tolerance=np.array([0.01] * 3 + [np.radians(2.0)] * 3),
+                threshold=0.005,
+                patience=1.0,
+                seen=read(self.state),
+                since=0.0,
+            ),
+        )
+
+    def move_fingers(self, turns: ArrayLike) -> Goal:
+        """`fingers_action/finger_positions`: move fingers to (k,) turns of their motors; clears the queue.
+
+        Raises:
+            InvalidInputError: not so many finite numbers.
+        """
+        turns = checks.vector("turns", turns, len(self.arm.state.fingers), "turns")
+        goal = self._go(
+            None,
+            Watch(
+                read=lambda state: self.finger_turns(state.fingers),
+                distance=lambda one, other: np.abs(one - other),
+                target=turns,
+                tolerance=np.full(len(turns), 64.0),
+                threshold=1.0,
+                patience=0.5,
+                seen=self.finger_turns(self.state.fingers),
+                since=0.0,
+            ),
+        )
+        if not goal.has_ended:
+            self.arm.move_fingers(self.finger_angles(turns))
+        return goal
+
+    def _go(self, command: Command | None, watch: Watch) -> Goal:
+        with self._lock:
+            goal = Goal()
+            if self.died or self.is_stopped:
+                goal.end(GoalStatus.ABORTED, self.died or "the arm is stopped: call in/start")
+                return goal
+            self._clear()
+            self._goals += 1
+            logger.info("a goal")
+            self._last = watch.since = self.arm.state.time
+            if command is not None:
+                self._queue.append(command)
+            self._watches[goal] = watch
+            return goal
+
+    def home(self) -> Goal:
+        """`in/home_arm`: the joints to the home configuration, by the short way, then the fingers open."""
+        arm = self.arm
+        with self._lock:
+            goal = self.go_to_angles(nearest_copy(arm.robot.home, arm.state.q, arm.robot.unlimited))
+            if goal in self._watches:
+                watch = self._watches[goal]
+                watch.tolerance, watch.threshold = np.full(arm.robot.dof, 2.0 * REACHED), REACHED
+                arm.move_fingers(np.full(len(arm.state.fingers), arm.finger_range[0]))
+            return goal
+
+    def follow(self, times: ArrayLike, velocities: ArrayLike) -> Goal:
+        """`follow_joint_trajectory`: play the velocities of points, one a tick, in an open loop.
+
+        A goal while another one is active kills the driver, as does an empty one.
+
+        Args:
+            times: (n,) from the start [s].
+            velocities: (n, dof) in the order in which they came, whatever their names [rad/s].
+
+        Raises:
+            InvalidInputError: not so many rows of so many joints, or not finite.
+        """
+        at, rows = np.asarray(times, dtype=np.float64), np.asarray(velocities, dtype=np.float64)
+        if not (np.isfinite(rows).all() and np.isfinite(at).all()):
+            raise InvalidInputError("times and velocities must be finite")
+        if len(rows) and rows.shape != (len(at), self.arm.robot.dof):
+            raise InvalidInputError(f"velocities must have shape ({len(at)}, {self.arm.robot.dof})")
+        with self._lock:
+            goal = Goal()
+            if self.died:
+                goal.end(GoalStatus.ABORTED, self.died)
+            elif self._playing is not None and not self._playing.goal.has_ended:
+                self.cancel(self._playing.goal)
+                goal.end(GoalStatus.ABORTED, self.died)
+            elif not len(rows):
+                self._die("an empty trajectory")
+                goal.end(GoalStatus.ABORTED, self.died)
+            else:
+                logger.info("a trajectory of %d points, %.2f s", len(rows), at[-1])
+                self._goals += 1
+                self._last = self.arm.state.time
+                # What is still played is replaced, its index is not.
+                index = 0 if self._playing is None else self._playing.index
+                self._playing = Playing(goal, at, rows, index, begun=self.arm.state.time)
+            return goal
+
+    def cancel(self, goal: Goal) -> None:
+        """Cancel a goal: the queue is emptied; a trajectory that is played kills the driver (issue 191)."""
+        with self._lock:
+            if goal.has_ended:
+                return
+            goal.end(GoalStatus.CANCELLED)
+            self._last = self.arm.state.time
+            if self._playing is not None and self._playing.goal is goal:
+                self._die("a goal of follow_joint_trajectory was cancelled")
+            else:
+                self._watches.pop(goal)
+                self._clear()
+
+    def stop(self) -> None:
+        """`in/stop`: empty the queue, and take nothing until `start`."""
+        with self._lock:
+            self.is_stopped = True
+            self._last = self.arm.state.time
+            self._clear()
+
+    def start(self) -> None:
+        """`in/start`: take commands again."""
+        with self._lock:
+            self.is_stopped = False
+
+    def clear_trajectories(self) -> None:
+        """`in/clear_trajectories`: empty the queue."""
+        with self._lock:
+            self._last = self.arm.state.time
+            self._clear()
+
+    def _clear(self) -> None:
+        self._queue.clear()
+        self._line.clear()
+        self._is_tracking = False
+
+    def _die(self, why: str) -> None:
+        """Be as the driver after it read the first point of a trajectory that has none; the base goes on by itself."""
+        self.died = f"the driver died, as kinova-ros' does (issue 191): {why}"
+        for goal in self._watches:
+            goal.end(GoalStatus.ABORTED, self.died)
+        self._watches.clear()
+        self._playing = None
+
+    def tick(self) -> None:
+        """Let 10 ms pass."""
+        with self._lock:
+            if self._playing is not None:
+                self._play(self._playing)
+            self._queue.extend(self._line.arrived())
+            velocity = self._next_velocity()
+            state = self.arm.tick(velocity)
+            self._line.tick(state)
+            self._ticks += 1
+            if self._ticks % round(PERIOD / TICK) == 0:
+                self._look()
+
+    def _play(self, playing: Playing) -> None:
+        """Send the velocity of a point, until its time has come (kinova_joint_trajectory_controller.cpp)."""
+        now = self.arm.state.time
+        if playing.index < len(playing.times):
+            self._send(JointVelocity(playing.velocities[playing.index]))
+            if now - playing.begun + TICK >= playing.times[playing.index] - TICK / 2.0:
+                playing.index += 1
+        elif playing.goal.has_ended:
+            self._playing = None
+
+    def _next_velocity(self) -> Array:
+        """Velocities (dof,) of the joints for this tick, by what is in front of the queue [rad/s]."""
+        still = np.zeros(self.arm.robot.dof)
+        if self.is_stopped or not self._queue:
+            self._is_tracking = False
+            return still
+        command = self._queue[0]
+        if isinstance(command, JointVelocity):
+            self._queue.popleft()
+            self._is_tracking = False
+            return command.v
+        if isinstance(command, ToolVelocity):
+            self._queue.popleft()
+            if command.fingers is not None:
+                self.arm.turn_fingers(command.fingers)
+            if not self._is_tracking:
+                self._tracker.reset(np.clip(self.arm.state.command, *self._limits))
+                self._is_tracking = True
+            return self._tracker.step(twist=command.twist).v
+        self._is_tracking, self._last = False, self.arm.state.time
+        way = command.q - self.arm.state.command
+        farthest = np.abs(way)
+        if farthest.max() < REACHED:
+            self._queue.popleft()
+            return way / TICK
+        speeds = np.minimum(self._speed, np.sqrt(BRAKING * farthest))  # as joints stop, half as hard as they could
+        moves = farthest > REACHED
+        return np.asarray(way * min(1.0 / TICK, (speeds[moves] / farthest[moves]).min()))  # all together
+
+    def _look(self) -> None:
+        """Look how goals stand, 10 times a second."""
+        state = self._line.measured
+        for goal, watch in list(self._watches.items()):
+            self._look_at(goal, watch, state)
+        playing = self._playing
+        if playing is None or playing.goal.has_ended or self._line.is_dead:
+            return
+        if playing.heard is None:
+            playing.heard = state.time
+        elif state.time - playing.heard > playing.times[-1]:
+            # joint_trajectory_action_server.cpp: any end is reached, if the joints stand; without more patience. Even
+            # then the controller plays on, if it is behind.
+            if np.abs(state.v).max() > STOPPED_VELOCITY:
+                playing.goal.end(GoalStatus.ABORTED, "wound up outside the goal constraints")
+            else:
+                playing.goal.end(GoalStatus.SUCCEEDED)
+
+    def _look_at(self, goal: Goal, watch: Watch, state: State) -> None:
+        now = watch.read(state)
+        if self.is_stopped:
+            goal.end(GoalStatus.ABORTED, "the arm was stopped")
+        elif (watch.distance(now, watch.target) < watch.tolerance).all():
+            goal.end(GoalStatus.SUCCEEDED)
+        elif (watch.distance(now, watch.seen) > watch.threshold).any():
+            watch.seen, watch.since = now, state.time
+        elif state.time - watch.since > watch.patience:
+            goal.end(GoalStatus.ABORTED, f"nothing has moved for {watch.patience:g} s")
+            self._clear()
+        if goal.has_ended:
+            del self._watches[goal]
+
+
+def _apart(q: Array, other: Array) -> Array:
+    """How far angles are apart, up to whole turns (isCloseToOther in kinova_ros_types.cpp)."""
+    return np.abs(np.remainder(q - other + np.pi, 2.0 * np.pi) - np.pi)
+
+
+def _from_to(start: pin.SE3, end: pin.SE3) -> tuple[Array, Array]:
+    """Translation (3,) [m] and rotation vector (3,) [rad] from a pose to another, in base axes."""
+    return end.translation - start.translation, pin.log3(end.rotation @ start.rotation.T)

@@ -1,0 +1,454 @@
+"""`Ros1Node`: a `KinovaDriver` as a node of ROS 1, with the names, units and rates of kinova-ros' own.
+
+ROS is imported when the node is made; the messages of kinova_msgs are made here, see `ros1_messages`.
+"""
+
+from __future__ import annotations
+
+import importlib
+import socket
+import threading
+import time
+from collections.abc import Callable, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pinocchio as pin
+
+from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError, MissingExtraError
+from jacokin.model.poses import pose_to_kinova
+from jacokin.twin.arm import State
+from jacokin.twin.faults import TICK
+from jacokin.twin.goals import Goal, GoalStatus
+from jacokin.twin.kinova import PERIOD, TURNS, KinovaDriver
+from jacokin.twin.running import run
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from jacokin.twin.pictures import Camera
+
+INSTALL = (
+    "apt-get install python3-rospy python3-rosmaster python3-actionlib python3-sensor-msgs python3-trajectory-msgs "
+    "python3-geometry-msgs (Debian 12), and start jacokin with the Python that has them"
+)
+ANSWER = 10.0  # [s] that a master may take
+CLOSURE_GAIN = 2.0  # [1/s] velocity of fingers per distance (kinova_arm.cpp, cartesianVelocityWithFingersCallback)
+CLOSURE_NEAR = 20.0  # [turns] to which they go
+TIP_JOINTS = 0.0  # [rad] what the driver says of them
+DYING = 0.5  # [s] for which the base of the arm is simulated on
+
+
+@contextmanager
+def needed_ros1() -> Iterator[None]:
+    """Around the imports of ROS 1.
+
+    Raises:
+        MissingExtraError: one is not installed; says what to install.
+    """
+    try:
+        yield
+    except ImportError as error:
+        raise MissingExtraError(error.name or "rospy", "", command=INSTALL) from error
+
+
+class Ros1Action:
+    """An action of one goal at a time, whose goals a driver ends."""
+
+    def __init__(
+        self,
+        name: str,
+        kind: Any,
+        start: Callable[[Any], Goal],
+        cancel: Callable[[Goal], None],
+        result: Callable[[Goal], Any],
+        refuse: Callable[[Any], str],
+    ) -> None:
+        """Serve it.
+
+        Args:
+            name: of the action.
+            kind: class of its messages.
+            start: makes a goal of a message.
+            cancel: cancels a goal.
+            result: the message of a goal that has ended.
+            refuse: why a message is rejected; empty where it is not.
+        """
+        self._start, self._cancel, self._result, self._refuse = start, cancel, result, refuse
+        self._lock = threading.RLock()
+        self._active: tuple[Any, Goal] | None = None
+        server = importlib.import_module("actionlib").ActionServer
+        self._server = server(name, kind, self._accept, self._withdraw, auto_start=False)
+        self._server.start()
+
+    def _accept(self, handle: Any) -> None:
+        with self._lock:
+            message = handle.get_goal()
+            why = self._refuse(message)
+            if why:
+                handle.set_rejected(text=why)
+                return
+            if self._active is not None:
+                self._cancel(self._active[1])
+                self.look()
+            handle.set_accepted()
+            self._active = handle, self._start(message)
+
+    def _withdraw(self, handle: Any) -> None:
+        with self._lock:
+            if self._active is not None and self._active[0] == handle:
+                self._cancel(self._active[1])
+                self.look()
+
+    def look(self) -> None:
+        """Tell the client when its goal has ended."""
+        with self._lock:
+            if self._active is None or not self._active[1].has_ended:
+                return
+            (handle, goal), self._active = self._active, None
+            tell = {
+                GoalStatus.SUCCEEDED: handle.set_succeeded,
+                GoalStatus.ABORTED: handle.set_aborted,
+                GoalStatus.CANCELLED: handle.set_canceled,
+            }[goal.status]
+            tell(self._result(goal), goal.text)
+
+
+class Ros1Node:
+    """The node `NAME_driver`, and the action of the node beside it, `NAME/follow_joint_trajectory`."""
+
+    def __init__(self, driver: KinovaDriver, name: str, *, pace: float = 1.0, cameras: Sequence[Camera] = ()) -> None:
+        """Become a node.
+
+        Args:
+            driver: to serve.
+            name: of the robot, `kinova_robotName` of kinova_robot.launch.
+            pace: simulated seconds in a second; with any but 1 the node gives the time, on /clock.
+            cameras: whose pictures it publishes.
+
+        Raises:
+            MissingExtraError: ROS 1 is not installed.
+            InvalidInputError: no master answers.
+        """
+        with needed_ros1():
+            self._rospy: Any = importlib.import_module("rospy")
+            self._sensors: Any = importlib.import_module("sensor_msgs.msg")
+            self._geometry: Any = importlib.import_module("geometry_msgs.msg")
+            self._clocks: Any = importlib.import_module("rosgraph_msgs.msg")
+            for used in ("actionlib", "genpy.dynamic", "trajectory_msgs.msg"):
+                importlib.import_module(used)
+            from jacokin.twin import ros1_messages
+        self._messages, control = ros1_messages.kinova_msgs(), ros1_messages.control_msgs()
+        self._driver, self._name, self._pace, self._cameras = driver, name, pace, cameras
+        _check_master()
+        rospy, node = self._rospy, f"/{name}_driver"
+        self._is_clock = pace != 1.0
+        if self._is_clock:
+            rospy.set_param("/use_sim_time", True)
+        rospy.init_node(node.strip("/"), disable_signals=True)
+        self._clock = rospy.Publisher("/clock", self._clocks.Clock, queue_size=1) if self._is_clock else None
+        rospy.set_param(f"{node}/robot_name", name)
+        rospy.set_param(f"{node}/robot_type", driver.arm.robot.source.bundled or name)
+        speeds = [rospy.get_param(f"{node}/jointSpeedLimitParameter{part}", 20.0) for part in (1, 2)]  # [deg/s]
+        dof = driver.arm.robot.dof
+        driver.set_joint_speed(np.radians([speeds[joint > 2] for joint in range(dof)]))
+        self._period = float(rospy.get_param(f"{node}/status_interval_seconds", PERIOD))
+        self._joint_names = [f"{name}_joint_{joint + 1}" for joint in range(dof)]
+        fingers = range(1, len(driver.arm.state.fingers) + 1)
+        self._state_names = [
+            *self._joint_names,
+            *(f"{name}_joint_finger_{finger}" for finger in fingers),
+            *(f"{name}_joint_finger_tip_{finger}" for finger in fingers),
+        ]
+        self._publishers = {
+            topic: rospy.Publisher(f"{node}/out/{topic}", kind, queue_size=2) for topic, kind in self._outputs().items()
+        }
+        self._pictures = {
+            camera.name: rospy.Publisher(f"/camera/{camera.name}/image_raw", self._sensors.Image, queue_size=1)
+            for camera in cameras
+        }
+        self._subscribe(node)
+        self._serve(node)
+        self._actions = self._act(node, control)
+
+    def _outputs(self) -> Mapping[str, Any]:
+        messages = self._messages
+        return {
+            "joint_angles": messages.JointAngles,
+            "joint_command": messages.JointAngles,
+            "joint_torques": messages.JointAngles,
+            "joint_state": self._sensors.JointState,
+            "tool_pose": self._geometry.PoseStamped,
+            "cartesian_command": messages.KinovaPose,
+            "finger_position": messages.FingerPosition,
+        }
+
+    def _subscribe(self, node: str) -> None:
+        """Take velocities; of those that come while one is taken, the newest is kept, as the driver does."""
+        messages, rospy = self._messages, self._rospy
+        for topic, kind, take in (
+            ("joint_velocity", messages.JointVelocity, self._take_joints),
+            ("cartesian_velocity", messages.PoseVelocity, self._take_twist),
+            ("cartesian_velocity_with_fingers", messages.PoseVelocityWithFingers, self._take_closure),
+            (
+                "cartesian_velocity_with_finger_velocity",
+                messages.PoseVelocityWithFingerVelocity,
+                self._take_finger_velocity,
+            ),
+        ):
+            rospy.Subscriber(f"{node}/in/{topic}", kind, take, queue_size=1)
+
+    def _take_joints(self, message: Any) -> None:
+        v = np.radians([getattr(message, f"joint{joint + 1}") for joint in range(len(self._joint_names))])
+        if np.isfinite(v).all():
+            self._driver.joint_velocity(v)
+
+    def _take_twist(self, message: Any) -> None:
+        self._move_tool(message, None)
+
+    def _take_closure(self, message: Any) -> None:
+        turns = self._driver.finger_turns(self._driver.state.fingers)
+        error = message.fingers_closure_percentage / 100.0 * TURNS - turns[0]
+        speed = CLOSURE_GAIN * error if abs(error) > CLOSURE_NEAR else 0.0
+        self._move_tool(message, np.full(len(turns), speed))
+
+    def _take_finger_velocity(self, message: Any) -> None:
+        fingers = [getattr(message, f"finger{j + 1}") for j in range(len(self._driver.state.fingers))]
+        self._move_tool(message, np.array(fingers))
+
+    def _move_tool(self, message: Any, turns: Array | None) -> None:
+        """Move the tool with the twist of a message, and fingers (k,) with turns of their motors in a second."""
+        axes = [f"twist_{part}_{axis}" for part in ("linear", "angular") for axis in "xyz"]
+        twist = np.array([getattr(message, name) for name in axes])
+        driver = self._driver
+        speeds = None if turns is None else driver.finger_angles(turns) - driver.finger_angles(0.0 * turns)
+        if np.isfinite(twist).all() and (speeds is None or np.isfinite(speeds).all()):
+            driver.tool_velocity(twist, speeds)
+
+    def _serve(self, node: str) -> None:
+        driver, messages = self._driver, self._messages
+
+        def stop(_: Any) -> Any:
+            driver.stop()
+            return messages.StopResponse("Arm stopped")
+
+        def start(_: Any) -> Any:
+            driver.start()
+            return messages.StartResponse("Arm started")
+
+        def clear(_: Any) -> Any:
+            driver.clear_trajectories()
+            return messages.ClearTrajectoriesResponse("")
+
+        def home(_: Any) -> Any:
+            goal = driver.home()
+            while not goal.has_ended and not self._rospy.is_shutdown():
+                time.sleep(TICK)
+            return messages.HomeArmResponse("KINOVA ARM HAS BEEN RETURNED HOME")
+
+        for name, kind, answer in (
+            ("stop", messages.Stop, stop),
+            ("start", messages.Start, start),
+            ("clear_trajectories", messages.ClearTrajectories, clear),
+            ("home_arm", messages.HomeArm, home),
+        ):
+            self._rospy.Service(f"{node}/in/{name}", kind, answer)
+
+    def _act(self, node: str, control: Any) -> list[Ros1Action]:
+        driver, messages = self._driver, self._messages
+        joints, fingers = range(len(self._joint_names)), range(len(driver.arm.state.fingers))
+
+        def angles(goal: Any) -> Goal:
+            q = np.radians([getattr(goal.angles, f"joint{joint + 1}") for joint in joints])
+            return driver.go_to_angles(q)
+
+        def pose(goal: Any) -> Goal:
+            at, turned = goal.pose.pose.position, goal.pose.pose.orientation
+            quaternion = np.array([turned.x, turned.y, turned.z, turned.w])
+            rotation = pin.Quaternion(quaternion / np.linalg.norm(quaternion)).toRotationMatrix()
+            return driver.go_to_pose(pin.SE3(rotation, np.array([at.x, at.y, at.z])))
+
+        def close(goal: Any) -> Goal:
+            turns = np.array([getattr(goal.fingers, f"finger{finger + 1}") for finger in fingers])
+            return driver.move_fingers(turns.clip(0.0, TURNS))
+
+        def is_no_pose(goal: Any) -> str:
+            at, turned = goal.pose.pose.position, goal.pose.pose.orientation
+            numbers = np.array([at.x, at.y, at.z, turned.x, turned.y, turned.z, turned.w])
+            is_fine = goal.pose.header.frame_id == self._base and np.isfinite(numbers).all() and numbers[3:].any()
+            return "" if is_fine else f"poses are in {self._base} here, with a quaternion"
+
+        def is_of_others(goal: Any) -> str:
+            if sorted(goal.trajectory.joint_names) != sorted(self._joint_names):
+                return "Joints on incoming goal don't match our joints"
+            is_finite = all(np.isfinite(point.velocities).all() for point in goal.trajectory.points)
+            return "" if is_finite else "velocities must be finite"
+
+        def is_no_number(message: Any) -> str:
+            numbers = [getattr(message, name) for name in message.__slots__]
+            return "" if np.isfinite(numbers).all() else "numbers must be finite"
+
+        def follow(goal: Any) -> Goal:
+            trajectory = goal.trajectory
+            times = [point.time_from_start.to_sec() for point in trajectory.points]
+            # In the order in which they come, whatever their names, as kinova_joint_trajectory_controller.cpp does.
+            velocities = [point.velocities for point in trajectory.points]
+            if any(len(row) != len(joints) for row in velocities):
+                return driver.follow([], np.empty((0, len(joints))))  # it reads what is not there
+            return driver.follow(times, np.array(velocities))
+
+        return [
+            Ros1Action(name, kind, begin, driver.cancel, result, refuse)
+            for name, kind, begin, result, refuse in (
+                (
+                    f"{node}/joints_action/joint_angles",
+                    messages.ArmJointAnglesAction,
+                    angles,
+                    lambda _: messages.ArmJointAnglesResult(self._angles(np.degrees(driver.state.q))),
+                    lambda goal: is_no_number(goal.angles),
+                ),
+                (
+                    f"{node}/pose_action/tool_pose",
+                    messages.ArmPoseAction,
+                    pose,
+                    lambda _: messages.ArmPoseResult(self._pose(driver.state)),
+                    is_no_pose,
+                ),
+                (
+                    f"{node}/fingers_action/finger_positions",
+                    messages.SetFingersPositionAction,
+                    close,
+                    lambda _: messages.SetFingersPositionResult(self._finger_position(driver.state)),
+                    lambda goal: is_no_number(goal.fingers),
+                ),
+                (
+                    f"/{self._name}/follow_joint_trajectory",
+                    control.FollowJointTrajectoryAction,
+                    follow,
+                    lambda goal: control.FollowJointTrajectoryResult(goal.code, goal.text),
+                    is_of_others,
+                ),
+            )
+        ]
+
+    @property
+    def _base(self) -> str:
+        return f"{self._name}_link_base"
+
+    def run(self, watch: Callable[[], None], goes_on: Callable[[], bool]) -> int:
+        """Simulate and publish until it is enough, or the driver has died and the arm stands.
+
+        Args:
+            watch: called every simulated 40 ms.
+            goes_on: whether to go on.
+
+        Returns:
+            How many ticks were late.
+        """
+        died: list[float] = []
+
+        def lives() -> bool:
+            if self._driver.died and not died:
+                died.append(self._driver.arm.state.time + DYING)
+            is_over = bool(died) and self._driver.arm.state.time > died[0]
+            return goes_on() and not is_over and not self._rospy.is_shutdown()
+
+        jobs: list[tuple[float, Callable[[], None]]] = [
+            (TICK, self._tell_time),
+            (self._period, self._publish),
+            (0.04, watch),
+            (PERIOD, self._look),
+        ]
+        jobs += [(camera.period, lambda camera=camera: self._picture(camera)) for camera in self._cameras]  # type: ignore[misc]
+        return run(self._driver.tick, jobs, lives, pace=self._pace)
+
+    def close(self) -> None:
+        """Leave ROS."""
+        if self._is_clock:
+            self._rospy.delete_param("/use_sim_time")
+        self._rospy.signal_shutdown("the twin ends")
+
+    def _look(self) -> None:
+        for each in self._actions:
+            each.look()
+
+    def _tell_time(self) -> None:
+        if self._clock is not None:
+            self._clock.publish(self._now())
+
+    def _now(self) -> Any:
+        if self._is_clock:
+            return self._rospy.Time.from_sec(self._driver.arm.state.time)
+        return self._rospy.Time.now()
+
+    def _publish(self) -> None:
+        """Publish what the driver knows, as its status timer does."""
+        state = self._driver.tell()
+        if state is None:
+            return
+        now, publish = self._now(), {topic: each.publish for topic, each in self._publishers.items()}
+        publish["joint_angles"](self._angles(np.degrees(state.q)))
+        publish["joint_command"](self._angles(np.degrees(state.command)))
+        publish["joint_torques"](self._angles(state.torques))
+        publish["joint_state"](self._joint_state(state, now))
+        publish["finger_position"](self._finger_position(state))
+        publish["tool_pose"](self._pose(state, now))
+        robot = self._driver.arm.robot
+        position, angles = pose_to_kinova(robot.forward_kinematics(state.command))
+        publish["cartesian_command"](self._messages.KinovaPose(*(1e-3 * position), *np.radians(angles)))
+
+    def _angles(self, values: Array) -> Any:
+        return self._messages.JointAngles(*values.tolist(), *[0.0] * (7 - len(values)))
+
+    def _finger_position(self, state: State) -> Any:
+        turns = self._driver.finger_turns(state.fingers).tolist()
+        return self._messages.FingerPosition(*turns, *[0.0] * (3 - len(turns)))
+
+    def _joint_state(self, state: State, now: Any) -> Any:
+        # The driver shows turns of fingers as angles by a rough factor.
+        fingers = np.radians(self._driver.finger_turns(state.fingers) * 80.0 / TURNS).tolist()
+        rest = [0.0] * (2 * len(fingers))
+        message = self._sensors.JointState(
+            name=self._state_names,
+            position=[*state.q.tolist(), *fingers, *[TIP_JOINTS] * len(fingers)],
+            velocity=[*state.v.tolist(), *rest],
+            effort=[*state.torques.tolist(), *rest],
+        )
+        message.header.stamp = now
+        return message
+
+    def _pose(self, state: State, now: Any = None) -> Any:
+        T = self._driver.arm.robot.forward_kinematics(state.q)
+        message = self._geometry.PoseStamped()
+        message.header.stamp = self._now() if now is None else now
+        message.header.frame_id = self._base
+        at, turned = message.pose.position, message.pose.orientation
+        at.x, at.y, at.z = T.translation.tolist()
+        turned.x, turned.y, turned.z, turned.w = pin.Quaternion(T.rotation).coeffs().tolist()
+        return message
+
+    def _picture(self, camera: Camera) -> None:
+        picture = camera.take()
+        message = self._sensors.Image(encoding="rgb8", height=picture.shape[0], width=picture.shape[1])
+        message.step, message.data = 3 * picture.shape[1], picture.tobytes()
+        message.header.stamp, message.header.frame_id = self._now(), camera.name
+        self._pictures[camera.name].publish(message)
+
+
+def _check_master() -> None:
+    """Refuse to wait for a master for ever, as rospy does.
+
+    Raises:
+        InvalidInputError: none answers.
+    """
+    rosgraph: Any = importlib.import_module("rosgraph")
+    before = socket.getdefaulttimeout()
+    socket.setdefaulttimeout(ANSWER)
+    try:
+        is_there = rosgraph.is_master_online()
+    finally:
+        socket.setdefaulttimeout(before)
+    if not is_there:
+        raise InvalidInputError(f"no ROS master at {rosgraph.get_master_uri()}: start roscore, or set ROS_MASTER_URI")

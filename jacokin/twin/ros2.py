@@ -1,0 +1,223 @@
+"""`Ros2Node`: a `TrajectoryController` as a node of ROS 2, with the names that ros2_control gives.
+
+ROS is imported when the node is made.
+"""
+
+from __future__ import annotations
+
+import importlib
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+from jacokin.errors import InvalidInputError, MissingExtraError
+from jacokin.twin.faults import TICK
+from jacokin.twin.following import Tolerances, TrajectoryController
+from jacokin.twin.goals import GoalStatus
+from jacokin.twin.running import run
+
+if TYPE_CHECKING:
+    from jacokin.twin.pictures import Camera
+
+INSTALL = (
+    "apt-get install ros-jazzy-ros-base ros-jazzy-control-msgs, source /opt/ros/jazzy/setup.bash, and start jacokin "
+    "with the Python 3.12 of that system"
+)
+STATES_PERIOD = 0.01  # [s] joint_state_broadcaster publishes at the rate of the controllers
+ACTION = "/joint_trajectory_controller/follow_joint_trajectory"
+VELOCITIES = "/forward_velocity_controller/commands"
+FINGERS = "/finger_controller/commands"
+THREADS = 4
+
+
+@contextmanager
+def needed_ros2() -> Iterator[None]:
+    """Around the imports of ROS 2.
+
+    Raises:
+        MissingExtraError: one is not installed; says what to install.
+    """
+    try:
+        yield
+    except ImportError as error:
+        raise MissingExtraError(error.name or "rclpy", command=INSTALL) from error
+
+
+class Ros2Node:
+    """The nodes of ros2_control that clients see, as one."""
+
+    def __init__(
+        self, controller: TrajectoryController, name: str, *, pace: float = 1.0, cameras: Sequence[Camera] = ()
+    ) -> None:
+        """Become a node.
+
+        Args:
+            controller: to serve.
+            name: of the robot, before the names of its fingers.
+            pace: simulated seconds in a second; with any but 1 the node gives the time, on /clock.
+            cameras: whose pictures it publishes.
+
+        Raises:
+            MissingExtraError: ROS 2, or control_msgs, is not installed.
+        """
+        with needed_ros2():
+            self._rclpy: Any = importlib.import_module("rclpy")
+            actions: Any = importlib.import_module("rclpy.action")
+            groups: Any = importlib.import_module("rclpy.callback_groups")
+            executors: Any = importlib.import_module("rclpy.executors")
+            signals: Any = importlib.import_module("rclpy.signals")
+            self._times: Any = importlib.import_module("rclpy.time")
+            self._sensors: Any = importlib.import_module("sensor_msgs.msg")
+            self._numbers: Any = importlib.import_module("std_msgs.msg")
+            self._follow: Any = importlib.import_module("control_msgs.action").FollowJointTrajectory
+            self._goal_response, self._cancel_response = actions.GoalResponse, actions.CancelResponse
+        self._controller, self._pace, self._cameras = controller, pace, cameras
+        fingers = range(1, len(controller.arm.state.fingers) + 1)
+        self._names = [*controller.names, *(f"{name}_joint_finger_{finger}" for finger in fingers)]
+        self._ended = threading.Event()
+        self._rclpy.init(signal_handler_options=signals.SignalHandlerOptions.NO)
+        node = self._node = self._rclpy.create_node(f"{name}_twin")
+        group = groups.ReentrantCallbackGroup()
+        self._states = node.create_publisher(self._sensors.JointState, "/joint_states", 10)
+        self._is_clock = pace != 1.0
+        if self._is_clock:
+            clocks: Any = importlib.import_module("rosgraph_msgs.msg")
+            self._clock_type = clocks.Clock
+            self._clock = node.create_publisher(clocks.Clock, "/clock", 10)
+        self._pictures = {
+            camera.name: node.create_publisher(self._sensors.Image, f"/camera/{camera.name}/image_raw", 1)
+            for camera in cameras
+        }
+        arrays = self._numbers.Float64MultiArray
+        node.create_subscription(arrays, VELOCITIES, self._take(controller.velocity), 10, callback_group=group)
+        node.create_subscription(arrays, FINGERS, self._take(controller.move_fingers), 10, callback_group=group)
+        self._server = actions.ActionServer(
+            node,
+            self._follow,
+            ACTION,
+            self._execute,
+            goal_callback=self._answer,
+            cancel_callback=lambda _: self._cancel_response.ACCEPT,
+            callback_group=group,
+        )
+        self._executor = executors.MultiThreadedExecutor(THREADS)
+        self._executor.add_node(node)
+        self._thread = threading.Thread(target=self._spin, name="ROS 2", daemon=True)
+        self._thread.start()
+
+    def _spin(self) -> None:
+        while not self._ended.is_set():
+            self._executor.spin_once(timeout_sec=0.1)
+
+    def _take(self, give: Callable[[Any], None]) -> Callable[[Any], None]:
+        """Give the numbers of messages to the controller; those that it refuses are logged."""
+
+        def take(message: Any) -> None:
+            try:
+                give(list(message.data))
+            except InvalidInputError as error:
+                self._node.get_logger().error(str(error))
+
+        return take
+
+    def _answer(self, goal: Any) -> Any:
+        """Reject a goal that the controller would not follow, with the reason in the log, as the real one does."""
+        try:
+            self._controller.check(*_parts(goal)[:-1])
+        except InvalidInputError as error:
+            self._node.get_logger().error(f"goal rejected: {error}")
+            return self._goal_response.REJECT
+        return self._goal_response.ACCEPT
+
+    def _execute(self, handle: Any) -> Any:
+        """Follow a goal until it has ended; runs in a thread of its own."""
+        goal = self._controller.follow(*_parts(handle.request))
+        while not goal.has_ended and not self._ended.is_set():
+            if handle.is_cancel_requested:
+                self._controller.cancel(goal)
+            time.sleep(TICK / 2.0)
+        end = {
+            GoalStatus.SUCCEEDED: handle.succeed,
+            GoalStatus.CANCELLED: handle.canceled,
+        }.get(goal.status, handle.abort)
+        end()
+        result = self._follow.Result()
+        result.error_code, result.error_string = goal.code, goal.text
+        return result
+
+    def run(self, watch: Callable[[], None], goes_on: Callable[[], bool]) -> int:
+        """Simulate and publish until it is enough.
+
+        Args:
+            watch: called every simulated 40 ms.
+            goes_on: whether to go on.
+
+        Returns:
+            How many ticks were late.
+        """
+        jobs: list[tuple[float, Callable[[], None]]] = [(STATES_PERIOD, self._publish), (0.04, watch)]
+        jobs += [(camera.period, lambda camera=camera: self._picture(camera)) for camera in self._cameras]  # type: ignore[misc]
+        return run(self._controller.tick, jobs, goes_on, pace=self._pace)
+
+    def close(self) -> None:
+        """Leave ROS."""
+        self._ended.set()
+        self._thread.join()
+        self._executor.shutdown()
+        self._node.destroy_node()
+        self._rclpy.shutdown()
+
+    def _now(self) -> Any:
+        if self._is_clock:
+            nanoseconds = round(1e9 * self._controller.arm.state.time)
+            return self._times.Time(nanoseconds=nanoseconds).to_msg()
+        return self._node.get_clock().now().to_msg()
+
+    def _publish(self) -> None:
+        """Publish what is measured, and the time, if it is ours."""
+        now = self._now()
+        if self._is_clock:
+            self._clock.publish(self._clock_type(clock=now))
+        state = self._controller.tell()
+        if state is None:
+            return
+        fingers = state.fingers.tolist()
+        message = self._sensors.JointState(
+            name=self._names,
+            position=[*state.q.tolist(), *fingers],
+            velocity=[*state.v.tolist(), *[0.0] * len(fingers)],
+            effort=[*state.torques.tolist(), *[0.0] * len(fingers)],
+        )
+        message.header.stamp = now
+        self._states.publish(message)
+
+    def _picture(self, camera: Camera) -> None:
+        picture = camera.take()
+        message = self._sensors.Image(encoding="rgb8", height=picture.shape[0], width=picture.shape[1])
+        message.step, message.data = 3 * picture.shape[1], picture.tobytes()
+        message.header.stamp, message.header.frame_id = self._now(), camera.name
+        self._pictures[camera.name].publish(message)
+
+
+def _parts(goal: Any) -> tuple[Any, ...]:
+    """What `TrajectoryController.follow` takes, of a goal."""
+    trajectory = goal.trajectory
+    points = trajectory.points
+    return (
+        list(trajectory.joint_names),
+        [_seconds(point.time_from_start) for point in points],
+        [list(point.positions) for point in points],
+        [list(point.velocities) for point in points],
+        [list(point.accelerations) for point in points],
+        Tolerances(
+            path={each.name: each.position for each in goal.path_tolerance},
+            goal={each.name: each.position for each in goal.goal_tolerance},
+            time=_seconds(goal.goal_time_tolerance),
+        ),
+    )
+
+
+def _seconds(duration: Any) -> float:
+    return float(duration.sec + 1e-9 * duration.nanosec)

@@ -1,0 +1,101 @@
+"""A client of kinova-ros' driver that uses its services, actions and velocities; prints JSON about them."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from typing import Any
+
+import actionlib
+import rospy
+from sensor_msgs.msg import JointState
+
+from jacokin.twin.ros1_messages import kinova_msgs
+
+DRIVER = "/j2n6s300_driver"
+messages = kinova_msgs()
+rospy.init_node("client", disable_signals=True)
+record: dict[str, Any] = {"states": {}}
+
+
+def hear(topic: str, kind: Any) -> Any:
+    return rospy.wait_for_message(f"{DRIVER}/out/{topic}", kind, timeout=10.0)
+
+
+def call(name: str, kind: Any) -> Any:
+    rospy.wait_for_service(f"{DRIVER}/in/{name}", timeout=10.0)
+    return rospy.ServiceProxy(f"{DRIVER}/in/{name}", kind)()
+
+
+def ask(action: str, kind: Any, goal: Any, seconds: float = 20.0) -> int:
+    client = actionlib.SimpleActionClient(f"{DRIVER}/{action}", kind)
+    assert client.wait_for_server(rospy.Duration(10.0))
+    client.send_goal(goal)
+    assert client.wait_for_result(rospy.Duration(seconds))
+    return int(client.get_state())
+
+
+def angles() -> list[float]:
+    message = hear("joint_angles", messages.JointAngles)
+    return [getattr(message, f"joint{j + 1}") for j in range(6)]
+
+
+def main() -> None:
+    begun = time.monotonic()
+    stamps: list[float] = []
+    hearing = rospy.Subscriber(
+        f"{DRIVER}/out/joint_state", JointState, lambda it: stamps.append(it.header.stamp.to_sec())
+    )
+    while len(stamps) < 11:
+        time.sleep(0.01)
+    hearing.unregister()
+    record["rate"] = 10.0 / (stamps[10] - stamps[0])
+    state = hear("joint_state", JointState)
+    record["state"] = {"name": state.name, "position": state.position, "angles": angles()}
+    goal = [angle + 10.0 for angle in angles()]
+    target = messages.JointAngles(*goal, 0.0)
+    record["joints"] = ask(
+        "joints_action/joint_angles", messages.ArmJointAnglesAction, messages.ArmJointAnglesGoal(target)
+    )
+    time.sleep(1.0)
+    record["joints_off"] = max(abs(a - b) for a, b in zip(angles(), goal, strict=True))
+    from geometry_msgs.msg import PoseStamped
+
+    pose = hear("tool_pose", PoseStamped)
+    pose.pose.position.z -= 0.05
+    record["pose"] = ask("pose_action/tool_pose", messages.ArmPoseAction, messages.ArmPoseGoal(pose))
+    time.sleep(0.5)
+    record["pose_off"] = abs(hear("tool_pose", PoseStamped).pose.position.z - pose.pose.position.z)
+    pose.header.frame_id = "elsewhere"
+    record["pose_elsewhere"] = ask("pose_action/tool_pose", messages.ArmPoseAction, messages.ArmPoseGoal(pose))
+    fingers = messages.FingerPosition(4000.0, 4000.0, 4000.0)
+    goal_of_fingers = messages.SetFingersPositionGoal(fingers)
+    record["fingers"] = ask("fingers_action/finger_positions", messages.SetFingersPositionAction, goal_of_fingers)
+    record["finger"] = hear("finger_position", messages.FingerPosition).finger2
+    publisher = rospy.Publisher(
+        f"{DRIVER}/in/cartesian_velocity_with_fingers", messages.PoseVelocityWithFingers, queue_size=1
+    )
+    while not publisher.get_num_connections():
+        time.sleep(0.01)
+    before = hear("tool_pose", PoseStamped).pose.position.z
+    for _ in range(100):
+        publisher.publish(0.0, 0.0, 0.05, 0.0, 0.0, 0.0, 100.0)
+        time.sleep(0.01)
+    time.sleep(0.5)
+    record["rise"] = hear("tool_pose", PoseStamped).pose.position.z - before
+    record["closed"] = hear("finger_position", messages.FingerPosition).finger1
+    record["stop"] = call("stop", messages.Stop).stop_result
+    record["stopped"] = ask(
+        "joints_action/joint_angles", messages.ArmJointAnglesAction, messages.ArmJointAnglesGoal(target)
+    )
+    record["start"] = call("start", messages.Start).start_result
+    call("clear_trajectories", messages.ClearTrajectories)
+    record["home"] = call("home_arm", messages.HomeArm).homearm_result
+    record["angles"] = angles()
+    record["seconds"] = time.monotonic() - begun
+    print(json.dumps(record), flush=True)
+    os._exit(0)
+
+
+main()
