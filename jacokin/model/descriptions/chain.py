@@ -40,10 +40,15 @@ class Coupling:
     what: str
     """Kind and name of what couples them, for messages."""
     leader: str | None = None
-    """The joint that the one joint follows, where it is of that kind."""
+    """The joint that the others follow, where they do."""
     multiplier: float = 1.0
     offset: float = 0.0
-    """[rad] or [m] of the one joint where its leader is at zero."""
+    """[rad] or [m] of the others where their leader is at zero."""
+
+    @property
+    def followers(self) -> frozenset[str]:
+        """The joints that follow the leader; none without one."""
+        return frozenset() if self.leader is None else self.joints - {self.leader}
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -112,7 +112,7 @@ def is_finger(model: pin.Model, joint: int) -> bool:
 def is_torso(model: pin.Model, joint: int) -> bool:
     """Whether a joint that carries an arm and something else may be one of a torso: it slides, or is called so."""
     named = "torso" in str(model.names[joint]).lower() or "torso" in _link(model, joint).lower()
-    return model.joints[joint].nv != 1 or _slides(model, joint) or named
+    return model.joints[joint].nv != 1 or slides(model, joint) or named
 
 
 def _why_of_tool(model: pin.Model, chain: Sequence[int], leaders: Mapping[str, str]) -> str | None:
@@ -132,8 +132,8 @@ def _by_name(model: pin.Model, chain: Sequence[int]) -> str | None:
     joint, link = model.names[chain[-1]], _link(model, chain[-1])
     joints = [model.names[each] for each in chain[:-1]]
     links = [_link(model, each) for each in chain[:-1]]
-    slides, travel = _slides(model, chain[-1]), _travel(model, chain[-1])
-    narrow = slides or travel <= NARROW
+    travel = _travel(model, chain[-1])
+    narrow = slides(model, chain[-1]) or travel <= NARROW
     called = f"{link!r}, by its name" if link else "by its name"
     if _turns(joint):
         return None
@@ -161,8 +161,8 @@ def _by_motion(model: pin.Model, chain: Sequence[int]) -> str | None:
     light = weights[-1] <= LIGHT[0] * sum(weights) and weights[-1] <= LIGHT[1] * weights[-2]
     if _turns(model.names[at]) or _carries_tool_frame(model, at):
         return None
-    if _slides(model, at):
-        turning = sum(not _slides(model, joint) for joint in before)
+    if slides(model, at):
+        turning = sum(not slides(model, joint) for joint in before)
         return f"slides only {1e3 * travel:.0f} mm" if travel <= SHORT and turning >= SLIDES_AFTER and light else None
     low, high = limits_of(model, at)
     near, far = sorted((abs(low), abs(high)))
@@ -192,7 +192,8 @@ def _stands(link: str) -> bool:
     return bool(_words(link) & (STANDING | TURNING))
 
 
-def _slides(model: pin.Model, joint: int) -> bool:
+def slides(model: pin.Model, joint: int) -> bool:
+    """Whether a joint slides, and does not turn."""
     return "JointModelP" in model.joints[joint].shortname()
 
 
