@@ -35,8 +35,9 @@ STRETCHES = 8  # of the way from where the description has a gripper, so that it
 CLOSING, FOLLOWING = 30, 2  # steps at most in which a closed loop is closed, at the end and on the way
 CLOSED = 1e-7  # [rad] or [m] of the last one
 STIFF = 1e4  # [1/m] of a loop beside its springs, so that these open it by less than a micrometre
+CHANGES = 4  # of the bounds that hold, for each joint
+PULLED = 1e-9  # of a gradient that leads away from a bound: rounding
 SLACK = 1e-3  # of a joint that neither a loop nor a spring holds
-ROOM = 1e-9  # [rad] around the limits, which must not be equal
 MESH_GEOM = int(mujoco.mjtGeom.mjGEOM_MESH)
 # Off the joint's axes and turned, or MuJoCo's compiler marks the body for shortcuts that its true numbers forbid.
 PLACEHOLDER = """<inertial><origin xyz="0.1 0.2 0.3" rpy="0.3 0.2 0.1"/><mass value="1"/>
@@ -361,8 +362,6 @@ def _close_loops(source: mujoco.MjModel, data: mujoco.MjData, joints: Sequence[i
     Where a loop leaves a joint free, as in fingers that adapt to what they hold, springs and limits decide as they do
     with nothing between the fingers.
     """
-    from scipy.optimize import lsq_linear  # only grippers need it
-
     dofs, places = source.jnt_dofadr[joints], source.jnt_qposadr[joints]
     unlimited = source.jnt_limited[joints] == 0
     low = np.where(unlimited, -np.inf, source.jnt_range[joints, 0])
@@ -374,10 +373,32 @@ def _close_loops(source: mujoco.MjModel, data: mujoco.MjData, joints: Sequence[i
         at = data.qpos[places]
         matrix = np.vstack([STIFF * jacobian[:, dofs], np.diag(springs), SLACK * np.eye(len(joints))])
         wanted = np.concatenate([-STIFF * residual, springs * (rest - at), np.zeros(len(joints))])
-        step = lsq_linear(matrix, wanted, (low - at - ROOM, high - at + ROOM)).x
+        step = _bounded(matrix, wanted, low - at, high - at)
         data.qpos[places] += step
         if np.abs(step).max() <= CLOSED:
             break
+
+
+def _bounded(matrix: Array, wanted: Array, low: Array, high: Array) -> Array:
+    """The least-squares solution (n,) within bounds around zero, by an active set."""
+    step, held = np.clip(np.zeros(len(low)), low, high), np.zeros(len(low), dtype=np.bool_)
+    for _ in range(CHANGES * len(low)):
+        end = step.copy()
+        end[~held] = np.linalg.lstsq(matrix[:, ~held], wanted - matrix[:, held] @ step[held], rcond=None)[0]
+        move = end - step
+        with np.errstate(divide="ignore", invalid="ignore"):
+            part = np.where(held | (move == 0.0), np.inf, (np.where(move > 0.0, high, low) - step) / move)
+        first = int(part.argmin())
+        if part[first] < 1.0:  # a bound in between
+            step = np.clip(step + part[first] * move, low, high)
+            held[first] = True
+            continue
+        step, slope = end, matrix.T @ (wanted - matrix @ end)
+        pulled = np.where(held & np.where(step <= low, slope > 0.0, slope < 0.0), np.abs(slope), 0.0)
+        if pulled.max() <= PULLED:
+            break
+        held[pulled.argmax()] = False
+    return step
 
 
 def _equations(source: mujoco.MjModel, data: mujoco.MjData) -> tuple[Array, Array]:
