@@ -23,6 +23,7 @@ from jacokin.model.robot import Robot, checked_robot
 
 STEPS = 41  # values from shut to open at which the room is measured
 FIRST = 4  # of these steps tell in which direction the gripper opens
+ACROSS = 5  # lines along each side of the room between the pads, back to the palm
 LINES = 25  # along each side of the grid of lines
 GROWING = 0.6  # of the fastest growth: slower lines run near a hinge
 SHUT = 0.005  # [m] more room between shut fingers than at the narrowest line: behind the pads
@@ -50,6 +51,8 @@ class Gripper:
         depth: how far from the middle of the pads their end at the palm is [m].
         ahead: how far from the middle of the pads the tips of the fingers reach [m].
         spare: room to leave between a pad and an object on each side [m].
+        palm: how far from the middle of the pads the palm begins, or what else is between the open pads [m]; negative
+            where that is ahead of the middle. An object stays before it. Infinite where `depth` says it.
     """
 
     frame: str
@@ -60,6 +63,7 @@ class Gripper:
     depth: float
     ahead: float
     spare: float = SPARE
+    palm: float = np.inf
 
     @classmethod
     def of(cls, robot: Robot, frame: str | None = None) -> Gripper:
@@ -416,8 +420,13 @@ def _between(
             cure = "load the robot with decompose=True, if they are hulls of hollow meshes"
         raise ModelError(f"the gripper of {robot.name} cannot be measured: there is no room between its shapes; {cure}")
     ends_z = float(lines[pads, 2].min()), float(lines[pads, 2].max())
-    middle = np.array([0.0, 0.5 * float(lines[pads, 1].min() + lines[pads, 1].max()), 0.5 * sum(ends_z)])
+    low_y, high_y = float(lines[pads, 1].min()), float(lines[pads, 1].max())
+    middle = np.array([0.0, 0.5 * (low_y + high_y), 0.5 * sum(ends_z)])
+    opened, wide = int(np.flatnonzero(values == rows[-1, 0])[0]), 0.5 * rows[-1, 1] - SPARE
+    inside = np.linspace(-1.0, 1.0, ACROSS)
     tips = max(float((hull.points(0) @ axes)[:, 2].max()) for hull in hulls)
+    x, y = np.meshgrid(rows[-1, 2] + max(wide, 0.0) * inside, middle[1] + 0.5 * (high_y - low_y) * inside)
+    between = np.column_stack([x.ravel(), y.ravel(), np.full(x.size, tips)]) @ axes.T
     return Gripper(
         frame=frame,
         pads=pin.SE3(axes, axes @ middle),
@@ -426,4 +435,14 @@ def _between(
         middles=checks.sealed(rows[:, 2].copy()),
         depth=0.5 * (ends_z[1] - ends_z[0]),
         ahead=tips - float(middle[2]),
+        palm=_room_behind(hulls, opened, between, axes[:, 2]) - (tips - float(middle[2])),
     )
+
+
+def _room_behind(hulls: list[_Hull], step: int, points: Array, away: Array) -> float:
+    """How far lines from points (n, 3) of the tool frame towards the palm are free, at least [m]."""
+    found = np.inf
+    for hull in hulls:
+        enter, leave = hull.between(step, points, -away)
+        found = min(found, float(np.maximum(enter, 0.0)[leave > 0.0].min(initial=np.inf)))
+    return found

@@ -172,6 +172,18 @@ def test_a_wheel_of_the_drive_opens_nothing(tmp_path: Path) -> None:
     assert Gripper.of(jacokin.load_robot(path)).widths[-1] == pytest.approx(0.08)
 
 
+def test_a_palm_between_the_fingers_is_seen(tmp_path: Path) -> None:
+    """Pads from 6 to 10 cm ahead of the last joint, and a palm that ends at 7 cm between them."""
+    path = tmp_path / "arm.xml"
+    palm = '<geom type="box" size="0.005 0.02 0.035" pos="0 0 0.035"/>'
+    path.write_text(fingers_of_slides(("0 0.04", "-0.04 0"), COUPLED.format("right", "left", 0, -1), palm))
+    hand = Gripper.of(jacokin.load_robot(path))
+    assert hand.depth == pytest.approx(0.02, abs=1e-3)
+    assert hand.palm == pytest.approx(0.01, abs=1e-9)
+    path.write_text(fingers_of_slides(("0 0.04", "-0.04 0"), COUPLED.format("right", "left", 0, -1)))
+    assert Gripper.of(jacokin.load_robot(path)).palm > 0.05  # up to the shape of the last link
+
+
 def test_a_joint_of_whole_turns_tells_nothing(tmp_path: Path) -> None:
     path = tmp_path / "arm.xml"
     path.write_text(
