@@ -271,6 +271,8 @@ def _shapes_of_links(robot: Robot) -> dict[str, frozenset[str]]:
     joint_of = {link: int(model.frames[robot.frame_id(link)].parentJoint) for link in robot.frames}
     found: dict[str, set[str]] = {}
     for geom in range(source.ngeom):
+        if not (source.geom_contype[geom] or source.geom_conaffinity[geom]):
+            continue  # drawn only
         body = int(source.geom_bodyid[geom])
         joint = joint_of.get(mjcf.body_name(source, body))
         while body:

@@ -13,7 +13,7 @@ import jacokin
 from jacokin.errors import InvalidInputError, ModelError
 from jacokin.model import Gripper
 from jacokin.model.gripper import JACO
-from jacokin.model.mujoco_twin import to_spec
+from jacokin.model.mujoco_twin import shapes_of_links, to_spec
 from tests import gripper_arms
 from tests.gripper_arms import load
 from tests.robot_files import skeleton
@@ -259,3 +259,13 @@ def test_a_spring_and_a_limit_hold_a_finger_that_adapts(tmp_path: Path) -> None:
     )  # fmt: skip
     hand = Gripper.of(jacokin.load_robot(path))
     np.testing.assert_allclose(hand.widths[1:], 0.076 - 0.12 * np.sin(hand.openings[1:]), atol=1e-5)
+
+
+def test_what_is_only_drawn_is_no_shape_of_a_hand(tmp_path: Path) -> None:
+    """A link of a cover that is drawn and does not collide has no name that contact could be allowed for."""
+    path = tmp_path / "arm.xml"
+    cover = '<body name="cover"><geom size="0.01" contype="0" conaffinity="0"/></body>'
+    path.write_text(fingers_of_slides(("0 0.04", "-0.04 0"), "", cover))
+    links = shapes_of_links(jacokin.load_robot(path))
+    assert {"left", "right"} <= links.keys()
+    assert "cover" not in links
