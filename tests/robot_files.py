@@ -84,14 +84,16 @@ def skeleton(parts: str) -> str:
     """A URDF of links 5 cm apart.
 
     Args:
-        parts: links in a row: `joint>link`, then limits in brackets; `+link` is fixed to the link before it, and
-            `|joint>link` a branch there. `[low,high]` [rad], `{low,high}` for a slide [m], `*` for a continuous joint;
-            +-2.9 rad if not said. `=mass` [kg] at the end.
+        parts: links in a row: `joint>link`, then limits in brackets; `+link` is fixed to the link before it,
+            `|joint>link` is a branch there, and `||joint>link` goes on along the branch. `[low,high]` [rad],
+            `{low,high}` for a slide [m], `*` for a continuous joint; +-2.9 rad if not said. `=mass` [kg] at the end.
+            `~` stands for a blank in a name.
     """
-    links, joints, at = ['<link name="base"/>'], list[str](), "base"
+    links, joints, at, beside = ['<link name="base"/>'], list[str](), "base", ""
     for part in parts.split():
         plain, _, mass = part.partition("=")
         branch, fixed = plain.startswith("|"), plain.startswith("+")
+        parent = beside if plain.startswith("||") else at
         kind, limits = "revolute", (-2.9, 2.9)
         for opening, found in (("[", "revolute"), ("{", "prismatic")):
             if opening in plain:
@@ -100,14 +102,15 @@ def skeleton(parts: str) -> str:
                 kind, limits = found, (low, high)
         if plain.endswith("*"):
             kind, plain = "continuous", plain[:-1]
+        plain = plain.replace("~", " ")
         joint, link = (f"to_{plain[1:]}", plain[1:]) if fixed else plain.lstrip("|").split(">")
         inertia = 'ixx="1e-3" iyy="1e-3" izz="1e-3" ixy="0" ixz="0" iyz="0"'
         inertial = f'<inertial><mass value="{mass}"/><inertia {inertia}/></inertial>' if mass else ""
         links.append(f'<link name="{link}">{inertial}</link>')
         joints.append(
-            f'<joint name="{joint}" type="{"fixed" if fixed else kind}"><parent link="{at}"/><child link="{link}"/>'
+            f'<joint name="{joint}" type="{"fixed" if fixed else kind}"><parent link="{parent}"/><child link="{link}"/>'
             f'<origin xyz="0 0 0.05"/><axis xyz="0 {len(joints) % 2} {(len(joints) + 1) % 2}"/>'
             f'<limit lower="{limits[0]}" upper="{limits[1]}" effort="1" velocity="1"/></joint>'
         )
-        at = at if branch or fixed else link
+        at, beside = at if branch or fixed else link, link if branch else beside
     return f'<robot name="arm">{"".join(links)}{"".join(joints)}</robot>'

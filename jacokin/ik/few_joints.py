@@ -21,9 +21,16 @@ from jacokin.ik.results import IKResult
 from jacokin.ik.targets import Request, TargetPose
 from jacokin.ik.verification import Candidate, Verifier
 from jacokin.ik.virtual_joints import PointsOfFew, VirtualJoints
+from jacokin.kernels.branches import DISTANCE
 from jacokin.model import angles
+from jacokin.model.measured_arm import joint_axis
 
 KEPT = 16  # free axes whose chains are at hand
+MOST = 5  # joints
+PARALLEL = 1e-4  # sine of two axes that may be parallel within tolerances; what is reached at two angles decides
+AROUND = 8  # angles at which a curve is looked at, beginning with that of the seed
+WITHIN = 1e-9  # [rad] past the end of a range: rounding
+BESIDE = 0.02  # [rad] from an angle to the next one, at which a curve goes on and a point does not
 AIMS = 3  # angles about a free axis that the closest configuration is looked for at
 
 
@@ -56,12 +63,51 @@ class FewJoints:
         return True
 
     def solve_all(self, target: TargetPose, seed: Array) -> PointsOfFew:
-        """Every configuration, nearest to the seed (dof,) first.
+        """Every configuration, nearest to the seed (dof,) first; some where they are a curve.
+
+        A tool that points along the axis of the first joint, straight down, is such a target where the last joint is
+        parallel to the free axis, if only within the tolerances: the angle about the axis is free.
 
         Raises:
             StructureError: as `chain`.
         """
-        return self.chain(target).solve_all(target, seed)
+        chain = self.chain(target)
+        along = None if chain.free_joint or not self._along_first(target) else self._along_curve(target, seed)
+        return chain.solve_all(target, seed) if along is None else along
+
+    def _along_curve(self, target: TargetPose, seed: Array) -> PointsOfFew | None:
+        """Points at some angles about the free axis; None where they do not go on beside any of these."""
+        poses = self._chain(None, False)
+        if isinstance(poses, StructureError):
+            return None
+
+        def at(angle: float) -> PointsOfFew:
+            return poses.solve_all(target.at(angle), seed)
+
+        reached = [(angle, points) for angle in self._angles(target, seed) if len(points := at(angle))]
+        if not any(len(at(beside)) for angle, _ in reached for beside in _beside(target, angle)):
+            return None
+        rows = np.vstack([points.rows for _, points in reached])
+        angle = np.concatenate([np.full(len(points), angle) for angle, points in reached])
+        order = np.argsort(rows[:, DISTANCE], kind="stable")
+        dropped = any(points.dropped for _, points in reached)
+        return PointsOfFew(rows[order], dropped, seed, self._verifier, angle[order], "", on_curve=True)
+
+    def _along_first(self, target: TargetPose) -> bool:
+        """Whether the free axis of a target is parallel to the axis of the first of five joints, about."""
+        robot = self._verifier.robot
+        if target.free_axis is None or robot.dof != MOST:
+            return False
+        first = robot.pin_model.jointPlacements[1].rotation @ joint_axis(robot.pin_model, 1)
+        return float(np.linalg.norm(np.cross(first, target.rotation @ target.free_axis.axis))) < PARALLEL
+
+    def _angles(self, target: TargetPose, seed: Array) -> list[float]:
+        """Angles about the free axis, that of the seed (dof,) first, those within its range."""
+        free = target.free_axis
+        turned = 0.0 if free is None else free.parameter_of(self._verifier.tool_pose(seed).rotation)
+        start = target.nearest_angle(turned)
+        around = [start + math.tau * k / AROUND for k in range(1, AROUND)]
+        return [start, *(target.nearest_angle(each) for each in around if _in_range(target, each))]
 
     def solve(self, request: Request) -> IKResult:
         """The configuration within the limits of the least cost, or why there is none."""
@@ -80,6 +126,7 @@ class FewJoints:
     def _candidates(self, branches: PointsOfFew, request: Request) -> Iterator[Candidate]:
         """Branches within the limits, best first."""
         said = f"; {branches.free_joint} is free" if branches.free_joint else ""
+        said = "; the angle about the axis is free" if branches.on_curve else said
         for index, q in branches.in_order(request.cost):
             parameter = None if branches.angle is None else float(branches.angle[index])
             at = request.target if parameter is None else request.target.at(parameter)
@@ -101,7 +148,11 @@ class FewJoints:
             last, p, nearby = p, target.nearest_angle(turned), [result.q]
             if result.success or abs(p - last) < self._verifier.options.orientation_tolerance:
                 break
-        return min(results, key=lambda each: (not each.success, each.position_error + each.orientation_error))
+        best = min(results, key=lambda each: (not each.success, each.position_error + each.orientation_error))
+        missed = diagnosis.explain_near_miss((best.position_error, best.orientation_error), self._verifier.options)
+        if best.success or not request.closest or not missed:
+            return best
+        return dataclasses.replace(best, message=f"{best.message}; the closest one within the limits {missed}")
 
     def _position_first(self, request: Request, outcome: Outcome, result: IKResult) -> IKResult:
         """The configuration of the least orientation error among those at the position; the given one without any."""
@@ -122,3 +173,13 @@ class FewJoints:
         if errors[1] <= diagnosis.NEARLY:  # a pose in few digits: the tolerances that accept it
             outcome = diagnosis.explain_descents(effort.starts, errors, verifier.options, failed=False)
         return verifier.result(closest, outcome.status, request.message(outcome.message), errors, verifier.touching(q))
+
+
+def _beside(target: TargetPose, angle: float) -> list[float]:
+    """Angles about the free axis next to one [rad], within the range."""
+    return [each for each in (angle - BESIDE, angle + BESIDE) if _in_range(target, each)]
+
+
+def _in_range(target: TargetPose, angle: float) -> bool:
+    """Whether an angle is in the range of the free axis of a target [rad], up to whole turns."""
+    return abs(math.remainder(target.nearest_angle(angle) - angle, math.tau)) < WITHIN

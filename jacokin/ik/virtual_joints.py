@@ -14,6 +14,7 @@ as the arm reaches by its structure, have answers.
 from __future__ import annotations
 
 import copy
+import functools
 import math
 
 import numpy as np
@@ -60,9 +61,11 @@ class PointsOfFew(Points):
         angle: (k,) angle about the free axis [rad], read-only; None where the target has none.
         free_joint: name of a joint that turns about the free axis itself, so that it may have any value: it stays
             where the seed has it; empty for none.
+        on_curve: whether the target is reached along a curve, as straight down by many arms: points of it are some, the
+            angle of the seed among them.
     """
 
-    __slots__ = ("_dof", "angle", "free_joint")
+    __slots__ = ("_dof", "angle", "free_joint", "on_curve")
 
     def __init__(
         self,
@@ -73,16 +76,19 @@ class PointsOfFew(Points):
         angle: Array | None,
         free_joint: str,
         touching: Touching | None = None,
+        *,
+        on_curve: bool = False,
     ) -> None:
         """Take rows (k, 17), whose first columns are the arm's own joints; the rest as `Points` does."""
         super().__init__(rows, dropped, seed, verifier, touching)
-        self._dof, self.free_joint = len(seed), free_joint
+        self._dof, self.free_joint, self.on_curve = len(seed), free_joint, on_curve
         self.angle = None if angle is None else checks.sealed(angle)
 
     def __reduce__(self) -> tuple[object, tuple[object, ...]]:
         """Rebuild from the arrays, which stay read-only."""
         shared = self.rows, self.dropped, self._seed, self._verifier
-        return type(self), (*shared, self.angle, self.free_joint, self.touching)
+        made = functools.partial(type(self), on_curve=self.on_curve)
+        return made, (*shared, self.angle, self.free_joint, self.touching)
 
     @property
     def q(self) -> Array:
@@ -96,8 +102,8 @@ class PointsOfFew(Points):
 
     @property
     def complete(self) -> bool:
-        """False where a joint is free, too: each branch then stands for all its values."""
-        return super().complete and not self.free_joint
+        """False where a joint is free, too: each branch then stands for all its values; and where these are a curve."""
+        return super().complete and not self.free_joint and not self.on_curve
 
 
 class VirtualJoints:

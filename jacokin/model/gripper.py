@@ -23,6 +23,7 @@ from jacokin.model.robot import Robot, checked_robot
 
 STEPS = 41  # values from shut to open at which the room is measured
 FIRST = 4  # of these steps tell in which direction the gripper opens
+ACROSS = 5  # lines along each side of the room between the pads, back to the palm
 LINES = 25  # along each side of the grid of lines
 GROWING = 0.6  # of the fastest growth: slower lines run near a hinge
 SHUT = 0.005  # [m] more room between shut fingers than at the narrowest line: behind the pads
@@ -32,6 +33,7 @@ ALIKE = 0.5  # cosine between the directions of two fingers of one gripper, at l
 SNAPPED = np.cos(0.6)  # axes of the tool within 34 degrees are meant; the tip of a jaw moves that far aslant
 PARALLEL = 1e-9  # of a line to a face of a shape
 ROUND = 16  # corners of a circle
+WIDEST = 5.2  # [rad] or [m], 300 degrees: no finger moves so far
 SPARE = 0.006  # [m] between a pad and an object on each side, of a measured gripper
 
 
@@ -49,6 +51,8 @@ class Gripper:
         depth: how far from the middle of the pads their end at the palm is [m].
         ahead: how far from the middle of the pads the tips of the fingers reach [m].
         spare: room to leave between a pad and an object on each side [m].
+        palm: how far from the middle of the pads the palm begins, or what else is between the open pads [m]; negative
+            where that is ahead of the middle. An object stays before it. Infinite where `depth` says it.
     """
 
     frame: str
@@ -59,6 +63,7 @@ class Gripper:
     depth: float
     ahead: float
     spare: float = SPARE
+    palm: float = np.inf
 
     @classmethod
     def of(cls, robot: Robot, frame: str | None = None) -> Gripper:
@@ -189,7 +194,10 @@ def _measure(robot: Robot, frame: str) -> Gripper:
     moving = [hull for hull in hulls if _travel(hull) > STILL]
     still = [hull for hull in hulls if _travel(hull) <= STILL]
     if not moving:
-        raise ModelError(f"the gripper of {robot.name} cannot be measured: its fingers have no collision shapes")
+        raise ModelError(
+            f"the gripper of {robot.name} cannot be measured: its fingers have no collision shapes; "
+            "give their links <collision> in the file, or jacokin.model.Gripper(...) with numbers of your own"
+        )
     if _is_shut_last(moving, still):
         values = values[::-1]
         hulls = [hull._replace(placements=hull.placements[::-1]) for hull in hulls]
@@ -208,24 +216,33 @@ def _measure(robot: Robot, frame: str) -> Gripper:
 def _range(robot: Robot, joint: int) -> tuple[float, float]:
     """Least and largest value of the joints that open the gripper behind a joint of the arm.
 
+    A joint without limits beside others turns a wheel of the drive, or nothing.
+
     Raises:
-        ModelError: there are none, or one has no limits.
+        ModelError: there are none, or none has limits.
     """
     from jacokin.model.descriptions import mjcf
-    from jacokin.model.mujoco_twin import with_shapes
+    from jacokin.model.mujoco_twin import passive_joints, with_shapes
 
     source, model = with_shapes(robot).model, robot.pin_model
     following = {follower for follower, *_ in robot.source.followers} | {name for name, _ in robot.source.locked}
-    ranges = []
+    following |= passive_joints(robot)
+    ranges, endless = list[Array](), ""
     for index in range(source.njnt):
         name, link = mjcf.joint_name(source, index), mjcf.body_name(source, int(source.jnt_bodyid[index]))
         if name in robot.joint_names or name in following or source.jnt_type[index] not in mjcf.SCALAR_JOINTS:
             continue
         if link not in robot.frames or model.frames[robot.frame_id(link)].parentJoint != joint:
             continue
-        if not source.jnt_limited[index]:
-            raise ModelError(f"the gripper of {robot.name} cannot be measured: its joint {name!r} has no limits")
-        ranges.append(source.jnt_range[index])
+        if source.jnt_limited[index] and np.ptp(source.jnt_range[index]) <= WIDEST:
+            ranges.append(source.jnt_range[index])
+        else:
+            endless = name
+    if endless and not ranges:
+        raise ModelError(
+            f"the gripper of {robot.name} cannot be measured: its joint {endless!r} has no limits, or a whole turn; "
+            "write those of the fingers into the file, or give jacokin.model.Gripper(...) with numbers of your own"
+        )
     if not ranges:
         raise ModelError(f"{robot.name} has no gripper: no joint moves fingers on the link of its tool")
     low, high = np.array(ranges).T
@@ -286,14 +303,18 @@ def _sides(robot: Robot, moving: list[_Hull], still: list[_Hull]) -> tuple[list[
         ModelError: the fingers move in more than one direction and its opposite.
     """
     bodies = _bodies(moving)
-    moves = [max((hull.opens() for hull in body), key=lambda move: float(move @ move)) for body in bodies]
-    lengths = [float(np.linalg.norm(move)) for move in moves]
-    most = int(np.argmax(lengths))
-    along = moves[most] / lengths[most]
+    moves = np.array([max((hull.opens() for hull in body), key=lambda move: float(move @ move)) for body in bodies])
+    lengths = np.linalg.norm(moves, axis=1)
+    farthest = moves[lengths.argmax()]
+    against = moves[np.linalg.norm(moves - farthest, axis=1).argmax()]
+    common = np.zeros(3)  # what both sides do, as pads on arcs that go forwards while they close
+    if np.linalg.norm(against - farthest) > ALIKE * lengths.max():
+        common = 0.5 * (farthest + against)
+    along = (farthest - common) / np.linalg.norm(farthest - common)
     right, left = list[_Hull](), list[_Hull]()
-    for body, move, length in zip(bodies, moves, lengths, strict=True):
-        cosine = float(move @ along) / max(length, STILL)
-        if length > ALIKE * lengths[most] and abs(cosine) < ALIKE:
+    for body, move, length in zip(bodies, moves - common, lengths, strict=True):
+        cosine = float(move @ along) / max(float(np.linalg.norm(move)), STILL)
+        if length > ALIKE * lengths.max() and abs(cosine) < ALIKE:
             raise ModelError(
                 f"the gripper of {robot.name} cannot be measured: its fingers do not close along one line; give "
                 "jacokin.model.Gripper(...) with numbers of your own"
@@ -334,7 +355,7 @@ def _is_shut_last(moving: list[_Hull], still: list[_Hull]) -> bool:
 
 def _axes(robot: Robot, frame: str, joint: int, right: list[_Hull], left: list[_Hull], moving: list[_Hull]) -> Array:
     """R_tool_pads: x along which the gripper opens, z away from the palm; snapped to the axes of the tool."""
-    opening = np.sum([hull.opens() for hull in right], axis=0) - np.sum([hull.opens() for hull in left], axis=0)
+    opening = np.mean([hull.opens() for hull in right], axis=0) - np.mean([hull.opens() for hull in left], axis=0)
     along = _snapped(opening / np.linalg.norm(opening))
     origin = robot.pin_model.frames[robot.frame_id(frame)].placement.inverse().translation  # of the joint, in the tool
     away = np.mean([hull.middle(0) for hull in moving], axis=0) - origin
@@ -394,13 +415,18 @@ def _between(
     rows = rows[np.flatnonzero(np.append(rows[1:, 1] > 0.0, True))[0] :]
     rows = rows[np.append(True, np.diff(np.maximum.accumulate(rows[:, 1])) > 0.0)]
     if len(rows) < 2:
-        raise ModelError(
-            f"the gripper of {robot.name} cannot be measured: there is no room between its shapes; load the robot "
-            "with decompose=True, if they are hulls of hollow meshes"
-        )
+        cure = "give jacokin.model.Gripper(...) with numbers of your own"
+        if not robot.source.decompose:
+            cure = "load the robot with decompose=True, if they are hulls of hollow meshes"
+        raise ModelError(f"the gripper of {robot.name} cannot be measured: there is no room between its shapes; {cure}")
     ends_z = float(lines[pads, 2].min()), float(lines[pads, 2].max())
-    middle = np.array([0.0, 0.5 * float(lines[pads, 1].min() + lines[pads, 1].max()), 0.5 * sum(ends_z)])
+    low_y, high_y = float(lines[pads, 1].min()), float(lines[pads, 1].max())
+    middle = np.array([0.0, 0.5 * (low_y + high_y), 0.5 * sum(ends_z)])
+    opened, wide = int(np.flatnonzero(values == rows[-1, 0])[0]), 0.5 * rows[-1, 1] - SPARE
+    inside = np.linspace(-1.0, 1.0, ACROSS)
     tips = max(float((hull.points(0) @ axes)[:, 2].max()) for hull in hulls)
+    x, y = np.meshgrid(rows[-1, 2] + max(wide, 0.0) * inside, middle[1] + 0.5 * (high_y - low_y) * inside)
+    between = np.column_stack([x.ravel(), y.ravel(), np.full(x.size, tips)]) @ axes.T
     return Gripper(
         frame=frame,
         pads=pin.SE3(axes, axes @ middle),
@@ -409,4 +435,14 @@ def _between(
         middles=checks.sealed(rows[:, 2].copy()),
         depth=0.5 * (ends_z[1] - ends_z[0]),
         ahead=tips - float(middle[2]),
+        palm=_room_behind(hulls, opened, between, axes[:, 2]) - (tips - float(middle[2])),
     )
+
+
+def _room_behind(hulls: list[_Hull], step: int, points: Array, away: Array) -> float:
+    """How far lines from points (n, 3) of the tool frame towards the palm are free, at least [m]."""
+    found = np.inf
+    for hull in hulls:
+        enter, leave = hull.between(step, points, -away)
+        found = min(found, float(np.maximum(enter, 0.0)[leave > 0.0].min(initial=np.inf)))
+    return found

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import itertools
 import stat
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -18,7 +19,7 @@ from jacokin.errors import InvalidInputError, ModelError, ShapeError, UnknownNam
 from jacokin.model import checks
 from jacokin.model.descriptions import bundled, chain, urdf
 from jacokin.model.descriptions import srdf as srdf_files
-from jacokin.model.descriptions.tools import limits_of
+from jacokin.model.descriptions.tools import limits_of, slides
 from jacokin.model.measured_arm import MeasuredArm
 from jacokin.model.robot import Home, HomeFinder, Robot, SceneLike, Source, middle, spread
 
@@ -90,10 +91,10 @@ def load_robot(
         tip = tip or TIP_OF_BUNDLED
         finger_angle = bundled.open_angle(name) if finger_angle is None else finger_angle
     disabled, said = _disabled_pairs(path, described, srdf)
-    leaders = {joint: each.leader for each in described.couplings if each.leader for joint in each.joints}
+    leaders = {joint: each.leader for each in described.couplings if each.leader for joint in each.followers}
     ends = chain.find_ends(described.model, base, tip, leaders)
-    held = _held(described, ends, locked)
     followers = _followers(described, ends)
+    held = _held(described, ends, locked, followers)
     reference = _locked_reference(described.model, described.reference, finger_angle, held, followers)
     model = chain.extract(described.model, reference, ends, name or described.model.name or path.stem)
     _refuse_coupled(model, described.couplings)
@@ -249,7 +250,12 @@ def _disabled_pairs(
     return known, (f"contact between {len(known.pairs)} pairs of links does not count, by {disabled.path}",)
 
 
-def _held(described: chain.Description, ends: chain.Ends, locked: Mapping[str, float] | None) -> dict[str, float]:
+def _held(
+    described: chain.Description,
+    ends: chain.Ends,
+    locked: Mapping[str, float] | None,
+    followers: Sequence[tuple[str, str, float, float]],
+) -> dict[str, float]:
     """Where a user locks joints off the arm, and with them the joints that follow those.
 
     Raises:
@@ -274,13 +280,12 @@ def _held(described: chain.Description, ends: chain.Ends, locked: Mapping[str, f
         if not low <= position <= high:
             raise InvalidInputError(f"{where} = {position}: the joint moves from {low} to {high}")
         found[joint] = position
-    followers: dict[str, float] = {}
-    for each in described.couplings:
-        if each.leader in found:
-            for joint in each.joints - arm - found.keys():
-                low, high = limits_of(model, model.getJointId(joint))
-                followers[joint] = min(max(each.multiplier * found[each.leader] + each.offset, low), high)
-    return found | followers
+    following: dict[str, float] = {}
+    for joint, leader, multiplier, offset in followers:
+        if leader in found and joint not in found:
+            low, high = limits_of(model, model.getJointId(joint))
+            following[joint] = min(max(multiplier * found[leader] + offset, low), high)
+    return found | following
 
 
 def _own_home(model: pin.Model, home: ArrayLike) -> Home:
@@ -325,14 +330,41 @@ def _locked_reference(
 
 
 def _followers(described: chain.Description, ends: chain.Ends) -> tuple[tuple[str, str, float, float], ...]:
-    """The joints off the arm that mimic another one off the arm: joint, leader, multiplier and offset."""
+    """The joints off the arm that follow another one off the arm: joint, leader, multiplier and offset."""
     arm = {str(described.model.names[joint]) for joint in ends.chain}
-    return tuple(
-        (joint, each.leader, each.multiplier, each.offset)
+    rules = {
+        joint: (each.leader, each.multiplier, each.offset)
         for each in described.couplings
         if each.leader is not None and each.leader not in arm
-        for joint in sorted(each.joints - arm)
-    )
+        for joint in sorted(each.followers - arm)
+    }
+    coupled = []
+    for joint, (leader, multiplier, offset) in rules.items():
+        passed = {joint}
+        while leader in rules and leader not in passed:  # one that follows another one itself
+            passed.add(leader)
+            leader, further, start = rules[leader]
+            multiplier, offset = multiplier * further, offset + multiplier * start
+        coupled.append((joint, leader, multiplier, offset))
+    known = arm | {joint for each in described.couplings for joint in each.joints}
+    return (*coupled, *_mirrored(described.model, known))
+
+
+def _mirrored(model: pin.Model, known: set[str]) -> Iterator[tuple[str, str, float, float]]:
+    """Pairs of joints on one link that nothing couples and whose limits are each other's mirror image: two fingers.
+
+    Files that leave their coupling to a driver write them so.
+    """
+    free = [
+        joint
+        for joint in range(1, model.njoints)
+        if str(model.names[joint]) not in known and model.joints[joint].nq == 1 and not list(model.children[joint])
+    ]
+    for leader, joint in itertools.combinations(free, 2):
+        alike = model.parents[leader] == model.parents[joint] and slides(model, leader) == slides(model, joint)
+        (low, high), other = limits_of(model, leader), limits_of(model, joint)
+        if alike and low != other[0] and np.isfinite((low, high)).all() and np.allclose(other, (-high, -low), atol=0.0):
+            yield str(model.names[joint]), str(model.names[leader]), -1.0, 0.0
 
 
 def _refuse_coupled(model: pin.Model, couplings: Iterable[chain.Coupling]) -> None:

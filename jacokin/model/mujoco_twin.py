@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -31,6 +31,13 @@ LOCKED_ROOM = 1e-9  # [rad] on both sides of a joint with equal limits
 BASE_BODY = "jacokin_base"
 PART = ", part "  # between the name of a shape and the number of a part of it
 HULLS = ("meshes collide as their convex hulls, which may touch where they do not; decompose=True takes convex parts",)
+STRETCHES = 8  # of the way from where the description has a gripper, so that its loops close as there
+CLOSING, FOLLOWING = 30, 2  # steps at most in which a closed loop is closed, at the end and on the way
+CLOSED = 1e-7  # [rad] or [m] of the last one
+STIFF = 1e4  # [1/m] of a loop beside its springs, so that these open it by less than a micrometre
+CHANGES = 4  # of the bounds that hold, for each joint
+PULLED = 1e-9  # of a gradient that leads away from a bound: rounding
+SLACK = 1e-3  # of a joint that neither a loop nor a spring holds
 MESH_GEOM = int(mujoco.mjtGeom.mjGEOM_MESH)
 # Off the joint's axes and turned, or MuJoCo's compiler marks the body for shortcuts that its true numbers forbid.
 PLACEHOLDER = """<inertial><origin xyz="0.1 0.2 0.3" rpy="0.3 0.2 0.1"/><mass value="1"/>
@@ -264,6 +271,8 @@ def _shapes_of_links(robot: Robot) -> dict[str, frozenset[str]]:
     joint_of = {link: int(model.frames[robot.frame_id(link)].parentJoint) for link in robot.frames}
     found: dict[str, set[str]] = {}
     for geom in range(source.ngeom):
+        if not (source.geom_contype[geom] or source.geom_conaffinity[geom]):
+            continue  # drawn only
         body = int(source.geom_bodyid[geom])
         joint = joint_of.get(mjcf.body_name(source, body))
         while body:
@@ -282,29 +291,39 @@ class _Fingers:
         """Put every joint off the arm where it is locked, else at the angle [rad], clipped into its limits.
 
         MuJoCo 3 keeps limits of joints that a URDF calls continuous; the description's own hold for what is locked.
-        Joints that mimic another one follow it.
+        Joints that follow another one are where that has them, and those of a closed loop where the loop is closed.
         """
         self._source, self._robot = source, robot
         self._data = mujoco.MjData(source)
         arm, allowed, held = set(robot.joint_names), list[tuple[float, float]](), dict(robot.source.locked)
-        following = {joint: rule for joint, *rule in robot.source.followers if joint not in held}
-        limits, places = dict[str, tuple[float, float]](), dict[str, int]()
+        following = [rule for rule in robot.source.followers if rule[0] not in held]
+        passive = passive_joints(robot)
+        limits, places, wanted = dict[str, tuple[float, float]](), dict[str, int](), dict[int, float]()
         for joint in range(source.njnt):
             name = mjcf.joint_name(source, joint)
-            if name in arm or source.jnt_type[joint] not in mjcf.SCALAR_JOINTS:
+            if name in arm or name in passive or source.jnt_type[joint] not in mjcf.SCALAR_JOINTS:
                 continue
             low, high = source.jnt_range[joint].tolist() if source.jnt_limited[joint] else (-np.inf, np.inf)
             limits[name], places[name] = (low, high), int(source.jnt_qposadr[joint])
-            self._data.qpos[places[name]] = held[name] if name in held else np.clip(angle, low, high)
-            if name not in following:
+            wanted[places[name]] = held[name] if name in held else min(max(angle, low), high)
+            if all(name != follower for follower, *_ in following):
                 allowed.append((low, high))
-        for name, (leader, multiplier, offset) in following.items():
+        for name, leader, multiplier, offset in following:
             if name in places and leader in places:
-                at = multiplier * self._data.qpos[places[leader]] + offset
-                self._data.qpos[places[name]] = np.clip(at, *limits[name])
+                low, high = limits[name]
+                wanted[places[name]] = min(max(multiplier * wanted[places[leader]] + offset, low), high)
         if not any(low <= angle <= high for low, high in allowed):
             reason = f"the fingers move from {allowed[0][0]} to {allowed[0][1]} rad" if allowed else "it has no fingers"
             raise InvalidInputError(f"finger_angle = {angle} rad: {reason}")
+        moved, ends = list(wanted), np.array(list(wanted.values()))
+        if passive:
+            loops, start = mjcf.joint_ids(source, sorted(passive)), self._data.qpos[moved]
+            for part in np.linspace(0.0, 1.0, STRETCHES + 1)[:-1]:
+                self._data.qpos[moved] = start + part * (ends - start)
+                _close_loops(source, self._data, loops, FOLLOWING)
+        self._data.qpos[moved] = ends
+        if passive:
+            _close_loops(source, self._data, loops, CLOSING)
         mujoco.mj_kinematics(source, self._data)
 
     def placement(self, body: int, carrier: int) -> pin.SE3:
@@ -319,6 +338,84 @@ class _Fingers:
 
     def _world(self, body: int) -> pin.SE3:
         return mjcf.placement(self._data.xquat[body], self._data.xpos[body])
+
+
+def passive_joints(robot: Robot) -> frozenset[str]:
+    """Joints off the arm of an MJCF that only closed loops of its gripper move: those with no actuator and no leader.
+
+    None where nothing moves a loop. A URDF has no loops.
+    """
+    return robot.once(_passive_joints, carried=True)
+
+
+def _passive_joints(robot: Robot) -> frozenset[str]:
+    source = with_shapes(robot).model
+    couplings = mjcf.couplings(source)
+    looped = {joint for each in couplings if each.leader is None for joint in each.joints} - set(robot.joint_names)
+    led = {joint for each in couplings if each.leader is not None for joint in each.joints}
+    moved = {mjcf.joint_name(source, joint) for joint in mjcf.actuated(source)}
+    driving = looped & (led | moved)
+    return frozenset(looped - driving if driving else ())
+
+
+def _close_loops(source: mujoco.MjModel, data: mujoco.MjData, joints: Sequence[int], steps: int) -> None:
+    """Move some joints to where the equalities of a model hold, from where they are, by Gauss and Newton.
+
+    Where a loop leaves a joint free, as in fingers that adapt to what they hold, springs and limits decide as they do
+    with nothing between the fingers.
+    """
+    dofs, places = source.jnt_dofadr[joints], source.jnt_qposadr[joints]
+    unlimited = source.jnt_limited[joints] == 0
+    low = np.where(unlimited, -np.inf, source.jnt_range[joints, 0])
+    high = np.where(unlimited, np.inf, source.jnt_range[joints, 1])
+    springs = np.sqrt(np.array(source.jnt_stiffness[joints], dtype=np.float64).reshape(len(joints), -1)[:, 0])
+    rest = source.qpos_spring[places]
+    for _ in range(steps):
+        residual, jacobian = _equations(source, data)
+        at = data.qpos[places]
+        matrix = np.vstack([STIFF * jacobian[:, dofs], np.diag(springs), SLACK * np.eye(len(joints))])
+        wanted = np.concatenate([-STIFF * residual, springs * (rest - at), np.zeros(len(joints))])
+        step = _bounded(matrix, wanted, low - at, high - at)
+        data.qpos[places] += step
+        if np.abs(step).max() <= CLOSED:
+            break
+
+
+def _bounded(matrix: Array, wanted: Array, low: Array, high: Array) -> Array:
+    """The least-squares solution (n,) within bounds around zero, by an active set."""
+    step, held = np.clip(np.zeros(len(low)), low, high), np.zeros(len(low), dtype=np.bool_)
+    for _ in range(CHANGES * len(low)):
+        end = step.copy()
+        end[~held] = np.linalg.lstsq(matrix[:, ~held], wanted - matrix[:, held] @ step[held], rcond=None)[0]
+        move = end - step
+        with np.errstate(divide="ignore", invalid="ignore"):
+            part = np.where(held | (move == 0.0), np.inf, (np.where(move > 0.0, high, low) - step) / move)
+        first = int(part.argmin())
+        if part[first] < 1.0:  # a bound in between
+            step = np.clip(step + part[first] * move, low, high)
+            held[first] = True
+            continue
+        step, slope = end, matrix.T @ (wanted - matrix @ end)
+        pulled = np.where(held & np.where(step <= low, slope > 0.0, slope < 0.0), np.abs(slope), 0.0)
+        if pulled.max() <= PULLED:
+            break
+        held[pulled.argmax()] = False
+    return step
+
+
+def _equations(source: mujoco.MjModel, data: mujoco.MjData) -> tuple[Array, Array]:
+    """By how much the equalities of a model miss (n,), and their Jacobian (n, nv)."""
+    mujoco.mj_kinematics(source, data)
+    mujoco.mj_comPos(source, data)
+    mujoco.mj_tendon(source, data)
+    mujoco.mj_makeConstraint(source, data)
+    jacobian = np.zeros((data.nefc, source.nv))
+    if mujoco.mj_isSparse(source):
+        mujoco.mju_sparse2dense(jacobian, data.efc_J, data.efc_J_rownnz, data.efc_J_rowadr, data.efc_J_colind)
+    else:
+        jacobian = data.efc_J.reshape(data.nefc, source.nv)
+    rows = data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
+    return data.efc_pos[rows].copy(), jacobian[rows].copy()
 
 
 def _add_geom(spec: mujoco.MjSpec, body: mujoco.MjsBody, shape: Shape, colour: Array) -> None:

@@ -27,7 +27,9 @@ DIRECTIONS = 24  # from which a sphere is grasped
 AROUND = 24  # directions from which a cylinder is grasped, and turns about an axis that is not one of the tool
 CENTRED = 0.002  # [m] from an axis of the tool to that of the pads: turning about either is the same
 AT_ONE_TURN = 0.01  # [rad] about the axis along which the fingers close, where no larger turn is meant
-CLEARED = 0.002  # [m] that the tips of the fingers stay short of the far side of an object
+CLEARED = (
+    0.002  # [m] that the tips of the fingers stay short of the far side of an object, and its near side of the palm
+)
 
 X, Z = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
 
@@ -149,7 +151,7 @@ def _deep(hand: Gripper, length: float) -> float:
 
     As deep as the palm allows, but no deeper than the middle, nor so deep that the tips reach out on the far side.
     """
-    least = max(0.0, 0.5 * length - hand.depth)
+    least = max(0.0, 0.5 * length - min(hand.depth, hand.palm - CLEARED))
     return max(least, min(hand.ahead + CLEARED - 0.5 * length, 0.5 * length)) if hand.ahead else least
 
 

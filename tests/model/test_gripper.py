@@ -13,7 +13,7 @@ import jacokin
 from jacokin.errors import InvalidInputError, ModelError
 from jacokin.model import Gripper
 from jacokin.model.gripper import JACO
-from jacokin.model.mujoco_twin import to_spec
+from jacokin.model.mujoco_twin import shapes_of_links, to_spec
 from tests import gripper_arms
 from tests.gripper_arms import load
 from tests.robot_files import skeleton
@@ -118,3 +118,154 @@ def test_what_is_missing_is_said(tmp_path: Path) -> None:
     hand = Gripper.of(load("panda", tmp_path))
     with pytest.raises(InvalidInputError, match=r"0.07 m is more than the hand spans, 0.068 m"):
         hand.opening_for(0.07)
+
+
+def fingers_of_slides(ranges: tuple[str, str], more: str = "", wheel: str = "") -> str:
+    """An MJCF of six joints and two fingers that slide along y, 6 mm thick, whose faces meet at zero."""
+    arm = "".join(
+        f'<body name="l{i}" pos="0 0 0.1"><joint name="j{i}" axis="0 {i % 2} {(i + 1) % 2}" range="-2 2"/>'
+        '<geom size="0.01"/>'
+        for i in range(6)
+    )
+    finger = (
+        '<body name="{0}" pos="0 0 0.05"><joint name="{0}" type="slide" axis="0 1 0" range="{1}"/>'
+        '<geom type="box" size="0.01 0.003 0.02" pos="0 {2} 0.03"/></body>'
+    )
+    left, right = finger.format("left", ranges[0], 0.003), finger.format("right", ranges[1], -0.003)
+    return (
+        f'<mujoco><compiler angle="radian"/><worldbody>{arm}<site name="attachment_site" pos="0 0 0.05"/>'
+        f"{wheel}{left}{right}{'</body>' * 6}</worldbody>{more}</mujoco>"
+    )
+
+
+COUPLED = '<equality><joint joint1="{}" joint2="{}" polycoef="{} {} 0 0 0"/></equality>'
+MOTOR = '<actuator><position joint="{}" kp="1"/></actuator>'
+
+
+@pytest.mark.parametrize(
+    ("ranges", "more", "opened", "offset", "slope"),
+    [
+        (("0 0.04", "-0.04 0"), COUPLED.format("left", "right", 0, -1) + MOTOR.format("left"), 0.04, 0.0, 2.0),
+        (("0 0.04", "-0.04 0"), COUPLED.format("left", "right", 0, -1) + MOTOR.format("right"), -0.04, 0.0, -2.0),
+        (("0 0.04", "-0.04 0"), COUPLED.format("right", "left", 0, -1), 0.04, 0.0, 2.0),
+        (("0.01 0.04", "-0.04 -0.01"), "", 0.04, 0.0, 2.0),  # coupled by a driver that the file does not have
+        (("0.01 0.04", "-0.05 0.02"), COUPLED.format("right", "left", 0.01, -1), 0.04, -0.01, 2.0),
+        (("0 0.04", "-0.02 0"), COUPLED.format("right", "left", 0, -0.5), 0.04, 0.0, 1.5),
+        (("0 0.04", "-0.02 0"), COUPLED.format("right", "left", 0, -0.5) + MOTOR.format("right"), -0.02, 0.0, -3.0),
+    ],
+)
+def test_fingers_that_an_mjcf_couples(
+    tmp_path: Path, ranges: tuple[str, str], more: str, opened: float, offset: float, slope: float
+) -> None:
+    """The room is linear in the value, which is that of the joint with the motor, else of MuJoCo's second one."""
+    path = tmp_path / "arm.xml"
+    path.write_text(fingers_of_slides(ranges, more))
+    hand = Gripper.of(jacokin.load_robot(path))
+    assert hand.openings[-1] == pytest.approx(opened)
+    np.testing.assert_allclose(hand.widths, offset + slope * hand.openings, atol=1e-9)
+
+
+def test_a_wheel_of_the_drive_opens_nothing(tmp_path: Path) -> None:
+    path = tmp_path / "arm.xml"
+    wheel = '<body name="wheel"><joint name="spins"/><geom size="0.005"/></body>'
+    path.write_text(fingers_of_slides(("0 0.04", "-0.04 0"), COUPLED.format("right", "left", 0, -1), wheel))
+    assert Gripper.of(jacokin.load_robot(path)).widths[-1] == pytest.approx(0.08)
+
+
+def test_a_palm_between_the_fingers_is_seen(tmp_path: Path) -> None:
+    """Pads from 6 to 10 cm ahead of the last joint, and a palm that ends at 7 cm between them."""
+    path = tmp_path / "arm.xml"
+    palm = '<geom type="box" size="0.005 0.02 0.035" pos="0 0 0.035"/>'
+    path.write_text(fingers_of_slides(("0 0.04", "-0.04 0"), COUPLED.format("right", "left", 0, -1), palm))
+    hand = Gripper.of(jacokin.load_robot(path))
+    assert hand.depth == pytest.approx(0.02, abs=1e-3)
+    assert hand.palm == pytest.approx(0.01, abs=1e-9)
+    path.write_text(fingers_of_slides(("0 0.04", "-0.04 0"), COUPLED.format("right", "left", 0, -1)))
+    assert Gripper.of(jacokin.load_robot(path)).palm > 0.05  # up to the shape of the last link
+
+
+def test_a_joint_of_whole_turns_tells_nothing(tmp_path: Path) -> None:
+    path = tmp_path / "arm.xml"
+    path.write_text(
+        fingers_of_slides(("0 0.04", "-0.04 0")).replace('"slide"', '"hinge"').replace('range="0 0.04"', "")
+    )
+    path.write_text(path.read_text().replace('range="-0.04 0"', 'range="-6.28 6.28"'))
+    with pytest.raises(ModelError, match="joint 'right' has no limits, or a whole turn; write those of the fingers"):
+        Gripper.of(jacokin.load_robot(path))
+
+
+def test_a_joint_that_follows_a_follower_is_where_the_first_one_has_it(tmp_path: Path) -> None:
+    path = tmp_path / "arm.urdf"
+    text = skeleton("j1>l1 j2>l2 j3>l3 j4>l4 j5>l5 |a>fa{0,0.04} |b>fb{0,0.04} |c>fc{0,0.04}")
+    for joint, leader, multiplier in (("b", "c", -1), ("c", "a", 0.5)):
+        mimic = f'<mimic joint="{leader}" multiplier="{multiplier}" offset="0.01"/>'
+        head, _, tail = text.partition(f'<joint name="{joint}"')
+        text = f'{head}<joint name="{joint}"{tail.replace("</joint>", f"{mimic}</joint>", 1)}'
+    path.write_text(text)
+    robot = jacokin.load_robot(path, locked={"a": 0.004})
+    assert dict(robot.source.locked) == pytest.approx({"a": 0.004, "c": 0.012, "b": 0.0})  # -0.012 + 0.01, clipped
+
+
+LOOP = """<body name="{0}_driver" pos="{1} 0 0.03"><joint name="{0}_driver" axis="0 {2} 0" range="0 0.8"/>
+  <geom size="0.002"/>
+  <body name="{0}_pad" pos="0 0 0.05"><joint name="{0}_pad" axis="0 1 0" range="-2 2"/>
+    <geom type="box" size="0.002 0.01 0.015" pos="0 0 0.02"/></body></body>
+<body name="{0}_bar" pos="{3} 0 0.03"><joint name="{0}_bar" axis="0 1 0" range="-2 2"/>
+  <geom size="0.002" pos="0 0 0.05"/></body>"""
+
+
+@pytest.mark.parametrize("jacobian", ["dense", "sparse"])
+def test_closed_loops_keep_the_pads_parallel(tmp_path: Path, jacobian: str) -> None:
+    """Two parallelograms of bars 5 cm long: each pad moves by 5 cm times the sine of the driver's angle."""
+    text = fingers_of_slides(("0 1", "0 1"))
+    left, right = LOOP.format("left", -0.04, 1, -0.055), LOOP.format("right", 0.04, -1, 0.055)
+    head, tail = text[: text.index('<body name="left"')], "</body>" * 6
+    loops = "".join(
+        f'<connect body1="{side}_pad" body2="{side}_bar" anchor="{x} 0 0"/>'
+        for side, x in (("left", -0.015), ("right", 0.015))
+    )
+    coupled = '<joint joint1="right_driver" joint2="left_driver"/>'
+    path = tmp_path / "arm.xml"
+    path.write_text(
+        head.replace("<compiler", f'<option jacobian="{jacobian}"/><compiler') + left + right + tail
+        + f"</worldbody><equality>{loops}{coupled}</equality>{MOTOR.format('left_driver')}</mujoco>"
+    )  # fmt: skip
+    hand = Gripper.of(jacokin.load_robot(path))
+    assert hand.openings[-1] == pytest.approx(0.0)
+    np.testing.assert_allclose(hand.widths, 0.076 - 0.1 * np.sin(hand.openings), atol=1e-5)
+
+
+ADAPTING = """<body name="{0}_driver" pos="{1} 0 0.03"><joint name="{0}_driver" axis="0 {2} 0" range="0 0.8"/>
+  <geom size="0.002"/>
+  <body name="{0}_tip" pos="0 0 0.05"><joint name="{0}_tip" axis="0 {2} 0" range="-1 0"/><geom size="0.002"/></body>
+</body>
+<body name="{0}_bar" pos="{3} 0 0.03">
+  <joint name="{0}_bar" axis="0 {2} 0" range="-0.5 1.5" stiffness="0.1" springref="{4}"/><geom size="0.002"/>
+  <body name="{0}_pad" pos="0 0 0.06"><joint name="{0}_pad" axis="0 1 0" range="-2 2"/>
+    <geom type="box" size="0.002 0.01 0.015" pos="{5} 0 0.02"/></body></body>"""
+
+
+def test_a_spring_and_a_limit_hold_a_finger_that_adapts(tmp_path: Path) -> None:
+    """A driver of two pieces, the outer one of which a spring presses against its limit: bars of 6 cm in one piece."""
+    text = fingers_of_slides(("0 1", "0 1"))
+    left = ADAPTING.format("left", -0.04, 1, -0.055, 2.0, 0.015)
+    right = ADAPTING.format("right", 0.04, -1, 0.055, 2.0, -0.015)
+    loops = "".join(f'<connect body1="{side}_tip" body2="{side}_pad" anchor="0 0 0.01"/>' for side in ("left", "right"))
+    coupled = '<joint joint1="right_driver" joint2="left_driver"/>'
+    path = tmp_path / "arm.xml"
+    path.write_text(
+        text[: text.index('<body name="left"')] + left + right + "</body>" * 6
+        + f"</worldbody><equality>{loops}{coupled}</equality>{MOTOR.format('left_driver')}</mujoco>"
+    )  # fmt: skip
+    hand = Gripper.of(jacokin.load_robot(path))
+    np.testing.assert_allclose(hand.widths[1:], 0.076 - 0.12 * np.sin(hand.openings[1:]), atol=1e-5)
+
+
+def test_what_is_only_drawn_is_no_shape_of_a_hand(tmp_path: Path) -> None:
+    """A link of a cover that is drawn and does not collide has no name that contact could be allowed for."""
+    path = tmp_path / "arm.xml"
+    cover = '<body name="cover"><geom size="0.01" contype="0" conaffinity="0"/></body>'
+    path.write_text(fingers_of_slides(("0 0.04", "-0.04 0"), "", cover))
+    links = shapes_of_links(jacokin.load_robot(path))
+    assert {"left", "right"} <= links.keys()
+    assert "cover" not in links

@@ -17,7 +17,7 @@ import pinocchio as pin
 from jacokin.arrays import Array
 from jacokin.errors import ModelError
 from jacokin.model import checks
-from jacokin.model.descriptions.tools import FRAME_TYPES, frames_on, is_finger, joints_of_tool, usual_tools
+from jacokin.model.descriptions.tools import FRAME_TYPES, frames_on, is_finger, is_torso, joints_of_tool, usual_tools
 
 if TYPE_CHECKING:
     import mujoco
@@ -40,10 +40,15 @@ class Coupling:
     what: str
     """Kind and name of what couples them, for messages."""
     leader: str | None = None
-    """The joint that the one joint follows, where it is of that kind."""
+    """The joint that the others follow, where they do."""
     multiplier: float = 1.0
     offset: float = 0.0
-    """[rad] or [m] of the one joint where its leader is at zero."""
+    """[rad] or [m] of the others where their leader is at zero."""
+
+    @property
+    def followers(self) -> frozenset[str]:
+        """The joints that follow the leader; none without one."""
+        return frozenset() if self.leader is None else self.joints - {self.leader}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -198,6 +203,9 @@ def _arm_end(model: pin.Model, base_joint: int, leaders: Mapping[str, str]) -> t
             f"joints: arms on a torso rather than fingers on an arm; {_advice(model, branches, leaders)}"
         )
     chain = _chain_to(model, base_joint, end)
+    beside = [each for joint in chain[:-1] for each in model.children[joint] if each not in chain]
+    if beside:
+        notes = (*notes, f"locked beside the arm are {_listed([str(model.names[joint]) for joint in beside])}")
     left_out = joints_of_tool(model, chain, leaders)
     for joint, why in reversed(left_out):
         frames = frames_on(model, joint)
@@ -230,6 +238,8 @@ def _listed(names: Sequence[str]) -> str:
 
 def _branches_into_arms(model: pin.Model, length: int, branches: Sequence[int]) -> bool:
     """Whether what begins where a chain of some joints branches are arms rather than fingers."""
+    if any(is_finger(model, branch) for branch in branches):
+        return False
     return max((_length(model, branch) for branch in branches), default=0) >= max(length, SHORTEST_ARM)
 
 
@@ -240,10 +250,26 @@ def _chain_to(model: pin.Model, base_joint: int, end: int) -> list[int]:
 
 def _before_the_branches(model: pin.Model, joint: int) -> tuple[int, int]:
     """The last joint outwards from a joint before the tree branches or ends, and the number of joints up to it."""
-    length = 1
-    while len(model.children[joint]) == 1:
-        joint, length = model.children[joint][0], length + 1
-    return joint, length
+    trunk = [joint]
+    while (onward := _onward(model, trunk)) is not None:
+        trunk.append(onward)
+    return trunk[-1], len(trunk)
+
+
+def _onward(model: pin.Model, trunk: Sequence[int]) -> int | None:
+    """The joint with which a chain goes on: the only one, or the only one of an arm beside a head or a linkage.
+
+    Not behind a torso: whether that is part of the arm, its user knows.
+    """
+    branches = list(model.children[trunk[-1]])
+    if len(branches) < 2:
+        return branches[0] if branches else None
+    arms = [branch for branch in branches if _length(model, branch) > SHORTEST_ARM]
+    if len(arms) != 1 or not _branches_into_arms(model, len(trunk), branches):
+        return None
+    if len(trunk) + _length(model, arms[0]) < ONLY_ARM:
+        return None
+    return None if any(is_torso(model, joint) for joint in trunk) else arms[0]
 
 
 def _length(model: pin.Model, joint: int) -> int:
@@ -252,13 +278,25 @@ def _length(model: pin.Model, joint: int) -> int:
 
 
 def _advice(model: pin.Model, starts: list[int], leaders: Mapping[str, str]) -> str:
-    """Advice to give tip=..., with frames at the ends of the chains, those of the longest first."""
+    """Advice to give tip=..., with frames at the ends of the chains that may be arms, those of the longest first."""
     ends = [end for start in starts for end in _ends_of_arms(model, start, leaders)]
     ends.sort(key=lambda end: -len(model.supports[end]))
-    carried = [frames_on(model, end) for end in ends]
+    trunk = model.parents[starts[0]]
+    arms = [end for end in ends if len(model.supports[end]) - len(model.supports[trunk]) > SHORTEST_ARM] or ends
+    carried = [frames_on(model, end) for end in arms]
     candidates = [(usual_tools(frames) or frames)[0] for frames in carried if frames][:NAMED_CANDIDATES]
     named = f", for example {', '.join(candidates)}" if candidates else ""
-    return f"say which frame ends the arm with tip=...{named} (and which begins it with base=...)"
+    return f"say which frame ends the arm with tip=...{named}{_advice_on_base(model, trunk)}"
+
+
+def _advice_on_base(model: pin.Model, trunk: int) -> str:
+    """Advice to give base=..., too, where a joint carries all chains."""
+    frames = frames_on(model, trunk) if trunk else []
+    if not frames:
+        return " (and which begins it with base=...)"
+    if model.joints[trunk].nv != 1:
+        return f", and where it begins with base={frames[0]!r}"
+    return f"; base={frames[0]!r}, too, for the arm without joint {model.names[trunk]!r}"
 
 
 def _ends_of_arms(model: pin.Model, start: int, leaders: Mapping[str, str]) -> list[int]:

@@ -77,6 +77,8 @@ def find_mesh(file_name: str, path: Path, package_dirs: Sequence[Path]) -> Path:
     advice = ""
     if scheme in PACKAGE_SCHEMES:
         advice = f"; give the folder that holds the package {package!r} with package_dirs= or {SEARCH_PATH}"
+    elif scheme == "file" or Path(file_name).is_absolute():
+        advice = ", a path of the machine that wrote the file; write one of this machine, or package://, in its place"
     raise ShapeError(
         f"{path}: mesh {shown(file_name)} is not found{advice}. Contact needs the meshes, kinematics does not"
     )

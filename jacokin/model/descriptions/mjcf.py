@@ -58,6 +58,7 @@ CONNECT, WELD, JOINT, TENDON = (
 )
 SCALAR_JOINTS = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 JOINT_TRANSMISSIONS = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
+TENDON_TRANSMISSION = int(mujoco.mjtTrn.mjTRN_TENDON)
 FOLLOWING = tuple(  # dynamics whose state stays within the range of the control
     int(kind) for kind in (mujoco.mjtDyn.mjDYN_NONE, mujoco.mjtDyn.mjDYN_FILTER, mujoco.mjtDyn.mjDYN_FILTEREXACT)
 )
@@ -369,14 +370,43 @@ def reference_configuration(model: mujoco.MjModel, full: pin.Model) -> Array:
 
 
 def couplings(model: mujoco.MjModel) -> list[Coupling]:
-    """The active equalities, each with the names of the joints that it couples."""
+    """The active equalities, each with the names of the joints that it couples; of a linear one, which joint leads."""
     found = []
     for equality in range(model.neq):
         if model.eq_active0[equality]:
             kind = mujoco.mjtEq(model.eq_type[equality]).name.removeprefix("mjEQ_").lower()
             name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_EQUALITY, equality) or f"number {equality}"
             joints = frozenset(joint_name(model, joint) for joint in _joints(model, equality))
-            found.append(Coupling(joints, f"{kind} equality {name!r}"))
+            found.append(Coupling(joints, f"{kind} equality {name!r}", *_linear(model, equality)))
+    return found
+
+
+def _linear(model: mujoco.MjModel, equality: int) -> tuple[str | None, float, float]:
+    """Leader, multiplier and offset of two joints of which one is a linear function of the other; None for no leader.
+
+    MuJoCo's second joint leads, or the first one where an actuator moves that and not the second.
+    """
+    if model.eq_type[equality] != JOINT or model.eq_obj2id[equality] < 0:
+        return None, 1.0, 0.0
+    offset, slope, *curved = (float(each) for each in model.eq_data[equality, :5])
+    if any(curved) or slope == 0.0:
+        return None, 1.0, 0.0
+    follower, leader = int(model.eq_obj1id[equality]), int(model.eq_obj2id[equality])
+    offset += float(model.qpos0[model.jnt_qposadr[follower]] - slope * model.qpos0[model.jnt_qposadr[leader]])
+    moved = actuated(model)
+    if follower in moved and leader not in moved:
+        leader, slope, offset = follower, 1.0 / slope, -offset / slope
+    return joint_name(model, leader), slope, offset
+
+
+def actuated(model: mujoco.MjModel) -> set[int]:
+    """Ids of the joints that an actuator moves, by itself or through a tendon."""
+    found = set[int]()
+    for kind, target in zip(model.actuator_trntype.tolist(), model.actuator_trnid[:, 0].tolist(), strict=True):
+        if kind in JOINT_TRANSMISSIONS:
+            found.add(target)
+        elif kind == TENDON_TRANSMISSION:
+            found |= _of_tendon(model, target)
     return found
 
 

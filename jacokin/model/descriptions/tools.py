@@ -56,10 +56,13 @@ TOOL_FRAMES = (
     "link8",  # the flange of Franka's arms
     "hand",
     "hand_link",
+    "gripper",
+    "gripper_link",
 )
 
 FEWEST = 3  # joints that an arm keeps; a chain that would keep fewer is a gripper or a finger itself
 SURE = ("jaw", "finger", "claw", "knuckle", "thumb")  # no joint of an arm moves one of these alone
+MOVING = "moving"  # of the two parts of a gripper, so that the other one stands
 LIKELY = {"grip": "gripper", "camera": "camera"}  # links of wrists are called so, and joints that turn the gripper
 # Words of a joint or a link that turns or carries the gripper.
 TURNING = frozenset((
@@ -106,6 +109,12 @@ def is_finger(model: pin.Model, joint: int) -> bool:
     return any(word in name.lower() for word in SURE for name in (str(model.names[joint]), _link(model, joint)))
 
 
+def is_torso(model: pin.Model, joint: int) -> bool:
+    """Whether a joint that carries an arm and something else may be one of a torso: it slides, or is called so."""
+    named = "torso" in str(model.names[joint]).lower() or "torso" in _link(model, joint).lower()
+    return model.joints[joint].nv != 1 or slides(model, joint) or named
+
+
 def _why_of_tool(model: pin.Model, chain: Sequence[int], leaders: Mapping[str, str]) -> str | None:
     """Why the last joint of a chain is one of the tool; None where it is one of the arm."""
     if len(chain) == 1:
@@ -123,8 +132,8 @@ def _by_name(model: pin.Model, chain: Sequence[int]) -> str | None:
     joint, link = model.names[chain[-1]], _link(model, chain[-1])
     joints = [model.names[each] for each in chain[:-1]]
     links = [_link(model, each) for each in chain[:-1]]
-    slides, travel = _slides(model, chain[-1]), _travel(model, chain[-1])
-    narrow = slides or travel <= NARROW
+    travel = _travel(model, chain[-1])
+    narrow = slides(model, chain[-1]) or travel <= NARROW
     called = f"{link!r}, by its name" if link else "by its name"
     if _turns(joint):
         return None
@@ -134,6 +143,8 @@ def _by_name(model: pin.Model, chain: Sequence[int]) -> str | None:
         if _says(link, word, links) and travel < WIDE and not _stands(link):
             return f"moves only the {word} {called}"
     for word, what in LIKELY.items():
+        if MOVING in _words(link) and _says(link, word, links):
+            return f"moves only the {what} {called}"
         sure = narrow or (not _carries_tool_frame(model, chain[-1]) and (travel < WIDE or what == "camera"))
         if _says(joint, word, joints) and sure:
             return f"moves only the {what} {called}"
@@ -150,8 +161,8 @@ def _by_motion(model: pin.Model, chain: Sequence[int]) -> str | None:
     light = weights[-1] <= LIGHT[0] * sum(weights) and weights[-1] <= LIGHT[1] * weights[-2]
     if _turns(model.names[at]) or _carries_tool_frame(model, at):
         return None
-    if _slides(model, at):
-        turning = sum(not _slides(model, joint) for joint in before)
+    if slides(model, at):
+        turning = sum(not slides(model, joint) for joint in before)
         return f"slides only {1e3 * travel:.0f} mm" if travel <= SHORT and turning >= SLIDES_AFTER and light else None
     low, high = limits_of(model, at)
     near, far = sorted((abs(low), abs(high)))
@@ -181,7 +192,8 @@ def _stands(link: str) -> bool:
     return bool(_words(link) & (STANDING | TURNING))
 
 
-def _slides(model: pin.Model, joint: int) -> bool:
+def slides(model: pin.Model, joint: int) -> bool:
+    """Whether a joint slides, and does not turn."""
     return "JointModelP" in model.joints[joint].shortname()
 
 

@@ -1,15 +1,13 @@
-"""URDF files: checked, and read by Pinocchio; yourdfpy reads what Pinocchio drops."""
+"""URDF files: checked, and read by Pinocchio, but for `<mimic>`, which Pinocchio drops."""
 
 from __future__ import annotations
 
-import io
 import math
 import re
 import xml.etree.ElementTree as ET
 import xml.parsers.expat
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from copy import deepcopy
 from pathlib import Path
 
 import pinocchio as pin
@@ -61,6 +59,7 @@ JOINT_ELEMENTS = (
 NEVER_NEGATIVE = {("limit", "effort"), ("limit", "velocity"), ("mass", "value")}
 
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)  # as C reads it: no "1_0", no other digits
+_NUMBERS = re.compile(rf"{_NUMBER.pattern}(\s+{_NUMBER.pattern})*", re.ASCII)
 _NOT_FINITE = re.compile(r"[-+]?(nan|inf|infinity)", re.IGNORECASE | re.ASCII)
 KINEMATIC_TAGS = ("link", "joint")  # of a <robot>; materials, transmissions and plugins are for other programs
 SHAPE_TAGS = ("visual", "collision")
@@ -82,9 +81,8 @@ def read(path: Path) -> Description:
         raise ModelError(f"{path}: cannot be read: {error}") from error
     notes: list[str] = []
     robot = check(text, str(path), notes)
-    bare = kinematic_text(robot)
-    couplings = _couplings(bare, str(path))
-    return _description(_parse(bare, str(path)), couplings, ET.tostring(robot, encoding="unicode"), notes)
+    model = _parse(kinematic_text(robot), str(path))
+    return _description(model, _couplings(robot), ET.tostring(robot, encoding="unicode"), notes)
 
 
 def read_bundled(path: Path) -> Description:
@@ -134,38 +132,25 @@ def kinematic_text(robot: ET.Element) -> str:
     bare = ET.Element("robot", name=robot.get("name", ""))
     for element in robot:
         if element.tag in KINEMATIC_TAGS:
-            copy = deepcopy(element)
-            for child in list(copy):
-                if child.tag in SHAPE_TAGS:
-                    copy.remove(child)
-            for limit in copy.findall("limit"):
-                for attribute in ("effort", "velocity"):
-                    limit.set(attribute, limit.get(attribute, "0"))
-            bare.append(copy)
+            part = ET.SubElement(bare, element.tag, element.attrib)
+            for child in element:
+                if child.tag == "limit":
+                    ET.SubElement(part, "limit", {"effort": "0", "velocity": "0"} | child.attrib)
+                elif child.tag not in SHAPE_TAGS:
+                    part.append(child)
     return ET.tostring(bare, encoding="unicode")
 
 
-def _couplings(text: str, source: str) -> list[Coupling]:
-    """The joints that follow another one, as yourdfpy reads them; Pinocchio drops the relation."""
-    if "<mimic" not in text:
-        return []
-    import yourdfpy  # which takes half a second to load
-
-    try:
-        parsed = yourdfpy.URDF.load(io.BytesIO(text.encode()), load_meshes=False, build_scene_graph=False)
-    except Exception as error:  # yourdfpy raises whatever its walk through the XML stumbles over
-        raise ModelError(f"{source}: yourdfpy cannot read this URDF: {error!r}") from error
-    following = [(joint.name, joint.mimic) for joint in parsed.robot.joints if joint.mimic is not None]
-    return [
-        Coupling(
-            frozenset((name,)),
-            "mimic",
-            mimic.joint,
-            1.0 if mimic.multiplier is None else mimic.multiplier,
-            0.0 if mimic.offset is None else mimic.offset,
-        )
-        for name, mimic in following
-    ]
+def _couplings(robot: ET.Element) -> list[Coupling]:
+    """The joints that follow another one."""
+    found = []
+    for joint in robot.findall("joint"):
+        mimic = joint.find("mimic")
+        if mimic is not None:
+            name, leader = joint.get("name", ""), mimic.get("joint", "")
+            multiplier, offset = float(mimic.get("multiplier", "1")), float(mimic.get("offset", "0"))
+            found.append(Coupling(frozenset((name,)), "mimic", leader, multiplier, offset))
+    return found
 
 
 def check(text: str, source: str, notes: list[str] | None = None) -> ET.Element:
@@ -330,16 +315,17 @@ def _check_numbers(owner: ET.Element, where: str) -> None:
 
 def _numbers(text: str, counts: Sequence[int], what: str) -> list[float]:
     parts = text.split()
+    if len(parts) in counts and _NUMBERS.fullmatch(text.strip()):  # of nearly all
+        values = [float(part) for part in parts]
+        if all(map(math.isfinite, values)):
+            return values
     if any(_NOT_FINITE.fullmatch(part) for part in parts):
         raise ModelError(f"{what} is not finite")
     if not all(_NUMBER.fullmatch(part) for part in parts):
         raise ModelError(f"{what} is not made of numbers")
     if len(parts) not in counts:
         raise ModelError(f"{what} must have {counts[0]} {'number' if counts[0] == 1 else 'numbers'}")
-    values = [float(part) for part in parts]
-    if not all(map(math.isfinite, values)):
-        raise ModelError(f"{what} is not finite")
-    return values
+    raise ModelError(f"{what} is not finite")  # written with an exponent that no double holds
 
 
 def _check_single(owner: ET.Element, tags: Sequence[str], where: str) -> None:

@@ -35,6 +35,7 @@ AHEAD = 40  # configurations before grasps among which the free motion chooses
 LONGEST = 1.0  # [rad] no joint moves farther along the straight line
 EACH = "each is out of reach, in contact, or the line to it leaves its branch"
 LINES = 5  # straight lines that are tried
+LOOKED_AT = 5  # every so many rows of the line at which the open hand must not touch the object
 FINDING = 0.6  # of the time is for finding configurations at grasps, at most
 UP = np.array([0.0, 0.0, 1.0])
 LEAST_TIME = 0.1  # [s] for the lift, whatever time is left
@@ -160,7 +161,11 @@ def plan_pick(
     near = free
     if obstacle is not None and (touching := _hand_links(robot, solver.frame, hand)):
         near = solver.in_scene(around.allowing(*((link, obstacle) for link in touching)))
-    finder = _Approaches(near, free, np.clip(q, robot.lower, robot.upper), back, generator, begun, begun + limit)
+    open_hand = None
+    if hands and hands[0] is not JACO:  # whose pads have room on both sides of the object
+        open_hand = IKSolver(robot, solver.frame, tool=solver.tool, scene=around, collision="reject")
+    seed = np.clip(q, robot.lower, robot.upper)
+    finder = _Approaches(near, free, open_hand, seed, back, generator, begun, begun + limit)
     found, failed = finder.find(ways), ""
     motion = Trajectory.of(
         robot,
@@ -200,6 +205,9 @@ def plan_pick(
             continue
         if not line.success:
             failed = f"no straight line to a grasp: {line.message}"
+            continue
+        if open_hand is not None and any(open_hand.verifier.touching(row) for row in line.q[::LOOKED_AT]):
+            failed = "no straight line to a grasp: the hand touches the object before it closes"
             continue
         message = f"{motion.message}; then {line.duration:.4g} s straight to the grasp"
         held, raised = None, None
@@ -294,14 +302,19 @@ class _Approaches:
         self,
         near: IKSolver,
         free: IKSolver,
+        open_hand: IKSolver | None,
         start: Array,
         back: float,
         rng: np.random.Generator,
         begun: float,
         deadline: float,
     ) -> None:
-        """Take a solver that lets the hand touch the object, one that does not, where the arm is, and the time."""
+        """Take a solver that lets the hand touch the object, one that does not, where the arm is, and the time.
+
+        One that sees what touches, without a clearance, is for hands that must not touch the object before they close.
+        """
         self._near, self._free, self._start, self._rng = near, free, start, rng
+        self._open_hand = open_hand
         self._back = back
         self._until = begun + FINDING * (deadline - begun)
         self._finder = GoalFinder(near, start, rng, begun, self._until)
@@ -317,7 +330,7 @@ class _Approaches:
                 self.reason = f"{EACH}, as far as there was time to look"
                 break
             q, grasp, at = ends[k]
-            if self._near.verifier.touching(q):
+            if self._near.verifier.touching(q) or (self._open_hand and self._open_hand.verifier.touching(q)):
                 continue
             ahead = UP if grasp.gripper is None else grasp.gripper.pads.rotation[:, 2]
             before = at * pin.SE3(np.eye(3), -self._back * ahead)

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import pytest
 
 import jacokin
+from benchmarks import makers
 from jacokin.model.descriptions import tools
 from tests.robot_files import skeleton
 
@@ -22,29 +23,9 @@ class Arm(NamedTuple):
     frame: str
 
 
+#: Arms that `makers.toml` does not have, and names that might mislead.
 ARMS = {
     # Grippers with one jaw, that are the last joint of a chain.
-    "SO-100": Arm(
-        "shoulder_pan>shoulder shoulder_lift>upper_arm elbow_flex>lower_arm wrist_flex>wrist wrist_roll>gripper "
-        "gripper>jaw[-0.2,2.0]",
-        "wrist_roll", 5, "gripper",
-    ),
-    "SO-100 as in MuJoCo": Arm(
-        "Rotation>Rotation_Pitch[-1.92,1.92] Pitch>Upper_Arm[-3.32,0.17] Elbow>Lower_Arm[-0.17,3.14] "
-        "Wrist_Pitch>Wrist_Pitch_Roll[-1.66,1.66] Wrist_Roll>Fixed_Jaw[-2.79,2.79] Jaw>Moving_Jaw[-0.17,1.75]",
-        "Wrist_Roll", 5, "Fixed_Jaw",
-    ),
-    "SO-101": Arm(
-        "shoulder_pan>shoulder_link[-1.92,1.92] shoulder_lift>upper_arm_link[-1.75,1.75] elbow_flex>lower_arm_link "
-        "wrist_flex>wrist_link[-1.66,1.66] wrist_roll>gripper_link[-2.74,2.84] +gripper_frame_link "
-        "gripper>moving_jaw_so101_v1_link[-0.17,1.75]",
-        "wrist_roll", 5, "gripper_frame_link",
-    ),
-    "Koch v1.1": Arm(
-        "joint_1>link_2 joint_2>link_3 joint_3>link_4 joint_4>link_5 joint_5>link_6[-3.14,3.14] +back_tcp +gripper_tcp "
-        "joint_6>gripper[0,1.6]",
-        "joint_5", 5, "gripper_tcp",
-    ),
     "Koch, names without a meaning": Arm(
         "joint1>link1=0.05 joint2>link2=0.04 joint3>link3=0.04 joint4>link4=0.03 joint5>link5=0.04 "
         "joint6>link6[-0.2,1.9]=0.008",
@@ -100,33 +81,6 @@ ARMS = {
         "|joint8>link8{-0.035,0}",
         "joint6", 6, "link6",
     ),
-    "WidowX 250": Arm(
-        "waist>shoulder_link shoulder>upper_arm_link elbow>upper_forearm_link forearm_roll>lower_forearm_link "
-        "wrist_angle>wrist_link wrist_rotate>gripper_link +ee_arm_link +gripper_bar_link +ee_gripper_link "
-        "|gripper>gripper_prop_link* |left_finger>left_finger_link{0.015,0.037} "
-        "|right_finger>right_finger_link{-0.037,-0.015}",
-        "wrist_rotate", 6, "ee_gripper_link",
-    ),
-    "OpenManipulator-X": Arm(
-        "joint1>link2 joint2>link3[-1.5,1.5] joint3>link4[-1.5,1.4] joint4>link5[-1.7,1.97] +end_effector_link "
-        "|gripper>gripper_link{-0.01,0.019} |gripper_sub>gripper_sub_link{-0.01,0.019}",
-        "joint4", 4, "end_effector_link",
-    ),
-    "Panda with its hand": Arm(
-        "panda_joint1>panda_link1 panda_joint2>panda_link2[-1.76,1.76] panda_joint3>panda_link3 "
-        "panda_joint4>panda_link4[-3.07,-0.07] panda_joint5>panda_link5 panda_joint6>panda_link6[-0.02,3.75] "
-        "panda_joint7>panda_link7 +panda_link8 +panda_hand +panda_hand_tcp "
-        "|panda_finger_joint1>panda_leftfinger{0,0.04} |panda_finger_joint2>panda_rightfinger{0,0.04}",
-        "panda_joint7", 7, "panda_hand_tcp",
-    ),
-    "OpenArm": Arm(
-        "openarm_joint1>openarm_link1 openarm_joint2>openarm_link2 openarm_joint3>openarm_link3 "
-        "openarm_joint4>openarm_link4 openarm_joint5>openarm_link5[-1.57,1.57] "
-        "openarm_joint6>openarm_link6[-0.79,0.79] openarm_joint7>openarm_link7[-1.57,1.57] +openarm_hand "
-        "+openarm_hand_tcp |openarm_finger_joint1>openarm_right_finger{0,0.044} "
-        "|openarm_finger_joint2>openarm_left_finger{0,0.044}",
-        "openarm_joint7", 7, "openarm_hand_tcp",
-    ),
     "Jaco": Arm(
         "j2n6s300_joint_1>j2n6s300_link_1* j2n6s300_joint_2>j2n6s300_link_2 j2n6s300_joint_3>j2n6s300_link_3 "
         "j2n6s300_joint_4>j2n6s300_link_4* j2n6s300_joint_5>j2n6s300_link_5* j2n6s300_joint_6>j2n6s300_link_6* "
@@ -135,17 +89,6 @@ ARMS = {
         "j2n6s300_joint_6", 6, "j2n6s300_end_effector",
     ),
     # No gripper; nothing may be left out.
-    "FR3": Arm(
-        "fr3_joint1>fr3_link1 fr3_joint2>fr3_link2[-1.78,1.78] fr3_joint3>fr3_link3 fr3_joint4>fr3_link4[-3.04,-0.15] "
-        "fr3_joint5>fr3_link5 fr3_joint6>fr3_link6[0.54,4.5] fr3_joint7>fr3_link7 +fr3_link8",
-        "fr3_joint7", 7, "fr3_link8",
-    ),
-    "UR5e": Arm(
-        "shoulder_pan_joint>shoulder_link[-6.28,6.28] shoulder_lift_joint>upper_arm_link[-6.28,6.28] "
-        "elbow_joint>forearm_link[-3.14,3.14] wrist_1_joint>wrist_1_link[-6.28,6.28] "
-        "wrist_2_joint>wrist_2_link[-6.28,6.28] wrist_3_joint>wrist_3_link[-6.28,6.28] +flange +tool0",
-        "wrist_3_joint", 6, "tool0",
-    ),
     "UR5 of before": Arm(
         "shoulder_pan_joint>shoulder_link shoulder_lift_joint>upper_arm_link elbow_joint>forearm_link "
         "wrist_1_joint>wrist_1_link wrist_2_joint>wrist_2_link wrist_3_joint>wrist_3_link +ee_link",
@@ -162,49 +105,16 @@ ARMS = {
         "Actuator7>Bracelet_Link* +EndEffector_Link",
         "Actuator7", 7, "EndEffector_Link",
     ),
-    "Gen3 lite": Arm(
-        "joint_1>shoulder_link[-2.68,2.68] joint_2>arm_link[-2.61,2.61] joint_3>forearm_link[-2.61,2.61] "
-        "joint_4>lower_wrist_link[-2.6,2.6] joint_5>upper_wrist_link[-2.53,2.53] joint_6>end_effector_link[-2.6,2.6] "
-        "+dummy_link +gripper_base_link +tool_frame |right_finger_bottom_joint>right_finger_prox_link[-0.09,0.96] "
-        "|left_finger_bottom_joint>left_finger_prox_link[-0.96,0.09]",
-        "joint_6", 6, "end_effector_link",
-    ),
-    "xArm7": Arm(
-        "joint1>link1[-6.28,6.28] joint2>link2[-2.06,2.09] joint3>link3[-6.28,6.28] joint4>link4[-0.19,3.93] "
-        "joint5>link5[-6.28,6.28] joint6>link6[-1.69,3.14] joint7>link7[-6.28,6.28] +link_eef",
-        "joint7", 7, "link_eef",
-    ),
-    "xArm6 with its gripper": Arm(
-        "joint1>link1 joint2>link2 joint3>link3 joint4>link4 joint5>link5 joint6>link6[-6.28,6.28] +link_eef "
-        "+xarm_gripper_base_link +link_tcp |drive_joint>left_outer_knuckle[0,0.85] "
-        "|right_outer_knuckle_joint>right_outer_knuckle[0,0.85]",
-        "joint6", 6, "link_tcp",
-    ),
-    "Lite 6": Arm(
-        "joint1>link1 joint2>link2 joint3>link3 joint4>link4 joint5>link5[-2.16,2.16] joint6>link6[-6.28,6.28] "
-        "+link_eef",
-        "joint6", 6, "link_eef",
-    ),
     "iiwa 14": Arm(
         "iiwa_joint_1>iiwa_link_1 iiwa_joint_2>iiwa_link_2[-2.09,2.09] iiwa_joint_3>iiwa_link_3 "
         "iiwa_joint_4>iiwa_link_4[-2.09,2.09] iiwa_joint_5>iiwa_link_5 iiwa_joint_6>iiwa_link_6[-2.09,2.09] "
         "iiwa_joint_7>iiwa_link_7[-3.05,3.05] +iiwa_link_ee",
         "iiwa_joint_7", 7, "iiwa_link_ee",
     ),
-    "Sawyer": Arm(
-        "right_j0>right_l0[-3.05,3.05] right_j1>right_l1[-3.81,2.28] right_j2>right_l2[-3.04,3.04] "
-        "right_j3>right_l3[-3.04,3.04] right_j4>right_l4[-2.98,2.98] right_j5>right_l5[-2.98,2.98] "
-        "right_j6>right_l6[-4.71,4.71] +right_hand",
-        "right_j6", 7, "right_hand",
-    ),
     "IRB 120": Arm(
         "joint_1>link_1 joint_2>link_2[-1.92,1.92] joint_3>link_3[-1.92,1.22] joint_4>link_4 "
         "joint_5>link_5[-2.09,2.09] joint_6>link_6[-6.98,6.98] +flange +tool0",
         "joint_6", 6, "tool0",
-    ),
-    "CRX-5iA": Arm(
-        "joint_1>link_1 joint_2>link_2 joint_3>link_3 joint_4>link_4 joint_5>link_5 joint_6>link_6[-3.93,3.93] +flange",
-        "joint_6", 6, "flange",
     ),
     "Rizon 4": Arm(
         "joint1>link1[-2.79,2.79] joint2>link2[-2.26,2.26] joint3>link3 joint4>link4[-1.86,2.69] joint5>link5 "
@@ -215,19 +125,6 @@ ARMS = {
         "shoulder_joint>shoulder_Link upperArm_joint>upperArm_Link foreArm_joint>foreArm_Link wrist1_joint>wrist1_Link "
         "wrist2_joint>wrist2_Link wrist3_joint>wrist3_Link[-3.05,3.05] +ee_link",
         "wrist3_joint", 6, "ee_link",
-    ),
-    "myCobot 280": Arm(
-        "joint2_to_joint1>joint2 joint3_to_joint2>joint3 joint4_to_joint3>joint4 joint5_to_joint4>joint5 "
-        "joint6_to_joint5>joint6 joint6output_to_joint6>joint6_flange[-3.05,3.05]",
-        "joint6output_to_joint6", 6, "joint6_flange",
-    ),
-    "Fetch, the arm": Arm(
-        "shoulder_pan_joint>shoulder_pan_link[-1.6,1.6] shoulder_lift_joint>shoulder_lift_link[-1.22,1.52] "
-        "upperarm_roll_joint>upperarm_roll_link* elbow_flex_joint>elbow_flex_link[-2.25,2.25] "
-        "forearm_roll_joint>forearm_roll_link* wrist_flex_joint>wrist_flex_link[-2.16,2.16] "
-        "wrist_roll_joint>wrist_roll_link* +gripper_link |r_gripper_finger_joint>r_gripper_finger_link{0,0.05} "
-        "|l_gripper_finger_joint>l_gripper_finger_link{0,0.05}",
-        "wrist_roll_joint", 7, "wrist_roll_link",
     ),
     "Alex, left": Arm(
         "LeftShoulderY>LeftShoulderPitchLink LeftShoulderX>LeftShoulderRollLink LeftShoulderZ>LeftShoulderYawLink "
@@ -260,6 +157,87 @@ ARMS = {
 }  # fmt: skip
 
 
+TABLE = {arm.name: arm for arm in makers.read_table()}
+
+
+@pytest.mark.parametrize("name", TABLE)
+def test_joints_and_tool_are_those_that_makers_use(tmp_path: Path, name: str) -> None:
+    arm, path = TABLE[name], tmp_path / "arm.urdf"
+    path.write_text(skeleton(arm.parts))
+    assert arm.problem(path) == ""
+
+
+def test_the_table_has_forty_arms_or_more() -> None:
+    assert sum(not arm.refused and arm.base is None for arm in TABLE.values()) >= 40
+
+
+def test_real_files_are_compared_with_the_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arm, other = TABLE["UR5e"], TABLE["UR3e"]
+    (tmp_path / "deep").mkdir()
+    (tmp_path / "deep" / arm.file).write_text(skeleton(arm.parts))
+    (tmp_path / other.file).write_text(skeleton(TABLE["TM12"].parts))
+    makers.main([str(tmp_path)])
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines if line.endswith("as expected")] == ["UR5e"]
+    assert any(line.startswith("UR3e") and "joints joint_1, joint_2" in line for line in lines)
+    assert "1 files as expected, 1 not; no file of SO-100, SO-101," in lines[-1]
+
+
+@pytest.mark.parametrize(
+    ("name", "sentence"),
+    [
+        (
+            "Fetch",
+            "the chain branches at joint 'torso_lift_joint', its number 1, into chains of up to 8 joints: arms on a "
+            "torso rather than fingers on an arm; say which frame ends the arm with tip=..., for example gripper_link; "
+            "base='torso_lift_link', too, for the arm without joint 'torso_lift_joint'",
+        ),
+        (
+            "ALOHA of MuJoCo Menagerie",
+            "several chains start at the base (left/waist, right/waist); say which frame ends the arm with tip=..., "
+            "for example left/gripper, right/gripper_link (and which begins it with base=...)",
+        ),
+    ],
+)
+def test_robots_of_several_arms_are_refused_with_the_cure(tmp_path: Path, name: str, sentence: str) -> None:
+    path = tmp_path / "robot.urdf"
+    path.write_text(skeleton(TABLE[name].parts))
+    with pytest.raises(jacokin.errors.ModelError) as raised:
+        jacokin.load_robot(path)
+    assert str(raised.value) == sentence
+
+
+def test_a_head_or_a_linkage_beside_the_arm_is_locked_and_named(tmp_path: Path) -> None:
+    path = tmp_path / "arm.urdf"
+    path.write_text(skeleton(TABLE["IRB 2400"].parts))
+    robot = jacokin.load_robot(path)
+    assert "locked beside the arm are joint_lever_a, joint_lever_b" in robot.notes
+
+
+def test_a_torso_with_one_arm_asks_whether_it_is_part_of_it(tmp_path: Path) -> None:
+    path = tmp_path / "arm.urdf"
+    arm = " ".join(f"a{i}>l{i}" for i in range(6))
+    path.write_text(skeleton(f"torso_yaw>torso |head_pan>head {arm}"))
+    with pytest.raises(jacokin.errors.ModelError, match="base='torso', too, for the arm without joint 'torso_yaw'"):
+        jacokin.load_robot(path)
+    path.write_text(skeleton(f"waist_yaw>chest |head_pan>head {arm}"))
+    assert jacokin.load_robot(path).dof == 7
+
+
+def test_a_floating_base_is_named_with_the_base_behind_it(tmp_path: Path) -> None:
+    path = tmp_path / "mobile.xml"
+    part = '<body name="l{0}" pos="0 0 0.1"><joint name="j{0}" axis="0 {1} {2}"/><geom size="0.01"/>'
+    arm = "".join(part.format(i, i % 2, (i + 1) % 2) for i in range(6)) + "</body>" * 6
+    wheel = '<body name="{0}" pos="0.1 0 0"><joint name="{0}_joint"/><geom size="0.1"/></body>'
+    path.write_text(
+        '<mujoco><worldbody><body name="platform"><freejoint name="root"/><geom size="0.2"/>'
+        f"{arm}{wheel.format('left')}{wheel.format('right')}</body></worldbody></mujoco>"
+    )
+    with pytest.raises(jacokin.errors.ModelError, match=r"for example l5, and where it begins with base='platform'"):
+        jacokin.load_robot(path)
+    assert jacokin.load_robot(path, tip="l5", base="platform").dof == 6
+
+
 @pytest.mark.parametrize("name", ARMS)
 def test_an_arm_ends_where_its_maker_ends_it(tmp_path: Path, name: str) -> None:
     arm, path = ARMS[name], tmp_path / "arm.urdf"
@@ -289,7 +267,7 @@ def test_an_arm_ends_where_its_maker_ends_it(tmp_path: Path, name: str) -> None:
 )
 def test_what_is_left_out_is_said_and_can_be_taken_in(tmp_path: Path, name: str, note: str) -> None:
     path = tmp_path / "arm.urdf"
-    path.write_text(skeleton(ARMS[name].parts))
+    path.write_text(skeleton((TABLE | ARMS)[name].parts))
     robot = jacokin.load_robot(path)
     assert note in robot.notes
     whole = jacokin.load_robot(path, tip=note.split("'")[-2])

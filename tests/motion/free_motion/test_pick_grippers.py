@@ -7,17 +7,19 @@ from typing import NamedTuple
 
 import mujoco
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import jacokin
-from jacokin import IKSolver, Robot
+from jacokin import FreeAxis, IKSolver, Robot
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.ik import Box, Scene
 from jacokin.model import Gripper
 from jacokin.model.mujoco_twin import to_spec
 from jacokin.motion import grasps, plan_pick
-from tests.gripper_arms import load
+from jacokin.motion.grasps import Grasp
+from tests.gripper_arms import load, panda_text
 
 SIZE = [0.024, 0.03, 0.05]
 
@@ -47,6 +49,32 @@ def test_a_box_is_picked_by_one_jaw(tmp_path: Path) -> None:
 @pytest.mark.parametrize("case", CASES[1:], ids=[case.robot for case in CASES[1:]])
 def test_a_box_is_picked(case: Case, tmp_path: Path) -> None:
     check_a_box_is_picked(case, tmp_path)
+
+
+@pytest.mark.slow
+def test_the_palm_does_not_touch_the_box(tmp_path: Path) -> None:
+    """A hand whose palm ends 3 cm farther out than where the fingers begin; the box would fit between them."""
+    path = tmp_path / "panda.urdf"
+    hand = '<origin xyz="0.0 0.0 0.03"/><geometry><box size="0.04 0.2 0.06"/>'
+    assert hand in panda_text()
+    path.write_text(panda_text().replace(hand, '<origin xyz="0.0 0.0 0.045"/><geometry><box size="0.04 0.2 0.09"/>'))
+    robot = jacokin.load_robot(path)
+    box = Box("box", [0.03, 0.03, 0.05], [0.5, 0.1, 0.025])
+    scene, gripper = Scene([box]), Gripper.of(robot)
+    ways = grasps.box(box.size, box.pose, gripper=gripper)
+    pick = plan_pick(IKSolver(robot, scene=scene), robot.home, ways, obstacle="box", lift=0.04, time_limit=20.0)
+    assert pick.success, pick.message
+    assert pick.reach is not None
+    assert pick.opening is not None
+    assert np.min(robot.clearance(pick.reach.q, scene.with_fingers(pick.opening))) > 0.0
+    # Grasps of one's own that are deeper are refused: the palm is in the box before the fingers close.
+    ahead = pin.SE3(np.eye(3), 0.02 * gripper.pads.rotation[:, 2])
+    deeper = [
+        Grasp(FreeAxis(way.target.pose * ahead, axis=way.target.axis, range=way.target.range), way.opening, gripper)
+        for way in ways
+    ]
+    pick = plan_pick(IKSolver(robot, scene=scene), robot.home, deeper, obstacle="box", lift=0.04, time_limit=5.0)
+    assert not pick.success
 
 
 def check_a_box_is_picked(case: Case, tmp_path: Path) -> None:
