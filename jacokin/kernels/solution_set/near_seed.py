@@ -12,6 +12,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.kernels.limits import TURN
@@ -29,8 +30,9 @@ BEYOND_ENDS = 0.1
 BESIDE_CHORD = 0.3
 #: [rad] how far from a fold configurations are looked for first, and at last: rounding may leave none just there.
 AT_FOLD, BESIDE_FOLD = 1e-8, 1e-2
-#: Intervals that wait their turn.
-WAITING = 48
+#: Intervals that wait their turn; and that are halved at most: rows that want more are no smooth functions, as where a
+#: joint may have any value.
+WAITING, MOST_HALVED = 48, 500
 
 
 class NearSeed(NamedTuple):
@@ -38,6 +40,7 @@ class NearSeed(NamedTuple):
 
     seed: Array  # (7,) where only solutions as near to it as the nearest one are wanted; NaN for all of them [rad]
     best: Array  # (1,) least distance of a configuration within the limits so far [rad]
+    halved: NDArray[np.int64]  # (1,) how many intervals were
     angles: Array  # (PLACES,) along arcs: both ends of intervals, and their middles [rad]
     places: Array  # (PLACES, 8, 7) the rows there
     waiting: Array  # (WAITING, 17) intervals: angles, how far joints may go beyond the ends, configurations there
@@ -54,7 +57,12 @@ class Arc(NamedTuple):
 def make_near_seed() -> NearSeed:
     """Fresh arrays, without a seed."""
     return NearSeed(
-        np.full(7, np.nan), np.zeros(1), np.zeros(PLACES), np.empty((PLACES, MOST_AT_Q3, 7)), np.empty((WAITING, 17))
+        np.full(7, np.nan),
+        np.zeros(1),
+        np.zeros(1, np.int64),
+        np.zeros(PLACES),
+        np.empty((PLACES, MOST_AT_Q3, 7)),
+        np.empty((WAITING, 17)),
     )
 
 
@@ -73,7 +81,7 @@ def add_chords(
         loops: filled, without curves.
         walk: for tangents.
     """
-    near.best[0], size = math.inf, 0
+    near.best[0], near.halved[0], size = math.inf, 0, 0
     for n in range(max(count, 1)):
         size = place_arc(chain, T, limits, seven, arc_of(seven.folds, count, n), near, size)
         if size < 0:
@@ -172,7 +180,7 @@ def search_interval(
     loops: Loops,
     walk: Walk,
 ) -> bool:
-    """Enter chords of a row between two places, with one between them; False where there is no room."""
+    """Enter chords of a row between two places, with one between them; False where that takes too much."""
     waiting, top, x = near.waiting, 1, near.places[first + 1, row]
     for side in range(2):
         waiting[0, side] = near.angles[first + 2 * side]
@@ -187,7 +195,8 @@ def search_interval(
             angle = 0.5 * (item[0] + item[1])
             x = seven.rows[row]
             solve_rows_at_q3(chain, seven.arm, T, joint_3(arc, angle), row, row + 1, seven.rows)
-            if top + 1 == WAITING or math.isnan(x[0]):
+            near.halved[0] += 1
+            if top + 1 == WAITING or near.halved[0] > MOST_HALVED or math.isnan(x[0]):
                 return False
             offer_row(x, limits, near)
             halve(near, top, angle, x)
