@@ -19,7 +19,6 @@ import math
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import StructureError
@@ -30,8 +29,9 @@ from jacokin.ik.solutions.solution_set import Touching
 from jacokin.ik.structures import FEWEST
 from jacokin.ik.targets import TargetPose
 from jacokin.ik.verification import Verifier
-from jacokin.kernels.branches import COLUMNS, DISTANCE, FAMILY, ORIENTATION_ERROR, POSITION_ERROR, WITHIN_LIMITS
-from jacokin.model import angles, checks
+from jacokin.kernels.branches import COLUMNS, DISTANCE, FAMILY, ORIENTATION_ERROR, POSITION_ERROR
+from jacokin.model import checks
+from jacokin.model.angles import TURN
 from jacokin.model.measured_arm import joint_axis
 
 SIX = 6  # joints that the closed form solves for
@@ -39,7 +39,7 @@ STANDS = 0.03  # [rad] of a joint that should stand at zero: from there on Newto
 AT_ZERO = 1e-10  # [rad] of such a joint: nothing to correct
 SAME = 1e-7  # [rad] configurations nearer than that are one
 STEPS = 8  # of Newton's method
-SMALLEST_STEP = 1e-13  # [rad] after which it ends
+SMALLEST_STEP = 1e-7  # [rad] after which it ends: the next one would be rounding
 ON_LIMIT = 1e-9  # [rad] past a limit: rounding
 ON_ONE_LINE = 1e-9  # sine, and distance over the arm's length, of two axes that count as one
 
@@ -113,7 +113,7 @@ class VirtualJoints:
         free_joint: as `PointsOfFew` has it.
     """
 
-    __slots__ = ("_form", "_position_only", "_real", "_sign", "_still", "_verifier", "free_joint")
+    __slots__ = ("_form", "_lower", "_position_only", "_real", "_sign", "_still", "_upper", "_verifier", "free_joint")
 
     def __init__(self, verifier: Verifier, axis: Array | None, *, position_only: bool, limit_snap: float) -> None:
         """Build the chain of six and prepare its closed form: a tenth of a second.
@@ -142,6 +142,7 @@ class VirtualJoints:
         unbounded = np.full(SIX - self._real, np.inf)
         lower = np.concatenate([robot.lower[: self._real], -unbounded])
         upper = np.concatenate([robot.upper[: self._real], unbounded])
+        self._lower, self._upper = robot.lower.tolist(), robot.upper.tolist()
         model, frame_id = self._chain(virtual)
         self._form = ClosedForm(model, frame_id, None, lower, upper, limit_snap=limit_snap)
 
@@ -153,79 +154,70 @@ class VirtualJoints:
 
     def solve_all(self, target: TargetPose, seed: Array) -> PointsOfFew:
         """Every configuration, nearest to the seed (dof,) first, within the limits or not."""
-        real, T = self._real, target.matrix.copy()
+        real, sign, T, start = self._real, self._sign, target.matrix, np.zeros(SIX)
+        start[:real] = seed[:real]
         if self._position_only:
+            T = T.copy()
             T[:3, :3] = ORIENTATION
-        found = self._form.solve_all(T, np.concatenate([seed[:real], np.zeros(SIX - real)]))
-        rows, free = found.rows.copy(), target.free_axis
-        if self._still:
-            rows = self._standing(rows, T)
-        q = np.tile(seed, (len(rows), 1))
-        q[:, :real] = rows[:, :real]
-        parameter, outside = None, np.zeros(len(rows), dtype=np.bool_)
-        if free is not None:
-            turned = rows[:, real] + self._sign * q[:, -1] if self._sign else rows[:, real]
-            parameter = np.array([target.nearest_angle(p) for p in turned.tolist()])
-            beyond = angles.wrap_to_pi(turned - parameter)
-            if self._sign:  # the joint that turns about the axis itself goes where the range has it
-                q[:, -1] -= self._sign * beyond
-            else:
-                outside = np.abs(beyond) > SAME
-        return self._made(rows, q, seed, parameter, outside, found.dropped)
-
-    def _made(
-        self,
-        rows: Array,
-        q: Array,
-        seed: Array,
-        parameter: Array | None,
-        outside: NDArray[np.bool_],
-        dropped: bool,
-    ) -> PointsOfFew:
-        """Configurations (k, dof) as the answer, those that are one only once."""
-        robot = self._verifier.robot
-        margin = np.minimum(q - robot.lower, robot.upper - q)
-        made = np.zeros((len(q), COLUMNS))
-        made[:, : robot.dof], made[:, SIX : SIX + robot.dof] = q, margin
-        made[:, POSITION_ERROR : ORIENTATION_ERROR + 1] = rows[:, POSITION_ERROR : ORIENTATION_ERROR + 1]
-        if self._position_only:
-            made[:, ORIENTATION_ERROR] = 0.0
-        else:
-            made[:, FAMILY] = rows[:, FAMILY]
-        away = q - seed
-        made[:, DISTANCE] = np.linalg.norm(np.where(robot.unlimited, angles.wrap_to_pi(away), away), axis=1)
-        made[:, WITHIN_LIMITS] = (margin >= 0.0).all(axis=1) & ~outside
-        kept = np.argsort(made[:, DISTANCE], kind="stable").tolist()
-        if self._still or self._position_only:  # several of the chain's may be one of the arm's
-            kept = _different(q, kept)
-        parameter = None if parameter is None else parameter[kept]
-        return PointsOfFew(made[kept], dropped, seed, self._verifier, parameter, self.free_joint)
-
-    def _standing(self, rows: Array, T: Array) -> Array:
-        """Those of some rows whose last joints stand at zero within the tolerances, moved so that they do exactly."""
-        options, free, kept = self._verifier.options, SIX - self._still, []
-        lower, upper = self._verifier.robot.lower[: self._real], self._verifier.robot.upper[: self._real]
-        for row in rows[(np.abs(angles.wrap_to_pi(rows[:, free:SIX])) < STANDS).all(axis=1)]:
-            stood = np.abs(angles.wrap_to_pi(row[free:SIX])).max()
-            row[free:SIX] = 0.0
-            if stood < AT_ZERO:
-                kept.append(row)
+        found = self._form.solve_all(T, start)
+        at_seed, rows = seed.tolist(), found.rows.tolist()  # plain floats: for a few rows they are faster than NumPy
+        made = []
+        for row in rows:
+            if self._still and not self._stands(row, T):
                 continue
-            for _ in range(STEPS):
-                error, jacobian = _error_and_jacobian(self._form.chain, row[:SIX], T)
-                step = np.linalg.lstsq(jacobian[:, :free], error, rcond=None)[0]
-                row[:free] += step
-                if np.abs(step).max() < SMALLEST_STEP:
-                    break
-            real = row[: self._real]
-            onto = np.clip(real, lower, upper)
-            row[: self._real] = np.where(np.abs(onto - real) < ON_LIMIT, onto, real)
-            error, _ = _error_and_jacobian(self._form.chain, row[:SIX], T)
-            row[POSITION_ERROR], row[ORIENTATION_ERROR] = np.linalg.norm(error[:3]), np.linalg.norm(error[3:])
-            near = row[POSITION_ERROR] <= options.position_tolerance
-            if near and row[ORIENTATION_ERROR] <= options.orientation_tolerance:
-                kept.append(row)
-        return np.array(kept).reshape(-1, COLUMNS)
+            q, parameter, reached = row[:real] + at_seed[real:], math.nan, True
+            if target.free_axis is not None:
+                turned = row[real] + sign * q[-1]
+                parameter = target.nearest_angle(turned)
+                beyond = math.remainder(turned - parameter, TURN)
+                if sign:  # the joint that turns about the axis itself goes where the range has it
+                    q[-1] -= sign * beyond
+                else:
+                    reached = abs(beyond) <= SAME
+            made.append((self._row(row, q, at_seed, reached), parameter))
+        made.sort(key=lambda each: each[0][DISTANCE])
+        if self._still or self._position_only:  # several of the chain's may be one of the arm's
+            made = _different(made)
+        angle = None if target.free_axis is None else np.array([parameter for _, parameter in made])
+        table = np.array([row for row, _ in made]).reshape(-1, COLUMNS)
+        return PointsOfFew(table, found.dropped, seed, self._verifier, angle, self.free_joint)
+
+    def _row(self, row: list[float], q: list[float], seed: list[float], reached: bool) -> list[float]:
+        """A row of the answer from one of the chain's and the configuration (dof,), which may be one that counts."""
+        margin, none = row[SIX : SIX + self._real], [0.0] * (SIX - len(q))
+        if self._sign:
+            margin.append(min(q[-1] - self._lower[-1], self._upper[-1] - q[-1]))
+        within = float(reached and min(margin) >= 0.0)
+        orientation, family = (0.0, 0.0) if self._position_only else (row[ORIENTATION_ERROR], row[FAMILY])
+        measured = row[POSITION_ERROR], orientation, math.dist(q, seed), within, family  # in the order of the columns
+        return [*q, *none, *margin, *none, *measured]
+
+    def _stands(self, row: list[float], T: Array) -> bool:
+        """Whether the last joints of a row stand at zero within the tolerances; it is changed so that they do."""
+        free = SIX - self._still
+        stood = max(abs(math.remainder(angle, TURN)) for angle in row[free:SIX])
+        if stood >= STANDS:
+            return False
+        row[free:SIX] = [0.0] * self._still
+        if stood < AT_ZERO:
+            return True
+        q = np.array(row[:SIX])
+        for _ in range(STEPS):
+            error, jacobian = _error_and_jacobian(self._form.chain, q, T)
+            step = np.linalg.lstsq(jacobian[:, :free], error, rcond=None)[0]
+            q[:free] += step
+            if np.abs(step).max() < SMALLEST_STEP:
+                break
+        lower, upper = self._lower[: self._real], self._upper[: self._real]
+        real = q[: self._real]
+        onto = real.clip(lower, upper)
+        real[:] = np.where(np.abs(onto - real) < ON_LIMIT, onto, real)
+        error, _ = _error_and_jacobian(self._form.chain, q, T)
+        row[:SIX], row[SIX : SIX + self._real] = q.tolist(), np.minimum(real - lower, upper - real).tolist()
+        row[POSITION_ERROR], row[ORIENTATION_ERROR] = math.hypot(*error[:3]), math.hypot(*error[3:])
+        options = self._verifier.options
+        near = row[POSITION_ERROR] <= options.position_tolerance
+        return near and row[ORIENTATION_ERROR] <= options.orientation_tolerance
 
     def _last_along(self, axis: Array) -> float:
         """Whether the last joint turns about the free axis (3,) itself: 1.0, against it -1.0, or not 0.0."""
@@ -267,25 +259,36 @@ class VirtualJoints:
         return model, model.addFrame(pin.Frame("tool", joint, 0, at, pin.FrameType.OP_FRAME), False)
 
 
-def _different(q: Array, order: list[int]) -> list[int]:
-    """Indices, in an order, of configurations (k, dof) that differ from all before them."""
-    kept: list[int] = []
-    for index in order:
-        if not (np.abs(angles.wrap_to_pi(q[kept] - q[index])).max(axis=1) < SAME).any():
-            kept.append(index)
+def _different(made: list[tuple[list[float], float]]) -> list[tuple[list[float], float]]:
+    """Those rows, in order, whose configurations differ from all before them."""
+    kept: list[tuple[list[float], float]] = []
+    for each in made:
+        if not any(_is_same(each[0], other[0]) for other in kept):
+            kept.append(each)
     return kept
+
+
+def _is_same(row: list[float], other: list[float]) -> bool:
+    """Whether two rows have one configuration."""
+    return all(abs(math.remainder(a - b, TURN)) < SAME for a, b in zip(row[:SIX], other[:SIX], strict=True))
 
 
 def _error_and_jacobian(chain: Array, q: Array, T: Array) -> tuple[Array, Array]:
     """What a chain (7, 3, 4) at q (6,) misses a pose (4, 4) by, (6,) [m, rad], and its derivative (6, 6)."""
+    turns = np.zeros((SIX + 1, 3, 3))
+    turns[:, 2, 2] = 1.0
+    turns[:SIX, 0, 0] = turns[:SIX, 1, 1] = np.cos(q)
+    turns[:SIX, 1, 0] = np.sin(q)
+    turns[:, 0, 1] = -turns[:, 1, 0]
+    turns[SIX] = np.eye(3)
     rotation, position = np.eye(3), np.zeros(3)
-    axes, points = np.empty((SIX, 3)), np.empty((SIX, 3))
+    axes, points = np.empty((SIX + 1, 3)), np.empty((SIX + 1, 3))
     for index, place in enumerate(chain):
         position = position + rotation @ place[:, 3]
         rotation = rotation @ place[:, :3]
-        if index < SIX:
-            axes[index], points[index] = rotation[:, 2], position
-            c, s = math.cos(q[index]), math.sin(q[index])
-            rotation = rotation @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        axes[index], points[index] = rotation[:, 2], position
+        rotation = rotation @ turns[index]
     error = np.concatenate([T[:3, 3] - position, pin.log3(T[:3, :3] @ rotation.T)])
-    return error, np.concatenate([np.cross(axes, position - points), axes], axis=1).T
+    x, y, z = axes[:SIX].T
+    u, v, w = (position - points[:SIX]).T
+    return error, np.array([y * w - z * v, z * u - x * w, x * v - y * u, x, y, z])

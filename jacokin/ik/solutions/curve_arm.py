@@ -57,6 +57,7 @@ class CurveArm:
     """
 
     __slots__ = (
+        "_bounds",
         "_chain",
         "_constants",
         "_idle",
@@ -85,7 +86,10 @@ class CurveArm:
         self._limits = np.array([np.full(DIMENSIONS, -np.inf), np.full(DIMENSIONS, np.inf)])
         self._limits[0, : self.dof][bounded] = robot.lower[bounded]
         self._limits[1, : self.dof][bounded] = robot.upper[bounded]
-        self._idle: list[_Calls] = [_Calls()]  # each thread takes one, or makes one, and puts it back
+        self._bounds = np.array([robot.lower, robot.upper])
+        self._idle: list[_Calls] = [
+            _Calls(self._nearest_work())
+        ]  # each thread takes one, or makes one, and puts it back
 
     def __getstate__(self) -> tuple[object, ...]:
         """Working memory is made anew."""
@@ -96,7 +100,7 @@ class CurveArm:
         names = (name for name in self.__slots__ if name != "_idle")
         for name, value in zip(names, state, strict=True):
             setattr(self, name, value)
-        self._idle = [_Calls()]
+        self._idle = [_Calls(self._nearest_work())]
 
     @property
     def constants(self) -> tuple[int, Array, Array]:
@@ -122,12 +126,12 @@ class CurveArm:
         try:
             calls = self._idle.pop()
         except IndexError:
-            calls = _Calls()
+            calls = _Calls(self._nearest_work())
         work, six = calls.solve.work, calls.solve.work.six
         work.chain[:], work.T[:], work.pieces.limits[:] = problem.chain, problem.T, problem.limits
         wrist = len(self._constants) > FORM and self._constants[FORM] == SPHERICAL_WRIST
         work.options[:] = self.parameter, NO_SLICES if only_starts else self._kind, 2 if wrist else 1
-        work.starts[:], work.seed[:] = np.nan, np.nan
+        work.starts[:], work.near.seed[:] = np.nan, np.nan
         work.starts[: len(starts)] = starts
         if self._kind == JOINT_3:
             work.seven.arm[:] = self._constants
@@ -144,6 +148,18 @@ class CurveArm:
             six.T[:] = _inverse(problem.T) @ _inverse(_square(turned[7]))
         return calls
 
+    def _nearest_work(self) -> NearestWork:
+        """Fresh work arrays that know which angles are joints, and their limits."""
+        work, dof = make_nearest_work(), self.dof
+        work.weights[dof:], work.limits[0], work.limits[1] = 0.0, -np.inf, np.inf
+        work.limits[:, :dof] = self._bounds
+        return work
+
+    def _nearest(self, call: Call[NearestWork], seed: Array) -> Array | None:
+        """The point (7,) of pieces that is nearest to a seed (dof,); None without any."""
+        call.work.seed[: self.dof] = seed
+        return call.work.x.copy() if call() else None
+
     def _put_back(self, calls: _Calls) -> None:
         """Let others use calls, once their arrays are read."""
         self._idle.append(calls)
@@ -157,11 +173,10 @@ class _Calls:
     #: Starts there is room for.
     STARTS = 24
 
-    def __init__(self) -> None:
+    def __init__(self, nearest: NearestWork) -> None:
         self.solve = Call(solve_set, make_set_work()._replace(starts=np.full((self.STARTS, DIMENSIONS), np.nan)))
         work = self.solve.work
-        pieces = work.pieces
-        nearest = make_nearest_work()._replace(chain=work.chain, T=work.T, nodes=pieces.nodes, ends=pieces.ends)
+        nearest = nearest._replace(chain=work.chain, T=work.T, nodes=work.pieces.nodes, ends=work.pieces.ends)
         self.nearest = Call(find_nearest, nearest)
         self.point = Call(find_point, make_point_work()._replace(nodes=np.zeros((2, 2 * DIMENSIONS))))
 
@@ -210,32 +225,28 @@ class CurveProblem(NamedTuple):
         self.arm._put_back(calls)
         return found
 
-    def nearest(self, starts: Array, seed: Array, lower: Array, upper: Array) -> tuple[Array | None, bool]:
-        """The point (7,) within the limits nearest to a seed, None for none; and whether nothing may be missing.
+    def nearest(self, starts: Array, seed: Array) -> Array | None:
+        """The point (7,) within the limits nearest to a seed (dof,) [rad]; None for none.
 
         Args:
             starts: (k, 7) points nearby whose curves are followed too.
             seed: (dof,) [rad].
-            lower: (dof,) limits [rad].
-            upper: (dof,) limits [rad].
         """
         calls = self.arm._prepare(self, starts)
         work = calls.solve.work
         if self.arm.parameter < len(seed) and self.arm.each_angle_once:
-            work.seed[: len(seed)] = seed
-        wrong = calls.solve()
+            work.near.seed[: len(seed)] = seed
+        calls.solve()
         work.pieces.ends[work.pieces.size[1] :] = 0
-        x = _nearest(calls.nearest, seed, lower, upper)
+        x = self.arm._nearest(calls.nearest, seed)
         self.arm._put_back(calls)
-        return x, wrong == 0
+        return x
 
-    def nearest_on(self, nodes: list[Array], seed: Array, lower: Array, upper: Array) -> Array | None:
-        """As `nearest`, on runs of nodes (m, 14) alone."""
-        ends = np.zeros((len(nodes), 6), np.int64)
-        ends[:, 1] = np.cumsum([len(each) for each in nodes])
-        ends[1:, 0] = ends[:-1, 1]
-        work = make_nearest_work()._replace(chain=self.chain, T=self.T, nodes=np.vstack(nodes), ends=ends)
-        return _nearest(Call(find_nearest, work), seed, lower, upper)
+    def nearest_on(self, nodes: Array, seed: Array) -> Array | None:
+        """As `nearest`, on a run of nodes (m, 14) alone."""
+        ends = np.array([[0, len(nodes), 0, 0, 0, 0]])
+        work = self.arm._nearest_work()._replace(chain=self.chain, T=self.T, nodes=nodes, ends=ends)
+        return self.arm._nearest(Call(find_nearest, work), seed)
 
     def at(self, chord: Array, parameter: float) -> Array:
         """The point (7,) of a chord (2, 14) where the parameter has a value [rad], or the end that is nearer to it."""
@@ -324,15 +335,6 @@ def _square(placement: Array) -> Array:
 
 def _inverse(T: Array) -> Array:
     return np.asarray(pin.SE3(T[:3, :3], T[:3, 3]).inverse().homogeneous)
-
-
-def _nearest(call: Call[NearestWork], seed: Array, lower: Array, upper: Array) -> Array | None:
-    work, dof = call.work, len(seed)
-    work.seed[:], work.weights[:] = 0.0, 0.0
-    work.seed[:dof], work.weights[:dof] = seed, 1.0
-    work.limits[0], work.limits[1] = -np.inf, np.inf
-    work.limits[0, :dof], work.limits[1, :dof] = lower, upper
-    return work.x.copy() if call() else None
 
 
 def read_curves(work: SetWork, *, complete: bool) -> Curves:

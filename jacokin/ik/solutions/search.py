@@ -110,8 +110,9 @@ class SetSearch:
         if beyond is not None:
             return self._closest_to(request, members, None, beyond)
         if request.cost is None:  # the kernels find the nearest member at once
-            member = self.nearest(request.target, request.seed)
-            first = self._beside_seed(members, member)
+            starts = self._starts(members)
+            member = self._nearest(members, starts)
+            first = self._beside_seed(members, starts, member)
             if member is not None:
                 first.append(members.candidate(*member))
             if first:
@@ -158,14 +159,16 @@ class SetSearch:
         hardly = np.abs(nodes[:, self._arm.parameter]) <= self._verifier.options.orientation_tolerance
         return nodes[hardly, : self._arm.dof]
 
-    def _beside_seed(self, members: Members, nearest: tuple[Array, float] | None) -> list[Candidate]:
+    def _beside_seed(self, members: Members, starts: Array, nearest: tuple[Array, float] | None) -> list[Candidate]:
         """The member that Newton's method leads to from a seed that nearly is one, if it is nearer than the nearest.
 
         Next to where curves meet they may not be told apart, and a seed gets its own neighbour back all the same.
         """
-        starts, seed = self._starts(members), members.seed
+        if not len(starts):
+            return []
+        seed = members.seed
         away = math.inf if nearest is None else float(np.linalg.norm(nearest[0] - seed))
-        if not len(starts) or away < BESIDE:
+        if away < BESIDE:
             return []
         p = starts.item(0, self._arm.parameter)
         try:
@@ -227,11 +230,16 @@ class SetSearch:
 
     def nearest(self, target: TargetPose, seed: Array) -> tuple[Array, float] | None:
         """The member (dof,) nearest to a seed and its parameter [rad]; None where only `find` can tell."""
-        robot, members = self._verifier.robot, self.members(target, seed)
-        x, _ = self._arm.problem(target).nearest(self._starts(members), seed, robot.lower, robot.upper)
+        members = self.members(target, seed)
+        return self._nearest(members, self._starts(members))
+
+    def _nearest(self, members: Members, starts: Array) -> tuple[Array, float] | None:
+        """As `nearest`, with the points (k, 7) beside which curves are followed."""
+        robot = members.robot
+        x = self._arm.problem(members.target).nearest(starts, members.seed)
         if x is None:
             return None
-        return np.clip(x[: robot.dof], robot.lower, robot.upper), x.item(self._arm.parameter)
+        return x[: robot.dof].clip(robot.lower, robot.upper), x.item(self._arm.parameter)
 
     def _almost_reaching(self, request: Request, found: CurveFindings) -> Array:
         """Rows (k, dof), with the parameter of a free axis after them, where branches come nearest to the limits [rad].

@@ -47,8 +47,8 @@ class CurveTrack:
         return self._joints(self._problem.at(nodes[chord : chord + 2], p))
 
     def nearest(self, seed: Array, lower: Array, upper: Array) -> tuple[float, Array] | None:
-        """Parameter and configuration (dof,) nearest to a seed (dof,), in the equivalents within the limits."""
-        x = self._problem.nearest_on([self.nodes], seed, lower, upper)
+        """Parameter and configuration (dof,) nearest to a seed (dof,), in the equivalents within the limits (dof,)."""
+        x = self._problem.nearest_on(self.nodes, seed)
         if x is None:
             return None
         p = x.item(self._problem.arm.parameter)

@@ -155,7 +155,7 @@ static int find_pieces(const problem *of, const double *start, int *complete) {
     int near = start != NULL && parameter_of(solver) < solver->dof;
     for (int j = 0; j < solver->dof; j++)
         near = near && (solver->upper[j] - solver->lower[j] < TURN || solver->upper[j] - solver->lower[j] == INFINITY);
-    for (int j = 0; j < 7; j++) set[SET_seed].numbers[j] = near ? start[j] : NAN;
+    for (int j = 0; j < 7; j++) set[SET_near_seed].numbers[j] = near ? start[j] : NAN;
     set[SET_starts_length].length = start != NULL;
     if (start != NULL) memcpy(set[SET_starts].numbers, start, 7 * sizeof(double));
     if (solver->kind == JACOKIN_JOINT_3) {

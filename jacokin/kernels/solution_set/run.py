@@ -32,6 +32,7 @@ from jacokin.kernels.solution_set.islands import (
     make_islands,
 )
 from jacokin.kernels.solution_set.meeting import Directions, make_directions, points_aside
+from jacokin.kernels.solution_set.near_seed import NearSeed, add_chords, make_near_seed, offer_row
 from jacokin.kernels.solution_set.seven_joints import MOST_FOLDS, find_folds
 from jacokin.kernels.solution_set.slices import (
     JOINT_3,
@@ -47,7 +48,7 @@ from jacokin.kernels.solution_set.slices import (
     make_slices,
 )
 from jacokin.kernels.solution_set.trace import Loops, count_all_passed, make_loops, trace
-from jacokin.kernels.solution_set.within import Pieces, cut, excess, make_pieces
+from jacokin.kernels.solution_set.within import Pieces, cut, make_pieces
 
 #: Values of the parameter that are solved at in any case, apart by a share of a turn that no structure has, and rounds
 #: of those at which F shows more or fewer solutions than the curves so far.
@@ -70,10 +71,10 @@ class SetWork(NamedTuple):
     chain: Array  # (8, 3, 4) placements between seven joints that turn about z
     T: Array  # (4, 4) target
     options: NDArray[np.int64]  # (3,) index of the parameter, kind of `slices`, solutions for each root of F
-    seed: Array  # (7,) where only solutions as near to it as the nearest one are wanted; NaN for all of them [rad]
     starts: Array  # (n, 7) points near curves that are followed too, NaN for none [rad]
     six: SixJoints
     seven: SevenJoints
+    near: NearSeed
     islands: Islands
     slices: Slices
     loops: Loops
@@ -89,10 +90,10 @@ def make_set_work() -> SetWork:
         np.zeros((8, 3, 4)),
         np.eye(4),
         np.zeros(3, np.int64),
-        np.full(7, np.nan),
         np.empty((0, 7)),
         make_six_joints(),
         make_seven_joints(MOST_FOLDS),
+        make_near_seed(),
         make_islands(),
         make_slices(),
         make_loops(),
@@ -104,11 +105,21 @@ def make_set_work() -> SetWork:
 
 
 def solve_set(work: SetWork) -> int:
-    """Fill loops with all curves and pieces with what of them is within the limits.
+    """Fill loops with all curves and pieces with what of them is within the limits; with a seed, with some at least.
 
     Returns:
         How many things went wrong, so that parts may be missing; 0 for none.
     """
+    wrong = find_curves(work)
+    if work.pieces.size[1] == 0 and not math.isnan(work.near.seed[0]):
+        for j in range(7):
+            work.near.seed[j] = math.nan
+        wrong = find_curves(work)
+    return wrong
+
+
+def find_curves(work: SetWork) -> int:
+    """As `solve_set`; with a seed only those on which the nearest configuration is, and none for want of one."""
     parameter, kind, slices, loops = int(work.options[0]), int(work.options[1]), work.slices, work.loops
     slices.size[0] = 0
     for n in range(4):
@@ -136,25 +147,21 @@ def solve_set(work: SetWork) -> int:
 
 
 def fit_window(work: SetWork) -> None:
-    """Follow curves only where solutions may be as near to the seed as the best one at its value of the parameter."""
-    parameter, window, slices = int(work.options[0]), work.loops.window, work.slices
-    window[0], window[1] = work.seed[parameter], math.inf
-    if math.isnan(window[0]):
-        window[0] = 0.0
+    """Follow curves only where solutions may be as near to the seed as the best one at its value of the parameter.
+
+    All round where joint 3 is the parameter: there chords are found without following curves.
+    """
+    parameter, kind, window, seed = int(work.options[0]), int(work.options[1]), work.loops.window, work.near.seed
+    window[0], window[1] = 0.0, math.inf
+    if math.isnan(seed[parameter]) or kind == JOINT_3:
         return
-    add_slice(work.chain, work.T, int(work.options[1]), window[0], slices, work.six, work.seven)
+    window[0], slices, limits, best = seed[parameter], work.slices, work.pieces.limits, work.near.best
+    add_slice(work.chain, work.T, kind, window[0], slices, work.six, work.seven)
+    best[0] = math.inf
     for k in range(slices.counts[0]):
-        square = 0.0
-        for j in range(7):
-            d = wrapped(slices.x[0, k, j] - work.seed[j])
-            if work.pieces.limits[0, j] > -math.inf:
-                middle = 0.5 * (work.pieces.limits[0, j] + work.pieces.limits[1, j])
-                d = middle + wrapped(slices.x[0, k, j] - middle) - work.seed[j]
-            square += d * d
-        if excess(slices.x[0, k], work.pieces.limits) <= 0.0:
-            window[1] = min(window[1], math.sqrt(square) + BEYOND)
-    if window[1] > WIDEST:
-        window[1] = math.inf
+        offer_row(slices.x[0, k], limits, work.near)
+    if best[0] + BEYOND <= WIDEST:
+        window[1] = best[0] + BEYOND
 
 
 def is_in_window(window: Array, p: float) -> bool:
@@ -203,18 +210,17 @@ def fill_steps(system: Array, damping: float, normal: Array) -> None:
 
 
 def slice_between_folds(work: SetWork) -> int:
-    """One slice between each two values of joint 3 at which configurations meet; how many doubts there are."""
-    folds, window, slices = work.seven.folds, work.loops.window, work.slices
+    """Chords near to a seed, or one slice between each two values of joint 3 at which configurations meet; doubts."""
+    folds, slices, loops, near = work.seven.folds, work.slices, work.loops, work.near
     count, single = find_folds(work.chain, work.seven.arm, work.T, work.islands.roots, folds)
+    if single and not math.isnan(near.seed[0]):
+        if add_chords(work.chain, work.T, work.pieces.limits, work.seven, count, near, loops, work.walk):
+            return 0
+        loops.size[0], loops.size[1] = 0, 0
     doubts = int(not single)
     for n in range(max(count, 1)):
         low = folds[n] if count > 0 else OFFSET
         high = folds[n + 1] if n + 1 < count else (folds[0] if count > 0 else OFFSET) + TURN
-        if window[1] < math.inf:
-            middle = window[0] + TURN * math.floor((0.5 * (low + high) - window[0]) / TURN + 0.5)
-            if low < middle < high:
-                continue  # there is a slice in the middle of the window
-            low, high = max(low, middle - window[1]), min(high, middle + window[1])
         if high - low > RESOLUTION:
             doubts += not add_slice(work.chain, work.T, JOINT_3, 0.5 * (low + high), slices, work.six, work.seven)
     return doubts

@@ -1,0 +1,78 @@
+"""The chords of curves beside which the nearest configuration is: against scans of joint 3."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import jacokin
+from jacokin.arrays import Array
+from jacokin.ik.geometry import measure_seven
+from jacokin.kernels.closed_form.roots import make_roots
+from jacokin.kernels.solution_set.curve import LONGEST_STEP, make_walk
+from jacokin.kernels.solution_set.near_seed import add_chords, make_near_seed
+from jacokin.kernels.solution_set.seven_joints import MOST_FOLDS, find_folds, solve_at_q3
+from jacokin.kernels.solution_set.slices import make_seven_joints
+from jacokin.kernels.solution_set.trace import make_loops
+from jacokin.model.angles import TURN, wrap_to_pi
+from jacokin.model.robot import Robot
+
+SCANNED = 240
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return jacokin.load_robot("j2s7s300")
+
+
+def scan(robot: Robot, chain: Array, arm: Array, T: Array, seed: Array) -> Array:
+    """The configuration (7,) within the limits that is nearest to a seed, of those at many values of joint 3."""
+    rows = np.empty((SCANNED, 8, 7))
+    for n, q3 in enumerate((TURN * np.arange(SCANNED) / SCANNED).tolist()):
+        solve_at_q3(chain, arm, T, q3, rows[n])
+    found = rows[np.isfinite(rows[..., 0])]
+    free, middle = robot.unlimited, seed.copy()
+    middle[~free] = 0.5 * (robot.lower[~free] + robot.upper[~free])
+    found = middle + wrap_to_pi(found - middle)
+    found = found[((found >= robot.lower) & (found <= robot.upper)).all(axis=1)]
+    return np.asarray(found[np.linalg.norm(found - seed, axis=1).argmin()])
+
+
+@pytest.mark.parametrize("folded", [False, True])
+def test_the_nearest_configuration_is_beside_a_chord(robot: Robot, rng: np.random.Generator, folded: bool) -> None:
+    geometry = measure_seven(robot.pin_model, robot.frame_id(), None)
+    chain, seven, near = geometry.chain, make_seven_joints(MOST_FOLDS), make_near_seed()
+    seven.arm[:] = geometry.arm
+    bounded = ~robot.unlimited
+    limits = np.array([np.where(bounded, robot.lower, -np.inf), np.where(bounded, robot.upper, np.inf)])
+    count, single = -1, False
+    while not single or (count > 0) != folded:
+        T = robot.forward_kinematics(robot.sample(rng)).homogeneous
+        count, single = find_folds(chain, seven.arm, T, make_roots(), seven.folds)
+    near.seed[:] = robot.sample(rng)
+    loops = make_loops()
+    assert add_chords(chain, T, limits, seven, count, near, loops, make_walk())
+    nearest = scan(robot, chain, seven.arm, T, near.seed)
+    distance = np.linalg.norm(nearest - near.seed)
+    chords = loops.nodes[: loops.size[0], :7].reshape(-1, 2, 7)
+    away = np.linalg.norm(wrap_to_pi(chords - nearest), axis=2)
+    assert len(chords) == loops.size[1] > 0
+    assert away.max(axis=1).min() < LONGEST_STEP + 0.1  # the scan's is at most so far from the very nearest
+    assert distance - 0.1 < near.best[0] < distance + 0.1
+
+
+def test_a_seed_that_reaches_the_target_is_beside_a_chord(robot: Robot, rng: np.random.Generator) -> None:
+    geometry = measure_seven(robot.pin_model, robot.frame_id(), None)
+    seven, near, loops = make_seven_joints(MOST_FOLDS), make_near_seed(), make_loops()
+    seven.arm[:] = geometry.arm
+    limits = np.array([np.full(7, -np.inf), np.full(7, np.inf)])
+    near.seed[:] = robot.sample(rng)
+    T = robot.forward_kinematics(near.seed).homogeneous
+    count, _ = find_folds(geometry.chain, seven.arm, T, make_roots(), seven.folds)
+    assert add_chords(geometry.chain, T, limits, seven, count, near, loops, make_walk())
+    chords = loops.nodes[: loops.size[0], :7].reshape(-1, 2, 7)
+    along = chords[:, 1] - chords[:, 0]
+    share = (wrap_to_pi(near.seed - chords[:, 0]) * along).sum(axis=1) / (along**2).sum(axis=1)
+    beside = np.linalg.norm(wrap_to_pi(chords[:, 0] + share[:, np.newaxis] * along - near.seed), axis=1)
+    assert beside[(share > -1e-9) & (share < 1.0 + 1e-9)].min() < 1e-2
+    assert len(chords) <= 4
