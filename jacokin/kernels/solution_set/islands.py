@@ -3,10 +3,12 @@
 At a value p of the parameter all solutions are roots x of one trigonometric polynomial F(x; p) of degree 8: sixteen, of
 which the real ones are the solutions and the others pairs x and conj(x). Two solutions that meet and vanish become such
 a pair. A closed curve that lies wholly between two values of p is a pair there that comes to the real axis and leaves
-it again. How far it is from the axis and how quickly it comes tells about when: d / (2 |d'|), as d goes with the square
-root of the distance to where they meet. Where pairs come from both sides and might be there in time, the values between
-are halved, until they cannot, or until curves are found there. Where solutions are lost in two ways at one value, as
-by an arm that is stretched straight up, a single point there may be taken for the fold beside it.
+it again. How far it is from the axis tells about when: the square of this distance d is smooth in p, also where a pair
+is on the axis, so that value, slope and bend of it are followed to where it is zero. Where pairs come from both sides
+and might be there in time, the values between are halved, until they cannot, or until curves are found there. Beside a
+fold of a curve its own pair is on the way to the axis, too, and hides what comes there before; so F is looked at right
+beside each fold once the curves are known. Where noise may move a root as far as the axis, or as far as the next root,
+nothing is known of it, and the set is in doubt.
 """
 
 from __future__ import annotations
@@ -40,7 +42,7 @@ LINE_HALVINGS = 24
 OFFSET = 0.1234
 #: Times the distance between two values within which pairs from both sides may come to the axis.
 SAFETY = 1.5
-#: [rad] of the parameter: for slopes, and the shortest distance that is halved.
+#: [rad] of the parameter: for slopes and bends, and the shortest distance that is halved.
 ASIDE, CLOSE_ENOUGH = 1e-4, 3e-5
 #: [rad] values nearer to each other than this are halved where another labelling of the joints has such pairs, too.
 LABELLED = 0.07
@@ -273,8 +275,12 @@ def look_in(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling:
         mixed = (slope_after - slope_before) / (2.0 * ASIDE)
         bends = -((after - 2.0 * value + before) / ASIDE**2 + (2.0 * mixed + bend * turns) * turns) / slope
         rate, change = -(turns / x).real, -(bends / x - (turns / x) * (turns / x)).real
-        unsure = abs(turns / x) * abs(bend / slope) * noise / abs(slope)  # of the rate
+        unsure = abs(turns / x) * abs(bend / slope) * noise / abs(slope)  # of the rate, where the pair is alone
+        if distance_to_next(z, i, degree) < d:
+            unsure = 0.0
         bend_of_square = -2.0 * (rate * rate + d * change)
+        if abs(bend_of_square) <= 8.0 * d * noise / (ASIDE**2 * abs(slope)):
+            bend_of_square = 0.0  # noise
         ahead = min(ahead, first_zero(-d * d, 2.0 * d * (unsure - rate), bend_of_square))
         behind = min(behind, first_zero(-d * d, 2.0 * d * (unsure + rate), bend_of_square))
     if not single and ahead > 0.0:
@@ -353,13 +359,13 @@ def halve(
             high - low < LABELLED and not is_labelled_otherwise(k, six, work, low, high)
         ):
             continue
-        middle = 0.5 * (low + high)
-        if work.size[3] == MOST_HALVED:
+        if high - low < CLOSE_ENOUGH or work.size[3] == MOST_HALVED:
             work.size[1] += 1
             continue
         work.size[3] += 1
+        middle = 0.5 * (low + high)
         seen = look(k, six, work, middle)
-        if high - low < CLOSE_ENOUGH or (max(counts) < 0 and seen.real < 0):
+        if max(counts) < 0 and seen.real < 0:
             work.size[1] += 1
             continue
         if seen.real < 0 or seen.real > min(counts):
