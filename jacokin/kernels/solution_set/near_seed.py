@@ -154,6 +154,8 @@ def place_arc(chain: Array, T: Array, limits: Array, seven: SevenJoints, arc: Ar
 
 def offer_row(x: Array, limits: Array, near: NearSeed) -> None:
     """Take a configuration for the best so far if it is nearer, and within the limits; NaN for none."""
+    if math.isnan(x[0]):
+        return
     square = 0.0
     for j in range(7):
         d = nearest_turn(x[j] - near.seed[j])
