@@ -23,7 +23,7 @@ def test_without_ros_it_says_what_to_install(
 @pytest.mark.parametrize(
     ("words", "why"),
     [
-        ((), "--ros"),
+        (("--fast",), "--ros"),
         (("--ros", "3"), "'1', '2'"),
         (("--ros", "1", "--robot", "gen3"), "j2n6s300"),
         (("--ros", "1", "--faults", "lag"), "lag=0.02,loss=0.01"),

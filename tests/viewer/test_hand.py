@@ -114,10 +114,10 @@ def test_an_arm_that_something_else_moves_is_shown(robot: Robot) -> None:
 
         def stands() -> bool:
             viewer.stand(q, finger_angle=1.2, note="at 1.0 s")
-            return np.array_equal(viewer.view.q, q)
+            view = viewer.view
+            return np.array_equal(view.q, q) and view.note == "at 1.0 s"
 
         assert until(stands)
-        assert viewer.view.note == "at 1.0 s"
         assert until(lambda: len(drawn_hand(page)) == len(hand) and not np.array_equal(drawn_hand(page), hand))
         with pytest.raises(InvalidInputError, match="q must"):
             viewer.stand(np.zeros(3))
