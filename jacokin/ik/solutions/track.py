@@ -47,13 +47,17 @@ class CurveTrack:
         return self._joints(self._problem.at(nodes[chord : chord + 2], p))
 
     def nearest(self, seed: Array, lower: Array, upper: Array) -> tuple[float, Array] | None:
-        """Parameter and configuration (dof,) nearest to a seed (dof,), in the equivalents within the limits (dof,)."""
+        """Parameter and configuration (dof,) nearest to a seed (dof,), in the equivalents within the limits (dof,).
+
+        Where the parameter nearly stands still, as along the circle of a nearly straight wrist, it may pass an end.
+        """
         x = self._problem.nearest_on(self.nodes, seed)
         if x is None:
             return None
-        p = x.item(self._problem.arm.parameter)
+        p, parameters = x.item(self._problem.arm.parameter), self.nodes[:, self._problem.arm.parameter] + self._turns
         p += TURN * round((0.5 * (self.start + self.stop) - p) / TURN)
-        return min(max(p, self.start), self.stop), np.clip(self._joints(x), lower, upper)
+        low, high = min(self.start, parameters.min()), max(self.stop, parameters.max())
+        return float(np.clip(p, low, high)), np.clip(self._joints(x), lower, upper)
 
     def guesses(self) -> tuple[Array, Array]:
         """Coordinates (m,) in order, and configurations there (m, dof) to about 1e-4 rad; ends and nodes exactly."""
