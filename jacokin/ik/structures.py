@@ -29,8 +29,9 @@ from jacokin.model.robot import Robot, checked_robot
 #: Joints of the smallest arm that has sets of points, and the names of such arms.
 FEWEST = 3
 FEW = "three joints", "four joints", "five joints"
-#: Configurations that labellings are tried on: enough to tell those that miss branches, in a tenth of a second.
-RANKED = 24
+#: Configurations that labellings are tried on, enough to tell those that miss branches: all on the first ones, on the
+#: others so many that did best.
+RANKED, TRIED_ON_ALL, GOING_ON = 24, 4, 3
 #: What one finding counts: a configuration missed, a branch less than another labelling found, a pose in doubt, which
 #: needs a neighbour solved, and a place looked at closely. The last two are times, in units of some 60 us.
 COSTS = {MISSED: 100.0, BRANCHES_FOUND: -10.0, IN_DOUBT: 1.0, EFFORT: 0.1}
@@ -184,16 +185,19 @@ def measure_general(chain: NDArray[np.float64], labellings: Sequence[float] | No
 def rank(chain: NDArray[np.float64], q: NDArray[np.float64], size: float) -> NDArray[np.int64]:
     """The labellings (2,) that suit an arm and its neighbours best, tried on configurations (n, 6)."""
     limits = np.array([np.full(6, -np.inf), np.full(6, np.inf), np.zeros(6)])
-    call = Call(
-        rank_labellings, make_rank_work()._replace(chain=chain, scale=np.array([1.0 / size]), limits=limits, q=q)
-    )
-    call()
-    scores = call.work.scores
-    scores[:, :, BRANCHES_FOUND] -= scores[0, :, BRANCHES_FOUND].max()
-    costs = np.zeros(scores.shape[:2])
-    for column, cost in COSTS.items():
-        costs += cost * scores[:, :, column]
-    return np.asarray(costs.argmin(axis=1), dtype=np.int64)
+    work = make_rank_work()._replace(chain=chain, scale=np.array([1.0 / size]), limits=limits)
+    Call(rank_labellings, work._replace(q=q[:TRIED_ON_ALL].copy()))()
+    others = np.argsort(costs_of(work.scores), axis=1, kind="stable")[:, GOING_ON:]
+    np.put_along_axis(work.tried, others, 0, axis=1)
+    Call(rank_labellings, work._replace(q=q[TRIED_ON_ALL:].copy()))()
+    return np.asarray(np.where(work.tried, costs_of(work.scores), np.inf).argmin(axis=1), dtype=np.int64)
+
+
+def costs_of(scores: NDArray[np.float64]) -> NDArray[np.float64]:
+    """What the scores (2, n, 4) of labellings come to (2, n)."""
+    weights = np.zeros(scores.shape[2])
+    weights[list(COSTS)] = list(COSTS.values())
+    return np.asarray(scores @ weights)
 
 
 def size_of(chain: NDArray[np.float64]) -> float:

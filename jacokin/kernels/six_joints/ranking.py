@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.kernels.branches import COLUMNS, MAX_BRANCHES, BranchWork, PoseQuery, make_branches
@@ -29,19 +30,21 @@ class RankWork(NamedTuple):
     scale: Array  # (1,) [1/m]
     limits: Array  # (3, 6)
     q: Array  # (n, 6) configurations [rad]
+    tried: NDArray[np.int64]  # (2, 12) 1 for the labellings that are
     T: Array  # (4, 4)
     six: SixWork
     branches: BranchWork
-    scores: Array  # (2, 12, 4) of the arm itself, and of its first neighbour, in each labelling
+    scores: Array  # (2, 12, 4) of the arm itself, and of its first neighbour, in each labelling; added to
 
 
 def make_rank_work() -> RankWork:
-    """Fresh arrays, for no configuration."""
+    """Fresh arrays, for no configuration and all labellings."""
     return RankWork(
         np.zeros((7, 3, 4)),
         np.zeros(1),
         np.zeros((3, 6)),
         np.empty((0, 6)),
+        np.ones((2, LABELLINGS), np.int64),
         np.eye(4),
         make_six(),
         make_branches(np.empty((MAX_BRANCHES, COLUMNS))),
@@ -50,12 +53,12 @@ def make_rank_work() -> RankWork:
 
 
 def rank_labellings(work: RankWork) -> int:
-    """Fill scores; returns how many configurations were solved for."""
+    """Add to scores; returns how many configurations were solved for."""
     branches, scores = work.branches, work.scores
     for labelling in range(LABELLINGS):
         for kind in range(2):
-            for column in range(SCORES):
-                scores[kind, labelling, column] = 0.0
+            if work.tried[kind, labelling] == 0:
+                continue
             for i in range(work.q.shape[0]):
                 if scores[kind, labelling, MISSED] >= HOPELESS:
                     scores[kind, labelling, MISSED] += 1.0
