@@ -23,11 +23,11 @@ from jacokin.model.robot import Robot
 MEMBER_CLOSURE = 1e-9
 #: [m] and [rad]; the same where curves meet on limits, where that is not to be had.
 LARGEST_MISS = 1e-7
-#: Gauss-Newton steps for what closes worse, and the relative size of motions that they leave out. Where joints are on
-#: limits and curves meet, each halves what is left.
-SETTLING_STEPS, NO_MOTION = 16, 1e-4
-#: [m] and [rad] where they end.
-SETTLED = 1e-13
+#: Steps for what closes worse, their damping relative to what is missing, and [m] and [rad] where they end. Each takes
+#: about half of that away where curves meet.
+SETTLING_STEPS, DAMPING, SETTLED = 60, 0.01, 1e-13
+#: Share by which a member beside a seed is farther than the least step to the target where curves are nearly straight.
+STRAIGHT = 0.05
 
 
 class LostMemberError(JacokinError):
@@ -105,7 +105,7 @@ class Members:
         """
         errors = self.verifier.measure(q, self.target.at(parameter))
         if max(errors) > MEMBER_CLOSURE:  # a joint that is near its limit all along, moved onto it
-            q = self._settled(q, parameter)
+            q, _ = self._settled(q, parameter, turning=False)
             errors = self.verifier.measure(q, self.target.at(parameter))
         if max(errors) > LARGEST_MISS or not self.robot.within_limits(q):
             raise LostMemberError(
@@ -132,17 +132,59 @@ class Members:
                 lost = error
         raise lost
 
-    def _settled(self, q: Array, parameter: float) -> Array:
-        """A configuration (dof,) brought nearer to the target by the joints that are not on a limit."""
-        robot, pose = self.robot, self.target.at(parameter)
-        held = (q == robot.lower) | (q == robot.upper)
-        goal = pin.SE3(pose.rotation, pose.position)
+    def beside(self, q: Array, parameter: float) -> tuple[Array, float]:
+        """The member (dof,) that the least steps lead to from a configuration nearby, and its parameter [rad].
+
+        Raises:
+            LostMemberError: they lead to none.
+        """
+        q, parameter = self._settled(q, parameter, turning=self.target.free_axis is not None)
+        return self.verified(q, parameter), parameter
+
+    def is_next(self, q: Array, seed: Array, parameter: float) -> bool:
+        """Whether a member (dof,) is as near to a seed (dof,), a little beside it, as any can be where none meet."""
+        error, moving = self._missing(seed, parameter, turning=self.target.free_axis is not None)
+        step = _least_step(moving, error)
+        left = np.abs(moving @ step - error).max()
+        return bool(
+            left <= STRAIGHT * np.abs(error).max()
+            and np.linalg.norm(q - seed) <= (1.0 + STRAIGHT) * np.linalg.norm(step[: len(q)])
+        )
+
+    def _settled(self, q: Array, parameter: float, *, turning: bool) -> tuple[Array, float]:
+        """A configuration (dof,) brought nearer to the target within the limits; its parameter too, if it is turning.
+
+        By damped steps of the joints that are not on a limit, or move off it (Levenberg and Marquardt).
+        """
+        dof, lower, upper = len(q), self.robot.lower, self.robot.upper
         for _ in range(SETTLING_STEPS):
-            error = pin.log6(self.verifier.tool_pose(q).actInv(goal)).vector
+            error, moving = self._missing(q, parameter, turning=turning)
             if np.abs(error).max() < SETTLED:
                 break
-            moving = np.where(held, 0.0, robot.jacobian(q, frame=self.verifier.frame, reference="local"))
-            if self.verifier.tool is not None:
-                moving = self.verifier.tool.toActionMatrixInverse() @ moving
-            q = q + np.linalg.pinv(moving, rcond=NO_MOTION) @ error
-        return self.copies(q, q)
+            step = _least_step(moving, error)
+            stuck = ((q <= lower) & (step[:dof] < 0.0)) | ((q >= upper) & (step[:dof] > 0.0))
+            if stuck.any():
+                moving[:, :dof][:, stuck] = 0.0
+                step = _least_step(moving, error)
+            q = np.clip(q + step[:dof], lower, upper)
+            if turning:
+                parameter = self.target.nearest_angle(parameter + float(step[dof]))
+        return self.copies(q, q), parameter
+
+    def _missing(self, q: Array, parameter: float, *, turning: bool) -> tuple[Array, Array]:
+        """The motion (6,) of the tool that is missing, and what each joint adds to it (6, dof), and the free axis."""
+        pose, verifier = self.target.at(parameter), self.verifier
+        error = pin.log6(verifier.tool_pose(q).actInv(pin.SE3(pose.rotation, pose.position))).vector
+        moving = self.robot.jacobian(q, frame=verifier.frame, reference="local")
+        if verifier.tool is not None:
+            moving = verifier.tool.toActionMatrixInverse() @ moving
+        if turning:
+            assert self.target.free_axis is not None
+            moving = np.column_stack([moving, np.concatenate([np.zeros(3), -self.target.free_axis.axis])])
+        return error, moving
+
+
+def _least_step(moving: Array, error: Array) -> Array:
+    """The least step (k,) that takes an error (6,) away, damped; moving (6, k) is what each of its numbers does."""
+    damping = DAMPING * max(float(np.abs(error).max()), SETTLED)
+    return np.asarray(moving.T @ np.linalg.solve(moving @ moving.T + damping * np.eye(len(error)), error))

@@ -160,19 +160,19 @@ class SetSearch:
         return nodes[hardly, : self._arm.dof]
 
     def _beside_seed(self, members: Members, starts: Array, nearest: tuple[Array, float] | None) -> list[Candidate]:
-        """The member that Newton's method leads to from a seed that nearly is one, if it is nearer than the nearest.
+        """The member that least steps lead to from a seed that nearly is one, if it is nearer than the nearest.
 
         Next to where curves meet they may not be told apart, and a seed gets its own neighbour back all the same.
         """
         if not len(starts):
             return []
         seed = members.seed
-        away = math.inf if nearest is None else float(np.linalg.norm(nearest[0] - seed))
-        if away < BESIDE:
-            return []
         p = starts.item(0, self._arm.parameter)
+        away = math.inf if nearest is None else float(np.linalg.norm(nearest[0] - seed))
+        if away < BESIDE or (nearest is not None and members.is_next(nearest[0], seed, p)):
+            return []
         try:
-            q = members.verified(seed, p)
+            q, p = members.beside(seed, p)
         except LostMemberError:
             return []
         return [members.candidate(q, p)] if np.linalg.norm(q - seed) < away else []
