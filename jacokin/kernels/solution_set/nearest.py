@@ -186,7 +186,7 @@ def search_chord(work: NearestWork, i: int) -> None:
         for j in range(7):
             if work.weights[j] > 0.0:
                 moved = equivalent(work, b[j], j) - equivalent(work, a[j], j) - (b[j] - a[j])
-                jumps = jumps or abs(moved) > JUMP
+                jumps = jumps or abs(moved) > JUMP or dips(work, a, b, length, j)
         if jumps and length > RESOLUTION and top + 1 < PARTS and halved < MOST_HALVED:
             if point_across(work.chain, work.T, a, b, 0.5, walk.z, walk.tz, walk):
                 offer(work, walk.z)
@@ -201,6 +201,25 @@ def search_chord(work: NearestWork, i: int) -> None:
         elif not jumps:
             search_smooth(work, a, b, length)
         top -= 1
+
+
+def dips(work: NearestWork, a: Array, b: Array, length: float, j: int) -> bool:
+    """Whether an angle passes a limit between two nodes and comes back, of those that have several equivalents."""
+    if not TURN <= work.limits[1, j] - work.limits[0, j] < math.inf or a[7 + j] * b[7 + j] >= 0.0:
+        return False
+    # The derivative of the cubic is a quadratic with one zero in between.
+    first, last, mean = a[7 + j], b[7 + j], (b[j] - a[j]) / length
+    c, m = 3.0 * (first + last - 2.0 * mean), -2.0 * (2.0 * first + last - 3.0 * mean)
+    root = -0.5 * (m + math.copysign(math.sqrt(m * m - 4.0 * c * first), m))
+    u = first / root
+    if not 0.0 < u < 1.0:
+        u = root / c
+    extreme = cubic(a, b, length, u, j)
+    for side in range(2):
+        limit = work.limits[side, j] + TURN * math.floor((extreme - work.limits[side, j]) / TURN + 0.5)
+        if (a[j] - limit) * (b[j] - limit) > 0.0 and (a[j] - limit) * (extreme - limit) <= 0.0:
+            return True
+    return False
 
 
 def search_smooth(work: NearestWork, a: Array, b: Array, length: float) -> None:
