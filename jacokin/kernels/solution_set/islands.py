@@ -45,7 +45,7 @@ SAFETY = 1.5
 #: [rad] of the parameter: for slopes and bends, and the shortest distance that is halved.
 ASIDE, CLOSE_ENOUGH = 1e-4, 3e-5
 #: [rad] values nearer to each other than this are halved where another labelling of the joints has such pairs, too.
-LABELLED = 0.07
+LABELLED = 0.01
 #: [rad] from a fold that is known; how far from there its pair may be expected, relative to that.
 BESIDE, AT_FOLD = 3e-5, 0.1
 #: [rad] roots nearer to the axis are real; roots nearer to each other may be one, or a pair.
