@@ -2,6 +2,7 @@
 //
 //     drive FILE
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
@@ -128,6 +129,7 @@ void check_search(const Bench& bench, const kinematics::KinematicsBase& plugin, 
   CHECK(offered.size() == 3 && solution == offered[2] && offered[0] == nearest);
   CHECK(distance(offered[0], seed) <= distance(offered[1], seed) && distance(offered[1], seed) <= distance(offered[2], seed));
   CHECK(reaches(bench, offered[2], goal));
+  CHECK(offered[1] != offered[0]);
 
   // A slow callback that refuses everything runs into the timeout.
   const Callback slow = [](const Message&, const std::vector<double>&, Code& answer) {
@@ -144,6 +146,35 @@ void check_search(const Bench& bench, const kinematics::KinematicsBase& plugin, 
   bad.orientation.w = std::numeric_limits<double>::quiet_NaN();
   CHECK(!plugin.getPositionIK(bad, seed, solution, code));
   CHECK(!plugin.getPositionIK(pose, {0.0}, solution, code));
+}
+
+// The least time of some calls [s].
+template <typename Call>
+double quickest(const Call& call) {
+  double least = std::numeric_limits<double>::infinity();
+  for (int i = 0; i < 20; ++i) {
+    const auto start = std::chrono::steady_clock::now();
+    call();
+    least = std::min(least, std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
+  }
+  return least;
+}
+
+// The nearest configuration costs through the plugin about what it costs in the library, of seven joints too.
+void check_quickness(const Bench& bench, const kinematics::KinematicsBase& plugin, const std::vector<double>& goal,
+                     const Message& pose) {
+  std::vector<double> solution, seed = goal;
+  for (std::size_t j = 0; j < seed.size(); ++j) seed[j] += j % 2 == 0 ? 0.02 : -0.01;
+  jacokin::Work work;
+  const jacokin::Pose target = bench.arm.forward(goal);
+  const double library = quickest([&] { CHECK(bench.arm.nearest(target, seed, work).has_value()); });
+  Code code;
+  const double through = quickest([&] { CHECK(plugin.getPositionIK(pose, seed, solution, code)); });
+  const auto nearest = bench.arm.nearest(target, seed, work);
+  for (std::size_t j = 0; j < seed.size(); ++j) CHECK(std::abs(solution[j] - (*nearest)[j]) < 1e-6);
+  std::fprintf(stderr, "%zu joints: %.1f us in the library, %.1f us through the plugin\n", seed.size(), 1e6 * library,
+               1e6 * through);
+  CHECK(through < 3.0 * library + 50e-6);
 }
 
 void print_all(const Bench& bench, const kinematics::KinematicsBase& plugin, const std::vector<double>& goal,
@@ -193,6 +224,7 @@ int main(int argc, char** argv) {
   CHECK(!plugin->getPositionFK({"elbow"}, goal, poses) && poses.empty());
   CHECK(plugin->getPositionFK({"tip"}, goal, poses));
   check_search(bench, *plugin, goal, poses[0]);
+  check_quickness(bench, *plugin, goal, poses[0]);
   print_all(bench, *plugin, goal, poses[0]);
 
   // Bounds of the robot model that are narrower than the exported ones count, too.

@@ -76,3 +76,14 @@ def test_names_in_the_files_of_the_package_agree() -> None:
     assert f"project({manifest.findtext('name')} CXX)" in cmake
     for each in manifest.iter("depend"):
         assert f"find_package({each.text} REQUIRED)" in cmake
+
+
+def test_the_build_links_targets_of_every_package_and_calls_nothing_deprecated() -> None:
+    cmake = (PLUGIN / "CMakeLists.txt").read_text(encoding="utf-8")
+    assert "ament_target_dependencies" not in cmake
+    linked = cmake.split("target_link_libraries(jacokin_kinematics_plugin")[1].split(")")[0]
+    manifest = ElementTree.parse(PLUGIN / "package.xml").getroot()
+    assert {word.split("::")[0] for word in linked.split() if "::" in word} == {
+        "jacokin",
+        *(each.text for each in manifest.iter("depend")),
+    }

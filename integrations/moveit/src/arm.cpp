@@ -38,6 +38,11 @@ Arm::Lease::~Lease() {
   arm_.idle_.push_back(std::move(work_));
 }
 
+std::optional<Configuration> Arm::nearest(const Pose& target, const Configuration& seed) const {
+  Lease lease(*this);
+  return solver_.nearest(target, seed, lease.work());
+}
+
 Candidates Arm::find(const Pose& target, const Configuration& seed, const Redundancy& redundancy) const {
   Lease lease(*this);
   return solver_.dof() == 6 ? branches(target, seed, lease.work()) : solutions(target, seed, redundancy, lease.work());

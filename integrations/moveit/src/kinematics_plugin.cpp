@@ -128,8 +128,7 @@ bool KinematicsPlugin::bring_within_bounds(Configuration& q) const {
   return true;
 }
 
-std::optional<Candidates> KinematicsPlugin::find(const Message& message, const std::vector<double>& seed,
-                                                 bool hold_redundant) const {
+std::optional<Pose> KinematicsPlugin::target_of(const Message& message, const std::vector<double>& seed) const {
   if (arm_ == nullptr) {
     RCLCPP_ERROR(logger(), "the solver is not initialized");
     return std::nullopt;
@@ -141,9 +140,27 @@ std::optional<Candidates> KinematicsPlugin::find(const Message& message, const s
     RCLCPP_ERROR(logger(), "the pose must have a unit quaternion and the seed %zu joints", joint_names_.size());
     return std::nullopt;
   }
+  return target;
+}
+
+std::optional<Configuration> KinematicsPlugin::find_nearest(const Pose& target,
+                                                            const std::vector<double>& seed) const {
+  try {
+    const std::optional<Configuration> nearest = arm_->nearest(target, seed);
+    if (!nearest) return std::nullopt;
+    Configuration within = *nearest;
+    return bring_within_bounds(within) && within == *nearest ? nearest : std::nullopt;
+  } catch (const jacokin::Error& error) {
+    RCLCPP_ERROR(logger(), "%s", error.what());
+    return std::nullopt;
+  }
+}
+
+std::optional<Candidates> KinematicsPlugin::find(const Pose& target, const std::vector<double>& seed,
+                                                 bool hold_redundant) const {
   try {
     const Redundancy redundancy{hold_redundant, getSearchDiscretization(arm_->redundant_joint())};
-    Candidates found = arm_->find(*target, seed, redundancy);
+    Candidates found = arm_->find(target, seed, redundancy);
     std::vector<Configuration> kept;
     for (Configuration& q : found.within_limits) {
       if (bring_within_bounds(q)) kept.push_back(std::move(q));
@@ -179,7 +196,9 @@ bool KinematicsPlugin::getPositionIK(const std::vector<Message>& poses, const st
   if (options.discretization_method != NO_DISCRETIZATION && options.discretization_method != ALL_DISCRETIZED)
     return refuse(UNSUPORTED_DISCRETIZATION_REQUESTED);
   const bool hold = options.lock_redundant_joints || options.discretization_method == NO_DISCRETIZATION;
-  const std::optional<Candidates> found = find(poses.front(), seed, hold);
+  const std::optional<Pose> target = target_of(poses.front(), seed);
+  if (!target) return refuse(NO_SOLUTION);
+  const std::optional<Candidates> found = find(*target, seed, hold);
   if (!found || found->within_limits.empty()) return refuse(NO_SOLUTION);
   solutions = found->within_limits;
   result.kinematic_error = OK;
@@ -217,18 +236,21 @@ bool KinematicsPlugin::searchPositionIK(const Message& pose, const std::vector<d
     RCLCPP_ERROR(logger(), "consistency limits must be %zu numbers", joint_names_.size());
     return false;
   }
-  const std::optional<Candidates> found = find(pose, seed, options.lock_redundant_joints);
-  if (!found) return false;
-  for (const Configuration& q : found->within_limits) {
-    bool is_consistent = true;
+  const std::optional<Pose> target = target_of(pose, seed);
+  if (!target) return false;
+  const auto is_consistent = [&](const Configuration& q) {
     for (std::size_t j = 0; j < consistency_limits.size(); ++j)
-      is_consistent = is_consistent && std::abs(q[j] - seed[j]) <= consistency_limits[j];
-    if (!is_consistent) continue;
+      if (!(std::abs(q[j] - seed[j]) <= consistency_limits[j])) return false;
+    return true;
+  };
+  // Whether the question is answered: by this configuration, or because the time is over.
+  const auto is_answered_by = [&](const Configuration& q) {
+    if (!is_consistent(q)) return false;
     error_code.val = ErrorCode::SUCCESS;
     if (solution_callback) {
       if (std::chrono::steady_clock::now() - start > allowed) {
         error_code.val = ErrorCode::TIMED_OUT;
-        return false;
+        return true;
       }
       solution_callback(pose, q, error_code);
     }
@@ -237,6 +259,19 @@ bool KinematicsPlugin::searchPositionIK(const Message& pose, const std::vector<d
       return true;
     }
     error_code.val = ErrorCode::NO_IK_SOLUTION;
+    return false;
+  };
+  // Of seven joints, the nearest is found without the samples of all others, which take much longer.
+  std::optional<Configuration> nearest;
+  if (arm_->solver().dof() == 7 && !options.lock_redundant_joints) {
+    nearest = find_nearest(*target, seed);
+    if (nearest && is_answered_by(*nearest)) return error_code.val == ErrorCode::SUCCESS;
+  }
+  const std::optional<Candidates> found = find(*target, seed, options.lock_redundant_joints);
+  if (!found) return false;
+  for (const Configuration& q : found->within_limits) {
+    if (nearest && q == *nearest) continue;
+    if (is_answered_by(q)) return error_code.val == ErrorCode::SUCCESS;
   }
   return false;
 }

@@ -68,8 +68,13 @@ class KinematicsPlugin : public kinematics::KinematicsBase {
   const std::vector<std::string>& getLinkNames() const override { return link_names_; }
 
  private:
-  // Candidates that are within the bounds of the robot model, too; nothing where the question cannot be asked.
-  std::optional<Candidates> find(const Message& pose, const std::vector<double>& seed, bool hold_redundant) const;
+  // The pose as the C library takes it; nothing where the question cannot be asked.
+  std::optional<Pose> target_of(const Message& pose, const std::vector<double>& seed) const;
+  // The configuration nearest to the seed; nothing where there is none that is within the bounds of the robot model as
+  // it is: then another candidate may be nearest.
+  std::optional<Configuration> find_nearest(const Pose& target, const std::vector<double>& seed) const;
+  // Candidates that are within the bounds of the robot model, too; nothing where the library refuses the pose.
+  std::optional<Candidates> find(const Pose& target, const std::vector<double>& seed, bool hold_redundant) const;
   // Moves joints by whole turns into the bounds of the robot model where they are outside; false where none fits.
   bool bring_within_bounds(Configuration& q) const;
   // An empty string, or how the exported arm differs from the robot model.
