@@ -2,8 +2,9 @@
 
 Every file that a user names is opened by `open_bytes` or read by one of `read_bytes`, `read_text`, `read_json`,
 `read_yaml`, `read_toml`, `read_rows` and `read_arrays`; larger ones come from `open_table` and `table_rows`, from
-`open_archive` and `open_parquet`, piece by piece. Whatever a file holds, they return or
-raise InvalidInputError: what is endless, too large, damaged or made to exhaust time and memory is refused.
+`open_archive` and `open_parquet`, piece by piece; readers of other packages run within `parsing`. Whatever a file
+holds, they return or raise InvalidInputError: what is endless, too large, damaged or made to exhaust time and memory is
+refused.
 """
 
 from __future__ import annotations
@@ -43,6 +44,7 @@ HELD = 10_000_000  # rows of a table that is held: a trajectory of a day at 100 
 MESSAGE = 200_000_000  # [byte] of a trajectory as JSON, which takes twenty times as much: an hour at 100 Hz has 1.5e8
 LINE = 65_536  # characters of a row of a table: some 3000 numbers
 ARRAYS = 2_000_000_000  # [byte] of an archive's arrays: a trajectory of a day at 100 Hz takes 1.2e9
+LOG = 4_000_000_000  # [byte] of a recording of ROS: a day of joint states at 100 Hz takes 3e9
 PIPED = 10_000_000_000  # [byte] that are copied from a pipe: a hundred million targets
 
 NODES = 1_000_000  # of a YAML document, each counted wherever an alias repeats it
@@ -199,7 +201,7 @@ def _first_piece(path: Path, pipe: io.FileIO) -> bytes:
 
 def read_bytes(path: Path, largest: int = DOCUMENT) -> bytes:
     """A file or what comes from a pipe; errors as `pieces`."""
-    with _parsing(path, "cannot be read"):
+    with parsing(path, "cannot be read"):
         return b"".join(pieces(path, largest))
 
 
@@ -210,7 +212,7 @@ def read_text(path: Path, largest: int = DOCUMENT, *, encoding: str = "utf-8") -
         InvalidInputError: as `pieces`, or it is not in this encoding.
     """
     content = read_bytes(path, largest)
-    with _parsing(path, f"is not a text file in {encoding.removesuffix('-sig').upper()}"):
+    with parsing(path, f"is not a text file in {encoding.removesuffix('-sig').upper()}"):
         return io.TextIOWrapper(io.BytesIO(content), encoding).read()
 
 
@@ -228,7 +230,7 @@ def read_json(path: Path, otherwise: str, largest: int = DOCUMENT) -> Any:  # An
     import json
 
     text = read_text(path, largest)
-    with _parsing(path, otherwise):
+    with parsing(path, otherwise):
         return json.loads(text, object_pairs_hook=_without_repetition)
 
 
@@ -261,7 +263,7 @@ def read_yaml(path: Path, otherwise: str) -> Any:  # Any: YAML
 
     text = read_text(path, YAML)
     sizes: dict[int, int] = {}
-    with _parsing(path, otherwise):
+    with parsing(path, otherwise):
         loader = Loader(text)
         node = loader.get_single_node()
         if node is None:
@@ -275,7 +277,7 @@ def read_toml(path: Path, otherwise: str) -> dict[str, Any]:  # Any: TOML
     import tomllib
 
     text = read_text(path, TOML)
-    with _parsing(path, otherwise):
+    with parsing(path, otherwise):
         longest = max(map(len, text.splitlines()), default=0)
         if longest > TOML_LINE:
             raise ValueError(f"has a line of {longest} characters; at most {TOML_LINE} are read")
@@ -306,7 +308,7 @@ def table_lines(path: Path, file: TextIO, first: int = 1) -> Iterator[str]:
     Raises:
         InvalidInputError: one is longer than `LINE` characters, or it is not text.
     """
-    with _parsing(path, "is not a text file in UTF-8"):
+    with parsing(path, "is not a text file in UTF-8"):
         for number, line in enumerate(iter(partial(file.readline, LINE), ""), start=first):
             if len(line) == LINE:
                 raise InvalidInputError(f"{path}, line {number}: is longer than {LINE} characters: not a table")
@@ -337,7 +339,7 @@ def table_rows(path: Path, lines: Iterable[str], first: int = 1) -> Iterator[tup
             yield line
 
     reader = csv.reader(counted(), strict=True)
-    with _parsing(path, "is not a CSV file"):
+    with parsing(path, "is not a CSV file"):
         for row in reader:
             length = 0
             yield first + reader.line_num - 1, row
@@ -385,7 +387,7 @@ def open_archive(path: Path, otherwise: str) -> Iterator[zipfile.ZipFile]:
     """
     import zipfile  # like NumPy, not for the command line's help
 
-    with _parsing(path, otherwise), _Bounded(open_bytes(path).detach()) as plain, zipfile.ZipFile(plain) as archive:
+    with parsing(path, otherwise), _Bounded(open_bytes(path).detach()) as plain, zipfile.ZipFile(plain) as archive:
         members, there = archive.infolist(), os.fstat(plain.fileno()).st_size
         if len(members) > MEMBERS:
             raise ValueError(f"has {len(members)} members")
@@ -412,7 +414,7 @@ def open_parquet(path: Path, otherwise: str) -> Iterator[pq.ParquetFile]:
         import pyarrow.parquet as pq
     open_bytes(path).close()
     # Without buffering ahead: that would hold a row group, which may be the whole file.
-    with _parsing(path, otherwise), pq.ParquetFile(path, pre_buffer=False, buffer_size=1 << 20) as file:
+    with parsing(path, otherwise), pq.ParquetFile(path, pre_buffer=False, buffer_size=1 << 20) as file:
         if not 0 <= file.metadata.num_rows <= ROWS:
             raise ValueError(f"claims {file.metadata.num_rows} rows")
         yield file
@@ -502,7 +504,7 @@ def _array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> NDArray[np.gene
 
 
 @contextmanager
-def _parsing(path: Path, otherwise: str) -> Iterator[None]:
+def parsing(path: Path, otherwise: str) -> Iterator[None]:
     """Say of whatever goes wrong that the file is at fault."""
     try:
         yield

@@ -1,0 +1,14 @@
+"""What an arm did, from recordings of ROS: .bag of ROS 1, .mcap and .db3 of ROS 2 (extra `logs`). Read `log` first.
+
+Everything public is imported from here.
+
+log            `Log`: joints, commands and poses of a recording, by the names of their topics
+messages       what messages say in radians and metres, and which are read
+bag            the files themselves; the only part that imports rosbags
+standstills    where the arm stands still: rows for `calibrate`
+torque_rows    joints smoothed and differentiated: rows for `identify_arm`
+"""
+
+from jacokin import lazy
+
+__all__, __getattr__, __dir__ = lazy.door(__name__, __file__)
