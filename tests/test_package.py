@@ -26,6 +26,7 @@ LAYERS = {
     "ik": 2,
     "motion": 3,
     "mujoco_bridge": 3,
+    "logs": 3,
     "torch": 3,
     "jax": 3,
     "reachability": 4,
@@ -52,6 +53,7 @@ HEAVY = (
     "viser",
     "torch",
     "jax",
+    "rosbags",
 )
 
 
@@ -119,6 +121,7 @@ def test_no_modules_import_each_other_in_a_circle() -> None:
         "jacokin.motion",
         "jacokin.reachability",
         "jacokin.calibration",
+        "jacokin.logs",
         "jacokin.mujoco_bridge",
         "jacokin.mujoco_bridge.props",
         "jacokin.tasks",

@@ -19,6 +19,7 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.files import ARRAYS, open_parquet, read_arrays, read_rows
 from jacokin.ik.files.targets import rotations_from_quats, rotations_from_rpys
+from jacokin.logs import Log, StandstillRule
 from jacokin.model import checks, poses
 
 KINDS = ("positions", "poses", "distances", "plane", "point")
@@ -50,6 +51,7 @@ class Measurements:
         base: T_sensor_base, the arm's base in the instrument's frame; None where it is unknown.
         tool: T_frame_target, the measured point or marker in the hand; None where it is unknown.
         source: the file that the rows were read from; None for arrays.
+        times: (n,) when the arm stood there [s]; None for rows that are not of a `Log`.
     """
 
     def __init__(
@@ -113,6 +115,7 @@ class Measurements:
         self.base = _placed("base", base)
         self.tool = _placed("tool", tool)
         self.source: Path | None = None
+        self.times: Array | None = None
         self._lines: NDArray[np.intp] | None = None
         if self.kind in CONTACTS and self.base is None:
             raise InvalidInputError("base cannot be unknown for contact: no instrument measures it")
@@ -137,7 +140,7 @@ class Measurements:
             raise InvalidInputError(f"rows: {error}") from error
         chosen = object.__new__(Measurements)
         chosen.__dict__.update(self.__dict__)
-        for name in ("q", "values", "sigma", "points"):
+        for name in ("q", "values", "sigma", "points", "times"):
             array = getattr(self, name)
             if array is not None:
                 setattr(chosen, name, checks.read_only(array[index]))
@@ -146,7 +149,9 @@ class Measurements:
         return chosen
 
     def name_row(self, row: int) -> str:
-        """Which row it is, in words: the line of a text file, from 1; else its index, from 0."""
+        """Which row it is, in words: the line of a text file, from 1; the time in a log; else its index, from 0."""
+        if self.times is not None:
+            return f"row {row} (from 0), at {self.times[row]:.1f} s"
         if self._lines is not None:
             return f"line {self._lines[row]}"
         return f"row {row} (from 0)" if self.source is not None else f"row {row}"
@@ -221,6 +226,45 @@ class Measurements:
             raise InvalidInputError(f"{path}: {error}") from error
         found.source, found._lines = path, lines
         return found
+
+    @classmethod
+    def from_log(
+        cls,
+        log: Log,
+        *,
+        sigma: Sigma,
+        rule: StandstillRule | None = None,
+        joints: str | None = None,
+        poses: str | None = None,
+        frame: str | None = None,
+        base: str | pin.SE3 | ArrayLike = "known",
+        tool: str | pin.SE3 | ArrayLike = "known",
+    ) -> Measurements:
+        """Rows where the arm of a log stands still and its hand is measured: see `Log.standstills`.
+
+        Args:
+            log: a recording of ROS.
+            sigma: a tuple of two errors, [m] and [rad], takes poses; anything else [m] takes positions only, of an
+                instrument that measures poses, too.
+            rule: what counts as standing still; None for its defaults.
+            joints: topic of the joints, as in `Log.joints`.
+            poses: topic of the instrument, as in `Log.poses`.
+            frame: as in `Measurements`, as are `base` and `tool`.
+            base: see there; the instrument's frame is that of its messages.
+            tool: see there.
+
+        Raises:
+            InvalidInputError: as `Log.standstills`; points and a pair of errors; malformed.
+        """
+        checks.instance("log", log, Log, "a Log")
+        found = log.standstills(rule, joints=joints, poses=poses)
+        wants_poses = isinstance(sigma, tuple)
+        if wants_poses and found.rotations is None:
+            raise InvalidInputError("sigma must be one error [m]: the instrument of the log measures points, not poses")
+        values: dict[str, Any] = {"poses": found.poses} if wants_poses else {"positions": found.positions}
+        made = cls(found.q, sigma=sigma, frame=frame, base=base, tool=tool, **values)
+        made.source, made.times = log.path, found.start
+        return made
 
 
 def checked_measurements(name: str, value: Measurements | Sequence[Measurements]) -> tuple[Measurements, ...]:

@@ -5,16 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import click
 
-from jacokin import calibration
+from jacokin import calibration, logs
 from jacokin.cli import display, options
 from jacokin.cli.command import Argument, Command
 from jacokin.cli.options import RobotOptions, Vector3, keep_apart
 from jacokin.cli.units import Units
 from jacokin.errors import InvalidInputError
 from jacokin.files import replacing
+from jacokin.logs.bag import ENDINGS
 
 FIT, NOTHING = "fit", "none"
 
@@ -45,7 +47,12 @@ sigma_angle = click.option("--sigma-angle", type=float, metavar="A", help="Of po
 
 @calibrate.command(FIT, cls=Command, no_args_is_help=True)
 @click.argument(
-    "files", cls=Argument, nargs=-1, type=options.FILE, metavar="FILE...", text="Measurements: .csv, .npz or .parquet."
+    "files",
+    cls=Argument,
+    nargs=-1,
+    type=options.FILE,
+    metavar="FILE...",
+    text="Measurements: .csv, .npz or .parquet; or recordings of ROS: .bag, .mcap or .db3.",
 )
 @click.option("--output", type=options.FILE, metavar="FILE.toml", help="What --calibration takes.")
 @click.option("--report", type=options.FILE, metavar="FILE.html", help="A page with pictures.")
@@ -70,6 +77,15 @@ sigma_angle = click.option("--sigma-angle", type=float, metavar="A", help="Of po
     metavar="M RAD RAD",
     help="How far arms are from their description, in place, axis and zero of a joint; 0.001 0.003 0.0175 by default.",
 )
+@options.joints_topic
+@click.option("--pose-topic", metavar="NAME", help="Of a log: what measures the hand; the only one is found.")
+@options.joint_prefix
+@click.option(
+    "--still",
+    type=(float, float),
+    metavar="V S",
+    help="Of a log: the arm stands still where no joint is quicker than V rad/s for S seconds; 0.01 1 by default.",
+)
 @options.frame
 @options.degrees
 @options.json
@@ -88,6 +104,10 @@ def fit(
     kinova: bool,
     estimate: Sequence[str],
     prior: tuple[float, float, float] | None,
+    joints_topic: str | None,
+    pose_topic: str | None,
+    joint_prefix: str | None,
+    still: tuple[float, float] | None,
     frame: str | None,
     units: Units,
     json: bool,
@@ -96,12 +116,14 @@ def fit(
     """Find the arm behind some measurements.
 
     Columns of the files: joint_1, joint_2, ... as the arm reports them, x, y, z [m], for poses also qw, qx, qy, qz or
-    roll, pitch, yaw; for distances `distance`, px, py, pz. Rows that are grossly off are left out and named.
+    roll, pitch, yaw; for distances `distance`, px, py, pz. Rows that are grossly off are left out and named. Of a
+    recording of ROS, rows are where the arm stands still and its hand is measured.
 
     Examples:
       jacokin calibrate m.csv --sigma 0.0003 --output my_arm.toml --report report.html
       jacokin calibrate poses.csv --sigma 0.001 --sigma-angle 0.002 --unknown-base --unknown-tool
       jacokin calibrate camera.csv --sigma 0.001 --sigma-angle 0.002 --unknown-base --unknown-tool --estimate none
+      jacokin calibrate run.mcap --sigma 0.001 --sigma-angle 0.002 --unknown-base --unknown-tool --still 0.01 1
       jacokin calibrate touched.csv --contact plane --sigma 0.0005 --output my_arm.toml
       jacokin ik --calibration my_arm.toml --position 0.3 -0.2 0.5 --down
     """
@@ -112,16 +134,34 @@ def fit(
     if sigma_angle is not None and sigma is None:
         raise InvalidInputError("--sigma-angle needs --sigma")
     given = None if sigma is None else sigma if sigma_angle is None else (sigma, sigma_angle)
+    placed: dict[str, Any] = {
+        "frame": frame,
+        "base": "unknown" if unknown_base else "known",
+        "tool": "unknown" if unknown_tool else "known",
+    }
+    recorded = [path for path in files if path.suffix in ENDINGS]
+    if recorded and (contact is not None or kinova or units.degrees):
+        raise InvalidInputError(f"--contact, --kinova and --degrees are not for a recording of ROS: {recorded[0]}")
+    if not recorded and (joints_topic or pose_topic or joint_prefix or still):
+        raise InvalidInputError(
+            "--joints-topic, --pose-topic, --joint-prefix and --still are for a recording of ROS: .bag, .mcap, .db3"
+        )
+    if recorded and given is None:
+        raise InvalidInputError(f"--sigma is needed: {recorded[0]} does not say how good the instrument is")
+    arm = source.load()
+    rule = None if still is None else logs.StandstillRule(speed=still[0], duration=still[1])
     sets = [
-        calibration.Measurements.load(
-            path,
+        calibration.Measurements.from_log(
+            logs.Log(path, arm, prefix=joint_prefix),
             sigma=given,
-            frame=frame,
-            base="unknown" if unknown_base else "known",
-            tool="unknown" if unknown_tool else "known",
-            contact=contact,
-            degrees=units.degrees,
-            kinova=kinova,
+            rule=rule,
+            joints=joints_topic,
+            poses=pose_topic,
+            **placed,
+        )
+        if path in recorded and given is not None
+        else calibration.Measurements.load(
+            path, sigma=given, contact=contact, degrees=units.degrees, kinova=kinova, **placed
         )
         for path in files
     ]
@@ -129,7 +169,7 @@ def fit(
         raise InvalidInputError("--estimate none goes with no other --estimate")
     groups = [] if NOTHING in estimate else estimate or "auto"
     known = None if prior is None else calibration.Prior(*prior)
-    found = calibration.calibrate(source.load(), sets, groups, prior=known)
+    found = calibration.calibrate(arm, sets, groups, prior=known)
     if output is not None:
         found.save(output)
     if report is not None:

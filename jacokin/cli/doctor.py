@@ -65,6 +65,7 @@ PACKAGES = {
     "distributed": ("distributed", "cluster"),
     "h5py": ("h5py", "data"),
     "imageio_ffmpeg": ("imageio-ffmpeg", "video"),
+    "rosbags": ("rosbags", "logs"),
     "pyspacemouse": ("pyspacemouse", "spacemouse"),
     "viser": ("viser", "viewer"),
 }

@@ -214,6 +214,12 @@ degrees = click.option(
     callback=lambda context, option, given: Units(given),
     help="Angles in and out in degrees.",
 )
+joints_topic = click.option(
+    "--joints-topic", metavar="NAME", help="Of a log: what reports the joints; /joint_states and kinova-ros' are found."
+)
+joint_prefix = click.option(
+    "--joint-prefix", metavar="TEXT", help="Of a log: before the names of the joints; found where one arm is there."
+)
 json = click.option("--json", is_flag=True, help="One JSON document on stdout, floats in full precision.")
 seed = click.option(
     "--seed", cls=NumberList, metavar="Q1 .. Q6", help="Joint angles to stay near to; the robot's home if not given."

@@ -8,15 +8,18 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from jacokin import viewer
+from jacokin import logs, viewer
 from jacokin.cli import display, options
 from jacokin.cli.command import Command, NumberList
 from jacokin.cli.reachability import load_map
 from jacokin.cli.units import Units, warn_of_degrees
+from jacokin.errors import InvalidInputError
 
 if TYPE_CHECKING:
     import pinocchio as pin
     from numpy.typing import ArrayLike
+
+    from jacokin.model import Robot
 
 FULL_TURN = (-math.pi, math.pi)  # [rad]
 
@@ -53,6 +56,15 @@ FULL_TURN = (-math.pi, math.pi)  # [rad]
     help="A trajectory to play: .csv, .npz, .json (ROS) or .kinova.csv.",
 )
 @click.option(
+    "--log",
+    type=options.FILE,
+    metavar="FILE",
+    help="A recording of ROS to play: .bag, .mcap or .db3; what was commanded is drawn beside what was measured.",
+)
+@options.joints_topic
+@click.option("--commanded-topic", metavar="NAME", help="Of a log: what was commanded; the usual names are found.")
+@options.joint_prefix
+@click.option(
     "--map",
     "reachability",
     metavar="FOLDER|NAME",
@@ -76,6 +88,10 @@ def view(
     free_axis: str | None,
     free_range: tuple[float, float] | None,
     trajectory: Path | None,
+    log: Path | None,
+    joints_topic: str | None,
+    commanded_topic: str | None,
+    joint_prefix: str | None,
     reachability: str | None,
     velocity_limit: list[float] | None,
     visuals: bool,
@@ -97,8 +113,12 @@ def view(
       jacokin view --target 0.3 -0.2 0.5 0 1 0 0
       jacokin view --target 0.3 -0.2 0.5 0 1 0 0 --free-axis z --tool 0 0 0.05
       jacokin view --scene table.yaml --collision report --trajectory trajectory.csv
+      jacokin view --log run.mcap --commanded-topic /arm_controller/controller_state
     """
     arm = source.load()
+    recording = _recording(arm, log, joints_topic, commanded_topic, joint_prefix)
+    if recording is not None and trajectory is not None:
+        raise InvalidInputError("--log and --trajectory exclude each other")
     if free_range is not None:
         warn_of_degrees("--free-range", free_range, units)
     limits = units.for_joints(arm).limits("--velocity-limit", velocity_limit, "rad/s")
@@ -115,7 +135,7 @@ def view(
         free_range=FULL_TURN if free_range is None else units.to_si(free_range),
         visuals=visuals,
         reachability=None if reachability is None else load_map(reachability),
-        trajectory=trajectory,
+        trajectory=trajectory if recording is None else recording,
         target=target,
         seed=units.for_joints(arm).seed("--seed", seed),
         host=host,
@@ -128,3 +148,18 @@ def view(
             shown.wait()
         except KeyboardInterrupt:
             click.echo("closed", err=True)
+
+
+def _recording(
+    arm: Robot, log: Path | None, joints: str | None, commanded: str | None, prefix: str | None
+) -> logs.Recording | None:
+    """What there is to play of a log; None without one.
+
+    Raises:
+        InvalidInputError: its options without a log, or as `Log.recording`.
+    """
+    if log is None:
+        if joints or commanded or prefix:
+            raise InvalidInputError("--joints-topic, --commanded-topic and --joint-prefix are for --log")
+        return None
+    return logs.Log(log, arm, prefix=prefix).recording(joints=joints, commanded=commanded)

@@ -10,6 +10,7 @@ import bz2
 import io
 import re
 import struct
+import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -234,7 +235,11 @@ def _check_packed(packed: bytes, claimed: int = UNPACKED) -> None:
         ValueError: it does.
     """
     import lz4.frame
-    from rosbags.rosbag2.reader import zstd
+
+    if sys.version_info >= (3, 14):
+        from compression import zstd
+    else:
+        from backports import zstd
 
     makers: Mapping[bytes, Callable[[], Any]] = {
         b"BZh": bz2.BZ2Decompressor,

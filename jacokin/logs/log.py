@@ -132,8 +132,8 @@ class Log:
         """What an instrument measured of the hand.
 
         Args:
-            topic: of PoseStamped, PoseWithCovarianceStamped, TransformStamped or PointStamped of geometry_msgs; None for
-                the only one. That of kinova-ros' driver, out/tool_pose, is taken where there is no other, with a
+            topic: of PoseStamped, PoseWithCovarianceStamped, TransformStamped or PointStamped of geometry_msgs; None
+                for the only one. That of kinova-ros' driver, out/tool_pose, is taken where there is no other, with a
                 warning: it is computed from the joint angles, and measured by nothing.
 
         Raises:

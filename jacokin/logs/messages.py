@@ -6,7 +6,7 @@ Units are those of the type: sensor_msgs has radians (REP 103), kinova_msgs degr
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -40,7 +40,8 @@ Messages = Iterable[tuple[int, Any]]
 @dataclass(frozen=True, slots=True, eq=False)
 class JointRecord:
     """What a topic says of the arm's joints. Arrays are read-only; times increase, and count from when the
-    recording begins."""
+    recording begins.
+    """
 
     topic: str
     """Its name."""
@@ -217,7 +218,9 @@ def _row(read: _Joints, kind: str, received: int, message: Any) -> Row | None:
         q = read.choose(message.name, message.position)
         if q is None:
             return None
-        return Row(received, stamp, q, read.beside(message.name, message.velocity), read.beside(message.name, message.effort))
+        return Row(
+            received, stamp, q, read.beside(message.name, message.velocity), read.beside(message.name, message.effort)
+        )
     point = message.reference if hasattr(message, "reference") else message.desired
     q = read.choose(message.joint_names, point.positions)
     return None if q is None else Row(received, stamp, q, read.beside(message.joint_names, point.velocities), None)

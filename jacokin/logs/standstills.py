@@ -118,12 +118,12 @@ def find_standstills(
         rows.append((times[first], times[last], q, np.median(positions, axis=0), rotation, noise, int(seen.sum())))
     if not rows:
         raise InvalidInputError(_nowhere(rule, joints, times, pose_times, len(spans), drifting))
-    start, stop, q, positions, rotations, noise, counts = zip(*rows, strict=True)
+    start, stop, angles, positions, rotations, noise, counts = zip(*rows, strict=True)
     return Standstills(
         start=checks.read_only(start),
         stop=checks.read_only(stop),
-        q=checks.read_only([each.mean(axis=0) for each in q]),
-        q_spread=checks.read_only([each.std(axis=0).max() for each in q]),
+        q=checks.read_only([each.mean(axis=0) for each in angles]),
+        q_spread=checks.read_only([each.std(axis=0).max() for each in angles]),
         positions=checks.read_only(positions),
         rotations=None if poses.rotations is None else checks.read_only(rotations),
         noise=checks.read_only(noise),
@@ -145,7 +145,8 @@ def _still(rule: StandstillRule, q: Array, times: Array) -> list[tuple[int, int]
     found = []
     for first, last in zip([0, *(breaks + 1)], [*breaks, len(times) - 1], strict=True):
         inner = np.flatnonzero(
-            (times[first : last + 1] >= times[first] + rule.settle) & (times[first : last + 1] <= times[last] - rule.settle)
+            (times[first : last + 1] >= times[first] + rule.settle)
+            & (times[first : last + 1] <= times[last] - rule.settle)
         )
         if slow[first] and len(inner) > 1:
             one, other = first + int(inner[0]), first + int(inner[-1])
@@ -170,5 +171,7 @@ def _nowhere(
         )
     if drifting == found:
         return f"{joints.topic}: whenever the arm stands still, a joint goes farther than {rule.spread:g} rad meanwhile"
-    apart = f"joints from {times[0]:.1f} to {times[-1]:.1f} s, the hand from {pose_times[0]:.1f} to {pose_times[-1]:.1f} s"
+    apart = (
+        f"joints from {times[0]:.1f} to {times[-1]:.1f} s, the hand from {pose_times[0]:.1f} to {pose_times[-1]:.1f} s"
+    )
     return f"{joints.topic}: nothing is measured of the hand while the arm stands still ({apart})"

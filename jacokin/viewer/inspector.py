@@ -26,6 +26,7 @@ from jacokin.viewer.view import Free, ShownPlaces, View
 if TYPE_CHECKING:
     from jacokin.ik.solutions.solution_set import SolutionSet
     from jacokin.motion.tracking.steps import TrackerStep  # loads MuJoCo
+    from jacokin.viewer.playback import Playback
 
 MEMBERS = 12  # least number of postures drawn along curves
 FULL_TURN = (-math.pi, math.pi)  # [rad]
@@ -173,6 +174,18 @@ class Inspector:
         by = f", held back by {', '.join(step.limiting)}" if step.limiting else ""
         far = f"{1e3 * errors[0]:.1f} mm and {math.degrees(errors[1]):.1f} deg from the target{by}"
         return replace(self._placed(view, step.q), errors=errors, note=f"Tracking, {step.status.name.lower()}: {far}")
+
+    def replayed(self, playback: Playback) -> View:
+        """The view of where a trajectory that is played is, beside where it was to be."""
+        q, note = playback.at(playback.time), f"Trajectory at {playback.said}"
+        commanded = playback.commanded_at(playback.time)
+        if commanded is None:
+            return self.played(q, note)
+        off = np.abs(commanded - q)
+        worst = int(off.argmax())
+        told = f"{1e3 * off[worst]:.1f} mm" if self.robot.sliding[worst] else f"{math.degrees(off[worst]):.2f} deg"
+        note = f"{note}; {self.robot.joint_names[worst]} is {told} from the command, the others less"
+        return replace(self.played(q, note), commanded=checks.read_only(commanded))
 
     def played(self, q: Array, note: str) -> View:
         """The view of an arm at the joint values (dof,) of a trajectory, within the limits or not."""

@@ -1,4 +1,4 @@
-"""`Playback`: a trajectory that is played back, from this package or from a file of another program."""
+"""`Playback`: a trajectory that is played back, from this package, a file of another program, or a recording of ROS."""
 
 from __future__ import annotations
 
@@ -11,7 +11,10 @@ from numpy.typing import NDArray
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.files import MESSAGE, read_json
-from jacokin.model import NAMES, checks
+from jacokin.logs import Log, Recording
+from jacokin.logs.bag import ENDINGS as LOGS
+from jacokin.model import checks
+from jacokin.model.joint_names import find_joints
 from jacokin.model.robot import Robot
 from jacokin.motion import files
 from jacokin.motion.trajectory import Trajectory
@@ -25,20 +28,29 @@ Columns = tuple[tuple[str, ...], Array, Array]  # names of the joints, times (n,
 
 
 class Playback:
-    """A trajectory and the time it is at: it plays, pauses, can be scrubbed and changes its speed."""
+    """A trajectory and the time it is at: it plays, pauses, can be scrubbed and changes its speed.
 
-    def __init__(self, trajectory: Trajectory | str | Path, robot: Robot) -> None:
+    Attributes:
+        commanded_t: (m,) times of what was commanded [s]; none where that is not known.
+        commanded_q: (m, dof) commanded joint angles [rad].
+    """
+
+    def __init__(self, trajectory: Trajectory | Recording | str | Path, robot: Robot) -> None:
         """Read the trajectory, and check it against the robot.
 
         Args:
-            trajectory: a `Trajectory`, or a file: .csv and .npz of theirs, .json of ROS, .kinova.csv.
+            trajectory: a `Trajectory`, or a file: .csv and .npz of theirs, .json of ROS, .kinova.csv; or a `Recording`
+                of a log, or the file of one: .bag, .mcap or .db3, of which what was measured is played.
             robot: whose joints it moves. The columns of .kinova.csv have no names; those of .json come in any order,
                 and may have one prefix before all names, such as j2n6s300_.
 
         Raises:
             InvalidInputError: not a trajectory or no such file; other joints, or a prefix that is the name of another
-                bundled robot; no rows, or times that do not increase.
+                bundled robot; no rows, or times that do not increase; as `Log.recording`.
+            MissingExtraError: a log without rosbags.
         """
+        if isinstance(trajectory, str | Path) and Path(trajectory).suffix in LOGS:
+            trajectory = Log(trajectory, robot).recording()
         names, t, q = _read(trajectory, robot) if isinstance(trajectory, str | Path) else _columns(trajectory)
         if names != robot.joint_names:
             raise InvalidInputError(f"trajectory has the joints {', '.join(names)}; {robot.name} has others")
@@ -46,6 +58,10 @@ class Playback:
         if t.ndim != 1 or not len(t) or len(q) != len(t) or not np.isfinite(t).all() or (np.diff(t) <= 0.0).any():
             raise InvalidInputError("trajectory must have rows at finite times that increase")
         self.t, self.q = t - t[0], q
+        self.commanded_t: Array = np.zeros(0)
+        self.commanded_q: Array = np.zeros((0, robot.dof))
+        if isinstance(trajectory, Recording):
+            self.commanded_t, self.commanded_q = trajectory.commanded_t, trajectory.commanded_q
         self.time = 0.0
         self.speed = 1.0
         self.playing = False
@@ -89,6 +105,12 @@ class Playback:
         """(dof,) joint angles at a time [s], on straight lines between rows [rad]."""
         return np.array([np.interp(time, self.t, column) for column in self.q.T])
 
+    def commanded_at(self, time: float) -> Array | None:
+        """(dof,) what was commanded at a time [s], as `at`; None before the first command, and where none is known."""
+        if not len(self.commanded_t) or time < self.commanded_t[0]:
+            return None
+        return np.array([np.interp(time, self.commanded_t, column) for column in self.commanded_q.T])
+
 
 def _read(path: str | Path, robot: Robot) -> Columns:
     """The columns of a file."""
@@ -100,7 +122,7 @@ def _read(path: str | Path, robot: Robot) -> Columns:
     return _columns(Trajectory.load(file))
 
 
-def _columns(trajectory: Trajectory) -> Columns:
+def _columns(trajectory: Trajectory | Recording) -> Columns:
     """The columns of a trajectory of this package, or of anything that has them."""
     try:
         return tuple(trajectory.joint_names), np.array(trajectory.t, dtype=np.float64), trajectory.q
@@ -118,28 +140,16 @@ def _read_ros(file: Path, robot: Robot) -> Columns:
         rows = [[float(angle) for angle in point["positions"]] for point in points]
     except (ValueError, TypeError, KeyError, AttributeError, OverflowError) as error:
         raise InvalidInputError(f"{file}: {NOT_ROS}: {error!r}") from error
-    names = _without_prefix(file, names, robot)
+    try:
+        order = find_joints(names, robot)
+    except InvalidInputError as error:
+        raise InvalidInputError(f"{file}: trajectory has {error}") from error
+    if len(names) != robot.dof:
+        raise InvalidInputError(f"{file}: trajectory has the joints {', '.join(names)}; {robot.name} has others")
     if any(len(row) != robot.dof for row in rows):
         raise InvalidInputError(f"{file}: every point must have {robot.dof} positions")
-    order = [names.index(name) for name in robot.joint_names]
     q = np.array(rows, dtype=np.float64).reshape(len(rows), robot.dof)
     return robot.joint_names, np.array(times, dtype=np.float64), q[:, order]
-
-
-def _without_prefix(file: Path, names: list[str], robot: Robot) -> list[str]:
-    """The names of the joints as the robot has them, without a prefix that they have in common.
-
-    Raises:
-        InvalidInputError: other joints, or those of another bundled robot.
-    """
-    own = robot.joint_names
-    prefixes = {name.removesuffix(own[0]) for name in names if name.endswith(own[0])}
-    prefix = next((each for each in sorted(prefixes) if sorted(names) == sorted(each + name for name in own)), None)
-    if prefix is None:
-        raise InvalidInputError(f"{file}: trajectory has the joints {', '.join(names)}; {robot.name} has others")
-    if prefix.rstrip("_/") in set(NAMES) - {robot.name}:
-        raise InvalidInputError(f"{file}: trajectory has the joints {', '.join(names)}; the robot is {robot.name}")
-    return [name.removeprefix(prefix) for name in names]
 
 
 def _seconds(duration: object) -> float:

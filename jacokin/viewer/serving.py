@@ -34,6 +34,7 @@ from jacokin.viewer.playback import Playback
 from jacokin.viewer.viewer import Viewer
 
 if TYPE_CHECKING:
+    from jacokin.logs import Recording
     from jacokin.model.scene import Scene
     from jacokin.motion.trajectory import Trajectory
 
@@ -57,7 +58,7 @@ def serve(
     free_range: Sequence[float] = FULL_TURN,
     visuals: bool = False,
     reachability: ReachabilityMap | str | Path | None = None,
-    trajectory: Trajectory | str | Path | None = None,
+    trajectory: Trajectory | Recording | str | Path | None = None,
     velocity_limit: ArrayLike | None = None,
     target: pin.SE3 | ArrayLike | None = None,
     seed: ArrayLike | None = None,
@@ -80,7 +81,8 @@ def serve(
         visuals: draw the visual meshes of the robot's file, if it has any, instead of the shapes that collide.
         reachability: a map to show slices of, or its folder; None for the one of a bundled robot, if there is one.
         trajectory: to play: a `Trajectory`, or a file that it saved: .csv, .npz, .json (ROS)
-            or .kinova.csv.
+            or .kinova.csv; or what `Log.recording` gives, or the file of a log: .bag, .mcap or .db3. Where a log has it, the
+            arm that was commanded is drawn beside the one that was measured.
         velocity_limit: (dof,) or one for all, of what "Track" and "Go" do [rad/s]; None for the robot's own. An arm
             whose file gives none is shown all the same, and only these two ask for it.
         target: T_base_tool to begin with, as `pin.SE3` or (4, 4); a position (3,) [m] keeps the orientation that the
@@ -94,7 +96,7 @@ def serve(
         The running viewer: open its `url` in a browser, and `close()` it.
 
     Raises:
-        MissingExtraError: viser is not installed.
+        MissingExtraError: viser is not installed, or rosbags for a log.
         InvalidInputError: target, seed, map or trajectory malformed or of another robot, the host unknown here, or the
             port in use.
         JacokinError: as `load_robot` and `IKSolver`.
@@ -147,7 +149,7 @@ def serve(
     if axis is not None:
         view = inspector.turned(place, axis, start, None, span)
     elif playback is not None and target is None and seed is None:
-        view = inspector.played(playback.at(0.0), f"Trajectory at {playback.said}")
+        view = inspector.replayed(playback)
     else:
         view = inspector.posture(start) if target is None else inspector.at(place, start)
     return Viewer(inspector, view, contents, host=host, port=port)

@@ -76,6 +76,8 @@ class View:
     """What the arm is doing, when it moves by itself."""
     free: Free | None = None
     """The free parameter; None without one."""
+    commanded: Array | None = None
+    """(dof,) where the arm was to be, of a log that is played [rad]; None where that is not known."""
 
     @property
     def gizmo(self) -> pin.SE3:

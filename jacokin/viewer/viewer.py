@@ -482,8 +482,8 @@ class Viewer:
             self._arrive(view, move_gizmo=False)
         elif self._player is not None:
             playback = self._player.playback
-            q = playback.advance(elapsed)
-            self._arrive(self._inspector.played(q, f"Trajectory at {playback.said}"))
+            playback.advance(elapsed)
+            self._arrive(self._inspector.replayed(playback))
             self._player.show()
 
     def _arrive(self, view: View, *, move_gizmo: bool = True) -> None:

@@ -99,7 +99,7 @@ class Maker:
             fields["seq"] = 0
         return self.make("std_msgs/Header", **fields)
 
-    def point(self, positions: Sequence[float], after: float = 0.0) -> Any:
+    def point(self, positions: Sequence[float] | Array, after: float = 0.0) -> Any:
         return self.make(
             "trajectory_msgs/JointTrajectoryPoint",
             positions=np.array(positions, dtype=np.float64),
@@ -125,7 +125,9 @@ def joint_angles(topic: str, time: float, q: Array) -> Said:
     """Angles [rad], as kinova-ros publishes them, in degrees."""
     degrees = np.degrees(np.pad(q, (0, 7 - len(q))))
     fields = {f"joint{joint + 1}": float(angle) for joint, angle in enumerate(degrees)}
-    return Said(topic, "kinova_msgs/msg/JointAngles", time, lambda maker: maker.make("kinova_msgs/JointAngles", **fields))
+    return Said(
+        topic, "kinova_msgs/msg/JointAngles", time, lambda maker: maker.make("kinova_msgs/JointAngles", **fields)
+    )
 
 
 def pose(topic: str, time: float, T: Array, frame: str = "world") -> Said:
@@ -142,7 +144,9 @@ def pose(topic: str, time: float, T: Array, frame: str = "world") -> Said:
 def trajectory(topic: str, time: float, names: Sequence[str], points: Sequence[tuple[float, Array]]) -> Said:
     def make(maker: Maker) -> Any:
         rows = [maker.point(q, after) for after, q in points]
-        return maker.make("trajectory_msgs/JointTrajectory", header=maker.header(), joint_names=list(names), points=rows)
+        return maker.make(
+            "trajectory_msgs/JointTrajectory", header=maker.header(), joint_names=list(names), points=rows
+        )
 
     return Said(topic, "trajectory_msgs/msg/JointTrajectory", time, make)
 

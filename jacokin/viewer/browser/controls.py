@@ -335,6 +335,9 @@ def _plot(gui: viser.GuiApi, robot: Robot, playback: Playback, joint: int) -> No
     rows = playback.rows(MOST_POINTS)
     unit = "m" if robot.sliding[joint] else "rad"
     lines = [(f"{robot.joint_names[joint]} [{unit}]", playback.q[rows, joint], "#1c7ed6")]
+    if len(playback.commanded_t):
+        commanded = np.interp(playback.t[rows], playback.commanded_t, playback.commanded_q[:, joint])
+        lines.append(("commanded", commanded, "#12b886"))
     for name, limit in (("lower", robot.lower[joint]), ("upper", robot.upper[joint])):
         if np.isfinite(limit):
             lines.append((name, np.full(len(rows), limit), "#e03131"))

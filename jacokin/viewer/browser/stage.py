@@ -25,6 +25,7 @@ DARKEST = 48  # of a colour of the arm, so that light and shade are seen on it
 TINT = 0.45  # how much of a colour that says something is left on the darkest part of the arm
 SWELL = 0.002  # [m] by which a shape that touches is drawn larger, and one of a ghost smaller
 DATASHEET: Colour = (214, 51, 132)  # the described arm beside a calibrated one
+COMMANDED: Colour = (18, 184, 134)  # where the arm of a log was to be
 CLOSEST: Colour = (240, 190, 80)  # not at the target
 OUTSIDE: Colour = (224, 49, 49)
 OBSTACLE: Colour = (150, 140, 120)
@@ -107,6 +108,11 @@ class Stage:
             pairs = zip(places, self._described.places([view.q]), strict=True)
             places = ShownPlaces(*(np.concatenate(pair) for pair in pairs))
             colours = np.vstack((colours, np.array(DATASHEET, dtype=np.uint8)))
+            solid = np.append(solid, True)
+        if view.commanded is not None:
+            pairs = zip(places, self._inspector.places([view.commanded]), strict=True)
+            places = ShownPlaces(*(np.concatenate(pair) for pair in pairs))
+            colours = np.vstack((colours, np.array(COMMANDED, dtype=np.uint8)))
             solid = np.append(solid, True)
         touching = {name for pair in view.arm_touching for name in pair}
         with self._server.atomic():
