@@ -39,16 +39,14 @@ Messages = Iterable[tuple[int, Any]]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointRecord:
-    """What a topic says of the arm's joints. Arrays are read-only; times increase, and count from when the
-    recording begins.
-    """
+    """What a topic says of the arm's joints. Arrays are read-only; times count from the recording's first message."""
 
     topic: str
     """Its name."""
     t: Array
-    """(n,) when each message was received [s]."""
+    """(n,) when each message was received, increasing where there is no `stamp` [s]."""
     stamp: Array | None
-    """(n,) when it was measured, as its header says [s]; None where a header says nothing."""
+    """(n,) when it was measured, as its header says, increasing [s]; None where a header says nothing."""
     q: Array
     """(n, dof) joint angles, without jumps by whole turns of joints without limits [rad]."""
     v: Array | None
@@ -66,16 +64,16 @@ class JointRecord:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PoseRecord:
-    """What a topic says of a pose. Arrays are read-only; times increase, and count as in a `JointRecord`."""
+    """What a topic says of a pose. Arrays are read-only; times count from the recording's first message."""
 
     topic: str
     """Its name."""
     frame: str
     """In which the poses are, as the headers say."""
     t: Array
-    """(n,) when each message was received [s]."""
+    """(n,) when each message was received, increasing where there is no `stamp` [s]."""
     stamp: Array | None
-    """(n,) when it was measured, as its header says [s]; None where a header says nothing."""
+    """(n,) when it was measured, as its header says, increasing [s]; None where a header says nothing."""
     positions: Array
     """(n, 3) [m]."""
     rotations: Array | None

@@ -166,8 +166,9 @@ def _nowhere(
 ) -> str:
     if not found:
         return (
-            f"{joints.topic}: the arm never stands still for {rule.duration:g} s with no joint above {rule.speed:g} rad/s "
-            f"(and {rule.settle:g} s before and after); longest message gap {np.diff(times).max(initial=0.0):.2f} s"
+            f"{joints.topic}: the arm never stands still for {rule.duration:g} s with no joint above {rule.speed:g} "
+            f"rad/s, and {rule.settle:g} s before and after; messages are up to "
+            f"{np.diff(times).max(initial=0.0):.2f} s apart"
         )
     if drifting == found:
         return f"{joints.topic}: whenever the arm stands still, a joint goes farther than {rule.spread:g} rad meanwhile"

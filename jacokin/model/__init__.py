@@ -7,6 +7,7 @@ identification          payload and friction from a log
 loading, descriptions   from a name, a URDF or an MJCF to the arm and its home; the bundled robots and their numbers
 measured_arm            how far one arm is from its description, and the file that says so
 written_descriptions    the URDF or MJCF of a calibrated arm
+joint_names             the joints of an arm among the names of ROS
 poses, angles, checks   building and checking poses, full turns, checks of arguments
 many_configurations     kinematics of many configurations at once
 mujoco_twin             the same arm in MuJoCo

@@ -12,8 +12,8 @@ from jacokin.model.robot import Robot
 def find_joints(names: Sequence[str], robot: Robot, prefix: str | None = None) -> tuple[int, ...]:
     """Where the joints of a robot are in a list of names.
 
-    The list may have others, as those of fingers or of another arm. Those of the robot are called as in its description,
-    or all with one prefix, such as j2n6s300_joint_1.
+    The list may have others, as those of fingers or of another arm. Those of the robot are called as in its
+    description, or all with one prefix, such as j2n6s300_joint_1.
 
     Args:
         names: as a message of ROS has them.

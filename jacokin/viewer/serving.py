@@ -81,8 +81,8 @@ def serve(
         visuals: draw the visual meshes of the robot's file, if it has any, instead of the shapes that collide.
         reachability: a map to show slices of, or its folder; None for the one of a bundled robot, if there is one.
         trajectory: to play: a `Trajectory`, or a file that it saved: .csv, .npz, .json (ROS)
-            or .kinova.csv; or what `Log.recording` gives, or the file of a log: .bag, .mcap or .db3. Where a log has it, the
-            arm that was commanded is drawn beside the one that was measured.
+            or .kinova.csv; or what `Log.recording` gives, or the file of a log: .bag, .mcap or .db3. Where a log has
+            it, the arm that was commanded is drawn beside the one that was measured.
         velocity_limit: (dof,) or one for all, of what "Track" and "Go" do [rad/s]; None for the robot's own. An arm
             whose file gives none is shown all the same, and only these two ask for it.
         target: T_base_tool to begin with, as `pin.SE3` or (4, 4); a position (3,) [m] keeps the orientation that the

@@ -8,19 +8,16 @@ from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
-import pytest
 from numpy.typing import NDArray
-
-from jacokin import Robot
-from jacokin.logs.bag import TEXTS
-from jacokin.model import quat_wxyz
-
-pytest.importorskip("rosbags")
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
+
+from jacokin import Robot
+from jacokin.logs.bag import TEXTS
+from jacokin.model import quat_wxyz
 
 Array = NDArray[np.float64]
 KINDS = (".bag", ".mcap", ".db3")
@@ -187,7 +184,7 @@ def visits(stops: Array, *, stand: float = 2.0, move: float = 1.0, rate: float =
 
 
 def measured_hand(arm: Robot, times: Array, q: Array, rate: float, noise: float, seed: int) -> list[Said]:
-    """Poses of the hand of an arm, as an instrument sees them from its base, with noise [m] and as much / 0.3 m [rad]."""
+    """Poses of an arm's hand, as an instrument sees them from its base, with noise [m] and as much / 0.3 m [rad]."""
     import pinocchio as pin
 
     rng = np.random.default_rng(seed)
