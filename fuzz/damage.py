@@ -11,7 +11,7 @@ import time
 import traceback
 import warnings
 import zipfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +21,7 @@ from fuzz.findings import Finding
 from jacokin.calibration import Measurements
 from jacokin.errors import JacokinError
 from jacokin.ik.files.formats import targets_format
+from jacokin.logs import Log
 from jacokin.model import PointCloud, Scene
 from jacokin.model.measured_arm import MeasuredArm, MeasuredJoint
 from jacokin.motion import Trajectory, move_joints
@@ -45,6 +46,12 @@ def _measurements(path: Path) -> None:
     Measurements.load(path, sigma=1e-3)
 
 
+def _log(path: Path) -> None:
+    log = Log(path, jacokin.load_robot())
+    log.recording()
+    log.standstills()
+
+
 def _cloud(path: Path) -> None:
     PointCloud.load(path, name="cloud")
 
@@ -67,6 +74,9 @@ KINDS: dict[str, Callable[[Path], object]] = {
     "measurements.npz": _measurements,
     "measurements.parquet": _measurements,
     "stream.npz": Stream.load,
+    "log.bag": _log,
+    "log.mcap": _log,
+    "log.db3": _log,
 }
 
 
@@ -126,7 +136,21 @@ def sound_files(folder: Path) -> dict[str, Path]:
         rows = ["", *(",".join(map(str, row)) for row in zip(*table.values(), strict=True))]
         found[f"{kind}.csv"].write_text(",".join(table) + "\n".join(rows) + "\n")
         _write_parquet(found[f"{kind}.parquet"], table)
+    _write_logs({kind: path for kind, path in found.items() if kind.startswith("log.")}, robot)
     return found
+
+
+def _write_logs(files: Mapping[str, Path], robot: jacokin.Robot) -> None:
+    """An arm that stands still for two seconds, and what is measured of its hand."""
+    from tests.logs.recordings import joint_state, pose, write
+
+    T = robot.forward_kinematics(robot.home).homogeneous
+    for file in files.values():
+        times = [0.1 * number for number in range(20)]
+        said = [joint_state("/joint_states", time, robot.joint_names, robot.home) for time in times]
+        with tempfile.TemporaryDirectory() as folder:
+            written = write(Path(folder), file.suffix, [*said, *(pose("/hand", time, T) for time in times)])
+            file.write_bytes(written.read_bytes())
 
 
 def _write_parquet(path: Path, table: dict[str, object]) -> None:

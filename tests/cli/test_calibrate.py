@@ -12,6 +12,7 @@ import jacokin
 from jacokin import Robot
 from tests.calibration.simulated import hidden_arm, mean_error
 from tests.cli.run import Run
+from tests.logs.recordings import joint_state, measured_hand, names_of, visits, write
 
 
 def fill_in(path: Path, arm: Robot, *, degrees: bool = False) -> None:
@@ -137,3 +138,47 @@ def test_hand_eye(run: Run, robot: Robot, tmp_path: Path) -> None:
     np.testing.assert_allclose(document["tools"][0]["pose"], np.eye(4), atol=1e-6)
     assert "base in the instrument's frame: position (1.000000, 0.400000, 0.300000) m" in run(*words, *unknown).out
     assert "parameters is empty, and neither base nor tool" in run(*words, "--estimate", "none").err
+
+
+def recorded(robot: Robot, hidden: Robot, folder: Path) -> Path:
+    """A recording of an arm that stands at a dozen places."""
+    times, q = visits(robot.sample(np.random.default_rng(4), 12), stand=2.2, rate=20.0)
+    names, rows = names_of(robot).all, zip(times, q, strict=True)
+    joints = [joint_state("/joint_states", float(t), names, [*row, 0.0, 0.0, 0.0]) for t, row in rows]
+    return write(folder, ".mcap", [*joints, *measured_hand(hidden, times, q, 20.0, 3e-4, 1)])
+
+
+def test_from_a_recording_of_ros_to_an_arm(run: Run, robot: Robot, tmp_path: Path) -> None:
+    hidden = hidden_arm(robot, 1)
+    path, output = recorded(robot, hidden, tmp_path), tmp_path / "a.toml"
+    errors = ["--sigma", "0.0001", "--sigma-angle", "0.0003"]
+    found = run("calibrate", str(path), *errors, "--still", "0.01", "1", "--output", str(output))
+    assert found.code == 0, found.err
+    assert "12 of 12 measurements" in found.out
+    assert mean_error(hidden, jacokin.load_robot(calibration=output)) < 0.1 * mean_error(hidden, robot)
+    topics = ["--joints-topic", "/joint_states", "--pose-topic", "/tracker/hand"]
+    assert run("calibrate", str(path), *errors, *topics, "--json").document["facts"]["measurements"] == 12
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--sigma", "0.001", "--kinova"], "--contact, --kinova and --degrees are not for a recording of ROS"),
+        (["--sigma", "0.001", "--degrees"], "--contact, --kinova and --degrees are not for a recording of ROS"),
+        ([], "--sigma is needed"),
+        (["--sigma", "0.001", "--pose-topic", "/hand"], "unknown topic '/hand'. Valid: /joint_states, /tracker/hand"),
+        (["--sigma", "0.001", "--still", "0.01", "60"], "the arm never stands still for 60 s"),
+        (["--sigma", "0.001", "--joint-prefix", "left_"], "'left_' before their names"),
+    ],
+)
+def test_what_a_recording_lacks_is_one_sentence(
+    run: Run, robot: Robot, tmp_path: Path, words: list[str], message: str
+) -> None:
+    found = run("calibrate", str(recorded(robot, robot, tmp_path)), *words)
+    assert found.code == 2
+    assert message in found.err
+
+
+def test_options_of_recordings_are_for_recordings(run: Run, tmp_path: Path) -> None:
+    found = run("calibrate", str(tmp_path / "m.csv"), "--sigma", "0.001", "--still", "0.01", "1")
+    assert (found.code, "are for a recording of ROS" in found.err) == (2, True)

@@ -37,6 +37,7 @@ def recorded(real: Robot, t: Array, noise: float = 0.0) -> list[Said]:
     ]
 
 
+@pytest.mark.slow
 def test_a_heavier_arm_is_found_from_a_recording(robot: Robot, tmp_path: Path) -> None:
     bodies = np.array([body.toDynamicParameters() for body in list(robot.pin_model.inertias)[1:]])
     real = robot.with_bodies(1.2 * bodies)
