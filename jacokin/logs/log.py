@@ -77,7 +77,8 @@ class Log:
         Args:
             path: .bag of ROS 1, .mcap or .db3 of ROS 2.
             robot: whose joints to look for; those of fingers and others are left alone.
-            prefix: before the names of its joints, such as "j2n6s300_"; None to find it.
+            prefix: before the names of its joints, such as "j2n6s300_"; None to find it. kinova_msgs/JointAngles has
+                no names: it is taken for the arm.
 
         Raises:
             InvalidInputError: cannot be read, too large, damaged, not closed, or of another kind.

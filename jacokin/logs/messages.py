@@ -195,6 +195,14 @@ class _Joints:
             self.refused += 1
         return chosen
 
+    def all_of(self, values: Array) -> Array | None:
+        """(dof,) values without names, in the order of the arm; None, counted, where they are not as many or not finite."""
+        if values.shape == (self.robot.dof,) and np.isfinite(values).all():
+            return values
+        self.others[f"{len(values)} angles without names, for {self.robot.dof} joints"] = None
+        self.refused += 1
+        return None
+
     def beside(self, names: Sequence[str], values: Sequence[float] | Array) -> Array | None:
         """As `choose`, of names that were chosen from before; not counted."""
         indices, numbers = self._found[tuple(names)], np.asarray(values, dtype=np.float64)
@@ -209,7 +217,7 @@ def _row(read: _Joints, kind: str, received: int, message: Any) -> Row | None:
     if kind == JOINT_ANGLES:
         dof = read.robot.dof
         angles = np.radians([getattr(message, f"joint{joint}") for joint in range(1, min(dof, 7) + 1)])
-        q = read.choose(read.robot.joint_names, angles)
+        q = read.all_of(angles)
         return None if q is None else Row(received, 0, q, None, None)
     stamp = _stamp(message.header)
     if kind == JOINT_STATE:

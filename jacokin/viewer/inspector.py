@@ -269,7 +269,15 @@ class Inspector:
         pairs = self.touching(q) if touching is None else touching
         status = diagnosis.diagnose_posture(self.robot.within_limits(q), pairs)
         return replace(
-            view, status=status, q=q, selected=None, arm_touching=pairs, errors=(0.0, 0.0), message="", pending=False
+            view,
+            status=status,
+            q=q,
+            selected=None,
+            arm_touching=pairs,
+            errors=(0.0, 0.0),
+            message="",
+            pending=False,
+            commanded=None,
         )
 
     def _with_curves(self, view: View, found: SolutionSet | None = None) -> View:
@@ -304,6 +312,7 @@ def _answered(view: View, answer: IKResult) -> View:
         arm_touching=answer.touching,
         errors=(answer.position_error, answer.orientation_error),
         message=answer.message,
+        commanded=None,
         pending=False,
     )
 

@@ -233,7 +233,7 @@ class Viewer:
         for kinds, answer in (
             ({"python", "command"}, self._copy),
             ({"slice"}, self._slice),
-            ({"ghosts", "ellipsoid", "datasheet", "visuals", "degrees"}, self._draw),
+            ({"ghosts", "ellipsoid", "datasheet", "commanded", "visuals", "degrees"}, self._draw),
             (BUILT, self._build),
             ({"setup"}, self._change_setup),
             ({"track"}, self._track),
@@ -268,7 +268,7 @@ class Viewer:
             self._stage.arm.dress(self._parts(self._panel.visuals))
         if "degrees" in names:
             self._panel.change_unit()
-        self._stage.datasheet = self._panel.datasheet
+        self._stage.datasheet, self._stage.commanded = self._panel.datasheet, self._panel.commanded
         self._show(self._view, move_gizmo=False)
 
     def _pose_joints(self, names: dict[str, int]) -> None:
@@ -387,7 +387,7 @@ class Viewer:
             return
         self._stop()
         inspector = self._inspector
-        goal = inspector.closest(self._view) if self._view.pending else self._view
+        goal = replace(inspector.closest(self._view) if self._view.pending else self._view, commanded=None)
         self._panel.show_going(True)
         self._show(replace(goal, note="Looking for a way"), move_gizmo=False)
         try:

@@ -59,8 +59,8 @@ class Panel:
             server: viser's.
             inspector: of the robot.
             post: called from any thread with what was moved: "branch", "next", "previous", "ghosts", "datasheet",
-                "ellipsoid", "visuals", "degrees", "track", "prefer", "typed", "axis", "range", "angle", "setup",
-                "slice", "joints", "go", "start", "python", "command", or a name of `BuildingControls` or of the player.
+                "commanded", "ellipsoid", "visuals", "degrees", "track", "prefer", "typed", "axis", "range", "angle",
+                "setup", "slice", "joints", "go", "start", "python", "command", or a name of `BuildingControls` or of the player.
             contents: what there is to show beside the arm.
         """
         self._inspector = inspector
@@ -89,6 +89,10 @@ class Panel:
             )
             watch(post, "datasheet", self._datasheet)
             self._away = gui.add_html("")
+        self._commanded = None
+        if playback is not None and len(playback.commanded_t):
+            self._commanded = gui.add_checkbox("Commanded", True, hint="Draw where the arm was to be, in green")
+            watch(post, "commanded", self._commanded)
         self._visuals = gui.add_checkbox(
             "Visual meshes",
             contents.dressed and contents.visuals is not None,
@@ -151,6 +155,11 @@ class Panel:
     def datasheet(self) -> bool:
         """Whether the described arm is to be drawn beside a calibrated one."""
         return self._datasheet is not None and bool(self._datasheet.value)
+
+    @property
+    def commanded(self) -> bool:
+        """Whether the arm of a log is to be drawn where it was to be, beside where it was."""
+        return self._commanded is not None and bool(self._commanded.value)
 
     @property
     def ellipsoid(self) -> bool:

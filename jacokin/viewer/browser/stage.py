@@ -65,6 +65,7 @@ class Stage:
         self._inspector = inspector
         described = inspector.robot.described
         self.datasheet = described is not inspector.robot  # whether that arm is drawn, too, at the same joint angles
+        self.commanded = True  # whether the arm of a log is drawn where it was to be, too
         self._described = Inspector(IKSolver(described, collision="ignore")) if self.datasheet else inspector
         nodes = server.scene
         self.arm = ArmNodes(nodes, parts, contents.shapes)
@@ -109,7 +110,7 @@ class Stage:
             places = ShownPlaces(*(np.concatenate(pair) for pair in pairs))
             colours = np.vstack((colours, np.array(DATASHEET, dtype=np.uint8)))
             solid = np.append(solid, True)
-        if view.commanded is not None:
+        if self.commanded and view.commanded is not None:
             pairs = zip(places, self._inspector.places([view.commanded]), strict=True)
             places = ShownPlaces(*(np.concatenate(pair) for pair in pairs))
             colours = np.vstack((colours, np.array(COMMANDED, dtype=np.uint8)))
