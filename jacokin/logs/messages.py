@@ -196,7 +196,7 @@ class _Joints:
         return chosen
 
     def all_of(self, values: Array) -> Array | None:
-        """(dof,) values without names, in the order of the arm; None, counted, where they are not as many or not finite."""
+        """(dof,) values without names, as the arm has them; None, counted, where they are not as many or not finite."""
         if values.shape == (self.robot.dof,) and np.isfinite(values).all():
             return values
         self.others[f"{len(values)} angles without names, for {self.robot.dof} joints"] = None

@@ -37,7 +37,9 @@ def test_what_was_measured_is_played_beside_what_was_commanded(path: Path, robot
         assert playback.duration == pytest.approx(1.9)
         np.testing.assert_allclose(playback.at(1.0), robot.home + 0.1, atol=1e-9)
         assert playback.commanded_at(0.3) is None
-        np.testing.assert_allclose(playback.commanded_at(1.0), robot.home + 0.1 + LEAD, atol=1e-6)
+        commanded = playback.commanded_at(1.0)
+        assert commanded is not None
+        np.testing.assert_allclose(commanded, robot.home + 0.1 + LEAD, atol=1e-6)
 
 
 def test_without_commands_only_the_arm_is_played(path: Path, robot: Robot, tmp_path: Path) -> None:
