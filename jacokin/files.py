@@ -44,7 +44,7 @@ HELD = 10_000_000  # rows of a table that is held: a trajectory of a day at 100 
 MESSAGE = 200_000_000  # [byte] of a trajectory as JSON, which takes twenty times as much: an hour at 100 Hz has 1.5e8
 LINE = 65_536  # characters of a row of a table: some 3000 numbers
 ARRAYS = 2_000_000_000  # [byte] of an archive's arrays: a trajectory of a day at 100 Hz takes 1.2e9
-LOG = 4_000_000_000  # [byte] of a recording of ROS: a day of joint states at 100 Hz takes 3e9
+LOG = 5_000_000_000  # [byte] of a recording of ROS: a day of joint states at 100 Hz takes 4.6e9
 PIPED = 10_000_000_000  # [byte] that are copied from a pipe: a hundred million targets
 
 NODES = 1_000_000  # of a YAML document, each counted wherever an alias repeats it

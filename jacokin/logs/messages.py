@@ -6,19 +6,23 @@ Units are those of the type: sensor_msgs has radians (REP 103), kinova_msgs degr
 from __future__ import annotations
 
 import math
+from array import array
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
+from jacokin.files import HELD
 from jacokin.ik.files.targets import rotations_from_quats
 from jacokin.logs.bag import CONTROLLER_STATE, Topic
 from jacokin.model import checks
 from jacokin.model.joint_names import find_joints
+from jacokin.model.poses import QUATERNION_NORM_TOLERANCE
 from jacokin.model.robot import Robot
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
@@ -31,6 +35,7 @@ POSE_TYPES = tuple(
     f"geometry_msgs/msg/{name}"
     for name in ("PoseStamped", "PoseWithCovarianceStamped", "TransformStamped", "PointStamped")
 )
+KNOWN = 1000  # lists of names whose joints are kept
 SHOWN = 3  # of what is said of messages that have other joints
 NANOSECOND = 1e-9  # [s]
 
@@ -107,27 +112,30 @@ def joint_record(topic: Topic, messages: Messages, zero: int, robot: Robot, pref
     """
     read, kind = _Joints(robot, prefix), topic.type
     if kind in (TRAJECTORY, GOAL):
-        rows = list(_of_trajectories(read, messages, kind))
+        rows: Iterable[Row] = _of_trajectories(read, messages, kind)
     else:
-        rows = [row for received, message in messages if (row := _row(read, kind, received, message)) is not None]
-    count = len(rows) + read.refused
-    if not rows:
-        seen = "; ".join(list(read.others)[:SHOWN]) or "no messages"
+        rows = (row for received, message in messages if (row := _row(read, kind, received, message)) is not None)
+    times, q, v, torque = _Times(topic), _Columns(robot.dof), _Columns(robot.dof), _Columns(robot.dof)
+    for row in rows:
+        times.add(row.received, row.stamp)
+        for column, values in zip((q, v, torque), row[2:], strict=True):
+            column.add(values)
+    count = len(times) + read.refused
+    if not len(times):
+        seen = "; ".join(read.others) or "no messages"
         raise InvalidInputError(f"{topic} does not have the joints of {robot.name}: {seen}")
-    by_stamp = all(row.stamp for row in rows)
-    kept = _later(topic, [row.stamp if by_stamp else row.received for row in rows])
-    chosen = [rows[index] for index in kept]
-    q = np.array([row.q for row in chosen])
+    kept = times.later()
+    angles = q.rows()[kept]
     turning = robot.unlimited
-    q[:, turning] = np.unwrap(q[:, turning], axis=0)
+    angles[:, turning] = np.unwrap(angles[:, turning], axis=0)
     return JointRecord(
         topic=topic.name,
-        t=_seconds([row.received for row in chosen], zero),
-        stamp=_seconds([row.stamp for row in chosen], zero) if by_stamp else None,
-        q=checks.read_only(q),
-        v=_stacked([row.v for row in chosen]),
-        torque=_stacked([row.torque for row in chosen]),
-        left_out=count - len(chosen),
+        t=times.received(zero)[kept],
+        stamp=times.stamps(zero)[kept] if times.by_stamp else None,
+        q=checks.read_only(angles),
+        v=checks.read_only(v.rows()[kept]) if v.is_whole else None,
+        torque=checks.read_only(torque.rows()[kept]) if torque.is_whole else None,
+        left_out=count - int(kept.sum()),
     )
 
 
@@ -137,32 +145,94 @@ def pose_record(topic: Topic, messages: Messages, zero: int) -> PoseRecord:
     Raises:
         InvalidInputError: no message has a pose, their frames differ, or their clock goes back.
     """
-    kind = topic.type
-    point = kind.endswith("PointStamped")
-    rows = [(received, *_pose(kind, message)) for received, message in messages]
-    numbers = np.array([row[3] for row in rows]).reshape(len(rows), -1)
-    sound = np.isfinite(numbers).all(axis=1)
-    rotations = None
-    if not point and len(rows):
-        rotations, wrong = rotations_from_quats(np.where(sound[:, None], numbers[:, 3:], 0.0))
-        sound[wrong] = False
-    rows, numbers = [row for row, fine in zip(rows, sound, strict=True) if fine], numbers[sound]
-    if not rows:
-        raise InvalidInputError(f"{topic} has no pose in {len(sound)} messages")
-    frames = sorted({row[2] for row in rows})
-    if len(frames) > 1:
-        raise InvalidInputError(f"{topic} has poses in several frames: {', '.join(frames)}")
-    by_stamp = all(row[1] for row in rows)
-    kept = _later(topic, [row[1] if by_stamp else row[0] for row in rows])
+    is_point = topic.type.endswith("PointStamped")
+    times, numbers, frames, count = _Times(topic), _Columns(3 if is_point else 7), set[str](), 0
+    for received, message in messages:
+        count += 1
+        stamp, frame, values = _pose(topic.type, message)
+        if not _is_pose(values):
+            continue
+        frames.add(frame)
+        if len(frames) > 1:
+            raise InvalidInputError(f"{topic} has poses in several frames: {', '.join(sorted(frames))}")
+        times.add(received, stamp)
+        numbers.add(values)
+    if not len(times):
+        raise InvalidInputError(f"{topic} has no pose in {count} messages")
+    kept = times.later()
+    rows = numbers.rows()[kept]
     return PoseRecord(
         topic=topic.name,
-        frame=frames[0],
-        t=_seconds([rows[index][0] for index in kept], zero),
-        stamp=_seconds([rows[index][1] for index in kept], zero) if by_stamp else None,
-        positions=checks.read_only(numbers[kept, :3]),
-        rotations=None if rotations is None else checks.read_only(rotations[sound][kept]),
-        left_out=len(sound) - len(kept),
+        frame=frames.pop(),
+        t=times.received(zero)[kept],
+        stamp=times.stamps(zero)[kept] if times.by_stamp else None,
+        positions=checks.read_only(rows[:, :3]),
+        rotations=None if is_point else checks.read_only(rotations_from_quats(rows[:, 3:])[0]),
+        left_out=count - int(kept.sum()),
     )
+
+
+class _Columns:
+    """Rows of numbers that are added one by one, in little memory.
+
+    Attributes:
+        is_whole: whether no row was missing.
+    """
+
+    def __init__(self, width: int) -> None:
+        self._width, self._numbers, self.is_whole = width, array("d"), True
+
+    def add(self, row: Sequence[float] | Array | None) -> None:
+        """Add a row; after one that is missing, none is kept."""
+        if row is None:
+            self.is_whole, self._numbers = False, array("d")
+        elif self.is_whole:
+            self._numbers.extend(row)
+
+    def rows(self) -> Array:
+        """(n, width), a copy."""
+        return np.array(self._numbers).reshape(-1, self._width)
+
+
+class _Times:
+    """When messages were received, and when they say that they were made.
+
+    Attributes:
+        by_stamp: whether all say it.
+    """
+
+    def __init__(self, topic: Topic) -> None:
+        self._topic, self._received, self._stamps, self.by_stamp = topic, array("q"), array("q"), True
+
+    def __len__(self) -> int:
+        return len(self._received)
+
+    def add(self, received: int, stamp: int) -> None:
+        """Add a message's times [ns], 0 for none."""
+        self._received.append(received)
+        self._stamps.append(stamp)
+        self.by_stamp = self.by_stamp and stamp != 0
+
+    def later(self) -> NDArray[np.bool_]:
+        """(n,) whether a message is later than all before, by its stamp where all have one.
+
+        Raises:
+            InvalidInputError: fewer than half are: a simulation that began anew, for example.
+        """
+        times = np.array(self._stamps if self.by_stamp else self._received)
+        kept = np.append(True, times[1:] > np.maximum.accumulate(times)[:-1])
+        dropped = int((~kept).sum())
+        if 2 * dropped > len(times):
+            raise InvalidInputError(f"{self._topic}: {dropped} of {len(times)} messages are not later than others")
+        return kept
+
+    def received(self, zero: int) -> Array:
+        """(n,) [s]."""
+        return checks.read_only(NANOSECOND * (np.array(self._received) - zero))
+
+    def stamps(self, zero: int) -> Array:
+        """(n,) [s]."""
+        return checks.read_only(NANOSECOND * (np.array(self._stamps) - zero))
 
 
 class _Joints:
@@ -170,7 +240,7 @@ class _Joints:
 
     Attributes:
         refused: messages without all of them.
-        others: what was said of those.
+        others: what was said of some of those.
     """
 
     def __init__(self, robot: Robot, prefix: str | None) -> None:
@@ -182,16 +252,18 @@ class _Joints:
         """(dof,) of values that belong to names; None, counted, where a joint is missing or a value is not finite."""
         key = tuple(names)
         if key not in self._found:
+            if len(self._found) >= KNOWN:
+                self._found.clear()
             try:
                 self._found[key] = find_joints(key, self.robot, self._prefix)
             except InvalidInputError as error:
                 self._found[key] = None
-                self.others[str(error)] = None
+                self._note(str(error))
         indices = self._found[key]
         chosen = self.beside(names, values)
         if chosen is None:
             if indices is not None:
-                self.others["values that are not finite, or not one for each joint"] = None
+                self._note("values that are not finite, or not one for each joint")
             self.refused += 1
         return chosen
 
@@ -199,9 +271,13 @@ class _Joints:
         """(dof,) values without names, as the arm has them; None, counted, where they are not as many or not finite."""
         if values.shape == (self.robot.dof,) and np.isfinite(values).all():
             return values
-        self.others[f"{len(values)} angles without names, for {self.robot.dof} joints"] = None
+        self._note(f"{len(values)} angles without names, for {self.robot.dof} joints")
         self.refused += 1
         return None
+
+    def _note(self, text: str) -> None:
+        if len(self.others) < SHOWN:
+            self.others[text] = None
 
     def beside(self, names: Sequence[str], values: Sequence[float] | Array) -> Array | None:
         """As `choose`, of names that were chosen from before; not counted."""
@@ -235,6 +311,7 @@ def _row(read: _Joints, kind: str, received: int, message: Any) -> Row | None:
 def _of_trajectories(read: _Joints, messages: Messages, kind: str) -> Iterator[Row]:
     """The points of trajectories at their times; the next one takes over where it begins, and the end is held until."""
     planned: list[tuple[int, list[tuple[int, Array]]]] = []
+    count = 0
     for received, message in messages:
         trajectory = message.goal.trajectory if kind == GOAL else message
         start = _stamp(trajectory.header) or received
@@ -243,6 +320,9 @@ def _of_trajectories(read: _Joints, messages: Messages, kind: str) -> Iterator[R
             q = read.choose(trajectory.joint_names, point.positions)
             if q is not None:
                 points.append((start + _nanoseconds(point.time_from_start), q))
+                count += 1
+                if count > HELD:
+                    raise InvalidInputError(f"has trajectories of more than {HELD} points")
         planned.append((start, points))
     planned.sort(key=lambda each: each[0])
     held: Array | None = None
@@ -278,35 +358,15 @@ def _pose(kind: str, message: Any) -> tuple[int, str, list[float]]:
     return *head, [place.x, place.y, place.z, turn.w, turn.x, turn.y, turn.z]
 
 
+def _is_pose(values: Sequence[float]) -> bool:
+    """Whether x, y, z, and w, x, y, z of a quaternion if there are such, are finite, and its norm is near 1."""
+    norm = math.hypot(*values[3:]) if len(values) > 3 else 1.0
+    return all(map(math.isfinite, values)) and abs(norm - 1.0) <= QUATERNION_NORM_TOLERANCE
+
+
 def _stamp(header: Any) -> int:
     return _nanoseconds(header.stamp)
 
 
 def _nanoseconds(time: Any) -> int:
     return int(time.sec) * 1_000_000_000 + int(time.nanosec)
-
-
-def _later(topic: Topic, times: Sequence[int]) -> list[int]:
-    """Those that are later than all before.
-
-    Raises:
-        InvalidInputError: fewer than half are: a simulation that began anew, for example.
-    """
-    latest, kept = -math.inf, []
-    for index, time in enumerate(times):
-        if time > latest:
-            latest = time
-            kept.append(index)
-    if 2 * len(kept) < len(times):
-        raise InvalidInputError(f"{topic}: {len(times) - len(kept)} of {len(times)} messages are not later than others")
-    return kept
-
-
-def _seconds(times: Sequence[int], zero: int) -> Array:
-    return checks.read_only(NANOSECOND * np.array([time - zero for time in times], dtype=np.float64))
-
-
-def _stacked(rows: Sequence[Array | None]) -> Array | None:
-    """Rows as one array; None where one is missing."""
-    there = [row for row in rows if row is not None]
-    return checks.read_only(np.array(there)) if len(there) == len(rows) else None

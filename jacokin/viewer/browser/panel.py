@@ -60,8 +60,8 @@ class Panel:
             inspector: of the robot.
             post: called from any thread with what was moved: "branch", "next", "previous", "ghosts", "datasheet",
                 "commanded", "ellipsoid", "visuals", "degrees", "track", "prefer", "typed", "axis", "range", "angle",
-                "setup", "slice", "joints", "go", "start", "python", "command", or a name of `BuildingControls` or of the
-                player.
+                "setup", "slice", "joints", "go", "start", "python", "command", or a name of `BuildingControls` or of
+                the player.
             contents: what there is to show beside the arm.
         """
         self._inspector = inspector
