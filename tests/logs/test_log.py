@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import sqlite3
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -230,6 +231,23 @@ def test_a_clock_that_begins_anew_is_refused(robot: Robot, tmp_path: Path) -> No
     path = write(tmp_path, ".mcap", [joint_state("/joint_states", 0.0, names, robot.home) for _ in range(5)])
     with pytest.raises(InvalidInputError, match="4 of 5 messages are not later"):
         Log(path, robot).joints()
+
+
+def test_a_database_of_humble_says_nothing_of_its_types(robot: Robot, tmp_path: Path) -> None:
+    """Types of ROS are known all the same, the state of a controller is not."""
+    topic = "/arm_controller/controller_state"
+    state = controller_state(topic, 0.5, names_of(robot).arm, robot.home, robot.home, "desired")
+    path = write(tmp_path, ".db3", [*states(robot), state])
+    database = sqlite3.connect(path)
+    for table in ("message_definitions", "schema", "metadata"):
+        database.execute(f"DROP TABLE {table}")
+    database.execute("ALTER TABLE topics DROP COLUMN type_description_hash")
+    database.commit()
+    database.close()
+    log = Log(path, robot)
+    np.testing.assert_array_equal(log.joints().q, angles(robot))
+    with pytest.raises(InvalidInputError, match="does not say what its messages of .*ControllerState are made of"):
+        log.commanded()
 
 
 @pytest.mark.parametrize("ending", KINDS)
