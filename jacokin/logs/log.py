@@ -9,6 +9,7 @@ import logging
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,7 @@ from jacokin.logs.messages import (
     POSE_TYPES,
     JointRecord,
     PoseRecord,
+    has_joints,
     joint_record,
     pose_record,
 )
@@ -41,6 +43,7 @@ COMMANDS = (
     "/joint_trajectory",
     "/command",
 )
+LOOKED_AT = 1000  # messages of a topic among which the arm's joints are looked for: a gripper may publish more often
 OWN_POSE = "/out/tool_pose"  # of kinova-ros: its forward kinematics of the joint angles that it reports
 
 logger = logging.getLogger(__name__)
@@ -98,17 +101,20 @@ class Log:
         """What was measured of the joints.
 
         Args:
-            topic: of sensor_msgs/JointState or kinova_msgs/JointAngles; None for the one that ends in one of
-                /joint_states, /out/joint_state and /out/joint_angles, in this order, else the only one.
+            topic: of sensor_msgs/JointState or kinova_msgs/JointAngles; None for the one with the joints of the robot
+                that ends in /joint_states, /out/joint_state or /out/joint_angles, in this order, else the only one.
 
         Raises:
             InvalidInputError: no such topic, several, or none of its messages has the joints of the robot; lists the
                 topics that are there.
         """
-        chosen = self._choose("joints", topic, JOINT_TYPES, JOINTS)
-        if chosen is None:
+        if topic is not None:
+            return self._joints(self._named("joints", topic, JOINT_TYPES))
+        there = self._of_types(JOINT_TYPES)
+        if not there:
             raise self._missing("joints", JOINT_TYPES)
-        return self._joints(chosen)
+        chosen = self._with_joints("joints", there, (*JOINTS, ""))
+        return self._joints(there[0] if chosen is None else chosen)  # which says why it does not fit
 
     def commanded(self, topic: str | None = None) -> JointRecord | None:
         """What was commanded to the joints; None where nothing was recorded of it.
@@ -118,16 +124,17 @@ class Log:
         Args:
             topic: of sensor_msgs/JointState, kinova_msgs/JointAngles, trajectory_msgs/JointTrajectory,
                 control_msgs/JointTrajectoryControllerState (its desired or reference), or goals of
-                FollowJointTrajectory in ROS 1; None for the first one that ends in /out/joint_command,
-                /controller_state, /state, /follow_joint_trajectory/goal, /joint_trajectory or /command.
+                FollowJointTrajectory in ROS 1; None for the one with the joints of the robot that ends in
+                /out/joint_command, /controller_state, /state, /follow_joint_trajectory/goal, /joint_trajectory or
+                /command, in this order.
 
         Raises:
             InvalidInputError: as `joints`.
         """
-        chosen = self._choose("commanded", topic, COMMAND_TYPES, COMMANDS, only=False)
-        if chosen is None or (topic is None and not chosen.count):
-            return None
-        return self._joints(chosen)
+        if topic is not None:
+            return self._joints(self._named("commanded", topic, COMMAND_TYPES))
+        chosen = self._with_joints("commanded", self._of_types(COMMAND_TYPES), COMMANDS)
+        return None if chosen is None else self._joints(chosen)
 
     def poses(self, topic: str | None = None) -> PoseRecord:
         """What an instrument measured of the hand.
@@ -140,7 +147,9 @@ class Log:
         Raises:
             InvalidInputError: no such topic, several, or poses in several frames; lists the topics that are there.
         """
-        chosen = self._choose("poses", topic, POSE_TYPES, (), apart=OWN_POSE)
+        there = self._of_types(POSE_TYPES)
+        others = [each for each in there if not each.name.endswith(OWN_POSE)]
+        chosen = self._only("poses", others or there) if topic is None else self._named("poses", topic, POSE_TYPES)
         if chosen is None:
             raise self._missing("poses", POSE_TYPES)
         if chosen.name.endswith(OWN_POSE):
@@ -208,51 +217,50 @@ class Log:
             checks.read_only(asked_q),
         )
 
-    def _choose(
-        self,
-        what: str,
-        topic: str | None,
-        types: Sequence[str],
-        endings: Sequence[str],
-        *,
-        only: bool = True,
-        apart: str | None = None,
-    ) -> Topic | None:
-        """The topic that is asked for, else the one that is preferred, else the only one; None where there is none.
-
-        Args:
-            what: is looked for.
-            topic: that is asked for.
-            types: of messages that say it.
-            endings: of names, those that are preferred first.
-            only: whether the only topic of these types is taken, whatever its name.
-            apart: ending of a name that is taken where there is no other.
+    def _named(self, what: str, topic: str, types: Sequence[str]) -> Topic:
+        """The topic that is asked for.
 
         Raises:
-            InvalidInputError: no such topic, one of another type, or several that are as good.
+            InvalidInputError: there is none, or it is of another type.
         """
-        if topic is not None:
-            name = checks.text(what, topic)
-            if name not in self.topics:
-                raise UnknownNameError("topic", name, self.topics)
-            if self.topics[name].type not in types:
-                raise InvalidInputError(f"{self.path}: {self.topics[name]} is none of {', '.join(types)}")
-            return self.topics[name]
-        there = [each for each in self.topics.values() if each.type in types and each.count]
-        for ending in endings:
-            found = [each for each in there if each.name.endswith(ending)]
-            if found:
-                there = found
-                break
-        else:
-            if not only:
-                return None
-            others = [each for each in there if apart is None or not each.name.endswith(apart)]
-            there = others or there
-        if len(there) > 1:
-            listed = ", ".join(map(str, there))
+        name = checks.text(what, topic)
+        if name not in self.topics:
+            raise UnknownNameError("topic", name, self.topics)
+        if self.topics[name].type not in types:
+            raise InvalidInputError(f"{self.path}: {self.topics[name]} is none of {', '.join(types)}")
+        return self.topics[name]
+
+    def _of_types(self, types: Sequence[str]) -> list[Topic]:
+        return [each for each in self.topics.values() if each.type in types and each.count]
+
+    def _only(self, what: str, topics: Sequence[Topic]) -> Topic | None:
+        """The one of some topics; None for none.
+
+        Raises:
+            InvalidInputError: there are several.
+        """
+        if len(topics) > 1:
+            listed = ", ".join(map(str, topics))
             raise InvalidInputError(f"{self.path}: several topics could be meant by {what}: {listed}; name one")
-        return there[0] if there else None
+        return topics[0] if topics else None
+
+    def _with_joints(self, what: str, topics: Sequence[Topic], endings: Sequence[str]) -> Topic | None:
+        """The topic with the joints of the robot whose name ends as those that are preferred; None for none.
+
+        Raises:
+            InvalidInputError: there are several that are as good.
+        """
+        for ending in endings:
+            there = [each for each in topics if each.name.endswith(ending)]
+            with open_bag(self.path) as bag:
+                fitting = [
+                    each
+                    for each in there
+                    if has_joints(each, islice(bag.messages(each.name), LOOKED_AT), self.robot, self._prefix)
+                ]
+            if fitting:
+                return self._only(what, fitting)
+        return None
 
     def _missing(self, what: str, types: Sequence[str]) -> InvalidInputError:
         listed = ", ".join(map(str, self.topics.values())) or "none"

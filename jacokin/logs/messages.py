@@ -110,11 +110,8 @@ def joint_record(topic: Topic, messages: Messages, zero: int, robot: Robot, pref
     Raises:
         InvalidInputError: no message has all joints of the robot, or its clock goes back.
     """
-    read, kind = _Joints(robot, prefix), topic.type
-    if kind in (TRAJECTORY, GOAL):
-        rows: Iterable[Row] = _of_trajectories(read, messages, kind)
-    else:
-        rows = (row for received, message in messages if (row := _row(read, kind, received, message)) is not None)
+    read = _Joints(robot, prefix)
+    rows = _rows(read, topic.type, messages)
     times, q, v, torque = _Times(topic), _Columns(robot.dof), _Columns(robot.dof), _Columns(robot.dof)
     for row in rows:
         times.add(row.received, row.stamp)
@@ -137,6 +134,11 @@ def joint_record(topic: Topic, messages: Messages, zero: int, robot: Robot, pref
         torque=checks.read_only(torque.rows()[kept]) if torque.is_whole else None,
         left_out=count - int(kept.sum()),
     )
+
+
+def has_joints(topic: Topic, messages: Messages, robot: Robot, prefix: str | None) -> bool:
+    """Whether a message of one of `COMMAND_TYPES` has the joints of a robot; the first such one ends the search."""
+    return next(_rows(_Joints(robot, prefix), topic.type, messages), None) is not None
 
 
 def pose_record(topic: Topic, messages: Messages, zero: int) -> PoseRecord:
@@ -286,6 +288,17 @@ class _Joints:
             return None
         chosen = numbers[list(indices)]
         return chosen if np.isfinite(chosen).all() else None
+
+
+def _rows(read: _Joints, kind: str, messages: Messages) -> Iterator[Row]:
+    """The joints of messages that have all of them."""
+    if kind in (TRAJECTORY, GOAL):
+        yield from _of_trajectories(read, messages, kind)
+        return
+    for received, message in messages:
+        row = _row(read, kind, received, message)
+        if row is not None:
+            yield row
 
 
 def _row(read: _Joints, kind: str, received: int, message: Any) -> Row | None:

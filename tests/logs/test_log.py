@@ -137,6 +137,22 @@ def test_the_state_of_a_controller_says_what_was_commanded(
     np.testing.assert_array_equal(commanded.q, angles(robot) + 0.2)
 
 
+def test_the_controller_of_a_gripper_is_not_that_of_the_arm(robot: Robot, tmp_path: Path) -> None:
+    names = names_of(robot)
+    said = [
+        *states(robot),
+        *states(robot, "/gripper/joint_states", prefix="other_")[:1],
+        controller_state("/gripper_controller/state", 0.1, names.fingers, np.zeros(3), np.zeros(3), "desired"),
+    ]
+    gripper = Log(write(tmp_path / "gripper", ".bag", said), robot, prefix="j2n6s300_")
+    assert gripper.joints().topic == "/joint_states"
+    assert gripper.commanded() is None
+    arm = controller_state("/arm_controller/state", 0.1, names.arm, robot.home, robot.home, "desired")
+    found = Log(write(tmp_path / "both", ".bag", [*said, arm]), robot).commanded()
+    assert found is not None
+    assert found.topic == "/arm_controller/state"
+
+
 def test_the_next_trajectory_takes_over_and_the_end_is_held(robot: Robot, tmp_path: Path) -> None:
     names, home = names_of(robot).arm, robot.home
     topic = "/arm_controller/joint_trajectory"
