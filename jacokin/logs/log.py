@@ -43,6 +43,7 @@ COMMANDS = (
     "/joint_trajectory",
     "/command",
 )
+COMMAND = "command"  # so end topics of what was commanded, as /out/joint_command, which nothing has measured
 LOOKED_AT = 1000  # messages of a topic among which the arm's joints are looked for: a gripper may publish more often
 OWN_POSE = "/out/tool_pose"  # of kinova-ros: its forward kinematics of the joint angles that it reports
 
@@ -102,7 +103,8 @@ class Log:
 
         Args:
             topic: of sensor_msgs/JointState or kinova_msgs/JointAngles; None for the one with the joints of the robot
-                that ends in /joint_states, /out/joint_state or /out/joint_angles, in this order, else the only one.
+                that ends in /joint_states, /out/joint_state or /out/joint_angles, in this order, else the only one that
+                does not end in "command".
 
         Raises:
             InvalidInputError: no such topic, several, or none of its messages has the joints of the robot; lists the
@@ -110,7 +112,7 @@ class Log:
         """
         if topic is not None:
             return self._joints(self._named("joints", topic, JOINT_TYPES))
-        there = self._of_types(JOINT_TYPES)
+        there = [each for each in self._of_types(JOINT_TYPES) if not each.name.endswith(COMMAND)]
         if not there:
             raise self._missing("joints", JOINT_TYPES)
         chosen = self._with_joints("joints", there, (*JOINTS, ""))

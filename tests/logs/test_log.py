@@ -95,6 +95,12 @@ def test_driver_topics_are_preferred_and_others_must_be_named(robot: Robot, tmp_
         two.joints()
 
 
+def test_what_was_commanded_is_never_taken_for_measured(robot: Robot, tmp_path: Path) -> None:
+    said = [joint_angles("/j2n6s300_driver/out/joint_command", 0.0, robot.home)]
+    with pytest.raises(InvalidInputError, match="has no topic for joints"):
+        Log(write(tmp_path, ".bag", said), robot).joints()
+
+
 def test_unlimited_joints_do_not_jump_by_turns(robot: Robot, tmp_path: Path) -> None:
     q = np.tile(robot.home, (10, 1))
     q[:, 3] = np.pi - 0.5 + 1.0 * TIMES
