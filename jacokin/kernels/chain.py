@@ -214,9 +214,9 @@ def eliminate7(system: Array) -> float:
     """Solve the (7, 8) system in place by Gauss elimination with row pivoting; the solution is column 7.
 
     Returns:
-        The sign of the determinant, 0 where it is singular.
+        The determinant, 0 where it is singular.
     """
-    sign = 1.0
+    product = 1.0
     for column in range(7):
         pivot = column
         for row in range(column + 1, 7):
@@ -225,13 +225,12 @@ def eliminate7(system: Array) -> float:
         if abs(system[pivot, column]) < SMALLEST_PIVOT_7:
             return 0.0
         if pivot != column:
-            sign = -sign
+            product = -product
             for j in range(column, 8):
                 swap = system[column, j]
                 system[column, j] = system[pivot, j]
                 system[pivot, j] = swap
-        if system[column, column] < 0.0:
-            sign = -sign
+        product *= system[column, column]
         scale = 1.0 / system[column, column]
         for j in range(column + 1, 8):
             system[column, j] *= scale
@@ -245,7 +244,7 @@ def eliminate7(system: Array) -> float:
         for j in range(column + 1, 7):
             value -= system[column, j] * system[j, 7]
         system[column, 7] = value
-    return sign
+    return product
 
 
 def bordered_newton(
@@ -278,8 +277,9 @@ def tangent7(chain: Array, T: Array, x: Array, border: Array, t: Array, system: 
     """Fill t with the unit vector of the null space for which border . t > 0: the tangent of the self-motion.
 
     Returns:
-        The sign of the determinant of the Jacobian with t as its seventh row, 0 where there is no tangent. Along a
-        curve the sign does not change, and a step that leaps to another curve beside it changes it.
+        The determinant of the Jacobian with t as its seventh row: the product of its singular values, and a sign; 0
+        where there is no tangent. Along a curve the sign does not change, and a step that leaps to another curve beside
+        it changes it.
     """
     linearise7(chain, T, x, system)
     return null_tangent(border, t, system)
@@ -292,8 +292,8 @@ def null_tangent(border: Array, t: Array, system: Array) -> float:
     for i in range(6):
         system[i, 7] = 0.0
     system[6, 7] = 1.0
-    sign = eliminate7(system)
-    if sign == 0.0:
+    determinant = eliminate7(system)
+    if determinant == 0.0:
         return 0.0
     square = 0.0
     for j in range(7):
@@ -301,4 +301,4 @@ def null_tangent(border: Array, t: Array, system: Array) -> float:
     length = math.sqrt(square)
     for j in range(7):
         t[j] = system[j, 7] / length
-    return sign
+    return determinant * length

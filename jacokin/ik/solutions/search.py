@@ -123,6 +123,8 @@ class SetSearch:
         candidates = found.candidates(request.cost, several=verifier.avoids_contact)
         in_contact = "every member that was tried is in contact; the best one"
         result = verifier.select(candidates, request, in_contact)
+        if result is None and not found.curves.complete:
+            result = verifier.select(self._led_to(found, request.seed), request, in_contact)
         if result is None:
             dof, parameter = verifier.robot.dof, self._arm.parameter
             rows = self._near_misses.find(request, self._almost_reaching(request, found))
@@ -176,6 +178,16 @@ class SetSearch:
         except LostMemberError:
             return []
         return [members.candidate(q, p)] if np.linalg.norm(q - seed) < away else []
+
+    def _led_to(self, found: CurveFindings, seed: Array) -> Iterator[Candidate]:
+        """Members that no curve found passes: what least steps lead to from a seed, and from where it is nearest."""
+        least, members = found.least_excess(), found.members
+        for start in [seed] if least is None else [seed, least.q]:
+            try:
+                q, p = members.beside(start, members.target.nearest_angle(members.parameter(start)))
+            except LostMemberError:
+                continue
+            yield members.candidate(q, p)
 
     def _starts(self, members: Members) -> Array:
         """(k, 7) the seed, if it nearly reaches the target: a curve beside it is followed."""

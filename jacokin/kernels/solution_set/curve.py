@@ -29,8 +29,11 @@ RESIDUAL, LARGEST_RESIDUAL = 1e-13, 1e-10
 NODE_RESIDUAL, SHORT_STEP = 1e-10, 0.02
 NEWTON_STEPS = 8
 SECANTS = 60
+#: Share of the largest product of the singular values on a curve, from which down steps are shorter in proportion: how
+#: near another curve may be, it tells. Products that are rounding tell nothing.
+NEAR_OTHERS, FLAT = 0.1, 1e-8
 #: What a step may come to.
-FAILED, STEPPED, FLIPPED = 0, 1, 2
+FAILED, STEPPED, FLIPPED, LONG = 0, 1, 2, 3
 COLUMNS = 14
 
 
@@ -43,6 +46,7 @@ class Walk(NamedTuple):
     more: Array  # (7,) and how that changes
     turned: Array  # (7,) how it turned on the last step,
     length: Array  # (1,) which was so long
+    volume: Array  # (2,) product of the Jacobian's singular values ahead, signed, see `tangent`; the largest so far
     y: Array  # (7,) the point ahead
     ty: Array  # (7,)
     z: Array  # (7,) a point between them
@@ -54,7 +58,7 @@ class Walk(NamedTuple):
 def make_walk() -> Walk:
     """Fresh arrays."""
     x, t, bend, more, turned, y, ty, z, tz, border = (np.zeros(7) for _ in range(10))
-    return Walk(x, t, bend, more, turned, np.zeros(1), y, ty, z, tz, border, np.zeros((7, 8)))
+    return Walk(x, t, bend, more, turned, np.zeros(1), np.zeros(2), y, ty, z, tz, border, np.zeros((7, 8)))
 
 
 def wrapped(angle: float) -> float:
@@ -63,12 +67,12 @@ def wrapped(angle: float) -> float:
 
 
 def tangent(chain: Array, T: Array, x: Array, border: Array, t: Array, walk: Walk) -> float:
-    """Fill t with the tangent at x for which border . t > 0; the sign of the determinant of both, 0 for no tangent."""
+    """Fill t with the tangent at x for which border . t > 0; see `tangent7` for what is returned."""
     linearise7(chain, T, x, walk.system)
     return null_tangent(border, t, walk.system)
 
 
-def advance(chain: Array, T: Array, walk: Walk, h: float, sign: float, y: Array, ty: Array) -> int:
+def advance(chain: Array, T: Array, walk: Walk, h: float, volume: float, y: Array, ty: Array) -> int:
     """Fill y and ty with the point a distance h along the tangent from walk.x, and its tangent.
 
     Args:
@@ -76,13 +80,13 @@ def advance(chain: Array, T: Array, walk: Walk, h: float, sign: float, y: Array,
         T: (4, 4) target.
         walk: where to start.
         h: how far to go [rad].
-        sign: of `tangent`, along this curve.
+        volume: of `tangent` at walk.x, along this curve.
         y: filled.
         ty: filled.
 
     Returns:
         `FAILED` where the step cannot be trusted; `FLIPPED` where only the sign differs, which it does on a curve
-        beside this one and where curves meet; else `STEPPED`.
+        beside this one and where curves meet; `LONG` where it is for how near others may be; else `STEPPED`.
     """
     x, t = walk.x, walk.t
     offset = h
@@ -104,7 +108,12 @@ def advance(chain: Array, T: Array, walk: Walk, h: float, sign: float, y: Array,
         cosine += t[j] * ty[j]
     if reached == 0.0 or cosine < LEAST_COSINE:
         return FAILED
-    return STEPPED if reached == sign else FLIPPED
+    walk.volume[0] = reached
+    if (reached > 0.0) != (volume > 0.0):
+        return FLIPPED
+    walk.volume[1] = max(walk.volume[1], abs(reached))
+    least, most = min(abs(volume), abs(reached)), walk.volume[1]
+    return LONG if most > FLAT and NEAR_OTHERS * h * most > LONGEST_STEP * least else STEPPED
 
 
 def go_on(walk: Walk, h: float) -> None:

@@ -33,7 +33,7 @@ from jacokin.kernels.solution_set.slices import BEFORE, SixJoints, turn_target
 from jacokin.kernels.solution_set.trace import Loops
 from jacokin.kernels.tolerances import DISTINCT, UNCERTAIN
 
-LOOKED_AT, MOST_FOUND = 48, 128
+LOOKED_AT, MOST_FOUND = 32, 128
 #: Values of x at which F is looked at, too, at all values of the parameter; evenly all round from the second on [rad].
 LINES, FIRST_LINE = 3, 0.7
 #: Halvings to where F is zero on such a line.

@@ -19,6 +19,7 @@ from jacokin.kernels.solution_set.curve import (
     COLUMNS,
     FAILED,
     FLIPPED,
+    LONG,
     LONGEST_STEP,
     RESOLUTION,
     Walk,
@@ -169,7 +170,8 @@ def run(
     chain: Array, T: Array, parameter: int, point: tuple[int, int], slices: Slices, loops: Loops, walk: Walk
 ) -> int:
     """Follow the curve ahead of a walk that begins at a point of a slice; how it ends."""
-    sign = tangent(chain, T, walk.x, walk.t, walk.ty, walk)
+    volume, is_near = tangent(chain, T, walk.x, walk.t, walk.ty, walk), False
+    walk.volume[1] = abs(volume)
     first = add_node(loops, walk.x, walk.t, 0)
     h, state = 0.25 * LONGEST_STEP, LOST if first >= 0 else FULL
     way = 0.0  # the last slope of the parameter that is no rounding
@@ -178,20 +180,18 @@ def run(
             break
         if abs(walk.t[parameter]) > STANDING:
             way = walk.t[parameter]
-        result = advance(chain, T, walk, h, sign, walk.y, walk.ty)
+        result = advance(chain, T, walk, h, volume, walk.y, walk.ty)
         last = loops.size[0] - 1
-        if (
-            result == FAILED
-            or (result == FLIPPED and h > MEETING_STEP)
-            or not add_step(chain, T, parameter, way, loops, walk)
-        ):
+        too_long = result in (FLIPPED, LONG) and h > MEETING_STEP
+        if result == FAILED or too_long or not add_step(chain, T, parameter, way, loops, walk):
             loops.size[0] = last + 1
             h *= 0.5
+            is_near = too_long
             continue
+        volume = walk.volume[0]
         if result == FLIPPED:
             note_meeting(loops, walk.x, walk.y)
-            sign = -sign
-        elif h < SHARP:
+        elif h < SHARP and not is_near:
             loops.size[3] += 1
         for n in range(last, loops.size[0] - 1):
             if state == LOST and note_passed(chain, T, parameter, n, (point[0], point[1], first), slices, loops, walk):
@@ -225,7 +225,14 @@ def add_step(chain: Array, T: Array, parameter: int, way: float, loops: Loops, w
         return False
     if not (slope * way < 0.0 and abs(slope) > STANDING):
         return True
-    if walk.t[parameter] * way <= 0.0:  # at the last node, but for rounding
+    if walk.t[parameter] * way <= 0.0:  # just before the last node, or there but for rounding
+        before, last = loops.nodes[a - 1], loops.nodes[a]
+        if before[7 + parameter] * way > STANDING * abs(way) and point_where_still(
+            chain, T, before, last, parameter, walk.z, walk.tz, walk
+        ):
+            for j in range(7):
+                last[j], last[7 + j] = walk.z[j], walk.tz[j]
+            last[7 + parameter] = 0.0
         loops.fold[a] = 1
         return True
     if (

@@ -41,7 +41,7 @@ def residual(curve: Curve, x: Array) -> float:
 
 
 def begun(curve: Curve, parameter: int) -> tuple[Walk, float]:
-    """A walk at the point of a curve, the parameter rising ahead; and the sign of its tangent."""
+    """A walk at the point of a curve, the parameter rising ahead; and the volume there, see `tangent`."""
     walk = make_walk()
     begin(curve.chain, curve.T, parameter, curve.q, walk)
     return walk, tangent(curve.chain, curve.T, walk.x, walk.t, walk.ty, walk)
@@ -49,11 +49,12 @@ def begun(curve: Curve, parameter: int) -> tuple[Walk, float]:
 
 def nodes_along(curve: Curve, parameter: int, steps: int, longest: float) -> Array:
     """Nodes (steps + 1, 14) from the point of a curve on, nearer to each other where it bends."""
-    walk, sign = begun(curve, parameter)
+    walk, volume = begun(curve, parameter)
     nodes, h = [np.concatenate([walk.x, walk.t])], longest
     while len(nodes) <= steps:
-        if advance(curve.chain, curve.T, walk, h, sign, walk.y, walk.ty) == STEPPED:
+        if advance(curve.chain, curve.T, walk, h, volume, walk.y, walk.ty) == STEPPED:
             nodes.append(np.concatenate([walk.y, walk.ty]))
+            volume = walk.volume[0]
             go_on(walk, h)
             h = min(1.5 * h, longest)
         else:

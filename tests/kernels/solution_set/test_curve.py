@@ -92,8 +92,8 @@ def test_steps_stay_on_the_curve(curve: Curve) -> None:
 
 @pytest.mark.parametrize("h", [1e-6, 1e-3, 0.1, 0.5, 1.5, 4.0])
 def test_a_step_of_any_length_fails_or_is_on_the_curve(curve: Curve, h: float) -> None:
-    walk, sign = begun(curve, FIRST)
-    result = advance(curve.chain, curve.T, walk, h, sign, walk.y, walk.ty)
+    walk, volume = begun(curve, FIRST)
+    result = advance(curve.chain, curve.T, walk, h, volume, walk.y, walk.ty)
     assert result != FAILED or h > 1e-3
     if result != FAILED:
         assert residual(curve, walk.y) < 2.0 * NODE_RESIDUAL
@@ -101,8 +101,8 @@ def test_a_step_of_any_length_fails_or_is_on_the_curve(curve: Curve, h: float) -
 
 
 def test_the_sign_tells_a_curve_from_its_neighbour(curve: Curve) -> None:
-    walk, sign = begun(curve, FIRST)
-    assert advance(curve.chain, curve.T, walk, 0.01, -sign, walk.y, walk.ty) == FLIPPED
+    walk, volume = begun(curve, FIRST)
+    assert advance(curve.chain, curve.T, walk, 0.01, -volume, walk.y, walk.ty) == FLIPPED
 
 
 def test_the_cubic_through_two_nodes_is_near_the_curve(curve: Curve) -> None:

@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import minimize_scalar
 
 from jacokin.arrays import Array
-from jacokin.kernels.solution_set.curve import FLIPPED, STEPPED, advance, make_walk, tangent
+from jacokin.kernels.solution_set.curve import FAILED, FLIPPED, advance, make_walk, tangent
 from jacokin.kernels.solution_set.meeting import ASIDE, diagonalise, make_directions, points_aside
 from jacokin.model.angles import TURN, wrap_to_pi
 from tests.kernels.solution_set.known_curves import MIDDLE, Curve, along_circle, residual, straight_wrist, traced
@@ -84,15 +84,14 @@ def test_the_sign_flips_where_a_walk_passes_a_meeting(curve: Curve) -> None:
     ahead = along_circle(curve, 1.0) - along_circle(curve, 0.0)
     walk.t[:] = ahead / np.linalg.norm(ahead)
     walk.x[:] = along_circle(curve, s)
-    sign = tangent(curve.chain, curve.T, walk.x, walk.t.copy(), walk.t, walk)
+    volume = tangent(curve.chain, curve.T, walk.x, walk.t.copy(), walk.t, walk)
     while s < end:
         step = h if np.abs(wrap_to_pi(places - s)).min() < 0.01 else 0.02
-        result = advance(curve.chain, curve.T, walk, step, sign, walk.y, walk.ty)
-        assert result in (STEPPED, FLIPPED)
+        result = advance(curve.chain, curve.T, walk, step, volume, walk.y, walk.ty)
+        assert result != FAILED
         if result == FLIPPED:
             flips.append(s + 0.5 * step / np.sqrt(2.0))
-            sign = -sign
-        walk.x[:], walk.t[:] = walk.y, walk.ty
+        walk.x[:], walk.t[:], volume = walk.y, walk.ty, walk.volume[0]
         s += step / np.sqrt(2.0)
     assert len(flips) == len(places)
     for flip in flips:
