@@ -11,7 +11,6 @@ from jacokin.model import checks
 from jacokin.model.descriptions.bundled import JACOS
 from jacokin.model.gripper import JACO, Gripper
 from jacokin.model.robot import Robot
-from jacokin.motion.free_motion.plan_motion import GoalFinder
 from jacokin.motion.rows import joined
 from jacokin.motion.trajectory import Trajectory
 
@@ -50,17 +49,13 @@ def kinova_fingers(robot: Robot, opening: float | None) -> float | None:
     return CLOSED * float(np.clip(share, 0.0, 1.0))
 
 
-def beside(solver: IKSolver, pose: pin.SE3, q: Array, rng: np.random.Generator) -> Array | None:
-    """The configuration (dof,) at a pose T_base_tool that is nearest to another one [rad].
+def beside(solver: IKSolver, pose: pin.SE3, q: Array) -> Array | None:
+    """The clear configuration (dof,) at a pose T_base_tool that is nearest to another one [rad].
 
-    None where a joint would move farther than along a straight line, or something touches.
+    None where there is none, or a joint would move farther than along a straight line.
     """
-    finder = GoalFinder(solver, q, rng)
-    rows = [goal.q for goal in finder.find(0, pose, finder.check(0, pose))]
-    nearest = min(rows, key=lambda row: float(np.abs(row - q).max()), default=None)
-    if nearest is None or np.abs(nearest - q).max() > LONGEST or solver.verifier.touching(nearest):
-        return None
-    return nearest
+    found = solver.solve(pose, seed=q, closest=False)
+    return found.q if found.success and np.abs(found.q - q).max() <= LONGEST else None
 
 
 def one_after_the_other(first: Trajectory, then: Trajectory, words: str) -> Trajectory:

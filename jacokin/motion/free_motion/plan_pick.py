@@ -42,7 +42,7 @@ from jacokin.motion.trajectory import MotionStatus, Trajectory
 
 EACH = "each is out of reach, in contact, or the line to it leaves its branch"
 LOOKED_AT = 5  # every so many rows of the line at which the open hand must not touch the object
-LEAST_TIME = 0.1  # [s] for the lift, whatever time is left
+LEAST_TIME = 0.1  # [s] for the straight line and for the lift, whatever time is left
 TO_THE_GRASP = "straight to the grasp"
 
 
@@ -200,7 +200,8 @@ def plan_pick(
             break
         taken = found.pop(motion.goal.number)
         try:
-            line = follow(near, [taken.before, taken.at], start=motion.q[-1])
+            left = max(remaining(), LEAST_TIME)
+            line = follow(near, [taken.before, taken.at], start=motion.q[-1], time_limit=left)
         except InvalidInputError as error:  # a line that joints cannot follow in any reasonable time
             failed = f"no straight line to a grasp: {error}"
             continue
@@ -305,7 +306,7 @@ class _Approaches:
             if self._near.verifier.touching(q) or (self._open_hand and self._open_hand.verifier.touching(q)):
                 continue
             before = at * pin.SE3(np.eye(3), -self._back * ahead_of(grasp.gripper))
-            begins = beside(self._free, before, q, self._rng)
+            begins = beside(self._free, before, q)
             if begins is None:
                 clear_ends += 1
                 continue

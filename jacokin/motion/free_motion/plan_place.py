@@ -46,6 +46,7 @@ from jacokin.motion.planning.plan import plan_path
 from jacokin.motion.trajectory import MotionStatus, Trajectory
 
 TURNED = float(np.radians(15.0))  # between angles about a free axis that are tried on six and seven joints
+LEAST_TIME = 0.1  # [s] for each straight line, whatever time is left
 LATE = "the time was over before the object was put down"
 DOWN = "straight down to the place"
 NAMED = 2  # pairs in a sentence
@@ -127,7 +128,7 @@ def plan_place(
         height: length of the line down, along the z axis of the base [m].
         distance: length of the line back [m].
         speed: along both [m/s].
-        time_limit: for all of it but writing the rows [s]; a line that is begun is finished, 0.02 to 0.2 s.
+        time_limit: for all of it but writing the rows [s].
         rng: randomness of the search; None for a fixed seed.
         dt: sampling step [s].
         velocity_limit: (dof,) or one for all [rad/s]; None for the robot's own.
@@ -184,14 +185,11 @@ def plan_place(
             failed = failed or carry.message
             break
         taken = found.pop(carry.goal.number)
-        lower = around.lower(taken, carry.q[-1], follow)
+        lower = around.lower(taken, carry.q[-1], partial(follow, time_limit=max(remaining(), LEAST_TIME)))
         if isinstance(lower, str):
             failed = lower
             continue
-        if remaining() <= 0.0:
-            failed = LATE
-            break
-        retreat = around.retreat(taken, lower.q[-1], follow)
+        retreat = around.retreat(taken, lower.q[-1], partial(follow, time_limit=max(remaining(), LEAST_TIME)))
         if isinstance(retreat, str):
             failed = retreat
             continue
@@ -261,7 +259,7 @@ class _Descent(NamedTuple):
     number: int
     """Of the target."""
     T_base_object: pin.SE3
-    """The place."""
+    """The object at the place."""
     above: pin.SE3
     """T_base_tool where the line down begins."""
     at: pin.SE3
@@ -415,22 +413,23 @@ class _Descents:
             if time.monotonic() >= self._until:
                 faults["there was no time to look at every configuration"] = len(ends)
                 break
-            q, place, number, T = ends[k]
+            q, place, number = ends[k]
+            T = self._around.pose_at(q)
             supports = self._around.supports(q)
             if isinstance(supports, str):
                 faults[supports] += 1
                 continue
             clear = True
-            at = T * self._around.load.T_tool_object.inverse()
+            at = self._around.held.verifier.tool_pose(q)
             above = pin.SE3(at.rotation, at.translation + self._height * UP)
-            begins = beside(self._around.held, above, q, self._rng)
+            begins = beside(self._around.held, above, q)
             if begins is None:
                 faults[f"no clear line of {self._height:.3g} m down to it: try a smaller height"] += 1
                 continue
             away = at * pin.SE3(np.eye(3), -self._distance * ahead_of(self._around.load.gripper))
             if place not in without:
                 without[place] = self._around.without(T)
-            if beside(without[place], away, q, self._rng) is None:
+            if beside(without[place], away, q) is None:
                 faults[f"no clear line of {self._distance:.3g} m back from it: try a smaller distance"] += 1
                 continue
             found.append(_Descent(number, T, above, at, away, begins, supports))
@@ -452,11 +451,11 @@ class _Descents:
             if isinstance(T, FreeAxis):
                 assert finder is not None
                 for each, goal in enumerate(finder.find(0, T, finder.check(0, T))):
-                    yield _End(goal.q, (place, each), number, T.at(goal.parameter or 0.0))
+                    yield _End(goal.q, (place, each), number)
                 continue
             at = T * around.load.T_tool_object.inverse()
             for goal in self._finder.find(0, at, self._finder.check(0, at)):
-                yield _End(goal.q, (place, 0), number, T)
+                yield _End(goal.q, (place, 0), number)
 
     def _why_none(self, targets: Sequence[pin.SE3 | FreeAxis]) -> str:
         """Why no configuration has the object at a target."""
@@ -475,8 +474,6 @@ class _End(NamedTuple):
     """Number of the pose."""
     number: int
     """Number of the target."""
-    T_base_object: pin.SE3
-    """The pose."""
 
 
 def _poses(target: pin.SE3 | FreeAxis, few: bool) -> list[pin.SE3 | FreeAxis]:
