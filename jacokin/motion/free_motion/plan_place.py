@@ -46,6 +46,8 @@ from jacokin.motion.planning.plan import plan_path
 from jacokin.motion.trajectory import MotionStatus, Trajectory
 
 TURNED = float(np.radians(15.0))  # between angles about a free axis that are tried on six and seven joints
+FINGERS = 6  # values at which the fingers are looked at, from open to shut
+HALVINGS = 3  # of the last step, to where they are shut on the object
 LEAST_TIME = 0.1  # [s] for each straight line, whatever time is left
 LATE = "the time was over before the object was put down"
 DOWN = "straight down to the place"
@@ -188,6 +190,9 @@ def plan_place(
         lower = around.lower(taken, carry.q[-1], partial(follow, time_limit=max(remaining(), LEAST_TIME)))
         if isinstance(lower, str):
             failed = lower
+            continue
+        if (pair := around.opening(taken, lower.q[-1])) is not None:
+            failed = f"the fingers cannot open at the place: {pair[0]} and {pair[1]} would touch"
             continue
         retreat = around.retreat(taken, lower.q[-1], partial(follow, time_limit=max(remaining(), LEAST_TIME)))
         if isinstance(retreat, str):
@@ -354,6 +359,36 @@ class _Around:
         if touching := self.without(descent.T_base_object).verifier.touching(line.q[-1]):
             return f"no straight line back: {touching[0][0]} and {touching[0][1]} touch at its end"
         return line
+
+    def opening(self, descent: _Descent, q: Array) -> Pair | None:
+        """What the fingers would touch, but the object, while they open at a configuration (dof,); or None."""
+        hand, opened, name = self.load.gripper, self.load.scene.finger_angle, self.load.name
+        if hand is None or opened is None:  # nothing is known of how they move
+            return None
+        scene, robot = self.standing(descent.T_base_object), self._solver.robot
+
+        def touching(value: float) -> list[Pair]:
+            return scene.with_fingers(value).contact(robot).all_touching(q)
+
+        free, shut, is_shut = opened, float(hand.openings[0]), False
+        for value in np.linspace(opened, shut, FINGERS).tolist()[1:]:
+            pairs = touching(value)
+            if any(name in pair for pair in pairs):
+                shut, is_shut = value, True
+                break
+            if pairs:
+                return pairs[0]
+            free = value
+        for _ in range(HALVINGS if is_shut else 0):  # up to where they are shut on it
+            value = 0.5 * (free + shut)
+            pairs = touching(value)
+            if any(name in pair for pair in pairs):
+                shut = value
+            elif pairs:
+                return pairs[0]
+            else:
+                free = value
+        return None
 
     def _lowered_by(self, supports: frozenset[Pair]) -> IKSolver:
         """A solver for the object in the hand, which may touch what it is put on."""
