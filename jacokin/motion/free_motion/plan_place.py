@@ -46,8 +46,8 @@ from jacokin.motion.planning.plan import plan_path
 from jacokin.motion.trajectory import MotionStatus, Trajectory
 
 TURNED = float(np.radians(15.0))  # between angles about a free axis that are tried on six and seven joints
-FINGERS = 6  # values at which the fingers are looked at, from open to shut
-HALVINGS = 3  # of the last step, to where they are shut on the object
+FINGERS = 4  # openings between shut and open at which the fingers are looked at
+HALVINGS = 6  # of what is between open and shut, to where the fingers hold the object: to 1 or 2 mm
 LEAST_TIME = 0.1  # [s] for each straight line, whatever time is left
 LATE = "the time was over before the object was put down"
 DOWN = "straight down to the place"
@@ -282,13 +282,15 @@ class _Around:
 
     Attributes:
         load: what is held.
-        held: the object in the hand.
+        held_scene: the object in the hand, with the fingers shut on it.
+        held: a solver for that.
     """
 
     def __init__(self, solver: IKSolver, load: _Load, hand: Sequence[str]) -> None:
         """Take a solver for the arm, and the links that may touch the object as the hand leaves it."""
         self.load, self._solver, self._hand = load, solver, hand
-        self.held = solver.in_scene(load.scene)
+        self.held_scene = load.scene.with_fingers(self._shut())
+        self.held = solver.in_scene(self.held_scene)
         self._obstacles = frozenset(load.scene.names)
         self._lowering = dict[frozenset[Pair], IKSolver]()
 
@@ -362,38 +364,44 @@ class _Around:
 
     def opening(self, descent: _Descent, q: Array) -> Pair | None:
         """What the fingers would touch, but the object, while they open at a configuration (dof,); or None."""
-        hand, opened, name = self.load.gripper, self.load.scene.finger_angle, self.load.name
-        if hand is None or opened is None:  # nothing is known of how they move
+        opened, shut = self.load.scene.finger_angle, self.held_scene.finger_angle
+        if opened is None or shut is None:
             return None
-        scene, robot = self.standing(descent.T_base_object), self._solver.robot
-
-        def touching(value: float) -> list[Pair]:
-            return scene.with_fingers(value).contact(robot).all_touching(q)
-
-        free, shut, is_shut = opened, float(hand.openings[0]), False
-        for value in np.linspace(opened, shut, FINGERS).tolist()[1:]:
-            pairs = touching(value)
-            if any(name in pair for pair in pairs):
-                shut, is_shut = value, True
-                break
-            if pairs:
-                return pairs[0]
-            free = value
-        for _ in range(HALVINGS if is_shut else 0):  # up to where they are shut on it
-            value = 0.5 * (free + shut)
-            pairs = touching(value)
-            if any(name in pair for pair in pairs):
-                shut = value
-            elif pairs:
-                return pairs[0]
-            else:
-                free = value
+        scene = self.standing(descent.T_base_object)
+        for value in np.linspace(shut, opened, FINGERS + 2).tolist()[1:-1]:
+            pairs = scene.with_fingers(value).contact(self._solver.robot).all_touching(q)
+            if others := [pair for pair in pairs if self.load.name not in pair]:
+                return others[0]
         return None
+
+    def _shut(self) -> float | None:
+        """The opening at which the fingers hold the object, by halving what is between open and shut."""
+        from jacokin.model.mujoco_twin import shapes_of_links
+
+        load, robot, opened = self.load, self._solver.robot, self.load.scene.finger_angle
+        if load.gripper is None or opened is None:  # nothing is known of how they move
+            return opened
+        links = shapes_of_links(robot)
+        fingers = frozenset[str]().union(*(links.get(link, frozenset()) for link in self._hand))
+        q = robot.home
+        scene = self.standing(self._solver.verifier.tool_pose(q) * load.T_tool_object)
+
+        def touch(opening: float) -> bool:
+            pairs = scene.with_fingers(opening).contact(robot).all_touching(q)
+            return any(load.name in pair and not fingers.isdisjoint(pair) for pair in pairs)
+
+        free, shut = opened, float(load.gripper.openings[0])
+        if not touch(shut):
+            return shut
+        for _ in range(HALVINGS):
+            middle = 0.5 * (free + shut)
+            free, shut = (free, middle) if touch(middle) else (middle, shut)
+        return free
 
     def _lowered_by(self, supports: frozenset[Pair]) -> IKSolver:
         """A solver for the object in the hand, which may touch what it is put on."""
         if supports not in self._lowering:
-            self._lowering[supports] = self._solver.in_scene(self.load.scene.allowing(*sorted(supports)))
+            self._lowering[supports] = self._solver.in_scene(self.held_scene.allowing(*sorted(supports)))
         return self._lowering[supports]
 
 
