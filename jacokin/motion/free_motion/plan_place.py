@@ -379,10 +379,10 @@ class _Around:
         from jacokin.model.mujoco_twin import shapes_of_links
 
         load, robot, opened = self.load, self._solver.robot, self.load.scene.finger_angle
+        links = shapes_of_links(robot)
+        fingers = frozenset[str]().union(*(links[checks.choice("link", link, links)] for link in self._hand))
         if load.gripper is None or opened is None:  # nothing is known of how they move
             return opened
-        links = shapes_of_links(robot)
-        fingers = frozenset[str]().union(*(links.get(link, frozenset()) for link in self._hand))
         q = robot.home
         scene = self.standing(self._solver.verifier.tool_pose(q) * load.T_tool_object)
 

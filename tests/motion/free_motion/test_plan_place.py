@@ -323,6 +323,7 @@ def test_mistakes(robot: Robot, cup: Held, tmp_path: Path) -> None:
     refused("gripper must be a Gripper", gripper="hand")
     other = Gripper.of(load("panda", tmp_path))
     refused("the gripper poses the frame 'hand_tcp', but the solver poses 'end_effector'", gripper=other)
+    refused("unknown link 'palm'", UnknownNameError, hand="palm")
     refused("start must", start=[0.0])
 
 
