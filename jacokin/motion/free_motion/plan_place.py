@@ -318,6 +318,11 @@ class _Around:
         """A solver for the arm without the object, which stands at a place."""
         return self._solver.in_scene(self.standing(T_base_object))
 
+    def let_go(self, T_base_object: pin.SE3) -> IKSolver:
+        """The same where the hand may touch the object."""
+        links = ((link, self.load.name) for link in self._hand)
+        return self._solver.in_scene(self.standing(T_base_object).allowing(*links))
+
     def supports(self, q: Array) -> frozenset[Pair] | str:
         """Pairs of an obstacle and the object that are near each other at a configuration (dof,) where it is put down.
 
@@ -349,16 +354,15 @@ class _Around:
 
     def retreat(self, descent: _Descent, start: Array, follow: Callable[..., Trajectory]) -> Trajectory | str:
         """The line back from a configuration (dof,) at the place, or why there is none."""
-        scene, name, hand = self.standing(descent.T_base_object), self.load.name, self.load.gripper
-        solver = self._solver.in_scene(scene.allowing(*((link, name) for link in self._hand)))
-        line = _followed(solver, [descent.at, descent.away], start, follow)
+        hand, T = self.load.gripper, descent.T_base_object
+        line = _followed(self.let_go(T), [descent.at, descent.away], start, follow)
         if isinstance(line, str):
             return f"no straight line back: {line}"
         if hand is not None and hand is not JACO:  # whose pads have room on both sides of the object
-            contact = scene.contact(self._solver.robot)
+            contact = self.standing(T).contact(self._solver.robot)
             if any(contact.in_the_way(q, end) is not None for q, end in pairwise(line.q)):
                 return "no straight line back: the open hand touches the object"
-        if touching := self.without(descent.T_base_object).verifier.touching(line.q[-1]):
+        if touching := self.without(T).verifier.touching(line.q[-1]):
             return f"no straight line back: {touching[0][0]} and {touching[0][1]} touch at its end"
         return line
 
@@ -451,7 +455,7 @@ class _Descents:
             self.reason = self._why_none(targets)
             return []
         found, faults, clear = list[_Descent](), Counter[str](), False
-        without = dict[tuple[int, int], IKSolver]()  # by number of the pose
+        solvers = dict[tuple[int, int], tuple[IKSolver, IKSolver]]()  # by number of the pose
         for k in np.argsort([float(np.abs(end.q - self._start).max()) for end in ends], kind="stable").tolist():
             if time.monotonic() >= self._until:
                 faults["there was no time to look at every configuration"] = len(ends)
@@ -462,6 +466,12 @@ class _Descents:
             if isinstance(supports, str):
                 faults[supports] += 1
                 continue
+            if place not in solvers:
+                solvers[place] = self._around.let_go(T), self._around.without(T)
+            let_go, without = solvers[place]
+            if touching := let_go.verifier.touching(q):
+                faults[f"{touching[0][0]} and {touching[0][1]} would touch there once the fingers are open"] += 1
+                continue
             clear = True
             at = self._around.held.verifier.tool_pose(q)
             above = pin.SE3(at.rotation, at.translation + self._height * UP)
@@ -470,9 +480,7 @@ class _Descents:
                 faults[f"no clear line of {self._height:.3g} m down to it: try a smaller height"] += 1
                 continue
             away = at * pin.SE3(np.eye(3), -self._distance * ahead_of(self._around.load.gripper))
-            if place not in without:
-                without[place] = self._around.without(T)
-            if beside(without[place], away, q) is None:
+            if beside(without, away, q) is None:
                 faults[f"no clear line of {self._distance:.3g} m back from it: try a smaller distance"] += 1
                 continue
             found.append(_Descent(number, T, above, at, away, begins, supports))
