@@ -1,4 +1,4 @@
-"""Plan a way to a cup, grasp it, carry it over a crate, and put it down; the simulation moves it by contact alone.
+"""Pick up a cup, carry it past a crate, and put it down; the simulation moves it by contact alone.
 
     python examples/carry_cup.py
 
@@ -10,12 +10,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
 import jacokin
 from jacokin.model import Box, Floor, Scene
-from jacokin.motion import grasps, plan_motion, plan_path, plan_pick
+from jacokin.motion import grasps, plan_pick, plan_place
 from jacokin.mujoco_bridge import (
     Arena,
     Physics,
@@ -85,32 +84,24 @@ def carry(kitchen: Kitchen) -> None:
         RuntimeError: there is no way.
     """
     ways = grasps.box(CUP, kitchen.shape.pose)
-    pick = plan_pick(kitchen.solver, kitchen.robot.home, ways, obstacle="cup", time_limit=20.0)
-    if pick.approach is None or pick.held is None:
+    pick = plan_pick(kitchen.solver, kitchen.robot.home, ways, obstacle="cup", lift=LIFT, time_limit=20.0)
+    if pick.reach is None or pick.lift is None:
         raise RuntimeError(pick.message)
     print("pick:", pick.message)
-    kitchen.follow(pick.motion.q, fingers=pick.opening)
-    kitchen.follow(pick.approach.q, fingers=pick.opening)
+    there = jacokin.pose([*TO, 0.5 * CUP[2] + ABOVE])
+    turned = jacokin.FreeAxis(there, axis=[0.0, 0.0, 1.0])  # it may turn about the vertical
+    place = plan_place(kitchen.solver, pick.lift.q[-1], pick, turned, time_limit=20.0)
+    if place.bring is None or place.retreat is None:
+        raise RuntimeError(place.message)
+    print("place:", place.message)
+
+    kitchen.follow(pick.reach.q, fingers=pick.opening)
     kitchen.wait(1.5, SQUEEZE)
-
-    there = pick.approach.q[-1]
-    T_base_tool = kitchen.robot.forward_kinematics(there)
-    carrying = kitchen.solver.in_scene(pick.held)
-    lifted = pin.SE3(T_base_tool.rotation, T_base_tool.translation + np.array([0.0, 0.0, LIFT]))
-    shift = np.append(TO - FROM, 0.0)
-    put = pin.SE3(T_base_tool.rotation, T_base_tool.translation + shift)
-    over = pin.SE3(T_base_tool.rotation, lifted.translation + shift)
-
-    up = plan_path(carrying, [T_base_tool, lifted], start=there, timing="slow", acceleration_limit=1.0)
-    across = plan_motion(carrying, up.q[-1], over, time_limit=20.0)
-    down = plan_path(carrying, [over, put], start=across.q[-1], timing="slow", acceleration_limit=1.0)
-    for name, motion in (("up", up), ("across", across), ("down", down)):
-        if not motion.success:
-            raise RuntimeError(f"{name}: {motion.message}")
-        print(f"{name}: {motion.message}")
-        kitchen.follow(motion.q, SQUEEZE)
+    kitchen.follow(pick.lift.q, SQUEEZE)
+    kitchen.follow(place.bring.q, SQUEEZE)
     kitchen.wait(0.5, SQUEEZE)
-    kitchen.wait(1.0, fingers=pick.opening)
+    kitchen.wait(1.0, fingers=place.opening)
+    kitchen.follow(place.retreat.q, fingers=place.opening)
 
 
 def main() -> None:

@@ -14,6 +14,8 @@ import pytest
 
 import jacokin
 from jacokin import IKSolver, Robot, Status
+from jacokin.errors import InvalidInputError
+from jacokin.ik import Box, Scene
 
 
 def test_one_search_for_the_closest_configuration_serves_many_threads(robot: Robot) -> None:
@@ -90,6 +92,26 @@ def test_a_solver_does_not_change(robot: Robot) -> None:
     for name in ("tool", "frame", "method", "robot"):
         with pytest.raises(AttributeError):
             setattr(solver, name, None)
+
+
+def test_another_tool_is_all_that_differs(robot: Robot) -> None:
+    scene = Scene([Box("box", [0.1, 0.1, 0.1], [0.5, 0.0, 0.1])])
+    solver = IKSolver(robot, scene=scene, clearance=0.01, orientation_tolerance=1e-5)
+    tool = jacokin.pose([0.02, 0.0, 0.1], rpy=[0.3, 0.0, 0.5])
+    other = solver.with_tool(tool)
+    assert other.verifier.options == solver.verifier.options
+    assert (other.robot, other.frame) == (solver.robot, solver.frame)
+    assert other.tool is not None
+    np.testing.assert_array_equal(other.tool.homogeneous, tool.homogeneous)
+    target = jacokin.pose([0.3, -0.3, 0.3], down=True)
+    result = other.solve(target)
+    assert result.success, result.message
+    reached = robot.forward_kinematics(result.q) * tool
+    np.testing.assert_allclose(reached.homogeneous, target.homogeneous, atol=1e-6)
+    assert solver.tool is None
+    assert other.with_tool(None).tool is None
+    with pytest.raises(InvalidInputError, match="tool must be"):
+        solver.with_tool([0.0, 0.0, 0.1])
 
 
 def test_seeds_many_turns_away(robot: Robot) -> None:

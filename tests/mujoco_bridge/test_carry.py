@@ -25,4 +25,4 @@ def test_the_cup_stands_where_it_was_to_stand(capsys: pytest.CaptureFixture[str]
     x, y, z = kitchen.cup_position()
     np.testing.assert_allclose([x, y], module.TO, atol=0.03)
     assert z == pytest.approx(0.5 * module.CUP[2], abs=2e-3)  # upright, on the floor
-    assert "across" in capsys.readouterr().out
+    assert "straight down to the place" in capsys.readouterr().out

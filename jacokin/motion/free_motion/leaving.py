@@ -9,6 +9,7 @@ both ends of a step stays apart between them. The distances of the pairs that le
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -124,6 +125,22 @@ class Leaving:
         if (last != end).any():
             return near, self.nearest(self.near(last) or near)[1]
         return Nearness(near.pairs[still], distances[still]), None
+
+    def hindrance(self, rows: Array) -> Pair | None:
+        """What hinders a motion through configurations (n, dof) in leaving what is near at the first one; or None.
+
+        A pair that gets nearer than it was, or one that was not near there and gets near.
+        """
+        near = self.near(rows[0])
+        for q, end in itertools.pairwise(rows):
+            pair = None
+            if near:
+                near, pair = self.follow(q, end, near)
+            else:
+                pair = self._contact.in_the_way(q, end)
+            if pair is not None:
+                return pair
+        return None
 
     def _walk(self, q: Array, end: Array, near: Nearness, *, room: float) -> tuple[Array | None, Array, Array]:
         """Follow a straight motion until nothing is near.

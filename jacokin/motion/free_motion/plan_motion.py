@@ -480,18 +480,19 @@ def _named(pairs: Counter[tuple[str, str]]) -> str:
 SPREAD = float(np.radians(20.0))  # between members of a curve that are tried
 TURNED = float(np.radians(30.0))  # between angles about a free axis that are tried on seven joints
 STARTS = 8  # of descents to a goal without a closed form
+GOALS = "a configuration, a pose, a FreeAxis"
 MOST_COPIES = 64  # of one configuration, whole turns away within the limits
 
 
-def list_aims(goal: Any) -> tuple[Any, ...]:
-    """The goals of a list, or the only one.
+def list_aims(goal: Any, name: str = "goal", kinds: str = GOALS) -> tuple[Any, ...]:
+    """The goals of a list, or the only one; with the name of the argument, and what it may be, for an error.
 
     Raises:
         InvalidInputError: an empty list.
     """
     is_list = isinstance(goal, list | tuple) and not all(isinstance(each, PartialTarget) for each in goal)
     if (isinstance(goal, list | tuple) and not goal) or (isinstance(goal, np.ndarray) and not goal.size):
-        raise InvalidInputError("goal is empty; give a configuration, a pose, a FreeAxis, or a list of them")
+        raise InvalidInputError(f"{name} is empty; give {kinds}, or a list of them")
     if is_list and not isinstance(goal[0], int | float | np.number) and not _is_matrix(goal):
         return tuple(goal)
     if isinstance(goal, np.ndarray) and goal.ndim == 3:

@@ -21,25 +21,29 @@ from jacokin.model import checks
 from jacokin.model.descriptions.bundled import JACOS
 from jacokin.model.gripper import JACO, Gripper
 from jacokin.model.obstacles import pose_of
-from jacokin.model.robot import Robot, acceleration_limits, velocity_limits
+from jacokin.model.robot import acceleration_limits, velocity_limits
 from jacokin.model.scene import Scene
+from jacokin.motion.free_motion.handling import (
+    AHEAD,
+    FINDING,
+    LINES,
+    UP,
+    ahead_of,
+    beside,
+    hand_links,
+    kinova_fingers,
+    one_after_the_other,
+)
 from jacokin.motion.free_motion.plan_motion import GoalFinder, plan_motion
 from jacokin.motion.grasps import Grasp
 from jacokin.motion.joint_motion import ACCELERATION
 from jacokin.motion.planning.plan import plan_path
-from jacokin.motion.rows import joined
 from jacokin.motion.trajectory import MotionStatus, Trajectory
 
-HAND = "hand"  # of bundled robots: the link whose contact with the object is allowed, with the fingers that it carries
-AHEAD = 40  # configurations before grasps among which the free motion chooses
-LONGEST = 1.0  # [rad] no joint moves farther along the straight line
 EACH = "each is out of reach, in contact, or the line to it leaves its branch"
-LINES = 5  # straight lines that are tried
 LOOKED_AT = 5  # every so many rows of the line at which the open hand must not touch the object
-FINDING = 0.6  # of the time is for finding configurations at grasps, at most
-UP = np.array([0.0, 0.0, 1.0])
-LEAST_TIME = 0.1  # [s] for the lift, whatever time is left
-CLOSED = 6400.0  # what Kinova's driver counts for a closed finger, 0 for an open one; about (kinova-ros, README)
+LEAST_TIME = 0.1  # [s] for the straight line and for the lift, whatever time is left
+TO_THE_GRASP = "straight to the grasp"
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -159,7 +163,7 @@ def plan_pick(
     free = _opened(solver, around, opening)
     around = free.verifier.options.scene or Scene()
     near = free
-    if obstacle is not None and (touching := _hand_links(robot, solver.frame, hand)):
+    if obstacle is not None and (touching := hand_links(robot, solver.frame, hand)):
         near = solver.in_scene(around.allowing(*((link, obstacle) for link in touching)))
     open_hand = None
     if hands and hands[0] is not JACO:  # whose pads have room on both sides of the object
@@ -174,10 +178,7 @@ def plan_pick(
         status=MotionStatus.UNREACHABLE,
         message=finder.reason,
     )
-    fingers = None
-    if opening is not None and robot.source.bundled in JACOS:
-        share = (opening - JACO.openings[-1]) / (JACO.openings[0] - JACO.openings[-1])
-        fingers = CLOSED * float(np.clip(share, 0.0, 1.0))
+    fingers = kinova_fingers(robot, opening)
 
     def remaining() -> float:
         return begun + limit - time.monotonic()
@@ -199,7 +200,8 @@ def plan_pick(
             break
         taken = found.pop(motion.goal.number)
         try:
-            line = follow(near, [taken.before, taken.at], start=motion.q[-1])
+            left = max(remaining(), LEAST_TIME)
+            line = follow(near, [taken.before, taken.at], start=motion.q[-1], time_limit=left)
         except InvalidInputError as error:  # a line that joints cannot follow in any reasonable time
             failed = f"no straight line to a grasp: {error}"
             continue
@@ -209,7 +211,7 @@ def plan_pick(
         if open_hand is not None and any(open_hand.verifier.touching(row) for row in line.q[::LOOKED_AT]):
             failed = "no straight line to a grasp: the hand touches the object before it closes"
             continue
-        message = f"{motion.message}; then {line.duration:.4g} s straight to the grasp"
+        message = f"{motion.message}; then {line.duration:.4g} s {TO_THE_GRASP}"
         held, raised = None, None
         if shape is not None:
             T_frame_object = robot.forward_kinematics(line.q[-1], frame=solver.frame).inverse() * pose_of(shape)
@@ -222,7 +224,8 @@ def plan_pick(
                     failed = f"a grasp is reached, but the object cannot be lifted by {up:.3g} m: {raised.message}"
                     continue
                 message += f"; lift {raised.message}"
-        return Pick(motion, line, _joined(motion, line), raised, taken.grasp, opening, fingers, held, True, message)
+        reach = one_after_the_other(motion, line, TO_THE_GRASP)
+        return Pick(motion, line, reach, raised, taken.grasp, opening, fingers, held, True, message)
     return Pick(motion, None, None, None, None, opening, fingers, None, False, failed)
 
 
@@ -265,36 +268,6 @@ def _check_hand(solver: IKSolver, hands: Sequence[Gripper]) -> None:
             )
 
 
-def _hand_links(robot: Robot, frame: str, hand: str | None) -> list[str]:
-    """Links that may touch the object."""
-    from jacokin.model.mujoco_twin import shapes_of_links
-
-    if hand is not None:
-        return [hand]
-    links = shapes_of_links(robot)
-    if HAND in links:
-        return [HAND]
-    joints = {link: robot.pin_model.frames[robot.frame_id(link)].parentJoint for link in (*links, frame)}
-    return [link for link in links if joints[link] == joints[frame]]
-
-
-def _joined(first: Trajectory, then: Trajectory) -> Trajectory:
-    """Two motions from rest to rest, one after the other, in one."""
-    rows = joined(first.rows, then.rows)
-    return Trajectory(
-        joint_names=first.joint_names,
-        t=checks.sealed(rows.t),
-        q=checks.sealed(rows.q),
-        v=checks.sealed(rows.v),
-        lower=first.lower,
-        upper=first.upper,
-        velocity_limit=first.velocity_limit,
-        a=checks.sealed(rows.a),
-        clearance=checks.read_only(np.concatenate([first.clearance, then.clearance[1:]])),
-        message=f"{first.message}; then {then.duration:.4g} s straight to the grasp",
-    )
-
-
 class _Approaches:
     """Finds straight lines to grasps whose ends are clear and on one branch."""
 
@@ -332,12 +305,9 @@ class _Approaches:
             q, grasp, at = ends[k]
             if self._near.verifier.touching(q) or (self._open_hand and self._open_hand.verifier.touching(q)):
                 continue
-            ahead = UP if grasp.gripper is None else grasp.gripper.pads.rotation[:, 2]
-            before = at * pin.SE3(np.eye(3), -self._back * ahead)
-            finder = GoalFinder(self._free, q, self._rng)
-            rows = [goal.q for goal in finder.find(0, before, finder.check(0, before))]
-            begins = min(rows, key=lambda row: float(np.abs(row - q).max()), default=None)
-            if begins is None or np.abs(begins - q).max() > LONGEST or self._free.verifier.touching(begins):
+            before = at * pin.SE3(np.eye(3), -self._back * ahead_of(grasp.gripper))
+            begins = beside(self._free, before, q)
+            if begins is None:
                 clear_ends += 1
                 continue
             found.append(_Approach(grasp, before, at, begins))

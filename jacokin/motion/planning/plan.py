@@ -7,6 +7,7 @@ from the first to the last (`search`); then it computes every tick exactly on th
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -64,6 +65,7 @@ def plan_path(
     velocity_limit: ArrayLike | None = None,
     acceleration_limit: ArrayLike | None = None,
     free_step: float = FREE_STEP,
+    time_limit: float | None = None,
 ) -> Trajectory:
     """Joint trajectory of least cost along straight lines through poses, over all branches.
 
@@ -95,6 +97,8 @@ def plan_path(
             or stands still at corners.
         free_step: between values of the free angle, or of joint 3 on seven joints, that are tried [rad]; the ends of
             their intervals are tried too, and the best way is then smoothed.
+        time_limit: after which gaps in the path are not looked at more closely, but end it [s]; None for no limit. What
+            leads to the path, and writing its rows, is not counted.
 
     Returns:
         The trajectory, with the free angle or joint 3 at every waypoint as `parameter`. When there is no way to the
@@ -133,6 +137,7 @@ def plan_path(
     free_step = checks.positive("free_step", free_step, "rad")
     if free_step < FINEST:
         raise InvalidInputError(f"free_step must be at least {FINEST:g} rad, got {free_step!r}")
+    limit = np.inf if time_limit is None else checks.positive("time_limit", time_limit, "s")
     times = path.durations(speed, angular_speed)
     check_ticks(times, dt)
     times = np.where(times < NO_LINE * dt, 0.0, times)
@@ -149,6 +154,7 @@ def plan_path(
             velocity_limit=velocity_limit,
             acceleration_limit=acceleration_limit,
             free_step=free_step,
+            time_limit=time_limit,
         )
         return _led_in(solver, near, plan, dt, ACCELERATION if acceleration is None else acceleration)
 
@@ -157,7 +163,7 @@ def plan_path(
     pace = Pace(times, velocity)
     ladder = Ladder(solver, manifold, pace, free_step, keep=timing == "keep")
     places = path.places(SPACING, TURNING, MOST_CURVES if manifold.has_curves else MOST_PLACES)
-    search = PathSearch(ladder, places, near, exactly=start is not None)
+    search = PathSearch(ladder, places, near, exactly=start is not None, deadline=time.monotonic() + limit)
     found = Climb(search, dt).find()
     writer = _Writer(
         solver=solver,
@@ -178,6 +184,7 @@ def plan_path(
     reason = ""
     if found.reached < path.lines:
         reason = _explain_end(search, found.reached, found.curve.q[-1], found.blocked, solver)
+        reason += ", as far as there was time to look" if search.is_late else ""
     return writer.follow(found.curve, found.reached, reason)
 
 

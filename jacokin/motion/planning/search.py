@@ -12,6 +12,8 @@ at that way closely and cuts what does not hold, until a way passes.
 from __future__ import annotations
 
 import itertools
+import math
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -282,9 +284,11 @@ class Climb:
                 if best is None or (done.reached, -late) > (best[1].reached, -best[0]):
                     best = late, done
                 faster += 1
-                if not dearer or faster > MOST_FASTER:
+                if not dearer or faster > MOST_FASTER or search.is_late:
                     return best[1]
-            elif rounds == MOST_ROUNDS and best is None:
+            elif rounds == MOST_ROUNDS or search.is_late:
+                if best is not None:
+                    return best[1]
                 last = look.wrong[-1]
                 return ClimbResult(self._curve(way[: last + 1]), float(curve.u[last]), blocked)
             for interval in look.wrong:  # from the end: numbers of the others stay as they are
@@ -360,7 +364,9 @@ class Climb:
 class PathSearch:
     """The ladder of one path, and the best way up; links are made when they are needed and can be cut."""
 
-    def __init__(self, ladder: Ladder, places: Array, near: Array, *, exactly: bool) -> None:
+    def __init__(
+        self, ladder: Ladder, places: Array, near: Array, *, exactly: bool, deadline: float = math.inf
+    ) -> None:
         """Solve at every place.
 
         Args:
@@ -368,8 +374,10 @@ class PathSearch:
             places: (n,) along the path.
             near: (dof,) where the path should begin [rad].
             exactly: whether it must begin there.
+            deadline: on the clock of `time.monotonic` [s], when steps are no longer made smaller.
         """
         self.ladder, self.near, self.exactly = ladder, near, exactly
+        self._deadline = deadline
         self._places = places
         self._make_rungs()
 
@@ -382,6 +390,11 @@ class PathSearch:
         self._costs: list[Array] = []
         self._back: list[NDArray[np.intp]] = []
         self._valid = 0  # rungs whose costs are still right
+
+    @property
+    def is_late(self) -> bool:
+        """Whether there is no more time."""
+        return time.monotonic() >= self._deadline
 
     def best(self) -> list[int]:
         """Solutions of the cheapest way, rung by rung: to the end, or else to the last rung that can be reached."""
@@ -473,7 +486,7 @@ class PathSearch:
                 ended.append(index)
             if len(ended) == MOST_REFINED:
                 break
-        if not ended or len(self.rungs) + len(ended) > self._most:
+        if not ended or len(self.rungs) + len(ended) > self._most or self.is_late:
             return False
         for index in ended:  # from the end: earlier numbers stay as they are
             self.halve(index)

@@ -11,6 +11,7 @@ from jacokin import IKSolver, Robot
 from jacokin.arrays import Array
 from jacokin.ik import Box, Floor, Scene
 from jacokin.motion import Trajectory, plan_motion
+from jacokin.motion.free_motion.leaving import Leaving
 from tests.coal_shapes import coal_distance
 
 coal = pytest.importorskip("coal")
@@ -126,6 +127,32 @@ def test_what_is_in_the_way_back_is_named(robot: Robot) -> None:
     motion = plan_motion(IKSolver(robot), start, robot.home)
     assert (motion.outcome, len(motion)) == ("START_IN_CONTACT", 1)
     assert "link_base_column and link_2_beam touch on the way back" in motion.message
+
+
+@pytest.mark.parametrize(
+    ("ways", "hindrance"),
+    [
+        ([[0.0, 0.0, 0.05], [0.0, 0.0, 0.1]], None),
+        ([[0.0, 0.0, 1e-4], [0.0, 0.0, 2e-4]], None),  # it is still near at the end
+        ([[0.0, 0.0, 0.05], [0.0, 0.0, 0.04], [0.0, 0.0, 0.1]], None),  # nearer again, but apart
+        ([[0.0, 0.0, 0.05], [0.0, 0.0, -0.002]], ("cup", "floor")),
+        ([[0.0, 0.0, 1e-5], [0.0, 0.0, -1e-4]], ("cup", "floor")),
+        ([[0.0, 0.0, 0.05], [0.0, 0.08, 0.05]], None),
+        ([[0.0, 0.0, 0.005], [0.0, 0.08, 0.005]], ("cup", "sill")),
+    ],
+)
+def test_what_hinders_a_motion_in_leaving(
+    robot: Robot, ways: list[list[float]], hindrance: tuple[str, str] | None
+) -> None:
+    """A cup on the floor that moves along lines, beside a sill that is 1 cm high and 4 cm away."""
+    sill = Box("sill", [0.3, 0.02, 0.01], [PLACE[0], PLACE[1] + 0.08, 0.005])
+    scene, q = holding(robot, others=(sill,))
+    solver, at, rows = IKSolver(robot, scene=scene), robot.forward_kinematics(q), [q]
+    for way in ways:
+        rows.append(IKSolver(robot).solve(pin.SE3(at.rotation, at.translation + way), seed=rows[-1]).q)
+    assert solver.verifier.contact is not None
+    found = Leaving(robot, solver.verifier.contact, 0.0).hindrance(np.array(rows))
+    assert (None if found is None else tuple(sorted(found))) == hindrance
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import time
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, StructureError, UnknownNameError
 from jacokin.ik import Box, FreeAxis, Scene, Sphere
 from jacokin.motion import Trajectory, track_path
+from tests.gripper_arms import load
 from tests.motion.by_mujoco import DOWN, at, tool_poses
 from tests.motion.controllers import check_as_controllers_go
 from tests.robot_files import ur5_text
@@ -517,6 +519,20 @@ def test_limits_beyond_all_bounds(robot: Robot) -> None:
     for velocity in (1e-12, 1e-300):
         with pytest.raises(InvalidInputError, match="velocity_limit must be at least 1e-06 rad/s"):
             plan_path(solver, corners, dt=0.05, timing="slow", velocity_limit=velocity)
+
+
+def test_gaps_are_not_looked_at_for_longer_than_the_time(tmp_path: Path) -> None:
+    """Straight down on five joints the angle about the axis is free, so that places have points at some angles only."""
+    arm = load("so101", tmp_path)
+    tool = jacokin.pose([-0.018, 2e-4, -0.003], rpy=[0.0, np.pi, 0.0])
+    solver = IKSolver(arm, tool=tool, orientation_tolerance=1e-5)
+    ends = [FreeAxis(jacokin.pose([0.18, -0.08, z]), axis=[0.0, 0.0, 1.0]) for z in (0.065, 0.025)]
+    begun = time.monotonic()
+    found = plan_path(solver, ends, speed=0.1, timing="slow", time_limit=0.2)
+    assert time.monotonic() - begun < 5.0
+    assert not found.success
+    assert "a gap between branches" in found.message
+    assert "as far as there was time to look" in found.message
 
 
 def test_an_arm_without_a_closed_form_is_refused(robot: Robot) -> None:

@@ -1,0 +1,75 @@
+"""What `plan_pick` and `plan_place` share: the hand, and straight lines that begin or end at an object."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from jacokin.arrays import Array
+from jacokin.ik.solver import IKSolver
+from jacokin.model import checks
+from jacokin.model.descriptions.bundled import JACOS
+from jacokin.model.gripper import JACO, Gripper
+from jacokin.model.robot import Robot
+from jacokin.motion.rows import joined
+from jacokin.motion.trajectory import Trajectory
+
+HAND = "hand"  # of bundled robots: the link whose contact with the object is allowed, with the fingers that it carries
+AHEAD = 40  # lines among which the free motion chooses where it leads
+LONGEST = 1.0  # [rad] no joint moves farther along a straight line
+LINES = 5  # straight lines that are tried
+FINDING = 0.6  # of the time is for finding configurations at an object, at most
+UP = np.array([0.0, 0.0, 1.0])
+CLOSED = 6400.0  # what Kinova's driver counts for a closed finger, 0 for an open one; about (kinova-ros, README)
+
+
+def hand_links(robot: Robot, frame: str, hand: str | None) -> list[str]:
+    """Links that may touch the object: the one that is given, or those of the hand that carries a frame."""
+    from jacokin.model.mujoco_twin import shapes_of_links
+
+    if hand is not None:
+        return [hand]
+    links = shapes_of_links(robot)
+    if HAND in links:
+        return [HAND]
+    joints = {link: robot.pin_model.frames[robot.frame_id(link)].parentJoint for link in (*links, frame)}
+    return [link for link in links if joints[link] == joints[frame]]
+
+
+def ahead_of(gripper: Gripper | None) -> Array:
+    """(3,) the direction in which a hand comes to an object, in its tool."""
+    return UP if gripper is None else np.asarray(gripper.pads.rotation[:, 2])
+
+
+def kinova_fingers(robot: Robot, opening: float | None) -> float | None:
+    """An opening [rad] as Kinova's driver counts it; None for other hands."""
+    if opening is None or robot.source.bundled not in JACOS:
+        return None
+    share = (opening - JACO.openings[-1]) / (JACO.openings[0] - JACO.openings[-1])
+    return CLOSED * float(np.clip(share, 0.0, 1.0))
+
+
+def beside(solver: IKSolver, pose: pin.SE3, q: Array) -> Array | None:
+    """The clear configuration (dof,) at a pose T_base_tool that is nearest to another one [rad].
+
+    None where there is none, or a joint would move farther than along a straight line.
+    """
+    found = solver.solve(pose, seed=q, closest=False)
+    return found.q if found.success and np.abs(found.q - q).max() <= LONGEST else None
+
+
+def one_after_the_other(first: Trajectory, then: Trajectory, words: str) -> Trajectory:
+    """Two motions from rest to rest in one; words say where the second leads."""
+    rows = joined(first.rows, then.rows)
+    return Trajectory(
+        joint_names=first.joint_names,
+        t=checks.sealed(rows.t),
+        q=checks.sealed(rows.q),
+        v=checks.sealed(rows.v),
+        lower=first.lower,
+        upper=first.upper,
+        velocity_limit=first.velocity_limit,
+        a=checks.sealed(rows.a),
+        clearance=checks.read_only(np.concatenate([first.clearance, then.clearance[1:]])),
+        message=f"{first.message}; then {then.duration:.4g} s {words}",
+    )
