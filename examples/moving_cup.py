@@ -93,11 +93,10 @@ class Bench:
         self._each_step, self._last, self._pushed_to = each_step, START, START
 
         self.robot = jacokin.load_robot()
-        ways = grasps.box(CUP, [*START[:2], START[2]])
+        ways = grasps.box(CUP, START)
         self.ways = [way.target.pose for way in ways if way.target.pose.rotation[2, 2] < -0.9]  # from above
         self.fingers = ways[0].opening
-        around = [Floor(0.0), Box("board", BOARD, BOARD_AT)]
-        self.around = Scene(around, finger_angle=self.fingers)
+        self.around = Scene([Floor(0.0), Box("board", BOARD, BOARD_AT)], finger_angle=self.fingers)
         self.scene = self.around.adding(Box("cup", CUP, START))
         self.solver = jacokin.IKSolver(self.robot, scene=self.scene, clearance=0.005)
 
@@ -117,16 +116,13 @@ class Bench:
         """A control step towards joint angles [rad] that move at velocities [rad/s]."""
         command_joint_positions(self.physics, self.arm, q + v / GAIN, gain=GAIN)
         angles = self.physics.bind(self.hand.joints).qpos
-        self.physics.bind(self.hand.actuators).ctrl = (
-            SQUEEZE if self.fingers is None else 5.0 * (self.fingers - angles)
-        )
+        self.physics.bind(self.hand.actuators).ctrl = SQUEEZE if self.fingers is None else 5.0 * (self.fingers - angles)
         for _ in range(STEPS):
             self.physics.step()
             if self.pushed:
                 self._push()
         if self._each_step is not None:
             self._each_step(self)
-
 
     def _push(self) -> None:
         """Move the cup on, upright, by a physics step."""

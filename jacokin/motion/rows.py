@@ -46,8 +46,9 @@ class Rows(NamedTuple):
 def spline_rows(q: Array, dt: float, begin: Array | None = None) -> Rows:
     """The motion to rest through configurations (n, dof) [rad] that are `dt` [s] apart.
 
-    It begins at rest, or with velocities `begin` (dof,) [rad/s]. Its accelerations change steadily between rows and without jumps, so that cubics that meet its velocities, and
-    quintics that meet its accelerations, too, are the same motion. One row stands still.
+    It begins at rest, or with velocities `begin` (dof,) [rad/s]. Its accelerations change steadily between rows and
+    without jumps, so that cubics that meet its velocities, and quintics that meet its accelerations, too, are the same
+    motion. One row stands still.
     """
     count = len(q)
     t, v, a = dt * np.arange(count, dtype=np.float64), np.zeros_like(q), np.zeros_like(q)

@@ -437,12 +437,14 @@ class _Request:
             fault = found
         assert rows is not None
         sentence = f"reached in {rows.t[-1]:.4g} s{coarse(self.dt, float(rows.t[-1] - rows.t[-2]), fault)}"
-        lines = len(way) - 1
-        if self.stop is not None:
-            sentence += ", going on from the motion under way" if goes_on else ", from where the arm comes to rest"
-            sentence += "" if goes_on else f" after {self.stop.rows.t[-1]:.4g} s"
-        sentence += "" if law is timed.law else ", slower for the torques"
-        sentence += ", straight" if lines == 1 else f", around what is in the way by {lines} lines"
+        if goes_on:
+            sentence += ", going on from the motion under way"
+        else:
+            if self.stop is not None:
+                sentence += f", coming to rest first, in {self.stop.rows.t[-1]:.4g} s"
+            lines = len(way) - 1
+            sentence += "" if law is timed.law else ", slower for the torques"
+            sentence += ", straight" if lines == 1 else f", around what is in the way by {lines} lines"
         sentence += f"; {note}" if note else ""
         if contact is None:
             sentence += "; the description has no collision shapes that can be loaded, so contact was not checked"

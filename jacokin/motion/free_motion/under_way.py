@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -28,6 +29,7 @@ from jacokin.motion.timing import check_ticks
 
 AT_REST = 1e-9  # [rad/s] a slower arm stands
 LONGER = (1.0, 1.5, 2.0, 3.0)  # times as long as the quickest straight stop, where torques are limited
+REACHES = (1.0, 2.0, 4.0)  # times as far as the stop, where the corner lies at which a plan leaves the line of now
 FITS = 4  # timings of a motion that goes on, each within limits that are reduced by what the one before broke
 REACHED = 1e-8  # part of a speed that rounding takes
 MORE = 1.0 + 1e-4  # by which limits are reduced beyond that
@@ -137,7 +139,7 @@ def brake(acceleration: float, jerk: float, dt: float) -> Array:
     least = 1.0 / (acceleration * dt)
     check_ticks(np.array([least * dt + dt]), dt)
     if jerk == math.inf:
-        full = math.floor(least + 0.5)  # ticks at full pull
+        full = math.floor(least + 0.5)  # ticks of full braking
         if not full:
             return np.array([-2.0 / dt, 0.0])
         rest = min(max(1.0 / dt - (full - 0.5) * acceleration, 0.0), acceleration)
@@ -254,6 +256,8 @@ def go_on(
 ) -> Rows | None:
     """The motion that bends from the straight stop onto the way after it, without stopping; None where there is none.
 
+    Where the turn is too sharp for a corner at the stop, the corner may lie farther ahead.
+
     Args:
         robot: the arm.
         stop: where it would rest, and how it moves now.
@@ -263,11 +267,43 @@ def go_on(
         speed: (dof,) by which lines are measured.
         dt: step from row to row [s].
     """
+    if not stop.is_straight:
+        return None
     now, v = stop.rows.q[0], stop.rows.v[0]
     first = now + dt * v
-    if not stop.is_straight or float((stop.end - first) @ v) <= 0.0:
-        return None
-    lines = np.vstack([first, way])
+    for reach in REACHES:
+        corner = now + reach * (stop.end - now)
+        if float((corner - first) @ v) <= 0.0:
+            continue
+        if reach > 1.0 and not _is_clear(robot, search, (stop.end, corner, way[1])):
+            return None
+        rows = _bent(robot, (now, v), np.vstack([first, corner, way[1:]]), search, limits, speed, dt)
+        if rows is not None:
+            return rows
+    return None
+
+
+def _is_clear(robot: Robot, search: WaySearch, lines: tuple[Array, ...]) -> bool:
+    """Whether straight motions between configurations (dof,), one after another, are within the limits and clear."""
+    if any((q < robot.lower).any() or (q > robot.upper).any() for q in lines):
+        return False
+    return all(search.contact.in_the_way(start, end) is None for start, end in pairwise(lines))
+
+
+def _bent(
+    robot: Robot,
+    now: tuple[Array, Array],
+    lines: Array,
+    search: WaySearch,
+    limits: Limits,
+    speed: Array,
+    dt: float,
+) -> Rows | None:
+    """Rows along lines (n, dof) whose corners are cut, from positions and velocities now (dof,) a tick before them.
+
+    None where the lines cannot be entered at that speed, or rows break a limit.
+    """
+    v = now[1]
     lines, cuts = straightened(lines, search.cuts(lines), speed)
     course, stops = round_corners(lines[::-1], speed, cuts[::-1])
     step = lines[1] - lines[0]
@@ -277,7 +313,7 @@ def go_on(
         timed = fit_time(course, stops[:-1], used.velocity, used.acceleration, begin)
         if timed.speed[-1] < begin * (1.0 - REACHED):
             return None
-        rows = GoingOn(timed, now, v, dt).rows(dt)
+        rows = GoingOn(timed, *now, dt).rows(dt)
         fast, hard = most_between(rows)
         slower, softer = float((fast / limits.velocity).max()), float((hard / limits.acceleration).max())
         if max(slower, softer) <= HELD:

@@ -113,7 +113,7 @@ class MovableShapes:
                 if name not in coming or twist:
                     motions[name] = (pose_of(place), *twist) if twist else pose_of(place)
             else:
-                motions[name] = motion  # type: ignore[assignment]  # None came first
+                motions[name] = motion
         return News(leaving | coming.keys(), coming, motions)
 
     def _has(self, shape: Obstacle) -> bool:

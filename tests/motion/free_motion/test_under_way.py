@@ -28,7 +28,7 @@ def state_of(robot: Robot, v: Any, q: Any = None) -> MotionState:
 def check(
     robot: Robot, scene: Scene, state: MotionState, motion: Trajectory, acceleration: float = ACCELERATION
 ) -> None:
-    """It begins with the positions and velocities of the state, keeps all limits by finite differences, and is clear."""
+    """It begins with the positions and velocities of the state, keeps all limits (finite differences), and is clear."""
     np.testing.assert_array_equal(motion.q[0], state.q)
     np.testing.assert_array_equal(motion.v[0], state.v)
     assert not motion.v[-1].any()
@@ -70,7 +70,7 @@ def through() -> tuple[Robot, IKSolver, NDArray[np.float64], Any]:
 
 
 def test_a_goal_that_stays_is_reached_as_soon(robot: Robot) -> None:
-    """Planned anew at any time, a motion takes hardly longer, turns back nowhere, and mostly goes on without stopping."""
+    """Planned anew at any time, a motion takes hardly longer, turns back nowhere, and mostly goes on."""
     goal = robot.home + np.array([1.2, 0.3, -0.4, 0.5, 0.2, 0.3])
     solver = IKSolver(robot)
     first = plan_motion(solver, robot.home, goal)

@@ -152,7 +152,7 @@ def test_the_clearance_is_kept_from_what_the_arm_can_outrun(robot: Robot, speed:
 
 def test_a_new_obstacle_comes_with_its_velocity(robot: Robot) -> None:
     home = robot.forward_kinematics(robot.home)
-    begin, twist = home.translation + [0.0, 0.0, 0.4], np.array([0.0, 0.0, -0.3, 0.0, 0.0, 0.5])
+    begin, twist = np.add(home.translation, [0.0, 0.0, 0.4]), np.array([0.0, 0.0, -0.3, 0.0, 0.0, 0.5])
     known = Tracker(robot, dt=DT, scene=Scene([Box("cup", [0.06, 0.08, 0.1], begin)]), self_collision=False)
     new = Tracker(robot, dt=DT, scene=Scene(), self_collision=False)
     for tick in range(150):
