@@ -1,7 +1,7 @@
 """Grasp a cup that moves, behind a board: a scene every 50 ms, a new plan for each from the motion under way.
 
     python examples/moving_cup.py
-    MUJOCO_GL=egl python examples/moving_cup.py --picture moving_cup.gif
+    MUJOCO_GL=egl python -m examples.moving_cup --picture moving_cup.gif
 
 The cup is pushed along in MuJoCo: first away, then, as nobody had said, to the side. Every scene says where it is; how
 fast it is follows from the scene before. The plan leads over the board to above where the cup will be, and is made anew
