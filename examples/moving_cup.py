@@ -12,10 +12,11 @@ plan, moves along with the cup, goes down and closes the hand. The frame is that
 from __future__ import annotations
 
 import argparse
+import itertools
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -25,6 +26,9 @@ import jacokin
 from jacokin.model import Box, Floor, Scene
 from jacokin.motion import MotionState, Trajectory, grasps, plan_motion
 from jacokin.mujoco_bridge import Arena, Physics, Primitive, command_joint_positions, observations, robots
+
+if TYPE_CHECKING:
+    from examples.drawing import Film
 
 CUP = np.array([0.05, 0.05, 0.12])  # [m]
 START = np.array([0.40, 0.06, 0.5 * CUP[2]])  # [m]
@@ -76,8 +80,8 @@ class Happened(NamedTuple):
 class Bench:
     """The arm with its hand, a board and a cup that is pushed, in MuJoCo; and the board as the planner sees it."""
 
-    def __init__(self, each_step: Callable[[Bench], None] | None = None) -> None:
-        """Put everything together and go home; `each_step` is called after every control step."""
+    def __init__(self) -> None:
+        """Put everything together and go home."""
         self.arm = robots.make_arm(observations.PERFECT_FEATURES)
         self.hand = robots.make_hand(observations.PERFECT_FEATURES)
         self.arm.attach(self.hand)
@@ -90,7 +94,8 @@ class Bench:
         self.arm.set_home(self.physics)
         self.pushed = True
         self.fingers: float | None = None  # [rad] where they are kept; None while they squeeze
-        self._each_step, self._last, self._pushed_to = each_step, START, START
+        self.watch: Callable[[], None] | None = None  # called after every control step
+        self._last = self._pushed_to = START
 
         self.robot = jacokin.load_robot()
         ways = grasps.box(CUP, START)
@@ -121,8 +126,8 @@ class Bench:
             self.physics.step()
             if self.pushed:
                 self._push()
-        if self._each_step is not None:
-            self._each_step(self)
+        if self.watch is not None:
+            self.watch()
 
     def _push(self) -> None:
         """Move the cup on, upright, by a physics step."""
@@ -241,27 +246,29 @@ class Run:
             raise RuntimeError("the cup was not reached in time")
 
 
+def film_of(bench: Bench) -> Film:
+    """A film of what happens from now on."""
+    from examples.drawing import Film
+
+    film, steps = Film(bench.physics.model, (0.25, 0.05, 0.3), azimuth=-130.0, distance=1.5), itertools.count()
+
+    def take() -> None:
+        if next(steps) % PICTURE_EVERY == 0:
+            film.take(bench.physics.data)
+
+    bench.watch = take
+    return film
+
+
 def main() -> None:
     """Grasp the cup, say what happened, and perhaps film it."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--picture", type=Path, help="write a moving picture (.gif) to this file")
     file: Path | None = parser.parse_args().picture
     bench = Bench()
-    if file is None:
-        happened = Run(bench).perform()
-    else:
-        from examples.drawing import Film
-
-        film, count = Film(bench.physics.model, (0.25, 0.05, 0.3), azimuth=-130.0, distance=1.5), 0
-
-        def take(filmed: Bench) -> None:
-            nonlocal count
-            if count % PICTURE_EVERY == 0:
-                film.take(filmed.physics.data)
-            count += 1
-
-        bench = Bench(take)
-        happened = Run(bench).perform()
+    film = None if file is None else film_of(bench)
+    happened = Run(bench).perform()
+    if file is not None and film is not None:
         film.save(file, PICTURE_EVERY * DT)
     print(
         f"{happened.plans} plans from a motion under way, {happened.going_on} without stopping, "
