@@ -151,13 +151,15 @@ def _add_word(scene: mujoco.MjvScene, text: str, place: NDArray[np.float64]) -> 
 class Film:
     """A moving picture of a simulation."""
 
-    def __init__(self, model: mujoco.MjModel, look_at: ArrayLike = LOOK_AT) -> None:
-        """Begin without pictures of a place [m]."""
+    def __init__(
+        self, model: mujoco.MjModel, look_at: ArrayLike = LOOK_AT, *, azimuth: float = 120.0, distance: float = 1.7
+    ) -> None:
+        """Begin without pictures of a place [m], seen in a direction [deg] from a distance [m]."""
         model.vis.quality.shadowsize = 1024  # of pictures as small as these
         self._renderer = mujoco.Renderer(model, 240, 320)
         self._camera = mujoco.MjvCamera()
         self._camera.lookat[:] = look_at
-        self._camera.distance, self._camera.azimuth, self._camera.elevation = 1.7, 120.0, LEVEL
+        self._camera.distance, self._camera.azimuth, self._camera.elevation = distance, azimuth, LEVEL
         self._frames: list[Image.Image] = []
 
     def take(self, data: mujoco.MjData) -> None:

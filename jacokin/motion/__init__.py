@@ -9,6 +9,7 @@ grasps             ways to grasp boxes, cylinders and spheres
 joint_motion       `move_joints`: from one configuration to another in the least time
 path, timing       lines between poses, and when each place of a course is passed, within limits of torque, too
 rows               positions, velocities and accelerations of a motion, as controllers take them
+motion_state       a motion at one time, to go on from
 trajectory, files  joint angles over time, and their files
 clearance, plot    how far a trajectory stays from a scene; its picture
 """

@@ -8,6 +8,7 @@ from jacokin.motion.free_motion.plan_place import Place as Place
 from jacokin.motion.free_motion.plan_place import plan_place as plan_place
 from jacokin.motion.grasps import Grasp as Grasp
 from jacokin.motion.joint_motion import move_joints as move_joints
+from jacokin.motion.motion_state import MotionState as MotionState
 from jacokin.motion.planning.plan import plan_path as plan_path
 from jacokin.motion.plot import plot_path as plot_path
 from jacokin.motion.track import track_path as track_path
@@ -24,7 +25,6 @@ from jacokin.motion.tracking.targets import OrientationTarget as OrientationTarg
 from jacokin.motion.tracking.targets import PoseTarget as PoseTarget
 from jacokin.motion.tracking.targets import PositionTarget as PositionTarget
 from jacokin.motion.tracking.targets import RegionTarget as RegionTarget
-from jacokin.motion.tracking.tracker import MotionState as MotionState
 from jacokin.motion.tracking.tracker import Tracker as Tracker
 from jacokin.motion.trajectory import BranchReport as BranchReport
 from jacokin.motion.trajectory import Goal as Goal

@@ -129,22 +129,25 @@ class TimedCourse:
         return start + on * (slope + 0.5 * on * bend), here * speed, here * pull[:, None] + bend * speed**2
 
 
-def fit_time(course: BlendedCourse, stops: Array, velocity: Array, acceleration: Array) -> TimedCourse:
-    """The least time from rest to rest along a course, on a grid.
+def fit_time(
+    course: BlendedCourse, stops: Array, velocity: Array, acceleration: Array, end: float = 0.0
+) -> TimedCourse:
+    """The least time from rest along a course, on a grid.
 
     Args:
         course: lines and parabolas.
-        stops: (m,) places where it stands still, both ends among them.
+        stops: (m,) places where it stands still, the start among them, and the end unless it is passed.
         velocity: (dof,) limits [rad/s].
         acceleration: (dof,) limits [rad/s^2].
+        end: ds/dt at the end, 0 for rest; it is less there where so much cannot be reached.
     """
-    if len(course.q) == 1:
+    if len(course.q) == 1 and end == 0.0:
         return _fit_line(course, velocity, acceleration)
     s, piece = _grid(course, stops, velocity, acceleration)
     on = np.stack([s[:-1] - course.s[piece], s[1:] - course.s[piece]])[:, :, None]
     slope = course.slope[piece] + on * course.bend[piece]
     top = np.where((np.abs(s[:, None] - stops) <= STILL).any(axis=1), 0.0, np.inf)
-    found = fit_course(s, slope, USED * velocity, USED * acceleration, top)
+    found = fit_course(s, slope, USED * velocity, USED * acceleration, top, end)
     return TimedCourse(course, s, found.t, found.speed)
 
 

@@ -31,7 +31,7 @@ FINEST = 5e-4  # [s] a step from row to row that needs no halving: in it no arm 
 
 
 class Rows(NamedTuple):
-    """A motion in steps of equal length, from rest to rest."""
+    """A motion in steps of equal length, to rest, and from rest unless the arm moves already."""
 
     t: Array
     """(n,) [s]."""
@@ -43,19 +43,24 @@ class Rows(NamedTuple):
     """(n, dof) [rad/s^2]."""
 
 
-def spline_rows(q: Array, dt: float) -> Rows:
-    """The motion from rest to rest through configurations (n, dof) [rad] that are `dt` [s] apart.
+def spline_rows(q: Array, dt: float, begin: Array | None = None) -> Rows:
+    """The motion to rest through configurations (n, dof) [rad] that are `dt` [s] apart.
 
-    Its accelerations change steadily between rows and without jumps, so that cubics that meet its velocities, and
-    quintics that meet its accelerations, too, are the same motion. One row stands still.
+    It begins at rest, or with velocities `begin` (dof,) [rad/s]. Its accelerations change steadily between rows and
+    without jumps, so that cubics that meet its velocities, and quintics that meet its accelerations, too, are the same
+    motion. One row stands still.
     """
     count = len(q)
     t, v, a = dt * np.arange(count, dtype=np.float64), np.zeros_like(q), np.zeros_like(q)
     if count == 1:
         return Rows(t, q, v, a)
+    if begin is not None:
+        v[0] = begin
     if count > 2:
         bands = np.tile([[1.0], [4.0], [1.0]], (1, count - 2))
-        v[1:-1] = solve_banded((1, 1), bands, 3.0 / dt * (q[2:] - q[:-2]), overwrite_ab=True, check_finite=False)
+        gained = 3.0 / dt * (q[2:] - q[:-2])
+        gained[0] -= v[0]
+        v[1:-1] = solve_banded((1, 1), bands, gained, overwrite_ab=True, check_finite=False)
     step = np.diff(q, axis=0) / dt
     a[:-1] = (6.0 * step - 4.0 * v[:-1] - 2.0 * v[1:]) / dt
     a[-1] = (2.0 * v[-2] + 4.0 * v[-1] - 6.0 * step[-1]) / dt

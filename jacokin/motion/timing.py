@@ -116,8 +116,10 @@ class Schedule:
         return self.at(np.linspace(0.0, self.duration, count + 1))
 
 
-def fit_course(s: Array, slope: Array, velocity: Array, acceleration: Array, top: Array) -> Schedule:
-    """The least time from rest to rest along a course whose direction changes steadily from place to place.
+def fit_course(s: Array, slope: Array, velocity: Array, acceleration: Array, top: Array, end: float = 0.0) -> Schedule:
+    """The least time from rest along a course whose direction changes steadily from place to place.
+
+    To rest, too, unless `end` says how fast the last place is passed: slower than that where it cannot be reached.
 
     A joint's acceleration is slope u + bend x, with x the square of the speed and u the acceleration of the place: at
     the beginning of an interval with x, at its end with x + 2 h u. Both are linear in x and u, and what lies between
@@ -129,6 +131,7 @@ def fit_course(s: Array, slope: Array, velocity: Array, acceleration: Array, top
         velocity: (dof,) limits [rad/s]; infinite for none.
         acceleration: (dof,) limits [rad/s^2].
         top: (n + 1,) largest speed of each place, 0 where it stands still; infinite where nothing else limits it.
+        end: speed at the last place.
     """
     h = np.diff(s)
     bend = (slope[1] - slope[0]) / h[:, None]
@@ -138,7 +141,7 @@ def fit_course(s: Array, slope: Array, velocity: Array, acceleration: Array, top
     most, own = top**2, np.minimum(fastest, turning)
     np.minimum(most[:-1], own, out=most[:-1])
     np.minimum(most[1:], own, out=most[1:])
-    most[[0, -1]] = 0.0
+    most[0], most[-1] = 0.0, min(most[-1], end**2)
     rate = np.concatenate([slope[0], slope[1] + 2.0 * h[:, None] * bend], axis=1)  # (n, 2 dof) of u
     size = np.abs(rate)
     counts = size > NO_RATE * size.max()

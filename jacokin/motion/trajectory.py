@@ -38,6 +38,7 @@ from jacokin.motion.files import (
     write_table,
 )
 from jacokin.motion.grasps import Grasp
+from jacokin.motion.motion_state import MotionState
 from jacokin.motion.rows import Rows, between
 from jacokin.showing import Shown, show
 
@@ -152,6 +153,10 @@ class MotionStatus(Enum):
     )
     NO_WAY = "no way was found, though there may be one: allow more time, or give more goals"
     OFF_PATH = "the arm is off its path in places: `status`, `limiting` and `message` say where and why"
+    CANNOT_STOP = (
+        "the arm is too fast to come to rest within its limits and clear of everything: "
+        "go on with the motion under way, and plan again when it is slower"
+    )
     TOO_HEAVY = (
         "gravity alone asks for more torque than `torque_limit` somewhere on the way, however slow the motion: carry "
         "less, or give goals nearer to the base"
@@ -195,7 +200,8 @@ class Trajectory(_Looking):
     q: Array
     """(n, dof) joint angles [rad]."""
     v: Array
-    """(n, dof) joint velocities at that time [rad/s]; planned motions are at rest in the first and the last row."""
+    """(n, dof) joint velocities at that time [rad/s]; planned motions are at rest in the last row, and in the first
+    one unless the arm moves already."""
     lower: Array
     """(dof,) lower limits [rad]."""
     upper: Array
@@ -320,6 +326,26 @@ class Trajectory(_Looking):
     def duration(self) -> float:
         """Length of the trajectory [s]."""
         return float(self.t[-1])
+
+    def state_at(self, time: float) -> MotionState:
+        """The motion at a time [s], between rows by the cubic that meets their velocities; at its ends beyond them.
+
+        Raises:
+            InvalidInputError: not a number.
+        """
+        now = float(np.clip(checks.number("time", time, "s"), self.t[0], self.t[-1]))
+        row = int(np.clip(np.searchsorted(self.t, now, side="right") - 1, 0, max(len(self.t) - 2, 0)))
+        if now == self.t[row] or len(self.t) == 1:
+            return MotionState(self.q[row], self.v[row], self.a[row])
+        step = float(self.t[row + 1] - self.t[row])
+        x, q, v = (now - float(self.t[row])) / step, self.q[row], step * self.v[row]
+        moved, last = self.q[row + 1] - q, step * self.v[row + 1]
+        second, third = 3.0 * moved - 2.0 * v - last, v + last - 2.0 * moved
+        place = q + x * (v + x * (second + x * third))
+        speed, pull = v + x * (2.0 * second + 3.0 * x * third), 2.0 * second + 6.0 * x * third
+        if now == self.t[-1]:
+            place, speed = self.q[-1], step * self.v[-1]
+        return MotionState(*map(checks.read_only, (place, speed / step, pull / step**2)))
 
     @property
     def success(self) -> bool:

@@ -7,6 +7,9 @@ A plan goes through these steps:
     straight    the straight motion to each of them, the quickest first, is certified (`Contact.in_the_way`)
     search      where those are blocked, two trees grow from start and goals until they meet, and the way is shortened
     blending    its corners are rounded, and it is timed within the limits (`motion.blending`)
+
+An arm that moves already is planned for from where it can stop; then it goes on without stopping where it can
+(`under_way`).
 """
 
 from __future__ import annotations
@@ -16,7 +19,7 @@ import time
 import weakref
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -37,9 +40,11 @@ from jacokin.model.robot import acceleration_limits, jerk_limits, velocity_limit
 from jacokin.motion.blending import fit_time, round_corners, straightened
 from jacokin.motion.free_motion.leaving import DEEPEST, SAME_DISTANCE
 from jacokin.motion.free_motion.search import MOST_SAMPLES, Found, StraightMotion, WaySearch
+from jacokin.motion.free_motion.under_way import AT_REST, NoStop, Stop, find_stop, go_directly, go_on, velocity_now
 from jacokin.motion.grasps import Grasp
 from jacokin.motion.joint_motion import ACCELERATION, SmoothLines
-from jacokin.motion.rows import Limits, OnTheWay, Rows, coarse, from_rest_to_rest, halved
+from jacokin.motion.motion_state import MotionState
+from jacokin.motion.rows import HELD, Limits, OnTheWay, Rows, coarse, from_rest_to_rest, halved
 from jacokin.motion.timing import MAX_TICKS, TimeLaw, TooHeavy, check_ticks, slow_down, torque_limits, torque_strain
 from jacokin.motion.trajectory import Aim, Goal, MotionStatus, Trajectory
 
@@ -54,7 +59,7 @@ MOST_LANDINGS = 16  # goals next to something to which it is tried to come
 
 def plan_motion(
     solver: IKSolver,
-    start: ArrayLike,
+    start: ArrayLike | MotionState,
     goal: Any,
     *,
     time_limit: float = 1.0,
@@ -75,7 +80,11 @@ def plan_motion(
         solver: knows the arm, its tool, and its scene.
         start: (dof,) where the arm is [rad]. A joint up to 1e-6 rad past its limit is on it; one that is farther out
             first comes straight back. Shapes that touch there, up to 1 cm deep, or are nearer than the clearance, first
-            come apart, without any of them getting nearer.
+            come apart, without any of them getting nearer. Or a motion under way, `Trajectory.state_at(time)` or
+            `state` of a tracker: then the plan begins with exactly its positions and velocities. It goes on without
+            stopping where the way to the goal bends little enough, and first comes to rest elsewhere: straight on, or
+            with each joint braking as hard as it may. Its accelerations are not continued; with a jerk limit they begin
+            at zero.
         goal: a configuration (dof,) [rad], a pose T_base_tool, a `FreeAxis`, a position (3,) [m], a `Grasp`, or a list
             of them, any of which will do. What is reached soonest is taken. A configuration is reached as it is given,
             on unlimited joints whole turns apart.
@@ -92,12 +101,13 @@ def plan_motion(
             motion is slowed down until no joint needs more, what the robot carries (`Robot.with_payload`) included.
 
     Returns:
-        The motion from rest to rest, its limits held at every instant as controllers go from row to row, with the goal
-        that was taken, and the least distance at each row, measured when it is first asked for. Without a way it stays
-        at the start, and `outcome` and `message` say why.
+        The motion to rest, its limits held at every instant as controllers go from row to row, with the goal that was
+        taken, and the least distance at each row, measured when it is first asked for. Without a way it stays at the
+        start, or comes to rest if the arm moves there, and `outcome` and `message` say why. An arm that cannot stop
+        clear and within its limits gets one row, its start, and the outcome CANNOT_STOP.
 
     Raises:
-        InvalidInputError: a malformed argument, or a goal outside the limits.
+        InvalidInputError: a malformed argument, a goal outside the limits, or a start faster than the limits.
         UnknownNameError: the scene speaks of a link that is not there.
         ModelError: the shapes of the description cannot be loaded; with collision="ignore" the motion is planned
             without looking for contact then, and `message` says so.
@@ -105,7 +115,7 @@ def plan_motion(
     """
     checks.instance("solver", solver, IKSolver, "an IKSolver")
     robot = solver.robot
-    q = checked_start(robot, start, "start", outside=True)
+    q = robot.home if isinstance(start, MotionState) else checked_start(robot, start, "start", outside=True)
     limit = checks.positive("time_limit", time_limit, "s")
     generator = np.random.default_rng(DEFAULT_RANDOM_SEED) if rng is None else checks.generator("rng", rng)
     velocity = velocity_limits(robot, velocity_limit)
@@ -128,6 +138,14 @@ def plan_motion(
     )
     aims, search = list_aims(goal), search_of(solver)
     begun = time.monotonic()
+    if isinstance(start, MotionState):
+        now = velocity_now(robot, start, velocity)
+        request = replace(request, start=now[0])
+        if np.abs(now[1]).max() > AT_REST:
+            found = request.stop_from(now, search)
+            if isinstance(found, Trajectory):
+                return found
+            request = found
     return request.plan(aims, search, generator, begun, begun + limit)
 
 
@@ -176,6 +194,7 @@ class _Request:
         speed: (dof,) what ways are compared by, the slowest joint 1: the velocity limit, or what a joint reaches within
             half a turn at its acceleration limit, whichever is less.
         unit: what times at that speed are counted in [s].
+        stop: how the arm comes to rest at `start`; None for one that rests there.
     """
 
     solver: IKSolver
@@ -188,6 +207,26 @@ class _Request:
     ways: int
     speed: Array
     unit: float
+    stop: Stop | None = None
+
+    def stop_from(self, now: tuple[Array, Array], search: WaySearch | None) -> _Request | Trajectory:
+        """The same request from where the arm can stop, which has positions and velocities now, both (dof,).
+
+        Or, where it cannot, the start alone, with the reason.
+        """
+        strain = None if self.torque is None else partial(torque_strain, self.solver.robot, limit=self.torque)
+        stop = find_stop(self.solver.robot, now, self.limits, self.dt, search, strain)
+        if isinstance(stop, NoStop):
+            rows = Rows(np.zeros(1), now[0][None], now[1][None], np.zeros_like(now[0][None]))
+            return Trajectory.of(
+                self.solver.robot, self.velocity, rows, status=MotionStatus.CANNOT_STOP, message=stop.reason
+            )
+        return replace(self, start=stop.end, stop=stop)
+
+    @property
+    def limits(self) -> Limits:
+        """Of velocity, acceleration and jerk."""
+        return Limits(self.velocity, self.acceleration, self.jerk)
 
     def plan(
         self, aims: Sequence[Any], search: WaySearch | None, rng: np.random.Generator, begun: float, deadline: float
@@ -367,6 +406,8 @@ class _Request:
         if timed.law is None:
             none = np.zeros_like(way)
             goal = Goal(checks.read_only(way[-1]), goal.number, goal.target, goal.parameter)
+            if self.stop is not None:
+                return self._write(self.stop.rows, goal, contact, "comes to rest there")
             return self._write((np.zeros(1), way, none, none), goal, contact, "already there")
         law = timed.law if self.torque is None else slow_down(robot, timed.law, self.torque)
         if isinstance(law, TooHeavy):
@@ -384,24 +425,48 @@ class _Request:
             return q
 
         between, fault = OnTheWay(robot, contact), ""
-        for step in halved(self.dt):
+        rows = self._going_on(timed, between)
+        goes_on = rows is not None
+        for step in () if goes_on else halved(self.dt):
             rows = from_rest_to_rest(at, duration, step, self._strain)
+            if self.stop is not None:
+                rows = self.stop.then(rows)
             found = between.fault(rows)
             if not found:
                 break
             fault = found
-        sentence = f"reached in {rows.t[-1]:.4g} s{coarse(self.dt, step, fault)}"
-        lines = len(way) - 1
-        sentence += "" if law is timed.law else ", slower for the torques"
-        sentence += ", straight" if lines == 1 else f", around what is in the way by {lines} lines"
+        assert rows is not None
+        sentence = f"reached in {rows.t[-1]:.4g} s{coarse(self.dt, float(rows.t[-1] - rows.t[-2]), fault)}"
+        if goes_on:
+            sentence += ", going on from the motion under way"
+        else:
+            if self.stop is not None:
+                sentence += f", coming to rest first, in {self.stop.rows.t[-1]:.4g} s"
+            lines = len(way) - 1
+            sentence += "" if law is timed.law else ", slower for the torques"
+            sentence += ", straight" if lines == 1 else f", around what is in the way by {lines} lines"
         sentence += f"; {note}" if note else ""
         if contact is None:
             sentence += "; the description has no collision shapes that can be loaded, so contact was not checked"
         return self._write(rows, goal, contact, sentence)
 
+    def _going_on(self, timed: _Timed, between: OnTheWay) -> Rows | None:
+        """The motion from the one under way to where a way from its stop leads, without stopping; None for none."""
+        if self.stop is None or self.jerk is not None:
+            return None
+        robot, search = self.solver.robot, search_of(self.solver)
+        longest, rows = float(self.stop.rows.t[-1]) + timed.duration, None
+        if search is not None:
+            rows = go_on(robot, self.stop, timed.way, search, self.limits, self.speed, self.dt)
+        if rows is None or rows.t[-1] > longest:
+            rows = go_directly(self.stop, timed.way[-1], self.limits, longest, search)
+        if rows is None or self._strain(rows) > HELD or between.fault(rows):
+            return None
+        return rows
+
     def _strain(self, rows: Rows) -> float:
         """How many times as long rows must take for the limits to hold."""
-        worst = float(Limits(self.velocity, self.acceleration, self.jerk).strain(rows).max())
+        worst = float(self.limits.strain(rows).max())
         return worst if self.torque is None else max(worst, torque_strain(self.solver.robot, rows, self.torque))
 
     def _write(
@@ -437,8 +502,10 @@ class _Request:
         )
 
     def _stay(self, status: MotionStatus, message: str) -> Trajectory:
-        """A motion that does not begin."""
+        """A motion that does not begin, or ends where the arm comes to rest."""
         rows = np.zeros(1), self.start[None], np.zeros((1, len(self.start))), np.zeros((1, len(self.start)))
+        if self.stop is not None:
+            rows = self.stop.rows
         return Trajectory.of(self.solver.robot, self.velocity, rows, status=status, message=message)
 
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import NamedTuple, TypeAlias
+from collections.abc import Mapping, Sequence, Set
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import pinocchio as pin
@@ -14,10 +14,14 @@ from jacokin.errors import InvalidInputError
 from jacokin.kernels.contact.shapes import CENTRE, RADIUS
 from jacokin.model import checks, poses
 from jacokin.model.contact import Contact
+from jacokin.model.descriptions.shapes import Shape
 from jacokin.model.obstacles import Obstacle, pose_of
 
-Motion: TypeAlias = pin.SE3 | ArrayLike | tuple[pin.SE3 | ArrayLike, ArrayLike]
-"""T_base_shape or a position (3,) [m], where an obstacle stands; or that and its twist (6,) [m/s, rad/s]."""
+Place: TypeAlias = pin.SE3 | ArrayLike | Obstacle
+"""T_base_shape or a position (3,) [m] of a known obstacle; or an obstacle, where it is now."""
+
+Motion: TypeAlias = Place | tuple[Place, ArrayLike]
+"""Where an obstacle stands; or that and its twist (6,) [m/s, rad/s]."""
 
 UNTURNED = np.eye(3)
 
@@ -45,6 +49,17 @@ class Whereabouts(NamedTuple):
         for row in np.flatnonzero(self.twists[:, 3:].any(axis=1)).tolist():
             moved[row, :, :3] = pin.exp3(time * self.twists[row, 3:]) @ moved[row, :, :3]
         return self._replace(poses=moved)
+
+
+class News(NamedTuple):
+    """What a tick is told about obstacles."""
+
+    leaving: Set[str]
+    """Names of those that are gone, or that something else of their name replaces."""
+    coming: Mapping[str, Obstacle]
+    """Those that were not there."""
+    motions: Mapping[str, Motion]
+    """Where obstacles are, once these have come and gone: poses, with or without twists."""
 
 
 class MovableShapes:
@@ -79,6 +94,38 @@ class MovableShapes:
         self._reach = self._radii + _lengths(self._centres)  # [m] of the shape from its origin
         self._is_centred = not self._centres.any()
 
+    def sorted(self, given: Mapping[str, Motion | None]) -> News:
+        """What is told of obstacles by name: a shape that is there already has only moved.
+
+        Raises:
+            InvalidInputError: a shape of another name than it is given for.
+        """
+        leaving, coming, motions = set[str](), dict[str, Obstacle](), dict[str, Motion]()
+        for name, motion in given.items():
+            place, *twist = _parts(motion)
+            if place is None and not twist:
+                leaving.add(name)
+            elif not isinstance(place, np.ndarray) and hasattr(place, "add_to"):
+                if getattr(place, "name", None) != name:
+                    raise InvalidInputError(f"obstacles[{name!r}] has the name {getattr(place, 'name', None)!r}")
+                if not self._has(place):
+                    coming[name] = place
+                if name not in coming or twist:
+                    motions[name] = (pose_of(place), *twist) if twist else pose_of(place)
+            else:
+                motions[name] = motion
+        return News(leaving | coming.keys(), coming, motions)
+
+    def _has(self, shape: Obstacle) -> bool:
+        """Whether the obstacle of that name differs from a shape by its pose alone."""
+        row = self._rows.get(shape.name)
+        if row is None or type(shape) is not type(self._shapes[row]):
+            return False
+        old, new = (getattr(each, "solid", None) for each in (self._shapes[row], shape))
+        if not isinstance(old, Shape) or not isinstance(new, Shape) or new.cloud is not old.cloud:
+            return False
+        return old.kind == new.kind and np.array_equal(old.size, new.size)
+
     def told(self, before: Whereabouts, given: Mapping[str, Motion]) -> Whereabouts:
         """Where obstacles are now; those that are not named go on as before.
 
@@ -89,11 +136,11 @@ class MovableShapes:
         places, twists = before.poses.copy(), before.twists.copy()
         for name, motion in given.items():
             row = self._row(name)
-            pose, twist = motion if isinstance(motion, tuple) and len(motion) == 2 else (motion, None)
+            pose, *twist = _parts(motion)
             _place(places[row], f"obstacles[{name!r}]", pose)
             twists[row] = 0.0
-            if twist is not None:
-                twists[row] = checks.vector(f"obstacles[{name!r}]: twist", twist, 6, "m/s, rad/s")
+            if twist:
+                twists[row] = checks.vector(f"obstacles[{name!r}]: twist", twist[0], 6, "m/s, rad/s")
         return self._at(places, twists)
 
     def carried(self, before: MovableShapes, where: Whereabouts) -> Whereabouts:
@@ -136,12 +183,17 @@ class MovableShapes:
         return np.asarray(shift + np.sqrt(0.5) * turn * self._radii)
 
 
+def _parts(motion: Motion | None) -> tuple[Any, ...]:  # Any: checked where it is used
+    """Where an obstacle is, and its twist if that is told."""
+    return motion if isinstance(motion, tuple) and len(motion) == 2 else (motion,)
+
+
 def _lengths(rows: Array) -> Array:
     """(k,) lengths of rows (k, n)."""
     return np.asarray(np.sqrt(np.einsum("ij,ij->i", rows, rows)))
 
 
-def _place(place: Array, name: str, pose: pin.SE3 | ArrayLike) -> None:
+def _place(place: Array, name: str, pose: Any) -> None:
     """Write a pose or a position (3,) [m] to (3, 4)."""
     if isinstance(pose, pin.SE3):
         place[:] = poses.checked_pose(pose, name).homogeneous[:3]

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -25,12 +24,11 @@ from jacokin.errors import InvalidInputError
 from jacokin.ik import targets
 from jacokin.ik.options import TRACKING_ORIENTATION_TOLERANCE, TRACKING_POSITION_TOLERANCE
 from jacokin.ik.qp_backend import Backend, QPFailed
-from jacokin.ik.results import Frozen
 from jacokin.ik.seeds import checked_start
 from jacokin.model import checks, poses
-from jacokin.model.obstacles import Obstacle
 from jacokin.model.robot import Robot, checked_robot, tracking_accelerations, velocity_limits
 from jacokin.model.scene import Scene
+from jacokin.motion.motion_state import MotionState, checked_velocity
 from jacokin.motion.tracking.avoidance import CLEARANCE, ClearanceGuard, Distances, make_guard
 from jacokin.motion.tracking.joint_limits import AT_BOUND, TINY, JointLimits
 from jacokin.motion.tracking.moving import Motion, Whereabouts
@@ -83,18 +81,6 @@ class JointState(NamedTuple):
 
     q: Array
     distances: Distances | None
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class MotionState(Frozen):
-    """A motion at one time, from which another tracker may go on. Arrays are read-only."""
-
-    q: Array
-    """(dof,) joint angles [rad]."""
-    v: Array
-    """(dof,) joint velocities [rad/s]."""
-    a: Array
-    """(dof,) joint accelerations [rad/s^2], the last change of the velocities."""
 
 
 class TrackerState(NamedTuple):
@@ -293,13 +279,7 @@ class Tracker:
         start = checked_start(self.robot, q, outside=True)
         before: TrackerState | None = getattr(self, "_state", None)
         if v is not None:
-            speed = self.robot.configuration(v, "v")
-            fast = int(np.argmax(np.abs(speed) - self.velocity_limit))
-            if abs(speed[fast]) > self.velocity_limit[fast] * (1.0 + 1e-9):
-                raise InvalidInputError(
-                    f"v has {self.robot.joint_names[fast]} at {speed[fast]:.6g} rad/s, "
-                    f"its limit is {self.velocity_limit[fast]:.6g} rad/s"
-                )
+            speed = checked_velocity(self.robot, v, self.velocity_limit)
             before = None
         elif before is not None and q is not None and bool((np.abs(start - before.arm.q) <= NEARBY).all()):
             speed = before.v
@@ -343,7 +323,7 @@ class Tracker:
         *,
         twist: ArrayLike | None = None,
         reference: str = "local_world_aligned",
-        obstacles: Mapping[str, Motion | Obstacle | None] | None = None,
+        obstacles: Mapping[str, Motion | None] | None = None,
         budget: float | None = None,
     ) -> TrackerStep:
         """One tick towards a target, or along a twist.
@@ -353,9 +333,11 @@ class Tracker:
             twist: (6,) velocity of the tool, linear [m/s] then angular [rad/s]; instead of a target. It is followed in
                 its direction and never exceeded; where the arm cannot, it goes slower.
             reference: where the twist is expressed: "local_world_aligned", "local" or "world".
-            obstacles: where obstacles are now, by name: T_base_shape or a position (3,) [m], or a tuple of that and the
-                twist (6,) of its origin in base axes [m/s, rad/s]. An obstacle as of a scene is a new one, or takes
-                the place of the one of its name; None takes it away. Those that are not named go on as they moved.
+            obstacles: where obstacles are now, by name: T_base_shape, a position (3,) [m], or an obstacle as of a
+                scene, which is a new one, or takes the place of the one of its name; or a tuple of any of these and
+                the twist (6,): velocity of the shape's origin [m/s], then angular velocity [rad/s], in base axes.
+                Without a twist it stands still. None takes an obstacle away. Those that are not named go on as they
+                moved.
             budget: time for this call [s]; None for any. When it runs out, the arm brakes within its limits.
 
         Returns:
@@ -380,7 +362,7 @@ class Tracker:
         self._tally.add(step, limit)
         return step
 
-    def brake(self, *, obstacles: Mapping[str, Motion | Obstacle | None] | None = None) -> TrackerStep:
+    def brake(self, *, obstacles: Mapping[str, Motion | None] | None = None) -> TrackerStep:
         """One tick of braking as hard as the limits allow, towards nothing: OK once the arm stands still.
 
         Without acceleration limits it stands at once.
@@ -407,21 +389,19 @@ class Tracker:
         for array in (now.arm.q, now.v, now.a, self.velocity_limit, self.acceleration_limit):
             array.setflags(write=False)
 
-    def _around(self, state: TrackerState, obstacles: Mapping[str, Motion | Obstacle | None] | None) -> TrackerState:
+    def _around(self, state: TrackerState, obstacles: Mapping[str, Motion | None] | None) -> TrackerState:
         """The state with the obstacles where they are told to be now."""
         if obstacles is None:
             return state
         if state.guard is None or state.where is None or state.scene is None:
             raise InvalidInputError("obstacles has no effect without a scene: nothing is kept apart")
         given = checks.mapping("obstacles", obstacles, "a dict of poses by name")
-        coming = {name: shape for name, shape in given.items() if hasattr(shape, "add_to")}
-        changed = {name for name, shape in given.items() if shape is None} | coming.keys()
-        if changed:
-            state = self._in_scene(state, state.scene.changed(changed, coming))
-            given = {name: motion for name, motion in given.items() if name not in changed}
+        news = state.guard.shapes.sorted(given)
+        if news.leaving:
+            state = self._in_scene(state, state.scene.changed(news.leaving, news.coming))
         assert state.guard is not None
         assert state.where is not None
-        return state._replace(where=state.guard.shapes.told(state.where, given)) if given else state
+        return state._replace(where=state.guard.shapes.told(state.where, news.motions)) if news.motions else state
 
     def _in_scene(self, state: TrackerState, scene: Scene) -> TrackerState:
         """The state among other obstacles; those that were there before go on as they moved."""

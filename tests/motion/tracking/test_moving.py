@@ -118,6 +118,78 @@ def test_with_acceleration_limits_slow_obstacles_are_evaded_and_the_limits_kept(
     assert "ball" in " ".join(tracker.summary.limiting)
 
 
+def approach(robot: Robot, way: list[float], speed: float, *, told: bool) -> tuple[float, float]:
+    """The least distance [m] of a standing arm from a ball that comes to the hand, and when the arm moves first [s]."""
+    home, along = robot.forward_kinematics(robot.home), np.array(way) / np.linalg.norm(way)
+    twist, begin = np.append(-speed * along, np.zeros(3)), home.translation + 0.4 * along
+    scene = Scene([Sphere("ball", 0.05, begin)])
+    referee, tracker = Referee(robot, scene, self_collision=False), Tracker(robot, dt=DT, scene=scene)
+    least, first = np.inf, np.inf
+    for tick in range(round(0.4 / speed / DT)):
+        here = begin + tick * DT * twist[:3]
+        step = tracker.step(home, obstacles={"ball": (here, twist) if told else here})
+        put(referee, "ball", pin.SE3(np.eye(3), here + DT * twist[:3]))
+        least = min(least, referee.least(step.q))
+        if np.isinf(first) and np.abs(step.v).max() > 0.01:
+            first = tick * DT
+    return least, first
+
+
+@pytest.mark.parametrize("way", [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 1.0]])
+def test_what_comes_at_a_known_velocity_is_evaded_earlier_and_kept_away(robot: Robot, way: list[float]) -> None:
+    (nearest, known), (touched, unknown) = (approach(robot, way, 0.3, told=told) for told in (True, False))
+    assert known < unknown - 0.3  # [s]
+    assert nearest >= DISTANCE
+    assert touched < 0.0  # without its velocity, it is too fast for the arm
+
+
+@pytest.mark.parametrize("speed", [0.05, 0.1, 0.2])
+def test_the_clearance_is_kept_from_what_the_arm_can_outrun(robot: Robot, speed: float) -> None:
+    for way in ([0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [-1.0, 0.0, 1.0], [1.0, -1.0, 0.5]):
+        nearest, _ = approach(robot, way, speed, told=True)
+        assert nearest >= DISTANCE - 1e-4
+
+
+def test_a_new_obstacle_comes_with_its_velocity(robot: Robot) -> None:
+    home = robot.forward_kinematics(robot.home)
+    begin, twist = np.add(home.translation, [0.0, 0.0, 0.4]), np.array([0.0, 0.0, -0.3, 0.0, 0.0, 0.5])
+    known = Tracker(robot, dt=DT, scene=Scene([Box("cup", [0.06, 0.08, 0.1], begin)]), self_collision=False)
+    new = Tracker(robot, dt=DT, scene=Scene(), self_collision=False)
+    for tick in range(150):
+        here = pin.SE3(pin.exp3(tick * DT * twist[3:]), begin + tick * DT * twist[:3])
+        told = known.step(home, obstacles={"cup": (here, twist)})
+        shown = new.step(home, obstacles={"cup": (Box("cup", [0.06, 0.08, 0.1], here), twist)})
+        np.testing.assert_allclose(shown.q, told.q, atol=1e-9)
+    assert np.abs(told.q - robot.home).max() > 0.05
+    new.step(home, obstacles={"cup": None})
+    gone = new.step(home)
+    assert gone.clearance == np.inf
+    assert (told.clearance or 0.0) < np.inf
+
+
+def test_a_known_shape_given_again_has_only_moved(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing is built for it; another size, or another kind of shape, is another obstacle."""
+    home, built = robot.forward_kinematics(robot.home), 0
+    tracker = Tracker(robot, scene=Scene([Box("cup", [0.1] * 3, [0.6, 0.0, 0.9]), Sphere("ball", 0.1, [1.0] * 3)]))
+    make = tracker._make_guard
+
+    def counted(**given: Any) -> Any:
+        nonlocal built
+        built += 1
+        return make(**given)
+
+    monkeypatch.setattr(tracker, "_make_guard", counted)
+    place = np.add(home.translation, [0.0, 0.0, 0.22])
+    shown = tracker.step(home, obstacles={"cup": Box("cup", [0.1] * 3, place), "ball": Sphere("ball", 0.1, [2.0] * 3)})
+    assert built == 0
+    expected = Tracker(robot, scene=Scene([Box("cup", [0.1] * 3, place)])).step(home)
+    assert shown.clearance == pytest.approx(expected.clearance, abs=1e-9)
+    tracker.step(home, obstacles={"cup": Box("cup", [0.1, 0.1, 0.2], place)})
+    tracker.step(home, obstacles={"cup": Sphere("cup", 0.1, place)})
+    tracker.step(home, obstacles={"cup": (Sphere("cup", 0.1, place), np.zeros(6))})
+    assert built == 2
+
+
 def test_an_obstacle_goes_on_until_told_otherwise(robot: Robot) -> None:
     far = Sphere("ball", 0.05, [2.0, 0.0, 0.5])
     home = robot.forward_kinematics(robot.home)
@@ -176,6 +248,11 @@ def test_shapes_move_no_farther_and_no_faster_than_said(robot: Robot, rng: np.ra
         ({"ball": [0.0] * 2}, InvalidInputError, r"obstacles\['ball'\] must have shape \(3,\)"),
         ({"ball": [np.nan] * 3}, InvalidInputError, r"obstacles\['ball'\] must be finite"),
         ({"ball": ([0.0] * 3, [np.nan] * 6)}, InvalidInputError, r"obstacles\['ball'\]: twist must be finite"),
+        ({"ball": (Sphere("ball", 0.05, [0.0] * 3), [0.0] * 5)}, InvalidInputError, r"twist must have shape \(6,\)"),
+        ({"cup": (Sphere("ball", 0.05, [0.0] * 3), [0.0] * 6)}, InvalidInputError, "'cup'.* has the name 'ball'"),
+        ({"cup": (Sphere("cup", 0.05, [0.0] * 3), [np.inf] * 6)}, InvalidInputError, "twist must be finite"),
+        ({"floor": (Floor(-0.5), [0.0] * 6)}, InvalidInputError, "which have a pose"),
+        ({"ball": (None, [0.0] * 6)}, InvalidInputError, r"obstacles\['ball'\] must be"),
         ({"ball": "near"}, InvalidInputError, r"obstacles\['ball'\] must be"),
         ([0.0] * 3, InvalidInputError, "obstacles must be a dict of poses by name"),
     ],
