@@ -1,4 +1,4 @@
-"""`Link`: the way from a runner to an arm and back. `TwinLink` leads to a simulated arm, `ProcessLink` to a forwarder."""
+"""`Link`: from a runner to an arm and back. `TwinLink` leads to a simulated arm, `ProcessLink` to a forwarder."""
 
 from __future__ import annotations
 
@@ -106,7 +106,9 @@ class TwinLink:
         """See `Link`."""
         lower, upper = self.driver.arm.finger_range
         if isinstance(self.driver, KinovaDriver):
-            turns = self.driver.finger_turns(np.full(len(self.driver.arm.state.fingers), lower + share * (upper - lower)))
+            turns = self.driver.finger_turns(
+                np.full(len(self.driver.arm.state.fingers), lower + share * (upper - lower))
+            )
             self.driver.move_fingers(turns)
         else:
             self.driver.move_fingers(np.full(len(self.driver.arm.state.fingers), lower + share * (upper - lower)))

@@ -77,7 +77,7 @@ class PlannedMotion:
         rows = np.asarray(q, dtype=np.float64)
         if at.ndim != 1 or not len(at) or rows.shape != (len(at), robot.dof):
             raise InvalidInputError(
-                f"a motion of {robot.label} has rows of {robot.dof} joints, got times {at.shape} and angles {rows.shape}"
+                f"a motion of {robot.label} has rows of {robot.dof} joints, got {at.shape} times, {rows.shape} angles"
             )
         if not (np.isfinite(at).all() and np.isfinite(rows).all() and (np.diff(at) > 0.0).all()):
             raise InvalidInputError("times must strictly rise, and all numbers be finite")
@@ -151,7 +151,7 @@ class PlannedMotion:
     def _at(self, time: float) -> Array:
         row = int(np.clip(np.searchsorted(self.time, time, side="right") - 1, 0, max(0, len(self.time) - 2)))
         if len(self.time) == 1:
-            return self.q[0]
+            return np.asarray(self.q[0])
         part = (time - self.time[row]) / (self.time[row + 1] - self.time[row])
         return np.asarray(self.q[row] + part * (self.q[row + 1] - self.q[row]))
 
@@ -184,7 +184,9 @@ class LiveMotion:
         except ValueError as error:
             raise InvalidInputError(f"a line must be JSON: {error}") from error
         if not isinstance(fields, dict) or not fields or not set(fields) <= {"hand", "clutch", "end"}:
-            raise InvalidInputError(f'a line must be like {{"hand": [...]}}, with hand, clutch or end, got {message[:80]!r}')
+            raise InvalidInputError(
+                f'a line must be like {{"hand": [...]}}, with hand, clutch or end, got {message[:80]!r}'
+            )
         for name in ("clutch", "end"):
             if name in fields:
                 checks.flag(name, fields[name])

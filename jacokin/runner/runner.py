@@ -1,8 +1,8 @@
 """`Runner`: from the time and what an arm measures to the velocities that it is to have. Read this file first.
 
-Each tick sends the velocity of the motion, and a share of what the arm is off it. What is measured is late: it is compared
-with where the motion was then, and what corrections have been sent since counts as done. An arm that falls behind is
-waited for; one that stays behind, says nothing, or touches something, is stopped.
+Each tick sends the velocity of the motion, and a share of what the arm is off it. What is measured is late: it is
+compared with where the motion was then, and what corrections have been sent since counts as done. An arm that falls
+behind is waited for; one that stays behind, says nothing, or touches something, is stopped.
 
 No clock and no arm are in here: whoever calls `step` says what time it is.
 """
@@ -69,13 +69,13 @@ class RunnerOptions:
     lag: float = math.radians(5.0)
     """How far a joint may be off the motion [rad]."""
     silence: float = 0.5
-    """How long nothing may be measured [s]; after half of it, or where three measurements are missing, the motion waits."""
+    """How long nothing may be measured [s]; after half of it, or three measurements that miss, the motion waits."""
     reached: float = math.radians(0.2)
     """How near the end of the motion is there [rad]."""
     patience: float = 5.0
     """How long the arm may take to come to rest after the end of the motion [s]."""
     contact: float | None = None
-    """External torque at a joint that counts as contact [N m], where velocities and torques are measured; None for not looking."""
+    """External torque at a joint that counts as contact [N m], where velocities and torques are told; None for any."""
 
     def __post_init__(self) -> None:
         """Check the values.
@@ -239,7 +239,7 @@ class Runner:
         step = self._observer.step(measured.q, measured.v, measured.torques, since)
         if step.joints:
             joint = self.robot.joint_names.index(step.joints[0])
-            torque = float(step.torque[joint])
+            torque = float(step.external_torque[joint])
             self._end(RunnerStatus.CONTACT, f"{step.joints[0]} feels {torque:.3g} N m that the motion does not explain")
 
     def _judge(self, now: float, age: float) -> None:
