@@ -1,6 +1,6 @@
-"""What plays motions on an arm: velocities in a closed loop on measured angles. Everything public is imported from here.
+"""What plays motions on an arm: velocities in a closed loop on measured angles. All public names are imported from here.
 
-Read `runner` first. No ROS is in here: `forwarder` is a program of its own, which speaks to ROS at the other end of a pipe.
+Read `runner` first. No ROS is in here: `forwarder` is a program of its own, which speaks to ROS at the end of a pipe.
 
 runner     `Runner`: from time and what is measured to velocities, or why it stopped
 motions    `Motion`, what it follows: `PlannedMotion` of a file, `LiveMotion` of a hand

@@ -2,11 +2,12 @@
 
     python3 forwarder.py --ros 1 --robot j2n6s300
 
-It takes ROS, Python 3.8 or later, and nothing else: copy it to the machine with the driver. `jacokin run` starts it, there
-or by `ssh` or `docker exec -i`, and speaks to it in lines of JSON, by its standard input and output:
+It takes ROS, Python 3.8 or later, and nothing else: copy it to the machine with the driver. `jacokin run` starts it,
+there or by `ssh` or `docker exec -i`, and speaks to it in lines of JSON, by its standard input and output:
 
     in:   {"joints": [names]} first; {"v": [rad/s]} 100 times a second; {"fingers": 0 open to 1 closed}
-    out:  {"listens": whether the driver does} ten times a second; {"q": [rad], "v": [rad/s], "torques": [N m]}; {"error": why}
+    out:  {"listens": whether the driver does} ten times a second; {"q": [rad], "v": [rad/s], "torques": [N m]};
+          {"error": why}
 
 When velocities stop coming for 50 ms, it sends zeros; when its input ends, it sends zeros and leaves.
 """
