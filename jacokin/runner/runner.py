@@ -230,6 +230,7 @@ class Runner:
             self._end(RunnerStatus.NOT_THERE, str(error))
             return
         self._wanted = self.motion.step(0.0)
+        self._past.clear()
         self._error, self.status = apart(self.robot, q, self._wanted.q), RunnerStatus.MOVING
 
     def _feel(self, measured: Measured, since: float) -> None:
