@@ -1,7 +1,7 @@
 """Motions played on simulated arms with faults, in a closed loop by `Runner` and in an open one.
 
-Random motions without contact, planned from one random configuration to another, each played both ways on the same arm with
-the same faults: where it ends, whether what did not end there was stopped with a word, and whether limits were broken.
+Random motions without contact, planned from one random configuration to another, each played both ways on the same arm
+with the same faults: where it ends, whether what did not end there was stopped, and whether limits were broken.
 Run from the repository: ``python -m benchmarks.runner``.
 """
 
@@ -60,7 +60,7 @@ def play(robot: Robot, motion: Trajectory, ros: int, faults: str, options: Runne
     else:
         driver = TrajectoryController(arm, robot.joint_names, faults=Faults.parse(faults), seed=seed)
     runner = Runner(robot, PlannedMotion.of(motion, robot), options)
-    ended = []
+    ended: list[float] = []
 
     def watch() -> None:
         if runner.status.has_ended and not ended:
@@ -75,16 +75,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--motions", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--faults", nargs="*", default=FAULTS)
     options = parser.parse_args()
-    robot = jacokin.load_robot()
+    robot = jacokin.load_robot(finger_angle=float(SimulatedArm().finger_range[0]))  # open, as the arm's are
     made = list(motions(robot, options.motions, options.seed))
     print(f"{len(made)} motions, {np.median([motion.duration for motion in made]):.1f} s in the median")
-    print(
-        "| ROS | faults | loop | there | stopped | neither | median [deg] | largest [deg] | limits broken | stands after [s] |"
-    )
-    print("| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |")
+    head = ("ROS", "faults", "loop", "there", "stopped", "neither", "median [deg]", "largest [deg]", "limits broken")
+    print("| " + " | ".join((*head, "stands after [s]")) + " |\n" + "| --- " * (len(head) + 1) + "|", flush=True)
     for ros in PERIODS:
-        for faults in FAULTS:
+        for faults in options.faults:
             for loop, chosen in LOOPS.items():
                 ends = [play(robot, motion, ros, faults, chosen, seed) for seed, motion in enumerate(made)]
                 report(ros, faults or "none", loop, ends)
@@ -99,7 +98,8 @@ def report(ros: int, faults: str, loop: str, ends: list[Played]) -> None:
     late = max((end.moved for end in stopped), default=0.0)
     print(
         f"| {ros} | {faults} | {loop} | {there} | {len(stopped)} | {len(rest) - there} | {np.median(rest):.2f} | "
-        f"{rest.max():.2f} | {sum(end.broken for end in ends)} | {late:.2f} |"
+        f"{rest.max():.2f} | {sum(end.broken for end in ends)} | {late:.2f} |",
+        flush=True,
     )
 
 

@@ -1,4 +1,4 @@
-"""What plays motions on an arm: velocities in a closed loop on measured angles. All public names are imported from here.
+"""What plays motions on an arm: velocities in a closed loop on measured angles. Public names are imported from here.
 
 Read `runner` first. No ROS is in here: `forwarder` is a program of its own, which speaks to ROS at the end of a pipe.
 

@@ -96,7 +96,7 @@ def test_joints_without_limits_may_stand_turns_away_and_do_not_turn_back(robot: 
 
 @pytest.mark.parametrize(("joint", "angle"), [(2, 0.04), (5, 0.5)])
 def test_an_arm_elsewhere_is_not_moved(robot: Robot, motion: Trajectory, joint: int, angle: float) -> None:
-    arm = Arm(robot, motion, turns=angle * np.eye(6)[joint])  # type: ignore[arg-type]
+    arm = Arm(robot, motion, turns=angle * np.eye(6)[joint])
     before = arm.simulated.state.q
     assert arm.run() is RunnerStatus.NOT_THERE
     assert f"joint_{joint + 1} is {math.degrees(angle):.1f} deg from where the motion begins" in arm.runner.message
@@ -117,7 +117,7 @@ def test_an_arm_that_is_held_is_stopped(robot: Robot, motion: Trajectory, ros: i
 def test_an_arm_that_moves_by_itself_is_stopped(robot: Robot, motion: Trajectory) -> None:
     arm = Arm(robot, motion, ros=2, options=RunnerOptions(correction=0.01))
     sent = arm.link.send
-    arm.link.send = lambda v: sent(v + [0.0, 0.0, 0.2, 0.0, 0.0, 0.0])  # type: ignore[method-assign]
+    arm.link.send = lambda v: sent(v + 0.2 * np.eye(6)[2])  # type: ignore[method-assign]
     assert arm.run() is RunnerStatus.BEHIND
     assert arm.runner.message.startswith("joint_3 is 5.")
 
