@@ -124,7 +124,7 @@ def test_an_arm_that_falls_silent_is_stopped(ros: Ros, version: int, file: Path)
 
 
 def test_an_arm_elsewhere_is_not_moved(ros: Ros, version: int, file: Path, motion: Trajectory) -> None:
-    elsewhere = np.degrees(motion.q[0]) + [0.0, 0.0, 3.0, 0.0, 0.0, 0.0]
+    elsewhere = np.degrees(motion.q[0]) + 3.0 * np.eye(6)[2]
     with ros.twin("--ros", version, "--degrees", "--from", *elsewhere) as twin:
         status, output, _ = finish(start(ros, version, file))
         _, record, _ = twin.ends()
