@@ -56,7 +56,7 @@ def start(ros: Ros, version: int, *words: object) -> subprocess.Popen[str]:
     """`jacokin run`, at work."""
     pipe = subprocess.PIPE
     arm = ("--ros", str(version), "--python", ros.python, "--lag", "20")  # a twin on a busy machine is late
-    command = [sys.executable, "-m", "jacokin", "run", *map(str, words), "--json", *arm]
+    command = [sys.executable, "-P", "-m", "jacokin", "run", *map(str, words), "--json", *arm]
     environment = {**OURS, **{name: value for name, value in ros.environment.items() if name.startswith("ROS_")}}
     return subprocess.Popen(
         command, env=environment, stdin=pipe, stdout=pipe, stderr=pipe, text=True, preexec_fn=heed_signals
