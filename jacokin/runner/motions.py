@@ -20,6 +20,7 @@ from jacokin.motion.files import by_ending
 from jacokin.motion.trajectory import FORMATS, KINOVA_STEP, SPEED_ROUNDING, Trajectory
 from jacokin.teleop.teleop import Teleop
 
+STILL = 1e-5  # [rad/s] of a hand's arm that has braked
 ROUNDING = 1e-9  # [rad] of degrees in files
 
 
@@ -192,7 +193,8 @@ class LiveMotion:
                 checks.flag(name, fields[name])
         if fields.get("end"):
             self._ended = True
-        if "clutch" in fields:
+            self.teleop.clutch(False)
+        elif "clutch" in fields:
             self.teleop.clutch(fields["clutch"])
         if "hand" in fields:
             self._hand = fields["hand"]
@@ -200,7 +202,7 @@ class LiveMotion:
     @property
     def is_over(self) -> bool:
         """See `Motion`."""
-        return self._ended
+        return self._ended and bool(np.abs(self.teleop.tracker.v).max() < STILL)
 
     def begin(self, q: Array) -> None:
         """See `Motion`."""

@@ -156,11 +156,12 @@ class Runner:
         self._now, self._heard, self._period = -math.inf, -math.inf, math.inf
         self._lately: deque[tuple[float, Array]] = deque()
         self._q: Array | None = None
+        self._has_begun = False
 
     @property
     def away(self) -> float:
-        """How far the joint that is farthest was from the motion when the arm last said so [rad]; inf before."""
-        if self._q is None:
+        """How far the joint that is farthest was from the motion when the arm last said so [rad]; inf before it began."""
+        if self._q is None or not self._has_begun:
             return math.inf
         return float(np.abs(apart(self.robot, self._q, self._wanted.q)).max())
 
@@ -231,6 +232,7 @@ class Runner:
             return
         self._wanted = self.motion.step(0.0)
         self._past.clear()
+        self._has_begun = True
         self._error, self.status = apart(self.robot, q, self._wanted.q), RunnerStatus.MOVING
 
     def _feel(self, measured: Measured, since: float) -> None:

@@ -128,6 +128,22 @@ def test_lines_that_are_none(robot: Robot, line: str) -> None:
     assert not motion.teleop.engaged
 
 
+def test_the_end_of_a_hand_brakes_the_arm(robot: Robot) -> None:
+    motion = live(robot)
+    motion.begin(robot.home)
+    motion.take('{"clutch": true}')
+    for _ in range(50):
+        motion.take('{"hand": [0.0, 0.0, 0.1, 0.0, 0.0, 0.0]}')
+        before = motion.step(TICK).v
+    assert np.abs(before).max() > 0.1
+    motion.take('{"end": true}')
+    assert not motion.is_over
+    while not motion.is_over:
+        v = motion.step(TICK).v
+        assert np.abs(v - before).max() <= 2.0 * TICK + 1e-9  # the acceleration limit
+        before = v
+
+
 def test_a_malformed_hand_brakes_and_says_why(robot: Robot) -> None:
     motion = live(robot)
     motion.begin(robot.home)

@@ -99,6 +99,7 @@ def test_an_arm_elsewhere_is_not_moved(robot: Robot, motion: Trajectory, joint: 
     arm = Arm(robot, motion, turns=angle * np.eye(6)[joint])
     before = arm.simulated.state.q
     assert arm.run() is RunnerStatus.NOT_THERE
+    assert arm.runner.away == math.inf
     assert f"joint_{joint + 1} is {math.degrees(angle):.1f} deg from where the motion begins" in arm.runner.message
     np.testing.assert_allclose(arm.simulated.state.q, before, atol=1e-3)
 
