@@ -160,7 +160,7 @@ class Runner:
 
     @property
     def away(self) -> float:
-        """How far the joint that is farthest was from the motion when the arm last said so [rad]; inf before it began."""
+        """How far the joint that is farthest was off the motion when the arm last spoke [rad]; inf before it began."""
         if self._q is None or not self._has_begun:
             return math.inf
         return float(np.abs(apart(self.robot, self._q, self._wanted.q)).max())
