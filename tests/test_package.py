@@ -34,8 +34,9 @@ LAYERS = {
     "teleop": 4,
     "tasks": 4,
     "twin": 4,
-    "viewer": 5,
-    "cli": 6,
+    "runner": 5,
+    "viewer": 6,
+    "cli": 7,
 }
 HEAVY = (
     "mujoco",

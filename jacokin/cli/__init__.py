@@ -8,7 +8,7 @@ ik, ik_answers, ik_batch   `jacokin ik`: the command, the answer to one pose, a 
 kinematics, info           `fk`, `jacobian`; `info`
 paths, move                `plan`, `track`; `move`
 teleop                     `teleop`, with a terminal's keys and a task's simulation
-twin                       `twin`, a node of ROS
+twin, run                  `twin`, a node of ROS; `run`, which moves an arm
 reachability               `map`, `place`
 calibrate                  `calibrate`, with `fit` and `plan`
 task, viewer               `task`; `view`

@@ -44,6 +44,7 @@ COMMANDS = {
     "plan": "paths",
     "move": "move",
     "teleop": "teleop",
+    "run": "run",
     "twin": "twin",
     "view": "viewer",
     "task": "task",

@@ -87,19 +87,7 @@ class TrajectoryController:
     def record(self) -> Record:
         """What was done until now."""
         with self._lock:
-            arm = self.arm
-            return Record(
-                time=arm.state.time,
-                velocities=self._velocities,
-                lost=self._line.lost,
-                stalls=self._line.stalls,
-                goals=self._goals,
-                waiting=0,
-                margin=arm.margin,
-                speed=arm.speed,
-                coasted=max(0.0, arm.moved - self._last),
-                angles=tuple(arm.state.q.tolist()),
-            )
+            return Record.of(self.arm, self._line, last=self._last, velocities=self._velocities, goals=self._goals)
 
     def follow(
         self,

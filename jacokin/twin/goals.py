@@ -4,6 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
+from typing import TYPE_CHECKING, Any, Self
+
+if TYPE_CHECKING:
+    from jacokin.twin.arm import SimulatedArm
+    from jacokin.twin.faults import Line
 
 
 class GoalStatus(Enum):
@@ -61,3 +66,21 @@ class Record:
     """How long the arm moved on after the last velocity came, or a goal ended, until it stood, or until now [s]."""
     angles: tuple[float, ...]
     """Where the joints are [rad]."""
+
+    @classmethod
+    def of(
+        cls, arm: SimulatedArm, line: Line[Any, Any], *, last: float, velocities: int, goals: int, waiting: int = 0
+    ) -> Self:
+        """Of an arm at the end of a line, to which a command last came at a time [s]."""
+        return cls(
+            time=arm.state.time,
+            velocities=velocities,
+            lost=line.lost,
+            stalls=line.stalls,
+            goals=goals,
+            waiting=waiting,
+            margin=arm.margin,
+            speed=arm.speed,
+            coasted=max(0.0, arm.moved - last),
+            angles=tuple(arm.state.q.tolist()),
+        )

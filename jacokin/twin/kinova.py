@@ -153,18 +153,13 @@ class KinovaDriver:
     def record(self) -> Record:
         """What was done until now."""
         with self._lock:
-            arm = self.arm
-            return Record(
-                time=arm.state.time,
+            return Record.of(
+                self.arm,
+                self._line,
+                last=self._last,
                 velocities=self._velocities,
-                lost=self._line.lost,
-                stalls=self._line.stalls,
                 goals=self._goals,
                 waiting=len(self._queue),
-                margin=arm.margin,
-                speed=arm.speed,
-                coasted=max(0.0, arm.moved - self._last),
-                angles=tuple(arm.state.q.tolist()),
             )
 
     def finger_turns(self, fingers: Array) -> Array:

@@ -10,23 +10,23 @@ import socket
 import threading
 import time
 from collections.abc import Callable, Sequence
-from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
 
 from jacokin.arrays import Array
-from jacokin.errors import InvalidInputError, MissingExtraError
+from jacokin.errors import InvalidInputError
 from jacokin.model.poses import pose_to_kinova
 from jacokin.twin.arm import State
 from jacokin.twin.faults import TICK
 from jacokin.twin.goals import Goal, GoalStatus
 from jacokin.twin.kinova import PERIOD, TURNS, KinovaDriver
+from jacokin.twin.ros_imports import needed
 from jacokin.twin.running import run
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Mapping
 
     from jacokin.twin.pictures import Camera
 
@@ -39,19 +39,6 @@ CLOSURE_GAIN = 2.0  # [1/s] velocity of fingers per distance (kinova_arm.cpp, ca
 CLOSURE_NEAR = 20.0  # [turns] to which they go
 TIP_JOINTS = 0.0  # [rad] what the driver says of them
 DYING = 0.5  # [s] for which the base of the arm is simulated on
-
-
-@contextmanager
-def needed_ros1() -> Iterator[None]:
-    """Around the imports of ROS 1.
-
-    Raises:
-        MissingExtraError: one is not installed; says what to install.
-    """
-    try:
-        yield
-    except ImportError as error:
-        raise MissingExtraError(error.name or "rospy", "", command=INSTALL) from error
 
 
 class Ros1Action:
@@ -132,7 +119,7 @@ class Ros1Node:
             MissingExtraError: ROS 1 is not installed.
             InvalidInputError: no master answers.
         """
-        with needed_ros1():
+        with needed("rospy", INSTALL):
             self._rospy: Any = importlib.import_module("rospy")
             self._sensors: Any = importlib.import_module("sensor_msgs.msg")
             self._geometry: Any = importlib.import_module("geometry_msgs.msg")

@@ -8,14 +8,14 @@ from __future__ import annotations
 import importlib
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from jacokin.errors import InvalidInputError, MissingExtraError
+from jacokin.errors import InvalidInputError
 from jacokin.twin.faults import TICK
 from jacokin.twin.following import Tolerances, TrajectoryController
 from jacokin.twin.goals import GoalStatus
+from jacokin.twin.ros_imports import needed
 from jacokin.twin.running import run
 
 if TYPE_CHECKING:
@@ -30,19 +30,6 @@ ACTION = "/joint_trajectory_controller/follow_joint_trajectory"
 VELOCITIES = "/forward_velocity_controller/commands"
 FINGERS = "/finger_controller/commands"
 THREADS = 4
-
-
-@contextmanager
-def needed_ros2() -> Iterator[None]:
-    """Around the imports of ROS 2.
-
-    Raises:
-        MissingExtraError: one is not installed; says what to install.
-    """
-    try:
-        yield
-    except ImportError as error:
-        raise MissingExtraError(error.name or "rclpy", command=INSTALL) from error
 
 
 class Ros2Node:
@@ -62,7 +49,7 @@ class Ros2Node:
         Raises:
             MissingExtraError: ROS 2, or control_msgs, is not installed.
         """
-        with needed_ros2():
+        with needed("rclpy", INSTALL):
             self._rclpy: Any = importlib.import_module("rclpy")
             actions: Any = importlib.import_module("rclpy.action")
             groups: Any = importlib.import_module("rclpy.callback_groups")

@@ -1,0 +1,276 @@
+"""`jacokin run`: play a trajectory, or follow a hand, on an arm in ROS 1 or 2, or on a simulated one."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib.util
+import math
+import os
+import queue
+import shlex
+import sys
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from jacokin import model
+from jacokin.cli import display, options
+from jacokin.cli.command import Argument, Command, option_group
+from jacokin.cli.display import show_facts
+from jacokin.cli.process import NOT_SOLVED
+from jacokin.errors import InvalidInputError
+
+if TYPE_CHECKING:
+    from jacokin.model import Robot
+    from jacokin.runner import LiveMotion, PlannedMotion, ProcessLink, Runner, TwinLink
+
+PYTHON = "/usr/bin/python3"  # of the systems that ROS is packaged for
+LIVE_ACCELERATION = 2.0  # [rad/s^2]
+LINES = 100  # of a hand that wait at most
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """The way to the arm."""
+
+    ros: str | None
+    forwarder: str | None
+    python: str | None
+    name: str | None
+    states: str | None
+    velocities: str | None
+    twin: bool
+    faults: str
+    random_seed: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """How the runner follows, and when it stops."""
+
+    gain: float
+    latency: float
+    start: float
+    lag: float
+    silence: float
+    contact: float | None
+
+
+way = option_group(
+    "way",
+    Way,
+    click.option("--ros", type=click.Choice(["1", "2"]), help="The version of ROS, on this machine."),
+    click.option("--forwarder", metavar="COMMAND", help="Starts the forwarder elsewhere, by ssh or docker exec -i."),
+    click.option("--python", metavar="PATH", help="Python of ROS, with --ros; that of the system if not given."),
+    click.option(
+        "--name", metavar="NAME", help="Of the robot in ROS, as kinova_robotName; that of --robot if not given."
+    ),
+    click.option("--states", metavar="TOPIC", help="Of joint states, if it is not the driver's."),
+    click.option("--velocities", metavar="TOPIC", help="Of velocities, if it is not the driver's."),
+    click.option(
+        "--twin", is_flag=True, help="Move a simulated arm instead, without ROS, that stands where it begins."
+    ),
+    click.option("--faults", metavar="FAULTS", default="", help="With --twin: such as lag=0.02,loss=0.01,stall=0.3."),
+    options.random_seed,
+)
+bounds = option_group(
+    "bounds",
+    Bounds,
+    click.option("--gain", type=float, default=2.0, metavar="K", help="Of the correction [1/s]; 0 for an open loop."),
+    click.option("--latency", type=float, default=0.05, metavar="T", help="From a velocity to its measurement [s]."),
+    click.option("--start", type=float, default=2.0, metavar="DEG", help="Allowed at the start [deg]."),
+    click.option("--lag", type=float, default=5.0, metavar="DEG", help="Allowed off the motion [deg]."),
+    click.option("--silence", type=float, default=0.5, metavar="T", help="Allowed without a measurement [s]."),
+    click.option(
+        "--contact", type=float, metavar="NM", help="External torque that stops the arm, if it tells torques [N m]."
+    ),
+)
+
+
+@click.command("run", cls=Command, no_args_is_help=True)
+@click.argument(
+    "file", cls=Argument, required=False, type=click.Path(path_type=Path), text="Trajectory, as `save` writes."
+)
+@click.option("--live", is_flag=True, help="Follow a hand instead: lines of JSON on standard input.")
+@click.option("--fingers", type=click.FloatRange(0.0, 1.0), metavar="S", help="Go there meanwhile, 0 open to 1 closed.")
+@options.robot()
+@way
+@bounds
+@click.option(
+    "--write-forwarder", type=click.Path(path_type=Path), metavar="FILE.py", help="Write the forwarder, and end."
+)
+@options.json
+def run(
+    file: Path | None,
+    live: bool,
+    fingers: float | None,
+    source: options.RobotOptions,
+    way: Way,
+    bounds: Bounds,
+    write_forwarder: Path | None,
+    json: bool,
+) -> None:
+    """Play a trajectory on an arm: velocities 100 times a second, corrected by the angles that it measures.
+
+    The arm must stand where the file begins, up to whole turns of joints without limits. It is stopped when it falls
+    behind the motion, says no longer where it is, feels contact (--contact), and on Ctrl-C, SIGTERM and SIGHUP. At the
+    end it says how far the arm stands from the last row. With --live it follows lines such as {"clutch": true},
+    {"hand": [x, y, z, qw, qx, qy, qz]}, a twist of six numbers, or {"end": true}. Have a hand on the stop button.
+    Exit code: 0, 1 where the arm was stopped or did not arrive, 2 for wrong input.
+
+    Examples:
+      jacokin run lift.csv --twin
+      jacokin run lift.csv --twin --faults lag=0.02,loss=0.01,stall
+      jacokin run lift.csv --ros 1 --name j2n6s300
+      jacokin run lift.csv --ros 2 --fingers 1
+      jacokin run --write-forwarder forwarder.py
+      jacokin run lift.csv --forwarder "ssh arm python3 forwarder.py --ros 1"
+    """
+    from jacokin.runner import PlannedMotion, Runner, RunnerOptions
+    from jacokin.runner import run as play
+
+    if write_forwarder is not None:
+        _write_forwarder(write_forwarder)
+        return
+    if (file is None) is not live:
+        raise InvalidInputError("give a file, or --live")
+    robot = source.load()
+    chosen = RunnerOptions(
+        gain=bounds.gain,
+        latency=bounds.latency,
+        lag=math.radians(bounds.lag),
+        silence=bounds.silence,
+        contact=bounds.contact,
+    )
+    with contextlib.ExitStack() as stack:
+        motion: PlannedMotion | LiveMotion
+        watch: Callable[[], None] | None = None
+        if file is not None:
+            motion = PlannedMotion.load(file, robot, start=math.radians(bounds.start))
+            link = _link(robot, way, motion)
+        else:
+            motion = live_motion = _live(robot)
+            watch = _reading(live_motion)
+            link = _link(robot, way, None)
+        stack.callback(link.close)
+        runner = Runner(robot, motion, chosen)
+        try:
+            play(runner, link, fingers=fingers, watch=watch)
+        finally:
+            _show(runner, json)
+    if runner.status.name != "ARRIVED":
+        raise SystemExit(NOT_SOLVED)
+
+
+def _write_forwarder(path: Path) -> None:
+    text = (Path(__file__).parents[1] / "runner" / "forwarder.py").read_text(encoding="utf-8")
+    if path.exists():
+        raise InvalidInputError(f"--write-forwarder: {path} is there already")
+    path.write_text(text, encoding="utf-8")
+    click.echo(f"{path} is to be started beside the driver, by --forwarder", err=True)
+
+
+def _link(robot: Robot, way: Way, motion: PlannedMotion | None) -> TwinLink | ProcessLink:
+    """The way to the arm.
+
+    Raises:
+        InvalidInputError: none, or several.
+    """
+    from jacokin.runner import ProcessLink
+
+    if (way.ros is not None) + (way.forwarder is not None) + way.twin != 1:
+        raise InvalidInputError("give one of --ros, --forwarder and --twin")
+    if way.faults and not way.twin:
+        raise InvalidInputError("--faults are for --twin")
+    bundled = robot.source.bundled or model.DEFAULT_ROBOT
+    if way.twin:
+        return _twin(bundled, way, motion)
+    name = way.name or bundled
+    joints = [f"{name}_{joint}" for joint in robot.joint_names]
+    if way.forwarder is not None:
+        command = shlex.split(way.forwarder)
+        if not command:
+            raise InvalidInputError("--forwarder is empty")
+        return ProcessLink(command, joints)
+    package = "rospy" if way.ros == "1" else "rclpy"
+    has_ros = importlib.util.find_spec(package) is not None
+    python = way.python or (sys.executable if has_ros else PYTHON)
+    command = [python, os.fspath(Path(__file__).parents[1] / "runner" / "forwarder.py"), "--ros", str(way.ros)]
+    command += ["--robot", name]
+    for word, topic in (("--states", way.states), ("--velocities", way.velocities)):
+        command += [word, topic] if topic is not None else []
+    return ProcessLink(command, joints)
+
+
+def _twin(bundled: str, way: Way, motion: PlannedMotion | None) -> TwinLink:
+    """A simulated arm that stands where a motion begins, in real time for a hand."""
+    from jacokin.runner import TwinLink
+    from jacokin.twin import Faults, KinovaDriver, SimulatedArm
+
+    arm = SimulatedArm(bundled, q=None if motion is None else motion.q[0])
+    driver = KinovaDriver(arm, faults=Faults.parse(way.faults), seed=way.random_seed or 0)
+    return TwinLink(driver, pace=motion is None)
+
+
+def _live(robot: Robot) -> LiveMotion:
+    from jacokin.motion import Tracker
+    from jacokin.runner import LiveMotion
+    from jacokin.runner.runner import TICK
+    from jacokin.teleop import Teleop
+
+    tracker = Tracker(robot, dt=TICK, q=robot.home, acceleration_limit=LIVE_ACCELERATION)
+    return LiveMotion(Teleop(tracker))
+
+
+def _reading(motion: LiveMotion) -> Callable[[], None]:
+    """Read standard input in a thread; returns what gives its lines to a motion, and says what became of them."""
+    lines: queue.Queue[str | None] = queue.Queue(LINES)
+    said = [""]
+
+    def read() -> None:
+        for line in sys.stdin:
+            if line.strip():
+                lines.put(line)
+        lines.put(None)
+
+    def watch() -> None:
+        with contextlib.suppress(queue.Empty):
+            while True:
+                line = lines.get_nowait()
+                try:
+                    motion.take('{"end": true}' if line is None else line)
+                except InvalidInputError as error:
+                    click.echo(f"jacokin: {error}", err=True)
+        word = motion.said.partition(":")[0]
+        if word != said[0]:
+            said[0] = word
+            click.echo(f"jacokin: {motion.said}", err=True)
+
+    threading.Thread(target=read, name="hand", daemon=True).start()
+    return watch
+
+
+def _show(runner: Runner, json: bool) -> None:
+    """Say how it ended."""
+    away, worst = math.degrees(runner.away), math.degrees(runner.worst)
+    if json:
+        fields = {
+            "status": runner.status.name,
+            "message": runner.message,
+            "away_deg": away if math.isfinite(away) else None,
+            "worst_deg": worst,
+            "stands": runner.stands,
+        }
+        display.print_json(fields)
+        return
+    facts = [("status", f"{runner.status.name}: {runner.status.value}")]
+    facts += [("because", runner.message)] if runner.message else []
+    if math.isfinite(away):
+        where = "the end of the motion" if runner.status.name in ("ARRIVED", "MISSED") else "where the motion was"
+        facts += [("the arm", f"{away:.2f} deg from {where}{'' if runner.stands else ', and may still move'}")]
+        facts += [("farthest", f"{worst:.2f} deg off the motion on the way")]
+    show_facts(facts)

@@ -1,0 +1,14 @@
+"""What plays motions on an arm: velocities in a closed loop on measured angles. Public names are imported from here.
+
+Read `runner` first. No ROS is in here: `forwarder` is a program of its own, which speaks to ROS at the end of a pipe.
+
+runner     `Runner`: from time and what is measured to velocities, or why it stopped
+motions    `Motion`, what it follows: `PlannedMotion` of a file, `LiveMotion` of a hand
+links      `Link`, the way to an arm: `TwinLink` to a simulated one, `ProcessLink` to a forwarder
+loop       `run`: a runner and a link at 100 Hz
+forwarder  the program beside the driver, for ROS 1 and 2; it needs Python 3.8 and ROS
+"""
+
+from jacokin import lazy
+
+__all__, __getattr__, __dir__ = lazy.door(__name__, __file__)

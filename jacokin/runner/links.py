@@ -1,0 +1,224 @@
+"""`Link`: from a runner to an arm and back. `TwinLink` leads to a simulated arm, `ProcessLink` to a forwarder."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import select
+import subprocess
+import time
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+import numpy as np
+
+from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError
+from jacokin.runner.runner import TICK, Measured
+from jacokin.twin import KinovaDriver, TrajectoryController
+
+LONGEST = 1 << 16  # bytes of a line
+LEAVING = 2.0  # [s] that a forwarder may take to leave
+
+
+class Link(Protocol):
+    """The way to an arm, and the clock beside it."""
+
+    def now(self) -> float:
+        """Seconds by the clock of the arm, or the wall."""
+
+    def wait(self, until: float) -> None:
+        """Let the time come [s]."""
+
+    def hear(self) -> Measured | None:
+        """The newest that came since the last call; None for nothing.
+
+        Raises:
+            InvalidInputError: the way is cut, or nobody is at its other end; says why.
+        """
+
+    @property
+    def listens(self) -> bool:
+        """Whether velocities that are sent now arrive."""
+
+    def send(self, v: Array) -> None:
+        """Send velocities (dof,) for a tick [rad/s]."""
+
+    def move_fingers(self, share: float) -> None:
+        """Let the fingers go, 0 open to 1 closed."""
+
+    def close(self) -> None:
+        """Leave; whoever is at the other end stops the arm."""
+
+
+class TwinLink:
+    """A simulated arm, whose time passes as it is waited for.
+
+    Attributes:
+        driver: that it ticks.
+    """
+
+    listens = True
+
+    def __init__(self, driver: KinovaDriver | TrajectoryController, *, period: float = 0.1, pace: bool = False) -> None:
+        """Lead to a driver.
+
+        Args:
+            driver: Kinova's, or a controller of ros2_control.
+            period: in which it tells its state [s].
+            pace: True to take as long as a real arm.
+        """
+        self.driver, self._every, self._pace = driver, max(1, round(period / TICK)), pace
+        self._ticks, self._told = 0, self._tell()
+
+    def now(self) -> float:
+        """See `Link`."""
+        return self._ticks * TICK
+
+    def wait(self, until: float) -> None:
+        """See `Link`."""
+        while self.now() < until - 0.5 * TICK:
+            self.driver.tick()
+            self._ticks += 1
+            if self._ticks % self._every == 0:
+                self._told = self._tell() or self._told
+            if self._pace:
+                time.sleep(TICK)
+
+    def _tell(self) -> Measured | None:
+        state = self.driver.tell()
+        return None if state is None else Measured(state.q, state.v, state.torques)
+
+    def hear(self) -> Measured | None:
+        """See `Link`."""
+        told, self._told = self._told, None
+        return told
+
+    def send(self, v: Array) -> None:
+        """See `Link`."""
+        if isinstance(self.driver, KinovaDriver):
+            self.driver.joint_velocity(v)
+        else:
+            self.driver.velocity(v)
+
+    def move_fingers(self, share: float) -> None:
+        """See `Link`."""
+        lower, upper = self.driver.arm.finger_range
+        if isinstance(self.driver, KinovaDriver):
+            turns = self.driver.finger_turns(
+                np.full(len(self.driver.arm.state.fingers), lower + share * (upper - lower))
+            )
+            self.driver.move_fingers(turns)
+        else:
+            self.driver.move_fingers(np.full(len(self.driver.arm.state.fingers), lower + share * (upper - lower)))
+
+    def close(self) -> None:
+        """See `Link`."""
+
+
+class ProcessLink:
+    """A forwarder, a process that reads lines of JSON and writes some: see `jacokin.runner.forwarder`.
+
+    It may be anywhere: the command may be `ssh` or `docker exec -i`.
+    """
+
+    def __init__(self, command: Sequence[str], joints: Sequence[str]) -> None:
+        """Start it.
+
+        Args:
+            command: the program and its words.
+            joints: names of the joints, from the base to the tool, with any prefix where they are measured.
+
+        Raises:
+            InvalidInputError: it does not start.
+        """
+        pipe = subprocess.PIPE
+        try:  # a session of its own: Ctrl-C is for the runner, which stops the arm first
+            self._process = subprocess.Popen(list(command), stdin=pipe, stdout=pipe, start_new_session=True)
+        except OSError as error:
+            raise InvalidInputError(f"{command[0]} does not start: {error.strerror}") from error
+        assert self._process.stdout is not None
+        assert self._process.stdin is not None
+        self._out, self._in = self._process.stdout.fileno(), self._process.stdin.fileno()
+        os.set_blocking(self._out, False)
+        os.set_blocking(self._in, False)
+        self._held, self._unsent = b"", b""
+        self.listens = False
+        self._say({"joints": list(joints)})
+
+    def now(self) -> float:
+        """See `Link`."""
+        return time.monotonic()
+
+    def wait(self, until: float) -> None:
+        """See `Link`."""
+        ahead = until - time.monotonic()
+        if ahead > 0.0:
+            time.sleep(ahead)
+
+    def hear(self) -> Measured | None:
+        """See `Link`."""
+        newest: Measured | None = None
+        for line in self._lines():
+            try:
+                fields: dict[str, Any] = json.loads(line)
+                if "error" in fields:
+                    raise InvalidInputError(str(fields["error"]))
+                self.listens = bool(fields.get("listens", self.listens))
+                if "q" in fields:
+                    q, v, torques = (_array(fields.get(name)) for name in ("q", "v", "torques"))
+                    newest = newest if q is None else Measured(q, v, torques)
+            except (ValueError, TypeError, AttributeError) as error:
+                if isinstance(error, InvalidInputError):
+                    raise
+                raise InvalidInputError(f"the forwarder says what is no line of it: {line[:80]!r}") from error
+        return newest
+
+    def _lines(self) -> list[bytes]:
+        """The whole lines that have come."""
+        while select.select([self._out], [], [], 0.0)[0]:
+            part = os.read(self._out, LONGEST)
+            if not part:
+                if not self._held:
+                    raise InvalidInputError("the forwarder has left: the arm stops because velocities stop")
+                break
+            self._held += part
+            if len(self._held) > 4 * LONGEST:
+                raise InvalidInputError("the forwarder says more than anybody can hear")
+        *lines, self._held = self._held.split(b"\n")
+        return lines
+
+    def send(self, v: Array) -> None:
+        """See `Link`; where the pipe is full, as of a process that hangs, the velocities are lost."""
+        self._say({"v": v.tolist()})
+
+    def move_fingers(self, share: float) -> None:
+        """See `Link`."""
+        self._say({"fingers": share})
+
+    def _say(self, fields: dict[str, Any]) -> None:
+        if not self._unsent:
+            self._unsent = json.dumps(fields).encode() + b"\n"
+        try:
+            self._unsent = self._unsent[os.write(self._in, self._unsent) :]
+        except BlockingIOError:
+            pass
+        except OSError as error:
+            raise InvalidInputError("the forwarder has left: the arm stops because velocities stop") from error
+
+    def close(self) -> None:
+        """See `Link`."""
+        for stream in (self._process.stdin, self._process.stdout):
+            if stream is not None:
+                with contextlib.suppress(OSError):
+                    stream.close()
+        try:
+            self._process.wait(LEAVING)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+
+
+def _array(values: object) -> Array | None:
+    return None if values is None else np.array(values, dtype=np.float64)

@@ -1,0 +1,288 @@
+"""What a runner follows: `PlannedMotion`, which a file holds, and `LiveMotion`, which a hand makes as it goes."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from jacokin import files
+from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError
+from jacokin.model import checks
+from jacokin.model.robot import Robot, checked_robot
+from jacokin.motion.files import by_ending
+from jacokin.motion.trajectory import FORMATS, KINOVA_STEP, SPEED_ROUNDING, Trajectory
+from jacokin.teleop.teleop import Teleop
+
+STILL = 1e-5  # [rad/s] of a hand's arm that has braked
+ROUNDING = 1e-9  # [rad] of degrees in files
+
+
+class Wanted(NamedTuple):
+    """Where the arm is to be after a tick."""
+
+    q: Array
+    """(dof,) [rad]."""
+    v: Array
+    """(dof,) that leads there, constant over the tick [rad/s]."""
+
+
+class Motion(Protocol):
+    """What a runner follows, a tick after the other."""
+
+    def begin(self, q: Array) -> None:
+        """Begin where the arm stands (dof,) [rad].
+
+        Raises:
+            InvalidInputError: it does not begin there.
+        """
+
+    def step(self, dt: float) -> Wanted:
+        """Go on by a time [s], 0 to stay."""
+
+    @property
+    def is_over(self) -> bool:
+        """Whether it has come to its end."""
+
+
+class PlannedMotion:
+    """Rows of angles over time, straight lines between them.
+
+    Attributes:
+        robot: whose limits it keeps.
+        time: (n,) from 0 [s].
+        q: (n, dof) [rad].
+    """
+
+    def __init__(self, robot: Robot, time: ArrayLike, q: ArrayLike, *, start: float = math.radians(2.0)) -> None:
+        """Take rows that keep the limits of a robot.
+
+        Args:
+            robot: the arm.
+            time: (n,) strictly rising [s].
+            q: (n, dof) [rad].
+            start: how far a joint may be from the first row when it begins [rad].
+
+        Raises:
+            InvalidInputError: malformed, or a row breaks a limit; names it.
+        """
+        self.robot = checked_robot("robot", robot)
+        self._start = checks.positive("start", start, "rad")
+        at = np.asarray(time, dtype=np.float64)
+        rows = np.asarray(q, dtype=np.float64)
+        if at.ndim != 1 or not len(at) or rows.shape != (len(at), robot.dof):
+            raise InvalidInputError(
+                f"a motion of {robot.label} has rows of {robot.dof} joints, got {at.shape} times, {rows.shape} angles"
+            )
+        if not (np.isfinite(at).all() and np.isfinite(rows).all() and (np.diff(at) > 0.0).all()):
+            raise InvalidInputError("times must strictly rise, and all numbers be finite")
+        _check_limits(robot, at, rows)
+        self.time, self.q = checks.read_only(at - at[0]), checks.read_only(rows)
+        self._now = 0.0
+
+    @classmethod
+    def of(cls, trajectory: Trajectory, robot: Robot, *, start: float = math.radians(2.0)) -> PlannedMotion:
+        """A trajectory.
+
+        Raises:
+            InvalidInputError: it failed, or as for `PlannedMotion`.
+        """
+        if not trajectory.success:
+            raise InvalidInputError(f"a trajectory that failed is not sent: {trajectory.outcome}, {trajectory.message}")
+        return cls(robot, trajectory.t, trajectory.q, start=start)
+
+    @classmethod
+    def load(cls, path: str | Path, robot: Robot, *, start: float = math.radians(2.0)) -> PlannedMotion:
+        """Read any of the files that `Trajectory.save` writes.
+
+        Raises:
+            InvalidInputError: it cannot be read, is of other joints, or as for `PlannedMotion`.
+        """
+        file, ending = by_ending(path, FORMATS)
+        if ending in (".csv", ".npz"):
+            trajectory = Trajectory.load(file)
+            _check_names(file, trajectory.joint_names, robot)
+            return cls.of(trajectory, robot, start=start)
+        if ending == ".kinova.csv":
+            return cls(robot, *_read_kinova_csv(file), start=start)
+        names, time, q = _read_message(file)
+        _check_names(file, names, robot)
+        return cls(robot, time, q, start=start)
+
+    @property
+    def duration(self) -> float:
+        """Length [s]."""
+        return float(self.time[-1])
+
+    @property
+    def now(self) -> float:
+        """How far it has come [s]."""
+        return self._now
+
+    @property
+    def is_over(self) -> bool:
+        """See `Motion`."""
+        return self._now >= self.duration
+
+    def begin(self, q: Array) -> None:
+        """See `Motion`; joints without limits may stand whole turns away."""
+        away = apart(self.robot, q, self.q[0])
+        far = np.abs(away)
+        if far.max() > self._start:
+            joint = int(np.argmax(far))
+            raise InvalidInputError(
+                f"{self.robot.joint_names[joint]} is {math.degrees(far[joint]):.1f} deg from where the motion begins "
+                f"({math.degrees(self._start):g} allowed): move it there first"
+            )
+        self._now = 0.0
+
+    def step(self, dt: float) -> Wanted:
+        """See `Motion`."""
+        before = self._at(self._now)
+        self._now = min(self._now + dt, self.duration)
+        q = self._at(self._now)
+        return Wanted(q, (q - before) / dt if dt > 0.0 else np.zeros_like(q))
+
+    def _at(self, time: float) -> Array:
+        row = int(np.clip(np.searchsorted(self.time, time, side="right") - 1, 0, max(0, len(self.time) - 2)))
+        if len(self.time) == 1:
+            return np.asarray(self.q[0])
+        part = (time - self.time[row]) / (self.time[row + 1] - self.time[row])
+        return np.asarray(self.q[row] + part * (self.q[row + 1] - self.q[row]))
+
+
+class LiveMotion:
+    """A hand that leads the tool: `Teleop`, whose clutch and watchdog hold here too.
+
+    Attributes:
+        teleop: what follows the hand.
+        said: what it said last, in a line; empty before the first tick.
+    """
+
+    def __init__(self, teleop: Teleop) -> None:
+        """Follow a hand."""
+        self.teleop, self.said = teleop, ""
+        self._hand: ArrayLike | None = None
+        self._ended, self._owed = False, 0.0
+        self._q = teleop.tracker.q
+
+    def take(self, message: str) -> None:
+        """Take a line of JSON: {"hand": [...]}, {"clutch": true} or {"end": true}, or several of these fields.
+
+        "hand" has the 7 numbers of a pose, position [m] and quaternion wxyz, or the 6 of a twist [m/s, rad/s].
+
+        Raises:
+            InvalidInputError: not such a line; nothing has changed.
+        """
+        try:
+            fields = json.loads(message)
+        except ValueError as error:
+            raise InvalidInputError(f"a line must be JSON: {error}") from error
+        if not isinstance(fields, dict) or not fields or not set(fields) <= {"hand", "clutch", "end"}:
+            raise InvalidInputError(
+                f'a line must be like {{"hand": [...]}}, with hand, clutch or end, got {message[:80]!r}'
+            )
+        for name in ("clutch", "end"):
+            if name in fields:
+                checks.flag(name, fields[name])
+        if fields.get("end"):
+            self._ended = True
+            self.teleop.clutch(False)
+        elif "clutch" in fields:
+            self.teleop.clutch(fields["clutch"])
+        if "hand" in fields:
+            self._hand = fields["hand"]
+
+    @property
+    def is_over(self) -> bool:
+        """See `Motion`."""
+        return self._ended and bool(np.abs(self.teleop.tracker.v).max() < STILL)
+
+    def begin(self, q: Array) -> None:
+        """See `Motion`."""
+        self.teleop.tracker.reset(q)
+        self._q = self.teleop.tracker.q
+
+    def step(self, dt: float) -> Wanted:
+        """See `Motion`; it goes on by whole ticks of the tracker, when so much time has come together."""
+        tick, before = self.teleop.tracker.dt, self._q
+        self._owed += dt
+        while self._owed > tick - ROUNDING:
+            self._owed -= tick
+            hand, self._hand = self._hand, None
+            step = self.teleop.step(hand)
+            self._q, self.said = step.q, f"{step.status.name}: {step.message}" if step.message else step.status.name
+        return Wanted(self._q, (self._q - before) / dt if dt > 0.0 else np.zeros_like(before))
+
+
+def apart(robot: Robot, q: Array, other: Array) -> Array:
+    """From angles to others (dof,) [rad], up to whole turns on joints without limits."""
+    away = np.asarray(other - q)
+    return np.where(robot.unlimited, np.remainder(away + np.pi, 2.0 * np.pi) - np.pi, away)
+
+
+def _check_limits(robot: Robot, time: Array, q: Array) -> None:
+    past = np.maximum(robot.lower - q, q - robot.upper)
+    if past.max() > ROUNDING:
+        row, joint = (int(index) for index in np.unravel_index(int(np.argmax(past)), past.shape))
+        raise InvalidInputError(
+            f"{robot.joint_names[joint]} is {math.degrees(past[row, joint]):.3g} deg past its limit in row {row}"
+        )
+    if len(q) == 1:
+        return
+    steps = np.diff(time)[:, None]
+    fast = np.abs(np.diff(q, axis=0)) / steps - robot.velocity_limit
+    if (fast * steps > SPEED_ROUNDING * steps + ROUNDING).any():
+        row, joint = (int(index) for index in np.unravel_index(int(np.argmax(fast)), fast.shape))
+        raise InvalidInputError(
+            f"{robot.joint_names[joint]} is {math.degrees(fast[row, joint]):.3g} deg/s faster than its limit from row "
+            f"{row} to the next"
+        )
+
+
+def _check_names(file: Path, names: Sequence[str], robot: Robot) -> None:
+    """Refuse joints of another robot; those of a file may have a prefix."""
+    if len(names) != robot.dof or not all(
+        name.endswith(mine) for name, mine in zip(names, robot.joint_names, strict=True)
+    ):
+        raise InvalidInputError(
+            f"{file}: its joints are {', '.join(names)}, those of {robot.label} are {', '.join(robot.joint_names)}"
+        )
+
+
+def _read_kinova_csv(file: Path) -> tuple[Array, Array]:
+    """Times (n,) [s] and angles (n, dof) [rad]."""
+    rows = files.read_rows(file)
+    try:
+        (_, head), *rest = rows
+        numbers = np.array([[float(cell) for cell in row] for _, row in rest])
+    except ValueError as error:
+        raise InvalidInputError(f"{file}: not a .kinova.csv file of jacokin: {error}") from error
+    joints = (len(head) - 1) // 2
+    names = ["time_s", *(f"joint{j + 1}_deg" for j in range(joints)), *(f"joint{j + 1}_deg_s" for j in range(joints))]
+    if head != names or numbers.ndim != 2 or numbers.shape[1] != len(head):
+        raise InvalidInputError(f"{file}: not a .kinova.csv file of jacokin")
+    if np.abs(numbers[:, 0] - KINOVA_STEP * np.arange(len(numbers))).max() > 1e-6:
+        raise InvalidInputError(f"{file}: its rows are not 10 ms apart")
+    return numbers[:, 0], np.radians(numbers[:, 1 : 1 + joints])
+
+
+def _read_message(file: Path) -> tuple[list[str], Array, Array]:
+    """Names of joints, times (n,) [s] and angles (n, dof) [rad] of the fields of a JointTrajectory."""
+    try:
+        message = json.loads(file.read_text(encoding="utf-8"))
+        names = [str(name) for name in message["joint_names"]]
+        durations = [list(point["time_from_start"].values()) for point in message["points"]]
+        time = np.array([whole + 1e-9 * nano for whole, nano in durations])
+        q = np.array([point["positions"] for point in message["points"]], dtype=np.float64)
+    except OSError as error:
+        raise InvalidInputError(f"cannot read {file}: {error.strerror}") from error
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise InvalidInputError(f"{file}: not a .json file of a trajectory of jacokin") from error
+    return names, time, q

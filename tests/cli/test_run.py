@@ -1,0 +1,114 @@
+"""`jacokin run` without ROS: on the simulated arm, by a hand, at a forwarder that misbehaves; and what is refused."""
+
+from __future__ import annotations
+
+import ast
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import jacokin
+from jacokin.motion import move_joints
+from tests.cli.run import Run
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    robot = jacokin.load_robot()
+    motion = move_joints(robot, robot.home, robot.home + np.array([0.2, 0.1, -0.1, 0.2, 0.1, 0.3]), dt=0.02)
+    motion.save(tmp_path / "m.csv")
+    return tmp_path / "m.csv"
+
+
+def test_the_simulated_arm_plays_a_file(run: Run, file: Path) -> None:
+    answer = run("run", str(file), "--twin", "--faults", "lag=0.02,loss=0.01", "--fingers", "1", "--json")
+    assert answer.code == 0, answer.err
+    said = json.loads(answer.out)
+    assert said["status"] == "ARRIVED"
+    assert said["away_deg"] < 0.5
+    assert said["stands"]
+    answer = run("run", str(file), "--twin", "--faults", "stall=9", "--random-seed", "3")
+    assert answer.code in (0, 1)
+    assert "ARRIVED" in answer.out or "SILENT: nothing said where the arm is" in answer.out
+
+
+def test_an_open_loop_is_told_apart(run: Run, file: Path) -> None:
+    answer = run("run", str(file), "--twin", "--faults", "loss=0.3", "--gain", "0", "--lag", "60")
+    assert answer.code == 1
+    assert "MISSED" in answer.out
+    assert "from the end of the motion" in answer.out
+
+
+#: What a forwarder does after it has heard the joints, and what `jacokin run` says of it.
+FORWARDERS = {
+    "the forwarder has left": "pass",
+    "no line of it": "print('hello', flush=True); time.sleep(5)",
+    "ROS 1: no master": "print(json.dumps({'error': 'ROS 1: no master'}), flush=True); time.sleep(5)",
+}
+
+
+@pytest.mark.parametrize("why", FORWARDERS)
+def test_a_forwarder_that_does_not_serve(run: Run, file: Path, tmp_path: Path, why: str) -> None:
+    script = tmp_path / "forwarder.py"
+    script.write_text(f"import json, sys, time\nsys.stdin.readline()\n{FORWARDERS[why]}\n")
+    answer = run("run", str(file), "--forwarder", f"{sys.executable} {script}")
+    assert answer.code == 2
+    assert why in answer.err
+
+
+def test_a_forwarder_moves_an_ideal_arm(run: Run, file: Path, tmp_path: Path) -> None:
+    """The lines as they are: joints first, velocities for 10 ms each, angles back."""
+    script = tmp_path / "forwarder.py"
+    script.write_text(
+        "import json, sys\n"
+        f"q = {jacokin.load_robot().home.tolist()}\n"
+        "def say(fields): print(json.dumps(fields), flush=True)\n"
+        "for line in sys.stdin:\n"
+        "    fields = json.loads(line)\n"
+        "    if 'joints' in fields: say({'listens': True})\n"
+        "    if 'v' in fields: q = [angle + 0.01 * v for angle, v in zip(q, fields['v'])]\n"
+        "    say({'q': q, 'v': None, 'torques': None})\n"
+    )
+    answer = run("run", str(file), "--forwarder", f"{sys.executable} {script}", "--latency", "0", "--json")
+    assert answer.code == 0, answer.err
+    assert json.loads(answer.out)["away_deg"] < 0.2
+
+
+def test_the_forwarder_is_written_once_and_is_of_python_3_8(run: Run, tmp_path: Path) -> None:
+    file = tmp_path / "forwarder.py"
+    assert run("run", "--write-forwarder", str(file)).code == 0
+    ast.parse(file.read_text(), feature_version=(3, 8))
+    assert "jacokin." not in file.read_text().replace("jacokin.runner.forwarder", "")
+    answer = run("run", "--write-forwarder", str(file))
+    assert answer.code == 2
+    assert "is there already" in answer.err
+
+
+@pytest.mark.parametrize(
+    ("words", "why"),
+    [
+        (("--twin",), "a file, or --live"),
+        (("m.csv", "--live", "--twin"), "a file, or --live"),
+        (("m.csv",), "--ros, --forwarder and --twin"),
+        (("m.csv", "--twin", "--ros", "1"), "--ros, --forwarder and --twin"),
+        (("m.csv", "--ros", "1", "--faults", "lag=1"), "--faults are for --twin"),
+        (("m.csv", "--twin", "--faults", "delay"), "lag, loss, stall"),
+        (("m.csv", "--twin", "--robot", "j2s7s300"), "j2s7s300"),
+        (("m.csv", "--twin", "--fingers", "2"), "2"),
+        (("m.csv", "--twin", "--lag", "-1"), "lag"),
+        (("m.csv", "--forwarder", ""), "--forwarder is empty"),
+        (("m.csv", "--forwarder", "/no/such/program"), "does not start"),
+        (("none.csv", "--twin"), "none.csv"),
+        (("m.txt", "--twin"), "must end in"),
+    ],
+)
+def test_what_is_refused(
+    run: Run, file: Path, words: tuple[str, ...], why: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(file.parent)
+    answer = run("run", *words)
+    assert answer.code == 2
+    assert why in answer.err

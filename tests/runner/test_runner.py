@@ -1,0 +1,228 @@
+"""`Runner` on simulated arms, without ROS: where the arm ends, and what stops it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+import jacokin
+from jacokin.errors import InvalidInputError
+from jacokin.model import Robot
+from jacokin.motion import Trajectory, move_joints
+from jacokin.runner import Measured, PlannedMotion, Runner, RunnerOptions, RunnerStatus, TwinLink, run
+from jacokin.twin import Faults, KinovaDriver, SimulatedArm, TrajectoryController
+
+CLOSE = 0.5  # [deg]
+STANDS = 0.2  # [s]
+TICK = 0.01
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return jacokin.load_robot()
+
+
+@pytest.fixture(scope="module")
+def motion(robot: Robot) -> Trajectory:
+    return move_joints(robot, robot.home, robot.home + np.array([0.4, 0.1, -0.2, 0.5, 0.1, 0.6]), dt=0.02)
+
+
+class Arm:
+    """A runner at a simulated arm."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        motion: Trajectory,
+        faults: str = "",
+        *,
+        ros: int = 1,
+        turns: float = 0.0,
+        options: RunnerOptions | None = None,
+        seed: int = 0,
+    ) -> None:
+        self.motion = motion
+        self.simulated = SimulatedArm(q=motion.q[0] + turns)
+        found = Faults.parse(faults)
+        self.driver: KinovaDriver | TrajectoryController
+        if ros == 1:
+            self.driver = KinovaDriver(self.simulated, faults=found, seed=seed)
+        else:
+            self.driver = TrajectoryController(self.simulated, robot.joint_names, faults=found, seed=seed)
+        self.link = TwinLink(self.driver, period=0.1 if ros == 1 else 0.01)
+        self.runner = Runner(robot, PlannedMotion.of(motion, robot), options)
+
+    def run(self, at: float = math.inf, do: Callable[[], None] = lambda: None) -> RunnerStatus:
+        """Run, and do something from a time on [s]."""
+        run(self.runner, self.link, watch=lambda: do() if self.link.now() > at else None)
+        return self.runner.status
+
+    @property
+    def away(self) -> float:
+        """[deg]"""
+        q = self.simulated.state.q - self.motion.q[-1]
+        return float(np.degrees(np.abs(np.remainder(q + np.pi, 2.0 * np.pi) - np.pi).max()))
+
+
+@pytest.mark.parametrize("ros", [1, 2])
+@pytest.mark.parametrize("faults", ["", "lag=0.05", "lag=0.02,loss=0.1", "loss=0.01,stall=0.1"])
+def test_the_arm_ends_where_the_motion_does(robot: Robot, motion: Trajectory, ros: int, faults: str) -> None:
+    arm = Arm(robot, motion, faults, ros=ros)
+    assert arm.run() is RunnerStatus.ARRIVED, arm.runner.message
+    assert arm.away < CLOSE
+    assert np.degrees(arm.runner.away) == pytest.approx(arm.away, abs=0.02)
+    assert arm.simulated.margin > 0.0
+    assert arm.simulated.speed < 1.02
+    assert np.abs(arm.simulated.state.v).max() < 1e-3
+
+
+def test_an_open_loop_ends_farther_away(robot: Robot, motion: Trajectory) -> None:
+    """Without a gain nothing makes up for what was lost, and the runner says so."""
+    arm = Arm(robot, motion, "loss=0.1", options=RunnerOptions(gain=0.0, patience=1.0), seed=4)
+    assert arm.run() is RunnerStatus.MISSED
+    assert arm.away > CLOSE
+    assert "off the motion 1 s after its end" in arm.runner.message
+
+
+def test_joints_without_limits_may_stand_turns_away_and_do_not_turn_back(robot: Robot, motion: Trajectory) -> None:
+    turns = 2.0 * np.pi * np.array([0.0, 0.0, 0.0, 1.0, -1.0, 2.0])
+    arm = Arm(robot, motion, turns=turns)  # type: ignore[arg-type]
+    assert arm.run() is RunnerStatus.ARRIVED
+    np.testing.assert_allclose(arm.simulated.state.q, motion.q[-1] + turns, atol=np.radians(CLOSE))
+
+
+@pytest.mark.parametrize(("joint", "angle"), [(2, 0.04), (5, 0.5)])
+def test_an_arm_elsewhere_is_not_moved(robot: Robot, motion: Trajectory, joint: int, angle: float) -> None:
+    arm = Arm(robot, motion, turns=angle * np.eye(6)[joint])
+    before = arm.simulated.state.q
+    assert arm.run() is RunnerStatus.NOT_THERE
+    assert arm.runner.away == math.inf
+    assert f"joint_{joint + 1} is {math.degrees(angle):.1f} deg from where the motion begins" in arm.runner.message
+    np.testing.assert_allclose(arm.simulated.state.q, before, atol=1e-3)
+
+
+@pytest.mark.parametrize("ros", [1, 2])
+def test_an_arm_that_is_held_is_stopped(robot: Robot, motion: Trajectory, ros: int) -> None:
+    """Something lost every velocity from 0.5 s on; the driver goes on to say where the arm is."""
+    arm = Arm(robot, motion, ros=ros)
+    sent = arm.link.send
+    arm.link.send = lambda v: sent(v) if arm.link.now() < 0.5 else None  # type: ignore[method-assign]
+    assert arm.run() is RunnerStatus.BEHIND
+    assert "off the motion" in arm.runner.message
+    assert arm.runner.worst < np.radians(7.0)
+
+
+def test_an_arm_that_moves_by_itself_is_stopped(robot: Robot, motion: Trajectory) -> None:
+    arm = Arm(robot, motion, ros=2, options=RunnerOptions(correction=0.01))
+    sent = arm.link.send
+    arm.link.send = lambda v: sent(v + 0.2 * np.eye(6)[2])  # type: ignore[method-assign]
+    assert arm.run() is RunnerStatus.BEHIND
+    assert arm.runner.message.startswith("joint_3 is 5.")
+
+
+@pytest.mark.parametrize("ros", [1, 2])
+def test_silence_stops_the_arm(robot: Robot, motion: Trajectory, ros: int) -> None:
+    arm = Arm(robot, motion, ros=ros)
+    heard = arm.link.hear
+    arm.link.hear = lambda: heard() if arm.link.now() < 0.7 else None  # type: ignore[method-assign]
+    assert arm.run() is RunnerStatus.SILENT
+    assert arm.simulated.moved < 0.7 + 0.5 + STANDS
+    assert "nothing has said where the arm is for 0.5" in arm.runner.message
+
+
+@pytest.mark.parametrize("ros", [1, 2])
+def test_interrupted_it_stands_at_once(robot: Robot, motion: Trajectory, ros: int) -> None:
+    arm = Arm(robot, motion, ros=ros)
+
+    def interrupt() -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        arm.run(0.8, interrupt)
+    assert arm.runner.status is RunnerStatus.INTERRUPTED
+    assert arm.simulated.moved < 0.8 + STANDS + 2.0 * TICK
+    assert arm.runner.stands
+
+
+@pytest.mark.parametrize("period", [0.1, 0.01])
+def test_contact_stops_the_arm_and_motion_alone_does_not(robot: Robot, motion: Trajectory, period: float) -> None:
+    arm = Arm(robot, motion, options=RunnerOptions(contact=2.0))
+    arm.link = TwinLink(arm.driver, period=period)
+    assert arm.run() is RunnerStatus.ARRIVED
+    arm = Arm(robot, motion, options=RunnerOptions(contact=2.0))
+    arm.link = TwinLink(arm.driver, period=period)
+
+    times = []
+
+    def push() -> None:
+        times.append(arm.link.now())
+        data = arm.simulated.physics.data
+        data.xfrc_applied[-1, :3] = [0.0, 0.0, 15.0]  # [N] up, at the last finger
+
+    assert arm.run(0.6, push) is RunnerStatus.CONTACT
+    assert " feels " in arm.runner.message
+    assert times[-1] < 0.6 + 0.3
+
+
+def test_velocities_keep_their_limits_whatever_is_measured(robot: Robot, motion: Trajectory) -> None:
+    """An arm that says anything within its tolerance, and a gain that makes much of it."""
+    rng = np.random.default_rng(1)
+    planned = PlannedMotion.of(motion, robot)
+    runner = Runner(robot, planned, RunnerOptions(gain=50.0, correction=1.0))
+    fastest = np.zeros(6)
+    for tick in range(80):
+        told = planned.step(0.0).q + rng.uniform(-0.02, 0.02, 6) if tick else motion.q[0]
+        step = runner.step(TICK * tick, Measured(told))
+        fastest = np.maximum(fastest, np.abs(step.v))
+    assert step.status is RunnerStatus.MOVING, step.message
+    assert (fastest <= robot.velocity_limit).all()
+    assert (fastest > 0.99 * robot.velocity_limit).any()
+
+
+def test_a_correction_does_not_lead_past_a_joint_limit(robot: Robot) -> None:
+    """An arm that stands on its limit, and does not say what it was told since."""
+    q = robot.home.copy()
+    q[1] = robot.lower[1]
+    runner = Runner(robot, PlannedMotion(robot, [0.0, 1.0], [q, q]), RunnerOptions(gain=50.0, correction=1.0))
+    runner.step(0.0, Measured(q))
+    lowest = q[1]
+    at = q.copy()
+    for tick in range(1, 60):
+        told = q + 0.03 * np.eye(6)[1] if tick == 10 else at  # once it seems to be above
+        at = at + TICK * runner.step(TICK * tick, Measured(told)).v
+        lowest = min(lowest, at[1])
+    assert runner.status in (RunnerStatus.MOVING, RunnerStatus.SETTLING)
+    assert lowest > robot.lower[1] - 0.01
+
+
+def test_nothing_moves_after_the_end(robot: Robot, motion: Trajectory) -> None:
+    runner = Runner(robot, PlannedMotion.of(motion, robot))
+    assert not runner.step(0.0).v.any()
+    assert runner.status is RunnerStatus.WAITING
+    for k in range(20):
+        assert runner.step(0.01 * k, Measured(motion.q[0])).status is RunnerStatus.MOVING
+    assert runner.step(0.2).v.any()
+    runner.stop("enough")
+    step = runner.step(0.3, Measured(motion.q[0]))
+    assert (step.status, step.message) == (RunnerStatus.INTERRUPTED, "enough")
+    assert not step.v.any()
+    runner.stop("again")
+    assert runner.message == "enough"
+
+
+def test_what_is_refused(robot: Robot, motion: Trajectory) -> None:
+    runner = Runner(robot, PlannedMotion.of(motion, robot))
+    runner.step(1.0, Measured(motion.q[0]))
+    with pytest.raises(InvalidInputError, match="time ran backwards by 0.5 s"):
+        runner.step(0.5)
+    with pytest.raises(InvalidInputError, match="q must"):
+        runner.step(1.01, Measured(motion.q[0][:5]))
+    with pytest.raises(InvalidInputError, match="time"):
+        runner.step(math.nan)
+    assert runner.step(1.01, Measured(motion.q[0])).status is RunnerStatus.MOVING
+    for wrong in ({"gain": -1.0}, {"correction": 1.5}, {"silence": 0.0}, {"lag": math.inf}, {"contact": -1.0}):
+        with pytest.raises(InvalidInputError, match=next(iter(wrong))):
+            RunnerOptions(**wrong)
