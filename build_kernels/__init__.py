@@ -3,5 +3,7 @@
 library     which parts it has, which of them are kept from an earlier build, and the linking
 compiling   from Python to an object file, by numba
 c_library   the C files that are linked with them, and what they know about the kernels
+targets     the machines that there are libraries for
+universal   one library of macOS for several kinds of processors
 hook        called by hatchling when it builds a wheel
 """

@@ -24,7 +24,7 @@ class KernelHook(BuildHookInterface):  # type: ignore[type-arg]  # any configura
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Build the library, and add it to the wheel."""
-        path = library.build_or_exit()
+        (path,) = library.build_or_exit()
         build_data["artifacts"].append(path.relative_to(library.ROOT).as_posix())
         build_data["pure_python"] = False
         build_data["tag"] = library.wheel_tag(path.read_bytes())

@@ -1,8 +1,8 @@
-"""`build`: the library of kernels beside `jacokin.kernels.library`, which loads it.
+"""`build`: the library of kernels beside `jacokin.kernels.library`, which loads it. `build_for`: those of other machines.
 
 Each kernel of `jacokin.kernels.entries` becomes an object file, in a process of its own. Object files are kept in the
 clone's ``build`` folder under a name that changes with all they depend on, so that only what was changed is compiled
-again. A C compiler links them: $CC, the system's, or the one in the package ``ziglang``.
+again. A C compiler links them: $CC, the system's, or the one in the package ``ziglang``, which links for all machines.
 """
 
 from __future__ import annotations
@@ -23,12 +23,14 @@ import sys
 import sysconfig
 import tempfile
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 
 import jacokin
 from build_kernels import c_library
+from build_kernels.targets import HERE, TARGETS, Target
+from build_kernels.universal import universal
 from jacokin.kernels import library
 from jacokin.kernels.entries import ENTRIES, Entry
 from jacokin.kernels.library import PREFIX, About, ArrayLayout, flatten
@@ -37,6 +39,10 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "jacokin"
 KEPT = ROOT / "build" / "kernels"
 TARGET = PACKAGE / "kernels" / library.PATH.name
+#: Where the libraries of other machines go, each in a folder with the machine's name.
+OTHERS = ROOT / "build" / "targets"
+#: Libraries for several machines at once, by name.
+UNIVERSAL = {"macos": ("aarch64-macos", "x86_64-macos")}
 #: What the machine code depends on, apart from the sources.
 COMPILERS = ("numba", "llvmlite", "numpy")
 #: [s] Object files of earlier builds are kept for a week after their last use.
@@ -48,8 +54,9 @@ TERMINAL = Path("/dev/tty")
 #: Kernels compiled at a time: each takes up to 0.6 GB of memory.
 JOBS = min(2, os.cpu_count() or 1)
 #: Old systems that zig links for: those of manylinux_2_17.
-ZIG = [sys.executable, "-m", "ziglang", "cc", "-target", f"{platform.machine()}-linux-gnu.2.17"]
+ZIG = [sys.executable, "-m", "ziglang", "cc", "-target", HERE.zig]
 ZIG_REQUIREMENT = "ziglang==0.17.1"
+NO_ZIG = f"linking for another machine takes the package `{ZIG_REQUIREMENT}`"
 NO_LINKER = (
     "the kernels need a C compiler to be linked: install one (`cc`), or the package "
     f"`{ZIG_REQUIREMENT}`, or name one in $CC"
@@ -64,7 +71,7 @@ class BuildError(Exception):
 
 
 def build(target: Path = TARGET, kept: Path = KEPT) -> Path:
-    """Make the library, and return where it is.
+    """Make the library of this machine, and return where it is.
 
     Args:
         target: the file to write.
@@ -73,29 +80,80 @@ def build(target: Path = TARGET, kept: Path = KEPT) -> Path:
     Raises:
         BuildError: a kernel does not compile, there is nothing to compile or link with, or a folder cannot be written.
     """
-    start = time.perf_counter()
     if not linkers():
         raise BuildError(NO_LINKER)
+    _make([(HERE, target)], kept)
+    return target
+
+
+def build_for(names: Sequence[str], folder: Path = OTHERS, kept: Path = KEPT) -> list[Path]:
+    """Make the C libraries of other machines, and return where they are: ``folder/name/library``.
+
+    Args:
+        names: of `TARGETS` and `UNIVERSAL`.
+        folder: made where it is not there.
+        kept: as for `build`.
+
+    Raises:
+        BuildError: as `build`; an unknown name.
+    """
+    if unknown := [name for name in names if name not in (*TARGETS, *UNIVERSAL)]:
+        raise BuildError(f"unknown target {', '.join(unknown)}; known are {', '.join((*TARGETS, *UNIVERSAL))}")
+    if importlib.util.find_spec("ziglang") is None:
+        raise BuildError(NO_ZIG)
+    parts = {part: TARGETS[part] for name in names for part in UNIVERSAL.get(name, (name,))}
+    places = {name: folder / name / target.library for name, target in parts.items()}
+    for place in places.values():
+        try:
+            place.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise BuildError(f"{place.parent}: {error.strerror}") from None
+    _make([(parts[name], place) for name, place in places.items()], kept)
+    for name in names:
+        if several := UNIVERSAL.get(name):
+            places[name] = folder / name / places[several[0]].name
+            places[name].parent.mkdir(exist_ok=True)
+            places[name].write_bytes(universal([places[part].read_bytes() for part in several]))
+    return [places[name] for name in names]
+
+
+def entries_of(target: Target) -> list[Entry]:
+    """The kernels that go into a library: all of them here, those of the C library elsewhere."""
+    return [entry for entry in ENTRIES if target is HERE or entry.run.__name__ in c_library.KERNELS]
+
+
+def _make(libraries: Sequence[tuple[Target, Path]], kept: Path) -> None:
+    """Compile what is missing, one kernel for all targets at a time, and link."""
+    start = time.perf_counter()
     try:
         kept.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=kept), tempfile.TemporaryFile(dir=target.parent):
+        with tempfile.TemporaryFile(dir=kept):
             pass
+        for _, place in libraries:
+            with tempfile.TemporaryFile(dir=place.parent):
+                pass
     except OSError as error:
-        place = error.filename or kept
-        raise BuildError(f"{place}: {error.strerror}; build in a copy of the clone that can be written") from None
-    objects = {entry: kept / f"{entry.run.__name__}-{object_key(entry)}.o" for entry in ENTRIES}
-    missing = [entry for entry, file in objects.items() if not file.exists()]
+        where = error.filename or kept
+        raise BuildError(f"{where}: {error.strerror}; build in a copy of the clone that can be written") from None
+    objects = {target: {entry: object_of(entry, kept, target) for entry in entries_of(target)} for target, _ in libraries}
+    missing: dict[Entry, dict[Target, Path]] = {}
+    for target, files in objects.items():
+        for entry, file in files.items():
+            if not file.exists():
+                missing.setdefault(entry, {})[target] = file
     if missing:
-        tell(f"jacokin: compiling {len(missing)} of {len(ENTRIES)} kernels. {DURATION}, with up to 1 GB of memory")
+        machines = ", ".join(target.name for target in objects if target is not HERE)
+        tell(f"jacokin: compiling {len(missing)} of {len(ENTRIES)} kernels{machines and f' for {machines}'}. {DURATION}, "
+             "with up to 1 GB of memory")
     with ThreadPoolExecutor(JOBS) as pool:
-        working = {pool.submit(compile_object, entry, objects[entry]): entry.run.__name__ for entry in missing}
+        working = {pool.submit(compile_objects, entry, files): entry.run.__name__ for entry, files in missing.items()}
         for done, each in enumerate(as_completed(working), start=1):
             each.result()
             tell(f"jacokin: {done} of {len(missing)}, {working[each]}, after {time.perf_counter() - start:.0f} s")
-    link([*objects.values(), *c_library.sources()], target)
-    remove_unused(kept, objects.values())
-    tell(f"{target}: built in {time.perf_counter() - start:.0f} s")
-    return target
+    for target, place in libraries:
+        link([*objects[target].values(), *c_library.sources(target)], place, target)
+        tell(f"{place}: built in {time.perf_counter() - start:.0f} s")
+    remove_unused(kept, [file for files in objects.values() for file in files.values()])
 
 
 def remove_unused(kept: Path, used: Iterable[Path]) -> None:
@@ -108,10 +166,10 @@ def remove_unused(kept: Path, used: Iterable[Path]) -> None:
                 file.unlink()
 
 
-def build_or_exit() -> Path:
-    """Make the library, or end the program with one sentence."""
+def build_or_exit(names: Sequence[str] = ()) -> list[Path]:
+    """Make the library of this machine, or those of others, or end the program with one sentence."""
     try:
-        return build()
+        return build_for(names) if names else [build()]
     except BuildError as error:
         raise SystemExit(f"jacokin cannot be built: {error}") from None
 
@@ -124,18 +182,20 @@ def tell(text: str) -> None:
             terminal.write(f"\r{text}\n")
 
 
-def compile_object(entry: Entry, file: Path) -> None:
-    """Compile one kernel.
+def compile_objects(entry: Entry, files: dict[Target, Path]) -> None:
+    """Compile one kernel for several targets.
 
     Raises:
         BuildError: it does not compile.
     """
-    unfinished = file.with_suffix(f".{os.getpid()}")
-    command = [sys.executable, "-m", "build_kernels.compiling", entry.run.__name__, str(unfinished)]
+    unfinished = {target: file.with_suffix(f".{os.getpid()}") for target, file in files.items()}
+    places = [word for target, file in unfinished.items() for word in (target.name, str(file))]
+    command = [sys.executable, "-m", "build_kernels.compiling", entry.run.__name__, *places]
     done = subprocess.run(command, cwd=ROOT, env=compiler_environment(), check=False)
     if done.returncode != 0:
         raise BuildError(f"{entry.run.__name__} does not compile, see above")
-    unfinished.replace(file)
+    for target, file in files.items():
+        unfinished[target].replace(file)
 
 
 def compiler_environment() -> dict[str, str]:
@@ -144,7 +204,12 @@ def compiler_environment() -> dict[str, str]:
     return {**kept, "PYTHONPATH": os.pathsep.join(place for place in sys.path if place)}
 
 
-def object_key(entry: Entry) -> str:
+def object_of(entry: Entry, kept: Path, target: Target) -> Path:
+    """Where the object file of a kernel is kept."""
+    return kept / "-".join((entry.run.__name__, *([target.name] if target.name else []), f"{object_key(entry, target)}.o"))
+
+
+def object_key(entry: Entry, target: Target = HERE) -> str:
     """A name that changes with everything the object file of a kernel depends on; comments may change.
 
     Raises:
@@ -157,7 +222,8 @@ def object_key(entry: Entry) -> str:
         versions = [importlib.metadata.version(package) for package in COMPILERS]
     except importlib.metadata.PackageNotFoundError as error:
         raise BuildError(f"compiling the kernels takes {error.name}: `pip install -e '.[kernels]'`") from None
-    digest.update(repr((versions, platform.python_version(), platform.system(), platform.machine())).encode())
+    machine = (platform.system(), platform.machine(), *([target.triple] if target.triple else []))
+    digest.update(repr((versions, platform.python_version(), *machine)).encode())
     return digest.hexdigest()[:16]
 
 
@@ -173,34 +239,37 @@ def sources_of(entry: Entry) -> list[Path]:
     return sorted(found)
 
 
-def link(objects: list[Path], target: Path) -> None:
+def link(objects: list[Path], place: Path, target: Target = HERE) -> None:
     """Link object files, and C files as they are, to a library that says what it is.
 
     Raises:
         BuildError: there is no C compiler, or none that links.
     """
     failures = []
-    for command in linkers():
-        with tempfile.TemporaryDirectory(dir=target.parent) as folder:
-            made = Path(folder) / target.name
+    for command in linkers(target):
+        with tempfile.TemporaryDirectory(dir=place.parent) as folder:
+            made = Path(folder) / place.name
             try:
-                size = _link(command, objects, 0, made)
-                if _link(command, objects, size, made) != size:  # now it knows its size: a part of it is noticed
+                size = _link(command, objects, 0, made, target)
+                if _link(command, objects, size, made, target) != size:  # now it knows its size: a part of it is noticed
                     raise BuildError(f"{shlex.join(command)} links differently each time")
             except (OSError, subprocess.CalledProcessError) as error:
                 failures.append(getattr(error, "stderr", None) or str(error))
                 continue
-            made.replace(target)
+            for file in (*made.parent.glob("*.lib"), made):  # on Windows, what other linkers read
+                file.replace(place.with_name(file.name))
             return
-    raise BuildError(NO_LINKER + "".join(f"\n{failure.strip()}" for failure in failures))
+    raise BuildError((NO_LINKER if target is HERE else f"{target.name} cannot be linked for") + "".join(f"\n{failure.strip()}" for failure in failures))
 
 
-def linkers() -> list[list[str]]:
-    """The C compilers to try, in order; $CC alone where it is set.
+def linkers(target: Target = HERE) -> list[list[str]]:
+    """The C compilers to try, in order; here, $CC alone where it is set.
 
     Raises:
         BuildError: $CC is not a command.
     """
+    if target is not HERE:
+        return [[sys.executable, "-m", "ziglang", "cc", "-target", target.zig]]
     if chosen := os.environ.get("CC"):
         try:
             return [shlex.split(chosen)]
@@ -211,20 +280,32 @@ def linkers() -> list[list[str]]:
     return [*found, ZIG] if importlib.util.find_spec("ziglang") else found
 
 
-def _link(command: list[str], objects: list[Path], size: int, made: Path) -> int:
-    layouts = {entry.run.__name__: _layout(entry) for entry in ENTRIES}
+def _link(command: list[str], objects: list[Path], size: int, made: Path, target: Target) -> int:
+    layouts = {entry.run.__name__: _layout(entry) for entry in entries_of(target)}
     text = json.dumps(About(jacokin.__version__, library.sources_key(), size, layouts).text())
     source = made.with_name("about.c")
     shown = f'extern const char {PREFIX}about[] __attribute__((visibility("default")));'
     source.write_text(f"{shown}\nconst char {PREFIX}about[] = {text};\n", encoding="ascii")
-    name = [f"-Wl,-install_name,@rpath/{made.name}"] if sys.platform == "darwin" else ["-s", f"-Wl,-soname,{made.name}"]
-    if sys.platform == "linux":  # see jacokin/kernels/c/glibc.c
-        name += [f"-Wl,--wrap={function}" for function in c_library.WRAPPED]
     c_library.write_header(made.parent)
-    words = [*command, *c_library.flags(made.parent), "-shared", "-fPIC", *name, "-o", str(made), str(source)]
+    words = [*command, *c_library.flags(made.parent), *_linker_words(made, target), "-o", str(made), str(source)]
     words += [*map(str, objects), "-lm"]
     subprocess.run(words, check=True, capture_output=True, text=True)
     return made.stat().st_size
+
+
+def _linker_words(made: Path, target: Target) -> list[str]:
+    match target.system:
+        case "darwin":
+            return ["-shared", "-fPIC", f"-Wl,-install_name,@rpath/{made.name}"]
+        case "win32":
+            return ["-shared", "-s", f"-Wl,--out-implib,{made.with_suffix('.lib')}"]
+        case "wasi":
+            return ["-mexec-model=reactor", "-s", "-Wl,--export-dynamic", "-Wl,--export=malloc", "-Wl,--export=free"]
+        case "linux":  # see jacokin/kernels/c/glibc.c
+            wrapped = [f"-Wl,--wrap={function}" for function in c_library.WRAPPED]
+            return ["-shared", "-fPIC", "-s", f"-Wl,-soname,{made.name}", *wrapped]
+        case _:
+            return ["-shared", "-fPIC", "-s", f"-Wl,-soname,{made.name}"]
 
 
 def _layout(entry: Entry) -> tuple[ArrayLayout, ...]:

@@ -1,0 +1,43 @@
+"""`python build.py`: make what the npm package holds beside its sources: `jacokin.wasm` and the solver files of all arms.
+
+The WebAssembly is compiled by this clone, `python -m build_kernels --target wasm32`; the solver files are those of
+`jacokin export-c`, one base64 text each in `robots.js`, so that nothing but the WebAssembly is fetched.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import jacokin
+from jacokin.ik import IKSolver
+from jacokin.ik.c_library import solver_file
+from jacokin.model.descriptions import bundled
+
+HERE = Path(__file__).resolve().parent
+CLONE = HERE.parents[1]
+WASM = CLONE / "build" / "targets" / "wasm32" / "jacokin.wasm"
+HEAD = "// Written by build.py: what `jacokin export-c` writes for each arm, as base64.\n"
+
+
+def main() -> None:
+    """Compile, and write what npm packs."""
+    done = subprocess.run([sys.executable, "-m", "build_kernels", "--target", "wasm32"], cwd=CLONE, check=False)
+    if done.returncode != 0:
+        raise SystemExit(done.returncode)
+    shutil.copyfile(WASM, HERE / WASM.name)
+    for name in ("LICENSE", "NOTICE"):
+        shutil.copyfile(CLONE / name, HERE / name)
+    files = {
+        name: base64.b64encode(solver_file(IKSolver(jacokin.load_robot(name), collision="ignore"))).decode()
+        for name in bundled.NAMES
+    }
+    (HERE / "robots.js").write_text(f"{HEAD}export const robots = {json.dumps(files, indent=2)};\n", encoding="ascii")
+
+
+if __name__ == "__main__":
+    main()
