@@ -13,6 +13,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import ziglang
+
 import jacokin
 from jacokin.ik import IKSolver
 from jacokin.ik.c_library import solver_file
@@ -21,6 +23,8 @@ from jacokin.model.descriptions import bundled
 HERE = Path(__file__).resolve().parent
 CLONE = HERE.parents[1]
 WASM = CLONE / "build" / "targets" / "wasm32" / "jacokin.wasm"
+#: Licences of the C library of which parts are in the WebAssembly.
+LICENSES = ("libc/musl/COPYRIGHT", "libc/wasi/LICENSE-MIT")
 HEAD = "// Written by build.py: what `jacokin export-c` writes for each arm, as base64.\n"
 
 
@@ -32,6 +36,8 @@ def main() -> None:
     shutil.copyfile(WASM, HERE / WASM.name)
     for name in ("LICENSE", "NOTICE"):
         shutil.copyfile(CLONE / name, HERE / name)
+    texts = [(Path(ziglang.__file__).parent / "lib" / name).read_text(encoding="utf-8") for name in LICENSES]
+    (HERE / "LICENSE-libc").write_text("\n\n".join(texts), encoding="utf-8")
     files = {
         name: base64.b64encode(solver_file(IKSolver(jacokin.load_robot(name), collision="ignore"))).decode()
         for name in bundled.NAMES
