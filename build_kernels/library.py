@@ -135,7 +135,9 @@ def _make(libraries: Sequence[tuple[Target, Path]], kept: Path) -> None:
     except OSError as error:
         where = error.filename or kept
         raise BuildError(f"{where}: {error.strerror}; build in a copy of the clone that can be written") from None
-    objects = {target: {entry: object_of(entry, kept, target) for entry in entries_of(target)} for target, _ in libraries}
+    objects = {
+        target: {entry: object_of(entry, kept, target) for entry in entries_of(target)} for target, _ in libraries
+    }
     missing: dict[Entry, dict[Target, Path]] = {}
     for target, files in objects.items():
         for entry, file in files.items():
@@ -143,8 +145,10 @@ def _make(libraries: Sequence[tuple[Target, Path]], kept: Path) -> None:
                 missing.setdefault(entry, {})[target] = file
     if missing:
         machines = ", ".join(target.name for target in objects if target is not HERE)
-        tell(f"jacokin: compiling {len(missing)} of {len(ENTRIES)} kernels{machines and f' for {machines}'}. {DURATION}, "
-             "with up to 1 GB of memory")
+        tell(
+            f"jacokin: compiling {len(missing)} of {len(ENTRIES)} kernels{machines and f' for {machines}'}. {DURATION}, "
+            "with up to 1 GB of memory"
+        )
     with ThreadPoolExecutor(JOBS) as pool:
         working = {pool.submit(compile_objects, entry, files): entry.run.__name__ for entry, files in missing.items()}
         for done, each in enumerate(as_completed(working), start=1):
@@ -206,7 +210,9 @@ def compiler_environment() -> dict[str, str]:
 
 def object_of(entry: Entry, kept: Path, target: Target) -> Path:
     """Where the object file of a kernel is kept."""
-    return kept / "-".join((entry.run.__name__, *([target.name] if target.name else []), f"{object_key(entry, target)}.o"))
+    return kept / "-".join(
+        (entry.run.__name__, *([target.name] if target.name else []), f"{object_key(entry, target)}.o")
+    )
 
 
 def object_key(entry: Entry, target: Target = HERE) -> str:
@@ -251,7 +257,9 @@ def link(objects: list[Path], place: Path, target: Target = HERE) -> None:
             made = Path(folder) / place.name
             try:
                 size = _link(command, objects, 0, made, target)
-                if _link(command, objects, size, made, target) != size:  # now it knows its size: a part of it is noticed
+                if (
+                    _link(command, objects, size, made, target) != size
+                ):  # now it knows its size: a part of it is noticed
                     raise BuildError(f"{shlex.join(command)} links differently each time")
             except (OSError, subprocess.CalledProcessError) as error:
                 failures.append(getattr(error, "stderr", None) or str(error))
@@ -259,7 +267,10 @@ def link(objects: list[Path], place: Path, target: Target = HERE) -> None:
             for file in (*made.parent.glob("*.lib"), made):  # on Windows, what other linkers read
                 file.replace(place.with_name(file.name))
             return
-    raise BuildError((NO_LINKER if target is HERE else f"{target.name} cannot be linked for") + "".join(f"\n{failure.strip()}" for failure in failures))
+    raise BuildError(
+        (NO_LINKER if target is HERE else f"{target.name} cannot be linked for")
+        + "".join(f"\n{failure.strip()}" for failure in failures)
+    )
 
 
 def linkers(target: Target = HERE) -> list[list[str]]:

@@ -1,4 +1,4 @@
-"""`python build.py`: make what the npm package holds beside its sources: `jacokin.wasm` and the solver files of all arms.
+"""`python build.py [FOLDER]`: make what the npm package holds beside its sources, `jacokin.wasm` and the arms, here or there.
 
 The WebAssembly is compiled by this clone, `python -m build_kernels --target wasm32`; the solver files are those of
 `jacokin export-c`, one base64 text each in `robots.js`, so that nothing but the WebAssembly is fetched.
@@ -28,22 +28,22 @@ LICENSES = ("libc/musl/COPYRIGHT", "libc/wasi/LICENSE-MIT")
 HEAD = "// Written by build.py: what `jacokin export-c` writes for each arm, as base64.\n"
 
 
-def main() -> None:
-    """Compile, and write what npm packs."""
+def main(folder: Path = HERE) -> None:
+    """Compile, and write to a folder what npm packs."""
     done = subprocess.run([sys.executable, "-m", "build_kernels", "--target", "wasm32"], cwd=CLONE, check=False)
     if done.returncode != 0:
         raise SystemExit(done.returncode)
-    shutil.copyfile(WASM, HERE / WASM.name)
+    shutil.copyfile(WASM, folder / WASM.name)
     for name in ("LICENSE", "NOTICE"):
-        shutil.copyfile(CLONE / name, HERE / name)
+        shutil.copyfile(CLONE / name, folder / name)
     texts = [(Path(ziglang.__file__).parent / "lib" / name).read_text(encoding="utf-8") for name in LICENSES]
-    (HERE / "LICENSE-libc").write_text("\n\n".join(texts), encoding="utf-8")
+    (folder / "LICENSE-libc").write_text("\n\n".join(texts), encoding="utf-8")
     files = {
         name: base64.b64encode(solver_file(IKSolver(jacokin.load_robot(name), collision="ignore"))).decode()
         for name in bundled.NAMES
     }
-    (HERE / "robots.js").write_text(f"{HEAD}export const robots = {json.dumps(files, indent=2)};\n", encoding="ascii")
+    (folder / "robots.js").write_text(f"{HEAD}export const robots = {json.dumps(files, indent=2)};\n", encoding="ascii")
 
 
 if __name__ == "__main__":
-    main()
+    main(*map(Path, sys.argv[1:]))

@@ -28,7 +28,9 @@ if TYPE_CHECKING:
 @options.tip
 @options.package_dir
 @options.calibration
-@click.option("--target", type=click.Choice(["linux-aarch64", "macos", "windows", "wasm"]), help="Another machine; from a clone.")
+@click.option(
+    "--target", type=click.Choice(["linux-aarch64", "macos", "windows", "wasm"]), help="Another machine; from a clone."
+)
 @click.option("--cflags", is_flag=True, help="Print what a compiler is told to use the installed library, and leave.")
 def export_c(
     robot: str,

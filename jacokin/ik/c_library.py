@@ -38,6 +38,8 @@ TARGETS = {
     "windows": ("x86_64-windows", "jacokin.dll"),
     "wasm": ("wasm32", "jacokin.wasm"),
 }
+#: The clone that this file is in, unless it is part of an installed package.
+CLONE = Path(__file__).parents[2]
 #: Where CMake looks for a package, below the folder that it is told.
 CMAKE = Path("lib", "cmake", "jacokin_ik")
 
@@ -126,17 +128,16 @@ def _cmake_package(libraries: Sequence[str]) -> dict[Path, str]:
 def _libraries_for(target: str) -> list[Path]:
     """The library of another machine, and on Windows the one that linkers read, compiled by the clone this file is in."""
     name, made = TARGETS[target]
-    clone = Path(__file__).parents[2]
-    if not (clone / "build_kernels").is_dir():
+    if not (CLONE / "build_kernels").is_dir():
         raise InvalidInputError(
             f"target {target!r}: an installed package has the library of its own machine only; "
             "export for others from a clone of the repository, whose compilers make them"
         )
     command = [sys.executable, "-m", "build_kernels", "--target", name]
-    done = subprocess.run(command, cwd=clone, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, check=False)
+    done = subprocess.run(command, cwd=CLONE, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, check=False)
     if done.returncode != 0:
         raise JacokinError(f"target {target!r}: {done.stderr.strip() or 'the build was stopped'}")
-    folder = clone / "build" / "targets" / name
+    folder = CLONE / "build" / "targets" / name
     return [folder / made, *folder.glob("*.lib")]
 
 
