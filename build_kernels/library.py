@@ -1,4 +1,4 @@
-"""`build`: the library of kernels beside `jacokin.kernels.library`, which loads it. `build_for`: those of other machines.
+"""`build`: the library of kernels beside `jacokin.kernels.library`, which loads it. `build_for`: other machines.
 
 Each kernel of `jacokin.kernels.entries` becomes an object file, in a process of its own. Object files are kept in the
 clone's ``build`` folder under a name that changes with all they depend on, so that only what was changed is compiled
@@ -49,6 +49,7 @@ COMPILERS = ("numba", "llvmlite", "numpy")
 KEPT_UNUSED = 7 * 86400.0
 #: What all kernels take.
 DURATION = "All of them take 3 to 7 minutes of processor time, 2 to 4 minutes on two cores"
+DURATION_ELSEWHERE = "All of them take about a minute of processor time for each machine, and half a minute more"
 #: The terminal that a program was started from, whatever became of its output.
 TERMINAL = Path("/dev/tty")
 #: Kernels compiled at a time: each takes up to 0.6 GB of memory.
@@ -56,7 +57,7 @@ JOBS = min(2, os.cpu_count() or 1)
 #: Old systems that zig links for: those of manylinux_2_17.
 ZIG = [sys.executable, "-m", "ziglang", "cc", "-target", HERE.zig]
 ZIG_REQUIREMENT = "ziglang==0.17.1"
-NO_ZIG = f"linking for another machine takes the package `{ZIG_REQUIREMENT}`"
+NO_ZIG = f"linking for another machine takes {ZIG_REQUIREMENT}: `pip install -e '.[targets]'`"
 NO_LINKER = (
     "the kernels need a C compiler to be linked: install one (`cc`), or the package "
     f"`{ZIG_REQUIREMENT}`, or name one in $CC"
@@ -122,6 +123,14 @@ def entries_of(target: Target) -> list[Entry]:
     return [entry for entry in ENTRIES if target is HERE or entry.run.__name__ in c_library.KERNELS]
 
 
+def _described(targets: Sequence[Target]) -> str:
+    """The kernels that targets need, and how long they take."""
+    if HERE in targets:
+        return f"{len(ENTRIES)} kernels. {DURATION}"
+    names = ", ".join(target.name for target in targets)
+    return f"{len(c_library.KERNELS)} kernels for {names}. {DURATION_ELSEWHERE}"
+
+
 def _make(libraries: Sequence[tuple[Target, Path]], kept: Path) -> None:
     """Compile what is missing, one kernel for all targets at a time, and link."""
     start = time.perf_counter()
@@ -144,11 +153,7 @@ def _make(libraries: Sequence[tuple[Target, Path]], kept: Path) -> None:
             if not file.exists():
                 missing.setdefault(entry, {})[target] = file
     if missing:
-        machines = ", ".join(target.name for target in objects if target is not HERE)
-        tell(
-            f"jacokin: compiling {len(missing)} of {len(ENTRIES)} kernels{machines and f' for {machines}'}. {DURATION}, "
-            "with up to 1 GB of memory"
-        )
+        tell(f"jacokin: compiling {len(missing)} of {_described(list(objects))}, with up to 1 GB of memory")
     with ThreadPoolExecutor(JOBS) as pool:
         working = {pool.submit(compile_objects, entry, files): entry.run.__name__ for entry, files in missing.items()}
         for done, each in enumerate(as_completed(working), start=1):

@@ -1,4 +1,4 @@
-"""`Target`: a machine that the library is made for, this one or another, and what compiler and linker are told about it.
+"""`Target`: a machine that the library is made for, this one or another, and what compilers are told about it.
 
 Another machine gets the C library: the kernels that C programs call, and the C files. LLVM emits objects for all of
 these machines, and the package ``ziglang`` has their C libraries and links.

@@ -1,4 +1,4 @@
-"""`python build.py [FOLDER]`: make what the npm package holds beside its sources, `jacokin.wasm` and the arms, here or there.
+"""`python build.py [FOLDER]`: make what the npm package holds beside its sources, here or in a folder.
 
 The WebAssembly is compiled by this clone, `python -m build_kernels --target wasm32`; the solver files are those of
 `jacokin export-c`, one base64 text each in `robots.js`, so that nothing but the WebAssembly is fetched.

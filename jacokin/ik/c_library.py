@@ -126,7 +126,7 @@ def _cmake_package(libraries: Sequence[str]) -> dict[Path, str]:
 
 
 def _libraries_for(target: str) -> list[Path]:
-    """The library of another machine, and on Windows the one that linkers read, compiled by the clone this file is in."""
+    """The library of another machine, and on Windows the one that linkers read, compiled by this clone."""
     name, made = TARGETS[target]
     if not (CLONE / "build_kernels").is_dir():
         raise InvalidInputError(

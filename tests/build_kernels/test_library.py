@@ -7,6 +7,7 @@ import importlib.metadata
 import importlib.util
 import os
 import platform
+import re
 import shutil
 import subprocess
 import sys
@@ -17,8 +18,10 @@ from pathlib import Path
 
 import pytest
 
+from build_kernels import c_library
 from build_kernels import library as build
 from build_kernels.library import BuildError
+from build_kernels.targets import HERE, TARGETS
 from jacokin.kernels import library
 from jacokin.kernels.entries import ENTRIES
 from jacokin.kernels.solution_set.run import solve_set
@@ -48,8 +51,33 @@ def test_an_object_file_is_kept_until_its_kernel_changes(monkeypatch: pytest.Mon
     assert build.object_key(curves) != before[1]
     monkeypatch.setattr(ast, "parse", lambda source: parse(f"# a comment\n{source}"))
     assert build.object_key(speeds) == before[0]
+    assert len({build.object_key(speeds, target) for target in (HERE, *TARGETS.values())}) == 1 + len(TARGETS)
     monkeypatch.setattr(platform, "machine", lambda: "other")
     assert build.object_key(speeds) != before[0]
+
+
+def test_another_machine_gets_the_kernels_that_the_c_files_call() -> None:
+    text = (build.PACKAGE / "kernels" / "c" / "common.h").read_text(encoding="utf-8")
+    called = set(re.findall(r"^int64_t jacokin_(\w+)\(entry \*table\);", text, re.MULTILINE))
+    assert called == set(c_library.KERNELS)
+    assert [entry.run.__name__ for entry in build.entries_of(TARGETS["wasm32"])] == list(c_library.KERNELS)
+    assert build.entries_of(HERE) == list(ENTRIES)
+
+
+def test_what_stops_a_build_for_another_machine_is_one_sentence(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    with pytest.raises(BuildError, match=r"^unknown target amiga, vax; known are aarch64-linux, .*wasm32, macos$"):
+        build.build_for(["wasm32", "amiga", "vax"])
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(
+        BuildError, match=r"^linking for another machine takes ziglang==.*: `pip install -e '\.\[targets\]'`$"
+    ):
+        build.build_for(["wasm32"])
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: name)
+    (tmp_path / "file").touch()
+    with pytest.raises(BuildError, match=r"file.*: Not a directory$"):
+        build.build_for(["wasm32"], tmp_path / "file")
 
 
 def test_a_c_compiler_is_looked_for(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -66,11 +94,13 @@ def test_a_c_compiler_is_looked_for(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_without_a_linker_there_is_one_sentence(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(build, "linkers", list)
+    monkeypatch.setattr(build, "linkers", lambda target: [])
     with pytest.raises(BuildError, match=r"^the kernels need a C compiler to be linked: install one .*ziglang.*\$CC$"):
         build.link([], tmp_path / "libjacokin.so")
     monkeypatch.setattr(
-        build, "linkers", lambda: [["no-such-compiler"], [sys.executable, "-P", "-c", "raise SystemExit('broken')"]]
+        build,
+        "linkers",
+        lambda target: [["no-such-compiler"], [sys.executable, "-P", "-c", "raise SystemExit('broken')"]],
     )
     with pytest.raises(BuildError, match=r"need a C compiler(.|\n)*no-such-compiler(.|\n)*broken"):
         build.link([], tmp_path / "libjacokin.so")

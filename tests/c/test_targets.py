@@ -18,6 +18,7 @@ from build_kernels.universal import universal
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, JacokinError, UnknownNameError
 from jacokin.ik import IKSolver, c_library, export_c
+from jacokin.kernels import library
 from tests.c.test_answers import make_targets
 
 HERE, REPOSITORY = Path(__file__).parent, Path(__file__).parents[2]
@@ -62,8 +63,14 @@ def export(folder: Path, target: str | None) -> Path:
 def here(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     """What the library of this machine answers, by robot."""
     folder = export(tmp_path_factory.mktemp("here"), None)
-    library = folder / "lib" / c_library.library.PATH.name
-    words = [f"-I{folder / 'include'}", HERE / "answers.c", library, f"-Wl,-rpath,{folder / 'lib'}", "-lm"]
+    made = folder / "lib" / library.PATH.name
+    words: list[str | Path] = [
+        f"-I{folder / 'include'}",
+        HERE / "answers.c",
+        made,
+        f"-Wl,-rpath,{folder / 'lib'}",
+        "-lm",
+    ]
     run(*ZIG, "-O2", *words, "-o", folder / "answers")
     return {name: run(folder / "answers", *files(name, folder)) for name in MANY}
 
@@ -97,7 +104,13 @@ def parsed(text: str) -> list[tuple[str, Array]]:
 def test_a_program_for_windows_answers_as_one_here(here: dict[str, str], tmp_path: Path) -> None:
     folder = export(tmp_path, "windows")
     program = folder / "lib" / "answers.exe"
-    words = [f"-I{folder / 'include'}", HERE / "answers.c", folder / "lib" / "jacokin.lib", "-o", program]
+    words: list[str | Path] = [
+        f"-I{folder / 'include'}",
+        HERE / "answers.c",
+        folder / "lib" / "jacokin.lib",
+        "-o",
+        program,
+    ]
     run(*ZIG, "-target", "x86_64-windows-gnu", "-O2", *words)
     quiet = {"WINEPREFIX": str(tmp_path / "wine"), "WINEDEBUG": "-all", "WINEDLLOVERRIDES": "mscoree,mshtml="}
     for name, answers in here.items():
@@ -111,11 +124,11 @@ def test_a_program_for_windows_answers_as_one_here(here: dict[str, str], tmp_pat
 @pytest.mark.slow
 def test_a_program_for_aarch64_answers_as_one_here(here: dict[str, str], tmp_path: Path) -> None:
     folder = export(tmp_path, "linux-aarch64")
-    program, library = folder / "answers", folder / "lib" / "libjacokin.so"
-    words = [
+    program, made = folder / "answers", folder / "lib" / "libjacokin.so"
+    words: list[str | Path] = [
         f"-I{folder / 'include'}",
         HERE / "answers.c",
-        library,
+        made,
         f"-Wl,-rpath,{folder / 'lib'}",
         "-lm",
         "-o",
@@ -132,8 +145,8 @@ def test_a_program_for_aarch64_answers_as_one_here(here: dict[str, str], tmp_pat
 @pytest.mark.slow
 def test_a_library_for_macos_has_both_processors_and_the_functions(tmp_path: Path) -> None:
     folder = export(tmp_path, "macos")
-    library = folder / "lib" / "libjacokin.dylib"
-    contents = library.read_bytes()
+    made = folder / "lib" / "libjacokin.dylib"
+    contents = made.read_bytes()
     kinds = [struct.unpack_from(">5I", contents, 8 + 20 * i)[0] for i in range(2)]
     assert kinds == [0x0100000C, 0x01000007], "AArch64 and x86-64"
     for name in ("_jacokin_ik_all", "_jacokin_fk", "@rpath/libjacokin.dylib"):
@@ -145,7 +158,7 @@ def test_a_library_for_macos_has_both_processors_and_the_functions(tmp_path: Pat
         "aarch64-macos",
         f"-I{folder / 'include'}",
         HERE / "answers.c",
-        library,
+        made,
         "-o",
         folder / "answers",
     )

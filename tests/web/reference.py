@@ -1,11 +1,12 @@
 """What the native library answers, for the tests of the npm package: `python -m tests.web.reference FOLDER`.
 
-Each arm has `NAME.json`, and `NAME.f64` with doubles one after another: poses, seeds, the nearest configurations and all
-branches of arms with six joints.
+Each arm with six joints has `NAME.json`, and `NAME.f64` with doubles one after another: poses, seeds, the nearest
+configurations and all branches.
 """
 
 from __future__ import annotations
 
+import ctypes
 import json
 import sys
 from pathlib import Path
@@ -77,7 +78,7 @@ def _curves(name: str, about: dict[str, Any] | None) -> list[dict[str, Any]]:
     axis = None
     if about is not None:
         low, high = about.get("range", (-np.pi, np.pi))
-        axis = binding.Axis((binding.c_double * 3)(*about["axis"]), (binding.c_double * 2)(low, high))
+        axis = binding.Axis((ctypes.c_double * 3)(*about["axis"]), (ctypes.c_double * 2)(low, high))
     rows = []
     for T, seed in zip(*_targets(solver.robot, TARGETS), strict=True):
         status, intervals, complete = c.intervals(T, axis)

@@ -94,5 +94,5 @@ def test_a_page_in_chromium_solves_here_and_in_a_worker(package: Path, tmp_path:
 class _Quiet(http.server.SimpleHTTPRequestHandler):
     """Serves the package and says nothing."""
 
-    def log_message(self, format: str, *args: object) -> None:
+    def log_message(self, format: str, *args: object) -> None:  # noqa: A002 - the base class has this name
         """Nothing."""
