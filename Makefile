@@ -12,7 +12,7 @@ JOBS ?= 2
 # Each process begins with its own part of the tests, so that what a module prepares is prepared once.
 PYTEST := pytest -n $(JOBS) --dist worksteal
 
-.PHONY: demo test test-all lint format type docs build old-systems test-oldest bench fuzz release-check address clean
+.PHONY: demo test test-all lint format type docs build web targets old-systems test-oldest bench fuzz release-check address clean
 
 demo: $(VENV)/demo.stamp  ## show branches, a motion around a crate, advice; draw it
 	$(BIN)/jacokin demo --output out/jaco.png
@@ -38,6 +38,14 @@ docs: $(VENV)/docs.stamp  ## build the documentation site, warnings are errors
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 
 build: dist/wheel.stamp  ## build the wheel
+
+web: $(VENV)/test.stamp  ## the npm package, compiled for WebAssembly and packed; tests against the native library
+	$(BIN)/python integrations/web/build.py
+	$(BIN)/python -m tests.web.reference integrations/web/test/reference
+	cd integrations/web && npm test && npm pack --silent
+
+targets: $(VENV)/test.stamp  ## C libraries for other machines, in build/targets
+	$(BIN)/python -m build_kernels --target aarch64-linux --target x86_64-windows --target macos --target wasm32
 
 old-systems: dist/wheel.stamp  ## a wheel that runs on old systems, linked with zig as where there is no C compiler
 	CC="python -m ziglang cc -target $(shell uname -m)-linux-gnu.2.17" $(BIN)/python -m build --wheel --outdir build/zig .
