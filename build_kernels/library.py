@@ -49,7 +49,7 @@ COMPILERS = ("numba", "llvmlite", "numpy")
 KEPT_UNUSED = 7 * 86400.0
 #: What all kernels take.
 DURATION = "All of them take 3 to 7 minutes of processor time, 2 to 4 minutes on two cores"
-DURATION_ELSEWHERE = "All of them take about a minute of processor time for each machine, and half a minute more"
+DURATION_ELSEWHERE = "All of them take 1 to 2 minutes of processor time for each machine"
 #: The terminal that a program was started from, whatever became of its output.
 TERMINAL = Path("/dev/tty")
 #: Kernels compiled at a time: each takes up to 0.6 GB of memory.
@@ -57,11 +57,13 @@ JOBS = min(2, os.cpu_count() or 1)
 #: Old systems that zig links for: those of manylinux_2_17.
 ZIG = [sys.executable, "-m", "ziglang", "cc", "-target", HERE.zig]
 ZIG_REQUIREMENT = "ziglang==0.17.1"
-NO_ZIG = f"linking for another machine takes {ZIG_REQUIREMENT}: `pip install -e '.[targets]'`"
+NO_ZIG = f"linking for another machine takes {ZIG_REQUIREMENT}: `pip install -e '.[kernels,targets]'`"
 NO_LINKER = (
     "the kernels need a C compiler to be linked: install one (`cc`), or the package "
     f"`{ZIG_REQUIREMENT}`, or name one in $CC"
 )
+#: [bytes] of WebAssembly, at the beginning of its memory, where it cannot grow into data.
+STACK = 262144
 OLDEST_GLIBC = 17  # as in manylinux_2_17
 _IMPORT = re.compile(r"^from (jacokin\.kernels\.[\w.]+) import", re.MULTILINE)
 _SYMBOL_VERSION = re.compile(rb"GLIBC_2\.(\d+)")
@@ -315,8 +317,16 @@ def _linker_words(made: Path, target: Target) -> list[str]:
             return ["-shared", "-fPIC", f"-Wl,-install_name,@rpath/{made.name}"]
         case "win32":
             return ["-shared", "-s", f"-Wl,--out-implib,{made.with_suffix('.lib')}"]
-        case "wasi":
-            return ["-mexec-model=reactor", "-s", "-Wl,--export-dynamic", "-Wl,--export=malloc", "-Wl,--export=free"]
+        case "wasi":  # the kernels' arrays are their callers': they take 2 kB of stack
+            stack = f"-Wl,-z,stack-size={STACK}"
+            return [
+                "-mexec-model=reactor",
+                "-s",
+                stack,
+                "-Wl,--export-dynamic",
+                "-Wl,--export=malloc",
+                "-Wl,--export=free",
+            ]
         case "linux":  # see jacokin/kernels/c/glibc.c
             wrapped = [f"-Wl,--wrap={function}" for function in c_library.WRAPPED]
             return ["-shared", "-fPIC", "-s", f"-Wl,-soname,{made.name}", *wrapped]

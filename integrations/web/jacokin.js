@@ -404,7 +404,7 @@ function rows(name, values, length) {
 }
 
 function isNumbers(values) {
-  return values instanceof Float64Array || values instanceof Float32Array;
+  return ArrayBuffer.isView(values) && !(values instanceof DataView);
 }
 
 function finite(name, values) {

@@ -71,7 +71,7 @@ def test_what_stops_a_build_for_another_machine_is_one_sentence(
         build.build_for(["wasm32", "amiga", "vax"])
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     with pytest.raises(
-        BuildError, match=r"^linking for another machine takes ziglang==.*: `pip install -e '\.\[targets\]'`$"
+        BuildError, match=r"^linking for another machine takes ziglang==.*: `pip install -e '\.\[kernels,targets\]'`$"
     ):
         build.build_for(["wasm32"])
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: name)
