@@ -12,7 +12,7 @@ JOBS ?= 2
 # Each process begins with its own part of the tests, so that what a module prepares is prepared once.
 PYTEST := pytest -n $(JOBS) --dist worksteal
 
-.PHONY: demo test test-all lint format type docs build web targets old-systems test-oldest bench fuzz release-check address clean
+.PHONY: demo test test-all lint format type docs build web targets wheels old-systems test-oldest bench fuzz release-check address clean
 
 demo: $(VENV)/demo.stamp  ## show branches, a motion around a crate, advice; draw it
 	$(BIN)/jacokin demo --output out/jaco.png
@@ -59,6 +59,11 @@ bench: $(VENV)/test.stamp  ## jacokin beside its peers; writes docs/performance.
 
 fuzz: $(VENV)/test.stamp  ## random targets, arms, files, motions, ... for at most half an hour; OPTIONS="--seed 1 files"
 	$(BIN)/python -m fuzz $(OPTIONS)
+
+wheels: dist/wheel.stamp  ## wheels for Linux (manylinux_2_17) and macOS, x86-64 and AArch64, in build/wheels
+	for target in x86_64-linux aarch64-linux x86_64-macos aarch64-macos; do \
+		JACOKIN_TARGET=$$target $(BIN)/python -m build --wheel --outdir build/wheels . || exit 1; \
+	done
 
 release-check: address $(VENV)/release.stamp  ## build what would be uploaded, and check it; uploads nothing
 	rm -rf build/release

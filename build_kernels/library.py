@@ -2,7 +2,7 @@
 
 Each kernel of `jacokin.kernels.entries` becomes an object file, in a process of its own. Object files are kept in the
 clone's ``build`` folder under a name that changes with all they depend on, so that only what was changed is compiled
-again. A C compiler links them: $CC, the system's, or the one in the package ``ziglang``, which links for all machines.
+again. `linking` makes a library of them.
 """
 
 from __future__ import annotations
@@ -12,28 +12,23 @@ import contextlib
 import hashlib
 import importlib.metadata
 import importlib.util
-import json
 import os
 import platform
 import re
-import shlex
-import shutil
 import subprocess
 import sys
-import sysconfig
 import tempfile
 import time
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 
-import jacokin
-from build_kernels import c_library
+from build_kernels import c_library, linking
+from build_kernels.linking import BuildError
 from build_kernels.targets import HERE, TARGETS, Target
 from build_kernels.universal import universal
 from jacokin.kernels import library
 from jacokin.kernels.entries import ENTRIES, Entry
-from jacokin.kernels.library import PREFIX, About, ArrayLayout, flatten
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "jacokin"
@@ -41,6 +36,10 @@ KEPT = ROOT / "build" / "kernels"
 TARGET = PACKAGE / "kernels" / library.PATH.name
 #: Where the libraries of other machines go, each in a folder with the machine's name.
 OTHERS = ROOT / "build" / "targets"
+#: Where those with all kernels go, for wheels.
+WHOLE = ROOT / "build" / "wheels"
+#: The kernels of the C library, which is what other machines get.
+C_ENTRIES = tuple(entry for entry in ENTRIES if entry.run.__name__ in c_library.KERNELS)
 #: Libraries for several machines at once, by name.
 UNIVERSAL = {"macos": ("aarch64-macos", "x86_64-macos")}
 #: What the machine code depends on, apart from the sources.
@@ -49,28 +48,12 @@ COMPILERS = ("numba", "llvmlite", "numpy")
 KEPT_UNUSED = 7 * 86400.0
 #: What all kernels take.
 DURATION = "All of them take 3 to 7 minutes of processor time, 2 to 4 minutes on two cores"
-DURATION_ELSEWHERE = "All of them take 1 to 2 minutes of processor time for each machine"
+DURATION_ELSEWHERE = "Those of the C library take 1 to 2 minutes of processor time for each machine, all twice as long"
 #: The terminal that a program was started from, whatever became of its output.
 TERMINAL = Path("/dev/tty")
 #: Kernels compiled at a time: each takes up to 0.6 GB of memory.
 JOBS = min(2, os.cpu_count() or 1)
-#: Old systems that zig links for: those of manylinux_2_17.
-ZIG = [sys.executable, "-m", "ziglang", "cc", "-target", HERE.zig]
-ZIG_REQUIREMENT = "ziglang==0.17.1"
-NO_ZIG = f"linking for another machine takes {ZIG_REQUIREMENT}: `pip install -e '.[kernels,targets]'`"
-NO_LINKER = (
-    "the kernels need a C compiler to be linked: install one (`cc`), or the package "
-    f"`{ZIG_REQUIREMENT}`, or name one in $CC"
-)
-#: [bytes] of WebAssembly, at the beginning of its memory, where it cannot grow into data.
-STACK = 262144
-OLDEST_GLIBC = 17  # as in manylinux_2_17
 _IMPORT = re.compile(r"^from (jacokin\.kernels\.[\w.]+) import", re.MULTILINE)
-_SYMBOL_VERSION = re.compile(rb"GLIBC_2\.(\d+)")
-
-
-class BuildError(Exception):
-    """The library cannot be built; says what is missing."""
 
 
 def build(target: Path = TARGET, kept: Path = KEPT) -> Path:
@@ -83,19 +66,22 @@ def build(target: Path = TARGET, kept: Path = KEPT) -> Path:
     Raises:
         BuildError: a kernel does not compile, there is nothing to compile or link with, or a folder cannot be written.
     """
-    if not linkers():
-        raise BuildError(NO_LINKER)
-    _make([(HERE, target)], kept)
+    if not linking.linkers():
+        raise BuildError(linking.NO_LINKER)
+    _make([(HERE, target)], ENTRIES, kept)
     return target
 
 
-def build_for(names: Sequence[str], folder: Path = OTHERS, kept: Path = KEPT) -> list[Path]:
-    """Make the C libraries of other machines, and return where they are: ``folder/name/library``.
+def build_for(
+    names: Sequence[str], folder: Path = OTHERS, kept: Path = KEPT, *, entries: Sequence[Entry] = C_ENTRIES
+) -> list[Path]:
+    """Make libraries of other machines, and return where they are: ``folder/name/library``.
 
     Args:
         names: of `TARGETS` and `UNIVERSAL`.
         folder: made where it is not there.
         kept: as for `build`.
+        entries: the kernels in it; all of them for a wheel.
 
     Raises:
         BuildError: as `build`; an unknown name.
@@ -103,7 +89,7 @@ def build_for(names: Sequence[str], folder: Path = OTHERS, kept: Path = KEPT) ->
     if unknown := [name for name in names if name not in (*TARGETS, *UNIVERSAL)]:
         raise BuildError(f"unknown target {', '.join(unknown)}; known are {', '.join((*TARGETS, *UNIVERSAL))}")
     if importlib.util.find_spec("ziglang") is None:
-        raise BuildError(NO_ZIG)
+        raise BuildError(linking.NO_ZIG)
     parts = {part: TARGETS[part] for name in names for part in UNIVERSAL.get(name, (name,))}
     places = {name: folder / name / target.library for name, target in parts.items()}
     for place in places.values():
@@ -111,7 +97,7 @@ def build_for(names: Sequence[str], folder: Path = OTHERS, kept: Path = KEPT) ->
             place.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise BuildError(f"{place.parent}: {error.strerror}") from None
-    _make([(parts[name], place) for name, place in places.items()], kept)
+    _make([(parts[name], place) for name, place in places.items()], entries, kept)
     for name in names:
         if several := UNIVERSAL.get(name):
             places[name] = folder / name / places[several[0]].name
@@ -120,20 +106,15 @@ def build_for(names: Sequence[str], folder: Path = OTHERS, kept: Path = KEPT) ->
     return [places[name] for name in names]
 
 
-def entries_of(target: Target) -> list[Entry]:
-    """The kernels that go into a library: all of them here, those of the C library elsewhere."""
-    return [entry for entry in ENTRIES if target is HERE or entry.run.__name__ in c_library.KERNELS]
-
-
-def _described(targets: Sequence[Target]) -> str:
-    """The kernels that targets need, and how long they take."""
+def _described(targets: Sequence[Target], entries: Sequence[Entry]) -> str:
+    """What is compiled, and how long that takes."""
     if HERE in targets:
-        return f"{len(ENTRIES)} kernels. {DURATION}"
+        return f"{len(entries)} kernels. {DURATION}"
     names = ", ".join(target.name for target in targets)
-    return f"{len(c_library.KERNELS)} kernels for {names}. {DURATION_ELSEWHERE}"
+    return f"{len(entries)} kernels for {names}. {DURATION_ELSEWHERE}"
 
 
-def _make(libraries: Sequence[tuple[Target, Path]], kept: Path) -> None:
+def _make(libraries: Sequence[tuple[Target, Path]], entries: Sequence[Entry], kept: Path) -> None:
     """Compile what is missing, one kernel for all targets at a time, and link."""
     start = time.perf_counter()
     try:
@@ -146,23 +127,21 @@ def _make(libraries: Sequence[tuple[Target, Path]], kept: Path) -> None:
     except OSError as error:
         where = error.filename or kept
         raise BuildError(f"{where}: {error.strerror}; build in a copy of the clone that can be written") from None
-    objects = {
-        target: {entry: object_of(entry, kept, target) for entry in entries_of(target)} for target, _ in libraries
-    }
+    objects = {target: {entry: object_of(entry, kept, target) for entry in entries} for target, _ in libraries}
     missing: dict[Entry, dict[Target, Path]] = {}
     for target, files in objects.items():
         for entry, file in files.items():
             if not file.exists():
                 missing.setdefault(entry, {})[target] = file
     if missing:
-        tell(f"jacokin: compiling {len(missing)} of {_described(list(objects))}, with up to 1 GB of memory")
+        tell(f"jacokin: compiling {len(missing)} of {_described(list(objects), entries)}, with up to 1 GB of memory")
     with ThreadPoolExecutor(JOBS) as pool:
         working = {pool.submit(compile_objects, entry, files): entry.run.__name__ for entry, files in missing.items()}
         for done, each in enumerate(as_completed(working), start=1):
             each.result()
             tell(f"jacokin: {done} of {len(missing)}, {working[each]}, after {time.perf_counter() - start:.0f} s")
     for target, place in libraries:
-        link([*objects[target].values(), *c_library.sources(target)], place, target)
+        linking.link([*objects[target].values(), *c_library.sources(target)], place, target, entries)
         tell(f"{place}: built in {time.perf_counter() - start:.0f} s")
     remove_unused(kept, [file for files in objects.values() for file in files.values()])
 
@@ -177,10 +156,11 @@ def remove_unused(kept: Path, used: Iterable[Path]) -> None:
                 file.unlink()
 
 
-def build_or_exit(names: Sequence[str] = ()) -> list[Path]:
-    """Make the library of this machine, or those of others, or end the program with one sentence."""
+def build_or_exit(names: Sequence[str] = (), *, whole: bool = False) -> list[Path]:
+    """Make the library of this machine, or those of others, with all kernels or for C, or end with one sentence."""
+    folder, entries = (WHOLE, ENTRIES) if whole else (OTHERS, C_ENTRIES)
     try:
-        return build_for(names) if names else [build()]
+        return build_for(names, folder, entries=entries) if names else [build()]
     except BuildError as error:
         raise SystemExit(f"jacokin cannot be built: {error}") from None
 
@@ -250,98 +230,3 @@ def sources_of(entry: Entry) -> list[Path]:
             found.add(file)
             ahead += _IMPORT.findall(file.read_text(encoding="utf-8"))
     return sorted(found)
-
-
-def link(objects: list[Path], place: Path, target: Target = HERE) -> None:
-    """Link object files, and C files as they are, to a library that says what it is.
-
-    Raises:
-        BuildError: there is no C compiler, or none that links.
-    """
-    failures = []
-    for command in linkers(target):
-        with tempfile.TemporaryDirectory(dir=place.parent) as folder:
-            made = Path(folder) / place.name
-            try:
-                size = _link(command, objects, 0, made, target)
-                if (
-                    _link(command, objects, size, made, target) != size
-                ):  # now it knows its size: a part of it is noticed
-                    raise BuildError(f"{shlex.join(command)} links differently each time")
-            except (OSError, subprocess.CalledProcessError) as error:
-                failures.append(getattr(error, "stderr", None) or str(error))
-                continue
-            for file in (*made.parent.glob("*.lib"), made):  # on Windows, what other linkers read
-                file.replace(place.with_name(file.name))
-            return
-    raise BuildError(
-        (NO_LINKER if target is HERE else f"{target.name} cannot be linked for")
-        + "".join(f"\n{failure.strip()}" for failure in failures)
-    )
-
-
-def linkers(target: Target = HERE) -> list[list[str]]:
-    """The C compilers to try, in order; here, $CC alone where it is set.
-
-    Raises:
-        BuildError: $CC is not a command.
-    """
-    if target is not HERE:
-        return [[sys.executable, "-m", "ziglang", "cc", "-target", target.zig]]
-    if chosen := os.environ.get("CC"):
-        try:
-            return [shlex.split(chosen)]
-        except ValueError as error:
-            raise BuildError(f'$CC is "{chosen}", which is no command: {error}') from None
-    system = shutil.which("cc")
-    found = [[system]] if system else []
-    return [*found, ZIG] if importlib.util.find_spec("ziglang") else found
-
-
-def _link(command: list[str], objects: list[Path], size: int, made: Path, target: Target) -> int:
-    layouts = {entry.run.__name__: _layout(entry) for entry in entries_of(target)}
-    text = json.dumps(About(jacokin.__version__, library.sources_key(), size, layouts).text())
-    source = made.with_name("about.c")
-    shown = f'extern const char {PREFIX}about[] __attribute__((visibility("default")));'
-    source.write_text(f"{shown}\nconst char {PREFIX}about[] = {text};\n", encoding="ascii")
-    c_library.write_header(made.parent)
-    words = [*command, *c_library.flags(made.parent), *_linker_words(made, target), "-o", str(made), str(source)]
-    words += [*map(str, objects), "-lm"]
-    subprocess.run(words, check=True, capture_output=True, text=True)
-    return made.stat().st_size
-
-
-def _linker_words(made: Path, target: Target) -> list[str]:
-    match target.system:
-        case "darwin":
-            return ["-shared", "-fPIC", f"-Wl,-install_name,@rpath/{made.name}"]
-        case "win32":
-            return ["-shared", "-s", f"-Wl,--out-implib,{made.with_suffix('.lib')}"]
-        case "wasi":  # the kernels' arrays are their callers': they take 2 kB of stack
-            stack = f"-Wl,-z,stack-size={STACK}"
-            return [
-                "-mexec-model=reactor",
-                "-s",
-                stack,
-                "-Wl,--export-dynamic",
-                "-Wl,--export=malloc",
-                "-Wl,--export=free",
-            ]
-        case "linux":  # see jacokin/kernels/c/glibc.c
-            wrapped = [f"-Wl,--wrap={function}" for function in c_library.WRAPPED]
-            return ["-shared", "-fPIC", "-s", f"-Wl,-soname,{made.name}", *wrapped]
-        case _:
-            return ["-shared", "-fPIC", "-s", f"-Wl,-soname,{made.name}"]
-
-
-def _layout(entry: Entry) -> tuple[ArrayLayout, ...]:
-    return tuple(ArrayLayout(array.dtype.name, array.shape) for array in flatten(entry.make_work()))
-
-
-def wheel_tag(contents: bytes) -> str:
-    """The tag of a wheel with such a library: it has no Python in it, and what it needs of the C library shows."""
-    if sys.platform == "linux":
-        newest = max(map(int, _SYMBOL_VERSION.findall(contents)), default=0)
-        base = f"manylinux_2_{OLDEST_GLIBC}" if newest <= OLDEST_GLIBC else "linux"
-        return f"py3-none-{base}_{platform.machine()}"
-    return "py3-none-" + re.sub(r"[-.]", "_", sysconfig.get_platform())
