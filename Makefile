@@ -60,8 +60,10 @@ bench: $(VENV)/test.stamp  ## jacokin beside its peers; writes docs/performance.
 fuzz: $(VENV)/test.stamp  ## random targets, arms, files, motions, ... for at most half an hour; OPTIONS="--seed 1 files"
 	$(BIN)/python -m fuzz $(OPTIONS)
 
-wheels: dist/wheel.stamp  ## wheels for Linux (manylinux_2_17) and macOS, x86-64 and AArch64, in build/wheels
-	for target in x86_64-linux aarch64-linux x86_64-macos aarch64-macos; do \
+MACHINES := x86_64-linux aarch64-linux x86_64-macos aarch64-macos
+wheels: $(VENV)/test.stamp  ## wheels for Linux (manylinux_2_17) and macOS, x86-64 and AArch64, in build/wheels
+	$(BIN)/python -m build_kernels --whole $(addprefix --target ,$(MACHINES))
+	for target in $(MACHINES); do \
 		JACOKIN_TARGET=$$target $(BIN)/python -m build --wheel --outdir build/wheels . || exit 1; \
 	done
 

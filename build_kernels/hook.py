@@ -15,7 +15,7 @@ from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 sys.path.insert(0, str(Path(__file__).parents[1]))  # hatchling loads this file alone
 
 from build_kernels import library, linking  # found through the line above
-from build_kernels.targets import TARGETS
+from build_kernels.targets import TARGETS, WHEELS
 
 #: Names another machine.
 ELSEWHERE = "JACOKIN_TARGET"
@@ -33,6 +33,10 @@ class KernelHook(BuildHookInterface):  # type: ignore[type-arg]  # any configura
         """Build the library, and add it to the wheel."""
         build_data["pure_python"] = False
         if name := os.environ.get(ELSEWHERE):
+            if name not in WHEELS:
+                raise SystemExit(
+                    f"jacokin cannot be built: ${ELSEWHERE} is {name}; there are wheels for {', '.join(WHEELS)}"
+                )
             (path,) = library.build_or_exit([name], whole=True)
             build_data["force_include"][str(path)] = f"jacokin/kernels/{path.name}"
             build_data["tag"] = linking.wheel_tag(path.read_bytes(), TARGETS[name])

@@ -115,19 +115,26 @@ def _described(targets: Sequence[Target], entries: Sequence[Entry]) -> str:
 
 
 def _make(libraries: Sequence[tuple[Target, Path]], entries: Sequence[Entry], kept: Path) -> None:
-    """Compile what is missing, one kernel for all targets at a time, and link."""
+    """Compile what is missing, and link."""
     start = time.perf_counter()
     try:
         kept.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=kept):
-            pass
-        for _, place in libraries:
-            with tempfile.TemporaryFile(dir=place.parent):
+        for folder in (kept, *(place.parent for _, place in libraries)):
+            with tempfile.TemporaryFile(dir=folder):
                 pass
     except OSError as error:
         where = error.filename or kept
         raise BuildError(f"{where}: {error.strerror}; build in a copy of the clone that can be written") from None
     objects = {target: {entry: object_of(entry, kept, target) for entry in entries} for target, _ in libraries}
+    _compile_missing(objects, entries, start)
+    for target, place in libraries:
+        linking.link([*objects[target].values(), *c_library.sources(target)], place, target, entries)
+        tell(f"{place}: built in {time.perf_counter() - start:.0f} s")
+    remove_unused(kept, [file for files in objects.values() for file in files.values()])
+
+
+def _compile_missing(objects: dict[Target, dict[Entry, Path]], entries: Sequence[Entry], start: float) -> None:
+    """Compile what is not kept from an earlier build: each kernel once, for all targets."""
     missing: dict[Entry, dict[Target, Path]] = {}
     for target, files in objects.items():
         for entry, file in files.items():
@@ -140,10 +147,6 @@ def _make(libraries: Sequence[tuple[Target, Path]], entries: Sequence[Entry], ke
         for done, each in enumerate(as_completed(working), start=1):
             each.result()
             tell(f"jacokin: {done} of {len(missing)}, {working[each]}, after {time.perf_counter() - start:.0f} s")
-    for target, place in libraries:
-        linking.link([*objects[target].values(), *c_library.sources(target)], place, target, entries)
-        tell(f"{place}: built in {time.perf_counter() - start:.0f} s")
-    remove_unused(kept, [file for files in objects.values() for file in files.values()])
 
 
 def remove_unused(kept: Path, used: Iterable[Path]) -> None:

@@ -51,3 +51,5 @@ TARGETS = {
         Target("wasm32", "wasi", "jacokin.wasm", "wasm32-unknown-wasi", "wasm32-wasi"),
     )
 }
+#: Those that there are wheels for: Pinocchio has none for others.
+WHEELS = tuple(name for name, target in TARGETS.items() if target.system in ("linux", "darwin"))
