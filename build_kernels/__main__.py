@@ -1,7 +1,7 @@
 """`python -m build_kernels`: put the library beside the sources of this clone, as building a wheel does.
 
-With `--target`, as often as one likes: make the C library of another machine instead, in ``build/targets``; with `--whole`
-one with all kernels, in ``build/wheels``, as a wheel for that machine has it.
+With `--target`, as often as one likes: make the C library of another machine instead, in ``build/targets``; with
+`--whole` one with all kernels, in ``build/wheels``, as a wheel for that machine has it.
 """
 
 from argparse import ArgumentParser
