@@ -66,6 +66,7 @@ wheels: $(VENV)/test.stamp  ## wheels for Linux (manylinux_2_17) and macOS, x86-
 	for target in $(MACHINES); do \
 		JACOKIN_TARGET=$$target $(BIN)/python -m build --wheel --outdir build/wheels . || exit 1; \
 	done
+	$(BIN)/python -m build_kernels.wheels build/wheels
 
 release-check: address $(VENV)/release.stamp  ## build what would be uploaded, and check it; uploads nothing
 	rm -rf build/release

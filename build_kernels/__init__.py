@@ -6,5 +6,6 @@ c_library   the C files that are linked with them, and what they know about the 
 linking     the C compiler that links them, for this machine and others
 targets     the machines that there are libraries for
 universal   one library of macOS for several kinds of processors
+wheels      a check of the wheels for all machines
 hook        called by hatchling when it builds a wheel
 """
