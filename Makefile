@@ -12,7 +12,7 @@ JOBS ?= 2
 # Each process begins with its own part of the tests, so that what a module prepares is prepared once.
 PYTEST := pytest -n $(JOBS) --dist worksteal
 
-.PHONY: demo test test-all lint format type docs build old-systems test-oldest bench fuzz release-check address clean
+.PHONY: demo test test-all lint format type docs build web targets wheels old-systems test-oldest bench fuzz release-check address clean
 
 demo: $(VENV)/demo.stamp  ## show branches, a motion around a crate, advice; draw it
 	$(BIN)/jacokin demo --output out/jaco.png
@@ -39,6 +39,14 @@ docs: $(VENV)/docs.stamp  ## build the documentation site, warnings are errors
 
 build: dist/wheel.stamp  ## build the wheel
 
+web: $(VENV)/test.stamp  ## the npm package, compiled for WebAssembly and packed; tests against the native library
+	$(BIN)/python integrations/web/build.py
+	$(BIN)/python -m tests.web.reference integrations/web/test/reference
+	cd integrations/web && npm test && npm pack --silent
+
+targets: $(VENV)/test.stamp  ## C libraries for other machines, in build/targets
+	$(BIN)/python -m build_kernels --target aarch64-linux --target x86_64-windows --target macos --target wasm32
+
 old-systems: dist/wheel.stamp  ## a wheel that runs on old systems, linked with zig as where there is no C compiler
 	CC="python -m ziglang cc -target $(shell uname -m)-linux-gnu.2.17" $(BIN)/python -m build --wheel --outdir build/zig .
 	ls build/zig/jacokin-*-manylinux_2_17_*.whl
@@ -51,6 +59,14 @@ bench: $(VENV)/test.stamp  ## jacokin beside its peers; writes docs/performance.
 
 fuzz: $(VENV)/test.stamp  ## random targets, arms, files, motions, ... for at most half an hour; OPTIONS="--seed 1 files"
 	$(BIN)/python -m fuzz $(OPTIONS)
+
+MACHINES := x86_64-linux aarch64-linux x86_64-macos aarch64-macos
+wheels: $(VENV)/test.stamp  ## wheels for Linux (manylinux_2_17) and macOS, x86-64 and AArch64, in build/wheels
+	$(BIN)/python -m build_kernels --whole $(addprefix --target ,$(MACHINES))
+	for target in $(MACHINES); do \
+		JACOKIN_TARGET=$$target $(BIN)/python -m build --wheel --outdir build/wheels . || exit 1; \
+	done
+	$(BIN)/python -m build_kernels.wheels build/wheels
 
 release-check: address $(VENV)/release.stamp  ## build what would be uploaded, and check it; uploads nothing
 	rm -rf build/release

@@ -7,12 +7,12 @@ kernels. They are compiled as they are linked.
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
+from build_kernels.targets import HERE, Target
 from jacokin.kernels import branches
 from jacokin.kernels.closed_form import arm
 from jacokin.kernels.entries import ENTRIES
@@ -20,9 +20,11 @@ from jacokin.kernels.solution_set import slices, within
 
 PACKAGE = Path(__file__).parents[1] / "jacokin"
 FOLDER, INCLUDE = PACKAGE / "kernels" / "c", PACKAGE / "include"
+#: The kernels that the C files call.
+KERNELS = ("solve_targets", "solve_set", "find_point", "find_nearest")
 #: C99 with what the C library adds to it (POSIX has no say); the roundings of the kernels, which know no fused
 #: multiply-add; and no other names than those of the header.
-FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fvisibility=hidden")
+FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fvisibility=hidden", "-DJACOKIN_IK_EXPORTS")
 #: What C needs to know beside the arrays: columns of the kernels' tables, sizes, tasks.
 CONSTANTS = {
     arm: ("ARM_CONSTANTS",),
@@ -36,9 +38,9 @@ WRAPPED = ("hypot", "exp", "log")
 OLDEST = "glibc.c"
 
 
-def sources() -> list[Path]:
-    """The C files, in order."""
-    return sorted(path for path in FOLDER.glob("*.c") if sys.platform == "linux" or path.name != OLDEST)
+def sources(target: Target = HERE) -> list[Path]:
+    """The C files of a target, in order."""
+    return sorted(path for path in FOLDER.glob("*.c") if target.system == "linux" or path.name != OLDEST)
 
 
 def flags(folder: Path) -> list[str]:

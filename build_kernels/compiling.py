@@ -1,7 +1,8 @@
-"""From the Python of one kernel to an object file, by numba. Run as a program, it writes one.
+"""From the Python of one kernel to object files, by numba. Run as a program, it writes them.
 
 There is one implementation, the functions of the modules in ``jacokin.kernels``; here they are compiled for the work
-arrays of one entry. The result exports a single C function and refers to the C library and nothing else.
+arrays of one entry. The result exports a single C function and refers to the C library and nothing else. Python is
+translated once: addresses and integers have 64 bits in it, and every target optimises and emits the same module.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import ctypes
 import gc
 import sys
 import types
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ from numba.core.dispatcher import Dispatcher
 from numba.core.registry import cpu_target
 from numba.extending import intrinsic
 
+from build_kernels.targets import HERE, TARGETS, Target
 from jacokin.kernels import entries
 from jacokin.kernels.entries import Entry
 from jacokin.kernels.library import FAILED, PREFIX
@@ -166,8 +168,8 @@ define i64 @"{name}"(ptr %table) {{
 """
 
 
-def compile_entry(entry: Entry) -> bytes:
-    """The object file of one kernel, with the one function ``jacokin_<name>``."""
+def compile_entry(entry: Entry, targets: Sequence[Target] = (HERE,)) -> list[bytes]:
+    """The object files of one kernel, with the one function ``jacokin_<name>``, for each target."""
     namespace: dict[str, Any] = {"__name__": __name__, "__builtins__": __builtins__}
     namespace.update(carray=numba.carray, pointer=_pointer_intrinsic(), float64=np.float64, int64=np.int64)
     namespace["run"] = _Copies().compiled(entry.run)
@@ -175,7 +177,8 @@ def compile_entry(entry: Entry) -> bytes:
     function = numba.njit(namespace["entry"], **_OPTIONS)
     with translating_only():
         function.compile((nb.intp,))
-        return object_file(function, PREFIX + entry.run.__name__)
+        module = exporting(function, PREFIX + entry.run.__name__)
+    return [emit(module, target) for target in targets]
 
 
 class _Copies:
@@ -239,29 +242,37 @@ def _pointer_intrinsic() -> Any:
     return intrinsic(pointer)
 
 
-def target_machine() -> TargetMachine:
+def target_machine(target: Target = HERE) -> TargetMachine:
     """The oldest processor of this kind: the same code, and the same bits, run on all of them."""
-    llvm.initialize_native_target()
-    llvm.initialize_native_asmprinter()
-    return llvm.Target.from_default_triple().create_target_machine(
-        cpu="generic", features="", opt=3, reloc="pic", codemodel="small", jit=False
-    )
+    llvm.initialize_all_targets()
+    llvm.initialize_all_asmprinters()
+    kind = llvm.Target.from_triple(target.triple) if target.triple else llvm.Target.from_default_triple()
+    reloc, model = ("static", "default") if target.is_wasm else ("pic", "small")
+    return kind.create_target_machine(cpu="generic", features="", opt=3, reloc=reloc, codemodel=model, jit=False)
 
 
-def object_file(function: Dispatcher, name: str) -> bytes:
-    """Machine code of a compiled function of one address, as a C function of that name.
-
-    Raises:
-        RuntimeError: it calls what is not there without numba.
-    """
-    process = ctypes.CDLL(None)  # what a process without numba finds; llvmlite would find numba's functions as well
-    machine = target_machine()
+def exporting(function: Dispatcher, name: str) -> ModuleRef:
+    """The module of a compiled function of one address, which is a C function of that name and all that others see."""
     module, inner = link(function)
     module.link_in(llvm.parse_assembly(_NOTHING_TO_FREE))
     module.link_in(llvm.parse_assembly(_C_FUNCTION.format(inner=inner, name=name, failed=FAILED)))
     for known in (*module.functions, *module.global_variables):
         if known.name != name and not known.is_declaration and not known.name.startswith("llvm."):
             known.linkage = "internal"
+    return module
+
+
+def emit(module: ModuleRef, target: Target = HERE) -> bytes:
+    """Machine code of a module: it stays as it is for another machine, and is optimised in place for this one.
+
+    Raises:
+        RuntimeError: it calls what is not there without numba.
+    """
+    process = ctypes.CDLL(None)  # what a process without numba finds; llvmlite would find numba's functions as well
+    machine = target_machine(target)
+    if target.triple:
+        module = llvm.parse_bitcode(module.as_bitcode())
+        module.triple, module.data_layout = target.triple, str(machine.target_data)
     optimise(module, machine)
     for called in module.functions:
         if called.is_declaration and not called.name.startswith("llvm.") and not hasattr(process, called.name):
@@ -269,13 +280,15 @@ def object_file(function: Dispatcher, name: str) -> bytes:
     return bytes(machine.emit_object(module))
 
 
-def main(name: str, file: str) -> None:
-    """Write the object file of the entry whose function has that name."""
+def main(name: str, *places: str) -> None:
+    """Write object files of the entry whose function has that name: for each target in turn, its name and a file."""
     # Most objects of a compiler live until it ends: looking for dead ones as often as usual takes a third of the time,
     # and not at all twice the memory.
     gc.set_threshold(200_000, 20, 100)
     (entry,) = (entry for entry in entries.ENTRIES if entry.run.__name__ == name)
-    Path(file).write_bytes(compile_entry(entry))
+    targets = [TARGETS.get(target, HERE) for target in places[::2]]
+    for file, code in zip(places[1::2], compile_entry(entry, targets), strict=True):
+        Path(file).write_bytes(code)
 
 
 if __name__ == "__main__":

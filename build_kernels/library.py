@@ -1,8 +1,8 @@
-"""`build`: the library of kernels beside `jacokin.kernels.library`, which loads it.
+"""`build`: the library of kernels beside `jacokin.kernels.library`, which loads it. `build_for`: other machines.
 
 Each kernel of `jacokin.kernels.entries` becomes an object file, in a process of its own. Object files are kept in the
 clone's ``build`` folder under a name that changes with all they depend on, so that only what was changed is compiled
-again. A C compiler links them: $CC, the system's, or the one in the package ``ziglang``.
+again. `linking` makes a library of them.
 """
 
 from __future__ import annotations
@@ -12,59 +12,52 @@ import contextlib
 import hashlib
 import importlib.metadata
 import importlib.util
-import json
 import os
 import platform
 import re
-import shlex
-import shutil
 import subprocess
 import sys
-import sysconfig
 import tempfile
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 
-import jacokin
-from build_kernels import c_library
+from build_kernels import c_library, linking
+from build_kernels.linking import BuildError
+from build_kernels.targets import HERE, TARGETS, Target
+from build_kernels.universal import universal
 from jacokin.kernels import library
 from jacokin.kernels.entries import ENTRIES, Entry
-from jacokin.kernels.library import PREFIX, About, ArrayLayout, flatten
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "jacokin"
 KEPT = ROOT / "build" / "kernels"
 TARGET = PACKAGE / "kernels" / library.PATH.name
+#: Where the libraries of other machines go, each in a folder with the machine's name.
+OTHERS = ROOT / "build" / "targets"
+#: Where those with all kernels go, for wheels.
+WHOLE = ROOT / "build" / "wheels"
+#: The kernels of the C library, which is what other machines get.
+C_ENTRIES = tuple(entry for entry in ENTRIES if entry.run.__name__ in c_library.KERNELS)
+#: Libraries for several machines at once, by name.
+UNIVERSAL = {"macos": ("aarch64-macos", "x86_64-macos")}
 #: What the machine code depends on, apart from the sources.
 COMPILERS = ("numba", "llvmlite", "numpy")
 #: [s] Object files of earlier builds are kept for a week after their last use.
 KEPT_UNUSED = 7 * 86400.0
 #: What all kernels take.
 DURATION = "All of them take 3 to 7 minutes of processor time, 2 to 4 minutes on two cores"
+DURATION_ELSEWHERE = "Those of the C library take 1 to 2 minutes of processor time for each machine, all twice as long"
 #: The terminal that a program was started from, whatever became of its output.
 TERMINAL = Path("/dev/tty")
 #: Kernels compiled at a time: each takes up to 0.6 GB of memory.
 JOBS = min(2, os.cpu_count() or 1)
-#: Old systems that zig links for: those of manylinux_2_17.
-ZIG = [sys.executable, "-m", "ziglang", "cc", "-target", f"{platform.machine()}-linux-gnu.2.17"]
-ZIG_REQUIREMENT = "ziglang==0.17.1"
-NO_LINKER = (
-    "the kernels need a C compiler to be linked: install one (`cc`), or the package "
-    f"`{ZIG_REQUIREMENT}`, or name one in $CC"
-)
-OLDEST_GLIBC = 17  # as in manylinux_2_17
 _IMPORT = re.compile(r"^from (jacokin\.kernels\.[\w.]+) import", re.MULTILINE)
-_SYMBOL_VERSION = re.compile(rb"GLIBC_2\.(\d+)")
-
-
-class BuildError(Exception):
-    """The library cannot be built; says what is missing."""
 
 
 def build(target: Path = TARGET, kept: Path = KEPT) -> Path:
-    """Make the library, and return where it is.
+    """Make the library of this machine, and return where it is.
 
     Args:
         target: the file to write.
@@ -73,29 +66,87 @@ def build(target: Path = TARGET, kept: Path = KEPT) -> Path:
     Raises:
         BuildError: a kernel does not compile, there is nothing to compile or link with, or a folder cannot be written.
     """
+    if not linking.linkers():
+        raise BuildError(linking.NO_LINKER)
+    _make([(HERE, target)], ENTRIES, kept)
+    return target
+
+
+def build_for(
+    names: Sequence[str], folder: Path = OTHERS, kept: Path = KEPT, *, entries: Sequence[Entry] = C_ENTRIES
+) -> list[Path]:
+    """Make libraries of other machines, and return where they are: ``folder/name/library``.
+
+    Args:
+        names: of `TARGETS` and `UNIVERSAL`.
+        folder: made where it is not there.
+        kept: as for `build`.
+        entries: the kernels in it; all of them for a wheel.
+
+    Raises:
+        BuildError: as `build`; an unknown name.
+    """
+    if unknown := [name for name in names if name not in (*TARGETS, *UNIVERSAL)]:
+        raise BuildError(f"unknown target {', '.join(unknown)}; known are {', '.join((*TARGETS, *UNIVERSAL))}")
+    if importlib.util.find_spec("ziglang") is None:
+        raise BuildError(linking.NO_ZIG)
+    parts = {part: TARGETS[part] for name in names for part in UNIVERSAL.get(name, (name,))}
+    places = {name: folder / name / target.library for name, target in parts.items()}
+    for place in places.values():
+        try:
+            place.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise BuildError(f"{place.parent}: {error.strerror}") from None
+    _make([(parts[name], place) for name, place in places.items()], entries, kept)
+    for name in names:
+        if several := UNIVERSAL.get(name):
+            places[name] = folder / name / places[several[0]].name
+            places[name].parent.mkdir(exist_ok=True)
+            places[name].write_bytes(universal([places[part].read_bytes() for part in several]))
+    return [places[name] for name in names]
+
+
+def _described(targets: Sequence[Target], entries: Sequence[Entry]) -> str:
+    """What is compiled, and how long that takes."""
+    if HERE in targets:
+        return f"{len(entries)} kernels. {DURATION}"
+    names = ", ".join(target.name for target in targets)
+    return f"{len(entries)} kernels for {names}. {DURATION_ELSEWHERE}"
+
+
+def _make(libraries: Sequence[tuple[Target, Path]], entries: Sequence[Entry], kept: Path) -> None:
+    """Compile what is missing, and link."""
     start = time.perf_counter()
-    if not linkers():
-        raise BuildError(NO_LINKER)
     try:
         kept.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=kept), tempfile.TemporaryFile(dir=target.parent):
-            pass
+        for folder in (kept, *(place.parent for _, place in libraries)):
+            with tempfile.TemporaryFile(dir=folder):
+                pass
     except OSError as error:
-        place = error.filename or kept
-        raise BuildError(f"{place}: {error.strerror}; build in a copy of the clone that can be written") from None
-    objects = {entry: kept / f"{entry.run.__name__}-{object_key(entry)}.o" for entry in ENTRIES}
-    missing = [entry for entry, file in objects.items() if not file.exists()]
+        where = error.filename or kept
+        raise BuildError(f"{where}: {error.strerror}; build in a copy of the clone that can be written") from None
+    objects = {target: {entry: object_of(entry, kept, target) for entry in entries} for target, _ in libraries}
+    _compile_missing(objects, entries, start)
+    for target, place in libraries:
+        linking.link([*objects[target].values(), *c_library.sources(target)], place, target, entries)
+        tell(f"{place}: built in {time.perf_counter() - start:.0f} s")
+    remove_unused(kept, [file for files in objects.values() for file in files.values()])
+
+
+def _compile_missing(objects: dict[Target, dict[Entry, Path]], entries: Sequence[Entry], start: float) -> None:
+    """Compile what is not kept from an earlier build: each kernel once, for all targets."""
+    missing: dict[Entry, dict[Target, Path]] = {}
+    for target, files in objects.items():
+        for entry, file in files.items():
+            if not file.exists():
+                missing.setdefault(entry, {})[target] = file
     if missing:
-        tell(f"jacokin: compiling {len(missing)} of {len(ENTRIES)} kernels. {DURATION}, with up to 1 GB of memory")
+        tell(f"jacokin: compiling {len(missing)} of {_described(list(objects), entries)}, with up to 1 GB of memory")
     with ThreadPoolExecutor(JOBS) as pool:
-        working = {pool.submit(compile_object, entry, objects[entry]): entry.run.__name__ for entry in missing}
+        working = {pool.submit(compile_objects, entry, files): entry.run.__name__ for entry, files in missing.items()}
         for done, each in enumerate(as_completed(working), start=1):
             each.result()
             tell(f"jacokin: {done} of {len(missing)}, {working[each]}, after {time.perf_counter() - start:.0f} s")
-    link([*objects.values(), *c_library.sources()], target)
-    remove_unused(kept, objects.values())
-    tell(f"{target}: built in {time.perf_counter() - start:.0f} s")
-    return target
 
 
 def remove_unused(kept: Path, used: Iterable[Path]) -> None:
@@ -108,10 +159,11 @@ def remove_unused(kept: Path, used: Iterable[Path]) -> None:
                 file.unlink()
 
 
-def build_or_exit() -> Path:
-    """Make the library, or end the program with one sentence."""
+def build_or_exit(names: Sequence[str] = (), *, whole: bool = False) -> list[Path]:
+    """Make the library of this machine, or those of others, with all kernels or for C, or end with one sentence."""
+    folder, entries = (WHOLE, ENTRIES) if whole else (OTHERS, C_ENTRIES)
     try:
-        return build()
+        return build_for(names, folder, entries=entries) if names else [build()]
     except BuildError as error:
         raise SystemExit(f"jacokin cannot be built: {error}") from None
 
@@ -124,18 +176,20 @@ def tell(text: str) -> None:
             terminal.write(f"\r{text}\n")
 
 
-def compile_object(entry: Entry, file: Path) -> None:
-    """Compile one kernel.
+def compile_objects(entry: Entry, files: dict[Target, Path]) -> None:
+    """Compile one kernel for several targets.
 
     Raises:
         BuildError: it does not compile.
     """
-    unfinished = file.with_suffix(f".{os.getpid()}")
-    command = [sys.executable, "-m", "build_kernels.compiling", entry.run.__name__, str(unfinished)]
+    unfinished = {target: file.with_suffix(f".{os.getpid()}") for target, file in files.items()}
+    places = [word for target, file in unfinished.items() for word in (target.name, str(file))]
+    command = [sys.executable, "-m", "build_kernels.compiling", entry.run.__name__, *places]
     done = subprocess.run(command, cwd=ROOT, env=compiler_environment(), check=False)
     if done.returncode != 0:
         raise BuildError(f"{entry.run.__name__} does not compile, see above")
-    unfinished.replace(file)
+    for target, file in files.items():
+        unfinished[target].replace(file)
 
 
 def compiler_environment() -> dict[str, str]:
@@ -144,7 +198,14 @@ def compiler_environment() -> dict[str, str]:
     return {**kept, "PYTHONPATH": os.pathsep.join(place for place in sys.path if place)}
 
 
-def object_key(entry: Entry) -> str:
+def object_of(entry: Entry, kept: Path, target: Target) -> Path:
+    """Where the object file of a kernel is kept."""
+    return kept / "-".join(
+        (entry.run.__name__, *([target.name] if target.name else []), f"{object_key(entry, target)}.o")
+    )
+
+
+def object_key(entry: Entry, target: Target = HERE) -> str:
     """A name that changes with everything the object file of a kernel depends on; comments may change.
 
     Raises:
@@ -157,7 +218,8 @@ def object_key(entry: Entry) -> str:
         versions = [importlib.metadata.version(package) for package in COMPILERS]
     except importlib.metadata.PackageNotFoundError as error:
         raise BuildError(f"compiling the kernels takes {error.name}: `pip install -e '.[kernels]'`") from None
-    digest.update(repr((versions, platform.python_version(), platform.system(), platform.machine())).encode())
+    machine = (platform.system(), platform.machine(), *([target.triple] if target.triple else []))
+    digest.update(repr((versions, platform.python_version(), *machine)).encode())
     return digest.hexdigest()[:16]
 
 
@@ -171,70 +233,3 @@ def sources_of(entry: Entry) -> list[Path]:
             found.add(file)
             ahead += _IMPORT.findall(file.read_text(encoding="utf-8"))
     return sorted(found)
-
-
-def link(objects: list[Path], target: Path) -> None:
-    """Link object files, and C files as they are, to a library that says what it is.
-
-    Raises:
-        BuildError: there is no C compiler, or none that links.
-    """
-    failures = []
-    for command in linkers():
-        with tempfile.TemporaryDirectory(dir=target.parent) as folder:
-            made = Path(folder) / target.name
-            try:
-                size = _link(command, objects, 0, made)
-                if _link(command, objects, size, made) != size:  # now it knows its size: a part of it is noticed
-                    raise BuildError(f"{shlex.join(command)} links differently each time")
-            except (OSError, subprocess.CalledProcessError) as error:
-                failures.append(getattr(error, "stderr", None) or str(error))
-                continue
-            made.replace(target)
-            return
-    raise BuildError(NO_LINKER + "".join(f"\n{failure.strip()}" for failure in failures))
-
-
-def linkers() -> list[list[str]]:
-    """The C compilers to try, in order; $CC alone where it is set.
-
-    Raises:
-        BuildError: $CC is not a command.
-    """
-    if chosen := os.environ.get("CC"):
-        try:
-            return [shlex.split(chosen)]
-        except ValueError as error:
-            raise BuildError(f'$CC is "{chosen}", which is no command: {error}') from None
-    system = shutil.which("cc")
-    found = [[system]] if system else []
-    return [*found, ZIG] if importlib.util.find_spec("ziglang") else found
-
-
-def _link(command: list[str], objects: list[Path], size: int, made: Path) -> int:
-    layouts = {entry.run.__name__: _layout(entry) for entry in ENTRIES}
-    text = json.dumps(About(jacokin.__version__, library.sources_key(), size, layouts).text())
-    source = made.with_name("about.c")
-    shown = f'extern const char {PREFIX}about[] __attribute__((visibility("default")));'
-    source.write_text(f"{shown}\nconst char {PREFIX}about[] = {text};\n", encoding="ascii")
-    name = [f"-Wl,-install_name,@rpath/{made.name}"] if sys.platform == "darwin" else ["-s", f"-Wl,-soname,{made.name}"]
-    if sys.platform == "linux":  # see jacokin/kernels/c/glibc.c
-        name += [f"-Wl,--wrap={function}" for function in c_library.WRAPPED]
-    c_library.write_header(made.parent)
-    words = [*command, *c_library.flags(made.parent), "-shared", "-fPIC", *name, "-o", str(made), str(source)]
-    words += [*map(str, objects), "-lm"]
-    subprocess.run(words, check=True, capture_output=True, text=True)
-    return made.stat().st_size
-
-
-def _layout(entry: Entry) -> tuple[ArrayLayout, ...]:
-    return tuple(ArrayLayout(array.dtype.name, array.shape) for array in flatten(entry.make_work()))
-
-
-def wheel_tag(contents: bytes) -> str:
-    """The tag of a wheel with such a library: it has no Python in it, and what it needs of the C library shows."""
-    if sys.platform == "linux":
-        newest = max(map(int, _SYMBOL_VERSION.findall(contents)), default=0)
-        base = f"manylinux_2_{OLDEST_GLIBC}" if newest <= OLDEST_GLIBC else "linux"
-        return f"py3-none-{base}_{platform.machine()}"
-    return "py3-none-" + re.sub(r"[-.]", "_", sysconfig.get_platform())

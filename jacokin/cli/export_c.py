@@ -28,6 +28,9 @@ if TYPE_CHECKING:
 @options.tip
 @options.package_dir
 @options.calibration
+@click.option(
+    "--target", type=click.Choice(["linux-aarch64", "macos", "windows", "wasm"]), help="Another machine; from a clone."
+)
 @click.option("--cflags", is_flag=True, help="Print what a compiler is told to use the installed library, and leave.")
 def export_c(
     robot: str,
@@ -39,15 +42,18 @@ def export_c(
     tip: str | None,
     package_dirs: Sequence[Path],
     calibration: Path | None,
+    target: str | None,
     cflags: bool,
 ) -> None:
     """Write what a C, C++ or Rust program needs to solve for a robot.
 
-    DIR gets the robot's numbers as NAME.jacokin, the headers in include, the library in lib, and a CMake package.
+    DIR gets the robot's numbers as NAME.jacokin, the headers in include, the library in lib, and a CMake package. With
+    --target the library is one for another machine, which a clone of the repository compiles.
 
     Examples:
       jacokin export-c j2n6s300 --output arm
       jacokin export-c j2s7s300 --tool 0 0 0.1 --limit joint_2=1,5 --output arm
+      jacokin export-c gen3 --target windows --output arm
       cc program.c $(jacokin export-c --cflags)
     """
     from jacokin.ik.c_library import compiler_flags
@@ -58,5 +64,5 @@ def export_c(
     if output is None:
         raise InvalidInputError("--output must be given: the folder to write to")
     arm = RobotOptions(robot, base, tip, package_dirs, limits, calibration=calibration).load()
-    file = ik.export_c(ik.IKSolver(arm, frame, tool=tool), output)
-    display.say(f"{arm.label}: {file}, with include, lib and a CMake package beside it")
+    file = ik.export_c(ik.IKSolver(arm, frame, tool=tool), output, target=target)
+    display.say(f"{arm.label}: {file}, with include and lib beside it")

@@ -9,12 +9,15 @@ from __future__ import annotations
 import shlex
 import shutil
 import struct
+import subprocess
+import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from jacokin import __version__
-from jacokin.errors import InvalidInputError
+from jacokin.errors import InvalidInputError, JacokinError
 from jacokin.files import replacing
 from jacokin.ik.solutions import curve_arm
 from jacokin.ik.solver import IKSolver
@@ -28,6 +31,15 @@ HEADERS = ("jacokin_ik.h", "jacokin_ik.hpp")
 ENDING = ".jacokin"
 #: The file begins with this; the version is that of its layout.
 MAGIC, VERSION = b"jacokin\0", 3
+#: Other machines that a clone compiles the library for: their names there, and what their library is called.
+TARGETS = {
+    "linux-aarch64": ("aarch64-linux", "libjacokin.so"),
+    "macos": ("macos", "libjacokin.dylib"),
+    "windows": ("x86_64-windows", "jacokin.dll"),
+    "wasm": ("wasm32", "jacokin.wasm"),
+}
+#: The clone that this file is in, unless it is part of an installed package.
+CLONE = Path(__file__).parents[2]
 #: Where CMake looks for a package, below the folder that it is told.
 CMAKE = Path("lib", "cmake", "jacokin_ik")
 
@@ -38,7 +50,7 @@ get_filename_component(_jacokin_root "${{CMAKE_CURRENT_LIST_DIR}}/../../.." ABSO
 if(NOT TARGET jacokin::ik)
   add_library(jacokin::ik SHARED IMPORTED)
   set_target_properties(jacokin::ik PROPERTIES
-    IMPORTED_LOCATION "${{_jacokin_root}}/lib/{library}"
+    IMPORTED_LOCATION "${{_jacokin_root}}/lib/{library}"{import_library}
     INTERFACE_INCLUDE_DIRECTORIES "${{_jacokin_root}}/include")
 endif()
 unset(_jacokin_root)
@@ -57,30 +69,31 @@ endif()
 """
 
 
-def export_c(solver: IKSolver, folder: str | Path) -> Path:
+def export_c(solver: IKSolver, folder: str | Path, *, target: str | None = None) -> Path:
     """Fill a folder with all that a C program needs to solve with the same numbers.
 
     Args:
         solver: a solver whose robot has a closed form, without a scene. The library does not look for contact.
         folder: made where it is not there; files of an earlier export are replaced.
+        target: another machine than this one: "linux-aarch64", "macos", "windows" or "wasm". Its library is compiled,
+            which only a clone can do, and takes a few minutes the first time.
 
     Returns:
         The solver's file: ``<robot>.jacokin``. Beside it are ``include``, ``lib`` and in it the CMake package.
 
     Raises:
-        InvalidInputError: no solver, or one that looks for contact or solves by the QP only; a file cannot be written.
+        InvalidInputError: no solver, or one that looks for contact or solves by the QP only; a file cannot be written;
+            an unknown target, or one that is asked of an installed package.
+        JacokinError: the library of the target cannot be compiled; says what is missing.
         StructureError: the robot has no closed form.
     """
     solver = checks.instance("solver", solver, IKSolver, "an IKSolver")
     folder = checks.path("folder", folder)
     contents = solver_file(solver)
-    versions = {"library": library.PATH.name, "version": __version__}
-    texts = {
-        CMAKE / "jacokin_ikConfig.cmake": _CONFIG.format(**versions),
-        CMAKE / "jacokin_ikConfigVersion.cmake": _CONFIG_VERSION.format(**versions),
-    }
+    libraries = [library.PATH] if target is None else _libraries_for(checks.choice("target", target, TARGETS))
+    texts = _cmake_package([file.name for file in libraries])
     copies = {
-        Path("lib", library.PATH.name): library.PATH,
+        **{Path("lib", file.name): file for file in libraries},
         **{Path("include", name): INCLUDE / name for name in HEADERS},
     }
     for place in (*texts, *copies):
@@ -94,10 +107,38 @@ def export_c(solver: IKSolver, folder: str | Path) -> Path:
     for place, source in copies.items():
         with replacing(folder / place) as path:
             shutil.copyfile(source, path)
-    target = folder / (Path(solver.robot.name).name + ENDING)
-    with replacing(target) as path:
+    file = folder / (Path(solver.robot.name).name + ENDING)
+    with replacing(file) as path:
         path.write_bytes(contents)
-    return target
+    return file
+
+
+def _cmake_package(libraries: Sequence[str]) -> dict[Path, str]:
+    """Its files; none for WebAssembly, which is not linked with C."""
+    shared = next((name for name in libraries if name.endswith((".so", ".dylib", ".dll"))), None)
+    if shared is None:
+        return {}
+    imports = [f'\n    IMPORTED_IMPLIB "${{_jacokin_root}}/lib/{name}"' for name in libraries if name.endswith(".lib")]
+    return {
+        CMAKE / "jacokin_ikConfig.cmake": _CONFIG.format(library=shared, import_library="".join(imports)),
+        CMAKE / "jacokin_ikConfigVersion.cmake": _CONFIG_VERSION.format(version=__version__),
+    }
+
+
+def _libraries_for(target: str) -> list[Path]:
+    """The library of another machine, and on Windows the one that linkers read, compiled by this clone."""
+    name, made = TARGETS[target]
+    if not (CLONE / "build_kernels").is_dir():
+        raise InvalidInputError(
+            f"target {target!r}: an installed package has the library of its own machine only; "
+            "export for others from a clone of the repository, whose compilers make them"
+        )
+    command = [sys.executable, "-m", "build_kernels", "--target", name]
+    done = subprocess.run(command, cwd=CLONE, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, check=False)
+    if done.returncode != 0:
+        raise JacokinError(f"target {target!r}: {done.stderr.strip() or 'the build was stopped'}")
+    folder = CLONE / "build" / "targets" / name
+    return [folder / made, *folder.glob("*.lib")]
 
 
 def compiler_flags() -> str:

@@ -40,7 +40,9 @@
 extern "C" {
 #endif
 
-#if defined(_WIN32)
+#if defined(_WIN32) && defined(JACOKIN_IK_EXPORTS)
+#define JACOKIN_IK_API __declspec(dllexport)
+#elif defined(_WIN32)
 #define JACOKIN_IK_API
 #else
 #define JACOKIN_IK_API __attribute__((visibility("default")))
@@ -129,7 +131,8 @@ JACOKIN_IK_API const char *jacokin_ik_status_text(int status);
 /* --- Making a solver ------------------------------------------------------------------------------------------- */
 
 /* Make a solver from a file that `jacokin export-c` wrote. *solver is null on anything but JACOKIN_IK_OK.
- * JACOKIN_IK_NO_FILE, _DAMAGED_FILE, _OTHER_VERSION, _NO_MEMORY, _BAD_ARGUMENT. */
+ * JACOKIN_IK_NO_FILE, _DAMAGED_FILE, _OTHER_VERSION, _NO_MEMORY, _BAD_ARGUMENT. WebAssembly has no files, and only the
+ * next function. */
 JACOKIN_IK_API int jacokin_ik_load(const char *path, jacokin_ik_solver **solver);
 
 /* The same from the contents of such a file, of any alignment; they are copied. */

@@ -6,14 +6,15 @@ import numba
 import numpy as np
 import pytest
 
-from build_kernels.compiling import link, object_file, translating_only
+from build_kernels.compiling import emit, exporting, link, translating_only
+from build_kernels.targets import TARGETS
 
 
 def test_code_that_needs_numba_at_run_time_is_refused() -> None:
     function = numba.njit(lambda n: np.empty(n).sum())
     function.compile((numba.types.intp,))
     with pytest.raises(RuntimeError, match="exists within numba only"):
-        object_file(function, "jacokin_sum")
+        emit(exporting(function, "jacokin_sum"))
 
 
 def test_an_object_file_has_one_name_for_others() -> None:
@@ -21,9 +22,33 @@ def test_an_object_file_has_one_name_for_others() -> None:
         inner = numba.njit(lambda x: x + 1)
         outer = numba.njit(lambda x: 2 * inner(x))
         outer.compile((numba.types.intp,))
-        code = object_file(outer, "jacokin_twice")
+        module = exporting(outer, "jacokin_twice")
+        code = emit(module)
     assert b"jacokin_twice" in code
     assert b"NumbaEnv" not in code
+
+
+@pytest.mark.parametrize(
+    ("name", "begin"),
+    {
+        "aarch64-linux": b"\x7fELF\2\1\1\0\0\0\0\0\0\0\0\0\1\0\xb7\0",
+        "x86_64-linux": b"\x7fELF\2\1\1\0\0\0\0\0\0\0\0\0\1\0\x3e\0",
+        "x86_64-windows": b"\x64\x86",
+        "aarch64-macos": b"\xcf\xfa\xed\xfe\x0c\0\0\1",
+        "x86_64-macos": b"\xcf\xfa\xed\xfe\x07\0\0\1",
+        "wasm32": b"\0asm\1\0\0\0",
+    }.items(),
+)
+def test_one_module_is_emitted_for_every_machine(name: str, begin: bytes) -> None:
+    with translating_only():
+        function = numba.njit(lambda address: 2 * address)
+        function.compile((numba.types.intp,))
+        module = exporting(function, "jacokin_twice")
+        before = str(module)
+        code = emit(module, TARGETS[name])
+    assert code.startswith(begin)
+    assert b"jacokin_twice" in code
+    assert str(module) == before
 
 
 def test_numba_works_as_before_once_functions_were_only_translated() -> None:

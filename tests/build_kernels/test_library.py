@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import ast
+import dataclasses
 import importlib.metadata
 import importlib.util
 import os
 import platform
+import re
 import shutil
 import subprocess
 import sys
@@ -17,8 +19,10 @@ from pathlib import Path
 
 import pytest
 
+from build_kernels import c_library, linking
 from build_kernels import library as build
-from build_kernels.library import BuildError
+from build_kernels.linking import BuildError
+from build_kernels.targets import HERE, TARGETS
 from jacokin.kernels import library
 from jacokin.kernels.entries import ENTRIES
 from jacokin.kernels.solution_set.run import solve_set
@@ -48,37 +52,63 @@ def test_an_object_file_is_kept_until_its_kernel_changes(monkeypatch: pytest.Mon
     assert build.object_key(curves) != before[1]
     monkeypatch.setattr(ast, "parse", lambda source: parse(f"# a comment\n{source}"))
     assert build.object_key(speeds) == before[0]
+    assert len({build.object_key(speeds, target) for target in (HERE, *TARGETS.values())}) == 1 + len(TARGETS)
     monkeypatch.setattr(platform, "machine", lambda: "other")
     assert build.object_key(speeds) != before[0]
 
 
+def test_another_machine_gets_the_kernels_that_the_c_files_call() -> None:
+    text = (build.PACKAGE / "kernels" / "c" / "common.h").read_text(encoding="utf-8")
+    called = set(re.findall(r"^int64_t jacokin_(\w+)\(entry \*table\);", text, re.MULTILINE))
+    assert called == set(c_library.KERNELS)
+    assert [entry.run.__name__ for entry in build.C_ENTRIES] == list(c_library.KERNELS)
+
+
+def test_what_stops_a_build_for_another_machine_is_one_sentence(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    with pytest.raises(BuildError, match=r"^unknown target amiga, vax; known are aarch64-linux, .*wasm32, macos$"):
+        build.build_for(["wasm32", "amiga", "vax"])
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(
+        BuildError, match=r"^linking for another machine takes ziglang==.*: `pip install -e '\.\[kernels,targets\]'`$"
+    ):
+        build.build_for(["wasm32"])
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: name)
+    (tmp_path / "file").touch()
+    with pytest.raises(BuildError, match=r"file.*: Not a directory$"):
+        build.build_for(["wasm32"], tmp_path / "file")
+
+
 def test_a_c_compiler_is_looked_for(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("CC", "clang -m64")
-    assert build.linkers() == [["clang", "-m64"]]
+    assert linking.linkers() == [["clang", "-m64"]]
     monkeypatch.delenv("CC")
     monkeypatch.setattr(shutil, "which", lambda name: f"/usr/bin/{name}")
-    assert build.linkers()[0] == ["/usr/bin/cc"]
+    assert linking.linkers()[0] == ["/usr/bin/cc"]
     monkeypatch.setattr(shutil, "which", lambda name: None)
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    assert build.linkers() == []
+    assert linking.linkers() == []
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: name)
-    assert build.linkers() == [build.ZIG]
+    assert linking.linkers() == [linking.ZIG]
 
 
 def test_without_a_linker_there_is_one_sentence(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(build, "linkers", list)
+    monkeypatch.setattr(linking, "linkers", lambda target: [])
     with pytest.raises(BuildError, match=r"^the kernels need a C compiler to be linked: install one .*ziglang.*\$CC$"):
-        build.link([], tmp_path / "libjacokin.so")
+        linking.link([], tmp_path / "libjacokin.so")
     monkeypatch.setattr(
-        build, "linkers", lambda: [["no-such-compiler"], [sys.executable, "-P", "-c", "raise SystemExit('broken')"]]
+        linking,
+        "linkers",
+        lambda target: [["no-such-compiler"], [sys.executable, "-P", "-c", "raise SystemExit('broken')"]],
     )
     with pytest.raises(BuildError, match=r"need a C compiler(.|\n)*no-such-compiler(.|\n)*broken"):
-        build.link([], tmp_path / "libjacokin.so")
+        linking.link([], tmp_path / "libjacokin.so")
     assert list(tmp_path.iterdir()) == []
 
 
 def test_what_stops_a_build_is_one_sentence(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(build, "linkers", lambda: [["cc"]])
+    monkeypatch.setattr(linking, "linkers", lambda: [["cc"]])
     (tmp_path / "file").touch()
     with pytest.raises(BuildError, match=r"file.*: Not a directory; build in a copy of the clone that can be written$"):
         build.build(kept=tmp_path / "file" / "kernels")
@@ -133,7 +163,7 @@ def test_a_linked_library_knows_its_size(tmp_path: Path) -> None:
     source, object_file, made = tmp_path / "kernel.c", tmp_path / "kernel.o", tmp_path / "libjacokin.so"
     source.write_text("long long jacokin_solve_targets(const long long *table) { return table[0]; }\n")
     subprocess.run(["cc", "-c", "-fPIC", "-o", object_file, source], check=True)
-    build.link([object_file], made)
+    linking.link([object_file], made)
     said = library.about(made.read_bytes())
     assert said is not None
     assert said.size == made.stat().st_size
@@ -141,13 +171,15 @@ def test_a_linked_library_knows_its_size(tmp_path: Path) -> None:
 
 
 def test_the_wheel_is_named_for_what_it_needs(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sys, "platform", "linux")
     monkeypatch.setattr(platform, "machine", lambda: "x86_64")
-    assert build.wheel_tag(b"\0GLIBC_2.2.5\0GLIBC_2.17\0") == "py3-none-manylinux_2_17_x86_64"
-    assert build.wheel_tag(b"\0GLIBC_2.2.5\0GLIBC_2.35\0") == "py3-none-linux_x86_64"
-    monkeypatch.setattr(sys, "platform", "darwin")
+    linux, macos = (dataclasses.replace(HERE, system=system) for system in ("linux", "darwin"))
+    assert linking.wheel_tag(b"\0GLIBC_2.2.5\0GLIBC_2.17\0", linux) == "py3-none-manylinux_2_17_x86_64"
+    assert linking.wheel_tag(b"\0GLIBC_2.2.5\0GLIBC_2.35\0", linux) == "py3-none-linux_x86_64"
+    assert linking.wheel_tag(b"\0GLIBC_2.17\0", TARGETS["aarch64-linux"]) == "py3-none-manylinux_2_17_aarch64"
+    assert linking.wheel_tag(b"", TARGETS["aarch64-macos"]) == "py3-none-macosx_11_0_arm64"
+    assert linking.wheel_tag(b"", TARGETS["x86_64-macos"]) == "py3-none-macosx_11_0_x86_64"
     monkeypatch.setattr(sysconfig, "get_platform", lambda: "macosx-14.0-arm64")
-    assert build.wheel_tag(b"") == "py3-none-macosx_14_0_arm64"
+    assert linking.wheel_tag(b"", macos) == "py3-none-macosx_14_0_arm64"
 
 
 def test_the_compilers_are_the_same_everywhere() -> None:

@@ -12,7 +12,7 @@ import pytest
 
 import jacokin
 from build_kernels import c_library
-from build_kernels.library import OLDEST_GLIBC
+from build_kernels.linking import OLDEST_GLIBC
 from jacokin.ik import IKSolver, export_c
 from jacokin.ik.c_library import INCLUDE
 from jacokin.kernels import library

@@ -252,6 +252,7 @@ int jacokin_ik_read(const void *contents, size_t size, jacokin_ik_solver **solve
     return status;
 }
 
+#ifndef __wasm__ /* which has no files */
 int jacokin_ik_load(const char *path, jacokin_ik_solver **solver) {
     if (solver == NULL) return JACOKIN_IK_BAD_ARGUMENT;
     *solver = NULL;
@@ -268,6 +269,7 @@ int jacokin_ik_load(const char *path, jacokin_ik_solver **solver) {
     fclose(file);
     return status;
 }
+#endif
 
 void jacokin_ik_free(jacokin_ik_solver *solver) {
     if (solver == NULL) return;

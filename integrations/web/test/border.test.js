@@ -1,0 +1,120 @@
+/** What is refused, and what a page may do with the module: no Python has to be there. */
+
+import assert from "node:assert/strict";
+import { mkdtemp, readFile, rm, writeFile } from "node:fs/promises";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
+import { test } from "node:test";
+import { pathToFileURL } from "node:url";
+
+import { JacokinError, Solver, load, names } from "../jacokin.js";
+
+const refused = (call, words) =>
+  assert.throws(call, (error) => error instanceof JacokinError && words.test(error.message));
+const rejected = (promise, words) =>
+  assert.rejects(promise, (error) => error instanceof JacokinError && words.test(error.message));
+
+test("every bundled arm solves the pose of its home", async () => {
+  assert.ok(names.length >= 11);
+  for (const name of names) {
+    const solver = await load(name);
+    assert.equal(solver.robot, name);
+    assert.equal(solver.jointNames.length, solver.dof);
+    const { q, status } = solver.nearest(solver.fk(solver.home));
+    assert.equal(status, "ok", name);
+    assert.ok(q.every((angle, j) => Math.abs(angle - solver.home[j]) < 1e-6), name);
+  }
+});
+
+test("wrong arguments are errors that name them", async () => {
+  const six = await load("j2n6s300");
+  const seven = await load("j2s7s300");
+  const pose = six.fk(six.home);
+  await rejected(load("j2n7"), /no arm "j2n7": known are j2n6s300, .*export-c/);
+  await rejected(load(7), /no arm 7/);
+  await rejected(load(new Uint8Array(40)), /damaged/);
+  await rejected(load(new URL("none.jacokin", import.meta.url)), /none.jacokin cannot be read/);
+  await rejected(load("gen3", { wasm: new Uint8Array(40) }), /wasm: this is not/);
+  refused(() => new Solver(), /made by `await load/);
+  refused(() => six.fk([1, 2, 3]), /q must be 6 numbers, not 3/);
+  refused(() => six.fk(undefined), /q must be 6 numbers, not undefined/);
+  refused(() => six.fk("123456"), /q must be 6 numbers/);
+  refused(() => six.fk([0, 0, 0, 0, 0, NaN]), /number 5 is NaN/);
+  refused(() => six.fk([0, 0, 0, 0, 0, "1"]), /number 5 is 1/);
+  refused(() => six.all(pose.slice(1)), /pose must be 16 numbers/);
+  refused(() => six.all(pose.map((x) => 2 * x)), /not a rotation/);
+  refused(() => six.all(pose, [1]), /seed must be 6 numbers/);
+  refused(() => seven.all(seven.fk(seven.home)), /use intervals/);
+  refused(() => six.intervals(pose), /use all\(\), or give an axis/);
+  refused(() => seven.intervals(seven.fk(seven.home), { axis: [0, 0, 1] }), /for six joints/);
+  refused(() => six.intervals(pose, { axis: [0, 0, 0] }), /axis must not be 0/);
+  refused(() => six.intervals(pose, { axis: [0, 0] }), /axis must be 3 numbers/);
+  refused(() => six.intervals(pose, { axis: [0, 0, 1], range: [1, 0] }), /range must rise/);
+  refused(() => six.batch([...pose, 1]), /rows of 16/);
+  refused(() => six.batch([pose, pose], [six.home]), /1 for 2 poses/);
+  refused(() => six.batch([pose, pose.map((x) => 2 * x)]), /pose 1: /);
+  assert.equal(six.nearest(pose).status, "ok", "it works on after errors");
+});
+
+test("what cannot be reached is a status, with advice", async () => {
+  const solver = await load();
+  const far = [1, 0, 0, 5, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1];
+  const answer = solver.nearest(far);
+  assert.deepEqual([answer.status, answer.q], ["unreachable", null]);
+  assert.match(answer.message, /closer to the arm/);
+  assert.deepEqual([...solver.all(far)], []);
+  assert.equal(solver.all(far).status, "unreachable");
+  assert.deepEqual(solver.batch([far]).status, ["unreachable"]);
+  assert.deepEqual(solver.batch([]).status, []);
+});
+
+test("answers are copies: later calls leave them alone", async () => {
+  const solver = await load();
+  const first = solver.nearest(solver.fk(solver.home)).q;
+  const kept = first.slice();
+  solver.nearest(solver.fk(solver.home.map((angle) => angle + 0.1)));
+  assert.deepEqual(first, kept);
+});
+
+test("numbers of single precision are taken", async () => {
+  const solver = await load();
+  const pose = Float32Array.from(solver.fk(solver.home));
+  assert.equal(solver.nearest(pose, Float32Array.from(solver.home)).status, "ok");
+});
+
+test("the points of an interval outlive other calls", async () => {
+  const solver = await load("j2n6s300");
+  const about = { axis: [1, 0, 0], range: [-0.5, 0.5] };
+  const [interval] = solver.intervals(solver.fk(solver.home), about);
+  const middle = 0.5 * (interval.start + interval.stop);
+  const before = interval.at(middle);
+  about.range[0] = 0.4; // it was copied
+  solver.intervals(solver.fk(solver.home.map((angle) => angle + 0.2)), about);
+  assert.deepEqual(interval.at(middle), before);
+  refused(() => interval.at(1.5), /is not from/);
+  refused(() => interval.at(NaN), /finite/);
+});
+
+test("a page may bring the WebAssembly itself", async () => {
+  const bytes = await readFile(new URL("../jacokin.wasm", import.meta.url));
+  const module = await WebAssembly.compile(bytes);
+  assert.deepEqual(WebAssembly.Module.imports(module), []);
+  for (const wasm of [bytes, module, new URL("../jacokin.wasm", import.meta.url)]) {
+    const solver = await load("gen3_lite", { wasm });
+    assert.equal(solver.nearest(solver.fk(solver.home)).status, "ok");
+  }
+});
+
+test("the example in the README runs", async () => {
+  const readme = await readFile(new URL("../README.md", import.meta.url), "utf8");
+  const blocks = [...readme.matchAll(/```js\n(.*?)```/gs)].map((found) => found[1]);
+  const folder = await mkdtemp(join(tmpdir(), "jacokin-"));
+  try {
+    assert.ok(blocks.length > 1);
+    const file = join(folder, "example.mjs");
+    await writeFile(file, blocks.join("\n").replace('"jacokin"', JSON.stringify(new URL("../jacokin.js", import.meta.url))));
+    await import(pathToFileURL(file));
+  } finally {
+    await rm(folder, { recursive: true });
+  }
+});
