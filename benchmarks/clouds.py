@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -60,8 +61,8 @@ def measured(robot: Robot, scene: Scene, others: Scene) -> list[str]:
     free = rows[~(scene.contact(robot).touches_at(rows) | others.contact(robot).touches_at(rows))]
     contact, solver = scene.contact(robot), IKSolver(robot, scene=scene)
     ends = list(pairwise(free[: MOTIONS + 1]))
-    motions = [median(lambda a=a, b=b: contact.in_the_way(a, b), 3) for a, b in ends]  # type: ignore[misc]
-    plans = [median(lambda a=a, b=b: plan_motion(solver, a, b), 1) for a, b in ends]  # type: ignore[misc]
+    motions = [median(partial(contact.in_the_way, a, b), 3) for a, b in ends]
+    plans = [median(partial(plan_motion, solver, a, b), 1) for a, b in ends]
     return [
         seconds(median(lambda: solver.in_scene(Scene(scene.obstacles)))),
         seconds(median(lambda: contact.touches_at(free)) / len(free)),
@@ -96,7 +97,7 @@ def main() -> None:
     for name in ROBOTS:
         robot = jacokin.load_robot(name)
         points = robot.without_own_points(robot.home, seen, margin=MARGIN)
-        taken = seconds(median(lambda r=robot: r.without_own_points(r.home, seen, margin=MARGIN)))  # type: ignore[misc]
+        taken = seconds(median(partial(robot.without_own_points, robot.home, seen, margin=MARGIN)))
         print(f"{name}: without_own_points leaves {len(points):,} points, in {taken}\n")
         cloud, boxes = Scene([PointCloud("seen", points, RADIUS)]), Scene(FURNITURE)
         rows = [["points", *measured(robot, cloud, boxes)], ["boxes", *measured(robot, boxes, cloud)]]

@@ -27,7 +27,7 @@ from jacokin.model.descriptions.shapes import mesh_scale
 from jacokin.model.mujoco_twin import PART, tested_pairs, with_shapes
 
 ROWS = 2000  # random configurations
-LIMITS = {"velocity_limit": 1.0, "acceleration_limit": 3.0}  # [rad/s], [rad/s^2]
+VELOCITY, ACCELERATION = 1.0, 3.0  # [rad/s], [rad/s^2]
 
 
 class Triangles:
@@ -123,7 +123,9 @@ def costs(robot: Robot) -> str:
         "in_scene of 10": lambda: solver.in_scene(Scene(boxes[:10])),
         "in_scene of 1,000": lambda: solver.in_scene(Scene(boxes)),
         "Tracker": lambda: Tracker(robot, dt=0.01, collision="reject", velocity_limit=1.0),
-        "first plan": lambda: plan_motion(IKSolver(robot), robot.home, goal, **LIMITS),  # type: ignore[arg-type]
+        "first plan": lambda: plan_motion(
+            IKSolver(robot), robot.home, goal, velocity_limit=VELOCITY, acceleration_limit=ACCELERATION
+        ),
     }
     found = []
     for name, ask in asked.items():

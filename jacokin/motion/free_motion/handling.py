@@ -19,6 +19,7 @@ AHEAD = 40  # lines among which the free motion chooses where it leads
 LONGEST = 1.0  # [rad] no joint moves farther along a straight line
 LINES = 5  # straight lines that are tried
 FINDING = 0.6  # of the time is for finding configurations at an object, at most
+LEAST_TIME = 0.1  # [s] for each straight line, whatever time is left
 UP = np.array([0.0, 0.0, 1.0])
 CLOSED = 6400.0  # what Kinova's driver counts for a closed finger, 0 for an open one; about (kinova-ros, README)
 

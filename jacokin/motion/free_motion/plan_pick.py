@@ -26,6 +26,7 @@ from jacokin.model.scene import Scene
 from jacokin.motion.free_motion.handling import (
     AHEAD,
     FINDING,
+    LEAST_TIME,
     LINES,
     UP,
     ahead_of,
@@ -42,7 +43,6 @@ from jacokin.motion.trajectory import MotionStatus, Trajectory
 
 EACH = "each is out of reach, in contact, or the line to it leaves its branch"
 LOOKED_AT = 5  # every so many rows of the line at which the open hand must not touch the object
-LEAST_TIME = 0.1  # [s] for the straight line and for the lift, whatever time is left
 TO_THE_GRASP = "straight to the grasp"
 
 

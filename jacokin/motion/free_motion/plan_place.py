@@ -30,6 +30,7 @@ from jacokin.model.scene import Scene, checked_scene
 from jacokin.motion.free_motion.handling import (
     AHEAD,
     FINDING,
+    LEAST_TIME,
     LINES,
     UP,
     ahead_of,
@@ -48,7 +49,6 @@ from jacokin.motion.trajectory import MotionStatus, Trajectory
 TURNED = float(np.radians(15.0))  # between angles about a free axis that are tried on six and seven joints
 FINGERS = 4  # openings between shut and open at which the fingers are looked at
 HALVINGS = 6  # of what is between open and shut, to where the fingers hold the object: to 1 or 2 mm
-LEAST_TIME = 0.1  # [s] for each straight line, whatever time is left
 LATE = "the time was over before the object was put down"
 DOWN = "straight down to the place"
 NAMED = 2  # pairs in a sentence
