@@ -11,6 +11,13 @@ from typing import Any, NamedTuple
 from jacokin.kernels.clear_targets import make_clear_work, solve_clear_targets
 from jacokin.kernels.closed_form.batch import make_target_work, solve_targets
 from jacokin.kernels.closest import find_closest, make_closest_work
+from jacokin.kernels.configurations.dynamics import (
+    find_mass_matrices,
+    find_torques,
+    make_mass_work,
+    make_torque_work,
+)
+from jacokin.kernels.configurations.kinematics import make_frame_work, place_frames
 from jacokin.kernels.contact.cloud_tree import build_cloud, make_cloud_tree
 from jacokin.kernels.contact.near_points import find_near_points, make_near_work
 from jacokin.kernels.contact.run import make_contact_work, run_contact
@@ -43,4 +50,7 @@ ENTRIES = (
     Entry(solve_set, make_set_work),
     Entry(find_point, make_point_work),
     Entry(find_nearest, make_nearest_work),
+    Entry(place_frames, make_frame_work),
+    Entry(find_torques, make_torque_work),
+    Entry(find_mass_matrices, make_mass_work),
 )
