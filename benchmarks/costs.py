@@ -24,6 +24,7 @@ QP_TARGETS = 150
 LOOP_ITERATIONS = 60  # of the bare loop from one start
 LOOP_TOLERANCE = 1e-8  # [m] and [rad]; the loop stops where jacokin's does
 CALLS = 2000  # in a timed block
+ROWS = 100_000  # configurations in one array
 BLOCKS = 15
 BATCH = 20_000  # poses
 BATCHES = 3
@@ -99,21 +100,66 @@ def wrappers(robot: Robot) -> list[tuple[str, float, float]]:
     def bare_jacobian() -> None:
         pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)
 
+    def bare_torque() -> None:
+        pin.rnea(model, data, q, q, q)
+
+    def bare_mass_matrix() -> None:
+        pin.crba(model, data, q)
+
     return [
         ("`robot.forward_kinematics`", *_in_turns(lambda: robot.forward_kinematics(q), bare_forward)),
         ("`robot.jacobian`", *_in_turns(lambda: robot.jacobian(q), bare_jacobian)),
+        ("`robot.inverse_dynamics`", *_in_turns(lambda: robot.inverse_dynamics(q, q, q), bare_torque)),
+        ("`robot.mass_matrix`", *_in_turns(lambda: robot.mass_matrix(q), bare_mass_matrix)),
     ]
 
 
-def _in_turns(first: Callable[[], object], second: Callable[[], object]) -> tuple[float, float]:
+def rows_at_once(robot: Robot) -> list[tuple[str, float, float]]:
+    """Name, seconds for one of many configurations in an array, seconds of the bare Pinocchio call for one."""
+    model, data, frame = robot.pin_model, robot.pin_model.createData(), robot.frame_id()
+    q = robot.sample(np.random.default_rng(6), ROWS)
+    v, a = np.random.default_rng(7).normal(size=(2, *q.shape))
+    few = range(0, ROWS, ROWS // CALLS)
+
+    def forward_loop() -> None:
+        for i in few:
+            pin.forwardKinematics(model, data, q[i])
+            pin.updateFramePlacement(model, data, frame)
+
+    def jacobian_loop() -> None:
+        for i in few:
+            pin.computeFrameJacobian(model, data, q[i], frame, pin.LOCAL_WORLD_ALIGNED)
+
+    def torque_loop() -> None:
+        for i in few:
+            pin.rnea(model, data, q[i], v[i], a[i])
+
+    def mass_loop() -> None:
+        for i in few:
+            pin.crba(model, data, q[i])
+
+    calls: dict[str, tuple[Callable[[], object], Callable[[], object]]] = {
+        "`robot.forward_kinematics`": (lambda: robot.forward_kinematics(q), forward_loop),
+        "`robot.jacobian`": (lambda: robot.jacobian(q), jacobian_loop),
+        "`robot.inverse_dynamics`": (lambda: robot.inverse_dynamics(q, v, a), torque_loop),
+        "`robot.mass_matrix`": (lambda: robot.mass_matrix(q), mass_loop),
+    }
+    rows = []
+    for name, (ours, bare) in calls.items():
+        best = _in_turns(ours, bare, calls=1)
+        rows.append((name, best[0] / ROWS, best[1] / len(few)))
+    return rows
+
+
+def _in_turns(first: Callable[[], object], second: Callable[[], object], calls: int = CALLS) -> tuple[float, float]:
     """Seconds of one call of each: the best of blocks in turns, as noise only ever adds."""
     best = [np.inf, np.inf]
     for _ in range(BLOCKS):
         for index, call in enumerate((first, second)):
             begin = time.perf_counter()
-            for _ in range(CALLS):
+            for _ in range(calls):
                 call()
-            best[index] = min(best[index], (time.perf_counter() - begin) / CALLS)
+            best[index] = min(best[index], (time.perf_counter() - begin) / calls)
     return best[0], best[1]
 
 
@@ -198,11 +244,17 @@ def section(robot: Robot) -> report.Section:
     ours, bare = qp_iteration(robot)
     rows = [("one QP iteration, beside a bare mink loop", ours, bare), *wrappers(robot)]
     calls = [(name, report.seconds(a), report.seconds(b), report.seconds(a - b), f"{a / b:.2f}") for name, a, b in rows]
+    many = [
+        (name, report.seconds(a), report.seconds(b), f"{b / a:.1f}", f"{1.0 / a:,.0f}")
+        for name, a, b in rows_at_once(robot)
+    ]
     solves = [(name, report.seconds(each), report.seconds(more)) for name, each, more in solve_parts(robot)]
     rates = [(f"{workers}", f'"{collision}"', f"{rate:,.0f}") for workers, collision, rate in batch(robot)]
     starts = [(f"`{title}`", report.seconds(value)) for title, value in cold_starts()]
     parts = [
         report.table(("call", "jacokin", "bare", "difference", "ratio"), calls),
+        f"{ROWS:,} configurations in one array, each:",
+        report.table(("call", "jacokin", "bare call for one", "ratio", "a second"), many),
         "What a solve is made of, on random poses:",
         report.table(("call", "jacokin", "more than the line above"), solves),
         f"`solve_batch` on {BATCH:,} random poses, one result for each:",

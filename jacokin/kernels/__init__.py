@@ -8,6 +8,7 @@ solution_set                         sets of solutions with one parameter
 contact                              contact, distances and certain motions of an arm among obstacles
 free_motion                          ways around what blocks a straight joint motion
 clear_targets                        many targets, each answered by the nearest branch clear of contact
+configurations                       poses, Jacobians, torques and mass matrices of many configurations
 closest                              what comes closest to a target that is not reached
 rung_links                           which solutions of neighbouring places of a path follow each other
 speeds                               the least time along a path

@@ -9,7 +9,8 @@ measured_arm            how far one arm is from its description, and the file th
 written_descriptions    the URDF or MJCF of a calibrated arm
 joint_names             the joints of an arm among the names of ROS
 poses, angles, checks   building and checking poses, full turns, checks of arguments
-many_configurations     kinematics of many configurations at once
+batches                 kinematics and dynamics of many configurations at once, by kernels
+many_configurations     Newton's method on many configurations at once
 mujoco_twin             the same arm in MuJoCo
 obstacles, scene        shapes around the arm, one by one, from a file or from a MuJoCo model; shapes that it holds
 point_cloud             points as an obstacle, as cameras see them; their files (point_files)

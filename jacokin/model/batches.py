@@ -12,6 +12,7 @@ import pinocchio as pin
 from jacokin.arrays import Array
 from jacokin.kernels.configurations import dynamics, kinematics
 from jacokin.kernels.configurations.arm import LANES, PLACE, Arm, Block
+from jacokin.kernels.configurations.dynamics import Bodies
 from jacokin.kernels.library import Call
 
 REFERENCES = {
@@ -21,15 +22,14 @@ REFERENCES = {
 }
 
 
-def arm_of(model: pin.Model, frame_id: int) -> Arm:
-    """The joints of a model up to a frame, in axes of their own whose z the joints turn about or slide along."""
+def arm_of(model: pin.Model, frame_id: int, tool: pin.SE3 | None = None) -> Arm:
+    """The joints of a model up to a frame, and a tool after it; z is the axis that a joint turns about or slides along."""
     frame = model.frames[frame_id]
     joints = int(frame.parentJoint)
     T_joint_own = _own_axes(model)
-    placements = [
-        T_joint_own[j].inverse() * model.jointPlacements[j + 1] * T_joint_own[j + 1] for j in range(joints)
-    ]
-    placements.append(T_joint_own[joints].inverse() * frame.placement)
+    placements = [T_joint_own[j].inverse() * model.jointPlacements[j + 1] * T_joint_own[j + 1] for j in range(joints)]
+    tip = frame.placement if tool is None else frame.placement * tool
+    placements.append(T_joint_own[joints].inverse() * tip)
     sliding = ["JointModelP" in model.joints[j + 1].shortname() for j in range(joints)]
     return Arm(
         np.array([T.homogeneous[:3] for T in placements]),
@@ -38,11 +38,11 @@ def arm_of(model: pin.Model, frame_id: int) -> Arm:
     )
 
 
-def bodies_of(model: pin.Model) -> dynamics.Bodies:
+def bodies_of(model: pin.Model) -> Bodies:
     """What the joints of a model move, in the axes of `arm_of`."""
     own = _own_axes(model)
     rows = [own[j].inverse().act(model.inertias[j]).toDynamicParameters() for j in range(1, model.njoints)]
-    return dynamics.Bodies(np.array(rows).reshape(model.nv, 10), np.array(model.armature, dtype=np.float64))
+    return Bodies(np.array(rows).reshape(model.nv, 10), np.array(model.armature, dtype=np.float64))
 
 
 def _own_axes(model: pin.Model) -> list[pin.SE3]:
@@ -87,7 +87,7 @@ def _frames(arm: Arm, q: Array, reference: int, written: Array) -> Array:
     return T
 
 
-def torques(arm: Arm, bodies: dynamics.Bodies, q: Array, v: Array, a: Array, gravity: Array) -> Array:
+def torques(arm: Arm, bodies: Bodies, q: Array, v: Array, a: Array, gravity: Array) -> Array:
     """Joint torques (n, dof) of motions (n, dof), under a gravity (3,) in the base [m/s^2]."""
     written = np.empty(q.shape)
     work = dynamics.TorqueWork(
@@ -107,7 +107,7 @@ def torques(arm: Arm, bodies: dynamics.Bodies, q: Array, v: Array, a: Array, gra
     return written
 
 
-def mass_matrices(arm: Arm, bodies: dynamics.Bodies, q: Array) -> Array:
+def mass_matrices(arm: Arm, bodies: Bodies, q: Array) -> Array:
     """Mass matrices (n, dof, dof) at configurations (n, dof)."""
     written = np.empty((*q.shape, q.shape[1]))
     work = dynamics.MassWork(

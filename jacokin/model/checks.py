@@ -289,6 +289,29 @@ def vector(name: str, value: ArrayLike, size: int, unit: str) -> Array:
     return checked if checked.flags.c_contiguous else np.ascontiguousarray(checked)
 
 
+def vector_or_rows(name: str, value: ArrayLike, size: int, unit: str) -> Array:
+    """A finite, contiguous float64 vector (size,), or rows (n, size) of them; n may be 0.
+
+    Raises:
+        InvalidInputError: wrong shape, not numbers, or not finite (the first bad row is named).
+    """
+    if type(value) is np.ndarray and value.dtype is FLOAT64 and value.shape == (size,):  # what most calls bring
+        if math.isfinite(sum(value.tolist())) and value.flags.c_contiguous:
+            return value
+        return vector(name, value, size, unit)
+    try:
+        checked = numbers(value)
+    except (TypeError, ValueError) as error:
+        raise refusal(name, f"{size} numbers, or rows of them", value, unit) from error
+    if checked.shape == (size,):
+        return vector(name, checked, size, unit)
+    if checked.ndim != 2 or checked.shape[1] != size:
+        raise InvalidInputError(
+            f"{name} must have shape ({size},) or (n, {size}){_bracketed(unit)}, got shape {checked.shape}"
+        )
+    return np.ascontiguousarray(matrix(name, checked, size, unit) if len(checked) else checked)
+
+
 def positive_vector(name: str, value: ArrayLike, size: int, unit: str, *, infinite: bool = False) -> Array:
     """Positive numbers (size,), read-only; one number stands for all.
 

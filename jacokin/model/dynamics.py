@@ -7,6 +7,7 @@ friction and limits are not part of it.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -58,11 +59,22 @@ def gravity_change(model: pin.Model, data: pin.Data, q: Array, base: pin.SE3 | A
     Raises:
         InvalidInputError: not a pose.
     """
-    rotation = poses.matrix_of(base, "base")[:3, :3]
-    described = np.asarray(model.gravity.linear)  # [m/s^2] in base axes
-    mounted = rotation.T @ np.array([0.0, 0.0, -np.linalg.norm(described)])
+    change = gravity(model, None) - gravity(model, base)
     com_jacobian = np.asarray(pin.jacobianCenterOfMass(model, data, q)).reshape(3, model.nv)
-    return np.asarray(data.mass[0] * com_jacobian.T @ (described - mounted))
+    return np.asarray(data.mass[0] * com_jacobian.T @ change)
+
+
+def gravity(model: pin.Model, base: pin.SE3 | ArrayLike | None) -> Array:
+    """The acceleration of free fall (3,) [m/s^2] in base axes, with a base as in `gravity_change`; None: as described.
+
+    Raises:
+        InvalidInputError: not a pose.
+    """
+    described = np.array(model.gravity.linear)
+    if base is None:
+        return described
+    rotation = poses.matrix_of(base, "base")[:3, :3]
+    return np.asarray(rotation.T @ np.array([0.0, 0.0, -np.linalg.norm(described)]))
 
 
 def centre_of_mass(model: pin.Model, data: pin.Data, q: Array) -> Array:
@@ -206,10 +218,23 @@ def answered(model: pin.Model, data: pin.Data, q: Array, result: Array) -> Array
         ModelError: it is not, because a joint moves no mass.
         InvalidInputError: it is not, because the arguments are too large.
     """
-    if not np.isfinite(result).all():
+    if not math.isfinite(sum(result.ravel().tolist())) and not np.isfinite(result).all():
         _factor(model, pin.crba(model, data, q).reshape(model.nv, model.nv))
         raise InvalidInputError(TOO_LARGE)
     return result
+
+
+def all_answered(model: pin.Model, q: Array, results: Array) -> Array:
+    """Results of configurations (n, dof) that are finite.
+
+    Raises:
+        ModelError: one is not, because a joint moves no mass.
+        InvalidInputError: one is not, because the arguments are too large.
+    """
+    if not np.isfinite(results).all():
+        row = int(np.argmin(np.isfinite(results.reshape(len(results), -1)).all(axis=1)))
+        answered(model, model.createData(), q[row], results[row])
+    return results
 
 
 def _factor(model: pin.Model, mass_matrix: Array) -> Array:

@@ -17,7 +17,7 @@ import numpy as np
 import pinocchio as pin
 
 from jacokin.arrays import Array
-from jacokin.errors import RepresentationSingularity
+from jacokin.errors import RepresentationSingularity, UnknownNameError
 from jacokin.model import checks, poses
 
 REFERENCES = {
@@ -38,7 +38,10 @@ def reference_frame(name: str) -> pin.ReferenceFrame:
     Raises:
         UnknownNameError: not one of the three.
     """
-    return REFERENCES[checks.choice("reference", name, REFERENCES)]
+    try:
+        return REFERENCES[name]
+    except (KeyError, TypeError):
+        raise UnknownNameError("reference", name, tuple(REFERENCES)) from None
 
 
 def analytical(rotation: Array, jacobian: Array, representation: str) -> Array:

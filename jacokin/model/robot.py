@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, ModelError, UnknownNameError, shown
-from jacokin.model import checks, dynamics, jacobians
+from jacokin.model import batches, checks, dynamics, jacobians
 from jacokin.model.descriptions import bundled, chain
 from jacokin.model.descriptions.srdf import DisabledPairs
 from jacokin.model.descriptions.tools import usual_tools
@@ -223,11 +223,10 @@ class Robot:
         Raises:
             UnknownNameError: no such frame; lists the valid names.
         """
-        name = self.default_frame if frame is None else frame
         try:
-            return self._frame_ids[name]
+            return self._frame_ids[self.default_frame if frame is None else frame]
         except (KeyError, TypeError):
-            raise UnknownNameError("frame", name, self.frames) from None
+            raise UnknownNameError("frame", frame, self.frames) from None
 
     def joint_index(self, joint: str) -> int:
         """Position of a joint in `joint_names`.
@@ -252,20 +251,33 @@ class Robot:
         return checks.vector(name, q, self.dof, "rad")
 
     def forward_kinematics(self, q: ArrayLike, frame: str | None = None) -> pin.SE3:
-        """Pose of a frame in the base.
+        """Pose of a frame in the base, at one configuration or at many.
 
         Args:
-            q: (dof,) joint angles [rad].
+            q: (dof,) joint angles [rad]; or (n, dof), computed at once by a compiled kernel.
             frame: name of the frame; None for the default frame.
 
         Returns:
-            T_base_frame, positions in [m].
+            T_base_frame, positions in [m]: a `pin.SE3`, or an array (n, 4, 4).
 
         Raises:
             InvalidInputError: `q` malformed.
             UnknownNameError: no such frame.
         """
-        return self.placement(self.configuration(q), self.frame_id(frame)).copy()
+        at, frame_id = checks.vector_or_rows("q", q, self.dof, "rad"), self.frame_id(frame)
+        if at.ndim == 2:
+            return batches.poses(self._arm_of(frame_id), at)
+        model, data = self.pin_model, self._data
+        pin.forwardKinematics(model, data, at)
+        return pin.updateFramePlacement(model, data, frame_id).copy()
+
+    def _arm_of(self, frame_id: int) -> batches.Arm:
+        """The joints up to a frame, for the kernels."""
+        return self.once(_arm_up_to, frame_id)
+
+    def _weighed_arm(self) -> tuple[batches.Arm, batches.Bodies]:
+        """All joints and what they move, for the kernels."""
+        return self.once(_arm_with_bodies)
 
     def placement(self, q: Array, frame_id: int) -> pin.SE3:
         """Forward kinematics for callers inside the package: trusted arguments, and working memory for an answer.
@@ -282,24 +294,29 @@ class Robot:
         return pin.updateFramePlacement(self.pin_model, data, frame_id)
 
     def jacobian(self, q: ArrayLike, frame: str | None = None, reference: str = "local_world_aligned") -> Array:
-        """Geometric Jacobian of a frame: twist = J @ joint velocities.
+        """Geometric Jacobian of a frame, at one configuration or at many: twist = J @ joint velocities.
 
         Args:
-            q: (dof,) joint angles [rad].
+            q: (dof,) joint angles [rad]; or (n, dof), computed at once by a compiled kernel.
             frame: name of the frame; None for the default frame.
             reference: "local_world_aligned" (default, equals `mj_jacSite`), "local" or "world".
 
         Returns:
-            (6, dof), linear rows [m/rad] first, then angular.
+            (6, dof) or (n, 6, dof), linear rows [m/rad] first, then angular.
 
         Raises:
             InvalidInputError: `q` malformed.
             UnknownNameError: no such frame or reference.
         """
-        model, data, at = self.pin_model, self._data, self.configuration(q)
-        frame_id, axes = self.frame_id(frame), jacobians.reference_frame(reference)
-        jacobian: Array = pin.computeFrameJacobian(model, data, at, frame_id, axes)
-        return jacobian.reshape(6, self.dof)  # Pinocchio drops the second dimension of a single joint
+        at, frame_id, axes = (
+            checks.vector_or_rows("q", q, self.dof, "rad"),
+            self.frame_id(frame),
+            jacobians.reference_frame(reference),
+        )
+        if at.ndim == 2:
+            return batches.jacobians(self._arm_of(frame_id), at, reference)
+        jacobian: Array = pin.computeFrameJacobian(self.pin_model, self._data, at, frame_id, axes)
+        return jacobian if jacobian.ndim == 2 else jacobian.reshape(6, 1)  # Pinocchio's form for a single joint
 
     def jacobian_time_derivative(
         self, q: ArrayLike, v: ArrayLike, frame: str | None = None, reference: str = "local_world_aligned"
@@ -341,51 +358,66 @@ class Robot:
             UnknownNameError: no such frame or representation.
             RepresentationSingularity: the representation is singular here; names the angle.
         """
+        q = self.configuration(q)
         rotation = self.forward_kinematics(q, frame).rotation
         return jacobians.analytical(rotation, self.jacobian(q, frame), representation)
 
     def singular_values(self, q: ArrayLike, frame: str | None = None) -> Array:
-        """Singular values of the Jacobian, largest first (metres and radians mixed). Errors as `jacobian`."""
+        """Singular values of the Jacobian, largest first (metres and radians mixed): (k,), or (n, k) for q (n, dof).
+
+        Errors as `jacobian`.
+        """
         return np.asarray(np.linalg.svd(self.jacobian(q, frame), compute_uv=False), dtype=np.float64)
 
     def manipulability(self, q: ArrayLike, frame: str | None = None) -> float:
-        """Yoshikawa's measure sqrt(det(J J^T)), the product of the singular values. Errors as `jacobian`.
+        """Yoshikawa's measure sqrt(det(J J^T)), the product of the singular values. Errors as `configuration`.
 
         Source: Yoshikawa, Manipulability of Robotic Mechanisms, IJRR 4(2), 1985.
         """
-        return float(np.prod(self.singular_values(q, frame)))
+        return float(np.prod(self.singular_values(self.configuration(q), frame)))
 
     def mass_matrix(self, q: ArrayLike) -> Array:
-        """Mass matrix (dof, dof) [kg m^2], with armature where the description has one.
+        """Mass matrix [kg m^2], with armature where the description has one.
+
+        Args:
+            q: (dof,) joint angles [rad]; or (n, dof), computed at once by a compiled kernel.
+
+        Returns:
+            (dof, dof) or (n, dof, dof).
 
         Raises:
             InvalidInputError: `q` malformed.
             ModelError: the description gives no masses.
         """
         self.check_masses()
-        matrix = pin.crba(self.pin_model, self._data, self.configuration(q))
-        return np.array(matrix).reshape(self.dof, self.dof)  # Pinocchio drops the second dimension of a single joint
+        at = checks.vector_or_rows("q", q, self.dof, "rad")
+        if at.ndim == 2:
+            return batches.mass_matrices(*self._weighed_arm(), at)
+        matrix: Array = pin.crba(self.pin_model, self._data, at)
+        return matrix.copy() if matrix.ndim == 2 else matrix.reshape(1, 1).copy()  # Pinocchio's form for a single joint
 
     def gravity(self, q: ArrayLike, *, base: pin.SE3 | ArrayLike | None = None) -> Array:
         """Joint torques that hold the arm still against gravity.
 
         Args:
-            q: (dof,) joint angles [rad].
+            q: (dof,) joint angles [rad]; or (n, dof), computed at once by a compiled kernel.
             base: T_world_base, how the base is mounted in a world whose gravity points along -z; a `pin.SE3` or (4, 4).
                 None for gravity as in the description.
 
         Returns:
-            (dof,) [N m].
+            (dof,) or (n, dof) [N m].
 
         Raises:
             InvalidInputError: `q` or `base` malformed.
             ModelError: the description gives no masses.
         """
         self.check_masses()
-        at = self.configuration(q)
-        return np.array(pin.computeGeneralizedGravity(self.pin_model, self._data, at)) - self._push(
-            at, None, None, base
-        )
+        at = checks.vector_or_rows("q", q, self.dof, "rad")
+        if at.ndim == 2:
+            still = np.zeros(at.shape)
+            return batches.torques(*self._weighed_arm(), at, still, still, dynamics.gravity(self.pin_model, base))
+        torque: Array = pin.computeGeneralizedGravity(self.pin_model, self._data, at)
+        return torque.copy() if base is None else torque - self._push(at, None, None, base)
 
     def coriolis(self, q: ArrayLike, v: ArrayLike) -> Array:
         """Matrix C (dof, dof) with C @ v the Coriolis and centrifugal torques [N m]; dM/dt = C + C^T.
@@ -416,16 +448,16 @@ class Robot:
         """Motor torques of a motion: M(q) a + C(q, v) v + g(q) - J(q)^T external.
 
         Args:
-            q: (dof,) joint angles [rad].
-            v: (dof,) joint velocities [rad/s].
-            a: (dof,) joint accelerations [rad/s^2].
+            q: (dof,) joint angles [rad]; or (n, dof), and `v` and `a` too, computed at once by a compiled kernel.
+            v: joint velocities [rad/s], in the shape of `q`.
+            a: joint accelerations [rad/s^2], in the shape of `q`.
             external: (6,) wrench of the surroundings on the arm, at the frame's origin in base axes: force [N], then
                 torque [N m]. None for none.
             frame: where `external` acts; None for the default frame.
             base: T_world_base, as in `gravity`.
 
         Returns:
-            (dof,) [N m].
+            (dof,) or (n, dof) [N m].
 
         Raises:
             InvalidInputError: malformed, or too large for the answer to be finite.
@@ -433,10 +465,25 @@ class Robot:
             ModelError: the description gives no masses.
         """
         self.check_masses()
-        model, data, at = self.pin_model, self._data, self.configuration(q)
-        velocity, acceleration = self.configuration(v, "v"), self.configuration(a, "a")
-        torque = np.array(pin.rnea(model, data, at, velocity, acceleration)) - self._push(at, external, frame, base)
-        return dynamics.answered(model, data, at, torque)
+        at, model = checks.vector_or_rows("q", q, self.dof, "rad"), self.pin_model
+        velocity, acceleration = (
+            checks.vector_or_rows("v", v, self.dof, "rad"),
+            checks.vector_or_rows("a", a, self.dof, "rad"),
+        )
+        if at.shape != velocity.shape or at.shape != acceleration.shape:
+            raise InvalidInputError(
+                f"q, v and a must have the same shape, got {at.shape}, {velocity.shape} and {acceleration.shape}"
+            )
+        if at.ndim == 2:
+            gravity = dynamics.gravity(model, base)
+            torque = batches.torques(*self._weighed_arm(), at, velocity, acceleration, gravity)
+            pushed = self._pushes(at, external, frame)
+            return dynamics.all_answered(model, at, torque if pushed is None else torque - pushed)
+        torque = pin.rnea(model, self._data, at, velocity, acceleration)
+        if external is None and base is None:
+            self.frame_id(frame)
+            return dynamics.answered(model, self._data, at, torque.copy())
+        return dynamics.answered(model, self._data, at, torque - self._push(at, external, frame, base))
 
     def forward_dynamics(
         self,
@@ -497,6 +544,7 @@ class Robot:
             UnknownNameError: no such frame or reference.
             ModelError: a joint moves no mass.
         """
+        q = self.configuration(q)
         return dynamics.operational_space_inertia(
             self.pin_model, self.jacobian(q, frame, reference), self.mass_matrix(q)
         )
@@ -533,9 +581,9 @@ class Robot:
             ModelError: the description gives no masses.
         """
         applied = self.configuration(torque, "torque")
-        missing = dynamics.answered(
-            self.pin_model, self._data, self.configuration(q), self.inverse_dynamics(q, v, a, base=base) - applied
-        )
+        q = self.configuration(q)
+        missing = self.inverse_dynamics(q, v, a, base=base) - applied
+        missing = dynamics.answered(self.pin_model, self._data, q, missing)
         return dynamics.wrench_of(self.jacobian(q, frame), missing, torque_covariance)
 
     def with_payload(
@@ -601,6 +649,16 @@ class Robot:
         if base is not None:
             torque -= dynamics.gravity_change(self.pin_model, self._data, q, base)
         return torque
+
+    def _pushes(self, q: Array, external: ArrayLike | None, frame: str | None) -> Array | None:
+        """Joint torques (n, dof) [N m] of one wrench at configurations (n, dof); None without one."""
+        frame_id = self.frame_id(frame)
+        if external is None:
+            return None
+        wrench = checks.vector("external", external, 6, "N, N m")
+        along = batches.jacobians(self._arm_of(frame_id), q, "local_world_aligned").swapaxes(1, 2)
+        with np.errstate(over="ignore", invalid="ignore"):  # wrenches too large are refused with the answer
+            return np.asarray(along @ wrench)
 
     def within_limits(self, q: ArrayLike, tolerance: float = 0.0) -> bool:
         """Whether every joint lies inside its limits, give or take `tolerance` [rad].
@@ -930,3 +988,12 @@ def spread(robot: Robot, count: int) -> Array:
     centre = middle(robot)
     lower, upper = np.maximum(robot.lower, centre - np.pi), np.minimum(robot.upper, centre + np.pi)
     return np.random.default_rng(0).uniform(lower, upper, (count, robot.dof))
+
+
+def _arm_up_to(robot: Robot, frame_id: int) -> batches.Arm:
+    return batches.arm_of(robot.pin_model, frame_id)
+
+
+def _arm_with_bodies(robot: Robot) -> tuple[batches.Arm, batches.Bodies]:
+    model = robot.pin_model
+    return batches.arm_of(model, model.getFrameId(robot.joint_names[-1])), batches.bodies_of(model)

@@ -78,7 +78,8 @@ def test_a_pickled_robot_is_the_same(robot: Robot, rng: np.random.Generator) -> 
     ("q", "text"),
     [
         ([0.0] * 5, r"q must have shape \(6,\)"),
-        ([[0.0] * 6], "shape"),
+        ([[[0.0] * 6]], "shape"),
+        ([[0.0] * 5], "shape"),
         ([math.nan] + [1.0] * 5, "finite"),
         ([math.inf] + [1.0] * 5, "finite"),
         ("abcdef", "q must be 6 numbers"),
