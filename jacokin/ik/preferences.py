@@ -66,7 +66,7 @@ def cost_of(prefer: Prefer, robot: Robot, frame: str) -> Cost | None:
     if checks.choice("prefer", prefer, PREFERENCES) == "margin":
         return by_margin(robot)
     if prefer == "manipulability":
-        return Cost(lambda rows: np.array([-robot.manipulability(q, frame) for q in rows]), Copies.NEAREST)
+        return Cost(lambda rows: -np.prod(robot.singular_values(rows, frame), axis=1), Copies.NEAREST)
     return None
 
 

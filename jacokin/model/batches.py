@@ -1,7 +1,6 @@
 """Poses, Jacobians, torques and mass matrices of many configurations at once, by `jacokin.kernels.configurations`.
 
-For `Robot`, which checks the arguments. Results are those of Pinocchio to rounding; a million configurations take tenths
-of a second.
+For `Robot`, which checks the arguments. Results are those of Pinocchio to rounding.
 """
 
 from __future__ import annotations
@@ -22,14 +21,18 @@ REFERENCES = {
 }
 
 
-def arm_of(model: pin.Model, frame_id: int, tool: pin.SE3 | None = None) -> Arm:
-    """The joints of a model up to a frame, and a tool after it; z is the axis that a joint turns about or slides along."""
-    frame = model.frames[frame_id]
-    joints = int(frame.parentJoint)
+def arm_of(model: pin.Model, frame_id: int | None = None, tool: pin.SE3 | None = None) -> Arm:
+    """The joints of a model up to a frame and a tool after it, in axes of their own: z is that of the movement.
+
+    Without a frame, all joints.
+    """
+    joints, tip = model.nv, pin.SE3.Identity()
+    if frame_id is not None:
+        frame = model.frames[frame_id]
+        joints, tip = int(frame.parentJoint), frame.placement
     T_joint_own = _own_axes(model)
     placements = [T_joint_own[j].inverse() * model.jointPlacements[j + 1] * T_joint_own[j + 1] for j in range(joints)]
-    tip = frame.placement if tool is None else frame.placement * tool
-    placements.append(T_joint_own[joints].inverse() * tip)
+    placements.append(T_joint_own[joints].inverse() * (tip if tool is None else tip * tool))
     sliding = ["JointModelP" in model.joints[j + 1].shortname() for j in range(joints)]
     return Arm(
         np.array([T.homogeneous[:3] for T in placements]),
@@ -46,7 +49,7 @@ def bodies_of(model: pin.Model) -> Bodies:
 
 
 def _own_axes(model: pin.Model) -> list[pin.SE3]:
-    """T_joint_own of the base and of each joint; rotations by whole quarter turns where a joint has an axis of its frame."""
+    """T_joint_own of the base and of each joint; by whole quarter turns where its axis is one of its frame's."""
     data, zero = model.createData(), np.zeros(model.nq)
     turned = [pin.SE3.Identity()]
     for index in range(model.nv):

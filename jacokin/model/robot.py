@@ -20,6 +20,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, ModelError, UnknownNameError, shown
+from jacokin.kernels.configurations.arm import Arm
+from jacokin.kernels.configurations.dynamics import Bodies
 from jacokin.model import batches, checks, dynamics, jacobians
 from jacokin.model.descriptions import bundled, chain
 from jacokin.model.descriptions.srdf import DisabledPairs
@@ -271,11 +273,11 @@ class Robot:
         pin.forwardKinematics(model, data, at)
         return pin.updateFramePlacement(model, data, frame_id).copy()
 
-    def _arm_of(self, frame_id: int) -> batches.Arm:
+    def _arm_of(self, frame_id: int) -> Arm:
         """The joints up to a frame, for the kernels."""
         return self.once(_arm_up_to, frame_id)
 
-    def _weighed_arm(self) -> tuple[batches.Arm, batches.Bodies]:
+    def _weighed_arm(self) -> tuple[Arm, Bodies]:
         """All joints and what they move, for the kernels."""
         return self.once(_arm_with_bodies)
 
@@ -990,10 +992,9 @@ def spread(robot: Robot, count: int) -> Array:
     return np.random.default_rng(0).uniform(lower, upper, (count, robot.dof))
 
 
-def _arm_up_to(robot: Robot, frame_id: int) -> batches.Arm:
+def _arm_up_to(robot: Robot, frame_id: int) -> Arm:
     return batches.arm_of(robot.pin_model, frame_id)
 
 
-def _arm_with_bodies(robot: Robot) -> tuple[batches.Arm, batches.Bodies]:
-    model = robot.pin_model
-    return batches.arm_of(model, model.getFrameId(robot.joint_names[-1])), batches.bodies_of(model)
+def _arm_with_bodies(robot: Robot) -> tuple[Arm, Bodies]:
+    return batches.arm_of(robot.pin_model), batches.bodies_of(robot.pin_model)

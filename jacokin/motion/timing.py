@@ -288,9 +288,9 @@ def torque_strain(robot: Robot, rows: Rows, limit: Array) -> float:
 
 def _shares(robot: Robot, rows: tuple[Array, Array, Array], limit: Array) -> tuple[Array, Array]:
     """Torques (n, dof) against gravity [N m], and the share (n, dof) of what else is needed that limits leave."""
-    still = np.zeros(robot.dof)
-    gravity = np.array([robot.inverse_dynamics(q, still, still) for q in rows[0]])
-    moving = np.array([robot.inverse_dynamics(*row) for row in zip(*rows, strict=True)]) - gravity
+    still = np.zeros(rows[0].shape)
+    gravity = robot.inverse_dynamics(rows[0], still, still)
+    moving = robot.inverse_dynamics(*rows) - gravity
     room = limit - np.where(moving > 0.0, gravity, -gravity)
     with np.errstate(divide="ignore", invalid="ignore"):
         return gravity, np.where(moving == 0.0, np.inf, room / np.abs(moving))

@@ -86,7 +86,7 @@ def write_jacobians(work: FrameWork, first: int, count: int) -> None:
 
 
 def fill_column(work: FrameWork, j: int, at_frame: float) -> None:
-    """The velocity of the frame's origin (at_frame 1), or of the point at the base's (0), for a unit rate of joint j."""
+    """The velocity of the frame's origin (at_frame 1) or of the point at the base's (0), at a unit rate of joint j."""
     places, frame, columns = work.block.places, work.frame, work.columns
     if work.arm.sliding[j] != 0.0:
         for row in range(3):
