@@ -7,7 +7,8 @@ it again. How far it is from the axis tells about when: the square of this dista
 is on the axis, so that value, slope and bend of it are followed to where it is zero. Where pairs come from both sides
 and might be there in time, the values between are halved, until they cannot, or until curves are found there. Beside a
 fold of a curve its own pair is on the way to the axis, too, and hides what comes there before; so F is looked at right
-beside each fold once the curves are known. Where noise may move a root as far as the axis, or as far as the next root,
+beside each fold once the curves are known. There the distance of its own pair tells little about where that pair comes
+to the axis again; it does as seen from elsewhere, if not where the fold is. Where noise may move a root as far as the axis, or as far as the next root,
 nothing is known of it, and the set is in doubt.
 """
 
@@ -46,7 +47,7 @@ SAFETY = 1.5
 ASIDE, CLOSE_ENOUGH = 1e-4, 3e-5
 #: [rad] values nearer to each other than this are halved where another labelling of the joints has such pairs, too.
 LABELLED = 0.01
-#: [rad] from a fold that is known; how far from there its pair may be expected, relative to that.
+#: [rad] from a fold that is known; how far from the fold its pair may be expected, relative to that or to any distance.
 BESIDE, AT_FOLD = 3e-5, 0.1
 #: [rad] roots nearer to the axis are real; roots nearer to each other may be one, or a pair.
 REAL, MEETING = 1e-6, 1e-4
@@ -63,6 +64,7 @@ class Look(NamedTuple):
     ahead: float  # after how much a pair may come to the real axis there [rad], inf for none
     behind: float  # the same on the other side
     real: int  # how many roots are, -1 in doubt
+    at_fold: int  # 1 right beside a fold, of whose own pair little is known
 
 
 class Islands(NamedTuple):
@@ -72,7 +74,7 @@ class Islands(NamedTuple):
     counts: NDArray[np.int64]  # (LOOKED_AT + MOST_FOUND,) roots of F at each; -1 where they are in doubt
     size: NDArray[np.int64]  # (5,) values found, places left in doubt, values all round, halvings, labelling that tells
     comes: Array  # (LOOKED_AT, 2) see `Look`
-    stack: Array  # (DEPTH, 6) two values, what is known of each
+    stack: Array  # (DEPTH, 8) two values, what is known of each: when pairs come, real roots, whether it is a fold
     lines: Array  # (LOOKED_AT, LINES) F where x has one of some values, 0 for noise
     crossed: NDArray[np.int64]  # (LOOKED_AT, LINES) how often curves pass there before the next slice
     roots: RootWork
@@ -94,7 +96,7 @@ def make_islands() -> Islands:
         np.zeros(LOOKED_AT + MOST_FOUND, np.int64),
         np.zeros(5, np.int64),
         np.empty((LOOKED_AT, 2)),
-        np.empty((DEPTH, 6)),
+        np.empty((DEPTH, 8)),
         np.zeros((LOOKED_AT, LINES)),
         np.zeros((LOOKED_AT, LINES), np.int64),
         make_roots(),
@@ -237,7 +239,7 @@ def look_in(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling:
     for n in range(DEGREE + 1):
         total += abs(work.cosine[n]) + abs(work.sine[n])
     if not total > UNCERTAIN * noise:
-        return Look(0.0, 0.0, -1)
+        return Look(0.0, 0.0, -1, 0)
     apart, degree = work.apart[0], degree_of(work, noise)
     fill_powers(work, 0)
     fill_F(k, six, work, p - ASIDE, labelling)
@@ -248,7 +250,7 @@ def look_in(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling:
     if labelling < 0 and k.six.form == SPHERICAL_WRIST and apart < 0.0:
         slope = 0.5 * (work.apart[0] - apart_before) / ASIDE
         bend = (work.apart[0] - 2.0 * apart + apart_before) / ASIDE**2
-        return Look(first_zero(apart, slope, bend), first_zero(apart, -slope, bend), 0)
+        return Look(first_zero(apart, slope, bend), first_zero(apart, -slope, bend), 0, 0)
     z = work.z if labelling < 0 else work.other
     find_all_roots(work.powers[0], degree, z, work.settled)
     ahead, behind, real, single = math.inf, math.inf, 0, True
@@ -261,7 +263,7 @@ def look_in(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling:
             continue
         value, slope, bend = polynomial(work.powers[0], degree, x)
         if slope == 0.0:
-            return Look(0.0, 0.0, -1)
+            return Look(0.0, 0.0, -1, 0)
         error = degree * noise / abs(slope)
         other = 2.0 * d if d > REAL else distance_to_next(z, i, degree)
         real, single = real + (d <= REAL), single and other > MEETING
@@ -287,7 +289,7 @@ def look_in(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling:
         real = count_single_roots(work, fill_F(k, six, work, p, labelling))
     elif not single:
         real = -1
-    return Look(ahead, behind, real)
+    return Look(ahead, behind, real, 0)
 
 
 def first_zero(value: float, slope: float, bend: float) -> float:
@@ -339,8 +341,8 @@ def find_islands(six: SixJoints, window: Array, work: Islands) -> None:
             six,
             work,
             (work.p[i], work.p[i] + step),
-            Look(work.comes[i, 0], work.comes[i, 1], work.counts[i]),
-            Look(work.comes[j, 0], work.comes[j, 1], work.counts[j]),
+            Look(work.comes[i, 0], work.comes[i, 1], work.counts[i], 0),
+            Look(work.comes[j, 0], work.comes[j, 1], work.counts[j], 0),
         )
 
 
@@ -349,13 +351,13 @@ def halve(
 ) -> None:
     """Add values between two, where pairs that come from both sides become solutions in between."""
     stack, top = work.stack, 0
-    stack[0, 0], stack[0, 1] = between
-    stack[0, 2], stack[0, 3], stack[0, 4], stack[0, 5] = first.ahead, last.behind, first.real, last.real
+    write_part(stack[0], between[0], between[1], first, last)
     while top >= 0:
-        low, high, ahead, behind = stack[top, 0], stack[top, 1], stack[top, 2], stack[top, 3]
-        counts = (int(stack[top, 4]), int(stack[top, 5]))
+        low, high = stack[top, 0], stack[top, 1]
+        first = Look(stack[top, 2], 0.0, int(stack[top, 4]), int(stack[top, 6]))
+        last = Look(0.0, stack[top, 3], int(stack[top, 5]), int(stack[top, 7]))
         top -= 1
-        if not ahead + behind <= SAFETY * (high - low) or (
+        if not may_come(first, last, high - low) or (
             high - low < LABELLED and not is_labelled_otherwise(k, six, work, low, high)
         ):
             continue
@@ -365,21 +367,32 @@ def halve(
         work.size[3] += 1
         middle = 0.5 * (low + high)
         seen = look(k, six, work, middle)
-        if max(counts) < 0 and seen.real < 0:
+        if max(first.real, last.real) < 0 and seen.real < 0:
             work.size[1] += 1
             continue
-        if seen.real < 0 or seen.real > min(counts):
+        if seen.real < 0 or seen.real > min(first.real, last.real):
             add_found(work, middle, seen.real)
         if top + 2 < DEPTH:
-            write_part(stack[top + 1], low, middle, ahead, seen.behind, counts[0], seen.real)
-            write_part(stack[top + 2], middle, high, seen.ahead, behind, seen.real, counts[1])
+            write_part(stack[top + 1], low, middle, first, seen)
+            write_part(stack[top + 2], middle, high, seen, last)
             top += 2
 
 
-def look_beside_folds(six: SixJoints, loops: Loops, parameter: int, first: int, work: Islands) -> None:
-    """Add values between a fold of the curves from the first one on and a slice, where solutions may come and go.
+def may_come(first: Look, last: Look, length: float) -> bool:
+    """Whether pairs may come to the axis between two values of the parameter, seen from both."""
+    if first.ahead + last.behind <= SAFETY * length:
+        return True
+    elsewhere = (1.0 - AT_FOLD) * length
+    if first.at_fold > 0 and last.at_fold > 0:
+        return True
+    return (first.at_fold > 0 and last.behind <= elsewhere) or (last.at_fold > 0 and first.ahead <= elsewhere)
 
-    At the slice, the pair of the fold is on its way to the axis, as any that comes there before would be.
+
+def look_beside_folds(six: SixJoints, loops: Loops, parameter: int, first: int, work: Islands) -> None:
+    """Add values between each fold of the curves from the first one on and what is known next, where pairs may come.
+
+    At the slice, the pair of the fold is on its way to the axis, as any that comes there before would be. Before the
+    slice there may be a fold that faces this one, at which another pair, or the same one, comes to the axis.
     """
     k, step = unpack_arm(six.arm), TURN / LOOKED_AT
     for c in range(first, loops.size[1]):
@@ -390,18 +403,43 @@ def look_beside_folds(six: SixJoints, loops: Loops, parameter: int, first: int, 
             p = loops.nodes[n, parameter] + side * BESIDE
             i = math.floor((p - OFFSET) / step) + int(side > 0.0)
             at, i = OFFSET + step * i, i % LOOKED_AT
+            faced, curve = facing_fold(loops, parameter, p, at)
+            if faced != at and curve >= first and side < 0.0:  # seen from the other one
+                continue
             comes = work.comes[i, 1 if side > 0.0 else 0]
-            if not comes <= SAFETY * abs(at - p):
+            if faced == at and not comes <= SAFETY * abs(at - p):
                 continue
             seen = look(k, six, work, p)
             there = seen.behind if side > 0.0 else seen.ahead
             expected = there >= BESIDE * (1.0 - AT_FOLD)
             if not expected and not is_fold_at(loops, parameter, p - side * there, side, BESIDE * AT_FOLD):
                 work.size[1] += 1
-            elif side > 0.0:
-                halve(k, six, work, (p, at), seen, Look(math.inf, comes, work.counts[i]))
+                continue
+            here, other = Look(seen.ahead, seen.behind, seen.real, 1), Look(comes, comes, work.counts[i], 0)
+            if faced != at:
+                at = faced - side * BESIDE
+                seen = look(k, six, work, at)
+                other = Look(seen.ahead, seen.behind, seen.real, 1)
+            if (at - p) * side <= 0.0:
+                continue
+            if side > 0.0:
+                halve(k, six, work, (p, at), here, other)
             else:
-                halve(k, six, work, (at, p), Look(comes, math.inf, work.counts[i]), seen)
+                halve(k, six, work, (at, p), other, here)
+
+
+def facing_fold(loops: Loops, parameter: int, p: float, at: float) -> tuple[float, int]:
+    """The first fold from p on to another value at which pairs come to the axis, and its curve; that value for none."""
+    nearest, curve, ahead = abs(at - p), -1, at > p
+    for c in range(loops.size[1]):
+        for n in range(loops.ends[c, 0] + 1, loops.ends[c, 1] - 1):
+            side = side_of_fold(loops, n, parameter)
+            away = wrapped(loops.nodes[n, parameter] - p) * (1.0 if ahead else -1.0)
+            if side == (-1.0 if ahead else 1.0) and 0.0 < away < nearest:
+                nearest, curve = away, c
+    if curve < 0:
+        return at, curve
+    return p + nearest if ahead else p - nearest, curve
 
 
 def side_of_fold(loops: Loops, n: int, parameter: int) -> float:
@@ -421,11 +459,10 @@ def is_fold_at(loops: Loops, parameter: int, p: float, side: float, away: float)
     return False
 
 
-def write_part(
-    part: Array, low: float, high: float, ahead: float, behind: float, count_low: int, count_high: int
-) -> None:
+def write_part(part: Array, low: float, high: float, first: Look, last: Look) -> None:
     """Write a part of the stack."""
-    part[0], part[1], part[2], part[3], part[4], part[5] = low, high, ahead, behind, count_low, count_high
+    part[0], part[1], part[2], part[3] = low, high, first.ahead, last.behind
+    part[4], part[5], part[6], part[7] = first.real, last.real, first.at_fold, last.at_fold
 
 
 def is_labelled_otherwise(k: ArmConstants, six: SixJoints, work: Islands, low: float, high: float) -> bool:
