@@ -198,9 +198,26 @@ def search_chord(work: NearestWork, i: int) -> None:
                 top += 1
                 halved += 1
                 continue
-        elif not jumps:
+        if jumps:
+            offer_on_limits(work, a, b, length)
+        else:
             search_smooth(work, a, b, length)
         top -= 1
+
+
+def offer_on_limits(work: NearestWork, a: Array, b: Array, length: float) -> None:
+    """Offer the points between two nodes where angles go on in other equivalents, alone in these where several do."""
+    walk = work.walk
+    for j in range(7):
+        if not TURN <= work.limits[1, j] - work.limits[0, j] < math.inf:
+            continue
+        for side in range(2):
+            limit = work.limits[side, j]
+            limit += TURN * math.floor((0.5 * (a[j] + b[j]) - limit) / TURN + 0.5)
+            if (a[j] < limit) != (b[j] < limit):
+                u = cubic_root(a, b, length, j, limit, 0.0, 1.0)
+                if point_at(work.chain, work.T, a, b, j, limit, u, walk.z, walk.tz, walk):
+                    offer(work, walk.z)
 
 
 def dips(work: NearestWork, a: Array, b: Array, length: float, j: int) -> bool:
