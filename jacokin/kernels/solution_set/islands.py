@@ -22,7 +22,15 @@ from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.kernels.closed_form.arm import ArmConstants, pose_of, unpack_arm
-from jacokin.kernels.closed_form.resultant import DEGREE, fourier_of_F, value_and_slope
+from jacokin.kernels.closed_form.resultant import (
+    DEGREE,
+    SAMPLES,
+    SPACING,
+    TO_COSINE,
+    TO_SINE,
+    fourier_of_F,
+    value_and_slope,
+)
 from jacokin.kernels.closed_form.roots import RootWork, find_roots, make_roots
 from jacokin.kernels.limits import TURN
 from jacokin.kernels.six_joints.characteristic import Determinant, fourier_of_determinant, make_determinant
@@ -33,6 +41,7 @@ from jacokin.kernels.solution_set.curve import wrapped
 from jacokin.kernels.solution_set.slices import BEFORE, SixJoints, turn_target
 from jacokin.kernels.solution_set.trace import Loops
 from jacokin.kernels.tolerances import DISTINCT, UNCERTAIN
+from jacokin.kernels.trigonometry import sin_cos
 
 LOOKED_AT, MOST_FOUND = 32, 128
 #: Values of x at which F is looked at, too, at all values of the parameter; evenly all round from the second on [rad].
@@ -47,8 +56,9 @@ SAFETY = 1.5
 ASIDE, CLOSE_ENOUGH = 1e-4, 3e-5
 #: [rad] values nearer to each other than this are halved where another labelling of the joints has such pairs, too.
 LABELLED = 0.01
-#: [rad] from a fold that is known; how far from the fold its pair may be expected, relative to that or to any distance.
-BESIDE, AT_FOLD = 3e-5, 0.1
+#: [rad] from a fold that is known. How far from there its pair may be expected: relative to that, and to the distance
+#: of any other place.
+BESIDE, AT_FOLD, NEAR_FOLD = 3e-5, 0.2, 0.1
 #: [rad] roots nearer to the axis are real; roots nearer to each other may be one, or a pair.
 REAL, MEETING = 1e-6, 1e-4
 #: Values that are halved at most, and halves that wait their turn.
@@ -80,11 +90,13 @@ class Islands(NamedTuple):
     roots: RootWork
     cosine: Array  # (9,) F
     sine: Array  # (9,)
-    apart: Array  # (1,) of F of a spherical wrist, see `fill_both_turns`
+    surface: Array  # (17, 18) F of a Jaco at every p: its parts of 1, cos p, sin p, cos 2 p, ... of cosine, then sine
+    noise: Array  # (1,) of the values of that, the root mean square of the samples'
+    apart: Array  # (3,) of F of a spherical wrist, see `fill_both_turns`; its first and second derivative by p
     z: Array  # (16, 2) exp(i x) of all roots, real and imaginary part
     other: Array  # (16, 2) the same in another labelling of the joints
     settled: Array  # (16,) 1 for those that are found
-    powers: Array  # (3, 17, 2) coefficients of F in z, and of F on both sides of it
+    powers: Array  # (3, 17, 2) coefficients in z of F, and of its first and second derivative by p
     equations: Equations
     determinant: Determinant
 
@@ -102,7 +114,9 @@ def make_islands() -> Islands:
         make_roots(),
         np.empty(DEGREE + 1),
         np.empty(DEGREE + 1),
+        np.zeros((SAMPLES, 2 * DEGREE + 2)),
         np.zeros(1),
+        np.zeros(3),
         np.zeros((2 * DEGREE, 2)),
         np.zeros((2 * DEGREE, 2)),
         np.zeros(2 * DEGREE),
@@ -132,8 +146,8 @@ def fill_F(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling: 
         return noise
     if k.six.scale > 0.0:
         return fill_determinant(k, six, work, p, k.six.own)
-    turn_target(six.T, six.axis, p, six.turned)
-    return fourier_of_F(k, pose_of(six.arm, k, six.turned), work.cosine, work.sine)
+    fill_waves(work, p, 0)
+    return float(work.noise[0])
 
 
 def fill_determinant(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling: int) -> float:
@@ -144,6 +158,71 @@ def fill_determinant(k: ArmConstants, six: SixJoints, work: Islands, p: float, l
     return fourier_of_determinant(work.equations, work.determinant, work.cosine, work.sine)
 
 
+def fill_surface(k: ArmConstants, six: SixJoints, work: Islands) -> None:
+    """Fill surface: F of a Jaco is a trigonometric polynomial of degree 8 in p, too, so that 17 values of it are all."""
+    surface = work.surface
+    work.noise[0] = 0.0
+    for i in range(SAMPLES):
+        for j in range(2 * DEGREE + 2):
+            surface[i, j] = 0.0
+    for n in range(SAMPLES):
+        turn_target(six.T, six.axis, SPACING * n, six.turned)
+        noise = fourier_of_F(k, pose_of(six.arm, k, six.turned), work.cosine, work.sine)
+        work.noise[0] += noise * noise / SAMPLES
+        for j in range(DEGREE + 1):
+            surface[0, j] += TO_COSINE[n, 0] * work.cosine[j]
+            surface[0, DEGREE + 1 + j] += TO_COSINE[n, 0] * work.sine[j]
+            for m in range(1, DEGREE + 1):
+                surface[2 * m - 1, j] += TO_COSINE[n, m] * work.cosine[j]
+                surface[2 * m - 1, DEGREE + 1 + j] += TO_COSINE[n, m] * work.sine[j]
+                surface[2 * m, j] += TO_SINE[n, m] * work.cosine[j]
+                surface[2 * m, DEGREE + 1 + j] += TO_SINE[n, m] * work.sine[j]
+    work.noise[0] = math.sqrt(work.noise[0])
+
+
+def fill_waves(work: Islands, p: float, order: int) -> None:
+    """Fill cosine and sine with the coefficients of F(x; p), or of its derivative of an order by p, from the surface."""
+    surface, cosine, sine, first = work.surface, work.cosine, work.sine, 1.0 if order == 0 else 0.0
+    for j in range(DEGREE + 1):
+        cosine[j], sine[j] = first * surface[0, j], first * surface[0, DEGREE + 1 + j]
+    for m in range(1, DEGREE + 1):
+        s, c = sin_cos(m * p)
+        if order == 1:
+            c, s = -m * s, m * c
+        elif order == 2:
+            c, s = -m * m * c, -m * m * s
+        for j in range(DEGREE + 1):
+            cosine[j] += c * surface[2 * m - 1, j] + s * surface[2 * m, j]
+            sine[j] += c * surface[2 * m - 1, DEGREE + 1 + j] + s * surface[2 * m, DEGREE + 1 + j]
+
+
+def fill_rates(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling: int, noise: float) -> float:
+    """Fill powers with F at p, of which the cosines and sines are at hand, and its derivatives by p.
+
+    Returns:
+        The noise of the second derivative, from that of F.
+    """
+    powers, apart = work.powers, work.apart
+    if labelling < 0 and k.six.form != SPHERICAL_WRIST and k.six.scale == 0.0:
+        for order in range(2, -1, -1):
+            fill_waves(work, p, order)
+            fill_powers(work, order)
+        return DEGREE * DEGREE * noise
+    fill_powers(work, 0)
+    here = apart[0]
+    fill_F(k, six, work, p - ASIDE, labelling)
+    fill_powers(work, 1)
+    before = apart[0]
+    fill_F(k, six, work, p + ASIDE, labelling)
+    fill_powers(work, 2)
+    apart[0], apart[1], apart[2] = here, 0.5 * (apart[0] - before) / ASIDE, (apart[0] - 2.0 * here + before) / ASIDE**2
+    for m in range(2 * DEGREE + 1):
+        for i in range(2):
+            now, low, high = powers[0, m, i], powers[1, m, i], powers[2, m, i]
+            powers[1, m, i], powers[2, m, i] = 0.5 * (high - low) / ASIDE, (high - 2.0 * now + low) / ASIDE**2
+    return 4.0 * noise / ASIDE**2
+
+
 def fill_powers(work: Islands, row: int) -> None:
     """Fill a row with the coefficients of z^8 F, of which the cosines and sines are at hand."""
     powers = work.powers[row]
@@ -151,6 +230,16 @@ def fill_powers(work: Islands, row: int) -> None:
     for m in range(1, DEGREE + 1):
         powers[DEGREE + m, 0], powers[DEGREE + m, 1] = 0.5 * work.cosine[m], -0.5 * work.sine[m]
         powers[DEGREE - m, 0], powers[DEGREE - m, 1] = 0.5 * work.cosine[m], 0.5 * work.sine[m]
+
+
+def value_and_rate(powers: Array, degree: int, x: complex) -> tuple[complex, complex]:
+    """Value and slope at x of z^(degree / 2) F, which has terms up to half that degree."""
+    first = DEGREE - degree // 2
+    value, slope = complex(powers[first + degree, 0], powers[first + degree, 1]), 0.0j
+    for m in range(first + degree - 1, first - 1, -1):
+        slope = slope * x + value
+        value = value * x + complex(powers[m, 0], powers[m, 1])
+    return value, slope
 
 
 def polynomial(powers: Array, degree: int, x: complex) -> tuple[complex, complex, complex]:
@@ -173,7 +262,7 @@ def find_all_roots(powers: Array, degree: int, z: Array, settled: Array) -> None
         for i in range(degree):
             if settled[i] > 0.0:
                 continue
-            value, slope, _ = polynomial(powers, degree, complex(z[i, 0], z[i, 1]))
+            value, slope = value_and_rate(powers, degree, complex(z[i, 0], z[i, 1]))
             if slope == 0.0:
                 continue
             newton, others, others_i, nearest = value / slope, 0.0, 0.0, math.inf
@@ -240,17 +329,11 @@ def look_in(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling:
         total += abs(work.cosine[n]) + abs(work.sine[n])
     if not total > UNCERTAIN * noise:
         return Look(0.0, 0.0, -1, 0)
-    apart, degree = work.apart[0], degree_of(work, noise)
-    fill_powers(work, 0)
-    fill_F(k, six, work, p - ASIDE, labelling)
-    fill_powers(work, 1)
-    apart_before = work.apart[0]
-    fill_F(k, six, work, p + ASIDE, labelling)
-    fill_powers(work, 2)
-    if labelling < 0 and k.six.form == SPHERICAL_WRIST and apart < 0.0:
-        slope = 0.5 * (work.apart[0] - apart_before) / ASIDE
-        bend = (work.apart[0] - 2.0 * apart + apart_before) / ASIDE**2
-        return Look(first_zero(apart, slope, bend), first_zero(apart, -slope, bend), 0, 0)
+    degree = degree_of(work, noise)
+    noise_of_bend = fill_rates(k, six, work, p, labelling, noise)
+    if labelling < 0 and k.six.form == SPHERICAL_WRIST and work.apart[0] < 0.0:
+        apart, rate, bend = work.apart[0], work.apart[1], work.apart[2]
+        return Look(first_zero(apart, rate, bend), first_zero(apart, -rate, bend), 0, 0)
     z = work.z if labelling < 0 else work.other
     find_all_roots(work.powers[0], degree, z, work.settled)
     ahead, behind, real, single = math.inf, math.inf, 0, True
@@ -271,17 +354,16 @@ def look_in(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling:
             ahead, behind, single = 0.0, 0.0, False
         if other <= error or d <= REAL:
             continue
-        before, slope_before, _ = polynomial(work.powers[1], degree, x)
-        after, slope_after, _ = polynomial(work.powers[2], degree, x)
-        turns = -(after - before) / (2.0 * ASIDE * slope)
-        mixed = (slope_after - slope_before) / (2.0 * ASIDE)
-        bends = -((after - 2.0 * value + before) / ASIDE**2 + (2.0 * mixed + bend * turns) * turns) / slope
+        moves, mixed, _ = polynomial(work.powers[1], degree, x)
+        curves, _, _ = polynomial(work.powers[2], degree, x)
+        turns = -moves / slope
+        bends = -(curves + (2.0 * mixed + bend * turns) * turns) / slope
         rate, change = -(turns / x).real, -(bends / x - (turns / x) * (turns / x)).real
         unsure = abs(turns / x) * abs(bend / slope) * noise / abs(slope)  # of the rate, where the pair is alone
         if distance_to_next(z, i, degree) < d:
             unsure = 0.0
         bend_of_square = -2.0 * (rate * rate + d * change)
-        if abs(bend_of_square) <= 8.0 * d * noise / (ASIDE**2 * abs(slope)):
+        if abs(bend_of_square) <= 2.0 * d * noise_of_bend / abs(slope):
             bend_of_square = 0.0  # noise
         ahead = min(ahead, first_zero(-d * d, 2.0 * d * (unsure - rate), bend_of_square))
         behind = min(behind, first_zero(-d * d, 2.0 * d * (unsure + rate), bend_of_square))
@@ -318,6 +400,8 @@ def find_islands(six: SixJoints, window: Array, work: Islands) -> None:
     k = unpack_arm(six.arm)
     step = TURN / LOOKED_AT
     work.size[0], work.size[1], work.size[2], work.size[3] = 0, 0, LOOKED_AT, 0
+    if k.six.form != SPHERICAL_WRIST and k.six.scale == 0.0:
+        fill_surface(k, six, work)
     own = unpack_arm(six.general).six.own
     work.size[4] = own if k.six.scale == 0.0 else next_labelling(k, six, own)
     spread_roots(work.z)
@@ -382,7 +466,7 @@ def may_come(first: Look, last: Look, length: float) -> bool:
     """Whether pairs may come to the axis between two values of the parameter, seen from both."""
     if first.ahead + last.behind <= SAFETY * length:
         return True
-    elsewhere = (1.0 - AT_FOLD) * length
+    elsewhere = (1.0 - NEAR_FOLD) * length
     if first.at_fold > 0 and last.at_fold > 0:
         return True
     return (first.at_fold > 0 and last.behind <= elsewhere) or (last.at_fold > 0 and first.ahead <= elsewhere)
