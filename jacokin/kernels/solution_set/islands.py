@@ -64,8 +64,10 @@ REAL, MEETING = 1e-6, 1e-4
 #: Values that are halved at most, and halves that wait their turn.
 MOST_HALVED, DEPTH = 400, 32
 #: Steps to all roots at once; a root is found when its step is this part of the distance to the nearest other one: each
-#: step squares what is missing at least.
-ABERTH_STEPS, LAST_STEP = 40, 1e-4
+#: step squares what is missing at least, and a step of Newton's method follows.
+ABERTH_STEPS, LAST_STEP = 40, 1e-2
+#: A root is foretold at the next value of the parameter if that moves it by less than this part of that distance.
+FORETOLD = 0.5
 
 
 class Look(NamedTuple):
@@ -95,6 +97,7 @@ class Islands(NamedTuple):
     apart: Array  # (3,) of F of a spherical wrist, see `fill_both_turns`; its first and second derivative by p
     z: Array  # (16, 2) exp(i x) of all roots, real and imaginary part
     other: Array  # (16, 2) the same in another labelling of the joints
+    moves: Array  # (17, 2) how z moves with p, and where it was found
     settled: Array  # (16,) 1 for those that are found
     powers: Array  # (3, 17, 2) coefficients in z of F, and of its first and second derivative by p
     equations: Equations
@@ -119,6 +122,7 @@ def make_islands() -> Islands:
         np.zeros(3),
         np.zeros((2 * DEGREE, 2)),
         np.zeros((2 * DEGREE, 2)),
+        np.zeros((2 * DEGREE + 1, 2)),
         np.zeros(2 * DEGREE),
         np.zeros((3, 2 * DEGREE + 1, 2)),
         make_equations(),
@@ -270,8 +274,9 @@ def find_all_roots(powers: Array, degree: int, z: Array, settled: Array) -> None
                 a, b = z[i, 0] - z[j, 0], z[i, 1] - z[j, 1]
                 square = a * a + b * b
                 if square != 0.0:
-                    others += a / square
-                    others_i -= b / square
+                    inverse = 1.0 / square
+                    others += a * inverse
+                    others_i -= b * inverse
                     nearest = min(nearest, square)
             rest = 1.0 - newton * complex(others, others_i)
             step = newton / rest if rest != 0.0 else newton
@@ -283,6 +288,17 @@ def find_all_roots(powers: Array, degree: int, z: Array, settled: Array) -> None
                 moving += 1
         if moving == 0:
             break
+
+
+def foretell(work: Islands, p: float, degree: int) -> None:
+    """Move roots as they move with the parameter from where they were found, if that is near."""
+    z, moves, away = work.z, work.moves, wrapped(p - work.moves[2 * DEGREE, 0])
+    work.moves[2 * DEGREE, 0] = p
+    for i in range(degree):
+        x, y = moves[i, 0] * away, moves[i, 1] * away
+        if abs(away) < 1.5 * TURN / LOOKED_AT and math.hypot(x, y) < FORETOLD * distance_to_next(z, i, degree):
+            z[i, 0] += x
+            z[i, 1] += y
 
 
 def degree_of(work: Islands, noise: float) -> int:
@@ -335,18 +351,26 @@ def look_in(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling:
         apart, rate, bend = work.apart[0], work.apart[1], work.apart[2]
         return Look(first_zero(apart, rate, bend), first_zero(apart, -rate, bend), 0, 0)
     z = work.z if labelling < 0 else work.other
+    if labelling < 0:
+        foretell(work, p, degree)
     find_all_roots(work.powers[0], degree, z, work.settled)
     ahead, behind, real, single = math.inf, math.inf, 0, True
     for i in range(degree):
         x = complex(z[i, 0], z[i, 1])
         if x == 0.0:
             continue
-        d = -math.log(abs(x))
-        if d < -REAL:
-            continue
         value, slope, bend = polynomial(work.powers[0], degree, x)
+        moves, mixed = value_and_rate(work.powers[1], degree, x)
         if slope == 0.0:
             return Look(0.0, 0.0, -1, 0)
+        x -= value / slope
+        turns = -moves / slope
+        z[i, 0], z[i, 1] = x.real, x.imag
+        if labelling < 0:
+            work.moves[i, 0], work.moves[i, 1] = turns.real, turns.imag
+        d = -0.5 * math.log(x.real * x.real + x.imag * x.imag)
+        if d < -REAL:
+            continue
         error = degree * noise / abs(slope)
         other = 2.0 * d if d > REAL else distance_to_next(z, i, degree)
         real, single = real + (d <= REAL), single and other > MEETING
@@ -354,9 +378,7 @@ def look_in(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling:
             ahead, behind, single = 0.0, 0.0, False
         if other <= error or d <= REAL:
             continue
-        moves, mixed, _ = polynomial(work.powers[1], degree, x)
-        curves, _, _ = polynomial(work.powers[2], degree, x)
-        turns = -moves / slope
+        curves, _ = value_and_rate(work.powers[2], degree, x)
         bends = -(curves + (2.0 * mixed + bend * turns) * turns) / slope
         rate, change = -(turns / x).real, -(bends / x - (turns / x) * (turns / x)).real
         unsure = abs(turns / x) * abs(bend / slope) * noise / abs(slope)  # of the rate, where the pair is alone
@@ -390,9 +412,9 @@ def distance_to_next(z: Array, i: int, degree: int) -> float:
     """From root i to the next one."""
     nearest = math.inf
     for j in range(degree):
-        if j != i:
-            nearest = min(nearest, math.hypot(z[j, 0] - z[i, 0], z[j, 1] - z[i, 1]))
-    return nearest
+        a, b = z[j, 0] - z[i, 0], z[j, 1] - z[i, 1]
+        nearest = min(nearest, a * a + b * b if j != i else math.inf)
+    return math.sqrt(nearest)
 
 
 def find_islands(six: SixJoints, window: Array, work: Islands) -> None:
@@ -406,6 +428,8 @@ def find_islands(six: SixJoints, window: Array, work: Islands) -> None:
     work.size[4] = own if k.six.scale == 0.0 else next_labelling(k, six, own)
     spread_roots(work.z)
     spread_roots(work.other)
+    for i in range(2 * DEGREE + 1):
+        work.moves[i, 0], work.moves[i, 1] = 0.0, 0.0
     for i in range(LOOKED_AT):
         work.p[i] = wrapped(OFFSET + step * i)
         work.counts[i], work.comes[i, 0], work.comes[i, 1] = -1, math.inf, math.inf
