@@ -59,6 +59,8 @@ LABELLED = 0.01
 #: [rad] from a fold that is known. How far from there its pair may be expected: relative to that, and to the distance
 #: of any other place.
 BESIDE, AT_FOLD, NEAR_FOLD = 3e-5, 0.2, 0.1
+#: Where its pair is noise there, how often to look farther away.
+FARTHER, TIMES_FARTHER = 2, 5.0
 #: [rad] roots nearer to the axis are real; roots nearer to each other may be one, or a pair.
 REAL, MEETING = 1e-6, 1e-4
 #: Values that are halved at most, and halves that wait their turn.
@@ -508,32 +510,42 @@ def look_beside_folds(six: SixJoints, loops: Loops, parameter: int, first: int, 
             side = side_of_fold(loops, n, parameter)
             if side == 0.0:
                 continue
-            p = loops.nodes[n, parameter] + side * BESIDE
-            i = math.floor((p - OFFSET) / step) + int(side > 0.0)
+            fold = loops.nodes[n, parameter]
+            i = math.floor((fold + side * BESIDE - OFFSET) / step) + int(side > 0.0)
             at, i = OFFSET + step * i, i % LOOKED_AT
-            faced, curve = facing_fold(loops, parameter, p, at)
+            faced, curve = facing_fold(loops, parameter, fold, at)
             if faced != at and curve >= first and side < 0.0:  # seen from the other one
                 continue
             comes = work.comes[i, 1 if side > 0.0 else 0]
-            if faced == at and not comes <= SAFETY * abs(at - p):
+            if faced == at and not comes <= SAFETY * abs(at - fold):
                 continue
-            seen = look(k, six, work, p)
-            there = seen.behind if side > 0.0 else seen.ahead
-            expected = there >= BESIDE * (1.0 - AT_FOLD)
-            if not expected and not is_fold_at(loops, parameter, p - side * there, side, BESIDE * AT_FOLD):
+            away, here = look_beside(k, six, work, fold, side)
+            p, there = fold + side * away, here.behind if side > 0.0 else here.ahead
+            expected = there >= away * (1.0 - AT_FOLD)
+            if not expected and not is_fold_at(loops, parameter, p - side * there, side, away * AT_FOLD):
                 work.size[1] += 1
                 continue
-            here, other = Look(seen.ahead, seen.behind, seen.real, 1), Look(comes, comes, work.counts[i], 0)
+            other = Look(comes, comes, work.counts[i], 0)
             if faced != at:
-                at = faced - side * BESIDE
-                seen = look(k, six, work, at)
-                other = Look(seen.ahead, seen.behind, seen.real, 1)
+                away, other = look_beside(k, six, work, faced, -side)
+                at = faced - side * away
             if (at - p) * side <= 0.0:
                 continue
             if side > 0.0:
                 halve(k, six, work, (p, at), here, other)
             else:
                 halve(k, six, work, (at, p), other, here)
+
+
+def look_beside(k: ArmConstants, six: SixJoints, work: Islands, fold: float, side: float) -> tuple[float, Look]:
+    """How far from a fold its own pair is no noise, to the side where it is complex, and what the roots tell there."""
+    away = BESIDE
+    seen = look(k, six, work, fold + side * away)
+    for _ in range(FARTHER):
+        if seen.real < 0:
+            away *= TIMES_FARTHER
+            seen = look(k, six, work, fold + side * away)
+    return away, Look(seen.ahead, seen.behind, seen.real, 1)
 
 
 def facing_fold(loops: Loops, parameter: int, p: float, at: float) -> tuple[float, int]:
