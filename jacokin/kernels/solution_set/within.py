@@ -32,8 +32,9 @@ ROWS, PIECES = 24576, 512
 FOLD, CIRCLE, LOST = -1, -2, -3
 #: [rad] an angle past its limit by no more is on it, but for rounding.
 SNAP = 1e-9
-#: Share of the square of a chord by which the cubic through its ends may be off; less where an angle hardly moves.
-DOUBT = 3e-3
+#: Share of the square of a chord by which the cubic through its ends may be off, or of the chord and so many times what
+#: an angle moves along it, where that is less.
+DOUBT, MOVES = 3e-3, 10.0
 #: Parts of one chord at a time, and places where limits are passed on one part.
 PARTS, EVENTS = 40, 32
 
@@ -211,7 +212,7 @@ def is_doubtful(a: Array, b: Array, length: float, limits: Array) -> bool:
         if not limits[0, j] > -math.inf:
             continue
         moves = (abs(a[7 + j]) + abs(b[7 + j])) * length + abs(b[j] - a[j])
-        slack = DOUBT * length * min(length, moves)
+        slack = DOUBT * length * min(length, MOVES * moves)
         for side in range(2):
             level = level_near(limits[side, j], a[j], b[j])
             v0, v1 = a[j] - level, b[j] - level
