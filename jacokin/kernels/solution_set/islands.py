@@ -8,8 +8,8 @@ is on the axis, so that value, slope and bend of it are followed to where it is 
 and might be there in time, the values between are halved, until they cannot, or until curves are found there. Beside a
 fold of a curve its own pair is on the way to the axis, too, and hides what comes there before; so F is looked at right
 beside each fold once the curves are known. There the distance of its own pair tells little about where that pair comes
-to the axis again; it does as seen from elsewhere, if not where the fold is. Where noise may move a root as far as the axis, or as far as the next root,
-nothing is known of it, and the set is in doubt.
+to the axis again; it does as seen from elsewhere, if not where the fold is. Where noise may move a root as far as the
+axis, or as far as the next root, nothing is known of it, and the set is in doubt.
 """
 
 from __future__ import annotations
@@ -44,6 +44,8 @@ from jacokin.kernels.tolerances import DISTINCT, UNCERTAIN
 from jacokin.kernels.trigonometry import sin_cos
 
 LOOKED_AT, MOST_FOUND = 32, 128
+#: Numbers of F at one value of p.
+SURFACE = 2 * DEGREE + 3
 #: Values of x at which F is looked at, too, at all values of the parameter; evenly all round from the second on [rad].
 LINES, FIRST_LINE = 3, 0.7
 #: Halvings to where F is zero on such a line.
@@ -94,7 +96,7 @@ class Islands(NamedTuple):
     roots: RootWork
     cosine: Array  # (9,) F
     sine: Array  # (9,)
-    surface: Array  # (17, 18) F of a Jaco at every p: its parts of 1, cos p, sin p, cos 2 p, ... of cosine, then sine
+    surface: Array  # (17, 19) F at every p: parts of 1, cos p, sin p, cos 2 p, ... of cosine, then sine, then apart
     noise: Array  # (1,) of the values of that, the root mean square of the samples'
     apart: Array  # (3,) of F of a spherical wrist, see `fill_both_turns`; its first and second derivative by p
     z: Array  # (16, 2) exp(i x) of all roots, real and imaginary part
@@ -119,7 +121,7 @@ def make_islands() -> Islands:
         make_roots(),
         np.empty(DEGREE + 1),
         np.empty(DEGREE + 1),
-        np.zeros((SAMPLES, 2 * DEGREE + 2)),
+        np.zeros((SAMPLES, SURFACE)),
         np.zeros(1),
         np.zeros(3),
         np.zeros((2 * DEGREE, 2)),
@@ -140,20 +142,30 @@ def fill_F(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling: 
     """
     if labelling >= 0:
         return fill_determinant(unpack_arm(six.general), six, work, p, labelling)
-    if k.six.form == SPHERICAL_WRIST:
-        turn_target(six.T, six.axis, p, six.turned)
-        fill_links(six.chain, six.turned, k.six.scale, k.six.form_labelling, work.equations.links)
-        reach = reach_of(k.six, work.equations.links)
-        if abs(reach.cross) < DISTINCT:
-            noise, work.apart[0] = fill_both_turns(reach, work.cosine, work.sine)
-            return noise
-        work.apart[0] = 0.0
-        _, _, noise = fill_quartic(reach, work.cosine, work.sine)
+    if has_surface(k):
+        work.apart[0] = fill_waves(work, p, 0)
+        return float(work.noise[0])
+    return fill_determinant(k, six, work, p, k.six.own)
+
+
+def has_surface(k: ArmConstants) -> bool:
+    """Whether F, as it suits the arm, is a trigonometric polynomial of degree 8 at most in p, too."""
+    return k.six.form == SPHERICAL_WRIST or k.six.scale == 0.0
+
+
+def fill_sample(k: ArmConstants, six: SixJoints, work: Islands, p: float) -> float:
+    """As `fill_F`, of an arm that has a surface, from the target."""
+    turn_target(six.T, six.axis, p, six.turned)
+    work.apart[0] = 0.0
+    if k.six.form != SPHERICAL_WRIST:
+        return fourier_of_F(k, pose_of(six.arm, k, six.turned), work.cosine, work.sine)
+    fill_links(six.chain, six.turned, k.six.scale, k.six.form_labelling, work.equations.links)
+    reach = reach_of(k.six, work.equations.links)
+    if abs(reach.cross) < DISTINCT:
+        noise, work.apart[0] = fill_both_turns(reach, work.cosine, work.sine)
         return noise
-    if k.six.scale > 0.0:
-        return fill_determinant(k, six, work, p, k.six.own)
-    fill_waves(work, p, 0)
-    return float(work.noise[0])
+    _, _, noise = fill_quartic(reach, work.cosine, work.sine)
+    return noise
 
 
 def fill_determinant(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling: int) -> float:
@@ -165,30 +177,33 @@ def fill_determinant(k: ArmConstants, six: SixJoints, work: Islands, p: float, l
 
 
 def fill_surface(k: ArmConstants, six: SixJoints, work: Islands) -> None:
-    """Fill surface: F of a Jaco is a trigonometric polynomial of degree 8 in p, too, so that 17 values of it are all."""
-    surface = work.surface
-    work.noise[0] = 0.0
+    """Fill surface with F at every p, which 17 values tell."""
+    surface, total = work.surface, 0.0
     for i in range(SAMPLES):
-        for j in range(2 * DEGREE + 2):
+        for j in range(SURFACE):
             surface[i, j] = 0.0
     for n in range(SAMPLES):
-        turn_target(six.T, six.axis, SPACING * n, six.turned)
-        noise = fourier_of_F(k, pose_of(six.arm, k, six.turned), work.cosine, work.sine)
-        work.noise[0] += noise * noise / SAMPLES
-        for j in range(DEGREE + 1):
-            surface[0, j] += TO_COSINE[n, 0] * work.cosine[j]
-            surface[0, DEGREE + 1 + j] += TO_COSINE[n, 0] * work.sine[j]
+        noise = fill_sample(k, six, work, SPACING * n)
+        total += noise * noise
+        for j in range(SURFACE):
+            value = work.apart[0]
+            if j < SURFACE - 1:
+                value = work.cosine[j] if j <= DEGREE else work.sine[j - DEGREE - 1]
+            surface[0, j] += TO_COSINE[n, 0] * value
             for m in range(1, DEGREE + 1):
-                surface[2 * m - 1, j] += TO_COSINE[n, m] * work.cosine[j]
-                surface[2 * m - 1, DEGREE + 1 + j] += TO_COSINE[n, m] * work.sine[j]
-                surface[2 * m, j] += TO_SINE[n, m] * work.cosine[j]
-                surface[2 * m, DEGREE + 1 + j] += TO_SINE[n, m] * work.sine[j]
-    work.noise[0] = math.sqrt(work.noise[0])
+                surface[2 * m - 1, j] += TO_COSINE[n, m] * value
+                surface[2 * m, j] += TO_SINE[n, m] * value
+    work.noise[0] = math.sqrt(total / SAMPLES)
 
 
-def fill_waves(work: Islands, p: float, order: int) -> None:
-    """Fill cosine and sine with the coefficients of F(x; p), or of its derivative of an order by p, from the surface."""
+def fill_waves(work: Islands, p: float, order: int) -> float:
+    """Fill cosine and sine with the coefficients of F(x; p), or of its derivative of an order by p, from the surface.
+
+    Returns:
+        The same of what `fill_both_turns` tells.
+    """
     surface, cosine, sine, first = work.surface, work.cosine, work.sine, 1.0 if order == 0 else 0.0
+    apart = first * surface[0, SURFACE - 1]
     for j in range(DEGREE + 1):
         cosine[j], sine[j] = first * surface[0, j], first * surface[0, DEGREE + 1 + j]
     for m in range(1, DEGREE + 1):
@@ -200,6 +215,8 @@ def fill_waves(work: Islands, p: float, order: int) -> None:
         for j in range(DEGREE + 1):
             cosine[j] += c * surface[2 * m - 1, j] + s * surface[2 * m, j]
             sine[j] += c * surface[2 * m - 1, DEGREE + 1 + j] + s * surface[2 * m, DEGREE + 1 + j]
+        apart += c * surface[2 * m - 1, SURFACE - 1] + s * surface[2 * m, SURFACE - 1]
+    return float(apart)
 
 
 def fill_rates(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling: int, noise: float) -> float:
@@ -208,20 +225,17 @@ def fill_rates(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelli
     Returns:
         The noise of the second derivative, from that of F.
     """
-    powers, apart = work.powers, work.apart
-    if labelling < 0 and k.six.form != SPHERICAL_WRIST and k.six.scale == 0.0:
+    powers = work.powers
+    if labelling < 0 and has_surface(k):
         for order in range(2, -1, -1):
-            fill_waves(work, p, order)
+            work.apart[order] = fill_waves(work, p, order)
             fill_powers(work, order)
         return DEGREE * DEGREE * noise
     fill_powers(work, 0)
-    here = apart[0]
     fill_F(k, six, work, p - ASIDE, labelling)
     fill_powers(work, 1)
-    before = apart[0]
     fill_F(k, six, work, p + ASIDE, labelling)
     fill_powers(work, 2)
-    apart[0], apart[1], apart[2] = here, 0.5 * (apart[0] - before) / ASIDE, (apart[0] - 2.0 * here + before) / ASIDE**2
     for m in range(2 * DEGREE + 1):
         for i in range(2):
             now, low, high = powers[0, m, i], powers[1, m, i], powers[2, m, i]
@@ -424,7 +438,7 @@ def find_islands(six: SixJoints, window: Array, work: Islands) -> None:
     k = unpack_arm(six.arm)
     step = TURN / LOOKED_AT
     work.size[0], work.size[1], work.size[2], work.size[3] = 0, 0, LOOKED_AT, 0
-    if k.six.form != SPHERICAL_WRIST and k.six.scale == 0.0:
+    if has_surface(k):
         fill_surface(k, six, work)
     own = unpack_arm(six.general).six.own
     work.size[4] = own if k.six.scale == 0.0 else next_labelling(k, six, own)

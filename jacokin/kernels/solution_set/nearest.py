@@ -187,17 +187,17 @@ def search_chord(work: NearestWork, i: int) -> None:
             if work.weights[j] > 0.0:
                 moved = equivalent(work, b[j], j) - equivalent(work, a[j], j) - (b[j] - a[j])
                 jumps = jumps or abs(moved) > JUMP or dips(work, a, b, length, j)
-        if jumps and length > RESOLUTION and top + 1 < PARTS and halved < MOST_HALVED:
-            if point_across(work.chain, work.T, a, b, 0.5, walk.z, walk.tz, walk):
-                offer(work, walk.z)
-                for m in range(COLUMNS):
-                    parts[top + 1, COLUMNS + m] = b[m]
-                for j in range(7):
-                    b[j], b[7 + j] = walk.z[j], walk.tz[j]
-                    parts[top + 1, j], parts[top + 1, 7 + j] = walk.z[j], walk.tz[j]
-                top += 1
-                halved += 1
-                continue
+        halves = jumps and length > RESOLUTION and top + 1 < PARTS and halved < MOST_HALVED
+        if halves and point_across(work.chain, work.T, a, b, 0.5, walk.z, walk.tz, walk):
+            offer(work, walk.z)
+            for m in range(COLUMNS):
+                parts[top + 1, COLUMNS + m] = b[m]
+            for j in range(7):
+                b[j], b[7 + j] = walk.z[j], walk.tz[j]
+                parts[top + 1, j], parts[top + 1, 7 + j] = walk.z[j], walk.tz[j]
+            top += 1
+            halved += 1
+            continue
         if jumps:
             offer_on_limits(work, a, b, length)
         else:
