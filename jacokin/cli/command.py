@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Container, Iterable, Mapping
-from dataclasses import fields
-from functools import wraps
+from dataclasses import Field, field, fields
 from inspect import cleandoc
-from typing import Any
+from typing import Any, get_type_hints
 
 import click
 
@@ -145,27 +144,53 @@ class Refusal(Exception):  # noqa: N818 - it is not an error of the program
     """The sentence that says what is wrong with the input."""
 
 
-def option_group(parameter: str, kind: type, *options: Callable[..., Any]) -> Callable[..., Any]:
-    """Give a command options whose values it gets as one parameter.
+def option(*flags: str, **settings: Any) -> Any:  # Any: click's own, and a field of any type
+    """A field of a class of options: what `click.Option` makes of flags and settings.
+
+    A field without flags is an argument, with the settings of `Argument`.
+    """
+    default = settings.get("default", False if settings.get("is_flag") else () if settings.get("multiple") else None)
+    return field(default=default, metadata={"flags": flags, "settings": settings})
+
+
+def command(
+    name: str | None = None, *, group: click.Group | None = None, **settings: Any
+) -> Callable[[Callable[..., object]], Command]:  # Any: click's own
+    """Make a command of a function whose parameters are classes of options, dataclasses of `option` fields.
 
     Args:
-        parameter: its name.
-        kind: its type, a dataclass with a field for each option.
-        options: what `click.option` makes.
+        name: of the command; that of the function if not given.
+        group: of commands, which it is added to.
+        settings: those of `click.Command`.
     """
-    names = [field.name for field in fields(kind)]
 
-    def decorate(command: Callable[..., object]) -> Callable[..., object]:
-        @wraps(command)
+    def decorate(function: Callable[..., object]) -> Command:
+        kinds = {parameter: kind for parameter, kind in get_type_hints(function).items() if parameter != "return"}
+
         def call(**values: object) -> object:
-            made = kind(**{name: values.pop(name) for name in names})
-            return command(**values, **{parameter: made})
+            return function(
+                **{
+                    parameter: kind(**{each.name: values[each.name] for each in fields(kind)})
+                    for parameter, kind in kinds.items()
+                }
+            )
 
-        for option in reversed(options):
-            option(call)
-        return call
+        params = [_parameter(each) for kind in kinds.values() for each in fields(kind)]
+        own_name = name or function.__name__
+        made = Command(own_name, help=function.__doc__ or "", callback=call, params=params, **settings)
+        if group is not None:
+            group.add_command(made)
+        return made
 
     return decorate
+
+
+def _parameter(each: Field[Any]) -> click.Parameter:
+    """The parameter of a field."""
+    flags, settings = each.metadata["flags"], dict(each.metadata["settings"])
+    kind = settings.pop("cls", click.Option) if flags else Argument
+    parameter: click.Parameter = kind([*flags, each.name], **settings)
+    return parameter
 
 
 def join_numbers(words: Iterable[str], lists: Container[str], *, as_arguments: bool = False) -> list[str]:

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 import jacokin
-from jacokin.cli import options
+from jacokin.cli import groups
 from jacokin.cli.main import COMMANDS
 from jacokin.model import urdf_folder
 from tests.cli.run import HOME, POSE, Run
@@ -166,7 +166,7 @@ def test_a_mistake_of_our_own_is_no_traceback(run: Run, monkeypatch: pytest.Monk
     def fail(*_: object) -> None:
         raise KeyError("inner")
 
-    monkeypatch.setattr(options.RobotOptions, "load", fail)
+    monkeypatch.setattr(groups.RobotOptions, "load", fail)
     answer = run("info")
     assert answer.code == 2
     assert "internal error" in answer.err
