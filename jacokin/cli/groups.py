@@ -97,6 +97,31 @@ class FormOptions:
     json: bool = options.json()
 
 
+@dataclass(frozen=True, slots=True)
+class BatchOptions:
+    """A file of poses, and where its answers go."""
+
+    targets: Path | None = option(
+        "--targets",
+        type=options.FILE,
+        metavar="FILE",
+        help="Solve every row of a .csv, .npz or .parquet: columns x,y,z and qw,qx,qy,qz or none; others are kept.",
+    )
+    output: Path | None = option(
+        "--output",
+        type=options.FILE,
+        metavar="FILE",
+        help="Write the answers to --targets to this .csv, .npz or .parquet.",
+    )
+    resume: bool | None = option(
+        "--resume/--no-resume",
+        default=None,
+        help="Continue a run with --targets and --output that did not end, as happens if not given; or start again.",
+    )
+    workers: int = options.workers()
+    dask: str | None = options.dask()
+
+
 def load_scene(path: Path | None) -> model.Scene | None:
     """The scene of a file; None without one."""
     return None if path is None else model.Scene.load(path)

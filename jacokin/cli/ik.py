@@ -5,14 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import jacokin.ik
 import jacokin.model
 from jacokin.cli import options
 from jacokin.cli.command import command, option, parse_numbers
-from jacokin.cli.groups import FormOptions, RobotOptions, SceneOptions, ToolOptions, free_about, load_generator
+from jacokin.cli.groups import (
+    BatchOptions,
+    FormOptions,
+    RobotOptions,
+    SceneOptions,
+    ToolOptions,
+    free_about,
+    load_generator,
+)
 from jacokin.cli.options import Vector3, Vector4, Vector6, keep_apart
 from jacokin.cli.process import NOT_SOLVED
 from jacokin.cli.units import Units, warn_of_degrees, warn_of_millimetres
@@ -26,7 +33,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class TargetOptions:
-    """The pose to reach; a command that has these options takes them as one parameter."""
+    """The pose to reach."""
 
     position: Vector3 | None = option(
         "--position", type=options.VECTOR, metavar="X Y Z", help="Where the tool should be [m]."
@@ -101,31 +108,6 @@ class TargetOptions:
                 raise InvalidInputError("--free-range goes with --free-axis or --approach")
             return at
         return free_about(at, self.free_axis, self.free_range, units)
-
-
-@dataclass(frozen=True, slots=True)
-class BatchOptions:
-    """A file of poses, and where its answers go."""
-
-    targets: Path | None = option(
-        "--targets",
-        type=options.FILE,
-        metavar="FILE",
-        help="Solve every row of a .csv, .npz or .parquet: columns x,y,z and qw,qx,qy,qz or none; others are kept.",
-    )
-    output: Path | None = option(
-        "--output",
-        type=options.FILE,
-        metavar="FILE",
-        help="Write the answers to --targets to this .csv, .npz or .parquet.",
-    )
-    resume: bool | None = option(
-        "--resume/--no-resume",
-        default=None,
-        help="Continue a run with --targets and --output that did not end, as happens if not given; or start again.",
-    )
-    workers: int = options.workers()
-    dask: str | None = options.dask()
 
 
 @dataclass(frozen=True, slots=True)

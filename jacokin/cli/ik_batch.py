@@ -14,7 +14,7 @@ from jacokin import ik
 from jacokin.chunks.execution import dask_executor
 from jacokin.cli import display
 from jacokin.cli.display import progress_bar
-from jacokin.cli.ik import BatchOptions
+from jacokin.cli.groups import BatchOptions
 from jacokin.cli.units import Units, warn_of_degrees
 from jacokin.ik.batches.chunk import EMPTY, count_rows, solve_rows
 from jacokin.ik.batches.solve_file import folder_of, solve_file

@@ -335,11 +335,8 @@ def teleop(
                 stop,
             )
             return
-        fingers: Fingers | None = None
-        if arm is not None:
-            fingers = arm.fingers
-        elif watched.shown is not None:
-            fingers = _fingers(robot, said=hasattr(device, "fingers"))
+        fingers = _fingers(robot, said=hasattr(device, "fingers")) if watched.shown is not None else None
+        fingers = fingers if arm is None else arm.fingers
 
         def act(step: TeleopStep) -> bool:
             angle = None if fingers is None else fingers.move(getattr(device, "fingers", 0.0), led.tracker.dt)

@@ -19,12 +19,15 @@ from jacokin.cli.display import number, show_facts
 from jacokin.cli.process import NOT_SOLVED
 from jacokin.cli.task import choose_renderer
 from jacokin.cli.teleop import read_cameras
+from jacokin.cli.units import Units
 from jacokin.errors import InvalidInputError
 
 if TYPE_CHECKING:
     from jacokin.tasks import TaskEnv
-    from jacokin.twin import Record, SimulatedArm
+    from jacokin.twin import Faults, KinovaDriver, Record, SimulatedArm, TrajectoryController
     from jacokin.twin.pictures import Camera
+    from jacokin.twin.ros1 import Ros1Node
+    from jacokin.twin.ros2 import Ros2Node
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,46 +94,26 @@ def twin(given: TwinOptions) -> None:
     """
     if given.cameras:
         choose_renderer()
-    from jacokin.twin import Faults, KinovaDriver, SimulatedArm, TrajectoryController
+    from jacokin.twin import Faults, SimulatedArm
 
     found = Faults.parse(given.faults)
-    seed = given.random_seed or 0
     if given.cameras and given.task is None:
         raise InvalidInputError("--camera shows the scene of a task: give --task too")
     if given.task is not None and (given.robot != model.DEFAULT_ROBOT or given.start is not None):
         raise InvalidInputError(f"--task has its robot, {model.DEFAULT_ROBOT}, and its start: leave them out")
-    speed = math.inf if given.fast else given.pace
     called = given.robot if given.name is None else given.name
     if not re.fullmatch(r"[A-Za-z]\w*", called, re.ASCII):
         raise InvalidInputError(f"--name must be letters, digits and underscores, a letter first, got {called!r}")
-    q = (
-        None
-        if given.start is None
-        else [math.radians(angle) for angle in given.start]
-        if given.degrees
-        else given.start
-    )
+    q = None if given.start is None else Units(given.degrees).to_si(given.start)
     with contextlib.ExitStack() as stack:
         environment = None
         if given.task is not None:
-            environment = _environment(given.task, seed)
+            environment = _environment(given.task, given.random_seed or 0)
             stack.callback(environment.close)
         arm = SimulatedArm(given.robot, q=q, task=None if environment is None else environment.task)
         shown = _cameras(arm, given.cameras or {})
         watch = _watching(stack, arm, environment, given.port) if given.view else _nothing
-        core: KinovaDriver | TrajectoryController
-        node: Ros1Node | Ros2Node
-        if given.ros == "1":
-            from jacokin.twin.ros1 import Ros1Node
-
-            core = driver = KinovaDriver(arm, faults=found, seed=seed)
-            node = Ros1Node(driver, called, pace=speed, cameras=shown)
-        else:
-            from jacokin.twin.ros2 import Ros2Node
-
-            joints = [f"{called}_joint_{joint + 1}" for joint in range(arm.robot.dof)]
-            core = controller = TrajectoryController(arm, joints, faults=found, seed=seed)
-            node = Ros2Node(controller, called, pace=speed, cameras=shown)
+        core, node = _node(given, called, arm, found, shown)
         click.echo(f"twin of {arm.robot.label} in ROS {given.ros}: ready; Ctrl-C ends it", err=True)
         late = 0
         try:
@@ -144,6 +127,30 @@ def twin(given: TwinOptions) -> None:
         if died:
             click.echo(f"jacokin: {died}", err=True)
             raise SystemExit(NOT_SOLVED)
+
+
+def _node(
+    given: TwinOptions, called: str, arm: SimulatedArm, faults: Faults, cameras: list[Camera]
+) -> tuple[KinovaDriver, Ros1Node] | tuple[TrajectoryController, Ros2Node]:
+    """What moves the arm, and the node of ROS 1 or 2 that speaks for it.
+
+    Raises:
+        InvalidInputError: that ROS is not there.
+    """
+    from jacokin.twin import KinovaDriver, TrajectoryController
+
+    seed = given.random_seed or 0
+    speed = math.inf if given.fast else given.pace
+    if given.ros == "1":
+        from jacokin.twin.ros1 import Ros1Node
+
+        driver = KinovaDriver(arm, faults=faults, seed=seed)
+        return driver, Ros1Node(driver, called, pace=speed, cameras=cameras)
+    from jacokin.twin.ros2 import Ros2Node
+
+    joints = [f"{called}_joint_{joint + 1}" for joint in range(arm.robot.dof)]
+    controller = TrajectoryController(arm, joints, faults=faults, seed=seed)
+    return controller, Ros2Node(controller, called, pace=speed, cameras=cameras)
 
 
 def _environment(task: str, seed: int) -> TaskEnv:
