@@ -521,9 +521,8 @@ def _page(
     """The viewer, with the arm where the tracker is, and the props of a task."""
     from jacokin import viewer
 
-    with viewer.serve(
-        tracker.robot, frame=tracker.frame, scene=scene, clearance=clearance, seed=tracker.q, port=port
-    ) as shown:
+    chosen = viewer.ViewerOptions(frame=tracker.frame, clearance=clearance)
+    with viewer.serve(tracker.robot, chosen, scene=scene, seed=tracker.q, port=port) as shown:
         yield _Watched(shown, simulation)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -123,26 +123,27 @@ def view(
         raise InvalidInputError("--log and --trajectory exclude each other")
     if given.free_range is not None:
         warn_of_degrees("--free-range", given.free_range, given.units)
-    limits = given.units.for_joints(arm).limits("--velocity-limit", given.velocity_limit, "rad/s")
-    speeds: dict[str, Any] = {} if limits is None else {"velocity_limit": limits}
+    joints = given.units.for_joints(arm)
     shown = viewer.serve(
         arm,
-        frame=tool.frame,
-        tool=tool.tool,
-        collision=given.collision,
+        viewer.ViewerOptions(
+            frame=tool.frame,
+            tool=tool.tool,
+            collision=given.collision,
+            clearance=around.clearance,
+            prefer=given.prefer,
+            free_axis=given.free_axis,
+            free_range=FULL_TURN if given.free_range is None else given.units.to_si(given.free_range),
+            visuals=given.visuals,
+            velocity_limit=joints.limits("--velocity-limit", given.velocity_limit, "rad/s"),
+            host=given.host,
+        ),
         scene=around.load(),
-        clearance=around.clearance,
-        prefer=given.prefer,
-        free_axis=given.free_axis,
-        free_range=FULL_TURN if given.free_range is None else given.units.to_si(given.free_range),
-        visuals=given.visuals,
         reachability=None if given.reachability is None else load_map(given.reachability),
         trajectory=given.trajectory if recording is None else recording,
         target=given.target,
-        seed=given.units.for_joints(arm).seed("--seed", given.seed),
-        host=given.host,
+        seed=joints.seed("--seed", given.seed),
         port=given.port,
-        **speeds,
     )
     with shown:
         try:

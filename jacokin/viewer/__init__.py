@@ -17,7 +17,7 @@ __all__, __getattr__, __dir__ = lazy.door(
     __name__,
     {
         "jacokin.viewer.inspector": ("Inspector",),
-        "jacokin.viewer.serving": ("serve", "show"),
+        "jacokin.viewer.serving": ("ViewerOptions", "serve", "show"),
         "jacokin.viewer.view": ("View",),
         "jacokin.viewer.viewer": ("Viewer",),
     },
