@@ -309,7 +309,9 @@ def vector_or_rows(name: str, value: ArrayLike, size: int, unit: str) -> Array:
         raise InvalidInputError(
             f"{name} must have shape ({size},) or (n, {size}){_bracketed(unit)}, got shape {checked.shape}"
         )
-    return np.ascontiguousarray(matrix(name, checked, size, unit) if len(checked) else checked)
+    if not np.isfinite(checked).all():
+        matrix(name, checked, size, unit)  # names the row
+    return np.ascontiguousarray(checked)
 
 
 def positive_vector(name: str, value: ArrayLike, size: int, unit: str, *, infinite: bool = False) -> Array:
