@@ -234,7 +234,7 @@ def fine_map(samples: int) -> list[str]:
     with tempfile.TemporaryDirectory() as name:
         begin, cpu = time.perf_counter(), time.process_time()
         grid = Grid.around(robot, 0.02)
-        reach = build(robot, folder=Path(name) / "map", grid=grid, orientations=200, collision="ignore")
+        reach = build(IKSolver(robot, collision="ignore"), folder=Path(name) / "map", grid=grid, orientations=200)
         assert reach is not None
         seconds, cpu = time.perf_counter() - begin, time.process_time() - cpu
         size = sum(path.stat().st_size for path in (Path(name) / "map").iterdir())

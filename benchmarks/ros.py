@@ -107,15 +107,15 @@ def lead(robot: Robot, motion: Trajectory, link: ProcessLink) -> tuple[float, st
     return float(np.degrees(runner.away)), why
 
 
-def send(ros: Ros, version: int, motion: Trajectory, folder: Path) -> tuple[float, str]:
+def send(ros: Ros, version: int, robot: Robot, motion: Trajectory, folder: Path) -> tuple[float, str]:
     """By the sender: velocities to ROS 1, a goal to ROS 2."""
     if version == 1:
         motion.save(folder / "m.kinova.csv")
         status, output, errors = ros.send(folder / "m.kinova.csv", "--ros", 1)
     else:
         motion.save(folder / "m.json", joint_prefix="j2n6s300_")
-        unlimited = [f"j2n6s300_{name}" for name in np.array(motion.joint_names)[[0, 3, 4, 5]]]
-        status, output, errors = ros.send(folder / "m.json", "--ros", 2, *CONTROLLER, "--unlimited", *unlimited)
+        names = [f"j2n6s300_{name}" for name, turns in zip(robot.joint_names, robot.unlimited, strict=True) if turns]
+        status, output, errors = ros.send(folder / "m.json", "--ros", 2, *CONTROLLER, "--unlimited", *names)
     found = re.search(r"ends ([0-9.]+) deg", output)
     return float(found[1]) if found else np.nan, errors.strip().splitlines()[-1] if status else ""
 
@@ -141,7 +141,7 @@ def play(ros: Ros, version: int, way: str, options: argparse.Namespace) -> tuple
         for _ in range(options.motions):
             motion = plan(robot, solver, standing(link), rng)
             metronome.worst()
-            said, why = lead(robot, motion, link) if way == "run" else send(ros, version, motion, folder)
+            said, why = lead(robot, motion, link) if way == "run" else send(ros, version, robot, motion, folder)
             late = metronome.worst()
             away = float(np.degrees(np.abs(standing(link) - motion.q[-1]).max()))
             played.append(Played(away, said, why, late))

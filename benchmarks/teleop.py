@@ -28,7 +28,7 @@ from jacokin import Robot, Tracker
 from jacokin.ik import Floor, Scene
 from jacokin.model import poses, to_mujoco
 from jacokin.motion import LimitDistance, Manipulability
-from jacokin.teleop import Player, Stream, Teleop, TeleopStatus, make_stream
+from jacokin.teleop import HandOptions, Player, Stream, Teleop, TeleopStatus, make_stream
 from jacokin.teleop.streams import KINDS
 
 DT = 0.01  # [s]
@@ -94,7 +94,9 @@ def ours(robot: Robot, heard: list[Array | None], rate: float, smoothing: str | 
         acceleration_limit=ACCELERATION,
         objectives=(LimitDistance(), Manipulability()) if robot.dof > 6 else (),
     )
-    teleop = Teleop(tracker, clutch=True, recover=0.5, filter=smoothing, watchdog=max(0.1, PATIENCE / rate))
+    teleop = Teleop(
+        tracker, clutch=True, recover=0.5, filter=smoothing, hand=HandOptions(watchdog=max(0.1, PATIENCE / rate))
+    )
     q, asked, seconds, latency = list[Array](), list[pin.SE3 | None](), list[float](), list[float]()
     for hand in heard:
         began = time.thread_time()

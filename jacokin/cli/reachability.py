@@ -91,11 +91,9 @@ def build(given: BuildOptions, tool: ToolOptions, source: RobotOptions) -> None:
         if given.lower is None or given.upper is None
         else reachability.Grid(given.lower, given.upper, given.spacing)
     )
-    obstacles = load_scene(given.scene)
+    solver = ik.IKSolver(arm, tool.frame, tool=tool.tool, collision=given.collision, scene=load_scene(given.scene))
     is_slow = (  # in Python, where threads wait for each other
-        given.collision != "ignore"
-        or given.free_axis is not None
-        or ik.IKSolver(arm, tool.frame, collision="ignore").dimension() == 1
+        given.collision != "ignore" or given.free_axis is not None or solver.dimension() == 1
     )
     pool: AbstractContextManager[Executor]
     if given.dask is not None:
@@ -104,17 +102,13 @@ def build(given: BuildOptions, tool: ToolOptions, source: RobotOptions) -> None:
         pool = worker_processes(given.workers) if is_slow and given.workers > 1 else ThreadPoolExecutor(given.workers)
     with progress_bar("positions") as show, pool as executor:
         found = reachability.build(
-            arm,
+            solver,
             folder=given.folder,
             grid=grid,
             orientations=_read_orientations(given.orientations, given.free_axis, down=given.down),
             executor=executor,
             shard=given.shard,
             progress=lambda so_far: show(so_far.done, so_far.total),
-            frame=tool.frame,
-            tool=tool.tool,
-            collision=given.collision,
-            scene=obstacles,
         )
     if found is None:
         display.say(f"{given.folder}: shard {given.shard} is finished; others are missing")

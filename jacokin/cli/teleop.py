@@ -102,6 +102,11 @@ class HandOptions:
         """Of the random numbers."""
         return self.random_seed or 0
 
+    @property
+    def duration(self) -> float:
+        """For how long it leads at most [s]."""
+        return math.inf if self.seconds is None else self.seconds
+
     def check(self) -> None:
         """Refuse options that do not go together.
 
@@ -345,8 +350,7 @@ def teleop(
             watched.show_props()
             return goes_on
 
-        seconds = math.inf if hand.seconds is None else hand.seconds
-        session = lead(led, device, seconds=seconds, paced=not hand.fast, act=act, stop=stop)
+        session = lead(led, device, seconds=hand.duration, paced=not hand.fast, act=act, stop=stop)
         if writable is not None:
             session.motion.save(writable)
     error = float(session.position_error[-1]) if len(session.position_error) else 0.0

@@ -376,14 +376,12 @@ class IKSolver:
         single = functools.partial(self.solve, prefer=prefer)
         return batch.solve(
             self.robot,
-            single,
-            compiled,
+            batch.Ways(single, compiled, self._verifier.unchecked),
             targets,
             seeds,
             workers=workers,
             progress=progress,
             closest=closest,
-            note=self._verifier.unchecked,
         )
 
     def gradient(self, result: IKResult, *, reference: str = "local_world_aligned") -> Array:

@@ -19,8 +19,6 @@ from pathlib import Path
 
 import numpy as np
 import orjson
-import pinocchio as pin
-from numpy.typing import ArrayLike
 from scipy.spatial import ConvexHull, QhullError
 
 import jacokin
@@ -34,7 +32,6 @@ from jacokin.model import checks
 from jacokin.model.many_configurations import Chain
 from jacokin.model.poses import FreeAxis
 from jacokin.model.robot import Robot
-from jacokin.model.scene import Scene
 from jacokin.reachability.folder import MANIFEST, MapJob, load, make, make_recipe
 from jacokin.reachability.map import ReachabilityMap
 from jacokin.reachability.samples import (
@@ -51,7 +48,7 @@ COUNT = 200  # of orientations where none are given
 
 
 def build(
-    robot: Robot,
+    robot: Robot | IKSolver,
     *,
     folder: str | Path,
     grid: Grid | None = None,
@@ -59,17 +56,16 @@ def build(
     executor: Executor | None = None,
     shard: str | None = None,
     progress: Callable[[Progress], None] | None = None,
-    frame: str | None = None,
-    tool: pin.SE3 | ArrayLike | None = None,
-    collision: str | None = None,
-    scene: Scene | None = None,
     use_symmetry: bool = True,
 ) -> ReachabilityMap | None:
     """Build a map, or the part of it that is missing.
 
     Args:
-        robot: an arm of six or seven joints with a closed form. On seven, each pose has curves of configurations,
-            which takes some hundred times as long, and intervals are counted.
+        robot: an arm of six or seven joints with a closed form, or a solver of one, for its frame, tool, contact, scene
+            and clearance. With collision="prefer" configurations in which the arm does not touch itself are counted,
+            at the samples as they are; with "reject" those that touch neither the arm nor the scene, without using
+            symmetry, of which hand and base have little; with "ignore" all. On seven joints, each pose has curves of
+            configurations, which takes some hundred times as long, and intervals are counted.
         folder: where the map is kept; made if it is not there. A map that is there is completed.
         grid: the box to cover; None for all that the arm could reach, in steps of 5 cm.
         orientations: a set, or a number of evenly spread ones: of rotations, or, where the last joint rolls the tool
@@ -79,12 +75,6 @@ def build(
         executor: any executor; None for threads of this process, one for each core.
         shard: "i/n" builds the i-th of n parts (1/n to n/n) and returns None while others are missing.
         progress: called when a chunk is finished, with numbers of positions.
-        frame: frame of the tool; None for the robot's default frame.
-        tool: T_frame_tool, a constant pose after the frame.
-        collision: "prefer" counts configurations in which the arm does not touch itself, at the samples as they are;
-            "reject" does so without using symmetry, of which hand and base have little, and leaves out what touches
-            the scene; "ignore" counts all. None is "reject" with a scene and "prefer" without.
-        scene: obstacles; needs collision="reject".
         use_symmetry: use that the first and the last joint turn freely, where they do; see `Symmetries`.
 
     Returns:
@@ -102,13 +92,7 @@ def build(
     path = Path(checks.text("folder", str(checks.path("folder", folder))))
     checks.optional(checks.instance, "grid", grid, Grid, "a Grid")
     checks.optional(checks.function, "progress", progress)
-    if isinstance(collision, str) and (collision == "report" or (collision == "prefer" and scene is not None)):
-        choices = (
-            "'reject' for a map with obstacles" if scene is not None else "'prefer', 'reject' or 'ignore' for a map"
-        )
-        raise InvalidInputError(f"collision must be {choices}, got {collision!r}")
-    solver = IKSolver(robot, frame, tool=tool, method="closed_form", collision=collision, scene=scene)
-    solver.verifier.require_contact()
+    solver = _solver(robot)
     if solver.dimension() != 1:
         solver.closed_form()
     found = NO_SYMMETRIES
@@ -117,7 +101,7 @@ def build(
     chosen, found = checked_orientations(orientations, found)
     if chosen.axes is not None and solver.dimension() == 1:
         raise InvalidInputError("orientations that may turn about an axis are for six joints: seven turn by themselves")
-    samples = Samples(Grid.around(robot, SPACING) if grid is None else grid, chosen, found)
+    samples = Samples(Grid.around(solver.robot, SPACING) if grid is None else grid, chosen, found)
     recipe = make_recipe(solver, samples)
     size = recipe["chunks"]["positions"]  # type: ignore[index]  # a dictionary, written above
     starts = range(0, samples.positions, size)
@@ -148,7 +132,35 @@ def build(
         }
         written.write_bytes(orjson.dumps(document, option=orjson.OPT_INDENT_2))
     chunks.remove_unfinished()
-    return load(path, robot=robot, scene=scene)
+    return load(path, robot=solver.robot, scene=solver.verifier.options.scene)
+
+
+def _solver(robot: Robot | IKSolver) -> IKSolver:
+    """What solves for the poses of a map.
+
+    Raises:
+        InvalidInputError: neither a robot nor a solver, or contact is treated in a way that maps do not have.
+        JacokinError: as `build`.
+    """
+    if not isinstance(robot, IKSolver):
+        solver = IKSolver(robot, method="closed_form")
+    else:
+        options = robot.verifier.options
+        collision, scene = options.collision, options.scene
+        if collision == "report" or (collision == "prefer" and scene is not None):
+            known = "'reject' for a map with obstacles" if scene else "'prefer', 'reject' or 'ignore' for a map"
+            raise InvalidInputError(f"collision must be {known}, got {collision!r}")
+        solver = IKSolver(
+            robot.robot,
+            robot.frame,
+            tool=robot.tool,
+            method="closed_form",
+            collision=collision,
+            scene=scene,
+            clearance=options.clearance,
+        )
+    solver.verifier.require_contact()
+    return solver
 
 
 def _jobs(

@@ -84,7 +84,7 @@ def load(folder: str | Path, *, robot: Robot | None = None, scene: Scene | None 
     if first != samples.positions:
         raise InvalidInputError(f"{path}: has {first} positions of {samples.positions}; build the rest of it")
     bound = manifest.get("bound")
-    return ReachabilityMap(path, recipe, samples, counts, margins, touching, robot, bound=bound, scene=scene)
+    return ReachabilityMap(path, recipe, samples, (counts, margins, touching), robot, bound=bound, scene=scene)
 
 
 def bundled(name: str = DEFAULT_ROBOT) -> ReachabilityMap:

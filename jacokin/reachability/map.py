@@ -45,18 +45,17 @@ class ReachabilityMap:
         folder: Path,
         recipe: dict[str, Any],  # Any: JSON
         samples: Samples,
-        counts: NDArray[np.uint8],
-        margins: NDArray[np.float16],
-        touching: NDArray[np.uint8],
+        found: tuple[NDArray[np.uint8], NDArray[np.float16], NDArray[np.uint8]],
         robot: Robot | None,
         *,
         bound: float | None = None,
         scene: Scene | None = None,
     ) -> None:
-        """Take what `load` has read."""
+        """Take what `load` has read; `found` are counts, margins and touching."""
         self.folder = folder
         self.recipe = recipe
         self.samples = samples
+        counts, margins, touching = found
         self.counts = checks.sealed(counts)
         self.margins = checks.sealed(margins)
         self.touching = checks.sealed(touching)
@@ -110,6 +109,7 @@ class ReachabilityMap:
             tool=self.recipe["tool"],
             collision=self.recipe["collision"],
             scene=self._scene,
+            clearance=self.recipe.get("clearance", 0.0),
         )
 
     @cached_property

@@ -17,6 +17,7 @@ __all__, __getattr__, __dir__ = lazy.door(
     {
         "jacokin.teleop.demonstrations": ("Demonstrations", "demonstrate"),
         "jacokin.teleop.devices": ("Controller", "Device", "Fingers", "Keyboard", "Player", "SpaceMouse"),
+        "jacokin.teleop.hand": ("HandOptions",),
         "jacokin.teleop.session": ("Session", "lead"),
         "jacokin.teleop.streams": ("Stream", "make_stream"),
         "jacokin.teleop.task_arm": ("TaskArm",),

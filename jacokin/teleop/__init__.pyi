@@ -6,6 +6,7 @@ from jacokin.teleop.devices import Fingers as Fingers
 from jacokin.teleop.devices import Keyboard as Keyboard
 from jacokin.teleop.devices import Player as Player
 from jacokin.teleop.devices import SpaceMouse as SpaceMouse
+from jacokin.teleop.hand import HandOptions as HandOptions
 from jacokin.teleop.session import Session as Session
 from jacokin.teleop.session import lead as lead
 from jacokin.teleop.streams import Stream as Stream

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
@@ -18,6 +19,43 @@ FORGETTING = 1.0  # [s] time constant by which a long gap between poses is forgo
 ROUNDING = 1e-6  # of times: gaps are sums of control steps
 FASTEST = (3.0, 10.0)  # [m/s], [rad/s] that hands move and turn; frames that are farther from the last one are suspects
 NOISE = (0.05, 0.2)  # [m], [rad] that a frame may be off however soon it comes
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HandOptions:
+    """What a hand device is like; checked.
+
+    Raises:
+        InvalidInputError: a malformed number or rotation.
+    """
+
+    rotation_scale: float = 1.0
+    """The tool turns this many times as far as the hand; 0 for no turning."""
+    axes: ArrayLike | None = None
+    """R_base_hand (3, 3), how the device's frame is turned against the base; None for not at all."""
+    deadband: tuple[float, float] = (0.0, 0.0)
+    """Of poses [m], [rad], of twists [m/s], [rad/s]: smaller motions of the hand move nothing."""
+    watchdog: float = 0.1
+    """Without input for this long, the arm brakes [s]."""
+
+    def __post_init__(self) -> None:
+        """Check every option once."""
+        checks.non_negative("rotation_scale", self.rotation_scale)
+        checks.positive("watchdog", self.watchdog, "s")
+        _ = self.rotation, self.bands
+
+    @property
+    def rotation(self) -> Array:
+        """The `axes` (3, 3)."""
+        return np.eye(3) if self.axes is None else poses.checked_rotation("axes", self.axes)
+
+    @property
+    def bands(self) -> tuple[float, float]:
+        """The `deadband`, linear and angular."""
+        bands = checks.listed("deadband", self.deadband, "two numbers, linear and angular")
+        if len(bands) != 2:
+            raise checks.refusal("deadband", "two numbers, linear and angular", self.deadband)
+        return checks.non_negative("deadband", bands[0]), checks.non_negative("deadband", bands[1])
 
 
 def read_hand(hand: pin.SE3 | ArrayLike) -> pin.SE3 | Array:

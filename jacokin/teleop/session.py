@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
+import pinocchio as pin
 
 from jacokin.arrays import Array
 from jacokin.ik.results import Frozen
@@ -87,50 +88,80 @@ def lead(
         raise checks.refusal("device", "something with read(time), such as a Player", device)
     if seconds != math.inf:
         checks.positive("seconds", seconds, "s")
-    dt = teleop.tracker.dt
-    rows, steps, late = [teleop.tracker.q], list[TeleopStep](), 0
-    faults = Counter[str]()
+    dt, late = teleop.tracker.dt, 0
+    stop = stop or threading.Event()
+    leading = _Leading(teleop, device, act)
     if paced:
         wait_for_somebody(device, stop)
     began = time.monotonic()
     goes_on, is_led = True, True
-    last: Array | None = None
-    held = 0.0  # [s] for which the last pose has been held
     while goes_on and (is_led or float(np.abs(teleop.tracker.v).max()) > STILL):
-        now = len(steps) * dt
-        if paced:
-            ahead = began + now - time.monotonic()
-            if ahead > 0.0:
-                time.sleep(ahead)
-            late += -ahead > dt
-        heard, fault = (last, "") if held > 0.0 else read_device(device, now)
-        work_clutch(teleop, device)
-        last = last if heard is None else heard
-        asked = steps[-1].target if steps else None
-        step = teleop.step(heard if is_led else None)
-        if fault or step.status is TeleopStatus.BAD_INPUT:
-            faults[(fault or step.message).partition(", got")[0]] += 1  # without the numbers, which differ
-        rows.append(step.q)
-        steps.append(step)
-        goes_on = act is None or act(step)
-        if getattr(device, "ended", False):
-            is_closing_in = step.target is not None and (
-                held == 0.0  # a last pose far from the one before waits for another that confirms it
-                or step.tracking.status is TrackerStatus.LIMITED
-                or float(np.abs(step.v).max()) > STILL
-                or not (asked is None or step.target.isApprox(asked, SETTLED))  # smoothed, it is still on its way
-            )
-            held = held + dt if is_closing_in and last is not None and len(last) == 7 else math.inf
-        if is_led and (now + 1.5 * dt > seconds or held > HOLD or (stop is not None and stop.is_set())):
+        now = len(leading.steps) * dt
+        late += paced and wait_until(began + now) > dt
+        goes_on = leading.tick(now, is_led=is_led)
+        if is_led and (now + 1.5 * dt > seconds or leading.held > HOLD or stop.is_set()):
             is_led = False
             teleop.clutch(False)
-    return _summed_up(teleop, np.array(rows), steps, faults, late)
+    return _summed_up(teleop, np.array(leading.rows), leading.steps, leading.faults, late)
 
 
-def wait_for_somebody(device: Device, stop: threading.Event | None) -> None:
+class _Leading:
+    """Ticks of a device that leads, and what came of them.
+
+    Attributes:
+        rows: joint angles, from where the arm was at first.
+        steps: what each tick did.
+        faults: what was wrong with the input, and how often.
+        held: [s] for which the last pose of a device that has ended has been held; infinite once the tool is there.
+    """
+
+    def __init__(self, teleop: Teleop, device: Device, act: Callable[[TeleopStep], bool] | None) -> None:
+        self._teleop, self._device, self._act = teleop, device, act
+        self.rows, self.steps = [teleop.tracker.q], list[TeleopStep]()
+        self.faults = Counter[str]()
+        self.held = 0.0
+        self._last: Array | None = None
+
+    def tick(self, now: float, *, is_led: bool) -> bool:
+        """Lead for a tick at a time [s]; returns whether to go on."""
+        heard, fault = (self._last, "") if self.held > 0.0 else read_device(self._device, now)
+        work_clutch(self._teleop, self._device)
+        self._last = self._last if heard is None else heard
+        asked = self.steps[-1].target if self.steps else None
+        step = self._teleop.step(heard if is_led else None)
+        if fault or step.status is TeleopStatus.BAD_INPUT:
+            self.faults[(fault or step.message).partition(", got")[0]] += 1  # without the numbers, which differ
+        self.rows.append(step.q)
+        self.steps.append(step)
+        goes_on = self._act is None or self._act(step)
+        if getattr(self._device, "ended", False):
+            is_pose = self._last is not None and len(self._last) == 7
+            # A last pose far from the one before waits for another that confirms it.
+            waits = step.target is not None and (self.held == 0.0 or is_closing_in(step, asked))
+            self.held = self.held + self._teleop.tracker.dt if is_pose and waits else math.inf
+        return goes_on
+
+
+def wait_for_somebody(device: Device, stop: threading.Event) -> None:
     """Wait until there is somebody who leads, nobody is to, or `stop` is set."""
-    while not (getattr(device, "opened", True) or getattr(device, "ended", False) or (stop and stop.is_set())):
+    while not (getattr(device, "opened", True) or getattr(device, "ended", False) or stop.is_set()):
         time.sleep(POLL)
+
+
+def wait_until(due: float) -> float:
+    """Wait for a time of `time.monotonic`; returns by how much it had passed before [s], negative if it had not."""
+    late = time.monotonic() - due
+    time.sleep(max(0.0, -late))
+    return late
+
+
+def is_closing_in(step: TeleopStep, asked: pin.SE3 | None) -> bool:
+    """Whether a tool is still on its way to the target of a tick; `asked` is that of the tick before."""
+    return (
+        step.tracking.status is TrackerStatus.LIMITED
+        or float(np.abs(step.v).max()) > STILL
+        or not (asked is None or step.target is None or step.target.isApprox(asked, SETTLED))  # it is smoothed
+    )
 
 
 def read_device(device: Device, now: float) -> tuple[Array | None, str]:

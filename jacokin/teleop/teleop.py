@@ -28,7 +28,7 @@ from numpy.typing import ArrayLike
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, StructureError
 from jacokin.ik.solver import IKSolver
-from jacokin.model import checks, poses
+from jacokin.model import checks
 from jacokin.motion.free_motion.plan_motion import plan_motion
 from jacokin.motion.joint_motion import ACCELERATION
 from jacokin.motion.tracking.moving import Motion
@@ -36,7 +36,7 @@ from jacokin.motion.tracking.steps import TrackerStatus, TrackerStep
 from jacokin.motion.tracking.targets import JointTarget
 from jacokin.motion.tracking.tracker import Tracker
 from jacokin.motion.trajectory import MotionStatus, Trajectory
-from jacokin.teleop.hand import Approach, LowPass, Mapping, Play, Witness, dead, near, read_hand
+from jacokin.teleop.hand import Approach, HandOptions, LowPass, Mapping, Play, Witness, dead, near, read_hand
 from jacokin.teleop.workspace import AHEAD, checked_workspace
 
 AUTO = "auto"
@@ -103,24 +103,18 @@ class Teleop:
         tracker: Tracker,
         *,
         scale: float = 1.0,
-        rotation_scale: float = 1.0,
-        axes: ArrayLike | None = None,
         clutch: bool = False,
-        deadband: tuple[float, float] = (0.0, 0.0),
         filter: float | str | None = AUTO,  # noqa: A002 - the field's word
         workspace: tuple[ArrayLike, ArrayLike] | None = None,
-        watchdog: float = 0.1,
         recover: float | None = None,
+        hand: HandOptions | None = None,
     ) -> None:
         """Lead a tracker.
 
         Args:
             tracker: what is led, from where it is.
             scale: the tool moves this many times as far as the hand.
-            rotation_scale: the tool turns this many times as far as the hand.
-            axes: R_base_hand (3, 3), how the device's frame is turned against the base; None for not at all.
             clutch: whether the clutch is closed from the start.
-            deadband: of poses [m], [rad], of twists [m/s], [rad/s]: smaller motions of the hand move nothing.
             filter: "auto" smooths the steps of a hand whose poses come more seldom than ticks: the target lags by two
                 gaps between them, the longest of about the last second, and not at all where a pose comes in every
                 tick. A number is the time constant of a low-pass [s], by which a target that moves steadily lags. 0 or
@@ -128,25 +122,20 @@ class Teleop:
             workspace: lower and upper corner (3,) [m] of a box in the base that neither the target nor the tool leaves,
                 by more than 0.1 mm. The target slows down in the last 5 cm, and ends 1 mm before a wall; started
                 outside, it may only go inwards.
-            watchdog: without input for this long, the arm brakes [s].
             recover: a tool that is held off a target for this long [s] goes there by another branch, along a planned
                 motion without contact, if there is one; None for never.
+            hand: what the device is like; None for one whose axes are the base's.
 
         Raises:
             InvalidInputError: not a tracker, or a malformed number.
         """
         self.tracker = checks.instance("tracker", tracker, Tracker, "a Tracker")
         self._scale = checks.positive("scale", scale)
-        self._rotation_scale = checks.non_negative("rotation_scale", rotation_scale)
-        self._axes = np.eye(3) if axes is None else poses.checked_rotation("axes", axes)
-        bands = checks.listed("deadband", deadband, "two numbers, linear and angular")
-        if len(bands) != 2:
-            raise checks.refusal("deadband", "two numbers, linear and angular", deadband)
-        self._bands = checks.non_negative("deadband", bands[0]), checks.non_negative("deadband", bands[1])
+        self._hand = HandOptions() if hand is None else checks.instance("hand", hand, HandOptions, "HandOptions")
+        self._axes, self._bands = self._hand.rotation, self._hand.bands
         self._constant = _checked_filter(filter)
         self._workspace = checked_workspace(workspace)
         self._frame = tracker.robot.frame_id(tracker.frame)
-        self._watchdog = checks.positive("watchdog", watchdog, "s")
         self._patience = math.inf if recover is None else checks.positive("recover", recover, "s")
         self.engaged = checks.flag("clutch", clutch)
         self._time: float | None = None
@@ -223,7 +212,7 @@ class Teleop:
             self._let_go()
             return self._stay(TeleopStatus.BAD_INPUT, fault, obstacles, budget)
         silent = self._now - self._heard
-        if heard is None and self._mapping is not None and silent > self._watchdog + 1e-9:
+        if heard is None and self._mapping is not None and silent > self._hand.watchdog + 1e-9:
             self._let_go()
             self._lost = True
         if heard is None and self._mapping is None:
@@ -398,9 +387,9 @@ class Teleop:
         """Move the target by what the hand did, and the arm towards it."""
         if self._mapping is None or self._smooth is None:
             tied = self.tool if self._workspace is None else self._workspace.tied(self.tool)
-            self._mapping = Mapping(tied, self._axes, self._scale, self._rotation_scale)
+            self._mapping = Mapping(tied, self._axes, self._scale, self._hand.rotation_scale)
             self._smooth = (
-                Approach(self._mapping.target, self.tracker.dt, self._watchdog)
+                Approach(self._mapping.target, self.tracker.dt, self._hand.watchdog)
                 if self._constant is None
                 else LowPass(self._mapping.target, self._constant, self.tracker.dt)
             )

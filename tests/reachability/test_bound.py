@@ -45,11 +45,10 @@ def test_no_configuration_is_farther_from_a_reached_position(name: str, rng: np.
 
 def test_the_bound_of_a_map_without_symmetry(robot: Robot, tmp_path: Path, rng: np.random.Generator) -> None:
     reach = build(
-        robot,
+        IKSolver(robot, frame="pinchsite"),
         folder=tmp_path / "map",
         grid=Grid.around(robot, 0.15),
         orientations=60,
-        frame="pinchsite",
         use_symmetry=False,
     )
     assert reach is not None
@@ -83,11 +82,10 @@ def test_the_covering_angle_is_that_of_the_farthest_orientation(count: int, rng:
 def test_chosen_orientations_have_no_bound(robot: Robot, tmp_path: Path) -> None:
     for name, orientations in (("down", Orientations.down(4)), ("one", Orientations([[1.0, 0.0, 0.0, 0.0]]))):
         reach = build(
-            robot,
+            IKSolver(robot, frame="pinchsite"),
             folder=tmp_path / name,
             grid=Grid([0.2] * 3, [0.6] * 3, 0.2),
             orientations=orientations,
-            frame="pinchsite",
         )
         assert reach is not None
         assert reach.bound is None

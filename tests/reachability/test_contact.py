@@ -27,7 +27,10 @@ def obstacles() -> Scene:
 def test_every_pose_agrees_with_the_solver(robot: Robot, tmp_path: Path, obstacles: Scene, with_scene: bool) -> None:
     scene = obstacles if with_scene else None
     reach = build(
-        robot, folder=tmp_path / "map", grid=GRID, orientations=Orientations.even(15), collision="reject", scene=scene
+        IKSolver(robot, collision="reject", scene=scene),
+        folder=tmp_path / "map",
+        grid=GRID,
+        orientations=Orientations.even(15),
     )
     assert reach is not None
     # The base and obstacles do not turn with joint 1, nor are fingers the same all around the last axis.
@@ -73,7 +76,7 @@ def test_samples_of_a_map_with_symmetry_count_what_is_clear(name: str, tmp_path:
             assert margin >= limit - 1e-2
         seen += int(touching)
     assert seen > 10
-    bare = build(robot, folder=tmp_path / "bare", grid=reach.grid, orientations=12, collision="ignore")
+    bare = build(IKSolver(robot, collision="ignore"), folder=tmp_path / "bare", grid=reach.grid, orientations=12)
     assert bare is not None
     np.testing.assert_array_equal(bare.fraction, reach.fraction_ignoring_contact)
     np.testing.assert_array_equal(bare.fraction, bare.fraction_ignoring_contact)
@@ -93,19 +96,17 @@ def test_the_column_of_the_arm_is_dark() -> None:
 
 def test_a_map_with_symmetry_is_for_the_arm_alone(robot: Robot, tmp_path: Path, obstacles: Scene) -> None:
     with pytest.raises(InvalidInputError, match="collision must be 'reject' for a map with obstacles"):
-        build(robot, folder=tmp_path / "map", grid=GRID, orientations=4, collision="prefer", scene=obstacles)
+        build(IKSolver(robot, collision="prefer", scene=obstacles), folder=tmp_path / "map", grid=GRID, orientations=4)
 
 
 def test_obstacles_take_away_and_never_add(robot: Robot, tmp_path: Path, obstacles: Scene) -> None:
     counts = []
     for name, collision, scene in (("a", "ignore", None), ("b", "reject", None), ("c", "reject", obstacles)):
         found = build(
-            robot,
+            IKSolver(robot, collision=collision, scene=scene),
             folder=tmp_path / name,
             grid=GRID,
             orientations=Orientations.even(10),
-            collision=collision,
-            scene=scene,
             use_symmetry=False,
         )
         assert found is not None
@@ -118,14 +119,14 @@ def test_obstacles_take_away_and_never_add(robot: Robot, tmp_path: Path, obstacl
 def test_a_map_with_a_scene_is_loaded_with_it(robot: Robot, tmp_path: Path, obstacles: Scene) -> None:
     folder = tmp_path / "map"
     options = {"grid": Grid([0.2, -0.2, 0.2], [0.6, 0.2, 0.6], 0.2), "orientations": 6}
-    build(robot, folder=folder, collision="reject", scene=obstacles, **options)  # type: ignore[arg-type]  # mixed kinds
+    build(IKSolver(robot, collision="reject", scene=obstacles), folder=folder, **options)  # type: ignore[arg-type]  # mixed kinds
     assert load(folder, scene=obstacles).solver.verifier.options.collision == "reject"
     with pytest.raises(InvalidInputError, match="load the map with scene="):
         _ = load(folder).solver
     with pytest.raises(InvalidInputError, match="other obstacles"):
         load(folder, scene=Scene([Floor(0.0)]))
     with pytest.raises(InvalidInputError, match="differs in scene"):
-        build(robot, folder=folder, collision="reject", **options)  # type: ignore[arg-type]
+        build(IKSolver(robot, collision="reject"), folder=folder, **options)  # type: ignore[arg-type]
 
 
 @pytest.mark.slow
@@ -140,12 +141,10 @@ def test_families_leave_out_members_in_contact(
         counts = []
         for number, scene in enumerate((None, obstacles)):
             found = build(
-                arm,
+                IKSolver(arm, collision="ignore" if scene is None else "reject", scene=scene),
                 folder=tmp_path / f"{arm.dof} {number}",
                 grid=grid,
                 orientations=sets,
-                collision="ignore" if scene is None else "reject",
-                scene=scene,
                 use_symmetry=False,
             )
             assert found is not None

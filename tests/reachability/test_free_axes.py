@@ -58,7 +58,9 @@ def scan(solver: IKSolver, target: FreeAxis) -> tuple[NDArray[np.int64], Array]:
 def of_some_axes(robot: Robot, folder: Path, *, symmetry: bool) -> ReachabilityMap:
     """The map of an upright tool, a level one, and four others."""
     axes = [UPRIGHT, LEVEL, *some_axes(np.random.default_rng(3), 4)]
-    found = build(robot, folder=folder, grid=GRID, orientations=axes, use_symmetry=symmetry, collision="ignore")
+    found = build(
+        IKSolver(robot, collision="ignore"), folder=folder, grid=GRID, orientations=axes, use_symmetry=symmetry
+    )
     assert found is not None
     return found
 
@@ -99,15 +101,16 @@ def test_about_the_axis_of_the_last_joint_a_map_is_one_of_directions(
     robot: Robot, tmp_path: Path, reach_axis: Array, rng: np.random.Generator, count: int
 ) -> None:
     plain = build(
-        robot,
+        IKSolver(robot, collision="ignore"),
         folder=tmp_path / "a",
         grid=GRID,
         orientations=Orientations.directions(count, reach_axis),
-        collision="ignore",
     )
     free = Orientations.directions(count, reach_axis, free_roll=True)
-    rolled = build(robot, folder=tmp_path / "b", grid=GRID, orientations=free, collision="ignore")
-    full = build(robot, folder=tmp_path / "c", grid=GRID, orientations=free, use_symmetry=False, collision="ignore")
+    rolled = build(IKSolver(robot, collision="ignore"), folder=tmp_path / "b", grid=GRID, orientations=free)
+    full = build(
+        IKSolver(robot, collision="ignore"), folder=tmp_path / "c", grid=GRID, orientations=free, use_symmetry=False
+    )
     assert plain is not None
     assert rolled is not None
     assert full is not None
@@ -132,7 +135,10 @@ def test_the_nearest_orientation_is_that_of_the_nearest_member(
 ) -> None:
     axes = some_axes(rng, 9)
     reach = build(
-        robot, folder=tmp_path / "map", grid=Grid([0.3] * 3, [0.5] * 3, 0.2), orientations=axes, collision="ignore"
+        IKSolver(robot, collision="ignore"),
+        folder=tmp_path / "map",
+        grid=Grid([0.3] * 3, [0.5] * 3, 0.2),
+        orientations=axes,
     )
     assert reach is not None
     rotations = np.array([pin.Quaternion(rng.normal(size=4)).normalized().matrix() for _ in range(20)])

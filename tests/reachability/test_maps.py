@@ -30,7 +30,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def reach(folder: Path) -> ReachabilityMap:
     robot = jacokin.load_robot()
-    found = build(robot, folder=folder, grid=Grid.around(robot, SPACING), orientations=80, collision="ignore")
+    found = build(IKSolver(robot, collision="ignore"), folder=folder, grid=Grid.around(robot, SPACING), orientations=80)
     assert found is not None
     return found
 
@@ -40,7 +40,9 @@ def test_a_map_agrees_with_the_solver_on_every_pose(
     name: str, bundled: Callable[[str], Robot], tmp_path: Path, rng: np.random.Generator
 ) -> None:
     robot = bundled(name)
-    reach = build(robot, folder=tmp_path / "map", grid=Grid.around(robot, 0.15), orientations=40, collision="ignore")
+    reach = build(
+        IKSolver(robot, collision="ignore"), folder=tmp_path / "map", grid=Grid.around(robot, 0.15), orientations=40
+    )
     assert reach is not None
     assert reach.samples.symmetries.turns
     targets, counts = random_samples(reach, rng, 1000)
@@ -59,11 +61,15 @@ def test_the_symmetries_give_what_the_full_grid_gives(robot: Robot, tmp_path: Pa
     orientations = Orientations.directions(30, axis)
     turning = Orientations(orientations.quats_wxyz)
     full = build(
-        robot, folder=tmp_path / "full", grid=grid, orientations=turning, use_symmetry=False, collision="ignore"
+        IKSolver(robot, collision="ignore"),
+        folder=tmp_path / "full",
+        grid=grid,
+        orientations=turning,
+        use_symmetry=False,
     )
     assert full is not None
     assert full.recipe["positions"] == {"axes": "x, y, z", "shape": [2, 3, 2]}
-    reduced = build(robot, folder=tmp_path / "reduced", grid=grid, orientations=turning, collision="ignore")
+    reduced = build(IKSolver(robot, collision="ignore"), folder=tmp_path / "reduced", grid=grid, orientations=turning)
     assert reduced is not None
     assert "turns freely" in json.loads((tmp_path / "reduced" / "manifest.json").read_text())["symmetries"]["joint 1"]
     # Every sample of the small map, turned to anywhere, is what the solver of the full one says.
@@ -76,7 +82,9 @@ def test_the_symmetries_give_what_the_full_grid_gives(robot: Robot, tmp_path: Pa
 
 def test_tools_off_the_last_axis_have_no_roll_to_leave_out(robot: Robot, tmp_path: Path) -> None:
     grid = Grid([0.2, 0.2, 0.2], [0.6, 0.6, 0.6], 0.2)
-    reach = build(robot, folder=tmp_path / "map", grid=grid, orientations=50, frame="pinchsite", collision="ignore")
+    reach = build(
+        IKSolver(robot, frame="pinchsite", collision="ignore"), folder=tmp_path / "map", grid=grid, orientations=50
+    )
     assert reach is not None
     assert reach.samples.symmetries.tool_axis is None
     assert reach.samples.symmetries.turns
@@ -134,7 +142,9 @@ def test_shards_together_are_the_map_and_a_damaged_chunk_is_made_again(
     grid = Grid([0.0, -0.4, 0.0], [0.8, 0.4, 0.8], 0.2)
 
     def part(folder: str, shard: str | None = None) -> ReachabilityMap | None:
-        return build(robot, folder=tmp_path / folder, grid=grid, orientations=40, shard=shard, collision="ignore")
+        return build(
+            IKSolver(robot, collision="ignore"), folder=tmp_path / folder, grid=grid, orientations=40, shard=shard
+        )
 
     whole = part("whole")
     assert part("parts", "2/3") is None
@@ -155,7 +165,13 @@ def test_shards_together_are_the_map_and_a_damaged_chunk_is_made_again(
         load(tmp_path / "parts")
     seen: list[Progress] = []
     assert (
-        build(robot, folder=tmp_path / "parts", grid=grid, orientations=40, progress=seen.append, collision="ignore")
+        build(
+            IKSolver(robot, collision="ignore"),
+            folder=tmp_path / "parts",
+            grid=grid,
+            orientations=40,
+            progress=seen.append,
+        )
         is not None
     )
     assert len(seen) == 1
@@ -165,11 +181,11 @@ def test_shards_together_are_the_map_and_a_damaged_chunk_is_made_again(
 @pytest.mark.usefixtures("reach")
 def test_other_maps_and_other_folders_are_refused(robot: Robot, tmp_path: Path, folder: Path) -> None:
     with pytest.raises(InvalidInputError, match="differs in grid.*spacing"):
-        build(robot, folder=folder, grid=Grid.around(robot, 0.2), orientations=80, collision="ignore")
+        build(IKSolver(robot, collision="ignore"), folder=folder, grid=Grid.around(robot, 0.2), orientations=80)
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "precious.txt").write_text("")
     with pytest.raises(InvalidInputError, match="folder with other things in it"):
-        build(robot, folder=tmp_path / "full", collision="ignore")
+        build(IKSolver(robot, collision="ignore"), folder=tmp_path / "full")
     with pytest.raises(InvalidInputError, match="is not a map: it has no recipe.json"):
         load(tmp_path)
     other = jacokin.load_robot(limits={"joint_2": (1.0, 5.0)})
@@ -259,7 +275,7 @@ def test_even_rotations_are_even() -> None:
 def test_a_map_of_a_calibrated_arm_counts_its_branches(robot: Robot, tmp_path: Path) -> None:
     arm = perturbed(robot, np.random.default_rng(3))
     grid = Grid((0.1, -0.5, 0.0), (0.7, 0.5, 0.6), 0.2)
-    found = build(arm, folder=tmp_path / "map", grid=grid, orientations=4, collision="ignore")
+    found = build(IKSolver(arm, collision="ignore"), folder=tmp_path / "map", grid=grid, orientations=4)
     assert found is not None
     assert not found.samples.symmetries.turns  # its first axis is not the base's z
     assert "calibrated j2n6s300" in repr(found)

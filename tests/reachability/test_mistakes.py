@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import jacokin
-from jacokin import FreeAxis, Robot
+from jacokin import FreeAxis, IKSolver, Robot
 from jacokin.errors import InvalidInputError, JacokinError
 from jacokin.reachability import Grid, Orientations, build, bundled, load, place_base
 
@@ -84,7 +84,8 @@ def test_free_axes(wrong: Any) -> None:
             for value in ("all", 2.0, True, None)
         ),
         ({"orientations": [FreeAxis(np.eye(4), axis=(0, 0, 1)), 3]}, "a sequence of them"),
-        *(({"collision": collision}, "collision") for collision in ("report", np.eye(3), ["ignore"])),
+        ({"robot": IKSolver(jacokin.load_robot(), collision="report")}, "collision must be 'prefer', 'reject' or"),
+        *(({"robot": robot}, "robot must be a Robot") for robot in ("j2n6s300", np.eye(3))),
         *(({"shard": shard}, "shard must be 'i/n'") for shard in ("0/3", "4/3", "a", 3)),
         (
             {"robot": jacokin.load_robot("j2s7s300"), "orientations": FreeAxis(np.eye(4), axis=(1, 0, 0))},

@@ -22,11 +22,10 @@ def seven(bundled: Callable[[str], Robot]) -> Robot:
 @pytest.fixture(scope="module")
 def reach(seven: Robot, tmp_path_factory: pytest.TempPathFactory) -> ReachabilityMap:
     found = build(
-        seven,
+        IKSolver(seven, collision="ignore"),
         folder=tmp_path_factory.mktemp("seven") / "map",
         grid=Grid.around(seven, 0.3),
         orientations=12,
-        collision="ignore",
     )
     assert found is not None
     return found
@@ -68,10 +67,14 @@ def test_the_symmetries_give_what_the_full_grid_gives(
     count: int, seven: Robot, tmp_path: Path, rng: np.random.Generator
 ) -> None:
     grid = Grid([0.2, -0.2, 0.2], [0.6, 0.2, 0.6], 0.2)
-    full = build(seven, folder=tmp_path / "map", grid=grid, orientations=count, use_symmetry=False, collision="ignore")
+    full = build(
+        IKSolver(seven, collision="ignore"), folder=tmp_path / "map", grid=grid, orientations=count, use_symmetry=False
+    )
     assert full is not None
     assert full.recipe["positions"]["axes"] == "x, y, z"
-    reduced = build(seven, folder=tmp_path / "reduced", grid=grid, orientations=full.orientations, collision="ignore")
+    reduced = build(
+        IKSolver(seven, collision="ignore"), folder=tmp_path / "reduced", grid=grid, orientations=full.orientations
+    )
     assert reduced is not None
     targets, counts = random_samples(reduced, rng, 7 * count)
     again, *_ = count_reaching(full.solver, targets)

@@ -18,7 +18,7 @@ from jacokin.ik import Box, Floor, Scene
 from jacokin.model.descriptions.bundled import NAMES
 from jacokin.model.poses import quat_wxyz
 from jacokin.motion import LimitDistance, Manipulability, TrackerStatus
-from jacokin.teleop import Player, Stream, Teleop, TeleopStatus, TeleopStep, make_stream
+from jacokin.teleop import HandOptions, Player, Stream, Teleop, TeleopStatus, TeleopStep, make_stream
 from jacokin.teleop.streams import KINDS
 from tests.robot_files import UR5_JOINTS
 
@@ -61,7 +61,7 @@ def make(robot: Robot, **options: Any) -> Watch:
 
 def test_the_tool_follows_the_hand_with_scale_and_axes(robot: Robot) -> None:
     turned = pin.exp3(np.array([0.0, 0.0, np.pi / 2]))  # the hand's x is the base's y
-    step = make(robot, scale=0.5, rotation_scale=0.5, axes=turned, clutch=True)
+    step = make(robot, scale=0.5, clutch=True, hand=HandOptions(rotation_scale=0.5, axes=turned))
     start = step.tool
     for tick in range(150):
         part = min(tick / 100, 1.0)
@@ -102,7 +102,7 @@ def test_closing_the_clutch_moves_nothing_and_opening_it_holds(robot: Robot) -> 
 
 @pytest.mark.parametrize("rate", [10, 25, 60, 200])
 def test_any_rate_of_the_hand_leads_to_the_same_place(robot: Robot, rate: int) -> None:
-    step = make(robot, clutch=True, filter=0.05, watchdog=0.25)
+    step = make(robot, clutch=True, filter=0.05, hand=HandOptions(watchdog=0.25))
     start, told = step.tool, -1
     for tick in range(400):
         count = int(tick * DT * rate)
@@ -128,7 +128,7 @@ def test_a_filter_lags_by_its_time_constant(robot: Robot) -> None:
 def test_steps_of_a_slow_hand_are_smoothed_with_a_lag_that_is_stated(
     robot: Robot, rate: int, watchdog: float, latency: float
 ) -> None:
-    step, speed, period = make(robot, clutch=True, watchdog=watchdog), 0.04, round(1.0 / rate / DT)
+    step, speed, period = make(robot, clutch=True, hand=HandOptions(watchdog=watchdog)), 0.04, round(1.0 / rate / DT)
     start, top = step.tool.translation[2], 0.0
     for tick in range(200):
         last = step(hand(0.0, 0.0, speed * tick * DT) if tick % period == 0 else None)
@@ -220,7 +220,7 @@ def test_twists_lead_while_they_last_and_wind_nothing_up(robot: Robot) -> None:
 
 def test_a_dead_band_swallows_a_trembling_hand_and_ends_without_a_jump(robot: Robot) -> None:
     rng = np.random.default_rng(0)
-    step = make(robot, clutch=True, deadband=(4e-3, 0.02))
+    step = make(robot, clutch=True, hand=HandOptions(deadband=(4e-3, 0.02)))
     for _ in range(50):
         step(hand(*rng.uniform(-1e-3, 1e-3, 3)))
     assert np.allclose(step.q, robot.home, rtol=0.0, atol=1e-12)
@@ -231,7 +231,7 @@ def test_a_dead_band_swallows_a_trembling_hand_and_ends_without_a_jump(robot: Ro
         assert before is not None
         assert np.linalg.norm(last.target.translation - before.translation) < 6e-4
         before = last.target
-    twist = make(robot, clutch=True, deadband=(0.02, 0.1))
+    twist = make(robot, clutch=True, hand=HandOptions(deadband=(0.02, 0.1)))
     for _ in range(30):
         twist([0.01, 0.0, 0.0, 0.0, 0.05, 0.0])
     assert np.allclose(twist.q, robot.home, rtol=0.0, atol=1e-12)
@@ -660,17 +660,13 @@ def test_obstacles_and_budgets_are_handed_on(robot: Robot) -> None:
     ("options", "match"),
     [
         ({"scale": 0.0}, "scale must be a positive number"),
-        ({"rotation_scale": -1.0}, "rotation_scale must be"),
-        ({"axes": np.zeros((3, 3))}, "axes"),
-        ({"deadband": 0.1}, "deadband must be"),
-        ({"deadband": (0.1,)}, "deadband must be two numbers"),
         ({"filter": -1.0}, "filter must be"),
         ({"filter": "none"}, 'filter must be "auto", a time constant'),
         ({"workspace": ([0.0] * 3, [0.0] * 3)}, "lower .* must be below upper"),
         ({"workspace": [[0.0] * 3]}, "workspace must be two corners"),
-        ({"watchdog": 0.0}, "watchdog must be a positive number"),
         ({"recover": -1.0}, "recover must be a positive number"),
         ({"clutch": 1}, "clutch must be True or False"),
+        ({"hand": {"watchdog": 1.0}}, "hand must be HandOptions"),
     ],
 )
 def test_wrong_arguments_are_refused(robot: Robot, options: dict[str, Any], match: str) -> None:
@@ -678,6 +674,21 @@ def test_wrong_arguments_are_refused(robot: Robot, options: dict[str, Any], matc
         Teleop(Tracker(robot), **options)
     with pytest.raises(InvalidInputError, match="tracker must be a Tracker"):
         Teleop(robot)  # type: ignore[arg-type]  # wrong on purpose
+
+
+@pytest.mark.parametrize(
+    ("options", "match"),
+    [
+        ({"rotation_scale": -1.0}, "rotation_scale must be"),
+        ({"axes": np.zeros((3, 3))}, "axes"),
+        ({"deadband": 0.1}, "deadband must be"),
+        ({"deadband": (0.1,)}, "deadband must be two numbers"),
+        ({"watchdog": 0.0}, "watchdog must be a positive number"),
+    ],
+)
+def test_wrong_options_of_a_hand_are_refused(options: dict[str, Any], match: str) -> None:
+    with pytest.raises(InvalidInputError, match=match):
+        HandOptions(**options)
 
 
 def test_quaternions_and_matrices_are_the_same_hand(robot: Robot) -> None:

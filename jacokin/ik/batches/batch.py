@@ -51,42 +51,53 @@ class CompiledAnswers(NamedTuple):
 
 #: Solves poses (n, 4, 4) from seeds (n, dof) on so many threads.
 Compiled = Callable[[Array, Array, int], CompiledAnswers]
+
+
+class Ways(NamedTuple):
+    """How targets are solved for."""
+
+    single: Single
+    """Whatever is not compiled."""
+    compiled: Compiled | None
+    """Poses; None for arms without compiled code."""
+    note: str
+    """That each message has, such as why contact is not looked for; "" for none."""
+
+
 _Job = tuple[int, Array | FreeAxis, Array, bool]
 _single_in_process: list[Single] = []
 
 
 def solve(
     robot: Robot,
-    single: Single,
-    compiled: Compiled | None,
+    ways: Ways,
     targets: Sequence[pin.SE3] | ArrayLike,
     seeds: ArrayLike | None,
     *,
     workers: int,
     progress: Callable[[int], None] | None,
     closest: bool,
-    note: str = "",
 ) -> BatchResult:
-    """See `IKSolver.solve_batch`; without `compiled`, all targets go through `single`, whose messages have the note."""
+    """Solve many targets, as `IKSolver.solve_batch` says; without compiled code, all of them one by one."""
     workers = checks.whole_number("workers", workers, lowest=1)
     closest = checks.flag("closest", closest)
     matrices, position_only, free = checked_batch(targets)
     checks.optional(checks.function, "progress", progress)
     starts, notes = _seeds_within_limits(robot, seeds, len(matrices))
     out = AnswerColumns(len(matrices), robot.dof, notes)
-    if note:
-        out.message = [f"{each}; {note}" if each else note for each in notes]
+    if ways.note:
+        out.message = [f"{each}; {ways.note}" if each else ways.note for each in notes]
     rest = list(range(len(matrices)))
-    if compiled is not None:
+    if ways.compiled is not None:
         apart = position_only.copy()
         apart[list(free)] = True
-        rest = _compiled(compiled, matrices, apart, starts, out, workers, progress)
+        rest = _compiled(ways.compiled, matrices, apart, starts, out, workers, progress)
 
     def target(index: int) -> Array | FreeAxis:
         return free[index] if index in free else matrices[index, :3, 3] if position_only[index] else matrices[index]
 
     jobs = [(index, target(index), starts[index], closest) for index in rest]
-    for index, result in _one_by_one(single, jobs, workers):
+    for index, result in _one_by_one(ways.single, jobs, workers):
         out.put(index, result)
         if progress is not None:
             progress(1)

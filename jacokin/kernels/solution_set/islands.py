@@ -54,6 +54,8 @@ LINE_HALVINGS = 24
 OFFSET = 0.1234
 #: Times the distance between two values within which pairs from both sides may come to the axis.
 SAFETY = 1.5
+#: Share of that distance within which a pair comes as it is foretold.
+SURE = 0.15
 #: [rad] of the parameter: for slopes and bends, and the shortest distance that is halved.
 ASIDE, CLOSE_ENOUGH = 1e-4, 3e-5
 #: [rad] values nearer to each other than this are halved where another labelling of the joints has such pairs, too.
@@ -505,6 +507,10 @@ def halve(
 def may_come(first: Look, last: Look, length: float) -> bool:
     """Whether pairs may come to the axis between two values of the parameter, seen from both."""
     if first.ahead + last.behind <= SAFETY * length:
+        return True
+    if (first.ahead <= SURE * length and 0 <= last.real <= first.real) or (
+        last.behind <= SURE * length and 0 <= first.real <= last.real
+    ):  # it comes, and none is there on the other side
         return True
     elsewhere = (1.0 - NEAR_FOLD) * length
     if first.at_fold > 0 and last.at_fold > 0:

@@ -286,7 +286,7 @@ def turns_twice(a: Array, b: Array, parameter: int) -> bool:
     if not (c * da > 0.0 and square > 0.0 and 0.0 < -m / (2.0 * c) < 1.0):
         return False
     between = math.sqrt(square) / abs(c)
-    return abs(c) * between * between * between / 6.0 * length > RESOLUTION
+    return bool(abs(c) * between * between * between / 6.0 * length > RESOLUTION)
 
 
 def note_meeting(loops: Loops, x: Array, y: Array) -> None:
