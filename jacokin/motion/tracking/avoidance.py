@@ -21,6 +21,7 @@ from jacokin.kernels.contact.run import MEASURE_PAIRS, ROWS, TASK, ContactWork, 
 from jacokin.kernels.contact.shapes import CENTRE, LINK, RADIUS, SIZE
 from jacokin.kernels.contact.touching import Geometry
 from jacokin.kernels.library import Call
+from jacokin.kernels.tracking.near import BUFFER, CLOSING, LEAVES, NORMAL
 from jacokin.model import checks
 from jacokin.model.contact import Contact
 from jacokin.model.many_configurations import cross
@@ -28,19 +29,18 @@ from jacokin.model.robot import Robot
 from jacokin.model.scene import Scene, checked_scene
 from jacokin.motion.tracking.joint_limits import Braking
 from jacokin.motion.tracking.moving import MovableShapes, Whereabouts
+from jacokin.motion.tracking.ticks import Near
 
 CLEARANCE = 0.01  # [m] kept between shapes unless told otherwise
 COLLISION = ("ignore", "reject")
-BUFFER = 5e-4  # [m] the QP stays this far above the distance, so that curvature does not cost a shortened step
 LOOK_AHEAD = 3.0  # ticks at full speed, and the way to rest, before a pair could come too near: then it is watched
 MEASURED = 0.01  # [m] above the distance, from which pairs are watched however slow they are: there `least` is exact
 HORIZON = 0.05  # [m] beyond the watched range up to which distances are measured
-SEPARATION_WEIGHT = 100.0  # of moving too near pairs apart, against 1 for the target: its pull then costs microns
 WORSE = 1e-9  # [m] rounding of a distance
 FORESIGHT = 0.15  # [s] a moving obstacle that would be too near by then is avoided now
 BETWEEN = 0.01  # [m] shapes may come nearer than the distance between two places of a way to rest that are looked at
 LOOKS = 12  # places of a way to rest that are looked at, before it counts as not clear
-NO_DISTANCES, NO_POINTS, NO_PAIRS = np.empty(0), np.empty((0, 3)), np.empty(0, dtype=np.intp)
+NO_DISTANCES, NO_POINTS = np.empty(0), np.empty((0, 3))
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,25 +69,6 @@ class Distances:
     def least(self) -> float:
         """Smallest distance [m]: measured when it is in the watched range, a lower bound when it is larger."""
         return float(self.bound.min()) if self.bound.size else np.inf
-
-
-@dataclass(frozen=True, slots=True)
-class Separation:
-    """What near shapes add to the QP.
-
-    Attributes:
-        inequalities: G and h of G x <= h: no pair uses up more than a part of its spare distance.
-        jacobian: (k, dof) weighted, of the distances of pairs that are too near.
-        error: (k,) weighted increase of distance that is asked of them.
-        pairs: (k,) numbers of these pairs.
-        exits: as in `Distances`, for the coming step.
-    """
-
-    inequalities: tuple[Array, Array]
-    jacobian: Array
-    error: Array
-    pairs: NDArray[np.intp]
-    exits: Mapping[int, Array]
 
 
 class ClearanceGuard:
@@ -131,13 +112,12 @@ class ClearanceGuard:
         own = shapes_of_all._replace(numbers=shapes_of_all.numbers.copy())
         self._geometry = contact.geometry._replace(shapes=own)
         self._first, self._second = pairs.T
-        links, arm = self._geometry.shapes.integers[:, LINK], self._geometry.arm
+        links = self._geometry.shapes.integers[:, LINK]
         links = np.where(links > robot.dof, 0, links)  # obstacles stand as still as the base
         joint = np.arange(robot.dof)
         inner, outer = links[pairs].T[:, :, np.newaxis]
-        self._between = ((inner <= joint) & (joint < outer)).astype(np.float64)
-        self._slide = arm.joint_kinds == SLIDE
-        self._lever = _levers(robot, self._geometry)[self._second] * self._between
+        self._between = np.column_stack([links[pairs], np.zeros(len(pairs), dtype=np.int64)])
+        self._lever = _levers(robot, self._geometry)[self._second] * ((inner <= joint) & (joint < outer))
         self._watch_still = (
             distance + BUFFER + np.maximum((LOOK_AHEAD * dt + 0.5 * reaction) * (self._lever @ velocity), MEASURED)
         )
@@ -304,32 +284,23 @@ class ClearanceGuard:
 
     def _closing(self, now: Distances, where: Whereabouts) -> Array:
         """(near,) how fast obstacles come nearer, the arm standing [m/s]."""
+        if not where.moving:
+            return np.zeros(now.near.size)
         mover = self._mover[now.near]
         there = now.points - now.distance[:, np.newaxis] * now.normals - where.poses[mover, :, 3]
         speed = where.twists[mover, :3] + cross(where.twists[mover, 3:], there)
         return np.where(mover >= 0, np.einsum("ij,ij->i", speed, now.normals), 0.0)
 
-    def linearise(self, q: Array, now: Distances, where: Whereabouts) -> Separation:
-        """Inequalities, and the error of pairs that are too near or about to be, at a configuration (dof,) [rad]."""
-        normals = now.normals.copy()
-        exits = self._exits(now, normals)
-        leaving = self._leaving(exits)[now.near]
-        for row in np.flatnonzero(leaving).tolist():
-            normals[row] = exits[int(self._first[now.near[row]])]
-        gradients = self._gradients(q, now, normals)
-        spare = now.distance - self._distance - BUFFER
-        closing = self._foresight * self._closing(now, where) if where.moving else np.zeros(spare.size)
-        room = spare - np.maximum(closing, 0.0)
-        approaching = (room < 0.0) & (closing > 0.0)
-        rows = (now.distance < self._distance + 0.5 * BUFFER) | approaching
-        kept = ~leaving & ~approaching
-        return Separation(
-            inequalities=(-gradients[kept], np.maximum(room[kept], 0.0)),
-            jacobian=SEPARATION_WEIGHT * gradients[rows],
-            error=-SEPARATION_WEIGHT * room[rows],
-            pairs=now.near[rows],
-            exits=exits,
-        )
+    def near(self, now: Distances, where: Whereabouts) -> tuple[Near, Mapping[int, Array]]:
+        """The pairs that are near, for the kernels, and the `exits` for the coming step."""
+        integers, exits = self._between[now.near], self._exits(now)
+        numbers = np.column_stack([now.distance, now.points, now.normals, self._closing(now, where)])
+        if exits:
+            leaving = self._leaving(exits)[now.near]
+            integers[leaving, LEAVES] = 1
+            for row in np.flatnonzero(leaving).tolist():
+                numbers[row, NORMAL:CLOSING] = exits[int(self._first[now.near[row]])]
+        return Near(integers, numbers, self._distance, self._foresight), exits
 
     def _leaving(self, exits: Mapping[int, Array]) -> NDArray[np.bool_]:
         """(pairs,) True for pairs with an obstacle that something is inside."""
@@ -337,7 +308,7 @@ class ClearanceGuard:
             return np.zeros(len(self._first), dtype=np.bool_)
         return np.isin(self._first, list(exits))
 
-    def _exits(self, now: Distances, normals: Array) -> dict[int, Array]:
+    def _exits(self, now: Distances) -> dict[int, Array]:
         """One way out of each obstacle that something is inside.
 
         The nearest face differs from shape to shape; each going its own way, a hand would never leave a box. The way
@@ -348,21 +319,8 @@ class ClearanceGuard:
         for row in inside[np.argsort(now.distance[inside])].tolist():
             obstacle = int(self._first[now.near[row]])
             if obstacle not in exits:
-                exits[obstacle] = now.exits.get(obstacle, normals[row].copy())
+                exits[obstacle] = now.exits.get(obstacle, now.normals[row].copy())
         return exits
-
-    def _gradients(self, q: Array, now: Distances, normals: Array) -> Array:
-        """How distances along the normals change with the joints, (near, dof) [m/rad].
-
-        Only joints between the two shapes change their distance: hinges by n . (a x (p - c)) with the axis a through
-        c, slides by n . a, for the nearest point p on the outer shape.
-        """
-        joints = self._run(q, NO_PAIRS).places.frames[1:-1]
-        axis, anchor = joints[:, :, 2], joints[:, :, 3]
-        torque = np.einsum("ijk,jk->ij", cross(now.points[:, None] - anchor, normals[:, None, :]), axis)
-        if self._slide.any():
-            torque[:, self._slide] = normals @ axis[self._slide].T
-        return np.asarray(torque * self._between[now.near])
 
     def limiting(self, now: Distances, apart: Iterable[int]) -> list[str]:
         """Names of the pairs at the distance or nearer, and of those by their numbers that are moved apart."""
