@@ -6,8 +6,6 @@ but position and velocity.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from jacokin.arrays import Array
@@ -25,35 +23,6 @@ def largest_share(start: Array, change: Array, low: Array, high: Array) -> float
     with np.errstate(divide="ignore", invalid="ignore"):
         shares = np.where(np.abs(change) > TINY, ends / change, np.inf)
     return float(np.clip(shares.min(), 0.0, 1.0))
-
-
-class Braking(NamedTuple):
-    """Every joint brakes as hard as its acceleration limit allows, until it rests.
-
-    A joint that was at u a dt moves by (u - 1) a dt^2 in the first tick, by (u - 2) a dt^2 in the next, and so on.
-    """
-
-    q: Array
-    """(dof,) where it begins [rad]."""
-    speed: Array
-    """(dof,) u, the speed that the joint had, in what a tick of braking takes away."""
-    unit: Array
-    """(dof,) a dt^2 with the sign of the velocity [rad]."""
-
-    @property
-    def ticks(self) -> int:
-        """How many until all joints rest."""
-        return int(np.ceil(self.speed.max(initial=0.0)))
-
-    @property
-    def way(self) -> Array:
-        """(dof,) displacement until rest [rad]."""
-        return self.at(self.ticks) - self.q
-
-    def at(self, tick: int) -> Array:
-        """(dof,) where the joints are after some ticks [rad]."""
-        n = np.minimum(np.floor(self.speed), tick)
-        return np.asarray(self.q + self.unit * (self.speed * n - 0.5 * n * (n + 1.0)))
 
 
 class JointLimits:
@@ -98,10 +67,6 @@ class JointLimits:
     def move(self, q: Array, displacement: Array) -> Array:
         """The configuration after a displacement; adding may round past a limit."""
         return np.minimum(np.maximum(q + displacement, np.minimum(q, self.lower)), np.maximum(q, self.upper))
-
-    def braking(self, q: Array, v: Array) -> Braking:
-        """The way to rest from `q` (dof,) [rad], which `v` (dof,) [rad/s] led to."""
-        return Braking(q, np.abs(v) * self._dt / self.change, np.copysign(self.change, v))
 
     def brake(self, v: Array) -> Array:
         """Displacement (dof,) [rad] of a tick of braking after velocities `v` (dof,) [rad/s]."""

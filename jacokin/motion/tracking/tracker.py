@@ -26,6 +26,7 @@ from jacokin.ik.options import TRACKING_ORIENTATION_TOLERANCE, TRACKING_POSITION
 from jacokin.ik.qp_backend import Backend, QPFailed
 from jacokin.ik.seeds import checked_start
 from jacokin.kernels.tracking.limits import AT_BOUND
+from jacokin.kernels.tracking.reach import CLEAR, DISTANCES, KEEPING, NOT_CLEAR, RESTING
 from jacokin.kernels.tracking.tick import GROWS, NEEDS_QP
 from jacokin.model import checks, poses
 from jacokin.model.robot import Robot, checked_robot, tracking_accelerations, velocity_limits
@@ -194,7 +195,7 @@ class Tracker:
         self._make_guard = partial(
             make_guard,
             robot,
-            self.velocity_limit,
+            self._limits,
             self.dt,
             clearance=clearance,
             collision=collision,
@@ -279,7 +280,7 @@ class Tracker:
             distances = before.arm.distances
             if before.guard is not None and before.where is not None and distances is not None:
                 before.guard.put(before.where)
-                distances = before.guard.move(start, distances, start - before.arm.q, {})
+                distances = before.guard.move(start, distances, start - before.arm.q)
             state = before._replace(arm=JointState(start, distances), v=checks.read_only(speed), can_stop=False)
         else:
             guard, where, distances = self._guard, None, None
@@ -469,7 +470,7 @@ class Tracker:
         distances = state.arm.distances
         if state.guard is None or distances is None or state.where is None or not distances.near.size:
             return None, {}
-        return state.guard.near(distances, state.where)
+        return state.guard.near(distances)
 
     def _solve(
         self, state: TrackerState, tasks: Tasks, began: float, deadline: float
@@ -516,33 +517,22 @@ class Tracker:
         limits, start, guard, where = self._limits, state.arm, state.guard, state.where
         if guard is None or where is None or start.distances is None:
             return JointState(limits.move(start.q, displacement), None), True
-        braking = limits.brake(state.v)
+        guard.begin(Arm(start.q, state.v), start.distances.bound, displacement, exits)
         best, least = start, -np.inf
+        asked = KEEPING if limits.stops_at_once else KEEPING | RESTING
         for part in PARTS:
             if time.perf_counter() > deadline:
                 raise OutOfTime
-            q = limits.move(start.q, braking + part * (displacement - braking))
-            found = JointState(q, guard.move(q, start.distances, q - start.q, exits))
-            if found.distances is None or not guard.acceptable(start.distances, found.distances):
-                continue
-            if limits.stops_at_once:
-                return found, True
-            rest = limits.braking(found.q, (found.q - start.q) / self.dt)
-            clear, spare = guard.rests_clear(start.distances, found.distances, rest, where)
-            if clear:
-                return found, True
-            if spare > least:
-                best, least = found, spare
-        q = limits.move(start.q, braking)
-        distances = guard.move(q, start.distances, q - start.q, exits)
-        found = JointState(q, distances)
-        if limits.stops_at_once or (state.can_stop and not where.moving):
-            return found, True
-        rest = limits.braking(q, (q - start.q) / self.dt)
-        clear, spare = guard.rests_clear(start.distances, distances, rest, where)
-        if not clear and spare < least:  # an obstacle comes nearer, and stopping keeps less far from it
-            found = best
-        return found, clear
+            outcome, spare = guard.try_part(part, asked)
+            if outcome == CLEAR:
+                return JointState(guard.q, guard.found(exits)), True
+            if outcome == NOT_CLEAR and spare > least:
+                best, least = JointState(guard.q, guard.found(exits)), spare
+        certain = limits.stops_at_once or (state.can_stop and not where.moving)
+        outcome, spare = guard.try_part(0.0, DISTANCES if certain else RESTING)
+        if outcome == NOT_CLEAR and spare < least:  # an obstacle comes nearer, and stopping keeps less far from it
+            return best, False
+        return JointState(guard.q, guard.found(exits)), outcome == CLEAR
 
     def _brake(
         self,

@@ -248,11 +248,11 @@ def test_the_tracker_sees_true_distances_and_how_they_change(robot: Robot, rng: 
     places = rng.normal(size=(3, 3))
     places *= rng.uniform(0.6, 0.9, (3, 1)) / np.linalg.norm(places, axis=1, keepdims=True)
     scene = Scene([Floor(-0.4), *(obstacle(kind, place, rng) for kind, place in enumerate(places))])
+    limits = JointLimits(robot, robot.velocity_limit, np.full(robot.dof, np.inf), 0.05)
     guard = make_guard(
-        robot, robot.velocity_limit, 0.05, scene=scene, clearance=0.05, collision=None, self_collision=True, pairs=None
+        robot, limits, 0.05, scene=scene, clearance=0.05, collision=None, self_collision=True, pairs=None
     )
     assert guard is not None
-    limits = JointLimits(robot, robot.velocity_limit, np.full(robot.dof, np.inf), 0.05)
     ticks = TickSolver(Kinematics(robot, robot.default_frame, None), limits, 0.05, 1e-5, (1e-4, 1e-3))
     referee = Referee(robot, scene)
     steps, compared = 1e-5 * np.eye(robot.dof), 0
@@ -264,7 +264,7 @@ def test_the_tracker_sees_true_distances_and_how_they_change(robot: Robot, rng: 
             assert now.distance.min() == pytest.approx(referee.least(q), abs=1e-6)
         around = [[guard.start(q + sign * step).bound[now.near] for step in steps] for sign in (1.0, -1.0)]
         forward, backward = (np.transpose(some) for some in around)
-        ticks.linearise(Arm(q, np.zeros(robot.dof)), guard.near(now, guard.shapes.start)[0])
+        ticks.linearise(Arm(q, np.zeros(robot.dof)), guard.near(now)[0])
         rows, _ = ticks.inequalities
         slope = np.empty((0, robot.dof)) if rows is None else -rows
         # Where the nearest points jump from corner to corner, the slopes to both sides differ.
