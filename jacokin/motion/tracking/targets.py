@@ -30,6 +30,7 @@ from jacokin.kernels.tracking.tasks import (
     POSE,
     POSITION,
     REGION,
+    TASK_NUMBERS,
     TURN_WEIGHT,
     WEIGHT,
     TaskRows,
@@ -246,7 +247,10 @@ class TaskFactory:
     def tasks(self, target: pin.SE3 | ArrayLike | TrackingTarget | Sequence[TrackingTarget] | None) -> Tasks:
         """Tasks for a target or several; errors as in `Tracker.step`."""
         if isinstance(target, pin.SE3):
-            return self._tool_at(target if _rigid(target) else poses.checked_pose(target))
+            rows = target.homogeneous.ravel()[: TASK_NUMBERS - GOAL]
+            if not _is_rigid(rows.tolist()):
+                rows = poses.checked_pose(target).homogeneous.ravel()[: TASK_NUMBERS - GOAL]
+            return self._tool_at(rows)
         if isinstance(target, TrackingTarget):
             return self._all([target])
         if isinstance(target, list | tuple) and any(isinstance(one, TrackingTarget) for one in target):
@@ -254,15 +258,15 @@ class TaskFactory:
         checked = targets.checked_target(target)  # refuses what is neither a pose nor a position
         if checked.position_only:
             return self._all([PositionTarget(checked.position)])
-        return self._tool_at(pin.SE3(checked.rotation, checked.position))
+        return self._tool_at(pin.SE3(checked.rotation, checked.position).homogeneous[:3].ravel())
 
     def _rows(self, count: int) -> TaskRows:
         return make_task_rows(self._dof, count)
 
-    def _tool_at(self, pose: pin.SE3) -> Tasks:
-        """The tool at a pose: what most ticks are asked for."""
+    def _tool_at(self, pose: Array) -> Tasks:
+        """The tool at a pose (12,), row by row: what most ticks are asked for."""
         numbers = self._tool.numbers.copy()
-        numbers[0, GOAL:] = pose.homogeneous[:3].ravel()
+        numbers[0, GOAL:] = pose
         return Tasks(TaskRows(self._tool.integers, numbers, self._tool.joints), 1, 1)
 
     def _all(self, given: Sequence[TrackingTarget]) -> Tasks:
@@ -293,11 +297,10 @@ class TaskFactory:
         row.numbers[PLACEMENT:GOAL] = placement.homogeneous[:3].ravel()
 
 
-def _rigid(pose: pin.SE3) -> bool:
-    """Whether a pose is finite, right-handed and orthonormal to 1e-9; cheap, as every tick asks it."""
-    (a, b, c), (d, e, f), (g, h, i) = pose.rotation.tolist()
-    x, y, z = pose.translation.tolist()
-    misfit: float = (
+def _is_rigid(rows: list[float]) -> bool:
+    """Whether a pose (12,), row by row, is finite, right-handed and orthonormal to 1e-9; cheap, as every tick asks."""
+    a, b, c, x, d, e, f, y, g, h, i, z = rows
+    misfit = (
         abs(a * a + b * b + c * c - 1.0)
         + abs(d * d + e * e + f * f - 1.0)
         + abs(a * d + b * e + c * f)
@@ -305,7 +308,7 @@ def _rigid(pose: pin.SE3) -> bool:
         + abs(c * d - a * f - h)
         + abs(a * e - b * d - i)
     )
-    return bool(misfit < RIGID and abs(x) + abs(y) + abs(z) < 1e9)
+    return misfit < RIGID and abs(x) + abs(y) + abs(z) < 1e9
 
 
 class Kinematics:

@@ -42,6 +42,7 @@ from jacokin.kernels.tracking.tick import (
 from jacokin.motion.tracking.joint_limits import JointLimits
 from jacokin.motion.tracking.targets import Kinematics, Tasks
 
+NONE = np.empty(0, dtype=np.int64)
 FAR = 1e6  # [rad] no bound for a joint without limits
 
 
@@ -267,6 +268,8 @@ class TickSolver:
     @property
     def apart(self) -> NDArray[np.int64]:
         """Which of the near pairs are moved apart; a copy."""
+        if not self._work.near.counts[2]:
+            return NONE
         return self._work.near.apart[: self._work.near.counts[2]].copy()
 
     @property

@@ -25,7 +25,6 @@ from jacokin.ik import targets
 from jacokin.ik.options import TRACKING_ORIENTATION_TOLERANCE, TRACKING_POSITION_TOLERANCE
 from jacokin.ik.qp_backend import Backend, QPFailed
 from jacokin.ik.seeds import checked_start
-from jacokin.kernels.tracking.limits import AT_BOUND
 from jacokin.kernels.tracking.reach import CLEAR, DISTANCES, KEEPING, NOT_CLEAR, RESTING
 from jacokin.kernels.tracking.tick import GROWS, NEEDS_QP
 from jacokin.model import checks, poses
@@ -461,6 +460,8 @@ class Tracker:
         They are measured anew where obstacles moved or there was no time for it.
         """
         (where, shift), arm = moved, state.arm
+        if where is state.where and shift is None and (arm.distances is None or arm.distances.measured):
+            return state
         if state.guard is not None and arm.distances is not None and (shift is not None or not arm.distances.measured):
             arm = JointState(arm.q, state.guard.refresh(arm.q, arm.distances, shift))
         return state._replace(arm=arm, where=where)
@@ -495,13 +496,12 @@ class Tracker:
             if wish is not None:
                 later.append(Level(np.eye(self.robot.dof), wish, ends_there=False))
             wanted = refine(wanted, ticks, later, self._limits, self._qp)
-        low, high = ticks.bounds
-        displacement = np.minimum(np.maximum(wanted, low), high)
+        displacement, is_slowed = self._limits.within(wanted, ticks.bounds)
         arm, can_stop = self._keep_clear(state, displacement, exits, deadline)
         apart: list[int] = state.arm.distances.near[pairs].tolist() if pairs.size and state.arm.distances else []
         after = state.move(arm, can_stop=can_stop, tasks=tasks, moved=moved, line=None)
         # Shapes moving apart, or joints still gathering speed, may take the tool away from its target for a while.
-        excused = bool(apart) or bool((np.abs(displacement - wanted) > AT_BOUND * self._limits.step).any())
+        excused = bool(apart) or is_slowed
         return self._report(tasks, state, after, held=held, began=began, excused=excused, apart=apart, judged=True)
 
     def _wish(self, q: Array) -> Array | None:
