@@ -17,7 +17,7 @@ from benchmarks import report
 from jacokin import Robot
 from jacokin.arrays import Array
 from jacokin.model import quat_wxyz
-from jacokin.viewer import Viewer, serve
+from jacokin.viewer import Viewer, ViewerOptions, serve
 from jacokin.viewer.browser.controls import set_value
 
 MOVES = 1000
@@ -76,7 +76,7 @@ def main(moves: int = MOVES) -> float:
     rows, worst = [], 0.0
     for name, shown, collision, axis in CASES:
         robot = jacokin.load_robot(name)
-        with serve(robot, port=0, collision=collision, free_axis=axis) as viewer:
+        with serve(robot, ViewerOptions(collision=collision, free_axis=axis), port=0) as viewer:
             if shown == SLICE:
                 slice_shown(viewer)
             measured(viewer, robot, min(moves, 20))

@@ -45,7 +45,10 @@ BACKGROUND = (255, 255, 255)
 def main(folder: Path) -> None:
     """The arm with its branches; and a page with its panel: a slice of the map, a free axis, contact."""
     scene = Scene([Box("table", (0.4, 0.3, 0.04), (0.25, -0.55, 0.02))])
-    with viewer.serve("j2n6s300", scene=scene, collision="report", port=0) as running, page_of(running):
+    with (
+        viewer.serve("j2n6s300", viewer.ViewerOptions(collision="report"), scene=scene, port=0) as running,
+        page_of(running),
+    ):
         client = next(iter(running.server.get_clients().values()))
         client.get_render(HEIGHT, WIDTH, timeout=PATIENCE)  # what is drawn first may lack meshes
         quat = pin.Quaternion(camera())
@@ -60,8 +63,11 @@ def main(folder: Path) -> None:
 
     crate = Scene([Box("crate", (0.12, 0.12, 0.12), (0.25, -0.3, 0.3))])
     target = pose([0.25, -0.3, 0.38], down=True)
-    options = {"scene": crate, "collision": "report", "free_axis": "z", "target": target, "port": 0}
-    with viewer.serve("j2n6s300", **options) as running, page_of(running) as ask:
+    options = viewer.ViewerOptions(collision="report", free_axis="z")
+    with (
+        viewer.serve("j2n6s300", options, scene=crate, target=target, port=0) as running,
+        page_of(running) as ask,
+    ):
         client = next(iter(running.server.get_clients().values()))
         client.camera.position, client.camera.look_at = (1.0, -1.3, 0.9), (0.25, 0.05, 0.25)
         ask("Runtime.evaluate", expression=DISMISS)

@@ -1,31 +1,27 @@
-"""Packages whose public names load their modules when first used."""
+"""Packages whose public names load their modules when first used (PEP 562)."""
 
 from __future__ import annotations
 
 import importlib
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 
-def door(package: str, file: str) -> tuple[list[str], Callable[[str], object], Callable[[], list[str]]]:
+def door(
+    package: str, names_of: Mapping[str, tuple[str, ...]]
+) -> tuple[list[str], Callable[[str], object], Callable[[], list[str]]]:
     """The `__all__`, `__getattr__` and `__dir__` of a package that imports nothing until it is asked.
 
-    Its public names are those that the stub beside it imports, a line each, ``from module import Name as Name``: one
-    list for type checkers and for Python.
+    The stub beside the package imports the same names, for type checkers.
 
     Args:
         package: name of the package, its `__name__`.
-        file: its `__file__`.
+        names_of: module, and the public names that come from it; the package itself, and modules of it.
 
     Returns:
         The sorted public names; a function that loads one of them; a function that lists them.
     """
-    module_of: dict[str, str] = {}
-    with open(f"{file.rpartition('.')[0]}.pyi", encoding="utf-8") as stub:  # noqa: PTH123 - pathlib takes 4 ms to import
-        for line in stub:
-            if line.startswith("from "):
-                _, module, _, _, _, name = line.split()
-                module_of[name] = module
+    module_of = {name: module for module, names in names_of.items() for name in names}
     public = sorted(module_of)
 
     def load(name: str) -> object:

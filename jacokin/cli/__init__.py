@@ -1,8 +1,9 @@
 """The command line: it parses and prints, and leaves every computation to the packages below it. Read `main` first.
 
 entry, main, process       where `jacokin` starts, its subcommands, its exit codes, streams and signals
-command, options           commands of click that take lists of numbers; options that commands have in common,
-                           and that files which are read are not overwritten
+command                    commands of click whose options are fields of classes, lists of numbers among them
+options, groups            options that commands have in common, alone and as classes; that files which are read are
+                           not overwritten
 units, display             radians and degrees, tables and JSON
 ik, ik_answers, ik_batch   `jacokin ik`: the command, the answer to one pose, a file of poses
 kinematics, info           `fk`, `jacobian`; `info`

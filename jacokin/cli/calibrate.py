@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import click
 
-from jacokin import calibration, logs
+from jacokin import calibration, logs, model
 from jacokin.cli import display, options
-from jacokin.cli.command import Argument, Command
-from jacokin.cli.options import RobotOptions, Vector3, keep_apart
+from jacokin.cli.command import command, option
+from jacokin.cli.groups import FormOptions, RobotOptions, load_scene
+from jacokin.cli.options import Vector3, keep_apart
 from jacokin.cli.units import Units
 from jacokin.errors import InvalidInputError
 from jacokin.files import replacing
 from jacokin.logs.bag import ENDINGS
 
 FIT, NOTHING = "fit", "none"
+SIGMA_ANGLE = 1e-3  # [rad] of poses that are planned
 
 
 class FitUnlessNamed(click.Group):
@@ -39,79 +41,157 @@ def calibrate() -> None:
     """
 
 
-unknown_base = click.option("--unknown-base", is_flag=True, help="The instrument does not measure in the arm's base.")
-unknown_tool = click.option("--unknown-tool", is_flag=True, help="The measured point is not the origin of --frame.")
-sigma = click.option("--sigma", type=float, metavar="M", help="Error of the instrument [m]; of a plan 0.0003.")
-sigma_angle = click.option("--sigma-angle", type=float, metavar="A", help="Of poses: its error in angles [rad].")
+@dataclass(frozen=True, slots=True)
+class InstrumentOptions:
+    """What measures, how well, and what of its place is known."""
+
+    sigma: float | None = option(
+        "--sigma", type=float, metavar="M", help="Error of the instrument [m]; of a plan 0.0003."
+    )
+    sigma_angle: float | None = option(
+        "--sigma-angle", type=float, metavar="A", help="Of poses: its error in angles [rad]."
+    )
+    unknown_base: bool = option(
+        "--unknown-base", is_flag=True, help="The instrument does not measure in the arm's base."
+    )
+    unknown_tool: bool = option("--unknown-tool", is_flag=True, help="The measured point is not the origin of --frame.")
+    frame: str | None = options.frame()
+
+    def check(self) -> None:
+        """Refuse an error in angles alone.
+
+        Raises:
+            InvalidInputError: says so.
+        """
+        if self.sigma_angle is not None and self.sigma is None:
+            raise InvalidInputError("--sigma-angle needs --sigma")
+
+    @property
+    def error(self) -> float | tuple[float, float] | None:
+        """Of a position [m], or of a pose [m] and [rad]; None where it is not given."""
+        return self.sigma if self.sigma is None or self.sigma_angle is None else (self.sigma, self.sigma_angle)
+
+    @property
+    def placed(self) -> dict[str, Any]:
+        """The frame, and whether base and tool are known, as `jacokin.calibration` takes them."""
+        return {
+            "frame": self.frame,
+            "base": "unknown" if self.unknown_base else "known",
+            "tool": "unknown" if self.unknown_tool else "known",
+        }
 
 
-@calibrate.command(FIT, cls=Command, no_args_is_help=True)
-@click.argument(
-    "files",
-    cls=Argument,
-    nargs=-1,
-    type=options.FILE,
-    metavar="FILE...",
-    text="Measurements: .csv, .npz or .parquet; or recordings of ROS: .bag, .mcap or .db3.",
-)
-@click.option("--output", type=options.FILE, metavar="FILE.toml", help="What --calibration takes.")
-@click.option("--report", type=options.FILE, metavar="FILE.html", help="A page with pictures.")
-@click.option("--urdf", type=options.FILE, metavar="FILE", help="The arm for other programs.")
-@click.option("--mjcf", type=options.FILE, metavar="FILE", help="The arm for MuJoCo.")
-@sigma
-@sigma_angle
-@unknown_base
-@unknown_tool
-@click.option("--contact", metavar="plane|point", help="The point touched one plane, or one point, every time.")
-@click.option("--kinova", is_flag=True, help="The files have millimetres and degrees, as Kinova's software.")
-@click.option(
-    "--estimate",
-    multiple=True,
-    metavar="WHAT",
-    help="What may be off: geometry, offset (these two by default), scale, compliance; or none: only base and tool "
-    "are looked for. Repeatable.",
-)
-@click.option(
-    "--prior",
-    type=(float, float, float),
-    metavar="M RAD RAD",
-    help="How far arms are from their description, in place, axis and zero of a joint; 0.001 0.003 0.0175 by default.",
-)
-@options.joints_topic
-@click.option("--pose-topic", metavar="NAME", help="Of a log: what measures the hand; the only one is found.")
-@options.joint_prefix
-@click.option(
-    "--still",
-    type=(float, float),
-    metavar="V S",
-    help="Of a log: the arm stands still where no joint is quicker than V rad/s for S seconds; 0.01 1 by default.",
-)
-@options.frame
-@options.degrees
-@options.json
-@options.robot()
+@dataclass(frozen=True, slots=True)
+class LogOptions:
+    """What is read from a recording of ROS."""
+
+    joints_topic: str | None = options.joints_topic()
+    pose_topic: str | None = option(
+        "--pose-topic", metavar="NAME", help="Of a log: what measures the hand; the only one is found."
+    )
+    joint_prefix: str | None = options.joint_prefix()
+    still: tuple[float, float] | None = option(
+        "--still",
+        type=(float, float),
+        metavar="V S",
+        help="Of a log: the arm stands still where no joint is quicker than V rad/s for S seconds; 0.01 1 by default.",
+    )
+
+    @property
+    def is_given(self) -> bool:
+        """Whether one of them is."""
+        return bool(self.joints_topic or self.pose_topic or self.joint_prefix or self.still)
+
+    def load(self, path: Path, arm: model.Robot, instrument: InstrumentOptions) -> calibration.Measurements:
+        """The measurements in a recording.
+
+        Raises:
+            InvalidInputError: as `Measurements.from_log`, or the error of the instrument is not given.
+        """
+        error = instrument.error
+        if error is None:
+            raise InvalidInputError(f"--sigma is needed: {path} does not say how good the instrument is")
+        return calibration.Measurements.from_log(
+            logs.Log(path, arm, prefix=self.joint_prefix),
+            sigma=error,
+            rule=None if self.still is None else logs.StandstillRule(speed=self.still[0], duration=self.still[1]),
+            joints=self.joints_topic,
+            poses=self.pose_topic,
+            **instrument.placed,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class FitOptions:
+    """What is measured, what may be off, and what is written."""
+
+    files: Sequence[Path] = option(
+        nargs=-1,
+        type=options.FILE,
+        metavar="FILE...",
+        text="Measurements: .csv, .npz or .parquet; or recordings of ROS: .bag, .mcap or .db3.",
+    )
+    output: Path | None = option("--output", type=options.FILE, metavar="FILE.toml", help="What --calibration takes.")
+    report: Path | None = option("--report", type=options.FILE, metavar="FILE.html", help="A page with pictures.")
+    urdf: Path | None = option("--urdf", type=options.FILE, metavar="FILE", help="The arm for other programs.")
+    mjcf: Path | None = option("--mjcf", type=options.FILE, metavar="FILE", help="The arm for MuJoCo.")
+    contact: str | None = option(
+        "--contact", metavar="plane|point", help="The point touched one plane, or one point, every time."
+    )
+    kinova: bool = option(
+        "--kinova", is_flag=True, help="The files have millimetres and degrees, as Kinova's software."
+    )
+    estimate: Sequence[str] = option(
+        "--estimate",
+        multiple=True,
+        metavar="WHAT",
+        help="What may be off: geometry, offset (these two by default), scale, compliance; or none: only base and tool "
+        "are looked for. Repeatable.",
+    )
+    prior: tuple[float, float, float] | None = option(
+        "--prior",
+        type=(float, float, float),
+        metavar="M RAD RAD",
+        help="How far arms are from their description, in place, axis and zero of a joint; "
+        "0.001 0.003 0.0175 by default.",
+    )
+
+    @property
+    def outputs(self) -> dict[str, Path | None]:
+        """Option and file of all that is written."""
+        return {"--output": self.output, "--report": self.report, "--urdf": self.urdf, "--mjcf": self.mjcf}
+
+    def check(self, source: RobotOptions, recorded: LogOptions, units: Units) -> None:
+        """Refuse options that do not go together.
+
+        Raises:
+            InvalidInputError: names them.
+        """
+        if not self.files:
+            raise InvalidInputError("give a file of measurements")
+        inputs = {f"FILE {path}": path for path in self.files} | {"--robot": source.robot}
+        keep_apart(self.outputs, inputs, source.package_dirs)
+        first = next((path for path in self.files if path.suffix in ENDINGS), None)
+        if first is not None and (self.contact is not None or self.kinova or units.degrees):
+            raise InvalidInputError(f"--contact, --kinova and --degrees are not for a recording of ROS: {first}")
+        if first is None and recorded.is_given:
+            raise InvalidInputError(
+                "--joints-topic, --pose-topic, --joint-prefix and --still are for a recording of ROS: .bag, .mcap, .db3"
+            )
+        if NOTHING in self.estimate and len(set(self.estimate)) > 1:
+            raise InvalidInputError("--estimate none goes with no other --estimate")
+
+    def write(self, found: calibration.Calibration) -> None:
+        """Write what is asked for."""
+        writers = (found.save, found.report, found.write_urdf, found.write_mjcf)
+        for path, write in zip(self.outputs.values(), writers, strict=True):
+            if path is not None:
+                write(path)
+
+
+@command(FIT, group=calibrate, no_args_is_help=True)
 def fit(
-    files: Sequence[Path],
-    output: Path | None,
-    report: Path | None,
-    urdf: Path | None,
-    mjcf: Path | None,
-    sigma: float | None,
-    sigma_angle: float | None,
-    unknown_base: bool,
-    unknown_tool: bool,
-    contact: str | None,
-    kinova: bool,
-    estimate: Sequence[str],
-    prior: tuple[float, float, float] | None,
-    joints_topic: str | None,
-    pose_topic: str | None,
-    joint_prefix: str | None,
-    still: tuple[float, float] | None,
-    frame: str | None,
-    units: Units,
-    json: bool,
-    source: RobotOptions,
+    given: FitOptions, instrument: InstrumentOptions, recorded: LogOptions, form: FormOptions, source: RobotOptions
 ) -> None:
     """Find the arm behind some measurements.
 
@@ -127,58 +207,28 @@ def fit(
       jacokin calibrate touched.csv --contact plane --sigma 0.0005 --output my_arm.toml
       jacokin ik --calibration my_arm.toml --position 0.3 -0.2 0.5 --down
     """
-    if not files:
-        raise InvalidInputError("give a file of measurements")
-    outputs = {"--output": output, "--report": report, "--urdf": urdf, "--mjcf": mjcf}
-    keep_apart(outputs, {f"FILE {path}": path for path in files} | {"--robot": source.robot}, source.package_dirs)
-    if sigma_angle is not None and sigma is None:
-        raise InvalidInputError("--sigma-angle needs --sigma")
-    given = None if sigma is None else sigma if sigma_angle is None else (sigma, sigma_angle)
-    placed: dict[str, Any] = {
-        "frame": frame,
-        "base": "unknown" if unknown_base else "known",
-        "tool": "unknown" if unknown_tool else "known",
-    }
-    recorded = [path for path in files if path.suffix in ENDINGS]
-    if recorded and (contact is not None or kinova or units.degrees):
-        raise InvalidInputError(f"--contact, --kinova and --degrees are not for a recording of ROS: {recorded[0]}")
-    if not recorded and (joints_topic or pose_topic or joint_prefix or still):
-        raise InvalidInputError(
-            "--joints-topic, --pose-topic, --joint-prefix and --still are for a recording of ROS: .bag, .mcap, .db3"
-        )
-    if recorded and given is None:
-        raise InvalidInputError(f"--sigma is needed: {recorded[0]} does not say how good the instrument is")
+    instrument.check()
+    given.check(source, recorded, form.units)
     arm = source.load()
-    rule = None if still is None else logs.StandstillRule(speed=still[0], duration=still[1])
     sets = [
-        calibration.Measurements.from_log(
-            logs.Log(path, arm, prefix=joint_prefix),
-            sigma=given,
-            rule=rule,
-            joints=joints_topic,
-            poses=pose_topic,
-            **placed,
-        )
-        if path in recorded and given is not None
+        recorded.load(path, arm, instrument)
+        if path.suffix in ENDINGS
         else calibration.Measurements.load(
-            path, sigma=given, contact=contact, degrees=units.degrees, kinova=kinova, **placed
+            path,
+            sigma=instrument.error,
+            contact=given.contact,
+            degrees=form.units.degrees,
+            kinova=given.kinova,
+            **instrument.placed,
         )
-        for path in files
+        for path in given.files
     ]
-    if NOTHING in estimate and len(set(estimate)) > 1:
-        raise InvalidInputError("--estimate none goes with no other --estimate")
-    groups = [] if NOTHING in estimate else estimate or "auto"
-    known = None if prior is None else calibration.Prior(*prior)
-    found = calibration.calibrate(arm, sets, groups, prior=known)
-    if output is not None:
-        found.save(output)
-    if report is not None:
-        found.report(report)
-    if urdf is not None:
-        found.write_urdf(urdf)
-    if mjcf is not None:
-        found.write_mjcf(mjcf)
-    if json:
+    groups = [] if NOTHING in given.estimate else given.estimate or "auto"
+    found = calibration.calibrate(
+        arm, sets, groups, prior=None if given.prior is None else calibration.Prior(*given.prior)
+    )
+    given.write(found)
+    if form.json:
         display.print_json(
             {
                 "facts": dict(found.measured_arm.facts),
@@ -195,44 +245,34 @@ def fit(
         )
     else:
         display.echo(str(found))
-    for path in outputs.values():
+    for path in given.outputs.values():
         if path is not None:
             display.say(f"written to {path}")
 
 
-@calibrate.command(cls=Command)
-@click.option("--points", type=click.IntRange(min=1), default=30, metavar="N", help="How many configurations.")
-@click.option("--output", type=options.FILE, metavar="FILE.csv", help="The configurations, with x, y, z to fill in.")
-@click.option("--poses", is_flag=True, help="Poses are measured, not positions.")
-@sigma
-@sigma_angle
-@unknown_base
-@unknown_tool
-@click.option("--lower", type=options.VECTOR, metavar="X Y Z", help="Lower corner of what is seen [m].")
-@click.option("--upper", type=options.VECTOR, metavar="X Y Z", help="Upper corner of what is seen [m].")
-@options.scene
-@click.option("--clearance", default=0.02, metavar="D", help="The arm stays this far from contact [m].")
-@options.frame
-@options.degrees
-@options.json
-@options.robot()
-def plan(
-    points: int,
-    output: Path | None,
-    poses: bool,
-    sigma: float | None,
-    sigma_angle: float | None,
-    unknown_base: bool,
-    unknown_tool: bool,
-    lower: Vector3 | None,
-    upper: Vector3 | None,
-    scene: Path | None,
-    clearance: float,
-    frame: str | None,
-    units: Units,
-    json: bool,
-    source: RobotOptions,
-) -> None:
+@dataclass(frozen=True, slots=True)
+class PlanOptions:
+    """How many configurations, and where."""
+
+    points: int = option(
+        "--points", type=click.IntRange(min=1), default=30, metavar="N", help="How many configurations."
+    )
+    output: Path | None = option(
+        "--output", type=options.FILE, metavar="FILE.csv", help="The configurations, with x, y, z to fill in."
+    )
+    poses: bool = option("--poses", is_flag=True, help="Poses are measured, not positions.")
+    lower: Vector3 | None = option(
+        "--lower", type=options.VECTOR, metavar="X Y Z", help="Lower corner of what is seen [m]."
+    )
+    upper: Vector3 | None = option(
+        "--upper", type=options.VECTOR, metavar="X Y Z", help="Upper corner of what is seen [m]."
+    )
+    scene: Path | None = options.scene()
+    clearance: float = option("--clearance", default=0.02, metavar="D", help="The arm stays this far from contact [m].")
+
+
+@command(group=calibrate)
+def plan(given: PlanOptions, instrument: InstrumentOptions, form: FormOptions, source: RobotOptions) -> None:
     """Say which configurations to measure, and how good the result will be.
 
     They are clear of contact, those that say most come first.
@@ -242,40 +282,40 @@ def plan(
       jacokin calibrate plan --points 40 --poses --unknown-base --unknown-tool --degrees
       jacokin calibrate plan --scene table.yaml --lower -0.8 -0.8 0 --upper 0.8 0 1
     """
-    if (lower is None) != (upper is None):
+    if (given.lower is None) != (given.upper is None):
         raise InvalidInputError("--lower and --upper go together")
-    if sigma_angle is not None and sigma is None:
-        raise InvalidInputError("--sigma-angle needs --sigma")
-    keep_apart({"--output": output}, {"--scene": scene, "--robot": source.robot}, source.package_dirs)
+    instrument.check()
+    keep_apart({"--output": given.output}, {"--scene": given.scene, "--robot": source.robot}, source.package_dirs)
     arm = source.load()
-    error = None if sigma is None else (sigma, 1e-3 if sigma_angle is None else sigma_angle) if poses else sigma
-    base, tool = "unknown" if unknown_base else "known", "unknown" if unknown_tool else "known"
-    measured = "pose" if poses else "position"
+    error = instrument.error
+    if given.poses and instrument.sigma is not None and instrument.sigma_angle is None:
+        error = (instrument.sigma, SIGMA_ANGLE)
+    elif not given.poses:
+        error = instrument.sigma
+    measured = "pose" if given.poses else "position"
     q = calibration.plan_measurements(
         arm,
-        points,
+        given.points,
         measured=measured,
         sigma=error,
-        frame=frame,
-        base=base,
-        tool=tool,
-        scene=options.load_scene(scene),
-        within=None if lower is None or upper is None else (lower, upper),
-        clearance=clearance,
+        **instrument.placed,
+        scene=load_scene(given.scene),
+        within=None if given.lower is None or given.upper is None else (given.lower, given.upper),
+        clearance=given.clearance,
     )
-    promised = calibration.predict_accuracy(arm, q, measured=measured, sigma=error, frame=frame, base=base, tool=tool)
-    rows = [units.for_joints(arm).from_si(row) for row in q]
-    if output is not None:
-        columns = [*arm.joint_names, "x", "y", "z", *(("qw", "qx", "qy", "qz") if poses else ())]
+    promised = calibration.predict_accuracy(arm, q, measured=measured, sigma=error, **instrument.placed)
+    rows = [form.units.for_joints(arm).from_si(row) for row in q]
+    if given.output is not None:
+        columns = [*arm.joint_names, "x", "y", "z", *(("qw", "qx", "qy", "qz") if given.poses else ())]
         empty = "," * (len(columns) - arm.dof)
         lines = [",".join(columns), *(",".join(map(repr, row)) + empty for row in rows)]
-        with replacing(output) as temporary:
+        with replacing(given.output) as temporary:
             temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    if json:
-        display.print_json({"q": rows, "angle_unit": units.angle, "accuracy": asdict(promised)})
+    if form.json:
+        display.print_json({"q": rows, "angle_unit": form.units.angle, "accuracy": asdict(promised)})
     else:
-        heading = units.for_joints(arm).labels(arm.joint_names)
+        heading = form.units.for_joints(arm).labels(arm.joint_names)
         display.show_table(None, heading, [[display.number(value) for value in row] for row in rows], text=0)
         display.echo(str(promised))
-    if output is not None:
-        display.say(f"written to {output}")
+    if given.output is not None:
+        display.say(f"written to {given.output}")

@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Container, Iterable, Mapping
-from dataclasses import fields
-from functools import wraps
+from dataclasses import Field, field, fields
 from inspect import cleandoc
-from typing import Any
+from typing import Any, get_type_hints
 
 import click
 
@@ -22,36 +21,7 @@ OTHER_WORDS = {"solve_all": "--all", "a FreeAxis": "--free-axis"}
 # In a message about options, and fields of a scene, that are in radians also with --degrees.
 ALWAYS_RADIANS = ("--limit", "--finger-angle", "finger_angle")
 
-# Headings in the help of a command with many options, and what stands under them; the rest under "Options".
-MANY = 15
-HEADINGS = {
-    "Target": (
-        *("--from", "--to", "--target", "--position", "--kinova", "--quat-wxyz", "--rpy", "--down", "--approach"),
-        *("--free-axis", "--free-range", "--frame", "--tool"),
-    ),
-    "Choice of the answer": (
-        *("--prefer", "--all", "--fixed", "--seed", "--closest", "--random-seed", "--method", "--qp-solver"),
-        *("--position-tolerance", "--orientation-tolerance"),
-    ),
-    "Contact": ("--collision", "--scene", "--clearance"),
-    "Motion": (
-        *("--start", "--dt", "--speed", "--angular-speed", "--velocity-limit", "--acceleration-limit"),
-        *("--torque-limit", "--rated-torque", "--time-limit", "--timing"),
-    ),
-    "Hand": ("--device", "--stream", "--rate", "--scale", "--recover", "--seconds", "--fast"),
-    "Files": (
-        "--path",
-        "--targets",
-        "--output",
-        "--resume",
-        "--workers",
-        "--dask",
-        "--ros",
-        "--joint-prefix",
-        "--plot",
-    ),
-    "Robot": ("--robot", "--base", "--tip", "--package-dir", "--limit", "--finger-angle", "--calibration"),
-}
+MANY = 15  # options of a command whose help has headings
 
 _NUMBER = re.compile(r"[-+]?((\d+\.?\d*|\.\d+)(e[-+]?\d+)?|inf(inity)?|nan)", re.IGNORECASE | re.ASCII)
 
@@ -62,8 +32,23 @@ class Command(click.Command):
     Options of the class NumberList take all numbers that follow, and a negative number is never taken for an option.
     """
 
-    def __init__(self, name: str | None, help: str = "", **settings: Any) -> None:  # noqa: A002 - Any: click's own
-        """Keep the examples of the help line by line, and list the command with its first sentence."""
+    def __init__(
+        self,
+        name: str | None,
+        help: str = "",  # noqa: A002 - click's own
+        *,
+        headings: Mapping[str, str] | None = None,
+        **settings: Any,  # click's own
+    ) -> None:
+        """Keep the examples of the help line by line, and list the command with its first sentence.
+
+        Args:
+            name: of the command.
+            help: its docstring.
+            headings: name of a parameter, and what it stands under in a long help.
+            settings: those of `click.Command`.
+        """
+        self._headings = headings or {}
         text = cleandoc(help)
         marked = text.replace("\nExamples:\n", "\n\b\nExamples:\n")  # the mark is click's
         super().__init__(name, help=marked, short_help=text.partition("\n")[0], **settings)
@@ -80,18 +65,17 @@ class Command(click.Command):
         if rows:
             with formatter.section("Arguments"):
                 formatter.write_dl(rows)
-        written = [(each.opts[0], each.get_help_record(ctx)) for each in self.get_params(ctx)]
-        options = {flag: row for flag, row in written if row is not None}
-        if len(options) < MANY:
+        under: dict[str, list[tuple[str, str]]] = {}
+        for each in self.get_params(ctx):
+            row = each.get_help_record(ctx)
+            if row is not None:
+                under.setdefault(self._headings.get(str(each.name), "Options"), []).append(row)
+        if sum(map(len, under.values())) < MANY:
             super().format_options(ctx, formatter)
             return
-        for heading, flags in HEADINGS.items():
-            found = [options.pop(flag) for flag in list(options) if flag in flags]
-            if found:
-                with formatter.section(heading):
-                    formatter.write_dl(found)
-        with formatter.section("Options"):
-            formatter.write_dl(list(options.values()))
+        for heading, found in under.items():
+            with formatter.section(heading):
+                formatter.write_dl(found)
 
     def invoke(self, ctx: click.Context) -> object:
         """Run the command.
@@ -145,27 +129,60 @@ class Refusal(Exception):  # noqa: N818 - it is not an error of the program
     """The sentence that says what is wrong with the input."""
 
 
-def option_group(parameter: str, kind: type, *options: Callable[..., Any]) -> Callable[..., Any]:
-    """Give a command options whose values it gets as one parameter.
+def option(*flags: str, **settings: Any) -> Any:  # Any: click's own, and a field of any type
+    """A field of a class of options: what `click.Option` makes of flags and settings.
+
+    A field without flags is an argument, with the settings of `Argument`.
+    """
+    default = settings.get("default", False if settings.get("is_flag") else () if settings.get("multiple") else None)
+    return field(default=default, metadata={"flags": flags, "settings": settings})
+
+
+def command(
+    name: str | None = None, *, group: click.Group | None = None, **settings: Any
+) -> Callable[[Callable[..., object]], Command]:  # Any: click's own
+    """Make a command of a function whose parameters are classes of options, dataclasses of `option` fields.
+
+    Their docstrings, of one line, are the headings of a long help.
 
     Args:
-        parameter: its name.
-        kind: its type, a dataclass with a field for each option.
-        options: what `click.option` makes.
+        name: of the command; that of the function if not given.
+        group: of commands, which it is added to.
+        settings: those of `click.Command`.
     """
-    names = [field.name for field in fields(kind)]
 
-    def decorate(command: Callable[..., object]) -> Callable[..., object]:
-        @wraps(command)
+    def decorate(function: Callable[..., object]) -> Command:
+        kinds = {parameter: kind for parameter, kind in get_type_hints(function).items() if parameter != "return"}
+
         def call(**values: object) -> object:
-            made = kind(**{name: values.pop(name) for name in names})
-            return command(**values, **{parameter: made})
+            return function(
+                **{
+                    parameter: kind(**{each.name: values[each.name] for each in fields(kind)})
+                    for parameter, kind in kinds.items()
+                }
+            )
 
-        for option in reversed(options):
-            option(call)
-        return call
+        made = Command(
+            name or function.__name__,
+            function.__doc__ or "",
+            headings={each.name: str(kind.__doc__).rstrip(".") for kind in kinds.values() for each in fields(kind)},
+            callback=call,
+            params=[_parameter(each) for kind in kinds.values() for each in fields(kind)],
+            **settings,
+        )
+        if group is not None:
+            group.add_command(made)
+        return made
 
     return decorate
+
+
+def _parameter(each: Field[Any]) -> click.Parameter:
+    """The parameter of a field."""
+    flags, settings = each.metadata["flags"], dict(each.metadata["settings"])
+    kind = settings.pop("cls", click.Option) if flags else Argument
+    parameter: click.Parameter = kind([*flags, each.name], **settings)
+    return parameter
 
 
 def join_numbers(words: Iterable[str], lists: Container[str], *, as_arguments: bool = False) -> list[str]:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import click
 
 from jacokin import model
 from jacokin.cli import display, options
-from jacokin.cli.command import Argument, Command
-from jacokin.cli.options import RobotOptions
+from jacokin.cli.command import command, option
+from jacokin.cli.groups import RobotOptions, load_generator
 from jacokin.cli.process import NOT_SOLVED
 from jacokin.errors import InvalidInputError
 
@@ -30,53 +32,46 @@ def read_pairs(context: click.Context, option: click.Parameter, words: Sequence[
     return pairs or None
 
 
-@click.command(cls=Command)
-@click.argument("first", cls=Argument, default=model.DEFAULT_ROBOT, metavar="[NAME|FILE]", text=options.NAME_OR_FILE)
-@click.argument(
-    "second", cls=Argument, required=False, metavar="[NAME|FILE]", text="What to compare it with; MuJoCo if not given."
-)
-@click.option("--samples", type=click.IntRange(min=1), default=1000, metavar="N", help="Random configurations.")
-@click.option("--tolerance", type=float, metavar="T", help="Largest difference allowed in every quantity, in its unit.")
-@click.option(
-    "--joint",
-    "joint_map",
-    multiple=True,
-    callback=read_pairs,
-    metavar="A=B",
-    help="Joint A is called B in the second. Repeatable.",
-)
-@click.option(
-    "--frame",
-    "frame_map",
-    multiple=True,
-    callback=read_pairs,
-    metavar="A=B",
-    help="Compare frame A with frame B. Repeatable.",
-)
-@click.option("--base", metavar="FRAME", help="Base frame of the first arm.")
-@click.option("--tip", metavar="FRAME", help="End of the first arm.")
-@click.option("--second-base", metavar="FRAME", help="Base of the second arm; --base if not given.")
-@click.option("--second-tip", metavar="FRAME", help="End of the second arm.")
-@options.package_dir
-@click.option("--calibration", type=options.FILE, metavar="FILE.toml", help="How the first arm differs from its file.")
-@options.random_seed
-@options.json
-def crosscheck(
-    first: str,
-    second: str | None,
-    samples: int,
-    tolerance: float | None,
-    joint_map: dict[str, str] | None,
-    frame_map: dict[str, str] | None,
-    base: str | None,
-    tip: str | None,
-    second_base: str | None,
-    second_tip: str | None,
-    package_dirs: Sequence[Path],
-    calibration: Path | None,
-    random_seed: int | None,
-    json: bool,
-) -> None:
+@dataclass(frozen=True, slots=True)
+class CrossCheckOptions:
+    """What is compared with what."""
+
+    first: str = option(default=model.DEFAULT_ROBOT, metavar="[NAME|FILE]", text=options.NAME_OR_FILE)
+    second: str | None = option(
+        required=False, metavar="[NAME|FILE]", text="What to compare it with; MuJoCo if not given."
+    )
+    samples: int = option(
+        "--samples", type=click.IntRange(min=1), default=1000, metavar="N", help="Random configurations."
+    )
+    tolerance: float | None = option(
+        "--tolerance", type=float, metavar="T", help="Largest difference allowed in every quantity, in its unit."
+    )
+    joint_map: dict[str, str] | None = option(
+        "--joint",
+        multiple=True,
+        callback=read_pairs,
+        metavar="A=B",
+        help="Joint A is called B in the second. Repeatable.",
+    )
+    frame_map: dict[str, str] | None = option(
+        "--frame", multiple=True, callback=read_pairs, metavar="A=B", help="Compare frame A with frame B. Repeatable."
+    )
+    base: str | None = option("--base", metavar="FRAME", help="Base frame of the first arm.")
+    tip: str | None = option("--tip", metavar="FRAME", help="End of the first arm.")
+    second_base: str | None = option(
+        "--second-base", metavar="FRAME", help="Base of the second arm; --base if not given."
+    )
+    second_tip: str | None = option("--second-tip", metavar="FRAME", help="End of the second arm.")
+    package_dirs: Sequence[Path] = options.package_dirs()
+    calibration: Path | None = option(
+        "--calibration", type=options.FILE, metavar="FILE.toml", help="How the first arm differs from its file."
+    )
+    random_seed: int | None = options.random_seed()
+    json: bool = options.json()
+
+
+@command()
+def crosscheck(given: CrossCheckOptions) -> None:
     """Compare two descriptions, or Pinocchio and MuJoCo.
 
     Compares poses, Jacobians, mass matrices and gravity torques over random configurations.
@@ -89,22 +84,22 @@ def crosscheck(
       jacokin crosscheck j2n6s300 my_jaco.urdf --joint joint_1=j1 --joint joint_2=j2 --frame end_effector=tool0
       jacokin crosscheck j2n6s300 j2n6s300 --calibration my_arm.toml   how far the arm is from its datasheet
     """
-    import numpy as np
-
     from jacokin.model import comparison
 
-    if tolerance is not None and not 0.0 <= tolerance < np.inf:
-        raise InvalidInputError(f"--tolerance must be a number >= 0, got {tolerance}")
-    limits = comparison.TOLERANCES if tolerance is None else dict.fromkeys(comparison.QUANTITIES, tolerance)
+    if given.tolerance is not None and not 0.0 <= given.tolerance < math.inf:
+        raise InvalidInputError(f"--tolerance must be a number >= 0, got {given.tolerance}")
+    limits = comparison.TOLERANCES if given.tolerance is None else dict.fromkeys(comparison.QUANTITIES, given.tolerance)
     report = model.crosscheck(
-        RobotOptions(first, base, tip, package_dirs, calibration=calibration).load(),
-        None if second is None else RobotOptions(second, second_base or base, second_tip, package_dirs).load(),
-        samples=samples,
-        rng=None if random_seed is None else np.random.default_rng(random_seed),
-        joint_map=joint_map,
-        frame_map=frame_map,
+        RobotOptions(given.first, given.base, given.tip, given.package_dirs, calibration=given.calibration).load(),
+        None
+        if given.second is None
+        else RobotOptions(given.second, given.second_base or given.base, given.second_tip, given.package_dirs).load(),
+        samples=given.samples,
+        rng=load_generator(given.random_seed),
+        joint_map=given.joint_map,
+        frame_map=given.frame_map,
     )
-    if json:
+    if given.json:
         display.print_json(_document(report, limits))
     else:
         _show(report, limits)

@@ -8,14 +8,13 @@ import subprocess
 import sys
 import tempfile
 import time
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import click
-
 from jacokin import files, ik, model, motion
 from jacokin.cli import options
-from jacokin.cli.command import Command
+from jacokin.cli.command import command, option
 from jacokin.cli.display import say, show_table
 from jacokin.cli.doctor import RENDERERS
 from jacokin.errors import InvalidInputError
@@ -35,9 +34,17 @@ STRAIGHT = 200  # configurations on the straight way
 GHOSTS = 5  # configurations of the motion in the picture
 
 
-@click.command(cls=Command)
-@click.option("--output", type=options.FILE, default=PICTURE, metavar="FILE.png", help="Where the picture goes.")
-def demo(output: Path) -> None:
+@dataclass(frozen=True, slots=True)
+class DemoOptions:
+    """Where the picture goes."""
+
+    output: Path = option(
+        "--output", type=options.FILE, default=PICTURE, metavar="FILE.png", help="Where the picture goes."
+    )
+
+
+@command()
+def demo(given: DemoOptions) -> None:
     """Show what the arm can do: every way to a pose, a way around a crate, and advice where there is none.
 
     Draws the motion around the crate, which needs EGL or OSMesa.
@@ -46,8 +53,8 @@ def demo(output: Path) -> None:
       jacokin demo
       jacokin demo --output out/jaco.png
     """
-    if output.suffix != ".png":
-        raise InvalidInputError(f"--output must end in .png, got {str(output)!r}")
+    if given.output.suffix != ".png":
+        raise InvalidInputError(f"--output must end in .png, got {str(given.output)!r}")
     robot = model.load_robot()
     show_branches(robot)
     way = show_motion(robot)
@@ -57,14 +64,14 @@ def demo(output: Path) -> None:
         picture = Path(folder) / PICTURE
         drawn = _draw(way, picture)
         if drawn is not None:
-            output.parent.mkdir(parents=True, exist_ok=True)
-            with files.replacing(output) as replacement:
+            given.output.parent.mkdir(parents=True, exist_ok=True)
+            with files.replacing(given.output) as replacement:
                 shutil.copyfile(picture, replacement)
     if drawn is None:
         remedies = ", or: ".join(RENDERERS[backend] for backend in BACKENDS)
         say(f"No picture: MuJoCo found neither EGL nor OSMesa. On Debian and Ubuntu: {remedies}")
     else:
-        say(f"Picture of the motion: {output.resolve()}")
+        say(f"Picture of the motion: {given.output.resolve()}")
 
 
 def show_branches(robot: model.Robot) -> None:

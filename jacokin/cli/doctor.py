@@ -14,11 +14,9 @@ from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 
-import click
-
 from jacokin import model
 from jacokin.cli import display, options
-from jacokin.cli.command import Command
+from jacokin.cli.command import command, option
 from jacokin.cli.process import NOT_SOLVED
 from jacokin.errors import JacokinError, install_command
 
@@ -86,10 +84,16 @@ with mujoco.Renderer(model, 32, 32) as renderer:
 """
 
 
-@click.command(cls=Command)
-@click.option("--all", "everything", is_flag=True, help="Every check, with versions and places.")
-@options.json
-def doctor(everything: bool, json: bool) -> None:
+@dataclass(frozen=True, slots=True)
+class DoctorOptions:
+    """How much is shown."""
+
+    everything: bool = option("--all", is_flag=True, help="Every check, with versions and places.")
+    json: bool = options.json()
+
+
+@command()
+def doctor(given: DoctorOptions) -> None:
     """Check the installation.
 
     What works, what does not and what to do, and which optional parts are there.
@@ -102,7 +106,7 @@ def doctor(everything: bool, json: bool) -> None:
     """
     findings = check_all()
     well = not any(finding.state == FAILED for finding in findings)
-    if json:
+    if given.json:
         display.print_json(
             {
                 "ok": well,
@@ -110,18 +114,18 @@ def doctor(everything: bool, json: bool) -> None:
             }
         )
     else:
-        shown = [finding for finding in findings if everything or finding.state in (FAILED, WARNING)]
+        shown = [finding for finding in findings if given.everything or finding.state in (FAILED, WARNING)]
         if shown:
             rows = [(finding.area, finding.name, finding.state, finding.detail) for finding in shown]
             display.show_table(None, ("area", "what", "state", "detail"), rows, text=4)
         display.say("Everything needed works." if well else "Something that is needed does not work, see FAILED above.")
-        if not everything:
+        if not given.everything:
             show_optional(findings)
     if not well:
         raise SystemExit(NOT_SOLVED)
 
 
-@click.command(cls=Command)
+@command()
 def warmup() -> None:
     """Load the compiled kernels, to see that they work here.
 

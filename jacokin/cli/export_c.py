@@ -3,48 +3,43 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
 from jacokin import ik, model
 from jacokin.cli import display, options
-from jacokin.cli.command import Argument, Command
-from jacokin.cli.options import RobotOptions
+from jacokin.cli.command import command, option
+from jacokin.cli.groups import RobotOptions, ToolOptions
 from jacokin.errors import InvalidInputError
 
-if TYPE_CHECKING:
-    import pinocchio as pin
+
+@dataclass(frozen=True, slots=True)
+class ExportOptions:
+    """What is written, for which robot and machine."""
+
+    robot: str = option(default=model.DEFAULT_ROBOT, metavar="[NAME|FILE]", text=options.NAME_OR_FILE)
+    output: Path | None = option(
+        "--output", type=options.FILE, metavar="DIR", help="Folder for all files; made where it is not there."
+    )
+    limits: dict[str, tuple[float, float]] | None = options.limits()
+    base: str | None = options.base()
+    tip: str | None = options.tip()
+    package_dirs: Sequence[Path] = options.package_dirs()
+    calibration: Path | None = options.calibration()
+    target: str | None = option(
+        "--target",
+        type=click.Choice(["linux-aarch64", "macos", "windows", "wasm"]),
+        help="Another machine; from a clone.",
+    )
+    cflags: bool = option(
+        "--cflags", is_flag=True, help="Print what a compiler is told to use the installed library, and leave."
+    )
 
 
-@click.command("export-c", cls=Command)
-@click.argument("robot", cls=Argument, default=model.DEFAULT_ROBOT, metavar="[NAME|FILE]", text=options.NAME_OR_FILE)
-@click.option("--output", type=options.FILE, metavar="DIR", help="Folder for all files; made where it is not there.")
-@options.frame
-@options.tool
-@options.limit
-@options.base
-@options.tip
-@options.package_dir
-@options.calibration
-@click.option(
-    "--target", type=click.Choice(["linux-aarch64", "macos", "windows", "wasm"]), help="Another machine; from a clone."
-)
-@click.option("--cflags", is_flag=True, help="Print what a compiler is told to use the installed library, and leave.")
-def export_c(
-    robot: str,
-    output: Path | None,
-    frame: str | None,
-    tool: pin.SE3 | None,
-    limits: dict[str, tuple[float, float]] | None,
-    base: str | None,
-    tip: str | None,
-    package_dirs: Sequence[Path],
-    calibration: Path | None,
-    target: str | None,
-    cflags: bool,
-) -> None:
+@command("export-c")
+def export_c(given: ExportOptions, tool: ToolOptions) -> None:
     """Write what a C, C++ or Rust program needs to solve for a robot.
 
     DIR gets the robot's numbers as NAME.jacokin, the headers in include, the library in lib, and a CMake package. With
@@ -58,11 +53,13 @@ def export_c(
     """
     from jacokin.ik.c_library import compiler_flags
 
-    if cflags:
+    if given.cflags:
         display.echo(compiler_flags())
         return
-    if output is None:
+    if given.output is None:
         raise InvalidInputError("--output must be given: the folder to write to")
-    arm = RobotOptions(robot, base, tip, package_dirs, limits, calibration=calibration).load()
-    file = ik.export_c(ik.IKSolver(arm, frame, tool=tool), output, target=target)
+    arm = RobotOptions(
+        given.robot, given.base, given.tip, given.package_dirs, given.limits, calibration=given.calibration
+    ).load()
+    file = ik.export_c(ik.IKSolver(arm, tool.frame, tool=tool.tool), given.output, target=given.target)
     display.say(f"{arm.label}: {file}, with include and lib beside it")

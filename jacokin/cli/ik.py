@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
-
-import click
 
 import jacokin.ik
 import jacokin.model
 from jacokin.cli import options
-from jacokin.cli.command import Command, option_group, parse_numbers
+from jacokin.cli.command import command, option, parse_numbers
+from jacokin.cli.groups import (
+    BatchOptions,
+    FormOptions,
+    RobotOptions,
+    SceneOptions,
+    ToolOptions,
+    free_about,
+    load_generator,
+)
 from jacokin.cli.options import Vector3, Vector4, Vector6, keep_apart
 from jacokin.cli.process import NOT_SOLVED
 from jacokin.cli.units import Units, warn_of_degrees, warn_of_millimetres
@@ -27,16 +33,29 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class TargetOptions:
-    """The pose to reach; a command that has these options takes them as one parameter."""
+    """The pose to reach."""
 
-    position: Vector3 | None
-    kinova: Vector6 | None
-    quat_wxyz: Vector4 | None
-    rpy: Vector3 | None
-    down: bool
-    approach: Vector3 | None
-    free_axis: list[float] | None
-    free_range: tuple[float, float] | None
+    position: Vector3 | None = option(
+        "--position", type=options.VECTOR, metavar="X Y Z", help="Where the tool should be [m]."
+    )
+    kinova: Vector6 | None = option(
+        "--kinova",
+        type=(float,) * 6,
+        metavar="X Y Z A B C",
+        help="Its pose as Kinova says it: [mm], [deg], R = Rx(A) Ry(B) Rz(C).",
+    )
+    quat_wxyz: Vector4 | None = option(
+        "--quat-wxyz", type=options.QUATERNION, metavar="W X Y Z", help="Its orientation as a quaternion."
+    )
+    rpy: Vector3 | None = option(
+        "--rpy", type=options.VECTOR, metavar="R P Y", help="Its orientation as R = Rz(Y) Ry(P) Rx(R)."
+    )
+    down: bool = option("--down", is_flag=True, help="Its orientation: pointing vertically down.")
+    approach: Vector3 | None = option(
+        "--approach", type=options.VECTOR, metavar="X Y Z", help="The direction its z axis points in; the roll is free."
+    )
+    free_axis: list[float] | None = options.free_axis()
+    free_range: tuple[float, float] | None = options.free_range()
 
     @property
     def is_oriented(self) -> bool:
@@ -88,110 +107,66 @@ class TargetOptions:
             if self.free_range is not None:
                 raise InvalidInputError("--free-range goes with --free-axis or --approach")
             return at
-        return options.free_about(at, self.free_axis, self.free_range, units)
+        return free_about(at, self.free_axis, self.free_range, units)
 
 
-target_options = option_group(
-    "wanted",
-    TargetOptions,
-    click.option("--position", type=options.VECTOR, metavar="X Y Z", help="Where the tool should be [m]."),
-    click.option(
-        "--kinova",
-        type=(float,) * 6,
-        metavar="X Y Z A B C",
-        help="Its pose as Kinova says it: [mm], [deg], R = Rx(A) Ry(B) Rz(C).",
-    ),
-    click.option("--quat-wxyz", type=options.QUATERNION, metavar="W X Y Z", help="Its orientation as a quaternion."),
-    click.option("--rpy", type=options.VECTOR, metavar="R P Y", help="Its orientation as R = Rz(Y) Ry(P) Rx(R)."),
-    click.option("--down", is_flag=True, help="Its orientation: pointing vertically down."),
-    click.option(
-        "--approach", type=options.VECTOR, metavar="X Y Z", help="The direction its z axis points in; the roll is free."
-    ),
-    options.free_axis,
-    options.free_range,
-)
+@dataclass(frozen=True, slots=True)
+class SolverOptions:
+    """How a pose is solved for, and when it counts as reached."""
+
+    method: str = option("--method", default="auto", metavar="NAME", help="auto, closed_form or qp.")
+    position_tolerance: float = option(
+        "--position-tolerance", default=1e-6, metavar="D", help="A success is this near [m]."
+    )
+    orientation_tolerance: float = option(
+        "--orientation-tolerance",
+        default=1e-6,
+        metavar="A",
+        help="And this near in orientation [rad], also with --degrees.",
+    )
+    qp_solver: str = option("--qp-solver", default="daqp", metavar="NAME", help="daqp, quadprog, osqp or proxqp.")
+    collision: str | None = option(
+        "--collision",
+        metavar="NAME",
+        help="Contact: prefer to avoid it, reject, report or ignore it; "
+        "with a scene or a clearance reject, else prefer.",
+    )
 
 
-@click.command(cls=Command, no_args_is_help=True)
-@target_options
-@click.option("--prefer", metavar="NAME", help="Which configuration: nearest (if not given), margin, manipulability.")
-@click.option("--all", "every", is_flag=True, help="Show every branch, inside the limits or not.")
-@click.option(
-    "--targets",
-    type=options.FILE,
-    metavar="FILE",
-    help="Solve every row of a .csv, .npz or .parquet: columns x,y,z and qw,qx,qy,qz or none; others are kept.",
-)
-@click.option(
-    "--output", type=options.FILE, metavar="FILE", help="Write the answers to --targets to this .csv, .npz or .parquet."
-)
-@click.option(
-    "--resume/--no-resume",
-    default=None,
-    help="Continue a run with --targets and --output that did not end, as happens if not given; or start again.",
-)
-@click.option(
-    "--closest/--no-closest",
-    default=None,
-    help="Look for the closest configuration where a pose is not reached, which takes long; "
-    "if not given, for one pose and not for files.",
-)
-@options.workers
-@options.dask
-@options.frame
-@options.tool
-@options.seed
-@options.random_seed
-@click.option("--method", default="auto", metavar="NAME", help="auto, closed_form or qp.")
-@click.option("--position-tolerance", type=float, metavar="D", help="A success is this near [m]; 1e-6 by default.")
-@click.option(
-    "--orientation-tolerance",
-    type=float,
-    metavar="A",
-    help="And this near in orientation [rad], also with --degrees; 1e-6 by default.",
-)
-@click.option(
-    "--fixed",
-    multiple=True,
-    metavar="JOINT=VALUE",
-    help="With --all, on an arm of more than six joints: hold a joint there. Repeatable.",
-)
-@click.option("--qp-solver", default="daqp", metavar="NAME", help="daqp, quadprog, osqp or proxqp.")
-@click.option(
-    "--collision",
-    metavar="NAME",
-    help="Contact: prefer to avoid it, reject, report or ignore it; with a scene or a clearance reject, else prefer.",
-)
-@options.scene
-@options.clearance
-@options.degrees
-@options.json
-@options.robot()
+@dataclass(frozen=True, slots=True)
+class IKOptions:
+    """Which answer is looked for, and where the search starts."""
+
+    prefer: str | None = option(
+        "--prefer", metavar="NAME", help="Which configuration: nearest (if not given), margin, manipulability."
+    )
+    every: bool = option("--all", is_flag=True, help="Show every branch, inside the limits or not.")
+    closest: bool | None = option(
+        "--closest/--no-closest",
+        default=None,
+        help="Look for the closest configuration where a pose is not reached, which takes long; "
+        "if not given, for one pose and not for files.",
+    )
+    seed: list[float] | None = options.seed()
+    random_seed: int | None = options.random_seed()
+    fixed: Sequence[str] = option(
+        "--fixed",
+        multiple=True,
+        metavar="JOINT=VALUE",
+        help="With --all, on an arm of more than six joints: hold a joint there. Repeatable.",
+    )
+
+
+@command(no_args_is_help=True)
 def ik(
+    given: IKOptions,
     wanted: TargetOptions,
-    prefer: str | None,
-    every: bool,
-    targets: Path | None,
-    output: Path | None,
-    resume: bool | None,
-    closest: bool | None,
-    workers: int,
-    dask: str | None,
-    frame: str | None,
-    tool: pin.SE3 | None,
-    seed: list[float] | None,
-    random_seed: int | None,
-    method: str,
-    position_tolerance: float | None,
-    orientation_tolerance: float | None,
-    fixed: Sequence[str],
-    qp_solver: str,
-    collision: str | None,
-    scene: Path | None,
-    clearance: float,
-    units: Units,
-    json: bool,
-    source: options.RobotOptions,
+    batch: BatchOptions,
+    solving: SolverOptions,
+    around: SceneOptions,
+    tool: ToolOptions,
+    form: FormOptions,
+    source: RobotOptions,
 ) -> None:
     """Find joint angles, inside the joint limits, for a pose.
 
@@ -212,71 +187,56 @@ def ik(
       jacokin ik --targets poses.parquet --output joints.parquet --workers 8
     """
     from jacokin.cli.ik_answers import show_curves, show_points, show_result
-    from jacokin.ik.options import ORIENTATION_TOLERANCE, POSITION_TOLERANCE
 
-    if fixed and not every:
+    if given.fixed and not given.every:
         raise InvalidInputError("--fixed goes with --all")
-    if targets is None:
-        check_one_pose(wanted, every, prefer, output)
-        if every and closest is not None:
-            raise InvalidInputError("--closest and --no-closest do not go with --all, which shows every branch")
+    if batch.targets is None:
+        check_one_pose(given, wanted, batch)
     else:
-        others = {"--all": every, "--random-seed": random_seed is not None, "--prefer": prefer is not None}
-        check_file(wanted, {**others, "--degrees": units.degrees})
-    if output is None and (resume is not None or dask is not None):
-        option = "--dask" if resume is None else "--resume" if resume else "--no-resume"
-        raise InvalidInputError(f"{option} goes with --targets and --output")
+        check_file(given, wanted, form.units)
+    if batch.output is None and (batch.resume is not None or batch.dask is not None):
+        flag = "--dask" if batch.resume is None else "--resume" if batch.resume else "--no-resume"
+        raise InvalidInputError(f"{flag} goes with --targets and --output")
     keep_apart(
-        {"--output": output}, {"--targets": targets, "--robot": source.robot, "--scene": scene}, source.package_dirs
+        {"--output": batch.output},
+        {"--targets": batch.targets, "--robot": source.robot, "--scene": around.scene},
+        source.package_dirs,
     )
     arm = source.load()
     if wanted.rpy is not None:
-        warn_of_degrees("--rpy", wanted.rpy, units)
+        warn_of_degrees("--rpy", wanted.rpy, form.units)
     if wanted.free_range is not None:
-        warn_of_degrees("--free-range", wanted.free_range, units)
-    start = units.for_joints(arm).seed("--seed", seed)
-    obstacles = options.load_scene(scene)
+        warn_of_degrees("--free-range", wanted.free_range, form.units)
+    start = form.units.for_joints(arm).seed("--seed", given.seed)
     solver = jacokin.IKSolver(
         arm,
-        frame,
-        tool=tool,
-        method=method,
-        qp_solver=qp_solver,
-        collision=collision,
-        scene=obstacles,
-        clearance=clearance,
-        position_tolerance=POSITION_TOLERANCE if position_tolerance is None else position_tolerance,
-        orientation_tolerance=ORIENTATION_TOLERANCE if orientation_tolerance is None else orientation_tolerance,
+        tool.frame,
+        tool=tool.tool,
+        method=solving.method,
+        qp_solver=solving.qp_solver,
+        collision=solving.collision,
+        scene=around.load(),
+        clearance=around.clearance,
+        position_tolerance=solving.position_tolerance,
+        orientation_tolerance=solving.orientation_tolerance,
     )
-    if targets is not None:
+    if batch.targets is not None:
         from jacokin.cli import ik_batch
 
-        solved = ik_batch.run(
-            solver,
-            targets,
-            output,
-            start,
-            resume=resume is not False,
-            closest=bool(closest),
-            workers=workers,
-            dask=dask,
-            as_json=json,
-        )
-    elif every:
-        held = read_fixed(fixed, arm, units)
-        target = wanted.build(units)
+        solved = ik_batch.run(solver, batch.targets, batch, start, closest=bool(given.closest), as_json=form.json)
+    elif given.every:
+        held = read_fixed(given.fixed, arm, form.units)
+        target = wanted.build(form.units)
         found = solver.solve_all(target, start, fixed=held) if held else solver.solve_all(target, start)
         if found.dimension == 1:
-            solved = show_curves(solver, found, units, as_json=json)
+            solved = show_curves(solver, found, form.units, as_json=form.json)
         else:
-            solved = show_points(solver, found, units, as_json=json)
+            solved = show_points(solver, found, form.units, as_json=form.json)
     else:
-        import numpy as np
-
-        rng = None if random_seed is None else np.random.default_rng(random_seed)
-        looks = closest is not False
-        result = solver.solve(wanted.build(units), start, rng, prefer=prefer or "nearest", closest=looks)
-        solved = show_result(solver, result, units, closest=looks, as_json=json)
+        rng = load_generator(given.random_seed)
+        looks = given.closest is not False
+        result = solver.solve(wanted.build(form.units), start, rng, prefer=given.prefer or "nearest", closest=looks)
+        solved = show_result(solver, result, form.units, closest=looks, as_json=form.json)
     if not solved:
         raise SystemExit(NOT_SOLVED)
 
@@ -298,20 +258,28 @@ def read_fixed(texts: Sequence[str], arm: jacokin.Robot, units: Units) -> dict[s
     return values
 
 
-def check_file(wanted: TargetOptions, others: Mapping[str, bool]) -> None:
+def check_file(given: IKOptions, wanted: TargetOptions, units: Units) -> None:
     """Refuse options that do not go with --targets.
 
     Raises:
         InvalidInputError: names the option.
     """
-    position = {"--position": wanted.position is not None, "--kinova": wanted.kinova is not None}
-    turned = {"an orientation": wanted.is_oriented, "a free axis": wanted.is_free}
-    for name, is_given in {**position, **turned, **others}.items():
+    refused = {
+        "--position": wanted.position is not None,
+        "--kinova": wanted.kinova is not None,
+        "an orientation": wanted.is_oriented,
+        "a free axis": wanted.is_free,
+        "--all": given.every,
+        "--random-seed": given.random_seed is not None,
+        "--prefer": given.prefer is not None,
+        "--degrees": units.degrees,
+    }
+    for name, is_given in refused.items():
         if is_given:
             raise InvalidInputError(f"{name} does not go with --targets: files hold poses, and angles in radians")
 
 
-def check_one_pose(wanted: TargetOptions, every: bool, prefer: str | None, output: Path | None) -> None:
+def check_one_pose(given: IKOptions, wanted: TargetOptions, batch: BatchOptions) -> None:
     """Refuse options that do not go together without --targets.
 
     Raises:
@@ -322,9 +290,11 @@ def check_one_pose(wanted: TargetOptions, every: bool, prefer: str | None, outpu
         raise InvalidInputError("--kinova is a whole pose: give it without --position and an orientation")
     if wanted.position is None and wanted.kinova is None:
         raise InvalidInputError("give --position X Y Z or --targets FILE.csv; `jacokin ik --help` has examples")
-    if output is not None:
+    if batch.output is not None:
         raise InvalidInputError("--output goes with --targets")
-    if every and prefer is not None:
+    if given.every and given.prefer is not None:
         raise InvalidInputError("--prefer does not go with --all, which shows every branch")
-    if every and not wanted.is_oriented:
+    if given.every and not wanted.is_oriented:
         raise InvalidInputError("--all needs an orientation: a position alone is reached by infinitely many")
+    if given.every and given.closest is not None:
+        raise InvalidInputError("--closest and --no-closest do not go with --all, which shows every branch")

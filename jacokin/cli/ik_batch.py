@@ -14,6 +14,7 @@ from jacokin import ik
 from jacokin.chunks.execution import dask_executor
 from jacokin.cli import display
 from jacokin.cli.display import progress_bar
+from jacokin.cli.groups import BatchOptions
 from jacokin.cli.units import Units, warn_of_degrees
 from jacokin.ik.batches.chunk import EMPTY, count_rows, solve_rows
 from jacokin.ik.batches.solve_file import folder_of, solve_file
@@ -29,16 +30,13 @@ ROWS = 4096  # solved at a time where no file is written
 def run(
     solver: ik.IKSolver,
     targets: Path,
-    out: Path | None,
+    given: BatchOptions,
     seed: list[float] | None,
     *,
-    resume: bool,
     closest: bool,
-    workers: int,
-    dask: str | None,
     as_json: bool,
 ) -> bool:
-    """Solve every row of a file; returns whether all of them are solved.
+    """Solve every row of a file, the targets of the options; returns whether all of them are solved.
 
     Raises:
         InvalidInputError: the targets cannot be read or the output not written; nothing is solved then.
@@ -54,22 +52,25 @@ def run(
             if lost:
                 text = display.printable(f"{targets}: columns not carried through: {', '.join(lost)}")
                 click.echo(f"jacokin: note: {text}", err=True)
+    out = given.output
     if out is None:
         if not as_json:
             click.echo("jacokin: note: the answers are counted, not saved: --output FILE keeps them", err=True)
-        summary = _solve_for_display(solver, targets, seed, workers, results if as_json else None, closest=closest)
+        summary = _solve_for_display(
+            solver, targets, seed, given.workers, results if as_json else None, closest=closest
+        )
     else:
-        cluster = contextlib.nullcontext() if dask is None else dask_executor(dask)
+        cluster = contextlib.nullcontext() if given.dask is None else dask_executor(given.dask)
         with _told_to_go_on(out), progress_bar("solving") as show, cluster as executor:
             summary = solve_file(
                 solver,
                 targets,
                 out,
                 executor,
-                resume,
+                given.resume is not False,
                 seed=seed,
                 closest=closest,
-                workers=workers if executor is None else None,
+                workers=given.workers if executor is None else None,
                 progress=lambda so_far: show(so_far.done, so_far.total),
             )
     if as_json:

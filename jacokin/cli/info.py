@@ -6,40 +6,33 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-import click
-
 from jacokin import ik, model
 from jacokin.cli import display, options
-from jacokin.cli.command import Argument, Command
-from jacokin.cli.options import RobotOptions
+from jacokin.cli.command import command, option
+from jacokin.cli.groups import FormOptions, RobotOptions
 from jacokin.cli.units import JointUnits, Units
 from jacokin.errors import InvalidInputError, ModelError, ShapeError
 from jacokin.model.descriptions import bundled
 
 
-@click.command(cls=Command)
-@click.argument("name", cls=Argument, required=False, metavar="[NAME|FILE]", text=options.NAME_OR_FILE)
-@click.option("--robot", metavar="NAME|FILE", help="As NAME|FILE, for who is used to it from the other commands.")
-@options.degrees
-@options.json
-@options.base
-@options.tip
-@options.package_dir
-@options.lock
-@options.srdf
-@options.calibration
-def info(
-    name: str | None,
-    robot: str | None,
-    units: Units,
-    json: bool,
-    base: str | None,
-    tip: str | None,
-    package_dirs: Sequence[Path],
-    locked: dict[str, float] | None,
-    srdf: Path | None,
-    calibration: Path | None,
-) -> None:
+@dataclass(frozen=True, slots=True)
+class InfoOptions:
+    """Which robot is shown."""
+
+    name: str | None = option(required=False, metavar="[NAME|FILE]", text=options.NAME_OR_FILE)
+    robot: str | None = option(
+        "--robot", metavar="NAME|FILE", help="As NAME|FILE, for who is used to it from the other commands."
+    )
+    base: str | None = options.base()
+    tip: str | None = options.tip()
+    package_dirs: Sequence[Path] = options.package_dirs()
+    locked: dict[str, float] | None = options.locked()
+    srdf: Path | None = options.srdf()
+    calibration: Path | None = options.calibration()
+
+
+@command()
+def info(given: InfoOptions, form: FormOptions) -> None:
     """Show what a robot is: joints, limits with their source, home, frames, structure, shapes, and what is missing.
 
     Bundled robots: j2n6s300 (the default), j2n6s200, j2s6s300, j2s6s200, m1n6s300, m1n6s200, gen3_6dof, gen3_lite;
@@ -50,50 +43,56 @@ def info(
       jacokin info j2s6s200 --degrees
       jacokin info urdf/j2n6s300.urdf --json
     """
-    if name is not None and robot is not None:
+    if given.name is not None and given.robot is not None:
         raise InvalidInputError("give the robot once: as an argument, or with --robot")
-    named = robot or name or model.DEFAULT_ROBOT
-    arm = RobotOptions(named, base, tip, package_dirs, calibration=calibration, locked=locked, srdf=srdf).load()
+    named = given.robot or given.name or model.DEFAULT_ROBOT
+    arm = RobotOptions(
+        named,
+        given.base,
+        given.tip,
+        given.package_dirs,
+        calibration=given.calibration,
+        locked=given.locked,
+        srdf=given.srdf,
+    ).load()
+    if form.json:
+        display.print_json(_document(arm, form.units))
+    else:
+        _show_arm(arm, form.units, given.calibration)
+        _show_joints(arm, form.units)
+        display.show_table("Frames", ("frame", "moved by"), list_frames(arm), text=2)
+
+
+def _document(arm: model.Robot, units: Units) -> dict[str, object]:
     joints = units.for_joints(arm)
-    rows = list_joints(arm, joints)
-    sources = list_sources(arm)
-    placed = ik.structure(arm)
-    tools = [name for name in arm.tool_frames if name != arm.default_frame]
-    shapes, masses = count_shapes(arm), describe_masses(arm)
-    gripper, fingers = measure_gripper(arm)
-    chain = arm.pin_model
-    parents = [chain.frames[arm.frame_id(name)].parentJoint for name in arm.frames]
-    frames = [
-        (name, str(chain.names[joint]) if joint else "nothing") for name, joint in zip(arm.frames, parents, strict=True)
-    ]
-    if json:
-        display.print_json(
-            {
-                "robot": arm.name,
-                "file": str(arm.source.path),
-                "calibration": None if arm.calibration is None else describe_calibration(arm.calibration),
-                "base": arm.base,
-                "default_frame": arm.default_frame,
-                "other_tool_frames": tools,
-                "angle_unit": units.angle,
-                "joints": [asdict(row) for row in rows],
-                "sources": sources,
-                "home": joints.from_si(arm.home),
-                "home_source": arm.home_source,
-                "structure": {**asdict(placed), "gives": placed.gives},
-                "shapes": None if shapes is None else asdict(shapes),
-                "masses": masses,
-                "gripper": gripper,
-                "frames": [{"name": name, "moved_by": joint} for name, joint in frames],
-                "notes": list(arm.notes),
-            }
-        )
-        return
-    slides = bool(arm.sliding.any())
-    home = [
-        f"{display.number(value)} {row.unit}" if slides else display.number(value)
-        for value, row in zip(joints.from_si(arm.home), rows, strict=True)
-    ]
+    placed, shapes = ik.structure(arm), count_shapes(arm)
+    return {
+        "robot": arm.name,
+        "file": str(arm.source.path),
+        "calibration": None if arm.calibration is None else describe_calibration(arm.calibration),
+        "base": arm.base,
+        "default_frame": arm.default_frame,
+        "other_tool_frames": list_tools(arm),
+        "angle_unit": units.angle,
+        "joints": [asdict(row) for row in list_joints(arm, joints)],
+        "sources": list_sources(arm),
+        "home": joints.from_si(arm.home),
+        "home_source": arm.home_source,
+        "structure": {**asdict(placed), "gives": placed.gives},
+        "shapes": None if shapes is None else asdict(shapes),
+        "masses": describe_masses(arm),
+        "gripper": measure_gripper(arm)[0],
+        "frames": [{"name": name, "moved_by": joint} for name, joint in list_frames(arm)],
+        "notes": list(arm.notes),
+    }
+
+
+def _show_arm(arm: model.Robot, units: Units, calibration: Path | None) -> None:
+    joints = units.for_joints(arm)
+    placed, shapes, tools = ik.structure(arm), count_shapes(arm), list_tools(arm)
+    home = [display.number(value) for value in joints.from_si(arm.home)]
+    if arm.sliding.any():
+        home = [f"{value} {unit}" for value, unit in zip(home, joints.names, strict=True)]
     facts = [
         ("file", str(arm.source.path)),
         *(() if arm.calibration is None else (("calibrated", f"{calibration}: {arm.calibration}"),)),
@@ -107,11 +106,16 @@ def info(
         ("gives", placed.gives),
         *(("misses", str(residual)) for residual in placed.residuals),
         ("shapes", "cannot be loaded" if shapes is None else str(shapes)),
-        ("masses", masses),
-        ("gripper", fingers),
+        ("masses", describe_masses(arm)),
+        ("gripper", measure_gripper(arm)[1]),
         *(("note", text) for text in arm.notes),
     ]
     display.show_facts(facts, arm.label)
+
+
+def _show_joints(arm: model.Robot, units: Units) -> None:
+    joints = units.for_joints(arm)
+    slides = bool(arm.sliding.any())
     columns = (
         "joint",
         joints.heading("lower"),
@@ -131,15 +135,27 @@ def info(
             display.number(row.effort, 1, missing="not given"),
             "unknown" if row.datasheet_torque is None else f"{row.datasheet_torque} ({row.datasheet_source})",
         )
-        for label, row in zip(joints.labels(arm.joint_names), rows, strict=True)
+        for label, row in zip(joints.labels(arm.joint_names), list_joints(arm, joints), strict=True)
     ]
     display.show_table("Joints", columns, lines)
-    notes = [(f"source {key}", text) for key, text in sources.items()]
+    notes = [(f"source {key}", text) for key, text in list_sources(arm).items()]
     notes.append(("effort", "the limit the file states, same source as the angles"))
     if arm.source.bundled is not None:
         notes.append(("datasheet", "peak torque [N m]; it differs from the file's effort"))
     display.show_facts(notes)
-    display.show_table("Frames", ("frame", "moved by"), frames, text=2)
+
+
+def list_tools(arm: model.Robot) -> list[str]:
+    """Frames of tools other than the one that is taken where none is named."""
+    return [name for name in arm.tool_frames if name != arm.default_frame]
+
+
+def list_frames(arm: model.Robot) -> list[tuple[str, str]]:
+    """Each frame, and the joint that moves it."""
+    chain = arm.pin_model
+    parents = [chain.frames[arm.frame_id(name)].parentJoint for name in arm.frames]
+    names = [str(chain.names[joint]) if joint else "nothing" for joint in parents]
+    return list(zip(arm.frames, names, strict=True))
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,32 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-
-import click
+from dataclasses import dataclass
 
 from jacokin import model
 from jacokin.cli import display, options
-from jacokin.cli.command import Argument, Command
-from jacokin.cli.units import Units
-
-angles = click.argument(
-    "q",
-    cls=Argument,
-    nargs=-1,
-    type=float,
-    required=True,
-    metavar="ANGLE...",
-    text="Joint angles, base to tip, one for each joint.",
-)
+from jacokin.cli.command import command, option
+from jacokin.cli.groups import FormOptions, RobotOptions
 
 
-@click.command(cls=Command, no_args_is_help=True)
-@angles
-@options.frame
-@options.degrees
-@options.json
-@options.robot()
-def fk(q: Sequence[float], frame: str | None, units: Units, json: bool, source: options.RobotOptions) -> None:
+@dataclass(frozen=True, slots=True)
+class ConfigurationOptions:
+    """Joint angles, and a frame of the arm there."""
+
+    q: Sequence[float] = option(
+        nargs=-1,
+        type=float,
+        required=True,
+        metavar="ANGLE...",
+        text="Joint angles, base to tip, one for each joint.",
+    )
+    frame: str | None = options.frame()
+
+
+@command(no_args_is_help=True)
+def fk(at: ConfigurationOptions, form: FormOptions, source: RobotOptions) -> None:
     """Show the pose of a frame for given joint angles.
 
     Examples:
@@ -40,21 +38,21 @@ def fk(q: Sequence[float], frame: str | None, units: Units, json: bool, source: 
     import pinocchio as pin
 
     arm = source.load()
-    joints = units.for_joints(arm)
-    configuration = arm.configuration(joints.configuration("ANGLE", q))
-    pose = arm.forward_kinematics(configuration, frame)
+    joints = form.units.for_joints(arm)
+    configuration = arm.configuration(joints.configuration("ANGLE", at.q))
+    pose = arm.forward_kinematics(configuration, at.frame)
     quat = model.quat_wxyz(pose.rotation)
-    rpy = [units.from_si(angle) for angle in pin.rpy.matrixToRpy(pose.rotation)]
+    rpy = [form.units.from_si(angle) for angle in pin.rpy.matrixToRpy(pose.rotation)]
     kinova = model.pose_to_kinova(pose)
     within = arm.within_limits(configuration)
-    name = frame or arm.default_frame
-    if json:
+    name = at.frame or arm.default_frame
+    if form.json:
         display.print_json(
             {
                 **display.identity(arm),
                 "base": arm.base,
                 "frame": name,
-                "angle_unit": units.angle,
+                "angle_unit": form.units.angle,
                 "position": pose.translation,
                 "quat_wxyz": quat,
                 "rpy": rpy,
@@ -67,7 +65,7 @@ def fk(q: Sequence[float], frame: str | None, units: Units, json: bool, source: 
     rows = [
         ("position x y z [m]", display.numbers(pose.translation)),
         ("quaternion w x y z", display.numbers(quat)),
-        (f"roll pitch yaw [{units.angle}]", display.numbers(rpy)),
+        (f"roll pitch yaw [{form.units.angle}]", display.numbers(rpy)),
         ("as Kinova says it [mm, deg]", display.numbers(np.concatenate(kinova))),
         ("joint limits", "all kept" if within else _broken(arm.joint_names, arm.lower, arm.upper, configuration)),
     ]
@@ -80,16 +78,17 @@ def _broken(names: Iterable[str], lower: Iterable[float], upper: Iterable[float]
     return f"broken by {', '.join(outside)}"
 
 
-@click.command(cls=Command, no_args_is_help=True)
-@angles
-@options.frame
-@click.option("--reference", default="local_world_aligned", metavar="NAME", help="local_world_aligned, local or world.")
-@options.degrees
-@options.json
-@options.robot()
-def jacobian(
-    q: Sequence[float], frame: str | None, reference: str, units: Units, json: bool, source: options.RobotOptions
-) -> None:
+@dataclass(frozen=True, slots=True)
+class JacobianOptions(ConfigurationOptions):
+    """The axes of a Jacobian, too."""
+
+    reference: str = option(
+        "--reference", default="local_world_aligned", metavar="NAME", help="local_world_aligned, local or world."
+    )
+
+
+@command(no_args_is_help=True)
+def jacobian(at: JacobianOptions, form: FormOptions, source: RobotOptions) -> None:
     """Show the Jacobian of a frame.
 
     Linear rows [m/rad] come first, then angular ones.
@@ -100,18 +99,18 @@ def jacobian(
       jacokin jacobian 4.8 2.92 1.0 4.2 1.45 1.32 --reference local --frame gripsite --json
     """
     arm = source.load()
-    joints = units.for_joints(arm)
-    configuration = arm.configuration(joints.configuration("ANGLE", q))
-    matrix = arm.jacobian(configuration, frame, reference)
-    singular_values = arm.singular_values(configuration, frame)
-    manipulability = arm.manipulability(configuration, frame)
-    name = frame or arm.default_frame
-    if json:
+    joints = form.units.for_joints(arm)
+    configuration = arm.configuration(joints.configuration("ANGLE", at.q))
+    matrix = arm.jacobian(configuration, at.frame, at.reference)
+    singular_values = arm.singular_values(configuration, at.frame)
+    manipulability = arm.manipulability(configuration, at.frame)
+    name = at.frame or arm.default_frame
+    if form.json:
         display.print_json(
             {
                 **display.identity(arm),
                 "frame": name,
-                "reference": reference,
+                "reference": at.reference,
                 "joint_names": arm.joint_names,
                 "jacobian": matrix,
                 "singular_values": singular_values,
@@ -121,7 +120,7 @@ def jacobian(
         return
     names = ("vx", "vy", "vz", "wx", "wy", "wz")
     rows = [(label, *(display.number(value) for value in row)) for label, row in zip(names, matrix, strict=True)]
-    display.show_table(f"{arm.label}: Jacobian of {name}, {reference}", ("", *arm.joint_names), rows)
+    display.show_table(f"{arm.label}: Jacobian of {name}, {at.reference}", ("", *arm.joint_names), rows)
     display.show_facts(
         [("singular values", display.numbers(singular_values)), ("manipulability", f"{manipulability:.6g}")],
     )

@@ -1,24 +1,22 @@
-"""Options that several commands have in common, the robot that they name, and files that must not be overwritten."""
+"""Options that several commands have in common, what they are read as, and files that must not be overwritten."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
-from jacokin import files, ik, model
-from jacokin.cli.command import NumberList, option_group, parse_numbers
+from jacokin import files, model
+from jacokin.cli.command import NumberList, option, parse_numbers
 from jacokin.cli.units import Units
 from jacokin.errors import InvalidInputError
-from jacokin.model import DEFAULT_ROBOT
 
 if TYPE_CHECKING:
     import pinocchio as pin
-    from numpy.typing import ArrayLike
 
 FILE = click.Path(path_type=Path)
 VECTOR = (float, float, float)
@@ -31,41 +29,8 @@ Vector4 = tuple[float, float, float, float]
 Vector6 = tuple[float, float, float, float, float, float]
 
 
-@dataclass(frozen=True, slots=True)
-class RobotOptions:
-    """Which robot it is; a command that has these options takes them as one parameter."""
-
-    robot: str | None = None
-    base: str | None = None
-    tip: str | None = None
-    package_dirs: Sequence[Path] = ()
-    limits: dict[str, tuple[float, float]] | None = None
-    finger_angle: float | None = None
-    calibration: Path | None = None
-    locked: dict[str, float] | None = None
-    srdf: Path | None = None
-
-    def load(self) -> model.Robot:
-        """The robot.
-
-        Raises:
-            InvalidInputError: as `load_robot`.
-        """
-        return model.load_robot(
-            self.robot or DEFAULT_ROBOT,
-            base=self.base,
-            tip=self.tip,
-            package_dirs=self.package_dirs,
-            limits=self.limits,
-            finger_angle=self.finger_angle,
-            calibration=self.calibration,
-            locked=self.locked,
-            srdf=self.srdf,
-        )
-
-
 def read_limits(
-    context: click.Context, option: click.Parameter, texts: Sequence[str]
+    context: click.Context, parameter: click.Parameter, texts: Sequence[str]
 ) -> dict[str, tuple[float, float]] | None:
     """Read lower and upper limits of joints from --limit.
 
@@ -82,7 +47,7 @@ def read_limits(
     return limits or None
 
 
-def read_locked(context: click.Context, option: click.Parameter, texts: Sequence[str]) -> dict[str, float] | None:
+def read_locked(context: click.Context, parameter: click.Parameter, texts: Sequence[str]) -> dict[str, float] | None:
     """Read positions of joints from --lock.
 
     Raises:
@@ -97,7 +62,9 @@ def read_locked(context: click.Context, option: click.Parameter, texts: Sequence
     return locked or None
 
 
-def read_placement(context: click.Context, option: click.Parameter, text: str | None) -> pin.SE3 | list[float] | None:
+def read_placement(
+    context: click.Context, parameter: click.Parameter, text: str | None
+) -> pin.SE3 | list[float] | None:
     """Read a position (3,) from three numbers, or a pose from seven.
 
     Raises:
@@ -105,16 +72,16 @@ def read_placement(context: click.Context, option: click.Parameter, text: str | 
     """
     if text is None:
         return None
-    values = parse_numbers(option.opts[0], text)
+    values = parse_numbers(parameter.opts[0], text)
     if len(values) not in (3, 7):
-        raise InvalidInputError(f"{option.opts[0]} must be 3 numbers, or 7 with a quaternion, got {len(values)}")
-    return values if len(values) == 3 else _parse_pose(option.opts[0], values)
+        raise InvalidInputError(f"{parameter.opts[0]} must be 3 numbers, or 7 with a quaternion, got {len(values)}")
+    return values if len(values) == 3 else _parse_pose(parameter.opts[0], values)
 
 
-def read_tool(context: click.Context, option: click.Parameter, text: str | None) -> pin.SE3 | None:
+def read_tool(context: click.Context, parameter: click.Parameter, text: str | None) -> pin.SE3 | None:
     """Read T_frame_tool from --tool."""
-    place = read_placement(context, option, text)
-    return _parse_pose(option.opts[0], place) if isinstance(place, list) else place
+    place = read_placement(context, parameter, text)
+    return _parse_pose(parameter.opts[0], place) if isinstance(place, list) else place
 
 
 def _parse_pose(flag: str, values: list[float]) -> pin.SE3:
@@ -125,7 +92,7 @@ def _parse_pose(flag: str, values: list[float]) -> pin.SE3:
         raise InvalidInputError(f"{flag}: {error}") from error
 
 
-def read_axis(context: click.Context, option: click.Parameter, text: str | None) -> list[float] | None:
+def read_axis(context: click.Context, parameter: click.Parameter, text: str | None) -> list[float] | None:
     """Read an axis (3,): x, y, z, or three numbers.
 
     Raises:
@@ -135,133 +102,147 @@ def read_axis(context: click.Context, option: click.Parameter, text: str | None)
         return None
     word = text.strip().lower()
     try:
-        return AXES[word] if word in AXES else parse_numbers(option.opts[0], text, 3)
+        return AXES[word] if word in AXES else parse_numbers(parameter.opts[0], text, 3)
     except InvalidInputError as error:
         raise InvalidInputError(
-            f"{option.opts[0]} must be x, y, z or three numbers such as 1,0,0.5, got {text!r}"
+            f"{parameter.opts[0]} must be x, y, z or three numbers such as 1,0,0.5, got {text!r}"
         ) from error
 
 
-base = click.option("--base", metavar="FRAME", help="Base frame of the arm; the file's root if not given.")
-tip = click.option("--tip", metavar="FRAME", help="Frame at the end of the arm, for a file with several.")
-package_dir = click.option(
+# Options of several commands, each a field of a class of options; a call gives it other settings.
+base = partial(option, "--base", metavar="FRAME", help="Base frame of the arm; the file's root if not given.")
+tip = partial(option, "--tip", metavar="FRAME", help="Frame at the end of the arm, for a file with several.")
+package_dirs = partial(
+    option,
     "--package-dir",
-    "package_dirs",
     type=FILE,
     multiple=True,
     metavar="FOLDER",
     help="Folder that holds the packages of package:// meshes, beside ROS_PACKAGE_PATH. Repeatable.",
 )
-limit = click.option(
+limits = partial(
+    option,
     "--limit",
-    "limits",
     multiple=True,
     callback=read_limits,
+    default=None,
     metavar="JOINT=LOW,HIGH",
     help="Limits of a joint in place of those of the file [rad], also with --degrees. Repeatable.",
 )
-finger_angle = click.option(
-    "--finger-angle", type=float, metavar="A", help="Where the fingers are held [rad], also with --degrees."
-)
-lock = click.option(
+locked = partial(
+    option,
     "--lock",
-    "locked",
     multiple=True,
     callback=read_locked,
+    default=None,
     metavar="JOINT=VALUE",
     help="Where a joint off the arm is locked [rad], or [m], also with --degrees. Repeatable.",
 )
-srdf = click.option(
+srdf = partial(
+    option,
     "--srdf",
     type=FILE,
     metavar="FILE.srdf",
     help="Pairs of links whose contact does not count, if not beside the URDF.",
 )
-calibration = click.option(
-    "--calibration", type=FILE, metavar="FILE.toml", help="How this arm differs from its description."
+calibration = partial(
+    option, "--calibration", type=FILE, metavar="FILE.toml", help="How this arm differs from its description."
 )
-frame = click.option("--frame", metavar="NAME", help="Frame of the tool; `jacokin info` lists them.")
-tool = click.option(
+frame = partial(option, "--frame", metavar="NAME", help="Frame of the tool; `jacokin info` lists them.")
+tool = partial(
+    option,
     "--tool",
     cls=NumberList,
     callback=read_tool,
     metavar="X Y Z [W X Y Z]",
     help="What is brought to the target, in the axes of --frame: position [m], orientation as a quaternion.",
 )
-free_axis = click.option(
+free_axis = partial(
+    option,
     "--free-axis",
     callback=read_axis,
     metavar="AXIS",
     help="The tool may turn about this axis of its own: x, y, z or X,Y,Z.",
 )
-free_range = click.option(
+free_range = partial(
+    option,
     "--free-range",
     type=(float, float),
     metavar="A B",
     help="From and to which angle it may turn; a full turn by default.",
 )
-scene = click.option("--scene", type=FILE, metavar="FILE.yaml", help="Obstacles around the arm, .yaml or .json.")
-clearance = click.option(
-    "--clearance", default=0.0, metavar="D", help="Shapes this near to each other count as touching [m]."
+scene = partial(option, "--scene", type=FILE, metavar="FILE.yaml", help="Obstacles around the arm, .yaml or .json.")
+clearance = partial(
+    option, "--clearance", default=0.0, metavar="D", help="Shapes this near to each other count as touching [m]."
 )
-velocity_limit = click.option(
-    "--velocity-limit", cls=NumberList, metavar="V ..", help="Of the joints [rad/s], one for all or one for each."
+dt = partial(option, "--dt", default=0.01, metavar="T", help="Control step [s].")
+velocity_limit = partial(
+    option,
+    "--velocity-limit",
+    cls=NumberList,
+    metavar="V ..",
+    help="Of the joints [rad/s], one for all or one for each.",
 )
-degrees = click.option(
+acceleration_limit = partial(
+    option,
+    "--acceleration-limit",
+    cls=NumberList,
+    metavar="A ..",
+    help="Of the joints [rad/s^2]; 1 rad/s^2 if not given.",
+)
+degrees = partial(
+    option,
     "--degrees",
-    "units",
     is_flag=True,
-    callback=lambda context, option, given: Units(given),
+    callback=lambda context, parameter, given: Units(given),
     help="Angles in and out in degrees.",
 )
-joints_topic = click.option(
-    "--joints-topic", metavar="NAME", help="Of a log: what reports the joints; /joint_states and kinova-ros' are found."
+joints_topic = partial(
+    option,
+    "--joints-topic",
+    metavar="NAME",
+    help="Of a log: what reports the joints; /joint_states and kinova-ros' are found.",
 )
-joint_prefix = click.option(
-    "--joint-prefix", metavar="TEXT", help="Of a log: before the names of the joints; found where one arm is there."
+joint_prefix = partial(
+    option,
+    "--joint-prefix",
+    metavar="TEXT",
+    help="Of a log: before the names of the joints; found where one arm is there.",
 )
-json = click.option("--json", is_flag=True, help="One JSON document on stdout, floats in full precision.")
-seed = click.option(
-    "--seed", cls=NumberList, metavar="Q1 .. Q6", help="Joint angles to stay near to; the robot's home if not given."
+json = partial(option, "--json", is_flag=True, help="One JSON document on stdout, floats in full precision.")
+seed = partial(
+    option,
+    "--seed",
+    cls=NumberList,
+    metavar="Q1 .. Q6",
+    help="Joint angles to stay near to; the robot's home if not given.",
 )
-random_seed = click.option(
-    "--random-seed", type=click.IntRange(min=0), metavar="N", help="Seed of the random numbers; fixed if not given."
+random_seed = partial(
+    option,
+    "--random-seed",
+    type=click.IntRange(min=0),
+    metavar="N",
+    help="Seed of the random numbers; fixed if not given.",
 )
-workers = click.option(
+workers = partial(
+    option,
     "--workers",
     type=click.IntRange(min=1),
     default=1,
     metavar="N",
     help="Threads; processes where code is not compiled.",
 )
-dask = click.option("--dask", metavar="ADDRESS", help="Work on a dask cluster, by its scheduler: tcp://10.0.0.1:8786.")
-
-
-RADIANS = Units(degrees=False)  # of commands without --degrees
-
-
-def robot(default: str | None = DEFAULT_ROBOT, text: str = NAME_OR_FILE) -> Callable[..., Any]:
-    """The options that say which robot it is; the command gets them as `source`."""
-    name = click.option("--robot", default=default, metavar="NAME|FILE", help=text)
-    return option_group(
-        "source", RobotOptions, name, base, tip, package_dir, limit, finger_angle, lock, srdf, calibration
-    )
-
-
-def load_scene(path: Path | None) -> model.Scene | None:
-    """The scene of a file; None without one."""
-    return None if path is None else model.Scene.load(path)
-
-
-def free_about(
-    pose: pin.SE3 | ArrayLike, axis: Sequence[float], turns: tuple[float, float] | None, units: Units
-) -> ik.FreeAxis:
-    """A pose whose tool may turn about an axis of its own.
-
-    Raises:
-        InvalidInputError: an axis without a direction, or an empty range.
-    """
-    return ik.FreeAxis(pose, axis=axis) if turns is None else ik.FreeAxis(pose, axis=axis, range=units.to_si(turns))
+dask = partial(
+    option, "--dask", metavar="ADDRESS", help="Work on a dask cluster, by its scheduler: tcp://10.0.0.1:8786."
+)
+port = partial(
+    option,
+    "--port",
+    type=click.IntRange(min=0),
+    default=8080,
+    metavar="N",
+    help="Of the page; 0 for any free one.",
+)
 
 
 # Meshes, textures and included files in a URDF or MJCF, and the folders MJCF looks for them in.
@@ -284,21 +265,21 @@ def keep_apart(
         InvalidInputError: names the two options.
     """
     written: dict[Path, str] = {}
-    for option, output in outputs.items():
+    for flag, output in outputs.items():
         if output is None:
             continue
-        other = written.setdefault(_resolved(output), option)
-        if other != option:
-            raise InvalidInputError(f"{option} and {other} are the same file, {output}")
+        other = written.setdefault(_resolved(output), flag)
+        if other != flag:
+            raise InvalidInputError(f"{flag} and {other} are the same file, {output}")
         if output.is_file():
-            _keep_apart(option, output, inputs, folders)
+            _keep_apart(flag, output, inputs, folders)
 
 
-def _keep_apart(option: str, output: Path, inputs: Mapping[str, str | Path | None], packages: Sequence[Path]) -> None:
+def _keep_apart(flag: str, output: Path, inputs: Mapping[str, str | Path | None], packages: Sequence[Path]) -> None:
     for name, given in inputs.items():
         for read in [] if given is None else _read_files(Path(given), packages):
             if output.samefile(read):
-                raise InvalidInputError(f"{option} {output} is a file that {name} reads: it would be lost")
+                raise InvalidInputError(f"{flag} {output} is a file that {name} reads: it would be lost")
 
 
 def _resolved(path: Path) -> Path:

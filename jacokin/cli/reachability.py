@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import AbstractContextManager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,9 +14,10 @@ import click
 from jacokin import ik, model, reachability
 from jacokin.chunks.execution import dask_executor, worker_processes
 from jacokin.cli import display, options
-from jacokin.cli.command import Argument, Command
+from jacokin.cli.command import command, option
 from jacokin.cli.display import progress_bar
-from jacokin.cli.options import RobotOptions, Vector3, Vector4, keep_apart
+from jacokin.cli.groups import MapRobotOptions, RobotOptions, ToolOptions, load_scene
+from jacokin.cli.options import Vector3, Vector4, keep_apart
 from jacokin.cli.process import NOT_SOLVED
 from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.model import NAMES
@@ -29,7 +30,6 @@ if TYPE_CHECKING:
 
 MISSED = 20  # targets of which is said why they are missed; --json has them all
 MAP = "A map, or the bundled one of a robot."
-MAP_ROBOT = "The robot of the map, where it is not a bundled one as it is."
 
 
 @click.group()
@@ -37,56 +37,41 @@ def map() -> None:  # noqa: A001 - the command's name
     """Maps of where the arm reaches: build, draw and query them."""
 
 
-@map.command(cls=Command, no_args_is_help=True)
-@click.argument(
-    "folder",
-    cls=Argument,
-    type=options.FILE,
-    metavar="FOLDER",
-    text="Where the map is kept; one that is there is completed.",
-)
-@click.option("--spacing", default=0.05, metavar="M", help="Edge of a cell [m].")
-@click.option("--orientations", type=click.IntRange(min=1), default=200, metavar="N", help="How many, spread evenly.")
-@click.option("--down", is_flag=True, help="The tool pointing vertically down instead.")
-@click.option(
-    "--free-axis",
-    callback=options.read_axis,
-    metavar="AXIS",
-    help="Directions of this axis of the tool (x, y, z or X,Y,Z), about which it may turn; "
-    "with --down, the tool pointing down, which may turn about it.",
-)
-@click.option("--lower", type=options.VECTOR, metavar="X Y Z", help="Lower corner of the box [m].")
-@click.option("--upper", type=options.VECTOR, metavar="X Y Z", help="Upper corner of the box [m].")
-@options.scene
-@click.option(
-    "--collision",
-    metavar="NAME",
-    help="Configurations in contact: prefer leaves out those of the arm with itself, as happens if not given; reject "
-    "without using symmetry, as with a scene; ignore.",
-)
-@click.option("--shard", metavar="I/N", help="Build the I-th of N parts only.")
-@options.workers
-@options.dask
-@options.frame
-@options.tool
-@options.robot()
-def build(
-    folder: Path,
-    spacing: float,
-    orientations: int,
-    down: bool,
-    free_axis: list[float] | None,
-    lower: Vector3 | None,
-    upper: Vector3 | None,
-    scene: Path | None,
-    collision: str | None,
-    shard: str | None,
-    workers: int,
-    dask: str | None,
-    frame: str | None,
-    tool: pin.SE3 | None,
-    source: RobotOptions,
-) -> None:
+@dataclass(frozen=True, slots=True)
+class BuildOptions:
+    """What a map is built of."""
+
+    folder: Path = option(
+        type=options.FILE, metavar="FOLDER", text="Where the map is kept; one that is there is completed."
+    )
+    spacing: float = option("--spacing", default=0.05, metavar="M", help="Edge of a cell [m].")
+    orientations: int = option(
+        "--orientations", type=click.IntRange(min=1), default=200, metavar="N", help="How many, spread evenly."
+    )
+    down: bool = option("--down", is_flag=True, help="The tool pointing vertically down instead.")
+    free_axis: list[float] | None = option(
+        "--free-axis",
+        callback=options.read_axis,
+        metavar="AXIS",
+        help="Directions of this axis of the tool (x, y, z or X,Y,Z), about which it may turn; "
+        "with --down, the tool pointing down, which may turn about it.",
+    )
+    lower: Vector3 | None = option("--lower", type=options.VECTOR, metavar="X Y Z", help="Lower corner of the box [m].")
+    upper: Vector3 | None = option("--upper", type=options.VECTOR, metavar="X Y Z", help="Upper corner of the box [m].")
+    scene: Path | None = options.scene()
+    collision: str | None = option(
+        "--collision",
+        metavar="NAME",
+        help="Configurations in contact: prefer leaves out those of the arm with itself, as happens if not given; "
+        "reject without using symmetry, as with a scene; ignore.",
+    )
+    shard: str | None = option("--shard", metavar="I/N", help="Build the I-th of N parts only.")
+    workers: int = options.workers()
+    dask: str | None = options.dask()
+
+
+@command(group=map, no_args_is_help=True)
+def build(given: BuildOptions, tool: ToolOptions, source: RobotOptions) -> None:
     """Build a map of where the arm reaches.
 
     Continues where a build that was killed has stopped. Seven joints and a free axis take some hundred times as long as
@@ -98,41 +83,45 @@ def build(
       jacokin map build out/jaco --shard 3/16
       jacokin map build out/level --down --free-axis x --scene table.yaml --workers 2
     """
-    if (lower is None) != (upper is None):
+    if (given.lower is None) != (given.upper is None):
         raise InvalidInputError("--lower and --upper go together")
     arm = source.load()
     grid = (
-        reachability.Grid.around(arm, spacing)
-        if lower is None or upper is None
-        else reachability.Grid(lower, upper, spacing)
+        reachability.Grid.around(arm, given.spacing)
+        if given.lower is None or given.upper is None
+        else reachability.Grid(given.lower, given.upper, given.spacing)
     )
-    obstacles = options.load_scene(scene)
+    obstacles = load_scene(given.scene)
     is_slow = (  # in Python, where threads wait for each other
-        collision != "ignore" or free_axis is not None or ik.IKSolver(arm, frame, collision="ignore").dimension() == 1
+        given.collision != "ignore"
+        or given.free_axis is not None
+        or ik.IKSolver(arm, tool.frame, collision="ignore").dimension() == 1
     )
     pool: AbstractContextManager[Executor]
-    if dask is not None:
-        pool = dask_executor(dask)
+    if given.dask is not None:
+        pool = dask_executor(given.dask)
     else:
-        pool = worker_processes(workers) if is_slow and workers > 1 else ThreadPoolExecutor(workers)
+        pool = worker_processes(given.workers) if is_slow and given.workers > 1 else ThreadPoolExecutor(given.workers)
     with progress_bar("positions") as show, pool as executor:
         found = reachability.build(
             arm,
-            folder=folder,
+            folder=given.folder,
             grid=grid,
-            orientations=_read_orientations(orientations, free_axis, down=down),
+            orientations=_read_orientations(given.orientations, given.free_axis, down=given.down),
             executor=executor,
-            shard=shard,
+            shard=given.shard,
             progress=lambda so_far: show(so_far.done, so_far.total),
-            frame=frame,
-            tool=tool,
-            collision=collision,
+            frame=tool.frame,
+            tool=tool.tool,
+            collision=given.collision,
             scene=obstacles,
         )
     if found is None:
-        display.say(f"{folder}: shard {shard} is finished; others are missing")
+        display.say(f"{given.folder}: shard {given.shard} is finished; others are missing")
     else:
-        display.say(f"{folder}: {found.counts.size} poses, {float((found.counts > 0).mean()):.1%} of them reached")
+        display.say(
+            f"{given.folder}: {found.counts.size} poses, {float((found.counts > 0).mean()):.1%} of them reached"
+        )
 
 
 def _read_orientations(count: int, axis: list[float] | None, *, down: bool) -> reachability.Orientations | int:
@@ -146,23 +135,24 @@ def _read_orientations(count: int, axis: list[float] | None, *, down: bool) -> r
     return reachability.Orientations.directions(count, axis, free_roll=True)
 
 
-@map.command(cls=Command, no_args_is_help=True)
-@click.argument("folder", cls=Argument, metavar="FOLDER|NAME", text=MAP)
-@click.option("--position", type=options.VECTOR, required=True, metavar="X Y Z", help="A position in the base [m].")
-@click.option("--quat-wxyz", type=options.QUATERNION, metavar="W X Y Z", help="An orientation as a quaternion.")
-@click.option("--down", is_flag=True, help="An orientation: pointing vertically down.")
-@options.json
-@options.scene
-@options.robot(None, MAP_ROBOT)
-def query(
-    folder: str,
-    position: Vector3,
-    quat_wxyz: Vector4 | None,
-    down: bool,
-    json: bool,
-    scene: Path | None,
-    source: RobotOptions,
-) -> None:
+@dataclass(frozen=True, slots=True)
+class QueryOptions:
+    """Where a map is looked up."""
+
+    folder: str = option(metavar="FOLDER|NAME", text=MAP)
+    position: Vector3 = option(
+        "--position", type=options.VECTOR, required=True, metavar="X Y Z", help="A position in the base [m]."
+    )
+    quat_wxyz: Vector4 | None = option(
+        "--quat-wxyz", type=options.QUATERNION, metavar="W X Y Z", help="An orientation as a quaternion."
+    )
+    down: bool = option("--down", is_flag=True, help="An orientation: pointing vertically down.")
+    json: bool = options.json()
+    scene: Path | None = options.scene()
+
+
+@command(group=map, no_args_is_help=True)
+def query(given: QueryOptions, source: MapRobotOptions) -> None:
     """Say how many orientations are reached at a position, whether a pose is, and which one near it.
 
     A map of tools that may turn needs the robot, limits and scene that it was built with, where they were your own.
@@ -171,12 +161,12 @@ def query(
       jacokin map query j2n6s300 --position 0.4 0.2 0.3
       jacokin map query j2n6s300 --position 1.4 0.2 0.3 --down
     """
-    reach = load_map(folder, source, scene)
-    dexterity = reach.dexterity(position)
+    reach = load_map(given.folder, source, given.scene)
+    dexterity = reach.dexterity(given.position)
     document: dict[str, object] = {"dexterity": dexterity}
     lines = [("orientations reached", f"{dexterity:.1%}")]
-    if quat_wxyz is not None or down:
-        wanted = model.pose(position, quat_wxyz, down=down)
+    if given.quat_wxyz is not None or given.down:
+        wanted = model.pose(given.position, given.quat_wxyz, down=given.down)
         nearest = reach.nearest_reachable(wanted)
         is_reached, how = _is_reached(reach, wanted)
         document |= {"reached": is_reached, "reached_by": how}
@@ -185,7 +175,7 @@ def query(
         document |= {"nearest_position": nearest.translation, "nearest_quat_wxyz": quat}
         lines.append(("nearest position x y z [m]", display.numbers(nearest.translation)))
         lines.append(("its quaternion w x y z", display.numbers(quat)))
-    if json:
+    if given.json:
         display.print_json(document)
     else:
         display.show_facts(lines)
@@ -200,18 +190,23 @@ def _is_reached(reach: reachability.ReachabilityMap, wanted: pin.SE3) -> tuple[b
     return solver.solve(wanted, closest=False).success, "solver"
 
 
-@map.command(cls=Command, no_args_is_help=True)
-@click.argument("folder", cls=Argument, metavar="FOLDER|NAME", text=MAP)
-@click.option(
-    "--output",
-    type=options.FILE,
-    default=Path("map.png"),
-    metavar="FILE",
-    help="A picture (.png, .svg, .pdf), one that turns (.apng, .gif), or an .html page to turn it.",
-)
-@options.scene
-@options.robot(None, MAP_ROBOT)
-def show(folder: str, output: Path, scene: Path | None, source: RobotOptions) -> None:
+@dataclass(frozen=True, slots=True)
+class ShowOptions:
+    """What is drawn, and where."""
+
+    folder: str = option(metavar="FOLDER|NAME", text=MAP)
+    output: Path = option(
+        "--output",
+        type=options.FILE,
+        default=Path("map.png"),
+        metavar="FILE",
+        help="A picture (.png, .svg, .pdf), one that turns (.apng, .gif), or an .html page to turn it.",
+    )
+    scene: Path | None = options.scene()
+
+
+@command(group=map, no_args_is_help=True)
+def show(given: ShowOptions, source: MapRobotOptions) -> None:
     """Draw a map: slices and a view in space, with the arm and obstacles around it.
 
     Examples:
@@ -220,46 +215,52 @@ def show(folder: str, output: Path, scene: Path | None, source: RobotOptions) ->
       jacokin map show out/jaco --output out/jaco.apng
       jacokin map show out/level --scene table.yaml --output out/level.html
     """
-    keep_apart({"--output": output}, {"--scene": scene, "--robot": source.robot}, source.package_dirs)
-    reach = load_map(folder, source)
-    if reach.recipe["scene"] is not None and scene is not None:
-        reach = load_map(folder, source, scene)  # checks that it is the same
-    reach.plot(output, scene=options.load_scene(scene))
-    display.say(f"written to {output}")
+    keep_apart({"--output": given.output}, {"--scene": given.scene, "--robot": source.robot}, source.package_dirs)
+    reach = load_map(given.folder, source)
+    if reach.recipe["scene"] is not None and given.scene is not None:
+        reach = load_map(given.folder, source, given.scene)  # checks that it is the same
+    reach.plot(given.output, scene=load_scene(given.scene))
+    display.say(f"written to {given.output}")
 
 
-@click.command(cls=Command, no_args_is_help=True)
-@click.option("--targets", type=options.FILE, required=True, metavar="FILE.csv", help="Poses of the tool in the world.")
-@click.option("--map", "folder", default=model.DEFAULT_ROBOT, metavar="FOLDER|NAME", help=MAP)
-@click.option("--x", type=(float, float), metavar="LOW HIGH", help="From and to where the base may stand [m].")
-@click.option("--y", type=(float, float), metavar="LOW HIGH", help="As --x.")
-@click.option("--height", type=float, metavar="Z", help="Height that the base stands at [m]; any if not given.")
-@click.option(
-    "--scene",
-    type=options.FILE,
-    metavar="FILE.yaml",
-    help="Obstacles in the world, .yaml or .json, which neither the arm nor its base may touch.",
-)
-@click.option(
-    "--map-scene", type=options.FILE, metavar="FILE.yaml", help="The scene that the map was built with; on the base."
-)
-@click.option(
-    "--plot", type=options.FILE, metavar="FILE", help="Draw the best place from above and the side (.png, .svg, .pdf)."
-)
-@options.json
-@options.robot(None, MAP_ROBOT)
-def place(
-    targets: Path,
-    folder: str,
-    x: tuple[float, float] | None,
-    y: tuple[float, float] | None,
-    height: float | None,
-    scene: Path | None,
-    map_scene: Path | None,
-    plot: Path | None,
-    json: bool,
-    source: RobotOptions,
-) -> None:
+@dataclass(frozen=True, slots=True)
+class PlaceOptions:
+    """What is to be reached, and where the base may stand."""
+
+    targets: Path = option(
+        "--targets", type=options.FILE, required=True, metavar="FILE.csv", help="Poses of the tool in the world."
+    )
+    folder: str = option("--map", default=model.DEFAULT_ROBOT, metavar="FOLDER|NAME", help=MAP)
+    x: tuple[float, float] | None = option(
+        "--x", type=(float, float), metavar="LOW HIGH", help="From and to where the base may stand [m]."
+    )
+    y: tuple[float, float] | None = option("--y", type=(float, float), metavar="LOW HIGH", help="As --x.")
+    height: float | None = option(
+        "--height", type=float, metavar="Z", help="Height that the base stands at [m]; any if not given."
+    )
+    scene: Path | None = option(
+        "--scene",
+        type=options.FILE,
+        metavar="FILE.yaml",
+        help="Obstacles in the world, .yaml or .json, which neither the arm nor its base may touch.",
+    )
+    map_scene: Path | None = option(
+        "--map-scene",
+        type=options.FILE,
+        metavar="FILE.yaml",
+        help="The scene that the map was built with; on the base.",
+    )
+    plot: Path | None = option(
+        "--plot",
+        type=options.FILE,
+        metavar="FILE",
+        help="Draw the best place from above and the side (.png, .svg, .pdf).",
+    )
+    json: bool = options.json()
+
+
+@command(no_args_is_help=True)
+def place(given: PlaceOptions, source: MapRobotOptions) -> None:
     """Find places for the base of the arm from which it reaches as many targets as possible.
 
     Targets and obstacles stand in the world. A map that was built with a robot, limits or a scene of your own needs
@@ -271,16 +272,16 @@ def place(
       jacokin place --targets examples/targets.csv --map out/mine --robot my_arm.urdf --map-scene column.yaml
     """
     keep_apart(
-        {"--plot": plot},
-        {"--targets": targets, "--scene": scene, "--map-scene": map_scene, "--robot": source.robot},
+        {"--plot": given.plot},
+        {"--targets": given.targets, "--scene": given.scene, "--map-scene": given.map_scene, "--robot": source.robot},
         source.package_dirs,
     )
-    rows_of_file = ik.read_targets(targets)
+    rows_of_file = ik.read_targets(given.targets)
     wanted = rows_of_file.targets
-    reach, obstacles = load_map(folder, source, map_scene), options.load_scene(scene)
-    heights = None if height is None else [height]
+    reach, obstacles = load_map(given.folder, source, given.map_scene), load_scene(given.scene)
+    heights = None if given.height is None else [given.height]
     with progress_bar("looking for places"):
-        found = reachability.place_base(reach, wanted, scene=obstacles, x=x, y=y, heights=heights)
+        found = reachability.place_base(reach, wanted, scene=obstacles, x=given.x, y=given.y, heights=heights)
     if not found:
         raise InvalidInputError("the base stands inside an obstacle wherever it may stand")
     failed = [
@@ -288,11 +289,11 @@ def place(
         for row, is_reached in enumerate(found[0].success)
         if not is_reached
     ]
-    if plot is not None:
+    if given.plot is not None:
         from jacokin.reachability.placement import draw_placement
 
-        draw_placement(plot, found[0], wanted, reach, obstacles)
-    if json:
+        draw_placement(given.plot, found[0], wanted, reach, obstacles)
+    if given.json:
         places = [
             {
                 "position": each.pose.translation,
@@ -324,8 +325,8 @@ def place(
                 [(str(line), why) for line, why in shown],
                 text=2,
             )
-        if plot is not None:
-            display.say(f"written to {plot}")
+        if given.plot is not None:
+            display.say(f"written to {given.plot}")
     if failed:
         raise SystemExit(NOT_SOLVED)
 
@@ -343,7 +344,7 @@ def _yaw(T_world_base: pin.SE3) -> float:
 
 
 def load_map(
-    folder: str, source: RobotOptions | None = None, scene: Path | None = None
+    folder: str, source: MapRobotOptions | None = None, scene: Path | None = None
 ) -> reachability.ReachabilityMap:
     """A map in a folder, or the bundled one of a robot.
 
@@ -363,9 +364,9 @@ def load_map(
     else:
         raise UnknownNameError("map", folder, [*NAMES, "or the folder of a map"])
     arm = None
-    if source is not None and replace(source, package_dirs=()) != RobotOptions():
+    if source is not None and replace(source, package_dirs=()) != MapRobotOptions():
         arm = replace(source, robot=source.robot or found.recipe["robot"]["bundled"]).load()
-    obstacles = options.load_scene(scene)
+    obstacles = load_scene(scene)
     if arm is None and obstacles is None:
         return found
     return reachability.load(found.folder, robot=arm, scene=obstacles)

@@ -19,8 +19,9 @@ import click
 
 from jacokin import model
 from jacokin.cli import display, options
-from jacokin.cli.command import Argument, Command, option_group
+from jacokin.cli.command import command, option
 from jacokin.cli.display import show_facts
+from jacokin.cli.groups import RobotOptions
 from jacokin.cli.process import NOT_SOLVED
 from jacokin.errors import InvalidInputError
 
@@ -34,86 +35,67 @@ LINES = 100  # of a hand that wait at most
 
 
 @dataclass(frozen=True, slots=True)
+class Motion:
+    """What is played, and what else is asked for."""
+
+    file: Path | None = option(required=False, type=click.Path(path_type=Path), text="Trajectory, as `save` writes.")
+    live: bool = option("--live", is_flag=True, help="Follow a hand instead: lines of JSON on standard input.")
+    fingers: float | None = option(
+        "--fingers", type=click.FloatRange(0.0, 1.0), metavar="S", help="Go there meanwhile, 0 open to 1 closed."
+    )
+    write_forwarder: Path | None = option(
+        "--write-forwarder", type=click.Path(path_type=Path), metavar="FILE.py", help="Write the forwarder, and end."
+    )
+    json: bool = options.json()
+
+
+@dataclass(frozen=True, slots=True)
 class Way:
     """The way to the arm."""
 
-    ros: str | None
-    forwarder: str | None
-    python: str | None
-    name: str | None
-    states: str | None
-    velocities: str | None
-    twin: bool
-    faults: str
-    random_seed: int | None
+    ros: str | None = option("--ros", type=click.Choice(["1", "2"]), help="The version of ROS, on this machine.")
+    forwarder: str | None = option(
+        "--forwarder", metavar="COMMAND", help="Starts the forwarder elsewhere, by ssh or docker exec -i."
+    )
+    python: str | None = option(
+        "--python", metavar="PATH", help="Python of ROS, with --ros; that of the system if not given."
+    )
+    name: str | None = option(
+        "--name", metavar="NAME", help="Of the robot in ROS, as kinova_robotName; that of --robot if not given."
+    )
+    states: str | None = option("--states", metavar="TOPIC", help="Of joint states, if it is not the driver's.")
+    velocities: str | None = option("--velocities", metavar="TOPIC", help="Of velocities, if it is not the driver's.")
+    twin: bool = option(
+        "--twin", is_flag=True, help="Move a simulated arm instead, without ROS, that stands where it begins."
+    )
+    faults: str = option(
+        "--faults", metavar="FAULTS", default="", help="With --twin: such as lag=0.02,loss=0.01,stall=0.3."
+    )
+    random_seed: int | None = options.random_seed()
 
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
     """How the runner follows, and when it stops."""
 
-    gain: float
-    latency: float
-    start: float
-    lag: float
-    silence: float
-    contact: float | None
-
-
-way = option_group(
-    "way",
-    Way,
-    click.option("--ros", type=click.Choice(["1", "2"]), help="The version of ROS, on this machine."),
-    click.option("--forwarder", metavar="COMMAND", help="Starts the forwarder elsewhere, by ssh or docker exec -i."),
-    click.option("--python", metavar="PATH", help="Python of ROS, with --ros; that of the system if not given."),
-    click.option(
-        "--name", metavar="NAME", help="Of the robot in ROS, as kinova_robotName; that of --robot if not given."
-    ),
-    click.option("--states", metavar="TOPIC", help="Of joint states, if it is not the driver's."),
-    click.option("--velocities", metavar="TOPIC", help="Of velocities, if it is not the driver's."),
-    click.option(
-        "--twin", is_flag=True, help="Move a simulated arm instead, without ROS, that stands where it begins."
-    ),
-    click.option("--faults", metavar="FAULTS", default="", help="With --twin: such as lag=0.02,loss=0.01,stall=0.3."),
-    options.random_seed,
-)
-bounds = option_group(
-    "bounds",
-    Bounds,
-    click.option("--gain", type=float, default=2.0, metavar="K", help="Of the correction [1/s]; 0 for an open loop."),
-    click.option("--latency", type=float, default=0.05, metavar="T", help="From a velocity to its measurement [s]."),
-    click.option("--start", type=float, default=2.0, metavar="DEG", help="Allowed at the start [deg]."),
-    click.option("--lag", type=float, default=5.0, metavar="DEG", help="Allowed off the motion [deg]."),
-    click.option("--silence", type=float, default=0.5, metavar="T", help="Allowed without a measurement [s]."),
-    click.option(
+    gain: float = option(
+        "--gain", type=float, default=2.0, metavar="K", help="Of the correction [1/s]; 0 for an open loop."
+    )
+    latency: float = option(
+        "--latency", type=float, default=0.05, metavar="T", help="From a velocity to its measurement [s]."
+    )
+    start: float = option("--start", type=float, default=2.0, metavar="DEG", help="Allowed at the start [deg].")
+    lag: float = option("--lag", type=float, default=5.0, metavar="DEG", help="Allowed off the motion [deg].")
+    silence: float = option(
+        "--silence", type=float, default=0.5, metavar="T", help="Allowed without a measurement [s]."
+    )
+    contact: float | None = option(
         "--contact", type=float, metavar="NM", help="External torque that stops the arm, if it tells torques [N m]."
-    ),
-)
+    )
 
 
-@click.command("run", cls=Command, no_args_is_help=True)
-@click.argument(
-    "file", cls=Argument, required=False, type=click.Path(path_type=Path), text="Trajectory, as `save` writes."
-)
-@click.option("--live", is_flag=True, help="Follow a hand instead: lines of JSON on standard input.")
-@click.option("--fingers", type=click.FloatRange(0.0, 1.0), metavar="S", help="Go there meanwhile, 0 open to 1 closed.")
-@options.robot()
-@way
-@bounds
-@click.option(
-    "--write-forwarder", type=click.Path(path_type=Path), metavar="FILE.py", help="Write the forwarder, and end."
-)
-@options.json
-def run(
-    file: Path | None,
-    live: bool,
-    fingers: float | None,
-    source: options.RobotOptions,
-    way: Way,
-    bounds: Bounds,
-    write_forwarder: Path | None,
-    json: bool,
-) -> None:
+@command(no_args_is_help=True)
+def run(given: Motion, way: Way, bounds: Bounds, source: RobotOptions) -> None:
     """Play a trajectory on an arm: velocities 100 times a second, corrected by the angles that it measures.
 
     The arm must stand where the file begins, up to whole turns of joints without limits. It is stopped when it falls
@@ -133,10 +115,10 @@ def run(
     from jacokin.runner import PlannedMotion, Runner, RunnerOptions
     from jacokin.runner import run as play
 
-    if write_forwarder is not None:
-        _write_forwarder(write_forwarder)
+    if given.write_forwarder is not None:
+        _write_forwarder(given.write_forwarder)
         return
-    if (file is None) is not live:
+    if (given.file is None) is not given.live:
         raise InvalidInputError("give a file, or --live")
     robot = source.load()
     chosen = RunnerOptions(
@@ -149,8 +131,8 @@ def run(
     with contextlib.ExitStack() as stack:
         motion: PlannedMotion | LiveMotion
         watch: Callable[[], None] | None = None
-        if file is not None:
-            motion = PlannedMotion.load(file, robot, start=math.radians(bounds.start))
+        if given.file is not None:
+            motion = PlannedMotion.load(given.file, robot, start=math.radians(bounds.start))
             link = _link(robot, way, motion)
         else:
             motion = live_motion = _live(robot)
@@ -159,9 +141,9 @@ def run(
         stack.callback(link.close)
         runner = Runner(robot, motion, chosen)
         try:
-            play(runner, link, fingers=fingers, watch=watch)
+            play(runner, link, fingers=given.fingers, watch=watch)
         finally:
-            _show(runner, json)
+            _show(runner, given.json)
     if runner.status.name != "ARRIVED":
         raise SystemExit(NOT_SOLVED)
 

@@ -6,6 +6,7 @@ import contextlib
 import os
 import sys
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +14,7 @@ import click
 
 from jacokin import files
 from jacokin.cli import display, options
-from jacokin.cli.command import Argument, Command
+from jacokin.cli.command import command, option
 from jacokin.cli.display import progress_bar
 from jacokin.cli.process import NOT_SOLVED
 from jacokin.errors import InvalidInputError
@@ -31,55 +32,109 @@ REPLAY = "replay"
 CONTROL = "joint_velocity"
 
 
-@click.command(cls=Command, no_args_is_help=True)
-@click.argument(
-    "name",
-    cls=Argument,
-    metavar="NAME",
-    text="Such as reach_site or lift_brick, or MODULE:ID of a task of your own; an unknown name lists all.",
-)
-@click.argument(
-    "data_set", cls=Argument, metavar="[FILE]", type=options.FILE, required=False, text="After `replay`: a data set."
-)
-@click.option("--expert", is_flag=True, help="Let the scripted expert act; otherwise actions are random.")
-@click.option(
-    "--control",
-    metavar="NAME",
-    help=f"What actions are: {CONTROL} (as if not given), joint_position, joint_delta, tool_velocity or tool_pose.",
-)
-@click.option(
-    "--noise",
-    type=click.FloatRange(min=0.0),
-    metavar="RAD/S",
-    help="With --expert: standard deviation of noise on its velocities, such as 0.05.",
-)
-@click.option(
-    "--mistakes",
-    type=click.IntRange(min=0),
-    metavar="N",
-    help="With --expert: how many times in an episode the arm goes astray, and comes back.",
-)
-@click.option("--episodes", type=click.IntRange(min=1), default=1, metavar="N", help="How many episodes to run.")
-@click.option("--seed", type=click.IntRange(min=0), default=0, metavar="N", help="Start of the random numbers.")
-@click.option(
-    "--record",
-    type=options.FILE,
-    metavar="FILE",
-    help="Write pictures (.mp4), observations, actions and rewards (.npz), or a data set (.hdf5, .minari, .lerobot).",
-)
-@click.option("--render", is_flag=True, help="Show a window, which needs a display.")
-def task(
-    name: str,
-    data_set: Path | None,
-    expert: bool,
-    control: str | None,
-    noise: float | None,
-    mistakes: int | None,
-    episodes: int,
-    seed: int,
-    record: Path | None,
-    render: bool,
-) -> None:
+@dataclass(frozen=True, slots=True)
+class TaskOptions:
+    """Episodes of what, by whom, and what is kept of them."""
+
+    name: str = option(
+        metavar="NAME",
+        text="Such as reach_site or lift_brick, or MODULE:ID of a task of your own; an unknown name lists all.",
+    )
+    data_set: Path | None = option(
+        metavar="[FILE]", type=options.FILE, required=False, text="After `replay`: a data set."
+    )
+    expert: bool = option("--expert", is_flag=True, help="Let the scripted expert act; otherwise actions are random.")
+    control: str | None = option(
+        "--control",
+        metavar="NAME",
+        help=f"What actions are: {CONTROL} (as if not given), joint_position, joint_delta, tool_velocity or tool_pose.",
+    )
+    noise: float | None = option(
+        "--noise",
+        type=click.FloatRange(min=0.0),
+        metavar="RAD/S",
+        help="With --expert: standard deviation of noise on its velocities, such as 0.05.",
+    )
+    mistakes: int | None = option(
+        "--mistakes",
+        type=click.IntRange(min=0),
+        metavar="N",
+        help="With --expert: how many times in an episode the arm goes astray, and comes back.",
+    )
+    episodes: int = option(
+        "--episodes", type=click.IntRange(min=1), default=1, metavar="N", help="How many episodes to run."
+    )
+    seed: int = option(
+        "--seed", type=click.IntRange(min=0), default=0, metavar="N", help="Start of the random numbers."
+    )
+    record: Path | None = option(
+        "--record",
+        type=options.FILE,
+        metavar="FILE",
+        help="Write pictures (.mp4), observations, actions and rewards (.npz), "
+        "or a data set (.hdf5, .minari, .lerobot).",
+    )
+    render: bool = option("--render", is_flag=True, help="Show a window, which needs a display.")
+
+    @property
+    def mode(self) -> str | None:
+        """How the environment draws."""
+        return "human" if self.render else "rgb_array" if is_video(self.record) else None
+
+    def check(self) -> None:
+        """Refuse options that do not go together.
+
+        Raises:
+            InvalidInputError: names them.
+        """
+        if not self.expert and (self.noise is not None or self.mistakes is not None):
+            raise InvalidInputError("--noise and --mistakes are those of the expert: give --expert too")
+        if self.render and is_video(self.record):
+            raise InvalidInputError(
+                "give one of --render and --record with a video, not both: each draws in its own way"
+            )
+        if self.render and not has_display():
+            raise InvalidInputError("--render needs a display; without one, --record video.mp4 writes a video")
+        if self.data_set is not None or self.name == REPLAY:
+            if self.data_set is None or self.name != REPLAY or self.expert:
+                raise InvalidInputError(
+                    "a data set is played back by `jacokin task replay FILE`, which takes no --expert"
+                )
+            if self.control is not None:
+                raise InvalidInputError("--control is that of the data set: leave it out")
+        elif self.record is not None and self.record.suffix in DATA_SETS and self.render:
+            raise InvalidInputError("give one of --render and --record with a data set, not both")
+
+    def load(self) -> tuple[TaskEnv, Expert | None]:
+        """The environment, and the expert if it is asked for.
+
+        Raises:
+            InvalidInputError: as `tasks.expert` and `TaskEnv`.
+        """
+        from jacokin import tasks
+
+        if ":" in self.name:
+            sys.path.insert(0, "")  # the module before the colon may be in the present folder, as for Python itself
+        control, policy = self.control or CONTROL, None
+        if self.expert:
+            policy = tasks.expert(self.name, control=control, noise=self.noise or 0.0, mistakes=self.mistakes or 0)
+        return tasks.TaskEnv(self.name, control=control, flatten=False, render_mode=self.mode), policy
+
+    def tell(self, solved: int, mean_return: float) -> None:
+        """Say how the episodes went.
+
+        Raises:
+            SystemExit: the expert has not solved all.
+        """
+        display.echo(f"{solved} of {self.episodes} solved, mean return {mean_return:.1f}")
+        if self.record is not None:
+            display.echo(f"wrote {self.record}")
+        if self.expert and solved < self.episodes:
+            raise SystemExit(NOT_SOLVED)
+
+
+@command(no_args_is_help=True)
+def task(given: TaskOptions) -> None:
     """Run episodes of a task, and show how they end; `jacokin task replay FILE` runs those of a data set again.
 
     Needs the extra `tasks`, for videos ffmpeg or the extra `video`, and `data` for data sets: .hdf5 in the layout of
@@ -96,80 +151,50 @@ def task(
       jacokin task lift_brick --expert --noise 0.05 --mistakes 1 --episodes 200 --record demos.hdf5
       jacokin task replay demos.hdf5 --record video.mp4
     """
-    if not expert and (noise is not None or mistakes is not None):
-        raise InvalidInputError("--noise and --mistakes are those of the expert: give --expert too")
-    has_pictures = is_video(record)
-    if render and has_pictures:
-        raise InvalidInputError("give one of --render and --record with a video, not both: each draws in its own way")
-    if render and not has_display():
-        raise InvalidInputError("--render needs a display; without one, --record video.mp4 writes a video")
-    if has_pictures:
+    given.check()
+    if is_video(given.record):
         choose_renderer()
-    if data_set is not None or name == REPLAY:
-        if data_set is None or name != REPLAY or expert:
-            raise InvalidInputError("a data set is played back by `jacokin task replay FILE`, which takes no --expert")
-        if control is not None:
-            raise InvalidInputError("--control is that of the data set: leave it out")
-        _replay(data_set, record, render)
-        return
-    control = control or CONTROL
-    if record is not None and record.suffix in DATA_SETS:
-        if render:
-            raise InvalidInputError("give one of --render and --record with a data set, not both")
-        _record_data(name, expert, control, noise or 0.0, mistakes or 0, episodes, seed, record)
-        return
-    with contextlib.ExitStack() as stack:
-        recorder = None if record is None else stack.enter_context(record_to(record))
-        from jacokin import tasks
+    if given.data_set is not None:
+        _replay(given.data_set, given)
+    elif given.record is not None and given.record.suffix in DATA_SETS:
+        _record_data(given, given.record)
+    else:
+        _play(given)
 
-        if ":" in name:
-            sys.path.insert(0, "")  # the module before the colon may be in the present folder, as for Python itself
-        policy = None
-        if expert:
-            policy = tasks.expert(name, control=control, noise=noise or 0.0, mistakes=mistakes or 0)
-        mode = "human" if render else "rgb_array" if has_pictures else None
-        environment = tasks.TaskEnv(name, control=control, flatten=False, render_mode=mode)
+
+def _play(given: TaskOptions) -> None:
+    """Run episodes, and record them row by row or as a film."""
+    with contextlib.ExitStack() as stack:
+        recorder = None if given.record is None else stack.enter_context(record_to(given.record))
+        environment, policy = given.load()
         stack.enter_context(contextlib.closing(environment))
-        environment.action_space.seed(seed)
+        environment.action_space.seed(given.seed)
         solved, returns = 0, []
-        for episode in range(episodes):
-            with progress_bar(f"episode {episode + 1} of {episodes}, step") as progress:
-                total, success = _run(environment, policy, seed, episode, recorder, progress)
+        for episode in range(given.episodes):
+            with progress_bar(f"episode {episode + 1} of {given.episodes}, step") as progress:
+                total, success = _run(environment, policy, given.seed, episode, recorder, progress)
             solved += success
             returns.append(total)
             is_solved = "solved" if success else "not solved"
-            display.echo(f"episode {episode + 1} of {episodes}: return {total:.1f}, {is_solved}")
-        display.echo(f"{solved} of {episodes} solved, mean return {sum(returns) / episodes:.1f}")
-    if record is not None:
-        display.echo(f"wrote {record}")
-    if expert and solved < episodes:
-        raise SystemExit(NOT_SOLVED)
+            display.echo(f"episode {episode + 1} of {given.episodes}: return {total:.1f}, {is_solved}")
+    given.tell(solved, sum(returns) / given.episodes)
 
 
-def _record_data(
-    name: str, expert: bool, control: str, noise: float, mistakes: int, episodes: int, seed: int, path: Path
-) -> None:
+def _record_data(given: TaskOptions, path: Path) -> None:
+    """Record a data set."""
     from jacokin import tasks
 
-    if ":" in name:
-        sys.path.insert(0, "")
-    with contextlib.closing(tasks.TaskEnv(name, control=control, flatten=False)) as environment:
-        policy: Expert | _RandomActions = _RandomActions(environment)
-        if expert:
-            policy = tasks.expert(name, control=control, noise=noise, mistakes=mistakes)
-        with progress_bar("episode") as progress:
-            found = tasks.record(
-                environment,
-                policy,
-                path,
-                episodes=episodes,
-                seed=seed,
-                progress=lambda made: progress(made.done, made.total),
-            )
-    display.echo(f"{found.solved} of {found.episodes} solved, mean return {found.mean_return:.1f}")
-    display.echo(f"wrote {path}")
-    if expert and found.solved < found.episodes:
-        raise SystemExit(NOT_SOLVED)
+    environment, policy = given.load()
+    with contextlib.closing(environment), progress_bar("episode") as progress:
+        found = tasks.record(
+            environment,
+            policy or _RandomActions(environment),
+            path,
+            episodes=given.episodes,
+            seed=given.seed,
+            progress=lambda made: progress(made.done, made.total),
+        )
+    given.tell(found.solved, found.mean_return)
 
 
 class _RandomActions:
@@ -185,12 +210,18 @@ class _RandomActions:
         return self._space.sample()
 
 
-def _replay(path: Path, record: Path | None, render: bool) -> None:
+def _replay(path: Path, given: TaskOptions) -> None:
+    """Run the episodes of a data set again.
+
+    Raises:
+        InvalidInputError: another file than a video to record to, or as `tasks.replay`.
+        SystemExit: one differs.
+    """
     from jacokin import tasks
 
+    record = given.record
     if record is not None and not is_video(record):
         raise InvalidInputError(f"--record of a replay must end in {VIDEO}, got {record}")
-    mode = "human" if render else "rgb_array" if record is not None else None
 
     with contextlib.ExitStack() as stack:
         recorder = None if record is None else stack.enter_context(record_to(record))
@@ -198,10 +229,10 @@ def _replay(path: Path, record: Path | None, render: bool) -> None:
         def watch(environment: TaskEnv) -> None:
             if not isinstance(recorder, ArrayRecorder | None):
                 recorder.film(environment)
-            elif render:
+            elif given.render:
                 environment.render()
 
-        found = tasks.replay(path, render_mode=mode, watch=watch)
+        found = tasks.replay(path, render_mode=given.mode, watch=watch)
     for each in found:
         what = "equal" if each.is_equal else f"{', '.join(each.differing)} differ"
         if "states" in each.differing:

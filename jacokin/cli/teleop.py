@@ -14,6 +14,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,8 +22,9 @@ import click
 
 from jacokin import files, model, motion
 from jacokin.cli import display, options
-from jacokin.cli.command import Command
+from jacokin.cli.command import command, option
 from jacokin.cli.display import number, show_facts
+from jacokin.cli.groups import RADIANS, RobotOptions, SceneOptions
 from jacokin.cli.options import keep_apart
 from jacokin.cli.process import NOT_SOLVED
 from jacokin.cli.task import choose_renderer, has_display
@@ -51,7 +53,7 @@ space opens and closes the clutch, q ends"""
 
 
 def read_cameras(
-    context: click.Context, option: click.Parameter, texts: tuple[str, ...]
+    context: click.Context, parameter: click.Parameter, texts: tuple[str, ...]
 ) -> dict[str, tuple[int, int]] | None:
     """Read cameras and the sizes of their pictures from --camera.
 
@@ -68,104 +70,219 @@ def read_cameras(
     return found or None
 
 
-@click.command(cls=Command)
-@click.option("--device", type=click.Choice(DEVICES), default="player", help="What leads the arm.")
-@click.option(
-    "--stream",
-    metavar="FILE.npz|KIND",
-    help="For the player: a recording or a made hand, smooth if not given.",
-)
-@click.option("--rate", default=60.0, metavar="R", help="Of a hand that is made: poses in a second [1/s].")
-@options.random_seed
-@click.option("--scale", default=1.0, metavar="S", help="The tool moves this many times as far as the hand.")
-@click.option(
-    "--filter",
-    "constant",
-    type=float,
-    metavar="T",
-    help="Time constant of a low-pass on the hand [s], 0 for none; without it, gaps between its poses are smoothed.",
-)
-@click.option(
-    "--recover", type=float, metavar="T", help="Held off its target this long [s], the tool takes another branch."
-)
-@click.option("--seconds", type=float, metavar="T", help="End after this time [s]; with the device if not given.")
-@click.option("--fast", is_flag=True, help="As fast as it can, instead of in real time; for the player.")
-@options.scene
-@options.clearance
-@click.option("--dt", type=float, metavar="T", help="Control step [s]; 0.01, or that of the task.")
-@click.option(
-    "--acceleration-limit",
-    type=float,
-    metavar="A",
-    help="Of the joints [rad/s^2]; 4, or what the motors of the task are strong enough for.",
-)
-@options.velocity_limit
-@click.option("--task", metavar="NAME", help="Lead the arm of this task's simulation, such as reach_site.")
-@click.option(
-    "--record",
-    type=options.FILE,
-    metavar="FILE",
-    help="With --task: a data set of the episodes that are kept, .hdf5, .minari or .lerobot.",
-)
-@click.option(
-    "--episodes",
-    type=click.IntRange(min=1),
-    metavar="N",
-    help="With --record: how many to keep; a session that ends with fewer goes on when it is started again.",
-)
-@click.option(
-    "--camera",
-    "cameras",
-    multiple=True,
-    callback=read_cameras,
-    metavar="NAME[=HxW]",
-    help="With --record: a camera that observes, front_close or wrist, and the size of its pictures. Repeatable.",
-)
-@click.option(
-    "--pace",
-    type=click.FloatRange(min=0.0, min_open=True),
-    metavar="P",
-    help="With --record: simulated seconds in a second; 0.5 is slow motion.",
-)
-@click.option("--render", is_flag=True, help="With --task: show the simulation in a window, which needs a display.")
-@click.option("--view", is_flag=True, help="Show the arm in the browser; prints the address. --device page does, too.")
-@click.option("--port", type=click.IntRange(min=0), default=8080, metavar="N", help="Of the page; 0 for any free one.")
-@click.option(
-    "--output",
-    type=options.FILE,
-    metavar="FILE",
-    help="Write the commanded motion here, .csv, .npz, .json (ROS), .kinova.csv or .kinova.json (kinova-ros).",
-)
-@options.frame
-@options.json
-@options.robot()
+@dataclass(frozen=True, slots=True)
+class HandOptions:
+    """What leads the arm, for how long, and what is written of it."""
+
+    device: str = option("--device", type=click.Choice(DEVICES), default="player", help="What leads the arm.")
+    stream: str | None = option(
+        "--stream", metavar="FILE.npz|KIND", help="For the player: a recording or a made hand, smooth if not given."
+    )
+    rate: float = option("--rate", default=60.0, metavar="R", help="Of a hand that is made: poses in a second [1/s].")
+    random_seed: int | None = options.random_seed()
+    seconds: float | None = option(
+        "--seconds", type=float, metavar="T", help="End after this time [s]; with the device if not given."
+    )
+    fast: bool = option("--fast", is_flag=True, help="As fast as it can, instead of in real time; for the player.")
+    output: Path | None = option(
+        "--output",
+        type=options.FILE,
+        metavar="FILE",
+        help="Write the commanded motion here, .csv, .npz, .json (ROS), .kinova.csv or .kinova.json (kinova-ros).",
+    )
+    json: bool = options.json()
+
+    @property
+    def recording(self) -> Path | None:
+        """The file of a stream."""
+        return None if self.stream is None or Path(self.stream).suffix != STREAM else Path(self.stream)
+
+    @property
+    def seed(self) -> int:
+        """Of the random numbers."""
+        return self.random_seed or 0
+
+    def check(self) -> None:
+        """Refuse options that do not go together.
+
+        Raises:
+            InvalidInputError: names them.
+        """
+        from jacokin.motion.trajectory import FORMATS
+
+        if self.device != "player" and (self.stream is not None or self.fast):
+            raise InvalidInputError("--stream and --fast are for --device player")
+        if self.output is not None and self.output.suffix in DATA_SETS:
+            advice = f"a data set of a task is --record {self.output} --task NAME"
+            raise InvalidInputError(f"--output writes one motion; {advice}")
+        if self.output is not None and self.output.suffix not in FORMATS:
+            raise InvalidInputError(f"--output must end in {' or '.join(FORMATS)}, got {str(self.output)!r}")
+
+
+@dataclass(frozen=True, slots=True)
+class FollowingOptions:
+    """How the arm follows."""
+
+    scale: float = option(
+        "--scale", default=1.0, metavar="S", help="The tool moves this many times as far as the hand."
+    )
+    constant: float | None = option(
+        "--filter",
+        type=float,
+        metavar="T",
+        help="Time constant of a low-pass on the hand [s], 0 for none; "
+        "without it, gaps between its poses are smoothed.",
+    )
+    recover: float | None = option(
+        "--recover", type=float, metavar="T", help="Held off its target this long [s], the tool takes another branch."
+    )
+    dt: float | None = option("--dt", type=float, metavar="T", help="Control step [s]; 0.01, or that of the task.")
+    acceleration_limit: float | None = option(
+        "--acceleration-limit",
+        type=float,
+        metavar="A",
+        help="Of the joints [rad/s^2]; 4, or what the motors of the task are strong enough for.",
+    )
+    velocity_limit: list[float] | None = options.velocity_limit()
+    frame: str | None = options.frame()
+
+    def follow(self, robot: model.Robot, arm: TaskArm | None, scene: model.Scene | None, clearance: float) -> Teleop:
+        """What leads an arm, that of a task where there is one.
+
+        Raises:
+            InvalidInputError: as `Tracker` and `Teleop`.
+        """
+        from jacokin.teleop import Teleop
+        from jacokin.teleop.teleop import AUTO
+
+        possible = ACCELERATION if arm is None else arm.acceleration
+        tracker = motion.Tracker(
+            robot,
+            self.frame,
+            q=None if arm is None else arm.q,
+            dt=arm.dt if arm is not None else DT if self.dt is None else self.dt,
+            scene=scene,
+            clearance=clearance,
+            velocity_limit=RADIANS.for_joints(robot).limits("--velocity-limit", self.velocity_limit, "rad/s"),
+            acceleration_limit=possible if self.acceleration_limit is None else self.acceleration_limit,
+        )
+        smoothing = AUTO if self.constant is None else self.constant
+        return Teleop(tracker, clutch=True, scale=self.scale, filter=smoothing, recover=self.recover)
+
+
+@dataclass(frozen=True, slots=True)
+class SimulationOptions:
+    """The task whose arm is led, and the data set of its episodes."""
+
+    task: str | None = option(
+        "--task", metavar="NAME", help="Lead the arm of this task's simulation, such as reach_site."
+    )
+    record: Path | None = option(
+        "--record",
+        type=options.FILE,
+        metavar="FILE",
+        help="With --task: a data set of the episodes that are kept, .hdf5, .minari or .lerobot.",
+    )
+    episodes: int | None = option(
+        "--episodes",
+        type=click.IntRange(min=1),
+        metavar="N",
+        help="With --record: how many to keep; a session that ends with fewer goes on when it is started again.",
+    )
+    cameras: dict[str, tuple[int, int]] | None = option(
+        "--camera",
+        multiple=True,
+        callback=read_cameras,
+        metavar="NAME[=HxW]",
+        help="With --record: a camera that observes, front_close or wrist, and the size of its pictures. Repeatable.",
+    )
+    pace: float | None = option(
+        "--pace",
+        type=click.FloatRange(min=0.0, min_open=True),
+        metavar="P",
+        help="With --record: simulated seconds in a second; 0.5 is slow motion.",
+    )
+    render: bool = option(
+        "--render", is_flag=True, help="With --task: show the simulation in a window, which needs a display."
+    )
+
+    def check(self, hand: HandOptions, *, has_robot: bool) -> None:
+        """Refuse options that do not go together, before anything is made.
+
+        Args:
+            hand: what leads the arm.
+            has_robot: whether a robot or a control step is given.
+
+        Raises:
+            InvalidInputError: names them.
+        """
+        if self.record is None:
+            if self.episodes is not None or self.cameras or self.pace is not None:
+                raise InvalidInputError("--episodes, --camera and --pace are for --record: give it, and --task")
+        elif self.task is None:
+            raise InvalidInputError("--record writes episodes of a task: give --task too, such as lift_brick")
+        elif self.record.suffix not in DATA_SETS:
+            raise InvalidInputError(f"--record must end in {', '.join(DATA_SETS)}, got {str(self.record)!r}")
+        elif hand.seconds is not None or hand.output is not None:
+            raise InvalidInputError(
+                "--record ends with its episodes and writes them only: leave out --seconds and --output"
+            )
+        if hand.fast and self.pace is not None:
+            raise InvalidInputError("give at most one of --fast and --pace")
+        if self.task is not None and has_robot:
+            raise InvalidInputError(
+                f"--task has its robot, {model.DEFAULT_ROBOT}, and its control step: leave them out"
+            )
+        if self.render and self.task is None:
+            raise InvalidInputError("--render shows the simulation of a task: give --task too, or --view")
+        if self.render and not has_display():
+            raise InvalidInputError(
+                "--render needs a display; without one, --view shows the arm and the props in a browser"
+            )
+
+    @contextlib.contextmanager
+    def start(self, seed: int) -> Iterator[_Simulation | None]:
+        """The task at the start of an episode; None without one."""
+        if self.task is None:
+            yield None
+            return
+        if self.cameras:
+            choose_renderer()
+        from jacokin import tasks
+        from jacokin.teleop.task_arm import CONTROL
+
+        if ":" in self.task:
+            sys.path.insert(0, "")
+        made = tasks.TaskEnv(
+            self.task,
+            control=CONTROL,
+            flatten=False,
+            observations="vision" if self.cameras else "features",
+            cameras=self.cameras,
+            render_mode="human" if self.render else None,
+        )
+        with contextlib.closing(made) as environment:
+            yield _Simulation(environment, seed)
+
+
+@dataclass(frozen=True, slots=True)
+class PageOptions:
+    """The page that shows the arm."""
+
+    view: bool = option(
+        "--view", is_flag=True, help="Show the arm in the browser; prints the address. --device page does, too."
+    )
+    port: int = options.port()
+
+
+@command()
 def teleop(
-    device: str,
-    stream: str | None,
-    rate: float,
-    random_seed: int | None,
-    scale: float,
-    constant: float | None,
-    recover: float | None,
-    seconds: float | None,
-    fast: bool,
-    scene: Path | None,
-    clearance: float,
-    dt: float | None,
-    acceleration_limit: float | None,
-    velocity_limit: list[float] | None,
-    task: str | None,
-    record: Path | None,
-    episodes: int | None,
-    cameras: dict[str, tuple[int, int]] | None,
-    pace: float | None,
-    render: bool,
-    view: bool,
-    port: int,
-    output: Path | None,
-    frame: str | None,
-    json: bool,
-    source: options.RobotOptions,
+    hand: HandOptions,
+    following: FollowingOptions,
+    around: SceneOptions,
+    simulated: SimulationOptions,
+    page: PageOptions,
+    source: RobotOptions,
 ) -> None:
     """Let a hand lead the arm: a recording, a space mouse, keys or a gamepad.
 
@@ -186,199 +303,128 @@ def teleop(
       jacokin teleop --device page --task lift_brick
       jacokin teleop --device keyboard --view --task lift_brick --record demos.lerobot --camera wrist --episodes 50
     """
-    from jacokin.motion.trajectory import FORMATS
-
-    if device != "player" and (stream is not None or fast):
-        raise InvalidInputError("--stream and --fast are for --device player")
-    _check_record(record, task, episodes, cameras, pace, seconds, output)
-    if fast and pace is not None:
-        raise InvalidInputError("give at most one of --fast and --pace")
-    if output is not None and output.suffix not in FORMATS:
-        raise InvalidInputError(f"--output must end in {' or '.join(FORMATS)}, got {str(output)!r}")
-    recording = None if stream is None or Path(stream).suffix != STREAM else Path(stream)
-    inputs = {"--robot": source.robot, "--scene": scene, "--stream": recording}
-    keep_apart({"--output": output, "--record": record}, inputs, source.package_dirs)
-    if task is not None and (dt is not None or source != options.RobotOptions(robot=model.DEFAULT_ROBOT)):
-        raise InvalidInputError(f"--task has its robot, {model.DEFAULT_ROBOT}, and its control step: leave them out")
-    if render and task is None:
-        raise InvalidInputError("--render shows the simulation of a task: give --task too, or --view")
-    if render and not has_display():
-        raise InvalidInputError(
-            "--render needs a display; without one, --view shows the arm and the props in a browser"
-        )
-    from jacokin.teleop import Keyboard, SpaceMouse, Teleop, lead
-    from jacokin.teleop.teleop import AUTO
+    hand.check()
+    simulated.check(hand, has_robot=following.dt is not None or source != RobotOptions())
+    inputs = {"--robot": source.robot, "--scene": around.scene, "--stream": hand.recording}
+    keep_apart({"--output": hand.output, "--record": simulated.record}, inputs, source.package_dirs)
+    from jacokin.teleop import lead
 
     with contextlib.ExitStack() as stack:
-        writable = None if output is None else stack.enter_context(files.replacing(output))
-        simulation = None
-        if task is not None:
-            if cameras:
-                choose_renderer()
-            simulation = stack.enter_context(_simulation(task, random_seed or 0, cameras, render))
-        robot = source.load() if simulation is None else simulation.arm.robot
-        around = simulation.arm.table if simulation is not None and scene is None else options.load_scene(scene)
-        speeds = options.RADIANS.for_joints(robot).limits("--velocity-limit", velocity_limit, "rad/s")
-
-        def make(arm: TaskArm | None) -> Teleop:
-            possible = ACCELERATION if arm is None else arm.acceleration
-            tracker = motion.Tracker(
-                robot if arm is None else arm.robot,
-                frame,
-                q=None if arm is None else arm.q,
-                dt=arm.dt if arm is not None else DT if dt is None else dt,
-                scene=around,
-                clearance=clearance,
-                velocity_limit=speeds,
-                acceleration_limit=possible if acceleration_limit is None else acceleration_limit,
-            )
-            smoothing = AUTO if constant is None else constant
-            return Teleop(tracker, clutch=True, scale=scale, filter=smoothing, recover=recover)
-
-        led = make(None if simulation is None else simulation.arm)
-        shown = None
-        if view or device == "page":
-            shown = stack.enter_context(_page(led.tracker, around, clearance, port))
-        props = None
-        if shown is not None and simulation is not None:
-            from jacokin.viewer.browser.props import Props
-
-            props = Props(shown.server, simulation.environment)
-        leading: Device
-        # In a task, whose episodes end after a while, as quick as the page's keys.
-        keyboard = Keyboard() if task is None else Keyboard(speed=TASK_SPEED[0], turn=TASK_SPEED[1])
-        if device == "player":
-            leading = _player(robot, stream, rate, random_seed or 0)
-        elif device == "spacemouse":
-            mouse = stack.enter_context(SpaceMouse())
-            is_typed = record is not None or (sys.platform != "win32" and sys.stdin.isatty())
-            leading = stack.enter_context(_keys("--record", keyboard, mouse)) if is_typed else mouse
-        elif device == "keyboard":
-            leading = stack.enter_context(_keys("--device keyboard", keyboard))
-        else:
-            assert shown is not None
-            leading = shown.add_controller()
-        if shown is not None:
-            click.echo(f"{shown.url} shows {robot.label}; Ctrl-C ends it", err=True)
+        writable = None if hand.output is None else stack.enter_context(files.replacing(hand.output))
+        simulation = stack.enter_context(simulated.start(hand.seed))
+        arm = None if simulation is None else simulation.arm
+        robot = source.load() if arm is None else arm.robot
+        scene = arm.table if arm is not None and around.scene is None else around.load()
+        led = following.follow(robot, arm, scene, around.clearance)
+        watched = _Watched()
+        if page.view or hand.device == "page":
+            watched = stack.enter_context(_page(led.tracker, scene, around.clearance, page.port, simulation))
+        device = _open_device(hand, simulated, robot, watched.shown, stack)
+        if watched.shown is not None:
+            click.echo(f"{watched.shown.url} shows {robot.label}; Ctrl-C ends it", err=True)
         stop = stack.enter_context(_interrupted())
-        if record is not None:
+        if simulated.record is not None:
             assert simulation is not None
             _demonstrate(
                 simulation.environment,
-                leading,
-                record,
-                episodes,
-                random_seed or 0,
-                math.inf if fast else pace or 1.0,
-                make,
+                device,
+                simulated.record,
+                (hand, simulated),
+                lambda arm: following.follow(arm.robot, arm, scene, around.clearance),
+                watched,
                 stop,
-                props,
-                shown,
-                json,
             )
             return
-        if simulation is not None:
-            fingers: Fingers | None = simulation.arm.fingers
-        else:
-            fingers = None if shown is None else _fingers(robot, said=hasattr(leading, "fingers"))
+        fingers = _fingers(robot, said=hasattr(device, "fingers")) if watched.shown is not None else None
+        fingers = fingers if arm is None else arm.fingers
 
         def act(step: TeleopStep) -> bool:
-            closing = getattr(leading, "fingers", 0.0)
-            angle = None if fingers is None else fingers.move(closing, led.tracker.dt)
-            if shown is not None:
-                shown.follow(step, finger_angle=angle)
+            angle = None if fingers is None else fingers.move(getattr(device, "fingers", 0.0), led.tracker.dt)
+            watched.follow(step, angle)
             goes_on = simulation is None or angle is None or simulation.act(step, angle)
-            if props is not None:
-                props.show()
+            watched.show_props()
             return goes_on
 
-        session = lead(
-            led, leading, seconds=math.inf if seconds is None else seconds, paced=not fast, act=act, stop=stop
-        )
+        seconds = math.inf if hand.seconds is None else hand.seconds
+        session = lead(led, device, seconds=seconds, paced=not hand.fast, act=act, stop=stop)
         if writable is not None:
             session.motion.save(writable)
     error = float(session.position_error[-1]) if len(session.position_error) else 0.0
-    if json:
+    if hand.json:
         display.print_json(_document(session, simulation))
     else:
-        _show(session, simulation, output)
+        _show(session, simulation, hand.output)
     if error > ARRIVED or not session.within_limits:
         raise SystemExit(NOT_SOLVED)
 
 
-def _check_record(
-    record: Path | None,
-    task: str | None,
-    episodes: int | None,
-    cameras: dict[str, tuple[int, int]] | None,
-    pace: float | None,
-    seconds: float | None,
-    output: Path | None,
-) -> None:
-    """Check the options of a data set before anything is made.
+def _open_device(
+    hand: HandOptions,
+    simulated: SimulationOptions,
+    robot: model.Robot,
+    shown: Viewer | None,
+    stack: contextlib.ExitStack,
+) -> Device:
+    """What leads the arm, until the stack is closed.
 
     Raises:
-        InvalidInputError: some do not go together.
+        InvalidInputError: it is not there.
     """
-    if output is not None and output.suffix in DATA_SETS:
-        raise InvalidInputError(f"--output writes one motion; a data set of a task is --record {output} --task NAME")
-    if record is None:
-        if episodes is not None or cameras or pace is not None:
-            raise InvalidInputError("--episodes, --camera and --pace are for --record: give it, and --task")
-        return
-    if task is None:
-        raise InvalidInputError("--record writes episodes of a task: give --task too, such as lift_brick")
-    if record.suffix not in DATA_SETS:
-        raise InvalidInputError(f"--record must end in {', '.join(DATA_SETS)}, got {str(record)!r}")
-    if seconds is not None or output is not None:
-        raise InvalidInputError(
-            "--record ends with its episodes and writes them only: leave out --seconds and --output"
-        )
+    from jacokin.teleop import Keyboard, SpaceMouse
+
+    if hand.device == "player":
+        return _player(robot, hand.stream, hand.rate, hand.seed)
+    if hand.device == "page":
+        assert shown is not None
+        return shown.add_controller()
+    # In a task, whose episodes end after a while, as quick as the page's keys.
+    keyboard = Keyboard() if simulated.task is None else Keyboard(speed=TASK_SPEED[0], turn=TASK_SPEED[1])
+    if hand.device == "keyboard":
+        return stack.enter_context(_keys("--device keyboard", keyboard))
+    mouse = stack.enter_context(SpaceMouse())
+    is_typed = simulated.record is not None or (sys.platform != "win32" and sys.stdin.isatty())
+    return stack.enter_context(_keys("--record", keyboard, mouse)) if is_typed else mouse
 
 
 def _demonstrate(
     environment: TaskEnv,
     device: Device,
     path: Path,
-    episodes: int | None,
-    seed: int,
-    pace: float,
+    given: tuple[HandOptions, SimulationOptions],
     make: Callable[[TaskArm], Teleop],
+    watched: _Watched,
     stop: threading.Event,
-    props: Props | None,
-    shown: Viewer | None,
-    json: bool,
 ) -> None:
     """Record episodes, and say what became of them."""
     from jacokin.teleop import demonstrate
 
+    hand, simulated = given
     standing: list[TaskArm] = []  # the arm that stands in the page
 
     def watch(arm: TaskArm, step: TeleopStep | None) -> None:
-        if shown is not None and step is None and arm not in standing:
+        if watched.shown is not None and step is None and arm not in standing:
             standing[:] = [arm]
             still = make(arm)
             still.clutch(False)
             step = still.step()
-        if shown is not None and step is not None:
-            shown.follow(step, finger_angle=arm.fingers.angle)
-        if props is not None:
-            props.show()
+        if step is not None:
+            watched.follow(step, arm.fingers.angle)
+        watched.show_props()
 
     found = demonstrate(
         environment,
         device,
         path,
-        episodes=episodes,
-        seed=seed,
-        pace=pace,
+        episodes=simulated.episodes,
+        seed=hand.seed,
+        pace=math.inf if hand.fast else simulated.pace or 1.0,
         make=make,
         watch=watch,
         tell=lambda text: click.echo(text, err=True),
         stop=stop,
     )
     kept = f"{found.kept} kept, {found.solved} of them solved, {found.discarded} thrown away"
-    if json:
+    if hand.json:
         document = {name: getattr(found, name) for name in ("kept", "solved", "steps", "discarded", "late")}
         display.print_json({"path": str(found.path), **document, "is_written": found.is_written})
     else:
@@ -438,15 +484,46 @@ def _interrupted() -> Iterator[threading.Event]:
         signal.signal(signal.SIGINT, before)
 
 
+class _Watched:
+    """The page that shows the arm and the props of a task; without a page, nothing is shown.
+
+    Attributes:
+        shown: the viewer, if there is one.
+    """
+
+    def __init__(self, shown: Viewer | None = None, simulation: _Simulation | None = None) -> None:
+        self.shown = shown
+        self._props: Props | None = None
+        if shown is not None and simulation is not None:
+            from jacokin.viewer.browser.props import Props
+
+            self._props = Props(shown.server, simulation.environment)
+
+    def follow(self, step: TeleopStep, angle: float | None) -> None:
+        """Show the arm, and its fingers at an angle [rad]."""
+        if self.shown is not None:
+            self.shown.follow(step, finger_angle=angle)
+
+    def show_props(self) -> None:
+        """Show the props where they are."""
+        if self._props is not None:
+            self._props.show()
+
+
 @contextlib.contextmanager
-def _page(tracker: motion.Tracker, scene: model.Scene | None, clearance: float, port: int) -> Iterator[Viewer]:
-    """The viewer, with the arm where the tracker is."""
+def _page(
+    tracker: motion.Tracker,
+    scene: model.Scene | None,
+    clearance: float,
+    port: int,
+    simulation: _Simulation | None,
+) -> Iterator[_Watched]:
+    """The viewer, with the arm where the tracker is, and the props of a task."""
     from jacokin import viewer
 
-    with viewer.serve(
-        tracker.robot, frame=tracker.frame, scene=scene, clearance=clearance, seed=tracker.q, port=port
-    ) as shown:
-        yield shown
+    chosen = viewer.ViewerOptions(frame=tracker.frame, clearance=clearance)
+    with viewer.serve(tracker.robot, chosen, scene=scene, seed=tracker.q, port=port) as shown:
+        yield _Watched(shown, simulation)
 
 
 class _Keys:
@@ -530,27 +607,6 @@ class _Simulation:
         at = self.environment.data.qpos[: robot.dof]
         self.lag = max(self.lag, float(abs(nearest_copy(at, step.q, robot.unlimited) - step.q).max()))
         return not is_over
-
-
-@contextlib.contextmanager
-def _simulation(
-    name: str, seed: int, cameras: dict[str, tuple[int, int]] | None, render: bool
-) -> Iterator[_Simulation]:
-    from jacokin import tasks
-    from jacokin.teleop.task_arm import CONTROL
-
-    if ":" in name:
-        sys.path.insert(0, "")
-    made = tasks.TaskEnv(
-        name,
-        control=CONTROL,
-        flatten=False,
-        observations="vision" if cameras else "features",
-        cameras=cameras,
-        render_mode="human" if render else None,
-    )
-    with contextlib.closing(made) as environment:
-        yield _Simulation(environment, seed)
 
 
 def _document(session: Session, simulation: _Simulation | None) -> dict[str, object]:

@@ -7,77 +7,75 @@ import math
 import re
 import sys
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
 
 import click
 
 from jacokin import model
 from jacokin.cli import display, options
-from jacokin.cli.command import Command, NumberList
+from jacokin.cli.command import NumberList, command, option
 from jacokin.cli.display import number, show_facts
 from jacokin.cli.process import NOT_SOLVED
 from jacokin.cli.task import choose_renderer
 from jacokin.cli.teleop import read_cameras
+from jacokin.cli.units import Units
 from jacokin.errors import InvalidInputError
 
 if TYPE_CHECKING:
     from jacokin.tasks import TaskEnv
-    from jacokin.twin import Record, SimulatedArm
+    from jacokin.twin import Faults, KinovaDriver, Record, SimulatedArm, TrajectoryController
     from jacokin.twin.pictures import Camera
+    from jacokin.twin.ros1 import Ros1Node
+    from jacokin.twin.ros2 import Ros2Node
 
 
-@click.command(cls=Command, no_args_is_help=True)
-@click.option("--ros", type=click.Choice(["1", "2"]), required=True, help="The version of ROS.")
-@click.option("--robot", metavar="NAME", default=model.DEFAULT_ROBOT, help="A bundled Jaco or Mico.")
-@click.option("--name", metavar="NAME", help="Of the robot in ROS, as kinova_robotName; that of --robot if not given.")
-@click.option("--from", "start", cls=NumberList, metavar="Q1 .. Q6", help="Joint angles at first; home if not given.")
-@click.option("--degrees", is_flag=True, help="--from is in degrees.")
-@click.option(
-    "--faults",
-    metavar="FAULTS",
-    default="",
-    help="What goes wrong, such as lag=0.02,loss=0.01,stall=0.3: [s], a share, [s].",
-)
-@options.random_seed
-@click.option(
-    "--pace",
-    type=click.FloatRange(min=0.0, min_open=True),
-    default=1.0,
-    metavar="P",
-    help="Simulated seconds in a second; with any but 1 the twin gives the time, on /clock.",
-)
-@click.option("--fast", is_flag=True, help="As fast as it can, instead of at a pace.")
-@click.option("--task", metavar="NAME", help="Stand in the scene of this task, such as lift_brick.")
-@click.option(
-    "--camera",
-    "cameras",
-    multiple=True,
-    callback=read_cameras,
-    metavar="NAME[=HxW]",
-    help="With --task: publish pictures of front_close, wrist or whole, 10 a second. Repeatable.",
-)
-@click.option("--seconds", type=float, metavar="T", help="End after this simulated time [s]; by Ctrl-C if not given.")
-@click.option("--view", is_flag=True, help="Show the arm in the browser; prints the address.")
-@click.option("--port", type=click.IntRange(min=0), default=8080, metavar="N", help="Of the page; 0 for any free one.")
-@options.json
-def twin(
-    ros: str,
-    robot: str,
-    name: str | None,
-    start: list[float] | None,
-    degrees: bool,
-    faults: str,
-    random_seed: int | None,
-    pace: float,
-    fast: bool,
-    task: str | None,
-    cameras: dict[str, tuple[int, int]] | None,
-    seconds: float | None,
-    view: bool,
-    port: int,
-    json: bool,
-) -> None:
+@dataclass(frozen=True, slots=True)
+class TwinOptions:
+    """The driver that is simulated, its arm, and how it is watched."""
+
+    ros: str = option("--ros", type=click.Choice(["1", "2"]), required=True, help="The version of ROS.")
+    robot: str = option("--robot", metavar="NAME", default=model.DEFAULT_ROBOT, help="A bundled Jaco or Mico.")
+    name: str | None = option(
+        "--name", metavar="NAME", help="Of the robot in ROS, as kinova_robotName; that of --robot if not given."
+    )
+    start: list[float] | None = option(
+        "--from", cls=NumberList, metavar="Q1 .. Q6", help="Joint angles at first; home if not given."
+    )
+    degrees: bool = option("--degrees", is_flag=True, help="--from is in degrees.")
+    faults: str = option(
+        "--faults",
+        metavar="FAULTS",
+        default="",
+        help="What goes wrong, such as lag=0.02,loss=0.01,stall=0.3: [s], a share, [s].",
+    )
+    random_seed: int | None = options.random_seed()
+    pace: float = option(
+        "--pace",
+        type=click.FloatRange(min=0.0, min_open=True),
+        default=1.0,
+        metavar="P",
+        help="Simulated seconds in a second; with any but 1 the twin gives the time, on /clock.",
+    )
+    fast: bool = option("--fast", is_flag=True, help="As fast as it can, instead of at a pace.")
+    task: str | None = option("--task", metavar="NAME", help="Stand in the scene of this task, such as lift_brick.")
+    cameras: dict[str, tuple[int, int]] | None = option(
+        "--camera",
+        multiple=True,
+        callback=read_cameras,
+        metavar="NAME[=HxW]",
+        help="With --task: publish pictures of front_close, wrist or whole, 10 a second. Repeatable.",
+    )
+    seconds: float | None = option(
+        "--seconds", type=float, metavar="T", help="End after this simulated time [s]; by Ctrl-C if not given."
+    )
+    view: bool = option("--view", is_flag=True, help="Show the arm in the browser; prints the address.")
+    port: int = options.port()
+    json: bool = options.json()
+
+
+@command(no_args_is_help=True)
+def twin(given: TwinOptions) -> None:
     """A node that looks like Kinova's driver to its clients, and moves a simulated arm.
 
     ROS 1: the topics, actions and services of kinova-ros' NAME_driver, and NAME/follow_joint_trajectory, which plays
@@ -94,55 +92,65 @@ def twin(
       jacokin twin --ros 2 --task lift_brick --camera wrist=96x96
       jacokin twin --ros 2 --fast --seconds 60 --json
     """
-    if cameras:
+    if given.cameras:
         choose_renderer()
-    from jacokin.twin import Faults, KinovaDriver, SimulatedArm, TrajectoryController
+    from jacokin.twin import Faults, SimulatedArm
 
-    found = Faults.parse(faults)
-    seed = random_seed or 0
-    if cameras and task is None:
+    found = Faults.parse(given.faults)
+    if given.cameras and given.task is None:
         raise InvalidInputError("--camera shows the scene of a task: give --task too")
-    if task is not None and (robot != model.DEFAULT_ROBOT or start is not None):
+    if given.task is not None and (given.robot != model.DEFAULT_ROBOT or given.start is not None):
         raise InvalidInputError(f"--task has its robot, {model.DEFAULT_ROBOT}, and its start: leave them out")
-    speed = math.inf if fast else pace
-    called = robot if name is None else name
+    called = given.robot if given.name is None else given.name
     if not re.fullmatch(r"[A-Za-z]\w*", called, re.ASCII):
         raise InvalidInputError(f"--name must be letters, digits and underscores, a letter first, got {called!r}")
-    q = None if start is None else [math.radians(angle) for angle in start] if degrees else start
+    q = None if given.start is None else Units(given.degrees).to_si(given.start)
     with contextlib.ExitStack() as stack:
         environment = None
-        if task is not None:
-            environment = _environment(task, seed)
+        if given.task is not None:
+            environment = _environment(given.task, given.random_seed or 0)
             stack.callback(environment.close)
-        arm = SimulatedArm(robot, q=q, task=None if environment is None else environment.task)
-        shown = _cameras(arm, cameras or {})
-        watch = _watching(stack, arm, environment, port) if view else _nothing
-        core: KinovaDriver | TrajectoryController
-        node: Ros1Node | Ros2Node
-        if ros == "1":
-            from jacokin.twin.ros1 import Ros1Node
-
-            core = driver = KinovaDriver(arm, faults=found, seed=seed)
-            node = Ros1Node(driver, called, pace=speed, cameras=shown)
-        else:
-            from jacokin.twin.ros2 import Ros2Node
-
-            joints = [f"{called}_joint_{joint + 1}" for joint in range(arm.robot.dof)]
-            core = controller = TrajectoryController(arm, joints, faults=found, seed=seed)
-            node = Ros2Node(controller, called, pace=speed, cameras=shown)
-        click.echo(f"twin of {arm.robot.label} in ROS {ros}: ready; Ctrl-C ends it", err=True)
+        arm = SimulatedArm(given.robot, q=q, task=None if environment is None else environment.task)
+        shown = _cameras(arm, given.cameras or {})
+        watch = _watching(stack, arm, environment, given.port) if given.view else _nothing
+        core, node = _node(given, called, arm, found, shown)
+        click.echo(f"twin of {arm.robot.label} in ROS {given.ros}: ready; Ctrl-C ends it", err=True)
         late = 0
         try:
-            late = node.run(watch, lambda: seconds is None or arm.state.time < seconds)
+            late = node.run(watch, lambda: given.seconds is None or arm.state.time < given.seconds)
         except KeyboardInterrupt:
             click.echo("closed", err=True)
         finally:
             node.close()
-            _show(core.record(), late, json)
+            _show(core.record(), late, given.json)
         died = getattr(core, "died", "")
         if died:
             click.echo(f"jacokin: {died}", err=True)
             raise SystemExit(NOT_SOLVED)
+
+
+def _node(
+    given: TwinOptions, called: str, arm: SimulatedArm, faults: Faults, cameras: list[Camera]
+) -> tuple[KinovaDriver, Ros1Node] | tuple[TrajectoryController, Ros2Node]:
+    """What moves the arm, and the node of ROS 1 or 2 that speaks for it.
+
+    Raises:
+        InvalidInputError: that ROS is not there.
+    """
+    from jacokin.twin import KinovaDriver, TrajectoryController
+
+    seed = given.random_seed or 0
+    speed = math.inf if given.fast else given.pace
+    if given.ros == "1":
+        from jacokin.twin.ros1 import Ros1Node
+
+        driver = KinovaDriver(arm, faults=faults, seed=seed)
+        return driver, Ros1Node(driver, called, pace=speed, cameras=cameras)
+    from jacokin.twin.ros2 import Ros2Node
+
+    joints = [f"{called}_joint_{joint + 1}" for joint in range(arm.robot.dof)]
+    controller = TrajectoryController(arm, joints, faults=faults, seed=seed)
+    return controller, Ros2Node(controller, called, pace=speed, cameras=cameras)
 
 
 def _environment(task: str, seed: int) -> TaskEnv:

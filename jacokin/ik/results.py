@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, make_dataclass
+from dataclasses import dataclass, fields
 from enum import Enum
 from typing import Any, Self
 
@@ -77,13 +77,6 @@ class Status(Enum):
     SOLVER_ERROR = "the QP solver failed: try another qp_solver"
     INVALID_TARGET = "this row of a file is not a target and was left out: see its message"
 
-    # There is one object of each: Enum's own hash, of the name, is a Python function, and batches have millions.
-    __hash__ = object.__hash__
-
-
-#: The name of each: `Status.name` is a Python function, too.
-STATUS_NAMES = {status: status.name for status in Status}
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class IKResult(Frozen):
@@ -142,12 +135,6 @@ class IKResult(Frozen):
             f"position error {self.position_error:.3g} m, orientation error {self.orientation_error:.3g} rad. "
             f"{self.message}"
         )
-
-
-#: `IKResult` while it is filled, not frozen yet: it takes a third of the time, and changes its class when it is done.
-IKResultDraft = make_dataclass(
-    "IKResult", [(each.name, each.type) for each in fields(IKResult)], bases=(Frozen,), slots=True, eq=False
-)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, NamedTuple, cast
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -13,7 +13,7 @@ from jacokin.arrays import Array
 from jacokin.errors import ShapeError
 from jacokin.ik import diagnosis, targets
 from jacokin.ik.options import SolverOptions
-from jacokin.ik.results import IKResult, IKResultDraft, Status
+from jacokin.ik.results import IKResult, Status
 from jacokin.ik.seeds import inside_exactly
 from jacokin.ik.solutions.points import BranchTable
 from jacokin.ik.solutions.solution_set import SolutionSet
@@ -210,7 +210,7 @@ class Verifier:
         method, solver, iterations, starts = "closed_form", None, 0, 1
         if effort is not None:
             method, (iterations, starts, solver) = "qp", effort
-        made = IKResultDraft(
+        return IKResult(
             kept,
             status,
             position,
@@ -224,8 +224,6 @@ class Verifier:
             parameter,
             found.target.free_axes,
         )
-        made.__class__ = IKResult
-        return cast(IKResult, made)
 
 
 def _contact(robot: Robot, options: SolverOptions) -> tuple[Contact | None, str, ShapeError | None]:

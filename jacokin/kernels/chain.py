@@ -273,20 +273,16 @@ def bordered_newton(
     return size
 
 
-def tangent7(chain: Array, T: Array, x: Array, border: Array, t: Array, system: Array) -> float:
+def null_tangent(border: Array, t: Array, system: Array) -> float:
     """Fill t with the unit vector of the null space for which border . t > 0: the tangent of the self-motion.
+
+    The Jacobian is in system, from `linearise7`.
 
     Returns:
         The determinant of the Jacobian with t as its seventh row: the product of its singular values, and a sign; 0
         where there is no tangent. Along a curve the sign does not change, and a step that leaps to another curve beside
         it changes it.
     """
-    linearise7(chain, T, x, system)
-    return null_tangent(border, t, system)
-
-
-def null_tangent(border: Array, t: Array, system: Array) -> float:
-    """As `tangent7`, of the Jacobian that `linearise7` left in system."""
     for j in range(7):
         system[6, j] = border[j]
     for i in range(6):

@@ -153,6 +153,8 @@ SAME_START = 1e-10
 TIMES_NOISE = 8.0
 #: At least this part of the largest value of F is noise.
 SMALLEST_NOISE = 64.0 * 2.2e-16
+#: Part of F's size by which the last digits of a target move it: where it comes as near to zero it may touch it.
+POSE_NOISE = 3e-13
 #: Noise of Bernstein coefficients on a stretch, relative to the largest determinant there: 1e-14 of each, as much as
 #: the change of basis may amplify it, 5e4.
 CLOSE_NOISE = 5e-10

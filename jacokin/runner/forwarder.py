@@ -6,8 +6,8 @@ It takes ROS, Python 3.8 or later, and nothing else: copy it to the machine with
 there or by `ssh` or `docker exec -i`, and speaks to it in lines of JSON, by its standard input and output:
 
     in:   {"joints": [names]} first; {"v": [rad/s]} 100 times a second; {"fingers": 0 open to 1 closed}
-    out:  {"listens": whether the driver does} ten times a second; {"q": [rad], "v": [rad/s], "torques": [N m]};
-          {"error": why}
+    out:  {"listens": whether the driver does} when that changes, and ten times a second; {"error": why};
+          {"q": [rad], "v": [rad/s], "torques": [N m]}
 
 When velocities stop coming for 50 ms, it sends zeros; when its input ends, it sends zeros and leaves.
 """
@@ -29,7 +29,7 @@ from typing import Any, Callable  # noqa: UP035 (Python 3.8)
 PERIOD = 0.01  # [s] of the driver
 WATCHDOG = 0.05  # [s] without velocities, after which zeros are sent
 ZEROS = 5  # messages that end a motion
-ALIVE = 0.1  # [s] between two words on whether the driver listens
+ALIVE = 0.1  # [s] between two words on whether the driver listens, if that has not changed
 ANSWER = 10.0  # [s] that a ROS master may take
 TURNS = 6800.0  # of a finger's motor from open to closed (kinova-ros)
 OPEN, CLOSED = 0.15, 1.35  # [rad] of fingers in ROS 2
@@ -248,12 +248,13 @@ def main() -> int:
         return 1
     forwarder.attach(arm)
     threading.Thread(target=read, daemon=True).start()
-    said = -math.inf
+    said, listened = -math.inf, False
     while not ended.wait(PERIOD):
         forwarder.watch()
-        if time.monotonic() - said > ALIVE:
-            said = time.monotonic()
-            say({"listens": arm.listens()})
+        listens = arm.listens()
+        if listens != listened or time.monotonic() - said > ALIVE:
+            said, listened = time.monotonic(), listens
+            say({"listens": listens})
     forwarder.end()
     arm.close()
     return 0

@@ -35,13 +35,14 @@ def run(runner: Runner, link: Link, *, fingers: float | None = None, watch: Call
             due = max(due + TICK, link.now())  # what is late is not made up for: the driver would keep it in its queue
             link.wait(due)
             measured = link.hear()
-            if not link.listens or (runner.status is RunnerStatus.WAITING and measured is None):
+            is_first = runner.status is RunnerStatus.WAITING
+            if is_first and not (link.listens and measured is not None):
                 if link.now() - begun > PATIENCE:
                     what = "says where it is" if link.listens else "listens to velocities"
                     raise InvalidInputError(f"no arm {what} (waited {PATIENCE:g} s)")
-                if runner.status is RunnerStatus.WAITING:
-                    continue
-            is_first = runner.status is RunnerStatus.WAITING
+                continue
+            if not link.listens:
+                runner.lose()  # for good: a driver that comes back finds nobody who moves its arm
             step = runner.step(link.now(), measured)
             if is_first and fingers is not None and not step.status.has_ended:
                 link.move_fingers(fingers)

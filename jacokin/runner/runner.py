@@ -47,6 +47,7 @@ class RunnerStatus(Enum):
     NOT_THERE = "the arm does not stand where the motion begins"
     BEHIND = "the arm fell behind the motion"
     SILENT = "nothing said where the arm is"
+    LOST = "the driver no longer listens to velocities"
     CONTACT = "the arm touched something"
     INTERRUPTED = "it was told to stop"
 
@@ -176,6 +177,10 @@ class Runner:
     def stop(self, message: str = "") -> None:
         """Send nothing but zeros from now on; nothing where it has ended before."""
         self._end(RunnerStatus.INTERRUPTED, message)
+
+    def lose(self) -> None:
+        """Send nothing but zeros from now on, as nobody listens; nothing where it has ended before."""
+        self._end(RunnerStatus.LOST, "the driver ended, or was restarted, in the middle; a new one is sent nothing")
 
     def step(self, time: float, measured: Measured | None = None) -> RunnerStep:
         """One tick.

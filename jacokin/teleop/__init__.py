@@ -12,4 +12,14 @@ demonstrations  `demonstrate`: episodes of a task that a hand leads, as data set
 
 from jacokin import lazy
 
-__all__, __getattr__, __dir__ = lazy.door(__name__, __file__)
+__all__, __getattr__, __dir__ = lazy.door(
+    __name__,
+    {
+        "jacokin.teleop.demonstrations": ("Demonstrations", "demonstrate"),
+        "jacokin.teleop.devices": ("Controller", "Device", "Fingers", "Keyboard", "Player", "SpaceMouse"),
+        "jacokin.teleop.session": ("Session", "lead"),
+        "jacokin.teleop.streams": ("Stream", "make_stream"),
+        "jacokin.teleop.task_arm": ("TaskArm",),
+        "jacokin.teleop.teleop": ("Teleop", "TeleopStatus", "TeleopStep"),
+    },
+)

@@ -23,7 +23,7 @@ LEAD = 0.1  # [rad] how far the reference may be ahead of an arm that something 
 BRAKING = 2.0  # [rad/s^2] towards a limit: what the weakest motors hold, `acceleration` of urdf/jaco.toml
 STOPPING = 4.0  # [rad/s^2] of joints that are to stand: what motors, friction and damping do together
 IDLE = 3  # ticks without a velocity, after which a joint is to stand: one of them may have got lost
-GAIN = 15.0  # [1/s] of a joint near its reference
+GAIN = 40.0  # [1/s] of a joint near its reference, at most; the motors follow within 10 ms
 MARGIN = 5e-3  # [rad] by which the reference keeps off a limit: an arm at full speed passes it by 2e-3
 MOVING = 0.02  # [rad/s] a faster joint moves
 FINGER_GAIN = 8.0  # [1/s]
@@ -156,7 +156,8 @@ class SimulatedArm:
         """Put the reference of joints that are to stand where they can stop, so that they do not turn back."""
         self._idle = np.where(velocity == 0.0, self._idle + 1, 0)
         speed = np.array(self._joints.qvel)
-        stop = q + speed * np.abs(speed) / (2.0 * STOPPING)
+        # This tick brakes already: with speed^2 / (2 STOPPING) the curve of `_closing` would brake half as hard.
+        stop = q + speed * np.maximum(np.abs(speed) - STOPPING * TICK, 0.0) / (2.0 * STOPPING)
         is_passed = (self._idle > IDLE) & ((stop - self._reference) * speed > 0.0)
         inside = np.clip(stop, self.robot.lower + MARGIN, self.robot.upper - MARGIN)
         self._reference = np.where(is_passed, inside, self._reference)
@@ -187,9 +188,10 @@ class SimulatedArm:
 
 
 def _closing(error: Array) -> Array:
-    """Velocities (dof,) that take joints to their reference, from which they can still stop there [rad/s]."""
-    far = np.sqrt(2.0 * STOPPING * np.maximum(np.abs(error) - STOPPING / (2.0 * GAIN**2), 0.0))
-    return np.sign(error) * np.where(np.abs(error) < STOPPING / GAIN**2, GAIN * np.abs(error), far)
+    """Velocities (dof,) that take joints to their reference, from which they can still stop there, by ticks [rad/s]."""
+    change = 0.5 * STOPPING * TICK
+    fastest = np.sqrt(change**2 + 2.0 * STOPPING * np.abs(error)) - change
+    return np.sign(error) * np.minimum(GAIN * np.abs(error), fastest)
 
 
 def _braking(distance: Array) -> Array:

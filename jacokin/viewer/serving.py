@@ -8,6 +8,7 @@ import os
 import sys
 import webbrowser
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,7 +21,7 @@ from jacokin.ik.results import IKResult
 from jacokin.ik.seeds import seed_within_limits
 from jacokin.ik.solutions.solution_set import SolutionSet
 from jacokin.ik.solver import IKSolver
-from jacokin.ik.targets import checked_target
+from jacokin.ik.targets import TargetPose, checked_target
 from jacokin.model import checks
 from jacokin.model.loading import load_robot
 from jacokin.model.poses import FreeAxis
@@ -31,6 +32,7 @@ from jacokin.viewer.contents import Contents, MapSlices, Setup
 from jacokin.viewer.drawing import ArmPart, load_parts, load_visuals
 from jacokin.viewer.inspector import FULL_TURN, Inspector
 from jacokin.viewer.playback import Playback
+from jacokin.viewer.view import View
 from jacokin.viewer.viewer import Viewer
 
 if TYPE_CHECKING:
@@ -45,51 +47,59 @@ AXES = ("x", "y", "z")
 logger = logging.getLogger(__name__)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class ViewerOptions:
+    """What a viewer solves for, and how it shows it; `serve` checks them."""
+
+    frame: str | None = None
+    """Frame to bring to the target; None for the robot's default frame."""
+    tool: pin.SE3 | ArrayLike | None = None
+    """T_frame_tool, a constant pose after the frame."""
+    collision: str | None = None
+    """Contact of the branches: "prefer", "reject", "report", "ignore" or None, as for `IKSolver`."""
+    clearance: float = 0.0
+    """Shapes this near to each other count as touching [m]."""
+    prefer: str = "nearest"
+    """Which feasible branch the arm goes to: the one "nearest" to where it is, of the largest limit "margin", or of the
+    largest "manipulability"."""
+    free_axis: str | None = None
+    """"x", "y" or "z": the tool may turn about this axis of its own."""
+    free_range: Sequence[float] = FULL_TURN
+    """Least and largest angle about it [rad]."""
+    visuals: bool = False
+    """Draw the visual meshes of the robot's file, if it has any, instead of the shapes that collide."""
+    velocity_limit: ArrayLike | None = None
+    """(dof,) or one for all, of what "Track" and "Go" do [rad/s]; None for the robot's own. An arm whose file gives
+    none is shown all the same, and only these two ask for it."""
+    host: str = DEFAULT_HOST
+    """Address to serve at. Any other than this machine's own lets every computer that reaches it and knows the token
+    move the gizmo; nothing is encrypted."""
+
+
 def serve(
     robot: Robot | str | None = None,
+    options: ViewerOptions | None = None,
     *,
-    frame: str | None = None,
-    tool: pin.SE3 | ArrayLike | None = None,
-    collision: str | None = None,
     scene: Scene | None = None,
-    clearance: float = 0.0,
-    prefer: str = "nearest",
-    free_axis: str | None = None,
-    free_range: Sequence[float] = FULL_TURN,
-    visuals: bool = False,
     reachability: ReachabilityMap | str | Path | None = None,
     trajectory: Trajectory | Recording | str | Path | None = None,
-    velocity_limit: ArrayLike | None = None,
     target: pin.SE3 | ArrayLike | None = None,
     seed: ArrayLike | None = None,
-    host: str = DEFAULT_HOST,
     port: int = DEFAULT_PORT,
 ) -> Viewer:
     """Show a robot in the browser: a gizmo for the target, and every branch that reaches it.
 
     Args:
         robot: a robot, or what `load_robot` takes; None for the j2n6s300.
-        frame: frame to bring to the target; None for the robot's default frame.
-        tool: T_frame_tool, a constant pose after the frame.
-        collision: contact of the branches: "prefer", "reject", "report", "ignore" or None, as for `IKSolver`.
+        options: of the solver and of the page; None for the usual ones.
         scene: obstacles around the arm; they are drawn, and count as self-contact does unless that is ignored.
-        clearance: shapes this near to each other count as touching [m].
-        prefer: which feasible branch the arm goes to: the one "nearest" to where it is, of the largest limit "margin",
-            or of the largest "manipulability".
-        free_axis: "x", "y" or "z": the tool may turn about this axis of its own.
-        free_range: least and largest angle about it [rad].
-        visuals: draw the visual meshes of the robot's file, if it has any, instead of the shapes that collide.
         reachability: a map to show slices of, or its folder; None for the one of a bundled robot, if there is one.
         trajectory: to play: a `Trajectory`, or a file that it saved: .csv, .npz, .json (ROS)
             or .kinova.csv; or what `Log.recording` gives, or the file of a log: .bag, .mcap or .db3. Where a log has
             it, the arm that was commanded is drawn beside the one that was measured.
-        velocity_limit: (dof,) or one for all, of what "Track" and "Go" do [rad/s]; None for the robot's own. An arm
-            whose file gives none is shown all the same, and only these two ask for it.
         target: T_base_tool to begin with, as `pin.SE3` or (4, 4); a position (3,) [m] keeps the orientation that the
             tool has at `seed`; None for where the tool is there.
         seed: (dof,) where the arm is at first [rad]; None for the robot's home.
-        host: address to serve at. Any other than this machine's own lets every computer that reaches it and knows the
-            token move the gizmo; nothing is encrypted.
         port: 0 for any free one.
 
     Returns:
@@ -103,56 +113,83 @@ def serve(
     """
     if importlib.util.find_spec("viser") is None:
         raise MissingExtraError("viser", "viewer")
+    chosen = ViewerOptions() if options is None else checks.instance("options", options, ViewerOptions, "ViewerOptions")
     if not isinstance(robot, Robot):
         robot = load_robot() if robot is None else load_robot(robot)
     obstacles = None if scene is None else checked_scene("scene", scene)
-    visuals = checks.flag("visuals", visuals)
-    looking = not (isinstance(collision, str) and collision == "ignore")
+    looking = not (isinstance(chosen.collision, str) and chosen.collision == "ignore")
     solver = IKSolver(
-        robot, frame, tool=tool, collision=collision, scene=obstacles if looking else None, clearance=clearance
+        robot,
+        chosen.frame,
+        tool=chosen.tool,
+        collision=chosen.collision,
+        scene=obstacles if looking else None,
+        clearance=chosen.clearance,
     )
-    inspector = Inspector(solver, prefer=prefer)
-    axis = None if free_axis is None else AXES.index(checks.choice("free_axis", free_axis, AXES))
-    span = FreeAxis(pin.SE3.Identity(), axis=(0, 0, 1), range=free_range).range
+    inspector = Inspector(solver, prefer=chosen.prefer)
+    playback = None if trajectory is None else Playback(trajectory, robot)
+    contents = _contents(solver, chosen, obstacles, _slices(robot, reachability), playback)
+    view = _first_view(inspector, contents, None if target is None else checked_target(target), seed)
+    return Viewer(inspector, view, contents, host=chosen.host, port=port)
+
+
+def _contents(
+    solver: IKSolver,
+    options: ViewerOptions,
+    scene: Scene | None,
+    slices: MapSlices | None,
+    playback: Playback | None,
+) -> Contents:
+    """What there is to show.
+
+    Raises:
+        InvalidInputError: an option is wrong.
+    """
+    robot, axis, limit = solver.robot, options.free_axis, options.velocity_limit
     shapes, shapes_note = load_parts(robot)
     meshes, meshes_note = _visuals(robot)
     notes = [note for note in (shapes_note, meshes_note) if note]
     for note in notes:
         logger.warning("%s", note)
-    playback = None if trajectory is None else Playback(trajectory, robot)
-    contents = Contents(
+    return Contents(
         setup=Setup(
             solver.frame,
             solver.tool,
             solver.verifier.options.collision,
-            obstacles,
+            scene,
             obstacles=True,
-            clearance=clearance,
+            clearance=options.clearance,
         ),
-        axis=axis,
-        span=span,
+        axis=None if axis is None else AXES.index(checks.choice("free_axis", axis, AXES)),
+        span=FreeAxis(pin.SE3.Identity(), axis=(0, 0, 1), range=options.free_range).range,
         shapes=shapes,
         visuals=meshes,
-        dressed=visuals,
+        dressed=checks.flag("visuals", options.visuals),
         note="; ".join(notes),
-        slices=_slices(robot, reachability),
+        slices=slices,
         playback=playback,
-        velocity_limit=None if velocity_limit is None else velocity_limits(robot, velocity_limit),
+        velocity_limit=None if limit is None else velocity_limits(robot, limit),
     )
-    start, _ = seed_within_limits(robot, seed)
+
+
+def _first_view(inspector: Inspector, contents: Contents, target: TargetPose | None, seed: ArrayLike | None) -> View:
+    """What is shown at first.
+
+    Raises:
+        InvalidInputError: a seed that is malformed.
+    """
+    start, _ = seed_within_limits(inspector.robot, seed)
+    playback = contents.playback
     if target is None and playback is not None and seed is None:
         start = playback.at(0.0)
     place = inspector.pose_of(start)
     if target is not None:
-        asked = checked_target(target)
-        place = pin.SE3(place.rotation if asked.position_only else asked.rotation, asked.position)
-    if axis is not None:
-        view = inspector.turned(place, axis, start, None, span)
-    elif playback is not None and target is None and seed is None:
-        view = inspector.replayed(playback)
-    else:
-        view = inspector.posture(start) if target is None else inspector.at(place, start)
-    return Viewer(inspector, view, contents, host=host, port=port)
+        place = pin.SE3(place.rotation if target.position_only else target.rotation, target.position)
+    if contents.axis is not None:
+        return inspector.turned(place, contents.axis, start, None, contents.span)
+    if playback is not None and target is None and seed is None:
+        return inspector.replayed(playback)
+    return inspector.posture(start) if target is None else inspector.at(place, start)
 
 
 def _visuals(robot: Robot) -> tuple[tuple[ArmPart, ...] | None, str]:
@@ -216,16 +253,16 @@ def show(
     """
     browsing = checks.flag("browse", browse)
     if isinstance(of, IKSolver):
-        robot, options = of.robot, of.verifier.options
-        scene = options.scene if scene is None else scene
-        solving = partial(serve, robot, frame=of.frame, tool=of.tool, collision=options.collision, scene=scene)
-        serving = partial(solving, clearance=options.clearance, port=port)
+        robot, solving = of.robot, of.verifier.options
+        scene = solving.scene if scene is None else scene
+        options = ViewerOptions(of.frame, of.tool, solving.collision, solving.clearance)
     elif isinstance(of, Robot):
-        robot, serving = of, partial(serve, of, scene=scene, port=port)
+        robot, options = of, ViewerOptions()
     else:
         raise checks.refusal("of", "a Robot, or the IKSolver that found the result", of)
+    serving = partial(serve, robot, scene=scene, port=port)
     if isinstance(shown, IKResult):
-        viewer = serving(seed=shown.q)
+        viewer = serving(options, seed=shown.q)
     elif isinstance(shown, SolutionSet):
         if not len(shown):
             raise InvalidInputError("there is no configuration to show: the pose is out of reach")
@@ -233,9 +270,10 @@ def show(
         at = checks.vector("set", shown.q[0] if nearest is None else nearest, robot.dof, "rad")
         frame, tool = (of.frame, of.tool) if isinstance(of, IKSolver) else (None, None)
         place = robot.forward_kinematics(at, frame)
-        viewer = serving(target=place if tool is None else place * tool, seed=nearest)
+        viewer = serving(options, target=place if tool is None else place * tool, seed=nearest)
     else:
-        viewer = serving(trajectory=shown, velocity_limit=getattr(shown, "velocity_limit", None))
+        limit = getattr(shown, "velocity_limit", None)
+        viewer = serving(replace(options, velocity_limit=limit), trajectory=shown)
     if browsing and (sys.platform != "linux" or any(os.environ.get(name) for name in SCREENS)):
         webbrowser.open(viewer.url)
     return viewer

@@ -54,7 +54,7 @@ class Viewer:
 
     def __init__(self, inspector: Inspector, start: View, contents: Contents, *, host: str, port: int) -> None:
         """Start the server and the thread that answers pages; users call `serve`."""
-        from jacokin.viewer.browser import server
+        from jacokin.viewer.browser import hand, server
         from jacokin.viewer.browser.controls import posting
         from jacokin.viewer.browser.panel import Panel
         from jacokin.viewer.browser.stage import Stage
@@ -77,6 +77,7 @@ class Viewer:
         self._start = start.q  # of the next motion
         self._goal = self._asked = start.target
         self._server, self._url = server.start(host, port, inspector.robot.label)
+        self._server.add_script(hand.SCRIPT, hand.read_script())
         self._stage = Stage(self._server, inspector, self._parts(contents.dressed), contents)
         self._panel = Panel(self._server, inspector, self._inbox.post, contents)
         self._player = self._panel.player

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import click
@@ -9,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from jacokin.cli.command import OTHER_NAMES, Argument, Command, NumberList, join_numbers, name_flags
+from jacokin.cli.command import OTHER_NAMES, Argument, Command, NumberList, command, join_numbers, name_flags, option
 from jacokin.errors import InvalidInputError, UnknownNameError
 from tests.cli.run import Run, leave
 
@@ -49,16 +50,16 @@ def test_words_are_parsed_as_typed_in_any_order(
     at = data.draw(st.lists(st.integers(0, len(q)), min_size=3, max_size=3).map(sorted))
     typed: list[str] = []
     for index in range(len(q) + 1):
-        for place, option in zip(at, order, strict=True):
-            typed += parts[option] if place == index else []
+        for place, which in zip(at, order, strict=True):
+            typed += parts[which] if place == index else []
         typed += parts[3 + index] if index < len(q) else []
     options = [
         click.Option(["--position"], type=(float, float, float)),
         click.Option(["--frame"]),
         click.Option(["--json"], is_flag=True),
     ]
-    command = Command("fk", params=[*options, Argument(["q"], nargs=-1, type=float)])
-    found = command.make_context("fk", typed).params
+    made = Command("fk", params=[*options, Argument(["q"], nargs=-1, type=float)])
+    found = made.make_context("fk", typed).params
     assert [*map(repr, found["position"])] == [*position]
     assert [*map(repr, found["q"])] == q
     assert (found["frame"], found["json"]) == (frame, True)
@@ -68,8 +69,8 @@ def test_words_are_parsed_as_typed_in_any_order(
 @settings(max_examples=50, deadline=None)
 def test_a_seed_is_one_value_with_every_number(seed: list[str], joined: bool) -> None:
     typed = [f"--seed={seed[0]}", *seed[1:]] if joined else ["--seed", *seed]
-    command = Command("ik", params=[NumberList(["--seed"]), click.Option(["--json"], is_flag=True)])
-    found = command.make_context("ik", [*typed, "--json"]).params
+    made = Command("ik", params=[NumberList(["--seed"]), click.Option(["--json"], is_flag=True)])
+    found = made.make_context("ik", [*typed, "--json"]).params
     assert [*map(repr, found["seed"])] == seed
     assert found["json"]
 
@@ -114,3 +115,33 @@ def test_an_unknown_option_is_named_not_its_value(run: Run) -> None:
     answer = run("fk", "1", "2", "--fraem", "-3")
     assert answer.code == 2
     assert "--fraem" in answer.err
+
+
+@dataclass(frozen=True)
+class Where:
+    """Where it is."""
+
+    q: tuple[float, ...] = option(nargs=-1, type=float, text="Joint angles.")
+    frame: str | None = option("--frame", default="hand", help="Of the arm.")
+
+
+@dataclass(frozen=True)
+class How:
+    """How it is said."""
+
+    aloud: bool = option("--loud", is_flag=True)
+    words: tuple[str, ...] = option("--word", multiple=True)
+
+
+def test_a_command_takes_its_options_as_the_classes_that_declare_them() -> None:
+    taken: list[tuple[Where, How]] = []
+
+    @command("say")
+    def speak(where: Where, how: How) -> None:
+        """Say where something is."""
+        taken.append((where, how))
+
+    speak.main(["-1", "2.5", "--loud", "--word", "a", "--word", "b"], standalone_mode=False)
+    speak.main([], standalone_mode=False)
+    assert taken == [(Where((-1.0, 2.5), "hand"), How(aloud=True, words=("a", "b"))), (Where((), "hand"), How())]
+    assert (speak.name, speak.get_short_help_str()) == ("say", "Say where something is.")

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 import jacokin
-from jacokin.cli import options
+from jacokin.cli import groups
 from jacokin.cli.main import COMMANDS
 from jacokin.model import urdf_folder
 from tests.cli.run import HOME, POSE, Run
@@ -32,7 +32,7 @@ def test_help_teaches_by_example(run: Run, command: str) -> None:
 @pytest.mark.parametrize("command", ["ik", "move", "plan", "view"])
 def test_a_long_help_has_headings_and_every_option_once(run: Run, command: str) -> None:
     text = run(command, "--help").out
-    headed = re.split(r"^(?=\w[\w ]*:$)", text, flags=re.MULTILINE)
+    headed = re.split(r"^(?=\w.*:$)", text, flags=re.MULTILINE)
     found = [re.findall(r"^  (--[a-z-]+)", part, re.MULTILINE) for part in headed[1:]]
     parts = [flags for flags in found if flags]
     assert len(parts) >= 4
@@ -166,7 +166,7 @@ def test_a_mistake_of_our_own_is_no_traceback(run: Run, monkeypatch: pytest.Monk
     def fail(*_: object) -> None:
         raise KeyError("inner")
 
-    monkeypatch.setattr(options.RobotOptions, "load", fail)
+    monkeypatch.setattr(groups.RobotOptions, "load", fail)
     answer = run("info")
     assert answer.code == 2
     assert "internal error" in answer.err

@@ -77,6 +77,28 @@ def test_a_forwarder_moves_an_ideal_arm(run: Run, file: Path, tmp_path: Path) ->
     assert json.loads(answer.out)["away_deg"] < 0.2
 
 
+def test_a_driver_that_ends_and_comes_back_is_not_moved_again(run: Run, file: Path, tmp_path: Path) -> None:
+    script = tmp_path / "forwarder.py"
+    script.write_text(
+        "import json, sys\n"
+        f"q, heard = {jacokin.load_robot().home.tolist()}, []\n"
+        "def say(fields): print(json.dumps(fields), flush=True)\n"
+        "for line in sys.stdin:\n"
+        "    fields = json.loads(line)\n"
+        "    heard += [fields['v']] if 'v' in fields else []\n"
+        "    if 'joints' in fields: say({'listens': True})\n"
+        "    if len(heard) == 32: say({'listens': False})\n"
+        "    if len(heard) == 40: say({'listens': True})\n"
+        "    if len(heard) > 40 and any(heard[-1]): open(sys.argv[0] + '.moved', 'w')\n"
+        "    say({'q': q})\n"
+    )
+    answer = run("run", str(file), "--forwarder", f"{sys.executable} {script}", "--lag", "90")
+    assert answer.code == 1, answer.err
+    assert "LOST: the driver no longer listens to velocities" in answer.out
+    assert "was restarted, in the middle" in answer.out
+    assert not Path(f"{script}.moved").exists()
+
+
 def test_the_forwarder_is_written_once_and_is_of_python_3_8(run: Run, tmp_path: Path) -> None:
     file = tmp_path / "forwarder.py"
     assert run("run", "--write-forwarder", str(file)).code == 0

@@ -23,9 +23,17 @@ import pytest
 
 import jacokin
 
-BESIDE = Path(__file__).parent / "beside_ros.py"
+HERE = Path(__file__).parent
+BESIDE = HERE / "beside_ros.py"
 SENDER = Path(__file__).parents[2] / "examples" / "send_trajectory.py"
 BOUND = 40.0  # [s] that any of these processes may take
+PYTHON = "/usr/bin/python3"  # of Debian, whose packages rospy and actionlib are
+NEEDED = "python3-rospy python3-rosmaster python3-actionlib python3-{sensor,trajectory,geometry}-msgs"
+ENVIRONMENT = Path(os.environ.get("ROS2_ENVIRONMENT", HERE.parents[1] / ".venv-ros2"))
+
+
+class MissingRosError(Exception):
+    """ROS is not installed; says how it is."""
 
 
 @dataclass
@@ -146,6 +154,72 @@ class Twin:
         assert output, errors
         record: dict[str, Any] = json.loads(output)
         return status, record, errors
+
+
+@dataclass
+class Master:
+    """A master of ROS 1 that may be ended, and started again at the same address."""
+
+    port: int
+    environment: Mapping[str, str]
+
+    def __post_init__(self) -> None:
+        """Start it."""
+        self.start()
+
+    def start(self) -> None:
+        """Start it, and wait until it answers."""
+        command = [PYTHON, "-c", "import rosmaster; rosmaster.rosmaster_main()", "--core", "-p", str(self.port)]
+        quiet = subprocess.DEVNULL
+        self._process = subprocess.Popen(command, env=dict(self.environment), stdout=quiet, stderr=quiet)
+        end = time.monotonic() + 20.0
+        while not self._answers() and time.monotonic() < end:
+            time.sleep(0.05)
+
+    def kill(self) -> None:
+        """End it."""
+        self._process.kill()
+        self._process.wait()
+
+    def _answers(self) -> bool:
+        with socket.socket() as asking:
+            return not asking.connect_ex(("127.0.0.1", self.port))
+
+
+@contextlib.contextmanager
+def ros1_with_master() -> Iterator[tuple[Ros, Master]]:
+    """ROS 1 of Debian, and a master of its own.
+
+    Raises:
+        MissingRosError: it is not installed.
+    """
+    port = free_port()
+    environment = plain_environment(
+        ROS_MASTER_URI=f"http://127.0.0.1:{port}", ROS_IP="127.0.0.1", PYTHONPATH=str(HERE / "ros1")
+    )
+    needed = "import actionlib, genpy, geometry_msgs.msg, rosmaster, rospy, sensor_msgs.msg, trajectory_msgs.msg"
+    try:
+        subprocess.run([PYTHON, "-c", needed], env=environment, check=True, capture_output=True)
+    except (OSError, subprocess.CalledProcessError):
+        raise MissingRosError(f"ROS 1 is not installed: apt-get install {NEEDED}") from None
+    master = Master(port, environment)
+    try:
+        yield Ros(PYTHON, environment), master
+    finally:
+        master.kill()
+
+
+def ros2_of_wheels() -> Ros:
+    """ROS 2 in a domain of its own.
+
+    Raises:
+        MissingRosError: it is not installed.
+    """
+    if not (ENVIRONMENT / "installed").exists():
+        raise MissingRosError(f"ROS 2 is not installed: tests/ros/ros2/install.sh {ENVIRONMENT}")
+    domain = str(1 + os.getpid() % 100)  # nobody else's
+    environment = plain_environment(ROS_DOMAIN_ID=domain, ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST")
+    return Ros(str(ENVIRONMENT / "bin" / "python"), environment)
 
 
 def free_port() -> int:

@@ -18,7 +18,7 @@ import pytest
 
 import jacokin
 from jacokin.motion import Trajectory, move_joints
-from tests.ros.nodes import Ros, Twin, at_work, finish, heed_signals
+from tests.ros.nodes import Master, Ros, Twin, at_work, finish, heed_signals
 
 pytestmark = pytest.mark.slow
 VERSIONS = (1, 2)
@@ -117,10 +117,41 @@ def test_a_runner_that_hangs_leaves_the_arm_standing(ros: Ros, version: int, fil
 
 def test_an_arm_that_falls_silent_is_stopped(ros: Ros, version: int, file: Path) -> None:
     with moving(ros, version, file) as (twin, running):
-        twin.process.kill()
+        twin.process.send_signal(signal.SIGSTOP)
         status, output, _ = finish(running)
     assert status == 1
     assert json.loads(output)["status"] == "SILENT"
+
+
+def test_a_driver_that_is_restarted_in_the_middle(ros: Ros, version: int, file: Path, motion: Trajectory) -> None:
+    """The runner ends, and the new driver's arm stays where it stands."""
+    with moving(ros, version, file) as (twin, running):
+        twin.process.kill()
+        with ros.twin("--ros", version) as new:
+            status, output, _ = finish(running)
+            _, record, _ = new.ends()
+    said = json.loads(output)
+    assert status == 1
+    # ROS 2 keeps a process that was killed for a while, ROS 1 sees that its connection is cut.
+    assert said["status"] == {1: "LOST", 2: "SILENT"}[version], said
+    assert said["message"]
+    assert record["velocities"] == 0
+    np.testing.assert_allclose(record["angles"], motion.q[0], atol=1e-6)
+
+
+def test_a_master_that_is_restarted_in_the_middle(
+    ros1_and_master: tuple[Ros, Master], motion: Trajectory, file: Path
+) -> None:
+    """Nodes that have found each other do not need it."""
+    ros, master = ros1_and_master
+    with moving(ros, 1, file) as (twin, running):
+        master.kill()
+        time.sleep(0.3)
+        master.start()
+        status, output, errors = finish(running)
+        _, record, _ = twin.ends()
+    assert (status, json.loads(output)["status"]) == (0, "ARRIVED"), errors
+    assert away(record, motion) < CLOSE
 
 
 def test_an_arm_elsewhere_is_not_moved(ros: Ros, version: int, file: Path, motion: Trajectory) -> None:

@@ -110,11 +110,17 @@ def test_services_actions_and_cartesian_velocities(ros1: Ros) -> None:
     np.testing.assert_allclose(np.degrees(record["state"]["position"][:6]), home, atol=0.01)
     assert record["joints"] == record["pose"] == record["fingers"] == SUCCEEDED
     assert record["joints_off"] < CLOSE
-    assert record["pose_off"] < 0.005
+    assert record["lengths"] == 3 * [len(record["state"]["name"])]  # as robot_state_publisher wants them
+    assert record["led_off"][0] < 0.001  # [m] between what it leads the arm to, and what it measures
+    assert record["led_off"][1] < 0.002  # [rad]
+    assert record["pose_off"][0] < 0.005
+    assert record["pose_off"][1] < 0.01
     assert record["pose_elsewhere"] == REJECTED
     assert record["finger"] == pytest.approx(4000.0, abs=70.0)
     assert 0.02 < record["rise"] < 0.06  # m; a sender that sleeps between messages is slower than 100 Hz
     assert record["closed"] > 6000.0
+    assert 10.0 < record["turned"][5] < 21.0  # [deg] 20 at 100 Hz, and 0.9 to brake
+    assert np.abs(record["turned"][:5]).max() < 0.2
     assert (record["stop"], record["stopped"], record["start"]) == ("Arm stopped", ABORTED, "Arm started")
     assert record["home"] == "KINOVA ARM HAS BEEN RETURNED HOME"
     np.testing.assert_allclose(record["angles"], home, atol=CLOSE)
@@ -165,6 +171,17 @@ def test_faster_than_real_time_it_gives_the_time(ros1: Ros, tmp_path: Path) -> N
         status, output, errors = ros1.run(script)
     assert status == 0, errors
     assert 1.2 < float(output) < 2.2
+
+
+def test_as_fast_as_it_can(ros1: Ros, motion: Trajectory, files: Path) -> None:
+    with ros1.twin("--ros", 1, "--fast") as twin:
+        begun = time.monotonic()
+        status, _, errors = ros1.send(files / "m.kinova.json")
+        seconds = time.monotonic() - begun
+        _, record, _ = twin.ends()
+    assert status == 0, errors
+    assert away(record, motion) < CLOSE
+    assert record["time"] > 1.5 * seconds
 
 
 def test_without_a_master_it_says_so(ros1: Ros) -> None:

@@ -54,6 +54,21 @@ def test_a_goal_ends_where_the_file_does(ros2: Ros, motion: Trajectory, file: Pa
     assert record["speed"] < 1.0
 
 
+def test_as_fast_as_it_can(ros2: Ros, motion: Trajectory, file: Path) -> None:
+    with ros2.twin("--ros", 2, "--fast") as twin:
+        begun = time.monotonic()
+        status, _, errors = ros2.send(file, *CONTROLLER)
+        seconds = time.monotonic() - begun
+        _, record, _ = twin.ends()
+    assert status == 0, errors
+    assert away(record, motion) < CLOSE
+    assert record["time"] > 1.5 * seconds
+    with ros2.twin("--ros", 2, "--fast", "--seconds", 5) as twin:
+        status, record, errors = twin.ends(by_itself=True)
+    assert status == 0, errors
+    assert record["time"] == pytest.approx(5.0, abs=0.02)
+
+
 def test_a_goal_that_is_cancelled_leaves_the_arm_standing(ros2: Ros, motion: Trajectory, file: Path) -> None:
     with ros2.twin("--ros", 2) as twin, at_work(ros2.sending(file, *CONTROLLER)) as sender:
         twin.says("a trajectory of")

@@ -44,7 +44,7 @@ def test_it_stops_within_a_fifth_of_a_second_from_any_speed() -> None:
         stopped = arm.state.time
         for _ in range(50):
             arm.tick(np.zeros(6))
-        assert arm.moved - stopped < 0.25  # [s]; 0.8 rad/s at 4 rad/s^2 take 0.2
+        assert arm.moved - stopped < (0.2 if joint < 3 else 0.25)  # [s] from 0.8 rad/s motors of 6.8 N m take 0.21
         assert np.abs(arm.state.v).max() < 5e-3
 
 

@@ -19,7 +19,7 @@ from jacokin.arrays import Array
 from jacokin.errors import ModelError
 from jacokin.ik import Floor, PointCloud, Scene
 from jacokin.model import NAMES, to_mujoco, urdf_folder
-from jacokin.viewer import Inspector, drawing, serve
+from jacokin.viewer import Inspector, ViewerOptions, drawing, serve
 from jacokin.viewer.drawing import ArmPart, load_parts, load_visuals, read_geom, read_site, rgba_of, to_colour
 from tests.robot_files import ur5_text
 from tests.viewer.page import Page, opened, until
@@ -252,7 +252,7 @@ def test_a_missing_mesh_is_named_and_the_shapes_are_drawn(meshed: Path, caplog: 
     robot = jacokin.load_robot(meshed)
     with pytest.raises(ModelError, match=r"cone\.dae' is not found"):
         load_visuals(robot)
-    with caplog.at_level(logging.WARNING), serve(robot, visuals=True, port=0) as viewer:
+    with caplog.at_level(logging.WARNING), serve(robot, ViewerOptions(visuals=True), port=0) as viewer:
         assert "shapes that collide are drawn instead of the visual meshes" in caplog.text
         with opened(viewer) as page:
             assert page.control("Visual meshes").props["disabled"]
@@ -304,7 +304,7 @@ def test_the_switch_changes_what_is_drawn_and_leaves_no_messages_behind(meshed: 
             with opened(viewer) as other:
                 backlogs.append(other.screen.backlog)
         assert backlogs[-1] <= backlogs[0]
-    with serve(robot, visuals=True, port=0) as viewer, opened(viewer) as page:
+    with serve(robot, ViewerOptions(visuals=True), port=0) as viewer, opened(viewer) as page:
         assert drawn(page, visuals)
         assert page.names("/arm/") == {f"{part}{piece}" for part in (0, 2, 4, 6) for piece in ("", "/0")}
 

@@ -15,7 +15,7 @@ from jacokin import Robot
 from jacokin.ik import Box, Scene
 from jacokin.model.angles import TURN
 from jacokin.motion import Trajectory, plan_motion
-from jacokin.viewer import Viewer, serve
+from jacokin.viewer import Viewer, ViewerOptions, serve
 from jacokin.viewer import viewer as running
 from tests.motion.free_motion.test_plan_motion import WALL, between, parted, touches, ways_through
 from tests.viewer.page import Page, opened, until
@@ -171,7 +171,7 @@ def test_out_of_reach_the_arm_goes_to_the_closest_configuration(viewer: Viewer, 
 def test_without_a_way_a_sentence_says_why(robot: Robot, collision: str) -> None:
     home = robot.forward_kinematics(robot.home).translation
     crate = Scene([Box("crate", (0.2, 0.2, 0.2), home)])
-    with serve(robot, scene=crate, collision=collision, port=0) as viewer, opened(viewer) as page:
+    with serve(robot, ViewerOptions(collision=collision), scene=crate, port=0) as viewer, opened(viewer) as page:
         raise_target(viewer, robot, 0.3)
         go(page)
         assert until(lambda: "touches crate at the start" in viewer.view.note or "crate touches" in viewer.view.note)
@@ -231,7 +231,10 @@ def test_pages_are_served_while_a_way_is_looked_for(robot: Robot, monkeypatch: p
 @pytest.mark.slow  # the motion takes its time
 def test_the_arm_goes_around_what_is_in_the_way(robot: Robot, rng: np.random.Generator) -> None:
     start, pose = ways_through(robot, rng)
-    with serve(robot, scene=WALL, collision="reject", seed=start, port=0) as viewer, opened(viewer) as page:
+    with (
+        serve(robot, ViewerOptions(collision="reject"), scene=WALL, seed=start, port=0) as viewer,
+        opened(viewer) as page,
+    ):
         viewer.show(pose)
         assert at(viewer, pose.translation)
         go(page)

@@ -144,3 +144,21 @@ def test_what_is_no_step_is_refused(led: Led, robot: Robot) -> None:
     step = Teleop(Tracker(robot)).step()
     with pytest.raises(InvalidInputError, match="finger_angle must be"):
         viewer.follow(step, finger_angle=np.nan)
+
+
+def test_a_page_loads_the_script_that_reads_keys_and_gamepads_from_the_viewer_alone(led: Led) -> None:
+    viewer, _ = led
+    page = urlsplit(viewer.url)
+    with urllib.request.urlopen(viewer.url, timeout=60.0) as answer:
+        text = answer.read().decode()
+    assert text.count('<script src="/hand.js"></script></body>') == 1
+    with urllib.request.urlopen(f"http://{page.netloc}/hand.js?{page.query}", timeout=60.0) as answer:
+        assert answer.headers["Content-Type"].startswith("text/javascript")
+        assert "getGamepads" in answer.read().decode()
+    with pytest.raises(urllib.error.HTTPError) as refused:
+        urllib.request.urlopen(f"http://{page.netloc}/hand.js", timeout=60.0)
+    refused.value.close()
+    assert refused.value.code == 403
+    with opened(viewer) as shown:
+        assert until(lambda: any("data-jacokin-hand" in str(each.props) for each in shown.screen.controls.values()))
+        assert not any("onerror" in str(each.props) for each in shown.screen.controls.values())

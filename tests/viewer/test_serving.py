@@ -10,7 +10,7 @@ import pytest
 import jacokin
 from jacokin import Robot, Status
 from jacokin.errors import JacokinError, MissingExtraError
-from jacokin.viewer import serve
+from jacokin.viewer import ViewerOptions, serve
 from tests.viewer.page import opened
 
 NEAR = (0.3, -0.2, 0.5)
@@ -34,16 +34,27 @@ def test_without_viser_the_extra_is_named(robot: Robot, monkeypatch: pytest.Monk
         ({"visuals": "yes"}, "visuals"),
         ({"free_axis": ["z"]}, "free_axis"),
         ({"free_axis": "z", "free_range": "ab"}, "range"),
-        ({"reachability": 5}, "folder"),
-        ({"trajectory": 5}, "trajectory"),
         ({"tool": [1.0, 2.0]}, "tool"),
-        ({"scene": [1]}, "scene"),
         ({"clearance": 0.1, "collision": "ignore"}, "clearance has no effect"),
     ],
 )
 def test_a_wrong_option_is_named(robot: Robot, options: dict[str, Any], message: str) -> None:  # Any: as users may
     with pytest.raises(JacokinError, match=message):
-        serve(robot, port=0, **options)
+        serve(robot, ViewerOptions(**options), port=0)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"reachability": 5}, "folder"),
+        ({"trajectory": 5}, "trajectory"),
+        ({"scene": [1]}, "scene"),
+        ({"options": {"visuals": True}}, "options must be ViewerOptions"),
+    ],
+)
+def test_a_wrong_argument_is_named(robot: Robot, arguments: dict[str, Any], message: str) -> None:  # Any: as users may
+    with pytest.raises(JacokinError, match=message):
+        serve(robot, port=0, **arguments)
 
 
 @pytest.mark.parametrize("names", [("m1n6s200", "gen3"), pytest.param(jacokin.model.NAMES, marks=pytest.mark.slow)])

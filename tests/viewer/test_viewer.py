@@ -22,7 +22,7 @@ from jacokin import IKSolver, Robot, Status
 from jacokin.errors import InvalidInputError
 from jacokin.ik import Box, Floor, Scene
 from jacokin.model import urdf_folder
-from jacokin.viewer import Inspector, Viewer, serve
+from jacokin.viewer import Inspector, Viewer, ViewerOptions, serve
 from tests.model.measured_arms import perturbed
 from tests.viewer.page import Page, opened, port_of, repeat, until
 from tests.viewer.trajectories import recorded
@@ -222,7 +222,7 @@ def test_an_arm_without_velocity_limits_opens_and_tracks_with_given_ones(tmp_pat
         page.change("Track", True)
         assert until(lambda: "velocity" in viewer.view.note)
         assert until(lambda: page.value("Track") is False)
-    with serve(arm, velocity_limit=0.5, port=0) as viewer, opened(viewer) as page:
+    with serve(arm, ViewerOptions(velocity_limit=0.5), port=0) as viewer, opened(viewer) as page:
         start = viewer.view.q
         page.change("Track", True)
         assert until(lambda: viewer.view.note.startswith("Tracking"))
@@ -236,7 +236,7 @@ def test_an_arm_without_velocity_limits_opens_and_tracks_with_given_ones(tmp_pat
         assert np.allclose(viewer.motion.q[0], start)
     for wrong in (0.0, -1.0, [1.0, 2.0], np.nan, "fast"):
         with pytest.raises(InvalidInputError, match="velocity_limit"):
-            serve(arm, velocity_limit=wrong, port=0)
+            serve(arm, ViewerOptions(velocity_limit=wrong), port=0)
 
 
 def test_a_trajectory_is_played_paused_scrubbed_and_slowed(robot: Robot) -> None:
@@ -288,7 +288,7 @@ def test_a_trajectory_outside_the_limits_says_so(robot: Robot) -> None:
 def test_obstacles_are_drawn_and_count_as_contact(robot: Robot) -> None:
     at_tool = robot.forward_kinematics(robot.home).translation
     scene = Scene([Box("crate", (0.3, 0.3, 0.3), at_tool), Floor(-0.2)])
-    with serve(robot, scene=scene, collision="reject", port=0) as viewer, opened(viewer) as page:
+    with serve(robot, ViewerOptions(collision="reject"), scene=scene, port=0) as viewer, opened(viewer) as page:
         assert page.names("/scene/") == {"0", "1"}
         assert viewer.view.status is Status.IN_COLLISION
         assert any("crate" in pair for pair in viewer.view.arm_touching)

@@ -191,7 +191,8 @@ def count_rows(targets: TargetFile, batch: BatchResult) -> Tally:
     worst = (float(position.max()), float(orientation.max())) if len(position) else (None, None)
     failed = np.flatnonzero(~batch.success)[:KEPT_FAILURES]
     failures = tuple((int(targets.lines[row]), batch.status[row], batch.message[row]) for row in failed)
-    return Tally(Counter(batch.status), worst, failures)
+    counts = {status: batch.status.count(status) for status in Status}
+    return Tally(+Counter(counts), worst, failures)
 
 
 def _larger(*errors: float | None) -> float | None:

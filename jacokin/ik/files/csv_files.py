@@ -19,7 +19,7 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.ik.files.carried import as_texts
 from jacokin.ik.files.targets import ANSWERS, Columns, FilePart, TargetFile, choose_columns, target_rows
-from jacokin.ik.results import STATUS_NAMES, BatchResult
+from jacokin.ik.results import BatchResult
 from jacokin.model import checks
 
 BLOCK = 8192  # lines read at a time
@@ -245,7 +245,7 @@ def encode(targets: TargetFile, batch: BatchResult) -> bytes:
     ends = ["," + ",".join(row) for row in zip(*others, strict=True)] if others else [""] * len(targets)
     rows = zip(configurations, batch.status, errors, batch.method, batch.message, ends, strict=True)
     return "".join(
-        f"{numbers},{STATUS_NAMES[status]},{measured},{cells[method]},{cells[message]}{end}\n"
+        f"{numbers},{status.name},{measured},{cells[method]},{cells[message]}{end}\n"
         for numbers, status, measured, method, message, end in rows
     ).encode()
 

@@ -14,7 +14,7 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.ik.files.carried import as_arrow
 from jacokin.ik.files.targets import Columns, FilePart, TargetFile, choose_columns, equal_parts, target_rows
-from jacokin.ik.results import STATUS_NAMES, BatchResult
+from jacokin.ik.results import BatchResult
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -120,7 +120,7 @@ def encode(targets: TargetFile, batch: BatchResult) -> bytes:
     table = pa.table(
         {
             **columns,
-            "status": pa.array([STATUS_NAMES[status] for status in batch.status], pa.string()),
+            "status": pa.array([status.name for status in batch.status], pa.string()),
             "position_error": batch.position_error,
             "orientation_error": batch.orientation_error,
             "method": pa.array(batch.method, pa.string()),

@@ -25,7 +25,7 @@ from jacokin.kernels.six_joints.characteristic import (
     make_determinant,
 )
 from jacokin.kernels.six_joints.equations import Equations
-from jacokin.kernels.tolerances import CLOSE_NOISE, MIN_WIDTH, NARROW_NOISE, UNCERTAIN
+from jacokin.kernels.tolerances import CLOSE_NOISE, MIN_WIDTH, NARROW_NOISE, POSE_NOISE, UNCERTAIN
 
 MAX_STRETCHES = 128
 MAX_SIX_ROOTS = 96
@@ -88,7 +88,7 @@ def find_six_roots(e: Equations, work: SixRoots) -> int:
         total += abs(cosine[n]) + abs(sine[n])
     if not total > UNCERTAIN * noise:
         return -1
-    count = find_roots(noise, 0.0, work.fourier)
+    count = find_roots(max(noise, POSE_NOISE * total), 0.0, work.fourier)
     for i in range(count):
         if rough[i, 1] > 0.0:
             add_stretch(work, rough[i, 0], rough[i, 1] * (TOUCHING if rough[i, 2] > 0.0 else 1.0), 0)

@@ -67,7 +67,7 @@ def wrapped(angle: float) -> float:
 
 
 def tangent(chain: Array, T: Array, x: Array, border: Array, t: Array, walk: Walk) -> float:
-    """Fill t with the tangent at x for which border . t > 0; see `tangent7` for what is returned."""
+    """Fill t with the tangent at x for which border . t > 0; see `null_tangent` for what is returned."""
     linearise7(chain, T, x, walk.system)
     return null_tangent(border, t, walk.system)
 

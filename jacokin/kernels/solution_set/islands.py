@@ -7,8 +7,9 @@ it again. How far it is from the axis tells about when: the square of this dista
 is on the axis, so that value, slope and bend of it are followed to where it is zero. Where pairs come from both sides
 and might be there in time, the values between are halved, until they cannot, or until curves are found there. Beside a
 fold of a curve its own pair is on the way to the axis, too, and hides what comes there before; so F is looked at right
-beside each fold once the curves are known. Where noise may move a root as far as the axis, or as far as the next root,
-nothing is known of it, and the set is in doubt.
+beside each fold once the curves are known. There the distance of its own pair tells little about where that pair comes
+to the axis again; it does as seen from elsewhere, if not where the fold is. Where noise may move a root as far as the
+axis, or as far as the next root, nothing is known of it, and the set is in doubt.
 """
 
 from __future__ import annotations
@@ -21,7 +22,15 @@ from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.kernels.closed_form.arm import ArmConstants, pose_of, unpack_arm
-from jacokin.kernels.closed_form.resultant import DEGREE, fourier_of_F, value_and_slope
+from jacokin.kernels.closed_form.resultant import (
+    DEGREE,
+    SAMPLES,
+    SPACING,
+    TO_COSINE,
+    TO_SINE,
+    fourier_of_F,
+    value_and_slope,
+)
 from jacokin.kernels.closed_form.roots import RootWork, find_roots, make_roots
 from jacokin.kernels.limits import TURN
 from jacokin.kernels.six_joints.characteristic import Determinant, fourier_of_determinant, make_determinant
@@ -32,8 +41,11 @@ from jacokin.kernels.solution_set.curve import wrapped
 from jacokin.kernels.solution_set.slices import BEFORE, SixJoints, turn_target
 from jacokin.kernels.solution_set.trace import Loops
 from jacokin.kernels.tolerances import DISTINCT, UNCERTAIN
+from jacokin.kernels.trigonometry import sin_cos
 
 LOOKED_AT, MOST_FOUND = 32, 128
+#: Numbers of F at one value of p.
+SURFACE = 2 * DEGREE + 3
 #: Values of x at which F is looked at, too, at all values of the parameter; evenly all round from the second on [rad].
 LINES, FIRST_LINE = 3, 0.7
 #: Halvings to where F is zero on such a line.
@@ -46,15 +58,20 @@ SAFETY = 1.5
 ASIDE, CLOSE_ENOUGH = 1e-4, 3e-5
 #: [rad] values nearer to each other than this are halved where another labelling of the joints has such pairs, too.
 LABELLED = 0.01
-#: [rad] from a fold that is known; how far from there its pair may be expected, relative to that.
-BESIDE, AT_FOLD = 3e-5, 0.1
+#: [rad] from a fold that is known. How far from there its pair may be expected: relative to that, and to the distance
+#: of any other place.
+BESIDE, AT_FOLD, NEAR_FOLD = 3e-5, 0.2, 0.1
+#: Where its pair is noise there, how often to look farther away.
+FARTHER, TIMES_FARTHER = 2, 5.0
 #: [rad] roots nearer to the axis are real; roots nearer to each other may be one, or a pair.
 REAL, MEETING = 1e-6, 1e-4
 #: Values that are halved at most, and halves that wait their turn.
 MOST_HALVED, DEPTH = 400, 32
 #: Steps to all roots at once; a root is found when its step is this part of the distance to the nearest other one: each
-#: step squares what is missing at least.
-ABERTH_STEPS, LAST_STEP = 40, 1e-4
+#: step squares what is missing at least, and a step of Newton's method follows.
+ABERTH_STEPS, LAST_STEP = 40, 1e-2
+#: A root is foretold at the next value of the parameter if that moves it by less than this part of that distance.
+FORETOLD = 0.5
 
 
 class Look(NamedTuple):
@@ -63,6 +80,7 @@ class Look(NamedTuple):
     ahead: float  # after how much a pair may come to the real axis there [rad], inf for none
     behind: float  # the same on the other side
     real: int  # how many roots are, -1 in doubt
+    at_fold: int  # 1 right beside a fold, of whose own pair little is known
 
 
 class Islands(NamedTuple):
@@ -72,17 +90,20 @@ class Islands(NamedTuple):
     counts: NDArray[np.int64]  # (LOOKED_AT + MOST_FOUND,) roots of F at each; -1 where they are in doubt
     size: NDArray[np.int64]  # (5,) values found, places left in doubt, values all round, halvings, labelling that tells
     comes: Array  # (LOOKED_AT, 2) see `Look`
-    stack: Array  # (DEPTH, 6) two values, what is known of each
+    stack: Array  # (DEPTH, 8) two values, what is known of each: when pairs come, real roots, whether it is a fold
     lines: Array  # (LOOKED_AT, LINES) F where x has one of some values, 0 for noise
     crossed: NDArray[np.int64]  # (LOOKED_AT, LINES) how often curves pass there before the next slice
     roots: RootWork
     cosine: Array  # (9,) F
     sine: Array  # (9,)
-    apart: Array  # (1,) of F of a spherical wrist, see `fill_both_turns`
+    surface: Array  # (17, 19) F at every p: parts of 1, cos p, sin p, cos 2 p, ... of cosine, then sine, then apart
+    noise: Array  # (1,) of the values of that, the root mean square of the samples'
+    apart: Array  # (3,) of F of a spherical wrist, see `fill_both_turns`; its first and second derivative by p
     z: Array  # (16, 2) exp(i x) of all roots, real and imaginary part
     other: Array  # (16, 2) the same in another labelling of the joints
+    moves: Array  # (17, 2) how z moves with p, and where it was found
     settled: Array  # (16,) 1 for those that are found
-    powers: Array  # (3, 17, 2) coefficients of F in z, and of F on both sides of it
+    powers: Array  # (3, 17, 2) coefficients in z of F, and of its first and second derivative by p
     equations: Equations
     determinant: Determinant
 
@@ -94,15 +115,18 @@ def make_islands() -> Islands:
         np.zeros(LOOKED_AT + MOST_FOUND, np.int64),
         np.zeros(5, np.int64),
         np.empty((LOOKED_AT, 2)),
-        np.empty((DEPTH, 6)),
+        np.empty((DEPTH, 8)),
         np.zeros((LOOKED_AT, LINES)),
         np.zeros((LOOKED_AT, LINES), np.int64),
         make_roots(),
         np.empty(DEGREE + 1),
         np.empty(DEGREE + 1),
+        np.zeros((SAMPLES, SURFACE)),
         np.zeros(1),
+        np.zeros(3),
         np.zeros((2 * DEGREE, 2)),
         np.zeros((2 * DEGREE, 2)),
+        np.zeros((2 * DEGREE + 1, 2)),
         np.zeros(2 * DEGREE),
         np.zeros((3, 2 * DEGREE + 1, 2)),
         make_equations(),
@@ -118,20 +142,30 @@ def fill_F(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling: 
     """
     if labelling >= 0:
         return fill_determinant(unpack_arm(six.general), six, work, p, labelling)
-    if k.six.form == SPHERICAL_WRIST:
-        turn_target(six.T, six.axis, p, six.turned)
-        fill_links(six.chain, six.turned, k.six.scale, k.six.form_labelling, work.equations.links)
-        reach = reach_of(k.six, work.equations.links)
-        if abs(reach.cross) < DISTINCT:
-            noise, work.apart[0] = fill_both_turns(reach, work.cosine, work.sine)
-            return noise
-        work.apart[0] = 0.0
-        _, _, noise = fill_quartic(reach, work.cosine, work.sine)
-        return noise
-    if k.six.scale > 0.0:
-        return fill_determinant(k, six, work, p, k.six.own)
+    if has_surface(k):
+        work.apart[0] = fill_waves(work, p, 0)
+        return float(work.noise[0])
+    return fill_determinant(k, six, work, p, k.six.own)
+
+
+def has_surface(k: ArmConstants) -> bool:
+    """Whether F, as it suits the arm, is a trigonometric polynomial of degree 8 at most in p, too."""
+    return k.six.form == SPHERICAL_WRIST or k.six.scale == 0.0
+
+
+def fill_sample(k: ArmConstants, six: SixJoints, work: Islands, p: float) -> float:
+    """As `fill_F`, of an arm that has a surface, from the target."""
     turn_target(six.T, six.axis, p, six.turned)
-    return fourier_of_F(k, pose_of(six.arm, k, six.turned), work.cosine, work.sine)
+    work.apart[0] = 0.0
+    if k.six.form != SPHERICAL_WRIST:
+        return fourier_of_F(k, pose_of(six.arm, k, six.turned), work.cosine, work.sine)
+    fill_links(six.chain, six.turned, k.six.scale, k.six.form_labelling, work.equations.links)
+    reach = reach_of(k.six, work.equations.links)
+    if abs(reach.cross) < DISTINCT:
+        noise, work.apart[0] = fill_both_turns(reach, work.cosine, work.sine)
+        return noise
+    _, _, noise = fill_quartic(reach, work.cosine, work.sine)
+    return noise
 
 
 def fill_determinant(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling: int) -> float:
@@ -142,6 +176,73 @@ def fill_determinant(k: ArmConstants, six: SixJoints, work: Islands, p: float, l
     return fourier_of_determinant(work.equations, work.determinant, work.cosine, work.sine)
 
 
+def fill_surface(k: ArmConstants, six: SixJoints, work: Islands) -> None:
+    """Fill surface with F at every p, which 17 values tell."""
+    surface, total = work.surface, 0.0
+    for i in range(SAMPLES):
+        for j in range(SURFACE):
+            surface[i, j] = 0.0
+    for n in range(SAMPLES):
+        noise = fill_sample(k, six, work, SPACING * n)
+        total += noise * noise
+        for j in range(SURFACE):
+            value = work.apart[0]
+            if j < SURFACE - 1:
+                value = work.cosine[j] if j <= DEGREE else work.sine[j - DEGREE - 1]
+            surface[0, j] += TO_COSINE[n, 0] * value
+            for m in range(1, DEGREE + 1):
+                surface[2 * m - 1, j] += TO_COSINE[n, m] * value
+                surface[2 * m, j] += TO_SINE[n, m] * value
+    work.noise[0] = math.sqrt(total / SAMPLES)
+
+
+def fill_waves(work: Islands, p: float, order: int) -> float:
+    """Fill cosine and sine with the coefficients of F(x; p), or of its derivative of an order by p, from the surface.
+
+    Returns:
+        The same of what `fill_both_turns` tells.
+    """
+    surface, cosine, sine, first = work.surface, work.cosine, work.sine, 1.0 if order == 0 else 0.0
+    apart = first * surface[0, SURFACE - 1]
+    for j in range(DEGREE + 1):
+        cosine[j], sine[j] = first * surface[0, j], first * surface[0, DEGREE + 1 + j]
+    for m in range(1, DEGREE + 1):
+        s, c = sin_cos(m * p)
+        if order == 1:
+            c, s = -m * s, m * c
+        elif order == 2:
+            c, s = -m * m * c, -m * m * s
+        for j in range(DEGREE + 1):
+            cosine[j] += c * surface[2 * m - 1, j] + s * surface[2 * m, j]
+            sine[j] += c * surface[2 * m - 1, DEGREE + 1 + j] + s * surface[2 * m, DEGREE + 1 + j]
+        apart += c * surface[2 * m - 1, SURFACE - 1] + s * surface[2 * m, SURFACE - 1]
+    return float(apart)
+
+
+def fill_rates(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling: int, noise: float) -> float:
+    """Fill powers with F at p, of which the cosines and sines are at hand, and its derivatives by p.
+
+    Returns:
+        The noise of the second derivative, from that of F.
+    """
+    powers = work.powers
+    if labelling < 0 and has_surface(k):
+        for order in range(2, -1, -1):
+            work.apart[order] = fill_waves(work, p, order)
+            fill_powers(work, order)
+        return DEGREE * DEGREE * noise
+    fill_powers(work, 0)
+    fill_F(k, six, work, p - ASIDE, labelling)
+    fill_powers(work, 1)
+    fill_F(k, six, work, p + ASIDE, labelling)
+    fill_powers(work, 2)
+    for m in range(2 * DEGREE + 1):
+        for i in range(2):
+            now, low, high = powers[0, m, i], powers[1, m, i], powers[2, m, i]
+            powers[1, m, i], powers[2, m, i] = 0.5 * (high - low) / ASIDE, (high - 2.0 * now + low) / ASIDE**2
+    return 4.0 * noise / ASIDE**2
+
+
 def fill_powers(work: Islands, row: int) -> None:
     """Fill a row with the coefficients of z^8 F, of which the cosines and sines are at hand."""
     powers = work.powers[row]
@@ -149,6 +250,16 @@ def fill_powers(work: Islands, row: int) -> None:
     for m in range(1, DEGREE + 1):
         powers[DEGREE + m, 0], powers[DEGREE + m, 1] = 0.5 * work.cosine[m], -0.5 * work.sine[m]
         powers[DEGREE - m, 0], powers[DEGREE - m, 1] = 0.5 * work.cosine[m], 0.5 * work.sine[m]
+
+
+def value_and_rate(powers: Array, degree: int, x: complex) -> tuple[complex, complex]:
+    """Value and slope at x of z^(degree / 2) F, which has terms up to half that degree."""
+    first = DEGREE - degree // 2
+    value, slope = complex(powers[first + degree, 0], powers[first + degree, 1]), 0.0j
+    for m in range(first + degree - 1, first - 1, -1):
+        slope = slope * x + value
+        value = value * x + complex(powers[m, 0], powers[m, 1])
+    return value, slope
 
 
 def polynomial(powers: Array, degree: int, x: complex) -> tuple[complex, complex, complex]:
@@ -171,7 +282,7 @@ def find_all_roots(powers: Array, degree: int, z: Array, settled: Array) -> None
         for i in range(degree):
             if settled[i] > 0.0:
                 continue
-            value, slope, _ = polynomial(powers, degree, complex(z[i, 0], z[i, 1]))
+            value, slope = value_and_rate(powers, degree, complex(z[i, 0], z[i, 1]))
             if slope == 0.0:
                 continue
             newton, others, others_i, nearest = value / slope, 0.0, 0.0, math.inf
@@ -179,8 +290,9 @@ def find_all_roots(powers: Array, degree: int, z: Array, settled: Array) -> None
                 a, b = z[i, 0] - z[j, 0], z[i, 1] - z[j, 1]
                 square = a * a + b * b
                 if square != 0.0:
-                    others += a / square
-                    others_i -= b / square
+                    inverse = 1.0 / square
+                    others += a * inverse
+                    others_i -= b * inverse
                     nearest = min(nearest, square)
             rest = 1.0 - newton * complex(others, others_i)
             step = newton / rest if rest != 0.0 else newton
@@ -192,6 +304,17 @@ def find_all_roots(powers: Array, degree: int, z: Array, settled: Array) -> None
                 moving += 1
         if moving == 0:
             break
+
+
+def foretell(work: Islands, p: float, degree: int) -> None:
+    """Move roots as they move with the parameter from where they were found, if that is near."""
+    z, moves, away = work.z, work.moves, wrapped(p - work.moves[2 * DEGREE, 0])
+    work.moves[2 * DEGREE, 0] = p
+    for i in range(degree):
+        x, y = moves[i, 0] * away, moves[i, 1] * away
+        if abs(away) < 1.5 * TURN / LOOKED_AT and math.hypot(x, y) < FORETOLD * distance_to_next(z, i, degree):
+            z[i, 0] += x
+            z[i, 1] += y
 
 
 def degree_of(work: Islands, noise: float) -> int:
@@ -237,31 +360,33 @@ def look_in(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling:
     for n in range(DEGREE + 1):
         total += abs(work.cosine[n]) + abs(work.sine[n])
     if not total > UNCERTAIN * noise:
-        return Look(0.0, 0.0, -1)
-    apart, degree = work.apart[0], degree_of(work, noise)
-    fill_powers(work, 0)
-    fill_F(k, six, work, p - ASIDE, labelling)
-    fill_powers(work, 1)
-    apart_before = work.apart[0]
-    fill_F(k, six, work, p + ASIDE, labelling)
-    fill_powers(work, 2)
-    if labelling < 0 and k.six.form == SPHERICAL_WRIST and apart < 0.0:
-        slope = 0.5 * (work.apart[0] - apart_before) / ASIDE
-        bend = (work.apart[0] - 2.0 * apart + apart_before) / ASIDE**2
-        return Look(first_zero(apart, slope, bend), first_zero(apart, -slope, bend), 0)
+        return Look(0.0, 0.0, -1, 0)
+    degree = degree_of(work, noise)
+    noise_of_bend = fill_rates(k, six, work, p, labelling, noise)
+    if labelling < 0 and k.six.form == SPHERICAL_WRIST and work.apart[0] < 0.0:
+        apart, rate, bend = work.apart[0], work.apart[1], work.apart[2]
+        return Look(first_zero(apart, rate, bend), first_zero(apart, -rate, bend), 0, 0)
     z = work.z if labelling < 0 else work.other
+    if labelling < 0:
+        foretell(work, p, degree)
     find_all_roots(work.powers[0], degree, z, work.settled)
     ahead, behind, real, single = math.inf, math.inf, 0, True
     for i in range(degree):
         x = complex(z[i, 0], z[i, 1])
         if x == 0.0:
             continue
-        d = -math.log(abs(x))
+        value, slope, bend = polynomial(work.powers[0], degree, x)
+        moves, mixed = value_and_rate(work.powers[1], degree, x)
+        if slope == 0.0:
+            return Look(0.0, 0.0, -1, 0)
+        x -= value / slope
+        turns = -moves / slope
+        z[i, 0], z[i, 1] = x.real, x.imag
+        if labelling < 0:
+            work.moves[i, 0], work.moves[i, 1] = turns.real, turns.imag
+        d = -0.5 * math.log(x.real * x.real + x.imag * x.imag)
         if d < -REAL:
             continue
-        value, slope, bend = polynomial(work.powers[0], degree, x)
-        if slope == 0.0:
-            return Look(0.0, 0.0, -1)
         error = degree * noise / abs(slope)
         other = 2.0 * d if d > REAL else distance_to_next(z, i, degree)
         real, single = real + (d <= REAL), single and other > MEETING
@@ -269,17 +394,14 @@ def look_in(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling:
             ahead, behind, single = 0.0, 0.0, False
         if other <= error or d <= REAL:
             continue
-        before, slope_before, _ = polynomial(work.powers[1], degree, x)
-        after, slope_after, _ = polynomial(work.powers[2], degree, x)
-        turns = -(after - before) / (2.0 * ASIDE * slope)
-        mixed = (slope_after - slope_before) / (2.0 * ASIDE)
-        bends = -((after - 2.0 * value + before) / ASIDE**2 + (2.0 * mixed + bend * turns) * turns) / slope
+        curves, _ = value_and_rate(work.powers[2], degree, x)
+        bends = -(curves + (2.0 * mixed + bend * turns) * turns) / slope
         rate, change = -(turns / x).real, -(bends / x - (turns / x) * (turns / x)).real
         unsure = abs(turns / x) * abs(bend / slope) * noise / abs(slope)  # of the rate, where the pair is alone
         if distance_to_next(z, i, degree) < d:
             unsure = 0.0
         bend_of_square = -2.0 * (rate * rate + d * change)
-        if abs(bend_of_square) <= 8.0 * d * noise / (ASIDE**2 * abs(slope)):
+        if abs(bend_of_square) <= 2.0 * d * noise_of_bend / abs(slope):
             bend_of_square = 0.0  # noise
         ahead = min(ahead, first_zero(-d * d, 2.0 * d * (unsure - rate), bend_of_square))
         behind = min(behind, first_zero(-d * d, 2.0 * d * (unsure + rate), bend_of_square))
@@ -287,7 +409,7 @@ def look_in(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling:
         real = count_single_roots(work, fill_F(k, six, work, p, labelling))
     elif not single:
         real = -1
-    return Look(ahead, behind, real)
+    return Look(ahead, behind, real, 0)
 
 
 def first_zero(value: float, slope: float, bend: float) -> float:
@@ -306,9 +428,9 @@ def distance_to_next(z: Array, i: int, degree: int) -> float:
     """From root i to the next one."""
     nearest = math.inf
     for j in range(degree):
-        if j != i:
-            nearest = min(nearest, math.hypot(z[j, 0] - z[i, 0], z[j, 1] - z[i, 1]))
-    return nearest
+        a, b = z[j, 0] - z[i, 0], z[j, 1] - z[i, 1]
+        nearest = min(nearest, a * a + b * b if j != i else math.inf)
+    return math.sqrt(nearest)
 
 
 def find_islands(six: SixJoints, window: Array, work: Islands) -> None:
@@ -316,10 +438,14 @@ def find_islands(six: SixJoints, window: Array, work: Islands) -> None:
     k = unpack_arm(six.arm)
     step = TURN / LOOKED_AT
     work.size[0], work.size[1], work.size[2], work.size[3] = 0, 0, LOOKED_AT, 0
+    if has_surface(k):
+        fill_surface(k, six, work)
     own = unpack_arm(six.general).six.own
     work.size[4] = own if k.six.scale == 0.0 else next_labelling(k, six, own)
     spread_roots(work.z)
     spread_roots(work.other)
+    for i in range(2 * DEGREE + 1):
+        work.moves[i, 0], work.moves[i, 1] = 0.0, 0.0
     for i in range(LOOKED_AT):
         work.p[i] = wrapped(OFFSET + step * i)
         work.counts[i], work.comes[i, 0], work.comes[i, 1] = -1, math.inf, math.inf
@@ -339,8 +465,8 @@ def find_islands(six: SixJoints, window: Array, work: Islands) -> None:
             six,
             work,
             (work.p[i], work.p[i] + step),
-            Look(work.comes[i, 0], work.comes[i, 1], work.counts[i]),
-            Look(work.comes[j, 0], work.comes[j, 1], work.counts[j]),
+            Look(work.comes[i, 0], work.comes[i, 1], work.counts[i], 0),
+            Look(work.comes[j, 0], work.comes[j, 1], work.counts[j], 0),
         )
 
 
@@ -349,13 +475,13 @@ def halve(
 ) -> None:
     """Add values between two, where pairs that come from both sides become solutions in between."""
     stack, top = work.stack, 0
-    stack[0, 0], stack[0, 1] = between
-    stack[0, 2], stack[0, 3], stack[0, 4], stack[0, 5] = first.ahead, last.behind, first.real, last.real
+    write_part(stack[0], between[0], between[1], first, last)
     while top >= 0:
-        low, high, ahead, behind = stack[top, 0], stack[top, 1], stack[top, 2], stack[top, 3]
-        counts = (int(stack[top, 4]), int(stack[top, 5]))
+        low, high = stack[top, 0], stack[top, 1]
+        first = Look(stack[top, 2], 0.0, int(stack[top, 4]), int(stack[top, 6]))
+        last = Look(0.0, stack[top, 3], int(stack[top, 5]), int(stack[top, 7]))
         top -= 1
-        if not ahead + behind <= SAFETY * (high - low) or (
+        if not may_come(first, last, high - low) or (
             high - low < LABELLED and not is_labelled_otherwise(k, six, work, low, high)
         ):
             continue
@@ -365,21 +491,32 @@ def halve(
         work.size[3] += 1
         middle = 0.5 * (low + high)
         seen = look(k, six, work, middle)
-        if max(counts) < 0 and seen.real < 0:
+        if max(first.real, last.real) < 0 and seen.real < 0:
             work.size[1] += 1
             continue
-        if seen.real < 0 or seen.real > min(counts):
+        if seen.real < 0 or seen.real > min(first.real, last.real):
             add_found(work, middle, seen.real)
         if top + 2 < DEPTH:
-            write_part(stack[top + 1], low, middle, ahead, seen.behind, counts[0], seen.real)
-            write_part(stack[top + 2], middle, high, seen.ahead, behind, seen.real, counts[1])
+            write_part(stack[top + 1], low, middle, first, seen)
+            write_part(stack[top + 2], middle, high, seen, last)
             top += 2
 
 
-def look_beside_folds(six: SixJoints, loops: Loops, parameter: int, first: int, work: Islands) -> None:
-    """Add values between a fold of the curves from the first one on and a slice, where solutions may come and go.
+def may_come(first: Look, last: Look, length: float) -> bool:
+    """Whether pairs may come to the axis between two values of the parameter, seen from both."""
+    if first.ahead + last.behind <= SAFETY * length:
+        return True
+    elsewhere = (1.0 - NEAR_FOLD) * length
+    if first.at_fold > 0 and last.at_fold > 0:
+        return True
+    return (first.at_fold > 0 and last.behind <= elsewhere) or (last.at_fold > 0 and first.ahead <= elsewhere)
 
-    At the slice, the pair of the fold is on its way to the axis, as any that comes there before would be.
+
+def look_beside_folds(six: SixJoints, loops: Loops, parameter: int, first: int, work: Islands) -> None:
+    """Add values between each fold of the curves from the first one on and what is known next, where pairs may come.
+
+    At the slice, the pair of the fold is on its way to the axis, as any that comes there before would be. Before the
+    slice there may be a fold that faces this one, at which another pair, or the same one, comes to the axis.
     """
     k, step = unpack_arm(six.arm), TURN / LOOKED_AT
     for c in range(first, loops.size[1]):
@@ -387,21 +524,56 @@ def look_beside_folds(six: SixJoints, loops: Loops, parameter: int, first: int, 
             side = side_of_fold(loops, n, parameter)
             if side == 0.0:
                 continue
-            p = loops.nodes[n, parameter] + side * BESIDE
-            i = math.floor((p - OFFSET) / step) + int(side > 0.0)
+            fold = loops.nodes[n, parameter]
+            i = math.floor((fold + side * BESIDE - OFFSET) / step) + int(side > 0.0)
             at, i = OFFSET + step * i, i % LOOKED_AT
-            comes = work.comes[i, 1 if side > 0.0 else 0]
-            if not comes <= SAFETY * abs(at - p):
+            faced, curve = facing_fold(loops, parameter, fold, at)
+            if faced != at and curve >= first and side < 0.0:  # seen from the other one
                 continue
-            seen = look(k, six, work, p)
-            there = seen.behind if side > 0.0 else seen.ahead
-            expected = there >= BESIDE * (1.0 - AT_FOLD)
-            if not expected and not is_fold_at(loops, parameter, p - side * there, side, BESIDE * AT_FOLD):
+            comes = work.comes[i, 1 if side > 0.0 else 0]
+            if faced == at and not comes <= SAFETY * abs(at - fold):
+                continue
+            away, here = look_beside(k, six, work, fold, side)
+            p, there = fold + side * away, here.behind if side > 0.0 else here.ahead
+            expected = there >= away * (1.0 - AT_FOLD)
+            if not expected and not is_fold_at(loops, parameter, p - side * there, side, away * AT_FOLD):
                 work.size[1] += 1
-            elif side > 0.0:
-                halve(k, six, work, (p, at), seen, Look(math.inf, comes, work.counts[i]))
+                continue
+            other = Look(comes, comes, work.counts[i], 0)
+            if faced != at:
+                away, other = look_beside(k, six, work, faced, -side)
+                at = faced - side * away
+            if (at - p) * side <= 0.0:
+                continue
+            if side > 0.0:
+                halve(k, six, work, (p, at), here, other)
             else:
-                halve(k, six, work, (at, p), Look(comes, math.inf, work.counts[i]), seen)
+                halve(k, six, work, (at, p), other, here)
+
+
+def look_beside(k: ArmConstants, six: SixJoints, work: Islands, fold: float, side: float) -> tuple[float, Look]:
+    """How far from a fold its own pair is no noise, to the side where it is complex, and what the roots tell there."""
+    away = BESIDE
+    seen = look(k, six, work, fold + side * away)
+    for _ in range(FARTHER):
+        if seen.real < 0:
+            away *= TIMES_FARTHER
+            seen = look(k, six, work, fold + side * away)
+    return away, Look(seen.ahead, seen.behind, seen.real, 1)
+
+
+def facing_fold(loops: Loops, parameter: int, p: float, at: float) -> tuple[float, int]:
+    """The first fold from p on to another value at which pairs come to the axis, and its curve; that value for none."""
+    nearest, curve, ahead = abs(at - p), -1, at > p
+    for c in range(loops.size[1]):
+        for n in range(loops.ends[c, 0] + 1, loops.ends[c, 1] - 1):
+            side = side_of_fold(loops, n, parameter)
+            away = wrapped(loops.nodes[n, parameter] - p) * (1.0 if ahead else -1.0)
+            if side == (-1.0 if ahead else 1.0) and 0.0 < away < nearest:
+                nearest, curve = away, c
+    if curve < 0:
+        return at, curve
+    return p + nearest if ahead else p - nearest, curve
 
 
 def side_of_fold(loops: Loops, n: int, parameter: int) -> float:
@@ -421,11 +593,10 @@ def is_fold_at(loops: Loops, parameter: int, p: float, side: float, away: float)
     return False
 
 
-def write_part(
-    part: Array, low: float, high: float, ahead: float, behind: float, count_low: int, count_high: int
-) -> None:
+def write_part(part: Array, low: float, high: float, first: Look, last: Look) -> None:
     """Write a part of the stack."""
-    part[0], part[1], part[2], part[3], part[4], part[5] = low, high, ahead, behind, count_low, count_high
+    part[0], part[1], part[2], part[3] = low, high, first.ahead, last.behind
+    part[4], part[5], part[6], part[7] = first.real, last.real, first.at_fold, last.at_fold
 
 
 def is_labelled_otherwise(k: ArmConstants, six: SixJoints, work: Islands, low: float, high: float) -> bool:

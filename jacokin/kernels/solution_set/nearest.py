@@ -187,20 +187,37 @@ def search_chord(work: NearestWork, i: int) -> None:
             if work.weights[j] > 0.0:
                 moved = equivalent(work, b[j], j) - equivalent(work, a[j], j) - (b[j] - a[j])
                 jumps = jumps or abs(moved) > JUMP or dips(work, a, b, length, j)
-        if jumps and length > RESOLUTION and top + 1 < PARTS and halved < MOST_HALVED:
-            if point_across(work.chain, work.T, a, b, 0.5, walk.z, walk.tz, walk):
-                offer(work, walk.z)
-                for m in range(COLUMNS):
-                    parts[top + 1, COLUMNS + m] = b[m]
-                for j in range(7):
-                    b[j], b[7 + j] = walk.z[j], walk.tz[j]
-                    parts[top + 1, j], parts[top + 1, 7 + j] = walk.z[j], walk.tz[j]
-                top += 1
-                halved += 1
-                continue
-        elif not jumps:
+        halves = jumps and length > RESOLUTION and top + 1 < PARTS and halved < MOST_HALVED
+        if halves and point_across(work.chain, work.T, a, b, 0.5, walk.z, walk.tz, walk):
+            offer(work, walk.z)
+            for m in range(COLUMNS):
+                parts[top + 1, COLUMNS + m] = b[m]
+            for j in range(7):
+                b[j], b[7 + j] = walk.z[j], walk.tz[j]
+                parts[top + 1, j], parts[top + 1, 7 + j] = walk.z[j], walk.tz[j]
+            top += 1
+            halved += 1
+            continue
+        if jumps:
+            offer_on_limits(work, a, b, length)
+        else:
             search_smooth(work, a, b, length)
         top -= 1
+
+
+def offer_on_limits(work: NearestWork, a: Array, b: Array, length: float) -> None:
+    """Offer the points between two nodes where angles go on in other equivalents, alone in these where several do."""
+    walk = work.walk
+    for j in range(7):
+        if not TURN <= work.limits[1, j] - work.limits[0, j] < math.inf:
+            continue
+        for side in range(2):
+            limit = work.limits[side, j]
+            limit += TURN * math.floor((0.5 * (a[j] + b[j]) - limit) / TURN + 0.5)
+            if (a[j] < limit) != (b[j] < limit):
+                u = cubic_root(a, b, length, j, limit, 0.0, 1.0)
+                if point_at(work.chain, work.T, a, b, j, limit, u, walk.z, walk.tz, walk):
+                    offer(work, walk.z)
 
 
 def dips(work: NearestWork, a: Array, b: Array, length: float, j: int) -> bool:

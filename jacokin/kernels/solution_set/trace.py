@@ -46,8 +46,6 @@ MOST_STEPS = 6000
 SHARP = 1e-4
 #: How a curve ends: nowhere, where it leaves the window, lost on the way, or for want of room.
 LOST, CLOSED, LEFT, FULL = 0, 1, 2, 3
-#: [-] slope of a parameter that stands still, but for rounding.
-STANDING = 1e-4
 
 
 class Loops(NamedTuple):
@@ -174,16 +172,14 @@ def run(
     walk.volume[1] = abs(volume)
     first = add_node(loops, walk.x, walk.t, 0)
     h, state = 0.25 * LONGEST_STEP, LOST if first >= 0 else FULL
-    way = 0.0  # the last slope of the parameter that is no rounding
+    way, at_first, farthest = 0.0, 0.0, first
     for _ in range(MOST_STEPS):
         if h < SHORTEST_STEP or state != LOST:
             break
-        if abs(walk.t[parameter]) > STANDING:
-            way = walk.t[parameter]
         result = advance(chain, T, walk, h, volume, walk.y, walk.ty)
         last = loops.size[0] - 1
         too_long = result in (FLIPPED, LONG) and h > MEETING_STEP
-        if result == FAILED or too_long or not add_step(chain, T, parameter, way, loops, walk):
+        if result == FAILED or too_long or not add_step(chain, T, parameter, first, loops, walk):
             loops.size[0] = last + 1
             h *= 0.5
             is_near = too_long
@@ -196,70 +192,101 @@ def run(
         for n in range(last, loops.size[0] - 1):
             if state == LOST and note_passed(chain, T, parameter, n, (point[0], point[1], first), slices, loops, walk):
                 state = CLOSED
+        for n in range(last + 1, loops.size[0]):
+            way, farthest = note_turn(loops, parameter, n, way, farthest)
+            at_first = way if at_first == 0.0 else at_first
         if state == LOST and abs(wrapped(walk.y[parameter] - loops.window[0])) > loops.window[1]:
             state = LEFT
         if loops.size[0] + 2 > NODES:
             state = FULL
         go_on(walk, h)
         h = min(1.5 * h, LONGEST_STEP)
+    if state == CLOSED and way * at_first < 0.0:  # it turned within the last steps, or where it began
+        loops.fold[farthest if farthest < loops.size[0] - 1 else first] = 1
     loops.size[3] += state in (LOST, FULL)
     if first >= 0:
         enter_run(loops, first, state)
     return state
 
 
-def add_step(chain: Array, T: Array, parameter: int, way: float, loops: Loops, walk: Walk) -> bool:
-    """Append the point ahead of a walk, and a fold before it; False where it has to be nearer to see which there are.
+def note_turn(loops: Loops, parameter: int, n: int, way: float, farthest: int) -> tuple[float, int]:
+    """Mark a fold where the parameter has come back from its farthest value; by less it stands still, but for rounding.
+
+    Args:
+        loops: with the curve up to node n.
+        parameter: its index.
+        n: the node to look at.
+        way: 1 where the parameter rises, -1 where it falls, 0 where it has not moved so far.
+        farthest: the node where it has come farthest on its way, or the curve's first.
+
+    Returns:
+        Both, at node n.
+    """
+    moved = loops.nodes[n, parameter] - loops.nodes[farthest, parameter]
+    if abs(moved) > RESOLUTION and moved * way <= 0.0:
+        if way != 0.0:
+            loops.fold[farthest] = 1
+            loops.nodes[farthest, 7 + parameter] = 0.0
+        return math.copysign(1.0, moved), n
+    return way, n if moved * way > 0.0 else farthest
+
+
+def add_step(chain: Array, T: Array, parameter: int, first: int, loops: Loops, walk: Walk) -> bool:
+    """Append the point ahead of a walk, and before it the one where the parameter stands still; False for none there.
 
     Args:
         chain: (8, 3, 4).
         T: (4, 4) target.
         parameter: index of the parameter.
-        way: the parameter's slope before.
+        first: the curve's first node.
         loops: appended to.
         walk: from its last point to the one ahead.
     """
     n = loops.size[0]
-    a, slope = n - 1, walk.ty[parameter]
+    a = n - 1
     if add_node(loops, walk.y, walk.ty, 0) < 0 or turns_twice(loops.nodes[a], loops.nodes[n], parameter):
         return False
-    if not (slope * way < 0.0 and abs(slope) > STANDING):
+    if not turns(loops.nodes[a], loops.nodes[n], parameter):
         return True
-    if walk.t[parameter] * way <= 0.0:  # just before the last node, or there but for rounding
-        before, last = loops.nodes[a - 1], loops.nodes[a]
-        if before[7 + parameter] * way > STANDING * abs(way) and point_where_still(
-            chain, T, before, last, parameter, walk.z, walk.tz, walk
-        ):
-            for j in range(7):
-                last[j], last[7 + j] = walk.z[j], walk.tz[j]
-            last[7 + parameter] = 0.0
-        loops.fold[a] = 1
+    if not point_where_still(chain, T, loops.nodes[a], loops.nodes[n], parameter, walk.z, walk.tz, walk):
+        return False
+    walk.tz[parameter] = 0.0
+    before, after = 0.0, 0.0
+    for j in range(7):
+        before = max(before, abs(walk.z[j] - loops.nodes[a, j]))
+        after = max(after, abs(walk.z[j] - loops.nodes[n, j]))
+    if before <= RESOLUTION and a == first:  # it began there
         return True
-    if (
-        not point_where_still(chain, T, loops.nodes[a], loops.nodes[n], parameter, walk.z, walk.tz, walk)
-        or add_node(loops, walk.y, walk.ty, 0) < 0
-    ):
+    still = n
+    if before <= RESOLUTION:
+        still = a
+    elif after > RESOLUTION and add_node(loops, walk.y, walk.ty, 0) < 0:
         return False
     for j in range(7):
-        loops.nodes[n, j], loops.nodes[n, 7 + j] = walk.z[j], walk.tz[j]
-    loops.nodes[n, 7 + parameter] = 0.0
-    loops.fold[n] = 1
+        loops.nodes[still, j], loops.nodes[still, 7 + j] = walk.z[j], walk.tz[j]
     return True
+
+
+def turns(a: Array, b: Array, parameter: int) -> bool:
+    """Whether the parameter turns back between two nodes; by less than the resolution it may be for rounding."""
+    da, db, moved = a[7 + parameter], b[7 + parameter], abs(b[parameter] - a[parameter])
+    return bool(da * db < 0.0 and moved + chord_length(a, b) * (abs(da) + abs(db)) > RESOLUTION)
 
 
 def turns_twice(a: Array, b: Array, parameter: int) -> bool:
     """Whether the parameter turns back and back again between two nodes, by the cubic through both."""
     da, db = a[7 + parameter], b[7 + parameter]
-    if not (da * db > 0.0 and min(abs(da), abs(db)) > STANDING):
+    if not da * db > 0.0:
         return False
     length = chord_length(a, b)
     mean = (b[parameter] - a[parameter]) / length
-    # The derivative at both ends has one sign; its extremum in between must not have the other.
+    # Its derivative has one sign at both ends, and two zeros in between or none.
     c, m = 3.0 * (da + db - 2.0 * mean), -2.0 * (2.0 * da + db - 3.0 * mean)
-    if c == 0.0:
+    square = m * m - 4.0 * c * da
+    if not (c * da > 0.0 and square > 0.0 and 0.0 < -m / (2.0 * c) < 1.0):
         return False
-    u = -m / (2.0 * c)
-    return bool(0.0 < u < 1.0 and (da + u * (m + u * c)) * da <= 0.0)
+    between = math.sqrt(square) / abs(c)
+    return bool(abs(c) * between * between * between / 6.0 * length > RESOLUTION)
 
 
 def note_meeting(loops: Loops, x: Array, y: Array) -> None:

@@ -32,8 +32,9 @@ ROWS, PIECES = 24576, 512
 FOLD, CIRCLE, LOST = -1, -2, -3
 #: [rad] an angle past its limit by no more is on it, but for rounding.
 SNAP = 1e-9
-#: Share of the square of a chord by which the cubic through its ends may be off.
-DOUBT = 3e-3
+#: Share of the square of a chord by which the cubic through its ends may be off, or of the chord and so many times what
+#: an angle moves along it, where that is less.
+DOUBT, MOVES = 3e-3, 10.0
 #: Parts of one chord at a time, and places where limits are passed on one part.
 PARTS, EVENTS = 40, 32
 
@@ -207,10 +208,11 @@ def level_near(limit: float, a: float, b: float) -> float:
 
 def is_doubtful(a: Array, b: Array, length: float, limits: Array) -> bool:
     """Whether the cubics through two nodes leave open how often a limit is passed between them."""
-    slack = DOUBT * length * length
     for j in range(7):
         if not limits[0, j] > -math.inf:
             continue
+        moves = (abs(a[7 + j]) + abs(b[7 + j])) * length + abs(b[j] - a[j])
+        slack = DOUBT * length * min(length, MOVES * moves)
         for side in range(2):
             level = level_near(limits[side, j], a[j], b[j])
             v0, v1 = a[j] - level, b[j] - level
@@ -275,7 +277,7 @@ def cut_part(chain: Array, T: Array, parameter: int, a: Array, b: Array, pieces:
         # Between two events nothing is passed: the middle tells.
         here = a if i == 0 else events[i - 1, 2:]
         there = b if i == n else events[i, 2:]
-        inside = inside_between(a, b, length, here, there, pieces.limits)
+        inside = inside_between(here, there, pieces.limits)
         code = int(events[i - 1, 1]) if i > 0 else nearest_limit(here, pieces.limits)
         if pieces.size[4] > 0 and not inside:
             if i > 0:
@@ -305,18 +307,13 @@ def touches(a: Array, b: Array, length: float, j: int, level: float) -> bool:
     return abs(cubic(a, b, length, 0.5 * (low + high), j) - level) < DOUBT * length * length + SNAP
 
 
-def inside_between(a: Array, b: Array, length: float, here: Array, there: Array, limits: Array) -> bool:
-    """Whether the middle between two points of a part is within the limits, by its cubic."""
-    first, last = 0.0, 0.0
-    for j in range(7):
-        first += (here[j] - a[j]) * (b[j] - a[j])
-        last += (there[j] - a[j]) * (b[j] - a[j])
-    u = 0.5 * (first + last) / (length * length) if length > 0.0 else 0.0
-    most = -math.inf
+def inside_between(here: Array, there: Array, limits: Array) -> bool:
+    """Whether the middle between two nodes is within the limits, by the cubic through both."""
+    length, most = chord_length(here, there), -math.inf
     for j in range(7):
         if limits[0, j] > -math.inf:
             middle, half = 0.5 * (limits[0, j] + limits[1, j]), 0.5 * (limits[1, j] - limits[0, j])
-            most = max(most, abs(wrapped(cubic(a, b, length, u, j) - middle)) - half)
+            most = max(most, abs(wrapped(cubic(here, there, length, 0.5, j) - middle)) - half)
     return most <= SNAP
 
 

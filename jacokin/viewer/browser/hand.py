@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import html
+import json
+from pathlib import Path
 from urllib.parse import parse_qs
 
 import viser
@@ -22,38 +24,18 @@ g and h close and open the fingers; the space bar works the clutch. Where episod
 it, y keeps it, x throws it away. A gamepad is read as soon as one of its buttons was
 pressed. Only a page in front leads.</div>"""
 
-# A page may run a script where an image that does not exist fails to load. Keys that lead do nothing else: viser's own
-# listeners, which move the camera by w, a, s and d, come later.
-SCRIPT = """(() => {
-  if (window.jacokinHand) return;
-  window.jacokinHand = true;
-  const names = new Set(%(keys)s), held = new Set();
-  const name = event => event.key === ' ' ? 'space' : event.key.toLowerCase();
-  const typing = event => event.target.closest?.('input:not([type=checkbox]), textarea') != null;
-  const hear = (event, change) => {
-    if (!names.has(name(event)) || typing(event) || event.ctrlKey || event.altKey || event.metaKey) return;
-    change(name(event));
-    event.preventDefault();
-    event.stopImmediatePropagation();
-  };
-  window.addEventListener('keydown', event => hear(event, key => held.add(key)), true);
-  window.addEventListener('keyup', event => { held.delete(name(event)); hear(event, () => {}); }, true);
-  window.addEventListener('blur', () => held.clear());
-  const numbers = values => values.map(value => value.toFixed(3)).join(' ');
-  const report = async () => {
-    if (document.hasFocus()) {
-      const pad = [...navigator.getGamepads()].find(each => each && each.connected);
-      const said = new URLSearchParams({
-        keys: [...held].join(' '),
-        axes: pad ? numbers([...pad.axes]) : '',
-        buttons: pad ? numbers([...pad.buttons].map(button => button.value)) : '',
-      });
-      await fetch('%(path)s?' + said, {cache: 'no-store', headers: {'%(header)s': 'hand'}}).catch(() => {});
-    }
-    setTimeout(report, %(period)d);
-  };
-  report();
-})()"""
+SCRIPT = "/hand.js"  # beside this file; every page loads it
+MARK = {
+    "keys": sorted({*KEYS, *FINGER_KEYS, *COMMAND_KEYS, CLUTCH_KEY}),
+    "path": PATH,
+    "header": OWN_HEADER,
+    "period": PERIOD,
+}
+
+
+def read_script() -> str:
+    """The script of pages that lead."""
+    return Path(__file__).with_name("hand.js").read_text(encoding="utf-8")
 
 
 class HandControls:
@@ -68,7 +50,7 @@ class HandControls:
             gui.add_button("Clutch", hint="Follow the hand, or stay").on_click(lambda _: controller.toggle())
             gui.add_button("End", hint="Brake, and end the session").on_click(self._end)
             gui.add_html(HELP)
-            gui.add_html(f'<img src="data:," alt="" style="display:none" onerror="{_attribute(SCRIPT)}">')
+            gui.add_html(f'<div data-jacokin-hand="{html.escape(json.dumps(MARK))}"></div>')
         server.listen(PATH, self._hear)
 
     def show(self, step: TeleopStep) -> None:
@@ -103,10 +85,3 @@ def _numbers(name: str, words: list[str]) -> list[float]:
         return [float(word) for word in words]
     except ValueError:
         raise InvalidInputError(f"{name} must be numbers, got {checks.shown(words)}") from None
-
-
-def _attribute(script: str) -> str:
-    """The script as the value of an attribute of HTML."""
-    keys = str(sorted({*KEYS, *FINGER_KEYS, *COMMAND_KEYS, CLUTCH_KEY}))
-    text = script % {"keys": keys, "path": PATH, "header": OWN_HEADER, "period": PERIOD}
-    return text.replace("&", "&amp;").replace('"', "&quot;")

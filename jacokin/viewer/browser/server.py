@@ -38,6 +38,7 @@ LOOPBACK = "127.0.0.1"
 LAST_PORT = 65535
 PATIENCE = 0.5  # [s] that pages are given to close their connection, once the viewer ends
 TOKEN_BYTES = 16
+PAGES = ("/", "/index.html")  # paths of the page, which loads all else
 OWN_SITES = ["same-origin", "none"]  # values of Sec-Fetch-Site: of the page itself, and of an address that was typed
 WHOLE_PAGE = "document"  # Sec-Fetch-Dest of a page that is opened
 OWN_HEADER = "X-Jacokin"  # of what the viewer's pages tell: browsers leave out Sec-Fetch-Site without encryption
@@ -71,6 +72,10 @@ class Server(viser.ViserServer):
         A JacokinError of the function is the answer to its request.
         """
         self.guard.listeners[path] = heard
+
+    def add_script(self, path: str, text: str) -> None:
+        """Have every page that is opened from now on load a script of the viewer's own."""
+        self.guard.scripts[path] = text.encode()
 
     def request_share_url(self, verbose: bool = True) -> str | None:
         """Refuse: a client may ask for this, and the viewer is for this machine."""
@@ -275,6 +280,7 @@ class _Guard:
         self._listening = listening
         self._pages = pages
         self.listeners: dict[str, Callable[[str], None]] = {}
+        self.scripts: dict[str, bytes] = {}
         self.token = token
         self.used = False
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -314,12 +320,17 @@ class _Guard:
     def _checked(self, inner: Check | None) -> Check:
         async def check(connection: ServerConnection, request: Request) -> Answer:
             try:
-                answer = self._refused(connection, request) or self._told(connection, request)
+                answer = self._refused(connection, request) or self._script(request) or self._told(connection, request)
                 if answer is None and inner is not None:
+                    is_page = urlsplit(request.path).path in PAGES
+                    if is_page:
+                        request.headers.pop("Accept-Encoding", None)  # to add to the page as it is
                     found = inner(connection, request)
                     answer = await found if inspect.isawaitable(found) else found
                     if answer is not None:
                         answer.headers["Set-Cookie"] = self.token.cookie
+                        if is_page:
+                            self._add_scripts(answer)
             except (ValueError, LookupError, OSError) as error:  # an address or a header that no browser sends
                 answer = connection.respond(http.HTTPStatus.BAD_REQUEST, f"not a request of a page: {error}\n")
             if answer is not None:
@@ -327,6 +338,22 @@ class _Guard:
             return answer
 
         return check
+
+    def _script(self, request: Request) -> Answer:
+        """A script of the viewer's own."""
+        text = self.scripts.get(urlsplit(request.path).path)
+        if text is None or request.headers.get("Upgrade") == "websocket":
+            return None
+        headers = Headers({"Content-Type": "text/javascript; charset=utf-8", "Content-Length": str(len(text))})
+        return Response(http.HTTPStatus.OK, "OK", headers, text)
+
+    def _add_scripts(self, page: Response) -> None:
+        """Have a page load the scripts."""
+        tags = "".join(f'<script src="{path}"></script>' for path in self.scripts).encode()
+        before, end, after = page.body.rpartition(b"</body>")
+        page.body = before + tags + end + after
+        del page.headers["Content-Length"]
+        page.headers["Content-Length"] = str(len(page.body))
 
     def _told(self, connection: ServerConnection, request: Request) -> Answer:
         """Hand what a page says to who listens at that path."""

@@ -1,8 +1,13 @@
-"""A client of kinova-ros' driver that uses its services, actions and velocities; prints JSON about them."""
+"""A client of kinova-ros' driver that does what those of kinova_demo do; prints JSON about it.
+
+They go to where they are told from what the driver says that it leads the arm to: `joint_command` [deg],
+`cartesian_command` [m, and Euler angles in rad, R = Rx Ry Rz], `finger_position` [turns].
+"""
 
 from __future__ import annotations
 
 import json
+import math
 import os
 import time
 from typing import Any
@@ -41,6 +46,26 @@ def angles() -> list[float]:
     return [getattr(message, f"joint{j + 1}") for j in range(6)]
 
 
+def quaternion_xyzw(x: float, y: float, z: float) -> tuple[float, ...]:
+    """Of R = Rx Ry Rz [rad]."""
+    half = [(math.sin(angle / 2.0), math.cos(angle / 2.0)) for angle in (x, y, z)]
+    (sx, cx), (sy, cy), (sz, cz) = half
+    return (
+        sx * cy * cz + cx * sy * sz,
+        cx * sy * cz - sx * cy * sz,
+        cx * cy * sz + sx * sy * cz,
+        cx * cy * cz - sx * sy * sz,
+    )
+
+
+def apart(one: Any, other: Any) -> tuple[float, float]:
+    """Between two poses [m, rad]."""
+    at, there = one.pose.position, other.pose.position
+    p, q = one.pose.orientation, other.pose.orientation
+    cosine = abs(p.x * q.x + p.y * q.y + p.z * q.z + p.w * q.w)
+    return math.dist((at.x, at.y, at.z), (there.x, there.y, there.z)), 2.0 * math.acos(min(1.0, cosine))
+
+
 def main() -> None:
     begun = time.monotonic()
     stamps: list[float] = []
@@ -53,7 +78,9 @@ def main() -> None:
     record["rate"] = 10.0 / (stamps[10] - stamps[0])
     state = hear("joint_state", JointState)
     record["state"] = {"name": state.name, "position": state.position, "angles": angles()}
-    goal = [angle + 10.0 for angle in angles()]
+    record["lengths"] = [len(state.position), len(state.velocity), len(state.effort)]
+    command = hear("joint_command", messages.JointAngles)
+    goal = [getattr(command, f"joint{j + 1}") + 10.0 for j in range(6)]
     target = messages.JointAngles(*goal, 0.0)
     record["joints"] = ask(
         "joints_action/joint_angles", messages.ArmJointAnglesAction, messages.ArmJointAnglesGoal(target)
@@ -62,14 +89,21 @@ def main() -> None:
     record["joints_off"] = max(abs(a - b) for a, b in zip(angles(), goal, strict=True))
     from geometry_msgs.msg import PoseStamped
 
-    pose = hear("tool_pose", PoseStamped)
-    pose.pose.position.z -= 0.05
+    led = hear("cartesian_command", messages.KinovaPose)
+    pose = PoseStamped()
+    pose.header.frame_id = "j2n6s300_link_base"
+    at, turned = pose.pose.position, pose.pose.orientation
+    at.x, at.y, at.z = led.X, led.Y, led.Z
+    turned.x, turned.y, turned.z, turned.w = quaternion_xyzw(led.ThetaX, led.ThetaY, led.ThetaZ)
+    record["led_off"] = apart(pose, hear("tool_pose", PoseStamped))
+    at.z -= 0.05
     record["pose"] = ask("pose_action/tool_pose", messages.ArmPoseAction, messages.ArmPoseGoal(pose))
     time.sleep(0.5)
-    record["pose_off"] = abs(hear("tool_pose", PoseStamped).pose.position.z - pose.pose.position.z)
+    record["pose_off"] = apart(pose, hear("tool_pose", PoseStamped))
     pose.header.frame_id = "elsewhere"
     record["pose_elsewhere"] = ask("pose_action/tool_pose", messages.ArmPoseAction, messages.ArmPoseGoal(pose))
-    fingers = messages.FingerPosition(4000.0, 4000.0, 4000.0)
+    now = hear("finger_position", messages.FingerPosition)
+    fingers = messages.FingerPosition(*(getattr(now, f"finger{j + 1}") + 4000.0 for j in range(3)))
     goal_of_fingers = messages.SetFingersPositionGoal(fingers)
     record["fingers"] = ask("fingers_action/finger_positions", messages.SetFingersPositionAction, goal_of_fingers)
     record["finger"] = hear("finger_position", messages.FingerPosition).finger2
@@ -85,6 +119,15 @@ def main() -> None:
     time.sleep(0.5)
     record["rise"] = hear("tool_pose", PoseStamped).pose.position.z - before
     record["closed"] = hear("finger_position", messages.FingerPosition).finger1
+    turning = rospy.Publisher(f"{DRIVER}/in/joint_velocity", messages.JointVelocity, queue_size=1)
+    while not turning.get_num_connections():
+        time.sleep(0.01)
+    before, rate = angles(), rospy.Rate(100)
+    for _ in range(100):
+        turning.publish(0.0, 0.0, 0.0, 0.0, 0.0, 20.0, 0.0)
+        rate.sleep()
+    time.sleep(0.5)
+    record["turned"] = [after - angle for after, angle in zip(angles(), before, strict=True)]
     record["stop"] = call("stop", messages.Stop).stop_result
     record["stopped"] = ask(
         "joints_action/joint_angles", messages.ArmJointAnglesAction, messages.ArmJointAnglesGoal(target)

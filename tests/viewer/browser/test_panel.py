@@ -17,7 +17,7 @@ import jacokin
 from jacokin import IKSolver, Robot, Status
 from jacokin.ik import Box, Floor, Scene
 from jacokin.motion import track_path
-from jacokin.viewer import Inspector, Viewer, serve
+from jacokin.viewer import Inspector, Viewer, ViewerOptions, serve
 from jacokin.viewer.drawing import load_parts
 from tests.robot_files import ur5_text
 from tests.viewer.page import Page, opened, repeat, until
@@ -130,7 +130,7 @@ def test_a_tool_is_taken_from_its_controls(viewer: Viewer, page: Page, robot: Ro
 
 def test_a_tool_of_an_option_stays_exact_until_it_is_moved(robot: Robot) -> None:
     tool = pin.SE3(pin.rpy.rpyToMatrix(0.1, 0.2, 0.3), np.array([1e-5, 0.05, 0.1234567]))
-    with serve(robot, tool=tool, port=0) as viewer, opened(viewer) as page:
+    with serve(robot, ViewerOptions(tool=tool), port=0) as viewer, opened(viewer) as page:
         page.change("Contact", "report")
         assert until(lambda: viewer.view.touching is not None)
         page.click("As Python")
@@ -214,7 +214,7 @@ def test_the_range_of_a_free_axis_holds(viewer: Viewer, page: Page) -> None:
 
 
 def test_a_free_axis_of_an_option_is_shown_at_once(robot: Robot) -> None:
-    with serve(robot, free_axis="y", free_range=(-0.3, 0.4), target=NEAR, port=0) as viewer:
+    with serve(robot, ViewerOptions(free_axis="y", free_range=(-0.3, 0.4)), target=NEAR, port=0) as viewer:
         free = viewer.view.free
         assert free is not None
         assert (free.axis, free.lower, free.upper) == (1, -0.3, 0.4)
@@ -274,7 +274,7 @@ def test_each_shape_that_touches_is_drawn_over_the_arm(robot: Robot) -> None:
     at_tool = robot.forward_kinematics(robot.home).translation
     scene = Scene([Box("crate", (0.1, 0.1, 0.1), at_tool)])
     owners = {name: index for index, part in enumerate(load_parts(robot)[0]) for name in part.shapes}
-    with serve(robot, scene=scene, collision="report", port=0) as viewer, opened(viewer) as page:
+    with serve(robot, ViewerOptions(collision="report"), scene=scene, port=0) as viewer, opened(viewer) as page:
         touching = {name for pair in viewer.view.arm_touching for name in pair} - {"crate"}
         assert touching
         assert page.names("/touching/") == touching

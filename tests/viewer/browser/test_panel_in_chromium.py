@@ -14,7 +14,7 @@ from jacokin import IKSolver, Robot, reachability
 from jacokin.ik import Box, Scene
 from jacokin.model import urdf_folder
 from jacokin.motion import Trajectory, track_path
-from jacokin.viewer import Inspector, Viewer, serve
+from jacokin.viewer import Inspector, Viewer, ViewerOptions, serve
 from jacokin.viewer.contents import MapSlices
 from jacokin.viewer.drawing import ArmPart, ColouredMesh, load_parts, load_visuals
 from tests.viewer.chromium import (
@@ -53,7 +53,7 @@ def viewer(bundled: Callable[[str], Robot], path: Trajectory) -> Iterator[Viewer
     """With a crate that the hand touches, and a trajectory."""
     robot = bundled("j2n6s300")
     crate = Scene([Box("crate", (0.06, 0.06, 0.06), robot.forward_kinematics(robot.home).translation)])
-    with serve(robot, scene=crate, collision="report", trajectory=path, port=0) as running:
+    with serve(robot, ViewerOptions(collision="report"), scene=crate, trajectory=path, port=0) as running:
         yield running
 
 

@@ -18,7 +18,7 @@ from websockets.sync.client import connect
 
 from jacokin import Robot
 from jacokin.errors import InvalidInputError
-from jacokin.viewer import Viewer, serve
+from jacokin.viewer import Viewer, ViewerOptions, serve
 from jacokin.viewer.browser import server
 from tests.viewer.page import Page, opened, port_of, until
 
@@ -301,7 +301,7 @@ def test_a_message_of_wrong_types_is_one_line(robot: Robot, caplog: pytest.LogCa
 
 
 def test_another_host_warns(caplog: pytest.LogCaptureFixture, robot: Robot) -> None:
-    with caplog.at_level(logging.WARNING), serve(robot, host="0.0.0.0", port=0) as viewer:
+    with caplog.at_level(logging.WARNING), serve(robot, ViewerOptions(host="0.0.0.0"), port=0) as viewer:
         assert "every computer" in caplog.text
         assert viewer.url.startswith("http://127.0.0.1:")
         assert status(viewer, viewer.url.split("/?")[0]) == 101
@@ -326,7 +326,7 @@ def test_a_port_in_use_is_named(viewer: Viewer, robot: Robot) -> None:
 )
 def test_a_wrong_host_or_port_is_refused(robot: Robot, host: str, port: int, message: str) -> None:
     with pytest.raises(InvalidInputError, match=message):
-        serve(robot, host=host, port=port)
+        serve(robot, ViewerOptions(host=host), port=port)
 
 
 def test_servers_of_others_are_not_guarded() -> None:

@@ -1,0 +1,145 @@
+"""Options that go together, as classes that a command takes as one parameter."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from jacokin import ik, model
+from jacokin.cli import options
+from jacokin.cli.command import option
+from jacokin.cli.units import Units
+from jacokin.model import DEFAULT_ROBOT
+
+if TYPE_CHECKING:
+    import numpy as np
+    import pinocchio as pin
+    from numpy.typing import ArrayLike
+
+RADIANS = Units(degrees=False)  # of commands without --degrees
+
+
+@dataclass(frozen=True, slots=True)
+class RobotOptions:
+    """Which robot it is."""
+
+    robot: str | None = option("--robot", default=DEFAULT_ROBOT, metavar="NAME|FILE", help=options.NAME_OR_FILE)
+    base: str | None = options.base()
+    tip: str | None = options.tip()
+    package_dirs: Sequence[Path] = options.package_dirs()
+    limits: dict[str, tuple[float, float]] | None = options.limits()
+    finger_angle: float | None = option(
+        "--finger-angle", type=float, metavar="A", help="Where the fingers are held [rad], also with --degrees."
+    )
+    locked: dict[str, float] | None = options.locked()
+    srdf: Path | None = options.srdf()
+    calibration: Path | None = options.calibration()
+
+    def load(self) -> model.Robot:
+        """The robot.
+
+        Raises:
+            InvalidInputError: as `load_robot`.
+        """
+        return model.load_robot(
+            self.robot or DEFAULT_ROBOT,
+            base=self.base,
+            tip=self.tip,
+            package_dirs=self.package_dirs,
+            limits=self.limits,
+            finger_angle=self.finger_angle,
+            calibration=self.calibration,
+            locked=self.locked,
+            srdf=self.srdf,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class MapRobotOptions(RobotOptions):
+    """The robot of a map."""
+
+    robot: str | None = option(
+        "--robot", metavar="NAME|FILE", help="The robot of the map, where it is not a bundled one as it is."
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class ToolOptions:
+    """What is brought to the target."""
+
+    frame: str | None = options.frame()
+    tool: pin.SE3 | None = options.tool()
+
+
+@dataclass(frozen=True, slots=True)
+class SceneOptions:
+    """What the arm keeps clear of."""
+
+    scene: Path | None = options.scene()
+    clearance: float = options.clearance()
+
+    def load(self) -> model.Scene | None:
+        """The scene; None without one.
+
+        Raises:
+            InvalidInputError: as `Scene.load`.
+        """
+        return load_scene(self.scene)
+
+
+@dataclass(frozen=True, slots=True)
+class FormOptions:
+    """The form of an answer."""
+
+    units: Units = options.degrees()
+    json: bool = options.json()
+
+
+@dataclass(frozen=True, slots=True)
+class BatchOptions:
+    """A file of poses, and where its answers go."""
+
+    targets: Path | None = option(
+        "--targets",
+        type=options.FILE,
+        metavar="FILE",
+        help="Solve every row of a .csv, .npz or .parquet: columns x,y,z and qw,qx,qy,qz or none; others are kept.",
+    )
+    output: Path | None = option(
+        "--output",
+        type=options.FILE,
+        metavar="FILE",
+        help="Write the answers to --targets to this .csv, .npz or .parquet.",
+    )
+    resume: bool | None = option(
+        "--resume/--no-resume",
+        default=None,
+        help="Continue a run with --targets and --output that did not end, as happens if not given; or start again.",
+    )
+    workers: int = options.workers()
+    dask: str | None = options.dask()
+
+
+def load_scene(path: Path | None) -> model.Scene | None:
+    """The scene of a file; None without one."""
+    return None if path is None else model.Scene.load(path)
+
+
+def load_generator(seed: int | None) -> np.random.Generator | None:
+    """Random numbers from a seed; None without one."""
+    import numpy as np
+
+    return None if seed is None else np.random.default_rng(seed)
+
+
+def free_about(
+    pose: pin.SE3 | ArrayLike, axis: Sequence[float], turns: tuple[float, float] | None, units: Units
+) -> ik.FreeAxis:
+    """A pose whose tool may turn about an axis of its own.
+
+    Raises:
+        InvalidInputError: an axis without a direction, or an empty range.
+    """
+    return ik.FreeAxis(pose, axis=axis) if turns is None else ik.FreeAxis(pose, axis=axis, range=units.to_si(turns))
