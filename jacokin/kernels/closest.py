@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
+from jacokin.kernels.symmetric import diagonalise, factorise
 from jacokin.kernels.trigonometry import angle_of, sin_cos
 from jacokin.kernels.vector import Vec, cross, dot, minus, mix, norm
 
@@ -36,8 +37,8 @@ LONGEST_STEP = 1.0  # [rad] a quadratic model says nothing beyond
 BOUND_PASSES = 2  # times that joints which pass a limit are held there and the others solved again
 SETTLED = 1e-8  # [m] less progress in `PATIENCE` steps ends a descent
 PATIENCE = 8
-#: Sweeps of Jacobi's method, and the size of what is left beside the diagonal, squared and relative, that ends it.
-SWEEPS, DIAGONAL = 12, 1e-20
+#: Size of what Jacobi's method leaves beside the diagonal, squared and relative.
+DIAGONAL = 1e-20
 #: Of the mean of the diagonal: pivots above this are of a matrix without negative eigenvalues.
 LEAST_PIVOT = 1e-9
 
@@ -501,7 +502,7 @@ def fill_curvature(work: ClosestWork, convex: bool) -> None:
         curvature[k] = hessian[k]
     if convex or is_positive(hessian, work.matrix, dof):
         return
-    diagonalise(curvature, work.vectors, dof)
+    diagonalise(curvature, work.vectors, dof, DIAGONAL)
     for i in range(dof):
         work.step[i] = abs(curvature[i * dof + i])
     for i in range(dof):
@@ -517,52 +518,4 @@ def is_positive(hessian: Array, matrix: Array, dof: int) -> bool:
     least = 0.0
     for i in range(dof):
         least += LEAST_PIVOT * abs(hessian[i * dof + i]) / dof
-    for i in range(dof):
-        for j in range(i + 1):
-            product = hessian[i * dof + j]
-            for k in range(j):
-                product -= matrix[i * dof + k] * matrix[j * dof + k]
-            if i > j:
-                matrix[i * dof + j] = product / matrix[j * dof + j]
-            elif product > least:
-                matrix[i * dof + i] = math.sqrt(product)
-            else:
-                return False
-    return True
-
-
-def diagonalise(a: Array, vectors: Array, dof: int) -> None:
-    """Leave the eigenvalues of a symmetric matrix on its diagonal, and its eigenvectors in the columns (Jacobi)."""
-    for i in range(dof):
-        for j in range(dof):
-            vectors[i * dof + j] = 1.0 if i == j else 0.0
-    for _ in range(SWEEPS):
-        size, beside = 0.0, 0.0
-        for i in range(dof):
-            for j in range(dof):
-                size += a[i * dof + j] * a[i * dof + j]
-                if i != j:
-                    beside += a[i * dof + j] * a[i * dof + j]
-        if beside <= DIAGONAL * size:
-            return
-        for p in range(dof):
-            for q in range(p + 1, dof):
-                if a[p * dof + q] != 0.0:
-                    rotate(a, vectors, p, q, dof)
-
-
-def rotate(a: Array, vectors: Array, p: int, q: int, dof: int) -> None:
-    """One rotation of Jacobi's method, which makes entry (p, q) vanish."""
-    theta = 0.5 * (a[q * dof + q] - a[p * dof + p]) / a[p * dof + q]
-    t = math.copysign(1.0, theta) / (abs(theta) + math.sqrt(theta * theta + 1.0))
-    c = 1.0 / math.sqrt(t * t + 1.0)
-    s = t * c
-    for k in range(dof):
-        x, y = a[k * dof + p], a[k * dof + q]
-        a[k * dof + p], a[k * dof + q] = c * x - s * y, s * x + c * y
-    for k in range(dof):
-        x, y = a[p * dof + k], a[q * dof + k]
-        a[p * dof + k], a[q * dof + k] = c * x - s * y, s * x + c * y
-    for k in range(dof):
-        x, y = vectors[k * dof + p], vectors[k * dof + q]
-        vectors[k * dof + p], vectors[k * dof + q] = c * x - s * y, s * x + c * y
+    return factorise(hessian, matrix, dof, 0.0, least)

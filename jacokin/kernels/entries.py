@@ -27,6 +27,8 @@ from jacokin.kernels.six_joints.ranking import make_rank_work, rank_labellings
 from jacokin.kernels.solution_set.nearest import find_nearest, find_point, make_nearest_work, make_point_work
 from jacokin.kernels.solution_set.run import make_set_work, solve_set
 from jacokin.kernels.speeds import fit_speeds, make_speed_work
+from jacokin.kernels.tracking.reach import make_reach_work, try_reach
+from jacokin.kernels.tracking.tick import finish_tick, linearise_tick, make_tick_work, report_tick, solve_tick
 
 
 class Entry(NamedTuple):
@@ -47,6 +49,11 @@ ENTRIES = (
     Entry(link_rungs, make_link_work),
     Entry(fit_speeds, make_speed_work),
     Entry(find_closest, make_closest_work),
+    Entry(linearise_tick, make_tick_work),
+    Entry(solve_tick, make_tick_work),
+    Entry(finish_tick, make_tick_work),
+    Entry(report_tick, make_tick_work),
+    Entry(try_reach, make_reach_work),
     Entry(solve_set, make_set_work),
     Entry(find_point, make_point_work),
     Entry(find_nearest, make_nearest_work),

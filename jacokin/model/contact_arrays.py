@@ -145,7 +145,7 @@ def arm_arrays(
         alone: numbers of shapes that are obstacles, kept as shapes of the base: those that do not count against every
             shape that moves.
     """
-    placements, kinds = _joints(model)
+    placements, kinds = joints_about_z(model)
     # They come first, and so do their meetings.
     groups = [(0, [number], rows[number].numbers[CENTRE:]) for number in alone] + [
         (link, group, sphere)
@@ -247,18 +247,18 @@ def _integers(rows: Sequence[tuple[int, ...]], columns: int) -> NDArray[np.int64
     return np.array(rows, dtype=np.int64).reshape(-1, columns)
 
 
-def _joints(model: pin.Model) -> tuple[Array, list[int]]:
+def joints_about_z(model: pin.Model) -> tuple[Array, list[int]]:
     """For each joint its placement on the link before it, axes z, and its kind."""
     turns, placements, kinds = [pin.SE3.Identity()], np.empty((model.nv, 3, 4)), []
     for index in range(1, model.njoints):
-        turn, kind = _turn(model, index)
+        turn, kind = turn_of(model, index)
         placements[index - 1] = (turns[-1].inverse() * model.jointPlacements[index] * turn).homogeneous[:3]
         turns.append(turn)
         kinds.append(kind)
     return placements, kinds
 
 
-def _turn(model: pin.Model, link: int) -> tuple[pin.SE3, int]:
+def turn_of(model: pin.Model, link: int) -> tuple[pin.SE3, int]:
     """T_joint_link, whose z is the axis of the joint that moves a link, and the kind of that joint."""
     joint = model.joints[link]
     data = joint.createData()
@@ -279,7 +279,7 @@ def shape_row(model: pin.Model, shape: Shape) -> ShapeRow:
     kind = np.array([_kind(shape)])
     T_link_shape = shape.placement
     if shape.joint:
-        T_link_shape = _turn(model, shape.joint)[0].inverse() * T_link_shape
+        T_link_shape = turn_of(model, shape.joint)[0].inverse() * T_link_shape
     if CORES[kind[0]] in (MESH, CLOUD):
         row = _own_row(shape, T_link_shape)
     else:

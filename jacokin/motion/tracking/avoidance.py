@@ -6,7 +6,6 @@ nearer.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -17,30 +16,44 @@ from numpy.typing import NDArray
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.kernels.contact.arm import SLIDE
-from jacokin.kernels.contact.run import MEASURE_PAIRS, ROWS, TASK, ContactWork, make_contact_work, run_contact
 from jacokin.kernels.contact.shapes import CENTRE, LINK, RADIUS, SIZE
 from jacokin.kernels.contact.touching import Geometry
 from jacokin.kernels.library import Call
+from jacokin.kernels.tracking.near import BUFFER, CLOSING, DISTANCE, LEAVES, NEAR_NUMBERS, NORMAL
+from jacokin.kernels.tracking.reach import (
+    ASKED,
+    BEFORE,
+    BEYOND,
+    BOUND,
+    DISTANCES,
+    FORESIGHT,
+    HORIZON,
+    KEPT,
+    LEAVING,
+    MOVING,
+    NEAR,
+    PART,
+    SPARE,
+    TIME_STEP,
+    WATCH,
+    ReachWork,
+    make_reach_work,
+    try_reach,
+)
 from jacokin.model import checks
 from jacokin.model.contact import Contact
-from jacokin.model.many_configurations import cross
 from jacokin.model.robot import Robot
 from jacokin.model.scene import Scene, checked_scene
-from jacokin.motion.tracking.joint_limits import Braking
+from jacokin.motion.tracking.joint_limits import JointLimits
 from jacokin.motion.tracking.moving import MovableShapes, Whereabouts
+from jacokin.motion.tracking.ticks import Arm, Near
 
 CLEARANCE = 0.01  # [m] kept between shapes unless told otherwise
 COLLISION = ("ignore", "reject")
-BUFFER = 5e-4  # [m] the QP stays this far above the distance, so that curvature does not cost a shortened step
 LOOK_AHEAD = 3.0  # ticks at full speed, and the way to rest, before a pair could come too near: then it is watched
 MEASURED = 0.01  # [m] above the distance, from which pairs are watched however slow they are: there `least` is exact
-HORIZON = 0.05  # [m] beyond the watched range up to which distances are measured
-SEPARATION_WEIGHT = 100.0  # of moving too near pairs apart, against 1 for the target: its pull then costs microns
-WORSE = 1e-9  # [m] rounding of a distance
-FORESIGHT = 0.15  # [s] a moving obstacle that would be too near by then is avoided now
-BETWEEN = 0.01  # [m] shapes may come nearer than the distance between two places of a way to rest that are looked at
-LOOKS = 12  # places of a way to rest that are looked at, before it counts as not clear
-NO_DISTANCES, NO_POINTS, NO_PAIRS = np.empty(0), np.empty((0, 3)), np.empty(0, dtype=np.intp)
+LOOKED_AHEAD = 0.15  # [s] a moving obstacle that would be too near by then is avoided now
+NO_PAIRS, NO_NUMBERS = np.empty(0, dtype=np.int64), np.empty((0, NEAR_NUMBERS))
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,44 +63,26 @@ class Distances:
     Attributes:
         bound: (pairs,) each pair is at least this far apart [m].
         near: (near,) numbers of the pairs that are in the watched range.
-        distance: (near,) their distances [m]; negative when they overlap.
-        points: (near, 3) nearest points on the second shape [m].
-        normals: (near, 3) unit vectors from the first shape to the second, along which the distance grows.
+        numbers: (near, 8) how they are, see `jacokin.kernels.tracking.near`.
         exits: directions (3,) in which shapes leave the obstacles they are inside of, by the obstacle's number.
         measured: False where there was no time to measure: then nothing is in `near`, and `bound` still holds.
     """
 
     bound: Array
-    near: NDArray[np.intp]
-    distance: Array
-    points: Array
-    normals: Array
+    near: NDArray[np.int64]
+    numbers: Array
     exits: Mapping[int, Array]
     measured: bool = True
+
+    @property
+    def distance(self) -> Array:
+        """(near,) distances of the pairs that are in the watched range [m]; negative when they overlap."""
+        return self.numbers[:, DISTANCE]
 
     @property
     def least(self) -> float:
         """Smallest distance [m]: measured when it is in the watched range, a lower bound when it is larger."""
         return float(self.bound.min()) if self.bound.size else np.inf
-
-
-@dataclass(frozen=True, slots=True)
-class Separation:
-    """What near shapes add to the QP.
-
-    Attributes:
-        inequalities: G and h of G x <= h: no pair uses up more than a part of its spare distance.
-        jacobian: (k, dof) weighted, of the distances of pairs that are too near.
-        error: (k,) weighted increase of distance that is asked of them.
-        pairs: (k,) numbers of these pairs.
-        exits: as in `Distances`, for the coming step.
-    """
-
-    inequalities: tuple[Array, Array]
-    jacobian: Array
-    error: Array
-    pairs: NDArray[np.intp]
-    exits: Mapping[int, Array]
 
 
 class ClearanceGuard:
@@ -104,7 +99,7 @@ class ClearanceGuard:
         shapes: MovableShapes,
         pairs: NDArray[np.int64],
         distance: float,
-        velocity: Array,
+        limits: JointLimits,
         dt: float,
         reaction: float = 0.0,
     ) -> None:
@@ -116,12 +111,12 @@ class ClearanceGuard:
             shapes: the obstacles that can move.
             pairs: (n, 2) numbers of shapes, the one nearer to the base first.
             distance: smallest distance allowed [m].
-            velocity: (dof,) velocity limits [rad/s].
+            limits: of the joints.
             dt: control step [s].
             reaction: time in which the arm can stop [s].
         """
         self.shapes, self._dt = shapes, dt
-        self._foresight = max(FORESIGHT, reaction)
+        self._foresight = max(LOOKED_AHEAD, reaction)
         self._placed: Array | None = shapes.start.poses
         rows = np.full(len(contact.names), -1)
         rows[shapes.numbers] = np.arange(len(shapes.numbers))
@@ -131,22 +126,23 @@ class ClearanceGuard:
         own = shapes_of_all._replace(numbers=shapes_of_all.numbers.copy())
         self._geometry = contact.geometry._replace(shapes=own)
         self._first, self._second = pairs.T
-        links, arm = self._geometry.shapes.integers[:, LINK], self._geometry.arm
+        links = self._geometry.shapes.integers[:, LINK]
         links = np.where(links > robot.dof, 0, links)  # obstacles stand as still as the base
         joint = np.arange(robot.dof)
         inner, outer = links[pairs].T[:, :, np.newaxis]
-        self._between = ((inner <= joint) & (joint < outer)).astype(np.float64)
-        self._slide = arm.joint_kinds == SLIDE
-        self._lever = _levers(robot, self._geometry)[self._second] * self._between
+        self._between = np.column_stack([links[pairs], np.zeros(len(pairs), dtype=np.int64)])
+        self._lever = _levers(robot, self._geometry)[self._second] * ((inner <= joint) & (joint < outer))
         self._watch_still = (
-            distance + BUFFER + np.maximum((LOOK_AHEAD * dt + 0.5 * reaction) * (self._lever @ velocity), MEASURED)
+            distance + BUFFER + np.maximum((LOOK_AHEAD + 0.5 * reaction / dt) * (self._lever @ limits.step), MEASURED)
         )
         self._watch, self._watched = self._watch_still, shapes.start.speeds
         self._fixed = links[self._first] == 0
         # The kernels take a plane, and any obstacle, as the second shape.
-        self._turned = self._first > self._second
-        self._given = np.where(self._turned[:, np.newaxis], pairs[:, ::-1], pairs)
-        self._call: Call[ContactWork] | None = None
+        exchanged = self._first > self._second
+        given = np.where(exchanged[:, np.newaxis], pairs[:, ::-1], pairs)
+        self._pairs = np.column_stack([given, exchanged, self._mover, np.zeros(len(pairs), dtype=np.int64)])
+        self._limits = limits
+        self._call: Call[ReachWork] | None = None
 
     def __getstate__(self) -> dict[str, Any]:
         """Everything but work arrays."""
@@ -163,7 +159,26 @@ class ClearanceGuard:
         if where.speeds is not self._watched:
             self._watch = self._watch_still + self._of_movers(self._foresight * where.speeds)
             self._watched = where.speeds
+        work = self._ready().work
+        work.counts[MOVING], work.bounds[:, WATCH] = where.moving, self._watch
+        work.movers.poses[:], work.movers.twists[:], work.movers.speeds[:] = where.poses, where.twists, where.speeds
         self._placed = where.poses
+
+    def _ready(self) -> Call[ReachWork]:
+        """The kernel with its arrays, obstacles not moving."""
+        if self._call is None:
+            work = make_reach_work(self._geometry, len(self._first), len(self.shapes.numbers))
+            work.numbers[KEPT], work.numbers[TIME_STEP], work.numbers[FORESIGHT] = (
+                self._distance,
+                self._dt,
+                self._foresight,
+            )
+            work.limits[:] = self._limits.table
+            work.integers[:], work.bounds[:, WATCH] = self._pairs, self._watch
+            work.levers[:] = self._lever.ravel()
+            work.movers.shapes[:], work.movers.centres[:] = self.shapes.numbers, self.shapes.own_centres
+            self._call = Call(try_reach, work)
+        return self._call
 
     def name(self, pair: int) -> str:
         """Names of the two shapes, joined by "~"."""
@@ -171,26 +186,23 @@ class ClearanceGuard:
 
     def start(self, q: Array) -> Distances:
         """Distances at a configuration (dof,) [rad] nothing is known about."""
-        everything = np.full(len(self._first), -np.inf)
-        return self._measure(q, everything, {}, horizon=np.inf)
+        return self._measure(q, np.full(len(self._first), -np.inf), {}, beyond=np.inf)
 
-    def move(self, q: Array, before: Distances, step: Array, exits: Mapping[int, Array]) -> Distances:
+    def move(self, q: Array, before: Distances, step: Array) -> Distances:
         """Distances at `q` (dof,) [rad], a displacement (dof,) [rad] away from where `before` was taken."""
-        return self._measure(q, before.bound - self._lever.dot(np.abs(step)), exits)
+        return self._measure(q, before.bound - self._lever.dot(np.abs(step)), {})
 
     def refresh(self, q: Array, before: Distances, shift: Array | None) -> Distances:
         """Distances at the same configuration, after obstacles moved by at most `shift` (k,) [m], None for not."""
         bound = before.bound if shift is None else self._shifted(before.bound, shift)
-        return self._measure(q, bound.copy(), before.exits)
+        return self._measure(q, bound, before.exits)
 
     def unmeasured(self, before: Distances, step: Array, shift: Array | None) -> Distances:
         """What is known of distances after a displacement (dof,) [rad], without measuring."""
         bound = before.bound - self._lever.dot(np.abs(step))
         if shift is not None:
             bound = self._shifted(bound, shift)
-        return Distances(
-            bound, np.empty(0, dtype=np.intp), NO_DISTANCES, NO_POINTS, NO_POINTS, before.exits, measured=False
-        )
+        return Distances(bound, NO_PAIRS, NO_NUMBERS, before.exits, measured=False)
 
     def _shifted(self, bound: Array, shift: Array) -> Array:
         """Bounds less what the obstacle of each pair moved."""
@@ -202,167 +214,80 @@ class ClearanceGuard:
         every[:-1] = values
         return np.asarray(every[self._mover])  # -1 for what stands still
 
-    def _run(self, q: Array, near: NDArray[np.intp], horizon: float = HORIZON) -> ContactWork:
-        """Measure some of the pairs at a configuration, up to a horizon [m] beyond the watched range."""
-        if self._call is None:
-            self._call = Call(run_contact, make_contact_work(self._geometry, 1, len(self._first)))
-        work = self._call.work
-        work.integers[TASK], work.integers[ROWS] = MEASURE_PAIRS, near.size
-        work.q[:] = q
-        work.given[: near.size] = self._given[near]
-        work.reach[: near.size] = self._watch[near] + horizon
-        self._call()
-        return work
+    def _measure(self, q: Array, bound: Array, exits: Mapping[int, Array], beyond: float = HORIZON) -> Distances:
+        """Distances at a configuration of the pairs that may be in the watched range, by lower bounds (pairs,) [m]."""
+        self.begin(Arm(q, np.zeros_like(q)), bound, np.zeros_like(q), {}, beyond=beyond)
+        self.try_part(0.0, DISTANCES)
+        return self.found(exits)
 
-    def _measure(self, q: Array, bound: Array, exits: Mapping[int, Array], horizon: float = HORIZON) -> Distances:
-        """Distances of the pairs that may be in the watched range; `bound` is updated in place."""
-        near = np.flatnonzero(bound < self._watch)
-        if not near.size:
-            return Distances(bound, near, NO_DISTANCES, NO_POINTS, NO_POINTS, exits)
-        measured = self._run(q, near, horizon).measured[: near.size]
-        bound[near] = measured[:, 0]
-        close = measured[:, 0] < self._watch[near]
-        near, rows = near[close], measured[close]
-        turned = self._turned[near][:, np.newaxis]
-        points = np.where(turned, rows[:, 1:4], rows[:, 4:7])
-        return Distances(bound, near, rows[:, 0], points, np.where(turned, -rows[:, 7:], rows[:, 7:]), exits)
-
-    def acceptable(self, before: Distances, after: Distances) -> bool:
-        """Whether a step may be taken: no pair gets too near, and pairs that are too near already get no worse.
-
-        While anything is inside an obstacle, its pairs are free: the way out may lead other shapes deeper first.
-        """
-        bound_before, bound_after = before.bound, after.bound
-        kept = bound_before[after.near] >= self._distance
-        if after.exits:
-            leaving = self._leaving(after.exits)
-            kept &= ~leaving[after.near]
-            bound_before, bound_after = bound_before[~leaving], bound_after[~leaving]
-        if (after.distance[kept] < self._distance - WORSE).any():
-            return False
-        if not bound_after.size:
-            return True
-        return bool(bound_after.min() >= min(self._distance, bound_before.min()) - WORSE)
-
-    def rests_clear(
-        self, before: Distances, now: Distances, braking: Braking, where: Whereabouts
-    ) -> tuple[bool, float]:
-        """Whether an arm that brakes from now on comes to rest without coming too near to anything.
-
-        Obstacles go on as they move, and are looked at for `FORESIGHT` at least. At the places looked at, the distance
-        is kept; between them no pair can come nearer by more than `BETWEEN`, which levers and speeds say. What is too
-        near already must be no worse at rest.
+    def begin(
+        self, arm: Arm, bound: Array, displacement: Array, exits: Mapping[int, Array], *, beyond: float = HORIZON
+    ) -> None:
+        """Say what is to be tried.
 
         Args:
-            before: distances at the start of the tick.
-            now: distances where braking begins.
-            braking: the way to rest.
-            where: the obstacles where braking begins.
+            arm: where it is, and its velocity.
+            bound: (pairs,) at least how far apart the pairs are there [m].
+            displacement: (dof,) that is to be made [rad].
+            exits: ways out of obstacles; pairs with these are free.
+            beyond: how far beyond the watched range pairs are measured [m].
+        """
+        work = self._ready().work
+        work.start[:], work.v[:] = arm
+        work.bounds[:, BEFORE], work.displacement[:], work.numbers[BEYOND] = bound, displacement, beyond
+        work.integers[:, LEAVING] = self._leaving(exits) if exits else 0
+
+    def try_part(self, part: float, asked: int) -> tuple[int, float]:
+        """Go a part of the way from braking to the displacement, see `jacokin.kernels.tracking.reach`.
 
         Returns:
-            Whether that is certain, and the least measured distance less the one that is kept [m].
+            What `try_reach` does, and the least distance on the way to rest less the one needed [m].
         """
-        ticks, rate = braking.ticks, self._of_movers(where.speeds * self._dt)
-        if where.moving:
-            ticks = max(ticks, math.ceil(self._foresight / self._dt))
-        needed = np.minimum(self._distance, before.bound) - WORSE
-        if now.exits:
-            needed[self._leaving(now.exits)] = -np.inf
-        way = self._lever.dot(np.abs(braking.way)) + rate * ticks
-        pairs = np.flatnonzero(now.bound - way < needed)
-        if not pairs.size:
-            return True, np.inf
-        least, looks = np.inf, 0
-        waiting = [(0, ticks, pairs, now.bound[pairs], self._look(braking, ticks, pairs, where))]
-        while waiting:
-            start, end, pairs, first, last = waiting.pop()
-            spare = last - needed[pairs]
-            least = min(least, float(spare.min(initial=np.inf)))
-            if least < 0.0:
-                return False, least
-            way = self._lever[pairs].dot(np.abs(braking.at(end) - braking.at(start)))
-            way += rate[pairs] * (end - start)
-            unsure = 0.5 * (first + last - way) < needed[pairs] - BETWEEN
-            unsure &= before.bound[pairs] >= self._distance
-            if end - start < 2 or not unsure.any():
-                continue
-            looks += 1
-            if looks > LOOKS:
-                return False, least
-            pairs, first, last = pairs[unsure], first[unsure], last[unsure]
-            middle = (start + end) // 2
-            between = self._look(braking, middle, pairs, where)
-            waiting += [(middle, end, pairs, between, last), (start, middle, pairs, first, between)]
-        return True, least
+        call = self._ready()
+        call.work.numbers[PART], call.work.counts[ASKED] = part, asked
+        return call(), float(call.work.numbers[SPARE])
 
-    def _look(self, braking: Braking, tick: int, pairs: NDArray[np.intp], where: Whereabouts) -> Array:
-        """Distances of pairs when an arm has braked for some ticks; the obstacles are put back."""
-        self.put(where.after(tick * self._dt))
-        distances = self._run(braking.at(tick), pairs).measured[: pairs.size, 0].copy()
-        self.put(where)
-        return distances
+    @property
+    def q(self) -> Array:
+        """(dof,) where the part that was tried leads [rad]; a copy."""
+        return self._ready().work.q.copy()
 
-    def _closing(self, now: Distances, where: Whereabouts) -> Array:
-        """(near,) how fast obstacles come nearer, the arm standing [m/s]."""
-        mover = self._mover[now.near]
-        there = now.points - now.distance[:, np.newaxis] * now.normals - where.poses[mover, :, 3]
-        speed = where.twists[mover, :3] + cross(where.twists[mover, 3:], there)
-        return np.where(mover >= 0, np.einsum("ij,ij->i", speed, now.normals), 0.0)
+    def found(self, exits: Mapping[int, Array]) -> Distances:
+        """The distances there."""
+        work = self._ready().work
+        count = work.counts[NEAR]
+        return Distances(work.bounds[:, BOUND].copy(), work.near[:count].copy(), work.rows[:count].copy(), exits)
 
-    def linearise(self, q: Array, now: Distances, where: Whereabouts) -> Separation:
-        """Inequalities, and the error of pairs that are too near or about to be, at a configuration (dof,) [rad]."""
-        normals = now.normals.copy()
-        exits = self._exits(now, normals)
-        leaving = self._leaving(exits)[now.near]
-        for row in np.flatnonzero(leaving).tolist():
-            normals[row] = exits[int(self._first[now.near[row]])]
-        gradients = self._gradients(q, now, normals)
-        spare = now.distance - self._distance - BUFFER
-        closing = self._foresight * self._closing(now, where) if where.moving else np.zeros(spare.size)
-        room = spare - np.maximum(closing, 0.0)
-        approaching = (room < 0.0) & (closing > 0.0)
-        rows = (now.distance < self._distance + 0.5 * BUFFER) | approaching
-        kept = ~leaving & ~approaching
-        return Separation(
-            inequalities=(-gradients[kept], np.maximum(room[kept], 0.0)),
-            jacobian=SEPARATION_WEIGHT * gradients[rows],
-            error=-SEPARATION_WEIGHT * room[rows],
-            pairs=now.near[rows],
-            exits=exits,
-        )
+    def near(self, now: Distances) -> tuple[Near, Mapping[int, Array]]:
+        """The pairs that are near, for the kernels, and the `exits` for the coming step."""
+        integers, numbers, exits = self._between[now.near], now.numbers, self._exits(now)
+        if exits:
+            numbers = numbers.copy()
+            leaving = self._leaving(exits)[now.near]
+            integers[leaving, LEAVES] = 1
+            for row in np.flatnonzero(leaving).tolist():
+                numbers[row, NORMAL:CLOSING] = exits[int(self._first[now.near[row]])]
+        return Near(integers, numbers, self._distance, self._foresight), exits
 
     def _leaving(self, exits: Mapping[int, Array]) -> NDArray[np.bool_]:
         """(pairs,) True for pairs with an obstacle that something is inside."""
-        if not exits:
-            return np.zeros(len(self._first), dtype=np.bool_)
         return np.isin(self._first, list(exits))
 
-    def _exits(self, now: Distances, normals: Array) -> dict[int, Array]:
+    def _exits(self, now: Distances) -> dict[int, Array]:
         """One way out of each obstacle that something is inside.
 
         The nearest face differs from shape to shape; each going its own way, a hand would never leave a box. The way
         is that of the deepest shape, kept until nothing is inside any more.
         """
+        if now.distance.min(initial=0.0) >= 0.0:
+            return {}
         inside = np.flatnonzero((now.distance < 0.0) & self._fixed[now.near])
         exits: dict[int, Array] = {}
         for row in inside[np.argsort(now.distance[inside])].tolist():
             obstacle = int(self._first[now.near[row]])
             if obstacle not in exits:
-                exits[obstacle] = now.exits.get(obstacle, normals[row].copy())
+                exits[obstacle] = now.exits.get(obstacle, now.numbers[row, NORMAL:CLOSING].copy())
         return exits
-
-    def _gradients(self, q: Array, now: Distances, normals: Array) -> Array:
-        """How distances along the normals change with the joints, (near, dof) [m/rad].
-
-        Only joints between the two shapes change their distance: hinges by n . (a x (p - c)) with the axis a through
-        c, slides by n . a, for the nearest point p on the outer shape.
-        """
-        joints = self._run(q, NO_PAIRS).places.frames[1:-1]
-        axis, anchor = joints[:, :, 2], joints[:, :, 3]
-        torque = np.einsum("ijk,jk->ij", cross(now.points[:, None] - anchor, normals[:, None, :]), axis)
-        if self._slide.any():
-            torque[:, self._slide] = normals @ axis[self._slide].T
-        return np.asarray(torque * self._between[now.near])
 
     def limiting(self, now: Distances, apart: Iterable[int]) -> list[str]:
         """Names of the pairs at the distance or nearer, and of those by their numbers that are moved apart."""
@@ -387,7 +312,7 @@ def _levers(robot: Robot, geometry: Geometry) -> Array:
 
 def make_guard(
     robot: Robot,
-    velocity: Array,
+    limits: JointLimits,
     dt: float,
     *,
     scene: Scene | None,
@@ -414,7 +339,7 @@ def make_guard(
         named = [_named_pair(contact, robot.dof, pair) for pair in checks.listed("pairs", pairs)]
         numbers = np.array(named, dtype=np.int64).reshape(-1, 2)
     shapes = MovableShapes(around.obstacles, contact)
-    return ClearanceGuard(contact, robot, shapes, numbers, distance, velocity, dt, reaction)
+    return ClearanceGuard(contact, robot, shapes, numbers, distance, limits, dt, reaction)
 
 
 def _named_pair(contact: Contact, dof: int, pair: tuple[str, str]) -> tuple[int, int]:

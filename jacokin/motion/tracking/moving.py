@@ -68,6 +68,7 @@ class MovableShapes:
     Attributes:
         start: where the scene has them, standing still.
         numbers: (k,) of their shapes.
+        own_centres: (k, 3) of the spheres around them, in their frames [m].
     """
 
     def __init__(self, obstacles: Sequence[Obstacle], contact: Contact) -> None:
@@ -89,10 +90,10 @@ class MovableShapes:
         self.numbers = np.array([contact.names.index(name) for name in self._rows], dtype=np.intp)
         spheres = contact.geometry.shapes.numbers[self.numbers, CENTRE : RADIUS + 1]
         away = spheres[:, :3] - self.start.poses[:, :, 3]
-        self._centres = np.einsum("kij,ki->kj", self.start.poses[:, :, :3], away)
+        self.own_centres = np.einsum("kij,ki->kj", self.start.poses[:, :, :3], away)
         self._radii = spheres[:, 3]
-        self._reach = self._radii + _lengths(self._centres)  # [m] of the shape from its origin
-        self._is_centred = not self._centres.any()
+        self._reach = self._radii + _lengths(self.own_centres)  # [m] of the shape from its origin
+        self._is_centred = not self.own_centres.any()
 
     def sorted(self, given: Mapping[str, Motion | None]) -> News:
         """What is told of obstacles by name: a shape that is there already has only moved.
@@ -172,7 +173,7 @@ class MovableShapes:
         origins = where.poses[:, :, 3]
         if self._is_centred:
             return origins
-        return np.asarray(np.einsum("kij,kj->ki", where.poses[:, :, :3], self._centres) + origins)
+        return np.asarray(np.einsum("kij,kj->ki", where.poses[:, :, :3], self.own_centres) + origins)
 
     def travel(self, before: Whereabouts, after: Whereabouts) -> Array:
         """(k,) farthest that any point of each shape has moved, at most [m]."""

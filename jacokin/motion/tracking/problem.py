@@ -1,36 +1,26 @@
-"""What is missing to the targets of one tick: their error to second order where the arm is, and its QP."""
+"""What a tick is to do beside its first targets: later priorities and objectives, with the freedom that these leave."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-from scipy.linalg.lapack import dgesv, dsyevd  # half the time of NumPy's, on six numbers
+from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
-from jacokin.ik.qp_backend import Backend, Inequalities, QPFailed
+from jacokin.ik.qp_backend import Backend, QPFailed
+from jacokin.kernels.tracking.limits import TINY
+from jacokin.kernels.tracking.problem import TIKHONOV, damping_for
 from jacokin.model import angles, checks
 from jacokin.model.robot import Robot
-from jacokin.motion.tracking.avoidance import ClearanceGuard, Distances
-from jacokin.motion.tracking.joint_limits import TINY, JointLimits
-from jacokin.motion.tracking.moving import Whereabouts
-from jacokin.motion.tracking.targets import FrameTask, Kinematics
+from jacokin.motion.tracking.joint_limits import JointLimits
+from jacokin.motion.tracking.ticks import FAR, TickSolver
 
-TIKHONOV = 1e-10  # keeps the QP strictly convex at singular poses
-DAMPING = 0.1  # [m/rad^2] relative to the error that can be removed; less lets the joints swing near singular poses
 NULL_SPEED = 0.25  # part of the velocity limits that null-space motion may use; its curvature costs microns a tick
 LATER_SPEED = 0.5  # the same of targets of later priorities
-CLOSE = 0.01  # [m] an error below which damping vanishes with its square: so moving targets are followed to microns
-LEAVING = 10.0  # damping relative to the square of what is missing to the distance, weighted: the arm leaves straight
-ROUNDED = 1e-6  # of a squared error: less is not told from rounding and the damping that keeps the Hessian regular
-LITTLE = 1e-4  # of an error out of reach, by which it is not worth while to move on
-FAR = 1e6  # [rad] no bound for a joint without limits
-NONE_APART = np.empty(0, dtype=np.intp)
 RANK = 1e-3  # directions whose singular value is below this part of the largest are left to the null space
 
 
@@ -123,169 +113,6 @@ def checked_objectives(
     return found
 
 
-@dataclass(frozen=True, slots=True)
-class TickProblem:
-    """What the arm is to minimise, to second order in a displacement x (dof,) [rad] of the joints: g x + x H x / 2.
-
-    The Hessian is that of least squares of the linearised error and, where a part of the error cannot be removed, of
-    how the Jacobian turns against that part; it is made positive definite. So the minimiser moves smoothly with the arm
-    also where the target is out of reach: there least squares alone jump from one side of a singular pose to the other
-    at every tick.
-
-    Attributes:
-        jacobian: (k, dof) weighted Jacobian of the tasks that come first.
-        error: (k,) their weighted error.
-        cost: its square.
-        gradient: (dof,) of half of it and of what moves shapes apart.
-        directions: (dof, dof) columns, orthonormal: the Hessian's principal directions.
-        bends: (dof,) how much the Hessian bends in them, > 0.
-        damping: how much of that is damping.
-        inequalities: G and h of G x <= h, or (None, None).
-        apart: numbers of the pairs of shapes that are too near, or about to be, and are being moved apart.
-        exits: see `Distances`.
-    """
-
-    jacobian: Array
-    error: Array
-    cost: float
-    gradient: Array
-    directions: Array
-    bends: Array
-    damping: float
-    inequalities: Inequalities
-    apart: NDArray[np.intp]
-    exits: Mapping[int, Array]
-
-    @property
-    def hessian(self) -> Array:
-        """(dof, dof), positive definite."""
-        return np.asarray((self.directions * self.bends).dot(self.directions.T))
-
-    @property
-    def root(self) -> Array:
-        """(dof, dof) rows whose squares sum up to the Hessian, without damping."""
-        return np.sqrt(np.maximum(self.bends - self.damping, 0.0))[:, np.newaxis] * self.directions.T
-
-    def minimise(self, room: tuple[Array, Array], qp: Backend) -> Array:
-        """The displacement (dof,) [rad] that is missing to the least error within `room`, least and largest (dof,).
-
-        Raises:
-            QPFailed: no QP solver solved it.
-        """
-        free, (low, high) = self._divide(-self.gradient), room
-        rows, ends = self.inequalities
-        if (free >= low).all() and (free <= high).all() and (rows is None or (rows.dot(free) <= ends).all()):
-            return free
-        low, high = np.maximum(low, -FAR), np.minimum(high, FAR)
-        return qp.minimize(self.hessian, self.gradient, self.inequalities, low, high)
-
-    def follow(self, moved: Array) -> Array:
-        """The displacement (dof,) [rad] that follows a target which moves the error by `moved` (k,)."""
-        return self._divide(moved.dot(self.jacobian))
-
-    def _divide(self, slopes: Array) -> Array:
-        """The x (dof,) with H x = slopes (dof,)."""
-        return np.asarray(self.directions.dot(slopes.dot(self.directions) / self.bends))
-
-
-def build_problem(
-    kinematics: Kinematics,
-    tasks: list[FrameTask],
-    q: Array,
-    guard: ClearanceGuard | None,
-    distances: Distances | None,
-    where: Whereabouts | None,
-    negligible: float,
-) -> TickProblem:
-    """The problem at `q` (dof,) [rad], where the kinematics are, of tasks of one priority and the obstacles.
-
-    What is left of an error is not made smaller by less than `negligible` [m] and a small part of it.
-    """
-    jacobian, error = linearise(kinematics, tasks)
-    inequalities = [found for task in tasks if (found := task.inequalities(kinematics)) is not None]
-    cost = float(error.dot(error))
-    gradient, hessian = -error.dot(jacobian), jacobian.T.dot(jacobian)
-    hessian += _bend(kinematics, tasks, _left(jacobian, error, gradient, hessian, damping_for(cost)))
-    apart = NONE_APART
-    exits: Mapping[int, Array] = {}
-    if guard is not None and distances is not None and where is not None and distances.near.size:
-        separation = guard.linearise(q, distances, where)
-        inequalities.append(separation.inequalities)
-        exits, apart = separation.exits, separation.pairs
-        if apart.size:
-            hessian += separation.jacobian.T @ separation.jacobian
-            hessian.flat[:: len(q) + 1] += LEAVING * float(separation.error.max(initial=0.0)) ** 2
-            gradient = gradient - separation.error @ separation.jacobian
-    stacked: Inequalities = (None, None)
-    if len(inequalities) == 1:
-        stacked = inequalities[0]
-    elif inequalities:
-        stacked = np.vstack([G for G, _ in inequalities]), np.concatenate([h for _, h in inequalities])
-    bends, directions, _ = dsyevd(hessian)
-    bends = np.abs(bends) + TIKHONOV
-    # Damping goes with what there is to gain: it vanishes at the least error, on target or out of reach. Where error is
-    # left there, directions in which next to nothing is to be gained are left alone: the arm comes to rest.
-    slopes = gradient.dot(directions)
-    gains = slopes * slopes / bends
-    gain = min(cost, float(gains.sum()))
-    left = math.sqrt(max(cost - gain - ROUNDED * cost, 0.0))
-    if left > 0.0:
-        slopes *= np.maximum(1.0 - 2.0 * left * (negligible + LITTLE * left) / np.maximum(gains, TINY), 0.0)
-        gradient = directions.dot(slopes)
-    damping = damping_for(gain)
-    return TickProblem(
-        jacobian=jacobian,
-        error=error,
-        cost=cost,
-        gradient=gradient,
-        directions=directions,
-        bends=bends + damping,
-        damping=TIKHONOV + damping,
-        inequalities=stacked,
-        apart=apart,
-        exits=exits,
-    )
-
-
-def damping_for(gain: float) -> float:
-    """Of the Hessian [m^2/rad^2], where so much [m^2] of the squared error can be removed."""
-    return DAMPING * gain / (math.sqrt(gain) + CLOSE)
-
-
-def _left(jacobian: Array, error: Array, gradient: Array, hessian: Array, damping: float) -> Array:
-    """The part (k,) of an error (k,) that damped least squares do not remove."""
-    damped = hessian.copy()
-    damped.flat[:: len(damped) + 1] += TIKHONOV + damping
-    return np.asarray(error + jacobian.dot(dgesv(damped, gradient)[2]))
-
-
-def _bend(kinematics: Kinematics, tasks: list[FrameTask], left: Array) -> Array:
-    """(dof, dof) of all tasks against what is left (k,) of their errors."""
-    if len(tasks) == 1:
-        return tasks[0].bend(kinematics, left)
-    total, start = np.zeros(()), 0
-    for task in tasks:
-        size = len(task.error(kinematics))
-        total = total + task.bend(kinematics, left[start : start + size])
-        start += size
-    return total
-
-
-def linearise(kinematics: Kinematics, tasks: list[FrameTask]) -> tuple[Array, Array]:
-    """Weighted Jacobian (k, dof) and error (k,) of several tasks."""
-    # `dot` instead of @ in all that follows: on six numbers it costs half.
-    if len(tasks) == 1:
-        return tasks[0].linearise(kinematics)
-    parts = [task.linearise(kinematics) for task in tasks]
-    return np.vstack([J for J, _ in parts]), np.concatenate([e for _, e in parts])
-
-
-def by_priority(tasks: list[FrameTask]) -> list[list[FrameTask]]:
-    """Tasks of the same priority together, the first ones first."""
-    numbers = sorted({task.priority for task in tasks})
-    return [[task for task in tasks if task.priority == number] for number in numbers]
-
-
 def controlled_directions(jacobian: Array) -> Array:
     """(r, dof) orthonormal directions in which joints move what a Jacobian (k, dof) is of."""
     _, singular, right = np.linalg.svd(jacobian)
@@ -305,9 +132,8 @@ class Level(NamedTuple):
 
 def refine(
     displacement: Array,
-    problem: TickProblem,
+    ticks: TickSolver,
     levels: Sequence[Level],
-    room: tuple[Array, Array],
     limits: JointLimits,
     qp: Backend,
 ) -> Array:
@@ -318,15 +144,16 @@ def refine(
 
     Args:
         displacement: of the first level, in this tick.
-        problem: that level.
+        ticks: solved that level.
         levels: the later ones.
-        room: least and largest displacement (dof,) to the limits [rad].
         limits: of the joints; later levels use a part of their velocities, and can stop where they lead.
         qp: solves.
     """
-    low, high = np.maximum(room[0], -FAR), np.minimum(room[1], FAR)
-    above = problem.root
-    rows, ends = problem.inequalities
+    low, high = np.maximum(ticks.room[0], -FAR), np.minimum(ticks.room[1], FAR)
+    bends, directions = np.linalg.eigh(ticks.hessian)
+    # Rows whose squares sum up to the Hessian, without damping.
+    above = np.sqrt(np.maximum(bends - ticks.damping, 0.0))[:, np.newaxis] * directions.T
+    rows, ends = ticks.inequalities
     for jacobian, error, ends_there in levels:
         controlled = controlled_directions(above)
         if len(controlled) == len(displacement):
@@ -345,7 +172,7 @@ def refine(
             total = basis @ qp.minimize(hessian, -reduced.T @ missing, (G, np.concatenate(h)), -free, free)
         except QPFailed:
             continue
-        extra = limits.stride(total, np.zeros_like(total)) if ends_there else total
+        extra = limits.stride(total) if ends_there else total
         fast = float((np.abs(extra) / limits.step).max())
         displacement = displacement + min(1.0, LATER_SPEED / max(fast, TINY)) * extra
     return displacement

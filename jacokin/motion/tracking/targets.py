@@ -1,18 +1,14 @@
-"""What the tracker can be asked for: poses, parts of poses and regions, on any frame, with weights; and their tasks.
+"""What the tracker can be asked for: poses, parts of poses and regions, on any frame, with weights.
 
-Each target constrains one frame; `Tracker.step` takes one of them or several at once. All are in the base frame. A task
-is the error e of a frame against its target and the Jacobian J of that error, weights included: a displacement x of the
-joints with J x = e reaches the target to first order. It also measures the error in metres and radians.
+Each target constrains one frame; `Tracker.step` takes one of them or several at once. All are in the base frame. The
+kernels take them as rows, see `jacokin.kernels.tracking.tasks`.
 """
 
 from __future__ import annotations
 
-import functools
-import math
-from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -22,11 +18,29 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.ik import targets
 from jacokin.ik.targets import RADIAN_IN_METRES
+from jacokin.kernels.tracking.tasks import (
+    DIRECTION,
+    FRAME,
+    GOAL,
+    JOINTS,
+    KIND,
+    LINK,
+    ORIENTATION,
+    PLACEMENT,
+    POSE,
+    POSITION,
+    REGION,
+    TASK_NUMBERS,
+    TURN_WEIGHT,
+    WEIGHT,
+    TaskRows,
+    make_task_rows,
+)
 from jacokin.model import checks, poses
+from jacokin.model.contact_arrays import joints_about_z, turn_of
 from jacokin.model.robot import Robot
 
 RIGID = 1e-9  # a pose this near to rigid is used as it is; others are checked and made rigid
-FAR = 100.0  # [m] from the base; nothing beyond is within reach, and its error would drown all else in the QP
 IN_BASE = pin.LOCAL_WORLD_ALIGNED  # at the frame's origin, axes of the base
 TOOL_FRAME = "jacokin_tool"
 
@@ -50,8 +64,8 @@ class TrackingTarget(targets.PartialTarget):
         object.__setattr__(self, "weight", checks.positive("weight", self.weight))
         object.__setattr__(self, "priority", checks.whole_number("priority", self.priority))
 
-    def make_task(self, frame: int) -> FrameTask:
-        """The task for the tracker, on a frame by its number."""
+    def fill(self, row: TaskRow) -> None:
+        """Write to the row of the task what is asked for."""
         raise InvalidInputError(f"unknown kind of target {type(self).__name__}")
 
 
@@ -71,10 +85,10 @@ class PoseTarget(TrackingTarget):
         assert isinstance(self.pose, pin.SE3)  # __post_init__ made it one
         return targets.Constraint(position=self.pose.translation.copy(), rotation=self.pose.rotation.copy())
 
-    def make_task(self, frame: int) -> FrameTask:
+    def fill(self, row: TaskRow) -> None:
         """Position and orientation."""
         assert isinstance(self.pose, pin.SE3)  # __post_init__ made it one
-        return PoseTask(frame, self.weight, self.pose)
+        row.set(POSE, self.pose.homogeneous[:3].ravel())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -92,9 +106,9 @@ class PositionTarget(TrackingTarget):
         """The position."""
         return targets.Constraint(position=np.asarray(self.position))
 
-    def make_task(self, frame: int) -> FrameTask:
+    def fill(self, row: TaskRow) -> None:
         """Position alone."""
-        return PositionTask(frame, self.weight, np.asarray(self.position))
+        row.set(POSITION, np.asarray(self.position))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -112,9 +126,9 @@ class OrientationTarget(TrackingTarget):
         """The orientation."""
         return targets.Constraint(rotation=np.asarray(self.rotation))
 
-    def make_task(self, frame: int) -> FrameTask:
+    def fill(self, row: TaskRow) -> None:
         """Orientation alone."""
-        return PoseTask(frame, self.weight, pin.SE3(np.asarray(self.rotation), np.zeros(3)), orientation_only=True)
+        row.set(ORIENTATION, np.column_stack([np.asarray(self.rotation), np.zeros(3)]).ravel())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -139,9 +153,9 @@ class AxisTarget(TrackingTarget):
         """The direction of the axis."""
         return targets.Constraint(axis=np.asarray(self.axis), direction=np.asarray(self.direction))
 
-    def make_task(self, frame: int) -> FrameTask:
+    def fill(self, row: TaskRow) -> None:
         """Two directions aligned."""
-        return AxisTask(frame, self.weight, np.asarray(self.axis), np.asarray(self.direction))
+        row.set(DIRECTION, np.concatenate([np.asarray(self.axis), np.asarray(self.direction)]))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -170,9 +184,9 @@ class RegionTarget(TrackingTarget):
         if not (corners[0] <= corners[1]).all():
             raise InvalidInputError(f"lower {corners[0].tolist()} must not exceed upper {corners[1].tolist()}")
 
-    def make_task(self, frame: int) -> FrameTask:
+    def fill(self, row: TaskRow) -> None:
         """Position in the box."""
-        return RegionTask(frame, self.weight, np.asarray(self.lower), np.asarray(self.upper))
+        row.set(REGION, np.concatenate([np.asarray(self.lower), np.asarray(self.upper)]))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -189,9 +203,35 @@ class JointTarget(TrackingTarget):
         array = checks.array("q", self.q, "joint angles", "rad")
         object.__setattr__(self, "q", checks.read_only(checks.vector("q", array, max(array.size, 1), "rad")))
 
-    def make_task(self, frame: int) -> FrameTask:
+    def fill(self, row: TaskRow) -> None:
         """Every joint at its angle."""
-        return JointTask(frame, self.weight, np.asarray(self.q))
+        row.set(JOINTS, np.empty(0))
+        row.joints[:] = self.q
+
+
+class TaskRow(NamedTuple):
+    """One task as the kernels take it."""
+
+    integers: NDArray[np.int64]
+    numbers: Array
+    joints: Array
+
+    def set(self, kind: int, goal: Array) -> None:
+        """Say what it is and where to."""
+        self.integers[KIND] = kind
+        self.numbers[GOAL : GOAL + goal.size] = goal
+
+
+class Tasks(NamedTuple):
+    """What a tick is asked for, in order of priority."""
+
+    rows: TaskRows
+    number: int
+    """How many there are."""
+    first: int
+    """How many of them are of the first priority."""
+    priorities: tuple[int, ...] = ()
+    """Of each; empty where all have one."""
 
 
 class TaskFactory:
@@ -199,38 +239,68 @@ class TaskFactory:
 
     def __init__(self, kinematics: Kinematics) -> None:
         """Keep the kinematics for its frames."""
-        self._kinematics = kinematics
+        self._kinematics, self._dof = kinematics, kinematics.robot.dof
+        self._tool = self._rows(1)
+        self._place(TaskRow(self._tool.integers[0], self._tool.numbers[0], self._tool.joints), None, 1.0)
+        self.nothing = Tasks(self._rows(0), 0, 0)
 
-    def tasks(self, target: pin.SE3 | ArrayLike | TrackingTarget | Sequence[TrackingTarget] | None) -> list[FrameTask]:
+    def tasks(self, target: pin.SE3 | ArrayLike | TrackingTarget | Sequence[TrackingTarget] | None) -> Tasks:
         """Tasks for a target or several; errors as in `Tracker.step`."""
         if isinstance(target, pin.SE3):
-            return [PoseTask(self._kinematics.tool, 1.0, target if _rigid(target) else poses.checked_pose(target))]
+            rows = target.homogeneous.ravel()[: TASK_NUMBERS - GOAL]
+            if not _is_rigid(rows.tolist()):
+                rows = poses.checked_pose(target).homogeneous.ravel()[: TASK_NUMBERS - GOAL]
+            return self._tool_at(rows)
         if isinstance(target, TrackingTarget):
-            return [self._task(target)]
+            return self._all([target])
         if isinstance(target, list | tuple) and any(isinstance(one, TrackingTarget) for one in target):
-            return [self._task(one) for one in target]
+            return self._all(target)
         checked = targets.checked_target(target)  # refuses what is neither a pose nor a position
         if checked.position_only:
-            return [self._task(PositionTarget(checked.position))]
-        return [PoseTask(self._kinematics.tool, 1.0, pin.SE3(checked.rotation, checked.position))]
+            return self._all([PositionTarget(checked.position)])
+        return self._tool_at(pin.SE3(checked.rotation, checked.position).homogeneous[:3].ravel())
 
-    def _task(self, target: TrackingTarget) -> FrameTask:
-        if not isinstance(target, TrackingTarget):
-            raise InvalidInputError(
-                f"several targets must each be a PoseTarget, PositionTarget, ..., got {type(target).__name__}"
-            )
-        if isinstance(target, JointTarget):
-            self._kinematics.robot.configuration(target.q, "JointTarget")
-        task = target.make_task(self._kinematics.frame(target.frame))
-        task.priority = target.priority
-        return task
+    def _rows(self, count: int) -> TaskRows:
+        return make_task_rows(self._dof, count)
+
+    def _tool_at(self, pose: Array) -> Tasks:
+        """The tool at a pose (12,), row by row: what most ticks are asked for."""
+        numbers = self._tool.numbers.copy()
+        numbers[0, GOAL:] = pose
+        return Tasks(TaskRows(self._tool.integers, numbers, self._tool.joints), 1, 1)
+
+    def _all(self, given: Sequence[TrackingTarget]) -> Tasks:
+        """Tasks for targets."""
+        for target in given:
+            if not isinstance(target, TrackingTarget):
+                raise InvalidInputError(
+                    f"several targets must each be a PoseTarget, PositionTarget, ..., got {type(target).__name__}"
+                )
+        ordered = sorted(given, key=lambda target: target.priority)
+        rows = self._rows(len(ordered))
+        joints = rows.joints.reshape(len(ordered), self._dof)
+        for number, target in enumerate(ordered):
+            if isinstance(target, JointTarget):
+                self._kinematics.robot.configuration(target.q, "JointTarget")
+            row = TaskRow(rows.integers[number], rows.numbers[number], joints[number])
+            self._place(row, target.frame, target.weight)
+            target.fill(row)
+        priorities = tuple(target.priority for target in ordered)
+        return Tasks(rows, len(ordered), priorities.count(priorities[0]), priorities)
+
+    def _place(self, row: TaskRow, frame: str | None, weight: float) -> None:
+        """Write the frame and the weights."""
+        number = self._kinematics.frame(frame)
+        link, placement = self._kinematics.on_link(number)
+        row.integers[LINK], row.integers[FRAME] = link, number
+        row.numbers[WEIGHT], row.numbers[TURN_WEIGHT] = weight, weight * RADIAN_IN_METRES
+        row.numbers[PLACEMENT:GOAL] = placement.homogeneous[:3].ravel()
 
 
-def _rigid(pose: pin.SE3) -> bool:
-    """Whether a pose is finite, right-handed and orthonormal to 1e-9; cheap, as every tick asks it."""
-    (a, b, c), (d, e, f), (g, h, i) = pose.rotation.tolist()
-    x, y, z = pose.translation.tolist()
-    misfit: float = (
+def _is_rigid(rows: list[float]) -> bool:
+    """Whether a pose (12,), row by row, is finite, right-handed and orthonormal to 1e-9; cheap, as every tick asks."""
+    a, b, c, x, d, e, f, y, g, h, i, z = rows
+    misfit = (
         abs(a * a + b * b + c * c - 1.0)
         + abs(d * d + e * e + f * f - 1.0)
         + abs(a * d + b * e + c * f)
@@ -238,7 +308,7 @@ def _rigid(pose: pin.SE3) -> bool:
         + abs(c * d - a * f - h)
         + abs(a * e - b * d - i)
     )
-    return bool(misfit < RIGID and abs(x) + abs(y) + abs(z) < 1e9)
+    return misfit < RIGID and abs(x) + abs(y) + abs(z) < 1e9
 
 
 class Kinematics:
@@ -286,12 +356,6 @@ class Kinematics:
         pin.computeJointJacobians(self._model, self._data, q)
         self._computed = q
 
-    @property
-    def q(self) -> Array:
-        """(dof,) configuration of the last `move_to` [rad]."""
-        assert self._computed is not None
-        return self._computed
-
     def frame(self, name: str | None) -> int:
         """Number of a frame; None for the tool.
 
@@ -306,6 +370,15 @@ class Kinematics:
             moving = [n for n in self.robot.frames if self._model.frames[self.robot.frame_id(n)].parentJoint > 0]
             raise InvalidInputError(f"frame {name!r} is fixed to the base and cannot follow a target; {moving} move")
         return number
+
+    def on_link(self, frame: int) -> tuple[int, pin.SE3]:
+        """The joint that carries a frame, counted from 1, and the frame on its link as the kernels have it."""
+        found = self._model.frames[frame]
+        return int(found.parentJoint), turn_of(self._model, found.parentJoint)[0].inverse() * found.placement
+
+    def joints(self) -> tuple[Array, list[int]]:
+        """Placements (dof, 3, 4) of the joints as the kernels have them, and their kinds."""
+        return joints_about_z(self._model)
 
     def pose(self, frame: int) -> pin.SE3:
         """T_base_frame; changes with the next `move_to`."""
@@ -323,268 +396,3 @@ class Kinematics:
         pin.updateFramePlacement(self._model, self._data, self.tool)
         change: Array = pin.getFrameJacobianTimeVariation(self._model, self._data, self.tool, IN_BASE)
         return change.reshape(6, -1)
-
-
-def _limit_distance(position: Array) -> Array:
-    """The position (3,) [m], or if it is farther than `FAR` from the base, the one at `FAR` on the way there."""
-    largest: float = max(map(abs, position.tolist()))  # a third of what numpy takes, at every tick
-    if largest <= FAR:
-        return position
-    direction = position / largest  # whose norm does not overflow
-    return np.asarray(FAR * direction / np.linalg.norm(direction))
-
-
-class FrameTask(ABC):
-    """One target on one frame.
-
-    Attributes:
-        priority: see `TrackingTarget`.
-    """
-
-    priority: int = 0
-
-    def __init__(self, frame: int, weight: float) -> None:
-        """Remember the frame's number and the weight."""
-        self._frame = frame
-        self._weight = weight
-
-    def is_like(self, other: FrameTask) -> bool:
-        """Whether it asks the same of the same frame, at another place."""
-        return type(self) is type(other) and self._frame == other._frame and self._weight == other._weight
-
-    @abstractmethod
-    def error(self, kinematics: Kinematics) -> Array:
-        """Weighted error e (k,): what is missing to the target."""
-
-    @abstractmethod
-    def linearise(self, kinematics: Kinematics) -> tuple[Array, Array]:
-        """Weighted Jacobian J (k, dof) and the same error e (k,)."""
-
-    @abstractmethod
-    def bend(self, kinematics: Kinematics, left: Array) -> Array:
-        """How J turns, against an error `left` (k,) that stays: (dof, dof), minus the sum of left_i dJ_i/dq."""
-
-    @abstractmethod
-    def measure(self, kinematics: Kinematics) -> tuple[float, float]:
-        """Distance [m] and angle [rad] to the target."""
-
-    def inequalities(self, kinematics: Kinematics) -> tuple[Array, Array] | None:
-        """G and h of G x <= h that keep what is reached, or None."""
-        return None
-
-
-def _turned(*parts: tuple[Array, Array, Array]) -> Array:
-    """The sum of error . (angular_i x moved_j) where joint i comes before j or is it, and symmetric: (dof, dof).
-
-    For a position error it is that error times the second derivative of the position: joint i turns how joint j, which
-    comes after it, moves the point.
-
-    Args:
-        parts: an error (3,), and what the joints turn and move, (3, dof) each.
-    """
-    rows = [angular.T.dot(pin.skew(error).T).dot(moved) for error, angular, moved in parts]
-    total = rows[0] if len(rows) == 1 else rows[0] + rows[1]
-    return np.asarray(total.take(_upper(len(total))))
-
-
-@functools.cache
-def _upper(size: int) -> NDArray[np.intp]:
-    """(size, size) numbers of the elements in the upper triangle of a square, for both of its triangles."""
-    row, column = np.indices((size, size))
-    return np.asarray(np.minimum(row, column) * size + np.maximum(row, column))
-
-
-class PoseTask(FrameTask):
-    """Position and orientation, or orientation alone: the distance and the rotation vector to the target.
-
-    Both are taken apart, unlike in the SE(3) logarithm: so the position goes straight whatever the orientation does.
-    """
-
-    def __init__(self, frame: int, weight: float, pose: pin.SE3, *, orientation_only: bool = False) -> None:
-        """Keep a copy of T_base_frame, which the caller may change."""
-        super().__init__(frame, weight)
-        self._orientation_only = orientation_only
-        self._costs = np.array([[weight]] * 3 + [[weight * RADIAN_IN_METRES]] * 3)
-        self._pose = pin.SE3(pose)
-        self._near = _limit_distance(self._pose.translation)
-
-    def is_like(self, other: FrameTask) -> bool:
-        """And whether both ask for a position."""
-        return (
-            super().is_like(other) and isinstance(other, PoseTask) and self._orientation_only == other._orientation_only
-        )
-
-    def _missing(self, kinematics: Kinematics) -> tuple[Array, Array]:
-        """Position (3,) [m] and rotation vector (3,) [rad] that are missing, in base axes."""
-        pose = kinematics.pose(self._frame)
-        rotation = pin.log3(self._pose.rotation.dot(pose.rotation.T))
-        return self._near - pose.translation, rotation
-
-    def error(self, kinematics: Kinematics) -> Array:
-        """Weighted position and rotation vector to the target."""
-        position, rotation = self._missing(kinematics)
-        turn = self._weight * RADIAN_IN_METRES * rotation
-        return turn if self._orientation_only else np.concatenate([self._weight * position, turn])
-
-    def linearise(self, kinematics: Kinematics) -> tuple[Array, Array]:
-        """The weighted frame's Jacobian in base axes, and the error."""
-        jacobian = kinematics.jacobian(self._frame, IN_BASE)
-        if self._orientation_only:
-            return self._weight * RADIAN_IN_METRES * jacobian[3:], self.error(kinematics)
-        return self._costs * jacobian, self.error(kinematics)
-
-    def bend(self, kinematics: Kinematics, left: Array) -> Array:
-        """Of position and rotation."""
-        jacobian = kinematics.jacobian(self._frame, IN_BASE)
-        linear, angular, turn = jacobian[:3], jacobian[3:], self._weight * RADIAN_IN_METRES
-        turned = -0.5 * turn * left[-3:], angular, angular
-        return (
-            _turned(turned) if self._orientation_only else _turned(turned, (-self._weight * left[:3], angular, linear))
-        )
-
-    def measure(self, kinematics: Kinematics) -> tuple[float, float]:
-        """Distance and angle."""
-        pose = kinematics.pose(self._frame)
-        angle = poses.rotation_angle(pose.rotation.T.dot(self._pose.rotation))
-        if self._orientation_only:
-            return 0.0, angle
-        return math.dist(pose.translation.tolist(), self._pose.translation.tolist()), angle
-
-
-class PositionTask(FrameTask):
-    """Position alone."""
-
-    def __init__(self, frame: int, weight: float, position: Array) -> None:
-        """Keep the position (3,) [m]."""
-        super().__init__(frame, weight)
-        self._position, self._near = position, _limit_distance(position)
-
-    def error(self, kinematics: Kinematics) -> Array:
-        """Weighted difference of the positions."""
-        return np.asarray(self._weight * (self._near - kinematics.pose(self._frame).translation))
-
-    def linearise(self, kinematics: Kinematics) -> tuple[Array, Array]:
-        """Weighted linear Jacobian, and the error."""
-        return self._weight * kinematics.jacobian(self._frame, IN_BASE)[:3], self.error(kinematics)
-
-    def bend(self, kinematics: Kinematics, left: Array) -> Array:
-        """Of the position."""
-        jacobian = kinematics.jacobian(self._frame, IN_BASE)
-        return _turned((-self._weight * left, jacobian[3:], jacobian[:3]))
-
-    def measure(self, kinematics: Kinematics) -> tuple[float, float]:
-        """Distance; the orientation is free."""
-        return math.dist(kinematics.pose(self._frame).translation.tolist(), self._position.tolist()), 0.0
-
-
-class AxisTask(FrameTask):
-    """One axis of the frame along a direction, by the shortest rotation.
-
-    mink's `AxisAlignTask` takes the difference of the two unit vectors as the error. Its gradient vanishes where they
-    are opposite, so the arm would stay there; the rotation vector used here is longest there.
-    """
-
-    def __init__(self, frame: int, weight: float, axis: Array, direction: Array) -> None:
-        """Keep a unit axis (3,) of the frame and the unit direction (3,) of the base to align it with."""
-        super().__init__(frame, weight)
-        self._axis, self._direction = axis, direction
-
-    def _rotation(self, kinematics: Kinematics) -> tuple[Array, Array, float]:
-        """Where the axis points, the rotation vector to the direction, and its angle."""
-        points = kinematics.pose(self._frame).rotation @ self._axis
-        turn = np.cross(points, self._direction)
-        sine, cosine = float(np.linalg.norm(turn)), float(points @ self._direction)
-        angle = math.atan2(sine, cosine)
-        if sine < 1e-12:  # aligned, or opposite: any perpendicular axis does
-            turn = np.cross(points, np.eye(3)[int(np.argmin(np.abs(points)))])
-            sine = float(np.linalg.norm(turn))
-        return points, turn * (angle / sine), angle
-
-    def error(self, kinematics: Kinematics) -> Array:
-        """Weighted rotation vector of the shortest rotation."""
-        return self._weight * RADIAN_IN_METRES * self._rotation(kinematics)[1]
-
-    def linearise(self, kinematics: Kinematics) -> tuple[Array, Array]:
-        """Weighted angular Jacobian without the rotation about the axis, and the error."""
-        points, rotation, _ = self._rotation(kinematics)
-        angular = kinematics.jacobian(self._frame, IN_BASE)[3:]
-        weight = self._weight * RADIAN_IN_METRES
-        return weight * (angular - np.outer(points, points.dot(angular))), weight * rotation
-
-    def bend(self, kinematics: Kinematics, left: Array) -> Array:
-        """Of the axis' tip: an error of rotation pulls it across the axis."""
-        points = kinematics.pose(self._frame).rotation @ self._axis
-        angular = kinematics.jacobian(self._frame, IN_BASE)[3:]
-        tip = -pin.skew(points).dot(angular)
-        return _turned((-self._weight * RADIAN_IN_METRES * np.cross(left, points), angular, tip))
-
-    def measure(self, kinematics: Kinematics) -> tuple[float, float]:
-        """Angle between axis and direction."""
-        return 0.0, self._rotation(kinematics)[2]
-
-
-class RegionTask(FrameTask):
-    """Position inside a box: pulled in from outside, kept in once inside."""
-
-    def __init__(self, frame: int, weight: float, lower: Array, upper: Array) -> None:
-        """Keep the corners (3,) [m]."""
-        super().__init__(frame, weight)
-        self._lower, self._upper = lower, upper
-
-    def _difference(self, kinematics: Kinematics) -> Array:
-        position = kinematics.pose(self._frame).translation
-        return np.asarray(np.clip(position, self._lower, self._upper) - position)
-
-    def error(self, kinematics: Kinematics) -> Array:
-        """Weighted difference to the nearest point of the box."""
-        return self._weight * self._difference(kinematics)
-
-    def linearise(self, kinematics: Kinematics) -> tuple[Array, Array]:
-        """Weighted linear Jacobian along the axes of the base in which the frame is outside, and the error."""
-        difference = self._difference(kinematics)
-        outside = (difference != 0.0).astype(np.float64)[:, None]
-        jacobian = self._weight * outside * kinematics.jacobian(self._frame, IN_BASE)[:3]
-        return np.asarray(jacobian), self._weight * difference
-
-    def bend(self, kinematics: Kinematics, left: Array) -> Array:
-        """Of the position."""
-        jacobian = kinematics.jacobian(self._frame, IN_BASE)
-        return _turned((-self._weight * left, jacobian[3:], jacobian[:3]))
-
-    def inequalities(self, kinematics: Kinematics) -> tuple[Array, Array] | None:
-        """Faces of the box that the frame must not cross, along the axes in which it is inside."""
-        position = kinematics.pose(self._frame).translation
-        linear = kinematics.jacobian(self._frame, IN_BASE)[:3]
-        normals = np.vstack([linear, -linear])
-        gaps = np.concatenate([self._upper - position, position - self._lower])
-        use = (gaps >= 0.0) & np.isfinite(gaps)
-        return (normals[use], gaps[use]) if use.any() else None
-
-    def measure(self, kinematics: Kinematics) -> tuple[float, float]:
-        """Distance to the box."""
-        return float(np.linalg.norm(self._difference(kinematics))), 0.0
-
-
-class JointTask(FrameTask):
-    """Every joint at an angle."""
-
-    def __init__(self, frame: int, weight: float, q: Array) -> None:
-        """Keep the angles (dof,) [rad]."""
-        super().__init__(frame, weight)
-        self._q, self._scale = q, weight * RADIAN_IN_METRES
-
-    def error(self, kinematics: Kinematics) -> Array:
-        """Weighted difference of the angles."""
-        return np.asarray(self._scale * (self._q - kinematics.q))
-
-    def linearise(self, kinematics: Kinematics) -> tuple[Array, Array]:
-        """The weights, and the error."""
-        return self._scale * np.eye(len(self._q)), self.error(kinematics)
-
-    def bend(self, kinematics: Kinematics, left: Array) -> Array:
-        """None: joint angles are linear in themselves."""
-        return np.zeros((len(self._q), len(self._q)))
-
-    def measure(self, kinematics: Kinematics) -> tuple[float, float]:
-        """The largest difference, as an angle."""
-        return 0.0, float(np.abs(self._q - kinematics.q).max())

@@ -25,24 +25,16 @@ from jacokin.ik import targets
 from jacokin.ik.options import TRACKING_ORIENTATION_TOLERANCE, TRACKING_POSITION_TOLERANCE
 from jacokin.ik.qp_backend import Backend, QPFailed
 from jacokin.ik.seeds import checked_start
+from jacokin.kernels.tracking.reach import CLEAR, DISTANCES, KEEPING, NOT_CLEAR, RESTING
+from jacokin.kernels.tracking.tick import GROWS, NEEDS_QP
 from jacokin.model import checks, poses
 from jacokin.model.robot import Robot, checked_robot, tracking_accelerations, velocity_limits
 from jacokin.model.scene import Scene
 from jacokin.motion.motion_state import MotionState, checked_velocity
 from jacokin.motion.tracking.avoidance import CLEARANCE, ClearanceGuard, Distances, make_guard
-from jacokin.motion.tracking.joint_limits import AT_BOUND, TINY, JointLimits
+from jacokin.motion.tracking.joint_limits import JointLimits
 from jacokin.motion.tracking.moving import Motion, Whereabouts
-from jacokin.motion.tracking.problem import (
-    Level,
-    Objective,
-    TickProblem,
-    build_problem,
-    by_priority,
-    checked_objectives,
-    linearise,
-    refine,
-    wished,
-)
+from jacokin.motion.tracking.problem import Level, Objective, checked_objectives, refine, wished
 from jacokin.motion.tracking.steps import (
     SINGULAR_POSE,
     TIME_BUDGET,
@@ -51,7 +43,8 @@ from jacokin.motion.tracking.steps import (
     TrackerStep,
     TrackerSummary,
 )
-from jacokin.motion.tracking.targets import IN_BASE, FrameTask, Kinematics, TaskFactory, TrackingTarget
+from jacokin.motion.tracking.targets import IN_BASE, Kinematics, TaskFactory, Tasks, TrackingTarget
+from jacokin.motion.tracking.ticks import Arm, Asked, Near, TickSolver
 from jacokin.motion.tracking.twist import (
     FOLLOWED,
     Line,
@@ -64,11 +57,7 @@ from jacokin.motion.tracking.twist import (
 )
 
 NEGLIGIBLE = 0.1  # of the tolerances: an error below this may grow again, and is not worth while to be made smaller by
-REMOVED = 1e-2  # part of the squared error that is all but none
-HALVINGS = 6  # of a step that makes the error grow, before the arm stays
 PARTS = (1.0, 0.5, 0.2, 0.05)  # of the way from braking to what the arm would do, tried until nothing is too near
-SINGULAR = 0.01  # [m/rad] weighted; in directions with a smaller singular value the arm hardly moves the tool
-MOSTLY = 0.5  # part of the error in such directions from which they hold the arm back
 RESERVE = 1e-4  # [s] of a budget that braking and the report take
 STILL = 1e-5  # [rad/s] a slower arm stands still
 GROWTH_TIME = 0.25  # [s] of growing error until the target counts as lost
@@ -104,20 +93,17 @@ class TrackerState(NamedTuple):
     """Of the last tick [m], position and orientation in one."""
     growing: int
     """Ticks in a row in which the error grew."""
-    tasks: tuple[FrameTask, ...]
-    """What the last tick was asked for, of the first priority; empty after a twist, and before the first tick."""
+    tasks: Tasks | None
+    """What the last tick was asked for; None after a twist, and before the first tick."""
     moved: Array | None
     """(k,) by how much that changed the error [m], weighted; None for not at all."""
     line: Line | None
     """Where twists have led; None after a target."""
 
-    def move(self, arm: JointState, dt: float, **changes: Any) -> TrackerState:
-        """After a tick of `dt` [s], with what else it changed."""
-        v = (arm.q - self.arm.q) / dt
-        a = (v - self.v) / dt
-        for array in (arm.q, v, a):
-            array.setflags(write=False)
-        return self._replace(arm=arm, v=v, a=a, **changes)
+    def move(self, arm: JointState, **changes: Any) -> TrackerState:
+        """With the arm after a tick, whose motion `Tracker._report` measures, and what else it changed."""
+        arm.q.setflags(write=False)
+        return self._replace(arm=arm, **changes)
 
 
 class OutOfTime(Exception):  # noqa: N818 - internal signal, never seen by users
@@ -205,11 +191,10 @@ class Tracker:
             tracking_accelerations(robot, acceleration_limit, self.velocity_limit)
         )
         self._limits = JointLimits(robot, self.velocity_limit, self.acceleration_limit, self.dt)
-        self._twists = TwistFollower(self._kinematics, self._limits, self.dt)
         self._make_guard = partial(
             make_guard,
             robot,
-            self.velocity_limit,
+            self._limits,
             self.dt,
             clearance=clearance,
             collision=collision,
@@ -225,7 +210,10 @@ class Tracker:
         self._objectives = checked_objectives(robot, objectives, posture)
         self._position_tolerance = checks.positive("position_tolerance", position_tolerance, "m")
         self._orientation_tolerance = checks.positive("orientation_tolerance", orientation_tolerance, "rad")
-        self._negligible = NEGLIGIBLE * self._position_tolerance
+        tolerances = self._position_tolerance, self._orientation_tolerance
+        negligible = NEGLIGIBLE * self._position_tolerance
+        self._ticks = TickSolver(self._kinematics, self._limits, self.dt, negligible, tolerances)
+        self._twists = TwistFollower(self._kinematics, self._limits, self._ticks, self.dt)
         self._qp = Backend(qp_solver)
         if state is None:
             self.reset(q)
@@ -291,7 +279,7 @@ class Tracker:
             distances = before.arm.distances
             if before.guard is not None and before.where is not None and distances is not None:
                 before.guard.put(before.where)
-                distances = before.guard.move(start, distances, start - before.arm.q, {})
+                distances = before.guard.move(start, distances, start - before.arm.q)
             state = before._replace(arm=JointState(start, distances), v=checks.read_only(speed), can_stop=False)
         else:
             guard, where, distances = self._guard, None, None
@@ -310,7 +298,7 @@ class Tracker:
                 can_stop=v is None,
                 error=np.inf,
                 growing=0,
-                tasks=(),
+                tasks=None,
                 moved=None,
                 line=None,
             )
@@ -371,16 +359,16 @@ class Tracker:
             obstacles: as in `step`.
         """
         began = time.perf_counter()
-        after, step = self._brake(self._around(self._state, obstacles), None, [], began)
+        after, step = self._brake(self._around(self._state, obstacles), None, self._targets.nothing, began)
         self._state = after
         self._tally.add(step, np.inf)
         return step
 
     def measure(self, target: pin.SE3 | ArrayLike | TrackingTarget | Sequence[TrackingTarget]) -> TrackerStep:
         """How far the tool is from a target, without moving; errors as `step`."""
-        levels = by_priority(self._targets.tasks(target))
+        tasks = self._targets.tasks(target)
         self._qp.reset()
-        return self._report(levels[0], self._state, self._state, began=time.perf_counter(), excused=False)[1]
+        return self._report(tasks, self._state, self._state, began=time.perf_counter(), excused=False)[1]
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Unpickled arrays are writable until told otherwise."""
@@ -415,16 +403,15 @@ class Tracker:
         return state._replace(guard=guard, scene=scene, where=where, arm=arm, can_stop=False)
 
     def _approach(
-        self, state: TrackerState, tasks: list[FrameTask], began: float, deadline: float
+        self, state: TrackerState, tasks: Tasks, began: float, deadline: float
     ) -> tuple[TrackerState, TrackerStep]:
         """A tick towards targets: the state after it."""
-        levels = by_priority(tasks) if len(tasks) > 1 else [tasks]
         self._qp.reset()
         places = self._move_obstacles(state)
         try:
-            return self._solve(self._see(state, places), levels, began, deadline)
+            return self._solve(self._see(state, places), tasks, began, deadline)
         except OutOfTime:
-            return self._brake(state, places, levels[0], began)
+            return self._brake(state, places, tasks, began)
 
     def _follow(
         self, state: TrackerState, twist: ArrayLike, reference: str, began: float, deadline: float
@@ -445,18 +432,15 @@ class Tracker:
         places = self._move_obstacles(state)
         try:
             state = self._see(state, places)
-            guard, rows, ends = state.guard, None, None
-            if guard is not None and state.arm.distances is not None and state.where is not None:
-                separation = guard.linearise(state.arm.q, state.arm.distances, state.where)
-                if separation.error.size:  # shapes are moved apart first
-                    after, step = self._solve(state, [goal], began, deadline)
-                    return after._replace(tasks=(), moved=None, line=None), step
-                rows, ends = separation.inequalities
-            along = self._twists.step(line, wanted, state.v, rows, ends, self._wish(state.arm.q))
-            arm, can_stop = self._keep_clear(state, along.displacement, {}, deadline)
+            arm = Arm(state.arm.q, state.v)
+            if self._ticks.linearise(arm, self._near(state)[0]):  # shapes are moved apart first
+                after, step = self._solve(state, goal, began, deadline)
+                return after._replace(tasks=None, moved=None, line=None), step
+            along = self._twists.step(line, wanted, arm, self._wish(state.arm.q))
+            there, can_stop = self._keep_clear(state, along.displacement, {}, deadline)
         except OutOfTime:
             return self._brake(state, places, goal, began)
-        after = state.move(arm, self.dt, can_stop=can_stop, tasks=(), moved=None, line=along.line)
+        after = state.move(there, can_stop=can_stop, tasks=None, moved=None, line=along.line)
         return self._report(goal, state, after, began=began, excused=True, along=along)
 
     def _move_obstacles(self, state: TrackerState) -> tuple[Whereabouts | None, Array | None]:
@@ -476,79 +460,55 @@ class Tracker:
         They are measured anew where obstacles moved or there was no time for it.
         """
         (where, shift), arm = moved, state.arm
+        if where is state.where and shift is None and (arm.distances is None or arm.distances.measured):
+            return state
         if state.guard is not None and arm.distances is not None and (shift is not None or not arm.distances.measured):
             arm = JointState(arm.q, state.guard.refresh(arm.q, arm.distances, shift))
         return state._replace(arm=arm, where=where)
 
+    def _near(self, state: TrackerState) -> tuple[Near | None, Mapping[int, Array]]:
+        """What is near, and the ways out of obstacles."""
+        distances = state.arm.distances
+        if state.guard is None or distances is None or state.where is None or not distances.near.size:
+            return None, {}
+        return state.guard.near(distances)
+
     def _solve(
-        self, state: TrackerState, levels: list[list[FrameTask]], began: float, deadline: float
+        self, state: TrackerState, tasks: Tasks, began: float, deadline: float
     ) -> tuple[TrackerState, TrackerStep]:
         """A tick towards targets whose distances are known."""
-        q, tasks, limits = state.arm.q, levels[0], self._limits
-        self._kinematics.move_to(q)
-        problem = build_problem(
-            self._kinematics, tasks, q, state.guard, state.arm.distances, state.where, self._negligible
-        )
-        bounds, held = limits.bounds(q, state.v), ""
-        later = [Level(*linearise(self._kinematics, level)) for level in levels[1:]]
+        q, ticks, held = state.arm.q, self._ticks, ""
+        near, exits = self._near(state)
         wish = self._wish(q)
-        if wish is not None:
-            later.append(Level(np.eye(self.robot.dof), wish, ends_there=False))
-        moved = self._target_moved(state.tasks, tasks, problem.error)
-        displacement = np.zeros(self.robot.dof)
+        outcome = ticks.solve(Arm(q, state.v), Asked(tasks, state.tasks, state.moved), near, refined=wish is not None)
+        moved, pairs = ticks.moved, ticks.apart
         if time.perf_counter() > deadline:
             raise OutOfTime
         try:
-            if problem.apart.size:  # at once, as far as the joints can go in this tick
-                displacement = problem.minimise(bounds, self._qp)
-            else:
-                total = problem.minimise(limits.room(q), self._qp)
-                along = displacement if moved is None else problem.follow(_lasting(state.moved, moved))
-                displacement, is_near = self._descend(tasks, q, limits.stride(total, along), problem)
-                held = "" if is_near else "every step makes the error grow"
+            if outcome >= NEEDS_QP:
+                outcome = ticks.use_qp(outcome, self._qp)
+            wanted = ticks.step
+            held = "every step makes the error grow" if outcome == GROWS else ""
         except QPFailed:
-            held = "no QP solver solved this tick"
-        if later and not held:
-            displacement = refine(displacement, problem, later, limits.room(q), limits, self._qp)
-        wanted = displacement
-        displacement = np.minimum(np.maximum(wanted, bounds[0]), bounds[1])
-        arm, can_stop = self._keep_clear(state, displacement, problem.exits, deadline)
-        after = state.move(arm, self.dt, can_stop=can_stop, tasks=tuple(tasks), moved=moved, line=None)
+            wanted, held = np.zeros(self.robot.dof), "no QP solver solved this tick"
+        if not held and (wish is not None or tasks.number > tasks.first):
+            later = [Level(*level) for level in ticks.later(tasks)]
+            if wish is not None:
+                later.append(Level(np.eye(self.robot.dof), wish, ends_there=False))
+            wanted = refine(wanted, ticks, later, self._limits, self._qp)
+        displacement, is_slowed = self._limits.within(wanted, ticks.bounds)
+        arm, can_stop = self._keep_clear(state, displacement, exits, deadline)
+        apart: list[int] = state.arm.distances.near[pairs].tolist() if pairs.size and state.arm.distances else []
+        after = state.move(arm, can_stop=can_stop, tasks=tasks, moved=moved, line=None)
         # Shapes moving apart, or joints still gathering speed, may take the tool away from its target for a while.
-        excused = problem.apart.size > 0 or bool((np.abs(displacement - wanted) > AT_BOUND * limits.step).any())
-        return self._report(tasks, state, after, held=held, began=began, excused=excused, problem=problem)
+        excused = bool(apart) or is_slowed
+        return self._report(tasks, state, after, held=held, began=began, excused=excused, apart=apart, judged=True)
 
     def _wish(self, q: Array) -> Array | None:
         """The displacement (dof,) [rad] that the objectives want in a tick at `q` (dof,) [rad]; None without any."""
         if not self._objectives:
             return None
         return wished(self.robot, self.frame, q, self._objectives, self._limits.step, self.dt)
-
-    def _target_moved(self, before: tuple[FrameTask, ...], now: list[FrameTask], error: Array) -> Array | None:
-        """How the error (k,) at this configuration changed with the targets in the last tick; None for not at all."""
-        if len(before) != len(now) or any(not old.is_like(new) for old, new in zip(before, now, strict=True)):
-            return None
-        old = [task.error(self._kinematics) for task in before]
-        moved: Array = error - (old[0] if len(old) == 1 else np.concatenate(old))
-        return moved if moved.any() else None
-
-    def _descend(self, tasks: list[FrameTask], q: Array, step: Array, problem: TickProblem) -> tuple[Array, bool]:
-        """A step (dof,) [rad] halved until the error does not grow, and whether that was so.
-
-        One that all but removes the error is corrected by what is left: so moving targets are followed to the curvature
-        of the kinematics' third order.
-        """
-        for _ in range(HALVINGS):
-            self._kinematics.move_to(self._limits.move(q, step))
-            errors = [task.error(self._kinematics) for task in tasks]
-            left = errors[0] if len(errors) == 1 else np.concatenate(errors)
-            now = float(left.dot(left))
-            if now <= REMOVED * problem.cost:
-                return step + problem.follow(left), True
-            if now <= problem.cost or now <= self._negligible**2:
-                return step, True
-            step = 0.5 * step
-        return np.zeros_like(step), False
 
     def _keep_clear(
         self, state: TrackerState, displacement: Array, exits: Mapping[int, Array], deadline: float
@@ -557,39 +517,28 @@ class Tracker:
         limits, start, guard, where = self._limits, state.arm, state.guard, state.where
         if guard is None or where is None or start.distances is None:
             return JointState(limits.move(start.q, displacement), None), True
-        braking = limits.brake(state.v)
+        guard.begin(Arm(start.q, state.v), start.distances.bound, displacement, exits)
         best, least = start, -np.inf
+        asked = KEEPING if limits.stops_at_once else KEEPING | RESTING
         for part in PARTS:
             if time.perf_counter() > deadline:
                 raise OutOfTime
-            q = limits.move(start.q, braking + part * (displacement - braking))
-            found = JointState(q, guard.move(q, start.distances, q - start.q, exits))
-            if found.distances is None or not guard.acceptable(start.distances, found.distances):
-                continue
-            if limits.stops_at_once:
-                return found, True
-            rest = limits.braking(found.q, (found.q - start.q) / self.dt)
-            clear, spare = guard.rests_clear(start.distances, found.distances, rest, where)
-            if clear:
-                return found, True
-            if spare > least:
-                best, least = found, spare
-        q = limits.move(start.q, braking)
-        distances = guard.move(q, start.distances, q - start.q, exits)
-        found = JointState(q, distances)
-        if limits.stops_at_once or (state.can_stop and not where.moving):
-            return found, True
-        rest = limits.braking(q, (q - start.q) / self.dt)
-        clear, spare = guard.rests_clear(start.distances, distances, rest, where)
-        if not clear and spare < least:  # an obstacle comes nearer, and stopping keeps less far from it
-            found = best
-        return found, clear
+            outcome, spare = guard.try_part(part, asked)
+            if outcome == CLEAR:
+                return JointState(guard.q, guard.found(exits)), True
+            if outcome == NOT_CLEAR and spare > least:
+                best, least = JointState(guard.q, guard.found(exits)), spare
+        certain = limits.stops_at_once or (state.can_stop and not where.moving)
+        outcome, spare = guard.try_part(0.0, DISTANCES if certain else RESTING)
+        if outcome == NOT_CLEAR and spare < least:  # an obstacle comes nearer, and stopping keeps less far from it
+            return best, False
+        return JointState(guard.q, guard.found(exits)), outcome == CLEAR
 
     def _brake(
         self,
         state: TrackerState,
         moved: tuple[Whereabouts | None, Array | None] | None,
-        tasks: list[FrameTask],
+        tasks: Tasks,
         began: float,
     ) -> tuple[TrackerState, TrackerStep]:
         """A tick of braking: because it was asked for, with `moved` None, or because time ran out."""
@@ -601,55 +550,53 @@ class Tracker:
             distances = guard.unmeasured(state.arm.distances, q - state.arm.q, shift)
             arm = JointState(q, distances if late else guard.refresh(q, distances, None))
             can_stop = state.can_stop and shift is None
-        after = state.move(arm, self.dt, where=where, can_stop=can_stop, tasks=(), moved=None, line=None)
+        after = state.move(arm, where=where, can_stop=can_stop, tasks=None, moved=None, line=None)
         return self._report(tasks, state, after, began=began, excused=True, late=late)
 
     def _report(
         self,
-        tasks: list[FrameTask],
+        tasks: Tasks,
         before: TrackerState,
         after: TrackerState,
         *,
         began: float,
         excused: bool,
         held: str = "",
-        problem: TickProblem | None = None,
+        apart: Sequence[int] = (),
+        judged: bool = False,
         along: TwistStep | None = None,
         late: bool = False,
     ) -> tuple[TrackerState, TrackerStep]:
-        """Measure where the arm is; the state with what was learned of the error."""
-        self._kinematics.move_to(after.arm.q)
-        position, orientation = 0.0, 0.0
-        for task in tasks:
-            position, orientation = map(max, (position, orientation), task.measure(self._kinematics))
-        on_target = position <= self._position_tolerance and orientation <= self._orientation_tolerance
-        if not tasks:
-            on_target = float(np.abs(after.v).max()) < STILL
+        """Measure where the arm is; the state with its motion and what was learned of the error."""
+        arm = None if judged else Arm(before.arm.q, before.v)
+        found = self._ticks.report(after.arm.q, arm, tasks, goes=after is not before)
+        on_target, v = found.on_target, found.v
+        if not tasks.number:
+            on_target = float(np.abs(v).max()) < STILL
         if along is not None:
-            on_target = along.part >= FOLLOWED and self._twists.lag(along, after.v) <= 1.0 - FOLLOWED
-        error = targets.combined_error(position, orientation)
+            on_target = along.part >= FOLLOWED and self._twists.lag(along, v) <= 1.0 - FOLLOWED
+        error = targets.combined_error(found.position, found.orientation)
         grows = not (excused or on_target) and error > before.error + GROWTH
-        after = after._replace(error=error, growing=before.growing + 1 if grows else 0)
+        after = after._replace(v=v, a=found.a, error=error, growing=before.growing + 1 if grows else 0)
         status, limiting, message = TrackerStatus.OK, list[str](), ""
         if late or not on_target:
             limiting = [TIME_BUDGET] if late else []
-            limiting += self._limits.limiting(before.arm.q, after.v, before.v)
+            limiting += self._limits.names(self._ticks.reached)
             if after.guard is not None and after.arm.distances is not None:
-                apart = () if problem is None else problem.apart.tolist()
                 limiting.extend(after.guard.limiting(after.arm.distances, apart))
             if along is not None and along.cause:
                 limiting.append(along.cause)
-            if problem is not None and _is_singular(problem):
+            if found.singular:
                 limiting.append(SINGULAR_POSE)
             limiting = list(dict.fromkeys(limiting))
             status, message = self._why(after, limiting, held, late=late)
         distances = after.arm.distances
         step = TrackerStep(
             q=after.arm.q,
-            v=after.v,
+            v=v,
             status=status,
-            position_error=position,
-            orientation_error=orientation,
+            position_error=found.position,
+            orientation_error=found.orientation,
             limiting=tuple(limiting),
             clearance=None if distances is None else distances.least,
             qp_solver=self._qp.used,
@@ -667,21 +614,3 @@ class Tracker:
         if float(np.abs(state.v).max()) < STILL:
             return TrackerStatus.HELD, held or "the arm has come as near as it can"
         return TrackerStatus.LIMITED, f"slowed by {', '.join(limiting) or 'damping near a singular pose'}"
-
-
-def _lasting(before: Array | None, moved: Array) -> Array:
-    """What a target's motion (k,) has in common with the one of the tick before: so much is expected to go on.
-
-    A target that jumps stands afterwards, as far as anyone knows.
-    """
-    if before is None:
-        return np.zeros_like(moved)
-    part = float(before.dot(moved)) / max(float(moved.dot(moved)), TINY)
-    return min(max(part, 0.0), 1.0) * moved
-
-
-def _is_singular(problem: TickProblem) -> bool:
-    """Whether most of the error is in directions in which the arm hardly moves the tool."""
-    left, singular, _ = np.linalg.svd(problem.jacobian, full_matrices=False)
-    missing = left[:, singular < SINGULAR].T @ problem.error
-    return bool(missing @ missing > MOSTLY**2 * problem.cost)

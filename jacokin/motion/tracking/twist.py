@@ -18,12 +18,14 @@ from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
 from jacokin.ik.targets import RADIAN_IN_METRES
+from jacokin.kernels.tracking.limits import EASY, TINY, braking_speed
 from jacokin.model import checks
 from jacokin.model.jacobians import REFERENCES
-from jacokin.motion.tracking.joint_limits import EASY, TINY, JointLimits, braking_speed, largest_share
+from jacokin.motion.tracking.joint_limits import JointLimits, largest_share
 from jacokin.motion.tracking.problem import controlled_directions
 from jacokin.motion.tracking.steps import SINGULAR_POSE
 from jacokin.motion.tracking.targets import IN_BASE, Kinematics
+from jacokin.motion.tracking.ticks import Arm, TickSolver
 
 EXACT = 1e-12  # damping where nothing is to be given away: square of a weighted singular value [m^2/rad^2]
 ASIDE = 0.01  # part of the twist that may be given away where the joints could not follow it otherwise
@@ -100,27 +102,23 @@ def is_astray(way: Array) -> bool:
 class TwistFollower:
     """Follows twists with the tool of one arm."""
 
-    def __init__(self, kinematics: Kinematics, limits: JointLimits, dt: float) -> None:
-        """Take the arm, its limits and the control step [s]."""
-        self._kinematics, self._limits, self._dt = kinematics, limits, dt
+    def __init__(self, kinematics: Kinematics, limits: JointLimits, ticks: TickSolver, dt: float) -> None:
+        """Take the arm, its limits, what linearises its ticks, and the control step [s]."""
+        self._kinematics, self._limits, self._ticks, self._dt = kinematics, limits, ticks, dt
         turn = RADIAN_IN_METRES if kinematics.robot.dof >= 6 else TURNS_FREE
         self._weight = np.array([1.0, 1.0, 1.0, turn, turn, turn])
 
-    def step(
-        self, line: Line, twist: Array, v: Array, rows: Array | None, ends: Array | None, wish: Array | None
-    ) -> TwistStep:
-        """One tick from where the kinematics are.
+    def step(self, line: Line, twist: Array, arm: Arm, wish: Array | None) -> TwistStep:
+        """One tick from where the kinematics are, and the tick was linearised.
 
         Args:
             line: where twists have led so far.
             twist: (6,) what is asked for, at the tool in base axes [m/s, rad/s].
-            v: (dof,) velocity of the joints [rad/s].
-            rows: (k, dof) how the displacement uses up distances to what is near [m/rad]; None for nothing near.
-            ends: (k,) those distances [m].
+            arm: where it is.
             wish: (dof,) displacement [rad] that joints are to make as well, where it does not move the tool; or None.
         """
-        limits, dt, q = self._limits, self._dt, self._kinematics.q
-        low, high = limits.bounds(q, v)
+        limits, dt, v = self._limits, self._dt, arm.v
+        low, high = self._ticks.bounds
         jacobian = self._kinematics.jacobian(self._kinematics.tool, IN_BASE).copy()
         tool = self._kinematics.pose(self._kinematics.tool)
         off = missing(line.pose, tool)
@@ -128,13 +126,13 @@ class TwistFollower:
         wanted = self._weight * twist * dt
         late = _behind(self._weight * off, wanted) / self._weight
         off -= late  # to hurry more after the line would be faster than asked
-        direction, pace = self._fastest(solve, wanted, q, rows, ends)
+        direction, pace = self._fastest(solve, wanted)
         before = solve(self._weight * line.twist * dt, EXACT)
         back = solve(self._weight * off, SETTLING)
         back *= SETTLED * min(1.0, float((limits.step / np.maximum(np.abs(back), TINY)).min()))
         change, start = pace.part * direction - before, before + back
         if wish is not None:
-            start += self._aside(jacobian, wish, rows, ends)
+            start += self._aside(jacobian, wish, arm.q)
         planned = start + largest_share(start, change, low, high) * change
         # What joints cannot accelerate to would turn the tool aside: then all of them brake together.
         braking = v * dt * (1.0 - min(1.0, float((limits.change / np.maximum(np.abs(v * dt), TINY)).min())))
@@ -150,11 +148,12 @@ class TwistFollower:
             solve.jacobian,
         )
 
-    def _aside(self, jacobian: Array, wish: Array, rows: Array | None, ends: Array | None) -> Array:
+    def _aside(self, jacobian: Array, wish: Array, q: Array) -> Array:
         """As much of a wish (dof,) [rad] as does not move the tool, nor lead to a limit or to what is near."""
         controlled = controlled_directions(jacobian)
         found = wish - controlled.T.dot(controlled.dot(wish))
-        part = largest_share(np.zeros_like(found), found, *self._limits.stoppable(self._kinematics.q))
+        part = largest_share(np.zeros_like(found), found, *self._limits.stoppable(q))
+        rows, ends = self._ticks.inequalities
         if rows is not None and ends is not None and len(ends):
             closing = rows.dot(found)
             part = min(part, float((ends / np.maximum(closing, TINY)).min()))
@@ -165,9 +164,7 @@ class TwistFollower:
         left = float(np.linalg.norm(step.jacobian.dot(v) * self._dt - step.wanted))
         return left / max(float(np.linalg.norm(step.wanted)), NOTHING * self._dt)
 
-    def _fastest(
-        self, solve: _Inverse, wanted: Array, q: Array, rows: Array | None, ends: Array | None
-    ) -> tuple[Array, _Pace]:
+    def _fastest(self, solve: _Inverse, wanted: Array) -> tuple[Array, _Pace]:
         """The displacement (dof,) [rad] of a whole twist, and the largest part of it that keeps every limit.
 
         Where the joints cannot follow exactly, a little of the twist is given away, no more than needed.
@@ -175,14 +172,14 @@ class TwistFollower:
         exact = solve(wanted, EXACT)
         if not exact.any():
             return exact, _Pace(1.0, "")
-        found = exact, self._pace(solve, wanted, exact, EXACT, q, rows, ends)
+        found = exact, self._pace(solve, wanted, exact, EXACT)
         if found[1].part >= 1.0:
             return found
         least, most = EXACT, solve.damping_for(wanted, ASIDE * float(np.linalg.norm(wanted)))
         damping = most
         for _ in range(HALVINGS):
             direction = solve(wanted, damping)
-            pace = self._pace(solve, wanted, direction, damping, q, rows, ends)
+            pace = self._pace(solve, wanted, direction, damping)
             if pace.part >= 1.0:
                 found, most = (direction, pace), damping
             else:
@@ -194,20 +191,12 @@ class TwistFollower:
             damping = math.sqrt(least * most)
         return found
 
-    def _pace(
-        self,
-        solve: _Inverse,
-        wanted: Array,
-        direction: Array,
-        damping: float,
-        q: Array,
-        rows: Array | None,
-        ends: Array | None,
-    ) -> _Pace:
+    def _pace(self, solve: _Inverse, wanted: Array, direction: Array, damping: float) -> _Pace:
         """The largest part from 0 to 1 of a displacement (dof,) [rad] that keeps every limit, and what limits it."""
         limits = self._limits
         size = np.maximum(np.abs(direction), TINY)
-        names, low, high = self._kinematics.robot.joint_names, *limits.room(q)
+        names, low, high = self._kinematics.robot.joint_names, *self._ticks.room
+        rows, ends = self._ticks.inequalities
         speeds, free = limits.step / size, np.where(direction > 0.0, high, -low) / size
         fast, first = int(np.argmin(speeds)), int(np.argmin(free))
         # All joints brake together: none may have to brake harder than it can.
@@ -242,7 +231,7 @@ class _Pace(NamedTuple):
 
 def _stopping(distance: float, braking: float) -> float:
     """Parts of a way in the coming tick after which it can still end in a distance, in such parts."""
-    return float(braking_speed(np.array(max(distance, 0.0)), np.array(braking), 1.0))
+    return braking_speed(max(distance, 0.0), braking, 1.0)
 
 
 class _Inverse:

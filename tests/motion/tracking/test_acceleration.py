@@ -7,8 +7,8 @@ import pinocchio as pin
 import pytest
 
 from jacokin import Robot, Tracker
+from jacokin.kernels.tracking.limits import braking_speed
 from jacokin.motion import TrackerStatus
-from jacokin.motion.tracking.joint_limits import braking_speed
 
 DT = 0.01  # [s]
 ROUNDING = 1e-9  # [rad/s]: positions are subtracted and divided by dt
@@ -18,14 +18,14 @@ ROUNDING = 1e-9  # [rad/s]: positions are subtracted and divided by dt
 def test_braking_is_exact(acceleration: float) -> None:
     """A joint that starts at the braking speed and brakes every tick stops at the end of its way, not past it."""
     for distance in (1e-6, 1e-3, 0.0123, 0.5):
-        speed = float(braking_speed(np.array([distance]), np.array([acceleration]), DT)[0])
+        speed = braking_speed(distance, acceleration, DT)
         travelled = 0.0
         while speed > 0.0:
             travelled += speed * DT
             speed -= acceleration * DT
         assert travelled == pytest.approx(distance, rel=1e-9)
-    assert braking_speed(np.array([np.inf]), np.array([acceleration]), DT)[0] == np.inf
-    assert braking_speed(np.array([0.0]), np.array([acceleration]), DT)[0] == 0.0
+    assert braking_speed(np.inf, acceleration, DT) == np.inf
+    assert braking_speed(0.0, acceleration, DT) == 0.0
 
 
 @pytest.mark.parametrize("ticks", [800, pytest.param(3_000, marks=pytest.mark.slow)])

