@@ -226,9 +226,9 @@ def test_a_map_leaves_out_what_a_cloud_blocks(robot: Robot, tmp_path: Path, rng:
     points = wall(rng, 500)
     scene = Scene([PointCloud("wall", points, 0.02)])
     grid = Grid([-0.6, -0.4, 0.0], [0.6, 0.4, 0.8], 0.4)
-    reach = build(robot, folder=tmp_path / "map", grid=grid, orientations=6, collision="reject", scene=scene)
-    assert reach is not None
     solver = IKSolver(robot, collision="reject", scene=scene)
+    reach = build(solver, folder=tmp_path / "map", grid=grid, orientations=6)
+    assert reach is not None
     targets = reach.samples.targets(np.arange(reach.samples.positions)).reshape(-1, 4, 4)
     found = solver.solve_batch(targets, closest=False).success
     np.testing.assert_array_equal(found, reach.counts.ravel() > 0)
