@@ -541,8 +541,8 @@ def look_beside_folds(six: SixJoints, loops: Loops, parameter: int, first: int, 
                 continue
             away, here = look_beside(k, six, work, fold, side)
             p, there = fold + side * away, here.behind if side > 0.0 else here.ahead
-            expected = there >= away * (1.0 - AT_FOLD)
-            if not expected and not is_fold_at(loops, parameter, p - side * there, side, away * AT_FOLD):
+            is_expected = comes_from_fold(here, side, away)
+            if not is_expected and not is_fold_at(loops, parameter, p - side * there, side, away * AT_FOLD):
                 work.size[1] += 1
                 continue
             other = Look(comes, comes, work.counts[i], 0)
@@ -559,13 +559,17 @@ def look_beside_folds(six: SixJoints, loops: Loops, parameter: int, first: int, 
 
 def look_beside(k: ArmConstants, six: SixJoints, work: Islands, fold: float, side: float) -> tuple[float, Look]:
     """How far from a fold its own pair is no noise, to the side where it is complex, and what the roots tell there."""
-    away = BESIDE
-    seen = look(k, six, work, fold + side * away)
+    away, seen = BESIDE, look(k, six, work, fold + side * BESIDE)
     for _ in range(FARTHER):
-        if seen.real < 0:
+        if seen.real < 0 or not comes_from_fold(seen, side, away):
             away *= TIMES_FARTHER
             seen = look(k, six, work, fold + side * away)
     return away, Look(seen.ahead, seen.behind, seen.real, 1)
+
+
+def comes_from_fold(seen: Look, side: float, away: float) -> bool:
+    """Whether nothing comes to the axis before the pair of a fold so far away."""
+    return (seen.behind if side > 0.0 else seen.ahead) >= away * (1.0 - AT_FOLD)
 
 
 def facing_fold(loops: Loops, parameter: int, p: float, at: float) -> tuple[float, int]:
