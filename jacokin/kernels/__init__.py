@@ -12,8 +12,9 @@ configurations                       poses, Jacobians, torques and mass matrices
 closest                              what comes closest to a target that is not reached
 rung_links                           which solutions of neighbouring places of a path follow each other
 speeds                               the least time along a path
+tracking                             ticks of the tracker
 branches                             a branch verified, polished, put within the limits; duplicates
 entries, library                     what is compiled; the library loaded and called
-vector, trigonometry, chain, limits, tolerances
+vector, symmetric, trigonometry, chain, limits, tolerances
                                      what they have in common
 """

@@ -1,1 +1,9 @@
-"""Ticks of the tracker. Read `tick` first."""
+"""Ticks of the tracker. Read `tick` first.
+
+tick      from where the arm is to a displacement of its joints
+tasks     where frames are, what is missing to their targets, its Jacobian, and how that turns
+problem   the squared error of all targets to second order, and its least value
+limits    how far each joint may go: position, velocity and acceleration
+near      what near shapes add: inequalities that keep them apart, and squares that move them apart
+reach     how much of a displacement keeps shapes apart, and whether the arm comes to rest from there
+"""
