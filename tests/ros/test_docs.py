@@ -36,7 +36,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     code = code.replace('joint_prefix="arm_"', 'joint_prefix="j2n6s300_"').replace(", first_time=0.1", "")
     code = code.replace('path.save("lift.json")', 'path.save("lift.json", joint_prefix="j2n6s300_", first_time=0.1)')
     subprocess.run([sys.executable, "-P", "-c", code], cwd=found, check=True, env={"PYTHONPATH": str(ROOT)})
-    subprocess.run([sys.executable, "-P", "-m", "jacokin", "run", "--write-forwarder", "forwarder.py"], cwd=found, check=True)
+    subprocess.run(
+        [sys.executable, "-P", "-m", "jacokin", "run", "--write-forwarder", "forwarder.py"], cwd=found, check=True
+    )
     return found
 
 
