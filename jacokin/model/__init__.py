@@ -12,6 +12,7 @@ poses, angles, checks   building and checking poses, full turns, checks of argum
 batches                 kinematics and dynamics of many configurations at once, by kernels
 many_configurations     Newton's method on many configurations at once
 mujoco_twin             the same arm in MuJoCo
+other_robot             another robot as an obstacle; contact with it while both move (contact_between)
 obstacles, scene        shapes around the arm, one by one, from a file or from a MuJoCo model; shapes that it holds
 point_cloud             points as an obstacle, as cameras see them; their files (point_files)
 depth_images            the points of a depth image
@@ -40,6 +41,7 @@ __all__, __getattr__, __dir__ = lazy.door(
         "jacokin.model.measured_arm": ("MeasuredArm", "MeasuredJoint"),
         "jacokin.model.mujoco_twin": ("to_mujoco",),
         "jacokin.model.obstacles": ("Attached", "Box", "Capsule", "Cylinder", "Floor", "Obstacle", "Sphere"),
+        "jacokin.model.other_robot": ("OtherRobot",),
         "jacokin.model.point_cloud": ("PointCloud",),
         "jacokin.model.poses": ("pose", "pose_from_kinova", "pose_to_kinova", "quat_wxyz"),
         "jacokin.model.robot": ("Robot", "Source"),

@@ -1,6 +1,6 @@
 """Obstacles around the arm: box, sphere, capsule, cylinder and floor, which stand still in the base frame.
 
-Clouds of points have a file of their own (`point_cloud`).
+Clouds of points and other robots have files of their own (`point_cloud`, `other_robot`).
 
 The arm has shapes of its own: the collision shapes of its description. It may hold others (`Attached`).
 """
@@ -22,6 +22,8 @@ from jacokin.model.point_cloud import NAME, PointCloud
 
 if TYPE_CHECKING:
     import mujoco
+
+    from jacokin.model.other_robot import OtherRobot
 
 
 class Obstacle(Protocol):
@@ -183,6 +185,31 @@ class Floor:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class RobotPart:
+    """A shape of another robot, as an obstacle.
+
+    Attributes:
+        name: of the robot in the scene, and of the shape.
+        robot: whose shape it is.
+        solid: the shape where it stands, in the base of the arm.
+    """
+
+    name: str
+    robot: OtherRobot = field(repr=False)
+    solid: Shape = field(repr=False)
+
+    def add_to(self, body: mujoco.MjsBody) -> None:
+        """Add the shape to the base body; the hull of a mesh as the box around it."""
+        solid = self.solid
+        if solid.kind != "mesh":
+            _add_solid(body, solid)
+            return
+        low, high = solid.vertices.min(axis=0), solid.vertices.max(axis=0)
+        centre = solid.placement * pin.SE3(np.eye(3), 0.5 * (low + high))
+        _add_solid(body, solid._replace(kind="box", size=0.5 * (high - low), placement=centre))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Attached:
     """A shape that moves with the arm.
 
@@ -255,19 +282,17 @@ def pose_of(shape: Obstacle) -> pin.SE3:
 
 
 def shape_of(obstacle: Obstacle) -> Shape:
-    """An obstacle as contact takes it, where it is placed; one that is not of this module through MuJoCo.
+    """An obstacle as contact takes it, where it is placed; one without a `solid` through MuJoCo.
 
     Raises:
         ShapeError: MuJoCo cannot compile it.
     """
-    if isinstance(obstacle, OURS):
-        return obstacle.solid
+    solid = getattr(obstacle, "solid", None)
+    if isinstance(solid, Shape):
+        return solid
     from jacokin.model.mujoco_twin import shape_through_mujoco
 
     return shape_through_mujoco(obstacle.name, obstacle.add_to)
-
-
-OURS = (Box, Sphere, Capsule, Cylinder, Floor, PointCloud)
 
 
 def checked_obstacles(obstacles: Iterable[Obstacle]) -> tuple[Obstacle, ...]:
@@ -288,6 +313,9 @@ def checked_obstacles(obstacles: Iterable[Obstacle]) -> tuple[Obstacle, ...]:
         if name in names:
             raise InvalidInputError(f"the name {name!r} is used by two shapes; names must differ")
         names.add(name)
+    for robot in dict.fromkeys(shape.robot for shape in shapes if isinstance(shape, RobotPart)):
+        if robot.name in names:
+            raise InvalidInputError(f"the name {robot.name!r} is used by a robot and a shape; names must differ")
     return shapes
 
 
@@ -302,6 +330,11 @@ def add_to_spec(spec: mujoco.MjSpec, obstacles: Iterable[Obstacle], body: mujoco
         if obstacle.name in taken:
             raise InvalidInputError(f"the name {obstacle.name!r} is used by a shape of the arm; names must differ")
         obstacle.add_to(spec.worldbody if body is None else body)
+
+
+def _add_solid(body: mujoco.MjsBody, solid: Shape) -> None:
+    """Add a shape that is no mesh to the base body."""
+    _add(body, solid.name, solid.kind.upper(), solid.size, solid.placement)
 
 
 def _add(body: mujoco.MjsBody, name: str, kind: str, size: ArrayLike, pose: pin.SE3 | ArrayLike) -> None:

@@ -26,11 +26,13 @@ from jacokin.model.obstacles import (
     Cylinder,
     Floor,
     Obstacle,
+    RobotPart,
     Sphere,
     Surroundings,
     checked_obstacles,
     place,
 )
+from jacokin.model.other_robot import OtherRobot
 from jacokin.model.point_cloud import PointCloud
 from jacokin.model.poses import pose
 from jacokin.model.robot import Robot
@@ -55,7 +57,7 @@ THINNEST = 1e-6  # [m] of a bounding box: a flat mesh has no thickness
 
 
 class Scene:
-    """Obstacles that stand still in the base frame, and shapes that the arm holds; immutable.
+    """Obstacles that stand still in the base frame, other robots among them, and shapes that the arm holds; immutable.
 
     Attributes:
         surroundings: the same in one value.
@@ -104,6 +106,11 @@ class Scene:
     def obstacles(self) -> tuple[Obstacle, ...]:
         """The shapes that stand still."""
         return self.surroundings.obstacles
+
+    @property
+    def robots(self) -> tuple[OtherRobot, ...]:
+        """The other robots, whose shapes are among the obstacles."""
+        return tuple(dict.fromkeys(each.robot for each in self.obstacles if isinstance(each, RobotPart)))
 
     @property
     def attached(self) -> tuple[Attached, ...]:
@@ -160,11 +167,13 @@ class Scene:
             UnknownNameError: no obstacle of that name.
         """
         checks.text("to", to)
-        found = self._obstacle(shape) if isinstance(shape, str) else checked_obstacles([shape])[0]
+        found = self._whole(shape)[0] if isinstance(shape, str) else checked_obstacles([shape])[0]
         if isinstance(shape, str) and pose is None:
             raise InvalidInputError(f"pose is needed: where {shape!r} is in the frame {to!r}")
         if isinstance(found, Floor):
             raise InvalidInputError(f"{found.name!r} is a floor, which no arm can hold")
+        if isinstance(found, RobotPart):
+            raise InvalidInputError(f"{found.robot.name!r} is another robot, which no arm can hold")
         if isinstance(found, PointCloud):
             raise InvalidInputError(
                 f"{found.name!r} is a PointCloud: attach a Box, Sphere, Capsule or Cylinder around it"
@@ -211,13 +220,43 @@ class Scene:
         found = checked_obstacles((*held, *self.obstacles, *obstacles))[len(held) :]
         return _rebuild(self.surroundings._replace(obstacles=found))
 
-    def removing(self, *names: str) -> Scene:
-        """The same scene without some obstacles, and without the contact that was allowed with them.
+    def adding_robot(
+        self,
+        robot: Robot,
+        q: ArrayLike,
+        *,
+        name: str,
+        base: pin.SE3 | ArrayLike,
+        finger_angle: float | None = None,
+    ) -> Scene:
+        """The same scene with another robot, which stands still: each of its shapes is an obstacle, "name/shape".
+
+        `plan_motion(..., meanwhile={name: trajectory})` keeps clear of it while it moves.
+
+        Args:
+            robot: what it is; the arm itself may be of the same kind.
+            q: (dof,) where its joints stand [rad].
+            name: what it is called here.
+            base: where its base is: T_base_other, or a position (3,) [m].
+            finger_angle: where its fingers stand [rad]; None for the angle that it was loaded with.
 
         Raises:
-            UnknownNameError: no such obstacle.
+            InvalidInputError: malformed, a name that is used, or no finger can take the angle.
+            ModelError: it has no collision shapes, or they cannot be loaded.
         """
-        gone = {self._obstacle(name).name for name in names}
+        other = OtherRobot(name, robot, q, base, finger_angle)
+        taken = {*self.surroundings.names, *(each.name for each in self.robots)}
+        if other.name in taken:
+            raise InvalidInputError(f"the name {other.name!r} is used in the scene; names must differ")
+        return self.adding(*other.parts)
+
+    def removing(self, *names: str) -> Scene:
+        """The same scene without some obstacles or robots, and without the contact that was allowed with them.
+
+        Raises:
+            UnknownNameError: no such obstacle or robot.
+        """
+        gone = {part.name for name in names for part in self._whole(name)} | set(names)
         kept = tuple(obstacle for obstacle in self.obstacles if obstacle.name not in gone)
         return _rebuild(self.surroundings._replace(obstacles=kept, allow=self._allowed_without(gone)))
 
@@ -225,14 +264,19 @@ class Scene:
         """The same scene with some obstacles elsewhere.
 
         Args:
-            poses: T_base_shape by name, or a position (3,) [m], with the axes of the base then.
+            poses: T_base_shape by name, or a position (3,) [m], with the axes of the base then. Of another robot, where
+                its joints are (dof,) [rad].
 
         Raises:
-            UnknownNameError: no such obstacle.
+            UnknownNameError: no such obstacle or robot.
             InvalidInputError: not a mapping, a malformed pose, or a floor, which has none.
         """
         given = checks.mapping("poses", poses, "a dict of names and poses")
-        moved = {self._obstacle(name).name: place(self._obstacle(name), pose) for name, pose in given.items()}
+        moved = dict[str, Obstacle]()
+        for name, where in given.items():
+            first = self._whole(name)[0]
+            now = first.robot.at(where).parts if isinstance(first, RobotPart) else (place(first, where),)
+            moved |= {each.name: each for each in now}
         there = tuple(moved.get(obstacle.name, obstacle) for obstacle in self.obstacles)
         return _rebuild(self.surroundings._replace(obstacles=there))
 
@@ -246,11 +290,10 @@ class Scene:
         for name, shape in coming.items():
             if shape.name != name:
                 raise InvalidInputError(f"obstacles[{name!r}] has the name {shape.name!r}")
-        known = [obstacle.name for obstacle in self.obstacles]
+        gone = {*leaving, *coming}
         for name in leaving:
             if name not in coming:
-                checks.choice("obstacle", name, known)
-        gone = {*leaving, *coming}
+                gone |= {part.name for part in self._whole(name)}
         kept = [obstacle for obstacle in self.obstacles if obstacle.name not in gone]
         there = checked_obstacles((*kept, *coming.values()))
         allow = self._allowed_without(gone.difference(coming))
@@ -268,9 +311,12 @@ class Scene:
         """The allowed contact that is not with shapes which are gone."""
         return tuple(pair for pair in self.allow if gone.isdisjoint(pair))
 
-    def _obstacle(self, name: str) -> Obstacle:
-        known = {each.name: each for each in self.obstacles}
-        return known[checks.choice("obstacle", name, known)]
+    def _whole(self, name: str) -> tuple[Obstacle, ...]:
+        """An obstacle, or the parts of another robot."""
+        robots = {each.name: each for each in self.robots}
+        known = {each.name: each for each in self.obstacles if not isinstance(each, RobotPart)}
+        checks.choice("obstacle", name, (*known, *robots))
+        return robots[name].parts if name in robots else (known[name],)
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
