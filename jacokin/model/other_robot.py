@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Self
 
 import numpy as np
 import pinocchio as pin
@@ -62,6 +63,15 @@ class OtherRobot:
             for shape, row in zip(own.shapes, own.rows, strict=True)
         ]
         object.__setattr__(self, "parts", tuple(parts))
+
+    @classmethod
+    def load(
+        cls, name: str, robot: str, q: ArrayLike, base: pin.SE3 | ArrayLike, finger_angle: float | None = None
+    ) -> Self:
+        """One that `load_robot` knows by its name, or by its file; errors as of both."""
+        from jacokin.model.loading import load_robot  # which reads files, and robots need not come from one
+
+        return cls(name, load_robot(robot), q, base, finger_angle)
 
     def at(self, q: ArrayLike) -> OtherRobot:
         """The same robot at another configuration (dof,) [rad].

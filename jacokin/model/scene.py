@@ -41,13 +41,14 @@ from jacokin.model.surrounded import make_world, surround
 ENDINGS = (".yaml", ".yml", ".json")
 TURN = ("quat_wxyz", "rpy")
 # Each shape of a file, and its keys beside "shape" and "name": those that it needs, and others.
-SHAPES: Mapping[str, tuple[Callable[..., Obstacle], tuple[str, ...], tuple[str, ...]]] = {
+SHAPES: Mapping[str, tuple[Callable[..., Obstacle | OtherRobot], tuple[str, ...], tuple[str, ...]]] = {
     "box": (Box, ("size", "position"), TURN),
     "sphere": (Sphere, ("radius", "position"), ()),
     "capsule": (Capsule, ("radius", "length", "position"), TURN),
     "cylinder": (Cylinder, ("radius", "length", "position"), TURN),
     "floor": (Floor, (), ("height",)),
     "point_cloud": (PointCloud.load, ("file",), ("radius", "position", *TURN)),
+    "robot": (OtherRobot.load, ("robot", "q", "position"), ("finger_angle", *TURN)),
 }
 ALL_KEYS = ("shape", "name", *dict.fromkeys(key for _, needed, more in SHAPES.values() for key in (*needed, *more)))
 
@@ -423,9 +424,10 @@ def _read_file(file: Path) -> tuple[list[Obstacle], float | None, tuple[tuple[st
         content = content.get("obstacles", [])
     if not isinstance(content, list):
         raise checks.refusal(f"{file}: obstacles", "a list of shapes", content)
-    obstacles = [
-        _obstacle(f"{file}, obstacle {index}", entry, index, file.parent) for index, entry in enumerate(content)
-    ]
+    obstacles = list[Obstacle]()
+    for index, entry in enumerate(content):
+        found = _obstacle(f"{file}, obstacle {index}", entry, index, file.parent)
+        obstacles += found.parts if isinstance(found, OtherRobot) else (found,)
     return obstacles, finger_angle, allow
 
 
@@ -437,8 +439,8 @@ def _content(file: Path) -> object:
     return files.read_json(file, "not a JSON file") if ending == ".json" else files.read_yaml(file, "not a YAML file")
 
 
-def _obstacle(where: str, entry: object, index: int, folder: Path) -> Obstacle:
-    """One shape; the file of a cloud is looked for in a folder.
+def _obstacle(where: str, entry: object, index: int, folder: Path) -> Obstacle | OtherRobot:
+    """One shape, or another robot; the file of a cloud is looked for in a folder.
 
     Raises:
         InvalidInputError: malformed.
@@ -462,9 +464,12 @@ def _obstacle(where: str, entry: object, index: int, folder: Path) -> Obstacle:
     try:
         if set(TURN) <= set(keys):
             position = values.pop("position", np.zeros(3))
-            values["pose"] = pose(position, values.pop("quat_wxyz", None), rpy=values.pop("rpy", None))
+            there = pose(position, values.pop("quat_wxyz", None), rpy=values.pop("rpy", None))
+            values["base" if shape == "robot" else "pose"] = there
         if "file" in values:
             values["path"] = folder / checks.word("file", values.pop("file"))
+        if shape == "robot" and Path(checks.word("robot", values["robot"])).suffix:
+            values["robot"] = str(folder / values["robot"])
         return build(name=name, **values)
     except InvalidInputError as error:
         raise InvalidInputError(f"{where}: {error}") from error

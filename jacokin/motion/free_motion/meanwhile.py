@@ -40,6 +40,7 @@ LATER = 0.05  # [s] between two times at which it is tried to begin
 MOST_PLACES = 16  # of another robot along its motion, among which a way is planned
 PLACES_APART = 0.3  # [rad] joints move between them, if they do not get too many
 MOST_ASIDE = 200  # configurations near the start, and anywhere, that are tried to move aside to
+ASIDE_ENOUGH = 3  # of them that lead to the goal, of which the quickest is taken
 NEARBY = 0.5  # [rad] so far from the start are the first of them, about
 NEARBY_FIRST = 20  # after which they are twice as far
 
@@ -94,6 +95,11 @@ class _Begun(NamedTuple):
     """[s]."""
     hindrance: _Hindrance | None
     """Why it cannot begin sooner."""
+
+    @property
+    def duration(self) -> float:
+        """Of both [s]."""
+        return self.wait + self.motion.duration
 
     @property
     def rows(self) -> Rows:
@@ -184,7 +190,7 @@ class Meanwhile:
                 if motion.outcome in FINAL:
                     break
                 continue
-            latest = math.inf if best is None else best.wait + best.motion.duration - motion.duration
+            latest = math.inf if best is None else best.duration - motion.duration
             begun = self._begin(motion, now, latest, rests_clear=scene is not self._first)
             if isinstance(begun, _Begun):
                 best = begun
@@ -277,21 +283,22 @@ class Meanwhile:
         return min(end, rests if rests_clear else max(rests, course.duration))
 
     def _aside(self, plan: Planning, start: Array, goal: Any, dt: float) -> tuple[_Begun, ...]:
-        """A motion to where the others never come, and one to the goal from there; nothing if none is found."""
+        """The quickest of some motions to where the others never come, and to the goal from there; nothing for none."""
         contact = self._standing.contact(self._solver.robot).with_clearance(self._solver.verifier.options.clearance)
+        found = list[tuple[_Begun, _Begun]]()
         for place in self._places_aside(start):
-            if self._is_late:
+            if self._is_late or len(found) == ASIDE_ENOUGH:
                 break
             if contact.touches(place) or self._find_touch(Course(resting(place))) is not None:
                 continue
             motion = self._plan(plan, self._first, start, place, dt)
             away = self._begin(motion, 0.0, rests_clear=False) if motion.success else None
-            if not isinstance(away, _Begun):
+            if not isinstance(away, _Begun) or len(motion.t) == 1:
                 continue
-            then = self._soonest(plan, motion.q[-1], goal, float(motion.t[1]), away.wait + motion.duration)
+            then = self._soonest(plan, motion.q[-1], goal, float(motion.t[1]), away.duration)
             if isinstance(then, _Begun):
-                return away, then
-        return ()
+                found.append((away, then))
+        return min(found, key=lambda each: each[0].duration + each[1].duration, default=())
 
     def _places_aside(self, start: Array) -> list[Array]:
         """Configurations within the limits, those near the start first."""
@@ -305,15 +312,13 @@ class Meanwhile:
         for part in parts[1:]:
             rows = joined(rows, part.rows)
         last = parts[-1].motion
-        words = [str(part) for part in parts]
-        if len(parts) > 1:
-            words[0] = f"moves aside first: {words[0]}"
+        words = [f"moves aside first, in {part.duration:.4g} s" for part in parts[:-1]]
         return Trajectory.of(
             self._solver.robot,
             last.velocity_limit,
             rows,
             look=partial(self._distances, rows.t),
-            message="; ".join(words),
+            message="; ".join([*words, str(parts[-1])]),
             goal=last.goal,
         )
 
