@@ -35,7 +35,8 @@ class Course:
         pace = np.diff(self._q, axis=0) / steps if len(steps) else np.zeros((0, self._q.shape[1]))
         pulls = [(6.0 * pace - 4.0 * self._v[:-1] - 2.0 * self._v[1:]), (2.0 * self._v[:-1] + 4.0 * self._v[1:])]
         cubic = np.maximum(np.abs(pulls[0]), np.abs(pulls[1] - 6.0 * pace)) / steps
-        self._pull = np.maximum(cubic, np.maximum(np.abs(rows.a[:-1]), np.abs(rows.a[1:])))  # (n - 1, dof) at most
+        pull, none = np.maximum(cubic, np.maximum(np.abs(rows.a[:-1]), np.abs(rows.a[1:]))), np.zeros_like(rows.q[:1])
+        self._pull = np.vstack([none, pull, none])  # (n + 1, dof) largest accelerations up to each row, and after all
 
     def at(self, time: float) -> Array:
         """Where the joints are (dof,) at a time [s], between rows by the cubic that meets their velocities [rad]."""
@@ -54,14 +55,11 @@ class Course:
         """Where the joints are at two times [s], and how far (dof,) from the line between they are meanwhile [rad]."""
         t, first, last = self._t, self.at(begin), self.at(end)
         low, high = int(np.searchsorted(t, begin, side="right")), int(np.searchsorted(t, end, side="left"))
-        steps = self._pull[max(low - 1, 0) : high]
-        if not len(steps) or begin >= t[-1] or end <= t[0]:
-            return (first, last), np.zeros_like(first)
-        inner = t[low:high, None]
-        there = first + (inner - begin) / (end - begin) * (last - first)
+        high = max(low, high)
+        there = first + (t[low:high, None] - begin) / (end - begin) * (last - first)
         away = np.abs(self._q[low:high] - there).max(axis=0, initial=0.0)
-        longest = float(np.diff(t[low:high], prepend=begin, append=end).max())
-        return (first, last), away + 0.125 * longest**2 * steps.max(axis=0)
+        parts = np.diff(t[low:high], prepend=begin, append=end)[:, None]
+        return (first, last), away + 0.125 * (parts**2 * self._pull[low : high + 1]).max(axis=0)
 
 
 class Touch(NamedTuple):
