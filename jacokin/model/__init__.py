@@ -41,7 +41,6 @@ __all__, __getattr__, __dir__ = lazy.door(
         "jacokin.model.measured_arm": ("MeasuredArm", "MeasuredJoint"),
         "jacokin.model.mujoco_twin": ("to_mujoco",),
         "jacokin.model.obstacles": ("Attached", "Box", "Capsule", "Cylinder", "Floor", "Obstacle", "Sphere"),
-        "jacokin.model.other_robot": ("OtherRobot",),
         "jacokin.model.point_cloud": ("PointCloud",),
         "jacokin.model.poses": ("pose", "pose_from_kinova", "pose_to_kinova", "quat_wxyz"),
         "jacokin.model.robot": ("Robot", "Source"),

@@ -23,8 +23,6 @@ from jacokin.model.point_cloud import NAME, PointCloud
 if TYPE_CHECKING:
     import mujoco
 
-    from jacokin.model.other_robot import OtherRobot
-
 
 class Obstacle(Protocol):
     """A shape that stands still."""
@@ -185,31 +183,6 @@ class Floor:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class RobotPart:
-    """A shape of another robot, as an obstacle.
-
-    Attributes:
-        name: of the robot in the scene, and of the shape.
-        robot: whose shape it is.
-        solid: the shape where it stands, in the base of the arm.
-    """
-
-    name: str
-    robot: OtherRobot = field(repr=False)
-    solid: Shape = field(repr=False)
-
-    def add_to(self, body: mujoco.MjsBody) -> None:
-        """Add the shape to the base body; the hull of a mesh as the box around it."""
-        solid = self.solid
-        if solid.kind != "mesh":
-            _add_solid(body, solid)
-            return
-        low, high = solid.vertices.min(axis=0), solid.vertices.max(axis=0)
-        centre = solid.placement * pin.SE3(np.eye(3), 0.5 * (low + high))
-        _add_solid(body, solid._replace(kind="box", size=0.5 * (high - low), placement=centre))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class Attached:
     """A shape that moves with the arm.
 
@@ -251,6 +224,18 @@ class Surroundings(NamedTuple):
 
 
 NOTHING_AROUND = Surroundings()
+
+
+def checked_surroundings(name: str, scene: object) -> Surroundings:
+    """What a scene holds, or an error that names the argument.
+
+    Raises:
+        InvalidInputError: not a `Scene`.
+    """
+    found = getattr(scene, "surroundings", None)
+    if not isinstance(found, Surroundings):
+        raise checks.refusal(name, "a Scene, for example Scene([Floor(0.0)])", scene)
+    return found
 
 
 def place(shape: Obstacle, pose: pin.SE3 | ArrayLike) -> Obstacle:
@@ -313,9 +298,6 @@ def checked_obstacles(obstacles: Iterable[Obstacle]) -> tuple[Obstacle, ...]:
         if name in names:
             raise InvalidInputError(f"the name {name!r} is used by two shapes; names must differ")
         names.add(name)
-    for robot in dict.fromkeys(shape.robot for shape in shapes if isinstance(shape, RobotPart)):
-        if robot.name in names:
-            raise InvalidInputError(f"the name {robot.name!r} is used by a robot and a shape; names must differ")
     return shapes
 
 
@@ -332,7 +314,7 @@ def add_to_spec(spec: mujoco.MjSpec, obstacles: Iterable[Obstacle], body: mujoco
         obstacle.add_to(spec.worldbody if body is None else body)
 
 
-def _add_solid(body: mujoco.MjsBody, solid: Shape) -> None:
+def add_solid(body: mujoco.MjsBody, solid: Shape) -> None:
     """Add a shape that is no mesh to the base body."""
     _add(body, solid.name, solid.kind.upper(), solid.size, solid.placement)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Self
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
@@ -15,10 +15,13 @@ from jacokin.kernels.contact.shapes import SIZE
 from jacokin.model import checks, poses
 from jacokin.model.contact_arrays import ShapeRow, turn_of
 from jacokin.model.descriptions.shapes import NO_VERTICES, Shape
-from jacokin.model.obstacles import RobotPart
+from jacokin.model.obstacles import add_solid
 from jacokin.model.own_shapes import own_shapes
 from jacokin.model.point_cloud import NAME
 from jacokin.model.robot import Robot, checked_robot
+
+if TYPE_CHECKING:
+    import mujoco
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,15 +67,6 @@ class OtherRobot:
         ]
         object.__setattr__(self, "parts", tuple(parts))
 
-    @classmethod
-    def load(
-        cls, name: str, robot: str, q: ArrayLike, base: pin.SE3 | ArrayLike, finger_angle: float | None = None
-    ) -> Self:
-        """One that `load_robot` knows by its name, or by its file; errors as of both."""
-        from jacokin.model.loading import load_robot  # which reads files, and robots need not come from one
-
-        return cls(name, load_robot(robot), q, base, finger_angle)
-
     def at(self, q: ArrayLike) -> OtherRobot:
         """The same robot at another configuration (dof,) [rad].
 
@@ -88,6 +82,31 @@ class OtherRobot:
         pin.forwardKinematics(model, data, np.asarray(self.q))
         base = poses.checked_pose(self.base)
         return [base, *(base * data.oMi[joint] * turn_of(model, joint)[0] for joint in range(1, model.njoints))]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RobotPart:
+    """A shape of another robot, as an obstacle.
+
+    Attributes:
+        name: of the robot in the scene, and of the shape.
+        robot: whose shape it is.
+        solid: the shape where it stands, in the base of the arm.
+    """
+
+    name: str
+    robot: OtherRobot = field(repr=False)
+    solid: Shape = field(repr=False)
+
+    def add_to(self, body: mujoco.MjsBody) -> None:
+        """Add the shape to the base body; the hull of a mesh as the box around it."""
+        solid = self.solid
+        if solid.kind != "mesh":
+            add_solid(body, solid)
+            return
+        low, high = solid.vertices.min(axis=0), solid.vertices.max(axis=0)
+        centre = solid.placement * pin.SE3(np.eye(3), 0.5 * (low + high))
+        add_solid(body, solid._replace(kind="box", size=0.5 * (high - low), placement=centre))
 
 
 def _placed(name: str, shape: Shape, row: ShapeRow, links: list[pin.SE3]) -> Shape:

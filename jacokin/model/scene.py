@@ -26,17 +26,24 @@ from jacokin.model.obstacles import (
     Cylinder,
     Floor,
     Obstacle,
-    RobotPart,
     Sphere,
     Surroundings,
     checked_obstacles,
     place,
 )
-from jacokin.model.other_robot import OtherRobot
+from jacokin.model.other_robot import OtherRobot, RobotPart
 from jacokin.model.point_cloud import PointCloud
 from jacokin.model.poses import pose
 from jacokin.model.robot import Robot
 from jacokin.model.surrounded import make_world, surround
+
+
+def _load_robot(name: str, robot: str, q: ArrayLike, base: pin.SE3, finger_angle: float | None = None) -> OtherRobot:
+    """Another robot that `load_robot` knows by its name, or by its file; errors as of both."""
+    from jacokin.model.loading import load_robot  # which few scenes need
+
+    return OtherRobot(name, load_robot(robot), q, base, finger_angle)
+
 
 ENDINGS = (".yaml", ".yml", ".json")
 TURN = ("quat_wxyz", "rpy")
@@ -48,7 +55,7 @@ SHAPES: Mapping[str, tuple[Callable[..., Obstacle | OtherRobot], tuple[str, ...]
     "cylinder": (Cylinder, ("radius", "length", "position"), TURN),
     "floor": (Floor, (), ("height",)),
     "point_cloud": (PointCloud.load, ("file",), ("radius", "position", *TURN)),
-    "robot": (OtherRobot.load, ("robot", "q", "position"), ("finger_angle", *TURN)),
+    "robot": (_load_robot, ("robot", "q", "position"), ("finger_angle", *TURN)),
 }
 ALL_KEYS = ("shape", "name", *dict.fromkeys(key for _, needed, more in SHAPES.values() for key in (*needed, *more)))
 
@@ -92,7 +99,7 @@ class Scene:
         """
         self._keep(
             Surroundings(
-                obstacles=checked_obstacles(obstacles),
+                obstacles=_checked(obstacles),
                 allow=_checked_pairs("allow", allow),
                 finger_angle=checks.optional(checks.number, "finger_angle", finger_angle, "rad"),
             )
@@ -168,7 +175,7 @@ class Scene:
             UnknownNameError: no obstacle of that name.
         """
         checks.text("to", to)
-        found = self._whole(shape)[0] if isinstance(shape, str) else checked_obstacles([shape])[0]
+        found = self._whole(shape)[0] if isinstance(shape, str) else _checked([shape])[0]
         if isinstance(shape, str) and pose is None:
             raise InvalidInputError(f"pose is needed: where {shape!r} is in the frame {to!r}")
         if isinstance(found, Floor):
@@ -181,7 +188,7 @@ class Scene:
             )
         rest = tuple(each for each in self.obstacles if each is not found)
         held = Attached(found if pose is None else place(found, pose), to)
-        checked_obstacles([*rest, *(each.shape for each in self.attached), held.shape])
+        _checked([*rest, *(each.shape for each in self.attached), held.shape])
         return _rebuild(self.surroundings._replace(obstacles=rest, attached=(*self.attached, held)))
 
     def detach(self, name: str, *, pose: pin.SE3 | ArrayLike | None = None) -> Scene:
@@ -218,7 +225,7 @@ class Scene:
             InvalidInputError: not shapes, or two of the same name.
         """
         held = [each.shape for each in self.attached]
-        found = checked_obstacles((*held, *self.obstacles, *obstacles))[len(held) :]
+        found = _checked((*held, *self.obstacles, *obstacles))[len(held) :]
         return _rebuild(self.surroundings._replace(obstacles=found))
 
     def adding_robot(
@@ -296,7 +303,7 @@ class Scene:
             if name not in coming:
                 gone |= {part.name for part in self._whole(name)}
         kept = [obstacle for obstacle in self.obstacles if obstacle.name not in gone]
-        there = checked_obstacles((*kept, *coming.values()))
+        there = _checked((*kept, *coming.values()))
         allow = self._allowed_without(gone.difference(coming))
         return _rebuild(self.surroundings._replace(obstacles=there, allow=allow))
 
@@ -380,6 +387,20 @@ class Scene:
             made = make_world(self.obstacles)
             object.__setattr__(self, "_world", made)
         return made
+
+
+def _checked(obstacles: Iterable[Obstacle]) -> tuple[Obstacle, ...]:
+    """The obstacles of a list.
+
+    Raises:
+        InvalidInputError: as of `checked_obstacles`, or a robot and a shape share a name.
+    """
+    found = checked_obstacles(obstacles)
+    names = {each.name for each in found}
+    for robot in dict.fromkeys(each.robot for each in found if isinstance(each, RobotPart)):
+        if robot.name in names:
+            raise InvalidInputError(f"the name {robot.name!r} is used by a robot and a shape; names must differ")
+    return found
 
 
 def checked_scene(name: str, value: object) -> Scene:

@@ -31,7 +31,8 @@ from jacokin.model.contact_arrays import (
     world_arrays,
 )
 from jacokin.model.descriptions.shapes import KINDS, Shape
-from jacokin.model.obstacles import Attached, Obstacle, RobotPart, Surroundings, shape_of
+from jacokin.model.obstacles import Attached, Obstacle, Surroundings, shape_of
+from jacokin.model.other_robot import RobotPart
 from jacokin.model.own_shapes import OwnShapes, own_shapes
 from jacokin.model.robot import Robot
 

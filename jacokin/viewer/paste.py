@@ -19,7 +19,8 @@ from jacokin.model import poses
 from jacokin.model.descriptions.bundled import open_angle
 from jacokin.model.descriptions.srdf import find as find_srdf
 from jacokin.model.loading import TIP_OF_BUNDLED
-from jacokin.model.obstacles import Box, Capsule, Cylinder, Floor, Obstacle, RobotPart, Sphere
+from jacokin.model.obstacles import Box, Capsule, Cylinder, Floor, Obstacle, Sphere
+from jacokin.model.other_robot import RobotPart
 from jacokin.model.poses import FreeAxis
 from jacokin.model.robot import Robot
 from jacokin.model.scene import Scene
