@@ -85,6 +85,17 @@ class Look(NamedTuple):
     at_fold: int  # 1 right beside a fold, of whose own pair little is known
 
 
+class Root(NamedTuple):
+    """A root z = exp(i x) of F at one value of the parameter."""
+
+    x: complex  # z itself
+    slope: complex  # the derivative of z^n F there; 0 where nothing can be told
+    bend: complex  # and its second one
+    mixed: complex  # the derivative of the first by the parameter
+    turns: complex  # how z moves with the parameter
+    d: float  # of x from the real axis, of one of each pair positive
+
+
 class Islands(NamedTuple):
     """Values of the parameter at which F is looked at, and what it takes."""
 
@@ -99,7 +110,8 @@ class Islands(NamedTuple):
     cosine: Array  # (9,) F
     sine: Array  # (9,)
     surface: Array  # (17, 19) F at every p: parts of 1, cos p, sin p, cos 2 p, ... of cosine, then sine, then apart
-    noise: Array  # (1,) of the values of that, the root mean square of the samples'
+    row: Array  # (19,) of that at one value of p
+    noise: Array  # (1,) of the values of the surface, the root mean square of the samples'
     apart: Array  # (3,) of F of a spherical wrist, see `fill_both_turns`; its first and second derivative by p
     z: Array  # (16, 2) exp(i x) of all roots, real and imaginary part
     other: Array  # (16, 2) the same in another labelling of the joints
@@ -124,6 +136,7 @@ def make_islands() -> Islands:
         np.empty(DEGREE + 1),
         np.empty(DEGREE + 1),
         np.zeros((SAMPLES, SURFACE)),
+        np.zeros(SURFACE),
         np.zeros(1),
         np.zeros(3),
         np.zeros((2 * DEGREE, 2)),
@@ -204,21 +217,23 @@ def fill_waves(work: Islands, p: float, order: int) -> float:
     Returns:
         The same of what `fill_both_turns` tells.
     """
-    surface, cosine, sine, first = work.surface, work.cosine, work.sine, 1.0 if order == 0 else 0.0
-    apart = first * surface[0, SURFACE - 1]
-    for j in range(DEGREE + 1):
-        cosine[j], sine[j] = first * surface[0, j], first * surface[0, DEGREE + 1 + j]
+    surface, row = work.surface, work.row
+    s1, c1 = sin_cos(p)
+    c, s = 1.0, 0.0
+    for j in range(SURFACE):
+        row[j] = surface[0, j] if order == 0 else 0.0
     for m in range(1, DEGREE + 1):
-        s, c = sin_cos(m * p)
+        c, s = c * c1 - s * s1, s * c1 + c * s1
+        a, b = c, s  # of cos(m p) and sin(m p): their derivatives
         if order == 1:
-            c, s = -m * s, m * c
+            a, b = -m * s, m * c
         elif order == 2:
-            c, s = -m * m * c, -m * m * s
-        for j in range(DEGREE + 1):
-            cosine[j] += c * surface[2 * m - 1, j] + s * surface[2 * m, j]
-            sine[j] += c * surface[2 * m - 1, DEGREE + 1 + j] + s * surface[2 * m, DEGREE + 1 + j]
-        apart += c * surface[2 * m - 1, SURFACE - 1] + s * surface[2 * m, SURFACE - 1]
-    return float(apart)
+            a, b = -m * m * c, -m * m * s
+        for j in range(SURFACE):
+            row[j] += a * surface[2 * m - 1, j] + b * surface[2 * m, j]
+    for j in range(DEGREE + 1):
+        work.cosine[j], work.sine[j] = row[j], row[DEGREE + 1 + j]
+    return float(row[SURFACE - 1])
 
 
 def fill_rates(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling: int, noise: float) -> float:
@@ -327,6 +342,14 @@ def degree_of(work: Islands, noise: float) -> int:
     return 2 * n
 
 
+def size_of(cosine: Array, sine: Array) -> float:
+    """An upper bound of the values of F."""
+    total = 0.0
+    for n in range(DEGREE + 1):
+        total += abs(cosine[n]) + abs(sine[n])
+    return total
+
+
 def spread_roots(z: Array) -> None:
     """Places to start from."""
     for i in range(len(z)):
@@ -358,10 +381,7 @@ def look(k: ArmConstants, six: SixJoints, work: Islands, p: float) -> Look:
 def look_in(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling: int) -> Look:
     """As `look`, in one labelling of the joints."""
     noise = fill_F(k, six, work, p, labelling)
-    total = 0.0
-    for n in range(DEGREE + 1):
-        total += abs(work.cosine[n]) + abs(work.sine[n])
-    if not total > UNCERTAIN * noise:
+    if not size_of(work.cosine, work.sine) > UNCERTAIN * noise:
         return Look(0.0, 0.0, -1, 0)
     degree = degree_of(work, noise)
     noise_of_bend = fill_rates(k, six, work, p, labelling, noise)
@@ -374,44 +394,60 @@ def look_in(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling:
     find_all_roots(work.powers[0], degree, z, work.settled)
     ahead, behind, real, single = math.inf, math.inf, 0, True
     for i in range(degree):
-        x = complex(z[i, 0], z[i, 1])
-        if x == 0.0:
-            continue
-        value, slope, bend = polynomial(work.powers[0], degree, x)
-        moves, mixed = value_and_rate(work.powers[1], degree, x)
-        if slope == 0.0:
+        root = root_at(work.powers, degree, z, i)
+        if root.slope == 0.0:
             return Look(0.0, 0.0, -1, 0)
-        x -= value / slope
-        turns = -moves / slope
-        z[i, 0], z[i, 1] = x.real, x.imag
+        z[i, 0], z[i, 1] = root.x.real, root.x.imag
         if labelling < 0:
-            work.moves[i, 0], work.moves[i, 1] = turns.real, turns.imag
-        d = -0.5 * math.log(x.real * x.real + x.imag * x.imag)
-        if d < -REAL:
+            work.moves[i, 0], work.moves[i, 1] = root.turns.real, root.turns.imag
+        if root.d < -REAL:
             continue
-        error = degree * noise / abs(slope)
-        other = 2.0 * d if d > REAL else distance_to_next(z, i, degree)
-        real, single = real + (d <= REAL), single and other > MEETING
+        error, next_root = degree * noise / abs(root.slope), distance_to_next(z, i, degree)
+        other = 2.0 * root.d if root.d > REAL else next_root
+        real, single = real + (root.d <= REAL), single and other > MEETING
         if other <= error:  # where it is, and where it goes, is noise
             ahead, behind, single = 0.0, 0.0, False
-        if other <= error or d <= REAL:
-            continue
-        curves, _ = value_and_rate(work.powers[2], degree, x)
-        bends = -(curves + (2.0 * mixed + bend * turns) * turns) / slope
-        rate, change = -(turns / x).real, -(bends / x - (turns / x) * (turns / x)).real
-        unsure = abs(turns / x) * abs(bend / slope) * noise / abs(slope)  # of the rate, where the pair is alone
-        if distance_to_next(z, i, degree) < d:
-            unsure = 0.0
-        bend_of_square = -2.0 * (rate * rate + d * change)
-        if abs(bend_of_square) <= 2.0 * d * noise_of_bend / abs(slope):
-            bend_of_square = 0.0  # noise
-        ahead = min(ahead, first_zero(-d * d, 2.0 * d * (unsure - rate), bend_of_square))
-        behind = min(behind, first_zero(-d * d, 2.0 * d * (unsure + rate), bend_of_square))
+        elif root.d > REAL:
+            comes, goes = approach(work.powers, degree, root, noise, noise_of_bend, next_root < root.d)
+            ahead, behind = min(ahead, comes), min(behind, goes)
     if not single and ahead > 0.0:
         real = count_single_roots(work, fill_F(k, six, work, p, labelling))
     elif not single:
         real = -1
+    if real % 2 != 0:  # of all round, that cannot be: roots so near to each other were not told apart
+        return Look(0.0, 0.0, -1, 0)
     return Look(ahead, behind, real, 0)
+
+
+def root_at(powers: Array, degree: int, z: Array, i: int) -> Root:
+    """What F tells of root i, after a step of Newton's method from there."""
+    x = complex(z[i, 0], z[i, 1])
+    value, slope, bend = polynomial(powers[0], degree, x)
+    moves, mixed = value_and_rate(powers[1], degree, x)
+    if x == 0.0 or slope == 0.0:
+        return Root(x, 0.0j, bend, mixed, 0.0j, -math.inf)
+    x -= value / slope
+    return Root(x, slope, bend, mixed, -moves / slope, -0.5 * math.log(x.real * x.real + x.imag * x.imag))
+
+
+def approach(
+    powers: Array, degree: int, root: Root, noise: float, noise_of_bend: float, is_near_others: bool
+) -> tuple[float, float]:
+    """After how much a pair may come to the real axis, to higher values of the parameter and to lower ones [rad]."""
+    x, turns, d = root.x, root.turns, root.d
+    curves, _ = value_and_rate(powers[2], degree, x)
+    bends = -(curves + (2.0 * root.mixed + root.bend * turns) * turns) / root.slope
+    rate, change = -(turns / x).real, -(bends / x - (turns / x) * (turns / x)).real
+    unsure = 0.0  # of the rate, where the pair is alone
+    if not is_near_others:
+        unsure = abs(turns / x) * abs(root.bend / root.slope) * noise / abs(root.slope)
+    bend_of_square = -2.0 * (rate * rate + d * change)
+    if abs(bend_of_square) <= 2.0 * d * noise_of_bend / abs(root.slope):
+        bend_of_square = 0.0  # noise
+    return (
+        first_zero(-d * d, 2.0 * d * (unsure - rate), bend_of_square),
+        first_zero(-d * d, 2.0 * d * (unsure + rate), bend_of_square),
+    )
 
 
 def first_zero(value: float, slope: float, bend: float) -> float:
@@ -693,11 +729,10 @@ def add_zero_on_line(six: SixJoints, work: Islands, i: int, n: int) -> None:
 
 def count_single_roots(work: Islands, noise: float) -> int:
     """How many roots the F at hand has, -1 where some may not be single."""
-    roots, total = work.roots, 0.0
+    roots = work.roots
     for n in range(DEGREE + 1):
         roots.cosine[n], roots.sine[n] = work.cosine[n], work.sine[n]
-        total += abs(work.cosine[n]) + abs(work.sine[n])
-    if not total > UNCERTAIN * noise:
+    if not size_of(work.cosine, work.sine) > UNCERTAIN * noise:
         return -1
     count = find_roots(noise, 0.0, roots)
     for i in range(count):

@@ -9,10 +9,11 @@ import numpy as np
 
 from jacokin.arrays import Array
 from jacokin.kernels.chain import bordered_newton, linearise7
-from jacokin.kernels.solution_set.curve import LARGEST_RESIDUAL, NEWTON_STEPS, RESIDUAL, Walk
+from jacokin.kernels.solution_set.curve import LARGEST_RESIDUAL, RESIDUAL, Walk
 
-#: [rad] how far from a meeting the other curve is looked for.
-ASIDE = 0.02
+#: [rad] how far from a meeting the other curve is looked for, and steps of Newton's method at most: where the Jacobian
+#: is nearly singular all along that curve, the first ones go far.
+ASIDE, ASIDE_STEPS = 0.02, 40
 SWEEPS = 12
 
 
@@ -65,7 +66,7 @@ def points_aside(chain: Array, T: Array, meeting: Array, side: float, null: Dire
         walk.border[j] = across
         x[j] += side * ASIDE * across
         offset += across * x[j]
-    return bordered_newton(chain, T, x, walk.border, offset, walk.system, NEWTON_STEPS, RESIDUAL) <= LARGEST_RESIDUAL
+    return bordered_newton(chain, T, x, walk.border, offset, walk.system, ASIDE_STEPS, RESIDUAL) <= LARGEST_RESIDUAL
 
 
 def diagonalise(null: Directions) -> None:
