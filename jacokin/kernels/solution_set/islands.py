@@ -41,7 +41,7 @@ LINE_HALVINGS = 24
 #: [rad] where the even values begin: away from the round angles that people use.
 OFFSET = 0.1234
 #: Times the distance between two values within which pairs from both sides may come to the axis.
-SAFETY = 1.5
+SAFETY = 2.0
 #: Share of that distance within which a pair comes as it is foretold.
 SURE = 0.15
 #: [rad] of the parameter: the shortest distance that is halved.
