@@ -206,14 +206,15 @@ def solve_rows_at_q3(chain: Array, arm7: Array, T: Array, q3: float, low: int, h
             D1 = turned(chain, 1, about_z(c2, s2, v))
             q1 = towards - angle_of(D1[1], D1[0])
             s1, c1 = sin_cos(q1)
+            turns = ((c1, s1), (c2, s2), (c3, s3), (c4, s4))
             first, last = max(n, low), min(n + 2, high)
             for m in range(first, last):
                 rows[m, 0], rows[m, 1], rows[m, 2], rows[m, 3] = q1, q2, q3, q4
             solve_wrist(
                 chain,
-                after_joint_4(chain, c1, s1, c2, s2, c3, s3, c4, s4, x),
-                after_joint_4(chain, c1, s1, c2, s2, c3, s3, c4, s4, y),
-                after_joint_4(chain, c1, s1, c2, s2, c3, s3, c4, s4, z),
+                after_joint_4(chain, turns, x),
+                after_joint_4(chain, turns, y),
+                after_joint_4(chain, turns, z),
                 rows,
                 first,
                 last,
@@ -238,11 +239,9 @@ def solve_wrist(chain: Array, x: Vec, y: Vec, z: Vec, rows: Array, first: int, l
         rows[n, 4], rows[n, 5], rows[n, 6] = q5, q6, angle_of(f[1] - g[0], f[0] + g[1])
 
 
-def after_joint_4(
-    chain: Array, c1: float, s1: float, c2: float, s2: float, c3: float, s3: float, c4: float, s4: float, v: Vec
-) -> Vec:
-    """A vector seen before joint 1, turned into the axes before joint 5."""
-    v = turned_back(chain, 1, about_z(c1, -s1, v))
-    v = turned_back(chain, 2, about_z(c2, -s2, v))
-    v = turned_back(chain, 3, about_z(c3, -s3, v))
-    return turned_back(chain, 4, about_z(c4, -s4, v))
+def after_joint_4(chain: Array, turns: tuple[tuple[float, float], ...], v: Vec) -> Vec:
+    """A vector seen before joint 1, turned into the axes before joint 5, by cosine and sine of each joint between."""
+    for i in range(4):
+        c, s = turns[i]
+        v = turned_back(chain, 1 + i, about_z(c, -s, v))
+    return v

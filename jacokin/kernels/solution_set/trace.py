@@ -269,7 +269,7 @@ def add_step(chain: Array, T: Array, parameter: int, first: int, loops: Loops, w
         return False
     if not turns(loops.nodes[a], loops.nodes[n], parameter):
         return True
-    if not point_where_still(chain, T, loops.nodes[a], loops.nodes[n], parameter, walk.z, walk.tz, walk):
+    if not point_where_still(chain, T, loops.nodes[a], loops.nodes[n], parameter, walk):
         return False
     walk.tz[parameter] = 0.0
     before, after = 0.0, 0.0
@@ -394,9 +394,8 @@ def point_passed(chain: Array, T: Array, parameter: int, a: Array, b: Array, i: 
     for j in range(7):
         walk.z[j] = cubic(a, b, length, u, j)
     nearest, least, second = nearest_of(slices, i, walk.z)
-    if least > PASSED_SHARE * second and point_at(
-        chain, T, a, b, parameter, value, u, walk.z, walk.tz, walk
-    ):  # curves are near to each other
+    # Curves may be near to each other.
+    if least > PASSED_SHARE * second and point_at(chain, T, a, b, parameter, value, u, walk):
         nearest, least, second = nearest_of(slices, i, walk.z)
     return nearest if least <= min(PASSED, PASSED_SHARE * second) else -1
 

@@ -200,7 +200,7 @@ def cut_chord(chain: Array, T: Array, parameter: int, pieces: Pieces, walk: Walk
             and top + 2 < PARTS - 1
             and halved < MOST_HALVED
             and is_doubtful(a, b, length, pieces.limits)
-            and point_across(chain, T, a, b, 0.5, walk.z, walk.tz, walk)
+            and point_across(chain, T, a, b, 0.5, walk)
         ):
             for j in range(7):
                 parts[top + 1, j], parts[top + 1, 7 + j] = a[j], a[7 + j]
@@ -308,13 +308,13 @@ def find_event(chain: Array, T: Array, a: Array, b: Array, code: int, pieces: Pi
     v0, v1 = a[j] - level, b[j] - level
     if (v0 < 0.0) != (v1 < 0.0):
         u = cubic_root(a, b, length, j, level, 0.0, 1.0)
-        found = point_at(chain, T, a, b, j, level, u, walk.z, walk.tz, walk)
+        found = point_at(chain, T, a, b, j, level, u, walk)
         pieces.size[3] += not found
         return found
     turns, outside = a[7 + j] * b[7 + j] < 0.0, (v0 > 0.0) == (side > 0)
     if min(abs(v0), abs(v1)) > length or not turns or not outside or not touches(a, b, length, j, level):
         return False
-    return point_where_still(chain, T, a, b, j, walk.z, walk.tz, walk)
+    return point_where_still(chain, T, a, b, j, walk)
 
 
 def touches(a: Array, b: Array, length: float, j: int, level: float) -> bool:
