@@ -60,8 +60,8 @@ MOST_HALVED, DEPTH = 400, 32
 #: Steps to all roots at once; a root is found when its step is this part of the distance to the nearest other one: each
 #: step squares what is missing at least, and a step of Newton's method follows.
 ABERTH_STEPS, LAST_STEP = 40, 1e-2
-#: A root is foretold at the next value of the parameter if that moves it by less than this part of that distance.
-FORETOLD = 0.5
+#: A root is foretold at the next value of the parameter if that moves it by less than this part of its size.
+FORETOLD = 1.0
 
 
 class Look(NamedTuple):
@@ -181,7 +181,7 @@ def foretell(work: Islands, p: float, degree: int) -> None:
     work.moves[2 * DEGREE, 0] = p
     for i in range(degree):
         x, y = moves[i, 0] * away, moves[i, 1] * away
-        if abs(away) < 1.5 * TURN / LOOKED_AT and math.hypot(x, y) < FORETOLD * distance_to_next(z, i, degree):
+        if abs(away) < 1.5 * TURN / LOOKED_AT and math.hypot(x, y) < FORETOLD * math.hypot(z[i, 0], z[i, 1]):
             z[i, 0] += x
             z[i, 1] += y
 
