@@ -142,6 +142,19 @@ def polynomial(powers: Array, degree: int, x: complex) -> tuple[complex, complex
     return value, slope, 2.0 * bend
 
 
+def value_and_slope_at(powers: Array, degree: int, x: complex) -> tuple[complex, complex]:
+    """As `value_and_rate`, of a degree that is even: even and odd powers are summed side by side, in half the time."""
+    first, w = DEGREE - degree // 2, x * x
+    even, odd = complex(powers[first + degree, 0], powers[first + degree, 1]), 0.0j
+    even_rate, odd_rate = 0.0j, 0.0j
+    for m in range(first + degree - 2, first - 1, -2):
+        odd_rate = odd_rate * w + odd
+        odd = odd * w + complex(powers[m + 1, 0], powers[m + 1, 1])
+        even_rate = even_rate * w + even
+        even = even * w + complex(powers[m, 0], powers[m, 1])
+    return even + x * odd, odd + 2.0 * x * (even_rate + x * odd_rate)
+
+
 def find_all_roots(powers: Array, degree: int, z: Array, settled: Array) -> None:
     """Bring z to all roots of z^(degree / 2) F at once, from wherever it is (Aberth, 1973)."""
     for i in range(degree):
@@ -151,10 +164,8 @@ def find_all_roots(powers: Array, degree: int, z: Array, settled: Array) -> None
         for i in range(degree):
             if settled[i] > 0.0:
                 continue
-            value, slope = value_and_rate(powers, degree, complex(z[i, 0], z[i, 1]))
-            if slope == 0.0:
-                continue
-            newton, others, others_i, nearest = value / slope, 0.0, 0.0, math.inf
+            value, slope = value_and_slope_at(powers, degree, complex(z[i, 0], z[i, 1]))
+            others, others_i, nearest = 0.0, 0.0, math.inf
             for j in range(degree):
                 a, b = z[i, 0] - z[j, 0], z[i, 1] - z[j, 1]
                 square = a * a + b * b
@@ -163,8 +174,10 @@ def find_all_roots(powers: Array, degree: int, z: Array, settled: Array) -> None
                     others += a * inverse
                     others_i -= b * inverse
                     nearest = min(nearest, square)
-            rest = 1.0 - newton * complex(others, others_i)
-            step = newton / rest if rest != 0.0 else newton
+            slope -= value * complex(others, others_i)
+            if slope == 0.0:
+                continue
+            step = value / slope
             z[i, 0] -= step.real
             z[i, 1] -= step.imag
             if step.real * step.real + step.imag * step.imag <= LAST_STEP * LAST_STEP * nearest:
