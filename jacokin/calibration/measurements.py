@@ -385,16 +385,32 @@ def _read(path: Path) -> tuple[Mapping[str, Array], NDArray[np.intp] | None]:
     if path.suffix == ".npz":
         arrays = read_arrays(path, NOT_MEASUREMENTS)
         return _same_length(path, {name: each for name, each in arrays.items() if each.dtype.kind in "iuf"}), None
-    if path.suffix == ".parquet":
-        with open_parquet(path, NOT_MEASUREMENTS) as file:
-            if file.metadata.num_rows * file.metadata.num_columns > ARRAYS // 8:
-                raise InvalidInputError(f"{path}: {NOT_MEASUREMENTS}: its columns have more than {ARRAYS} bytes")
-            table = file.read()
-            return {
-                name: np.asarray(table.column(name).to_numpy(), dtype=np.float64)
-                for name in table.column_names
-                if str(table.schema.field(name).type) in ("double", "float", "int64", "int32")
-            }, None
+    return (_read_parquet(path), None) if path.suffix == ".parquet" else _read_csv(path)
+
+
+def _read_parquet(path: Path) -> Mapping[str, Array]:
+    """The columns of a Parquet file that hold numbers.
+
+    Raises:
+        InvalidInputError: cannot be read, or is too large.
+    """
+    with open_parquet(path, NOT_MEASUREMENTS) as file:
+        if file.metadata.num_rows * file.metadata.num_columns > ARRAYS // 8:
+            raise InvalidInputError(f"{path}: {NOT_MEASUREMENTS}: its columns have more than {ARRAYS} bytes")
+        table = file.read()
+        return {
+            name: np.asarray(table.column(name).to_numpy(), dtype=np.float64)
+            for name in table.column_names
+            if str(table.schema.field(name).type) in ("double", "float", "int64", "int32")
+        }
+
+
+def _read_csv(path: Path) -> tuple[Mapping[str, Array], NDArray[np.intp]]:
+    """The columns of a CSV file that hold numbers, and the line of each row, from 1.
+
+    Raises:
+        InvalidInputError: cannot be read, rows of different lengths, no rows, or a column is there twice.
+    """
     cells = read_rows(path)
     names = [name.strip() for _, row in cells[:1] for name in row]
     lines, rows = [], []

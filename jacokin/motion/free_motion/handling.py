@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+
 import numpy as np
 import pinocchio as pin
 
 from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError
 from jacokin.ik.solver import IKSolver
 from jacokin.model import checks
 from jacokin.model.descriptions.bundled import JACOS
@@ -74,3 +77,21 @@ def one_after_the_other(first: Trajectory, then: Trajectory, words: str) -> Traj
         clearance=checks.read_only(np.concatenate([first.clearance, then.clearance[1:]])),
         message=f"{first.message}; then {then.duration:.4g} s {words}",
     )
+
+
+def straight_line(
+    solver: IKSolver, poses: Sequence[pin.SE3], start: Array, follow: Callable[..., Trajectory]
+) -> Trajectory | str:
+    """A straight line through poses T_base_tool from a configuration (dof,) [rad], or why there is none.
+
+    Args:
+        solver: knows what may touch what.
+        poses: where the line leads.
+        start: at the first of them.
+        follow: plans it, `plan_path` but for what all lines have in common.
+    """
+    try:
+        line = follow(solver, poses, start=start)
+    except InvalidInputError as error:  # a line that joints cannot follow in any reasonable time
+        return str(error)
+    return line if line.success else line.message

@@ -38,6 +38,7 @@ from jacokin.motion.free_motion.handling import (
     hand_links,
     kinova_fingers,
     one_after_the_other,
+    straight_line,
 )
 from jacokin.motion.free_motion.leaving import DEEPEST, Leaving
 from jacokin.motion.free_motion.plan_motion import GoalFinder, list_aims, plan_motion, search_of
@@ -344,7 +345,7 @@ class _Around:
     def lower(self, descent: _Descent, start: Array, follow: Callable[..., Trajectory]) -> Trajectory | str:
         """The line down from a configuration (dof,), or why there is none."""
         solver = self._lowered_by(descent.supports)
-        line = _followed(solver, [descent.above, descent.at], start, follow)
+        line = straight_line(solver, [descent.above, descent.at], start, follow)
         if isinstance(line, str):
             return f"no straight line down: {line}"
         pair = self._leaving.hindrance(line.q[::-1])
@@ -355,7 +356,7 @@ class _Around:
     def retreat(self, descent: _Descent, start: Array, follow: Callable[..., Trajectory]) -> Trajectory | str:
         """The line back from a configuration (dof,) at the place, or why there is none."""
         hand, T = self.load.gripper, descent.T_base_object
-        line = _followed(self.let_go(T), [descent.at, descent.away], start, follow)
+        line = straight_line(self.let_go(T), [descent.at, descent.away], start, follow)
         if isinstance(line, str):
             return f"no straight line back: {line}"
         if hand is not None and hand is not JACO:  # whose pads have room on both sides of the object
@@ -407,17 +408,6 @@ class _Around:
         if supports not in self._lowering:
             self._lowering[supports] = self._solver.in_scene(self.held_scene.allowing(*sorted(supports)))
         return self._lowering[supports]
-
-
-def _followed(
-    solver: IKSolver, poses: Sequence[pin.SE3], start: Array, follow: Callable[..., Trajectory]
-) -> Trajectory | str:
-    """A straight line, or why there is none."""
-    try:
-        line = follow(solver, poses, start=start)
-    except InvalidInputError as error:  # a line that joints cannot follow in any reasonable time
-        return str(error)
-    return line if line.success else line.message
 
 
 class _Descents:

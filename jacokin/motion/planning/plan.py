@@ -114,26 +114,16 @@ def plan_path(
     checks.instance("solver", solver, IKSolver, "an IKSolver")
     robot, verifier = solver.robot, solver.verifier
     verifier.require_contact()
-    try:
-        if solver.dimension() is None:
-            solver.closed_form()
-    except StructureError as error:
-        raise StructureError(f"plan_path needs a closed form: {error}") from error
+    _require_closed_form(solver)
     checks.choice("timing", timing, TIMINGS)
-    acceleration = None
-    if acceleration_limit is not None:
-        if timing == "keep":
-            raise InvalidInputError("acceleration_limit needs timing='slow': the speed that is kept has corners")
-        acceleration = acceleration_limits(robot, acceleration_limit)
+    if acceleration_limit is not None and timing == "keep":
+        raise InvalidInputError("acceleration_limit needs timing='slow': the speed that is kept has corners")
+    acceleration = None if acceleration_limit is None else acceleration_limits(robot, acceleration_limit)
     velocity = velocity_limits(robot, velocity_limit)
     if velocity.min() < SLOWEST:
         raise InvalidInputError(f"velocity_limit must be at least {SLOWEST:g} rad/s, got {velocity.min():g}")
     dt = checks.positive("dt", dt, "s")
-    path = CartesianPath(targets, solver.frame)
-    if path.free and solver.dimension() == 1:
-        raise InvalidInputError(
-            "a FreeAxis on seven joints leaves two free parameters: give the poses at one angle about it"
-        )
+    path = _checked_path(solver, targets)
     free_step = checks.positive("free_step", free_step, "rad")
     if free_step < FINEST:
         raise InvalidInputError(f"free_step must be at least {FINEST:g} rad, got {free_step!r}")
@@ -177,15 +167,46 @@ def plan_path(
         note=note,
     )
     if found is None:
-        stay = near if start is not None else solver.solve(path.target(0.0), seed=near).q
-        if verifier.avoids_contact and verifier.touching(stay):
-            stay = near
+        stay = near if start is not None else _clear_or(near, solver, path)
         return writer.stay(stay, _explain_no_start(search.rungs[0], solver, manifold, start is not None))
     reason = ""
     if found.reached < path.lines:
         reason = _explain_end(search, found.reached, found.curve.q[-1], found.blocked, solver)
         reason += ", as far as there was time to look" if search.is_late else ""
     return writer.follow(found.curve, found.reached, reason)
+
+
+def _require_closed_form(solver: IKSolver) -> None:
+    """Refuse a solver that cannot list all solutions.
+
+    Raises:
+        StructureError: its robot has no closed form.
+    """
+    try:
+        if solver.dimension() is None:
+            solver.closed_form()
+    except StructureError as error:
+        raise StructureError(f"plan_path needs a closed form: {error}") from error
+
+
+def _checked_path(solver: IKSolver, targets: Sequence[Target] | ArrayLike) -> CartesianPath:
+    """The lines through some targets.
+
+    Raises:
+        InvalidInputError: malformed targets, or a `FreeAxis` on seven joints.
+    """
+    path = CartesianPath(targets, solver.frame)
+    if path.free and solver.dimension() == 1:
+        raise InvalidInputError(
+            "a FreeAxis on seven joints leaves two free parameters: give the poses at one angle about it"
+        )
+    return path
+
+
+def _clear_or(near: Array, solver: IKSolver, path: CartesianPath) -> Array:
+    """The configuration (dof,) nearest to the first pose; where that is in contact, the one given."""
+    stay = solver.solve(path.target(0.0), seed=near).q
+    return near if solver.verifier.avoids_contact and solver.verifier.touching(stay) else stay
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
