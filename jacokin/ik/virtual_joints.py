@@ -147,7 +147,7 @@ class VirtualJoints:
         self._form = ClosedForm(model, frame_id, None, lower, upper, limit_snap=limit_snap)
 
     def measured_by(self, verifier: Verifier) -> VirtualJoints:
-        """The same chain for another solver of the same arm, frame and tool."""
+        """This chain for another solver of the same arm, frame and tool."""
         found = copy.copy(self)
         found._verifier = verifier
         return found

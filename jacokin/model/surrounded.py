@@ -44,7 +44,7 @@ class Surrounded(NamedTuple):
     """The shapes of an arm and those of a scene."""
 
     geometry: Geometry
-    """As the kernels take them: shapes of the arm group by group, then the obstacles that count against all of it."""
+    """What the kernels take: shapes of the arm group by group, then the obstacles that count against all of it."""
     names: tuple[str, ...]
     """Their names."""
     ranks: NDArray[np.int64]
@@ -170,7 +170,7 @@ def among_nothing(shapes: Sequence[Shape], arrays: ArmArrays, pairs: int) -> Sur
 
 
 def _with_world(arm: Surrounded, arrays: ArmArrays, names: Sequence[str], world: WorldArrays) -> Surrounded:
-    """The same with obstacles that count against all shapes that move."""
+    """An arm, with obstacles that count against all shapes that move."""
     return arm._replace(
         geometry=joined(arrays, world),
         names=(*arm.names, *names),

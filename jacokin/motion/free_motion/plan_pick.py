@@ -65,7 +65,7 @@ class Pick(Frozen):
     opening: float | None
     """Of the fingers until they close: angle [rad], or [m] where they slide; None for as the robot was loaded."""
     kinova_fingers: float | None
-    """The same for each finger as Kinova's driver counts, about 0 (open) to 6400 (closed); None for other hands."""
+    """That opening for each finger as Kinova's driver counts, about 0 (open) to 6400 (closed); None for other hands."""
     held: Scene | None
     """The scene once the fingers hold the object, for what comes next; None without a name of the object."""
     success: bool

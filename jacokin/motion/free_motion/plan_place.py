@@ -75,7 +75,7 @@ class Place(Frozen):
     """Of the fingers once they open, and on the way back: angle [rad], or [m] where they slide; None for as the robot
     was loaded."""
     kinova_fingers: float | None
-    """The same for each finger as Kinova's driver counts, about 0 (open) to 6400 (closed); None for other hands."""
+    """That opening for each finger as Kinova's driver counts, about 0 (open) to 6400 (closed); None for other hands."""
     scene: Scene | None
     """The scene in which the object stands there, for what comes next; None where there is no way."""
     success: bool
@@ -320,7 +320,7 @@ class _Around:
         return self._solver.in_scene(self.standing(T_base_object))
 
     def let_go(self, T_base_object: pin.SE3) -> IKSolver:
-        """The same where the hand may touch the object."""
+        """A solver for the arm whose hand may touch the object, which stands at a place."""
         links = ((link, self.load.name) for link in self._hand)
         return self._solver.in_scene(self.standing(T_base_object).allowing(*links))
 

@@ -49,7 +49,7 @@ class Recorded:
     error: str = ""
 
     def to_bytes(self) -> bytes:
-        """As an .npz file."""
+        """The episode as the bytes of an .npz file."""
         names = ("actions", "rewards", "success", "states")
         arrays: dict[str, Any] = {name: getattr(self, name) for name in names}
         arrays.update({_OBSERVED + name: values for name, values in self.observations.items()})
