@@ -133,7 +133,7 @@ def _surround_some(robot: Robot, own: OwnShapes, around: Surroundings) -> Surrou
 
 
 def _pairs_of_held(own: Sequence[Shape], both: Sequence[Shape]) -> list[tuple[int, int]]:
-    """Numbers of the arm's own shapes beside those that it holds, which come after them and count on other links."""
+    """Pairs of a shape of the arm and one that it holds, whose numbers come after, on different links."""
     held = range(len(own), len(both))
     return [(other, index) for index in held for other in range(len(own)) if own[other].joint != both[index].joint]
 
