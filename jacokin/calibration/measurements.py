@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.files import ARRAYS, open_parquet, read_arrays, read_rows
-from jacokin.ik.files.targets import rotations_from_quats, rotations_from_rpys
+from jacokin.ik.files.targets import POSITION, QUATERNION, RPY, rotations_from_quats, rotations_from_rpys
 from jacokin.logs import Log, StandstillRule
 from jacokin.model import checks, poses
 
@@ -28,9 +28,6 @@ CONTACTS = ("plane", "point")
 NOT_MEASUREMENTS = "is not a file of measurements"
 LARGEST = 1e6  # [m], [rad] of what anybody measures
 SMALLEST = 1e-12  # [m], [rad] of what any instrument tells apart; squares of less overflow
-POSITION = ("x", "y", "z")
-QUATERNION = ("qw", "qx", "qy", "qz")
-RPY = ("roll", "pitch", "yaw")
 KINOVA = ("theta_x", "theta_y", "theta_z")  # R = Rx Ry Rz
 FIXED_POINT = ("px", "py", "pz")
 READ = (*POSITION, *QUATERNION, *RPY, *KINOVA, *FIXED_POINT, "distance", "sigma", "sigma_angle")  # besides joints

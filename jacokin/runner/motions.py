@@ -17,10 +17,10 @@ from jacokin.errors import InvalidInputError
 from jacokin.model import checks
 from jacokin.model.robot import Robot, checked_robot
 from jacokin.motion.files import by_ending
+from jacokin.motion.tracking.tracker import STILL
 from jacokin.motion.trajectory import FORMATS, KINOVA_STEP, SPEED_ROUNDING, Trajectory
 from jacokin.teleop.teleop import Teleop
 
-STILL = 1e-5  # [rad/s] of a hand's arm that has braked
 ROUNDING = 1e-9  # [rad] of degrees in files
 
 

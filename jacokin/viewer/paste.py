@@ -24,10 +24,9 @@ from jacokin.model.other_robot import RobotPart
 from jacokin.model.poses import FreeAxis
 from jacokin.model.robot import Robot
 from jacokin.model.scene import Scene
-from jacokin.viewer.inspector import FULL_TURN, Inspector
+from jacokin.viewer.inspector import FULL_TURN, SAME, Inspector
 from jacokin.viewer.view import View
 
-SAME = 1e-6  # [rad] an answer this near to the arm on the screen is the same
 SCENE_FILE = "jacokin_scene.json"
 OF_SOLVER = ("method", "qp_solver")  # options that the command line has too
 ONLY_PYTHON = ("position_tolerance", "orientation_tolerance", "limit_snap", "max_restarts")

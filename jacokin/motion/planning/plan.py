@@ -36,7 +36,7 @@ from jacokin.motion.planning.search import Climb, Ladder, PathSearch, Rung
 from jacokin.motion.rows import HELD, OnTheWay, Rows, coarse, halved, joined, most_between, spline_rows, standing
 from jacokin.motion.timing import check_ticks, sample_lines
 from jacokin.motion.track import ANGULAR_SPEED, SPEED
-from jacokin.motion.trajectory import LEAD_IN, Trajectory
+from jacokin.motion.trajectory import LEAD_IN, SPEED_ROUNDING, Trajectory
 
 TIMINGS = ("keep", "slow")
 FINEST = 0.01  # [rad] between members of a curve: more of them take minutes
@@ -48,7 +48,6 @@ TIGHT = 0.05  # [rad] a joint this near to its limit is why a way ends
 STILL = 1e-12  # [rad] a way on which joints move less is none
 NO_LINE = 1e-3  # of a control step: a line that takes less time takes none
 TINY = 1e-9  # [s] asked for between two rows, at least
-SPEED_ROUNDING = 1e-9  # [rad/s] of positions subtracted and divided by a step
 ACCELERATION_ROUNDING = 1e-6  # relative
 
 
