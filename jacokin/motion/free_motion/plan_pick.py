@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -21,25 +20,22 @@ from jacokin.model import checks
 from jacokin.model.descriptions.bundled import JACOS
 from jacokin.model.gripper import JACO, Gripper
 from jacokin.model.obstacles import pose_of
-from jacokin.model.robot import acceleration_limits, velocity_limits
 from jacokin.model.scene import Scene
 from jacokin.motion.free_motion.handling import (
     AHEAD,
-    FINDING,
     LEAST_TIME,
     LINES,
     UP,
+    Planner,
     ahead_of,
     beside,
     hand_links,
     kinova_fingers,
     one_after_the_other,
-    straight_line,
 )
-from jacokin.motion.free_motion.plan_motion import GoalFinder, plan_motion
+from jacokin.motion.free_motion.plan_motion import GoalFinder
 from jacokin.motion.grasps import Grasp
 from jacokin.motion.joint_motion import ACCELERATION
-from jacokin.motion.planning.plan import plan_path
 from jacokin.motion.trajectory import MotionStatus, Trajectory
 
 EACH = "each is out of reach, in contact, or the line to it leaves its branch"
@@ -139,51 +135,40 @@ def plan_pick(
         ModelError: the shapes of the description cannot be loaded.
         StructureError: the robot has no closed form.
     """
-    begun = time.monotonic()
     checks.instance("solver", solver, IKSolver, "an IKSolver")
+    planner = Planner(
+        solver.robot,
+        speed=speed,
+        time_limit=time_limit,
+        rng=rng,
+        dt=dt,
+        velocity_limit=velocity_limit,
+        acceleration_limit=acceleration_limit,
+    )
     robot = solver.robot
     q = checked_start(robot, start, "start", outside=True)
     ways = _checked_grasps(solver, grasps)
-    back, pace = checks.positive("distance", distance, "m"), checks.positive("speed", speed, "m/s")
-    step, limit = checks.positive("dt", dt, "s"), checks.positive("time_limit", time_limit, "s")
+    back = checks.positive("distance", distance, "m")
     up = 0.0 if checks.number("lift", lift, "m") == 0.0 else checks.positive("lift", lift, "m")
-    generator = np.random.default_rng(DEFAULT_RANDOM_SEED) if rng is None else checks.generator("rng", rng)
-    velocity = velocity_limits(robot, velocity_limit)
-    acceleration = acceleration_limits(robot, acceleration_limit)
     gripper = next((way.gripper for way in ways if way.gripper is not None), None)
     around = _Around(solver, gripper, _widest(ways, gripper), obstacle, hand)
-    seed = np.clip(q, robot.lower, robot.upper)
-    finder = _Approaches(around, seed, back, generator, begun, begun + limit)
+    finder = _Approaches(around, np.clip(q, robot.lower, robot.upper), back, planner)
     found, failed = finder.find(ways), ""
-    motion = Trajectory.of(
-        robot,
-        velocity,
-        (np.zeros(1), q[None], np.zeros((1, robot.dof)), np.zeros((1, robot.dof))),
-        status=MotionStatus.UNREACHABLE,
-        message=finder.reason,
-    )
+    motion = planner.stand(q, MotionStatus.UNREACHABLE, finder.reason)
     opening, fingers = around.opening, kinova_fingers(robot, around.opening)
-    move = partial(plan_motion, rng=generator, dt=step, velocity_limit=velocity, acceleration_limit=acceleration)
-    follow = partial(
-        plan_path, dt=step, speed=pace, timing="slow", velocity_limit=velocity, acceleration_limit=acceleration
-    )
-
-    def remaining() -> float:
-        return begun + limit - time.monotonic()
-
     for _ in range(LINES):
         if not found:
             failed = failed or f"no grasp can be approached: {finder.reason}"
             break
-        if remaining() <= 0.0:
+        if planner.is_late:
             failed = failed or "the time was over before a grasp was reached"
             break
-        motion = move(around.free, q, [each.q for each in found], time_limit=remaining())
+        motion = planner.move(around.free, q, [each.q for each in found])
         if not motion.success or motion.goal is None:
             failed = failed or motion.message
             break
         taken = found.pop(motion.goal.number)
-        line = around.approach(taken, motion.q[-1], partial(follow, time_limit=max(remaining(), LEAST_TIME)))
+        line = around.approach(taken, motion.q[-1], planner)
         if isinstance(line, str):
             failed = f"no straight line to a grasp: {line}"
             continue
@@ -191,7 +176,7 @@ def plan_pick(
         held, raised = around.holding(line.q[-1]), None
         if held is not None and up > 0.0:
             goal = pin.SE3(taken.at.rotation, taken.at.translation + up * UP)
-            raised = move(solver.in_scene(held), line.q[-1], goal, time_limit=max(remaining(), LEAST_TIME))
+            raised = planner.move(solver.in_scene(held), line.q[-1], goal, least=LEAST_TIME)
             if not raised.success:
                 failed = f"a grasp is reached, but the object cannot be lifted by {up:.3g} m: {raised.message}"
                 continue
@@ -260,9 +245,9 @@ class _Around:
         """Whether something touches at a grasp, at a configuration (dof,) [rad], that may not."""
         return bool(self.near.verifier.touching(q)) or self._open_hand_touches(q)
 
-    def approach(self, approach: _Approach, start: Array, follow: Callable[..., Trajectory]) -> Trajectory | str:
+    def approach(self, approach: _Approach, start: Array, planner: Planner) -> Trajectory | str:
         """The line to a grasp from a configuration (dof,), or why there is none."""
-        line = straight_line(self.near, [approach.before, approach.at], start, follow)
+        line = planner.line(self.near, [approach.before, approach.at], start)
         if isinstance(line, Trajectory) and any(self._open_hand_touches(row) for row in line.q[::LOOKED_AT]):
             return "the hand touches the object before it closes"
         return line
@@ -322,20 +307,11 @@ def _check_hand(solver: IKSolver, hands: Sequence[Gripper]) -> None:
 class _Approaches:
     """Finds straight lines to grasps whose ends are clear and on one branch."""
 
-    def __init__(
-        self,
-        around: _Around,
-        start: Array,
-        back: float,
-        rng: np.random.Generator,
-        begun: float,
-        deadline: float,
-    ) -> None:
-        """Take the solvers, where the arm is (dof,) [rad], the length of the line [m], and the time [s]."""
-        self._around, self._start = around, start
-        self._back = back
-        self._until = begun + FINDING * (deadline - begun)
-        self._finder = GoalFinder(around.near, start, rng, begun, self._until)
+    def __init__(self, around: _Around, start: Array, back: float, planner: Planner) -> None:
+        """Take the solvers, where the arm is (dof,) [rad], the length of the line [m], and who has the time."""
+        self._around, self._start, self._back = around, start, back
+        self._until = planner.look_until
+        self._finder = GoalFinder(around.near, start, planner.rng, planner.begun, planner.look_until)
         self.reason = EACH
 
     def find(self, grasps: Sequence[Grasp]) -> list[_Approach]:
