@@ -194,7 +194,7 @@ class Robot:
 
     @cached_property
     def described(self) -> Robot:
-        """The same arm without its calibration, as the description has it (to rounding); itself without one."""
+        """This arm without its calibration, as the description has it (to rounding); itself without one."""
         measured = self.calibration
         if measured is None:
             return self
@@ -625,7 +625,7 @@ class Robot:
         return self._weighing(dynamics.reweighed(self.pin_model, rows), has_masses=True)
 
     def _weighing(self, pin_model: pin.Model, *, has_masses: bool) -> Robot:
-        """The same arm with a model of other masses."""
+        """This arm with a model of other masses."""
         return Robot(
             pin_model,
             base=self.base,
