@@ -260,24 +260,37 @@ def torque_limits(robot: Robot, limit: ArrayLike | bool | None) -> Array | None:
 
 
 def slow_down(robot: Robot, law: TimeLaw, limit: Array) -> TimeLaw | TooHeavy:
-    """The motion itself, or slower, so that no joint needs more torque than its limit (dof,) [N m].
+    """The motion itself, or slower, so that no joint needs more torque than its limit (dof,) [N m]."""
+    count = int(np.clip(np.ceil(law.duration / BETWEEN), 2, MOST_PLACES))
+    found = slowness(robot, law.at(np.linspace(0.0, law.duration, count + 1)), limit)
+    if isinstance(found, TooHeavy):
+        return found
+    return law if found == 1.0 else Slowed(law, found)
+
+
+def slowness(robot: Robot, states: tuple[Array, Array, Array], limit: Array) -> float | TooHeavy:
+    """How many times as long a motion must take for no joint to need more torque than its limit (dof,) [N m].
 
     A motion that takes k times as long needs the same torque against gravity and 1 / k^2 of what its velocities and
     accelerations ask for, so the least k that keeps a limit is found directly.
+
+    Args:
+        robot: the arm.
+        states: angles, velocities and accelerations (n, dof) of the motion.
+        limit: (dof,) [N m].
     """
-    count = int(np.clip(np.ceil(law.duration / BETWEEN), 2, MOST_PLACES))
-    gravity, share = _shares(robot, law.at(np.linspace(0.0, law.duration, count + 1)), USED * limit)
+    gravity, share = _shares(robot, states, USED * limit)
     heavy = np.abs(gravity) - USED * limit
     if heavy.max() > 0.0:
         row, joint = np.unravel_index(int(np.argmax(heavy)), heavy.shape)
         return TooHeavy(int(joint), float(gravity[row, joint]))
     least = float(share.min())
     if least >= 1.0:
-        return law
+        return 1.0
     if least < SLOWEST**2:
         row, joint = np.unravel_index(int(np.argmin(share)), share.shape)
         return TooHeavy(int(joint), float(gravity[row, joint]))
-    return Slowed(law, 1.0 / float(np.sqrt(least)))
+    return 1.0 / float(np.sqrt(least))
 
 
 def torque_strain(robot: Robot, rows: Rows, limit: Array) -> float:
