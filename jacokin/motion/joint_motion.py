@@ -8,26 +8,21 @@ jerk is constant from row to row, so controllers that interpolate by cubics or q
 from __future__ import annotations
 
 import threading
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
-from jacokin.errors import InvalidInputError, needed
+from jacokin.errors import InvalidInputError
 from jacokin.ik.seeds import checked_start
 from jacokin.kernels.library import Call
 from jacokin.kernels.rest_to_rest import RestWork, fit_rest_to_rest, make_rest_work
 from jacokin.model import angles, checks
 from jacokin.model.robot import Robot, acceleration_limits, checked_robot, jerk_limits, velocity_limits
-from jacokin.motion.rows import ATTEMPTS, HELD, LEAST_SLOWER, Limits, Rows
-from jacokin.motion.timing import BETWEEN, MAX_TICKS, MOST_PLACES, TooHeavy, slowness, torque_limits, torque_strain
+from jacokin.motion.rows import Limits, Rows
+from jacokin.motion.timing import BETWEEN, MAX_TICKS, MOST_PLACES, TooHeavy, hold_torques, slowness, torque_limits
 from jacokin.motion.trajectory import MotionStatus, Trajectory
 
-if TYPE_CHECKING:
-    import ruckig
-
-USED = 1.0 - 1e-9  # of the limits along lines; what remains is for rounding
 ACCELERATION = 1.0  # [rad/s^2] full speed in about 0.7 s; the maker publishes no figure, so this is a gentle guess
 FIRST_ROOM, ROOM_KEPT = 1_000, 20_000  # rows, for which a thread keeps the memory
 
@@ -114,6 +109,24 @@ def rest_to_rest(start: Array, end: Array, limits: Limits, dt: float) -> Rows:
     return Rows(dt * np.arange(count, dtype=np.float64), q, v, a)
 
 
+def along_line(start: Array, end: Array, limits: Limits, dt: float) -> Rows:
+    """As `rest_to_rest`, along the straight line even where joints in step would take less time."""
+    step = end - start
+    size = np.abs(step)
+
+    def share(limit: Array) -> Array:
+        """(1,) of the line [1/s], [1/s^2] or [1/s^3]."""
+        with np.errstate(divide="ignore"):
+            return np.asarray((limit / size).min(keepdims=True))
+
+    jerk = None if limits.jerk is None else share(limits.jerk)
+    shares = Limits(share(limits.velocity), share(limits.acceleration), jerk)
+    t, gone, v, a = rest_to_rest(np.zeros(1), np.ones(1), shares, dt)
+    q = start + gone * step
+    q[-1] = end  # but for rounding
+    return Rows(t, q, v * step, a * step)
+
+
 def _kept_calls() -> dict[int, Call[RestWork]]:
     """The kernels of this thread."""
     found: dict[int, Call[RestWork]] | None = getattr(_local, "calls", None)
@@ -143,79 +156,8 @@ def _hold_torques(robot: Robot, rows: Rows, limits: Limits, torque: Array) -> Ro
     slower = slowness(robot, fine[1:], torque)
     if isinstance(slower, TooHeavy):
         return slower
-    for _ in range(ATTEMPTS):
-        if slower > 1.0:
-            jerk = None if limits.jerk is None else limits.jerk / slower**3
-            rows = rest_to_rest(start, end, Limits(limits.velocity / slower, limits.acceleration / slower**2, jerk), dt)
-        worst = torque_strain(robot, rows, torque)
-        if worst <= HELD:
-            break
-        slower *= max(worst, LEAST_SLOWER)
-    return rows
 
+    def write(slower: float) -> Rows:
+        return rest_to_rest(start, end, limits.slowed(slower), dt)
 
-def profile(start: Array, end: Array, velocity: Array, acceleration: Array, jerk: Array | None) -> ruckig.Trajectory:
-    """Ruckig's trajectory from rest to rest, all joints in step; limits (dof,) in rad and s.
-
-    Raises:
-        InvalidInputError: Ruckig finds none; limits of very different or extreme sizes defeat its polynomials.
-        MissingExtraError: Ruckig is not installed.
-    """
-    with needed("ruckig", "motion"):
-        import ruckig
-    given = ruckig.InputParameter(len(start))
-    given.current_position, given.target_position = start.tolist(), end.tolist()
-    given.max_velocity, given.max_acceleration = velocity.tolist(), acceleration.tolist()
-    if jerk is not None:
-        given.max_jerk = jerk.tolist()
-    trajectory = ruckig.Trajectory(len(start))
-    try:
-        result = ruckig.Ruckig(len(start)).calculate(given, trajectory)
-        reason = "" if result in (ruckig.Result.Working, ruckig.Result.Finished) else result.name
-    except Exception:  # an error class of its own, and result codes that its enum does not have
-        reason = "Ruckig failed"
-    if reason:
-        raise InvalidInputError(
-            f"no motion found within these limits ({reason}); velocity_limit {_range(velocity)} rad/s, "
-            f"acceleration_limit {_range(acceleration)} rad/s^2"
-            + ("" if jerk is None else f", jerk_limit {_range(jerk)} rad/s^3")
-        )
-    return trajectory
-
-
-class SmoothLines:
-    """Straight lines one after another within limits of velocity, acceleration and jerk, at rest between them."""
-
-    def __init__(self, way: Array, velocity: Array, acceleration: Array, jerk: Array) -> None:
-        """Time each line of a way (n, dof) [rad] by one profile for all joints; limits (dof,) in rad and s.
-
-        Raises:
-            InvalidInputError: Ruckig finds no motion.
-            MissingExtraError: Ruckig is not installed.
-        """
-        self._way, self._steps = way, np.diff(way, axis=0)
-        with np.errstate(divide="ignore"):
-            limits = [(USED * limit / np.abs(self._steps)).min(axis=1) for limit in (velocity, acceleration, jerk)]
-        none, whole = np.zeros(1), np.ones(1)
-        self._profiles = [profile(none, whole, *(each[k : k + 1] for each in limits)) for k in range(len(self._steps))]
-        self._ends = np.cumsum([0.0, *(each.duration for each in self._profiles)])
-
-    @property
-    def duration(self) -> float:
-        """From start to end [s]."""
-        return float(self._ends[-1])
-
-    def at(self, t: Array) -> tuple[Array, Array, Array]:
-        """Configurations (m, dof) [rad], velocities [rad/s] and accelerations [rad/s^2] at times (m,) [s]."""
-        lines = np.clip(np.searchsorted(self._ends, t, side="right") - 1, 0, len(self._steps) - 1)
-        gone = t - self._ends[lines]
-        shares = np.array(
-            [np.ravel(self._profiles[line].at_time(float(at))) for line, at in zip(lines.tolist(), gone, strict=True)]
-        )
-        steps = self._steps[lines]
-        return self._way[lines] + shares[:, :1] * steps, shares[:, 1:2] * steps, shares[:, 2:3] * steps
-
-
-def _range(values: Array) -> str:
-    low, high = float(values.min()), float(values.max())
-    return f"{low:.3g}" if low == high else f"{low:.3g} to {high:.3g}"
+    return hold_torques(robot, write, torque, slower)
