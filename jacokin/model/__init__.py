@@ -12,6 +12,7 @@ poses, angles, checks   building and checking poses, full turns, checks of argum
 batches                 kinematics and dynamics of many configurations at once, by kernels
 many_configurations     Newton's method on many configurations at once
 mujoco_twin             the same arm in MuJoCo
+other_robot             another robot as an obstacle; contact with it while both move (contact_between)
 obstacles, scene        shapes around the arm, one by one, from a file or from a MuJoCo model; shapes that it holds
 point_cloud             points as an obstacle, as cameras see them; their files (point_files)
 depth_images            the points of a depth image

@@ -122,14 +122,15 @@ def contact_arrays(
     own = [number for number in range(len(given)) if number not in obstacles]
     place = {number: index for index, number in enumerate(own)}
     rows = [shape_row(model, given[number]) for number in own]
-    arm = arm_arrays(model, [given[number].joint for number in own], rows, [(place[a], place[b]) for a, b in pairs])
+    links, own_pairs = [given[number].joint for number in own], [(place[a], place[b]) for a, b in pairs]
+    arm = arm_arrays(joints_about_z(model), links, rows, own_pairs)
     world = world_arrays([given[number] for number in obstacles])
     numbers = np.append(np.array(own)[arm.numbers], obstacles).astype(np.intp)
     return ContactArrays(joined(arm, world), numbers)
 
 
 def arm_arrays(
-    model: pin.Model,
+    joints: tuple[Array, list[int]],
     links: Sequence[int],
     rows: Sequence[ShapeRow],
     pairs: Sequence[tuple[int, int]],
@@ -138,18 +139,18 @@ def arm_arrays(
     """The arrays for an arm.
 
     Args:
-        model: the arm, a chain of joints.
+        joints: their placements and kinds, see `joints_about_z`.
         links: number of the joint that carries each shape.
         rows: the shapes.
         pairs: numbers of the shapes that count as contact when they touch.
         alone: numbers of shapes that are obstacles, kept as shapes of the base: those that do not count against every
             shape that moves.
     """
-    placements, kinds = joints_about_z(model)
+    placements, kinds = joints
     # They come first, and so do their meetings.
     groups = [(0, [number], rows[number].numbers[CENTRE:]) for number in alone] + [
         (link, group, sphere)
-        for link in range(model.njoints)
+        for link in range(len(kinds) + 1)
         for group, sphere in _grouped(
             {number: row.numbers for number, row in enumerate(rows) if links[number] == link and number not in alone}
         )

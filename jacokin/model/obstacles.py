@@ -1,6 +1,6 @@
 """Obstacles around the arm: box, sphere, capsule, cylinder and floor, which stand still in the base frame.
 
-Clouds of points have a file of their own (`point_cloud`).
+Clouds of points and other robots have files of their own (`point_cloud`, `other_robot`).
 
 The arm has shapes of its own: the collision shapes of its description. It may hold others (`Attached`).
 """
@@ -226,6 +226,18 @@ class Surroundings(NamedTuple):
 NOTHING_AROUND = Surroundings()
 
 
+def checked_surroundings(name: str, scene: object) -> Surroundings:
+    """What a scene holds, or an error that names the argument.
+
+    Raises:
+        InvalidInputError: not a `Scene`.
+    """
+    found = getattr(scene, "surroundings", None)
+    if not isinstance(found, Surroundings):
+        raise checks.refusal(name, "a Scene, for example Scene([Floor(0.0)])", scene)
+    return found
+
+
 def place(shape: Obstacle, pose: pin.SE3 | ArrayLike) -> Obstacle:
     """The same shape at another pose, or position (3,) [m].
 
@@ -255,19 +267,17 @@ def pose_of(shape: Obstacle) -> pin.SE3:
 
 
 def shape_of(obstacle: Obstacle) -> Shape:
-    """An obstacle as contact takes it, where it is placed; one that is not of this module through MuJoCo.
+    """An obstacle as contact takes it, where it is placed; one without a `solid` through MuJoCo.
 
     Raises:
         ShapeError: MuJoCo cannot compile it.
     """
-    if isinstance(obstacle, OURS):
-        return obstacle.solid
+    solid = getattr(obstacle, "solid", None)
+    if isinstance(solid, Shape):
+        return solid
     from jacokin.model.mujoco_twin import shape_through_mujoco
 
     return shape_through_mujoco(obstacle.name, obstacle.add_to)
-
-
-OURS = (Box, Sphere, Capsule, Cylinder, Floor, PointCloud)
 
 
 def checked_obstacles(obstacles: Iterable[Obstacle]) -> tuple[Obstacle, ...]:
@@ -302,6 +312,11 @@ def add_to_spec(spec: mujoco.MjSpec, obstacles: Iterable[Obstacle], body: mujoco
         if obstacle.name in taken:
             raise InvalidInputError(f"the name {obstacle.name!r} is used by a shape of the arm; names must differ")
         obstacle.add_to(spec.worldbody if body is None else body)
+
+
+def add_solid(body: mujoco.MjsBody, solid: Shape) -> None:
+    """Add a shape that is no mesh to the base body."""
+    _add(body, solid.name, solid.kind.upper(), solid.size, solid.placement)
 
 
 def _add(body: mujoco.MjsBody, name: str, kind: str, size: ArrayLike, pose: pin.SE3 | ArrayLike) -> None:

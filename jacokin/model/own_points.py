@@ -11,10 +11,9 @@ from jacokin.kernels.contact.near_points import find_near_points, make_near_work
 from jacokin.kernels.contact.run import MARGIN_KEPT
 from jacokin.kernels.library import Call
 from jacokin.model import checks
-from jacokin.model.obstacles import NOTHING_AROUND
+from jacokin.model.obstacles import NOTHING_AROUND, checked_surroundings
 from jacokin.model.point_cloud import PointCloud, checked_points
 from jacokin.model.robot import Robot, SceneLike
-from jacokin.model.scene import checked_scene
 from jacokin.model.surrounded import surround
 
 
@@ -23,7 +22,7 @@ def without_own_points(robot: Robot, q: ArrayLike, points: ArrayLike, margin: fl
     q = robot.configuration(q)
     rows = np.ascontiguousarray(checked_points("points", points))
     margin = checks.non_negative("margin", margin, "m")
-    around = NOTHING_AROUND if scene is None else checked_scene("scene", scene).surroundings
+    around = NOTHING_AROUND if scene is None else checked_surroundings("scene", scene)
     measured_to = PointCloud("a point", np.zeros((1, 3)), 0.0)
     found = surround(robot, around._replace(obstacles=(measured_to,), allow=()))
     if found.arm_shapes == 0:

@@ -12,7 +12,7 @@ import numpy as np
 
 from jacokin.kernels.contact.run import LIST_TOUCHING, TASK, make_contact_work, run_contact
 from jacokin.kernels.library import Call
-from jacokin.model.contact_arrays import NO_WORLD, ArmArrays, ShapeRow, arm_arrays, joined, shape_row
+from jacokin.model.contact_arrays import NO_WORLD, ArmArrays, ShapeRow, arm_arrays, joined, joints_about_z, shape_row
 from jacokin.model.descriptions.shapes import NO_VERTICES, Shape, read_bundled
 from jacokin.model.robot import Robot, middle, spread
 
@@ -101,7 +101,7 @@ def _prepared(
 ) -> OwnShapes:
     """The arrays of shapes, without the pairs that touch in every configuration."""
     counted = [(a, b) for a, b in pairs if frozenset((shapes[a].name, shapes[b].name)) not in always]
-    arrays = arm_arrays(robot.pin_model, [shape.joint for shape in shapes], rows, counted)
+    arrays = arm_arrays(joints_about_z(robot.pin_model), [shape.joint for shape in shapes], rows, counted)
     light = [shape._replace(vertices=NO_VERTICES) for shape in shapes]  # the hulls are in the rows
     names = tuple(shape.name for shape in shapes)
     return OwnShapes(light, counted, always, rows, arrays, names, frozenset(names))

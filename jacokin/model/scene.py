@@ -31,21 +31,31 @@ from jacokin.model.obstacles import (
     checked_obstacles,
     place,
 )
+from jacokin.model.other_robot import OtherRobot, RobotPart
 from jacokin.model.point_cloud import PointCloud
 from jacokin.model.poses import pose
 from jacokin.model.robot import Robot
 from jacokin.model.surrounded import make_world, surround
 
+
+def _load_robot(name: str, robot: str, q: ArrayLike, base: pin.SE3, finger_angle: float | None = None) -> OtherRobot:
+    """Another robot that `load_robot` knows by its name, or by its file; errors as of both."""
+    from jacokin.model.loading import load_robot  # which few scenes need
+
+    return OtherRobot(name, load_robot(robot), q, base, finger_angle)
+
+
 ENDINGS = (".yaml", ".yml", ".json")
 TURN = ("quat_wxyz", "rpy")
 # Each shape of a file, and its keys beside "shape" and "name": those that it needs, and others.
-SHAPES: Mapping[str, tuple[Callable[..., Obstacle], tuple[str, ...], tuple[str, ...]]] = {
+SHAPES: Mapping[str, tuple[Callable[..., Obstacle | OtherRobot], tuple[str, ...], tuple[str, ...]]] = {
     "box": (Box, ("size", "position"), TURN),
     "sphere": (Sphere, ("radius", "position"), ()),
     "capsule": (Capsule, ("radius", "length", "position"), TURN),
     "cylinder": (Cylinder, ("radius", "length", "position"), TURN),
     "floor": (Floor, (), ("height",)),
     "point_cloud": (PointCloud.load, ("file",), ("radius", "position", *TURN)),
+    "robot": (_load_robot, ("robot", "q", "position"), ("finger_angle", *TURN)),
 }
 ALL_KEYS = ("shape", "name", *dict.fromkeys(key for _, needed, more in SHAPES.values() for key in (*needed, *more)))
 
@@ -55,7 +65,7 @@ THINNEST = 1e-6  # [m] of a bounding box: a flat mesh has no thickness
 
 
 class Scene:
-    """Obstacles that stand still in the base frame, and shapes that the arm holds; immutable.
+    """Obstacles that stand still in the base frame, other robots among them, and shapes that the arm holds; immutable.
 
     Attributes:
         surroundings: the same in one value.
@@ -89,7 +99,7 @@ class Scene:
         """
         self._keep(
             Surroundings(
-                obstacles=checked_obstacles(obstacles),
+                obstacles=_checked(obstacles),
                 allow=_checked_pairs("allow", allow),
                 finger_angle=checks.optional(checks.number, "finger_angle", finger_angle, "rad"),
             )
@@ -104,6 +114,11 @@ class Scene:
     def obstacles(self) -> tuple[Obstacle, ...]:
         """The shapes that stand still."""
         return self.surroundings.obstacles
+
+    @property
+    def robots(self) -> tuple[OtherRobot, ...]:
+        """The other robots, whose shapes are among the obstacles."""
+        return tuple(dict.fromkeys(each.robot for each in self.obstacles if isinstance(each, RobotPart)))
 
     @property
     def attached(self) -> tuple[Attached, ...]:
@@ -160,18 +175,20 @@ class Scene:
             UnknownNameError: no obstacle of that name.
         """
         checks.text("to", to)
-        found = self._obstacle(shape) if isinstance(shape, str) else checked_obstacles([shape])[0]
+        found = self._whole(shape)[0] if isinstance(shape, str) else _checked([shape])[0]
         if isinstance(shape, str) and pose is None:
             raise InvalidInputError(f"pose is needed: where {shape!r} is in the frame {to!r}")
         if isinstance(found, Floor):
             raise InvalidInputError(f"{found.name!r} is a floor, which no arm can hold")
+        if isinstance(found, RobotPart):
+            raise InvalidInputError(f"{found.robot.name!r} is another robot, which no arm can hold")
         if isinstance(found, PointCloud):
             raise InvalidInputError(
                 f"{found.name!r} is a PointCloud: attach a Box, Sphere, Capsule or Cylinder around it"
             )
         rest = tuple(each for each in self.obstacles if each is not found)
         held = Attached(found if pose is None else place(found, pose), to)
-        checked_obstacles([*rest, *(each.shape for each in self.attached), held.shape])
+        _checked([*rest, *(each.shape for each in self.attached), held.shape])
         return _rebuild(self.surroundings._replace(obstacles=rest, attached=(*self.attached, held)))
 
     def detach(self, name: str, *, pose: pin.SE3 | ArrayLike | None = None) -> Scene:
@@ -208,16 +225,46 @@ class Scene:
             InvalidInputError: not shapes, or two of the same name.
         """
         held = [each.shape for each in self.attached]
-        found = checked_obstacles((*held, *self.obstacles, *obstacles))[len(held) :]
+        found = _checked((*held, *self.obstacles, *obstacles))[len(held) :]
         return _rebuild(self.surroundings._replace(obstacles=found))
 
-    def removing(self, *names: str) -> Scene:
-        """The same scene without some obstacles, and without the contact that was allowed with them.
+    def adding_robot(
+        self,
+        robot: Robot,
+        q: ArrayLike,
+        *,
+        name: str,
+        base: pin.SE3 | ArrayLike,
+        finger_angle: float | None = None,
+    ) -> Scene:
+        """The same scene with another robot, which stands still: each of its shapes is an obstacle, "name/shape".
+
+        `plan_motion(..., meanwhile={name: trajectory})` keeps clear of it while it moves.
+
+        Args:
+            robot: what it is; the arm itself may be of the same kind.
+            q: (dof,) where its joints stand [rad].
+            name: what it is called here.
+            base: where its base is: T_base_other, or a position (3,) [m].
+            finger_angle: where its fingers stand [rad]; None for the angle that it was loaded with.
 
         Raises:
-            UnknownNameError: no such obstacle.
+            InvalidInputError: malformed, a name that is used, or no finger can take the angle.
+            ModelError: it has no collision shapes, or they cannot be loaded.
         """
-        gone = {self._obstacle(name).name for name in names}
+        other = OtherRobot(name, robot, q, base, finger_angle)
+        taken = {*self.surroundings.names, *(each.name for each in self.robots)}
+        if other.name in taken:
+            raise InvalidInputError(f"the name {other.name!r} is used in the scene; names must differ")
+        return self.adding(*other.parts)
+
+    def removing(self, *names: str) -> Scene:
+        """The same scene without some obstacles or robots, and without the contact that was allowed with them.
+
+        Raises:
+            UnknownNameError: no such obstacle or robot.
+        """
+        gone = {part.name for name in names for part in self._whole(name)} | set(names)
         kept = tuple(obstacle for obstacle in self.obstacles if obstacle.name not in gone)
         return _rebuild(self.surroundings._replace(obstacles=kept, allow=self._allowed_without(gone)))
 
@@ -225,14 +272,19 @@ class Scene:
         """The same scene with some obstacles elsewhere.
 
         Args:
-            poses: T_base_shape by name, or a position (3,) [m], with the axes of the base then.
+            poses: T_base_shape by name, or a position (3,) [m], with the axes of the base then. Of another robot, where
+                its joints are (dof,) [rad].
 
         Raises:
-            UnknownNameError: no such obstacle.
+            UnknownNameError: no such obstacle or robot.
             InvalidInputError: not a mapping, a malformed pose, or a floor, which has none.
         """
         given = checks.mapping("poses", poses, "a dict of names and poses")
-        moved = {self._obstacle(name).name: place(self._obstacle(name), pose) for name, pose in given.items()}
+        moved = dict[str, Obstacle]()
+        for name, where in given.items():
+            first = self._whole(name)[0]
+            now = first.robot.at(where).parts if isinstance(first, RobotPart) else (place(first, where),)
+            moved |= {each.name: each for each in now}
         there = tuple(moved.get(obstacle.name, obstacle) for obstacle in self.obstacles)
         return _rebuild(self.surroundings._replace(obstacles=there))
 
@@ -246,13 +298,12 @@ class Scene:
         for name, shape in coming.items():
             if shape.name != name:
                 raise InvalidInputError(f"obstacles[{name!r}] has the name {shape.name!r}")
-        known = [obstacle.name for obstacle in self.obstacles]
+        gone = {*leaving, *coming}
         for name in leaving:
             if name not in coming:
-                checks.choice("obstacle", name, known)
-        gone = {*leaving, *coming}
+                gone |= {part.name for part in self._whole(name)}
         kept = [obstacle for obstacle in self.obstacles if obstacle.name not in gone]
-        there = checked_obstacles((*kept, *coming.values()))
+        there = _checked((*kept, *coming.values()))
         allow = self._allowed_without(gone.difference(coming))
         return _rebuild(self.surroundings._replace(obstacles=there, allow=allow))
 
@@ -268,9 +319,12 @@ class Scene:
         """The allowed contact that is not with shapes which are gone."""
         return tuple(pair for pair in self.allow if gone.isdisjoint(pair))
 
-    def _obstacle(self, name: str) -> Obstacle:
-        known = {each.name: each for each in self.obstacles}
-        return known[checks.choice("obstacle", name, known)]
+    def _whole(self, name: str) -> tuple[Obstacle, ...]:
+        """An obstacle, or the parts of another robot."""
+        robots = {each.name: each for each in self.robots}
+        known = {each.name: each for each in self.obstacles if not isinstance(each, RobotPart)}
+        checks.choice("obstacle", name, (*known, *robots))
+        return robots[name].parts if name in robots else (known[name],)
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
@@ -335,6 +389,20 @@ class Scene:
         return made
 
 
+def _checked(obstacles: Iterable[Obstacle]) -> tuple[Obstacle, ...]:
+    """The obstacles of a list.
+
+    Raises:
+        InvalidInputError: as of `checked_obstacles`, or a robot and a shape share a name.
+    """
+    found = checked_obstacles(obstacles)
+    names = {each.name for each in found}
+    for robot in dict.fromkeys(each.robot for each in found if isinstance(each, RobotPart)):
+        if robot.name in names:
+            raise InvalidInputError(f"the name {robot.name!r} is used by a robot and a shape; names must differ")
+    return found
+
+
 def checked_scene(name: str, value: object) -> Scene:
     """A scene, or an error that names the argument.
 
@@ -377,9 +445,10 @@ def _read_file(file: Path) -> tuple[list[Obstacle], float | None, tuple[tuple[st
         content = content.get("obstacles", [])
     if not isinstance(content, list):
         raise checks.refusal(f"{file}: obstacles", "a list of shapes", content)
-    obstacles = [
-        _obstacle(f"{file}, obstacle {index}", entry, index, file.parent) for index, entry in enumerate(content)
-    ]
+    obstacles = list[Obstacle]()
+    for index, entry in enumerate(content):
+        found = _obstacle(f"{file}, obstacle {index}", entry, index, file.parent)
+        obstacles += found.parts if isinstance(found, OtherRobot) else (found,)
     return obstacles, finger_angle, allow
 
 
@@ -391,8 +460,8 @@ def _content(file: Path) -> object:
     return files.read_json(file, "not a JSON file") if ending == ".json" else files.read_yaml(file, "not a YAML file")
 
 
-def _obstacle(where: str, entry: object, index: int, folder: Path) -> Obstacle:
-    """One shape; the file of a cloud is looked for in a folder.
+def _obstacle(where: str, entry: object, index: int, folder: Path) -> Obstacle | OtherRobot:
+    """One shape, or another robot; the file of a cloud is looked for in a folder.
 
     Raises:
         InvalidInputError: malformed.
@@ -416,9 +485,12 @@ def _obstacle(where: str, entry: object, index: int, folder: Path) -> Obstacle:
     try:
         if set(TURN) <= set(keys):
             position = values.pop("position", np.zeros(3))
-            values["pose"] = pose(position, values.pop("quat_wxyz", None), rpy=values.pop("rpy", None))
+            there = pose(position, values.pop("quat_wxyz", None), rpy=values.pop("rpy", None))
+            values["base" if shape == "robot" else "pose"] = there
         if "file" in values:
             values["path"] = folder / checks.word("file", values.pop("file"))
+        if shape == "robot" and Path(checks.word("robot", values["robot"])).suffix:
+            values["robot"] = str(folder / values["robot"])
         return build(name=name, **values)
     except InvalidInputError as error:
         raise InvalidInputError(f"{where}: {error}") from error

@@ -19,9 +19,20 @@ from numpy.typing import NDArray
 from jacokin.errors import InvalidInputError
 from jacokin.kernels.contact.touching import Geometry
 from jacokin.model import checks
-from jacokin.model.contact_arrays import NO_WORLD, ArmArrays, WorldArrays, arm_arrays, joined, shape_row, world_arrays
+from jacokin.model.contact_arrays import (
+    NO_WORLD,
+    ArmArrays,
+    ShapeRow,
+    WorldArrays,
+    arm_arrays,
+    joined,
+    joints_about_z,
+    shape_row,
+    world_arrays,
+)
 from jacokin.model.descriptions.shapes import KINDS, Shape
 from jacokin.model.obstacles import Attached, Obstacle, Surroundings, shape_of
+from jacokin.model.other_robot import RobotPart
 from jacokin.model.own_shapes import OwnShapes, own_shapes
 from jacokin.model.robot import Robot
 
@@ -80,7 +91,7 @@ def surround(robot: Robot, around: Surroundings, world: WorldArrays | None = Non
 def _alone(robot: Robot, finger_angle: float | None) -> Surrounded:
     """A robot with nothing around it."""
     own = own_shapes(robot, finger_angle)
-    return _among_nothing(own.shapes, own.arrays, len(own.pairs))
+    return among_nothing(own.shapes, own.arrays, len(own.pairs))
 
 
 def make_world(obstacles: Sequence[Obstacle]) -> WorldArrays:
@@ -95,8 +106,7 @@ def make_world(obstacles: Sequence[Obstacle]) -> WorldArrays:
 def _surround_some(robot: Robot, own: OwnShapes, around: Surroundings) -> Surrounded:
     """An arm that holds something, or may touch something; errors as of `surround`."""
     model = robot.pin_model
-    held = [_held_shape(robot, each) for each in around.attached]
-    both = [*zip(own.shapes, own.rows, strict=True), *((shape, shape_row(model, shape)) for shape in held)]
+    both = carried_shapes(robot, around)
     order = sorted(range(len(both)), key=lambda index: both[index][0].joint)
     shapes, rows = [both[index][0] for index in order], [both[index][1] for index in order]
     number = {index: place for place, index in enumerate(order)}
@@ -123,8 +133,8 @@ def _surround_some(robot: Robot, own: OwnShapes, around: Surroundings) -> Surrou
             shapes.append(shape_of(obstacle))
             rows.append(shape_row(model, _with_ends(shapes[-1])))
     links, alone = [shape.joint for shape in shapes], range(count, len(shapes))
-    arrays = arm_arrays(model, links, rows, [*partly, *pairs], alone)
-    some = _among_nothing(shapes, arrays, len(partly) + len(pairs))
+    arrays = arm_arrays(joints_about_z(model), links, rows, [*partly, *pairs], alone)
+    some = among_nothing(shapes, arrays, len(partly) + len(pairs))
     return _with_world(some, arrays, [obstacle.name for obstacle in standing], make_world(standing))
 
 
@@ -136,7 +146,7 @@ def _with_ends(shape: Shape) -> Shape:
     return shape._replace(kind="box", size=np.full(3, WIDE), placement=shape.placement * below)
 
 
-def _among_nothing(shapes: Sequence[Shape], arrays: ArmArrays, pairs: int) -> Surrounded:
+def among_nothing(shapes: Sequence[Shape], arrays: ArmArrays, pairs: int) -> Surrounded:
     """An arm with so many pairs of its own, and no obstacles that count against all shapes that move."""
     given = [shapes[number] for number in arrays.numbers]
     ranks = arrays.numbers.astype(np.int64)
@@ -176,12 +186,23 @@ def allowed_pairs(robot: Robot, around: Surroundings, arm: Sequence[str]) -> set
 
     links = {name: shapes & set(arm) for name, shapes in shapes_of_links(robot).items()}
     each = {name: frozenset((name,)) for name in (*arm, *around.names)}
-    groups = {ROBOT: frozenset(arm), **{name: shapes for name, shapes in links.items() if shapes}, **each}
+    robots = {part.robot.name: part.robot for part in around.obstacles if isinstance(part, RobotPart)}
+    others = {name: frozenset(part.name for part in other.parts) for name, other in robots.items()}
+    held = {name: shapes for name, shapes in links.items() if shapes}
+    groups = {ROBOT: frozenset(arm), **held, **each, **others}
     found = set[frozenset[str]]()
     for pair in around.allow:
         first, second = (groups[checks.choice("shape or link", name, groups)] for name in pair)
         found |= {frozenset((a, b)) for a in first for b in second if a != b}
     return found
+
+
+def carried_shapes(robot: Robot, around: Surroundings) -> list[tuple[Shape, ShapeRow]]:
+    """The shapes of an arm, and then those that it holds; errors as of `surround`."""
+    own = own_shapes(robot, around.finger_angle)
+    held = [_held_shape(robot, each) for each in around.attached]
+    rows = [shape_row(robot.pin_model, shape) for shape in held]
+    return [*zip(own.shapes, own.rows, strict=True), *zip(held, rows, strict=True)]
 
 
 def _held_shape(robot: Robot, attached: Attached) -> Shape:

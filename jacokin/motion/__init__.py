@@ -8,6 +8,7 @@ blending           corners that are passed without stopping, and time for them
 grasps             ways to grasp boxes, cylinders and spheres
 joint_motion       `move_joints`: from one configuration to another in the least time
 path, timing       lines between poses, and when each place of a course is passed, within limits of torque, too
+in_time            two arms that move at once, and when they touch
 rows               positions, velocities and accelerations of a motion, as controllers take them
 motion_state       a motion at one time, to go on from
 trajectory, files  joint angles over time, and their files

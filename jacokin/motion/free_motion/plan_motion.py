@@ -39,6 +39,7 @@ from jacokin.model.poses import FreeAxis
 from jacokin.model.robot import acceleration_limits, jerk_limits, velocity_limits
 from jacokin.motion.blending import straightened
 from jacokin.motion.free_motion.leaving import DEEPEST, SAME_DISTANCE
+from jacokin.motion.free_motion.meanwhile import Meanwhile, Motions
 from jacokin.motion.free_motion.search import MOST_SAMPLES, Found, StraightMotion, WaySearch
 from jacokin.motion.free_motion.sections import Section, make_sections
 from jacokin.motion.free_motion.under_way import AT_REST, NoStop, Stop, find_stop, go_directly, go_on, velocity_now
@@ -79,6 +80,7 @@ def plan_motion(
     acceleration_limit: ArrayLike = ACCELERATION,
     jerk_limit: ArrayLike | None = None,
     torque_limit: ArrayLike | bool | None = None,
+    meanwhile: Motions | None = None,
 ) -> Trajectory:
     """A joint motion from a configuration to a goal, without contact all along it.
 
@@ -108,6 +110,10 @@ def plan_motion(
         jerk_limit: (dof,) or one for all [rad/s^3]; None for none. With one, the arm stands still at corners.
         torque_limit: (dof,) or one for all [N m]; True for the robot's own (`effort_limit`), None for none. The whole
             motion is slowed down until no joint needs more, what the robot carries (`Robot.with_payload`) included.
+        meanwhile: motions of other robots, which the scene has by these names (`Scene.adding_robot`), at the same time:
+            trajectories, or (trajectory, time [s]) where the arm begins at a time of theirs. Before and after them the
+            robots stand still. The arm keeps clear of them at every time, also while it waits: it may wait at its
+            start, or move aside first, and what reaches the goal soonest of some ways is taken. It must start at rest.
 
     Returns:
         The motion to rest, its limits held at every instant as controllers go from row to row, with the goal that was
@@ -117,7 +123,7 @@ def plan_motion(
 
     Raises:
         InvalidInputError: a malformed argument, a goal outside the limits, or a start faster than the limits.
-        UnknownNameError: the scene speaks of a link that is not there.
+        UnknownNameError: the scene speaks of a link that is not there, or has no robot of a name in `meanwhile`.
         ModelError: the shapes of the description cannot be loaded; with collision="ignore" the motion is planned
             without looking for contact then, and `message` says so.
     """
@@ -150,10 +156,23 @@ def plan_motion(
         now = velocity_now(robot, start, velocity)
         request = replace(request, start=now[0])
         if np.abs(now[1]).max() > AT_REST:
+            if meanwhile is not None:
+                raise InvalidInputError("with meanwhile the arm must start at rest, and start is a motion under way")
             found = request.stop_from(now, search)
             if isinstance(found, Trajectory):
                 return found
             request = found
+    if meanwhile is not None:
+        plan = partial(
+            plan_motion,
+            ways=count,
+            rng=rng,
+            velocity_limit=velocity,
+            acceleration_limit=acceleration,
+            jerk_limit=jerk,
+            torque_limit=torque,
+        )
+        return Meanwhile(solver, meanwhile, begun + limit).plan(plan, request.start, goal, step)
     return request.plan(aims, search, generator, begun, begun + limit)
 
 

@@ -1,0 +1,359 @@
+"""`Meanwhile`: plans in time, for an arm beside other robots that move. Read `plan` first.
+
+Ways are planned among the other robots as they stand: where they stop, all along their motions, and where they begin.
+Each way is then looked at in time (`in_time`), and begun as late as it must be: the arm waits at its start. Where the
+others stop a way leads past them whenever they have stopped, so that waiting helps in the end; all along their motions
+it need not wait. Where the arm cannot stay at its start while they pass, it moves aside first.
+
+Sources: Kant and Zucker, Toward efficient trajectory planning: the path-velocity decomposition, IJRR 1986, for planning
+where first and when then; Erdmann and Lozano-Perez, On multiple moving objects, Algorithmica 1987, for planning one
+after another.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+
+from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError
+from jacokin.ik.seeds import DEFAULT_RANDOM_SEED, random_configurations
+from jacokin.ik.solver import IKSolver
+from jacokin.model import checks
+from jacokin.model.contact_between import ContactBetween
+from jacokin.model.other_robot import OtherRobot
+from jacokin.model.scene import Scene
+from jacokin.motion.in_time import Course, Touch, find_touch
+from jacokin.motion.rows import WHOLE_TICK, Rows, joined, standing
+from jacokin.motion.trajectory import MotionStatus, Trajectory
+
+Motions: TypeAlias = Mapping[str, Trajectory | tuple[Trajectory, float]]
+"""Motions of other robots by their names in the scene; with each when on it time 0 is [s]."""
+
+LATER = 0.05  # [s] between two times at which it is tried to begin
+MOST_PLACES = 16  # of another robot along its motion, among which a way is planned
+PLACES_APART = 0.3  # [rad] joints move between them, if they do not get too many
+MOST_ASIDE = 200  # configurations near the start, and anywhere, that are tried to move aside to
+ASIDE_ENOUGH = 3  # of them that lead to the goal, of which the quickest is taken
+NEARBY = 0.5  # [rad] so far from the start are the first of them, about
+NEARBY_FIRST = 20  # after which they are twice as far
+
+LEAST_TIME = 1e-3  # [s] for a plan
+FINAL = (MotionStatus.UNREACHABLE.name, MotionStatus.GOAL_IN_CONTACT.name, MotionStatus.TOO_HEAVY.name)  # at any time
+
+Planning: TypeAlias = Callable[..., Trajectory]
+"""Plans a motion among what stands still: `plan_motion` without the solver, start, goal, `dt` and `time_limit`."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Other:
+    """Another robot that moves.
+
+    Attributes:
+        robot: where the scene has it.
+        course: its motion, at time 0 now.
+        contact: of the arm with it.
+    """
+
+    robot: OtherRobot
+    course: Course
+    contact: ContactBetween
+
+    @property
+    def places(self) -> list[Array]:
+        """Where it is (dof,) from its first to its last place [rad]."""
+        times = np.linspace(0.0, self.course.duration, 10 * MOST_PLACES)
+        q = np.array([self.course.at(at) for at in times.tolist()])
+        gone = np.append(0.0, np.cumsum(np.abs(np.diff(q, axis=0)).max(axis=1)))
+        count = min(max(math.ceil(gone[-1] / PLACES_APART) + 1, 2), MOST_PLACES)
+        rows = np.unique(np.searchsorted(gone, np.linspace(0.0, gone[-1], count)))
+        return [q[0], *q[rows[1:-1]], q[-1]]
+
+
+class _Hindrance(NamedTuple):
+    """What may touch, on the clock of the motion that it stops."""
+
+    other: _Other
+    touch: Touch
+
+    def __str__(self) -> str:
+        """For a sentence."""
+        return f"{self.touch.pair[0]} and {self.touch.pair[1]}"
+
+
+class _Begun(NamedTuple):
+    """A motion and how long the arm waits before it."""
+
+    motion: Trajectory
+    wait: float
+    """[s]."""
+    hindrance: _Hindrance | None
+    """Why it cannot begin sooner."""
+
+    @property
+    def duration(self) -> float:
+        """Of both [s]."""
+        return self.wait + self.motion.duration
+
+    @property
+    def rows(self) -> Rows:
+        """The motion with what comes before it."""
+        rows, rest = self.motion.rows, resting(self.motion.q[0])
+        if len(rows.t) == 1 or not self.wait:
+            return rows
+        dt = float(rows.t[1])
+        return joined(standing(rest, round(self.wait / dt), dt), rows)
+
+    def __str__(self) -> str:
+        """What happens, in a sentence."""
+        if not self.wait or self.hindrance is None:
+            return self.motion.message
+        return f"waits {self.wait:.4g} s for {self.hindrance.other.robot.name}; then {self.motion.message}"
+
+
+class Meanwhile:
+    """Plans of an arm beside other robots that move."""
+
+    def __init__(self, solver: IKSolver, motions: Motions, deadline: float) -> None:
+        """Take the motions.
+
+        Args:
+            solver: knows the arm and its scene.
+            motions: by the name of the robot in that scene.
+            deadline: when to stop looking, on the clock of `time.monotonic` [s].
+
+        Raises:
+            InvalidInputError: malformed, or a motion of other joints than the robot has.
+            UnknownNameError: the scene has no such robot.
+        """
+        options = solver.verifier.options
+        scene = Scene() if options.scene is None else options.scene
+        given = checks.mapping("meanwhile", motions, "a dict of names of robots in the scene and trajectories")
+        known = {each.name: each for each in scene.robots}
+        self._solver, self._deadline = solver, deadline
+        self._others = list[_Other]()
+        for name, motion in given.items():
+            robot = known[checks.choice("robot in the scene", name, known)]
+            between = ContactBetween(solver.robot, scene.surroundings, robot, clearance=options.clearance)
+            self._others.append(_Other(robot, _course(robot, motion), between))
+        self._standing = scene.removing(*given)
+        self._first = scene.moving({each.robot.name: each.course.at(0.0) for each in self._others})
+        self._last = scene.moving({each.robot.name: each.course.at(math.inf) for each in self._others})
+        self._end = max((each.course.duration for each in self._others), default=0.0)
+
+    def plan(self, plan: Planning, start: Array, goal: Any, dt: float) -> Trajectory:
+        """The motion that reaches a goal soonest of those that are found; see `plan_motion`.
+
+        Args:
+            plan: plans among what stands still.
+            start: (dof,) [rad].
+            goal: as `plan_motion` takes it.
+            dt: step from row to row [s].
+        """
+        found: _Begun | _Hindrance | Trajectory | None = self._find_touch(Course(resting(start)), end=0.0)
+        if isinstance(found, _Hindrance):
+            sentence = f"{found} touch at the start, or are nearer than the clearance"
+            return self._stay(start, MotionStatus.START_IN_CONTACT, sentence)
+        found = self._soonest(plan, start, goal, dt)
+        if isinstance(found, _Begun):
+            return self._write(found)
+        if isinstance(found, Trajectory) and found.outcome in FINAL:
+            return self._stay(start, MotionStatus[found.outcome], found.message)
+        aside = self._aside(plan, start, goal, dt)
+        if aside:
+            return self._write(*aside)
+        sentence = "no place to move aside to was found either"
+        if isinstance(found, _Hindrance):
+            sentence = f"{found} would touch, also if the arm waits at its start for longer; {sentence}"
+        else:
+            sentence = f"{found.message}; {sentence}"
+        return self._stay(start, MotionStatus.NO_WAY, sentence)
+
+    def _soonest(
+        self, plan: Planning, start: Array, goal: Any, dt: float, now: float = 0.0
+    ) -> _Begun | _Hindrance | Trajectory:
+        """The motion that ends first of some from a time on [s]; or what stops the first of them, or why it fails."""
+        best: _Begun | None = None
+        failed: _Hindrance | Trajectory | None = None
+        for scene in self._scenes():
+            if failed is not None and self._is_late:
+                break
+            motion = self._plan(plan, scene, start, goal, dt)
+            if not motion.success:
+                failed = failed or motion
+                if motion.outcome in FINAL:
+                    break
+                continue
+            latest = math.inf if best is None else best.duration - motion.duration
+            begun = self._begin(motion, now, latest, rests_clear=scene is not self._first)
+            if isinstance(begun, _Begun):
+                best = begun
+            failed = failed or (begun.hindrance if isinstance(begun, _Begun) else begun)
+            if failed is None:
+                break
+        found = best or failed
+        assert found is not None
+        return found
+
+    def _plan(self, plan: Planning, scene: Scene, start: Array, goal: Any, dt: float) -> Trajectory:
+        left = max(self._deadline - time.monotonic(), LEAST_TIME)
+        return plan(self._solver.in_scene(scene), start, goal, dt=dt, time_limit=left)
+
+    @property
+    def _is_late(self) -> bool:
+        return time.monotonic() >= self._deadline
+
+    def _scenes(self) -> Iterator[Scene]:
+        """With the others where they stop, at many of their places at once, and where they begin."""
+        yield self._last
+        scene = self._last
+        for robot, places in ((each.robot, each.places[:-1]) for each in self._others):
+            for number, q in enumerate(places):
+                name = f"{robot.name}@{number}"
+                scene = scene.adding_robot(robot.robot, q, name=name, base=robot.base, finger_angle=robot.finger_angle)
+        yield scene
+        yield self._first
+
+    def _begin(
+        self, motion: Trajectory, now: float, latest: float = math.inf, *, rests_clear: bool
+    ) -> _Begun | _Hindrance | None:
+        """A motion that is begun as soon as it can be; or what touches before that; or None if it can only be later.
+
+        Args:
+            motion: from rest to rest.
+            now: since when the arm is at its start [s].
+            latest: it may wait so long [s].
+            rests_clear: whether it is known that it touches nothing of the others once they rest.
+        """
+        course, still, before = Course(motion.rows), Course(resting(motion.q[0])), None
+        tick = float(motion.t[1]) if len(motion.t) > 1 else LATER
+        step = math.ceil(LATER / tick - WHOLE_TICK) * tick
+        for number in range(math.ceil(max(self._end - now, 0.0) / step) + 1):
+            wait = number * step
+            if wait > latest:
+                return None
+            if number:
+                waiting = self._find_touch(still, end=step, delay=now + wait - step)
+                if waiting is not None:
+                    return waiting
+            hindrance = self._find_touch(course, delay=now + wait, first=before, rests_clear=rests_clear)
+            if hindrance is None:
+                return _Begun(motion, wait, before)
+            before = hindrance
+        return before
+
+    def _find_touch(
+        self,
+        course: Course,
+        *,
+        end: float = math.inf,
+        delay: float = 0.0,
+        first: _Hindrance | None = None,
+        rests_clear: bool = True,
+    ) -> _Hindrance | None:
+        """What may touch first on a motion; None if nothing does.
+
+        Args:
+            course: of the arm.
+            end: of looking, on its clock [s]; never later than when nothing moves any more.
+            delay: so much later is it on the clock of the others [s].
+            first: where to look first.
+            rests_clear: whether others need not be looked at once they rest.
+        """
+        whiles = [(each, 0.0, self._until(each, course, end, delay, rests_clear)) for each in self._others]
+        if first is not None:
+            until = next(until for other, _, until in whiles if other is first.other)
+            whiles.insert(0, (first.other, min(first.touch.begin, until), min(first.touch.end, until)))
+        for other, begin, until in whiles:
+            touch = find_touch(other.contact, course, other.course, begin, until, delay)
+            if touch is not None:
+                return _Hindrance(other, touch)
+        return None
+
+    @staticmethod
+    def _until(other: _Other, course: Course, end: float, delay: float, rests_clear: bool) -> float:
+        """When another robot need not be looked at any more, on the clock of a motion [s]."""
+        rests = max(other.course.duration - delay, 0.0)
+        return min(end, rests if rests_clear else max(rests, course.duration))
+
+    def _aside(self, plan: Planning, start: Array, goal: Any, dt: float) -> tuple[_Begun, ...]:
+        """The quickest of some motions to where the others never come, and to the goal from there; nothing for none."""
+        contact = self._standing.contact(self._solver.robot).with_clearance(self._solver.verifier.options.clearance)
+        found = list[tuple[_Begun, _Begun]]()
+        for place in self._places_aside(start):
+            if self._is_late or len(found) == ASIDE_ENOUGH:
+                break
+            if contact.touches(place) or self._find_touch(Course(resting(place))) is not None:
+                continue
+            motion = self._plan(plan, self._first, start, place, dt)
+            away = self._begin(motion, 0.0, rests_clear=False) if motion.success else None
+            if not isinstance(away, _Begun) or len(motion.t) == 1:
+                continue
+            then = self._soonest(plan, motion.q[-1], goal, float(motion.t[1]), away.duration)
+            if isinstance(then, _Begun):
+                found.append((away, then))
+        return min(found, key=lambda each: each[0].duration + each[1].duration, default=())
+
+    def _places_aside(self, start: Array) -> list[Array]:
+        """Configurations within the limits, those near the start first."""
+        robot, rng = self._solver.robot, np.random.default_rng(DEFAULT_RANDOM_SEED)
+        near = [start + NEARBY * (1.0 + k / NEARBY_FIRST) * rng.normal(size=robot.dof) for k in range(MOST_ASIDE)]
+        return [np.clip(q, robot.lower, robot.upper) for q in (*near, *random_configurations(robot, MOST_ASIDE, rng))]
+
+    def _write(self, *parts: _Begun) -> Trajectory:
+        """The motions one after another, and what happens in a sentence."""
+        rows = parts[0].rows
+        for part in parts[1:]:
+            rows = joined(rows, part.rows)
+        last = parts[-1].motion
+        words = [f"moves aside first, in {part.duration:.4g} s" for part in parts[:-1]]
+        return Trajectory.of(
+            self._solver.robot,
+            last.velocity_limit,
+            rows,
+            look=partial(self._distances, rows.t),
+            message="; ".join([*words, str(parts[-1])]),
+            goal=last.goal,
+        )
+
+    def _distances(self, t: Array, q: Array) -> Array:
+        """Smallest distances (n,) [m] at times (n,) [s] and configurations (n, dof) [rad]."""
+        found = self._standing.contact(self._solver.robot).distances(q, self_collision=True)
+        for other in self._others:
+            there = np.array([other.course.at(time) for time in t.tolist()])
+            found = np.minimum(found, other.contact.distances(q, there))
+        return found
+
+    def _stay(self, start: Array, status: MotionStatus, message: str) -> Trajectory:
+        limit = self._solver.robot.velocity_limit
+        return Trajectory.of(self._solver.robot, limit, resting(start), status=status, message=message)
+
+
+def resting(q: Array) -> Rows:
+    """The motion of an arm that stays at a configuration (dof,) [rad]."""
+    none = np.zeros((1, len(q)))
+    return Rows(np.zeros(1), q[None], none, none)
+
+
+def _course(robot: OtherRobot, motion: object) -> Course:
+    """A checked motion of another robot.
+
+    Raises:
+        InvalidInputError: no trajectory, or of other joints; or a time that is not a number.
+    """
+    name = f"meanwhile[{robot.name!r}]"
+    trajectory, begin = motion if isinstance(motion, tuple) and len(motion) == 2 else (motion, 0.0)
+    if not isinstance(trajectory, Trajectory):
+        raise checks.refusal(name, "a Trajectory, or one and when on it the plan begins", trajectory)
+    begin = checks.non_negative(f"the time in {name}", begin, "s")
+    if trajectory.joint_names != robot.robot.joint_names:
+        raise InvalidInputError(
+            f"{name} moves {', '.join(trajectory.joint_names)}; the robot has {', '.join(robot.robot.joint_names)}"
+        )
+    return Course(trajectory.rows, begin)
