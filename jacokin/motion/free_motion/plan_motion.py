@@ -107,7 +107,7 @@ def plan_motion(
             says.
         velocity_limit: (dof,) or one for all [rad/s]; None for the robot's own.
         acceleration_limit: (dof,) or one for all [rad/s^2].
-        jerk_limit: (dof,) or one for all [rad/s^3]; None for none. With one, the arm stands still at corners.
+        jerk_limit: (dof,) or one for all [rad/s^3]; None for none.
         torque_limit: (dof,) or one for all [N m]; True for the robot's own (`effort_limit`), None for none. The whole
             motion is slowed down until no joint needs more, what the robot carries (`Robot.with_payload`) included.
         meanwhile: motions of other robots, which the scene has by these names (`Scene.adding_robot`), at the same time:
