@@ -22,7 +22,7 @@ from jacokin.model.contact import Contact
 from jacokin.motion.blending import TimedCourse, fit_time, round_corners
 from jacokin.motion.joint_motion import along_line
 from jacokin.motion.rows import Limits, Rows, averaged_rows
-from jacokin.motion.timing import BETWEEN, MOST_PLACES, check_ticks
+from jacokin.motion.timing import BETWEEN, MOST_PLACES
 
 
 class Section(NamedTuple):
@@ -40,8 +40,10 @@ class Section(NamedTuple):
 
     @property
     def duration(self) -> float:
-        """About what it takes [s]; just that of straight lines, and those without limits of jerk."""
-        return self.timed.duration + _change(self.limits)
+        """About what it takes, corners passed [s]; exact without limits of jerk, and for lines with full speed."""
+        change, course = _change(self.limits), self.timed.duration
+        slower = _slower(course, change)
+        return slower * course + change / slower**2
 
     def states(self) -> tuple[Array, Array, Array]:
         """Angles, velocities and accelerations (m, dof), so near to each other that torques change little."""
@@ -62,11 +64,12 @@ class Section(NamedTuple):
         lines = [along_line(start, end, limits, dt) for start, end in pairwise(self.way)]
         if len(lines) == 1:
             return lines
-        change, course = _change(limits), slower * self.timed.duration
-        slower_course = slower * max(1.0, math.cbrt(4.0 * change / course))  # of its time and that of averaging the sum
-        check_ticks(np.array([slower_course * self.timed.duration + 2.0 * change]), dt)
+        stopping = sum(len(line.t) - 1 for line in lines)
+        slower_course = slower * _slower(slower * self.timed.duration, 2.0 * _change(limits))
+        if slower_course * self.timed.duration >= stopping * dt:
+            return lines
         rows, ticks = self._average(dt, slower_course, limits.jerk)
-        if len(rows.t) - 1 >= sum(len(line.t) - 1 for line in lines):
+        if len(rows.t) - 1 >= stopping:
             return lines
         if contact is None:
             return [rows]
@@ -126,10 +129,22 @@ def _change(limits: Limits) -> float:
     return 0.0 if limits.jerk is None else float((limits.acceleration / limits.jerk).max())
 
 
+def _slower(course: float, averaged: float) -> float:
+    """How many times as long a course should take, so that it and the time over which it is averaged are least in sum.
+
+    Accelerations fall with the square of that, and with them the time over which to average.
+
+    Args:
+        course: what it takes [s].
+        averaged: over how much time it would have to be averaged then [s].
+    """
+    return max(1.0, math.cbrt(2.0 * averaged / course))
+
+
 def _touching(rows: Rows, looked_at: NDArray[np.bool_], contact: Contact) -> int:
     """The first of some steps (n,) on which something could touch; -1 for none."""
     reach = float(np.abs(rows.a).max(axis=0) @ contact.levers) * 0.125 * float(rows.t[1]) ** 2  # of one step [m]
-    at_once = max(1, int(math.sqrt(CHORD / max(reach, 1e-3 * CHORD))))
+    at_once = max(1, int(math.sqrt(CHORD / max(reach, 1e-8 * CHORD))))
     step, count = 0, len(looked_at)
     while step < count:
         if not looked_at[step]:

@@ -149,3 +149,21 @@ def test_torques_and_jerk_are_held_together(robot: Robot) -> None:
     assert motion.duration > free.duration
     needed = np.array([loaded.inverse_dynamics(*row) for row in zip(motion.q, motion.v, motion.a, strict=True)])
     assert (np.abs(needed) <= limit * (1 + 1e-6)).all()
+
+
+@pytest.mark.parametrize(("jerk", "dt"), [(1e-6, 0.1), (1e-3, 0.01), (1e9, 0.01), (5.0, 3.0)])
+def test_extreme_limits_and_steps_hold(rng: np.random.Generator, jerk: float, dt: float) -> None:
+    way, cuts = random_way(rng, 2)
+    limits = Limits(SPEED, np.ones(6), np.full(6, jerk))
+    rows = written(way, cuts, limits, dt)
+    assert float(limits.strain(rows).max()) <= 1.0 + 1e-6
+    assert rows.t[-1] <= with_stops(way, limits, dt) + 1e-9
+    np.testing.assert_array_equal(rows.q[[0, -1]], way[[0, -1]])
+
+
+def test_the_expected_duration_is_that_of_a_line(rng: np.random.Generator) -> None:
+    for jerk, closely in ((None, 1e-6), (20.0, 1e-6), (1e-3, 0.07)):  # from the last on, full speed is not reached
+        way, cuts = random_way(rng, 0)
+        limits = Limits(SPEED, np.ones(6), None if jerk is None else np.full(6, jerk))
+        (section,) = make_sections(way, cuts, SPEED, limits)
+        assert section.duration == pytest.approx(with_stops(way, limits, 1e-4), rel=closely + 3e-4)
