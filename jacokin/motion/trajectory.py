@@ -244,7 +244,7 @@ class Trajectory(_Looking):
 
     def __post_init__(self) -> None:
         """Fill in what a motion that follows no path need not say."""
-        count, unknown = len(self.t), checks.read_only(np.full(len(self.t), np.nan))
+        count, unknown = len(self.t), checks.sealed(np.full(len(self.t), np.nan))
         left = self.outcome == MotionStatus.OK.name and any(word not in ("OK", LEAD_IN) for word in set(self.status))
         usual: dict[str, object] = {
             "a": changes(self.t, self.v) if not self.a.size else self.a,
