@@ -116,8 +116,9 @@ def send(ros: Ros, version: int, robot: Robot, motion: Trajectory, folder: Path)
         motion.save(folder / "m.json", joint_prefix="j2n6s300_")
         names = [f"j2n6s300_{name}" for name, turns in zip(robot.joint_names, robot.unlimited, strict=True) if turns]
         status, output, errors = ros.send(folder / "m.json", "--ros", 2, *CONTROLLER, "--unlimited", *names)
-    found = re.search(r"ends ([0-9.]+) deg", output)
-    return float(found[1]) if found else np.nan, errors.strip().splitlines()[-1] if status else ""
+    found = re.search(r"ends ([0-9.]+) deg", output + errors)  # in errors where it says that this is too far
+    said = float(found[1]) if found else np.nan
+    return said, errors.strip().splitlines()[-1] if status else ""
 
 
 def play(ros: Ros, version: int, way: str, options: argparse.Namespace) -> tuple[list[Played], dict[str, Any]]:

@@ -60,13 +60,15 @@ def test_what_is_sent_ends_where_the_file_does(
 
 
 def test_what_is_lost_is_missing_at_the_end(ros1: Ros, motion: Trajectory, files: Path) -> None:
-    """Velocities are an open loop: the sender measures, and says so."""
+    """Velocities are an open loop: the sender measures, and says so, by its exit code too."""
     with ros1.twin("--ros", 1, "--faults", "loss=0.1", "--random-seed", 4) as twin:
-        _, output, errors = ros1.send(files / "m.kinova.csv")
+        status, _, errors = ros1.send(files / "m.kinova.csv")
         _, record, _ = twin.ends()
     assert record["lost"] > 5
     assert away(record, motion) > CLOSE
-    assert float(output.partition("arm ends ")[2].split()[0]) == pytest.approx(away(record, motion), abs=0.2), errors
+    assert status == 1
+    assert "not there" in errors
+    assert float(errors.partition("arm ends ")[2].split()[0]) == pytest.approx(away(record, motion), abs=0.2)
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
