@@ -35,6 +35,7 @@ FAULTS = "lag=0.02,loss=0.01,stall"
 REACH = 0.8  # [rad] from the start of a motion to its end, joint by joint
 CLEARANCE = 0.03  # [m]
 THERE = 0.5  # [deg]
+ELSEWHERE = "not there"  # what the sender says of a motion that it did not stop
 REST, STANDING = 0.5, np.radians(0.05)  # [s] in which an arm that stands does not move so far [rad]
 PATIENCE = 20.0  # [s]
 LATE = 0.1  # [s] that a machine with time to spare never is
@@ -49,7 +50,7 @@ class Played(NamedTuple):
     said: float
     """From its end, as it is said [deg]; NaN where nothing is."""
     why: str
-    """Why it was stopped; empty where it was not."""
+    """Why it was stopped, or that it ends elsewhere, which the sender says; empty where it is said to be there."""
     late: float
     """The longest that the machine let a thread wait meanwhile [s]."""
 
@@ -154,16 +155,18 @@ def play(ros: Ros, version: int, way: str, options: argparse.Namespace) -> tuple
 
 def report(version: int, way: str, faults: str, played: list[Played], record: dict[str, Any]) -> None:
     """A row of the table; distances are those of motions that were not stopped."""
-    rest = [each for each in played if not each.why]
-    away = np.array([each.away for each in rest])
-    there = int((away < THERE).sum())
-    wrong = sum(not abs(each.said - each.away) < 0.2 for each in rest)
+    ended = [each for each in played if not each.why or each.why.startswith(ELSEWHERE)]
+    away = np.array([each.away for each in ended])
+    there = sum(not each.why and each.away < THERE for each in ended)
+    elsewhere = sum(bool(each.why) for each in ended)
+    wrong = sum(not abs(each.said - each.away) < 0.2 for each in ended)
     broken = record["margin"] < 0.0 or record["speed"] > 1.02
     held = [each for each in played if each.late > LATE]
     print(
-        f"| {version} | {way} | {faults or 'none'} | {len(played)} | {there} | {len(played) - len(rest)} | "
-        f"{len(rest) - there} | {np.median(away):.2f} | {away.max():.2f} | {wrong} | {'yes' if broken else 'no'} | "
-        f"{record['stalls']} | {record['late']} | {len(held)} | {sum(bool(each.why) for each in held)} |",
+        f"| {version} | {way} | {faults or 'none'} | {len(played)} | {there} | {len(played) - len(ended)} | "
+        f"{elsewhere} | {len(ended) - there - elsewhere} | {np.median(away):.2f} | {away.max():.2f} | {wrong} | "
+        f"{'yes' if broken else 'no'} | {record['stalls']} | {record['late']} | {len(held)} | "
+        f"{sum(bool(each.why) for each in held)} |",
         flush=True,
     )
     for why in sorted({re.sub(r"[0-9.]+", "N", each.why) for each in played if each.why}):
@@ -190,7 +193,8 @@ def main() -> None:
     parser.add_argument("--verbose", action="store_true", help="a line for each motion")
     options = parser.parse_args()
     head = (
-        "ROS, way, faults, motions, there, stopped, neither, median [deg], largest [deg], said wrongly, limits broken"
+        "ROS, way, faults, motions, there, stopped, elsewhere by exit code, neither, median [deg], largest [deg], "
+        "said wrongly, limits broken"
     )
     columns = [*head.split(", "), "stalls", "ticks late", "machine late", "stopped then"]
     print("| " + " | ".join(columns) + " |\n" + "| --- " * len(columns) + "|", flush=True)
