@@ -32,7 +32,7 @@ from jacokin.model import Robot
 from jacokin.motion import Trajectory, plan_motion
 from jacokin.runner import PlannedMotion, ProcessLink, Runner, RunnerStatus, forwarder, run
 from jacokin.twin import SimulatedArm
-from tests.ros.nodes import Ros, Twin, ros1_with_master, ros2_of_wheels
+from tests.ros.nodes import Ros, Twin, heed_signals, ros1_with_master, ros2_of_wheels
 
 FAULTS = "lag=0.02,loss=0.01,stall"
 REACH = 0.8  # [rad] from the start of a motion to its end, joint by joint
@@ -215,9 +215,8 @@ def start(ros: Ros, version: int, way: str, robot: Robot, motion: Trajectory, fo
     if way == "run":
         motion.save(folder / "m.csv")
         words = ["run", str(folder / "m.csv"), "--ros", str(version), "--name", "j2n6s300", "--python", ros.python]
-        return subprocess.Popen(
-            [sys.executable, "-m", "jacokin", *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-        )
+        pipe, command = subprocess.PIPE, [sys.executable, "-m", "jacokin", *words]
+        return subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True, preexec_fn=heed_signals)
     return ros.sending(*sender_words(version, robot, motion, folder))
 
 

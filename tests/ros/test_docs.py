@@ -19,7 +19,9 @@ from tests.ros.nodes import PYTHON, SENDER, Ros, Twin, at_work, finish, heed_sig
 pytestmark = pytest.mark.slow
 PAGE = ROOT / "docs" / "real_arm.md"
 TEXT = "\n".join(code for _, code in blocks(PAGE, ("console",))).replace("\\\n", " ")
-LINES: list[str] = [line for line in re.findall(r"^\$ (.*)$", TEXT, re.M) if re.search(r"--ros|--action|--robot", line)]
+LINES: list[str] = [
+    line for line in re.findall(r"^\$ (.*)$", TEXT, re.M) if re.search(r"--ros|--action|trajectory.py", line)
+]
 HAND = '{"clutch": true}\n{"hand": [0.0, 0.0, 0.05, 0.0, 0.0, 0.0]}\n{"end": true}\n'
 CLOSE = 0.5  # [deg]
 
@@ -30,7 +32,15 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     found = tmp_path_factory.mktemp("page")
     code = "\n".join(text for _, text in blocks(PAGE, ("python",)))
     code = code.replace("from examples.drawing import draw", "draw = lambda *words, **more: None")
-    for name in ("lift.json", "lift.csv", "lift.kinova.csv", "lift.kinova.json", "to_start.kinova.csv"):
+    for name in (
+        "lift.json",
+        "lift.csv",
+        "lift.kinova.csv",
+        "lift.kinova.json",
+        "to_start.kinova.csv",
+        "first.kinova.csv",
+        "back.kinova.csv",
+    ):
         assert name in code
     # The page saves lift.json for several controllers; the twin's joints have the name of its robot.
     code = code.replace('joint_prefix="arm_"', 'joint_prefix="j2n6s300_"').replace(", first_time=0.1", "")
@@ -83,12 +93,14 @@ def ends_there(twin: Twin, folder: Path) -> None:
 
 
 def test_all_lines_are_run() -> None:
-    assert len(LINES) == 8, LINES  # each of which is in a test below
+    assert len(LINES) == 10, LINES  # each of which is in a test below
 
 
 def test_the_twin_is_brought_to_the_start_and_lifts(ros1: Ros, folder: Path) -> None:
     twin = of_page("jacokin twin --ros 1").replace("--view", "")
     with ros1.twin(*shlex.split(twin)[4:]) as arm:
+        done(ros1, of_page("run first.kinova.csv --ros 1"), folder)
+        done(ros1, of_page("run back.kinova.csv --ros 1"), folder)
         done(ros1, of_page("run to_start.kinova.csv --ros 1"), folder)
         done(ros1, of_page("run lift.kinova.csv --ros 1"), folder)
         ends_there(arm, folder)
