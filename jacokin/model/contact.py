@@ -8,7 +8,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from functools import partial
+from functools import cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -37,6 +37,7 @@ from jacokin.kernels.contact.run import (
 from jacokin.kernels.contact.shapes import CENTRE, LINK, RADIUS
 from jacokin.kernels.contact.touching import Geometry
 from jacokin.kernels.library import Call
+from jacokin.model import checks
 from jacokin.model.obstacles import NOTHING_AROUND, Surroundings
 from jacokin.model.robot import Robot, checked_robot
 from jacokin.model.surrounded import Surrounded, allowed_pairs, surround
@@ -245,7 +246,7 @@ class Contact:
         self._run(call, task, count, meetings=meetings, slack=MOTION_ACCURACY)
         return call.work
 
-    @property
+    @cached_property
     def levers(self) -> Array:
         """(dof,) how far a point of the arm can be from the axis of each joint, at most [m]; 1 where a joint slides."""
         shapes, arm = self._geometry.shapes, self._geometry.arm
@@ -258,7 +259,7 @@ class Contact:
         for joint in np.flatnonzero(arm.joint_kinds == HINGE).tolist():
             far = (along[links] - along[joint + 1] + reach)[links > joint]
             found[joint] = far.max(initial=0.0)
-        return found
+        return checks.sealed(found)
 
     @property
     def has_shapes(self) -> bool:
