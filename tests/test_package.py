@@ -247,7 +247,7 @@ def test_errors_carry_what_they_say() -> None:
 def test_the_descriptions_come_with_the_package() -> None:
     folder = bundled.urdf_folder()
     wanted = [f"{name}.{suffix}" for name in bundled.NAMES for suffix in ("urdf", "xml")]
-    for name in [*wanted, "jaco_arm.xml", "jaco_hand.xml", "jaco.toml", "gen3.toml"]:
+    for name in [*wanted, "jaco_arm.xml", "jaco_hand.xml", *bundled.TABLES, bundled.WRITTEN]:
         assert (folder / name).is_file(), name
     assert (PACKAGE / "py.typed").is_file()
 
