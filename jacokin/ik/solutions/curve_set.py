@@ -93,8 +93,8 @@ class TrackInterval(Interval):
         p, rows = self._track.polyline()
         if self.start == self.stop:  # a point, or members among which the parameter stands still
             chosen = np.arange(0, len(p), max(1, int(step / GUESS_SPACING)))
-            if not self._is_round:
-                chosen = np.unique(np.append(chosen, len(p) - 1))
+            if not self._is_round and chosen[-1] < len(p) - 1:
+                chosen = np.append(chosen, len(p) - 1)
             return p[chosen], rows[chosen]
         inner = step * np.arange(np.floor(self.start / step) + 1.0, np.ceil(self.stop / step))
         inner = inner if inner.size else np.array([0.5 * (self.start + self.stop)])

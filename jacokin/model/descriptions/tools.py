@@ -191,7 +191,8 @@ def _by_motion(model: pin.Model, chain: Sequence[int]) -> str | None:
     low, high = limits_of(model, at)
     near, far = sorted((abs(low), abs(high)))
     one_sided = low <= near and high >= -near and far >= ONE_SIDED * near
-    usual = float(np.median([_travel(model, joint) for joint in before]))
+    travels = sorted(_travel(model, joint) for joint in before)
+    usual = 0.5 * (travels[(len(travels) - 1) // 2] + travels[len(travels) // 2])  # the median
     if travel <= min(NARROW, 0.8 * usual) and one_sided and light and weights[-1] > 0.0 and len(before) > SLIDES_AFTER:
         return f"turns only {np.degrees(travel):.0f} degrees and moves only {1e3 * weights[-1]:.0f} g"
     return None
