@@ -5,9 +5,10 @@ from __future__ import annotations
 import functools
 import importlib.util
 import json
+import math
+import re
 import shutil
 import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -17,37 +18,14 @@ import pytest
 
 import jacokin
 from jacokin.arrays import Array
-from jacokin.ik import IKSolver
-from tests.viewer.chromium import IN_BROWSER, STARTING, Tab, browsing
-from tests.viewer.page import until
+from jacokin.ik import IKSolver, export_c
+from tests.docs.playground_page import DOCS, HANDLE, build, show
+from tests.viewer.chromium import IN_BROWSER, Tab, browsing
 
-ROOT = Path(__file__).resolve().parents[2]
-DOCS = ROOT / "docs"
-WEB = ROOT / "integrations" / "web"
 NAMES = ("j2n6s300", "j2s6s300", "m1n6s200", "gen3_lite", "gen3_6dof", "j2s7s300", "gen3")
 #: States that are compared with Python's answers, of arms with six joints.
 STATES = {"j2n6s300": 20, "j2s6s300": 10, "gen3_lite": 10, "m1n6s200": 10}
 CLOSE = 1e-9  # [rad] between the same branch here and there: a well conditioned one agrees to 1e-12
-PAGE = """<!DOCTYPE html><html lang="en"><meta charset="utf-8"><title>playground</title>
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<link rel="stylesheet" href="playground/playground.css">
-<body style="margin: 8px; font: 20px sans-serif" data-md-color-scheme="default" class="md-typeset">
-<div id="pg-root" class="pg"></div><p id="pg-keys"></p>
-<script>globalThis.errors = []; addEventListener("error", (event) => errors.push(event.message));
-addEventListener("unhandledrejection", (event) => errors.push(String(event.reason)));</script>
-<script src="playground/playground.js" defer></script>"""
-READY = "globalThis.jacokinPlayground?.answer?.status"
-#: Where a handle is on the page: its middle, and a point further along its axis.
-HANDLE = """(() => {
-  const { camera, pose, panel } = jacokinPlayground;
-  const { left, top } = panel.handles.getBoundingClientRect();
-  const at = (up) => {
-    const point = [pose[3], pose[7], pose[11] + up];
-    const { x, y } = camera.project(point, panel.handles.clientWidth, panel.handles.clientHeight);
-    return [left + x, top + y];
-  };
-  return [at(0.0), at(0.1)];
-})()"""
 SHOW = """(async () => {
   const page = jacokinPlayground;
   const shown = [];
@@ -57,6 +35,15 @@ SHOW = """(async () => {
     shown.push(page.state());
   }
   return shown;
+})()"""
+#: Takes what goes to the clipboard.
+CATCH = """Object.defineProperty(navigator, "clipboard", {
+  value: { writeText: async (text) => (globalThis.copied = text) },
+})"""
+CLICK = """(async () => {
+  [...document.querySelectorAll(".pg-share button")].find((each) => each.textContent === "%s").click();
+  await Promise.resolve();
+  return copied;
 })()"""
 STATE = "jacokinPlayground.settled().then(() => jacokinPlayground.state())"
 
@@ -70,22 +57,7 @@ pytestmark = [
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The page with nothing around it."""
     folder = tmp_path_factory.mktemp("site")
-    web = folder / "web"
-    shutil.copytree(WEB, web, ignore=shutil.ignore_patterns("*.wasm", "robots.js", "reference", "*.tgz"))
-    done = subprocess.run([sys.executable, WEB / "build.py", web], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr
-    spec = importlib.util.spec_from_file_location("playground_files", DOCS / "playground_files.py")
-    assert spec is not None
-    assert spec.loader is not None
-    files = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(files)
-    scripts = folder / "playground"
-    scripts.mkdir()
-    (scripts / "playground.js").write_text(files.page_script(web), encoding="utf-8")
-    for name in NAMES:
-        (scripts / f"{name}.js").write_text(files.robot_script(name), encoding="utf-8")
-    shutil.copy(DOCS / "playground" / "playground.css", scripts)
-    (folder / "playground.html").write_text(PAGE, encoding="utf-8")
+    build(folder, NAMES)
     return folder
 
 
@@ -98,16 +70,9 @@ def browser(site: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ta
 @pytest.fixture
 def tab(browser: Tab, site: Path) -> Iterator[Tab]:
     """The page anew, 1000 x 700 pixels; no script of it may fail."""
-    show(browser, site, "", 1000)
+    show(browser, site)
     yield browser
     assert browser.value("errors") == []
-
-
-def show(tab: Tab, site: Path, state: str, width: int) -> None:
-    tab.ask("Emulation.setDeviceMetricsOverride", width=width, height=700, deviceScaleFactor=1, mobile=False)
-    tab.ask("Page.navigate", url="about:blank")
-    tab.ask("Page.navigate", url=f"{(site / 'playground.html').as_uri()}{state}")
-    assert until(lambda: tab.value(READY), STARTING), tab.value("document.body.innerText + errors")
 
 
 def state_of(tab: Tab, script: str = STATE) -> Any:
@@ -165,7 +130,7 @@ def test_robots_are_drawn_where_python_has_them(tab: Tab, name: str) -> None:
     q = robot.sample(np.random.default_rng(3))
     (shown,) = state_of(tab, SHOW % (json.dumps([q.tolist()]), json.dumps(name)))
     np.testing.assert_allclose(shown["pose"], robot.forward_kinematics(q).homogeneous.ravel(), atol=1e-12)
-    assert tab.value("jacokinPlayground.stage.canvas.width") == tab.value("jacokinPlayground.panel.handles.clientWidth")
+    assert tab.value("jacokinPlayground.stage.canvas.width / jacokinPlayground.panel.canvas.clientWidth") == 2
 
 
 def test_an_address_keeps_the_state(tab: Tab, site: Path) -> None:
@@ -173,7 +138,7 @@ def test_an_address_keeps_the_state(tab: Tab, site: Path) -> None:
     state_of(tab, SHOW % (json.dumps([q]), json.dumps("j2s6s300")))
     address = str(tab.value("location.hash"))
     assert address == "#robot=j2s6s300&q=0.5,2.5,1.25,0.75,1.5,2"
-    show(tab, site, address, 1000)
+    show(tab, site, address)
     shown = state_of(tab)
     assert shown["robot"] == "j2s6s300"
     np.testing.assert_allclose(shown["q"], q, atol=1e-9)
@@ -181,7 +146,7 @@ def test_an_address_keeps_the_state(tab: Tab, site: Path) -> None:
 
 def test_keys_move_the_tool_and_take_another_solution(tab: Tab) -> None:
     before = state_of(tab)
-    tab.value("jacokinPlayground.panel.handles.focus()")
+    tab.value("jacokinPlayground.panel.canvas.focus()")
     tab.press_key("PageUp", 33, times=3)
     moved = state_of(tab)
     assert moved["pose"][11] - before["pose"][11] == pytest.approx(0.03)  # [m]
@@ -193,6 +158,117 @@ def test_keys_move_the_tool_and_take_another_solution(tab: Tab) -> None:
     assert state_of(tab)["pose"] == moved["pose"]
 
 
+def test_a_joint_moves_the_target_with_the_arm(tab: Tab) -> None:
+    q = state_of(tab)["q"]
+    tab.value("document.querySelector('.pg-joints input').focus()")
+    tab.press_key("ArrowRight", 39, times=2)
+    moved = state_of(tab)
+    assert moved["q"][0] - q[0] == pytest.approx(math.radians(2.0), abs=1e-6)
+    reached = solver_of("j2n6s300").robot.forward_kinematics(moved["q"]).homogeneous.ravel()
+    np.testing.assert_allclose(moved["pose"], reached, atol=1e-9)
+
+
+def test_a_target_out_of_reach_leaves_the_arm_and_says_so(tab: Tab) -> None:
+    q = state_of(tab)["q"]
+    tab.value("jacokinPlayground.setPose([1, 0, 0, 3, 0, 1, 0, 0, 0, 0, 1, 0.5, 0, 0, 0, 1])")
+    far = state_of(tab)
+    assert far["answer"]["status"] == "unreachable"
+    np.testing.assert_allclose(far["q"], q, atol=0.0)
+    assert "pose=3,0,0.5,0,0,0" in str(tab.value("location.hash"))
+    assert tab.value("document.querySelector('.pg-status').classList.contains('pg-bad')") is True
+
+
+def test_a_free_axis_has_the_intervals_that_python_finds(tab: Tab) -> None:
+    tab.value("jacokinPlayground.setFree('y')")
+    shown = state_of(tab)
+    target = jacokin.FreeAxis(np.reshape(shown["pose"], (4, 4)), axis=(0.0, 1.0, 0.0))
+    wanted = solver_of("j2n6s300").solve_all(target).intervals
+    curves = shown["answer"]["curves"]
+    assert len(curves) == len(wanted) > 0
+    for curve, interval in zip(curves, wanted, strict=True):
+        assert curve["start"] == pytest.approx(interval.start, abs=1e-6)
+        assert curve["stop"] == pytest.approx(interval.stop, abs=1e-6)
+    assert tab.value("document.querySelectorAll('.pg-curve').length") == len(curves)
+    assert "&free=y" in str(tab.value("location.hash"))
+
+
+def test_sliding_along_the_set_keeps_the_tool_where_it_is(tab: Tab, site: Path) -> None:
+    show(tab, site, "#robot=j2s7s300")
+    before = state_of(tab)
+    tab.value("document.querySelector('.pg-slide input').focus()")
+    tab.press_key("ArrowRight", 39, times=3)
+    after = state_of(tab)
+    assert after["pose"] == before["pose"]
+    assert np.abs(np.subtract(after["q"], before["q"])).max() > 0.01  # [rad]
+    reached = solver_of("j2s7s300").robot.forward_kinematics(after["q"]).homogeneous.ravel()
+    np.testing.assert_allclose(reached, after["pose"], atol=2e-6)
+
+
+@pytest.mark.parametrize("state", ["#robot=j2n6s300", "#robot=j2n6s300&free=z", "#robot=j2s7s300"])
+def test_copied_programs_ask_for_what_is_shown(tab: Tab, site: Path, tmp_path: Path, state: str) -> None:
+    show(tab, site, state)
+    shown = state_of(tab)
+    tab.value(CATCH)
+    program, c = (str(tab.value(CLICK % label)) for label in ("Copy as Python", "Copy as C"))
+    names: dict[str, Any] = {}
+    exec(program, names)
+    assert names["result"].success
+    np.testing.assert_allclose(names["result"].q, shown["q"], atol=1e-6)
+    if shutil.which("cc") is None:
+        pytest.skip("there is no C compiler")
+    export_c(solver_of(shown["robot"]), tmp_path / "arm")
+    (tmp_path / "program.c").write_text(c, encoding="utf-8")
+    folder = tmp_path / "arm"
+    words = ["cc", "-std=c99", "-Wall", "-Werror", "program.c", f"-I{folder}/include", f"-L{folder}/lib", "-ljacokin"]
+    subprocess.run([*words, f"-Wl,-rpath,{folder}/lib", "-o", "program"], cwd=tmp_path, check=True)
+    said = subprocess.run(["./program"], cwd=tmp_path, capture_output=True, text=True, check=True).stdout
+    angles = [[float(word) for word in line.split(":")[1].split()] for line in said.splitlines() if ":" in line]
+    assert len(angles) == max(len(shown["answer"]["branches"]), 1)
+    np.testing.assert_allclose(angles[0], shown["q"], atol=1e-6)
+
+
+def test_everything_that_is_used_has_a_name(tab: Tab, site: Path) -> None:
+    show(tab, site, "#robot=gen3")
+    state_of(tab)
+    tree: Any = tab.ask("Accessibility.getFullAXTree")["result"]
+    used = ("button", "combobox", "slider", "spinbutton", "checkbox", "application", "image", "img")
+    found = [node for node in tree["nodes"] if not node["ignored"] and node["role"]["value"] in used]
+    assert {node["role"]["value"] for node in found} > {"button", "combobox", "slider", "spinbutton", "application"}
+    assert [node for node in found if not node["name"]["value"].strip()] == []
+
+
+def test_the_arm_jumps_where_motion_is_not_wanted(tab: Tab) -> None:
+    tab.ask("Emulation.setEmulatedMedia", features=[{"name": "prefers-reduced-motion", "value": "reduce"}])
+    try:
+        assert tab.value("(() => { const page = jacokinPlayground; page.choose(2); return page.shown === page.q; })()")
+    finally:
+        tab.ask("Emulation.setEmulatedMedia", features=[])
+
+
 def test_it_fits_a_telephone(tab: Tab, site: Path) -> None:
-    show(tab, site, "#robot=gen3", 420)
+    show(tab, site, "#robot=gen3", width=420)
     assert tab.value("document.documentElement.scrollWidth - document.documentElement.clientWidth") == 0
+
+
+def test_colours_can_be_told_apart() -> None:
+    """WCAG AA: texts 4.5, marks 3."""
+    css = (DOCS / "playground" / "playground.css").read_text(encoding="utf-8")
+    light, dark = (dict(re.findall(r"--pg-(\w+): (#\w+);", block)) for block in css.split("\n}\n")[:2])
+    for colours, page in ((light, "#ffffff"), (dark, "#1e2129")):
+        for back in (colours["back"], colours["raised"], page):
+            assert min(contrast(colours[text], back) for text in ("text", "dim")) >= 4.5
+            assert min(contrast(colours[mark], back) for mark in ("within", "outside", "bad", "accent")) >= 3.0
+        assert contrast(colours["control"], page) >= 3.0
+
+
+def contrast(first: str, second: str) -> float:
+    """By WCAG 2.2: of two colours such as `#fff`."""
+
+    def luminance(colour: str) -> float:
+        digits = colour[1:] if len(colour) == 7 else "".join(2 * digit for digit in colour[1:])
+        parts = [int(digits[i : i + 2], 16) / 255.0 for i in (0, 2, 4)]
+        linear = [part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in parts]
+        return float(np.dot(linear, (0.2126, 0.7152, 0.0722)))
+
+    dark, light = sorted((luminance(first), luminance(second)))
+    return (light + 0.05) / (dark + 0.05)

@@ -40,7 +40,7 @@ export function frames(robot, q) {
 export const toolPose = (robot, q) => frames(robot, q).at(-1);
 
 /** By how much each joint is within its limits [rad]: negative outside, infinite without limits. */
-export const margins = (robot, q) => Array.from(q, (angle, i) => Math.min(angle - robot.lower[i], robot.upper[i] - angle));
+export const margins = ({ lower, upper }, q) => Array.from(q, (angle, i) => Math.min(angle - lower[i], upper[i] - angle));
 
 /** Sentence fragments: which joints are outside by how much, or which is nearest to its limit. */
 export function limitsInWords(robot, q) {

@@ -2,7 +2,7 @@ import { IDENTITY, column, cross, dot, length, minus, movedTo, plus, position, s
 
 /** What the tool is dragged by: arrows, a dot to move it in the plane of the screen, rings to turn it. */
 
-const SIZE = { arrow: 92, ring: 62, narrow: 0.8 }; // [pixel], and the factor on a narrow page
+const SIZE = { arrow: 92, ring: 62, narrow: 0.8, room: 260 }; // [pixel], and the factor on a narrow page
 const REACH = { mouse: 10, touch: 22 }; // [pixel]
 const SIDES = 64; // of a ring
 const EDGE_ON = 0.25; // least cosine between the axis of a ring and the line of sight for which its plane is hit
@@ -14,13 +14,19 @@ export class Handles {
   /** What is under the pointer or dragged: `{ kind: "arrow" | "plane" | "ring", axis }`, or null. */
   active = null;
 
-  constructor(canvas) {
+  /**
+   * @param {HTMLCanvasElement} stage on which the tool is seen
+   * @param {HTMLCanvasElement} canvas a small one, which follows the tool: less is drawn than on the whole stage
+   */
+  constructor(stage, canvas) {
+    this.stage = stage;
     this.canvas = canvas;
-    this.context = canvas.getContext("2d");
+    this.context = canvas.getContext("2d", { willReadFrequently: true }); // drawn by the processor: it is small
+    canvas.style.width = canvas.style.height = `${SIZE.room}px`;
   }
 
   get #view() {
-    return [this.canvas.clientWidth, this.canvas.clientHeight];
+    return [this.stage.clientWidth, this.stage.clientHeight];
   }
 
   directions(pose) {
@@ -82,11 +88,13 @@ export class Handles {
   }
 
   draw(camera, pose, { colours, ratio }) {
-    const [width, height] = this.#view;
-    const context = this.context;
-    context.setTransform(ratio, 0, 0, ratio, 0, 0);
-    context.clearRect(0, 0, width, height);
+    const { context, canvas } = this;
     const shapes = this.#shapes(camera, pose);
+    const [left, top] = [shapes.centre.x, shapes.centre.y].map((at) => Math.round(at - SIZE.room / 2));
+    canvas.style.transform = `translate(${left}px, ${top}px)`;
+    if (canvas.width !== SIZE.room * ratio) canvas.width = canvas.height = SIZE.room * ratio;
+    context.setTransform(ratio, 0, 0, ratio, -left * ratio, -top * ratio);
+    context.clearRect(left, top, SIZE.room, SIZE.room);
     context.lineCap = context.lineJoin = "round";
     const strong = (kind, axis) => this.active?.kind === kind && this.active.axis === axis;
     shapes.rings.forEach((ring, axis) => {
@@ -110,7 +118,8 @@ export class Handles {
       context.lineTo(end.x, end.y);
       stroke(context, colours.halo, colours.axes[axis], strong("arrow", axis) ? 6 : 3.5, true);
       head(context, shapes.centre, end, colours.axes[axis], strong("arrow", axis) ? 11 : 8.5);
-      const label = part(shapes.centre, end, 1 + 16 / Math.max(Math.hypot(end.x - shapes.centre.x, end.y - shapes.centre.y), 16));
+      const reach = Math.hypot(end.x - shapes.centre.x, end.y - shapes.centre.y);
+      const label = part(shapes.centre, end, 1 + 16 / Math.max(reach, 16));
       context.font = "600 13px system-ui, sans-serif";
       context.textAlign = "center";
       context.textBaseline = "middle";
@@ -130,7 +139,7 @@ export class Handles {
   }
 
   get #pixels() {
-    const factor = this.canvas.clientWidth < 560 ? SIZE.narrow : 1;
+    const factor = this.stage.clientWidth < 560 ? SIZE.narrow : 1;
     return { arrow: SIZE.arrow * factor, ring: SIZE.ring * factor };
   }
 

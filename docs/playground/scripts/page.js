@@ -9,12 +9,12 @@ import { Camera, Stage } from "./stage.js";
 
 const KEYS = { step: 0.01, fine: 0.001, turn: Math.PI / 36, fineTurn: Math.PI / 360, orbit: 0.1 }; // [m], [rad]
 const JUMP = { least: 0.3, time: 350 }; // [rad] from which on the arm is seen to move, for so long [ms]
-const LIST = 120; // [ms] between changes of the texts while the tool is dragged
+const LIST = 150; // [ms] between changes of the texts while the tool is dragged
 const REST = 250; // [ms] without a change: finer curves, the address, words for screen readers
 const GHOSTS = 8; // of a curve
 const ARRIVED = 1e-5; // [m], and parts of rotations: where the tool is at its target
-/** Of pixels while things move: at least, and by how much less after a frame that was slow [ms]. */
-const SHARPNESS = { least: 0.5, slow: 19, factor: 0.93 };
+/** Drawn pixels to a pixel of the page, along an edge; a frame that takes longer than `slow` [ms] makes them fewer. */
+const SHARPNESS = { least: 0.5, coarse: 0.8, most: 2, slow: 20, gain: 1.02 };
 const COLOURS = {
   light: { within: [0.0, 0.5, 0.6], outside: [0.85, 0.4, 0.05] },
   dark: { within: [0.3, 0.8, 0.85], outside: [1.0, 0.6, 0.25] },
@@ -45,7 +45,8 @@ class Playground {
   #jump = null;
   #still = true; // nothing moves: all pixels are drawn
   #sharpness = 1; // while things move
-  #last = 0; // when the last frame was drawn [ms]
+  #last = null; // when the last frame was drawn while things moved [ms]
+  #numbered = 0; // when angles and pose were last written [ms]
   #settled = []; // who waits for the page to be at rest
 
   constructor(root, names) {
@@ -56,7 +57,8 @@ class Playground {
       frame: (frame) => ((this.handles.frame = frame), this.redraw()),
       home: () => this.setJoints(this.robot.home),
       pose: (pose) => this.setPose(pose),
-      joint: (joint, angle) => this.setJoints(this.q.map((each, i) => (i === joint ? angle : each))),
+      joint: (joint, angle) => this.#setJoint(joint, angle),
+      nudge: (joint, step) => this.#setJoint(joint, this.q[joint] + step),
       choose: (index) => this.choose(index),
       look: (index) => ((this.looked = index), this.redraw()),
       outside: (shown) => ((this.outside = shown), this.redraw(), this.#list()),
@@ -64,8 +66,8 @@ class Playground {
       slide: (point) => this.#slide(point),
       copy: (what) => this.#copy(what),
     });
-    this.stage = new Stage(this.panel.gl);
-    this.handles = new Handles(this.panel.handles);
+    this.stage = new Stage(this.panel.canvas);
+    this.handles = new Handles(this.panel.canvas, this.panel.handles);
     this.plot = new Plot(this.panel.figure, (q) => this.take(q));
     this.worker = new Worker(URL.createObjectURL(new Blob([WORKER], { type: "text/javascript" })));
     this.worker.onmessage = ({ data }) => this.#answered(data);
@@ -119,6 +121,14 @@ class Playground {
   setJoints(q) {
     this.#moveTo(q);
     this.setPose(toolPose(this.robot, q));
+  }
+
+  #setJoint(joint, angle) {
+    const from = this.q[joint];
+    const { lower, upper } = this.robot;
+    const near = Number.isFinite(lower[joint]) ? angle : from + wrapped(angle - from);
+    const to = Math.min(Math.max(near, lower[joint]), upper[joint]);
+    this.setJoints(this.q.map((each, i) => (i === joint ? to : each)));
   }
 
   /** Take another solution of the same target. */
@@ -209,7 +219,7 @@ class Playground {
     return toHash({ robot: robot.name, q: tidy(robot, q), free, pose: this.arrived ? null : pose });
   }
 
-  // --- Drawing ----------------------------------------------------------------------------------------------------------
+  // --- Drawing -------------------------------------------------------------------------------------------------------
 
   redraw() {
     if (this.#drawn || !this.robot) return;
@@ -228,26 +238,32 @@ class Playground {
   #frame(now) {
     this.#drawn = false;
     this.#advance(now);
-    const ratio = Math.min(globalThis.devicePixelRatio, 2);
-    const { clientWidth: width, clientHeight: height } = this.panel.handles;
     this.#judge(now);
-    const sharpness = this.#still ? 1 : this.#sharpness;
-    resize(this.panel.gl, width * ratio * sharpness, height * ratio * sharpness);
-    resize(this.panel.handles, width * ratio, height * ratio);
+    const { canvas } = this.panel;
+    const { clientWidth: width, clientHeight: height } = canvas;
+    const sharpness = this.#still ? SHARPNESS.most : this.#sharpness;
+    resize(canvas, width * sharpness, height * sharpness);
     this.camera.aspect = width / height;
     const dark = this.dark;
-    this.stage.draw(this.camera, { robot: this.robot, places: frames(this.robot, this.shown), dark, ghosts: this.#ghosts() });
+    const places = frames(this.robot, this.shown);
+    const coarse = sharpness < SHARPNESS.coarse;
+    this.stage.draw(this.camera, { robot: this.robot, places, dark, ghosts: this.#ghosts(), coarse });
+    const ratio = Math.min(Math.ceil(globalThis.devicePixelRatio), 2);
     this.handles.draw(this.camera, this.pose, { colours: HANDLES[dark ? "dark" : "light"], ratio });
+    if (!this.#still && now - this.#numbered < LIST) return;
+    this.#numbered = now;
     this.panel.showJoints(this.q);
     this.panel.showPose(this.pose);
   }
 
-  /** Fewer pixels while things move, where frames are slow; all of them at rest. */
+  /** Fewer pixels while things move, where frames are slow, and more where they are not; all of them at rest. */
   #judge(now) {
-    const taken = now - this.#last;
-    this.#last = now;
-    if (this.#still || taken > 100) return; // nothing moved before
-    if (taken > SHARPNESS.slow) this.#sharpness = Math.max(SHARPNESS.least, this.#sharpness * SHARPNESS.factor);
+    const taken = this.#last === null ? null : now - this.#last;
+    this.#last = this.#still ? null : now;
+    if (taken === null) return; // nothing moved before
+    const { slow, least, most, gain } = SHARPNESS;
+    const factor = taken > slow ? Math.sqrt(Math.max(slow / taken, 0.5)) : gain;
+    this.#sharpness = Math.min(Math.max(this.#sharpness * factor, least), most);
   }
 
   #moveTo(q) {
@@ -303,7 +319,7 @@ class Playground {
     return q.every((angle, i) => Math.abs(Math.sin((angle - this.q[i]) / 2)) < 1e-3);
   }
 
-  // --- Texts ------------------------------------------------------------------------------------------------------------
+  // --- Texts ---------------------------------------------------------------------------------------------------------
 
   #list() {
     this.#listed = performance.now();
@@ -361,25 +377,31 @@ class Playground {
   }
 
   #parameterName() {
-    return this.free ? `turn about the tool's ${this.free}` : this.robot.joints[this.answer.joint];
+    return this.free ? `angle about ${this.free}` : this.robot.joints[this.answer.joint];
   }
 
   async #copy(what) {
-    const texts = { link: () => location.href.split("#")[0] + this.#hash(), python: () => toPython(this.state()), c: () => toC(this.state()) };
+    const texts = {
+      link: () => location.href.split("#")[0] + this.#hash(),
+      python: () => toPython(this.state()),
+      c: () => toC(this.state()),
+    };
+    const text = texts[what]();
     try {
-      await navigator.clipboard.writeText(texts[what]());
-      this.panel.say("Copied.");
+      await navigator.clipboard.writeText(text);
+      this.panel.copied.textContent = "Copied.";
+      setTimeout(() => (this.panel.copied.textContent = ""), 2000);
     } catch {
-      prompt("Copy this:", texts[what]());
+      this.panel.showText(text);
     }
   }
 }
 
-// --- Pointer and keys ---------------------------------------------------------------------------------------------------
+// --- Pointer and keys ------------------------------------------------------------------------------------------------
 
 function listen(page) {
   const { camera, handles } = page;
-  const canvas = page.panel.handles;
+  const { canvas } = page.panel;
   let dragging = null; // from a pixel to a pose
   let turning = null; // the last pixel
 
@@ -425,8 +447,8 @@ function listen(page) {
     "touchstart",
     (event) => {
       const box = canvas.getBoundingClientRect();
-      const { clientX, clientY } = event.touches[0];
-      if (page.robot && handles.at(camera, page.pose, clientX - box.left, clientY - box.top, "touch")) event.preventDefault();
+      const [x, y] = [event.touches[0].clientX - box.left, event.touches[0].clientY - box.top];
+      if (page.robot && handles.at(camera, page.pose, x, y, "touch")) event.preventDefault();
     },
     { passive: false },
   );

@@ -29,8 +29,8 @@ export class Panel {
   /**
    * @param {HTMLElement} root
    * @param {string[]} names of the robots
-   * @param {object} told what to do: `robot`, `free`, `frame`, `home`, `pose`, `joint`, `choose`, `look`, `outside`,
-   *   `plotted`, `slide`, `copy`
+   * @param {object} told what to do: `robot`, `free`, `frame`, `home`, `pose`, `joint`, `nudge`, `choose`, `look`,
+   *   `outside`, `plotted`, `slide`, `copy`
    */
   constructor(root, names, told) {
     this.told = told;
@@ -48,22 +48,24 @@ export class Panel {
       this.home,
     );
 
-    this.gl = element("canvas", { className: "pg-gl", "aria-hidden": "true" });
-    this.handles = element("canvas", {
-      className: "pg-handles",
+    this.canvas = element("canvas", {
+      className: "pg-canvas",
       tabIndex: 0,
       role: "application",
       "aria-label": "The arm. Arrow keys, page up and page down move the tool, with shift they turn it.",
       "aria-describedby": "pg-keys",
     });
+    this.handles = element("canvas", { className: "pg-handles", "aria-hidden": "true" });
     this.status = element("p", { className: "pg-status" });
-    const stage = element("div", { className: "pg-stage" }, this.gl, this.handles, this.status);
+    const stage = element("div", { className: "pg-stage" }, this.canvas, this.handles, this.status);
 
     this.place = ["x", "y", "z"].map((name) => this.#number(`${name} [m]`, STEPS.metre));
     this.turn = ["roll", "pitch", "yaw"].map((name) => this.#number(`${name} [°]`, STEPS.degree));
-    const tool = group("Tool in the base", element("div", { className: "pg-numbers" }, ...[...this.place, ...this.turn].map(({ label }) => label)));
+    const labels = [...this.place, ...this.turn].map(({ label }) => label);
+    const tool = group("Tool in the base", element("div", { className: "pg-numbers" }, ...labels));
     this.jointList = element("div", { className: "pg-joints" });
-    this.outside = element("input", { type: "checkbox", checked: true, onchange: () => told.outside(this.outside.checked) });
+    this.outside = element("input", { type: "checkbox", checked: true });
+    this.outside.onchange = () => told.outside(this.outside.checked);
     this.outsideLabel = element("label", { className: "pg-check" }, this.outside, " show those outside");
     this.solutions = element("ol", { className: "pg-solutions" });
     this.solutionsTitle = element("legend", { textContent: "Solutions" });
@@ -71,21 +73,27 @@ export class Panel {
     const side = element("div", { className: "pg-side" }, tool, group("Joints", this.jointList), found);
 
     this.plotted = select([], (index) => told.plotted(Number(index)));
-    this.slider = element("input", { type: "range", min: 0, step: 1, oninput: () => told.slide(Number(this.slider.value)) });
+    this.slider = element("input", { type: "range", min: 0, step: 1 });
+    this.slider.oninput = () => told.slide(Number(this.slider.value));
     this.sliderLabel = element("span", {});
     this.figure = element("figure", { className: "pg-set", hidden: true });
-    this.figure.append(
-      element("figcaption", {}, element("label", {}, "The set of solutions: ", this.plotted), element("label", { className: "pg-slide" }, this.sliderLabel, this.slider)),
-    );
+    const shown = element("label", {}, "The set of solutions: ", this.plotted);
+    const along = element("label", { className: "pg-slide" }, this.sliderLabel, this.slider);
+    this.figure.append(element("figcaption", {}, shown, along));
 
     const copies = [["link", "Copy link"], ["python", "Copy as Python"], ["c", "Copy as C"]];
-    this.share = element(
-      "div",
-      { className: "pg-share" },
-      ...copies.map(([what, textContent]) => element("button", { type: "button", textContent, onclick: () => told.copy(what) })),
+    const buttons = copies.map(([what, textContent]) =>
+      element("button", { type: "button", textContent, onclick: () => told.copy(what) }),
     );
+    this.share = element("div", { className: "pg-share" }, ...buttons);
+    this.copied = element("span", { role: "status" });
+    this.share.append(this.copied);
+    this.text = element("textarea", { readOnly: true, rows: 20, cols: 70, "aria-label": "To copy" });
+    const close = element("form", { method: "dialog" }, element("button", { textContent: "Close" }));
+    this.dialog = element("dialog", {}, this.text, close);
     this.live = element("p", { className: "pg-live", role: "status" });
-    root.replaceChildren(bar, element("div", { className: "pg-main" }, stage, side), this.figure, this.share, this.live);
+    const main = element("div", { className: "pg-main" }, stage, side);
+    root.replaceChildren(bar, main, this.figure, this.share, this.dialog, this.live);
   }
 
   /** Make what depends on the robot. */
@@ -97,20 +105,22 @@ export class Panel {
       const limited = Number.isFinite(robot.lower[joint]);
       const [min, max] = limited ? [degrees(robot.lower[joint]), degrees(robot.upper[joint])] : [-180, 180];
       const slider = element("input", { type: "range", min, max, step: "any" });
-      const clamped = (angle) => Math.min(Math.max(angle, robot.lower[joint]), robot.upper[joint]);
-      slider.oninput = () => this.told.joint(joint, clamped(radians(Number(slider.value))));
+      slider.oninput = () => this.told.joint(joint, radians(Number(slider.value)));
       slider.onkeydown = (event) => {
         const step = { ArrowLeft: -1, ArrowDown: -1, ArrowRight: 1, ArrowUp: 1, PageUp: 10, PageDown: -10 }[event.key];
         if (!step) return; // a slider without steps moves by too much
         event.preventDefault();
-        this.told.joint(joint, clamped(radians(Number(slider.value) + step)));
+        this.told.nudge(joint, radians(step));
       };
       return { slider, output: element("output", {}) };
     });
     this.jointList.replaceChildren(
-      ...this.#joints.map(({ slider, output }, joint) => element("label", {}, element("span", { textContent: robot.joints[joint] }), slider, output)),
+      ...this.#joints.map(({ slider, output }, joint) =>
+        element("label", {}, element("span", { textContent: robot.joints[joint] }), slider, output),
+      ),
     );
-    this.plotted.replaceChildren(...robot.joints.map((name, joint) => element("option", { value: joint, textContent: name })));
+    const options = robot.joints.map((name, joint) => element("option", { value: joint, textContent: name }));
+    this.plotted.replaceChildren(...options);
   }
 
   /** What is typed is left alone. */
@@ -143,6 +153,7 @@ export class Panel {
       change(more, items[i].more);
       item.className = `pg-${items[i].kind}`;
       button.setAttribute("aria-current", items[i].kind === "here");
+      button.setAttribute("aria-disabled", items[i].kind === "outside");
     });
   }
 
@@ -154,6 +165,13 @@ export class Panel {
   /** Words for those who do not see the page; said once it is at rest. */
   say(text) {
     change(this.live, text);
+  }
+
+  /** What the clipboard did not take, to be copied by hand. */
+  showText(text) {
+    this.text.value = text;
+    this.dialog.showModal();
+    this.text.select();
   }
 
   #addButton() {

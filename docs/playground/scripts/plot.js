@@ -21,14 +21,14 @@ export class Plot {
     });
   }
 
-  /** @param {{ robot: object, joint: number, curves: object[], q: number[], parameter: number | null, name: string }} set */
+  /** @param {{ robot: object, joint: number, curves: object[], q: number[], parameter: number | null, name: string }} */
   draw({ robot, joint, curves, q, parameter, name }) {
     const width = Math.max(this.svg.parentElement.clientWidth, 240);
     const limited = Number.isFinite(robot.lower[joint]);
     const [low, high] = limited
       ? [degrees(robot.lower[joint]) - SPACE.outside, degrees(robot.upper[joint]) + SPACE.outside]
       : [-180, 180];
-    const [left, right] = turn(curves);
+    const [left, right] = range(curves);
     const x = (angle) => SPACE.left + ((angle - left) / (right - left)) * (width - SPACE.left - SPACE.right);
     const y = (angle) => SPACE.top + ((high - angle) / (high - low)) * (HEIGHT - SPACE.top - SPACE.bottom);
     const shown = (angle) => degrees(limited ? angle : wrapped(angle));
@@ -63,10 +63,8 @@ export class Plot {
       parts.push(make("path", { class: "pg-curve", d: path }));
     });
     if (parameter !== null) {
-      const at = curves.flatMap(({ start, stop }) =>
-        [-360, 0, 360].map((turn) => degrees(parameter) + turn).filter((each) => each >= degrees(start) - 1e-6 && each <= degrees(stop) + 1e-6),
-      );
-      parts.push(make("circle", { class: "pg-here", cx: x(at[0] ?? degrees(parameter)), cy: y(shown(q[joint])), r: 6 }));
+      const at = [-360, 0, 360].map((turn) => degrees(parameter) + turn).find((each) => each >= left && each <= right);
+      parts.push(make("circle", { class: "pg-here", cx: x(at ?? left), cy: y(shown(q[joint])), r: 6 }));
     }
     this.svg.setAttribute("width", width);
     this.svg.setAttribute("viewBox", `0 0 ${width} ${HEIGHT}`);
@@ -83,7 +81,7 @@ export class Plot {
 }
 
 /** What is shown of the parameter [degree]: a turn that holds all curves, or as much more as they need. */
-function turn(curves) {
+function range(curves) {
   const least = degrees(Math.min(...curves.map(({ start }) => start), Infinity));
   const most = degrees(Math.max(...curves.map(({ stop }) => stop), -Infinity));
   if (!curves.length || (least >= -180 && most <= 180)) return [-180, 180];

@@ -9,6 +9,7 @@ const FIELD = 0.62; // [rad] of view, from top to bottom
 const NEAR = 0.05;
 const FAR = 20; // [m]
 const GRID = { reach: 1.5, step: 0.1 }; // [m]
+const BACK = { light: [0.92, 0.94, 0.96], dark: [0.125, 0.145, 0.18] };
 const SAME = 1e-3; // [m], and parts of rotations
 const LOOK = { smooth: 0, flat: 1, shadow: 2 };
 const SHADOW = [0.25, 0.15]; // the light comes from (-x, -y, 1) of these
@@ -142,8 +143,7 @@ export class Stage {
 
   constructor(canvas) {
     this.canvas = canvas;
-    const wanted = { antialias: true, stencil: true, alpha: true, premultipliedAlpha: true };
-    const gl = canvas.getContext("webgl2", wanted);
+    const gl = canvas.getContext("webgl2", { antialias: false, stencil: true, alpha: false });
     if (!gl) throw new Error("this browser has no WebGL 2");
     this.#gl = gl;
     this.#solid = program(gl, VERTEX, FRAGMENT, ["camera", "place", "unit", "eye", "colour", "look"]);
@@ -165,15 +165,16 @@ export class Stage {
    * Draw a frame.
    *
    * @param {Camera} camera
-   * @param {{ robot: object, places: number[][], dark: boolean, ghosts: { places: number[][], colour: number[] }[] }} scene
-   *   `places` of what each joint moves; the colour of a ghost has four numbers in 0..1
+   * @param {{ robot: object, places: number[][], dark: boolean, ghosts: object[], coarse?: boolean }} scene
+   *   `places` of what each joint moves; a ghost is `{ places, colour }`, of four numbers in 0..1. Coarse ghosts are
+   *   drawn once, and may show their inside.
    */
-  draw(camera, { robot, places, dark, ghosts }) {
+  draw(camera, { robot, places, dark, ghosts, coarse = false }) {
     const gl = this.#gl;
     const { unit, buffers } = this.#robots.get(robot.name);
     const matrix = camera.matrix;
     gl.viewport(0, 0, this.canvas.width, this.canvas.height);
-    gl.clearColor(0, 0, 0, 0);
+    gl.clearColor(...(dark ? BACK.dark : BACK.light), 1);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT | gl.STENCIL_BUFFER_BIT);
     gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
     this.#drawGrid(matrix, dark);
@@ -196,15 +197,17 @@ export class Stage {
         drawMesh(gl, piece);
       }
     });
-    // Ghosts: first how near they are, then the nearest surface alone, so that none shows its own inside.
     gl.uniform1i(at.look, LOOK.flat);
-    gl.colorMask(false, false, false, false);
     gl.enable(gl.POLYGON_OFFSET_FILL);
     gl.polygonOffset(1, 1);
-    for (const ghost of ghosts) this.#drawPlain(buffers, ghost.places, places);
-    gl.colorMask(true, true, true, true);
+    if (!coarse) {
+      // First how near ghosts are, then the nearest surface alone, so that none shows its own inside.
+      gl.colorMask(false, false, false, false);
+      for (const ghost of ghosts) this.#drawPlain(buffers, ghost.places, places);
+      gl.colorMask(true, true, true, true);
+      gl.depthFunc(gl.LEQUAL);
+    }
     gl.enable(gl.BLEND);
-    gl.depthFunc(gl.LEQUAL);
     for (const ghost of ghosts) {
       gl.uniform4fv(at.colour, ghost.colour);
       this.#drawPlain(buffers, ghost.places, places);
@@ -315,7 +318,9 @@ function drawMesh(gl, { array, count }) {
 function gridLines(gl) {
   const corners = [];
   const { reach, step } = GRID;
-  for (let at = -reach; at < reach + step / 2; at += step) corners.push(-reach, at, 0, reach, at, 0, at, -reach, 0, at, reach, 0);
+  for (let at = -reach; at < reach + step / 2; at += step) {
+    corners.push(-reach, at, 0, reach, at, 0, at, -reach, 0, at, reach, 0);
+  }
   const array = gl.createVertexArray();
   gl.bindVertexArray(array);
   fill(gl, 0, new Float32Array(corners), gl.FLOAT);

@@ -49,5 +49,6 @@ function curves(solver, { pose, seed, free, fine }) {
     const parameters = Array.from({ length: points }, (_, i) => start + ((stop - start) * i) / (points - 1));
     return { start, stop, branch, ends, joints, parameters, q: parameters.map((each) => at(each, seed)) };
   });
-  return { status, message, complete: found.complete, q, parameter, joint: solver.parameter, branches: [], curves: sampled };
+  const { complete } = found;
+  return { status, message, complete, q, parameter, joint: solver.parameter, branches: [], curves: sampled };
 }
