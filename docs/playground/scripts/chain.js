@@ -61,7 +61,8 @@ export function roomiest(robot, several) {
   return several.reduce((a, b) => (room(b) > room(a) ? b : a), null);
 }
 
-export const angleText = (angle) => `${degrees(angle).toFixed(1)}°`;
+/** [degree] with one digit, and 0 without a sign. */
+export const angleText = (angle) => `${(Math.round(10 * degrees(angle)) / 10 + 0).toFixed(1)}°`;
 
 /** A configuration whose joints without limits are in (-pi, pi]. */
 export const tidy = (robot, q) => Array.from(q, (angle, i) => (Number.isFinite(robot.lower[i]) ? angle : wrapped(angle)));

@@ -135,10 +135,10 @@ export class Panel {
   showJoints(q) {
     this.#joints.forEach(({ slider, output }, joint) => {
       const limited = Number.isFinite(this.#robot.lower[joint]);
-      const angle = degrees(limited ? q[joint] : wrapped(q[joint]));
-      slider.value = angle;
-      slider.setAttribute("aria-valuetext", `${angle.toFixed(1)} degrees`);
-      output.textContent = `${angle.toFixed(1)}°`;
+      const angle = limited ? q[joint] : wrapped(q[joint]);
+      slider.value = degrees(angle);
+      slider.setAttribute("aria-valuetext", angleText(angle));
+      change(output, angleText(angle));
     });
   }
 
