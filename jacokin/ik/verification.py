@@ -79,8 +79,7 @@ class Verifier:
         self.frame_id = robot.frame_id(frame)
         self.tool = tool
         self.options = options
-        self._lower = robot.lower.tolist()
-        self._upper = robot.upper.tolist()
+        self._lower, self._upper = robot.limit_values
         self._contact, self.unchecked, self._unreadable = _contact(robot, options)
         self.avoids_contact = self._contact is not None and options.collision in ("prefer", "reject")
 
