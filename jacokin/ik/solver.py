@@ -525,6 +525,10 @@ class IKSolver:
         target, robot = request.target, self.robot
         branches = form.solve_all(target.matrix, request.seed, self._verifier)
         rows = branches.rows
+        if request.cost is None and (index := next(branches.each_within_limits(), None)) is not None:
+            nearest = Candidate(branches.q[index], target, f"branch {index + 1} of {len(rows)}")
+            if (result := self._verifier.accept(nearest, request)) is not None:  # nearly always: no more is needed
+                return result
         candidates: Iterator[Candidate] = (
             Candidate(q, target, f"branch {index + 1} of {len(rows)}") for index, q in branches.in_order(request.cost)
         )

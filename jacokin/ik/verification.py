@@ -164,6 +164,13 @@ class Verifier:
         near = rows.position_error <= self.options.position_tolerance
         return np.asarray(within & near & (rows.orientation_error <= self.options.orientation_tolerance))
 
+    def accept(self, candidate: Candidate, request: Request) -> IKResult | None:
+        """The result of a candidate that is a success without contact; None for another, which `select` judges."""
+        errors = self.measure(candidate.q, candidate.target)
+        if not self.reached(candidate.q, errors) or self.touches(candidate.q):
+            return None
+        return self.result(candidate, Status.OK, request.message(candidate.message), errors)
+
     def select(self, candidates: Iterable[Candidate], request: Request, in_contact: str) -> IKResult | None:
         """The result of the first candidate that is a success; None where none reaches its target.
 
