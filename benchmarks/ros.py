@@ -2,8 +2,9 @@
 
 Motions without contact follow each other on one twin, each from where the arm stands, so that a motion takes hardly
 longer than the arm moves. What is said to be the end is compared with what the twin publishes once the arm stands, and
-the twin's own record says whether a limit was broken. It takes ROS, see `.ci/run`.
-Run from the repository: ``python -m benchmarks.ros --ros 1 2 --way run send``.
+the twin's own record says whether a limit was broken. With ``--stop`` what leads them is killed, interrupted or made to
+hang in the middle instead, and how long the arm moves on is measured. It takes ROS, see `.ci/run`.
+Run from the repository: ``python -m benchmarks.ros --ros 1 2 --way run send`` and ``--stop kill interrupt hang``.
 """
 
 from __future__ import annotations
@@ -12,6 +13,8 @@ import argparse
 import contextlib
 import os
 import re
+import signal
+import subprocess
 import sys
 import tempfile
 import threading
@@ -29,15 +32,19 @@ from jacokin.model import Robot
 from jacokin.motion import Trajectory, plan_motion
 from jacokin.runner import PlannedMotion, ProcessLink, Runner, RunnerStatus, forwarder, run
 from jacokin.twin import SimulatedArm
-from tests.ros.nodes import Ros, ros1_with_master, ros2_of_wheels
+from tests.ros.nodes import Ros, Twin, ros1_with_master, ros2_of_wheels
 
 FAULTS = "lag=0.02,loss=0.01,stall"
 REACH = 0.8  # [rad] from the start of a motion to its end, joint by joint
 CLEARANCE = 0.03  # [m]
 THERE = 0.5  # [deg]
+ELSEWHERE = "not there"  # what the sender says of a motion that it did not stop
 REST, STANDING = 0.5, np.radians(0.05)  # [s] in which an arm that stands does not move so far [rad]
 PATIENCE = 20.0  # [s]
 LATE = 0.1  # [s] that a machine with time to spare never is
+SIGNALS = {"kill": signal.SIGKILL, "interrupt": signal.SIGINT, "hang": signal.SIGSTOP}
+QUICK, MOVES = 0.1, 0.02  # [rad/s] an arm that is in the middle of a motion, and one that does not stand
+WITHIN = 0.2  # [s]
 CONTROLLER = ("--states", "/joint_states", "--action", "/joint_trajectory_controller/follow_joint_trajectory")
 
 
@@ -49,7 +56,7 @@ class Played(NamedTuple):
     said: float
     """From its end, as it is said [deg]; NaN where nothing is."""
     why: str
-    """Why it was stopped; empty where it was not."""
+    """Why it was stopped, or that it ends elsewhere, which the sender says; empty where it is said to be there."""
     late: float
     """The longest that the machine let a thread wait meanwhile [s]."""
 
@@ -109,35 +116,55 @@ def lead(robot: Robot, motion: Trajectory, link: ProcessLink) -> tuple[float, st
 
 def send(ros: Ros, version: int, robot: Robot, motion: Trajectory, folder: Path) -> tuple[float, str]:
     """By the sender: velocities to ROS 1, a goal to ROS 2."""
+    status, output, errors = ros.send(*sender_words(version, robot, motion, folder))
+    found = re.search(r"ends ([0-9.]+) deg", output + errors)  # in errors where it says that this is too far
+    said = float(found[1]) if found else np.nan
+    return said, errors.strip().splitlines()[-1] if status else ""
+
+
+def sender_words(version: int, robot: Robot, motion: Trajectory, folder: Path) -> list[object]:
+    """What the sender is told."""
     if version == 1:
         motion.save(folder / "m.kinova.csv")
-        status, output, errors = ros.send(folder / "m.kinova.csv", "--ros", 1)
-    else:
-        motion.save(folder / "m.json", joint_prefix="j2n6s300_")
-        names = [f"j2n6s300_{name}" for name, turns in zip(robot.joint_names, robot.unlimited, strict=True) if turns]
-        status, output, errors = ros.send(folder / "m.json", "--ros", 2, *CONTROLLER, "--unlimited", *names)
-    found = re.search(r"ends ([0-9.]+) deg", output)
-    return float(found[1]) if found else np.nan, errors.strip().splitlines()[-1] if status else ""
+        return [folder / "m.kinova.csv", "--ros", 1]
+    motion.save(folder / "m.json", joint_prefix="j2n6s300_")
+    names = [f"j2n6s300_{name}" for name, turns in zip(robot.joint_names, robot.unlimited, strict=True) if turns]
+    return [folder / "m.json", "--ros", 2, *CONTROLLER, "--unlimited", *names]
 
 
-def play(ros: Ros, version: int, way: str, options: argparse.Namespace) -> tuple[list[Played], dict[str, Any]]:
-    """Play motions one after the other; returns how they ended, and what the twin did."""
-    fingers = float(SimulatedArm().finger_range[0])
-    robot = jacokin.load_robot(finger_angle=fingers)  # open, as the arm's are
-    solver = jacokin.IKSolver(robot, scene=Scene([Floor(0.0)]), clearance=CLEARANCE)
-    rng = np.random.default_rng(options.seed)
-    joints = [f"j2n6s300_{name}" for name in robot.joint_names]
+@contextlib.contextmanager
+def at_a_twin(ros: Ros, version: int, options: argparse.Namespace) -> Iterator[tuple[Twin, ProcessLink, Path]]:
+    """A twin, the way to it, and a folder."""
+    joints = [f"j2n6s300_{name}" for name in jacokin.load_robot().joint_names]
     words = ["--ros", str(version), "--faults", options.faults, "--random-seed", str(options.seed)]
     for name, value in ros.environment.items():
         if name.startswith("ROS_"):
             os.environ[name] = value  # of the forwarder
-    played: list[Played] = []
-    metronome = Metronome()
     with contextlib.ExitStack() as stack:
+        if version == 1 and options.stop:  # the state 100 times a second
+            period = "/j2n6s300_driver/status_interval_seconds"
+            setting = f"import rosgraph; rosgraph.Master('/benchmark').setParam('{period}', 0.01)"
+            subprocess.run([ros.python, "-c", setting], env=dict(ros.environment), check=True)
         twin = stack.enter_context(ros.twin(*words))
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         link = ProcessLink([ros.python, str(forwarder.__file__), "--ros", str(version)], joints)
         stack.callback(link.close)
+        yield twin, link, folder
+
+
+def arm() -> tuple[Robot, jacokin.IKSolver]:
+    """The twin's arm, the fingers open, on a table."""
+    robot = jacokin.load_robot(finger_angle=float(SimulatedArm().finger_range[0]))
+    return robot, jacokin.IKSolver(robot, scene=Scene([Floor(0.0)]), clearance=CLEARANCE)
+
+
+def play(ros: Ros, version: int, way: str, options: argparse.Namespace) -> tuple[list[Played], dict[str, Any]]:
+    """Play motions one after the other; returns how they ended, and what the twin did."""
+    robot, solver = arm()
+    rng = np.random.default_rng(options.seed)
+    played: list[Played] = []
+    metronome = Metronome()
+    with at_a_twin(ros, version, options) as (twin, link, folder):
         for _ in range(options.motions):
             motion = plan(robot, solver, standing(link), rng)
             metronome.worst()
@@ -151,18 +178,106 @@ def play(ros: Ros, version: int, way: str, options: argparse.Namespace) -> tuple
     return played, record
 
 
+def play_stops(ros: Ros, version: int, way: str, options: argparse.Namespace) -> list[Stopped]:
+    """End motions in the middle, one after the other."""
+    robot, solver = arm()
+    rng = np.random.default_rng(options.seed)
+    stopped: list[Stopped] = []
+    metronome = Metronome()
+    with at_a_twin(ros, version, options) as (_, link, folder):
+        for count in range(options.motions):
+            how = options.stop[count % len(options.stop)]
+            motion = plan(robot, solver, standing(link), rng)
+            process = start(ros, version, way, robot, motion, folder)
+            metronome.worst()
+            coasted, speed = stop(process, link, robot, how, rng.uniform(0.1, 0.7) * motion.duration)
+            stopped.append(Stopped(how, coasted, speed, metronome.worst()))
+            if options.verbose:
+                print(stopped[-1], file=sys.stderr, flush=True)
+    return stopped
+
+
+class Stopped(NamedTuple):
+    """How an arm came to rest."""
+
+    how: str
+    """What happened to the process that led it."""
+    coasted: float
+    """From then until the arm stood [s]."""
+    speed: float
+    """Of the quickest joint then, over its limit."""
+    late: float
+    """The longest that the machine let a thread wait meanwhile [s]."""
+
+
+def start(ros: Ros, version: int, way: str, robot: Robot, motion: Trajectory, folder: Path) -> subprocess.Popen[str]:
+    """The process that leads the arm."""
+    if way == "run":
+        motion.save(folder / "m.csv")
+        words = ["run", str(folder / "m.csv"), "--ros", str(version), "--name", "j2n6s300", "--python", ros.python]
+        return subprocess.Popen(
+            [sys.executable, "-m", "jacokin", *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+    return ros.sending(*sender_words(version, robot, motion, folder))
+
+
+def stop(process: subprocess.Popen[str], link: ProcessLink, robot: Robot, how: str, wait: float) -> tuple[float, float]:
+    """End a process in the middle of a motion; returns how long the arm moves on [s], and how fast it was."""
+    speed, begun = np.zeros(robot.dof), time.monotonic()
+    while np.abs(speed).max() < QUICK and time.monotonic() - begun < PATIENCE:
+        link.wait(time.monotonic() + 2e-3)
+        speed = velocity(link, speed)
+    end = time.monotonic() + wait
+    while time.monotonic() < end:
+        link.wait(time.monotonic() + 2e-3)
+        speed = velocity(link, speed)
+    process.send_signal(SIGNALS[how])
+    then, share = time.monotonic(), float((np.abs(speed) / robot.velocity_limit).max())
+    moved = then
+    while time.monotonic() - moved < REST:
+        link.wait(time.monotonic() + 2e-3)
+        measured = link.hear()
+        if measured is not None and measured.v is not None and np.abs(measured.v).max() > MOVES:
+            moved = time.monotonic()
+    process.kill()
+    process.communicate()
+    return moved - then, share
+
+
+def velocity(link: ProcessLink, before: Array) -> Array:
+    """The newest velocities (dof,) [rad/s]."""
+    measured = link.hear()
+    return before if measured is None or measured.v is None else measured.v
+
+
+def report_stops(version: int, way: str, stopped: list[Stopped]) -> None:
+    """A row for each way in which a process ended."""
+    for how in dict.fromkeys(each.how for each in stopped):
+        those = [each for each in stopped if each.how == how]
+        seconds = np.array([each.coasted for each in those])
+        over = [each for each in those if each.coasted > WITHIN]
+        held = sum(each.late > WITHIN / 4.0 for each in over)
+        print(
+            f"| {version} | {way} | {how} | {len(those)} | {np.median(seconds):.2f} | {seconds.max():.2f} | "
+            f"{len(over)} | {sum(each.speed > 0.85 for each in over)} | {held} |",
+            flush=True,
+        )
+
+
 def report(version: int, way: str, faults: str, played: list[Played], record: dict[str, Any]) -> None:
     """A row of the table; distances are those of motions that were not stopped."""
-    rest = [each for each in played if not each.why]
-    away = np.array([each.away for each in rest])
-    there = int((away < THERE).sum())
-    wrong = sum(not abs(each.said - each.away) < 0.2 for each in rest)
+    ended = [each for each in played if not each.why or each.why.startswith(ELSEWHERE)]
+    away = np.array([each.away for each in ended])
+    there = sum(not each.why and each.away < THERE for each in ended)
+    elsewhere = sum(bool(each.why) for each in ended)
+    wrong = sum(not abs(each.said - each.away) < 0.2 for each in ended)
     broken = record["margin"] < 0.0 or record["speed"] > 1.02
     held = [each for each in played if each.late > LATE]
     print(
-        f"| {version} | {way} | {faults or 'none'} | {len(played)} | {there} | {len(played) - len(rest)} | "
-        f"{len(rest) - there} | {np.median(away):.2f} | {away.max():.2f} | {wrong} | {'yes' if broken else 'no'} | "
-        f"{record['stalls']} | {record['late']} | {len(held)} | {sum(bool(each.why) for each in held)} |",
+        f"| {version} | {way} | {faults or 'none'} | {len(played)} | {there} | {len(played) - len(ended)} | "
+        f"{elsewhere} | {len(ended) - there - elsewhere} | {np.median(away):.2f} | {away.max():.2f} | {wrong} | "
+        f"{'yes' if broken else 'no'} | {record['stalls']} | {record['late']} | {len(held)} | "
+        f"{sum(bool(each.why) for each in held)} |",
         flush=True,
     )
     for why in sorted({re.sub(r"[0-9.]+", "N", each.why) for each in played if each.why}):
@@ -187,16 +302,26 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--faults", default=FAULTS)
     parser.add_argument("--verbose", action="store_true", help="a line for each motion")
+    parser.add_argument(
+        "--stop", nargs="+", choices=tuple(SIGNALS), default=(), help="end what leads the arm in the middle"
+    )
     options = parser.parse_args()
     head = (
-        "ROS, way, faults, motions, there, stopped, neither, median [deg], largest [deg], said wrongly, limits broken"
+        "ROS, way, what happened, times, stands after [s] in the median, at most, over 0.2 s, of those at full speed, "
+        "of those machine late"
+        if options.stop
+        else "ROS, way, faults, motions, there, stopped, elsewhere by exit code, neither, median [deg], largest [deg], "
+        "said wrongly, limits broken, stalls, ticks late, machine late, stopped then"
     )
-    columns = [*head.split(", "), "stalls", "ticks late", "machine late", "stopped then"]
+    columns = head.split(", ")
     print("| " + " | ".join(columns) + " |\n" + "| --- " * len(columns) + "|", flush=True)
     for version in options.ros:
         for way in options.way:
             with installed(version) as ros:
-                report(version, way, options.faults, *play(ros, version, way, options))
+                if options.stop:
+                    report_stops(version, way, play_stops(ros, version, way, options))
+                else:
+                    report(version, way, options.faults, *play(ros, version, way, options))
 
 
 if __name__ == "__main__":

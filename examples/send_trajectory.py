@@ -11,9 +11,10 @@ rclpy (ROS 2) or actionlib (ROS 1), whichever is installed; with both, ``--ros``
 ``--states`` name others than those of kinova-ros.
 
 Nothing is sent unless the arm stands where the file begins. Velocities end, with zero, when the arm leaves the way of
-the file, when it says no longer where it is, and on Ctrl-C, SIGTERM and SIGHUP, which cancel a goal too. A goal ends
-with how far the arm is from its last point. ``--rehearse`` sends to an arm that does what it is told, without ROS and
-without waiting. Keep a hand on the joystick.
+the file, when it says no longer where it is, and on Ctrl-C, SIGTERM and SIGHUP, which cancel a goal too. In the end the
+angles are read until the arm stands. The exit code is 0 only where it stands within ``--tolerance`` of the last row or
+point, and 1 otherwise, with the reason or the distance on stderr. ``--rehearse`` sends to an arm that does what it is
+told, without ROS and without waiting. Keep a hand on the joystick.
 
 Send velocities to kinova-ros, not goals. Its controller measures nothing: it plays the velocity of one point each
 10 ms. And its driver dies of a goal that is cancelled (kinova-ros, issue 191); started again, it opens the fingers.
@@ -37,6 +38,7 @@ from typing import Any, Callable, Protocol  # noqa: UP035 (Python 3.8)
 
 PERIOD = 0.01  # [s] from velocity to velocity, the driver's
 START, DRIFT = 2.0, 5.0  # [deg] from where the file begins, and from the way of the file
+TOLERANCE = 0.5  # [deg] from where the file ends
 BEHIND = 0.3  # [s] by which measured angles may be late
 SILENCE = 0.5  # [s] without measured angles
 PATIENCE = 10.0  # [s] until the driver or the controller shows up, and until a goal ends after its last point
@@ -54,6 +56,10 @@ DRIVER_DIES = (
 
 class StoppedError(Exception):
     """Why nothing more was sent."""
+
+
+class AwayError(Exception):
+    """All was sent, and the arm does not stand where the file ends."""
 
 
 class Arm(Protocol):
@@ -188,6 +194,7 @@ def send_velocities(angles: list[list[float]], velocities: list[list[float]], ar
 
     Raises:
         StoppedError: says why; the arm was told to stop.
+        AwayError: nothing says in the end where the arm stands.
     """
     wait_for(lambda: arm.measured()[1] < SILENCE, "the driver does not say where the arm is", clock)
     wait_for(arm.listens, "the driver does not listen to velocities", clock)
@@ -214,8 +221,29 @@ def send_velocities(angles: list[list[float]], velocities: list[list[float]], ar
         for _ in range(ZEROS):
             arm.publish([0.0] * len(angles[0]))
             clock.sleep(PERIOD)
-    clock.sleep(BEHIND)
-    return farthest(arm.measured()[0], angles[-1], 360.0)
+    return farthest(at_rest(lambda: arm.measured()[0], lambda: arm.measured()[1], 360.0, clock), angles[-1], 360.0)
+
+
+def at_rest(look: Callable[[], list[float]], age: Callable[[], float], turn: float, clock: Clock) -> list[float]:
+    """The angles of an arm once it stands, when all was sent; a turn is 360 degrees or 2 pi rad.
+
+    Raises:
+        AwayError: it goes on, or nothing says where it is.
+    """
+    seen: list[float] = []
+
+    def stands() -> bool:
+        nonlocal seen
+        before, seen = seen, look()
+        moved = farthest(before, seen, turn) if before else math.inf
+        return age() < BEHIND and moved * 360.0 / turn < STANDING  # newer than the look before
+
+    try:
+        wait_for(stands, "", clock, every=BEHIND)
+    except StoppedError:
+        why = "the arm goes on: stop it by hand" if age() < SILENCE else "nothing says where the arm is"
+        raise AwayError(f"all was sent, and {why}") from None
+    return seen
 
 
 def wait_for(
@@ -367,6 +395,7 @@ def send_goal(message: dict[str, Any], controller: Controller, unlimited: list[s
 
     Raises:
         StoppedError: says why; a goal that had not ended was cancelled.
+        AwayError: nothing says in the end where the arm stands.
     """
     states, clock = controller.states, GoalClock(controller)
     wait_for(lambda: states.age() < SILENCE, states.lacking, clock)
@@ -385,20 +414,8 @@ def send_goal(message: dict[str, Any], controller: Controller, unlimited: list[s
         controller.cancel()
         raise
     last = [position + turns[j] for j, position in enumerate(message["points"][-1]["positions"])]
-    standing: list[float] = []
-
-    def stands() -> bool:
-        nonlocal standing
-        before, standing = standing, states.angles()
-        return bool(before) and math.degrees(farthest(before, standing, math.tau)) < STANDING
-
-    wait_for(stands, "the goal ended, but the arm goes on: stop it by hand", clock, every=BEHIND)
-    if states.age() > SILENCE:
-        raise StoppedError("the goal ended, and nothing says where the arm is")
-    away = math.degrees(farthest(states.angles(), last, math.tau))
-    if away > START:
-        raise StoppedError(f"the controller says that the goal was reached, but the arm is {away:.1f} deg from it")
-    return away
+    angles = at_rest(states.angles, states.age, math.tau, clock)
+    return math.degrees(farthest(angles, last, math.tau))
 
 
 def start_ros1(rospy: Any) -> None:
@@ -572,7 +589,12 @@ def check_result(succeeded: bool, code: int, text: str) -> None:
 
 
 def send(options: argparse.Namespace) -> str:
-    """Send a file; returns what became of it, in a line."""
+    """Send a file; returns what became of it, in a line.
+
+    Raises:
+        StoppedError: says why it was not sent to its end.
+        AwayError: it was, and the arm stands farther than the tolerance from there.
+    """
     path: Path = options.file
     if path.name.endswith(".kinova.csv"):
         angles, velocities = read_velocities(path)
@@ -583,9 +605,10 @@ def send(options: argparse.Namespace) -> str:
             raise StoppedError("velocities go to kinova-ros, which is of ROS 1")
         else:
             away = send_velocities(angles, velocities, KinovaDriver(options.robot, len(angles[0])), WallClock())
-        return (
+        sent = (
             f"{len(angles)} rows in {(len(angles) - 1) * PERIOD:.2f} s, the arm ends {away:.2f} deg from the last one"
         )
+        return judged(sent, away, options.tolerance)
     if path.suffix != ".json":
         raise StoppedError(f"{path}: .kinova.csv, .kinova.json or .json, as jacokin saves them")
     message = read_goal(path)
@@ -609,7 +632,19 @@ def send(options: argparse.Namespace) -> str:
         away = send_goal(message, controller, unlimited)
     finally:
         controller.close()
-    return f"the controller says that the goal was reached; the arm ends {away:.2f} deg from the last point"
+    sent = f"the controller says that the goal was reached; the arm ends {away:.2f} deg from the last point"
+    return judged(sent, away, options.tolerance)
+
+
+def judged(sent: str, away: float, tolerance: float) -> str:
+    """What became of a file, where the arm stands at its end.
+
+    Raises:
+        AwayError: it does not.
+    """
+    if not away <= tolerance:
+        raise AwayError(f"{sent} ({tolerance:g} allowed)")
+    return sent
 
 
 def interrupt(number: int, _: object) -> None:
@@ -632,6 +667,13 @@ def main() -> None:
         metavar="JOINT",
         help="joints that turn without limits, which may stand whole turns from where the file begins",
     )
+    parser.add_argument(
+        "--tolerance",
+        type=float,
+        default=TOLERANCE,
+        metavar="DEG",
+        help=f"from the end of the file, within which the exit code is 0; by default {TOLERANCE:g}",
+    )
     parser.add_argument("--ros", type=int, choices=(1, 2), help="version of ROS, where both are installed")
     parser.add_argument("--rehearse", action="store_true", help="send to an arm that does what it is told, without ROS")
     options = parser.parse_args()
@@ -644,6 +686,8 @@ def main() -> None:
         sys.exit("interrupted: the arm was told to stop")
     except (StoppedError, OSError, ImportError) as why:
         sys.exit(f"stopped: {why}")
+    except AwayError as why:
+        sys.exit(f"not there: {why}")
 
 
 if __name__ == "__main__":

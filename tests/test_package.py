@@ -231,8 +231,8 @@ def test_errors_carry_what_they_say() -> None:
     unknown = errors.UnknownNameError("frame", "gripste", ["gripsite", "link_6"])
     assert (unknown.kind, unknown.given, unknown.valid) == ("frame", "gripste", ("gripsite", "link_6"))
     assert str(unknown) == "unknown frame 'gripste'. Did you mean 'gripsite'? Valid: gripsite, link_6"
-    missing = errors.MissingExtraError("ruckig", "motion")
-    assert "pip install '.[motion]'" in str(missing)
+    missing = errors.MissingExtraError("h5py", "data")
+    assert "pip install '.[data]'" in str(missing)
 
 
 def test_the_descriptions_come_with_the_package() -> None:

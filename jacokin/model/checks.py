@@ -333,11 +333,10 @@ def positive_vector(name: str, value: ArrayLike, size: int, unit: str, *, infini
     """
     given = array(name, value, f"one number or {size}", unit)
     full = np.full(size, given) if given.ndim == 0 else given
-    endless = np.isposinf(full) if infinite else np.zeros(full.shape, dtype=np.bool_)
-    checked = np.where(endless, np.inf, vector(name, np.where(endless, 1.0, full), size, unit))
-    if not (checked > 0.0).all():
-        raise InvalidInputError(f"{name} must be positive{_bracketed(unit)}, got {checked.tolist()}")
-    return read_only(checked)
+    vector(name, np.where(np.isposinf(full), 1.0, full) if infinite else full, size, unit)
+    if not min(full.tolist(), default=1.0) > 0.0:
+        raise InvalidInputError(f"{name} must be positive{_bracketed(unit)}, got {full.tolist()}")
+    return read_only(full)
 
 
 def matrix(name: str, value: ArrayLike, columns: int, unit: str) -> Array:

@@ -95,7 +95,7 @@ class Contact:
         self._local = threading.local()
 
     def with_clearance(self, clearance: float) -> Contact:
-        """The same shapes, which count as touching this near to each other [m]."""
+        """These shapes, which count as touching this near to each other [m]."""
         if clearance == self._clearance:
             return self
         return Contact(self._robot, self._around, clearance=clearance, found=self._found)
@@ -130,11 +130,11 @@ class Contact:
         return self.all_touching(self._robot.configuration(q))
 
     def all_touching(self, q: Array) -> list[Pair]:
-        """As `touching` at a checked configuration (dof,) [rad]."""
+        """Names of the shapes that touch at a checked configuration (dof,) [rad]."""
         return self.list_touching(q) if self.touches(q) else []
 
     def list_touching(self, q: Array) -> list[Pair]:
-        """As `all_touching`, without a quick look first: for a configuration that is known to be in contact."""
+        """Names of the shapes that touch, without a quick look first: for a configuration known to be in contact."""
         call = self._call()
         call.work.q[: q.size] = q
         return self._listed(call)
@@ -160,7 +160,7 @@ class Contact:
         return found
 
     def touching_from(self, T_world_base: pin.SE3, q: Array) -> list[Pair]:
-        """As `touching` with the base elsewhere: then its shapes and obstacles touch where they are 5 mm deep."""
+        """Names of the shapes that touch with the base elsewhere: of the base and obstacles those 5 mm deep."""
         call = self._call()
         call.work.q[: q.size] = q
         call.work.places.frames[0] = T_world_base.homogeneous[:3]

@@ -152,6 +152,35 @@ class SimulatedArm:
         self.state = self._measure()
         return self.state
 
+    def tick_torques(self, torques: ArrayLike) -> State:
+        """Simulate a tick with torques (dof,) on top of those that hold the arm against gravity [N m].
+
+        Nothing keeps it within limits: see `can_stop`.
+
+        Raises:
+            InvalidInputError: not so many finite numbers.
+        """
+        asked = checks.vector("torques", torques, self.robot.dof, "N m")
+        self._finger_motors.ctrl = self._finger_control()
+        for _ in range(self._steps):
+            # The motors' own loop of velocity is taken out, step by step.
+            self._motors.ctrl = self._joints.qvel + (self._joints.qfrc_bias + asked) / self._motors.gainprm[:, 0]
+            self.physics.step()
+        self.hold()
+        self.state = self._measure()
+        return self.state
+
+    def hold(self) -> None:
+        """Be led to where the arm is now."""
+        q = np.array(self._joints.qpos)
+        self._reference = np.clip(q, self.robot.lower + MARGIN, self.robot.upper - MARGIN)
+        self._idle = np.zeros(self.robot.dof)
+
+    def can_stop(self) -> bool:
+        """Whether all joints still stop before their limits."""
+        up, down = (distance.clip(min=0.0) for distance in self._room())
+        return bool(((-_braking(down) <= self.state.v) & (self.state.v <= _braking(up))).all())
+
     def _rest_ahead(self, q: Array, velocity: Array) -> None:
         """Put the reference of joints that are to stand where they can stop, so that they do not turn back."""
         self._idle = np.where(velocity == 0.0, self._idle + 1, 0)

@@ -4,7 +4,8 @@ No ROS is in here. It is read from the source of kinova-ros (commit 924781d, 202
 they tell. It was never compared with a real arm. Angles are in radians here; the node of ROS converts.
 
 The base keeps a queue and takes one velocity each 10 ms, or goes to the target in front until it is there. Goals of
-FollowJointTrajectory are played in an open loop, a velocity a tick; one that is cancelled kills the driver.
+FollowJointTrajectory are played in an open loop, a velocity a tick; one that is cancelled kills the driver. Under
+torque control it takes torques or forces instead, and forgets the queue.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from jacokin.motion.tracking.tracker import Tracker
 from jacokin.twin.arm import BRAKING, SimulatedArm, State
 from jacokin.twin.faults import TICK, Faults, Line
 from jacokin.twin.goals import Goal, GoalStatus, Record
+from jacokin.twin.torque_control import TorqueControl
 
 QUEUE = 2000  # velocities that the base keeps (README, velocity control)
 JOINT_SPEED = np.radians(20.0)  # [rad/s] of joints_action, jointSpeedLimitParameter1 and 2 where they are not set
@@ -63,7 +65,22 @@ class JointTarget:
     q: Array
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class JointTorque:
+    """Push the joints, under torque control: (dof,) [N m]."""
+
+    torques: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ToolForce:
+    """Push the tool, under torque control: wrench (6,) in base axes, force first [N, N m]."""
+
+    wrench: Array
+
+
 Command = JointVelocity | ToolVelocity | JointTarget
+Push = JointTorque | ToolForce
 
 
 @dataclass(slots=True, eq=False)
@@ -104,6 +121,8 @@ class KinovaDriver:
         arm: that it moves.
         died: why the driver has died, as the real one would; empty while it lives.
         is_stopped: whether the service `stop` forbids motion.
+        torque_control: the mode of the base in which it takes torques.
+        T_end_effector_tool: the tool, which `set_end_effector_offset` moves.
     """
 
     def __init__(self, arm: SimulatedArm, *, faults: Faults | None = None, seed: int = 0) -> None:
@@ -115,7 +134,9 @@ class KinovaDriver:
             seed: from which faults are drawn.
         """
         self.arm, self.died, self.is_stopped = arm, "", False
-        self._line: Line[Command, State] = Line(Faults() if faults is None else faults, seed)
+        self.torque_control = TorqueControl(arm)
+        self.T_end_effector_tool = pin.SE3.Identity()
+        self._line: Line[Command | Push, State] = Line(Faults() if faults is None else faults, seed)
         self._line.tick(arm.state)
         self._lock = threading.RLock()
         self._queue: deque[Command] = deque(maxlen=QUEUE)
@@ -161,6 +182,50 @@ class KinovaDriver:
                 goals=self._goals,
                 waiting=len(self._queue),
             )
+
+    def tool_pose(self, q: Array) -> pin.SE3:
+        """T_base_tool at angles (dof,) [rad]."""
+        return self.arm.robot.forward_kinematics(q) * self.T_end_effector_tool
+
+    def set_end_effector_offset(self, offset: ArrayLike | None) -> None:
+        """`in/set_end_effector_offset`: move the tool (3,) along the axes of the end effector [m]; None: back there.
+
+        Raises:
+            InvalidInputError: not so many finite numbers.
+        """
+        moved = np.zeros(3) if offset is None else checks.vector("offset", offset, 3, "m")
+        with self._lock:
+            self.T_end_effector_tool = pin.SE3(np.eye(3), moved)
+
+    def set_torque_control(self, *, on: bool) -> None:
+        """`in/set_torque_control_mode`: take torques and forces; or hold positions, and take what moves there."""
+        with self._lock:
+            if not self.died:
+                self._last = self.arm.state.time
+                self._clear()
+                self.torque_control.turn(on=on)
+
+    def joint_torque(self, torques: ArrayLike) -> None:
+        """`in/joint_torque`: torques (dof,), on top of what holds the arm [N m].
+
+        Raises:
+            InvalidInputError: not so many finite numbers.
+        """
+        self._push(JointTorque(checks.vector("torques", torques, self.arm.robot.dof, "N m")))
+
+    def tool_force(self, wrench: ArrayLike) -> None:
+        """`in/cartesian_force`: a wrench (6,) at the tool, in base axes, force first [N, N m].
+
+        Raises:
+            InvalidInputError: not so many finite numbers.
+        """
+        self._push(ToolForce(checks.vector("wrench", wrench, 6, "N, N m")))
+
+    def _push(self, command: Push) -> None:
+        with self._lock:
+            if not (self.died or self.is_stopped):
+                self._last = self.arm.state.time
+                self._line.send(command)
 
     def finger_turns(self, fingers: Array) -> Array:
         """Angles of fingers (k,) [rad] as the driver counts them, 0 open, 6800 closed."""
@@ -225,7 +290,7 @@ class KinovaDriver:
         )
 
     def go_to_pose(self, pose: pin.SE3 | ArrayLike) -> Goal:
-        """`pose_action/tool_pose`: take the tool to T_base_tool, or as near as it comes.
+        """`pose_action/tool_pose`: take the tool to T_base_tool, or as near as it comes, after what is in the queue.
 
         The joints go together to the nearest configuration; the real base leads the tool in a line.
 
@@ -233,13 +298,12 @@ class KinovaDriver:
             InvalidInputError: malformed pose.
         """
         target = checked_pose(pose, "pose")
-        found = self._solver.solve(target, seed=self.state.command.clip(*self._limits))
 
         def read(state: State) -> Array:
-            return np.concatenate(_from_to(self.arm.robot.forward_kinematics(state.q), target))
+            return np.concatenate(_from_to(self.tool_pose(state.q), target))
 
         return self._go(
-            JointTarget(found.q),
+            self._at_pose(target),
             Watch(
                 read=read,
                 distance=lambda one, other: np.abs(one - other),
@@ -250,7 +314,27 @@ class KinovaDriver:
                 seen=read(self.state),
                 since=0.0,
             ),
+            clears=False,
         )
+
+    def add_pose(self, pose: pin.SE3 | ArrayLike) -> None:
+        """`in/add_pose_to_Cartesian_trajectory`: take the tool to T_base_tool after what is in the queue.
+
+        Raises:
+            InvalidInputError: malformed pose.
+        """
+        target = checked_pose(pose, "pose")
+        with self._lock:
+            if not (self.died or self.is_stopped):
+                self._last = self.arm.state.time
+                self._queue.append(self._at_pose(target))
+
+    def _at_pose(self, T_base_tool: pin.SE3) -> JointTarget:
+        """The configuration nearest to that of the last target in the queue, or to that of the arm."""
+        with self._lock:
+            last = next((each.q for each in reversed(self._queue) if isinstance(each, JointTarget)), self.state.command)
+            target = T_base_tool * self.T_end_effector_tool.inverse()
+            return JointTarget(self._solver.solve(target, seed=last.clip(*self._limits)).q)
 
     def move_fingers(self, turns: ArrayLike) -> Goal:
         """`fingers_action/finger_positions`: move fingers to (k,) turns of their motors; clears the queue.
@@ -276,13 +360,15 @@ class KinovaDriver:
             self.arm.move_fingers(self.finger_angles(turns))
         return goal
 
-    def _go(self, command: Command | None, watch: Watch) -> Goal:
+    def _go(self, command: Command | None, watch: Watch, *, clears: bool = True) -> Goal:
+        """Go there, after the queue, or at once if it clears that (the arguments `push` of kinova_comm.h)."""
         with self._lock:
             goal = Goal()
             if self.died or self.is_stopped:
                 goal.end(GoalStatus.ABORTED, self.died or "the arm is stopped: call in/start")
                 return goal
-            self._clear()
+            if clears:
+                self._clear()
             self._goals += 1
             logger.info("a goal")
             self._last = watch.since = self.arm.state.time
@@ -387,13 +473,26 @@ class KinovaDriver:
         with self._lock:
             if self._playing is not None:
                 self._play(self._playing)
-            self._queue.extend(self._line.arrived())
-            velocity = self._next_velocity()
-            state = self.arm.tick(velocity)
-            self._line.tick(state)
+            for command in self._line.arrived():
+                self._take(command)
+            if self.torque_control.is_on and not self.is_stopped:
+                self._queue.clear()
+                self.torque_control.tick()
+            else:
+                self.arm.tick(self._next_velocity())
+            self._line.tick(self.arm.state)
             self._ticks += 1
             if self._ticks % round(PERIOD / TICK) == 0:
                 self._look()
+
+    def _take(self, command: Command | Push) -> None:
+        """Take what arrives at the base."""
+        if isinstance(command, JointTorque):
+            self.torque_control.take(command.torques)
+        elif isinstance(command, ToolForce):
+            self.torque_control.take_force(command.wrench)
+        else:
+            self._queue.append(command)
 
     def _play(self, playing: Playing) -> None:
         """Send the velocity of a point, until its time has come (kinova_joint_trajectory_controller.cpp)."""
@@ -423,7 +522,7 @@ class KinovaDriver:
             if not self._is_tracking:
                 self._tracker.reset(np.clip(self.arm.state.command, *self._limits))
                 self._is_tracking = True
-            return self._tracker.step(twist=command.twist).v
+            return self._tracker.step(twist=self._at_end_effector(command.twist)).v
         self._is_tracking, self._last = False, self.arm.state.time
         way = command.q - self.arm.state.command
         farthest = np.abs(way)
@@ -433,6 +532,12 @@ class KinovaDriver:
         speeds = np.minimum(self._speed, np.sqrt(BRAKING * farthest))  # as joints stop, half as hard as they could
         moves = farthest > REACHED
         return np.asarray(way * min(1.0 / TICK, (speeds[moves] / farthest[moves]).min()))  # all together
+
+    def _at_end_effector(self, twist: Array) -> Array:
+        """The twist (6,) of the end effector, where the tool has this one."""
+        rotation = self.arm.robot.forward_kinematics(self.arm.state.q).rotation
+        lever = rotation @ self.T_end_effector_tool.translation
+        return np.concatenate([twist[:3] - np.cross(twist[3:], lever), twist[3:]])
 
     def _look(self) -> None:
         """Look how goals stand, 10 times a second."""

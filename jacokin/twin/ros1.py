@@ -5,9 +5,9 @@ ROS is imported when the node is made; the messages of kinova_msgs are made here
 
 from __future__ import annotations
 
+import functools
 import importlib
 import socket
-import threading
 import time
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
@@ -17,7 +17,7 @@ import pinocchio as pin
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
-from jacokin.model.poses import pose_to_kinova
+from jacokin.model.poses import pose_from_kinova, pose_to_kinova
 from jacokin.twin.arm import State
 from jacokin.twin.faults import TICK
 from jacokin.twin.goals import Goal, GoalStatus
@@ -38,6 +38,7 @@ ANSWER = 10.0  # [s] that a master may take
 CLOSURE_GAIN = 2.0  # [1/s] velocity of fingers per distance (kinova_arm.cpp, cartesianVelocityWithFingersCallback)
 CLOSURE_NEAR = 20.0  # [turns] to which they go
 TIP_JOINTS = 0.0  # [rad] what the driver says of them
+SINGULAR = 0.05  # of the largest singular value: weaker directions of a wrench are not told
 DYING = 0.5  # [s] for which the base of the arm is simulated on
 
 
@@ -64,10 +65,10 @@ class Ros1Action:
             refuse: why a message is rejected; empty where it is not.
         """
         self._start, self._cancel, self._result, self._refuse = start, cancel, result, refuse
-        self._lock = threading.RLock()
         self._active: tuple[Any, Goal] | None = None
         server = importlib.import_module("actionlib").ActionServer
         self._server = server(name, kind, self._accept, self._withdraw, auto_start=False)
+        self._lock = self._server.lock  # a second one would be taken in the other order when a goal ends as one comes
         self._server.start()
 
     def _accept(self, handle: Any) -> None:
@@ -141,6 +142,8 @@ class Ros1Node:
         speeds = [rospy.get_param(f"{node}/jointSpeedLimitParameter{part}", 20.0) for part in (1, 2)]  # [deg/s]
         dof = driver.arm.robot.dof
         driver.set_joint_speed(np.radians([speeds[joint > 2] for joint in range(dof)]))
+        compensated = f"{node}/torque_parameters/publish_torque_with_gravity_compensation"
+        self._is_compensated = bool(rospy.get_param(compensated, False))
         self._period = float(rospy.get_param(f"{node}/status_interval_seconds", PERIOD))
         self._joint_names = [f"{name}_joint_{joint + 1}" for joint in range(dof)]
         fingers = range(1, len(driver.arm.state.fingers) + 1)
@@ -169,6 +172,7 @@ class Ros1Node:
             "joint_state": self._sensors.JointState,
             "tool_pose": self._geometry.PoseStamped,
             "cartesian_command": messages.KinovaPose,
+            "tool_wrench": self._geometry.WrenchStamped,
             "finger_position": messages.FingerPosition,
         }
 
@@ -184,13 +188,29 @@ class Ros1Node:
                 messages.PoseVelocityWithFingerVelocity,
                 self._take_finger_velocity,
             ),
+            ("joint_torque", messages.JointTorque, self._take_torques),
+            ("cartesian_force", messages.CartesianForce, self._take_force),
         ):
             rospy.Subscriber(f"{node}/in/{topic}", kind, take, queue_size=1)
 
     def _take_joints(self, message: Any) -> None:
-        v = np.radians([getattr(message, f"joint{joint + 1}") for joint in range(len(self._joint_names))])
+        v = np.radians(self._joint_values(message))
         if np.isfinite(v).all():
             self._driver.joint_velocity(v)
+
+    def _take_torques(self, message: Any) -> None:
+        torques = self._joint_values(message)
+        if np.isfinite(torques).all():
+            self._driver.joint_torque(torques)
+
+    def _take_force(self, message: Any) -> None:
+        wrench = np.array([getattr(message, f"{part}_{axis}") for part in ("force", "torque") for axis in "xyz"])
+        if np.isfinite(wrench).all():
+            self._driver.tool_force(wrench)
+
+    def _joint_values(self, message: Any) -> Array:
+        """What a message says of each joint (dof,), in its unit."""
+        return np.array([getattr(message, f"joint{joint + 1}") for joint in range(len(self._joint_names))])
 
     def _take_twist(self, message: Any) -> None:
         self._move_tool(message, None)
@@ -215,33 +235,68 @@ class Ros1Node:
             driver.tool_velocity(twist, speeds)
 
     def _serve(self, node: str) -> None:
-        driver, messages = self._driver, self._messages
+        """Serve what the driver serves; what has no effect on a simulated arm is answered all the same."""
+        driver = self._driver
 
-        def stop(_: Any) -> Any:
-            driver.stop()
-            return messages.StopResponse("Arm stopped")
-
-        def start(_: Any) -> Any:
-            driver.start()
-            return messages.StartResponse("Arm started")
-
-        def clear(_: Any) -> Any:
-            driver.clear_trajectories()
-            return messages.ClearTrajectoriesResponse("")
-
-        def home(_: Any) -> Any:
+        def home(_: Any) -> str:
             goal = driver.home()
             while not goal.has_ended and not self._rospy.is_shutdown():
                 time.sleep(TICK)
-            return messages.HomeArmResponse("KINOVA ARM HAS BEEN RETURNED HOME")
+            return "KINOVA ARM HAS BEEN RETURNED HOME"
 
-        for name, kind, answer in (
-            ("stop", messages.Stop, stop),
-            ("start", messages.Start, start),
-            ("clear_trajectories", messages.ClearTrajectories, clear),
-            ("home_arm", messages.HomeArm, home),
+        def add_pose(request: Any) -> None:
+            position, angles = [request.X, request.Y, request.Z], [request.ThetaX, request.ThetaY, request.ThetaZ]
+            driver.add_pose(pose_from_kinova(1e3 * np.array(position), np.degrees(angles)))
+
+        def move_tool(request: Any) -> None:
+            at = request.offset
+            driver.set_end_effector_offset([at.x, at.y, at.z] if request.status else None)
+
+        def set_torque_parameters(_: Any) -> str:
+            name = f"{node}/torque_parameters/safety_factor"
+            driver.torque_control.safety_factor = float(self._rospy.get_param(name, 1.0))
+            return ""
+
+        def estimate_masses(_: Any) -> str:
+            raise self._rospy.ServiceException("the twin does not simulate how the arm estimates its centres of mass")
+
+        for name, kind, act, answer in (
+            ("stop", "Stop", driver.stop, "Arm stopped"),
+            ("start", "Start", driver.start, "Arm started"),
+            ("clear_trajectories", "ClearTrajectories", driver.clear_trajectories, ""),
+            ("start_force_control", "Start", None, "Start force control requested."),
+            ("stop_force_control", "Stop", None, "Stop force control requested."),
+            ("set_zero_torques", "ZeroTorques", None, ""),
         ):
-            self._rospy.Service(f"{node}/in/{name}", kind, answer)
+            self._service(f"{node}/in/{name}", kind, functools.partial(_done, act, answer))
+        for name, kind, serve in (
+            ("home_arm", "HomeArm", home),
+            ("add_pose_to_Cartesian_trajectory", "AddPoseToCartesianTrajectory", add_pose),
+            ("set_end_effector_offset", "SetEndEffectorOffset", move_tool),
+            ("set_torque_control_parameters", "SetTorqueControlParameters", set_torque_parameters),
+            (
+                "set_torque_control_mode",
+                "SetTorqueControlMode",
+                lambda request: driver.set_torque_control(on=bool(request.state)),
+            ),
+            ("run_COM_parameters_estimation", "RunCOMParametersEstimation", estimate_masses),
+            ("set_force_control_params", "SetForceControlParams", lambda _: None),
+            ("set_null_space_mode_state", "SetNullSpaceModeState", lambda _: None),
+        ):
+            self._service(f"{node}/in/{name}", kind, serve)
+
+    def _service(self, name: str, kind: str, serve: Callable[[Any], str | None]) -> None:
+        """Serve a service, whose answer is a text, or empty."""
+        answer = getattr(self._messages, f"{kind}Response")
+
+        def answered(request: Any) -> Any:
+            try:
+                text = serve(request)
+            except InvalidInputError as why:
+                raise self._rospy.ServiceException(str(why)) from why
+            return answer() if text is None else answer(text)
+
+        self._rospy.Service(name, getattr(self._messages, kind), answered)
 
     def _act(self, node: str, control: Any) -> list[Ros1Action]:
         driver, messages = self._driver, self._messages
@@ -251,7 +306,18 @@ class Ros1Node:
             q = np.radians([getattr(goal.angles, f"joint{joint + 1}") for joint in joints])
             return driver.go_to_angles(q)
 
+        def is_no_pose(goal: Any) -> str:
+            at, turned = goal.pose.pose.position, goal.pose.pose.orientation
+            numbers = np.array([at.x, at.y, at.z, turned.x, turned.y, turned.z, turned.w])
+            is_fine = goal.pose.header.frame_id == self._base and np.isfinite(numbers).all() and numbers[3:].any()
+            return "" if is_fine else f"poses are in {self._base} here, with a quaternion"
+
         def pose(goal: Any) -> Goal:
+            why = is_no_pose(goal)
+            if why:
+                ended = Goal()
+                ended.end(GoalStatus.ABORTED, why)
+                return ended
             at, turned = goal.pose.pose.position, goal.pose.pose.orientation
             quaternion = np.array([turned.x, turned.y, turned.z, turned.w])
             rotation = pin.Quaternion(quaternion / np.linalg.norm(quaternion)).toRotationMatrix()
@@ -260,12 +326,6 @@ class Ros1Node:
         def close(goal: Any) -> Goal:
             turns = np.array([getattr(goal.fingers, f"finger{finger + 1}") for finger in fingers])
             return driver.move_fingers(turns.clip(0.0, TURNS))
-
-        def is_no_pose(goal: Any) -> str:
-            at, turned = goal.pose.pose.position, goal.pose.pose.orientation
-            numbers = np.array([at.x, at.y, at.z, turned.x, turned.y, turned.z, turned.w])
-            is_fine = goal.pose.header.frame_id == self._base and np.isfinite(numbers).all() and numbers[3:].any()
-            return "" if is_fine else f"poses are in {self._base} here, with a quaternion"
 
         def is_of_others(goal: Any) -> str:
             if sorted(goal.trajectory.joint_names) != sorted(self._joint_names):
@@ -301,7 +361,7 @@ class Ros1Node:
                     messages.ArmPoseAction,
                     pose,
                     lambda _: messages.ArmPoseResult(self._pose(driver.state)),
-                    is_no_pose,
+                    lambda _: "",
                 ),
                 (
                     f"{node}/fingers_action/finger_positions",
@@ -378,13 +438,13 @@ class Ros1Node:
         now, publish = self._now(), {topic: each.publish for topic, each in self._publishers.items()}
         publish["joint_angles"](self._angles(np.degrees(state.q)))
         publish["joint_command"](self._angles(np.degrees(state.command)))
-        publish["joint_torques"](self._angles(state.torques))
+        publish["joint_torques"](self._angles(self._torques(state)))
         publish["joint_state"](self._joint_state(state, now))
         publish["finger_position"](self._finger_position(state))
         publish["tool_pose"](self._pose(state, now))
-        robot = self._driver.arm.robot
-        position, angles = pose_to_kinova(robot.forward_kinematics(state.command))
+        position, angles = pose_to_kinova(self._driver.tool_pose(state.command))
         publish["cartesian_command"](self._messages.KinovaPose(*(1e-3 * position), *np.radians(angles)))
+        publish["tool_wrench"](self._wrench(state, now))
 
     def _angles(self, values: Array) -> Any:
         return self._messages.JointAngles(*values.tolist(), *[0.0] * (7 - len(values)))
@@ -401,13 +461,13 @@ class Ros1Node:
             name=self._state_names,
             position=[*state.q.tolist(), *fingers, *[TIP_JOINTS] * len(fingers)],
             velocity=[*state.v.tolist(), *rest],
-            effort=[*state.torques.tolist(), *rest],
+            effort=[*self._torques(state).tolist(), *rest],
         )
         message.header.stamp = now
         return message
 
     def _pose(self, state: State, now: Any = None) -> Any:
-        T = self._driver.arm.robot.forward_kinematics(state.q)
+        T = self._driver.tool_pose(state.q)
         message = self._geometry.PoseStamped()
         message.header.stamp = self._now() if now is None else now
         message.header.frame_id = self._base
@@ -416,12 +476,38 @@ class Ros1Node:
         turned.x, turned.y, turned.z, turned.w = pin.Quaternion(T.rotation).coeffs().tolist()
         return message
 
+    def _torques(self, state: State) -> Array:
+        """The torques (dof,) that are published, with what holds the arm up unless a parameter says no [N m]."""
+        if not self._is_compensated:
+            return state.torques
+        return state.torques - self._driver.arm.robot.gravity(state.q)
+
+    def _wrench(self, state: State, now: Any) -> Any:
+        """What pushes the tool, in base axes, by what the torques leave unexplained at rest."""
+        robot = self._driver.arm.robot
+        external = robot.gravity(state.q) - state.torques
+        force = np.linalg.pinv(robot.jacobian(state.q, frame="end_effector").T, rcond=SINGULAR) @ external
+        message = self._geometry.WrenchStamped()
+        message.header.stamp, message.header.frame_id = now, self._base
+        pushes, turns = message.wrench.force, message.wrench.torque
+        pushes.x, pushes.y, pushes.z = force[:3].tolist()
+        # publishToolWrench of kinova_arm.cpp converts torques as if they were velocities.
+        turns.x, turns.y, turns.z = np.radians(force[3:]).tolist()
+        return message
+
     def _picture(self, camera: Camera) -> None:
         picture = camera.take()
         message = self._sensors.Image(encoding="rgb8", height=picture.shape[0], width=picture.shape[1])
         message.step, message.data = 3 * picture.shape[1], picture.tobytes()
         message.header.stamp, message.header.frame_id = self._now(), camera.name
         self._pictures[camera.name].publish(message)
+
+
+def _done(act: Callable[[], None] | None, answer: str, _: Any) -> str:
+    """Do something, if there is anything to do; returns the answer of its service."""
+    if act is not None:
+        act()
+    return answer
 
 
 def _check_master() -> None:

@@ -16,11 +16,19 @@ JOINTS = "".join(f"float32 joint{j}\n" for j in range(1, 8))
 TWIST = "".join(f"float32 twist_{part}_{axis}\n" for part in ("linear", "angular") for axis in "xyz")
 FINGERS = "".join(f"float32 finger{j}\n" for j in range(1, 4))
 POSE = "geometry_msgs/PoseStamped pose\n"
+POSE_PARTS = "".join(f"float32 {name}\n" for name in ("X", "Y", "Z", "ThetaX", "ThetaY", "ThetaZ"))
+FORCE_PARTS = "".join(
+    f"geometry_msgs/Vector3 {what}_{part}\n"
+    for what in ("inertia", "damping", "force_min", "force_max")
+    for part in ("linear", "angular")
+)
 KINOVA = {
     "JointAngles": JOINTS,
     "JointVelocity": JOINTS,
+    "JointTorque": JOINTS,
     "FingerPosition": FINGERS,
-    "KinovaPose": "".join(f"float32 {name}\n" for name in ("X", "Y", "Z", "ThetaX", "ThetaY", "ThetaZ")),
+    "CartesianForce": "".join(f"float32 {part}_{axis}\n" for part in ("force", "torque") for axis in "xyz"),
+    "KinovaPose": POSE_PARTS,
     "PoseVelocity": TWIST,
     "PoseVelocityWithFingers": f"{TWIST}float32 fingers_closure_percentage\n",
     "PoseVelocityWithFingerVelocity": f"{TWIST}{FINGERS}",
@@ -30,11 +38,19 @@ KINOVA_ACTIONS = {  # what goal, result and feedback are alike
     "ArmPose": POSE,
     "SetFingersPosition": "FingerPosition fingers\n",
 }
-KINOVA_SERVICES = {  # the field of the answer
-    "Stop": "string stop_result",
-    "Start": "string start_result",
-    "HomeArm": "string homearm_result",
-    "ClearTrajectories": "string result",
+KINOVA_SERVICES = {  # the fields of the question, and of the answer
+    "Stop": ("", "string stop_result\n"),
+    "Start": ("", "string start_result\n"),
+    "HomeArm": ("", "string homearm_result\n"),
+    "ClearTrajectories": ("", "string result\n"),
+    "AddPoseToCartesianTrajectory": (POSE_PARTS, ""),
+    "SetEndEffectorOffset": ("uint16 status\ngeometry_msgs/Vector3 offset\n", ""),
+    "SetForceControlParams": (FORCE_PARTS, ""),
+    "SetNullSpaceModeState": ("uint16 state\n", ""),
+    "SetTorqueControlMode": ("uint16 state\n", ""),
+    "SetTorqueControlParameters": ("", "string result\n"),
+    "ZeroTorques": ("", "string result\n"),
+    "RunCOMParametersEstimation": ("", "string result\n"),
 }
 CODES = {
     "SUCCESSFUL": 0,
@@ -79,11 +95,11 @@ def kinova_msgs() -> SimpleNamespace:
     texts = dict(KINOVA)
     for name, text in KINOVA_ACTIONS.items():
         texts |= action(name, text, text, text)
-    services = {f"{name}{part}": "" for name in KINOVA_SERVICES for part in ("Request", "Response")}
-    services |= {f"{name}Response": text for name, text in KINOVA_SERVICES.items()}
-    made = _make("kinova_msgs", texts | services)
-    for name, text in KINOVA_SERVICES.items():
-        made[name] = _service(name, made[f"{name}Request"], made[f"{name}Response"], f"---\n{text}\n")
+    for name, (question, answer) in KINOVA_SERVICES.items():
+        texts |= {f"{name}Request": question, f"{name}Response": answer}
+    made = _make("kinova_msgs", texts)
+    for name, (question, answer) in KINOVA_SERVICES.items():
+        made[name] = _service(name, made[f"{name}Request"], made[f"{name}Response"], f"{question}---\n{answer}")
     return SimpleNamespace(**made)
 
 
@@ -106,6 +122,7 @@ def _make(package: str, texts: dict[str, str]) -> dict[str, Any]:
             ("geometry_msgs", "Pose"),
             ("geometry_msgs", "Point"),
             ("geometry_msgs", "Quaternion"),
+            ("geometry_msgs", "Vector3"),
             ("trajectory_msgs", "JointTrajectory"),
             ("trajectory_msgs", "JointTrajectoryPoint"),
         )
@@ -121,6 +138,8 @@ def _service(name: str, request: Any, response: Any, text: str) -> type:
     """The class of a service, as rospy wants it."""
     loader = importlib.import_module("genmsg.msg_loader")
     context = loader.MsgContext.create_default()
+    vector = importlib.import_module("geometry_msgs.msg").Vector3
+    loader.load_msg_from_string(context, vector._full_text, vector._type)
     spec = loader.load_srv_from_string(context, text, f"kinova_msgs/{name}")
     checksum = importlib.import_module("genmsg.gentools").compute_md5(context, spec)
     fields = {

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
 import subprocess
 import sys
+from collections import deque
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -15,7 +17,7 @@ import pytest
 
 import jacokin
 from examples import send_trajectory
-from examples.send_trajectory import PERIOD, Rehearsal, StoppedError, read_velocities, send_velocities
+from examples.send_trajectory import PERIOD, AwayError, Rehearsal, StoppedError, read_velocities, send_velocities
 from jacokin.motion import Trajectory, move_joints
 
 
@@ -103,6 +105,55 @@ def test_ctrl_c_ends_with_zero(rows: tuple[list[list[float]], list[list[float]]]
     with pytest.raises(KeyboardInterrupt):
         send_velocities(*rows, arm, arm)
     assert arm.sent[-1][1] == [0.0] * 6
+
+
+def test_an_arm_that_goes_on_is_waited_for(rows: tuple[list[list[float]], list[list[float]]]) -> None:
+    """The last rows come late: how far the arm ends is read once it stands."""
+    arm, late = Faulty(rows[0][0]), deque[tuple[float, list[float]]]()
+    publish, wait, count = arm.publish, arm.sleep, itertools.count()
+
+    def sleep(seconds: float) -> None:
+        wait(seconds)
+        while late and late[0][0] <= arm.time:
+            publish(late.popleft()[1])
+
+    lag = [0.0] * (len(rows[1]) - 30) + [0.4] * 100
+    arm.publish = lambda velocities: late.append((arm.time + lag[next(count)], velocities))  # type: ignore[method-assign]
+    arm.sleep = sleep  # type: ignore[method-assign]
+    assert send_velocities(*rows, arm, arm) < 1e-6
+    assert len(arm.sent) > len(rows[1])
+
+
+def test_an_arm_of_which_nothing_is_heard_in_the_end(rows: tuple[list[list[float]], list[list[float]]]) -> None:
+    arm = Faulty(rows[0][0], silent_after=PERIOD * len(rows[1]))
+    with pytest.raises(AwayError, match="nothing says where the arm is"):
+        send_velocities(*rows, arm, arm)
+    assert arm.sent[-1][1] == [0.0] * 6
+
+
+@pytest.mark.parametrize(("speed", "tolerance", "status"), [(1.0, 0.5, 0), (0.99, 0.5, 1), (0.99, 2.0, 0)])
+def test_the_exit_code_says_whether_the_arm_is_there(
+    motion: Trajectory,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    speed: float,
+    tolerance: float,
+    status: int,
+) -> None:
+    motion.save(tmp_path / "m.kinova.csv")
+    words = [str(tmp_path / "m.kinova.csv"), "--rehearse", "--tolerance", str(tolerance)]
+    monkeypatch.setattr("sys.argv", ["send_trajectory.py", *words])
+    monkeypatch.setattr(send_trajectory, "Rehearsal", functools.partial(Faulty, speed=speed))
+    monkeypatch.setattr("signal.signal", lambda *_: None)
+    try:
+        send_trajectory.main()
+        code, said = 0, capsys.readouterr().out
+    except SystemExit as end:
+        code, said = 1, str(end)
+    assert code == status
+    assert "the arm ends" in said
+    assert said.startswith("not there: ") == bool(status)
 
 
 def test_other_files_are_refused(tmp_path: Path) -> None:

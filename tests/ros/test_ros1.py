@@ -143,7 +143,7 @@ def test_a_controller_that_ends_elsewhere_is_not_believed(ros: Ros, motion: Traj
     with ros.arm(HERE / "arm.py", "--short", "3.0", *where(motion, 0)):
         status, _, errors = ros.send(files / "m.json", *OTHER)
     assert status == 1
-    assert "the arm is 3.0 deg from it" in errors
+    assert "the arm ends 3.00 deg from the last point (0.5 allowed)" in errors
 
 
 def test_a_goal_that_does_not_end_is_cancelled(ros: Ros, motion: Trajectory, files: Path) -> None:

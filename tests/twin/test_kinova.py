@@ -208,6 +208,102 @@ def test_a_cartesian_velocity_moves_the_tool_in_base_axes() -> None:
     np.testing.assert_allclose(pin.log3(end.rotation @ start.rotation.T), [0.0, 0.0, 0.2], atol=1e-2)
 
 
+def test_a_pose_goal_waits_for_the_queue_and_poses_line_up() -> None:
+    """kinova_comm.h: `setCartesianPosition` clears no queue."""
+    made = driver()
+    robot = made.arm.robot
+    start = robot.forward_kinematics(robot.home)
+    for _ in range(100):
+        made.joint_velocity(np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.3]))
+    made.tick()
+    goal = made.go_to_pose(start)
+    pass_time(made, 0.9)
+    assert made.arm.state.q[5] - robot.home[5] == pytest.approx(0.3, abs=0.05)
+    wait(made, goal)
+    assert goal.status is GoalStatus.SUCCEEDED
+    lower, aside = start.translation - [0.0, 0.0, 0.05], start.translation - [0.0, 0.05, 0.05]
+    made.add_pose(pin.SE3(start.rotation, lower))
+    made.add_pose(pin.SE3(start.rotation, aside))
+    heights = []
+    for _ in range(300):
+        made.tick()
+        heights.append(np.linalg.norm(robot.forward_kinematics(made.arm.state.q).translation - lower))
+    assert min(heights) < 3e-3
+    end = robot.forward_kinematics(made.arm.state.q)
+    np.testing.assert_allclose(end.translation, aside, atol=1e-3)
+
+
+def test_an_offset_moves_the_tool_that_is_told_and_led() -> None:
+    made = driver()
+    robot = made.arm.robot
+    start = robot.forward_kinematics(robot.home)
+    made.set_end_effector_offset([0.0, 0.0, 0.1])
+    tool = made.tool_pose(robot.home)
+    np.testing.assert_allclose(tool.translation, start.translation + 0.1 * start.rotation[:, 2], atol=1e-12)
+    target = pin.SE3(tool.rotation @ pin.exp3(np.array([0.2, 0.0, 0.0])), tool.translation)
+    wait(made, made.go_to_pose(target))
+    pass_time(made, 0.5)
+    error = target.actInv(made.tool_pose(made.arm.state.q))
+    assert np.linalg.norm(error.translation) < 1e-3
+    for _ in range(100):
+        made.tool_velocity(np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.3]))
+        made.tick()
+    turned = made.tool_pose(made.arm.state.command)  # it turns about the tool
+    np.testing.assert_allclose(turned.translation, target.translation, atol=2e-3)
+    np.testing.assert_allclose(pin.log3(turned.rotation @ target.rotation.T), [0.0, 0.0, 0.3], atol=0.01)
+    made.set_end_effector_offset(None)
+    assert made.tool_pose(robot.home) == start
+
+
+def test_under_torque_control_the_arm_is_held_and_torques_push_it() -> None:
+    """README, torque control: gravity is compensated; what is not said for 0.25 s is zero."""
+    made = driver()
+    home = made.arm.robot.home
+    made.set_torque_control(on=True)
+    made.joint_velocity(np.array([0.3, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    pass_time(made, 2.0)
+    assert away(made, home) < 1e-3  # friction holds it; velocities are nothing here
+    for _ in range(50):
+        made.joint_torque(np.array([5.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
+        made.tick()
+    speed, q = made.arm.state.v[0], made.arm.state.q
+    assert 0.1 < speed < made.arm.robot.velocity_limit[0]
+    np.testing.assert_allclose(q[1:], home[1:], atol=0.01)
+    pass_time(made, 1.5)
+    assert abs(made.arm.state.v[0]) < 0.01  # friction alone
+    assert made.arm.state.q[0] > q[0]
+    made.set_torque_control(on=False)
+    goal = made.go_to_angles(home)
+    wait(made, goal)
+    assert goal.status is GoalStatus.SUCCEEDED
+
+
+def test_a_force_at_the_tool_moves_it_that_way() -> None:
+    made = driver()
+    made.set_torque_control(on=True)
+    before = made.tool_pose(made.arm.state.q).translation
+    for _ in range(60):
+        made.tool_force(np.array([0.0, 0.0, -30.0, 0.0, 0.0, 0.0]))
+        made.tick()
+    assert (made.tool_pose(made.arm.state.q).translation - before)[2] < -0.02
+
+
+@pytest.mark.parametrize("factor", [0.3, 1.0])
+def test_torques_break_no_limit(factor: float) -> None:
+    """What is too fast for the safety factor, or near a limit, takes the arm back to where it holds its place."""
+    made = driver()
+    made.torque_control.safety_factor = factor
+    made.set_torque_control(on=True)
+    for _ in range(800):
+        made.joint_torque(np.array([0.0, 30.0, 0.0, 0.0, 0.0, 0.0]))
+        made.tick()
+    assert not made.torque_control.is_on
+    record = made.record()
+    assert record.margin > 0.0
+    assert record.speed < factor + 0.1
+    assert np.abs(made.arm.state.v).max() < 0.02
+
+
 def test_fingers_move_in_turns_and_stop_the_joints(motion: Trajectory) -> None:
     """Issues 67 and 224: fingers and joints do not go together by actions."""
     made = driver()
@@ -271,6 +367,11 @@ def test_what_is_malformed_is_refused(motion: Trajectory) -> None:
         lambda: made.arm.tick(np.zeros(5)),
         lambda: made.arm.move_fingers([0.0]),
         lambda: made.arm.turn_fingers([np.inf] * 3),
+        lambda: made.joint_torque(np.zeros(5)),
+        lambda: made.tool_force(np.full(6, np.nan)),
+        lambda: made.add_pose(np.eye(3)),
+        lambda: made.set_end_effector_offset([0.0]),
+        lambda: made.arm.tick_torques(np.zeros(5)),
     ):
         with pytest.raises(InvalidInputError):
             call()

@@ -1,5 +1,7 @@
 """A client of kinova-ros' driver that does what those of kinova_demo do; prints JSON about it.
 
+With the word `pushes` it does what they do with torques and forces, and what lines up poses and moves the tool.
+
 They go to where they are told from what the driver says that it leads the arm to: `joint_command` [deg],
 `cartesian_command` [m, and Euler angles in rad, R = Rx Ry Rz], `finger_position` [turns].
 """
@@ -9,11 +11,13 @@ from __future__ import annotations
 import json
 import math
 import os
+import sys
 import time
 from typing import Any
 
 import actionlib
 import rospy
+from geometry_msgs.msg import PoseStamped, Vector3, WrenchStamped
 from sensor_msgs.msg import JointState
 
 from jacokin.twin.ros1_messages import kinova_msgs
@@ -28,9 +32,21 @@ def hear(topic: str, kind: Any) -> Any:
     return rospy.wait_for_message(f"{DRIVER}/out/{topic}", kind, timeout=10.0)
 
 
-def call(name: str, kind: Any) -> Any:
+def call(name: str, kind: Any, *words: Any, **named: Any) -> Any:
     rospy.wait_for_service(f"{DRIVER}/in/{name}", timeout=10.0)
-    return rospy.ServiceProxy(f"{DRIVER}/in/{name}", kind)()
+    return rospy.ServiceProxy(f"{DRIVER}/in/{name}", kind)(*words, **named)
+
+
+def stream(topic: str, kind: Any, *values: float) -> None:
+    """A second of a command at 100 Hz, and half a second to stand."""
+    publisher = rospy.Publisher(f"{DRIVER}/in/{topic}", kind, queue_size=1)
+    while not publisher.get_num_connections():
+        time.sleep(0.01)
+    rate = rospy.Rate(100)
+    for _ in range(100):
+        publisher.publish(*values)
+        rate.sleep()
+    time.sleep(0.5)
 
 
 def ask(action: str, kind: Any, goal: Any, seconds: float = 20.0) -> int:
@@ -66,6 +82,51 @@ def apart(one: Any, other: Any) -> tuple[float, float]:
     return math.dist((at.x, at.y, at.z), (there.x, there.y, there.z)), 2.0 * math.acos(min(1.0, cosine))
 
 
+def push(record: dict[str, Any]) -> None:
+    """What robot_control_modules.py does with torques and forces."""
+    wrench = hear("tool_wrench", WrenchStamped).wrench
+    record["force"] = math.hypot(wrench.force.x, wrench.force.y, wrench.force.z)
+    call("set_zero_torques", messages.ZeroTorques)
+    call("set_torque_control_parameters", messages.SetTorqueControlParameters)
+    before = angles()
+    for mode, name in ((0, "held"), (1, "pushed")):
+        call("set_torque_control_mode", messages.SetTorqueControlMode, mode)
+        stream("joint_torque", messages.JointTorque, 0.0, 0.0, 0.0, 0.0, 0.0, 3.0, 0.0)
+        record[name] = [after - angle for after, angle in zip(angles(), before, strict=True)]
+    before = hear("tool_pose", PoseStamped)
+    stream("cartesian_force", messages.CartesianForce, 0.0, 0.0, -20.0, 0.0, 0.0, 0.0)
+    call("set_torque_control_mode", messages.SetTorqueControlMode, 0)
+    record["sunk"] = hear("tool_pose", PoseStamped).pose.position.z - before.pose.position.z
+    try:
+        call("run_COM_parameters_estimation", messages.RunCOMParametersEstimation)
+    except rospy.ServiceException as why:
+        record["masses"] = str(why)
+
+
+def lead(record: dict[str, Any]) -> None:
+    """Poses that line up, and a tool that is moved; and what has no effect here."""
+    call("clear_trajectories", messages.ClearTrajectories)
+    time.sleep(0.5)
+    led = hear("cartesian_command", messages.KinovaPose)
+    parts = [led.X, led.Y, led.Z + 0.03, led.ThetaX, led.ThetaY, led.ThetaZ]
+    call("add_pose_to_Cartesian_trajectory", messages.AddPoseToCartesianTrajectory, *parts)
+    time.sleep(2.0)
+    at = hear("tool_pose", PoseStamped)
+    record["lined_up"] = at.pose.position.z - led.Z
+    call("set_end_effector_offset", messages.SetEndEffectorOffset, 1, Vector3(0.0, 0.0, 0.1))
+    time.sleep(0.3)
+    record["offset"] = apart(at, hear("tool_pose", PoseStamped))
+    call("set_end_effector_offset", messages.SetEndEffectorOffset, 0, Vector3())
+    time.sleep(0.3)
+    record["no_offset"] = apart(at, hear("tool_pose", PoseStamped))
+    call("set_null_space_mode_state", messages.SetNullSpaceModeState, 0)
+    call("set_force_control_params", messages.SetForceControlParams)
+    record["forces"] = [
+        call("start_force_control", messages.Start).start_result,
+        call("stop_force_control", messages.Stop).stop_result,
+    ]
+
+
 def main() -> None:
     begun = time.monotonic()
     stamps: list[float] = []
@@ -87,8 +148,6 @@ def main() -> None:
     )
     time.sleep(1.0)
     record["joints_off"] = max(abs(a - b) for a, b in zip(angles(), goal, strict=True))
-    from geometry_msgs.msg import PoseStamped
-
     led = hear("cartesian_command", messages.KinovaPose)
     pose = PoseStamped()
     pose.header.frame_id = "j2n6s300_link_base"
@@ -119,14 +178,8 @@ def main() -> None:
     time.sleep(0.5)
     record["rise"] = hear("tool_pose", PoseStamped).pose.position.z - before
     record["closed"] = hear("finger_position", messages.FingerPosition).finger1
-    turning = rospy.Publisher(f"{DRIVER}/in/joint_velocity", messages.JointVelocity, queue_size=1)
-    while not turning.get_num_connections():
-        time.sleep(0.01)
-    before, rate = angles(), rospy.Rate(100)
-    for _ in range(100):
-        turning.publish(0.0, 0.0, 0.0, 0.0, 0.0, 20.0, 0.0)
-        rate.sleep()
-    time.sleep(0.5)
+    before = angles()
+    stream("joint_velocity", messages.JointVelocity, 0.0, 0.0, 0.0, 0.0, 0.0, 20.0, 0.0)
     record["turned"] = [after - angle for after, angle in zip(angles(), before, strict=True)]
     record["stop"] = call("stop", messages.Stop).stop_result
     record["stopped"] = ask(
@@ -137,8 +190,12 @@ def main() -> None:
     record["home"] = call("home_arm", messages.HomeArm).homearm_result
     record["angles"] = angles()
     record["seconds"] = time.monotonic() - begun
-    print(json.dumps(record), flush=True)
-    os._exit(0)
 
 
-main()
+if sys.argv[1:] == ["pushes"]:
+    push(record)
+    lead(record)
+else:
+    main()
+print(json.dumps(record), flush=True)
+os._exit(0)
