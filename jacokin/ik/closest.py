@@ -136,13 +136,15 @@ class ReachBound:
             centre = axes[0] * float(axes[0] @ links[0])
             links[0] = links[0] - centre
         self._shoulder: Array = places[0].act(centre)
+        self._centre = tuple(self._shoulder.tolist())
         self._slack = REACH_SLACK + verifier.options.position_tolerance
         travel = np.where(robot.sliding, np.maximum(np.abs(robot.lower), np.abs(robot.upper)), 0.0)[:count]
         self._radius = _longest(links, [place.rotation for place in places], axes) + float(travel.sum())
 
     def exceeded(self, target: TargetPose) -> Outcome | None:
         """When the target is provably out of reach, whatever the joint angles."""
-        if math.hypot(*(target.position - self._shoulder).tolist()) <= self._radius + self._slack:
+        _, _, _, x, _, _, _, y, _, _, _, z, *_ = target.matrix.ravel().tolist()
+        if math.dist((x, y, z), self._centre) <= self._radius + self._slack:
             return None
         return Outcome(Status.UNREACHABLE, "the target is farther away than the arm is long")
 

@@ -31,11 +31,8 @@ def seed_within_limits(robot: Robot, seed: ArrayLike | None, name: str = "seed")
         return robot.home, ""
     q = robot.configuration(seed, name)
     values = q.tolist()
-    if (
-        inside_exactly(robot.lower.tolist(), values, robot.upper.tolist())
-        and max(values) <= FARTHEST_SEED
-        and min(values) >= -FARTHEST_SEED
-    ):
+    lower, upper = robot.limit_values
+    if inside_exactly(lower, values, upper) and max(values) <= FARTHEST_SEED and min(values) >= -FARTHEST_SEED:
         return q, ""
     q = near_configuration(robot, q, name)
     outside = np.flatnonzero((q < robot.lower) | (q > robot.upper))

@@ -57,7 +57,7 @@ from jacokin.ik.seeds import seed_within_limits
 from jacokin.ik.solutions.points import Points
 from jacokin.ik.solutions.search import SetSearch
 from jacokin.ik.solutions.solution_set import SolutionSet
-from jacokin.ik.targets import Request, Target, TargetPose, interpret
+from jacokin.ik.targets import Request, Target, TargetPose, interpret, pose_matrix
 from jacokin.ik.verification import Candidate, Verifier
 from jacokin.kernels.branches import FAMILY
 from jacokin.kernels.closed_form.batch import BRANCHES, LARGEST_MARGIN
@@ -322,9 +322,15 @@ class IKSolver:
             UnknownNameError: fixed names a joint that is not there.
             StructureError: the robot has no closed form.
         """
-        verifier = self._verifier
-        wanted = interpret(target, verifier.frame)
-        start = seed_within_limits(verifier.robot, seed)[0].copy()  # the set keeps it
+        verifier, form = self._verifier, self._usable_form
+        pose = pose_matrix(target) if form is not None and fixed is None else None
+        wanted = interpret(target, verifier.frame) if pose is None else None
+        start = seed_within_limits(verifier.robot, seed)[0]
+        if seed is not None:
+            start = start.copy()  # the set keeps it
+        if form is not None and pose is not None:
+            return form.solve_all(pose, start, verifier)
+        assert wanted is not None
         few = self._few_at(wanted) if fixed is None else None
         if few is not None:
             return few.solve_all(wanted, start)
@@ -334,7 +340,7 @@ class IKSolver:
         if wanted.position_only:
             raise InvalidInputError("solve_all needs an orientation: a position alone is reached by infinitely many")
         if fixed is None:
-            return (self._usable_form or self.closed_form()).solve_all(wanted.matrix, start, verifier)
+            return (form or self.closed_form()).solve_all(wanted.matrix, start, verifier)
         if wanted.free_axis is not None:
             raise InvalidInputError(
                 "fixed is for poses; a FreeAxis leaves one more joint free: give the pose at one angle"
@@ -519,6 +525,10 @@ class IKSolver:
         target, robot = request.target, self.robot
         branches = form.solve_all(target.matrix, request.seed, self._verifier)
         rows = branches.rows
+        if request.cost is None and (index := next(branches.each_within_limits(), None)) is not None:
+            nearest = Candidate(branches.q[index], target, f"branch {index + 1} of {len(rows)}")
+            if (result := self._verifier.accept(nearest, request)) is not None:  # nearly always: no more is needed
+                return result
         candidates: Iterator[Candidate] = (
             Candidate(q, target, f"branch {index + 1} of {len(rows)}") for index, q in branches.in_order(request.cost)
         )

@@ -171,16 +171,28 @@ def rotation_between(axis: Array, direction: Array) -> Array:
     return np.asarray(quaternion.toRotationMatrix(), dtype=np.float64)
 
 
+def pose_matrix(target: Target) -> Array | None:
+    """The matrix (4, 4), checked, of a target that is nothing but a pose: what most calls bring; None for others.
+
+    Raises:
+        InvalidInputError: it is not finite, or not rigid.
+    """
+    if isinstance(target, pin.SE3):
+        return poses.checked_matrix("target", target.homogeneous)
+    if type(target) is np.ndarray and target.dtype is checks.FLOAT64 and target.shape == (4, 4):  # no other check
+        return poses.checked_matrix("target", target.copy())
+    return None
+
+
 def interpret(target: Target, frame: str) -> TargetPose:
     """What a solver for a frame is asked for.
 
     Raises:
         InvalidInputError: not a target, or its parts do not make one.
     """
-    if isinstance(target, pin.SE3):
-        return TargetPose(poses.checked_matrix("target", target.homogeneous))
-    if type(target) is np.ndarray and target.dtype is checks.FLOAT64 and target.shape == (4, 4):  # no other check
-        return TargetPose(poses.checked_matrix("target", target.copy()))
+    matrix = pose_matrix(target)
+    if matrix is not None:
+        return TargetPose(matrix)
     if isinstance(target, FreeAxis):
         return _turning(target)
     if isinstance(target, PartialTarget):
@@ -243,8 +255,7 @@ def _at(position: Array) -> Array:
 
 def pose_errors(T_base_tool: pin.SE3, target: TargetPose) -> tuple[float, float]:
     """Distance [m] and angle [rad] between the tool and the target; the angle is 0 when the orientation is free."""
-    difference = T_base_tool.homogeneous - target.matrix
-    (a, b, c, x), (d, e, f, y), (g, h, k, z), _ = difference.tolist()
+    a, b, c, x, d, e, f, y, g, h, k, z, *_ = (T_base_tool.homogeneous - target.matrix).ravel().tolist()
     position = math.hypot(x, y, z)
     if target.position_only:
         return position, 0.0

@@ -79,8 +79,7 @@ class Verifier:
         self.frame_id = robot.frame_id(frame)
         self.tool = tool
         self.options = options
-        self._lower = robot.lower.tolist()
-        self._upper = robot.upper.tolist()
+        self._lower, self._upper = robot.limit_values
         self._contact, self.unchecked, self._unreadable = _contact(robot, options)
         self.avoids_contact = self._contact is not None and options.collision in ("prefer", "reject")
 
@@ -164,6 +163,13 @@ class Verifier:
         within = (rows.q >= self.robot.lower).all(axis=1) & (rows.q <= self.robot.upper).all(axis=1)
         near = rows.position_error <= self.options.position_tolerance
         return np.asarray(within & near & (rows.orientation_error <= self.options.orientation_tolerance))
+
+    def accept(self, candidate: Candidate, request: Request) -> IKResult | None:
+        """The result of a candidate that is a success without contact; None for another, which `select` judges."""
+        errors = self.measure(candidate.q, candidate.target)
+        if not self.reached(candidate.q, errors) or self.touches(candidate.q):
+            return None
+        return self.result(candidate, Status.OK, request.message(candidate.message), errors)
 
     def select(self, candidates: Iterable[Candidate], request: Request, in_contact: str) -> IKResult | None:
         """The result of the first candidate that is a success; None where none reaches its target.

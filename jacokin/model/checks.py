@@ -9,7 +9,7 @@ import math
 import sys
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeGuard, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -274,20 +274,33 @@ def array(name: str, value: ArrayLike, what: str, unit: str = "") -> Array:
         raise refusal(name, what, value, unit) from error
 
 
+def is_vector(value: object, size: int) -> TypeGuard[Array]:
+    """Whether this is a contiguous float64 vector (size,) already, and finite: what most calls bring."""
+    return (
+        type(value) is np.ndarray
+        and value.dtype is FLOAT64
+        and value.shape == (size,)
+        # A sum of plain floats is the cheapest test, and silent; one that overflows is looked at again.
+        and math.isfinite(sum(value.tolist()))
+        and value.flags.c_contiguous
+    )
+
+
 def vector(name: str, value: ArrayLike, size: int, unit: str) -> Array:
     """A finite, contiguous float64 vector (size,).
 
     Raises:
         InvalidInputError: wrong shape, not numbers, or not finite.
     """
+    if is_vector(value, size):
+        return value
     try:
         checked = numbers(value)
     except (TypeError, ValueError) as error:
         raise refusal(name, f"{size} numbers", value, unit) from error
     if checked.shape != (size,):
         raise InvalidInputError(f"{name} must have shape ({size},){_bracketed(unit)}, got shape {checked.shape}")
-    # A sum of plain floats is the cheapest test, and silent; only a suspicious one is looked at again.
-    if not math.isfinite(sum(checked.tolist())) and not np.isfinite(checked).all():
+    if not np.isfinite(checked).all():
         raise InvalidInputError(f"{name} must be finite, got {checked.tolist()}")
     # A column of a matrix, or a reversed view: compiled kernels take neither.
     return checked if checked.flags.c_contiguous else np.ascontiguousarray(checked)
@@ -299,10 +312,8 @@ def vector_or_rows(name: str, value: ArrayLike, size: int, unit: str) -> Array:
     Raises:
         InvalidInputError: wrong shape, not numbers, or not finite (the first bad row is named).
     """
-    if type(value) is np.ndarray and value.dtype is FLOAT64 and value.shape == (size,):  # what most calls bring
-        if math.isfinite(sum(value.tolist())) and value.flags.c_contiguous:
-            return value
-        return vector(name, value, size, unit)
+    if is_vector(value, size):
+        return value
     try:
         checked = numbers(value)
     except (TypeError, ValueError) as error:

@@ -100,6 +100,8 @@ class Robot:
         self.joint_names: tuple[str, ...] = tuple(model.names)[1:]
         self.lower = checks.read_only(model.lowerPositionLimit)
         self.upper = checks.read_only(model.upperPositionLimit)
+        #: `lower` and `upper` as plain floats, for callers inside the package.
+        self.limit_values: tuple[list[float], list[float]] = (self.lower.tolist(), self.upper.tolist())
         self.unlimited: NDArray[np.bool_] = checks.sealed(np.isinf(self.lower) & np.isinf(self.upper))
         self.sliding = checks.sealed(
             np.array(["JointModelP" in joint.shortname() for joint in model.joints[1:]], dtype=np.bool_)

@@ -2,6 +2,7 @@
 
 Both forms solve for one angle after the other, each from a cos(theta) + b sin(theta) = c, which has two solutions,
 middle - half and middle + half. Where they nearly meet, so do two branches: then the middle leads to both of a fold.
+Angles go from one equation to the next as cosine and sine.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from jacokin.kernels.tolerances import (
     FREE_ANGLE,
     SMALL_SINE,
 )
+from jacokin.kernels.trigonometry import angle_of, sin_cos
 from jacokin.kernels.vector import Vec
 
 #: What `Candidates.state` counts: angles that nothing determines, folds among the angles so far, branches added; and
@@ -38,22 +40,59 @@ class Candidates(NamedTuple):
 
     links: Array  # (6, 3, 4)
     theta: Array  # (6,) theta_1 .. theta_6 [rad]
+    cosine: Array  # (6,) of them
+    sine: Array  # (6,)
     rotation: Array  # (3, 3) what the last joints must make together
     state: NDArray[np.int64]  # (5,)
 
 
 def make_candidates() -> Candidates:
     """Fresh work arrays."""
-    return Candidates(np.zeros((6, 3, 4)), np.zeros(6), np.zeros((3, 3)), np.zeros(5, np.int64))
+    return Candidates(
+        np.zeros((6, 3, 4)), np.zeros(6), np.zeros(6), np.zeros(6), np.zeros((3, 3)), np.zeros(5, np.int64)
+    )
+
+
+#: Cosine and sine of an angle.
+Unit = tuple[float, float]
+
+
+def unit_of(x: float, y: float) -> Unit:
+    """The direction of (x, y); that of the angle 0 for none."""
+    size = math.sqrt(x * x + y * y)
+    return (x / size, y / size) if size > 0.0 else (1.0, 0.0)
+
+
+def unit_from_to(ax: float, ay: float, bx: float, by: float) -> Unit:
+    """The turn that takes the direction (ax, ay) to (bx, by)."""
+    return unit_of(ax * bx + ay * by, ax * by - ay * bx)
+
+
+def angle_from_to(ax: float, ay: float, bx: float, by: float) -> float:
+    """Its angle [rad], of vectors of any length."""
+    return angle_of(ax * by - ay * bx, ax * bx + ay * by)
 
 
 class Pair(NamedTuple):
-    """Two solutions for an angle, or fewer."""
+    """Two solutions for an angle, middle - half and middle + half, or fewer."""
 
-    middle: float  # [rad]
-    half: float  # [rad]; negative for no solution
+    middle: Unit
+    half: Unit
+    there: int  # 0 for no solution
     fold: int  # 1 where they nearly meet, 0 otherwise
-    free: int  # 1 where any angle solves it: middle is the seed's, half is 0
+    free: int  # 1 where any angle solves it: the one at hand is the middle, half is 0
+    angle: float  # [rad] the middle where it is free
+
+
+def no_pair(free: int) -> Pair:
+    """No solution."""
+    return Pair((1.0, 0.0), (1.0, 0.0), 0, 0, free, 0.0)
+
+
+def free_pair(angle: float) -> Pair:
+    """Any angle solves it, and this one [rad] is taken."""
+    s, c = sin_cos(angle)
+    return Pair((c, s), (1.0, 0.0), 1, 0, 1, angle)
 
 
 def slack_after(folds: int) -> float:
@@ -65,32 +104,51 @@ def pair_of(a: float, b: float, c: float, seed: float, slack: float) -> Pair:
     """The angles with a cos(theta) + b sin(theta) = c; lengths in units of the arm's."""
     square = a * a + b * b
     if square < FREE_ANGLE * FREE_ANGLE:
-        return Pair(seed, 0.0 if abs(c) < FREE_ANGLE else -1.0, 0, 1)
+        return free_pair(seed) if abs(c) < FREE_ANGLE else no_pair(1)
     size = math.sqrt(square)
     inside = (size - c) * (size + c)
     if not inside >= -slack * square:
-        return Pair(0.0, -1.0, 0, 0)
-    root = math.sqrt(max(inside, 0.0))
+        return no_pair(0)
+    middle, root = (a / size, b / size), math.sqrt(max(inside, 0.0))
     if inside < slack * square:
-        return fold_at(math.atan2(b, a), root, c)
-    return Pair(math.atan2(b, a), math.atan2(root, c), 0, 0)
+        return fold_at(middle, c, root)
+    return Pair(middle, (c / size, root / size), 1, 0, 0, 0.0)
 
 
-def fold_at(middle: float, y: float, x: float) -> Pair:
+def fold_at(middle: Unit, x: float, y: float) -> Pair:
     """Two solutions that nearly meet, middle + and - the angle of (x, y), y not negative: there or half a turn away."""
-    return Pair(middle, math.atan2(y, x), 1, 0) if x > 0.0 else Pair(middle + math.pi, math.atan2(y, -x), 1, 0)
-
-
-def angle_from_to(ax: float, ay: float, bx: float, by: float) -> float:
-    """The angle that turns (ax, ay) into (bx, by)."""
-    return math.atan2(ax * by - ay * bx, ax * bx + ay * by)
+    if x > 0.0:
+        return Pair(middle, unit_of(x, y), 1, 1, 0, 0.0)
+    return Pair((-middle[0], -middle[1]), unit_of(-x, y), 1, 1, 0, 0.0)
 
 
 def skips(pair: Pair, sign: float) -> bool:
     """Whether a sign of half gives nothing of its own."""
-    if pair.half < 0.0:
+    if pair.there == 0:
         return True
     return sign != 0.0 if pair.free > 0 else sign == 0.0 and pair.fold == 0
+
+
+def take(work: Candidates, i: int, pair: Pair, sign: float) -> None:
+    """Let theta_(i + 1) be middle + sign half."""
+    (c, s), (hc, hs) = pair.middle, pair.half
+    hs *= sign
+    if sign != 0.0:
+        c, s = c * hc - s * hs, s * hc + c * hs
+    take_unit(work, i, (c, s))
+    if pair.free > 0:
+        work.theta[i] = pair.angle
+
+
+def take_unit(work: Candidates, i: int, unit: Unit) -> None:
+    """Let theta_(i + 1) be the angle with this cosine and sine."""
+    work.theta[i], work.cosine[i], work.sine[i] = angle_of(unit[1], unit[0]), unit[0], unit[1]
+
+
+def take_angle(work: Candidates, i: int, angle: float) -> None:
+    """Let theta_(i + 1) be this angle [rad]."""
+    work.theta[i] = angle
+    work.sine[i], work.cosine[i] = sin_cos(angle)
 
 
 class Triangle(NamedTuple):
@@ -98,18 +156,28 @@ class Triangle(NamedTuple):
 
     k: Vec
     h: Vec
-    a: float  # from the joint's own axis to k [rad]
-    b: float  # to h
-    middle: float  # [rad], the angle at which they are nearest
+    middle: Unit  # of the angle at which they are nearest
+    near: Unit  # of half the difference of both sides: from the joint's own axis to k, and to h
+    far: Unit  # of half their sum
     alike: bool  # whether k and h may come to lie on one line
 
 
 def triangle_of(k: Vec, h: Vec) -> Triangle:
     """The triangle of two unit vectors, seen from a joint that turns about z."""
-    a = math.atan2(math.hypot(k[0], k[1]), k[2])
-    b = math.atan2(math.hypot(h[0], h[1]), h[2])
+    a = angle_of(math.sqrt(k[0] * k[0] + k[1] * k[1]), k[2])
+    b = angle_of(math.sqrt(h[0] * h[0] + h[1] * h[1]), h[2])
     alike = abs(a - b) < EXACT_STRUCTURE or abs(a + b - math.pi) < EXACT_STRUCTURE
-    return Triangle(k, h, a, b, angle_from_to(h[0], h[1], k[0], k[1]), alike)
+    (near_s, near_c), (far_s, far_c) = sin_cos(0.5 * (a - b)), sin_cos(0.5 * (a + b))
+    return Triangle(k, h, unit_from_to(h[0], h[1], k[0], k[1]), (near_c, near_s), (far_c, far_s), alike)
+
+
+def half_of(sine: float, cosine: float) -> Unit:
+    """Of half an angle that is not negative, exact near 0 and near pi as well."""
+    if cosine >= 0.0:
+        c = math.sqrt(0.5 + 0.5 * cosine)
+        return (c, 0.5 * sine / c)
+    s = math.sqrt(0.5 - 0.5 * cosine)
+    return (0.5 * sine / s, s)
 
 
 def pair_of_triangle(triangle: Triangle, sine: float, cosine: float, slack: float) -> Pair:
@@ -117,26 +185,35 @@ def pair_of_triangle(triangle: Triangle, sine: float, cosine: float, slack: floa
 
     Free where k and h are on one line: what turns about both is not determined.
     """
-    a, b, theta = triangle.a, triangle.b, math.atan2(sine, cosine)
-    top = math.sin(0.5 * (theta + a - b)) * math.sin(0.5 * (theta - a + b))
-    bottom = math.sin(0.5 * (a + b + theta)) * math.sin(0.5 * (a + b - theta))
+    (c, s), (near_c, near_s), (far_c, far_s) = half_of(sine, cosine), triangle.near, triangle.far
+    # Sines of half of angle + near, angle - near, far + angle, far - angle.
+    top = (s * near_c + c * near_s) * (s * near_c - c * near_s)
+    bottom = (far_s * c + far_c * s) * (far_s * c - far_c * s)
     least = min(top, bottom)
     if not least >= -slack:
-        return Pair(0.0, -1.0, 0, 0)
-    y, x = math.sqrt(max(top, 0.0)), math.sqrt(max(bottom, 0.0))
-    half = 2.0 * math.atan2(y, x)
+        return no_pair(0)
+    top, bottom = max(top, 0.0), max(bottom, 0.0)
+    x, y = bottom - top, 2.0 * math.sqrt(top * bottom)
     if triangle.alike and sine < ALIGNED_SINE:
-        return Pair(triangle.middle + half, 0.0, 0, 1)
+        (mc, ms), (hc, hs) = triangle.middle, unit_of(x, y)
+        mc, ms = mc * hc - ms * hs, ms * hc + mc * hs
+        return Pair((mc, ms), (1.0, 0.0), 1, 0, 1, angle_of(ms, mc))
     # Axes that may align do so without a fold: both angles meet, but the joints beside turn the opposite way.
     if least < slack and not (triangle.alike and sine < SMALL_SINE):
-        return fold_at(triangle.middle, 2.0 * x * y, x * x - y * y)
-    return Pair(triangle.middle, half, 0, 0)
+        return fold_at(triangle.middle, x, y)
+    return Pair(triangle.middle, unit_of(x, y), 1, 0, 0, 0.0)
 
 
-def turned_about_z(angle: float, v: Vec) -> Vec:
-    """Rz(angle) v."""
-    c, s = math.cos(angle), math.sin(angle)
+def turned_about_z(unit: Unit, v: Vec) -> Vec:
+    """Rz v."""
+    c, s = unit
     return (c * v[0] - s * v[1], s * v[0] + c * v[1], v[2])
+
+
+def unturned_about_z(unit: Unit, v: Vec) -> Vec:
+    """Rz^T v."""
+    c, s = unit
+    return (c * v[0] + s * v[1], c * v[1] - s * v[0], v[2])
 
 
 def fill_rest(work: Candidates, known: int) -> None:
@@ -146,7 +223,7 @@ def fill_rest(work: Candidates, known: int) -> None:
         for row in range(3):
             rotation[row, column] = links[5, column, row]
     for i in range(known):
-        c, s = math.cos(work.theta[i]), math.sin(work.theta[i])
+        c, s = work.cosine[i], work.sine[i]
         for column in range(3):
             x, y = rotation[0, column], rotation[1, column]
             v = turned_back_by(links[i], (c * x + s * y, c * y - s * x, rotation[2, column]))

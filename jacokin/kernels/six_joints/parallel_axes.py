@@ -18,23 +18,27 @@ from jacokin.kernels.six_joints.candidates import (
     UNSETTLED,
     Candidates,
     add_candidate,
-    angle_from_to,
     fill_rest,
     pair_of,
     pair_of_triangle,
     skips,
     slack_after,
+    take,
+    take_angle,
+    take_unit,
     triangle_of,
-    turned_about_z,
+    unit_from_to,
+    unturned_about_z,
 )
 from jacokin.kernels.six_joints.equations import turned_back_by, turned_by
 from jacokin.kernels.six_joints.loop import SixArm, column_of, fill_links, joint_of
+from jacokin.kernels.trigonometry import angle_of
 from jacokin.kernels.vector import Vec, minus
 
 
 def branches_of_parallel_axes(arm: SixArm, query: PoseQuery, work: Candidates, branches: BranchWork) -> bool:
     """Add every branch; False where the general way must look after what is left open."""
-    links, theta, state, labelling = work.links, work.theta, work.state, arm.form_labelling
+    links, state, labelling = work.links, work.state, arm.form_labelling
     for i in range(len(state)):
         state[i] = 0
     fill_links(query.chain, query.T, arm.scale, labelling, links)
@@ -53,25 +57,29 @@ def branches_of_parallel_axes(arm: SixArm, query: PoseQuery, work: Candidates, b
     )
     k = (side * links[3, 2, 0], side * links[3, 2, 1], side * links[3, 2, 2])
     wrist = triangle_of(k, column_of(links[4], 2))
+    cosine, sine = work.cosine, work.sine
     for i in range(3):
         if skips(ones, SIGNS[i]):
             continue
-        theta[0] = ones.middle + SIGNS[i] * ones.half
+        take(work, 0, ones, SIGNS[i])
         fill_rest(work, 1)
         Q = work.rotation
         # The z row of Q, what joints 2 to 6 must make, is that of side L_4 Rz(theta_5) L_5 Rz(theta_6).
-        fives = pair_of_triangle(wrist, math.hypot(Q[2, 0], Q[2, 1]), Q[2, 2], slack_after(ones.fold))
-        if fives.half < 0.0 and ones.free > 0:
+        fives = pair_of_triangle(
+            wrist, math.sqrt(Q[2, 0] * Q[2, 0] + Q[2, 1] * Q[2, 1]), Q[2, 2], slack_after(ones.fold)
+        )
+        if fives.there == 0 and ones.free > 0:
             state[UNSETTLED] = 1
         for n in range(3):
             if skips(fives, SIGNS[n]):
                 continue
             state[FREE], state[FOLDS] = ones.free + fives.free, ones.fold + fives.fold
-            theta[4] = fives.middle + SIGNS[n] * fives.half
-            y = turned_back_by(links[4], turned_about_z(-theta[4], k))
-            theta[5] = angle_from_to(Q[2, 0], Q[2, 1], y[0], y[1])
+            take(work, 4, fives, SIGNS[n])
             if fives.free > 0:
-                theta[5] = query.seed[joint_of(labelling, 5)]
+                take_angle(work, 5, query.seed[joint_of(labelling, 5)])
+            else:
+                y = turned_back_by(links[4], unturned_about_z((cosine[4], sine[4]), k))
+                take_unit(work, 5, unit_from_to(Q[2, 0], Q[2, 1], y[0], y[1]))
             middle = (ones.fold > 0 and SIGNS[i] == 0.0) or (fives.fold > 0 and SIGNS[n] == 0.0)
             in_the_plane(arm, E, middle, query, work, branches)
     if state[DOUBTFUL] > 0:
@@ -84,7 +92,7 @@ def in_the_plane(arm: SixArm, E: Vec, middle: bool, query: PoseQuery, work: Cand
     links, theta, state, labelling = work.links, work.theta, work.state, arm.form_labelling
     free, folds = state[FREE], state[FOLDS]
     # E seen from link 1, and from link 4: the origin of joint 4 is where the latter takes it.
-    place = turned_about_z(-theta[0], E)
+    place = unturned_about_z((work.cosine[0], work.sine[0]), E)
     place = turned_back_by(links[0], minus(place, column_of(links[0], 3)))
     z, t = column_of(links[3], 2), column_of(links[3], 3)
     e = undo_last(work, (t[0] + arm.first * z[0], t[1] + arm.first * z[1], t[2] + arm.first * z[2]))
@@ -99,30 +107,31 @@ def in_the_plane(arm: SixArm, E: Vec, middle: bool, query: PoseQuery, work: Cand
         query.seed[joint_of(labelling, 2)],
         slack_after(folds),
     )
-    if free > 0 and threes.half < 0.0:
+    if free > 0 and threes.there == 0:
         state[UNSETTLED] = 1
     x = undo_last(work, (1.0, 0.0, 0.0))
     for i in range(3):
         if skips(threes, SIGNS[i]):
             continue
-        theta[2] = threes.middle + SIGNS[i] * threes.half
-        c, s = math.cos(theta[2]), math.sin(theta[2])
+        take(work, 2, threes, SIGNS[i])
+        c, s = work.cosine[2], work.sine[2]
         fx, fy = a[0] + c * bc[0] + s * bs[0], a[1] + c * bc[1] + s * bs[1]
         state[FREE], state[FOLDS] = free + threes.free, folds + threes.fold
-        theta[1] = angle_from_to(fx, fy, px, py)
+        two = unit_from_to(fx, fy, px, py)
+        take_unit(work, 1, two)
         # Rz(theta_2) L_2 Rz(theta_3) L_3 Rz(theta_4) takes x to where the rest wants it.
-        y = turned_back_by(links[1], turned_about_z(-theta[1], x))
-        y = turned_back_by(links[2], turned_about_z(-theta[2], y))
-        theta[3] = math.atan2(y[1], y[0])
+        y = turned_back_by(links[1], unturned_about_z(two, x))
+        y = turned_back_by(links[2], unturned_about_z((c, s), y))
+        theta[3] = angle_of(y[1], y[0])
         add_candidate(arm, query, work, branches, middle or (threes.fold > 0 and SIGNS[i] == 0.0))
     state[FREE], state[FOLDS] = free, folds
 
 
 def undo_last(work: Candidates, v: Vec) -> Vec:
     """What joints 2, 3 and 4 must make of a vector: Q (L_4 Rz(theta_5) L_5 Rz(theta_6))^T v."""
-    links, theta, Q = work.links, work.theta, work.rotation
-    v = turned_about_z(-theta[4], turned_back_by(links[3], v))
-    v = turned_about_z(-theta[5], turned_back_by(links[4], v))
+    links, Q = work.links, work.rotation
+    v = unturned_about_z((work.cosine[4], work.sine[4]), turned_back_by(links[3], v))
+    v = unturned_about_z((work.cosine[5], work.sine[5]), turned_back_by(links[4], v))
     return (
         Q[0, 0] * v[0] + Q[0, 1] * v[1] + Q[0, 2] * v[2],
         Q[1, 0] * v[0] + Q[1, 1] * v[1] + Q[1, 2] * v[2],

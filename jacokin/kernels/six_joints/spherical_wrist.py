@@ -35,7 +35,11 @@ from jacokin.kernels.six_joints.candidates import (
     pair_of_triangle,
     skips,
     slack_after,
+    take,
+    take_angle,
+    take_unit,
     triangle_of,
+    unit_from_to,
 )
 from jacokin.kernels.six_joints.equations import turned_back_by, turned_by
 from jacokin.kernels.six_joints.loop import SixArm, column_of, fill_links, joint_of
@@ -122,8 +126,8 @@ def at_linear_roots(
     for i in range(3):
         if skips(threes, SIGNS[i]):
             continue
-        theta = threes.middle + SIGNS[i] * threes.half
-        c, s = math.cos(theta), math.sin(theta)
+        take(work, 2, threes, SIGNS[i])
+        c, s = work.cosine[2], work.sine[2]
         f = (at_turn(reach, 0, c, s), at_turn(reach, 1, c, s), at_turn(reach, 2, c, s))
         # f turned by theta_2 has this coordinate along e.
         x = at(coordinate, c, s)
@@ -134,14 +138,13 @@ def at_linear_roots(
             query.seed[joint_of(arm.form_labelling, 1)],
             slack_after(threes.fold),
         )
-        if twos.half < 0.0 and threes.free > 0:
+        if twos.there == 0 and threes.free > 0:
             state[UNSETTLED] = 1
-        work.theta[2] = theta
         for k in range(3):
             if not skips(twos, SIGNS[k]):
                 state[FREE], state[FOLDS] = threes.free + twos.free, threes.fold + twos.fold
                 middle = (threes.fold > 0 and SIGNS[i] == 0.0) or (twos.fold > 0 and SIGNS[k] == 0.0)
-                work.theta[1] = twos.middle + SIGNS[k] * twos.half
+                take(work, 1, twos, SIGNS[k])
                 turn_wrist(arm, reach, wrist, f, middle, query, work, branches)
 
 
@@ -168,13 +171,14 @@ def at_quartic_roots(
         if roots.roots[i, 1] > 0.0 or slope == 0.0:
             state[UNSETTLED] = 1
             continue
-        c, s = math.cos(theta), math.sin(theta)
+        take_angle(work, 2, theta)
+        c, s = work.cosine[2], work.sine[2]
         f = (at_turn(reach, 0, c, s), at_turn(reach, 1, c, s), at_turn(reach, 2, c, s))
-        work.theta[2] = theta
-        work.theta[1] = angle_from_to(f[0], f[1], at(x, c, s), at(y, c, s))
+        take_unit(work, 1, unit_from_to(f[0], f[1], at(x, c, s), at(y, c, s)))
         state[FREE], state[FOLDS] = 0, 0
         if f[0] * f[0] + f[1] * f[1] < FREE_ANGLE * FREE_ANGLE:
-            work.theta[1], state[FREE] = query.seed[joint_of(arm.form_labelling, 1)], 1
+            take_angle(work, 1, query.seed[joint_of(arm.form_labelling, 1)])
+            state[FREE] = 1
         turn_wrist(arm, reach, wrist, f, False, query, work, branches)
 
 
@@ -266,24 +270,27 @@ def turn_wrist(
 ) -> None:
     """From theta_3, theta_2 and f: theta_1, and the branches of both sides of the wrist."""
     theta, state, links, labelling = work.theta, work.state, work.links, arm.form_labelling
-    c2, s2 = math.cos(theta[1]), math.sin(theta[1])
+    c2, s2 = work.cosine[1], work.sine[1]
     g = turned_by(links[0], (c2 * f[0] - s2 * f[1], s2 * f[0] + c2 * f[1], f[2]))
     gx, gy = g[0] + links[0, 0, 3], g[1] + links[0, 1, 3]
     on_axis = max(gx * gx + gy * gy, reach.W[0] * reach.W[0] + reach.W[1] * reach.W[1]) < ALIGNED_SINE * ALIGNED_SINE
-    theta[0] = query.seed[joint_of(labelling, 0)] if on_axis else angle_from_to(gx, gy, reach.W[0], reach.W[1])
+    if on_axis:
+        take_angle(work, 0, query.seed[joint_of(labelling, 0)])
+    else:
+        take_unit(work, 0, unit_from_to(gx, gy, reach.W[0], reach.W[1]))
     fill_rest(work, 3)
     free, folds = state[FREE] + on_axis, state[FOLDS]
     Q = work.rotation
     # Q = Rz(theta_4) L_4 Rz(theta_5) L_5 Rz(theta_6): its z column and row.
-    fives = pair_of_triangle(wrist, math.hypot(Q[0, 2], Q[1, 2]), Q[2, 2], slack_after(folds))
-    if fives.half < 0.0 and free > 0:
+    fives = pair_of_triangle(wrist, math.sqrt(Q[0, 2] * Q[0, 2] + Q[1, 2] * Q[1, 2]), Q[2, 2], slack_after(folds))
+    if fives.there == 0 and free > 0:
         state[UNSETTLED] = 1
     for i in range(3):
         if skips(fives, SIGNS[i]):
             continue
         state[FREE], state[FOLDS] = free + fives.free, folds + fives.fold
-        theta[4] = fives.middle + SIGNS[i] * fives.half
-        c5, s5 = math.cos(theta[4]), math.sin(theta[4])
+        take(work, 4, fives, SIGNS[i])
+        c5, s5 = work.cosine[4], work.sine[4]
         if fives.free > 0:
             fours_and_sixes(arm, c5, s5, query, work, branches)
             continue
