@@ -21,6 +21,7 @@ from jacokin.arrays import Array
 from jacokin.ik import IKSolver, export_c
 from tests.docs.playground_page import DOCS, HANDLE, build, show
 from tests.viewer.chromium import IN_BROWSER, Tab, browsing
+from tests.viewer.page import until
 
 NAMES = ("j2n6s300", "j2s6s300", "m1n6s200", "gen3_lite", "gen3_6dof", "j2s7s300", "gen3")
 #: States that are compared with Python's answers, of arms with six joints.
@@ -130,7 +131,8 @@ def test_robots_are_drawn_where_python_has_them(tab: Tab, name: str) -> None:
     q = robot.sample(np.random.default_rng(3))
     (shown,) = state_of(tab, SHOW % (json.dumps([q.tolist()]), json.dumps(name)))
     np.testing.assert_allclose(shown["pose"], robot.forward_kinematics(q).homogeneous.ravel(), atol=1e-12)
-    assert tab.value("jacokinPlayground.stage.canvas.width / jacokinPlayground.panel.canvas.clientWidth") == 2
+    sharpness = "jacokinPlayground.stage.canvas.width / jacokinPlayground.panel.canvas.clientWidth"
+    assert until(lambda: tab.value(sharpness) == 2)  # what is at rest is drawn with all pixels
 
 
 def test_an_address_keeps_the_state(tab: Tab, site: Path) -> None:
