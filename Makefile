@@ -34,7 +34,8 @@ format: $(VENV)/test.stamp  ## rewrite to the project's format
 type: $(VENV)/test.stamp  ## static types, strict
 	$(BIN)/mypy
 
-docs: $(VENV)/docs.stamp  ## build the documentation site, warnings are errors
+docs: $(VENV)/docs.stamp  ## build the documentation site, with its playground; warnings are errors
+	$(BIN)/python integrations/web/build.py
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 
 build: dist/wheel.stamp  ## build the wheel

@@ -7,15 +7,17 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 import mink
 import numpy as np
 import pinocchio as pin
 
 import jacokin
-from benchmarks import report, targets
+from benchmarks import few_joints, report, six_joints, targets
 from jacokin import Robot
 from jacokin.arrays import Array
 from jacokin.model import to_mujoco
@@ -34,6 +36,11 @@ SOLVED_POSES, CALLS_OF_A_POSE = 300, 20
 FIRST_ANSWER = (
     "import jacokin; robot = jacokin.load_robot(); solver = jacokin.IKSolver(robot);"
     "solver.solve(robot.forward_kinematics(robot.home)).raise_for_status()"
+)
+#: The same with a file, at a pose that is away from every limit and singularity.
+OWN_ANSWER = (
+    "import sys, jacokin; robot = jacokin.load_robot(sys.argv[1]); solver = jacokin.IKSolver(robot);"
+    "solver.solve(robot.forward_kinematics([0.3, -1.2, 1.4, 0.4, 0.9, 0.2])).raise_for_status()"
 )
 COMMAND = "from jacokin.cli.main import main; main()"
 
@@ -218,16 +225,30 @@ def batch(robot: Robot) -> list[tuple[int, str, float]]:
 
 def cold_starts() -> list[tuple[str, float]]:
     """Command and wall seconds of a new process, the best of some; bytecode is there."""
-    commands = [
+    with tempfile.TemporaryDirectory() as folder:
+        own = Path(folder, "ur5.urdf")
+        own.write_text(few_joints.urdf_of(_places("UR5")), encoding="utf-8")
+        return [(title, _best_start(arguments)) for title, arguments in _commands(str(own))]
+
+
+def _places(arm: str) -> list[tuple[float, ...]]:
+    """Where the joints and the tool of an arm of `six_joints.ARMS` are, as `few_joints.urdf_of` takes them."""
+    return [(0.0,) * 6, *((a, 0.0, d, alpha, 0.0, 0.0) for a, d, alpha in zip(*six_joints.ARMS[arm], strict=True))]
+
+
+def _commands(own: str) -> list[tuple[str, list[str]]]:
+    """What the rows are called, and the program and its arguments."""
+    return [
         ("jacokin --help", [COMMAND, "--help"]),
         ("jacokin fk ...", [COMMAND, "fk", "4.8", "2.92", "1.0", "4.2", "1.45", "1.32"]),
         ("jacokin ik ... (one pose)", [COMMAND, "ik", "--position", "0.3", "-0.2", "0.5", "--down"]),
         ("jacokin ik ... --method qp", [COMMAND, "ik", "--position", "0.3", "-0.2", "0.5", "--down", "--method", "qp"]),
         ("the first answer: load_robot, IKSolver, solve", [FIRST_ANSWER]),
+        ("the first answer of a UR5 from a URDF without shapes", [OWN_ANSWER, own]),
+        ("python -c 'import pinocchio, numpy.random'", ["import pinocchio, numpy.random"]),
         ("python -c 'import jacokin'", ["import jacokin"]),
         ("python -c 'pass'", ["pass"]),
     ]
-    return [(title, _best_start(arguments)) for title, arguments in commands]
 
 
 def _best_start(arguments: list[str]) -> float:

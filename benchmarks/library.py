@@ -23,6 +23,9 @@ from benchmarks import report
 from jacokin.kernels import library
 
 PROCESSES = 64
+#: What a first answer needs; the other requirements, in this order, each with what it adds.
+NEEDED_FIRST, ADDED = ("numpy", "pin", "daqp"), ("scipy", "mujoco", "yourdfpy", "osqp", "mink")
+_EXTRA = re.compile(r"""extra\s*==\s*["']([^"']+)""")
 REPETITIONS = 20
 #: Prints seconds of the first and second solve; what it takes before is in the time of the process.
 FIRST_ANSWER = """
@@ -59,22 +62,45 @@ def all_at_once(processes: int) -> float:
     return time.perf_counter() - start
 
 
-def installed_size() -> float:
-    """Size of jacokin's requirements and of theirs, without extras [MB]."""
-    seen: dict[str, int] = {}
-    ahead = ["jacokin"]
+def installed_size(*packages: str) -> dict[str, float]:
+    """Sizes of packages and of all that they require, by name, with the extras that they ask for [MB]."""
+    sizes: dict[str, float] = {}
+    seen: set[tuple[str, str]] = set()
+    ahead = [(name, "") for name in packages]
     while ahead:
-        name = re.sub(r"[-_.]+", "-", ahead.pop()).lower()
+        name, extra = ahead.pop()
         try:
             distribution = importlib.metadata.distribution(name)
         except importlib.metadata.PackageNotFoundError:  # of another platform or Python
             continue
-        if name not in seen:
+        if (name, extra) in seen:
+            continue
+        seen.add((name, extra))
+        if name not in sizes:
             paths = (Path(str(file.locate())) for file in distribution.files or ())
-            seen[name] = sum(path.stat().st_size for path in paths if path.is_file())
-            requirements = distribution.requires or ()
-            ahead += [re.split(r"[\s\[<>=!~;(]", text)[0] for text in requirements if "extra ==" not in text]
-    return sum(seen.values()) / 1e6
+            sizes[name] = sum(path.stat().st_size for path in paths if path.is_file()) / 1e6
+        for text in distribution.requires or ():
+            found = _EXTRA.search(text)
+            if (found[1] if found else "") == extra:
+                needed, extras = re.split(r"[\s<>=!~;(]", text)[0].rstrip("]").partition("[")[::2]
+                needed = re.sub(r"[-_.]+", "-", needed).lower()
+                ahead += [(needed, ""), *((needed, each) for each in extras.split(",") if each)]
+    return sizes
+
+
+def sizes() -> list[tuple[str, str]]:
+    """Rows on what an installation weighs without extras: altogether, and what the largest requirements add."""
+    everything = sum(installed_size("jacokin").values())
+    rows = [("jacokin and all it requires, installed", f"{everything:,.0f} MB")]
+    known = list(NEEDED_FIRST)
+    before = sum(installed_size(*known).values())
+    rows.append((f"of that {', '.join(known)}, for the first answer", f"{before:,.0f} MB"))
+    for package in ADDED:
+        known.append(package)
+        after = sum(installed_size(*known).values())
+        rows.append((f"added by {package}", f"{after - before:,.0f} MB"))
+        before = after
+    return rows
 
 
 def compile_anew() -> tuple[float, float]:
@@ -99,7 +125,7 @@ def main() -> None:
         ("the first solve in it", report.seconds(first)),
         (f"{processes} such processes at once, until the last", report.seconds(all_at_once(processes))),
         ("the library", f"{library.PATH.stat().st_size / 1e6:.2f} MB"),
-        ("jacokin and all it requires, installed", f"{installed_size():,.0f} MB"),
+        *sizes(),
     ]
     if not quick:
         seconds, memory = compile_anew()

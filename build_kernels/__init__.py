@@ -1,7 +1,8 @@
 """The kernels' Python compiled and linked to the library in the package. Read `library` first.
 
 library     which parts it has, and which of them are kept from an earlier build
-compiling   from Python to an object file, by numba
+compiling   from Python to modules of LLVM's language, by numba
+emitting    from such a module to an object file
 c_library   the C files that are linked with them, and what they know about the kernels
 linking     the C compiler that links them, for this machine and others
 targets     the machines that there are libraries for

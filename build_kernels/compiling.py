@@ -1,32 +1,31 @@
-"""From the Python of one kernel to object files, by numba. Run as a program, it writes them.
+"""From the Python of kernels to modules of LLVM's language, by numba. Run as a program, it writes them.
 
-There is one implementation, the functions of the modules in ``jacokin.kernels``; here they are compiled for the work
-arrays of one entry. The result exports a single C function and refers to the C library and nothing else. Python is
-translated once: addresses and integers have 64 bits in it, and every target optimises and emits the same module.
+There is one implementation, the functions of the modules in ``jacokin.kernels``; here they are translated for the work
+arrays of each entry. A module exports a single C function and refers to the C library and nothing else. Python is
+translated once: addresses and integers have 64 bits in it, and `emitting` makes machine code of the same module for
+every target.
 """
 
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import gc
 import sys
 import types
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 import llvmlite.binding as llvm
 import numba
 import numpy as np
-from llvmlite.binding import ModuleRef, TargetMachine
+from llvmlite.binding import ModuleRef
 from numba import types as nb
 from numba.core.codegen import JITCodeLibrary, JITCPUCodegen
 from numba.core.dispatcher import Dispatcher
 from numba.core.registry import cpu_target
 from numba.extending import intrinsic
 
-from build_kernels.targets import HERE, TARGETS, Target
 from jacokin.kernels import entries
 from jacokin.kernels.entries import Entry
 from jacokin.kernels.library import FAILED, PREFIX
@@ -86,14 +85,6 @@ def _append_after_callees(library: Any, libraries: list[Any]) -> None:
         if callee not in libraries:
             _append_after_callees(callee, libraries)
     libraries.append(library)
-
-
-def optimise(module: ModuleRef, machine: TargetMachine) -> None:
-    """Run LLVM's third level of optimisation: it keeps every rounding."""
-    options = llvm.create_pipeline_tuning_options(speed_level=3)
-    options.loop_vectorization = options.slp_vectorization = True
-    builder = llvm.create_pass_builder(machine, options)
-    builder.getModulePassManager().run(module, builder)
 
 
 # The compiled form does the plain form's operations in the same order, without fastmath: both give the same bits.
@@ -168,17 +159,21 @@ define i64 @"{name}"(ptr %table) {{
 """
 
 
-def compile_entry(entry: Entry, targets: Sequence[Target] = (HERE,)) -> list[bytes]:
-    """The object files of one kernel, with the one function ``jacokin_<name>``, for each target."""
-    namespace: dict[str, Any] = {"__name__": __name__, "__builtins__": __builtins__}
-    namespace.update(carray=numba.carray, pointer=_pointer_intrinsic(), float64=np.float64, int64=np.int64)
-    namespace["run"] = _Copies().compiled(entry.run)
-    exec(_entry_source(entry, namespace), namespace)
-    function = numba.njit(namespace["entry"], **_OPTIONS)
+def translate(chosen: Iterable[Entry]) -> Iterator[ModuleRef]:
+    """The modules of kernels, each with the one function ``jacokin_<name>``: what they share is translated once.
+
+    For a process that compiles nothing else (`translating_only`).
+    """
+    copies = _Copies()
     with translating_only():
-        function.compile((nb.intp,))
-        module = exporting(function, PREFIX + entry.run.__name__)
-    return [emit(module, target) for target in targets]
+        for entry in chosen:
+            namespace: dict[str, Any] = {"__name__": __name__, "__builtins__": __builtins__}
+            namespace.update(carray=numba.carray, pointer=_pointer_intrinsic(), float64=np.float64, int64=np.int64)
+            namespace["run"] = copies.compiled(entry.run)
+            exec(_entry_source(entry, namespace), namespace)
+            function = numba.njit(namespace["entry"], **_OPTIONS)
+            function.compile((nb.intp,))
+            yield exporting(function, PREFIX + entry.run.__name__)
 
 
 class _Copies:
@@ -242,15 +237,6 @@ def _pointer_intrinsic() -> Any:
     return intrinsic(pointer)
 
 
-def target_machine(target: Target = HERE) -> TargetMachine:
-    """The oldest processor of this kind: the same code, and the same bits, run on all of them."""
-    llvm.initialize_all_targets()
-    llvm.initialize_all_asmprinters()
-    kind = llvm.Target.from_triple(target.triple) if target.triple else llvm.Target.from_default_triple()
-    reloc, model = ("static", "default") if target.is_wasm else ("pic", "small")
-    return kind.create_target_machine(cpu="generic", features="", opt=3, reloc=reloc, codemodel=model, jit=False)
-
-
 def exporting(function: Dispatcher, name: str) -> ModuleRef:
     """The module of a compiled function of one address, which is a C function of that name and all that others see."""
     module, inner = link(function)
@@ -262,33 +248,15 @@ def exporting(function: Dispatcher, name: str) -> ModuleRef:
     return module
 
 
-def emit(module: ModuleRef, target: Target = HERE) -> bytes:
-    """Machine code of a module: it stays as it is for another machine, and is optimised in place for this one.
-
-    Raises:
-        RuntimeError: it calls what is not there without numba.
-    """
-    process = ctypes.CDLL(None)  # what a process without numba finds; llvmlite would find numba's functions as well
-    machine = target_machine(target)
-    if target.triple:
-        module = llvm.parse_bitcode(module.as_bitcode())
-        module.triple, module.data_layout = target.triple, str(machine.target_data)
-    optimise(module, machine)
-    for called in module.functions:
-        if called.is_declaration and not called.name.startswith("llvm.") and not hasattr(process, called.name):
-            raise RuntimeError(f"the compiled kernels call {called.name}, which exists within numba only")
-    return bytes(machine.emit_object(module))
-
-
-def main(name: str, *places: str) -> None:
-    """Write object files of the entry whose function has that name: for each target in turn, its name and a file."""
+def main(folder: str, *names: str) -> None:
+    """Write the modules of the entries whose functions have those names, in order; print each name once it is there."""
     # Most objects of a compiler live until it ends: looking for dead ones as often as usual takes a third of the time,
     # and not at all twice the memory.
     gc.set_threshold(200_000, 20, 100)
-    (entry,) = (entry for entry in entries.ENTRIES if entry.run.__name__ == name)
-    targets = [TARGETS.get(target, HERE) for target in places[::2]]
-    for file, code in zip(places[1::2], compile_entry(entry, targets), strict=True):
-        Path(file).write_bytes(code)
+    known = {entry.run.__name__: entry for entry in entries.ENTRIES}
+    for name, module in zip(names, translate(known[name] for name in names), strict=True):
+        Path(folder, f"{name}.bc").write_bytes(module.as_bitcode())
+        print(name, flush=True)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 """`build`: the library of kernels beside `jacokin.kernels.library`, which loads it. `build_for`: other machines.
 
-Each kernel of `jacokin.kernels.entries` becomes an object file, in a process of its own. Object files are kept in the
+Each kernel of `jacokin.kernels.entries` becomes an object file. One process translates Python for all of them, because
+they share most of it; others, a process each, make machine code of what is translated. Object files are kept in the
 clone's ``build`` folder under a name that changes with all they depend on, so that only what was changed is compiled
 again. `linking` makes a library of them.
 """
@@ -12,6 +13,7 @@ import contextlib
 import hashlib
 import importlib.metadata
 import importlib.util
+import itertools
 import os
 import platform
 import re
@@ -19,8 +21,8 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from build_kernels import c_library, linking
@@ -47,11 +49,11 @@ COMPILERS = ("numba", "llvmlite", "numpy")
 #: [s] Object files of earlier builds are kept for a week after their last use.
 KEPT_UNUSED = 7 * 86400.0
 #: What all kernels take.
-DURATION = "All of them take 3 to 7 minutes of processor time, 2 to 4 minutes on two cores"
+DURATION = "All of them take 2 to 4 minutes of processor time, 1 to 2 minutes on two cores"
 DURATION_ELSEWHERE = "Those of the C library take 1 to 2 minutes of processor time for each machine, all twice as long"
 #: The terminal that a program was started from, whatever became of its output.
 TERMINAL = Path("/dev/tty")
-#: Kernels compiled at a time: each takes up to 0.6 GB of memory.
+#: Modules that are made machine code at a time, while others are translated: each takes up to 0.3 GB of memory.
 JOBS = min(2, os.cpu_count() or 1)
 _IMPORT = re.compile(r"^from (jacokin\.kernels\.[\w.]+) import", re.MULTILINE)
 
@@ -140,13 +142,40 @@ def _compile_missing(objects: dict[Target, dict[Entry, Path]], entries: Sequence
         for entry, file in files.items():
             if not file.exists():
                 missing.setdefault(entry, {})[target] = file
-    if missing:
-        tell(f"jacokin: compiling {len(missing)} of {_described(list(objects), entries)}, with up to 1 GB of memory")
-    with ThreadPoolExecutor(JOBS) as pool:
-        working = {pool.submit(compile_objects, entry, files): entry.run.__name__ for entry, files in missing.items()}
-        for done, each in enumerate(as_completed(working), start=1):
+    if not missing:
+        return
+    tell(f"jacokin: compiling {len(missing)} of {_described(list(objects), entries)}, with up to 1.5 GB of memory")
+    done = itertools.count(1)
+
+    def make(entry: Entry, module: Path) -> None:
+        emit_objects(entry, module, missing[entry])
+        tell(
+            f"jacokin: {next(done)} of {len(missing)}, {entry.run.__name__}, after {time.perf_counter() - start:.0f} s"
+        )
+
+    with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(JOBS) as pool:
+        working = [pool.submit(make, *each) for each in translated(list(missing), Path(folder))]
+        for each in working:
             each.result()
-            tell(f"jacokin: {done} of {len(missing)}, {working[each]}, after {time.perf_counter() - start:.0f} s")
+
+
+def translated(entries: Sequence[Entry], folder: Path) -> Iterator[tuple[Entry, Path]]:
+    """Translate kernels in one process; each with its module in a file of a folder, as soon as that is there.
+
+    Raises:
+        BuildError: one of them cannot be translated.
+    """
+    names = [entry.run.__name__ for entry in entries]
+    command = [sys.executable, "-m", "build_kernels.compiling", str(folder), *names]
+    with subprocess.Popen(
+        command, cwd=ROOT, env=compiler_environment(), stdout=subprocess.PIPE, encoding="utf-8"
+    ) as process:
+        assert process.stdout is not None  # a pipe
+        for entry in entries:
+            name = entry.run.__name__
+            if process.stdout.readline().strip() != name:
+                raise BuildError(f"{name} does not compile, see above")
+            yield entry, folder / f"{name}.bc"
 
 
 def remove_unused(kept: Path, used: Iterable[Path]) -> None:
@@ -176,15 +205,15 @@ def tell(text: str) -> None:
             terminal.write(f"\r{text}\n")
 
 
-def compile_objects(entry: Entry, files: dict[Target, Path]) -> None:
-    """Compile one kernel for several targets.
+def emit_objects(entry: Entry, module: Path, files: Mapping[Target, Path]) -> None:
+    """Make machine code of one kernel's module for several targets.
 
     Raises:
         BuildError: it does not compile.
     """
     unfinished = {target: file.with_suffix(f".{os.getpid()}") for target, file in files.items()}
     places = [word for target, file in unfinished.items() for word in (target.name, str(file))]
-    command = [sys.executable, "-m", "build_kernels.compiling", entry.run.__name__, *places]
+    command = [sys.executable, "-m", "build_kernels.emitting", str(module), *places]
     done = subprocess.run(command, cwd=ROOT, env=compiler_environment(), check=False)
     if done.returncode != 0:
         raise BuildError(f"{entry.run.__name__} does not compile, see above")
@@ -212,7 +241,8 @@ def object_key(entry: Entry, target: Target = HERE) -> str:
         BuildError: a package that compiles is not installed.
     """
     digest = hashlib.sha256()
-    for file in (*sources_of(entry), Path(__file__).with_name("compiling.py")):
+    compilers = (Path(__file__).with_name(f"{name}.py") for name in ("compiling", "emitting"))
+    for file in (*sources_of(entry), *compilers):
         digest.update(ast.dump(ast.parse(file.read_text(encoding="utf-8"))).encode())
     try:
         versions = [importlib.metadata.version(package) for package in COMPILERS]

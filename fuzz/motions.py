@@ -147,7 +147,7 @@ def check_joints(robot: Robot, rng: np.random.Generator) -> Iterator[Finding]:
     least = np.where(ramp > 0.0, ramp, 2.0 * np.sqrt(size / acceleration)).max()  # [s]
     if motion.duration < least - 1e-6:
         yield Finding("wrong", "move_joints, faster than its limits", f"{motion.duration} of {least}; {given}")
-    if limits["jerk_limit"] is None and limits["torque_limit"] is None and motion.duration > least + 1e-3:
+    if limits["jerk_limit"] is None and limits["torque_limit"] is None and motion.duration > least + 3.0 * limits["dt"]:
         yield Finding("wrong", "move_joints, slower than its limits", f"{motion.duration} of {least}; {given}")
 
 

@@ -424,7 +424,7 @@ class _Bounded(io.BufferedReader):
     """A file that is never read by more than `DIRECTORY` bytes at once, whatever it says itself."""
 
     def read(self, size: int | None = -1, /) -> bytes:
-        """As any file.
+        """Read at most `size` bytes.
 
         Raises:
             ValueError: more than the bound.

@@ -22,7 +22,7 @@ ERRORS = (
     errors.SolveError("UNREACHABLE: too far", None),
     errors.PhysicsError("diverged"),
     errors.EpisodeInitializationError("no state without contact in 10 attempts"),
-    errors.MissingExtraError("ruckig", "motion"),
+    errors.MissingExtraError("h5py", "data"),
 )
 
 

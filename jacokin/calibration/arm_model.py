@@ -395,7 +395,17 @@ class ArmModel:
         return rows, position + base.translation, base.rotation @ rotation, linear, angular
 
     def _contact(self, index: int, x: Array, position: Array, linear: Array) -> tuple[Array, Array]:
-        """As `predict`, for contact."""
+        """What contact with a point or a plane leaves unexplained, and its derivative.
+
+        Args:
+            index: of the set.
+            x: (p,) numbers.
+            position: (n, 3) of the tool in the base [m].
+            linear: (n, 3, p) its derivatives.
+
+        Returns:
+            (n, 3) from the point or (n, 1) from the plane [m], and the derivatives (n, 3 or 1, p).
+        """
         place = self.reference.places[index]
         if self.sets[index].kind == "point":
             block = self._blocks["point", index]
@@ -414,7 +424,10 @@ class ArmModel:
         return (away @ normal - distance)[:, None], jacobian[:, None]
 
     def whitened(self, index: int, x: Array) -> tuple[Array, Array]:
-        """As `predict`, each number over its standard deviation; zero in rows that are not finite."""
+        """What the model leaves unexplained, and its derivative, over the standard deviations.
+
+        Zero in rows that are not finite.
+        """
         missed, jacobian = self.predict(index, x)
         sigma = self.sets[index].sigma
         bad = ~self.sets[index].finite

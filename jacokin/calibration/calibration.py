@@ -74,11 +74,11 @@ class Calibration(Findings):
         self.measured_arm.save(path)
 
     def write_urdf(self, path: str | Path) -> None:
-        """As `jacokin.model.write_urdf` of `robot`. Errors as there and as `robot`."""
+        """Write the calibrated arm as URDF. Errors as of `jacokin.model.write_urdf` and of `robot`."""
         write_urdf(self.robot, path)
 
     def write_mjcf(self, path: str | Path) -> None:
-        """As `jacokin.model.write_mjcf` of `robot`. Errors as there and as `robot`."""
+        """Write the calibrated arm as MJCF. Errors as of `jacokin.model.write_mjcf` and of `robot`."""
         write_mjcf(self.robot, path)
 
     def report(self, path: str | Path) -> None:

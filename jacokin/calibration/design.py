@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -28,6 +29,7 @@ from jacokin.model.scene import Scene
 MEASURED = ("position", "pose")
 CANDIDATES = 1000  # configurations to choose from
 TRIES = 20  # configurations drawn for each candidate, where most touch something or are out of reach
+SIGMA = 3e-4, 1e-3  # [m], [rad] of an instrument of which nothing is said
 EXCHANGES = 5  # rounds; most designs settle in three
 GAIN = 1e-9  # of the logarithm of the determinant that an exchange must bring
 MOST = 1e6  # times the measurements that would halve the error, when the prior of what never shows decides
@@ -40,7 +42,7 @@ class Accuracy:
     before: float
     """Mean error of the described arm at random poses, as its prior has it [m]."""
     after: float
-    """The same of the calibrated arm [m]: what no estimate beats (Cramer-Rao, with the prior)."""
+    """Mean error of the calibrated arm [m]: what no estimate beats (Cramer-Rao, with the prior)."""
     halved_by: int | None
     """How many measurements like these, these included, would halve `after`; None where none would."""
 
@@ -99,7 +101,8 @@ def plan_measurements(
     checks.optional(checks.instance, "scene", scene, Scene, "a Scene")
     seen = _seen(within)
     candidates = _candidates(robot, count, frame, scene, distance, seen, generator)
-    rows = _information(robot, candidates, measured, sigma, frame, base, tool, parameters, prior)[1]
+    instrument = _Instrument(measured, sigma, frame, base, tool)
+    rows = _information(robot, candidates, instrument, parameters, prior)[1]
     return candidates[_choose(rows, count)]
 
 
@@ -134,7 +137,7 @@ def predict_accuracy(
     """
     checked_robot("robot", robot)
     at = checks.matrix("q", q, robot.dof, "rad")
-    model, rows = _information(robot, at, measured, sigma, frame, base, tool, parameters, prior)
+    model, rows = _information(robot, at, _Instrument(measured, sigma, frame, base, tool), parameters, prior)
     flat = rows.reshape(-1, rows.shape[2])
     information = flat.T @ flat
     scale, zero = np.outer(model.prior, model.prior), np.zeros(len(model.prior))
@@ -195,32 +198,37 @@ def _candidates(
     return np.array(found)
 
 
+class _Instrument(NamedTuple):
+    """What measures the arm; the fields are arguments of `plan_measurements`."""
+
+    measured: str
+    sigma: float | tuple[float, float] | None
+    frame: str | None
+    base: str | pin.SE3 | ArrayLike
+    tool: str | pin.SE3 | ArrayLike
+
+    def measure(self, robot: Robot, q: Array) -> Measurements:
+        """What it would measure of the described arm at configurations (n, dof) [rad], without noise.
+
+        Raises:
+            InvalidInputError: malformed.
+            UnknownNameError: it measures neither positions nor poses, or there is no such frame.
+        """
+        kind = checks.choice("measured", self.measured, MEASURED)
+        poses = [robot.placement(row, robot.frame_id(self.frame)).homogeneous for row in q]
+        sigma = (SIGMA if kind == "pose" else SIGMA[0]) if self.sigma is None else self.sigma
+        seen: dict[str, Any] = {"poses": poses} if kind == "pose" else {"positions": np.array(poses)[:, :3, 3]}
+        return Measurements(q, **seen, sigma=sigma, frame=self.frame, base=self.base, tool=self.tool)
+
+
 def _information(
-    robot: Robot,
-    q: Array,
-    measured: str,
-    sigma: float | tuple[float, float] | None,
-    frame: str | None,
-    base: str | pin.SE3 | ArrayLike,
-    tool: str | pin.SE3 | ArrayLike,
-    parameters: str | Iterable[str],
-    prior: Prior | None,
+    robot: Robot, q: Array, instrument: _Instrument, parameters: str | Iterable[str], prior: Prior | None
 ) -> tuple[ArmModel, Array]:
     """The model, and derivatives (n, k, p) of what would be measured, over its noise, by numbers over their priors."""
-    kind = checks.choice("measured", measured, MEASURED)
     chosen = AUTO if isinstance(parameters, str) and parameters == "auto" else checks.listed("parameters", parameters)
     groups = [checks.choice("group of parameters", each, GROUPS) for each in chosen]
     known = checks.instance("prior", Prior() if prior is None else prior, Prior, "a Prior")
-    poses = [robot.placement(row, robot.frame_id(frame)).homogeneous for row in q]
-    if kind == "pose":
-        given = (3e-4, 1e-3) if sigma is None else sigma  # [m], [rad]
-        rows = Measurements(q, poses=poses, sigma=given, frame=frame, base=base, tool=tool)
-    else:
-        points = np.array(poses)[:, :3, 3]
-        rows = Measurements(
-            q, positions=points, sigma=3e-4 if sigma is None else sigma, frame=frame, base=base, tool=tool
-        )
-    model = ArmModel(robot, [rows], groups, known)
+    model = ArmModel(robot, [instrument.measure(robot, q)], groups, known)
     return model, model.whitened(0, np.zeros(len(model.prior)))[1] * model.prior
 
 

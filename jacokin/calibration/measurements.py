@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.files import ARRAYS, open_parquet, read_arrays, read_rows
-from jacokin.ik.files.targets import rotations_from_quats, rotations_from_rpys
+from jacokin.ik.files.targets import POSITION, QUATERNION, RPY, rotations_from_quats, rotations_from_rpys
 from jacokin.logs import Log, StandstillRule
 from jacokin.model import checks, poses
 
@@ -28,9 +28,6 @@ CONTACTS = ("plane", "point")
 NOT_MEASUREMENTS = "is not a file of measurements"
 LARGEST = 1e6  # [m], [rad] of what anybody measures
 SMALLEST = 1e-12  # [m], [rad] of what any instrument tells apart; squares of less overflow
-POSITION = ("x", "y", "z")
-QUATERNION = ("qw", "qx", "qy", "qz")
-RPY = ("roll", "pitch", "yaw")
 KINOVA = ("theta_x", "theta_y", "theta_z")  # R = Rx Ry Rz
 FIXED_POINT = ("px", "py", "pz")
 READ = (*POSITION, *QUATERNION, *RPY, *KINOVA, *FIXED_POINT, "distance", "sigma", "sigma_angle")  # besides joints
@@ -385,16 +382,32 @@ def _read(path: Path) -> tuple[Mapping[str, Array], NDArray[np.intp] | None]:
     if path.suffix == ".npz":
         arrays = read_arrays(path, NOT_MEASUREMENTS)
         return _same_length(path, {name: each for name, each in arrays.items() if each.dtype.kind in "iuf"}), None
-    if path.suffix == ".parquet":
-        with open_parquet(path, NOT_MEASUREMENTS) as file:
-            if file.metadata.num_rows * file.metadata.num_columns > ARRAYS // 8:
-                raise InvalidInputError(f"{path}: {NOT_MEASUREMENTS}: its columns have more than {ARRAYS} bytes")
-            table = file.read()
-            return {
-                name: np.asarray(table.column(name).to_numpy(), dtype=np.float64)
-                for name in table.column_names
-                if str(table.schema.field(name).type) in ("double", "float", "int64", "int32")
-            }, None
+    return (_read_parquet(path), None) if path.suffix == ".parquet" else _read_csv(path)
+
+
+def _read_parquet(path: Path) -> Mapping[str, Array]:
+    """The columns of a Parquet file that hold numbers.
+
+    Raises:
+        InvalidInputError: cannot be read, or is too large.
+    """
+    with open_parquet(path, NOT_MEASUREMENTS) as file:
+        if file.metadata.num_rows * file.metadata.num_columns > ARRAYS // 8:
+            raise InvalidInputError(f"{path}: {NOT_MEASUREMENTS}: its columns have more than {ARRAYS} bytes")
+        table = file.read()
+        return {
+            name: np.asarray(table.column(name).to_numpy(), dtype=np.float64)
+            for name in table.column_names
+            if str(table.schema.field(name).type) in ("double", "float", "int64", "int32")
+        }
+
+
+def _read_csv(path: Path) -> tuple[Mapping[str, Array], NDArray[np.intp]]:
+    """The columns of a CSV file that hold numbers, and the line of each row, from 1.
+
+    Raises:
+        InvalidInputError: cannot be read, rows of different lengths, no rows, or a column is there twice.
+    """
     cells = read_rows(path)
     names = [name.strip() for _, row in cells[:1] for name in row]
     lines, rows = [], []

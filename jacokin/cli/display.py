@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import json
 import math
 import shutil
@@ -84,14 +85,10 @@ def _row(cells: Sequence[str], widths: Sequence[int], text: int) -> list[str]:
     """The lines of a row."""
     broken = [textwrap.wrap(cell, width) or [""] for cell, width in zip(cells, widths, strict=True)]
     lines = []
-    for index in range(max(map(len, broken))):
-        parts = [
-            (cell[index] if index < len(cell) else "").ljust(width)
-            if column < text
-            else (cell[index] if index < len(cell) else "").rjust(width)
-            for column, (cell, width) in enumerate(zip(broken, widths, strict=True))
-        ]
-        lines.append(f"  {(' ' * GAP).join(parts)}".rstrip())
+    for parts in itertools.zip_longest(*broken, fillvalue=""):
+        texts = [part.ljust(width) for part, width in zip(parts[:text], widths, strict=False)]
+        numbers = [part.rjust(width) for part, width in zip(parts[text:], widths[text:], strict=True)]
+        lines.append(f"  {(' ' * GAP).join([*texts, *numbers])}".rstrip())
     return lines
 
 

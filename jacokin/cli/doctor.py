@@ -55,7 +55,6 @@ PACKAGES = {
     "click": ("click", None),
     "proxsuite": ("proxsuite", "proxqp"),
     "quadprog": ("quadprog", "quadprog"),
-    "ruckig": ("ruckig", "motion"),
     "matplotlib": ("matplotlib", "plot"),
     "dm_env": ("dm-env", "tasks"),
     "gymnasium": ("gymnasium", "tasks"),

@@ -112,9 +112,7 @@ def _solve_for_display(
             if results is not None:
                 results += _documents(block, batch)
             show(tally.count, None)
-    seconds = time.perf_counter() - started
-    carried = tuple(block.carried)
-    return ik.FileSummary(tally.count, dict(tally.statuses), *tally.worst, tally.failures, 0, seconds, None, carried)
+    return tally.summary(time.perf_counter() - started, tuple(block.carried))
 
 
 def _documents(targets: ik.TargetFile, batch: ik.BatchResult) -> Iterator[dict[str, object]]:

@@ -27,7 +27,7 @@ from jacokin.cli.display import number, show_facts
 from jacokin.cli.groups import RADIANS, RobotOptions, SceneOptions
 from jacokin.cli.options import keep_apart
 from jacokin.cli.process import NOT_SOLVED
-from jacokin.cli.task import choose_renderer, has_display
+from jacokin.cli.task import DATA_SETS, choose_renderer, has_display
 from jacokin.errors import InvalidInputError, ModelError
 
 if TYPE_CHECKING:
@@ -38,7 +38,6 @@ if TYPE_CHECKING:
     from jacokin.viewer.browser.props import Props
 
 DEVICES = ("player", "spacemouse", "keyboard", "page")
-DATA_SETS = (".hdf5", ".minari", ".lerobot")
 ARRIVED = 1e-3  # [m] nearer to its target, the tool has arrived
 DT = 0.01  # [s]
 ACCELERATION = 4.0  # [rad/s^2]

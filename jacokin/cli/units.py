@@ -78,7 +78,7 @@ class JointUnits:
         return [float(values[k]) if is_prismatic else turned[k] for k, is_prismatic in enumerate(self.prismatic)]
 
     def configuration(self, option: str, values: Sequence[float]) -> list[float]:
-        """As `to_si`, with a note where radians look like degrees.
+        """What the user typed for a configuration, in [rad] or [m]; with a note where radians look like degrees.
 
         Raises:
             InvalidInputError: not one value for each joint.
@@ -94,11 +94,11 @@ class JointUnits:
         return self.to_si(values)
 
     def seed(self, option: str, values: Sequence[float] | None) -> list[float] | None:
-        """As `configuration`; None where the option is not given."""
+        """A configuration [rad] or [m] to start near to; None where the option is not given."""
         return None if values is None else self.configuration(option, values)
 
     def limits(self, option: str, values: Sequence[float] | None, unit: str) -> list[float] | None:
-        """As `seed`, of limits in a unit such as "rad/s", of which one may stand for all joints.
+        """Limits of the joints, typed in a unit such as "rad/s", one for all or one for each; None where not given.
 
         Raises:
             InvalidInputError: neither one value nor one for each joint.

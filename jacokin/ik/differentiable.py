@@ -69,7 +69,7 @@ def solve_poses(solver: IKSolver, poses: Array, seeds: Array, closest: bool) -> 
 def solve_what_is_a_pose(
     solver: IKSolver, poses: Array, seeds: Array, closest: bool
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """As `solve_poses`, where nothing can be raised: rows that are malformed get NaN, and are no successes."""
+    """Answers (..., dof) and successes (...), where nothing can be raised: malformed rows get NaN, and no success."""
     matrices, starts = poses.reshape(-1, 4, 4), seeds.reshape(-1, seeds.shape[-1])
     q, success = np.full(starts.shape, np.nan), np.zeros(len(matrices), dtype=np.bool_)
     good = np.isfinite(starts).all(axis=1) & np.array([_is_pose(matrix) for matrix in matrices])

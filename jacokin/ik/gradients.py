@@ -49,7 +49,10 @@ class Loop(NamedTuple):
 
 
 def target_gradient(verifier: Verifier, result: IKResult, parameter: str | None, reference: str) -> Array:
-    """See `IKSolver.gradient`; `parameter` names the joint that is the parameter of the curves of a pose."""
+    """Derivative (dof, 6) of an answer by the twist of its target in a reference frame, as `IKSolver.gradient` says.
+
+    `parameter` names the joint that is the parameter of the curves of a pose.
+    """
     jacobians.reference_frame(reference)
     loop, twists = _loop(verifier, result, parameter), np.eye(POSE)
     if reference == "local":
@@ -60,7 +63,11 @@ def target_gradient(verifier: Verifier, result: IKResult, parameter: str | None,
 
 
 def parameter_gradient(verifier: Verifier, result: IKResult, parameter: str | None) -> Array:
-    """See `IKSolver.parameter_gradient`."""
+    """Derivative (dof,) of an answer by the parameter of its curve.
+
+    Raises:
+        InvalidInputError: the target has separate solutions.
+    """
     loop, robot = _loop(verifier, result, parameter), verifier.robot
     if loop.held is None:
         raise InvalidInputError(
@@ -73,7 +80,13 @@ def parameter_gradient(verifier: Verifier, result: IKResult, parameter: str | No
 
 
 def pull_back(verifier: Verifier, q: ArrayLike, cotangents: ArrayLike, parameter: str | None) -> Array:
-    """See `IKSolver.pull_back`."""
+    """Derivatives (n, 4, 4) by poses of a function with derivatives `cotangents` (n, dof) by their answers q (n, dof).
+
+    NaN where an answer is singular.
+
+    Raises:
+        InvalidInputError: malformed.
+    """
     robot, none = verifier.robot, np.empty((0, 3))
     rows = checks.matrix("q", q, robot.dof, "rad")
     weights = checks.array("cotangents", cotangents, f"rows of {robot.dof} numbers")

@@ -31,6 +31,11 @@ POSE_NUMBERS = 6
 #: Ends that miss a pose by little on an arm of fewer joints, after which nothing better is expected.
 ENOUGH_NEARLY = 2
 
+#: Steps of a descent; one that converges needs 4 near its answer, 10 to 20 far from it.
+MAX_ITERATIONS = 60
+#: Steps without halving the error, after which it is at a local minimum, or too slow to wait for.
+STALL_ITERATIONS = 8
+
 #: The configuration (dof,) within the limits nearest to a seed (dof,) that reaches a pose; None for none.
 Nearest = Callable[[TargetPose, Array], Array | None]
 

@@ -11,12 +11,10 @@ import numpy as np
 import pinocchio as pin
 
 from jacokin.arrays import Array
-from jacokin.ik.local_search import Descent
+from jacokin.ik.local_search import MAX_ITERATIONS, STALL_ITERATIONS, Descent
 from jacokin.ik.targets import TargetPose
 from jacokin.ik.verification import Verifier
 
-MAX_ITERATIONS = 60
-STALL_ITERATIONS = 8  # without halving the error: a local minimum
 CONVERGED = 1e-3  # of the tolerance, so that measuring anew cannot fail
 LONGEST_STEP = 0.7  # [rad] of one joint; linearised kinematics says little beyond
 KEPT = 1e-2  # [m^2/rad^2] the most that staying near the start counts against the position

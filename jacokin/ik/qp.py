@@ -11,14 +11,12 @@ import numpy as np
 
 from jacokin.arrays import Array
 from jacokin.ik.forms import TOOL_SITE, twin_with_tool
-from jacokin.ik.local_search import Descent
+from jacokin.ik.local_search import MAX_ITERATIONS, STALL_ITERATIONS, Descent
 from jacokin.ik.qp_backend import Backend, QPFailed
 from jacokin.ik.targets import TargetPose
 from jacokin.ik.verification import Verifier
 from jacokin.model import poses
 
-MAX_ITERATIONS = 60  # per start; a start that converges needs 4 near its answer, 10 to 20 far from it
-STALL_ITERATIONS = 8  # without halving the error: a local minimum, or too slow to wait for
 CONVERGED = 0.01  # of the tolerances: one quadratic step past them, so that measuring anew cannot fail
 LM_DAMPING = 1e-3  # relative to the squared error; keeps steps finite near singular poses
 

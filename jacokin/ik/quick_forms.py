@@ -35,7 +35,7 @@ class QuickForm(NamedTuple):
     first: float
     """Where axes 4 and 5 of a wrist meet on axis 4; or axes 5 and 6 on axis 5, lengths scaled."""
     second: float
-    """The same on axis 6."""
+    """Where that point is on axis 6."""
     joints: tuple[int, ...]
     """The three joints, from 1."""
     rank: int

@@ -49,7 +49,7 @@ class Residual:
     """How far axes are from the angle they should enclose [rad]."""
 
     def __str__(self) -> str:
-        """As `jacokin info` prints it."""
+        """Its name and both deviations, in one line of `jacokin info`."""
         return f"{self.name}: {self.position:.3g} m, {self.angle:.3g} rad"
 
 

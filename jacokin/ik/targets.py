@@ -56,7 +56,7 @@ class TargetPose(NamedTuple):
         return self.matrix[:3, :3]
 
     def moved_to(self, position: Array) -> TargetPose:
-        """The same target at another position (3,) [m]."""
+        """This target at another position (3,) [m]."""
         matrix = self.matrix.copy()
         matrix[:3, 3] = position
         return self._replace(matrix=matrix)

@@ -112,7 +112,7 @@ class Verifier:
         return [] if self._contact is None else self._contact.all_touching(q)
 
     def pairs_in_contact(self, q: Array) -> list[tuple[str, str]]:
-        """As `touching`, for a configuration that is known to be in contact."""
+        """Pairs of shapes that touch at a configuration (dof,) that is known to be in contact."""
         assert self._contact is not None
         return self._contact.list_touching(q)
 

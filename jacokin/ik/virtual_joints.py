@@ -23,7 +23,7 @@ import pinocchio as pin
 from jacokin.arrays import Array
 from jacokin.errors import StructureError
 from jacokin.ik.closed_form import ClosedForm
-from jacokin.ik.fixed_joints import hold
+from jacokin.ik.fixed_joints import SIX, hold
 from jacokin.ik.solutions.points import Points
 from jacokin.ik.solutions.solution_set import Touching
 from jacokin.ik.structures import FEWEST
@@ -34,7 +34,6 @@ from jacokin.model import checks
 from jacokin.model.angles import TURN
 from jacokin.model.measured_arm import joint_axis
 
-SIX = 6  # joints that the closed form solves for
 STANDS = 0.03  # [rad] of a joint that should stand at zero: from there on Newton's method decides
 AT_ZERO = 1e-10  # [rad] of such a joint: nothing to correct
 SAME = 1e-7  # [rad] configurations nearer than that are one
@@ -147,7 +146,7 @@ class VirtualJoints:
         self._form = ClosedForm(model, frame_id, None, lower, upper, limit_snap=limit_snap)
 
     def measured_by(self, verifier: Verifier) -> VirtualJoints:
-        """The same chain for another solver of the same arm, frame and tool."""
+        """This chain for another solver of the same arm, frame and tool."""
         found = copy.copy(self)
         found._verifier = verifier
         return found

@@ -12,6 +12,7 @@ configurations                       poses, Jacobians, torques and mass matrices
 closest                              what comes closest to a target that is not reached
 rung_links                           which solutions of neighbouring places of a path follow each other
 speeds                               the least time along a path
+rest_to_rest                         the least time from rest to rest, with limits of jerk
 tracking                             ticks of the tracker
 branches                             a branch verified, polished, put within the limits; duplicates
 entries, library                     what is compiled; the library loaded and called

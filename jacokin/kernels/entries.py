@@ -22,6 +22,7 @@ from jacokin.kernels.contact.cloud_tree import build_cloud, make_cloud_tree
 from jacokin.kernels.contact.near_points import find_near_points, make_near_work
 from jacokin.kernels.contact.run import make_contact_work, run_contact
 from jacokin.kernels.free_motion.run import make_motion_work, run_free_motion
+from jacokin.kernels.rest_to_rest import fit_rest_to_rest, make_rest_work
 from jacokin.kernels.rung_links import link_rungs, make_link_work
 from jacokin.kernels.six_joints.ranking import make_rank_work, rank_labellings
 from jacokin.kernels.solution_set.nearest import find_nearest, find_point, make_nearest_work, make_point_work
@@ -48,6 +49,7 @@ ENTRIES = (
     Entry(solve_clear_targets, make_clear_work),
     Entry(link_rungs, make_link_work),
     Entry(fit_speeds, make_speed_work),
+    Entry(fit_rest_to_rest, make_rest_work),
     Entry(find_closest, make_closest_work),
     Entry(linearise_tick, make_tick_work),
     Entry(solve_tick, make_tick_work),

@@ -48,7 +48,6 @@ TEXTS = {
         "Header header\nactionlib_msgs/GoalID goal_id\ncontrol_msgs/FollowJointTrajectoryGoal goal\n"
     ),
 }
-ROS_1_ONLY = ("control_msgs/msg/FollowJointTrajectoryActionGoal",)
 
 
 @dataclass(frozen=True, slots=True)

@@ -282,7 +282,7 @@ class _Joints:
             self.others[text] = None
 
     def beside(self, names: Sequence[str], values: Sequence[float] | Array) -> Array | None:
-        """As `choose`, of names that were chosen from before; not counted."""
+        """(dof,) values by names that `choose` has met, as the arm has them; None for missing or not finite ones."""
         indices, numbers = self._found[tuple(names)], np.asarray(values, dtype=np.float64)
         if indices is None or numbers.shape != (len(names),):
             return None

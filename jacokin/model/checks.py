@@ -6,6 +6,7 @@ A number is a real Python or NumPy number: not a boolean, not digits in a string
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
@@ -22,7 +23,7 @@ AnyArray = TypeVar("AnyArray", bound=NDArray[Any])
 
 FLOAT64 = np.dtype(np.float64)
 NUMBER_KINDS = "iuf"  # of NumPy's dtypes: no booleans, complex numbers, strings, dates or objects
-NOT_NUMBERS = frozenset((bool, np.bool_, np.ma.MaskedArray, type(np.ma.masked)))  # NumPy would convert these in lists
+NOT_NUMBERS = frozenset((bool, np.bool_))  # NumPy would convert these, and masked values, in lists
 PLAIN = frozenset((float, int, np.float64))
 NESTING = 3  # lists in lists in lists that are searched for values that are not numbers
 
@@ -245,14 +246,17 @@ def numbers(value: ArrayLike) -> Array:
 
 def _refuse_hidden(value: object, nesting: int) -> None:
     """Refuse masked arrays, and lists with booleans or masked values: NumPy converts both without a word."""
-    if isinstance(value, np.ma.MaskedArray):
+    # Only who has loaded NumPy's masked arrays can have one.
+    masked: Any = getattr(sys.modules.get("numpy.ma"), "MaskedArray", ())
+    if isinstance(value, masked):
         raise TypeError("masked arrays are not accepted: fill or drop the masked values")
     if nesting and isinstance(value, list | tuple):
         kinds = set(map(type, value))
         if kinds <= PLAIN:
             return
-        if kinds & NOT_NUMBERS:
-            raise TypeError(f"{', '.join(sorted(kind.__name__ for kind in kinds & NOT_NUMBERS))} is not a number")
+        refused = sorted(kind.__name__ for kind in kinds if kind in NOT_NUMBERS or issubclass(kind, masked))
+        if refused:
+            raise TypeError(f"{', '.join(refused)} is not a number")
         if not kinds.isdisjoint((list, tuple)):
             for item in value:
                 _refuse_hidden(item, nesting - 1)
@@ -322,11 +326,10 @@ def positive_vector(name: str, value: ArrayLike, size: int, unit: str, *, infini
     """
     given = array(name, value, f"one number or {size}", unit)
     full = np.full(size, given) if given.ndim == 0 else given
-    endless = np.isposinf(full) if infinite else np.zeros(full.shape, dtype=np.bool_)
-    checked = np.where(endless, np.inf, vector(name, np.where(endless, 1.0, full), size, unit))
-    if not (checked > 0.0).all():
-        raise InvalidInputError(f"{name} must be positive{_bracketed(unit)}, got {checked.tolist()}")
-    return read_only(checked)
+    vector(name, np.where(np.isposinf(full), 1.0, full) if infinite else full, size, unit)
+    if not min(full.tolist(), default=1.0) > 0.0:
+        raise InvalidInputError(f"{name} must be positive{_bracketed(unit)}, got {full.tolist()}")
+    return read_only(full)
 
 
 def matrix(name: str, value: ArrayLike, columns: int, unit: str) -> Array:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from functools import partial
+from functools import cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -37,6 +37,7 @@ from jacokin.kernels.contact.run import (
 from jacokin.kernels.contact.shapes import CENTRE, LINK, RADIUS
 from jacokin.kernels.contact.touching import Geometry
 from jacokin.kernels.library import Call
+from jacokin.model import checks
 from jacokin.model.obstacles import NOTHING_AROUND, Surroundings
 from jacokin.model.robot import Robot, checked_robot
 from jacokin.model.surrounded import Surrounded, allowed_pairs, surround
@@ -95,7 +96,7 @@ class Contact:
         self._local = threading.local()
 
     def with_clearance(self, clearance: float) -> Contact:
-        """The same shapes, which count as touching this near to each other [m]."""
+        """These shapes, which count as touching this near to each other [m]."""
         if clearance == self._clearance:
             return self
         return Contact(self._robot, self._around, clearance=clearance, found=self._found)
@@ -130,11 +131,11 @@ class Contact:
         return self.all_touching(self._robot.configuration(q))
 
     def all_touching(self, q: Array) -> list[Pair]:
-        """As `touching` at a checked configuration (dof,) [rad]."""
+        """Names of the shapes that touch at a checked configuration (dof,) [rad]."""
         return self.list_touching(q) if self.touches(q) else []
 
     def list_touching(self, q: Array) -> list[Pair]:
-        """As `all_touching`, without a quick look first: for a configuration that is known to be in contact."""
+        """Names of the shapes that touch, without a quick look first: for a configuration known to be in contact."""
         call = self._call()
         call.work.q[: q.size] = q
         return self._listed(call)
@@ -160,7 +161,7 @@ class Contact:
         return found
 
     def touching_from(self, T_world_base: pin.SE3, q: Array) -> list[Pair]:
-        """As `touching` with the base elsewhere: then its shapes and obstacles touch where they are 5 mm deep."""
+        """Names of the shapes that touch with the base elsewhere: of the base and obstacles those 5 mm deep."""
         call = self._call()
         call.work.q[: q.size] = q
         call.work.places.frames[0] = T_world_base.homogeneous[:3]
@@ -245,7 +246,7 @@ class Contact:
         self._run(call, task, count, meetings=meetings, slack=MOTION_ACCURACY)
         return call.work
 
-    @property
+    @cached_property
     def levers(self) -> Array:
         """(dof,) how far a point of the arm can be from the axis of each joint, at most [m]; 1 where a joint slides."""
         shapes, arm = self._geometry.shapes, self._geometry.arm
@@ -258,7 +259,7 @@ class Contact:
         for joint in np.flatnonzero(arm.joint_kinds == HINGE).tolist():
             far = (along[links] - along[joint + 1] + reach)[links > joint]
             found[joint] = far.max(initial=0.0)
-        return found
+        return checks.sealed(found)
 
     @property
     def has_shapes(self) -> bool:

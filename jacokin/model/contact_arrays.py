@@ -148,40 +148,65 @@ def arm_arrays(
     """
     placements, kinds = joints
     # They come first, and so do their meetings.
-    groups = [(0, [number], rows[number].numbers[CENTRE:]) for number in alone] + [
-        (link, group, sphere)
-        for link in range(len(kinds) + 1)
-        for group, sphere in _grouped(
-            {number: row.numbers for number, row in enumerate(rows) if links[number] == link and number not in alone}
-        )
-    ]
-    numbers = [number for _, group, _ in groups for number in group]
-    shape_of = {number: index for index, number in enumerate(numbers)}
-    group_of = {number: index for index, (_, group, _) in enumerate(groups) for number in group}
-    ends = np.cumsum([0] + [len(group) for _, group, _ in groups])
+    groups = [_Group(0, [number], rows[number].numbers[CENTRE:]) for number in alone]
+    groups += _groups_by_link(len(kinds), links, rows, alone)
+    numbers = [number for group in groups for number in group.members]
+    shapes = _stacked([rows[number] for number in numbers])
+    ends = np.cumsum([0] + [len(group.members) for group in groups])
+    slices = list(itertools.pairwise(ends.tolist()))
 
+    shape_of = {number: index for index, number in enumerate(numbers)}
+    group_of = {number: index for index, group in enumerate(groups) for number in group.members}
     ordered = [(a, b) if links[a] <= links[b] else (b, a) for a, b in pairs]
     ordered.sort(key=lambda pair: (group_of[pair[0]], group_of[pair[1]], shape_of[pair[0]], shape_of[pair[1]]))
-    between = [(group_of[a], group_of[b]) for a, b in ordered]
-    met = sorted(set(between))
-    firsts = np.searchsorted([g * len(groups) + h for g, h in between], [g * len(groups) + h for g, h in met])
-    shapes = _stacked([rows[number] for number in numbers])
-    low, high = _extents(shapes.numbers)
-    slices = list(itertools.pairwise(ends.tolist()))
-    extents = [(low[i:j].min(axis=0), high[i:j].max(axis=0)) for i, j in slices]
+    meetings = _meetings([(group_of[a], group_of[b]) for a, b in ordered])
     arm = ArmShapes(
         joint_kinds=np.array(kinds, dtype=np.int64),
         placements=placements,
-        spheres=np.array([sphere for _, _, sphere in groups]).reshape(-1, 4),
-        boxes=np.array([(*(0.5 * (least + most)), *(0.5 * (most - least))) for least, most in extents]).reshape(-1, 6),
-        groups=_integers([(link, *ends) for (link, _, _), ends in zip(groups, slices, strict=True)], 3),
-        meetings=_integers(
-            [(*pair, *ends) for pair, ends in zip(met, itertools.pairwise([*firsts, len(between)]), strict=True)], 4
-        ),
+        spheres=np.array([group.sphere for group in groups]).reshape(-1, 4),
+        boxes=_boxes_around(shapes.numbers, slices),
+        groups=_integers([(group.link, *ends) for group, ends in zip(groups, slices, strict=True)], 3),
+        meetings=_integers(meetings, 4),
         pairs=_integers([(shape_of[a], shape_of[b]) for a, b in ordered], 2),
     )
-    met_partly = sum(inner < len(alone) for inner, _ in met)
+    met_partly = sum(inner < len(alone) for inner, *_ in meetings)
     return ArmArrays(shapes, arm, np.array(numbers, dtype=np.intp), len(alone), met_partly)
+
+
+class _Group(NamedTuple):
+    """Shapes of one link that lie together."""
+
+    link: int
+    members: list[int]
+    """Their numbers."""
+    sphere: Array
+    """(4,) centre and radius of a sphere around them, in the frame of the link [m]."""
+
+
+def _groups_by_link(dof: int, links: Sequence[int], rows: Sequence[ShapeRow], without: Sequence[int]) -> list[_Group]:
+    """The shapes of each link in groups, those of the base first, without some shapes."""
+    groups = list[_Group]()
+    for link in range(dof + 1):
+        own = [number for number in range(len(rows)) if links[number] == link and number not in without]
+        groups += [_Group(link, *each) for each in _grouped({number: rows[number].numbers for number in own})]
+    return groups
+
+
+def _meetings(between: Sequence[tuple[int, int]]) -> list[tuple[int, int, int, int]]:
+    """Pairs of groups, and where the pairs of their shapes start and stop.
+
+    Args:
+        between: the two groups of each pair of shapes; those of the same two follow each other.
+    """
+    starts = [at for at, groups in enumerate(between) if at == 0 or groups != between[at - 1]]
+    return [(*between[start], start, stop) for start, stop in itertools.pairwise([*starts, len(between)])]
+
+
+def _boxes_around(numbers: Array, slices: Sequence[tuple[int, int]]) -> Array:
+    """Centres and half sizes (n, 6) [m] of boxes around groups of shapes, in the frames of their links."""
+    low, high = _extents(numbers)
+    extents = [(low[start:stop].min(axis=0), high[start:stop].max(axis=0)) for start, stop in slices]
+    return np.array([(*(0.5 * (least + most)), *(0.5 * (most - least))) for least, most in extents]).reshape(-1, 6)
 
 
 def world_arrays(obstacles: Sequence[Shape]) -> WorldArrays:

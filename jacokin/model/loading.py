@@ -471,12 +471,14 @@ def find_notes(robot: Robot) -> tuple[str, ...]:
     if robot.source.bundled is not None:
         return ()
     from jacokin.model.contact import self_contact
-    from jacokin.model.mujoco_twin import with_shapes
-    from jacokin.model.own_shapes import overlapping
+    from jacokin.model.own_shapes import may_collide, overlapping
 
     notes = [*robot.source.notes, *_missing_numbers(robot)]
     try:
-        notes += with_shapes(robot).notes
+        if may_collide(robot):
+            from jacokin.model.mujoco_twin import with_shapes
+
+            notes += with_shapes(robot).notes
         always = sorted(tuple(sorted(pair)) for pair in overlapping(robot))
         if not self_contact(robot).has_shapes:
             notes.append("the description has no collision shapes: contact is not looked for")

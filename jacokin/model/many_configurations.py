@@ -163,15 +163,6 @@ def cross(a: Array, b: Array) -> Array:
     return product
 
 
-def angle_and_axis(rotation: Array) -> tuple[Array, Array]:
-    """Angles (k,) [rad] and unit axes (k, 3) of rotations (k, 3, 3); the axis is zero where there is no rotation."""
-    skew = rotation - np.swapaxes(rotation, 1, 2)
-    axis = np.stack([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]], axis=1)
-    sine = np.sqrt(np.einsum("ki,ki->k", axis, axis))
-    angle = np.arctan2(sine, np.trace(rotation, axis1=1, axis2=2) - 1.0)
-    return angle, axis / np.maximum(sine, 1e-300)[:, None]
-
-
 def _turned(goal: TargetRows, angle: Array) -> Array:
     """The poses (n, 4, 4), turned by angles (n, 1)."""
     if goal.axis is None:

@@ -76,7 +76,7 @@ def compile_spec(spec: mujoco.MjSpec, robot: Robot) -> mujoco.MjModel:
 
 
 def to_spec(robot: Robot, *, geometry: bool = False, finger_angle: float | None = None) -> mujoco.MjSpec:
-    """As `to_mujoco`, before compiling: scene geometry can still be added.
+    """The twin of a robot before it is compiled: scene geometry can still be added.
 
     With `finger_angle` [rad] the shapes of the fingers stand at that angle instead of the robot's own.
     """

@@ -239,7 +239,7 @@ def checked_surroundings(name: str, scene: object) -> Surroundings:
 
 
 def place(shape: Obstacle, pose: pin.SE3 | ArrayLike) -> Obstacle:
-    """The same shape at another pose, or position (3,) [m].
+    """A shape at another pose, or position (3,) [m].
 
     Raises:
         InvalidInputError: the pose is malformed, or the shape is not one that can be moved.

@@ -68,7 +68,7 @@ class OtherRobot:
         object.__setattr__(self, "parts", tuple(parts))
 
     def at(self, q: ArrayLike) -> OtherRobot:
-        """The same robot at another configuration (dof,) [rad].
+        """This robot at another configuration (dof,) [rad].
 
         Raises:
             InvalidInputError: malformed.

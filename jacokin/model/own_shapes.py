@@ -17,6 +17,7 @@ from jacokin.model.descriptions.shapes import NO_VERTICES, Shape, read_bundled
 from jacokin.model.robot import Robot, middle, spread
 
 OVERLAPPING_IN = 200  # random configurations; shapes that touch in all of them are taken to touch everywhere
+COLLISION = "<collision"  # how such an element begins in the text of a URDF that was read and written again
 ROUNDING = 1e-12  # [m, or of a matrix] between places of one shape that were computed in two ways
 
 
@@ -51,6 +52,12 @@ def own_shapes(robot: Robot, finger_angle: float | None = None) -> OwnShapes:
     return robot.once(_make_at_angle, finger_angle)
 
 
+def may_collide(robot: Robot) -> bool:
+    """Whether the description may have collision shapes: a URDF without them is not given to MuJoCo."""
+    content = robot.source.content
+    return not isinstance(content, str) or COLLISION in content
+
+
 def overlapping(robot: Robot) -> frozenset[frozenset[str]]:
     """Pairs of names of the arm's own shapes that touch in every configuration, so that their contact says nothing.
 
@@ -63,11 +70,13 @@ def overlapping(robot: Robot) -> frozenset[frozenset[str]]:
 
 
 def _make_own_shapes(robot: Robot) -> OwnShapes:
-    """Read the description; that of a bundled robot without MuJoCo, which takes long to load."""
+    """Read the description; a bundled one, and one without shapes, without MuJoCo, which takes long to load."""
     if robot.source.bundled is not None:
         links = {name: robot.frame_id(name) for name in robot.frames}
         shapes, pairs = read_bundled(robot.source.bundled, robot.pin_model, links)
         return _prepared(robot, shapes, pairs, frozenset(), [shape_row(robot.pin_model, each) for each in shapes])
+    if not may_collide(robot):
+        return _prepared(robot, [], [], frozenset(), [])
     from jacokin.model.mujoco_twin import shapes_of_description
 
     shapes, pairs = shapes_of_description(robot)

@@ -72,7 +72,7 @@ class PointCloud:
         return len(np.asarray(self.points))
 
     def at(self, pose: pin.SE3 | ArrayLike) -> Self:
-        """The same cloud elsewhere; its points and their tree are shared.
+        """This cloud elsewhere; its points and their tree are shared.
 
         Raises:
             InvalidInputError: a malformed pose.

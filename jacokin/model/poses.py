@@ -219,7 +219,7 @@ class FreeAxis:
         return pin.SE3(matrix[:3, :3], matrix[:3, 3])
 
     def matrix_at(self, parameter: float) -> Array:
-        """As `at`, (4, 4), for callers inside the package: the argument is trusted."""
+        """The pose (4, 4) turned by p [rad], for callers inside the package: the argument is trusted."""
         matrix = self._matrix.copy()
         matrix[:3, :3] = matrix[:3, :3] @ pin.AngleAxis(parameter, self._axis).toRotationMatrix()
         return matrix
@@ -311,7 +311,7 @@ def checked_matrix(name: str, matrix: Array) -> Array:
 
 
 def checked_matrices(name: str, matrices: Array) -> Array:
-    """As `checked_matrix` for (n, 4, 4) at once, in place.
+    """Poses (n, 4, 4) in which each is rigid, made exactly so in place.
 
     Raises:
         InvalidInputError: as there; the first row at fault is named.
@@ -425,7 +425,7 @@ def quat_wxyz(rotation: ArrayLike) -> Array:
 
 
 def quaternion(rotation: Array) -> Array:
-    """As `quat_wxyz`, for callers inside the package: the argument is trusted."""
+    """Unit quaternion (w, x, y, z), w >= 0, of a rotation (3, 3) that is trusted, for callers inside the package."""
     x, y, z, w = pin.Quaternion(np.asarray(rotation)).normalized().coeffs()
     quat = np.array([w, x, y, z])
     return -quat if w < 0.0 else quat

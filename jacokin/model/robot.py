@@ -7,6 +7,7 @@ A `Robot` is parsed, checked and immutable; `load_robot` makes one. Public joint
 from __future__ import annotations
 
 import hashlib
+import math
 import threading
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -194,7 +195,7 @@ class Robot:
 
     @cached_property
     def described(self) -> Robot:
-        """The same arm without its calibration, as the description has it (to rounding); itself without one."""
+        """This arm without its calibration, as the description has it (to rounding); itself without one."""
         measured = self.calibration
         if measured is None:
             return self
@@ -625,7 +626,7 @@ class Robot:
         return self._weighing(dynamics.reweighed(self.pin_model, rows), has_masses=True)
 
     def _weighing(self, pin_model: pin.Model, *, has_masses: bool) -> Robot:
-        """The same arm with a model of other masses."""
+        """This arm with a model of other masses."""
         return Robot(
             pin_model,
             base=self.base,
@@ -876,9 +877,8 @@ def velocity_limits(robot: Robot, value: ArrayLike | None) -> Array:
     """
     if value is not None:
         return _bounded("velocity_limit", value, robot.dof, "rad/s", FASTEST)
-    missing = [
-        name for name, limit in zip(robot.joint_names, robot.velocity_limit, strict=True) if not np.isfinite(limit)
-    ]
+    own = robot.velocity_limit.tolist()
+    missing = [name for name, limit in zip(robot.joint_names, own, strict=True) if not math.isfinite(limit)]
     if missing:
         raise InvalidInputError(
             f"the description of {robot.name} ({robot.source.path}) gives no velocity limits for {', '.join(missing)}; "
@@ -912,7 +912,7 @@ def _bounded(name: str, value: ArrayLike, size: int, unit: str, most: float, *, 
         InvalidInputError: malformed, not positive, or larger; with `infinite`, inf is taken.
     """
     found = checks.positive_vector(name, value, size, unit, infinite=infinite)
-    largest = float(found[np.isfinite(found)].max(initial=0.0))
+    largest = max((each for each in found.tolist() if each < np.inf), default=0.0)
     if largest > most:
         raise InvalidInputError(f"{name} must be at most {most:g} {unit}, got {largest:.6g} {unit}")
     return found

@@ -210,7 +210,7 @@ class Scene:
         return _rebuild(self.surroundings._replace(obstacles=(*self.obstacles, *stands), attached=rest, allow=allow))
 
     def with_fingers(self, angle: float | None) -> Scene:
-        """The same scene with the fingers at another angle [rad] when contact is looked for.
+        """This scene with the fingers at another angle [rad] when contact is looked for.
 
         Raises:
             InvalidInputError: not a number.
@@ -219,7 +219,7 @@ class Scene:
         return _rebuild(self.surroundings._replace(finger_angle=angle))
 
     def adding(self, *obstacles: Obstacle) -> Scene:
-        """The same scene with more obstacles.
+        """This scene with more obstacles.
 
         Raises:
             InvalidInputError: not shapes, or two of the same name.
@@ -237,7 +237,7 @@ class Scene:
         base: pin.SE3 | ArrayLike,
         finger_angle: float | None = None,
     ) -> Scene:
-        """The same scene with another robot, which stands still: each of its shapes is an obstacle, "name/shape".
+        """This scene with another robot, which stands still: each of its shapes is an obstacle, "name/shape".
 
         `plan_motion(..., meanwhile={name: trajectory})` keeps clear of it while it moves.
 
@@ -259,7 +259,7 @@ class Scene:
         return self.adding(*other.parts)
 
     def removing(self, *names: str) -> Scene:
-        """The same scene without some obstacles or robots, and without the contact that was allowed with them.
+        """This scene without some obstacles or robots, and without the contact that was allowed with them.
 
         Raises:
             UnknownNameError: no such obstacle or robot.
@@ -269,7 +269,7 @@ class Scene:
         return _rebuild(self.surroundings._replace(obstacles=kept, allow=self._allowed_without(gone)))
 
     def moving(self, poses: Mapping[str, pin.SE3 | ArrayLike]) -> Scene:
-        """The same scene with some obstacles elsewhere.
+        """This scene with some obstacles elsewhere.
 
         Args:
             poses: T_base_shape by name, or a position (3,) [m], with the axes of the base then. Of another robot, where
@@ -289,7 +289,7 @@ class Scene:
         return _rebuild(self.surroundings._replace(obstacles=there))
 
     def changed(self, leaving: Iterable[str], coming: Mapping[str, Obstacle]) -> Scene:
-        """The same scene with some obstacles gone and others come, by name; one that comes replaces that of its name.
+        """This scene with some obstacles gone and others come, by name; one that comes replaces that of its name.
 
         Raises:
             InvalidInputError: what comes is not a shape, or has another name.
@@ -308,7 +308,7 @@ class Scene:
         return _rebuild(self.surroundings._replace(obstacles=there, allow=allow))
 
     def allowing(self, *pairs: tuple[str, str]) -> Scene:
-        """The same scene with more pairs of names whose contact does not count.
+        """This scene with more pairs of names whose contact does not count.
 
         Raises:
             InvalidInputError: not pairs of names.

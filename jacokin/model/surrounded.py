@@ -44,7 +44,7 @@ class Surrounded(NamedTuple):
     """The shapes of an arm and those of a scene."""
 
     geometry: Geometry
-    """As the kernels take them: shapes of the arm group by group, then the obstacles that count against all of it."""
+    """What the kernels take: shapes of the arm group by group, then the obstacles that count against all of it."""
     names: tuple[str, ...]
     """Their names."""
     ranks: NDArray[np.int64]
@@ -110,22 +110,16 @@ def _surround_some(robot: Robot, own: OwnShapes, around: Surroundings) -> Surrou
     order = sorted(range(len(both)), key=lambda index: both[index][0].joint)
     shapes, rows = [both[index][0] for index in order], [both[index][1] for index in order]
     number = {index: place for place, index in enumerate(order)}
-    own_pairs = [(number[a], number[b]) for a, b in own.pairs]
-    own_pairs += [
-        (number[other], number[index])
-        for index, (shape, _) in enumerate(both[len(own.shapes) :], start=len(own.shapes))
-        for other in range(len(own.shapes))
-        if own.shapes[other].joint != shape.joint
-    ]
     allowed = allowed_pairs(robot, around, own.names)
-    pairs = [(a, b) for a, b in own_pairs if frozenset((shapes[a].name, shapes[b].name)) not in allowed]
+    counting = [*own.pairs, *_pairs_of_held(own.shapes, [shape for shape, _ in both])]
+    pairs = [(number[a], number[b]) for a, b in counting if _named_pair(both[a][0], both[b][0]) not in allowed]
     moving = [place for place, shape in enumerate(shapes) if shape.joint > 0]
-    count, named = len(shapes), frozenset(name for pair in allowed for name in pair)
+    count, named = len(shapes), frozenset[str]().union(*allowed)
     standing, partly = list[Obstacle](), list[tuple[int, int]]()
     for obstacle in around.obstacles:
         counted = moving
         if obstacle.name in named:
-            counted = [other for other in moving if frozenset((obstacle.name, shapes[other].name)) not in allowed]
+            counted = [other for other in moving if _named_pair(obstacle, shapes[other]) not in allowed]
         if len(counted) == len(moving):
             standing.append(obstacle)
         else:
@@ -136,6 +130,17 @@ def _surround_some(robot: Robot, own: OwnShapes, around: Surroundings) -> Surrou
     arrays = arm_arrays(joints_about_z(model), links, rows, [*partly, *pairs], alone)
     some = among_nothing(shapes, arrays, len(partly) + len(pairs))
     return _with_world(some, arrays, [obstacle.name for obstacle in standing], make_world(standing))
+
+
+def _pairs_of_held(own: Sequence[Shape], both: Sequence[Shape]) -> list[tuple[int, int]]:
+    """Pairs of a shape of the arm and one that it holds, whose numbers come after, on different links."""
+    held = range(len(own), len(both))
+    return [(other, index) for index in held for other in range(len(own)) if own[other].joint != both[index].joint]
+
+
+def _named_pair(one: Shape | Obstacle, other: Shape | Obstacle) -> frozenset[str]:
+    """The names of two shapes, in no order."""
+    return frozenset((one.name, other.name))
 
 
 def _with_ends(shape: Shape) -> Shape:
@@ -165,7 +170,7 @@ def among_nothing(shapes: Sequence[Shape], arrays: ArmArrays, pairs: int) -> Sur
 
 
 def _with_world(arm: Surrounded, arrays: ArmArrays, names: Sequence[str], world: WorldArrays) -> Surrounded:
-    """The same with obstacles that count against all shapes that move."""
+    """An arm, with obstacles that count against all shapes that move."""
     return arm._replace(
         geometry=joined(arrays, world),
         names=(*arm.names, *names),

@@ -152,7 +152,7 @@ def fit_time(
 
 
 def _fit_line(course: BlendedCourse, velocity: Array, acceleration: Array) -> TimedCourse:
-    """The same along one line: as fast as possible up to full speed or half way, and down again."""
+    """The least time along one line: as fast as possible up to full speed or half way, and down again."""
     length, size = float(course.s[-1]), np.maximum(np.abs(course.slope[0]), STILL)
     full, gain = USED * float((velocity / size).min()), USED * float((acceleration / size).min())
     run = min(0.5 * full * full / gain, 0.5 * length)

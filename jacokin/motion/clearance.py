@@ -15,7 +15,7 @@ from jacokin.model.robot import Robot, checked_robot
 from jacokin.model.scene import Scene, checked_scene
 from jacokin.motion.trajectory import Trajectory
 
-RESOLUTION = 0.02  # [rad] no joint moves farther between two places that are measured
+RESOLUTION = 0.02  # [rad] no joint moves farther between two places that are looked at
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,32 +1,32 @@
 """From one joint configuration to another in the least time, within velocity, acceleration and jerk limits.
 
-The time profile is Ruckig's (extra ``motion``): all joints start and stop together, at rest on both ends, and no joint
-leaves the interval between its two ends.
+All joints start and stop together, at rest on both ends, and no joint leaves the interval between its two ends. The
+jerk is constant from row to row, so controllers that interpolate by cubics or quintics follow the very same motion
+(`kernels/rest_to_rest`).
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import threading
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
-from jacokin.errors import InvalidInputError, needed
+from jacokin.errors import InvalidInputError
 from jacokin.ik.seeds import checked_start
+from jacokin.kernels.library import Call
+from jacokin.kernels.rest_to_rest import RestWork, fit_rest_to_rest, make_rest_work
 from jacokin.model import angles, checks
 from jacokin.model.robot import Robot, acceleration_limits, checked_robot, jerk_limits, velocity_limits
-from jacokin.motion.rows import Limits, OnTheWay, Rows, coarse, from_rest_to_rest, halved
-from jacokin.motion.timing import MAX_TICKS, TooHeavy, slow_down, torque_limits, torque_strain
+from jacokin.motion.rows import Limits, Rows
+from jacokin.motion.timing import BETWEEN, MAX_TICKS, MOST_PLACES, TooHeavy, hold_torques, slowness, torque_limits
 from jacokin.motion.trajectory import MotionStatus, Trajectory
 
-if TYPE_CHECKING:
-    import ruckig
-
-
 ACCELERATION = 1.0  # [rad/s^2] full speed in about 0.7 s; the maker publishes no figure, so this is a gentle guess
-USED = 1.0 - 1e-9  # of the limits along lines; what remains is for rounding
-MISSED = 1e-6  # [rad] a motion that ends farther from its goal is not one
+FIRST_ROOM, ROOM_KEPT = 1_000, 20_000  # rows, for which a thread keeps the memory
+
+_local = threading.local()  # of each thread: the kernel with work arrays, by number of joints
 
 
 def move_joints(
@@ -54,14 +54,13 @@ def move_joints(
             motion is slowed down until no joint needs more, what the robot carries (`Robot.with_payload`) included.
 
     Returns:
-        The motion in whole steps, two more than the least time takes: its accelerations change steadily from row to
-        row, so that limits hold as controllers go from one to the next. One row where the arm is already there. Shapes
-        are not looked at: check it for collisions. Where gravity alone asks for more torque than the limits it stays at
-        the start, and `outcome` and `message` say so.
+        The motion in whole steps, at most two more than the least time takes: its accelerations change steadily from
+        row to row, so that limits hold as controllers go from one to the next. One row where the arm is already there.
+        Shapes are not looked at: check it for collisions. Where gravity alone asks for more torque than the limits it
+        stays at the start, and `outcome` and `message` say so.
 
     Raises:
         InvalidInputError: `q_to` outside the limits, or a number that is malformed or not positive.
-        MissingExtraError: Ruckig is not installed.
     """
     checked_robot("robot", robot)
     step = checks.positive("dt", dt, "s")
@@ -71,121 +70,94 @@ def move_joints(
     acceleration = acceleration_limits(robot, acceleration_limit)
     jerk = jerk_limits(robot, jerk_limit)
     torque = torque_limits(robot, torque_limit)
-    fastest = Profile(start, end, velocity, acceleration, jerk)
-    law = fastest if torque is None else slow_down(robot, fastest, torque)
-    if isinstance(law, TooHeavy):
-        still = np.zeros(1), start[None], np.zeros((1, robot.dof)), np.zeros((1, robot.dof))
-        return Trajectory.of(robot, velocity, still, status=MotionStatus.TOO_HEAVY, message=law.explain(robot))
-    duration = law.duration
-    if not duration / step <= MAX_TICKS:
-        raise InvalidInputError(f"the motion takes {duration:.6g} s: more than {MAX_TICKS} steps of {step:.6g} s")
-    missed = float(np.abs(law.at(np.array([duration]))[0][-1] - end).max())
-    if not missed <= MISSED:
-        raise InvalidInputError(f"no motion found within these limits: it ends {missed:.3g} rad off")
-
-    def at(times: Array) -> Array:
-        """Rounding may pass the ends by one unit in the last place, and an end may be a limit."""
-        q = np.clip(law.at(times)[0], np.minimum(start, end), np.maximum(start, end))
-        q[0], q[-1] = start, end
-        return q
-
     limits = Limits(velocity, acceleration, jerk)
-
-    def strain(rows: Rows) -> float:
-        worst = float(limits.strain(rows).max())
-        return worst if torque is None else max(worst, torque_strain(robot, rows, torque))
-
-    way, fault = OnTheWay(robot, None), ""
-    for finer in halved(step):
-        rows = from_rest_to_rest(at, duration, finer, strain)
-        found = way.fault(rows)
-        if not found:
-            break
-        fault = found
-    message = f"reached in {rows.t[-1]:.4g} s{coarse(step, finer, fault)}" if duration else "already there"
+    rows = rest_to_rest(start, end, limits, step)
+    if torque is not None:
+        held = _hold_torques(robot, rows, limits, torque)
+        if isinstance(held, TooHeavy):
+            still = np.zeros(1), start[None], np.zeros((1, robot.dof)), np.zeros((1, robot.dof))
+            return Trajectory.of(robot, velocity, still, status=MotionStatus.TOO_HEAVY, message=held.explain(robot))
+        rows = held
+    message = f"reached in {rows.t[-1]:.4g} s" if len(rows.t) > 1 else "already there"
     return Trajectory.of(robot, velocity, rows, message=message)
 
 
-class Profile:
-    """Ruckig's motion from rest to rest, all joints in step."""
+def rest_to_rest(start: Array, end: Array, limits: Limits, dt: float) -> Rows:
+    """The least time from rest to rest in whole steps of `dt` [s], all joints in step: one row if nothing moves.
 
-    def __init__(self, start: Array, end: Array, velocity: Array, acceleration: Array, jerk: Array | None) -> None:
-        """Time it within limits (dof,) in rad and s. Errors as of `profile`."""
-        self._trajectory = profile(start, end, velocity, acceleration, jerk)
-
-    @property
-    def duration(self) -> float:
-        """From start to end [s]."""
-        return float(self._trajectory.duration)
-
-    def at(self, t: Array) -> tuple[Array, Array, Array]:
-        """Configurations (m, dof) [rad], velocities [rad/s] and accelerations [rad/s^2] at times (m,) [s]."""
-        q, v, a = zip(*(self._trajectory.at_time(at) for at in t.tolist()), strict=True)
-        return np.array(q), np.array(v), np.array(a)
-
-
-def profile(start: Array, end: Array, velocity: Array, acceleration: Array, jerk: Array | None) -> ruckig.Trajectory:
-    """Ruckig's trajectory from rest to rest, all joints in step; limits (dof,) in rad and s.
+    The motion is a straight line where that takes no longer.
 
     Raises:
-        InvalidInputError: Ruckig finds none; limits of very different or extreme sizes defeat its polynomials.
-        MissingExtraError: Ruckig is not installed.
+        InvalidInputError: it takes more than `MAX_TICKS` steps.
     """
-    with needed("ruckig", "motion"):
-        import ruckig
-    given = ruckig.InputParameter(len(start))
-    given.current_position, given.target_position = start.tolist(), end.tolist()
-    given.max_velocity, given.max_acceleration = velocity.tolist(), acceleration.tolist()
-    if jerk is not None:
-        given.max_jerk = jerk.tolist()
-    trajectory = ruckig.Trajectory(len(start))
-    try:
-        result = ruckig.Ruckig(len(start)).calculate(given, trajectory)
-        reason = "" if result in (ruckig.Result.Working, ruckig.Result.Finished) else result.name
-    except Exception:  # an error class of its own, and result codes that its enum does not have
-        reason = "Ruckig failed"
-    if reason:
+    dof, kept = len(start), _kept_calls()
+    call = kept.get(dof)
+    if call is None:
+        call = kept[dof] = Call(fit_rest_to_rest, make_rest_work(dof, FIRST_ROOM))
+    ticks = _fit(call, start, end, limits, dt)
+    if ticks > MAX_TICKS:
         raise InvalidInputError(
-            f"no motion found within these limits ({reason}); velocity_limit {_range(velocity)} rad/s, "
-            f"acceleration_limit {_range(acceleration)} rad/s^2"
-            + ("" if jerk is None else f", jerk_limit {_range(jerk)} rad/s^3")
+            f"the motion takes {ticks * dt:.6g} s or longer: more than {MAX_TICKS} steps of {dt:.6g} s"
         )
-    return trajectory
+    count = ticks + 1
+    if count * dof > len(call.work.q):
+        call = Call(fit_rest_to_rest, make_rest_work(dof, 2 * count))
+        if count <= ROOM_KEPT:
+            kept[dof] = call
+        _fit(call, start, end, limits, dt)
+    q, v, a = (array[: count * dof].reshape(count, dof).copy() for array in call.work[-3:])
+    return Rows(dt * np.arange(count, dtype=np.float64), q, v, a)
 
 
-class SmoothLines:
-    """Straight lines one after another within limits of velocity, acceleration and jerk, at rest between them."""
+def along_line(start: Array, end: Array, limits: Limits, dt: float) -> Rows:
+    """As `rest_to_rest`, along the straight line even where joints in step would take less time."""
+    step = end - start
+    size = np.abs(step)
 
-    def __init__(self, way: Array, velocity: Array, acceleration: Array, jerk: Array) -> None:
-        """Time each line of a way (n, dof) [rad] by one profile for all joints; limits (dof,) in rad and s.
-
-        Raises:
-            InvalidInputError: Ruckig finds no motion.
-            MissingExtraError: Ruckig is not installed.
-        """
-        self._way, self._steps = way, np.diff(way, axis=0)
+    def share(limit: Array) -> Array:
+        """(1,) of the line [1/s], [1/s^2] or [1/s^3]."""
         with np.errstate(divide="ignore"):
-            limits = [(USED * limit / np.abs(self._steps)).min(axis=1) for limit in (velocity, acceleration, jerk)]
-        none, whole = np.zeros(1), np.ones(1)
-        self._profiles = [profile(none, whole, *(each[k : k + 1] for each in limits)) for k in range(len(self._steps))]
-        self._ends = np.cumsum([0.0, *(each.duration for each in self._profiles)])
+            return np.asarray((limit / size).min(keepdims=True))
 
-    @property
-    def duration(self) -> float:
-        """From start to end [s]."""
-        return float(self._ends[-1])
-
-    def at(self, t: Array) -> tuple[Array, Array, Array]:
-        """Configurations (m, dof) [rad], velocities [rad/s] and accelerations [rad/s^2] at times (m,) [s]."""
-        lines = np.clip(np.searchsorted(self._ends, t, side="right") - 1, 0, len(self._steps) - 1)
-        gone = t - self._ends[lines]
-        shares = np.array(
-            [np.ravel(self._profiles[line].at_time(float(at))) for line, at in zip(lines.tolist(), gone, strict=True)]
-        )
-        steps = self._steps[lines]
-        return self._way[lines] + shares[:, :1] * steps, shares[:, 1:2] * steps, shares[:, 2:3] * steps
+    jerk = None if limits.jerk is None else share(limits.jerk)
+    shares = Limits(share(limits.velocity), share(limits.acceleration), jerk)
+    t, gone, v, a = rest_to_rest(np.zeros(1), np.ones(1), shares, dt)
+    q = start + gone * step
+    q[-1] = end  # but for rounding
+    return Rows(t, q, v * step, a * step)
 
 
-def _range(values: Array) -> str:
-    low, high = float(values.min()), float(values.max())
-    return f"{low:.3g}" if low == high else f"{low:.3g} to {high:.3g}"
+def _kept_calls() -> dict[int, Call[RestWork]]:
+    """The kernels of this thread."""
+    found: dict[int, Call[RestWork]] | None = getattr(_local, "calls", None)
+    if found is None:
+        found = _local.calls = {}
+    return found
+
+
+def _fit(call: Call[RestWork], start: Array, end: Array, limits: Limits, dt: float) -> int:
+    """Run the kernel; the number of steps."""
+    work = call.work
+    work.dt[0], work.start[:], work.end[:] = dt, start, end
+    work.limits[::3], work.limits[1::3] = limits.velocity, limits.acceleration
+    work.limits[2::3] = np.inf if limits.jerk is None else limits.jerk
+    return call()
+
+
+def _hold_torques(robot: Robot, rows: Rows, limits: Limits, torque: Array) -> Rows | TooHeavy:
+    """The same motion, or slower, so that no joint needs more torque than its limit (dof,) [N m].
+
+    Torques are looked at between rows that are far apart, too.
+    """
+    start, end, duration, fine = rows.q[0], rows.q[-1], float(rows.t[-1]), rows
+    dt = duration / max(len(rows.t) - 1, 1)
+    if dt > BETWEEN:
+        fine = rest_to_rest(start, end, limits, max(BETWEEN, duration / MOST_PLACES))
+    slower = slowness(robot, fine[1:], torque)
+    if isinstance(slower, TooHeavy):
+        return slower
+
+    def write(slower: float) -> Rows:
+        return rest_to_rest(start, end, limits.slowed(slower), dt)
+
+    return hold_torques(robot, write, torque, slower)

@@ -1,10 +1,9 @@
 """Rows of a motion as controllers take them: positions, velocities and accelerations that belong together.
 
 Controllers go from row to row by straight lines, by cubics that meet velocities, or by quintics that meet
-accelerations, too. Rows whose accelerations change steadily in between are one and the same motion for the last two:
-the cubic spline through the positions (`spline_rows`). So a motion whose acceleration jumps is written as a weighted
-mean over three ticks, a quarter, a half and a quarter, which takes two ticks longer, and slowed down by what the spline
-still swings over its limits (a few percent of acceleration).
+accelerations, too. Rows whose accelerations change steadily in between are one and the same motion for the last two: a
+cubic spline. A spline through given positions (`spline_rows`) swings over limits that these hold; a spline of which
+they are the control points (`averaged_rows`) holds them, and takes two ticks longer.
 """
 
 from __future__ import annotations
@@ -87,6 +86,11 @@ class Limits(NamedTuple):
     jerk: Array | None = None
     """(dof,) [rad/s^3]; None for none."""
 
+    def slowed(self, factor: float) -> Limits:
+        """Those of the motion that takes so many times as long, where these are to hold for this one."""
+        jerk = None if self.jerk is None else self.jerk / factor**3
+        return Limits(self.velocity / factor, self.acceleration / factor**2, jerk)
+
     def strain(self, rows: Rows) -> Array:
         """How many times as long each step (n - 1,) must take for the limits to hold in it."""
         fast, hard = most_between(rows)
@@ -132,27 +136,70 @@ def sample(at: Callable[[Array], Array], duration: float, dt: float, slower: flo
     return np.asarray(np.clip(found, low, high))  # a mean of equal values may round
 
 
-def from_rest_to_rest(
-    at: Callable[[Array], Array], duration: float, dt: float, strain: Callable[[Rows], float | Array]
-) -> Rows:
-    """Rows of a motion, within limits as controllers go from row to row: whole ticks, two more than it takes.
+def averaged_rows(
+    at: Callable[[Array], Array], duration: float, dt: float, jerk: Array | None = None
+) -> tuple[Rows, int]:
+    """Rows of a motion from rest to rest, averaged over ticks, and over how many: one if the jerk is not limited.
+
+    The rows are those of the cubic B-spline whose control points are the averages. Its velocities and accelerations are
+    means of the motion's own: limits that the motion holds, jumps of acceleration included, hold at every instant, and
+    no joint passes an angle that it did not pass. The jerk is the difference of two accelerations so many ticks apart,
+    divided by their time; twice the acceleration over the jerk limit is always enough of it.
+
+    On a straight line the motion stays on it; corners are cut.
 
     Args:
         at: configurations (m, dof) [rad] at times (m,) [s].
-        duration: of the motion [s]; 0 for one row.
+        duration: of the motion [s]; slowed down to whole ticks, it takes as many more as are averaged, and one.
         dt: control step [s].
-        strain: how many times as long rows must take for limits to hold, at most 1 where they do, see `Limits.strain`.
+        jerk: (dof,) limits [rad/s^3]; None for none.
     """
-    if duration == 0.0:
-        return spline_rows(at(np.zeros(1)), dt)
-    slower = 1.0
-    for _ in range(ATTEMPTS):
-        rows = spline_rows(sample(at, duration, dt, slower), dt)
-        worst = float(np.max(strain(rows)))
-        if worst <= HELD:
-            break
-        slower *= max(worst, LEAST_SLOWER)
-    return rows
+    count = max(1, math.ceil(duration / dt - WHOLE_TICK))
+    q = at(np.linspace(0.0, duration, count + 1))
+    ticks = 1 if jerk is None else _ticks_averaged(np.diff(_at_rest(q, 1), n=2, axis=0), jerk * dt**3)
+    padded = _at_rest(q, ticks + 1)
+    step = (padded[ticks:] - padded[:-ticks]) / ticks  # of the averages, from tick to tick
+    rows = controlled_rows(q[0] + np.cumsum(step[:-1], axis=0), step, dt)
+    np.clip(rows.q, q.min(axis=0), q.max(axis=0), out=rows.q)
+    rows.q[0], rows.q[-1] = q[0], q[-1]
+    return rows, ticks
+
+
+def controlled_rows(points: Array, steps: Array, dt: float) -> Rows:
+    """Rows of the cubic B-spline with control points (n, dof) [rad] `dt` [s] apart.
+
+    Args:
+        points: one for each row.
+        steps: (n + 1, dof) from the one before to the next, one before the first and one after the last among them.
+        dt: [s].
+    """
+    change = np.diff(steps, axis=0)
+    t = dt * np.arange(len(points), dtype=np.float64)
+    return Rows(t, points + change / 6.0, 0.5 * (steps[:-1] + steps[1:]) / dt, change / dt**2)
+
+
+def _at_rest(q: Array, ticks: int) -> Array:
+    """Configurations (n, dof), with so many more ticks at rest on both sides."""
+    return np.concatenate([np.repeat(q[:1], ticks, axis=0), q, np.repeat(q[-1:], ticks, axis=0)])
+
+
+def _ticks_averaged(second: Array, jerk: Array) -> int:
+    """Over how many ticks to average, for second differences (n, dof) and limits of the third (dof,)."""
+    most = float((np.abs(second) / jerk).max())
+
+    def holds(ticks: int) -> bool:
+        """Differences of accelerations so many ticks apart are small enough."""
+        padded = np.concatenate([np.zeros((ticks, second.shape[1])), second, np.zeros((ticks, second.shape[1]))])
+        return bool((np.abs(padded[ticks:] - padded[:-ticks]) / jerk).max() <= ticks * HELD)
+
+    low, high = max(math.ceil(most), 1), max(math.ceil(2.0 * most), 1)
+    while low < high:  # `high` always holds
+        middle = (low + high) // 2
+        if holds(middle):
+            high = middle
+        else:
+            low = middle + 1
+    return high
 
 
 def _bulge(rows: Rows) -> Array:
@@ -189,8 +236,8 @@ class OnTheWay(NamedTuple):
     def fault(self, rows: Rows) -> str:
         """What happens between two rows that happens at none of them, in a few words; "" for nothing.
 
-        Between two rows an acceleration a leaves the straight line by at most a dt^2 / 8, and the mean of three ticks
-        leaves what the motion was by a dt^2 / 4. Where all of that is less than what certified motions keep free,
+        Between two rows an acceleration a leaves the straight line by at most a dt^2 / 8, and the spline leaves its
+        control points by a dt^2 / 6. Where all of that is less than what certified motions keep free,
         there is nothing to look at.
         """
         if len(rows.q) == 1:

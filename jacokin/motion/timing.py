@@ -12,8 +12,9 @@ A place u counts lines: 2.5 is half way along the third.
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,7 +25,7 @@ from jacokin.kernels.library import Call
 from jacokin.kernels.speeds import SpeedWork, fit_speeds, make_speed_work
 from jacokin.model import checks
 from jacokin.model.robot import Robot
-from jacokin.motion.rows import WHOLE_TICK, Rows, sample
+from jacokin.motion.rows import ATTEMPTS, HELD, LEAST_SLOWER, WHOLE_TICK, Rows, sample
 
 MAX_TICKS = 10_000_000  # more than a day at 100 Hz: a speed or a step was mistyped
 LINE_USED = 0.8, 0.98  # parts of acceleration and velocity limits for a line that is tracked, no tick of it checked
@@ -205,34 +206,6 @@ USED = 0.99  # of a limit; what remains is for what lies between the places
 SLOWEST = 0.02  # of its speed, at which a motion counts as one that gravity forbids
 
 
-class TimeLaw(Protocol):
-    """Where the arm is at any time."""
-
-    @property
-    def duration(self) -> float:
-        """From start to end [s]."""
-
-    def at(self, t: Array) -> tuple[Array, Array, Array]:
-        """Configurations (m, dof) [rad], velocities [rad/s] and accelerations [rad/s^2] at times (m,) [s]."""
-
-
-class Slowed(NamedTuple):
-    """A motion that takes so many times as long."""
-
-    law: TimeLaw
-    factor: float
-
-    @property
-    def duration(self) -> float:
-        """From start to end [s]."""
-        return self.law.duration * self.factor
-
-    def at(self, t: Array) -> tuple[Array, Array, Array]:
-        """As `TimeLaw.at`."""
-        q, v, a = self.law.at(t / self.factor)
-        return q, v / self.factor, a / self.factor**2
-
-
 class TooHeavy(NamedTuple):
     """What gravity asks for where no slowness helps."""
 
@@ -259,31 +232,53 @@ def torque_limits(robot: Robot, limit: ArrayLike | bool | None) -> Array | None:
     return robot.known_efforts() if limit is True else checks.positive_vector("torque_limit", limit, robot.dof, "N m")
 
 
-def slow_down(robot: Robot, law: TimeLaw, limit: Array) -> TimeLaw | TooHeavy:
-    """The motion itself, or slower, so that no joint needs more torque than its limit (dof,) [N m].
+def slowness(robot: Robot, states: tuple[Array, Array, Array], limit: Array) -> float | TooHeavy:
+    """How many times as long a motion must take for no joint to need more torque than its limit (dof,) [N m].
 
     A motion that takes k times as long needs the same torque against gravity and 1 / k^2 of what its velocities and
     accelerations ask for, so the least k that keeps a limit is found directly.
+
+    Args:
+        robot: the arm.
+        states: angles, velocities and accelerations (n, dof) of the motion.
+        limit: (dof,) [N m].
     """
-    count = int(np.clip(np.ceil(law.duration / BETWEEN), 2, MOST_PLACES))
-    gravity, share = _shares(robot, law.at(np.linspace(0.0, law.duration, count + 1)), USED * limit)
+    gravity, share = _shares(robot, states, USED * limit)
     heavy = np.abs(gravity) - USED * limit
     if heavy.max() > 0.0:
         row, joint = np.unravel_index(int(np.argmax(heavy)), heavy.shape)
         return TooHeavy(int(joint), float(gravity[row, joint]))
     least = float(share.min())
     if least >= 1.0:
-        return law
+        return 1.0
     if least < SLOWEST**2:
         row, joint = np.unravel_index(int(np.argmin(share)), share.shape)
         return TooHeavy(int(joint), float(gravity[row, joint]))
-    return Slowed(law, 1.0 / float(np.sqrt(least)))
+    return 1.0 / float(np.sqrt(least))
 
 
 def torque_strain(robot: Robot, rows: Rows, limit: Array) -> float:
     """How many times as long rows must take for no joint to need more torque than its limit (dof,) [N m]."""
     least = float(_shares(robot, (rows.q, rows.v, rows.a), limit)[1].min())
     return 1.0 / float(np.sqrt(max(least, SLOWEST**2)))
+
+
+def hold_torques(robot: Robot, write: Callable[[float], Rows], limit: Array | None, slower: float = 1.0) -> Rows:
+    """Rows in which no joint needs more torque than its limit (dof,) [N m]; None for none.
+
+    Args:
+        robot: the arm.
+        write: rows of a motion that takes so many times as long.
+        limit: (dof,) [N m].
+        slower: where to begin.
+    """
+    for _ in range(ATTEMPTS):
+        rows = write(slower)
+        worst = 0.0 if limit is None else torque_strain(robot, rows, limit)
+        if worst <= HELD:
+            break
+        slower *= max(worst, LEAST_SLOWER)
+    return rows
 
 
 def _shares(robot: Robot, rows: tuple[Array, Array, Array], limit: Array) -> tuple[Array, Array]:

@@ -244,7 +244,7 @@ class Trajectory(_Looking):
 
     def __post_init__(self) -> None:
         """Fill in what a motion that follows no path need not say."""
-        count, unknown = len(self.t), checks.read_only(np.full(len(self.t), np.nan))
+        count, unknown = len(self.t), checks.sealed(np.full(len(self.t), np.nan))
         left = self.outcome == MotionStatus.OK.name and any(word not in ("OK", LEAD_IN) for word in set(self.status))
         usual: dict[str, object] = {
             "a": changes(self.t, self.v) if not self.a.size else self.a,
@@ -533,6 +533,14 @@ def _read_csv(file: Path) -> dict[str, NDArray[Any]]:
     written, there = "".join(table.notes.get(COUNTED, ())), len(table.rows)  # earlier versions did not count
     if written and written != str(there):
         raise InvalidInputError(f"{file}: {there} rows of the {written} that were written are there")
+    found = _table_arrays(file, table, joints, others, dof) | _note_arrays(file, table)
+    return {"joint_names": np.array(names), **found}
+
+
+def _table_arrays(
+    file: Path, table: Table, joints: Sequence[str], others: Sequence[str], dof: int
+) -> dict[str, NDArray[Any]]:
+    """The fields that are columns of a CSV file: `joints` have one for each joint, `others` one."""
     rows, counts = [name for name in others if name in ROWS], [name for name in others if name in COUNTS]
     floats = 1 + len(joints) * dof + len(rows)
     numbers, whole = [], []
@@ -543,14 +551,21 @@ def _read_csv(file: Path) -> dict[str, NDArray[Any]]:
         except ValueError as error:
             raise InvalidInputError(f"{file}, line {line}: {error}") from error
     t, *blocks = np.split(np.array(numbers), 1 + dof * np.arange(len(joints) + 1), axis=1)
-    found: dict[str, NDArray[Any]] = {"joint_names": np.array(names), "t": t[:, 0]}
+    found: dict[str, NDArray[Any]] = {"t": t[:, 0]}
     found |= dict(zip(joints, blocks, strict=False))
     found |= dict(zip(rows, blocks[-1].T, strict=True))
     found |= dict(zip(counts, np.array(whole, dtype=np.intp).T, strict=True))
     for place, name in enumerate((name for name in others if name in WORDS), start=floats + len(counts)):
         found[name] = np.array([row[place] for row in table.rows])
+    return found
+
+
+def _note_arrays(file: Path, table: Table) -> dict[str, NDArray[Any]]:
+    """The fields that stand before the table of a CSV file."""
     notes = (*LIMITS, *NUMBERS, "clearance")  # which was a note in earlier versions
-    found |= {name: table.note_numbers(file, name) for name in notes if name in table.notes or name in LIMITS}
+    found: dict[str, NDArray[Any]] = {
+        name: table.note_numbers(file, name) for name in notes if name in table.notes or name in LIMITS
+    }
     found |= {name: np.array("".join(table.notes[name])) for name in TEXTS if name in table.notes}
     found |= {name: table.note_numbers(file, name).squeeze() for name in VALUES if name in table.notes}
     return found

@@ -265,7 +265,7 @@ def _count_compiled(solver: IKSolver, targets: Array) -> Answers:
 
 
 def _without_contact(solver: IKSolver, targets: Array, found: Answers) -> Answers:
-    """The same, with branches in contact left out."""
+    """Answers in which branches in contact do not count."""
     form, seed, verifier = solver.closed_form(), solver.robot.home, solver.verifier
     counts, margins, touching = np.zeros_like(found.counts), np.full(len(targets), np.nan), found.touching
     reached = np.flatnonzero(found.counts)

@@ -73,11 +73,11 @@ class TwinLink:
         self._ticks, self._told = 0, self._tell()
 
     def now(self) -> float:
-        """See `Link`."""
+        """Seconds by the clock of the arm, or the wall."""
         return self._ticks * TICK
 
     def wait(self, until: float) -> None:
-        """See `Link`."""
+        """Let the time come [s]."""
         while self.now() < until - 0.5 * TICK:
             self.driver.tick()
             self._ticks += 1
@@ -91,19 +91,19 @@ class TwinLink:
         return None if state is None else Measured(state.q, state.v, state.torques)
 
     def hear(self) -> Measured | None:
-        """See `Link`."""
+        """The newest that the driver told since the last call; None for nothing."""
         told, self._told = self._told, None
         return told
 
     def send(self, v: Array) -> None:
-        """See `Link`."""
+        """Send velocities (dof,) for a tick [rad/s]."""
         if isinstance(self.driver, KinovaDriver):
             self.driver.joint_velocity(v)
         else:
             self.driver.velocity(v)
 
     def move_fingers(self, share: float) -> None:
-        """See `Link`."""
+        """Let the fingers go, 0 open to 1 closed."""
         lower, upper = self.driver.arm.finger_range
         if isinstance(self.driver, KinovaDriver):
             turns = self.driver.finger_turns(
@@ -114,7 +114,7 @@ class TwinLink:
             self.driver.move_fingers(np.full(len(self.driver.arm.state.fingers), lower + share * (upper - lower)))
 
     def close(self) -> None:
-        """See `Link`."""
+        """Leave; whoever is at the other end stops the arm."""
 
 
 class ProcessLink:
@@ -148,17 +148,17 @@ class ProcessLink:
         self._say({"joints": list(joints)})
 
     def now(self) -> float:
-        """See `Link`."""
+        """Seconds by the clock of the arm, or the wall."""
         return time.monotonic()
 
     def wait(self, until: float) -> None:
-        """See `Link`."""
+        """Let the time come [s]."""
         ahead = until - time.monotonic()
         if ahead > 0.0:
             time.sleep(ahead)
 
     def hear(self) -> Measured | None:
-        """See `Link`."""
+        """The newest that the driver told since the last call; None for nothing."""
         newest: Measured | None = None
         for line in self._lines():
             try:
@@ -190,11 +190,11 @@ class ProcessLink:
         return lines
 
     def send(self, v: Array) -> None:
-        """See `Link`; where the pipe is full, as of a process that hangs, the velocities are lost."""
+        """Send velocities (dof,) for a tick [rad/s]; they are lost where the pipe is full, as of one that hangs."""
         self._say({"v": v.tolist()})
 
     def move_fingers(self, share: float) -> None:
-        """See `Link`."""
+        """Let the fingers go, 0 open to 1 closed."""
         self._say({"fingers": share})
 
     def _say(self, fields: dict[str, Any]) -> None:
@@ -208,7 +208,7 @@ class ProcessLink:
             raise InvalidInputError("the forwarder has left: the arm stops because velocities stop") from error
 
     def close(self) -> None:
-        """See `Link`."""
+        """Leave; whoever is at the other end stops the arm."""
         for stream in (self._process.stdin, self._process.stdout):
             if stream is not None:
                 with contextlib.suppress(OSError):

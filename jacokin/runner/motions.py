@@ -17,10 +17,10 @@ from jacokin.errors import InvalidInputError
 from jacokin.model import checks
 from jacokin.model.robot import Robot, checked_robot
 from jacokin.motion.files import by_ending
+from jacokin.motion.tracking.tracker import STILL
 from jacokin.motion.trajectory import FORMATS, KINOVA_STEP, SPEED_ROUNDING, Trajectory
 from jacokin.teleop.teleop import Teleop
 
-STILL = 1e-5  # [rad/s] of a hand's arm that has braked
 ROUNDING = 1e-9  # [rad] of degrees in files
 
 
@@ -127,11 +127,11 @@ class PlannedMotion:
 
     @property
     def is_over(self) -> bool:
-        """See `Motion`."""
+        """Whether it has come to its end."""
         return self._now >= self.duration
 
     def begin(self, q: Array) -> None:
-        """See `Motion`; joints without limits may stand whole turns away."""
+        """Begin where the arm stands (dof,) [rad]; joints without limits may stand whole turns away."""
         away = apart(self.robot, q, self.q[0])
         far = np.abs(away)
         if far.max() > self._start:
@@ -143,7 +143,7 @@ class PlannedMotion:
         self._now = 0.0
 
     def step(self, dt: float) -> Wanted:
-        """See `Motion`."""
+        """Go on by a time [s], 0 to stay."""
         before = self._at(self._now)
         self._now = min(self._now + dt, self.duration)
         q = self._at(self._now)
@@ -201,16 +201,16 @@ class LiveMotion:
 
     @property
     def is_over(self) -> bool:
-        """See `Motion`."""
+        """Whether it has come to its end."""
         return self._ended and bool(np.abs(self.teleop.tracker.v).max() < STILL)
 
     def begin(self, q: Array) -> None:
-        """See `Motion`."""
+        """Begin where the arm stands (dof,) [rad]."""
         self.teleop.tracker.reset(q)
         self._q = self.teleop.tracker.q
 
     def step(self, dt: float) -> Wanted:
-        """See `Motion`; it goes on by whole ticks of the tracker, when so much time has come together."""
+        """Go on by a time [s], 0 to stay: by whole ticks of the tracker, once so much time has come together."""
         tick, before = self.teleop.tracker.dt, self._q
         self._owed += dt
         while self._owed > tick - ROUNDING:

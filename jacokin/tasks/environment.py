@@ -151,7 +151,7 @@ class Environment(dm_env.Environment):  # type: ignore[misc]  # dm_env has no ty
         self._episode.restore(snapshot)
 
     def __copy__(self) -> Environment:
-        """The same as `copy.deepcopy`: two environments cannot share a simulation."""
+        """A second environment in the same state: two cannot share a simulation, so this is `copy.deepcopy`."""
         return copy.deepcopy(self)
 
 

@@ -62,7 +62,7 @@ class StateView:
 
 
 def as_slice(indices: NDArray[np.intp]) -> Rows:
-    """The same indices as a slice if they are consecutive, which reads faster."""
+    """Indices as a slice if they are consecutive, which reads faster."""
     first = int(indices[0])
     consecutive = np.array_equal(indices, np.arange(first, first + len(indices)))
     return slice(first, first + len(indices)) if consecutive else indices

@@ -205,7 +205,7 @@ class Randomization:
         return found
 
     def scaled(self, part: float) -> Randomization:
-        """The same with smaller ranges, for a curriculum: 0 for none, 1 for all.
+        """This randomization with smaller ranges, for a curriculum: 0 for none, 1 for all.
 
         Numbers and the bounds of `Uniform` come nearer to what changes nothing (1 for factors, 0 for others), and so do
         mean and deviation of `Normal`. Give the result to an environment or a vector, `env.unwrapped.randomization`,

@@ -17,9 +17,10 @@ from jacokin.arrays import Array
 from jacokin.ik.results import Frozen
 from jacokin.model import checks
 from jacokin.motion.tracking.steps import TrackerStatus
+from jacokin.motion.tracking.tracker import STILL
 from jacokin.motion.trajectory import SPEED_ROUNDING, Trajectory, changes
 from jacokin.teleop.devices import Device
-from jacokin.teleop.teleop import STILL, Teleop, TeleopStatus, TeleopStep
+from jacokin.teleop.teleop import Teleop, TeleopStatus, TeleopStep
 
 SETTLED = 1e-6  # relative, of a target that moves no more
 POLL = 0.05  # [s]

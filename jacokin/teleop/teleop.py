@@ -34,7 +34,7 @@ from jacokin.motion.joint_motion import ACCELERATION
 from jacokin.motion.tracking.moving import Motion
 from jacokin.motion.tracking.steps import TrackerStatus, TrackerStep
 from jacokin.motion.tracking.targets import JointTarget
-from jacokin.motion.tracking.tracker import Tracker
+from jacokin.motion.tracking.tracker import STILL, Tracker
 from jacokin.motion.trajectory import MotionStatus, Trajectory
 from jacokin.teleop.hand import Approach, HandOptions, LowPass, Mapping, Play, Witness, dead, near, read_hand
 from jacokin.teleop.workspace import AHEAD, checked_workspace
@@ -42,7 +42,6 @@ from jacokin.teleop.workspace import AHEAD, checked_workspace
 AUTO = "auto"
 WORKSPACE = "workspace"
 SAME = 1e-12  # relative: a hand that repeats its pose moves the target by rounding only
-STILL = 1e-5  # [rad/s] a slower arm stands still
 RESTS = 1e-6  # [m/s], [rad/s] a slower twist is none
 STAYS = 5e-3  # [rad] an arm that stays this near to where it was, and off its target by more than this, is stuck
 FAR_OFF = 1e-3, 0.01  # [m], [rad]

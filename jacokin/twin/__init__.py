@@ -3,6 +3,7 @@
 Read `kinova` first.
 
 kinova         `KinovaDriver`: what kinova-ros' driver and the base of the arm do
+torque_control the mode in which the base takes torques instead of velocities
 following      `TrajectoryController`: what ros2_control does with goals and velocities
 arm            `SimulatedArm`: MuJoCo's arm behind both
 faults         `Faults`: lag, loss and stalls between them, drawn from a seed

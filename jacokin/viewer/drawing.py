@@ -208,7 +208,7 @@ def _read_visual(robot: Robot, visual: ET.Element, read: dict[Path, Mesh]) -> Tr
 
 
 def _read_mjcf(robot: Robot, model: mujoco.MjModel) -> dict[int, list[ColouredMesh]]:
-    """As `_read_urdf`; empty where every geom that is shown collides."""
+    """Meshes of the geoms of each joint that are shown; empty where every one of them collides."""
     drawn: dict[int, list[ColouredMesh]] = {}
     decorative = False
     for geom in range(model.ngeom):

@@ -88,7 +88,7 @@ class Inspector:
         return _answered(view, self.solver.solve(view.target, view.q, prefer=self.prefer))
 
     def choose(self, view: View, branch: int) -> View:
-        """The same view with the solid arm at another branch, within the limits or not."""
+        """A view with the solid arm at another branch, within the limits or not."""
         q = view.branches[branch]
         touching = view.touching[branch] if view.touching is not None else ()
         errors = self.errors(q, view.target)
@@ -197,7 +197,7 @@ class Inspector:
         return replace(moved, target=self.pose_of(q), note=f"{note}; outside the limits: {over}")
 
     def underway(self, view: View, q: Array, note: str) -> View:
-        """The same view with the arm at joint values (dof,) on its way to the target."""
+        """A view with the arm at joint values (dof,) on its way to the target."""
         moved = self._placed(view, checks.read_only(q))
         return replace(moved, errors=self.errors(q, view.target), note=note)
 
@@ -302,7 +302,7 @@ class Inspector:
 
 
 def _answered(view: View, answer: IKResult) -> View:
-    """The same view with the arm at an answer of the solver."""
+    """A view with the arm at an answer of the solver."""
     return replace(
         view,
         status=answer.status,

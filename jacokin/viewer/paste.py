@@ -24,10 +24,9 @@ from jacokin.model.other_robot import RobotPart
 from jacokin.model.poses import FreeAxis
 from jacokin.model.robot import Robot
 from jacokin.model.scene import Scene
-from jacokin.viewer.inspector import FULL_TURN, Inspector
+from jacokin.viewer.inspector import FULL_TURN, SAME, Inspector
 from jacokin.viewer.view import View
 
-SAME = 1e-6  # [rad] an answer this near to the arm on the screen is the same
 SCENE_FILE = "jacokin_scene.json"
 OF_SOLVER = ("method", "qp_solver")  # options that the command line has too
 ONLY_PYTHON = ("position_tolerance", "orientation_tolerance", "limit_snap", "max_restarts")
@@ -80,12 +79,7 @@ def command_text(inspector: Inspector, view: View) -> str:
     if solver.tool is not None:
         words += ["--tool", *_texts(solver.tool.translation), *_texts(poses.quaternion(solver.tool.rotation))]
     words += [word for _, some in _robot_options(inspector.robot) for word in some]
-    place = view.gizmo if call.free else view.target
-    words += ["--position", *_texts(place.translation), "--quat-wxyz", *_texts(poses.quaternion(place.rotation))]
-    if call.free and view.free is not None:
-        words += ["--free-axis", "xyz"[view.free.axis or 0]]
-        if (view.free.lower, view.free.upper) != FULL_TURN:
-            words += ["--free-range", *_texts([view.free.lower, view.free.upper])]
+    words += _command_target(view, call)
     words += ["--seed", *_texts(call.seed), "--collision", options.collision]
     words += ["--all"] if call.branch is not None else ["--prefer", call.prefer]
     changed = {name: getattr(options, name) for name in DEFAULTS if getattr(options, name) != DEFAULTS[name]}
@@ -98,15 +92,29 @@ def command_text(inspector: Inspector, view: View) -> str:
     if own := [f"{name}={changed[name]!r}" for name in ONLY_PYTHON if name in changed]:
         notes.append(f"# there are no options for {', '.join(own)}\n")
     if options.scene is not None:
-        entries, left_out = _describe(options.scene)
-        rows = ",\n".join(json.dumps(entry) for entry in entries)
-        angle = json.dumps(options.scene.finger_angle)
-        content = f'{{"finger_angle": {angle}, "obstacles": [\n{rows}\n]}}'
-        notes.append(f"cat > {SCENE_FILE} <<'END'\n{content}\nEND\n")
         words += ["--scene", SCENE_FILE]
-        if left_out:
-            notes.append(f"# left out, as no text can hold them: {', '.join(left_out)}\n")
+        notes.append(_command_scene(options.scene))
     return "".join(notes) + shlex.join(words) + "\n"
+
+
+def _command_target(view: View, call: SolveCall) -> list[str]:
+    """The words of a command line that say where the tool should be."""
+    place = view.gizmo if call.free else view.target
+    words = ["--position", *_texts(place.translation), "--quat-wxyz", *_texts(poses.quaternion(place.rotation))]
+    if call.free and view.free is not None:
+        words += ["--free-axis", "xyz"[view.free.axis or 0]]
+        if (view.free.lower, view.free.upper) != FULL_TURN:
+            words += ["--free-range", *_texts([view.free.lower, view.free.upper])]
+    return words
+
+
+def _command_scene(scene: Scene) -> str:
+    """The lines of a shell that write a scene to its file."""
+    entries, left_out = _describe(scene)
+    rows = ",\n".join(json.dumps(entry) for entry in entries)
+    content = f'{{"finger_angle": {json.dumps(scene.finger_angle)}, "obstacles": [\n{rows}\n]}}'
+    lines = f"cat > {SCENE_FILE} <<'END'\n{content}\nEND\n"
+    return lines + (f"# left out, as no text can hold them: {', '.join(left_out)}\n" if left_out else "")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -168,6 +176,12 @@ def _robot_options(robot: Robot) -> list[tuple[str, list[str]]]:
         found.append((f"base={source.base!r}", ["--base", source.base]))
     if source.tip is not None and (source.bundled is None or source.tip != TIP_OF_BUNDLED):
         found.append((f"tip={source.tip!r}", ["--tip", source.tip]))
+    return found + _joint_options(robot) + _file_options(robot)
+
+
+def _joint_options(robot: Robot) -> list[tuple[str, list[str]]]:
+    """What was said of fingers, limits and locked joints when the robot was loaded."""
+    source, found = robot.source, []
     angle = robot.finger_angle
     if angle != (None if source.bundled is None else open_angle(source.bundled)):
         found.append((f"finger_angle={angle!r}", ["--finger-angle", repr(angle)]))
@@ -178,6 +192,12 @@ def _robot_options(robot: Robot) -> list[tuple[str, list[str]]]:
     if source.locked:
         words = [word for joint, value in source.locked for word in ("--lock", f"{joint}={value!r}")]
         found.append((f"locked={dict(source.locked)!r}", words))
+    return found
+
+
+def _file_options(robot: Robot) -> list[tuple[str, list[str]]]:
+    """Which files and folders were given beside the description when the robot was loaded."""
+    source, found = robot.source, []
     if source.disabled is not None and source.disabled.path != find_srdf(source.path):
         path = str(source.disabled.path)
         found.append((f"srdf={path!r}", ["--srdf", path]))

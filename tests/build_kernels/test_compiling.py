@@ -6,7 +6,8 @@ import numba
 import numpy as np
 import pytest
 
-from build_kernels.compiling import emit, exporting, link, translating_only
+from build_kernels.compiling import exporting, link, translating_only
+from build_kernels.emitting import emit
 from build_kernels.targets import TARGETS
 
 

@@ -24,7 +24,8 @@ from build_kernels import library as build
 from build_kernels.linking import BuildError
 from build_kernels.targets import HERE, TARGETS
 from jacokin.kernels import library
-from jacokin.kernels.entries import ENTRIES
+from jacokin.kernels.contact.cloud_tree import build_cloud
+from jacokin.kernels.entries import ENTRIES, Entry
 from jacokin.kernels.solution_set.run import solve_set
 from jacokin.kernels.speeds import fit_speeds
 
@@ -78,6 +79,32 @@ def test_what_stops_a_build_for_another_machine_is_one_sentence(
     (tmp_path / "file").touch()
     with pytest.raises(BuildError, match=r"file.*: Not a directory$"):
         build.build_for(["wasm32"], tmp_path / "file")
+
+
+def test_kernels_are_translated_together_and_emitted_one_by_one(tmp_path: Path) -> None:
+    chosen = [entry for entry in ENTRIES if entry.run in (fit_speeds, build_cloud)]
+    made = list(build.translated(chosen, tmp_path))
+    assert [entry for entry, _ in made] == chosen
+    for entry, module in made:
+        files = {target: tmp_path / f"{target.library}.o" for target in (TARGETS["wasm32"], HERE)}
+        build.emit_objects(entry, module, files)
+        for file in files.values():
+            assert f"jacokin_{entry.run.__name__}".encode() in file.read_bytes()
+
+
+def test_a_kernel_that_does_not_compile_is_named(tmp_path: Path) -> None:
+    def unknown(work: object) -> int:
+        return 0
+
+    good = next(entry for entry in ENTRIES if entry.run is build_cloud)
+    found = build.translated([good, Entry(unknown, tuple)], tmp_path)
+    assert next(found)[0] is good
+    with pytest.raises(BuildError, match=r"^unknown does not compile, see above$"):
+        next(found)
+    (tmp_path / "broken.bc").write_bytes(b"nothing")
+    with pytest.raises(BuildError, match=r"^build_cloud does not compile, see above$"):
+        build.emit_objects(good, tmp_path / "broken.bc", {HERE: tmp_path / "broken.o"})
+    assert not (tmp_path / "broken.o").exists()
 
 
 def test_a_c_compiler_is_looked_for(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,7 +12,7 @@ import pytest
 import jacokin
 from jacokin import Robot
 from jacokin.arrays import Array
-from jacokin.model.many_configurations import Chain, TargetRows, angle_and_axis, cross
+from jacokin.model.many_configurations import Chain, TargetRows, cross
 
 SLIDING = """<robot name="crane">
 <link name="base"/><link name="mast"/><link name="slide"/><link name="hook"/>
@@ -133,11 +133,3 @@ def test_a_goal_out_of_reach_is_missed(robot: Robot) -> None:
 def test_cross_products_are_those_of_numpy(rng: np.random.Generator) -> None:
     a, b = rng.normal(size=(4, 1, 3)), rng.normal(size=(5, 3))
     np.testing.assert_array_equal(cross(a, b), np.cross(a, b))
-
-
-def test_angles_and_axes_are_those_of_pinocchio(rng: np.random.Generator) -> None:
-    turns = some_axes(rng, 50) * rng.uniform(0.01, 3.13, (50, 1))
-    angle, axis = angle_and_axis(np.array([pin.exp3(turn) for turn in turns]))
-    np.testing.assert_allclose(angle[:, None] * axis, turns, atol=1e-12)
-    angle, axis = angle_and_axis(np.eye(3)[np.newaxis])
-    assert (angle.max(), np.abs(axis).max()) == (0.0, 0.0)

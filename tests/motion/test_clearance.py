@@ -40,7 +40,6 @@ def test_a_wall_between_rows_is_seen(robot: Robot, through: Trajectory) -> None:
 
 
 def test_files_and_joint_motions(robot: Robot, through: Trajectory, tmp_path: Path) -> None:
-    pytest.importorskip("ruckig")
     motion = move_joints(robot, through.q[0], through.q[-1], dt=0.1)
     for name in ("a.csv", "a.npz"):
         for trajectory in (through, motion):

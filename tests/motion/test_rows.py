@@ -15,9 +15,8 @@ from jacokin.errors import InvalidInputError
 from jacokin.ik import Box, Scene
 from jacokin.motion import Trajectory, plan_motion
 from jacokin.motion.rows import (
-    Limits,
     OnTheWay,
-    from_rest_to_rest,
+    averaged_rows,
     halved,
     joined,
     most_between,
@@ -88,14 +87,22 @@ def test_jumps_of_acceleration_are_held(dt: float, length: float) -> None:
         rest = np.maximum(t - half, 0.0)
         return np.asarray(up + limit * half * rest - 0.5 * limit * rest**2)[:, None]
 
-    limits = Limits(np.array([1e3]), np.array([limit]))
-    rows = from_rest_to_rest(at, duration, dt, limits.strain)
-    fast, hard = most_between(rows)
-    assert fast.max() <= 1e3
-    assert hard.max() <= limit * (1 + 1e-8)
-    assert (np.diff(rows.q[:, 0]) >= -1e-15).all()
-    np.testing.assert_allclose(rows.q[[0, -1], 0], at(np.array([0.0, duration]))[:, 0], atol=1e-15)
-    assert rows.t[-1] <= 1.03 * duration + 4.0 * dt
+    for jerk in (None, 0.3, 4.0, 1e3):
+        rows, ticks = averaged_rows(at, duration, dt, None if jerk is None else np.array([jerk]))
+        fast, hard = most_between(rows)
+        assert fast.max() <= 0.5 * limit * duration * (1 + 1e-9)
+        assert hard.max() <= limit * (1 + 1e-8)
+        assert (np.diff(rows.q[:, 0]) >= -1e-15).all()
+        np.testing.assert_array_equal(rows.q[[0, -1], 0], at(np.array([0.0, duration]))[:, 0])
+        assert len(rows.t) - 1 == np.ceil(duration / dt - 1e-9) + ticks + 1
+        if jerk is None:
+            assert ticks == 1
+        else:
+            assert (np.abs(np.diff(rows.a, axis=0)) <= jerk * dt * (1 + 1e-6) + 1e-12 / dt**2).all()
+            assert ticks <= max(np.ceil(2.0 * limit / (jerk * dt)), 1)
+        one = interpolated(rows.t, (rows.q, rows.v))
+        other = interpolated(rows.t, (rows.q, rows.v, rows.a))
+        np.testing.assert_allclose(one, other, atol=1e-9 * length)
 
 
 def test_means_stay_between_what_they_are_of() -> None:

@@ -96,7 +96,6 @@ def test_saved_paths_are_loaded(robot: Robot, tmp_path: Path, ending: str) -> No
 
 
 def test_saved_joint_motions_are_loaded(robot: Robot, tmp_path: Path) -> None:
-    pytest.importorskip("ruckig")
     from jacokin.motion import move_joints
 
     end = np.array(robot.home)

@@ -173,8 +173,16 @@ class Tally:
             (*self.failures, *other.failures)[:KEPT_FAILURES],
         )
 
+    def summary(
+        self, seconds: float, carried: tuple[str, ...], *, resumed: int = 0, output: Path | None = None
+    ) -> FileSummary:
+        """The outcome of a file of these rows; the arguments are fields of it."""
+        return FileSummary(
+            self.count, dict(self.statuses), *self.worst, self.failures, resumed, seconds, output, carried
+        )
+
     def document(self) -> dict[str, object]:
-        """As JSON, for `read_tally`."""
+        """The counts in the types of JSON, which `read_tally` reads."""
         return {
             "statuses": {status.name: count for status, count in self.statuses.items()},
             "worst": self.worst,
@@ -223,7 +231,7 @@ class FileSummary:
     worst_position_error: float | None
     """The largest among the solved ones [m]; None if there are none."""
     worst_orientation_error: float | None
-    """As that [rad]."""
+    """The largest orientation error among the solved ones [rad]; None if there are none."""
     failures: tuple[tuple[int, Status, str], ...]
     """Line (of a CSV file) or row, status and message of the first ones that are not solved."""
     resumed: int

@@ -17,6 +17,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
 from queue import SimpleQueue
 from types import TracebackType
@@ -36,7 +37,7 @@ from jacokin.chunks.execution import (
     usable_cores,
     worker_processes,
 )
-from jacokin.chunks.folder import RECIPE, ChunkFolder, digest, file_digest, sync, temporary
+from jacokin.chunks.folder import RECIPE, ChunkFolder, Keeper, digest, file_digest, sync, temporary
 from jacokin.errors import InvalidInputError, JacokinError
 from jacokin.ik.batches.chunk import (
     EMPTY,
@@ -61,7 +62,7 @@ SINGLE_ROWS = 256  # rows of a chunk that is solved row by row: a few seconds
 TOGETHER = 16  # consecutive chunks in one job, at most: some seconds of work that is handed out at once
 SHARE = 4  # a job has at most this part of what is left for each worker: towards the end, none waits long for another
 SYNCED = 32  # chunks that are joined between two times that the file is brought to disk
-FOLDER_SUFFIX = ".chunks"
+FOLDER_SUFFIX, SUFFIX = ".chunks", ".chunk"  # of the folder beside the output, and of each chunk in it
 
 
 def solve_file(
@@ -117,60 +118,127 @@ def solve_file(
     if workers is not None and executor is not None:
         raise InvalidInputError("workers does not go with executor, which has its own")
     checked_executor(executor)
-    own: Executor | None = None
     began = time.perf_counter()
-    with contextlib.ExitStack() as stack:
-        source = _source(stack, checks.path("targets", targets))
-        out = checks.path("output", output)
-        first = next(targets_format(source).blocks(source, 1))
-        columns, carried = first.columns, tuple(first.carried)
-        answers = answers_format(out, carried)
-        if source.is_file() and out.is_file() and out.samefile(source):
-            raise InvalidInputError(f"output {out} is the file of targets: they would be lost")
-        compiled = solver.is_compiled and columns != POSITION
-        rows = (CLOSEST_ROWS if closest else ROWS) if compiled else SINGLE_ROWS
-        parts = targets_format(source).parts(source, rows)
-        total = sum(part.rows for part in parts)
-        recipe = _recipe(solver, source, total, rows, start, closest, out.suffix)
-        final, folder = _folder(stack, out, recipe, len(parts), resume=resume)
-        finished = folder.finished()
-        resumed = sum(parts[index].rows for index in finished)
-        missing = [index for index in range(len(parts)) if index not in finished]
-        if executor is None and missing:
-            executor = own = _executor(workers, compiled)
-        names = [*columns, *(f"q{joint + 1}" for joint in range(solver.robot.dof))]
-        try:
-            with Joining(answers, folder, final, names, carried) as joined:
-                for index, path in finished.items():
-                    joined.add(index, path)
-                if executor is not None:
-                    show = reporter(progress, total, resumed)
-                    job = functools.partial(
-                        ChunkJob,
-                        version=jacokin.__version__,
-                        solver=pickle.dumps(solver),
-                        seed=start,
-                        closest=closest,
-                        suffix=out.suffix,
-                        keeper=folder.keeper,
-                    )
-                    several = compiled and not closest
-                    for index, kept in solve_chunks(job, source, parts, rows, missing, executor, several=several):
-                        joined.add(index, folder.put(index, kept))
-                        show(parts[index].rows)
-                tally = joined.finish()
-        except BaseException:
-            if own is not None:
-                own.shutdown(cancel_futures=True)  # what has begun may still be kept
-            if folder.is_empty():
-                folder.remove()
-            raise
-        finally:
-            if own is not None:
-                own.shutdown()
-        folder.remove()
-    seconds = time.perf_counter() - began
-    return FileSummary(tally.count, dict(tally.statuses), *tally.worst, tally.failures, resumed, seconds, out, carried)
+    out = checks.path("output", output)
+    with _readable(checks.path("targets", targets)) as source:
+        batch = _Batch.of(solver, source, out, start, closest=closest)
+        with (
+            _folder(out, batch.recipe(), len(batch.parts), resume=resume) as (final, folder),
+            _working(executor, workers, batch.compiled) as ready,
+            Joining(batch.answers, folder, final, batch.names, batch.carried) as joined,
+        ):
+            finished = folder.finished()
+            resumed = sum(batch.parts[index].rows for index in finished)
+            missing = [index for index in range(len(batch.parts)) if index not in finished]
+            show = reporter(progress, batch.total, resumed)
+            for index, path in finished.items():
+                joined.add(index, path)
+            for index, kept in batch.solve(missing, folder.keeper, ready):
+                joined.add(index, folder.put(index, kept))
+                show(batch.parts[index].rows)
+            tally = joined.finish()
+    return tally.summary(time.perf_counter() - began, batch.carried, resumed=resumed, output=out)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Batch:
+    """What is to be solved, and in which chunks.
+
+    Attributes:
+        solver: solves each target.
+        source: the file of targets.
+        suffix: of the file of answers.
+        answers: its format.
+        columns: names of the columns of a target.
+        carried: names of the columns that are carried through.
+        seed: (dof,) [rad], or None for home.
+        closest: see `IKSolver.solve`.
+        compiled: whether a compiled loop solves them.
+        size: rows of a chunk.
+        parts: the rows, chunk by chunk.
+    """
+
+    solver: IKSolver
+    source: Path
+    suffix: str
+    answers: Format
+    columns: tuple[str, ...]
+    carried: tuple[str, ...]
+    seed: Array | None
+    closest: bool
+    compiled: bool
+    size: int
+    parts: Sequence[FilePart]
+
+    @classmethod
+    def of(cls, solver: IKSolver, source: Path, output: Path, seed: Array | None, *, closest: bool) -> Self:
+        """The batch of a file of targets, which is read to its end; errors of files as `solve_file`."""
+        form = targets_format(source)
+        first = next(form.blocks(source, 1))
+        carried = tuple(first.carried)
+        answers = answers_format(output, carried)
+        if source.is_file() and output.is_file() and output.samefile(source):
+            raise InvalidInputError(f"output {output} is the file of targets: they would be lost")
+        compiled = solver.is_compiled and first.columns != POSITION
+        size = (CLOSEST_ROWS if closest else ROWS) if compiled else SINGLE_ROWS
+        return cls(
+            solver=solver,
+            source=source,
+            suffix=output.suffix,
+            answers=answers,
+            columns=first.columns,
+            carried=carried,
+            seed=seed,
+            closest=closest,
+            compiled=compiled,
+            size=size,
+            parts=form.parts(source, size),
+        )
+
+    @property
+    def total(self) -> int:
+        """How many targets there are."""
+        return sum(part.rows for part in self.parts)
+
+    @property
+    def names(self) -> list[str]:
+        """Of the columns of the targets and q1, q2, ..."""
+        return [*self.columns, *(f"q{joint + 1}" for joint in range(self.solver.robot.dof))]
+
+    def recipe(self) -> dict[str, object]:
+        """All that the answers depend on."""
+        solver, tool, chosen = self.solver, self.solver.tool, self.solver.verifier.options
+        options = {field.name: getattr(chosen, field.name) for field in dataclasses.fields(chosen)}
+        options |= {
+            "scene": None if chosen.scene is None else digest(pickle.dumps(chosen.scene)),
+            "frame": solver.frame,
+            "tool": None if tool is None else tool.homogeneous.tolist(),
+            "seed": None if self.seed is None else self.seed.tolist(),
+            "closest": self.closest,
+            "format": self.suffix,
+            "rows of a chunk": self.size,
+        }
+        same = fingerprint(solver.robot, shapes=solver.verifier.looks_for_contact)
+        return {
+            "version": jacokin.__version__,
+            "targets": {"rows": self.total, "sha256": file_digest(self.source)},
+            "robot": {"name": solver.robot.name, "sha256": same},
+            "options": options,
+        }
+
+    def solve(self, missing: Sequence[int], keeper: Keeper, executor: Executor) -> Iterator[tuple[int, str | bytes]]:
+        """Number and what was kept of every missing chunk; errors as `solve_chunks`."""
+        job = functools.partial(
+            ChunkJob,
+            version=jacokin.__version__,
+            solver=pickle.dumps(self.solver),
+            seed=self.seed,
+            closest=self.closest,
+            suffix=self.suffix,
+            keeper=keeper,
+        )
+        several = self.compiled and not self.closest
+        return solve_chunks(job, self.source, self.parts, self.size, missing, executor, several=several)
 
 
 def solve_chunks(
@@ -317,41 +385,20 @@ class Joining:
             yield path, offset
 
 
-def _source(stack: contextlib.ExitStack, targets: Path) -> Path:
+@contextlib.contextmanager
+def _readable(targets: Path) -> Iterator[Path]:
     """A file that can be read several times: a copy of what comes from a pipe."""
     if not files.is_pipe(targets):
-        return targets
-    copy = Path(stack.enter_context(tempfile.TemporaryDirectory())) / f"targets{targets.suffix}"
-    try:
-        with copy.open("wb") as file:
-            file.writelines(files.pieces(targets, files.PIPED))
-    except OSError as error:
-        raise InvalidInputError(f"{targets}: cannot be copied to {copy.parent}: {error.strerror}") from error
-    return copy
-
-
-def _recipe(
-    solver: IKSolver, targets: Path, count: int, rows: int, seed: Array | None, closest: bool, suffix: str
-) -> dict[str, object]:
-    """All that the answers depend on."""
-    tool, chosen = solver.tool, solver.verifier.options
-    options = {field.name: getattr(chosen, field.name) for field in dataclasses.fields(chosen)}
-    options |= {
-        "scene": None if chosen.scene is None else digest(pickle.dumps(chosen.scene)),
-        "frame": solver.frame,
-        "tool": None if tool is None else tool.homogeneous.tolist(),
-        "seed": None if seed is None else seed.tolist(),
-        "closest": closest,
-        "format": suffix,
-        "rows of a chunk": rows,
-    }
-    same = fingerprint(solver.robot, shapes=solver.verifier.looks_for_contact)
-    return {
-        "version": jacokin.__version__,
-        "targets": {"rows": count, "sha256": file_digest(targets)},
-        "robot": {"name": solver.robot.name, "sha256": same},
-        "options": options,
-    }
+        yield targets
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        copy = Path(folder) / f"targets{targets.suffix}"
+        try:
+            with copy.open("wb") as file:
+                file.writelines(files.pieces(targets, files.PIPED))
+        except OSError as error:
+            raise InvalidInputError(f"{targets}: cannot be copied to {folder}: {error.strerror}") from error
+        yield copy
 
 
 def folder_of(final: Path) -> Path:
@@ -359,32 +406,50 @@ def folder_of(final: Path) -> Path:
     return final.with_name(f"{final.name}{FOLDER_SUFFIX}")
 
 
-def _folder(
-    stack: contextlib.ExitStack, out: Path, recipe: dict[str, object], count: int, *, resume: bool
-) -> tuple[Path, ChunkFolder]:
-    """The path of the output, links followed, and the folder of its chunks, which is this process's own."""
+@contextlib.contextmanager
+def _folder(out: Path, recipe: dict[str, object], count: int, *, resume: bool) -> Iterator[tuple[Path, ChunkFolder]]:
+    """The path of the output, links followed, and the folder of its chunks, which is this process's own.
+
+    The folder is removed in the end; where the block fails, only if it holds no finished chunk.
+    """
     if files.is_device(out):
-        return out, ChunkFolder(Path(stack.enter_context(tempfile.TemporaryDirectory())), recipe, count, ".chunk")
+        with tempfile.TemporaryDirectory() as temporary_folder:
+            yield out, ChunkFolder(Path(temporary_folder), recipe, count, SUFFIX)
+        return
     final = files.writable(out)
     if not final.parent.is_dir():
         raise InvalidInputError(f"{out}: cannot be written: there is no folder {final.parent}")
     path = folder_of(final)
     if not resume and (path / RECIPE).exists():
         shutil.rmtree(path)
-    if not path.exists():
-        stack.push(functools.partial(_remove_new, path))
-    folder = ChunkFolder(path, recipe, count, ".chunk")
-    stack.enter_context(folder.locked())
-    return final, folder
+    is_new = not path.exists()
+    try:
+        folder = ChunkFolder(path, recipe, count, SUFFIX)
+        with folder.locked():
+            try:
+                yield final, folder
+            except BaseException:
+                if folder.is_empty():
+                    folder.remove()
+                raise
+            folder.remove()
+    except (KeyboardInterrupt, SystemExit):  # a signal, perhaps while the folder was made
+        if is_new and not any(path.glob(f"*{SUFFIX}")):
+            shutil.rmtree(path, ignore_errors=True)
+        raise
 
 
-def _remove_new(path: Path, kind: type[BaseException] | None, *_: object) -> None:
-    """A signal while the folder is made, or before its first chunk is there, leaves nothing."""
-    if kind is not None and not issubclass(kind, Exception) and not any(path.glob("*.chunk")):
-        shutil.rmtree(path, ignore_errors=True)
-
-
-def _executor(workers: int | None, compiled: bool) -> Executor:
+@contextlib.contextmanager
+def _working(executor: Executor | None, workers: int | None, compiled: bool) -> Iterator[Executor]:
+    """The executor, or one of this process that ends with the block."""
+    if executor is not None:
+        yield executor
+        return
     if compiled:
-        return ThreadPoolExecutor(usable_cores() if workers is None else workers)
-    return ThreadPoolExecutor(1) if workers in (None, 1) else worker_processes(workers or 1)
+        own: Executor = ThreadPoolExecutor(usable_cores() if workers is None else workers)
+    else:
+        own = ThreadPoolExecutor(1) if workers in (None, 1) else worker_processes(workers or 1)
+    try:
+        yield own
+    finally:
+        own.shutdown(cancel_futures=True)  # where the block failed: what has begun may still be kept

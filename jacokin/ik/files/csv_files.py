@@ -59,9 +59,10 @@ def read_targets(path: str | Path) -> TargetFile:
 
 
 def read_blocks(path: Path, size: int, *, strict: bool) -> Iterator[TargetFile]:
-    """As `read_targets`, in blocks of at most `size` rows, so that a file of any length fits into memory.
+    """The targets of a CSV file in blocks of at most `size` rows: a file of any length fits into memory.
 
-    Unless `strict`, numbers that are not finite and wrong norms are problems of their rows, and not errors.
+    Unless `strict`, numbers that are not finite and wrong norms are problems of their rows, and not errors; all others
+    are those of `read_targets`.
     """
     empty = True
     with files.open_table(path, largest=None) as file:

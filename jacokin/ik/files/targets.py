@@ -134,12 +134,8 @@ def choose_columns(path: Path, header: Sequence[str], place: str = ", line 1") -
     repeated = [name for name, count in Counter(names).items() if name and count > 1]
     if repeated:
         raise InvalidInputError(f"{place}: column {', '.join(repeated)} is repeated")
-    oriented = [group for group in (QUATERNION, RPY, MATRIX) if any(name in names for name in group)]
-    if len(oriented) > 1:
-        raise InvalidInputError(
-            f"{place}: orientations are given twice, as {' and as '.join(_name_of(group) for group in oriented)}"
-        )
-    wanted = POSITION + (oriented[0] if oriented else ())
+    orientation = _orientation(names, place)
+    wanted = POSITION + orientation
     missing = [name for name in wanted if name not in names]
     if missing:
         found = ", ".join(names) or "nothing"
@@ -148,7 +144,7 @@ def choose_columns(path: Path, header: Sequence[str], place: str = ", line 1") -
         )
     carried = {name: at for at, name in enumerate(names) if name and name not in wanted and not is_answer(name)}
     turned = [name for name in carried if _TURNED.fullmatch(re.sub(r"[\W_]", "", name).lower())]
-    if not oriented and len(turned) >= _LEAST_NUMBERS:
+    if not orientation and len(turned) >= _LEAST_NUMBERS:
         raise InvalidInputError(
             f"{place}: column {', '.join(turned)} looks like an orientation, which would be lost: orientations are "
             f"{', '.join(QUATERNION)}, or {', '.join(RPY)} [rad], or {', '.join(MATRIX)}; rename what is not one"
@@ -156,8 +152,17 @@ def choose_columns(path: Path, header: Sequence[str], place: str = ", line 1") -
     return Columns(wanted, tuple(names.index(name) for name in wanted), carried, len(names))
 
 
-def _name_of(group: tuple[str, ...]) -> str:
-    return {QUATERNION: "quaternions", RPY: "roll, pitch, yaw", MATRIX: "matrices"}[group]
+def _orientation(names: Sequence[str], place: str) -> tuple[str, ...]:
+    """Names of the columns of the orientation, all of them where one is there; none where orientations are free.
+
+    Raises:
+        InvalidInputError: orientations are given twice; `place` is where.
+    """
+    groups = {"quaternions": QUATERNION, "roll, pitch, yaw": RPY, "matrices": MATRIX}
+    found = {name: group for name, group in groups.items() if any(column in names for column in group)}
+    if len(found) > 1:
+        raise InvalidInputError(f"{place}: orientations are given twice, as {' and as '.join(found)}")
+    return next(iter(found.values()), ())
 
 
 def left_behind(header: Sequence[str]) -> list[str]:

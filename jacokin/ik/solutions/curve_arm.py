@@ -96,7 +96,7 @@ class CurveArm:
         return tuple(getattr(self, name) for name in self.__slots__ if name != "_idle")
 
     def __setstate__(self, state: tuple[object, ...]) -> None:
-        """See `__getstate__`."""
+        """Take what `__getstate__` gave, with working memory of its own."""
         names = (name for name in self.__slots__ if name != "_idle")
         for name, value in zip(names, state, strict=True):
             setattr(self, name, value)
@@ -243,7 +243,7 @@ class CurveProblem(NamedTuple):
         return x
 
     def nearest_on(self, nodes: Array, seed: Array) -> Array | None:
-        """As `nearest`, on a run of nodes (m, 14) alone."""
+        """The point (7,) within the limits on a run of nodes (m, 14), nearest to a seed (dof,) [rad]; None for none."""
         ends = np.array([[0, len(nodes), 0, 0, 0, 0]])
         work = self.arm._nearest_work()._replace(chain=self.chain, T=self.T, nodes=nodes, ends=ends)
         return self.arm._nearest(Call(find_nearest, work), seed)

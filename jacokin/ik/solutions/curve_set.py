@@ -37,7 +37,7 @@ class TrackInterval(Interval):
         self._members, self._track = members, track
 
     def at(self, parameter: float, seed: ArrayLike | None = None) -> Array:
-        """See `Interval`."""
+        """The member (dof,) [rad] where the parameter has a value, its unlimited joints near to a seed."""
         p = self._moved_inside(checks.number("parameter", parameter, "rad"))
         if p is None:
             raise InvalidInputError(
@@ -89,12 +89,12 @@ class TrackInterval(Interval):
         return p, np.array([self._member(value, self._track.at(value), self._members.seed) for value in p.tolist()])
 
     def spread(self, step: float) -> tuple[Array, Array]:
-        """See `Interval`."""
+        """Values of the parameter (n,) at multiples of a step, and configurations (n, dof) [rad] to about 1e-3 rad."""
         p, rows = self._track.polyline()
         if self.start == self.stop:  # a point, or members among which the parameter stands still
             chosen = np.arange(0, len(p), max(1, int(step / GUESS_SPACING)))
-            if not self._is_round:
-                chosen = np.unique(np.append(chosen, len(p) - 1))
+            if not self._is_round and chosen[-1] < len(p) - 1:
+                chosen = np.append(chosen, len(p) - 1)
             return p[chosen], rows[chosen]
         inner = step * np.arange(np.floor(self.start / step) + 1.0, np.ceil(self.stop / step))
         inner = inner if inner.size else np.array([0.5 * (self.start + self.stop)])
@@ -104,7 +104,7 @@ class TrackInterval(Interval):
         return np.concatenate([p[:1], inner, p[-1:]]), np.vstack([rows[0], between, rows[-1]])
 
     def walk(self, step: float) -> tuple[Array, Array]:
-        """See `Interval`."""
+        """Values of the parameter (n,) and configurations (n, dof), neighbours at most a step apart [rad]."""
         p, rows = self._track.polyline()
         counts = np.maximum(1, np.ceil(np.linalg.norm(np.diff(rows, axis=0), axis=1) / step).astype(np.intp))
         chord = np.repeat(np.arange(len(counts)), counts)
@@ -114,7 +114,7 @@ class TrackInterval(Interval):
         return np.interp(places, nodes, p), np.column_stack([np.interp(places, nodes, each) for each in rows.T])
 
     def drawn(self, step: float) -> tuple[Array, Array]:
-        """As `walk`, within the limits to about 1e-3 rad; unlimited joints without jumps."""
+        """What `walk` gives, to be drawn: within the limits to about 1e-3 rad, unlimited joints without jumps."""
         p, q = self.walk(step)
         robot, free = self._members.robot, self._members.robot.unlimited
         q = angles.into_limits(q, robot.lower, robot.upper)
@@ -180,7 +180,7 @@ class CurveSet(SolutionSet):
 
     @property
     def q_within_limits(self) -> Array:
-        """The same as `q`."""
+        """(k, dof) the member of each interval nearest to the seed [rad], all of which are within the limits."""
         return self.q
 
     @property

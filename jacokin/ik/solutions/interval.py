@@ -103,7 +103,7 @@ class Interval(ABC):
 
     @abstractmethod
     def walk(self, step: float) -> tuple[Array, Array]:
-        """As `spread`: values of the parameter (n,) and configurations (n, dof), neighbours at most a step apart [rad].
+        """Values of the parameter (n,) and configurations (n, dof), neighbours at most a step apart [rad].
 
         Where curves turn back, the parameter hardly changes and joints do.
         """

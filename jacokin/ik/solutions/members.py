@@ -16,7 +16,7 @@ from jacokin.ik.solutions.track import CurveTrack
 from jacokin.ik.targets import TargetPose
 from jacokin.ik.verification import Candidate, Verifier
 from jacokin.model import angles
-from jacokin.model.angles import SNAP, TURN
+from jacokin.model.angles import TURN
 from jacokin.model.robot import Robot
 
 #: [m] and [rad]; members of curves close this well.
@@ -92,10 +92,6 @@ class Members:
         """(dof,) limited joints that have several copies of some angles within their limits."""
         room = self.robot.upper - self.robot.lower
         return np.isfinite(room) & (room >= TURN)
-
-    def are_copies(self, q: Array) -> bool:
-        """Whether joints of q (dof,) that have several copies within their limits are in one of those, but for SNAP."""
-        return bool(((q >= self.robot.lower - SNAP) & (q <= self.robot.upper + SNAP))[self.wide].all())
 
     def verified(self, q: Array, parameter: float) -> Array:
         """A configuration (dof,) that reaches the target and is within the limits, exactly.

@@ -246,7 +246,7 @@ class SetSearch:
         return self._nearest(members, self._starts(members))
 
     def _nearest(self, members: Members, starts: Array) -> tuple[Array, float] | None:
-        """As `nearest`, with the points (k, 7) beside which curves are followed."""
+        """The member (dof,) nearest to the seed and its parameter [rad], on curves beside points (k, 7) too."""
         robot = members.robot
         x = self._arm.problem(members.target).nearest(starts, members.seed)
         if x is None:

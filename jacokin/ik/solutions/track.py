@@ -70,7 +70,7 @@ class CurveTrack:
         return coordinates, self._joints(self._between(coordinates))
 
     def polyline(self) -> tuple[Array, Array]:
-        """As `guesses`, with values of the parameter (m,) instead of coordinates."""
+        """Values of the parameter (m,) in order, and configurations there (m, dof), as exact as those of `guesses`."""
         coordinates, _ = self.guesses()
         points = self._between(coordinates)
         p = np.maximum.accumulate(points[:, self._problem.arm.parameter]) + self._turns

@@ -1,9 +1,12 @@
-"""Two trees of certified motions, one from the start and one from all goals, that grow until they meet.
+"""Two trees of motions, one from the start and one from all goals, that grow until they meet.
 
 RRT-Connect (Kuffner and LaValle: RRT-Connect: an efficient approach to single-query path planning, 2000): the smaller
 tree takes a step towards a random configuration, and the other one goes on towards where that led. Unlimited joints
-turn the short way round, and stay in [-pi, pi] here. The end of a step is tested before the motion to it is certified,
-which costs more.
+turn the short way round, and stay in [-pi, pi] here.
+
+Most motions of the trees are part of no way. So they are looked at in some places only (Bohlin and Kavraki: Path
+planning using lazy PRM, 2000), their ends first, and those on the way are certified where the trees have met. One that
+is not certain is cut off, and the search goes on.
 """
 
 from __future__ import annotations
@@ -15,15 +18,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.kernels.contact.run import ContactWork, stands_clear
+from jacokin.kernels.contact.run import ContactWork
 from jacokin.kernels.free_motion.space import (
     TURN,
     Hindrances,
     Space,
     difference,
+    is_certain,
+    is_free,
     length_of,
-    moves_clear,
     remember,
+    seems_clear,
     time_of,
     uniform,
 )
@@ -123,11 +128,7 @@ def grow_trees(
     integers = trees.integers
     for _ in range(samples):
         integers[SAMPLES] += 1
-        for _ in range(DRAWS):
-            for j in range(dof):
-                trees.sample[j] = space.low[j] + uniform(generator) * (space.high[j] - space.low[j])
-            if is_worth(trees, space, dof, trees.sample):
-                break
+        draw(trees, space, dof, generator)
         small = 0 if integers[FIRST_SIZE] <= integers[SECOND_SIZE] else 1
         if integers[MISSES] >= PATIENCE and integers[SAMPLES] % 2:
             small = 1 - small
@@ -140,10 +141,38 @@ def grow_trees(
             met = connect(trees, space, dof, contact, hindrances, 1 - small, trees.q[at : at + dof])
             if met != NONE:
                 integers[MET_FIRST], integers[MET_SECOND] = (grown, met) if small == 0 else (met, grown)
-                return True
+                first = is_branch_clear(trees, space, dof, contact, hindrances, 0, integers[MET_FIRST])
+                if first and is_branch_clear(trees, space, dof, contact, hindrances, 1, integers[MET_SECOND]):
+                    return True
         if integers[IS_FULL]:
             return False
     return False
+
+
+def draw(trees: Trees, space: Space, dof: int, generator: NDArray[np.int64]) -> None:
+    """Fill a random configuration, between the start and one of the goals where a way is to be quick enough."""
+    q, bound = trees.sample, trees.numbers[BOUND]
+    if bound == math.inf:
+        for j in range(dof):
+            q[j] = space.low[j] + uniform(generator) * (space.high[j] - space.low[j])
+        return
+    roots = len(trees.parents) // 2
+    for _ in range(DRAWS):
+        goal = (roots + int(uniform(generator) * trees.integers[ROOT_COUNT])) * dof
+        difference(space, dof, trees.q[:dof], trees.q[goal : goal + dof], trees.step)
+        for j in range(dof):
+            # Where both parts together take a joint no longer than the bound.
+            middle, half = trees.q[j] + 0.5 * trees.step[j], 0.5 * bound * space.speed[j]
+            low, high = middle - half, middle + half
+            if not space.unlimited[j]:
+                low, high = max(low, space.low[j]), min(high, space.high[j])
+            elif half > math.pi:
+                low, high = -math.pi, math.pi
+            q[j] = low + uniform(generator) * (high - low)
+            if space.unlimited[j]:
+                q[j] -= TURN * math.floor(q[j] / TURN + 0.5)
+        if is_worth(trees, space, dof, q):
+            return
 
 
 def is_worth(trees: Trees, space: Space, dof: int, q: Array) -> bool:
@@ -182,10 +211,7 @@ def grow(
         end[j] = min(max(start[j] + share * trees.step[j], space.lower[j]), space.upper[j])
     if not is_worth(trees, space, dof, end):
         return NONE
-    if not stands_clear(contact, end):
-        remember(hindrances, contact.hits.pairs[0])
-        return NONE
-    if not moves_clear(contact, start, end, 0.0):
+    if not (is_free(contact, end) and seems_clear(contact, start, end, 0.0)):
         remember(hindrances, contact.course.pair)
         return NONE
     return add(trees, space, dof, tree, end, node)
@@ -204,3 +230,35 @@ def connect(
             return NONE
         difference(space, dof, trees.q[node_at(trees, dof, tree, node) :], q, trees.step)
     return node
+
+
+def is_branch_clear(
+    trees: Trees, space: Space, dof: int, contact: ContactWork, hindrances: Hindrances, tree: int, node: int
+) -> bool:
+    """Whether the motions from the root of a tree to a node are certain; what is not is cut off, with all behind it."""
+    first = tree * (len(trees.parents) // 2)
+    while trees.parents[first + node] != NONE:
+        parent = trees.parents[first + node]
+        at = (first + parent) * dof
+        start, end = trees.q[at : at + dof], trees.end
+        difference(space, dof, start, trees.q[(first + node) * dof :], trees.step)
+        for j in range(dof):
+            end[j] = start[j] + trees.step[j]
+        if not is_certain(contact, start, end, 0.0):
+            remember(hindrances, contact.course.pair)
+            cut_off(trees, dof, tree, node)
+            return False
+        node = parent
+    return True
+
+
+def cut_off(trees: Trees, dof: int, tree: int, node: int) -> None:
+    """Put a node, and all that grew from it, infinitely far away."""
+    first = tree * (len(trees.parents) // 2)
+    for k in range(node, trees.integers[tree]):
+        lost = k == node
+        if not lost and trees.parents[first + k] != NONE:
+            lost = math.isinf(trees.q[(first + trees.parents[first + k]) * dof])
+        if lost:
+            for j in range(dof):
+                trees.q[(first + k) * dof + j] = math.inf

@@ -5,6 +5,7 @@ trace          all curves through given solutions, each followed until it closes
 slices         all solutions at one value of the parameter: six joints at a pose
 seven_joints   the same of seven joints built like a Jaco's, in closed form, and where they meet
 near_seed      of those, the chords beside which the nearest to a seed is
+surface        the equation of six joints along the parameter, as one polynomial of both
 islands        at which values to look for solutions, by the characteristic function
 meeting        the other curve where two meet
 within         what of the curves is within the limits

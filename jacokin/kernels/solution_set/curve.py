@@ -176,9 +176,9 @@ def cubic_root(a: Array, b: Array, length: float, j: int, value: float, low: flo
     return u
 
 
-def point_across(chain: Array, T: Array, a: Array, b: Array, u: float, x: Array, t: Array, walk: Walk) -> bool:
-    """Fill x and t with the node across the chord from a to b (14,) at a share u of it; False for none there."""
-    length = chord_length(a, b)
+def point_across(chain: Array, T: Array, a: Array, b: Array, u: float, walk: Walk) -> bool:
+    """Fill walk.z and walk.tz with the node across the chord from a to b (14,) at a share u of it; False for none."""
+    x, t, length = walk.z, walk.tz, chord_length(a, b)
     if length == 0.0:
         for j in range(7):
             x[j], t[j] = a[j], a[7 + j]
@@ -193,15 +193,13 @@ def point_across(chain: Array, T: Array, a: Array, b: Array, u: float, x: Array,
     return tangent(chain, T, x, walk.border, t, walk) != 0.0
 
 
-def point_at(
-    chain: Array, T: Array, a: Array, b: Array, j: int, value: float, u: float, x: Array, t: Array, walk: Walk
-) -> bool:
-    """Fill x and t with the node between a and b (14,) where angle j has a value; u is about where.
+def point_at(chain: Array, T: Array, a: Array, b: Array, j: int, value: float, u: float, walk: Walk) -> bool:
+    """Fill walk.z and walk.tz with the node between a and b (14,) where angle j has a value; u is about where.
 
     First with the angle given, and where that is no good condition, next to its extremes, by the secant method across
     the chord.
     """
-    length = chord_length(a, b)
+    x, t, length = walk.z, walk.tz, chord_length(a, b)
     for m in range(7):
         walk.border[m] = 1.0 if m == j else 0.0
         x[m] = cubic(a, b, length, u, m)
@@ -220,7 +218,7 @@ def point_at(
         u = high - f_high * (high - low) / (f_high - f_low) if f_high != f_low else 0.5 * (low + high)
         if not min(low, high) <= u <= max(low, high):
             u = 0.5 * (low + high)
-        if not point_across(chain, T, a, b, u, x, t, walk):
+        if not point_across(chain, T, a, b, u, walk):
             return False
         f = x[j] - value
         if abs(f) <= 1e-15 or abs(high - low) < 1e-15:
@@ -233,15 +231,16 @@ def point_at(
     return False
 
 
-def point_where_still(chain: Array, T: Array, a: Array, b: Array, j: int, x: Array, t: Array, walk: Walk) -> bool:
-    """Fill x and t with the node between a and b (14,) where angle j stands still, having opposite slopes at both."""
+def point_where_still(chain: Array, T: Array, a: Array, b: Array, j: int, walk: Walk) -> bool:
+    """Fill walk.z and walk.tz with the node between a and b (14,) where angle j stands still; it turns between them."""
+    t = walk.tz
     low, f_low, high, f_high = 0.0, a[7 + j], 1.0, b[7 + j]
     u = 0.5
     for _ in range(SECANTS):
         u = high - f_high * (high - low) / (f_high - f_low) if f_high != f_low else 0.5 * (low + high)
         if not min(low, high) <= u <= max(low, high):
             u = 0.5 * (low + high)
-        if not point_across(chain, T, a, b, u, x, t, walk):
+        if not point_across(chain, T, a, b, u, walk):
             return False
         if abs(t[j]) < 1e-13 or abs(high - low) < 1e-14:
             break

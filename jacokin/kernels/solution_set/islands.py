@@ -21,31 +21,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.kernels.closed_form.arm import ArmConstants, pose_of, unpack_arm
-from jacokin.kernels.closed_form.resultant import (
-    DEGREE,
-    SAMPLES,
-    SPACING,
-    TO_COSINE,
-    TO_SINE,
-    fourier_of_F,
-    value_and_slope,
-)
+from jacokin.kernels.closed_form.arm import ArmConstants, unpack_arm
+from jacokin.kernels.closed_form.resultant import DEGREE, value_and_slope
 from jacokin.kernels.closed_form.roots import RootWork, find_roots, make_roots
 from jacokin.kernels.limits import TURN
-from jacokin.kernels.six_joints.characteristic import Determinant, fourier_of_determinant, make_determinant
-from jacokin.kernels.six_joints.equations import Equations, make_equations, write_equations
 from jacokin.kernels.six_joints.loop import LABELLINGS, SPHERICAL_WRIST, fill_links, joint_of
-from jacokin.kernels.six_joints.spherical_wrist import fill_both_turns, fill_quartic, reach_of
+from jacokin.kernels.six_joints.spherical_wrist import reach_of
 from jacokin.kernels.solution_set.curve import wrapped
-from jacokin.kernels.solution_set.slices import BEFORE, SixJoints, turn_target
+from jacokin.kernels.solution_set.slices import BEFORE, SixJoints
+from jacokin.kernels.solution_set.surface import Surface, fill_F, fill_rates, fill_surface, make_surface, size_of
 from jacokin.kernels.solution_set.trace import Loops
 from jacokin.kernels.tolerances import DISTINCT, UNCERTAIN
-from jacokin.kernels.trigonometry import sin_cos
 
 LOOKED_AT, MOST_FOUND = 32, 128
-#: Numbers of F at one value of p.
-SURFACE = 2 * DEGREE + 3
 #: Values of x at which F is looked at, too, at all values of the parameter; evenly all round from the second on [rad].
 LINES, FIRST_LINE = 3, 0.7
 #: Halvings to where F is zero on such a line.
@@ -53,11 +41,11 @@ LINE_HALVINGS = 24
 #: [rad] where the even values begin: away from the round angles that people use.
 OFFSET = 0.1234
 #: Times the distance between two values within which pairs from both sides may come to the axis.
-SAFETY = 1.5
+SAFETY = 2.0
 #: Share of that distance within which a pair comes as it is foretold.
 SURE = 0.15
-#: [rad] of the parameter: for slopes and bends, and the shortest distance that is halved.
-ASIDE, CLOSE_ENOUGH = 1e-4, 3e-5
+#: [rad] of the parameter: the shortest distance that is halved.
+CLOSE_ENOUGH = 3e-5
 #: [rad] values nearer to each other than this are halved where another labelling of the joints has such pairs, too.
 LABELLED = 0.01
 #: [rad] from a fold that is known. How far from there its pair may be expected: relative to that, and to the distance
@@ -72,8 +60,8 @@ MOST_HALVED, DEPTH = 400, 32
 #: Steps to all roots at once; a root is found when its step is this part of the distance to the nearest other one: each
 #: step squares what is missing at least, and a step of Newton's method follows.
 ABERTH_STEPS, LAST_STEP = 40, 1e-2
-#: A root is foretold at the next value of the parameter if that moves it by less than this part of that distance.
-FORETOLD = 0.5
+#: A root is foretold at the next value of the parameter if that moves it by less than this part of its size.
+FORETOLD = 1.0
 
 
 class Look(NamedTuple):
@@ -83,6 +71,17 @@ class Look(NamedTuple):
     behind: float  # the same on the other side
     real: int  # how many roots are, -1 in doubt
     at_fold: int  # 1 right beside a fold, of whose own pair little is known
+
+
+class Root(NamedTuple):
+    """A root z = exp(i x) of F at one value of the parameter."""
+
+    x: complex  # z itself
+    slope: complex  # the derivative of z^n F there; 0 where nothing can be told
+    bend: complex  # and its second one
+    mixed: complex  # the derivative of the first by the parameter
+    turns: complex  # how z moves with the parameter
+    d: float  # of x from the real axis, of one of each pair positive
 
 
 class Islands(NamedTuple):
@@ -96,18 +95,11 @@ class Islands(NamedTuple):
     lines: Array  # (LOOKED_AT, LINES) F where x has one of some values, 0 for noise
     crossed: NDArray[np.int64]  # (LOOKED_AT, LINES) how often curves pass there before the next slice
     roots: RootWork
-    cosine: Array  # (9,) F
-    sine: Array  # (9,)
-    surface: Array  # (17, 19) F at every p: parts of 1, cos p, sin p, cos 2 p, ... of cosine, then sine, then apart
-    noise: Array  # (1,) of the values of that, the root mean square of the samples'
-    apart: Array  # (3,) of F of a spherical wrist, see `fill_both_turns`; its first and second derivative by p
+    F: Surface
     z: Array  # (16, 2) exp(i x) of all roots, real and imaginary part
     other: Array  # (16, 2) the same in another labelling of the joints
     moves: Array  # (17, 2) how z moves with p, and where it was found
     settled: Array  # (16,) 1 for those that are found
-    powers: Array  # (3, 17, 2) coefficients in z of F, and of its first and second derivative by p
-    equations: Equations
-    determinant: Determinant
 
 
 def make_islands() -> Islands:
@@ -121,137 +113,12 @@ def make_islands() -> Islands:
         np.zeros((LOOKED_AT, LINES)),
         np.zeros((LOOKED_AT, LINES), np.int64),
         make_roots(),
-        np.empty(DEGREE + 1),
-        np.empty(DEGREE + 1),
-        np.zeros((SAMPLES, SURFACE)),
-        np.zeros(1),
-        np.zeros(3),
+        make_surface(),
         np.zeros((2 * DEGREE, 2)),
         np.zeros((2 * DEGREE, 2)),
         np.zeros((2 * DEGREE + 1, 2)),
         np.zeros(2 * DEGREE),
-        np.zeros((3, 2 * DEGREE + 1, 2)),
-        make_equations(),
-        make_determinant(),
     )
-
-
-def fill_F(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling: int) -> float:
-    """Fill cosine and sine with the coefficients of F(x; p), up to a factor; returns the noise of its values.
-
-    In the way that suits the arm, or in a labelling of its joints as those of any arm; -1 for the former. Of a
-    spherical wrist, F is then about where the wrist is: each root goes with two solutions.
-    """
-    if labelling >= 0:
-        return fill_determinant(unpack_arm(six.general), six, work, p, labelling)
-    if has_surface(k):
-        work.apart[0] = fill_waves(work, p, 0)
-        return float(work.noise[0])
-    return fill_determinant(k, six, work, p, k.six.own)
-
-
-def has_surface(k: ArmConstants) -> bool:
-    """Whether F, as it suits the arm, is a trigonometric polynomial of degree 8 at most in p, too."""
-    return k.six.form == SPHERICAL_WRIST or k.six.scale == 0.0
-
-
-def fill_sample(k: ArmConstants, six: SixJoints, work: Islands, p: float) -> float:
-    """As `fill_F`, of an arm that has a surface, from the target."""
-    turn_target(six.T, six.axis, p, six.turned)
-    work.apart[0] = 0.0
-    if k.six.form != SPHERICAL_WRIST:
-        return fourier_of_F(k, pose_of(six.arm, k, six.turned), work.cosine, work.sine)
-    fill_links(six.chain, six.turned, k.six.scale, k.six.form_labelling, work.equations.links)
-    reach = reach_of(k.six, work.equations.links)
-    if abs(reach.cross) < DISTINCT:
-        noise, work.apart[0] = fill_both_turns(reach, work.cosine, work.sine)
-        return noise
-    _, _, noise = fill_quartic(reach, work.cosine, work.sine)
-    return noise
-
-
-def fill_determinant(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling: int) -> float:
-    """As `fill_F`, of an arm of any structure in one labelling."""
-    turn_target(six.T, six.axis, p, six.turned)
-    fill_links(six.chain, six.turned, k.six.scale, labelling, work.equations.links)
-    write_equations(work.equations)
-    return fourier_of_determinant(work.equations, work.determinant, work.cosine, work.sine)
-
-
-def fill_surface(k: ArmConstants, six: SixJoints, work: Islands) -> None:
-    """Fill surface with F at every p, which 17 values tell."""
-    surface, total = work.surface, 0.0
-    for i in range(SAMPLES):
-        for j in range(SURFACE):
-            surface[i, j] = 0.0
-    for n in range(SAMPLES):
-        noise = fill_sample(k, six, work, SPACING * n)
-        total += noise * noise
-        for j in range(SURFACE):
-            value = work.apart[0]
-            if j < SURFACE - 1:
-                value = work.cosine[j] if j <= DEGREE else work.sine[j - DEGREE - 1]
-            surface[0, j] += TO_COSINE[n, 0] * value
-            for m in range(1, DEGREE + 1):
-                surface[2 * m - 1, j] += TO_COSINE[n, m] * value
-                surface[2 * m, j] += TO_SINE[n, m] * value
-    work.noise[0] = math.sqrt(total / SAMPLES)
-
-
-def fill_waves(work: Islands, p: float, order: int) -> float:
-    """Fill cosine and sine with the coefficients of F(x; p), or of its derivative of an order by p, from the surface.
-
-    Returns:
-        The same of what `fill_both_turns` tells.
-    """
-    surface, cosine, sine, first = work.surface, work.cosine, work.sine, 1.0 if order == 0 else 0.0
-    apart = first * surface[0, SURFACE - 1]
-    for j in range(DEGREE + 1):
-        cosine[j], sine[j] = first * surface[0, j], first * surface[0, DEGREE + 1 + j]
-    for m in range(1, DEGREE + 1):
-        s, c = sin_cos(m * p)
-        if order == 1:
-            c, s = -m * s, m * c
-        elif order == 2:
-            c, s = -m * m * c, -m * m * s
-        for j in range(DEGREE + 1):
-            cosine[j] += c * surface[2 * m - 1, j] + s * surface[2 * m, j]
-            sine[j] += c * surface[2 * m - 1, DEGREE + 1 + j] + s * surface[2 * m, DEGREE + 1 + j]
-        apart += c * surface[2 * m - 1, SURFACE - 1] + s * surface[2 * m, SURFACE - 1]
-    return float(apart)
-
-
-def fill_rates(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling: int, noise: float) -> float:
-    """Fill powers with F at p, of which the cosines and sines are at hand, and its derivatives by p.
-
-    Returns:
-        The noise of the second derivative, from that of F.
-    """
-    powers = work.powers
-    if labelling < 0 and has_surface(k):
-        for order in range(2, -1, -1):
-            work.apart[order] = fill_waves(work, p, order)
-            fill_powers(work, order)
-        return DEGREE * DEGREE * noise
-    fill_powers(work, 0)
-    fill_F(k, six, work, p - ASIDE, labelling)
-    fill_powers(work, 1)
-    fill_F(k, six, work, p + ASIDE, labelling)
-    fill_powers(work, 2)
-    for m in range(2 * DEGREE + 1):
-        for i in range(2):
-            now, low, high = powers[0, m, i], powers[1, m, i], powers[2, m, i]
-            powers[1, m, i], powers[2, m, i] = 0.5 * (high - low) / ASIDE, (high - 2.0 * now + low) / ASIDE**2
-    return 4.0 * noise / ASIDE**2
-
-
-def fill_powers(work: Islands, row: int) -> None:
-    """Fill a row with the coefficients of z^8 F, of which the cosines and sines are at hand."""
-    powers = work.powers[row]
-    powers[DEGREE, 0], powers[DEGREE, 1] = work.cosine[0], 0.0
-    for m in range(1, DEGREE + 1):
-        powers[DEGREE + m, 0], powers[DEGREE + m, 1] = 0.5 * work.cosine[m], -0.5 * work.sine[m]
-        powers[DEGREE - m, 0], powers[DEGREE - m, 1] = 0.5 * work.cosine[m], 0.5 * work.sine[m]
 
 
 def value_and_rate(powers: Array, degree: int, x: complex) -> tuple[complex, complex]:
@@ -275,6 +142,19 @@ def polynomial(powers: Array, degree: int, x: complex) -> tuple[complex, complex
     return value, slope, 2.0 * bend
 
 
+def value_and_slope_at(powers: Array, degree: int, x: complex) -> tuple[complex, complex]:
+    """As `value_and_rate`, of a degree that is even: even and odd powers are summed side by side, in half the time."""
+    first, w = DEGREE - degree // 2, x * x
+    even, odd = complex(powers[first + degree, 0], powers[first + degree, 1]), 0.0j
+    even_rate, odd_rate = 0.0j, 0.0j
+    for m in range(first + degree - 2, first - 1, -2):
+        odd_rate = odd_rate * w + odd
+        odd = odd * w + complex(powers[m + 1, 0], powers[m + 1, 1])
+        even_rate = even_rate * w + even
+        even = even * w + complex(powers[m, 0], powers[m, 1])
+    return even + x * odd, odd + 2.0 * x * (even_rate + x * odd_rate)
+
+
 def find_all_roots(powers: Array, degree: int, z: Array, settled: Array) -> None:
     """Bring z to all roots of z^(degree / 2) F at once, from wherever it is (Aberth, 1973)."""
     for i in range(degree):
@@ -284,10 +164,8 @@ def find_all_roots(powers: Array, degree: int, z: Array, settled: Array) -> None
         for i in range(degree):
             if settled[i] > 0.0:
                 continue
-            value, slope = value_and_rate(powers, degree, complex(z[i, 0], z[i, 1]))
-            if slope == 0.0:
-                continue
-            newton, others, others_i, nearest = value / slope, 0.0, 0.0, math.inf
+            value, slope = value_and_slope_at(powers, degree, complex(z[i, 0], z[i, 1]))
+            others, others_i, nearest = 0.0, 0.0, math.inf
             for j in range(degree):
                 a, b = z[i, 0] - z[j, 0], z[i, 1] - z[j, 1]
                 square = a * a + b * b
@@ -296,8 +174,10 @@ def find_all_roots(powers: Array, degree: int, z: Array, settled: Array) -> None
                     others += a * inverse
                     others_i -= b * inverse
                     nearest = min(nearest, square)
-            rest = 1.0 - newton * complex(others, others_i)
-            step = newton / rest if rest != 0.0 else newton
+            slope -= value * complex(others, others_i)
+            if slope == 0.0:
+                continue
+            step = value / slope
             z[i, 0] -= step.real
             z[i, 1] -= step.imag
             if step.real * step.real + step.imag * step.imag <= LAST_STEP * LAST_STEP * nearest:
@@ -314,7 +194,7 @@ def foretell(work: Islands, p: float, degree: int) -> None:
     work.moves[2 * DEGREE, 0] = p
     for i in range(degree):
         x, y = moves[i, 0] * away, moves[i, 1] * away
-        if abs(away) < 1.5 * TURN / LOOKED_AT and math.hypot(x, y) < FORETOLD * distance_to_next(z, i, degree):
+        if abs(away) < 1.5 * TURN / LOOKED_AT and math.hypot(x, y) < FORETOLD * math.hypot(z[i, 0], z[i, 1]):
             z[i, 0] += x
             z[i, 1] += y
 
@@ -322,7 +202,7 @@ def foretell(work: Islands, p: float, degree: int) -> None:
 def degree_of(work: Islands, noise: float) -> int:
     """Of z^n F as a polynomial: twice the highest wave in F that is no noise."""
     n = DEGREE
-    while n > 0 and abs(work.cosine[n]) + abs(work.sine[n]) <= noise:
+    while n > 0 and abs(work.F.cosine[n]) + abs(work.F.sine[n]) <= noise:
         n -= 1
     return 2 * n
 
@@ -357,61 +237,74 @@ def look(k: ArmConstants, six: SixJoints, work: Islands, p: float) -> Look:
 
 def look_in(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling: int) -> Look:
     """As `look`, in one labelling of the joints."""
-    noise = fill_F(k, six, work, p, labelling)
-    total = 0.0
-    for n in range(DEGREE + 1):
-        total += abs(work.cosine[n]) + abs(work.sine[n])
-    if not total > UNCERTAIN * noise:
+    noise = fill_F(k, six, work.F, p, labelling)
+    if not size_of(work.F.cosine, work.F.sine) > UNCERTAIN * noise:
         return Look(0.0, 0.0, -1, 0)
     degree = degree_of(work, noise)
-    noise_of_bend = fill_rates(k, six, work, p, labelling, noise)
-    if labelling < 0 and k.six.form == SPHERICAL_WRIST and work.apart[0] < 0.0:
-        apart, rate, bend = work.apart[0], work.apart[1], work.apart[2]
+    noise_of_bend = fill_rates(k, six, work.F, p, labelling, noise)
+    if labelling < 0 and k.six.form == SPHERICAL_WRIST and work.F.apart[0] < 0.0:
+        apart, rate, bend = work.F.apart[0], work.F.apart[1], work.F.apart[2]
         return Look(first_zero(apart, rate, bend), first_zero(apart, -rate, bend), 0, 0)
     z = work.z if labelling < 0 else work.other
     if labelling < 0:
         foretell(work, p, degree)
-    find_all_roots(work.powers[0], degree, z, work.settled)
+    find_all_roots(work.F.powers[0], degree, z, work.settled)
     ahead, behind, real, single = math.inf, math.inf, 0, True
     for i in range(degree):
-        x = complex(z[i, 0], z[i, 1])
-        if x == 0.0:
-            continue
-        value, slope, bend = polynomial(work.powers[0], degree, x)
-        moves, mixed = value_and_rate(work.powers[1], degree, x)
-        if slope == 0.0:
+        root = root_at(work.F.powers, degree, z, i)
+        if root.slope == 0.0:
             return Look(0.0, 0.0, -1, 0)
-        x -= value / slope
-        turns = -moves / slope
-        z[i, 0], z[i, 1] = x.real, x.imag
+        z[i, 0], z[i, 1] = root.x.real, root.x.imag
         if labelling < 0:
-            work.moves[i, 0], work.moves[i, 1] = turns.real, turns.imag
-        d = -0.5 * math.log(x.real * x.real + x.imag * x.imag)
-        if d < -REAL:
+            work.moves[i, 0], work.moves[i, 1] = root.turns.real, root.turns.imag
+        if root.d < -REAL:
             continue
-        error = degree * noise / abs(slope)
-        other = 2.0 * d if d > REAL else distance_to_next(z, i, degree)
-        real, single = real + (d <= REAL), single and other > MEETING
+        error, next_root = degree * noise / abs(root.slope), distance_to_next(z, i, degree)
+        other = 2.0 * root.d if root.d > REAL else next_root
+        real, single = real + (root.d <= REAL), single and other > MEETING
         if other <= error:  # where it is, and where it goes, is noise
             ahead, behind, single = 0.0, 0.0, False
-        if other <= error or d <= REAL:
-            continue
-        curves, _ = value_and_rate(work.powers[2], degree, x)
-        bends = -(curves + (2.0 * mixed + bend * turns) * turns) / slope
-        rate, change = -(turns / x).real, -(bends / x - (turns / x) * (turns / x)).real
-        unsure = abs(turns / x) * abs(bend / slope) * noise / abs(slope)  # of the rate, where the pair is alone
-        if distance_to_next(z, i, degree) < d:
-            unsure = 0.0
-        bend_of_square = -2.0 * (rate * rate + d * change)
-        if abs(bend_of_square) <= 2.0 * d * noise_of_bend / abs(slope):
-            bend_of_square = 0.0  # noise
-        ahead = min(ahead, first_zero(-d * d, 2.0 * d * (unsure - rate), bend_of_square))
-        behind = min(behind, first_zero(-d * d, 2.0 * d * (unsure + rate), bend_of_square))
+        elif root.d > REAL:
+            comes, goes = approach(work.F.powers, degree, root, noise, noise_of_bend, next_root < root.d)
+            ahead, behind = min(ahead, comes), min(behind, goes)
     if not single and ahead > 0.0:
-        real = count_single_roots(work, fill_F(k, six, work, p, labelling))
+        real = count_single_roots(work, fill_F(k, six, work.F, p, labelling))
     elif not single:
         real = -1
+    if real % 2 != 0:  # of all round, that cannot be: roots so near to each other were not told apart
+        return Look(0.0, 0.0, -1, 0)
     return Look(ahead, behind, real, 0)
+
+
+def root_at(powers: Array, degree: int, z: Array, i: int) -> Root:
+    """What F tells of root i, after a step of Newton's method from there."""
+    x = complex(z[i, 0], z[i, 1])
+    value, slope, bend = polynomial(powers[0], degree, x)
+    moves, mixed = value_and_rate(powers[1], degree, x)
+    if x == 0.0 or slope == 0.0:
+        return Root(x, 0.0j, bend, mixed, 0.0j, -math.inf)
+    x -= value / slope
+    return Root(x, slope, bend, mixed, -moves / slope, -0.5 * math.log(x.real * x.real + x.imag * x.imag))
+
+
+def approach(
+    powers: Array, degree: int, root: Root, noise: float, noise_of_bend: float, is_near_others: bool
+) -> tuple[float, float]:
+    """After how much a pair may come to the real axis, to higher values of the parameter and to lower ones [rad]."""
+    x, turns, d = root.x, root.turns, root.d
+    curves, _ = value_and_rate(powers[2], degree, x)
+    bends = -(curves + (2.0 * root.mixed + root.bend * turns) * turns) / root.slope
+    rate, change = -(turns / x).real, -(bends / x - (turns / x) * (turns / x)).real
+    unsure = 0.0  # of the rate, where the pair is alone
+    if not is_near_others:
+        unsure = abs(turns / x) * abs(root.bend / root.slope) * noise / abs(root.slope)
+    bend_of_square = -2.0 * (rate * rate + d * change)
+    if abs(bend_of_square) <= 2.0 * d * noise_of_bend / abs(root.slope):
+        bend_of_square = 0.0  # noise
+    return (
+        first_zero(-d * d, 2.0 * d * (unsure - rate), bend_of_square),
+        first_zero(-d * d, 2.0 * d * (unsure + rate), bend_of_square),
+    )
 
 
 def first_zero(value: float, slope: float, bend: float) -> float:
@@ -440,8 +333,7 @@ def find_islands(six: SixJoints, window: Array, work: Islands) -> None:
     k = unpack_arm(six.arm)
     step = TURN / LOOKED_AT
     work.size[0], work.size[1], work.size[2], work.size[3] = 0, 0, LOOKED_AT, 0
-    if has_surface(k):
-        fill_surface(k, six, work)
+    fill_surface(k, six, work.F)
     own = unpack_arm(six.general).six.own
     work.size[4] = own if k.six.scale == 0.0 else next_labelling(k, six, own)
     spread_roots(work.z)
@@ -456,9 +348,9 @@ def find_islands(six: SixJoints, window: Array, work: Islands) -> None:
         if abs(wrapped(work.p[i] - window[0])) <= window[1] + step:
             seen = look(k, six, work, work.p[i])
             work.comes[i, 0], work.comes[i, 1], work.counts[i] = seen.ahead, seen.behind, seen.real
-            noise = fill_F(k, six, work, work.p[i], -1)
+            noise = fill_F(k, six, work.F, work.p[i], -1)
             for n in range(LINES):
-                value, _ = value_and_slope(work.cosine, work.sine, line_at(n))
+                value, _ = value_and_slope(work.F.cosine, work.F.sine, line_at(n))
                 work.lines[i, n] = value if abs(value) > noise else 0.0
     for i in range(LOOKED_AT):
         j = (i + 1) % LOOKED_AT
@@ -653,8 +545,8 @@ def joint_of_root(six: SixJoints, work: Islands, kind: int) -> int:
     k = unpack_arm(six.arm)
     j = joint_of(k.six.own, 2)
     if k.six.form == SPHERICAL_WRIST:
-        fill_links(six.chain, six.T, k.six.scale, k.six.form_labelling, work.equations.links)
-        meet = abs(reach_of(k.six, work.equations.links).cross) < DISTINCT
+        fill_links(six.chain, six.T, k.six.scale, k.six.form_labelling, work.F.equations.links)
+        meet = abs(reach_of(k.six, work.F.equations.links).cross) < DISTINCT
         j = joint_of(k.six.form_labelling, 1 if meet else 2)
     elif k.six.scale == 0.0:
         j = 5  # of the Jaco's own F
@@ -683,8 +575,8 @@ def add_zero_on_line(six: SixJoints, work: Islands, i: int, n: int) -> None:
     k, x = unpack_arm(six.arm), line_at(n)
     low, step, sign = work.p[i], 0.5 * TURN / LOOKED_AT, work.lines[i, n]
     for _ in range(LINE_HALVINGS):
-        fill_F(k, six, work, low + step, -1)
-        value, _ = value_and_slope(work.cosine, work.sine, x)
+        fill_F(k, six, work.F, low + step, -1)
+        value, _ = value_and_slope(work.F.cosine, work.F.sine, x)
         if (value > 0.0) == (sign > 0.0):
             low += step
         step *= 0.5
@@ -693,11 +585,10 @@ def add_zero_on_line(six: SixJoints, work: Islands, i: int, n: int) -> None:
 
 def count_single_roots(work: Islands, noise: float) -> int:
     """How many roots the F at hand has, -1 where some may not be single."""
-    roots, total = work.roots, 0.0
+    roots = work.roots
     for n in range(DEGREE + 1):
-        roots.cosine[n], roots.sine[n] = work.cosine[n], work.sine[n]
-        total += abs(work.cosine[n]) + abs(work.sine[n])
-    if not total > UNCERTAIN * noise:
+        roots.cosine[n], roots.sine[n] = work.F.cosine[n], work.F.sine[n]
+    if not size_of(work.F.cosine, work.F.sine) > UNCERTAIN * noise:
         return -1
     count = find_roots(noise, 0.0, roots)
     for i in range(count):

@@ -9,10 +9,13 @@ import numpy as np
 
 from jacokin.arrays import Array
 from jacokin.kernels.chain import bordered_newton, linearise7
-from jacokin.kernels.solution_set.curve import LARGEST_RESIDUAL, NEWTON_STEPS, RESIDUAL, Walk
+from jacokin.kernels.solution_set.curve import LARGEST_RESIDUAL, RESIDUAL, Walk
 
-#: [rad] how far from a meeting the other curve is looked for.
-ASIDE = 0.02
+#: [rad] how far from a meeting the other curve is looked for, and steps of Newton's method at most: where the Jacobian
+#: is nearly singular all along that curve, the first ones go far.
+ASIDE, ASIDE_STEPS = 0.02, 40
+#: Where it is not found, how often to look nearer, and how much.
+NEARER, TIMES_NEARER = 2, 0.2
 SWEEPS = 12
 
 
@@ -59,13 +62,19 @@ def points_aside(chain: Array, T: Array, meeting: Array, side: float, null: Dire
     length = math.sqrt(along_1 * along_1 + along_2 * along_2)
     if length == 0.0:
         return False
-    offset = 0.0
     for j in range(7):
-        across = (along_1 * null.vectors[j, second] - along_2 * null.vectors[j, first]) / length
-        walk.border[j] = across
-        x[j] += side * ASIDE * across
-        offset += across * x[j]
-    return bordered_newton(chain, T, x, walk.border, offset, walk.system, NEWTON_STEPS, RESIDUAL) <= LARGEST_RESIDUAL
+        walk.border[j] = (along_1 * null.vectors[j, second] - along_2 * null.vectors[j, first]) / length
+    away = side * ASIDE
+    for _ in range(1 + NEARER):
+        offset = 0.0
+        for j in range(7):
+            x[j] = 0.5 * (meeting[j] + meeting[7 + j]) + away * walk.border[j]
+            offset += walk.border[j] * x[j]
+        missing = bordered_newton(chain, T, x, walk.border, offset, walk.system, ASIDE_STEPS, RESIDUAL)
+        if missing <= LARGEST_RESIDUAL:
+            return True
+        away *= TIMES_NEARER
+    return False
 
 
 def diagonalise(null: Directions) -> None:

@@ -106,7 +106,7 @@ def find_point(work: PointWork) -> int:
         return 0
     u = cubic_root(a, b, length, parameter, value, 0.0, 1.0) if p != q else 0.5
     walk = work.walk
-    if p == q or not point_at(work.chain, work.T, a, b, parameter, value, u, walk.z, walk.tz, walk):
+    if p == q or not point_at(work.chain, work.T, a, b, parameter, value, u, walk):
         for j in range(7):
             walk.z[j] = cubic(a, b, length, u, j)
     for j in range(7):
@@ -188,7 +188,7 @@ def search_chord(work: NearestWork, i: int) -> None:
                 moved = equivalent(work, b[j], j) - equivalent(work, a[j], j) - (b[j] - a[j])
                 jumps = jumps or abs(moved) > JUMP or dips(work, a, b, length, j)
         halves = jumps and length > RESOLUTION and top + 1 < PARTS and halved < MOST_HALVED
-        if halves and point_across(work.chain, work.T, a, b, 0.5, walk.z, walk.tz, walk):
+        if halves and point_across(work.chain, work.T, a, b, 0.5, walk):
             offer(work, walk.z)
             for m in range(COLUMNS):
                 parts[top + 1, COLUMNS + m] = b[m]
@@ -216,7 +216,7 @@ def offer_on_limits(work: NearestWork, a: Array, b: Array, length: float) -> Non
             limit += TURN * math.floor((0.5 * (a[j] + b[j]) - limit) / TURN + 0.5)
             if (a[j] < limit) != (b[j] < limit):
                 u = cubic_root(a, b, length, j, limit, 0.0, 1.0)
-                if point_at(work.chain, work.T, a, b, j, limit, u, walk.z, walk.tz, walk):
+                if point_at(work.chain, work.T, a, b, j, limit, u, walk):
                     offer(work, walk.z)
 
 
@@ -265,7 +265,7 @@ def slope(work: NearestWork, a: Array, b: Array, length: float, u: float) -> flo
 def exact_slope(work: NearestWork, a: Array, b: Array, u: float) -> float:
     """As `slope`, at the point of the curve itself, which is left in walk.z; NaN for none there."""
     walk, found = work.walk, 0.0
-    if not point_across(work.chain, work.T, a, b, u, walk.z, walk.tz, walk):
+    if not point_across(work.chain, work.T, a, b, u, walk):
         return math.nan
     for j in range(7):
         if work.weights[j] > 0.0:

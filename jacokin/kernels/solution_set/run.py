@@ -331,7 +331,7 @@ def passing(loops: Loops, parameter: int, value: float) -> int:
 
 
 def follow_meetings(work: SetWork) -> int:
-    """Follow the curves that cross those there are, where a walk has passed a meeting; how many were not found."""
+    """Follow the curves that cross those there are, where a walk has passed a meeting; how many may be missing."""
     loops, first, doubts = work.loops, 0, 0
     for _ in range(MEETINGS):
         last = loops.size[2]
@@ -340,6 +340,8 @@ def follow_meetings(work: SetWork) -> int:
                 x = work.walk.z
                 if points_aside(work.chain, work.T, loops.meetings[n], 2.0 * side - 1.0, work.null, x, work.walk):
                     doubts += not add_start(work.slices, x)
+                else:
+                    doubts += 1
         first = last
         trace(work.chain, work.T, int(work.options[0]), work.slices, loops, work.walk)
     return int(doubts + (loops.size[2] > first))

@@ -16,8 +16,10 @@ from jacokin.kernels.trigonometry import angle_of, sin_cos
 from jacokin.kernels.vector import Vec, dot
 
 MOST_AT_Q3 = 8
-#: Folds at most, and the noise of their equations relative to their largest terms.
-MOST_FOLDS, FOLD_NOISE = 64, 1e-15
+#: Folds at most, and what the last digits of a target change of their equations, relative to their largest terms.
+MOST_FOLDS, FOLD_NOISE = 64, 1e-14
+#: A plane equation that misses a solution by this share is one that has just one.
+MISSED = 1e-14
 
 
 def row_of(chain: Array, i: int, k: int) -> Vec:
@@ -48,6 +50,11 @@ def about_z(c: float, s: float, v: Vec) -> Vec:
 def plane_equation(r: Vec, v: Vec, right: float) -> tuple[float, float, float]:
     """The coefficients of a cos q + b sin q = c that r . Rz(q) v = right stands for."""
     return r[0] * v[0] + r[1] * v[1], r[1] * v[0] - r[0] * v[1], right - r[2] * v[2]
+
+
+def half_between(c: float, r: float) -> float:
+    """Half the angle between the two solutions of a plane equation of amplitude r; 0 where it misses them."""
+    return angle_of(math.sqrt(max((r - c) * (r + c), 0.0)), c)
 
 
 def of_target(T: Array, v: Vec) -> Vec:
@@ -176,9 +183,9 @@ def solve_rows_at_q3(chain: Array, arm7: Array, T: Array, q3: float, low: int, h
     u = elbow(chain, arm7, c3, s3)
     a, b, c = elbow_equation(chain, arm7, D0, u, c3, s3)
     r4 = math.sqrt(a * a + b * b)
-    if not abs(c) <= r4 or r4 == 0.0:
+    if not abs(c) <= r4 * (1.0 + MISSED) or r4 == 0.0:
         return
-    middle4, half4 = angle_of(b, a), angle_of(math.sqrt((r4 - c) * (r4 + c)), c)
+    middle4, half4 = angle_of(b, a), half_between(c, r4)
     for i in range(2):
         if 4 * i >= high or 4 * i + 4 <= low:
             continue
@@ -187,9 +194,9 @@ def solve_rows_at_q3(chain: Array, arm7: Array, T: Array, q3: float, low: int, h
         v = wrist_after_joint_2(chain, arm7, u, c3, s3, c4, s4)
         a, b, c = plane_equation(row_of(chain, 1, 2), v, D0[2])
         r2 = math.sqrt(a * a + b * b)
-        if not abs(c) <= r2 or r2 == 0.0:
+        if not abs(c) <= r2 * (1.0 + MISSED) or r2 == 0.0:
             continue
-        middle2, half2 = angle_of(b, a), angle_of(math.sqrt((r2 - c) * (r2 + c)), c)
+        middle2, half2 = angle_of(b, a), half_between(c, r2)
         for k in range(2):
             n = 4 * i + 2 * k
             if n >= high or n + 2 <= low:
@@ -199,14 +206,15 @@ def solve_rows_at_q3(chain: Array, arm7: Array, T: Array, q3: float, low: int, h
             D1 = turned(chain, 1, about_z(c2, s2, v))
             q1 = towards - angle_of(D1[1], D1[0])
             s1, c1 = sin_cos(q1)
+            turns = ((c1, s1), (c2, s2), (c3, s3), (c4, s4))
             first, last = max(n, low), min(n + 2, high)
             for m in range(first, last):
                 rows[m, 0], rows[m, 1], rows[m, 2], rows[m, 3] = q1, q2, q3, q4
             solve_wrist(
                 chain,
-                after_joint_4(chain, c1, s1, c2, s2, c3, s3, c4, s4, x),
-                after_joint_4(chain, c1, s1, c2, s2, c3, s3, c4, s4, y),
-                after_joint_4(chain, c1, s1, c2, s2, c3, s3, c4, s4, z),
+                after_joint_4(chain, turns, x),
+                after_joint_4(chain, turns, y),
+                after_joint_4(chain, turns, z),
                 rows,
                 first,
                 last,
@@ -218,7 +226,7 @@ def solve_wrist(chain: Array, x: Vec, y: Vec, z: Vec, rows: Array, first: int, l
     axis = column_of(chain, 6, 2)
     a, b, c = plane_equation(row_of(chain, 5, 2), axis, z[2])
     r6 = math.sqrt(a * a + b * b)
-    middle6, half6 = angle_of(b, a), angle_of(math.sqrt(max((r6 - c) * (r6 + c), 0.0)), c)
+    middle6, half6 = angle_of(b, a), half_between(c, r6)
     towards = angle_of(z[1], z[0])
     for n in range(first, last):
         q6 = middle6 + (half6 if n % 2 == 0 else -half6)
@@ -231,11 +239,9 @@ def solve_wrist(chain: Array, x: Vec, y: Vec, z: Vec, rows: Array, first: int, l
         rows[n, 4], rows[n, 5], rows[n, 6] = q5, q6, angle_of(f[1] - g[0], f[0] + g[1])
 
 
-def after_joint_4(
-    chain: Array, c1: float, s1: float, c2: float, s2: float, c3: float, s3: float, c4: float, s4: float, v: Vec
-) -> Vec:
-    """A vector seen before joint 1, turned into the axes before joint 5."""
-    v = turned_back(chain, 1, about_z(c1, -s1, v))
-    v = turned_back(chain, 2, about_z(c2, -s2, v))
-    v = turned_back(chain, 3, about_z(c3, -s3, v))
-    return turned_back(chain, 4, about_z(c4, -s4, v))
+def after_joint_4(chain: Array, turns: tuple[tuple[float, float], ...], v: Vec) -> Vec:
+    """A vector seen before joint 1, turned into the axes before joint 5, by cosine and sine of each joint between."""
+    for i in range(4):
+        c, s = turns[i]
+        v = turned_back(chain, 1 + i, about_z(c, -s, v))
+    return v

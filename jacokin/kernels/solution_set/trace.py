@@ -189,16 +189,13 @@ def run(
             note_meeting(loops, walk.x, walk.y)
         elif h < SHARP and not is_near:
             loops.size[3] += 1
-        for n in range(last, loops.size[0] - 1):
-            if state == LOST and note_passed(chain, T, parameter, n, (point[0], point[1], first), slices, loops, walk):
-                state = CLOSED
+        if comes_back(chain, T, parameter, last, (point[0], point[1], first), slices, loops, walk):
+            state = CLOSED
         for n in range(last + 1, loops.size[0]):
             way, farthest = note_turn(loops, parameter, n, way, farthest)
             at_first = way if at_first == 0.0 else at_first
-        if state == LOST and abs(wrapped(walk.y[parameter] - loops.window[0])) > loops.window[1]:
-            state = LEFT
-        if loops.size[0] + 2 > NODES:
-            state = FULL
+        if state == LOST:
+            state = how_far(loops, walk.y[parameter])
         go_on(walk, h)
         h = min(1.5 * h, LONGEST_STEP)
     if state == CLOSED and way * at_first < 0.0:  # it turned within the last steps, or where it began
@@ -207,6 +204,30 @@ def run(
     if first >= 0:
         enter_run(loops, first, state)
     return state
+
+
+def comes_back(
+    chain: Array,
+    T: Array,
+    parameter: int,
+    last: int,
+    start: tuple[int, int, int],
+    slices: Slices,
+    loops: Loops,
+    walk: Walk,
+) -> bool:
+    """Count the points of slices that a curve passes from node last on; whether it comes back to where it began."""
+    back = False
+    for n in range(last, loops.size[0] - 1):
+        back = back or note_passed(chain, T, parameter, n, start, slices, loops, walk)
+    return back
+
+
+def how_far(loops: Loops, p: float) -> int:
+    """How a curve ends at its last node, with this value of the parameter; `LOST` where it goes on."""
+    if loops.size[0] + 2 > NODES:
+        return FULL
+    return LEFT if abs(wrapped(p - loops.window[0])) > loops.window[1] else LOST
 
 
 def note_turn(loops: Loops, parameter: int, n: int, way: float, farthest: int) -> tuple[float, int]:
@@ -248,7 +269,7 @@ def add_step(chain: Array, T: Array, parameter: int, first: int, loops: Loops, w
         return False
     if not turns(loops.nodes[a], loops.nodes[n], parameter):
         return True
-    if not point_where_still(chain, T, loops.nodes[a], loops.nodes[n], parameter, walk.z, walk.tz, walk):
+    if not point_where_still(chain, T, loops.nodes[a], loops.nodes[n], parameter, walk):
         return False
     walk.tz[parameter] = 0.0
     before, after = 0.0, 0.0
@@ -373,9 +394,8 @@ def point_passed(chain: Array, T: Array, parameter: int, a: Array, b: Array, i: 
     for j in range(7):
         walk.z[j] = cubic(a, b, length, u, j)
     nearest, least, second = nearest_of(slices, i, walk.z)
-    if least > PASSED_SHARE * second and point_at(
-        chain, T, a, b, parameter, value, u, walk.z, walk.tz, walk
-    ):  # curves are near to each other
+    # Curves may be near to each other.
+    if least > PASSED_SHARE * second and point_at(chain, T, a, b, parameter, value, u, walk):
         nearest, least, second = nearest_of(slices, i, walk.z)
     return nearest if least <= min(PASSED, PASSED_SHARE * second) else -1
 

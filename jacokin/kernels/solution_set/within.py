@@ -62,13 +62,19 @@ def make_pieces() -> Pieces:
     )
 
 
+def past(angle: float, j: int, limits: Array) -> float:
+    """How far an angle is past the limits of joint j [rad]: negative within them, -inf without any."""
+    if not limits[0, j] > -math.inf:
+        return -math.inf
+    middle, half = 0.5 * (limits[0, j] + limits[1, j]), 0.5 * (limits[1, j] - limits[0, j])
+    return float(abs(wrapped(angle - middle)) - half)
+
+
 def excess(x: Array, limits: Array) -> float:
     """How far angles are past their limits [rad]: negative within them, -inf without any."""
     most = -math.inf
     for j in range(7):
-        if limits[0, j] > -math.inf:
-            middle, half = 0.5 * (limits[0, j] + limits[1, j]), 0.5 * (limits[1, j] - limits[0, j])
-            most = max(most, abs(wrapped(x[j] - middle)) - half)
+        most = max(most, past(x[j], j, limits))
     return most
 
 
@@ -76,11 +82,9 @@ def nearest_limit(x: Array, limits: Array) -> int:
     """The code of the limit that a point is nearest to, or farthest past."""
     most, code = -math.inf, LOST
     for j in range(7):
-        if limits[0, j] > -math.inf:
-            middle, half = 0.5 * (limits[0, j] + limits[1, j]), 0.5 * (limits[1, j] - limits[0, j])
-            d = wrapped(x[j] - middle)
-            if abs(d) - half > most:
-                most, code = abs(d) - half, 2 * j + (d > 0.0)
+        over = past(x[j], j, limits)
+        if over > most:
+            most, code = over, 2 * j + (wrapped(x[j] - 0.5 * (limits[0, j] + limits[1, j])) > 0.0)
     return code
 
 
@@ -96,43 +100,56 @@ def cut_loop(chain: Array, T: Array, parameter: int, c: int, loops: Loops, piece
     """Append the pieces of one curve, from a node on where none is open: a fold, or a point outside the limits."""
     first, end, closed = loops.ends[c, 0], loops.ends[c, 1], loops.ends[c, 2] == CLOSED
     size = pieces.size
-    start, whole, turns = first, closed, False
-    if end == first + 1:
-        size[2] += 1
-        if excess(loops.nodes[first], pieces.limits) <= SNAP:
-            open_piece(pieces, loops.nodes[first], FOLD, c)
-            close_piece(pieces, parameter, FOLD)
-        return
-    if closed:
-        for n in range(first, end - 1):
-            fold = loops.fold[n] > 0
-            if (fold and not turns) or (whole and excess(loops.nodes[n], pieces.limits) > SNAP):
-                start, whole, turns = n, False, turns or fold
-    chords, before = end - 1 - first, size[1]
     size[2] += 1
-    opening = CIRCLE if whole else (FOLD if turns else LOST)
-    if excess(loops.nodes[start], pieces.limits) <= SNAP:
-        open_piece(pieces, loops.nodes[start], opening, c)
+    if end == first + 1:
+        open_if_inside(loops.nodes[first], FOLD, c, pieces)
+        close_piece(pieces, parameter, FOLD)
+        return
+    start, whole, turns = first_node(c, loops, pieces)
+    chords, before = end - 1 - first, size[1]
+    outer = CIRCLE if whole else (FOLD if turns else LOST)
+    open_if_inside(loops.nodes[start], outer, c, pieces)
     several = abs(loops.nodes[end - 1, parameter] - loops.nodes[first, parameter]) > 1.5 * TURN or turns
     for step in range(chords):
         n = start + step if start + step < end - 1 else start + step - chords
         write_chord(loops, n, start, first, end, pieces)
         cut_chord(chain, T, parameter, pieces, walk, c)
+        if step == chords - 1:
+            break
         m = n + 1 if n + 1 < end - 1 or not closed else first
-        last = step == chords - 1
         node = pieces.parts[0, COLUMNS:]
-        if loops.fold[m] > 0 and not last:
+        if loops.fold[m] > 0:
             close_piece(pieces, parameter, FOLD)
             size[2] += 1
-            if excess(node, pieces.limits) <= SNAP:
-                open_piece(pieces, node, FOLD, c)
-        elif not last and several and is_a_turn_long(pieces, parameter):
+            open_if_inside(node, FOLD, c, pieces)
+        elif several and is_a_turn_long(pieces, parameter):
             close_piece(pieces, parameter, CIRCLE)
             open_piece(pieces, node, CIRCLE, c)
     if size[4] > 0:
-        close_piece(pieces, parameter, CIRCLE if whole else (FOLD if turns else LOST))
+        close_piece(pieces, parameter, outer)
         if whole and size[1] > before + 1:
             join_round(loops.nodes[first], loops.nodes[end - 1], before, pieces)
+
+
+def first_node(c: int, loops: Loops, pieces: Pieces) -> tuple[int, bool, bool]:
+    """Where to begin on a curve; whether all of it is within the limits without a fold, and whether it begins at one.
+
+    A closed curve can be begun at any node: at the first fold, or else at the last node outside the limits before that.
+    """
+    start, whole, turns = loops.ends[c, 0], loops.ends[c, 2] == CLOSED, False
+    if not whole:
+        return start, whole, turns
+    for n in range(loops.ends[c, 0], loops.ends[c, 1] - 1):
+        fold = loops.fold[n] > 0
+        if (fold and not turns) or (whole and excess(loops.nodes[n], pieces.limits) > SNAP):
+            start, whole, turns = n, False, turns or fold
+    return start, whole, turns
+
+
+def open_if_inside(node: Array, code: int, c: int, pieces: Pieces) -> None:
+    """Begin a piece at a node, if that is within the limits."""
+    if excess(node, pieces.limits) <= SNAP:
+        open_piece(pieces, node, code, c)
 
 
 def is_a_turn_long(pieces: Pieces, parameter: int) -> bool:
@@ -183,7 +200,7 @@ def cut_chord(chain: Array, T: Array, parameter: int, pieces: Pieces, walk: Walk
             and top + 2 < PARTS - 1
             and halved < MOST_HALVED
             and is_doubtful(a, b, length, pieces.limits)
-            and point_across(chain, T, a, b, 0.5, walk.z, walk.tz, walk)
+            and point_across(chain, T, a, b, 0.5, walk)
         ):
             for j in range(7):
                 parts[top + 1, j], parts[top + 1, 7 + j] = a[j], a[7 + j]
@@ -236,43 +253,7 @@ def is_doubtful(a: Array, b: Array, length: float, limits: Array) -> bool:
 
 def cut_part(chain: Array, T: Array, parameter: int, a: Array, b: Array, pieces: Pieces, walk: Walk, c: int) -> None:
     """Go along a part of a chord on which each limit is passed once at most, or touched."""
-    length, events, n = chord_length(a, b), pieces.events, 0
-    for j in range(7):
-        if not pieces.limits[0, j] > -math.inf:
-            continue
-        for side in range(2):
-            level = level_near(pieces.limits[side, j], a[j], b[j])
-            v0, v1 = a[j] - level, b[j] - level
-            crosses = (v0 < 0.0) != (v1 < 0.0)
-            if n == EVENTS or (not crosses and min(abs(v0), abs(v1)) > length):
-                continue
-            if crosses:
-                u = cubic_root(a, b, length, j, level, 0.0, 1.0)
-                found = point_at(chain, T, a, b, j, level, u, walk.z, walk.tz, walk)
-                pieces.size[3] += not found
-            else:  # perhaps it comes to its limit and goes back
-                outside = (v0 > 0.0) == (side > 0)
-                found = (
-                    a[7 + j] * b[7 + j] < 0.0
-                    and outside
-                    and touches(a, b, length, j, level)
-                    and point_where_still(chain, T, a, b, j, walk.z, walk.tz, walk)
-                )
-            if found:
-                event, along = events[n], 0.0
-                for m in range(7):
-                    event[2 + m], event[9 + m] = walk.z[m], walk.tz[m]
-                    along += (walk.z[m] - a[m]) * (b[m] - a[m])
-                event[0], event[1] = along, 2 * j + side
-                n += 1
-    for i in range(1, n):
-        k = i
-        while k > 0 and events[k, 0] < events[k - 1, 0]:
-            for m in range(COLUMNS + 2):
-                swap = events[k, m]
-                events[k, m] = events[k - 1, m]
-                events[k - 1, m] = swap
-            k -= 1
+    events, n = pieces.events, find_events(chain, T, a, b, pieces, walk)
     for i in range(n + 1):
         # Between two events nothing is passed: the middle tells.
         here = a if i == 0 else events[i - 1, 2:]
@@ -295,6 +276,47 @@ def cut_part(chain: Array, T: Array, parameter: int, a: Array, b: Array, pieces:
             add_row(pieces, there)
 
 
+def find_events(chain: Array, T: Array, a: Array, b: Array, pieces: Pieces, walk: Walk) -> int:
+    """Fill pieces.events with where limits are passed or touched between two nodes, in order; how many."""
+    events, n = pieces.events, 0
+    for j in range(7):
+        if not pieces.limits[0, j] > -math.inf:
+            continue
+        for side in range(2):
+            if n < EVENTS and find_event(chain, T, a, b, 2 * j + side, pieces, walk):
+                along = 0.0
+                for m in range(7):
+                    events[n, 2 + m], events[n, 9 + m] = walk.z[m], walk.tz[m]
+                    along += (walk.z[m] - a[m]) * (b[m] - a[m])
+                events[n, 0], events[n, 1] = along, 2 * j + side
+                n += 1
+    for i in range(1, n):
+        k = i
+        while k > 0 and events[k, 0] < events[k - 1, 0]:
+            for m in range(COLUMNS + 2):
+                swap = events[k, m]
+                events[k, m] = events[k - 1, m]
+                events[k - 1, m] = swap
+            k -= 1
+    return n
+
+
+def find_event(chain: Array, T: Array, a: Array, b: Array, code: int, pieces: Pieces, walk: Walk) -> bool:
+    """Fill walk.z and walk.tz with where the limit of a code is passed, or touched, between two nodes, if it is."""
+    length, j, side = chord_length(a, b), code // 2, code % 2
+    level = level_near(pieces.limits[side, j], a[j], b[j])
+    v0, v1 = a[j] - level, b[j] - level
+    if (v0 < 0.0) != (v1 < 0.0):
+        u = cubic_root(a, b, length, j, level, 0.0, 1.0)
+        found = point_at(chain, T, a, b, j, level, u, walk)
+        pieces.size[3] += not found
+        return found
+    turns, outside = a[7 + j] * b[7 + j] < 0.0, (v0 > 0.0) == (side > 0)
+    if min(abs(v0), abs(v1)) > length or not turns or not outside or not touches(a, b, length, j, level):
+        return False
+    return point_where_still(chain, T, a, b, j, walk)
+
+
 def touches(a: Array, b: Array, length: float, j: int, level: float) -> bool:
     """Whether an angle that stands still between two nodes comes to a level there, by the cubic."""
     low, high = 0.0, 1.0
@@ -311,9 +333,7 @@ def inside_between(here: Array, there: Array, limits: Array) -> bool:
     """Whether the middle between two nodes is within the limits, by the cubic through both."""
     length, most = chord_length(here, there), -math.inf
     for j in range(7):
-        if limits[0, j] > -math.inf:
-            middle, half = 0.5 * (limits[0, j] + limits[1, j]), 0.5 * (limits[1, j] - limits[0, j])
-            most = max(most, abs(wrapped(cubic(here, there, length, 0.5, j) - middle)) - half)
+        most = max(most, past(cubic(here, there, length, 0.5, j), j, limits))
     return most <= SNAP
 
 

@@ -11,7 +11,6 @@ import json
 import os
 import re
 import xml.etree.ElementTree as ET
-import zipfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path, PurePosixPath
 from typing import NamedTuple
@@ -139,6 +138,8 @@ def read_mesh_file(file: Path, description: Path) -> Mesh:
 
 def _content(file: Path, description: Path) -> bytes:
     """The bytes of a file that is not packed, not too large, and of a known format."""
+    import zipfile  # an arm without meshes does without
+
     where = f"{description}: mesh {file}"
     if file.suffix.lower() not in FORMATS:
         raise ShapeError(f"{where} is of an unknown format; valid: {', '.join(FORMATS)}")

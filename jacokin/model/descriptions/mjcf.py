@@ -198,7 +198,7 @@ def _pixels(path: Path) -> int:
 
 
 def to_pinocchio(model: mujoco.MjModel, name: str) -> pin.Model:
-    """The same tree in Pinocchio, its zero for ball and free joints at MuJoCo's reference pose.
+    """The tree of a MuJoCo model in Pinocchio, its zero for ball and free joints at MuJoCo's reference pose.
 
     Bodies become body frames, sites operational frames, the world body a frame called "world". Names: `body_name`,
     `site_name`.

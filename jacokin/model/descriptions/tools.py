@@ -130,26 +130,50 @@ def _why_of_tool(model: pin.Model, chain: Sequence[int], leaders: Mapping[str, s
 def _by_name(model: pin.Model, chain: Sequence[int]) -> str | None:
     """Whether names say that the last joint moves a tool; words that the whole arm is called by say nothing."""
     joint, link = model.names[chain[-1]], _link(model, chain[-1])
+    if _turns(joint):
+        return None
     joints = [model.names[each] for each in chain[:-1]]
     links = [_link(model, each) for each in chain[:-1]]
     travel = _travel(model, chain[-1])
-    narrow = slides(model, chain[-1]) or travel <= NARROW
-    called = f"{link!r}, by its name" if link else "by its name"
-    if _turns(joint):
+    tool = _surely_named(joint, link, joints, links, travel)
+    if tool is None:
+        narrow = slides(model, chain[-1]) or travel <= NARROW
+        at_end = not _carries_tool_frame(model, chain[-1])
+        tool = _likely_named(joint, link, joints, links, travel, narrow=narrow, at_end=at_end)
+    if tool is None:
         return None
+    return f"moves only the {tool} {link!r}, by its name" if link else f"moves only the {tool} by its name"
+
+
+def _surely_named(joint: str, link: str, joints: Sequence[str], links: Sequence[str], travel: float) -> str | None:
+    """What a joint or its link is called that only tools have; None for nothing of that kind."""
     for word in SURE:
-        if _says(joint, word, joints):
-            return f"moves only the {word} {called}"
-        if _says(link, word, links) and travel < WIDE and not _stands(link):
-            return f"moves only the {word} {called}"
+        if _says(joint, word, joints) or (_says(link, word, links) and travel < WIDE and not _stands(link)):
+            return word
+    return None
+
+
+def _likely_named(
+    joint: str, link: str, joints: Sequence[str], links: Sequence[str], travel: float, *, narrow: bool, at_end: bool
+) -> str | None:
+    """What a joint or its link is called that tools have, and parts of wrists too; None for nothing of a tool.
+
+    Args:
+        joint: its name.
+        link: name of the link that it moves.
+        joints: names of the joints before it.
+        links: names of the links that they move.
+        travel: from limit to limit [rad] or [m].
+        narrow: whether it slides or turns less than joints of an arm do.
+        at_end: whether the frames that tools have are not on it alone.
+    """
     for word, what in LIKELY.items():
         if MOVING in _words(link) and _says(link, word, links):
-            return f"moves only the {what} {called}"
-        sure = narrow or (not _carries_tool_frame(model, chain[-1]) and (travel < WIDE or what == "camera"))
-        if _says(joint, word, joints) and sure:
-            return f"moves only the {what} {called}"
+            return what
+        if _says(joint, word, joints) and (narrow or (at_end and (travel < WIDE or what == "camera"))):
+            return what
         if _says(link, word, links) and narrow and not _stands(link):
-            return f"moves only the {what} {called}"
+            return what
     return None
 
 
@@ -167,7 +191,8 @@ def _by_motion(model: pin.Model, chain: Sequence[int]) -> str | None:
     low, high = limits_of(model, at)
     near, far = sorted((abs(low), abs(high)))
     one_sided = low <= near and high >= -near and far >= ONE_SIDED * near
-    usual = float(np.median([_travel(model, joint) for joint in before]))
+    travels = sorted(_travel(model, joint) for joint in before)
+    usual = 0.5 * (travels[(len(travels) - 1) // 2] + travels[len(travels) // 2])  # the median
     if travel <= min(NARROW, 0.8 * usual) and one_sided and light and weights[-1] > 0.0 and len(before) > SLIDES_AFTER:
         return f"turns only {np.degrees(travel):.0f} degrees and moves only {1e3 * weights[-1]:.0f} g"
     return None

@@ -9,4 +9,5 @@ handling      what both of them share
 under_way     plans for an arm that moves: how it comes to rest, and how it goes on without stopping
 leaving       ways out of contact, and of nearness, at the start and at the end
 search        straight motions, and ways around what blocks them, by the kernels
+sections      rows of a way from stop to stop, within limits of velocity, acceleration and jerk
 """

@@ -1,25 +1,35 @@
-"""What `plan_pick` and `plan_place` share: the hand, and straight lines that begin or end at an object."""
+"""What `plan_pick` and `plan_place` share: the hand, and a planner of motions and straight lines within a time."""
 
 from __future__ import annotations
 
+import time
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 import pinocchio as pin
+from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError
+from jacokin.ik.seeds import DEFAULT_RANDOM_SEED
 from jacokin.ik.solver import IKSolver
 from jacokin.model import checks
 from jacokin.model.descriptions.bundled import JACOS
 from jacokin.model.gripper import JACO, Gripper
-from jacokin.model.robot import Robot
+from jacokin.model.robot import Robot, acceleration_limits, velocity_limits
+from jacokin.motion.free_motion.plan_motion import plan_motion
+from jacokin.motion.planning.plan import plan_path
 from jacokin.motion.rows import joined
-from jacokin.motion.trajectory import Trajectory
+from jacokin.motion.trajectory import MotionStatus, Trajectory
 
 HAND = "hand"  # of bundled robots: the link whose contact with the object is allowed, with the fingers that it carries
 AHEAD = 40  # lines among which the free motion chooses where it leads
 LONGEST = 1.0  # [rad] no joint moves farther along a straight line
 LINES = 5  # straight lines that are tried
 FINDING = 0.6  # of the time is for finding configurations at an object, at most
-LEAST_TIME = 0.1  # [s] for each straight line, whatever time is left
+LEAST_TIME = 0.1  # [s] for each straight line, and to lift an object, whatever time is left
+TINY = 1e-6  # [s] of what no time is left for
 UP = np.array([0.0, 0.0, 1.0])
 CLOSED = 6400.0  # what Kinova's driver counts for a closed finger, 0 for an open one; about (kinova-ros, README)
 
@@ -74,3 +84,79 @@ def one_after_the_other(first: Trajectory, then: Trajectory, words: str) -> Traj
         clearance=checks.read_only(np.concatenate([first.clearance, then.clearance[1:]])),
         message=f"{first.message}; then {then.duration:.4g} s {words}",
     )
+
+
+class Planner:
+    """Plans motions and straight lines of one arm at one pace, within a time that begins as it is made.
+
+    Attributes:
+        begun: when it was made, by `time.monotonic` [s].
+        look_until: when to end looking for configurations at an object [s].
+        rng: randomness of the search.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        *,
+        speed: float,
+        time_limit: float,
+        rng: np.random.Generator | None,
+        dt: float,
+        velocity_limit: ArrayLike | None,
+        acceleration_limit: ArrayLike,
+    ) -> None:
+        """Take what `plan_pick` and `plan_place` both are given.
+
+        Raises:
+            InvalidInputError: malformed.
+        """
+        self.begun, self._robot = time.monotonic(), robot
+        self._speed, self._dt = checks.positive("speed", speed, "m/s"), checks.positive("dt", dt, "s")
+        limit = checks.positive("time_limit", time_limit, "s")
+        self._end, self.look_until = self.begun + limit, self.begun + FINDING * limit
+        self.rng = np.random.default_rng(DEFAULT_RANDOM_SEED) if rng is None else checks.generator("rng", rng)
+        self._velocity = velocity_limits(robot, velocity_limit)
+        self._acceleration = acceleration_limits(robot, acceleration_limit)
+
+    @property
+    def is_late(self) -> bool:
+        """Whether the time is over."""
+        return time.monotonic() >= self._end
+
+    def stand(self, q: Array, status: MotionStatus, message: str) -> Trajectory:
+        """No motion from a configuration (dof,) [rad], and why."""
+        still = np.zeros((1, self._robot.dof))
+        rows = np.zeros(1), q[None], still, still
+        return Trajectory.of(self._robot, self._velocity, rows, status=status, message=message)
+
+    def move(self, solver: IKSolver, start: Array, goal: Any, *, least: float = TINY) -> Trajectory:
+        """A motion of `plan_motion` from a configuration (dof,) [rad] in the time that is left, or so little [s]."""
+        return plan_motion(
+            solver,
+            start,
+            goal,
+            time_limit=max(self._end - time.monotonic(), least),
+            rng=self.rng,
+            dt=self._dt,
+            velocity_limit=self._velocity,
+            acceleration_limit=self._acceleration,
+        )
+
+    def line(self, solver: IKSolver, poses: Sequence[pin.SE3], start: Array) -> Trajectory | str:
+        """A straight line through poses T_base_tool from a configuration (dof,) [rad], or why there is none."""
+        try:
+            line = plan_path(
+                solver,
+                poses,
+                dt=self._dt,
+                speed=self._speed,
+                timing="slow",
+                start=start,
+                velocity_limit=self._velocity,
+                acceleration_limit=self._acceleration,
+                time_limit=max(self._end - time.monotonic(), LEAST_TIME),
+            )
+        except InvalidInputError as error:  # a line that joints cannot follow in any reasonable time
+            return str(error)
+        return line if line.success else line.message

@@ -20,7 +20,7 @@ import weakref
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import partial, reduce
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -37,16 +37,25 @@ from jacokin.model.angles import TURN
 from jacokin.model.contact import Contact, self_contact
 from jacokin.model.poses import FreeAxis
 from jacokin.model.robot import acceleration_limits, jerk_limits, velocity_limits
-from jacokin.motion.blending import fit_time, round_corners, straightened
+from jacokin.motion.blending import straightened
 from jacokin.motion.free_motion.leaving import DEEPEST, SAME_DISTANCE
 from jacokin.motion.free_motion.meanwhile import Meanwhile, Motions
 from jacokin.motion.free_motion.search import MOST_SAMPLES, Found, StraightMotion, WaySearch
+from jacokin.motion.free_motion.sections import Section, make_sections
 from jacokin.motion.free_motion.under_way import AT_REST, NoStop, Stop, find_stop, go_directly, go_on, velocity_now
 from jacokin.motion.grasps import Grasp
-from jacokin.motion.joint_motion import ACCELERATION, SmoothLines
+from jacokin.motion.joint_motion import ACCELERATION
 from jacokin.motion.motion_state import MotionState
-from jacokin.motion.rows import HELD, Limits, OnTheWay, Rows, coarse, from_rest_to_rest, halved
-from jacokin.motion.timing import MAX_TICKS, TimeLaw, TooHeavy, check_ticks, slow_down, torque_limits, torque_strain
+from jacokin.motion.rows import HELD, Limits, OnTheWay, Rows, coarse, halved, joined
+from jacokin.motion.timing import (
+    MAX_TICKS,
+    TooHeavy,
+    check_ticks,
+    hold_torques,
+    slowness,
+    torque_limits,
+    torque_strain,
+)
 from jacokin.motion.trajectory import Aim, Goal, MotionStatus, Trajectory
 
 MOST_WAYS = 1000  # some seconds of searching
@@ -98,7 +107,7 @@ def plan_motion(
             says.
         velocity_limit: (dof,) or one for all [rad/s]; None for the robot's own.
         acceleration_limit: (dof,) or one for all [rad/s^2].
-        jerk_limit: (dof,) or one for all [rad/s^3]; None for none. With one, the arm stands still at corners.
+        jerk_limit: (dof,) or one for all [rad/s^3]; None for none.
         torque_limit: (dof,) or one for all [N m]; True for the robot's own (`effort_limit`), None for none. The whole
             motion is slowed down until no joint needs more, what the robot carries (`Robot.with_payload`) included.
         meanwhile: motions of other robots, which the scene has by these names (`Scene.adding_robot`), at the same time:
@@ -117,7 +126,6 @@ def plan_motion(
         UnknownNameError: the scene speaks of a link that is not there, or has no robot of a name in `meanwhile`.
         ModelError: the shapes of the description cannot be loaded; with collision="ignore" the motion is planned
             without looking for contact then, and `message` says so.
-        MissingExtraError: `jerk_limit` is given, and Ruckig is not installed.
     """
     checks.instance("solver", solver, IKSolver, "an IKSolver")
     robot = solver.robot
@@ -169,14 +177,21 @@ def plan_motion(
 
 
 class _Timed(NamedTuple):
-    """A way and when its places are passed; no law for a way that stays."""
+    """A way in sections from rest to rest; none for a way that stays."""
 
     way: Array
-    law: TimeLaw | None
-    duration: float
-    """[s]."""
+    sections: list[Section]
     at_full_speed: float
     """In units of `_Request.unit`."""
+
+    @property
+    def duration(self) -> float:
+        """Of the sections, about [s]."""
+        return sum(section.duration for section in self.sections)
+
+    def write(self, dt: float, contact: Contact | None, slower: float) -> Rows:
+        """Rows `dt` [s] apart of a motion that takes so many times as long."""
+        return reduce(joined, (rows for section in self.sections for rows in section.write(dt, slower, contact)))
 
 
 class _Ends(NamedTuple):
@@ -410,50 +425,46 @@ class _Request:
             tail = (tail + TURN * np.round((way[-1] - tail[0]) / TURN) * self.solver.robot.unlimited)[1:]  # turned on
             way = np.vstack([ends.before, way, tail])
             cuts = np.concatenate([np.zeros(len(ends.before)), cuts, np.zeros(len(tail))])
-            way, cuts = straightened(way, cuts, self.speed)
         if len(way) == 1:
-            return _Timed(way, None, 0.0, 0.0)
-        if self.jerk is not None:
-            lines = SmoothLines(way, self.velocity, self.acceleration, self.jerk)
-            return _Timed(way, lines, lines.duration, least)
-        timed = fit_time(*round_corners(way, self.speed, cuts), self.velocity, self.acceleration)
-        return _Timed(way, timed, timed.duration, least)
+            return _Timed(way, [], 0.0)
+        way, cuts = straightened(way, cuts, self.speed)
+        return _Timed(way, make_sections(way, cuts, self.speed, self.limits), least)
 
     def _go(self, timed: _Timed, goal: Goal, contact: Contact | None, note: str) -> Trajectory:
         """The motion along a timed way to a goal, measured."""
         robot, way = self.solver.robot, timed.way
-        if timed.law is None:
+        if not timed.sections:
             none = np.zeros_like(way)
             goal = Goal(checks.read_only(way[-1]), goal.number, goal.target, goal.parameter)
             if self.stop is not None:
                 return self._write(self.stop.rows, goal, contact, "comes to rest there")
             return self._write((np.zeros(1), way, none, none), goal, contact, "already there")
-        law = timed.law if self.torque is None else slow_down(robot, timed.law, self.torque)
-        if isinstance(law, TooHeavy):
-            return self._stay(MotionStatus.TOO_HEAVY, law.explain(robot))
-        duration = law.duration
+        slower = 1.0
+        if self.torque is not None:
+            states = [np.concatenate(each) for each in zip(*(s.states() for s in timed.sections), strict=True)]
+            found = slowness(robot, (states[0], states[1], states[2]), self.torque)
+            if isinstance(found, TooHeavy):
+                return self._stay(MotionStatus.TOO_HEAVY, found.explain(robot))
+            slower = found
+        duration = slower * timed.duration
         if duration / self.dt > MAX_TICKS:
             check_ticks(np.array([duration]), self.dt)
 
         # Joints that start outside their limits stay there until they are back; what else is beyond is rounding.
         lower, upper = np.minimum(robot.lower, self.start), np.maximum(robot.upper, self.start)
 
-        def at(times: Array) -> Array:
-            q = np.clip(law.at(times)[0], lower, upper)
-            q[0], q[-1] = self.start, way[-1]
-            return q
-
         between, fault = OnTheWay(robot, contact), ""
         rows = self._going_on(timed, between)
         goes_on = rows is not None
         for step in () if goes_on else halved(self.dt):
-            rows = from_rest_to_rest(at, duration, step, self._strain)
+            rows = hold_torques(robot, partial(timed.write, step, contact), self.torque, slower)
+            rows = rows._replace(q=np.clip(rows.q, lower, upper))
             if self.stop is not None:
                 rows = self.stop.then(rows)
-            found = between.fault(rows)
-            if not found:
+            touching = between.fault(rows)
+            if not touching:
                 break
-            fault = found
+            fault = touching
         assert rows is not None
         sentence = f"reached in {rows.t[-1]:.4g} s{coarse(self.dt, float(rows.t[-1] - rows.t[-2]), fault)}"
         if goes_on:
@@ -462,7 +473,7 @@ class _Request:
             if self.stop is not None:
                 sentence += f", coming to rest first, in {self.stop.rows.t[-1]:.4g} s"
             lines = len(way) - 1
-            sentence += "" if law is timed.law else ", slower for the torques"
+            sentence += "" if slower == 1.0 else ", slower for the torques"
             sentence += ", straight" if lines == 1 else f", around what is in the way by {lines} lines"
         sentence += f"; {note}" if note else ""
         if contact is None:

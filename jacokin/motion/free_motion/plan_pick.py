@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -21,24 +20,22 @@ from jacokin.model import checks
 from jacokin.model.descriptions.bundled import JACOS
 from jacokin.model.gripper import JACO, Gripper
 from jacokin.model.obstacles import pose_of
-from jacokin.model.robot import acceleration_limits, velocity_limits
 from jacokin.model.scene import Scene
 from jacokin.motion.free_motion.handling import (
     AHEAD,
-    FINDING,
     LEAST_TIME,
     LINES,
     UP,
+    Planner,
     ahead_of,
     beside,
     hand_links,
     kinova_fingers,
     one_after_the_other,
 )
-from jacokin.motion.free_motion.plan_motion import GoalFinder, plan_motion
+from jacokin.motion.free_motion.plan_motion import GoalFinder
 from jacokin.motion.grasps import Grasp
 from jacokin.motion.joint_motion import ACCELERATION
-from jacokin.motion.planning.plan import plan_path
 from jacokin.motion.trajectory import MotionStatus, Trajectory
 
 EACH = "each is out of reach, in contact, or the line to it leaves its branch"
@@ -64,7 +61,7 @@ class Pick(Frozen):
     opening: float | None
     """Of the fingers until they close: angle [rad], or [m] where they slide; None for as the robot was loaded."""
     kinova_fingers: float | None
-    """The same for each finger as Kinova's driver counts, about 0 (open) to 6400 (closed); None for other hands."""
+    """That opening for each finger as Kinova's driver counts, about 0 (open) to 6400 (closed); None for other hands."""
     held: Scene | None
     """The scene once the fingers hold the object, for what comes next; None without a name of the object."""
     success: bool
@@ -138,95 +135,134 @@ def plan_pick(
         ModelError: the shapes of the description cannot be loaded.
         StructureError: the robot has no closed form.
     """
-    begun = time.monotonic()
     checks.instance("solver", solver, IKSolver, "an IKSolver")
+    planner = Planner(
+        solver.robot,
+        speed=speed,
+        time_limit=time_limit,
+        rng=rng,
+        dt=dt,
+        velocity_limit=velocity_limit,
+        acceleration_limit=acceleration_limit,
+    )
     robot = solver.robot
     q = checked_start(robot, start, "start", outside=True)
+    ways = _checked_grasps(solver, grasps)
+    back = checks.positive("distance", distance, "m")
+    up = 0.0 if checks.number("lift", lift, "m") == 0.0 else checks.positive("lift", lift, "m")
+    gripper = next((way.gripper for way in ways if way.gripper is not None), None)
+    around = _Around(solver, gripper, _widest(ways, gripper), obstacle, hand)
+    finder = _Approaches(around, np.clip(q, robot.lower, robot.upper), back, planner)
+    found, failed = finder.find(ways), ""
+    motion = planner.stand(q, MotionStatus.UNREACHABLE, finder.reason)
+    opening, fingers = around.opening, kinova_fingers(robot, around.opening)
+    for _ in range(LINES):
+        if not found:
+            failed = failed or f"no grasp can be approached: {finder.reason}"
+            break
+        if planner.is_late:
+            failed = failed or "the time was over before a grasp was reached"
+            break
+        motion = planner.move(around.free, q, [each.q for each in found])
+        if not motion.success or motion.goal is None:
+            failed = failed or motion.message
+            break
+        taken = found.pop(motion.goal.number)
+        line = around.approach(taken, motion.q[-1], planner)
+        if isinstance(line, str):
+            failed = f"no straight line to a grasp: {line}"
+            continue
+        message = f"{motion.message}; then {line.duration:.4g} s {TO_THE_GRASP}"
+        held, raised = around.holding(line.q[-1]), None
+        if held is not None and up > 0.0:
+            goal = pin.SE3(taken.at.rotation, taken.at.translation + up * UP)
+            raised = planner.move(solver.in_scene(held), line.q[-1], goal, least=LEAST_TIME)
+            if not raised.success:
+                failed = f"a grasp is reached, but the object cannot be lifted by {up:.3g} m: {raised.message}"
+                continue
+            message += f"; lift {raised.message}"
+        reach = one_after_the_other(motion, line, TO_THE_GRASP)
+        return Pick(motion, line, reach, raised, taken.grasp, opening, fingers, held, True, message)
+    return Pick(motion, None, None, None, None, opening, fingers, None, False, failed)
+
+
+def _checked_grasps(solver: IKSolver, grasps: Sequence[Grasp]) -> Sequence[Grasp]:
+    """Grasps of the hand of the solver's robot, all of one gripper and of the solver's tool.
+
+    Raises:
+        InvalidInputError: they are not, or there are none.
+    """
     ways = checks.listed("grasps", grasps, "a list of grasps")
     for way in ways:
         checks.instance("grasps", way, Grasp, "grasps, for example grasps.box(size, pose)")
     if not ways:
         raise InvalidInputError("grasps is empty; see jacokin.motion.grasps")
-    back, pace = checks.positive("distance", distance, "m"), checks.positive("speed", speed, "m/s")
-    step, limit = checks.positive("dt", dt, "s"), checks.positive("time_limit", time_limit, "s")
-    up = 0.0 if checks.number("lift", lift, "m") == 0.0 else checks.positive("lift", lift, "m")
-    generator = np.random.default_rng(DEFAULT_RANDOM_SEED) if rng is None else checks.generator("rng", rng)
-    velocity = velocity_limits(robot, velocity_limit)
-    acceleration = acceleration_limits(robot, acceleration_limit)
-    openings = [way.opening for way in ways if way.opening is not None]
-    hands = [way.gripper for way in ways if way.gripper is not None]
-    opening = None if not openings else hands[0].widest(openings) if hands else min(openings)
-    _check_hand(solver, hands)
-    around = solver.verifier.options.scene or Scene()
-    shapes = {each.name: each for each in around.obstacles}
-    shape = None if obstacle is None else shapes[checks.choice("obstacle", obstacle, shapes)]
-    free = _opened(solver, around, opening)
-    around = free.verifier.options.scene or Scene()
-    near = free
-    if obstacle is not None and (touching := hand_links(robot, solver.frame, hand)):
-        near = solver.in_scene(around.allowing(*((link, obstacle) for link in touching)))
-    open_hand = None
-    if hands and hands[0] is not JACO:  # whose pads have room on both sides of the object
-        open_hand = IKSolver(robot, solver.frame, tool=solver.tool, scene=around, collision="reject")
-    seed = np.clip(q, robot.lower, robot.upper)
-    finder = _Approaches(near, free, open_hand, seed, back, generator, begun, begun + limit)
-    found, failed = finder.find(ways), ""
-    motion = Trajectory.of(
-        robot,
-        velocity,
-        (np.zeros(1), q[None], np.zeros((1, robot.dof)), np.zeros((1, robot.dof))),
-        status=MotionStatus.UNREACHABLE,
-        message=finder.reason,
-    )
-    fingers = kinova_fingers(robot, opening)
+    _check_hand(solver, [way.gripper for way in ways if way.gripper is not None])
+    return ways
 
-    def remaining() -> float:
-        return begun + limit - time.monotonic()
 
-    move = partial(plan_motion, rng=generator, dt=step, velocity_limit=velocity, acceleration_limit=acceleration)
-    follow = partial(
-        plan_path, dt=step, speed=pace, timing="slow", velocity_limit=velocity, acceleration_limit=acceleration
-    )
-    for _ in range(LINES):
-        if not found:
-            failed = failed or f"no grasp can be approached: {finder.reason}"
-            break
-        if remaining() <= 0.0:
-            failed = failed or "the time was over before a grasp was reached"
-            break
-        motion = move(free, q, [each.q for each in found], time_limit=remaining())
-        if not motion.success or motion.goal is None:
-            failed = failed or motion.message
-            break
-        taken = found.pop(motion.goal.number)
-        try:
-            left = max(remaining(), LEAST_TIME)
-            line = follow(near, [taken.before, taken.at], start=motion.q[-1], time_limit=left)
-        except InvalidInputError as error:  # a line that joints cannot follow in any reasonable time
-            failed = f"no straight line to a grasp: {error}"
-            continue
-        if not line.success:
-            failed = f"no straight line to a grasp: {line.message}"
-            continue
-        if open_hand is not None and any(open_hand.verifier.touching(row) for row in line.q[::LOOKED_AT]):
-            failed = "no straight line to a grasp: the hand touches the object before it closes"
-            continue
-        message = f"{motion.message}; then {line.duration:.4g} s {TO_THE_GRASP}"
-        held, raised = None, None
-        if shape is not None:
-            T_frame_object = robot.forward_kinematics(line.q[-1], frame=solver.frame).inverse() * pose_of(shape)
-            held = around.attach(shape.name, to=solver.frame, pose=T_frame_object)
-            if up > 0.0:
-                goal = pin.SE3(taken.at.rotation, taken.at.translation + up * UP)
-                left = max(remaining(), LEAST_TIME)
-                raised = move(solver.in_scene(held), line.q[-1], goal, time_limit=left)
-                if not raised.success:
-                    failed = f"a grasp is reached, but the object cannot be lifted by {up:.3g} m: {raised.message}"
-                    continue
-                message += f"; lift {raised.message}"
-        reach = one_after_the_other(motion, line, TO_THE_GRASP)
-        return Pick(motion, line, reach, raised, taken.grasp, opening, fingers, held, True, message)
-    return Pick(motion, None, None, None, None, opening, fingers, None, False, failed)
+def _widest(grasps: Sequence[Grasp], gripper: Gripper | None) -> float | None:
+    """The widest opening of the fingers that some grasps ask for; None where none asks for one."""
+    openings = [grasp.opening for grasp in grasps if grasp.opening is not None]
+    if not openings:
+        return None
+    return min(openings) if gripper is None else gripper.widest(openings)
+
+
+class _Around:
+    """Solvers for the hand with its fingers open: as it comes, and as it may touch the object.
+
+    Attributes:
+        opening: of the fingers; None for as the robot was loaded.
+        free: a solver whose hand must touch nothing.
+        near: one whose hand may touch the object.
+    """
+
+    def __init__(
+        self, solver: IKSolver, gripper: Gripper | None, opening: float | None, obstacle: str | None, hand: str | None
+    ) -> None:
+        """Take a solver for the arm, the gripper, its opening, the name of the object, and the link that may touch it.
+
+        Raises:
+            InvalidInputError: the fingers do not have that opening.
+            UnknownNameError: no obstacle or link of that name.
+        """
+        self.opening = opening
+        around = solver.verifier.options.scene or Scene()
+        shapes = {each.name: each for each in around.obstacles}
+        self._shape = None if obstacle is None else shapes[checks.choice("obstacle", obstacle, shapes)]
+        self.free = self.near = _opened(solver, around, opening)
+        self._scene = self.free.verifier.options.scene or Scene()
+        if obstacle is not None and (touching := hand_links(solver.robot, solver.frame, hand)):
+            self.near = solver.in_scene(self._scene.allowing(*((link, obstacle) for link in touching)))
+        self._open_hand: IKSolver | None = None
+        if gripper is not None and gripper is not JACO:  # whose pads have room on both sides of the object
+            self._open_hand = IKSolver(
+                solver.robot, solver.frame, tool=solver.tool, scene=self._scene, collision="reject"
+            )
+
+    def touches(self, q: Array) -> bool:
+        """Whether something touches at a grasp, at a configuration (dof,) [rad], that may not."""
+        return bool(self.near.verifier.touching(q)) or self._open_hand_touches(q)
+
+    def approach(self, approach: _Approach, start: Array, planner: Planner) -> Trajectory | str:
+        """The line to a grasp from a configuration (dof,), or why there is none."""
+        line = planner.line(self.near, [approach.before, approach.at], start)
+        if isinstance(line, Trajectory) and any(self._open_hand_touches(row) for row in line.q[::LOOKED_AT]):
+            return "the hand touches the object before it closes"
+        return line
+
+    def holding(self, q: Array) -> Scene | None:
+        """The scene once the fingers hold the object, at a configuration (dof,); None without an object."""
+        if self._shape is None:
+            return None
+        frame = self.near.frame
+        T_frame_object = self.near.robot.forward_kinematics(q, frame=frame).inverse() * pose_of(self._shape)
+        return self._scene.attach(self._shape.name, to=frame, pose=T_frame_object)
+
+    def _open_hand_touches(self, q: Array) -> bool:
+        """Whether a hand that must not touch the object before it closes touches anything, whatever the clearance."""
+        return self._open_hand is not None and bool(self._open_hand.verifier.touching(q))
 
 
 def _opened(solver: IKSolver, around: Scene, opening: float | None) -> IKSolver:
@@ -271,26 +307,11 @@ def _check_hand(solver: IKSolver, hands: Sequence[Gripper]) -> None:
 class _Approaches:
     """Finds straight lines to grasps whose ends are clear and on one branch."""
 
-    def __init__(
-        self,
-        near: IKSolver,
-        free: IKSolver,
-        open_hand: IKSolver | None,
-        start: Array,
-        back: float,
-        rng: np.random.Generator,
-        begun: float,
-        deadline: float,
-    ) -> None:
-        """Take a solver that lets the hand touch the object, one that does not, where the arm is, and the time.
-
-        One that sees what touches, without a clearance, is for hands that must not touch the object before they close.
-        """
-        self._near, self._free, self._start, self._rng = near, free, start, rng
-        self._open_hand = open_hand
-        self._back = back
-        self._until = begun + FINDING * (deadline - begun)
-        self._finder = GoalFinder(near, start, rng, begun, self._until)
+    def __init__(self, around: _Around, start: Array, back: float, planner: Planner) -> None:
+        """Take the solvers, where the arm is (dof,) [rad], the length of the line [m], and who has the time."""
+        self._around, self._start, self._back = around, start, back
+        self._until = planner.look_until
+        self._finder = GoalFinder(around.near, start, planner.rng, planner.begun, planner.look_until)
         self.reason = EACH
 
     def find(self, grasps: Sequence[Grasp]) -> list[_Approach]:
@@ -303,10 +324,10 @@ class _Approaches:
                 self.reason = f"{EACH}, as far as there was time to look"
                 break
             q, grasp, at = ends[k]
-            if self._near.verifier.touching(q) or (self._open_hand and self._open_hand.verifier.touching(q)):
+            if self._around.touches(q):
                 continue
             before = at * pin.SE3(np.eye(3), -self._back * ahead_of(grasp.gripper))
-            begins = beside(self._free, before, q)
+            begins = beside(self._around.free, before, q)
             if begins is None:
                 clear_ends += 1
                 continue

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -25,14 +24,12 @@ from jacokin.model.contact import Pair
 from jacokin.model.gripper import JACO, Gripper
 from jacokin.model.obstacles import pose_of
 from jacokin.model.poses import FreeAxis
-from jacokin.model.robot import acceleration_limits, velocity_limits
 from jacokin.model.scene import Scene, checked_scene
 from jacokin.motion.free_motion.handling import (
     AHEAD,
-    FINDING,
-    LEAST_TIME,
     LINES,
     UP,
+    Planner,
     ahead_of,
     beside,
     hand_links,
@@ -40,10 +37,9 @@ from jacokin.motion.free_motion.handling import (
     one_after_the_other,
 )
 from jacokin.motion.free_motion.leaving import DEEPEST, Leaving
-from jacokin.motion.free_motion.plan_motion import GoalFinder, list_aims, plan_motion, search_of
+from jacokin.motion.free_motion.plan_motion import GoalFinder, list_aims, search_of
 from jacokin.motion.free_motion.plan_pick import Pick
 from jacokin.motion.joint_motion import ACCELERATION
-from jacokin.motion.planning.plan import plan_path
 from jacokin.motion.trajectory import MotionStatus, Trajectory
 
 TURNED = float(np.radians(15.0))  # between angles about a free axis that are tried on six and seven joints
@@ -74,7 +70,7 @@ class Place(Frozen):
     """Of the fingers once they open, and on the way back: angle [rad], or [m] where they slide; None for as the robot
     was loaded."""
     kinova_fingers: float | None
-    """The same for each finger as Kinova's driver counts, about 0 (open) to 6400 (closed); None for other hands."""
+    """That opening for each finger as Kinova's driver counts, about 0 (open) to 6400 (closed); None for other hands."""
     scene: Scene | None
     """The scene in which the object stands there, for what comes next; None where there is no way."""
     success: bool
@@ -143,58 +139,47 @@ def plan_place(
         ModelError: the shapes of the description cannot be loaded, or its gripper cannot be measured.
         StructureError: the robot has no closed form.
     """
-    begun = time.monotonic()
     checks.instance("solver", solver, IKSolver, "an IKSolver")
+    planner = Planner(
+        solver.robot,
+        speed=speed,
+        time_limit=time_limit,
+        rng=rng,
+        dt=dt,
+        velocity_limit=velocity_limit,
+        acceleration_limit=acceleration_limit,
+    )
     robot = solver.robot
     q = checked_start(robot, start, "start", outside=True)
     load = _load(solver, held, obstacle, gripper)
     targets = [_checked_target(each) for each in list_aims(target, "target", "a pose, a FreeAxis")]
     down, back = checks.positive("height", height, "m"), checks.positive("distance", distance, "m")
-    pace = checks.positive("speed", speed, "m/s")
-    step, limit = checks.positive("dt", dt, "s"), checks.positive("time_limit", time_limit, "s")
-    generator = np.random.default_rng(DEFAULT_RANDOM_SEED) if rng is None else checks.generator("rng", rng)
-    velocity = velocity_limits(robot, velocity_limit)
-    acceleration = acceleration_limits(robot, acceleration_limit)
     around = _Around(solver, load, hand_links(robot, solver.frame, hand))
-    finder = _Descents(around, np.clip(q, robot.lower, robot.upper), down, back, generator, begun, begun + limit)
+    finder = _Descents(around, np.clip(q, robot.lower, robot.upper), down, back, planner)
     found, failed = finder.find(targets), ""
-    carry = Trajectory.of(
-        robot,
-        velocity,
-        (np.zeros(1), q[None], np.zeros((1, robot.dof)), np.zeros((1, robot.dof))),
-        status=finder.status,
-        message=finder.reason,
-    )
+    carry = planner.stand(q, finder.status, finder.reason)
     opening = load.scene.finger_angle
     fingers = kinova_fingers(robot, opening)
-    move = partial(plan_motion, rng=generator, dt=step, velocity_limit=velocity, acceleration_limit=acceleration)
-    follow = partial(
-        plan_path, dt=step, speed=pace, timing="slow", velocity_limit=velocity, acceleration_limit=acceleration
-    )
-
-    def remaining() -> float:
-        return begun + limit - time.monotonic()
-
     for _ in range(LINES):
         if not found:
             failed = failed or f"{load.name} cannot be put down: {finder.reason}"
             break
-        if remaining() <= 0.0:
+        if planner.is_late:
             failed = failed or LATE
             break
-        carry = move(around.held, q, [each.q for each in found], time_limit=remaining())
+        carry = planner.move(around.held, q, [each.q for each in found])
         if not carry.success or carry.goal is None:
             failed = failed or carry.message
             break
         taken = found.pop(carry.goal.number)
-        lower = around.lower(taken, carry.q[-1], partial(follow, time_limit=max(remaining(), LEAST_TIME)))
+        lower = around.lower(taken, carry.q[-1], planner)
         if isinstance(lower, str):
             failed = lower
             continue
         if (pair := around.opening(taken, lower.q[-1])) is not None:
             failed = f"the fingers cannot open at the place: {pair[0]} and {pair[1]} would touch"
             continue
-        retreat = around.retreat(taken, lower.q[-1], partial(follow, time_limit=max(remaining(), LEAST_TIME)))
+        retreat = around.retreat(taken, lower.q[-1], planner)
         if isinstance(retreat, str):
             failed = retreat
             continue
@@ -319,7 +304,7 @@ class _Around:
         return self._solver.in_scene(self.standing(T_base_object))
 
     def let_go(self, T_base_object: pin.SE3) -> IKSolver:
-        """The same where the hand may touch the object."""
+        """A solver for the arm whose hand may touch the object, which stands at a place."""
         links = ((link, self.load.name) for link in self._hand)
         return self._solver.in_scene(self.standing(T_base_object).allowing(*links))
 
@@ -341,10 +326,10 @@ class _Around:
         touching = self._lowered_by(supports).verifier.touching(q)
         return f"{touching[0][0]} and {touching[0][1]} would touch there" if touching else supports
 
-    def lower(self, descent: _Descent, start: Array, follow: Callable[..., Trajectory]) -> Trajectory | str:
+    def lower(self, descent: _Descent, start: Array, planner: Planner) -> Trajectory | str:
         """The line down from a configuration (dof,), or why there is none."""
         solver = self._lowered_by(descent.supports)
-        line = _followed(solver, [descent.above, descent.at], start, follow)
+        line = planner.line(solver, [descent.above, descent.at], start)
         if isinstance(line, str):
             return f"no straight line down: {line}"
         pair = self._leaving.hindrance(line.q[::-1])
@@ -352,10 +337,10 @@ class _Around:
             return f"no straight line down: {pair[0]} and {pair[1]} are nearer on it than at the place"
         return line
 
-    def retreat(self, descent: _Descent, start: Array, follow: Callable[..., Trajectory]) -> Trajectory | str:
+    def retreat(self, descent: _Descent, start: Array, planner: Planner) -> Trajectory | str:
         """The line back from a configuration (dof,) at the place, or why there is none."""
         hand, T = self.load.gripper, descent.T_base_object
-        line = _followed(self.let_go(T), [descent.at, descent.away], start, follow)
+        line = planner.line(self.let_go(T), [descent.at, descent.away], start)
         if isinstance(line, str):
             return f"no straight line back: {line}"
         if hand is not None and hand is not JACO:  # whose pads have room on both sides of the object
@@ -409,17 +394,6 @@ class _Around:
         return self._lowering[supports]
 
 
-def _followed(
-    solver: IKSolver, poses: Sequence[pin.SE3], start: Array, follow: Callable[..., Trajectory]
-) -> Trajectory | str:
-    """A straight line, or why there is none."""
-    try:
-        line = follow(solver, poses, start=start)
-    except InvalidInputError as error:  # a line that joints cannot follow in any reasonable time
-        return str(error)
-    return line if line.success else line.message
-
-
 class _Descents:
     """Finds straight lines down to places, and back from there, whose ends are clear and on one branch.
 
@@ -428,25 +402,15 @@ class _Descents:
         reason: the same in words.
     """
 
-    def __init__(
-        self,
-        around: _Around,
-        start: Array,
-        height: float,
-        distance: float,
-        rng: np.random.Generator,
-        begun: float,
-        deadline: float,
-    ) -> None:
-        """Take the scenes, where the arm is (dof,) [rad], the lengths of the lines [m], and the time."""
-        self._around, self._start, self._rng = around, start, rng
+    def __init__(self, around: _Around, start: Array, height: float, distance: float, planner: Planner) -> None:
+        """Take the scenes, where the arm is (dof,) [rad], the lengths of the lines [m], and who has the time."""
+        self._around, self._start, self._planner = around, start, planner
         self._height, self._distance = height, distance
-        self._begun, self._until = begun, begun + FINDING * (deadline - begun)
         self._finder = self._finder_of(around.held)
         self.status, self.reason = MotionStatus.UNREACHABLE, ""
 
     def _finder_of(self, solver: IKSolver) -> GoalFinder:
-        return GoalFinder(solver, self._start, self._rng, self._begun, self._until)
+        return GoalFinder(solver, self._start, self._planner.rng, self._planner.begun, self._planner.look_until)
 
     def find(self, targets: Sequence[pin.SE3 | FreeAxis]) -> list[_Descent]:
         """Lines to some of the targets, those that end near to where the arm is first."""
@@ -457,7 +421,7 @@ class _Descents:
         found, faults, clear = list[_Descent](), Counter[str](), False
         solvers = dict[tuple[int, int], tuple[IKSolver, IKSolver]]()  # by number of the pose
         for k in np.argsort([float(np.abs(end.q - self._start).max()) for end in ends], kind="stable").tolist():
-            if time.monotonic() >= self._until:
+            if time.monotonic() >= self._planner.look_until:
                 faults["there was no time to look at every configuration"] = len(ends)
                 break
             q, place, number = ends[k]
@@ -510,7 +474,7 @@ class _Descents:
 
     def _why_none(self, targets: Sequence[pin.SE3 | FreeAxis]) -> str:
         """Why no configuration has the object at a target."""
-        if time.monotonic() >= self._until:
+        if time.monotonic() >= self._planner.look_until:
             return "the time was over before a configuration at the place was found"
         solver = self._around.about_object()
         return self._finder_of(solver).why_none(targets)

@@ -24,15 +24,14 @@ from jacokin.model.robot import Robot
 from jacokin.motion.blending import TimedCourse, fit_time, round_corners, straightened
 from jacokin.motion.free_motion.search import WaySearch
 from jacokin.motion.motion_state import MotionState, checked_velocity
-from jacokin.motion.rows import HELD, MEAN, WHOLE_TICK, Limits, Rows, joined, most_between, past_limits, spline_rows
+from jacokin.motion.rows import HELD, WHOLE_TICK, Limits, Rows, controlled_rows, joined, past_limits
 from jacokin.motion.timing import check_ticks
 
 AT_REST = 1e-9  # [rad/s] a slower arm stands
 LONGER = (1.0, 1.5, 2.0, 3.0)  # times as long as the quickest straight stop, where torques are limited
 REACHES = (1.0, 2.0, 4.0)  # times as far as the stop, where the corner lies at which a plan leaves the line of now
-FITS = 4  # timings of a motion that goes on, each within limits that are reduced by what the one before broke
 REACHED = 1e-8  # part of a speed that rounding takes
-MORE = 1.0 + 1e-4  # by which limits are reduced beyond that
+MORE = 1.0 + 1e-4  # by which accelerations are reduced for that
 
 
 class Stop(NamedTuple):
@@ -243,12 +242,12 @@ class GoingOn(NamedTuple):
         return np.where((t < self.lead)[:, None], self.start + t[:, None] * self.v, q)
 
     def rows(self, dt: float) -> Rows:
-        """Each the mean of three ticks, as rows from rest are; the first is the start itself."""
+        """Those of the spline with control points on the course, which begins as the arm moves now."""
         count = math.ceil(self.duration / dt - WHOLE_TICK) + 1
         values = self.at(dt * np.arange(-1, count + 2, dtype=np.float64))
-        q = MEAN[0] * values[:-2] + MEAN[1] * values[1:-1] + MEAN[2] * values[2:]
-        q[0], q[-1] = self.start, values[-1]
-        return spline_rows(q, dt, self.v)
+        rows = controlled_rows(values[1:-1], np.diff(values, axis=0), dt)
+        rows.q[0], rows.v[0], rows.q[-1] = self.start, self.v, values[-1]  # but for rounding
+        return rows
 
 
 def go_on(
@@ -308,19 +307,9 @@ def _bent(
     course, stops = round_corners(lines[::-1], speed, cuts[::-1])
     step = lines[1] - lines[0]
     begin = float(np.abs(v).max() / np.abs(step).max()) * float((np.abs(step) / speed).max())  # ds/dt
-    used = limits
-    for _ in range(FITS):
-        timed = fit_time(course, stops[:-1], used.velocity, used.acceleration, begin)
-        if timed.speed[-1] < begin * (1.0 - REACHED):
-            return None
-        rows = GoingOn(timed, *now, dt).rows(dt)
-        fast, hard = most_between(rows)
-        slower, softer = float((fast / limits.velocity).max()), float((hard / limits.acceleration).max())
-        if max(slower, softer) <= HELD:
-            kept = past_limits(rows, robot.lower, robot.upper).max() <= ON_LIMIT
-            return rows if kept else None
-        used = Limits(
-            np.maximum(used.velocity / (MORE * max(slower, 1.0)), np.abs(v)),
-            used.acceleration / (MORE * max(softer, 1.0)),
-        )
-    return None
+    timed = fit_time(course, stops[:-1], limits.velocity, limits.acceleration / MORE, begin)
+    if timed.speed[-1] < begin * (1.0 - REACHED):
+        return None
+    rows = GoingOn(timed, *now, dt).rows(dt)
+    kept = float(limits.strain(rows).max()) <= HELD and past_limits(rows, robot.lower, robot.upper).max() <= ON_LIMIT
+    return rows if kept else None

@@ -36,7 +36,7 @@ from jacokin.motion.planning.search import Climb, Ladder, PathSearch, Rung
 from jacokin.motion.rows import HELD, OnTheWay, Rows, coarse, halved, joined, most_between, spline_rows, standing
 from jacokin.motion.timing import check_ticks, sample_lines
 from jacokin.motion.track import ANGULAR_SPEED, SPEED
-from jacokin.motion.trajectory import LEAD_IN, Trajectory
+from jacokin.motion.trajectory import LEAD_IN, SPEED_ROUNDING, Trajectory
 
 TIMINGS = ("keep", "slow")
 FINEST = 0.01  # [rad] between members of a curve: more of them take minutes
@@ -48,7 +48,6 @@ TIGHT = 0.05  # [rad] a joint this near to its limit is why a way ends
 STILL = 1e-12  # [rad] a way on which joints move less is none
 NO_LINE = 1e-3  # of a control step: a line that takes less time takes none
 TINY = 1e-9  # [s] asked for between two rows, at least
-SPEED_ROUNDING = 1e-9  # [rad/s] of positions subtracted and divided by a step
 ACCELERATION_ROUNDING = 1e-6  # relative
 
 
@@ -114,26 +113,16 @@ def plan_path(
     checks.instance("solver", solver, IKSolver, "an IKSolver")
     robot, verifier = solver.robot, solver.verifier
     verifier.require_contact()
-    try:
-        if solver.dimension() is None:
-            solver.closed_form()
-    except StructureError as error:
-        raise StructureError(f"plan_path needs a closed form: {error}") from error
+    _require_closed_form(solver)
     checks.choice("timing", timing, TIMINGS)
-    acceleration = None
-    if acceleration_limit is not None:
-        if timing == "keep":
-            raise InvalidInputError("acceleration_limit needs timing='slow': the speed that is kept has corners")
-        acceleration = acceleration_limits(robot, acceleration_limit)
+    if acceleration_limit is not None and timing == "keep":
+        raise InvalidInputError("acceleration_limit needs timing='slow': the speed that is kept has corners")
+    acceleration = None if acceleration_limit is None else acceleration_limits(robot, acceleration_limit)
     velocity = velocity_limits(robot, velocity_limit)
     if velocity.min() < SLOWEST:
         raise InvalidInputError(f"velocity_limit must be at least {SLOWEST:g} rad/s, got {velocity.min():g}")
     dt = checks.positive("dt", dt, "s")
-    path = CartesianPath(targets, solver.frame)
-    if path.free and solver.dimension() == 1:
-        raise InvalidInputError(
-            "a FreeAxis on seven joints leaves two free parameters: give the poses at one angle about it"
-        )
+    path = _checked_path(solver, targets)
     free_step = checks.positive("free_step", free_step, "rad")
     if free_step < FINEST:
         raise InvalidInputError(f"free_step must be at least {FINEST:g} rad, got {free_step!r}")
@@ -177,15 +166,46 @@ def plan_path(
         note=note,
     )
     if found is None:
-        stay = near if start is not None else solver.solve(path.target(0.0), seed=near).q
-        if verifier.avoids_contact and verifier.touching(stay):
-            stay = near
+        stay = near if start is not None else _clear_or(near, solver, path)
         return writer.stay(stay, _explain_no_start(search.rungs[0], solver, manifold, start is not None))
     reason = ""
     if found.reached < path.lines:
         reason = _explain_end(search, found.reached, found.curve.q[-1], found.blocked, solver)
         reason += ", as far as there was time to look" if search.is_late else ""
     return writer.follow(found.curve, found.reached, reason)
+
+
+def _require_closed_form(solver: IKSolver) -> None:
+    """Refuse a solver that cannot list all solutions.
+
+    Raises:
+        StructureError: its robot has no closed form.
+    """
+    try:
+        if solver.dimension() is None:
+            solver.closed_form()
+    except StructureError as error:
+        raise StructureError(f"plan_path needs a closed form: {error}") from error
+
+
+def _checked_path(solver: IKSolver, targets: Sequence[Target] | ArrayLike) -> CartesianPath:
+    """The lines through some targets.
+
+    Raises:
+        InvalidInputError: malformed targets, or a `FreeAxis` on seven joints.
+    """
+    path = CartesianPath(targets, solver.frame)
+    if path.free and solver.dimension() == 1:
+        raise InvalidInputError(
+            "a FreeAxis on seven joints leaves two free parameters: give the poses at one angle about it"
+        )
+    return path
+
+
+def _clear_or(near: Array, solver: IKSolver, path: CartesianPath) -> Array:
+    """The configuration (dof,) nearest to the first pose; where that is in contact, the one given."""
+    stay = solver.solve(path.target(0.0), seed=near).q
+    return near if solver.verifier.avoids_contact and solver.verifier.touching(stay) else stay
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -40,6 +40,7 @@ from jacokin.kernels.rung_links import (
 from jacokin.model import angles
 from jacokin.model.angles import TURN
 from jacokin.model.poses import FreeAxis
+from jacokin.motion.clearance import RESOLUTION
 from jacokin.motion.planning.manifold import TOO_FAST, Curve, Manifold, Pace
 from jacokin.motion.planning.smoothing import Smoothing
 from jacokin.motion.timing import sample_lines
@@ -55,7 +56,6 @@ FINEST = 2e-5  # [m] and [rad / 5] no step of the path is made smaller
 MOST_RUNGS = 6000  # more than the path began with: steps that are halved cost time
 TOGETHER = 300_000  # pairs of solutions that are looked at in one go
 MOST_REFINED = 24  # steps that are halved at once, the last ones first
-RESOLUTION = 0.02  # [rad] no joint moves farther between two places at which contact is looked for
 AT_START = 1e-3  # [rad] a solution this near to `start` is the one the arm is on
 FROM_SEED = 0.1  # cost of a first solution's squared distance to the seed, beside that of the motion
 SMOOTHINGS = 4  # times a way is smoothed, with what got worse by it left alone

@@ -101,7 +101,6 @@ class ClearanceGuard:
         distance: float,
         limits: JointLimits,
         dt: float,
-        reaction: float = 0.0,
     ) -> None:
         """Prepare the pairs.
 
@@ -113,10 +112,9 @@ class ClearanceGuard:
             distance: smallest distance allowed [m].
             limits: of the joints.
             dt: control step [s].
-            reaction: time in which the arm can stop [s].
         """
         self.shapes, self._dt = shapes, dt
-        self._foresight = max(LOOKED_AHEAD, reaction)
+        self._foresight = max(LOOKED_AHEAD, limits.stopping_time)
         self._placed: Array | None = shapes.start.poses
         rows = np.full(len(contact.names), -1)
         rows[shapes.numbers] = np.arange(len(shapes.numbers))
@@ -133,7 +131,9 @@ class ClearanceGuard:
         self._between = np.column_stack([links[pairs], np.zeros(len(pairs), dtype=np.int64)])
         self._lever = _levers(robot, self._geometry)[self._second] * ((inner <= joint) & (joint < outer))
         self._watch_still = (
-            distance + BUFFER + np.maximum((LOOK_AHEAD + 0.5 * reaction / dt) * (self._lever @ limits.step), MEASURED)
+            distance
+            + BUFFER
+            + np.maximum((LOOK_AHEAD + 0.5 * limits.stopping_time / dt) * (self._lever @ limits.step), MEASURED)
         )
         self._watch, self._watched = self._watch_still, shapes.start.speeds
         self._fixed = links[self._first] == 0
@@ -320,9 +320,8 @@ def make_guard(
     collision: str | None,
     self_collision: bool,
     pairs: Sequence[tuple[str, str]] | None,
-    reaction: float = 0.0,
 ) -> ClearanceGuard | None:
-    """What keeps shapes apart, None for nothing; arguments and errors as in `Tracker`, `reaction` as in the guard."""
+    """What keeps shapes apart, None for nothing; arguments and errors as in `Tracker`."""
     given = {"scene": scene, "clearance": clearance, "pairs": pairs}
     asked = [name for name, value in given.items() if value is not None]
     mode = checks.choice("collision", ("reject" if asked else "ignore") if collision is None else collision, COLLISION)
@@ -339,7 +338,7 @@ def make_guard(
         named = [_named_pair(contact, robot.dof, pair) for pair in checks.listed("pairs", pairs)]
         numbers = np.array(named, dtype=np.int64).reshape(-1, 2)
     shapes = MovableShapes(around.obstacles, contact)
-    return ClearanceGuard(contact, robot, shapes, numbers, distance, limits, dt, reaction)
+    return ClearanceGuard(contact, robot, shapes, numbers, distance, limits, dt)
 
 
 def _named_pair(contact: Contact, dof: int, pair: tuple[str, str]) -> tuple[int, int]:

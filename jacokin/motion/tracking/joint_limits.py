@@ -34,6 +34,7 @@ class JointLimits:
         step: (dof,) largest displacement in a tick by the velocity limits [rad].
         change: (dof,) by how much that displacement may change from tick to tick [rad].
         stops_at_once: whether every joint may stop within a tick.
+        stopping_time: in which all joints stop from full speed [s]; 0 where they may within a tick.
         table: (dof, 7) as the kernels take them.
     """
 
@@ -50,6 +51,7 @@ class JointLimits:
         limited = acceleration <= self._acceleration
         self.table = np.column_stack([self.lower, self.upper, self.step, self.change, self._acceleration, far, limited])
         self.stops_at_once = bool((self.change >= self.step).all())
+        self.stopping_time = 0.0 if self.stops_at_once else float((velocity / acceleration).max())
 
     def stoppable(self, q: Array) -> tuple[Array, Array]:
         """Least and largest displacement (dof,) [rad] from `q` (dof,) [rad] after which joints can stop in time."""

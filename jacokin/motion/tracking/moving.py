@@ -39,7 +39,7 @@ class Whereabouts(NamedTuple):
     """Whether any twist is not zero."""
 
     def after(self, time: float) -> Whereabouts:
-        """The same obstacles when they have moved on for a time [s]."""
+        """These obstacles when they have moved on for a time [s]."""
         if not self.moving:
             return self
         moved = self.poses.copy()

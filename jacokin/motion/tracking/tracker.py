@@ -106,6 +106,25 @@ class TrackerState(NamedTuple):
         return self._replace(arm=arm, **changes)
 
 
+class _Tick(NamedTuple):
+    """How a tick went, beside where the arm is."""
+
+    began: float
+    """When, by `time.perf_counter` [s]."""
+    excused: bool
+    """Whether the error may grow."""
+    held: str = ""
+    """Why the arm stands, if it does."""
+    apart: Sequence[int] = ()
+    """Numbers of the pairs of shapes that move apart."""
+    solved: bool = False
+    """Whether it was solved for, so that it is found out whether the pose was singular."""
+    along: TwistStep | None = None
+    """The step along a twist; None for other targets."""
+    late: bool = False
+    """Whether the time budget ran out."""
+
+
 class OutOfTime(Exception):  # noqa: N818 - internal signal, never seen by users
     """The deadline of a tick has passed."""
 
@@ -200,9 +219,6 @@ class Tracker:
             collision=collision,
             self_collision=self_collision,
             pairs=pairs,
-            reaction=0.0
-            if self._limits.stops_at_once
-            else float((self.velocity_limit / self.acceleration_limit).max()),
         )
         self._guard = self._make_guard(scene=scene)
         self._scene = None if self._guard is None else Scene() if scene is None else scene
@@ -368,7 +384,7 @@ class Tracker:
         """How far the tool is from a target, without moving; errors as `step`."""
         tasks = self._targets.tasks(target)
         self._qp.reset()
-        return self._report(tasks, self._state, self._state, began=time.perf_counter(), excused=False)[1]
+        return self._report(tasks, self._state, self._state, _Tick(time.perf_counter(), excused=False))[1]
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Unpickled arrays are writable until told otherwise."""
@@ -441,7 +457,7 @@ class Tracker:
         except OutOfTime:
             return self._brake(state, places, goal, began)
         after = state.move(there, can_stop=can_stop, tasks=None, moved=None, line=along.line)
-        return self._report(goal, state, after, began=began, excused=True, along=along)
+        return self._report(goal, state, after, _Tick(began, excused=True, along=along))
 
     def _move_obstacles(self, state: TrackerState) -> tuple[Whereabouts | None, Array | None]:
         """Put the obstacles where they are at the end of the tick; with how far they moved (k,) [m], None for not."""
@@ -502,7 +518,8 @@ class Tracker:
         after = state.move(arm, can_stop=can_stop, tasks=tasks, moved=moved, line=None)
         # Shapes moving apart, or joints still gathering speed, may take the tool away from its target for a while.
         excused = bool(apart) or is_slowed
-        return self._report(tasks, state, after, held=held, began=began, excused=excused, apart=apart, judged=True)
+        tick = _Tick(began, excused=excused, held=held, apart=apart, solved=True)
+        return self._report(tasks, state, after, tick)
 
     def _wish(self, q: Array) -> Array | None:
         """The displacement (dof,) [rad] that the objectives want in a tick at `q` (dof,) [rad]; None without any."""
@@ -551,24 +568,14 @@ class Tracker:
             arm = JointState(q, distances if late else guard.refresh(q, distances, None))
             can_stop = state.can_stop and shift is None
         after = state.move(arm, where=where, can_stop=can_stop, tasks=None, moved=None, line=None)
-        return self._report(tasks, state, after, began=began, excused=True, late=late)
+        return self._report(tasks, state, after, _Tick(began, excused=True, late=late))
 
     def _report(
-        self,
-        tasks: Tasks,
-        before: TrackerState,
-        after: TrackerState,
-        *,
-        began: float,
-        excused: bool,
-        held: str = "",
-        apart: Sequence[int] = (),
-        judged: bool = False,
-        along: TwistStep | None = None,
-        late: bool = False,
+        self, tasks: Tasks, before: TrackerState, after: TrackerState, tick: _Tick
     ) -> tuple[TrackerState, TrackerStep]:
         """Measure where the arm is; the state with its motion and what was learned of the error."""
-        arm = None if judged else Arm(before.arm.q, before.v)
+        along, late = tick.along, tick.late
+        arm = None if tick.solved else Arm(before.arm.q, before.v)
         found = self._ticks.report(after.arm.q, arm, tasks, goes=after is not before)
         on_target, v = found.on_target, found.v
         if not tasks.number:
@@ -576,20 +583,20 @@ class Tracker:
         if along is not None:
             on_target = along.part >= FOLLOWED and self._twists.lag(along, v) <= 1.0 - FOLLOWED
         error = targets.combined_error(found.position, found.orientation)
-        grows = not (excused or on_target) and error > before.error + GROWTH
+        grows = not (tick.excused or on_target) and error > before.error + GROWTH
         after = after._replace(v=v, a=found.a, error=error, growing=before.growing + 1 if grows else 0)
         status, limiting, message = TrackerStatus.OK, list[str](), ""
         if late or not on_target:
             limiting = [TIME_BUDGET] if late else []
             limiting += self._limits.names(self._ticks.reached)
             if after.guard is not None and after.arm.distances is not None:
-                limiting.extend(after.guard.limiting(after.arm.distances, apart))
+                limiting.extend(after.guard.limiting(after.arm.distances, tick.apart))
             if along is not None and along.cause:
                 limiting.append(along.cause)
             if found.singular:
                 limiting.append(SINGULAR_POSE)
             limiting = list(dict.fromkeys(limiting))
-            status, message = self._why(after, limiting, held, late=late)
+            status, message = self._why(after, limiting, tick.held, late=late)
         distances = after.arm.distances
         step = TrackerStep(
             q=after.arm.q,
@@ -601,7 +608,7 @@ class Tracker:
             clearance=None if distances is None else distances.least,
             qp_solver=self._qp.used,
             message=(message + self._limits.outside(after.arm.q)).removeprefix("; "),
-            elapsed=time.perf_counter() - began,
+            elapsed=time.perf_counter() - tick.began,
         )
         return after, step
 

@@ -149,7 +149,7 @@ class TwistFollower:
         )
 
     def _aside(self, jacobian: Array, wish: Array, q: Array) -> Array:
-        """As much of a wish (dof,) [rad] as does not move the tool, nor lead to a limit or to what is near."""
+        """What of a wish (dof,) [rad] does not move the tool, nor lead to a limit or to what is near."""
         controlled = controlled_directions(jacobian)
         found = wish - controlled.T.dot(controlled.dot(wish))
         part = largest_share(np.zeros_like(found), found, *self._limits.stoppable(q))

@@ -114,7 +114,7 @@ class ToolCenterPointInitializer:
                 self._place(physics, random_state)
 
     def placing(self, physics: Physics, random_state: RandomState) -> Asking[None]:
-        """As a call with branch="nearest_to_random", but the caller answers the queries of inverse kinematics.
+        """Place the tool, branch="nearest_to_random", while the caller answers the queries of inverse kinematics.
 
         Between a query and its answer, the state of the physics may be another one.
 
@@ -179,7 +179,7 @@ class ToolCenterPointInitializer:
 
 
 TcpInitializer = ToolCenterPointInitializer
-"""The same by its shorter name."""
+"""`ToolCenterPointInitializer`, by its shorter name."""
 
 
 class Trial:

@@ -477,7 +477,7 @@ def run_all(
 
 
 def _answers(queries: Sequence[Query]) -> list[Array | None]:
-    """The same as `Query.answer` of each, bit for bit."""
+    """What `Query.answer` gives for each, bit for bit, solved together."""
     if not queries:
         return []
     targets, starts = np.array([each.target for each in queries]), np.array([each.start for each in queries])
@@ -494,7 +494,7 @@ def canonical(q: Array, wraps: Sequence[int]) -> Array:
 
 
 def wrapped_in_place(q: Array, wraps: Sequence[int]) -> Array:
-    """The same array with these joints in [0, 2 pi)."""
+    """An array (dof,), which is changed: some joints in [0, 2 pi)."""
     values: list[float] = q.tolist()  # plain numbers are faster than NumPy's
     for joint in wraps:
         if not 0.0 < values[joint] < TURN:

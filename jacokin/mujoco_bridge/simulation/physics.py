@@ -200,7 +200,7 @@ class Physics:
         return found
 
     def refresh(self) -> None:
-        """The same as `forward`: needed after writing derived values to ``physics.data`` directly.
+        """Compute all that follows from the state; needed after writing derived values to ``physics.data`` directly.
 
         Raises:
             PhysicsError: the state is not finite, or MuJoCo warns.
@@ -370,7 +370,7 @@ class Physics:
         return twin
 
     def __deepcopy__(self, memo: dict[int, object]) -> Physics:
-        """The same as `copy`."""
+        """A second simulation in the same state, independent of this one."""
         return self.copy()
 
     def __reduce__(self) -> tuple[Any, ...]:

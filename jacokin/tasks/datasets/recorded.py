@@ -49,7 +49,7 @@ class Recorded:
     error: str = ""
 
     def to_bytes(self) -> bytes:
-        """As an .npz file."""
+        """The episode as the bytes of an .npz file."""
         names = ("actions", "rewards", "success", "states")
         arrays: dict[str, Any] = {name: getattr(self, name) for name in names}
         arrays.update({_OBSERVED + name: values for name, values in self.observations.items()})
@@ -87,36 +87,39 @@ class Recorded:
         Raises:
             InvalidInputError: it is none; names what is wrong with which part.
         """
-
-        def refuse(name: str, what: str, value: object) -> InvalidInputError:
-            got = f"{value.dtype} of shape {value.shape}" if isinstance(value, np.ndarray) else shown(value)
-            return InvalidInputError(f"{place} is damaged: {name} must be {what}, got {got}")
-
         if not isinstance(self.seed, int) or isinstance(self.seed, bool) or self.seed < 0:
-            raise refuse("seed", "a whole number >= 0", self.seed)
+            raise _refusal(place, "seed", "a whole number >= 0", self.seed)
         if not isinstance(self.error, str):
-            raise refuse("error", "a text", self.error)
+            raise _refusal(place, "error", "a text", self.error)
+        self._check_steps(place)
+        rows = len(self.actions) + 1
+        for name, values in self.observations.items():
+            is_array = isinstance(values, np.ndarray) and values.dtype.kind in _KINDS
+            if not is_array or values.shape[:1] != (rows,):
+                raise _refusal(place, f"observation {name!r}", f"numbers of shape ({rows}, ...)", values)
+        for name, value in self.randomization.items():
+            if not isinstance(name, str) or not isinstance(value, float) or not np.isfinite(value):
+                raise _refusal(place, f"randomization {shown(name)}", "a finite number", value)
+        return self
+
+    def _check_steps(self, place: str) -> None:
+        """Refuse actions, rewards, successes or states that do not belong together.
+
+        Raises:
+            InvalidInputError: they do not.
+        """
         if not isinstance(self.actions, np.ndarray) or self.actions.ndim != 2 or 0 in self.actions.shape:
-            raise refuse("actions", "float64 of shape (n, k)", self.actions)
+            raise _refusal(place, "actions", "float64 of shape (n, k)", self.actions)
         steps = len(self.actions)
-        rows = {"actions": (steps, self.actions.shape[1]), "rewards": (steps,), "success": (steps,)}
-        for name, shape in rows.items():
+        for name, shape in (("actions", self.actions.shape), ("rewards", (steps,)), ("success", (steps,))):
             values, kind = getattr(self, name), np.dtype(bool if name == "success" else np.float64)
             if not isinstance(values, np.ndarray) or values.dtype != kind or values.shape != shape:
-                raise refuse(name, f"{kind} of shape {shape}", values)
+                raise _refusal(place, name, f"{kind} of shape {shape}", values)
             if not np.isfinite(values).all():
                 raise InvalidInputError(f"{place} is damaged: {name} must be finite")
         states = self.states
         if not isinstance(states, np.ndarray) or states.dtype != np.float64 or states.shape[:1] != (steps + 1,):
-            raise refuse("states", f"float64 of shape ({steps + 1}, m)", states)
-        for name, values in self.observations.items():
-            is_array = isinstance(values, np.ndarray) and values.dtype.kind in _KINDS
-            if not is_array or values.shape[:1] != (steps + 1,):
-                raise refuse(f"observation {name!r}", f"numbers of shape ({steps + 1}, ...)", values)
-        for name, value in self.randomization.items():
-            if not isinstance(name, str) or not isinstance(value, float) or not np.isfinite(value):
-                raise refuse(f"randomization {shown(name)}", "a finite number", value)
-        return self
+            raise _refusal(place, "states", f"float64 of shape ({steps + 1}, m)", states)
 
     def differences(self, other: Recorded) -> list[str]:
         """The names of what is not the same bit by bit in another episode; observations only if this one has some."""
@@ -127,6 +130,12 @@ class Recorded:
         if dict(self.randomization) != dict(other.randomization):
             found.append("randomization")
         return found + (["error"] if self.error != other.error else [])
+
+
+def _refusal(place: str, name: str, what: str, value: object) -> InvalidInputError:
+    """The error that a part of an episode must be something else."""
+    got = f"{value.dtype} of shape {value.shape}" if isinstance(value, np.ndarray) else shown(value)
+    return InvalidInputError(f"{place} is damaged: {name} must be {what}, got {got}")
 
 
 def _same(one: NDArray[Any] | None, other: NDArray[Any] | None) -> bool:

@@ -227,7 +227,7 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
         return self.randomization.replayed(given["randomization"])
 
     def _start(self, seed: int | None, replayed: dict[str, float] | None) -> Asking[tuple[Observation, Info]]:
-        """As `reset` with checked arguments; the caller answers the queries, see `Task.starting`."""
+        """Begin an episode, from checked arguments; the caller answers the queries, see `Task.starting`."""
         super().reset(seed=None if seed is None else int(seed))  # Gymnasium refuses NumPy's whole numbers
         if self.randomization is not None:
             if seed is not None or self._variation_random is None:
@@ -493,7 +493,7 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
         return twin
 
     def __copy__(self) -> TaskEnv:
-        """The same as `copy.deepcopy`: two environments cannot share a simulation."""
+        """A second environment in the same state: two cannot share a simulation, so this is `copy.deepcopy`."""
         return self.__deepcopy__({})
 
 

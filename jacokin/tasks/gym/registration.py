@@ -45,7 +45,7 @@ class _Kwargs(dict[str, Any]):
     _own_vectors = False
 
     def pop(self, key: str, *default: Any) -> Any:
-        """As of a dictionary; ``make_vec`` asks for the mode before it asks for the arguments."""
+        """Take an argument out; ``make_vec`` asks for the mode before it asks for the arguments."""
         found = super().pop(key, *default)
         if key == "vectorization_mode":
             self._own_vectors = found in (None, _OWN_VECTORS, _OWN_VECTORS.value)

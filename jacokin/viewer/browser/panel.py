@@ -216,7 +216,7 @@ class Placed(NamedTuple):
     """(3,) of its centre in the base [m]."""
 
     def obstacle(self, name: str) -> Obstacle:
-        """The same for a solver.
+        """The obstacle as a solver takes it.
 
         Raises:
             InvalidInputError: a size that is not positive, or numbers that are not finite.

@@ -196,6 +196,37 @@ def test_circles_of_a_straight_wrist_are_in_the_set(folder: Path, rng: np.random
         assert min(apart(interval.nearest(turned), turned) for interval in circles) < 0.41
 
 
+@pytest.mark.parametrize("count", [20, pytest.param(150, marks=pytest.mark.slow)])
+def test_circles_beside_a_straight_elbow_are_in_a_complete_set(
+    count: int, folder: Path, rng: np.random.Generator
+) -> None:
+    """With a straight wrist and a nearly straight elbow the arm is nearly singular all along the circle."""
+    solver = solver_of("j2s7s300", folder)
+    robot = solver.robot
+    complete = 0
+    for q in robot.sample(rng, count):
+        q[3], q[5] = math.pi + rng.choice([-1, 1]) * 10 ** rng.uniform(-4, -2), math.pi
+        found = solver.solve_all(robot.forward_kinematics(q))
+        complete += found.complete
+        assert not found.complete or any(apart(interval.nearest(q), q) < 1e-4 for interval in found.intervals)
+    assert complete > 0.2 * count
+
+
+@pytest.mark.parametrize("count", [10, pytest.param(150, marks=pytest.mark.slow)])
+def test_a_single_configuration_at_the_edge_of_reach_is_in_the_set_or_in_doubt(
+    count: int, folder: Path, rng: np.random.Generator
+) -> None:
+    """Right angles but for 1e-9 to 1e-7 rad, the elbow straight: rounding decides whether the pose is within reach."""
+    solver = solver_of("j2s7s300", folder)
+    robot = solver.robot
+    for _ in range(count):
+        q = own_answers.CLASSES["multiples of 90 degrees"](robot, rng)
+        q[3] = math.pi
+        q = np.clip(q + 10 ** rng.uniform(-9, -7) * rng.normal(size=7), robot.lower, robot.upper)
+        found = solver.solve_all(robot.forward_kinematics(q))
+        assert not found.complete or any(apart(interval.nearest(q), q) < 1e-4 for interval in found.intervals)
+
+
 def test_ranges_anywhere_on_the_circle(folder: Path, rng: np.random.Generator) -> None:
     solver = solver_of("j2s6s300", folder)
     robot = solver.robot

@@ -15,8 +15,9 @@ from jacokin.kernels.free_motion import run
 from jacokin.kernels.free_motion.run import MotionWork, make_motion_work, run_free_motion
 from jacokin.kernels.free_motion.shortcuts import GOAL, POINTS, WAY_INTEGERS
 from jacokin.kernels.free_motion.space import uniform
-from jacokin.kernels.free_motion.trees import FIRST_SIZE, SECOND_SIZE, nearest_node
+from jacokin.kernels.free_motion.trees import BOUND, FIRST_SIZE, SECOND_SIZE, cut_off, draw, is_worth, nearest_node
 from jacokin.kernels.library import Call
+from jacokin.model import angles
 from jacokin.model.contact import Contact
 from jacokin.model.obstacles import Box, Surroundings
 from jacokin.model.scene import Scene
@@ -104,6 +105,7 @@ def test_ways_are_clear_lead_to_the_goal_and_repeat(rng: np.random.Generator) ->
         before = call.work.generator.copy()
         search(call)
         way = way_of(call)
+        assert all(contact.in_the_way(a, b) is None for a, b in itertools.pairwise(way))
         np.testing.assert_array_equal(way[0], call.work.start)
         assert call.work.way.integers[GOAL] == 0
         turns = (way[-1] - call.work.goals[:6]) / (2.0 * np.pi)
@@ -156,6 +158,39 @@ def test_the_nearest_node_is_the_nearest_on_the_torus(rng: np.random.Generator) 
             away = np.where(work.space.unlimited == 1, np.minimum(away, 2.0 * np.pi - away), away)
             expected = np.argmin(((away * work.space.weights) ** 2).sum(axis=1))
             assert nearest_node(work.trees, work.space, 6, tree, q) == expected
+
+
+def test_what_is_cut_off_is_nearest_to_nothing(rng: np.random.Generator) -> None:
+    call = problem()[0]
+    search(call)
+    trees, space = call.work.trees, call.work.space
+    size, lost = int(trees.integers[FIRST_SIZE]), {2}
+    for node in range(3, size):
+        if int(trees.parents[node]) in lost:
+            lost.add(node)
+    cut_off(trees, 6, 0, 2)
+    assert set(np.flatnonzero(np.isinf(trees.q[: 6 * size].reshape(-1, 6)).all(axis=1)).tolist()) == lost
+    for _ in range(50):
+        assert nearest_node(trees, space, 6, 0, rng.uniform(space.low, space.high)) not in lost
+
+
+def test_random_configurations_lie_where_a_way_is_quick_enough() -> None:
+    call = problem()[0]
+    search(call)
+    work: MotionWork = call.work
+    trees, space = work.trees, work.space
+    start, goal = trees.q[:6], trees.q[1024 * 6 :][:6]
+    direct = time_of(call, np.array([start, angles.nearest_copy(goal, start, space.unlimited == 1)]))
+    for bound in (1.05 * direct, 1.5 * direct, 4.0 * direct):
+        trees.numbers[BOUND], quick, seen = bound, 0, []
+        for _ in range(100):
+            draw(trees, space, 6, work.generator)
+            seen.append(trees.sample.copy())
+            quick += is_worth(trees, space, 6, trees.sample)
+            assert (space.low <= trees.sample).all()
+            assert (trees.sample <= space.high).all()
+        assert quick > 90
+        assert (np.ptp(seen, axis=0) > 0.0).all()
 
 
 def test_a_search_without_room_says_so() -> None:

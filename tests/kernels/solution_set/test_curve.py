@@ -110,24 +110,24 @@ def test_the_cubic_through_two_nodes_is_near_the_curve(curve: Curve) -> None:
     errors = []
     for h in (0.08, 0.04):
         a, b = nodes_along(curve, FIRST, 1, h)
-        x, t = np.empty(7), np.empty(7)
-        assert point_across(curve.chain, curve.T, a, b, 0.5, x, t, make_walk())
-        assert residual(curve, x) < NODE_RESIDUAL
-        errors.append(max(abs(cubic(a, b, chord_length(a, b), 0.5, j) - x[j]) for j in JOINTS))
+        walk = make_walk()
+        assert point_across(curve.chain, curve.T, a, b, 0.5, walk)
+        assert residual(curve, walk.z) < NODE_RESIDUAL
+        errors.append(max(abs(cubic(a, b, chord_length(a, b), 0.5, j) - walk.z[j]) for j in JOINTS))
     assert errors[0] < 1e-3
     assert errors[1] < 0.2 * errors[0] + 1e-12
 
 
 def test_points_where_an_angle_has_a_value(curve: Curve, rng: np.random.Generator) -> None:
-    walk, x, t = make_walk(), np.empty(7), np.empty(7)
-    nodes = nodes_along(curve, FIRST, 12, 0.1)
+    walk = make_walk()
+    x, t, nodes = walk.z, walk.tz, nodes_along(curve, FIRST, 12, 0.1)
     tried = 0
     for a, b in pairwise(nodes):
         length = chord_length(a, b)
         for j in JOINTS:
             value = a[j] + rng.uniform(0.02, 0.98) * (b[j] - a[j])
             u = cubic_root(a, b, length, j, value, 0.0, 1.0)
-            assert point_at(curve.chain, curve.T, a, b, j, value, u, x, t, walk)
+            assert point_at(curve.chain, curve.T, a, b, j, value, u, walk)
             assert x[j] == pytest.approx(value, abs=1e-13)
             assert residual(curve, x) < 2.0 * NODE_RESIDUAL
             np.testing.assert_allclose(curve.robot.jacobian(x) @ t, 0.0, atol=1e-9)
@@ -137,25 +137,24 @@ def test_points_where_an_angle_has_a_value(curve: Curve, rng: np.random.Generato
 
 def test_points_where_an_angle_stands_still(curve: Curve) -> None:
     """They are its extremes: beside them it is less, or more; points just short of them are found on both sides."""
-    walk, x, t = make_walk(), np.empty(7), np.empty(7)
-    nodes = nodes_along(curve, FIRST, 60, 0.08)
+    walk = make_walk()
+    z, nodes = walk.z, nodes_along(curve, FIRST, 60, 0.08)
     tried = 0
     for a, b in pairwise(nodes):
         for j in JOINTS:
             if not (a[7 + j] * b[7 + j] < 0.0 and min(abs(a[7 + j]), abs(b[7 + j])) > 1e-3):
                 continue
-            assert point_where_still(curve.chain, curve.T, a, b, j, x, t, walk)
-            assert abs(t[j]) < 1e-11
-            assert residual(curve, x) < NODE_RESIDUAL
-            top, side = x.copy(), 1.0 if a[7 + j] > 0.0 else -1.0
-            z, tz = np.empty(7), np.empty(7)
+            assert point_where_still(curve.chain, curve.T, a, b, j, walk)
+            assert abs(walk.tz[j]) < 1e-11
+            assert residual(curve, z) < NODE_RESIDUAL
+            top, side = z.copy(), 1.0 if a[7 + j] > 0.0 else -1.0
+            top_node = np.concatenate([top, walk.tz])
             for u in np.linspace(0.0, 1.0, 9):
-                assert point_across(curve.chain, curve.T, a, b, u, z, tz, walk)
+                assert point_across(curve.chain, curve.T, a, b, u, walk)
                 assert side * (z[j] - top[j]) <= 1e-15
             if side * (a[j] - b[j]) < -1e-7:  # below the extreme, on the way up to it
                 value = top[j] - side * 1e-9
-                top_node = np.concatenate([top, t])
-                assert point_at(curve.chain, curve.T, a, top_node, j, value, 0.999, z, tz, walk)
+                assert point_at(curve.chain, curve.T, a, top_node, j, value, 0.999, walk)
                 assert z[j] == pytest.approx(value, abs=1e-14)
                 assert residual(curve, z) < 2.0 * NODE_RESIDUAL
             tried += 1

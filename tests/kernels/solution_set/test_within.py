@@ -144,10 +144,10 @@ def extreme(curve: Curve, loops: Loops, joint: int) -> Array:
     top = int(nodes[:-1, joint].argmax())
     before = nodes[top - 1] if top > 0 else nodes[-2]
     after = nodes[top + 1]
-    x, t = np.empty(7), np.empty(7)
+    walk = make_walk()
     a, b = (nodes[top], after) if nodes[top, 7 + joint] > 0.0 else (before, nodes[top])
-    assert point_where_still(curve.chain, curve.T, a, b, joint, x, t, make_walk())
-    return x
+    assert point_where_still(curve.chain, curve.T, a, b, joint, walk)
+    return walk.z
 
 
 @pytest.mark.parametrize("joint", [1, 5])

@@ -80,11 +80,11 @@ def pin_q(model: pin.Model, mj: mujoco.MjModel, q: NDArray[np.float64]) -> NDArr
 
 def test_files_are_what_the_table_says(generator: ModuleType) -> None:
     texts = generator.files()
-    assert set(texts) == {p.name for p in FOLDER.iterdir() if p.suffix in {".xml", ".urdf"}}
+    assert set(texts) == {p.name for p in FOLDER.iterdir() if p.suffix in {".xml", ".urdf", ".json"}}
     expected = {f"{name}.{suffix}" for name in NAMES for suffix in ("urdf", "xml")}
     parts = {bundled.part_file(name, part).name for name in JACOS for part in ("arm", "hand")}
     assert {"jaco_arm.xml", "jaco_hand.xml"} < parts
-    assert set(texts) == expected | parts
+    assert set(texts) == expected | parts | {bundled.WRITTEN}
     for name, text in texts.items():
         assert (FOLDER / name).read_bytes() == text.encode(), f"{name} is stale: run python urdf/generate.py"
 
@@ -118,6 +118,10 @@ def test_every_number_has_a_unit_and_a_source() -> None:
     assert len(numbers) > 500
     assert not [path + "." + key for path, key, _ in numbers if key not in units]
     assert not [path + "." + key for path, key, source in numbers if source not in sources]
+
+
+def test_the_package_reads_what_the_tables_say() -> None:
+    assert bundled.robot_table() == bundled.read_tables(FOLDER, *bundled.TABLES)
 
 
 def test_no_section_is_in_both_tables() -> None:

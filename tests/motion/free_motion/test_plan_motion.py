@@ -202,17 +202,17 @@ def test_a_fine_referee_finds_no_contact(robot: Robot, seed: int) -> None:
     check(robot, WALL, motion, step=FINE)
 
 
-def test_jerk_is_limited_on_lines_between_stops(robot: Robot, rng: np.random.Generator) -> None:
-    pytest.importorskip("ruckig")
+def test_jerk_is_limited_through_corners(robot: Robot, rng: np.random.Generator) -> None:
     start, pose = ways_through(robot, rng)
     solver = IKSolver(robot, collision="reject", scene=WALL)
+    pose = plan_motion(solver, start, pose, time_limit=30.0, ways=1).q[-1]  # with stops, another one may be nearer
     plain = plan_motion(solver, start, pose, time_limit=30.0, ways=1)
     motion = plan_motion(solver, start, pose, time_limit=30.0, ways=1, jerk_limit=4.0)
     check(robot, WALL, motion)
     np.testing.assert_array_equal(motion.q[[0, -1]], plain.q[[0, -1]])
-    assert motion.duration > plain.duration
+    assert plain.duration < motion.duration < 1.25 * plain.duration
     jerk = np.diff(motion.a, axis=0) / np.diff(motion.t)[:, None]
-    assert np.abs(jerk[:-1]).max() <= 4.0 * (1.0 + 1e-6)
+    assert np.abs(jerk).max() <= 4.0 * (1.0 + 1e-6)
     assert np.abs(motion.a[[0, -1]]).max() < 1e-9
 
 

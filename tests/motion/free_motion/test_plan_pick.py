@@ -14,7 +14,7 @@ from jacokin import IKSolver, Robot
 from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.ik import Box, Scene
 from jacokin.motion import Grasp, Trajectory, grasps, plan_motion, plan_path, plan_pick
-from jacokin.motion.free_motion import plan_pick as module
+from jacokin.motion.free_motion import handling
 
 TABLE = Box("table", [0.6, 1.2, 0.05], [0.5, 0.0, -0.025])
 CUP = Box("cup", [0.06, 0.08, 0.12], jacokin.pose([0.45, 0.2, 0.061], rpy=[0.0, 0.0, 0.4]))
@@ -103,7 +103,7 @@ def test_the_next_line_is_tried(robot: Robot, monkeypatch: pytest.MonkeyPatch) -
             raise InvalidInputError("the path takes 4e+07 s")
         return real(*given, **options)
 
-    monkeypatch.setattr(module, "plan_path", fails_at_first)
+    monkeypatch.setattr(handling, "plan_path", fails_at_first)
     solver = IKSolver(robot, scene=SCENE)
     pick = plan_pick(solver, robot.home, grasps.box(CUP.size, CUP.pose), obstacle="cup", lift=0.0, time_limit=20.0)
     assert pick.success, pick.message

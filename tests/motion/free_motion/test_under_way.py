@@ -86,8 +86,8 @@ def test_a_goal_that_stays_is_reached_as_soon(robot: Robot) -> None:
         more.append(time + motion.duration - first.duration)
         on += "going on" in motion.message
     assert np.median(more) < 0.02
-    assert max(more) < 0.2
-    assert on >= 20
+    assert max(more) < 0.1
+    assert on >= 18  # while it brakes as hard as it may, a stop just before the goal comes first
 
 
 def test_goals_that_move_are_reached_around_a_wall(through: Any) -> None:
@@ -218,7 +218,6 @@ def test_the_motion_of_a_tracker_is_gone_on_with(robot: Robot) -> None:
 
 
 def test_torques_and_jerk_are_limited_too(robot: Robot) -> None:
-    pytest.importorskip("ruckig")
     solver, state = IKSolver(robot), state_of(robot, 0.5 * robot.velocity_limit)
     goal = robot.home + 0.4
     motion = plan_motion(solver, state, goal, jerk_limit=4.0)

@@ -1,0 +1,61 @@
+"""From a module of LLVM's language to machine code. Run as a program, it writes the object files of one module.
+
+It needs llvmlite and not numba: the modules come from `compiling`.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import sys
+from pathlib import Path
+
+import llvmlite.binding as llvm
+from llvmlite.binding import ModuleRef, TargetMachine
+
+from build_kernels.targets import HERE, TARGETS, Target
+
+
+def emit(module: ModuleRef, target: Target = HERE) -> bytes:
+    """Machine code of a module: it stays as it is for another machine, and is optimised in place for this one.
+
+    Raises:
+        RuntimeError: it calls what is not there without numba.
+    """
+    process = ctypes.CDLL(None)  # what a process without numba finds; llvmlite would find numba's functions as well
+    machine = target_machine(target)
+    if target.triple:
+        module = llvm.parse_bitcode(module.as_bitcode())
+        module.triple, module.data_layout = target.triple, str(machine.target_data)
+    optimise(module, machine)
+    for called in module.functions:
+        if called.is_declaration and not called.name.startswith("llvm.") and not hasattr(process, called.name):
+            raise RuntimeError(f"the compiled kernels call {called.name}, which exists within numba only")
+    return bytes(machine.emit_object(module))
+
+
+def target_machine(target: Target = HERE) -> TargetMachine:
+    """The oldest processor of this kind: the same code, and the same bits, run on all of them."""
+    llvm.initialize_all_targets()
+    llvm.initialize_all_asmprinters()
+    kind = llvm.Target.from_triple(target.triple) if target.triple else llvm.Target.from_default_triple()
+    reloc, model = ("static", "default") if target.is_wasm else ("pic", "small")
+    return kind.create_target_machine(cpu="generic", features="", opt=3, reloc=reloc, codemodel=model, jit=False)
+
+
+def optimise(module: ModuleRef, machine: TargetMachine) -> None:
+    """Run LLVM's third level of optimisation: it keeps every rounding."""
+    options = llvm.create_pipeline_tuning_options(speed_level=3)
+    options.loop_vectorization = options.slp_vectorization = True
+    builder = llvm.create_pass_builder(machine, options)
+    builder.getModulePassManager().run(module, builder)
+
+
+def main(file: str, *places: str) -> None:
+    """Write object files of the module in a file: for each target in turn, its name and a file."""
+    module = llvm.parse_bitcode(Path(file).read_bytes())
+    for name, place in zip(places[::2], places[1::2], strict=True):
+        Path(place).write_bytes(emit(module, TARGETS.get(name, HERE)))
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
