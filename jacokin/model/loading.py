@@ -8,6 +8,7 @@ import stat
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -81,25 +82,16 @@ def load_robot(
     path, name = _resolve(robot)
     checks.optional(checks.instance, "base", base, str, "the name of a frame")
     checks.optional(checks.instance, "tip", tip, str, "the name of a frame")
-    folders = [
-        checks.path(f"package_dirs[{index}]", folder, "a folder")
-        for index, folder in enumerate(checks.listed("package_dirs", package_dirs))
-    ]
+    folders = _folders(package_dirs)
     finger_angle = checks.optional(checks.number, "finger_angle", finger_angle, "rad")
     described = _read(path, name)
     if name:
         tip = tip or TIP_OF_BUNDLED
         finger_angle = bundled.open_angle(name) if finger_angle is None else finger_angle
     disabled, said = _disabled_pairs(path, described, srdf)
-    leaders = {joint: each.leader for each in described.couplings if each.leader for joint in each.followers}
-    ends = chain.find_ends(described.model, base, tip, leaders)
-    followers = _followers(described, ends)
-    held = _held(described, ends, locked, followers)
-    reference = _locked_reference(described.model, described.reference, finger_angle, held, followers)
-    model = chain.extract(described.model, reference, ends, name or described.model.name or path.stem)
-    _refuse_coupled(model, described.couplings)
-    if finger_angle is not None:
-        _check_fingers(described.model, model, finger_angle)
+    model, ends, held, followers = _cut_out(
+        described, name or described.model.name or path.stem, (base, tip), finger_angle, locked
+    )
     own_limits = () if limits is None else _override_limits(model, limits)
     if velocity_limit is not None:
         model.velocityLimit = checks.positive_vector("velocity_limit", velocity_limit, model.nv, "rad/s")
@@ -133,6 +125,41 @@ def load_robot(
         notes=find_notes,
         point_filter=filter_points,
     )
+
+
+def _folders(package_dirs: Sequence[str | Path]) -> list[Path]:
+    """Checked paths of folders."""
+    given = checks.listed("package_dirs", package_dirs)
+    return [checks.path(f"package_dirs[{index}]", folder, "a folder") for index, folder in enumerate(given)]
+
+
+class _Arm(NamedTuple):
+    """An arm cut out of a description."""
+
+    model: pin.Model
+    ends: chain.Ends
+    held: dict[str, float]  # joints off the arm that are locked by name [rad] or [m]
+    followers: tuple[tuple[str, str, float, float], ...]  # see `_followers`
+
+
+def _cut_out(
+    described: chain.Description,
+    name: str,
+    frames: tuple[str | None, str | None],
+    finger_angle: float | None,
+    locked: Mapping[str, float] | None,
+) -> _Arm:
+    """The chain between two frames, base and tip, all other joints locked; errors as `load_robot`."""
+    leaders = {joint: each.leader for each in described.couplings if each.leader for joint in each.followers}
+    ends = chain.find_ends(described.model, *frames, leaders)
+    followers = _followers(described, ends)
+    held = _held(described, ends, locked, followers)
+    reference = _locked_reference(described.model, described.reference, finger_angle, held, followers)
+    model = chain.extract(described.model, reference, ends, name)
+    _refuse_coupled(model, described.couplings)
+    if finger_angle is not None:
+        _check_fingers(described.model, model, finger_angle)
+    return _Arm(model, ends, held, followers)
 
 
 def _calibrate(model: pin.Model, base: str, calibration: str | Path | MeasuredArm) -> MeasuredArm:

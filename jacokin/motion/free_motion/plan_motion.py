@@ -277,8 +277,7 @@ class _Request:
         if len(still) and (search is None or not search.contact.touches(self.start)):
             there = self._timed(self.start[None], None)
             return self._go(there, goals[int(still[0])], None if search is None else search.contact, "")
-        order = np.argsort(self._times(rows, self.start), kind="stable")
-        rows, goals = rows[order], [goals[k] for k in order.tolist()]
+        rows, goals = self._in_order(rows, goals, self.start)
         beginning = self._begin(search, rows)
         if isinstance(beginning, Trajectory):
             return beginning
@@ -286,8 +285,7 @@ class _Request:
         if search is None:
             way = np.array([*before, rows[0]])
             return self._go(self._timed(way, None), goals[0], None, note)
-        order = np.argsort(self._times(rows, before[-1]), kind="stable")
-        rows, goals = rows[order], [goals[k] for k in order.tolist()]
+        rows, goals = self._in_order(rows, goals, before[-1])
         search.begin(before[-1], rows, self.speed, rng)
         straight = search.go_straight()
         after, nearness = self._land(search, straight, rows, before[-1])
@@ -299,24 +297,28 @@ class _Request:
         blocked = np.array([k for k in straight.blocked.tolist() if k not in nearness], dtype=np.intp)
         straight = StraightMotion(straight.reached, blocked, straight.touching)
         if straight.reached < 0 and not len(straight.blocked):
-            reasons = [f"touch something: {_named(straight.touching)}"] if straight.touching else []
-            if nearness:
-                reasons.append(f"are nearer to something than motions are kept: {next(iter(nearness.values()))}")
-            sentence = f"all {len(rows)} configurations that reach the goal {', or '.join(reasons)}"
-            return self._stay(MotionStatus.GOAL_IN_CONTACT, sentence)
+            return self._stay(MotionStatus.GOAL_IN_CONTACT, _why_no_goal(len(rows), straight, nearness))
         best = self._quickest(search, straight, rows, _Ends(before[:-1], after), deadline)
         if isinstance(best, Found):
-            cut = "within the time" if time.monotonic() >= deadline else "in all samples"
-            sentence = (
-                f"no way was found {cut} ({best.samples} samples); two parts of one came within "
-                f"{best.nearest * self.unit:.3g} s of motion of each other; most often in the way: "
-                f"{_named(search.hindrances)}"
-            )
-            return self._stay(MotionStatus.NO_WAY, sentence)
+            return self._stay(MotionStatus.NO_WAY, self._why_no_way(search, best, deadline))
         timed, number = best
         reached = goals[number]
         end = Goal(checks.read_only(timed.way[-1]), reached.number, reached.target, reached.parameter)
         return self._go(timed, end, search.contact, note)
+
+    def _in_order(self, rows: Array, goals: list[Goal], start: Array) -> tuple[Array, list[Goal]]:
+        """Goals, and their configurations (n, dof), by the time of a straight motion from a configuration."""
+        order = np.argsort(self._times(rows, start), kind="stable")
+        return rows[order], [goals[k] for k in order.tolist()]
+
+    def _why_no_way(self, search: WaySearch, found: Found, deadline: float) -> str:
+        """What a search that ended without a way has seen."""
+        cut = "within the time" if time.monotonic() >= deadline else "in all samples"
+        return (
+            f"no way was found {cut} ({found.samples} samples); two parts of one came within "
+            f"{found.nearest * self.unit:.3g} s of motion of each other; most often in the way: "
+            f"{_named(search.hindrances)}"
+        )
 
     def _times(self, rows: Array, start: Array) -> Array:
         """Of straight motions from a configuration (dof,) to some (n, dof), at full speed."""
@@ -567,6 +569,14 @@ def _unlooked_contact(solver: IKSolver) -> Contact | None:
         if solver.verifier.options.collision == "ignore" or solver.robot.source.content is None:
             return None
         raise
+
+
+def _why_no_goal(count: int, straight: StraightMotion, nearness: Mapping[int, str]) -> str:
+    """Why none of so many configurations that reach the goal can be one."""
+    reasons = [f"touch something: {_named(straight.touching)}"] if straight.touching else []
+    if nearness:
+        reasons.append(f"are nearer to something than motions are kept: {next(iter(nearness.values()))}")
+    return f"all {count} configurations that reach the goal {', or '.join(reasons)}"
 
 
 def _named(pairs: Counter[tuple[str, str]]) -> str:
