@@ -34,7 +34,7 @@ CONSTANTS = {
 }
 HEADER = "arrays.h"
 #: Functions of the C library that are called by their oldest version, on Linux: by `glibc.c`, which others leave out.
-WRAPPED = ("hypot", "exp", "log")
+WRAPPED = ("hypot", "exp", "log", "pow")
 OLDEST = "glibc.c"
 
 
