@@ -14,16 +14,14 @@ import sys
 import sysconfig
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import pytest
 
 import jacokin
-
-T = TypeVar("T")
 
 HERE = Path(__file__).parent
 BESIDE = HERE / "beside_ros.py"
@@ -229,17 +227,6 @@ def free_port() -> int:
     with socket.socket() as listening:
         listening.bind(("127.0.0.1", 0))
         return int(listening.getsockname()[1])
-
-
-def again_where_held_up(attempt: Callable[[], T]) -> T:
-    """What an attempt brings; two more are made where the end is MISSED, as by a twin that its machine holds up."""
-    for _ in range(2):
-        try:
-            return attempt()
-        except AssertionError as said:
-            if "MISSED" not in str(said):
-                raise
-    return attempt()
 
 
 def finish(process: subprocess.Popen[str]) -> tuple[int, str, str]:

@@ -14,7 +14,7 @@ import pytest
 
 from jacokin.motion import Trajectory
 from tests.docs.test_snippets import ROOT, blocks
-from tests.ros.nodes import PYTHON, SENDER, Ros, Twin, again_where_held_up, at_work, finish, heed_signals
+from tests.ros.nodes import PYTHON, SENDER, Ros, Twin, at_work, finish, heed_signals
 
 pytestmark = pytest.mark.slow
 PAGE = ROOT / "docs" / "real_arm.md"
@@ -127,13 +127,19 @@ def test_a_goal_to_kinova_ros(ros1: Ros, folder: Path) -> None:
         ends_there(twin, folder, OPEN_LOOP)
 
 
-def test_ros2(ros2: Ros, folder: Path) -> None:
-    def attempt() -> None:
+@pytest.mark.parametrize("tries", [3])
+def test_ros2(ros2: Ros, folder: Path, tries: int) -> None:
+    """A twin that a machine holds up for seconds is not there in time: the page's command is given to another one."""
+    for left in range(tries, 0, -1):
         with ros2.twin("--ros", 2, *start(folder)) as twin:
-            done(ros2, of_page("run lift.csv --ros 2"), folder)
+            try:
+                done(ros2, of_page("run lift.csv --ros 2"), folder)
+            except AssertionError as said:
+                if "MISSED" in str(said) and left > 1:
+                    continue
+                raise
             ends_there(twin, folder)
-
-    again_where_held_up(attempt)
+            return
 
 
 def test_a_goal_to_ros2(ros2: Ros, folder: Path) -> None:

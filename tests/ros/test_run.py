@@ -18,7 +18,7 @@ import pytest
 
 import jacokin
 from jacokin.motion import Trajectory, move_joints
-from tests.ros.nodes import Master, Ros, Twin, again_where_held_up, at_work, finish, heed_signals
+from tests.ros.nodes import Master, Ros, Twin, at_work, finish, heed_signals
 
 pytestmark = pytest.mark.slow
 VERSIONS = (1, 2)
@@ -80,13 +80,10 @@ def away(record: dict[str, Any], motion: Trajectory) -> float:
 
 @pytest.mark.parametrize("faults", ["", "lag=0.02,loss=0.05"])
 def test_the_arm_ends_where_the_file_does(ros: Ros, version: int, motion: Trajectory, file: Path, faults: str) -> None:
-    def attempt() -> tuple[str, dict[str, Any]]:
-        with ros.twin("--ros", version, "--faults", faults) as twin:
-            status, output, errors = finish(start(ros, version, file))
-            assert status == 0, output + errors
-            return output, twin.ends()[1]
-
-    output, record = again_where_held_up(attempt)
+    with ros.twin("--ros", version, "--faults", faults) as twin:
+        status, output, errors = finish(start(ros, version, file))
+        assert status == 0, output + errors
+        _, record, _ = twin.ends()
     said = json.loads(output)
     assert said["status"] == "ARRIVED"
     assert away(record, motion) < CLOSE
@@ -174,13 +171,10 @@ def test_without_an_arm_it_says_so(ros: Ros, version: int, file: Path) -> None:
 
 
 def test_fingers_move_with_the_joints(ros: Ros, version: int, motion: Trajectory, file: Path) -> None:
-    def attempt() -> tuple[dict[str, Any], str]:
-        with ros.twin("--ros", version) as twin:
-            status, output, errors = finish(start(ros, version, file, "--fingers", 0.5))
-            assert status == 0, output + errors
-            return twin.ends()[1:]
-
-    record, said = again_where_held_up(attempt)
+    with ros.twin("--ros", version) as twin:
+        status, output, errors = finish(start(ros, version, file, "--fingers", 0.5))
+        assert status == 0, output + errors
+        _, record, said = twin.ends()
     assert away(record, motion) < CLOSE
     if version == 1:
         assert record["goals"] == 1, said
