@@ -253,7 +253,7 @@ class SimulationOptions:
         if self.cameras:
             choose_renderer()
         from jacokin import tasks
-        from jacokin.teleop.task_arm import CONTROL
+        from jacokin.teleop.demonstrations import CONTROL
 
         if ":" in self.task:
             sys.path.insert(0, "")

@@ -485,7 +485,7 @@ def find_home(robot: Robot) -> Home:
 
 def filter_points(robot: Robot, q: ArrayLike, points: ArrayLike, margin: float, scene: SceneLike | None) -> Array:
     """The points that are not on the arm; see `Robot.without_own_points`."""
-    from jacokin.model.own_points import without_own_points  # which needs Robot
+    from jacokin.model.surrounded import without_own_points  # which needs Robot
 
     return without_own_points(robot, q, points, margin, scene)
 

@@ -13,8 +13,8 @@ from jacokin.errors import InvalidInputError
 from jacokin.files import MESSAGE, read_json
 from jacokin.logs import Log, Recording
 from jacokin.logs.bag import ENDINGS as LOGS
+from jacokin.logs.messages import find_joints
 from jacokin.model import checks
-from jacokin.model.joint_names import find_joints
 from jacokin.model.robot import Robot
 from jacokin.motion import files
 from jacokin.motion.trajectory import Trajectory

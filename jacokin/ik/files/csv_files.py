@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from jacokin import files
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
-from jacokin.ik.files.carried import as_texts
-from jacokin.ik.files.targets import ANSWERS, Columns, FilePart, TargetFile, choose_columns, target_rows
+from jacokin.ik.files.targets import ANSWERS, Columns, FilePart, TargetFile, as_texts, choose_columns, target_rows
 from jacokin.ik.results import BatchResult
 from jacokin.model import checks
 

@@ -12,8 +12,7 @@ import numpy as np
 from jacokin import files
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
-from jacokin.ik.files.carried import as_arrow
-from jacokin.ik.files.targets import Columns, FilePart, TargetFile, choose_columns, equal_parts, target_rows
+from jacokin.ik.files.targets import Columns, FilePart, TargetFile, as_arrow, choose_columns, equal_parts, target_rows
 from jacokin.ik.results import BatchResult
 
 if TYPE_CHECKING:

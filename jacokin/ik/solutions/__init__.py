@@ -2,9 +2,9 @@
 
 Read `solution_set` first.
 
-solution_set     the answer: what points and curves have in common
+solution_set     the answer: what points and curves have in common; what is along one curve, from start to stop of
+                 the parameter
 points           configurations where no parameter is free
-interval         what is along one curve, from start to stop of the parameter
 curve_set        intervals of the parameter on each branch
 picture          a set drawn
 search           from a target to its curves, and to the member that is wanted
