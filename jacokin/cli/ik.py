@@ -111,7 +111,7 @@ class TargetOptions:
 
 
 @dataclass(frozen=True, slots=True)
-class SolverOptions:
+class SolvingOptions:
     """How a pose is solved for, and when it counts as reached."""
 
     method: str = option("--method", default="auto", metavar="NAME", help="auto, closed_form or qp.")
@@ -162,7 +162,7 @@ def ik(
     given: IKOptions,
     wanted: TargetOptions,
     batch: BatchOptions,
-    solving: SolverOptions,
+    solving: SolvingOptions,
     around: SceneOptions,
     tool: ToolOptions,
     form: FormOptions,

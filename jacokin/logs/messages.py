@@ -112,7 +112,7 @@ def joint_record(topic: Topic, messages: Messages, zero: int, robot: Robot, pref
     """
     read = _Joints(robot, prefix)
     rows = _rows(read, topic.type, messages)
-    times, q, v, torque = _Times(topic), _Columns(robot.dof), _Columns(robot.dof), _Columns(robot.dof)
+    times, q, v, torque = _Times(topic), _ValueColumns(robot.dof), _ValueColumns(robot.dof), _ValueColumns(robot.dof)
     for row in rows:
         times.add(row.received, row.stamp)
         for column, values in zip((q, v, torque), row[2:], strict=True):
@@ -148,7 +148,7 @@ def pose_record(topic: Topic, messages: Messages, zero: int) -> PoseRecord:
         InvalidInputError: no message has a pose, their frames differ, or their clock goes back.
     """
     is_point = topic.type.endswith("PointStamped")
-    times, numbers, frames, count = _Times(topic), _Columns(3 if is_point else 7), set[str](), 0
+    times, numbers, frames, count = _Times(topic), _ValueColumns(3 if is_point else 7), set[str](), 0
     for received, message in messages:
         count += 1
         stamp, frame, values = _pose(topic.type, message)
@@ -174,7 +174,7 @@ def pose_record(topic: Topic, messages: Messages, zero: int) -> PoseRecord:
     )
 
 
-class _Columns:
+class _ValueColumns:
     """Rows of numbers that are added one by one, in little memory.
 
     Attributes:

@@ -166,7 +166,7 @@ def _placeholder(columns: tuple[str, ...]) -> Array:
 
 
 @dataclass(frozen=True, slots=True)
-class Columns:
+class TargetColumns:
     """The columns of a file that make a target, and those that are carried through.
 
     Attributes:
@@ -183,7 +183,7 @@ class Columns:
     count: int
 
 
-def choose_columns(path: Path, header: Sequence[str], place: str = ", line 1") -> Columns:
+def choose_columns(path: Path, header: Sequence[str], place: str = ", line 1") -> TargetColumns:
     """The columns to read; `place` is where in the file they are named.
 
     Raises:
@@ -209,7 +209,7 @@ def choose_columns(path: Path, header: Sequence[str], place: str = ", line 1") -
             f"{place}: column {', '.join(turned)} looks like an orientation, which would be lost: orientations are "
             f"{', '.join(QUATERNION)}, or {', '.join(RPY)} [rad], or {', '.join(MATRIX)}; rename what is not one"
         )
-    return Columns(wanted, tuple(names.index(name) for name in wanted), carried, len(names))
+    return TargetColumns(wanted, tuple(names.index(name) for name in wanted), carried, len(names))
 
 
 def _orientation(names: Sequence[str], place: str) -> tuple[str, ...]:
