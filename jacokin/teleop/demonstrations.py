@@ -30,8 +30,7 @@ from jacokin.model.robot import Robot
 from jacokin.model.scene import Scene
 from jacokin.motion.tracking.tracker import Tracker
 from jacokin.mujoco_bridge import robots
-from jacokin.tasks.datasets.placing import episodes_folder
-from jacokin.tasks.datasets.recorded import Recorded
+from jacokin.tasks.datasets.recorded import Recorded, episodes_folder
 from jacokin.tasks.datasets.recording import EndEpisode, checked_environment, checked_writer, describe, run_episode
 from jacokin.tasks.gym.controls import FINGERS
 from jacokin.tasks.gym.environment import TaskEnv

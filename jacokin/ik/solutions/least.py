@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.ik.preferences import Cost, copies_to_try
-from jacokin.ik.solutions.members import LostMemberError, Members
-from jacokin.ik.solutions.track import CurveTrack
+from jacokin.ik.solutions.members import CurveTrack, LostMemberError, Members
 from jacokin.model.angles import TURN
 
 #: Local minima among the guesses that are looked at exactly.

@@ -20,9 +20,8 @@ from jacokin.ik.results import IKResult
 from jacokin.ik.solutions.curve_arm import CIRCLE, DIMENSIONS, FOLD, CurveArm, CurveProblem, Curves
 from jacokin.ik.solutions.curve_set import CurveSet, TrackInterval
 from jacokin.ik.solutions.least import least, minima
-from jacokin.ik.solutions.members import LostMemberError, Members
+from jacokin.ik.solutions.members import STANDING, CurveTrack, LostMemberError, Members
 from jacokin.ik.solutions.solution_set import IntervalEnd
-from jacokin.ik.solutions.track import STANDING, CurveTrack
 from jacokin.ik.targets import Request, TargetPose, combined_error
 from jacokin.ik.verification import Candidate, Verifier
 from jacokin.model import angles

@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, MissingExtraError
-from jacokin.tasks.datasets.placing import placing
-from jacokin.tasks.datasets.recorded import SINGLE, Recorded, checked_description, read_json, reading
+from jacokin.tasks.datasets.recorded import SINGLE, Recorded, checked_description, placing, read_json, reading
 from jacokin.tasks.datasets.video import VideoRecorder, find_ffmpeg
 from jacokin.tasks.gym.environment import TaskEnv
 from jacokin.tasks.gym.packing import PROPRIOCEPTION
