@@ -79,7 +79,7 @@ class Command(click.Command):
         """Run the command.
 
         Raises:
-            Refusal: the input is wrong; says so with the names of the options.
+            InvalidInputError: says what is wrong, with the names of the options.
         """
         try:
             self._check_finite(ctx)
@@ -93,7 +93,7 @@ class Command(click.Command):
             units = ctx.params.get("units")
             if isinstance(units, Units) and not any(name in text for name in ALWAYS_RADIANS):
                 text = units.in_words(text)
-            raise Refusal(text) from error
+            raise InvalidInputError(text) from error
         return result
 
     def _check_finite(self, ctx: click.Context) -> None:
@@ -121,10 +121,6 @@ class NumberList(click.Option):
     def __init__(self, declarations: list[str], **settings: Any) -> None:  # Any: click's own
         """Give the command a list of numbers, or what a callback makes of the text."""
         super().__init__(declarations, **{"callback": read_numbers, **settings})
-
-
-class Refusal(Exception):  # noqa: N818 - it is not an error of the program
-    """The sentence that says what is wrong with the input."""
 
 
 def option(*flags: str, **settings: Any) -> Any:  # Any: click's own, and a field of any type
