@@ -25,7 +25,6 @@ from jacokin import IKSolver, Robot, plan_motion
 from jacokin.arrays import Array
 from jacokin.ik import Box, Cylinder, Floor, Obstacle, Scene
 from jacokin.model.mujoco_twin import to_spec
-from jacokin.model.obstacles import add_to_spec
 from jacokin.motion import Trajectory
 
 ROBOTS = ("j2n6s300", "j2s7s300")
@@ -231,7 +230,8 @@ def faults(robot: Robot, problem: Problem, motion: Trajectory, step: float) -> l
         wrong.append("goal missed")
     spec = to_spec(robot, geometry=True)
     moving = [geom.name for geom in spec.geoms if geom.parent.parent.name != "world"]
-    add_to_spec(spec, problem.scene.obstacles)
+    for obstacle in problem.scene.obstacles:
+        obstacle.add_to(spec.worldbody)
     for obstacle in problem.scene.obstacles:
         for name in moving:
             spec.add_pair(name=f"{obstacle.name}~{name}", geomname1=obstacle.name, geomname2=name)

@@ -5,21 +5,59 @@ It is told what counts by rules written anew: the package finds contact on array
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import mujoco
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
 
 from jacokin import Robot
 from jacokin.arrays import Array
 from jacokin.kernels.contact.run import LIST_TOUCHING, TASK, make_contact_work, run_contact
+from jacokin.kernels.contact.touching import Geometry
 from jacokin.kernels.library import Call
 from jacokin.model import poses
-from jacokin.model.contact_arrays import contact_arrays
+from jacokin.model.contact_arrays import arm_arrays, joined, joints_about_z, shape_row, world_arrays
 from jacokin.model.descriptions import mjcf
+from jacokin.model.descriptions.shapes import Shape
 from jacokin.model.mujoco_twin import body_of_joint, compile_spec, shapes_of_twin, to_spec
-from jacokin.model.obstacles import Surroundings, add_to_spec
+from jacokin.model.obstacles import Surroundings
 from jacokin.model.own_shapes import overlapping
 from jacokin.model.surrounded import allowed_pairs
+
+
+class ContactArrays(NamedTuple):
+    """What the kernels need to know, and whose shapes they are."""
+
+    geometry: Geometry
+    numbers: NDArray[np.intp]
+    """(n,) number of each of them among the shapes given: those of the arm group by group, then the obstacles."""
+
+
+def contact_arrays(
+    model: pin.Model, given: Sequence[Shape], pairs: Sequence[tuple[int, int]], obstacles: Sequence[int]
+) -> ContactArrays:
+    """The arrays for an arm and its obstacles.
+
+    Args:
+        model: the arm, a chain of joints.
+        given: the shapes of the arm and the obstacles.
+        pairs: numbers of the shapes of the arm that count as contact when they touch.
+        obstacles: numbers of obstacles that count against every shape that moves.
+
+    Raises:
+        ShapeError: a shape of an unknown kind.
+    """
+    own = [number for number in range(len(given)) if number not in obstacles]
+    place = {number: index for index, number in enumerate(own)}
+    rows = [shape_row(model, given[number]) for number in own]
+    links, own_pairs = [given[number].joint for number in own], [(place[a], place[b]) for a, b in pairs]
+    arm = arm_arrays(joints_about_z(model), links, rows, own_pairs)
+    world = world_arrays([given[number] for number in obstacles])
+    numbers = np.append(np.array(own)[arm.numbers], obstacles).astype(np.intp)
+    return ContactArrays(joined(arm, world), numbers)
 
 
 class Twin(NamedTuple):
@@ -34,7 +72,8 @@ def compile_twin(robot: Robot, around: Surroundings) -> Twin:
     """The robot's twin with all shapes of a scene."""
     spec = to_spec(robot, geometry=True, finger_angle=around.finger_angle)
     arm = {geom.name: geom.parent.name for geom in spec.geoms}
-    add_to_spec(spec, around.obstacles)
+    for obstacle in around.obstacles:
+        obstacle.add_to(spec.worldbody)
     held = {}
     for each in around.attached:
         frame = robot.pin_model.frames[robot.frame_id(each.to)]

@@ -1,6 +1,6 @@
 """The command line: it parses and prints, and leaves every computation to the packages below it. Read `main` first.
 
-entry, main, process       where `jacokin` starts, its subcommands, its exit codes, streams and signals
+main, process              its subcommands, its exit codes, streams and signals
 command                    commands of click whose options are fields of classes, lists of numbers among them
 options, groups            options that commands have in common, alone and as classes; that files which are read are
                            not overwritten

@@ -82,7 +82,7 @@ class InstrumentOptions:
 
 
 @dataclass(frozen=True, slots=True)
-class LogOptions:
+class RestOptions:
     """What is read from a recording of ROS."""
 
     joints_topic: str | None = options.joints_topic()
@@ -161,7 +161,7 @@ class FitOptions:
         """Option and file of all that is written."""
         return {"--output": self.output, "--report": self.report, "--urdf": self.urdf, "--mjcf": self.mjcf}
 
-    def check(self, source: RobotOptions, recorded: LogOptions, units: Units) -> None:
+    def check(self, source: RobotOptions, recorded: RestOptions, units: Units) -> None:
         """Refuse options that do not go together.
 
         Raises:
@@ -191,7 +191,7 @@ class FitOptions:
 
 @command(FIT, group=calibrate, no_args_is_help=True)
 def fit(
-    given: FitOptions, instrument: InstrumentOptions, recorded: LogOptions, form: FormOptions, source: RobotOptions
+    given: FitOptions, instrument: InstrumentOptions, recorded: RestOptions, form: FormOptions, source: RobotOptions
 ) -> None:
     """Find the arm behind some measurements.
 
@@ -251,7 +251,7 @@ def fit(
 
 
 @dataclass(frozen=True, slots=True)
-class PlanOptions:
+class DesignOptions:
     """How many configurations, and where."""
 
     points: int = option(
@@ -272,7 +272,7 @@ class PlanOptions:
 
 
 @command(group=calibrate)
-def plan(given: PlanOptions, instrument: InstrumentOptions, form: FormOptions, source: RobotOptions) -> None:
+def plan(given: DesignOptions, instrument: InstrumentOptions, form: FormOptions, source: RobotOptions) -> None:
     """Say which configurations to measure, and how good the result will be.
 
     They are clear of contact, those that say most come first.

@@ -61,27 +61,25 @@ class Command(click.Command):
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the arguments and the options into the help."""
-        rows = [(str(each.metavar), each.text) for each in self.params if isinstance(each, Argument)]
-        if rows:
-            with formatter.section("Arguments"):
-                formatter.write_dl(rows)
-        under: dict[str, list[tuple[str, str]]] = {}
-        for each in self.get_params(ctx):
-            row = each.get_help_record(ctx)
-            if row is not None:
-                under.setdefault(self._headings.get(str(each.name), "Options"), []).append(row)
-        if sum(map(len, under.values())) < MANY:
-            super().format_options(ctx, formatter)
-            return
-        for heading, found in under.items():
-            with formatter.section(heading):
-                formatter.write_dl(found)
+        under: dict[str, list[tuple[str, str]]] = {"Arguments": []}
+        parameters = self.get_params(ctx)
+        is_long = sum(not isinstance(each, Argument) for each in parameters) >= MANY
+        for each in parameters:
+            if isinstance(each, Argument):
+                under["Arguments"].append((str(each.metavar), each.text))
+            elif (row := each.get_help_record(ctx)) is not None:
+                heading = self._headings.get(str(each.name), "Options") if is_long else "Options"
+                under.setdefault(heading, []).append(row)
+        for heading, rows in under.items():
+            if rows:
+                with formatter.section(heading):
+                    formatter.write_dl(rows)
 
     def invoke(self, ctx: click.Context) -> object:
         """Run the command.
 
         Raises:
-            Refusal: the input is wrong; says so with the names of the options.
+            InvalidInputError: says what is wrong, with the names of the options.
         """
         try:
             self._check_finite(ctx)
@@ -95,7 +93,7 @@ class Command(click.Command):
             units = ctx.params.get("units")
             if isinstance(units, Units) and not any(name in text for name in ALWAYS_RADIANS):
                 text = units.in_words(text)
-            raise Refusal(text) from error
+            raise InvalidInputError(text) from error
         return result
 
     def _check_finite(self, ctx: click.Context) -> None:
@@ -123,10 +121,6 @@ class NumberList(click.Option):
     def __init__(self, declarations: list[str], **settings: Any) -> None:  # Any: click's own
         """Give the command a list of numbers, or what a callback makes of the text."""
         super().__init__(declarations, **{"callback": read_numbers, **settings})
-
-
-class Refusal(Exception):  # noqa: N818 - it is not an error of the program
-    """The sentence that says what is wrong with the input."""
 
 
 def option(*flags: str, **settings: Any) -> Any:  # Any: click's own, and a field of any type

@@ -49,7 +49,7 @@ def printable(text: str) -> str:
 
 def show_table(title: str | None, columns: Sequence[str], rows: Iterable[Sequence[str]], *, text: int = 1) -> None:
     """Print a table whose first `text` columns are text, broken where it is too wide, and whose others are numbers."""
-    lines = [list(columns), *(list(row) for row in rows)]
+    lines = [columns, *rows]
     widths = _widths(lines, text)
     dash = "─" if (sys.stdout.encoding or "").lower().startswith("utf") else "-"
     rule = " " + dash * (sum(widths) + GAP * (len(widths) - 1) + 2)
@@ -60,7 +60,7 @@ def show_table(title: str | None, columns: Sequence[str], rows: Iterable[Sequenc
 
 def show_facts(rows: Iterable[tuple[str, str]], title: str | None = None) -> None:
     """Print names and what they are."""
-    lines = [list(row) for row in rows]
+    lines = list(rows)
     widths = _widths(lines, 2)
     body = [line for row in lines for line in _row(row, widths, 2)]
     say("\n".join([*([] if title is None else [title, ""]), *body, ""]))

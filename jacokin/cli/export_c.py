@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,18 +15,13 @@ from jacokin.errors import InvalidInputError
 
 
 @dataclass(frozen=True, slots=True)
-class ExportOptions:
+class ExportOptions(RobotOptions):
     """What is written, for which robot and machine."""
 
-    robot: str = option(default=model.DEFAULT_ROBOT, metavar="[NAME|FILE]", text=options.NAME_OR_FILE)
+    robot: str | None = option(default=model.DEFAULT_ROBOT, metavar="[NAME|FILE]", text=options.NAME_OR_FILE)
     output: Path | None = option(
         "--output", type=options.FILE, metavar="DIR", help="Folder for all files; made where it is not there."
     )
-    limits: dict[str, tuple[float, float]] | None = options.limits()
-    base: str | None = options.base()
-    tip: str | None = options.tip()
-    package_dirs: Sequence[Path] = options.package_dirs()
-    calibration: Path | None = options.calibration()
     target: str | None = option(
         "--target",
         type=click.Choice(["linux-aarch64", "macos", "windows", "wasm"]),
@@ -58,8 +52,6 @@ def export_c(given: ExportOptions, tool: ToolOptions) -> None:
         return
     if given.output is None:
         raise InvalidInputError("--output must be given: the folder to write to")
-    arm = RobotOptions(
-        given.robot, given.base, given.tip, given.package_dirs, given.limits, calibration=given.calibration
-    ).load()
+    arm = given.load()
     file = ik.export_c(ik.IKSolver(arm, tool.frame, tool=tool.tool), given.output, target=given.target)
     display.say(f"{arm.label}: {file}, with include and lib beside it")

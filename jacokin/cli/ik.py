@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import jacokin.ik
 import jacokin.model
 from jacokin.cli import options
-from jacokin.cli.command import command, option, parse_numbers
+from jacokin.cli.command import command, option
 from jacokin.cli.groups import (
     BatchOptions,
     FormOptions,
@@ -111,7 +111,7 @@ class TargetOptions:
 
 
 @dataclass(frozen=True, slots=True)
-class SolverOptions:
+class SolvingOptions:
     """How a pose is solved for, and when it counts as reached."""
 
     method: str = option("--method", default="auto", metavar="NAME", help="auto, closed_form or qp.")
@@ -162,7 +162,7 @@ def ik(
     given: IKOptions,
     wanted: TargetOptions,
     batch: BatchOptions,
-    solving: SolverOptions,
+    solving: SolvingOptions,
     around: SceneOptions,
     tool: ToolOptions,
     form: FormOptions,
@@ -249,11 +249,7 @@ def read_fixed(texts: Sequence[str], arm: jacokin.Robot, units: Units) -> dict[s
     """
     slides = dict(zip(arm.joint_names, arm.sliding.tolist(), strict=True))
     values = {}
-    for text in texts:
-        joint, sign, value = text.rpartition("=")
-        if not sign:
-            raise InvalidInputError(f"--fixed must be JOINT=VALUE, for example joint_3=0.4, got {text!r}")
-        [number] = parse_numbers(f"--fixed {joint}", value, 1)
+    for joint, [number] in options.parse_joints("--fixed", "JOINT=VALUE", "joint_3=0.4", texts):
         values[joint] = number if slides.get(joint, False) else units.to_si([number])[0]
     return values
 

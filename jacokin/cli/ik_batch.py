@@ -18,10 +18,9 @@ from jacokin.cli.groups import BatchOptions
 from jacokin.cli.units import Units, warn_of_degrees
 from jacokin.ik.batches.chunk import EMPTY, count_rows, solve_rows
 from jacokin.ik.batches.solve_file import folder_of, solve_file
-from jacokin.ik.files.carried import as_objects
 from jacokin.ik.files.csv_files import read_names
 from jacokin.ik.files.formats import targets_format
-from jacokin.ik.files.targets import RPY, left_behind
+from jacokin.ik.files.targets import RPY, as_objects, left_behind
 
 FIRST_ROWS = 1000  # that are looked at for angles in degrees
 ROWS = 4096  # solved at a time where no file is written

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from jacokin import ik, model
@@ -16,19 +15,13 @@ from jacokin.model.descriptions import bundled
 
 
 @dataclass(frozen=True, slots=True)
-class InfoOptions:
+class InfoOptions(RobotOptions):
     """Which robot is shown."""
 
-    name: str | None = option(required=False, metavar="[NAME|FILE]", text=options.NAME_OR_FILE)
     robot: str | None = option(
         "--robot", metavar="NAME|FILE", help="As NAME|FILE, for who is used to it from the other commands."
     )
-    base: str | None = options.base()
-    tip: str | None = options.tip()
-    package_dirs: Sequence[Path] = options.package_dirs()
-    locked: dict[str, float] | None = options.locked()
-    srdf: Path | None = options.srdf()
-    calibration: Path | None = options.calibration()
+    name: str | None = option(required=False, metavar="[NAME|FILE]", text=options.NAME_OR_FILE)
 
 
 @command()
@@ -45,16 +38,7 @@ def info(given: InfoOptions, form: FormOptions) -> None:
     """
     if given.name is not None and given.robot is not None:
         raise InvalidInputError("give the robot once: as an argument, or with --robot")
-    named = given.robot or given.name or model.DEFAULT_ROBOT
-    arm = RobotOptions(
-        named,
-        given.base,
-        given.tip,
-        given.package_dirs,
-        calibration=given.calibration,
-        locked=given.locked,
-        srdf=given.srdf,
-    ).load()
+    arm = replace(given, robot=given.robot or given.name).load()
     if form.json:
         display.print_json(_document(arm, form.units))
     else:

@@ -15,7 +15,6 @@ import click
 
 from jacokin import __version__
 from jacokin.cli import process
-from jacokin.cli.command import Refusal
 from jacokin.cli.display import printable
 from jacokin.errors import JacokinError
 
@@ -109,8 +108,8 @@ def main(argv: Sequence[str] | None = None) -> None:
         except (click.Abort, KeyboardInterrupt):
             click.echo("jacokin: interrupted", err=True)
             code = 128 + signal.SIGINT
-        except (Refusal, JacokinError) as refusal:
-            code = _refuse(str(refusal))
+        except JacokinError as error:
+            code = _refuse(str(error))
         except OSError as error:
             process.drop_output()
             code = _refuse(f"{error.filename or 'the output'}: {error.strerror}")

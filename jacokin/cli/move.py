@@ -76,14 +76,8 @@ def move(
     written.check({"--robot": source.robot, "--scene": around.scene}, source.package_dirs)
     arm = source.load()
     joints = form.units.for_joints(arm)
-    solver = ik.IKSolver(
-        arm,
-        tool.frame,
-        tool=tool.tool,
-        collision="reject",
-        scene=around.load(),
-        clearance=around.clearance,
-    )
+    scene, clearance = around.load(), around.clearance
+    solver = ik.IKSolver(arm, tool.frame, tool=tool.tool, collision="reject", scene=scene, clearance=clearance)
     target = wanted.build(form.units) if given.goal is None else np.array(joints.configuration("--to", given.goal))
     limits = joints.limits("--acceleration-limit", given.acceleration_limit, "rad/s^2")
     acceleration: dict[str, Any] = {} if limits is None else {"acceleration_limit": limits}

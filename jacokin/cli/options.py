@@ -29,37 +29,32 @@ Vector4 = tuple[float, float, float, float]
 Vector6 = tuple[float, float, float, float, float, float]
 
 
-def read_limits(
-    context: click.Context, parameter: click.Parameter, texts: Sequence[str]
-) -> dict[str, tuple[float, float]] | None:
-    """Read lower and upper limits of joints from --limit.
+def parse_joints(
+    flag: str, form: str, example: str, texts: Sequence[str], count: int = 1
+) -> Iterator[tuple[str, list[float]]]:
+    """Names of joints, and so many numbers for each, from texts such as JOINT=VALUE.
 
     Raises:
-        InvalidInputError: it is not JOINT=LOW,HIGH.
+        InvalidInputError: one is not of this form.
     """
-    limits = {}
     for text in texts:
         joint, sign, values = text.rpartition("=")
         if not sign:
-            raise InvalidInputError(f"--limit must be JOINT=LOW,HIGH, for example joint_2=0.9,5.4, got {text!r}")
-        low, high = parse_numbers(f"--limit {joint}", values, 2)
-        limits[joint] = (low, high)
-    return limits or None
+            raise InvalidInputError(f"{flag} must be {form}, for example {example}, got {text!r}")
+        yield joint, parse_numbers(f"{flag} {joint}", values, count)
+
+
+def read_limits(
+    context: click.Context, parameter: click.Parameter, texts: Sequence[str]
+) -> dict[str, tuple[float, float]] | None:
+    """Read lower and upper limits of joints from --limit; errors as of `parse_joints`."""
+    found = parse_joints("--limit", "JOINT=LOW,HIGH", "joint_2=0.9,5.4", texts, 2)
+    return {joint: (low, high) for joint, [low, high] in found} or None
 
 
 def read_locked(context: click.Context, parameter: click.Parameter, texts: Sequence[str]) -> dict[str, float] | None:
-    """Read positions of joints from --lock.
-
-    Raises:
-        InvalidInputError: it is not JOINT=VALUE.
-    """
-    locked = {}
-    for text in texts:
-        joint, sign, value = text.rpartition("=")
-        if not sign:
-            raise InvalidInputError(f"--lock must be JOINT=VALUE, for example gripper=0.5, got {text!r}")
-        (locked[joint],) = parse_numbers(f"--lock {joint}", value, 1)
-    return locked or None
+    """Read positions of joints from --lock; errors as of `parse_joints`."""
+    return {joint: value for joint, [value] in parse_joints("--lock", "JOINT=VALUE", "gripper=0.5", texts)} or None
 
 
 def read_placement(

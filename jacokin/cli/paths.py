@@ -227,14 +227,8 @@ def plan(
     targets = poses if axis is None else [free_about(pose, axis, turns, units) for pose in poses]
     arm = source.load()
     numbers = given.in_si(arm, units)
-    solver = ik.IKSolver(
-        arm,
-        tool.frame,
-        tool=tool.tool,
-        collision="reject",
-        scene=load_scene(around.scene),
-        clearance=around.clearance or 0.0,
-    )
+    scene, clearance = load_scene(around.scene), around.clearance or 0.0
+    solver = ik.IKSolver(arm, tool.frame, tool=tool.tool, collision="reject", scene=scene, clearance=clearance)
 
     def compute() -> motion.Trajectory:
         return motion.plan_path(solver, targets, timing=chosen.timing, **numbers)

@@ -35,7 +35,7 @@ LINES = 100  # of a hand that wait at most
 
 
 @dataclass(frozen=True, slots=True)
-class Motion:
+class MotionOptions:
     """What is played, and what else is asked for."""
 
     file: Path | None = option(required=False, type=click.Path(path_type=Path), text="Trajectory, as `save` writes.")
@@ -50,7 +50,7 @@ class Motion:
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
+class ConnectionOptions:
     """The way to the arm."""
 
     ros: str | None = option("--ros", type=click.Choice(["1", "2"]), help="The version of ROS, on this machine.")
@@ -75,7 +75,7 @@ class Way:
 
 
 @dataclass(frozen=True, slots=True)
-class Bounds:
+class GuardOptions:
     """How the runner follows, and when it stops."""
 
     gain: float = option(
@@ -95,7 +95,7 @@ class Bounds:
 
 
 @command(no_args_is_help=True)
-def run(given: Motion, way: Way, bounds: Bounds, source: RobotOptions) -> None:
+def run(given: MotionOptions, way: ConnectionOptions, bounds: GuardOptions, source: RobotOptions) -> None:
     """Play a trajectory on an arm: velocities 100 times a second, corrected by the angles that it measures.
 
     The arm must stand where the file begins, up to whole turns of joints without limits. It is stopped when it falls
@@ -156,7 +156,7 @@ def _write_forwarder(path: Path) -> None:
     click.echo(f"{path} is to be started beside the driver, by --forwarder", err=True)
 
 
-def _link(robot: Robot, way: Way, motion: PlannedMotion | None) -> TwinLink | ProcessLink:
+def _link(robot: Robot, way: ConnectionOptions, motion: PlannedMotion | None) -> TwinLink | ProcessLink:
     """The way to the arm.
 
     Raises:
@@ -188,7 +188,7 @@ def _link(robot: Robot, way: Way, motion: PlannedMotion | None) -> TwinLink | Pr
     return ProcessLink(command, joints)
 
 
-def _twin(bundled: str, way: Way, motion: PlannedMotion | None) -> TwinLink:
+def _twin(bundled: str, way: ConnectionOptions, motion: PlannedMotion | None) -> TwinLink:
     """A simulated arm that stands where a motion begins, in real time for a hand."""
     from jacokin.runner import TwinLink
     from jacokin.twin import Faults, KinovaDriver, SimulatedArm

@@ -70,7 +70,7 @@ def read_cameras(
 
 
 @dataclass(frozen=True, slots=True)
-class HandOptions:
+class LeadingOptions:
     """What leads the arm, for how long, and what is written of it."""
 
     device: str = option("--device", type=click.Choice(DEVICES), default="player", help="What leads the arm.")
@@ -210,7 +210,7 @@ class SimulationOptions:
         "--render", is_flag=True, help="With --task: show the simulation in a window, which needs a display."
     )
 
-    def check(self, hand: HandOptions, *, has_robot: bool) -> None:
+    def check(self, hand: LeadingOptions, *, has_robot: bool) -> None:
         """Refuse options that do not go together, before anything is made.
 
         Args:
@@ -253,7 +253,7 @@ class SimulationOptions:
         if self.cameras:
             choose_renderer()
         from jacokin import tasks
-        from jacokin.teleop.task_arm import CONTROL
+        from jacokin.teleop.demonstrations import CONTROL
 
         if ":" in self.task:
             sys.path.insert(0, "")
@@ -281,7 +281,7 @@ class PageOptions:
 
 @command()
 def teleop(
-    hand: HandOptions,
+    hand: LeadingOptions,
     following: FollowingOptions,
     around: SceneOptions,
     simulated: SimulationOptions,
@@ -362,7 +362,7 @@ def teleop(
 
 
 def _open_device(
-    hand: HandOptions,
+    hand: LeadingOptions,
     simulated: SimulationOptions,
     robot: model.Robot,
     shown: Viewer | None,
@@ -393,7 +393,7 @@ def _demonstrate(
     environment: TaskEnv,
     device: Device,
     path: Path,
-    given: tuple[HandOptions, SimulationOptions],
+    given: tuple[LeadingOptions, SimulationOptions],
     make: Callable[[TaskArm], Teleop],
     watched: _Watched,
     stop: threading.Event,

@@ -27,7 +27,7 @@ FULL_TURN = (-math.pi, math.pi)  # [rad]
 
 
 @dataclass(frozen=True, slots=True)
-class LogOptions:
+class PlayedLogOptions:
     """A recording to play."""
 
     log: Path | None = option(
@@ -101,7 +101,7 @@ class ViewOptions:
 
 @command()
 def view(
-    given: ViewOptions, recorded: LogOptions, around: SceneOptions, tool: ToolOptions, source: RobotOptions
+    given: ViewOptions, recorded: PlayedLogOptions, around: SceneOptions, tool: ToolOptions, source: RobotOptions
 ) -> None:
     """Show the arm and every branch in the browser, with a gizmo to move the target.
 

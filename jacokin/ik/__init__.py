@@ -3,15 +3,14 @@
 solver, options          poses to joint angles; the solver's options, and every tolerance with its reason
 targets, seeds           what is asked for, and where solving starts
 closed_form, geometry    every branch of a six-joint Jaco; whether an arm is built like one
-structures, quick_forms  how an arm's axes are placed; what any other arm of six joints is solved with
+structures               how an arm's axes are placed; what any other arm of six joints is solved with
 forms                    what all solvers of one robot, frame and tool share
 fixed_joints             arms of more than six joints, all but six held: every branch
 few_joints               arms of three to five turning joints: every point of a target
 virtual_joints           freedoms of a target as joints, so that those arms are chains of six
 solutions                `SolutionSet`: everything that reaches a target, points or curves
-local_search             descents from many starts, for what the closed form does not cover
-qp, qp_backend           those descents by mink's quadratic programs, and the solvers of those
-positions                descents to positions, on arms with a closed form
+local_search             descents from many starts, for what the closed form does not cover, and for positions
+qp, qp_backend           descents by mink's quadratic programs, and the solvers of those
 closest                  the closest configuration to a pose that cannot be reached
 near_misses              configurations within the tolerances of a target that none meets exactly
 preferences              `prefer=`: which of several configurations is the best
@@ -36,8 +35,7 @@ __all__, __getattr__, __dir__ = lazy.door(
         "jacokin.ik.files.csv_files": ("read_targets",),
         "jacokin.ik.files.targets": ("TargetFile",),
         "jacokin.ik.results": ("BatchResult", "IKResult", "Status"),
-        "jacokin.ik.solutions.interval": ("Interval", "IntervalEnd"),
-        "jacokin.ik.solutions.solution_set": ("SolutionSet",),
+        "jacokin.ik.solutions.solution_set": ("Interval", "IntervalEnd", "SolutionSet"),
         "jacokin.ik.solver": ("IKSolver", "solve_ik"),
         "jacokin.ik.structures": ("Residual", "Structure", "structure"),
         "jacokin.kernels.library": ("warmup",),

@@ -7,8 +7,8 @@ from jacokin.ik.files.targets import TargetFile as TargetFile
 from jacokin.ik.results import BatchResult as BatchResult
 from jacokin.ik.results import IKResult as IKResult
 from jacokin.ik.results import Status as Status
-from jacokin.ik.solutions.interval import Interval as Interval
-from jacokin.ik.solutions.interval import IntervalEnd as IntervalEnd
+from jacokin.ik.solutions.solution_set import Interval as Interval
+from jacokin.ik.solutions.solution_set import IntervalEnd as IntervalEnd
 from jacokin.ik.solutions.solution_set import SolutionSet as SolutionSet
 from jacokin.ik.solver import IKSolver as IKSolver
 from jacokin.ik.solver import solve_ik as solve_ik

@@ -11,7 +11,7 @@ of degree 8 in joint 6; other arms have one of the same degree in another joint,
     kernels.closed_form.pose        the branches of a Jaco
     kernels.branches                verification on the model itself, polishing, limits, duplicates
     kernels.six_joints.pose         the branches of any other arm
-    ik.structures, ik.quick_forms   what is measured on it
+    ik.structures                   what is measured on it
     kernels.library                 the kernels as machine code
 """
 

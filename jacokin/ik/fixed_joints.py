@@ -20,10 +20,9 @@ from numpy.typing import NDArray
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, StructureError
 from jacokin.ik.geometry import align_z, chain_of, measure_chain
-from jacokin.ik.quick_forms import sine_of
 from jacokin.ik.solutions.points import Points
 from jacokin.ik.solutions.solution_set import Touching
-from jacokin.ik.structures import measure_general
+from jacokin.ik.structures import measure_general, sine_of
 from jacokin.ik.verification import Verifier
 from jacokin.kernels.closed_form.batch import TargetWork, make_target_work, solve_targets
 from jacokin.kernels.library import Call

@@ -10,6 +10,7 @@ import dataclasses
 from collections.abc import Callable, Iterator
 from typing import NamedTuple, Protocol
 
+import daqp
 import numpy as np
 import pinocchio as pin
 
@@ -36,8 +37,16 @@ MAX_ITERATIONS = 60
 #: Steps without halving the error, after which it is at a local minimum, or too slow to wait for.
 STALL_ITERATIONS = 8
 
+CONVERGED = 1e-3  # of the tolerance, so that measuring anew cannot fail
+LONGEST_STEP = 0.7  # [rad] of one joint; linearised kinematics says little beyond
+KEPT = 1e-2  # [m^2/rad^2] the most that staying near the start counts against the position
+LEAST_KEPT = 1e-14  # [m^2/rad^2] keeps the QP strictly convex at singular poses
+SOLVED = (1, 2)  # of DAQP: optimal
+
 #: The configuration (dof,) within the limits nearest to a seed (dof,) that reaches a pose; None for none.
 Nearest = Callable[[TargetPose, Array], Array | None]
+#: Gives the configuration (dof,) after a step, within the limits; None where no QP solver solves the step.
+Step = Callable[[], Array | None]
 
 
 class Descent(NamedTuple):
@@ -51,8 +60,29 @@ class Descent(NamedTuple):
     """Whether no QP solver solved the last one."""
 
 
+def descend(start: Array, look: Callable[[Array], tuple[float, Step]], converged: float) -> Descent:
+    """Steps from a start (dof,) within the limits until converged or stalled.
+
+    Args:
+        start: where it begins.
+        look: at a configuration: the size of its error, and the step from there.
+        converged: the size that is small enough.
+    """
+    q, best, waited = start, np.inf, 0
+    for iteration in range(MAX_ITERATIONS):
+        size, step = look(q)
+        best, waited = (size, 0) if size < 0.5 * best else (best, waited + 1)
+        if size <= converged or waited > STALL_ITERATIONS:
+            return Descent(q, iteration, False)
+        after = step()
+        if after is None:
+            return Descent(q, iteration, True)
+        q = after
+    return Descent(q, MAX_ITERATIONS, False)
+
+
 class Descents(Protocol):
-    """What moves the joints towards a target: `ik.qp` and `ik.positions`."""
+    """What moves the joints towards a target: `PositionDescents`, and those of `ik.qp`."""
 
     @property
     def name(self) -> str:
@@ -174,3 +204,51 @@ def members(nearest: Nearest, position: Array, rotation: Array, seed: Array) -> 
             if len(found) == ENOUGH:
                 break
     return sorted(found, key=lambda q: float(np.linalg.norm(q - seed)))
+
+
+class PositionDescents:
+    """Descents to positions on one robot, frame and tool, without MuJoCo; for one thread at a time.
+
+    A step solves one small QP: the joints go to where linearised kinematics has the position, as near to where the
+    descent started as that allows, inside the limits. As the position comes nearer, less counts how far the joints
+    went.
+    """
+
+    name = used = "daqp"
+
+    def __init__(self, verifier: Verifier) -> None:
+        """Take the arm."""
+        self._robot, self._verifier = verifier.robot, verifier
+        self._converged = CONVERGED * verifier.options.position_tolerance
+        self._lever = np.zeros(3) if verifier.tool is None else verifier.tool.translation
+
+    def reset(self) -> None:
+        """Nothing to forget."""
+
+    def descend(self, target: TargetPose, start: Array) -> Descent:
+        """Steps from a start (dof,) until converged or stalled."""
+        robot, frame = self._robot, self._verifier.frame
+        origin = np.clip(start, robot.lower, robot.upper)
+
+        def look(q: Array) -> tuple[float, Step]:
+            T = robot.placement(q, self._verifier.frame_id)
+            lever = T.rotation @ self._lever
+            error = target.position - T.translation - lever
+            size = float(error @ error) ** 0.5
+
+            def step() -> Array | None:
+                J = robot.jacobian(q, frame)
+                linear = J[:3] - pin.skew(lever) @ J[3:]
+                kept = min(KEPT, size * size) + LEAST_KEPT
+                hessian = linear.T @ linear
+                hessian.flat[:: robot.dof + 1] += kept
+                gradient = kept * (q - origin) - linear.T @ error
+                high = np.minimum(robot.upper - q, LONGEST_STEP)
+                low = np.maximum(robot.lower - q, -LONGEST_STEP)
+                free = np.zeros(robot.dof, dtype=np.int32)
+                found, _, flag, _ = daqp.solve(hessian, gradient, hessian[:0], high, low, free)
+                return np.minimum(np.maximum(q + found, robot.lower), robot.upper) if flag in SOLVED else None
+
+            return size, step
+
+        return descend(origin, look, self._converged)

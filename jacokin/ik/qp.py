@@ -11,7 +11,7 @@ import numpy as np
 
 from jacokin.arrays import Array
 from jacokin.ik.forms import TOOL_SITE, twin_with_tool
-from jacokin.ik.local_search import MAX_ITERATIONS, STALL_ITERATIONS, Descent
+from jacokin.ik.local_search import Descent, Step, descend
 from jacokin.ik.qp_backend import Backend, QPFailed
 from jacokin.ik.targets import TargetPose
 from jacokin.ik.verification import Verifier
@@ -65,24 +65,18 @@ class QPDescents:
         task.set_target(mink.SE3.from_rotation_and_translation(quaternion, target.position))
         configuration, lower, upper = self._configuration, self._robot.lower, self._robot.upper
         angular = 0.0 if target.position_only else 1.0
-        q = np.clip(start, lower, upper)
-        configuration.update(q)
-        best, waited = np.inf, 0
-        for iteration in range(MAX_ITERATIONS):
+
+        def look(q: Array) -> tuple[float, Step]:
+            configuration.update(q)
             error = task.compute_error(configuration)
             linear = error[:3].dot(error[:3]) ** 0.5 / self._tolerance[0]
-            size = max(linear, angular * error[3:].dot(error[3:]) ** 0.5 / self._tolerance[1])
-            if size <= CONVERGED:
-                return Descent(q, iteration, False)
-            if size < 0.5 * best:
-                best, waited = size, 0
-            else:
-                waited += 1
-                if waited > STALL_ITERATIONS:
-                    return Descent(q, iteration, False)
-            try:
-                q = np.clip(q + self._backend.step(configuration, [task], self._limits), lower, upper)
-            except QPFailed:
-                return Descent(q, iteration, True)
-            configuration.update(q)
-        return Descent(q, MAX_ITERATIONS, False)
+
+            def step() -> Array | None:
+                try:
+                    return np.clip(q + self._backend.step(configuration, [task], self._limits), lower, upper)
+                except QPFailed:
+                    return None
+
+            return max(linear, angular * error[3:].dot(error[3:]) ** 0.5 / self._tolerance[1]), step
+
+        return descend(np.clip(start, lower, upper), look, CONVERGED)

@@ -40,7 +40,7 @@ from jacokin.ik.closed_form import ClosedForm
 from jacokin.ik.closest import ClosestSearch
 from jacokin.ik.few_joints import FewJoints
 from jacokin.ik.fixed_joints import SIX, FixedJoints, checked_values
-from jacokin.ik.local_search import LocalSearch
+from jacokin.ik.local_search import LocalSearch, PositionDescents
 from jacokin.ik.near_misses import NearMisses
 from jacokin.ik.options import (
     DEFAULT_QP_SOLVER,
@@ -611,8 +611,6 @@ class IKSolver:
     def _make_search(self) -> LocalSearch:
         nearest = None if self._at_poses is None and self._usable_form is None else self._nearest_at
         if nearest is not None and self._options.qp_solver == DEFAULT_QP_SOLVER:
-            from jacokin.ik.positions import PositionDescents
-
             return LocalSearch(self._verifier, PositionDescents(self._verifier), nearest)
         from jacokin.ik.qp import QPDescents  # loads mink and MuJoCo
 

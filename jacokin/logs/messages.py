@@ -21,7 +21,7 @@ from jacokin.files import HELD
 from jacokin.ik.files.targets import rotations_from_quats
 from jacokin.logs.bag import CONTROLLER_STATE, Topic
 from jacokin.model import checks
-from jacokin.model.joint_names import find_joints
+from jacokin.model.descriptions.bundled import NAMES
 from jacokin.model.poses import QUATERNION_NORM_TOLERANCE
 from jacokin.model.robot import Robot
 
@@ -112,7 +112,7 @@ def joint_record(topic: Topic, messages: Messages, zero: int, robot: Robot, pref
     """
     read = _Joints(robot, prefix)
     rows = _rows(read, topic.type, messages)
-    times, q, v, torque = _Times(topic), _Columns(robot.dof), _Columns(robot.dof), _Columns(robot.dof)
+    times, q, v, torque = _Times(topic), _ValueColumns(robot.dof), _ValueColumns(robot.dof), _ValueColumns(robot.dof)
     for row in rows:
         times.add(row.received, row.stamp)
         for column, values in zip((q, v, torque), row[2:], strict=True):
@@ -148,7 +148,7 @@ def pose_record(topic: Topic, messages: Messages, zero: int) -> PoseRecord:
         InvalidInputError: no message has a pose, their frames differ, or their clock goes back.
     """
     is_point = topic.type.endswith("PointStamped")
-    times, numbers, frames, count = _Times(topic), _Columns(3 if is_point else 7), set[str](), 0
+    times, numbers, frames, count = _Times(topic), _ValueColumns(3 if is_point else 7), set[str](), 0
     for received, message in messages:
         count += 1
         stamp, frame, values = _pose(topic.type, message)
@@ -174,7 +174,7 @@ def pose_record(topic: Topic, messages: Messages, zero: int) -> PoseRecord:
     )
 
 
-class _Columns:
+class _ValueColumns:
     """Rows of numbers that are added one by one, in little memory.
 
     Attributes:
@@ -383,3 +383,39 @@ def _stamp(header: Any) -> int:
 
 def _nanoseconds(time: Any) -> int:
     return int(time.sec) * 1_000_000_000 + int(time.nanosec)
+
+
+def find_joints(names: Sequence[str], robot: Robot, prefix: str | None = None) -> tuple[int, ...]:
+    """Where the joints of a robot are in a list of names.
+
+    The list may have others, as those of fingers or of another arm. Those of the robot are called as in its
+    description, or all with one prefix, such as j2n6s300_joint_1.
+
+    Args:
+        names: as a message of ROS has them.
+        robot: whose joints to find.
+        prefix: before each name; None to find it.
+
+    Returns:
+        (dof,) indices, in the order of `robot.joint_names`.
+
+    Raises:
+        InvalidInputError: joints are missing, there several times, or have the prefix of another bundled robot.
+    """
+    own = robot.joint_names
+    there = set(names)
+    found = sorted({name.removesuffix(own[0]) for name in names if name.endswith(own[0])})
+    wanted = found if prefix is None else [prefix]
+    fitting = [each for each in wanted if all(each + name in there for name in own)]
+    listed = ", ".join(names) or "none"
+    if not fitting:
+        before = "" if prefix is None else f" with {prefix!r} before their names"
+        raise InvalidInputError(f"the joints {listed}; {robot.name} has others{before}: {', '.join(own)}")
+    if len(fitting) > 1:
+        raise InvalidInputError(f"the joints {listed}: several arms; the prefix must be one of {', '.join(fitting)}")
+    if prefix is None and fitting[0].rstrip("_/") in set(NAMES) - {robot.name}:
+        raise InvalidInputError(f"the joints {listed}; the robot is {robot.name}")
+    wanted_names = [fitting[0] + name for name in own]
+    if any(names.count(name) > 1 for name in wanted_names):
+        raise InvalidInputError(f"the joints {listed}: one is there twice")
+    return tuple(names.index(name) for name in wanted_names)

@@ -7,19 +7,16 @@ identification          payload and friction from a log
 loading, descriptions   from a name, a URDF or an MJCF to the arm and its home; the bundled robots and their numbers
 measured_arm            how far one arm is from its description, and the file that says so
 written_descriptions    the URDF or MJCF of a calibrated arm
-joint_names             the joints of an arm among the names of ROS
 poses, angles, checks   building and checking poses, full turns, checks of arguments
 batches                 kinematics and dynamics of many configurations at once, by kernels
 many_configurations     Newton's method on many configurations at once
 mujoco_twin             the same arm in MuJoCo
 other_robot             another robot as an obstacle; contact with it while both move (contact_between)
 obstacles, scene        shapes around the arm, one by one, from a file or from a MuJoCo model; shapes that it holds
-point_cloud             points as an obstacle, as cameras see them; their files (point_files)
-depth_images            the points of a depth image
-own_points              of some points, those that are not on the arm
+point_cloud             points as an obstacle, as cameras see them; their files, depth images
 gripper                 the gripper that an arm carries, measured on its shapes
 own_shapes              the arm's shapes, read once
-surrounded              the arm's shapes among those of a scene, and the pairs of shapes whose contact counts
+surrounded              the arm's shapes among those of a scene, the pairs whose contact counts; points not on the arm
 contact, contact_arrays whether and how closely the arm comes to itself and to obstacles; the shapes for the kernels
 comparison              how far two descriptions, or Pinocchio and MuJoCo, differ
 """
@@ -32,7 +29,6 @@ __all__, __getattr__, __dir__ = lazy.door(
         "jacokin.model.comparison": ("CrossCheckReport", "Deviation", "crosscheck"),
         "jacokin.model.contact": ("SelfContact",),
         "jacokin.model.contact_observer": ("ContactObserver", "ContactStep"),
-        "jacokin.model.depth_images": ("depth_points",),
         "jacokin.model.descriptions.bundled": ("DEFAULT_ROBOT", "NAMES", "urdf_folder"),
         "jacokin.model.dynamics": ("ExternalWrench",),
         "jacokin.model.gripper": ("Gripper",),
@@ -41,7 +37,7 @@ __all__, __getattr__, __dir__ = lazy.door(
         "jacokin.model.measured_arm": ("MeasuredArm", "MeasuredJoint"),
         "jacokin.model.mujoco_twin": ("to_mujoco",),
         "jacokin.model.obstacles": ("Attached", "Box", "Capsule", "Cylinder", "Floor", "Obstacle", "Sphere"),
-        "jacokin.model.point_cloud": ("PointCloud",),
+        "jacokin.model.point_cloud": ("PointCloud", "depth_points"),
         "jacokin.model.poses": ("pose", "pose_from_kinova", "pose_to_kinova", "quat_wxyz"),
         "jacokin.model.robot": ("Robot", "Source"),
         "jacokin.model.scene": ("Scene",),

@@ -4,7 +4,6 @@ from jacokin.model.comparison import crosscheck as crosscheck
 from jacokin.model.contact import SelfContact as SelfContact
 from jacokin.model.contact_observer import ContactObserver as ContactObserver
 from jacokin.model.contact_observer import ContactStep as ContactStep
-from jacokin.model.depth_images import depth_points as depth_points
 from jacokin.model.descriptions.bundled import DEFAULT_ROBOT as DEFAULT_ROBOT
 from jacokin.model.descriptions.bundled import NAMES as NAMES
 from jacokin.model.descriptions.bundled import urdf_folder as urdf_folder
@@ -26,6 +25,7 @@ from jacokin.model.obstacles import Floor as Floor
 from jacokin.model.obstacles import Obstacle as Obstacle
 from jacokin.model.obstacles import Sphere as Sphere
 from jacokin.model.point_cloud import PointCloud as PointCloud
+from jacokin.model.point_cloud import depth_points as depth_points
 from jacokin.model.poses import pose as pose
 from jacokin.model.poses import pose_from_kinova as pose_from_kinova
 from jacokin.model.poses import pose_to_kinova as pose_to_kinova

@@ -97,38 +97,6 @@ class WorldArrays(NamedTuple):
     """(n,) number of the kind of each among `KINDS`."""
 
 
-class ContactArrays(NamedTuple):
-    """What the kernels need to know, and whose shapes they are."""
-
-    geometry: Geometry
-    numbers: NDArray[np.intp]
-    """(n,) number of each of them among the shapes given: those of the arm group by group, then the obstacles."""
-
-
-def contact_arrays(
-    model: pin.Model, given: Sequence[Shape], pairs: Sequence[tuple[int, int]], obstacles: Sequence[int]
-) -> ContactArrays:
-    """The arrays for an arm and its obstacles.
-
-    Args:
-        model: the arm, a chain of joints.
-        given: the shapes of the arm and the obstacles.
-        pairs: numbers of the shapes of the arm that count as contact when they touch.
-        obstacles: numbers of obstacles that count against every shape that moves.
-
-    Raises:
-        ShapeError: a shape of an unknown kind.
-    """
-    own = [number for number in range(len(given)) if number not in obstacles]
-    place = {number: index for index, number in enumerate(own)}
-    rows = [shape_row(model, given[number]) for number in own]
-    links, own_pairs = [given[number].joint for number in own], [(place[a], place[b]) for a, b in pairs]
-    arm = arm_arrays(joints_about_z(model), links, rows, own_pairs)
-    world = world_arrays([given[number] for number in obstacles])
-    numbers = np.append(np.array(own)[arm.numbers], obstacles).astype(np.intp)
-    return ContactArrays(joined(arm, world), numbers)
-
-
 def arm_arrays(
     joints: tuple[Array, list[int]],
     links: Sequence[int],

@@ -133,11 +133,11 @@ def _folders(package_dirs: Sequence[str | Path]) -> list[Path]:
     return [checks.path(f"package_dirs[{index}]", folder, "a folder") for index, folder in enumerate(given)]
 
 
-class _Arm(NamedTuple):
+class _CutArm(NamedTuple):
     """An arm cut out of a description."""
 
     model: pin.Model
-    ends: chain.Ends
+    ends: chain.ArmEnds
     held: dict[str, float]  # joints off the arm that are locked by name [rad] or [m]
     followers: tuple[tuple[str, str, float, float], ...]  # see `_followers`
 
@@ -148,7 +148,7 @@ def _cut_out(
     frames: tuple[str | None, str | None],
     finger_angle: float | None,
     locked: Mapping[str, float] | None,
-) -> _Arm:
+) -> _CutArm:
     """The chain between two frames, base and tip, all other joints locked; errors as `load_robot`."""
     leaders = {joint: each.leader for each in described.couplings if each.leader for joint in each.followers}
     ends = chain.find_ends(described.model, *frames, leaders)
@@ -159,7 +159,7 @@ def _cut_out(
     _refuse_coupled(model, described.couplings)
     if finger_angle is not None:
         _check_fingers(described.model, model, finger_angle)
-    return _Arm(model, ends, held, followers)
+    return _CutArm(model, ends, held, followers)
 
 
 def _calibrate(model: pin.Model, base: str, calibration: str | Path | MeasuredArm) -> MeasuredArm:
@@ -279,7 +279,7 @@ def _disabled_pairs(
 
 def _held(
     described: chain.Description,
-    ends: chain.Ends,
+    ends: chain.ArmEnds,
     locked: Mapping[str, float] | None,
     followers: Sequence[tuple[str, str, float, float]],
 ) -> dict[str, float]:
@@ -356,7 +356,7 @@ def _locked_reference(
     return q
 
 
-def _followers(described: chain.Description, ends: chain.Ends) -> tuple[tuple[str, str, float, float], ...]:
+def _followers(described: chain.Description, ends: chain.ArmEnds) -> tuple[tuple[str, str, float, float], ...]:
     """The joints off the arm that follow another one off the arm: joint, leader, multiplier and offset."""
     arm = {str(described.model.names[joint]) for joint in ends.chain}
     rules = {
@@ -485,7 +485,7 @@ def find_home(robot: Robot) -> Home:
 
 def filter_points(robot: Robot, q: ArrayLike, points: ArrayLike, margin: float, scene: SceneLike | None) -> Array:
     """The points that are not on the arm; see `Robot.without_own_points`."""
-    from jacokin.model.own_points import without_own_points  # which needs Robot
+    from jacokin.model.surrounded import without_own_points  # which needs Robot
 
     return without_own_points(robot, q, points, margin, scene)
 

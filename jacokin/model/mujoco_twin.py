@@ -22,7 +22,7 @@ from jacokin.errors import InvalidInputError, ModelError, ShapeError
 from jacokin.model import checks, poses
 from jacokin.model.descriptions import bundled, mjcf, urdf
 from jacokin.model.descriptions.convex_parts import convex_parts
-from jacokin.model.descriptions.meshes import Mesh
+from jacokin.model.descriptions.meshes import TriangleMesh
 from jacokin.model.descriptions.shapes import Shape, ShapesOfLinks, prepare_shapes
 from jacokin.model.robot import Robot, Source, checked_robot
 
@@ -165,7 +165,7 @@ def shapes_of_description(robot: Robot, finger_angle: float | None = None) -> Sh
     """
     source = with_shapes(robot).model
     model = robot.pin_model
-    fingers = None if finger_angle is None else _Fingers(source, robot, finger_angle)
+    fingers = None if finger_angle is None else _JointsOffArm(source, robot, finger_angle)
     names = set(robot.frames)
     found: list[tuple[Shape, int]] = []
     for geom in range(source.ngeom):
@@ -212,7 +212,7 @@ def _parts_of_meshes(robot: Robot) -> dict[int, list[Array]]:
         if given is None:
             first = int(model.mesh_faceadr[mesh])
             faces = np.array(model.mesh_face[first : first + int(model.mesh_facenum[mesh])], dtype=np.int64)
-            given = Mesh(mesh_vertices(model, mesh) @ T_file_geom.rotation.T + T_file_geom.translation, faces)
+            given = TriangleMesh(mesh_vertices(model, mesh) @ T_file_geom.rotation.T + T_file_geom.translation, faces)
         found[mesh] = [(part - T_file_geom.translation) @ T_file_geom.rotation for part in convex_parts(given)]
     return found
 
@@ -284,7 +284,7 @@ def _shapes_of_links(robot: Robot) -> dict[str, frozenset[str]]:
     return {link: frozenset(shapes) for link, shapes in found.items()}
 
 
-class _Fingers:
+class _JointsOffArm:
     """Where the links of a description are when the joints off the arm stand at another angle."""
 
     def __init__(self, source: mujoco.MjModel, robot: Robot, angle: float) -> None:
@@ -484,7 +484,7 @@ class DescribedShapes(NamedTuple):
     model: mujoco.MjModel
     notes: tuple[str, ...] = ()
     """Sentences on shapes that were left out, and on meshes whose axes are in doubt."""
-    meshes: Mapping[str, Mesh] = MappingProxyType({})
+    meshes: Mapping[str, TriangleMesh] = MappingProxyType({})
     """Of a URDF, by the names of the files that MuJoCo was given instead: their hulls."""
 
 

@@ -301,19 +301,6 @@ def checked_obstacles(obstacles: Iterable[Obstacle]) -> tuple[Obstacle, ...]:
     return shapes
 
 
-def add_to_spec(spec: mujoco.MjSpec, obstacles: Iterable[Obstacle], body: mujoco.MjsBody | None = None) -> None:
-    """Add obstacles to a body of a robot's twin, the world if none is given.
-
-    Raises:
-        InvalidInputError: an obstacle has the name of a shape of the arm.
-    """
-    taken = {geom.name for geom in spec.geoms}
-    for obstacle in obstacles:
-        if obstacle.name in taken:
-            raise InvalidInputError(f"the name {obstacle.name!r} is used by a shape of the arm; names must differ")
-        obstacle.add_to(spec.worldbody if body is None else body)
-
-
 def add_solid(body: mujoco.MjsBody, solid: Shape) -> None:
     """Add a shape that is no mesh to the base body."""
     _add(body, solid.name, solid.kind.upper(), solid.size, solid.placement)

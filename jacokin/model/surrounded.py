@@ -14,10 +14,14 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from jacokin.errors import InvalidInputError
+from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError, ModelError
+from jacokin.kernels.contact.near_points import find_near_points, make_near_work
+from jacokin.kernels.contact.run import MARGIN_KEPT
 from jacokin.kernels.contact.touching import Geometry
+from jacokin.kernels.library import Call
 from jacokin.model import checks
 from jacokin.model.contact_arrays import (
     NO_WORLD,
@@ -31,10 +35,11 @@ from jacokin.model.contact_arrays import (
     world_arrays,
 )
 from jacokin.model.descriptions.shapes import KINDS, Shape
-from jacokin.model.obstacles import Attached, Obstacle, Surroundings, shape_of
+from jacokin.model.obstacles import NOTHING_AROUND, Attached, Obstacle, Surroundings, checked_surroundings, shape_of
 from jacokin.model.other_robot import RobotPart
 from jacokin.model.own_shapes import OwnShapes, own_shapes
-from jacokin.model.robot import Robot
+from jacokin.model.point_cloud import PointCloud, checked_points
+from jacokin.model.robot import Robot, SceneLike
 
 WIDE = 50.0  # [m] half of a box that stands for a floor
 ROBOT = "robot"  # stands for all shapes of the arm where contact is allowed
@@ -219,3 +224,22 @@ def _held_shape(robot: Robot, attached: Attached) -> Shape:
         )
     shape = shape_of(attached.shape)
     return shape._replace(joint=int(frame.parentJoint), placement=frame.placement * shape.placement)
+
+
+def without_own_points(robot: Robot, q: ArrayLike, points: ArrayLike, margin: float, scene: SceneLike | None) -> Array:
+    """The points that are farther from the arm than a margin; arguments and errors as of `Robot.without_own_points`."""
+    q = robot.configuration(q)
+    rows = np.ascontiguousarray(checked_points("points", points))
+    margin = checks.non_negative("margin", margin, "m")
+    around = NOTHING_AROUND if scene is None else checked_surroundings("scene", scene)
+    measured_to = PointCloud("a point", np.zeros((1, 3)), 0.0)
+    found = surround(robot, around._replace(obstacles=(measured_to,), allow=()))
+    if found.arm_shapes == 0:
+        raise ModelError(
+            f"{robot.name}: the description has no collision shapes, so no point can be told to be its own"
+        )
+    call = Call(find_near_points, make_near_work(found.geometry, rows))
+    call.work.contact.q[:] = q
+    call.work.contact.numbers[MARGIN_KEPT] = margin
+    call()
+    return np.asarray(rows[call.work.near == 0])

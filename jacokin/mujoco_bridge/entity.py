@@ -78,7 +78,7 @@ class Entity(abc.ABC):
             spec.modelname = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", type(self).__name__).lower()
         self._name: str = check_name(spec.modelname)
         given = {"name": name, "observable_options": observable_options, **kwargs}
-        self._recipe = _Recipe(args, given, count_elements(spec), tuple(self._attached))
+        self._recipe = _Construction(args, given, count_elements(spec), tuple(self._attached))
         self._observables = self._build_observables()
         self._observables.set_options(observable_options)
 
@@ -502,7 +502,7 @@ def _constructor(cls: type[Entity]) -> Callable[..., None]:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Recipe:
+class _Construction:
     """How an entity was made.
 
     Attributes:

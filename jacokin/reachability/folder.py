@@ -23,8 +23,8 @@ from jacokin.chunks.folder import HASH_DIGITS, RECIPE, Keeper, digest, file_dige
 from jacokin.errors import InvalidInputError, JacokinError
 from jacokin.ik.batches.chunk import unpickled_solver
 from jacokin.ik.preferences import by_margin
-from jacokin.ik.solutions.interval import Interval
 from jacokin.ik.solutions.points import BranchTable
+from jacokin.ik.solutions.solution_set import Interval
 from jacokin.ik.solver import IKSolver
 from jacokin.model import angles, checks
 from jacokin.model.descriptions.bundled import DEFAULT_ROBOT

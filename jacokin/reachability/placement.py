@@ -97,7 +97,7 @@ def place_base(
         world = ContactInWorld(map.robot, obstacles.surroundings)
     slow = world is not None or one_by_one(map.solver, False)
     bounds = np.array([_bounds("x", x), _bounds("y", y), (-np.inf, np.inf)]).T
-    search = _Search(map, wanted, bounds, levels is not None, slow, world)
+    search = _Refinement(map, wanted, bounds, levels is not None, slow, world)
     for yaw in angles:
         places, counts = _count_places(map, wanted, yaw, bounds, levels)
         best = _choose_apart(places, counts, 2.0 * map.grid.spacing, functools.partial(search.may_stand, yaw))
@@ -203,7 +203,7 @@ def _choose_apart(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Search:
+class _Refinement:
     """Looks for better places near given ones, by the closed form.
 
     Attributes:

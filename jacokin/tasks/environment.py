@@ -26,7 +26,7 @@ try:
 except ImportError as error:
     raise MissingExtraError("dm_env", "tasks") from error
 
-Observation = OrderedDict[str, NDArray[Any]]
+ObservationDict = OrderedDict[str, NDArray[Any]]
 
 
 class Environment(dm_env.Environment):  # type: ignore[misc]  # dm_env has no types
@@ -131,9 +131,9 @@ class Environment(dm_env.Environment):  # type: ignore[misc]  # dm_env has no ty
         """Free what pictures need."""
         self._episode.close()
 
-    def _observation(self) -> Observation:
+    def _observation(self) -> ObservationDict:
         view, goal = self._episode.view, self._episode.goal
-        found: Observation = OrderedDict()
+        found: ObservationDict = OrderedDict()
         if self._has_camera:
             found[CAMERA] = self._episode.picture()[None]
         for each in self._features:

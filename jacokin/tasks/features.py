@@ -20,7 +20,7 @@ from jacokin.mujoco_bridge.observations import sin_cos, symmetric_log
 from jacokin.mujoco_bridge.props import FreeProp
 
 Elements = Any  # an element of a spec or a list of them, whose classes mypy does not know
-Rows = slice | NDArray[np.intp]
+ElementRows = slice | NDArray[np.intp]
 Reader = Callable[["StateView", Array], Array]
 
 PROP_SENSORS = ("angular_velocity", "linear_velocity", "orientation", "position")
@@ -61,7 +61,7 @@ class StateView:
         return StateView(*(getattr(self, name)[index] for name in self.__slots__))
 
 
-def as_slice(indices: NDArray[np.intp]) -> Rows:
+def as_slice(indices: NDArray[np.intp]) -> ElementRows:
     """Indices as a slice if they are consecutive, which reads faster."""
     first = int(indices[0])
     consecutive = np.array_equal(indices, np.arange(first, first + len(indices)))
@@ -176,7 +176,7 @@ def role_features(
     return found
 
 
-def _reading(where: Rows) -> Reader:
+def _reading(where: ElementRows) -> Reader:
     return lambda view, goal: view.sensordata[..., where]
 
 

@@ -6,8 +6,7 @@ streams   recorded streams: made by code, read from files
 devices   space mouse, keyboard, gamepad, and recorded streams as devices; the fingers that their keys move
 workspace `Workspace`: a box that neither target nor tool leaves
 session   `lead`: a device leads the arm for some time, and what came of it
-task_arm  `TaskArm`: the simulated arm of a task, as a hand leads it
-demonstrations  `demonstrate`: episodes of a task that a hand leads, as data sets
+demonstrations  `demonstrate`: episodes of a task whose simulated arm (`TaskArm`) a hand leads, as data sets
 """
 
 from jacokin import lazy
@@ -15,12 +14,11 @@ from jacokin import lazy
 __all__, __getattr__, __dir__ = lazy.door(
     __name__,
     {
-        "jacokin.teleop.demonstrations": ("Demonstrations", "demonstrate"),
+        "jacokin.teleop.demonstrations": ("Demonstrations", "TaskArm", "demonstrate"),
         "jacokin.teleop.devices": ("Controller", "Device", "Fingers", "Keyboard", "Player", "SpaceMouse"),
         "jacokin.teleop.hand": ("HandOptions",),
         "jacokin.teleop.session": ("Session", "lead"),
         "jacokin.teleop.streams": ("Stream", "make_stream"),
-        "jacokin.teleop.task_arm": ("TaskArm",),
         "jacokin.teleop.teleop": ("Teleop", "TeleopStatus", "TeleopStep"),
     },
 )

@@ -96,7 +96,7 @@ class Player:
         return self._next >= len(self._stream)
 
 
-class _Asked:
+class _KeyRequests:
     """What keys ask for beside motion: the clutch, and commands."""
 
     def __init__(self) -> None:
@@ -123,7 +123,7 @@ class _Asked:
         return [self._commands.pop(0) for _ in range(len(self._commands))]  # another thread may ask meanwhile
 
 
-class Keyboard(_Asked):
+class Keyboard(_KeyRequests):
     """Keys of a terminal as twists: w s, a d, r f move along x, y, z; j l, i k, u o turn about them.
 
     "space" opens and closes the clutch; b, e, y and x ask to begin an episode, to end, to keep and to discard it.
@@ -160,7 +160,7 @@ class Keyboard(_Asked):
         return np.asarray(_directions(held) * self._size)
 
 
-class Controller(_Asked):
+class Controller(_KeyRequests):
     """Keys that are held and a gamepad, as somebody who sees them reports them, the viewer's page for example.
 
     Keys are those of `Keyboard`. Of a gamepad in the standard layout the left stick moves along x and y, the triggers

@@ -210,7 +210,7 @@ class LowPass:
         return self._pose
 
 
-class Approach:
+class SmoothedTarget:
     """The target without the steps of a hand that speaks more seldom than the arm ticks.
 
     Each new pose is approached straight, at the speed that leads there in two gaps between poses, the longest ones of

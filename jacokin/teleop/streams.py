@@ -135,31 +135,31 @@ def _spoil(time: Array, hand: Array, end: float, rng: np.random.Generator) -> tu
     return arrival, hand
 
 
-Corners = list[tuple[Array, Array]]
+CornerPoses = list[tuple[Array, Array]]
 STILL = (np.zeros(3), np.zeros(3))
 
 
-def _wander(start: pin.SE3, rng: np.random.Generator) -> Corners:
+def _wander(start: pin.SE3, rng: np.random.Generator) -> CornerPoses:
     return [STILL, *((rng.uniform(-0.08, 0.08, 3), rng.uniform(-0.3, 0.3, 3)) for _ in range(4)), STILL]
 
 
-def _over_shoulder(start: pin.SE3, rng: np.random.Generator) -> Corners:
+def _over_shoulder(start: pin.SE3, rng: np.random.Generator) -> CornerPoses:
     over = np.append(rng.uniform(-0.02, 0.02, 2), start.translation[2] + rng.uniform(0.0, 0.25)) - start.translation
     return [STILL, (over, np.zeros(3)), (1.4 * over, np.zeros(3)), (over, np.zeros(3)), STILL]
 
 
-def _flip(start: pin.SE3, rng: np.random.Generator) -> Corners:
+def _flip(start: pin.SE3, rng: np.random.Generator) -> CornerPoses:
     axis = rng.normal(size=3)
     axis *= rng.uniform(0.5, 1.0) * np.pi / np.linalg.norm(axis)
     return [STILL, (rng.uniform(-0.05, 0.05, 3), axis), STILL, (rng.uniform(-0.05, 0.05, 3), -axis), STILL]
 
 
-def _reach_out(start: pin.SE3, rng: np.random.Generator) -> Corners:
+def _reach_out(start: pin.SE3, rng: np.random.Generator) -> CornerPoses:
     way = start.translation + rng.normal(size=3) * 0.2
     return [STILL, (rng.uniform(0.5, 0.8) * way / np.linalg.norm(way), rng.uniform(-0.2, 0.2, 3)), STILL]
 
 
-KINDS: dict[str, Callable[[pin.SE3, np.random.Generator], Corners]] = {
+KINDS: dict[str, Callable[[pin.SE3, np.random.Generator], CornerPoses]] = {
     "smooth": _wander,
     "jerky": _wander,
     "dropouts": _wander,

@@ -36,7 +36,7 @@ from jacokin.motion.tracking.steps import TrackerStatus, TrackerStep
 from jacokin.motion.tracking.targets import JointTarget
 from jacokin.motion.tracking.tracker import STILL, Tracker
 from jacokin.motion.trajectory import MotionStatus, Trajectory
-from jacokin.teleop.hand import Approach, HandOptions, LowPass, Mapping, Play, Witness, dead, near, read_hand
+from jacokin.teleop.hand import HandOptions, LowPass, Mapping, Play, SmoothedTarget, Witness, dead, near, read_hand
 from jacokin.teleop.workspace import AHEAD, checked_workspace
 
 AUTO = "auto"
@@ -141,7 +141,7 @@ class Teleop:
         self._heard = 0.0
         self._rest: Array | None = None
         self._mapping: Mapping | None = None
-        self._smooth: Approach | LowPass | None = None
+        self._smooth: SmoothedTarget | LowPass | None = None
         self._play: Play | None = None
         self._twist: Array | None = None
         self._witness = Witness()
@@ -388,7 +388,7 @@ class Teleop:
             tied = self.tool if self._workspace is None else self._workspace.tied(self.tool)
             self._mapping = Mapping(tied, self._axes, self._scale, self._hand.rotation_scale)
             self._smooth = (
-                Approach(self._mapping.target, self.tracker.dt, self._hand.watchdog)
+                SmoothedTarget(self._mapping.target, self.tracker.dt, self._hand.watchdog)
                 if self._constant is None
                 else LowPass(self._mapping.target, self._constant, self.tracker.dt)
             )
@@ -410,7 +410,7 @@ class Teleop:
         self,
         twist: Array,
         mapping: Mapping,
-        smooth: Approach | LowPass,
+        smooth: SmoothedTarget | LowPass,
         obstacles: MappingType[str, Motion] | None,
         budget: float | None,
     ) -> TeleopStep:

@@ -15,7 +15,7 @@ from jacokin.arrays import Array
 from jacokin.errors import ModelError
 from jacokin.model import poses
 from jacokin.model.descriptions import mjcf
-from jacokin.model.descriptions.meshes import Mesh, find_mesh, read_mesh_file
+from jacokin.model.descriptions.meshes import TriangleMesh, find_mesh, read_mesh_file
 from jacokin.model.descriptions.shapes import mesh_scale
 from jacokin.model.mujoco_twin import compile_spec, to_spec
 from jacokin.model.point_cloud import PointCloud
@@ -158,7 +158,7 @@ def load_visuals(robot: Robot) -> tuple[ArmPart, ...] | None:
 
 def _read_urdf(robot: Robot, text: str) -> dict[int, list[ColouredMesh]]:
     """Pieces by the number of the joint that moves them, in its frame."""
-    read: dict[Path, Mesh] = {}
+    read: dict[Path, TriangleMesh] = {}
     drawn: dict[int, list[ColouredMesh]] = {}
     tree = ET.fromstring(text)
     looks = {each.get("name", ""): each for each in tree.findall("material")}
@@ -187,7 +187,7 @@ def _look(visual: ET.Element, looks: dict[str, ET.Element]) -> Colour:
     return PLAIN
 
 
-def _read_visual(robot: Robot, visual: ET.Element, read: dict[Path, Mesh]) -> Triangles | None:
+def _read_visual(robot: Robot, visual: ET.Element, read: dict[Path, TriangleMesh]) -> Triangles | None:
     """One `<visual>` of a checked URDF in its own axes."""
     for shape in visual.findall("geometry/*"):
         if shape.tag == "box":

@@ -30,8 +30,8 @@ from jacokin.viewer.view import View
 SCENE_FILE = "jacokin_scene.json"
 OF_SOLVER = ("method", "qp_solver")  # options that the command line has too
 ONLY_PYTHON = ("position_tolerance", "orientation_tolerance", "limit_snap", "max_restarts")
-Shape = type[Box] | type[Sphere] | type[Capsule] | type[Cylinder] | type[Floor]
-SHAPES: tuple[Shape, ...] = (Box, Sphere, Capsule, Cylinder, Floor)  # that a scene's file can hold
+SceneShape = type[Box] | type[Sphere] | type[Capsule] | type[Cylinder] | type[Floor]
+SHAPES: tuple[SceneShape, ...] = (Box, Sphere, Capsule, Cylinder, Floor)  # that a scene's file can hold
 DEFAULTS = {field.name: field.default for field in fields(SolverOptions)}
 
 
@@ -241,7 +241,7 @@ def _describe(scene: Scene) -> tuple[list[dict[str, object]], list[str]]:
     return entries, left_out
 
 
-def _entry(obstacle: Obstacle, kind: Shape) -> dict[str, object]:
+def _entry(obstacle: Obstacle, kind: SceneShape) -> dict[str, object]:
     """An obstacle as in a scene's file: its shape, and its fields in order."""
     entry: dict[str, object] = {"shape": kind.__name__.lower()}
     for field in (each for each in fields(kind) if each.init):

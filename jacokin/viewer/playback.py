@@ -13,8 +13,8 @@ from jacokin.errors import InvalidInputError
 from jacokin.files import MESSAGE, read_json
 from jacokin.logs import Log, Recording
 from jacokin.logs.bag import ENDINGS as LOGS
+from jacokin.logs.messages import find_joints
 from jacokin.model import checks
-from jacokin.model.joint_names import find_joints
 from jacokin.model.robot import Robot
 from jacokin.motion import files
 from jacokin.motion.trajectory import Trajectory
@@ -24,7 +24,7 @@ ENDINGS = (".csv", ".npz", ".json", ".kinova.csv")
 NOT_ROS = "not a JointTrajectory as JSON"
 NANOSECOND = 1e-9  # [s]
 
-Columns = tuple[tuple[str, ...], Array, Array]  # names of the joints, times (n,) [s], angles (n, dof) [rad]
+MotionColumns = tuple[tuple[str, ...], Array, Array]  # names of the joints, times (n,) [s], angles (n, dof) [rad]
 
 
 class Playback:
@@ -112,7 +112,7 @@ class Playback:
         return np.array([np.interp(time, self.commanded_t, column) for column in self.commanded_q.T])
 
 
-def _read(path: str | Path, robot: Robot) -> Columns:
+def _read(path: str | Path, robot: Robot) -> MotionColumns:
     """The columns of a file."""
     file, ending = files.by_ending(path, ENDINGS)
     if ending == ".json":
@@ -122,7 +122,7 @@ def _read(path: str | Path, robot: Robot) -> Columns:
     return _columns(Trajectory.load(file))
 
 
-def _columns(trajectory: Trajectory | Recording) -> Columns:
+def _columns(trajectory: Trajectory | Recording) -> MotionColumns:
     """The columns of a trajectory of this package, or of anything that has them."""
     try:
         return tuple(trajectory.joint_names), np.array(trajectory.t, dtype=np.float64), trajectory.q
@@ -130,7 +130,7 @@ def _columns(trajectory: Trajectory | Recording) -> Columns:
         raise InvalidInputError(f"trajectory must be a Trajectory or a file, got {checks.shown(trajectory)}") from error
 
 
-def _read_ros(file: Path, robot: Robot) -> Columns:
+def _read_ros(file: Path, robot: Robot) -> MotionColumns:
     """The fields of a JointTrajectory message of ROS 1 or ROS 2, as JSON."""
     message = read_json(file, NOT_ROS, MESSAGE)
     try:
@@ -161,7 +161,7 @@ def _seconds(duration: object) -> float:
     return whole + NANOSECOND * rest
 
 
-def _read_kinova(file: Path, robot: Robot) -> Columns:
+def _read_kinova(file: Path, robot: Robot) -> MotionColumns:
     """Angles in degrees at 100 Hz, as `Trajectory.save` writes them for Kinova's driver."""
     table = files.read_table(file)
     wanted = ["time_s", *(f"joint{number}_deg" for number in range(1, robot.dof + 1))]

@@ -64,7 +64,7 @@ class Viewer:
         self._view = start
         self._contents = contents
         self._setup = contents.setup
-        self._following: Following | None = None
+        self._following: GizmoFollower | None = None
         self._going: Going | None = None
         self._led: tuple[TeleopStep, float | None] | None = None
         self._led_drawn = 0.0
@@ -350,7 +350,7 @@ class Viewer:
             self._aim({})  # where the gizmo is, which may have moved on
             return
         try:
-            self._following = Following(self._inspector.solver, self._seed(), self._contents.velocity_limit)
+            self._following = GizmoFollower(self._inspector.solver, self._seed(), self._contents.velocity_limit)
         except JacokinError:
             self._panel.stop_tracking()
             raise
@@ -560,7 +560,7 @@ class Inbox:
             self._changed.notify_all()
 
 
-class Following:
+class GizmoFollower:
     """A tracker that follows the gizmo at 100 Hz of the clock, within the velocity limits."""
 
     def __init__(self, solver: IKSolver, q: Array, velocity_limit: Array | None) -> None:

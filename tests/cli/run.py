@@ -53,7 +53,7 @@ def leave(*words: str) -> int:
 
 def start(*words: str, before: str = "") -> subprocess.Popen[str]:
     """A process that runs the command line after some lines of Python."""
-    program = f"{USUAL_SIGNALS}{before}\nfrom jacokin.cli.entry import main\nmain()\n"
+    program = f"{USUAL_SIGNALS}{before}\nfrom jacokin.__main__ import main\nmain()\n"
     return subprocess.Popen(
         [sys.executable, "-P", "-u", "-c", program, *words],
         stdout=subprocess.PIPE,

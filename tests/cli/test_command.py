@@ -10,7 +10,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from jacokin.cli.command import OTHER_NAMES, Argument, Command, NumberList, command, join_numbers, name_flags, option
+from jacokin.cli.command import (
+    MANY,
+    OTHER_NAMES,
+    Argument,
+    Command,
+    NumberList,
+    command,
+    join_numbers,
+    name_flags,
+    option,
+)
 from jacokin.errors import InvalidInputError, UnknownNameError
 from tests.cli.run import Run, leave
 
@@ -145,3 +155,16 @@ def test_a_command_takes_its_options_as_the_classes_that_declare_them() -> None:
     speak.main([], standalone_mode=False)
     assert taken == [(Where((-1.0, 2.5), "hand"), How(aloud=True, words=("a", "b"))), (Where((), "hand"), How())]
     assert (speak.name, speak.get_short_help_str()) == ("say", "Say where something is.")
+
+
+def test_help_has_an_argument_once_and_headings_only_where_options_are_many() -> None:
+    few = [click.Option(["--loud"], help="How.")]
+    many = [click.Option([f"--loud-{k}"], help="How.") for k in range(MANY)]
+    for options in (few, many):
+        made = Command(
+            "say", params=[*options, Argument(["words"], "What.", metavar="WORDS")], headings={"loud_0": "How"}
+        )
+        said = made.get_help(click.Context(made))
+        assert said.count("WORDS") == 2  # in the usage and among the arguments
+        assert said.index("Arguments:") < said.index("--loud")
+        assert ("\nHow:\n" in said) is (options is many)

@@ -12,7 +12,7 @@ import pytest
 import jacokin
 from jacokin import IKSolver, Robot
 from jacokin.ik import local_search
-from jacokin.ik.positions import PositionDescents
+from jacokin.ik.local_search import PositionDescents
 
 NAMES = ("j2n6s300", "j2s6s200", "j2s7s300")
 

@@ -29,7 +29,6 @@ from jacokin.model.obstacles import (
     Obstacle,
     Sphere,
     Surroundings,
-    add_to_spec,
 )
 from jacokin.model.own_shapes import overlapping
 from tests.coal_shapes import coal_shape, collision_pairs
@@ -63,7 +62,8 @@ def touching_by_mujoco(
     """Contact as MuJoCo's own pipeline finds it."""
     spec = to_spec(robot, geometry=True, finger_angle=finger_angle)
     moving = [geom.name for geom in spec.geoms if geom.parent.parent.name != "world"]
-    add_to_spec(spec, obstacles)
+    for obstacle in obstacles:
+        obstacle.add_to(spec.worldbody)
     for obstacle in obstacles:
         for name in moving:
             spec.add_pair(name=f"{obstacle.name}~{name}", geomname1=obstacle.name, geomname2=name)
@@ -85,7 +85,8 @@ class ByCoal:
 
     def __init__(self, robot: Robot, obstacles: Sequence[Obstacle]) -> None:
         spec = to_spec(robot, geometry=True)
-        add_to_spec(spec, obstacles)
+        for obstacle in obstacles:
+            obstacle.add_to(spec.worldbody)
         model = spec.compile()
         self.geometry, self.robot = pin.GeometryModel(), robot.pin_model
         for geom in range(model.ngeom):

@@ -17,7 +17,7 @@ for folder in os.environ["JACOKIN_PATHS"].split(os.pathsep):
 sys.path[:0] = [folder for folder in sys.path if folder not in there]
 what = sys.argv.pop(1)
 if what == "jacokin":
-    from jacokin.cli.entry import main
+    from jacokin.__main__ import main
 
     main()
 else:

@@ -49,7 +49,7 @@ from jacokin.ik.batches.chunk import (
     read_stamp,
     read_tally,
 )
-from jacokin.ik.files.formats import Format, Piece, answers_format, targets_format
+from jacokin.ik.files.formats import FilePiece, Format, answers_format, targets_format
 from jacokin.ik.files.targets import POSITION, FilePart
 from jacokin.ik.seeds import seed_within_limits
 from jacokin.ik.solver import IKSolver
@@ -372,7 +372,7 @@ class Joining:
                 f"{final}: cannot be written: {error.strerror or error}; all targets are solved, run it again"
             ) from error
 
-    def _pieces(self, whole: Path | None) -> Iterator[Piece]:
+    def _pieces(self, whole: Path | None) -> Iterator[FilePiece]:
         """The chunks in their order; what is written is brought to disk from time to time: at the end it takes long."""
         for number in range(self._folder.count):
             path = self._ready.get()

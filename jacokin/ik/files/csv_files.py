@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from jacokin import files
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
-from jacokin.ik.files.carried import as_texts
-from jacokin.ik.files.targets import ANSWERS, Columns, FilePart, TargetFile, choose_columns, target_rows
+from jacokin.ik.files.targets import ANSWERS, FilePart, TargetColumns, TargetFile, as_texts, choose_columns, target_rows
 from jacokin.ik.results import BatchResult
 from jacokin.model import checks
 
@@ -31,7 +30,7 @@ _IN_NUMBERS, _MINUS_ZEROS = b"0123456789+-.eE,\r\n", (b"-0,", b"-0\r", b"-0\n")
 _ENDING = re.compile(r'[,"\r\n]')
 _NOT_FINITE = re.compile(r"[-+]?(nan|inf|infinity)", re.IGNORECASE)
 
-Rows = tuple[Array, NDArray[np.int_], dict[str, list[str]]]
+CsvRows = tuple[Array, NDArray[np.int_], dict[str, list[str]]]
 
 
 def read_targets(path: str | Path) -> TargetFile:
@@ -139,8 +138,8 @@ def _names(path: Path, lines: Iterator[str]) -> list[str]:
 
 
 def _rows(
-    path: Path, text: Iterator[str], columns: Columns, size: int, *, finite: bool, first: int = FIRST_LINE
-) -> Iterator[Rows]:
+    path: Path, text: Iterator[str], columns: TargetColumns, size: int, *, finite: bool, first: int = FIRST_LINE
+) -> Iterator[CsvRows]:
     """Values (n, columns), line numbers (n,) and texts of the rows from line `first` on, at most `size` lines at once.
 
     NaN and infinities are refused if `finite` is wanted.
@@ -171,7 +170,7 @@ def _filled(path: Path, lines: Iterable[str], first: int) -> Iterator[tuple[int,
     return ((line, row) for line, row in files.table_rows(path, lines, first) if any(cell.strip() for cell in row))
 
 
-def _only_numbers(text: str, rows: int, columns: Columns) -> Array | None:
+def _only_numbers(text: str, rows: int, columns: TargetColumns) -> Array | None:
     """The values of lines that hold finite numbers and nothing else; None where a closer look is needed.
 
     Such lines become JSON, which is read in a third of the time, to the same bits.
@@ -191,7 +190,7 @@ def _only_numbers(text: str, rows: int, columns: Columns) -> Array | None:
     return values[:, columns.places]
 
 
-def _plain(lines: Sequence[str], columns: Columns, finite: bool) -> Array | None:
+def _plain(lines: Sequence[str], columns: TargetColumns, finite: bool) -> Array | None:
     """The values if every row has a number wherever one is needed; None where a closer look is needed."""
     commas = columns.count - 1
     if any(line.count(",") != commas for line in lines):
@@ -204,7 +203,7 @@ def _plain(lines: Sequence[str], columns: Columns, finite: bool) -> Array | None
     return values if len(values) == len(lines) and (not finite or np.isfinite(values).all()) else None
 
 
-def _checked(path: Path, rows: Sequence[tuple[int, list[str]]], columns: Columns, finite: bool) -> Rows:
+def _checked(path: Path, rows: Sequence[tuple[int, list[str]]], columns: TargetColumns, finite: bool) -> CsvRows:
     """The values and texts of rows, one by one.
 
     Raises:
@@ -222,7 +221,7 @@ def _checked(path: Path, rows: Sequence[tuple[int, list[str]]], columns: Columns
     return values, np.array([line for line, _ in rows], dtype=np.int_), _texts([row for _, row in rows], columns)
 
 
-def _texts(rows: Sequence[Sequence[str]], columns: Columns) -> dict[str, list[str]]:
+def _texts(rows: Sequence[Sequence[str]], columns: TargetColumns) -> dict[str, list[str]]:
     """The texts of the columns that are carried through; a row may be shorter than the header."""
     return {name: [row[at] if at < len(row) else "" for row in rows] for name, at in columns.carried.items()}
 

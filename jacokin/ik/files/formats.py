@@ -12,7 +12,7 @@ from jacokin.ik.files import csv_files, npz_files, parquet_files
 from jacokin.ik.files.targets import FilePart, TargetFile
 from jacokin.ik.results import BatchResult
 
-Piece = tuple[Path, int]
+FilePiece = tuple[Path, int]
 
 
 class Format(Protocol):
@@ -36,7 +36,7 @@ class Format(Protocol):
         """The answers to some targets, for `write_joined`."""
 
     def write_joined(
-        self, path: Path, pieces: Iterable[Piece], columns: Sequence[str], carried: Sequence[str] = ()
+        self, path: Path, pieces: Iterable[FilePiece], columns: Sequence[str], carried: Sequence[str] = ()
     ) -> None:
         """Write the file of answers: all pieces in their order.
 

@@ -18,14 +18,15 @@ from numpy.typing import NDArray
 from jacokin import files
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
-from jacokin.ik.files.carried import KINDS, as_array
 from jacokin.ik.files.targets import (
+    KINDS,
     MATRIX,
     POSITION,
     QUATERNION,
     RPY,
     FilePart,
     TargetFile,
+    as_array,
     choose_columns,
     equal_parts,
     is_answer,

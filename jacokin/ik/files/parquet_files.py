@@ -12,8 +12,15 @@ import numpy as np
 from jacokin import files
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
-from jacokin.ik.files.carried import as_arrow
-from jacokin.ik.files.targets import Columns, FilePart, TargetFile, choose_columns, equal_parts, target_rows
+from jacokin.ik.files.targets import (
+    FilePart,
+    TargetColumns,
+    TargetFile,
+    as_arrow,
+    choose_columns,
+    equal_parts,
+    target_rows,
+)
 from jacokin.ik.results import BatchResult
 
 if TYPE_CHECKING:
@@ -60,7 +67,7 @@ def blocks(path: Path, size: int, consecutive: Sequence[FilePart] | None = None)
             yield _rows(path, columns, pa.Table.from_batches(waiting), first, file.schema_arrow.names)
 
 
-def _rows(path: Path, columns: Columns, table: pa.Table, first: int, names: Sequence[str]) -> TargetFile:
+def _rows(path: Path, columns: TargetColumns, table: pa.Table, first: int, names: Sequence[str]) -> TargetFile:
     """The rows of a table, the first of which has this number; `names` are those of all columns of the file."""
     places = zip(columns.names, columns.places, strict=True)
     values = np.column_stack([_numbers(path, name, table.column(names[at])) for name, at in places])
@@ -94,7 +101,7 @@ def _groups_from(metadata: pq.FileMetaData, start: int) -> tuple[list[int], int]
 
 
 @contextlib.contextmanager
-def _reading(path: Path) -> Iterator[tuple[pq.ParquetFile, Columns]]:
+def _reading(path: Path) -> Iterator[tuple[pq.ParquetFile, TargetColumns]]:
     with files.open_parquet(path, "is not a Parquet file that can be read") as file:
         columns = choose_columns(path, file.schema_arrow.names, "")
         if not file.metadata.num_rows:

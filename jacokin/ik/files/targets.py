@@ -1,10 +1,17 @@
 """`TargetFile`: rows of numbers as targets; which columns mean what, and which rows cannot be solved.
 
-Columns that are not understood as a part of the target are carried through; `carried` says how.
+A column that is not understood as a part of the target is carried through, in every format, unchanged, and stands
+behind the answers. Left out are columns without a name, and those of a file of answers (q1, q2, ..., status,
+position_error, orientation_error, method, message; of an NPZ also q, status_names, method_names), which are made anew.
+
+A CSV file carries the text of each cell, an NPZ archive arrays (n,) of one type, a Parquet file columns of any type.
+From one format to another numbers stay numbers and texts stay texts. Numbers in a CSV file read back to the same bits;
+what is missing is an empty text there, and NaN among the numbers of an NPZ.
 """
 
 from __future__ import annotations
 
+import datetime
 import math
 import re
 from collections import Counter
@@ -12,15 +19,68 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
-from jacokin.ik.files.carried import Carried
 from jacokin.model.poses import QUATERNION_NORM_TOLERANCE, RIGID_TOLERANCE
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+KINDS = "biufcUSMm"  # of NumPy's types that are carried; the others hold Python objects, or several values in a row
+
+#: Some rows of each carried column: texts of a CSV file, an array of an NPZ archive, or a column of a Parquet file.
+Column: TypeAlias = "list[str] | NDArray[np.generic] | pa.Array"
+Carried = Mapping[str, Column]
+
+
+def as_objects(column: Column) -> list[Any]:
+    """The values as JSON has them where it does, else as texts; None for what is missing. Any: of any type."""
+    if isinstance(column, list):
+        return column
+    if not isinstance(column, np.ndarray):
+        return [_plain(value) for value in column.to_pylist()]
+    # Python has no nanoseconds.
+    return [str(value) for value in column] if column.dtype.kind in "Mm" else [_plain(each) for each in column.tolist()]
+
+
+def as_texts(column: Column) -> list[str]:
+    """The values as texts, numbers with the digits that read back to the same bits."""
+    return column if isinstance(column, list) else ["" if each is None else str(each) for each in as_objects(column)]
+
+
+def as_array(column: Column) -> NDArray[np.generic]:
+    """The values as an array (n,) of numbers, truth values or dates where they are such, else of texts."""
+    array = column if isinstance(column, np.ndarray | list) else column.to_numpy(zero_copy_only=False)
+    if isinstance(array, np.ndarray) and array.dtype.kind in KINDS:
+        return array
+    return np.array(as_texts(column), dtype=np.str_)
+
+
+def as_arrow(column: Column) -> pa.Array:
+    """The values as a column of Arrow."""
+    import pyarrow as pa
+
+    if isinstance(column, np.ndarray) and column.dtype.kind in "biufMm":
+        try:
+            return pa.array(column)
+        except pa.ArrowNotImplementedError:  # numbers of 16 bytes, times in hours
+            return pa.array(as_texts(column), pa.string())
+    return pa.array(as_texts(column), pa.string()) if isinstance(column, np.ndarray | list) else column
+
+
+def _plain(value: Any) -> Any:
+    """Bytes as text, dates and times as ISO 8601, all else that JSON does not have as Python writes it."""
+    if isinstance(value, bytes):
+        return value.decode("utf-8", errors="backslashreplace")
+    if isinstance(value, datetime.date | datetime.time):
+        return value.isoformat()
+    return value if value is None or isinstance(value, bool | int | float | str) else str(value)
+
 
 POSITION = ("x", "y", "z")
 QUATERNION = ("qw", "qx", "qy", "qz")
@@ -106,7 +166,7 @@ def _placeholder(columns: tuple[str, ...]) -> Array:
 
 
 @dataclass(frozen=True, slots=True)
-class Columns:
+class TargetColumns:
     """The columns of a file that make a target, and those that are carried through.
 
     Attributes:
@@ -123,7 +183,7 @@ class Columns:
     count: int
 
 
-def choose_columns(path: Path, header: Sequence[str], place: str = ", line 1") -> Columns:
+def choose_columns(path: Path, header: Sequence[str], place: str = ", line 1") -> TargetColumns:
     """The columns to read; `place` is where in the file they are named.
 
     Raises:
@@ -149,7 +209,7 @@ def choose_columns(path: Path, header: Sequence[str], place: str = ", line 1") -
             f"{place}: column {', '.join(turned)} looks like an orientation, which would be lost: orientations are "
             f"{', '.join(QUATERNION)}, or {', '.join(RPY)} [rad], or {', '.join(MATRIX)}; rename what is not one"
         )
-    return Columns(wanted, tuple(names.index(name) for name in wanted), carried, len(names))
+    return TargetColumns(wanted, tuple(names.index(name) for name in wanted), carried, len(names))
 
 
 def _orientation(names: Sequence[str], place: str) -> tuple[str, ...]:

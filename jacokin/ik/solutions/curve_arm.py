@@ -13,8 +13,7 @@ from jacokin.arrays import Array
 from jacokin.errors import StructureError
 from jacokin.ik.closed_form import ClosedForm
 from jacokin.ik.geometry import chain_of, frame_with_z, measure_seven
-from jacokin.ik.quick_forms import NO_FORM, quick_form
-from jacokin.ik.structures import count_freedoms, measure_general, size_of
+from jacokin.ik.structures import NO_FORM, count_freedoms, measure_general, quick_form, size_of
 from jacokin.ik.targets import TargetPose
 from jacokin.ik.verification import Verifier
 from jacokin.kernels.library import Call

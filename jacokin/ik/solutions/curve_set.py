@@ -17,11 +17,9 @@ from jacokin.errors import InvalidInputError
 from jacokin.ik import preferences
 from jacokin.ik.preferences import Cost, Prefer, by_distance, by_margin
 from jacokin.ik.solutions import picture
-from jacokin.ik.solutions.interval import Interval, IntervalEnd
 from jacokin.ik.solutions.least import least_member
-from jacokin.ik.solutions.members import LostMemberError, Members
-from jacokin.ik.solutions.solution_set import SolutionSet, Touching
-from jacokin.ik.solutions.track import GUESS_SPACING, CurveTrack
+from jacokin.ik.solutions.members import GUESS_SPACING, CurveTrack, LostMemberError, Members
+from jacokin.ik.solutions.solution_set import Interval, IntervalEnd, SolutionSet, Touching
 from jacokin.model import angles, checks
 from jacokin.model.angles import SNAP, TURN
 

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.ik.preferences import Cost, copies_to_try
-from jacokin.ik.solutions.members import LostMemberError, Members
-from jacokin.ik.solutions.track import CurveTrack
+from jacokin.ik.solutions.members import CurveTrack, LostMemberError, Members
 from jacokin.model.angles import TURN
 
 #: Local minima among the guesses that are looked at exactly.
@@ -36,13 +35,13 @@ def least_member(members: Members, tracks: Sequence[CurveTrack], cost: Cost, see
     Guesses all along tell where minima may be; a minimum is looked at unless the change from guess to guess leaves no
     doubt that it is worse than the best one found.
     """
-    looks: list[_Look] = []
+    looks: list[_Basin] = []
     for track in tracks:
         coordinates, rows = track.guesses()
         for copies in copies_to_try(cost.copies, rows, seed, members.robot):
             looks += _places_to_look(track, coordinates, rows, copies, cost)
 
-    def look(place: _Look) -> tuple[float, float]:
+    def look(place: _Basin) -> tuple[float, float]:
         def exact(coordinate: float) -> Array:
             return members.on_limits(place.track.point(coordinate)[1] + TURN * place.turns)
 
@@ -67,7 +66,7 @@ def least_member(members: Members, tracks: Sequence[CurveTrack], cost: Cost, see
     return members.on_track(place.track, p, q, seed), p
 
 
-class _Look(NamedTuple):
+class _Basin(NamedTuple):
     """A place where a minimum may be."""
 
     bound: float
@@ -81,7 +80,7 @@ class _Look(NamedTuple):
     """(dof,) by which the angles differ from those of the track."""
 
 
-def _places_to_look(track: CurveTrack, coordinates: Array, rows: Array, copies: Array, cost: Cost) -> list[_Look]:
+def _places_to_look(track: CurveTrack, coordinates: Array, rows: Array, copies: Array, cost: Cost) -> list[_Basin]:
     """Local minima among the guesses (m, dof) of a track in some copies, NaN where those are outside the limits.
 
     Where joints go on in other copies, the cost may jump: such runs are looked at one by one.
@@ -97,7 +96,7 @@ def _places_to_look(track: CurveTrack, coordinates: Array, rows: Array, copies: 
     alone = np.isinf(left) & np.isinf(right)  # nothing says how the cost changes
     bounds = np.where(alone, -np.inf, value - change)
     return [
-        _Look(float(bound), track, int(index), coordinates, turns[index])
+        _Basin(float(bound), track, int(index), coordinates, turns[index])
         for bound, index in zip(bounds, chosen, strict=True)
     ]
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from jacokin import files
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, needed
-from jacokin.ik.solutions.interval import Interval
+from jacokin.ik.solutions.solution_set import Interval
 from jacokin.model import checks
 from jacokin.model.robot import Robot
 

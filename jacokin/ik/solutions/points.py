@@ -16,8 +16,7 @@ from jacokin.ik import preferences
 from jacokin.ik.preferences import Cost, Prefer
 from jacokin.ik.seeds import seed_within_limits
 from jacokin.ik.solutions import picture
-from jacokin.ik.solutions.interval import Interval
-from jacokin.ik.solutions.solution_set import SolutionSet, Touching
+from jacokin.ik.solutions.solution_set import Interval, SolutionSet, Touching
 from jacokin.kernels.branches import DISTANCE, FAMILY, ORIENTATION_ERROR, POSITION_ERROR, WITHIN_LIMITS
 from jacokin.model import angles, checks
 from jacokin.model.robot import Robot

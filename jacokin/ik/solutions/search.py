@@ -19,10 +19,9 @@ from jacokin.ik.preferences import Cost, copies_to_try, with_ties
 from jacokin.ik.results import IKResult
 from jacokin.ik.solutions.curve_arm import CIRCLE, DIMENSIONS, FOLD, CurveArm, CurveProblem, Curves
 from jacokin.ik.solutions.curve_set import CurveSet, TrackInterval
-from jacokin.ik.solutions.interval import IntervalEnd
 from jacokin.ik.solutions.least import least, minima
-from jacokin.ik.solutions.members import LostMemberError, Members
-from jacokin.ik.solutions.track import STANDING, CurveTrack
+from jacokin.ik.solutions.members import STANDING, CurveTrack, LostMemberError, Members
+from jacokin.ik.solutions.solution_set import IntervalEnd
 from jacokin.ik.targets import Request, TargetPose, combined_error
 from jacokin.ik.verification import Candidate, Verifier
 from jacokin.model import angles

@@ -69,7 +69,7 @@ class Description:
     """Sentences on what was left out of the file."""
 
 
-class Ends(NamedTuple):
+class ArmEnds(NamedTuple):
     """Which joints of a model are those of the arm."""
 
     base: str | None
@@ -84,7 +84,7 @@ class Ends(NamedTuple):
     """Sentences on joints that were left out, and how they would be taken in."""
 
 
-def find_ends(full: pin.Model, base: str | None, tip: str | None, leaders: Mapping[str, str]) -> Ends:
+def find_ends(full: pin.Model, base: str | None, tip: str | None, leaders: Mapping[str, str]) -> ArmEnds:
     """Where the arm of a model begins and ends.
 
     Args:
@@ -113,10 +113,10 @@ def find_ends(full: pin.Model, base: str | None, tip: str | None, leaders: Mappi
         raise ModelError(f"the chain has {len(between)} joints; at most {MOST_JOINTS} are read")
     frames = frames_on(full, end)  # not those of fingers, whose joints are locked
     frame = tip or next(iter(usual_tools(frames) or frames), None)
-    return Ends(base, frozenset(above_base), tuple(between), frame, notes)
+    return ArmEnds(base, frozenset(above_base), tuple(between), frame, notes)
 
 
-def extract(full: pin.Model, q_reference: Array, ends: Ends, name: str) -> pin.Model:
+def extract(full: pin.Model, q_reference: Array, ends: ArmEnds, name: str) -> pin.Model:
     """The arm between the ends of a model, as a fresh model with nq == nv == number of joints.
 
     Args:

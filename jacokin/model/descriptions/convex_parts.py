@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jacokin.arrays import Array
-from jacokin.model.descriptions.meshes import Mesh, hull_of
+from jacokin.model.descriptions.meshes import TriangleMesh, hull_of
 
 MOST_PARTS = 20  # of a mesh
 LEAST_GAIN = 0.005  # of the volume of the whole hull that a cut must take away from the hulls
@@ -48,7 +48,7 @@ class Part(NamedTuple):
 NO_CUT = Cut(0.0, 0, 0.0)
 
 
-def convex_parts(mesh: Mesh) -> list[Array]:
+def convex_parts(mesh: TriangleMesh) -> list[Array]:
     """The corners (n, 3) [m] of convex parts whose union holds a mesh and what it encloses; one if it is convex.
 
     Raises:
@@ -77,7 +77,7 @@ def convex_parts(mesh: Mesh) -> list[Array]:
 class _Solid:
     """What is inside of a mesh, on a grid; nothing where it has openings wider than a voxel."""
 
-    def __init__(self, mesh: Mesh) -> None:
+    def __init__(self, mesh: TriangleMesh) -> None:
         """Mark the voxels of the surface, and fill what they enclose."""
         from scipy.ndimage import binary_fill_holes  # only meshes need it
 

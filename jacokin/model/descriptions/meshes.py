@@ -43,7 +43,7 @@ MANY_POINTS = 5000  # of a mesh; the hull of finer ones is found with fewer corn
 COARSENING = 5e-5  # [m] that such a hull is inside the full one, at most
 
 
-class Mesh(NamedTuple):
+class TriangleMesh(NamedTuple):
     """Triangles of a file."""
 
     vertices: Array
@@ -102,7 +102,7 @@ def _candidates(
     return (place for place in places if place.is_file())
 
 
-def read_mesh_file(file: Path, description: Path) -> Mesh:
+def read_mesh_file(file: Path, description: Path) -> TriangleMesh:
     """The triangles of a mesh file.
 
     Lengths are metres: a COLLADA file says its unit, which is followed, and other formats are taken to be in metres.
@@ -162,7 +162,7 @@ def _regular(file: Path) -> bytes:
     return read_bytes(file, LARGEST)
 
 
-def _read_stl(content: bytes) -> Mesh:
+def _read_stl(content: bytes) -> TriangleMesh:
     """A binary file, whatever its header begins with, or one of text with any number of solids."""
     count = int.from_bytes(content[STL_HEADER - 4 : STL_HEADER], "little")
     size = STL_HEADER + STL_FACE * count
@@ -174,10 +174,10 @@ def _read_stl(content: bytes) -> Mesh:
     if not len(corners) and count:
         rows = np.frombuffer(content, STL_CORNERS, count, STL_HEADER)
         corners = rows["corners"].reshape(-1, 3).astype(np.float64)
-    return Mesh(corners, np.arange(len(corners)).reshape(-1, 3))
+    return TriangleMesh(corners, np.arange(len(corners)).reshape(-1, 3))
 
 
-def _read_obj(content: bytes) -> Mesh:
+def _read_obj(content: bytes) -> TriangleMesh:
     """All faces of all groups and objects; polygons are cut into triangles."""
     vertices: list[list[float]] = []
     faces: list[tuple[int, int, int]] = []
@@ -198,10 +198,10 @@ def _read_obj(content: bytes) -> Mesh:
     numbers = np.array(faces, dtype=np.int64).reshape(-1, 3)
     if len(numbers) and numbers.max() >= len(vertices):
         raise ValueError(f"a face of vertex {numbers.max() + 1} of {len(vertices)}")
-    return Mesh(np.array(vertices, dtype=np.float64).reshape(-1, 3), numbers)
+    return TriangleMesh(np.array(vertices, dtype=np.float64).reshape(-1, 3), numbers)
 
 
-def _read_other(content: bytes, file: Path) -> Mesh:
+def _read_other(content: bytes, file: Path) -> TriangleMesh:
     """A file of a format that trimesh reads, as one mesh; of COLLADA in its unit."""
     import trimesh
 
@@ -211,7 +211,7 @@ def _read_other(content: bytes, file: Path) -> Mesh:
     whole = trimesh.load_mesh(io.BytesIO(content), file_type=suffix[1:], resolver=beside, process=False)
     vertices = unit * np.asarray(whole.vertices, dtype=np.float64)
     faces = np.asarray(whole.faces, dtype=np.int64)
-    return Mesh(vertices, faces, up)
+    return TriangleMesh(vertices, faces, up)
 
 
 def _collada_asset(content: bytes) -> tuple[float, str]:
@@ -251,7 +251,7 @@ def _gltf_buffers(content: bytes, folder: Path) -> dict[str, bytes]:
     return {name: _regular(folder / unquote(name)) for name in names if not name.startswith("data:")}
 
 
-def hull_of(vertices: Array) -> Mesh | None:
+def hull_of(vertices: Array) -> TriangleMesh | None:
     """The convex hull of some points (n, 3) [m]; None where they are one point.
 
     Points in a plane or on a line get a thickness of 0.02 mm. That of many points leaves out what is outside by less
@@ -282,10 +282,10 @@ def hull_of(vertices: Array) -> Mesh | None:
     edges = corners[faces[:, 1:]] - corners[faces[:, :1]]
     inwards = np.einsum("ij,ij->i", np.cross(edges[:, 0], edges[:, 1]), hull.equations[:, :3]) < 0.0
     faces[inwards] = faces[inwards][:, ::-1]
-    return Mesh(corners, faces)
+    return TriangleMesh(corners, faces)
 
 
-def stl_bytes(mesh: Mesh) -> bytes:
+def stl_bytes(mesh: TriangleMesh) -> bytes:
     """A mesh as a binary STL file."""
     rows = np.zeros(len(mesh.faces), dtype=STL_CORNERS)
     rows["corners"] = mesh.vertices[mesh.faces]

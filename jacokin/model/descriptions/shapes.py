@@ -18,7 +18,16 @@ from jacokin.arrays import Array
 from jacokin.errors import ShapeError, shown
 from jacokin.kernels.contact.cloud_tree import CloudTree
 from jacokin.model.descriptions import bundled
-from jacokin.model.descriptions.meshes import FARTHEST, THIN, Z_UP, Mesh, find_mesh, hull_of, read_mesh_file, stl_bytes
+from jacokin.model.descriptions.meshes import (
+    FARTHEST,
+    THIN,
+    Z_UP,
+    TriangleMesh,
+    find_mesh,
+    hull_of,
+    read_mesh_file,
+    stl_bytes,
+)
 from jacokin.model.descriptions.urdf import MALFORMED
 
 NO_VERTICES = np.empty((0, 3))
@@ -125,7 +134,7 @@ class PreparedShapes(NamedTuple):
     """The hulls of its meshes as STL files, by the names that the text has for them now."""
     notes: tuple[str, ...]
     """Sentences on shapes that were left out, and on meshes whose axes are in doubt."""
-    meshes: dict[str, Mesh]
+    meshes: dict[str, TriangleMesh]
     """The meshes themselves, scaled, by the same names."""
 
 
@@ -196,7 +205,7 @@ class _Hulls:
 
     def __init__(self, path: Path, package_dirs: Sequence[Path]) -> None:
         self.assets: dict[str, bytes] = {}
-        self.meshes: dict[str, Mesh] = {}
+        self.meshes: dict[str, TriangleMesh] = {}
         self._path, self._package_dirs = path, package_dirs
         self._found: dict[tuple[Path, tuple[float, ...]], str] = {}  # file and scale -> asset, "" for none
 

@@ -42,7 +42,7 @@ Result = TypeVar("Result")
 Memory = tuple[memoryview, ...]
 """Live parts of MuJoCo's arrays. Joining their bytes is the quickest way to compare all of them with what they were."""
 
-Bounds = tuple[Array, Array]
+JointBounds = tuple[Array, Array]
 Solution = tuple[NDArray[np.intp], Array]  # addresses in qpos, and values for them
 
 BASE = "base"  # the frames of the chain
@@ -139,7 +139,7 @@ class SiteSolver:
         self,
         position: Array,
         rotation: Array,
-        bounds: Bounds | None,
+        bounds: JointBounds | None,
         random_state: RandomState,
         attempts: int,
         *,
@@ -167,7 +167,7 @@ class SiteSolver:
         for q in found:
             yield chain.qpos, canonical(q, self._wraps)
 
-    def query(self, position: Array, rotation: Array, bounds: Bounds, random_state: RandomState) -> Query:
+    def query(self, position: Array, rotation: Array, bounds: JointBounds, random_state: RandomState) -> Query:
         """A pose from a random start.
 
         Args:
@@ -271,7 +271,7 @@ class SiteSolver:
                 yield q
 
     def _starts(
-        self, present: Array | None, bounds: Bounds, random_state: RandomState, attempts: int
+        self, present: Array | None, bounds: JointBounds, random_state: RandomState, attempts: int
     ) -> Iterator[Array]:
         """The present configuration, clipped to the limits, then random ones, drawn one at a time when needed."""
         members = [self._joints.index(joint) for joint in self._chain.joints]

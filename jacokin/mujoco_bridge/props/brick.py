@@ -33,7 +33,7 @@ _FRICTION_REST = (0.005, 0.0001)  # MuJoCo's default torsional and rolling frict
 _SOLIMP_REST = (0.5, 2.0)  # MuJoCo's default midpoint and power
 _QUARTER_TURN = (np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5))  # about z, wxyz
 
-Row = Mapping[str, Any]
+BrickNumbers = Mapping[str, Any]
 
 
 class Brick(FreeProp):
@@ -77,7 +77,7 @@ class Brick(FreeProp):
         self._rgba = (*rgb, primitive.load_sizes()["hint"]["alpha"] if checks.flag("hint", hint) else 1.0)
         self._touches = not hint
         self._mjcf_root = new_spec("brick", name)
-        self._row: Row = row
+        self._row: BrickNumbers = row
         if self._touches:
             self._add("hull", _BOX, row["hull"], mass=row["hull"]["mass"], group=HIDDEN_GROUP)
         self._add_walls(row["walls"])
@@ -89,7 +89,7 @@ class Brick(FreeProp):
         self._stud_geoms = self._add_studs(row["studs"])
         self._add_sites(row)
 
-    def _add_walls(self, row: Row) -> None:
+    def _add_walls(self, row: BrickNumbers) -> None:
         for name in ("x", "y", "inner_x", "inner_y"):
             axis = 0 if name.endswith("x") else 1
             for number, sign in enumerate((-1.0, 1.0)):
@@ -98,7 +98,7 @@ class Brick(FreeProp):
                 self._add(f"wall_{name}{number}", _BOX, {**row, **row[name]}, position)
         self._add("wall_top", _BOX, {**row, **row["top"]})
 
-    def _add_flanges(self, row: Row, touch: bool) -> None:
+    def _add_flanges(self, row: BrickNumbers, touch: bool) -> None:
         row = row if touch else {**row, "contype": 0}
         z = row["height"]
         for i, (side, y) in enumerate(itertools.product((-1.0, 1.0), _lengthwise(COLUMNS))):
@@ -107,7 +107,7 @@ class Brick(FreeProp):
             position = (side * row["y_offset"], end * row["y"], z)
             self._add(f"flange_y{i}", _BOX, row, position, quat=_QUARTER_TURN)
 
-    def _add_studs(self, row: Row) -> list[mujoco.MjsGeom]:
+    def _add_studs(self, row: BrickNumbers) -> list[mujoco.MjsGeom]:
         """Add the studs; returns those whose radius determines the grip."""
         round_row = self._row["round_studs"]
         hidden = {"contype": row["hidden_contype"], "conaffinity": row["hidden_conaffinity"]}
@@ -131,7 +131,7 @@ class Brick(FreeProp):
             studs.append(self._add(f"round_stud_{i}{j}", _CAPSULE, cap, (x, y, row["height"]), size, mass=0.0))
         return studs
 
-    def _add_sites(self, row: Row) -> None:
+    def _add_sites(self, row: BrickNumbers) -> None:
         world = self._mjcf_root.worldbody
         box, grid = row["bounding_box"], row["stud_sites"]
         self._bounding_box = world.add_site(
@@ -156,7 +156,7 @@ class Brick(FreeProp):
         self,
         name: str,
         shape: mujoco.mjtGeom,
-        row: Row,
+        row: BrickNumbers,
         position: ArrayLike | None = None,
         size: ArrayLike | None = None,
         **more: Any,

@@ -279,8 +279,8 @@ class ForwardCache:
         self.rest_is_due = False
         self._options = model.opt
         self._watch = ModelWatch(model)
-        self._now = _State(model)
-        self._at_pass = _State(model)
+        self._now = _WatchedState(model)
+        self._at_pass = _WatchedState(model)
         self._is_known = False
         self._warnings: Array = data.warning.number
         self._no_warnings = np.zeros_like(self._warnings).tobytes()
@@ -423,7 +423,7 @@ class ForwardCache:
         return PhysicsError(f"MuJoCo gave up: {' '.join(str(error).split())}{advice}")
 
 
-class _State:
+class _WatchedState:
     """A buffer for MuJoCo's state, and the parts of it that derived values depend on."""
 
     def __init__(self, model: mujoco.MjModel) -> None:

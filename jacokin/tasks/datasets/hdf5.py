@@ -23,13 +23,13 @@ from numpy.typing import NDArray
 
 from jacokin.errors import InvalidInputError, MissingExtraError
 from jacokin.files import ARRAYS, DEFLATION
-from jacokin.tasks.datasets.placing import placing
 from jacokin.tasks.datasets.recorded import (
     SINGLE,
     Recorded,
     checked_description,
     count,
     json_object,
+    placing,
     read_json,
     reading,
 )

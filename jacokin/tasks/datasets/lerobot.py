@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, MissingExtraError
-from jacokin.tasks.datasets.placing import placing
-from jacokin.tasks.datasets.recorded import SINGLE, Recorded, checked_description, read_json, reading
+from jacokin.tasks.datasets.recorded import SINGLE, Recorded, checked_description, placing, read_json, reading
 from jacokin.tasks.datasets.video import VideoRecorder, find_ffmpeg
 from jacokin.tasks.gym.environment import TaskEnv
 from jacokin.tasks.gym.packing import PROPRIOCEPTION
@@ -45,7 +44,7 @@ _INDICES = ("timestamp", "frame_index", "episode_index", "index", "task_index")
 _COMPARED = (ACTION, REWARD, SUCCESS, DONE, "frame_index", "episode_index", "index")  # by `read`
 
 Episodes = Callable[[], Iterable[Recorded]]
-Columns = dict[str, NDArray[Any]]
+Series = dict[str, NDArray[Any]]
 
 
 def write(path: Path, description: Mapping[str, Any], env: TaskEnv, episodes: Episodes) -> None:
@@ -63,7 +62,7 @@ def write(path: Path, description: Mapping[str, Any], env: TaskEnv, episodes: Ep
     """
     with placing(path) as folder:
         folder.mkdir()
-        _Writer(folder, description, env).write(episodes())
+        _DataSetWriter(folder, description, env).write(episodes())
 
 
 def read(path: Path) -> tuple[dict[str, Any], Iterator[Recorded]]:
@@ -132,7 +131,7 @@ def _exact_name(number: int) -> str:
     return f"{number:06d}.npz"
 
 
-def _numbers(each: Recorded) -> Columns:
+def _numbers(each: Recorded) -> Series:
     """The columns of what was done, and came of it."""
     done = np.zeros(len(each.actions), dtype=bool)
     done[-1] = True
@@ -140,7 +139,7 @@ def _numbers(each: Recorded) -> Columns:
     return {**columns, SUCCESS: each.success, DONE: done}
 
 
-class _Writer:
+class _DataSetWriter:
     """Writes one data set, one file of each kind; ``FILE_MEGABYTES`` begins another of the numbers."""
 
     def __init__(self, folder: Path, description: Mapping[str, Any], env: TaskEnv) -> None:
@@ -205,11 +204,11 @@ class _Writer:
         parquet.write_table(pa.Table.from_pylist(rows), self._folder / f"meta/episodes/{_FIRST}.parquet")
         self._write_meta(features, statistics, len(rows), frames, bool(videos))
 
-    def _columns(self, each: Recorded) -> tuple[Columns, Columns]:
+    def _columns(self, each: Recorded) -> tuple[Series, Series]:
         """The columns of numbers of an episode, and the pictures (n, height, width, 3)."""
         own = {feature.name for feature in self._env.task.features if feature.is_proprioceptive}
         own |= {SINGLE, PROPRIOCEPTION}
-        pictures, states, others = Columns(), list[NDArray[Any]](), list[NDArray[Any]]()
+        pictures, states, others = Series(), list[NDArray[Any]](), list[NDArray[Any]]()
         for name, values in each.observations.items():
             before = values[:-1]
             if values.dtype == np.uint8:
@@ -343,7 +342,7 @@ class _Statistics:
         return found
 
 
-def _features(columns: Columns, pictures: Columns, names: Mapping[str, list[str]], rate: int) -> dict[str, Any]:
+def _features(columns: Series, pictures: Series, names: Mapping[str, list[str]], rate: int) -> dict[str, Any]:
     """What ``info.json`` says of the columns."""
     found: dict[str, Any] = {
         name: {"dtype": str(values.dtype), "shape": list(values.shape[1:]) or [1], "names": names.get(name)}
@@ -372,7 +371,7 @@ def _features(columns: Columns, pictures: Columns, names: Mapping[str, list[str]
     return found
 
 
-def _indices(number: int, before: int, count: int, rate: int) -> Columns:
+def _indices(number: int, before: int, count: int, rate: int) -> Series:
     """The columns that say where a step is."""
     steps = np.arange(count)
     return {
@@ -384,7 +383,7 @@ def _indices(number: int, before: int, count: int, rate: int) -> Columns:
     }
 
 
-def _table(columns: Columns) -> Any:
+def _table(columns: Series) -> Any:
     arrays = {}
     for name, values in columns.items():
         flat = pa.array(np.ravel(values))

@@ -26,8 +26,7 @@ from jacokin.chunks.execution import Progress, checked_executor, reporter, run_j
 from jacokin.chunks.folder import ChunkFolder, Keeper
 from jacokin.errors import InvalidInputError, shown
 from jacokin.model import checks
-from jacokin.tasks.datasets.placing import check_free, episodes_folder
-from jacokin.tasks.datasets.recorded import SINGLE, Recorded
+from jacokin.tasks.datasets.recorded import SINGLE, Recorded, check_free, episodes_folder
 from jacokin.tasks.datasets.video import find_ffmpeg
 from jacokin.tasks.episode import clip_action
 from jacokin.tasks.gym.environment import TaskEnv

@@ -28,7 +28,7 @@ CORNERS = {name: BoundingBox((x, y, LYING), (x, y, LYING)) for name, (x, y) in _
 """Boxes that place the brick of `ReachBrick` at a corner of the usual one."""
 
 
-class _Reach(Task):
+class _ReachTask(Task):
     """Bring the tool centre point to within 0.05 m of a target."""
 
     def achieved(self, view: StateView, goal: Array) -> Array:
@@ -44,7 +44,7 @@ class _Reach(Task):
         return np.asarray(length(achieved - desired) <= RADIUS)
 
 
-class ReachSite(_Reach):
+class ReachSite(_ReachTask):
     """Reach a point in the air."""
 
     tool_box = _SITE_BOX
@@ -70,7 +70,7 @@ class ReachSite(_Reach):
         return view.mocap_pos[..., 0, :]
 
 
-class ReachBrick(_Reach):
+class ReachBrick(_ReachTask):
     """Reach a brick on the table."""
 
     def __init__(self, brick_box: BoundingBox = _BRICK_BOX) -> None:

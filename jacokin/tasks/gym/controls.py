@@ -75,7 +75,7 @@ class JointVelocity(Control):
         return action
 
 
-class _Following(Control):
+class _ReferenceControl(Control):
     """A reference configuration, and velocities that follow it."""
 
     def __init__(self, lower: Array, upper: Array, dt: float) -> None:
@@ -129,7 +129,7 @@ class _Following(Control):
             self._put(self._within(q))
 
 
-class JointPosition(_Following):
+class JointPosition(_ReferenceControl):
     """Actions are angles of the joints and the fingers; the joints move there together, as fast as they may.
 
     Attributes:
@@ -152,7 +152,7 @@ class JointPosition(_Following):
         return self._follow(view, speed, self._close(view, action[self._joints :]))
 
 
-class JointDelta(_Following):
+class JointDelta(_ReferenceControl):
     """Actions are by how much the reference of the joints, and the fingers, move in the control step.
 
     Attributes:
@@ -171,7 +171,7 @@ class JointDelta(_Following):
         return self._follow(view, speed, action[self._joints :] / self._dt)
 
 
-class ToolVelocity(_Following):
+class ToolVelocity(_ReferenceControl):
     """Actions are velocities of the pinch site in world axes and of the fingers; the `Tracker` keeps all limits.
 
     Attributes:
@@ -192,7 +192,7 @@ class ToolVelocity(_Following):
         return self._follow(view, step.v, np.full(FINGERS, action[6]))
 
 
-class ToolPose(_Following):
+class ToolPose(_ReferenceControl):
     """Actions are poses of the pinch site in the world, and how far the fingers are to be closed.
 
     The solver finds the nearest configuration, to which the joints move together; without one the `Tracker` goes as

@@ -41,7 +41,7 @@ Flags = NDArray[np.bool_]
 Indices = NDArray[np.intp]
 Values = dict[str, float]  # of a randomization
 Begun = list[tuple[Observation, Info]]
-Steps = tuple[Observation, Array, Flags, Flags, Info]
+VectorStep = tuple[Observation, Array, Flags, Flags, Info]
 
 AUTORESET_MODES = tuple(mode.value for mode in AutoresetMode)
 _WITHOUT_WINDOW = [name for name in OPTIONS if name not in ("render_mode", "width", "height", "render_camera")]
@@ -170,7 +170,7 @@ class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
         self._has_begun[ids] = True
         return copy.deepcopy(self._last), infos
 
-    def step(self, values: NDArray[Any]) -> Steps:
+    def step(self, values: NDArray[Any]) -> VectorStep:
         """Apply an action in every environment.
 
         By default those whose episode has ended start another one instead. A step that is interrupted (Ctrl-C) ends all

@@ -235,7 +235,7 @@ class Token:
         return any(secrets.compare_digest(each.encode("utf-8", "replace"), self.text.encode()) for each in given)
 
 
-class _Kind(msgspec.Struct):
+class _AnyMessage(msgspec.Struct):
     """Any message."""
 
     type: str
@@ -265,8 +265,8 @@ class _Connection(ServerConnection):
             data = await super().recv(decode)
             packed = data.encode() if isinstance(data, str) else data
             try:
-                kind = msgspec.msgpack.decode(packed, type=_Kind).type
-                msgspec.msgpack.decode(packed, type=FORMS.get(kind, _Kind))
+                kind = msgspec.msgpack.decode(packed, type=_AnyMessage).type
+                msgspec.msgpack.decode(packed, type=FORMS.get(kind, _AnyMessage))
             except (msgspec.MsgspecError, UnicodeError) as error:
                 logger.warning("ignored a message of a page: %s", error)
             else:

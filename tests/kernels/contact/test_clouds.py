@@ -13,10 +13,10 @@ from jacokin.kernels.contact.run import LEAST_DISTANCE, MEASURE_PAIRS, ROWS, TAS
 from jacokin.kernels.contact.shapes import NODE_HALF, NODE_RADIUS
 from jacokin.kernels.library import Call
 from jacokin.model import PointCloud
-from jacokin.model.contact_arrays import contact_arrays
 from jacokin.model.descriptions import mjcf
 from jacokin.model.mujoco_twin import shapes_of_twin
 from tests.coal_shapes import coal_distance, coal_shape
+from tests.compiled_twin import contact_arrays
 from tests.kernels.contact.test_distances import Flight, configurations
 from tests.kernels.plain import PlainCall
 

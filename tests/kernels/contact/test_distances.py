@@ -15,10 +15,10 @@ from jacokin.kernels.contact.arm import place_links, relate
 from jacokin.kernels.contact.run import LEAST_DISTANCE, ROWS, TASK, make_contact_work, run_contact
 from jacokin.kernels.contact.separation import ROUGHNESS, separation
 from jacokin.kernels.library import Call
-from jacokin.model.contact_arrays import contact_arrays
 from jacokin.model.descriptions import mjcf
 from jacokin.model.mujoco_twin import shapes_of_twin
 from tests.coal_shapes import coal_distance, coal_shape
+from tests.compiled_twin import contact_arrays
 from tests.kernels.plain import PlainCall
 
 GEOM = mujoco.mjtGeom

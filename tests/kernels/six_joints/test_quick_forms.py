@@ -11,8 +11,7 @@ import pytest
 from jacokin.arrays import Array
 from jacokin.ik import closed_form as closed_form_module
 from jacokin.ik.closed_form import ClosedForm
-from jacokin.ik.quick_forms import quick_form
-from jacokin.ik.structures import size_of
+from jacokin.ik.structures import quick_form, size_of
 from jacokin.kernels.six_joints.loop import GENERAL, PARALLEL_AXES, SPHERICAL_WRIST
 from tests.kernels.plain import PlainCall
 from tests.kernels.six_joints.arms import (

@@ -21,7 +21,7 @@ from jacokin.errors import InvalidInputError
 from jacokin.model import Box, Scene, SelfContact, Sphere
 from jacokin.model.contact import Contact
 from jacokin.model.descriptions.convex_parts import MOST_PARTS, convex_parts
-from jacokin.model.descriptions.meshes import Mesh
+from jacokin.model.descriptions.meshes import TriangleMesh
 from jacokin.model.robot import fingerprint
 from tests.robot_files import UR5_JOINTS, ur5_text
 
@@ -75,8 +75,8 @@ SHARE = {
 }
 
 
-def mesh_of(shape: Any) -> Mesh:
-    return Mesh(np.array(shape.vertices), np.array(shape.faces, dtype=np.int64))
+def mesh_of(shape: Any) -> TriangleMesh:
+    return TriangleMesh(np.array(shape.vertices), np.array(shape.faces, dtype=np.int64))
 
 
 def outside(points: Array, part: Array) -> Array:
@@ -104,7 +104,7 @@ def test_parts_hold_the_surface_and_the_inside(name: str, rng: np.random.Generat
 
 
 def test_a_flat_mesh_and_an_open_one_are_held_too(rng: np.random.Generator) -> None:
-    sheet = Mesh(np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]), np.array([[0, 1, 2], [0, 2, 3]]))
+    sheet = TriangleMesh(np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]), np.array([[0, 1, 2], [0, 2, 3]]))
     (part,) = convex_parts(sheet)
     assert outside(rng.uniform((0, 0, 0), (1, 1, 0), (100, 3)), part).max() < 1e-9
     shell = MESHES["horseshoe"].copy()
@@ -112,7 +112,7 @@ def test_a_flat_mesh_and_an_open_one_are_held_too(rng: np.random.Generator) -> N
     points = np.asarray(trimesh.sample.sample_surface(shell, 2000, seed=1)[0])
     parts = convex_parts(mesh_of(shell))
     assert np.min([outside(points, part) for part in parts], axis=0).max() < 1e-9
-    assert convex_parts(Mesh(np.zeros((3, 3)), np.array([[0, 1, 2]]))) == []
+    assert convex_parts(TriangleMesh(np.zeros((3, 3)), np.array([[0, 1, 2]]))) == []
 
 
 @pytest.fixture(scope="module")

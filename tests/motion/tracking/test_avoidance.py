@@ -17,7 +17,6 @@ from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.ik import Box, Capsule, Floor, Obstacle, Scene, Sphere
 from jacokin.model import to_mujoco
 from jacokin.model.mujoco_twin import to_spec
-from jacokin.model.obstacles import add_to_spec
 from jacokin.motion import TrackerStatus
 from jacokin.motion.tracking.avoidance import make_guard
 from jacokin.motion.tracking.joint_limits import JointLimits
@@ -35,7 +34,8 @@ class Referee:
 
     def __init__(self, robot: Robot, scene: Scene, *, self_collision: bool = True) -> None:
         spec = to_spec(robot, geometry=True)
-        add_to_spec(spec, scene.obstacles)
+        for obstacle in scene.obstacles:
+            obstacle.add_to(spec.worldbody)
         self.model = spec.compile()
         self.pairs = collision_pairs(self.model, scene.obstacles, self_collision=self_collision)
         self.data = mujoco.MjData(self.model)
