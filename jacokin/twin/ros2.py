@@ -16,7 +16,7 @@ from jacokin.twin.faults import TICK
 from jacokin.twin.following import Tolerances, TrajectoryController
 from jacokin.twin.goals import GoalStatus
 from jacokin.twin.ros_imports import needed
-from jacokin.twin.running import run
+from jacokin.twin.running import Pace
 
 if TYPE_CHECKING:
     from jacokin.twin.pictures import Camera
@@ -36,14 +36,14 @@ class Ros2Node:
     """The nodes of ros2_control that clients see, as one."""
 
     def __init__(
-        self, controller: TrajectoryController, name: str, *, pace: float = 1.0, cameras: Sequence[Camera] = ()
+        self, controller: TrajectoryController, name: str, *, pace: Pace, cameras: Sequence[Camera] = ()
     ) -> None:
         """Become a node.
 
         Args:
             controller: to serve.
             name: of the robot, before the names of its fingers.
-            pace: simulated seconds in a second; with any but 1 the node gives the time, on /clock.
+            pace: at which simulated time passes; at any speed but 1 the node gives the time, on /clock.
             cameras: whose pictures it publishes.
 
         Raises:
@@ -68,7 +68,7 @@ class Ros2Node:
         node = self._node = self._rclpy.create_node(f"{name}_twin")
         group = groups.ReentrantCallbackGroup()
         self._states = node.create_publisher(self._sensors.JointState, "/joint_states", 10)
-        self._is_clock = pace != 1.0
+        self._is_clock = pace.speed != 1.0
         if self._is_clock:
             clocks: Any = importlib.import_module("rosgraph_msgs.msg")
             self._clock_type = clocks.Clock
@@ -134,19 +134,16 @@ class Ros2Node:
         result.error_code, result.error_string = goal.code, goal.text
         return result
 
-    def run(self, watch: Callable[[], None], goes_on: Callable[[], bool]) -> int:
+    def run(self, watch: Callable[[], None], goes_on: Callable[[], bool]) -> None:
         """Simulate and publish until it is enough.
 
         Args:
             watch: called every simulated 40 ms.
             goes_on: whether to go on.
-
-        Returns:
-            How many ticks were late.
         """
         jobs: list[tuple[float, Callable[[], None]]] = [(STATES_PERIOD, self._publish), (0.04, watch)]
         jobs += [(camera.period, lambda camera=camera: self._picture(camera)) for camera in self._cameras]  # type: ignore[misc]
-        return run(self._controller.tick, jobs, goes_on, pace=self._pace)
+        self._pace.run(self._controller.tick, jobs, goes_on)
 
     def close(self) -> None:
         """Leave ROS."""
