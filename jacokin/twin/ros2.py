@@ -5,9 +5,9 @@ ROS is imported when the node is made.
 
 from __future__ import annotations
 
+import asyncio
 import importlib
 import threading
-import time
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -29,7 +29,6 @@ STATES_PERIOD = 0.01  # [s] joint_state_broadcaster publishes at the rate of the
 ACTION = "/joint_trajectory_controller/follow_joint_trajectory"
 VELOCITIES = "/forward_velocity_controller/commands"
 FINGERS = "/finger_controller/commands"
-THREADS = 4
 
 
 class Ros2Node:
@@ -52,7 +51,6 @@ class Ros2Node:
         with needed("rclpy", INSTALL):
             self._rclpy: Any = importlib.import_module("rclpy")
             actions: Any = importlib.import_module("rclpy.action")
-            groups: Any = importlib.import_module("rclpy.callback_groups")
             executors: Any = importlib.import_module("rclpy.executors")
             signals: Any = importlib.import_module("rclpy.signals")
             self._times: Any = importlib.import_module("rclpy.time")
@@ -66,7 +64,6 @@ class Ros2Node:
         self._ended = threading.Event()
         self._rclpy.init(signal_handler_options=signals.SignalHandlerOptions.NO)
         node = self._node = self._rclpy.create_node(f"{name}_twin")
-        group = groups.ReentrantCallbackGroup()
         self._states = node.create_publisher(self._sensors.JointState, "/joint_states", 10)
         self._is_clock = pace.speed != 1.0
         if self._is_clock:
@@ -78,8 +75,8 @@ class Ros2Node:
             for camera in cameras
         }
         arrays = self._numbers.Float64MultiArray
-        node.create_subscription(arrays, VELOCITIES, self._take(controller.velocity), 10, callback_group=group)
-        node.create_subscription(arrays, FINGERS, self._take(controller.move_fingers), 10, callback_group=group)
+        node.create_subscription(arrays, VELOCITIES, self._take(controller.velocity), 10)
+        node.create_subscription(arrays, FINGERS, self._take(controller.move_fingers), 10)
         self._server = actions.ActionServer(
             node,
             self._follow,
@@ -87,16 +84,15 @@ class Ros2Node:
             self._execute,
             goal_callback=self._answer,
             cancel_callback=lambda _: self._cancel_response.ACCEPT,
-            callback_group=group,
         )
-        self._executor = executors.MultiThreadedExecutor(THREADS)
+        self._executor = executors.SingleThreadedExecutor()
         self._executor.add_node(node)
         self._thread = threading.Thread(target=self._spin, name="ROS 2", daemon=True)
         self._thread.start()
 
     def _spin(self) -> None:
         while not self._ended.is_set():
-            self._executor.spin_once(timeout_sec=0.1)
+            self._executor.spin_once(timeout_sec=TICK)
 
     def _take(self, give: Callable[[Any], None]) -> Callable[[Any], None]:
         """Give the numbers of messages to the controller; those that it refuses are logged."""
@@ -118,13 +114,13 @@ class Ros2Node:
             return self._goal_response.REJECT
         return self._goal_response.ACCEPT
 
-    def _execute(self, handle: Any) -> Any:
-        """Follow a goal until it has ended; runs in a thread of its own."""
+    async def _execute(self, handle: Any) -> Any:
+        """Follow a goal until it has ended; the executor goes on here after every message, or tick without one."""
         goal = self._controller.follow(*_parts(handle.request))
-        while not goal.has_ended and not self._ended.is_set():
+        while not goal.has_ended:
             if handle.is_cancel_requested:
                 self._controller.cancel(goal)
-            time.sleep(TICK / 2.0)
+            await asyncio.sleep(0)
         end = {
             GoalStatus.SUCCEEDED: handle.succeed,
             GoalStatus.CANCELLED: handle.canceled,
