@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from jacokin.twin.pictures import Camera
     from jacokin.twin.ros1 import Ros1Node
     from jacokin.twin.ros2 import Ros2Node
+    from jacokin.twin.running import Pace
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,6 +96,7 @@ def twin(given: TwinOptions) -> None:
     if given.cameras:
         choose_renderer()
     from jacokin.twin import Faults, SimulatedArm
+    from jacokin.twin.running import Pace
 
     found = Faults.parse(given.faults)
     if given.cameras and given.task is None:
@@ -113,16 +115,16 @@ def twin(given: TwinOptions) -> None:
         arm = SimulatedArm(given.robot, q=q, task=None if environment is None else environment.task)
         shown = _cameras(arm, given.cameras or {})
         watch = _watching(stack, arm, environment, given.port) if given.view else _nothing
-        core, node = _node(given, called, arm, found, shown)
+        pace = Pace(math.inf if given.fast else given.pace)
+        core, node = _node(given, called, arm, found, pace, shown)
         click.echo(f"twin of {arm.robot.label} in ROS {given.ros}: ready; Ctrl-C ends it", err=True)
-        late = 0
         try:
-            late = node.run(watch, lambda: given.seconds is None or arm.state.time < given.seconds)
+            node.run(watch, lambda: given.seconds is None or arm.state.time < given.seconds)
         except KeyboardInterrupt:
             click.echo("closed", err=True)
         finally:
             node.close()
-            _show(core.record(), late, given.json)
+            _show(core.record(), pace.late, given.json)
         died = getattr(core, "died", "")
         if died:
             click.echo(f"jacokin: {died}", err=True)
@@ -130,7 +132,7 @@ def twin(given: TwinOptions) -> None:
 
 
 def _node(
-    given: TwinOptions, called: str, arm: SimulatedArm, faults: Faults, cameras: list[Camera]
+    given: TwinOptions, called: str, arm: SimulatedArm, faults: Faults, pace: Pace, cameras: list[Camera]
 ) -> tuple[KinovaDriver, Ros1Node] | tuple[TrajectoryController, Ros2Node]:
     """What moves the arm, and the node of ROS 1 or 2 that speaks for it.
 
@@ -140,17 +142,16 @@ def _node(
     from jacokin.twin import KinovaDriver, TrajectoryController
 
     seed = given.random_seed or 0
-    speed = math.inf if given.fast else given.pace
     if given.ros == "1":
         from jacokin.twin.ros1 import Ros1Node
 
         driver = KinovaDriver(arm, faults=faults, seed=seed)
-        return driver, Ros1Node(driver, called, pace=speed, cameras=cameras)
+        return driver, Ros1Node(driver, called, pace=pace, cameras=cameras)
     from jacokin.twin.ros2 import Ros2Node
 
     joints = [f"{called}_joint_{joint + 1}" for joint in range(arm.robot.dof)]
     controller = TrajectoryController(arm, joints, faults=faults, seed=seed)
-    return controller, Ros2Node(controller, called, pace=speed, cameras=cameras)
+    return controller, Ros2Node(controller, called, pace=pace, cameras=cameras)
 
 
 def _environment(task: str, seed: int) -> TaskEnv:

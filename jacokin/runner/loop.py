@@ -13,7 +13,6 @@ from jacokin.runner.runner import TICK, Runner, RunnerStatus
 PATIENCE = 10.0  # [s] until an arm says where it is, and listens
 ENDING = 1.5  # [s] for which zeros are sent and the arm is measured, at most
 ZEROS = 5  # at least
-STILL = 1e-4  # [rad/s]
 
 
 def run(runner: Runner, link: Link, *, fingers: float | None = None, watch: Callable[[], None] | None = None) -> None:

@@ -6,7 +6,7 @@ import json
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,11 +17,13 @@ from jacokin.errors import InvalidInputError
 from jacokin.model import checks
 from jacokin.model.robot import Robot, checked_robot
 from jacokin.motion.files import by_ending
-from jacokin.motion.tracking.tracker import STILL
 from jacokin.motion.trajectory import FORMATS, KINOVA_STEP, SPEED_ROUNDING, Trajectory
-from jacokin.teleop.teleop import Teleop
+
+if TYPE_CHECKING:
+    from jacokin.teleop.teleop import Teleop  # its QP is not loaded for a file
 
 ROUNDING = 1e-9  # [rad] of degrees in files
+STILL = 1e-4  # [rad/s] a slower arm stands still
 
 
 class Wanted(NamedTuple):

@@ -23,7 +23,7 @@ from jacokin.twin.faults import TICK
 from jacokin.twin.goals import Goal, GoalStatus
 from jacokin.twin.kinova import PERIOD, TURNS, KinovaDriver
 from jacokin.twin.ros_imports import needed
-from jacokin.twin.running import run
+from jacokin.twin.running import Pace
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -107,13 +107,13 @@ class Ros1Action:
 class Ros1Node:
     """The node `NAME_driver`, and the action of the node beside it, `NAME/follow_joint_trajectory`."""
 
-    def __init__(self, driver: KinovaDriver, name: str, *, pace: float = 1.0, cameras: Sequence[Camera] = ()) -> None:
+    def __init__(self, driver: KinovaDriver, name: str, *, pace: Pace, cameras: Sequence[Camera] = ()) -> None:
         """Become a node.
 
         Args:
             driver: to serve.
             name: of the robot, `kinova_robotName` of kinova_robot.launch.
-            pace: simulated seconds in a second; with any but 1 the node gives the time, on /clock.
+            pace: at which simulated time passes; at any speed but 1 the node gives the time, on /clock.
             cameras: whose pictures it publishes.
 
         Raises:
@@ -132,7 +132,7 @@ class Ros1Node:
         self._driver, self._name, self._pace, self._cameras = driver, name, pace, cameras
         _check_master()
         rospy, node = self._rospy, f"/{name}_driver"
-        self._is_clock = pace != 1.0
+        self._is_clock = pace.speed != 1.0
         if self._is_clock:
             rospy.set_param("/use_sim_time", True)
         rospy.init_node(node.strip("/"), disable_signals=True)
@@ -384,15 +384,12 @@ class Ros1Node:
     def _base(self) -> str:
         return f"{self._name}_link_base"
 
-    def run(self, watch: Callable[[], None], goes_on: Callable[[], bool]) -> int:
+    def run(self, watch: Callable[[], None], goes_on: Callable[[], bool]) -> None:
         """Simulate and publish until it is enough, or the driver has died and the arm stands.
 
         Args:
             watch: called every simulated 40 ms.
             goes_on: whether to go on.
-
-        Returns:
-            How many ticks were late.
         """
         died: list[float] = []
 
@@ -409,7 +406,7 @@ class Ros1Node:
             (PERIOD, self._look),
         ]
         jobs += [(camera.period, lambda camera=camera: self._picture(camera)) for camera in self._cameras]  # type: ignore[misc]
-        return run(self._driver.tick, jobs, lives, pace=self._pace)
+        self._pace.run(self._driver.tick, jobs, lives)
 
     def close(self) -> None:
         """Leave ROS."""

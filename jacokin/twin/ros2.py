@@ -5,9 +5,9 @@ ROS is imported when the node is made.
 
 from __future__ import annotations
 
+import asyncio
 import importlib
 import threading
-import time
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +16,7 @@ from jacokin.twin.faults import TICK
 from jacokin.twin.following import Tolerances, TrajectoryController
 from jacokin.twin.goals import GoalStatus
 from jacokin.twin.ros_imports import needed
-from jacokin.twin.running import run
+from jacokin.twin.running import Pace
 
 if TYPE_CHECKING:
     from jacokin.twin.pictures import Camera
@@ -29,21 +29,20 @@ STATES_PERIOD = 0.01  # [s] joint_state_broadcaster publishes at the rate of the
 ACTION = "/joint_trajectory_controller/follow_joint_trajectory"
 VELOCITIES = "/forward_velocity_controller/commands"
 FINGERS = "/finger_controller/commands"
-THREADS = 4
 
 
 class Ros2Node:
     """The nodes of ros2_control that clients see, as one."""
 
     def __init__(
-        self, controller: TrajectoryController, name: str, *, pace: float = 1.0, cameras: Sequence[Camera] = ()
+        self, controller: TrajectoryController, name: str, *, pace: Pace, cameras: Sequence[Camera] = ()
     ) -> None:
         """Become a node.
 
         Args:
             controller: to serve.
             name: of the robot, before the names of its fingers.
-            pace: simulated seconds in a second; with any but 1 the node gives the time, on /clock.
+            pace: at which simulated time passes; at any speed but 1 the node gives the time, on /clock.
             cameras: whose pictures it publishes.
 
         Raises:
@@ -52,7 +51,6 @@ class Ros2Node:
         with needed("rclpy", INSTALL):
             self._rclpy: Any = importlib.import_module("rclpy")
             actions: Any = importlib.import_module("rclpy.action")
-            groups: Any = importlib.import_module("rclpy.callback_groups")
             executors: Any = importlib.import_module("rclpy.executors")
             signals: Any = importlib.import_module("rclpy.signals")
             self._times: Any = importlib.import_module("rclpy.time")
@@ -66,9 +64,8 @@ class Ros2Node:
         self._ended = threading.Event()
         self._rclpy.init(signal_handler_options=signals.SignalHandlerOptions.NO)
         node = self._node = self._rclpy.create_node(f"{name}_twin")
-        group = groups.ReentrantCallbackGroup()
         self._states = node.create_publisher(self._sensors.JointState, "/joint_states", 10)
-        self._is_clock = pace != 1.0
+        self._is_clock = pace.speed != 1.0
         if self._is_clock:
             clocks: Any = importlib.import_module("rosgraph_msgs.msg")
             self._clock_type = clocks.Clock
@@ -78,8 +75,8 @@ class Ros2Node:
             for camera in cameras
         }
         arrays = self._numbers.Float64MultiArray
-        node.create_subscription(arrays, VELOCITIES, self._take(controller.velocity), 10, callback_group=group)
-        node.create_subscription(arrays, FINGERS, self._take(controller.move_fingers), 10, callback_group=group)
+        node.create_subscription(arrays, VELOCITIES, self._take(controller.velocity), 10)
+        node.create_subscription(arrays, FINGERS, self._take(controller.move_fingers), 10)
         self._server = actions.ActionServer(
             node,
             self._follow,
@@ -87,16 +84,15 @@ class Ros2Node:
             self._execute,
             goal_callback=self._answer,
             cancel_callback=lambda _: self._cancel_response.ACCEPT,
-            callback_group=group,
         )
-        self._executor = executors.MultiThreadedExecutor(THREADS)
+        self._executor = executors.SingleThreadedExecutor()
         self._executor.add_node(node)
         self._thread = threading.Thread(target=self._spin, name="ROS 2", daemon=True)
         self._thread.start()
 
     def _spin(self) -> None:
         while not self._ended.is_set():
-            self._executor.spin_once(timeout_sec=0.1)
+            self._executor.spin_once(timeout_sec=TICK)
 
     def _take(self, give: Callable[[Any], None]) -> Callable[[Any], None]:
         """Give the numbers of messages to the controller; those that it refuses are logged."""
@@ -118,13 +114,13 @@ class Ros2Node:
             return self._goal_response.REJECT
         return self._goal_response.ACCEPT
 
-    def _execute(self, handle: Any) -> Any:
-        """Follow a goal until it has ended; runs in a thread of its own."""
+    async def _execute(self, handle: Any) -> Any:
+        """Follow a goal until it has ended; the executor goes on here after every message, or tick without one."""
         goal = self._controller.follow(*_parts(handle.request))
-        while not goal.has_ended and not self._ended.is_set():
+        while not goal.has_ended:
             if handle.is_cancel_requested:
                 self._controller.cancel(goal)
-            time.sleep(TICK / 2.0)
+            await asyncio.sleep(0)
         end = {
             GoalStatus.SUCCEEDED: handle.succeed,
             GoalStatus.CANCELLED: handle.canceled,
@@ -134,19 +130,16 @@ class Ros2Node:
         result.error_code, result.error_string = goal.code, goal.text
         return result
 
-    def run(self, watch: Callable[[], None], goes_on: Callable[[], bool]) -> int:
+    def run(self, watch: Callable[[], None], goes_on: Callable[[], bool]) -> None:
         """Simulate and publish until it is enough.
 
         Args:
             watch: called every simulated 40 ms.
             goes_on: whether to go on.
-
-        Returns:
-            How many ticks were late.
         """
         jobs: list[tuple[float, Callable[[], None]]] = [(STATES_PERIOD, self._publish), (0.04, watch)]
         jobs += [(camera.period, lambda camera=camera: self._picture(camera)) for camera in self._cameras]  # type: ignore[misc]
-        return run(self._controller.tick, jobs, goes_on, pace=self._pace)
+        self._pace.run(self._controller.tick, jobs, goes_on)
 
     def close(self) -> None:
         """Leave ROS."""
