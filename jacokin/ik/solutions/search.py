@@ -205,14 +205,14 @@ class SetSearch:
             least = free.range[0]
         elif free is None and index < robot.dof and robot.upper[index] - robot.lower[index] < TURN:
             least = float(robot.lower[index])
-        for piece in found.pieces:
+        middles = np.array([piece.nodes[len(piece.nodes) // 2, : robot.dof] for piece in found.pieces])
+        turns = TURN * np.where(robot.unlimited, np.round((members.seed - middles) / TURN), 0.0) if found.pieces else ()
+        for piece, turn in zip(found.pieces, turns, strict=True):
             for code in piece.codes:
                 if code not in known:
                     known[code] = _end(code, robot)
-            nodes = piece.nodes
-            middle = nodes[len(nodes) // 2, : robot.dof]
-            nodes[:, : robot.dof] += TURN * np.where(robot.unlimited, np.round((members.seed - middle) / TURN), 0.0)
-            track = CurveTrack(problem, nodes, least)
+            piece.nodes[:, : robot.dof] += turn
+            track = CurveTrack(problem, piece.nodes, least)
             if len(piece.nodes) == 1 and not self._reaches(piece.nodes[0], members):
                 complete = False
                 continue

@@ -48,6 +48,8 @@ SURE = 0.15
 CLOSE_ENOUGH = 3e-5
 #: [rad] values nearer to each other than this are halved where another labelling of the joints has such pairs, too.
 LABELLED = 0.01
+#: [rad] to where F is looked at again in a labelling in which it is noise.
+ELSEWHERE = 1.0
 #: [rad] from a fold that is known. How far from there its pair may be expected: relative to that, and to the distance
 #: of any other place.
 BESIDE, AT_FOLD, NEAR_FOLD = 3e-5, 0.2, 0.1
@@ -90,6 +92,7 @@ class Islands(NamedTuple):
     p: Array  # (LOOKED_AT + MOST_FOUND,) evenly all round, then values found between [rad]
     counts: NDArray[np.int64]  # (LOOKED_AT + MOST_FOUND,) roots of F at each; -1 where they are in doubt
     size: NDArray[np.int64]  # (5,) values found, places left in doubt, values all round, halvings, labelling that tells
+    useless: NDArray[np.int64]  # (LABELLINGS,) 1 where F is noise at any value of the parameter
     comes: Array  # (LOOKED_AT, 2) see `Look`
     stack: Array  # (DEPTH, 8) two values, what is known of each: when pairs come, real roots, whether it is a fold
     lines: Array  # (LOOKED_AT, LINES) F where x has one of some values, 0 for noise
@@ -108,6 +111,7 @@ def make_islands() -> Islands:
         np.empty(LOOKED_AT + MOST_FOUND),
         np.zeros(LOOKED_AT + MOST_FOUND, np.int64),
         np.zeros(5, np.int64),
+        np.zeros(LABELLINGS, np.int64),
         np.empty((LOOKED_AT, 2)),
         np.empty((DEPTH, 8)),
         np.zeros((LOOKED_AT, LINES)),
@@ -227,10 +231,9 @@ def look(k: ArmConstants, six: SixJoints, work: Islands, p: float) -> Look:
     for _ in range(LABELLINGS):
         if seen.real >= 0:
             break
-        other = look_in(k, six, work, p, work.size[4])
-        if other.real >= 0:
-            seen = other
-        else:
+        if work.useless[work.size[4]] == 0:
+            seen = look_in(k, six, work, p, work.size[4])
+        if seen.real < 0:
             work.size[4] = next_labelling(k, six, work.size[4])
     return seen
 
@@ -239,6 +242,9 @@ def look_in(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling:
     """As `look`, in one labelling of the joints."""
     noise = fill_F(k, six, work.F, p, labelling)
     if not size_of(work.F.cosine, work.F.sine) > UNCERTAIN * noise:
+        if labelling >= 0:
+            noise = fill_F(k, six, work.F, p + ELSEWHERE, labelling)
+            work.useless[labelling] = not size_of(work.F.cosine, work.F.sine) > UNCERTAIN * noise
         return Look(0.0, 0.0, -1, 0)
     degree = degree_of(work, noise)
     noise_of_bend = fill_rates(k, six, work.F, p, labelling, noise)
@@ -338,6 +344,8 @@ def find_islands(six: SixJoints, window: Array, work: Islands) -> None:
     work.size[4] = own if k.six.scale == 0.0 else next_labelling(k, six, own)
     spread_roots(work.z)
     spread_roots(work.other)
+    for labelling in range(LABELLINGS):
+        work.useless[labelling] = 0
     for i in range(2 * DEGREE + 1):
         work.moves[i, 0], work.moves[i, 1] = 0.0, 0.0
     for i in range(LOOKED_AT):
@@ -509,9 +517,9 @@ def is_labelled_otherwise(k: ArmConstants, six: SixJoints, work: Islands, low: f
     if k.six.form == SPHERICAL_WRIST:
         return True
     for _ in range(LABELLINGS):
-        first = look_in(k, six, work, low, work.size[4])
-        if first.real >= 0:
-            last = look_in(k, six, work, high, work.size[4])
+        if work.useless[work.size[4]] == 0:
+            first = look_in(k, six, work, low, work.size[4])
+            last = look_in(k, six, work, high, work.size[4]) if first.real >= 0 else first
             if last.real >= 0:
                 return first.ahead + last.behind <= SAFETY * (high - low)
         work.size[4] = next_labelling(k, six, work.size[4])
