@@ -46,6 +46,37 @@ CLICK = """(async () => {
   await Promise.resolve();
   return copied;
 })()"""
+#: What the stage was told to draw in a frame: calls, and triangles.
+COUNT = """(() => {
+  const { stage } = jacokinPlayground;
+  const gl = stage.canvas.getContext("webgl2");
+  const draw = stage.draw.bind(stage);
+  globalThis.drawn = [];
+  stage.draw = (camera, scene) => {
+    drawn.push({ calls: 0, triangles: 0, ghosts: scene.ghosts.length, coarse: scene.coarse });
+    draw(camera, scene);
+  };
+  const count = (name, triangles) => {
+    const call = gl[name].bind(gl);
+    gl[name] = (...all) => (drawn.at(-1).calls++, (drawn.at(-1).triangles += triangles(...all)), call(...all));
+  };
+  count("drawArrays", () => 0); // lines
+  count("drawElements", (mode, corners) => corners / 3);
+  count("drawElementsInstanced", (mode, corners, type, offset, times) => (corners / 3) * times);
+})()"""
+#: Pixels to one of the page while frames take 100 ms, while they take 5 ms, at rest, and while they take 5 ms.
+PACE = """(() => {
+  const pace = new jacokinPlayground.pace.constructor();
+  let now = 0;
+  const take = (frames, time) => Array.from({ length: frames }, () => pace.sharpness((now += time), false)).at(-1);
+  const told = [];
+  const tell = (sharpness) => told.push([sharpness, pace.coarse]);
+  tell(take(9, 100));
+  tell(take(99, 5));
+  tell(pace.sharpness(now, true));
+  tell(take(99, 5));
+  return told;
+})()"""
 STATE = "jacokinPlayground.settled().then(() => jacokinPlayground.state())"
 
 pytestmark = [
@@ -105,6 +136,27 @@ def test_dragging_the_arrow_moves_the_tool_up_and_the_arm_with_it(tab: Tab) -> N
     np.testing.assert_allclose(reached, after["pose"], atol=1e-6)
     wanted = solver.solve_all(np.reshape(after["pose"], (4, 4)), seed=after["q"])
     assert len(after["answer"]["branches"]) == len(wanted.q)
+
+
+def test_a_slow_machine_draws_few_triangles_while_it_drags(tab: Tab) -> None:
+    state_of(tab)
+    tab.value(COUNT)
+    tab.value("jacokinPlayground.pace.coarse = true")
+    start, end = np.array(tab.value(HANDLE))
+    tab.drag(start + 0.5 * (end - start), start + 0.9 * (end - start))
+    state_of(tab)
+    tab.value("jacokinPlayground.redraw()")
+    tab.draw()
+    frames: Any = tab.value("drawn")
+    moving, still = ([frame for frame in frames if frame["coarse"] is coarse] for coarse in (True, False))
+    assert max(frame["ghosts"] for frame in moving) >= 5
+    assert max(frame["calls"] for frame in moving) <= 30
+    assert max(frame["triangles"] for frame in moving) <= 15_000
+    assert still[-1]["triangles"] > 50_000  # with all details
+
+
+def test_a_slow_machine_draws_few_pixels_until_the_page_is_at_rest(tab: Tab) -> None:
+    assert tab.value(PACE) == [[0.5, True], [1, True], [2, False], [2, False]]
 
 
 def test_fifty_states_have_the_branches_that_python_finds(tab: Tab) -> None:

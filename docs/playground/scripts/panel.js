@@ -123,6 +123,11 @@ export class Panel {
     this.plotted.replaceChildren(...options);
   }
 
+  /** Without round corners, for which browsers without a graphics card draw the whole stage once more. */
+  setCoarse(coarse) {
+    this.canvas.parentElement.classList.toggle("pg-coarse", coarse);
+  }
+
   /** What is typed is left alone. */
   showPose(pose) {
     const typed = document.activeElement;
