@@ -4,7 +4,7 @@ python -m benchmarks.playground [--seconds 5] [--width 1280]
 
 The tool is dragged by the pointer along an ellipse. Times from frame to frame are the browser's; those of the page are
 of its main thread alone, in frames with new texts, and those of the solver of its worker. At 60 frames a second a frame
-has 16.7 ms. Processor time is that of all of the browser's processes, which counts where other work runs on the machine.
+has 16.7 ms. Processor time is that of all of the browser's processes: it counts where other work runs on the machine.
 """
 
 from __future__ import annotations
