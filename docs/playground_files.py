@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 HERE = Path(__file__).resolve().parent / "playground" / "scripts"
 WEB = HERE.parents[2] / "integrations" / "web"
 #: Scripts in the order in which they need each other.
-PAGE = ("matrices", "chain", "pace", "stage", "handles", "plot", "code", "link", "panel", "page")
+PAGE = ("matrices", "chain", "own", "pace", "stage", "handles", "plot", "code", "link", "panel", "page")
 #: Of the shapes' corners, in the files of the robots [m].
 STEP = 1e-4
 #: Of what is round, where an arm is drawn by few triangles while it moves.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import functools
 import importlib.util
 import json
@@ -20,6 +21,7 @@ import jacokin
 from jacokin.arrays import Array
 from jacokin.ik import IKSolver, export_c
 from tests.docs.playground_page import DOCS, HANDLE, build, show
+from tests.robot_files import ur5_text
 from tests.viewer.chromium import IN_BROWSER, Tab, browsing
 from tests.viewer.page import until
 
@@ -77,6 +79,21 @@ PACE = """(() => {
   tell(take(99, 5));
   return told;
 })()"""
+#: Opens a file (its name, its bytes in base64) as by the button, and by dropping it on the arm.
+OPEN = {
+    "button": """(async (name, text) => {
+  const held = new DataTransfer();
+  held.items.add(new File([Uint8Array.from(atob(text), (each) => each.charCodeAt(0))], name));
+  const input = document.querySelector(".pg-bar input[type=file]");
+  input.files = held.files;
+  input.dispatchEvent(new Event("change"));
+})(%s, %s)""",
+    "drop": """(async (name, text) => {
+  const dataTransfer = new DataTransfer();
+  dataTransfer.items.add(new File([Uint8Array.from(atob(text), (each) => each.charCodeAt(0))], name));
+  jacokinPlayground.panel.canvas.dispatchEvent(new DragEvent("drop", { dataTransfer, cancelable: true }));
+})(%s, %s)""",
+}
 STATE = "jacokinPlayground.settled().then(() => jacokinPlayground.state())"
 
 pytestmark = [
@@ -279,6 +296,51 @@ def test_copied_programs_ask_for_what_is_shown(tab: Tab, site: Path, tmp_path: P
     angles = [[float(word) for word in line.split(":")[1].split()] for line in said.splitlines() if ":" in line]
     assert len(angles) == max(len(shown["answer"]["branches"]), 1)
     np.testing.assert_allclose(angles[0], shown["q"], atol=1e-6)
+
+
+def opened(tab: Tab, how: str, name: str, contents: bytes) -> None:
+    tab.value(OPEN[how] % (json.dumps(name), json.dumps(base64.b64encode(contents).decode())))
+
+
+@pytest.mark.parametrize("how", OPEN)
+def test_an_arm_of_ones_own_is_opened_by_its_solver_file(tab: Tab, tmp_path: Path, how: str) -> None:
+    (tmp_path / "mine.urdf").write_text(ur5_text(), encoding="utf-8")
+    solver = IKSolver(jacokin.load_robot(tmp_path / "mine.urdf"), collision="ignore")
+    opened(tab, how, "mine.jacokin", export_c(solver, tmp_path / "arm").read_bytes())
+    assert until(lambda: tab.value("jacokinPlayground.robot.name") == "mine.jacokin")
+    home = state_of(tab)
+    np.testing.assert_allclose(home["q"], solver.robot.home)
+    qs = [q.tolist() for q in solver.robot.sample(np.random.default_rng(5), 5)]
+    for q, shown in zip(qs, state_of(tab, SHOW % (json.dumps(qs), '"mine.jacokin"')), strict=True):
+        reached = solver.robot.forward_kinematics(q).homogeneous
+        np.testing.assert_allclose(shown["pose"], reached.ravel(), atol=1e-9)
+        wanted = solver.solve_all(reached, seed=q)
+        found = np.array([list(each["q"].values()) for each in shown["answer"]["branches"]])
+        assert len(found) == len(wanted.q)
+        assert difference(found, wanted.q).min(axis=1).max() < CLOSE
+    tab.value(CATCH)
+    assert 'load_robot("mine.urdf", base="l0", tip="l6")' in str(tab.value(CLICK % "Copy as Python"))
+    assert "arm/mine.jacokin" in str(tab.value(CLICK % "Copy as C"))
+
+
+def test_seven_joints_of_ones_own_are_drawn_and_have_their_curves(tab: Tab, tmp_path: Path) -> None:
+    solver = solver_of("gen3")
+    opened(tab, "button", "other name", export_c(solver, tmp_path).read_bytes())
+    assert until(lambda: tab.value("jacokinPlayground.robot.name") == "other name.jacokin")
+    q = solver.robot.sample(np.random.default_rng(6)).tolist()
+    (shown,) = state_of(tab, SHOW % (json.dumps([q]), '"other name.jacokin"'))
+    pose = solver.robot.forward_kinematics(q)
+    np.testing.assert_allclose(shown["pose"], pose.homogeneous.ravel(), atol=1e-9)
+    assert len(shown["answer"]["curves"]) == len(solver.solve_all(pose).intervals)
+    assert "other" not in str(tab.value("location.hash"))  # another page does not have the file
+
+
+def test_a_file_that_is_not_a_solver_is_refused(tab: Tab) -> None:
+    before = state_of(tab)
+    opened(tab, "button", "picture.jacokin", b"not this")
+    said = "document.querySelector('.pg-status').textContent"
+    assert until(lambda: "picture.jacokin is not opened" in str(tab.value(said)))
+    assert state_of(tab) == before
 
 
 def test_everything_that_is_used_has_a_name(tab: Tab, site: Path) -> None:

@@ -1,6 +1,6 @@
 /** How finely to draw while things move: as finely as this machine does 50 frames a second. */
 
-/** Drawn pixels to a pixel of the page, along an edge, in steps; a frame that takes longer than `slow` [ms] makes them fewer. */
+/** Drawn pixels to one of the page, along an edge, in steps; frames that take longer than `slow` [ms] make them fewer. */
 const SHARPNESS = { least: 0.5, coarse: 0.8, whole: 1, most: 2, slow: 20, gain: 1.02, step: 1 / 8 };
 
 export class Pace {

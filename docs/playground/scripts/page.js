@@ -1,8 +1,9 @@
-import { describe, frames, limitsInWords, roomiest, tidy, toolPose } from "./chain.js";
+import { describe, frames, limitsInWords, remember, roomiest, tidy, toolPose } from "./chain.js";
 import { toC, toPython } from "./code.js";
 import { Handles } from "./handles.js";
 import { fromHash, toHash } from "./link.js";
 import { movedTo, plus, position, scaled, turned, wrapped } from "./matrices.js";
+import { describeOwn } from "./own.js";
 import { Pace } from "./pace.js";
 import { Panel, intervalText } from "./panel.js";
 import { Plot } from "./plot.js";
@@ -44,12 +45,14 @@ class Playground {
   #jump = null;
   #still = true; // nothing moves: all pixels are drawn
   #written = 0; // when the texts last changed [ms]
+  #opening = []; // who waits for a solver file to be read
   #settled = []; // who waits for the page to be at rest
 
   constructor(root, names) {
     this.names = names;
     this.panel = new Panel(root, names, {
       robot: (name) => this.load(name),
+      open: (file) => this.open(file),
       free: (axis) => this.setFree(axis),
       frame: (frame) => ((this.handles.frame = frame), this.redraw()),
       home: () => this.setJoints(this.robot.home),
@@ -67,7 +70,7 @@ class Playground {
     this.handles = new Handles(this.panel.canvas, this.panel.handles);
     this.plot = new Plot(this.panel.figure, (q) => this.take(q));
     this.worker = new Worker(URL.createObjectURL(new Blob([WORKER], { type: "text/javascript" })));
-    this.worker.onmessage = ({ data }) => this.#answered(data);
+    this.worker.onmessage = ({ data }) => (data.id === undefined ? this.#opening.shift()(data) : this.#answered(data));
     this.worker.onerror = (event) => this.#failed(event.message);
     listen(this);
   }
@@ -99,6 +102,20 @@ class Playground {
     this.free = this.dof === 7 ? null : free;
     this.panel.free.value = this.free ?? "";
     this.setPose(pose ?? toolPose(robot, this.q));
+  }
+
+  /** Show an arm of one's own, by a file that `jacokin export-c` wrote. It goes nowhere. */
+  async open(file) {
+    const name = file.name.replace(/(\.jacokin)?$/, ".jacokin"); // no bundled robot is called so
+    const contents = await file.arrayBuffer();
+    const { opened, error } = await new Promise((resolve) => {
+      this.#opening.push(resolve);
+      this.worker.postMessage({ robot: name, file: contents });
+    });
+    if (error) return this.panel.showStatus(false, `${file.name} is not opened: ${error}`);
+    const robot = describeOwn(name, opened);
+    remember(robot);
+    await this.load(name);
   }
 
   setFree(axis) {
@@ -151,7 +168,9 @@ class Playground {
   /** What the page shows, for the address, the programs that are copied, and tests. */
   state() {
     const { robot, dof, q, pose, free, answer } = this;
-    return { robot: robot.name, dof, q: Array.from(q), pose: Array.from(pose), free, answer, arrived: this.arrived };
+    const own = robot.own ? { base: robot.base, tip: robot.frame } : null;
+    const numbers = { q: Array.from(q), pose: Array.from(pose) };
+    return { robot: robot.name, own, dof, ...numbers, free, answer, arrived: this.arrived };
   }
 
   /** Whether the tool is at the target, as it stands. */
@@ -205,7 +224,7 @@ class Playground {
     this.#still = true;
     this.redraw();
     this.#list();
-    history.replaceState(null, "", this.#hash());
+    if (!this.robot.own) history.replaceState(null, "", this.#hash());
     this.panel.say(this.panel.status.textContent);
     for (const resolve of this.#settled.splice(0)) resolve();
   }
@@ -449,6 +468,11 @@ function listen(page) {
     { passive: false },
   );
   canvas.addEventListener("keydown", (event) => press(page, event));
+  canvas.addEventListener("dragover", (event) => event.preventDefault());
+  canvas.addEventListener("drop", (event) => {
+    event.preventDefault();
+    for (const file of event.dataTransfer.files) page.open(file);
+  });
   globalThis.addEventListener("hashchange", () => page.load(...stateOf(location.hash, page.names)));
   globalThis.addEventListener("resize", () => page.redraw());
   new ResizeObserver(() => page.redraw()).observe(canvas);

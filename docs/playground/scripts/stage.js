@@ -149,7 +149,7 @@ export class Stage {
   #solid;
   #line;
   #grid;
-  #robots = new Map(); // buffers, by name
+  #robots = new WeakMap(); // buffers
 
   constructor(canvas) {
     this.canvas = canvas;
@@ -163,15 +163,15 @@ export class Stage {
 
   /** Make the buffers of a robot, once. */
   add(robot) {
-    if (this.#robots.has(robot.name)) return;
+    if (this.#robots.has(robot)) return;
     const gl = this.#gl;
     const coloured = (pieces, lit) =>
       pieces.map((piece) => ({ colour: piece.colour.map((each) => each / 255), ...mesh(gl, lit(piece)) }));
     const buffers = robot.parts.map(({ pieces, light, plain }) => ({
-      fine: { pieces: coloured(pieces, smooth), whole: plain && mesh(gl, plain) },
+      fine: { pieces: pieces && coloured(pieces, smooth), whole: plain && mesh(gl, plain) },
       coarse: { pieces: coloured(light, creased), whole: light.length ? mesh(gl, joined(light)) : null },
     }));
-    this.#robots.set(robot.name, { unit: robot.step, buffers });
+    this.#robots.set(robot, { unit: robot.step, buffers });
   }
 
   /**
@@ -184,8 +184,8 @@ export class Stage {
    */
   draw(camera, { robot, places, dark, ghosts, coarse = false }) {
     const gl = this.#gl;
-    const { unit, buffers } = this.#robots.get(robot.name);
-    const parts = buffers.map((part) => part[coarse ? "coarse" : "fine"]);
+    const { unit, buffers } = this.#robots.get(robot);
+    const parts = buffers.map((part) => part[coarse || robot.own ? "coarse" : "fine"]);
     const matrix = camera.matrix;
     gl.viewport(0, 0, this.canvas.width, this.canvas.height);
     gl.clearColor(...(dark ? BACK.dark : BACK.light), 1);
@@ -328,16 +328,22 @@ function smooth({ vertices, faces }) {
 
 /** A mesh that is smooth but for its sharp edges; triangles share no corners. */
 function creased({ vertices, faces }) {
-  const flat = faceNormals(vertices, faces);
-  const around = new Map(); // faces, by corner
-  faces.forEach((index, i) => around.set(index, [...(around.get(index) ?? []), Math.floor(i / 3)]));
-  const normals = faces.flatMap((index, i) => {
-    const own = flat[Math.floor(i / 3)];
-    const near = around.get(index).map((face) => flat[face]);
-    return near.filter((other) => dot(other, own) > CREASE * length(other) * length(own)).reduce(plus, [0, 0, 0]);
+  const corners = faces.map((index) => vertices.slice(3 * index, 3 * index + 3));
+  const directions = faceNormals(vertices, faces).map((normal) => scaled(normal, 1 / (length(normal) || 1)));
+  const at = (i) => directions[Math.floor(i / 3)];
+  const around = new Map(); // corners of triangles, by the corner of the mesh that they are at
+  faces.forEach((index, i) => around.set(index, [...(around.get(index) ?? []), i]));
+  const weights = corners.map((corner, i) => {
+    const first = i - (i % 3);
+    const [a, b] = [1, 2].map((step) => minus(corners[first + ((i + step) % 3)], corner));
+    // The angle at the corner: both halves of a square count as one.
+    return Math.acos(Math.min(Math.max(dot(a, b) / (length(a) * length(b) || 1), -1), 1));
   });
-  const corners = faces.flatMap((index) => vertices.slice(3 * index, 3 * index + 3));
-  return { vertices: corners, faces: faces.map((_, i) => i), normals };
+  const normals = faces.flatMap((index, i) => {
+    const near = around.get(index).filter((other) => dot(at(other), at(i)) > CREASE);
+    return near.map((other) => scaled(at(other), weights[other])).reduce(plus, [0, 0, 0]);
+  });
+  return { vertices: corners.flat(), faces: faces.map((_, i) => i), normals };
 }
 
 /** The normal of each triangle, as long as twice its area. */
