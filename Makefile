@@ -64,18 +64,21 @@ fuzz: $(VENV)/test.stamp  ## random targets, arms, files, motions, ... for at mo
 MACHINES := x86_64-linux aarch64-linux x86_64-macos aarch64-macos
 wheels: $(VENV)/test.stamp  ## wheels for Linux (manylinux_2_17) and macOS, x86-64 and AArch64, in build/wheels
 	$(BIN)/python -m build_kernels --whole $(addprefix --target ,$(MACHINES))
+	rm -f build/wheels/*.whl
 	for target in $(MACHINES); do \
 		JACOKIN_TARGET=$$target $(BIN)/python -m build --wheel --outdir build/wheels . || exit 1; \
 	done
 	$(BIN)/python -m build_kernels.wheels build/wheels
 
-release-check: address $(VENV)/release.stamp  ## build what would be uploaded, and check it; uploads nothing
+release-check: address wheels $(VENV)/release.stamp  ## build what would be uploaded, and check it; uploads nothing
 	rm -rf build/release
 	CC="python -m ziglang cc -target $(shell uname -m)-linux-gnu.2.17" $(BIN)/python -m build --outdir build/release .
+	for wheel in build/wheels/*.whl; do test -e build/release/$${wheel##*/} || cp $$wheel build/release || exit 1; done
+	$(BIN)/python -m build_kernels.wheels build/release
 	$(BIN)/python -m twine check --strict build/release/*
 	$(BIN)/check-wheel-contents build/release/*.whl
 	$(BIN)/python -m release_check build/release
-	$(BIN)/python -m pip install --quiet --force-reinstall --no-deps build/release/*.whl
+	$(BIN)/python -m pip install --quiet --force-reinstall --no-deps build/release/*linux*_$(shell uname -m).whl
 	tar -xzf build/release/*.tar.gz -C build/release
 	cd build/release/jacokin-*/ && $(abspath $(BIN))/$(PYTEST) -m "not slow"
 

@@ -1,6 +1,6 @@
 """Check what would be uploaded, in fresh environments: python -m release_check FOLDER. Uploads nothing.
 
-FOLDER holds one wheel and one sdist. Beside them it writes, for those who install:
+FOLDER holds one sdist and the wheels of all machines. Beside them it writes, for those who install:
 
 requirements-3.11.txt   what jacokin needs, with hashes, for `pip install --require-hashes -r`; one for each Python
 sbom.cdx.json           the same as a bill of materials (CycloneDX), with licences
@@ -18,6 +18,9 @@ import tarfile
 import zipfile
 from pathlib import Path
 from typing import Any
+
+from packaging.tags import sys_tags
+from packaging.utils import parse_wheel_filename
 
 ROOT = Path(__file__).parent
 PYTHONS = ("3.11", "3.12", "3.13")
@@ -48,8 +51,11 @@ def main(folder: Path) -> None:
     Raises:
         ReleaseError: says what is wrong.
     """
-    wheel, sdist = one(folder, "*.whl"), one(folder, "*.tar.gz")
-    check_contents(wheel, sdist)
+    sdist = one(folder, "*.tar.gz")
+    wheels = sorted(folder.glob("*.whl"))
+    for each in wheels:
+        check_contents(each, sdist)
+    wheel = fitting(wheels)
     tried = []
     for version in PYTHONS:
         program = interpreter(version)
@@ -87,6 +93,19 @@ def one(folder: Path, pattern: str) -> Path:
     found = sorted(folder.glob(pattern))
     if len(found) != 1:
         raise ReleaseError(f"{folder} must hold one {pattern}, found {len(found)}")
+    return found[0].resolve()
+
+
+def fitting(wheels: list[Path]) -> Path:
+    """The wheel that this machine installs.
+
+    Raises:
+        ReleaseError: there is none, or several.
+    """
+    tags = set(sys_tags())
+    found = [wheel for wheel in wheels if tags & parse_wheel_filename(wheel.name)[3]]
+    if len(found) != 1:
+        raise ReleaseError(f"one wheel must fit this machine, found {len(found)}")
     return found[0].resolve()
 
 

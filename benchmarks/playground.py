@@ -3,8 +3,8 @@
 python -m benchmarks.playground [--seconds 5] [--width 1280]
 
 The tool is dragged by the pointer along an ellipse. Times from frame to frame are the browser's; those of the page are
-of its main thread alone, and those of the solver of its worker. At 60 frames a second a frame has 16.7 ms. Processor
-time is that of all of the browser's processes, which counts where other work runs on the machine.
+of its main thread alone, in frames with new texts, and those of the solver of its worker. At 60 frames a second a frame
+has 16.7 ms. Processor time is that of all of the browser's processes: it counts where other work runs on the machine.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ CASES = {
 }
 TURN = 2.0  # [s] of the ellipse
 HALF_AXES = np.array([90.0, 50.0])  # [pixel]
-RECORD = """globalThis.told = { frames: [], page: [], solver: [] };
+RECORD = """globalThis.told = { frames: [], page: [], solver: [], drawn: 0 };
 (() => {
   const page = jacokinPlayground;
   const { stage, handles, worker } = page;
   const draw = stage.draw.bind(stage);
   let begun = 0;
-  stage.draw = (...all) => ((begun = performance.now()), draw(...all));
+  stage.draw = (...all) => (told.drawn++, (begun = performance.now()), draw(...all));
   const show = page.panel.showPose.bind(page.panel);
   page.panel.showPose = (pose) => (show(pose), told.page.push(performance.now() - begun));
   worker.addEventListener("message", ({ data }) => told.solver.push(data.milliseconds));
@@ -84,7 +84,7 @@ def measure(tab: Tab, folder: str, seconds: float) -> dict[str, Any]:
         x, y = start + HALF_AXES * np.array([math.sin(angle), 1.0 - math.cos(angle)])
         tab.ask("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y, button="left")
     told: dict[str, Any] = json.loads(str(tab.value("JSON.stringify(told)")))
-    told["processor"] = (processor_time(folder) - used) / max(len(told["page"]), 1)
+    told["processor"] = (processor_time(folder) - used) / max(told["drawn"], 1)
     told["sharpness"] = tab.value("jacokinPlayground.stage.canvas.width / jacokinPlayground.panel.canvas.clientWidth")
     tab.ask("Input.dispatchMouseEvent", type="mouseReleased", x=x, y=y, button="left", clickCount=1)
     return told

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import base64
+import csv
+import hashlib
+import re
+import struct
 import sys
 import zipfile
 from pathlib import Path
 
 import jacokin
-from build_kernels.linking import wheel_tag
+from build_kernels.linking import OLDEST_MACOS, wheel_tag
 from build_kernels.targets import TARGETS, WHEELS, Target
 from jacokin.kernels import library
 from jacokin.kernels.entries import ENTRIES
@@ -18,6 +23,11 @@ PROCESSORS = {
     "linux": {"x86_64": (18, b"\x3e\0"), "aarch64": (18, b"\xb7\0")},
     "darwin": {"x86_64": (4, b"\7\0\0\1"), "aarch64": (4, b"\x0c\0\0\1")},
 }
+#: Functions of the C library, in its header.
+C_FUNCTION = re.compile(r"^JACOKIN_IK_API .*?(\w+)\(", re.M)
+HEADER = "jacokin/include/jacokin_ik.h"
+#: The command of a Mach-O file that says its oldest macOS, <mach-o/loader.h>; commands begin after the header.
+LC_BUILD_VERSION, MACH_O_HEADER = 0x32, 32
 
 
 class WheelError(Exception):
@@ -41,7 +51,9 @@ def check(folder: Path) -> list[Path]:
         library_in_it = f"jacokin/kernels/{TARGETS[name].library}"
         if [file for file in contents if "libjacokin." in file] != [library_in_it]:
             raise WheelError(f"{found[0].name} must hold {library_in_it} and no other library")
-        _check_library(contents.pop(library_in_it), TARGETS[name], found[0].name)
+        _check_metadata(contents, found[0])
+        functions = C_FUNCTION.findall(contents[HEADER].decode())
+        _check_library(contents.pop(library_in_it), TARGETS[name], found[0].name, functions)
         # The name of the machine, and sums of everything, differ.
         others[name] = {file: text for file, text in contents.items() if not file.endswith(("/WHEEL", "/RECORD"))}
     first, *rest = others.values()
@@ -55,7 +67,35 @@ def _ending(target: Target) -> str:
     return f"linux_*{target.name.partition('-')[0]}" if target.system == "linux" else wheel_tag(b"", target)
 
 
-def _check_library(contents: bytes, target: Target, wheel: str) -> None:
+def _check_metadata(contents: dict[str, bytes], wheel: Path) -> None:
+    """The tag inside is that of the name, and sums are those of the files, all of which are listed."""
+    (folder,) = {name.partition("/")[0] for name in contents if name.endswith(".dist-info/WHEEL")}
+    tags = re.findall(r"^Tag: (\S+)$", contents[f"{folder}/WHEEL"].decode(), re.M)
+    if tags != ["-".join(wheel.stem.split("-")[2:])]:
+        raise WheelError(f"{wheel.name} says inside that it is for {', '.join(tags) or 'nothing'}")
+    listed = {name: digest for name, digest, _ in csv.reader(contents[f"{folder}/RECORD"].decode().splitlines())}
+    sums = {name: f"sha256={_sum(content)}" for name, content in contents.items() if not name.endswith("/RECORD")}
+    if listed != {**sums, f"{folder}/RECORD": ""}:
+        raise WheelError(f"the sums in {wheel.name} are not those of its files")
+
+
+def _sum(content: bytes) -> str:
+    return base64.urlsafe_b64encode(hashlib.sha256(content).digest()).decode().rstrip("=")
+
+
+def _oldest_macos(contents: bytes) -> str | None:
+    """What a Mach-O file runs on, as "11_0"; None where it does not say."""
+    (count,) = struct.unpack_from("<I", contents, 16)
+    at = MACH_O_HEADER
+    for _ in range(count):
+        command, size, _, oldest = struct.unpack_from("<4I", contents, at)
+        if command == LC_BUILD_VERSION:
+            return f"{oldest >> 16}_{oldest >> 8 & 0xFF}"
+        at += size
+    return None
+
+
+def _check_library(contents: bytes, target: Target, wheel: str, functions: list[str]) -> None:
     about = library.about(contents)
     if about is None or about.size != len(contents) or about.version != jacokin.__version__:
         raise WheelError(f"the library in {wheel} is damaged or of another version")
@@ -63,9 +103,14 @@ def _check_library(contents: bytes, target: Target, wheel: str) -> None:
         name = entry.run.__name__
         if name not in about.layouts or f"{PREFIX}{name}\0".encode() not in contents:
             raise WheelError(f"the library in {wheel} lacks {name}")
+    for name in functions:
+        if f"{name}\0".encode() not in contents:
+            raise WheelError(f"the library in {wheel} lacks {name}, which {HEADER} declares")
     at, begin = PROCESSORS[target.system][target.name.partition("-")[0]]
     if contents[at : at + len(begin)] != begin:
         raise WheelError(f"the library in {wheel} is for another processor")
+    if target.system == "darwin" and _oldest_macos(contents) != OLDEST_MACOS:
+        raise WheelError(f"the library in {wheel} is for macOS {_oldest_macos(contents)}, not {OLDEST_MACOS}")
     if not wheel.endswith(f"{wheel_tag(contents, target)}.whl"):
         raise WheelError(f"{wheel} should be called {wheel_tag(contents, target)}")
 

@@ -29,9 +29,11 @@ if TYPE_CHECKING:
 HERE = Path(__file__).resolve().parent / "playground" / "scripts"
 WEB = HERE.parents[2] / "integrations" / "web"
 #: Scripts in the order in which they need each other.
-PAGE = ("matrices", "chain", "stage", "handles", "plot", "code", "link", "panel", "page")
+PAGE = ("matrices", "chain", "own", "pace", "stage", "handles", "plot", "code", "link", "panel", "page")
 #: Of the shapes' corners, in the files of the robots [m].
 STEP = 1e-4
+#: Of what is round, where an arm is drawn by few triangles while it moves.
+LIGHT_SIDES = 12
 IMPORT = re.compile(r'^import [^;]* from "\./[\w.]+";\n', re.M)
 EXPORT = re.compile(r"^export (?=(?:async function|function|class|const) (\w+))", re.M)
 
@@ -102,7 +104,10 @@ def describe(robot: Robot) -> dict[str, Any]:
         "upper": _limits(robot.upper),
         "home": robot.home.tolist(),
         "step": STEP,
-        "parts": [_part(part) for part in load_parts(robot)[0]],
+        "parts": [
+            _part(part, light)
+            for part, light in zip(load_parts(robot)[0], load_parts(robot, sides=LIGHT_SIDES)[0], strict=True)
+        ],
     }
 
 
@@ -116,13 +121,17 @@ def _limits(values: Array) -> list[float | None]:
     return [float(value) if np.isfinite(value) else None for value in values]
 
 
-def _part(part: ArmPart) -> dict[str, Any]:
-    """What one joint moves: smooth pieces by colour, and the plain shapes, with few triangles, as one."""
+def _part(part: ArmPart, light: ArmPart) -> dict[str, Any]:
+    """What one joint moves: smooth pieces by colour, with many triangles and with few, and the plain shapes as one."""
     plain = merge(list(part.shapes.values()))
     return {
-        "pieces": [{"colour": piece.colour, **_mesh(piece.mesh)} for piece in part.pieces],
+        **{name: _pieces(each) for name, each in (("pieces", part), ("light", light))},
         "plain": None if plain is None else _mesh(plain),
     }
+
+
+def _pieces(part: ArmPart) -> list[dict[str, Any]]:
+    return [{"colour": piece.colour, **_mesh(piece.mesh)} for piece in part.pieces]
 
 
 def _mesh(mesh: Triangles) -> dict[str, list[int]]:

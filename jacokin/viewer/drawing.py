@@ -22,8 +22,7 @@ from jacokin.model.point_cloud import PointCloud
 from jacokin.model.robot import Robot
 from jacokin.model.scene import Scene
 
-SIDES = 24  # of what is round
-RINGS = 6  # from the equator of a sphere to its pole
+SIDES = 24  # of what is round; from the equator of a sphere to its pole, a quarter of it
 BEVEL = 0.006, 0.3  # [m] radius of an edge that is drawn round, and at most this part of the shape's least half size
 STEPS = 3  # of a rounded edge
 ROUND_SIDES = 36  # of what is drawn round, and smooth
@@ -79,12 +78,15 @@ class ArmPart:
         return merge([piece.mesh for piece in self.pieces])
 
 
-def load_parts(robot: Robot, finger_angle: float | None = None) -> tuple[tuple[ArmPart, ...], str]:
+def load_parts(
+    robot: Robot, finger_angle: float | None = None, *, sides: int | None = None
+) -> tuple[tuple[ArmPart, ...], str]:
     """The base and the part each joint moves, base to tip; and why it is sticks from joint to joint, or "".
 
     Args:
         robot: the arm.
         finger_angle: where its fingers stand [rad], or [m] where they slide; None for as it was loaded.
+        sides: draw with so few sides of what is round, a multiple of 4, and with sharp edges; None for a good look.
     """
     try:
         model = compile_spec(to_spec(robot, geometry=True, finger_angle=finger_angle), robot)
@@ -95,7 +97,7 @@ def load_parts(robot: Robot, finger_angle: float | None = None) -> tuple[tuple[A
     for index, name in enumerate(("base", *robot.joint_names)):
         geoms = [g for g in range(model.ngeom) if model.geom_bodyid[g] == first + index]
         found = {str(model.geom(geom).name): mesh for geom in geoms if (mesh := read_geom(model, geom)) is not None}
-        pieces = [piece for geom in geoms if (piece := draw_geom(model, geom)) is not None]
+        pieces = [piece for geom in geoms if (piece := draw_geom(model, geom, sides)) is not None]
         parts.append(ArmPart(name, by_colour(pieces), found))
     if any(part.pieces for part in parts):
         return tuple(parts), ""
@@ -312,7 +314,7 @@ def box(half: Array) -> Triangles:
     return Triangles(corners.astype(np.float32), np.array(faces, dtype=np.uint32))
 
 
-def revolve(profile: list[tuple[float, float]], sides: int = SIDES) -> Triangles:
+def revolve(profile: list[tuple[float, float]], sides: int) -> Triangles:
     """The surface that a profile of (radius, z) [m], from bottom to top, sweeps around z; its ends lie on the axis."""
     angles = np.linspace(0.0, 2.0 * np.pi, sides, endpoint=False)
     circle = np.stack((np.cos(angles), np.sin(angles)), axis=1)
@@ -332,22 +334,22 @@ def revolve(profile: list[tuple[float, float]], sides: int = SIDES) -> Triangles
     return Triangles(vertices.astype(np.float32), np.array(faces, dtype=np.uint32))
 
 
-def sphere(radius: float) -> Triangles:
+def sphere(radius: float, sides: int = SIDES) -> Triangles:
     """A sphere by its radius [m]."""
-    return capsule(radius, 0.0)
+    return capsule(radius, 0.0, sides)
 
 
-def capsule(radius: float, half: float) -> Triangles:
+def capsule(radius: float, half: float, sides: int = SIDES) -> Triangles:
     """A capsule along z by its radius and half the length of its cylinder [m]."""
-    rise = np.linspace(0.0, 0.5 * np.pi, RINGS + 1)
+    rise = np.linspace(0.0, 0.5 * np.pi, sides // 4 + 1)
     upper = [(radius * float(np.cos(a)), half + radius * float(np.sin(a))) for a in rise[:-1]]
     lower = [(r, -z) for r, z in reversed(upper)]
-    return revolve([(0.0, -half - radius), *lower, *upper, (0.0, half + radius)])
+    return revolve([(0.0, -half - radius), *lower, *upper, (0.0, half + radius)], sides)
 
 
-def cylinder(radius: float, half: float) -> Triangles:
+def cylinder(radius: float, half: float, sides: int = SIDES) -> Triangles:
     """A cylinder along z by its radius and half its length [m]."""
-    return revolve([(0.0, -half), (radius, -half), (radius, half), (0.0, half)])
+    return revolve([(0.0, -half), (radius, -half), (radius, half), (0.0, half)], sides)
 
 
 def cloud(obstacle: PointCloud) -> Triangles:
@@ -364,19 +366,19 @@ def move(mesh: Triangles, place: pin.SE3) -> Triangles:
     return Triangles((mesh.vertices @ place.rotation.T + place.translation).astype(np.float32), mesh.faces)
 
 
-def draw_geom(model: mujoco.MjModel, geom: int) -> ColouredMesh | None:
-    """One shape as it is drawn: in its colour, boxes and cylinders with rounded edges."""
-    mesh = read_geom(model, geom, rounded=True)
+def draw_geom(model: mujoco.MjModel, geom: int, sides: int | None = None) -> ColouredMesh | None:
+    """One shape as it is drawn: in its colour, boxes and cylinders with rounded edges, or with so few sides."""
+    mesh = read_geom(model, geom, rounded=sides is None, sides=sides or SIDES)
     smooth = model.geom_type[geom] != mujoco.mjtGeom.mjGEOM_MESH
     return None if mesh is None else ColouredMesh(mesh, to_colour(rgba_of(model, geom)), smooth)
 
 
-def read_geom(model: mujoco.MjModel, geom: int, *, rounded: bool = False) -> Triangles | None:
+def read_geom(model: mujoco.MjModel, geom: int, *, rounded: bool = False, sides: int = SIDES) -> Triangles | None:
     """One shape in the frame of its body; None for an infinite one, such as a plane."""
     if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH:
         mesh: Triangles | None = read_mesh(model, int(model.geom_dataid[geom]))
     else:
-        mesh = _primitive(int(model.geom_type[geom]), np.array(model.geom_size[geom]), rounded=rounded)
+        mesh = _primitive(int(model.geom_type[geom]), np.array(model.geom_size[geom]), rounded=rounded, sides=sides)
     return None if mesh is None else _placed(mesh, model.geom_pos[geom], model.geom_quat[geom])
 
 
@@ -391,19 +393,20 @@ def _placed(mesh: Triangles, position: Array, quat_wxyz: Array) -> Triangles:
     return move(mesh, pin.SE3(poses.rotation_from_quat_wxyz([w, x, y, z]), np.array(position)))
 
 
-def _primitive(kind: int, size: Array, *, rounded: bool = False) -> Triangles | None:
+def _primitive(kind: int, size: Array, *, rounded: bool = False, sides: int = SIDES) -> Triangles | None:
     """A shape of MuJoCo by its kind and size (3,) [m]; None for what is none of those that are drawn."""
     kinds = mujoco.mjtGeom
     if kind == kinds.mjGEOM_BOX:
         return rounded_box(size) if rounded else box(size)
     if kind == kinds.mjGEOM_SPHERE:
-        return sphere(float(size[0]))
+        return sphere(float(size[0]), sides)
     if kind == kinds.mjGEOM_CAPSULE:
-        return capsule(float(size[0]), float(size[1]))
+        return capsule(float(size[0]), float(size[1]), sides)
     if kind == kinds.mjGEOM_CYLINDER:
-        return (rounded_cylinder if rounded else cylinder)(float(size[0]), float(size[1]))
+        radius, half = float(size[0]), float(size[1])
+        return rounded_cylinder(radius, half) if rounded else cylinder(radius, half, sides)
     if kind == kinds.mjGEOM_ELLIPSOID:
-        unit = sphere(1.0)
+        unit = sphere(1.0, sides)
         return Triangles((unit.vertices * size).astype(np.float32), unit.faces)
     return None
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import functools
 import importlib.util
 import json
@@ -20,6 +21,7 @@ import jacokin
 from jacokin.arrays import Array
 from jacokin.ik import IKSolver, export_c
 from tests.docs.playground_page import DOCS, HANDLE, build, show
+from tests.robot_files import ur5_text
 from tests.viewer.chromium import IN_BROWSER, Tab, browsing
 from tests.viewer.page import until
 
@@ -46,6 +48,52 @@ CLICK = """(async () => {
   await Promise.resolve();
   return copied;
 })()"""
+#: What the stage was told to draw in a frame: calls, and triangles.
+COUNT = """(() => {
+  const { stage } = jacokinPlayground;
+  const gl = stage.canvas.getContext("webgl2");
+  const draw = stage.draw.bind(stage);
+  globalThis.drawn = [];
+  stage.draw = (camera, scene) => {
+    drawn.push({ calls: 0, triangles: 0, ghosts: scene.ghosts.length, coarse: scene.coarse });
+    draw(camera, scene);
+  };
+  const count = (name, triangles) => {
+    const call = gl[name].bind(gl);
+    gl[name] = (...all) => (drawn.at(-1).calls++, (drawn.at(-1).triangles += triangles(...all)), call(...all));
+  };
+  count("drawArrays", () => 0); // lines
+  count("drawElements", (mode, corners) => corners / 3);
+  count("drawElementsInstanced", (mode, corners, type, offset, times) => (corners / 3) * times);
+})()"""
+#: Pixels to one of the page while frames take 100 ms, while they take 5 ms, at rest, and while they take 5 ms.
+PACE = """(() => {
+  const pace = new jacokinPlayground.pace.constructor();
+  let now = 0;
+  const take = (frames, time) => Array.from({ length: frames }, () => pace.sharpness((now += time), false)).at(-1);
+  const told = [];
+  const tell = (sharpness) => told.push([sharpness, pace.coarse]);
+  tell(take(9, 100));
+  tell(take(99, 5));
+  tell(pace.sharpness(now, true));
+  tell(take(99, 5));
+  return told;
+})()"""
+#: Opens a file (its name, its bytes in base64) as by the button, and by dropping it on the arm.
+OPEN = {
+    "button": """(async (name, text) => {
+  const held = new DataTransfer();
+  held.items.add(new File([Uint8Array.from(atob(text), (each) => each.charCodeAt(0))], name));
+  const input = document.querySelector(".pg-bar input[type=file]");
+  input.files = held.files;
+  input.dispatchEvent(new Event("change"));
+})(%s, %s)""",
+    "drop": """(async (name, text) => {
+  const dataTransfer = new DataTransfer();
+  dataTransfer.items.add(new File([Uint8Array.from(atob(text), (each) => each.charCodeAt(0))], name));
+  jacokinPlayground.panel.canvas.dispatchEvent(new DragEvent("drop", { dataTransfer, cancelable: true }));
+})(%s, %s)""",
+}
 STATE = "jacokinPlayground.settled().then(() => jacokinPlayground.state())"
 
 pytestmark = [
@@ -105,6 +153,27 @@ def test_dragging_the_arrow_moves_the_tool_up_and_the_arm_with_it(tab: Tab) -> N
     np.testing.assert_allclose(reached, after["pose"], atol=1e-6)
     wanted = solver.solve_all(np.reshape(after["pose"], (4, 4)), seed=after["q"])
     assert len(after["answer"]["branches"]) == len(wanted.q)
+
+
+def test_a_slow_machine_draws_few_triangles_while_it_drags(tab: Tab) -> None:
+    state_of(tab)
+    tab.value(COUNT)
+    tab.value("jacokinPlayground.pace.coarse = true")
+    start, end = np.array(tab.value(HANDLE))
+    tab.drag(start + 0.5 * (end - start), start + 0.9 * (end - start))
+    state_of(tab)
+    tab.value("jacokinPlayground.redraw()")
+    tab.draw()
+    frames: Any = tab.value("drawn")
+    moving, still = ([frame for frame in frames if frame["coarse"] is coarse] for coarse in (True, False))
+    assert max(frame["ghosts"] for frame in moving) >= 5
+    assert max(frame["calls"] for frame in moving) <= 30
+    assert max(frame["triangles"] for frame in moving) <= 15_000
+    assert still[-1]["triangles"] > 50_000  # with all details
+
+
+def test_a_slow_machine_draws_few_pixels_until_the_page_is_at_rest(tab: Tab) -> None:
+    assert tab.value(PACE) == [[0.5, True], [1, True], [2, False], [2, False]]
 
 
 def test_fifty_states_have_the_branches_that_python_finds(tab: Tab) -> None:
@@ -227,6 +296,51 @@ def test_copied_programs_ask_for_what_is_shown(tab: Tab, site: Path, tmp_path: P
     angles = [[float(word) for word in line.split(":")[1].split()] for line in said.splitlines() if ":" in line]
     assert len(angles) == max(len(shown["answer"]["branches"]), 1)
     np.testing.assert_allclose(angles[0], shown["q"], atol=1e-6)
+
+
+def opened(tab: Tab, how: str, name: str, contents: bytes) -> None:
+    tab.value(OPEN[how] % (json.dumps(name), json.dumps(base64.b64encode(contents).decode())))
+
+
+@pytest.mark.parametrize("how", OPEN)
+def test_an_arm_of_ones_own_is_opened_by_its_solver_file(tab: Tab, tmp_path: Path, how: str) -> None:
+    (tmp_path / "mine.urdf").write_text(ur5_text(), encoding="utf-8")
+    solver = IKSolver(jacokin.load_robot(tmp_path / "mine.urdf"), collision="ignore")
+    opened(tab, how, "mine.jacokin", export_c(solver, tmp_path / "arm").read_bytes())
+    assert until(lambda: tab.value("jacokinPlayground.robot.name") == "mine.jacokin")
+    home = state_of(tab)
+    np.testing.assert_allclose(home["q"], solver.robot.home)
+    qs = [q.tolist() for q in solver.robot.sample(np.random.default_rng(5), 5)]
+    for q, shown in zip(qs, state_of(tab, SHOW % (json.dumps(qs), '"mine.jacokin"')), strict=True):
+        reached = solver.robot.forward_kinematics(q).homogeneous
+        np.testing.assert_allclose(shown["pose"], reached.ravel(), atol=1e-9)
+        wanted = solver.solve_all(reached, seed=q)
+        found = np.array([list(each["q"].values()) for each in shown["answer"]["branches"]])
+        assert len(found) == len(wanted.q)
+        assert difference(found, wanted.q).min(axis=1).max() < CLOSE
+    tab.value(CATCH)
+    assert 'load_robot("mine.urdf", base="l0", tip="l6")' in str(tab.value(CLICK % "Copy as Python"))
+    assert "arm/mine.jacokin" in str(tab.value(CLICK % "Copy as C"))
+
+
+def test_seven_joints_of_ones_own_are_drawn_and_have_their_curves(tab: Tab, tmp_path: Path) -> None:
+    solver = solver_of("gen3")
+    opened(tab, "button", "other name", export_c(solver, tmp_path).read_bytes())
+    assert until(lambda: tab.value("jacokinPlayground.robot.name") == "other name.jacokin")
+    q = solver.robot.sample(np.random.default_rng(6)).tolist()
+    (shown,) = state_of(tab, SHOW % (json.dumps([q]), '"other name.jacokin"'))
+    pose = solver.robot.forward_kinematics(q)
+    np.testing.assert_allclose(shown["pose"], pose.homogeneous.ravel(), atol=1e-9)
+    assert len(shown["answer"]["curves"]) == len(solver.solve_all(pose).intervals)
+    assert "other" not in str(tab.value("location.hash"))  # another page does not have the file
+
+
+def test_a_file_that_is_not_a_solver_is_refused(tab: Tab) -> None:
+    before = state_of(tab)
+    opened(tab, "button", "picture.jacokin", b"not this")
+    said = "document.querySelector('.pg-status').textContent"
+    assert until(lambda: "picture.jacokin is not opened" in str(tab.value(said)))
+    assert state_of(tab) == before
 
 
 def test_everything_that_is_used_has_a_name(tab: Tab, site: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import platform
 import sys
 import tarfile
 import zipfile
@@ -63,6 +64,14 @@ def test_there_must_be_one_file_of_a_kind(tmp_path: Path) -> None:
     made(tmp_path, "jacokin-2.0-py3-none-any.whl")
     with pytest.raises(ReleaseError, match=r"one \*\.whl, found 2"):
         release_check.one(tmp_path, "*.whl")
+
+
+def test_the_wheel_of_this_machine_is_the_one_that_is_installed(tmp_path: Path) -> None:
+    machines = ("manylinux_2_17_x86_64", "manylinux_2_17_aarch64", "macosx_11_0_x86_64", "macosx_11_0_arm64")
+    wheels = [tmp_path / f"jacokin-1.0-py3-none-{machine}.whl" for machine in machines]
+    assert release_check.fitting(wheels).name.endswith(f"_{platform.machine()}.whl")
+    with pytest.raises(ReleaseError, match="found 0"):
+        release_check.fitting([])
 
 
 def test_every_component_says_its_licence() -> None:

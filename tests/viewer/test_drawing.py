@@ -87,6 +87,17 @@ def test_the_arm_has_the_colours_of_its_description(robot: Robot, tmp_path: Path
     assert {piece.colour for piece in drawn[1].pieces} == {dark, (255, 0, 0)}
 
 
+def test_an_arm_of_few_sides_has_few_triangles_in_the_same_places_and_colours(robot: Robot) -> None:
+    for fine, light in zip(load_parts(robot)[0], load_parts(robot, sides=12)[0], strict=True):
+        assert {piece.colour for piece in light.pieces} == {piece.colour for piece in fine.pieces}
+        assert light.mesh is not None
+        assert fine.mesh is not None
+        assert len(light.mesh.faces) < len(fine.mesh.faces) / 7
+        for end in (np.min, np.max):
+            difference = end(light.mesh.vertices, axis=0) - end(fine.mesh.vertices, axis=0)
+            assert np.abs(difference).max() < 0.004  # [m] of round shapes, 12 sides lie within
+
+
 def cloud(robot: Robot, parts: tuple[ArmPart, ...], q: Array) -> Array:
     """Every vertex of the drawn arm in the base frame."""
     places = Inspector(IKSolver(robot)).places([q])

@@ -9,6 +9,9 @@ export function describe(name) {
   return described.get(name);
 }
 
+/** From now on `describe` knows a robot of this name. */
+export const remember = (robot) => described.set(robot.name, Promise.resolve(robot));
+
 async function read(name) {
   await new Promise((resolve, reject) => {
     const script = document.createElement("script");

@@ -1,12 +1,14 @@
 import { position, toRpy } from "./matrices.js";
 
-/** The state of the page as a program. A state: `{ robot, dof, q, pose, free }`. */
+/** The state of the page as a program. A state: `{ robot, own, dof, q, pose, free }`. */
 
 const DIRECTIONS = { x: "1, 0, 0", y: "0, 1, 0", z: "0, 0, 1" };
 
+const OWN = "# The file of the arm itself; add the tool and the limits that jacokin export-c was told.\n";
+
 const listed = (values) => Array.from(values, (value) => String(Number(value.toFixed(12)))).join(", ");
 
-export function toPython({ robot, dof, q, pose, free }) {
+export function toPython({ robot, own, dof, q, pose, free }) {
   const curves = dof === 7 || free;
   const found = curves
     ? "for interval in solver.solve_all(target).intervals:\n    print(interval.start, interval.stop, interval.ends)"
@@ -14,7 +16,7 @@ export function toPython({ robot, dof, q, pose, free }) {
   const about = free ? `target = jacokin.FreeAxis(target, axis=(${DIRECTIONS[free]}))\n` : "";
   return `import jacokin
 
-robot = jacokin.load_robot("${robot}")
+${own ? OWN : ""}robot = jacokin.load_robot(${loaded(robot, own)})
 solver = jacokin.IKSolver(robot, collision="ignore")
 target = jacokin.pose(
     [${listed(position(pose))}],  # [m]
@@ -29,10 +31,18 @@ ${found}
 `;
 }
 
-export function toC({ robot, dof, q, pose, free }) {
+/** Of an arm of the reader's own, only its solver file is known. */
+const loaded = (robot, own) => {
+  const ends = own && `base="${own.base}", tip="${own.tip}"`;
+  return own ? `"${stem(robot)}.urdf", ${ends}` : `"${robot}"`;
+};
+
+const stem = (robot) => robot.replace(/\.jacokin$/, "");
+
+export function toC({ robot, own, dof, q, pose, free }) {
   const curves = dof === 7 || free;
   const rows = [0, 4, 8, 12].map((row) => listed(pose.slice(row, row + 4))).join(",\n                           ");
-  return `/* jacokin export-c ${robot} --output arm
+  return `/* jacokin export-c ${own ? `${stem(robot)}.urdf --base ${own.base} --tip ${own.tip}` : robot} --output arm
    cc program.c $(jacokin export-c --cflags) -o program */
 #include <stdio.h>
 #include <stdlib.h>
@@ -41,7 +51,7 @@ export function toC({ robot, dof, q, pose, free }) {
 
 int main(void) {
     jacokin_ik_solver *solver;
-    int status = jacokin_ik_load("arm/${robot}.jacokin", &solver);
+    int status = jacokin_ik_load("arm/${stem(robot)}.jacokin", &solver);
     if (status != JACOKIN_IK_OK) return puts(jacokin_ik_status_text(status)), 1;
     size_t size = jacokin_ik_work_size(solver, ${curves ? "JACOKIN_IK_INTERVALS" : "JACOKIN_IK_POSES"});
     void *work = malloc(size);

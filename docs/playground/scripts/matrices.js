@@ -13,6 +13,12 @@ export function multiply(a, b) {
   return product;
 }
 
+/** The pose of the other one's frame in this one's. */
+export function inverse(pose) {
+  const [x, y, z] = [0, 1, 2].map((axis) => -dot(column(pose, axis), position(pose)));
+  return [pose[0], pose[4], pose[8], x, pose[1], pose[5], pose[9], y, pose[2], pose[6], pose[10], z, 0, 0, 0, 1];
+}
+
 /** A pose turned about z of its own frame. */
 export function turnedAboutZ(pose, angle) {
   const [c, s] = [Math.cos(angle), Math.sin(angle)];

@@ -1,20 +1,20 @@
-import { describe, frames, limitsInWords, roomiest, tidy, toolPose } from "./chain.js";
+import { describe, frames, limitsInWords, remember, roomiest, tidy, toolPose } from "./chain.js";
 import { toC, toPython } from "./code.js";
 import { Handles } from "./handles.js";
 import { fromHash, toHash } from "./link.js";
 import { movedTo, plus, position, scaled, turned, wrapped } from "./matrices.js";
+import { describeOwn } from "./own.js";
+import { Pace } from "./pace.js";
 import { Panel, intervalText } from "./panel.js";
 import { Plot } from "./plot.js";
 import { Camera, Stage } from "./stage.js";
 
 const KEYS = { step: 0.01, fine: 0.001, turn: Math.PI / 36, fineTurn: Math.PI / 360, orbit: 0.1 }; // [m], [rad]
 const JUMP = { least: 0.3, time: 350 }; // [rad] from which on the arm is seen to move, for so long [ms]
-const LIST = 150; // [ms] between changes of the texts while the tool is dragged
+const TEXTS = { fine: 150, coarse: 400 }; // [ms] between changes of the texts while things move
 const REST = 250; // [ms] without a change: finer curves, the address, words for screen readers
 const GHOSTS = 8; // of a curve
 const ARRIVED = 1e-5; // [m], and parts of rotations: where the tool is at its target
-/** Drawn pixels to a pixel of the page, along an edge; a frame that takes longer than `slow` [ms] makes them fewer. */
-const SHARPNESS = { least: 0.5, coarse: 0.8, most: 2, slow: 20, gain: 1.02 };
 const COLOURS = {
   light: { within: [0.0, 0.5, 0.6], outside: [0.85, 0.4, 0.05] },
   dark: { within: [0.3, 0.8, 0.85], outside: [1.0, 0.6, 0.25] },
@@ -26,6 +26,7 @@ const HANDLES = {
 
 class Playground {
   camera = new Camera();
+  pace = new Pace();
   robot = null;
   q = null; // [rad], where the arm is, or goes
   shown = null; // [rad], how it is drawn
@@ -41,18 +42,17 @@ class Playground {
   #busy = false;
   #drawn = false; // whether a frame is on its way
   #rest;
-  #listed = 0; // when the texts last changed [ms]
   #jump = null;
   #still = true; // nothing moves: all pixels are drawn
-  #sharpness = 1; // while things move
-  #last = null; // when the last frame was drawn while things moved [ms]
-  #numbered = 0; // when angles and pose were last written [ms]
+  #written = 0; // when the texts last changed [ms]
+  #opening = []; // who waits for a solver file to be read
   #settled = []; // who waits for the page to be at rest
 
   constructor(root, names) {
     this.names = names;
     this.panel = new Panel(root, names, {
       robot: (name) => this.load(name),
+      open: (file) => this.open(file),
       free: (axis) => this.setFree(axis),
       frame: (frame) => ((this.handles.frame = frame), this.redraw()),
       home: () => this.setJoints(this.robot.home),
@@ -70,7 +70,7 @@ class Playground {
     this.handles = new Handles(this.panel.canvas, this.panel.handles);
     this.plot = new Plot(this.panel.figure, (q) => this.take(q));
     this.worker = new Worker(URL.createObjectURL(new Blob([WORKER], { type: "text/javascript" })));
-    this.worker.onmessage = ({ data }) => this.#answered(data);
+    this.worker.onmessage = ({ data }) => (data.id === undefined ? this.#opening.shift()(data) : this.#answered(data));
     this.worker.onerror = (event) => this.#failed(event.message);
     listen(this);
   }
@@ -102,6 +102,20 @@ class Playground {
     this.free = this.dof === 7 ? null : free;
     this.panel.free.value = this.free ?? "";
     this.setPose(pose ?? toolPose(robot, this.q));
+  }
+
+  /** Show an arm of one's own, by a file that `jacokin export-c` wrote. It goes nowhere. */
+  async open(file) {
+    const name = file.name.replace(/(\.jacokin)?$/, ".jacokin"); // no bundled robot is called so
+    const contents = await file.arrayBuffer();
+    const { opened, error } = await new Promise((resolve) => {
+      this.#opening.push(resolve);
+      this.worker.postMessage({ robot: name, file: contents });
+    });
+    if (error) return this.panel.showStatus(false, `${file.name} is not opened: ${error}`);
+    const robot = describeOwn(name, opened);
+    remember(robot);
+    await this.load(name);
   }
 
   setFree(axis) {
@@ -154,7 +168,9 @@ class Playground {
   /** What the page shows, for the address, the programs that are copied, and tests. */
   state() {
     const { robot, dof, q, pose, free, answer } = this;
-    return { robot: robot.name, dof, q: Array.from(q), pose: Array.from(pose), free, answer, arrived: this.arrived };
+    const own = robot.own ? { base: robot.base, tip: robot.frame } : null;
+    const numbers = { q: Array.from(q), pose: Array.from(pose) };
+    return { robot: robot.name, own, dof, ...numbers, free, answer, arrived: this.arrived };
   }
 
   /** Whether the tool is at the target, as it stands. */
@@ -189,8 +205,7 @@ class Playground {
       this.answer = data;
       if (data.q && !fine) this.#moveTo(Array.from(data.q));
       this.redraw();
-      const now = performance.now();
-      if (fine || now - this.#listed > LIST) this.#list();
+      if (fine) this.#list();
     }
     this.#send();
     if (!this.#busy) {
@@ -209,7 +224,7 @@ class Playground {
     this.#still = true;
     this.redraw();
     this.#list();
-    history.replaceState(null, "", this.#hash());
+    if (!this.robot.own) history.replaceState(null, "", this.#hash());
     this.panel.say(this.panel.status.textContent);
     for (const resolve of this.#settled.splice(0)) resolve();
   }
@@ -238,32 +253,23 @@ class Playground {
   #frame(now) {
     this.#drawn = false;
     this.#advance(now);
-    this.#judge(now);
     const { canvas } = this.panel;
     const { clientWidth: width, clientHeight: height } = canvas;
-    const sharpness = this.#still ? SHARPNESS.most : this.#sharpness;
+    const sharpness = this.pace.sharpness(now, this.#still);
     resize(canvas, width * sharpness, height * sharpness);
     this.camera.aspect = width / height;
     const dark = this.dark;
     const places = frames(this.robot, this.shown);
-    const coarse = sharpness < SHARPNESS.coarse;
+    const coarse = this.pace.coarse && !this.#still;
+    this.panel.setCoarse(coarse);
     this.stage.draw(this.camera, { robot: this.robot, places, dark, ghosts: this.#ghosts(), coarse });
     const ratio = Math.min(Math.ceil(globalThis.devicePixelRatio), 2);
     this.handles.draw(this.camera, this.pose, { colours: HANDLES[dark ? "dark" : "light"], ratio });
-    if (!this.#still && now - this.#numbered < LIST) return;
-    this.#numbered = now;
+    if (!this.#still && now - this.#written < TEXTS[coarse ? "coarse" : "fine"]) return;
+    this.#written = now;
     this.panel.showJoints(this.q);
     this.panel.showPose(this.pose);
-  }
-
-  /** Fewer pixels while things move, where frames are slow, and more where they are not; all of them at rest. */
-  #judge(now) {
-    const taken = this.#last === null ? null : now - this.#last;
-    this.#last = this.#still ? null : now;
-    if (taken === null) return; // nothing moved before
-    const { slow, least, most, gain } = SHARPNESS;
-    const factor = taken > slow ? Math.sqrt(Math.max(slow / taken, 0.5)) : gain;
-    this.#sharpness = Math.min(Math.max(this.#sharpness * factor, least), most);
+    if (!this.#still) this.#list();
   }
 
   #moveTo(q) {
@@ -322,7 +328,6 @@ class Playground {
   // --- Texts ---------------------------------------------------------------------------------------------------------
 
   #list() {
-    this.#listed = performance.now();
     if (!this.answer) return;
     const { branches, curves, status, message, complete } = this.answer;
     const sets = this.dof === 7 || this.free;
@@ -463,6 +468,11 @@ function listen(page) {
     { passive: false },
   );
   canvas.addEventListener("keydown", (event) => press(page, event));
+  canvas.addEventListener("dragover", (event) => event.preventDefault());
+  canvas.addEventListener("drop", (event) => {
+    event.preventDefault();
+    for (const file of event.dataTransfer.files) page.open(file);
+  });
   globalThis.addEventListener("hashchange", () => page.load(...stateOf(location.hash, page.names)));
   globalThis.addEventListener("resize", () => page.redraw());
   new ResizeObserver(() => page.redraw()).observe(canvas);

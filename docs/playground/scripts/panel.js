@@ -29,12 +29,20 @@ export class Panel {
   /**
    * @param {HTMLElement} root
    * @param {string[]} names of the robots
-   * @param {object} told what to do: `robot`, `free`, `frame`, `home`, `pose`, `joint`, `nudge`, `choose`, `look`,
+   * @param {object} told what to do: `robot`, `open`, `free`, `frame`, `home`, `pose`, `joint`, `nudge`, `choose`, `look`,
    *   `outside`, `plotted`, `slide`, `copy`
    */
   constructor(root, names, told) {
     this.told = told;
     this.robots = select(names.map((name) => [name, name]), told.robot);
+    this.file = element("input", { type: "file", accept: ".jacokin", hidden: true, "aria-label": "A solver file" });
+    this.file.onchange = () => {
+      const [file] = this.file.files;
+      if (file) told.open(file);
+      this.file.value = ""; // the same one may be opened again
+    };
+    const own = element("button", { type: "button", textContent: "Open …", onclick: () => this.file.click() });
+    own.title = "An arm of your own: a file that jacokin export-c wrote";
     this.free = select(TURNS, (axis) => told.free(axis || null));
     this.frame = select([["base", "the base"], ["tool", "the tool"]], told.frame);
     this.home = element("button", { type: "button", textContent: "Home", onclick: told.home });
@@ -43,6 +51,8 @@ export class Panel {
       "div",
       { className: "pg-bar" },
       element("label", {}, "Robot ", this.robots),
+      own,
+      this.file,
       this.freeLabel,
       element("label", {}, "Axes of ", this.frame),
       this.home,
@@ -85,6 +95,7 @@ export class Panel {
     const buttons = copies.map(([what, textContent]) =>
       element("button", { type: "button", textContent, onclick: () => told.copy(what) }),
     );
+    [this.link] = buttons;
     this.share = element("div", { className: "pg-share" }, ...buttons);
     this.copied = element("span", { role: "status" });
     this.share.append(this.copied);
@@ -99,7 +110,9 @@ export class Panel {
   /** Make what depends on the robot. */
   setRobot(robot) {
     this.#robot = robot;
+    if (![...this.robots.options].some(({ value }) => value === robot.name)) this.robots.add(new Option(robot.name));
     this.robots.value = robot.name;
+    this.link.hidden = Boolean(robot.own); // another page does not have its file
     this.freeLabel.hidden = robot.joints.length === 7;
     this.#joints = robot.joints.map((name, joint) => {
       const limited = Number.isFinite(robot.lower[joint]);
@@ -121,6 +134,11 @@ export class Panel {
     );
     const options = robot.joints.map((name, joint) => element("option", { value: joint, textContent: name }));
     this.plotted.replaceChildren(...options);
+  }
+
+  /** Without round corners, for which browsers without a graphics card draw the whole stage once more. */
+  setCoarse(coarse) {
+    this.canvas.parentElement.classList.toggle("pg-coarse", coarse);
   }
 
   /** What is typed is left alone. */

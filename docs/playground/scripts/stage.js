@@ -1,7 +1,7 @@
-import { cross, dot, length, minus, multiply, scaled } from "./matrices.js";
+import { cross, dot, length, minus, multiply, plus, scaled } from "./matrices.js";
 
 /**
- * The arm and its ghosts by WebGL. It is drawn by 250 lines of its own rather than by a library: the shapes are a few
+ * The arm and its ghosts by WebGL. It is drawn by a few hundred lines of its own rather than by a library: the shapes are a few
  * plain meshes, and a frame must be cheap where a processor draws it.
  */
 
@@ -11,37 +11,47 @@ const FAR = 20; // [m]
 const GRID = { reach: 1.5, step: 0.1 }; // [m]
 const BACK = { light: [0.92, 0.94, 0.96], dark: [0.125, 0.145, 0.18] };
 const SAME = 1e-3; // [m], and parts of rotations
+const CREASE = 0.7; // least cosine between triangles over whose edge light runs smoothly
 const LOOK = { smooth: 0, flat: 1, shadow: 2 };
 const SHADOW = [0.25, 0.15]; // the light comes from (-x, -y, 1) of these
 
+/** Ghosts that are drawn at once: a place takes four of 256 vectors that every browser has for uniforms. */
+const AT_ONCE = 24;
 const VERTEX = `#version 300 es
-  uniform mat4 camera, place;
+  uniform mat4 camera, place[${AT_ONCE}];
+  uniform vec4 colour[${AT_ONCE}];
   uniform float unit;
   layout(location = 0) in vec3 corner;
   layout(location = 1) in vec3 normal;
   out vec3 where, outward;
+  flat out vec4 tint;
   void main() {
-    vec4 found = place * vec4(corner * unit, 1.0);
+    vec4 found = place[gl_InstanceID] * vec4(corner * unit, 1.0);
     where = found.xyz;
-    outward = mat3(place) * normal;
+    outward = mat3(place[gl_InstanceID]) * normal;
+    tint = colour[gl_InstanceID];
     gl_Position = camera * found;
   }`;
 const FRAGMENT = `#version 300 es
   precision highp float;
   uniform vec3 eye;
-  uniform vec4 colour;
   uniform int look; // 0: smooth, 1: one light for each triangle, 2: black
   in vec3 where, outward;
+  flat in vec4 tint;
   out vec4 seen;
+  float power4(float x) { return x * x * x * x; }
+  float power8(float x) { return power4(x * x); }
   void main() {
+    if (look == 2) { seen = vec4(0.0, 0.0, 0.0, tint.a); return; }
     vec3 to_eye = normalize(eye - where);
     vec3 n = look == 1 ? normalize(cross(dFdx(where), dFdy(where))) : normalize(outward);
     float key = max(dot(n, normalize(vec3(-0.35, -0.25, 1.0))), 0.0);
     float fill = max(dot(n, to_eye), 0.0);
-    float shine = pow(max(dot(n, normalize(to_eye + normalize(vec3(-0.35, -0.25, 1.0)))), 0.0), 40.0);
-    vec3 light = colour.rgb * (0.30 + 0.14 * n.z + 0.42 * key + 0.30 * fill) + 0.16 * shine;
-    light += 0.18 * pow(1.0 - fill, 4.0);
-    seen = look == 2 ? vec4(0.0, 0.0, 0.0, colour.a) : vec4(light * colour.a, colour.a);
+    float mirrored = max(dot(n, normalize(to_eye + normalize(vec3(-0.35, -0.25, 1.0)))), 0.0);
+    float shine = power8(mirrored) * power8(power4(mirrored)); // to the power 40
+    vec3 light = tint.rgb * (0.30 + 0.14 * n.z + 0.42 * key + 0.30 * fill) + 0.16 * shine;
+    light += 0.18 * power4(1.0 - fill);
+    seen = vec4(light * tint.a, tint.a);
   }`;
 const LINE_VERTEX = `#version 300 es
   uniform mat4 camera;
@@ -139,7 +149,7 @@ export class Stage {
   #solid;
   #line;
   #grid;
-  #robots = new Map(); // buffers, by name
+  #robots = new WeakMap(); // buffers
 
   constructor(canvas) {
     this.canvas = canvas;
@@ -153,12 +163,15 @@ export class Stage {
 
   /** Make the buffers of a robot, once. */
   add(robot) {
-    if (this.#robots.has(robot.name)) return;
-    const buffers = robot.parts.map(({ pieces, plain }) => ({
-      pieces: pieces.map((piece) => ({ colour: piece.colour.map((each) => each / 255), ...mesh(this.#gl, piece, true) })),
-      plain: plain && mesh(this.#gl, plain, false),
+    if (this.#robots.has(robot)) return;
+    const gl = this.#gl;
+    const coloured = (pieces, lit) =>
+      pieces.map((piece) => ({ colour: piece.colour.map((each) => each / 255), ...mesh(gl, lit(piece)) }));
+    const buffers = robot.parts.map(({ pieces, light, plain }) => ({
+      fine: { pieces: pieces && coloured(pieces, smooth), whole: plain && mesh(gl, plain) },
+      coarse: { pieces: coloured(light, creased), whole: light.length ? mesh(gl, joined(light)) : null },
     }));
-    this.#robots.set(robot.name, { unit: robot.step, buffers });
+    this.#robots.set(robot, { unit: robot.step, buffers });
   }
 
   /**
@@ -166,12 +179,13 @@ export class Stage {
    *
    * @param {Camera} camera
    * @param {{ robot: object, places: number[][], dark: boolean, ghosts: object[], coarse?: boolean }} scene
-   *   `places` of what each joint moves; a ghost is `{ places, colour }`, of four numbers in 0..1. Coarse ghosts are
-   *   drawn once, and may show their inside.
+   *   `places` of what each joint moves; a ghost is `{ places, colour }`, of four numbers in 0..1. What is coarse has
+   *   few triangles, and its ghosts are drawn once, and may show their inside.
    */
   draw(camera, { robot, places, dark, ghosts, coarse = false }) {
     const gl = this.#gl;
-    const { unit, buffers } = this.#robots.get(robot.name);
+    const { unit, buffers } = this.#robots.get(robot);
+    const parts = buffers.map((part) => part[coarse || robot.own ? "coarse" : "fine"]);
     const matrix = camera.matrix;
     gl.viewport(0, 0, this.canvas.width, this.canvas.height);
     gl.clearColor(...(dark ? BACK.dark : BACK.light), 1);
@@ -184,18 +198,14 @@ export class Stage {
     gl.uniformMatrix4fv(at.camera, true, matrix);
     gl.uniform3fv(at.eye, camera.eye);
     gl.uniform1f(at.unit, unit);
-    this.#drawShadow(buffers, places, dark);
+    this.#drawShadow(parts, places, dark);
 
     gl.enable(gl.DEPTH_TEST);
     gl.enable(gl.CULL_FACE);
     gl.disable(gl.BLEND);
     gl.uniform1i(at.look, LOOK.smooth);
-    buffers.forEach(({ pieces }, part) => {
-      gl.uniformMatrix4fv(at.place, true, places[part]);
-      for (const piece of pieces) {
-        gl.uniform4fv(at.colour, [...shown(piece.colour, dark), 1]);
-        drawMesh(gl, piece);
-      }
+    parts.forEach(({ pieces }, part) => {
+      for (const piece of pieces) this.#drawMesh(piece, [places[part]], [[...shown(piece.colour, dark), 1]]);
     });
     gl.uniform1i(at.look, LOOK.flat);
     gl.enable(gl.POLYGON_OFFSET_FILL);
@@ -203,31 +213,40 @@ export class Stage {
     if (!coarse) {
       // First how near ghosts are, then the nearest surface alone, so that none shows its own inside.
       gl.colorMask(false, false, false, false);
-      for (const ghost of ghosts) this.#drawPlain(buffers, ghost.places, places);
+      this.#drawPlain(parts, ghosts, places);
       gl.colorMask(true, true, true, true);
       gl.depthFunc(gl.LEQUAL);
     }
     gl.enable(gl.BLEND);
-    for (const ghost of ghosts) {
-      gl.uniform4fv(at.colour, ghost.colour);
-      this.#drawPlain(buffers, ghost.places, places);
-    }
+    this.#drawPlain(parts, ghosts, places);
     gl.disable(gl.POLYGON_OFFSET_FILL);
     gl.depthFunc(gl.LESS);
     gl.disable(gl.CULL_FACE);
   }
 
-  /** The plain shapes of all parts but those that are where the arm's own are. */
-  #drawPlain(buffers, places, own = null) {
-    buffers.forEach(({ plain }, part) => {
-      if (!plain || (own && places[part].every((value, i) => Math.abs(value - own[part][i]) < SAME))) return;
-      this.#gl.uniformMatrix4fv(this.#solid.at.place, true, places[part]);
-      drawMesh(this.#gl, plain);
+  /** Arms `{ places, colour }` by plain shapes: each part of all of them at once, but where the arm's own is. */
+  #drawPlain(parts, arms, own = null) {
+    parts.forEach(({ whole }, part) => {
+      const isOwn = ({ places }) => own && places[part].every((value, i) => Math.abs(value - own[part][i]) < SAME);
+      const shown = whole ? arms.filter((arm) => !isOwn(arm)) : [];
+      for (let first = 0; first < shown.length; first += AT_ONCE) {
+        const some = shown.slice(first, first + AT_ONCE);
+        this.#drawMesh(whole, some.map(({ places }) => places[part]), some.map(({ colour }) => colour));
+      }
     });
   }
 
+  /** A mesh at several places, each in its colour. */
+  #drawMesh({ array, count }, places, colours) {
+    const gl = this.#gl;
+    gl.uniformMatrix4fv(this.#solid.at.place, true, places.flat());
+    gl.uniform4fv(this.#solid.at.colour, colours.flat());
+    gl.bindVertexArray(array);
+    gl.drawElementsInstanced(gl.TRIANGLES, count, gl.UNSIGNED_SHORT, 0, places.length);
+  }
+
   /** On the floor, each point once. */
-  #drawShadow(buffers, places, dark) {
+  #drawShadow(parts, places, dark) {
     const gl = this.#gl;
     const [x, y] = SHADOW;
     const onFloor = [1, 0, x, 0, 0, 1, y, 0, 0, 0, 0, 0, 0, 0, 0, 1];
@@ -237,8 +256,8 @@ export class Stage {
     gl.stencilFunc(gl.EQUAL, 0, 255);
     gl.stencilOp(gl.KEEP, gl.KEEP, gl.INCR);
     gl.uniform1i(this.#solid.at.look, LOOK.shadow);
-    gl.uniform4fv(this.#solid.at.colour, [0, 0, 0, dark ? 0.4 : 0.14]);
-    this.#drawPlain(buffers, places.map((place) => multiply(onFloor, place)));
+    const colour = [0, 0, 0, dark ? 0.4 : 0.14];
+    this.#drawPlain(parts, [{ places: places.map((place) => multiply(onFloor, place)), colour }]);
     gl.disable(gl.STENCIL_TEST);
     gl.disable(gl.BLEND);
   }
@@ -279,12 +298,12 @@ function program(gl, vertex, fragment, names) {
   return { program: made, at: Object.fromEntries(names.map((name) => [name, gl.getUniformLocation(made, name)])) };
 }
 
-/** Buffers of triangles; smooth ones have a normal at each corner. */
-function mesh(gl, { vertices, faces }, smooth) {
+/** Buffers of triangles, some with a normal at each corner. */
+function mesh(gl, { vertices, faces, normals = null }) {
   const array = gl.createVertexArray();
   gl.bindVertexArray(array);
   fill(gl, 0, new Int16Array(vertices), gl.SHORT);
-  if (smooth) fill(gl, 1, normals(vertices, faces), gl.FLOAT);
+  if (normals) fill(gl, 1, new Float32Array(normals), gl.FLOAT);
   gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
   gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, new Uint16Array(faces), gl.STATIC_DRAW);
   gl.bindVertexArray(null);
@@ -298,21 +317,54 @@ function fill(gl, location, values, kind) {
   gl.vertexAttribPointer(location, 3, kind, false, 0, 0);
 }
 
-/** The sum of those of the triangles around, by their areas. */
-function normals(vertices, faces) {
-  const sums = new Float32Array(vertices.length);
-  const corner = (index) => [vertices[3 * index], vertices[3 * index + 1], vertices[3 * index + 2]];
-  for (let face = 0; face < faces.length; face += 3) {
-    const [a, b, c] = [corner(faces[face]), corner(faces[face + 1]), corner(faces[face + 2])];
-    const normal = cross(minus(b, a), minus(c, a));
-    for (let i = 0; i < 3; i++) for (let k = 0; k < 3; k++) sums[3 * faces[face + i] + k] += normal[k];
-  }
-  return sums;
+/** A mesh whose normals are the sum of those of the triangles around, by their areas. */
+function smooth({ vertices, faces }) {
+  const normals = new Float32Array(vertices.length);
+  faceNormals(vertices, faces).forEach((normal, face) => {
+    for (const index of faces.slice(3 * face, 3 * face + 3)) for (let k = 0; k < 3; k++) normals[3 * index + k] += normal[k];
+  });
+  return { vertices, faces, normals };
 }
 
-function drawMesh(gl, { array, count }) {
-  gl.bindVertexArray(array);
-  gl.drawElements(gl.TRIANGLES, count, gl.UNSIGNED_SHORT, 0);
+/** A mesh that is smooth but for its sharp edges; triangles share no corners. */
+function creased({ vertices, faces }) {
+  const corners = faces.map((index) => vertices.slice(3 * index, 3 * index + 3));
+  const directions = faceNormals(vertices, faces).map((normal) => scaled(normal, 1 / (length(normal) || 1)));
+  const at = (i) => directions[Math.floor(i / 3)];
+  const around = new Map(); // corners of triangles, by the corner of the mesh that they are at
+  faces.forEach((index, i) => around.set(index, [...(around.get(index) ?? []), i]));
+  const weights = corners.map((corner, i) => {
+    const first = i - (i % 3);
+    const [a, b] = [1, 2].map((step) => minus(corners[first + ((i + step) % 3)], corner));
+    // The angle at the corner: both halves of a square count as one.
+    return Math.acos(Math.min(Math.max(dot(a, b) / (length(a) * length(b) || 1), -1), 1));
+  });
+  const normals = faces.flatMap((index, i) => {
+    const near = around.get(index).filter((other) => dot(at(other), at(i)) > CREASE);
+    return near.map((other) => scaled(at(other), weights[other])).reduce(plus, [0, 0, 0]);
+  });
+  return { vertices: corners.flat(), faces: faces.map((_, i) => i), normals };
+}
+
+/** The normal of each triangle, as long as twice its area. */
+function faceNormals(vertices, faces) {
+  const corner = (index) => vertices.slice(3 * index, 3 * index + 3);
+  return Array.from({ length: faces.length / 3 }, (_, face) => {
+    const [a, b, c] = faces.slice(3 * face, 3 * face + 3).map(corner);
+    return cross(minus(b, a), minus(c, a));
+  });
+}
+
+/** Several meshes as one. */
+function joined(meshes) {
+  const vertices = [];
+  const faces = [];
+  for (const each of meshes) {
+    const first = vertices.length / 3;
+    vertices.push(...each.vertices);
+    faces.push(...each.faces.map((index) => index + first));
+  }
+  return { vertices, faces };
 }
 
 function gridLines(gl) {

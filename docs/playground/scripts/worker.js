@@ -8,17 +8,27 @@ const AXES = { x: [1, 0, 0], y: [0, 1, 0], z: [0, 0, 1] };
 const wasm = unpack(WASM).then((bytes) => WebAssembly.compile(bytes));
 const solvers = new Map(); // promises, by name
 
-/** Questions are answered one after another: `{ id, robot, pose, seed, free, fine }`. */
+/** Questions are answered one after another: `{ id, robot, pose, seed, free, fine }`; `{ robot, file }` opens a file. */
 let last = Promise.resolve();
 onmessage = ({ data }) => {
   last = last.then(async () => {
     try {
-      postMessage({ id: data.id, ...answer(await solverOf(data.robot), data) });
+      const done = data.file ? { opened: await open(data) } : answer(await solverOf(data.robot), data);
+      postMessage({ id: data.id, ...done });
     } catch (error) {
       postMessage({ id: data.id, error: error.message });
     }
   });
 };
+
+/** From now on a solver file answers to a name. What it says of its arm, and poses of the tool: `own.js` says where. */
+async function open({ robot, file }) {
+  const solver = await load(file, { wasm: await wasm });
+  solvers.set(robot, Promise.resolve(solver));
+  const { dof, jointNames: joints, base, frame, lower, upper, home } = solver;
+  const turned = Array.from({ length: dof + 1 }, (_, one) => joints.map((_, i) => (i === one - 1 ? Math.PI / 2 : 0)));
+  return { joints: [...joints], base, frame, lower, upper, home, poses: turned.map((q) => solver.fk(q)) };
+}
 
 async function solverOf(name) {
   if (!solvers.has(name)) solvers.set(name, load(name, { wasm: await wasm }));
