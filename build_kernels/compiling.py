@@ -111,8 +111,10 @@ _INLINED = tuple(
 # Functions among them that most poses need not: these stay calls.
 _CALLED = frozenset(
     (
+        "add_branch",
         "add_fold",
         "bordered_newton",
+        "branch_at_root",
         "branches_in_interval",
         "branches_of_spherical_wrist",
         "eliminate",
@@ -134,13 +136,17 @@ _CALLED = frozenset(
         "penetration",
         "polish",
         "separation",
+        "settle_roots",
         "solve_fold",
         "sort_rows",
         "starts_of_g",
         "take_clear",
         "tangent7",
+        "verify",
     )
 )
+# Numba's name of what makes an array of an address in the table and a shape: inlined, its callers know the shape.
+_ARRAY_OF_TABLE = "impl_carray"
 # What frees an array that nobody needs any more. All arrays here belong to the caller: there is nothing to free.
 _NOTHING_TO_FREE = "define void @NRT_MemInfo_call_dtor(ptr %memory) { ret void }"
 # From C's convention to numba's: status = function(address of the result, address of what an exception leaves, table).
@@ -245,6 +251,9 @@ def exporting(function: Dispatcher, name: str) -> ModuleRef:
     for known in (*module.functions, *module.global_variables):
         if known.name != name and not known.is_declaration and not known.name.startswith("llvm."):
             known.linkage = "internal"
+    for called in module.functions:
+        if _ARRAY_OF_TABLE in called.name and not called.is_declaration:
+            called.add_function_attribute("alwaysinline")
     return module
 
 

@@ -43,10 +43,21 @@ def target_machine(target: Target = HERE) -> TargetMachine:
 
 
 def optimise(module: ModuleRef, machine: TargetMachine) -> None:
-    """Run LLVM's third level of optimisation: it keeps every rounding."""
+    """Run LLVM's third level of optimisation: it keeps every rounding.
+
+    Before that, the shapes of the work arrays become constants in all functions that they are handed to: loops along
+    them are not made vector instructions otherwise.
+    """
+    first = llvm.create_new_module_pass_manager()
+    first.add_always_inliner_pass()
+    first.add_sroa_pass()
+    first.add_instruction_combine_pass()
+    first.add_ipsccp_pass()
+    first.add_dead_arg_elimination_pass()
     options = llvm.create_pipeline_tuning_options(speed_level=3)
     options.loop_vectorization = options.slp_vectorization = True
     builder = llvm.create_pass_builder(machine, options)
+    first.run(module, builder)
     builder.getModulePassManager().run(module, builder)
 
 

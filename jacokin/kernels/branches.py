@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from jacokin.arrays import Array
 from jacokin.kernels.chain import (
     Newton,
+    between,
+    columns_of,
     errors,
     linearise,
     make_newton,
@@ -19,7 +21,8 @@ from jacokin.kernels.chain import (
     solve_normal,
 )
 from jacokin.kernels.closed_form.folds import KNOWN_FOLD, NEW_FOLD, FoldWork, is_known_fold, make_folds, solve_fold
-from jacokin.kernels.limits import fit_to_limits, hold_on_limits, same_configuration
+from jacokin.kernels.configurations.arm import turn_sines
+from jacokin.kernels.limits import fit_to_limits, hold_on_limits, nearest_copy, same_configuration
 from jacokin.kernels.tolerances import (
     ALONE_PIVOT,
     ALONE_WAY,
@@ -36,9 +39,15 @@ from jacokin.kernels.tolerances import (
     SEED_WEIGHT_FACTOR,
     TANGENCY_CLOSURE,
 )
+from jacokin.kernels.trigonometry import angle_of
+from jacokin.kernels.vector import norm
 
 #: Columns of a branch: 0:6 q, 6:12 limit margins, then these.
 POSITION_ERROR, ORIENTATION_ERROR, DISTANCE, WITHIN_LIMITS, FAMILY, COLUMNS = 12, 13, 14, 15, 16, 17
+#: Candidates that are verified side by side: few poses have more branches.
+ABREAST = 8
+#: Rows of `Lanes` behind these: 0:6 q as it was found, 6:18 the frame there, and angle, sine and cosine of one joint.
+FOUND, FRAME, ANGLE, SINE, COSINE, LANE_ROWS = 17, 23, 35, 36, 37, 38
 #: 16 is the most a 6R arm can have; families add members, and a fold may be cut in two by rounding.
 MAX_BRANCHES = 24
 POLISH_STEPS = 16
@@ -55,9 +64,18 @@ class PoseQuery(NamedTuple):
     seed: Array  # (6,)
 
 
+class Lanes(NamedTuple):
+    """Candidates that are verified side by side: in one array, because compilers know that its rows do not overlap."""
+
+    rows: Array  # (38, ABREAST) the columns of the branches that they are if none needs polishing; then as named above
+    mark: NDArray[np.int64]  # (ABREAST,) what they are to who collects them
+    filled: NDArray[np.int64]  # (1,) how many there are
+
+
 class BranchWork(NamedTuple):
     """A candidate, what it takes to verify it, and the branches found so far."""
 
+    lanes: Lanes
     newton: Newton  # with q, the candidate
     fold: FoldWork
     row: Array  # (17,) the branch at hand
@@ -67,7 +85,12 @@ class BranchWork(NamedTuple):
 
 def make_branches(rows: Array) -> BranchWork:
     """Fresh work arrays, writing the branches to rows."""
-    return BranchWork(make_newton(), make_folds(), np.empty(COLUMNS), rows, np.zeros(2, np.int64))
+    return BranchWork(make_lanes(), make_newton(), make_folds(), np.empty(COLUMNS), rows, np.zeros(2, np.int64))
+
+
+def make_lanes() -> Lanes:
+    """Fresh work arrays."""
+    return Lanes(np.zeros((LANE_ROWS, ABREAST)), np.zeros(ABREAST, np.int64), np.zeros(1, np.int64))
 
 
 def add_fold(query: PoseQuery, work: BranchWork) -> bool:
@@ -88,25 +111,130 @@ def add_fold(query: PoseQuery, work: BranchWork) -> bool:
 
 def add_branch(query: PoseQuery, work: BranchWork, family: float) -> bool:
     """Polish work.newton.q, check it on the model, and append it unless it is there; False if it misses the target."""
-    q, row = work.newton.q, work.row
-    distance, within = fit_to_limits(q, query.seed, query.limits, row)
-    position, orientation = errors(query.chain, query.T, row)
+    work.row[FAMILY] = family
+    fill_row(query, work)
+    return add_row(query, work)
+
+
+def fill_row(query: PoseQuery, work: BranchWork) -> None:
+    """Fill in the row at hand for work.newton.q: angles near the seed, within the limits if possible, and errors."""
+    row = work.row
+    row[DISTANCE], within = fit_to_limits(work.newton.q, query.seed, query.limits, row)
+    row[WITHIN_LIMITS] = 1.0 if within else 0.0
+    row[POSITION_ERROR], row[ORIENTATION_ERROR] = errors(query.chain, query.T, row)
+
+
+def add_row(query: PoseQuery, work: BranchWork) -> bool:
+    """Append the row at hand, of work.newton.q, polished if need be; False if it misses the target."""
+    row = work.row
     # Members of a family stay at the seed's angle: Newton would slide them along.
-    if max(position, orientation) > (CLOSURE if family > 0.0 else POLISHED_CLOSURE):
+    if closure_of(row) > (CLOSURE if row[FAMILY] > 0.0 else POLISHED_CLOSURE):
         if not polish(query, work):
             return False
-        distance, within = fit_to_limits(q, query.seed, query.limits, row)
-        position, orientation = errors(query.chain, query.T, row)
-    settled = within and max(position, orientation) <= TANGENCY_CLOSURE
+        fill_row(query, work)
+    settled = row[WITHIN_LIMITS] > 0.0 and closure_of(row) <= TANGENCY_CLOSURE
     if not settled and hold_on_limits(query.chain, query.T, query.limits, row, work.newton):
-        distance, within = fit_to_limits(q, query.seed, query.limits, row)
-        position, orientation = errors(query.chain, query.T, row)
-    row[POSITION_ERROR], row[ORIENTATION_ERROR] = position, orientation
-    row[DISTANCE] = distance
-    row[WITHIN_LIMITS] = 1.0 if within else 0.0
-    row[FAMILY] = family
+        fill_row(query, work)
     insert(work)
     return True
+
+
+def collect(work: BranchWork, n: int, mark: int, family: float) -> None:
+    """Note that the angles in lane n, from row FOUND on, are the next candidate to be verified."""
+    lanes = work.lanes
+    lanes.mark[n], lanes.rows[FAMILY, n] = mark, family
+    lanes.filled[0] = n + 1
+
+
+def verify(query: PoseQuery, work: BranchWork) -> int:
+    """Fill in the rows of all candidates that were collected, as `fill_row`; returns how many, and begins anew."""
+    lanes, rows = work.lanes, work.lanes.rows
+    for j in range(6):
+        fit_lanes(query.seed[j], query.limits[0, j], query.limits[1, j], j, rows)
+    count = lanes.filled[0]
+    for i in range(count):
+        if rows[WITHIN_LIMITS, i] == 0.0:
+            take_candidate(work, i)
+            rows[DISTANCE, i], within = fit_to_limits(work.newton.q, query.seed, query.limits, work.row)
+            rows[WITHIN_LIMITS, i] = 1.0 if within else 0.0
+            for column in range(12):
+                rows[column, i] = work.row[column]
+        else:
+            rows[DISTANCE, i] = math.sqrt(rows[DISTANCE, i])
+    for row in range(3):
+        for column in range(4):
+            begin = query.chain[0, row, column]
+            for i in range(ABREAST):
+                rows[FRAME + 3 * column + row, i] = begin
+    for j in range(6):
+        turn_lanes(j, rows)
+        place_lanes(query.chain, j + 1, rows)
+    measure_lanes(query.T, rows)
+    lanes.filled[0] = 0
+    return int(count)
+
+
+def fit_lanes(seed: float, lower: float, upper: float, j: int, rows: Array) -> None:
+    """Fill in the copies of an angle nearest to the seed, their margins, and what they are to the distance."""
+    for i in range(ABREAST):
+        angle = nearest_copy(rows[FOUND + j, i], seed)
+        margin = min(angle - lower, upper - angle)
+        square, within = (angle - seed) * (angle - seed), 1.0 if margin >= 0.0 else 0.0
+        rows[j, i], rows[6 + j, i] = angle, margin
+        rows[DISTANCE, i] = rows[DISTANCE, i] + square if j > 0 else square
+        rows[WITHIN_LIMITS, i] = rows[WITHIN_LIMITS, i] * within if j > 0 else within
+
+
+def place_lanes(chain: Array, j: int, rows: Array) -> None:
+    """Follow the frames by placement j."""
+    a, b, c, d = chain[j, 0, 0], chain[j, 0, 1], chain[j, 0, 2], chain[j, 0, 3]
+    e, f, g, h = chain[j, 1, 0], chain[j, 1, 1], chain[j, 1, 2], chain[j, 1, 3]
+    m, n, o, p = chain[j, 2, 0], chain[j, 2, 1], chain[j, 2, 2], chain[j, 2, 3]
+    for row in range(FRAME, FRAME + 3):
+        for i in range(ABREAST):
+            x, y, z = rows[row, i], rows[row + 3, i], rows[row + 6, i]
+            rows[row, i] = x * a + y * e + z * m
+            rows[row + 3, i] = x * b + y * f + z * n
+            rows[row + 6, i] = x * c + y * g + z * o
+            rows[row + 9, i] = rows[row + 9, i] + (x * d + y * h + z * p)
+
+
+def turn_lanes(j: int, rows: Array) -> None:
+    """Turn the frames about their z axes by the angles of joint j."""
+    for i in range(ABREAST):
+        rows[ANGLE, i] = rows[j, i]
+    turn_sines(rows[ANGLE:LANE_ROWS])
+    for row in range(FRAME, FRAME + 3):
+        for i in range(ABREAST):
+            x, y, s, c = rows[row, i], rows[row + 3, i], rows[SINE, i], rows[COSINE, i]
+            rows[row, i], rows[row + 3, i] = x * c + y * s, y * c - x * s
+
+
+def measure_lanes(T: Array, rows: Array) -> None:
+    """Fill in the errors of the frames against the target."""
+    tx, ty, tz, tp = columns_of(T)
+    for i in range(ABREAST):
+        x = (rows[FRAME, i], rows[FRAME + 1, i], rows[FRAME + 2, i])
+        y = (rows[FRAME + 3, i], rows[FRAME + 4, i], rows[FRAME + 5, i])
+        z = (rows[FRAME + 6, i], rows[FRAME + 7, i], rows[FRAME + 8, i])
+        p = (rows[FRAME + 9, i], rows[FRAME + 10, i], rows[FRAME + 11, i])
+        d, turned, cosine = between(tx, ty, tz, tp, x, y, z, p)
+        rows[POSITION_ERROR, i] = norm(d)
+        rows[ORIENTATION_ERROR, i] = angle_of(norm(turned), cosine)
+
+
+def take_candidate(work: BranchWork, i: int) -> None:
+    """Let work.newton.q be the candidate in lane i."""
+    for j in range(6):
+        work.newton.q[j] = work.lanes.rows[FOUND + j, i]
+
+
+def add_verified(query: PoseQuery, work: BranchWork, i: int) -> bool:
+    """Append the branch of the candidate in lane i, as `add_branch`."""
+    take_candidate(work, i)
+    for column in range(COLUMNS):
+        work.row[column] = work.lanes.rows[column, i]
+    return add_row(query, work)
 
 
 def add_beside_seed(query: PoseQuery, work: BranchWork) -> None:

@@ -47,11 +47,20 @@ def place(chain: Array, i: int, x: Vec, y: Vec, z: Vec, p: Vec) -> tuple[Vec, Ve
 
 def deviation(T: Array, x: Vec, y: Vec, z: Vec, p: Vec) -> tuple[Vec, Vec, float]:
     """Position difference target - reached [m], rotation difference as sin(angle) axis, and cos(angle)."""
-    tx = (T[0, 0], T[1, 0], T[2, 0])
-    ty = (T[0, 1], T[1, 1], T[2, 1])
-    tz = (T[0, 2], T[1, 2], T[2, 2])
+    tx, ty, tz, tp = columns_of(T)
+    return between(tx, ty, tz, tp, x, y, z, p)
+
+
+def columns_of(T: Array) -> tuple[Vec, Vec, Vec, Vec]:
+    """The columns of a pose: axes and position."""
+    x, y, z = (T[0, 0], T[1, 0], T[2, 0]), (T[0, 1], T[1, 1], T[2, 1]), (T[0, 2], T[1, 2], T[2, 2])
+    return x, y, z, (T[0, 3], T[1, 3], T[2, 3])
+
+
+def between(tx: Vec, ty: Vec, tz: Vec, tp: Vec, x: Vec, y: Vec, z: Vec, p: Vec) -> tuple[Vec, Vec, float]:
+    """`deviation` from the columns of a target."""
     turn = mix(cross(x, tx), 0.5, cross(y, ty), 0.5, cross(z, tz), 0.5)
-    return minus((T[0, 3], T[1, 3], T[2, 3]), p), turn, 0.5 * (dot(x, tx) + dot(y, ty) + dot(z, tz) - 1.0)
+    return minus(tp, p), turn, 0.5 * (dot(x, tx) + dot(y, ty) + dot(z, tz) - 1.0)
 
 
 def errors(chain: Array, T: Array, q: Array) -> tuple[float, float]:

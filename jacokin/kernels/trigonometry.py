@@ -61,20 +61,20 @@ def arctangent(slope: float) -> float:
 
 
 def angle_of(y: float, x: float) -> float:
-    """The angle of the direction (x, y), in [-pi, pi] [rad]; 0 for no direction. Finite numbers."""
+    """The angle of the direction (x, y), in [-pi, pi] [rad]; 0 for no direction. Finite numbers.
+
+    Octants are numbers and choices of them, not branches, which processors guess wrong half of the time.
+    """
     across, along = abs(y), abs(x)
-    steep = across > along
-    small, large = (along, across) if steep else (across, along)
-    if large == 0.0:
-        return 0.0
-    eighths, sign = 0.0, 1.0
-    if small > EIGHTH_SLOPE * large:
-        small, large, eighths = small - large, large + small, 1.0
-    if steep:
+    small, large = min(across, along), max(across, along)
+    eighths, sign = 1.0 if small > EIGHTH_SLOPE * large else 0.0, 1.0
+    small, large = small - eighths * large, large + eighths * small
+    if across > along:
         eighths, sign = 2.0 - eighths, -1.0
     if x < 0.0:
         eighths, sign = 4.0 - eighths, -sign
-    turned = eighths * (0.5 * QUARTER) + (sign * arctangent(small / large) + eighths * (0.5 * QUARTER_REST))
+    slope = small / (large if large > 0.0 else 1.0)
+    turned = eighths * (0.5 * QUARTER) + (sign * arctangent(slope) + eighths * (0.5 * QUARTER_REST))
     return math.copysign(turned, y)
 
 

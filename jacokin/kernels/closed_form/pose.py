@@ -9,6 +9,8 @@ import numpy as np
 
 from jacokin.arrays import Array
 from jacokin.kernels.branches import (
+    ABREAST,
+    FOUND,
     MAX_BRANCHES,
     ORIENTATION_ERROR,
     POSITION_ERROR,
@@ -16,8 +18,11 @@ from jacokin.kernels.branches import (
     PoseQuery,
     add_branch,
     add_fold,
+    add_verified,
+    collect,
     make_branches,
     note_full,
+    verify,
 )
 from jacokin.kernels.closed_form.arm import ArmConstants, Pose, pose_of
 from jacokin.kernels.closed_form.resultant import DEGREE, fourier_of_divided_F, fourier_of_F
@@ -75,7 +80,7 @@ def make_work(rows: Array) -> Work:
 def solve_pose(arm: Array, k: ArmConstants, query: PoseQuery, work: Work) -> None:
     """Fill work.branches.rows with every branch of one target, in no particular order."""
     work.branches.filled[0], work.branches.filled[1] = 0, 0
-    work.branches.fold.filled[0] = 0
+    work.branches.fold.filled[0], work.branches.lanes.filled[0] = 0, 0
     if k.six.scale > 0.0:
         solve_six_joints(k.six, query, work.six, work.branches)
         return
@@ -144,9 +149,8 @@ def branches_at_roots(k: ArmConstants, pose: Pose, query: PoseQuery, work: Work,
         found = find_roots(noise, tolerance, work.roots)
         note_full(work.branches, found, MAX_ROOTS)
         before = work.branches.filled[0]
-        for i in range(found):
-            if roots[i, 1] == 0.0 and tolerance == 0.0:
-                branch_at_root(k, pose, query, work, roots[i, 0])
+        if tolerance == 0.0:
+            branches_at_single_roots(k, pose, query, work, found)
         for i in range(found):
             if roots[i, 2] > 0.0:
                 branches_in_interval(k, pose, query, work, roots[i, 0], roots[i, 1])
@@ -177,6 +181,43 @@ def divide_by_known(k: ArmConstants, pose: Pose, roots: RootWork) -> float:
             return noise
         singles, pairs = (singles, 0) if pairs > 0 else (0, 0)
     return fourier_of_F(k, pose, roots.cosine, roots.sine)
+
+
+def branches_at_single_roots(k: ArmConstants, pose: Pose, query: PoseQuery, work: Work, found: int) -> None:
+    """The branch of each single root: from its best start, verified beside those of others, or else from any."""
+    roots, lanes = work.roots.roots, work.branches.lanes
+    for i in range(found):
+        if roots[i, 1] == 0.0:
+            if not collect_at_root(k, pose, work, i):
+                branch_at_root(k, pose, query, work, roots[i, 0])
+            if lanes.filled[0] == ABREAST:
+                settle_roots(k, pose, query, work)
+    if lanes.filled[0] > 0:
+        settle_roots(k, pose, query, work)
+
+
+def collect_at_root(k: ArmConstants, pose: Pose, work: Work, i: int) -> bool:
+    """Collect the candidate from the best start of root i; False where there is none."""
+    starts, lanes, q, n = work.starts, work.branches.lanes, work.branches.newton.q, work.branches.lanes.filled[0]
+    starts.filled[0] = 0
+    starts_at_q6(k, pose, work.roots.roots[i, 0], 0.0, starts, work.inner)
+    if starts.filled[0] == 0:
+        return False
+    q1, q5, q6, _ = refine(k, pose, starts.rows[0, 0], starts.rows[0, 1], starts.rows[0, 2], 0.0)
+    complete(k, pose, q1, q5, q6, q)
+    for j in range(6):
+        lanes.rows[FOUND + j, n] = q[j]
+    collect(work.branches, n, i, 0.0)
+    return True
+
+
+def settle_roots(k: ArmConstants, pose: Pose, query: PoseQuery, work: Work) -> None:
+    """Add the branches of the collected candidates of single roots."""
+    branches, roots = work.branches, work.roots.roots
+    for n in range(verify(query, branches)):
+        before, q6 = branches.filled[0], roots[branches.lanes.mark[n], 0]
+        if not (add_verified(query, branches, n) and has_branch_at(branches, before, q6)):
+            branch_at_root(k, pose, query, work, q6)
 
 
 def branch_at_root(k: ArmConstants, pose: Pose, query: PoseQuery, work: Work, q6: float) -> None:

@@ -73,17 +73,17 @@ def place_joints(arm: Arm, q: Array, first: int, block: Block) -> None:
 
 
 def turn_sines(turned: Array) -> None:
-    """Fill in sines and cosines of angles [rad]."""
-    largest = 0.0
-    for i in range(LANES):
+    """Fill in sines and cosines of angles [rad], side by side: (3, n) rows of angles, sines and cosines."""
+    largest, count = 0.0, turned.shape[1]
+    for i in range(count):
         largest = max(largest, abs(turned[0, i]))
     if largest < LARGEST_ANGLE:
-        for i in range(LANES):
+        for i in range(count):
             s, c = sin_cos_of_moderate(turned[0, i])
             turned[1, i] = s
             turned[2, i] = c
     else:
-        for i in range(LANES):
+        for i in range(count):
             s, c = sin_cos(turned[0, i])
             turned[1, i] = s
             turned[2, i] = c

@@ -14,7 +14,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.kernels.branches import BranchWork, PoseQuery, add_branch, add_fold
+from jacokin.kernels.branches import (
+    ABREAST,
+    FOUND,
+    BranchWork,
+    PoseQuery,
+    add_fold,
+    add_verified,
+    collect,
+    take_candidate,
+    verify,
+)
 from jacokin.kernels.six_joints.equations import turned_back_by
 from jacokin.kernels.six_joints.loop import SixArm, joint_of
 from jacokin.kernels.tolerances import (
@@ -28,9 +38,11 @@ from jacokin.kernels.tolerances import (
 from jacokin.kernels.trigonometry import angle_of, sin_cos
 from jacokin.kernels.vector import Vec
 
-#: What `Candidates.state` counts: angles that nothing determines, folds among the angles so far, branches added; and
-#: where not 0, that the form does not settle this target, and that branches may be missing.
-FREE, FOLDS, ADDED, UNSETTLED, DOUBTFUL = 0, 1, 2, 3, 4
+#: What `Candidates.state` counts: angles that nothing determines, folds among the angles so far; and where not 0, that
+#: the form does not settle this target, and that branches may be missing.
+FREE, FOLDS, UNSETTLED, DOUBTFUL = 0, 1, 2, 3
+#: Marks of what is collected: the middle of a fold, a candidate that must be a branch for the form to settle, another.
+FOLD, NEEDED, POSSIBLE = 0, 1, 2
 #: Signs of half in the order to try, for a fold the middle first.
 SIGNS = (0.0, 1.0, -1.0)
 
@@ -43,13 +55,13 @@ class Candidates(NamedTuple):
     cosine: Array  # (6,) of them
     sine: Array  # (6,)
     rotation: Array  # (3, 3) what the last joints must make together
-    state: NDArray[np.int64]  # (5,)
+    state: NDArray[np.int64]  # (4,)
 
 
 def make_candidates() -> Candidates:
     """Fresh work arrays."""
     return Candidates(
-        np.zeros((6, 3, 4)), np.zeros(6), np.zeros(6), np.zeros(6), np.zeros((3, 3)), np.zeros(5, np.int64)
+        np.zeros((6, 3, 4)), np.zeros(6), np.zeros(6), np.zeros(6), np.zeros((3, 3)), np.zeros(4, np.int64)
     )
 
 
@@ -232,16 +244,25 @@ def fill_rest(work: Candidates, known: int) -> None:
 
 
 def add_candidate(arm: SixArm, query: PoseQuery, work: Candidates, branches: BranchWork, middle: bool) -> None:
-    """Add what the angles theta lead to: a branch, or both of the fold that they are the middle of."""
-    state, q = work.state, branches.newton.q
+    """Collect what the angles theta lead to: a branch, or both of the fold that they are the middle of."""
+    state, lanes = work.state, branches.lanes
+    if lanes.filled[0] == ABREAST:
+        add_candidates(query, work, branches)
+    n = lanes.filled[0]
     for i in range(6):
-        q[joint_of(arm.form_labelling, i)] = work.theta[i]
+        lanes.rows[FOUND + joint_of(arm.form_labelling, i), n] = work.theta[i]
     if state[FOLDS] > 1:
         state[DOUBTFUL] = 1
-    if middle and state[FREE] == 0:
-        state[ADDED] += add_fold(query, branches)
-        return
-    added = add_branch(query, branches, 1.0 if state[FREE] > 0 else 0.0)
-    state[ADDED] += added
-    if not added and (state[FOLDS] == 0 or state[FREE] > 0):
-        state[UNSETTLED] = 1
+    needed = NEEDED if state[FOLDS] == 0 or state[FREE] > 0 else POSSIBLE
+    collect(branches, n, FOLD if middle and state[FREE] == 0 else needed, 1.0 if state[FREE] > 0 else 0.0)
+
+
+def add_candidates(query: PoseQuery, work: Candidates, branches: BranchWork) -> None:
+    """Add the branches that the collected candidates lead to."""
+    for i in range(verify(query, branches)):
+        mark = branches.lanes.mark[i]
+        if mark == FOLD:
+            take_candidate(branches, i)
+            add_fold(query, branches)
+        elif not add_verified(query, branches, i) and mark == NEEDED:
+            work.state[UNSETTLED] = 1

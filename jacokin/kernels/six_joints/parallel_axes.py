@@ -18,6 +18,7 @@ from jacokin.kernels.six_joints.candidates import (
     UNSETTLED,
     Candidates,
     add_candidate,
+    add_candidates,
     fill_rest,
     pair_of,
     pair_of_triangle,
@@ -82,6 +83,7 @@ def branches_of_parallel_axes(arm: SixArm, query: PoseQuery, work: Candidates, b
                 take_unit(work, 5, unit_from_to(Q[2, 0], Q[2, 1], y[0], y[1]))
             middle = (ones.fold > 0 and SIGNS[i] == 0.0) or (fives.fold > 0 and SIGNS[n] == 0.0)
             in_the_plane(arm, E, middle, query, work, branches)
+    add_candidates(query, work, branches)
     if state[DOUBTFUL] > 0:
         branches.filled[1] = 1
     return bool(state[UNSETTLED] == 0)

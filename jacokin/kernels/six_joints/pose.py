@@ -69,7 +69,7 @@ def solve_six_joints(arm: SixArm, query: PoseQuery, work: SixWork, branches: Bra
     to those that are there settles the matter; where none of three does, branches.filled says that some may be missing.
     Where no branch is there, it may be that two which meet in one are none of the neighbours'.
     """
-    branches.fold.filled[0] = 0
+    branches.fold.filled[0], branches.lanes.filled[0] = 0, 0
     if arm.form == SPHERICAL_WRIST:
         if branches_of_spherical_wrist(arm, query, work.candidates, work.roots.fourier, branches):
             return

@@ -29,6 +29,7 @@ from jacokin.kernels.six_joints.candidates import (
     Candidates,
     Triangle,
     add_candidate,
+    add_candidates,
     angle_from_to,
     fill_rest,
     pair_of,
@@ -77,6 +78,7 @@ def branches_of_spherical_wrist(
         at_linear_roots(arm, reach, wrist, query, work, branches)
     else:
         at_quartic_roots(arm, reach, wrist, query, work, roots, branches)
+    add_candidates(query, work, branches)
     if work.state[DOUBTFUL] > 0:
         branches.filled[1] = 1
     return bool(work.state[UNSETTLED] == 0)
