@@ -39,6 +39,7 @@ from jacokin.kernels.tracking.reach import (
 )
 from jacokin.kernels.tracking.tasks import TASK_INTEGERS, TASK_NUMBERS
 from jacokin.kernels.tracking.tick import (
+    APART,
     BEST,
     CAN_STOP,
     FIRST_TASKS,
@@ -99,7 +100,7 @@ def run_tick(work: RunWork) -> int:
             outcome = solve_tick(tick)
         else:
             outcome = finish_tick(tick)
-        counts[GREW] = int(outcome == GROWS)
+        counts[GREW], counts[APART] = int(outcome == GROWS), int(tick.near.counts[2] > 0)
         if outcome >= NEEDS_QP:
             return outcome
         if outcome == SOLVED and (counts[TASKS] > counts[FIRST_TASKS] or counts[REFINED] == 1):

@@ -63,8 +63,9 @@ REFINED, GOES, SINGULAR = range(8, 11)
 #: Where a call goes on, see `run`; whether it returns so that Python can look at the clock; whether shapes are kept
 #: apart; whether every joint may stop within a tick; whether the arm can stop clear of everything, before the tick, and
 #: filled for after it. Filled: whether bounds took something from the displacement; whether every step made the error
-#: grow; parts of it that were tried, and the one from which the arm keeps farthest away without being able to stop.
-STAGE, IN_PARTS, GUARDED, STOPS_AT_ONCE, CAN_STOP, SLOWED, GREW, TRIED, BEST, TICK_COUNTS = range(11, 21)
+#: grow; whether shapes are moved apart; parts of it that were tried, and the one from which the arm keeps farthest away
+#: without being able to stop.
+STAGE, IN_PARTS, GUARDED, STOPS_AT_ONCE, CAN_STOP, SLOWED, GREW, APART, TRIED, BEST, TICK_COUNTS = range(11, 22)
 #: Of the numbers: control step [s]; error that is not worth while to be made smaller [m]; tolerances [m], [rad].
 #: Filled: squared error, damping, how far that part keeps away [m]; and after the tick the largest distance [m] and
 #: angle [rad] of the first tasks, the fastest joint's velocity [rad/s], and how far joints are past their limits [rad].
@@ -79,7 +80,7 @@ SOLVED, GROWS, NEEDS_QP, NEEDS_QP_NOW = range(4)
 class TickWork(NamedTuple):
     """What a call reads and writes."""
 
-    counts: NDArray[np.int64]  # (20,)
+    counts: NDArray[np.int64]  # (21,)
     numbers: Array  # (11,)
     arm: JointFrames
     limits: Array  # (dof, 7)

@@ -249,9 +249,11 @@ class ClearanceGuard:
         exits = self._exits(now)
         if exits or self._leaves:
             leaving = np.isin(self._first, list(exits))
-            work.integers[:, LEAVING], self._leaves = leaving, bool(exits)
+            self._leaves = True  # until none is left
+            work.integers[:, LEAVING] = leaving
             for pair in np.flatnonzero(leaving).tolist():
                 work.ways[pair] = exits[int(self._first[pair])]
+            self._leaves = bool(exits)
         return exits
 
     def _exits(self, now: Distances) -> dict[int, Array]:

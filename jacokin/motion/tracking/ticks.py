@@ -28,6 +28,7 @@ from jacokin.kernels.tracking.run import (
 from jacokin.kernels.tracking.tasks import KIND, rows_of
 from jacokin.kernels.tracking.tick import (
     ANGLE,
+    APART,
     CAN_STOP,
     DAMPED,
     DISTANCE,
@@ -74,24 +75,13 @@ class Arm(NamedTuple):
     v: Array
 
 
-class Asked(NamedTuple):
-    """What a tick is asked for, and what the tick before was."""
-
-    tasks: Tasks
-    before: Tasks | None
-    moved: Array | None
-    """(rows,) by how much the targets moved the error in the tick before, weighted; None for not at all."""
-
-
 class Report(NamedTuple):
     """What a tick has come to."""
 
-    q: Array
-    """(dof,) where the arm is [rad]; read-only, as the other arrays are."""
-    v: Array
-    """(dof,) velocity over the tick [rad/s]."""
+    arm: Arm
+    """Where it is, and its velocity over the tick; read-only."""
     a: Array
-    """(dof,) by how much it changed [rad/s^2]."""
+    """(dof,) by how much that changed [rad/s^2]; read-only."""
     position: float
     """Largest distance to a target of the first priority [m]."""
     orientation: float
@@ -111,6 +101,8 @@ class Report(NamedTuple):
     """Whether the bounds of the tick took something from the displacement."""
     grew: bool
     """Whether every step made the error grow, so that there is none."""
+    apart: bool
+    """Whether shapes are moved apart."""
 
 
 class TickSolver:
@@ -129,8 +121,7 @@ class TickSolver:
             NEAR_ENOUGH: near_enough,
             TURNED_ENOUGH: turned_enough,
         }
-        self._reach: ReachWork | None = None
-        self._make_room(1)
+        self._make_room(1, None)
 
     def __getstate__(self) -> dict[str, Any]:
         """Everything but work arrays."""
@@ -139,11 +130,10 @@ class TickSolver:
     def __setstate__(self, state: dict[str, Any]) -> None:
         """With fresh work arrays."""
         self.__dict__.update(state)
-        self._make_room(self._room)
+        self._make_room(self._room, None)
 
-    def _make_room(self, tasks: int) -> None:
+    def _make_room(self, tasks: int, reach: ReachWork | None) -> None:
         """Make arrays for so many tasks, and for the pairs of shapes that are kept apart."""
-        reach = self._reach
         work = make_tick_work(self._dof, tasks, 0 if reach is None else len(reach.bounds))
         placements, kinds = self._joints
         work.arm.placements[:], work.arm.kinds[:] = placements, kinds
@@ -153,25 +143,26 @@ class TickSolver:
         work.counts[GUARDED], work.counts[STOPS_AT_ONCE] = reach is not None, self._limits.stops_at_once
         if reach is not None:
             work.near.rule[near.KEPT], work.near.rule[near.FORESIGHT] = reach.numbers[[KEPT, FORESIGHT]]
-        self._room, self._work = tasks, work
-        self._run = Call(run_tick, RunWork(work, make_reach_work() if reach is None else reach))
-        self._kept: Tasks | None = None  # those that the kernel knows as the ones of the tick before
-        self._given: NDArray[np.int64] | None = None  # of the tasks whose kinds are there
+        run = Call(run_tick, RunWork(work, make_reach_work() if reach is None else reach))
+        kept: Tasks | None = None  # those that the kernel knows as the ones of the tick before
+        given: NDArray[np.int64] | None = None  # of the tasks whose kinds are there
+        # All at once: an interrupt leaves the old arrays or the new ones.
+        self._room, self._reach, self._work, self._run, self._kept, self._given = tasks, reach, work, run, kept, given
 
     def among(self, reach: ReachWork | None) -> None:
         """Say what keeps shapes apart, and has measured how near they are; None for nothing."""
         if reach is not self._reach:
-            self._reach = reach
-            self._make_room(self._room)
+            self._make_room(self._room, reach)
 
     def _take(self, arm: Arm, tasks: Tasks) -> None:
         """Take where the arm is, and what it is asked for."""
         rows, count = tasks.rows, tasks.number
         if count > self._room:
-            self._make_room(count)
+            self._make_room(count, self._reach)
         work = self._work
         work.q[:], work.v[:] = arm
         if rows.integers is not self._given:
+            self._given = None  # until it is done
             work.counts[TASKS], work.counts[FIRST_TASKS] = count, tasks.first
             work.tasks.integers[:count] = rows.integers
             work.tasks.joints[: rows.joints.size] = rows.joints
@@ -185,15 +176,16 @@ class TickSolver:
         self._work.counts[STAGE] = LINEARISE
         return self._run() > 0
 
-    def ask(self, arm: Arm, asked: Asked, *, refined: bool = False) -> None:
+    def ask(self, arm: Arm, tasks: Tasks, before: Tasks | None, moved: Array | None, *, refined: bool) -> None:
         """Take what a tick starts from.
 
         Args:
             arm: where it is.
-            asked: what for.
+            tasks: what it is asked for.
+            before: what the tick before was asked for; None for something else.
+            moved: (rows,) by how much its targets moved the error, weighted; None for not at all.
             refined: whether something is added to the displacement without later priorities, too.
         """
-        tasks, before, moved = asked
         self._take(arm, tasks)
         work = self._work
         counts = work.counts
@@ -280,8 +272,7 @@ class TickSolver:
         after.setflags(write=False)
         on_target = outcome == ON_TARGET
         return Report(
-            after[:dof],
-            after[dof : 2 * dof],
+            Arm(after[:dof], after[dof : 2 * dof]),
             after[2 * dof :],
             numbers[DISTANCE],
             numbers[ANGLE],
@@ -293,6 +284,7 @@ class TickSolver:
             counts[CAN_STOP] == 1,
             counts[SLOWED] == 1,
             counts[GREW] == 1,
+            counts[APART] == 1,
         )
 
     @property
@@ -338,7 +330,7 @@ class TickSolver:
     def apart(self) -> list[int]:
         """Which of the near pairs are moved apart."""
         pairs = self._work.near
-        found: list[int] = pairs.apart[: pairs.counts[2]].tolist() if pairs.counts[2] else []
+        found: list[int] = pairs.apart[: pairs.counts[2]].tolist()
         return found
 
     @property

@@ -44,7 +44,7 @@ from jacokin.motion.tracking.steps import (
     TrackerSummary,
 )
 from jacokin.motion.tracking.targets import IN_BASE, Kinematics, TaskFactory, Tasks, TrackingTarget
-from jacokin.motion.tracking.ticks import Arm, Asked, OutOfTime, Report, TickSolver
+from jacokin.motion.tracking.ticks import Arm, OutOfTime, Report, TickSolver
 from jacokin.motion.tracking.twist import (
     FOLLOWED,
     Line,
@@ -64,22 +64,15 @@ GROWTH = 1e-7  # [m] an error must grow by this in a tick to count as growing
 NEARBY = 0.05  # [rad] a measured configuration this near to the tracker's own is one of a motion that goes on
 
 
-class JointState(NamedTuple):
-    """A configuration (dof,) [rad] and the distances of the shapes there."""
-
-    q: Array
-    distances: Distances | None
-
-
 class TrackerState(NamedTuple):
     """Everything a tick starts from."""
 
-    arm: JointState
-    """Where the arm is."""
-    v: Array
-    """(dof,) its velocity over the last tick [rad/s]; read-only."""
+    arm: Arm
+    """Where the arm is, and its velocity over the last tick; read-only."""
     a: Array
-    """(dof,) by how much it changed in that tick [rad/s^2]; read-only."""
+    """(dof,) by how much that changed in that tick [rad/s^2]; read-only."""
+    distances: Distances | None
+    """Of the shapes there; None where nothing is kept apart."""
     guard: ClearanceGuard | None
     """What keeps shapes apart."""
     scene: Scene | None
@@ -101,10 +94,16 @@ class TrackerState(NamedTuple):
 
 
 class _Tick(NamedTuple):
-    """How a tick went, beside where the arm is."""
+    """How a tick went, beside what its report says."""
 
     began: float
     """When, by `time.perf_counter` [s]."""
+    excused: bool = True
+    """Whether the error may grow."""
+    tasks: Tasks | None = None
+    """What it was asked for, if the next one is to look back at it."""
+    moved: Array | None = None
+    """(k,) by how much that changed the error [m], weighted; None for not at all."""
     held: str = ""
     """Why the arm stands, if it does."""
     apart: Sequence[int] = ()
@@ -233,12 +232,12 @@ class Tracker:
     @property
     def v(self) -> Array:
         """(dof,) its velocity over the last tick [rad/s]; read-only."""
-        return self._state.v
+        return self._state.arm.v
 
     @property
     def state(self) -> MotionState:
         """The motion now, for another tracker to go on from."""
-        return MotionState(self._state.arm.q, self._state.v, self._state.a)
+        return MotionState(*self._state.arm, self._state.a)
 
     @property
     def scene(self) -> Scene | None:
@@ -272,17 +271,18 @@ class Tracker:
             speed = checked_velocity(self.robot, v, self.velocity_limit)
             before = None
         elif before is not None and q is not None and bool((np.abs(start - before.arm.q) <= NEARBY).all()):
-            speed = before.v
+            speed = before.arm.v
         else:
             speed, before = np.zeros(self.robot.dof), None
         if before is not None:
             # Where the arm was sent within its limits, what is measured beyond them is noise, and is not kept.
             start = checks.read_only(self._limits.move(before.arm.q, start - before.arm.q))
-            distances = before.arm.distances
+            distances = before.distances
             if before.guard is not None and before.where is not None and distances is not None:
                 before.guard.put(before.where)
                 distances = before.guard.move(start, distances, start - before.arm.q)
-            state = before._replace(arm=JointState(start, distances), v=checks.read_only(speed), can_stop=False)
+            arm = Arm(start, checks.read_only(speed))
+            state = before._replace(arm=arm, distances=distances, can_stop=False)
         else:
             guard, where, distances = self._guard, None, None
             if guard is not None:
@@ -291,9 +291,9 @@ class Tracker:
                 distances = guard.start(start)
             still = checks.read_only(np.zeros(self.robot.dof))
             state = TrackerState(
-                arm=JointState(start, distances),
-                v=checks.read_only(speed),
+                arm=Arm(start, checks.read_only(speed)),
                 a=still,
+                distances=distances,
                 guard=guard,
                 scene=self._scene,
                 where=where,
@@ -371,14 +371,14 @@ class Tracker:
         """How far the tool is from a target, without moving; errors as `step`."""
         began, state, tasks = time.perf_counter(), self._state, self._targets.tasks(target)
         self._qp.reset()
-        found = self._ticks.measure(state.arm.q, Arm(state.arm.q, state.v), tasks, goes=False)
-        return self._report(self._after(state, found, state.arm.distances, excused=False), found, _Tick(began))
+        found = self._ticks.measure(state.arm.q, state.arm, tasks, goes=False)
+        return self._end(state, found, state.distances, _Tick(began, excused=False))[1]
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Unpickled arrays are writable until told otherwise."""
         self.__dict__.update(state)
         now = self._state
-        for array in (now.arm.q, now.v, now.a, self.velocity_limit, self.acceleration_limit):
+        for array in (*now.arm, now.a, self.velocity_limit, self.acceleration_limit):
             array.setflags(write=False)
 
     def _around(self, state: TrackerState, obstacles: Mapping[str, Motion | None]) -> TrackerState:
@@ -401,8 +401,8 @@ class Tracker:
         assert state.where is not None
         where = guard.shapes.carried(before.shapes, state.where)
         guard.put(where)
-        arm = JointState(state.arm.q, guard.start(state.arm.q))
-        return state._replace(guard=guard, scene=scene, where=where, arm=arm, can_stop=False)
+        distances = guard.start(state.arm.q)
+        return state._replace(guard=guard, scene=scene, where=where, distances=distances, can_stop=False)
 
     def _approach(
         self, state: TrackerState, tasks: Tasks, began: float, deadline: float
@@ -424,7 +424,7 @@ class Tracker:
         tool = pin.SE3(kinematics.pose(kinematics.tool))
         line = state.line
         if line is None:
-            velocity = kinematics.jacobian(kinematics.tool, IN_BASE).dot(state.v)
+            velocity = kinematics.jacobian(kinematics.tool, IN_BASE).dot(state.arm.v)
             line = Line(tool, velocity)
         elif is_astray(missing(line.pose, tool)):
             line = line._replace(pose=tool)
@@ -434,20 +434,19 @@ class Tracker:
         places = self._move_obstacles(state)
         try:
             state = self._see(state, places)
-            arm, exits = Arm(state.arm.q, state.v), self._among(state)
-            if self._ticks.linearise(arm, goal):  # shapes are moved apart first
+            exits = self._among(state)
+            if self._ticks.linearise(state.arm, goal):  # shapes are moved apart first
                 after, step = self._solve(state, goal, began, deadline)
                 return after._replace(tasks=None, moved=None, line=None), step
-            along = self._twists.step(line, wanted, arm, self._wish(state.arm.q))
+            along = self._twists.step(line, wanted, state.arm, self._wish(state.arm.q))
             self._ticks.turn_to(along.displacement)
             outcome = self._ticks.go(FROM_STEP, deadline, can_stop=state.can_stop)
         except OutOfTime:
             return self._brake(state, places, goal, began)
         found = self._ticks.report(outcome, None)
-        followed = along.part >= FOLLOWED and self._twists.lag(along, found.v) <= 1.0 - FOLLOWED
+        followed = along.part >= FOLLOWED and self._twists.lag(along, found.arm.v) <= 1.0 - FOLLOWED
         found = found._replace(on_target=followed)
-        after = self._after(state, found, self._found(state, exits), excused=True)._replace(line=along.line)
-        return after, self._report(after, found, _Tick(began, along=along))
+        return self._end(state, found, self._found(state, exits), _Tick(began, along=along))
 
     def _move_obstacles(self, state: TrackerState) -> tuple[Whereabouts | None, Array | None]:
         """Put the obstacles where they are at the end of the tick; with how far they moved (k,) [m], None for not."""
@@ -465,16 +464,18 @@ class Tracker:
 
         They are measured anew where obstacles moved or there was no time for it.
         """
-        (where, shift), arm = moved, state.arm
-        if where is state.where and shift is None and (arm.distances is None or arm.distances.measured):
+        (where, shift), guard, distances = moved, state.guard, state.distances
+        if guard is None or distances is None:
             return state
-        if state.guard is not None and arm.distances is not None and (shift is not None or not arm.distances.measured):
-            arm = JointState(arm.q, state.guard.refresh(arm.q, arm.distances, shift))
-        return state._replace(arm=arm, where=where)
+        if shift is not None or not distances.measured:
+            distances = guard.refresh(state.arm.q, distances, shift)
+        elif where is state.where:
+            return state
+        return state._replace(distances=distances, where=where)
 
     def _among(self, state: TrackerState) -> Mapping[int, Array]:
         """Have the kernel know what keeps shapes apart, and what is near; returns the ways out of obstacles."""
-        guard, distances = state.guard, state.arm.distances
+        guard, distances = state.guard, state.distances
         if guard is None or distances is None:
             self._ticks.among(None)
             return {}
@@ -485,9 +486,9 @@ class Tracker:
         self, state: TrackerState, tasks: Tasks, began: float, deadline: float
     ) -> tuple[TrackerState, TrackerStep]:
         """A tick towards targets whose distances are known."""
-        arm, ticks, held = state.arm, self._ticks, ""
-        exits, wish = self._among(state), self._wish(arm.q)
-        ticks.ask(Arm(arm.q, state.v), Asked(tasks, state.tasks, state.moved), refined=wish is not None)
+        ticks, held, exits = self._ticks, "", self._among(state)
+        wish = self._wish(state.arm.q) if self._objectives else None
+        ticks.ask(state.arm, tasks, state.tasks, state.moved, refined=wish is not None)
         outcome = ticks.go(WHOLE, deadline, can_stop=state.can_stop)
         while outcome > ON_TARGET:
             stage = FROM_STEP
@@ -502,14 +503,15 @@ class Tracker:
                     later.append(Level(np.eye(self.robot.dof), wish, ends_there=False))
                 ticks.step[:] = refine(ticks.step.copy(), ticks, later, self._limits, self._qp)
             outcome = ticks.go(stage, deadline, can_stop=state.can_stop)
-        found, pairs = ticks.report(outcome, tasks), ticks.apart
-        apart: list[int] = arm.distances.near[pairs].tolist() if pairs and arm.distances else []
-        # Shapes moving apart, or joints still gathering speed, may take the tool away from its target for a while.
-        excused = bool(apart) or found.is_slowed
-        after = self._after(state, found, self._found(state, exits), tasks, ticks.moved, excused=excused)
+        found, apart = ticks.report(outcome, tasks), ()
+        if found.apart and state.distances is not None:
+            apart = state.distances.near[ticks.apart].tolist()
         if found.grew and not held:
             held = "every step makes the error grow"
-        return after, self._report(after, found, _Tick(began, held, apart))
+        # Shapes moving apart, or joints still gathering speed, may take the tool away from its target for a while.
+        excused = bool(apart) or found.is_slowed
+        tick = _Tick(began, excused, tasks, ticks.moved, held, apart)
+        return self._end(state, found, self._found(state, exits), tick)
 
     def _wish(self, q: Array) -> Array | None:
         """The displacement (dof,) [rad] that the objectives want in a tick at `q` (dof,) [rad]; None without any."""
@@ -527,86 +529,59 @@ class Tracker:
         """A tick of braking: because it was asked for, with `moved` None, or because time ran out."""
         late = moved is not None
         where, shift = self._move_obstacles(state) if moved is None else moved
-        q, distances, can_stop = self._limits.move(state.arm.q, self._limits.brake(state.v)), None, state.can_stop
-        if state.guard is not None and where is not None and state.arm.distances is not None:
-            distances = state.guard.unmeasured(state.arm.distances, q - state.arm.q, shift)
+        arm, distances, can_stop = state.arm, state.distances, state.can_stop
+        q = self._limits.move(arm.q, self._limits.brake(arm.v))
+        if state.guard is not None and distances is not None:
+            distances = state.guard.unmeasured(distances, q - arm.q, shift)
             distances = distances if late else state.guard.refresh(q, distances, None)
             can_stop = state.can_stop and shift is None
-        found = self._ticks.measure(q, Arm(state.arm.q, state.v), tasks, goes=True)._replace(can_stop=can_stop)
+        found = self._ticks.measure(q, arm, tasks, goes=True)._replace(can_stop=can_stop)
         if not tasks.number:
             found = found._replace(on_target=found.fastest < STILL)
-        after = self._after(state._replace(where=where), found, distances, excused=True)
-        return after, self._report(after, found, _Tick(began, late=late))
+        return self._end(state._replace(where=where), found, distances, _Tick(began, late=late))
 
     def _found(self, state: TrackerState, exits: Mapping[int, Array]) -> Distances | None:
         """The distances where the kernel has moved the arm to; None where nothing is kept apart."""
-        return None if state.guard is None or state.arm.distances is None else state.guard.found(exits)
+        return None if state.guard is None or state.distances is None else state.guard.found(exits)
 
-    def _after(
-        self,
-        before: TrackerState,
-        found: Report,
-        distances: Distances | None,
-        tasks: Tasks | None = None,
-        moved: Array | None = None,
-        *,
-        excused: bool,
-    ) -> TrackerState:
-        """The state after a tick; `excused` says whether the error may grow."""
-        grows = not (excused or found.on_target) and found.error > before.error + GROWTH
-        return TrackerState(
-            JointState(found.q, distances),
-            found.v,
-            found.a,
-            before.guard,
-            before.scene,
-            before.where,
-            found.can_stop,
-            found.error,
-            before.growing + 1 if grows else 0,
-            tasks,
-            moved,
-            None,
+    def _end(
+        self, before: TrackerState, found: Report, distances: Distances | None, tick: _Tick
+    ) -> tuple[TrackerState, TrackerStep]:
+        """The state after a tick, and what is said about it."""
+        began, excused, tasks, moved, _, apart, along, late = tick
+        arm, a, position, orientation, error, fastest, past, on_target, singular, can_stop, *_ = found
+        guard, growing = before.guard, 0
+        if not (excused or on_target) and error > before.error + GROWTH:
+            growing = before.growing + 1
+        line = None if along is None else along.line
+        after = TrackerState(
+            arm, a, distances, guard, before.scene, before.where, can_stop, error, growing, tasks, moved, line
         )
-
-    def _report(self, after: TrackerState, found: Report, tick: _Tick) -> TrackerStep:
-        """What a tick says that led to a state."""
-        along, late, distances = tick.along, tick.late, after.arm.distances
         status, limiting, message = TrackerStatus.OK, tuple[str, ...](), ""
-        if late or not found.on_target:
+        if late or not on_target:
             names = [TIME_BUDGET] if late else []
             names += self._limits.names(self._ticks.reached)
-            if after.guard is not None and distances is not None:
-                names.extend(after.guard.limiting(distances, tick.apart))
+            if guard is not None and distances is not None:
+                names.extend(guard.limiting(distances, apart))
             if along is not None and along.cause:
                 names.append(along.cause)
-            if found.singular:
+            if singular:
                 names.append(SINGULAR_POSE)
             limiting = tuple(dict.fromkeys(names))
-            status, message = self._why(after, found, limiting, tick)
-        if found.past > ROUNDING:
-            message = (message + self._limits.outside(after.arm.q)).removeprefix("; ")
-        return TrackerStep(
-            after.arm.q,
-            after.v,
-            status,
-            found.position,
-            found.orientation,
-            limiting,
-            None if distances is None else distances.least,
-            self._qp.used,
-            message,
-            time.perf_counter() - tick.began,
-        )
+            status, message = self._why(growing, fastest, limiting, tick)
+        if past > ROUNDING:
+            message = (message + self._limits.outside(arm.q)).removeprefix("; ")
+        least = None if distances is None else distances.least
+        used, elapsed = self._qp.used, time.perf_counter() - began
+        step = TrackerStep(arm.q, arm.v, status, position, orientation, limiting, least, used, message, elapsed)
+        return after, step
 
-    def _why(
-        self, state: TrackerState, found: Report, limiting: Sequence[str], tick: _Tick
-    ) -> tuple[TrackerStatus, str]:
+    def _why(self, growing: int, fastest: float, limiting: Sequence[str], tick: _Tick) -> tuple[TrackerStatus, str]:
         """Status and sentence of a tick that is off target."""
         if tick.late:
             return TrackerStatus.LATE, "the time budget ran out, so the arm brakes"
-        if state.growing * self.dt >= GROWTH_TIME:
-            return TrackerStatus.LOST, f"the error has grown for {state.growing * self.dt:.2f} s"
-        if found.fastest < STILL:
+        if growing * self.dt >= GROWTH_TIME:
+            return TrackerStatus.LOST, f"the error has grown for {growing * self.dt:.2f} s"
+        if fastest < STILL:
             return TrackerStatus.HELD, tick.held or "the arm has come as near as it can"
         return TrackerStatus.LIMITED, f"slowed by {', '.join(limiting) or 'damping near a singular pose'}"
