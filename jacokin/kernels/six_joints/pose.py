@@ -15,6 +15,7 @@ from jacokin.kernels.six_joints.equations import Equations, make_equations, writ
 from jacokin.kernels.six_joints.loop import (
     NEIGHBOURS,
     PARALLEL_AXES,
+    PLANAR_ARM,
     SPHERICAL_WRIST,
     SixArm,
     fill_links,
@@ -22,6 +23,7 @@ from jacokin.kernels.six_joints.loop import (
     move_links,
 )
 from jacokin.kernels.six_joints.parallel_axes import branches_of_parallel_axes
+from jacokin.kernels.six_joints.planar_arm import branches_of_planar_arm
 from jacokin.kernels.six_joints.roots import SixRoots, find_six_roots, make_six_roots
 from jacokin.kernels.six_joints.spherical_wrist import branches_of_spherical_wrist
 from jacokin.kernels.six_joints.starts import (
@@ -73,7 +75,10 @@ def solve_six_joints(arm: SixArm, query: PoseQuery, work: SixWork, branches: Bra
     if arm.form == SPHERICAL_WRIST:
         if branches_of_spherical_wrist(arm, query, work.candidates, work.roots.fourier, branches):
             return
-    elif arm.form == PARALLEL_AXES and branches_of_parallel_axes(arm, query, work.candidates, branches):
+    elif arm.form == PARALLEL_AXES:
+        if branches_of_parallel_axes(arm, query, work.candidates, branches):
+            return
+    elif arm.form == PLANAR_ARM and branches_of_planar_arm(arm, query, work.candidates, work.roots.fourier, branches):
         return
     if branches_of_labelling(arm.scale, arm.own, -1, query, work, branches):
         settled = False

@@ -12,7 +12,7 @@ from jacokin.arrays import Array
 from jacokin.ik import closed_form as closed_form_module
 from jacokin.ik.closed_form import ClosedForm
 from jacokin.ik.structures import quick_form, size_of
-from jacokin.kernels.six_joints.loop import GENERAL, PARALLEL_AXES, SPHERICAL_WRIST
+from jacokin.kernels.six_joints.loop import GENERAL, PARALLEL_AXES, PLANAR_ARM, SPHERICAL_WRIST
 from tests.kernels.plain import PlainCall
 from tests.kernels.six_joints.arms import (
     ARMS,
@@ -37,8 +37,11 @@ MADE_UP: dict[str, tuple[list[float], list[float], list[float]]] = {
     "any others, 234": ([0.1, 0.4, 0.35, 0, 0, 0.1], [0.2, 0.05, 0.07, 0.1, 0.2, 0.1], [1.1, np.pi, 0, 1.2, -0.9, 0.6]),
     "parallel 345": ([0, 0.1, 0.35, 0.4, 0.1, 0.1], [0.2, 0.05, 0.07, 0.1, 0.2, 0.1], [1.1, -1, 0, np.pi, -0.9, 0.6]),
     "parallel 123": ([0.3, 0.4, 0.05, 0, 0.1, 0.1], [0.2, 0.05, 0.07, 0.1, 0.2, 0.1], [0, 0, 1.1, 1.4, -0.9, 0.6]),
+    "planar 1234": ([0, 0.7, 0, 0, 0.03, 0], [0.275, 0.1, 0.1, 0.5, 0.16, 0.17], [-H, np.pi, -H, 1.1, -0.7, 0.4]),
+    "planar 2345": ([0.1, 0, 0.7, 0, 0, 0], [0.2, 0.16, 0, 0, 0.5, 0.17], [0.8, H, np.pi, -H, H, 0.3]),
+    "planar 5432": ([0, 0, 0.4, 0, 0.05, 0.1], [0.2, 0.35, 0, 0, 0.3, 0.1], [0.9, H, np.pi, H, 0.7, 0.4]),
 }
-#: The kind of form, and the joints whose axes meet or are parallel.
+#: The kind of form, and the joints whose axes meet or are parallel; of a planar arm, these and the two beside them.
 EXPECTED = {
     "puma": (SPHERICAL_WRIST, (4, 5, 6)),
     "industrial": (SPHERICAL_WRIST, (4, 5, 6)),
@@ -51,6 +54,10 @@ EXPECTED = {
     "any others, 234": (PARALLEL_AXES, (2, 3, 4)),
     "parallel 345": (PARALLEL_AXES, (3, 4, 5)),
     "parallel 123": (PARALLEL_AXES, (1, 2, 3)),
+    "crx": (PLANAR_ARM, (2, 3, 1, 4)),
+    "planar 1234": (PLANAR_ARM, (2, 3, 1, 4)),
+    "planar 2345": (PLANAR_ARM, (3, 4, 2, 5)),
+    "planar 5432": (PLANAR_ARM, (3, 4, 2, 5)),
 }
 
 
