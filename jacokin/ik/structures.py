@@ -18,10 +18,12 @@ from jacokin.kernels.six_joints.loop import (
     GENERAL,
     LABELLINGS,
     PARALLEL_AXES,
+    PLANAR_ARM,
     SPHERICAL_WRIST,
     fill_links,
     joint_of,
 )
+from jacokin.kernels.six_joints.planar_arm import meeting
 from jacokin.kernels.six_joints.ranking import (
     BRANCHES_FOUND,
     EFFORT,
@@ -247,26 +249,29 @@ class QuickForm(NamedTuple):
     """A structure, where it is in the arm, and what the kernels must know about it."""
 
     kind: int
-    """`GENERAL` for none, `SPHERICAL_WRIST` or `PARALLEL_AXES`."""
+    """`GENERAL` for none, `SPHERICAL_WRIST`, `PARALLEL_AXES` or `PLANAR_ARM`."""
     labelling: int
     """In which the structure has its place."""
     first: float
-    """Where axes 4 and 5 of a wrist meet on axis 4; or axes 5 and 6 on axis 5, lengths scaled."""
+    """Where axes 4 and 5 of a wrist meet on axis 4; or axes 5 and 6 on axis 5, lengths scaled. Of a planar arm, by how
+    much it misses the structure."""
     second: float
-    """Where that point is on axis 6."""
+    """Where that point is on axis 6; 0 for a planar arm."""
     joints: tuple[int, ...]
-    """The three joints, from 1."""
+    """The joints, from 1: three, or two with parallel axes and then the two beside them."""
     rank: int
     """The lower, the quicker."""
 
     @property
     def sentence(self) -> str:
         """How poses are solved."""
-        names = "{}, {} and {}".format(*self.joints) if self.joints else ""
         if self.kind == SPHERICAL_WRIST:
-            return f"every branch, in closed form: axes {names} meet in one point"
+            return "every branch, in closed form: axes {}, {} and {} meet in one point".format(*self.joints)
         if self.kind == PARALLEL_AXES:
-            return f"every branch, in closed form: axes {names} are parallel"
+            return "every branch, in closed form: axes {}, {} and {} are parallel".format(*self.joints)
+        if self.kind == PLANAR_ARM:
+            parts = "axes {} and {} are parallel, {} and {} in one plane across them".format(*self.joints)
+            return f"every branch, from a polynomial of degree 4: {parts}"
         return "every branch, from a determinant of the closed loop"
 
 
@@ -276,7 +281,7 @@ NO_FORM = QuickForm(GENERAL, 0, 0.0, 0.0, (), 0)
 def quick_form(chain: NDArray[np.float64], scale: float) -> QuickForm:
     """The quickest form that fits a chain (7, 3, 4) to rounding; `NO_FORM` for none.
 
-    Each labelling of the loop is looked at (see ``kernels.six_joints.loop``), so that the three axes that meet or are
+    Each labelling of the loop is looked at (see ``kernels.six_joints.loop``), so that the axes that meet or are
     parallel may be any that follow each other: of a wrist, of a shoulder, or between.
 
     Args:
@@ -291,9 +296,8 @@ def quick_form(chain: NDArray[np.float64], scale: float) -> QuickForm:
         backwards, begin = divmod(labelling, 6)
         links = ways[backwards, (np.arange(6) + (-begin if backwards else begin)) % 6]
         carrier = next(i for i in range(6) if link_of(labelling, i) == TARGET)
-        found += [
-            form for form in (wrist_form(links, labelling, carrier), plane_form(links, labelling, carrier)) if form
-        ]
+        forms = (make(links, labelling, carrier) for make in (wrist_form, plane_form, planar_arm_form))
+        found += [form for form in forms if form]
     return min(found, key=lambda form: form.rank, default=NO_FORM)
 
 
@@ -349,6 +353,27 @@ def plane_form(links: NDArray[np.float64], labelling: int, carrier: int) -> Quic
     first, second = float(t[2] - s * z[2]), -s
     joints = tuple(sorted(joint_of(labelling, i) + 1 for i in (1, 2, 3)))
     return QuickForm(PARALLEL_AXES, labelling, first, second, joints, 1)
+
+
+def planar_arm_form(links: NDArray[np.float64], labelling: int, carrier: int) -> QuickForm | None:
+    """Axes 2 and 3 are parallel, axes 1 and 4 meet them at right angles and lie in one plane, 4 and 5 meet."""
+    first, second, third, fourth = links[:4]
+    if carrier < 4 or min(sine_of(link) for link in (first, third, fourth)) < DISTINCT:
+        return None
+    shoulder, elbow, wrist = (meeting(link) for link in (first, third, fourth))
+    across = second[2, 3] + second[2, 2] * (third[2, 3] + elbow * third[2, 2]) - shoulder
+    misfit = max(
+        sine_of(second),
+        *(abs(float(link[2, 2])) for link in (first, third)),
+        *(distance_of(link) for link in (first, third, fourth)),
+        abs(float(across)),
+    )
+    if not misfit <= EXACT_STRUCTURE:
+        return None
+    if min(np.hypot(*second[:2, 3]), abs(elbow - fourth[2, 3] - wrist * fourth[2, 2])) < DISTINCT:
+        return None
+    beside, inner = ([joint_of(labelling, i) + 1 for i in pair] for pair in ((0, 3), (1, 2)))
+    return QuickForm(PLANAR_ARM, labelling, misfit, 0.0, (*sorted(inner), *sorted(beside)), 3)
 
 
 def sine_of(link: NDArray[np.float64]) -> float:

@@ -283,7 +283,7 @@ def add_beside_seed(query: PoseQuery, work: BranchWork) -> None:
     row[WITHIN_LIMITS] = 1.0 if within else 0.0
     row[FAMILY] = 0.0
     if within and row[DISTANCE] < nearest:
-        put_first(work)
+        put_first(query, work)
 
 
 def is_alone(query: PoseQuery, newton: Newton, weight: float, nearest: float) -> bool:
@@ -333,22 +333,60 @@ def way_from_seed(seed: Array, q: Array) -> float:
     return math.sqrt(square)
 
 
-def put_first(work: BranchWork) -> None:
-    """Append the row at hand, the nearest to the seed, in place of those that are the same, or of the farthest."""
-    row, rows, farthest = work.row, work.rows, 0
+def put_first(query: PoseQuery, work: BranchWork) -> None:
+    """Append the row at hand, the nearest to the seed, in place of those that are the same.
+
+    A full table has members of a continuum, more than there can be branches: then of the most singular one.
+    """
+    row, rows = work.row, work.rows
     i = 0
     while i < work.filled[0]:
         if is_same(rows[i], row):
             work.filled[0] -= 1
             copy_row(rows[work.filled[0]], rows[i])
         else:
-            if rows[i, DISTANCE] > rows[farthest, DISTANCE]:
-                farthest = i
             i += 1
     count = work.filled[0]
     note_full(work, count, MAX_BRANCHES)
-    copy_row(row, rows[count if count < MAX_BRANCHES else farthest])
+    copy_row(row, rows[count if count < MAX_BRANCHES else most_singular(query, work)])
     work.filled[0] = min(count + 1, MAX_BRANCHES)
+
+
+def most_singular(query: PoseQuery, work: BranchWork) -> int:
+    """The row whose Jacobian has the smallest determinant."""
+    newton, least, found = work.newton, math.inf, 0
+    for i in range(work.filled[0]):
+        for j in range(6):
+            newton.q[j] = work.rows[i, j]
+        size = abs(jacobian_determinant(query.chain, query.T, newton))
+        if size < least:
+            least, found = size, i
+    return found
+
+
+def jacobian_determinant(chain: Array, T: Array, newton: Newton) -> float:
+    """The determinant of the Jacobian at newton.q [m^3]; 0 where `chain.eliminate` would find it singular."""
+    system = newton.system
+    linearise(chain, T, newton.q, system)
+    product = 1.0
+    for column in range(6):
+        pivot = column
+        for row in range(column + 1, 6):
+            if abs(system[row, column]) > abs(system[pivot, column]):
+                pivot = row
+        value = system[pivot, column]
+        if value == 0.0:
+            return 0.0
+        product *= value
+        for j in range(column, 6):
+            swap = system[column, j]
+            system[column, j] = system[pivot, j]
+            system[pivot, j] = swap
+        for row in range(column + 1, 6):
+            factor = system[row, column] / value
+            for j in range(column + 1, 6):
+                system[row, j] -= factor * system[column, j]
+    return product
 
 
 def polish(query: PoseQuery, work: BranchWork) -> bool:

@@ -29,7 +29,7 @@ from jacokin.kernels.solution_set.nearest import find_nearest, find_point, make_
 from jacokin.kernels.solution_set.run import make_set_work, solve_set
 from jacokin.kernels.speeds import fit_speeds, make_speed_work
 from jacokin.kernels.tracking.reach import make_reach_work, try_reach
-from jacokin.kernels.tracking.tick import finish_tick, linearise_tick, make_tick_work, report_tick, solve_tick
+from jacokin.kernels.tracking.run import make_run_work, run_tick
 
 
 class Entry(NamedTuple):
@@ -51,10 +51,7 @@ ENTRIES = (
     Entry(fit_speeds, make_speed_work),
     Entry(fit_rest_to_rest, make_rest_work),
     Entry(find_closest, make_closest_work),
-    Entry(linearise_tick, make_tick_work),
-    Entry(solve_tick, make_tick_work),
-    Entry(finish_tick, make_tick_work),
-    Entry(report_tick, make_tick_work),
+    Entry(run_tick, make_run_work),
     Entry(try_reach, make_reach_work),
     Entry(solve_set, make_set_work),
     Entry(find_point, make_point_work),

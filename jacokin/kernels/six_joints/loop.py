@@ -18,8 +18,9 @@ from jacokin.kernels.vector import Vec
 
 #: 0..5 begin at that joint and go forwards, 6..11 at the joint 6 less, backwards.
 LABELLINGS = 12
-#: Structures with a form of their own: axes 4, 5 and 6 of a labelling meet; axes 2, 3 and 4 are parallel, 5 and 6 meet.
-GENERAL, SPHERICAL_WRIST, PARALLEL_AXES = 0, 1, 2
+#: Structures with a form of their own: axes 4, 5 and 6 of a labelling meet; axes 2, 3 and 4 are parallel, 5 and 6 meet;
+#: axes 2 and 3 are parallel, 1 and 4 in one plane across them, 4 and 5 meet.
+GENERAL, SPHERICAL_WRIST, PARALLEL_AXES, PLANAR_ARM = 0, 1, 2, 3
 #: Neighbours of an arm, and how far a link is moved: [rad], and part of the arm's length. Branches whose Jacobian has
 #: singular values above 1e-3 move by less than Newton's method brings back; structures are broken well above rounding.
 NEIGHBOURS, LINK_MOVE = 3, 1e-5
@@ -49,8 +50,8 @@ class SixArm(NamedTuple):
     neighbours: int  # the one that its neighbours are solved in
     form: int  # `GENERAL`, or the structure that gives its branches more directly,
     form_labelling: int  # and the labelling in which it does
-    first: float  # of the two axes on whose point that form rests, where the point is on each, lengths scaled
-    second: float
+    first: float  # of the two axes on whose point that form rests, where the point is on each, lengths scaled; of a
+    second: float  # planar arm, by how much it misses the structure, and nothing
 
 
 def joint_of(labelling: int, i: int) -> int:

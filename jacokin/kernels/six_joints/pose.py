@@ -6,8 +6,8 @@ import math
 from typing import NamedTuple
 
 from jacokin.arrays import Array
-from jacokin.kernels.branches import FAMILY, BranchWork, PoseQuery, add_branch, add_fold, copy_row
-from jacokin.kernels.chain import Newton, errors, least_squares, linearise
+from jacokin.kernels.branches import FAMILY, BranchWork, PoseQuery, add_branch, add_fold, copy_row, jacobian_determinant
+from jacokin.kernels.chain import errors, least_squares
 from jacokin.kernels.closed_form.folds import most_singular_joint
 from jacokin.kernels.limits import TURN, circular_distance
 from jacokin.kernels.six_joints.candidates import Candidates, make_candidates
@@ -15,6 +15,7 @@ from jacokin.kernels.six_joints.equations import Equations, make_equations, writ
 from jacokin.kernels.six_joints.loop import (
     NEIGHBOURS,
     PARALLEL_AXES,
+    PLANAR_ARM,
     SPHERICAL_WRIST,
     SixArm,
     fill_links,
@@ -22,6 +23,7 @@ from jacokin.kernels.six_joints.loop import (
     move_links,
 )
 from jacokin.kernels.six_joints.parallel_axes import branches_of_parallel_axes
+from jacokin.kernels.six_joints.planar_arm import branches_of_planar_arm
 from jacokin.kernels.six_joints.roots import SixRoots, find_six_roots, make_six_roots
 from jacokin.kernels.six_joints.spherical_wrist import branches_of_spherical_wrist
 from jacokin.kernels.six_joints.starts import (
@@ -73,7 +75,10 @@ def solve_six_joints(arm: SixArm, query: PoseQuery, work: SixWork, branches: Bra
     if arm.form == SPHERICAL_WRIST:
         if branches_of_spherical_wrist(arm, query, work.candidates, work.roots.fourier, branches):
             return
-    elif arm.form == PARALLEL_AXES and branches_of_parallel_axes(arm, query, work.candidates, branches):
+    elif arm.form == PARALLEL_AXES:
+        if branches_of_parallel_axes(arm, query, work.candidates, branches):
+            return
+    elif arm.form == PLANAR_ARM and branches_of_planar_arm(arm, query, work.candidates, work.roots.fourier, branches):
         return
     if branches_of_labelling(arm.scale, arm.own, -1, query, work, branches):
         settled = False
@@ -235,28 +240,3 @@ def move_along(query: PoseQuery, branches: BranchWork, i: int) -> bool:
                 q[j] = row[j]
             return True
     return True
-
-
-def jacobian_determinant(chain: Array, T: Array, newton: Newton) -> float:
-    """The determinant of the Jacobian at newton.q [m^3]; 0 where `chain.eliminate` would find it singular."""
-    system = newton.system
-    linearise(chain, T, newton.q, system)
-    product = 1.0
-    for column in range(6):
-        pivot = column
-        for row in range(column + 1, 6):
-            if abs(system[row, column]) > abs(system[pivot, column]):
-                pivot = row
-        value = system[pivot, column]
-        if value == 0.0:
-            return 0.0
-        product *= value
-        for j in range(column, 6):
-            swap = system[column, j]
-            system[column, j] = system[pivot, j]
-            system[pivot, j] = swap
-        for row in range(column + 1, 6):
-            factor = system[row, column] / value
-            for j in range(column + 1, 6):
-                system[row, j] -= factor * system[column, j]
-    return product

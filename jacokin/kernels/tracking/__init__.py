@@ -1,5 +1,6 @@
-"""Ticks of the tracker. Read `tick` first.
+"""Ticks of the tracker. Read `run` first.
 
+run       a whole tick, from where the arm is to where it is after it
 tick      from where the arm is to a displacement of its joints
 tasks     where frames are, what is missing to their targets, its Jacobian, and how that turns
 problem   the squared error of all targets to second order, and its least value

@@ -33,8 +33,8 @@ BETWEEN = 0.01
 LOOKS = 12
 #: Columns of a pair's integers: its shapes as they are measured, 1 where these are exchanged, the row of the obstacle
 #: that can move or -1, and 1 while something is inside its obstacle: then it is free, as the way out may lead others
-#: deeper first.
-FIRST, SECOND, EXCHANGED, MOVER, LEAVING, PAIR_INTEGERS = range(6)
+#: deeper first. The joints between its shapes are those from the first one to before the last.
+FIRST, SECOND, EXCHANGED, MOVER, LEAVING, INNER, OUTER, PAIR_INTEGERS = range(8)
 #: Columns of its numbers: the distance below which it is watched [m], at least how far apart it was and is [m], and at
 #: least how far apart it is to be on the way to rest.
 WATCH, BEFORE, BOUND, NEEDED, PAIR_NUMBERS = range(5)
@@ -42,8 +42,8 @@ WATCH, BEFORE, BOUND, NEEDED, PAIR_NUMBERS = range(5)
 LINKS, GROUPS, MOVING, ASKED, NEAR, REACH_COUNTS = range(6)
 #: Numbers: the distance kept [m], control step [s], time in which moving obstacles are looked at [s], the part of the
 #: way from braking to the displacement, how far beyond the watched range is measured [m]; filled: least distance on the
-#: way to rest less the one needed [m].
-KEPT, TIME_STEP, FORESIGHT, PART, BEYOND, SPARE, REACH_NUMBERS = range(7)
+#: way to rest less the one needed [m], and the least bound of all pairs [m].
+KEPT, TIME_STEP, FORESIGHT, PART, BEYOND, SPARE, LEAST, REACH_NUMBERS = range(8)
 #: What to find out: distances; whether they are kept; whether the arm could come to rest.
 DISTANCES, KEEPING, RESTING = 0, 1, 2
 #: What `try_reach` returns: too near; the arm could come to rest, or that was not asked; it could not.
@@ -73,7 +73,7 @@ class ReachWork(NamedTuple):
     """What a call reads and writes."""
 
     counts: NDArray[np.int64]  # (5,)
-    numbers: Array  # (6,)
+    numbers: Array  # (7,)
     limits: Array  # (dof, 7) see `limits`
     start: Array  # (dof,) where the arm is [rad]
     v: Array  # (dof,) its velocity over the last tick [rad/s]
@@ -87,7 +87,8 @@ class ReachWork(NamedTuple):
     places: Places
     pair: SeparationWork
     measured: Array  # (1, 10) to work in
-    integers: NDArray[np.int64]  # (pairs, 5)
+    integers: NDArray[np.int64]  # (pairs, 7)
+    ways: Array  # (pairs, 3) out of the obstacle, for pairs that leave one; unit vectors
     bounds: Array  # (pairs, 4)
     levers: Array  # (pairs dof,) how far at most a joint moves a pair nearer [m/rad]
     near: NDArray[np.int64]  # (pairs,) filled: pairs in the watched range
@@ -119,6 +120,7 @@ def make_reach_work(geometry: Geometry = NOTHING, pairs: int = 0, movers: int = 
         make_separation_work(),
         np.zeros((1, 10)),
         np.zeros((pairs, PAIR_INTEGERS), np.int64),
+        np.zeros((pairs, 3)),
         np.zeros((pairs, PAIR_NUMBERS)),
         np.zeros(pairs * dof),
         np.zeros(pairs, np.int64),
@@ -151,7 +153,7 @@ def try_reach(work: ReachWork) -> int:
 
 def measure_distances(work: ReachWork) -> None:
     """Fill bounds, and the pairs that are near with their numbers; only those that may be are measured."""
-    dof, bounds, count = len(work.q), work.bounds, 0
+    dof, bounds, count, least = len(work.q), work.bounds, 0, math.inf
     place_links(work.geometry.arm, work.counts[LINKS], work.counts[GROUPS], work.q, work.places)
     row = work.measured[0]
     for i in range(len(bounds)):
@@ -166,7 +168,8 @@ def measure_distances(work: ReachWork) -> None:
                 note_near(work, i, count, row)
                 count += 1
         bounds[i, BOUND] = bound
-    work.counts[NEAR] = count
+        least = min(least, bound)
+    work.counts[NEAR], work.numbers[LEAST] = count, least
 
 
 def note_near(work: ReachWork, i: int, at: int, row: Array) -> None:

@@ -1,14 +1,12 @@
-"""A tick towards targets: from where the arm is to a displacement of its joints. Read this file first.
+"""A tick towards targets: from where the arm is to a displacement of its joints, and the report on where it led.
 
 tasks      what is missing to the targets, its Jacobian, and how that turns
 problem    the squared error to second order, and its least value
-limits     how far each joint may go in a tick
-near       shapes that are near
-reach      the step after it: as much of the displacement as is clear
 """
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +15,8 @@ from numpy.typing import NDArray
 from jacokin.arrays import Array
 from jacokin.kernels.tracking.limits import (
     LIMIT_NUMBERS,
+    LOWER,
+    UPPER,
     fill_bounds,
     fill_room,
     limit_reached,
@@ -59,10 +59,18 @@ HALVINGS = 6
 TASKS, FIRST_TASKS, TASKS_BEFORE, ROWS, ALL_ROWS, MOVED_BEFORE, MOVED, INEQUALITIES = range(8)
 #: Whether the Hessian will be needed; whether to report on a motion, or the arm has only been measured; whether to find
 #: out if the pose is singular, filled with the answer.
-REFINED, GOES, SINGULAR, TICK_COUNTS = range(8, 12)
+REFINED, GOES, SINGULAR = range(8, 11)
+#: Where a call goes on, see `run`; whether it returns so that Python can look at the clock; whether shapes are kept
+#: apart; whether every joint may stop within a tick; whether the arm can stop clear of everything, before the tick, and
+#: filled for after it. Filled: whether bounds took something from the displacement; whether every step made the error
+#: grow; whether shapes are moved apart; parts of it that were tried, and the one from which the arm keeps farthest away
+#: without being able to stop.
+STAGE, IN_PARTS, GUARDED, STOPS_AT_ONCE, CAN_STOP, SLOWED, GREW, APART, TRIED, BEST, TICK_COUNTS = range(11, 22)
 #: Of the numbers: control step [s]; error that is not worth while to be made smaller [m]; tolerances [m], [rad].
-#: Filled: squared error, damping, and after the tick the largest distance [m] and angle [rad] of the first tasks.
-TIME_STEP, NEGLIGIBLE, NEAR_ENOUGH, TURNED_ENOUGH, COST, DAMPED, DISTANCE, ANGLE, TICK_NUMBERS = range(9)
+#: Filled: squared error, damping, how far that part keeps away [m]; and after the tick the largest distance [m] and
+#: angle [rad] of the first tasks, the fastest joint's velocity [rad/s], and how far joints are past their limits [rad].
+TIME_STEP, NEGLIGIBLE, NEAR_ENOUGH, TURNED_ENOUGH, COST, DAMPED, MOST_SPARE = range(7)
+DISTANCE, ANGLE, FASTEST, PAST, TICK_NUMBERS = range(7, 12)
 #: What `solve_tick` and `finish_tick` return: a displacement; none, as every step makes the error grow; the least value
 #: is beyond a limit or a distance, and a QP solver must find the total within them, for `finish_tick` to go on with;
 #: the same, but the total is for this tick.
@@ -72,8 +80,8 @@ SOLVED, GROWS, NEEDS_QP, NEEDS_QP_NOW = range(4)
 class TickWork(NamedTuple):
     """What a call reads and writes."""
 
-    counts: NDArray[np.int64]  # (11,)
-    numbers: Array  # (8,)
+    counts: NDArray[np.int64]  # (21,)
+    numbers: Array  # (11,)
     arm: JointFrames
     limits: Array  # (dof, 7)
     q: Array  # (dof,) where the arm is [rad]
@@ -287,10 +295,14 @@ def linearise_tick(work: TickWork) -> int:
 def report_tick(work: TickWork) -> int:
     """Measure where the arm is after a tick; returns 1 where it is on its target."""
     dof, dt, numbers = len(work.q), work.numbers[TIME_STEP], work.numbers
+    fastest, past = 0.0, -math.inf
     for j in range(dof):
         work.after[dof + j] = (work.after[j] - work.q[j]) / dt if work.counts[GOES] == 1 else work.v[j]
         work.after[2 * dof + j] = (work.after[dof + j] - work.v[j]) / dt
         work.reached[j] = limit_reached(work.limits, j, work.q[j], work.after[dof + j], work.v[j], dt)
+        fastest = max(fastest, abs(work.after[dof + j]))
+        past = max(past, max(work.after[j] - work.limits[j, UPPER], work.limits[j, LOWER] - work.after[j]))
+    numbers[FASTEST], numbers[PAST] = fastest, past
     after = work.after[:dof]
     place_joints(work.arm, after)
     position, orientation = 0.0, 0.0

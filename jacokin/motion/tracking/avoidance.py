@@ -19,7 +19,7 @@ from jacokin.kernels.contact.arm import SLIDE
 from jacokin.kernels.contact.shapes import CENTRE, LINK, RADIUS, SIZE
 from jacokin.kernels.contact.touching import Geometry
 from jacokin.kernels.library import Call
-from jacokin.kernels.tracking.near import BUFFER, CLOSING, DISTANCE, LEAVES, NEAR_NUMBERS, NORMAL
+from jacokin.kernels.tracking.near import BUFFER, CLOSING, DISTANCE, NEAR_NUMBERS, NORMAL
 from jacokin.kernels.tracking.reach import (
     ASKED,
     BEFORE,
@@ -29,11 +29,11 @@ from jacokin.kernels.tracking.reach import (
     FORESIGHT,
     HORIZON,
     KEPT,
+    LEAST,
     LEAVING,
     MOVING,
     NEAR,
     PART,
-    SPARE,
     TIME_STEP,
     WATCH,
     ReachWork,
@@ -46,7 +46,6 @@ from jacokin.model.robot import Robot
 from jacokin.model.scene import Scene, checked_scene
 from jacokin.motion.tracking.joint_limits import JointLimits
 from jacokin.motion.tracking.moving import MovableShapes, Whereabouts
-from jacokin.motion.tracking.ticks import Arm, Near
 
 CLEARANCE = 0.01  # [m] kept between shapes unless told otherwise
 COLLISION = ("ignore", "reject")
@@ -64,6 +63,7 @@ class Distances:
         bound: (pairs,) each pair is at least this far apart [m].
         near: (near,) numbers of the pairs that are in the watched range.
         numbers: (near, 8) how they are, see `jacokin.kernels.tracking.near`.
+        least: smallest distance [m], inf for none: measured when it is in the watched range, a lower bound when larger.
         exits: directions (3,) in which shapes leave the obstacles they are inside of, by the obstacle's number.
         measured: False where there was no time to measure: then nothing is in `near`, and `bound` still holds.
     """
@@ -71,6 +71,7 @@ class Distances:
     bound: Array
     near: NDArray[np.int64]
     numbers: Array
+    least: float
     exits: Mapping[int, Array]
     measured: bool = True
 
@@ -78,11 +79,6 @@ class Distances:
     def distance(self) -> Array:
         """(near,) distances of the pairs that are in the watched range [m]; negative when they overlap."""
         return self.numbers[:, DISTANCE]
-
-    @property
-    def least(self) -> float:
-        """Smallest distance [m]: measured when it is in the watched range, a lower bound when it is larger."""
-        return float(self.bound.min()) if self.bound.size else np.inf
 
 
 class ClearanceGuard:
@@ -128,7 +124,6 @@ class ClearanceGuard:
         links = np.where(links > robot.dof, 0, links)  # obstacles stand as still as the base
         joint = np.arange(robot.dof)
         inner, outer = links[pairs].T[:, :, np.newaxis]
-        self._between = np.column_stack([links[pairs], np.zeros(len(pairs), dtype=np.int64)])
         self._lever = _levers(robot, self._geometry)[self._second] * ((inner <= joint) & (joint < outer))
         self._watch_still = (
             distance
@@ -140,13 +135,16 @@ class ClearanceGuard:
         # The kernels take a plane, and any obstacle, as the second shape.
         exchanged = self._first > self._second
         given = np.where(exchanged[:, np.newaxis], pairs[:, ::-1], pairs)
-        self._pairs = np.column_stack([given, exchanged, self._mover, np.zeros(len(pairs), dtype=np.int64)])
+        none = np.zeros(len(pairs), dtype=np.int64)
+        self._pairs = np.column_stack([given, exchanged, self._mover, none, links[pairs]])
         self._limits = limits
         self._call: Call[ReachWork] | None = None
+        self._held: Distances | None = None  # what the kernel's arrays have
+        self._leaves = False
 
     def __getstate__(self) -> dict[str, Any]:
         """Everything but work arrays."""
-        return {**self.__dict__, "_call": None, "_placed": None}
+        return {**self.__dict__, "_call": None, "_placed": None, "_held": None, "_leaves": False}
 
     def put(self, where: Whereabouts) -> None:
         """Put obstacles where they are to be measured from now on."""
@@ -159,10 +157,15 @@ class ClearanceGuard:
         if where.speeds is not self._watched:
             self._watch = self._watch_still + self._of_movers(self._foresight * where.speeds)
             self._watched = where.speeds
-        work = self._ready().work
+        work = self.work
         work.counts[MOVING], work.bounds[:, WATCH] = where.moving, self._watch
         work.movers.poses[:], work.movers.twists[:], work.movers.speeds[:] = where.poses, where.twists, where.speeds
         self._placed = where.poses
+
+    @property
+    def work(self) -> ReachWork:
+        """The kernel's arrays."""
+        return self._ready().work
 
     def _ready(self) -> Call[ReachWork]:
         """The kernel with its arrays, obstacles not moving."""
@@ -202,7 +205,8 @@ class ClearanceGuard:
         bound = before.bound - self._lever.dot(np.abs(step))
         if shift is not None:
             bound = self._shifted(bound, shift)
-        return Distances(bound, NO_PAIRS, NO_NUMBERS, before.exits, measured=False)
+        least = float(bound.min(initial=np.inf))
+        return Distances(bound, NO_PAIRS, NO_NUMBERS, least, before.exits, measured=False)
 
     def _shifted(self, bound: Array, shift: Array) -> Array:
         """Bounds less what the obstacle of each pair moved."""
@@ -216,62 +220,41 @@ class ClearanceGuard:
 
     def _measure(self, q: Array, bound: Array, exits: Mapping[int, Array], beyond: float = HORIZON) -> Distances:
         """Distances at a configuration of the pairs that may be in the watched range, by lower bounds (pairs,) [m]."""
-        self.begin(Arm(q, np.zeros_like(q)), bound, np.zeros_like(q), {}, beyond=beyond)
-        self.try_part(0.0, DISTANCES)
+        call = self._ready()
+        work, self._held = call.work, None
+        work.start[:], work.v[:], work.displacement[:], work.bounds[:, BEFORE] = q, 0.0, 0.0, bound
+        work.numbers[BEYOND], work.numbers[PART], work.counts[ASKED] = beyond, 0.0, DISTANCES
+        call()
         return self.found(exits)
 
-    def begin(
-        self, arm: Arm, bound: Array, displacement: Array, exits: Mapping[int, Array], *, beyond: float = HORIZON
-    ) -> None:
-        """Say what is to be tried.
-
-        Args:
-            arm: where it is, and its velocity.
-            bound: (pairs,) at least how far apart the pairs are there [m].
-            displacement: (dof,) that is to be made [rad].
-            exits: ways out of obstacles; pairs with these are free.
-            beyond: how far beyond the watched range pairs are measured [m].
-        """
-        work = self._ready().work
-        work.start[:], work.v[:] = arm
-        work.bounds[:, BEFORE], work.displacement[:], work.numbers[BEYOND] = bound, displacement, beyond
-        work.integers[:, LEAVING] = self._leaving(exits) if exits else 0
-
-    def try_part(self, part: float, asked: int) -> tuple[int, float]:
-        """Go a part of the way from braking to the displacement, see `jacokin.kernels.tracking.reach`.
-
-        Returns:
-            What `try_reach` does, and the least distance on the way to rest less the one needed [m].
-        """
-        call = self._ready()
-        call.work.numbers[PART], call.work.counts[ASKED] = part, asked
-        return call(), float(call.work.numbers[SPARE])
-
-    @property
-    def q(self) -> Array:
-        """(dof,) where the part that was tried leads [rad]; a copy."""
-        return self._ready().work.q.copy()
-
     def found(self, exits: Mapping[int, Array]) -> Distances:
-        """The distances there."""
-        work = self._ready().work
-        count = work.counts[NEAR]
-        return Distances(work.bounds[:, BOUND].copy(), work.near[:count].copy(), work.rows[:count].copy(), exits)
+        """The distances that the kernel found last."""
+        work = self.work
+        count = int(work.counts[NEAR])
+        self._held = Distances(
+            work.bounds[:, BOUND].copy(),
+            work.near[:count].copy(),
+            work.rows[:count].copy(),
+            float(work.numbers[LEAST]),
+            exits,
+        )
+        return self._held
 
-    def near(self, now: Distances) -> tuple[Near, Mapping[int, Array]]:
-        """The pairs that are near, for the kernels, and the `exits` for the coming step."""
-        integers, numbers, exits = self._between[now.near], now.numbers, self._exits(now)
-        if exits:
-            numbers = numbers.copy()
-            leaving = self._leaving(exits)[now.near]
-            integers[leaving, LEAVES] = 1
-            for row in np.flatnonzero(leaving).tolist():
-                numbers[row, NORMAL:CLOSING] = exits[int(self._first[now.near[row]])]
-        return Near(integers, numbers, self._distance, self._foresight), exits
-
-    def _leaving(self, exits: Mapping[int, Array]) -> NDArray[np.bool_]:
-        """(pairs,) True for pairs with an obstacle that something is inside."""
-        return np.isin(self._first, list(exits))
+    def take(self, now: Distances) -> Mapping[int, Array]:
+        """Have the kernel go on from distances; returns the `exits` for the coming step."""
+        work, held, self._held = self.work, self._held, None
+        if now is not held:
+            count = work.counts[NEAR] = len(now.near)
+            work.bounds[:, BOUND], work.near[:count], work.rows[:count] = now.bound, now.near, now.numbers
+        exits = self._exits(now)
+        if exits or self._leaves:
+            leaving = np.isin(self._first, list(exits))
+            self._leaves = True  # until none is left
+            work.integers[:, LEAVING] = leaving
+            for pair in np.flatnonzero(leaving).tolist():
+                work.ways[pair] = exits[int(self._first[pair])]
+            self._leaves = bool(exits)
+        return exits
 
     def _exits(self, now: Distances) -> dict[int, Array]:
         """One way out of each obstacle that something is inside.
@@ -279,7 +262,7 @@ class ClearanceGuard:
         The nearest face differs from shape to shape; each going its own way, a hand would never leave a box. The way
         is that of the deepest shape, kept until nothing is inside any more.
         """
-        if now.distance.min(initial=0.0) >= 0.0:
+        if now.least >= 0.0:
             return {}
         inside = np.flatnonzero((now.distance < 0.0) & self._fixed[now.near])
         exits: dict[int, Array] = {}

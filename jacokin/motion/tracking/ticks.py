@@ -1,7 +1,9 @@
-"""`TickSolver`: the kernels of a tick with the arrays they work on, see `jacokin.kernels.tracking.tick`."""
+"""`TickSolver`: the kernel of a tick with the arrays it works on, see `jacokin.kernels.tracking.run`."""
 
 from __future__ import annotations
 
+import math
+import time
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,15 +11,33 @@ from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.ik.qp_backend import Backend, Inequalities
+from jacokin.ik.targets import combined_error
 from jacokin.kernels.library import Call
-from jacokin.kernels.tracking.near import FORESIGHT, KEPT
+from jacokin.kernels.tracking import near
+from jacokin.kernels.tracking.reach import FORESIGHT, KEPT, ReachWork, make_reach_work
+from jacokin.kernels.tracking.run import (
+    FROM_STEP,
+    FROM_TOTAL,
+    LINEARISE,
+    ON_TARGET,
+    REPORT,
+    UNFINISHED,
+    RunWork,
+    run_tick,
+)
 from jacokin.kernels.tracking.tasks import KIND, rows_of
 from jacokin.kernels.tracking.tick import (
     ANGLE,
+    APART,
+    CAN_STOP,
     DAMPED,
     DISTANCE,
+    FASTEST,
     FIRST_TASKS,
     GOES,
+    GREW,
+    GUARDED,
+    IN_PARTS,
     INEQUALITIES,
     MOVED,
     MOVED_BEFORE,
@@ -25,38 +45,27 @@ from jacokin.kernels.tracking.tick import (
     NEEDS_QP,
     NEEDS_QP_NOW,
     NEGLIGIBLE,
+    PAST,
     REFINED,
     ROWS,
     SINGULAR,
+    SLOWED,
+    STAGE,
+    STOPS_AT_ONCE,
     TASKS,
     TASKS_BEFORE,
     TIME_STEP,
     TURNED_ENOUGH,
-    TickWork,
-    finish_tick,
-    linearise_tick,
     make_tick_work,
-    report_tick,
-    solve_tick,
 )
 from jacokin.motion.tracking.joint_limits import JointLimits
 from jacokin.motion.tracking.targets import Kinematics, Tasks
 
-NONE = np.empty(0, dtype=np.int64)
 FAR = 1e6  # [rad] no bound for a joint without limits
 
 
-class Near(NamedTuple):
-    """Pairs of shapes that are near, see `jacokin.kernels.tracking.near`."""
-
-    integers: NDArray[np.int64]
-    """(n, 3)"""
-    numbers: Array
-    """(n, 8)"""
-    kept: float
-    """Distance kept [m]."""
-    foresight: float
-    """Time in which obstacles that come nearer count [s]."""
+class OutOfTime(Exception):  # noqa: N818 - internal signal, never seen by users
+    """The deadline of a tick has passed."""
 
 
 class Arm(NamedTuple):
@@ -66,33 +75,38 @@ class Arm(NamedTuple):
     v: Array
 
 
-class Asked(NamedTuple):
-    """What a tick is asked for, and what the tick before was."""
-
-    tasks: Tasks
-    before: Tasks | None
-    moved: Array | None
-    """(rows,) by how much the targets moved the error in the tick before, weighted; None for not at all."""
-
-
 class Report(NamedTuple):
     """What a tick has come to."""
 
-    v: Array
-    """(dof,) velocity over the tick [rad/s]."""
+    arm: Arm
+    """Where it is, and its velocity over the tick; read-only."""
     a: Array
-    """(dof,) by how much it changed [rad/s^2]."""
+    """(dof,) by how much that changed [rad/s^2]; read-only."""
     position: float
     """Largest distance to a target of the first priority [m]."""
     orientation: float
     """Largest angle to one [rad]."""
+    error: float
+    """Both in one [m]."""
+    fastest: float
+    """The fastest joint's velocity [rad/s]."""
+    past: float
+    """How far joints are past their limits, at most [rad]; negative within them."""
     on_target: bool
     singular: bool
     """Whether most of the error is in directions in which the arm hardly moves the tool."""
+    can_stop: bool
+    """Whether braking from now on is certain to come too near to nothing."""
+    is_slowed: bool
+    """Whether the bounds of the tick took something from the displacement."""
+    grew: bool
+    """Whether every step made the error grow, so that there is none."""
+    apart: bool
+    """Whether shapes are moved apart."""
 
 
 class TickSolver:
-    """Finds the displacement of a tick, and measures what it has come to."""
+    """Runs ticks: finds displacements, goes as much of them as is clear, and measures what that has come to."""
 
     def __init__(
         self, kinematics: Kinematics, limits: JointLimits, dt: float, negligible: float, tolerances: tuple[float, float]
@@ -107,81 +121,118 @@ class TickSolver:
             NEAR_ENOUGH: near_enough,
             TURNED_ENOUGH: turned_enough,
         }
-        self._make_room(1, 0)
+        self._make_room(1, None)
 
     def __getstate__(self) -> dict[str, Any]:
         """Everything but work arrays."""
-        return {**self.__dict__, "_work": None, "_solve": None, "_finish": None, "_linearise": None, "_report": None}
+        return {**self.__dict__, "_work": None, "_run": None, "_reach": None, "_kept": None, "_given": None}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """With fresh work arrays."""
         self.__dict__.update(state)
-        self._make_room(*self._size)
+        self._make_room(self._room, None)
 
-    def _make_room(self, tasks: int, pairs: int) -> None:
-        """Make arrays for so many tasks and pairs of shapes."""
-        work = make_tick_work(self._dof, tasks, pairs)
+    def _make_room(self, tasks: int, reach: ReachWork | None) -> None:
+        """Make arrays for so many tasks, and for the pairs of shapes that are kept apart."""
+        work = make_tick_work(self._dof, tasks, 0 if reach is None else len(reach.bounds))
         placements, kinds = self._joints
         work.arm.placements[:], work.arm.kinds[:] = placements, kinds
         work.limits[:] = self._limits.table
         for number, value in self._constants.items():
             work.numbers[number] = value
-        self._size, self._work = (tasks, pairs), work
-        self._solve, self._finish = Call(solve_tick, work), Call(finish_tick, work)
-        self._linearise, self._report = Call(linearise_tick, work), Call(report_tick, work)
+        work.counts[GUARDED], work.counts[STOPS_AT_ONCE] = reach is not None, self._limits.stops_at_once
+        if reach is not None:
+            work.near.rule[near.KEPT], work.near.rule[near.FORESIGHT] = reach.numbers[[KEPT, FORESIGHT]]
+        run = Call(run_tick, RunWork(work, make_reach_work() if reach is None else reach))
+        kept: Tasks | None = None  # those that the kernel knows as the ones of the tick before
+        given: NDArray[np.int64] | None = None  # of the tasks whose kinds are there
+        # All at once: an interrupt leaves the old arrays or the new ones.
+        self._room, self._reach, self._work, self._run, self._kept, self._given = tasks, reach, work, run, kept, given
 
-    def _take(self, arm: Arm, near: Near | None, tasks: int = 1) -> TickWork:
-        """The arrays, with where the arm is and what is near."""
-        pairs = 0 if near is None else len(near.integers)
-        if tasks > self._size[0] or pairs > self._size[1]:
-            self._make_room(max(tasks, self._size[0]), max(2 * pairs, self._size[1]))
+    def among(self, reach: ReachWork | None) -> None:
+        """Say what keeps shapes apart, and has measured how near they are; None for nothing."""
+        if reach is not self._reach:
+            self._make_room(self._room, reach)
+
+    def _take(self, arm: Arm, tasks: Tasks) -> None:
+        """Take where the arm is, and what it is asked for."""
+        rows, count = tasks.rows, tasks.number
+        if count > self._room:
+            self._make_room(count, self._reach)
         work = self._work
         work.q[:], work.v[:] = arm
-        work.near.counts[0] = pairs
-        if near is not None and pairs:
-            work.near.rule[KEPT], work.near.rule[FORESIGHT] = near.kept, near.foresight
-            work.near.integers[:pairs], work.near.numbers[:pairs] = near.integers, near.numbers
-        return work
+        if rows.integers is not self._given:
+            self._given = None  # until it is done
+            work.counts[TASKS], work.counts[FIRST_TASKS] = count, tasks.first
+            work.tasks.integers[:count] = rows.integers
+            work.tasks.joints[: rows.joints.size] = rows.joints
+            self._given = rows.integers
+        work.tasks.numbers[:count] = rows.numbers
 
-    def _ask(self, work: TickWork, tasks: Tasks) -> None:
-        rows, count = tasks.rows, tasks.number
-        work.counts[TASKS], work.counts[FIRST_TASKS] = count, tasks.first
-        work.tasks.integers[:count], work.tasks.numbers[:count] = rows.integers, rows.numbers
-        work.tasks.joints[: rows.joints.size] = rows.joints
-
-    def linearise(self, arm: Arm, near: Near | None) -> bool:
+    def linearise(self, arm: Arm, tasks: Tasks) -> bool:
         """Fill bounds and inequalities at a configuration; whether shapes are to be moved apart first."""
-        self._take(arm, near)
-        return self._linearise() > 0
+        self._take(arm, tasks)
+        self._kept = None
+        self._work.counts[STAGE] = LINEARISE
+        return self._run() > 0
 
-    def solve(self, arm: Arm, asked: Asked, near: Near | None, *, refined: bool = False) -> int:
-        """Find the displacement of a tick; returns what `solve_tick` does.
+    def ask(self, arm: Arm, tasks: Tasks, before: Tasks | None, moved: Array | None, *, refined: bool) -> None:
+        """Take what a tick starts from.
 
         Args:
             arm: where it is.
-            asked: what for.
-            near: what is near.
-            refined: whether the Hessian will be needed without later priorities, too.
+            tasks: what it is asked for.
+            before: what the tick before was asked for; None for something else.
+            moved: (rows,) by how much its targets moved the error, weighted; None for not at all.
+            refined: whether something is added to the displacement without later priorities, too.
         """
-        tasks, before, moved = asked
-        work = self._take(arm, near, tasks.number)
-        self._ask(work, tasks)
-        work.counts[REFINED] = refined
-        work.counts[TASKS_BEFORE] = work.counts[MOVED_BEFORE] = 0
-        if before is not None and before.first == tasks.first:
-            work.counts[TASKS_BEFORE] = first = before.first
-            work.before.integers[:first], work.before.numbers[:first] = (
-                before.rows.integers[:first],
-                before.rows.numbers[:first],
-            )
+        self._take(arm, tasks)
+        work = self._work
+        counts = work.counts
+        counts[REFINED], counts[GOES], counts[SINGULAR] = refined, 1, 1
+        if before is None or before.first != tasks.first:
+            counts[TASKS_BEFORE] = counts[MOVED_BEFORE] = 0
+            return
+        counts[TASKS_BEFORE], counts[MOVED_BEFORE] = before.first, moved is not None
+        if before is not self._kept:
+            first = before.first
+            work.before.integers[:first] = before.rows.integers[:first]
+            work.before.numbers[:first] = before.rows.numbers[:first]
             work.before.joints[: first * self._dof] = before.rows.joints[: first * self._dof]
             if moved is not None:
-                work.counts[MOVED_BEFORE] = 1
                 work.moved_before[: moved.size] = moved
-        return self._solve()
+
+    def go(self, stage: int, deadline: float, *, can_stop: bool) -> int:
+        """Go on with a tick from a stage; returns what `run_tick` does.
+
+        Args:
+            stage: of the tick.
+            deadline: by `time.perf_counter` [s]; inf for none.
+            can_stop: whether the arm can brake from where it is without coming too near to anything.
+
+        Raises:
+            OutOfTime: the deadline has passed.
+        """
+        counts = self._work.counts
+        counts[STAGE], counts[CAN_STOP], counts[IN_PARTS] = stage, can_stop, deadline < math.inf
+        self._kept = None
+        outcome = self._run()
+        while outcome >= NEEDS_QP and time.perf_counter() <= deadline:
+            if outcome != UNFINISHED:
+                return outcome
+            outcome = self._run()
+        if outcome >= NEEDS_QP:
+            raise OutOfTime
+        return outcome
+
+    def turn_to(self, step: Array) -> None:
+        """Take a displacement (dof,) [rad] after `linearise`, to go on `FROM_STEP`."""
+        counts = self._work.counts
+        counts[GOES], counts[SINGULAR] = 1, 0
+        self._work.step[:] = step
 
     def use_qp(self, outcome: int, qp: Backend) -> int:
-        """Go on with a QP solver, as the least value is beyond a limit or a distance; returns what `finish_tick` does.
+        """Call a QP solver, as the least value is beyond a limit or a distance; returns the stage to go on from.
 
         Raises:
             QPFailed: no QP solver solved it.
@@ -192,44 +243,54 @@ class TickSolver:
         found = qp.minimize(hessian, gradient, self.inequalities, np.maximum(low, -FAR), np.minimum(high, FAR))
         if outcome == NEEDS_QP:
             work.total[:] = found
-            return self._finish()
+            return FROM_TOTAL
         work.step[:] = found
-        return outcome
+        return FROM_STEP
 
-    def report(self, q: Array, arm: Arm | None, tasks: Tasks, *, goes: bool) -> Report:
-        """Measure where the arm is after a tick.
+    def measure(self, q: Array, arm: Arm, tasks: Tasks, *, goes: bool) -> Report:
+        """Measure where the arm is.
 
         Args:
             q: (dof,) where it is [rad].
-            arm: where it was; None where the tick was solved: then it is found out whether the pose was singular.
+            arm: where it was.
             tasks: what it was asked for.
             goes: False where it has made no tick, and keeps its velocity.
         """
-        work, judged = self._work, arm is None
-        if arm is not None:
-            work = self._take(arm, None, tasks.number)
-            self._ask(work, tasks)
-        dof = self._dof
-        work.after[:dof] = q
-        work.counts[SINGULAR], work.counts[GOES] = judged, goes
-        on_target = self._report() == 1
-        distance, angle = work.numbers[DISTANCE : ANGLE + 1].tolist()
-        v, a = work.after[dof : 2 * dof].copy(), work.after[2 * dof :].copy()
-        v.setflags(write=False)
-        a.setflags(write=False)
+        self._take(arm, tasks)
+        self._kept = None
+        work = self._work
+        work.after[: self._dof] = q
+        counts = work.counts
+        counts[STAGE], counts[SINGULAR], counts[GOES], counts[SLOWED] = REPORT, 0, goes, 0
+        return self.report(self._run(), None)
+
+    def report(self, outcome: int, tasks: Tasks | None) -> Report:
+        """What a tick has come to that ended with an outcome; the next one may look back at `tasks`."""
+        work, dof = self._work, self._dof
+        self._kept = tasks
+        after, counts, numbers = work.after.copy(), work.counts.tolist(), work.numbers.tolist()
+        after.setflags(write=False)
+        on_target = outcome == ON_TARGET
         return Report(
-            v,
-            a,
-            distance,
-            angle,
+            Arm(after[:dof], after[dof : 2 * dof]),
+            after[2 * dof :],
+            numbers[DISTANCE],
+            numbers[ANGLE],
+            combined_error(numbers[DISTANCE], numbers[ANGLE]),
+            numbers[FASTEST],
+            numbers[PAST],
             on_target,
-            judged and not on_target and work.counts[SINGULAR] == 1,
+            counts[SINGULAR] == 1 and not on_target,
+            counts[CAN_STOP] == 1,
+            counts[SLOWED] == 1,
+            counts[GREW] == 1,
+            counts[APART] == 1,
         )
 
     @property
     def step(self) -> Array:
-        """(dof,) the displacement [rad]; a copy."""
-        return self._work.step.copy()
+        """(dof,) the displacement [rad], to be changed before `FROM_STEP`."""
+        return self._work.step
 
     @property
     def bounds(self) -> tuple[Array, Array]:
@@ -247,8 +308,8 @@ class TickSolver:
         count = int(self._work.counts[INEQUALITIES])
         if not count:
             return None, None
-        near = self._work.near
-        return near.rows[: count * self._dof].reshape(count, self._dof).copy(), near.ends[:count].copy()
+        pairs = self._work.near
+        return pairs.rows[: count * self._dof].reshape(count, self._dof).copy(), pairs.ends[:count].copy()
 
     @property
     def hessian(self) -> Array:
@@ -266,11 +327,11 @@ class TickSolver:
         return self._work.moved[: self._work.counts[ROWS]].copy() if self._work.counts[MOVED] else None
 
     @property
-    def apart(self) -> NDArray[np.int64]:
-        """Which of the near pairs are moved apart; a copy."""
-        if not self._work.near.counts[2]:
-            return NONE
-        return self._work.near.apart[: self._work.near.counts[2]].copy()
+    def apart(self) -> list[int]:
+        """Which of the near pairs are moved apart."""
+        pairs = self._work.near
+        found: list[int] = pairs.apart[: pairs.counts[2]].tolist()
+        return found
 
     @property
     def reached(self) -> list[int]:

@@ -10,6 +10,7 @@ nearer to braking. So the way out is always known, and limits hold exactly.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -21,18 +22,17 @@ from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
-from jacokin.ik import targets
 from jacokin.ik.options import TRACKING_ORIENTATION_TOLERANCE, TRACKING_POSITION_TOLERANCE
 from jacokin.ik.qp_backend import Backend, QPFailed
 from jacokin.ik.seeds import checked_start
-from jacokin.kernels.tracking.reach import CLEAR, DISTANCES, KEEPING, NOT_CLEAR, RESTING
-from jacokin.kernels.tracking.tick import GROWS, NEEDS_QP
+from jacokin.kernels.tracking.run import FROM_STEP, ON_TARGET, WHOLE
+from jacokin.kernels.tracking.tick import NEEDS_QP, NEEDS_QP_NOW
 from jacokin.model import checks, poses
 from jacokin.model.robot import Robot, checked_robot, tracking_accelerations, velocity_limits
 from jacokin.model.scene import Scene
 from jacokin.motion.motion_state import MotionState, checked_velocity
 from jacokin.motion.tracking.avoidance import CLEARANCE, ClearanceGuard, Distances, make_guard
-from jacokin.motion.tracking.joint_limits import JointLimits
+from jacokin.motion.tracking.joint_limits import ROUNDING, JointLimits
 from jacokin.motion.tracking.moving import Motion, Whereabouts
 from jacokin.motion.tracking.problem import Level, Objective, checked_objectives, refine, wished
 from jacokin.motion.tracking.steps import (
@@ -44,7 +44,7 @@ from jacokin.motion.tracking.steps import (
     TrackerSummary,
 )
 from jacokin.motion.tracking.targets import IN_BASE, Kinematics, TaskFactory, Tasks, TrackingTarget
-from jacokin.motion.tracking.ticks import Arm, Asked, Near, TickSolver
+from jacokin.motion.tracking.ticks import Arm, OutOfTime, Report, TickSolver
 from jacokin.motion.tracking.twist import (
     FOLLOWED,
     Line,
@@ -57,7 +57,6 @@ from jacokin.motion.tracking.twist import (
 )
 
 NEGLIGIBLE = 0.1  # of the tolerances: an error below this may grow again, and is not worth while to be made smaller by
-PARTS = (1.0, 0.5, 0.2, 0.05)  # of the way from braking to what the arm would do, tried until nothing is too near
 RESERVE = 1e-4  # [s] of a budget that braking and the report take
 STILL = 1e-5  # [rad/s] a slower arm stands still
 GROWTH_TIME = 0.25  # [s] of growing error until the target counts as lost
@@ -65,22 +64,15 @@ GROWTH = 1e-7  # [m] an error must grow by this in a tick to count as growing
 NEARBY = 0.05  # [rad] a measured configuration this near to the tracker's own is one of a motion that goes on
 
 
-class JointState(NamedTuple):
-    """A configuration (dof,) [rad] and the distances of the shapes there."""
-
-    q: Array
-    distances: Distances | None
-
-
 class TrackerState(NamedTuple):
     """Everything a tick starts from."""
 
-    arm: JointState
-    """Where the arm is."""
-    v: Array
-    """(dof,) its velocity over the last tick [rad/s]; read-only."""
+    arm: Arm
+    """Where the arm is, and its velocity over the last tick; read-only."""
     a: Array
-    """(dof,) by how much it changed in that tick [rad/s^2]; read-only."""
+    """(dof,) by how much that changed in that tick [rad/s^2]; read-only."""
+    distances: Distances | None
+    """Of the shapes there; None where nothing is kept apart."""
     guard: ClearanceGuard | None
     """What keeps shapes apart."""
     scene: Scene | None
@@ -100,33 +92,26 @@ class TrackerState(NamedTuple):
     line: Line | None
     """Where twists have led; None after a target."""
 
-    def move(self, arm: JointState, **changes: Any) -> TrackerState:
-        """With the arm after a tick, whose motion `Tracker._report` measures, and what else it changed."""
-        arm.q.setflags(write=False)
-        return self._replace(arm=arm, **changes)
-
 
 class _Tick(NamedTuple):
-    """How a tick went, beside where the arm is."""
+    """How a tick went, beside what its report says."""
 
     began: float
     """When, by `time.perf_counter` [s]."""
-    excused: bool
+    excused: bool = True
     """Whether the error may grow."""
+    tasks: Tasks | None = None
+    """What it was asked for, if the next one is to look back at it."""
+    moved: Array | None = None
+    """(k,) by how much that changed the error [m], weighted; None for not at all."""
     held: str = ""
     """Why the arm stands, if it does."""
     apart: Sequence[int] = ()
     """Numbers of the pairs of shapes that move apart."""
-    solved: bool = False
-    """Whether it was solved for, so that it is found out whether the pose was singular."""
     along: TwistStep | None = None
     """The step along a twist; None for other targets."""
     late: bool = False
     """Whether the time budget ran out."""
-
-
-class OutOfTime(Exception):  # noqa: N818 - internal signal, never seen by users
-    """The deadline of a tick has passed."""
 
 
 class Tracker:
@@ -247,12 +232,12 @@ class Tracker:
     @property
     def v(self) -> Array:
         """(dof,) its velocity over the last tick [rad/s]; read-only."""
-        return self._state.v
+        return self._state.arm.v
 
     @property
     def state(self) -> MotionState:
         """The motion now, for another tracker to go on from."""
-        return MotionState(self._state.arm.q, self._state.v, self._state.a)
+        return MotionState(*self._state.arm, self._state.a)
 
     @property
     def scene(self) -> Scene | None:
@@ -286,17 +271,18 @@ class Tracker:
             speed = checked_velocity(self.robot, v, self.velocity_limit)
             before = None
         elif before is not None and q is not None and bool((np.abs(start - before.arm.q) <= NEARBY).all()):
-            speed = before.v
+            speed = before.arm.v
         else:
             speed, before = np.zeros(self.robot.dof), None
         if before is not None:
             # Where the arm was sent within its limits, what is measured beyond them is noise, and is not kept.
             start = checks.read_only(self._limits.move(before.arm.q, start - before.arm.q))
-            distances = before.arm.distances
+            distances = before.distances
             if before.guard is not None and before.where is not None and distances is not None:
                 before.guard.put(before.where)
                 distances = before.guard.move(start, distances, start - before.arm.q)
-            state = before._replace(arm=JointState(start, distances), v=checks.read_only(speed), can_stop=False)
+            arm = Arm(start, checks.read_only(speed))
+            state = before._replace(arm=arm, distances=distances, can_stop=False)
         else:
             guard, where, distances = self._guard, None, None
             if guard is not None:
@@ -305,9 +291,9 @@ class Tracker:
                 distances = guard.start(start)
             still = checks.read_only(np.zeros(self.robot.dof))
             state = TrackerState(
-                arm=JointState(start, distances),
-                v=checks.read_only(speed),
+                arm=Arm(start, checks.read_only(speed)),
                 a=still,
+                distances=distances,
                 guard=guard,
                 scene=self._scene,
                 where=where,
@@ -355,8 +341,8 @@ class Tracker:
         began = time.perf_counter()
         if (target is None) == (twist is None):
             raise InvalidInputError("give exactly one of target and twist")
-        limit = np.inf if budget is None else checks.positive("budget", budget, "s")
-        state = self._around(self._state, obstacles)
+        limit = math.inf if budget is None else checks.positive("budget", budget, "s")
+        state = self._state if obstacles is None else self._around(self._state, obstacles)
         deadline = began + limit - RESERVE
         if twist is not None:
             after, step = self._follow(state, twist, reference, began, deadline)
@@ -375,28 +361,28 @@ class Tracker:
             obstacles: as in `step`.
         """
         began = time.perf_counter()
-        after, step = self._brake(self._around(self._state, obstacles), None, self._targets.nothing, began)
+        state = self._state if obstacles is None else self._around(self._state, obstacles)
+        after, step = self._brake(state, None, self._targets.nothing, began)
         self._state = after
-        self._tally.add(step, np.inf)
+        self._tally.add(step, math.inf)
         return step
 
     def measure(self, target: pin.SE3 | ArrayLike | TrackingTarget | Sequence[TrackingTarget]) -> TrackerStep:
         """How far the tool is from a target, without moving; errors as `step`."""
-        tasks = self._targets.tasks(target)
+        began, state, tasks = time.perf_counter(), self._state, self._targets.tasks(target)
         self._qp.reset()
-        return self._report(tasks, self._state, self._state, _Tick(time.perf_counter(), excused=False))[1]
+        found = self._ticks.measure(state.arm.q, state.arm, tasks, goes=False)
+        return self._end(state, found, state.distances, _Tick(began, excused=False))[1]
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Unpickled arrays are writable until told otherwise."""
         self.__dict__.update(state)
         now = self._state
-        for array in (now.arm.q, now.v, now.a, self.velocity_limit, self.acceleration_limit):
+        for array in (*now.arm, now.a, self.velocity_limit, self.acceleration_limit):
             array.setflags(write=False)
 
-    def _around(self, state: TrackerState, obstacles: Mapping[str, Motion | None] | None) -> TrackerState:
+    def _around(self, state: TrackerState, obstacles: Mapping[str, Motion | None]) -> TrackerState:
         """The state with the obstacles where they are told to be now."""
-        if obstacles is None:
-            return state
         if state.guard is None or state.where is None or state.scene is None:
             raise InvalidInputError("obstacles has no effect without a scene: nothing is kept apart")
         given = checks.mapping("obstacles", obstacles, "a dict of poses by name")
@@ -415,8 +401,8 @@ class Tracker:
         assert state.where is not None
         where = guard.shapes.carried(before.shapes, state.where)
         guard.put(where)
-        arm = JointState(state.arm.q, guard.start(state.arm.q))
-        return state._replace(guard=guard, scene=scene, where=where, arm=arm, can_stop=False)
+        distances = guard.start(state.arm.q)
+        return state._replace(guard=guard, scene=scene, where=where, distances=distances, can_stop=False)
 
     def _approach(
         self, state: TrackerState, tasks: Tasks, began: float, deadline: float
@@ -438,7 +424,7 @@ class Tracker:
         tool = pin.SE3(kinematics.pose(kinematics.tool))
         line = state.line
         if line is None:
-            velocity = kinematics.jacobian(kinematics.tool, IN_BASE).dot(state.v)
+            velocity = kinematics.jacobian(kinematics.tool, IN_BASE).dot(state.arm.v)
             line = Line(tool, velocity)
         elif is_astray(missing(line.pose, tool)):
             line = line._replace(pose=tool)
@@ -448,16 +434,19 @@ class Tracker:
         places = self._move_obstacles(state)
         try:
             state = self._see(state, places)
-            arm = Arm(state.arm.q, state.v)
-            if self._ticks.linearise(arm, self._near(state)[0]):  # shapes are moved apart first
+            exits = self._among(state)
+            if self._ticks.linearise(state.arm, goal):  # shapes are moved apart first
                 after, step = self._solve(state, goal, began, deadline)
                 return after._replace(tasks=None, moved=None, line=None), step
-            along = self._twists.step(line, wanted, arm, self._wish(state.arm.q))
-            there, can_stop = self._keep_clear(state, along.displacement, {}, deadline)
+            along = self._twists.step(line, wanted, state.arm, self._wish(state.arm.q))
+            self._ticks.turn_to(along.displacement)
+            outcome = self._ticks.go(FROM_STEP, deadline, can_stop=state.can_stop)
         except OutOfTime:
             return self._brake(state, places, goal, began)
-        after = state.move(there, can_stop=can_stop, tasks=None, moved=None, line=along.line)
-        return self._report(goal, state, after, _Tick(began, excused=True, along=along))
+        found = self._ticks.report(outcome, None)
+        followed = along.part >= FOLLOWED and self._twists.lag(along, found.arm.v) <= 1.0 - FOLLOWED
+        found = found._replace(on_target=followed)
+        return self._end(state, found, self._found(state, exits), _Tick(began, along=along))
 
     def _move_obstacles(self, state: TrackerState) -> tuple[Whereabouts | None, Array | None]:
         """Put the obstacles where they are at the end of the tick; with how far they moved (k,) [m], None for not."""
@@ -475,81 +464,60 @@ class Tracker:
 
         They are measured anew where obstacles moved or there was no time for it.
         """
-        (where, shift), arm = moved, state.arm
-        if where is state.where and shift is None and (arm.distances is None or arm.distances.measured):
+        (where, shift), guard, distances = moved, state.guard, state.distances
+        if guard is None or distances is None:
             return state
-        if state.guard is not None and arm.distances is not None and (shift is not None or not arm.distances.measured):
-            arm = JointState(arm.q, state.guard.refresh(arm.q, arm.distances, shift))
-        return state._replace(arm=arm, where=where)
+        if shift is not None or not distances.measured:
+            distances = guard.refresh(state.arm.q, distances, shift)
+        elif where is state.where:
+            return state
+        return state._replace(distances=distances, where=where)
 
-    def _near(self, state: TrackerState) -> tuple[Near | None, Mapping[int, Array]]:
-        """What is near, and the ways out of obstacles."""
-        distances = state.arm.distances
-        if state.guard is None or distances is None or state.where is None or not distances.near.size:
-            return None, {}
-        return state.guard.near(distances)
+    def _among(self, state: TrackerState) -> Mapping[int, Array]:
+        """Have the kernel know what keeps shapes apart, and what is near; returns the ways out of obstacles."""
+        guard, distances = state.guard, state.distances
+        if guard is None or distances is None:
+            self._ticks.among(None)
+            return {}
+        self._ticks.among(guard.work)
+        return guard.take(distances)
 
     def _solve(
         self, state: TrackerState, tasks: Tasks, began: float, deadline: float
     ) -> tuple[TrackerState, TrackerStep]:
         """A tick towards targets whose distances are known."""
-        q, ticks, held = state.arm.q, self._ticks, ""
-        near, exits = self._near(state)
-        wish = self._wish(q)
-        outcome = ticks.solve(Arm(q, state.v), Asked(tasks, state.tasks, state.moved), near, refined=wish is not None)
-        moved, pairs = ticks.moved, ticks.apart
-        if time.perf_counter() > deadline:
-            raise OutOfTime
-        try:
-            if outcome >= NEEDS_QP:
-                outcome = ticks.use_qp(outcome, self._qp)
-            wanted = ticks.step
-            held = "every step makes the error grow" if outcome == GROWS else ""
-        except QPFailed:
-            wanted, held = np.zeros(self.robot.dof), "no QP solver solved this tick"
-        if not held and (wish is not None or tasks.number > tasks.first):
-            later = [Level(*level) for level in ticks.later(tasks)]
-            if wish is not None:
-                later.append(Level(np.eye(self.robot.dof), wish, ends_there=False))
-            wanted = refine(wanted, ticks, later, self._limits, self._qp)
-        displacement, is_slowed = self._limits.within(wanted, ticks.bounds)
-        arm, can_stop = self._keep_clear(state, displacement, exits, deadline)
-        apart: list[int] = state.arm.distances.near[pairs].tolist() if pairs.size and state.arm.distances else []
-        after = state.move(arm, can_stop=can_stop, tasks=tasks, moved=moved, line=None)
+        ticks, held, exits = self._ticks, "", self._among(state)
+        wish = self._wish(state.arm.q) if self._objectives else None
+        ticks.ask(state.arm, tasks, state.tasks, state.moved, refined=wish is not None)
+        outcome = ticks.go(WHOLE, deadline, can_stop=state.can_stop)
+        while outcome > ON_TARGET:
+            stage = FROM_STEP
+            if outcome in (NEEDS_QP, NEEDS_QP_NOW):
+                try:
+                    stage = ticks.use_qp(outcome, self._qp)
+                except QPFailed:
+                    ticks.step[:], held = 0.0, "no QP solver solved this tick"
+            if stage == FROM_STEP and not held and (wish is not None or tasks.number > tasks.first):
+                later = [Level(*level) for level in ticks.later(tasks)]
+                if wish is not None:
+                    later.append(Level(np.eye(self.robot.dof), wish, ends_there=False))
+                ticks.step[:] = refine(ticks.step.copy(), ticks, later, self._limits, self._qp)
+            outcome = ticks.go(stage, deadline, can_stop=state.can_stop)
+        found, apart = ticks.report(outcome, tasks), ()
+        if found.apart and state.distances is not None:
+            apart = state.distances.near[ticks.apart].tolist()
+        if found.grew and not held:
+            held = "every step makes the error grow"
         # Shapes moving apart, or joints still gathering speed, may take the tool away from its target for a while.
-        excused = bool(apart) or is_slowed
-        tick = _Tick(began, excused=excused, held=held, apart=apart, solved=True)
-        return self._report(tasks, state, after, tick)
+        excused = bool(apart) or found.is_slowed
+        tick = _Tick(began, excused, tasks, ticks.moved, held, apart)
+        return self._end(state, found, self._found(state, exits), tick)
 
     def _wish(self, q: Array) -> Array | None:
         """The displacement (dof,) [rad] that the objectives want in a tick at `q` (dof,) [rad]; None without any."""
         if not self._objectives:
             return None
         return wished(self.robot, self.frame, q, self._objectives, self._limits.step, self.dt)
-
-    def _keep_clear(
-        self, state: TrackerState, displacement: Array, exits: Mapping[int, Array], deadline: float
-    ) -> tuple[JointState, bool]:
-        """The arm after a displacement (dof,) [rad], or as much of it as is clear, and whether it can stop then."""
-        limits, start, guard, where = self._limits, state.arm, state.guard, state.where
-        if guard is None or where is None or start.distances is None:
-            return JointState(limits.move(start.q, displacement), None), True
-        guard.begin(Arm(start.q, state.v), start.distances.bound, displacement, exits)
-        best, least = start, -np.inf
-        asked = KEEPING if limits.stops_at_once else KEEPING | RESTING
-        for part in PARTS:
-            if time.perf_counter() > deadline:
-                raise OutOfTime
-            outcome, spare = guard.try_part(part, asked)
-            if outcome == CLEAR:
-                return JointState(guard.q, guard.found(exits)), True
-            if outcome == NOT_CLEAR and spare > least:
-                best, least = JointState(guard.q, guard.found(exits)), spare
-        certain = limits.stops_at_once or (state.can_stop and not where.moving)
-        outcome, spare = guard.try_part(0.0, DISTANCES if certain else RESTING)
-        if outcome == NOT_CLEAR and spare < least:  # an obstacle comes nearer, and stopping keeps less far from it
-            return best, False
-        return JointState(guard.q, guard.found(exits)), outcome == CLEAR
 
     def _brake(
         self,
@@ -561,63 +529,59 @@ class Tracker:
         """A tick of braking: because it was asked for, with `moved` None, or because time ran out."""
         late = moved is not None
         where, shift = self._move_obstacles(state) if moved is None else moved
-        q = self._limits.move(state.arm.q, self._limits.brake(state.v))
-        arm, can_stop, guard = JointState(q, None), state.can_stop, state.guard
-        if guard is not None and where is not None and state.arm.distances is not None:
-            distances = guard.unmeasured(state.arm.distances, q - state.arm.q, shift)
-            arm = JointState(q, distances if late else guard.refresh(q, distances, None))
+        arm, distances, can_stop = state.arm, state.distances, state.can_stop
+        q = self._limits.move(arm.q, self._limits.brake(arm.v))
+        if state.guard is not None and distances is not None:
+            distances = state.guard.unmeasured(distances, q - arm.q, shift)
+            distances = distances if late else state.guard.refresh(q, distances, None)
             can_stop = state.can_stop and shift is None
-        after = state.move(arm, where=where, can_stop=can_stop, tasks=None, moved=None, line=None)
-        return self._report(tasks, state, after, _Tick(began, excused=True, late=late))
-
-    def _report(
-        self, tasks: Tasks, before: TrackerState, after: TrackerState, tick: _Tick
-    ) -> tuple[TrackerState, TrackerStep]:
-        """Measure where the arm is; the state with its motion and what was learned of the error."""
-        along, late = tick.along, tick.late
-        arm = None if tick.solved else Arm(before.arm.q, before.v)
-        found = self._ticks.report(after.arm.q, arm, tasks, goes=after is not before)
-        on_target, v = found.on_target, found.v
+        found = self._ticks.measure(q, arm, tasks, goes=True)._replace(can_stop=can_stop)
         if not tasks.number:
-            on_target = float(np.abs(v).max()) < STILL
-        if along is not None:
-            on_target = along.part >= FOLLOWED and self._twists.lag(along, v) <= 1.0 - FOLLOWED
-        error = targets.combined_error(found.position, found.orientation)
-        grows = not (tick.excused or on_target) and error > before.error + GROWTH
-        after = after._replace(v=v, a=found.a, error=error, growing=before.growing + 1 if grows else 0)
-        status, limiting, message = TrackerStatus.OK, list[str](), ""
-        if late or not on_target:
-            limiting = [TIME_BUDGET] if late else []
-            limiting += self._limits.names(self._ticks.reached)
-            if after.guard is not None and after.arm.distances is not None:
-                limiting.extend(after.guard.limiting(after.arm.distances, tick.apart))
-            if along is not None and along.cause:
-                limiting.append(along.cause)
-            if found.singular:
-                limiting.append(SINGULAR_POSE)
-            limiting = list(dict.fromkeys(limiting))
-            status, message = self._why(after, limiting, tick.held, late=late)
-        distances = after.arm.distances
-        step = TrackerStep(
-            q=after.arm.q,
-            v=v,
-            status=status,
-            position_error=found.position,
-            orientation_error=found.orientation,
-            limiting=tuple(limiting),
-            clearance=None if distances is None else distances.least,
-            qp_solver=self._qp.used,
-            message=(message + self._limits.outside(after.arm.q)).removeprefix("; "),
-            elapsed=time.perf_counter() - tick.began,
+            found = found._replace(on_target=found.fastest < STILL)
+        return self._end(state._replace(where=where), found, distances, _Tick(began, late=late))
+
+    def _found(self, state: TrackerState, exits: Mapping[int, Array]) -> Distances | None:
+        """The distances where the kernel has moved the arm to; None where nothing is kept apart."""
+        return None if state.guard is None or state.distances is None else state.guard.found(exits)
+
+    def _end(
+        self, before: TrackerState, found: Report, distances: Distances | None, tick: _Tick
+    ) -> tuple[TrackerState, TrackerStep]:
+        """The state after a tick, and what is said about it."""
+        began, excused, tasks, moved, _, apart, along, late = tick
+        arm, a, position, orientation, error, fastest, past, on_target, singular, can_stop, *_ = found
+        guard, growing = before.guard, 0
+        if not (excused or on_target) and error > before.error + GROWTH:
+            growing = before.growing + 1
+        line = None if along is None else along.line
+        after = TrackerState(
+            arm, a, distances, guard, before.scene, before.where, can_stop, error, growing, tasks, moved, line
         )
+        status, limiting, message = TrackerStatus.OK, tuple[str, ...](), ""
+        if late or not on_target:
+            names = [TIME_BUDGET] if late else []
+            names += self._limits.names(self._ticks.reached)
+            if guard is not None and distances is not None:
+                names.extend(guard.limiting(distances, apart))
+            if along is not None and along.cause:
+                names.append(along.cause)
+            if singular:
+                names.append(SINGULAR_POSE)
+            limiting = tuple(dict.fromkeys(names))
+            status, message = self._why(growing, fastest, limiting, tick)
+        if past > ROUNDING:
+            message = (message + self._limits.outside(arm.q)).removeprefix("; ")
+        least = None if distances is None else distances.least
+        used, elapsed = self._qp.used, time.perf_counter() - began
+        step = TrackerStep(arm.q, arm.v, status, position, orientation, limiting, least, used, message, elapsed)
         return after, step
 
-    def _why(self, state: TrackerState, limiting: list[str], held: str, *, late: bool) -> tuple[TrackerStatus, str]:
+    def _why(self, growing: int, fastest: float, limiting: Sequence[str], tick: _Tick) -> tuple[TrackerStatus, str]:
         """Status and sentence of a tick that is off target."""
-        if late:
+        if tick.late:
             return TrackerStatus.LATE, "the time budget ran out, so the arm brakes"
-        if state.growing * self.dt >= GROWTH_TIME:
-            return TrackerStatus.LOST, f"the error has grown for {state.growing * self.dt:.2f} s"
-        if float(np.abs(state.v).max()) < STILL:
-            return TrackerStatus.HELD, held or "the arm has come as near as it can"
+        if growing * self.dt >= GROWTH_TIME:
+            return TrackerStatus.LOST, f"the error has grown for {growing * self.dt:.2f} s"
+        if fastest < STILL:
+            return TrackerStatus.HELD, tick.held or "the arm has come as near as it can"
         return TrackerStatus.LIMITED, f"slowed by {', '.join(limiting) or 'damping near a singular pose'}"

@@ -1,4 +1,4 @@
-"""Arms with three axes that meet or are parallel: the same branches as the general way and brute force find."""
+"""Arms with axes that meet or are parallel: the same branches as the general way and brute force find."""
 
 from __future__ import annotations
 
@@ -12,7 +12,11 @@ from jacokin.arrays import Array
 from jacokin.ik import closed_form as closed_form_module
 from jacokin.ik.closed_form import ClosedForm
 from jacokin.ik.structures import quick_form, size_of
-from jacokin.kernels.six_joints.loop import GENERAL, PARALLEL_AXES, SPHERICAL_WRIST
+from jacokin.kernels.branches import COLUMNS, MAX_BRANCHES, PoseQuery
+from jacokin.kernels.closed_form.arm import unpack_arm
+from jacokin.kernels.closed_form.pose import make_work
+from jacokin.kernels.six_joints.loop import GENERAL, PARALLEL_AXES, PLANAR_ARM, SPHERICAL_WRIST, joint_of
+from jacokin.kernels.six_joints.planar_arm import branches_of_planar_arm
 from tests.kernels.plain import PlainCall
 from tests.kernels.six_joints.arms import (
     ARMS,
@@ -37,8 +41,11 @@ MADE_UP: dict[str, tuple[list[float], list[float], list[float]]] = {
     "any others, 234": ([0.1, 0.4, 0.35, 0, 0, 0.1], [0.2, 0.05, 0.07, 0.1, 0.2, 0.1], [1.1, np.pi, 0, 1.2, -0.9, 0.6]),
     "parallel 345": ([0, 0.1, 0.35, 0.4, 0.1, 0.1], [0.2, 0.05, 0.07, 0.1, 0.2, 0.1], [1.1, -1, 0, np.pi, -0.9, 0.6]),
     "parallel 123": ([0.3, 0.4, 0.05, 0, 0.1, 0.1], [0.2, 0.05, 0.07, 0.1, 0.2, 0.1], [0, 0, 1.1, 1.4, -0.9, 0.6]),
+    "planar 1234": ([0, 0.7, 0, 0, 0.03, 0], [0.275, 0.1, 0.1, 0.5, 0.16, 0.17], [-H, np.pi, -H, 1.1, -0.7, 0.4]),
+    "planar 2345": ([0.1, 0, 0.7, 0, 0, 0], [0.2, 0.16, 0, 0, 0.5, 0.17], [0.8, H, np.pi, -H, H, 0.3]),
+    "planar 5432": ([0, 0, 0.4, 0, 0.05, 0.1], [0.2, 0.35, 0, 0, 0.3, 0.1], [0.9, H, np.pi, H, 0.7, 0.4]),
 }
-#: The kind of form, and the joints whose axes meet or are parallel.
+#: The kind of form, and the joints whose axes meet or are parallel; of a planar arm, these and the two beside them.
 EXPECTED = {
     "puma": (SPHERICAL_WRIST, (4, 5, 6)),
     "industrial": (SPHERICAL_WRIST, (4, 5, 6)),
@@ -51,6 +58,10 @@ EXPECTED = {
     "any others, 234": (PARALLEL_AXES, (2, 3, 4)),
     "parallel 345": (PARALLEL_AXES, (3, 4, 5)),
     "parallel 123": (PARALLEL_AXES, (1, 2, 3)),
+    "crx": (PLANAR_ARM, (2, 3, 1, 4)),
+    "planar 1234": (PLANAR_ARM, (2, 3, 1, 4)),
+    "planar 2345": (PLANAR_ARM, (3, 4, 2, 5)),
+    "planar 5432": (PLANAR_ARM, (3, 4, 2, 5)),
 }
 
 
@@ -144,7 +155,7 @@ def test_round_angles_are_answered_as_in_the_general_way(name: str, rng: np.rand
 
 
 @pytest.mark.parametrize("sigma", [1e-12, 1e-10, 1e-9, 1e-8, 1e-6])
-@pytest.mark.parametrize("name", ["puma", "ur5", "any three, wrist"])
+@pytest.mark.parametrize("name", ["puma", "ur5", "any three, wrist", "crx"])
 def test_answers_do_not_jump_where_the_structure_ends(name: str, sigma: float, rng: np.random.Generator) -> None:
     """A structure within 1e-9 gives starts only: branches are those of the file's numbers."""
     chain = perturbed(chain_of_name(name), sigma)
@@ -216,7 +227,25 @@ def test_out_of_reach_there_is_no_branch() -> None:
         assert len(form_of(chain_of_name(name)).solve_all(T, HOME)) == 0
 
 
-@pytest.mark.parametrize("name", ["puma", "any three, wrist", "ur5"])
+@pytest.mark.parametrize("name", ["crx", "planar 1234", "planar 2345", "planar 5432"])
+def test_a_polynomial_settles_random_poses_of_planar_arms(name: str, rng: np.random.Generator) -> None:
+    """Each root has two branches, half a turn apart in the joint before the parallel axes."""
+    form = form_of(chain_of_name(name))
+    arm, work = unpack_arm(form.arm).six, make_work(np.empty((MAX_BRANCHES, COLUMNS)))
+    before = joint_of(arm.form_labelling, 0)
+    for q in rng.uniform(-np.pi, np.pi, (10, 6)):
+        query = PoseQuery(form.chain, form.constants[2], pose_at(form.chain, q), HOME)
+        work.branches.filled[0] = 0
+        assert branches_of_planar_arm(arm, query, work.six.candidates, work.roots, work.branches)
+        rows = work.branches.rows[: work.branches.filled[0], :6]
+        assert min(distance(q, row) for row in rows) < 1e-6
+        for row in rows:
+            turned = row.copy()
+            turned[before] += np.pi
+            assert min(np.abs(np.sin(0.5 * (other - turned)[[before]])).max() for other in rows) < 1e-6
+
+
+@pytest.mark.parametrize("name", ["puma", "any three, wrist", "ur5", "crx"])
 def test_compiled_bits_are_those_of_plain_python(
     name: str, monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator
 ) -> None:

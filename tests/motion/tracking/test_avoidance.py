@@ -20,7 +20,7 @@ from jacokin.model.mujoco_twin import to_spec
 from jacokin.motion import TrackerStatus
 from jacokin.motion.tracking.avoidance import make_guard
 from jacokin.motion.tracking.joint_limits import JointLimits
-from jacokin.motion.tracking.targets import Kinematics
+from jacokin.motion.tracking.targets import Kinematics, TaskFactory
 from jacokin.motion.tracking.ticks import Arm, TickSolver
 from tests.coal_shapes import collision_pairs
 
@@ -253,7 +253,9 @@ def test_the_tracker_sees_true_distances_and_how_they_change(robot: Robot, rng: 
         robot, limits, 0.05, scene=scene, clearance=0.05, collision=None, self_collision=True, pairs=None
     )
     assert guard is not None
-    ticks = TickSolver(Kinematics(robot, robot.default_frame, None), limits, 0.05, 1e-5, (1e-4, 1e-3))
+    kinematics = Kinematics(robot, robot.default_frame, None)
+    ticks, nothing = TickSolver(kinematics, limits, 0.05, 1e-5, (1e-4, 1e-3)), TaskFactory(kinematics).nothing
+    ticks.among(guard.work)
     referee = Referee(robot, scene)
     steps, compared = 1e-5 * np.eye(robot.dof), 0
     for q in robot.sample(rng, 100):
@@ -264,7 +266,8 @@ def test_the_tracker_sees_true_distances_and_how_they_change(robot: Robot, rng: 
             assert now.distance.min() == pytest.approx(referee.least(q), abs=1e-6)
         around = [[guard.start(q + sign * step).bound[now.near] for step in steps] for sign in (1.0, -1.0)]
         forward, backward = (np.transpose(some) for some in around)
-        ticks.linearise(Arm(q, np.zeros(robot.dof)), guard.near(now)[0])
+        guard.take(now)
+        ticks.linearise(Arm(q, np.zeros(robot.dof)), nothing)
         rows, _ = ticks.inequalities
         slope = np.empty((0, robot.dof)) if rows is None else -rows
         # Where the nearest points jump from corner to corner, the slopes to both sides differ.

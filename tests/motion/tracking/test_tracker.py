@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 import jacokin
 from jacokin import IKSolver, Robot, Tracker
 from jacokin.errors import InvalidInputError, UnknownNameError
-from jacokin.ik import qp_backend
+from jacokin.ik import Scene, Sphere, qp_backend
 from jacokin.ik.qp_backend import Backend, QPFailed
+from jacokin.kernels.library import Call
 from jacokin.motion import JointTarget, TrackerStatus
 
 DT = 0.01  # [s]
@@ -44,6 +45,24 @@ def test_a_straight_line_is_followed(robot: Robot) -> None:
         assert np.linalg.norm(robot.forward_kinematics(step.q).translation - pose.translation) < 1e-5
         assert distance_to_line(robot, step.q) < 1e-5
         assert step.limiting == ()
+
+
+def test_a_tick_is_one_call_of_the_kernels(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Within limits, near obstacles that stand as well."""
+    calls, run = 0, Call.__call__
+
+    def counted(self: Call[Any]) -> int:
+        nonlocal calls
+        calls += 1
+        return run(self)
+
+    monkeypatch.setattr(Call, "__call__", counted)
+    for scene in (None, Scene([Sphere("ball", 0.05, [0.6, 0.0, 0.9])])):
+        tracker, poses = Tracker(robot, dt=DT, scene=scene), line(robot)
+        calls = 0
+        for number, pose in enumerate(poses, 1):
+            tracker.step(pose)
+            assert calls == number
 
 
 def test_a_circle_is_followed(robot: Robot) -> None:
