@@ -26,6 +26,7 @@ from jacokin.kernels.six_joints.candidates import (
     UNSETTLED,
     Candidates,
     add_candidate,
+    add_candidates,
     pair_of,
     skips,
     slack_after,
@@ -97,6 +98,7 @@ def branches_of_planar_arm(
             count += 4
         else:
             state[UNSETTLED] = 1
+    add_candidates(query, work, branches)
     # Where two lead to one branch, another may be near one of them.
     return bool(state[UNSETTLED] == 0 and branches.filled[0] == count)
 
