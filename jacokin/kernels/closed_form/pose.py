@@ -201,6 +201,7 @@ def collect_at_root(k: ArmConstants, pose: Pose, work: Work, i: int) -> bool:
     starts, lanes, q, n = work.starts, work.branches.lanes, work.branches.newton.q, work.branches.lanes.filled[0]
     starts.filled[0] = 0
     starts_at_q6(k, pose, work.roots.roots[i, 0], 0.0, starts, work.inner)
+    note_full(work.branches, starts.filled[0], MAX_STARTS)
     if starts.filled[0] == 0:
         return False
     q1, q5, q6, _ = refine(k, pose, starts.rows[0, 0], starts.rows[0, 1], starts.rows[0, 2], 0.0)
