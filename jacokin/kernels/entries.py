@@ -21,6 +21,7 @@ from jacokin.kernels.configurations.kinematics import make_frame_work, place_fra
 from jacokin.kernels.contact.cloud_tree import build_cloud, make_cloud_tree
 from jacokin.kernels.contact.near_points import find_near_points, make_near_work
 from jacokin.kernels.contact.run import make_contact_work, run_contact
+from jacokin.kernels.course_times import fit_course_times, make_course_work
 from jacokin.kernels.free_motion.run import make_motion_work, run_free_motion
 from jacokin.kernels.rest_to_rest import fit_rest_to_rest, make_rest_work
 from jacokin.kernels.rung_links import link_rungs, make_link_work
@@ -49,6 +50,7 @@ ENTRIES = (
     Entry(solve_clear_targets, make_clear_work),
     Entry(link_rungs, make_link_work),
     Entry(fit_speeds, make_speed_work),
+    Entry(fit_course_times, make_course_work),
     Entry(fit_rest_to_rest, make_rest_work),
     Entry(find_closest, make_closest_work),
     Entry(run_tick, make_run_work),

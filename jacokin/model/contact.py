@@ -221,6 +221,17 @@ class Contact:
         a, b = call.work.named[0].tolist()
         return self.ordered(a, b, by_kind=True)
 
+    def are_in_the_way(self, starts: Array, ends: Array, extra: float = 0.0) -> NDArray[np.bool_]:
+        """Whether any shapes touch on each straight motion between configurations (n, dof) [rad], as `in_the_way`."""
+        call, found = self._call(), np.zeros(len(starts), dtype=np.bool_)
+        at_once, both = ROWS_AT_ONCE // 2, np.concatenate([starts, ends], axis=1)
+        for first in range(0, len(both), at_once):
+            some = both[first : first + at_once]
+            call.work.q[: some.size] = some.ravel()
+            self._run(call, CLEAR_MOTION, len(some), margin=self._clearance + extra, slack=REFUSED_WITHIN)
+            found[first : first + len(some)] = call.work.value[: len(some), 0]
+        return found
+
     def _measure(self, task: int, rows: Array, self_collision: bool) -> list[NearestPair]:
         """Run a task of measuring on rows of configurations."""
         each = 1 if task == LEAST_DISTANCE else 2

@@ -10,21 +10,21 @@ A place s counts time at full speed [s]: no joint can be at s + ds sooner than d
 
 from __future__ import annotations
 
-import math
+import threading
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from jacokin.arrays import Array
+from jacokin.kernels.course_times import CourseWork, fit_course_times, make_course_work
 from jacokin.kernels.free_motion.corners import STRAIGHT
-from jacokin.motion.timing import fit_course
+from jacokin.kernels.library import Call
 
-GRID = 0.02  # [s] between places, at least
-ON_CURVE = 12  # pieces of a parabola
-ON_LINE = 24  # pieces of a line at most
 USED = 1.0 - 1e-9  # of the limits; what remains is for rounding
-STILL = 1e-12
+FIRST_ROOM, ROOM_KEPT = 32, 1000  # lines and parabolas, for which a thread keeps the memory
+
+_local = threading.local()  # the kernel with work arrays of each thread
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,12 +103,14 @@ class TimedCourse:
         s: (n,) places, all ends of lines and parabolas among them.
         t: (n,) times [s].
         speed: (n,) ds/dt there.
+        piece: (n,) the line or parabola that begins there, or goes on.
     """
 
     course: BlendedCourse
     s: Array
     t: Array
     speed: Array
+    piece: NDArray[np.int64]
 
     @property
     def duration(self) -> float:
@@ -117,16 +119,30 @@ class TimedCourse:
 
     def at(self, t: Array) -> tuple[Array, Array, Array]:
         """Configurations (m, dof) [rad], velocities [rad/s] and accelerations [rad/s^2] at times (m,) [s]."""
-        i = np.clip(np.searchsorted(self.t, t, side="right") - 1, 0, len(self.t) - 2)
-        gone, whole = t - self.t[i], self.t[i + 1] - self.t[i]
-        pull = (self.speed[i + 1] - self.speed[i]) / whole
-        place = np.clip(self.s[i] + gone * (self.speed[i] + 0.5 * gone * pull), self.s[i], self.s[i + 1])
+        i, gone, pull, on, piece = self._places(t)
         speed = np.clip(self.speed[i] + gone * pull, 0.0, None)[:, None]
-        piece = np.clip(np.searchsorted(self.course.s, 0.5 * (self.s[i] + self.s[i + 1]), side="right") - 1, 0, None)
-        on = (place - self.course.s[piece])[:, None]
-        start, slope, bend = self.course.q[piece], self.course.slope[piece], self.course.bend[piece]
+        slope, bend = self.course.slope[piece], self.course.bend[piece]
         here = slope + on * bend
-        return start + on * (slope + 0.5 * on * bend), here * speed, here * pull[:, None] + bend * speed**2
+        q = self.course.q[piece] + on * (slope + 0.5 * on * bend)
+        return q, here * speed, here * pull[:, None] + bend * speed**2
+
+    def q_at(self, t: Array) -> Array:
+        """Configurations (m, dof) [rad] at times (m,) [s]."""
+        _, _, _, on, piece = self._places(t)
+        course = self.course
+        return np.asarray(course.q[piece] + on * (course.slope[piece] + 0.5 * on * course.bend[piece]))
+
+    def _places(self, t: Array) -> tuple[NDArray[np.intp], Array, Array, Array, NDArray[np.int64]]:
+        """At times (m,) [s]: the interval of the grid, the time since its beginning, the acceleration of the place.
+
+        And how far it is (m, 1) on its line or parabola, and which that is.
+        """
+        i = np.clip(np.searchsorted(self.t, t, side="right") - 1, 0, len(self.t) - 2)
+        gone = t - self.t[i]
+        pull = (np.diff(self.speed) / np.diff(self.t))[i]
+        place = np.clip(self.s[i] + gone * (self.speed[i] + 0.5 * gone * pull), self.s[i], self.s[i + 1])
+        piece = self.piece[i]
+        return i, gone, pull, (place - self.course.s[piece])[:, None], piece
 
 
 def fit_time(
@@ -141,48 +157,23 @@ def fit_time(
         acceleration: (dof,) limits [rad/s^2].
         end: ds/dt at the end, 0 for rest; it is less there where so much cannot be reached.
     """
-    if len(course.q) == 1 and end == 0.0:
-        return _fit_line(course, velocity, acceleration)
-    s, piece = _grid(course, stops, velocity, acceleration)
-    on = np.stack([s[:-1] - course.s[piece], s[1:] - course.s[piece]])[:, :, None]
-    slope = course.slope[piece] + on * course.bend[piece]
-    top = np.where((np.abs(s[:, None] - stops) <= STILL).any(axis=1), 0.0, np.inf)
-    found = fit_course(s, slope, USED * velocity, USED * acceleration, top, end)
-    return TimedCourse(course, s, found.t, found.speed)
-
-
-def _fit_line(course: BlendedCourse, velocity: Array, acceleration: Array) -> TimedCourse:
-    """The least time along one line: as fast as possible up to full speed or half way, and down again."""
-    length, size = float(course.s[-1]), np.maximum(np.abs(course.slope[0]), STILL)
-    full, gain = USED * float((velocity / size).min()), USED * float((acceleration / size).min())
-    run = min(0.5 * full * full / gain, 0.5 * length)
-    top = float(np.sqrt(2.0 * gain * run))
-    half = 2.0 * run / top
-    if 2.0 * run == length:
-        return TimedCourse(
-            course, np.array([0.0, run, length]), np.array([0.0, half, 2.0 * half]), np.array([0.0, top, 0.0])
-        )
-    rest = (length - 2.0 * run) / top
-    s, t = [0.0, run, length - run, length], [0.0, half, half + rest, half + rest + half]
-    return TimedCourse(course, np.array(s), np.array(t), np.array([0.0, top, top, 0.0]))
-
-
-def _grid(course: BlendedCourse, stops: Array, velocity: Array, acceleration: Array) -> tuple[Array, np.ndarray]:
-    """Places (n,), and the line or parabola (n - 1,) that lies between each two."""
-    size = np.maximum(np.abs(course.slope), STILL)
-    runs = 0.5 * (velocity / size).min(axis=1) ** 2 / (acceleration / size).min(axis=1)  # from rest to full speed
-    curves = np.asarray(course.bend.any(axis=1))
-    still, ends = stops.tolist(), course.s.tolist()
-    places: list[float] = []
-    pieces: list[int] = []
-    for piece, (curved, run) in enumerate(zip(curves.tolist(), runs.tolist(), strict=True)):
-        low, high = ends[piece], ends[piece + 1]
-        count = min(max(math.ceil((high - low) / GRID), 2), ON_CURVE if curved else ON_LINE)
-        inner = [low + (high - low) * k / count for k in range(count)]
-        if not curved:  # where full speed is reached from rest, or left
-            marks = [end + way for end, way in ((low, run), (high, -run)) if any(abs(s - end) <= STILL for s in still)]
-            inner = sorted({*inner, *(mark for mark in (*marks, 0.5 * (low + high)) if low < mark < high)})
-            inner = [low, *(there for here, there in pairwise(inner) if there - here > 1e-9)]
-        places += inner
-        pieces += [piece] * len(inner)
-    return np.array([*places, ends[-1]]), np.array(pieces, dtype=np.intp)
+    pieces, dof = course.slope.shape
+    call: Call[CourseWork] | None = getattr(_local, "call", None)
+    if (
+        call is None
+        or len(call.work.velocity) != dof
+        or len(call.work.ends) <= pieces
+        or len(call.work.stops) < len(stops)
+    ):
+        room = max(2 * pieces, FIRST_ROOM)
+        call = Call(fit_course_times, make_course_work(room, dof, room + 1))
+        if room <= ROOM_KEPT:
+            _local.call = call
+    work = call.work
+    work.counts[:] = pieces, dof, len(stops)
+    work.ends[: pieces + 1], work.stops[: len(stops)] = course.s, stops
+    work.slope[: pieces * dof], work.bend[: pieces * dof] = course.slope.ravel(), course.bend.ravel()
+    work.velocity[:], work.acceleration[:], work.end[0] = USED * velocity, USED * acceleration, end
+    count = call()
+    s, t, speed = (each[:count].copy() for each in (work.s, work.t, work.speed))
+    return TimedCourse(course, s, t, speed, work.piece[:count].copy())

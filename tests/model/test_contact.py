@@ -189,11 +189,13 @@ def test_motions_are_certified_as_dense_sampling_finds_them(
 ) -> None:
     robot = bundled(name)
     contact = Contact(robot, Surroundings(tuple(random_obstacles(0))))
-    blocked = 0
-    for ends in motions(robot, contact, rng, 60):
+    blocked, all_ends = 0, np.array(list(motions(robot, contact, rng, 60)))
+    together = contact.are_in_the_way(all_ends[:, 0], all_ends[:, 1]).tolist()
+    for ends, at_once in zip(all_ends, together, strict=True):
         share = np.linspace(0.0, 1.0, 2000)[:, np.newaxis]
         sampled = contact.distances(ends[0] + share * (ends[1] - ends[0]), self_collision=True)
         pair = contact.in_the_way(*ends)
+        assert at_once == (pair is not None)
         assert pair is None or sampled.min() < 5e-3
         assert pair is not None or sampled.min() > 0.0
         (least,) = contact.nearest_between(ends, self_collision=True)

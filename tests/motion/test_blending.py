@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from jacokin.motion.blending import TimedCourse, fit_time, round_corners
+from jacokin.motion.timing import fit_course
 
 VELOCITY = np.array([0.63, 0.63, 0.63, 0.84, 0.84, 0.84])  # [rad/s]
 ACCELERATION = np.array([1.0, 2.0, 0.5, 1.0, 3.0, 1.0])  # [rad/s^2]
@@ -67,3 +68,19 @@ def test_one_line_takes_the_known_time() -> None:
     pull = (ACCELERATION[used] / np.abs(step[used])).min()
     expected = 1.0 / speed + speed / pull if speed**2 < pull else 2.0 / np.sqrt(pull)
     assert found.duration == pytest.approx(expected, rel=1e-6)
+
+
+def test_times_are_those_of_a_course_of_places(rng: np.random.Generator) -> None:
+    """On the same places, `fit_course`, which knows nothing of lines and parabolas, finds the same speeds."""
+    for corners in (1, 3, 7):
+        way = np.cumsum(rng.normal(size=(corners + 2, 6)) * rng.choice([0.05, 0.3, 1.0]), axis=0)
+        cuts = cuts_of(way) * rng.choice([0.0, 0.3, 1.0], size=corners + 2)
+        course, stops = round_corners(way, VELOCITY, cuts)
+        found = fit_time(course, stops, VELOCITY, ACCELERATION)
+        on, piece = found.s - course.s[found.piece], found.piece[:-1]
+        assert (on >= 0.0).all()
+        ends = np.stack([on[:-1], found.s[1:] - course.s[piece]])[:, :, None]
+        top = np.where((np.abs(found.s[:, None] - stops) <= 1e-12).any(axis=1), 0.0, np.inf)
+        slope = course.slope[piece] + ends * course.bend[piece]
+        by_places = fit_course(found.s, slope, VELOCITY, ACCELERATION, top)
+        np.testing.assert_allclose(found.t, by_places.t, rtol=1e-6, atol=1e-9)

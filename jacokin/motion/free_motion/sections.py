@@ -86,7 +86,7 @@ class Section(NamedTuple):
 
     def _average(self, dt: float, slower: float, jerk: Array | None) -> tuple[Rows, int]:
         """The course in rows that are averaged over ticks, and over how many."""
-        rows, ticks = averaged_rows(lambda t: self.timed.at(t / slower)[0], slower * self.timed.duration, dt, jerk)
+        rows, ticks = averaged_rows(lambda t: self.timed.q_at(t / slower), slower * self.timed.duration, dt, jerk)
         rows.q[0], rows.q[-1] = self.way[0], self.way[-1]  # but for rounding
         return rows, ticks
 
