@@ -126,21 +126,19 @@ def _limits() -> list[str]:
     ]
     shown: dict[str, str] = {}
     for name in NAMES:
-        rows = []
+        joints: dict[tuple[str, ...], list[str]] = {}
         for joint, numbers in bundled.arm_joints(name).items():
             sheet = bundled.actuator(numbers["group"])
             peak = max(sheet["force_range"]) if sheet else ""
-            rows.append(
-                (
-                    joint,
-                    _degrees(numbers, "lower"),
-                    _degrees(numbers, "upper"),
-                    _velocity(numbers),
-                    value(numbers["effort"]),
-                    value(peak),
-                    numbers_in(sheet, "back_drive"),
-                )
+            row = (
+                _degrees(numbers, "lower"),
+                _degrees(numbers, "upper"),
+                _velocity(numbers),
+                value(numbers["effort"]),
+                value(peak),
+                numbers_in(sheet, "back_drive"),
             )
+            joints.setdefault(row, []).append(joint)
         text = grid(
             (
                 "joint",
@@ -151,7 +149,7 @@ def _limits() -> list[str]:
                 "peak torque, datasheet [N m]",
                 "back-driving [N m]",
             ),
-            rows,
+            ((", ".join(names), *row) for row, names in joints.items()),
         )
         shown[text] = f"{shown[text]}, `{name}`" if text in shown else f"`{name}`"
     for text, names in shown.items():
@@ -351,18 +349,24 @@ def _masses(numbers: Row) -> list[str]:
         "Centre of mass in the frame of the body; inertia about it, in the axes of the body. A body that is not "
         "listed has no mass. `link_finger` and `link_finger_tip` stand for each of them.",
     ]
+    shown: dict[tuple[str, ...], str] = {}
     for name in NAMES:
         masses = bundled.section(numbers["masses"], name)
         bodies = {key: bundled.section(masses, key) for key in masses if isinstance(masses[key], dict)}
         fingers = len(bundled.hand(name).get("fingers", ()))
         total = math.fsum(row["mass"] * (fingers if "finger" in key else 1) for key, row in bodies.items())
-        rows = ((key, value(row["mass"]), value(row["com"]), value(row["inertia"])) for key, row in bodies.items())
+        rows = [(key, value(row["mass"]), value(row["com"]), value(row["inertia"])) for key, row in bodies.items()]
+        alike: dict[str, list[str]] = {}
+        for row in rows:
+            alike.setdefault(shown.setdefault(row, name), []).append(row[0])
+        own = [row for row in rows if shown[row] == name]
         doubts = " ".join(f"Doubt: {doubt}." for doubt in sorted({r["doubt"] for r in bodies.values() if "doubt" in r}))
-        parts += [
-            f"### {name}: {total:.4f} kg",
-            grid(("body", "mass [kg]", "centre of mass [m]", "ixx, iyy, izz, ixy, ixz, iyz [kg m²]"), rows),
-            f"{origin(masses)} {doubts}".strip(),
-        ]
+        parts.append(f"### {name}: {total:.4f} kg")
+        if own:
+            parts.append(grid(("body", "mass [kg]", "centre of mass [m]", "ixx, iyy, izz, ixy, ixz, iyz [kg m²]"), own))
+        others = [f"{', '.join(keys)} as the `{other}`" for other, keys in alike.items() if other != name]
+        parts += [f"{'; '.join(others)}."] if others else []
+        parts.append(f"{origin(masses)} {doubts}".strip())
     return parts
 
 
