@@ -163,28 +163,37 @@ def _chains(numbers: Row) -> list[str]:
         "Every joint turns about +z of its own frame. The acceleration is `robot.acceleration_limit`; where there is "
         "none here, it is that of the actuator.",
     ]
+    shown: dict[tuple[str, ...], str] = {}
     for arm in numbers["arms"]:
         rows = bundled.section(numbers["arms"], arm)
-        joints = [(key, row) for key, row in rows.items() if key.startswith("joint_")]
+        joints = [
+            (
+                key,
+                row["type"],
+                f"{row['parent']} → {row['child']}",
+                value(row["xyz"]),
+                rotation(row),
+                numbers_in(row, "acceleration"),
+            )
+            for key, row in rows.items()
+            if key.startswith("joint_")
+        ]
+        own = [row for row in joints if shown.setdefault(row, arm) == arm]
         parts += [
             f"### {arm}",
-            grid(
-                ("joint", "type", "parent → child", "xyz [m]", "rpy [rad]", "acceleration [rad/s²]"),
-                (
-                    (
-                        key,
-                        row["type"],
-                        f"{row['parent']} → {row['child']}",
-                        value(row["xyz"]),
-                        rotation(row),
-                        numbers_in(row, "acceleration"),
-                    )
-                    for key, row in joints
-                ),
-            ),
-            origin(rows),
+            grid(("joint", "type", "parent → child", "xyz [m]", "rpy [rad]", "acceleration [rad/s²]"), own),
+            " ".join([*_alike(joints, shown, arm), origin(rows)]),
         ]
     return parts
+
+
+def _alike(rows: Iterable[tuple[str, ...]], shown: Mapping[tuple[str, ...], str], name: str) -> list[str]:
+    """A sentence on the rows that are another's, of which `shown` has the names; nothing where there are none."""
+    alike: dict[str, list[str]] = {}
+    for row in rows:
+        alike.setdefault(shown[row], []).append(row[0])
+    others = [f"{', '.join(keys)} as of `{other}`" for other, keys in alike.items() if other != name]
+    return [f"Also {'; '.join(others)}."] if others else []
 
 
 def _frames(numbers: Row) -> list[str]:
@@ -259,11 +268,10 @@ def _grip() -> list[str]:
                 ("two fingers, here", 1.0, 12.2, 12.2, "", 24.3),
             ),
         ),
-        "Fingers 1 and 3 oppose each other: 1 N m at a lever of about 83 mm is 12 N. Finger 2 closes to its limit"
-        " beside the ball and only touches it. D's fingers are convex hulls of meshes, which touch the ball at "
-        "one point each: with friction it creeps 7 mm sideways until finger 2 wedges it (5.8 s until rest; 1.1 s "
-        "here), and friction of up to 9 N along the fingers carries the rest. The boxes of this project touch it "
-        "at two points of each finger, and it stays where it is. With a friction of 0.1 the two agree to 7 %.",
+        "Fingers 1 and 3 oppose each other: 1 N m at a lever of about 83 mm is 12 N. Finger 2 closes to its limit beside "
+        "the ball. D's fingers are convex hulls of meshes, which touch the ball at one point each: with friction it creeps "
+        "7 mm sideways until finger 2 wedges it. The boxes of this project touch it at two points of each finger, and it "
+        "stays where it is.",
     ]
 
 
@@ -356,17 +364,12 @@ def _masses(numbers: Row) -> list[str]:
         fingers = len(bundled.hand(name).get("fingers", ()))
         total = math.fsum(row["mass"] * (fingers if "finger" in key else 1) for key, row in bodies.items())
         rows = [(key, value(row["mass"]), value(row["com"]), value(row["inertia"])) for key, row in bodies.items()]
-        alike: dict[str, list[str]] = {}
-        for row in rows:
-            alike.setdefault(shown.setdefault(row, name), []).append(row[0])
-        own = [row for row in rows if shown[row] == name]
+        own = [row for row in rows if shown.setdefault(row, name) == name]
         doubts = " ".join(f"Doubt: {doubt}." for doubt in sorted({r["doubt"] for r in bodies.values() if "doubt" in r}))
         parts.append(f"### {name}: {total:.4f} kg")
         if own:
             parts.append(grid(("body", "mass [kg]", "centre of mass [m]", "ixx, iyy, izz, ixy, ixz, iyz [kg m²]"), own))
-        others = [f"{', '.join(keys)} as the `{other}`" for other, keys in alike.items() if other != name]
-        parts += [f"{'; '.join(others)}."] if others else []
-        parts.append(f"{origin(masses)} {doubts}".strip())
+        parts.append(" ".join([*_alike(rows, shown, name), origin(masses), doubts]).strip())
     return parts
 
 
