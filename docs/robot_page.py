@@ -269,8 +269,8 @@ def _grip() -> list[str]:
             ),
         ),
         "Fingers 1 and 3 oppose each other: 1 N m at a lever of about 83 mm is 12 N. Finger 2 closes to its limit "
-        "beside the ball. D's fingers are convex hulls of meshes, which touch the ball at one point each: with friction "
-        "it creeps 7 mm sideways until finger 2 wedges it. The boxes of this project touch it at two points of each "
+        "beside the ball. D's fingers are convex hulls of meshes, which touch the ball at one point each; with friction"
+        " it creeps 7 mm sideways until finger 2 wedges it. The boxes of this project touch it at two points of each "
         "finger, and it stays where it is.",
     ]
 
