@@ -1,7 +1,7 @@
 """Every URDF and MJCF below a folder: does it load, is its kinematics right, are its own poses found?
 
 `python -m benchmarks.corpus FOLDER` prints a row for each file that loads, the sentences of those that do not, how many
-there are of each, and the table of docs/corpus.md, a line for each folder in FOLDER. Forward kinematics of the default
+there are of each, and a table with a line for each folder in FOLDER. Forward kinematics of the default
 frame is compared with MuJoCo's on the description as jacokin read it, and with yourdfpy's, which reads the file itself.
 Meshes are looked for by the solver that avoids contact, whose time says what they cost. Nothing is written.
 """

@@ -24,7 +24,7 @@ JOBS = 5000
 RECIPE = b"x" * 2000  # as large as the recipe of a job
 IDLE = 10.0  # [s] of nothing but heartbeats
 AT_ONCE = 50  # workers that start together
-WORKER = 0.081  # [s] of a worker for a chunk, see docs/reachability.md
+WORKER = 0.081  # [s] of a worker for a chunk, as docs/performance.md has it
 QUIET = {  # of the simulated workers: what looks at the machine they share would be done a thousand times
     "distributed.worker.profile.enabled": False,
     "distributed.admin.system-monitor.interval": "600s",

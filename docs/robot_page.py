@@ -126,21 +126,19 @@ def _limits() -> list[str]:
     ]
     shown: dict[str, str] = {}
     for name in NAMES:
-        rows = []
+        joints: dict[tuple[str, ...], list[str]] = {}
         for joint, numbers in bundled.arm_joints(name).items():
             sheet = bundled.actuator(numbers["group"])
             peak = max(sheet["force_range"]) if sheet else ""
-            rows.append(
-                (
-                    joint,
-                    _degrees(numbers, "lower"),
-                    _degrees(numbers, "upper"),
-                    _velocity(numbers),
-                    value(numbers["effort"]),
-                    value(peak),
-                    numbers_in(sheet, "back_drive"),
-                )
+            row = (
+                _degrees(numbers, "lower"),
+                _degrees(numbers, "upper"),
+                _velocity(numbers),
+                value(numbers["effort"]),
+                value(peak),
+                numbers_in(sheet, "back_drive"),
             )
+            joints.setdefault(row, []).append(joint)
         text = grid(
             (
                 "joint",
@@ -151,7 +149,7 @@ def _limits() -> list[str]:
                 "peak torque, datasheet [N m]",
                 "back-driving [N m]",
             ),
-            rows,
+            ((", ".join(names), *row) for row, names in joints.items()),
         )
         shown[text] = f"{shown[text]}, `{name}`" if text in shown else f"`{name}`"
     for text, names in shown.items():
@@ -165,28 +163,37 @@ def _chains(numbers: Row) -> list[str]:
         "Every joint turns about +z of its own frame. The acceleration is `robot.acceleration_limit`; where there is "
         "none here, it is that of the actuator.",
     ]
+    shown: dict[tuple[str, ...], str] = {}
     for arm in numbers["arms"]:
         rows = bundled.section(numbers["arms"], arm)
-        joints = [(key, row) for key, row in rows.items() if key.startswith("joint_")]
+        joints = [
+            (
+                key,
+                row["type"],
+                f"{row['parent']} → {row['child']}",
+                value(row["xyz"]),
+                rotation(row),
+                numbers_in(row, "acceleration"),
+            )
+            for key, row in rows.items()
+            if key.startswith("joint_")
+        ]
+        own = [row for row in joints if shown.setdefault(row, arm) == arm]
         parts += [
             f"### {arm}",
-            grid(
-                ("joint", "type", "parent → child", "xyz [m]", "rpy [rad]", "acceleration [rad/s²]"),
-                (
-                    (
-                        key,
-                        row["type"],
-                        f"{row['parent']} → {row['child']}",
-                        value(row["xyz"]),
-                        rotation(row),
-                        numbers_in(row, "acceleration"),
-                    )
-                    for key, row in joints
-                ),
-            ),
-            origin(rows),
+            grid(("joint", "type", "parent → child", "xyz [m]", "rpy [rad]", "acceleration [rad/s²]"), own),
+            " ".join([*_alike(joints, shown, arm), origin(rows)]),
         ]
     return parts
+
+
+def _alike(rows: Iterable[tuple[str, ...]], shown: Mapping[tuple[str, ...], str], name: str) -> list[str]:
+    """A sentence on the rows that are another's, of which `shown` has the names; nothing where there are none."""
+    alike: dict[str, list[str]] = {}
+    for row in rows:
+        alike.setdefault(shown[row], []).append(row[0])
+    others = [f"{', '.join(keys)} as of `{other}`" for other, keys in alike.items() if other != name]
+    return [f"Also {'; '.join(others)}."] if others else []
 
 
 def _frames(numbers: Row) -> list[str]:
@@ -261,11 +268,10 @@ def _grip() -> list[str]:
                 ("two fingers, here", 1.0, 12.2, 12.2, "", 24.3),
             ),
         ),
-        "Fingers 1 and 3 oppose each other: 1 N m at a lever of about 83 mm is 12 N. Finger 2 closes to its limit"
-        " beside the ball and only touches it. D's fingers are convex hulls of meshes, which touch the ball at "
-        "one point each: with friction it creeps 7 mm sideways until finger 2 wedges it (5.8 s until rest; 1.1 s "
-        "here), and friction of up to 9 N along the fingers carries the rest. The boxes of this project touch it "
-        "at two points of each finger, and it stays where it is. With a friction of 0.1 the two agree to 7 %.",
+        "Fingers 1 and 3 oppose each other: 1 N m at a lever of about 83 mm is 12 N. Finger 2 closes to its limit "
+        "beside the ball. D's fingers are convex hulls of meshes, which touch the ball at one point each; with friction"
+        " it creeps 7 mm sideways until finger 2 wedges it. The boxes of this project touch it at two points of each "
+        "finger, and it stays where it is.",
     ]
 
 
@@ -351,18 +357,19 @@ def _masses(numbers: Row) -> list[str]:
         "Centre of mass in the frame of the body; inertia about it, in the axes of the body. A body that is not "
         "listed has no mass. `link_finger` and `link_finger_tip` stand for each of them.",
     ]
+    shown: dict[tuple[str, ...], str] = {}
     for name in NAMES:
         masses = bundled.section(numbers["masses"], name)
         bodies = {key: bundled.section(masses, key) for key in masses if isinstance(masses[key], dict)}
         fingers = len(bundled.hand(name).get("fingers", ()))
         total = math.fsum(row["mass"] * (fingers if "finger" in key else 1) for key, row in bodies.items())
-        rows = ((key, value(row["mass"]), value(row["com"]), value(row["inertia"])) for key, row in bodies.items())
+        rows = [(key, value(row["mass"]), value(row["com"]), value(row["inertia"])) for key, row in bodies.items()]
+        own = [row for row in rows if shown.setdefault(row, name) == name]
         doubts = " ".join(f"Doubt: {doubt}." for doubt in sorted({r["doubt"] for r in bodies.values() if "doubt" in r}))
-        parts += [
-            f"### {name}: {total:.4f} kg",
-            grid(("body", "mass [kg]", "centre of mass [m]", "ixx, iyy, izz, ixy, ixz, iyz [kg m²]"), rows),
-            f"{origin(masses)} {doubts}".strip(),
-        ]
+        parts.append(f"### {name}: {total:.4f} kg")
+        if own:
+            parts.append(grid(("body", "mass [kg]", "centre of mass [m]", "ixx, iyy, izz, ixy, ixz, iyz [kg m²]"), own))
+        parts.append(" ".join([*_alike(rows, shown, name), origin(masses), doubts]).strip())
     return parts
 
 

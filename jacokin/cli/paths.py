@@ -139,7 +139,7 @@ class PathOptions:
     )
     velocity_limit: list[float] | None = options.velocity_limit()
     acceleration_limit: list[float] | None = options.acceleration_limit(
-        help="Of the joints [rad/s^2]; none if not given. `plan` needs --timing slow with it."
+        help="Of the joints [rad/s^2]; for `track` the robot's own if not given. `plan` needs --timing slow with it."
     )
     seed: list[float] | None = options.seed()
     start: list[float] | None = option(

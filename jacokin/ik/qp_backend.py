@@ -3,7 +3,7 @@
 Its two users build their problems differently. `ik.qp` leaves that to mink on MuJoCo: most of a step is the solver
 and the kinematics, so that nothing would be gained by writing it again. The tracker builds its own on Pinocchio: a tick
 is one step, which so costs less than mink's, with accelerations and distances that mink's limits do not have.
-``docs/tracking.md`` has the figures.
+``docs/performance.md`` has the figures.
 """
 
 from __future__ import annotations
