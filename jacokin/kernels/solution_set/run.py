@@ -111,7 +111,7 @@ def solve_set(work: SetWork) -> int:
         How many things went wrong, so that parts may be missing; 0 for none.
     """
     wrong = find_curves(work, math.isnan(work.near.seed[0]))
-    if not math.isnan(work.near.seed[0]) and (wrong > 0 or work.pieces.size[1] == 0):
+    if work.pieces.size[1] == 0 and not math.isnan(work.near.seed[0]):
         wrong = find_curves(work, True)
     return wrong
 
