@@ -36,6 +36,7 @@ from jacokin.kernels.closed_form.batch import (
     BRANCHES,
     BRANCHES_WITHIN_LIMITS,
     LARGEST_MARGIN,
+    NOT_RIGID,
     TargetWork,
     make_target_work,
     solve_targets,
@@ -44,6 +45,7 @@ from jacokin.kernels.contact.run import ContactWork
 from jacokin.kernels.library import Call
 from jacokin.kernels.tolerances import EXACT_MISFIT
 from jacokin.model import checks
+from jacokin.model.poses import checked_matrix
 
 
 class BestBranches(BranchTable):
@@ -138,9 +140,12 @@ class ClosedForm:
         """Every branch, nearest to the seed first.
 
         Args:
-            T: (4, 4) target T_base_tool: a rigid transformation, C-contiguous.
+            T: (4, 4) target T_base_tool.
             seed: (6,) [rad].
             verifier: knows the arm and what touches, for what may be asked of the points; None for neither.
+
+        Raises:
+            InvalidInputError: the target is not finite, or not rigid.
         """
         try:
             call = self._calls.pop()
@@ -149,6 +154,9 @@ class ClosedForm:
         run, target, start, rows = call
         target[:], start[:] = T, seed
         count = run()
+        if count == NOT_RIGID:  # but for rounding; the kernel looks at it in a twentieth of the time
+            target[:] = checked_matrix("target", np.array(T))
+            count = run()
         # A copy: the call's own rows are overwritten by its next run.
         found = Points(rows[: count if count >= 0 else ~count].copy(), count < 0, seed, verifier)
         self._calls.append(call)

@@ -172,15 +172,11 @@ def rotation_between(axis: Array, direction: Array) -> Array:
 
 
 def pose_matrix(target: Target) -> Array | None:
-    """The matrix (4, 4), checked, of a target that is nothing but a pose: what most calls bring; None for others.
-
-    Raises:
-        InvalidInputError: it is not finite, or not rigid.
-    """
+    """The matrix (4, 4), unchecked, of a target that is nothing but a pose: what most calls bring; None for others."""
     if isinstance(target, pin.SE3):
-        return poses.checked_matrix("target", target.homogeneous)
-    if type(target) is np.ndarray and target.dtype is checks.FLOAT64 and target.shape == (4, 4):  # no other check
-        return poses.checked_matrix("target", target.copy())
+        return np.asarray(target.homogeneous)
+    if type(target) is np.ndarray and target.dtype is checks.FLOAT64 and target.shape == (4, 4):
+        return target
     return None
 
 
@@ -192,7 +188,7 @@ def interpret(target: Target, frame: str) -> TargetPose:
     """
     matrix = pose_matrix(target)
     if matrix is not None:
-        return TargetPose(matrix)
+        return TargetPose(poses.checked_matrix("target", matrix.copy() if matrix is target else matrix))
     if isinstance(target, FreeAxis):
         return _turning(target)
     if isinstance(target, PartialTarget):

@@ -22,6 +22,9 @@ EXACT_MISFIT = 1e-12
 #: [m]; slack of the test whether A is within reach of O: far above rounding, and a candidate too many costs nothing.
 REACH_SLACK = 1e-6
 
+#: Axes of a target are off unit length and right angles by no more: rounding, twice what `model.poses` leaves as it is.
+RIGID = 2e-14
+
 # The roots of F (resultant, roots)
 
 #: Rounding noise of F relative to the size of its terms: at most 11 units in the last place were measured against 50

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -17,9 +18,14 @@ from jacokin.kernels.branches import (
     add_beside_seed,
     sort_rows,
 )
+from jacokin.kernels.chain import columns_of
 from jacokin.kernels.closed_form.arm import ARM_CONSTANTS, unpack_arm
 from jacokin.kernels.closed_form.pose import Work, make_work, solve_pose
+from jacokin.kernels.tolerances import RIGID
+from jacokin.kernels.vector import cross, dot
 
+#: What `solve_targets` returns for a target that it does not take.
+NOT_RIGID = -(2**62)
 #: Columns of a batch result: 0:17 the chosen branch, then these.
 BRANCHES, BRANCHES_WITHIN_LIMITS, LARGEST_MARGIN, BATCH_COLUMNS = 17, 18, 19, 20
 
@@ -57,9 +63,11 @@ def solve_targets(work: TargetWork) -> int:
 
     Returns:
         How many rows were filled for the last target; its complement, ~count, if branches may be missing: a table was
-        full, or doubt remains.
+        full, or doubt remains. `NOT_RIGID`, and nothing solved, where all branches of no rigid target were asked for.
     """
     k, branches, best = unpack_arm(work.arm), work.pose.branches, work.best
+    if best.shape[0] == 0 and not is_rigid(work.T[0]):
+        return NOT_RIGID
     for i in range(work.T.shape[0]):
         query = PoseQuery(work.chain, work.limits, work.T[i], work.seed[i])
         solve_pose(work.arm, k, query, work.pose)
@@ -70,6 +78,17 @@ def solve_targets(work: TargetWork) -> int:
         sort_rows(branches)
     count = int(branches.filled[0])
     return ~count if branches.filled[1] > 0 else count
+
+
+def is_rigid(T: Array) -> bool:
+    """Whether a target is finite, its axes right-handed, of unit length and at right angles, and its last row exact."""
+    x, y, z, p = columns_of(T)
+    misfit = max(abs(dot(x, x) - 1.0), abs(dot(y, y) - 1.0), abs(dot(z, z) - 1.0))
+    misfit = max(misfit, abs(dot(x, y)), abs(dot(x, z)), abs(dot(y, z)))
+    is_exact = T[3, 0] == 0.0 and T[3, 1] == 0.0 and T[3, 2] == 0.0 and T[3, 3] == 1.0
+    # NaN is never smaller; the largest of numbers may hide it.
+    total = p[0] + p[1] + p[2] + dot(x, x) + dot(y, y) + dot(z, z)
+    return bool(misfit <= RIGID and dot(x, cross(y, z)) > 0.0 and is_exact and math.isfinite(total))
 
 
 def choose_branch(work: BranchWork, best: Array) -> None:

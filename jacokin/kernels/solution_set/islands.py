@@ -29,7 +29,7 @@ from jacokin.kernels.six_joints.loop import LABELLINGS, SPHERICAL_WRIST, fill_li
 from jacokin.kernels.six_joints.spherical_wrist import reach_of
 from jacokin.kernels.solution_set.curve import wrapped
 from jacokin.kernels.solution_set.slices import BEFORE, SixJoints
-from jacokin.kernels.solution_set.surface import Surface, fill_F, fill_rates, fill_surface, make_surface, size_of
+from jacokin.kernels.solution_set.surface import Surface, begin_surface, fill_F, fill_rates, make_surface, size_of
 from jacokin.kernels.solution_set.trace import Loops
 from jacokin.kernels.tolerances import DISTINCT, UNCERTAIN
 
@@ -339,7 +339,7 @@ def find_islands(six: SixJoints, window: Array, work: Islands) -> None:
     k = unpack_arm(six.arm)
     step = TURN / LOOKED_AT
     work.size[0], work.size[1], work.size[2], work.size[3] = 0, 0, LOOKED_AT, 0
-    fill_surface(k, six, work.F)
+    begin_surface(k, six, window[1], work.F)
     own = unpack_arm(six.general).six.own
     work.size[4] = own if k.six.scale == 0.0 else next_labelling(k, six, own)
     spread_roots(work.z)

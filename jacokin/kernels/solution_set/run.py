@@ -110,26 +110,24 @@ def solve_set(work: SetWork) -> int:
     Returns:
         How many things went wrong, so that parts may be missing; 0 for none.
     """
-    wrong = find_curves(work)
+    wrong = find_curves(work, math.isnan(work.near.seed[0]))
     if work.pieces.size[1] == 0 and not math.isnan(work.near.seed[0]):
-        for j in range(7):
-            work.near.seed[j] = math.nan
-        wrong = find_curves(work)
+        wrong = find_curves(work, True)
     return wrong
 
 
-def find_curves(work: SetWork) -> int:
-    """As `solve_set`; with a seed only those on which the nearest configuration is, and none for want of one."""
+def find_curves(work: SetWork, whole: bool) -> int:
+    """As `solve_set`; only those on which the nearest configuration is, and none for want of one, unless all are."""
     parameter, kind, slices, loops = int(work.options[0]), int(work.options[1]), work.slices, work.loops
     slices.size[0] = 0
     for n in range(4):
         loops.size[n] = 0
     doubts = 0
-    fit_window(work)
+    fit_window(work, whole)
     if kind == NO_SLICES:
         pass
     elif kind == JOINT_3:
-        doubts += slice_between_folds(work)
+        doubts += slice_between_folds(work, whole)
         trace(work.chain, work.T, parameter, slices, loops, work.walk)
     else:
         doubts += slice_by_roots(work)
@@ -146,8 +144,8 @@ def find_curves(work: SetWork) -> int:
     return int(wrong)
 
 
-def fit_window(work: SetWork) -> None:
-    """Follow curves only where solutions may be as near to the seed as the best one at its value of the parameter.
+def fit_window(work: SetWork, whole: bool) -> None:
+    """Follow curves only where solutions may be as near to the seed as one that it leads to, or those at its parameter.
 
     All round where joint 3 is the parameter: there chords are found without following curves.
     """
@@ -160,7 +158,12 @@ def fit_window(work: SetWork) -> None:
     best[0] = math.inf
     for k in range(slices.counts[0]):
         offer_row(slices.x[0, k], limits, work.near)
-    if best[0] + BEYOND <= WIDEST:
+    for j in range(7):
+        work.walk.z[j] = seed[j]
+    if descend(work.chain, work.T, work.newton, work.walk) <= LARGEST_RESIDUAL:
+        offer_row(work.walk.z, limits, work.near)
+        add_start(slices, work.walk.z)
+    if not whole and best[0] + BEYOND <= WIDEST:
         window[1] = best[0] + BEYOND
 
 
@@ -170,31 +173,36 @@ def is_in_window(window: Array, p: float) -> bool:
 
 
 def bring_to_curve(chain: Array, T: Array, start: Array, newton: Newton, walk: Walk) -> bool:
-    """Fill walk.z with the point of a curve that a start nearby leads to; False for none.
+    """Fill walk.z with the point of a curve that a start nearby leads to; False for none."""
+    for j in range(7):
+        walk.z[j] = start[j]
+    if not linearise7(chain, T, walk.z, walk.system) <= NEARBY:  # NaN for no start
+        return False
+    missing, moved = descend(chain, T, newton, walk), 0.0
+    for j in range(7):
+        moved = max(moved, abs(walk.z[j] - start[j]))
+    return bool(moved <= FARTHEST_START and missing <= LARGEST_RESIDUAL)
+
+
+def descend(chain: Array, T: Array, newton: Newton, walk: Walk) -> float:
+    """Bring walk.z to where it reaches the target; returns what is missing [m and rad], inf where the way is lost.
 
     By the least steps that reach the target (Levenberg and Marquardt), damped in proportion to what is missing: where
     solutions meet each takes about half of that away, and elsewhere the number of digits doubles (Yamashita, 2001).
     """
     x, system, normal = walk.z, walk.system, newton.normal
-    for j in range(7):
-        x[j] = start[j]
     missing = linearise7(chain, T, x, system)
-    if not missing <= NEARBY:  # NaN for no start
-        return False
     for _ in range(STARTING_STEPS):
         if missing <= RESIDUAL:
             break
         fill_steps(system, STARTING_DAMPING * missing, normal)
         if not solve_normal(normal):
-            return False
+            return math.inf
         for j in range(7):
             for i in range(6):
                 x[j] += system[i, j] * normal[i, 6]
         missing = linearise7(chain, T, x, system)
-    moved = 0.0
-    for j in range(7):
-        moved = max(moved, abs(x[j] - start[j]))
-    return moved <= FARTHEST_START and missing <= LARGEST_RESIDUAL
+    return missing
 
 
 def fill_steps(system: Array, damping: float, normal: Array) -> None:
@@ -209,11 +217,11 @@ def fill_steps(system: Array, damping: float, normal: Array) -> None:
         normal[i, 6] = system[i, 7]
 
 
-def slice_between_folds(work: SetWork) -> int:
+def slice_between_folds(work: SetWork, whole: bool) -> int:
     """Chords near to a seed, or one slice between each two values of joint 3 at which configurations meet; doubts."""
     folds, slices, loops, near = work.seven.folds, work.slices, work.loops, work.near
     count, single = find_folds(work.chain, work.seven.arm, work.T, work.islands.roots, folds)
-    if single and not math.isnan(near.seed[0]):
+    if single and not whole:
         if add_chords(work.chain, work.T, work.pieces.limits, work.seven, count, near, loops, work.walk):
             return 0
         loops.size[0], loops.size[1] = 0, 0

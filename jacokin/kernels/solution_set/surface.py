@@ -32,6 +32,8 @@ NUMBERS = 2 * DEGREE + 3
 #: F may be much smaller at some p than at others, and is known here to its noise everywhere: less than so many times
 #: that is worth determinants at p itself.
 WELL_KNOWN = 1e8
+#: [rad] half the width of windows in which determinants take less time than the table, until F is asked for so often.
+NARROW, OFTEN = 0.4, 16
 #: [rad] of the parameter, for slopes and bends of determinants.
 ASIDE = 1e-4
 
@@ -41,7 +43,7 @@ class Surface(NamedTuple):
 
     table: Array  # (37, 19) parts of 1, cos p, sin p, cos 2 p, ... of cosine, then sine, then apart
     noise: Array  # (1,) of the values of that, the root mean square of the samples'
-    waves: NDArray[np.int64]  # (2,) waves in p, and whether the last F is from the table
+    waves: NDArray[np.int64]  # (3,) waves in p, whether the last F is from the table, and how often it was not filled
     row: Array  # (19,) the table's numbers at one p
     cosine: Array  # (9,) F at p
     sine: Array  # (9,)
@@ -56,7 +58,7 @@ def make_surface() -> Surface:
     return Surface(
         np.zeros((2 * MOST_WAVES + 1, NUMBERS)),
         np.zeros(1),
-        np.zeros(2, np.int64),
+        np.zeros(3, np.int64),
         np.zeros(NUMBERS),
         np.zeros(DEGREE + 1),
         np.zeros(DEGREE + 1),
@@ -67,10 +69,16 @@ def make_surface() -> Surface:
     )
 
 
+def begin_surface(k: ArmConstants, six: SixJoints, width: float, F: Surface) -> None:
+    """Begin with a target: the table is filled at once, or in a window of half a small width when it is worth it."""
+    has_few = k.six.form == SPHERICAL_WRIST or k.six.scale == 0.0
+    F.waves[0], F.waves[2], F.noise[0] = FEW_WAVES if has_few else MOST_WAVES, 0, math.inf
+    if has_few or width >= NARROW:
+        fill_surface(k, six, F)
+
+
 def fill_surface(k: ArmConstants, six: SixJoints, F: Surface) -> None:
     """Fill the table from as many values of p as it has rows."""
-    has_few = k.six.form == SPHERICAL_WRIST or k.six.scale == 0.0
-    F.waves[0] = FEW_WAVES if has_few else MOST_WAVES
     size, total = 2 * F.waves[0] + 1, 0.0
     for i in range(size):
         for j in range(NUMBERS):
@@ -151,7 +159,11 @@ def fill_F(k: ArmConstants, six: SixJoints, F: Surface, p: float, labelling: int
     spherical wrist, F is then about where the wrist is: each root goes with two solutions.
     """
     F.waves[1] = 0
-    if labelling < 0:
+    if labelling < 0 and F.noise[0] == math.inf:
+        F.waves[2] += 1
+        if F.waves[2] > OFTEN:
+            fill_surface(k, six, F)
+    if labelling < 0 and F.noise[0] < math.inf:
         F.apart[0] = fill_waves(F, p, 0)
         if F.waves[0] == FEW_WAVES or size_of(F.cosine, F.sine) > WELL_KNOWN * F.noise[0]:
             F.waves[1] = 1

@@ -66,6 +66,22 @@ def test_no_member_of_seven_joints_is_nearer(seven: IKSolver, rng: np.random.Gen
     assert np.median(gaps) < COARSE
 
 
+@pytest.mark.parametrize("count", [24, pytest.param(150, marks=pytest.mark.slow)])
+def test_no_solution_of_any_structure_is_farther_than_the_one_beside_the_seed(
+    rng: np.random.Generator, count: int
+) -> None:
+    """Also with a straight wrist, on curves along which two joints turn against each other."""
+    solver = IKSolver(jacokin.load_robot("gen3"), collision="ignore")
+    robot = solver.robot
+    for number in range(count):
+        q = robot.sample(rng)
+        if number % 4 == 0:
+            q[5] = 0.0
+        seed = np.clip(q + (0.01, 0.05, 0.3)[number % 3] * rng.standard_normal(7), robot.lower, robot.upper)
+        found = solver.solve(robot.forward_kinematics(q), seed=seed).raise_for_status()
+        assert np.linalg.norm(found.q - seed) <= np.linalg.norm(q - seed) + 1e-6
+
+
 @pytest.mark.parametrize("axis", [(1.0, 0.0, 0.0), (0.3, -0.5, 0.4)])
 def test_no_member_about_a_free_axis_is_nearer(
     six: IKSolver, rng: np.random.Generator, axis: tuple[float, float, float]
