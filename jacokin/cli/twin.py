@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from jacokin.twin.pictures import Camera
     from jacokin.twin.ros1 import Ros1Node
     from jacokin.twin.ros2 import Ros2Node
-    from jacokin.twin.running import Pace
+    from jacokin.twin.ticker import Ticker
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +96,7 @@ def twin(given: TwinOptions) -> None:
     if given.cameras:
         choose_renderer()
     from jacokin.twin import Faults, SimulatedArm
-    from jacokin.twin.running import Pace
+    from jacokin.twin.ticker import Ticker
 
     found = Faults.parse(given.faults)
     if given.cameras and given.task is None:
@@ -115,8 +115,8 @@ def twin(given: TwinOptions) -> None:
         arm = SimulatedArm(given.robot, q=q, task=None if environment is None else environment.task)
         shown = _cameras(arm, given.cameras or {})
         watch = _watching(stack, arm, environment, given.port) if given.view else _nothing
-        pace = Pace(math.inf if given.fast else given.pace)
-        core, node = _node(given, called, arm, found, pace, shown)
+        ticker = Ticker(math.inf if given.fast else given.pace)
+        core, node = _node(given, called, arm, found, ticker, shown)
         click.echo(f"twin of {arm.robot.label} in ROS {given.ros}: ready; Ctrl-C ends it", err=True)
         try:
             node.run(watch, lambda: given.seconds is None or arm.state.time < given.seconds)
@@ -124,7 +124,7 @@ def twin(given: TwinOptions) -> None:
             click.echo("closed", err=True)
         finally:
             node.close()
-            _show(core.record(), pace.late, given.json)
+            _show(core.record(), ticker.late, given.json)
         died = getattr(core, "died", "")
         if died:
             click.echo(f"jacokin: {died}", err=True)
@@ -132,7 +132,7 @@ def twin(given: TwinOptions) -> None:
 
 
 def _node(
-    given: TwinOptions, called: str, arm: SimulatedArm, faults: Faults, pace: Pace, cameras: list[Camera]
+    given: TwinOptions, called: str, arm: SimulatedArm, faults: Faults, ticker: Ticker, cameras: list[Camera]
 ) -> tuple[KinovaDriver, Ros1Node] | tuple[TrajectoryController, Ros2Node]:
     """What moves the arm, and the node of ROS 1 or 2 that speaks for it.
 
@@ -146,12 +146,12 @@ def _node(
         from jacokin.twin.ros1 import Ros1Node
 
         driver = KinovaDriver(arm, faults=faults, seed=seed)
-        return driver, Ros1Node(driver, called, pace=pace, cameras=cameras)
+        return driver, Ros1Node(driver, called, ticker=ticker, cameras=cameras)
     from jacokin.twin.ros2 import Ros2Node
 
     joints = [f"{called}_joint_{joint + 1}" for joint in range(arm.robot.dof)]
     controller = TrajectoryController(arm, joints, faults=faults, seed=seed)
-    return controller, Ros2Node(controller, called, pace=pace, cameras=cameras)
+    return controller, Ros2Node(controller, called, ticker=ticker, cameras=cameras)
 
 
 def _environment(task: str, seed: int) -> TaskEnv:

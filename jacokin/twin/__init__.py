@@ -8,7 +8,7 @@ following      `TrajectoryController`: what ros2_control does with goals and vel
 arm            `SimulatedArm`: MuJoCo's arm behind both
 faults         `Faults`: lag, loss and stalls between them, drawn from a seed
 goals          `Goal`, and the `Record` of what was done
-running        `Pace`: ticks as time passes
+ticker         `Ticker`: ticks as time passes
 pictures       cameras of a scene
 ros1, ros2     the nodes, which alone import ROS
 ros_imports    what is said where ROS is not installed

@@ -23,7 +23,7 @@ from jacokin.twin.faults import TICK
 from jacokin.twin.goals import Goal, GoalStatus
 from jacokin.twin.kinova import PERIOD, TURNS, KinovaDriver
 from jacokin.twin.ros_imports import needed
-from jacokin.twin.running import Pace
+from jacokin.twin.ticker import Ticker
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -107,13 +107,13 @@ class Ros1Action:
 class Ros1Node:
     """The node `NAME_driver`, and the action of the node beside it, `NAME/follow_joint_trajectory`."""
 
-    def __init__(self, driver: KinovaDriver, name: str, *, pace: Pace, cameras: Sequence[Camera] = ()) -> None:
+    def __init__(self, driver: KinovaDriver, name: str, *, ticker: Ticker, cameras: Sequence[Camera] = ()) -> None:
         """Become a node.
 
         Args:
             driver: to serve.
             name: of the robot, `kinova_robotName` of kinova_robot.launch.
-            pace: at which simulated time passes; at any speed but 1 the node gives the time, on /clock.
+            ticker: lets simulated time pass; at any speed but 1 the node gives the time, on /clock.
             cameras: whose pictures it publishes.
 
         Raises:
@@ -129,10 +129,10 @@ class Ros1Node:
                 importlib.import_module(used)
             from jacokin.twin import ros1_messages
         self._messages, control = ros1_messages.kinova_msgs(), ros1_messages.control_msgs()
-        self._driver, self._name, self._pace, self._cameras = driver, name, pace, cameras
+        self._driver, self._name, self._ticker, self._cameras = driver, name, ticker, cameras
         _check_master()
         rospy, node = self._rospy, f"/{name}_driver"
-        self._is_clock = pace.speed != 1.0
+        self._is_clock = ticker.speed != 1.0
         if self._is_clock:
             rospy.set_param("/use_sim_time", True)
         rospy.init_node(node.strip("/"), disable_signals=True)
@@ -406,7 +406,7 @@ class Ros1Node:
             (PERIOD, self._look),
         ]
         jobs += [(camera.period, lambda camera=camera: self._picture(camera)) for camera in self._cameras]  # type: ignore[misc]
-        self._pace.run(self._driver.tick, jobs, lives)
+        self._ticker.run(self._driver.tick, jobs, lives)
 
     def close(self) -> None:
         """Leave ROS."""

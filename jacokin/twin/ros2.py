@@ -16,7 +16,7 @@ from jacokin.twin.faults import TICK
 from jacokin.twin.following import Tolerances, TrajectoryController
 from jacokin.twin.goals import GoalStatus
 from jacokin.twin.ros_imports import needed
-from jacokin.twin.running import Pace
+from jacokin.twin.ticker import Ticker
 
 if TYPE_CHECKING:
     from jacokin.twin.pictures import Camera
@@ -35,14 +35,14 @@ class Ros2Node:
     """The nodes of ros2_control that clients see, as one."""
 
     def __init__(
-        self, controller: TrajectoryController, name: str, *, pace: Pace, cameras: Sequence[Camera] = ()
+        self, controller: TrajectoryController, name: str, *, ticker: Ticker, cameras: Sequence[Camera] = ()
     ) -> None:
         """Become a node.
 
         Args:
             controller: to serve.
             name: of the robot, before the names of its fingers.
-            pace: at which simulated time passes; at any speed but 1 the node gives the time, on /clock.
+            ticker: lets simulated time pass; at any speed but 1 the node gives the time, on /clock.
             cameras: whose pictures it publishes.
 
         Raises:
@@ -58,14 +58,14 @@ class Ros2Node:
             self._numbers: Any = importlib.import_module("std_msgs.msg")
             self._follow: Any = importlib.import_module("control_msgs.action").FollowJointTrajectory
             self._goal_response, self._cancel_response = actions.GoalResponse, actions.CancelResponse
-        self._controller, self._pace, self._cameras = controller, pace, cameras
+        self._controller, self._ticker, self._cameras = controller, ticker, cameras
         fingers = range(1, len(controller.arm.state.fingers) + 1)
         self._names = [*controller.names, *(f"{name}_joint_finger_{finger}" for finger in fingers)]
         self._ended = threading.Event()
         self._rclpy.init(signal_handler_options=signals.SignalHandlerOptions.NO)
         node = self._node = self._rclpy.create_node(f"{name}_twin")
         self._states = node.create_publisher(self._sensors.JointState, "/joint_states", 10)
-        self._is_clock = pace.speed != 1.0
+        self._is_clock = ticker.speed != 1.0
         if self._is_clock:
             clocks: Any = importlib.import_module("rosgraph_msgs.msg")
             self._clock_type = clocks.Clock
@@ -139,7 +139,7 @@ class Ros2Node:
         """
         jobs: list[tuple[float, Callable[[], None]]] = [(STATES_PERIOD, self._publish), (0.04, watch)]
         jobs += [(camera.period, lambda camera=camera: self._picture(camera)) for camera in self._cameras]  # type: ignore[misc]
-        self._pace.run(self._controller.tick, jobs, goes_on)
+        self._ticker.run(self._controller.tick, jobs, goes_on)
 
     def close(self) -> None:
         """Leave ROS."""

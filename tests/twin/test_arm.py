@@ -11,7 +11,7 @@ import pytest
 from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.twin import Faults, SimulatedArm
 from jacokin.twin.faults import Line
-from jacokin.twin.running import Pace
+from jacokin.twin.ticker import Ticker
 
 
 @pytest.mark.parametrize("robot", ["j2n6s300", "j2s7s300", "m1n6s200"])
@@ -112,12 +112,12 @@ def test_a_stalled_line_passes_nothing_now_and_then() -> None:
 
 def test_ticks_and_jobs() -> None:
     ticks, jobs = [], []
-    Pace(math.inf).run(lambda: ticks.append(1), [(0.05, lambda: jobs.append(len(ticks)))], lambda: len(ticks) < 20)
+    Ticker(math.inf).run(lambda: ticks.append(1), [(0.05, lambda: jobs.append(len(ticks)))], lambda: len(ticks) < 20)
     assert jobs == [5, 10, 15, 20]
 
 
 def test_late_ticks_are_counted_also_where_it_is_interrupted() -> None:
-    pace, ticks = Pace(), []
+    ticker, ticks = Ticker(), []
 
     def tick() -> None:
         ticks.append(1)
@@ -126,5 +126,5 @@ def test_late_ticks_are_counted_also_where_it_is_interrupted() -> None:
         time.sleep(0.15)
 
     with pytest.raises(KeyboardInterrupt):
-        pace.run(tick, [], lambda: True)
-    assert pace.late == 2
+        ticker.run(tick, [], lambda: True)
+    assert ticker.late == 2

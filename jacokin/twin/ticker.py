@@ -1,4 +1,4 @@
-"""`Pace`: ticks as time passes, and what is done every so many of them."""
+"""`Ticker`: ticks as time passes, and what is done every so many of them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ GIVES_WAY = 2e-4
 
 
 @dataclass(slots=True)
-class Pace:
+class Ticker:
     """How simulated time passes."""
 
     speed: float = 1.0
