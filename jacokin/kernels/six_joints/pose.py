@@ -6,7 +6,7 @@ import math
 from typing import NamedTuple
 
 from jacokin.arrays import Array
-from jacokin.kernels.branches import FAMILY, BranchWork, PoseQuery, add_branch, add_fold, copy_row, jacobian_determinant
+from jacokin.kernels.branches import FAMILY, MAX_BRANCHES, BranchWork, PoseQuery, add_branch, add_fold, copy_row, jacobian_determinant
 from jacokin.kernels.chain import errors, least_squares
 from jacokin.kernels.closed_form.folds import most_singular_joint
 from jacokin.kernels.limits import TURN, circular_distance
@@ -22,6 +22,7 @@ from jacokin.kernels.six_joints.loop import (
     joint_of,
     move_links,
 )
+from jacokin.kernels.six_joints.near_continua import NearContinua, add_along_near_continua, make_near_continua
 from jacokin.kernels.six_joints.parallel_axes import branches_of_parallel_axes
 from jacokin.kernels.six_joints.planar_arm import branches_of_planar_arm
 from jacokin.kernels.six_joints.roots import SixRoots, find_six_roots, make_six_roots
@@ -54,11 +55,12 @@ class SixWork(NamedTuple):
     roots: SixRoots
     null: NullSpace
     candidates: Candidates
+    near_continua: NearContinua
 
 
 def make_six() -> SixWork:
     """Fresh work arrays."""
-    return SixWork(make_equations(), make_six_roots(), make_null_space(), make_candidates())
+    return SixWork(make_equations(), make_six_roots(), make_null_space(), make_candidates(), make_near_continua(MAX_BRANCHES))
 
 
 def solve_six_joints(arm: SixArm, query: PoseQuery, work: SixWork, branches: BranchWork) -> None:
@@ -69,6 +71,7 @@ def solve_six_joints(arm: SixArm, query: PoseQuery, work: SixWork, branches: Bra
     branches may hide behind each other: there a neighbour is solved as well, an arm with each link moved by so little
     that Newton's method leads from its branches to those of the arm. One that is not in doubt itself and adds no branch
     to those that are there settles the matter; where none of three does, branches.filled says that some may be missing.
+    Singular branches that no neighbour has are found from others, see `near_continua`.
     Where no branch is there, it may be that two which meet in one are none of the neighbours'.
     """
     branches.fold.filled[0], branches.lanes.filled[0] = 0, 0
@@ -81,16 +84,23 @@ def solve_six_joints(arm: SixArm, query: PoseQuery, work: SixWork, branches: Bra
     elif arm.form == PLANAR_ARM and branches_of_planar_arm(arm, query, work.candidates, work.roots.fourier, branches):
         return
     if branches_of_labelling(arm.scale, arm.own, -1, query, work, branches):
-        settled = False
-        for n in range(NEIGHBOURS):
-            before = branches.filled[0]
-            in_doubt = branches_of_labelling(arm.scale, arm.neighbours, n, query, work, branches)
-            settled = not in_doubt and 0 < branches.filled[0] == before
-            if settled:
-                break
+        settled = settled_by_neighbours(arm, query, work, branches)
         settle_continua(query, branches)
-        if not settled:
+        followed = add_along_near_continua(query, work.near_continua, branches)
+        if not settled and followed > 0:
+            settled = settled_by_neighbours(arm, query, work, branches)
+        if not settled or followed < 0:
             branches.filled[1] = 1
+
+
+def settled_by_neighbours(arm: SixArm, query: PoseQuery, work: SixWork, branches: BranchWork) -> bool:
+    """Add the branches that neighbours of an arm lead to; whether one is not in doubt and leads to none that is new."""
+    for n in range(NEIGHBOURS):
+        before = branches.filled[0]
+        in_doubt = branches_of_labelling(arm.scale, arm.neighbours, n, query, work, branches)
+        if not in_doubt and 0 < branches.filled[0] == before:
+            return True
+    return False
 
 
 def branches_of_labelling(

@@ -1,0 +1,206 @@
+"""Branches of an arm that nearly has a continuum of them, such as a wrist whose axes miss each other by a hair.
+
+Where the axes of a straight wrist meet, joints 4 and 6 may turn against each other. Where they nearly do, what remains
+of the closure along that way is small, and has zeros: those are branches, singular ones, and neighbours of the arm do
+not have them. From each branch that is nearly singular the way is followed while so little remains. One joint is
+moved, and the others follow by least squares: what remains is then a length with a sign, whose changes are found.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from jacokin.arrays import Array
+from jacokin.kernels.branches import FAMILY, BranchWork, PoseQuery, add_branch, add_fold, jacobian_determinant
+from jacokin.kernels.closed_form.folds import sample
+from jacokin.kernels.limits import TURN, circular_distance
+from jacokin.kernels.tolerances import CLOSURE, NEAR_CONTINUUM, NEARLY_SINGULAR_DETERMINANT
+
+#: Steps of a turn, and how near the way passes by another branch that is on it, part of a step.
+STEPS_OF_TURN, ON_THE_WAY = 48, 0.6
+STEP = TURN / STEPS_OF_TURN
+#: Where what remains is larger than this part of its change by a step, there is no zero.
+TOUCHING = 1e-3
+BRACKETED_STEPS = 40
+
+
+class NearContinua(NamedTuple):
+    """The branches to begin from, and where one way is."""
+
+    begun: Array  # (24, 6) [rad]
+    seen: Array  # (24,) 1 for those that were singular enough and are not yet on a way
+    q: Array  # (3, 6) two, one and no steps ago [rad]
+    rest: Array  # (3, 7) deviations there
+    spare: Array  # (7,)
+
+
+def make_near_continua(most: int) -> NearContinua:
+    """Fresh work arrays, for so many branches."""
+    return NearContinua(np.empty((most, 6)), np.empty(most), np.empty((3, 6)), np.empty((3, 7)), np.empty(7))
+
+
+def add_along_near_continua(query: PoseQuery, work: NearContinua, branches: BranchWork) -> int:
+    """Add the branches along all ways that nearly are continua.
+
+    Returns:
+        How many ways there are, -1 where a zero on one leads to no branch.
+    """
+    count, followed, settled = branches.filled[0], 0, True
+    for i in range(count):
+        for j in range(6):
+            work.begun[i, j] = branches.rows[i, j]
+            branches.newton.q[j] = branches.rows[i, j]
+        size = abs(jacobian_determinant(query.chain, query.T, branches.newton))
+        work.seen[i] = 1.0 if branches.rows[i, FAMILY] == 0.0 and size < NEARLY_SINGULAR_DETERMINANT else 0.0
+    for i in range(count):
+        joint = joint_along(query, work, branches, i) if work.seen[i] > 0.0 else -1
+        if joint >= 0:
+            followed += 1
+            settled = follow(query, work, branches, i, count, joint) and settled
+    return followed if settled else -1
+
+
+def follow(query: PoseQuery, work: NearContinua, branches: BranchWork, i: int, count: int, joint: int) -> bool:
+    """Follow the way from branch i to both sides, or once around; False where a zero on it leads to no branch."""
+    settled = True
+    for side in range(2):
+        steps, zeros = steps_to_side(query, work, branches, i, count, joint, STEP if side == 0 else -STEP)
+        settled = settled and zeros
+        if steps == STEPS_OF_TURN:
+            break
+    return settled
+
+
+def joint_along(query: PoseQuery, work: NearContinua, branches: BranchWork, i: int) -> int:
+    """The joint whose step from branch i leaves least of the closure, once the others follow; -1 where much remains."""
+    best, least = -1, NEAR_CONTINUUM**2
+    for joint in range(6):
+        for j in range(6):
+            branches.newton.q[j] = work.begun[i, j]
+            branches.newton.held[j] = 1.0 if j == joint else 0.0
+        branches.newton.q[joint] += STEP
+        if sample(query.chain, query.T, branches.newton, work.spare):
+            square = product_of(work.spare, work.spare)
+            if square < least:
+                best, least = joint, square
+    return best
+
+
+def steps_to_side(
+    query: PoseQuery, work: NearContinua, branches: BranchWork, i: int, count: int, joint: int, step: float
+) -> tuple[int, bool]:
+    """Follow the way to one side; returns the number of steps, and whether each zero has its branch."""
+    settled = True
+    for j in range(6):
+        work.q[2, j] = work.begun[i, j]
+    for n in range(STEPS_OF_TURN):
+        for j in range(6):
+            work.q[0, j], work.q[1, j] = work.q[1, j], work.q[2, j]
+            work.rest[0, j], work.rest[1, j] = work.rest[1, j], work.rest[2, j]
+            branches.newton.q[j] = work.q[2, j]
+            branches.newton.held[j] = 1.0 if j == joint else 0.0
+        branches.newton.q[joint] += step
+        if not sample(query.chain, query.T, branches.newton, work.rest[2]):
+            return n, settled
+        for j in range(6):
+            work.q[2, j] = branches.newton.q[j]
+        if product_of(work.rest[2], work.rest[2]) > NEAR_CONTINUUM**2:
+            return n, settled
+        note_passed(work, count)
+        if n > 0:
+            settled = add_between(query, work, branches, joint, n > 1) and settled
+    return STEPS_OF_TURN, settled
+
+
+def note_passed(work: NearContinua, count: int) -> None:
+    """Of the branches to begin from, those on the way need not be begun from."""
+    for k in range(count):
+        farthest = 0.0
+        for j in range(6):
+            farthest = max(farthest, circular_distance(work.q[2, j] - work.begun[k, j]))
+        if farthest < ON_THE_WAY * STEP:
+            work.seen[k] = 0.0
+
+
+def add_between(query: PoseQuery, work: NearContinua, branches: BranchWork, joint: int, third: bool) -> bool:
+    """Add the branch between the last two places, or both beside the last but one; False for a zero without one."""
+    now, before, earlier = along(work, 2), along(work, 1), along(work, 0)
+    if now < 0.0:
+        return add_in_bracket(query, work, branches, joint, 0.0, before, 1.0, now)
+    if not (third and before < min(now, earlier)):
+        return True
+    # Where the least remains there may be two zeros: a parabola tells.
+    bend, slope = 0.5 * (earlier - 2.0 * before + now), 0.5 * (now - earlier)
+    least = -0.5 * slope / bend
+    remains = sample_at(query, work, branches, joint, least)
+    if remains < 0.0:
+        first = add_in_bracket(query, work, branches, joint, -1.0, earlier, least, remains)
+        return add_in_bracket(query, work, branches, joint, least, remains, 1.0, now) and first
+    if remains < TOUCHING * bend:
+        add_fold(query, branches)
+    return True
+
+
+def sample_at(query: PoseQuery, work: NearContinua, branches: BranchWork, joint: int, share: float) -> float:
+    """What remains at a share of a step behind the last place but one; infinite where that cannot be said."""
+    q, held, to = branches.newton.q, branches.newton.held, 2 if share > 0.0 else 0
+    for j in range(6):
+        q[j] = work.q[1, j] + abs(share) * (work.q[to, j] - work.q[1, j])
+        held[j] = 1.0 if j == joint else 0.0
+    if not sample(query.chain, query.T, branches.newton, work.spare):
+        return math.inf
+    return product_of(work.spare, work.rest[1]) / math.sqrt(product_of(work.rest[1], work.rest[1]))
+
+
+def add_in_bracket(
+    query: PoseQuery,
+    work: NearContinua,
+    branches: BranchWork,
+    joint: int,
+    low: float,
+    at_low: float,
+    high: float,
+    at_high: float,
+) -> bool:
+    """Add the branch where what remains changes its sign, by the secant method, kept within the bracket.
+
+    Args:
+        query: the target.
+        work: the last places.
+        branches: appended to.
+        joint: the one that is moved.
+        low: one end, a share of a step behind the last place but one.
+        at_low: what remains there.
+        high: the other end.
+        at_high: what remains there, of the other sign.
+    """
+    side = 0
+    for _ in range(BRACKETED_STEPS):
+        share = (low * at_high - high * at_low) / (at_high - at_low)
+        value = sample_at(query, work, branches, joint, share)
+        if abs(value) < CLOSURE:
+            return add_branch(query, branches, 0.0)
+        if (value > 0.0) == (at_high > 0.0):
+            high, at_high, at_low = share, value, 0.5 * at_low if side == 1 else at_low
+            side = 1
+        else:
+            low, at_low, at_high = share, value, 0.5 * at_high if side == -1 else at_high
+            side = -1
+    return False
+
+
+def along(work: NearContinua, n: int) -> float:
+    """What remains at one of the last places, along what remains at the last but one."""
+    square = product_of(work.rest[1], work.rest[1])
+    return product_of(work.rest[n], work.rest[1]) / math.sqrt(square) if square > 0.0 else 0.0
+
+
+def product_of(a: Array, b: Array) -> float:
+    """The scalar product of two deviations."""
+    total = 0.0
+    for j in range(6):
+        total += a[j] * b[j]
+    return total
