@@ -2,8 +2,9 @@
 
 Where the axes of a straight wrist meet, joints 4 and 6 may turn against each other. Where they nearly do, what remains
 of the closure along that way is small, and has zeros: those are branches, singular ones, and neighbours of the arm do
-not have them. From each branch that is nearly singular the way is followed while so little remains. One joint is
-moved, and the others follow by least squares: what remains is then a length with a sign, whose changes are found.
+not have them. From each branch that is nearly singular the way is followed while so little remains, and from those of a
+target beside this one, which has branches where this one may have none on a way. One joint is moved, and the others
+follow by least squares: what remains is then a length with a sign, whose changes are found.
 """
 
 from __future__ import annotations
@@ -12,16 +13,37 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.kernels.branches import FAMILY, BranchWork, PoseQuery, add_branch, add_fold, jacobian_determinant
+from jacokin.kernels.branches import (
+    COLUMNS,
+    FAMILY,
+    MAX_BRANCHES,
+    BranchWork,
+    PoseQuery,
+    add_branch,
+    add_fold,
+    jacobian_determinant,
+    make_branches,
+)
 from jacokin.kernels.closed_form.folds import sample
 from jacokin.kernels.limits import TURN, circular_distance
 from jacokin.kernels.tolerances import CLOSURE, NEAR_CONTINUUM, NEARLY_SINGULAR_DETERMINANT
 
+
+def rotation_about(axis: Array, angle: float) -> Array:
+    """The rotation matrix (3, 3) of a turn about a unit vector (3,)."""
+    x, y, z = axis
+    turn = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.asarray(np.eye(3) + math.sin(angle) * turn + (1.0 - math.cos(angle)) * turn @ turn)
+
+
 #: Steps of a turn, and how near the way passes by another branch that is on it, part of a step.
 STEPS_OF_TURN, ON_THE_WAY = 48, 0.6
 STEP = TURN / STEPS_OF_TURN
+#: Turns a target to one beside it [rad].
+BESIDE = rotation_about(np.array([0.48, 0.6, 0.64]), 5e-3)
 #: Where what remains is larger than this part of its change by a step, there is no zero.
 TOUCHING = 1e-3
 BRACKETED_STEPS = 40
@@ -30,16 +52,52 @@ BRACKETED_STEPS = 40
 class NearContinua(NamedTuple):
     """The branches to begin from, and where one way is."""
 
-    begun: Array  # (24, 6) [rad]
-    seen: Array  # (24,) 1 for those that were singular enough and are not yet on a way
+    T: Array  # (4, 4) the target beside
+    beside: BranchWork  # its branches
+    begun: Array  # (48, 6) [rad] nearly singular branches that are not yet on a way
+    filled: NDArray[np.int64]  # (1,) how many
+    begin: Array  # (6,) where the way at hand begins
     q: Array  # (3, 6) two, one and no steps ago [rad]
     rest: Array  # (3, 7) deviations there
     spare: Array  # (7,)
 
 
-def make_near_continua(most: int) -> NearContinua:
-    """Fresh work arrays, for so many branches."""
-    return NearContinua(np.empty((most, 6)), np.empty(most), np.empty((3, 6)), np.empty((3, 7)), np.empty(7))
+def make_near_continua() -> NearContinua:
+    """Fresh work arrays."""
+    return NearContinua(
+        np.eye(4),
+        make_branches(np.empty((MAX_BRANCHES, COLUMNS))),
+        np.empty((2 * MAX_BRANCHES, 6)),
+        np.zeros(1, np.int64),
+        np.empty(6),
+        np.empty((3, 6)),
+        np.empty((3, 7)),
+        np.empty(7),
+    )
+
+
+def target_beside(query: PoseQuery, work: NearContinua) -> PoseQuery:
+    """The target turned a little about an axis that is none of its own; its branches are begun anew."""
+    for row in range(3):
+        x, y, z = query.T[row, 0], query.T[row, 1], query.T[row, 2]
+        for column in range(3):
+            work.T[row, column] = x * BESIDE[0, column] + y * BESIDE[1, column] + z * BESIDE[2, column]
+        work.T[row, 3] = query.T[row, 3]
+    beside = work.beside
+    beside.filled[0], beside.filled[1], beside.fold.filled[0], beside.lanes.filled[0] = 0, 0, 0, 0
+    return PoseQuery(query.chain, query.limits, work.T, query.seed)
+
+
+def begin_from(query: PoseQuery, work: NearContinua, branches: BranchWork) -> None:
+    """Take down the branches of a target that are nearly singular."""
+    for i in range(branches.filled[0]):
+        for j in range(6):
+            branches.newton.q[j] = branches.rows[i, j]
+        size = abs(jacobian_determinant(query.chain, query.T, branches.newton))
+        if branches.rows[i, FAMILY] == 0.0 and size < NEARLY_SINGULAR_DETERMINANT:
+            for j in range(6):
+                work.begun[work.filled[0], j] = branches.rows[i, j]
+            work.filled[0] += 1
 
 
 def add_along_near_continua(query: PoseQuery, work: NearContinua, branches: BranchWork) -> int:
@@ -48,38 +106,37 @@ def add_along_near_continua(query: PoseQuery, work: NearContinua, branches: Bran
     Returns:
         How many ways there are, -1 where a zero on one leads to no branch.
     """
-    count, followed, settled = branches.filled[0], 0, True
-    for i in range(count):
+    followed, settled = 0, True
+    while work.filled[0] > 0:
+        work.filled[0] -= 1
         for j in range(6):
-            work.begun[i, j] = branches.rows[i, j]
-            branches.newton.q[j] = branches.rows[i, j]
-        size = abs(jacobian_determinant(query.chain, query.T, branches.newton))
-        work.seen[i] = 1.0 if branches.rows[i, FAMILY] == 0.0 and size < NEARLY_SINGULAR_DETERMINANT else 0.0
-    for i in range(count):
-        joint = joint_along(query, work, branches, i) if work.seen[i] > 0.0 else -1
+            work.q[2, j] = work.begun[work.filled[0], j]
+        joint = joint_along(query, work, branches)
         if joint >= 0:
             followed += 1
-            settled = follow(query, work, branches, i, count, joint) and settled
+            settled = follow(query, work, branches, joint) and settled
     return followed if settled else -1
 
 
-def follow(query: PoseQuery, work: NearContinua, branches: BranchWork, i: int, count: int, joint: int) -> bool:
-    """Follow the way from branch i to both sides, or once around; False where a zero on it leads to no branch."""
+def follow(query: PoseQuery, work: NearContinua, branches: BranchWork, joint: int) -> bool:
+    """Follow the way from q to both sides, or once around; False where a zero on it leads to no branch."""
     settled = True
+    for j in range(6):
+        work.begin[j] = work.q[2, j]
     for side in range(2):
-        steps, zeros = steps_to_side(query, work, branches, i, count, joint, STEP if side == 0 else -STEP)
+        steps, zeros = steps_to_side(query, work, branches, joint, STEP if side == 0 else -STEP)
         settled = settled and zeros
         if steps == STEPS_OF_TURN:
             break
     return settled
 
 
-def joint_along(query: PoseQuery, work: NearContinua, branches: BranchWork, i: int) -> int:
-    """The joint whose step from branch i leaves least of the closure, once the others follow; -1 where much remains."""
+def joint_along(query: PoseQuery, work: NearContinua, branches: BranchWork) -> int:
+    """The joint whose step from q leaves least of the closure, once the others follow; -1 where much remains."""
     best, least = -1, NEAR_CONTINUUM**2
     for joint in range(6):
         for j in range(6):
-            branches.newton.q[j] = work.begun[i, j]
+            branches.newton.q[j] = work.q[2, j]
             branches.newton.held[j] = 1.0 if j == joint else 0.0
         branches.newton.q[joint] += STEP
         if sample(query.chain, query.T, branches.newton, work.spare):
@@ -90,12 +147,12 @@ def joint_along(query: PoseQuery, work: NearContinua, branches: BranchWork, i: i
 
 
 def steps_to_side(
-    query: PoseQuery, work: NearContinua, branches: BranchWork, i: int, count: int, joint: int, step: float
+    query: PoseQuery, work: NearContinua, branches: BranchWork, joint: int, step: float
 ) -> tuple[int, bool]:
     """Follow the way to one side; returns the number of steps, and whether each zero has its branch."""
     settled = True
     for j in range(6):
-        work.q[2, j] = work.begun[i, j]
+        work.q[2, j] = work.begin[j]
     for n in range(STEPS_OF_TURN):
         for j in range(6):
             work.q[0, j], work.q[1, j] = work.q[1, j], work.q[2, j]
@@ -109,20 +166,24 @@ def steps_to_side(
             work.q[2, j] = branches.newton.q[j]
         if product_of(work.rest[2], work.rest[2]) > NEAR_CONTINUUM**2:
             return n, settled
-        note_passed(work, count)
+        note_passed(work)
         if n > 0:
             settled = add_between(query, work, branches, joint, n > 1) and settled
     return STEPS_OF_TURN, settled
 
 
-def note_passed(work: NearContinua, count: int) -> None:
-    """Of the branches to begin from, those on the way need not be begun from."""
-    for k in range(count):
+def note_passed(work: NearContinua) -> None:
+    """Those to begin from that are on this way need not be begun from."""
+    kept = 0
+    for k in range(work.filled[0]):
         farthest = 0.0
         for j in range(6):
             farthest = max(farthest, circular_distance(work.q[2, j] - work.begun[k, j]))
-        if farthest < ON_THE_WAY * STEP:
-            work.seen[k] = 0.0
+        if farthest > ON_THE_WAY * STEP:
+            for j in range(6):
+                work.begun[kept, j] = work.begun[k, j]
+            kept += 1
+    work.filled[0] = kept
 
 
 def add_between(query: PoseQuery, work: NearContinua, branches: BranchWork, joint: int, third: bool) -> bool:

@@ -6,7 +6,7 @@ import math
 from typing import NamedTuple
 
 from jacokin.arrays import Array
-from jacokin.kernels.branches import FAMILY, MAX_BRANCHES, BranchWork, PoseQuery, add_branch, add_fold, copy_row, jacobian_determinant
+from jacokin.kernels.branches import FAMILY, BranchWork, PoseQuery, add_branch, add_fold, copy_row, jacobian_determinant
 from jacokin.kernels.chain import errors, least_squares
 from jacokin.kernels.closed_form.folds import most_singular_joint
 from jacokin.kernels.limits import TURN, circular_distance
@@ -22,7 +22,13 @@ from jacokin.kernels.six_joints.loop import (
     joint_of,
     move_links,
 )
-from jacokin.kernels.six_joints.near_continua import NearContinua, add_along_near_continua, make_near_continua
+from jacokin.kernels.six_joints.near_continua import (
+    NearContinua,
+    add_along_near_continua,
+    begin_from,
+    make_near_continua,
+    target_beside,
+)
 from jacokin.kernels.six_joints.parallel_axes import branches_of_parallel_axes
 from jacokin.kernels.six_joints.planar_arm import branches_of_planar_arm
 from jacokin.kernels.six_joints.roots import SixRoots, find_six_roots, make_six_roots
@@ -60,7 +66,7 @@ class SixWork(NamedTuple):
 
 def make_six() -> SixWork:
     """Fresh work arrays."""
-    return SixWork(make_equations(), make_six_roots(), make_null_space(), make_candidates(), make_near_continua(MAX_BRANCHES))
+    return SixWork(make_equations(), make_six_roots(), make_null_space(), make_candidates(), make_near_continua())
 
 
 def solve_six_joints(arm: SixArm, query: PoseQuery, work: SixWork, branches: BranchWork) -> None:
@@ -86,7 +92,7 @@ def solve_six_joints(arm: SixArm, query: PoseQuery, work: SixWork, branches: Bra
     if branches_of_labelling(arm.scale, arm.own, -1, query, work, branches):
         settled = settled_by_neighbours(arm, query, work, branches)
         settle_continua(query, branches)
-        followed = add_along_near_continua(query, work.near_continua, branches)
+        followed = follow_near_continua(arm, query, work, branches)
         if not settled and followed > 0:
             settled = settled_by_neighbours(arm, query, work, branches)
         if not settled or followed < 0:
@@ -101,6 +107,19 @@ def settled_by_neighbours(arm: SixArm, query: PoseQuery, work: SixWork, branches
         if not in_doubt and 0 < branches.filled[0] == before:
             return True
     return False
+
+
+def follow_near_continua(arm: SixArm, query: PoseQuery, work: SixWork, branches: BranchWork) -> int:
+    """Add the branches along ways that nearly are continua; returns what `add_along_near_continua` does."""
+    near = work.near_continua
+    near.filled[0] = 0
+    begin_from(query, near, branches)
+    if near.filled[0] > 0:
+        beside = target_beside(query, near)
+        branches_of_labelling(arm.scale, arm.own, -1, beside, work, near.beside)
+        branches_of_labelling(arm.scale, arm.neighbours, 0, beside, work, near.beside)
+        begin_from(beside, near, near.beside)
+    return add_along_near_continua(query, near, branches)
 
 
 def branches_of_labelling(
