@@ -28,8 +28,7 @@ def page() -> str:
         "<!-- Written by docs/robot_page.py from the tables urdf/*.toml. Edit those, not this page. -->",
         "# The robots in numbers",
         "Every number of every bundled robot stands once, in `urdf/jaco.toml` or `urdf/gen3.toml`, with its unit, its "
-        "source and what is doubtful about it; `urdf/generate.py` writes the URDF and MJCF files from there, and "
-        "`docs/robot_page.py` this page. `jacokin info` shows the limits and frames of any robot, your own included.",
+        "source and what is doubtful about it. `jacokin info` shows the limits and frames of any robot.",
         "Poses are given in the frame of the parent. `rpy` is R = Rz(yaw) Ry(pitch) Rx(roll), with `pi/3` and the like "
         "exact; quaternions are wxyz.",
         "## Sources",
@@ -90,9 +89,14 @@ JOINT_5 = (
 
 
 def _variants(numbers: Row) -> list[str]:
+    shown: dict[str, str] = {}
+
     def row(name: str) -> tuple[str, ...]:
         variant = bundled.variant(name)
-        return f"`{name}`", variant["arm"], variant["hand"].replace("_", " "), value(variant["home"])
+        home = value(variant["home"])
+        first = shown.setdefault(home, name)
+        home = home if first == name else f"as `{first}`"
+        return f"`{name}`", variant["arm"], variant["hand"].replace("_", " "), home
 
     doubts = [f"- `{name}`: {doubt}." for name in NAMES if (doubt := bundled.variant(name).get("doubt"))]
     return [
@@ -118,50 +122,32 @@ def _velocity(row: Row) -> str:
 
 
 def _limits() -> list[str]:
-    parts = [
-        "## Limits and torques",
-        "Limits, velocities and efforts are what the URDF says [K, G], and `robot.effort_limit` returns them. The "
-        "datasheet [S] and the user guide [U] state other torques; both are kept, because neither is known to be "
-        "wrong. The bridge's actuators use the datasheet's. `none` means that the joint turns without limit.",
-    ]
-    shown: dict[str, str] = {}
+    joints: dict[tuple[str, ...], dict[str, list[str]]] = {}
     for name in NAMES:
-        joints: dict[tuple[str, ...], list[str]] = {}
+        arm = bundled.variant(name)["arm"]
         for joint, numbers in bundled.arm_joints(name).items():
-            sheet = bundled.actuator(numbers["group"])
-            peak = max(sheet["force_range"]) if sheet else ""
-            row = (
-                _degrees(numbers, "lower"),
-                _degrees(numbers, "upper"),
-                _velocity(numbers),
-                value(numbers["effort"]),
-                value(peak),
-                numbers_in(sheet, "back_drive"),
-            )
-            joints.setdefault(row, []).append(joint)
-        text = grid(
-            (
-                "joint",
-                "lower",
-                "upper",
-                "velocity [°/s]",
-                "effort, URDF [N m]",
-                "peak torque, datasheet [N m]",
-                "back-driving [N m]",
-            ),
-            ((", ".join(names), *row) for row, names in joints.items()),
-        )
-        shown[text] = f"{shown[text]}, `{name}`" if text in shown else f"`{name}`"
-    for text, names in shown.items():
-        parts += [f"### {names}", text]
-    return [*parts, JOINT_5]
+            row = (_degrees(numbers, "lower"), _degrees(numbers, "upper"), _velocity(numbers), value(numbers["effort"]))
+            of_arm = joints.setdefault(row, {}).setdefault(arm, [])
+            of_arm += [] if joint in of_arm else [joint]
+    return [
+        "## Limits",
+        "What the URDF says [K, G]; `robot.effort_limit` returns these efforts. The datasheet [S] and the user guide "
+        "[U] state [other torques](#joint-dynamics-and-actuators); neither is known to be wrong. `none` means that the "
+        "joint turns without limit.",
+        grid(
+            ("joints", "lower", "upper", "velocity [°/s]", "effort [N m]"),
+            (("; ".join(f"{arm}: {', '.join(each)}" for arm, each in of.items()), *row) for row, of in joints.items()),
+        ),
+        JOINT_5,
+    ]
 
 
 def _chains(numbers: Row) -> list[str]:
     parts = [
         "## Joint frames",
-        "Every joint turns about +z of its own frame. The acceleration is `robot.acceleration_limit`; where there is "
-        "none here, it is that of the actuator.",
+        "Every joint turns about +z of its own frame, and leads from the link before it (`link_base` for joint_1) to "
+        "the link of its number. The acceleration is `robot.acceleration_limit`; where there is none here, it is that "
+        "of the actuator.",
     ]
     shown: dict[tuple[str, ...], str] = {}
     for arm in numbers["arms"]:
@@ -169,8 +155,6 @@ def _chains(numbers: Row) -> list[str]:
         joints = [
             (
                 key,
-                row["type"],
-                f"{row['parent']} → {row['child']}",
                 value(row["xyz"]),
                 rotation(row),
                 numbers_in(row, "acceleration"),
@@ -181,7 +165,7 @@ def _chains(numbers: Row) -> list[str]:
         own = [row for row in joints if shown.setdefault(row, arm) == arm]
         parts += [
             f"### {arm}",
-            grid(("joint", "type", "parent → child", "xyz [m]", "rpy [rad]", "acceleration [rad/s²]"), own),
+            grid(("joint", "xyz [m]", "rpy [rad]", "acceleration [rad/s²]"), own),
             " ".join([*_alike(joints, shown, arm), origin(rows)]),
         ]
     return parts
@@ -321,7 +305,16 @@ def _dynamics(numbers: Row) -> list[str]:
         "The bridge adds actuators to Jacos and Micos; the files in `urdf/` hold none. `kp` is for an arm that takes "
         "positions.",
         grid(
-            ("joints", "kp [N m/rad]", "gain kv [N m s/rad]", "command", "force [N m]", "source", "doubt"),
+            (
+                "joints",
+                "kp [N m/rad]",
+                "gain kv [N m s/rad]",
+                "command",
+                "force [N m]",
+                "back-driving [N m]",
+                "source",
+                "doubt",
+            ),
             (
                 (
                     joints[g],
@@ -329,6 +322,7 @@ def _dynamics(numbers: Row) -> list[str]:
                     numbers_in(row, "kv"),
                     _command(row),
                     value(row["force_range"]),
+                    numbers_in(row, "back_drive"),
                     row["source"],
                     row["doubt"],
                 )
@@ -354,22 +348,26 @@ def _command(row: Row) -> str:
 def _masses(numbers: Row) -> list[str]:
     parts = [
         "## Masses",
-        "Centre of mass in the frame of the body; inertia about it, in the axes of the body. A body that is not "
-        "listed has no mass. `link_finger` and `link_finger_tip` stand for each of them.",
+        "Centres of mass are in the frame of the body; inertias about them are in `urdf/*.toml`, in its axes. A body "
+        "that is not listed has no mass. `link_finger` and `link_finger_tip` stand for each of them.",
     ]
     shown: dict[tuple[str, ...], str] = {}
+    doubted: dict[str, str] = {}
     for name in NAMES:
         masses = bundled.section(numbers["masses"], name)
         bodies = {key: bundled.section(masses, key) for key in masses if isinstance(masses[key], dict)}
         fingers = len(bundled.hand(name).get("fingers", ()))
         total = math.fsum(row["mass"] * (fingers if "finger" in key else 1) for key, row in bodies.items())
         rows = [(key, value(row["mass"]), value(row["com"]), value(row["inertia"])) for key, row in bodies.items()]
-        own = [row for row in rows if shown.setdefault(row, name) == name]
-        doubts = " ".join(f"Doubt: {doubt}." for doubt in sorted({r["doubt"] for r in bodies.values() if "doubt" in r}))
+        own = [row[:3] for row in rows if shown.setdefault(row, name) == name]
+        doubts = [masses["doubt"], *sorted({row["doubt"] for row in bodies.values() if "doubt" in row})]
+        first = {doubt: doubted.setdefault(doubt, name) for doubt in doubts}
+        said = [f"Doubt: {doubt}." for doubt, other in first.items() if other == name]
+        said += [f"Doubts as of `{other}`." for other in dict.fromkeys(first.values()) if other != name]
         parts.append(f"### {name}: {total:.4f} kg")
         if own:
-            parts.append(grid(("body", "mass [kg]", "centre of mass [m]", "ixx, iyy, izz, ixy, ixz, iyz [kg m²]"), own))
-        parts.append(" ".join([*_alike(rows, shown, name), origin(masses), doubts]).strip())
+            parts.append(grid(("body", "mass [kg]", "centre of mass [m]"), own))
+        parts.append(" ".join([*_alike(rows, shown, name), f"Source: {masses['source']}.", *said]))
     return parts
 
 

@@ -35,28 +35,19 @@ SEED = 0  # of the episodes that are shown
 REMARKS = {
     "lift_large_box": (
         "We know of no way to solve this task, and have no proof that there is none. Opposite faces of the box are "
-        "0.18 m apart, the ends of the fully open fingers 0.1765 m, so thumb and fingers do not go around it. With "
-        "one finger beside the box, the other and the thumb are 0.184 m apart at their very ends: they would hold the "
-        "uppermost 3 mm of the faces, which was not tried. Two faces that meet in an upright edge push the fingers "
-        "off: with normal forces N and N', the horizontal friction on one face must balance the normal force on the "
-        "other, so both friction forces are N = N' where the coefficient is 1, as it is here; nothing is left against "
-        "the weight of 12.8 N (1.3 kg). The bottom lies on the table. The expert tries an edge, and loses it."
+        "0.18 m apart, the ends of the fully open fingers 0.1765 m. Two faces that meet in an upright edge push the "
+        "fingers off: with the friction that there is, nothing is left against the weight of 12.8 N. The expert tries "
+        "an edge, and loses it."
     ),
     "stack_3_bricks": (
         "Most episodes of the expert are too long. In 600 steps it solved 18 of the seeds 0 to 19 at least for a "
-        "moment, 4 of them within 250 (`python -m benchmarks.experts stack_3_bricks --episodes 20 --steps 600`). Speed "
-        "limits alone would allow all of them within 250: the motions take 110 to 224 steps at full speed. Half of "
-        "the time that is lost goes to lines of the tool, as bricks are aligned and pressed on once more."
+        "moment, 4 of them within 250 (`python -m benchmarks.experts stack_3_bricks --episodes 20 --steps 600`)."
     ),
     "reassemble_3_bricks_fixed_order": (
         "Three bricks are to be carried, of which two are pulled off another first. In 600 steps the expert solves "
-        "3 of 20 (seeds 0 to 19), after 358 to 467 steps. What fails is the pull: the fingers slide off the brick, and "
-        "try again; after 5 of 24 pulls the brick was in the hand."
+        "3 of 20 (seeds 0 to 19). What fails is the pull: the fingers slide off the brick, and try again."
     ),
-    "reassemble_5_bricks_random_order": (
-        "There is no expert. The script for three bricks would take five too, but has to pull off up to four bricks"
-        " where it mostly fails to pull off two."
-    ),
+    "reassemble_5_bricks_random_order": ("There is no expert: that for three bricks mostly fails to pull off two."),
 }
 
 
@@ -71,8 +62,8 @@ def page() -> str:
         "<!-- Written by docs/tasks_page.py from the tasks. Edit those, not this page. -->",
         "# Every task",
         "The tasks of `jacokin.tasks`; [Tasks](tasks.md) shows how they are used. An episode has 250 steps of 0.04 s. "
-        "Names of environments are those of the tasks with `_features` or `_vision`, as listed. `python -m "
-        "docs.tasks_page` writes this page, `python -m benchmarks.experts` the numbers of the experts.",
+        f"Names of environments are those of the tasks with `_features` or `_vision` ({_only_some()}). `python -m "
+        "benchmarks.experts` writes the numbers of the experts.",
         grid(
             ("task", "Gymnasium", "its expert solves", "mean return", "median return"),
             ([f"[{name}](#{name})", f"`{IDS[name]}`", *_record(records.get(name))] for name in TASKS),
@@ -112,17 +103,21 @@ def _origin(records: Iterable[dict[str, Any]]) -> str:
     return f"Episodes of the experts: {'; '.join(sorted(found))}." if found else "No expert has been measured."
 
 
+def _only_some() -> str:
+    """The tasks that do not have both observations."""
+    few = {name: task.observations[0] for name, task in TASKS.items() if len(task.observations) == 1}
+    return ", ".join(f"`{name}` has `_{observed}` only" for name, observed in few.items())
+
+
 def _section(name: str, environment: jacokin.tasks.Environment, own: Sequence[str]) -> list[str]:
     """One task."""
     task, spec = environment.task, environment.observation_spec()
     lower, upper = ([f"{value:g}" for value in bound] for bound in task.tool_box)
     box = ", ".join(f"{axis} {low}..{high}" for axis, low, high in zip("xyz", lower, upper, strict=True))
-    environments = ", ".join(f"`{name}_{observed}`" for observed in TASKS[name].observations)
     keys = list(spec)
     start = keys.index(own[0])
     before, after = keys[:start], keys[start + len(own) :]
-    observed = [*map(_key, (spec[key] for key in before)), "what is observed in every task"]
-    observed += map(_key, (spec[key] for key in after))
+    observed = [f"{_key(spec[key])}, first" for key in before] + [_key(spec[key]) for key in after]
     pictures = [f"![The start of an episode]({_shown(_picture(name))})"]
     if _curve(name).exists():
         pictures.append(f"![Rewards of an episode of the expert]({_shown(_curve(name))})")
@@ -130,16 +125,13 @@ def _section(name: str, environment: jacokin.tasks.Environment, own: Sequence[st
         f"## {name}",
         " ".join([_sentence(task), *_bricks(task)]),
         " ".join(pictures),
-        grid(
-            ("", ""),
+        "\n".join(
             [
-                ["environments", environments],
-                ["Gymnasium", f"`{IDS[name]}`"],
-                ["reward", _sentence(task.reward)],
-                ["solved", _sentence(task.success).removeprefix("Whether ").capitalize()],
-                ["tool at the start", f"{box} m, fingers anywhere"],
-                ["observed", "; ".join(observed)],
-            ],
+                f"- Reward: {_sentence(task.reward)}",
+                f"- Solved: {_sentence(task.success).removeprefix('Whether ')}",
+                f"- Tool at the start: {box} m, fingers anywhere.",
+                f"- Observed besides: {'; '.join(observed)}.",
+            ]
         ),
         *([REMARKS[name]] if name in REMARKS else []),
     ]
