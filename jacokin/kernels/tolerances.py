@@ -174,7 +174,7 @@ SINGULAR_DETERMINANT = 1e-9
 #: it is above the square of that.
 CONTINUUM_CLOSURE = 1e-9
 #: [m^3]; branches less singular than this are found on their own: their roots of F stand apart.
-NEARLY_SINGULAR_DETERMINANT = 1e-3
+NEARLY_SINGULAR_DETERMINANT = 3e-4
 #: [m] and [rad]; where less remains of the closure along the singular direction, a continuum nearly goes there. Beside
 #: a fold more remains after the first step, 0.13 rad.
 NEAR_CONTINUUM = 3e-3

@@ -126,7 +126,7 @@ def follow(query: PoseQuery, work: NearContinua, branches: BranchWork, joint: in
     for side in range(2):
         steps, zeros = steps_to_side(query, work, branches, joint, STEP if side == 0 else -STEP)
         settled = settled and zeros
-        if steps == STEPS_OF_TURN:
+        if steps > STEPS_OF_TURN:
             break
     return settled
 
@@ -150,26 +150,27 @@ def steps_to_side(
     query: PoseQuery, work: NearContinua, branches: BranchWork, joint: int, step: float
 ) -> tuple[int, bool]:
     """Follow the way to one side; returns the number of steps, and whether each zero has its branch."""
-    settled = True
+    settled, newton = True, branches.newton
     for j in range(6):
         work.q[2, j] = work.begin[j]
-    for n in range(STEPS_OF_TURN):
+    for n in range(STEPS_OF_TURN + 1):
         for j in range(6):
             work.q[0, j], work.q[1, j] = work.q[1, j], work.q[2, j]
             work.rest[0, j], work.rest[1, j] = work.rest[1, j], work.rest[2, j]
-            branches.newton.q[j] = work.q[2, j]
-            branches.newton.held[j] = 1.0 if j == joint else 0.0
-        branches.newton.q[joint] += step
-        if not sample(query.chain, query.T, branches.newton, work.rest[2]):
+            newton.q[j] = work.q[2, j]
+            newton.held[j] = 1.0 if j == joint else 0.0
+        if n > 0:
+            newton.q[joint] += step
+        if not sample(query.chain, query.T, newton, work.rest[2]):
             return n, settled
         for j in range(6):
-            work.q[2, j] = branches.newton.q[j]
+            work.q[2, j] = newton.q[j]
         if product_of(work.rest[2], work.rest[2]) > NEAR_CONTINUUM**2:
             return n, settled
         note_passed(work)
         if n > 0:
             settled = add_between(query, work, branches, joint, n > 1) and settled
-    return STEPS_OF_TURN, settled
+    return STEPS_OF_TURN + 1, settled
 
 
 def note_passed(work: NearContinua) -> None:
