@@ -173,6 +173,11 @@ SINGULAR_DETERMINANT = 1e-9
 #: [m] and [rad]; the closure along a continuum, a few hundredths of a radian from where the test begins. Beside a fold
 #: it is above the square of that.
 CONTINUUM_CLOSURE = 1e-9
+#: [m^3]; branches less singular than this are found on their own: their roots of F stand apart.
+NEARLY_SINGULAR_DETERMINANT = 3e-4
+#: [m] and [rad]; where less remains of the closure along the singular direction, a continuum nearly goes there. Beside
+#: a fold more remains after the first step, 0.13 rad.
+NEAR_CONTINUUM = 3e-3
 #: [m] and [rad]; a structure that an arm misses by less is named; poses are solved as for any arm all the same.
 EXACT_STRUCTURE = 1e-9
 #: Singular values of a Jacobian, lengths in units of the arm's size: below this a freedom is missing.

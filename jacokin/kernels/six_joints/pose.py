@@ -22,6 +22,13 @@ from jacokin.kernels.six_joints.loop import (
     joint_of,
     move_links,
 )
+from jacokin.kernels.six_joints.near_continua import (
+    NearContinua,
+    add_along_near_continua,
+    begin_from,
+    make_near_continua,
+    target_beside,
+)
 from jacokin.kernels.six_joints.parallel_axes import branches_of_parallel_axes
 from jacokin.kernels.six_joints.planar_arm import branches_of_planar_arm
 from jacokin.kernels.six_joints.roots import SixRoots, find_six_roots, make_six_roots
@@ -54,11 +61,12 @@ class SixWork(NamedTuple):
     roots: SixRoots
     null: NullSpace
     candidates: Candidates
+    near_continua: NearContinua
 
 
 def make_six() -> SixWork:
     """Fresh work arrays."""
-    return SixWork(make_equations(), make_six_roots(), make_null_space(), make_candidates())
+    return SixWork(make_equations(), make_six_roots(), make_null_space(), make_candidates(), make_near_continua())
 
 
 def solve_six_joints(arm: SixArm, query: PoseQuery, work: SixWork, branches: BranchWork) -> None:
@@ -69,6 +77,7 @@ def solve_six_joints(arm: SixArm, query: PoseQuery, work: SixWork, branches: Bra
     branches may hide behind each other: there a neighbour is solved as well, an arm with each link moved by so little
     that Newton's method leads from its branches to those of the arm. One that is not in doubt itself and adds no branch
     to those that are there settles the matter; where none of three does, branches.filled says that some may be missing.
+    Singular branches that no neighbour has are found from others, see `near_continua`.
     Where no branch is there, it may be that two which meet in one are none of the neighbours'.
     """
     branches.fold.filled[0], branches.lanes.filled[0] = 0, 0
@@ -81,16 +90,36 @@ def solve_six_joints(arm: SixArm, query: PoseQuery, work: SixWork, branches: Bra
     elif arm.form == PLANAR_ARM and branches_of_planar_arm(arm, query, work.candidates, work.roots.fourier, branches):
         return
     if branches_of_labelling(arm.scale, arm.own, -1, query, work, branches):
-        settled = False
-        for n in range(NEIGHBOURS):
-            before = branches.filled[0]
-            in_doubt = branches_of_labelling(arm.scale, arm.neighbours, n, query, work, branches)
-            settled = not in_doubt and 0 < branches.filled[0] == before
-            if settled:
-                break
+        settled = settled_by_neighbours(arm, query, work, branches)
         settle_continua(query, branches)
-        if not settled:
+        followed = follow_near_continua(arm, query, work, branches)
+        if not settled and followed > 0:
+            settled = settled_by_neighbours(arm, query, work, branches)
+        if not settled or followed < 0:
             branches.filled[1] = 1
+
+
+def settled_by_neighbours(arm: SixArm, query: PoseQuery, work: SixWork, branches: BranchWork) -> bool:
+    """Add the branches that neighbours of an arm lead to; whether one is not in doubt and leads to none that is new."""
+    for n in range(NEIGHBOURS):
+        before = branches.filled[0]
+        in_doubt = branches_of_labelling(arm.scale, arm.neighbours, n, query, work, branches)
+        if not in_doubt and 0 < branches.filled[0] == before:
+            return True
+    return False
+
+
+def follow_near_continua(arm: SixArm, query: PoseQuery, work: SixWork, branches: BranchWork) -> int:
+    """Add the branches along ways that nearly are continua; returns what `add_along_near_continua` does."""
+    near = work.near_continua
+    near.filled[0] = 0
+    begin_from(query, near, branches)
+    if near.filled[0] > 0:
+        beside = target_beside(query, near)
+        branches_of_labelling(arm.scale, arm.own, -1, beside, work, near.beside)
+        branches_of_labelling(arm.scale, arm.neighbours, 0, beside, work, near.beside)
+        begin_from(beside, near, near.beside)
+    return add_along_near_continua(query, near, branches)
 
 
 def branches_of_labelling(
