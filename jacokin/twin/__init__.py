@@ -11,7 +11,6 @@ goals          `Goal`, and the `Record` of what was done
 ticker         `Ticker`: ticks as time passes
 pictures       cameras of a scene
 ros1, ros2     the nodes, which alone import ROS
-ros_imports    what is said where ROS is not installed
 ros1_messages  messages that Debian has no package of
 """
 

@@ -16,13 +16,12 @@ import numpy as np
 import pinocchio as pin
 
 from jacokin.arrays import Array
-from jacokin.errors import InvalidInputError
+from jacokin.errors import InvalidInputError, needed
 from jacokin.model.poses import pose_from_kinova, pose_to_kinova
 from jacokin.twin.arm import State
 from jacokin.twin.faults import TICK
 from jacokin.twin.goals import Goal, GoalStatus
 from jacokin.twin.kinova import PERIOD, TURNS, KinovaDriver
-from jacokin.twin.ros_imports import needed
 from jacokin.twin.ticker import Ticker
 
 if TYPE_CHECKING:
@@ -120,7 +119,7 @@ class Ros1Node:
             MissingExtraError: ROS 1 is not installed.
             InvalidInputError: no master answers.
         """
-        with needed("rospy", INSTALL):
+        with needed("rospy", command=INSTALL):
             self._rospy: Any = importlib.import_module("rospy")
             self._sensors: Any = importlib.import_module("sensor_msgs.msg")
             self._geometry: Any = importlib.import_module("geometry_msgs.msg")
