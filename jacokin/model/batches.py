@@ -67,6 +67,12 @@ def poses(arm: Arm, q: Array) -> Array:
     return _frames(arm, q, kinematics.ALIGNED, np.empty(0))
 
 
+def frames(arm: Arm, q: Array) -> tuple[Array, Array]:
+    """Poses (n, 4, 4) and Jacobians (n, 6, dof), local world aligned, of the frame at configurations (n, dof)."""
+    written = np.zeros((len(q), 6, q.shape[1]))
+    return _frames(arm, q, kinematics.ALIGNED, written.reshape(-1)), written
+
+
 def jacobians(arm: Arm, q: Array, reference: str) -> Array:
     """Jacobians (n, 6, dof) of the frame at configurations (n, dof)."""
     written = np.zeros((len(q), 6, q.shape[1]))
