@@ -33,7 +33,7 @@ from jacokin.kernels.branches import COLUMNS, DISTANCE, FAMILY, ORIENTATION_ERRO
 from jacokin.kernels.configurations.arm import Arm
 from jacokin.model import batches, checks
 from jacokin.model.angles import TURN
-from jacokin.model.measured_arm import joint_axis
+from jacokin.model.joint_axes import axis_of
 
 STANDS = 0.03  # [rad] of a joint that should stand at zero: from there on Newton's method decides
 AT_ZERO = 1e-10  # [rad] of such a joint: nothing to correct
@@ -222,7 +222,7 @@ class VirtualJoints:
     def _last_along(self, axis: Array) -> float:
         """Whether the last joint turns about the free axis (3,) itself: 1.0, against it -1.0, or not 0.0."""
         place, robot = self._tool_in_last(), self._verifier.robot
-        own = joint_axis(robot.pin_model, robot.dof)
+        own = axis_of(robot.pin_model, robot.dof).direction
         turned, arm = place.rotation @ axis, place.translation
         across = float(np.linalg.norm(np.cross(own, turned)))
         apart = float(np.linalg.norm(np.cross(own, arm)))

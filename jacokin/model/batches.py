@@ -13,6 +13,7 @@ from jacokin.kernels.configurations import dynamics, kinematics
 from jacokin.kernels.configurations.arm import LANES, PLACE, Arm, Block
 from jacokin.kernels.configurations.dynamics import Bodies
 from jacokin.kernels.library import Call
+from jacokin.model.joint_axes import axis_of, turn_of
 
 REFERENCES = {
     "local_world_aligned": kinematics.ALIGNED,
@@ -33,7 +34,7 @@ def arm_of(model: pin.Model, frame_id: int | None = None, tool: pin.SE3 | None =
     T_joint_own = _own_axes(model)
     placements = [T_joint_own[j].inverse() * model.jointPlacements[j + 1] * T_joint_own[j + 1] for j in range(joints)]
     placements.append(T_joint_own[joints].inverse() * (tip if tool is None else tip * tool))
-    sliding = ["JointModelP" in model.joints[j + 1].shortname() for j in range(joints)]
+    sliding = [axis_of(model, j + 1).slides for j in range(joints)]
     return Arm(
         np.array([T.homogeneous[:3] for T in placements]),
         np.array(sliding, dtype=np.float64),
@@ -49,17 +50,9 @@ def bodies_of(model: pin.Model) -> Bodies:
 
 
 def _own_axes(model: pin.Model) -> list[pin.SE3]:
-    """T_joint_own of the base and of each joint; by whole quarter turns where its axis is one of its frame's."""
-    data, zero = model.createData(), np.zeros(model.nq)
-    turned = [pin.SE3.Identity()]
-    for index in range(model.nv):
-        twist = pin.computeJointJacobian(model, data, zero, index + 1).reshape(6, model.nv)[:, index]
-        axis = twist[3:] if twist[3:].any() else twist[:3]
-        helper = np.roll(np.eye(3)[np.argmax(np.abs(axis))], 1)
-        x = np.cross(helper, axis)
-        x /= np.linalg.norm(x)
-        turned.append(pin.SE3(np.column_stack([x, np.cross(axis, x), axis]), np.zeros(3)))
-    return turned
+    """T_joint_own of the base and of each joint."""
+    turns = [np.eye(3), *(turn_of(model, index) for index in range(1, model.njoints))]
+    return [pin.SE3(turn, np.zeros(3)) for turn in turns]
 
 
 def poses(arm: Arm, q: Array) -> Array:

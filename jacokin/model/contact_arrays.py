@@ -44,6 +44,7 @@ from jacokin.kernels.contact.shapes import (
 from jacokin.kernels.contact.touching import Geometry
 from jacokin.kernels.contact.tree import Tree
 from jacokin.model.descriptions.shapes import KINDS, Shape
+from jacokin.model.joint_axes import axis_of, turn_of
 
 CORES = np.array([PLANE, POINT, SEGMENT, ELLIPSOID, CYLINDER, BOX, MESH, CLOUD])  # of the `KINDS`
 NUMBER_OF_KIND = {kind: number for number, kind in enumerate(KINDS)}
@@ -245,23 +246,16 @@ def joints_about_z(model: pin.Model) -> tuple[Array, list[int]]:
     """For each joint its placement on the link before it, axes z, and its kind."""
     turns, placements, kinds = [pin.SE3.Identity()], np.empty((model.nv, 3, 4)), []
     for index in range(1, model.njoints):
-        turn, kind = turn_of(model, index)
+        turn = about_z(model, index)
         placements[index - 1] = (turns[-1].inverse() * model.jointPlacements[index] * turn).homogeneous[:3]
         turns.append(turn)
-        kinds.append(kind)
+        kinds.append(SLIDE if axis_of(model, index).slides else HINGE)
     return placements, kinds
 
 
-def turn_of(model: pin.Model, link: int) -> tuple[pin.SE3, int]:
-    """T_joint_link, whose z is the axis of the joint that moves a link, and the kind of that joint."""
-    joint = model.joints[link]
-    data = joint.createData()
-    joint.calc(data, np.zeros(model.nq))
-    subspace = np.asarray(data.S).ravel()
-    hinge = bool(subspace[3:].any())
-    axis = subspace[3:] if hinge else subspace[:3]
-    turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), axis).toRotationMatrix()
-    return pin.SE3(turn, np.zeros(3)), HINGE if hinge else SLIDE
+def about_z(model: pin.Model, link: int) -> pin.SE3:
+    """T_joint_link, whose z is the axis of the joint that moves a link."""
+    return pin.SE3(turn_of(model, link), np.zeros(3))
 
 
 def shape_row(model: pin.Model, shape: Shape) -> ShapeRow:
@@ -273,7 +267,7 @@ def shape_row(model: pin.Model, shape: Shape) -> ShapeRow:
     kind = np.array([_kind(shape)])
     T_link_shape = shape.placement
     if shape.joint:
-        T_link_shape = turn_of(model, shape.joint)[0].inverse() * T_link_shape
+        T_link_shape = about_z(model, shape.joint).inverse() * T_link_shape
     if CORES[kind[0]] in (MESH, CLOUD):
         row = _own_row(shape, T_link_shape)
     else:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.model import batches
+from jacokin.model.joint_axes import axis_of
 from jacokin.model.robot import Robot
 
 CLOSED = 1e-11  # [m] and [rad] an error below this is rounding
@@ -44,12 +45,9 @@ class Chain:
         self.dof = robot.dof
         model = robot.pin_model
         self._arm = batches.arm_of(model, frame_id, tool)
-        data, zero = model.createData(), np.zeros(model.nq)
         rows = np.zeros((robot.dof, 34))
         for index, row in enumerate(rows):
-            twist = pin.computeJointJacobian(model, data, zero, index + 1).reshape(6, robot.dof)[:, index]
-            placement, slides = model.jointPlacements[index + 1], bool(robot.sliding[index])
-            axis = twist[:3] if slides else twist[3:]
+            placement, (axis, slides) = model.jointPlacements[index + 1], axis_of(model, index + 1)
             along = np.eye(3) if slides else np.outer(axis, axis)
             parts = [along, np.eye(3) - along, np.zeros((3, 3)) if slides else pin.skew(axis)]
             row[:27] = (placement.rotation @ np.array(parts)).ravel()

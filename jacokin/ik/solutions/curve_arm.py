@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from jacokin.arrays import Array
 from jacokin.errors import StructureError
 from jacokin.ik.closed_form import ClosedForm
-from jacokin.ik.geometry import chain_of, frame_with_z, measure_seven
+from jacokin.ik.geometry import chain_of, measure_seven
 from jacokin.ik.structures import NO_FORM, count_freedoms, measure_general, quick_form, size_of
 from jacokin.ik.targets import TargetPose
 from jacokin.ik.verification import Verifier
@@ -29,6 +29,7 @@ from jacokin.kernels.solution_set.run import SetWork, make_set_work, solve_set
 from jacokin.kernels.solution_set.slices import AFTER, BEFORE, JOINT_3, NO_SLICES
 from jacokin.kernels.solution_set.within import CIRCLE, FOLD, LOST
 from jacokin.model.angles import TURN
+from jacokin.model.joint_axes import frame_with_z
 from jacokin.model.robot import Robot
 
 __all__ = ["CIRCLE", "FOLD", "LOST", "CurveArm", "CurveProblem", "Curves"]
