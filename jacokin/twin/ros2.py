@@ -173,11 +173,7 @@ class Ros2Node:
         self._states.publish(message)
 
     def _picture(self, camera: Camera) -> None:
-        picture = camera.take()
-        message = self._sensors.Image(encoding="rgb8", height=picture.shape[0], width=picture.shape[1])
-        message.step, message.data = 3 * picture.shape[1], picture.tobytes()
-        message.header.stamp, message.header.frame_id = self._now(), camera.name
-        self._pictures[camera.name].publish(message)
+        self._pictures[camera.name].publish(camera.message(self._sensors.Image, self._now()))
 
 
 def _parts(goal: Any) -> tuple[Any, ...]:
