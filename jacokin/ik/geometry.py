@@ -62,7 +62,10 @@ def chain_of(model: pin.Model, frame_id: int, tool: pin.SE3 | None, count: int) 
     return chain
 
 
-def frames_at_zero(chain: NDArray[np.float64]) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+Frames = list[tuple[NDArray[np.float64], NDArray[np.float64]]]
+
+
+def frames_at_zero(chain: NDArray[np.float64]) -> Frames:
     """Rotation (3, 3) and origin (3,) of every joint at q = 0 in the base, z along its axis; last the solved frame."""
     rotation, position = np.eye(3), np.zeros(3)
     frames = []

@@ -30,7 +30,6 @@ from jacokin.ik.structures import FEWEST
 from jacokin.ik.targets import TargetPose
 from jacokin.ik.verification import Verifier
 from jacokin.kernels.branches import COLUMNS, DISTANCE, FAMILY, ORIENTATION_ERROR, POSITION_ERROR
-from jacokin.kernels.configurations.arm import Arm
 from jacokin.model import batches, checks
 from jacokin.model.angles import TURN
 from jacokin.model.joint_axes import axis_of
@@ -275,6 +274,5 @@ def _is_same(row: list[float], other: list[float]) -> bool:
 
 def _error_and_jacobian(chain: Array, q: Array, T: Array) -> tuple[Array, Array]:
     """Error (6,), linear [m] and as a rotation vector [rad], and the Jacobian (6, 6) of a chain of six at q (6,)."""
-    six = Arm(chain, np.zeros(SIX), np.array([SIX], dtype=np.int64))
-    (placed,), (jacobian,) = batches.frames(six, q[np.newaxis])
+    (placed,), (jacobian,) = batches.frames(batches.turning_arm(chain), q[np.newaxis])
     return np.concatenate([T[:3, 3] - placed[:3, 3], pin.log3(T[:3, :3] @ placed[:3, :3].T)]), jacobian

@@ -42,6 +42,12 @@ def arm_of(model: pin.Model, frame_id: int | None = None, tool: pin.SE3 | None =
     )
 
 
+def turning_arm(chain: Array) -> Arm:
+    """The joints of a chain (n + 1, 3, 4) of placements between joints that all turn about z, and of a frame."""
+    count = len(chain) - 1
+    return Arm(np.ascontiguousarray(chain), np.zeros(count), np.array([count], dtype=np.int64))
+
+
 def bodies_of(model: pin.Model) -> Bodies:
     """What the joints of a model move, in the axes of `arm_of`."""
     own = _own_axes(model)

@@ -13,7 +13,7 @@ from jacokin.arrays import Array
 from jacokin.errors import StructureError
 from jacokin.ik.closed_form import ClosedForm
 from jacokin.ik.geometry import chain_of, measure_seven
-from jacokin.ik.structures import NO_FORM, count_freedoms, measure_general, quick_form, size_of
+from jacokin.ik.structures import NO_FORM, measure_general, most_freedoms, quick_form, size_of
 from jacokin.ik.targets import TargetPose
 from jacokin.ik.verification import Verifier
 from jacokin.kernels.library import Call
@@ -295,7 +295,7 @@ def _cuts(chain: Array) -> list[tuple[int, Array]]:
     found, most = [], 0
     for kind, six in ((AFTER, chain[:7]), (BEFORE, turned_round(chain)[:7])):
         size = size_of(six)
-        freedoms = max(count_freedoms(six, row, size) for row in q) if 0.0 < size < np.inf else 0
+        freedoms = most_freedoms(six, q, size) if 0.0 < size < np.inf else 0
         most = max(most, freedoms)
         if freedoms == 6:
             found.append((kind, six))
