@@ -14,6 +14,7 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.logs.motion_files import read_motion
 from jacokin.model import checks
+from jacokin.model.angles import wrap_to_pi
 from jacokin.model.robot import Robot, checked_robot
 from jacokin.motion.trajectory import SPEED_ROUNDING, Trajectory
 
@@ -218,7 +219,7 @@ class LiveMotion:
 def apart(robot: Robot, q: Array, other: Array) -> Array:
     """From angles to others (dof,) [rad], up to whole turns on joints without limits."""
     away = np.asarray(other - q)
-    return np.where(robot.unlimited, np.remainder(away + np.pi, 2.0 * np.pi) - np.pi, away)
+    return np.where(robot.unlimited, wrap_to_pi(away), away)
 
 
 def _check_limits(robot: Robot, time: Array, q: Array) -> None:

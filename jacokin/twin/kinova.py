@@ -24,7 +24,7 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.ik.solver import IKSolver
 from jacokin.model import checks
-from jacokin.model.angles import nearest_copy
+from jacokin.model.angles import nearest_copy, wrap_to_pi
 from jacokin.model.poses import checked_pose
 from jacokin.motion.tracking.tracker import Tracker
 from jacokin.twin.arm import BRAKING, SimulatedArm, State
@@ -574,7 +574,7 @@ class KinovaDriver:
 
 def _apart(q: Array, other: Array) -> Array:
     """How far angles are apart, up to whole turns (isCloseToOther in kinova_ros_types.cpp)."""
-    return np.abs(np.remainder(q - other + np.pi, 2.0 * np.pi) - np.pi)
+    return np.abs(wrap_to_pi(q - other))
 
 
 def _from_to(start: pin.SE3, end: pin.SE3) -> tuple[Array, Array]:
