@@ -599,14 +599,10 @@ def _write_inertial(model: mujoco.MjModel, body: int, inertial: ET.Element | Non
     model.body_inertia[body] = 0.0
     if inertial is None:
         return
-    origin = inertial.find("origin")
-    position, rpy = (
-        np.array([float(part) for part in ("0 0 0" if origin is None else origin.get(key, "0 0 0")).split()])
-        for key in ("xyz", "rpy")
-    )
+    placed = urdf.origin_of(inertial)
     moments, axes = np.linalg.eigh(_tensor(inertial))
     if np.linalg.det(axes) < 0.0:
         axes[:, 0] *= -1.0
     model.body_inertia[body] = moments
-    model.body_ipos[body] = position
-    model.body_iquat[body] = poses.quaternion(poses.rotation_from_rpy(rpy) @ axes)
+    model.body_ipos[body] = placed.translation
+    model.body_iquat[body] = poses.quaternion(placed.rotation @ axes)
