@@ -175,13 +175,19 @@ class MissingExtraError(JacokinError, ImportError):
 
 
 @contextmanager
-def needed(package: str, extra: str) -> Iterator[None]:
+def needed(package: str, extra: str = "", *, command: str | None = None) -> Iterator[None]:
     """Around the import of an optional package.
 
+    Args:
+        package: what is imported.
+        extra: of jacokin, which brings it; empty where none does.
+        command: what installs it otherwise, and what it needs.
+
     Raises:
-        MissingExtraError: it is not installed.
+        MissingExtraError: it, or with a command what it needs, is not installed.
     """
     try:
         yield
     except ImportError as error:
-        raise MissingExtraError(package, extra) from error
+        missing = package if command is None else error.name or package
+        raise MissingExtraError(missing, extra, command=command) from error

@@ -21,7 +21,8 @@ from jacokin.calibration.alignment import Reference, Seen, find_reference, left_
 from jacokin.calibration.measurements import CONTACTS, SIZES, Measurements
 from jacokin.errors import InvalidInputError
 from jacokin.model import checks
-from jacokin.model.measured_arm import MeasuredJoint, axes_of, axis_rotation
+from jacokin.model.joint_axes import turn_of
+from jacokin.model.measured_arm import MeasuredJoint, axis_rotation
 from jacokin.model.robot import Robot
 
 KEYS = ("x", "y", "z", "axis_x", "axis_y", "offset", "scale", "compliance")
@@ -104,7 +105,7 @@ class ArmKinematics:
         self.dof = robot.dof
         placed = model.frames[robot.frame_id(frame)]
         self._joints = int(placed.parentJoint)
-        turns = [np.eye(3), *(axes_of(model, index) for index in range(1, robot.dof + 1))]
+        turns = [np.eye(3), *(turn_of(model, index) for index in range(1, robot.dof + 1))]
         places = [*(model.jointPlacements[index] for index in range(1, self._joints + 1)), placed.placement]
         self._rotations = [
             turns[k].T @ place.rotation @ (turns[k + 1] if k < self._joints else np.eye(3))

@@ -26,6 +26,7 @@ from jacokin.calibration.findings import NOISY, Fit, Rejected, farthest, identif
 from jacokin.calibration.measurements import CONTACTS, Measurements, checked_measurements
 from jacokin.errors import InvalidInputError
 from jacokin.model import checks
+from jacokin.model.angles import wrap_to_pi
 from jacokin.model.robot import Robot, checked_robot
 
 LOSSES = ("huber", "none")
@@ -352,7 +353,7 @@ def _check_configurations(sets: Sequence[Measurements]) -> None:
     """
     different: list[Array] = []
     for q in np.vstack([each.q[each.finite] for each in sets]):
-        turned = [np.abs(np.remainder(q - other + np.pi, 2.0 * np.pi) - np.pi).max() for other in different]
+        turned = [np.abs(wrap_to_pi(q - other)).max() for other in different]
         if not turned or min(turned) > SAME_CONFIGURATION:
             different.append(q)
             if len(different) == FEWEST:

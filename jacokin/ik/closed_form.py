@@ -18,13 +18,13 @@ of degree 8 in joint 6; other arms have one of the same degree in another joint,
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from jacokin.chunks.execution import share
 from jacokin.errors import StructureError
 from jacokin.ik.geometry import chain_of, measure
 from jacokin.ik.solutions.points import BranchTable, Knows, Points
@@ -226,7 +226,7 @@ class ClosedForm:
         def run(start: int, stop: int) -> None:
             self._call(T[start:stop], seed[start:stop], best[start:stop])()
 
-        _share(run, len(T), threads)
+        share(run, len(T), threads)
         return BestBranches(best)
 
     def solve_clear_batch(
@@ -256,20 +256,8 @@ class ClosedForm:
             flag = np.array([avoids], dtype=np.int64)
             Call(solve_clear_targets, ClearWork(targets, look(), np.array(tolerances), flag, touching[start:stop]))()
 
-        _share(run, len(T), threads)
+        share(run, len(T), threads)
         return BestBranches(best), touching > 0
-
-
-def _share(run: Callable[[int, int], None], count: int, threads: int) -> None:
-    """Call `run` with the beginning and end of shares of so many rows, one for each thread."""
-    if count == 0:
-        return
-    if threads == 1:
-        run(0, count)
-        return
-    edges = np.linspace(0, count, min(threads, count) + 1).astype(int)
-    with ThreadPoolExecutor(threads) as pool:
-        list(pool.map(run, edges[:-1], edges[1:]))
 
 
 class NearestBranch:

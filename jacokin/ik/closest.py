@@ -22,8 +22,8 @@ from jacokin.ik.verification import Candidate, Effort, Verifier
 from jacokin.kernels.closest import CIRCULAR, LOWER, UPPER, ClosestWork, find_closest, make_closest_work
 from jacokin.kernels.library import Call
 from jacokin.model import angles
+from jacokin.model.joint_axes import axis_of
 from jacokin.model.many_configurations import Chain
-from jacokin.model.measured_arm import joint_axis
 
 DRAWN = 1000  # random configurations that are measured
 REACH_SLACK = 1e-3  # [m] beyond the tolerance: a bound that can be trusted
@@ -130,8 +130,7 @@ class ReachBound:
         places = [model.jointPlacements[joint] for joint in range(1, count + 1)] + [tip]
         links = [place.translation for place in places[1:]]  # from each joint to the next, in its own axes
         centre = np.zeros(3)
-        slides = robot.sliding[:count].tolist()
-        axes = [None if slides[k] else joint_axis(model, k + 1) for k in range(count)]
+        axes = [None if axis.slides else axis.direction for axis in (axis_of(model, k + 1) for k in range(count))]
         if axes[0] is not None:  # any point of its axis stays where it is: the one that is nearest to joint 2
             centre = axes[0] * float(axes[0] @ links[0])
             links[0] = links[0] - centre

@@ -23,7 +23,7 @@ from jacokin.ik.verification import Candidate, Verifier
 from jacokin.ik.virtual_joints import PointsOfFew, VirtualJoints
 from jacokin.kernels.branches import DISTANCE
 from jacokin.model import angles
-from jacokin.model.measured_arm import joint_axis
+from jacokin.model.joint_axes import axis_of
 
 KEPT = 16  # free axes whose chains are at hand
 MOST = 5  # joints
@@ -98,7 +98,7 @@ class FewJoints:
         robot = self._verifier.robot
         if target.free_axis is None or robot.dof != MOST:
             return False
-        first = robot.pin_model.jointPlacements[1].rotation @ joint_axis(robot.pin_model, 1)
+        first = robot.pin_model.jointPlacements[1].rotation @ axis_of(robot.pin_model, 1).direction
         return float(np.linalg.norm(np.cross(first, target.rotation @ target.free_axis.axis))) < PARALLEL
 
     def _angles(self, target: TargetPose, seed: Array) -> list[float]:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, StructureError
-from jacokin.ik.geometry import align_z, chain_of, measure_chain
+from jacokin.ik.geometry import chain_of, measure_chain
 from jacokin.ik.solutions.points import Points
 from jacokin.ik.solutions.solution_set import Touching
 from jacokin.ik.structures import measure_general, sine_of
@@ -29,6 +29,7 @@ from jacokin.kernels.library import Call
 from jacokin.kernels.six_joints.loop import GENERAL
 from jacokin.kernels.tolerances import DISTINCT, EXACT_MISFIT
 from jacokin.model import angles, checks
+from jacokin.model.joint_axes import turn_of
 from jacokin.model.robot import Robot
 
 SIX = 6  # joints that the closed form solves for
@@ -74,7 +75,7 @@ class FixedJoints:
         while index > 0:
             joint, align = model.joints[index], None
             if free[joint.idx_v]:
-                align = pin.SE3(align_z(joint, model.names[index]), np.zeros(3))
+                align = pin.SE3(turn_of(model, index), np.zeros(3))
             self._path.insert(0, _Joint(model.jointPlacements[index], joint, align))
             index = model.parents[index]
         turning = [each.align is not None for each in self._path]

@@ -16,15 +16,10 @@ from numpy.typing import NDArray
 
 from jacokin.errors import StructureError
 from jacokin.kernels.tolerances import SMALLEST_LENGTH, SMALLEST_TWIST, SPHERICAL_TOLERANCE, STRUCTURE_TOLERANCE
-from jacokin.kernels.vector import Vec, cross, norm
 from jacokin.model import checks
+from jacokin.model.joint_axes import axis_of, frame_with_z
 
 WORDS = {6: "six", 7: "seven"}
-_AXES = {
-    "JointModelRX": (1.0, 0.0, 0.0),
-    "JointModelRY": (0.0, 1.0, 0.0),
-    "JointModelRZ": (0.0, 0.0, 1.0),
-}
 
 
 def chain_of(model: pin.Model, frame_id: int, tool: pin.SE3 | None, count: int) -> NDArray[np.float64]:
@@ -53,7 +48,11 @@ def chain_of(model: pin.Model, frame_id: int, tool: pin.SE3 | None, count: int) 
     turn = np.eye(3)  # from z-aligned axes to the joint's own
     for i, joint in enumerate(joints):
         placement = model.jointPlacements[i + 1]
-        align = align_z(joint, names[i])
+        axis, slides = axis_of(model, i + 1)
+        if slides:
+            kind, name = joint.shortname(), names[i]
+            raise StructureError(f"the closed form needs revolute joints; joint {name!r} is a {kind}", (name, name))
+        align = frame_with_z(axis)
         chain[i, :, :3] = turn.T @ placement.rotation @ align
         chain[i, :, 3] = turn.T @ placement.translation
         turn = align
@@ -63,33 +62,10 @@ def chain_of(model: pin.Model, frame_id: int, tool: pin.SE3 | None, count: int) 
     return chain
 
 
-def align_z(joint: pin.JointModel, name: str) -> NDArray[np.float64]:
-    """A rotation that takes z to the axis of a revolute joint; the identity for z itself.
-
-    Raises:
-        StructureError: the joint does not turn; names it.
-    """
-    kind = joint.shortname()
-    if kind in _AXES:
-        axis = np.array(_AXES[kind])
-    elif kind == "JointModelRevoluteUnaligned":
-        axis = np.asarray(joint.extract().axis, dtype=np.float64).reshape(3)
-    else:
-        raise StructureError(f"the closed form needs revolute joints; joint {name!r} is a {kind}", (name, name))
-    return np.eye(3) if axis[2] == 1.0 else frame_with_z(axis)
+Frames = list[tuple[NDArray[np.float64], NDArray[np.float64]]]
 
 
-def frame_with_z(z: NDArray[np.float64]) -> NDArray[np.float64]:
-    """A rotation (3, 3) whose third column is a unit vector (3,)."""
-    c: Vec = (float(z[0]), float(z[1]), float(z[2]))
-    least = min(range(3), key=lambda i: abs(c[i]))
-    across = cross(c, (float(least == 0), float(least == 1), float(least == 2)))
-    length = norm(across)
-    x: Vec = (across[0] / length, across[1] / length, across[2] / length)
-    return np.array([x, cross(c, x), c]).T.copy()
-
-
-def frames_at_zero(chain: NDArray[np.float64]) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+def frames_at_zero(chain: NDArray[np.float64]) -> Frames:
     """Rotation (3, 3) and origin (3,) of every joint at q = 0 in the base, z along its axis; last the solved frame."""
     rotation, position = np.eye(3), np.zeros(3)
     frames = []

@@ -11,7 +11,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from jacokin.errors import StructureError
-from jacokin.ik.geometry import ArmGeometry, chain_of, frames_at_zero, measure, measure_seven
+from jacokin.ik.geometry import ArmGeometry, Frames, chain_of, frames_at_zero, measure, measure_seven
 from jacokin.kernels.closed_form.arm import ARM_CONSTANTS
 from jacokin.kernels.library import Call
 from jacokin.kernels.six_joints.loop import (
@@ -33,7 +33,7 @@ from jacokin.kernels.six_joints.ranking import (
     rank_labellings,
 )
 from jacokin.kernels.tolerances import DISTINCT, EXACT_MISFIT, EXACT_STRUCTURE, SMALLEST_FREEDOM
-from jacokin.model import checks, poses
+from jacokin.model import batches, checks, poses
 from jacokin.model.robot import Robot, checked_robot
 
 #: Joints of the smallest arm that has sets of points, and the names of such arms.
@@ -152,13 +152,15 @@ def _turns_seven(robot: Robot, frame_id: int, tool: pin.SE3 | None) -> bool:
 
 def spherical_wrist(chain: NDArray[np.float64]) -> Residual:
     """How far the last three axes of a chain (7, 3, 4) are from meeting in one point."""
-    *frames, _ = frames_at_zero(chain)
-    # The point nearest to all three axes, by least squares.
-    projections = [np.eye(3) - np.outer(R[:, 2], R[:, 2]) for R, _ in frames[3:]]
-    right = np.concatenate([P @ p for P, (_, p) in zip(projections, frames[3:], strict=True)])
-    point = np.linalg.lstsq(np.concatenate(projections), right, rcond=None)[0]
-    apart = max(float(np.linalg.norm(P @ (point - p))) for P, (_, p) in zip(projections, frames[3:], strict=True))
-    return Residual("axes 4, 5 and 6 meet", apart, 0.0)
+    return Residual("axes 4, 5 and 6 meet", nearest_to_axes(frames_at_zero(chain)[3:6])[1], 0.0)
+
+
+def nearest_to_axes(frames: Frames) -> tuple[NDArray[np.float64], float]:
+    """The point (3,) nearest to the z axes of some frames, by least squares, and how far it is from one at most."""
+    across = [np.eye(3) - np.outer(R[:, 2], R[:, 2]) for R, _ in frames]
+    right = np.concatenate([P @ p for P, (_, p) in zip(across, frames, strict=True)])
+    point = np.linalg.lstsq(np.concatenate(across), right, rcond=None)[0]
+    return point, max(float(np.linalg.norm(P @ (point - p))) for P, (_, p) in zip(across, frames, strict=True))
 
 
 def parallel_axes(chain: NDArray[np.float64]) -> Residual:
@@ -218,31 +220,13 @@ def size_of(chain: NDArray[np.float64]) -> float:
 
 
 def most_freedoms(chain: NDArray[np.float64], q: NDArray[np.float64], size: float) -> int:
-    """The most independent ways in which the joints move the tool at any of some configurations (n, 6)."""
-    most = 0
-    for row in q:
-        most = max(most, count_freedoms(chain, row, size))
-        if most == len(chain) - 1:  # all there are
-            break
-    return most
+    """The most independent ways in which the joints move the tool at any of some configurations (n, 6).
 
-
-def count_freedoms(chain: NDArray[np.float64], q: NDArray[np.float64], size: float) -> int:
-    """In how many independent ways the joints move the tool at q (6,), with lengths in units of the arm's size [m]."""
-    turns = np.zeros((6, 3, 3))
-    turns[:, 0, 0] = turns[:, 1, 1] = np.cos(q)
-    turns[:, 1, 0] = np.sin(q)
-    turns[:, 0, 1], turns[:, 2, 2] = -turns[:, 1, 0], 1.0
-    rotation, position = np.eye(3), np.zeros(3)
-    axes, points = np.empty((6, 3)), np.empty((6, 3))
-    for index in range(6):
-        position = position + rotation @ chain[index, :, 3]
-        rotation = rotation @ chain[index, :, :3]
-        axes[index], points[index] = rotation[:, 2], position
-        rotation = rotation @ turns[index]
-    scale = 1.0 / size if size > 0.0 else 1.0
-    columns = np.concatenate([scale * np.cross(points, axes), axes], axis=1)
-    return int((np.linalg.svd(columns, compute_uv=False) > SMALLEST_FREEDOM).sum())
+    Lengths count in units of the arm's size [m].
+    """
+    jacobian = batches.jacobians(batches.turning_arm(chain), q, "world")
+    jacobian[:, :3] /= size if size > 0.0 else 1.0
+    return int((np.linalg.svd(jacobian, compute_uv=False) > SMALLEST_FREEDOM).sum(axis=1).max())
 
 
 class QuickForm(NamedTuple):
@@ -314,17 +298,11 @@ def wrist_form(links: NDArray[np.float64], labelling: int, carrier: int) -> Quic
         return None
     if max(distance_of(links[3]), distance_of(links[4])) > 2.0 * EXACT_STRUCTURE:
         return None
-    origins, axes = [np.zeros(3)], [np.array([0.0, 0.0, 1.0])]
-    rotation, position = np.eye(3), np.zeros(3)
-    for link in links[3:5]:
-        position, rotation = position + rotation @ link[:, 3], rotation @ link[:, :3]
-        origins.append(position)
-        axes.append(rotation[:, 2].copy())
-    projections = [np.eye(3) - np.outer(axis, axis) for axis in axes]
-    right = np.concatenate([P @ p for P, p in zip(projections, origins, strict=True)])
-    point = np.linalg.lstsq(np.concatenate(projections), right, rcond=None)[0]
-    if max(np.linalg.norm(P @ (point - p)) for P, p in zip(projections, origins, strict=True)) > EXACT_STRUCTURE:
+    frames = [(np.eye(3), np.zeros(3)), *frames_at_zero(links[3:5])]
+    point, misfit = nearest_to_axes(frames)
+    if misfit > EXACT_STRUCTURE:
         return None
+    rotation, position = frames[-1]
     # Axis 1 and the way to axis 2, in the axes of joint 2: their cross product along axis 2 vanishes where they meet.
     u, v = links[0, :, :3].T @ links[0, :, 3], links[0, 2, :3]
     apart = abs(u[0] * v[1] - u[1] * v[0])

@@ -30,9 +30,9 @@ from jacokin.ik.structures import FEWEST
 from jacokin.ik.targets import TargetPose
 from jacokin.ik.verification import Verifier
 from jacokin.kernels.branches import COLUMNS, DISTANCE, FAMILY, ORIENTATION_ERROR, POSITION_ERROR
-from jacokin.model import checks
+from jacokin.model import batches, checks
 from jacokin.model.angles import TURN
-from jacokin.model.measured_arm import joint_axis
+from jacokin.model.joint_axes import axis_of
 
 STANDS = 0.03  # [rad] of a joint that should stand at zero: from there on Newton's method decides
 AT_ZERO = 1e-10  # [rad] of such a joint: nothing to correct
@@ -221,7 +221,7 @@ class VirtualJoints:
     def _last_along(self, axis: Array) -> float:
         """Whether the last joint turns about the free axis (3,) itself: 1.0, against it -1.0, or not 0.0."""
         place, robot = self._tool_in_last(), self._verifier.robot
-        own = joint_axis(robot.pin_model, robot.dof)
+        own = axis_of(robot.pin_model, robot.dof).direction
         turned, arm = place.rotation @ axis, place.translation
         across = float(np.linalg.norm(np.cross(own, turned)))
         apart = float(np.linalg.norm(np.cross(own, arm)))
@@ -273,21 +273,6 @@ def _is_same(row: list[float], other: list[float]) -> bool:
 
 
 def _error_and_jacobian(chain: Array, q: Array, T: Array) -> tuple[Array, Array]:
-    """What a chain (7, 3, 4) at q (6,) misses a pose (4, 4) by, (6,) [m, rad], and its derivative (6, 6)."""
-    turns = np.zeros((SIX + 1, 3, 3))
-    turns[:, 2, 2] = 1.0
-    turns[:SIX, 0, 0] = turns[:SIX, 1, 1] = np.cos(q)
-    turns[:SIX, 1, 0] = np.sin(q)
-    turns[:, 0, 1] = -turns[:, 1, 0]
-    turns[SIX] = np.eye(3)
-    rotation, position = np.eye(3), np.zeros(3)
-    axes, points = np.empty((SIX + 1, 3)), np.empty((SIX + 1, 3))
-    for index, place in enumerate(chain):
-        position = position + rotation @ place[:, 3]
-        rotation = rotation @ place[:, :3]
-        axes[index], points[index] = rotation[:, 2], position
-        rotation = rotation @ turns[index]
-    error = np.concatenate([T[:3, 3] - position, pin.log3(T[:3, :3] @ rotation.T)])
-    x, y, z = axes[:SIX].T
-    u, v, w = (position - points[:SIX]).T
-    return error, np.array([y * w - z * v, z * u - x * w, x * v - y * u, x, y, z])
+    """Error (6,), linear [m] and as a rotation vector [rad], and the Jacobian (6, 6) of a chain of six at q (6,)."""
+    (placed,), (jacobian,) = batches.frames(batches.turning_arm(chain), q[np.newaxis])
+    return np.concatenate([T[:3, 3] - placed[:3, 3], pin.log3(T[:3, :3] @ placed[:3, :3].T)]), jacobian

@@ -5,6 +5,7 @@ Everything public is imported from here.
 log            `Log`: joints, commands and poses of a recording, by the names of their topics
 messages       what messages say in radians and metres, and which are read
 bag            the files themselves; the only part that imports rosbags
+motion_files   motions in files of this package, of ROS and of Kinova's driver
 standstills    where the arm stands still: rows for `calibrate`
 torque_rows    joints smoothed and differentiated: rows for `identify_arm`
 """

@@ -8,8 +8,9 @@ loading, descriptions   from a name, a URDF or an MJCF to the arm and its home; 
 measured_arm            how far one arm is from its description, and the file that says so
 written_descriptions    the URDF or MJCF of a calibrated arm
 poses, angles, checks   building and checking poses, full turns, checks of arguments
+joint_axes              what a joint moves about, or along
 batches                 kinematics and dynamics of many configurations at once, by kernels
-many_configurations     Newton's method on many configurations at once
+many_configurations     errors against many poses, and Newton's method
 mujoco_twin             the same arm in MuJoCo
 other_robot             another robot as an obstacle; contact with it while both move (contact_between)
 obstacles, scene        shapes around the arm, one by one, from a file or from a MuJoCo model; shapes that it holds

@@ -13,6 +13,7 @@ from jacokin.kernels.configurations import dynamics, kinematics
 from jacokin.kernels.configurations.arm import LANES, PLACE, Arm, Block
 from jacokin.kernels.configurations.dynamics import Bodies
 from jacokin.kernels.library import Call
+from jacokin.model.joint_axes import axis_of, turn_of
 
 REFERENCES = {
     "local_world_aligned": kinematics.ALIGNED,
@@ -33,12 +34,18 @@ def arm_of(model: pin.Model, frame_id: int | None = None, tool: pin.SE3 | None =
     T_joint_own = _own_axes(model)
     placements = [T_joint_own[j].inverse() * model.jointPlacements[j + 1] * T_joint_own[j + 1] for j in range(joints)]
     placements.append(T_joint_own[joints].inverse() * (tip if tool is None else tip * tool))
-    sliding = ["JointModelP" in model.joints[j + 1].shortname() for j in range(joints)]
+    sliding = [axis_of(model, j + 1).slides for j in range(joints)]
     return Arm(
         np.array([T.homogeneous[:3] for T in placements]),
         np.array(sliding, dtype=np.float64),
         np.array([model.nv], dtype=np.int64),
     )
+
+
+def turning_arm(chain: Array) -> Arm:
+    """The joints of a chain (n + 1, 3, 4) of placements between joints that all turn about z, and of a frame."""
+    count = len(chain) - 1
+    return Arm(np.ascontiguousarray(chain), np.zeros(count), np.array([count], dtype=np.int64))
 
 
 def bodies_of(model: pin.Model) -> Bodies:
@@ -49,22 +56,20 @@ def bodies_of(model: pin.Model) -> Bodies:
 
 
 def _own_axes(model: pin.Model) -> list[pin.SE3]:
-    """T_joint_own of the base and of each joint; by whole quarter turns where its axis is one of its frame's."""
-    data, zero = model.createData(), np.zeros(model.nq)
-    turned = [pin.SE3.Identity()]
-    for index in range(model.nv):
-        twist = pin.computeJointJacobian(model, data, zero, index + 1).reshape(6, model.nv)[:, index]
-        axis = twist[3:] if twist[3:].any() else twist[:3]
-        helper = np.roll(np.eye(3)[np.argmax(np.abs(axis))], 1)
-        x = np.cross(helper, axis)
-        x /= np.linalg.norm(x)
-        turned.append(pin.SE3(np.column_stack([x, np.cross(axis, x), axis]), np.zeros(3)))
-    return turned
+    """T_joint_own of the base and of each joint."""
+    turns = [np.eye(3), *(turn_of(model, index) for index in range(1, model.njoints))]
+    return [pin.SE3(turn, np.zeros(3)) for turn in turns]
 
 
 def poses(arm: Arm, q: Array) -> Array:
     """Poses (n, 4, 4) of the frame in the base at configurations (n, dof)."""
     return _frames(arm, q, kinematics.ALIGNED, np.empty(0))
+
+
+def frames(arm: Arm, q: Array) -> tuple[Array, Array]:
+    """Poses (n, 4, 4) and Jacobians (n, 6, dof), local world aligned, of the frame at configurations (n, dof)."""
+    written = np.zeros((len(q), 6, q.shape[1]))
+    return _frames(arm, q, kinematics.ALIGNED, written.reshape(-1)), written
 
 
 def jacobians(arm: Arm, q: Array, reference: str) -> Array:

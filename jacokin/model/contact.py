@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property, partial
 from typing import NamedTuple
 
@@ -16,6 +15,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
+from jacokin.chunks.execution import share
 from jacokin.errors import ModelError
 from jacokin.kernels.contact.arm import HINGE, LAST_PAIR
 from jacokin.kernels.contact.run import (
@@ -145,19 +145,9 @@ class Contact:
         found = np.zeros(len(rows), dtype=np.bool_)
 
         def run(start: int, stop: int) -> None:
-            call = self._call()
-            for first in range(start, stop, ROWS_AT_ONCE):
-                some = rows[first : min(first + ROWS_AT_ONCE, stop)]
-                call.work.q[: some.size] = some.ravel()
-                self._run(call, TOUCHES, len(some), margin=self._clearance)
-                found[first : first + len(some)] = call.work.value[: len(some), 0]
+            found[start:stop] = self._ask(TOUCHES, rows[start:stop], self._clearance)
 
-        if threads == 1:
-            run(0, len(rows))
-        else:
-            edges = np.linspace(0, len(rows), threads + 1).astype(int).tolist()
-            with ThreadPoolExecutor(threads) as pool:
-                list(pool.map(run, edges[:-1], edges[1:]))
+        share(run, len(rows), threads)
         return found
 
     def touching_from(self, T_world_base: pin.SE3, q: Array) -> list[Pair]:
@@ -223,12 +213,17 @@ class Contact:
 
     def are_in_the_way(self, starts: Array, ends: Array, extra: float = 0.0) -> NDArray[np.bool_]:
         """Whether any shapes touch on each straight motion between configurations (n, dof) [rad], as `in_the_way`."""
-        call, found = self._call(), np.zeros(len(starts), dtype=np.bool_)
-        at_once, both = ROWS_AT_ONCE // 2, np.concatenate([starts, ends], axis=1)
-        for first in range(0, len(both), at_once):
-            some = both[first : first + at_once]
+        both = np.concatenate([starts, ends], axis=1)
+        return self._ask(CLEAR_MOTION, both, self._clearance + extra, slack=REFUSED_WITHIN)
+
+    def _ask(self, task: int, rows: Array, margin: float, slack: float = 0.0) -> NDArray[np.bool_]:
+        """What a task says of each row (n, dof) of a configuration, or (n, 2 dof) of the ends of a motion."""
+        call, found = self._call(), np.zeros(len(rows), dtype=np.bool_)
+        at_once = ROWS_AT_ONCE * len(self._geometry.arm.joint_kinds) // rows.shape[1]
+        for first in range(0, len(rows), at_once):
+            some = rows[first : first + at_once]
             call.work.q[: some.size] = some.ravel()
-            self._run(call, CLEAR_MOTION, len(some), margin=self._clearance + extra, slack=REFUSED_WITHIN)
+            self._run(call, task, len(some), margin=margin, slack=slack)
             found[first : first + len(some)] = call.work.value[: len(some), 0]
         return found
 

@@ -44,6 +44,7 @@ from jacokin.kernels.contact.shapes import (
 from jacokin.kernels.contact.touching import Geometry
 from jacokin.kernels.contact.tree import Tree
 from jacokin.model.descriptions.shapes import KINDS, Shape
+from jacokin.model.joint_axes import axis_of, turn_of
 
 CORES = np.array([PLANE, POINT, SEGMENT, ELLIPSOID, CYLINDER, BOX, MESH, CLOUD])  # of the `KINDS`
 NUMBER_OF_KIND = {kind: number for number, kind in enumerate(KINDS)}
@@ -245,23 +246,16 @@ def joints_about_z(model: pin.Model) -> tuple[Array, list[int]]:
     """For each joint its placement on the link before it, axes z, and its kind."""
     turns, placements, kinds = [pin.SE3.Identity()], np.empty((model.nv, 3, 4)), []
     for index in range(1, model.njoints):
-        turn, kind = turn_of(model, index)
+        turn = about_z(model, index)
         placements[index - 1] = (turns[-1].inverse() * model.jointPlacements[index] * turn).homogeneous[:3]
         turns.append(turn)
-        kinds.append(kind)
+        kinds.append(SLIDE if axis_of(model, index).slides else HINGE)
     return placements, kinds
 
 
-def turn_of(model: pin.Model, link: int) -> tuple[pin.SE3, int]:
-    """T_joint_link, whose z is the axis of the joint that moves a link, and the kind of that joint."""
-    joint = model.joints[link]
-    data = joint.createData()
-    joint.calc(data, np.zeros(model.nq))
-    subspace = np.asarray(data.S).ravel()
-    hinge = bool(subspace[3:].any())
-    axis = subspace[3:] if hinge else subspace[:3]
-    turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), axis).toRotationMatrix()
-    return pin.SE3(turn, np.zeros(3)), HINGE if hinge else SLIDE
+def about_z(model: pin.Model, link: int) -> pin.SE3:
+    """T_joint_link, whose z is the axis of the joint that moves a link."""
+    return pin.SE3(turn_of(model, link), np.zeros(3))
 
 
 def shape_row(model: pin.Model, shape: Shape) -> ShapeRow:
@@ -273,17 +267,12 @@ def shape_row(model: pin.Model, shape: Shape) -> ShapeRow:
     kind = np.array([_kind(shape)])
     T_link_shape = shape.placement
     if shape.joint:
-        T_link_shape = turn_of(model, shape.joint)[0].inverse() * T_link_shape
+        T_link_shape = about_z(model, shape.joint).inverse() * T_link_shape
     if CORES[kind[0]] in (MESH, CLOUD):
         row = _own_row(shape, T_link_shape)
     else:
-        numbers, integers = np.zeros(SHAPE_NUMBERS), np.zeros(SHAPE_INTEGERS, dtype=np.int64)
-        half, margin = _half_sizes(kind, shape.size[np.newaxis])
-        numbers[:SIZE] = T_link_shape.homogeneous[:3].ravel()
-        numbers[SIZE : SIZE + 3], numbers[MARGIN] = half[0], margin[0]
-        numbers[CENTRE : CENTRE + 3], numbers[RADIUS] = T_link_shape.translation, margin[0] + _core_radii(kind, half)[0]
-        integers[KIND] = CORES[kind[0]]
-        row = ShapeRow(numbers, integers)
+        half, (margin,) = _half_sizes(kind, shape.size[np.newaxis])
+        row = _row(CORES[kind[0]], T_link_shape, half[0], margin, margin + _core_radii(kind, half)[0])
     row.integers[LINK] = shape.joint
     return row
 
@@ -321,14 +310,11 @@ def _own_row(shape: Shape, T_link_shape: pin.SE3) -> ShapeRow:
 
 def _cloud_row(T_link_shape: pin.SE3, radius: float, cloud: CloudTree) -> ShapeRow:
     """A cloud with spheres of a radius [m]; its tree begins with a box around all points."""
-    numbers, integers = np.zeros(SHAPE_NUMBERS), np.zeros(SHAPE_INTEGERS, dtype=np.int64)
     around = cloud.nodes[0]
-    numbers[:SIZE] = T_link_shape.homogeneous[:3].ravel()
-    numbers[SIZE : SIZE + 3], numbers[MARGIN] = around[NODE_HALF:NODE_RADIUS], radius
-    numbers[CENTRE : CENTRE + 3] = T_link_shape.act(around[:NODE_HALF])
-    numbers[RADIUS] = around[NODE_RADIUS] + radius
-    integers[KIND], integers[LEAVES] = CLOUD, (len(cloud.nodes) + 1) // 2
-    return ShapeRow(numbers, integers, cloud=cloud)
+    row = _row(CLOUD, T_link_shape, around[NODE_HALF:NODE_RADIUS], radius, around[NODE_RADIUS] + radius)
+    row.numbers[CENTRE : CENTRE + 3] = T_link_shape.act(around[:NODE_HALF])
+    row.integers[LEAVES] = (len(cloud.nodes) + 1) // 2
+    return row._replace(cloud=cloud)
 
 
 def _mesh_row(T_link_shape: pin.SE3, points: Array) -> ShapeRow:
@@ -336,13 +322,19 @@ def _mesh_row(T_link_shape: pin.SE3, points: Array) -> ShapeRow:
     vertices, neighbours = _hull(points)
     centre = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
     vertices = vertices - centre
-    T_link_shape = T_link_shape * pin.SE3(np.eye(3), centre)
+    half, radius = np.abs(vertices).max(axis=0), float(np.linalg.norm(vertices, axis=1).max())
+    row = _row(MESH, T_link_shape * pin.SE3(np.eye(3), centre), half, 0.0, radius)
+    return row._replace(vertices=vertices, neighbours=neighbours)
+
+
+def _row(kind: int, T_link_shape: pin.SE3, half: Array, margin: float, radius: float) -> ShapeRow:
+    """A shape of a core, of half sizes (3,), a margin around it, and a radius that it reaches from its centre [m]."""
     numbers, integers = np.zeros(SHAPE_NUMBERS), np.zeros(SHAPE_INTEGERS, dtype=np.int64)
-    numbers[:SIZE], numbers[SIZE : SIZE + 3] = T_link_shape.homogeneous[:3].ravel(), np.abs(vertices).max(axis=0)
-    numbers[CENTRE : CENTRE + 3] = T_link_shape.translation
-    numbers[RADIUS] = np.linalg.norm(vertices, axis=1).max()
-    integers[KIND] = MESH
-    return ShapeRow(numbers, integers, vertices, neighbours)
+    numbers[:SIZE] = T_link_shape.homogeneous[:3].ravel()
+    numbers[SIZE : SIZE + 3], numbers[MARGIN] = half, margin
+    numbers[CENTRE : CENTRE + 3], numbers[RADIUS] = T_link_shape.translation, radius
+    integers[KIND] = kind
+    return ShapeRow(numbers, integers)
 
 
 def _hull(points: Array) -> tuple[Array, list[list[int]]]:

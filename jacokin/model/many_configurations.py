@@ -1,4 +1,4 @@
-"""`Chain`: kinematics of many configurations at once, in NumPy: placements, errors against poses, Newton's method."""
+"""`Chain`: many configurations of an arm against many poses: errors, how they shrink, and Newton's method."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
+from jacokin.model import batches
+from jacokin.model.joint_axes import axis_of
 from jacokin.model.robot import Robot
 
 CLOSED = 1e-11  # [m] and [rad] an error below this is rounding
@@ -28,19 +30,6 @@ class TargetRows(NamedTuple):
         return TargetRows(self.T[rows], None if self.axis is None else self.axis[rows])
 
 
-class Placements(NamedTuple):
-    """Where the tool and the joints of k configurations are, in the base."""
-
-    position: Array
-    """(k, 3) of the tool [m]."""
-    rotation: Array
-    """(k, 3, 3) of the tool."""
-    linear: Array
-    """(k, dof, 3) velocity of the tool for a unit rate of each joint."""
-    angular: Array
-    """(k, dof, 3) angular velocity of the tool for a unit rate of each joint."""
-
-
 class Chain:
     """The joints of one robot up to a frame, and a tool after it.
 
@@ -55,70 +44,31 @@ class Chain:
         """Read every joint of the model: its rotation is A + cos(q) B + sin(q) C."""
         self.dof = robot.dof
         model = robot.pin_model
-        data, zero = model.createData(), np.zeros(model.nq)
-        self._sliding = robot.sliding
-        self._offsets = np.array([model.jointPlacements[joint].translation for joint in range(1, model.njoints)])
-        self._axes = np.zeros((robot.dof, 3))
-        self._fixed, self._cosine, self._sine = np.zeros((3, robot.dof, 3, 3))
-        for index in range(robot.dof):
-            twist = pin.computeJointJacobian(model, data, zero, index + 1).reshape(6, robot.dof)[:, index]
-            rotation = model.jointPlacements[index + 1].rotation
-            axis = self._axes[index] = twist[:3] if robot.sliding[index] else twist[3:]
-            if robot.sliding[index]:
-                self._fixed[index] = rotation
-                continue
-            along = np.outer(axis, axis)
-            self._fixed[index] = rotation @ along
-            self._cosine[index] = rotation @ (np.eye(3) - along)
-            self._sine[index] = rotation @ pin.skew(axis)
+        self._arm = batches.arm_of(model, frame_id, tool)
+        rows = np.zeros((robot.dof, 34))
+        for index, row in enumerate(rows):
+            placement, (axis, slides) = model.jointPlacements[index + 1], axis_of(model, index + 1)
+            along = np.eye(3) if slides else np.outer(axis, axis)
+            parts = [along, np.eye(3) - along, np.zeros((3, 3)) if slides else pin.skew(axis)]
+            row[:27] = (placement.rotation @ np.array(parts)).ravel()
+            row[27:] = *placement.translation, *axis, slides
         frame = model.frames[frame_id]
-        self._joints = int(frame.parentJoint)
-        self._tip = frame.placement if tool is None else frame.placement * tool
+        tip = frame.placement if tool is None else frame.placement * tool
+        self.constants = rows, tip.homogeneous[:3], int(frame.parentJoint)
 
-    @property
-    def constants(self) -> tuple[Array, Array, int]:
-        """Of the joints (dof, 34), the tool after the last one (3, 4), and how many joints there are up to it.
-
-        Columns: of the rotation at zero and of what the cosine and the sine of the angle add, rows one after another;
-        the offset [m]; the axis; 1 for a joint that slides.
-        """
-        rotations = np.stack([self._fixed, self._cosine, self._sine], axis=1).reshape(self.dof, 27)
-        rows = np.column_stack([rotations, self._offsets, self._axes, self._sliding])
-        return rows, self._tip.homogeneous[:3], self._joints
-
-    def placements(self, q: Array) -> Placements:
-        """Of the tool, and its velocities, at configurations (k, dof)."""
-        angle = q[:, :, None, None]
-        rotations = np.cos(angle) * self._cosine
-        rotations += self._fixed
-        rotations += np.sin(angle) * self._sine
-        axes, origins = np.zeros((2, *q.shape, 3))
-        rotation, position = np.broadcast_to(np.eye(3), (len(q), 3, 3)), np.zeros((len(q), 3))
-        for index in range(self._joints):
-            position = position + rotation @ self._offsets[index]
-            rotation = rotation @ rotations[:, index]
-            axes[:, index] = rotation @ self._axes[index]
-            if self._sliding[index]:
-                position = position + q[:, index, None] * axes[:, index]
-            origins[:, index] = position
-        position = position + rotation @ self._tip.translation
-        rotation = rotation @ self._tip.rotation
-        linear = cross(axes, position[:, None] - origins)
-        if not self._sliding.any():
-            return Placements(position, rotation, linear, axes)
-        slides = self._sliding[:, None]
-        return Placements(position, rotation, np.where(slides, axes, linear), np.where(slides, 0.0, axes))
+    def placements(self, q: Array) -> tuple[Array, Array]:
+        """Poses (k, 4, 4) of the tool in the base at configurations (k, dof), and its Jacobians (k, 6, dof) there."""
+        return batches.frames(self._arm, np.ascontiguousarray(q))
 
     def errors(self, x: Array, goal: TargetRows) -> tuple[Array, Array]:
         """Position (n,) [m] and orientation (n,) [rad, for small ones] errors at configurations (n, width)."""
-        error = _error(self.placements(x[:, : self.dof]), _turned(goal, x[:, self.dof :]))
+        error = _error(self.placements(x[:, : self.dof])[0], _turned(goal, x[:, self.dof :]))
         return np.linalg.norm(error[:, :3], axis=1), np.linalg.norm(error[:, 3:], axis=1)
 
     def linearise(self, x: Array, goal: TargetRows) -> tuple[Array, Array]:
         """Errors (n, 6), linear first, and how they shrink with each coordinate (n, 6, width)."""
-        placed = self.placements(x[:, : self.dof])
+        placed, jacobian = self.placements(x[:, : self.dof])
         T = _turned(goal, x[:, self.dof :])
-        jacobian = np.concatenate([placed.linear, placed.angular], axis=2).swapaxes(1, 2)
         if goal.axis is not None:
             away = np.zeros((len(x), 6, 1))
             away[:, 3:] = -(T[:, :3, :3] @ goal.axis[:, :, None])
@@ -154,15 +104,6 @@ class Chain:
         return x, worst
 
 
-def cross(a: Array, b: Array) -> Array:
-    """Cross products over the last axis; `np.cross` takes several times as long."""
-    product = np.empty(np.broadcast_shapes(a.shape, b.shape))
-    product[..., 0] = a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1]
-    product[..., 1] = a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2]
-    product[..., 2] = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
-    return product
-
-
 def _turned(goal: TargetRows, angle: Array) -> Array:
     """The poses (n, 4, 4), turned by angles (n, 1)."""
     if goal.axis is None:
@@ -177,12 +118,12 @@ def _turned(goal: TargetRows, angle: Array) -> Array:
     return T
 
 
-def _error(placed: Placements, T: Array) -> Array:
-    """Errors (n, 6) of placements against poses (n, 4, 4) in the base: linear [m], then the axis times sin(angle)."""
-    turn = T[:, :3, :3] @ placed.rotation.swapaxes(1, 2)
+def _error(placed: Array, T: Array) -> Array:
+    """Errors (n, 6) of poses (n, 4, 4) against others in the base: linear [m], then the axis times sin(angle)."""
+    turn = T[:, :3, :3] @ placed[:, :3, :3].swapaxes(1, 2)
     skew = turn - turn.swapaxes(1, 2)
     angular = 0.5 * np.stack([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]], axis=1)
-    return np.hstack([T[:, :3, 3] - placed.position, angular])
+    return np.hstack([T[:, :3, 3] - placed[:, :3, 3], angular])
 
 
 def _solved(jacobian: Array, error: Array) -> Array:

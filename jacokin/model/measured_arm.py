@@ -24,6 +24,7 @@ from jacokin import files
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, ModelError
 from jacokin.model import checks
+from jacokin.model.joint_axes import axis_of, frame_with_z
 
 FORMAT = 1
 FARTHEST = 0.1  # [m] that a joint can be from its place: more is another arm, or another unit
@@ -250,34 +251,21 @@ def axis_rotation(axis: Vector) -> Array:
     return np.array([[1.0 - k * x * x, -k * x * y, x], [-k * x * y, 1.0 - k * y * y, y], [-x, -y, z]])
 
 
-def joint_axis(model: pin.Model, index: int) -> Array:
+def _turning_axis(model: pin.Model, index: int) -> Array:
     """Direction (3,) of a turning joint's axis in its own frame.
 
     Raises:
         ModelError: the joint slides.
     """
-    joint = model.joints[index]
-    data = joint.createData()
-    joint.calc(data, np.zeros(model.nq))
-    subspace = np.asarray(data.S).ravel()
-    if not subspace[3:].any():
+    axis = axis_of(model, index)
+    if axis.slides:
         raise ModelError(f"joint {model.names[index]!r} slides: only arms whose joints all turn are calibrated")
-    return subspace[3:]
-
-
-def axes_of(model: pin.Model, index: int) -> Array:
-    """Rotation (3, 3) from axes with z along a joint's axis to the joint's own; the identity for z itself."""
-    z = joint_axis(model, index)
-    if z[2] == 1.0:
-        return np.eye(3)
-    x = np.cross(z, np.eye(3)[int(np.argmin(np.abs(z)))])
-    x /= np.linalg.norm(x)
-    return np.column_stack([x, np.cross(z, x), z])
+    return axis.direction
 
 
 def moved(model: pin.Model, index: int, joint: MeasuredJoint) -> pin.SE3:
     """Pose of a deviating joint in its described frame, in the joint's own axes."""
-    turn = pin.SE3(axes_of(model, index), np.zeros(3))
+    turn = pin.SE3(frame_with_z(_turning_axis(model, index)), np.zeros(3))
     return turn * joint.placement * turn.inverse()
 
 
@@ -286,6 +274,6 @@ def joints_fingerprint(model: pin.Model, base: str) -> str:
     content = hashlib.sha256("\n".join([base, *tuple(model.names)[1:]]).encode())
     for index in range(1, model.njoints):
         placement = model.jointPlacements[index].homogeneous[:3]
-        rows: NDArray[np.float64] = np.column_stack((placement, joint_axis(model, index)))
+        rows: NDArray[np.float64] = np.column_stack((placement, _turning_axis(model, index)))
         content.update(np.round(rows / SAME_PLACE).astype(np.int64).tobytes())
     return content.hexdigest()

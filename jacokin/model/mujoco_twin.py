@@ -24,6 +24,7 @@ from jacokin.model.descriptions import bundled, mjcf, urdf
 from jacokin.model.descriptions.convex_parts import convex_parts
 from jacokin.model.descriptions.meshes import TriangleMesh
 from jacokin.model.descriptions.shapes import Shape, ShapesOfLinks, prepare_shapes
+from jacokin.model.joint_axes import axis_of
 from jacokin.model.robot import Robot, Source, checked_robot
 
 UNLIMITED = 1e6  # [rad] stands for an open side
@@ -114,11 +115,7 @@ def body_of_joint(robot: Robot, joint: int) -> str:
 
 def _add_joint(body: mujoco.MjsBody, robot: Robot, index: int) -> None:
     """The joint that moves a body, about (or along) the axis Pinocchio has."""
-    joint = robot.pin_model.joints[index]
-    data = joint.createData()
-    joint.calc(data, np.zeros(robot.dof))
-    subspace = np.asarray(data.S).ravel()
-    hinge = bool(subspace[3:].any())
+    axis = axis_of(robot.pin_model, index)
     limited = bool(np.isfinite(robot.lower[index - 1]) or np.isfinite(robot.upper[index - 1]))
     # MuJoCo wants a finite range; one side may be open.
     low, high = np.clip((robot.lower[index - 1], robot.upper[index - 1]), -UNLIMITED, UNLIMITED)
@@ -126,8 +123,8 @@ def _add_joint(body: mujoco.MjsBody, robot: Robot, index: int) -> None:
         low, high = low - LOCKED_ROOM, high + LOCKED_ROOM
     body.add_joint(
         name=robot.joint_names[index - 1],
-        type=mujoco.mjtJoint.mjJNT_HINGE if hinge else mujoco.mjtJoint.mjJNT_SLIDE,
-        axis=subspace[3:] if hinge else subspace[:3],
+        type=mujoco.mjtJoint.mjJNT_SLIDE if axis.slides else mujoco.mjtJoint.mjJNT_HINGE,
+        axis=axis.direction,
         limited=mujoco.mjtLimited.mjLIMITED_TRUE if limited else mujoco.mjtLimited.mjLIMITED_FALSE,
         range=(low, high) if limited else (0.0, 0.0),
     )
@@ -602,14 +599,10 @@ def _write_inertial(model: mujoco.MjModel, body: int, inertial: ET.Element | Non
     model.body_inertia[body] = 0.0
     if inertial is None:
         return
-    origin = inertial.find("origin")
-    position, rpy = (
-        np.array([float(part) for part in ("0 0 0" if origin is None else origin.get(key, "0 0 0")).split()])
-        for key in ("xyz", "rpy")
-    )
+    placed = urdf.origin_of(inertial)
     moments, axes = np.linalg.eigh(_tensor(inertial))
     if np.linalg.det(axes) < 0.0:
         axes[:, 0] *= -1.0
     model.body_inertia[body] = moments
-    model.body_ipos[body] = position
-    model.body_iquat[body] = poses.quaternion(poses.rotation_from_rpy(rpy) @ axes)
+    model.body_ipos[body] = placed.translation
+    model.body_iquat[body] = poses.quaternion(placed.rotation @ axes)

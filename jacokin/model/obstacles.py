@@ -24,6 +24,9 @@ if TYPE_CHECKING:
     import mujoco
 
 
+PLANE_SIZE = (1.0, 1.0, 0.1)  # [m] how a plane is drawn, which has no end
+
+
 class Obstacle(Protocol):
     """A shape that stands still."""
 
@@ -36,7 +39,23 @@ class Obstacle(Protocol):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Box:
+class _Solid:
+    """What the shapes below share."""
+
+    solid: Shape = field(init=False, repr=False, compare=False)
+
+    def add_to(self, body: mujoco.MjsBody) -> None:
+        """Add the shape to the base body."""
+        add_solid(body, self.solid)
+
+    def _keep(self, solid: Shape, **checked: object) -> None:
+        """Keep the checked numbers, and the shape that they make."""
+        for name, value in {"solid": solid, **checked}.items():
+            object.__setattr__(self, name, value)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Box(_Solid):
     """A box.
 
     Attributes:
@@ -49,24 +68,17 @@ class Box:
     name: str
     size: ArrayLike
     pose: pin.SE3 | ArrayLike
-    solid: Shape = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         """Check the numbers."""
         checks.word(NAME, self.name)
         size = checks.positive_vector(f"{self.name}: size", self.size, 3, "m")
         pose = poses.checked_place(f"{self.name}: pose", self.pose)
-        object.__setattr__(self, "size", size)
-        object.__setattr__(self, "pose", pose)
-        object.__setattr__(self, "solid", Shape(self.name, "box", 0.5 * size, 0, pose))
-
-    def add_to(self, body: mujoco.MjsBody) -> None:
-        """Add the shape to the base body."""
-        _add(body, self.name, "BOX", 0.5 * np.asarray(self.size), self.pose)
+        self._keep(Shape(self.name, "box", 0.5 * size, 0, pose), size=size, pose=pose)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Sphere:
+class Sphere(_Solid):
     """A sphere.
 
     Attributes:
@@ -79,45 +91,34 @@ class Sphere:
     name: str
     radius: float
     position: ArrayLike
-    solid: Shape = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         """Check the numbers."""
         checks.word(NAME, self.name)
-        object.__setattr__(self, "radius", checks.positive(f"{self.name}: radius", self.radius, "m"))
-        position = checks.vector(f"{self.name}: position", self.position, 3, "m")
-        object.__setattr__(self, "position", checks.read_only(position))
-        place = pin.SE3(np.eye(3), position)
-        object.__setattr__(self, "solid", Shape(self.name, "sphere", np.array([self.radius, 0.0, 0.0]), 0, place))
-
-    def add_to(self, body: mujoco.MjsBody) -> None:
-        """Add the shape to the base body."""
-        pose = pin.SE3(np.eye(3), np.asarray(self.position))
-        _add(body, self.name, "SPHERE", [self.radius], pose)
+        radius = checks.positive(f"{self.name}: radius", self.radius, "m")
+        position = checks.read_only(checks.vector(f"{self.name}: position", self.position, 3, "m"))
+        solid = Shape(self.name, "sphere", np.array([radius, 0.0, 0.0]), 0, pin.SE3(np.eye(3), position))
+        self._keep(solid, radius=radius, position=position)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Round:
+class _Round(_Solid):
     """What capsules and cylinders share."""
 
     name: str
     radius: float
     length: float
     pose: pin.SE3 | ArrayLike
-    solid: Shape = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         """Check the numbers."""
         checks.word(NAME, self.name)
-        object.__setattr__(self, "radius", checks.positive(f"{self.name}: radius", self.radius, "m"))
-        object.__setattr__(self, "length", checks.positive(f"{self.name}: length", self.length, "m"))
-        pose, size = (
-            poses.checked_place(f"{self.name}: pose", self.pose),
-            np.array([self.radius, 0.5 * self.length, 0.0]),
-        )
+        radius = checks.positive(f"{self.name}: radius", self.radius, "m")
+        length = checks.positive(f"{self.name}: length", self.length, "m")
+        pose = poses.checked_place(f"{self.name}: pose", self.pose)
         kind = "capsule" if isinstance(self, Capsule) else "cylinder"
-        object.__setattr__(self, "pose", pose)
-        object.__setattr__(self, "solid", Shape(self.name, kind, size, 0, pose))
+        solid = Shape(self.name, kind, np.array([radius, 0.5 * length, 0.0]), 0, pose)
+        self._keep(solid, radius=radius, length=length, pose=pose)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -132,10 +133,6 @@ class Capsule(_Round):
         solid: the same as contact takes it; not given.
     """
 
-    def add_to(self, body: mujoco.MjsBody) -> None:
-        """Add the shape to the base body."""
-        _add(body, self.name, "CAPSULE", [self.radius, 0.5 * self.length], self.pose)
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cylinder(_Round):
@@ -149,13 +146,9 @@ class Cylinder(_Round):
         solid: the same as contact takes it; not given.
     """
 
-    def add_to(self, body: mujoco.MjsBody) -> None:
-        """Add the shape to the base body."""
-        _add(body, self.name, "CYLINDER", [self.radius, 0.5 * self.length], self.pose)
-
 
 @dataclass(frozen=True, slots=True)
-class Floor:
+class Floor(_Solid):
     """A horizontal plane; everything below it is solid.
 
     Attributes:
@@ -166,20 +159,13 @@ class Floor:
 
     height: float = 0.0
     name: str = "floor"
-    solid: Shape = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         """Check the numbers."""
         checks.word(NAME, self.name)
-        object.__setattr__(self, "height", checks.number(f"{self.name}: height", self.height, "m"))
-        place = pin.SE3(np.eye(3), np.array([0.0, 0.0, self.height]))
-        object.__setattr__(self, "solid", Shape(self.name, "plane", np.zeros(3), 0, place))
-
-    def add_to(self, body: mujoco.MjsBody) -> None:
-        """Add the shape to the base body."""
-        pose = pin.SE3(np.eye(3), np.array([0.0, 0.0, self.height]))
-        # A plane has no end; the size only says how it is drawn.
-        _add(body, self.name, "PLANE", [1.0, 1.0, 0.1], pose)
+        height = checks.number(f"{self.name}: height", self.height, "m")
+        at = pin.SE3(np.eye(3), np.array([0.0, 0.0, height]))
+        self._keep(Shape(self.name, "plane", np.zeros(3), 0, at), height=height)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -259,10 +245,8 @@ def pose_of(shape: Obstacle) -> pin.SE3:
     Raises:
         InvalidInputError: a shape without a pose.
     """
-    if isinstance(shape, Sphere):
-        return pin.SE3(np.eye(3), np.asarray(shape.position))
-    if isinstance(shape, Box | Capsule | Cylinder | PointCloud) and isinstance(shape.pose, pin.SE3):
-        return shape.pose
+    if isinstance(shape, Box | Sphere | Capsule | Cylinder | PointCloud):
+        return shape.solid.placement
     raise checks.refusal("shape", "a Box, Sphere, Capsule, Cylinder or PointCloud, which have a pose", shape)
 
 
@@ -303,21 +287,14 @@ def checked_obstacles(obstacles: Iterable[Obstacle]) -> tuple[Obstacle, ...]:
 
 def add_solid(body: mujoco.MjsBody, solid: Shape) -> None:
     """Add a shape that is no mesh to the base body."""
-    _add(body, solid.name, solid.kind.upper(), solid.size, solid.placement)
-
-
-def _add(body: mujoco.MjsBody, name: str, kind: str, size: ArrayLike, pose: pin.SE3 | ArrayLike) -> None:
     import mujoco  # an arm alone is checked without it
 
-    assert isinstance(pose, pin.SE3)  # __post_init__ made it one
-    full = np.zeros(3)
-    full[: len(np.asarray(size))] = size
     body.add_geom(
-        name=name,
-        type=getattr(mujoco.mjtGeom, f"mjGEOM_{kind}"),
-        size=full,
-        pos=pose.translation,
-        quat=poses.quaternion(pose.rotation),
+        name=solid.name,
+        type=getattr(mujoco.mjtGeom, f"mjGEOM_{solid.kind.upper()}"),
+        size=PLANE_SIZE if solid.kind == "plane" else solid.size,
+        pos=solid.placement.translation,
+        quat=poses.quaternion(solid.placement.rotation),
         contype=0,
         conaffinity=0,
     )

@@ -13,7 +13,7 @@ from jacokin.arrays import Array
 from jacokin.errors import ModelError
 from jacokin.kernels.contact.shapes import SIZE
 from jacokin.model import checks, poses
-from jacokin.model.contact_arrays import ShapeRow, turn_of
+from jacokin.model.contact_arrays import ShapeRow, about_z
 from jacokin.model.descriptions.shapes import NO_VERTICES, Shape
 from jacokin.model.obstacles import add_solid
 from jacokin.model.own_shapes import own_shapes
@@ -81,7 +81,7 @@ class OtherRobot:
         data = model.createData()
         pin.forwardKinematics(model, data, np.asarray(self.q))
         base = poses.checked_pose(self.base)
-        return [base, *(base * data.oMi[joint] * turn_of(model, joint)[0] for joint in range(1, model.njoints))]
+        return [base, *(base * data.oMi[joint] * about_z(model, joint) for joint in range(1, model.njoints))]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -135,19 +135,21 @@ class Robot:
 
     def __reduce__(self) -> tuple[object, tuple[object, ...]]:
         """Pickle the model, its names and what it carries; working memory is made anew."""
-        rebuild = partial(
-            Robot,
-            base=self.base,
-            tip=self.default_frame,
-            source=self.source,
-            finger_angle=self.finger_angle,
-            home=self.__dict__.get("_found_home", self._home),
-            notes=self._find_notes,
-            point_filter=self._point_filter,
-            has_masses=self._has_masses,
-            carried=self.carried,
-        )
-        return rebuild, (self.pin_model,)
+        return partial(Robot, **self._arguments, carried=self.carried), (self.pin_model,)
+
+    @property
+    def _arguments(self) -> dict[str, Any]:  # Any: of several types
+        """What it was made of beside its model, home as it was found."""
+        return {
+            "base": self.base,
+            "tip": self.default_frame,
+            "source": self.source,
+            "finger_angle": self.finger_angle,
+            "home": self.__dict__.get("_found_home", self._home),
+            "notes": self._find_notes,
+            "point_filter": self._point_filter,
+            "has_masses": self._has_masses,
+        }
 
     def once(self, make: Callable[..., Made], *arguments: Hashable, carried: bool = False) -> Made:
         """What a function makes of this robot, made when it is first asked for and shared by all who ask.
@@ -201,17 +203,8 @@ class Robot:
         measured = self.calibration
         if measured is None:
             return self
-        return Robot(
-            measured.undo(self.pin_model),
-            base=self.base,
-            tip=self.default_frame,
-            source=replace(self.source, calibration=None),
-            finger_angle=self.finger_angle,
-            home=self._home,
-            notes=self._find_notes,
-            point_filter=self._point_filter,
-            has_masses=self._has_masses,
-        )
+        source = replace(self.source, calibration=None)
+        return Robot(measured.undo(self.pin_model), **{**self._arguments, "source": source, "home": self._home})
 
     @property
     def _data(self) -> pin.Data:
@@ -610,7 +603,7 @@ class Robot:
         """
         weight, centre = checks.non_negative("mass", mass, "kg"), checks.vector("com", com, 3, "m")
         loaded = dynamics.loaded(self.pin_model, self.frame_id(frame), weight, centre, inertia)
-        return self._weighing(loaded, has_masses=self._has_masses)
+        return Robot(loaded, **self._arguments, carried=self.carried)
 
     def with_bodies(self, parameters: ArrayLike) -> Robot:
         """This robot with other masses, as `jacokin.model.identify_arm` finds them: another robot.
@@ -625,22 +618,8 @@ class Robot:
         rows = checks.matrix("parameters", parameters, dynamics.BODY, "kg, kg m, kg m^2")
         if len(rows) != self.dof:
             raise InvalidInputError(f"parameters must have shape ({self.dof}, {dynamics.BODY}), got shape {rows.shape}")
-        return self._weighing(dynamics.reweighed(self.pin_model, rows), has_masses=True)
-
-    def _weighing(self, pin_model: pin.Model, *, has_masses: bool) -> Robot:
-        """This arm with a model of other masses."""
-        return Robot(
-            pin_model,
-            base=self.base,
-            tip=self.default_frame,
-            source=self.source,
-            finger_angle=self.finger_angle,
-            home=self.__dict__.get("_found_home", self._home),
-            notes=self._find_notes,
-            point_filter=self._point_filter,
-            has_masses=has_masses,
-            carried=self.carried,
-        )
+        weighed = dynamics.reweighed(self.pin_model, rows)
+        return Robot(weighed, **{**self._arguments, "has_masses": True}, carried=self.carried)
 
     def _push(self, q: Array, external: ArrayLike | None, frame: str | None, base: pin.SE3 | ArrayLike | None) -> Array:
         """Joint torques (dof,) [N m] of what the description does not know: a wrench, and a base mounted otherwise."""

@@ -18,7 +18,7 @@ from jacokin.arrays import Array
 from jacokin.errors import ModelError
 from jacokin.model import checks, poses
 from jacokin.model.descriptions import bundled, mjcf
-from jacokin.model.descriptions.urdf import MALFORMED
+from jacokin.model.descriptions.urdf import MALFORMED, origin_of
 from jacokin.model.measured_arm import moved
 from jacokin.model.robot import Robot, checked_robot
 
@@ -41,11 +41,9 @@ def write_urdf(robot: Robot, path: str | Path) -> None:
     tree = ET.fromstring(text, ET.XMLParser(target=ET.TreeBuilder(insert_comments=True)))
     for joint, motion in _motions(robot).items():
         element = next(each for each in tree.findall("joint") if each.get("name") == joint)
-        origin = element.find("origin")
+        place, origin = origin_of(element) * motion, element.find("origin")
         if origin is None:
             origin = ET.SubElement(element, "origin")
-        xyz, rpy = (np.array(origin.get(key, "0 0 0").split(), dtype=np.float64) for key in ("xyz", "rpy"))
-        place = pin.SE3(pin.rpy.rpyToMatrix(rpy), xyz) * motion
         origin.set("xyz", _text(place.translation))
         origin.set("rpy", _text(_rpy(place.rotation)))
     for collision in tree.iter("collision"):

@@ -230,8 +230,8 @@ def lever(solver: IKSolver) -> float:
     """Distance [m] from the tool to where the last two axes meet, or come nearest to each other."""
     robot = solver.robot
     chain = Chain(robot, robot.frame_id(solver.frame), solver.tool)
-    tool, _, linear, angular = (column[0] for column in chain.placements(robot.home[None]))
-    axes = angular[-2:]
+    (T,), (jacobian,) = chain.placements(robot.home[None])
+    tool, linear, axes = T[:3, 3], jacobian[:3].T, jacobian[3:].T[-2:]
     points = tool + np.cross(axes, linear[-2:])  # nearest to the tool on each axis
     across = np.cross(axes[0], axes[1])
     if np.linalg.norm(across) < PARALLEL:

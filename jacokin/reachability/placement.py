@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from jacokin import files
 from jacokin.arrays import Array
-from jacokin.errors import InvalidInputError, MissingExtraError
+from jacokin.errors import InvalidInputError, needed
 from jacokin.ik.results import Frozen
 from jacokin.model import checks
 from jacokin.model.contact import ContactInWorld
@@ -349,10 +349,8 @@ def draw_placement(
         raise InvalidInputError(
             f"{path}: pictures of places are written as {', '.join(PLACE_ENDINGS)}, told by the ending"
         )
-    try:
+    with needed("matplotlib", "plot"):
         from matplotlib.figure import Figure
-    except ImportError as error:
-        raise MissingExtraError("matplotlib", "plot") from error
     base, turn = place.pose.translation, place.pose.rotation
     robot = map.robot
     q, shown = _posture(map, place, targets, scene)

@@ -373,7 +373,8 @@ def find_symmetries(solver: IKSolver) -> Symmetries:
     """The symmetries of an arm, frame and tool; obstacles, and the shapes of hand and base, do not have them."""
     robot = solver.robot
     chain = Chain(robot, robot.frame_id(solver.frame), solver.tool)
-    position, rotation, velocity, angular = (column[0] for column in chain.placements(robot.home[None]))
+    (tool,), (jacobian,) = chain.placements(robot.home[None])
+    position, rotation, velocity, angular = tool[:3, 3], tool[:3, :3], jacobian[:3].T, jacobian[3:].T
     # A joint whose axis passes through a point moves it by the cross product of the axis with the way to the tool.
     about_z = np.cross(angular[0], position)[:2]
     turns = bool(

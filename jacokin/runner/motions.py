@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from jacokin import files
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
+from jacokin.logs.motion_files import read_motion
 from jacokin.model import checks
+from jacokin.model.angles import wrap_to_pi
 from jacokin.model.robot import Robot, checked_robot
-from jacokin.motion.files import by_ending
-from jacokin.motion.trajectory import FORMATS, KINOVA_STEP, SPEED_ROUNDING, Trajectory
+from jacokin.motion.trajectory import SPEED_ROUNDING, Trajectory
 
 if TYPE_CHECKING:
     from jacokin.teleop.teleop import Teleop  # its QP is not loaded for a file
@@ -106,16 +105,10 @@ class PlannedMotion:
         Raises:
             InvalidInputError: it cannot be read, is of other joints, or as for `PlannedMotion`.
         """
-        file, ending = by_ending(path, FORMATS)
-        if ending in (".csv", ".npz"):
-            trajectory = Trajectory.load(file)
-            _check_names(file, trajectory.joint_names, robot)
-            return cls.of(trajectory, robot, start=start)
-        if ending == ".kinova.csv":
-            return cls(robot, *_read_kinova_csv(file), start=start)
-        names, time, q = _read_message(file)
-        _check_names(file, names, robot)
-        return cls(robot, time, q, start=start)
+        t, q, fault = read_motion(path, robot)
+        if fault:
+            raise InvalidInputError(f"a trajectory that failed is not sent: {fault}")
+        return cls(robot, t, q, start=start)
 
     @property
     def duration(self) -> float:
@@ -226,7 +219,7 @@ class LiveMotion:
 def apart(robot: Robot, q: Array, other: Array) -> Array:
     """From angles to others (dof,) [rad], up to whole turns on joints without limits."""
     away = np.asarray(other - q)
-    return np.where(robot.unlimited, np.remainder(away + np.pi, 2.0 * np.pi) - np.pi, away)
+    return np.where(robot.unlimited, wrap_to_pi(away), away)
 
 
 def _check_limits(robot: Robot, time: Array, q: Array) -> None:
@@ -246,45 +239,3 @@ def _check_limits(robot: Robot, time: Array, q: Array) -> None:
             f"{robot.joint_names[joint]} is {math.degrees(fast[row, joint]):.3g} deg/s faster than its limit from row "
             f"{row} to the next"
         )
-
-
-def _check_names(file: Path, names: Sequence[str], robot: Robot) -> None:
-    """Refuse joints of another robot; those of a file may have a prefix."""
-    if len(names) != robot.dof or not all(
-        name.endswith(mine) for name, mine in zip(names, robot.joint_names, strict=True)
-    ):
-        raise InvalidInputError(
-            f"{file}: its joints are {', '.join(names)}, those of {robot.label} are {', '.join(robot.joint_names)}"
-        )
-
-
-def _read_kinova_csv(file: Path) -> tuple[Array, Array]:
-    """Times (n,) [s] and angles (n, dof) [rad]."""
-    rows = files.read_rows(file)
-    try:
-        (_, head), *rest = rows
-        numbers = np.array([[float(cell) for cell in row] for _, row in rest])
-    except ValueError as error:
-        raise InvalidInputError(f"{file}: not a .kinova.csv file of jacokin: {error}") from error
-    joints = (len(head) - 1) // 2
-    names = ["time_s", *(f"joint{j + 1}_deg" for j in range(joints)), *(f"joint{j + 1}_deg_s" for j in range(joints))]
-    if head != names or numbers.ndim != 2 or numbers.shape[1] != len(head):
-        raise InvalidInputError(f"{file}: not a .kinova.csv file of jacokin")
-    if np.abs(numbers[:, 0] - KINOVA_STEP * np.arange(len(numbers))).max() > 1e-6:
-        raise InvalidInputError(f"{file}: its rows are not 10 ms apart")
-    return numbers[:, 0], np.radians(numbers[:, 1 : 1 + joints])
-
-
-def _read_message(file: Path) -> tuple[list[str], Array, Array]:
-    """Names of joints, times (n,) [s] and angles (n, dof) [rad] of the fields of a JointTrajectory."""
-    try:
-        message = json.loads(file.read_text(encoding="utf-8"))
-        names = [str(name) for name in message["joint_names"]]
-        durations = [list(point["time_from_start"].values()) for point in message["points"]]
-        time = np.array([whole + 1e-9 * nano for whole, nano in durations])
-        q = np.array([point["positions"] for point in message["points"]], dtype=np.float64)
-    except OSError as error:
-        raise InvalidInputError(f"cannot read {file}: {error.strerror}") from error
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise InvalidInputError(f"{file}: not a .json file of a trajectory of jacokin") from error
-    return names, time, q

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from jacokin.errors import MissingExtraError
+from jacokin.errors import needed
 from jacokin.model import checks
 from jacokin.mujoco_bridge import Physics
 from jacokin.mujoco_bridge.arena import CONTACTS, FIRM
@@ -20,11 +20,9 @@ from jacokin.tasks import registry
 from jacokin.tasks.episode import PICTURE, Episode, Snapshot, clip_action
 from jacokin.tasks.task import CAMERA, CONTROL_TIMESTEP, Task, check_rewards
 
-try:
+with needed("dm_env", "tasks"):
     import dm_env
     from dm_env import specs
-except ImportError as error:
-    raise MissingExtraError("dm_env", "tasks") from error
 
 ObservationDict = OrderedDict[str, NDArray[Any]]
 

@@ -7,11 +7,10 @@ torque_control the mode in which the base takes torques instead of velocities
 following      `TrajectoryController`: what ros2_control does with goals and velocities
 arm            `SimulatedArm`: MuJoCo's arm behind both
 faults         `Faults`: lag, loss and stalls between them, drawn from a seed
-goals          `Goal`, and the `Record` of what was done
+goals          `TwinGoal`, and the `Record` of what was done
 ticker         `Ticker`: ticks as time passes
 pictures       cameras of a scene
 ros1, ros2     the nodes, which alone import ROS
-ros_imports    what is said where ROS is not installed
 ros1_messages  messages that Debian has no package of
 """
 
@@ -20,10 +19,10 @@ from jacokin import lazy
 __all__, __getattr__, __dir__ = lazy.door(
     __name__,
     {
-        "jacokin.twin.arm": ("SimulatedArm", "State"),
+        "jacokin.twin.arm": ("SimulatedArm", "ArmState"),
         "jacokin.twin.faults": ("Faults",),
         "jacokin.twin.following": ("Tolerances", "TrajectoryController"),
-        "jacokin.twin.goals": ("Goal", "GoalStatus", "Record"),
+        "jacokin.twin.goals": ("TwinGoal", "GoalStatus", "Record"),
         "jacokin.twin.kinova": ("KinovaDriver",),
     },
 )

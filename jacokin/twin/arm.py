@@ -31,7 +31,7 @@ FINGER_SPEED = 1.0  # [rad/s] Kinova's: a hand closes in 1.2 s
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class State:
+class ArmState:
     """What an arm measures. Arrays are read-only."""
 
     time: float
@@ -128,7 +128,7 @@ class SimulatedArm:
         asked = checks.vector("speeds", speeds, len(self.state.fingers), "rad/s")
         self._finger_speeds = np.clip(asked, -FINGER_SPEED, FINGER_SPEED)
 
-    def tick(self, velocity: ArrayLike) -> State:
+    def tick(self, velocity: ArrayLike) -> ArmState:
         """Simulate a tick with velocities (dof,) [rad/s]; what the limits do not allow is not done.
 
         Raises:
@@ -152,7 +152,7 @@ class SimulatedArm:
         self.state = self._measure()
         return self.state
 
-    def tick_torques(self, torques: ArrayLike) -> State:
+    def tick_torques(self, torques: ArrayLike) -> ArmState:
         """Simulate a tick with torques (dof,) on top of those that hold the arm against gravity [N m].
 
         Nothing keeps it within limits: see `can_stop`.
@@ -203,7 +203,7 @@ class SimulatedArm:
             return speeds
         return np.asarray(np.clip(FINGER_GAIN * (self._finger_targets - now), -FINGER_SPEED, FINGER_SPEED))
 
-    def _measure(self) -> State:
+    def _measure(self) -> ArmState:
         joints, robot = self._joints, self.robot
         q, v = checks.read_only(joints.qpos), checks.read_only(joints.qvel)
         time = self.physics.time - self._start
@@ -213,7 +213,7 @@ class SimulatedArm:
             self.moved = time
         torques = checks.read_only(self._arm.joint_torques(self.physics))
         fingers = checks.read_only(self._fingers.qpos)
-        return State(time, q, v, torques, fingers, checks.read_only(self._reference))
+        return ArmState(time, q, v, torques, fingers, checks.read_only(self._reference))
 
 
 def _closing(error: Array) -> Array:

@@ -18,9 +18,9 @@ from scipy.interpolate import BPoly
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.model import checks
-from jacokin.twin.arm import SimulatedArm, State
+from jacokin.twin.arm import ArmState, SimulatedArm
 from jacokin.twin.faults import TICK, Faults, Line
-from jacokin.twin.goals import Goal, GoalStatus, Record
+from jacokin.twin.goals import GoalStatus, Record, TwinGoal
 
 PATH_TOLERANCE, GOAL_TOLERANCE = -4, -5  # error codes of FollowJointTrajectory
 PAUSE = 1.0  # [s] after which velocities are worth a word again
@@ -34,7 +34,7 @@ logger = logging.getLogger(__name__)
 class Following:
     """A trajectory that is followed."""
 
-    goal: Goal
+    goal: TwinGoal
     path: BPoly
     begun: float
     """[s] in simulated time."""
@@ -70,7 +70,7 @@ class TrajectoryController:
             seed: from which faults are drawn.
         """
         self.arm, self.names = arm, tuple(names)
-        self._line: Line[tuple[bool, Array], State] = Line(Faults() if faults is None else faults, seed)
+        self._line: Line[tuple[bool, Array], ArmState] = Line(Faults() if faults is None else faults, seed)
         self._line.tick(arm.state)
         self._lock = threading.RLock()
         self._following: Following | None = None
@@ -79,7 +79,7 @@ class TrajectoryController:
         self._held: Array | None = None  # the end of a trajectory, which is sent on and on
         self._velocities, self._goals, self._last = 0, 0, 0.0
 
-    def tell(self) -> State | None:
+    def tell(self) -> ArmState | None:
         """What is published now, None where faults take that."""
         with self._lock:
             return self._line.tell()
@@ -97,7 +97,7 @@ class TrajectoryController:
         velocities: Sequence[Sequence[float]] = (),
         accelerations: Sequence[Sequence[float]] = (),
         tolerances: Tolerances | None = None,
-    ) -> Goal:
+    ) -> TwinGoal:
         """Accept a goal, which ends the one before; from where the arm is, it goes over to the first point.
 
         Args:
@@ -122,7 +122,7 @@ class TrajectoryController:
                 rows = [np.vstack([first, rest]) for first, rest in zip(start, rows, strict=False)]
                 at = np.append(0.0, at)
             path = _path(at, rows)
-            goal = Goal()
+            goal = TwinGoal()
             self._following = Following(goal, path, self.arm.state.time, float(at[-1]), tolerances or Tolerances())
             self._last = self.arm.state.time
             return goal
@@ -157,7 +157,7 @@ class TrajectoryController:
             raise InvalidInputError("the last point must have no velocity")
         return at, rows
 
-    def cancel(self, goal: Goal) -> None:
+    def cancel(self, goal: TwinGoal) -> None:
         """Cancel a goal: the arm stops and holds its place."""
         with self._lock:
             if self._following is not None and self._following.goal is goal:

@@ -1,4 +1,4 @@
-"""`Goal`: what a client asks of a controller, and how it ends."""
+"""`TwinGoal`: what a client asks of a controller, and how it ends."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class GoalStatus(Enum):
 
 
 @dataclass(slots=True, eq=False)
-class Goal:
+class TwinGoal:
     """A goal that was accepted. A controller ends it, once."""
 
     status: GoalStatus = GoalStatus.ACTIVE

@@ -24,12 +24,12 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.ik.solver import IKSolver
 from jacokin.model import checks
-from jacokin.model.angles import nearest_copy
+from jacokin.model.angles import nearest_copy, wrap_to_pi
 from jacokin.model.poses import checked_pose
 from jacokin.motion.tracking.tracker import Tracker
-from jacokin.twin.arm import BRAKING, SimulatedArm, State
+from jacokin.twin.arm import BRAKING, ArmState, SimulatedArm
 from jacokin.twin.faults import TICK, Faults, Line
-from jacokin.twin.goals import Goal, GoalStatus, Record
+from jacokin.twin.goals import GoalStatus, Record, TwinGoal
 from jacokin.twin.torque_control import TorqueControl
 
 QUEUE = 2000  # velocities that the base keeps (README, velocity control)
@@ -44,14 +44,14 @@ logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class JointVelocity:
+class JointVelocityCommand:
     """Turn the joints for a tick: (dof,) [rad/s]."""
 
     v: Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ToolVelocity:
+class ToolVelocityCommand:
     """Move the tool for a tick: twist (6,) in base axes [m/s, rad/s]; fingers (k,) [rad/s], None for as they are."""
 
     twist: Array
@@ -59,35 +59,35 @@ class ToolVelocity:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class JointTarget:
+class JointTargetCommand:
     """Go to (dof,) angles [rad]."""
 
     q: Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class JointTorque:
+class JointTorqueCommand:
     """Push the joints, under torque control: (dof,) [N m]."""
 
     torques: Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ToolForce:
+class ToolForceCommand:
     """Push the tool, under torque control: wrench (6,) in base axes, force first [N, N m]."""
 
     wrench: Array
 
 
-Command = JointVelocity | ToolVelocity | JointTarget
-Push = JointTorque | ToolForce
+Command = JointVelocityCommand | ToolVelocityCommand | JointTargetCommand
+Push = JointTorqueCommand | ToolForceCommand
 
 
 @dataclass(slots=True, eq=False)
 class Watch:
     """How an action of the driver looks at its goal: near to it, or without motion for so long."""
 
-    read: Callable[[State], Array]
+    read: Callable[[ArmState], Array]
     distance: Callable[[Array, Array], Array]
     target: Array
     tolerance: Array
@@ -104,7 +104,7 @@ class Watch:
 class Playing:
     """A trajectory that is played."""
 
-    goal: Goal
+    goal: TwinGoal
     times: Array
     velocities: Array
     index: int = 0
@@ -136,7 +136,7 @@ class KinovaDriver:
         self.arm, self.died, self.is_stopped = arm, "", False
         self.torque_control = TorqueControl(arm)
         self.T_end_effector_tool = pin.SE3.Identity()
-        self._line: Line[Command | Push, State] = Line(Faults() if faults is None else faults, seed)
+        self._line: Line[Command | Push, ArmState] = Line(Faults() if faults is None else faults, seed)
         self._line.tick(arm.state)
         self._lock = threading.RLock()
         self._queue: deque[Command] = deque(maxlen=QUEUE)
@@ -145,7 +145,7 @@ class KinovaDriver:
         self._is_tracking = False
         self._limits = arm.robot.lower, arm.robot.upper
         self._solver = IKSolver(arm.robot, collision="ignore")
-        self._watches: dict[Goal, Watch] = {}
+        self._watches: dict[TwinGoal, Watch] = {}
         self._playing: Playing | None = None
         self._velocities, self._goals, self._ticks = 0, 0, 0
         self._last = 0.0  # [s] when a command last came
@@ -161,12 +161,12 @@ class KinovaDriver:
             self._speed = speeds
 
     @property
-    def state(self) -> State:
+    def state(self) -> ArmState:
         """What the driver knows of the arm, late by the lag."""
         with self._lock:
             return self._line.measured
 
-    def tell(self) -> State | None:
+    def tell(self) -> ArmState | None:
         """What the driver publishes now, None where faults or its death take that."""
         with self._lock:
             return None if self.died else self._line.tell()
@@ -211,7 +211,7 @@ class KinovaDriver:
         Raises:
             InvalidInputError: not so many finite numbers.
         """
-        self._push(JointTorque(checks.vector("torques", torques, self.arm.robot.dof, "N m")))
+        self._push(JointTorqueCommand(checks.vector("torques", torques, self.arm.robot.dof, "N m")))
 
     def tool_force(self, wrench: ArrayLike) -> None:
         """`in/cartesian_force`: a wrench (6,) at the tool, in base axes, force first [N, N m].
@@ -219,7 +219,7 @@ class KinovaDriver:
         Raises:
             InvalidInputError: not so many finite numbers.
         """
-        self._push(ToolForce(checks.vector("wrench", wrench, 6, "N, N m")))
+        self._push(ToolForceCommand(checks.vector("wrench", wrench, 6, "N, N m")))
 
     def _push(self, command: Push) -> None:
         with self._lock:
@@ -243,7 +243,7 @@ class KinovaDriver:
         Raises:
             InvalidInputError: not so many finite numbers.
         """
-        self._send(JointVelocity(checks.vector("v", v, self.arm.robot.dof, "rad/s")))
+        self._send(JointVelocityCommand(checks.vector("v", v, self.arm.robot.dof, "rad/s")))
 
     def tool_velocity(self, twist: ArrayLike, fingers: ArrayLike | None = None) -> None:
         """`in/cartesian_velocity`: a velocity of the tool for a tick.
@@ -256,7 +256,7 @@ class KinovaDriver:
             InvalidInputError: not so many finite numbers.
         """
         speeds = None if fingers is None else checks.vector("fingers", fingers, len(self.arm.state.fingers), "rad/s")
-        self._send(ToolVelocity(checks.vector("twist", twist, 6, "m/s, rad/s"), speeds))
+        self._send(ToolVelocityCommand(checks.vector("twist", twist, 6, "m/s, rad/s"), speeds))
 
     def _send(self, command: Command) -> None:
         with self._lock:
@@ -268,7 +268,7 @@ class KinovaDriver:
             self._last = self.arm.state.time
             self._line.send(command)
 
-    def go_to_angles(self, q: ArrayLike) -> Goal:
+    def go_to_angles(self, q: ArrayLike) -> TwinGoal:
         """`joints_action/joint_angles`: go to angles (dof,) [rad], as they are, with their whole turns.
 
         Raises:
@@ -276,7 +276,7 @@ class KinovaDriver:
         """
         q = checks.vector("q", q, self.arm.robot.dof, "rad")
         return self._go(
-            JointTarget(q),
+            JointTargetCommand(q),
             Watch(
                 read=lambda state: state.q,
                 distance=_apart,
@@ -289,7 +289,7 @@ class KinovaDriver:
             ),
         )
 
-    def go_to_pose(self, pose: pin.SE3 | ArrayLike) -> Goal:
+    def go_to_pose(self, pose: pin.SE3 | ArrayLike) -> TwinGoal:
         """`pose_action/tool_pose`: take the tool to T_base_tool, or as near as it comes, after what is in the queue.
 
         The joints go together to the nearest configuration; the real base leads the tool in a line.
@@ -299,7 +299,7 @@ class KinovaDriver:
         """
         target = checked_pose(pose, "pose")
 
-        def read(state: State) -> Array:
+        def read(state: ArmState) -> Array:
             return np.concatenate(_from_to(self.tool_pose(state.q), target))
 
         return self._go(
@@ -329,14 +329,16 @@ class KinovaDriver:
                 self._last = self.arm.state.time
                 self._queue.append(self._at_pose(target))
 
-    def _at_pose(self, T_base_tool: pin.SE3) -> JointTarget:
+    def _at_pose(self, T_base_tool: pin.SE3) -> JointTargetCommand:
         """The configuration nearest to that of the last target in the queue, or to that of the arm."""
         with self._lock:
-            last = next((each.q for each in reversed(self._queue) if isinstance(each, JointTarget)), self.state.command)
+            last = next(
+                (each.q for each in reversed(self._queue) if isinstance(each, JointTargetCommand)), self.state.command
+            )
             target = T_base_tool * self.T_end_effector_tool.inverse()
-            return JointTarget(self._solver.solve(target, seed=last.clip(*self._limits)).q)
+            return JointTargetCommand(self._solver.solve(target, seed=last.clip(*self._limits)).q)
 
-    def move_fingers(self, turns: ArrayLike) -> Goal:
+    def move_fingers(self, turns: ArrayLike) -> TwinGoal:
         """`fingers_action/finger_positions`: move fingers to (k,) turns of their motors; clears the queue.
 
         Raises:
@@ -360,10 +362,10 @@ class KinovaDriver:
             self.arm.move_fingers(self.finger_angles(turns))
         return goal
 
-    def _go(self, command: Command | None, watch: Watch, *, clears: bool = True) -> Goal:
+    def _go(self, command: Command | None, watch: Watch, *, clears: bool = True) -> TwinGoal:
         """Go there, after the queue, or at once if it clears that (the arguments `push` of kinova_comm.h)."""
         with self._lock:
-            goal = Goal()
+            goal = TwinGoal()
             if self.died or self.is_stopped:
                 goal.end(GoalStatus.ABORTED, self.died or "the arm is stopped: call in/start")
                 return goal
@@ -377,7 +379,7 @@ class KinovaDriver:
             self._watches[goal] = watch
             return goal
 
-    def home(self) -> Goal:
+    def home(self) -> TwinGoal:
         """`in/home_arm`: the joints to the home configuration, by the short way, then the fingers open."""
         arm = self.arm
         with self._lock:
@@ -388,7 +390,7 @@ class KinovaDriver:
                 arm.move_fingers(np.full(len(arm.state.fingers), arm.finger_range[0]))
             return goal
 
-    def follow(self, times: ArrayLike, velocities: ArrayLike) -> Goal:
+    def follow(self, times: ArrayLike, velocities: ArrayLike) -> TwinGoal:
         """`follow_joint_trajectory`: play the velocities of points, one a tick, in an open loop.
 
         A goal while another one is active kills the driver, as does an empty one.
@@ -406,7 +408,7 @@ class KinovaDriver:
         if len(rows) and rows.shape != (len(at), self.arm.robot.dof):
             raise InvalidInputError(f"velocities must have shape ({len(at)}, {self.arm.robot.dof})")
         with self._lock:
-            goal = Goal()
+            goal = TwinGoal()
             if self.died:
                 goal.end(GoalStatus.ABORTED, self.died)
             elif self._playing is not None and not self._playing.goal.has_ended:
@@ -424,7 +426,7 @@ class KinovaDriver:
                 self._playing = Playing(goal, at, rows, index, begun=self.arm.state.time)
             return goal
 
-    def cancel(self, goal: Goal) -> None:
+    def cancel(self, goal: TwinGoal) -> None:
         """Cancel a goal: the queue is emptied; a trajectory that is played kills the driver (issue 191)."""
         with self._lock:
             if goal.has_ended:
@@ -487,9 +489,9 @@ class KinovaDriver:
 
     def _take(self, command: Command | Push) -> None:
         """Take what arrives at the base."""
-        if isinstance(command, JointTorque):
+        if isinstance(command, JointTorqueCommand):
             self.torque_control.take(command.torques)
-        elif isinstance(command, ToolForce):
+        elif isinstance(command, ToolForceCommand):
             self.torque_control.take_force(command.wrench)
         else:
             self._queue.append(command)
@@ -498,7 +500,7 @@ class KinovaDriver:
         """Send the velocity of a point, until its time has come (kinova_joint_trajectory_controller.cpp)."""
         now = self.arm.state.time
         if playing.index < len(playing.times):
-            self._send(JointVelocity(playing.velocities[playing.index]))
+            self._send(JointVelocityCommand(playing.velocities[playing.index]))
             if now - playing.begun + TICK >= playing.times[playing.index] - TICK / 2.0:
                 playing.index += 1
         elif playing.goal.has_ended:
@@ -511,11 +513,11 @@ class KinovaDriver:
             self._is_tracking = False
             return still
         command = self._queue[0]
-        if isinstance(command, JointVelocity):
+        if isinstance(command, JointVelocityCommand):
             self._queue.popleft()
             self._is_tracking = False
             return command.v
-        if isinstance(command, ToolVelocity):
+        if isinstance(command, ToolVelocityCommand):
             self._queue.popleft()
             if command.fingers is not None:
                 self.arm.turn_fingers(command.fingers)
@@ -557,7 +559,7 @@ class KinovaDriver:
             else:
                 playing.goal.end(GoalStatus.SUCCEEDED)
 
-    def _look_at(self, goal: Goal, watch: Watch, state: State) -> None:
+    def _look_at(self, goal: TwinGoal, watch: Watch, state: ArmState) -> None:
         now = watch.read(state)
         if self.is_stopped:
             goal.end(GoalStatus.ABORTED, "the arm was stopped")
@@ -574,7 +576,7 @@ class KinovaDriver:
 
 def _apart(q: Array, other: Array) -> Array:
     """How far angles are apart, up to whole turns (isCloseToOther in kinova_ros_types.cpp)."""
-    return np.abs(np.remainder(q - other + np.pi, 2.0 * np.pi) - np.pi)
+    return np.abs(wrap_to_pi(q - other))
 
 
 def _from_to(start: pin.SE3, end: pin.SE3) -> tuple[Array, Array]:

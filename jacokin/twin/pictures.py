@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,7 +41,15 @@ class Camera:
         number = names[checks.choice("camera", name, names)]
         return cls(physics, name, str(model.camera(number).name), size)
 
-    def take(self) -> NDArray[np.uint8]:
-        """A picture, (height, width, 3) red, green, blue."""
+    def message(self, kind: Any, stamp: Any) -> Any:  # Any: of a version of ROS
+        """A picture of now as a sensor_msgs/Image.
+
+        Args:
+            kind: the class of the message.
+            stamp: when it is.
+        """
         picture: NDArray[np.uint8] = self.physics.render(*self.size, self.full_name)
-        return picture
+        message = kind(encoding="rgb8", height=picture.shape[0], width=picture.shape[1])
+        message.step, message.data = 3 * picture.shape[1], picture.tobytes()
+        message.header.stamp, message.header.frame_id = stamp, self.name
+        return message

@@ -16,13 +16,12 @@ import numpy as np
 import pinocchio as pin
 
 from jacokin.arrays import Array
-from jacokin.errors import InvalidInputError
+from jacokin.errors import InvalidInputError, needed
 from jacokin.model.poses import pose_from_kinova, pose_to_kinova
-from jacokin.twin.arm import State
+from jacokin.twin.arm import ArmState
 from jacokin.twin.faults import TICK
-from jacokin.twin.goals import Goal, GoalStatus
+from jacokin.twin.goals import GoalStatus, TwinGoal
 from jacokin.twin.kinova import PERIOD, TURNS, KinovaDriver
-from jacokin.twin.ros_imports import needed
 from jacokin.twin.ticker import Ticker
 
 if TYPE_CHECKING:
@@ -49,9 +48,9 @@ class Ros1Action:
         self,
         name: str,
         kind: Any,
-        start: Callable[[Any], Goal],
-        cancel: Callable[[Goal], None],
-        result: Callable[[Goal], Any],
+        start: Callable[[Any], TwinGoal],
+        cancel: Callable[[TwinGoal], None],
+        result: Callable[[TwinGoal], Any],
         refuse: Callable[[Any], str],
     ) -> None:
         """Serve it.
@@ -65,7 +64,7 @@ class Ros1Action:
             refuse: why a message is rejected; empty where it is not.
         """
         self._start, self._cancel, self._result, self._refuse = start, cancel, result, refuse
-        self._active: tuple[Any, Goal] | None = None
+        self._active: tuple[Any, TwinGoal] | None = None
         server = importlib.import_module("actionlib").ActionServer
         self._server = server(name, kind, self._accept, self._withdraw, auto_start=False)
         self._lock = self._server.lock  # a second one would be taken in the other order when a goal ends as one comes
@@ -120,7 +119,7 @@ class Ros1Node:
             MissingExtraError: ROS 1 is not installed.
             InvalidInputError: no master answers.
         """
-        with needed("rospy", INSTALL):
+        with needed("rospy", command=INSTALL):
             self._rospy: Any = importlib.import_module("rospy")
             self._sensors: Any = importlib.import_module("sensor_msgs.msg")
             self._geometry: Any = importlib.import_module("geometry_msgs.msg")
@@ -302,7 +301,7 @@ class Ros1Node:
         driver, messages = self._driver, self._messages
         joints, fingers = range(len(self._joint_names)), range(len(driver.arm.state.fingers))
 
-        def angles(goal: Any) -> Goal:
+        def angles(goal: Any) -> TwinGoal:
             q = np.radians([getattr(goal.angles, f"joint{joint + 1}") for joint in joints])
             return driver.go_to_angles(q)
 
@@ -312,10 +311,10 @@ class Ros1Node:
             is_fine = goal.pose.header.frame_id == self._base and np.isfinite(numbers).all() and numbers[3:].any()
             return "" if is_fine else f"poses are in {self._base} here, with a quaternion"
 
-        def pose(goal: Any) -> Goal:
+        def pose(goal: Any) -> TwinGoal:
             why = is_no_pose(goal)
             if why:
-                ended = Goal()
+                ended = TwinGoal()
                 ended.end(GoalStatus.ABORTED, why)
                 return ended
             at, turned = goal.pose.pose.position, goal.pose.pose.orientation
@@ -323,7 +322,7 @@ class Ros1Node:
             rotation = pin.Quaternion(quaternion / np.linalg.norm(quaternion)).toRotationMatrix()
             return driver.go_to_pose(pin.SE3(rotation, np.array([at.x, at.y, at.z])))
 
-        def close(goal: Any) -> Goal:
+        def close(goal: Any) -> TwinGoal:
             turns = np.array([getattr(goal.fingers, f"finger{finger + 1}") for finger in fingers])
             return driver.move_fingers(turns.clip(0.0, TURNS))
 
@@ -337,7 +336,7 @@ class Ros1Node:
             numbers = [getattr(message, name) for name in message.__slots__]
             return "" if np.isfinite(numbers).all() else "numbers must be finite"
 
-        def follow(goal: Any) -> Goal:
+        def follow(goal: Any) -> TwinGoal:
             trajectory = goal.trajectory
             times = [point.time_from_start.to_sec() for point in trajectory.points]
             # In the order in which they come, whatever their names, as kinova_joint_trajectory_controller.cpp does.
@@ -446,11 +445,11 @@ class Ros1Node:
     def _angles(self, values: Array) -> Any:
         return self._messages.JointAngles(*values.tolist(), *[0.0] * (7 - len(values)))
 
-    def _finger_position(self, state: State) -> Any:
+    def _finger_position(self, state: ArmState) -> Any:
         turns = self._driver.finger_turns(state.fingers).tolist()
         return self._messages.FingerPosition(*turns, *[0.0] * (3 - len(turns)))
 
-    def _joint_state(self, state: State, now: Any) -> Any:
+    def _joint_state(self, state: ArmState, now: Any) -> Any:
         # The driver shows turns of fingers as angles by a rough factor.
         fingers = np.radians(self._driver.finger_turns(state.fingers) * 80.0 / TURNS).tolist()
         rest = [0.0] * (2 * len(fingers))
@@ -463,7 +462,7 @@ class Ros1Node:
         message.header.stamp = now
         return message
 
-    def _pose(self, state: State, now: Any = None) -> Any:
+    def _pose(self, state: ArmState, now: Any = None) -> Any:
         T = self._driver.tool_pose(state.q)
         message = self._geometry.PoseStamped()
         message.header.stamp = self._now() if now is None else now
@@ -473,13 +472,13 @@ class Ros1Node:
         turned.x, turned.y, turned.z, turned.w = pin.Quaternion(T.rotation).coeffs().tolist()
         return message
 
-    def _torques(self, state: State) -> Array:
+    def _torques(self, state: ArmState) -> Array:
         """The torques (dof,) that are published, with what holds the arm up unless a parameter says no [N m]."""
         if not self._is_compensated:
             return state.torques
         return state.torques - self._driver.arm.robot.gravity(state.q)
 
-    def _wrench(self, state: State, now: Any) -> Any:
+    def _wrench(self, state: ArmState, now: Any) -> Any:
         """What pushes the tool, in base axes, by what the torques leave unexplained at rest."""
         robot = self._driver.arm.robot
         external = robot.gravity(state.q) - state.torques
@@ -493,11 +492,7 @@ class Ros1Node:
         return message
 
     def _picture(self, camera: Camera) -> None:
-        picture = camera.take()
-        message = self._sensors.Image(encoding="rgb8", height=picture.shape[0], width=picture.shape[1])
-        message.step, message.data = 3 * picture.shape[1], picture.tobytes()
-        message.header.stamp, message.header.frame_id = self._now(), camera.name
-        self._pictures[camera.name].publish(message)
+        self._pictures[camera.name].publish(camera.message(self._sensors.Image, self._now()))
 
 
 def _done(act: Callable[[], None] | None, answer: str, _: Any) -> str:

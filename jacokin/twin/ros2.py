@@ -11,11 +11,10 @@ import threading
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from jacokin.errors import InvalidInputError
+from jacokin.errors import InvalidInputError, needed
 from jacokin.twin.faults import TICK
 from jacokin.twin.following import Tolerances, TrajectoryController
 from jacokin.twin.goals import GoalStatus
-from jacokin.twin.ros_imports import needed
 from jacokin.twin.ticker import Ticker
 
 if TYPE_CHECKING:
@@ -48,7 +47,7 @@ class Ros2Node:
         Raises:
             MissingExtraError: ROS 2, or control_msgs, is not installed.
         """
-        with needed("rclpy", INSTALL):
+        with needed("rclpy", command=INSTALL):
             self._rclpy: Any = importlib.import_module("rclpy")
             actions: Any = importlib.import_module("rclpy.action")
             executors: Any = importlib.import_module("rclpy.executors")
@@ -174,11 +173,7 @@ class Ros2Node:
         self._states.publish(message)
 
     def _picture(self, camera: Camera) -> None:
-        picture = camera.take()
-        message = self._sensors.Image(encoding="rgb8", height=picture.shape[0], width=picture.shape[1])
-        message.step, message.data = 3 * picture.shape[1], picture.tobytes()
-        message.header.stamp, message.header.frame_id = self._now(), camera.name
-        self._pictures[camera.name].publish(message)
+        self._pictures[camera.name].publish(camera.message(self._sensors.Image, self._now()))
 
 
 def _parts(goal: Any) -> tuple[Any, ...]:

@@ -17,6 +17,7 @@ from jacokin.model import poses
 from jacokin.model.descriptions import mjcf
 from jacokin.model.descriptions.meshes import TriangleMesh, find_mesh, read_mesh_file
 from jacokin.model.descriptions.shapes import mesh_scale
+from jacokin.model.descriptions.urdf import origin_of
 from jacokin.model.mujoco_twin import compile_spec, to_spec
 from jacokin.model.point_cloud import PointCloud
 from jacokin.model.robot import Robot
@@ -172,7 +173,7 @@ def _read_urdf(robot: Robot, text: str) -> dict[int, list[ColouredMesh]]:
         for visual in link.findall("visual"):
             mesh = _read_visual(robot, visual, read)
             if mesh is not None:
-                piece = ColouredMesh(move(mesh, frame.placement * _origin(visual)), _look(visual, looks))
+                piece = ColouredMesh(move(mesh, frame.placement * origin_of(visual)), _look(visual, looks))
                 drawn.setdefault(frame.parentJoint, []).append(piece)
     return drawn
 
@@ -226,13 +227,6 @@ def _read_mjcf(robot: Robot, model: mujoco.MjModel) -> dict[int, list[ColouredMe
             drawn.setdefault(frame.parentJoint, []).append(piece)
             decorative |= not (model.geom_contype[geom] or model.geom_conaffinity[geom])
     return drawn if decorative else {}
-
-
-def _origin(visual: ET.Element) -> pin.SE3:
-    origin = visual.find("origin")
-    if origin is None:
-        return pin.SE3.Identity()
-    return pin.SE3(poses.rotation_from_rpy(_numbers(origin, "rpy", "0 0 0")), _numbers(origin, "xyz", "0 0 0"))
 
 
 def _numbers(element: ET.Element, name: str, default: str = "") -> Array:

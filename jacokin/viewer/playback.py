@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -10,21 +9,14 @@ from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
-from jacokin.files import MESSAGE, read_json
 from jacokin.logs import Log, Recording
 from jacokin.logs.bag import ENDINGS as LOGS
-from jacokin.logs.messages import find_joints
+from jacokin.logs.motion_files import read_motion
 from jacokin.model import checks
 from jacokin.model.robot import Robot
-from jacokin.motion import files
 from jacokin.motion.trajectory import Trajectory
 
 SPEEDS = (0.1, 4.0)  # least and largest, of the recorded one
-ENDINGS = (".csv", ".npz", ".json", ".kinova.csv")
-NOT_ROS = "not a JointTrajectory as JSON"
-NANOSECOND = 1e-9  # [s]
-
-MotionColumns = tuple[tuple[str, ...], Array, Array]  # names of the joints, times (n,) [s], angles (n, dof) [rad]
 
 
 class Playback:
@@ -51,9 +43,10 @@ class Playback:
         """
         if isinstance(trajectory, str | Path) and Path(trajectory).suffix in LOGS:
             trajectory = Log(trajectory, robot).recording()
-        names, t, q = _read(trajectory, robot) if isinstance(trajectory, str | Path) else _columns(trajectory)
-        if names != robot.joint_names:
-            raise InvalidInputError(f"trajectory has the joints {', '.join(names)}; {robot.name} has others")
+        if isinstance(trajectory, str | Path):
+            t, q, _ = read_motion(trajectory, robot)
+        else:
+            t, q = _columns(trajectory, robot)
         q = checks.matrix("trajectory", q, robot.dof, "rad")
         if t.ndim != 1 or not len(t) or len(q) != len(t) or not np.isfinite(t).all() or (np.diff(t) <= 0.0).any():
             raise InvalidInputError("trajectory must have rows at finite times that increase")
@@ -112,66 +105,12 @@ class Playback:
         return np.array([np.interp(time, self.commanded_t, column) for column in self.commanded_q.T])
 
 
-def _read(path: str | Path, robot: Robot) -> MotionColumns:
-    """The columns of a file."""
-    file, ending = files.by_ending(path, ENDINGS)
-    if ending == ".json":
-        return _read_ros(file, robot)
-    if ending == ".kinova.csv":
-        return _read_kinova(file, robot)
-    return _columns(Trajectory.load(file))
-
-
-def _columns(trajectory: Trajectory | Recording) -> MotionColumns:
-    """The columns of a trajectory of this package, or of anything that has them."""
+def _columns(trajectory: Trajectory | Recording, robot: Robot) -> tuple[Array, Array]:
+    """Times and angles of a trajectory of this package, or of anything that has them."""
     try:
-        return tuple(trajectory.joint_names), np.array(trajectory.t, dtype=np.float64), trajectory.q
+        names, t, q = tuple(trajectory.joint_names), np.array(trajectory.t, dtype=np.float64), trajectory.q
     except (AttributeError, TypeError, ValueError) as error:
         raise InvalidInputError(f"trajectory must be a Trajectory or a file, got {checks.shown(trajectory)}") from error
-
-
-def _read_ros(file: Path, robot: Robot) -> MotionColumns:
-    """The fields of a JointTrajectory message of ROS 1 or ROS 2, as JSON."""
-    message = read_json(file, NOT_ROS, MESSAGE)
-    try:
-        names = [str(name) for name in message["joint_names"]]
-        points = message["points"]
-        times = [_seconds(point["time_from_start"]) for point in points]
-        rows = [[float(angle) for angle in point["positions"]] for point in points]
-    except (ValueError, TypeError, KeyError, AttributeError, OverflowError) as error:
-        raise InvalidInputError(f"{file}: {NOT_ROS}: {error!r}") from error
-    try:
-        order = find_joints(names, robot)
-    except InvalidInputError as error:
-        raise InvalidInputError(f"{file}: trajectory has {error}") from error
-    if len(names) != robot.dof:
-        raise InvalidInputError(f"{file}: trajectory has the joints {', '.join(names)}; {robot.name} has others")
-    if any(len(row) != robot.dof for row in rows):
-        raise InvalidInputError(f"{file}: every point must have {robot.dof} positions")
-    q = np.array(rows, dtype=np.float64).reshape(len(rows), robot.dof)
-    return robot.joint_names, np.array(times, dtype=np.float64), q[:, order]
-
-
-def _seconds(duration: object) -> float:
-    """A duration of ROS 2 (sec, nanosec), of ROS 1 (secs, nsecs), or a number [s]."""
-    if not isinstance(duration, Mapping):
-        return float(duration)  # type: ignore[arg-type]  # what is not a number is caught by the caller
-    names = ("sec", "nanosec") if "sec" in duration else ("secs", "nsecs")
-    whole, rest = (float(duration[name]) for name in names)
-    return whole + NANOSECOND * rest
-
-
-def _read_kinova(file: Path, robot: Robot) -> MotionColumns:
-    """Angles in degrees at 100 Hz, as `Trajectory.save` writes them for Kinova's driver."""
-    table = files.read_table(file)
-    wanted = ["time_s", *(f"joint{number}_deg" for number in range(1, robot.dof + 1))]
-    if list(table.head[: len(wanted)]) != wanted or len(table.head) != 2 * robot.dof + 1:
-        raise InvalidInputError(f"{file}: the head line must begin {','.join(wanted)} for {robot.name}")
-    rows = []
-    for line, row in zip(table.lines, table.rows, strict=True):
-        try:
-            rows.append([float(cell) for cell in row[: len(wanted)]])
-        except ValueError as error:
-            raise InvalidInputError(f"{file}, line {line}: {error}") from error
-    numbers = checks.read_only(rows)
-    return robot.joint_names, numbers[:, 0], np.radians(numbers[:, 1:])
+    if names != robot.joint_names:
+        raise InvalidInputError(f"trajectory has the joints {', '.join(names)}; {robot.name} has others")
+    return t, q

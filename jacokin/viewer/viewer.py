@@ -6,6 +6,7 @@ import logging
 import math
 import threading
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Self
 
@@ -66,9 +67,8 @@ class Viewer:
         self._setup = contents.setup
         self._following: GizmoFollower | None = None
         self._going: Going | None = None
-        self._led: tuple[TeleopStep, float | None] | None = None
+        self._led: tuple[Callable[[], View], float | None] | None = None
         self._led_drawn = 0.0
-        self._stood: tuple[Array, float | None, str] | None = None
         self._hand: HandControls | None = None
         self._hands: dict[int, tuple[ArmPart, ...]] = {}
         self._opening: int | None = None
@@ -150,12 +150,7 @@ class Viewer:
         from jacokin.teleop import TeleopStep
 
         checks.instance("step", step, TeleopStep, "a TeleopStep")
-        angle = None if finger_angle is None else checks.number("finger_angle", finger_angle, "rad")
-        self._led = step, angle
-        now = time.monotonic()
-        if now - self._led_drawn >= PERIOD or not step.v.any():
-            self._led_drawn = now
-            self._inbox.post("led")
+        self._lead(lambda: self._followed(step), finger_angle, at_once=not step.v.any())
 
     def stand(self, q: ArrayLike, *, finger_angle: float | None = None, note: str = "") -> None:
         """Show the arm where something else moves it; every tick may be given, some are drawn.
@@ -168,12 +163,17 @@ class Viewer:
         Raises:
             InvalidInputError: not such a configuration.
         """
+        at = self._inspector.robot.configuration(q, "q")
+        self._lead(lambda: self._inspector.played(at, note), finger_angle)
+
+    def _lead(self, view: Callable[[], View], finger_angle: float | None, *, at_once: bool = False) -> None:
+        """Take where the arm is now, and draw it if the last time was long ago, or at once."""
         angle = None if finger_angle is None else checks.number("finger_angle", finger_angle, "rad")
-        self._stood = self._inspector.robot.configuration(q, "q"), angle, note
+        self._led = view, angle
         now = time.monotonic()
-        if now - self._led_drawn >= PERIOD:
+        if now - self._led_drawn >= PERIOD or at_once:
             self._led_drawn = now
-            self._inbox.post("stood")
+            self._inbox.post("led")
 
     def wait(self, timeout: float | None = None) -> bool:
         """Wait until the viewer is closed, or so long [s]; returns whether it is."""
@@ -244,8 +244,7 @@ class Viewer:
             (AIMED | {"angle"}, self._aim),
             ({"start"}, self._start_here),
             ({"go"}, self._go),
-            ({"led"}, self._follow),
-            ({"stood"}, self._stand),
+            ({"led"}, self._draw_led),
         ):
             if names.keys() & kinds:
                 try:
@@ -407,28 +406,22 @@ class Viewer:
             note = f"No motion: {motion.message}. {MotionStatus[motion.outcome].value}"
             self._show(replace(goal, note=note), move_gizmo=False)
 
-    def _follow(self, names: dict[str, int]) -> None:
-        """Show the last tick of a hand that leads."""
-        if self._led is None:
-            return
-        (step, angle), inspector = self._led, self._inspector
-        self._stop()
-        if angle is not None:
-            self._open_hand(angle)
-        target = inspector.pose_of(step.q) if step.target is None else step.target
-        self._arrive(replace(inspector.followed(target, step.tracking), note=str(step)))
+    def _followed(self, step: TeleopStep) -> View:
+        """The view of a tick of a hand that leads."""
         if self._hand is not None:
             self._hand.show(step)
+        target = self._inspector.pose_of(step.q) if step.target is None else step.target
+        return replace(self._inspector.followed(target, step.tracking), note=str(step))
 
-    def _stand(self, names: dict[str, int]) -> None:
-        """Show where the arm was last said to be."""
-        if self._stood is None:
+    def _draw_led(self, names: dict[str, int]) -> None:
+        """Show the arm where it was last said to be."""
+        if self._led is None:
             return
-        q, angle, note = self._stood
+        view, angle = self._led
         self._stop()
         if angle is not None:
             self._open_hand(angle)
-        self._arrive(self._inspector.played(q, note))
+        self._arrive(view())
 
     def _open_hand(self, angle: float) -> None:
         """Draw the fingers at about an angle [rad], or [m] where they slide; a gripper that is not known stays."""

@@ -50,15 +50,14 @@ def a_target(rng: np.random.Generator) -> targets.TargetPose:
 def test_the_chain_is_that_of_pinocchio(robot: Robot, rng: np.random.Generator, frame: str) -> None:
     tool = jacokin.pose([0.1, -0.2, 0.05], rpy=[0.3, 0.2, -1.0])
     q = robot.sample(rng, 10)
-    placed = Chain(robot, robot.frame_id(frame), tool).placements(q)
+    poses, jacobians = Chain(robot, robot.frame_id(frame), tool).placements(q)
     for index, row in enumerate(q):
         T = robot.forward_kinematics(row, frame)
         jacobian = robot.jacobian(row, frame)
         lever = T.rotation @ tool.translation
-        np.testing.assert_allclose(placed.position[index], (T * tool).translation, atol=1e-14)
-        np.testing.assert_allclose(placed.rotation[index], (T * tool).rotation, atol=1e-14)
-        np.testing.assert_allclose(placed.angular[index].T, jacobian[3:], atol=1e-14)
-        np.testing.assert_allclose(placed.linear[index].T, jacobian[:3] - pin.skew(lever) @ jacobian[3:], atol=1e-14)
+        np.testing.assert_allclose(poses[index], (T * tool).homogeneous, atol=1e-14)
+        np.testing.assert_allclose(jacobians[index, 3:], jacobian[3:], atol=1e-14)
+        np.testing.assert_allclose(jacobians[index, :3], jacobian[:3] - pin.skew(lever) @ jacobian[3:], atol=1e-14)
 
 
 def make_work(robot: Robot, target: targets.TargetPose) -> kernel.ClosestWork:

@@ -11,7 +11,7 @@ import jacokin
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.motion import Trajectory, move_joints
-from jacokin.twin import Faults, Goal, GoalStatus, SimulatedArm, Tolerances, TrajectoryController
+from jacokin.twin import Faults, GoalStatus, SimulatedArm, Tolerances, TrajectoryController, TwinGoal
 
 NAMES = [f"joint_{j}" for j in range(1, 7)]
 HALF_DEGREE = np.radians(0.5)
@@ -32,7 +32,7 @@ def pass_time(controller: TrajectoryController, seconds: float) -> None:
         controller.tick()
 
 
-def wait(controller: TrajectoryController, goal: Goal) -> float:
+def wait(controller: TrajectoryController, goal: TwinGoal) -> float:
     begun = controller.arm.state.time
     while not goal.has_ended:
         assert controller.arm.state.time - begun < 20.0
@@ -40,7 +40,7 @@ def wait(controller: TrajectoryController, goal: Goal) -> float:
     return controller.arm.state.time - begun
 
 
-def follow(controller: TrajectoryController, motion: Trajectory, tolerances: Tolerances | None = None) -> Goal:
+def follow(controller: TrajectoryController, motion: Trajectory, tolerances: Tolerances | None = None) -> TwinGoal:
     q, v = motion.q.tolist(), motion.v.tolist()
     return controller.follow(NAMES, motion.time, q, v, tolerances=tolerances)
 

@@ -10,7 +10,7 @@ import jacokin
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.motion import Trajectory, move_joints
-from jacokin.twin import Faults, Goal, GoalStatus, KinovaDriver, SimulatedArm
+from jacokin.twin import Faults, GoalStatus, KinovaDriver, SimulatedArm, TwinGoal
 from jacokin.twin.faults import TICK
 
 HALF_DEGREE = np.radians(0.5)
@@ -32,7 +32,7 @@ def pass_time(driver: KinovaDriver, seconds: float) -> None:
         driver.tick()
 
 
-def wait(driver: KinovaDriver, goal: Goal, patience: float = 20.0) -> float:
+def wait(driver: KinovaDriver, goal: TwinGoal, patience: float = 20.0) -> float:
     """Until a goal ends; returns when that was [s]."""
     begun = driver.arm.state.time
     while not goal.has_ended:

@@ -2,8 +2,8 @@
 
 The targets are solved in chunks (`chunk`) by workers that read the rows of the file themselves and keep the answers in
 a folder beside the output; all that is handed out are small jobs. Meanwhile the finished chunks are put together in
-their order (`Joining`), and the whole takes the name of the output in one step. A run that was killed is continued from
-the folder.
+their order (`write_answers`), and the whole takes the name of the output in one step. A run that was killed is
+continued from the folder.
 """
 
 from __future__ import annotations
@@ -19,8 +19,6 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from queue import SimpleQueue
-from types import TracebackType
 from typing import Self
 
 from numpy.typing import ArrayLike
@@ -61,7 +59,6 @@ CLOSEST_ROWS = 1024  # the same where what is out of reach takes milliseconds: s
 SINGLE_ROWS = 256  # rows of a chunk that is solved row by row: a few seconds
 TOGETHER = 16  # consecutive chunks in one job, at most: some seconds of work that is handed out at once
 SHARE = 4  # a job has at most this part of what is left for each worker: towards the end, none waits long for another
-SYNCED = 32  # chunks that are joined between two times that the file is brought to disk
 FOLDER_SUFFIX, SUFFIX = ".chunks", ".chunk"  # of the folder beside the output, and of each chunk in it
 
 
@@ -125,18 +122,20 @@ def solve_file(
         with (
             _folder(out, batch.recipe(), len(batch.parts), resume=resume) as (final, folder),
             _working(executor, workers, batch.compiled) as ready,
-            Joining(batch.answers, folder, final, batch.names, batch.carried) as joined,
         ):
             finished = folder.finished()
             resumed = sum(batch.parts[index].rows for index in finished)
             missing = [index for index in range(len(batch.parts)) if index not in finished]
             show = reporter(progress, batch.total, resumed)
-            for index, path in finished.items():
-                joined.add(index, path)
-            for index, kept in batch.solve(missing, folder.keeper, ready):
-                joined.add(index, folder.put(index, kept))
-                show(batch.parts[index].rows)
-            tally = joined.finish()
+
+            def chunks() -> Iterator[tuple[int, Path]]:
+                yield from finished.items()
+                for index, kept in batch.solve(missing, folder.keeper, ready):
+                    path = folder.put(index, kept)
+                    show(batch.parts[index].rows)
+                    yield index, path
+
+            tally = write_answers(batch, folder, final, chunks())
     return tally.summary(time.perf_counter() - began, batch.carried, resumed=resumed, output=out)
 
 
@@ -303,86 +302,47 @@ def _runs(numbers: Sequence[int], shares: int) -> Iterator[list[int]]:
         first = stop
 
 
-class Joining:
-    """A thread of its own that writes the file of answers; used in a `with`, which ends it in any case."""
+def write_answers(batch: _Batch, folder: ChunkFolder, final: Path, chunks: Iterator[tuple[int, Path]]) -> Tally:
+    """Write the file of answers, beside it and in one step; returns the counts of all rows.
 
-    def __init__(
-        self, answers: Format, folder: ChunkFolder, final: Path, names: Sequence[str], carried: Sequence[str]
-    ) -> None:
-        """Begin.
+    Args:
+        batch: what is solved.
+        folder: of the chunks.
+        final: the file; where it is a device, nothing is written before all chunks are there.
+        chunks: number and file of each, in any order; they are made as they are asked for.
 
-        Args:
-            answers: the format of the file.
-            folder: of the chunks.
-            final: the file of answers; where it is a device, nothing is written before all chunks are there.
-            names: of the columns of the targets and q1, q2, ...
-            carried: names of the columns that are carried through.
-        """
-        self._answers, self._folder, self._final = answers, folder, final
-        self._names, self._carried = names, carried
-        self._to_device = files.is_device(final)
-        self._tally, self._next = EMPTY, 0
-        self._waiting: dict[int, Path] = {}
-        self._ready: SimpleQueue[Path | None] = SimpleQueue()
-        self._thread = ThreadPoolExecutor(1)
-        self._end = self._thread.submit(self._write)
+    Raises:
+        JacokinError: it cannot be written; and whatever making a chunk raises.
+    """
+    tally, waiting = EMPTY, dict[int, Path]()
 
-    def __enter__(self) -> Self:
-        """Itself."""
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, value: BaseException | None, at: TracebackType | None) -> None:
-        """End the thread, finished or not."""
-        self._ready.put(None)
-        self._thread.shutdown()
-
-    def add(self, index: int, chunk: Path) -> None:
-        """Take a finished chunk; they may come in any order."""
-        self._waiting[index] = chunk
-        if self._to_device and len(self._waiting) < self._folder.count:
-            return
-        while (path := self._waiting.pop(self._next, None)) is not None:
-            self._ready.put(path)
-            self._next += 1
-
-    def finish(self) -> Tally:
-        """Wait until the file is there; all chunks must have been added.
-
-        Raises:
-            JacokinError: it cannot be written.
-        """
-        self._end.result()
-        return self._tally
-
-    def _write(self) -> None:
-        """Put the pieces together, beside them, and give the whole the name of the output in one step."""
-        final = self._final
-        try:
-            if self._to_device:
-                self._answers.write_joined(final, self._pieces(None), self._names, self._carried)
-                return
-            with temporary(self._folder.path) as whole:
-                self._answers.write_joined(whole, self._pieces(whole), self._names, self._carried)
-                sync(whole)
-                if final.exists():
-                    shutil.copymode(final, whole)
-                whole.replace(final)
-        except OSError as error:
-            raise JacokinError(
-                f"{final}: cannot be written: {error.strerror or error}; all targets are solved, run it again"
-            ) from error
-
-    def _pieces(self, whole: Path | None) -> Iterator[FilePiece]:
-        """The chunks in their order; what is written is brought to disk from time to time: at the end it takes long."""
-        for number in range(self._folder.count):
-            path = self._ready.get()
-            if path is None:
-                raise JacokinError("the batch was stopped")
+    def pieces() -> Iterator[FilePiece]:
+        nonlocal tally
+        for number in range(folder.count):
+            while number not in waiting:
+                index, made = next(chunks)
+                waiting[index] = made
+            path = waiting.pop(number)
             counts, offset = read_tally(path)
-            self._tally += counts
-            if whole is not None and number % SYNCED == SYNCED - 1 and whole.exists():
-                sync(whole)
+            tally += counts
             yield path, offset
+
+    write = functools.partial(batch.answers.write_joined, columns=batch.names, carried=batch.carried)
+    try:
+        if files.is_device(final):
+            write(final, list(pieces()))
+            return tally
+        with temporary(folder.path) as whole:
+            write(whole, pieces())
+            sync(whole)
+            if final.exists():
+                shutil.copymode(final, whole)
+            whole.replace(final)
+    except OSError as error:
+        raise JacokinError(
+            f"{final}: cannot be written: {error.strerror or error}; what is solved is kept, run it again"
+        ) from error
+    return tally
 
 
 @contextlib.contextmanager

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from jacokin.arrays import Array
 from jacokin.errors import StructureError
 from jacokin.ik.closed_form import ClosedForm
-from jacokin.ik.geometry import chain_of, frame_with_z, measure_seven
-from jacokin.ik.structures import NO_FORM, count_freedoms, measure_general, quick_form, size_of
+from jacokin.ik.geometry import chain_of, measure_seven
+from jacokin.ik.structures import NO_FORM, measure_general, most_freedoms, quick_form, size_of
 from jacokin.ik.targets import TargetPose
 from jacokin.ik.verification import Verifier
 from jacokin.kernels.library import Call
@@ -29,6 +29,7 @@ from jacokin.kernels.solution_set.run import SetWork, make_set_work, solve_set
 from jacokin.kernels.solution_set.slices import AFTER, BEFORE, JOINT_3, NO_SLICES
 from jacokin.kernels.solution_set.within import CIRCLE, FOLD, LOST
 from jacokin.model.angles import TURN
+from jacokin.model.joint_axes import frame_with_z
 from jacokin.model.robot import Robot
 
 __all__ = ["CIRCLE", "FOLD", "LOST", "CurveArm", "CurveProblem", "Curves"]
@@ -294,7 +295,7 @@ def _cuts(chain: Array) -> list[tuple[int, Array]]:
     found, most = [], 0
     for kind, six in ((AFTER, chain[:7]), (BEFORE, turned_round(chain)[:7])):
         size = size_of(six)
-        freedoms = max(count_freedoms(six, row, size) for row in q) if 0.0 < size < np.inf else 0
+        freedoms = most_freedoms(six, q, size) if 0.0 < size < np.inf else 0
         most = max(most, freedoms)
         if freedoms == 6:
             found.append((kind, six))

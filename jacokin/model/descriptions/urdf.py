@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+import numpy as np
 import pinocchio as pin
 
 from jacokin.errors import ModelError
@@ -326,6 +327,14 @@ def _numbers(text: str, counts: Sequence[int], what: str) -> list[float]:
     if len(parts) not in counts:
         raise ModelError(f"{what} must have {counts[0]} {'number' if counts[0] == 1 else 'numbers'}")
     raise ModelError(f"{what} is not finite")  # written with an exponent that no double holds
+
+
+def origin_of(element: ET.Element) -> pin.SE3:
+    """Where a checked URDF places an element; the identity where it does not say."""
+    origin = element.find("origin")
+    texts = ["0 0 0" if origin is None else origin.get(key, "0 0 0") for key in ("xyz", "rpy")]
+    xyz, rpy = (np.array(text.split(), dtype=np.float64) for text in texts)
+    return pin.SE3(pin.rpy.rpyToMatrix(rpy), xyz)
 
 
 def _check_single(owner: ET.Element, tags: Sequence[str], where: str) -> None:

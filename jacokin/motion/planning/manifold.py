@@ -73,7 +73,7 @@ class Manifold:
             return q
         angles = np.full(len(q), parameter)
         if isinstance(target, FreeAxis):
-            angles = np.array([target.parameter_of(rotation) for rotation in self.chain.placements(q).rotation])
+            angles = np.array([target.parameter_of(rotation) for rotation in self.chain.placements(q)[0][:, :3, :3]])
         return np.column_stack([q, angles])
 
     def goal(self, u: Array) -> TargetRows:

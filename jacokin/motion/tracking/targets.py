@@ -37,7 +37,7 @@ from jacokin.kernels.tracking.tasks import (
     make_task_rows,
 )
 from jacokin.model import checks, poses
-from jacokin.model.contact_arrays import joints_about_z, turn_of
+from jacokin.model.contact_arrays import about_z, joints_about_z
 from jacokin.model.robot import Robot
 
 RIGID = 1e-9  # a pose this near to rigid is used as it is; others are checked and made rigid
@@ -374,7 +374,7 @@ class Kinematics:
     def on_link(self, frame: int) -> tuple[int, pin.SE3]:
         """The joint that carries a frame, counted from 1, and the frame on its link as the kernels have it."""
         found = self._model.frames[frame]
-        return int(found.parentJoint), turn_of(self._model, found.parentJoint)[0].inverse() * found.placement
+        return int(found.parentJoint), about_z(self._model, found.parentJoint).inverse() * found.placement
 
     def joints(self) -> tuple[Array, list[int]]:
         """Placements (dof, 3, 4) of the joints as the kernels have them, and their kinds."""

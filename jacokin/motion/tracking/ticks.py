@@ -68,7 +68,7 @@ class OutOfTime(Exception):  # noqa: N818 - internal signal, never seen by users
     """The deadline of a tick has passed."""
 
 
-class Arm(NamedTuple):
+class JointState(NamedTuple):
     """Where the arm is (dof,) [rad], and its velocity (dof,) [rad/s]."""
 
     q: Array
@@ -78,7 +78,7 @@ class Arm(NamedTuple):
 class Report(NamedTuple):
     """What a tick has come to."""
 
-    arm: Arm
+    arm: JointState
     """Where it is, and its velocity over the tick; read-only."""
     a: Array
     """(dof,) by how much that changed [rad/s^2]; read-only."""
@@ -154,7 +154,7 @@ class TickSolver:
         if reach is not self._reach:
             self._make_room(self._room, reach)
 
-    def _take(self, arm: Arm, tasks: Tasks) -> None:
+    def _take(self, arm: JointState, tasks: Tasks) -> None:
         """Take where the arm is, and what it is asked for."""
         rows, count = tasks.rows, tasks.number
         if count > self._room:
@@ -169,14 +169,14 @@ class TickSolver:
             self._given = rows.integers
         work.tasks.numbers[:count] = rows.numbers
 
-    def linearise(self, arm: Arm, tasks: Tasks) -> bool:
+    def linearise(self, arm: JointState, tasks: Tasks) -> bool:
         """Fill bounds and inequalities at a configuration; whether shapes are to be moved apart first."""
         self._take(arm, tasks)
         self._kept = None
         self._work.counts[STAGE] = LINEARISE
         return self._run() > 0
 
-    def ask(self, arm: Arm, tasks: Tasks, before: Tasks | None, moved: Array | None, *, refined: bool) -> None:
+    def ask(self, arm: JointState, tasks: Tasks, before: Tasks | None, moved: Array | None, *, refined: bool) -> None:
         """Take what a tick starts from.
 
         Args:
@@ -247,7 +247,7 @@ class TickSolver:
         work.step[:] = found
         return FROM_STEP
 
-    def measure(self, q: Array, arm: Arm, tasks: Tasks, *, goes: bool) -> Report:
+    def measure(self, q: Array, arm: JointState, tasks: Tasks, *, goes: bool) -> Report:
         """Measure where the arm is.
 
         Args:
@@ -272,7 +272,7 @@ class TickSolver:
         after.setflags(write=False)
         on_target = outcome == ON_TARGET
         return Report(
-            Arm(after[:dof], after[dof : 2 * dof]),
+            JointState(after[:dof], after[dof : 2 * dof]),
             after[2 * dof :],
             numbers[DISTANCE],
             numbers[ANGLE],

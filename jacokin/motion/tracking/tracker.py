@@ -44,11 +44,11 @@ from jacokin.motion.tracking.steps import (
     TrackerSummary,
 )
 from jacokin.motion.tracking.targets import IN_BASE, Kinematics, TaskFactory, Tasks, TrackingTarget
-from jacokin.motion.tracking.ticks import Arm, OutOfTime, Report, TickSolver
+from jacokin.motion.tracking.ticks import JointState, OutOfTime, Report, TickSolver
 from jacokin.motion.tracking.twist import (
     FOLLOWED,
-    Line,
     TwistFollower,
+    TwistLine,
     TwistStep,
     in_base_axes,
     is_astray,
@@ -67,7 +67,7 @@ NEARBY = 0.05  # [rad] a measured configuration this near to the tracker's own i
 class TrackerState(NamedTuple):
     """Everything a tick starts from."""
 
-    arm: Arm
+    arm: JointState
     """Where the arm is, and its velocity over the last tick; read-only."""
     a: Array
     """(dof,) by how much that changed in that tick [rad/s^2]; read-only."""
@@ -89,7 +89,7 @@ class TrackerState(NamedTuple):
     """What the last tick was asked for; None after a twist, and before the first tick."""
     moved: Array | None
     """(k,) by how much that changed the error [m], weighted; None for not at all."""
-    line: Line | None
+    line: TwistLine | None
     """Where twists have led; None after a target."""
 
 
@@ -281,7 +281,7 @@ class Tracker:
             if before.guard is not None and before.where is not None and distances is not None:
                 before.guard.put(before.where)
                 distances = before.guard.move(start, distances, start - before.arm.q)
-            arm = Arm(start, checks.read_only(speed))
+            arm = JointState(start, checks.read_only(speed))
             state = before._replace(arm=arm, distances=distances, can_stop=False)
         else:
             guard, where, distances = self._guard, None, None
@@ -291,7 +291,7 @@ class Tracker:
                 distances = guard.start(start)
             still = checks.read_only(np.zeros(self.robot.dof))
             state = TrackerState(
-                arm=Arm(start, checks.read_only(speed)),
+                arm=JointState(start, checks.read_only(speed)),
                 a=still,
                 distances=distances,
                 guard=guard,
@@ -425,7 +425,7 @@ class Tracker:
         line = state.line
         if line is None:
             velocity = kinematics.jacobian(kinematics.tool, IN_BASE).dot(state.arm.v)
-            line = Line(tool, velocity)
+            line = TwistLine(tool, velocity)
         elif is_astray(missing(line.pose, tool)):
             line = line._replace(pose=tool)
         wanted = in_base_axes(twist, reference, line.pose)

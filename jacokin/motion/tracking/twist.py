@@ -25,7 +25,7 @@ from jacokin.motion.tracking.joint_limits import JointLimits, largest_share
 from jacokin.motion.tracking.problem import controlled_directions
 from jacokin.motion.tracking.steps import SINGULAR_POSE
 from jacokin.motion.tracking.targets import IN_BASE, Kinematics
-from jacokin.motion.tracking.ticks import Arm, TickSolver
+from jacokin.motion.tracking.ticks import JointState, TickSolver
 
 EXACT = 1e-12  # damping where nothing is to be given away: square of a weighted singular value [m^2/rad^2]
 ASIDE = 0.01  # part of the twist that may be given away where the joints could not follow it otherwise
@@ -42,7 +42,7 @@ HURRY = 5e-3  # part of a twist by which the tool may be faster than asked, to m
 FOLLOWED = 0.98  # part of a twist that counts as all of it
 
 
-class Line(NamedTuple):
+class TwistLine(NamedTuple):
     """Where twists have led."""
 
     pose: pin.SE3
@@ -56,7 +56,7 @@ class TwistStep(NamedTuple):
 
     displacement: Array
     """(dof,) within the bounds of the tick [rad]."""
-    line: Line
+    line: TwistLine
     """After the tick."""
     part: float
     """Of the twist that can be followed."""
@@ -108,7 +108,7 @@ class TwistFollower:
         turn = RADIAN_IN_METRES if kinematics.robot.dof >= 6 else TURNS_FREE
         self._weight = np.array([1.0, 1.0, 1.0, turn, turn, turn])
 
-    def step(self, line: Line, twist: Array, arm: Arm, wish: Array | None) -> TwistStep:
+    def step(self, line: TwistLine, twist: Array, arm: JointState, wish: Array | None) -> TwistStep:
         """One tick from where the kinematics are, and the tick was linearised.
 
         Args:
@@ -141,7 +141,7 @@ class TwistFollower:
         followed = jacobian.dot(displacement - share * back) / dt
         return TwistStep(
             displacement,
-            Line(moved(line.pose, followed - late / dt, dt), followed),
+            TwistLine(moved(line.pose, followed - late / dt, dt), followed),
             pace.part,
             pace.cause,
             wanted,

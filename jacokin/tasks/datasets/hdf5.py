@@ -21,7 +21,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from jacokin.errors import InvalidInputError, MissingExtraError
+from jacokin.errors import InvalidInputError, needed
 from jacokin.files import ARRAYS, DEFLATION
 from jacokin.tasks.datasets.recorded import (
     SINGLE,
@@ -36,10 +36,8 @@ from jacokin.tasks.datasets.recorded import (
 from jacokin.tasks.datasets.recording import FUNCTION
 from jacokin.tasks.gym.environment import TaskEnv
 
-try:
+with needed("h5py", "data"):
     import h5py
-except ImportError as error:
-    raise MissingExtraError("h5py", "data") from error
 
 ROBOMIMIC_GYM = 2  # robomimic's number for environments of Gym
 MINARI_FORMAT = "0.5.4"  # of Minari, whose layout this is

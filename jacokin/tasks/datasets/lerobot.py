@@ -18,17 +18,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.errors import InvalidInputError, MissingExtraError
+from jacokin.errors import InvalidInputError, needed
 from jacokin.tasks.datasets.recorded import SINGLE, Recorded, checked_description, placing, read_json, reading
 from jacokin.tasks.datasets.video import VideoRecorder, find_ffmpeg
 from jacokin.tasks.gym.environment import TaskEnv
 from jacokin.tasks.gym.packing import PROPRIOCEPTION
 
-try:
+with needed("pyarrow", "data"):
     import pyarrow as pa
     from pyarrow import parquet
-except ImportError as error:
-    raise MissingExtraError("pyarrow", "data") from error
 
 VERSION = "v3.0"
 STATE, ENVIRONMENT, PICTURES = "observation.state", "observation.environment_state", "observation.images"

@@ -366,15 +366,7 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
             observation = copy.deepcopy(self._seen[max(0, len(self._seen) - 1 - late)])
         else:
             observation = self._observe(state)
-        if len(self._bias):
-            self._packing.add_bias(observation, self._bias)
-        if len(self._deviations):
-            assert self._variation_random is not None
-            noise = self._deviations * self._variation_random.normal(size=len(self._deviations))
-            self._packing.add_bias(observation, noise)
-        if "observation_noise" in self._values:
-            assert self._variation_random is not None
-            self._packing.add_noise(observation, self._values["observation_noise"], self._variation_random)
+        self._packing.disturb(observation, self._values, self._bias, self._deviations, self._variation_random)
         self._last = observation
         reward = float(self._rewards(state))
         check_rewards(self.options.task, reward, when)

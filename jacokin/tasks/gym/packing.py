@@ -198,13 +198,34 @@ class Packing:
             }
         return {PROPRIOCEPTION: flat} if options.has_camera else flat
 
-    def add_noise(self, observation: Observation, deviation: float, random_state: np.random.Generator) -> None:
-        """Add normal noise to the features of one environment and to what it achieves, in place."""
-        for values in self._noisy(observation):
-            values += random_state.normal(0.0, deviation, values.shape)
+    def disturb(
+        self,
+        observation: Observation,
+        values: Mapping[str, float],
+        bias: Array,
+        deviations: Array,
+        random_state: np.random.Generator | None,
+    ) -> None:
+        """Add bias and noise to the features of one environment and to what it achieves, in place.
+
+        Args:
+            observation: of the environment.
+            values: of its randomization.
+            bias: as of `draw_bias`.
+            deviations: as of `deviations`.
+            random_state: draws the noise; None where nothing is random.
+        """
+        if random_state is None:
+            return
+        self._add(observation, bias)
+        if len(deviations):
+            self._add(observation, deviations * random_state.normal(size=len(deviations)))
+        if "observation_noise" in values:
+            for each in self._noisy(observation):
+                each += random_state.normal(0.0, values["observation_noise"], each.shape)
 
     def draw_bias(self, values: Mapping[str, float], random_state: np.random.Generator) -> Array:
-        """What `add_bias` adds all through an episode with these values; (0,) for nothing."""
+        """What `disturb` adds all through an episode with these values; (0,) for nothing."""
         size, found = self._size + self.goal_size * self._options.goal, np.zeros(0)
         if "observation_bias" in values:
             found = random_state.normal(0.0, values["observation_bias"], size)
@@ -213,10 +234,9 @@ class Packing:
             found = (found if len(found) else np.zeros(size)) + deviations * random_state.normal(size=size)
         return np.asarray(found)
 
-    def add_bias(self, observation: Observation, bias: Array) -> None:
-        """Add something to the features of one environment and to what it achieves, in place."""
+    def _add(self, observation: Observation, bias: Array) -> None:
         start = 0
-        for values in self._noisy(observation):
+        for values in self._noisy(observation) if len(bias) else ():
             values += bias[start : start + values.size].reshape(values.shape)
             start += values.size
 

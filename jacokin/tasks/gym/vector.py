@@ -34,7 +34,7 @@ from jacokin.tasks.gym import packing
 from jacokin.tasks.gym.controls import CONTROLS
 from jacokin.tasks.gym.environment import DELAY, NO_EPISODE, OPTIONS, Info, TaskEnv, checked_spec
 from jacokin.tasks.gym.packing import Observation, add_pictures
-from jacokin.tasks.randomization import FEATURE_BIAS, MAX_LATENCY, SIMULATED, Randomization, delay, has_pushes
+from jacokin.tasks.randomization import MAX_LATENCY, SIMULATED, Randomization, delay, has_pushes
 from jacokin.tasks.task import State, check_rewards
 
 Flags = NDArray[np.bool_]
@@ -342,11 +342,9 @@ class Simulations:
         self._constants: dict[str, Array] = {name: self._batch.expand(name) for name in SIMULATED if names}
         self._forces: Array | None = self._batch.bind("xfrc_applied") if has_pushes(names) else None
         self._pushed = np.array([first._pushes.none] * count)
-        self._is_noisy, self._is_disturbed = "observation_noise" in names, "action_noise" in names
+        self._is_varied, self._is_disturbed = bool(names), "action_noise" in names
         self._biases: list[Array] = [np.zeros(0)] * count
-        self._is_biased = any(name.startswith(("observation_bias", FEATURE_BIAS)) for name in names)
         self._deviations: list[Array] = [np.zeros(0)] * count
-        self._has_deviations = len(first._deviations) > 0
         delays = round(MAX_LATENCY / dt) + 2 if "latency" in names else 0
         self._delayed = np.zeros((delays, *self._ctrl.shape))
         self._delays = np.zeros(count, dtype=np.intp)  # of actions, in control steps
@@ -425,18 +423,9 @@ class Simulations:
         for index in going if self._is_late else ():
             late, _ = delay(self._values[index], DELAY, self._substeps)
             packing.put(observations, index, self._seen[index][max(0, len(self._seen[index]) - 1 - late)])
-        for index in going if self._is_biased else ():
-            first._packing.add_bias(packing.row(observations, index), self._biases[index])
-        for index in going if self._has_deviations else ():
-            _, random_state = self._random[index]
-            assert random_state is not None
-            noise = self._deviations[index] * random_state.normal(size=len(self._deviations[index]))
-            first._packing.add_bias(packing.row(observations, index), noise)
-        for index in going if self._is_noisy else ():
-            _, random_state = self._random[index]
-            assert random_state is not None
-            deviation = self._values[index]["observation_noise"]
-            first._packing.add_noise(packing.row(observations, index), deviation, random_state)
+        for index in going if self._is_varied else ():
+            seen, values, (_, random_state) = packing.row(observations, index), self._values[index], self._random[index]
+            first._packing.disturb(seen, values, self._biases[index], self._deviations[index], random_state)
         rewards = np.array(first._rewards(state))
         if not np.isfinite(rewards[going]).all():
             index = next(index for index in going if not np.isfinite(rewards[index]))

@@ -501,7 +501,7 @@ RUN = """
 import os, signal, sys, jacokin
 from jacokin.ik import solve_file
 from jacokin.ik.batches import solve_file as module
-module.ROWS, module.CLOSEST_ROWS, module.SYNCED = 64, 64, 12
+module.ROWS, module.CLOSEST_ROWS = 64, 64
 syncs, fsync = int(sys.argv[3]), os.fsync
 def counted(file):
     global syncs

@@ -21,7 +21,7 @@ from jacokin.motion import TrackerStatus
 from jacokin.motion.tracking.avoidance import make_guard
 from jacokin.motion.tracking.joint_limits import JointLimits
 from jacokin.motion.tracking.targets import Kinematics, TaskFactory
-from jacokin.motion.tracking.ticks import Arm, TickSolver
+from jacokin.motion.tracking.ticks import JointState, TickSolver
 from tests.coal_shapes import collision_pairs
 
 DISTANCE = 0.01  # [m]
@@ -267,7 +267,7 @@ def test_the_tracker_sees_true_distances_and_how_they_change(robot: Robot, rng: 
         around = [[guard.start(q + sign * step).bound[now.near] for step in steps] for sign in (1.0, -1.0)]
         forward, backward = (np.transpose(some) for some in around)
         guard.take(now)
-        ticks.linearise(Arm(q, np.zeros(robot.dof)), nothing)
+        ticks.linearise(JointState(q, np.zeros(robot.dof)), nothing)
         rows, _ = ticks.inequalities
         slope = np.empty((0, robot.dof)) if rows is None else -rows
         # Where the nearest points jump from corner to corner, the slopes to both sides differ.
