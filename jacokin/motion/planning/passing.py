@@ -13,17 +13,17 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
+from scipy.linalg import solve_banded
 
 from jacokin.arrays import Array
 from jacokin.ik.seeds import ON_LIMIT
 from jacokin.motion.joint_motion import ACCELERATION
 from jacokin.motion.planning.manifold import Curve, Pace
 from jacokin.motion.rows import ATTEMPTS, HELD, WHOLE_TICK, Limits, Rows, past_limits, sample, spline_rows
-from jacokin.motion.timing import check_ticks, fit_course, sample_lines, slopes, with_ramps
+from jacokin.motion.timing import check_ticks, fit_course, sample_lines, with_ramps
 
 GRID = 0.01  # [s] at full speed between places whose limits are looked at
-LEAST_INTERVALS = 2  # between waypoints
+LEAST_INTERVALS = 3  # between waypoints
 MOST_PLACES = 20_000
 SAME = 1e-7  # [s] at full speed: waypoints nearer than this are one
 SHORT = 1e-4  # [s] at full speed: on a piece that is shorter joints move in proportion
@@ -45,23 +45,27 @@ class _Course:
         p: (n + 1,) the places [s].
         u: (n, 2) places of the path at both ends of the intervals; it jumps where waypoints are the same.
         slope: (2, n, dof) dq/dp at both ends of the intervals [rad/s].
-        cuts: numbers of the places that are waypoints, both ends among them.
+        rate: (2, n) du/dp there, of the cubic spline through the places of each piece.
+        cuts: (pieces + 1,) numbers of the places that are waypoints, both ends among them.
     """
 
     p: Array
     u: Array
     slope: Array
-    cuts: tuple[int, ...]
+    rate: Array
+    cuts: NDArray[np.intp]
 
     def path_places(self, p: Array) -> Array:
         """Places (m,) of the path."""
-        found = np.empty_like(p)
-        piece = np.clip(np.searchsorted(self.p[list(self.cuts)], p, side="right") - 1, 0, len(self.cuts) - 2)
-        for number in np.unique(piece).tolist():
-            rows, (first, last) = piece == number, self.cuts[number : number + 2]
-            u = np.append(self.u[first:last, 0], self.u[last - 1, 1])
-            found[rows] = np.clip(CubicSpline(self.p[first : last + 1], u)(p[rows]), u[0], u[-1])
-        return np.maximum.accumulate(found)
+        i = np.clip(np.searchsorted(self.p, p, side="right") - 1, 0, len(self.u) - 1)
+        h, (low, high), (before, after) = self.p[i + 1] - self.p[i], self.u[i].T, self.rate[:, i]
+        x = (p - self.p[i]) / h
+        steep = high - low
+        found = low + x * (h * before + x * (3.0 * steep - h * (2.0 * before + after)))
+        found += x**3 * (h * (before + after) - 2.0 * steep)
+        piece = np.searchsorted(self.cuts, i, side="right") - 1
+        first, last = self.u[self.cuts[:-1], 0], self.u[self.cuts[1:] - 1, 1]
+        return np.maximum.accumulate(np.clip(found, first[piece], last[piece]))
 
 
 def keep_speed(curve: Curve, pace: Pace, dt: float) -> tuple[Array, Array, Rows]:
@@ -141,23 +145,59 @@ def _along_joints(curve: Curve, pace: Pace) -> _Course:
     """Places that count how far the joints go."""
     dof, scale = curve.manifold.dof, pace.scale
     far = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(curve.q, axis=0) / scale, axis=1)))
-    step = max(GRID, far[-1] / MOST_PLACES)
-    p, u, slope, cuts = [np.zeros(1)], list[Array](), list[Array](), [0]
-    for low, high in _pieces(curve.u, far):
-        start, end = np.interp([low, high], curve.u, far)
-        inside = (curve.u > low) & (curve.u < high) & (far > start) & (far < end)
-        count = max(LEAST_INTERVALS, int(np.ceil((end - start) / step)))
-        knots, gone = np.array([low, *curve.u[inside], high]), np.array([start, *far[inside], end])
-        here = np.interp(np.linspace(start, end, count + 1), gone, knots)
-        here[[0, -1]] = low, high
-        q = curve.at(here)[0][:, :dof]
-        gone = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(q, axis=0) / scale, axis=1)))
-        straight = np.tile((q[-1] - q[0]) / gone[-1], (2, count, 1))
-        slope.append(slopes(gone, q) if gone[-1] > SHORT else straight)
-        p.append(p[-1][-1] + gone[1:])
-        u.append(np.column_stack([here[:-1], here[1:]]))
-        cuts.append(cuts[-1] + count)
-    return _Course(np.concatenate(p), np.vstack(u), np.concatenate(slope, axis=1), tuple(cuts))
+    low, high = np.array(_pieces(curve.u, far)).T
+    start, end = np.interp(low, curve.u, far), np.interp(high, curve.u, far)
+    counts = np.maximum(np.ceil((end - start) / max(GRID, far[-1] / MOST_PLACES)).astype(np.intp), LEAST_INTERVALS)
+    cuts = np.append(0, np.cumsum(counts))
+
+    # The ends of intervals, piece by piece: a waypoint is the last of one piece and the first of the next.
+    piece = np.repeat(np.arange(len(counts)), counts + 1)
+    first, last = cuts[:-1] + np.arange(len(counts)), cuts[1:] + np.arange(len(counts))
+    part = (np.arange(len(piece)) - first[piece]) / counts[piece]
+    u = np.interp(start[piece] + part * (end - start)[piece], far, curve.u)
+    u[first], u[last] = low, high
+    q = curve.at(u)[0][:, :dof]
+    gone = np.linalg.norm(np.diff(q, axis=0) / scale, axis=1)
+    gone[last[:-1]] = 0.0
+    p = np.append(0.0, np.cumsum(gone))
+    rates = _rates(p, np.column_stack([q, u]), first, last)
+    length = p[last] - p[first]
+    straight = (q[last] - q[first]) / length[:, None]
+    rates[:, :dof] = np.where(length[piece, None] > SHORT, rates[:, :dof], straight[piece])
+    before = np.delete(np.arange(len(piece)), last)
+    slope = np.stack([rates[before], rates[before + 1]])
+    return _Course(
+        np.append(p[before], p[-1]),
+        np.column_stack([u[before], u[before + 1]]),
+        np.ascontiguousarray(slope[:, :, :dof]),
+        slope[:, :, dof],
+        cuts,
+    )
+
+
+def _rates(p: Array, values: Array, first: NDArray[np.intp], last: NDArray[np.intp]) -> Array:
+    """How values (n, k) change with places (n,), there: slopes of the cubic splines through those of each piece.
+
+    Args:
+        p: (n,) places, rising in each piece.
+        values: (n, k).
+        first: (pieces,) numbers of the places at which pieces of four places at least begin.
+        last: (pieces,) and end.
+    """
+    h = np.diff(p)
+    steep = np.diff(values, axis=0) / np.where(h > 0.0, h, 1.0)[:, None]
+    upper, middle, lower = bands = np.zeros((3, len(p)))  # of a tridiagonal matrix, as `solve_banded` takes them
+    right = np.zeros_like(values)
+    upper[2:], middle[1:-1], lower[:-2] = h[:-1], 2.0 * (h[:-1] + h[1:]), h[1:]
+    right[1:-1] = 3.0 * (h[1:, None] * steep[:-1] + h[:-1, None] * steep[1:])
+    for ends, near, far, inward in ((first, first, first + 1, upper), (last, last - 1, last - 2, lower)):
+        a, b = h[near], h[far]  # the cubic of the first interval goes on in the second
+        middle[ends] = b
+        inward[ends + (1 if inward is upper else -1)] = a + b
+        weights = np.stack([(3.0 * a + 2.0 * b) * b, a * a]) / (a + b)
+        right[ends] = weights[0, :, None] * steep[near] + weights[1, :, None] * steep[far]
+    upper[first[1:]] = lower[last[:-1]] = 0.0
+    return np.asarray(solve_banded((1, 1), bands, right, overwrite_ab=True, overwrite_b=True, check_finite=False))
 
 
 def _pieces(u: Array, far: Array) -> list[tuple[float, float]]:
@@ -192,9 +232,9 @@ def _at_corners(course: _Course, top: Array, acceleration: Array, dt: float) -> 
     At a waypoint the joints' velocities change within a tick, or, where waypoints are nearer to each other than that,
     on the way to the next one. Where that would take all but a part of the speed, the arm stands still.
     """
-    top, inner = top.copy(), np.array(course.cuts[1:-1], dtype=np.intp)
+    top, inner = top.copy(), course.cuts[1:-1]
     turn = np.abs(course.slope[0, inner] - course.slope[1, inner - 1])
-    lengths = np.diff(course.p[list(course.cuts)])
+    lengths = np.diff(course.p[course.cuts])
     near = 0.5 * (lengths[:-1] + lengths[1:])
     with np.errstate(divide="ignore"):
         share = (acceleration / turn).min(axis=1)
