@@ -23,6 +23,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
+from jacokin.ik.solutions.curve_set import CurveSet
 from jacokin.ik.solver import IKSolver
 from jacokin.kernels.library import Call
 from jacokin.kernels.rung_links import (
@@ -168,11 +169,10 @@ class Ladder:
             rows = branches.q[self.verifier.reached_rows(branches)]
             return _Members(self.manifold.points(rows, target, angle), len(branches))
         curves = self._solver.solve_all(target)
-        found = [np.empty((0, self.manifold.width))]
-        for interval in curves.intervals:
-            parameters, rows = interval.spread(self._step)
-            rows = angles.into_limits(rows, self._robot.lower, self._robot.upper)
-            found.append(np.column_stack([rows, parameters]) if self.manifold.path.free else rows)
+        assert isinstance(curves, CurveSet)
+        parameters, rows = curves.spread(self._step)
+        rows = angles.into_limits(rows, self._robot.lower, self._robot.upper)
+        found = [np.column_stack([rows, parameters]) if self.manifold.path.free else rows]
         if near is not None:  # the member nearest to it, and the configuration itself, which may be a member
             nearest = curves.nearest(near)
             found.append(self.manifold.points(np.array([near] if nearest is None else [nearest, near]), target))

@@ -163,7 +163,11 @@ def test_samples_of_a_straight_wrist_reach_from_limit_to_limit(rng: np.random.Ge
     family = IKSolver(robot, collision="ignore").solve_all(robot.forward_kinematics(q), seed=q)
     wrist = [interval for interval in family.intervals if interval.start == interval.stop]
     assert wrist
+    everywhere = family.spread(0.3)[1]
     for interval in wrist:
-        for rows in (interval.sample(9)[1], interval.spread(0.3)[1]):
-            turned = np.mod(rows[:, 6] - q[6] + np.pi, 2.0 * np.pi) - np.pi
-            np.testing.assert_allclose((turned.min(), turned.max()), (-0.5, 0.4), atol=1e-6)
+        rows = interval.sample(9)[1]
+        turned = np.mod(rows[:, 6] - q[6] + np.pi, 2.0 * np.pi) - np.pi
+        np.testing.assert_allclose((turned.min(), turned.max()), (-0.5, 0.4), atol=1e-6)
+        for end in rows[[0, -1]]:
+            away = np.mod(everywhere - end + np.pi, 2.0 * np.pi) - np.pi
+            assert np.abs(away).max(axis=1).min() < 1e-6
