@@ -87,7 +87,7 @@ class TrackInterval(Interval):
         return p, np.array([self._member(value, self._track.at(value), self._members.seed) for value in p.tolist()])
 
     def places_at_steps(self, p: Array, step: float) -> Array:
-        """Numbers (n,) of parameters (m,) in order, between them parts, that lie at the ends and at multiples of a step.
+        """Where (n,) among values of the parameter (m,) in order its ends and the multiples of a step are, in parts.
 
         Where the parameter stands still, so many as make about a step of the joints.
         """
@@ -270,7 +270,7 @@ class CurveSet(SolutionSet):
         return np.concatenate(rows) if rows else np.empty((0, self._members.robot.dof))
 
     def spread(self, step: float) -> tuple[Array, Array]:
-        """Values of the parameter (k,) and configurations (k, dof) [rad] on all intervals, for callers that refine them.
+        """Values of the parameter (k,) and configurations (k, dof) [rad] of all intervals, for who refines them.
 
         The ends of each, unless nothing ends there; between them, whole multiples of a step, to about 1e-3 rad; at
         least one. Angles are in any 2 pi copy, and not looked at.

@@ -4,6 +4,10 @@
 a place p, the length of the joints' own way, each in parts of its velocity limit [s]: where the tool slows down to
 nothing while the joints go on (at the end of reach, say), and where waypoints are the same or nearly, it goes on
 steadily.
+
+Rows are a spline through ticks, which makes of a corner at a waypoint more than there is: joints swing over the larger
+of both speeds, and accelerate in some ticks around it. Both are in proportion to how fast the corner is passed, and are
+counted when the speeds of places are found (`_kinks`); where rows fall badly on corners, these are passed more slowly.
 """
 
 from __future__ import annotations
@@ -20,21 +24,24 @@ from jacokin.ik.seeds import ON_LIMIT
 from jacokin.motion.joint_motion import ACCELERATION
 from jacokin.motion.planning.manifold import Curve, Pace
 from jacokin.motion.rows import ATTEMPTS, HELD, WHOLE_TICK, Limits, Rows, past_limits, sample, spline_rows
-from jacokin.motion.timing import check_ticks, fit_course, sample_lines, with_ramps
+from jacokin.motion.timing import Schedule, check_ticks, fit_course, sample_lines, with_ramps
 
 GRID = 0.01  # [s] at full speed between places whose limits are looked at
 LEAST_INTERVALS = 3  # between waypoints
 MOST_PLACES = 20_000
 SAME = 1e-7  # [s] at full speed: waypoints nearer than this are one
 SHORT = 1e-4  # [s] at full speed: on a piece that is shorter joints move in proportion
-IN_A_TICK = 3.0**0.5  # the spline through ticks accelerates so much harder than a velocity that changes in one of them
-EASINGS = 6  # times that places are passed more slowly where limits do not hold; then the whole is
+IN_A_TICK = (
+    1.4  # so much harder does the spline accelerate than a velocity that changes in one; 0.6 to 2 by where rows fall
+)
+SWING = 0.2  # of that change, by which it passes the larger of both velocities at most
+EASINGS = 8  # times that places are passed more slowly where limits do not hold; then the whole is
 EASED = 0.98
 EASED_AT_LIMIT = 2.0  # times as slow at most where a joint would swing over its limit between two rows
 SLOWER = 0.01  # from attempt to attempt, and each time by so much more: ticks fall elsewhere on corners each time
 USED = 0.96  # of the acceleration; the spline through the ticks swings over the rest
 AROUND = 2  # ticks
-STOPS = 0.2  # of the speed without the corner: where less is left, the arm stands still
+STOPS = 0.25  # of the speed without the corner: where less is left, the arm stands still
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,23 +112,42 @@ def pass_slowly(curve: Curve, pace: Pace, dt: float, acceleration: Array | None)
     """
     dof = curve.manifold.dof
     course = _along_joints(curve, pace)
-    top, slope = _asked_speeds(course, pace), course.slope
-    stops = np.array([0, len(top) - 1])
+    slope, steepest = course.slope, np.abs(course.slope).max(axis=0)
+    free = np.minimum(_asked_speeds(course, pace), _at_places(pace.velocity, steepest))
+    top, stops = free, np.array([0, len(free) - 1])
     if acceleration is None:  # only how the place itself speeds up and slows down counts
         usable, held = np.full(dof, ACCELERATION), np.full(dof, np.inf)
         slope = np.repeat(0.5 * (slope[:1] + slope[1:]), 2, axis=0)
     else:
         usable, held = USED * acceleration, acceleration
-        top, stops = _at_corners(course, top, acceleration, dt)
+        stops = _stops(course, top, acceleration, dt)
+        top = top.copy()
+        top[stops] = 0.0
+
+    def fitted(top: Array, sudden: Array) -> list[Schedule]:
+        """Schedules from stop to stop, for largest speeds (n + 1,) and what corners add (n, dof)."""
+        return [
+            fit_course(
+                course.p[first : last + 1],
+                slope[:, first:last],
+                pace.velocity,
+                usable,
+                top[first : last + 1],
+                sudden=sudden[first:last],
+            )
+            for first, last in itertools.pairwise(stops.tolist())
+        ]
+
+    speed = _speeds(fitted(top, np.zeros_like(steepest)))  # corners are passed no faster than without what they take
+    kinks = _kinks(course, speed, dt)
+    sudden = np.zeros_like(kinks) if acceleration is None else kinks * (IN_A_TICK / dt)
+    swinging = _at_places(pace.velocity, steepest + SWING * kinks)
+    top = np.minimum(np.minimum(top, swinging), _least_around(course.p, free, dt * speed))
     limits = Limits(pace.velocity, held)
     asked = np.append(0.0, np.cumsum(pace.times))
     slower = 1.0
     for attempt in range(ATTEMPTS):
-        parts = [slice(first, last + 1) for first, last in itertools.pairwise(stops.tolist())]
-        found = [
-            fit_course(course.p[part], slope[:, part.start : part.stop - 1], pace.velocity, usable, top[part])
-            for part in parts
-        ]
+        found = fitted(top, sudden)
         check_ticks(np.array([slower * each.duration for each in found]), dt)
         samples = [sample(each.at, each.duration, dt, slower) for each in found]
         p = np.concatenate([samples[0], *(each[1:] for each in samples[1:])])
@@ -134,11 +160,15 @@ def pass_slowly(curve: Curve, pace: Pace, dt: float, acceleration: Array | None)
             break
         if attempt < EASINGS:
             worst = np.maximum(worst, np.minimum(np.sqrt(past / ON_LIMIT), EASED_AT_LIMIT))
-            speed = np.concatenate([[0.0], *(each.speed[1:] for each in found)])
-            top = np.minimum(top, _eased(course.p, speed, p, worst))
+            top = np.minimum(top, _eased(course.p, _speeds(found), p, worst))
         else:
             slower *= max(float(worst.max()), 1.0 + SLOWER * (attempt - EASINGS + 1))
     return u, x, rows
+
+
+def _speeds(schedules: list[Schedule]) -> Array:
+    """(n + 1,) of all places, from stop to stop."""
+    return np.concatenate([[0.0], *(each.speed[1:] for each in schedules)])
 
 
 def _along_joints(curve: Curve, pace: Pace) -> _Course:
@@ -221,29 +251,54 @@ def _pieces(u: Array, far: Array) -> list[tuple[float, float]]:
 def _asked_speeds(course: _Course, pace: Pace) -> Array:
     """(n + 1,) at which the tool is as fast as it is asked to be, at most."""
     line = np.clip(course.u[:, 0].astype(np.intp), 0, len(pace.times) - 1)
+    rate = np.maximum(course.rate.max(axis=0), np.diff(course.u, axis=1)[:, 0] / np.diff(course.p))
+    return _at_places(np.ones(1), (rate * pace.times[line])[:, None])
+
+
+def _at_places(limit: Array, rate: Array) -> Array:
+    """Largest speeds (n + 1,) of places at which rates (n, k) on the intervals between them stay within limits (k,)."""
     with np.errstate(divide="ignore"):
-        asked = np.diff(course.p) / ((course.u[:, 1] - course.u[:, 0]) * pace.times[line])
-    return np.asarray(np.minimum(np.append(asked, asked[-1]), np.append(asked[0], asked)))
+        own = (limit / rate).min(axis=1)
+    return np.minimum(np.append(own, own[-1]), np.append(own[0], own))
 
 
-def _at_corners(course: _Course, top: Array, acceleration: Array, dt: float) -> tuple[Array, NDArray[np.intp]]:
-    """Largest speeds (n + 1,) with those at waypoints, and the numbers of the places where the arm is to stand still.
+def _least_around(p: Array, values: Array, reach: Array) -> Array:
+    """The least (n,) of values (n,) of places (n,) no farther away than a reach (n,): rows are means over ticks."""
+    ends = np.column_stack([np.searchsorted(p, p - reach), np.searchsorted(p, p + reach, side="right")])
+    return np.asarray(np.minimum.reduceat(np.append(values, np.inf), ends.ravel())[::2])
 
-    At a waypoint the joints' velocities change within a tick, or, where waypoints are nearer to each other than that,
-    on the way to the next one. Where that would take all but a part of the speed, the arm stands still.
+
+def _stops(course: _Course, top: Array, acceleration: Array, dt: float) -> NDArray[np.intp]:
+    """The numbers of the places where the arm stands still: both ends, and corners that would take most of its speed.
+
+    At a waypoint the joints' velocities change within a tick; where waypoints are nearer to each other than that, they
+    are passed.
     """
-    top, inner = top.copy(), course.cuts[1:-1]
+    inner = course.cuts[1:-1]
     turn = np.abs(course.slope[0, inner] - course.slope[1, inner - 1])
     lengths = np.diff(course.p[course.cuts])
-    near = 0.5 * (lengths[:-1] + lengths[1:])
     with np.errstate(divide="ignore"):
-        share = (acceleration / turn).min(axis=1)
-    sudden = share * dt / IN_A_TICK
-    alone = sudden * dt <= near
-    stops = inner[alone & (sudden < STOPS * np.minimum(top[inner], 1.0))]
-    top[inner] = np.minimum(top[inner], np.where(alone, sudden, np.sqrt(share * near)))
-    top[stops] = 0.0
-    return top, np.array([0, *stops, len(top) - 1])
+        most = (acceleration / turn).min(axis=1) * dt / IN_A_TICK
+    alone = most * dt <= 0.5 * (lengths[:-1] + lengths[1:])
+    stops = inner[alone & (most < STOPS * np.minimum(top[inner], 1.0))]
+    return np.array([0, *stops, len(top) - 1])
+
+
+def _kinks(course: _Course, speed: Array, dt: float) -> Array:
+    """By how much slopes change (n, dof) within a tick at waypoints, at most, on intervals or a tick beside them.
+
+    Args:
+        course: the places.
+        speed: (n + 1,) of places; waypoints that are passed at none do not count.
+        dt: control step [s].
+    """
+    inner = course.cuts[1:-1]
+    turns = np.where(speed[inner, None] > 0.0, course.slope[0, inner] - course.slope[1, inner - 1], 0.0)
+    total = np.vstack([np.zeros(turns.shape[1]), np.cumsum(turns, axis=0)])
+    waypoints, half = course.p[inner], 0.5 * dt * speed
+    before = [total[np.searchsorted(waypoints, course.p + k * half)] for k in range(-3, 4)]
+    found = np.max([np.abs(end - start) for start, end in zip(before[:-2], before[2:], strict=True)], axis=0)
+    return np.asarray(np.maximum(found[:-1], found[1:]))
 
 
 def _eased(places: Array, speed: Array, p: Array, worst: Array) -> Array:
