@@ -69,9 +69,13 @@ def poses(arm: Arm, q: Array) -> Array:
 
 def jacobians(arm: Arm, q: Array, reference: str) -> Array:
     """Jacobians (n, 6, dof) of the frame at configurations (n, dof)."""
+    return poses_and_jacobians(arm, q, reference)[1]
+
+
+def poses_and_jacobians(arm: Arm, q: Array, reference: str) -> tuple[Array, Array]:
+    """Poses (n, 4, 4) of the frame in the base and its Jacobians (n, 6, dof) at configurations (n, dof)."""
     written = np.zeros((len(q), 6, q.shape[1]))
-    _frames(arm, q, REFERENCES[reference], written.reshape(-1))
-    return written
+    return _frames(arm, q, REFERENCES[reference], written.reshape(-1)), written
 
 
 def _frames(arm: Arm, q: Array, reference: int, written: Array) -> Array:

@@ -1,4 +1,4 @@
-"""`Chain`: kinematics of many configurations at once, in NumPy: placements, errors against poses, Newton's method."""
+"""`Chain`: many configurations at once: placements of the tool, errors against poses, Newton's method."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
+from jacokin.model import batches
 from jacokin.model.robot import Robot
 
 CLOSED = 1e-11  # [m] and [rad] an error below this is rounding
@@ -74,6 +75,7 @@ class Chain:
         frame = model.frames[frame_id]
         self._joints = int(frame.parentJoint)
         self._tip = frame.placement if tool is None else frame.placement * tool
+        self._arm = batches.arm_of(model, frame_id, tool)
 
     @property
     def constants(self) -> tuple[Array, Array, int]:
@@ -88,37 +90,19 @@ class Chain:
 
     def placements(self, q: Array) -> Placements:
         """Of the tool, and its velocities, at configurations (k, dof)."""
-        angle = q[:, :, None, None]
-        rotations = np.cos(angle) * self._cosine
-        rotations += self._fixed
-        rotations += np.sin(angle) * self._sine
-        axes, origins = np.zeros((2, *q.shape, 3))
-        rotation, position = np.broadcast_to(np.eye(3), (len(q), 3, 3)), np.zeros((len(q), 3))
-        for index in range(self._joints):
-            position = position + rotation @ self._offsets[index]
-            rotation = rotation @ rotations[:, index]
-            axes[:, index] = rotation @ self._axes[index]
-            if self._sliding[index]:
-                position = position + q[:, index, None] * axes[:, index]
-            origins[:, index] = position
-        position = position + rotation @ self._tip.translation
-        rotation = rotation @ self._tip.rotation
-        linear = cross(axes, position[:, None] - origins)
-        if not self._sliding.any():
-            return Placements(position, rotation, linear, axes)
-        slides = self._sliding[:, None]
-        return Placements(position, rotation, np.where(slides, axes, linear), np.where(slides, 0.0, axes))
+        T, jacobian = batches.poses_and_jacobians(self._arm, q, "local_world_aligned")
+        linear, angular = jacobian[:, :3].swapaxes(1, 2), jacobian[:, 3:].swapaxes(1, 2)
+        return Placements(T[:, :3, 3], T[:, :3, :3], linear, angular)
 
     def errors(self, x: Array, goal: TargetRows) -> tuple[Array, Array]:
         """Position (n,) [m] and orientation (n,) [rad, for small ones] errors at configurations (n, width)."""
-        error = _error(self.placements(x[:, : self.dof]), _turned(goal, x[:, self.dof :]))
+        error = _error(batches.poses(self._arm, x[:, : self.dof]), _turned(goal, x[:, self.dof :]))
         return np.linalg.norm(error[:, :3], axis=1), np.linalg.norm(error[:, 3:], axis=1)
 
     def linearise(self, x: Array, goal: TargetRows) -> tuple[Array, Array]:
         """Errors (n, 6), linear first, and how they shrink with each coordinate (n, 6, width)."""
-        placed = self.placements(x[:, : self.dof])
+        placed, jacobian = batches.poses_and_jacobians(self._arm, x[:, : self.dof], "local_world_aligned")
         T = _turned(goal, x[:, self.dof :])
-        jacobian = np.concatenate([placed.linear, placed.angular], axis=2).swapaxes(1, 2)
         if goal.axis is not None:
             away = np.zeros((len(x), 6, 1))
             away[:, 3:] = -(T[:, :3, :3] @ goal.axis[:, :, None])
@@ -154,15 +138,6 @@ class Chain:
         return x, worst
 
 
-def cross(a: Array, b: Array) -> Array:
-    """Cross products over the last axis; `np.cross` takes several times as long."""
-    product = np.empty(np.broadcast_shapes(a.shape, b.shape))
-    product[..., 0] = a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1]
-    product[..., 1] = a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2]
-    product[..., 2] = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
-    return product
-
-
 def _turned(goal: TargetRows, angle: Array) -> Array:
     """The poses (n, 4, 4), turned by angles (n, 1)."""
     if goal.axis is None:
@@ -177,12 +152,12 @@ def _turned(goal: TargetRows, angle: Array) -> Array:
     return T
 
 
-def _error(placed: Placements, T: Array) -> Array:
-    """Errors (n, 6) of placements against poses (n, 4, 4) in the base: linear [m], then the axis times sin(angle)."""
-    turn = T[:, :3, :3] @ placed.rotation.swapaxes(1, 2)
+def _error(reached: Array, T: Array) -> Array:
+    """Errors (n, 6) of poses (n, 4, 4) against others in the base: linear [m], then the axis times sin(angle)."""
+    turn = T[:, :3, :3] @ reached[:, :3, :3].swapaxes(1, 2)
     skew = turn - turn.swapaxes(1, 2)
     angular = 0.5 * np.stack([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]], axis=1)
-    return np.hstack([T[:, :3, 3] - placed.position, angular])
+    return np.hstack([T[:, :3, 3] - reached[:, :3, 3], angular])
 
 
 def _solved(jacobian: Array, error: Array) -> Array:

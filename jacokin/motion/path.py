@@ -167,11 +167,12 @@ class CartesianPath:
 
     def gone(self, u: Array) -> Array:
         """How far the path has gone (n,) at places (n,) [m]."""
-        return np.interp(u, np.arange(self.lines + 1), self._behind)
+        return np.asarray(np.interp(u, np.arange(self.lines + 1), self._behind))
 
     def middle(self, first: Array, second: Array) -> Array:
         """The places (n,) half way from some (n,) to others."""
-        return np.interp(0.5 * (self.gone(first) + self.gone(second)), self._behind, np.arange(self.lines + 1))
+        half = 0.5 * (self.gone(first) + self.gone(second))
+        return np.asarray(np.interp(half, self._behind, np.arange(self.lines + 1)))
 
     def places(self, spacing: float, most: int) -> Array:
         """Places from start to end, at most so far apart [m]; waypoints that lead straight on may be left out.

@@ -12,7 +12,7 @@ import pytest
 import jacokin
 from jacokin import Robot
 from jacokin.arrays import Array
-from jacokin.model.many_configurations import Chain, TargetRows, cross
+from jacokin.model.many_configurations import Chain, TargetRows
 
 SLIDING = """<robot name="crane">
 <link name="base"/><link name="mast"/><link name="slide"/><link name="hook"/>
@@ -128,8 +128,3 @@ def test_a_goal_out_of_reach_is_missed(robot: Robot) -> None:
     far[:3, 3] += 5.0  # [m]
     worst = chain.close(robot.home[np.newaxis], TargetRows(far[np.newaxis]))[1]
     assert worst[0] > 1.0
-
-
-def test_cross_products_are_those_of_numpy(rng: np.random.Generator) -> None:
-    a, b = rng.normal(size=(4, 1, 3)), rng.normal(size=(5, 3))
-    np.testing.assert_array_equal(cross(a, b), np.cross(a, b))

@@ -233,4 +233,4 @@ class Pace:
     def between(self, u: Array) -> Array:
         """Times (n - 1,) from each of the places (n,) to the next [s]."""
         ends = np.append(0.0, np.cumsum(self.times))
-        return np.maximum(np.diff(np.interp(u, np.arange(len(ends)), ends)), 1e-9)
+        return np.asarray(np.maximum(np.diff(np.interp(u, np.arange(len(ends)), ends)), 1e-9))

@@ -259,7 +259,7 @@ def _at_places(limit: Array, rate: Array) -> Array:
     """Largest speeds (n + 1,) of places at which rates (n, k) on the intervals between them stay within limits (k,)."""
     with np.errstate(divide="ignore"):
         own = (limit / rate).min(axis=1)
-    return np.minimum(np.append(own, own[-1]), np.append(own[0], own))
+    return np.asarray(np.minimum(np.append(own, own[-1]), np.append(own[0], own)))
 
 
 def _least_around(p: Array, values: Array, reach: Array) -> Array:
