@@ -66,17 +66,15 @@ def poses(arm: Arm, q: Array) -> Array:
     return _frames(arm, q, kinematics.ALIGNED, np.empty(0))
 
 
-def frames(arm: Arm, q: Array) -> tuple[Array, Array]:
-    """Poses (n, 4, 4) and Jacobians (n, 6, dof), local world aligned, of the frame at configurations (n, dof)."""
+def frames(arm: Arm, q: Array, reference: str = "local_world_aligned") -> tuple[Array, Array]:
+    """Poses (n, 4, 4) of the frame in the base, and its Jacobians (n, 6, dof), at configurations (n, dof)."""
     written = np.zeros((len(q), 6, q.shape[1]))
-    return _frames(arm, q, kinematics.ALIGNED, written.reshape(-1)), written
+    return _frames(arm, q, REFERENCES[reference], written.reshape(-1)), written
 
 
 def jacobians(arm: Arm, q: Array, reference: str) -> Array:
     """Jacobians (n, 6, dof) of the frame at configurations (n, dof)."""
-    written = np.zeros((len(q), 6, q.shape[1]))
-    _frames(arm, q, REFERENCES[reference], written.reshape(-1))
-    return written
+    return frames(arm, q, reference)[1]
 
 
 def _frames(arm: Arm, q: Array, reference: int, written: Array) -> Array:

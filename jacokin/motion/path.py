@@ -23,6 +23,9 @@ from jacokin.model.poses import FreeAxis
 
 OPPOSITE = 1e-6  # [rad] axes this near to opposite have no way from one to the other
 NARROW = 1e-9  # [rad] a range of the free angle below this is one value
+TURNED = 0.2  # [m] turning by 1 rad counts as going so far
+SHORTEST = 1e-9  # [m] added to each line, so that places rise along those of no length, too
+STRAIGHT = 0.9  # cosine of the corner at a waypoint, at least, that needs no step to end there
 MOST_PLACES = 50_000  # steps of a path: half a kilometre, or that many waypoints
 MOST_CURVES = 10_000  # the same where each of them has curves
 
@@ -36,6 +39,7 @@ class CartesianPath:
     Attributes:
         poses: the waypoints T_base_tool, at a free angle of zero.
         lengths: (lines, 2) distance [m] and angle [rad] of each line.
+        sizes: (lines,) the longer of both [m], turning by 1 rad as so far as `TURNED`.
         free: whether there is a free angle anywhere.
     """
 
@@ -60,6 +64,10 @@ class CartesianPath:
         self.lengths = np.column_stack([np.linalg.norm(steps, axis=1), np.linalg.norm(self._turns, axis=1)])
         if not self.lengths.any():
             raise InvalidInputError("all waypoints are the same pose")
+        self.sizes = np.maximum(self.lengths[:, 0], TURNED * self.lengths[:, 1])
+        self._behind = np.append(0.0, np.cumsum(self.sizes + SHORTEST))
+        ways = np.hstack([steps, TURNED * (self._rotations[:-1] @ self._turns[:, :, None])[:, :, 0]])
+        self._ways = ways / np.maximum(np.linalg.norm(ways, axis=1), SHORTEST)[:, None]
         # The axis at both ends of each line, and the angle between them.
         self._axes = np.array([[_first(a, b), _first(b, a)] for a, b in itertools.pairwise(axes)])
         cross = np.linalg.norm(np.cross(self._axes[:, 0], self._axes[:, 1]), axis=1)
@@ -157,19 +165,40 @@ class CartesianPath:
         """Number of the line that ends at or leads on from each place (n,); read-only."""
         return checks.sealed(np.clip(np.ceil(u).astype(np.intp) - 1, 0, self.lines - 1))
 
-    def places(self, spacing: float, angle: float, most: int) -> Array:
-        """Places from start to end, every waypoint among them, at most so far apart [m] and [rad].
+    def gone(self, u: Array) -> Array:
+        """How far the path has gone (n,) at places (n,) [m]."""
+        return np.asarray(np.interp(u, np.arange(self.lines + 1), self._behind))
+
+    def middle(self, first: Array, second: Array) -> Array:
+        """The places (n,) half way from some (n,) to others."""
+        half = 0.5 * (self.gone(first) + self.gone(second))
+        return np.asarray(np.interp(half, self._behind, np.arange(self.lines + 1)))
+
+    def places(self, spacing: float, most: int) -> Array:
+        """Places from start to end, at most so far apart [m]; waypoints that lead straight on may be left out.
 
         Raises:
             InvalidInputError: a path longer than a search can take.
         """
-        counts = np.maximum(np.ceil(np.maximum(self.lengths[:, 0] / spacing, self.lengths[:, 1] / angle)), 1.0)
-        if not counts.sum() <= most:
+        counts = np.maximum(np.ceil(self.sizes / spacing), 1.0)
+        ends = np.ones(self.lines, dtype=np.bool_)  # whether a step ends where the line begins
+        behind, passed = 0.0, self._passed()
+        for line, (size, count) in enumerate(zip(self.sizes.tolist(), counts.tolist(), strict=True)):
+            ends[line] = not passed[line] or behind + size > spacing
+            behind = size / count if ends[line] else behind + size
+        if not counts[ends].sum() <= most:
             raise InvalidInputError(
                 f"the path is {self.lengths[:, 0].sum():.6g} m long: more than {most} steps of {spacing:g} m"
             )
-        parts = [line + np.arange(count) / count for line, count in enumerate(counts)]
+        parts = [line + np.arange(counts[line]) / counts[line] for line in np.flatnonzero(ends).tolist()]
         return np.append(np.concatenate(parts), float(self.lines))
+
+    def _passed(self) -> NDArray[np.bool_]:
+        """Where (lines,) nothing changes at the waypoint before a line: neither the way, nor the axis or its range."""
+        same = (self._bends == 0.0) & (self._full[1:] == self._full[:-1])
+        same &= (self._ranges[1:] == self._ranges[:-1]).all(axis=1)
+        straight = (self._ways[1:] * self._ways[:-1]).sum(axis=1) > STRAIGHT
+        return np.append(False, straight & same[1:] & same[:-1])
 
 
 def _first(axis: Array | None, other: Array | None) -> Array:

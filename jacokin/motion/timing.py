@@ -29,6 +29,7 @@ from jacokin.motion.rows import ATTEMPTS, HELD, LEAST_SLOWER, WHOLE_TICK, Rows, 
 
 MAX_TICKS = 10_000_000  # more than a day at 100 Hz: a speed or a step was mistyped
 LINE_USED = 0.8, 0.98  # parts of acceleration and velocity limits for a line that is tracked, no tick of it checked
+CORNER_SHARE = 0.7  # of an acceleration limit that corners take near the speed that is looked for
 NO_RATE = 1e-9  # of the largest change of a joint's acceleration with that of the place: it limits nothing
 STILL = 1e-12
 ROOM_KEPT = 10_000  # intervals, of which a thread keeps the memory
@@ -117,7 +118,16 @@ class Schedule:
         return self.at(np.linspace(0.0, self.duration, count + 1))
 
 
-def fit_course(s: Array, slope: Array, velocity: Array, acceleration: Array, top: Array, end: float = 0.0) -> Schedule:
+def fit_course(
+    s: Array,
+    slope: Array,
+    velocity: Array,
+    acceleration: Array,
+    top: Array,
+    end: float = 0.0,
+    *,
+    sudden: Array | None = None,
+) -> Schedule:
     """The least time from rest along a course whose direction changes steadily from place to place.
 
     To rest, too, unless `end` says how fast the last place is passed: slower than that where it cannot be reached.
@@ -133,22 +143,31 @@ def fit_course(s: Array, slope: Array, velocity: Array, acceleration: Array, top
         acceleration: (dof,) limits [rad/s^2].
         top: (n + 1,) largest speed of each place, 0 where it stands still; infinite where nothing else limits it.
         end: speed at the last place.
+        sudden: (n, dof) what corners add to accelerations on each interval, in proportion to speed; None for nothing.
     """
-    h = np.diff(s)
+    h, limits = np.diff(s), np.broadcast_to(acceleration, slope[0].shape)
     bend = (slope[1] - slope[0]) / h[:, None]
+    bends = [bend]
     with np.errstate(divide="ignore"):
         fastest = (velocity / np.abs(slope).max(axis=0)).min(axis=1) ** 2
-        turning = (acceleration / np.abs(bend)).min(axis=1)
+        if sudden is not None and sudden.any():  # with r a speed near by, sqrt(x) <= (x / r + r) / 2
+            near = np.minimum(np.maximum(top[:-1], top[1:]), (CORNER_SHARE * acceleration / sudden).min(axis=1))
+            near = np.maximum(near, STILL)[:, None]
+            limits = limits - 0.5 * sudden * near
+            bends = [bend + 0.5 * sudden / near, bend - 0.5 * sudden / near]
+        turning = np.min([(limits / np.abs(each)).min(axis=1) for each in bends], axis=0)
     most, own = top**2, np.minimum(fastest, turning)
     np.minimum(most[:-1], own, out=most[:-1])
     np.minimum(most[1:], own, out=most[1:])
     most[0], most[-1] = 0.0, min(most[-1], end**2)
-    rate = np.concatenate([slope[0], slope[1] + 2.0 * h[:, None] * bend], axis=1)  # (n, 2 dof) of u
+    # Of u, at the beginning and at the end of each interval.
+    rate = np.concatenate([part for each in bends for part in (slope[0], slope[1] + 2.0 * h[:, None] * each)], axis=1)
     size = np.abs(rate)
     counts = size > NO_RATE * size.max()
     safe = np.where(counts, size, 1.0)
-    high = np.where(counts, np.concatenate([acceleration, acceleration]) / safe, np.inf)
-    tilt = np.where(counts, np.sign(rate) * np.concatenate([bend, bend], axis=1) / safe, 0.0)
+    high = np.where(counts, np.concatenate([limits] * (2 * len(bends)), axis=1) / safe, np.inf)
+    bent = np.concatenate([each for each in bends for _ in range(2)], axis=1)
+    tilt = np.where(counts, np.sign(rate) * bent / safe, 0.0)
     speed = largest_speeds(h, high, tilt, most)
     times = 2.0 * h / np.maximum(speed[:-1] + speed[1:], STILL)
     return Schedule(s, np.append(0.0, np.cumsum(times)), speed)

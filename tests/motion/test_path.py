@@ -43,6 +43,26 @@ def test_places_belong_to_the_line_that_ends_there(rng: np.random.Generator) -> 
     assert path.segments(np.array([0.0, 0.3, 1.0, 1.1, 2.0])).tolist() == [0, 0, 0, 1, 1]
 
 
+def test_steps_end_at_corners_and_pass_waypoints_of_a_line_that_are_near_to_each_other() -> None:
+    along = [pin.SE3(np.eye(3), np.array([x, 0.0, 0.4])) for x in (0.2, 0.203, 0.206, 0.209, 0.212, 0.215, 0.3)]
+    up = pin.SE3(np.eye(3), np.array([0.3, 0.0, 0.402]))
+    places = CartesianPath([*along, up], "tool").places(0.01, 1000)
+    assert places[0] == 0.0
+    assert np.isin([6.0, 7.0], places).all()  # the corner and the end
+    assert not np.isin([1.0, 2.0], places).any()
+    path = CartesianPath([*along, up], "tool")
+    steps = np.linalg.norm(np.diff(path.at(places)[:, :3, 3], axis=0), axis=1)
+    assert steps.max() <= 0.01 + 1e-12
+    narrow = [FreeAxis(T, axis=(0.0, 0.0, 1.0), range=(0.0, 0.1 if k == 2 else 1.0)) for k, T in enumerate(along)]
+    assert np.isin([1.0, 2.0, 3.0], CartesianPath(narrow, "tool").places(0.01, 1000)).all()  # the range changes
+
+
+def test_the_middle_of_a_step_is_half_way_along_lines_of_different_lengths() -> None:
+    path = CartesianPath([pin.SE3(np.eye(3), np.array([x, 0.0, 0.4])) for x in (0.2, 0.201, 0.21)], "tool")
+    middle = path.middle(np.array([0.0, 0.5]), np.array([2.0, 1.0]))
+    np.testing.assert_allclose(path.at(middle)[:, 0, 3], [0.205, 0.20075], atol=1e-8)
+
+
 def axes_apart(path: CartesianPath, places: Array) -> Array:
     axes = path.axes(places)
     assert np.allclose(np.linalg.norm(axes, axis=1), 1.0, atol=1e-12)

@@ -74,6 +74,21 @@ def test_limits_hold_at_every_place_and_between(speed: float) -> None:
     assert (change.max(axis=0) > 0.9 * acceleration).any()
 
 
+def test_what_corners_add_in_proportion_to_speed_counts_with_the_acceleration_of_a_course() -> None:
+    acceleration, u = np.array([2.0, 1.5]), np.linspace(0.0, 2.0, 801)
+    slope, sudden = slopes(u, bent(u)), np.zeros((800, 2))
+    sudden[395:405] = (4.0, 0.5)
+    schedule = fit_course(u, slope, np.array([9.0, 9.0]), acceleration, np.full(801, 5.0), sudden=sudden)
+    rise = np.diff(schedule.speed**2) / (2.0 * np.diff(u))
+    bend = (slope[1] - slope[0]) / np.diff(u)[:, None]
+    for ends, speed in ((slope[0], schedule.speed[:-1]), (slope[1], schedule.speed[1:])):
+        needed = np.abs(ends * rise[:, None] + bend * speed[:, None] ** 2) + sudden * speed[:, None]
+        assert (needed <= acceleration * (1.0 + 1e-6)).all()
+    free = fit_course(u, slope, np.array([9.0, 9.0]), acceleration, np.full(801, 5.0))
+    assert (schedule.speed <= free.speed + 1e-9).all()
+    assert 0.3 < schedule.speed[400] < 0.5 < free.speed[400]
+
+
 @pytest.mark.parametrize(("whole", "ramp"), [(100, 0), (100, 20), (7, 6), (6, 6), (2, 2), (1, 0)])
 def test_ramps_lead_to_the_ticks_at_full_speed_and_from_them(whole: int, ramp: int) -> None:
     places = np.cumsum(np.append(0.0, np.linspace(1.0, 2.0, whole)))

@@ -18,7 +18,7 @@ from jacokin.ik import preferences
 from jacokin.ik.preferences import Cost, Prefer, by_distance, by_margin
 from jacokin.ik.solutions import picture
 from jacokin.ik.solutions.least import least_member
-from jacokin.ik.solutions.members import GUESS_SPACING, CurveTrack, LostMemberError, Members
+from jacokin.ik.solutions.members import GUESS_SPACING, CurveTrack, LostMemberError, Members, polylines
 from jacokin.ik.solutions.solution_set import Interval, IntervalEnd, SolutionSet, Touching
 from jacokin.model import angles, checks
 from jacokin.model.angles import SNAP, TURN
@@ -86,20 +86,20 @@ class TrackInterval(Interval):
             p = np.linspace(self.start, self.stop, n, endpoint=not self._is_round)
         return p, np.array([self._member(value, self._track.at(value), self._members.seed) for value in p.tolist()])
 
-    def spread(self, step: float) -> tuple[Array, Array]:
-        """Values of the parameter (n,) at multiples of a step, and configurations (n, dof) [rad] to about 1e-3 rad."""
-        p, rows = self._track.polyline()
+    def places_at_steps(self, p: Array, step: float) -> Array:
+        """Where (n,) among values of the parameter (m,) in order its ends and the multiples of a step are, in parts.
+
+        Where the parameter stands still, so many as make about a step of the joints.
+        """
+        last = float(len(p) - 1)
         if self.start == self.stop:  # a point, or members among which the parameter stands still
-            chosen = np.arange(0, len(p), max(1, int(step / GUESS_SPACING)))
-            if not self._is_round and chosen[-1] < len(p) - 1:
-                chosen = np.append(chosen, len(p) - 1)
-            return p[chosen], rows[chosen]
+            chosen = np.arange(0.0, len(p), max(1, int(step / GUESS_SPACING)))
+            return chosen if self._is_round or chosen[-1] == last else np.append(chosen, last)
         inner = step * np.arange(np.floor(self.start / step) + 1.0, np.ceil(self.stop / step))
         inner = inner if inner.size else np.array([0.5 * (self.start + self.stop)])
-        between = np.column_stack([np.interp(inner, p, column) for column in rows.T])
-        if self._is_round and self.ends[0].kind == "circle":
-            return inner, between
-        return np.concatenate([p[:1], inner, p[-1:]]), np.vstack([rows[0], between, rows[-1]])
+        between = np.interp(inner, p, np.arange(len(p)))
+        whole = self._is_round and self.ends[0].kind == "circle"
+        return between if whole else np.concatenate([[0.0], between, [last]])
 
     def walk(self, step: float) -> tuple[Array, Array]:
         """Values of the parameter (n,) and configurations (n, dof), neighbours at most a step apart [rad]."""
@@ -268,6 +268,24 @@ class CurveSet(SolutionSet):
         n = checks.whole_number("n", n, lowest=1)
         rows = [interval.sample(count)[1] for interval, count in zip(self.intervals, self._shares(n), strict=True)]
         return np.concatenate(rows) if rows else np.empty((0, self._members.robot.dof))
+
+    def spread(self, step: float) -> tuple[Array, Array]:
+        """Values of the parameter (k,) and configurations (k, dof) [rad] of all intervals, for who refines them.
+
+        The ends of each, unless nothing ends there; between them, whole multiples of a step, to about 1e-3 rad; at
+        least one. Angles are in any 2 pi copy, and not looked at.
+        """
+        if not self.intervals:
+            return np.empty(0), np.empty((0, self._members.robot.dof))
+        p, rows, begins = polylines([interval._track for interval in self.intervals])
+        places = [
+            start + interval.places_at_steps(p[start:end], step)
+            for interval, start, end in zip(self.intervals, begins[:-1].tolist(), begins[1:].tolist(), strict=True)
+        ]
+        place = np.concatenate(places)
+        before = np.minimum(place.astype(np.intp), len(p) - 1)
+        part, after = place - before, np.minimum(before + 1, len(p) - 1)
+        return (1.0 - part) * p[before] + part * p[after], rows[before] + part[:, None] * (rows[after] - rows[before])
 
     def parameter_of(self, q: ArrayLike) -> float:
         """The parameter [rad] of a member (dof,): in [-pi, pi] about a free axis; else the angle of that joint.

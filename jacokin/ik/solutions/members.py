@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -80,10 +81,7 @@ class CurveTrack:
 
     def polyline(self) -> tuple[Array, Array]:
         """Values of the parameter (m,) in order, and configurations there (m, dof), as exact as those of `guesses`."""
-        coordinates, _ = self.guesses()
-        points = self._between(coordinates)
-        p = np.maximum.accumulate(points[:, self._problem.arm.parameter]) + self._turns
-        return np.clip(p, self.start, self.stop), self._joints(points)
+        return polylines([self])[:2]
 
     def point(self, coordinate: float) -> tuple[float, Array]:
         """Parameter and configuration (dof,) at a coordinate, exactly."""
@@ -97,19 +95,44 @@ class CurveTrack:
         if len(nodes) == 1:
             return np.repeat(nodes[:, :DIMENSIONS], len(coordinates), axis=0)
         chord = np.clip(np.floor(coordinates).astype(np.intp), 0, len(nodes) - 2)
-        u = (coordinates - chord)[:, np.newaxis]
-        v, a, b = 1.0 - u, nodes[chord], nodes[chord + 1]
-        length = np.linalg.norm(b[:, :DIMENSIONS] - a[:, :DIMENSIONS], axis=1)[:, np.newaxis]
-        return np.asarray(
-            (1.0 + 2.0 * u) * v * v * a[:, :DIMENSIONS]
-            + u * v * v * length * a[:, DIMENSIONS:]
-            + u * u * (3.0 - 2.0 * u) * b[:, :DIMENSIONS]
-            - u * u * v * length * b[:, DIMENSIONS:]
-        )
+        return _cubics(nodes[chord], nodes[chord + 1], coordinates - chord)
 
     def _joints(self, x: Array) -> Array:
         """(..., dof) of points (..., 7)."""
         return x[..., : self._problem.arm.dof]
+
+
+def polylines(tracks: Sequence[CurveTrack]) -> tuple[Array, Array, NDArray[np.intp]]:
+    """Values of the parameter (m,) and configurations there (m, dof) along tracks, one after another, in order.
+
+    As exact as those of `CurveTrack.guesses`. And where each begins, with the end of the last (tracks + 1,).
+    """
+    nodes = np.concatenate([track.nodes for track in tracks])
+    ends = np.cumsum([len(track.nodes) for track in tracks])
+    lengths = np.linalg.norm(np.diff(nodes[:, :DIMENSIONS], axis=0, append=nodes[-1:, :DIMENSIONS]), axis=1)
+    counts = np.maximum(1, np.ceil(lengths / GUESS_SPACING).astype(np.intp))
+    counts[ends - 1] = 1  # no chord begins there
+    behind = np.cumsum(counts)
+    node = np.repeat(np.arange(len(nodes)), counts)
+    part = (np.arange(len(node)) - (behind - counts)[node]) / counts[node]
+    points = _cubics(nodes[node], nodes[np.minimum(node + 1, len(nodes) - 1)], part)
+    begins, arm = np.append(0, behind[ends - 1]), tracks[0]._problem.arm
+    p = points[:, arm.parameter].copy()
+    for track, start, end in zip(tracks, begins[:-1].tolist(), begins[1:].tolist(), strict=True):
+        p[start:end] = np.clip(np.maximum.accumulate(p[start:end]) + track._turns, track.start, track.stop)
+    return p, points[:, : arm.dof], begins
+
+
+def _cubics(a: Array, b: Array, part: Array) -> Array:
+    """Points (m, 7) of chords between nodes (m, 14), so much of which (m,) is behind."""
+    u = part[:, np.newaxis]
+    v, length = 1.0 - u, np.linalg.norm(b[:, :DIMENSIONS] - a[:, :DIMENSIONS], axis=1)[:, np.newaxis]
+    return np.asarray(
+        (1.0 + 2.0 * u) * v * v * a[:, :DIMENSIONS]
+        + u * v * v * length * a[:, DIMENSIONS:]
+        + u * u * (3.0 - 2.0 * u) * b[:, :DIMENSIONS]
+        - u * u * v * length * b[:, DIMENSIONS:]
+    )
 
 
 #: [m] and [rad]; members of curves close this well.

@@ -104,14 +104,6 @@ class Interval(ABC):
         """Values of the parameter (n,) and members (n, dof) [rad], spread over the interval; the middle for n = 1."""
 
     @abstractmethod
-    def spread(self, step: float) -> tuple[Array, Array]:
-        """Values of the parameter (n,) and configurations (n, dof) [rad], for callers that refine them.
-
-        The ends exactly, unless nothing ends there; between them, whole multiples of a step, to about 1e-3 rad; at
-        least one. Angles are in any 2 pi copy, and not looked at.
-        """
-
-    @abstractmethod
     def walk(self, step: float) -> tuple[Array, Array]:
         """Values of the parameter (n,) and configurations (n, dof), neighbours at most a step apart [rad].
 

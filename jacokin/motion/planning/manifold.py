@@ -148,7 +148,8 @@ class Curve:
             x: (n, width) points, circular coordinates counting their turns [rad].
         """
         self.manifold, self.u, self.x = manifold, u, x
-        self._smooth = PchipInterpolator(u, x, axis=0) if manifold.has_curves and len(u) > 1 else None
+        self._gone = manifold.path.gone(u)
+        self._smooth = PchipInterpolator(self._gone, x, axis=0) if manifold.has_curves and len(u) > 1 else None
 
     @property
     def q(self) -> Array:
@@ -157,10 +158,11 @@ class Curve:
 
     def at(self, u: Array) -> tuple[Array, NDArray[np.bool_]]:
         """Points (n, width) at places (n,), and where (n,) there is one on the same branch within the limits."""
+        gone = self.manifold.path.gone(u)
         if self._smooth is not None:
-            guess = np.asarray(self._smooth(u))
+            guess = np.asarray(self._smooth(gone))
         else:
-            guess = np.column_stack([np.interp(u, self.u, column) for column in self.x.T])
+            guess = np.column_stack([np.interp(gone, self._gone, column) for column in self.x.T])
         x, good = self.manifold.project(u, guess)
         good &= np.abs(x - guess).max(axis=1) <= STRAY
         lower, upper = self.manifold.window(u)
@@ -230,5 +232,5 @@ class Pace:
 
     def between(self, u: Array) -> Array:
         """Times (n - 1,) from each of the places (n,) to the next [s]."""
-        line = np.clip(u[:-1].astype(np.intp), 0, len(self.times) - 1)
-        return np.asarray(np.maximum(np.diff(u) * self.times[line], 1e-9))
+        ends = np.append(0.0, np.cumsum(self.times))
+        return np.asarray(np.maximum(np.diff(np.interp(u, np.arange(len(ends)), ends)), 1e-9))

@@ -4,6 +4,10 @@
 a place p, the length of the joints' own way, each in parts of its velocity limit [s]: where the tool slows down to
 nothing while the joints go on (at the end of reach, say), and where waypoints are the same or nearly, it goes on
 steadily.
+
+Rows are a spline through ticks, which makes of a corner at a waypoint more than there is: joints swing over the larger
+of both speeds, and accelerate in some ticks around it. Both are in proportion to how fast the corner is passed, and are
+counted when the speeds of places are found (`_kinks`); where rows fall badly on corners, these are passed more slowly.
 """
 
 from __future__ import annotations
@@ -13,28 +17,31 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
+from scipy.linalg import solve_banded
 
 from jacokin.arrays import Array
 from jacokin.ik.seeds import ON_LIMIT
 from jacokin.motion.joint_motion import ACCELERATION
 from jacokin.motion.planning.manifold import Curve, Pace
 from jacokin.motion.rows import ATTEMPTS, HELD, WHOLE_TICK, Limits, Rows, past_limits, sample, spline_rows
-from jacokin.motion.timing import check_ticks, fit_course, sample_lines, slopes, with_ramps
+from jacokin.motion.timing import Schedule, check_ticks, fit_course, sample_lines, with_ramps
 
 GRID = 0.01  # [s] at full speed between places whose limits are looked at
-LEAST_INTERVALS = 2  # between waypoints
+LEAST_INTERVALS = 3  # between waypoints
 MOST_PLACES = 20_000
 SAME = 1e-7  # [s] at full speed: waypoints nearer than this are one
 SHORT = 1e-4  # [s] at full speed: on a piece that is shorter joints move in proportion
-IN_A_TICK = 3.0**0.5  # the spline through ticks accelerates so much harder than a velocity that changes in one of them
-EASINGS = 6  # times that places are passed more slowly where limits do not hold; then the whole is
+IN_A_TICK = (
+    1.4  # so much harder does the spline accelerate than a velocity that changes in one; 0.6 to 2 by where rows fall
+)
+SWING = 0.2  # of that change, by which it passes the larger of both velocities at most
+EASINGS = 8  # times that places are passed more slowly where limits do not hold; then the whole is
 EASED = 0.98
 EASED_AT_LIMIT = 2.0  # times as slow at most where a joint would swing over its limit between two rows
 SLOWER = 0.01  # from attempt to attempt, and each time by so much more: ticks fall elsewhere on corners each time
 USED = 0.96  # of the acceleration; the spline through the ticks swings over the rest
 AROUND = 2  # ticks
-STOPS = 0.2  # of the speed without the corner: where less is left, the arm stands still
+STOPS = 0.25  # of the speed without the corner: where less is left, the arm stands still
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,23 +52,27 @@ class _Course:
         p: (n + 1,) the places [s].
         u: (n, 2) places of the path at both ends of the intervals; it jumps where waypoints are the same.
         slope: (2, n, dof) dq/dp at both ends of the intervals [rad/s].
-        cuts: numbers of the places that are waypoints, both ends among them.
+        rate: (2, n) du/dp there, of the cubic spline through the places of each piece.
+        cuts: (pieces + 1,) numbers of the places that are waypoints, both ends among them.
     """
 
     p: Array
     u: Array
     slope: Array
-    cuts: tuple[int, ...]
+    rate: Array
+    cuts: NDArray[np.intp]
 
     def path_places(self, p: Array) -> Array:
         """Places (m,) of the path."""
-        found = np.empty_like(p)
-        piece = np.clip(np.searchsorted(self.p[list(self.cuts)], p, side="right") - 1, 0, len(self.cuts) - 2)
-        for number in np.unique(piece).tolist():
-            rows, (first, last) = piece == number, self.cuts[number : number + 2]
-            u = np.append(self.u[first:last, 0], self.u[last - 1, 1])
-            found[rows] = np.clip(CubicSpline(self.p[first : last + 1], u)(p[rows]), u[0], u[-1])
-        return np.maximum.accumulate(found)
+        i = np.clip(np.searchsorted(self.p, p, side="right") - 1, 0, len(self.u) - 1)
+        h, (low, high), (before, after) = self.p[i + 1] - self.p[i], self.u[i].T, self.rate[:, i]
+        x = (p - self.p[i]) / h
+        steep = high - low
+        found = low + x * (h * before + x * (3.0 * steep - h * (2.0 * before + after)))
+        found += x**3 * (h * (before + after) - 2.0 * steep)
+        piece = np.searchsorted(self.cuts, i, side="right") - 1
+        first, last = self.u[self.cuts[:-1], 0], self.u[self.cuts[1:] - 1, 1]
+        return np.maximum.accumulate(np.clip(found, first[piece], last[piece]))
 
 
 def keep_speed(curve: Curve, pace: Pace, dt: float) -> tuple[Array, Array, Rows]:
@@ -101,23 +112,42 @@ def pass_slowly(curve: Curve, pace: Pace, dt: float, acceleration: Array | None)
     """
     dof = curve.manifold.dof
     course = _along_joints(curve, pace)
-    top, slope = _asked_speeds(course, pace), course.slope
-    stops = np.array([0, len(top) - 1])
+    slope, steepest = course.slope, np.abs(course.slope).max(axis=0)
+    free = np.minimum(_asked_speeds(course, pace), _at_places(pace.velocity, steepest))
+    top, stops = free, np.array([0, len(free) - 1])
     if acceleration is None:  # only how the place itself speeds up and slows down counts
         usable, held = np.full(dof, ACCELERATION), np.full(dof, np.inf)
         slope = np.repeat(0.5 * (slope[:1] + slope[1:]), 2, axis=0)
     else:
         usable, held = USED * acceleration, acceleration
-        top, stops = _at_corners(course, top, acceleration, dt)
+        stops = _stops(course, top, acceleration, dt)
+        top = top.copy()
+        top[stops] = 0.0
+
+    def fitted(top: Array, sudden: Array) -> list[Schedule]:
+        """Schedules from stop to stop, for largest speeds (n + 1,) and what corners add (n, dof)."""
+        return [
+            fit_course(
+                course.p[first : last + 1],
+                slope[:, first:last],
+                pace.velocity,
+                usable,
+                top[first : last + 1],
+                sudden=sudden[first:last],
+            )
+            for first, last in itertools.pairwise(stops.tolist())
+        ]
+
+    speed = _speeds(fitted(top, np.zeros_like(steepest)))  # corners are passed no faster than without what they take
+    kinks = _kinks(course, speed, dt)
+    sudden = np.zeros_like(kinks) if acceleration is None else kinks * (IN_A_TICK / dt)
+    swinging = _at_places(pace.velocity, steepest + SWING * kinks)
+    top = np.minimum(np.minimum(top, swinging), _least_around(course.p, free, dt * speed))
     limits = Limits(pace.velocity, held)
     asked = np.append(0.0, np.cumsum(pace.times))
     slower = 1.0
     for attempt in range(ATTEMPTS):
-        parts = [slice(first, last + 1) for first, last in itertools.pairwise(stops.tolist())]
-        found = [
-            fit_course(course.p[part], slope[:, part.start : part.stop - 1], pace.velocity, usable, top[part])
-            for part in parts
-        ]
+        found = fitted(top, sudden)
         check_ticks(np.array([slower * each.duration for each in found]), dt)
         samples = [sample(each.at, each.duration, dt, slower) for each in found]
         p = np.concatenate([samples[0], *(each[1:] for each in samples[1:])])
@@ -130,34 +160,74 @@ def pass_slowly(curve: Curve, pace: Pace, dt: float, acceleration: Array | None)
             break
         if attempt < EASINGS:
             worst = np.maximum(worst, np.minimum(np.sqrt(past / ON_LIMIT), EASED_AT_LIMIT))
-            speed = np.concatenate([[0.0], *(each.speed[1:] for each in found)])
-            top = np.minimum(top, _eased(course.p, speed, p, worst))
+            top = np.minimum(top, _eased(course.p, _speeds(found), p, worst))
         else:
             slower *= max(float(worst.max()), 1.0 + SLOWER * (attempt - EASINGS + 1))
     return u, x, rows
+
+
+def _speeds(schedules: list[Schedule]) -> Array:
+    """(n + 1,) of all places, from stop to stop."""
+    return np.concatenate([[0.0], *(each.speed[1:] for each in schedules)])
 
 
 def _along_joints(curve: Curve, pace: Pace) -> _Course:
     """Places that count how far the joints go."""
     dof, scale = curve.manifold.dof, pace.scale
     far = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(curve.q, axis=0) / scale, axis=1)))
-    step = max(GRID, far[-1] / MOST_PLACES)
-    p, u, slope, cuts = [np.zeros(1)], list[Array](), list[Array](), [0]
-    for low, high in _pieces(curve.u, far):
-        start, end = np.interp([low, high], curve.u, far)
-        inside = (curve.u > low) & (curve.u < high) & (far > start) & (far < end)
-        count = max(LEAST_INTERVALS, int(np.ceil((end - start) / step)))
-        knots, gone = np.array([low, *curve.u[inside], high]), np.array([start, *far[inside], end])
-        here = np.interp(np.linspace(start, end, count + 1), gone, knots)
-        here[[0, -1]] = low, high
-        q = curve.at(here)[0][:, :dof]
-        gone = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(q, axis=0) / scale, axis=1)))
-        straight = np.tile((q[-1] - q[0]) / gone[-1], (2, count, 1))
-        slope.append(slopes(gone, q) if gone[-1] > SHORT else straight)
-        p.append(p[-1][-1] + gone[1:])
-        u.append(np.column_stack([here[:-1], here[1:]]))
-        cuts.append(cuts[-1] + count)
-    return _Course(np.concatenate(p), np.vstack(u), np.concatenate(slope, axis=1), tuple(cuts))
+    low, high = np.array(_pieces(curve.u, far)).T
+    start, end = np.interp(low, curve.u, far), np.interp(high, curve.u, far)
+    counts = np.maximum(np.ceil((end - start) / max(GRID, far[-1] / MOST_PLACES)).astype(np.intp), LEAST_INTERVALS)
+    cuts = np.append(0, np.cumsum(counts))
+
+    # The ends of intervals, piece by piece: a waypoint is the last of one piece and the first of the next.
+    piece = np.repeat(np.arange(len(counts)), counts + 1)
+    first, last = cuts[:-1] + np.arange(len(counts)), cuts[1:] + np.arange(len(counts))
+    part = (np.arange(len(piece)) - first[piece]) / counts[piece]
+    u = np.interp(start[piece] + part * (end - start)[piece], far, curve.u)
+    u[first], u[last] = low, high
+    q = curve.at(u)[0][:, :dof]
+    gone = np.linalg.norm(np.diff(q, axis=0) / scale, axis=1)
+    gone[last[:-1]] = 0.0
+    p = np.append(0.0, np.cumsum(gone))
+    rates = _rates(p, np.column_stack([q, u]), first, last)
+    length = p[last] - p[first]
+    straight = (q[last] - q[first]) / length[:, None]
+    rates[:, :dof] = np.where(length[piece, None] > SHORT, rates[:, :dof], straight[piece])
+    before = np.delete(np.arange(len(piece)), last)
+    slope = np.stack([rates[before], rates[before + 1]])
+    return _Course(
+        np.append(p[before], p[-1]),
+        np.column_stack([u[before], u[before + 1]]),
+        np.ascontiguousarray(slope[:, :, :dof]),
+        slope[:, :, dof],
+        cuts,
+    )
+
+
+def _rates(p: Array, values: Array, first: NDArray[np.intp], last: NDArray[np.intp]) -> Array:
+    """How values (n, k) change with places (n,), there: slopes of the cubic splines through those of each piece.
+
+    Args:
+        p: (n,) places, rising in each piece.
+        values: (n, k).
+        first: (pieces,) numbers of the places at which pieces of four places at least begin.
+        last: (pieces,) and end.
+    """
+    h = np.diff(p)
+    steep = np.diff(values, axis=0) / np.where(h > 0.0, h, 1.0)[:, None]
+    upper, middle, lower = bands = np.zeros((3, len(p)))  # of a tridiagonal matrix, as `solve_banded` takes them
+    right = np.zeros_like(values)
+    upper[2:], middle[1:-1], lower[:-2] = h[:-1], 2.0 * (h[:-1] + h[1:]), h[1:]
+    right[1:-1] = 3.0 * (h[1:, None] * steep[:-1] + h[:-1, None] * steep[1:])
+    for ends, near, far, inward in ((first, first, first + 1, upper), (last, last - 1, last - 2, lower)):
+        a, b = h[near], h[far]  # the cubic of the first interval goes on in the second
+        middle[ends] = b
+        inward[ends + (1 if inward is upper else -1)] = a + b
+        weights = np.stack([(3.0 * a + 2.0 * b) * b, a * a]) / (a + b)
+        right[ends] = weights[0, :, None] * steep[near] + weights[1, :, None] * steep[far]
+    upper[first[1:]] = lower[last[:-1]] = 0.0
+    return np.asarray(solve_banded((1, 1), bands, right, overwrite_ab=True, overwrite_b=True, check_finite=False))
 
 
 def _pieces(u: Array, far: Array) -> list[tuple[float, float]]:
@@ -181,29 +251,54 @@ def _pieces(u: Array, far: Array) -> list[tuple[float, float]]:
 def _asked_speeds(course: _Course, pace: Pace) -> Array:
     """(n + 1,) at which the tool is as fast as it is asked to be, at most."""
     line = np.clip(course.u[:, 0].astype(np.intp), 0, len(pace.times) - 1)
+    rate = np.maximum(course.rate.max(axis=0), np.diff(course.u, axis=1)[:, 0] / np.diff(course.p))
+    return _at_places(np.ones(1), (rate * pace.times[line])[:, None])
+
+
+def _at_places(limit: Array, rate: Array) -> Array:
+    """Largest speeds (n + 1,) of places at which rates (n, k) on the intervals between them stay within limits (k,)."""
     with np.errstate(divide="ignore"):
-        asked = np.diff(course.p) / ((course.u[:, 1] - course.u[:, 0]) * pace.times[line])
-    return np.asarray(np.minimum(np.append(asked, asked[-1]), np.append(asked[0], asked)))
+        own = (limit / rate).min(axis=1)
+    return np.asarray(np.minimum(np.append(own, own[-1]), np.append(own[0], own)))
 
 
-def _at_corners(course: _Course, top: Array, acceleration: Array, dt: float) -> tuple[Array, NDArray[np.intp]]:
-    """Largest speeds (n + 1,) with those at waypoints, and the numbers of the places where the arm is to stand still.
+def _least_around(p: Array, values: Array, reach: Array) -> Array:
+    """The least (n,) of values (n,) of places (n,) no farther away than a reach (n,): rows are means over ticks."""
+    ends = np.column_stack([np.searchsorted(p, p - reach), np.searchsorted(p, p + reach, side="right")])
+    return np.asarray(np.minimum.reduceat(np.append(values, np.inf), ends.ravel())[::2])
 
-    At a waypoint the joints' velocities change within a tick, or, where waypoints are nearer to each other than that,
-    on the way to the next one. Where that would take all but a part of the speed, the arm stands still.
+
+def _stops(course: _Course, top: Array, acceleration: Array, dt: float) -> NDArray[np.intp]:
+    """The numbers of the places where the arm stands still: both ends, and corners that would take most of its speed.
+
+    At a waypoint the joints' velocities change within a tick; where waypoints are nearer to each other than that, they
+    are passed.
     """
-    top, inner = top.copy(), np.array(course.cuts[1:-1], dtype=np.intp)
+    inner = course.cuts[1:-1]
     turn = np.abs(course.slope[0, inner] - course.slope[1, inner - 1])
-    lengths = np.diff(course.p[list(course.cuts)])
-    near = 0.5 * (lengths[:-1] + lengths[1:])
+    lengths = np.diff(course.p[course.cuts])
     with np.errstate(divide="ignore"):
-        share = (acceleration / turn).min(axis=1)
-    sudden = share * dt / IN_A_TICK
-    alone = sudden * dt <= near
-    stops = inner[alone & (sudden < STOPS * np.minimum(top[inner], 1.0))]
-    top[inner] = np.minimum(top[inner], np.where(alone, sudden, np.sqrt(share * near)))
-    top[stops] = 0.0
-    return top, np.array([0, *stops, len(top) - 1])
+        most = (acceleration / turn).min(axis=1) * dt / IN_A_TICK
+    alone = most * dt <= 0.5 * (lengths[:-1] + lengths[1:])
+    stops = inner[alone & (most < STOPS * np.minimum(top[inner], 1.0))]
+    return np.array([0, *stops, len(top) - 1])
+
+
+def _kinks(course: _Course, speed: Array, dt: float) -> Array:
+    """By how much slopes change (n, dof) within a tick at waypoints, at most, on intervals or a tick beside them.
+
+    Args:
+        course: the places.
+        speed: (n + 1,) of places; waypoints that are passed at none do not count.
+        dt: control step [s].
+    """
+    inner = course.cuts[1:-1]
+    turns = np.where(speed[inner, None] > 0.0, course.slope[0, inner] - course.slope[1, inner - 1], 0.0)
+    total = np.vstack([np.zeros(turns.shape[1]), np.cumsum(turns, axis=0)])
+    waypoints, half = course.p[inner], 0.5 * dt * speed
+    before = [total[np.searchsorted(waypoints, course.p + k * half)] for k in range(-3, 4)]
+    found = np.max([np.abs(end - start) for start, end in zip(before[:-2], before[2:], strict=True)], axis=0)
+    return np.asarray(np.maximum(found[:-1], found[1:]))
 
 
 def _eased(places: Array, speed: Array, p: Array, worst: Array) -> Array:

@@ -42,8 +42,7 @@ TIMINGS = ("keep", "slow")
 FINEST = 0.01  # [rad] between members of a curve: more of them take minutes
 SLOWEST = 1e-6  # [rad/s] of a velocity limit: a turn takes 70 days
 FREE_STEP = float(np.radians(10.0))  # [rad] between members of a curve that are tried
-SPACING = 0.01  # [m] of the tool between two steps of the path
-TURNING = 0.05  # [rad] the same of its orientation
+SPACING = 0.01  # [m] of the tool between two steps of the path, turning counted in
 TIGHT = 0.05  # [rad] a joint this near to its limit is why a way ends
 STILL = 1e-12  # [rad] a way on which joints move less is none
 NO_LINE = 1e-3  # of a control step: a line that takes less time takes none
@@ -151,7 +150,7 @@ def plan_path(
     manifold = Manifold(robot, chain, path, verifier.options.limit_snap, solver.parameter)
     pace = Pace(times, velocity)
     ladder = Ladder(solver, manifold, pace, free_step, keep=timing == "keep")
-    places = path.places(SPACING, TURNING, MOST_CURVES if manifold.has_curves else MOST_PLACES)
+    places = path.places(SPACING, MOST_CURVES if manifold.has_curves else MOST_PLACES)
     search = PathSearch(ladder, places, near, exactly=start is not None, deadline=time.monotonic() + limit)
     found = Climb(search, dt).find()
     writer = _Writer(

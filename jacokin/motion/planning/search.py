@@ -23,6 +23,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
+from jacokin.ik.solutions.curve_set import CurveSet
 from jacokin.ik.solver import IKSolver
 from jacokin.kernels.library import Call
 from jacokin.kernels.rung_links import (
@@ -52,7 +53,7 @@ BENT = 0.15  # [m] and [rad], times the squared change of the parameter: how muc
 NEAR = 1.0  # [rad] no joint moves farther between two steps
 FREE_STEPS = 2.5  # steps of the parameter from one step of the path to the next, at most
 
-FINEST = 2e-5  # [m] and [rad / 5] no step of the path is made smaller
+FINEST = 2e-5  # [m] no step of the path is made smaller
 MOST_RUNGS = 6000  # more than the path began with: steps that are halved cost time
 TOGETHER = 300_000  # pairs of solutions that are looked at in one go
 MOST_REFINED = 24  # steps that are halved at once, the last ones first
@@ -168,11 +169,10 @@ class Ladder:
             rows = branches.q[self.verifier.reached_rows(branches)]
             return _Members(self.manifold.points(rows, target, angle), len(branches))
         curves = self._solver.solve_all(target)
-        found = [np.empty((0, self.manifold.width))]
-        for interval in curves.intervals:
-            parameters, rows = interval.spread(self._step)
-            rows = angles.into_limits(rows, self._robot.lower, self._robot.upper)
-            found.append(np.column_stack([rows, parameters]) if self.manifold.path.free else rows)
+        assert isinstance(curves, CurveSet)
+        parameters, rows = curves.spread(self._step)
+        rows = angles.into_limits(rows, self._robot.lower, self._robot.upper)
+        found = [np.column_stack([rows, parameters]) if self.manifold.path.free else rows]
         if near is not None:  # the member nearest to it, and the configuration itself, which may be a member
             nearest = curves.nearest(near)
             found.append(self.manifold.points(np.array([near] if nearest is None else [nearest, near]), target))
@@ -213,7 +213,7 @@ class Ladder:
         work.numbers[HASTE] = TOO_FAST if self.keep else 0.0
         work.circular[:], work.scale[:] = manifold.circular, self.pace.scale
         work.sizes[:], work.x[:] = sizes, np.concatenate([rung.x for rung in rungs]).ravel()
-        goal = manifold.goal(0.5 * (u[:-1] + u[1:]))
+        goal = manifold.goal(manifold.path.middle(u[:-1], u[1:]))
         work.T[:], work.times[:] = goal.T, self.pace.between(u)
         if goal.axis is not None:
             work.axis[:] = goal.axis
@@ -494,8 +494,8 @@ class PathSearch:
 
     def halve(self, index: int) -> None:
         """Put a rung half way before a rung."""
-        middle = 0.5 * (self.rungs[index - 1].u + self.rungs[index].u)
-        self.rungs.insert(index, self.ladder.make_rungs(np.array([middle]))[0])
+        u = np.array([self.rungs[index - 1].u, self.rungs[index].u])
+        self.rungs.insert(index, self.ladder.make_rungs(self.ladder.manifold.path.middle(u[:1], u[1:]))[0])
         self._links[index : index + 1] = [None, None]
         self._valid = min(self._valid, index)
 
@@ -504,10 +504,9 @@ class PathSearch:
         return self._size(index) > FINEST and len(self.rungs) < self._most
 
     def _size(self, index: int) -> float:
-        """Length of the step before a rung: metres, or a fifth of the radians."""
-        a, b = self.rungs[index - 1].u, self.rungs[index].u
-        lengths = self.ladder.manifold.path.lengths[min(int(a), self.ladder.manifold.path.lines - 1)]
-        return float((b - a) * max(lengths[0], 0.2 * lengths[1]))
+        """Length of the step before a rung [m]."""
+        u = np.array([self.rungs[index - 1].u, self.rungs[index].u])
+        return float(np.diff(self.ladder.manifold.path.gone(u))[0])
 
     def _is_dead_end(self, index: int) -> bool:
         """Whether a way that reached the rung before ends there though this rung has solutions that nothing reaches."""

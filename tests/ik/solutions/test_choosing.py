@@ -13,6 +13,7 @@ import jacokin
 from jacokin import FreeAxis, IKSolver, Robot
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
+from jacokin.ik.solutions.curve_set import CurveSet
 from jacokin.motion import AxisTarget, OrientationTarget, PoseTarget, PositionTarget
 
 
@@ -163,7 +164,27 @@ def test_samples_of_a_straight_wrist_reach_from_limit_to_limit(rng: np.random.Ge
     family = IKSolver(robot, collision="ignore").solve_all(robot.forward_kinematics(q), seed=q)
     wrist = [interval for interval in family.intervals if interval.start == interval.stop]
     assert wrist
+    assert isinstance(family, CurveSet)
+    everywhere = family.spread(0.3)[1]
     for interval in wrist:
-        for rows in (interval.sample(9)[1], interval.spread(0.3)[1]):
-            turned = np.mod(rows[:, 6] - q[6] + np.pi, 2.0 * np.pi) - np.pi
-            np.testing.assert_allclose((turned.min(), turned.max()), (-0.5, 0.4), atol=1e-6)
+        rows = interval.sample(9)[1]
+        turned = np.mod(rows[:, 6] - q[6] + np.pi, 2.0 * np.pi) - np.pi
+        np.testing.assert_allclose((turned.min(), turned.max()), (-0.5, 0.4), atol=1e-6)
+        for end in rows[[0, -1]]:
+            away = np.mod(everywhere - end + np.pi, 2.0 * np.pi) - np.pi
+            assert np.abs(away).max(axis=1).min() < 1e-6
+
+
+def test_members_at_steps_of_the_parameter_are_nearly_members(robot: Robot, rng: np.random.Generator) -> None:
+    axis = FreeAxis(robot.forward_kinematics(robot.sample(rng)), axis=(1.0, 0.0, 0.0))
+    family = IKSolver(robot, collision="ignore").solve_all(axis)
+    assert isinstance(family, CurveSet)
+    parameters, rows = family.spread(0.3)
+    assert len(rows) > len(family.intervals) > 1
+    for p, q in zip(parameters.tolist(), rows, strict=True):
+        members = [interval.at(p) for interval in family.intervals if interval.contains(p)]
+        away = [np.abs(np.mod(q - member + np.pi, 2.0 * np.pi) - np.pi).max() for member in members]
+        assert min(away) < 5e-3
+    for interval in family.intervals:  # every multiple of the step that is inside
+        inside = 0.3 * np.arange(np.ceil(interval.start / 0.3), np.floor(interval.stop / 0.3) + 1.0)
+        assert all(np.abs(parameters - p).min() < 1e-9 for p in inside)
