@@ -25,8 +25,8 @@ LONGEST_STEP, LEAST_COSINE = 0.2, 0.955
 LARGEST_BEND = 0.05
 #: [m] and [rad]; residual of a point, where Newton's method ends and at most.
 RESIDUAL, LARGEST_RESIDUAL = 1e-13, 1e-10
-#: The same of nodes after steps that are not so short [rad]: what lies between them is known no better.
-NODE_RESIDUAL, SHORT_STEP = 1e-10, 0.02
+#: [rad] after longer steps nodes are as exact as a point at most: what lies between them is known no better.
+SHORT_STEP = 0.02
 NEWTON_STEPS = 8
 SECANTS = 60
 #: Share of the largest product of the singular values on a curve, from which down steps are shorter in proportion: how
@@ -93,9 +93,9 @@ def advance(chain: Array, T: Array, walk: Walk, h: float, volume: float, y: Arra
     for j in range(7):
         y[j] = x[j] + h * (t[j] + h * (0.5 * walk.bend[j] + h / 6.0 * walk.more[j]))
         offset += t[j] * x[j]
-    wanted = NODE_RESIDUAL if h > SHORT_STEP else RESIDUAL
+    wanted = LARGEST_RESIDUAL if h > SHORT_STEP else RESIDUAL
     residual = bordered_newton(chain, T, y, t, offset, walk.system, NEWTON_STEPS, wanted)
-    if not residual <= NODE_RESIDUAL:
+    if not residual <= LARGEST_RESIDUAL:
         return FAILED
     away, cosine = 0.0, 0.0
     for j in range(7):

@@ -44,14 +44,12 @@ OFFSET = 0.1234
 SAFETY = 2.0
 #: Share of that distance within which a pair comes as it is foretold.
 SURE = 0.15
-#: [rad] of the parameter: the shortest distance that is halved.
-CLOSE_ENOUGH = 3e-5
 #: [rad] values nearer to each other than this are halved where another labelling of the joints has such pairs, too.
 LABELLED = 0.01
 #: [rad] to where F is looked at again in a labelling in which it is noise.
 ELSEWHERE = 1.0
-#: [rad] from a fold that is known. How far from there its pair may be expected: relative to that, and to the distance
-#: of any other place.
+#: [rad] of the parameter: the shortest distance that is halved, and from a fold that is known. How far from there its
+#: pair may be expected: relative to that, and to the distance of any other place.
 BESIDE, AT_FOLD, NEAR_FOLD = 3e-5, 0.2, 0.1
 #: Where its pair is noise there, how often to look farther away.
 FARTHER, TIMES_FARTHER = 2, 5.0
@@ -387,7 +385,7 @@ def halve(
             high - low < LABELLED and not is_labelled_otherwise(k, six, work, low, high)
         ):
             continue
-        if high - low < CLOSE_ENOUGH or work.size[3] == MOST_HALVED:
+        if high - low < BESIDE or work.size[3] == MOST_HALVED:
             work.size[1] += 1
             continue
         work.size[3] += 1

@@ -36,14 +36,13 @@ from jacokin.kernels.solution_set.curve import (
 from jacokin.kernels.solution_set.slices import Slices
 
 NODES, LOOPS, MEETINGS = 12288, 128, 64
-#: [rad] shorter steps are not tried: the curve is lost. From the second on, curves that meet are passed.
+#: [rad] shorter steps are not tried: the curve is lost. From the second on, curves that meet are passed; where a curve
+#: turns so sharply that steps are shorter, another one is so near that they may not be told apart.
 SHORTEST_STEP, MEETING_STEP = 1e-9, 1e-4
 #: [rad] a curve passes a point of a slice at this distance from the cubic between its nodes, and from there nearer than
 #: this share of the distance to any other.
 PASSED, PASSED_SHARE = 0.03, 0.5
 MOST_STEPS = 6000
-#: [rad] where a curve turns so sharply that steps are shorter, another one is so near that they may not be told apart.
-SHARP = 1e-4
 #: How a curve ends: nowhere, where it leaves the window, lost on the way, or for want of room.
 LOST, CLOSED, LEFT, FULL = 0, 1, 2, 3
 
@@ -187,7 +186,7 @@ def run(
         volume = walk.volume[0]
         if result == FLIPPED:
             note_meeting(loops, walk.x, walk.y)
-        elif h < SHARP and not is_near:
+        elif h < MEETING_STEP and not is_near:
             loops.size[3] += 1
         if comes_back(chain, T, parameter, last, (point[0], point[1], first), slices, loops, walk):
             state = CLOSED
