@@ -27,7 +27,7 @@ from jacokin.kernels.closed_form.roots import RootWork, find_roots, make_roots
 from jacokin.kernels.limits import TURN
 from jacokin.kernels.six_joints.loop import LABELLINGS, SPHERICAL_WRIST, fill_links, joint_of
 from jacokin.kernels.six_joints.spherical_wrist import reach_of
-from jacokin.kernels.solution_set.curve import wrapped
+from jacokin.kernels.solution_set.curve import level_near, wrapped
 from jacokin.kernels.solution_set.slices import BEFORE, SixJoints
 from jacokin.kernels.solution_set.surface import Surface, begin_surface, fill_F, fill_rates, make_surface, size_of
 from jacokin.kernels.solution_set.trace import Loops
@@ -123,16 +123,6 @@ def make_islands() -> Islands:
     )
 
 
-def value_and_rate(powers: Array, degree: int, x: complex) -> tuple[complex, complex]:
-    """Value and slope at x of z^(degree / 2) F, which has terms up to half that degree."""
-    first = DEGREE - degree // 2
-    value, slope = complex(powers[first + degree, 0], powers[first + degree, 1]), 0.0j
-    for m in range(first + degree - 1, first - 1, -1):
-        slope = slope * x + value
-        value = value * x + complex(powers[m, 0], powers[m, 1])
-    return value, slope
-
-
 def polynomial(powers: Array, degree: int, x: complex) -> tuple[complex, complex, complex]:
     """Value, slope and bend at x of z^(degree / 2) F, which has terms up to half that degree."""
     first = DEGREE - degree // 2
@@ -145,7 +135,7 @@ def polynomial(powers: Array, degree: int, x: complex) -> tuple[complex, complex
 
 
 def value_and_slope_at(powers: Array, degree: int, x: complex) -> tuple[complex, complex]:
-    """As `value_and_rate`, of a degree that is even: even and odd powers are summed side by side, in half the time."""
+    """Value and slope of that, of an even degree: even and odd powers are summed side by side, in half the time."""
     first, w = DEGREE - degree // 2, x * x
     even, odd = complex(powers[first + degree, 0], powers[first + degree, 1]), 0.0j
     even_rate, odd_rate = 0.0j, 0.0j
@@ -284,7 +274,7 @@ def root_at(powers: Array, degree: int, z: Array, i: int) -> Root:
     """What F tells of root i, after a step of Newton's method from there."""
     x = complex(z[i, 0], z[i, 1])
     value, slope, bend = polynomial(powers[0], degree, x)
-    moves, mixed = value_and_rate(powers[1], degree, x)
+    moves, mixed = value_and_slope_at(powers[1], degree, x)
     if x == 0.0 or slope == 0.0:
         return Root(x, 0.0j, bend, mixed, 0.0j, -math.inf)
     x -= value / slope
@@ -296,7 +286,7 @@ def approach(
 ) -> tuple[float, float]:
     """After how much a pair may come to the real axis, to higher values of the parameter and to lower ones [rad]."""
     x, turns, d = root.x, root.turns, root.d
-    curves, _ = value_and_rate(powers[2], degree, x)
+    curves, _ = value_and_slope_at(powers[2], degree, x)
     bends = -(curves + (2.0 * root.mixed + root.bend * turns) * turns) / root.slope
     rate, change = -(turns / x).real, -(bends / x - (turns / x) * (turns / x)).real
     unsure = 0.0  # of the rate, where the pair is alone
@@ -568,8 +558,7 @@ def count_on_lines(loops: Loops, parameter: int, joint: int, work: Islands) -> N
         for c in range(loops.size[1]):
             for m in range(loops.ends[c, 0], loops.ends[c, 1] - 1):
                 a, b = loops.nodes[m], loops.nodes[m + 1]
-                value = line_at(n)
-                value += TURN * math.floor((0.5 * (a[joint] + b[joint]) - value) / TURN + 0.5)
+                value = level_near(line_at(n), a[joint], b[joint])
                 if (a[joint] < value) != (b[joint] < value):
                     p = a[parameter] + (value - a[joint]) / (b[joint] - a[joint]) * (b[parameter] - a[parameter])
                     i = math.floor((p - OFFSET) / step) % LOOKED_AT

@@ -47,7 +47,7 @@ from jacokin.kernels.solution_set.slices import (
     make_six_joints,
     make_slices,
 )
-from jacokin.kernels.solution_set.trace import Loops, count_all_passed, make_loops, trace
+from jacokin.kernels.solution_set.trace import Loops, count_all_passed, make_loops, passes, trace
 from jacokin.kernels.solution_set.within import Pieces, cut, make_pieces
 
 #: Values of the parameter that are solved at in any case, apart by a share of a turn that no structure has, and rounds
@@ -332,9 +332,7 @@ def passing(loops: Loops, parameter: int, value: float) -> int:
     count = 0
     for c in range(loops.size[1]):
         for n in range(loops.ends[c, 0], loops.ends[c, 1] - 1):
-            p, q = loops.nodes[n, parameter], loops.nodes[n + 1, parameter]
-            near = value + TURN * math.floor((0.5 * (p + q) - value) / TURN + 0.5)
-            count += min(p, q) < near <= max(p, q)
+            count += passes(value, loops.nodes[n, parameter], loops.nodes[n + 1, parameter])
     return int(count)
 
 
