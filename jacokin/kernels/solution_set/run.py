@@ -154,15 +154,15 @@ def fit_window(work: SetWork, whole: bool) -> None:
     if math.isnan(seed[parameter]) or kind == JOINT_3:
         return
     window[0], slices, limits, best = seed[parameter], work.slices, work.pieces.limits, work.near.best
-    add_slice(work.chain, work.T, kind, window[0], slices, work.six, work.seven)
     best[0] = math.inf
-    for k in range(slices.counts[0]):
-        offer_row(slices.x[0, k], limits, work.near)
     for j in range(7):
         work.walk.z[j] = seed[j]
     if descend(work.chain, work.T, work.newton, work.walk) <= LARGEST_RESIDUAL:
-        offer_row(work.walk.z, limits, work.near)
-        add_start(slices, work.walk.z)
+        add_start(slices, work.walk.z)  # first: there may be no room for the curves of all others
+    add_slice(work.chain, work.T, kind, window[0], slices, work.six, work.seven)
+    for i in range(slices.size[0]):
+        for k in range(slices.counts[i]):
+            offer_row(slices.x[i, k], limits, work.near)
     if not whole and best[0] + BEYOND <= WIDEST:
         window[1] = best[0] + BEYOND
 
@@ -273,7 +273,7 @@ def add_missing_slices(work: SetWork) -> tuple[int, int]:
             continue
         missing += 1
         if add_slice(work.chain, work.T, int(work.options[1]), p, slices, work.six, work.seven):
-            count_all_passed(work.chain, work.T, parameter, slices.size[0] - 1, slices, loops, work.walk)
+            count_all_passed(work.chain, work.T, parameter, slices.size[0] - 1, 0, slices, loops, work.walk)
         else:
             refused += 1
     return missing, refused

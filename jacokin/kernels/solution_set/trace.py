@@ -79,8 +79,10 @@ def trace(chain: Array, T: Array, parameter: int, slices: Slices, loops: Loops, 
         for k in range(slices.counts[i]):
             if slices.passed[i, k] > 0 or (math.isnan(slices.p[i]) and is_traced(loops, slices.x[i, k])):
                 continue
-            slices.passed[i, k] = 1
+            slices.passed[i, k], first = 1, loops.size[1]
             follow(chain, T, parameter, i, k, slices, loops, walk)
+            for n in range(slices.size[0] if math.isnan(slices.p[i]) else 0):
+                count_all_passed(chain, T, parameter, n, first, slices, loops, walk)
 
 
 def is_traced(loops: Loops, x: Array) -> bool:
@@ -389,9 +391,11 @@ def point_passed(chain: Array, T: Array, parameter: int, a: Array, b: Array, i: 
     return nearest if least <= min(PASSED, PASSED_SHARE * second) else -1
 
 
-def count_all_passed(chain: Array, T: Array, parameter: int, i: int, slices: Slices, loops: Loops, walk: Walk) -> None:
-    """Count the points of slice i that the curves so far pass."""
-    for c in range(loops.size[1]):
+def count_all_passed(
+    chain: Array, T: Array, parameter: int, i: int, first: int, slices: Slices, loops: Loops, walk: Walk
+) -> None:
+    """Count the points of slice i that the curves from the first one on pass."""
+    for c in range(first, loops.size[1]):
         for n in range(loops.ends[c, 0], loops.ends[c, 1] - 1):
             a, b = loops.nodes[n], loops.nodes[n + 1]
             if passes(slices.p[i], a[parameter], b[parameter]):
