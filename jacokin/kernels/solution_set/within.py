@@ -31,8 +31,9 @@ from jacokin.kernels.solution_set.trace import CLOSED, Loops
 ROWS, PIECES = 24576, 512
 #: Why a piece ends, besides 2 j and 2 j + 1 for the lower and upper limit of angle j: a fold, or nothing ends.
 FOLD, CIRCLE, LOST = -1, -2, -3
-#: [rad] an angle past its limit by no more is on it, but for rounding.
-SNAP = 1e-9
+#: [rad] an angle past its limit by no more is on it, but for rounding. It passes its limit where it is past it by what
+#: rounding leaves of an angle: one that comes to its limit and hardly moves there stays within it.
+SNAP, ROUNDING = 1e-9, 1e-12
 #: Share of the square of a chord by which the cubic through its ends may be off, or of the chord and so many times what
 #: an angle moves along it, where that is less.
 DOUBT, MOVES = 3e-3, 10.0
@@ -213,6 +214,12 @@ def cut_chord(chain: Array, T: Array, parameter: int, pieces: Pieces, walk: Walk
         parts[0, COLUMNS + m] = parts[PARTS - 1, m]
 
 
+def passed_at(limits: Array, code: int, a: float, b: float) -> float:
+    """The angle near two others at which the limit of a code is passed."""
+    side = code % 2
+    return level_near(limits[side, code // 2] + (2 * side - 1) * ROUNDING, a, b)
+
+
 def is_doubtful(a: Array, b: Array, length: float, limits: Array) -> bool:
     """Whether the cubics through two nodes leave open how often a limit is passed between them."""
     for j in range(7):
@@ -222,7 +229,7 @@ def is_doubtful(a: Array, b: Array, length: float, limits: Array) -> bool:
         slack = DOUBT * length * min(length, MOVES * moves)
         for u in still_shares(a, b, length, j):
             for side in range(2 if u > 0.0 else 0):
-                level = level_near(limits[side, j], a[j], b[j])
+                level = passed_at(limits, 2 * j + side, a[j], b[j])
                 value = cubic(a, b, length, u, j) - level
                 if abs(value) < slack > SNAP or value * (a[j] - level) < 0.0 or value * (b[j] - level) < 0.0:
                     return True
@@ -282,7 +289,7 @@ def find_events(chain: Array, T: Array, a: Array, b: Array, pieces: Pieces, walk
 def find_event(chain: Array, T: Array, a: Array, b: Array, code: int, pieces: Pieces, walk: Walk) -> bool:
     """Fill walk.z and walk.tz with where the limit of a code is passed, or touched, between two nodes, if it is."""
     length, j, side = chord_length(a, b), code // 2, code % 2
-    level = level_near(pieces.limits[side, j], a[j], b[j])
+    level = passed_at(pieces.limits, code, a[j], b[j])
     v0, v1 = a[j] - level, b[j] - level
     if (v0 < 0.0) != (v1 < 0.0):
         u = cubic_root(a, b, length, j, level, 0.0, 1.0)
