@@ -16,8 +16,8 @@ from jacokin.ik.solutions.curve_arm import DIMENSIONS, CurveProblem
 from jacokin.ik.targets import TargetPose
 from jacokin.ik.verification import Candidate, Verifier
 from jacokin.kernels.solution_set.curve import RESIDUAL, RESOLUTION
-from jacokin.kernels.solution_set.run import STARTING_DAMPING, STARTING_STEPS
-from jacokin.kernels.tolerances import CLOSURE
+from jacokin.kernels.solution_set.run import STARTING_STEPS
+from jacokin.kernels.tolerances import CLOSURE, SMALLEST_PIVOT
 from jacokin.model import angles
 from jacokin.model.angles import TURN
 from jacokin.model.robot import Robot
@@ -271,5 +271,5 @@ class Members:
 
 def _least_step(moving: Array, error: Array) -> Array:
     """The least step (k,) that takes an error (6,) away, damped; moving (6, k) is what each of its numbers does."""
-    damping = STARTING_DAMPING * max(float(np.abs(error).max()), RESIDUAL)
+    damping = max(float(np.abs(error).max()) ** 2, SMALLEST_PIVOT)
     return np.asarray(moving.T @ np.linalg.solve(moving @ moving.T + damping * np.eye(len(error)), error))

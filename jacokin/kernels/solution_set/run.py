@@ -49,6 +49,7 @@ from jacokin.kernels.solution_set.slices import (
 )
 from jacokin.kernels.solution_set.trace import Loops, count_all_passed, make_loops, passes, trace
 from jacokin.kernels.solution_set.within import Pieces, cut, make_pieces
+from jacokin.kernels.tolerances import SMALLEST_PIVOT
 
 #: Values of the parameter that are solved at in any case, apart by a share of a turn that no structure has, and rounds
 #: of those at which F shows more or fewer solutions than the curves so far.
@@ -57,8 +58,8 @@ FIRST, ROUNDS = 3, 5
 BEYOND, WIDEST = 1e-6, 2.8
 #: [m] and [rad] a start misses the target by less, and [rad] is no farther from a curve.
 NEARBY, FARTHEST_START = 0.02, 0.2
-#: Steps from a start to a curve at most, and their damping relative to what is missing.
-STARTING_STEPS, STARTING_DAMPING = 60, 0.01
+#: Steps from a start to a curve at most: most take five, those to a solution that is all alone up to a hundred.
+STARTING_STEPS = 150
 #: Least pivot of the Jacobian times its transpose of a point that is on one curve only.
 CROSSING = 1e-10
 #: Rounds of curves that were met on the way along others.
@@ -185,19 +186,20 @@ def bring_to_curve(chain: Array, T: Array, start: Array, newton: Newton, walk: W
 
 
 def descend(chain: Array, T: Array, newton: Newton, walk: Walk) -> float:
-    """Bring walk.z to where it reaches the target; returns what is missing [m and rad], inf where the way is lost.
+    """Bring walk.z to where it reaches the target; returns what is missing [m and rad].
 
-    By the least steps that reach the target (Levenberg and Marquardt), damped in proportion to what is missing: where
-    solutions meet each takes about half of that away, and elsewhere the number of digits doubles (Yamashita, 2001).
+    By the least steps that reach the target (Levenberg and Marquardt), damped by the square of what is missing, which
+    the squares of small singular values come near to where solutions meet: each step takes three quarters of that away
+    there, and elsewhere the number of digits doubles (Yamashita and Fukushima, 2001).
     """
     x, system, normal = walk.z, walk.system, newton.normal
     missing = linearise7(chain, T, x, system)
     for _ in range(STARTING_STEPS):
         if missing <= RESIDUAL:
             break
-        fill_steps(system, STARTING_DAMPING * missing, normal)
+        fill_steps(system, max(missing * missing, SMALLEST_PIVOT), normal)
         if not solve_normal(normal):
-            return math.inf
+            break
         for j in range(7):
             for i in range(6):
                 x[j] += system[i, j] * normal[i, 6]
