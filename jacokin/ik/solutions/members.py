@@ -16,14 +16,15 @@ from jacokin.ik.seeds import seed_within_limits
 from jacokin.ik.solutions.curve_arm import DIMENSIONS, CurveProblem
 from jacokin.ik.targets import TargetPose
 from jacokin.ik.verification import Candidate, Verifier
+from jacokin.kernels.solution_set.curve import RESIDUAL, RESOLUTION
+from jacokin.kernels.solution_set.run import STARTING_STEPS
+from jacokin.kernels.tolerances import CLOSURE, SMALLEST_PIVOT
 from jacokin.model import angles
 from jacokin.model.angles import TURN
 from jacokin.model.robot import Robot
 
 #: [rad] distance in joint space between guesses along a track.
 GUESS_SPACING = 0.05
-#: [rad] a parameter that changes by less stands still.
-STANDING = 1e-7
 
 
 class CurveTrack:
@@ -41,9 +42,9 @@ class CurveTrack:
         """Take the nodes of a piece, and the least value of the parameter: by whole turns it starts from there on."""
         self._problem, self.nodes = problem, nodes
         first, last = nodes.item(0, problem.arm.parameter), nodes.item(-1, problem.arm.parameter)
-        if last - first < STANDING:
+        if last - first < RESOLUTION:
             last = first
-        self._turns = -TURN * math.floor((first - least + STANDING) / TURN) if math.isfinite(least) else 0.0
+        self._turns = -TURN * math.floor((first - least + RESOLUTION) / TURN) if math.isfinite(least) else 0.0
         self.start, self.stop = first + self._turns, last + self._turns
 
     def at(self, parameter: float) -> Array:
@@ -135,13 +136,8 @@ def _cubics(a: Array, b: Array, part: Array) -> Array:
     )
 
 
-#: [m] and [rad]; members of curves close this well.
-MEMBER_CLOSURE = 1e-9
-#: [m] and [rad]; the same where curves meet on limits, where that is not to be had.
+#: [m] and [rad]; the closure of members where curves meet on limits, and `CLOSURE` is not to be had.
 LARGEST_MISS = 1e-7
-#: Steps for what closes worse, their damping relative to what is missing, and [m] and [rad] where they end. Each takes
-#: about half of that away where curves meet.
-SETTLING_STEPS, DAMPING, SETTLED = 60, 0.01, 1e-13
 #: Share by which a member beside a seed is farther than the least step to the target where curves are nearly straight.
 STRAIGHT = 0.05
 
@@ -216,7 +212,7 @@ class Members:
             LostMemberError: it does not, which is not known to happen but where curves meet on a limit.
         """
         errors = self.verifier.measure(q, self.target.at(parameter))
-        if max(errors) > MEMBER_CLOSURE:  # a joint that is near its limit all along, moved onto it
+        if max(errors) > CLOSURE:  # a joint that is near its limit all along, moved onto it
             q, _ = self._settled(q, parameter, turning=False)
             errors = self.verifier.measure(q, self.target.at(parameter))
         if max(errors) > LARGEST_MISS or not self.robot.within_limits(q):
@@ -269,9 +265,9 @@ class Members:
         By damped steps of the joints that are not on a limit, or move off it (Levenberg and Marquardt).
         """
         dof, lower, upper = len(q), self.robot.lower, self.robot.upper
-        for _ in range(SETTLING_STEPS):
+        for _ in range(STARTING_STEPS):
             error, moving = self._missing(q, parameter, turning=turning)
-            if np.abs(error).max() < SETTLED:
+            if np.abs(error).max() < RESIDUAL:
                 break
             step = _least_step(moving, error)
             stuck = ((q <= lower) & (step[:dof] < 0.0)) | ((q >= upper) & (step[:dof] > 0.0))
@@ -298,5 +294,5 @@ class Members:
 
 def _least_step(moving: Array, error: Array) -> Array:
     """The least step (k,) that takes an error (6,) away, damped; moving (6, k) is what each of its numbers does."""
-    damping = DAMPING * max(float(np.abs(error).max()), SETTLED)
+    damping = max(float(np.abs(error).max()) ** 2, SMALLEST_PIVOT)
     return np.asarray(moving.T @ np.linalg.solve(moving @ moving.T + damping * np.eye(len(error)), error))

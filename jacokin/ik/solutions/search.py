@@ -20,10 +20,12 @@ from jacokin.ik.results import IKResult
 from jacokin.ik.solutions.curve_arm import CIRCLE, DIMENSIONS, FOLD, CurveArm, CurveProblem, Curves
 from jacokin.ik.solutions.curve_set import CurveSet, TrackInterval
 from jacokin.ik.solutions.least import least, minima
-from jacokin.ik.solutions.members import STANDING, CurveTrack, LostMemberError, Members
+from jacokin.ik.solutions.members import CurveTrack, LostMemberError, Members
 from jacokin.ik.solutions.solution_set import IntervalEnd
 from jacokin.ik.targets import Request, TargetPose, combined_error
 from jacokin.ik.verification import Candidate, Verifier
+from jacokin.kernels.solution_set.curve import RESOLUTION
+from jacokin.kernels.solution_set.run import NEARBY
 from jacokin.model import angles
 from jacokin.model.angles import TURN
 from jacokin.model.robot import Robot
@@ -36,10 +38,6 @@ TRIED_STANDING, AT_ONCE = 16, 64
 AIMS = 4
 #: [rad] a target turned by less than this is the same.
 SAME_AIM = 1e-3
-#: [m] and [rad]; a seed that misses its target by less may be beside a curve, which is followed.
-NEAR_TARGET = 0.02
-#: [rad] from the seed to a member that is its own neighbour, whatever else there is.
-BESIDE = 1e-7
 #: Moves of near misses, in tolerances, and ways: curves must be long enough to be found between two slices.
 MOVE, WAYS = 1000.0, 2
 #: Configurations of each branch next to the target that are within the limits, and outside, to start from at most.
@@ -145,7 +143,7 @@ class SetSearch:
         """What reaches a pose of six joints on the curves through branches (k, 6) that stand for whole ones."""
         problem = self._arm.turning(target.matrix)
         found = problem.find(np.column_stack([q, np.zeros(len(q))]), only_starts=True)
-        standing = [piece for piece in found.pieces if np.ptp(piece.nodes[:, self._arm.parameter]) < STANDING]
+        standing = [piece for piece in found.pieces if np.ptp(piece.nodes[:, self._arm.parameter]) < RESOLUTION]
         return self._findings(problem, found._replace(pieces=standing), self.members(target, seed))
 
     def nearly_standing(self, T: Array, q: Array) -> Array:
@@ -170,7 +168,7 @@ class SetSearch:
         seed = members.seed
         p = starts.item(0, self._arm.parameter)
         away = math.inf if nearest is None else float(np.linalg.norm(nearest[0] - seed))
-        if away < BESIDE or (nearest is not None and members.is_next(nearest[0], seed, p)):
+        if away < RESOLUTION or (nearest is not None and members.is_next(nearest[0], seed, p)):
             return []
         try:
             q, p = members.beside(seed, p)
@@ -192,7 +190,7 @@ class SetSearch:
         """(k, 7) the seed, if it nearly reaches the target: a curve beside it is followed."""
         target, seed = members.target, members.seed
         p = target.nearest_angle(members.parameter(seed))
-        near = max(self._verifier.measure(seed, target.at(p))) < NEAR_TARGET
+        near = max(self._verifier.measure(seed, target.at(p))) < NEARBY
         return np.append(seed, p)[np.newaxis, :DIMENSIONS] if near else np.empty((0, DIMENSIONS))
 
     def _findings(self, problem: CurveProblem, found: Curves, members: Members) -> CurveFindings:

@@ -16,14 +16,11 @@ from numpy.typing import ArrayLike, NDArray
 from jacokin.arrays import Array
 from jacokin.ik.preferences import Prefer
 from jacokin.model import checks
-from jacokin.model.angles import TURN
+from jacokin.model.angles import SNAP, TURN
 from jacokin.showing import Shown, show
 
 if TYPE_CHECKING:
     import numpy as np
-
-#: [rad] a value of the parameter this far outside an interval is at its end.
-PARAMETER_SLACK = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,7 +116,7 @@ class Interval(ABC):
         moved = p + TURN * round((0.5 * (self.start + self.stop) - p) / TURN)
         if self.start <= p <= self.stop:
             return p
-        if not self.start - PARAMETER_SLACK <= moved <= self.stop + PARAMETER_SLACK:
+        if not self.start - SNAP <= moved <= self.stop + SNAP:
             return None
         return min(max(moved, self.start), self.stop)
 

@@ -14,6 +14,7 @@ import numpy as np
 from jacokin.arrays import Array
 from jacokin.kernels.chain import bordered_newton, linearise7, null_tangent
 from jacokin.kernels.limits import TURN
+from jacokin.kernels.trigonometry import whole_below
 
 #: [rad] the one resolution: what is nearer than this on a curve, or to another curve, is not told apart.
 RESOLUTION = 1e-7
@@ -25,10 +26,11 @@ LONGEST_STEP, LEAST_COSINE = 0.2, 0.955
 LARGEST_BEND = 0.05
 #: [m] and [rad]; residual of a point, where Newton's method ends and at most.
 RESIDUAL, LARGEST_RESIDUAL = 1e-13, 1e-10
-#: The same of nodes after steps that are not so short [rad]: what lies between them is known no better.
-NODE_RESIDUAL, SHORT_STEP = 1e-10, 0.02
+#: [rad] after longer steps nodes are as exact as a point at most: what lies between them is known no better.
+SHORT_STEP = 0.02
 NEWTON_STEPS = 8
-SECANTS = 60
+#: Steps along a chord at most, and where they end, in its shares and [rad]: as exact as rounding allows.
+SECANTS, STATIONARY = 60, 1e-14
 #: Share of the largest product of the singular values on a curve, from which down steps are shorter in proportion: how
 #: near another curve may be, it tells. Products that are rounding tell nothing.
 NEAR_OTHERS, FLAT = 0.1, 1e-8
@@ -63,7 +65,12 @@ def make_walk() -> Walk:
 
 def wrapped(angle: float) -> float:
     """The 2 pi equivalent of an angle in [-pi, pi)."""
-    return angle - TURN * math.floor(angle / TURN + 0.5)
+    return angle - TURN * whole_below(angle / TURN + 0.5)
+
+
+def level_near(value: float, a: float, b: float) -> float:
+    """The 2 pi equivalent of a value that is nearest to the middle of two angles."""
+    return value + TURN * whole_below((0.5 * (a + b) - value) / TURN + 0.5)
 
 
 def tangent(chain: Array, T: Array, x: Array, border: Array, t: Array, walk: Walk) -> float:
@@ -93,9 +100,9 @@ def advance(chain: Array, T: Array, walk: Walk, h: float, volume: float, y: Arra
     for j in range(7):
         y[j] = x[j] + h * (t[j] + h * (0.5 * walk.bend[j] + h / 6.0 * walk.more[j]))
         offset += t[j] * x[j]
-    wanted = NODE_RESIDUAL if h > SHORT_STEP else RESIDUAL
+    wanted = LARGEST_RESIDUAL if h > SHORT_STEP else RESIDUAL
     residual = bordered_newton(chain, T, y, t, offset, walk.system, NEWTON_STEPS, wanted)
-    if not residual <= NODE_RESIDUAL:
+    if not residual <= LARGEST_RESIDUAL:
         return FAILED
     away, cosine = 0.0, 0.0
     for j in range(7):
@@ -146,6 +153,20 @@ def cubic_slope(a: Array, b: Array, length: float, u: float, j: int) -> float:
     )
 
 
+def still_shares(a: Array, b: Array, length: float, j: int) -> tuple[float, float]:
+    """Where coordinate j of the cubic stands still between two nodes, as shares of the chord; -1 for nowhere."""
+    first, moved = length * a[7 + j], b[j] - a[j]
+    cube = first + length * b[7 + j] - 2.0 * moved
+    half = moved - first - cube
+    square = half * half - 3.0 * cube * first  # the derivative is first + 2 half u + 3 cube u^2
+    if square <= 0.0:
+        return -1.0, -1.0
+    q = -(half + math.copysign(math.sqrt(square), half))
+    u = q / (3.0 * cube) if cube != 0.0 else -1.0
+    v = first / q if q != 0.0 else -1.0
+    return u if 0.0 < u < 1.0 else -1.0, v if 0.0 < v < 1.0 else -1.0
+
+
 def chord_length(a: Array, b: Array) -> float:
     """Distance between two nodes [rad]."""
     square = 0.0
@@ -160,7 +181,7 @@ def cubic_root(a: Array, b: Array, length: float, j: int, value: float, low: flo
     u = 0.5 * (low + high)
     for _ in range(SECANTS):
         f = cubic(a, b, length, u, j) - value
-        if f == 0.0 or high - low < 1e-15:
+        if f == 0.0:
             break
         if (f > 0.0) == (f_low > 0.0):
             low = u
@@ -171,7 +192,7 @@ def cubic_root(a: Array, b: Array, length: float, j: int, value: float, low: flo
         u = u - f / slope if slope != 0.0 else low
         if not low < u < high:
             u = 0.5 * (low + high)
-        if abs(u - before) < 1e-15:
+        if abs(u - before) < 0.1 * STATIONARY:
             break
     return u
 
@@ -193,6 +214,21 @@ def point_across(chain: Array, T: Array, a: Array, b: Array, u: float, walk: Wal
     return tangent(chain, T, x, walk.border, t, walk) != 0.0
 
 
+def halve_chord(chain: Array, T: Array, parts: Array, top: int, walk: Walk) -> bool:
+    """Replace the last of some chords (n, 28), two nodes each, by its halves, the first one last; False for no middle.
+
+    The node between them is left in walk.z and walk.tz.
+    """
+    chord, half = parts[top], parts[top + 1]
+    if not point_across(chain, T, chord[:COLUMNS], chord[COLUMNS:], 0.5, walk):
+        return False
+    for j in range(7):
+        half[j], half[7 + j] = chord[j], chord[7 + j]
+        half[14 + j], half[21 + j] = walk.z[j], walk.tz[j]
+        chord[j], chord[7 + j] = walk.z[j], walk.tz[j]
+    return True
+
+
 def point_at(chain: Array, T: Array, a: Array, b: Array, j: int, value: float, u: float, walk: Walk) -> bool:
     """Fill walk.z and walk.tz with the node between a and b (14,) where angle j has a value; u is about where.
 
@@ -211,42 +247,43 @@ def point_at(chain: Array, T: Array, a: Array, b: Array, j: int, value: float, u
         walk.border[m] = (b[m] - a[m]) / length
     if residual <= LARGEST_RESIDUAL and moved <= 0.01 * length and tangent(chain, T, x, walk.border, t, walk) != 0.0:
         return True
-    low, f_low, high, f_high = 0.0, a[j] - value, 1.0, b[j] - value
-    if f_low * f_high > 0.0:
-        return False
-    for _ in range(SECANTS):
-        u = high - f_high * (high - low) / (f_high - f_low) if f_high != f_low else 0.5 * (low + high)
-        if not min(low, high) <= u <= max(low, high):
-            u = 0.5 * (low + high)
-        if not point_across(chain, T, a, b, u, walk):
-            return False
-        f = x[j] - value
-        if abs(f) <= 1e-15 or abs(high - low) < 1e-15:
-            return True
-        if f * f_high < 0.0:
-            low, f_low = high, f_high
-        else:
-            f_low *= 0.5
-        high, f_high = u, f
-    return False
+    return slide(chain, T, a, b, j, value, walk)
 
 
 def point_where_still(chain: Array, T: Array, a: Array, b: Array, j: int, walk: Walk) -> bool:
     """Fill walk.z and walk.tz with the node between a and b (14,) where angle j stands still; it turns between them."""
-    t = walk.tz
-    low, f_low, high, f_high = 0.0, a[7 + j], 1.0, b[7 + j]
-    u = 0.5
+    return slide(chain, T, a, b, 7 + j, 0.0, walk)
+
+
+def slide(chain: Array, T: Array, a: Array, b: Array, k: int, value: float, walk: Walk) -> bool:
+    """Fill walk.z and walk.tz with the node between a and b (14,) where its number k has a value; False for none.
+
+    It is looked for across the chord, by the secant method.
+    """
+    low, f_low, high, f_high = 0.0, a[k] - value, 1.0, b[k] - value
+    if f_low * f_high > 0.0:
+        return False
     for _ in range(SECANTS):
-        u = high - f_high * (high - low) / (f_high - f_low) if f_high != f_low else 0.5 * (low + high)
-        if not min(low, high) <= u <= max(low, high):
-            u = 0.5 * (low + high)
+        u = secant(low, f_low, high, f_high)
         if not point_across(chain, T, a, b, u, walk):
             return False
-        if abs(t[j]) < 1e-13 or abs(high - low) < 1e-14:
-            break
-        if t[j] * f_high < 0.0:
-            low, f_low = high, f_high
-        else:
-            f_low *= 0.5
-        high, f_high = u, t[j]
-    return True
+        f = (walk.z[k] if k < 7 else walk.tz[k - 7]) - value
+        if abs(f) <= STATIONARY or abs(high - low) <= STATIONARY:
+            return True
+        low, f_low, high, f_high = narrowed(low, f_low, high, f_high, u, f)
+    return False
+
+
+def secant(low: float, f_low: float, high: float, f_high: float) -> float:
+    """Where a function of a share is about zero, between two shares at which it has opposite signs."""
+    u = high - f_high * (high - low) / (f_high - f_low) if f_high != f_low else 0.5 * (low + high)
+    return u if min(low, high) <= u <= max(low, high) else 0.5 * (low + high)
+
+
+def narrowed(
+    low: float, f_low: float, high: float, f_high: float, u: float, f: float
+) -> tuple[float, float, float, float]:
+    """What lies on both sides of the zero once a share between is known (Illinois method): that one comes last."""
+    if f * f_high < 0.0:
+        return high, f_high, u, f
+    return low, 0.5 * f_low, u, f

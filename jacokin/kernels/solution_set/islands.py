@@ -8,8 +8,12 @@ is on the axis, so that value, slope and bend of it are followed to where it is 
 and might be there in time, the values between are halved, until they cannot, or until curves are found there. Beside a
 fold of a curve its own pair is on the way to the axis, too, and hides what comes there before; so F is looked at right
 beside each fold once the curves are known. There the distance of its own pair tells little about where that pair comes
-to the axis again; it does as seen from elsewhere, if not where the fold is. Where noise may move a root as far as the
-axis, or as far as the next root, nothing is known of it, and the set is in doubt.
+to the axis again; it does as seen from elsewhere, if not where the fold is.
+
+Where noise may move a root as far as the axis, or as far as the next root, it is real or not. Another labelling of the
+joints has the same solutions as real roots of another F: as many as are real for sure in one are solutions, and so are
+those that six joints at the pose are found to have; there are no more than may be real in another one. Where the two
+numbers are the same, all other roots are apart from the axis; where they are not, the set is in doubt.
 """
 
 from __future__ import annotations
@@ -23,12 +27,12 @@ from numpy.typing import NDArray
 from jacokin.arrays import Array
 from jacokin.kernels.closed_form.arm import ArmConstants, unpack_arm
 from jacokin.kernels.closed_form.resultant import DEGREE, value_and_slope
-from jacokin.kernels.closed_form.roots import RootWork, find_roots, make_roots
+from jacokin.kernels.closed_form.roots import RootWork, make_roots
 from jacokin.kernels.limits import TURN
 from jacokin.kernels.six_joints.loop import LABELLINGS, SPHERICAL_WRIST, fill_links, joint_of
 from jacokin.kernels.six_joints.spherical_wrist import reach_of
-from jacokin.kernels.solution_set.curve import wrapped
-from jacokin.kernels.solution_set.slices import BEFORE, SixJoints
+from jacokin.kernels.solution_set.curve import level_near, wrapped
+from jacokin.kernels.solution_set.slices import BEFORE, SixJoints, count_solutions
 from jacokin.kernels.solution_set.surface import Surface, begin_surface, fill_F, fill_rates, make_surface, size_of
 from jacokin.kernels.solution_set.trace import Loops
 from jacokin.kernels.tolerances import DISTINCT, UNCERTAIN
@@ -44,19 +48,18 @@ OFFSET = 0.1234
 SAFETY = 2.0
 #: Share of that distance within which a pair comes as it is foretold.
 SURE = 0.15
-#: [rad] of the parameter: the shortest distance that is halved.
-CLOSE_ENOUGH = 3e-5
 #: [rad] values nearer to each other than this are halved where another labelling of the joints has such pairs, too.
 LABELLED = 0.01
 #: [rad] to where F is looked at again in a labelling in which it is noise.
 ELSEWHERE = 1.0
-#: [rad] from a fold that is known. How far from there its pair may be expected: relative to that, and to the distance
-#: of any other place.
+#: [rad] of the parameter: the shortest distance that is halved, and from a fold that is known. How far from there its
+#: pair may be expected: relative to that, and to the distance of any other place.
 BESIDE, AT_FOLD, NEAR_FOLD = 3e-5, 0.2, 0.1
 #: Where its pair is noise there, how often to look farther away.
 FARTHER, TIMES_FARTHER = 2, 5.0
-#: [rad] roots nearer to the axis are real; roots nearer to each other may be one, or a pair.
-REAL, MEETING = 1e-6, 1e-4
+#: [rad] roots are found to less than this. A real one is real for sure if the next one is so many times as far away as
+#: noise may move it: then the derivative there tells how far that is.
+REAL, ALONE = 1e-6, 8.0
 #: Values that are halved at most, and halves that wait their turn.
 MOST_HALVED, DEPTH = 400, 32
 #: Steps to all roots at once; a root is found when its step is this part of the distance to the nearest other one: each
@@ -73,6 +76,16 @@ class Look(NamedTuple):
     behind: float  # the same on the other side
     real: int  # how many roots are, -1 in doubt
     at_fold: int  # 1 right beside a fold, of whose own pair little is known
+
+
+class Told(NamedTuple):
+    """What the roots of F in one labelling of the joints tell at one value of the parameter."""
+
+    ahead: float  # after how much a pair that is apart from the real axis may come there [rad], inf for none
+    behind: float  # the same on the other side
+    least: int  # how many roots are real for sure,
+    most: int  # and how many may be
+    blurred: bool  # whether noise may move some as far as the axis, or to another one
 
 
 class Root(NamedTuple):
@@ -125,16 +138,6 @@ def make_islands() -> Islands:
     )
 
 
-def value_and_rate(powers: Array, degree: int, x: complex) -> tuple[complex, complex]:
-    """Value and slope at x of z^(degree / 2) F, which has terms up to half that degree."""
-    first = DEGREE - degree // 2
-    value, slope = complex(powers[first + degree, 0], powers[first + degree, 1]), 0.0j
-    for m in range(first + degree - 1, first - 1, -1):
-        slope = slope * x + value
-        value = value * x + complex(powers[m, 0], powers[m, 1])
-    return value, slope
-
-
 def polynomial(powers: Array, degree: int, x: complex) -> tuple[complex, complex, complex]:
     """Value, slope and bend at x of z^(degree / 2) F, which has terms up to half that degree."""
     first = DEGREE - degree // 2
@@ -147,7 +150,7 @@ def polynomial(powers: Array, degree: int, x: complex) -> tuple[complex, complex
 
 
 def value_and_slope_at(powers: Array, degree: int, x: complex) -> tuple[complex, complex]:
-    """As `value_and_rate`, of a degree that is even: even and odd powers are summed side by side, in half the time."""
+    """Value and slope of that, of an even degree: even and odd powers are summed side by side, in half the time."""
     first, w = DEGREE - degree // 2, x * x
     even, odd = complex(powers[first + degree, 0], powers[first + degree, 1]), 0.0j
     even_rate, odd_rate = 0.0j, 0.0j
@@ -220,73 +223,76 @@ def spread_roots(z: Array) -> None:
 
 
 def look(k: ArmConstants, six: SixJoints, work: Islands, p: float) -> Look:
-    """All roots of F(x; p), and when pairs of them come to the axis; F is left there.
-
-    Where two complex solutions have one real angle in common, F has a double root without a solution: in another
-    labelling of the joints they have not, and there the two roots are apart.
-    """
-    seen = look_in(k, six, work, p, -1)
-    if k.six.form == SPHERICAL_WRIST:
-        return seen
-    for _ in range(LABELLINGS):
-        if seen.real >= 0:
+    """All roots of F(x; p), and when pairs of them come to the axis; F is left there."""
+    told = look_in(k, six, work, p, -1)
+    for n in range(0 if k.six.form == SPHERICAL_WRIST else LABELLINGS):
+        if n == 1 and told.least < told.most:
+            told = together(told, Told(0.0, 0.0, count_solutions(six, p), 2 * DEGREE, True))
+        if told.least == told.most:
             break
         if work.useless[work.size[4]] == 0:
-            seen = look_in(k, six, work, p, work.size[4])
-        if seen.real < 0:
+            told = together(told, look_in(k, six, work, p, work.size[4]))
+        if told.least != told.most:
             work.size[4] = next_labelling(k, six, work.size[4])
-    return seen
+    if told.least == told.most and told.least % 2 == 0:  # of all round, the number is even
+        return Look(told.ahead, told.behind, told.least, 0)
+    return Look(0.0, 0.0, -1, 0) if told.blurred or told.least == told.most else Look(told.ahead, told.behind, -1, 0)
 
 
-def look_in(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling: int) -> Look:
-    """As `look`, in one labelling of the joints."""
+def size_on_axis(powers: Array, degree: int, root: Root) -> float:
+    """How large F is where the real axis is nearest to a root: noise of that size may bring one there."""
+    value, _ = value_and_slope_at(powers, degree, root.x / abs(root.x))
+    return abs(value)
+
+
+def together(a: Told, b: Told) -> Told:
+    """What two labellings tell: pairs come as in the one in which fewer roots may be real."""
+    fewer = a if a.most <= b.most else b
+    return Told(fewer.ahead, fewer.behind, max(a.least, b.least), fewer.most, fewer.blurred)
+
+
+def look_in(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling: int) -> Told:
+    """What one labelling of the joints tells, -1 for the arm's own; F is left there."""
     noise = fill_F(k, six, work.F, p, labelling)
     if not size_of(work.F.cosine, work.F.sine) > UNCERTAIN * noise:
         if labelling >= 0:
             noise = fill_F(k, six, work.F, p + ELSEWHERE, labelling)
             work.useless[labelling] = not size_of(work.F.cosine, work.F.sine) > UNCERTAIN * noise
-        return Look(0.0, 0.0, -1, 0)
+        return Told(0.0, 0.0, 0, 2 * DEGREE, True)
     degree = degree_of(work, noise)
     noise_of_bend = fill_rates(k, six, work.F, p, labelling, noise)
     if labelling < 0 and k.six.form == SPHERICAL_WRIST and work.F.apart[0] < 0.0:
         apart, rate, bend = work.F.apart[0], work.F.apart[1], work.F.apart[2]
-        return Look(first_zero(apart, rate, bend), first_zero(apart, -rate, bend), 0, 0)
+        return Told(first_zero(apart, rate, bend), first_zero(apart, -rate, bend), 0, 0, False)
     z = work.z if labelling < 0 else work.other
     if labelling < 0:
         foretell(work, p, degree)
     find_all_roots(work.F.powers[0], degree, z, work.settled)
-    ahead, behind, real, single = math.inf, math.inf, 0, True
+    ahead, behind, least, most, blurred = math.inf, math.inf, 0, 0, False
     for i in range(degree):
         root = root_at(work.F.powers, degree, z, i)
         if root.slope == 0.0:
-            return Look(0.0, 0.0, -1, 0)
+            return Told(0.0, 0.0, 0, 2 * DEGREE, True)
         z[i, 0], z[i, 1] = root.x.real, root.x.imag
         if labelling < 0:
             work.moves[i, 0], work.moves[i, 1] = root.turns.real, root.turns.imag
-        if root.d < -REAL:
-            continue
         error, next_root = degree * noise / abs(root.slope), distance_to_next(z, i, degree)
-        other = 2.0 * root.d if root.d > REAL else next_root
-        real, single = real + (root.d <= REAL), single and other > MEETING
-        if other <= error:  # where it is, and where it goes, is noise
-            ahead, behind, single = 0.0, 0.0, False
-        elif root.d > REAL:
+        if abs(root.d) <= REAL:
+            most, least = most + 1, least + int(next_root > ALONE * error + 2.0 * REAL)
+            blurred = blurred or next_root <= error
+        elif 4.0 * size_on_axis(work.F.powers[0], degree, root) <= degree * noise:
+            most, blurred = most + 1, True
+        elif root.d > 0.0:
             comes, goes = approach(work.F.powers, degree, root, noise, noise_of_bend, next_root < root.d)
             ahead, behind = min(ahead, comes), min(behind, goes)
-    if not single and ahead > 0.0:
-        real = count_single_roots(work, fill_F(k, six, work.F, p, labelling))
-    elif not single:
-        real = -1
-    if real % 2 != 0:  # of all round, that cannot be: roots so near to each other were not told apart
-        return Look(0.0, 0.0, -1, 0)
-    return Look(ahead, behind, real, 0)
+    return Told(ahead, behind, least, most, blurred)
 
 
 def root_at(powers: Array, degree: int, z: Array, i: int) -> Root:
     """What F tells of root i, after a step of Newton's method from there."""
     x = complex(z[i, 0], z[i, 1])
     value, slope, bend = polynomial(powers[0], degree, x)
-    moves, mixed = value_and_rate(powers[1], degree, x)
+    moves, mixed = value_and_slope_at(powers[1], degree, x)
     if x == 0.0 or slope == 0.0:
         return Root(x, 0.0j, bend, mixed, 0.0j, -math.inf)
     x -= value / slope
@@ -298,7 +304,7 @@ def approach(
 ) -> tuple[float, float]:
     """After how much a pair may come to the real axis, to higher values of the parameter and to lower ones [rad]."""
     x, turns, d = root.x, root.turns, root.d
-    curves, _ = value_and_rate(powers[2], degree, x)
+    curves, _ = value_and_slope_at(powers[2], degree, x)
     bends = -(curves + (2.0 * root.mixed + root.bend * turns) * turns) / root.slope
     rate, change = -(turns / x).real, -(bends / x - (turns / x) * (turns / x)).real
     unsure = 0.0  # of the rate, where the pair is alone
@@ -387,7 +393,7 @@ def halve(
             high - low < LABELLED and not is_labelled_otherwise(k, six, work, low, high)
         ):
             continue
-        if high - low < CLOSE_ENOUGH or work.size[3] == MOST_HALVED:
+        if high - low < BESIDE or work.size[3] == MOST_HALVED:
             work.size[1] += 1
             continue
         work.size[3] += 1
@@ -519,8 +525,8 @@ def is_labelled_otherwise(k: ArmConstants, six: SixJoints, work: Islands, low: f
     for _ in range(LABELLINGS):
         if work.useless[work.size[4]] == 0:
             first = look_in(k, six, work, low, work.size[4])
-            last = look_in(k, six, work, high, work.size[4]) if first.real >= 0 else first
-            if last.real >= 0:
+            last = look_in(k, six, work, high, work.size[4]) if first.least == first.most else first
+            if last.least == last.most:
                 return first.ahead + last.behind <= SAFETY * (high - low)
         work.size[4] = next_labelling(k, six, work.size[4])
     return True
@@ -570,8 +576,7 @@ def count_on_lines(loops: Loops, parameter: int, joint: int, work: Islands) -> N
         for c in range(loops.size[1]):
             for m in range(loops.ends[c, 0], loops.ends[c, 1] - 1):
                 a, b = loops.nodes[m], loops.nodes[m + 1]
-                value = line_at(n)
-                value += TURN * math.floor((0.5 * (a[joint] + b[joint]) - value) / TURN + 0.5)
+                value = level_near(line_at(n), a[joint], b[joint])
                 if (a[joint] < value) != (b[joint] < value):
                     p = a[parameter] + (value - a[joint]) / (b[joint] - a[joint]) * (b[parameter] - a[parameter])
                     i = math.floor((p - OFFSET) / step) % LOOKED_AT
@@ -589,17 +594,3 @@ def add_zero_on_line(six: SixJoints, work: Islands, i: int, n: int) -> None:
             low += step
         step *= 0.5
     add_found(work, low + step, look(k, six, work, low + step).real)
-
-
-def count_single_roots(work: Islands, noise: float) -> int:
-    """How many roots the F at hand has, -1 where some may not be single."""
-    roots = work.roots
-    for n in range(DEGREE + 1):
-        roots.cosine[n], roots.sine[n] = work.F.cosine[n], work.F.sine[n]
-    if not size_of(work.F.cosine, work.F.sine) > UNCERTAIN * noise:
-        return -1
-    count = find_roots(noise, 0.0, roots)
-    for i in range(count):
-        if roots.roots[i, 1] > 0.0:
-            return -1
-    return count

@@ -10,25 +10,25 @@ import numpy as np
 from jacokin.arrays import Array
 from jacokin.kernels.chain import bordered_newton, linearise7
 from jacokin.kernels.solution_set.curve import LARGEST_RESIDUAL, RESIDUAL, Walk
+from jacokin.kernels.symmetric import diagonalise
 
 #: [rad] how far from a meeting the other curve is looked for, and steps of Newton's method at most: where the Jacobian
 #: is nearly singular all along that curve, the first ones go far.
 ASIDE, ASIDE_STEPS = 0.02, 40
 #: Where it is not found, how often to look nearer, and how much.
 NEARER, TIMES_NEARER = 2, 0.2
-SWEEPS = 12
 
 
 class Directions(NamedTuple):
     """A symmetric matrix and its eigenvectors."""
 
-    square: Array  # (7, 7)
-    vectors: Array  # (7, 7) in columns
+    square: Array  # (49,)
+    vectors: Array  # (49,) in columns
 
 
 def make_directions() -> Directions:
     """Fresh arrays."""
-    return Directions(np.empty((7, 7)), np.empty((7, 7)))
+    return Directions(np.empty(49), np.empty(49))
 
 
 def points_aside(chain: Array, T: Array, meeting: Array, side: float, null: Directions, x: Array, walk: Walk) -> bool:
@@ -45,25 +45,24 @@ def points_aside(chain: Array, T: Array, meeting: Array, side: float, null: Dire
             product = 0.0
             for row in range(6):
                 product += walk.system[row, i] * walk.system[row, j]
-            null.square[i, j] = product
-            null.vectors[i, j] = 1.0 if i == j else 0.0
-    diagonalise(null)
+            null.square[7 * i + j] = product
+    diagonalise(null.square, null.vectors, 7, 0.0)
     first, second = 0, 1
-    for i in range(7):
-        if null.square[i, i] < null.square[first, first]:
+    for i in range(1, 7):
+        if null.square[8 * i] < null.square[8 * first]:
             first, second = i, first
-        elif i != first and (second == first or null.square[i, i] < null.square[second, second]):
+        elif i > 1 and null.square[8 * i] < null.square[8 * second]:
             second = i
     along_1, along_2, length = 0.0, 0.0, 0.0
     for j in range(7):
         d = meeting[7 + j] - meeting[j]
-        along_1 += d * null.vectors[j, first]
-        along_2 += d * null.vectors[j, second]
+        along_1 += d * null.vectors[7 * j + first]
+        along_2 += d * null.vectors[7 * j + second]
     length = math.sqrt(along_1 * along_1 + along_2 * along_2)
     if length == 0.0:
         return False
     for j in range(7):
-        walk.border[j] = (along_1 * null.vectors[j, second] - along_2 * null.vectors[j, first]) / length
+        walk.border[j] = (along_1 * null.vectors[7 * j + second] - along_2 * null.vectors[7 * j + first]) / length
     away = side * ASIDE
     for _ in range(1 + NEARER):
         offset = 0.0
@@ -75,26 +74,3 @@ def points_aside(chain: Array, T: Array, meeting: Array, side: float, null: Dire
             return True
         away *= TIMES_NEARER
     return False
-
-
-def diagonalise(null: Directions) -> None:
-    """Turn the square matrix to diagonal form, in place, by Jacobi's rotations; they make up the vectors."""
-    a, v = null.square, null.vectors
-    for _ in range(SWEEPS):
-        for p in range(6):
-            for q in range(p + 1, 7):
-                if a[p, q] == 0.0:
-                    continue
-                theta = 0.5 * (a[q, q] - a[p, p]) / a[p, q]
-                t = math.copysign(1.0, theta) / (abs(theta) + math.sqrt(theta * theta + 1.0))
-                c = 1.0 / math.sqrt(t * t + 1.0)
-                s = t * c
-                for k in range(7):
-                    x, y = a[k, p], a[k, q]
-                    a[k, p], a[k, q] = c * x - s * y, s * x + c * y
-                for k in range(7):
-                    x, y = a[p, k], a[q, k]
-                    a[p, k], a[q, k] = c * x - s * y, s * x + c * y
-                for k in range(7):
-                    x, y = v[k, p], v[k, q]
-                    v[k, p], v[k, q] = c * x - s * y, s * x + c * y

@@ -16,11 +16,10 @@ from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.kernels.limits import TURN
-from jacokin.kernels.solution_set.curve import LEAST_COSINE, LONGEST_STEP, RESOLUTION, Walk, tangent
+from jacokin.kernels.solution_set.curve import LEAST_COSINE, LONGEST_STEP, RESOLUTION, Walk, tangent, wrapped
 from jacokin.kernels.solution_set.seven_joints import MOST_AT_Q3, solve_at_q3, solve_rows_at_q3
 from jacokin.kernels.solution_set.slices import SevenJoints
 from jacokin.kernels.solution_set.trace import LOST, Loops, add_node, enter_run
-from jacokin.kernels.trigonometry import whole_below
 
 #: [rad] longest interval of joint 3 to begin with, and places there is room for.
 COARSE, PLACES = 1.0, 160
@@ -99,11 +98,6 @@ def add_chords(
     return True
 
 
-def nearest_turn(angle: float) -> float:
-    """The 2 pi equivalent of an angle in [-pi, pi)."""
-    return angle - TURN * whole_below(angle / TURN + 0.5)
-
-
 def arc_of(folds: Array, count: int, n: int) -> Arc:
     """The arc that begins at one of so many folds."""
     if count == 0:
@@ -158,10 +152,10 @@ def offer_row(x: Array, limits: Array, near: NearSeed) -> None:
         return
     square = 0.0
     for j in range(7):
-        d = nearest_turn(x[j] - near.seed[j])
+        d = wrapped(x[j] - near.seed[j])
         if limits[0, j] > -math.inf:
             middle = 0.5 * (limits[0, j] + limits[1, j])
-            d = nearest_turn(x[j] - middle)
+            d = wrapped(x[j] - middle)
             if abs(d) > limits[1, j] - middle:
                 return
             d += middle - near.seed[j]
@@ -210,7 +204,7 @@ def halve(near: NearSeed, top: int, angle: float, x: Array) -> None:
     """Replace interval top by its halves, on both sides of a configuration."""
     item, other, span, bend = near.waiting[top], near.waiting[top + 1], 0.0, 0.0
     for j in range(7):
-        before, after = nearest_turn(x[j] - item[3 + j]), nearest_turn(item[10 + j] - x[j])
+        before, after = wrapped(x[j] - item[3 + j]), wrapped(item[10 + j] - x[j])
         bend, span = max(bend, 0.5 * abs(after - before)), max(span, abs(before), abs(after))
         other[3 + j], other[10 + j], item[10 + j] = x[j], item[10 + j], x[j]
     other[0], other[1], item[1] = angle, item[1], angle
@@ -222,13 +216,13 @@ def bound(item: Array, limits: Array, seed: Array) -> float:
     """No configuration of an interval is nearer to the seed [rad]; inf where none is within the limits."""
     square = 0.0
     for j in range(7):
-        way = 0.5 * nearest_turn(item[10 + j] - item[3 + j])
+        way = 0.5 * wrapped(item[10 + j] - item[3 + j])
         reach = abs(way) if j == 2 else abs(way) + item[2]
         centre = item[3 + j] + way
-        away = abs(nearest_turn(centre - seed[j]))
+        away = abs(wrapped(centre - seed[j]))
         if limits[0, j] > -math.inf:
             middle = 0.5 * (limits[0, j] + limits[1, j])
-            d = nearest_turn(centre - middle)
+            d = wrapped(centre - middle)
             if abs(d) - reach > limits[1, j] - middle:
                 return math.inf
             if abs(d) + reach < math.pi:
@@ -242,7 +236,7 @@ def enter_chord(chain: Array, T: Array, item: Array, loops: Loops, walk: Walk) -
     """Enter an interval as a curve of two nodes; False where it is not nearly straight, or there is no room."""
     square, first = 0.0, loops.size[0]
     for j in range(7):
-        walk.border[j] = nearest_turn(item[10 + j] - item[3 + j])
+        walk.border[j] = wrapped(item[10 + j] - item[3 + j])
         square += walk.border[j] * walk.border[j]
     length = math.sqrt(square)
     is_short = length <= RESOLUTION  # there curves meet

@@ -15,13 +15,21 @@ from jacokin.kernels.solution_set.curve import (
     MOST_HALVED,
     RESOLUTION,
     SECANTS,
+    STATIONARY,
     Walk,
     chord_length,
     cubic,
     cubic_root,
+    cubic_slope,
+    halve_chord,
+    level_near,
     make_walk,
+    narrowed,
     point_across,
     point_at,
+    secant,
+    still_shares,
+    wrapped,
 )
 from jacokin.kernels.solution_set.within import SNAP
 
@@ -31,8 +39,6 @@ PARTS = 48
 LONGER = 1.1
 #: Places on a chord at which the distance is looked at, by its cubic.
 LOOKS = 4
-#: [rad] where along the curve the nearest point is: as exact as rounding allows.
-STATIONARY = 1e-14
 #: A joint that goes on in another 2 pi equivalent on a chord.
 JUMP = 3.0
 
@@ -165,8 +171,7 @@ def least_bound(work: NearestWork, x: Array) -> float:
     square = 0.0
     for j in range(7):
         if work.weights[j] > 0.0:
-            d = x[j] - work.seed[j]
-            d -= TURN * math.floor(d / TURN + 0.5)
+            d = wrapped(x[j] - work.seed[j])
             square += d * d
     return math.sqrt(square)
 
@@ -188,13 +193,8 @@ def search_chord(work: NearestWork, i: int) -> None:
                 moved = equivalent(work, b[j], j) - equivalent(work, a[j], j) - (b[j] - a[j])
                 jumps = jumps or abs(moved) > JUMP or dips(work, a, b, length, j)
         halves = jumps and length > RESOLUTION and top + 1 < PARTS and halved < MOST_HALVED
-        if halves and point_across(work.chain, work.T, a, b, 0.5, walk):
+        if halves and halve_chord(work.chain, work.T, parts, top, walk):
             offer(work, walk.z)
-            for m in range(COLUMNS):
-                parts[top + 1, COLUMNS + m] = b[m]
-            for j in range(7):
-                b[j], b[7 + j] = walk.z[j], walk.tz[j]
-                parts[top + 1, j], parts[top + 1, 7 + j] = walk.z[j], walk.tz[j]
             top += 1
             halved += 1
             continue
@@ -209,33 +209,31 @@ def offer_on_limits(work: NearestWork, a: Array, b: Array, length: float) -> Non
     """Offer the points between two nodes where angles go on in other equivalents, alone in these where several do."""
     walk = work.walk
     for j in range(7):
-        if not TURN <= work.limits[1, j] - work.limits[0, j] < math.inf:
+        if not has_several(work, j):
             continue
         for side in range(2):
-            limit = work.limits[side, j]
-            limit += TURN * math.floor((0.5 * (a[j] + b[j]) - limit) / TURN + 0.5)
+            limit = level_near(work.limits[side, j], a[j], b[j])
             if (a[j] < limit) != (b[j] < limit):
                 u = cubic_root(a, b, length, j, limit, 0.0, 1.0)
                 if point_at(work.chain, work.T, a, b, j, limit, u, walk):
                     offer(work, walk.z)
 
 
+def has_several(work: NearestWork, j: int) -> bool:
+    """Whether an angle has several equivalents within the limits of joint j."""
+    return bool(TURN <= work.limits[1, j] - work.limits[0, j] < math.inf)
+
+
 def dips(work: NearestWork, a: Array, b: Array, length: float, j: int) -> bool:
     """Whether an angle passes a limit between two nodes and comes back, of those that have several equivalents."""
-    if not TURN <= work.limits[1, j] - work.limits[0, j] < math.inf or a[7 + j] * b[7 + j] >= 0.0:
+    if not has_several(work, j):
         return False
-    # The derivative of the cubic is a quadratic with one zero in between.
-    first, last, mean = a[7 + j], b[7 + j], (b[j] - a[j]) / length
-    c, m = 3.0 * (first + last - 2.0 * mean), -2.0 * (2.0 * first + last - 3.0 * mean)
-    root = -0.5 * (m + math.copysign(math.sqrt(m * m - 4.0 * c * first), m))
-    u = first / root
-    if not 0.0 < u < 1.0:
-        u = root / c
-    extreme = cubic(a, b, length, u, j)
-    for side in range(2):
-        limit = work.limits[side, j] + TURN * math.floor((extreme - work.limits[side, j]) / TURN + 0.5)
-        if (a[j] - limit) * (b[j] - limit) > 0.0 and (a[j] - limit) * (extreme - limit) <= 0.0:
-            return True
+    for u in still_shares(a, b, length, j):
+        extreme = cubic(a, b, length, u, j)
+        for side in range(2 if u > 0.0 else 0):
+            limit = level_near(work.limits[side, j], extreme, extreme)
+            if (a[j] - limit) * (b[j] - limit) > 0.0 and (a[j] - limit) * (extreme - limit) <= 0.0:
+                return True
     return False
 
 
@@ -251,14 +249,11 @@ def search_smooth(work: NearestWork, a: Array, b: Array, length: float) -> None:
 
 def slope(work: NearestWork, a: Array, b: Array, length: float, u: float) -> float:
     """Half the derivative of the squared distance along the cubic between two nodes."""
-    v, found = 1.0 - u, 0.0
+    found = 0.0
     for j in range(7):
         if work.weights[j] > 0.0:
             d = equivalent(work, a[j], j) - a[j] + cubic(a, b, length, u, j) - work.seed[j]
-            along = 6.0 * u * v * (b[j] - a[j]) + length * (
-                v * (1.0 - 3.0 * u) * a[7 + j] - u * (2.0 - 3.0 * u) * b[7 + j]
-            )
-            found += d * along
+            found += d * cubic_slope(a, b, length, u, j)
     return found
 
 
@@ -287,17 +282,11 @@ def refine(work: NearestWork, a: Array, b: Array, low: float, high: float) -> No
     if not f_low <= 0.0 <= f_high:
         return
     for _ in range(SECANTS):
-        u = high - f_high * (high - low) / (f_high - f_low) if f_high != f_low else 0.5 * (low + high)
-        if not min(low, high) <= u <= max(low, high):
-            u = 0.5 * (low + high)
+        u = secant(low, f_low, high, f_high)
         f = exact_slope(work, a, b, u)
         if math.isnan(f):
             return
         if abs(f) <= STATIONARY or abs(high - low) < STATIONARY:
             break
-        if f * f_high < 0.0:
-            low, f_low = high, f_high
-        else:
-            f_low *= 0.5
-        high, f_high = u, f
+        low, f_low, high, f_high = narrowed(low, f_low, high, f_high, u, f)
     offer(work, work.walk.z)

@@ -47,8 +47,9 @@ from jacokin.kernels.solution_set.slices import (
     make_six_joints,
     make_slices,
 )
-from jacokin.kernels.solution_set.trace import Loops, count_all_passed, make_loops, trace
+from jacokin.kernels.solution_set.trace import Loops, count_all_passed, make_loops, passes, trace
 from jacokin.kernels.solution_set.within import Pieces, cut, make_pieces
+from jacokin.kernels.tolerances import SMALLEST_PIVOT
 
 #: Values of the parameter that are solved at in any case, apart by a share of a turn that no structure has, and rounds
 #: of those at which F shows more or fewer solutions than the curves so far.
@@ -57,8 +58,8 @@ FIRST, ROUNDS = 3, 5
 BEYOND, WIDEST = 1e-6, 2.8
 #: [m] and [rad] a start misses the target by less, and [rad] is no farther from a curve.
 NEARBY, FARTHEST_START = 0.02, 0.2
-#: Steps from a start to a curve at most, and their damping relative to what is missing.
-STARTING_STEPS, STARTING_DAMPING = 60, 0.01
+#: Steps from a start to a curve at most: most take five, those to a solution that is all alone up to a hundred.
+STARTING_STEPS = 150
 #: Least pivot of the Jacobian times its transpose of a point that is on one curve only.
 CROSSING = 1e-10
 #: Rounds of curves that were met on the way along others.
@@ -154,15 +155,15 @@ def fit_window(work: SetWork, whole: bool) -> None:
     if math.isnan(seed[parameter]) or kind == JOINT_3:
         return
     window[0], slices, limits, best = seed[parameter], work.slices, work.pieces.limits, work.near.best
-    add_slice(work.chain, work.T, kind, window[0], slices, work.six, work.seven)
     best[0] = math.inf
-    for k in range(slices.counts[0]):
-        offer_row(slices.x[0, k], limits, work.near)
     for j in range(7):
         work.walk.z[j] = seed[j]
     if descend(work.chain, work.T, work.newton, work.walk) <= LARGEST_RESIDUAL:
-        offer_row(work.walk.z, limits, work.near)
-        add_start(slices, work.walk.z)
+        add_start(slices, work.walk.z)  # first: there may be no room for the curves of all others
+    add_slice(work.chain, work.T, kind, window[0], slices, work.six, work.seven)
+    for i in range(slices.size[0]):
+        for k in range(slices.counts[i]):
+            offer_row(slices.x[i, k], limits, work.near)
     if not whole and best[0] + BEYOND <= WIDEST:
         window[1] = best[0] + BEYOND
 
@@ -185,19 +186,20 @@ def bring_to_curve(chain: Array, T: Array, start: Array, newton: Newton, walk: W
 
 
 def descend(chain: Array, T: Array, newton: Newton, walk: Walk) -> float:
-    """Bring walk.z to where it reaches the target; returns what is missing [m and rad], inf where the way is lost.
+    """Bring walk.z to where it reaches the target; returns what is missing [m and rad].
 
-    By the least steps that reach the target (Levenberg and Marquardt), damped in proportion to what is missing: where
-    solutions meet each takes about half of that away, and elsewhere the number of digits doubles (Yamashita, 2001).
+    By the least steps that reach the target (Levenberg and Marquardt), damped by the square of what is missing, which
+    the squares of small singular values come near to where solutions meet: each step takes three quarters of that away
+    there, and elsewhere the number of digits doubles (Yamashita and Fukushima, 2001).
     """
     x, system, normal = walk.z, walk.system, newton.normal
     missing = linearise7(chain, T, x, system)
     for _ in range(STARTING_STEPS):
         if missing <= RESIDUAL:
             break
-        fill_steps(system, STARTING_DAMPING * missing, normal)
+        fill_steps(system, max(missing * missing, SMALLEST_PIVOT), normal)
         if not solve_normal(normal):
-            return math.inf
+            break
         for j in range(7):
             for i in range(6):
                 x[j] += system[i, j] * normal[i, 6]
@@ -273,7 +275,7 @@ def add_missing_slices(work: SetWork) -> tuple[int, int]:
             continue
         missing += 1
         if add_slice(work.chain, work.T, int(work.options[1]), p, slices, work.six, work.seven):
-            count_all_passed(work.chain, work.T, parameter, slices.size[0] - 1, slices, loops, work.walk)
+            count_all_passed(work.chain, work.T, parameter, slices.size[0] - 1, 0, slices, loops, work.walk)
         else:
             refused += 1
     return missing, refused
@@ -332,9 +334,7 @@ def passing(loops: Loops, parameter: int, value: float) -> int:
     count = 0
     for c in range(loops.size[1]):
         for n in range(loops.ends[c, 0], loops.ends[c, 1] - 1):
-            p, q = loops.nodes[n, parameter], loops.nodes[n + 1, parameter]
-            near = value + TURN * math.floor((0.5 * (p + q) - value) / TURN + 0.5)
-            count += min(p, q) < near <= max(p, q)
+            count += passes(value, loops.nodes[n, parameter], loops.nodes[n + 1, parameter])
     return int(count)
 
 

@@ -16,10 +16,9 @@ from jacokin.kernels.trigonometry import angle_of, sin_cos
 from jacokin.kernels.vector import Vec, dot
 
 MOST_AT_Q3 = 8
-#: Folds at most, and what the last digits of a target change of their equations, relative to their largest terms.
-MOST_FOLDS, FOLD_NOISE = 64, 1e-14
-#: A plane equation that misses a solution by this share is one that has just one.
-MISSED = 1e-14
+MOST_FOLDS = 64
+#: What the last digits of a target change of an equation, relative to its largest terms.
+ROUNDING = 1e-14
 
 
 def row_of(chain: Array, i: int, k: int) -> Vec:
@@ -139,7 +138,7 @@ def find_folds(chain: Array, arm7: Array, T: Array, roots: RootWork, folds: Arra
             for n in range(3 if which == 0 else 5):
                 roots.cosine[n] += TO_COSINE[j, n] * value
                 roots.sine[n] += TO_SINE[j, n] * value
-        found = find_roots(FOLD_NOISE * largest, 0.0, roots)
+        found = find_roots(ROUNDING * largest, 0.0, roots)
         for i in range(found):
             half = roots.roots[i, 1]
             single = single and half == 0.0
@@ -183,7 +182,7 @@ def solve_rows_at_q3(chain: Array, arm7: Array, T: Array, q3: float, low: int, h
     u = elbow(chain, arm7, c3, s3)
     a, b, c = elbow_equation(chain, arm7, D0, u, c3, s3)
     r4 = math.sqrt(a * a + b * b)
-    if not abs(c) <= r4 * (1.0 + MISSED) or r4 == 0.0:
+    if not abs(c) <= r4 * (1.0 + ROUNDING) or r4 == 0.0:
         return
     middle4, half4 = angle_of(b, a), half_between(c, r4)
     for i in range(2):
@@ -194,7 +193,7 @@ def solve_rows_at_q3(chain: Array, arm7: Array, T: Array, q3: float, low: int, h
         v = wrist_after_joint_2(chain, arm7, u, c3, s3, c4, s4)
         a, b, c = plane_equation(row_of(chain, 1, 2), v, D0[2])
         r2 = math.sqrt(a * a + b * b)
-        if not abs(c) <= r2 * (1.0 + MISSED) or r2 == 0.0:
+        if not abs(c) <= r2 * (1.0 + ROUNDING) or r2 == 0.0:
             continue
         middle2, half2 = angle_of(b, a), half_between(c, r2)
         for k in range(2):

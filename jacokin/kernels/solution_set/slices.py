@@ -121,6 +121,13 @@ def fill_general(six: SixJoints) -> None:
     six.general[OWN] = six.arm[OWN] if six.arm[SCALE] > 0.0 else JACO_LABELLING
 
 
+def count_solutions(six: SixJoints, p: float) -> int:
+    """Solve six joints at a value of the parameter; how many solutions there are at least."""
+    turn_target(six.T, six.axis, p, six.turned)
+    solve_pose(six.arm, unpack_arm(six.arm), PoseQuery(six.chain, six.limits, six.turned, six.seed), six.work)
+    return int(six.work.branches.filled[0])
+
+
 def add_slice(chain: Array, T: Array, kind: int, p: float, slices: Slices, six: SixJoints, seven: SevenJoints) -> bool:
     """Append all solutions at a value of the parameter; False where there is no room."""
     i = slices.size[0]
@@ -135,12 +142,8 @@ def add_slice(chain: Array, T: Array, kind: int, p: float, slices: Slices, six: 
                     slices.x[i, count, j] = seven.rows[k, j]
                 count += 1
     else:
-        turn_target(six.T, six.axis, p, six.turned)
-        query = PoseQuery(six.chain, six.limits, six.turned, six.seed)
-        solve_pose(six.arm, unpack_arm(six.arm), query, six.work)
-        branches = six.work.branches
+        count, branches = count_solutions(six, p), six.work.branches
         slices.doubt[i] = branches.filled[1]
-        count = branches.filled[0]
         for k in range(count):
             for j in range(6):
                 slices.x[i, k, j if kind == AFTER else 6 - j] = branches.rows[k, j]

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.kernels.limits import TURN
 from jacokin.kernels.solution_set.curve import (
     COLUMNS,
     FAILED,
@@ -28,22 +27,25 @@ from jacokin.kernels.solution_set.curve import (
     cubic,
     cubic_root,
     go_on,
+    level_near,
     point_at,
     point_where_still,
+    still_shares,
     tangent,
     wrapped,
 )
 from jacokin.kernels.solution_set.slices import Slices
 
 NODES, LOOPS, MEETINGS = 12288, 128, 64
-#: [rad] shorter steps are not tried: the curve is lost. From the second on, curves that meet are passed.
+#: [rad] shorter steps are not tried: the curve is lost. From the second on, curves that meet are passed; where a curve
+#: turns so sharply that steps are shorter, another one is so near that they may not be told apart.
 SHORTEST_STEP, MEETING_STEP = 1e-9, 1e-4
 #: [rad] a curve passes a point of a slice at this distance from the cubic between its nodes, and from there nearer than
 #: this share of the distance to any other.
 PASSED, PASSED_SHARE = 0.03, 0.5
 MOST_STEPS = 6000
-#: [rad] where a curve turns so sharply that steps are shorter, another one is so near that they may not be told apart.
-SHARP = 1e-4
+#: Share of a chord by which a point on a curve may be beside the chord's ends, for rounding.
+BESIDE = 0.1
 #: How a curve ends: nowhere, where it leaves the window, lost on the way, or for want of room.
 LOST, CLOSED, LEFT, FULL = 0, 1, 2, 3
 
@@ -77,31 +79,38 @@ def trace(chain: Array, T: Array, parameter: int, slices: Slices, loops: Loops, 
         for k in range(slices.counts[i]):
             if slices.passed[i, k] > 0 or (math.isnan(slices.p[i]) and is_traced(loops, slices.x[i, k])):
                 continue
-            slices.passed[i, k] = 1
+            slices.passed[i, k], first = 1, loops.size[1]
             follow(chain, T, parameter, i, k, slices, loops, walk)
+            for n in range(slices.size[0] if math.isnan(slices.p[i]) else 0):
+                count_all_passed(chain, T, parameter, n, first, slices, loops, walk)
 
 
 def is_traced(loops: Loops, x: Array) -> bool:
-    """Whether a point lies on a curve, to about 1e-5 rad."""
+    """Whether a point lies on a curve that is known."""
     for c in range(loops.size[1]):
         for n in range(loops.ends[c, 0], loops.ends[c, 1] - 1):
-            a, b = loops.nodes[n], loops.nodes[n + 1]
-            length = chord_length(a, b)
-            along, square = 0.0, 0.0
-            for j in range(7):
-                d = wrapped(x[j] - a[j])
-                along += d * (b[j] - a[j])
-                square += d * d
-            if length == 0.0 or square > 4.0 * length * length:
-                continue
-            u = along / (length * length)
-            if -0.1 <= u <= 1.1:
-                away = 0.0
-                for j in range(7):
-                    away = max(away, abs(wrapped(x[j] - cubic(a, b, length, u, j))))
-                if away < 1e-3 * length + 10.0 * RESOLUTION:
-                    return True
+            if lies_between(x, loops.nodes[n], loops.nodes[n + 1], -BESIDE):
+                return True
     return False
+
+
+def lies_between(x: Array, a: Array, b: Array, low: float) -> bool:
+    """Whether a point lies on the curve between two nodes, from a share of the chord on to just beyond the second one.
+
+    By the cubic through both, to about 1e-5 rad.
+    """
+    length = chord_length(a, b)
+    along, square = 0.0, 0.0
+    for j in range(7):
+        d = wrapped(x[j] - a[j])
+        along += d * (b[j] - a[j])
+        square += d * d
+    if length == 0.0 or square > 2.0 * length * length:
+        return False
+    u, away = along / (length * length), 0.0
+    for j in range(7):
+        away = max(away, abs(wrapped(x[j] - cubic(a, b, length, u, j))))
+    return low < u < 1.0 + BESIDE and away <= 1e-3 * length + 10.0 * RESOLUTION
 
 
 def add_node(loops: Loops, x: Array, t: Array, fold: int) -> int:
@@ -187,7 +196,7 @@ def run(
         volume = walk.volume[0]
         if result == FLIPPED:
             note_meeting(loops, walk.x, walk.y)
-        elif h < SHARP and not is_near:
+        elif h < MEETING_STEP and not is_near:
             loops.size[3] += 1
         if comes_back(chain, T, parameter, last, (point[0], point[1], first), slices, loops, walk):
             state = CLOSED
@@ -296,18 +305,10 @@ def turns(a: Array, b: Array, parameter: int) -> bool:
 
 def turns_twice(a: Array, b: Array, parameter: int) -> bool:
     """Whether the parameter turns back and back again between two nodes, by the cubic through both."""
-    da, db = a[7 + parameter], b[7 + parameter]
-    if not da * db > 0.0:
-        return False
     length = chord_length(a, b)
-    mean = (b[parameter] - a[parameter]) / length
-    # Its derivative has one sign at both ends, and two zeros in between or none.
-    c, m = 3.0 * (da + db - 2.0 * mean), -2.0 * (2.0 * da + db - 3.0 * mean)
-    square = m * m - 4.0 * c * da
-    if not (c * da > 0.0 and square > 0.0 and 0.0 < -m / (2.0 * c) < 1.0):
-        return False
-    between = math.sqrt(square) / abs(c)
-    return bool(abs(c) * between * between * between / 6.0 * length > RESOLUTION)
+    first, second = still_shares(a, b, length, parameter)
+    twice = first > 0.0 and second > 0.0
+    return twice and abs(cubic(a, b, length, first, parameter) - cubic(a, b, length, second, parameter)) > RESOLUTION
 
 
 def note_meeting(loops: Loops, x: Array, y: Array) -> None:
@@ -352,44 +353,34 @@ def note_passed(
     a, b, (i0, k0, first) = loops.nodes[n], loops.nodes[n + 1], start
     p, q = a[parameter], b[parameter]
     if math.isnan(slices.p[i0]):
-        return n > first and returns(loops, n, first)
+        back = n > first and lies_between(loops.nodes[first], a, b, 0.0)
+        if back:
+            close_loop(loops, n, first)
+        return back
     closes = False
-    if passes(slices.p[i0], p, q) and (n > first or level(slices.p[i0], p, q) != p):
-        nearest = point_passed(chain, T, parameter, a, b, i0, slices, walk)
-        closes = nearest == k0
+    if passes(slices.p[i0], p, q) and (n > first or level_near(slices.p[i0], p, q) != p):
+        closes = point_passed(chain, T, parameter, a, b, i0, slices, walk) == k0
         if closes:
-            q = level(slices.p[i0], p, q)  # others that are passed later were passed at first
-        elif nearest >= 0:
-            count_passed(i0, nearest, slices, loops)
+            q = level_near(slices.p[i0], p, q)  # others that are passed later were passed at first
         else:
-            loops.size[3] += 1
+            count_point(chain, T, parameter, a, b, i0, slices, loops, walk)
     for i in range(slices.size[0]):
-        if i == i0 or math.isnan(slices.p[i]) or not passes(slices.p[i], p, q):
-            continue
-        nearest = point_passed(chain, T, parameter, a, b, i, slices, walk)
-        if nearest >= 0:
-            count_passed(i, nearest, slices, loops)
-        else:
-            loops.size[3] += 1
+        if i != i0 and passes(slices.p[i], p, q):
+            count_point(chain, T, parameter, a, b, i, slices, loops, walk)
     if closes:
         close_loop(loops, n, first)
     return closes
 
 
-def level(value: float, p: float, q: float) -> float:
-    """The 2 pi equivalent of a value that is nearest to the middle of p and q."""
-    return value + TURN * math.floor((0.5 * (p + q) - value) / TURN + 0.5)
-
-
 def passes(value: float, p: float, q: float) -> bool:
-    """Whether a value of the parameter, or one whole turns away, is passed between p and q."""
-    value = level(value, p, q)
+    """Whether a value of the parameter, or one whole turns away, is passed between p and q; NaN never is."""
+    value = level_near(value, p, q)
     return min(p, q) < value <= max(p, q)
 
 
 def point_passed(chain: Array, T: Array, parameter: int, a: Array, b: Array, i: int, slices: Slices, walk: Walk) -> int:
     """Which point of slice i a curve passes between two nodes, -1 for none."""
-    value, length = level(slices.p[i], a[parameter], b[parameter]), chord_length(a, b)
+    value, length = level_near(slices.p[i], a[parameter], b[parameter]), chord_length(a, b)
     u = cubic_root(a, b, length, parameter, value, 0.0, 1.0)
     for j in range(7):
         walk.z[j] = cubic(a, b, length, u, j)
@@ -400,45 +391,25 @@ def point_passed(chain: Array, T: Array, parameter: int, a: Array, b: Array, i: 
     return nearest if least <= min(PASSED, PASSED_SHARE * second) else -1
 
 
-def count_all_passed(chain: Array, T: Array, parameter: int, i: int, slices: Slices, loops: Loops, walk: Walk) -> None:
-    """Count the points of slice i that the curves so far pass."""
-    for c in range(loops.size[1]):
+def count_all_passed(
+    chain: Array, T: Array, parameter: int, i: int, first: int, slices: Slices, loops: Loops, walk: Walk
+) -> None:
+    """Count the points of slice i that the curves from the first one on pass."""
+    for c in range(first, loops.size[1]):
         for n in range(loops.ends[c, 0], loops.ends[c, 1] - 1):
             a, b = loops.nodes[n], loops.nodes[n + 1]
             if passes(slices.p[i], a[parameter], b[parameter]):
-                nearest = point_passed(chain, T, parameter, a, b, i, slices, walk)
-                if nearest >= 0:
-                    count_passed(i, nearest, slices, loops)
-                else:
-                    loops.size[3] += 1
+                count_point(chain, T, parameter, a, b, i, slices, loops, walk)
 
 
-def count_passed(i: int, k: int, slices: Slices, loops: Loops) -> None:
-    """Count point k of slice i as passed; something went wrong if it was before."""
-    slices.passed[i, k] += 1
-    if slices.passed[i, k] > 1:
-        loops.size[3] += 1
-
-
-def returns(loops: Loops, n: int, first: int) -> bool:
-    """Whether a curve that began at any point comes back there between nodes n and n + 1, which then closes it."""
-    a, b, start = loops.nodes[n], loops.nodes[n + 1], loops.nodes[first]
-    length = chord_length(a, b)
-    along, square = 0.0, 0.0
-    for j in range(7):
-        d = wrapped(start[j] - a[j])
-        along += d * (b[j] - a[j])
-        square += d * d
-    if length == 0.0 or square > 2.0 * length * length:
-        return False
-    u = along / (length * length)
-    if not 0.0 < u <= 1.0:
-        return False
-    for j in range(7):
-        if abs(wrapped(start[j] - cubic(a, b, length, u, j))) > 1e-3 * length + 10.0 * RESOLUTION:
-            return False
-    close_loop(loops, n, first)
-    return True
+def count_point(
+    chain: Array, T: Array, parameter: int, a: Array, b: Array, i: int, slices: Slices, loops: Loops, walk: Walk
+) -> None:
+    """Count the point of slice i that a curve passes between two nodes; a doubt for none, and for one passed before."""
+    k = point_passed(chain, T, parameter, a, b, i, slices, walk)
+    if k >= 0:
+        slices.passed[i, k] += 1
+    loops.size[3] += k < 0 or slices.passed[i, k] > 1
 
 
 def close_loop(loops: Loops, n: int, first: int) -> None:

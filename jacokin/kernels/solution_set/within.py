@@ -19,10 +19,11 @@ from jacokin.kernels.solution_set.curve import (
     chord_length,
     cubic,
     cubic_root,
-    cubic_slope,
-    point_across,
+    halve_chord,
+    level_near,
     point_at,
     point_where_still,
+    still_shares,
     wrapped,
 )
 from jacokin.kernels.solution_set.trace import CLOSED, Loops
@@ -30,8 +31,9 @@ from jacokin.kernels.solution_set.trace import CLOSED, Loops
 ROWS, PIECES = 24576, 512
 #: Why a piece ends, besides 2 j and 2 j + 1 for the lower and upper limit of angle j: a fold, or nothing ends.
 FOLD, CIRCLE, LOST = -1, -2, -3
-#: [rad] an angle past its limit by no more is on it, but for rounding.
-SNAP = 1e-9
+#: [rad] an angle past its limit by no more is on it, but for rounding. It passes its limit where it is past it by what
+#: rounding leaves of an angle: one that comes to its limit and hardly moves there stays within it.
+SNAP, ROUNDING = 1e-9, 1e-12
 #: Share of the square of a chord by which the cubic through its ends may be off, or of the chord and so many times what
 #: an angle moves along it, where that is less.
 DOUBT, MOVES = 3e-3, 10.0
@@ -200,13 +202,8 @@ def cut_chord(chain: Array, T: Array, parameter: int, pieces: Pieces, walk: Walk
             and top + 2 < PARTS - 1
             and halved < MOST_HALVED
             and is_doubtful(a, b, length, pieces.limits)
-            and point_across(chain, T, a, b, 0.5, walk)
+            and halve_chord(chain, T, parts, top, walk)
         ):
-            for j in range(7):
-                parts[top + 1, j], parts[top + 1, 7 + j] = a[j], a[7 + j]
-                parts[top + 1, 14 + j], parts[top + 1, 21 + j] = walk.z[j], walk.tz[j]
-            for j in range(7):
-                a[j], a[7 + j] = walk.z[j], walk.tz[j]
             top += 1
             halved += 1
             continue
@@ -217,10 +214,10 @@ def cut_chord(chain: Array, T: Array, parameter: int, pieces: Pieces, walk: Walk
         parts[0, COLUMNS + m] = parts[PARTS - 1, m]
 
 
-def level_near(limit: float, a: float, b: float) -> float:
-    """The 2 pi equivalent of a limit that is nearest to the middle of two angles."""
-    middle = 0.5 * (a + b)
-    return middle + wrapped(limit - middle)
+def passed_at(limits: Array, code: int, a: float, b: float) -> float:
+    """The angle near two others at which the limit of a code is passed."""
+    side = code % 2
+    return level_near(limits[side, code // 2] + (2 * side - 1) * ROUNDING, a, b)
 
 
 def is_doubtful(a: Array, b: Array, length: float, limits: Array) -> bool:
@@ -230,24 +227,12 @@ def is_doubtful(a: Array, b: Array, length: float, limits: Array) -> bool:
             continue
         moves = (abs(a[7 + j]) + abs(b[7 + j])) * length + abs(b[j] - a[j])
         slack = DOUBT * length * min(length, MOVES * moves)
-        for side in range(2):
-            level = level_near(limits[side, j], a[j], b[j])
-            v0, v1 = a[j] - level, b[j] - level
-            d0, d1 = a[7 + j] * length, b[7 + j] * length
-            if min(abs(v0), abs(v1)) > abs(d0) + abs(d1) + length:
-                continue
-            c3, c2 = 2.0 * (v0 - v1) + d0 + d1, 3.0 * (v1 - v0) - 2.0 * d0 - d1
-            square = c2 * c2 - 3.0 * c3 * d0
-            if square <= 0.0:
-                continue
-            q = -(c2 + math.copysign(math.sqrt(square), c2))
-            for n in range(2):
-                bottom, over = (3.0 * c3, q) if n == 0 else (q, d0)
-                u = over / bottom if bottom != 0.0 else -1.0
-                if 0.0 < u < 1.0:
-                    value = v0 + u * (d0 + u * (c2 + u * c3))
-                    if abs(value) < slack > SNAP or value * v0 < 0.0 or value * v1 < 0.0:
-                        return True
+        for u in still_shares(a, b, length, j):
+            for side in range(2 if u > 0.0 else 0):
+                level = passed_at(limits, 2 * j + side, a[j], b[j])
+                value = cubic(a, b, length, u, j) - level
+                if abs(value) < slack > SNAP or value * (a[j] - level) < 0.0 or value * (b[j] - level) < 0.0:
+                    return True
     return False
 
 
@@ -304,7 +289,7 @@ def find_events(chain: Array, T: Array, a: Array, b: Array, pieces: Pieces, walk
 def find_event(chain: Array, T: Array, a: Array, b: Array, code: int, pieces: Pieces, walk: Walk) -> bool:
     """Fill walk.z and walk.tz with where the limit of a code is passed, or touched, between two nodes, if it is."""
     length, j, side = chord_length(a, b), code // 2, code % 2
-    level = level_near(pieces.limits[side, j], a[j], b[j])
+    level = passed_at(pieces.limits, code, a[j], b[j])
     v0, v1 = a[j] - level, b[j] - level
     if (v0 < 0.0) != (v1 < 0.0):
         u = cubic_root(a, b, length, j, level, 0.0, 1.0)
@@ -319,14 +304,10 @@ def find_event(chain: Array, T: Array, a: Array, b: Array, code: int, pieces: Pi
 
 def touches(a: Array, b: Array, length: float, j: int, level: float) -> bool:
     """Whether an angle that stands still between two nodes comes to a level there, by the cubic."""
-    low, high = 0.0, 1.0
-    for _ in range(50):
-        u = 0.5 * (low + high)
-        if (cubic_slope(a, b, length, u, j) > 0.0) == (a[7 + j] > 0.0):
-            low = u
-        else:
-            high = u
-    return abs(cubic(a, b, length, 0.5 * (low + high), j) - level) < DOUBT * length * length + SNAP
+    for u in still_shares(a, b, length, j):
+        if u > 0.0 and abs(cubic(a, b, length, u, j) - level) < DOUBT * length * length + SNAP:
+            return True
+    return False
 
 
 def inside_between(here: Array, there: Array, limits: Array) -> bool:

@@ -85,6 +85,16 @@ def test_joints_on_their_limits_are_members_too(solver: IKSolver, rng: np.random
         assert solver.solve(target_at(robot, q), closest=False).success
 
 
+def test_a_joint_that_comes_to_its_limit_and_hardly_moves_there_is_within_it() -> None:
+    """Its angle goes past the limit with the third power of the parameter: 1e-13 rad after 1e-4."""
+    solver = IKSolver(jacokin.load_robot("gen3_lite"), collision="ignore")
+    q = np.array([0.0, 0.0, -0.5 * math.pi, -2.6, 0.5 * math.pi, 0.0])
+    target = FreeAxis(solver.robot.forward_kinematics(q), axis=(0.0, 1.0, 0.0))
+    nearest = solver.solve_all(target).nearest(q)
+    assert nearest is not None
+    np.testing.assert_allclose(nearest, q, atol=1e-6)
+
+
 def test_the_only_curve_may_lie_between_two_slices(rng: np.random.Generator) -> None:
     robot = jacokin.load_robot("j2s6s300")
     solver = IKSolver(robot, collision="ignore")

@@ -13,8 +13,8 @@ from jacokin.ik.geometry import measure_seven
 from jacokin.kernels.solution_set.curve import (
     FAILED,
     FLIPPED,
+    LARGEST_RESIDUAL,
     LONGEST_STEP,
-    NODE_RESIDUAL,
     advance,
     chord_length,
     cubic,
@@ -83,7 +83,7 @@ def test_steps_stay_on_the_curve(curve: Curve) -> None:
     nodes = nodes_along(curve, FIRST, 40, longest)
     for before, node in pairwise(nodes):
         x, t = node[:7], node[7:]
-        assert residual(curve, x) < 2.0 * NODE_RESIDUAL
+        assert residual(curve, x) < 2.0 * LARGEST_RESIDUAL
         assert np.linalg.norm(t) == pytest.approx(1.0)
         np.testing.assert_allclose(curve.robot.jacobian(x) @ t, 0.0, atol=1e-9)
         assert t @ before[7:] > 0.0
@@ -96,7 +96,7 @@ def test_a_step_of_any_length_fails_or_is_on_the_curve(curve: Curve, h: float) -
     result = advance(curve.chain, curve.T, walk, h, volume, walk.y, walk.ty)
     assert result != FAILED or h > 1e-3
     if result != FAILED:
-        assert residual(curve, walk.y) < 2.0 * NODE_RESIDUAL
+        assert residual(curve, walk.y) < 2.0 * LARGEST_RESIDUAL
         assert walk.t @ walk.ty > 0.9
 
 
@@ -112,7 +112,7 @@ def test_the_cubic_through_two_nodes_is_near_the_curve(curve: Curve) -> None:
         a, b = nodes_along(curve, FIRST, 1, h)
         walk = make_walk()
         assert point_across(curve.chain, curve.T, a, b, 0.5, walk)
-        assert residual(curve, walk.z) < NODE_RESIDUAL
+        assert residual(curve, walk.z) < LARGEST_RESIDUAL
         errors.append(max(abs(cubic(a, b, chord_length(a, b), 0.5, j) - walk.z[j]) for j in JOINTS))
     assert errors[0] < 1e-3
     assert errors[1] < 0.2 * errors[0] + 1e-12
@@ -129,7 +129,7 @@ def test_points_where_an_angle_has_a_value(curve: Curve, rng: np.random.Generato
             u = cubic_root(a, b, length, j, value, 0.0, 1.0)
             assert point_at(curve.chain, curve.T, a, b, j, value, u, walk)
             assert x[j] == pytest.approx(value, abs=1e-13)
-            assert residual(curve, x) < 2.0 * NODE_RESIDUAL
+            assert residual(curve, x) < 2.0 * LARGEST_RESIDUAL
             np.testing.assert_allclose(curve.robot.jacobian(x) @ t, 0.0, atol=1e-9)
             tried += 1
     assert tried == 84
@@ -146,7 +146,7 @@ def test_points_where_an_angle_stands_still(curve: Curve) -> None:
                 continue
             assert point_where_still(curve.chain, curve.T, a, b, j, walk)
             assert abs(walk.tz[j]) < 1e-11
-            assert residual(curve, z) < NODE_RESIDUAL
+            assert residual(curve, z) < LARGEST_RESIDUAL
             top, side = z.copy(), 1.0 if a[7 + j] > 0.0 else -1.0
             top_node = np.concatenate([top, walk.tz])
             for u in np.linspace(0.0, 1.0, 9):
@@ -156,7 +156,7 @@ def test_points_where_an_angle_stands_still(curve: Curve) -> None:
                 value = top[j] - side * 1e-9
                 assert point_at(curve.chain, curve.T, a, top_node, j, value, 0.999, walk)
                 assert z[j] == pytest.approx(value, abs=1e-14)
-                assert residual(curve, z) < 2.0 * NODE_RESIDUAL
+                assert residual(curve, z) < 2.0 * LARGEST_RESIDUAL
             tried += 1
     assert tried > 0
 
@@ -194,7 +194,7 @@ def test_every_solution_is_passed_once_and_curves_close(rng: np.random.Generator
         nodes = loops.nodes[first:end]
         np.testing.assert_allclose(wrap_to_pi(nodes[-1, :7] - nodes[0, :7]), 0.0, atol=1e-9)
         np.testing.assert_allclose(nodes[-1, 7:], nodes[0, 7:], atol=1e-6)
-        assert max(residual(curve, x) for x in nodes[:, :7]) < 2.0 * NODE_RESIDUAL
+        assert max(residual(curve, x) for x in nodes[:, :7]) < 2.0 * LARGEST_RESIDUAL
         chords += list(zip(nodes[:-1, parameter], nodes[1:, parameter], strict=True))
     assert slices.counts[: slices.size[0]].sum() > 0
     for i in range(slices.size[0]):

@@ -8,24 +8,9 @@ from scipy.optimize import minimize_scalar
 
 from jacokin.arrays import Array
 from jacokin.kernels.solution_set.curve import FAILED, FLIPPED, advance, make_walk, tangent
-from jacokin.kernels.solution_set.meeting import ASIDE, diagonalise, make_directions, points_aside
+from jacokin.kernels.solution_set.meeting import ASIDE, make_directions, points_aside
 from jacokin.model.angles import TURN, wrap_to_pi
 from tests.kernels.solution_set.known_curves import MIDDLE, Curve, along_circle, residual, straight_wrist, traced
-
-
-def test_a_symmetric_matrix_becomes_diagonal(rng: np.random.Generator) -> None:
-    """With the eigenvalues that NumPy finds; the vectors are orthonormal. Two of them are zero, as at a meeting."""
-    for _ in range(10):
-        rows = rng.normal(size=(5, 7))
-        square = rows.T @ rows
-        null = make_directions()
-        null.square[:], null.vectors[:] = square, np.eye(7)
-        with np.errstate(over="ignore"):  # as silent as machine code: a tiny entry beside large ones
-            diagonalise(null)
-        np.testing.assert_allclose(null.vectors.T @ null.vectors, np.eye(7), atol=1e-12)
-        np.testing.assert_allclose(null.square, np.diag(np.diag(null.square)), atol=1e-12)
-        np.testing.assert_allclose(np.sort(np.diag(null.square)), np.linalg.eigvalsh(square), atol=1e-12)
-        np.testing.assert_allclose(square @ null.vectors, null.vectors @ null.square, atol=1e-11)
 
 
 def meetings_of(curve: Curve) -> list[float]:
