@@ -44,11 +44,11 @@ class Whereabouts(NamedTuple):
             return self
         moved = self.poses.copy()
         moved[:, :, 3] += time * self.twists[:, :3]
-        if not self.twists[:, 3:].any():
-            return self._replace(poses=moved)
-        for row in np.flatnonzero(self.twists[:, 3:].any(axis=1)).tolist():
-            moved[row, :, :3] = pin.exp3(time * self.twists[row, 3:]) @ moved[row, :, :3]
-        return self._replace(poses=moved)
+        turns = self.twists[:, 3:]
+        if turns.any():
+            for row in np.flatnonzero(turns.any(axis=1)).tolist():
+                moved[row, :, :3] = pin.exp3(time * turns[row]) @ moved[row, :, :3]
+        return Whereabouts(moved, self.twists, self.speeds, self.moving)
 
 
 class News(NamedTuple):
@@ -136,12 +136,10 @@ class MovableShapes:
         """
         places, twists = before.poses.copy(), before.twists.copy()
         for name, motion in given.items():
-            row = self._row(name)
+            row, argument = self._row(name), f"obstacles[{name!r}]"
             pose, *twist = _parts(motion)
-            _place(places[row], f"obstacles[{name!r}]", pose)
-            twists[row] = 0.0
-            if twist:
-                twists[row] = checks.vector(f"obstacles[{name!r}]: twist", twist[0], 6, "m/s, rad/s")
+            _place(places[row], argument, pose)
+            twists[row] = checks.vector(f"{argument}: twist", twist[0], 6, "m/s, rad/s") if twist else 0.0
         return self._at(places, twists)
 
     def carried(self, before: MovableShapes, where: Whereabouts) -> Whereabouts:
@@ -156,7 +154,9 @@ class MovableShapes:
     def _at(self, places: Array, twists: Array) -> Whereabouts:
         """The shapes at places (k, 3, 4), with twists (k, 6)."""
         # Turning about its origin, no point is faster than its farthest.
-        speeds = _lengths(twists[:, :3]) + _lengths(twists[:, 3:]) * self._reach
+        speeds = _lengths(twists[:, :3])
+        if twists[:, 3:].any():
+            speeds += _lengths(twists[:, 3:]) * self._reach
         return Whereabouts(places, twists, speeds, bool(speeds.any()))
 
     def _row(self, name: str) -> int:
@@ -177,11 +177,14 @@ class MovableShapes:
 
     def travel(self, before: Whereabouts, after: Whereabouts) -> Array:
         """(k,) farthest that any point of each shape has moved, at most [m]."""
-        shift = _lengths(self.centres(after) - self.centres(before))
+        change = after.poses - before.poses
         # A turn by an angle moves a point at distance r by 2 r sin(angle / 2); the Frobenius norm is 2 sqrt(2) times
         # that sine.
-        turn = _lengths((after.poses - before.poses)[:, :, :3].reshape(-1, 9))
-        return np.asarray(shift + np.sqrt(0.5) * turn * self._radii)
+        squares = np.einsum("kij,kij->kj", change, change)
+        turn = np.sqrt(0.5 * squares[:, :3].sum(axis=1))
+        if self._is_centred:
+            return np.asarray(np.sqrt(squares[:, 3]) + turn * self._radii)
+        return np.asarray(_lengths(self.centres(after) - self.centres(before)) + turn * self._radii)
 
 
 def _parts(motion: Motion | None) -> tuple[Any, ...]:  # Any: checked where it is used
@@ -198,6 +201,9 @@ def _place(place: Array, name: str, pose: Any) -> None:
     """Write a pose or a position (3,) [m] to (3, 4)."""
     if isinstance(pose, pin.SE3):
         place[:] = poses.checked_pose(pose, name).homogeneous[:3]
+        return
+    if checks.is_vector(pose, 3):
+        place[:, :3], place[:, 3] = UNTURNED, pose
         return
     array = checks.array(name, pose, "a pose or a position", "m")
     if array.ndim == 1:

@@ -153,8 +153,8 @@ class TwistFollower:
         controlled = controlled_directions(jacobian)
         found = wish - controlled.T.dot(controlled.dot(wish))
         part = largest_share(np.zeros_like(found), found, *self._limits.stoppable(q))
-        rows, ends = self._ticks.inequalities
-        if rows is not None and ends is not None and len(ends):
+        rows, ends = self._ticks.inequalities_towards(found)
+        if rows is not None and ends is not None:
             closing = rows.dot(found)
             part = min(part, float((ends / np.maximum(closing, TINY)).min()))
         return np.asarray(part * found)
@@ -196,17 +196,18 @@ class TwistFollower:
         limits = self._limits
         size = np.maximum(np.abs(direction), TINY)
         names, low, high = self._kinematics.robot.joint_names, *self._ticks.room
-        rows, ends = self._ticks.inequalities
         speeds, free = limits.step / size, np.where(direction > 0.0, high, -low) / size
         fast, first = int(np.argmin(speeds)), int(np.argmin(free))
         # All joints brake together: none may have to brake harder than it can.
         braking = EASY * float((limits.change / size).min())
+        stopping = 1.0 + 0.5 / braking  # parts, at least as many as it takes to stop after a whole one
+        rows, ends = self._ticks.inequalities_towards(stopping * direction)
         end = "upper" if direction[first] > 0.0 else "lower"
         paces = [
             _Pace(float(speeds[fast]), f"{names[fast]} velocity"),
             _Pace(_stopping(float(free[first]), braking), f"{names[first]} {end} limit"),
         ]
-        if rows is not None and ends is not None and len(ends):
+        if rows is not None and ends is not None:
             closing = rows.dot(direction)
             coming = closing > 0.0
             if coming.any():
