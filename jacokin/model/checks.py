@@ -25,7 +25,6 @@ FLOAT64 = np.dtype(np.float64)
 NUMBER_KINDS = "iuf"  # of NumPy's dtypes: no booleans, complex numbers, strings, dates or objects
 NOT_NUMBERS = frozenset((bool, np.bool_))  # NumPy would convert these, and masked values, in lists
 PLAIN = frozenset((float, int, np.float64))
-FLOATS = frozenset((float,))  # whose sum overflows without a word
 NESTING = 3  # lists in lists in lists that are searched for values that are not numbers
 
 
@@ -287,14 +286,17 @@ def is_vector(value: object, size: int) -> TypeGuard[Array]:
     )
 
 
-def _is_floats(value: object, size: int) -> TypeGuard[list[float] | tuple[float, ...]]:
-    """Whether this is a list of so many finite floats: what most other calls bring."""
-    return (
-        isinstance(value, list | tuple)
-        and len(value) == size
-        and set(map(type, value)) <= FLOATS
-        and math.isfinite(sum(value))
-    )
+def is_listed(value: object, size: int) -> TypeGuard[list[float] | tuple[float, ...]]:
+    """Whether this is a list of so many finite plain numbers: what most other calls bring."""
+    try:
+        return (
+            isinstance(value, list | tuple)
+            and len(value) == size
+            and set(map(type, value)) <= PLAIN
+            and all(map(math.isfinite, value))
+        )
+    except OverflowError:  # a whole number too large for a float
+        return False
 
 
 def vector(name: str, value: ArrayLike, size: int, unit: str) -> Array:
@@ -305,7 +307,7 @@ def vector(name: str, value: ArrayLike, size: int, unit: str) -> Array:
     """
     if is_vector(value, size):
         return value
-    if _is_floats(value, size):
+    if is_listed(value, size):
         return np.array(value, dtype=np.float64)
     try:
         checked = numbers(value)

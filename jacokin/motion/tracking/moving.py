@@ -23,7 +23,7 @@ Place: TypeAlias = pin.SE3 | ArrayLike | Obstacle
 Motion: TypeAlias = Place | tuple[Place, ArrayLike]
 """Where an obstacle stands; or that and its twist (6,) [m/s, rad/s]."""
 
-UNTURNED = np.eye(3)
+STILL = (0.0,) * 6
 
 
 class Whereabouts(NamedTuple):
@@ -134,13 +134,16 @@ class MovableShapes:
             UnknownNameError: no such obstacle in the scene.
             InvalidInputError: not a mapping, one that cannot move, or malformed poses or twists.
         """
-        places, twists = before.poses.copy(), before.twists.copy()
+        rows, places, twists = list[int](), list[float](), list[float]()
         for name, motion in given.items():
-            row, argument = self._row(name), f"obstacles[{name!r}]"
             pose, *twist = _parts(motion)
-            _place(places[row], argument, pose)
-            twists[row] = checks.vector(f"{argument}: twist", twist[0], 6, "m/s, rad/s") if twist else 0.0
-        return self._at(places, twists)
+            rows.append(self._row(name))
+            places += _pose_rows(name, pose)
+            twists += _twist(name, twist[0]) if twist else STILL
+        index, all_places, all_twists = np.array(rows, np.intp), before.poses.copy(), before.twists.copy()
+        all_places[index] = np.fromiter(places, np.float64).reshape(-1, 3, 4)
+        all_twists[index] = np.fromiter(twists, np.float64).reshape(-1, 6)
+        return self._at(all_places, all_twists)
 
     def carried(self, before: MovableShapes, where: Whereabouts) -> Whereabouts:
         """Where these shapes are, if those that other shapes had go on as they did there."""
@@ -197,16 +200,23 @@ def _lengths(rows: Array) -> Array:
     return np.asarray(np.sqrt(np.einsum("ij,ij->i", rows, rows)))
 
 
-def _place(place: Array, name: str, pose: Any) -> None:
-    """Write a pose or a position (3,) [m] to (3, 4)."""
-    if isinstance(pose, pin.SE3):
-        place[:] = poses.checked_pose(pose, name).homogeneous[:3]
-        return
-    if checks.is_vector(pose, 3):
-        place[:, :3], place[:, 3] = UNTURNED, pose
-        return
-    array = checks.array(name, pose, "a pose or a position", "m")
-    if array.ndim == 1:
-        place[:, :3], place[:, 3] = UNTURNED, checks.vector(name, array, 3, "m")
-    else:
-        place[:] = poses.checked_pose(array, name).homogeneous[:3]
+def _pose_rows(name: str, pose: Any) -> list[float]:
+    """The pose or position (3,) [m] of an obstacle by its name as (3, 4), row by row."""
+    if not checks.is_vector(pose, 3):
+        argument = f"obstacles[{name!r}]"
+        if not isinstance(pose, pin.SE3):
+            pose = checks.array(argument, pose, "a pose or a position", "m")
+        if isinstance(pose, pin.SE3) or pose.ndim != 1:
+            rows: list[float] = poses.checked_pose(pose, argument).homogeneous[:3].ravel().tolist()
+            return rows
+        pose = checks.vector(argument, pose, 3, "m")
+    x, y, z = pose.tolist()
+    return [1.0, 0.0, 0.0, x, 0.0, 1.0, 0.0, y, 0.0, 0.0, 1.0, z]
+
+
+def _twist(name: str, twist: Any) -> Sequence[float]:
+    """The twist (6,) [m/s, rad/s] of an obstacle by its name."""
+    if checks.is_listed(twist, 6):
+        return twist
+    checked: list[float] = checks.vector(f"obstacles[{name!r}]: twist", twist, 6, "m/s, rad/s").tolist()
+    return checked
