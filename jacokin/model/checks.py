@@ -286,6 +286,19 @@ def is_vector(value: object, size: int) -> TypeGuard[Array]:
     )
 
 
+def is_listed(value: object, size: int) -> TypeGuard[list[float] | tuple[float, ...]]:
+    """Whether this is a list of so many finite plain numbers: what most other calls bring."""
+    try:
+        return (
+            isinstance(value, list | tuple)
+            and len(value) == size
+            and set(map(type, value)) <= PLAIN
+            and all(map(math.isfinite, value))
+        )
+    except OverflowError:  # a whole number too large for a float
+        return False
+
+
 def vector(name: str, value: ArrayLike, size: int, unit: str) -> Array:
     """A finite, contiguous float64 vector (size,).
 
@@ -294,6 +307,8 @@ def vector(name: str, value: ArrayLike, size: int, unit: str) -> Array:
     """
     if is_vector(value, size):
         return value
+    if is_listed(value, size):
+        return np.array(value, dtype=np.float64)
     try:
         checked = numbers(value)
     except (TypeError, ValueError) as error:

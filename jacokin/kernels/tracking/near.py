@@ -63,31 +63,49 @@ def change_of_distance(arm: JointFrames, j: int, point: Vec, normal: Vec) -> flo
     return dot(cross(minus(point, axis_of(arm.frames, j + 1, 3)), normal), axis)
 
 
-def keep_apart(arm: JointFrames, near: NearPairs, begun: int) -> None:
-    """Fill inequalities, after those begun with, and wishes; the frames are where the arm is.
+def keep_apart(arm: JointFrames, near: NearPairs, first: int, begun: int) -> None:
+    """Fill inequalities for the pairs from a first one on, after those begun with; the frames are where the arm is.
 
-    No pair uses up more than its spare distance; pairs that are too near, or about to be, are moved apart.
+    No pair uses up more than its spare distance; those that come nearer by themselves are moved apart instead.
     """
-    dof, count, apart = len(arm.kinds), begun, 0
-    for i in range(near.counts[0]):
-        row, first, last = near.numbers[i], near.integers[i, FIRST_JOINT], near.integers[i, LAST_JOINT]
-        point = (row[POINT], row[POINT + 1], row[POINT + 2])
-        normal = (row[NORMAL], row[NORMAL + 1], row[NORMAL + 2])
-        closing = near.rule[FORESIGHT] * row[CLOSING]
-        room = row[DISTANCE] - near.rule[KEPT] - BUFFER - max(closing, 0.0)
-        approaching = room < 0.0 and closing > 0.0
-        if near.integers[i, LEAVES] == 0 and not approaching:
-            for j in range(dof):
-                inside = first <= j < last
-                near.rows[count * dof + j] = -change_of_distance(arm, j, point, normal) if inside else 0.0
+    dof, count = len(arm.kinds), begun
+    for i in range(first, near.counts[0]):
+        room = room_of(near, i)
+        if near.integers[i, LEAVES] == 0 and not comes_too_near(near, i, room):
+            fill_change(arm, near, i, -1.0, near.rows, count * dof)
             near.ends[count] = max(room, 0.0)
             count += 1
-        if approaching or row[DISTANCE] < near.rule[KEPT] + 0.5 * BUFFER:
-            for j in range(dof):
-                inside = first <= j < last
-                change = change_of_distance(arm, j, point, normal) if inside else 0.0
-                near.wishes[apart * dof + j] = SEPARATION_WEIGHT * change
+    near.counts[1] = count
+
+
+def move_apart(arm: JointFrames, near: NearPairs) -> None:
+    """Fill wishes for pairs that are too near, or about to be; the frames are where the arm is."""
+    dof, apart = len(arm.kinds), 0
+    for i in range(near.counts[0]):
+        room = room_of(near, i)
+        if comes_too_near(near, i, room) or near.numbers[i, DISTANCE] < near.rule[KEPT] + 0.5 * BUFFER:
+            fill_change(arm, near, i, SEPARATION_WEIGHT, near.wishes, apart * dof)
             near.errors[apart] = -SEPARATION_WEIGHT * room
             near.apart[apart] = i
             apart += 1
-    near.counts[1], near.counts[2] = count, apart
+    near.counts[2] = apart
+
+
+def room_of(near: NearPairs, i: int) -> float:
+    """By how much a pair may come nearer, beside what its obstacle moves [m]."""
+    closing = near.rule[FORESIGHT] * near.numbers[i, CLOSING]
+    return float(near.numbers[i, DISTANCE] - near.rule[KEPT] - BUFFER - max(closing, 0.0))
+
+
+def comes_too_near(near: NearPairs, i: int, room: float) -> bool:
+    """Whether an obstacle is to be evaded."""
+    return bool(room < 0.0 and near.numbers[i, CLOSING] > 0.0)
+
+
+def fill_change(arm: JointFrames, near: NearPairs, i: int, weight: float, rows: Array, at: int) -> None:
+    """Fill how the distance of a pair changes with each joint, weighted [m/rad]."""
+    row = near.numbers[i]
+    point, normal = (row[POINT], row[POINT + 1], row[POINT + 2]), (row[NORMAL], row[NORMAL + 1], row[NORMAL + 2])
+    for j in range(len(arm.kinds)):
+        between = near.integers[i, FIRST_JOINT] <= j < near.integers[i, LAST_JOINT]
+        rows[at + j] = weight * change_of_distance(arm, j, point, normal) if between else 0.0

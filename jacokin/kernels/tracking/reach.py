@@ -2,6 +2,10 @@
 
 A part of the way from braking to the displacement is tried. It may be taken where no pair gets too near, and where an
 arm that brakes from then on comes to rest without coming too near to anything. Obstacles may move.
+
+Of most pairs a lower bound of the distance is all that is needed: what was measured once, less what the arm and the
+obstacle have moved since. A pair is measured where its bound leaves a question open: whether it is too near, whether it
+is the nearest, whether a displacement or the way to rest could bring it too near.
 """
 
 from __future__ import annotations
@@ -23,7 +27,7 @@ from jacokin.kernels.tracking.near import CLOSING, DISTANCE, NEAR_NUMBERS, NORMA
 from jacokin.kernels.trigonometry import sin_cos
 from jacokin.kernels.vector import Vec, cross, dot, mix, norm
 
-#: [m] beyond the watched range up to which distances are measured.
+#: [m] beyond the distance in question up to which distances are measured.
 HORIZON = 0.05
 #: [m] rounding of a distance.
 WORSE = 1e-9
@@ -35,19 +39,38 @@ LOOKS = 12
 #: that can move or -1, and 1 while something is inside its obstacle: then it is free, as the way out may lead others
 #: deeper first. The joints between its shapes are those from the first one to before the last.
 FIRST, SECOND, EXCHANGED, MOVER, LEAVING, INNER, OUTER, PAIR_INTEGERS = range(8)
-#: Columns of its numbers: the distance below which it is watched [m], at least how far apart it was and is [m], and at
-#: least how far apart it is to be on the way to rest.
-WATCH, BEFORE, BOUND, NEEDED, PAIR_NUMBERS = range(5)
 #: Counts: links and groups of shapes; whether any obstacle moves; what to find out, see below; filled: pairs near.
 LINKS, GROUPS, MOVING, ASKED, NEAR, REACH_COUNTS = range(6)
-#: Numbers: the distance kept [m], control step [s], time in which moving obstacles are looked at [s], the part of the
-#: way from braking to the displacement, how far beyond the watched range is measured [m]; filled: least distance on the
-#: way to rest less the one needed [m], and the least bound of all pairs [m].
-KEPT, TIME_STEP, FORESIGHT, PART, BEYOND, SPARE, LEAST, REACH_NUMBERS = range(8)
+#: Numbers: the distance kept, and the one below which pairs are measured always [m]; control step [s], time in which
+#: moving obstacles are looked at [s], the part of the way from braking to the displacement, how far beyond the distance
+#: in question is measured [m], the least bound of all pairs before [m]; filled: that after, and the least distance on
+#: the way to rest less the one needed [m].
+KEPT, CLOSE, TIME_STEP, FORESIGHT, PART, BEYOND, LEAST_BEFORE, LEAST, SPARE, REACH_NUMBERS = range(10)
 #: What to find out: distances; whether they are kept; whether the arm could come to rest.
 DISTANCES, KEEPING, RESTING = 0, 1, 2
 #: What `try_reach` returns: too near; the arm could come to rest, or that was not asked; it could not.
 TOO_NEAR, CLEAR, NOT_CLEAR = range(3)
+
+
+class Pairs(NamedTuple):
+    """Pairs of shapes that are kept apart."""
+
+    integers: NDArray[np.int64]  # (pairs, 7)
+    lever: NDArray[np.int64]  # (pairs,) number of its lever
+    mover: NDArray[np.int64]  # (pairs,) its obstacle in the coming and the shifts of `Movers`
+    exits: Array  # (pairs, 3) out of the obstacle, for pairs that leave one; unit vectors
+    before: Array  # (pairs,) at least how far apart it was [m]
+    bound: Array  # (pairs,) filled: at least how far apart it is [m]
+    exact: NDArray[np.int64]  # (pairs,) filled with 1 where that is the distance itself
+    needed: Array  # (pairs,) at least how far apart it is to be on the way to rest [m]
+
+
+class Levers(NamedTuple):
+    """How far joints move pairs nearer at most; many pairs have the same lever."""
+
+    lengths: Array  # (k dof,) [m/rad]
+    watched: Array  # (k,) distance below which a displacement is to keep its pairs apart [m]
+    ways: Array  # (k,) to work in: how far all joints move its pairs nearer at most [m]
 
 
 class Movers(NamedTuple):
@@ -58,6 +81,8 @@ class Movers(NamedTuple):
     twists: Array  # (k, 6) velocity of the shape's origin [m/s], then angular [rad/s], in base axes
     speeds: Array  # (k,) largest speed of any point [m/s]
     centres: Array  # (k, 3) of the spheres around them, in their frames [m]
+    coming: Array  # (k + 1,) farthest that any point moves in the time looked at [m]; the last stand still
+    shifts: Array  # (k + 1,) farthest that any point has moved since distances were measured [m]
 
 
 class Waiting(NamedTuple):
@@ -73,7 +98,7 @@ class ReachWork(NamedTuple):
     """What a call reads and writes."""
 
     counts: NDArray[np.int64]  # (5,)
-    numbers: Array  # (7,)
+    numbers: Array  # (9,)
     limits: Array  # (dof, 7) see `limits`
     start: Array  # (dof,) where the arm is [rad]
     v: Array  # (dof,) its velocity over the last tick [rad/s]
@@ -87,18 +112,16 @@ class ReachWork(NamedTuple):
     places: Places
     pair: SeparationWork
     measured: Array  # (1, 10) to work in
-    integers: NDArray[np.int64]  # (pairs, 7)
-    ways: Array  # (pairs, 3) out of the obstacle, for pairs that leave one; unit vectors
-    bounds: Array  # (pairs, 4)
-    levers: Array  # (pairs dof,) how far at most a joint moves a pair nearer [m/rad]
+    pairs: Pairs
+    levers: Levers
     near: NDArray[np.int64]  # (pairs,) filled: pairs in the watched range
     rows: Array  # (pairs, 8) filled with their numbers, see `near`
     movers: Movers
     waiting: Waiting
 
 
-def make_reach_work(geometry: Geometry = NOTHING, pairs: int = 0, movers: int = 0) -> ReachWork:
-    """Fresh work arrays for an arm among obstacles, so many pairs of shapes, and obstacles that can move."""
+def make_reach_work(geometry: Geometry = NOTHING, pairs: int = 0, movers: int = 0, levers: int = 0) -> ReachWork:
+    """Fresh work arrays for an arm among obstacles, so many pairs of shapes, obstacles that can move, and levers."""
     dof, groups = len(geometry.arm.joint_kinds), len(geometry.arm.groups)
     frames = np.zeros((dof + 2 if dof else 0, 3, 4))
     frames[:] = np.eye(3, 4)
@@ -119,10 +142,17 @@ def make_reach_work(geometry: Geometry = NOTHING, pairs: int = 0, movers: int = 
         Places(frames, np.zeros((groups, 3)), np.zeros(groups * (dof + 1))),
         make_separation_work(),
         np.zeros((1, 10)),
-        np.zeros((pairs, PAIR_INTEGERS), np.int64),
-        np.zeros((pairs, 3)),
-        np.zeros((pairs, PAIR_NUMBERS)),
-        np.zeros(pairs * dof),
+        Pairs(
+            np.zeros((pairs, PAIR_INTEGERS), np.int64),
+            np.zeros(pairs, np.int64),
+            np.zeros(pairs, np.int64),
+            np.zeros((pairs, 3)),
+            np.zeros(pairs),
+            np.zeros(pairs),
+            np.zeros(pairs, np.int64),
+            np.zeros(pairs),
+        ),
+        Levers(np.zeros(levers * dof), np.zeros(levers), np.zeros(levers)),
         np.zeros(pairs, np.int64),
         np.zeros((pairs, NEAR_NUMBERS)),
         Movers(
@@ -131,6 +161,8 @@ def make_reach_work(geometry: Geometry = NOTHING, pairs: int = 0, movers: int = 
             np.zeros((movers, 6)),
             np.zeros(movers),
             np.zeros((movers, 3)),
+            np.zeros(movers + 1 if pairs else 0),
+            np.zeros(movers + 1 if pairs else 0),
         ),
         Waiting(np.zeros((LOOKS + 2, 3), np.int64), np.zeros(room, np.int64), np.zeros(room), np.zeros(room)),
     )
@@ -152,30 +184,106 @@ def try_reach(work: ReachWork) -> int:
 
 
 def measure_distances(work: ReachWork) -> None:
-    """Fill bounds, and the pairs that are near with their numbers; only those that may be are measured."""
-    dof, bounds, count, least = len(work.q), work.bounds, 0, math.inf
+    """Fill bounds, and the pairs that are near with their numbers.
+
+    Those that may be too near are measured, and those of the watched ones that may be the nearest.
+    """
+    pairs, movers, ways = work.pairs, work.movers, work.levers.ways
     place_links(work.geometry.arm, work.counts[LINKS], work.counts[GROUPS], work.q, work.places)
-    row = work.measured[0]
-    for i in range(len(bounds)):
-        bound, watch = bounds[i, BEFORE], bounds[i, WATCH]
-        for j in range(dof):
-            bound -= work.levers[i * dof + j] * abs(work.q[j] - work.start[j])
-        if bound < watch:
-            reach = watch + work.numbers[BEYOND]
-            measure_pair(work.geometry.shapes, work.places, work.pair, work.integers[i], reach, row)
-            bound = row[0]
-            if bound < watch:
-                note_near(work, i, count, row)
-                count += 1
-        bounds[i, BOUND] = bound
+    for j in range(len(work.q)):
+        work.at[j] = work.q[j] - work.start[j]
+    fill_ways(work)
+    for i in range(len(pairs.bound)):
+        pairs.bound[i] = pairs.before[i] - ways[pairs.lever[i]] - movers.shifts[pairs.mover[i]]
+        pairs.exact[i] = 0
+    first, nearest, least = nearest_pair(work), math.inf, math.inf
+    work.counts[NEAR] = 0
+    if first >= 0:
+        bound = measure_within(work, first, math.inf)
+        nearest = bound if pairs.exact[first] == 1 else math.inf
+    coming = largest(movers.coming)
+    close, watched = work.numbers[CLOSE] + coming, largest(work.levers.watched) + coming
+    for i in range(len(pairs.bound)):
+        bound = pairs.bound[i]
+        if bound < min(max(close, nearest), watched):
+            bound = measure_within(work, i, max(work.numbers[CLOSE] + movers.coming[pairs.mover[i]], nearest))
+            if pairs.exact[i] == 1:
+                nearest = min(nearest, bound)
         least = min(least, bound)
-    work.counts[NEAR], work.numbers[LEAST] = count, least
+    work.numbers[LEAST] = least
+
+
+def nearest_pair(work: ReachWork) -> int:
+    """The nearest of the pairs that were near when distances were last measured; -1 for none."""
+    found, least = -1, math.inf
+    for k in range(work.counts[NEAR]):
+        if work.rows[k, DISTANCE] < least:
+            found, least = work.near[k], work.rows[k, DISTANCE]
+    return int(found)
+
+
+def look_ahead(work: ReachWork, q: Array, displacement: Array) -> None:
+    """Measure at a configuration, where all bounds hold, the watched pairs that a displacement could bring close."""
+    pairs, ways = work.pairs, work.levers.ways
+    for j in range(len(q)):
+        work.at[j] = displacement[j]
+    fill_ways(work)
+    most, placed = work.numbers[CLOSE] + largest(work.movers.coming) + largest(ways), False
+    for i in range(len(pairs.bound)):
+        if pairs.bound[i] >= most:
+            continue
+        within = work.numbers[CLOSE] + work.movers.coming[pairs.mover[i]] + ways[pairs.lever[i]]
+        if pairs.bound[i] < within and pairs.exact[i] == 0:
+            if not placed:
+                place_links(work.geometry.arm, work.counts[LINKS], work.counts[GROUPS], q, work.places)
+                placed = True
+            measure_within(work, i, within)
+
+
+def fill_ways(work: ReachWork) -> None:
+    """Fill how far each lever moves at most, by displacements of the joints."""
+    levers, dof = work.levers, len(work.q)
+    for k in range(len(levers.ways)):
+        way = 0.0
+        for j in range(dof):
+            way += levers.lengths[k * dof + j] * abs(work.at[j])
+        levers.ways[k] = way
+
+
+def largest(values: Array) -> float:
+    """The largest of some values that are not negative."""
+    found = 0.0
+    for i in range(len(values)):
+        found = max(found, values[i])
+    return found
+
+
+def watched_range(work: ReachWork, i: int) -> float:
+    """The distance below which a displacement is to keep a pair apart [m]."""
+    return float(work.levers.watched[work.pairs.lever[i]] + work.movers.coming[work.pairs.mover[i]])
+
+
+def measure_within(work: ReachWork, i: int, distance: float) -> float:
+    """Measure a watched pair where everything is placed, if it may be within a distance; returns its bound [m]."""
+    pairs, watched = work.pairs, watched_range(work, i)
+    within = min(distance, watched)
+    if pairs.bound[i] >= within or pairs.exact[i] == 1:
+        return float(pairs.bound[i])
+    row, reach = work.measured[0], within + work.numbers[BEYOND]
+    measure_pair(work.geometry.shapes, work.places, work.pair, pairs.integers[i], reach, row)
+    pairs.bound[i] = row[0]
+    if row[0] <= reach:
+        pairs.exact[i] = 1
+        if row[0] < watched:
+            note_near(work, i, work.counts[NEAR], row)
+            work.counts[NEAR] += 1
+    return float(row[0])
 
 
 def note_near(work: ReachWork, i: int, at: int, row: Array) -> None:
     """Fill the numbers of a pair that was measured."""
-    to, mover = work.rows[at], work.integers[i, MOVER]
-    exchanged = work.integers[i, EXCHANGED] == 1
+    to, mover = work.rows[at], work.pairs.integers[i, MOVER]
+    exchanged = work.pairs.integers[i, EXCHANGED] == 1
     work.near[at] = i
     to[DISTANCE], to[CLOSING] = row[0], 0.0
     for k in range(3):
@@ -195,15 +303,17 @@ def note_near(work: ReachWork, i: int, at: int, row: Array) -> None:
 
 def keeps_distances(work: ReachWork) -> bool:
     """Whether no pair gets too near, and pairs that are too near already get no worse."""
-    kept, bounds = work.numbers[KEPT], work.bounds
+    kept, pairs = work.numbers[KEPT], work.pairs
     for k in range(work.counts[NEAR]):
         i = work.near[k]
-        if bounds[i, BEFORE] >= kept and work.integers[i, LEAVING] == 0 and bounds[i, BOUND] < kept - WORSE:
+        if pairs.before[i] >= kept and pairs.integers[i, LEAVING] == 0 and pairs.bound[i] < kept - WORSE:
             return False
+    if work.numbers[LEAST_BEFORE] >= kept:
+        return True
     before, after = math.inf, math.inf
-    for i in range(len(bounds)):
-        if work.integers[i, LEAVING] == 0:
-            before, after = min(before, bounds[i, BEFORE]), min(after, bounds[i, BOUND])
+    for i in range(len(pairs.bound)):
+        if pairs.integers[i, LEAVING] == 0:
+            before, after = min(before, pairs.before[i]), min(after, pairs.bound[i])
     return bool(after >= min(kept, before) - WORSE)
 
 
@@ -230,7 +340,7 @@ def rests_clear(work: ReachWork) -> bool:
         return True
     waiting.ends[0, 0], waiting.ends[0, 1], waiting.ends[0, 2] = 0, ticks, count
     look(work, ticks, 0, waiting.last)
-    size, looks, clear, pairs = 1, 0, True, len(work.bounds)
+    size, looks, clear, pairs = 1, 0, True, len(work.pairs.bound)
     while size > 0:
         size -= 1
         least = min(least, least_spare(work, size))
@@ -273,50 +383,48 @@ def braked(work: ReachWork, j: int, tick: int) -> float:
 
 def find_doubtful(work: ReachWork, ticks: int) -> int:
     """Fill the first part that waits with pairs that could come too near within some ticks of braking; how many."""
-    dof, count, bounds = len(work.q), 0, work.bounds
-    for j in range(dof):
-        work.at[j] = abs(work.q[j] + braked(work, j, ticks) - work.q[j])
-    for i in range(len(bounds)):
-        needed = min(work.numbers[KEPT], bounds[i, BEFORE]) - WORSE
-        if work.integers[i, LEAVING] == 1:
-            needed = -math.inf
-        way = rate_of(work, i) * ticks
-        for j in range(dof):
-            way += work.levers[i * dof + j] * work.at[j]
-        bounds[i, NEEDED] = needed
-        if bounds[i, BOUND] - way < needed:
-            work.waiting.pairs[count], work.waiting.first[count] = i, bounds[i, BOUND]
+    count, pairs, ways = 0, work.pairs, work.levers.ways
+    for j in range(len(work.q)):
+        work.at[j] = braked(work, j, ticks)
+    fill_ways(work)
+    most = work.numbers[KEPT] + largest(ways) + largest(work.movers.speeds) * work.numbers[TIME_STEP] * ticks
+    for i in range(len(pairs.bound)):
+        if pairs.bound[i] >= most or pairs.integers[i, LEAVING] == 1:
+            continue
+        pairs.needed[i] = min(work.numbers[KEPT], pairs.before[i]) - WORSE
+        safe = pairs.needed[i] + rate_of(work, i) * ticks + ways[pairs.lever[i]]
+        if measure_within(work, i, safe) < safe:
+            work.waiting.pairs[count], work.waiting.first[count] = i, pairs.bound[i]
             count += 1
     return count
 
 
 def rate_of(work: ReachWork, i: int) -> float:
     """How far the obstacle of a pair moves in a tick, at most [m]."""
-    mover = work.integers[i, MOVER]
+    mover = work.pairs.integers[i, MOVER]
     return float(work.movers.speeds[mover] * work.numbers[TIME_STEP]) if mover >= 0 else 0.0
 
 
 def least_spare(work: ReachWork, part: int) -> float:
     """The least distance at the end of a part of the way, less the one needed [m]."""
-    waiting, offset, least = work.waiting, part * len(work.bounds), math.inf
+    waiting, needed, offset, least = work.waiting, work.pairs.needed, part * len(work.pairs.needed), math.inf
     for k in range(waiting.ends[part, 2]):
-        least = min(least, waiting.last[offset + k] - work.bounds[waiting.pairs[offset + k], NEEDED])
+        least = min(least, waiting.last[offset + k] - needed[waiting.pairs[offset + k]])
     return least
 
 
 def keep_unsure(work: ReachWork, part: int) -> int:
     """Keep the pairs of a part of the way that could come too near within it; returns how many."""
-    dof, waiting, offset, kept = len(work.q), work.waiting, part * len(work.bounds), 0
+    waiting, pairs, offset, kept = work.waiting, work.pairs, part * len(work.pairs.bound), 0
     start, end = waiting.ends[part, 0], waiting.ends[part, 1]
-    for j in range(dof):
-        work.at[j] = abs(braked(work, j, end) - braked(work, j, start))
+    for j in range(len(work.q)):
+        work.at[j] = braked(work, j, end) - braked(work, j, start)
+    fill_ways(work)
     for k in range(waiting.ends[part, 2]):
         i, first, last = waiting.pairs[offset + k], waiting.first[offset + k], waiting.last[offset + k]
-        way = rate_of(work, i) * (end - start)
-        for j in range(dof):
-            way += work.levers[i * dof + j] * work.at[j]
-        close = 0.5 * (first + last - way) < work.bounds[i, NEEDED] - BETWEEN
-        if close and work.bounds[i, BEFORE] >= work.numbers[KEPT]:
+        way = rate_of(work, i) * (end - start) + work.levers.ways[pairs.lever[i]]
+        close = 0.5 * (first + last - way) < pairs.needed[i] - BETWEEN
+        if close and pairs.before[i] >= work.numbers[KEPT]:
             waiting.pairs[offset + kept], waiting.first[offset + kept] = i, first
             waiting.last[offset + kept] = last
             kept += 1
@@ -326,7 +434,7 @@ def keep_unsure(work: ReachWork, part: int) -> int:
 
 def look(work: ReachWork, tick: int, part: int, distances: Array) -> None:
     """Fill the distances of the pairs of a part of the way when the arm has braked for some ticks."""
-    waiting, offset = work.waiting, part * len(work.bounds)
+    waiting, offset = work.waiting, part * len(work.pairs.bound)
     for j in range(len(work.q)):
         work.at[j] = work.q[j] + braked(work, j, tick)
     place_links(work.geometry.arm, work.counts[LINKS], work.counts[GROUPS], work.at, work.places)
@@ -335,8 +443,8 @@ def look(work: ReachWork, tick: int, part: int, distances: Array) -> None:
     row = work.measured[0]
     for k in range(waiting.ends[part, 2]):
         i = waiting.pairs[offset + k]
-        reach = work.bounds[i, WATCH] + HORIZON
-        measure_pair(work.geometry.shapes, work.places, work.pair, work.integers[i], reach, row)
+        reach = watched_range(work, i) + HORIZON
+        measure_pair(work.geometry.shapes, work.places, work.pair, work.pairs.integers[i], reach, row)
         distances[offset + k] = row[0]
 
 

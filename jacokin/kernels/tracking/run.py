@@ -13,18 +13,20 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from jacokin.arrays import Array
 from jacokin.kernels.tracking.limits import AT_BOUND, STEP, move
-from jacokin.kernels.tracking.near import FIRST_JOINT, LAST_JOINT, LEAVES, NEAR_NUMBERS, NORMAL
+from jacokin.kernels.tracking.near import FIRST_JOINT, LAST_JOINT, LEAVES, NEAR_NUMBERS, NORMAL, keep_apart
+from jacokin.kernels.tracking.problem import fill_damped
 from jacokin.kernels.tracking.reach import (
     ASKED,
-    BEFORE,
     BEYOND,
-    BOUND,
     CLEAR,
     DISTANCES,
     HORIZON,
     INNER,
     KEEPING,
+    LEAST,
+    LEAST_BEFORE,
     LEAVING,
     MOVING,
     NEAR,
@@ -34,14 +36,16 @@ from jacokin.kernels.tracking.reach import (
     RESTING,
     SPARE,
     ReachWork,
+    look_ahead,
     make_reach_work,
     try_reach,
 )
-from jacokin.kernels.tracking.tasks import TASK_INTEGERS, TASK_NUMBERS
+from jacokin.kernels.tracking.tasks import TASK_INTEGERS, TASK_NUMBERS, place_joints
 from jacokin.kernels.tracking.tick import (
     APART,
     BEST,
     CAN_STOP,
+    DAMPED,
     FIRST_TASKS,
     GREW,
     GROWS,
@@ -49,6 +53,7 @@ from jacokin.kernels.tracking.tick import (
     IN_PARTS,
     MOST_SPARE,
     NEEDS_QP,
+    NEEDS_QP_NOW,
     REFINED,
     ROWS,
     SLOWED,
@@ -59,16 +64,19 @@ from jacokin.kernels.tracking.tick import (
     TRIED,
     TickWork,
     finish_tick,
+    is_within_limits,
+    keeps_inequalities,
     linearise_tick,
     make_tick_work,
     report_tick,
     solve_tick,
 )
 
-#: Where a call goes on: what near shapes and limits ask of a displacement, and no more; a whole tick; one whose total,
-#: or whose displacement, was found elsewhere; what of the displacement is clear; the report.
-LINEARISE, WHOLE, FROM_TOTAL, FROM_STEP, TRY, REPORT = range(6)
-#: What it returns beside what `solve_tick` does with a QP solver to be called: the arm is on its way, or on its target;
+#: Where a call goes on: what near shapes and limits ask of any displacement, and no more; what those ask that a total
+#: could bring near, and no more; a whole tick; one whose total, or whose displacement, was found elsewhere; what of the
+#: displacement is clear; the report.
+LINEARISE, LOOK_AHEAD, WHOLE, FROM_TOTAL, FROM_STEP, TRY, REPORT = range(7)
+#: What it returns beside what `find_step` does with a QP solver to be called: the arm is on its way, or on its target;
 #: the displacement of this tick is there, and something else may be added to it; time to look at the clock.
 ON_ITS_WAY, ON_TARGET, NEEDS_MORE, UNFINISHED = 0, 1, 4, 5
 #: Of the way from braking to what the arm would do, tried until nothing is too near.
@@ -92,18 +100,18 @@ def run_tick(work: RunWork) -> int:
     tick, counts = work.tick, work.tick.counts
     stage = counts[STAGE]
     if stage == LINEARISE:
-        take_near(work)
+        take_near(work, 0)
         return linearise_tick(tick)
+    if stage == LOOK_AHEAD:
+        place_joints(tick.arm, tick.q)
+        watch(work, tick.total)
+        return 0
     if stage <= FROM_TOTAL:
-        if stage == WHOLE:
-            take_near(work)
-            outcome = solve_tick(tick)
-        else:
-            outcome = finish_tick(tick)
+        outcome = find_step(work, stage)
         counts[GREW], counts[APART] = int(outcome == GROWS), int(tick.near.counts[2] > 0)
         if outcome >= NEEDS_QP:
             return outcome
-        if outcome == SOLVED and (counts[TASKS] > counts[FIRST_TASKS] or counts[REFINED] == 1):
+        if outcome == SOLVED and has_more(tick):
             return NEEDS_MORE
     if stage <= FROM_STEP:
         keep_bounds(tick)
@@ -117,22 +125,58 @@ def run_tick(work: RunWork) -> int:
     return on_target
 
 
-def take_near(work: RunWork) -> None:
-    """Hand over which pairs of shapes are near; those that leave an obstacle go the way out."""
+def find_step(work: RunWork, stage: int) -> int:
+    """Find the displacement of a tick, or the QP that it takes."""
+    tick = work.tick
+    known = 0  # inequalities that the total satisfies
+    if stage == WHOLE:
+        take_near(work, 0)
+        solve_tick(tick)
+    else:
+        known = tick.near.counts[1]
+    watch(work, tick.total)
+    solved = keeps_inequalities(tick, known) and (stage == FROM_TOTAL or is_within_limits(tick))
+    if has_more(tick) or not solved:
+        fill_damped(tick.problem, tick.numbers[DAMPED], len(tick.q))
+    if not solved:
+        return NEEDS_QP if tick.near.counts[2] == 0 else NEEDS_QP_NOW
+    return finish_tick(tick)
+
+
+def has_more(tick: TickWork) -> bool:
+    """Whether something is added to the displacement of the first targets."""
+    return bool(tick.counts[TASKS] > tick.counts[FIRST_TASKS] or tick.counts[REFINED] == 1)
+
+
+def take_near(work: RunWork, first: int) -> None:
+    """Hand over pairs of shapes that are near, from a first one on; those that leave an obstacle go the way out."""
     near, reach = work.tick.near, work.reach
-    near.counts[0] = 0
+    near.counts[0] = first
     if work.tick.counts[GUARDED] == 0:
         return
-    for k in range(reach.counts[NEAR]):
+    for k in range(first, reach.counts[NEAR]):
         i = reach.near[k]
-        near.integers[k, FIRST_JOINT], near.integers[k, LAST_JOINT] = reach.integers[i, INNER], reach.integers[i, OUTER]
-        near.integers[k, LEAVES] = reach.integers[i, LEAVING]
+        pair = reach.pairs.integers[i]
+        near.integers[k, FIRST_JOINT], near.integers[k, LAST_JOINT] = pair[INNER], pair[OUTER]
+        near.integers[k, LEAVES] = pair[LEAVING]
         for c in range(NEAR_NUMBERS):
             near.numbers[k, c] = reach.rows[k, c]
-        if reach.integers[i, LEAVING] == 1:
+        if pair[LEAVING] == 1:
             for c in range(3):
-                near.numbers[k, NORMAL + c] = reach.ways[i, c]
+                near.numbers[k, NORMAL + c] = reach.pairs.exits[i, c]
     near.counts[0] = reach.counts[NEAR]
+
+
+def watch(work: RunWork, displacement: Array) -> None:
+    """Add what follows for the pairs that a displacement could bring near; the frames are where the arm is.
+
+    No other pair can hold it up: the inequality of each is one that it satisfies.
+    """
+    tick, known = work.tick, work.tick.near.counts[0]
+    if tick.counts[GUARDED] == 1:
+        look_ahead(work.reach, tick.q, displacement)
+        take_near(work, known)
+        keep_apart(tick.arm, tick.near, known, tick.near.counts[1])
 
 
 def keep_bounds(tick: TickWork) -> None:
@@ -154,9 +198,9 @@ def begin_reach(work: RunWork) -> None:
         return
     for j in range(len(tick.q)):
         reach.start[j], reach.v[j], reach.displacement[j] = tick.q[j], tick.v[j], tick.step[j]
-    for i in range(len(reach.bounds)):
-        reach.bounds[i, BEFORE] = reach.bounds[i, BOUND]
-    reach.numbers[BEYOND] = HORIZON
+    for i in range(len(reach.pairs.bound)):
+        reach.pairs.before[i] = reach.pairs.bound[i]
+    reach.numbers[BEYOND], reach.numbers[LEAST_BEFORE] = HORIZON, reach.numbers[LEAST]
 
 
 def reach_clear(work: RunWork) -> bool:

@@ -23,14 +23,13 @@ from jacokin.kernels.tracking.limits import (
     move,
     take_stride,
 )
-from jacokin.kernels.tracking.near import NearPairs, keep_apart, make_near_pairs
+from jacokin.kernels.tracking.near import NearPairs, keep_apart, make_near_pairs, move_apart
 from jacokin.kernels.tracking.problem import (
     TINY,
     Problem,
     add_squares,
     begin,
     divide,
-    fill_damped,
     is_singular,
     make_problem,
     make_regular,
@@ -54,26 +53,24 @@ REMOVED = 1e-2
 #: Of a step that makes the error grow, before the arm stays.
 HALVINGS = 6
 #: Columns of the counts: tasks, those that come first, those of the tick before; rows of errors of the first tasks and
-#: of all; whether the targets moved in the tick before. Filled: whether they moved, and how many inequalities there
-#: are.
-TASKS, FIRST_TASKS, TASKS_BEFORE, ROWS, ALL_ROWS, MOVED_BEFORE, MOVED, INEQUALITIES = range(8)
+#: of all; whether the targets moved in the tick before; filled: whether they moved.
+TASKS, FIRST_TASKS, TASKS_BEFORE, ROWS, ALL_ROWS, MOVED_BEFORE, MOVED = range(7)
 #: Whether the Hessian will be needed; whether to report on a motion, or the arm has only been measured; whether to find
 #: out if the pose is singular, filled with the answer.
-REFINED, GOES, SINGULAR = range(8, 11)
+REFINED, GOES, SINGULAR = range(7, 10)
 #: Where a call goes on, see `run`; whether it returns so that Python can look at the clock; whether shapes are kept
 #: apart; whether every joint may stop within a tick; whether the arm can stop clear of everything, before the tick, and
 #: filled for after it. Filled: whether bounds took something from the displacement; whether every step made the error
 #: grow; whether shapes are moved apart; parts of it that were tried, and the one from which the arm keeps farthest away
 #: without being able to stop.
-STAGE, IN_PARTS, GUARDED, STOPS_AT_ONCE, CAN_STOP, SLOWED, GREW, APART, TRIED, BEST, TICK_COUNTS = range(11, 22)
+STAGE, IN_PARTS, GUARDED, STOPS_AT_ONCE, CAN_STOP, SLOWED, GREW, APART, TRIED, BEST, TICK_COUNTS = range(10, 21)
 #: Of the numbers: control step [s]; error that is not worth while to be made smaller [m]; tolerances [m], [rad].
 #: Filled: squared error, damping, how far that part keeps away [m]; and after the tick the largest distance [m] and
 #: angle [rad] of the first tasks, the fastest joint's velocity [rad/s], and how far joints are past their limits [rad].
 TIME_STEP, NEGLIGIBLE, NEAR_ENOUGH, TURNED_ENOUGH, COST, DAMPED, MOST_SPARE = range(7)
 DISTANCE, ANGLE, FASTEST, PAST, TICK_NUMBERS = range(7, 12)
-#: What `solve_tick` and `finish_tick` return: a displacement; none, as every step makes the error grow; the least value
-#: is beyond a limit or a distance, and a QP solver must find the total within them, for `finish_tick` to go on with;
-#: the same, but the total is for this tick.
+#: What a tick comes to: a displacement; none, as every step makes the error grow; what is missing in all is beyond a
+#: limit or a distance, and a QP solver must find it within the joints' limits; the same, but within the tick's bounds.
 SOLVED, GROWS, NEEDS_QP, NEEDS_QP_NOW = range(4)
 
 
@@ -81,7 +78,7 @@ class TickWork(NamedTuple):
     """What a call reads and writes."""
 
     counts: NDArray[np.int64]  # (21,)
-    numbers: Array  # (11,)
+    numbers: Array  # (12,)
     arm: JointFrames
     limits: Array  # (dof, 7)
     q: Array  # (dof,) where the arm is [rad]
@@ -136,8 +133,8 @@ def make_tick_work(dof: int = 0, tasks: int = 0, pairs: int = 0) -> TickWork:
     )
 
 
-def solve_tick(work: TickWork) -> int:
-    """Find the displacement of a tick, or the QP that it takes."""
+def solve_tick(work: TickWork) -> None:
+    """Find what is missing to the targets in all, whatever limits and distances allow; and what they are."""
     counts, numbers, problem, near, q = work.counts, work.numbers, work.problem, work.near, work.q
     dof, tasks, first = len(q), work.tasks, counts[FIRST_TASKS]
     place_joints(work.arm, q)
@@ -150,37 +147,37 @@ def solve_tick(work: TickWork) -> int:
     numbers[COST] = cost
     add_bend(work.arm, tasks, first, work.columns, problem.left, problem.hessian)
     begun = fill_faces(work.arm, tasks, first, work.columns, near.rows, near.ends)
-    keep_apart(work.arm, near, begun)
-    counts[INEQUALITIES] = near.counts[1]
+    keep_apart(work.arm, near, 0, begun)
+    move_apart(work.arm, near)
     if near.counts[2] > 0:
         add_squares(problem, near.wishes, near.errors, near.counts[2], dof)
-    damping = make_regular(problem, cost, numbers[NEGLIGIBLE], dof)
-    numbers[DAMPED] = damping
-    low, high = work.bounds[:dof], work.bounds[dof:]
-    fill_bounds(work.limits, q, work.v, numbers[TIME_STEP], low, high)
+    numbers[DAMPED] = make_regular(problem, cost, numbers[NEGLIGIBLE], dof)
+    fill_bounds(work.limits, q, work.v, numbers[TIME_STEP], work.bounds[:dof], work.bounds[dof:])
     fill_room(work.limits, q, work.room[:dof], work.room[dof:])
-    if near.counts[2] == 0:
-        low, high = work.room[:dof], work.room[dof:]
     for j in range(dof):
         work.total[j] = -problem.gradient[j]
     divide(problem, work.total, dof)
-    allowed = True
+
+
+def is_within_limits(work: TickWork) -> bool:
+    """Whether all that is missing is within the joints' limits, or the bounds of the tick where shapes move apart."""
+    dof, within = len(work.q), True
+    ends = work.room if work.near.counts[2] == 0 else work.bounds
     for j in range(dof):
-        allowed = allowed and low[j] <= work.total[j] <= high[j]
-    for r in range(near.counts[1]):
+        within = within and ends[j] <= work.total[j] <= ends[dof + j]
+    return within
+
+
+def keeps_inequalities(work: TickWork, first: int) -> bool:
+    """Whether all that is missing satisfies the inequalities from a first one on."""
+    dof, near = len(work.q), work.near
+    for r in range(first, near.counts[1]):
         used = 0.0
         for j in range(dof):
             used += near.rows[r * dof + j] * work.total[j]
-        allowed = allowed and used <= near.ends[r]
-    if counts[TASKS] > first or counts[REFINED] == 1 or not allowed:
-        fill_damped(problem, damping, dof)
-    if not allowed:
-        return NEEDS_QP if near.counts[2] == 0 else NEEDS_QP_NOW
-    if near.counts[2] > 0:
-        for j in range(dof):
-            work.step[j] = work.total[j]
-        return SOLVED
-    return finish_tick(work)
+        if used > near.ends[r]:
+            return False
+    return True
 
 
 def count_rows(work: TickWork, dof: int) -> None:
@@ -221,7 +218,9 @@ def finish_tick(work: TickWork) -> int:
     """Find the displacement of a tick from what is missing to the target in all."""
     dof, rows = len(work.q), work.counts[ROWS]
     for j in range(dof):
-        work.along[j] = 0.0
+        work.along[j], work.step[j] = 0.0, work.total[j]
+    if work.near.counts[2] > 0:  # what moves apart does so at once
+        return SOLVED
     if work.counts[MOVED] == 1 and work.counts[MOVED_BEFORE] == 1:
         follow(work.problem, work.moved, lasting_part(work.moved_before, work.moved, rows), rows, work.along)
     take_stride(work.limits, work.total, work.along, work.step)
@@ -287,8 +286,8 @@ def linearise_tick(work: TickWork) -> int:
     place_joints(work.arm, work.q)
     fill_bounds(work.limits, work.q, work.v, work.numbers[TIME_STEP], work.bounds[:dof], work.bounds[dof:])
     fill_room(work.limits, work.q, work.room[:dof], work.room[dof:])
-    keep_apart(work.arm, work.near, 0)
-    work.counts[INEQUALITIES] = work.near.counts[1]
+    keep_apart(work.arm, work.near, 0, 0)
+    move_apart(work.arm, work.near)
     return int(work.near.counts[2])
 
 

@@ -22,9 +22,8 @@ from jacokin.kernels.library import Call
 from jacokin.kernels.tracking.near import BUFFER, CLOSING, DISTANCE, NEAR_NUMBERS, NORMAL
 from jacokin.kernels.tracking.reach import (
     ASKED,
-    BEFORE,
     BEYOND,
-    BOUND,
+    CLOSE,
     DISTANCES,
     FORESIGHT,
     HORIZON,
@@ -35,7 +34,6 @@ from jacokin.kernels.tracking.reach import (
     NEAR,
     PART,
     TIME_STEP,
-    WATCH,
     ReachWork,
     make_reach_work,
     try_reach,
@@ -50,7 +48,7 @@ from jacokin.motion.tracking.moving import MovableShapes, Whereabouts
 CLEARANCE = 0.01  # [m] kept between shapes unless told otherwise
 COLLISION = ("ignore", "reject")
 LOOK_AHEAD = 3.0  # ticks at full speed, and the way to rest, before a pair could come too near: then it is watched
-MEASURED = 0.01  # [m] above the distance, from which pairs are watched however slow they are: there `least` is exact
+MEASURED = 0.01  # [m] above the distance, from which pairs are always measured
 LOOKED_AHEAD = 0.15  # [s] a moving obstacle that would be too near by then is avoided now
 NO_PAIRS, NO_NUMBERS = np.empty(0, dtype=np.int64), np.empty((0, NEAR_NUMBERS))
 
@@ -61,7 +59,7 @@ class Distances:
 
     Attributes:
         bound: (pairs,) each pair is at least this far apart [m].
-        near: (near,) numbers of the pairs that are in the watched range.
+        near: (near,) numbers of the pairs that were measured and are in the watched range.
         numbers: (near, 8) how they are, see `jacokin.kernels.tracking.near`.
         least: smallest distance [m], inf for none: measured when it is in the watched range, a lower bound when larger.
         exits: directions (3,) in which shapes leave the obstacles they are inside of, by the obstacle's number.
@@ -124,13 +122,11 @@ class ClearanceGuard:
         links = np.where(links > robot.dof, 0, links)  # obstacles stand as still as the base
         joint = np.arange(robot.dof)
         inner, outer = links[pairs].T[:, :, np.newaxis]
-        self._lever = _levers(robot, self._geometry)[self._second] * ((inner <= joint) & (joint < outer))
-        self._watch_still = (
-            distance
-            + BUFFER
-            + np.maximum((LOOK_AHEAD + 0.5 * limits.stopping_time / dt) * (self._lever @ limits.step), MEASURED)
-        )
-        self._watch, self._watched = self._watch_still, shapes.start.speeds
+        levers = _levers(robot, self._geometry)[self._second] * ((inner <= joint) & (joint < outer))
+        self._levers, lever = np.unique(levers, axis=0, return_inverse=True)
+        self._lever = lever.reshape(-1)  # of each pair
+        way = (LOOK_AHEAD + 0.5 * limits.stopping_time / dt) * (self._levers @ limits.step)
+        self._watched = distance + BUFFER + np.maximum(way, MEASURED)
         self._fixed = links[self._first] == 0
         # The kernels take a plane, and any obstacle, as the second shape.
         exchanged = self._first > self._second
@@ -154,12 +150,10 @@ class ClearanceGuard:
         numbers, rows = self._geometry.shapes.numbers, self.shapes.numbers
         numbers[rows, :SIZE] = where.poses.reshape(-1, SIZE)
         numbers[rows, CENTRE:RADIUS] = self.shapes.centres(where)
-        if where.speeds is not self._watched:
-            self._watch = self._watch_still + self._of_movers(self._foresight * where.speeds)
-            self._watched = where.speeds
         work = self.work
-        work.counts[MOVING], work.bounds[:, WATCH] = where.moving, self._watch
+        work.counts[MOVING] = where.moving
         work.movers.poses[:], work.movers.twists[:], work.movers.speeds[:] = where.poses, where.twists, where.speeds
+        work.movers.coming[:-1] = self._foresight * where.speeds
         self._placed = where.poses
 
     @property
@@ -170,15 +164,14 @@ class ClearanceGuard:
     def _ready(self) -> Call[ReachWork]:
         """The kernel with its arrays, obstacles not moving."""
         if self._call is None:
-            work = make_reach_work(self._geometry, len(self._first), len(self.shapes.numbers))
-            work.numbers[KEPT], work.numbers[TIME_STEP], work.numbers[FORESIGHT] = (
-                self._distance,
-                self._dt,
-                self._foresight,
-            )
+            work = make_reach_work(self._geometry, len(self._first), len(self.shapes.numbers), len(self._levers))
+            numbers, pairs = work.numbers, work.pairs
+            numbers[KEPT], numbers[TIME_STEP], numbers[FORESIGHT] = self._distance, self._dt, self._foresight
+            numbers[CLOSE] = self._distance + BUFFER + MEASURED
             work.limits[:] = self._limits.table
-            work.integers[:], work.bounds[:, WATCH] = self._pairs, self._watch
-            work.levers[:] = self._lever.ravel()
+            pairs.integers[:], pairs.lever[:], pairs.mover[:] = self._pairs, self._lever, self._mover
+            pairs.mover[self._mover < 0] = len(self.shapes.numbers)
+            work.levers.lengths[:], work.levers.watched[:] = self._levers.ravel(), self._watched
             work.movers.shapes[:], work.movers.centres[:] = self.shapes.numbers, self.shapes.own_centres
             self._call = Call(try_reach, work)
         return self._call
@@ -193,38 +186,48 @@ class ClearanceGuard:
 
     def move(self, q: Array, before: Distances, step: Array) -> Distances:
         """Distances at `q` (dof,) [rad], a displacement (dof,) [rad] away from where `before` was taken."""
-        return self._measure(q, before.bound - self._lever.dot(np.abs(step)), {})
+        return self._measure(q, before.bound - self._ways(step), {})
 
     def refresh(self, q: Array, before: Distances, shift: Array | None) -> Distances:
         """Distances at the same configuration, after obstacles moved by at most `shift` (k,) [m], None for not."""
-        bound = before.bound if shift is None else self._shifted(before.bound, shift)
-        return self._measure(q, bound, before.exits)
+        return self._measure(q, before.bound, before.exits, shift)
 
     def unmeasured(self, before: Distances, step: Array, shift: Array | None) -> Distances:
         """What is known of distances after a displacement (dof,) [rad], without measuring."""
-        bound = before.bound - self._lever.dot(np.abs(step))
+        bound = before.bound - self._ways(step)
         if shift is not None:
-            bound = self._shifted(bound, shift)
+            bound -= np.append(shift, 0.0)[self._mover]  # -1 for what stands still
         least = float(bound.min(initial=np.inf))
         return Distances(bound, NO_PAIRS, NO_NUMBERS, least, before.exits, measured=False)
 
-    def _shifted(self, bound: Array, shift: Array) -> Array:
-        """Bounds less what the obstacle of each pair moved."""
-        return np.asarray(bound - self._of_movers(shift))
+    def _ways(self, step: Array) -> Array:
+        """(pairs,) how far a displacement (dof,) [rad] moves pairs nearer, at most [m]."""
+        return np.asarray(self._levers.dot(np.abs(step))[self._lever])
 
-    def _of_movers(self, values: Array) -> Array:
-        """(pairs,) of values of the obstacles (k,), zero for pairs without one that can move."""
-        every = np.zeros(len(values) + 1)
-        every[:-1] = values
-        return np.asarray(every[self._mover])  # -1 for what stands still
+    def _measure(
+        self,
+        q: Array,
+        bound: Array,
+        exits: Mapping[int, Array],
+        shift: Array | None = None,
+        beyond: float = HORIZON,
+    ) -> Distances:
+        """Distances at a configuration of the pairs that may be close.
 
-    def _measure(self, q: Array, bound: Array, exits: Mapping[int, Array], beyond: float = HORIZON) -> Distances:
-        """Distances at a configuration of the pairs that may be in the watched range, by lower bounds (pairs,) [m]."""
+        Args:
+            q: (dof,) the configuration [rad].
+            bound: (pairs,) each pair was at least so far apart there [m].
+            exits: ways out of obstacles.
+            shift: (k,) how far obstacles have moved since, at most [m]; None for not.
+            beyond: how far beyond the distances in question is measured [m].
+        """
         call = self._ready()
         work, self._held = call.work, None
-        work.start[:], work.v[:], work.displacement[:], work.bounds[:, BEFORE] = q, 0.0, 0.0, bound
+        work.start[:], work.v[:], work.displacement[:], work.pairs.before[:] = q, 0.0, 0.0, bound
+        work.movers.shifts[:-1] = 0.0 if shift is None else shift
         work.numbers[BEYOND], work.numbers[PART], work.counts[ASKED] = beyond, 0.0, DISTANCES
         call()
+        work.movers.shifts[:] = 0.0
         return self.found(exits)
 
     def found(self, exits: Mapping[int, Array]) -> Distances:
@@ -232,7 +235,7 @@ class ClearanceGuard:
         work = self.work
         count = int(work.counts[NEAR])
         self._held = Distances(
-            work.bounds[:, BOUND].copy(),
+            work.pairs.bound.copy(),
             work.near[:count].copy(),
             work.rows[:count].copy(),
             float(work.numbers[LEAST]),
@@ -245,14 +248,16 @@ class ClearanceGuard:
         work, held, self._held = self.work, self._held, None
         if now is not held:
             count = work.counts[NEAR] = len(now.near)
-            work.bounds[:, BOUND], work.near[:count], work.rows[:count] = now.bound, now.near, now.numbers
+            work.pairs.bound[:], work.near[:count], work.rows[:count] = now.bound, now.near, now.numbers
+            work.pairs.exact[:], work.numbers[LEAST] = 0, now.least
+            work.pairs.exact[now.near] = 1
         exits = self._exits(now)
         if exits or self._leaves:
             leaving = np.isin(self._first, list(exits))
             self._leaves = True  # until none is left
-            work.integers[:, LEAVING] = leaving
+            work.pairs.integers[:, LEAVING] = leaving
             for pair in np.flatnonzero(leaving).tolist():
-                work.ways[pair] = exits[int(self._first[pair])]
+                work.pairs.exits[pair] = exits[int(self._first[pair])]
             self._leaves = bool(exits)
         return exits
 

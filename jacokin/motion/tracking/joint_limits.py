@@ -19,10 +19,11 @@ ROUNDING = 1e-9  # [rad] past a limit, of a joint that has come back to it
 
 def largest_share(start: Array, change: Array, low: Array, high: Array) -> float:
     """The largest share from 0 to 1 of a change that keeps start + share * change within bounds, all (dof,)."""
-    ends = np.where(change > 0.0, high, low) - start
-    with np.errstate(divide="ignore", invalid="ignore"):
-        shares = np.where(np.abs(change) > TINY, ends / change, np.inf)
-    return float(np.clip(shares.min(), 0.0, 1.0))
+    share = 1.0
+    for x, way, least, most in zip(start.tolist(), change.tolist(), low.tolist(), high.tolist(), strict=True):
+        if abs(way) > TINY:
+            share = min(share, ((most if way > 0.0 else least) - x) / way)
+    return max(share, 0.0)
 
 
 class JointLimits:

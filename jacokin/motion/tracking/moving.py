@@ -23,7 +23,7 @@ Place: TypeAlias = pin.SE3 | ArrayLike | Obstacle
 Motion: TypeAlias = Place | tuple[Place, ArrayLike]
 """Where an obstacle stands; or that and its twist (6,) [m/s, rad/s]."""
 
-UNTURNED = np.eye(3)
+STILL = (0.0,) * 6
 
 
 class Whereabouts(NamedTuple):
@@ -44,11 +44,11 @@ class Whereabouts(NamedTuple):
             return self
         moved = self.poses.copy()
         moved[:, :, 3] += time * self.twists[:, :3]
-        if not self.twists[:, 3:].any():
-            return self._replace(poses=moved)
-        for row in np.flatnonzero(self.twists[:, 3:].any(axis=1)).tolist():
-            moved[row, :, :3] = pin.exp3(time * self.twists[row, 3:]) @ moved[row, :, :3]
-        return self._replace(poses=moved)
+        turns = self.twists[:, 3:]
+        if turns.any():
+            for row in np.flatnonzero(turns.any(axis=1)).tolist():
+                moved[row, :, :3] = pin.exp3(time * turns[row]) @ moved[row, :, :3]
+        return Whereabouts(moved, self.twists, self.speeds, self.moving)
 
 
 class News(NamedTuple):
@@ -134,15 +134,16 @@ class MovableShapes:
             UnknownNameError: no such obstacle in the scene.
             InvalidInputError: not a mapping, one that cannot move, or malformed poses or twists.
         """
-        places, twists = before.poses.copy(), before.twists.copy()
+        rows, places, twists = list[int](), list[float](), list[float]()
         for name, motion in given.items():
-            row = self._row(name)
             pose, *twist = _parts(motion)
-            _place(places[row], f"obstacles[{name!r}]", pose)
-            twists[row] = 0.0
-            if twist:
-                twists[row] = checks.vector(f"obstacles[{name!r}]: twist", twist[0], 6, "m/s, rad/s")
-        return self._at(places, twists)
+            rows.append(self._row(name))
+            places += _pose_rows(name, pose)
+            twists += _twist(name, twist[0]) if twist else STILL
+        index, all_places, all_twists = np.array(rows, np.intp), before.poses.copy(), before.twists.copy()
+        all_places[index] = np.fromiter(places, np.float64).reshape(-1, 3, 4)
+        all_twists[index] = np.fromiter(twists, np.float64).reshape(-1, 6)
+        return self._at(all_places, all_twists)
 
     def carried(self, before: MovableShapes, where: Whereabouts) -> Whereabouts:
         """Where these shapes are, if those that other shapes had go on as they did there."""
@@ -156,7 +157,9 @@ class MovableShapes:
     def _at(self, places: Array, twists: Array) -> Whereabouts:
         """The shapes at places (k, 3, 4), with twists (k, 6)."""
         # Turning about its origin, no point is faster than its farthest.
-        speeds = _lengths(twists[:, :3]) + _lengths(twists[:, 3:]) * self._reach
+        speeds = _lengths(twists[:, :3])
+        if twists[:, 3:].any():
+            speeds += _lengths(twists[:, 3:]) * self._reach
         return Whereabouts(places, twists, speeds, bool(speeds.any()))
 
     def _row(self, name: str) -> int:
@@ -177,11 +180,14 @@ class MovableShapes:
 
     def travel(self, before: Whereabouts, after: Whereabouts) -> Array:
         """(k,) farthest that any point of each shape has moved, at most [m]."""
-        shift = _lengths(self.centres(after) - self.centres(before))
+        change = after.poses - before.poses
         # A turn by an angle moves a point at distance r by 2 r sin(angle / 2); the Frobenius norm is 2 sqrt(2) times
         # that sine.
-        turn = _lengths((after.poses - before.poses)[:, :, :3].reshape(-1, 9))
-        return np.asarray(shift + np.sqrt(0.5) * turn * self._radii)
+        squares = np.einsum("kij,kij->kj", change, change)
+        turn = np.sqrt(0.5 * squares[:, :3].sum(axis=1))
+        if self._is_centred:
+            return np.asarray(np.sqrt(squares[:, 3]) + turn * self._radii)
+        return np.asarray(_lengths(self.centres(after) - self.centres(before)) + turn * self._radii)
 
 
 def _parts(motion: Motion | None) -> tuple[Any, ...]:  # Any: checked where it is used
@@ -194,13 +200,23 @@ def _lengths(rows: Array) -> Array:
     return np.asarray(np.sqrt(np.einsum("ij,ij->i", rows, rows)))
 
 
-def _place(place: Array, name: str, pose: Any) -> None:
-    """Write a pose or a position (3,) [m] to (3, 4)."""
-    if isinstance(pose, pin.SE3):
-        place[:] = poses.checked_pose(pose, name).homogeneous[:3]
-        return
-    array = checks.array(name, pose, "a pose or a position", "m")
-    if array.ndim == 1:
-        place[:, :3], place[:, 3] = UNTURNED, checks.vector(name, array, 3, "m")
-    else:
-        place[:] = poses.checked_pose(array, name).homogeneous[:3]
+def _pose_rows(name: str, pose: Any) -> list[float]:
+    """The pose or position (3,) [m] of an obstacle by its name as (3, 4), row by row."""
+    if not checks.is_vector(pose, 3):
+        argument = f"obstacles[{name!r}]"
+        if not isinstance(pose, pin.SE3):
+            pose = checks.array(argument, pose, "a pose or a position", "m")
+        if isinstance(pose, pin.SE3) or pose.ndim != 1:
+            rows: list[float] = poses.checked_pose(pose, argument).homogeneous[:3].ravel().tolist()
+            return rows
+        pose = checks.vector(argument, pose, 3, "m")
+    x, y, z = pose.tolist()
+    return [1.0, 0.0, 0.0, x, 0.0, 1.0, 0.0, y, 0.0, 0.0, 1.0, z]
+
+
+def _twist(name: str, twist: Any) -> Sequence[float]:
+    """The twist (6,) [m/s, rad/s] of an obstacle by its name."""
+    if checks.is_listed(twist, 6):
+        return twist
+    checked: list[float] = checks.vector(f"obstacles[{name!r}]: twist", twist, 6, "m/s, rad/s").tolist()
+    return checked

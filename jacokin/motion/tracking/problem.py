@@ -149,11 +149,9 @@ def refine(
         limits: of the joints; later levels use a part of their velocities, and can stop where they lead.
         qp: solves.
     """
-    low, high = np.maximum(ticks.room[0], -FAR), np.minimum(ticks.room[1], FAR)
     bends, directions = np.linalg.eigh(ticks.hessian)
     # Rows whose squares sum up to the Hessian, without damping.
     above = np.sqrt(np.maximum(bends - ticks.damping, 0.0))[:, np.newaxis] * directions.T
-    rows, ends = ticks.inequalities
     for jacobian, error, ends_there in levels:
         controlled = controlled_directions(above)
         if len(controlled) == len(displacement):
@@ -163,19 +161,36 @@ def refine(
         reduced, missing = jacobian @ basis, error - jacobian @ displacement
         hessian = reduced.T @ reduced
         hessian.flat[:: len(hessian) + 1] += TIKHONOV + damping_for(float(missing @ missing))
-        G = np.vstack([basis, -basis] if rows is None else [basis, -basis, rows @ basis])
-        h = [high - displacement, displacement - low]
-        if rows is not None and ends is not None:
-            h.append(ends - rows @ displacement)
-        free = np.full(basis.shape[1], FAR)
         try:
-            total = basis @ qp.minimize(hessian, -reduced.T @ missing, (G, np.concatenate(h)), -free, free)
+            total = _within_limits(hessian, -reduced.T @ missing, basis, displacement, ticks, qp)
         except QPFailed:
             continue
         extra = limits.stride(total) if ends_there else total
         fast = float((np.abs(extra) / limits.step).max())
         displacement = displacement + min(1.0, LATER_SPEED / max(fast, TINY)) * extra
     return displacement
+
+
+def _within_limits(
+    hessian: Array, gradient: Array, basis: Array, displacement: Array, ticks: TickSolver, qp: Backend
+) -> Array:
+    """The least of a QP in a basis (dof, k), with a displacement within joint limits and distances, both (dof,) [rad].
+
+    Raises:
+        QPFailed: no QP solver solved it.
+    """
+    low, high = np.maximum(ticks.room[0], -FAR), np.minimum(ticks.room[1], FAR)
+    free = np.full(basis.shape[1], FAR)
+    rows, ends = ticks.inequalities
+    while True:
+        G, h = [basis, -basis], [high - displacement, displacement - low]
+        if rows is not None and ends is not None:
+            G.append(rows @ basis)
+            h.append(ends - rows @ displacement)
+        total = np.asarray(basis @ qp.minimize(hessian, gradient, (np.vstack(G), np.concatenate(h)), -free, free))
+        known, (rows, ends) = 0 if ends is None else len(ends), ticks.inequalities_towards(displacement + total)
+        if ends is None or len(ends) == known:
+            return total
 
 
 def wished(robot: Robot, frame: str, q: Array, objectives: Sequence[Objective], step_limit: Array, dt: float) -> Array:

@@ -16,9 +16,8 @@ from jacokin.kernels.library import Call
 from jacokin.kernels.tracking import near
 from jacokin.kernels.tracking.reach import FORESIGHT, KEPT, ReachWork, make_reach_work
 from jacokin.kernels.tracking.run import (
-    FROM_STEP,
-    FROM_TOTAL,
     LINEARISE,
+    LOOK_AHEAD,
     ON_TARGET,
     REPORT,
     UNFINISHED,
@@ -38,7 +37,6 @@ from jacokin.kernels.tracking.tick import (
     GREW,
     GUARDED,
     IN_PARTS,
-    INEQUALITIES,
     MOVED,
     MOVED_BEFORE,
     NEAR_ENOUGH,
@@ -134,7 +132,7 @@ class TickSolver:
 
     def _make_room(self, tasks: int, reach: ReachWork | None) -> None:
         """Make arrays for so many tasks, and for the pairs of shapes that are kept apart."""
-        work = make_tick_work(self._dof, tasks, 0 if reach is None else len(reach.bounds))
+        work = make_tick_work(self._dof, tasks, 0 if reach is None else len(reach.pairs.bound))
         placements, kinds = self._joints
         work.arm.placements[:], work.arm.kinds[:] = placements, kinds
         work.limits[:] = self._limits.table
@@ -231,8 +229,8 @@ class TickSolver:
         counts[GOES], counts[SINGULAR] = 1, 0
         self._work.step[:] = step
 
-    def use_qp(self, outcome: int, qp: Backend) -> int:
-        """Call a QP solver, as the least value is beyond a limit or a distance; returns the stage to go on from.
+    def use_qp(self, outcome: int, qp: Backend) -> None:
+        """Find what is missing in all within limits and distances, to go on `FROM_TOTAL`.
 
         Raises:
             QPFailed: no QP solver solved it.
@@ -240,12 +238,7 @@ class TickSolver:
         work = self._work
         low, high = self.bounds if outcome == NEEDS_QP_NOW else self.room
         hessian, gradient = self.hessian, work.problem.gradient.copy()
-        found = qp.minimize(hessian, gradient, self.inequalities, np.maximum(low, -FAR), np.minimum(high, FAR))
-        if outcome == NEEDS_QP:
-            work.total[:] = found
-            return FROM_TOTAL
-        work.step[:] = found
-        return FROM_STEP
+        work.total[:] = qp.minimize(hessian, gradient, self.inequalities, np.maximum(low, -FAR), np.minimum(high, FAR))
 
     def measure(self, q: Array, arm: JointState, tasks: Tasks, *, goes: bool) -> Report:
         """Measure where the arm is.
@@ -304,12 +297,18 @@ class TickSolver:
 
     @property
     def inequalities(self) -> Inequalities:
-        """G and h of G x <= h, copies, or (None, None)."""
-        count = int(self._work.counts[INEQUALITIES])
+        """G and h of G x <= h for the pairs that are near so far, copies, or (None, None)."""
+        pairs = self._work.near
+        count = int(pairs.counts[1])
         if not count:
             return None, None
-        pairs = self._work.near
         return pairs.rows[: count * self._dof].reshape(count, self._dof).copy(), pairs.ends[:count].copy()
+
+    def inequalities_towards(self, displacement: Array) -> Inequalities:
+        """The same with all that a displacement (dof,) [rad] could break."""
+        self._work.total[:], self._work.counts[STAGE] = displacement, LOOK_AHEAD
+        self._run()
+        return self.inequalities
 
     @property
     def hessian(self) -> Array:

@@ -25,7 +25,7 @@ from jacokin.errors import InvalidInputError
 from jacokin.ik.options import TRACKING_ORIENTATION_TOLERANCE, TRACKING_POSITION_TOLERANCE
 from jacokin.ik.qp_backend import Backend, QPFailed
 from jacokin.ik.seeds import checked_start
-from jacokin.kernels.tracking.run import FROM_STEP, ON_TARGET, WHOLE
+from jacokin.kernels.tracking.run import FROM_STEP, FROM_TOTAL, ON_TARGET, WHOLE
 from jacokin.kernels.tracking.tick import NEEDS_QP, NEEDS_QP_NOW
 from jacokin.model import checks, poses
 from jacokin.model.robot import Robot, checked_robot, tracking_accelerations, velocity_limits
@@ -494,7 +494,8 @@ class Tracker:
             stage = FROM_STEP
             if outcome in (NEEDS_QP, NEEDS_QP_NOW):
                 try:
-                    stage = ticks.use_qp(outcome, self._qp)
+                    ticks.use_qp(outcome, self._qp)
+                    stage = FROM_TOTAL
                 except QPFailed:
                     ticks.step[:], held = 0.0, "no QP solver solved this tick"
             if stage == FROM_STEP and not held and (wish is not None or tasks.number > tasks.first):

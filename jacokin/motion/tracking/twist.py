@@ -96,7 +96,7 @@ def missing(pose: pin.SE3, tool: pin.SE3) -> Array:
 
 def is_astray(way: Array) -> bool:
     """Whether a tool that misses its line by `way` (6,) has left it: then the line goes on from the tool."""
-    return float(np.linalg.norm(way[:3])) > ASTRAY[0] or float(np.linalg.norm(way[3:])) > ASTRAY[1]
+    return _length(way[:3]) > ASTRAY[0] or _length(way[3:]) > ASTRAY[1]
 
 
 class TwistFollower:
@@ -153,16 +153,16 @@ class TwistFollower:
         controlled = controlled_directions(jacobian)
         found = wish - controlled.T.dot(controlled.dot(wish))
         part = largest_share(np.zeros_like(found), found, *self._limits.stoppable(q))
-        rows, ends = self._ticks.inequalities
-        if rows is not None and ends is not None and len(ends):
+        rows, ends = self._ticks.inequalities_towards(found)
+        if rows is not None and ends is not None:
             closing = rows.dot(found)
             part = min(part, float((ends / np.maximum(closing, TINY)).min()))
         return np.asarray(part * found)
 
     def lag(self, step: TwistStep, v: Array) -> float:
         """What velocities (dof,) [rad/s] leave of the twist that was asked for, as a part of it."""
-        left = float(np.linalg.norm(step.jacobian.dot(v) * self._dt - step.wanted))
-        return left / max(float(np.linalg.norm(step.wanted)), NOTHING * self._dt)
+        left = _length(step.jacobian.dot(v) * self._dt - step.wanted)
+        return left / max(_length(step.wanted), NOTHING * self._dt)
 
     def _fastest(self, solve: _Inverse, wanted: Array) -> tuple[Array, _Pace]:
         """The displacement (dof,) [rad] of a whole twist, and the largest part of it that keeps every limit.
@@ -175,7 +175,7 @@ class TwistFollower:
         found = exact, self._pace(solve, wanted, exact, EXACT)
         if found[1].part >= 1.0:
             return found
-        least, most = EXACT, solve.damping_for(wanted, ASIDE * float(np.linalg.norm(wanted)))
+        least, most = EXACT, solve.damping_for(wanted, ASIDE * _length(wanted))
         damping = most
         for _ in range(HALVINGS):
             direction = solve(wanted, damping)
@@ -196,17 +196,18 @@ class TwistFollower:
         limits = self._limits
         size = np.maximum(np.abs(direction), TINY)
         names, low, high = self._kinematics.robot.joint_names, *self._ticks.room
-        rows, ends = self._ticks.inequalities
         speeds, free = limits.step / size, np.where(direction > 0.0, high, -low) / size
-        fast, first = int(np.argmin(speeds)), int(np.argmin(free))
+        fast, first = int(speeds.argmin()), int(free.argmin())
         # All joints brake together: none may have to brake harder than it can.
         braking = EASY * float((limits.change / size).min())
+        stopping = 1.0 + 0.5 / braking  # parts, at least as many as it takes to stop after a whole one
+        rows, ends = self._ticks.inequalities_towards(stopping * direction)
         end = "upper" if direction[first] > 0.0 else "lower"
         paces = [
             _Pace(float(speeds[fast]), f"{names[fast]} velocity"),
             _Pace(_stopping(float(free[first]), braking), f"{names[first]} {end} limit"),
         ]
-        if rows is not None and ends is not None and len(ends):
+        if rows is not None and ends is not None:
             closing = rows.dot(direction)
             coming = closing > 0.0
             if coming.any():
@@ -215,7 +216,7 @@ class TwistFollower:
         bend = solve.bend(wanted, direction, turn, damping)
         turning = math.sqrt(BENDING * float((limits.change / np.maximum(np.abs(bend), TINY)).min()))
         if float(bend.dot(direction)) > 0.0:  # the joints get ever faster: towards a singular pose
-            turning = min(turning, BENT * float(np.linalg.norm(direction)) / max(float(np.linalg.norm(bend)), TINY))
+            turning = min(turning, BENT * _length(direction) / max(_length(bend), TINY))
             turning = turning if turning > CREEPING else 0.0
         paces.append(_Pace(turning, SINGULAR_POSE))
         least = min(paces)
@@ -267,7 +268,12 @@ class _Inverse:
         return math.exp(least)
 
 
+def _length(x: Array) -> float:
+    """Of a vector."""
+    return math.sqrt(x.dot(x))
+
+
 def _behind(off: Array, wanted: Array) -> Array:
     """The part (6,) of what is missing to a line, weighted, along a twist that is wanted, that no tick makes up for."""
-    size = max(float(np.linalg.norm(wanted)), TINY)
+    size = max(_length(wanted), TINY)
     return np.asarray(max(float(off.dot(wanted)) / size - HURRY * size, 0.0) / size * wanted)

@@ -15,9 +15,10 @@ import jacokin
 from jacokin import Robot, Tracker
 from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.ik import Box, Capsule, Floor, Obstacle, Scene, Sphere
+from jacokin.kernels.tracking.reach import CLOSE
 from jacokin.model import to_mujoco
 from jacokin.model.mujoco_twin import to_spec
-from jacokin.motion import TrackerStatus
+from jacokin.motion import PoseTarget, PositionTarget, TrackerStatus
 from jacokin.motion.tracking.avoidance import make_guard
 from jacokin.motion.tracking.joint_limits import JointLimits
 from jacokin.motion.tracking.targets import Kinematics, TaskFactory
@@ -276,3 +277,45 @@ def test_the_tracker_sees_true_distances_and_how_they_change(robot: Robot, rng: 
         np.testing.assert_allclose(slope[smooth], numeric[smooth], atol=2e-3)
         compared += int(smooth.sum())
     assert compared > 20
+
+
+@pytest.mark.parametrize("acceleration_limit", [None, np.inf])
+@pytest.mark.parametrize("asked", ["poses", "posture", "twist", "priorities"])
+def test_distances_that_are_not_measured_do_not_matter(
+    robot: Robot, rng: np.random.Generator, asked: str, acceleration_limit: float | None
+) -> None:
+    """The motion is that of a tracker which measures every pair in every tick, and bounds hold all along."""
+    home = robot.forward_kinematics(robot.home)
+    places = home.translation + np.array([[0.16, 0.03, 0.08], [-0.2, 0.2, -0.1], [0.1, -0.1, -0.25]])
+    scene = Scene([Floor(-0.02), *(obstacle(kind, place, rng) for kind, place in enumerate(places))])
+    posture = robot.home + 0.5 if asked == "posture" else None
+    ours, every = (
+        Tracker(robot, dt=0.01, scene=scene, acceleration_limit=acceleration_limit, posture=posture) for _ in range(2)
+    )
+    guard, held = every._guard, 0
+    assert guard is not None
+    guard.work.numbers[CLOSE] = np.inf
+    every.reset()
+    for tick in range(150):
+        x = 0.03 * tick
+        way = np.array([0.25 * np.sin(2.0 * x), 0.25 * np.sin(3.0 * x), -0.3 * abs(np.sin(1.5 * x))])
+        target = pin.SE3(home.rotation, home.translation + way)
+        told = {"box": (places[0] - [0.05 * np.sin(x), 0.0, 0.0], [-0.15 * np.cos(x), 0.0, 0.0, 0.0, 0.0, 0.0])}
+        ends = []
+        for tracker in (ours, every):
+            if asked == "twist":
+                ends.append(tracker.step(twist=[*(0.8 * way), 0.0, 0.3 * np.sin(x), 0.0], obstacles=told))
+            elif asked == "priorities":
+                levels = [PositionTarget(target.translation), PoseTarget(home, priority=1)]
+                ends.append(tracker.step(levels, obstacles=told))
+            else:
+                ends.append(tracker.step(target, obstacles=told))
+        np.testing.assert_allclose(ends[0].q, ends[1].q, atol=1e-6)
+        assert ends[0].clearance == pytest.approx(ends[1].clearance, abs=1e-6)
+        held += any("~" in name for name in ends[0].limiting)
+        mine, known = ours._state.distances, every._state.distances
+        assert mine is not None
+        assert known is not None
+        assert (mine.bound <= known.bound + 1e-6)[known.near].all()
+        assert len(mine.near) <= len(known.near)
+    assert held > 10  # something was in the way
