@@ -43,6 +43,7 @@ def test_starts_side_by_side_end_where_each_does_alone(robot: Robot, rng: np.ran
             starts.filled[0] = 0
             starts_at_q6(k, pose, wanted[n], 0.0, starts, work)
             assert (rows[STARTED, n] > 0.0) == (starts.filled[0] > 0)
-            q1, q5, q6, _ = refine(k, pose, *starts.rows[0, :3], 0.0)
+            first = starts.rows[0]
+            q1, q5, q6, _ = refine(k, pose, first[0], first[1], first[2], 0.0)
             complete(k, pose, q1, q5, q6, q)
             np.testing.assert_array_equal(rows[FOUND : FOUND + 6, n], q)
