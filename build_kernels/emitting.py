@@ -12,11 +12,14 @@ from pathlib import Path
 import llvmlite.binding as llvm
 from llvmlite.binding import ModuleRef, TargetMachine
 
-from build_kernels.targets import HERE, TARGETS, Target
+from build_kernels.targets import AVX2, EMITTED, HERE, Target
+from jacokin.kernels.library import PREFIX
 
 
 def emit(module: ModuleRef, target: Target = HERE) -> bytes:
     """Machine code of a module: it stays as it is for another machine, and is optimised in place for this one.
+
+    The function of a kernel that is there twice is called ``jacokin_<name>_avx2`` in the code for wider vectors.
 
     Raises:
         RuntimeError: it calls what is not there without numba.
@@ -26,6 +29,10 @@ def emit(module: ModuleRef, target: Target = HERE) -> bytes:
     if target.triple:
         module = llvm.parse_bitcode(module.as_bitcode())
         module.triple, module.data_layout = target.triple, str(machine.target_data)
+    if target.features:
+        for function in module.functions:
+            if function.name.startswith(PREFIX) and not function.is_declaration:
+                function.name = f"{function.name}_{AVX2}"
     optimise(module, machine)
     for called in module.functions:
         if called.is_declaration and not called.name.startswith("llvm.") and not hasattr(process, called.name):
@@ -34,12 +41,17 @@ def emit(module: ModuleRef, target: Target = HERE) -> bytes:
 
 
 def target_machine(target: Target = HERE) -> TargetMachine:
-    """The oldest processor of this kind: the same code, and the same bits, run on all of them."""
+    """The oldest processor of this kind, on all of which the code runs, with what a target has beyond it.
+
+    The bits are the same on all of them.
+    """
     llvm.initialize_all_targets()
     llvm.initialize_all_asmprinters()
     kind = llvm.Target.from_triple(target.triple) if target.triple else llvm.Target.from_default_triple()
     reloc, model = ("static", "default") if target.is_wasm else ("pic", "small")
-    return kind.create_target_machine(cpu="generic", features="", opt=3, reloc=reloc, codemodel=model, jit=False)
+    return kind.create_target_machine(
+        cpu="generic", features=target.features, opt=3, reloc=reloc, codemodel=model, jit=False
+    )
 
 
 def optimise(module: ModuleRef, machine: TargetMachine) -> None:
@@ -63,9 +75,9 @@ def optimise(module: ModuleRef, machine: TargetMachine) -> None:
 
 def main(file: str, *places: str) -> None:
     """Write object files of the module in a file: for each target in turn, its name and a file."""
-    module = llvm.parse_bitcode(Path(file).read_bytes())
+    bitcode = Path(file).read_bytes()
     for name, place in zip(places[::2], places[1::2], strict=True):
-        Path(place).write_bytes(emit(module, TARGETS.get(name, HERE)))
+        Path(place).write_bytes(emit(llvm.parse_bitcode(bitcode), EMITTED[name]))
 
 
 if __name__ == "__main__":

@@ -27,7 +27,7 @@ from pathlib import Path
 
 from build_kernels import c_library, linking
 from build_kernels.linking import BuildError
-from build_kernels.targets import HERE, TARGETS, Target
+from build_kernels.targets import HERE, TARGETS, WIDE_KERNELS, Target
 from build_kernels.universal import universal
 from jacokin.kernels import library
 from jacokin.kernels.entries import ENTRIES, Entry
@@ -128,9 +128,13 @@ def _make(libraries: Sequence[tuple[Target, Path]], entries: Sequence[Entry], ke
         where = error.filename or kept
         raise BuildError(f"{where}: {error.strerror}; build in a copy of the clone that can be written") from None
     objects = {target: {entry: object_of(entry, kept, target) for entry in entries} for target, _ in libraries}
+    wide = {target: target.wide for target, _ in libraries}
+    twice = [entry for entry in entries if entry.run.__name__ in WIDE_KERNELS]
+    objects |= {each: {entry: object_of(entry, kept, each) for entry in twice} for each in wide.values() if each}
     _compile_missing(objects, entries, start)
     for target, place in libraries:
-        linking.link([*objects[target].values(), *c_library.sources(target)], place, target, entries)
+        files = [*objects[target].values(), *objects.get(wide[target] or target, {}).values()]
+        linking.link([*dict.fromkeys(files), *c_library.sources(target)], place, target, entries)
         tell(f"{place}: built in {time.perf_counter() - start:.0f} s")
     remove_unused(kept, [file for files in objects.values() for file in files.values()])
 
@@ -248,7 +252,7 @@ def object_key(entry: Entry, target: Target = HERE) -> str:
         versions = [importlib.metadata.version(package) for package in COMPILERS]
     except importlib.metadata.PackageNotFoundError as error:
         raise BuildError(f"compiling the kernels takes {error.name}: `pip install -e '.[kernels]'`") from None
-    machine = (platform.system(), platform.machine(), *([target.triple] if target.triple else []))
+    machine = (platform.system(), platform.machine(), *filter(None, (target.triple, target.features)))
     digest.update(repr((versions, platform.python_version(), *machine)).encode())
     return digest.hexdigest()[:16]
 

@@ -147,6 +147,19 @@ class ClosedForm:
         Raises:
             InvalidInputError: the target is not finite, or not rigid.
         """
+        found = self.solve_rigid(T, seed, verifier)
+        if found is None:
+            found = self.solve_rigid(checked_matrix("target", np.array(T)), seed, verifier)
+            assert found is not None  # what is checked is rigid
+        return found
+
+    def solve_rigid(
+        self, T: NDArray[np.float64], seed: NDArray[np.float64], verifier: Knows | None = None
+    ) -> Points | None:
+        """As `solve_all`; None for a target that is not finite, or not rigid to rounding.
+
+        The kernel looks at that in a twentieth of the time.
+        """
         try:
             call = self._calls.pop()
         except IndexError:
@@ -154,11 +167,10 @@ class ClosedForm:
         run, target, start, rows = call
         target[:], start[:] = T, seed
         count = run()
-        if count == NOT_RIGID:  # but for rounding; the kernel looks at it in a twentieth of the time
-            target[:] = checked_matrix("target", np.array(T))
-            count = run()
-        # A copy: the call's own rows are overwritten by its next run.
-        found = Points(rows[: count if count >= 0 else ~count].copy(), count < 0, seed, verifier)
+        found = None
+        if count != NOT_RIGID:
+            # A copy: the call's own rows are overwritten by its next run.
+            found = Points(rows[: count if count >= 0 else ~count].copy(), count < 0, seed, verifier)
         self._calls.append(call)
         return found
 

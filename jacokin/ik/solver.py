@@ -278,11 +278,11 @@ class IKSolver:
         Raises:
             InvalidInputError: target or seed malformed; method="closed_form" with a position-only target.
         """
-        robot, frame = self._verifier.robot, self._verifier.frame
-        wanted = interpret(target, frame)
+        verifier, form = self._verifier, self._usable_form
+        robot, frame = verifier.robot, verifier.frame
         start, note = seed_within_limits(robot, seed)
-        if self._verifier.unchecked:
-            note = f"{note}; {self._verifier.unchecked}" if note else self._verifier.unchecked
+        if verifier.unchecked:
+            note = f"{note}; {verifier.unchecked}" if note else verifier.unchecked
         if rng is not None:
             checks.generator("rng", rng)
         restarts = (
@@ -291,6 +291,13 @@ class IKSolver:
         checks.flag("closest", closest)
         is_nearest = isinstance(prefer, str) and prefer == "nearest"
         cost = None if is_nearest else preferences.cost_of(prefer, robot, frame)
+        pose = pose_matrix(target) if form is not None and cost is None else None
+        branches = None
+        if form is not None and pose is not None:
+            branches = form.solve_rigid(pose, start, verifier)
+            if branches is not None and (result := verifier.accept(branches, pose, note)) is not None:
+                return result  # nearly always: no more is needed
+        wanted = interpret(target, frame)
         request = Request(wanted, start, note, rng, restarts, closest, cost)
         few = self._few_at(wanted)
         if few is not None:
@@ -298,8 +305,9 @@ class IKSolver:
         curves = self._curves(wanted)
         if curves is not None:
             return curves.solve(request)
-        form = None if wanted.position_only else self._usable_form
-        return self._solve_by_qp(request) if form is None else self._solve_by_branches(form, request)
+        if form is None or wanted.position_only:
+            return self._solve_by_qp(request)
+        return self._solve_by_branches(form, request, branches)
 
     def solve_all(
         self, target: Target, seed: ArrayLike | None = None, *, fixed: Mapping[str, float] | None = None
@@ -329,7 +337,8 @@ class IKSolver:
         if seed is not None:
             start = start.copy()  # the set keeps it
         if form is not None and pose is not None:
-            return form.solve_all(pose, start, verifier)
+            found = form.solve_rigid(pose, start, verifier)
+            return form.solve_all(pose, start, verifier) if found is None else found
         assert wanted is not None
         few = self._few_at(wanted) if fixed is None else None
         if few is not None:
@@ -517,20 +526,16 @@ class IKSolver:
             )
         return self._about_axis
 
-    def _solve_by_branches(self, form: ClosedForm, request: Request) -> IKResult:
-        """The branch within the limits of the least cost, or why there is none."""
+    def _solve_by_branches(self, form: ClosedForm, request: Request, branches: Points | None) -> IKResult:
+        """The branch within the limits of the least cost, or why there is none; from all of them, if they are known."""
         beyond = self._closest.beyond_reach(request)
         if beyond is not None:
             return beyond
         target, robot = request.target, self.robot
-        branches = form.solve_all(target.matrix, request.seed, self._verifier)
-        rows = branches.rows
-        if request.cost is None and (index := next(branches.each_within_limits(), None)) is not None:
-            nearest = Candidate(branches.q[index], target, f"branch {index + 1} of {len(rows)}")
-            if (result := self._verifier.accept(nearest, request)) is not None:  # nearly always: no more is needed
-                return result
+        if branches is None:
+            branches = form.solve_all(target.matrix, request.seed, self._verifier)
         candidates: Iterator[Candidate] = (
-            Candidate(q, target, f"branch {index + 1} of {len(rows)}") for index, q in branches.in_order(request.cost)
+            Candidate(q, target, branches.name_of(index)) for index, q in branches.in_order(request.cost)
         )
         candidates = self._with_straight_wrists(candidates, branches, request)
         result = self._verifier.select(candidates, request, ALL_IN_CONTACT)

@@ -251,14 +251,18 @@ def _at(position: Array) -> Array:
 
 def pose_errors(T_base_tool: pin.SE3, target: TargetPose) -> tuple[float, float]:
     """Distance [m] and angle [rad] between the tool and the target; the angle is 0 when the orientation is free."""
-    a, b, c, x, d, e, f, y, g, h, k, z, *_ = (T_base_tool.homogeneous - target.matrix).ravel().tolist()
+    position, orientation = matrix_errors(T_base_tool, target.matrix)
+    return position, 0.0 if target.position_only else orientation
+
+
+def matrix_errors(T_base_tool: pin.SE3, target: Array) -> tuple[float, float]:
+    """Distance [m] and angle [rad] between the tool and a pose (4, 4)."""
+    a, b, c, x, d, e, f, y, g, h, k, z, *_ = (T_base_tool.homogeneous - target).ravel().tolist()
     position = math.hypot(x, y, z)
-    if target.position_only:
-        return position, 0.0
     chord = math.hypot(a, b, c, d, e, f, g, h, k)  # |R - R_target|_F = sqrt(8) sin(angle / 2)
     if chord < 1.0:
         return position, 2.0 * math.asin(chord / SQRT_8)
-    return position, poses.rotation_angle(T_base_tool.rotation.T @ target.rotation)  # accurate near half a turn
+    return position, poses.rotation_angle(T_base_tool.rotation.T @ target[:3, :3])  # accurate near half a turn
 
 
 def combined_error(position: float, orientation: float) -> float:

@@ -15,7 +15,7 @@ from jacokin.ik import diagnosis, targets
 from jacokin.ik.options import SolverOptions
 from jacokin.ik.results import IKResult, Status
 from jacokin.ik.seeds import inside_exactly
-from jacokin.ik.solutions.points import BranchTable
+from jacokin.ik.solutions.points import BranchTable, Points
 from jacokin.ik.solutions.solution_set import SolutionSet
 from jacokin.ik.targets import Request, TargetPose
 from jacokin.model import checks
@@ -164,12 +164,28 @@ class Verifier:
         near = rows.position_error <= self.options.position_tolerance
         return np.asarray(within & near & (rows.orientation_error <= self.options.orientation_tolerance))
 
-    def accept(self, candidate: Candidate, request: Request) -> IKResult | None:
-        """The result of a candidate that is a success without contact; None for another, which `select` judges."""
-        errors = self.measure(candidate.q, candidate.target)
-        if not self.reached(candidate.q, errors) or self.touches(candidate.q):
+    def accept(self, branches: Points, T: Array, note: str) -> IKResult | None:
+        """The nearest branch within the limits at a pose (4, 4), if it is a success without contact.
+
+        Args:
+            branches: of that pose.
+            T: T_base_tool.
+            note: for the message; "" for none.
+
+        Returns:
+            None where there is none, or another may be the answer: `select` judges.
+        """
+        index = branches.first_within_limits()
+        if index is None:
             return None
-        return self.result(candidate, Status.OK, request.message(candidate.message), errors)
+        q = branches.rows[index, :6]
+        position, orientation = targets.matrix_errors(self.tool_pose(q), T)
+        options = self.options
+        near = position <= options.position_tolerance and orientation <= options.orientation_tolerance
+        if not near or self.touches(q):  # that it is exactly within the limits, the kernel has seen
+            return None
+        message = f"{branches.name_of(index)}; {note}" if note else branches.name_of(index)
+        return IKResult(q, Status.OK, position, orientation, "closed_form", None, 0, 0, message)
 
     def select(self, candidates: Iterable[Candidate], request: Request, in_contact: str) -> IKResult | None:
         """The result of the first candidate that is a success; None where none reaches its target.

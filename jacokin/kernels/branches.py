@@ -22,10 +22,11 @@ from jacokin.kernels.chain import (
 )
 from jacokin.kernels.closed_form.folds import KNOWN_FOLD, NEW_FOLD, FoldWork, is_known_fold, make_folds, solve_fold
 from jacokin.kernels.configurations.arm import turn_sines
-from jacokin.kernels.limits import fit_to_limits, hold_on_limits, nearest_copy, same_configuration
+from jacokin.kernels.limits import TURN, fit_to_limits, hold_on_limits, nearest_copy, same_configuration
 from jacokin.kernels.tolerances import (
     ALONE_PIVOT,
     ALONE_WAY,
+    APART,
     CLOSURE,
     FIRST_SEED_WEIGHT,
     FOLD_FACTOR,
@@ -39,7 +40,7 @@ from jacokin.kernels.tolerances import (
     SEED_WEIGHT_FACTOR,
     TANGENCY_CLOSURE,
 )
-from jacokin.kernels.trigonometry import angle_of
+from jacokin.kernels.trigonometry import TO_WHOLE, angle_of
 from jacokin.kernels.vector import norm
 
 #: Columns of a branch: 0:6 q, 6:12 limit margins, then these.
@@ -51,6 +52,7 @@ FOUND, FRAME, ANGLE, SINE, COSINE, LANE_ROWS = 17, 23, 35, 36, 37, 38
 #: 16 is the most a 6R arm can have; families add members, and a fold may be cut in two by rounding.
 MAX_BRANCHES = 24
 POLISH_STEPS = 16
+TURNS_PER_RADIAN = 1.0 / TURN
 #: Gauss-Newton steps from a seed with each weight, at most.
 SEED_STEPS = 3
 
@@ -432,7 +434,19 @@ def insert(work: BranchWork) -> None:
 
 def is_same(a: Array, b: Array) -> bool:
     """Whether two branches are one on the circle: as near to each other as folds with their closures would be."""
+    for j in range(6):
+        if is_apart(a[j] - b[j]):
+            return False
     return same_configuration(a, b, SAME_BRANCH + FOLD_FACTOR * math.sqrt(max(closure_of(a), closure_of(b))))
+
+
+def is_apart(difference: float) -> bool:
+    """Whether angles of a joint so far apart [rad] are those of two branches, whatever their closures.
+
+    Nearly all pairs of branches have such a joint, and need neither the root of a closure nor a division.
+    """
+    turns = difference * TURNS_PER_RADIAN + TO_WHOLE - TO_WHOLE
+    return bool(abs(difference - TURN * turns) > APART)
 
 
 def closure_of(row: Array) -> float:
@@ -454,12 +468,12 @@ def note_full(work: BranchWork, count: int, size: int) -> None:
 
 def sort_rows(work: BranchWork) -> None:
     """Order the branches by distance to the seed, by insertion."""
-    rows = work.rows
+    row, rows = work.row, work.rows
     for i in range(1, work.filled[0]):
         j = i
-        while j > 0 and rows[j, DISTANCE] < rows[j - 1, DISTANCE]:
-            for column in range(COLUMNS):
-                swap = rows[j, column]
-                rows[j, column] = rows[j - 1, column]
-                rows[j - 1, column] = swap
+        copy_row(rows[i], row)
+        while j > 0 and row[DISTANCE] < rows[j - 1, DISTANCE]:
+            copy_row(rows[j - 1], rows[j])
             j -= 1
+        if j < i:
+            copy_row(row, rows[j])

@@ -26,6 +26,8 @@ from jacokin.errors import JacokinError
 PATH = Path(__file__).with_name("libjacokin.dylib" if sys.platform == "darwin" else "libjacokin.so")
 #: Begins the names of its functions.
 PREFIX = "jacokin_"
+#: Ends the name of one that chooses, of two forms of a kernel, the one for this processor: see ``c/wide.c``.
+CHOSEN = "_chosen"
 #: What a function returns where Python would have raised.
 FAILED = -(2**63)
 #: Begins what the library says about itself, see `about`.
@@ -129,8 +131,12 @@ class Library:
         self.about = found
 
     def function(self, name: str) -> Callable[[ctypes.c_void_p], int]:
-        """A function that takes the address of a table of work arrays; the GIL is released while it runs."""
-        found = self._functions[PREFIX + name]
+        """A function that takes the address of a table of work arrays; the GIL is released while it runs.
+
+        Of a kernel that is there for several processors, what chooses the one for this.
+        """
+        chosen = f"{PREFIX}{name}{CHOSEN}"
+        found = self._functions[chosen if hasattr(self._functions, chosen) else PREFIX + name]
         found.argtypes, found.restype = [ctypes.c_void_p], ctypes.c_int64
         function: Callable[[ctypes.c_void_p], int] = found
         return function

@@ -145,6 +145,8 @@ SAME_BRANCH = 1e-6
 #: At a fold, where two branches merge, errors grow with the square of the distance: everything within
 #: FOLD_FACTOR * sqrt(closure) [rad] of a branch is the same double solution.
 FOLD_FACTOR = 20.0
+#: [rad]; branches that a joint has farther apart are two: that of closures of `CLOSURE`, by far the largest, is 6e-4.
+APART = 1e-3
 #: [rad]; a branch this close to a single root in joint 6 is the one that belongs to it.
 SAME_ROOT = 2e-7
 #: [rad]; a refined start this close to a branch in joints 1, 5 and 6 is that branch again.

@@ -52,6 +52,15 @@ def test_one_module_is_emitted_for_every_machine(name: str, begin: bytes) -> Non
     assert str(module) == before
 
 
+def test_what_is_there_for_wider_vectors_has_a_name_of_its_own() -> None:
+    with translating_only():
+        function = numba.njit(lambda address: 2 * address)
+        function.compile((numba.types.intp,))
+        wide = TARGETS["x86_64-linux"].wide
+        assert wide is not None
+        assert b"jacokin_twice_avx2" in emit(exporting(function, "jacokin_twice"), wide)
+
+
 def test_numba_works_as_before_once_functions_were_only_translated() -> None:
     with translating_only():
         inner = numba.njit(lambda x: x + 1)

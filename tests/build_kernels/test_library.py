@@ -22,7 +22,7 @@ import pytest
 from build_kernels import c_library, linking
 from build_kernels import library as build
 from build_kernels.linking import BuildError
-from build_kernels.targets import HERE, TARGETS
+from build_kernels.targets import AVX2, EMITTED, HERE, TARGETS, WIDE_KERNELS
 from jacokin.kernels import library
 from jacokin.kernels.contact.cloud_tree import build_cloud
 from jacokin.kernels.entries import ENTRIES, Entry
@@ -53,7 +53,7 @@ def test_an_object_file_is_kept_until_its_kernel_changes(monkeypatch: pytest.Mon
     assert build.object_key(curves) != before[1]
     monkeypatch.setattr(ast, "parse", lambda source: parse(f"# a comment\n{source}"))
     assert build.object_key(speeds) == before[0]
-    assert len({build.object_key(speeds, target) for target in (HERE, *TARGETS.values())}) == 1 + len(TARGETS)
+    assert len({build.object_key(speeds, target) for target in EMITTED.values()}) == len(EMITTED) >= 1 + len(TARGETS)
     monkeypatch.setattr(platform, "machine", lambda: "other")
     assert build.object_key(speeds) != before[0]
 
@@ -63,6 +63,19 @@ def test_another_machine_gets_the_kernels_that_the_c_files_call() -> None:
     called = set(re.findall(r"^int64_t jacokin_(\w+)\(entry \*table\);", text, re.MULTILINE))
     assert called == set(c_library.KERNELS)
     assert [entry.run.__name__ for entry in build.C_ENTRIES] == list(c_library.KERNELS)
+
+
+def test_wider_vectors_are_those_of_x86_64(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of the machines by name, and of this one by what it is; the kernels that are there twice exist."""
+    wide = {name for name, target in TARGETS.items() if target.wide is not None}
+    assert wide == {"x86_64-linux", "x86_64-windows", "x86_64-macos"}
+    assert {entry.run.__name__ for entry in ENTRIES}.issuperset(WIDE_KERNELS)
+    monkeypatch.setattr(platform, "machine", lambda: "x86_64")
+    twice = HERE.wide
+    assert twice is not None
+    assert (twice.name, twice.wide) == (AVX2, None)
+    monkeypatch.setattr(platform, "machine", lambda: "arm64")
+    assert HERE.wide is None
 
 
 def test_what_stops_a_build_for_another_machine_is_one_sentence(

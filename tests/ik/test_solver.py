@@ -361,12 +361,14 @@ def test_missing_branches_are_no_proof(robot: Robot, monkeypatch: pytest.MonkeyP
     from jacokin.ik.solutions.points import Points
     from jacokin.ik.verification import Verifier
 
-    solve_all = ClosedForm.solve_all
+    solve_rigid = ClosedForm.solve_rigid
 
-    def full(self: ClosedForm, T: Array, seed: Array, verifier: Verifier) -> Points:
-        return Points(solve_all(self, T, seed).rows, True, seed, verifier)
+    def full(self: ClosedForm, T: Array, seed: Array, verifier: Verifier | None = None) -> Points:
+        found = solve_rigid(self, T, seed)
+        assert found is not None
+        return Points(found.rows, True, seed, verifier)
 
-    monkeypatch.setattr(ClosedForm, "solve_all", full)
+    monkeypatch.setattr(ClosedForm, "solve_rigid", full)
     solver = IKSolver(robot)
     for target in (jacokin.pose([0.15, -0.05, 0.1], down=True), jacokin.pose([0.75, 0.0, 0.4], down=True)):
         result = solver.solve(target, closest=False)

@@ -171,6 +171,18 @@ class Points(BranchTable, SolutionSet):
         """The indices of the points within the limits, in order."""
         return compress(count(), self.rows[:, WITHIN_LIMITS].tolist())
 
+    def first_within_limits(self) -> int | None:
+        """The index of the point within the limits that is nearest to the seed; None when there is none."""
+        item = self.rows.item
+        for index in range(len(self.rows)):  # seldom more than two, which plain floats tell sooner than NumPy
+            if item(index, WITHIN_LIMITS) == 1.0:
+                return index
+        return None
+
+    def name_of(self, index: int) -> str:
+        """What messages call a point."""
+        return f"branch {index + 1} of {len(self.rows)}"
+
     def nearest(self, seed: ArrayLike | None = None) -> NDArray[np.float64] | None:
         """The point (dof,) within the limits [rad or m] nearest to a seed, None for its own; None when there is none.
 
@@ -178,7 +190,8 @@ class Points(BranchTable, SolutionSet):
             InvalidInputError: a malformed seed, or one more than 1e6 rad from zero.
         """
         if seed is None:
-            return next((self.q[index] for index in self.each_within_limits()), None)
+            first = self.first_within_limits()
+            return None if first is None else self.q[first]
         robot = self._known().robot
         start, _ = seed_within_limits(robot, seed)
         rows = angles.into_limits(angles.nearest_copy(self.q_within_limits, start), robot.lower, robot.upper)

@@ -12,7 +12,7 @@ int jacokin_find_branches(const jacokin_ik_solver *solver, const double *T, cons
     memcpy(table[TARGETS_T].numbers, T, 16 * sizeof(double));
     memcpy(table[TARGETS_seed].numbers, seed, 6 * sizeof(double));
     table[TARGETS_best_length].length = 0; /* all branches, in order of their distance */
-    int64_t count = jacokin_solve_targets(table);
+    int64_t count = jacokin_solve_targets_chosen(table);
     *dropped = count < 0; /* a table of the kernels was full: the count is its complement */
     if (count < 0) count = ~count;
     return count <= JACOKIN_IK_MAX_BRANCHES ? (int)count : 0;

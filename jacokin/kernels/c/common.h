@@ -3,6 +3,7 @@
  * solver.c     making a solver, what it knows, forward kinematics
  * branches.c   every branch of a pose of six joints, and the nearest one
  * curves.c     one free parameter: intervals, points on them, the nearest one
+ * wide.c       which of two forms of a kernel this processor runs
  *
  * The kernels are Python, compiled to functions that take a table of the addresses of their arrays. arrays.h is
  * written from that Python when the library is built: which arrays there are, and how long, is said there and nowhere
@@ -68,6 +69,15 @@ int64_t jacokin_solve_targets(entry *table);
 int64_t jacokin_solve_set(entry *table);
 int64_t jacokin_find_point(entry *table);
 int64_t jacokin_find_nearest(entry *table);
+
+/* Those of wide.c, which Python calls, too. */
+#if defined(_WIN32) || defined(__wasm__)
+#define SHOWN
+#else
+#define SHOWN __attribute__((visibility("default")))
+#endif
+SHOWN int jacokin_is_wide(void);
+SHOWN int64_t jacokin_solve_targets_chosen(entry *table);
 
 /* A call's memory, laid out by jacokin_lay_out: a table for each kernel. Memory for poses only has that of targets. */
 typedef struct {

@@ -10,7 +10,6 @@ import numpy as np
 from jacokin.arrays import Array
 from jacokin.kernels.branches import (
     ABREAST,
-    FOUND,
     MAX_BRANCHES,
     ORIENTATION_ERROR,
     POSITION_ERROR,
@@ -29,9 +28,13 @@ from jacokin.kernels.closed_form.resultant import DEGREE, fourier_of_divided_F, 
 from jacokin.kernels.closed_form.roots import MAX_ROOTS, RootWork, add_known, add_known_pair, find_roots, make_roots
 from jacokin.kernels.closed_form.wrist import (
     MAX_STARTS,
+    Q6,
+    STARTED,
     Starts,
     complete,
+    fill_starts,
     refine,
+    refine_abreast,
     starts_along_axis_1,
     starts_at_q6,
     starts_on_axis_5,
@@ -180,44 +183,36 @@ def divide_by_known(k: ArmConstants, pose: Pose, roots: RootWork) -> float:
         if noise < math.inf:
             return noise
         singles, pairs = (singles, 0) if pairs > 0 else (0, 0)
-    return fourier_of_F(k, pose, roots.cosine, roots.sine)
+    return fourier_of_F(k, pose, roots.cosine, roots.sine, roots.stack)
 
 
 def branches_at_single_roots(k: ArmConstants, pose: Pose, query: PoseQuery, work: Work, found: int) -> None:
-    """The branch of each single root: from its best start, verified beside those of others, or else from any."""
-    roots, lanes = work.roots.roots, work.branches.lanes
+    """The branch of each single root: from its best start, side by side with those of others, or else from any."""
+    roots, lanes, count = work.roots.roots, work.branches.lanes, 0
     for i in range(found):
         if roots[i, 1] == 0.0:
-            if not collect_at_root(k, pose, work, i):
-                branch_at_root(k, pose, query, work, roots[i, 0])
-            if lanes.filled[0] == ABREAST:
-                settle_roots(k, pose, query, work)
-    if lanes.filled[0] > 0:
-        settle_roots(k, pose, query, work)
+            lanes.rows[Q6, count], lanes.mark[count] = roots[i, 0], i
+            count += 1
+            if count == ABREAST:
+                settle_roots(k, pose, query, work, count)
+                count = 0
+    if count > 0:
+        settle_roots(k, pose, query, work, count)
 
 
-def collect_at_root(k: ArmConstants, pose: Pose, work: Work, i: int) -> bool:
-    """Collect the candidate from the best start of root i; False where there is none."""
-    starts, lanes, q, n = work.starts, work.branches.lanes, work.branches.newton.q, work.branches.lanes.filled[0]
-    starts.filled[0] = 0
-    starts_at_q6(k, pose, work.roots.roots[i, 0], 0.0, starts, work.inner)
-    note_full(work.branches, starts.filled[0], MAX_STARTS)
-    if starts.filled[0] == 0:
-        return False
-    q1, q5, q6, _ = refine(k, pose, starts.rows[0, 0], starts.rows[0, 1], starts.rows[0, 2], 0.0)
-    complete(k, pose, q1, q5, q6, q)
-    for j in range(6):
-        lanes.rows[FOUND + j, n] = q[j]
-    collect(work.branches, n, i, 0.0)
-    return True
-
-
-def settle_roots(k: ArmConstants, pose: Pose, query: PoseQuery, work: Work) -> None:
-    """Add the branches of the collected candidates of single roots."""
-    branches, roots = work.branches, work.roots.roots
+def settle_roots(k: ArmConstants, pose: Pose, query: PoseQuery, work: Work, count: int) -> None:
+    """Add the branches of single roots side by side."""
+    branches, lanes, roots = work.branches, work.branches.lanes, work.roots.roots
+    for n in range(count, ABREAST):
+        lanes.rows[Q6, n] = lanes.rows[Q6, 0]
+    fill_starts(k, pose, lanes.rows)
+    refine_abreast(k, pose, lanes.rows)
+    for n in range(count):
+        collect(branches, n, lanes.mark[n] if lanes.rows[STARTED, n] > 0.0 else ~lanes.mark[n], 0.0)
     for n in range(verify(query, branches)):
-        before, q6 = branches.filled[0], roots[branches.lanes.mark[n], 0]
-        if not (add_verified(query, branches, n) and has_branch_at(branches, before, q6)):
+        i, before = lanes.mark[n], branches.filled[0]
+        q6 = roots[i if i >= 0 else ~i, 0]
+        if i < 0 or not (add_verified(query, branches, n) and has_branch_at(branches, before, q6)):
             branch_at_root(k, pose, query, work, q6)
 
 

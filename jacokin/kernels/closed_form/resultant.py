@@ -22,6 +22,10 @@ SPACING = 2.0 * math.pi / SAMPLES  # [rad] of the samples
 _angles = 2.0 * np.pi / SAMPLES * np.arange(SAMPLES)
 SAMPLE_COS = np.cos(_angles)
 SAMPLE_SIN = np.sin(_angles)
+#: (2, 16) cosines and sines of the samples but the one at 0: eight, and those at minus their angles.
+AROUND = np.array(
+    [np.tile(SAMPLE_COS[1 : DEGREE + 1], 2), np.append(SAMPLE_SIN[1 : DEGREE + 1], -SAMPLE_SIN[1 : DEGREE + 1])]
+)
 _weight = np.where(np.arange(DEGREE + 1) == 0, 1.0, 2.0) / SAMPLES
 #: (17, 9): what each sample adds to the coefficients of cos(k q6) and sin(k q6).
 TO_COSINE = _weight * np.cos(np.outer(_angles, np.arange(DEGREE + 1)))
@@ -82,25 +86,30 @@ def resultant(k: ArmConstants, D: Vec, m: Vec) -> tuple[float, float]:
     return a + b + c + d + e + f + g + h + i, size
 
 
-def fourier_of_F(k: ArmConstants, pose: Pose, cosine: Array, sine: Array) -> float:
-    """Fill cosine and sine, (9,) each, with the Fourier coefficients of F(q6); returns a bound on their noise."""
-    largest = 0.0
-    for n in range(DEGREE + 1):
-        cosine[n] = 0.0
-        sine[n] = 0.0
-    for j in range(DEGREE + 1):
-        c, s = SAMPLE_COS[j], SAMPLE_SIN[j]
+def fourier_of_F(k: ArmConstants, pose: Pose, cosine: Array, sine: Array, values: Array) -> float:
+    """Fill cosine and sine, (9,) each, with the Fourier coefficients of F(q6); returns a bound on their noise.
+
+    Args:
+        k: the arm.
+        pose: the target.
+        cosine: filled.
+        sine: filled.
+        values: (2, 16) workspace, or larger.
+    """
+    D, m = mix(pose.D0, 1.0, pose.Dc, 1.0, pose.Ds, 0.0), mix(pose.m0, 1.0, pose.mc, 1.0, pose.ms, 0.0)
+    middle, largest = resultant(k, D, m)
+    for i in range(2 * DEGREE):
+        c, s = AROUND[0, i], AROUND[1, i]
         D = mix(pose.D0, 1.0, pose.Dc, c, pose.Ds, s)
         m = mix(pose.m0, 1.0, pose.mc, c, pose.ms, s)
-        F, size = resultant(k, D, m)
-        largest = max(largest, size)
-        even, odd = F, 0.0
-        if j > 0:  # the sample at minus the angle
-            D = mix(pose.D0, 1.0, pose.Dc, c, pose.Ds, -s)
-            m = mix(pose.m0, 1.0, pose.mc, c, pose.ms, -s)
-            other, size = resultant(k, D, m)
-            largest = max(largest, size)
-            even, odd = F + other, F - other
+        values[0, i], values[1, i] = resultant(k, D, m)
+    for n in range(DEGREE + 1):
+        cosine[n] = TO_COSINE[0, n] * middle
+        sine[n] = 0.0
+    for j in range(1, DEGREE + 1):
+        F, other = values[0, j - 1], values[0, DEGREE + j - 1]  # the latter at minus the angle
+        largest = max(largest, values[1, j - 1], values[1, DEGREE + j - 1])
+        even, odd = F + other, F - other
         for n in range(DEGREE + 1):
             cosine[n] += TO_COSINE[j, n] * even
             sine[n] += TO_SINE[j, n] * odd

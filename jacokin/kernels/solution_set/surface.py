@@ -47,6 +47,7 @@ class Surface(NamedTuple):
     row: Array  # (19,) the table's numbers at one p
     cosine: Array  # (9,) F at p
     sine: Array  # (9,)
+    samples: Array  # (2, 16) values of F, see `fourier_of_F`
     apart: Array  # (3,) of F of a spherical wrist, see `fill_both_turns`; its first and second derivative by p
     powers: Array  # (3, 17, 2) coefficients in z = exp(i x) of F, and of its first and second derivative by p
     equations: Equations
@@ -62,6 +63,7 @@ def make_surface() -> Surface:
         np.zeros(NUMBERS),
         np.zeros(DEGREE + 1),
         np.zeros(DEGREE + 1),
+        np.zeros((2, 2 * DEGREE)),
         np.zeros(3),
         np.zeros((3, 2 * DEGREE + 1, 2)),
         make_equations(),
@@ -110,7 +112,7 @@ def fill_sample(k: ArmConstants, six: SixJoints, F: Surface, p: float) -> float:
         else:
             _, _, noise = fill_quartic(reach, F.cosine, F.sine)
     elif k.six.scale == 0.0:
-        noise = fourier_of_F(k, pose_of(six.arm, k, six.turned), F.cosine, F.sine)
+        noise = fourier_of_F(k, pose_of(six.arm, k, six.turned), F.cosine, F.sine, F.samples)
     else:
         noise = fill_determinant(k, six, F, p, k.six.own)
         scale = scale_of(F.equations)

@@ -35,7 +35,7 @@ def test_F_without_some_roots_times_their_factors_is_F(robot: Robot, rng: np.ran
     for q in robot.sample(rng, 20):
         T = target(robot, q)
         all_roots = form.solve_all(T, q).q[:, 5]
-        fourier_of_F(k, pose_of(arm, k, T), cosine, sine)
+        fourier_of_F(k, pose_of(arm, k, T), cosine, sine, np.empty((2, 16)))
         known = np.array(all_roots[: len(all_roots) // 4 * 2])
         H_cosine, H_sine, noise = divided(robot, T, known)
         for x in rng.uniform(-math.pi, math.pi, 20):

@@ -1,0 +1,60 @@
+"""The kernel that is there a second time, for wider vectors: the same bits."""
+
+from __future__ import annotations
+
+import ctypes
+
+import numpy as np
+import pytest
+
+from jacokin import IKSolver, load_robot
+from jacokin.arrays import Array
+from jacokin.ik.closed_form import ClosedForm
+from jacokin.kernels import library
+from tests.kernels.six_joints.arms import ARMS, chain_of_arm, form_of, poses_and_jacobians
+
+FUNCTIONS = ctypes.CDLL(str(library.PATH))
+
+
+def form_of_name(name: str) -> ClosedForm:
+    """Of an arm without limits, or of a bundled one with its own."""
+    if name in ARMS:
+        return form_of(chain_of_arm(name))
+    return IKSolver(load_robot(name), collision="ignore").closed_form()
+
+
+def branches(form: ClosedForm, function: object, T: Array, seeds: Array) -> list[bytes]:
+    """The best branch of each target, and all of each."""
+    best = np.empty((len(T), 20))
+    call = form._call(T, seeds, best)
+    call._function = function  # type: ignore[assignment]  # one of two forms of it
+    found = [np.array([call()]).tobytes(), best.tobytes()]
+    call, target, seed, rows = form._one_target()
+    call._function = function  # type: ignore[assignment]
+    for target[:], seed[:] in zip(T, seeds, strict=True):
+        count = call()
+        found.append(rows[: max(count, ~count)].tobytes())
+    return found
+
+
+@pytest.mark.skipif(not FUNCTIONS.jacokin_is_wide(), reason="the processor has no wider vectors")
+@pytest.mark.parametrize("name", ["j2n6s300", "j2s6s300", "gen3_lite", "ur5", "puma", "crx", "generic"])
+def test_wider_vectors_give_the_same_bits(name: str, rng: np.random.Generator) -> None:
+    """At random poses, and at those of round angles, where folds and continua are."""
+    form = form_of_name(name)
+    q = rng.uniform(-np.pi, np.pi, (200, 6))
+    q[::4] = np.round(q[::4] / (np.pi / 4)) * np.pi / 4
+    T = np.ascontiguousarray(poses_and_jacobians(form.chain, q)[0])
+    seeds = q + rng.normal(scale=0.01, size=q.shape) * (np.arange(len(q)) % 3)[:, np.newaxis]
+    forms = (FUNCTIONS.jacokin_solve_targets, FUNCTIONS.jacokin_solve_targets_avx2)
+    for each in forms:
+        each.argtypes, each.restype = [ctypes.c_void_p], ctypes.c_int64
+    narrow, wide = (branches(form, each, T, seeds) for each in forms)
+    assert narrow == wide
+
+
+def test_the_one_for_this_processor_is_called() -> None:
+    """Through what chooses."""
+    called = library.load().function("solve_targets")
+    assert called.__name__ == "jacokin_solve_targets_chosen"
+    assert library.load().function("run_contact").__name__ == "jacokin_run_contact"
