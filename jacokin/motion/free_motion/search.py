@@ -216,7 +216,8 @@ class WaySearch:
             space.low[:] = np.where(robot.unlimited, -np.pi, np.maximum(robot.lower, -FARTHEST))
             space.high[:] = np.where(robot.unlimited, np.pi, np.minimum(robot.upper, FARTHEST))
             space.levers[:] = self.contact.levers
-            work.contact.numbers[MARGIN_KEPT], work.contact.numbers[SLACK] = self._clearance, REFUSED_WITHIN
+            numbers = work.sight.contact.numbers
+            numbers[MARGIN_KEPT], numbers[SLACK] = self._clearance, REFUSED_WITHIN
             found = self._local.call = Call(run_free_motion, work)
         elif goals > len(found.work.known):
             dof, more = len(found.work.start), 2 * goals
