@@ -46,7 +46,7 @@ MOST_SAMPLES = 200_000  # after which a search is given up, whatever time is lef
 FIRST_ROOM = 1024  # configurations of a tree, twice as many whenever one is full
 ROOM_KEPT = 16_384  # configurations of a tree; more memory than for these is given back
 FARTHEST = 1e3  # [rad] or [m] from zero, random configurations of joints without one limit
-AT_ONCE = 64  # samples or shortcuts before the clock is looked at
+AT_ONCE = 256  # samples or shortcuts before the clock is looked at
 UNEQUAL = 4.0  # a joint that is faster than the slowest by more counts as so much faster when steps are measured
 IN_VAIN = 40  # shortcuts one after another that are none, after which no more are looked for
 
