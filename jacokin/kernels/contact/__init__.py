@@ -11,6 +11,7 @@ tree           obstacles in a tree of boxes
 touching       pairs of shapes that touch
 nearest        the pair that is nearest, or that a motion could bring together first
 motion         straight motions, without gaps
+sweep          what could touch on a part of a motion, in places side by side
 cloud_tree     the entry point that sorts points into a tree of boxes
 near_points    the entry point for points that are on the arm
 """

@@ -12,7 +12,9 @@ import math
 from jacokin.arrays import Array
 from jacokin.kernels.contact.separation import SeparationWork, separation
 from jacokin.kernels.contact.shapes import (
+    BOX,
     CLOUD,
+    CYLINDER,
     ELLIPSOID,
     FIRST_NODE,
     FIRST_VERTEX,
@@ -23,7 +25,9 @@ from jacokin.kernels.contact.shapes import (
     MESH,
     NODE_HALF,
     NODE_RADIUS,
+    POINT,
     RADIUS,
+    SEGMENT,
     Shapes,
     box_distance,
     core_bound,
@@ -36,7 +40,8 @@ def shape_separation(
 ) -> float:
     """Distance of two shapes, one of which may be a cloud; arguments and returns as of `separation`.
 
-    Of a cloud, a distance may be exact where it need not be, and witnesses are filled where it is to be `deep`.
+    Of a cloud, and of a sphere and what `core_bound` is exact for, a distance may be exact where it need not be, and
+    witnesses are filled where it is to be `deep`.
     """
     a, b = pair
     if shapes.integers[b, KIND] == CLOUD:
@@ -47,6 +52,12 @@ def shape_separation(
         invert(work.relative)
         exchange(work)
         return found
+    if not deep and shapes.integers[a, KIND] == POINT and shapes.integers[b, KIND] in (POINT, SEGMENT, BOX, CYLINDER):
+        r = work.relative
+        x = -(r[0, 0] * r[0, 3] + r[1, 0] * r[1, 3] + r[2, 0] * r[2, 3])
+        y = -(r[0, 1] * r[0, 3] + r[1, 1] * r[1, 3] + r[2, 1] * r[2, 3])
+        z = -(r[0, 2] * r[0, 3] + r[1, 2] * r[1, 3] + r[2, 2] * r[2, 3])
+        return float(core_bound(shapes, b, x, y, z) - shapes.numbers[a, MARGIN])
     return separation(shapes, pair, work, enough, little, rough, deep)
 
 

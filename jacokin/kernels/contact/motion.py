@@ -78,10 +78,25 @@ def is_clear(
         margin: smallest distance allowed [m].
         slack: positive [m].
     """
+    course.waiting[0, 0], course.waiting[0, 1] = 0.0, 1.0
+    course.spans[0, 0], course.spans[0, 1] = 0, list_all(geometry.arm, geometry.tree, counts, course.near)
+    return are_clear(geometry, counts, places, heap, work, course, start, margin, slack, 1)
+
+
+def are_clear(
+    geometry: Geometry,
+    counts: Counts,
+    places: Places,
+    heap: Heap,
+    work: SeparationWork,
+    course: Course,
+    start: Array,
+    margin: float,
+    slack: float,
+    size: int,
+) -> bool:
+    """The same for so many parts of a motion that wait in the course."""
     waiting, spans, near, best = course.waiting, course.spans, course.near, course.best
-    waiting[0, 0], waiting[0, 1] = 0.0, 1.0
-    spans[0, 0], spans[0, 1] = 0, list_all(geometry.arm, geometry.tree, counts, near)
-    size = 1
     while size > 0:
         size -= 1
         low, high, first, last = waiting[size, 0], waiting[size, 1], spans[size, 0], spans[size, 1]

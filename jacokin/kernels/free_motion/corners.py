@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 from jacokin.arrays import Array
-from jacokin.kernels.contact.run import ContactWork
 from jacokin.kernels.free_motion.shortcuts import POINTS, Way
-from jacokin.kernels.free_motion.space import Space, moves_clear
+from jacokin.kernels.free_motion.sight import Sight, moves_clear, near_on_curve
+from jacokin.kernels.free_motion.space import Space
 
 LARGEST_CUT = 0.45  # of the shorter of two lines is cut off at their corner
 CORNER_TRIES = 5  # each cuts half as much
@@ -15,7 +15,7 @@ STRAIGHT = 1e-9  # a corner whose directions differ by less is none
 CHORD = 2e-4  # [m] shapes may be nearer on a parabola than on the chords that are certified
 
 
-def size_cuts(way: Way, space: Space, dof: int, contact: ContactWork, cuts: Array) -> None:
+def size_cuts(way: Way, space: Space, dof: int, sight: Sight, cuts: Array) -> None:
     """Fill for each corner how much time at full speed is cut off on both sides of it [s]; 0 where it must stay."""
     for corner in range(1, way.integers[POINTS] - 1):
         before = way.times[corner] - way.times[corner - 1]
@@ -32,34 +32,41 @@ def size_cuts(way: Way, space: Space, dof: int, contact: ContactWork, cuts: Arra
             continue
         size = LARGEST_CUT * min(before, after)
         for _ in range(CORNER_TRIES):
-            if is_parabola_clear(way, space, dof, contact, corner, size / before, size / after, size):
+            if is_parabola_clear(way, space, dof, sight, corner, size / before, size / after, size):
                 cuts[corner] = size
                 break
             size *= 0.5
 
 
 def is_parabola_clear(
-    way: Way, space: Space, dof: int, contact: ContactWork, corner: int, back: float, ahead: float, size: float
+    way: Way, space: Space, dof: int, sight: Sight, corner: int, back: float, ahead: float, size: float
 ) -> bool:
     """Whether the parabola is clear that leaves and meets the lines of a corner at shares of their lengths.
 
     `way.step` (dof,) is how sharply each joint turns for each second of the size [s]; the product is half of the
     parabola's second derivative by a parameter that runs from 0 to 1 [rad].
     """
+    here, start = corner * dof, way.other[2 * dof : 3 * dof]
+    for j in range(dof):
+        q = way.q[here + j]
+        first, second = back * (way.q[here - dof + j] - q), ahead * (way.q[here + dof + j] - q)
+        start[j], sight.contact.course.step[j], sight.sweep.bend[j] = q + first, -2.0 * first, first + second
+    low, high = near_on_curve(sight, start)
+    if low < 0.0:
+        return False
     away = 0.0
     for j in range(dof):
         away += 0.25 * way.step[j] * size * space.levers[j]
     # The chord of one of n equal parts is at most turn / (4 n^2) from its part of the parabola, joint by joint.
     parts = max(2, math.ceil(math.sqrt(away / CHORD)))
-    here = corner * dof
-    last, new = way.other[:dof], way.other[dof : 2 * dof]
-    for k in range(parts + 1):
+    begin, last, new = math.floor(low * parts), way.other[:dof], way.other[dof : 2 * dof]
+    for k in range(begin, math.ceil(high * parts) + 1):
         u = k / parts
         for j in range(dof):
             q = way.q[here + j]
             first, second = q + back * (way.q[here - dof + j] - q), q + ahead * (way.q[here + dof + j] - q)
             new[j] = (1.0 - u) * (1.0 - u) * first + 2.0 * u * (1.0 - u) * q + u * u * second
-        if k > 0 and not moves_clear(contact, last, new, away / (parts * parts)):
+        if k > begin and not moves_clear(sight, last, new, away / (parts * parts)):
             return False
         for j in range(dof):
             last[j] = new[j]

@@ -16,16 +16,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.kernels.contact.run import NOTHING, ContactWork, make_contact_work, stands_clear
+from jacokin.kernels.contact.run import NOTHING, make_contact_work, stands_clear
+from jacokin.kernels.contact.sweep import make_sweep
 from jacokin.kernels.contact.touching import Geometry
 from jacokin.kernels.free_motion.corners import size_cuts
 from jacokin.kernels.free_motion.shortcuts import Way, join_branches, make_way, shorten, skip_corners
+from jacokin.kernels.free_motion.sight import Sight, moves_clear
 from jacokin.kernels.free_motion.space import (
     HINDRANCES,
     Hindrances,
     Space,
     make_space,
-    moves_clear,
     remember,
 )
 from jacokin.kernels.free_motion.trees import Trees, grow_trees, make_trees, plant
@@ -44,7 +45,7 @@ class MotionWork(NamedTuple):
 
     integers: NDArray[np.int64]  # (MOTION_INTEGERS,)
     space: Space
-    contact: ContactWork
+    sight: Sight
     hindrances: Hindrances
     generator: NDArray[np.int64]  # (6,) none of the first and second three all zero
     start: Array  # (dof,) [rad]
@@ -64,7 +65,7 @@ def run_free_motion(work: MotionWork) -> int:
         Of straight motions, the number of the first goal that is reached so, or -1. Of a search, 1 when a way was
         found. Of shortcuts, 1 when they came to an end.
     """
-    integers, space, contact, way = work.integers, work.space, work.contact, work.way
+    integers, space, sight, way = work.integers, work.space, work.sight, work.way
     task, dof = integers[TASK], integers[JOINTS]
     if task == STRAIGHT_MOTIONS:
         return try_straight(work)
@@ -72,23 +73,23 @@ def run_free_motion(work: MotionWork) -> int:
         if task == BEGIN_SEARCH:
             plant(work.trees, space, dof, work.start, work.goals, work.chosen, integers[ROOTS])
         trees, steps = work.trees, integers[STEPS]
-        if not grow_trees(trees, space, dof, contact, work.hindrances, work.generator, steps):
+        if not grow_trees(trees, space, dof, sight, work.hindrances, work.generator, steps):
             return 0
         join_branches(trees, space, dof, work.start, way)
-        skip_corners(way, space, dof, contact)
+        skip_corners(way, space, dof, sight)
         return 1
     if task == SHORTEN:
-        if not shorten(way, space, dof, contact, work.generator, integers[STEPS], integers[TRIES_IN_VAIN]):
+        if not shorten(way, space, dof, sight, work.generator, integers[STEPS], integers[TRIES_IN_VAIN]):
             return 0
-        skip_corners(way, space, dof, contact)
+        skip_corners(way, space, dof, sight)
         return 1
-    size_cuts(way, space, dof, contact, work.cuts)
+    size_cuts(way, space, dof, sight, work.cuts)
     return 1
 
 
 def try_straight(work: MotionWork) -> int:
     """The first goal that a straight motion reaches, or -1; each goal before it becomes known."""
-    integers, contact = work.integers, work.contact
+    integers, sight, contact = work.integers, work.sight, work.sight.contact
     dof, clear = integers[JOINTS], 0
     for k in range(integers[GOALS]):
         goal = work.goals[k * dof : (k + 1) * dof]
@@ -96,7 +97,7 @@ def try_straight(work: MotionWork) -> int:
             work.known[k] = IN_CONTACT
             work.touching[k, 0], work.touching[k, 1] = contact.hits.pairs[0, 0], contact.hits.pairs[0, 1]
             continue
-        if moves_clear(contact, work.start, goal, 0.0):
+        if moves_clear(sight, work.start, goal, 0.0):
             work.known[k] = STRAIGHT
             return k
         work.known[k] = BLOCKED
@@ -113,7 +114,7 @@ def make_motion_work(geometry: Geometry = NOTHING, goals: int = 0, room: int = 0
     return MotionWork(
         np.zeros(MOTION_INTEGERS, np.int64),
         make_space(dof),
-        make_contact_work(geometry, 1 if dof else 0),
+        Sight(make_contact_work(geometry, 1 if dof else 0), make_sweep(geometry.arm)),
         Hindrances(np.zeros((HINDRANCES, 2), np.int64), np.zeros(HINDRANCES, np.int64)),
         np.ones(6, np.int64),
         np.zeros(dof),

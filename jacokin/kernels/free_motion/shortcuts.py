@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.kernels.contact.run import ContactWork
-from jacokin.kernels.free_motion.space import TURN, Space, difference, length_of, moves_clear, time_of, uniform
+from jacokin.kernels.free_motion.sight import Sight, moves_clear
+from jacokin.kernels.free_motion.space import TURN, Space, difference, length_of, time_of, uniform
 from jacokin.kernels.free_motion.trees import (
     MEETING,
     MET_FIRST,
@@ -76,7 +76,7 @@ def join_branches(trees: Trees, space: Space, dof: int, start: Array, way: Way) 
 
 
 def shorten(
-    way: Way, space: Space, dof: int, contact: ContactWork, generator: NDArray[np.int64], tries: int, patience: int
+    way: Way, space: Space, dof: int, sight: Sight, generator: NDArray[np.int64], tries: int, patience: int
 ) -> bool:
     """Try so many shortcuts; True when as many as the patience allows were none, one after another."""
     integers = way.integers
@@ -88,14 +88,14 @@ def shorten(
         joint = int(uniform(generator) * 2.0 * dof)  # the first half of the numbers stand for all joints at once
         first, second = min(a, b), max(a, b)
         if joint < dof:
-            shorter = cut(way, space, dof, contact, first, second)
+            shorter = cut(way, space, dof, sight, first, second)
         else:
-            shorter = cut_joint(way, space, dof, contact, first, second, joint - dof)
+            shorter = cut_joint(way, space, dof, sight, first, second, joint - dof)
         integers[FAILURES] = 0 if shorter else integers[FAILURES] + 1
     return False
 
 
-def skip_corners(way: Way, space: Space, dof: int, contact: ContactWork) -> None:
+def skip_corners(way: Way, space: Space, dof: int, sight: Sight) -> None:
     """Leave out corners where the motion past them is clear and takes no more time, the largest detours first."""
     corner = 1
     while corner < way.integers[POINTS] - 1:
@@ -108,7 +108,7 @@ def skip_corners(way: Way, space: Space, dof: int, contact: ContactWork) -> None
             end = way.other[:dof]
             for j in range(dof):
                 end[j] = before[j] + way.step[j]
-            if moves_clear(contact, before, end, 0.0):
+            if moves_clear(sight, before, end, 0.0):
                 turn_on(way, space, dof, corner - 1, last, way.step)
                 close_gap(way, dof, corner, last)
                 measure(way, space, dof)
@@ -116,7 +116,7 @@ def skip_corners(way: Way, space: Space, dof: int, contact: ContactWork) -> None
         corner += 1
 
 
-def cut(way: Way, space: Space, dof: int, contact: ContactWork, first: float, second: float) -> bool:
+def cut(way: Way, space: Space, dof: int, sight: Sight, first: float, second: float) -> bool:
     """Join two times on the way by a straight motion; False, with nothing done, where it touches or saves nothing."""
     points = way.integers[POINTS]
     i, j = line_at(way, first), line_at(way, second)
@@ -132,7 +132,7 @@ def cut(way: Way, space: Space, dof: int, contact: ContactWork, first: float, se
     shifted = way.other[2 * dof : 3 * dof]
     for k in range(dof):
         shifted[k] = a[k] + way.step[k] if space.unlimited[k] else b[k]
-    if not moves_clear(contact, a, shifted, 0.0):
+    if not moves_clear(sight, a, shifted, 0.0):
         return False
     for k in range(dof):  # whole turns, by which the rest of the way is another copy
         turns = math.floor((shifted[k] - b[k]) / TURN + 0.5)
@@ -153,7 +153,7 @@ def cut(way: Way, space: Space, dof: int, contact: ContactWork, first: float, se
     return True
 
 
-def cut_joint(way: Way, space: Space, dof: int, contact: ContactWork, first: float, second: float, joint: int) -> bool:
+def cut_joint(way: Way, space: Space, dof: int, sight: Sight, first: float, second: float, joint: int) -> bool:
     """The same for one joint: it moves steadily between two times, while the others go their way."""
     points = way.integers[POINTS]
     i, j = line_at(way, first), line_at(way, second)
@@ -175,7 +175,7 @@ def cut_joint(way: Way, space: Space, dof: int, contact: ContactWork, first: flo
     if second - first - time <= WORTH * way.times[points - 1]:
         return False
     for m in range(count - 1):
-        if not moves_clear(contact, other[m * dof : (m + 1) * dof], other[(m + 1) * dof : (m + 2) * dof], 0.0):
+        if not moves_clear(sight, other[m * dof : (m + 1) * dof], other[(m + 1) * dof : (m + 2) * dof], 0.0):
             return False
     for m in range(points - 1, j, -1):
         put(way.q, dof, m + 2, way.q[m * dof : (m + 1) * dof])

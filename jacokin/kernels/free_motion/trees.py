@@ -18,17 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.kernels.contact.run import ContactWork
+from jacokin.kernels.free_motion.sight import Sight, is_free, moves_clear, seems_clear
 from jacokin.kernels.free_motion.space import (
     TURN,
     Hindrances,
     Space,
     difference,
-    is_certain,
-    is_free,
     length_of,
     remember,
-    seems_clear,
     time_of,
     uniform,
 )
@@ -119,7 +116,7 @@ def grow_trees(
     trees: Trees,
     space: Space,
     dof: int,
-    contact: ContactWork,
+    sight: Sight,
     hindrances: Hindrances,
     generator: NDArray[np.int64],
     samples: int,
@@ -134,15 +131,15 @@ def grow_trees(
             small = 1 - small
         node = nearest_node(trees, space, dof, small, trees.sample)
         difference(space, dof, trees.q[node_at(trees, dof, small, node) :], trees.sample, trees.step)
-        grown = grow(trees, space, dof, contact, hindrances, small, node)
+        grown = grow(trees, space, dof, sight, hindrances, small, node)
         integers[MISSES] = integers[MISSES] + 1 if grown == NONE else 0
         if grown != NONE:
             at = node_at(trees, dof, small, grown)
-            met = connect(trees, space, dof, contact, hindrances, 1 - small, trees.q[at : at + dof])
+            met = connect(trees, space, dof, sight, hindrances, 1 - small, trees.q[at : at + dof])
             if met != NONE:
                 integers[MET_FIRST], integers[MET_SECOND] = (grown, met) if small == 0 else (met, grown)
-                first = is_branch_clear(trees, space, dof, contact, hindrances, 0, integers[MET_FIRST])
-                if first and is_branch_clear(trees, space, dof, contact, hindrances, 1, integers[MET_SECOND]):
+                first = is_branch_clear(trees, space, dof, sight, hindrances, 0, integers[MET_FIRST])
+                if first and is_branch_clear(trees, space, dof, sight, hindrances, 1, integers[MET_SECOND]):
                     return True
         if integers[IS_FULL]:
             return False
@@ -199,9 +196,7 @@ def time_between(trees: Trees, space: Space, dof: int, row: int, q: Array) -> fl
     return most
 
 
-def grow(
-    trees: Trees, space: Space, dof: int, contact: ContactWork, hindrances: Hindrances, tree: int, node: int
-) -> int:
+def grow(trees: Trees, space: Space, dof: int, sight: Sight, hindrances: Hindrances, tree: int, node: int) -> int:
     """Grow a tree from a node along `trees.step` by at most a step; the number of what was added, or NONE."""
     at, end = node_at(trees, dof, tree, node), trees.end
     start = trees.q[at : at + dof]
@@ -211,20 +206,18 @@ def grow(
         end[j] = min(max(start[j] + share * trees.step[j], space.lower[j]), space.upper[j])
     if not is_worth(trees, space, dof, end):
         return NONE
-    if not (is_free(contact, end) and seems_clear(contact, start, end, 0.0)):
-        remember(hindrances, contact.course.pair)
+    if not (is_free(sight, end) and seems_clear(sight, start, end, 0.0)):
+        remember(hindrances, sight.contact.course.pair)
         return NONE
     return add(trees, space, dof, tree, end, node)
 
 
-def connect(
-    trees: Trees, space: Space, dof: int, contact: ContactWork, hindrances: Hindrances, tree: int, q: Array
-) -> int:
+def connect(trees: Trees, space: Space, dof: int, sight: Sight, hindrances: Hindrances, tree: int, q: Array) -> int:
     """Grow a tree step by step towards a configuration; the number of the node that reaches it, or NONE."""
     node = nearest_node(trees, space, dof, tree, q)
     difference(space, dof, trees.q[node_at(trees, dof, tree, node) :], q, trees.step)
     while length_of(space, dof, trees.step) > MEETING:
-        node = grow(trees, space, dof, contact, hindrances, tree, node)
+        node = grow(trees, space, dof, sight, hindrances, tree, node)
         trees.numbers[NEAREST] = min(trees.numbers[NEAREST], time_of(space, dof, trees.step))
         if node == NONE:
             return NONE
@@ -233,7 +226,7 @@ def connect(
 
 
 def is_branch_clear(
-    trees: Trees, space: Space, dof: int, contact: ContactWork, hindrances: Hindrances, tree: int, node: int
+    trees: Trees, space: Space, dof: int, sight: Sight, hindrances: Hindrances, tree: int, node: int
 ) -> bool:
     """Whether the motions from the root of a tree to a node are certain; what is not is cut off, with all behind it."""
     first = tree * (len(trees.parents) // 2)
@@ -244,8 +237,8 @@ def is_branch_clear(
         difference(space, dof, start, trees.q[(first + node) * dof :], trees.step)
         for j in range(dof):
             end[j] = start[j] + trees.step[j]
-        if not is_certain(contact, start, end, 0.0):
-            remember(hindrances, contact.course.pair)
+        if not moves_clear(sight, start, end, 0.0):
+            remember(hindrances, sight.contact.course.pair)
             cut_off(trees, dof, tree, node)
             return False
         node = parent

@@ -46,7 +46,7 @@ MOST_SAMPLES = 200_000  # after which a search is given up, whatever time is lef
 FIRST_ROOM = 1024  # configurations of a tree, twice as many whenever one is full
 ROOM_KEPT = 16_384  # configurations of a tree; more memory than for these is given back
 FARTHEST = 1e3  # [rad] or [m] from zero, random configurations of joints without one limit
-AT_ONCE = 64  # samples or shortcuts before the clock is looked at
+AT_ONCE = 256  # samples or shortcuts before the clock is looked at
 UNEQUAL = 4.0  # a joint that is faster than the slowest by more counts as so much faster when steps are measured
 IN_VAIN = 40  # shortcuts one after another that are none, after which no more are looked for
 
@@ -216,7 +216,8 @@ class WaySearch:
             space.low[:] = np.where(robot.unlimited, -np.pi, np.maximum(robot.lower, -FARTHEST))
             space.high[:] = np.where(robot.unlimited, np.pi, np.minimum(robot.upper, FARTHEST))
             space.levers[:] = self.contact.levers
-            work.contact.numbers[MARGIN_KEPT], work.contact.numbers[SLACK] = self._clearance, REFUSED_WITHIN
+            numbers = work.sight.contact.numbers
+            numbers[MARGIN_KEPT], numbers[SLACK] = self._clearance, REFUSED_WITHIN
             found = self._local.call = Call(run_free_motion, work)
         elif goals > len(found.work.known):
             dof, more = len(found.work.start), 2 * goals

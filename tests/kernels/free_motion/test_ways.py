@@ -40,7 +40,8 @@ def problem(around: Surroundings = WALL, form: Any = Call, room: int = 1024) -> 
     space.speed[:] = robot.velocity_limit
     space.weights[:] = robot.velocity_limit.mean() / robot.velocity_limit
     space.levers[:] = contact.levers
-    work.contact.numbers[MARGIN_KEPT], work.contact.numbers[SLACK] = 0.0, SLACK_KEPT
+    numbers = work.sight.contact.numbers
+    numbers[MARGIN_KEPT], numbers[SLACK] = 0.0, SLACK_KEPT
     work.generator[:] = 12345
     work.integers[run.JOINTS], work.integers[run.TRIES_IN_VAIN] = robot.dof, 40
     solver = jacokin.IKSolver(robot, collision="reject", scene=Scene([*WALL.obstacles]))

@@ -1,0 +1,505 @@
+"""What could touch on a part of a motion: looked at in places side by side, and certain between them.
+
+From one place to the next, the centre of a sphere of the arm leaves the chord by at most an eighth of its second
+derivative by the motion's parameter times the square of the step. So it stays that near to a box around both centres,
+in the axes of any shape, and what is farther from this box than the sphere reaches is not touched in between.
+
+Innermost loops run along the places without branches or calls, so that compilers make vector instructions of them.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jacokin.arrays import Array
+from jacokin.kernels.configurations.arm import LANES, PLACE, slide, turn, turn_sines
+from jacokin.kernels.contact.arm import (
+    FIRST_PAIR,
+    FIRST_SHAPE,
+    GROUP_LINK,
+    HINGE,
+    INNER,
+    LAST_PAIR,
+    LAST_SHAPE,
+    OUTER,
+    ArmShapes,
+    Places,
+    in_world,
+)
+from jacokin.kernels.contact.nearest import (
+    FIRST,
+    KIND,
+    OBSTACLE_PAIR,
+    OWN_PAIR,
+    SECOND,
+    fill,
+)
+from jacokin.kernels.contact.shapes import (
+    CENTRE,
+    CLOUD,
+    ELLIPSOID,
+    LINK,
+    MARGIN,
+    MESH,
+    PLANE,
+    RADIUS,
+    SIZE,
+    Shapes,
+    core_bound,
+    point_bound,
+)
+from jacokin.kernels.contact.shapes import KIND as SHAPE_KIND
+from jacokin.kernels.contact.touching import Counts, Geometry, Hits, pair_bound, touch
+from jacokin.kernels.contact.tree import DEEPEST
+
+#: Steps from place to place.
+STEPS = LANES - 1
+#: What a sweep returns where something touches in one of the places.
+TOUCHES_THERE = -1
+#: Columns of what is known of a group: lowest and highest coordinates of its centre; how far the centre leaves the
+#: chords, and those of its shapes [m].
+LOWEST, HIGHEST, GROUP_LEAVES, SHAPES_LEAVE, GROUP_NUMBERS = 0, 3, 6, 7, 8
+
+
+class Sweep(NamedTuple):
+    """The places; rows along them that are read to the next place have the last one twice."""
+
+    levers: Array  # (groups dof,) see `levers_of`
+    bend: Array  # (dof,) of the motion [rad]
+    shares: Array  # (LANES,) where they are on the part
+    turned: Array  # (3, LANES) angle, sine and cosine of one joint
+    links: Array  # (dof + 1, PLACE, LANES) where the links are
+    centres: Array  # (groups, 3, LANES + 1) of the groups' spheres in the world [m]
+    numbers: Array  # (groups GROUP_NUMBERS,)
+    between: Array  # (PLACE, LANES) one link seen from an earlier one
+    point: Array  # (3, LANES + 1) the centre of a shape, in the world or seen from a link [m]
+    local: Array  # (3, LANES + 1) the same in the axes of another shape, from its centre [m]
+    near: NDArray[np.int64]  # (LANES,) 1 where something could touch from a place to the next
+    found: NDArray[np.int64]  # (3,) two shapes that touch, and in which place
+    stack: NDArray[np.int64]  # (DEEPEST,)
+
+
+def make_sweep(arm: ArmShapes) -> Sweep:
+    """Fresh work arrays for an arm."""
+    dof, groups = len(arm.joint_kinds), len(arm.groups)
+    point, local = np.zeros((2, 3, LANES + 1))
+    return Sweep(
+        levers_of(arm).ravel(),
+        np.zeros(dof),
+        np.linspace(0.0, 1.0, LANES),
+        np.zeros((3, LANES)),
+        np.zeros((dof + 1 if dof else 0, PLACE, LANES)),
+        np.zeros((groups, 3, LANES + 1)),
+        np.zeros(groups * GROUP_NUMBERS),
+        np.zeros((PLACE, LANES)),
+        point,
+        local,
+        np.zeros(LANES, np.int64),
+        np.zeros(3, np.int64),
+        np.zeros(DEEPEST, np.int64),
+    )
+
+
+def levers_of(arm: ArmShapes) -> Array:
+    """How far the centres of groups can be from the axes of joints (groups, dof), all that slides at zero [m].
+
+    0 for joints that do not move them.
+    """
+    links, dof = arm.groups[:, GROUP_LINK], len(arm.joint_kinds)
+    moved, places = np.flatnonzero(links > 0), arm.placements[:, :, 3]
+    along = np.append(0.0, np.cumsum(np.sqrt((places * places).sum(axis=1))))
+    aside = np.append(np.hypot(places[1:, 0], places[1:, 1]) - along[2:], 0.0)
+    beyond = along[links] + np.sqrt((arm.spheres[:, :3] ** 2).sum(axis=1))
+    levers = np.where(np.arange(dof) < links[:, None] - 1, beyond[:, None] + aside[:dof], 0.0)
+    levers[moved, links[moved] - 1] = np.hypot(arm.spheres[moved, 0], arm.spheres[moved, 1])
+    return levers
+
+
+class Part(NamedTuple):
+    """A part of a motion start + t step + t^2 bend."""
+
+    start: Array  # (dof,) [rad]
+    step: Array  # (dof,) [rad]
+    bend: Array  # (dof,) zero for a straight motion [rad]
+    low: float  # t where it begins, from 0 to 1
+    high: float
+
+
+def speed_on(part: Part, j: int) -> float:
+    """How far a joint turns on a part for each unit of t, at most [rad]."""
+    step, bend = part.step[j], 2.0 * part.bend[j]
+    return max(abs(step + part.low * bend), abs(step + part.high * bend))
+
+
+def slides_to(part: Part, j: int) -> float:
+    """How far from zero a joint slides on a part, at most [m]."""
+    return abs(part.start[j]) + abs(part.step[j]) + abs(part.bend[j])
+
+
+def sweep_part(
+    geometry: Geometry,
+    counts: Counts,
+    places: Places,
+    sweep: Sweep,
+    part: Part,
+    rows: NDArray[np.int64],
+    margin: float,
+) -> int:
+    """Write the pairs of shapes that could come as near as a margin on a part of a motion.
+
+    Args:
+        geometry: arm and obstacles.
+        counts: how much of it there is.
+        places: where the base is.
+        sweep: its places are filled, and near which of them something was found.
+        part: of the motion.
+        rows: filled with the pairs.
+        margin: [m].
+
+    Returns:
+        How many there are; `TOUCHES_THERE` where two shapes are that near in one of the places: `sweep.found`.
+    """
+    arm, tree = geometry.arm, geometry.tree
+    place_along(arm, counts.dof, places, sweep, part)
+    for i in range(LANES):
+        sweep.near[i] = 0
+    end = 0
+    for g in range(counts.groups):
+        know_group(arm, counts.dof, sweep, part, g)
+        if arm.groups[g, GROUP_LINK] == 0:
+            continue
+        for k in range(counts.planes):
+            end = sweep_obstacle(geometry, sweep, rows, end, tree.planes[k], g, margin)
+            if end == TOUCHES_THERE:
+                return end
+        if counts.nodes > 0:
+            end = sweep_tree(geometry, sweep, rows, end, g, margin)
+            if end == TOUCHES_THERE:
+                return end
+    for m in range(counts.meetings):
+        end = sweep_meeting(geometry, counts, sweep, part, rows, end, m, margin)
+        if end == TOUCHES_THERE:
+            return end
+    return end
+
+
+def place_along(arm: ArmShapes, dof: int, places: Places, sweep: Sweep, part: Part) -> None:
+    """Place the links."""
+    base, links, turned = places.frames[0], sweep.links, sweep.turned
+    for k in range(PLACE):
+        value = base[k % 3, k // 3]
+        for i in range(LANES):
+            links[0, k, i] = value
+    for j in range(dof):
+        start, step, bend = part.start[j], part.step[j], part.bend[j]
+        for i in range(LANES):
+            t = part.low + sweep.shares[i] * (part.high - part.low)
+            turned[0, i] = start + t * (step + t * bend)
+        if arm.joint_kinds[j] == HINGE:
+            turn_sines(turned)
+            turn(arm.placements, j, turned, links)
+        else:
+            slide(arm.placements, j, turned, links)
+
+
+def know_group(arm: ArmShapes, dof: int, sweep: Sweep, part: Part, g: int) -> None:
+    """Fill centres and numbers of a group."""
+    sphere, centres, numbers = arm.spheres[g], sweep.centres[g], sweep.numbers[g * GROUP_NUMBERS :]
+    put_centres(sweep.links[arm.groups[g, GROUP_LINK]], sphere[0], sphere[1], sphere[2], centres)
+    for k in range(3):
+        low, high = centres[k, 0], centres[k, 0]
+        for i in range(1, LANES):
+            low, high = min(low, centres[k, i]), max(high, centres[k, i])
+        numbers[LOWEST + k], numbers[HIGHEST + k] = low, high
+    numbers[GROUP_LEAVES] = leaves_chords(arm, sweep.levers, dof, part, g, 0, 0.0)
+    numbers[SHAPES_LEAVE] = leaves_chords(arm, sweep.levers, dof, part, g, 0, sphere[3])
+
+
+def leaves_chords(arm: ArmShapes, levers: Array, dof: int, part: Part, g: int, link: int, beyond: float) -> float:
+    """How far a point that is no farther than this from the centre of a group leaves its chords, seen from a link [m].
+
+    The second derivative by two joints is at most the distance from the axis of the outer one; where a joint slides,
+    it is 1 or 0.
+    """
+    total, inner = 0.0, 0.0
+    for j in range(link, arm.groups[g, GROUP_LINK]):
+        if arm.joint_kinds[j] == HINGE:
+            inner += speed_on(part, j)
+    slid = beyond
+    for j in range(arm.groups[g, GROUP_LINK] - 1, link - 1, -1):
+        speed, lever = speed_on(part, j), 1.0
+        if arm.joint_kinds[j] == HINGE:
+            lever = levers[g * dof + j] + slid
+            inner -= speed
+            total += speed * speed * lever
+        else:
+            slid += slides_to(part, j)
+        total += 2.0 * lever * (speed * max(inner, 0.0) + abs(part.bend[j]))
+    gap = (part.high - part.low) / STEPS
+    return 0.125 * gap * gap * total
+
+
+def moves_at_most(arm: ArmShapes, levers: Array, dof: int, part: Part, g: int, link: int) -> float:
+    """How far the centre of a group moves from a place to the next, seen from a link, at most [m]."""
+    total, slid = 0.0, 0.0
+    for j in range(arm.groups[g, GROUP_LINK] - 1, link - 1, -1):
+        if arm.joint_kinds[j] == HINGE:
+            total += speed_on(part, j) * (levers[g * dof + j] + slid)
+        else:
+            total += speed_on(part, j)
+            slid += slides_to(part, j)
+    return total * (part.high - part.low) / STEPS
+
+
+def sweep_tree(geometry: Geometry, sweep: Sweep, rows: NDArray[np.int64], end: int, g: int, margin: float) -> int:
+    """Write the pairs of a group and what the tree holds; returns where they end."""
+    tree, numbers, stack = geometry.tree, sweep.numbers[g * GROUP_NUMBERS :], sweep.stack
+    limit = geometry.arm.spheres[g, 3] + margin + numbers[GROUP_LEAVES]
+    stack[0], size = 0, 1
+    while size > 0:
+        size -= 1
+        node, square = stack[size], 0.0
+        for k in range(3):
+            c, h = tree.boxes[node, k], tree.boxes[node, 3 + k]
+            away = max(max(numbers[LOWEST + k] - (c + h), (c - h) - numbers[HIGHEST + k]), 0.0)
+            square += away * away
+        if square > limit * limit:
+            continue
+        if tree.children[node, 0] >= 0:
+            stack[size], stack[size + 1] = tree.children[node, 0], tree.children[node, 1]
+            size += 2
+            continue
+        end = sweep_obstacle(geometry, sweep, rows, end, tree.children[node, 1], g, margin)
+        if end == TOUCHES_THERE:
+            return end
+    return end
+
+
+def sweep_obstacle(
+    geometry: Geometry, sweep: Sweep, rows: NDArray[np.int64], end: int, b: int, g: int, margin: float
+) -> int:
+    """Write the pairs of a group and an obstacle; returns where they end."""
+    shapes, groups, numbers = geometry.shapes, geometry.arm.groups, sweep.numbers[g * GROUP_NUMBERS :]
+    turn_into(shapes.numbers[b], sweep.centres[g], sweep.local)
+    limit = geometry.arm.spheres[g, 3] + margin + numbers[GROUP_LEAVES]
+    if count_near(shapes, b, sweep.local, limit) == 0:
+        return end
+    link = sweep.links[groups[g, GROUP_LINK]]
+    for a in range(groups[g, FIRST_SHAPE], groups[g, LAST_SHAPE]):
+        s = shapes.numbers[a]
+        put_centres(link, s[CENTRE], s[CENTRE + 1], s[CENTRE + 2], sweep.point)
+        turn_into(shapes.numbers[b], sweep.point, sweep.local)
+        end = sweep_pair(shapes, sweep, rows, end, OBSTACLE_PAIR, a, b, g, numbers[SHAPES_LEAVE], margin)
+        if end == TOUCHES_THERE:
+            return end
+    return end
+
+
+def sweep_meeting(
+    geometry: Geometry,
+    counts: Counts,
+    sweep: Sweep,
+    part: Part,
+    rows: NDArray[np.int64],
+    end: int,
+    m: int,
+    margin: float,
+) -> int:
+    """Write the pairs of two groups; returns where they end."""
+    arm, shapes = geometry.arm, geometry.shapes
+    g, h = arm.meetings[m, INNER], arm.meetings[m, OUTER]
+    link = arm.groups[g, GROUP_LINK]
+    reach = arm.spheres[h, 3] + margin
+    limit = arm.spheres[g, 3] + reach + 0.5 * moves_at_most(arm, sweep.levers, counts.dof, part, h, link)
+    if count_close(sweep.centres[g], sweep.centres[h], limit * limit) == 0:
+        return end
+    relate_links(sweep, link, arm.groups[h, GROUP_LINK])
+    centre, box, local = arm.spheres[h], arm.boxes[g], sweep.local
+    put_centres(sweep.between, centre[0], centre[1], centre[2], sweep.point)
+    for k in range(3):
+        for i in range(LANES + 1):
+            local[k, i] = sweep.point[k, i] - box[k]
+    reach += leaves_chords(arm, sweep.levers, counts.dof, part, h, link, 0.0)
+    if count_beside_box(local, box[3], box[4], box[5], reach * reach) == 0:
+        return end
+    leaves = leaves_chords(arm, sweep.levers, counts.dof, part, h, link, arm.spheres[h, 3])
+    for k in range(arm.meetings[m, FIRST_PAIR], arm.meetings[m, LAST_PAIR]):
+        end = sweep_own_pair(shapes, sweep, rows, end, arm.pairs[k, 0], arm.pairs[k, 1], h, leaves, margin)
+        if end == TOUCHES_THERE:
+            return end
+    return end
+
+
+def sweep_own_pair(
+    shapes: Shapes,
+    sweep: Sweep,
+    rows: NDArray[np.int64],
+    end: int,
+    a: int,
+    b: int,
+    g: int,
+    leaves: float,
+    margin: float,
+) -> int:
+    """Write a pair of the arm's shapes whose links are related; returns where the pairs end."""
+    s = shapes.numbers[b]
+    put_centres(sweep.between, s[CENTRE], s[CENTRE + 1], s[CENTRE + 2], sweep.point)
+    turn_into(shapes.numbers[a], sweep.point, sweep.local)
+    return sweep_pair(shapes, sweep, rows, end, OWN_PAIR, a, b, g, leaves, margin)
+
+
+def sweep_pair(
+    shapes: Shapes,
+    sweep: Sweep,
+    rows: NDArray[np.int64],
+    end: int,
+    kind: int,
+    a: int,
+    b: int,
+    g: int,
+    leaves: float,
+    margin: float,
+) -> int:
+    """Write a pair of shapes if it could touch; returns where the pairs end.
+
+    `sweep.local` is the centre of the one that moves, in the axes of the other.
+    """
+    moving, other = (b, a) if kind == OWN_PAIR else (a, b)
+    limit = shapes.numbers[moving, RADIUS] + margin + leaves
+    if count_near(shapes, other, sweep.local, limit) == 0:
+        return end
+    mark_near(shapes, other, sweep, limit)
+    touching = first_touching(shapes, other, sweep.local, margin + radius_inside(shapes, moving))
+    if touching >= 0:
+        sweep.found[0], sweep.found[1], sweep.found[2] = a, b, touching
+        return TOUCHES_THERE
+    fill(rows[end], kind, a, b, g)
+    return end + 1
+
+
+def touch_rows(
+    geometry: Geometry, places: Places, hits: Hits, rows: NDArray[np.int64], first: int, last: int, margin: float
+) -> bool:
+    """Whether a pair in some rows touches where all is placed; then it is left in `hits.pairs`."""
+    shapes = geometry.shapes
+    for row in range(first, last):
+        a, b = rows[row, FIRST], rows[row, SECOND]
+        if rows[row, KIND] == OWN_PAIR:
+            bound = pair_bound(shapes, places, a, b, margin)
+        else:
+            s = shapes.numbers[a]
+            p = in_world(places.frames, shapes.integers[a, LINK], s[CENTRE], s[CENTRE + 1], s[CENTRE + 2])
+            bound = point_bound(shapes, b, p) - s[RADIUS]
+        if bound <= margin and touch(geometry, places, hits, a, b, margin):
+            hits.pairs[0, 0], hits.pairs[0, 1] = a, b
+            return True
+    return False
+
+
+def put_centres(frame: Array, x: float, y: float, z: float, centres: Array) -> None:
+    """Fill where a point of a link is, from where the link is (PLACE, LANES)."""
+    for k in range(3):
+        for i in range(LANES):
+            centres[k, i] = frame[k, i] * x + frame[3 + k, i] * y + frame[6 + k, i] * z + frame[9 + k, i]
+        centres[k, LANES] = centres[k, LANES - 1]
+
+
+def turn_into(row: Array, point: Array, local: Array) -> None:
+    """Fill where a point is in the axes of a shape, from its centre."""
+    for k in range(3):
+        a, b, c = row[k], row[4 + k], row[8 + k]
+        offset = a * row[CENTRE] + b * row[CENTRE + 1] + c * row[CENTRE + 2]
+        for i in range(LANES + 1):
+            local[k, i] = a * point[0, i] + b * point[1, i] + c * point[2, i] - offset
+
+
+def relate_links(sweep: Sweep, inner: int, outer: int) -> None:
+    """Fill where a link is, seen from an earlier one."""
+    links, between = sweep.links, sweep.between
+    for column in range(4):
+        for i in range(LANES):
+            x, y, z = links[outer, 3 * column, i], links[outer, 3 * column + 1, i], links[outer, 3 * column + 2, i]
+            if column == 3:
+                x, y, z = x - links[inner, 9, i], y - links[inner, 10, i], z - links[inner, 11, i]
+            for k in range(3):
+                between[3 * column + k, i] = (
+                    links[inner, 3 * k, i] * x + links[inner, 3 * k + 1, i] * y + links[inner, 3 * k + 2, i] * z
+                )
+
+
+def count_close(first: Array, second: Array, square: float) -> int:
+    """In how many places two points are no farther apart than the root of a square."""
+    count = 0
+    for i in range(LANES):
+        x, y, z = first[0, i] - second[0, i], first[1, i] - second[1, i], first[2, i] - second[2, i]
+        count += 1 if x * x + y * y + z * z <= square else 0
+    return count
+
+
+def count_near(shapes: Shapes, b: int, local: Array, limit: float) -> int:
+    """From how many places to the next the box around a point comes this near to a shape."""
+    row = shapes.numbers[b]
+    if shapes.integers[b, SHAPE_KIND] == PLANE:
+        count = 0
+        for i in range(LANES):
+            count += 1 if min(local[2, i], local[2, i + 1]) <= limit else 0
+        return count
+    limit += row[MARGIN]
+    return count_beside_box(local, row[SIZE], row[SIZE + 1], row[SIZE + 2], limit * limit)
+
+
+def count_beside_box(local: Array, a: float, b: float, c: float, square: float) -> int:
+    """From how many places to the next the box around a point comes this near to a box around the origin."""
+    count = 0
+    for i in range(LANES):
+        count += 1 if square_beside(local, i, a, b, c) <= square else 0
+    return count
+
+
+def square_beside(local: Array, i: int, a: float, b: float, c: float) -> float:
+    """The square of the distance of two boxes: around a point in a place and the next, and around the origin."""
+    u = max(min(local[0, i], local[0, i + 1]) - a, -max(local[0, i], local[0, i + 1]) - a)
+    v = max(min(local[1, i], local[1, i + 1]) - b, -max(local[1, i], local[1, i + 1]) - b)
+    w = max(min(local[2, i], local[2, i + 1]) - c, -max(local[2, i], local[2, i + 1]) - c)
+    u, v, w = max(u, 0.0), max(v, 0.0), max(w, 0.0)
+    return u * u + v * v + w * w
+
+
+def mark_near(shapes: Shapes, b: int, sweep: Sweep, limit: float) -> None:
+    """Mark from which places to the next that is."""
+    row, local = shapes.numbers[b], sweep.local
+    if shapes.integers[b, SHAPE_KIND] == PLANE:
+        for i in range(LANES):
+            if min(local[2, i], local[2, i + 1]) <= limit:
+                sweep.near[i] = 1
+        return
+    limit += row[MARGIN]
+    for i in range(LANES):
+        if square_beside(local, i, row[SIZE], row[SIZE + 1], row[SIZE + 2]) <= limit * limit:
+            sweep.near[i] = 1
+
+
+def first_touching(shapes: Shapes, b: int, local: Array, limit: float) -> int:
+    """The first place in which a point is this near to a shape; -1 for none, or where that is not certain."""
+    if shapes.integers[b, SHAPE_KIND] in (ELLIPSOID, MESH, CLOUD):
+        return -1
+    for i in range(LANES):
+        if shapes.integers[b, SHAPE_KIND] == PLANE:
+            distance = local[2, i]
+        else:
+            distance = core_bound(shapes, b, local[0, i], local[1, i], local[2, i])
+        if distance <= limit:
+            return i
+    return -1
+
+
+def radius_inside(shapes: Shapes, i: int) -> float:
+    """How large a sphere around the centre of a shape is inside of it; -inf where that is not known [m]."""
+    if shapes.integers[i, SHAPE_KIND] in (MESH, CLOUD):
+        return -math.inf
+    row = shapes.numbers[i]
+    return float(min(row[SIZE], min(row[SIZE + 1], row[SIZE + 2])) + row[MARGIN])
