@@ -62,7 +62,9 @@ class Chain:
 
     def errors(self, x: Array, goal: TargetRows) -> tuple[Array, Array]:
         """Position (n,) [m] and orientation (n,) [rad, for small ones] errors at configurations (n, width)."""
-        error = _error(batches.poses(self._arm, np.ascontiguousarray(x[:, : self.dof])), _turned(goal, x[:, self.dof :]))
+        error = _error(
+            batches.poses(self._arm, np.ascontiguousarray(x[:, : self.dof])), _turned(goal, x[:, self.dof :])
+        )
         return np.linalg.norm(error[:, :3], axis=1), np.linalg.norm(error[:, 3:], axis=1)
 
     def linearise(self, x: Array, goal: TargetRows) -> tuple[Array, Array]:
