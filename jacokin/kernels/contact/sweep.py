@@ -132,12 +132,12 @@ class Part(NamedTuple):
 def speed_on(part: Part, j: int) -> float:
     """How far a joint turns on a part for each unit of t, at most [rad]."""
     step, bend = part.step[j], 2.0 * part.bend[j]
-    return max(abs(step + part.low * bend), abs(step + part.high * bend))
+    return float(max(abs(step + part.low * bend), abs(step + part.high * bend)))
 
 
 def slides_to(part: Part, j: int) -> float:
     """How far from zero a joint slides on a part, at most [m]."""
-    return abs(part.start[j]) + abs(part.step[j]) + abs(part.bend[j])
+    return float(abs(part.start[j]) + abs(part.step[j]) + abs(part.bend[j]))
 
 
 def sweep_part(
@@ -466,7 +466,7 @@ def square_beside(local: Array, i: int, a: float, b: float, c: float) -> float:
     v = max(min(local[1, i], local[1, i + 1]) - b, -max(local[1, i], local[1, i + 1]) - b)
     w = max(min(local[2, i], local[2, i + 1]) - c, -max(local[2, i], local[2, i + 1]) - c)
     u, v, w = max(u, 0.0), max(v, 0.0), max(w, 0.0)
-    return u * u + v * v + w * w
+    return float(u * u + v * v + w * w)
 
 
 def mark_near(shapes: Shapes, b: int, sweep: Sweep, limit: float) -> None:
