@@ -225,6 +225,25 @@ def test_a_function_of_one_state_is_refused_for_many(wrong: Callable[[State], An
         use()
 
 
+@pytest.mark.usefixtures("lift_mug")
+@pytest.mark.parametrize(("robot", "actuators"), [("j2s7s300", 10), ("j2n6s200", 8)])
+def test_controls_of_the_tool_are_for_six_joints_and_three_fingers(robot: str, actuators: int) -> None:
+    task = Task(
+        robots.make_arm(PERFECT_FEATURES, robot),
+        robots.make_hand(PERFECT_FEATURES, robot),
+        props=[Primitive("sphere", (0.02,), name="ball")],
+        reward=lambda state: 0.0,
+        success=lambda state: state["ball/position"][..., 2] > 1.0,
+    )
+    jacokin.tasks.register(task, id=f"mine/{robot}-v0")
+    with pytest.raises(InvalidInputError, match=f"{actuators} actuators take 'joint_velocity'"):
+        TaskEnv(f"mine/{robot}-v0", control="tool_velocity")
+    env = TaskEnv(f"mine/{robot}-v0")
+    env.reset(seed=0)
+    env.step(np.full(actuators, 0.1))
+    assert (env.data.qvel[: actuators - 1] > 0.0).all()
+
+
 def test_more_of_a_scene_is_observed_and_placed() -> None:
     """A fixture, an observation of its own, a reset that returns the goal, and an arm of another robot."""
 

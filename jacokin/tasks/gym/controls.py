@@ -81,6 +81,11 @@ class _ReferenceControl(Control):
     def __init__(self, lower: Array, upper: Array, dt: float) -> None:
         self._lower, self._upper, self._dt = lower, upper, dt
         self._robot = _robot()
+        if len(lower) != self._robot.dof + FINGERS:
+            raise InvalidInputError(
+                f"control: an arm and a hand with {len(lower)} actuators take 'joint_velocity'; the others are for the "
+                f"{self._robot.dof} joints and {FINGERS} fingers of {bundled.DEFAULT_ROBOT}"
+            )
         # The simulated motors limit accelerations.
         self._tracker = jacokin.Tracker(self._robot, FRAME, dt=dt, acceleration_limit=np.inf)
         self._joints = self._robot.dof
