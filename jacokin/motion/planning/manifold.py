@@ -25,6 +25,7 @@ CLOSURE = 1e-9  # [m] and [rad] an exact configuration misses its pose by less
 STRAY = 0.25  # [rad] from the straight joint motion between two knots; farther away is another branch
 MOST_KNOTS = 400_000
 TOO_FAST = 1e3  # cost of a second beyond a velocity limit: avoided wherever another way leads on
+SAME = 1e-11  # [m] knots that are nearer to each other along the path are one
 SHORTEST = 1e-9  # of a line: two knots this near that are still far apart in a joint are a jump
 
 
@@ -149,7 +150,9 @@ class Curve:
         """
         self.manifold, self.u, self.x = manifold, u, x
         self._gone = manifold.path.gone(u)
-        self._smooth = PchipInterpolator(self._gone, x, axis=0) if manifold.has_curves and len(u) > 1 else None
+        rising = np.append(True, np.diff(self._gone) > SAME)
+        several = manifold.has_curves and rising.sum() > 1
+        self._smooth = PchipInterpolator(self._gone[rising], x[rising], axis=0) if several else None
 
     @property
     def q(self) -> Array:

@@ -325,10 +325,15 @@ class Climb:
         if not self._manifold.has_curves:
             return None
         pull = None if self._search.exactly else (self._search.near, FROM_SEED)
-        smoothing = Smoothing(self._manifold, self._pace, curve.u, pull)
-        pinned = np.zeros(len(curve.u), dtype=np.bool_)
+        u, x = curve.u, curve.x
+        finer = np.union1d(u, np.arange(np.ceil(u[0]), u[-1]))  # with waypoints that steps passed
+        at, good = curve.at(finer)
+        if good.all():
+            u, x = finer, at
+        smoothing = Smoothing(self._manifold, self._pace, u, pull)
+        pinned = np.zeros(len(u), dtype=np.bool_)
         for _ in range(SMOOTHINGS):
-            look = self._look(Curve(self._manifold, curve.u, smoothing.improve(curve.x, pinned)))
+            look = self._look(Curve(self._manifold, u, smoothing.improve(x, pinned)))
             if not look.wrong:
                 return look.curve
             for interval in look.wrong:
