@@ -532,8 +532,8 @@ def test_killed_runs_end_in_the_same_bytes(robot: Robot, tmp_path: Path, rng: np
     folder = tmp_path / f"{out.name}.chunks"
     for sync, most in ((1, 0), (2, 1), (8, 8), (5, 13), (chunks, chunks)):
         found = len(list(folder.glob("*.chunk")))
-        # The file that is joined is brought to disk once on the way, and when it is complete.
-        assert run_until(sync if most < chunks else chunks - found + 2, source, out) == -signal.SIGKILL
+        # The file that is joined is brought to disk when it is complete.
+        assert run_until(sync if most < chunks else chunks - found + 1, source, out) == -signal.SIGKILL
         assert not out.exists()
         assert found <= len(list(folder.glob("*.chunk"))) <= most
     assert len(list(folder.glob("*.chunk"))) == chunks
