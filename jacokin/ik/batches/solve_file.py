@@ -236,8 +236,7 @@ class _Batch:
             suffix=self.suffix,
             keeper=keeper,
         )
-        several = self.compiled and not self.closest
-        return solve_chunks(job, self.source, self.parts, self.size, missing, executor, several=several)
+        return solve_chunks(job, self.source, self.parts, self.size, missing, executor, several=self.compiled)
 
 
 def solve_chunks(

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
 TEXTS = ("status", "method", "message")
 WRITTEN_AT_ONCE = 1 << 14  # rows
+READ_AT_ONCE = 1 << 14  # rows; small batches cost more than what they hold, threads of pyarrow's own decode what is left
 
 
 def blocks(path: Path, size: int, consecutive: Sequence[FilePart] | None = None) -> Iterator[TargetFile]:
@@ -48,7 +49,8 @@ def blocks(path: Path, size: int, consecutive: Sequence[FilePart] | None = None)
         groups, before = _groups_from(file.metadata, start)
         first, waiting, held = start + 1, list[pa.RecordBatch](), 0
         names = [file.schema_arrow.names[at] for at in (*columns.places, *columns.carried.values())]
-        for batch in file.iter_batches(batch_size=size, row_groups=groups, columns=names):
+        at_once = max(size, READ_AT_ONCE)
+        for batch in file.iter_batches(batch_size=at_once, row_groups=groups, columns=names, use_threads=False):
             if before >= len(batch):
                 before -= len(batch)
                 continue
