@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 TEXTS = ("status", "method", "message")
 WRITTEN_AT_ONCE = 1 << 14  # rows
-READ_AT_ONCE = 1 << 14  # rows; small batches cost more than what they hold, threads of pyarrow's own decode what is left
+READ_AT_ONCE = 1 << 14  # rows: small batches cost more than what they hold, and pyarrow's threads read on needlessly
 
 
 def blocks(path: Path, size: int, consecutive: Sequence[FilePart] | None = None) -> Iterator[TargetFile]:
