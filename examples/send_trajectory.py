@@ -11,10 +11,11 @@ rclpy (ROS 2) or actionlib (ROS 1), whichever is installed; with both, ``--ros``
 ``--states`` name others than those of kinova-ros.
 
 Nothing is sent unless the arm stands where the file begins. Velocities end, with zero, when the arm leaves the way of
-the file, when it says no longer where it is, and on Ctrl-C, SIGTERM and SIGHUP, which cancel a goal too. In the end the
-angles are read until the arm stands. The exit code is 0 only where it stands within ``--tolerance`` of the last row or
-point, and 1 otherwise, with the reason or the distance on stderr. ``--rehearse`` sends to an arm that does what it is
-told, without ROS and without waiting. Keep a hand on the joystick.
+the file, when it says no longer where it is, and on Ctrl-C, SIGTERM and SIGHUP, which cancel a goal too. A second
+process cancels the goal where this one is killed or hangs. In the end the angles are read until the arm stands. The
+exit code is 0 only where it stands within ``--tolerance`` of the last row or point, and 1 otherwise, with the reason or
+the distance on stderr. ``--rehearse`` sends to an arm that does what it is told, without ROS and without waiting. Keep
+a hand on the joystick.
 
 Send velocities to kinova-ros, not goals. Its controller measures nothing: it plays the velocity of one point each
 10 ms. And its driver dies of a goal that is cancelled (kinova-ros, issue 191); started again, it opens the fingers.
@@ -29,10 +30,13 @@ import importlib.util
 import json
 import math
 import os
+import select
 import signal
 import socket
+import subprocess
 import sys
 import time
+import uuid
 from pathlib import Path
 from typing import Any, Callable, Protocol  # noqa: UP035 (Python 3.8)
 
@@ -40,7 +44,7 @@ PERIOD = 0.01  # [s] from velocity to velocity, the driver's
 START, DRIFT = 2.0, 5.0  # [deg] from where the file begins, and from the way of the file
 TOLERANCE = 0.5  # [deg] from where the file ends
 BEHIND = 0.3  # [s] by which measured angles may be late
-SILENCE = 0.5  # [s] without measured angles
+SILENCE = 0.5  # [s] without measured angles, and without a sign of life of the process whose goal it is
 PATIENCE = 10.0  # [s] until the driver or the controller shows up, and until a goal ends after its last point
 DEATH = 2.0  # [s] without a sign of life of a controller, which gives five a second or more
 STANDING = 0.1  # [deg] that an arm at rest moves from one look to the next, BEHIND later
@@ -363,8 +367,8 @@ class Controller(Protocol):
     def listens(self) -> bool:
         """Whether goals that are sent now arrive."""
 
-    def send(self, message: dict[str, Any], turns: list[float]) -> None:
-        """Send a goal, and these angles with each of its points [rad]."""
+    def send(self, message: dict[str, Any], turns: list[float]) -> str:
+        """Send a goal, and these angles with each of its points [rad]; returns the identifier of the goal."""
 
     def ended(self) -> bool:
         """Whether the goal has ended.
@@ -390,7 +394,112 @@ class GoalClock:
         self.sleep = controller.wait
 
 
-def send_goal(message: dict[str, Any], controller: Controller, unlimited: list[str]) -> float:
+class Guard:
+    """A process that cancels a goal once this one is killed or hangs; see `guard`."""
+
+    def __init__(self, version: int, action: str) -> None:
+        """Start it, in a session of its own: what is sent to a group of processes does not reach it."""
+        words = [sys.executable, __file__, "--guard", str(version), action]
+        pipe = subprocess.PIPE
+        self._process = subprocess.Popen(words, bufsize=0, stdin=pipe, stdout=pipe, start_new_session=True)
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self._told, self._answers = self._process.stdin, self._process.stdout
+
+    def ready(self) -> bool:
+        """Whether a goal that is sent now would be cancelled.
+
+        Raises:
+            StoppedError: it ended; it has said why.
+        """
+        if not select.select([self._answers], [], [], 0.0)[0]:
+            return False
+        if not self._answers.readline():
+            raise StoppedError("the process that would cancel the goal ended")
+        return True
+
+    def tell(self, words: str = "") -> None:
+        """Say the identifier of the goal, at first, and then that this process lives.
+
+        Raises:
+            StoppedError: it listens no more.
+        """
+        try:
+            self._told.write(f"{words}\n".encode())
+        except BrokenPipeError:
+            raise StoppedError("the process that would cancel the goal ended") from None
+
+    def close(self) -> None:
+        """End it: the goal needs it no more."""
+        with self._process:
+            self._process.kill()
+
+
+def guard(version: int, action: str) -> None:
+    """Cancel a goal once nothing comes on standard input for some time, or never will; `Guard` is at its other end."""
+    for each in SIGNALS:
+        signal.signal(each, signal.SIG_IGN)
+    canceller = (Ros1Canceller if version == 1 else Ros2Canceller)(action)
+    wait_for(canceller.listens, "no controller listens to cancelled goals", WallClock())
+    print("ready", flush=True)
+    told = open(0, "rb", buffering=0, closefd=False)  # noqa: SIM115 (standard input)
+    goal = told.readline().decode().strip()
+    if goal:
+        while select.select([told], [], [], SILENCE)[0] and told.read(1 << 16):
+            pass
+        canceller.cancel(goal)
+        print("the process that sent the goal is gone, or hangs: the goal was cancelled", file=sys.stderr)
+
+
+class Ros1Canceller:
+    """What cancels a goal of ROS 1 by its identifier."""
+
+    def __init__(self, action: str) -> None:
+        """Of an action."""
+        rospy: Any = importlib.import_module("rospy")
+        self._messages: Any = importlib.import_module("actionlib_msgs.msg")
+        start_ros1(rospy)
+        self._publisher = rospy.Publisher(f"{action}/cancel", self._messages.GoalID, queue_size=1)
+
+    def listens(self) -> bool:
+        """Whether it would be heard."""
+        return bool(self._publisher.get_num_connections())
+
+    def cancel(self, goal: str) -> None:
+        """Cancel one."""
+        self._publisher.publish(id=goal)
+        time.sleep(BEHIND)  # the message leaves in another thread
+
+
+class Ros2Canceller:
+    """What cancels a goal of ROS 2 by its identifier."""
+
+    def __init__(self, action: str) -> None:
+        """Of an action."""
+        self._rclpy: Any = importlib.import_module("rclpy")
+        signals: Any = importlib.import_module("rclpy.signals")
+        self._type: Any = importlib.import_module("action_msgs.srv").CancelGoal
+        self._rclpy.init(signal_handler_options=signals.SignalHandlerOptions.NO)
+        self._node = self._rclpy.create_node(f"send_trajectory_guard_{os.getpid()}")
+        self._client = self._node.create_client(self._type, f"{action}/_action/cancel_goal")
+
+    def listens(self) -> bool:
+        """Whether it would be heard."""
+        return bool(self._client.service_is_ready())
+
+    def cancel(self, goal: str) -> None:
+        """Cancel one, which may not have been accepted yet."""
+        request = self._type.Request()
+        request.goal_info.goal_id.uuid = list(bytes.fromhex(goal))
+        end = time.monotonic() + DEATH
+        while time.monotonic() < end:
+            answer = self._client.call_async(request)
+            self._rclpy.spin_until_future_complete(self._node, answer, timeout_sec=DEATH)
+            if answer.done() and answer.result().return_code != self._type.Response.ERROR_UNKNOWN_GOAL_ID:
+                return
+
+
+def send_goal(message: dict[str, Any], controller: Controller, guardian: Guard, unlimited: list[str]) -> float:
     """Send a goal and wait for its end; returns how far the arm then is from the last point [deg].
 
     Raises:
@@ -400,11 +509,13 @@ def send_goal(message: dict[str, Any], controller: Controller, unlimited: list[s
     states, clock = controller.states, GoalClock(controller)
     wait_for(lambda: states.age() < SILENCE, states.lacking, clock)
     wait_for(controller.listens, "no controller answers", clock)
+    wait_for(guardian.ready, "the process that would cancel the goal is not ready", clock)
     turns = check_start(states.angles(), message, unlimited)
     late = clock.now() + seconds(message["points"][-1]["time_from_start"]) + PATIENCE
     try:
-        controller.send(message, turns)
+        guardian.tell(controller.send(message, turns))
         while not controller.ended():
+            guardian.tell()
             controller.wait(0.02)
             if not controller.listens() or states.age() > DEATH:
                 raise StoppedError("the controller died, or is silent; the arm may go on: stop it by hand")
@@ -413,6 +524,8 @@ def send_goal(message: dict[str, Any], controller: Controller, unlimited: list[s
     except BaseException:
         controller.cancel()
         raise
+    finally:
+        guardian.close()
     last = [position + turns[j] for j, position in enumerate(message["points"][-1]["positions"])]
     angles = at_rest(states.angles, states.age, math.tau, clock)
     return math.degrees(farthest(angles, last, math.tau))
@@ -466,11 +579,12 @@ class Ros1Controller:
         self._found = self._found or self._client.wait_for_server(self._rospy.Duration(0.1))
         return self._found and time.monotonic() - self._sign < DEATH
 
-    def send(self, message: dict[str, Any], turns: list[float]) -> None:
+    def send(self, message: dict[str, Any], turns: list[float]) -> str:
         """See `Controller`."""
         goal = self._control.FollowJointTrajectoryGoal()
         fill(goal.trajectory, self._trajectory.JointTrajectoryPoint, message, turns, ("secs", "nsecs"))
         self._client.send_goal(goal)
+        return str(self._client.gh.comm_state_machine.action_goal.goal_id.id)
 
     def ended(self) -> bool:
         """See `Controller`."""
@@ -514,6 +628,7 @@ class Ros2Controller:
         # Best effort: it hears reliable publishers, too.
         self._node.create_subscription(sensors.JointState, states, self.states.take, qos.qos_profile_sensor_data)
         self._type = control.FollowJointTrajectory
+        self._uuid: Any = importlib.import_module("unique_identifier_msgs.msg").UUID
         self._client = actions.ActionClient(self._node, self._type, action)
         self._sent: Any = None
         self._result: Any = None
@@ -528,11 +643,13 @@ class Ros2Controller:
         """See `Controller`."""
         return bool(self._client.server_is_ready())
 
-    def send(self, message: dict[str, Any], turns: list[float]) -> None:
+    def send(self, message: dict[str, Any], turns: list[float]) -> str:
         """See `Controller`."""
         goal = self._type.Goal()
         fill(goal.trajectory, self._trajectory.JointTrajectoryPoint, message, turns, ("sec", "nanosec"))
-        self._sent = self._client.send_goal_async(goal)
+        identifier = uuid.uuid4()
+        self._sent = self._client.send_goal_async(goal, goal_uuid=self._uuid(uuid=list(identifier.bytes)))
+        return identifier.hex
 
     def ended(self) -> bool:
         """See `Controller`."""
@@ -623,15 +740,20 @@ def send(options: argparse.Namespace) -> str:
         return f"{len(message['points'])} points of {', '.join(message['joint_names'])}; without ROS no goal is sent"
     if kinova:
         print("a goal of kinova-ros: on Ctrl-C, " + DRIVER_DIES, file=sys.stderr)
-    controller: Controller
-    if which_ros(options.ros) == 2:
-        controller = Ros2Controller(names, action, states)
-    else:
-        controller = Ros1Controller(names, action, states, kinova=kinova)
+    version = which_ros(options.ros)
+    guardian = Guard(version, action)
     try:
-        away = send_goal(message, controller, unlimited)
+        controller: Controller
+        if version == 2:
+            controller = Ros2Controller(names, action, states)
+        else:
+            controller = Ros1Controller(names, action, states, kinova=kinova)
+        try:
+            away = send_goal(message, controller, guardian, unlimited)
+        finally:
+            controller.close()
     finally:
-        controller.close()
+        guardian.close()
     sent = f"the controller says that the goal was reached; the arm ends {away:.2f} deg from the last point"
     return judged(sent, away, options.tolerance)
 
@@ -655,6 +777,12 @@ def interrupt(number: int, _: object) -> None:
 
 
 def main() -> None:
+    if sys.argv[1:2] == ["--guard"]:
+        try:
+            guard(int(sys.argv[2]), sys.argv[3])
+        except StoppedError:  # the other one finds that, too, and says it
+            sys.exit(1)
+        return
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("file", type=Path, help=".kinova.csv, .kinova.json or .json, of jacokin's Trajectory.save")
     parser.add_argument("--robot", default="j2n6s300", help="name that kinova-ros was started with")

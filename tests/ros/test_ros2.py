@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import time
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 
 import jacokin
 from jacokin.motion import Trajectory, move_joints
-from tests.ros.nodes import Ros, interrupt
+from tests.ros.nodes import Ros, at_work, interrupt
 
 pytestmark = pytest.mark.slow
 HERE = Path(__file__).parent / "ros2"
@@ -69,6 +70,24 @@ def test_signals_cancel(ros: Ros, motion: Trajectory, file: Path, number: signal
     assert (status, record["goals"], record["cancelled"]) == (1, 1, 1), errors
     assert "told to stop" in errors
     assert seconds < 3.0
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
+def test_a_sender_that_is_killed_or_hangs_has_its_goal_cancelled(
+    ros: Ros, motion: Trajectory, file: Path, number: signal.Signals
+) -> None:
+    with ros.arm(HERE / "arm.py", *where(motion)) as arm, at_work(ros.sending(file, *CONTROLLER)) as sender:
+        arm.says("moving")
+        time.sleep(0.3)
+        sender.send_signal(number)
+        arm.says("stopped")
+        record = arm.ends()
+        sender.kill()
+        _, errors = sender.communicate()
+    assert (record["goals"], record["cancelled"]) == (1, 1)
+    assert "the goal was cancelled" in errors
+    gone = np.abs(np.array(record["angles"]) - np.degrees(motion.q[0])).max()
+    assert 0.0 < gone < 0.9 * np.abs(np.degrees(motion.q[-1] - motion.q[0])).max()
 
 
 def test_a_controller_that_dies_is_noticed(ros: Ros, motion: Trajectory, file: Path) -> None:

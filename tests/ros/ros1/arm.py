@@ -89,6 +89,7 @@ def follow_positions(arm: Arm, server: Any, options: argparse.Namespace) -> Any:
                 os._exit(0)
             if server().is_preempt_requested():
                 arm.cancelled += 1
+                print("stopped", flush=True)
                 return server().set_preempted()
             k = next((i for i, at in enumerate(times) if at > now), len(times) - 1)
             share = min(1.0, (now - times[k - 1]) / (times[k] - times[k - 1])) if k else 1.0

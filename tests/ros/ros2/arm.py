@@ -64,6 +64,7 @@ def main() -> None:
                 os._exit(0)
             if handle.is_cancel_requested:
                 record["cancelled"] += 1
+                print("stopped", flush=True)
                 handle.canceled()
                 return FollowJointTrajectory.Result()
             k = next((i for i, at in enumerate(times) if at > now), len(times) - 1)
