@@ -120,6 +120,7 @@ _CALLED = frozenset(
         "eliminate",
         "eliminate7",
         "farthest_vertex",
+        "find_branches",
         "find_nearest",
         "find_touching",
         "first_tetrahedron",
@@ -141,6 +142,7 @@ _CALLED = frozenset(
         "sort_rows",
         "starts_of_g",
         "take_clear",
+        "take_nearest",
         "tangent7",
         "verify",
     )

@@ -29,7 +29,7 @@ from jacokin.errors import StructureError
 from jacokin.ik.geometry import chain_of, measure
 from jacokin.ik.solutions.points import BranchTable, Knows, Points
 from jacokin.ik.structures import measure_general
-from jacokin.kernels.branches import ORIENTATION_ERROR, POSITION_ERROR, WITHIN_LIMITS
+from jacokin.kernels.branches import COLUMNS, ORIENTATION_ERROR, POSITION_ERROR, WITHIN_LIMITS
 from jacokin.kernels.clear_targets import ClearWork, solve_clear_targets
 from jacokin.kernels.closed_form.batch import (
     BATCH_COLUMNS,
@@ -188,8 +188,7 @@ class ClosedForm:
 
     def nearest_branch(self) -> NearestBranch:
         """What gives the first of `solve_all`'s branches that is within the limits."""
-        best = np.empty((1, BATCH_COLUMNS))
-        return NearestBranch(self._call(np.eye(4)[np.newaxis], np.zeros((1, 6)), best))
+        return NearestBranch(self._call(np.eye(4)[np.newaxis], np.zeros((1, 6)), nearest=np.empty((1, COLUMNS))))
 
     def _make_calls(self) -> None:
         """One call of the kernels; each thread takes an idle one, or makes one, and puts it back."""
@@ -202,11 +201,24 @@ class ClosedForm:
         return call, call.work.T[0], call.work.seed[0], call.work.pose.branches.rows
 
     def _call(
-        self, T: NDArray[np.float64], seed: NDArray[np.float64], best: NDArray[np.float64] | None = None
+        self,
+        T: NDArray[np.float64],
+        seed: NDArray[np.float64],
+        best: NDArray[np.float64] | None = None,
+        nearest: NDArray[np.float64] | None = None,
     ) -> Call[TargetWork]:
-        """A call of the kernels for n targets (n, 4, 4) and seeds (n, 6), with rows (n, 20) for the best branches."""
+        """A call of the kernels for n targets (n, 4, 4) and seeds (n, 6).
+
+        Args:
+            T: targets.
+            seed: seeds [rad].
+            best: (n, 20) filled with the best branches; None for all of one target.
+            nearest: (n, 17) filled with no more than these.
+        """
         work = self._work(T, seed)
-        return Call(solve_targets, work if best is None else work._replace(best=best))
+        if best is not None:
+            work = work._replace(best=best)
+        return Call(solve_targets, work if nearest is None else work._replace(nearest=nearest))
 
     def _work(self, T: NDArray[np.float64], seed: NDArray[np.float64]) -> TargetWork:
         """Work arrays for n targets and seeds."""
@@ -241,6 +253,16 @@ class ClosedForm:
         share(run, len(T), threads)
         return BestBranches(best)
 
+    def solve_nearest(self, T: NDArray[np.float64], seed: NDArray[np.float64], threads: int = 1) -> BranchTable:
+        """As `solve_batch`, and quicker: the branches themselves, and nothing about the others of a target."""
+        nearest = np.empty((len(T), COLUMNS))
+
+        def run(start: int, stop: int) -> None:
+            self._call(T[start:stop], seed[start:stop], nearest=nearest[start:stop])()
+
+        share(run, len(T), threads)
+        return BranchTable(nearest)
+
     def solve_clear_batch(
         self,
         T: NDArray[np.float64],
@@ -250,8 +272,8 @@ class ClosedForm:
         *,
         avoids: bool,
         threads: int = 1,
-    ) -> tuple[BestBranches, NDArray[np.bool_]]:
-        """The best branch of each of n targets, and whether it is in contact.
+    ) -> tuple[BranchTable, NDArray[np.bool_]]:
+        """The best branch of each of n targets, as `solve_nearest`, and whether it is in contact.
 
         Args:
             T: as `solve_batch`.
@@ -261,15 +283,15 @@ class ClosedForm:
             avoids: True for the nearest branch that is clear, where there is one.
             threads: as `solve_batch`.
         """
-        best, touching = np.empty((len(T), BATCH_COLUMNS)), np.zeros(len(T), dtype=np.int64)
+        nearest, touching = np.empty((len(T), COLUMNS)), np.zeros(len(T), dtype=np.int64)
 
         def run(start: int, stop: int) -> None:
-            targets = self._work(T[start:stop], seed[start:stop])._replace(best=best[start:stop])
+            targets = self._work(T[start:stop], seed[start:stop])._replace(nearest=nearest[start:stop])
             flag = np.array([avoids], dtype=np.int64)
             Call(solve_clear_targets, ClearWork(targets, look(), np.array(tolerances), flag, touching[start:stop]))()
 
         share(run, len(T), threads)
-        return BestBranches(best), touching > 0
+        return BranchTable(nearest), touching > 0
 
 
 class NearestBranch:
@@ -280,19 +302,19 @@ class NearestBranch:
         seed: (6,) [rad], to be filled in.
     """
 
-    __slots__ = ("T", "_best", "_call", "seed")
+    __slots__ = ("T", "_call", "_row", "seed")
 
     def __init__(self, call: Call[TargetWork]) -> None:
         """Take a call of the kernels for one target, with a row for its best branch."""
         self._call = call
-        self.T, self.seed, self._best = call.work.T[0], call.work.seed[0], call.work.best[0]
+        self.T, self.seed, self._row = call.work.T[0], call.work.seed[0], call.work.nearest[0]
 
     def __call__(self) -> NDArray[np.float64] | None:
         """The branch, (6,) [rad], an array of the caller's own; None without one."""
         self._call()
-        return self._best[:6].copy() if self._best[WITHIN_LIMITS] == 1.0 else None
+        return self._row[:6].copy() if self._row[WITHIN_LIMITS] == 1.0 else None
 
     @property
     def errors(self) -> tuple[float, float]:
         """Position [m] and orientation error [rad] of the last branch, measured on the model's own joint placements."""
-        return self._best[POSITION_ERROR], self._best[ORIENTATION_ERROR]
+        return self._row[POSITION_ERROR], self._row[ORIENTATION_ERROR]

@@ -638,7 +638,7 @@ class IKSolver:
                 matrices, seeds, verifier.contact_work, tolerances, avoids=avoids, threads=workers
             )
         else:
-            found, touching = form.solve_batch(matrices, seeds, workers), np.zeros(len(seeds), dtype=np.bool_)
+            found, touching = form.solve_nearest(matrices, seeds, workers), np.zeros(len(seeds), dtype=np.bool_)
         good = verifier.reached_rows(found) & found.within_limits
         if verifier.avoids_contact:
             good &= ~touching | (found.rows[:, FAMILY] == 0.0)  # others of a self-motion may be clear

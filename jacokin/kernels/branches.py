@@ -32,13 +32,14 @@ from jacokin.kernels.tolerances import (
     FOLD_FACTOR,
     LEAST_SEED_WEIGHT,
     MAX_POLISH_ERROR,
-    NEAR_SEED,
+    NEARLY_AS_NEAR,
     POLISHED_CLOSURE,
     SAME_AS_SEED,
     SAME_BRANCH,
     SEED_STEP,
     SEED_WEIGHT_FACTOR,
     TANGENCY_CLOSURE,
+    TANGENCY_EXCESS,
 )
 from jacokin.kernels.trigonometry import TO_WHOLE, angle_of
 from jacokin.kernels.vector import norm
@@ -77,6 +78,7 @@ class Lanes(NamedTuple):
 class BranchWork(NamedTuple):
     """A candidate, what it takes to verify it, and the branches found so far."""
 
+    wanted: NDArray[np.int64]  # (1,) 1 where nothing but the nearest branch within the limits is wanted
     lanes: Lanes
     newton: Newton  # with q, the candidate
     fold: FoldWork
@@ -87,7 +89,15 @@ class BranchWork(NamedTuple):
 
 def make_branches(rows: Array) -> BranchWork:
     """Fresh work arrays, writing the branches to rows."""
-    return BranchWork(make_lanes(), make_newton(), make_folds(), np.empty(COLUMNS), rows, np.zeros(2, np.int64))
+    return BranchWork(
+        np.zeros(1, np.int64),
+        make_lanes(),
+        make_newton(),
+        make_folds(),
+        np.empty(COLUMNS),
+        rows,
+        np.zeros(2, np.int64),
+    )
 
 
 def make_lanes() -> Lanes:
@@ -151,18 +161,10 @@ def collect(work: BranchWork, n: int, mark: int, family: float) -> None:
 def verify(query: PoseQuery, work: BranchWork) -> int:
     """Fill in the rows of all candidates that were collected, as `fill_row`; returns how many, and begins anew."""
     lanes, rows = work.lanes, work.lanes.rows
-    for j in range(6):
-        fit_lanes(query.seed[j], query.limits[0, j], query.limits[1, j], j, rows)
+    fit_lanes(query, rows)
     count = lanes.filled[0]
     for i in range(count):
-        if rows[WITHIN_LIMITS, i] == 0.0:
-            take_candidate(work, i)
-            rows[DISTANCE, i], within = fit_to_limits(work.newton.q, query.seed, query.limits, work.row)
-            rows[WITHIN_LIMITS, i] = 1.0 if within else 0.0
-            for column in range(12):
-                rows[column, i] = work.row[column]
-        else:
-            rows[DISTANCE, i] = math.sqrt(rows[DISTANCE, i])
+        fit_lane(query, work, i)
     for row in range(3):
         for column in range(4):
             begin = query.chain[0, row, column]
@@ -176,7 +178,71 @@ def verify(query: PoseQuery, work: BranchWork) -> int:
     return int(count)
 
 
-def fit_lanes(seed: float, lower: float, upper: float, j: int, rows: Array) -> None:
+def take_nearest(query: PoseQuery, work: BranchWork) -> bool:
+    """Add, of the candidates that were collected, the nearest to the seed within the limits, and no other.
+
+    All of them must be branches, of which only this one is verified.
+
+    Returns:
+        True; the collection begins anew. Or False, and nothing was done: there is none, or others are nearly as near,
+        so that verification, which moves them a little, would tell.
+    """
+    lanes, rows, row = work.lanes, work.lanes.rows, work.row
+    fit_lanes(query, rows)
+    chosen, nearest, next_nearest = -1, math.inf, math.inf
+    for i in range(lanes.filled[0]):
+        least = math.sqrt(rows[DISTANCE, i])  # of any copies
+        if least >= next_nearest:
+            continue
+        fit_lane(query, work, i)
+        if rows[WITHIN_LIMITS, i] == 0.0:
+            if may_touch_limits(rows, i):
+                next_nearest = least
+        elif rows[DISTANCE, i] < nearest:
+            chosen, nearest, next_nearest = i, rows[DISTANCE, i], min(nearest, next_nearest)
+        else:
+            next_nearest = min(next_nearest, rows[DISTANCE, i])
+    if chosen < 0 or next_nearest < nearest + NEARLY_AS_NEAR:
+        return False
+    take_candidate(work, chosen)
+    for column in range(COLUMNS):
+        row[column] = rows[column, chosen]
+    row[POSITION_ERROR], row[ORIENTATION_ERROR] = errors(query.chain, query.T, row)
+    if add_row(query, work) and row[WITHIN_LIMITS] > 0.0 and row[DISTANCE] < next_nearest:
+        lanes.filled[0] = 0
+        return True
+    work.filled[0] = 0
+    return False
+
+
+def may_touch_limits(rows: Array, i: int) -> bool:
+    """Whether `hold_on_limits` may bring the candidate in lane i within its limits."""
+    for j in range(6, 12):  # noqa: SIM110  # numba compiles no generator expressions
+        if rows[j, i] < -TANGENCY_EXCESS:
+            return False
+    return True
+
+
+def fit_lane(query: PoseQuery, work: BranchWork, i: int) -> None:
+    """Take copies within the limits for the candidate in lane i, where those nearest to the seed are not."""
+    rows = work.lanes.rows
+    if rows[WITHIN_LIMITS, i] > 0.0:
+        rows[DISTANCE, i] = math.sqrt(rows[DISTANCE, i])
+        return
+    take_candidate(work, i)
+    rows[DISTANCE, i], within = fit_to_limits(work.newton.q, query.seed, query.limits, work.row)
+    rows[WITHIN_LIMITS, i] = 1.0 if within else 0.0
+    for column in range(12):
+        rows[column, i] = work.row[column]
+
+
+def fit_lanes(query: PoseQuery, rows: Array) -> None:
+    """Fill in copies nearest to the seed, their margins, the square of the distance, and whether they are within."""
+    for j in range(6):
+        fit_joint(query.seed[j], query.limits[0, j], query.limits[1, j], j, rows)
+
+
+def fit_joint(seed: float, lower: float, upper: float, j: int, rows: Array) -> None:
     """Fill in the copies of an angle nearest to the seed, their margins, and what they are to the distance."""
     for i in range(ABREAST):
         angle = nearest_copy(rows[FOUND + j, i], seed)
@@ -239,20 +305,19 @@ def add_verified(query: PoseQuery, work: BranchWork, i: int) -> bool:
     return add_row(query, work)
 
 
-def add_beside_seed(query: PoseQuery, work: BranchWork) -> None:
-    """Add the branch beside a seed that nearly is one, where no known branch is as near.
+def add_beside_seed(query: PoseQuery, miss: float, work: BranchWork) -> None:
+    """Add the branch beside a seed that nearly is one, by a miss [m or rad], where no known branch is as near.
 
     Next to configurations that are singular in several ways, many far apart close the target to rounding. What makes
     the square of the deviation and a weight times that of the way from the seed least is no farther from the seed than
     any of them, and the smaller the weight, the nearer it is to the target.
     """
-    position, orientation = errors(query.chain, query.T, query.seed)
-    miss, nearest, nearest_at_all = max(position, orientation), math.inf, math.inf
+    nearest, nearest_at_all = math.inf, math.inf
     for i in range(work.filled[0]):
         nearest_at_all = min(nearest_at_all, work.rows[i, DISTANCE])
         if work.rows[i, WITHIN_LIMITS] > 0.0:
             nearest = min(nearest, work.rows[i, DISTANCE])
-    if miss > NEAR_SEED or nearest <= SAME_AS_SEED:
+    if nearest <= SAME_AS_SEED:
         return
     newton, row, weight = work.newton, work.row, FIRST_SEED_WEIGHT
     for j in range(6):

@@ -18,7 +18,12 @@ SMALLEST_PIVOT_7 = 1e-13
 ASTRAY = 1.0
 
 
-def forward(chain: Array, q: Array) -> tuple[Vec, Vec, Vec, Vec]:
+#: Columns of a rotation, and a position [m].
+Frame = tuple[Vec, Vec, Vec, Vec]
+BASE: Frame = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
+
+
+def forward(chain: Array, q: Array) -> Frame:
     """Columns x, y, z of the solved frame's rotation, and its position [m].
 
     Args:

@@ -16,19 +16,25 @@ from jacokin.kernels.branches import (
     WITHIN_LIMITS,
     BranchWork,
     PoseQuery,
-    add_beside_seed,
     sort_rows,
 )
+from jacokin.kernels.chain import BASE
 from jacokin.kernels.closed_form.arm import unpack_arm
-from jacokin.kernels.closed_form.batch import TargetWork, choose_branch, make_target_work
-from jacokin.kernels.closed_form.pose import solve_pose
+from jacokin.kernels.closed_form.batch import (
+    TargetWork,
+    choose_branch,
+    find_branches,
+    frame_of_seed,
+    is_another_seed,
+    make_target_work,
+)
 from jacokin.kernels.contact.run import ContactWork, make_contact_work, stands_clear
 
 
 class ClearWork(NamedTuple):
     """What a call reads and writes; one set for each thread."""
 
-    targets: TargetWork  # with a row of `best` for each target
+    targets: TargetWork  # with a row of `nearest` for each target
     contact: ContactWork
     tolerances: Array  # (2,) position [m] and orientation [rad] of a branch that reaches its target
     avoids: NDArray[np.int64]  # (1,) 1 to take another branch where one is in contact
@@ -49,16 +55,19 @@ def solve_clear_targets(work: ClearWork) -> int:
     Returns:
         How many rows are in contact.
     """
-    targets, best = work.targets, work.targets.best
+    targets, nearest = work.targets, work.targets.nearest
     k, branches, total = unpack_arm(targets.arm), targets.pose.branches, 0
-    for i in range(best.shape[0]):
+    frame = BASE
+    for i in range(nearest.shape[0]):
+        if is_another_seed(targets, i):
+            frame = frame_of_seed(targets, i)
         query = PoseQuery(targets.chain, targets.limits, targets.T[i], targets.seed[i])
-        solve_pose(targets.arm, k, query, targets.pose)
-        add_beside_seed(query, targets.pose.branches)
-        choose_branch(branches, best[i])
-        touching = is_answer(best[i], work.tolerances) and not stands_clear(work.contact, best[i])
+        find_branches(targets, k, query, frame, True)
+        choose_branch(branches, nearest[i])
+        touching = is_answer(nearest[i], work.tolerances) and not stands_clear(work.contact, nearest[i])
         if touching and work.avoids[0] > 0:
-            touching = not take_clear(branches, work.contact, work.tolerances, best[i])
+            find_branches(targets, k, query, frame, False)
+            touching = not take_clear(branches, work.contact, work.tolerances, nearest[i])
         work.touching[i] = 1 if touching else 0
         total += work.touching[i]
     return total
@@ -70,7 +79,7 @@ def is_answer(row: Array, tolerances: Array) -> bool:
     return bool(near and row[WITHIN_LIMITS] == 1.0)
 
 
-def take_clear(branches: BranchWork, contact: ContactWork, tolerances: Array, best: Array) -> bool:
+def take_clear(branches: BranchWork, contact: ContactWork, tolerances: Array, nearest: Array) -> bool:
     """Copy the nearest clear answer to a row of the batch; False where there is none.
 
     Where a branch stands for a whole self-motion, others of which may be clear, the row is marked as one that does.
@@ -80,8 +89,8 @@ def take_clear(branches: BranchWork, contact: ContactWork, tolerances: Array, be
         row = branches.rows[i]
         if is_answer(row, tolerances) and stands_clear(contact, row):
             for j in range(COLUMNS):
-                best[j] = row[j]
+                nearest[j] = row[j]
             return True
     for i in range(branches.filled[0]):
-        best[FAMILY] = max(best[FAMILY], branches.rows[i, FAMILY])
+        nearest[FAMILY] = max(nearest[FAMILY], branches.rows[i, FAMILY])
     return False

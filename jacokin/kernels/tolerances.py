@@ -92,6 +92,9 @@ NEAR_SEED = 1e-2
 #: [m^2] and [rad^2]; weights on the way from the seed, each so many times the one before, down to the least. With
 #: that, a branch 1e-3 rad from the seed promises a closure of 1e-9, and smaller ones drown in rounding.
 FIRST_SEED_WEIGHT, SEED_WEIGHT_FACTOR, LEAST_SEED_WEIGHT = 1e-4, 1e-2, 0.9e-12
+#: [rad]; of branches whose distances to the seed differ by less, verification tells which is the nearest: it moves
+#: those at folds and limits by some `TANGENCY_EXCESS`.
+NEARLY_AS_NEAR = 2e-2
 #: [rad]; steps with one weight end with one this short.
 SEED_STEP = 1e-9
 #: [rad]; a branch this near to the seed is not looked for once more.

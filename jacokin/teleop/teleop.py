@@ -440,9 +440,10 @@ class Teleop:
             obstacles: as in `step`.
             budget: as in `step`.
         """
-        tracker, workspace, tool = self.tracker, self._workspace, self.tool
+        tracker, workspace = self.tracker, self._workspace
         aims: list[pin.SE3 | JointTarget | Array] = [target]
         if workspace is not None:
+            tool = self.tool
             workspace.start_from(tool.translation)
             if isinstance(target, pin.SE3):
                 farther, nearer = (near(tool, target, *ahead) for ahead in AHEAD)

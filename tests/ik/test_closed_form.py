@@ -9,11 +9,13 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from jacokin import Robot
+from jacokin import Robot, load_robot
 from jacokin.arrays import Array
 from jacokin.errors import StructureError
 from jacokin.ik.closed_form import ClosedForm
+from jacokin.kernels.branches import COLUMNS, WITHIN_LIMITS
 from tests.kernels.closed_form.tools import closed_form, contains, target, worst_error
+from tests.kernels.six_joints.arms import ARMS, chain_of_arm, form_of, poses_and_jacobians
 
 
 def test_reported_errors_are_those_of_pinocchio(robot: Robot, rng: np.random.Generator) -> None:
@@ -107,6 +109,32 @@ def test_a_batch_is_the_nearest_branch_within_the_limits(robot: Robot, rng: np.r
     assert np.isnan(batch.largest_margin[7])
     np.testing.assert_array_equal(form.solve_batch(targets, seeds, threads=2).rows, batch.rows)
     assert len(form.solve_batch(np.empty((0, 4, 4)), np.empty((0, 6)))) == 0
+
+
+@pytest.mark.parametrize("name", ["j2n6s300", "m1n6s300", "j2s6s300", "gen3_lite", "ur5", "puma", "xarm6"])
+def test_the_nearest_alone_is_the_nearest_of_all(name: str, rng: np.random.Generator) -> None:
+    """At random poses, singular ones, some at limits and some out of reach, from any seeds and from some nearby."""
+    form = form_of(chain_of_arm(name)) if name in ARMS else closed_form(load_robot(name))
+    lower, upper, _ = np.clip(form.constants[2], -2.0 * np.pi, 2.0 * np.pi)
+    q = rng.uniform(np.maximum(lower, -np.pi), np.minimum(upper, np.pi), (240, 6))
+    q[1::6] = np.round(q[1::6] / (np.pi / 4)) * np.pi / 4
+    q[2::6] = np.where(rng.random((40, 6)) < 0.4, upper, q[2::6])
+    T = np.ascontiguousarray(poses_and_jacobians(form.chain, q)[0])
+    T[3::6, :3, 3] *= rng.uniform(0.9, 1.6, (40, 1))
+    seeds = rng.uniform(np.maximum(lower, -np.pi), np.minimum(upper, np.pi), q.shape)
+    seeds[::4] = q[::4] + 10.0 ** rng.uniform(-8.0, 0.0, (60, 1)) * rng.normal(size=(60, 6))
+    seeds[100:140] = seeds[100]
+    expected = form.solve_batch(T, seeds).rows[:, :COLUMNS]
+    for threads in (1, 2):
+        np.testing.assert_array_equal(form.solve_nearest(T, seeds, threads).rows, expected)
+    nearest = form.nearest_branch()
+    for i in range(0, 240, 8):
+        nearest.T[:], nearest.seed[:] = T[i], seeds[i]
+        found = nearest()
+        assert (found is not None) == (expected[i, WITHIN_LIMITS] == 1.0)
+        if found is not None:
+            np.testing.assert_array_equal(found, expected[i, :6])
+    assert len(form.solve_nearest(np.empty((0, 4, 4)), np.empty((0, 6)))) == 0
 
 
 def _bent(robot: Robot, joint: int, move: pin.SE3) -> ClosedForm:

@@ -27,7 +27,7 @@ from jacokin.model.poses import FreeAxis
 from jacokin.model.robot import Robot
 
 if TYPE_CHECKING:
-    from jacokin.ik.closed_form import BestBranches
+    from jacokin.ik.solutions.points import BranchTable
 
 CHUNK = 32768  # targets in one compiled call: a quarter of a second, after which workers wait for each other
 MAX_CHUNK = 4  # targets that a worker process takes at once: an interrupted batch waits for no more
@@ -40,7 +40,7 @@ Single = Callable[..., IKResult]
 class CompiledAnswers(NamedTuple):
     """What compiled code says about n poses."""
 
-    found: BestBranches
+    found: BranchTable
     good: NDArray[np.bool_]
     """(n,) which of the branches are answers; the other poses are left to single solves."""
     touching: NDArray[np.bool_]

@@ -11,7 +11,7 @@ int jacokin_find_branches(const jacokin_ik_solver *solver, const double *T, cons
     memcpy(table[TARGETS_limits].numbers, solver->limits, sizeof solver->limits);
     memcpy(table[TARGETS_T].numbers, T, 16 * sizeof(double));
     memcpy(table[TARGETS_seed].numbers, seed, 6 * sizeof(double));
-    table[TARGETS_best_length].length = 0; /* all branches, in order of their distance */
+    table[TARGETS_best_length].length = table[TARGETS_nearest_length].length = 0; /* all, nearest to the seed first */
     int64_t count = jacokin_solve_targets_chosen(table);
     *dropped = count < 0; /* a table of the kernels was full: the count is its complement */
     if (count < 0) count = ~count;

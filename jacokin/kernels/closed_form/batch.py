@@ -18,11 +18,12 @@ from jacokin.kernels.branches import (
     add_beside_seed,
     sort_rows,
 )
-from jacokin.kernels.chain import columns_of
-from jacokin.kernels.closed_form.arm import ARM_CONSTANTS, unpack_arm
+from jacokin.kernels.chain import BASE, Frame, columns_of, deviation, forward
+from jacokin.kernels.closed_form.arm import ARM_CONSTANTS, ArmConstants, unpack_arm
 from jacokin.kernels.closed_form.pose import Work, make_work, solve_pose
-from jacokin.kernels.tolerances import RIGID
-from jacokin.kernels.vector import cross, dot
+from jacokin.kernels.tolerances import NEAR_SEED, RIGID
+from jacokin.kernels.trigonometry import angle_of
+from jacokin.kernels.vector import cross, dot, norm
 
 #: What `solve_targets` returns for a target that it does not take.
 NOT_RIGID = -(2**62)
@@ -39,7 +40,8 @@ class TargetWork(NamedTuple):
     T: Array  # (n, 4, 4) targets, T_base_frame
     seed: Array  # (n, 6) seeds [rad]
     pose: Work  # its rows (24, 17) are filled with the branches of the last target, nearest to its seed first
-    best: Array  # (n, 20) filled with one row for each target, or (0, 20) for the branches of one target only
+    best: Array  # (n, 20) filled with one row for each target; or (0, 20)
+    nearest: Array  # (n, 17) filled with the beginning of such a row; or (0, 17), as `best`, for all of one target only
 
 
 def make_target_work() -> TargetWork:
@@ -52,6 +54,7 @@ def make_target_work() -> TargetWork:
         np.empty((0, 6)),
         make_work(np.empty((MAX_BRANCHES, COLUMNS))),
         np.empty((0, BATCH_COLUMNS)),
+        np.empty((0, COLUMNS)),
     )
 
 
@@ -59,25 +62,71 @@ def solve_targets(work: TargetWork) -> int:
     """Solve n targets with n seeds.
 
     A row of ``work.best`` is the branch within the limits nearest to the seed; without one, the branch that breaks a
-    limit least; NaN without any branch.
+    limit least; NaN without any branch. What it says of the others has to be asked for: ``work.nearest`` is filled
+    without them where the nearest is in no doubt.
 
     Returns:
         How many rows were filled for the last target; its complement, ~count, if branches may be missing: a table was
         full, or doubt remains. `NOT_RIGID`, and nothing solved, where all branches of no rigid target were asked for.
     """
-    k, branches, best = unpack_arm(work.arm), work.pose.branches, work.best
-    if best.shape[0] == 0 and not is_rigid(work.T[0]):
+    k, branches, best, nearest = unpack_arm(work.arm), work.pose.branches, work.best, work.nearest
+    is_one = best.shape[0] + nearest.shape[0] == 0
+    if is_one and not is_rigid(work.T[0]):
         return NOT_RIGID
+    frame = BASE
     for i in range(work.T.shape[0]):
         query = PoseQuery(work.chain, work.limits, work.T[i], work.seed[i])
-        solve_pose(work.arm, k, query, work.pose)
-        add_beside_seed(query, branches)
+        if is_another_seed(work, i):
+            frame = frame_of_seed(work, i)
+        find_branches(work, k, query, frame, i < nearest.shape[0])
         if i < best.shape[0]:
+            count_branches(branches, best[i])
             choose_branch(branches, best[i])
-    if best.shape[0] == 0:
+        elif i < nearest.shape[0]:
+            choose_branch(branches, nearest[i])
+    if is_one:
         sort_rows(branches)
     count = int(branches.filled[0])
     return ~count if branches.filled[1] > 0 else count
+
+
+def frame_of_seed(work: TargetWork, i: int) -> Frame:
+    """The frame at seed i."""
+    return forward(work.chain, work.seed[i])
+
+
+def is_another_seed(work: TargetWork, i: int) -> bool:
+    """Whether seed i is not the one before it: many targets have one seed."""
+    another = i == 0
+    for j in range(6):
+        another = another or work.seed[i, j] != work.seed[i - 1, j]
+    return another
+
+
+def find_branches(work: TargetWork, k: ArmConstants, query: PoseQuery, frame: Frame, only_nearest: bool) -> None:
+    """Fill in all branches of a target; only the nearest within the limits, if that suffices and is in no doubt.
+
+    Args:
+        work: all but the target is read.
+        k: of its arm.
+        query: the target.
+        frame: at its seed.
+        only_nearest: whether that suffices.
+    """
+    branches = work.pose.branches
+    miss = miss_of(query.T, frame)
+    # Beside a seed that nearly is a branch, another may be nearer than those that are found.
+    branches.wanted[0] = 1 if only_nearest and miss > NEAR_SEED else 0
+    solve_pose(work.arm, k, query, work.pose)
+    if miss <= NEAR_SEED:
+        add_beside_seed(query, miss, branches)
+
+
+def miss_of(T: Array, frame: Frame) -> float:
+    """How far a frame is from a target [m or rad]."""
+    x, y, z, p = frame
+    d, turn, cosine = deviation(T, x, y, z, p)
+    return max(norm(d), angle_of(norm(turn), cosine))
 
 
 def is_rigid(T: Array) -> bool:
@@ -91,23 +140,27 @@ def is_rigid(T: Array) -> bool:
     return bool(misfit <= RIGID and dot(x, cross(y, z)) > 0.0 and is_exact and math.isfinite(total))
 
 
-def choose_branch(work: BranchWork, best: Array) -> None:
+def choose_branch(work: BranchWork, row: Array) -> None:
     """Copy the nearest branch within the limits, or else the one least outside them, to a row of the batch."""
+    rows, chosen = work.rows, -1
+    for i in range(work.filled[0]):
+        if chosen < 0 or is_better(rows[i], rows[chosen]):
+            chosen = i
+    for j in range(COLUMNS):
+        row[j] = rows[chosen, j] if chosen >= 0 else np.nan
+
+
+def count_branches(work: BranchWork, row: Array) -> None:
+    """Fill in what a row of the batch says of all branches."""
     rows, count = work.rows, work.filled[0]
-    chosen, within, largest = -1, 0, np.nan
+    within, largest = 0, np.nan
     for i in range(count):
         margin = smallest_margin(rows[i])
         if i == 0 or margin > largest:
             largest = margin
         if rows[i, WITHIN_LIMITS] > 0.0:
             within += 1
-        if chosen < 0 or is_better(rows[i], rows[chosen]):
-            chosen = i
-    for j in range(COLUMNS):
-        best[j] = rows[chosen, j] if chosen >= 0 else np.nan
-    best[BRANCHES] = count
-    best[BRANCHES_WITHIN_LIMITS] = within
-    best[LARGEST_MARGIN] = largest
+    row[BRANCHES], row[BRANCHES_WITHIN_LIMITS], row[LARGEST_MARGIN] = count, within, largest
 
 
 def is_better(a: Array, b: Array) -> bool:

@@ -10,6 +10,7 @@ import numpy as np
 from jacokin.arrays import Array
 from jacokin.kernels.branches import (
     ABREAST,
+    FOUND,
     MAX_BRANCHES,
     ORIENTATION_ERROR,
     POSITION_ERROR,
@@ -21,12 +22,14 @@ from jacokin.kernels.branches import (
     collect,
     make_branches,
     note_full,
+    take_nearest,
     verify,
 )
 from jacokin.kernels.closed_form.arm import ArmConstants, Pose, pose_of
 from jacokin.kernels.closed_form.resultant import DEGREE, fourier_of_divided_F, fourier_of_F
 from jacokin.kernels.closed_form.roots import MAX_ROOTS, RootWork, add_known, add_known_pair, find_roots, make_roots
 from jacokin.kernels.closed_form.wrist import (
+    GOING,
     MAX_STARTS,
     Q6,
     STARTED,
@@ -194,14 +197,14 @@ def branches_at_single_roots(k: ArmConstants, pose: Pose, query: PoseQuery, work
             lanes.rows[Q6, count], lanes.mark[count] = roots[i, 0], i
             count += 1
             if count == ABREAST:
-                settle_roots(k, pose, query, work, count)
+                settle_roots(k, pose, query, work, count, found)
                 count = 0
     if count > 0:
-        settle_roots(k, pose, query, work, count)
+        settle_roots(k, pose, query, work, count, found)
 
 
-def settle_roots(k: ArmConstants, pose: Pose, query: PoseQuery, work: Work, count: int) -> None:
-    """Add the branches of single roots side by side."""
+def settle_roots(k: ArmConstants, pose: Pose, query: PoseQuery, work: Work, count: int, found: int) -> None:
+    """Add the branches of single roots side by side, of so many that were found; or the nearest, if that is wanted."""
     branches, lanes, roots = work.branches, work.branches.lanes, work.roots.roots
     for n in range(count, ABREAST):
         lanes.rows[Q6, n] = lanes.rows[Q6, 0]
@@ -209,11 +212,24 @@ def settle_roots(k: ArmConstants, pose: Pose, query: PoseQuery, work: Work, coun
     refine_abreast(k, pose, lanes.rows)
     for n in range(count):
         collect(branches, n, lanes.mark[n] if lanes.rows[STARTED, n] > 0.0 else ~lanes.mark[n], 0.0)
+    if count == found and are_sure(k, work) and take_nearest(query, branches):
+        return
     for n in range(verify(query, branches)):
         i, before = lanes.mark[n], branches.filled[0]
         q6 = roots[i if i >= 0 else ~i, 0]
         if i < 0 or not (add_verified(query, branches, n) and has_branch_at(branches, before, q6)):
             branch_at_root(k, pose, query, work, q6)
+
+
+def are_sure(k: ArmConstants, work: Work) -> bool:
+    """Whether the nearest branch alone is wanted, and each candidate that was collected is the branch of its root."""
+    branches, lanes, rows = work.branches, work.branches.lanes, work.branches.lanes.rows
+    sure = branches.wanted[0] > 0 and branches.filled[0] == 0 and branches.fold.filled[0] == 0
+    sure = sure and k.misfit <= EXACT_MISFIT
+    for n in range(lanes.filled[0]):
+        sure = sure and lanes.mark[n] >= 0 and rows[GOING, n] == 0.0
+        sure = sure and circular_distance(rows[FOUND + 5, n] - work.roots.roots[lanes.mark[n], 0]) < SAME_ROOT
+    return sure
 
 
 def branch_at_root(k: ArmConstants, pose: Pose, query: PoseQuery, work: Work, q6: float) -> None:

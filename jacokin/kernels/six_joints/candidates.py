@@ -16,13 +16,16 @@ from numpy.typing import NDArray
 from jacokin.arrays import Array
 from jacokin.kernels.branches import (
     ABREAST,
+    FAMILY,
     FOUND,
+    FRAME,
     BranchWork,
     PoseQuery,
     add_fold,
     add_verified,
     collect,
     take_candidate,
+    take_nearest,
     verify,
 )
 from jacokin.kernels.six_joints.equations import turned_back_by
@@ -43,6 +46,8 @@ from jacokin.kernels.vector import Vec
 FREE, FOLDS, UNSETTLED, DOUBTFUL = 0, 1, 2, 3
 #: Marks of what is collected: the middle of a fold, a candidate that must be a branch for the form to settle, another.
 FOLD, NEEDED, POSSIBLE = 0, 1, 2
+#: Rows of `branches.Lanes` until candidates are verified, each for six joints.
+COSINES, SINES = FRAME, FRAME + 6
 #: Signs of half in the order to try, for a fold the middle first.
 SIGNS = (0.0, 1.0, -1.0)
 
@@ -51,8 +56,8 @@ class Candidates(NamedTuple):
     """The angles at hand, and what became of those before."""
 
     links: Array  # (6, 3, 4)
-    theta: Array  # (6,) theta_1 .. theta_6 [rad]
-    cosine: Array  # (6,) of them
+    theta: Array  # (6,) theta_1 .. theta_6 [rad], NaN for that of the direction (cosine, sine)
+    cosine: Array  # (6,) of them; of one of the last joints, the direction's coordinates of any size
     sine: Array  # (6,)
     rotation: Array  # (3, 3) what the last joints must make together
     state: NDArray[np.int64]  # (4,)
@@ -78,6 +83,11 @@ def unit_of(x: float, y: float) -> Unit:
 def unit_from_to(ax: float, ay: float, bx: float, by: float) -> Unit:
     """The turn that takes the direction (ax, ay) to (bx, by)."""
     return unit_of(ax * bx + ay * by, ax * by - ay * bx)
+
+
+def turn_from_to(ax: float, ay: float, bx: float, by: float) -> Unit:
+    """The same as a direction of any length."""
+    return ax * bx + ay * by, ax * by - ay * bx
 
 
 def angle_from_to(ax: float, ay: float, bx: float, by: float) -> float:
@@ -153,8 +163,8 @@ def take(work: Candidates, i: int, pair: Pair, sign: float) -> None:
 
 
 def take_unit(work: Candidates, i: int, unit: Unit) -> None:
-    """Let theta_(i + 1) be the angle with this cosine and sine."""
-    work.theta[i], work.cosine[i], work.sine[i] = angle_of(unit[1], unit[0]), unit[0], unit[1]
+    """Let theta_(i + 1) be the angle with this cosine and sine, which is worked out with those of other candidates."""
+    work.theta[i], work.cosine[i], work.sine[i] = math.nan, unit[0], unit[1]
 
 
 def take_angle(work: Candidates, i: int, angle: float) -> None:
@@ -250,15 +260,43 @@ def add_candidate(arm: SixArm, query: PoseQuery, work: Candidates, branches: Bra
         add_candidates(query, work, branches)
     n = lanes.filled[0]
     for i in range(6):
-        lanes.rows[FOUND + joint_of(arm.form_labelling, i), n] = work.theta[i]
+        j = joint_of(arm.form_labelling, i)
+        lanes.rows[FOUND + j, n] = work.theta[i]
+        lanes.rows[COSINES + j, n], lanes.rows[SINES + j, n] = work.cosine[i], work.sine[i]
     if state[FOLDS] > 1:
         state[DOUBTFUL] = 1
     needed = NEEDED if state[FOLDS] == 0 or state[FREE] > 0 else POSSIBLE
     collect(branches, n, FOLD if middle and state[FREE] == 0 else needed, 1.0 if state[FREE] > 0 else 0.0)
 
 
+def fill_angles(rows: Array) -> None:
+    """Work out the angles of the candidates that are there as directions, side by side."""
+    for j in range(6):
+        for i in range(ABREAST):
+            given, angle = rows[FOUND + j, i], angle_of(rows[SINES + j, i], rows[COSINES + j, i])
+            rows[FOUND + j, i] = angle if given != given else given  # NaN for none
+
+
+def add_last_candidates(query: PoseQuery, work: Candidates, branches: BranchWork) -> bool:
+    """Add the branches that the collected candidates lead to: all, or one where the nearest is wanted and in no doubt.
+
+    Returns:
+        Whether it is that one.
+    """
+    state, lanes = work.state, branches.lanes
+    sure = branches.wanted[0] > 0 and branches.filled[0] == 0 and state[UNSETTLED] == 0 and state[DOUBTFUL] == 0
+    for i in range(lanes.filled[0]):
+        sure = sure and lanes.mark[i] == NEEDED and lanes.rows[FAMILY, i] == 0.0
+    fill_angles(lanes.rows)
+    if sure and take_nearest(query, branches):
+        return True
+    add_candidates(query, work, branches)
+    return False
+
+
 def add_candidates(query: PoseQuery, work: Candidates, branches: BranchWork) -> None:
     """Add the branches that the collected candidates lead to."""
+    fill_angles(branches.lanes.rows)
     for i in range(verify(query, branches)):
         mark = branches.lanes.mark[i]
         if mark == FOLD:

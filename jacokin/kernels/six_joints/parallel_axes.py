@@ -18,7 +18,7 @@ from jacokin.kernels.six_joints.candidates import (
     UNSETTLED,
     Candidates,
     add_candidate,
-    add_candidates,
+    add_last_candidates,
     fill_rest,
     pair_of,
     pair_of_triangle,
@@ -33,7 +33,6 @@ from jacokin.kernels.six_joints.candidates import (
 )
 from jacokin.kernels.six_joints.equations import turned_back_by, turned_by
 from jacokin.kernels.six_joints.loop import SixArm, column_of, fill_links, joint_of
-from jacokin.kernels.trigonometry import angle_of
 from jacokin.kernels.vector import Vec, minus
 
 
@@ -83,7 +82,7 @@ def branches_of_parallel_axes(arm: SixArm, query: PoseQuery, work: Candidates, b
                 take_unit(work, 5, unit_from_to(Q[2, 0], Q[2, 1], y[0], y[1]))
             middle = (ones.fold > 0 and SIGNS[i] == 0.0) or (fives.fold > 0 and SIGNS[n] == 0.0)
             in_the_plane(arm, E, middle, query, work, branches)
-    add_candidates(query, work, branches)
+    add_last_candidates(query, work, branches)
     if state[DOUBTFUL] > 0:
         branches.filled[1] = 1
     return bool(state[UNSETTLED] == 0)
@@ -91,7 +90,7 @@ def branches_of_parallel_axes(arm: SixArm, query: PoseQuery, work: Candidates, b
 
 def in_the_plane(arm: SixArm, E: Vec, middle: bool, query: PoseQuery, work: Candidates, branches: BranchWork) -> None:
     """From theta_1, theta_5 and theta_6: both sides of the elbow."""
-    links, theta, state, labelling = work.links, work.theta, work.state, arm.form_labelling
+    links, state, labelling = work.links, work.state, arm.form_labelling
     free, folds = state[FREE], state[FOLDS]
     # E seen from link 1, and from link 4: the origin of joint 4 is where the latter takes it.
     place = unturned_about_z((work.cosine[0], work.sine[0]), E)
@@ -124,7 +123,7 @@ def in_the_plane(arm: SixArm, E: Vec, middle: bool, query: PoseQuery, work: Cand
         # Rz(theta_2) L_2 Rz(theta_3) L_3 Rz(theta_4) takes x to where the rest wants it.
         y = turned_back_by(links[1], unturned_about_z(two, x))
         y = turned_back_by(links[2], unturned_about_z((c, s), y))
-        theta[3] = angle_of(y[1], y[0])
+        take_unit(work, 3, (y[0], y[1]))
         add_candidate(arm, query, work, branches, middle or (threes.fold > 0 and SIGNS[i] == 0.0))
     state[FREE], state[FOLDS] = free, folds
 

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jacokin.arrays import Array
-from jacokin.kernels.branches import BranchWork, PoseQuery
+from jacokin.kernels.branches import FOUND, BranchWork, PoseQuery, is_apart
 from jacokin.kernels.closed_form.roots import RootWork, find_roots
 from jacokin.kernels.six_joints.candidates import (
     SIGNS,
@@ -27,6 +27,8 @@ from jacokin.kernels.six_joints.candidates import (
     Candidates,
     add_candidate,
     add_candidates,
+    add_last_candidates,
+    fill_angles,
     pair_of,
     skips,
     slack_after,
@@ -98,9 +100,25 @@ def branches_of_planar_arm(
             count += 4
         else:
             state[UNSETTLED] = 1
+    if are_apart(branches) and add_last_candidates(query, work, branches):
+        return True
     add_candidates(query, work, branches)
     # Where two lead to one branch, another may be near one of them.
     return bool(state[UNSETTLED] == 0 and branches.filled[0] == count)
+
+
+def are_apart(branches: BranchWork) -> bool:
+    """Whether the candidates that were collected are different branches, whatever verification moves them by."""
+    rows = branches.lanes.rows
+    fill_angles(rows)
+    for i in range(branches.lanes.filled[0]):
+        for n in range(i):
+            same = True
+            for j in range(FOUND, FOUND + 6):
+                same = same and not is_apart(rows[j, i] - rows[j, n])
+            if same:
+                return False
+    return True
 
 
 def planar_arm_of(links: Array) -> PlanarArm:

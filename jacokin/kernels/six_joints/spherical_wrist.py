@@ -29,7 +29,7 @@ from jacokin.kernels.six_joints.candidates import (
     Candidates,
     Triangle,
     add_candidate,
-    add_candidates,
+    add_last_candidates,
     angle_from_to,
     fill_rest,
     pair_of,
@@ -40,6 +40,7 @@ from jacokin.kernels.six_joints.candidates import (
     take_angle,
     take_unit,
     triangle_of,
+    turn_from_to,
     unit_from_to,
 )
 from jacokin.kernels.six_joints.equations import turned_back_by, turned_by
@@ -78,7 +79,7 @@ def branches_of_spherical_wrist(
         at_linear_roots(arm, reach, wrist, query, work, branches)
     else:
         at_quartic_roots(arm, reach, wrist, query, work, roots, branches)
-    add_candidates(query, work, branches)
+    add_last_candidates(query, work, branches)
     if work.state[DOUBTFUL] > 0:
         branches.filled[1] = 1
     return bool(work.state[UNSETTLED] == 0)
@@ -271,7 +272,7 @@ def turn_wrist(
     branches: BranchWork,
 ) -> None:
     """From theta_3, theta_2 and f: theta_1, and the branches of both sides of the wrist."""
-    theta, state, links, labelling = work.theta, work.state, work.links, arm.form_labelling
+    state, links, labelling = work.state, work.links, arm.form_labelling
     c2, s2 = work.cosine[1], work.sine[1]
     g = turned_by(links[0], (c2 * f[0] - s2 * f[1], s2 * f[0] + c2 * f[1], f[2]))
     gx, gy = g[0] + links[0, 0, 3], g[1] + links[0, 1, 3]
@@ -298,9 +299,9 @@ def turn_wrist(
             continue
         h, k = wrist.h, wrist.k
         y = turned_by(links[3], (c5 * h[0] - s5 * h[1], s5 * h[0] + c5 * h[1], h[2]))
-        theta[3] = angle_from_to(y[0], y[1], Q[0, 2], Q[1, 2])
+        take_unit(work, 3, turn_from_to(y[0], y[1], Q[0, 2], Q[1, 2]))
         y = turned_back_by(links[4], (c5 * k[0] + s5 * k[1], c5 * k[1] - s5 * k[0], k[2]))
-        theta[5] = angle_from_to(Q[2, 0], Q[2, 1], y[0], y[1])
+        take_unit(work, 5, turn_from_to(Q[2, 0], Q[2, 1], y[0], y[1]))
         add_candidate(arm, query, work, branches, middle or (fives.fold > 0 and SIGNS[i] == 0.0))
     state[FREE], state[FOLDS] = free - on_axis, folds
 

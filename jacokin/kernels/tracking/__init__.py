@@ -6,5 +6,8 @@ tasks     where frames are, what is missing to their targets, its Jacobian, and 
 problem   the squared error of all targets to second order, and its least value
 limits    how far each joint may go: position, velocity and acceleration
 near      what near shapes add: inequalities that keep them apart, and squares that move them apart
+watch     which pairs of shapes a displacement could bring near
+twist     how much of a twist the joints can follow
+inverse   the damped inverse of a tool's Jacobian
 reach     how much of a displacement keeps shapes apart, and whether the arm comes to rest from there
 """

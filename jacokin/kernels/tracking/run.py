@@ -3,6 +3,9 @@
 tick       from what is missing to the targets to a displacement of the joints
 reach      as much of the displacement as is clear
 near       what shapes that are near add to a tick
+watch      which of them a displacement could bring near
+twist      how much of a twist the joints can follow
+inverse    what they do for it
 limits     how far each joint may go in a tick
 
 Python comes in between only where a QP solver has to, for targets of later priorities and objectives, and to look at
@@ -13,9 +16,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from jacokin.arrays import Array
 from jacokin.kernels.tracking.limits import AT_BOUND, STEP, move
-from jacokin.kernels.tracking.near import FIRST_JOINT, LAST_JOINT, LEAVES, NEAR_NUMBERS, NORMAL, keep_apart
 from jacokin.kernels.tracking.problem import fill_damped
 from jacokin.kernels.tracking.reach import (
     ASKED,
@@ -23,20 +24,15 @@ from jacokin.kernels.tracking.reach import (
     CLEAR,
     DISTANCES,
     HORIZON,
-    INNER,
     KEEPING,
     LEAST,
     LEAST_BEFORE,
-    LEAVING,
     MOVING,
-    NEAR,
     NOT_CLEAR,
-    OUTER,
     PART,
     RESTING,
     SPARE,
     ReachWork,
-    look_ahead,
     make_reach_work,
     try_reach,
 )
@@ -71,11 +67,13 @@ from jacokin.kernels.tracking.tick import (
     report_tick,
     solve_tick,
 )
+from jacokin.kernels.tracking.twist import TwistWork, follow_twist, make_twist_work
+from jacokin.kernels.tracking.watch import take_near, watch
 
 #: Where a call goes on: what near shapes and limits ask of any displacement, and no more; what those ask that a total
-#: could bring near, and no more; a whole tick; one whose total, or whose displacement, was found elsewhere; what of the
-#: displacement is clear; the report.
-LINEARISE, LOOK_AHEAD, WHOLE, FROM_TOTAL, FROM_STEP, TRY, REPORT = range(7)
+#: could bring near, and no more; a whole tick; one whose total was found elsewhere; one along a twist, linearised; one
+#: whose displacement was found elsewhere; what of the displacement is clear; the report.
+LINEARISE, LOOK_AHEAD, WHOLE, FROM_TOTAL, FROM_TWIST, FROM_STEP, TRY, REPORT = range(8)
 #: What it returns beside what `find_step` does with a QP solver to be called: the arm is on its way, or on its target;
 #: the displacement of this tick is there, and something else may be added to it; time to look at the clock.
 ON_ITS_WAY, ON_TARGET, NEEDS_MORE, UNFINISHED = 0, 1, 4, 5
@@ -88,11 +86,12 @@ class RunWork(NamedTuple):
 
     tick: TickWork
     reach: ReachWork  # empty where nothing is kept apart
+    twist: TwistWork
 
 
 def make_run_work() -> RunWork:
     """Empty arrays."""
-    return RunWork(make_tick_work(), make_reach_work())
+    return RunWork(make_tick_work(), make_reach_work(), make_twist_work())
 
 
 def run_tick(work: RunWork) -> int:
@@ -100,11 +99,11 @@ def run_tick(work: RunWork) -> int:
     tick, counts = work.tick, work.tick.counts
     stage = counts[STAGE]
     if stage == LINEARISE:
-        take_near(work, 0)
+        take_near(tick, work.reach, 0)
         return linearise_tick(tick)
     if stage == LOOK_AHEAD:
         place_joints(tick.arm, tick.q)
-        watch(work, tick.total)
+        watch(tick, work.reach, tick.total)
         return 0
     if stage <= FROM_TOTAL:
         outcome = find_step(work, stage)
@@ -113,6 +112,8 @@ def run_tick(work: RunWork) -> int:
             return outcome
         if outcome == SOLVED and has_more(tick):
             return NEEDS_MORE
+    if stage == FROM_TWIST:
+        follow_twist(tick, work.reach, work.twist)
     if stage <= FROM_STEP:
         keep_bounds(tick)
         begin_reach(work)
@@ -130,11 +131,11 @@ def find_step(work: RunWork, stage: int) -> int:
     tick = work.tick
     known = 0  # inequalities that the total satisfies
     if stage == WHOLE:
-        take_near(work, 0)
+        take_near(tick, work.reach, 0)
         solve_tick(tick)
     else:
         known = tick.near.counts[1]
-    watch(work, tick.total)
+    watch(tick, work.reach, tick.total)
     solved = keeps_inequalities(tick, known) and (stage == FROM_TOTAL or is_within_limits(tick))
     if has_more(tick) or not solved:
         fill_damped(tick.problem, tick.numbers[DAMPED], len(tick.q))
@@ -146,37 +147,6 @@ def find_step(work: RunWork, stage: int) -> int:
 def has_more(tick: TickWork) -> bool:
     """Whether something is added to the displacement of the first targets."""
     return bool(tick.counts[TASKS] > tick.counts[FIRST_TASKS] or tick.counts[REFINED] == 1)
-
-
-def take_near(work: RunWork, first: int) -> None:
-    """Hand over pairs of shapes that are near, from a first one on; those that leave an obstacle go the way out."""
-    near, reach = work.tick.near, work.reach
-    near.counts[0] = first
-    if work.tick.counts[GUARDED] == 0:
-        return
-    for k in range(first, reach.counts[NEAR]):
-        i = reach.near[k]
-        pair = reach.pairs.integers[i]
-        near.integers[k, FIRST_JOINT], near.integers[k, LAST_JOINT] = pair[INNER], pair[OUTER]
-        near.integers[k, LEAVES] = pair[LEAVING]
-        for c in range(NEAR_NUMBERS):
-            near.numbers[k, c] = reach.rows[k, c]
-        if pair[LEAVING] == 1:
-            for c in range(3):
-                near.numbers[k, NORMAL + c] = reach.pairs.exits[i, c]
-    near.counts[0] = reach.counts[NEAR]
-
-
-def watch(work: RunWork, displacement: Array) -> None:
-    """Add what follows for the pairs that a displacement could bring near; the frames are where the arm is.
-
-    No other pair can hold it up: the inequality of each is one that it satisfies.
-    """
-    tick, known = work.tick, work.tick.near.counts[0]
-    if tick.counts[GUARDED] == 1:
-        look_ahead(work.reach, tick.q, displacement)
-        take_near(work, known)
-        keep_apart(tick.arm, tick.near, known, tick.near.counts[1])
 
 
 def keep_bounds(tick: TickWork) -> None:

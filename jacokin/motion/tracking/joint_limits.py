@@ -10,20 +10,11 @@ import numpy as np
 
 from jacokin.arrays import Array
 from jacokin.kernels.tracking import limits
-from jacokin.kernels.tracking.limits import AT_ACCELERATION, AT_LOWER, AT_SPEED, AT_UPPER, TINY
+from jacokin.kernels.tracking.limits import AT_ACCELERATION, AT_LOWER, AT_SPEED, AT_UPPER
 from jacokin.model.robot import Robot
 
 WORDS = {AT_UPPER: "upper limit", AT_LOWER: "lower limit", AT_SPEED: "velocity"}
 ROUNDING = 1e-9  # [rad] past a limit, of a joint that has come back to it
-
-
-def largest_share(start: Array, change: Array, low: Array, high: Array) -> float:
-    """The largest share from 0 to 1 of a change that keeps start + share * change within bounds, all (dof,)."""
-    share = 1.0
-    for x, way, least, most in zip(start.tolist(), change.tolist(), low.tolist(), high.tolist(), strict=True):
-        if abs(way) > TINY:
-            share = min(share, ((most if way > 0.0 else least) - x) / way)
-    return max(share, 0.0)
 
 
 class JointLimits:

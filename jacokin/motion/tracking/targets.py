@@ -388,11 +388,3 @@ class Kinematics:
         """(6, dof) linear rows [m/rad], then angular ones."""
         jacobian: Array = pin.getFrameJacobian(self._model, self._data, frame, reference)
         return jacobian.reshape(6, -1)  # one joint gives six numbers without a second axis
-
-    def jacobian_change(self, displacement: Array) -> Array:
-        """(6, dof) by how much the tool's Jacobian in base axes changes with a small displacement (dof,) [rad]."""
-        assert self._computed is not None
-        pin.computeJointJacobiansTimeVariation(self._model, self._data, self._computed, displacement)
-        pin.updateFramePlacement(self._model, self._data, self.tool)
-        change: Array = pin.getFrameJacobianTimeVariation(self._model, self._data, self.tool, IN_BASE)
-        return change.reshape(6, -1)

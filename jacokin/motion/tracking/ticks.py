@@ -16,6 +16,7 @@ from jacokin.kernels.library import Call
 from jacokin.kernels.tracking import near
 from jacokin.kernels.tracking.reach import FORESIGHT, KEPT, ReachWork, make_reach_work
 from jacokin.kernels.tracking.run import (
+    FROM_TWIST,
     LINEARISE,
     LOOK_AHEAD,
     ON_TARGET,
@@ -56,6 +57,7 @@ from jacokin.kernels.tracking.tick import (
     TURNED_ENOUGH,
     make_tick_work,
 )
+from jacokin.kernels.tracking.twist import make_twist_work
 from jacokin.motion.tracking.joint_limits import JointLimits
 from jacokin.motion.tracking.targets import Kinematics, Tasks
 
@@ -104,7 +106,11 @@ class Report(NamedTuple):
 
 
 class TickSolver:
-    """Runs ticks: finds displacements, goes as much of them as is clear, and measures what that has come to."""
+    """Runs ticks: finds displacements, goes as much of them as is clear, and measures what that has come to.
+
+    Attributes:
+        twist: what a tick along a twist reads and writes.
+    """
 
     def __init__(
         self, kinematics: Kinematics, limits: JointLimits, dt: float, negligible: float, tolerances: tuple[float, float]
@@ -123,7 +129,15 @@ class TickSolver:
 
     def __getstate__(self) -> dict[str, Any]:
         """Everything but work arrays."""
-        return {**self.__dict__, "_work": None, "_run": None, "_reach": None, "_kept": None, "_given": None}
+        return {
+            **self.__dict__,
+            "_work": None,
+            "_run": None,
+            "_reach": None,
+            "_kept": None,
+            "_given": None,
+            "twist": None,
+        }
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """With fresh work arrays."""
@@ -141,11 +155,13 @@ class TickSolver:
         work.counts[GUARDED], work.counts[STOPS_AT_ONCE] = reach is not None, self._limits.stops_at_once
         if reach is not None:
             work.near.rule[near.KEPT], work.near.rule[near.FORESIGHT] = reach.numbers[[KEPT, FORESIGHT]]
-        run = Call(run_tick, RunWork(work, make_reach_work() if reach is None else reach))
+        twist = make_twist_work(self._dof)
+        run = Call(run_tick, RunWork(work, make_reach_work() if reach is None else reach, twist))
         kept: Tasks | None = None  # those that the kernel knows as the ones of the tick before
         given: NDArray[np.int64] | None = None  # of the tasks whose kinds are there
         # All at once: an interrupt leaves the old arrays or the new ones.
         self._room, self._reach, self._work, self._run, self._kept, self._given = tasks, reach, work, run, kept, given
+        self.twist = twist
 
     def among(self, reach: ReachWork | None) -> None:
         """Say what keeps shapes apart, and has measured how near they are; None for nothing."""
@@ -213,6 +229,8 @@ class TickSolver:
         """
         counts = self._work.counts
         counts[STAGE], counts[CAN_STOP], counts[IN_PARTS] = stage, can_stop, deadline < math.inf
+        if stage == FROM_TWIST:
+            counts[GOES], counts[SINGULAR] = 1, 0
         self._kept = None
         outcome = self._run()
         while outcome >= NEEDS_QP and time.perf_counter() <= deadline:
@@ -222,12 +240,6 @@ class TickSolver:
         if outcome >= NEEDS_QP:
             raise OutOfTime
         return outcome
-
-    def turn_to(self, step: Array) -> None:
-        """Take a displacement (dof,) [rad] after `linearise`, to go on `FROM_STEP`."""
-        counts = self._work.counts
-        counts[GOES], counts[SINGULAR] = 1, 0
-        self._work.step[:] = step
 
     def use_qp(self, outcome: int, qp: Backend) -> None:
         """Find what is missing in all within limits and distances, to go on `FROM_TOTAL`.

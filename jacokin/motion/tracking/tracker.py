@@ -25,7 +25,7 @@ from jacokin.errors import InvalidInputError
 from jacokin.ik.options import TRACKING_ORIENTATION_TOLERANCE, TRACKING_POSITION_TOLERANCE
 from jacokin.ik.qp_backend import Backend, QPFailed
 from jacokin.ik.seeds import checked_start
-from jacokin.kernels.tracking.run import FROM_STEP, FROM_TOTAL, ON_TARGET, WHOLE
+from jacokin.kernels.tracking.run import FROM_STEP, FROM_TOTAL, FROM_TWIST, ON_TARGET, WHOLE
 from jacokin.kernels.tracking.tick import NEEDS_QP, NEEDS_QP_NOW
 from jacokin.model import checks, poses
 from jacokin.model.robot import Robot, checked_robot, tracking_accelerations, velocity_limits
@@ -426,8 +426,9 @@ class Tracker:
         if line is None:
             velocity = kinematics.jacobian(kinematics.tool, IN_BASE).dot(state.arm.v)
             line = TwistLine(tool, velocity)
-        elif is_astray(missing(line.pose, tool)):
-            line = line._replace(pose=tool)
+        off = missing(line.pose, tool)
+        if is_astray(off):
+            line, off = line._replace(pose=tool), np.zeros(6)
         wanted = in_base_axes(twist, reference, line.pose)
         goal = self._targets.tasks(moved(line.pose, wanted, self.dt))
         self._qp.reset()
@@ -438,13 +439,13 @@ class Tracker:
             if self._ticks.linearise(state.arm, goal):  # shapes are moved apart first
                 after, step = self._solve(state, goal, began, deadline)
                 return after._replace(tasks=None, moved=None, line=None), step
-            along = self._twists.step(line, wanted, state.arm, self._wish(state.arm.q))
-            self._ticks.turn_to(along.displacement)
-            outcome = self._ticks.go(FROM_STEP, deadline, can_stop=state.can_stop)
+            self._twists.ask(line, off, wanted, state.arm.q, self._wish(state.arm.q))
+            outcome = self._ticks.go(FROM_TWIST, deadline, can_stop=state.can_stop)
         except OutOfTime:
             return self._brake(state, places, goal, began)
         found = self._ticks.report(outcome, None)
-        followed = along.part >= FOLLOWED and self._twists.lag(along, found.arm.v) <= 1.0 - FOLLOWED
+        along = self._twists.found(line)
+        followed = along.part >= FOLLOWED and self._twists.lag(found.arm.v) <= 1.0 - FOLLOWED
         found = found._replace(on_target=followed)
         return self._end(state, found, self._found(state, exits), _Tick(began, along=along))
 
