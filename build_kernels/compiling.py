@@ -26,6 +26,7 @@ from numba.core.dispatcher import Dispatcher
 from numba.core.registry import cpu_target
 from numba.extending import intrinsic
 
+from build_kernels.emitting import target_machine
 from jacokin.kernels import entries
 from jacokin.kernels.entries import Entry
 from jacokin.kernels.library import FAILED, PREFIX
@@ -33,10 +34,11 @@ from jacokin.kernels.library import FAILED, PREFIX
 
 @contextlib.contextmanager
 def translating_only() -> Iterator[None]:
-    """Meanwhile numba translates functions to LLVM's language, but neither optimises nor loads them.
+    """Meanwhile numba translates functions to LLVM's language and tidies them, but neither optimises nor loads them.
 
     For a process that compiles nothing else: what it compiles later may lack parts that were compiled meanwhile.
     """
+    tidy, builder = _tidying()
 
     class Library(JITCodeLibrary):  # type: ignore[misc]  # numba has no types
         """One function: not link with those it calls."""
@@ -47,6 +49,7 @@ def translating_only() -> Iterator[None]:
 
         def _optimize_functions(self, module: Any) -> None:
             module.data_layout = self._codegen._data_layout
+            tidy.run(module, builder)
 
         def get_pointer_to_function(self, name: str) -> int:
             return 0
@@ -66,6 +69,18 @@ def translating_only() -> Iterator[None]:
         yield
     finally:
         context._internal_codegen = usual
+
+
+def _tidying() -> tuple[llvm.ModulePassManager, llvm.PassBuilder]:
+    """What tidies a function: most of what numba writes takes tuples of arrays apart and together.
+
+    Done before it becomes part of its callers, each of which would have to be tidied of it again.
+    """
+    passes = llvm.create_new_module_pass_manager()
+    passes.add_sroa_pass()
+    passes.add_instruction_combine_pass()
+    passes.add_simplify_cfg_pass()
+    return passes, llvm.create_pass_builder(target_machine(), llvm.create_pipeline_tuning_options())
 
 
 def link(entry: Dispatcher) -> tuple[ModuleRef, str]:
