@@ -23,7 +23,7 @@ from llvmlite.binding import ModuleRef
 from numba import types as nb
 from numba.core.codegen import JITCodeLibrary, JITCPUCodegen
 from numba.core.dispatcher import Dispatcher
-from numba.core.registry import cpu_target
+from numba.core.registry import CPUDispatcher, cpu_target
 from numba.extending import intrinsic
 
 from build_kernels.emitting import target_machine
@@ -105,7 +105,7 @@ def _append_after_callees(library: Any, libraries: list[Any]) -> None:
 # The compiled form does the plain form's operations in the same order, without fastmath: both give the same bits.
 _OPTIONS: dict[str, Any] = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 # Arrays belong to the caller of the kernels: the code that counts references to them would be half of all code.
-_KERNEL_OPTIONS: dict[str, Any] = {**_OPTIONS, "_nrt": False}
+_KERNEL_OPTIONS: dict[str, Any] = {**_OPTIONS, "_nrt": False, "nopython": True}
 _PACKAGE = "jacokin.kernels."
 # The closed form, contact and what they stand on become part of their callers, because passing a tuple of arrays takes
 # as long as most of these functions do; other kernels take longer anyway and are left to the compiler.
@@ -197,6 +197,15 @@ def translate(chosen: Iterable[Entry]) -> Iterator[ModuleRef]:
             yield exporting(function, PREFIX + entry.run.__name__)
 
 
+class _Kernel(CPUDispatcher):  # type: ignore[misc]  # numba has no types
+    """A function that is translated once for arguments of the same types, whichever of them are constants where."""
+
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        """Numba's question for the compiled form of a call."""
+        named = {name: nb.unliteral(each) for name, each in kws.items()}
+        return super().get_call_template(tuple(nb.unliteral(each) for each in args), named)
+
+
 class _Copies:
     """Copies of kernels and their modules that see each other's compiled forms; the modules themselves stay plain."""
 
@@ -210,7 +219,7 @@ class _Copies:
             assert isinstance(function, types.FunctionType)
             copy = types.FunctionType(function.__code__, self._namespace(function), function.__name__)
             inlined = function.__module__.startswith(_INLINED) and function.__name__ not in _CALLED
-            self._made[function] = numba.njit(copy, forceinline=inlined, **_KERNEL_OPTIONS)
+            self._made[function] = _Kernel(copy, targetoptions={**_KERNEL_OPTIONS, "forceinline": inlined})
         return self._made[function]
 
     def _namespace(self, function: types.FunctionType) -> dict[str, Any]:
