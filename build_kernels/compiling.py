@@ -1,9 +1,9 @@
 """From the Python of kernels to modules of LLVM's language, by numba. Run as a program, it writes them.
 
 There is one implementation, the functions of the modules in ``jacokin.kernels``; here they are translated for the work
-arrays of each entry. A module exports a single C function and refers to the C library and nothing else. Python is
-translated once: addresses and integers have 64 bits in it, and `emitting` makes machine code of the same module for
-every target.
+arrays of each entry. A module exports a C function for each of its entries and refers to the C library and nothing
+else. Python is translated once: addresses and integers have 64 bits in it, and `emitting` makes machine code of the
+same module for every target.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import contextlib
 import gc
 import sys
 import types
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -83,22 +83,27 @@ def _tidying() -> tuple[llvm.ModulePassManager, llvm.PassBuilder]:
     return passes, llvm.create_pass_builder(target_machine(), llvm.create_pipeline_tuning_options())
 
 
-def link(entry: Dispatcher) -> tuple[ModuleRef, str]:
-    """The module of a function's one compiled form with all that it calls, and the function's name there."""
-    (compiled,) = entry.overloads.values()
+def link(functions: Mapping[str, Dispatcher]) -> ModuleRef:
+    """The module of functions of one address, by their names in C, each in its one compiled form with all it calls."""
     libraries: list[Any] = []
-    _append_after_callees(compiled.library, libraries)
-    module = llvm.parse_bitcode(compiled.library._final_module.as_bitcode())
+    written = [_NOTHING_TO_FREE]
+    for name, function in functions.items():
+        (compiled,) = function.overloads.values()
+        _append_after_callees(compiled.library, libraries)
+        written.append(_C_FUNCTION.format(inner=compiled.fndesc.llvm_func_name, name=name, failed=FAILED))
+    module = llvm.parse_assembly("".join(written))
+    module.triple, module.data_layout = libraries[0]._final_module.triple, libraries[0]._final_module.data_layout
     # Linking takes over what is missing so far: callers come first.
-    for library in reversed(libraries[:-1]):
+    for library in reversed(libraries):
         module.link_in(library._get_module_for_linking(), preserve=True)
-    return module, compiled.fndesc.llvm_func_name
+    return module
 
 
 def _append_after_callees(library: Any, libraries: list[Any]) -> None:
+    if library in libraries:
+        return
     for callee in library._linking_libraries:
-        if callee not in libraries:
-            _append_after_callees(callee, libraries)
+        _append_after_callees(callee, libraries)
     libraries.append(library)
 
 
@@ -180,21 +185,26 @@ define i64 @"{name}"(ptr %table) {{
 """
 
 
-def translate(chosen: Iterable[Entry]) -> Iterator[ModuleRef]:
-    """The modules of kernels, each with the one function ``jacokin_<name>``: what they share is translated once.
+def translate(groups: Iterable[Sequence[Entry]]) -> Iterator[ModuleRef]:
+    """The modules of groups of kernels, with functions ``jacokin_<name>``: what they share is translated once.
 
     For a process that compiles nothing else (`translating_only`).
     """
     copies = _Copies()
     with translating_only():
-        for entry in chosen:
-            namespace: dict[str, Any] = {"__name__": __name__, "__builtins__": __builtins__}
-            namespace.update(carray=numba.carray, pointer=_pointer_intrinsic(), float64=np.float64, int64=np.int64)
-            namespace["run"] = copies.compiled(entry.run)
-            exec(_entry_source(entry, namespace), namespace)
-            function = numba.njit(namespace["entry"], **_OPTIONS)
-            function.compile((nb.intp,))
-            yield exporting(function, PREFIX + entry.run.__name__)
+        for group in groups:
+            yield exporting({PREFIX + entry.run.__name__: _c_function(entry, copies) for entry in group})
+
+
+def _c_function(entry: Entry, copies: _Copies) -> Dispatcher:
+    """A kernel as a function of the address of a table."""
+    namespace: dict[str, Any] = {"__name__": __name__, "__builtins__": __builtins__}
+    namespace.update(carray=numba.carray, pointer=_pointer_intrinsic(), float64=np.float64, int64=np.int64)
+    namespace["run"] = copies.compiled(entry.run)
+    exec(_entry_source(entry, namespace), namespace)
+    function: Dispatcher = numba.njit(namespace["entry"], **_OPTIONS)
+    function.compile((nb.intp,))
+    return function
 
 
 class _Kernel(CPUDispatcher):  # type: ignore[misc]  # numba has no types
@@ -267,13 +277,11 @@ def _pointer_intrinsic() -> Any:
     return intrinsic(pointer)
 
 
-def exporting(function: Dispatcher, name: str) -> ModuleRef:
-    """The module of a compiled function of one address, which is a C function of that name and all that others see."""
-    module, inner = link(function)
-    module.link_in(llvm.parse_assembly(_NOTHING_TO_FREE))
-    module.link_in(llvm.parse_assembly(_C_FUNCTION.format(inner=inner, name=name, failed=FAILED)))
+def exporting(functions: Mapping[str, Dispatcher]) -> ModuleRef:
+    """The module of compiled functions of one address by name, which are C functions and all that others see of it."""
+    module = link(functions)
     for known in (*module.functions, *module.global_variables):
-        if known.name != name and not known.is_declaration and not known.name.startswith("llvm."):
+        if known.name not in functions and not known.is_declaration and not known.name.startswith("llvm."):
             known.linkage = "internal"
     for called in module.functions:
         if _ARRAY_OF_TABLE in called.name and not called.is_declaration:
@@ -281,15 +289,16 @@ def exporting(function: Dispatcher, name: str) -> ModuleRef:
     return module
 
 
-def main(folder: str, *names: str) -> None:
-    """Write the modules of the entries whose functions have those names, in order; print each name once it is there."""
+def main(folder: str, *groups: str) -> None:
+    """Write the modules of groups of entries, as names with commas between, in order; print each once it is there."""
     # Most objects of a compiler live until it ends: looking for dead ones as often as usual takes a third of the time,
     # and not at all twice the memory.
     gc.set_threshold(200_000, 20, 100)
     known = {entry.run.__name__: entry for entry in entries.ENTRIES}
-    for name, module in zip(names, translate(known[name] for name in names), strict=True):
-        Path(folder, f"{name}.bc").write_bytes(module.as_bitcode())
-        print(name, flush=True)
+    chosen = ([known[name] for name in group.split(",")] for group in groups)
+    for group, module in zip(groups, translate(chosen), strict=True):
+        Path(folder, f"{group}.bc").write_bytes(module.as_bitcode())
+        print(group, flush=True)
 
 
 if __name__ == "__main__":
