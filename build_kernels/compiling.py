@@ -1,9 +1,9 @@
 """From the Python of kernels to modules of LLVM's language, by numba. Run as a program, it writes them.
 
 There is one implementation, the functions of the modules in ``jacokin.kernels``; here they are translated for the work
-arrays of each entry. A module exports a single C function and refers to the C library and nothing else. Python is
-translated once: addresses and integers have 64 bits in it, and `emitting` makes machine code of the same module for
-every target.
+arrays of each entry. A module exports a C function for each of its entries and refers to the C library and nothing
+else. Python is translated once: addresses and integers have 64 bits in it, and `emitting` makes machine code of the
+same module for every target.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import contextlib
 import gc
 import sys
 import types
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,9 +23,10 @@ from llvmlite.binding import ModuleRef
 from numba import types as nb
 from numba.core.codegen import JITCodeLibrary, JITCPUCodegen
 from numba.core.dispatcher import Dispatcher
-from numba.core.registry import cpu_target
+from numba.core.registry import CPUDispatcher, cpu_target
 from numba.extending import intrinsic
 
+from build_kernels.emitting import target_machine
 from jacokin.kernels import entries
 from jacokin.kernels.entries import Entry
 from jacokin.kernels.library import FAILED, PREFIX
@@ -33,10 +34,11 @@ from jacokin.kernels.library import FAILED, PREFIX
 
 @contextlib.contextmanager
 def translating_only() -> Iterator[None]:
-    """Meanwhile numba translates functions to LLVM's language, but neither optimises nor loads them.
+    """Meanwhile numba translates functions to LLVM's language and tidies them, but neither optimises nor loads them.
 
     For a process that compiles nothing else: what it compiles later may lack parts that were compiled meanwhile.
     """
+    tidy, builder = _tidying()
 
     class Library(JITCodeLibrary):  # type: ignore[misc]  # numba has no types
         """One function: not link with those it calls."""
@@ -47,6 +49,7 @@ def translating_only() -> Iterator[None]:
 
         def _optimize_functions(self, module: Any) -> None:
             module.data_layout = self._codegen._data_layout
+            tidy.run(module, builder)
 
         def get_pointer_to_function(self, name: str) -> int:
             return 0
@@ -68,29 +71,46 @@ def translating_only() -> Iterator[None]:
         context._internal_codegen = usual
 
 
-def link(entry: Dispatcher) -> tuple[ModuleRef, str]:
-    """The module of a function's one compiled form with all that it calls, and the function's name there."""
-    (compiled,) = entry.overloads.values()
+def _tidying() -> tuple[llvm.ModulePassManager, llvm.PassBuilder]:
+    """What tidies a function: most of what numba writes takes tuples of arrays apart and together.
+
+    Done before it becomes part of its callers, each of which would have to be tidied of it again.
+    """
+    passes = llvm.create_new_module_pass_manager()
+    passes.add_sroa_pass()
+    passes.add_instruction_combine_pass()
+    passes.add_simplify_cfg_pass()
+    return passes, llvm.create_pass_builder(target_machine(), llvm.create_pipeline_tuning_options())
+
+
+def link(functions: Mapping[str, Dispatcher]) -> ModuleRef:
+    """The module of functions of one address, by their names in C, each in its one compiled form with all it calls."""
     libraries: list[Any] = []
-    _append_after_callees(compiled.library, libraries)
-    module = llvm.parse_bitcode(compiled.library._final_module.as_bitcode())
+    written = [_NOTHING_TO_FREE]
+    for name, function in functions.items():
+        (compiled,) = function.overloads.values()
+        _append_after_callees(compiled.library, libraries)
+        written.append(_C_FUNCTION.format(inner=compiled.fndesc.llvm_func_name, name=name, failed=FAILED))
+    module = llvm.parse_assembly("".join(written))
+    module.triple, module.data_layout = libraries[0]._final_module.triple, libraries[0]._final_module.data_layout
     # Linking takes over what is missing so far: callers come first.
-    for library in reversed(libraries[:-1]):
+    for library in reversed(libraries):
         module.link_in(library._get_module_for_linking(), preserve=True)
-    return module, compiled.fndesc.llvm_func_name
+    return module
 
 
 def _append_after_callees(library: Any, libraries: list[Any]) -> None:
+    if library in libraries:
+        return
     for callee in library._linking_libraries:
-        if callee not in libraries:
-            _append_after_callees(callee, libraries)
+        _append_after_callees(callee, libraries)
     libraries.append(library)
 
 
 # The compiled form does the plain form's operations in the same order, without fastmath: both give the same bits.
 _OPTIONS: dict[str, Any] = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 # Arrays belong to the caller of the kernels: the code that counts references to them would be half of all code.
-_KERNEL_OPTIONS: dict[str, Any] = {**_OPTIONS, "_nrt": False}
+_KERNEL_OPTIONS: dict[str, Any] = {**_OPTIONS, "_nrt": False, "nopython": True}
 _PACKAGE = "jacokin.kernels."
 # The closed form, contact and what they stand on become part of their callers, because passing a tuple of arrays takes
 # as long as most of these functions do; other kernels take longer anyway and are left to the compiler.
@@ -167,21 +187,35 @@ define i64 @"{name}"(ptr %table) {{
 """
 
 
-def translate(chosen: Iterable[Entry]) -> Iterator[ModuleRef]:
-    """The modules of kernels, each with the one function ``jacokin_<name>``: what they share is translated once.
+def translate(groups: Iterable[Sequence[Entry]]) -> Iterator[ModuleRef]:
+    """The modules of groups of kernels, with functions ``jacokin_<name>``: what they share is translated once.
 
     For a process that compiles nothing else (`translating_only`).
     """
     copies = _Copies()
     with translating_only():
-        for entry in chosen:
-            namespace: dict[str, Any] = {"__name__": __name__, "__builtins__": __builtins__}
-            namespace.update(carray=numba.carray, pointer=_pointer_intrinsic(), float64=np.float64, int64=np.int64)
-            namespace["run"] = copies.compiled(entry.run)
-            exec(_entry_source(entry, namespace), namespace)
-            function = numba.njit(namespace["entry"], **_OPTIONS)
-            function.compile((nb.intp,))
-            yield exporting(function, PREFIX + entry.run.__name__)
+        for group in groups:
+            yield exporting({PREFIX + entry.run.__name__: _c_function(entry, copies) for entry in group})
+
+
+def _c_function(entry: Entry, copies: _Copies) -> Dispatcher:
+    """A kernel as a function of the address of a table."""
+    namespace: dict[str, Any] = {"__name__": __name__, "__builtins__": __builtins__}
+    namespace.update(carray=numba.carray, pointer=_pointer_intrinsic(), float64=np.float64, int64=np.int64)
+    namespace["run"] = copies.compiled(entry.run)
+    exec(_entry_source(entry, namespace), namespace)
+    function: Dispatcher = numba.njit(namespace["entry"], **_OPTIONS)
+    function.compile((nb.intp,))
+    return function
+
+
+class _Kernel(CPUDispatcher):  # type: ignore[misc]  # numba has no types
+    """A function that is translated once for arguments of the same types, whichever of them are constants where."""
+
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        """Numba's question for the compiled form of a call."""
+        named = {name: nb.unliteral(each) for name, each in kws.items()}
+        return super().get_call_template(tuple(nb.unliteral(each) for each in args), named)
 
 
 class _Copies:
@@ -197,7 +231,7 @@ class _Copies:
             assert isinstance(function, types.FunctionType)
             copy = types.FunctionType(function.__code__, self._namespace(function), function.__name__)
             inlined = function.__module__.startswith(_INLINED) and function.__name__ not in _CALLED
-            self._made[function] = numba.njit(copy, forceinline=inlined, **_KERNEL_OPTIONS)
+            self._made[function] = _Kernel(copy, targetoptions={**_KERNEL_OPTIONS, "forceinline": inlined})
         return self._made[function]
 
     def _namespace(self, function: types.FunctionType) -> dict[str, Any]:
@@ -245,13 +279,11 @@ def _pointer_intrinsic() -> Any:
     return intrinsic(pointer)
 
 
-def exporting(function: Dispatcher, name: str) -> ModuleRef:
-    """The module of a compiled function of one address, which is a C function of that name and all that others see."""
-    module, inner = link(function)
-    module.link_in(llvm.parse_assembly(_NOTHING_TO_FREE))
-    module.link_in(llvm.parse_assembly(_C_FUNCTION.format(inner=inner, name=name, failed=FAILED)))
+def exporting(functions: Mapping[str, Dispatcher]) -> ModuleRef:
+    """The module of compiled functions of one address by name, which are C functions and all that others see of it."""
+    module = link(functions)
     for known in (*module.functions, *module.global_variables):
-        if known.name != name and not known.is_declaration and not known.name.startswith("llvm."):
+        if known.name not in functions and not known.is_declaration and not known.name.startswith("llvm."):
             known.linkage = "internal"
     for called in module.functions:
         if _ARRAY_OF_TABLE in called.name and not called.is_declaration:
@@ -259,15 +291,16 @@ def exporting(function: Dispatcher, name: str) -> ModuleRef:
     return module
 
 
-def main(folder: str, *names: str) -> None:
-    """Write the modules of the entries whose functions have those names, in order; print each name once it is there."""
+def main(folder: str, *groups: str) -> None:
+    """Write the modules of groups of entries, as names with commas between, in order; print each once it is there."""
     # Most objects of a compiler live until it ends: looking for dead ones as often as usual takes a third of the time,
     # and not at all twice the memory.
     gc.set_threshold(200_000, 20, 100)
     known = {entry.run.__name__: entry for entry in entries.ENTRIES}
-    for name, module in zip(names, translate(known[name] for name in names), strict=True):
-        Path(folder, f"{name}.bc").write_bytes(module.as_bitcode())
-        print(name, flush=True)
+    chosen = ([known[name] for name in group.split(",")] for group in groups)
+    for group, module in zip(groups, translate(chosen), strict=True):
+        Path(folder, f"{group}.bc").write_bytes(module.as_bitcode())
+        print(group, flush=True)
 
 
 if __name__ == "__main__":

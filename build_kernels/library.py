@@ -1,9 +1,9 @@
 """`build`: the library of kernels beside `jacokin.kernels.library`, which loads it. `build_for`: other machines.
 
-Each kernel of `jacokin.kernels.entries` becomes an object file. One process translates Python for all of them, because
-they share most of it; others, a process each, make machine code of what is translated. Object files are kept in the
-clone's ``build`` folder under a name that changes with all they depend on, so that only what was changed is compiled
-again. `linking` makes a library of them.
+The kernels of `jacokin.kernels.entries` become object files, those that share most of their code one for all of them
+(`GROUPS`). One process translates Python; others, a process each, make machine code of what is translated. Object files
+are kept in the clone's ``build`` folder under a name that changes with all they depend on, so that only what was
+changed is compiled again. `linking` makes a library of them.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import TypeAlias
 
 from build_kernels import c_library, linking
 from build_kernels.linking import BuildError
@@ -42,6 +43,13 @@ OTHERS = ROOT / "build" / "targets"
 WHOLE = ROOT / "build" / "wheels"
 #: The kernels of the C library, which is what other machines get.
 C_ENTRIES = tuple(entry for entry in ENTRIES if entry.run.__name__ in c_library.KERNELS)
+#: Kernels that share most of their code: in one object file it is once.
+GROUPS = (
+    ("solve_targets", "rank_labellings", "solve_clear_targets", "solve_set"),
+    ("run_contact", "find_near_points", "run_free_motion", "run_tick", "try_reach"),
+)
+#: Kernels of one object file.
+Group: TypeAlias = tuple[Entry, ...]
 #: Libraries for several machines at once, by name.
 UNIVERSAL = {"macos": ("aarch64-macos", "x86_64-macos")}
 #: What the machine code depends on, apart from the sources.
@@ -49,7 +57,7 @@ COMPILERS = ("numba", "llvmlite", "numpy")
 #: [s] Object files of earlier builds are kept for a week after their last use.
 KEPT_UNUSED = 7 * 86400.0
 #: What all kernels take.
-DURATION = "All of them take 2 to 4 minutes of processor time, 1 to 2 minutes on two cores"
+DURATION = "All of them take 2 to 4 minutes of processor time, 1 to 3 minutes on two cores"
 DURATION_ELSEWHERE = "Those of the C library take 1 to 2 minutes of processor time for each machine, all twice as long"
 #: The terminal that a program was started from, whatever became of its output.
 TERMINAL = Path("/dev/tty")
@@ -127,10 +135,10 @@ def _make(libraries: Sequence[tuple[Target, Path]], entries: Sequence[Entry], ke
     except OSError as error:
         where = error.filename or kept
         raise BuildError(f"{where}: {error.strerror}; build in a copy of the clone that can be written") from None
-    objects = {target: {entry: object_of(entry, kept, target) for entry in entries} for target, _ in libraries}
     wide = {target: target.wide for target, _ in libraries}
-    twice = [entry for entry in entries if entry.run.__name__ in WIDE_KERNELS]
-    objects |= {each: {entry: object_of(entry, kept, each) for entry in twice} for each in wide.values() if each}
+    twice: list[Group] = [(entry,) for entry in entries if entry.run.__name__ in WIDE_KERNELS]
+    objects = {each: {group: object_of(group, kept, each) for group in twice} for each in wide.values() if each}
+    objects |= {target: {each: object_of(each, kept, target) for each in groups(entries)} for target, _ in libraries}
     _compile_missing(objects, entries, start)
     for target, place in libraries:
         files = [*objects[target].values(), *objects.get(wide[target] or target, {}).values()]
@@ -139,23 +147,36 @@ def _make(libraries: Sequence[tuple[Target, Path]], entries: Sequence[Entry], ke
     remove_unused(kept, [file for files in objects.values() for file in files.values()])
 
 
-def _compile_missing(objects: dict[Target, dict[Entry, Path]], entries: Sequence[Entry], start: float) -> None:
-    """Compile what is not kept from an earlier build: each kernel once, for all targets."""
-    missing: dict[Entry, dict[Target, Path]] = {}
+def groups(entries: Sequence[Entry]) -> list[Group]:
+    """Kernels by object file, in order."""
+    found: dict[object, list[Entry]] = {}
+    for entry in entries:
+        name = entry.run.__name__
+        found.setdefault(next((group for group in GROUPS if name in group), name), []).append(entry)
+    return [tuple(group) for group in found.values()]
+
+
+def _names(group: Group) -> list[str]:
+    return [entry.run.__name__ for entry in group]
+
+
+def _compile_missing(objects: dict[Target, dict[Group, Path]], entries: Sequence[Entry], start: float) -> None:
+    """Compile what is not kept from an earlier build: each group once, for all targets."""
+    missing: dict[Group, dict[Target, Path]] = {}
     for target, files in objects.items():
-        for entry, file in files.items():
+        for group, file in files.items():
             if not file.exists():
-                missing.setdefault(entry, {})[target] = file
+                missing.setdefault(group, {})[target] = file
     if not missing:
         return
-    tell(f"jacokin: compiling {len(missing)} of {_described(list(objects), entries)}, with up to 1.5 GB of memory")
+    count = len({entry for group in missing for entry in group})
+    tell(f"jacokin: compiling {count} of {_described(list(objects), entries)}, with up to 1 GB of memory")
     done = itertools.count(1)
 
-    def make(entry: Entry, module: Path) -> None:
-        emit_objects(entry, module, missing[entry])
-        tell(
-            f"jacokin: {next(done)} of {len(missing)}, {entry.run.__name__}, after {time.perf_counter() - start:.0f} s"
-        )
+    def make(group: Group, module: Path) -> None:
+        emit_objects(group, module, missing[group])
+        after = time.perf_counter() - start
+        tell(f"jacokin: {next(done)} of {len(missing)}, {', '.join(_names(group))}, after {after:.0f} s")
 
     with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(JOBS) as pool:
         working = [pool.submit(make, *each) for each in translated(list(missing), Path(folder))]
@@ -163,23 +184,22 @@ def _compile_missing(objects: dict[Target, dict[Entry, Path]], entries: Sequence
             each.result()
 
 
-def translated(entries: Sequence[Entry], folder: Path) -> Iterator[tuple[Entry, Path]]:
-    """Translate kernels in one process; each with its module in a file of a folder, as soon as that is there.
+def translated(chosen: Sequence[Group], folder: Path) -> Iterator[tuple[Group, Path]]:
+    """Translate kernels in one process; each group with its module in a file of a folder, as soon as that is there.
 
     Raises:
         BuildError: one of them cannot be translated.
     """
-    names = [entry.run.__name__ for entry in entries]
+    names = [",".join(_names(group)) for group in chosen]
     command = [sys.executable, "-m", "build_kernels.compiling", str(folder), *names]
     with subprocess.Popen(
         command, cwd=ROOT, env=compiler_environment(), stdout=subprocess.PIPE, encoding="utf-8"
     ) as process:
         assert process.stdout is not None  # a pipe
-        for entry in entries:
-            name = entry.run.__name__
+        for group, name in zip(chosen, names, strict=True):
             if process.stdout.readline().strip() != name:
                 raise BuildError(f"{name} does not compile, see above")
-            yield entry, folder / f"{name}.bc"
+            yield group, folder / f"{name}.bc"
 
 
 def remove_unused(kept: Path, used: Iterable[Path]) -> None:
@@ -209,8 +229,8 @@ def tell(text: str) -> None:
             terminal.write(f"\r{text}\n")
 
 
-def emit_objects(entry: Entry, module: Path, files: Mapping[Target, Path]) -> None:
-    """Make machine code of one kernel's module for several targets.
+def emit_objects(group: Group, module: Path, files: Mapping[Target, Path]) -> None:
+    """Make machine code of the module of a group for several targets.
 
     Raises:
         BuildError: it does not compile.
@@ -220,7 +240,7 @@ def emit_objects(entry: Entry, module: Path, files: Mapping[Target, Path]) -> No
     command = [sys.executable, "-m", "build_kernels.emitting", str(module), *places]
     done = subprocess.run(command, cwd=ROOT, env=compiler_environment(), check=False)
     if done.returncode != 0:
-        raise BuildError(f"{entry.run.__name__} does not compile, see above")
+        raise BuildError(f"{', '.join(_names(group))} does not compile, see above")
     for target, file in files.items():
         unfinished[target].replace(file)
 
@@ -231,29 +251,28 @@ def compiler_environment() -> dict[str, str]:
     return {**kept, "PYTHONPATH": os.pathsep.join(place for place in sys.path if place)}
 
 
-def object_of(entry: Entry, kept: Path, target: Target) -> Path:
-    """Where the object file of a kernel is kept."""
-    return kept / "-".join(
-        (entry.run.__name__, *([target.name] if target.name else []), f"{object_key(entry, target)}.o")
-    )
+def object_of(group: Group, kept: Path, target: Target) -> Path:
+    """Where the object file of a group is kept."""
+    words = (_names(group)[0], *([target.name] if target.name else []), object_key(group, target))
+    return kept / f"{'-'.join(words)}.o"
 
 
-def object_key(entry: Entry, target: Target = HERE) -> str:
-    """A name that changes with everything the object file of a kernel depends on; comments may change.
+def object_key(group: Group, target: Target = HERE) -> str:
+    """A name that changes with everything the object file of a group depends on; comments may change.
 
     Raises:
         BuildError: a package that compiles is not installed.
     """
     digest = hashlib.sha256()
     compilers = (Path(__file__).with_name(f"{name}.py") for name in ("compiling", "emitting"))
-    for file in (*sources_of(entry), *compilers):
+    for file in (*sorted({file for entry in group for file in sources_of(entry)}), *compilers):
         digest.update(ast.dump(ast.parse(file.read_text(encoding="utf-8"))).encode())
     try:
         versions = [importlib.metadata.version(package) for package in COMPILERS]
     except importlib.metadata.PackageNotFoundError as error:
         raise BuildError(f"compiling the kernels takes {error.name}: `pip install -e '.[kernels]'`") from None
     machine = (platform.system(), platform.machine(), *filter(None, (target.triple, target.features)))
-    digest.update(repr((versions, platform.python_version(), *machine)).encode())
+    digest.update(repr((_names(group), versions, platform.python_version(), *machine)).encode())
     return digest.hexdigest()[:16]
 
 

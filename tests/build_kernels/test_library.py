@@ -26,6 +26,7 @@ from build_kernels.targets import AVX2, EMITTED, HERE, TARGETS, WIDE_KERNELS
 from jacokin.kernels import library
 from jacokin.kernels.contact.cloud_tree import build_cloud
 from jacokin.kernels.entries import ENTRIES, Entry
+from jacokin.kernels.rest_to_rest import fit_rest_to_rest
 from jacokin.kernels.solution_set.run import solve_set
 from jacokin.kernels.speeds import fit_speeds
 
@@ -40,7 +41,7 @@ def test_every_kernel_is_part_of_some_entry() -> None:
 
 
 def test_an_object_file_is_kept_until_its_kernel_changes(monkeypatch: pytest.MonkeyPatch) -> None:
-    speeds, curves = (next(entry for entry in ENTRIES if entry.run is run) for run in (fit_speeds, solve_set))
+    speeds, curves = ((next(entry for entry in ENTRIES if entry.run is run),) for run in (fit_speeds, solve_set))
     before = build.object_key(speeds), build.object_key(curves)
     assert before[0] != before[1]
     parse = ast.parse
@@ -94,15 +95,36 @@ def test_what_stops_a_build_for_another_machine_is_one_sentence(
         build.build_for(["wasm32"], tmp_path / "file")
 
 
-def test_kernels_are_translated_together_and_emitted_one_by_one(tmp_path: Path) -> None:
-    chosen = [entry for entry in ENTRIES if entry.run in (fit_speeds, build_cloud)]
+def test_kernels_that_share_code_are_in_one_object_file() -> None:
+    """Each kernel in one; of some kernels those that share code with each other."""
+    together = build.groups(ENTRIES)
+    assert sorted(entry.run.__name__ for group in together for entry in group) == sorted(
+        entry.run.__name__ for entry in ENTRIES
+    )
+    for names in build.GROUPS:
+        assert names in [tuple(entry.run.__name__ for entry in group) for group in together]
+    (first, second) = (names[:2] for names in build.GROUPS)
+    some = [entry for entry in ENTRIES if entry.run.__name__ in (*first, *second) or entry.run is fit_speeds]
+    assert [tuple(entry.run.__name__ for entry in group) for group in build.groups(some)] == [
+        first,
+        second,
+        ("fit_speeds",),
+    ]
+
+
+def test_kernels_are_translated_together_and_emitted_group_by_group(tmp_path: Path) -> None:
+    speeds, cloud, rest = (
+        next(entry for entry in ENTRIES if entry.run is run) for run in (fit_speeds, build_cloud, fit_rest_to_rest)
+    )
+    chosen = [(speeds, cloud), (rest,), (speeds,)]
     made = list(build.translated(chosen, tmp_path))
-    assert [entry for entry, _ in made] == chosen
-    for entry, module in made:
+    assert [group for group, _ in made] == chosen
+    for group, module in made:
         files = {target: tmp_path / f"{target.library}.o" for target in (TARGETS["wasm32"], HERE)}
-        build.emit_objects(entry, module, files)
+        build.emit_objects(group, module, files)
         for file in files.values():
-            assert f"jacokin_{entry.run.__name__}".encode() in file.read_bytes()
+            for entry in (speeds, cloud, rest):
+                assert (f"jacokin_{entry.run.__name__}".encode() in file.read_bytes()) == (entry in group)
 
 
 def test_a_kernel_that_does_not_compile_is_named(tmp_path: Path) -> None:
@@ -110,13 +132,13 @@ def test_a_kernel_that_does_not_compile_is_named(tmp_path: Path) -> None:
         return 0
 
     good = next(entry for entry in ENTRIES if entry.run is build_cloud)
-    found = build.translated([good, Entry(unknown, tuple)], tmp_path)
-    assert next(found)[0] is good
+    found = build.translated([(good,), (Entry(unknown, tuple),)], tmp_path)
+    assert next(found)[0] == (good,)
     with pytest.raises(BuildError, match=r"^unknown does not compile, see above$"):
         next(found)
     (tmp_path / "broken.bc").write_bytes(b"nothing")
     with pytest.raises(BuildError, match=r"^build_cloud does not compile, see above$"):
-        build.emit_objects(good, tmp_path / "broken.bc", {HERE: tmp_path / "broken.o"})
+        build.emit_objects((good,), tmp_path / "broken.bc", {HERE: tmp_path / "broken.o"})
     assert not (tmp_path / "broken.o").exists()
 
 
