@@ -87,7 +87,7 @@ with mujoco.Renderer(model, 32, 32) as renderer:
 class DoctorOptions:
     """How much is shown."""
 
-    everything: bool = option("--all", is_flag=True, help="Every check, with versions and places.")
+    everything: bool = option("--all", help="Every check, with versions and places.")
     json: bool = options.json()
 
 
