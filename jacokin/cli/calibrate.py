@@ -11,7 +11,7 @@ import click
 
 from jacokin import calibration, logs, model
 from jacokin.cli import display, options
-from jacokin.cli.command import FILE, command, option
+from jacokin.cli.command import FILE, command, option, switch
 from jacokin.cli.groups import FormOptions, RobotOptions, load_scene
 from jacokin.cli.options import Vector3, keep_apart
 from jacokin.cli.units import Units
@@ -47,8 +47,8 @@ class InstrumentOptions:
 
     sigma: float | None = option("--sigma", metavar="M", help="Error of the instrument [m]; of a plan 0.0003.")
     sigma_angle: float | None = option("--sigma-angle", metavar="A", help="Of poses: its error in angles [rad].")
-    unknown_base: bool = option("--unknown-base", help="The instrument does not measure in the arm's base.")
-    unknown_tool: bool = option("--unknown-tool", help="The measured point is not the origin of --frame.")
+    unknown_base: bool = switch("--unknown-base", help="The instrument does not measure in the arm's base.")
+    unknown_tool: bool = switch("--unknown-tool", help="The measured point is not the origin of --frame.")
     frame: str | None = options.frame()
 
     def check(self) -> None:
@@ -131,7 +131,7 @@ class FitOptions:
     contact: str | None = option(
         "--contact", metavar="plane|point", help="The point touched one plane, or one point, every time."
     )
-    kinova: bool = option("--kinova", help="The files have millimetres and degrees, as Kinova's software.")
+    kinova: bool = switch("--kinova", help="The files have millimetres and degrees, as Kinova's software.")
     estimate: Sequence[str] = option(
         "--estimate",
         multiple=True,
@@ -248,7 +248,7 @@ class DesignOptions:
         "--points", type=click.IntRange(min=1), default=30, metavar="N", help="How many configurations."
     )
     output: Path | None = option("--output", metavar="FILE.csv", help="The configurations, with x, y, z to fill in.")
-    poses: bool = option("--poses", help="Poses are measured, not positions.")
+    poses: bool = switch("--poses", help="Poses are measured, not positions.")
     lower: Vector3 | None = option("--lower", metavar="X Y Z", help="Lower corner of what is seen [m].")
     upper: Vector3 | None = option("--upper", metavar="X Y Z", help="Upper corner of what is seen [m].")
     scene: Path | None = options.scene()

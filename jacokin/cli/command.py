@@ -130,10 +130,15 @@ def option(*flags: str, **settings: Any) -> Any:  # Any: click's own, and a fiel
     """A field of a class of options: what `click.Option` makes of flags and settings.
 
     A field without flags is an argument, with the settings of `Argument`. What the type of the field says need not be
-    given: a bool is a flag, a path a file, a list of float a list of numbers.
+    given: a path is a file, a list of float a list of numbers.
     """
-    default = settings.get("default", () if settings.get("multiple") else None)
+    default = settings.get("default", False if settings.get("is_flag") else () if settings.get("multiple") else None)
     return field(default=default, metadata={"flags": flags, "settings": settings})
+
+
+def switch(name: str, **settings: Any) -> Any:  # Any: as of `option`
+    """A field that is True where the option is given."""
+    return option(name, is_flag=True, **settings)
 
 
 def command(
@@ -178,8 +183,6 @@ def command(
 def of_kind(kind: str, settings: Mapping[str, Any]) -> dict[str, Any]:
     """The settings that follow from the annotation of a field, such as "Path | None"."""
     match kind.removesuffix(" | None"):
-        case "bool" if "default" not in settings:
-            return {"is_flag": True}
         case "float":
             return {"type": float}
         case "Path":

@@ -9,7 +9,7 @@ import click
 
 from jacokin import ik, model
 from jacokin.cli import display, options
-from jacokin.cli.command import command, option
+from jacokin.cli.command import command, option, switch
 from jacokin.cli.groups import RobotOptions, ToolOptions
 from jacokin.errors import InvalidInputError
 
@@ -25,7 +25,7 @@ class ExportOptions(RobotOptions):
         type=click.Choice(["linux-aarch64", "macos", "windows", "wasm"]),
         help="Another machine; from a clone.",
     )
-    cflags: bool = option("--cflags", help="Print what a compiler is told to use the installed library, and leave.")
+    cflags: bool = switch("--cflags", help="Print what a compiler is told to use the installed library, and leave.")
 
 
 @command("export-c")

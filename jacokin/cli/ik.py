@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import jacokin.ik
 import jacokin.model
 from jacokin.cli import options
-from jacokin.cli.command import command, option
+from jacokin.cli.command import command, option, switch
 from jacokin.cli.groups import (
     BatchOptions,
     FormOptions,
@@ -41,7 +41,7 @@ class TargetOptions:
     )
     quat_wxyz: Vector4 | None = option("--quat-wxyz", metavar="W X Y Z", help="Its orientation as a quaternion.")
     rpy: Vector3 | None = option("--rpy", metavar="R P Y", help="Its orientation as R = Rz(Y) Ry(P) Rx(R).")
-    down: bool = option("--down", help="Its orientation: pointing vertically down.")
+    down: bool = switch("--down", help="Its orientation: pointing vertically down.")
     approach: Vector3 | None = option(
         "--approach", metavar="X Y Z", help="The direction its z axis points in; the roll is free."
     )
@@ -131,7 +131,7 @@ class IKOptions:
     prefer: str | None = option(
         "--prefer", metavar="NAME", help="Which configuration: nearest (if not given), margin, manipulability."
     )
-    every: bool = option("--all", help="Show every branch, inside the limits or not.")
+    every: bool = switch("--all", help="Show every branch, inside the limits or not.")
     closest: bool | None = option(
         "--closest/--no-closest",
         default=None,

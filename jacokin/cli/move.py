@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from jacokin import ik, motion
 from jacokin.cli import display, options
-from jacokin.cli.command import command, option
+from jacokin.cli.command import command, option, switch
 from jacokin.cli.display import number, show_facts
 from jacokin.cli.groups import FormOptions, RobotOptions, SceneOptions, ToolOptions, load_generator
 from jacokin.cli.ik import TargetOptions
@@ -37,7 +37,7 @@ class MoveOptions:
         metavar="N ..",
         help="Of the joints [N m], one for all or one for each: the motion is slowed down until none needs more.",
     )
-    rated_torque: bool = option("--rated-torque", help="The same, with the limits of the robot's description.")
+    rated_torque: bool = switch("--rated-torque", help="The same, with the limits of the robot's description.")
 
 
 @command(no_args_is_help=True)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from jacokin import files, model
-from jacokin.cli.command import FILE, NumberList, option, parse_numbers
+from jacokin.cli.command import FILE, NumberList, option, parse_numbers, switch
 from jacokin.cli.units import Units
 from jacokin.errors import InvalidInputError
 
@@ -165,9 +165,8 @@ acceleration_limit = partial(
     option, "--acceleration-limit", metavar="A ..", help="Of the joints [rad/s^2]; 1 rad/s^2 if not given."
 )
 degrees = partial(
-    option,
+    switch,
     "--degrees",
-    is_flag=True,
     callback=lambda context, parameter, given: Units(given),
     help="Angles in and out in degrees.",
 )
@@ -183,7 +182,7 @@ joint_prefix = partial(
     metavar="TEXT",
     help="Of a log: before the names of the joints; found where one arm is there.",
 )
-json = partial(option, "--json", help="One JSON document on stdout, floats in full precision.")
+json = partial(switch, "--json", help="One JSON document on stdout, floats in full precision.")
 seed = partial(
     option, "--seed", metavar="Q1 .. Q6", help="Joint angles to stay near to; the robot's home if not given."
 )

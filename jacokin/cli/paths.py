@@ -13,7 +13,7 @@ import click
 
 from jacokin import files, ik, model, motion
 from jacokin.cli import display, options
-from jacokin.cli.command import command, option
+from jacokin.cli.command import command, option, switch
 from jacokin.cli.display import number, progress_bar, show_facts, show_table, small
 from jacokin.cli.groups import FormOptions, RobotOptions, ToolOptions, free_about, load_scene
 from jacokin.cli.options import keep_apart
@@ -39,7 +39,7 @@ class TrajectoryFile:
         "--joint-prefix", default="", metavar="P", help="Before the names of joints in a .json, such as j2n6s300_."
     )
     first_time: float = option("--first-time", default=0.0, metavar="T", help="Of the first point in a .json [s].")
-    save_failed: bool = option("--save-failed", help="Write a trajectory that failed, too, .csv or .npz, to look at.")
+    save_failed: bool = switch("--save-failed", help="Write a trajectory that failed, too, .csv or .npz, to look at.")
     plot: Path | None = option(
         "--plot", metavar="FILE.png", help="Draw joints, limits, errors and distances over time."
     )

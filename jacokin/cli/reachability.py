@@ -14,7 +14,7 @@ import click
 from jacokin import ik, model, reachability
 from jacokin.chunks.execution import dask_executor, worker_processes
 from jacokin.cli import display, options
-from jacokin.cli.command import command, option
+from jacokin.cli.command import command, option, switch
 from jacokin.cli.display import progress_bar
 from jacokin.cli.groups import MapRobotOptions, RobotOptions, ToolOptions, load_scene
 from jacokin.cli.options import Vector3, Vector4, keep_apart
@@ -46,7 +46,7 @@ class BuildOptions:
     orientations: int = option(
         "--orientations", type=click.IntRange(min=1), default=200, metavar="N", help="How many, spread evenly."
     )
-    down: bool = option("--down", help="The tool pointing vertically down instead.")
+    down: bool = switch("--down", help="The tool pointing vertically down instead.")
     free_axis: list[float] | None = option(
         "--free-axis",
         callback=options.read_axis,
@@ -134,7 +134,7 @@ class QueryOptions:
     folder: str = option(metavar="FOLDER|NAME", text=MAP)
     position: Vector3 = option("--position", required=True, metavar="X Y Z", help="A position in the base [m].")
     quat_wxyz: Vector4 | None = option("--quat-wxyz", metavar="W X Y Z", help="An orientation as a quaternion.")
-    down: bool = option("--down", help="An orientation: pointing vertically down.")
+    down: bool = switch("--down", help="An orientation: pointing vertically down.")
     json: bool = options.json()
     scene: Path | None = options.scene()
 

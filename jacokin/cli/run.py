@@ -19,7 +19,7 @@ import click
 
 from jacokin import model
 from jacokin.cli import display, options
-from jacokin.cli.command import command, option
+from jacokin.cli.command import command, option, switch
 from jacokin.cli.display import show_facts
 from jacokin.cli.groups import RobotOptions
 from jacokin.cli.process import NOT_SOLVED
@@ -39,7 +39,7 @@ class MotionOptions:
     """What is played, and what else is asked for."""
 
     file: Path | None = option(required=False, metavar="[FILE]", text="Trajectory, as `save` writes.")
-    live: bool = option("--live", help="Follow a hand instead: lines of JSON on standard input.")
+    live: bool = switch("--live", help="Follow a hand instead: lines of JSON on standard input.")
     fingers: float | None = option(
         "--fingers", type=click.FloatRange(0.0, 1.0), metavar="S", help="Go there meanwhile, 0 open to 1 closed."
     )
@@ -63,7 +63,7 @@ class ConnectionOptions:
     )
     states: str | None = option("--states", metavar="TOPIC", help="Of joint states, if it is not the driver's.")
     velocities: str | None = option("--velocities", metavar="TOPIC", help="Of velocities, if it is not the driver's.")
-    twin: bool = option("--twin", help="Move a simulated arm instead, without ROS, that stands where it begins.")
+    twin: bool = switch("--twin", help="Move a simulated arm instead, without ROS, that stands where it begins.")
     faults: str = option(
         "--faults", metavar="FAULTS", default="", help="With --twin: such as lag=0.02,loss=0.01,stall=0.3."
     )

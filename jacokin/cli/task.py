@@ -14,7 +14,7 @@ import click
 
 from jacokin import files
 from jacokin.cli import display
-from jacokin.cli.command import command, option
+from jacokin.cli.command import command, option, switch
 from jacokin.cli.display import progress_bar
 from jacokin.cli.process import NOT_SOLVED
 from jacokin.errors import InvalidInputError
@@ -41,7 +41,7 @@ class TaskOptions:
         text="Such as reach_site or lift_brick, or MODULE:ID of a task of your own; an unknown name lists all.",
     )
     data_set: Path | None = option(metavar="[FILE]", required=False, text="After `replay`: a data set.")
-    expert: bool = option("--expert", help="Let the scripted expert act; otherwise actions are random.")
+    expert: bool = switch("--expert", help="Let the scripted expert act; otherwise actions are random.")
     control: str | None = option(
         "--control",
         metavar="NAME",
@@ -70,7 +70,7 @@ class TaskOptions:
         help="Write pictures (.mp4), observations, actions and rewards (.npz), "
         "or a data set (.hdf5, .minari, .lerobot).",
     )
-    render: bool = option("--render", help="Show a window, which needs a display.")
+    render: bool = switch("--render", help="Show a window, which needs a display.")
 
     @property
     def mode(self) -> str | None:

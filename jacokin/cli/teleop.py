@@ -22,7 +22,7 @@ import click
 
 from jacokin import files, model, motion
 from jacokin.cli import display, options
-from jacokin.cli.command import command, option
+from jacokin.cli.command import command, option, switch
 from jacokin.cli.display import number, show_facts
 from jacokin.cli.groups import RADIANS, RobotOptions, SceneOptions
 from jacokin.cli.options import keep_apart
@@ -82,7 +82,7 @@ class LeadingOptions:
     seconds: float | None = option(
         "--seconds", metavar="T", help="End after this time [s]; with the device if not given."
     )
-    fast: bool = option("--fast", help="As fast as it can, instead of in real time; for the player.")
+    fast: bool = switch("--fast", help="As fast as it can, instead of in real time; for the player.")
     output: Path | None = option(
         "--output",
         help="Write the commanded motion here, .csv, .npz, .json (ROS), .kinova.csv or .kinova.json (kinova-ros).",
@@ -199,7 +199,7 @@ class SimulationOptions:
         metavar="P",
         help="With --record: simulated seconds in a second; 0.5 is slow motion.",
     )
-    render: bool = option("--render", help="With --task: show the simulation in a window, which needs a display.")
+    render: bool = switch("--render", help="With --task: show the simulation in a window, which needs a display.")
 
     def check(self, hand: LeadingOptions, *, has_robot: bool) -> None:
         """Refuse options that do not go together, before anything is made.
@@ -264,7 +264,7 @@ class SimulationOptions:
 class PageOptions:
     """The page that shows the arm."""
 
-    view: bool = option("--view", help="Show the arm in the browser; prints the address. --device page does, too.")
+    view: bool = switch("--view", help="Show the arm in the browser; prints the address. --device page does, too.")
     port: int = options.port()
 
 

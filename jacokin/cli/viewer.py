@@ -11,7 +11,7 @@ import click
 
 from jacokin import logs, viewer
 from jacokin.cli import display, options
-from jacokin.cli.command import NumberList, command, option
+from jacokin.cli.command import NumberList, command, option, switch
 from jacokin.cli.groups import RobotOptions, SceneOptions, ToolOptions
 from jacokin.cli.reachability import load_map
 from jacokin.cli.units import Units, warn_of_degrees
@@ -87,7 +87,7 @@ class ViewOptions:
         "--map", metavar="FOLDER|NAME", help="A reachability map to show slices of: its folder, or a bundled robot."
     )
     velocity_limit: list[float] | None = options.velocity_limit()
-    visuals: bool = option("--visuals", help="Draw the visual meshes of the file, not the shapes that collide.")
+    visuals: bool = switch("--visuals", help="Draw the visual meshes of the file, not the shapes that collide.")
     seed: list[float] | None = options.seed()
     units: Units = options.degrees()
 
