@@ -28,9 +28,12 @@ STATES, POSES = "sensor_msgs/msg/JointState", "geometry_msgs/msg/PoseStamped"
 
 def hide(robot: Robot, rng: np.random.Generator) -> Robot:
     """An arm like this one, with errors that only its measurements show."""
-    joints = tuple(
-        (name, MeasuredJoint(rng.normal(0.0, 0.001, 3), offset=rng.normal(0.0, 0.005))) for name in robot.joint_names
-    )
+
+    def drawn() -> MeasuredJoint:
+        x, y, z = rng.normal(0.0, 0.001, 3).tolist()
+        return MeasuredJoint((x, y, z), offset=rng.normal(0.0, 0.005))
+
+    joints = tuple((name, drawn()) for name in robot.joint_names)
     digest = joints_fingerprint(robot.pin_model, robot.base)
     return jacokin.load_robot(calibration=MeasuredArm(robot.name, digest, joints))
 
@@ -49,7 +52,7 @@ def record(robot: Robot, rng: np.random.Generator, folder: str | Path) -> Robot:
     """Write the recording into a new folder; returns the arm that it is of."""
     hidden, store = hide(robot, rng), get_typestore(Stores.ROS2_HUMBLE)
 
-    def make(kind: str, **fields: object) -> Any:  # Any: messages are classes that rosbags makes
+    def make(kind: str, **fields: Any) -> Any:  # Any: of messages, whose classes rosbags makes
         package, name = kind.split("/")
         return store.types[f"{package}/msg/{name}"](**fields)
 
