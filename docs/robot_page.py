@@ -98,7 +98,10 @@ def _variants(numbers: Row) -> list[str]:
         home = home if first == name else f"as `{first}`"
         return f"`{name}`", variant["arm"], variant["hand"].replace("_", " "), home
 
-    doubts = [f"- `{name}`: {doubt}." for name in NAMES if (doubt := bundled.variant(name).get("doubt"))]
+    doubts = dict[str, list[str]]()
+    for name in NAMES:
+        if doubt := bundled.variant(name).get("doubt"):
+            doubts.setdefault(doubt, []).append(f"`{name}`")
     return [
         "## Robots",
         f"`{DEFAULT_ROBOT}` is the default. A name reads: `j2` Jaco generation 2, `m1` Mico; `n` non-spherical, "
@@ -106,7 +109,7 @@ def _variants(numbers: Row) -> list[str]:
         "joints; it and the `gen3_6dof` come without a gripper, the `gen3_lite` with its own.",
         grid(("name", "arm", "hand", "home [rad]"), map(row, NAMES)),
         f"Every home is within the limits and free of self-contact. {origin(numbers['variants'][DEFAULT_ROBOT])}",
-        "\n".join(doubts),
+        "\n".join(f"- {', '.join(names)}: {doubt}." for doubt, names in doubts.items()),
     ]
 
 

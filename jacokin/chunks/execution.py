@@ -10,7 +10,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ThreadPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeVar
 
@@ -97,18 +97,6 @@ def count_workers(executor: Executor) -> int:
         return known
     client = getattr(executor, "_client", None)  # of dask.distributed
     return 2 * usable_cores() if client is None else max(1, sum(client.nthreads().values()))
-
-
-def share(run: Callable[[int, int], None], count: int, threads: int) -> None:
-    """Call `run` with the beginning and end of shares of so many rows, one for each thread."""
-    shares = min(threads, count)
-    if shares <= 1:
-        if count:
-            run(0, count)
-        return
-    edges = [round(count * part / shares) for part in range(shares + 1)]
-    with ThreadPoolExecutor(shares) as pool:
-        list(pool.map(run, edges[:-1], edges[1:]))
 
 
 def worker_processes(

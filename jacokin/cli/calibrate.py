@@ -11,7 +11,7 @@ import click
 
 from jacokin import calibration, logs, model
 from jacokin.cli import display, options
-from jacokin.cli.command import command, option
+from jacokin.cli.command import FILE, command, option, switch
 from jacokin.cli.groups import FormOptions, RobotOptions, load_scene
 from jacokin.cli.options import Vector3, keep_apart
 from jacokin.cli.units import Units
@@ -45,16 +45,10 @@ def calibrate() -> None:
 class InstrumentOptions:
     """What measures, how well, and what of its place is known."""
 
-    sigma: float | None = option(
-        "--sigma", type=float, metavar="M", help="Error of the instrument [m]; of a plan 0.0003."
-    )
-    sigma_angle: float | None = option(
-        "--sigma-angle", type=float, metavar="A", help="Of poses: its error in angles [rad]."
-    )
-    unknown_base: bool = option(
-        "--unknown-base", is_flag=True, help="The instrument does not measure in the arm's base."
-    )
-    unknown_tool: bool = option("--unknown-tool", is_flag=True, help="The measured point is not the origin of --frame.")
+    sigma: float | None = option("--sigma", metavar="M", help="Error of the instrument [m]; of a plan 0.0003.")
+    sigma_angle: float | None = option("--sigma-angle", metavar="A", help="Of poses: its error in angles [rad].")
+    unknown_base: bool = switch("--unknown-base", help="The instrument does not measure in the arm's base.")
+    unknown_tool: bool = switch("--unknown-tool", help="The measured point is not the origin of --frame.")
     frame: str | None = options.frame()
 
     def check(self) -> None:
@@ -92,7 +86,6 @@ class RestOptions:
     joint_prefix: str | None = options.joint_prefix()
     still: tuple[float, float] | None = option(
         "--still",
-        type=(float, float),
         metavar="V S",
         help="Of a log: the arm stands still where no joint is quicker than V rad/s for S seconds; 0.01 1 by default.",
     )
@@ -127,20 +120,18 @@ class FitOptions:
 
     files: Sequence[Path] = option(
         nargs=-1,
-        type=options.FILE,
+        type=FILE,
         metavar="FILE...",
         text="Measurements: .csv, .npz or .parquet; or recordings of ROS: .bag, .mcap or .db3.",
     )
-    output: Path | None = option("--output", type=options.FILE, metavar="FILE.toml", help="What --calibration takes.")
-    report: Path | None = option("--report", type=options.FILE, metavar="FILE.html", help="A page with pictures.")
-    urdf: Path | None = option("--urdf", type=options.FILE, metavar="FILE", help="The arm for other programs.")
-    mjcf: Path | None = option("--mjcf", type=options.FILE, metavar="FILE", help="The arm for MuJoCo.")
+    output: Path | None = option("--output", metavar="FILE.toml", help="What --calibration takes.")
+    report: Path | None = option("--report", metavar="FILE.html", help="A page with pictures.")
+    urdf: Path | None = option("--urdf", help="The arm for other programs.")
+    mjcf: Path | None = option("--mjcf", help="The arm for MuJoCo.")
     contact: str | None = option(
         "--contact", metavar="plane|point", help="The point touched one plane, or one point, every time."
     )
-    kinova: bool = option(
-        "--kinova", is_flag=True, help="The files have millimetres and degrees, as Kinova's software."
-    )
+    kinova: bool = switch("--kinova", help="The files have millimetres and degrees, as Kinova's software.")
     estimate: Sequence[str] = option(
         "--estimate",
         multiple=True,
@@ -148,9 +139,8 @@ class FitOptions:
         help="What may be off: geometry, offset (these two by default), scale, compliance; or none: only base and tool "
         "are looked for. Repeatable.",
     )
-    prior: tuple[float, float, float] | None = option(
+    prior: Vector3 | None = option(
         "--prior",
-        type=(float, float, float),
         metavar="M RAD RAD",
         help="How far arms are from their description, in place, axis and zero of a joint; "
         "0.001 0.003 0.0175 by default.",
@@ -257,16 +247,10 @@ class DesignOptions:
     points: int = option(
         "--points", type=click.IntRange(min=1), default=30, metavar="N", help="How many configurations."
     )
-    output: Path | None = option(
-        "--output", type=options.FILE, metavar="FILE.csv", help="The configurations, with x, y, z to fill in."
-    )
-    poses: bool = option("--poses", is_flag=True, help="Poses are measured, not positions.")
-    lower: Vector3 | None = option(
-        "--lower", type=options.VECTOR, metavar="X Y Z", help="Lower corner of what is seen [m]."
-    )
-    upper: Vector3 | None = option(
-        "--upper", type=options.VECTOR, metavar="X Y Z", help="Upper corner of what is seen [m]."
-    )
+    output: Path | None = option("--output", metavar="FILE.csv", help="The configurations, with x, y, z to fill in.")
+    poses: bool = switch("--poses", help="Poses are measured, not positions.")
+    lower: Vector3 | None = option("--lower", metavar="X Y Z", help="Lower corner of what is seen [m].")
+    upper: Vector3 | None = option("--upper", metavar="X Y Z", help="Upper corner of what is seen [m].")
     scene: Path | None = options.scene()
     clearance: float = option("--clearance", default=0.02, metavar="D", help="The arm stays this far from contact [m].")
 

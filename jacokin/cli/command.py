@@ -7,6 +7,7 @@ import re
 from collections.abc import Callable, Container, Iterable, Mapping
 from dataclasses import Field, field, fields
 from inspect import cleandoc
+from pathlib import Path
 from typing import Any, get_type_hints
 
 import click
@@ -21,6 +22,8 @@ OTHER_WORDS = {"solve_all": "--all", "a FreeAxis": "--free-axis"}
 # In a message about options, and fields of a scene, that are in radians also with --degrees.
 ALWAYS_RADIANS = ("--limit", "--finger-angle", "finger_angle")
 
+FILE = click.Path(path_type=Path)
+VECTORS = {"Vector3": 3, "Vector4": 4, "Vector6": 6, "tuple[float, float]": 2}  # kind of a field, and its numbers
 MANY = 15  # options of a command whose help has headings
 
 _NUMBER = re.compile(r"[-+]?((\d+\.?\d*|\.\d+)(e[-+]?\d+)?|inf(inity)?|nan)", re.IGNORECASE | re.ASCII)
@@ -126,10 +129,16 @@ class NumberList(click.Option):
 def option(*flags: str, **settings: Any) -> Any:  # Any: click's own, and a field of any type
     """A field of a class of options: what `click.Option` makes of flags and settings.
 
-    A field without flags is an argument, with the settings of `Argument`.
+    A field without flags is an argument, with the settings of `Argument`. What the type of the field says need not be
+    given: a path is a file, a list of float a list of numbers.
     """
     default = settings.get("default", False if settings.get("is_flag") else () if settings.get("multiple") else None)
     return field(default=default, metadata={"flags": flags, "settings": settings})
+
+
+def switch(name: str, **settings: Any) -> Any:  # Any: as of `option`
+    """A field that is True where the option is given."""
+    return option(name, is_flag=True, **settings)
 
 
 def command(
@@ -171,9 +180,24 @@ def command(
     return decorate
 
 
+def of_kind(kind: str, settings: Mapping[str, Any]) -> dict[str, Any]:
+    """The settings that follow from the annotation of a field, such as "Path | None"."""
+    match kind.removesuffix(" | None"):
+        case "float":
+            return {"type": float}
+        case "Path":
+            return {"type": FILE, "metavar": "FILE"}
+        case "list[float]" if "callback" not in settings:
+            return {"cls": NumberList}
+        case vector if count := VECTORS.get(vector):
+            return {"type": (float,) * count}
+    return {}
+
+
 def _parameter(each: Field[Any]) -> click.Parameter:
     """The parameter of a field."""
     flags, settings = each.metadata["flags"], dict(each.metadata["settings"])
+    settings = {**of_kind(str(each.type), settings), **settings}
     kind = settings.pop("cls", click.Option) if flags else Argument
     parameter: click.Parameter = kind([*flags, each.name], **settings)
     return parameter

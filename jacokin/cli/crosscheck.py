@@ -44,7 +44,7 @@ class CrossCheckOptions:
         "--samples", type=click.IntRange(min=1), default=1000, metavar="N", help="Random configurations."
     )
     tolerance: float | None = option(
-        "--tolerance", type=float, metavar="T", help="Largest difference allowed in every quantity, in its unit."
+        "--tolerance", metavar="T", help="Largest difference allowed in every quantity, in its unit."
     )
     joint_map: dict[str, str] | None = option(
         "--joint",
@@ -64,7 +64,7 @@ class CrossCheckOptions:
     second_tip: str | None = option("--second-tip", metavar="FRAME", help="End of the second arm.")
     package_dirs: Sequence[Path] = options.package_dirs()
     calibration: Path | None = option(
-        "--calibration", type=options.FILE, metavar="FILE.toml", help="How the first arm differs from its file."
+        "--calibration", metavar="FILE.toml", help="How the first arm differs from its file."
     )
     random_seed: int | None = options.random_seed()
     json: bool = options.json()

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from jacokin import files, ik, model, motion
-from jacokin.cli import options
 from jacokin.cli.command import command, option
 from jacokin.cli.display import say, show_table
 from jacokin.cli.doctor import RENDERERS
@@ -38,9 +37,7 @@ GHOSTS = 5  # configurations of the motion in the picture
 class DemoOptions:
     """Where the picture goes."""
 
-    output: Path = option(
-        "--output", type=options.FILE, default=PICTURE, metavar="FILE.png", help="Where the picture goes."
-    )
+    output: Path = option("--output", default=PICTURE, metavar="FILE.png", help="Where the picture goes.")
 
 
 @command()

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from jacokin import model
 from jacokin.cli import display, options
-from jacokin.cli.command import command, option
+from jacokin.cli.command import command, switch
 from jacokin.cli.process import NOT_SOLVED
 from jacokin.errors import JacokinError, install_command
 
@@ -87,7 +87,7 @@ with mujoco.Renderer(model, 32, 32) as renderer:
 class DoctorOptions:
     """How much is shown."""
 
-    everything: bool = option("--all", is_flag=True, help="Every check, with versions and places.")
+    everything: bool = switch("--all", help="Every check, with versions and places.")
     json: bool = options.json()
 
 

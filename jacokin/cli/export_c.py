@@ -9,7 +9,7 @@ import click
 
 from jacokin import ik, model
 from jacokin.cli import display, options
-from jacokin.cli.command import command, option
+from jacokin.cli.command import command, option, switch
 from jacokin.cli.groups import RobotOptions, ToolOptions
 from jacokin.errors import InvalidInputError
 
@@ -19,17 +19,13 @@ class ExportOptions(RobotOptions):
     """What is written, for which robot and machine."""
 
     robot: str | None = option(default=model.DEFAULT_ROBOT, metavar="[NAME|FILE]", text=options.NAME_OR_FILE)
-    output: Path | None = option(
-        "--output", type=options.FILE, metavar="DIR", help="Folder for all files; made where it is not there."
-    )
+    output: Path | None = option("--output", metavar="DIR", help="Folder for all files; made where it is not there.")
     target: str | None = option(
         "--target",
         type=click.Choice(["linux-aarch64", "macos", "windows", "wasm"]),
         help="Another machine; from a clone.",
     )
-    cflags: bool = option(
-        "--cflags", is_flag=True, help="Print what a compiler is told to use the installed library, and leave."
-    )
+    cflags: bool = switch("--cflags", help="Print what a compiler is told to use the installed library, and leave.")
 
 
 @command("export-c")

@@ -31,7 +31,7 @@ class RobotOptions:
     package_dirs: Sequence[Path] = options.package_dirs()
     limits: dict[str, tuple[float, float]] | None = options.limits()
     finger_angle: float | None = option(
-        "--finger-angle", type=float, metavar="A", help="Where the fingers are held [rad], also with --degrees."
+        "--finger-angle", metavar="A", help="Where the fingers are held [rad], also with --degrees."
     )
     locked: dict[str, float] | None = options.locked()
     srdf: Path | None = options.srdf()
@@ -103,16 +103,9 @@ class BatchOptions:
 
     targets: Path | None = option(
         "--targets",
-        type=options.FILE,
-        metavar="FILE",
         help="Solve every row of a .csv, .npz or .parquet: columns x,y,z and qw,qx,qy,qz or none; others are kept.",
     )
-    output: Path | None = option(
-        "--output",
-        type=options.FILE,
-        metavar="FILE",
-        help="Write the answers to --targets to this .csv, .npz or .parquet.",
-    )
+    output: Path | None = option("--output", help="Write the answers to --targets to this .csv, .npz or .parquet.")
     resume: bool | None = option(
         "--resume/--no-resume",
         default=None,

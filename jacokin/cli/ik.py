@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import jacokin.ik
 import jacokin.model
 from jacokin.cli import options
-from jacokin.cli.command import command, option
+from jacokin.cli.command import command, option, switch
 from jacokin.cli.groups import (
     BatchOptions,
     FormOptions,
@@ -35,24 +35,15 @@ if TYPE_CHECKING:
 class TargetOptions:
     """The pose to reach."""
 
-    position: Vector3 | None = option(
-        "--position", type=options.VECTOR, metavar="X Y Z", help="Where the tool should be [m]."
-    )
+    position: Vector3 | None = option("--position", metavar="X Y Z", help="Where the tool should be [m].")
     kinova: Vector6 | None = option(
-        "--kinova",
-        type=(float,) * 6,
-        metavar="X Y Z A B C",
-        help="Its pose as Kinova says it: [mm], [deg], R = Rx(A) Ry(B) Rz(C).",
+        "--kinova", metavar="X Y Z A B C", help="Its pose as Kinova says it: [mm], [deg], R = Rx(A) Ry(B) Rz(C)."
     )
-    quat_wxyz: Vector4 | None = option(
-        "--quat-wxyz", type=options.QUATERNION, metavar="W X Y Z", help="Its orientation as a quaternion."
-    )
-    rpy: Vector3 | None = option(
-        "--rpy", type=options.VECTOR, metavar="R P Y", help="Its orientation as R = Rz(Y) Ry(P) Rx(R)."
-    )
-    down: bool = option("--down", is_flag=True, help="Its orientation: pointing vertically down.")
+    quat_wxyz: Vector4 | None = option("--quat-wxyz", metavar="W X Y Z", help="Its orientation as a quaternion.")
+    rpy: Vector3 | None = option("--rpy", metavar="R P Y", help="Its orientation as R = Rz(Y) Ry(P) Rx(R).")
+    down: bool = switch("--down", help="Its orientation: pointing vertically down.")
     approach: Vector3 | None = option(
-        "--approach", type=options.VECTOR, metavar="X Y Z", help="The direction its z axis points in; the roll is free."
+        "--approach", metavar="X Y Z", help="The direction its z axis points in; the roll is free."
     )
     free_axis: list[float] | None = options.free_axis()
     free_range: tuple[float, float] | None = options.free_range()
@@ -140,7 +131,7 @@ class IKOptions:
     prefer: str | None = option(
         "--prefer", metavar="NAME", help="Which configuration: nearest (if not given), margin, manipulability."
     )
-    every: bool = option("--all", is_flag=True, help="Show every branch, inside the limits or not.")
+    every: bool = switch("--all", help="Show every branch, inside the limits or not.")
     closest: bool | None = option(
         "--closest/--no-closest",
         default=None,

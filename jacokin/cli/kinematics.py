@@ -16,11 +16,7 @@ class ConfigurationOptions:
     """Joint angles, and a frame of the arm there."""
 
     q: Sequence[float] = option(
-        nargs=-1,
-        type=float,
-        required=True,
-        metavar="ANGLE...",
-        text="Joint angles, base to tip, one for each joint.",
+        nargs=-1, type=float, required=True, metavar="ANGLE...", text="Joint angles, base to tip, one for each joint."
     )
     frame: str | None = options.frame()
 

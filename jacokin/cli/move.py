@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from jacokin import ik, motion
 from jacokin.cli import display, options
-from jacokin.cli.command import NumberList, command, option
+from jacokin.cli.command import command, option, switch
 from jacokin.cli.display import number, show_facts
 from jacokin.cli.groups import FormOptions, RobotOptions, SceneOptions, ToolOptions, load_generator
 from jacokin.cli.ik import TargetOptions
@@ -25,12 +25,8 @@ if TYPE_CHECKING:
 class MoveOptions:
     """From where to where, how long the search may take, and how fast the arm moves."""
 
-    start: list[float] | None = option(
-        "--from", cls=NumberList, metavar="Q1 .. Q6", help="Joint angles now; home if not given."
-    )
-    goal: list[float] | None = option(
-        "--to", cls=NumberList, metavar="Q1 .. Q6", help="Joint angles to go to, in place of a pose."
-    )
+    start: list[float] | None = option("--from", metavar="Q1 .. Q6", help="Joint angles now; home if not given.")
+    goal: list[float] | None = option("--to", metavar="Q1 .. Q6", help="Joint angles to go to, in place of a pose.")
     time_limit: float = option("--time-limit", default=2.0, metavar="T", help="For the search [s].")
     random_seed: int | None = options.random_seed()
     dt: float = options.dt()
@@ -38,13 +34,10 @@ class MoveOptions:
     acceleration_limit: list[float] | None = options.acceleration_limit()
     torque_limit: list[float] | None = option(
         "--torque-limit",
-        cls=NumberList,
         metavar="N ..",
         help="Of the joints [N m], one for all or one for each: the motion is slowed down until none needs more.",
     )
-    rated_torque: bool = option(
-        "--rated-torque", is_flag=True, help="The same, with the limits of the robot's description."
-    )
+    rated_torque: bool = switch("--rated-torque", help="The same, with the limits of the robot's description.")
 
 
 @command(no_args_is_help=True)

@@ -11,16 +11,13 @@ from typing import TYPE_CHECKING
 import click
 
 from jacokin import files, model
-from jacokin.cli.command import NumberList, option, parse_numbers
+from jacokin.cli.command import FILE, NumberList, option, parse_numbers, switch
 from jacokin.cli.units import Units
 from jacokin.errors import InvalidInputError
 
 if TYPE_CHECKING:
     import pinocchio as pin
 
-FILE = click.Path(path_type=Path)
-VECTOR = (float, float, float)
-QUATERNION = (float, float, float, float)
 AXES = {"x": [1.0, 0.0, 0.0], "y": [0.0, 1.0, 0.0], "z": [0.0, 0.0, 1.0]}
 NAME_OR_FILE = "A bundled robot, or the path of a .urdf or .xml (MJCF)."
 
@@ -134,15 +131,9 @@ locked = partial(
     help="Where a joint off the arm is locked [rad], or [m], also with --degrees. Repeatable.",
 )
 srdf = partial(
-    option,
-    "--srdf",
-    type=FILE,
-    metavar="FILE.srdf",
-    help="Pairs of links whose contact does not count, if not beside the URDF.",
+    option, "--srdf", metavar="FILE.srdf", help="Pairs of links whose contact does not count, if not beside the URDF."
 )
-calibration = partial(
-    option, "--calibration", type=FILE, metavar="FILE.toml", help="How this arm differs from its description."
-)
+calibration = partial(option, "--calibration", metavar="FILE.toml", help="How this arm differs from its description.")
 frame = partial(option, "--frame", metavar="NAME", help="Frame of the tool; `jacokin info` lists them.")
 tool = partial(
     option,
@@ -160,35 +151,22 @@ free_axis = partial(
     help="The tool may turn about this axis of its own: x, y, z or X,Y,Z.",
 )
 free_range = partial(
-    option,
-    "--free-range",
-    type=(float, float),
-    metavar="A B",
-    help="From and to which angle it may turn; a full turn by default.",
+    option, "--free-range", metavar="A B", help="From and to which angle it may turn; a full turn by default."
 )
-scene = partial(option, "--scene", type=FILE, metavar="FILE.yaml", help="Obstacles around the arm, .yaml or .json.")
+scene = partial(option, "--scene", metavar="FILE.yaml", help="Obstacles around the arm, .yaml or .json.")
 clearance = partial(
     option, "--clearance", default=0.0, metavar="D", help="Shapes this near to each other count as touching [m]."
 )
 dt = partial(option, "--dt", default=0.01, metavar="T", help="Control step [s].")
 velocity_limit = partial(
-    option,
-    "--velocity-limit",
-    cls=NumberList,
-    metavar="V ..",
-    help="Of the joints [rad/s], one for all or one for each.",
+    option, "--velocity-limit", metavar="V ..", help="Of the joints [rad/s], one for all or one for each."
 )
 acceleration_limit = partial(
-    option,
-    "--acceleration-limit",
-    cls=NumberList,
-    metavar="A ..",
-    help="Of the joints [rad/s^2]; 1 rad/s^2 if not given.",
+    option, "--acceleration-limit", metavar="A ..", help="Of the joints [rad/s^2]; 1 rad/s^2 if not given."
 )
 degrees = partial(
-    option,
+    switch,
     "--degrees",
-    is_flag=True,
     callback=lambda context, parameter, given: Units(given),
     help="Angles in and out in degrees.",
 )
@@ -204,13 +182,9 @@ joint_prefix = partial(
     metavar="TEXT",
     help="Of a log: before the names of the joints; found where one arm is there.",
 )
-json = partial(option, "--json", is_flag=True, help="One JSON document on stdout, floats in full precision.")
+json = partial(switch, "--json", help="One JSON document on stdout, floats in full precision.")
 seed = partial(
-    option,
-    "--seed",
-    cls=NumberList,
-    metavar="Q1 .. Q6",
-    help="Joint angles to stay near to; the robot's home if not given.",
+    option, "--seed", metavar="Q1 .. Q6", help="Joint angles to stay near to; the robot's home if not given."
 )
 random_seed = partial(
     option,
@@ -231,12 +205,7 @@ dask = partial(
     option, "--dask", metavar="ADDRESS", help="Work on a dask cluster, by its scheduler: tcp://10.0.0.1:8786."
 )
 port = partial(
-    option,
-    "--port",
-    type=click.IntRange(min=0),
-    default=8080,
-    metavar="N",
-    help="Of the page; 0 for any free one.",
+    option, "--port", type=click.IntRange(min=0), default=8080, metavar="N", help="Of the page; 0 for any free one."
 )
 
 

@@ -13,7 +13,7 @@ import click
 
 from jacokin import files, ik, model, motion
 from jacokin.cli import display, options
-from jacokin.cli.command import NumberList, command, option
+from jacokin.cli.command import command, option, switch
 from jacokin.cli.display import number, progress_bar, show_facts, show_table, small
 from jacokin.cli.groups import FormOptions, RobotOptions, ToolOptions, free_about, load_scene
 from jacokin.cli.options import keep_apart
@@ -32,21 +32,16 @@ class TrajectoryFile:
     """Where a trajectory is written and drawn."""
 
     output: Path | None = option(
-        "--output",
-        type=options.FILE,
-        metavar="FILE",
-        help="Write the trajectory here, .csv, .npz, .json (ROS), .kinova.csv or .kinova.json (kinova-ros).",
+        "--output", help="Write the trajectory here, .csv, .npz, .json (ROS), .kinova.csv or .kinova.json (kinova-ros)."
     )
     ros: str = option("--ros", type=click.Choice(["1", "2"]), default="2", help="The version of ROS a .json is for.")
     joint_prefix: str = option(
         "--joint-prefix", default="", metavar="P", help="Before the names of joints in a .json, such as j2n6s300_."
     )
     first_time: float = option("--first-time", default=0.0, metavar="T", help="Of the first point in a .json [s].")
-    save_failed: bool = option(
-        "--save-failed", is_flag=True, help="Write a trajectory that failed, too, .csv or .npz, to look at."
-    )
+    save_failed: bool = switch("--save-failed", help="Write a trajectory that failed, too, .csv or .npz, to look at.")
     plot: Path | None = option(
-        "--plot", type=options.FILE, metavar="FILE.png", help="Draw joints, limits, errors and distances over time."
+        "--plot", metavar="FILE.png", help="Draw joints, limits, errors and distances over time."
     )
 
     def check(self, inputs: Mapping[str, str | Path | None], packages: Sequence[Path]) -> None:
@@ -126,16 +121,12 @@ class PathOptions:
     """A path, and how it is followed."""
 
     waypoints: Path = option(
-        "--path",
-        type=options.FILE,
-        required=True,
-        metavar="FILE.csv",
-        help="Poses to pass through: columns x,y,z,qw,qx,qy,qz.",
+        "--path", required=True, metavar="FILE.csv", help="Poses to pass through: columns x,y,z,qw,qx,qy,qz."
     )
     dt: float = options.dt()
     speed: float = option("--speed", default=0.05, metavar="V", help="Speed along the path [m/s].")
     angular_speed: float | None = option(
-        "--angular-speed", type=float, metavar="W", help="Speed of turning [rad/s]; 0.5 if not given."
+        "--angular-speed", metavar="W", help="Speed of turning [rad/s]; 0.5 if not given."
     )
     velocity_limit: list[float] | None = options.velocity_limit()
     acceleration_limit: list[float] | None = options.acceleration_limit(
@@ -143,10 +134,7 @@ class PathOptions:
     )
     seed: list[float] | None = options.seed()
     start: list[float] | None = option(
-        "--start",
-        cls=NumberList,
-        metavar="Q1 .. Q6",
-        help="Joint angles the arm is at, instead of --seed: no other start is tried.",
+        "--start", metavar="Q1 .. Q6", help="Joint angles the arm is at, instead of --seed: no other start is tried."
     )
 
     def in_si(self, arm: model.Robot, units: Units) -> dict[str, Any]:
@@ -179,7 +167,6 @@ class PathSceneOptions:
     scene: Path | None = options.scene()
     clearance: float | None = options.clearance(
         default=None,
-        type=float,
         help="Distance to keep between shapes [m]; if not given, 0 for `plan`, and 0.01 for `track` with a scene.",
     )
 

@@ -14,7 +14,7 @@ import click
 from jacokin import ik, model, reachability
 from jacokin.chunks.execution import dask_executor, worker_processes
 from jacokin.cli import display, options
-from jacokin.cli.command import command, option
+from jacokin.cli.command import command, option, switch
 from jacokin.cli.display import progress_bar
 from jacokin.cli.groups import MapRobotOptions, RobotOptions, ToolOptions, load_scene
 from jacokin.cli.options import Vector3, Vector4, keep_apart
@@ -41,14 +41,12 @@ def map() -> None:  # noqa: A001 - the command's name
 class BuildOptions:
     """What a map is built of."""
 
-    folder: Path = option(
-        type=options.FILE, metavar="FOLDER", text="Where the map is kept; one that is there is completed."
-    )
+    folder: Path = option(metavar="FOLDER", text="Where the map is kept; one that is there is completed.")
     spacing: float = option("--spacing", default=0.05, metavar="M", help="Edge of a cell [m].")
     orientations: int = option(
         "--orientations", type=click.IntRange(min=1), default=200, metavar="N", help="How many, spread evenly."
     )
-    down: bool = option("--down", is_flag=True, help="The tool pointing vertically down instead.")
+    down: bool = switch("--down", help="The tool pointing vertically down instead.")
     free_axis: list[float] | None = option(
         "--free-axis",
         callback=options.read_axis,
@@ -56,8 +54,8 @@ class BuildOptions:
         help="Directions of this axis of the tool (x, y, z or X,Y,Z), about which it may turn; "
         "with --down, the tool pointing down, which may turn about it.",
     )
-    lower: Vector3 | None = option("--lower", type=options.VECTOR, metavar="X Y Z", help="Lower corner of the box [m].")
-    upper: Vector3 | None = option("--upper", type=options.VECTOR, metavar="X Y Z", help="Upper corner of the box [m].")
+    lower: Vector3 | None = option("--lower", metavar="X Y Z", help="Lower corner of the box [m].")
+    upper: Vector3 | None = option("--upper", metavar="X Y Z", help="Upper corner of the box [m].")
     scene: Path | None = options.scene()
     collision: str | None = option(
         "--collision",
@@ -134,13 +132,9 @@ class QueryOptions:
     """Where a map is looked up."""
 
     folder: str = option(metavar="FOLDER|NAME", text=MAP)
-    position: Vector3 = option(
-        "--position", type=options.VECTOR, required=True, metavar="X Y Z", help="A position in the base [m]."
-    )
-    quat_wxyz: Vector4 | None = option(
-        "--quat-wxyz", type=options.QUATERNION, metavar="W X Y Z", help="An orientation as a quaternion."
-    )
-    down: bool = option("--down", is_flag=True, help="An orientation: pointing vertically down.")
+    position: Vector3 = option("--position", required=True, metavar="X Y Z", help="A position in the base [m].")
+    quat_wxyz: Vector4 | None = option("--quat-wxyz", metavar="W X Y Z", help="An orientation as a quaternion.")
+    down: bool = switch("--down", help="An orientation: pointing vertically down.")
     json: bool = options.json()
     scene: Path | None = options.scene()
 
@@ -191,9 +185,7 @@ class ShowOptions:
     folder: str = option(metavar="FOLDER|NAME", text=MAP)
     output: Path = option(
         "--output",
-        type=options.FILE,
         default=Path("map.png"),
-        metavar="FILE",
         help="A picture (.png, .svg, .pdf), one that turns (.apng, .gif), or an .html page to turn it.",
     )
     scene: Path | None = options.scene()
@@ -221,35 +213,20 @@ def show(given: ShowOptions, source: MapRobotOptions) -> None:
 class PlaceOptions:
     """What is to be reached, and where the base may stand."""
 
-    targets: Path = option(
-        "--targets", type=options.FILE, required=True, metavar="FILE.csv", help="Poses of the tool in the world."
-    )
+    targets: Path = option("--targets", required=True, metavar="FILE.csv", help="Poses of the tool in the world.")
     folder: str = option("--map", default=model.DEFAULT_ROBOT, metavar="FOLDER|NAME", help=MAP)
-    x: tuple[float, float] | None = option(
-        "--x", type=(float, float), metavar="LOW HIGH", help="From and to where the base may stand [m]."
-    )
-    y: tuple[float, float] | None = option("--y", type=(float, float), metavar="LOW HIGH", help="As --x.")
-    height: float | None = option(
-        "--height", type=float, metavar="Z", help="Height that the base stands at [m]; any if not given."
-    )
+    x: tuple[float, float] | None = option("--x", metavar="LOW HIGH", help="From and to where the base may stand [m].")
+    y: tuple[float, float] | None = option("--y", metavar="LOW HIGH", help="As --x.")
+    height: float | None = option("--height", metavar="Z", help="Height that the base stands at [m]; any if not given.")
     scene: Path | None = option(
         "--scene",
-        type=options.FILE,
         metavar="FILE.yaml",
         help="Obstacles in the world, .yaml or .json, which neither the arm nor its base may touch.",
     )
     map_scene: Path | None = option(
-        "--map-scene",
-        type=options.FILE,
-        metavar="FILE.yaml",
-        help="The scene that the map was built with; on the base.",
+        "--map-scene", metavar="FILE.yaml", help="The scene that the map was built with; on the base."
     )
-    plot: Path | None = option(
-        "--plot",
-        type=options.FILE,
-        metavar="FILE",
-        help="Draw the best place from above and the side (.png, .svg, .pdf).",
-    )
+    plot: Path | None = option("--plot", help="Draw the best place from above and the side (.png, .svg, .pdf).")
     json: bool = options.json()
 
 

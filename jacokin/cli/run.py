@@ -19,7 +19,7 @@ import click
 
 from jacokin import model
 from jacokin.cli import display, options
-from jacokin.cli.command import command, option
+from jacokin.cli.command import command, option, switch
 from jacokin.cli.display import show_facts
 from jacokin.cli.groups import RobotOptions
 from jacokin.cli.process import NOT_SOLVED
@@ -38,14 +38,12 @@ LINES = 100  # of a hand that wait at most
 class MotionOptions:
     """What is played, and what else is asked for."""
 
-    file: Path | None = option(required=False, type=click.Path(path_type=Path), text="Trajectory, as `save` writes.")
-    live: bool = option("--live", is_flag=True, help="Follow a hand instead: lines of JSON on standard input.")
+    file: Path | None = option(required=False, metavar="[FILE]", text="Trajectory, as `save` writes.")
+    live: bool = switch("--live", help="Follow a hand instead: lines of JSON on standard input.")
     fingers: float | None = option(
         "--fingers", type=click.FloatRange(0.0, 1.0), metavar="S", help="Go there meanwhile, 0 open to 1 closed."
     )
-    write_forwarder: Path | None = option(
-        "--write-forwarder", type=click.Path(path_type=Path), metavar="FILE.py", help="Write the forwarder, and end."
-    )
+    write_forwarder: Path | None = option("--write-forwarder", metavar="FILE.py", help="Write the forwarder, and end.")
     json: bool = options.json()
 
 
@@ -65,9 +63,7 @@ class ConnectionOptions:
     )
     states: str | None = option("--states", metavar="TOPIC", help="Of joint states, if it is not the driver's.")
     velocities: str | None = option("--velocities", metavar="TOPIC", help="Of velocities, if it is not the driver's.")
-    twin: bool = option(
-        "--twin", is_flag=True, help="Move a simulated arm instead, without ROS, that stands where it begins."
-    )
+    twin: bool = switch("--twin", help="Move a simulated arm instead, without ROS, that stands where it begins.")
     faults: str = option(
         "--faults", metavar="FAULTS", default="", help="With --twin: such as lag=0.02,loss=0.01,stall=0.3."
     )
@@ -90,7 +86,7 @@ class GuardOptions:
         "--silence", type=float, default=0.5, metavar="T", help="Allowed without a measurement [s]."
     )
     contact: float | None = option(
-        "--contact", type=float, metavar="NM", help="External torque that stops the arm, if it tells torques [N m]."
+        "--contact", metavar="NM", help="External torque that stops the arm, if it tells torques [N m]."
     )
 
 

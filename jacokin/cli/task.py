@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 import click
 
 from jacokin import files
-from jacokin.cli import display, options
-from jacokin.cli.command import command, option
+from jacokin.cli import display
+from jacokin.cli.command import command, option, switch
 from jacokin.cli.display import progress_bar
 from jacokin.cli.process import NOT_SOLVED
 from jacokin.errors import InvalidInputError
@@ -40,10 +40,8 @@ class TaskOptions:
         metavar="NAME",
         text="Such as reach_site or lift_brick, or MODULE:ID of a task of your own; an unknown name lists all.",
     )
-    data_set: Path | None = option(
-        metavar="[FILE]", type=options.FILE, required=False, text="After `replay`: a data set."
-    )
-    expert: bool = option("--expert", is_flag=True, help="Let the scripted expert act; otherwise actions are random.")
+    data_set: Path | None = option(metavar="[FILE]", required=False, text="After `replay`: a data set.")
+    expert: bool = switch("--expert", help="Let the scripted expert act; otherwise actions are random.")
     control: str | None = option(
         "--control",
         metavar="NAME",
@@ -69,12 +67,10 @@ class TaskOptions:
     )
     record: Path | None = option(
         "--record",
-        type=options.FILE,
-        metavar="FILE",
         help="Write pictures (.mp4), observations, actions and rewards (.npz), "
         "or a data set (.hdf5, .minari, .lerobot).",
     )
-    render: bool = option("--render", is_flag=True, help="Show a window, which needs a display.")
+    render: bool = switch("--render", help="Show a window, which needs a display.")
 
     @property
     def mode(self) -> str | None:

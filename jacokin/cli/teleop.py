@@ -22,7 +22,7 @@ import click
 
 from jacokin import files, model, motion
 from jacokin.cli import display, options
-from jacokin.cli.command import command, option
+from jacokin.cli.command import command, option, switch
 from jacokin.cli.display import number, show_facts
 from jacokin.cli.groups import RADIANS, RobotOptions, SceneOptions
 from jacokin.cli.options import keep_apart
@@ -80,13 +80,11 @@ class LeadingOptions:
     rate: float = option("--rate", default=60.0, metavar="R", help="Of a hand that is made: poses in a second [1/s].")
     random_seed: int | None = options.random_seed()
     seconds: float | None = option(
-        "--seconds", type=float, metavar="T", help="End after this time [s]; with the device if not given."
+        "--seconds", metavar="T", help="End after this time [s]; with the device if not given."
     )
-    fast: bool = option("--fast", is_flag=True, help="As fast as it can, instead of in real time; for the player.")
+    fast: bool = switch("--fast", help="As fast as it can, instead of in real time; for the player.")
     output: Path | None = option(
         "--output",
-        type=options.FILE,
-        metavar="FILE",
         help="Write the commanded motion here, .csv, .npz, .json (ROS), .kinova.csv or .kinova.json (kinova-ros).",
     )
     json: bool = options.json()
@@ -132,18 +130,16 @@ class FollowingOptions:
     )
     constant: float | None = option(
         "--filter",
-        type=float,
         metavar="T",
         help="Time constant of a low-pass on the hand [s], 0 for none; "
         "without it, gaps between its poses are smoothed.",
     )
     recover: float | None = option(
-        "--recover", type=float, metavar="T", help="Held off its target this long [s], the tool takes another branch."
+        "--recover", metavar="T", help="Held off its target this long [s], the tool takes another branch."
     )
-    dt: float | None = option("--dt", type=float, metavar="T", help="Control step [s]; 0.01, or that of the task.")
+    dt: float | None = option("--dt", metavar="T", help="Control step [s]; 0.01, or that of the task.")
     acceleration_limit: float | None = option(
         "--acceleration-limit",
-        type=float,
         metavar="A",
         help="Of the joints [rad/s^2]; 4, or what the motors of the task are strong enough for.",
     )
@@ -182,10 +178,7 @@ class SimulationOptions:
         "--task", metavar="NAME", help="Lead the arm of this task's simulation, such as reach_site."
     )
     record: Path | None = option(
-        "--record",
-        type=options.FILE,
-        metavar="FILE",
-        help="With --task: a data set of the episodes that are kept, .hdf5, .minari or .lerobot.",
+        "--record", help="With --task: a data set of the episodes that are kept, .hdf5, .minari or .lerobot."
     )
     episodes: int | None = option(
         "--episodes",
@@ -206,9 +199,7 @@ class SimulationOptions:
         metavar="P",
         help="With --record: simulated seconds in a second; 0.5 is slow motion.",
     )
-    render: bool = option(
-        "--render", is_flag=True, help="With --task: show the simulation in a window, which needs a display."
-    )
+    render: bool = switch("--render", help="With --task: show the simulation in a window, which needs a display.")
 
     def check(self, hand: LeadingOptions, *, has_robot: bool) -> None:
         """Refuse options that do not go together, before anything is made.
@@ -273,9 +264,7 @@ class SimulationOptions:
 class PageOptions:
     """The page that shows the arm."""
 
-    view: bool = option(
-        "--view", is_flag=True, help="Show the arm in the browser; prints the address. --device page does, too."
-    )
+    view: bool = switch("--view", help="Show the arm in the browser; prints the address. --device page does, too.")
     port: int = options.port()
 
 

@@ -14,7 +14,7 @@ import click
 
 from jacokin import model
 from jacokin.cli import display, options
-from jacokin.cli.command import NumberList, command, option
+from jacokin.cli.command import command, option, switch
 from jacokin.cli.display import number, show_facts
 from jacokin.cli.process import NOT_SOLVED
 from jacokin.cli.task import choose_renderer
@@ -40,10 +40,8 @@ class TwinOptions:
     name: str | None = option(
         "--name", metavar="NAME", help="Of the robot in ROS, as kinova_robotName; that of --robot if not given."
     )
-    start: list[float] | None = option(
-        "--from", cls=NumberList, metavar="Q1 .. Q6", help="Joint angles at first; home if not given."
-    )
-    degrees: bool = option("--degrees", is_flag=True, help="--from is in degrees.")
+    start: list[float] | None = option("--from", metavar="Q1 .. Q6", help="Joint angles at first; home if not given.")
+    degrees: bool = switch("--degrees", help="--from is in degrees.")
     faults: str = option(
         "--faults",
         metavar="FAULTS",
@@ -58,7 +56,7 @@ class TwinOptions:
         metavar="P",
         help="Simulated seconds in a second; with any but 1 the twin gives the time, on /clock.",
     )
-    fast: bool = option("--fast", is_flag=True, help="As fast as it can, instead of at a pace.")
+    fast: bool = switch("--fast", help="As fast as it can, instead of at a pace.")
     task: str | None = option("--task", metavar="NAME", help="Stand in the scene of this task, such as lift_brick.")
     cameras: dict[str, tuple[int, int]] | None = option(
         "--camera",
@@ -68,9 +66,9 @@ class TwinOptions:
         help="With --task: publish pictures of front_close, wrist or whole, 10 a second. Repeatable.",
     )
     seconds: float | None = option(
-        "--seconds", type=float, metavar="T", help="End after this simulated time [s]; by Ctrl-C if not given."
+        "--seconds", metavar="T", help="End after this simulated time [s]; by Ctrl-C if not given."
     )
-    view: bool = option("--view", is_flag=True, help="Show the arm in the browser; prints the address.")
+    view: bool = switch("--view", help="Show the arm in the browser; prints the address.")
     port: int = options.port()
     json: bool = options.json()
 

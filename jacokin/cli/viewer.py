@@ -11,7 +11,7 @@ import click
 
 from jacokin import logs, viewer
 from jacokin.cli import display, options
-from jacokin.cli.command import NumberList, command, option
+from jacokin.cli.command import NumberList, command, option, switch
 from jacokin.cli.groups import RobotOptions, SceneOptions, ToolOptions
 from jacokin.cli.reachability import load_map
 from jacokin.cli.units import Units, warn_of_degrees
@@ -32,8 +32,6 @@ class PlayedLogOptions:
 
     log: Path | None = option(
         "--log",
-        type=options.FILE,
-        metavar="FILE",
         help="A recording of ROS to play: .bag, .mcap or .db3; what was commanded is drawn beside what was measured.",
     )
     joints_topic: str | None = options.joints_topic()
@@ -83,18 +81,13 @@ class ViewOptions:
     free_axis: str | None = option("--free-axis", metavar="AXIS", help="The tool may turn about this axis: x, y or z.")
     free_range: tuple[float, float] | None = options.free_range()
     trajectory: Path | None = option(
-        "--trajectory",
-        type=options.FILE,
-        metavar="FILE",
-        help="A trajectory to play: .csv, .npz, .json (ROS) or .kinova.csv.",
+        "--trajectory", help="A trajectory to play: .csv, .npz, .json (ROS) or .kinova.csv."
     )
     reachability: str | None = option(
         "--map", metavar="FOLDER|NAME", help="A reachability map to show slices of: its folder, or a bundled robot."
     )
     velocity_limit: list[float] | None = options.velocity_limit()
-    visuals: bool = option(
-        "--visuals", is_flag=True, help="Draw the visual meshes of the file, not the shapes that collide."
-    )
+    visuals: bool = switch("--visuals", help="Draw the visual meshes of the file, not the shapes that collide.")
     seed: list[float] | None = options.seed()
     units: Units = options.degrees()
 

@@ -24,7 +24,6 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from jacokin.chunks.execution import share
 from jacokin.errors import StructureError
 from jacokin.ik.geometry import chain_of, measure
 from jacokin.ik.solutions.points import BranchTable, Knows, Points
@@ -42,7 +41,7 @@ from jacokin.kernels.closed_form.batch import (
     solve_targets,
 )
 from jacokin.kernels.contact.run import ContactWork
-from jacokin.kernels.library import Call
+from jacokin.kernels.library import Call, share
 from jacokin.kernels.tolerances import EXACT_MISFIT
 from jacokin.model import checks
 from jacokin.model.poses import checked_matrix

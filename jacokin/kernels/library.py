@@ -12,6 +12,7 @@ import re
 import sys
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from pathlib import Path
 from typing import Generic, NamedTuple, TypeVar
@@ -242,3 +243,15 @@ def flatten(value: object) -> Iterator[NDArray[np.generic]]:
             yield from flatten(member)
     elif isinstance(value, np.ndarray):
         yield value
+
+
+def share(run: Callable[[int, int], None], count: int, threads: int) -> None:
+    """Call `run` with the beginning and end of shares of so many rows, one for each thread: kernels release the GIL."""
+    shares = min(threads, count)
+    if shares <= 1:
+        if count:
+            run(0, count)
+        return
+    edges = [round(count * part / shares) for part in range(shares + 1)]
+    with ThreadPoolExecutor(shares) as pool:
+        list(pool.map(run, edges[:-1], edges[1:]))

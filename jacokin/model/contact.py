@@ -15,7 +15,6 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
-from jacokin.chunks.execution import share
 from jacokin.errors import ModelError
 from jacokin.kernels.contact.arm import HINGE, LAST_PAIR
 from jacokin.kernels.contact.run import (
@@ -36,7 +35,7 @@ from jacokin.kernels.contact.run import (
 )
 from jacokin.kernels.contact.shapes import CENTRE, LINK, RADIUS
 from jacokin.kernels.contact.touching import Geometry
-from jacokin.kernels.library import Call
+from jacokin.kernels.library import Call, share
 from jacokin.model import checks
 from jacokin.model.obstacles import NOTHING_AROUND, Surroundings
 from jacokin.model.robot import Robot, checked_robot

@@ -22,7 +22,7 @@ from jacokin.model.descriptions import bundled, chain, urdf
 from jacokin.model.descriptions import srdf as srdf_files
 from jacokin.model.descriptions.tools import limits_of, slides
 from jacokin.model.measured_arm import MeasuredArm
-from jacokin.model.robot import Home, HomeFinder, Robot, SceneLike, Source, middle, spread
+from jacokin.model.robot import Home, HomeFinder, Known, Robot, SceneLike, Source, middle, spread
 
 TIP_OF_BUNDLED = "end_effector"
 SUFFIXES = (".urdf", ".xml", ".mjcf")
@@ -98,8 +98,7 @@ def load_robot(
     measured = None if calibration is None else _calibrate(model, base or described.base, calibration)
     own_home = None if home is None else _own_home(model, home)
     found_home = _documented_home(name, model) if name else find_home
-    return Robot(
-        model,
+    known = Known(
         base=base or described.base,
         tip=ends.frame,
         source=Source(
@@ -125,6 +124,7 @@ def load_robot(
         notes=find_notes,
         point_filter=filter_points,
     )
+    return Robot(model, known)
 
 
 def _folders(package_dirs: Sequence[str | Path]) -> list[Path]:

@@ -11,7 +11,7 @@ import math
 import threading
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
@@ -64,38 +64,18 @@ class Robot:
     """
 
     def __init__(
-        self,
-        model: pin.Model,
-        *,
-        base: str,
-        tip: str | None,
-        source: Source,
-        finger_angle: float | None = None,
-        home: Home | HomeFinder,
-        notes: NotesFinder | None = None,
-        point_filter: PointFilter | None = None,
-        has_masses: bool | None = None,
-        carried: Mapping[tuple[Hashable, ...], Any] | None = None,
+        self, model: pin.Model, known: Known, carried: Mapping[tuple[Hashable, ...], Any] | None = None
     ) -> None:
         """Wrap a chain made by `chain.extract`; users call `load_robot`.
 
         Args:
             model: the chain, nq == nv.
-            base: name of the frame that is its universe.
-            tip: the default frame; None for an end effector or the last frame.
-            source: where it came from.
-            finger_angle: angle at which joints off the chain were locked [rad].
-            home: or the function that finds it when it is first asked for; pickled by its name.
-            notes: the function that finds `notes` when they are first asked for; pickled by its name.
-            point_filter: the function behind `without_own_points`; pickled by its name.
-            has_masses: whether the masses that joints move are known; None where the model tells.
+            known: what is known beside it.
             carried: what another robot of the same joints and shapes has `carried`.
         """
         self.pin_model = model
         self.name: str = model.name
-        self.base = base
-        self.source = source
-        self.finger_angle = finger_angle
+        self.base, self.source, self.finger_angle = known.base, known.source, known.finger_angle
         self.dof: int = model.nv
         self.joint_names: tuple[str, ...] = tuple(model.names)[1:]
         self.lower = checks.read_only(model.lowerPositionLimit)
@@ -108,14 +88,12 @@ class Robot:
         )
         self.velocity_limit = checks.read_only(model.velocityLimit)
         self.effort_limit = checks.read_only(model.effortLimit)
-        self.acceleration_limit = checks.read_only(_acceleration_limit(source.bundled, self.joint_names))
+        self.acceleration_limit = checks.read_only(_acceleration_limit(known.source.bundled, self.joint_names))
         self._frame_ids = chain.frame_names(model)
         self.frames: tuple[str, ...] = tuple(self._frame_ids)
-        self.default_frame = chain.default_frame(model, tip)
-        self._home = home
-        self._find_notes = notes
-        self._point_filter = point_filter
-        self._has_masses = dynamics.has_moving_masses(model) if has_masses is None else has_masses
+        self.default_frame = chain.default_frame(model, known.tip)
+        has_masses = dynamics.has_moving_masses(model) if known.has_masses is None else known.has_masses
+        self._known = replace(known, tip=self.default_frame, has_masses=has_masses)
         self._local = threading.local()
         self._kept: dict[tuple[Hashable, ...], Any] = dict(carried or {})
         self._to_carry = set(self._kept)
@@ -135,21 +113,12 @@ class Robot:
 
     def __reduce__(self) -> tuple[object, tuple[object, ...]]:
         """Pickle the model, its names and what it carries; working memory is made anew."""
-        return partial(Robot, **self._arguments, carried=self.carried), (self.pin_model,)
+        return Robot, (self.pin_model, self._known_now, self.carried)
 
     @property
-    def _arguments(self) -> dict[str, Any]:  # Any: of several types
-        """What it was made of beside its model, home as it was found."""
-        return {
-            "base": self.base,
-            "tip": self.default_frame,
-            "source": self.source,
-            "finger_angle": self.finger_angle,
-            "home": self.__dict__.get("_found_home", self._home),
-            "notes": self._find_notes,
-            "point_filter": self._point_filter,
-            "has_masses": self._has_masses,
-        }
+    def _known_now(self) -> Known:
+        """What is known beside the model, home as it was found."""
+        return replace(self._known, home=self.__dict__.get("_found_home", self._known.home))
 
     def once(self, make: Callable[..., Made], *arguments: Hashable, carried: bool = False) -> Made:
         """What a function makes of this robot, made when it is first asked for and shared by all who ask.
@@ -203,8 +172,8 @@ class Robot:
         measured = self.calibration
         if measured is None:
             return self
-        source = replace(self.source, calibration=None)
-        return Robot(measured.undo(self.pin_model), **{**self._arguments, "source": source, "home": self._home})
+        known = replace(self._known, source=replace(self.source, calibration=None))
+        return Robot(measured.undo(self.pin_model), known)
 
     @property
     def _data(self) -> pin.Data:
@@ -512,7 +481,7 @@ class Robot:
         Raises:
             ModelError: the description gives no masses.
         """
-        if not self._has_masses:
+        if not self._known.has_masses:
             raise ModelError(
                 f"the description of {self.name} ({self.source.path}) gives no masses that a joint moves, so no torque "
                 "is known; robot.with_bodies takes masses"
@@ -603,7 +572,7 @@ class Robot:
         """
         weight, centre = checks.non_negative("mass", mass, "kg"), checks.vector("com", com, 3, "m")
         loaded = dynamics.loaded(self.pin_model, self.frame_id(frame), weight, centre, inertia)
-        return Robot(loaded, **self._arguments, carried=self.carried)
+        return Robot(loaded, self._known_now, self.carried)
 
     def with_bodies(self, parameters: ArrayLike) -> Robot:
         """This robot with other masses, as `jacokin.model.identify_arm` finds them: another robot.
@@ -619,7 +588,7 @@ class Robot:
         if len(rows) != self.dof:
             raise InvalidInputError(f"parameters must have shape ({self.dof}, {dynamics.BODY}), got shape {rows.shape}")
         weighed = dynamics.reweighed(self.pin_model, rows)
-        return Robot(weighed, **{**self._arguments, "has_masses": True}, carried=self.carried)
+        return Robot(weighed, replace(self._known_now, has_masses=True), self.carried)
 
     def _push(self, q: Array, external: ArrayLike | None, frame: str | None, base: pin.SE3 | ArrayLike | None) -> Array:
         """Joint torques (dof,) [N m] of what the description does not know: a wrench, and a base mounted otherwise."""
@@ -724,9 +693,9 @@ class Robot:
             InvalidInputError: `q`, `points` or `margin` malformed, or not a Scene.
             ModelError: the description has no collision shapes, or they cannot be loaded.
         """
-        if self._point_filter is None:
+        if self._known.point_filter is None:
             raise ModelError(f"{self.name}: was not loaded with load_robot, so its own points are not known")
-        return self._point_filter(self, q, points, margin, scene)
+        return self._known.point_filter(self, q, points, margin, scene)
 
     @cached_property
     def home(self) -> Array:
@@ -751,7 +720,7 @@ class Robot:
 
         Found when they are first asked for, with the collision shapes. Empty for a bundled robot.
         """
-        return () if self._find_notes is None else self._find_notes(self)
+        return () if self._known.notes is None else self._known.notes(self)
 
     def known_efforts(self) -> Array:
         """`effort_limit`, where the file gives it for every joint.
@@ -769,7 +738,7 @@ class Robot:
 
     @cached_property
     def _found_home(self) -> Home:
-        return self._home(self) if callable(self._home) else self._home
+        return self._known.home(self) if callable(self._known.home) else self._known.home
 
 
 @dataclass(frozen=True, slots=True)
@@ -821,6 +790,28 @@ class Home:
     """(dof,) [rad]."""
     source: str
     """In words: a documented configuration, a keyframe, the middle of the limits, a search, or the user's own."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Known:
+    """What is known of a robot beside its model; functions are pickled by their names."""
+
+    base: str
+    """Name of the frame that is the model's universe."""
+    tip: str | None
+    """The default frame; None for an end effector or the last frame."""
+    source: Source
+    """Where it came from."""
+    home: Home | HomeFinder
+    """Or the function that finds it when it is first asked for."""
+    finger_angle: float | None = None
+    """At which joints off the chain were locked [rad]."""
+    notes: NotesFinder | None = None
+    """The function that finds `Robot.notes` when they are first asked for."""
+    point_filter: PointFilter | None = None
+    """The function behind `Robot.without_own_points`."""
+    has_masses: bool | None = None
+    """Whether the masses that joints move are known; None where the model tells."""
 
 
 PointFilter = Callable[["Robot", ArrayLike, ArrayLike, float, "SceneLike | None"], Array]

@@ -24,7 +24,7 @@ __all__, __getattr__, __dir__ = lazy.door(
         "jacokin.motion.clearance": ("Clearance", "path_clearance"),
         "jacokin.motion.free_motion.plan_motion": ("plan_motion",),
         "jacokin.motion.free_motion.plan_pick": ("Pick", "plan_pick"),
-        "jacokin.motion.free_motion.plan_place": ("Place", "plan_place"),
+        "jacokin.motion.free_motion.plan_place": ("PutDown", "plan_place"),
         "jacokin.motion.grasps": ("Grasp",),
         "jacokin.motion.joint_motion": ("move_joints",),
         "jacokin.motion.motion_state": ("MotionState",),

@@ -4,7 +4,7 @@ from jacokin.motion.clearance import path_clearance as path_clearance
 from jacokin.motion.free_motion.plan_motion import plan_motion as plan_motion
 from jacokin.motion.free_motion.plan_pick import Pick as Pick
 from jacokin.motion.free_motion.plan_pick import plan_pick as plan_pick
-from jacokin.motion.free_motion.plan_place import Place as Place
+from jacokin.motion.free_motion.plan_place import PutDown as PutDown
 from jacokin.motion.free_motion.plan_place import plan_place as plan_place
 from jacokin.motion.grasps import Grasp as Grasp
 from jacokin.motion.joint_motion import move_joints as move_joints

@@ -20,7 +20,7 @@ LONGEST = 0.25  # [s] a while that is looked at first
 SHORTEST = 1e-3  # [s] one that is not halved: joints have moved by a milliradian
 
 
-class Course:
+class TimedMotion:
     """A motion over time; before its first row, and after its last, the arm stands there.
 
     Attributes:
@@ -74,7 +74,7 @@ class Touch(NamedTuple):
 
 
 def find_touch(
-    contact: ContactBetween, arm: Course, other: Course, begin: float, end: float, delay: float = 0.0
+    contact: ContactBetween, arm: TimedMotion, other: TimedMotion, begin: float, end: float, delay: float = 0.0
 ) -> Touch | None:
     """The first while in which an arm and another robot may touch; None for none: certified, not sampled.
 

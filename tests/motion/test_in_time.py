@@ -11,7 +11,7 @@ from jacokin.arrays import Array
 from jacokin.ik import Scene
 from jacokin.model.contact_between import ContactBetween
 from jacokin.motion import Trajectory, move_joints, plan_motion
-from jacokin.motion.in_time import SHORTEST, Course, find_touch
+from jacokin.motion.in_time import SHORTEST, TimedMotion, find_touch
 
 STEPPED_OVER = 3e-3  # [m] that two arms come nearer to each other between two samples
 BASE = jacokin.pose([0.6, 0.0, 0.0], rpy=[0.0, 0.0, np.pi])
@@ -33,7 +33,7 @@ def motions(robot: Robot) -> list[Trajectory]:
 
 def test_a_course_is_the_motion_and_stands_before_and_after_it(motions: list[Trajectory]) -> None:
     motion = motions[0]
-    course, later = Course(motion.rows), Course(motion.rows, 1.0)
+    course, later = TimedMotion(motion.rows), TimedMotion(motion.rows, 1.0)
     assert course.duration == motion.duration
     assert later.duration == pytest.approx(motion.duration - 1.0)
     for time in (-1.0, 0.0, 0.004, 1.2345, motion.duration, motion.duration + 1.0):
@@ -46,7 +46,7 @@ def test_the_bound_on_how_far_joints_are_from_a_line_holds(
     motions: list[Trajectory], rng: np.random.Generator, length: float
 ) -> None:
     for motion in motions[:10]:
-        course = Course(motion.rows)
+        course = TimedMotion(motion.rows)
         for begin in rng.uniform(-0.5, motion.duration + 0.2, 20).tolist():
             (first, last), away = course.line(begin, begin + length)
             shares = np.linspace(0.0, 1.0, 50)[:, None]
@@ -60,7 +60,7 @@ def test_touches_are_where_samples_find_them(between: ContactBetween, motions: l
     touching = 0
     for arm, other in zip(motions[::2], motions[1::2], strict=False):
         end = max(arm.duration, other.duration)
-        touch = find_touch(between, Course(arm.rows), Course(other.rows), 0.0, end)
+        touch = find_touch(between, TimedMotion(arm.rows), TimedMotion(other.rows), 0.0, end)
         times = np.arange(0.0, end, 2e-3)
         along = between.distances(*(_at(motion, times) for motion in (arm, other)))
         if touch is None:
@@ -89,14 +89,14 @@ def test_one_that_waits_is_later(between: ContactBetween, robot: Robot, motions:
             if abs(float(arm.t[1]) - 0.01) > 1e-12:
                 continue
             end = max(float(rows.t[-1]), other.duration)
-            whole = find_touch(between, Course(rows), Course(other.rows), delay, end)
-            moved = find_touch(between, Course(arm.rows), Course(other.rows), 0.0, end - delay, delay)
+            whole = find_touch(between, TimedMotion(rows), TimedMotion(other.rows), delay, end)
+            moved = find_touch(between, TimedMotion(arm.rows), TimedMotion(other.rows), 0.0, end - delay, delay)
             assert (whole is None) == (moved is None)
 
 
 def test_two_that_stand_are_looked_at_once(between: ContactBetween, robot: Robot, rng: np.random.Generator) -> None:
     for q, there in zip(robot.sample(rng, 50), robot.sample(rng, 50), strict=True):
-        arm, other = (Course(move_joints(robot, each, each).rows) for each in (q, there))
+        arm, other = (TimedMotion(move_joints(robot, each, each).rows) for each in (q, there))
         touch = find_touch(between, arm, other, 0.0, 0.0)
         assert (touch is not None) == (between.distances(q[None], there[None])[0] <= 1e-4)
 

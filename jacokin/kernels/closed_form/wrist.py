@@ -72,12 +72,6 @@ def turned_by_joint_6(k: ArmConstants, pose: Pose, q6: float, s: float, c: float
     return AfterJoint6(q6, mix(pose.D0, 1.0, pose.Dc, c, pose.Ds, s), m, x, cross(m, x))
 
 
-def axis_4(k: ArmConstants, q5: float) -> Vec:
-    """z4(q5) = R5^T w4."""
-    s, c = sin_cos(q5)
-    return (k.sin_a * c, -k.sin_a * s, k.cos_a)
-
-
 def starts_at_q6(k: ArmConstants, pose: Pose, q6: float, half_width: float, starts: Starts, work: RootWork) -> None:
     """Add all candidates for one q6: the two q5 of the sphere condition, and those of g where r is small.
 

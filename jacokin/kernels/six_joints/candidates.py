@@ -226,12 +226,6 @@ def pair_of_triangle(triangle: Triangle, sine: float, cosine: float, slack: floa
     return Pair(triangle.middle, unit_of(x, y), 1, 0, 0, 0.0)
 
 
-def turned_about_z(unit: Unit, v: Vec) -> Vec:
-    """Rz v."""
-    c, s = unit
-    return (c * v[0] - s * v[1], s * v[0] + c * v[1], v[2])
-
-
 def unturned_about_z(unit: Unit, v: Vec) -> Vec:
     """Rz^T v."""
     c, s = unit

@@ -34,7 +34,7 @@ class Cut(NamedTuple):
     """[m]"""
 
 
-class Part(NamedTuple):
+class ConvexPart(NamedTuple):
     """What of a mesh is in a cell."""
 
     corners: Array
@@ -60,7 +60,7 @@ def convex_parts(mesh: TriangleMesh) -> list[Array]:
     least = LEAST_GAIN * _volume(whole.vertices)
     if not least > 0.0:
         return [whole.vertices]
-    solid, box = _Solid(mesh), np.array([mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)])
+    solid, box = _VoxelSolid(mesh), np.array([mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)])
     parts = [solid.part(mesh.vertices[mesh.faces], box, least)]
     while len(parts) < MOST_PARTS:
         number = max(range(len(parts)), key=lambda index: parts[index].cut.gain)
@@ -74,7 +74,7 @@ def convex_parts(mesh: TriangleMesh) -> list[Array]:
     return [hull.vertices for hull in hulls if hull is not None]
 
 
-class _Solid:
+class _VoxelSolid:
     """What is inside of a mesh, on a grid; nothing where it has openings wider than a voxel."""
 
     def __init__(self, mesh: TriangleMesh) -> None:
@@ -90,14 +90,14 @@ class _Solid:
         self._inside = binary_fill_holes(surface) & ~surface
         self._filled = self._inside + 0.5 * surface
 
-    def part(self, corners: Array, cell: Array, least: float) -> Part:
+    def part(self, corners: Array, cell: Array, least: float) -> ConvexPart:
         """Triangles (n, 3, 3) in a cell, with the cut that gains most; none where it is less than a volume [m^3].
 
         A ring is no smaller in halves, but in quarters: where one cut gains too little, two are tried.
         """
         some = _fewer(corners)
         if _volume(self.points(some, cell)) - self._held(cell) < least:  # as good as convex
-            return Part(corners, cell, NO_CUT)
+            return ConvexPart(corners, cell, NO_CUT)
         best = max(self._cuts(some, cell), default=NO_CUT)
         if best.gain < least:
             for axis in range(3):
@@ -105,7 +105,7 @@ class _Solid:
                 halves = zip(_divided(some, axis, height), _halves(cell, axis, height), strict=True)
                 gain = sum(max(self._cuts(*half), default=NO_CUT).gain for half in halves)
                 best = max(best, Cut(0.5 * gain, axis, height))
-        return Part(corners, cell, best if best.gain >= least else NO_CUT)
+        return ConvexPart(corners, cell, best if best.gain >= least else NO_CUT)
 
     def points(self, corners: Array, cell: Array) -> Array:
         """(n, 3) points whose hull holds what is in a cell: of its triangles, and its corners inside."""

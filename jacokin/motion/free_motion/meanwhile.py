@@ -29,7 +29,7 @@ from jacokin.model import checks
 from jacokin.model.contact_between import ContactBetween
 from jacokin.model.other_robot import OtherRobot
 from jacokin.model.scene import Scene
-from jacokin.motion.in_time import Course, Touch, find_touch
+from jacokin.motion.in_time import TimedMotion, Touch, find_touch
 from jacokin.motion.rows import WHOLE_TICK, Rows, joined, standing
 from jacokin.motion.trajectory import MotionStatus, Trajectory
 
@@ -62,7 +62,7 @@ class _Other:
     """
 
     robot: OtherRobot
-    course: Course
+    course: TimedMotion
     contact: ContactBetween
 
     @property
@@ -156,7 +156,7 @@ class Meanwhile:
             goal: as `plan_motion` takes it.
             dt: step from row to row [s].
         """
-        found: _Begun | _Hindrance | Trajectory | None = self._find_touch(Course(resting(start)), end=0.0)
+        found: _Begun | _Hindrance | Trajectory | None = self._find_touch(TimedMotion(resting(start)), end=0.0)
         if isinstance(found, _Hindrance):
             sentence = f"{found} touch at the start, or are nearer than the clearance"
             return self._stay(start, MotionStatus.START_IN_CONTACT, sentence)
@@ -231,7 +231,7 @@ class Meanwhile:
             latest: it may wait so long [s].
             rests_clear: whether it is known that it touches nothing of the others once they rest.
         """
-        course, still, before = Course(motion.rows), Course(resting(motion.q[0])), None
+        course, still, before = TimedMotion(motion.rows), TimedMotion(resting(motion.q[0])), None
         tick = float(motion.t[1]) if len(motion.t) > 1 else LATER
         step = math.ceil(LATER / tick - WHOLE_TICK) * tick
         for number in range(math.ceil(max(self._end - now, 0.0) / step) + 1):
@@ -250,7 +250,7 @@ class Meanwhile:
 
     def _find_touch(
         self,
-        course: Course,
+        course: TimedMotion,
         *,
         end: float = math.inf,
         delay: float = 0.0,
@@ -277,7 +277,7 @@ class Meanwhile:
         return None
 
     @staticmethod
-    def _until(other: _Other, course: Course, end: float, delay: float, rests_clear: bool) -> float:
+    def _until(other: _Other, course: TimedMotion, end: float, delay: float, rests_clear: bool) -> float:
         """When another robot need not be looked at any more, on the clock of a motion [s]."""
         rests = max(other.course.duration - delay, 0.0)
         return min(end, rests if rests_clear else max(rests, course.duration))
@@ -289,7 +289,7 @@ class Meanwhile:
         for place in self._places_aside(start):
             if self._is_late or len(found) == ASIDE_ENOUGH:
                 break
-            if contact.touches(place) or self._find_touch(Course(resting(place))) is not None:
+            if contact.touches(place) or self._find_touch(TimedMotion(resting(place))) is not None:
                 continue
             motion = self._plan(plan, self._first, start, place, dt)
             away = self._begin(motion, 0.0, rests_clear=False) if motion.success else None
@@ -341,7 +341,7 @@ def resting(q: Array) -> Rows:
     return Rows(np.zeros(1), q[None], none, none)
 
 
-def _course(robot: OtherRobot, motion: object) -> Course:
+def _course(robot: OtherRobot, motion: object) -> TimedMotion:
     """A checked motion of another robot.
 
     Raises:
@@ -356,4 +356,4 @@ def _course(robot: OtherRobot, motion: object) -> Course:
         raise InvalidInputError(
             f"{name} moves {', '.join(trajectory.joint_names)}; the robot has {', '.join(robot.robot.joint_names)}"
         )
-    return Course(trajectory.rows, begin)
+    return TimedMotion(trajectory.rows, begin)

@@ -125,7 +125,7 @@ def plan_pick(
         speed: along the straight line [m/s].
         time_limit: for all of it but writing the rows [s].
         rng: randomness of the search; None for a fixed seed.
-        dt: sampling step [s].
+        dt: step from row to row [s].
         velocity_limit: (dof,) or one for all [rad/s]; None for the robot's own.
         acceleration_limit: (dof,) or one for all [rad/s^2].
 
@@ -151,7 +151,7 @@ def plan_pick(
     back = checks.positive("distance", distance, "m")
     up = 0.0 if checks.number("lift", lift, "m") == 0.0 else checks.positive("lift", lift, "m")
     gripper = next((way.gripper for way in ways if way.gripper is not None), None)
-    around = _Around(solver, gripper, _widest(ways, gripper), obstacle, hand)
+    around = _PickScenes(solver, gripper, _widest(ways, gripper), obstacle, hand)
     finder = _Approaches(around, np.clip(q, robot.lower, robot.upper), back, planner)
     found, failed = finder.find(ways), ""
     motion = planner.stand(q, MotionStatus.UNREACHABLE, finder.reason)
@@ -209,7 +209,7 @@ def _widest(grasps: Sequence[Grasp], gripper: Gripper | None) -> float | None:
     return min(openings) if gripper is None else gripper.widest(openings)
 
 
-class _Around:
+class _PickScenes:
     """Solvers for the hand with its fingers open: as it comes, and as it may touch the object.
 
     Attributes:
@@ -307,7 +307,7 @@ def _check_hand(solver: IKSolver, hands: Sequence[Gripper]) -> None:
 class _Approaches:
     """Finds straight lines to grasps whose ends are clear and on one branch."""
 
-    def __init__(self, around: _Around, start: Array, back: float, planner: Planner) -> None:
+    def __init__(self, around: _PickScenes, start: Array, back: float, planner: Planner) -> None:
         """Take the solvers, where the arm is (dof,) [rad], the length of the line [m], and who has the time."""
         self._around, self._start, self._back = around, start, back
         self._until = planner.look_until

@@ -51,7 +51,7 @@ NAMED = 2  # pairs in a sentence
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Place(Frozen):
+class PutDown(Frozen):
     """To a place with an object and away without it: `carry`, then `lower`, then the fingers open, then `retreat`."""
 
     carry: Trajectory
@@ -85,7 +85,7 @@ class Place(Frozen):
             for name, part in (("carry", self.carry), ("lower", self.lower), ("retreat", self.retreat))
         ]
         opening = "as loaded" if self.opening is None else f"{self.opening:.3g}"
-        return f"Place({'OK' if self.success else 'no way'}: {', '.join(parts)}; opening {opening}; {self.message})"
+        return f"PutDown({'OK' if self.success else 'no way'}: {', '.join(parts)}; opening {opening}; {self.message})"
 
 
 def plan_place(
@@ -105,7 +105,7 @@ def plan_place(
     dt: float = 0.01,
     velocity_limit: ArrayLike | None = None,
     acceleration_limit: ArrayLike = ACCELERATION,
-) -> Place:
+) -> PutDown:
     """A motion with an object in the hand to above a place, straight down, and straight back once the fingers open.
 
     What touches the object where it is put down, up to 1 cm deep, or is nearer to it there than the clearance, may be
@@ -128,7 +128,7 @@ def plan_place(
         speed: along both [m/s].
         time_limit: for all of it but writing the rows [s].
         rng: randomness of the search; None for a fixed seed.
-        dt: sampling step [s].
+        dt: step from row to row [s].
         velocity_limit: (dof,) or one for all [rad/s]; None for the robot's own.
         acceleration_limit: (dof,) or one for all [rad/s^2].
 
@@ -154,7 +154,7 @@ def plan_place(
     load = _load(solver, held, obstacle, gripper)
     targets = [_checked_target(each) for each in list_aims(target, "target", "a pose, a FreeAxis")]
     down, back = checks.positive("height", height, "m"), checks.positive("distance", distance, "m")
-    around = _Around(solver, load, hand_links(robot, solver.frame, hand))
+    around = _PlaceScenes(solver, load, hand_links(robot, solver.frame, hand))
     finder = _Descents(around, np.clip(q, robot.lower, robot.upper), down, back, planner)
     found, failed = finder.find(targets), ""
     carry = planner.stand(q, finder.status, finder.reason)
@@ -184,7 +184,7 @@ def plan_place(
             failed = retreat
             continue
         message = f"{carry.message}; then {lower.duration:.4g} s {DOWN}, and {retreat.duration:.4g} s back"
-        return Place(
+        return PutDown(
             carry=carry,
             lower=lower,
             bring=one_after_the_other(carry, lower, DOWN),
@@ -197,7 +197,7 @@ def plan_place(
             success=True,
             message=message,
         )
-    return Place(carry, None, None, None, None, None, opening, fingers, None, False, failed)
+    return PutDown(carry, None, None, None, None, None, opening, fingers, None, False, failed)
 
 
 class _Load(NamedTuple):
@@ -262,7 +262,7 @@ class _Descent(NamedTuple):
     """Pairs of an obstacle and the object that are near each other at the place."""
 
 
-class _Around:
+class _PlaceScenes:
     """Solvers for the object in the hand, for it at its place, and for the open hand that leaves it.
 
     Attributes:
@@ -402,7 +402,7 @@ class _Descents:
         reason: the same in words.
     """
 
-    def __init__(self, around: _Around, start: Array, height: float, distance: float, planner: Planner) -> None:
+    def __init__(self, around: _PlaceScenes, start: Array, height: float, distance: float, planner: Planner) -> None:
         """Take the scenes, where the arm is (dof,) [rad], the lengths of the lines [m], and who has the time."""
         self._around, self._start, self._planner = around, start, planner
         self._height, self._distance = height, distance

@@ -17,10 +17,10 @@ from jacokin.model.contact import Contact
 from jacokin.model.descriptions.shapes import Shape
 from jacokin.model.obstacles import Obstacle, pose_of
 
-Place: TypeAlias = pin.SE3 | ArrayLike | Obstacle
+Whereabout: TypeAlias = pin.SE3 | ArrayLike | Obstacle
 """T_base_shape or a position (3,) [m] of a known obstacle; or an obstacle, where it is now."""
 
-Motion: TypeAlias = Place | tuple[Place, ArrayLike]
+Motion: TypeAlias = Whereabout | tuple[Whereabout, ArrayLike]
 """Where an obstacle stands; or that and its twist (6,) [m/s, rad/s]."""
 
 STILL = (0.0,) * 6

@@ -34,7 +34,7 @@ from jacokin.ik.solver import IKSolver
 from jacokin.ik.verification import Verifier
 from jacokin.model.angles import TURN
 from jacokin.model.descriptions import mjcf
-from jacokin.model.robot import Home, Robot, Source
+from jacokin.model.robot import Home, Known, Robot, Source
 from jacokin.mujoco_bridge.distributions import RandomState
 from jacokin.mujoco_bridge.simulation.physics import Physics
 
@@ -359,9 +359,7 @@ def scene_chain(model: mujoco.MjModel, qpos: Array, joints: Sequence[int], site:
     memory = (*_memory(model, bodies, site), *_rows(qpos, held))
     source = Source(path=Path("scene"), kind="mjcf", bundled=None, base=BASE, tip=SITE)
     return SceneChain(
-        robot=Robot(
-            out, base=BASE, tip=SITE, source=source, home=Home(qpos[addresses], "where the arm was in the scene")
-        ),
+        robot=Robot(out, Known(BASE, SITE, source, Home(qpos[addresses], "where the arm was in the scene"))),
         base_body=int(model.body_parentid[bodies[0]]),
         base_is_fixed=not any(model.body_dofnum[body] or model.body_mocapid[body] >= 0 for body in above),
         base_memory=_poses(model, above),

@@ -16,7 +16,6 @@ from jacokin.kernels.six_joints.candidates import (
     slack_after,
     take,
     triangle_of,
-    turned_about_z,
     unturned_about_z,
 )
 from jacokin.kernels.six_joints.candidates import Pair as AnglePair
@@ -77,9 +76,9 @@ def test_both_angles_turn_an_axis_until_it_encloses_the_angle_with_another(rng: 
 
 def turned_back(angle: float, k: np.ndarray) -> tuple[float, float, float]:
     """Rz(angle)^T k."""
-    unit = math.cos(angle), math.sin(angle)
-    back = unturned_about_z(unit, tuple(k.tolist()))
-    np.testing.assert_allclose(turned_about_z(unit, back), k, atol=1e-15)
+    c, s = math.cos(angle), math.sin(angle)
+    back = unturned_about_z((c, s), tuple(k.tolist()))
+    np.testing.assert_allclose(back, [[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]] @ k, atol=1e-15)
     return back
 
 

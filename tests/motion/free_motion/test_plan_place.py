@@ -17,7 +17,7 @@ from jacokin.errors import InvalidInputError, JacokinError, UnknownNameError
 from jacokin.ik import Box, Scene
 from jacokin.model import Gripper
 from jacokin.model.mujoco_twin import shapes_of_links
-from jacokin.motion import Pick, Place, grasps, plan_motion, plan_pick, plan_place
+from jacokin.motion import Pick, PutDown, grasps, plan_motion, plan_pick, plan_place
 from tests.gripper_arms import load
 from tests.motion.contact_by_mujoco import Referee
 
@@ -59,7 +59,7 @@ def pose_of_object(robot: Robot, held: Scene, q: Array) -> pin.SE3:
     return robot.forward_kinematics(q, frame=held.attached[0].to) * shape.pose
 
 
-def check_place(robot: Robot, start: Array, pick: Pick, place: Place, supports: set[str], distance: float) -> None:
+def check_place(robot: Robot, start: Array, pick: Pick, place: PutDown, supports: set[str], distance: float) -> None:
     """Where each part leads, and that nothing touches on it but the object what it stood on and is put on."""
     assert place.success, place.message
     assert place.lower is not None
@@ -113,7 +113,7 @@ def check_place(robot: Robot, start: Array, pick: Pick, place: Place, supports: 
         assert {pair for pair, far in near.items() if far <= 0.0} == set()
 
 
-def shut_on(robot: Robot, place: Place) -> float:
+def shut_on(robot: Robot, place: PutDown) -> float:
     """The opening [rad], or [m], from which on the fingers touch the object that stands at its place."""
     assert place.lower is not None
     assert place.scene is not None
@@ -242,7 +242,7 @@ def test_seven_joints(name: str, tmp_path: Path) -> None:
 
 
 def test_why_there_is_no_way(robot: Robot, cup: Held) -> None:
-    def place(target: pin.SE3, height: float = 0.1, distance: float = 0.1) -> Place:
+    def place(target: pin.SE3, height: float = 0.1, distance: float = 0.1) -> PutDown:
         found = plan_place(cup.solver, cup.lifted, cup.pick, target, height=height, distance=distance, time_limit=5.0)
         assert not found.success
         assert found.lower is None
