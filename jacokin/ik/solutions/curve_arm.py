@@ -53,7 +53,6 @@ class CurveArm:
         parameter: index among seven angles of the one that is the parameter.
         name: what the parameter is called: a joint's name, or "angle".
         dof: joints of the arm.
-        each_angle_once: whether no joint has several equivalents of an angle within its limits.
     """
 
     __slots__ = (
@@ -64,7 +63,6 @@ class CurveArm:
         "_kind",
         "_limits",
         "dof",
-        "each_angle_once",
         "name",
         "parameter",
     )
@@ -82,7 +80,6 @@ class CurveArm:
         self._kind, self.name, self._chain, self._constants, self.dof = kind, name, chain, constants, robot.dof
         self.parameter = {AFTER: FREE_AXIS, BEFORE: 0, JOINT_3: 2}[kind]
         bounded = robot.upper - robot.lower < TURN  # others have some equivalent of every angle within their limits
-        self.each_angle_once = not (np.isfinite(robot.upper - robot.lower) & ~bounded).any()
         self._limits = np.array([np.full(DIMENSIONS, -np.inf), np.full(DIMENSIONS, np.inf)])
         self._limits[0, : self.dof][bounded] = robot.lower[bounded]
         self._limits[1, : self.dof][bounded] = robot.upper[bounded]
@@ -130,7 +127,7 @@ class CurveArm:
         work, six = calls.solve.work, calls.solve.work.six
         work.chain[:], work.T[:], work.pieces.limits[:] = problem.chain, problem.T, problem.limits
         wrist = len(self._constants) > FORM and self._constants[FORM] == SPHERICAL_WRIST
-        work.options[:] = self.parameter, NO_SLICES if only_starts else self._kind, 2 if wrist else 1
+        work.options[:] = self.parameter, NO_SLICES if only_starts else self._kind, 2 if wrist else 1, self.dof
         work.starts[:], work.near.seed[:] = np.nan, np.nan
         work.starts[: len(starts)] = starts
         if self._kind == JOINT_3:
@@ -225,17 +222,19 @@ class CurveProblem(NamedTuple):
         self.arm._put_back(calls)
         return found
 
-    def nearest(self, starts: Array, seed: Array) -> Array | None:
+    def nearest(self, starts: Array, seed: Array, parameter: float) -> Array | None:
         """The point (7,) within the limits nearest to a seed (dof,) [rad]; None for none.
 
         Args:
             starts: (k, 7) points nearby whose curves are followed too.
             seed: (dof,) [rad].
+            parameter: [rad] of the seed: about a free axis, where the target is turned least from it.
         """
-        calls = self.arm._prepare(self, starts)
+        calls, dof = self.arm._prepare(self, starts), len(seed)
         work = calls.solve.work
-        if self.arm.parameter < len(seed) and self.arm.each_angle_once:
-            work.near.seed[: len(seed)] = seed
+        work.near.bounds[:, :dof], work.near.bounds[:, dof:] = self.arm._bounds, self.limits[:, dof:]
+        work.near.seed[dof:] = parameter
+        work.near.seed[:dof] = seed
         calls.solve()
         work.pieces.ends[work.pieces.size[1] :] = 0
         x = self.arm._nearest(calls.nearest, seed)

@@ -245,7 +245,8 @@ class SetSearch:
     def _nearest(self, members: Members, starts: Array) -> tuple[Array, float] | None:
         """The member (dof,) nearest to the seed and its parameter [rad], on curves beside points (k, 7) too."""
         robot = members.robot
-        x = self._arm.problem(members.target).nearest(starts, members.seed)
+        seed = members.seed
+        x = self._arm.problem(members.target).nearest(starts, seed, members.parameter(seed))
         if x is None:
             return None
         return x[: robot.dof].clip(robot.lower, robot.upper), x.item(self._arm.parameter)
