@@ -93,7 +93,7 @@ def test_the_answer_near_a_seed_is_the_nearest_of_the_whole_set(
     """Only parts of the curves are looked at for it: how large they are depends on how near the seed is."""
     robot = load_arm(name, tmp_path) if name in ARMS else jacokin.load_robot(name)
     if turns:
-        limits = {joint: (-7.0, 6.0) for joint in robot.joint_names[::2]}
+        limits = dict.fromkeys(robot.joint_names[::2], (-7.0, 6.0))
         robot = jacokin.load_robot(robot.source.path or name, limits=limits)
     solver = IKSolver(robot, collision="ignore")
     for number in range(count):
