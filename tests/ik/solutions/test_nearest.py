@@ -105,9 +105,12 @@ def test_the_answer_near_a_seed_is_the_nearest_of_the_whole_set(
         moved = (1e-3, 0.03, 0.3, 1.0)[number % 4] * rng.standard_normal(robot.dof)
         seed = np.clip(q + moved, robot.lower, robot.upper)
         result = solver.solve(target, seed=seed).raise_for_status()
-        nearest = solver.solve_all(target).nearest(seed)
+        found = solver.solve_all(target)
+        nearest = found.nearest(seed)
         assert nearest is not None
-        assert np.linalg.norm(result.q - seed) == pytest.approx(np.linalg.norm(nearest - seed), abs=1e-8)
+        farther = np.linalg.norm(result.q - seed) - np.linalg.norm(nearest - seed)
+        assert farther < 1e-8
+        assert farther > -1e-8 or not found.complete
 
 
 @pytest.mark.parametrize("axis", [(1.0, 0.0, 0.0), (0.3, -0.5, 0.4)])
