@@ -57,7 +57,8 @@ def check(
             yield Finding("wrong", label, f"UNREACHABLE, but reached beyond the limits by q = {own.tolist()}, {target}")
         if result.success:
             nearest = found.nearest(seed)
-            if nearest is not None and abs(_apart(nearest, seed) - _apart(result.q, seed)) > SAME_DISTANCE:
+            farther = 0.0 if nearest is None else _apart(result.q, seed) - _apart(nearest, seed)
+            if farther > SAME_DISTANCE or (found.complete and farther < -SAME_DISTANCE):
                 yield Finding("wrong", label, f"solve and nearest differ for q = {own.tolist()}, seed {seed.tolist()}")
 
 

@@ -16,6 +16,7 @@ from jacokin.ik.geometry import chain_of, measure_seven
 from jacokin.ik.structures import NO_FORM, measure_general, most_freedoms, quick_form, size_of
 from jacokin.ik.targets import TargetPose
 from jacokin.ik.verification import Verifier
+from jacokin.kernels.closed_form.arm import unpack_arm
 from jacokin.kernels.library import Call
 from jacokin.kernels.six_joints.loop import SPHERICAL_WRIST
 from jacokin.kernels.solution_set.nearest import (
@@ -36,8 +37,6 @@ __all__ = ["CIRCLE", "FOLD", "LOST", "CurveArm", "CurveProblem", "Curves"]
 
 #: Index among seven angles of one about a free axis, which comes after six joints; and how many there are.
 FREE_AXIS, DIMENSIONS = 6, 7
-#: Constants of six joints: which structure gives their branches, see `closed_form.arm`.
-FORM = 42
 #: Half a turn about x: an arm turned round turns the same way.
 HALF_TURN = np.diag([1.0, -1.0, -1.0])
 #: An axis of the tool that no structure has, for curves of six joints at a pose.
@@ -53,7 +52,6 @@ class CurveArm:
         parameter: index among seven angles of the one that is the parameter.
         name: what the parameter is called: a joint's name, or "angle".
         dof: joints of the arm.
-        each_angle_once: whether no joint has several equivalents of an angle within its limits.
     """
 
     __slots__ = (
@@ -63,8 +61,8 @@ class CurveArm:
         "_idle",
         "_kind",
         "_limits",
+        "_solutions",
         "dof",
-        "each_angle_once",
         "name",
         "parameter",
     )
@@ -81,8 +79,9 @@ class CurveArm:
         """
         self._kind, self.name, self._chain, self._constants, self.dof = kind, name, chain, constants, robot.dof
         self.parameter = {AFTER: FREE_AXIS, BEFORE: 0, JOINT_3: 2}[kind]
+        wrist = kind != JOINT_3 and unpack_arm(constants).six.form == SPHERICAL_WRIST
+        self._solutions = 2 if wrist else 1  # for each root of the characteristic function
         bounded = robot.upper - robot.lower < TURN  # others have some equivalent of every angle within their limits
-        self.each_angle_once = not (np.isfinite(robot.upper - robot.lower) & ~bounded).any()
         self._limits = np.array([np.full(DIMENSIONS, -np.inf), np.full(DIMENSIONS, np.inf)])
         self._limits[0, : self.dof][bounded] = robot.lower[bounded]
         self._limits[1, : self.dof][bounded] = robot.upper[bounded]
@@ -129,8 +128,7 @@ class CurveArm:
             calls = _Calls(self._nearest_work())
         work, six = calls.solve.work, calls.solve.work.six
         work.chain[:], work.T[:], work.pieces.limits[:] = problem.chain, problem.T, problem.limits
-        wrist = len(self._constants) > FORM and self._constants[FORM] == SPHERICAL_WRIST
-        work.options[:] = self.parameter, NO_SLICES if only_starts else self._kind, 2 if wrist else 1
+        work.options[:] = self.parameter, NO_SLICES if only_starts else self._kind, self._solutions, self.dof
         work.starts[:], work.near.seed[:] = np.nan, np.nan
         work.starts[: len(starts)] = starts
         if self._kind == JOINT_3:
@@ -225,17 +223,19 @@ class CurveProblem(NamedTuple):
         self.arm._put_back(calls)
         return found
 
-    def nearest(self, starts: Array, seed: Array) -> Array | None:
+    def nearest(self, starts: Array, seed: Array, parameter: float) -> Array | None:
         """The point (7,) within the limits nearest to a seed (dof,) [rad]; None for none.
 
         Args:
             starts: (k, 7) points nearby whose curves are followed too.
             seed: (dof,) [rad].
+            parameter: [rad] of the seed: about a free axis, where the target is turned least from it.
         """
-        calls = self.arm._prepare(self, starts)
+        calls, dof = self.arm._prepare(self, starts), len(seed)
         work = calls.solve.work
-        if self.arm.parameter < len(seed) and self.arm.each_angle_once:
-            work.near.seed[: len(seed)] = seed
+        work.near.bounds[:, :dof], work.near.bounds[:, dof:] = self.arm._bounds, self.limits[:, dof:]
+        work.near.seed[dof:] = parameter
+        work.near.seed[:dof] = seed
         calls.solve()
         work.pieces.ends[work.pieces.size[1] :] = 0
         x = self.arm._nearest(calls.nearest, seed)

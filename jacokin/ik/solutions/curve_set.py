@@ -18,7 +18,14 @@ from jacokin.ik import preferences
 from jacokin.ik.preferences import Cost, Prefer, by_distance, by_margin
 from jacokin.ik.solutions import picture
 from jacokin.ik.solutions.least import least_member
-from jacokin.ik.solutions.members import GUESS_SPACING, CurveTrack, LostMemberError, Members, polylines
+from jacokin.ik.solutions.members import (
+    GUESS_SPACING,
+    CurveTrack,
+    LostMemberError,
+    Members,
+    places_along,
+    polylines,
+)
 from jacokin.ik.solutions.solution_set import Interval, IntervalEnd, SolutionSet, Touching
 from jacokin.model import angles, checks
 from jacokin.model.angles import SNAP, TURN
@@ -104,10 +111,7 @@ class TrackInterval(Interval):
     def walk(self, step: float) -> tuple[Array, Array]:
         """Values of the parameter (n,) and configurations (n, dof), neighbours at most a step apart [rad]."""
         p, rows = self._track.polyline()
-        counts = np.maximum(1, np.ceil(np.linalg.norm(np.diff(rows, axis=0), axis=1) / step).astype(np.intp))
-        chord = np.repeat(np.arange(len(counts)), counts)
-        within = np.arange(len(chord)) - np.repeat(np.cumsum(counts) - counts, counts)
-        places = np.append(chord + within / counts[chord], len(counts))
+        places = np.append(places_along(np.linalg.norm(np.diff(rows, axis=0), axis=1), step), len(rows) - 1.0)
         nodes = np.arange(len(p))
         return np.interp(places, nodes, p), np.column_stack([np.interp(places, nodes, each) for each in rows.T])
 

@@ -43,7 +43,7 @@ def least_member(members: Members, tracks: Sequence[CurveTrack], cost: Cost, see
 
     def look(place: _Basin) -> tuple[float, float]:
         def exact(coordinate: float) -> Array:
-            return members.on_limits(place.track.point(coordinate)[1] + TURN * place.turns)
+            return members.on_limits(place.track.configuration(coordinate) + TURN * place.turns)
 
         return refine(lambda rows: _cost_or_inf(cost, rows), place.coordinates, place.guess, exact)
 

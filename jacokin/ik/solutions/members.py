@@ -72,13 +72,8 @@ class CurveTrack:
 
     def guesses(self) -> tuple[Array, Array]:
         """Coordinates (m,) in order, and configurations there (m, dof) to about 1e-4 rad; ends and nodes exactly."""
-        nodes = self.nodes
-        lengths = np.linalg.norm(np.diff(nodes[:, :DIMENSIONS], axis=0), axis=1)
-        counts = np.maximum(1, np.ceil(lengths / GUESS_SPACING).astype(int))
-        chord = np.repeat(np.arange(len(counts)), counts)
-        within = np.arange(len(chord)) - np.repeat(np.cumsum(counts) - counts, counts)
-        coordinates = np.append(chord + within / counts[chord], float(len(counts)))
-        return coordinates, self._joints(self._between(coordinates))
+        places, points = _spread([self])
+        return places, self._joints(points)
 
     def polyline(self) -> tuple[Array, Array]:
         """Values of the parameter (m,) in order, and configurations there (m, dof), as exact as those of `guesses`."""
@@ -86,17 +81,13 @@ class CurveTrack:
 
     def point(self, coordinate: float) -> tuple[float, Array]:
         """Parameter and configuration (dof,) at a coordinate, exactly."""
-        x = self._between(np.array([coordinate]))[0]
+        (x,) = _points_at(self.nodes, np.array([coordinate]))
         p = min(max(x.item(self._problem.arm.parameter) + self._turns, self.start), self.stop)
         return p, self.at(p) if self.stop > self.start else self._joints(x)
 
-    def _between(self, coordinates: Array) -> Array:
-        """Points (m, 7) at coordinates (m,), by the cubics between the nodes."""
-        nodes = self.nodes
-        if len(nodes) == 1:
-            return np.repeat(nodes[:, :DIMENSIONS], len(coordinates), axis=0)
-        chord = np.clip(np.floor(coordinates).astype(np.intp), 0, len(nodes) - 2)
-        return _cubics(nodes[chord], nodes[chord + 1], coordinates - chord)
+    def configuration(self, coordinate: float) -> Array:
+        """The configuration (dof,) at a coordinate, exactly."""
+        return self.point(coordinate)[1]
 
     def _joints(self, x: Array) -> Array:
         """(..., dof) of points (..., 7)."""
@@ -108,25 +99,38 @@ def polylines(tracks: Sequence[CurveTrack]) -> tuple[Array, Array, NDArray[np.in
 
     As exact as those of `CurveTrack.guesses`. And where each begins, with the end of the last (tracks + 1,).
     """
-    nodes = np.concatenate([track.nodes for track in tracks])
+    places, points = _spread(tracks)
     ends = np.cumsum([len(track.nodes) for track in tracks])
-    lengths = np.linalg.norm(np.diff(nodes[:, :DIMENSIONS], axis=0, append=nodes[-1:, :DIMENSIONS]), axis=1)
-    counts = np.maximum(1, np.ceil(lengths / GUESS_SPACING).astype(np.intp))
-    counts[ends - 1] = 1  # no chord begins there
-    behind = np.cumsum(counts)
-    node = np.repeat(np.arange(len(nodes)), counts)
-    part = (np.arange(len(node)) - (behind - counts)[node]) / counts[node]
-    points = _cubics(nodes[node], nodes[np.minimum(node + 1, len(nodes) - 1)], part)
-    begins, arm = np.append(0, behind[ends - 1]), tracks[0]._problem.arm
+    begins, arm = np.append(0, np.searchsorted(places, ends)), tracks[0]._problem.arm
     p = points[:, arm.parameter].copy()
     for track, start, end in zip(tracks, begins[:-1].tolist(), begins[1:].tolist(), strict=True):
         p[start:end] = np.clip(np.maximum.accumulate(p[start:end]) + track._turns, track.start, track.stop)
     return p, points[:, : arm.dof], begins
 
 
-def _cubics(a: Array, b: Array, part: Array) -> Array:
-    """Points (m, 7) of chords between nodes (m, 14), so much of which (m,) is behind."""
-    u = part[:, np.newaxis]
+def places_along(lengths: Array, spacing: float) -> Array:
+    """Places (m,) at most a spacing apart along chords of lengths (n,): the number of a chord and a share of it, added.
+
+    Without the end of the last one.
+    """
+    counts = np.maximum(1, np.ceil(lengths / spacing).astype(np.intp))
+    chord = np.repeat(np.arange(len(counts)), counts)
+    return np.asarray(chord + (np.arange(len(chord)) - (np.cumsum(counts) - counts)[chord]) / counts[chord])
+
+
+def _spread(tracks: Sequence[CurveTrack]) -> tuple[Array, Array]:
+    """Places (m,) along the nodes of all tracks, and points there (m, 7), by the cubics between the nodes."""
+    nodes = np.concatenate([track.nodes for track in tracks])
+    lengths = np.linalg.norm(np.diff(nodes[:, :DIMENSIONS], axis=0, append=nodes[-1:, :DIMENSIONS]), axis=1)
+    lengths[np.cumsum([len(track.nodes) for track in tracks]) - 1] = 0.0  # no chord begins there
+    places = places_along(lengths, GUESS_SPACING)
+    return places, _points_at(nodes, places)
+
+
+def _points_at(nodes: Array, places: Array) -> Array:
+    """Points (m, 7) at places (m,) along nodes (n, 14), by the cubics between these."""
+    node = places.astype(np.intp)
+    a, b, u = nodes[node], nodes[np.minimum(node + 1, len(nodes) - 1)], (places - node)[:, np.newaxis]
     v, length = 1.0 - u, np.linalg.norm(b[:, :DIMENSIONS] - a[:, :DIMENSIONS], axis=1)[:, np.newaxis]
     return np.asarray(
         (1.0 + 2.0 * u) * v * v * a[:, :DIMENSIONS]

@@ -245,7 +245,8 @@ class SetSearch:
     def _nearest(self, members: Members, starts: Array) -> tuple[Array, float] | None:
         """The member (dof,) nearest to the seed and its parameter [rad], on curves beside points (k, 7) too."""
         robot = members.robot
-        x = self._arm.problem(members.target).nearest(starts, members.seed)
+        seed = members.seed
+        x = self._arm.problem(members.target).nearest(starts, seed, members.parameter(seed))
         if x is None:
             return None
         return x[: robot.dof].clip(robot.lower, robot.upper), x.item(self._arm.parameter)
@@ -327,7 +328,7 @@ def _find_least_excess(tracks: Sequence[CurveTrack], robot: Robot) -> LimitExces
     best: tuple[float, float, Array] | None = None
     for track in tracks:
         coordinates, rows = track.guesses()
-        coordinate = least(lambda rows: excess(rows).max(axis=1), coordinates, rows, _exact(track))
+        coordinate = least(lambda rows: excess(rows).max(axis=1), coordinates, rows, track.configuration)
         p, q = track.point(coordinate)
         worst = float(excess(q).max())
         if best is None or worst < best[0]:
@@ -336,11 +337,6 @@ def _find_least_excess(tracks: Sequence[CurveTrack], robot: Robot) -> LimitExces
         return None
     _, parameter, q = best
     return LimitExcess(angles.into_limits(q, robot.lower, robot.upper), excess(q), parameter)
-
-
-def _exact(track: CurveTrack) -> Callable[[float], Array]:
-    """The configuration (dof,) at a coordinate of a track."""
-    return lambda coordinate: track.point(coordinate)[1]
 
 
 def _end(code: int, robot: Robot) -> IntervalEnd:

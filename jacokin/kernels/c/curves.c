@@ -150,12 +150,13 @@ static int find_pieces(const problem *of, const double *start, int *complete) {
     set[SET_options].integers[0] = parameter_of(solver);
     set[SET_options].integers[1] = solver->kind;
     set[SET_options].integers[2] = solver->kind != JACOKIN_JOINT_3 && solver->constants[FORM] == SPHERICAL_WRIST ? 2 : 1;
-    /* Solutions as near to a seed as the nearest one are enough where the parameter is a joint, and no joint has several
-     * equivalents of an angle within its limits. */
-    int near = start != NULL && parameter_of(solver) < solver->dof;
-    for (int j = 0; j < solver->dof; j++)
-        near = near && (solver->upper[j] - solver->lower[j] < TURN || solver->upper[j] - solver->lower[j] == INFINITY);
-    for (int j = 0; j < 7; j++) set[SET_near_seed].numbers[j] = near ? start[j] : NAN;
+    set[SET_options].integers[3] = solver->dof;
+    for (int j = 0; j < 7; j++) { /* solutions as near to a seed as the nearest one are enough */
+        int joint = j < solver->dof;
+        set[SET_near_seed].numbers[j] = start != NULL ? start[j] : NAN;
+        set[SET_near_bounds].numbers[j] = joint ? solver->lower[j] : of->closed ? -INFINITY : of->range[0];
+        set[SET_near_bounds].numbers[7 + j] = joint ? solver->upper[j] : of->closed ? INFINITY : of->range[1];
+    }
     set[SET_starts_length].length = start != NULL;
     if (start != NULL) memcpy(set[SET_starts].numbers, start, 7 * sizeof(double));
     if (solver->kind == JACOKIN_JOINT_3) {

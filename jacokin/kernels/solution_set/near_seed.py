@@ -15,11 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.kernels.limits import TURN
+from jacokin.kernels.limits import TURN, copy_within_limits
 from jacokin.kernels.solution_set.curve import LEAST_COSINE, LONGEST_STEP, RESOLUTION, Walk, tangent, wrapped
 from jacokin.kernels.solution_set.seven_joints import MOST_AT_Q3, solve_at_q3, solve_rows_at_q3
 from jacokin.kernels.solution_set.slices import SevenJoints
 from jacokin.kernels.solution_set.trace import LOST, Loops, add_node, enter_run
+from jacokin.kernels.solution_set.within import SNAP
 
 #: [rad] longest interval of joint 3 to begin with, and places there is room for.
 COARSE, PLACES = 1.0, 160
@@ -38,6 +39,7 @@ class NearSeed(NamedTuple):
     """What the search needs."""
 
     seed: Array  # (7,) where only solutions as near to it as the nearest one are wanted; NaN for all of them [rad]
+    bounds: Array  # (2, 7) lower and upper limits of all angles, also of those with several equivalents within [rad]
     best: Array  # (1,) least distance of a configuration within the limits so far [rad]
     halved: NDArray[np.int64]  # (1,) how many intervals were
     angles: Array  # (PLACES,) along arcs: both ends of intervals, and their middles [rad]
@@ -57,6 +59,7 @@ def make_near_seed() -> NearSeed:
     """Fresh arrays, without a seed."""
     return NearSeed(
         np.full(7, np.nan),
+        np.array([np.full(7, -np.inf), np.full(7, np.inf)]),
         np.zeros(1),
         np.zeros(1, np.int64),
         np.zeros(PLACES),
@@ -82,7 +85,7 @@ def add_chords(
     """
     near.best[0], near.halved[0], size = math.inf, 0, 0
     for n in range(max(count, 1)):
-        size = place_arc(chain, T, limits, seven, arc_of(seven.folds, count, n), near, size)
+        size = place_arc(chain, T, seven, arc_of(seven.folds, count, n), near, size)
         if size < 0:
             return False
     size = 0
@@ -118,7 +121,7 @@ def joint_3(arc: Arc, angle: float) -> float:
     return arc.middle - arc.half * math.cos(angle)
 
 
-def place_arc(chain: Array, T: Array, limits: Array, seven: SevenJoints, arc: Arc, near: NearSeed, size: int) -> int:
+def place_arc(chain: Array, T: Array, seven: SevenJoints, arc: Arc, near: NearSeed, size: int) -> int:
     """Append the rows at ends and middles of the intervals of an arc; the next place, -1 where that is not known."""
     parts = 2 * parts_of(arc)
     if size + parts + 1 > PLACES:
@@ -142,24 +145,22 @@ def place_arc(chain: Array, T: Array, limits: Array, seven: SevenJoints, arc: Ar
             if not 0.0 < aside < BESIDE_FOLD:
                 return -1
         for row in range(MOST_AT_Q3):
-            offer_row(near.places[i, row], limits, near)
+            offer_row(near.places[i, row], 7, near)
     return size + parts + 1
 
 
-def offer_row(x: Array, limits: Array, near: NearSeed) -> None:
-    """Take a configuration for the best so far if it is nearer, and within the limits; NaN for none."""
+def offer_row(x: Array, joints: int, near: NearSeed) -> None:
+    """Take a configuration within the limits for the best so far if it is nearer, by so many joints; NaN for none."""
     if math.isnan(x[0]):
         return
     square = 0.0
     for j in range(7):
-        d = wrapped(x[j] - near.seed[j])
-        if limits[0, j] > -math.inf:
-            middle = 0.5 * (limits[0, j] + limits[1, j])
-            d = wrapped(x[j] - middle)
-            if abs(d) > limits[1, j] - middle:
-                return
-            d += middle - near.seed[j]
-        square += d * d
+        low, high = near.bounds[0, j], near.bounds[1, j]
+        angle = copy_within_limits(x[j], near.seed[j], low, high, SNAP)
+        if not low <= angle <= high:
+            return
+        if j < joints:
+            square += (angle - near.seed[j]) * (angle - near.seed[j])
     if square < near.best[0] * near.best[0]:
         near.best[0] = math.sqrt(square)
 
@@ -194,7 +195,7 @@ def search_interval(
             near.halved[0] += 1
             if top + 1 == WAITING or near.halved[0] > MOST_HALVED or math.isnan(x[0]):
                 return False
-            offer_row(x, limits, near)
+            offer_row(x, 7, near)
             halve(near, top, angle, x)
             top += 1
     return True

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.kernels.limits import TURN
+from jacokin.kernels.limits import TURN, copy_within_limits
 from jacokin.kernels.solution_set.curve import (
     COLUMNS,
     MOST_HALVED,
@@ -134,17 +134,7 @@ def find_nearest(work: NearestWork) -> int:
 
 def equivalent(work: NearestWork, angle: float, j: int) -> float:
     """The 2 pi equivalent of an angle that is nearest to the seed within the limits, or nearest to them."""
-    low, high = work.limits[0, j], work.limits[1, j]
-    found = angle + TURN * math.floor((work.seed[j] - angle) / TURN + 0.5)
-    if found > high:
-        found -= TURN * math.ceil((found - high - SNAP) / TURN)
-        if found < low - SNAP and low - found > found + TURN - high:
-            found += TURN
-    elif found < low:
-        found += TURN * math.ceil((low - found - SNAP) / TURN)
-        if found > high + SNAP and found - high > low - found + TURN:
-            found -= TURN
-    return float(found)
+    return copy_within_limits(angle, work.seed[j], work.limits[0, j], work.limits[1, j], SNAP)
 
 
 def distance(work: NearestWork, x: Array) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.kernels.chain import Newton, linearise7, make_newton, solve_normal
+from jacokin.kernels.chain import Newton, fill_system, linearise7, make_newton, solve_normal
 from jacokin.kernels.limits import TURN
 from jacokin.kernels.solution_set.curve import (
     LARGEST_RESIDUAL,
@@ -71,7 +71,7 @@ class SetWork(NamedTuple):
 
     chain: Array  # (8, 3, 4) placements between seven joints that turn about z
     T: Array  # (4, 4) target
-    options: NDArray[np.int64]  # (3,) index of the parameter, kind of `slices`, solutions for each root of F
+    options: NDArray[np.int64]  # (4,) index of the parameter, kind of `slices`, solutions for each root of F, joints
     starts: Array  # (n, 7) points near curves that are followed too, NaN for none [rad]
     six: SixJoints
     seven: SevenJoints
@@ -90,7 +90,7 @@ def make_set_work() -> SetWork:
     return SetWork(
         np.zeros((8, 3, 4)),
         np.eye(4),
-        np.zeros(3, np.int64),
+        np.zeros(4, np.int64),
         np.empty((0, 7)),
         make_six_joints(),
         make_seven_joints(MOST_FOLDS),
@@ -150,22 +150,38 @@ def fit_window(work: SetWork, whole: bool) -> None:
 
     All round where joint 3 is the parameter: there chords are found without following curves.
     """
-    parameter, kind, window, seed = int(work.options[0]), int(work.options[1]), work.loops.window, work.near.seed
+    parameter, kind, joints = int(work.options[0]), int(work.options[1]), int(work.options[3])
+    window, near, slices = work.loops.window, work.near, work.slices
     window[0], window[1] = 0.0, math.inf
-    if math.isnan(seed[parameter]) or kind == JOINT_3:
+    if math.isnan(near.seed[parameter]) or kind == JOINT_3:
         return
-    window[0], slices, limits, best = seed[parameter], work.slices, work.pieces.limits, work.near.best
-    best[0] = math.inf
+    window[0], near.best[0] = near.seed[parameter], math.inf
     for j in range(7):
-        work.walk.z[j] = seed[j]
+        work.walk.z[j] = near.seed[j]
+    _, _, cosine = fill_system(7, work.chain, work.T, work.walk.z, work.walk.system)
     if descend(work.chain, work.T, work.newton, work.walk) <= LARGEST_RESIDUAL:
         add_start(slices, work.walk.z)  # first: there may be no room for the curves of all others
     add_slice(work.chain, work.T, kind, window[0], slices, work.six, work.seven)
     for i in range(slices.size[0]):
         for k in range(slices.counts[i]):
-            offer_row(slices.x[i, k], limits, work.near)
-    if not whole and best[0] + BEYOND <= WIDEST:
-        window[1] = best[0] + BEYOND
+            offer_row(slices.x[i, k], joints, near)
+    if not whole:
+        window[1] = half_width(near.best[0] + BEYOND, joints, cosine)
+
+
+def half_width(distance: float, joints: int, cosine: float) -> float:
+    """How far from the seed's the parameter of a solution at a distance from it may be [rad]; inf for all round.
+
+    A free axis is none of the joints: those turn the tool by no more than the sum of what they move, and its angle that
+    is nearest to the seed's tool leaves one out, of which the cosine is given.
+    """
+    width = distance
+    if joints == 6:
+        turned = math.sqrt(6.0) * distance
+        if turned >= math.pi:
+            return math.inf
+        width = 2.0 * math.acos(min(math.cos(0.5 * turned) / math.sqrt(0.5 * (1.0 + cosine)), 1.0))
+    return width if width <= WIDEST else math.inf
 
 
 def is_in_window(window: Array, p: float) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from jacokin import FreeAxis, IKSolver, Robot
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.model.angles import TURN
+from tests.seven_joint_arms import ARMS, load_arm
 
 SCANNED = 4000
 #: [rad] the nearest point of such a scan is this near to the nearest of all, or nearer, unless it is at an end.
@@ -80,6 +82,35 @@ def test_no_solution_of_any_structure_is_farther_than_the_one_beside_the_seed(
         seed = np.clip(q + (0.01, 0.05, 0.3)[number % 3] * rng.standard_normal(7), robot.lower, robot.upper)
         found = solver.solve(robot.forward_kinematics(q), seed=seed).raise_for_status()
         assert np.linalg.norm(found.q - seed) <= np.linalg.norm(q - seed) + 1e-6
+
+
+@pytest.mark.parametrize("count", [12, pytest.param(100, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("turns", [False, True], ids=["own limits", "joints of two turns"])
+@pytest.mark.parametrize("name", ["j2n6s300", "gen3_lite", "gen3", "panda", "xarm7"])
+def test_the_answer_near_a_seed_is_the_nearest_of_the_whole_set(
+    name: str, turns: bool, count: int, tmp_path: Path, rng: np.random.Generator
+) -> None:
+    """Only parts of the curves are looked at for it: how large they are depends on how near the seed is."""
+    robot = load_arm(name, tmp_path) if name in ARMS else jacokin.load_robot(name)
+    if turns:
+        limits = dict.fromkeys(robot.joint_names[::2], (-7.0, 6.0))
+        robot = jacokin.load_robot(robot.source.path or name, limits=limits)
+    solver = IKSolver(robot, collision="ignore")
+    for number in range(count):
+        q = robot.sample(rng)
+        target = T = robot.forward_kinematics(q)
+        if robot.dof == 6:
+            free = ((-math.pi, math.pi), (-0.2, 0.3))[number % 2]
+            target = FreeAxis(T, axis=rng.normal(size=3), range=free)
+        moved = (1e-3, 0.03, 0.3, 1.0)[number % 4] * rng.standard_normal(robot.dof)
+        seed = np.clip(q + moved, robot.lower, robot.upper)
+        result = solver.solve(target, seed=seed).raise_for_status()
+        found = solver.solve_all(target)
+        nearest = found.nearest(seed)
+        assert nearest is not None
+        farther = np.linalg.norm(result.q - seed) - np.linalg.norm(nearest - seed)
+        assert farther < 1e-8
+        assert farther > -1e-8 or not found.complete
 
 
 @pytest.mark.parametrize("axis", [(1.0, 0.0, 0.0), (0.3, -0.5, 0.4)])

@@ -49,7 +49,7 @@ def test_the_nearest_configuration_is_beside_a_chord(robot: Robot, rng: np.rando
     while not single or (count > 0) != folded:
         T = robot.forward_kinematics(robot.sample(rng)).homogeneous
         count, single = find_folds(chain, seven.arm, T, make_roots(), seven.folds)
-    near.seed[:] = robot.sample(rng)
+    near.seed[:], near.bounds[:] = robot.sample(rng), limits
     loops = make_loops()
     assert add_chords(chain, T, limits, seven, count, near, loops, make_walk())
     nearest = scan(robot, chain, seven.arm, T, near.seed)
