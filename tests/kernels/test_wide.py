@@ -54,7 +54,7 @@ def test_wider_vectors_give_the_same_bits(name: str, rng: np.random.Generator) -
 
 
 def test_the_one_for_this_processor_is_called() -> None:
-    """Through what chooses."""
-    called = library.load().function("solve_targets")
-    assert called.__name__ == "jacokin_solve_targets_chosen"
+    wide = "_avx2" if FUNCTIONS.jacokin_is_wide() else ""
+    assert library.load().function("solve_targets").__name__ == f"jacokin_solve_targets{wide}"
+    assert library.load().function("run_free_motion").__name__ == f"jacokin_run_free_motion{wide}"
     assert library.load().function("run_contact").__name__ == "jacokin_run_contact"

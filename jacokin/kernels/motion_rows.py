@@ -1,0 +1,129 @@
+"""Rows of a motion, one for each tick: taken from a timed course, averaged, and what happens between two of them.
+
+See `motion.blending` for what a timed course is, and `motion.rows` for why rows are averaged.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jacokin.arrays import Array
+
+
+class SampleWork(NamedTuple):
+    """What is read and written to take configurations from a course."""
+
+    span: Array  # (1,) they are taken in equal steps from time 0 to this one [s]
+    t: Array  # (places,) when each place of the course is passed [s]
+    s: Array  # (places,)
+    speed: Array  # (places,) ds/dt there
+    piece: NDArray[np.int64]  # (places,) the number of the line or parabola that begins there, or goes on
+    begins: Array  # (pieces + 1,) where each begins
+    at: Array  # (pieces dof,) configuration there [rad]
+    slope: Array  # (pieces dof,) dq/ds there
+    bend: Array  # (pieces dof,) d2q/ds2
+    q: Array  # (rows dof,) filled in [rad]
+
+
+def make_sample_work() -> SampleWork:
+    """Arrays of any length."""
+    return SampleWork(np.empty(1), *np.empty((3, 0)), np.empty(0, np.int64), *np.empty((5, 0)))
+
+
+def sample_course(work: SampleWork) -> int:
+    """Fill in the configurations; returns how many there are."""
+    dof = len(work.at) // (len(work.begins) - 1)
+    count, i, last = len(work.q) // dof, 0, len(work.t) - 2
+    for row in range(count):
+        time = row * (work.span[0] / (count - 1)) if row < count - 1 else work.span[0]
+        while i < last and work.t[i + 1] <= time:
+            i += 1
+        gone = time - work.t[i]
+        pull = (work.speed[i + 1] - work.speed[i]) / (work.t[i + 1] - work.t[i])
+        place = work.s[i] + gone * (work.speed[i] + 0.5 * gone * pull)
+        on = min(max(place, work.s[i]), work.s[i + 1]) - work.begins[work.piece[i]]
+        for j in range(dof):
+            k = work.piece[i] * dof + j
+            work.q[row * dof + j] = work.at[k] + on * (work.slope[k] + 0.5 * on * work.bend[k])
+    return count
+
+
+class AverageWork(NamedTuple):
+    """What is read and written to average rows."""
+
+    ticks: NDArray[np.int64]  # (1,) over how many
+    dt: Array  # (1,) [s]
+    taken: Array  # (n dof,) configurations `dt` apart [rad]
+    low: Array  # (dof,) filled in with the lowest of them [rad]
+    high: Array  # (dof,) the highest
+    q: Array  # (m dof,) filled in for the n + ticks + 1 rows of the motion [rad]
+    v: Array  # (m dof,) [rad/s]
+    a: Array  # (m dof,) [rad/s^2]
+
+
+def make_average_work() -> AverageWork:
+    """Arrays of any length."""
+    return AverageWork(np.zeros(1, np.int64), np.empty(1), *np.empty((6, 0)))
+
+
+def average_rows(work: AverageWork) -> int:
+    """Fill in the rows of the cubic B-spline whose control points are averages; returns how many there are.
+
+    The motion stands still before and after, and passes no angle that no configuration passes.
+    """
+    ticks, dt, taken = work.ticks[0], work.dt[0], work.taken
+    dof = len(work.low)
+    last, rows = len(taken) // dof - 1, len(work.q) // dof
+    for j in range(dof):
+        low, high = taken[j], taken[j]
+        for row in range(1, last + 1):
+            low, high = min(low, taken[row * dof + j]), max(high, taken[row * dof + j])
+        work.low[j], work.high[j] = low, high
+        point, step = taken[j], 0.0
+        for row in range(rows):
+            # From this average to the next one.
+            after, before = min(max(row, 0), last), min(max(row - ticks, 0), last)
+            ahead = (taken[after * dof + j] - taken[before * dof + j]) / ticks
+            change, k = ahead - step, row * dof + j
+            work.q[k] = min(max(point + change / 6.0, low), high)
+            work.v[k] = 0.5 * (step + ahead) / dt
+            work.a[k] = change / (dt * dt)
+            point, step = point + ahead, ahead
+        work.q[j], work.q[(rows - 1) * dof + j] = taken[j], taken[last * dof + j]
+    return int(rows)
+
+
+class BetweenWork(NamedTuple):
+    """What is read and written to know how far rows are left between each other."""
+
+    dt: Array  # (1,) [s]
+    q: Array  # (n dof,) [rad]
+    a: Array  # (n dof,) accelerations that change steadily from row to row [rad/s^2]
+    lower: Array  # (dof,) limits [rad]
+    upper: Array  # (dof,)
+    levers: Array  # (dof,) how far a point can be from a joint's axis at most [m]
+    reach: Array  # (n - 1,) filled in: how far any point leaves its way along the straight motion, at most [m]
+
+
+def make_between_work() -> BetweenWork:
+    """Arrays of any length."""
+    return BetweenWork(np.empty(1), *np.empty((6, 0)))
+
+
+def look_between(work: BetweenWork) -> int:
+    """Fill in the reach of each step; returns 1 if a joint could be beyond a limit on one of them."""
+    dof, beyond = len(work.lower), 0
+    for row in range(len(work.reach)):
+        reach = 0.0
+        for j in range(dof):
+            k, then = row * dof + j, row * dof + dof + j
+            bulge = 0.125 * work.dt[0] * work.dt[0] * max(abs(work.a[k]), abs(work.a[then]))
+            reach += bulge * work.levers[j]
+            least, most = min(work.q[k], work.q[then]) - bulge, max(work.q[k], work.q[then]) + bulge
+            if least < work.lower[j] or most > work.upper[j]:
+                beyond = 1
+        work.reach[row] = reach
+    return beyond
