@@ -130,18 +130,20 @@ class Library:
         except OSError as error:
             raise JacokinError(f"the compiled kernels {path} do not load here ({error}): {_CURE}") from None
         self.about = found
+        self._known: dict[str, Callable[[ctypes.c_void_p], int]] = {}
 
     def function(self, name: str) -> Callable[[ctypes.c_void_p], int]:
         """A function that takes the address of a table of work arrays; the GIL is released while it runs.
 
         Of a kernel that is there a second time for wider vectors, that one where this processor has them.
         """
-        wide = f"{PREFIX}{name}{WIDE}"
-        use_wide = hasattr(self._functions, wide) and self._functions.jacokin_is_wide()
-        found = self._functions[wide if use_wide else PREFIX + name]
-        found.argtypes, found.restype = [ctypes.c_void_p], ctypes.c_int64
-        function: Callable[[ctypes.c_void_p], int] = found
-        return function
+        if name not in self._known:
+            wide = f"{PREFIX}{name}{WIDE}"
+            use_wide = hasattr(self._functions, wide) and self._functions.jacokin_is_wide()
+            found = self._functions[wide if use_wide else PREFIX + name]
+            found.argtypes, found.restype = [ctypes.c_void_p], ctypes.c_int64
+            self._known[name] = found
+        return self._known[name]
 
 
 @cache

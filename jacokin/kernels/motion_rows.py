@@ -54,19 +54,15 @@ def sample_course(work: SampleWork) -> int:
 class AverageWork(NamedTuple):
     """What is read and written to average rows."""
 
-    ticks: NDArray[np.int64]  # (1,) over how many
+    integers: NDArray[np.int64]  # (2,) over how many ticks, and the joints
     dt: Array  # (1,) [s]
     taken: Array  # (n dof,) configurations `dt` apart [rad]
-    low: Array  # (dof,) filled in with the lowest of them [rad]
-    high: Array  # (dof,) the highest
-    q: Array  # (m dof,) filled in for the n + ticks + 1 rows of the motion [rad]
-    v: Array  # (m dof,) [rad/s]
-    a: Array  # (m dof,) [rad/s^2]
+    rows: Array  # (3 m dof,) filled in for the m = n + ticks + 1 rows: positions, velocities and accelerations
 
 
 def make_average_work() -> AverageWork:
     """Arrays of any length."""
-    return AverageWork(np.zeros(1, np.int64), np.empty(1), *np.empty((6, 0)))
+    return AverageWork(np.zeros(2, np.int64), np.empty(1), *np.empty((2, 0)))
 
 
 def average_rows(work: AverageWork) -> int:
@@ -74,26 +70,24 @@ def average_rows(work: AverageWork) -> int:
 
     The motion stands still before and after, and passes no angle that no configuration passes.
     """
-    ticks, dt, taken = work.ticks[0], work.dt[0], work.taken
-    dof = len(work.low)
-    last, rows = len(taken) // dof - 1, len(work.q) // dof
+    ticks, dof, taken, rows = work.integers[0], work.integers[1], work.taken, work.rows
+    last, size = len(taken) // dof - 1, len(rows) // 3
+    share, half, square = 1.0 / ticks, 0.5 / work.dt[0], 1.0 / (work.dt[0] * work.dt[0])
     for j in range(dof):
         low, high = taken[j], taken[j]
         for row in range(1, last + 1):
             low, high = min(low, taken[row * dof + j]), max(high, taken[row * dof + j])
-        work.low[j], work.high[j] = low, high
         point, step = taken[j], 0.0
-        for row in range(rows):
+        for row in range(size // dof):
             # From this average to the next one.
-            after, before = min(max(row, 0), last), min(max(row - ticks, 0), last)
-            ahead = (taken[after * dof + j] - taken[before * dof + j]) / ticks
+            after, before = min(row, last), min(max(row - ticks, 0), last)
+            ahead = (taken[after * dof + j] - taken[before * dof + j]) * share
             change, k = ahead - step, row * dof + j
-            work.q[k] = min(max(point + change / 6.0, low), high)
-            work.v[k] = 0.5 * (step + ahead) / dt
-            work.a[k] = change / (dt * dt)
+            rows[k] = min(max(point + change * (1.0 / 6.0), low), high)
+            rows[size + k], rows[2 * size + k] = (step + ahead) * half, change * square
             point, step = point + ahead, ahead
-        work.q[j], work.q[(rows - 1) * dof + j] = taken[j], taken[last * dof + j]
-    return int(rows)
+        rows[j], rows[size - dof + j] = taken[j], taken[last * dof + j]
+    return int(size // dof)
 
 
 class BetweenWork(NamedTuple):

@@ -161,14 +161,10 @@ def averaged_rows(taken: Array, dt: float, jerk: Array | None = None) -> tuple[R
         jerk: (dof,) limits [rad/s^3]; None for none.
     """
     ticks = 1 if jerk is None else _ticks_averaged(np.diff(_at_rest(taken, 1), n=2, axis=0), jerk * dt**3)
-    dof = taken.shape[1]
-    q, v, a = np.empty((3, len(taken) + ticks + 1, dof))
-    low, high = np.empty((2, dof))
-    Call(
-        average_rows,
-        AverageWork(np.array([ticks]), np.array([dt]), taken.ravel(), low, high, q.ravel(), v.ravel(), a.ravel()),
-    )()
-    return Rows(dt * np.arange(len(q), dtype=np.float64), q, v, a), ticks
+    rows = np.empty((3, len(taken) + ticks + 1, taken.shape[1]))
+    integers = np.array([ticks, taken.shape[1]])
+    Call(average_rows, AverageWork(integers, np.array([dt]), taken.ravel(), rows.ravel()))()
+    return Rows(dt * np.arange(rows.shape[1], dtype=np.float64), *rows), ticks
 
 
 def controlled_rows(points: Array, steps: Array, dt: float) -> Rows:
