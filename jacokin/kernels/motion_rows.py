@@ -30,7 +30,8 @@ class SampleWork(NamedTuple):
 
 def make_sample_work() -> SampleWork:
     """Arrays of any length."""
-    return SampleWork(np.empty(1), *np.empty((3, 0)), np.empty(0, np.int64), *np.empty((5, 0)))
+    t, s, speed, begins, at, slope, bend, q = np.empty((8, 0))
+    return SampleWork(np.empty(1), t, s, speed, np.empty(0, np.int64), begins, at, slope, bend, q)
 
 
 def sample_course(work: SampleWork) -> int:
@@ -62,7 +63,7 @@ class AverageWork(NamedTuple):
 
 def make_average_work() -> AverageWork:
     """Arrays of any length."""
-    return AverageWork(np.zeros(2, np.int64), np.empty(1), *np.empty((2, 0)))
+    return AverageWork(np.zeros(2, np.int64), np.empty(1), np.empty(0), np.empty(0))
 
 
 def average_rows(work: AverageWork) -> int:
@@ -104,7 +105,8 @@ class BetweenWork(NamedTuple):
 
 def make_between_work() -> BetweenWork:
     """Arrays of any length."""
-    return BetweenWork(np.empty(1), *np.empty((6, 0)))
+    q, a, lower, upper, levers, reach = np.empty((6, 0))
+    return BetweenWork(np.empty(1), q, a, lower, upper, levers, reach)
 
 
 def look_between(work: BetweenWork) -> int:

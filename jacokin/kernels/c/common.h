@@ -70,14 +70,14 @@ int64_t jacokin_solve_set(entry *table);
 int64_t jacokin_find_point(entry *table);
 int64_t jacokin_find_nearest(entry *table);
 
-/* Those of wide.c; Python asks the first, too. */
+/* Those of wide.c, which Python calls, too. */
 #if defined(_WIN32) || defined(__wasm__)
 #define SHOWN
 #else
 #define SHOWN __attribute__((visibility("default")))
 #endif
 SHOWN int jacokin_is_wide(void);
-int64_t jacokin_solve_targets_chosen(entry *table);
+SHOWN int64_t jacokin_solve_targets_chosen(entry *table);
 
 /* A call's memory, laid out by jacokin_lay_out: a table for each kernel. Memory for poses only has that of targets. */
 typedef struct {
