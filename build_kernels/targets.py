@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 
 from jacokin.kernels import library
 
-#: Kernels that are there twice where `Target.wide` is: wider vectors take a seventh to a quarter off their time.
-WIDE_KERNELS = ("solve_targets",)
+#: Kernels that are there twice where `Target.wide` is: wider vectors take a tenth to a quarter off their time.
+WIDE_KERNELS = ("solve_targets", "run_free_motion")
 #: The wider vectors: name in functions and in those of targets, and LLVM's feature.
 AVX2, AVX2_FEATURE = "avx2", "+avx2"
 

@@ -27,8 +27,8 @@ from jacokin.errors import JacokinError
 PATH = Path(__file__).with_name("libjacokin.dylib" if sys.platform == "darwin" else "libjacokin.so")
 #: Begins the names of its functions.
 PREFIX = "jacokin_"
-#: Ends the name of one that chooses, of two forms of a kernel, the one for this processor: see ``c/wide.c``.
-CHOSEN = "_chosen"
+#: Ends the name of the second form of a kernel, for wider vectors: see ``c/wide.c``.
+WIDE = "_avx2"
 #: What a function returns where Python would have raised.
 FAILED = -(2**63)
 #: Begins what the library says about itself, see `about`.
@@ -130,17 +130,20 @@ class Library:
         except OSError as error:
             raise JacokinError(f"the compiled kernels {path} do not load here ({error}): {_CURE}") from None
         self.about = found
+        self._known: dict[str, Callable[[ctypes.c_void_p], int]] = {}
 
     def function(self, name: str) -> Callable[[ctypes.c_void_p], int]:
         """A function that takes the address of a table of work arrays; the GIL is released while it runs.
 
-        Of a kernel that is there for several processors, what chooses the one for this.
+        Of a kernel that is there a second time for wider vectors, that one where this processor has them.
         """
-        chosen = f"{PREFIX}{name}{CHOSEN}"
-        found = self._functions[chosen if hasattr(self._functions, chosen) else PREFIX + name]
-        found.argtypes, found.restype = [ctypes.c_void_p], ctypes.c_int64
-        function: Callable[[ctypes.c_void_p], int] = found
-        return function
+        if name not in self._known:
+            wide = f"{PREFIX}{name}{WIDE}"
+            use_wide = hasattr(self._functions, wide) and self._functions.jacokin_is_wide()
+            found = self._functions[wide if use_wide else PREFIX + name]
+            found.argtypes, found.restype = [ctypes.c_void_p], ctypes.c_int64
+            self._known[name] = found
+        return self._known[name]
 
 
 @cache

@@ -20,6 +20,7 @@ from jacokin.arrays import Array
 from jacokin.kernels.course_times import CourseWork, fit_course_times, make_course_work
 from jacokin.kernels.free_motion.corners import STRAIGHT
 from jacokin.kernels.library import Call
+from jacokin.kernels.motion_rows import SampleWork, sample_course
 
 USED = 1.0 - 1e-9  # of the limits; what remains is for rounding
 FIRST_ROOM, ROOM_KEPT = 32, 1000  # lines and parabolas, for which a thread keeps the memory
@@ -66,21 +67,21 @@ def round_corners(way: Array, velocity: Array, cuts: Array) -> tuple[BlendedCour
     steps = np.diff(way, axis=0)
     lengths = (np.abs(steps) / velocity).max(axis=1)
     slopes = steps / lengths[:, None]
-    cut, stops = cuts.tolist(), [0.0]
-    s, q, slope, bend = [0.0], [], [], []
-    for line in range(len(slopes)):
-        if line and cut[line] > 0.0:
-            q.append(way[line] - cut[line] * slopes[line - 1])
-            slope.append(slopes[line - 1])
-            bend.append((slopes[line] - slopes[line - 1]) / (2.0 * cut[line]))
-            s.append(s[-1] + 2.0 * cut[line])
-        elif line and np.abs((slopes[line] - slopes[line - 1]) / velocity).max() >= STRAIGHT:
-            stops.append(s[-1])
-        q.append(way[line] + cut[line] * slopes[line])
-        slope.append(slopes[line])
-        bend.append(np.zeros_like(slopes[line]))
-        s.append(s[-1] + lengths[line] - cut[line] - cut[line + 1])
-    return BlendedCourse(np.array(s), np.array(q), np.array(slope), np.array(bend)), np.array([*stops, s[-1]])
+    change, corner, cut = np.diff(slopes, axis=0), cuts[1:-1, None], cuts[1:-1] > 0.0
+    # Lines, and between them parabolas, which are left out where nothing is cut off.
+    pieces = np.zeros((3, 2 * len(steps) - 1, way.shape[1]))
+    q, slope, bend = pieces
+    q[::2], q[1::2] = way[:-1] + cuts[:-1, None] * slopes, way[1:-1] - corner * slopes[:-1]
+    slope[::2], slope[1::2] = slopes, slopes[:-1]
+    bend[1::2] = change / np.where(cut[:, None], 2.0 * corner, 1.0)
+    s = np.zeros(2 * len(steps))
+    s[1::2], s[2::2] = lengths - cuts[:-1] - cuts[1:], 2.0 * cuts[1:-1]
+    s = np.cumsum(s)
+    stops = s[2:-1:2][~cut & ((np.abs(change) / velocity).max(axis=1, initial=0.0) >= STRAIGHT)]
+    kept = np.ones(2 * len(steps), dtype=bool)
+    kept[1:-1:2] = cut
+    q, slope, bend = pieces[:, kept[:-1]]
+    return BlendedCourse(s[kept], q, slope, bend), np.concatenate([s[:1], stops, s[-1:]])
 
 
 def straightened(way: Array, cuts: Array, velocity: Array) -> tuple[Array, Array]:
@@ -119,30 +120,25 @@ class TimedCourse:
 
     def at(self, t: Array) -> tuple[Array, Array, Array]:
         """Configurations (m, dof) [rad], velocities [rad/s] and accelerations [rad/s^2] at times (m,) [s]."""
-        i, gone, pull, on, piece = self._places(t)
+        i = np.clip(np.searchsorted(self.t, t, side="right") - 1, 0, len(self.t) - 2)
+        gone = t - self.t[i]
+        pull = (np.diff(self.speed) / np.diff(self.t))[i]
+        place = np.clip(self.s[i] + gone * (self.speed[i] + 0.5 * gone * pull), self.s[i], self.s[i + 1])
+        piece = self.piece[i]
+        on = (place - self.course.s[piece])[:, None]
         speed = np.clip(self.speed[i] + gone * pull, 0.0, None)[:, None]
         slope, bend = self.course.slope[piece], self.course.bend[piece]
         here = slope + on * bend
         q = self.course.q[piece] + on * (slope + 0.5 * on * bend)
         return q, here * speed, here * pull[:, None] + bend * speed**2
 
-    def q_at(self, t: Array) -> Array:
-        """Configurations (m, dof) [rad] at times (m,) [s]."""
-        _, _, _, on, piece = self._places(t)
-        course = self.course
-        return np.asarray(course.q[piece] + on * (course.slope[piece] + 0.5 * on * course.bend[piece]))
-
-    def _places(self, t: Array) -> tuple[NDArray[np.intp], Array, Array, Array, NDArray[np.int64]]:
-        """At times (m,) [s]: the interval of the grid, the time since its beginning, the acceleration of the place.
-
-        And how far it is (m, 1) on its line or parabola, and which that is.
-        """
-        i = np.clip(np.searchsorted(self.t, t, side="right") - 1, 0, len(self.t) - 2)
-        gone = t - self.t[i]
-        pull = (np.diff(self.speed) / np.diff(self.t))[i]
-        place = np.clip(self.s[i] + gone * (self.speed[i] + 0.5 * gone * pull), self.s[i], self.s[i + 1])
-        piece = self.piece[i]
-        return i, gone, pull, (place - self.course.s[piece])[:, None], piece
+    def sampled(self, steps: int) -> Array:
+        """Configurations (steps + 1, dof) [rad] at equal steps of time from start to end."""
+        course, q = self.course, np.empty((steps + 1, self.course.q.shape[1]))
+        shape = (course.s, course.q.ravel(), course.slope.ravel(), course.bend.ravel())
+        work = SampleWork(self.t[-1:].copy(), self.t, self.s, self.speed, self.piece, *shape, q.ravel())
+        Call(sample_course, work)()
+        return q
 
 
 def fit_time(

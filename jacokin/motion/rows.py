@@ -17,6 +17,8 @@ from scipy.linalg import solve_banded
 
 from jacokin.arrays import Array
 from jacokin.ik.seeds import ON_LIMIT
+from jacokin.kernels.library import Call
+from jacokin.kernels.motion_rows import AverageWork, BetweenWork, average_rows, look_between
 from jacokin.model.contact import REFUSED_WITHIN, Contact
 from jacokin.model.robot import Robot
 
@@ -137,9 +139,12 @@ def sample(at: Callable[[Array], Array], duration: float, dt: float, slower: flo
     return np.asarray(np.clip(found, low, high))  # a mean of equal values may round
 
 
-def averaged_rows(
-    at: Callable[[Array], Array], duration: float, dt: float, jerk: Array | None = None
-) -> tuple[Rows, int]:
+def steps_of(duration: float, dt: float) -> int:
+    """How many steps of `dt` [s] a motion takes, slowed down to whole ones; at least one."""
+    return max(1, math.ceil(duration / dt - WHOLE_TICK))
+
+
+def averaged_rows(taken: Array, dt: float, jerk: Array | None = None) -> tuple[Rows, int]:
     """Rows of a motion from rest to rest, averaged over ticks, and over how many: one if the jerk is not limited.
 
     The rows are those of the cubic B-spline whose control points are the averages. Its velocities and accelerations are
@@ -150,20 +155,16 @@ def averaged_rows(
     On a straight line the motion stays on it; corners are cut.
 
     Args:
-        at: configurations (m, dof) [rad] at times (m,) [s].
-        duration: of the motion [s]; slowed down to whole ticks, it takes as many more as are averaged, and one.
+        taken: configurations (n, dof) of the motion, `dt` apart [rad]; it takes as many more steps as are averaged, and
+            one.
         dt: control step [s].
         jerk: (dof,) limits [rad/s^3]; None for none.
     """
-    count = max(1, math.ceil(duration / dt - WHOLE_TICK))
-    q = at(np.linspace(0.0, duration, count + 1))
-    ticks = 1 if jerk is None else _ticks_averaged(np.diff(_at_rest(q, 1), n=2, axis=0), jerk * dt**3)
-    padded = _at_rest(q, ticks + 1)
-    step = (padded[ticks:] - padded[:-ticks]) / ticks  # of the averages, from tick to tick
-    rows = controlled_rows(q[0] + np.cumsum(step[:-1], axis=0), step, dt)
-    np.clip(rows.q, q.min(axis=0), q.max(axis=0), out=rows.q)
-    rows.q[0], rows.q[-1] = q[0], q[-1]
-    return rows, ticks
+    ticks = 1 if jerk is None else _ticks_averaged(np.diff(_at_rest(taken, 1), n=2, axis=0), jerk * dt**3)
+    rows = np.empty((3, len(taken) + ticks + 1, taken.shape[1]))
+    integers = np.array([ticks, taken.shape[1]])
+    Call(average_rows, AverageWork(integers, np.array([dt]), taken.ravel(), rows.ravel()))()
+    return Rows(dt * np.arange(rows.shape[1], dtype=np.float64), *rows), ticks
 
 
 def controlled_rows(points: Array, steps: Array, dt: float) -> Rows:
@@ -246,12 +247,16 @@ class OnTheWay(NamedTuple):
         """
         if len(rows.q) == 1:
             return ""
-        past = past_limits(rows, self.robot.lower, self.robot.upper).max(axis=0)
-        if past.max() > ON_LIMIT:
-            return f"{self.robot.joint_names[int(np.argmax(past))]} could pass its limit"
+        reach = np.empty(len(rows.q) - 1)  # [m]
+        q, a = (np.ascontiguousarray(each).ravel() for each in (rows.q, rows.a))
+        levers = np.zeros(self.robot.dof) if self.contact is None else self.contact.levers
+        work = BetweenWork(rows.t[1:2].copy(), q, a, self.robot.lower, self.robot.upper, levers, reach)
+        if Call(look_between, work)():
+            past = past_limits(rows, self.robot.lower, self.robot.upper).max(axis=0)
+            if past.max() > ON_LIMIT:
+                return f"{self.robot.joint_names[int(np.argmax(past))]} could pass its limit"
         if self.contact is None:
             return ""
-        reach = _bulge(rows) @ self.contact.levers  # [m]
         steps = np.flatnonzero(3.0 * reach > REFUSED_WITHIN)
         if not len(steps):
             return ""

@@ -270,8 +270,10 @@ class Trajectory(_Looking):
     def _too_fast(self) -> str:
         """Where a joint moves faster from one row to the next than its velocity limit; "" if none does."""
         steps = np.diff(self.t)[:, None]
-        rounding = SPEED_ROUNDING * steps + ROUNDED * np.maximum(np.abs(self.q[:-1]), np.abs(self.q[1:]))
         moved = np.abs(np.diff(self.q, axis=0))
+        if (moved.max(axis=0, initial=0.0) <= self.velocity_limit * steps.min(initial=np.inf)).all():
+            return ""
+        rounding = SPEED_ROUNDING * steps + ROUNDED * np.maximum(np.abs(self.q[:-1]), np.abs(self.q[1:]))
         fast = ~(moved <= self.velocity_limit * (1.0 + SPEED_ROUNDING) * steps + rounding)
         if not fast.any():
             return ""

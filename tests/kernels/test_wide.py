@@ -1,4 +1,4 @@
-"""The kernel that is there a second time, for wider vectors: the same bits."""
+"""The kernels that are there a second time, for wider vectors: the same bits."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ from jacokin import IKSolver, load_robot
 from jacokin.arrays import Array
 from jacokin.ik.closed_form import ClosedForm
 from jacokin.kernels import library
+from jacokin.kernels.free_motion import run
+from tests.kernels.free_motion.test_ways import ask, problem, search, way_of
 from tests.kernels.six_joints.arms import ARMS, chain_of_arm, form_of, poses_and_jacobians
 
 FUNCTIONS = ctypes.CDLL(str(library.PATH))
@@ -53,8 +55,23 @@ def test_wider_vectors_give_the_same_bits(name: str, rng: np.random.Generator) -
     assert narrow == wide
 
 
+@pytest.mark.skipif(not FUNCTIONS.jacokin_is_wide(), reason="the processor has no wider vectors")
+def test_ways_are_the_same_with_wider_vectors() -> None:
+    found = []
+    for each in (FUNCTIONS.jacokin_run_free_motion, FUNCTIONS.jacokin_run_free_motion_avx2):
+        each.argtypes, each.restype = [ctypes.c_void_p], ctypes.c_int64
+        call, _ = problem()
+        call._function = each  # one of two forms of it
+        search(call)
+        while not ask(call, run.SHORTEN, 50):
+            pass
+        ask(call, run.CORNERS)
+        found.append((way_of(call).tobytes(), call.work.cuts.tobytes()))
+    assert found[0] == found[1]
+
+
 def test_the_one_for_this_processor_is_called() -> None:
-    """Through what chooses."""
-    called = library.load().function("solve_targets")
-    assert called.__name__ == "jacokin_solve_targets_chosen"
+    wide = "_avx2" if FUNCTIONS.jacokin_is_wide() else ""
+    assert library.load().function("solve_targets").__name__ == f"jacokin_solve_targets{wide}"
+    assert library.load().function("run_free_motion").__name__ == f"jacokin_run_free_motion{wide}"
     assert library.load().function("run_contact").__name__ == "jacokin_run_contact"

@@ -23,6 +23,7 @@ from jacokin.motion.rows import (
     sample,
     spline_rows,
     standing,
+    steps_of,
 )
 from tests.motion.controllers import PARTS, check_as_controllers_go, interpolated
 
@@ -88,7 +89,8 @@ def test_jumps_of_acceleration_are_held(dt: float, length: float) -> None:
         return np.asarray(up + limit * half * rest - 0.5 * limit * rest**2)[:, None]
 
     for jerk in (None, 0.3, 4.0, 1e3):
-        rows, ticks = averaged_rows(at, duration, dt, None if jerk is None else np.array([jerk]))
+        taken = at(np.linspace(0.0, duration, steps_of(duration, dt) + 1))
+        rows, ticks = averaged_rows(taken, dt, None if jerk is None else np.array([jerk]))
         fast, hard = most_between(rows)
         assert fast.max() <= 0.5 * limit * duration * (1 + 1e-9)
         assert hard.max() <= limit * (1 + 1e-8)

@@ -1,4 +1,4 @@
-/* A kernel that is there a second time on x86-64, with AVX2's vectors of four numbers: which of both to run.
+/* Kernels that are there a second time on x86-64, with AVX2's vectors of four numbers: which of both to run.
  *
  * Both do the same operations in the same order and give the same bits. Other processors have one, of that name.
  */

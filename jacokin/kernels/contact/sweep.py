@@ -41,6 +41,7 @@ from jacokin.kernels.contact.nearest import (
 from jacokin.kernels.contact.shapes import (
     CENTRE,
     CLOUD,
+    CYLINDER,
     ELLIPSOID,
     LINK,
     MARGIN,
@@ -60,9 +61,14 @@ from jacokin.kernels.contact.tree import DEEPEST
 STEPS = LANES - 1
 #: What a sweep returns where something touches in one of the places.
 TOUCHES_THERE = -1
-#: Columns of what is known of a group: lowest and highest coordinates of its centre; how far the centre leaves the
-#: chords, and those of its shapes [m].
-LOWEST, HIGHEST, GROUP_LEAVES, SHAPES_LEAVE, GROUP_NUMBERS = 0, 3, 6, 7, 8
+#: Columns of what is known of a group: lowest and highest coordinates of its centre [m].
+LOWEST, HIGHEST, GROUP_NUMBERS = 0, 3, 6
+#: Columns of what is known of a joint: how far it turns or slides for each unit of t at most, how far those that turn
+#: before it do in sum, and half of what the second derivative of a point is for each metre of its lever.
+SPEED, BEFORE, PULL, JOINT_NUMBERS = range(4)
+#: Columns of what is known of a group seen from a link: how far its centre moves from a place to the next, how far that
+#: leaves the chords, and how much more another point does for each metre that it is away from the centre [m].
+MOVES, LEAVES, LEAVES_MORE, SEEN_NUMBERS = range(4)
 
 
 class Sweep(NamedTuple):
@@ -75,6 +81,9 @@ class Sweep(NamedTuple):
     links: Array  # (dof + 1, PLACE, LANES) where the links are
     centres: Array  # (groups, 3, LANES + 1) of the groups' spheres in the world [m]
     numbers: Array  # (groups GROUP_NUMBERS,)
+    joints: Array  # (dof + 1, JOINT_NUMBERS)
+    seen: Array  # (groups (dof + 1), SEEN_NUMBERS) from each link
+    folded: Array  # (2, LANES // 2) lowest and highest of some places
     between: Array  # (PLACE, LANES) one link seen from an earlier one
     point: Array  # (3, LANES + 1) the centre of a shape, in the world or seen from a link [m]
     local: Array  # (3, LANES + 1) the same in the axes of another shape, from its centre [m]
@@ -95,6 +104,9 @@ def make_sweep(arm: ArmShapes) -> Sweep:
         np.zeros((dof + 1 if dof else 0, PLACE, LANES)),
         np.zeros((groups, 3, LANES + 1)),
         np.zeros(groups * GROUP_NUMBERS),
+        np.zeros((dof + 1 if dof else 0, JOINT_NUMBERS)),
+        np.zeros((groups * (dof + 1), SEEN_NUMBERS)),
+        np.zeros((2, LANES // 2)),
         np.zeros((PLACE, LANES)),
         point,
         local,
@@ -165,6 +177,7 @@ def sweep_part(
     """
     arm, tree = geometry.arm, geometry.tree
     place_along(arm, counts.dof, places, sweep, part)
+    know_joints(arm, counts.dof, sweep, part)
     for i in range(LANES):
         sweep.near[i] = 0
     end = 0
@@ -173,15 +186,15 @@ def sweep_part(
         if arm.groups[g, GROUP_LINK] == 0:
             continue
         for k in range(counts.planes):
-            end = sweep_obstacle(geometry, sweep, rows, end, tree.planes[k], g, margin)
+            end = sweep_obstacle(geometry, counts.dof, sweep, rows, end, tree.planes[k], g, margin)
             if end == TOUCHES_THERE:
                 return end
         if counts.nodes > 0:
-            end = sweep_tree(geometry, sweep, rows, end, g, margin)
+            end = sweep_tree(geometry, counts.dof, sweep, rows, end, g, margin)
             if end == TOUCHES_THERE:
                 return end
     for m in range(counts.meetings):
-        end = sweep_meeting(geometry, counts, sweep, part, rows, end, m, margin)
+        end = sweep_meeting(geometry, counts, sweep, rows, end, m, margin)
         if end == TOUCHES_THERE:
             return end
     return end
@@ -206,59 +219,65 @@ def place_along(arm: ArmShapes, dof: int, places: Places, sweep: Sweep, part: Pa
             slide(arm.placements, j, turned, links)
 
 
+def know_joints(arm: ArmShapes, dof: int, sweep: Sweep, part: Part) -> None:
+    """Fill what is known of the joints."""
+    joints, before = sweep.joints, 0.0
+    for j in range(dof):
+        speed = speed_on(part, j)
+        joints[j, SPEED], joints[j, BEFORE], joints[j, PULL] = speed, before, speed * before + abs(part.bend[j])
+        if arm.joint_kinds[j] == HINGE:
+            joints[j, PULL] += 0.5 * speed * speed
+            before += speed
+    joints[dof, BEFORE] = before
+
+
 def know_group(arm: ArmShapes, dof: int, sweep: Sweep, part: Part, g: int) -> None:
-    """Fill centres and numbers of a group."""
+    """Fill centres and numbers of a group, and what is seen of it from each link that does not move with it."""
     sphere, centres, numbers = arm.spheres[g], sweep.centres[g], sweep.numbers[g * GROUP_NUMBERS :]
     put_centres(sweep.links[arm.groups[g, GROUP_LINK]], sphere[0], sphere[1], sphere[2], centres)
     for k in range(3):
-        low, high = centres[k, 0], centres[k, 0]
-        for i in range(1, LANES):
-            low, high = min(low, centres[k, i]), max(high, centres[k, i])
-        numbers[LOWEST + k], numbers[HIGHEST + k] = low, high
-    numbers[GROUP_LEAVES] = leaves_chords(arm, sweep.levers, dof, part, g, 0, 0.0)
-    numbers[SHAPES_LEAVE] = leaves_chords(arm, sweep.levers, dof, part, g, 0, sphere[3])
-
-
-def leaves_chords(arm: ArmShapes, levers: Array, dof: int, part: Part, g: int, link: int, beyond: float) -> float:
-    """How far a point that is no farther than this from the centre of a group leaves its chords, seen from a link [m].
-
-    The second derivative by two joints is at most the distance from the axis of the outer one; where a joint slides,
-    it is 1 or 0.
-    """
-    total, inner = 0.0, 0.0
-    for j in range(link, arm.groups[g, GROUP_LINK]):
+        numbers[LOWEST + k], numbers[HIGHEST + k] = range_of(centres[k], sweep.folded)
+    # The second derivative by two joints is at most the distance from the axis of the outer one; where a joint slides,
+    # it is 1 or 0.
+    joints, seen = sweep.joints, sweep.seen[g * (dof + 1) : (g + 1) * (dof + 1)]
+    gap, moved, turned, pull, pull_more, slid = (part.high - part.low) / STEPS, 0.0, 0.0, 0.0, 0.0, 0.0
+    seen[arm.groups[g, GROUP_LINK], MOVES] = 0.0
+    for j in range(arm.groups[g, GROUP_LINK] - 1, -1, -1):
+        speed, lever = joints[j, SPEED], 1.0
         if arm.joint_kinds[j] == HINGE:
-            inner += speed_on(part, j)
-    slid = beyond
-    for j in range(arm.groups[g, GROUP_LINK] - 1, link - 1, -1):
-        speed, lever = speed_on(part, j), 1.0
-        if arm.joint_kinds[j] == HINGE:
-            lever = levers[g * dof + j] + slid
-            inner -= speed
-            total += speed * speed * lever
+            lever = sweep.levers[g * dof + j] + slid
+            turned += speed
+            pull_more += joints[j, PULL]
         else:
             slid += slides_to(part, j)
-        total += 2.0 * lever * (speed * max(inner, 0.0) + abs(part.bend[j]))
-    gap = (part.high - part.low) / STEPS
-    return 0.125 * gap * gap * total
+        moved += lever * speed
+        pull += lever * joints[j, PULL]
+        before = joints[j, BEFORE]
+        seen[j, MOVES] = gap * moved
+        seen[j, LEAVES] = 0.25 * gap * gap * (pull - before * moved)
+        seen[j, LEAVES_MORE] = 0.25 * gap * gap * (pull_more - before * turned)
 
 
-def moves_at_most(arm: ArmShapes, levers: Array, dof: int, part: Part, g: int, link: int) -> float:
-    """How far the centre of a group moves from a place to the next, seen from a link, at most [m]."""
-    total, slid = 0.0, 0.0
-    for j in range(arm.groups[g, GROUP_LINK] - 1, link - 1, -1):
-        if arm.joint_kinds[j] == HINGE:
-            total += speed_on(part, j) * (levers[g * dof + j] + slid)
-        else:
-            total += speed_on(part, j)
-            slid += slides_to(part, j)
-    return total * (part.high - part.low) / STEPS
+def range_of(row: Array, folded: Array) -> tuple[float, float]:
+    """The lowest and the highest of a row's numbers in all places, halves side by side."""
+    half, quarter = LANES // 2, LANES // 4
+    for i in range(half):
+        folded[0, i], folded[1, i] = min(row[i], row[half + i]), max(row[i], row[half + i])
+    for i in range(quarter):
+        folded[0, i] = min(folded[0, i], folded[0, quarter + i])
+        folded[1, i] = max(folded[1, i], folded[1, quarter + i])
+    low, high = folded[0, 0], folded[1, 0]
+    for i in range(1, quarter):
+        low, high = min(low, folded[0, i]), max(high, folded[1, i])
+    return low, high
 
 
-def sweep_tree(geometry: Geometry, sweep: Sweep, rows: NDArray[np.int64], end: int, g: int, margin: float) -> int:
+def sweep_tree(
+    geometry: Geometry, dof: int, sweep: Sweep, rows: NDArray[np.int64], end: int, g: int, margin: float
+) -> int:
     """Write the pairs of a group and what the tree holds; returns where they end."""
     tree, numbers, stack = geometry.tree, sweep.numbers[g * GROUP_NUMBERS :], sweep.stack
-    limit = geometry.arm.spheres[g, 3] + margin + numbers[GROUP_LEAVES]
+    limit = geometry.arm.spheres[g, 3] + margin + sweep.seen[g * (dof + 1), LEAVES]
     stack[0], size = 0, 1
     while size > 0:
         size -= 1
@@ -273,27 +292,28 @@ def sweep_tree(geometry: Geometry, sweep: Sweep, rows: NDArray[np.int64], end: i
             stack[size], stack[size + 1] = tree.children[node, 0], tree.children[node, 1]
             size += 2
             continue
-        end = sweep_obstacle(geometry, sweep, rows, end, tree.children[node, 1], g, margin)
+        end = sweep_obstacle(geometry, dof, sweep, rows, end, tree.children[node, 1], g, margin)
         if end == TOUCHES_THERE:
             return end
     return end
 
 
 def sweep_obstacle(
-    geometry: Geometry, sweep: Sweep, rows: NDArray[np.int64], end: int, b: int, g: int, margin: float
+    geometry: Geometry, dof: int, sweep: Sweep, rows: NDArray[np.int64], end: int, b: int, g: int, margin: float
 ) -> int:
     """Write the pairs of a group and an obstacle; returns where they end."""
-    shapes, groups, numbers = geometry.shapes, geometry.arm.groups, sweep.numbers[g * GROUP_NUMBERS :]
+    shapes, groups, seen = geometry.shapes, geometry.arm.groups, sweep.seen[g * (dof + 1)]
     turn_into(shapes.numbers[b], sweep.centres[g], sweep.local)
-    limit = geometry.arm.spheres[g, 3] + margin + numbers[GROUP_LEAVES]
-    if count_near(shapes, b, sweep.local, limit) == 0:
+    radius = geometry.arm.spheres[g, 3]
+    if not comes_near(shapes, b, sweep.local, radius + margin + seen[LEAVES]):
         return end
+    leaves = seen[LEAVES] + radius * seen[LEAVES_MORE]
     link = sweep.links[groups[g, GROUP_LINK]]
     for a in range(groups[g, FIRST_SHAPE], groups[g, LAST_SHAPE]):
         s = shapes.numbers[a]
         put_centres(link, s[CENTRE], s[CENTRE + 1], s[CENTRE + 2], sweep.point)
         turn_into(shapes.numbers[b], sweep.point, sweep.local)
-        end = sweep_pair(shapes, sweep, rows, end, OBSTACLE_PAIR, a, b, g, numbers[SHAPES_LEAVE], margin)
+        end = sweep_pair(shapes, sweep, rows, end, OBSTACLE_PAIR, a, b, g, leaves, margin)
         if end == TOUCHES_THERE:
             return end
     return end
@@ -303,7 +323,6 @@ def sweep_meeting(
     geometry: Geometry,
     counts: Counts,
     sweep: Sweep,
-    part: Part,
     rows: NDArray[np.int64],
     end: int,
     m: int,
@@ -313,20 +332,21 @@ def sweep_meeting(
     arm, shapes = geometry.arm, geometry.shapes
     g, h = arm.meetings[m, INNER], arm.meetings[m, OUTER]
     link = arm.groups[g, GROUP_LINK]
+    seen = sweep.seen[h * (counts.dof + 1) + link]
     reach = arm.spheres[h, 3] + margin
-    limit = arm.spheres[g, 3] + reach + 0.5 * moves_at_most(arm, sweep.levers, counts.dof, part, h, link)
-    if count_close(sweep.centres[g], sweep.centres[h], limit * limit) == 0:
+    limit = arm.spheres[g, 3] + reach + 0.5 * seen[MOVES]
+    if not come_close(sweep.centres[g], sweep.centres[h], limit * limit):
         return end
     relate_links(sweep, link, arm.groups[h, GROUP_LINK])
-    centre, box, local = arm.spheres[h], arm.boxes[g], sweep.local
-    put_centres(sweep.between, centre[0], centre[1], centre[2], sweep.point)
-    for k in range(3):
-        for i in range(LANES + 1):
-            local[k, i] = sweep.point[k, i] - box[k]
-    reach += leaves_chords(arm, sweep.levers, counts.dof, part, h, link, 0.0)
-    if count_beside_box(local, box[3], box[4], box[5], reach * reach) == 0:
+    centre, box, point, local = arm.spheres[h], arm.boxes[g], sweep.point, sweep.local
+    put_centres(sweep.between, centre[0], centre[1], centre[2], point)
+    x, y, z = box[0], box[1], box[2]
+    for i in range(LANES + 1):
+        local[0, i], local[1, i], local[2, i] = point[0, i] - x, point[1, i] - y, point[2, i] - z
+    reach += seen[LEAVES]
+    if not comes_to_box(local, box[3], box[4], box[5], reach * reach):
         return end
-    leaves = leaves_chords(arm, sweep.levers, counts.dof, part, h, link, arm.spheres[h, 3])
+    leaves = seen[LEAVES] + arm.spheres[h, 3] * seen[LEAVES_MORE]
     for k in range(arm.meetings[m, FIRST_PAIR], arm.meetings[m, LAST_PAIR]):
         end = sweep_own_pair(shapes, sweep, rows, end, arm.pairs[k, 0], arm.pairs[k, 1], h, leaves, margin)
         if end == TOUCHES_THERE:
@@ -370,7 +390,7 @@ def sweep_pair(
     """
     moving, other = (b, a) if kind == OWN_PAIR else (a, b)
     limit = shapes.numbers[moving, RADIUS] + margin + leaves
-    if count_near(shapes, other, sweep.local, limit) == 0:
+    if not comes_near(shapes, other, sweep.local, limit):
         return end
     mark_near(shapes, other, sweep, limit)
     touching = first_touching(shapes, other, sweep.local, margin + radius_inside(shapes, moving))
@@ -402,19 +422,27 @@ def touch_rows(
 
 def put_centres(frame: Array, x: float, y: float, z: float, centres: Array) -> None:
     """Fill where a point of a link is, from where the link is (PLACE, LANES)."""
+    for i in range(LANES):
+        u = frame[0, i] * x + frame[3, i] * y + frame[6, i] * z + frame[9, i]
+        v = frame[1, i] * x + frame[4, i] * y + frame[7, i] * z + frame[10, i]
+        w = frame[2, i] * x + frame[5, i] * y + frame[8, i] * z + frame[11, i]
+        centres[0, i], centres[1, i], centres[2, i] = u, v, w
     for k in range(3):
-        for i in range(LANES):
-            centres[k, i] = frame[k, i] * x + frame[3 + k, i] * y + frame[6 + k, i] * z + frame[9 + k, i]
         centres[k, LANES] = centres[k, LANES - 1]
 
 
 def turn_into(row: Array, point: Array, local: Array) -> None:
     """Fill where a point is in the axes of a shape, from its centre."""
-    for k in range(3):
-        a, b, c = row[k], row[4 + k], row[8 + k]
-        offset = a * row[CENTRE] + b * row[CENTRE + 1] + c * row[CENTRE + 2]
-        for i in range(LANES + 1):
-            local[k, i] = a * point[0, i] + b * point[1, i] + c * point[2, i] - offset
+    x, y, z = row[CENTRE], row[CENTRE + 1], row[CENTRE + 2]
+    a, b, c = row[0], row[4], row[8]
+    d, e, f = row[1], row[5], row[9]
+    g, h, k = row[2], row[6], row[10]
+    u, v, w = a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + k * z
+    for i in range(LANES + 1):
+        x, y, z = point[0, i], point[1, i], point[2, i]
+        local[0, i] = a * x + b * y + c * z - u
+        local[1, i] = d * x + e * y + f * z - v
+        local[2, i] = g * x + h * y + k * z - w
 
 
 def relate_links(sweep: Sweep, inner: int, outer: int) -> None:
@@ -431,33 +459,33 @@ def relate_links(sweep: Sweep, inner: int, outer: int) -> None:
                 )
 
 
-def count_close(first: Array, second: Array, square: float) -> int:
-    """In how many places two points are no farther apart than the root of a square."""
-    count = 0
+def come_close(first: Array, second: Array, square: float) -> bool:
+    """Whether two points are in any place no farther apart than the root of a square."""
+    found = False
     for i in range(LANES):
         x, y, z = first[0, i] - second[0, i], first[1, i] - second[1, i], first[2, i] - second[2, i]
-        count += 1 if x * x + y * y + z * z <= square else 0
-    return count
+        found |= x * x + y * y + z * z <= square
+    return found
 
 
-def count_near(shapes: Shapes, b: int, local: Array, limit: float) -> int:
-    """From how many places to the next the box around a point comes this near to a shape."""
+def comes_near(shapes: Shapes, b: int, local: Array, limit: float) -> bool:
+    """Whether the box around a point comes this near to a shape, from any place to the next."""
     row = shapes.numbers[b]
     if shapes.integers[b, SHAPE_KIND] == PLANE:
-        count = 0
+        found = False
         for i in range(LANES):
-            count += 1 if min(local[2, i], local[2, i + 1]) <= limit else 0
-        return count
+            found |= local[2, i] <= limit
+        return found
     limit += row[MARGIN]
-    return count_beside_box(local, row[SIZE], row[SIZE + 1], row[SIZE + 2], limit * limit)
+    return comes_to_box(local, row[SIZE], row[SIZE + 1], row[SIZE + 2], limit * limit)
 
 
-def count_beside_box(local: Array, a: float, b: float, c: float, square: float) -> int:
-    """From how many places to the next the box around a point comes this near to a box around the origin."""
-    count = 0
+def comes_to_box(local: Array, a: float, b: float, c: float, square: float) -> bool:
+    """Whether the box around a point comes this near to a box around the origin, from any place to the next."""
+    found = False
     for i in range(LANES):
-        count += 1 if square_beside(local, i, a, b, c) <= square else 0
-    return count
+        found |= square_beside(local, i, a, b, c) <= square
+    return found
 
 
 def square_beside(local: Array, i: int, a: float, b: float, c: float) -> float:
@@ -471,28 +499,40 @@ def square_beside(local: Array, i: int, a: float, b: float, c: float) -> float:
 
 def mark_near(shapes: Shapes, b: int, sweep: Sweep, limit: float) -> None:
     """Mark from which places to the next that is."""
-    row, local = shapes.numbers[b], sweep.local
+    row, local, near = shapes.numbers[b], sweep.local, sweep.near
     if shapes.integers[b, SHAPE_KIND] == PLANE:
         for i in range(LANES):
-            if min(local[2, i], local[2, i + 1]) <= limit:
-                sweep.near[i] = 1
+            near[i] |= 1 if min(local[2, i], local[2, i + 1]) <= limit else 0
         return
-    limit += row[MARGIN]
+    x, y, z, limit = row[SIZE], row[SIZE + 1], row[SIZE + 2], limit + row[MARGIN]
     for i in range(LANES):
-        if square_beside(local, i, row[SIZE], row[SIZE + 1], row[SIZE + 2]) <= limit * limit:
-            sweep.near[i] = 1
+        near[i] |= 1 if square_beside(local, i, x, y, z) <= limit * limit else 0
 
 
 def first_touching(shapes: Shapes, b: int, local: Array, limit: float) -> int:
     """The first place in which a point is this near to a shape; -1 for none, or where that is not certain."""
-    if shapes.integers[b, SHAPE_KIND] in (ELLIPSOID, MESH, CLOUD):
+    if limit < 0.0 or shapes.integers[b, SHAPE_KIND] in (ELLIPSOID, MESH, CLOUD):
+        return -1
+    row, found = shapes.numbers[b], False
+    x, y, z, reach = row[SIZE], row[SIZE + 1], row[SIZE + 2], limit + row[MARGIN]
+    if shapes.integers[b, SHAPE_KIND] == PLANE:
+        for i in range(LANES):
+            found |= local[2, i] <= limit
+    elif shapes.integers[b, SHAPE_KIND] == CYLINDER:
+        for i in range(LANES):
+            u, v = max(abs(local[2, i]) - z, 0.0), local[0, i] * local[0, i] + local[1, i] * local[1, i]
+            v = max(math.sqrt(v) - x, 0.0)
+            found |= u * u + v * v <= reach * reach
+    else:
+        for i in range(LANES):
+            u, v, w = abs(local[0, i]) - x, abs(local[1, i]) - y, abs(local[2, i]) - z
+            u, v, w = max(u, 0.0), max(v, 0.0), max(w, 0.0)
+            found |= u * u + v * v + w * w <= reach * reach
+    if not found:
         return -1
     for i in range(LANES):
-        if shapes.integers[b, SHAPE_KIND] == PLANE:
-            distance = local[2, i]
-        else:
-            distance = core_bound(shapes, b, local[0, i], local[1, i], local[2, i])
-        if distance <= limit:
+        plane = shapes.integers[b, SHAPE_KIND] == PLANE
+        if (local[2, i] if plane else core_bound(shapes, b, local[0, i], local[1, i], local[2, i])) <= limit:
             return i
     return -1
 

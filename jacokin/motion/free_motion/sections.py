@@ -21,7 +21,7 @@ from jacokin.kernels.free_motion.corners import CHORD, CORNER_TRIES, LARGEST_CUT
 from jacokin.model.contact import Contact
 from jacokin.motion.blending import TimedCourse, fit_time, round_corners
 from jacokin.motion.joint_motion import along_line
-from jacokin.motion.rows import Limits, Rows, averaged_rows
+from jacokin.motion.rows import Limits, Rows, averaged_rows, steps_of
 from jacokin.motion.timing import BETWEEN, MOST_PLACES
 
 
@@ -86,7 +86,7 @@ class Section(NamedTuple):
 
     def _average(self, dt: float, slower: float, jerk: Array | None) -> tuple[Rows, int]:
         """The course in rows that are averaged over ticks, and over how many."""
-        rows, ticks = averaged_rows(lambda t: self.timed.q_at(t / slower), slower * self.timed.duration, dt, jerk)
+        rows, ticks = averaged_rows(self.timed.sampled(steps_of(slower * self.timed.duration, dt)), dt, jerk)
         rows.q[0], rows.q[-1] = self.way[0], self.way[-1]  # but for rounding
         return rows, ticks
 

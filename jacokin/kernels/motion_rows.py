@@ -1,0 +1,125 @@
+"""Rows of a motion, one for each tick: taken from a timed course, averaged, and what happens between two of them.
+
+See `motion.blending` for what a timed course is, and `motion.rows` for why rows are averaged.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jacokin.arrays import Array
+
+
+class SampleWork(NamedTuple):
+    """What is read and written to take configurations from a course."""
+
+    span: Array  # (1,) they are taken in equal steps from time 0 to this one [s]
+    t: Array  # (places,) when each place of the course is passed [s]
+    s: Array  # (places,)
+    speed: Array  # (places,) ds/dt there
+    piece: NDArray[np.int64]  # (places,) the number of the line or parabola that begins there, or goes on
+    begins: Array  # (pieces + 1,) where each begins
+    at: Array  # (pieces dof,) configuration there [rad]
+    slope: Array  # (pieces dof,) dq/ds there
+    bend: Array  # (pieces dof,) d2q/ds2
+    q: Array  # (rows dof,) filled in [rad]
+
+
+def make_sample_work() -> SampleWork:
+    """Arrays of any length."""
+    t, s, speed, begins, at, slope, bend, q = np.empty((8, 0))
+    return SampleWork(np.empty(1), t, s, speed, np.empty(0, np.int64), begins, at, slope, bend, q)
+
+
+def sample_course(work: SampleWork) -> int:
+    """Fill in the configurations; returns how many there are."""
+    dof = len(work.at) // (len(work.begins) - 1)
+    count, i, last = len(work.q) // dof, 0, len(work.t) - 2
+    for row in range(count):
+        time = row * (work.span[0] / (count - 1)) if row < count - 1 else work.span[0]
+        while i < last and work.t[i + 1] <= time:
+            i += 1
+        gone = time - work.t[i]
+        pull = (work.speed[i + 1] - work.speed[i]) / (work.t[i + 1] - work.t[i])
+        place = work.s[i] + gone * (work.speed[i] + 0.5 * gone * pull)
+        on = min(max(place, work.s[i]), work.s[i + 1]) - work.begins[work.piece[i]]
+        for j in range(dof):
+            k = work.piece[i] * dof + j
+            work.q[row * dof + j] = work.at[k] + on * (work.slope[k] + 0.5 * on * work.bend[k])
+    return count
+
+
+class AverageWork(NamedTuple):
+    """What is read and written to average rows."""
+
+    integers: NDArray[np.int64]  # (2,) over how many ticks, and the joints
+    dt: Array  # (1,) [s]
+    taken: Array  # (n dof,) configurations `dt` apart [rad]
+    rows: Array  # (3 m dof,) filled in for the m = n + ticks + 1 rows: positions, velocities and accelerations
+
+
+def make_average_work() -> AverageWork:
+    """Arrays of any length."""
+    return AverageWork(np.zeros(2, np.int64), np.empty(1), np.empty(0), np.empty(0))
+
+
+def average_rows(work: AverageWork) -> int:
+    """Fill in the rows of the cubic B-spline whose control points are averages; returns how many there are.
+
+    The motion stands still before and after, and passes no angle that no configuration passes.
+    """
+    ticks, dof, taken, rows = work.integers[0], work.integers[1], work.taken, work.rows
+    last, size = len(taken) // dof - 1, len(rows) // 3
+    share, half, square = 1.0 / ticks, 0.5 / work.dt[0], 1.0 / (work.dt[0] * work.dt[0])
+    for j in range(dof):
+        low, high = taken[j], taken[j]
+        for row in range(1, last + 1):
+            low, high = min(low, taken[row * dof + j]), max(high, taken[row * dof + j])
+        point, step = taken[j], 0.0
+        for row in range(size // dof):
+            # From this average to the next one.
+            after, before = min(row, last), min(max(row - ticks, 0), last)
+            ahead = (taken[after * dof + j] - taken[before * dof + j]) * share
+            change, k = ahead - step, row * dof + j
+            rows[k] = min(max(point + change * (1.0 / 6.0), low), high)
+            rows[size + k], rows[2 * size + k] = (step + ahead) * half, change * square
+            point, step = point + ahead, ahead
+        rows[j], rows[size - dof + j] = taken[j], taken[last * dof + j]
+    return int(size // dof)
+
+
+class BetweenWork(NamedTuple):
+    """What is read and written to know how far rows are left between each other."""
+
+    dt: Array  # (1,) [s]
+    q: Array  # (n dof,) [rad]
+    a: Array  # (n dof,) accelerations that change steadily from row to row [rad/s^2]
+    lower: Array  # (dof,) limits [rad]
+    upper: Array  # (dof,)
+    levers: Array  # (dof,) how far a point can be from a joint's axis at most [m]
+    reach: Array  # (n - 1,) filled in: how far any point leaves its way along the straight motion, at most [m]
+
+
+def make_between_work() -> BetweenWork:
+    """Arrays of any length."""
+    q, a, lower, upper, levers, reach = np.empty((6, 0))
+    return BetweenWork(np.empty(1), q, a, lower, upper, levers, reach)
+
+
+def look_between(work: BetweenWork) -> int:
+    """Fill in the reach of each step; returns 1 if a joint could be beyond a limit on one of them."""
+    dof, beyond = len(work.lower), 0
+    for row in range(len(work.reach)):
+        reach = 0.0
+        for j in range(dof):
+            k, then = row * dof + j, row * dof + dof + j
+            bulge = 0.125 * work.dt[0] * work.dt[0] * max(abs(work.a[k]), abs(work.a[then]))
+            reach += bulge * work.levers[j]
+            least, most = min(work.q[k], work.q[then]) - bulge, max(work.q[k], work.q[then]) + bulge
+            if least < work.lower[j] or most > work.upper[j]:
+                beyond = 1
+        work.reach[row] = reach
+    return beyond

@@ -1,0 +1,64 @@
+"""Rows of motions: configurations where a course is, averages as NumPy has them, and what steps could pass."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from jacokin.arrays import Array
+from jacokin.kernels.library import Call
+from jacokin.kernels.motion_rows import AverageWork, BetweenWork, average_rows, look_between
+from jacokin.motion.blending import fit_time, round_corners
+from tests.kernels.plain import PlainCall
+
+DT = 0.01  # [s]
+LEVERS = np.array([1.0, 0.5])  # [m]
+
+
+@pytest.mark.parametrize("corners", [0, 1, 5])
+def test_a_course_is_sampled_where_it_is_at_each_time(rng: np.random.Generator, corners: int) -> None:
+    way = np.cumsum(rng.normal(size=(corners + 2, 6)), axis=0)
+    lengths = np.abs(np.diff(way, axis=0)).max(axis=1)
+    cuts = np.array([0.0, *0.4 * np.minimum(lengths[:-1], lengths[1:]), 0.0])
+    cuts[2:3] = 0.0  # one corner is a stop
+    timed = fit_time(*round_corners(way, np.ones(6), cuts), np.ones(6), np.ones(6))
+    for steps in (1, 2, 700):
+        found = timed.sampled(steps)
+        np.testing.assert_allclose(found, timed.at(np.linspace(0.0, timed.duration, steps + 1))[0], rtol=0, atol=1e-13)
+
+
+def averages(taken: Array, ticks: int) -> tuple[Array, Array, Array]:
+    """Rows of the spline, from the averages themselves."""
+    still = [np.repeat(taken[end], 2 * ticks + 2, axis=0) for end in (slice(0, 1), slice(-1, None))]
+    padded = np.concatenate([still[0], taken, still[1]])
+    points = np.array([padded[k : k + ticks].mean(axis=0) for k in range(len(padded) - ticks + 1)])
+    before, here, after = (points[ticks + 2 + k : len(points) - ticks - 2 + k] for k in (-1, 0, 1))
+    return (before + 4.0 * here + after) / 6.0, (after - before) / (2.0 * DT), (after - 2.0 * here + before) / DT**2
+
+
+@pytest.mark.parametrize("form", [Call, PlainCall])
+@pytest.mark.parametrize("ticks", [1, 2, 9])
+def test_rows_are_those_of_averages(rng: np.random.Generator, form: Any, ticks: int) -> None:
+    for count in (2, 3, 40):
+        taken = np.cumsum(rng.normal(size=(count, 2)) * DT**2, axis=0).cumsum(axis=0)
+        rows = np.empty((3, count + ticks + 1, 2))
+        work = AverageWork(np.array([ticks, 2]), np.array([DT]), taken.ravel(), rows.ravel())
+        assert form(average_rows, work)() == count + ticks + 1
+        for found, expected in zip(rows, averages(taken, ticks), strict=True):
+            np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9)
+        np.testing.assert_array_equal(rows[0, [0, -1]], taken[[0, -1]])
+        assert (rows[0] >= taken.min(axis=0)).all()
+        assert (rows[0] <= taken.max(axis=0)).all()
+
+
+@pytest.mark.parametrize("form", [Call, PlainCall])
+def test_steps_that_could_pass_a_limit_are_seen(form: Any) -> None:
+    """An acceleration of 2 rad/s^2 leaves the line by a quarter of the square of the step."""
+    q, a = np.array([[0.0, 0.0], [0.1, 0.0], [0.2, 0.0]]), np.array([[0.0, 2.0], [0.0, 0.0], [0.0, 0.0]])
+    for above, beyond in ((0.3 * DT**2, 0), (0.2 * DT**2, 1)):
+        reach, upper = np.empty(2), np.array([0.2, above])
+        work = BetweenWork(np.array([DT]), q.ravel(), a.ravel(), np.array([0.0, -1.0]), upper, LEVERS, reach)
+        assert form(look_between, work)() == beyond
+        np.testing.assert_allclose(reach, [0.5 * 0.25 * DT**2, 0.0], rtol=1e-12)
