@@ -11,7 +11,7 @@ clear_targets                        many targets, each answered by the nearest 
 configurations                       poses, Jacobians, torques and mass matrices of many configurations
 closest                              what comes closest to a target that is not reached
 rung_links                           which solutions of neighbouring places of a path follow each other
-speeds, course_times                 the least time along a path, and along lines and parabolas
+speeds, course_times, motion_rows    the least time along a path, and along lines and parabolas; the rows of a motion
 rest_to_rest                         the least time from rest to rest, with limits of jerk
 tracking                             ticks of the tracker
 branches                             a branch verified, polished, put within the limits; duplicates

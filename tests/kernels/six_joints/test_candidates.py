@@ -19,6 +19,7 @@ from jacokin.kernels.six_joints.candidates import (
     unturned_about_z,
 )
 from jacokin.kernels.six_joints.candidates import Pair as AnglePair
+from jacokin.kernels.trigonometry import angle_of
 
 SEED = 0.7  # [rad]
 SLACK = slack_after(0)
@@ -30,9 +31,9 @@ def angles_of(pair: AnglePair) -> list[float]:
     for sign in SIGNS:
         if not skips(pair, sign):
             take(work, 2, pair, sign)
-            angle, cosine, sine = work.theta[2], work.cosine[2], work.sine[2]
-            np.testing.assert_allclose([cosine, sine], [math.cos(angle), math.sin(angle)], atol=1e-15)
-            found.append(float(angle))
+            angle, cosine, sine = float(work.theta[2]), work.cosine[2], work.sine[2]
+            found.append(angle_of(sine, cosine) if math.isnan(angle) else angle)
+            np.testing.assert_allclose([cosine, sine], [math.cos(found[-1]), math.sin(found[-1])], atol=1e-15)
     return found
 
 
