@@ -260,6 +260,18 @@ def interrupt(sender: subprocess.Popen[str], arm: Arm, number: signal.Signals) -
     return status, errors, time.monotonic() - begun
 
 
+def lose(sender: subprocess.Popen[str], arm: Arm, number: signal.Signals) -> tuple[dict[str, Any], str]:
+    """Kill or hold a sender in the middle of a motion; returns what the arm did until it stopped, and words."""
+    with at_work(sender):
+        arm.says("moving")
+        time.sleep(0.3)
+        sender.send_signal(number)
+        arm.says("stopped")
+        record = arm.ends()
+        sender.kill()
+        return record, sender.communicate()[1]
+
+
 def plain_environment(**names: str) -> dict[str, str]:
     """The environment without what belongs to another Python."""
     kept = {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "VIRTUAL_ENV", "ROS_"))}

@@ -12,7 +12,7 @@ import pytest
 
 import jacokin
 from jacokin.motion import Trajectory, move_joints
-from tests.ros.nodes import Ros, at_work, free_port, interrupt
+from tests.ros.nodes import Ros, free_port, interrupt, lose
 
 pytestmark = pytest.mark.slow
 HERE = Path(__file__).parent / "ros1"
@@ -124,15 +124,8 @@ def test_signals_stop_velocities_and_goals(ros: Ros, motion: Trajectory, files: 
 def test_a_sender_that_is_killed_or_hangs_has_its_goal_cancelled(
     ros: Ros, motion: Trajectory, files: Path, number: signal.Signals
 ) -> None:
-    words = (files / "m.json", *OTHER)
-    with ros.arm(HERE / "arm.py", *where(motion, 0)) as arm, at_work(ros.sending(*words)) as sender:
-        arm.says("moving")
-        time.sleep(0.3)
-        sender.send_signal(number)
-        arm.says("stopped")
-        record = arm.ends()
-        sender.kill()
-        _, errors = sender.communicate()
+    with ros.arm(HERE / "arm.py", *where(motion, 0)) as arm:
+        record, errors = lose(ros.sending(files / "m.json", *OTHER), arm, number)
     assert (record["goals"], record["cancelled"]) == (1, 1)
     assert "the goal was cancelled" in errors
     gone = np.abs(np.array(record["angles"]) - np.degrees(motion.q[0])).max()

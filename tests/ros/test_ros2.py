@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import signal
-import time
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,7 @@ import pytest
 
 import jacokin
 from jacokin.motion import Trajectory, move_joints
-from tests.ros.nodes import Ros, at_work, interrupt
+from tests.ros.nodes import Ros, interrupt, lose
 
 pytestmark = pytest.mark.slow
 HERE = Path(__file__).parent / "ros2"
@@ -76,14 +75,8 @@ def test_signals_cancel(ros: Ros, motion: Trajectory, file: Path, number: signal
 def test_a_sender_that_is_killed_or_hangs_has_its_goal_cancelled(
     ros: Ros, motion: Trajectory, file: Path, number: signal.Signals
 ) -> None:
-    with ros.arm(HERE / "arm.py", *where(motion)) as arm, at_work(ros.sending(file, *CONTROLLER)) as sender:
-        arm.says("moving")
-        time.sleep(0.3)
-        sender.send_signal(number)
-        arm.says("stopped")
-        record = arm.ends()
-        sender.kill()
-        _, errors = sender.communicate()
+    with ros.arm(HERE / "arm.py", *where(motion)) as arm:
+        record, errors = lose(ros.sending(file, *CONTROLLER), arm, number)
     assert (record["goals"], record["cancelled"]) == (1, 1)
     assert "the goal was cancelled" in errors
     gone = np.abs(np.array(record["angles"]) - np.degrees(motion.q[0])).max()
