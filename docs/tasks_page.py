@@ -32,22 +32,24 @@ IMAGES = FOLDER / "images" / "tasks"
 EXPERTS = FOLDER / "tasks_experts.json"
 HEIGHT, WIDTH, DRAWN = 240, 300, 2  # pixels, and how many times larger it is drawn before
 SEED = 0  # of the episodes that are shown
+#: What is observed of a prop, and its shape.
+PROP = {"angular_velocity": "(1, 3)", "linear_velocity": "(1, 3)", "orientation": "(1, 4)", "position": "(1, 3)"}
 REMARKS = {
     "lift_large_box": (
-        "We know of no way to solve this task, and have no proof that there is none. Opposite faces of the box are "
+        "We know no solution of this task, and no proof that there is none. Opposite faces of the box are "
         "0.18 m apart, the ends of the fully open fingers 0.1765 m. Two faces that meet in an upright edge push the "
-        "fingers off: with the friction that there is, nothing is left against the weight of 12.8 N. The expert tries "
-        "an edge, and loses it."
+        "fingers off: at this friction nothing is left against the weight of 12.8 N. The expert tries an edge, and "
+        "loses it."
     ),
     "stack_3_bricks": (
-        "Most episodes of the expert are too long. In 600 steps it solved 18 of the seeds 0 to 19 at least for a "
+        "The expert mostly needs more than 250 steps. In 600 it solved 18 of the seeds 0 to 19 at least for a "
         "moment, 4 of them within 250 (`python -m benchmarks.experts stack_3_bricks --episodes 20 --steps 600`)."
     ),
     "reassemble_3_bricks_fixed_order": (
-        "Three bricks are to be carried, of which two are pulled off another first. In 600 steps the expert solves "
-        "3 of 20 (seeds 0 to 19). What fails is the pull: the fingers slide off the brick, and try again."
+        "Three bricks are carried, two of them after being pulled off another. In 600 steps the expert solves "
+        "3 of 20 (seeds 0 to 19). The pull fails: the fingers slide off the brick, and try again."
     ),
-    "reassemble_5_bricks_random_order": ("There is no expert: that for three bricks mostly fails to pull off two."),
+    "reassemble_5_bricks_random_order": "There is no expert: that for three bricks mostly fails to pull off two.",
 }
 
 
@@ -61,7 +63,8 @@ def page() -> str:
     parts = [
         "<!-- Written by docs/tasks_page.py from the tasks. Edit those, not this page. -->",
         "# Every task",
-        "The tasks of `jacokin.tasks`; [Tasks](tasks.md) shows how they are used. An episode has 250 steps of 0.04 s. "
+        "Choose a task by its picture, reward and observations; [Tasks](tasks.md) shows how to use it. An episode has "
+        "250 steps of 0.04 s. "
         f"Names of environments are those of the tasks with `_features` or `_vision` ({_only_some()}). `python -m "
         "benchmarks.experts` writes the numbers of the experts.",
         grid(
@@ -70,9 +73,10 @@ def page() -> str:
         ),
         _origin(records.values()),
         "## Observed in every task",
-        "Of the arm and the hand. Where a camera is used (`_vision`), `front_close`, (1, 84, 84, 3) uint8, comes "
-        "before them, and they are all.",
+        "Of the arm and the hand. With a camera (`_vision`), `front_close`, (1, 84, 84, 3) uint8, comes "
+        "before them, and there is nothing else.",
         "; ".join(_key(spec[key]) for key in own) + ". All are float64.",
+        f"Of a prop that moves, in this order: {'; '.join(f'`PROP/{name}` {shape}' for name, shape in PROP.items())}.",
         *(part for name, environment in environments.items() for part in _section(name, environment, own)),
     ]
     return "\n\n".join(parts) + "\n"
@@ -117,7 +121,11 @@ def _section(name: str, environment: jacokin.tasks.Environment, own: Sequence[st
     keys = list(spec)
     start = keys.index(own[0])
     before, after = keys[:start], keys[start + len(own) :]
-    observed = [f"{_key(spec[key])}, first" for key in before] + [_key(spec[key]) for key in after]
+    props = [key.removesuffix("/orientation") for key in after if key.endswith("/orientation")]
+    other = [key for key in after if key.rpartition("/")[0] not in props]
+    observed = [f"{_key(spec[key])}, first" for key in before]
+    observed += [f"the prop{'s' if props[1:] else ''} {', '.join(f'`{prop}`' for prop in props)}"] if props else []
+    observed += [_key(spec[key]) for key in other]
     pictures = [f"![The start of an episode]({_shown(_picture(name))})"]
     if _curve(name).exists():
         pictures.append(f"![Rewards of an episode of the expert]({_shown(_curve(name))})")

@@ -155,9 +155,9 @@ class ClosedForm:
     def solve_rigid(
         self, T: NDArray[np.float64], seed: NDArray[np.float64], verifier: Knows | None = None
     ) -> Points | None:
-        """As `solve_all`; None for a target that is not finite, or not rigid to rounding.
+        """Every branch of a target (4, 4), nearest to the seed first; None unless it is finite and rigid to rounding.
 
-        The kernel looks at that in a twentieth of the time.
+        The kernel checks that in a twentieth of the time.
         """
         try:
             call = self._calls.pop()
@@ -174,7 +174,7 @@ class ClosedForm:
         return found
 
     def solve_few(self, T: NDArray[np.float64], seed: NDArray[np.float64]) -> BestBranches:
-        """As `solve_batch` with one seed (6,), for a few targets (n, 4, 4) again and again, always as many."""
+        """The best branch of each of a few targets (n, 4, 4) with one seed (6,); n is the same in every call."""
         try:
             call = self._few.pop()
         except IndexError:
@@ -253,7 +253,7 @@ class ClosedForm:
         return BestBranches(best)
 
     def solve_nearest(self, T: NDArray[np.float64], seed: NDArray[np.float64], threads: int = 1) -> BranchTable:
-        """As `solve_batch`, and quicker: the branches themselves, and nothing about the others of a target."""
+        """The branch of each target (n, 4, 4) nearest to its seed; quicker than `solve_batch`, which counts all."""
         nearest = np.empty((len(T), COLUMNS))
 
         def run(start: int, stop: int) -> None:

@@ -263,7 +263,7 @@ def _refuse_hidden(value: object, nesting: int) -> None:
 
 
 def array(name: str, value: ArrayLike, what: str, unit: str = "") -> Array:
-    """As `numbers`, with an error that names the argument and says that `what` is needed.
+    """An array of real numbers from a user's argument; the error names it and says that `what` is needed.
 
     Raises:
         InvalidInputError: not made of real numbers.

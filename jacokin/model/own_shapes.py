@@ -33,7 +33,7 @@ class OwnShapes(NamedTuple):
     arrays: ArmArrays
     names: tuple[str, ...]
     taken: frozenset[str]
-    """The same."""
+    """Names of the shapes, which no obstacle may have."""
 
 
 def own_shapes(robot: Robot, finger_angle: float | None = None) -> OwnShapes:

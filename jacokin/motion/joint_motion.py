@@ -110,7 +110,7 @@ def rest_to_rest(start: Array, end: Array, limits: Limits, dt: float) -> Rows:
 
 
 def along_line(start: Array, end: Array, limits: Limits, dt: float) -> Rows:
-    """As `rest_to_rest`, along the straight line even where joints in step would take less time."""
+    """Rows every `dt` [s] of a motion from rest to rest on the straight line between two configurations (dof,)."""
     step = end - start
     size = np.abs(step)
 
@@ -145,9 +145,9 @@ def _fit(call: Call[RestWork], start: Array, end: Array, limits: Limits, dt: flo
 
 
 def _hold_torques(robot: Robot, rows: Rows, limits: Limits, torque: Array) -> Rows | TooHeavy:
-    """The same motion, or slower, so that no joint needs more torque than its limit (dof,) [N m].
+    """A motion slowed down until no joint needs more torque than its limit (dof,) [N m].
 
-    Torques are looked at between rows that are far apart, too.
+    Torques are also checked between rows that are far apart.
     """
     start, end, duration, fine = rows.q[0], rows.q[-1], float(rows.t[-1]), rows
     dt = duration / max(len(rows.t) - 1, 1)

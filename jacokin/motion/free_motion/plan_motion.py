@@ -244,9 +244,9 @@ class _Request:
     stop: Stop | None = None
 
     def stop_from(self, now: tuple[Array, Array], search: WaySearch | None) -> _Request | Trajectory:
-        """The same request from where the arm can stop, which has positions and velocities now, both (dof,).
+        """This request from where the arm, with positions and velocities `now`, both (dof,), can stop.
 
-        Or, where it cannot, the start alone, with the reason.
+        If it cannot stop, the start alone, with the reason.
         """
         strain = None if self.torque is None else partial(torque_strain, self.solver.robot, limit=self.torque)
         stop = find_stop(self.solver.robot, now, self.limits, self.dt, search, strain)
@@ -265,7 +265,7 @@ class _Request:
     def plan(
         self, aims: Sequence[Any], search: WaySearch | None, rng: np.random.Generator, begun: float, deadline: float
     ) -> Trajectory:
-        """See `plan_motion`."""
+        """The quickest motion found to any of the aims, or one that stays at the start, with the reason."""
         robot = self.solver.robot
         finder = GoalFinder(self.solver, np.clip(self.start, robot.lower, robot.upper), rng, begun, deadline)
         goals, missed = finder.find_all(aims)

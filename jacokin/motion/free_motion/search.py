@@ -233,7 +233,7 @@ class WaySearch:
         return found
 
     def _grow(self, points: int = 0) -> Call[MotionWork]:
-        """The same with trees that have room for twice as many configurations, and a way for so many points."""
+        """The call with trees twice as large, or for so many points, and a path for them; keeps what the trees hold."""
         work = self._call().work
         dof, room = len(work.start), len(work.trees.parents) // 2
         more = max(2 * room, points)

@@ -48,7 +48,7 @@ class Stop(NamedTuple):
         return np.asarray(self.rows.q[-1])
 
     def in_steps(self, dt: float) -> Rows:
-        """The same motion in rows `dt` [s] apart, which is a whole part of the step that it was found in."""
+        """The motion of the stop in rows `dt` [s] apart; `dt` divides the step that it was found in."""
         t = self.rows.t
         count = round(float(t[-1]) / dt)
         if count == len(t) - 1:

@@ -317,7 +317,7 @@ class TickSolver:
         return pairs.rows[: count * self._dof].reshape(count, self._dof).copy(), pairs.ends[:count].copy()
 
     def inequalities_towards(self, displacement: Array) -> Inequalities:
-        """The same with all that a displacement (dof,) [rad] could break."""
+        """G and h of G x <= h for all pairs that a displacement (dof,) [rad] could bring too near, or (None, None)."""
         self._work.total[:], self._work.counts[STAGE] = displacement, LOOK_AHEAD
         self._run()
         return self.inequalities
