@@ -27,8 +27,8 @@ def page() -> str:
     parts = [
         "<!-- Written by docs/robot_page.py from the tables urdf/*.toml. Edit those, not this page. -->",
         "# The robots in numbers",
-        "Every number of every bundled robot stands once, in `urdf/jaco.toml` or `urdf/gen3.toml`, with its unit, its "
-        "source and what is doubtful about it. `jacokin info` shows the limits and frames of any robot.",
+        "Look up any number of a bundled robot with its unit, source and doubt, as `urdf/jaco.toml` and "
+        "`urdf/gen3.toml` have it. `jacokin info` shows the limits and frames of any robot.",
         "Poses are given in the frame of the parent. `rpy` is R = Rz(yaw) Ry(pitch) Rx(roll), with `pi/3` and the like "
         "exact; quaternions are wxyz.",
         "## Sources",
@@ -135,8 +135,7 @@ def _limits() -> list[str]:
     return [
         "## Limits",
         "What the URDF says [K, G]; `robot.effort_limit` returns these efforts. The datasheet [S] and the user guide "
-        "[U] state [other torques](#joint-dynamics-and-actuators); neither is known to be wrong. `none` means that the "
-        "joint turns without limit.",
+        "[U] state [other torques](#joint-dynamics-and-actuators); neither is known to be wrong.",
         grid(
             ("joints", "lower", "upper", "velocity [°/s]", "effort [N m]"),
             (("; ".join(f"{arm}: {', '.join(each)}" for arm, each in of.items()), *row) for row, of in joints.items()),
@@ -149,8 +148,7 @@ def _chains(numbers: Row) -> list[str]:
     parts = [
         "## Joint frames",
         "Every joint turns about +z of its own frame, and leads from the link before it (`link_base` for joint_1) to "
-        "the link of its number. The acceleration is `robot.acceleration_limit`; where there is none here, it is that "
-        "of the actuator.",
+        "the link of its number. `robot.acceleration_limit` is the acceleration here, or else that of the actuator.",
     ]
     shown: dict[tuple[str, ...], str] = {}
     for arm in numbers["arms"]:
@@ -244,7 +242,7 @@ def _grip() -> list[str]:
     return [
         "## Grip force",
         "Normal forces on a ball of radius 0.02 m between the finger tips, 0.193 m above the base of the hand, that "
-        "slides sideways, with all fingers closing at full torque (1 N m each), in N. The datasheet says 25 N.",
+        "slides sideways, with all fingers closing at full torque (1 N m each) [N]. The datasheet says 25 N.",
         grid(
             ("hand", "friction", "finger_1", "finger_2", "finger_3", "sum"),
             (
@@ -256,16 +254,15 @@ def _grip() -> list[str]:
             ),
         ),
         "Fingers 1 and 3 oppose each other: 1 N m at a lever of about 83 mm is 12 N. Finger 2 closes to its limit "
-        "beside the ball. D's fingers are convex hulls of meshes, which touch the ball at one point each; with friction"
-        " it creeps 7 mm sideways until finger 2 wedges it. The boxes of this project touch it at two points of each "
-        "finger, and it stays where it is.",
+        "next to the ball. D's fingers, convex hulls of meshes, touch the ball at one point each, and with friction it "
+        "creeps 7 mm sideways until finger 2 wedges it. The boxes here touch it at two points each, and it stays.",
     ]
 
 
 def _poses(numbers: Row) -> list[str]:
     parts = [
         "## Published poses",
-        "What real arms are documented to do; a test compares forward kinematics with it.",
+        "Documented poses of real arms, which a test compares with forward kinematics.",
     ]
     for name, pose in numbers["published"].items():
         angles = f"{value(pose['q_deg'])}°" if "q_deg" in pose else f"{value(pose['q'])} rad"
@@ -391,9 +388,9 @@ def _shapes() -> list[str]:
     shapes = bundled.robot_table("shapes.toml")
     parts = [
         "## Shapes",
-        "Bodies are made of boxes, cylinders and spheres, the same in URDF and MJCF, for drawing and for contact. "
-        "Their sizes are in `urdf/shapes.toml`. They cover the measured meshes with at least 0.1 mm to spare, so that "
-        "no contact is missed. Of random configurations the `gen3` touches itself in 1 %, the `gen3_6dof` in 2 %, "
+        "Bodies are boxes, cylinders and spheres, the same in URDF and MJCF, for drawing and for contact; "
+        "`urdf/shapes.toml` has their sizes. They cover the measured meshes with at least 0.1 mm to spare, so no "
+        "contact is missed. Of random configurations the `gen3` touches itself in 1 %, the `gen3_6dof` in 2 %, "
         "the `gen3_lite` in 9 %, the `j2n6s300` in 6 %; the meshes of the Gen3 arms in 0.3, 0.4 and 1.5 % fewer.",
     ]
     rows = []
@@ -415,11 +412,11 @@ def _arena(numbers: Row) -> list[str]:
     rows += [(f"ground {key}", value(row)) for key, row in ground.items() if key != "doubt"]
     return [
         "## Arena",
-        "Options of the simulation that the bridge's `Arena` sets; a body file cannot carry them. Times in s, "
+        "Options that the bridge's `Arena` sets, since a body file cannot. Times in s, "
         "`boundmass` in kg, `boundinertia` in kg m².",
         grid(("option", "value"), rows),
         f"Source: {arena['source']}. Doubt (ground): {ground['doubt']}.",
-        "`Arena(contact=...)` has one of these, `firm` if nothing else is asked for:",
+        "`Arena(contact=...)` is one of these, by default `firm`:",
         grid(
             ("contact", *CONTACT_OPTIONS, "source", "doubt"),
             [
