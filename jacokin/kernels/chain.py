@@ -215,7 +215,7 @@ def eliminate(system: Array) -> bool:
 
 
 def linearise7(chain: Array, T: Array, x: Array, system: Array) -> float:
-    """As `linearise`, with seven joints: rows 0 to 5 of system (7, 8), the deviation in column 7.
+    """Fill rows 0 to 5 of system (7, 8) with the Jacobian of seven joints and, in column 7, the deviation from T.
 
     Returns:
         The larger of position error [m] and orientation error [rad].

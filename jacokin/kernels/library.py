@@ -76,7 +76,7 @@ class About(NamedTuple):
     layouts: dict[str, tuple[ArrayLayout, ...]]
 
     def text(self) -> str:
-        """As it stands in the library; the size in a fixed number of digits."""
+        """The text that the library carries, with the size in a fixed number of digits."""
         lines = [f"{MARK} {self.version} {self.sources} {self.size:012d}"]
         for name, layout in self.layouts.items():
             arrays = (f"{array.dtype}:{','.join(map(str, array.shape))}" for array in layout)

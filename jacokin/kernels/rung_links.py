@@ -107,7 +107,7 @@ def is_near(work: LinkWork, a: int, b: int) -> bool:
 
 
 def coordinate_is_near(work: LinkWork, a: int, b: int, j: int, limit: float) -> bool:
-    """The same of coordinate j; fills away[j]."""
+    """Whether coordinate j does not move farther than a limit from x[a] to x[b]; fills away[j]."""
     away = work.x[b + j] - work.x[a + j]
     if work.circular[j] > 0 and abs(away) > limit:
         away -= TURN * math.floor(away / TURN + 0.5)

@@ -119,7 +119,7 @@ def fourier_of_F(k: ArmConstants, pose: Pose, cosine: Array, sine: Array, values
 def fourier_of_divided_F(
     k: ArmConstants, pose: Pose, known: Array, singles: int, pairs: int, cosine: Array, sine: Array
 ) -> float:
-    """As `fourier_of_F`, for F divided by sin((q6 - root) / 2) for each of an even number of its roots.
+    """Fill the Fourier coefficients of F divided by sin((q6 - root) / 2) for each of an even number of its roots.
 
     That is a polynomial of a lower degree: what its coefficients above that degree are instead of zero tells how well
     the roots were known.

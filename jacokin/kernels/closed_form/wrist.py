@@ -66,7 +66,7 @@ def seen_after_joint_6(k: ArmConstants, pose: Pose, q6: float) -> AfterJoint6:
 
 
 def turned_by_joint_6(k: ArmConstants, pose: Pose, q6: float, s: float, c: float) -> AfterJoint6:
-    """The same, from sine and cosine of q6 as well."""
+    """Turn the pose by joint 6, of which sine and cosine are known."""
     m = mix(pose.m0, 1.0, pose.mc, c, pose.ms, s)
     x = mix(pose.x, c, cross(k.w6, pose.x), s, k.w6, (1.0 - c) * dot(k.w6, pose.x))
     return AfterJoint6(q6, mix(pose.D0, 1.0, pose.Dc, c, pose.Ds, s), m, x, cross(m, x))

@@ -95,7 +95,7 @@ def are_clear(
     slack: float,
     size: int,
 ) -> bool:
-    """The same for so many parts of a motion that wait in the course."""
+    """Whether all pairs stay farther apart than the margin in the `size` parts of a motion that wait in the course."""
     waiting, spans, near, best = course.waiting, course.spans, course.near, course.best
     while size > 0:
         size -= 1

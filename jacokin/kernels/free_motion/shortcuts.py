@@ -154,7 +154,7 @@ def cut(way: Way, space: Space, dof: int, sight: Sight, first: float, second: fl
 
 
 def cut_joint(way: Way, space: Space, dof: int, sight: Sight, first: float, second: float, joint: int) -> bool:
-    """The same for one joint: it moves steadily between two times, while the others go their way."""
+    """Let one joint move steadily between two times; False, with nothing done, where that touches or saves nothing."""
     points = way.integers[POINTS]
     i, j = line_at(way, first), line_at(way, second)
     if i == j or points + 2 > len(way.times):

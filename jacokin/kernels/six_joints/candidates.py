@@ -86,12 +86,12 @@ def unit_from_to(ax: float, ay: float, bx: float, by: float) -> Unit:
 
 
 def turn_from_to(ax: float, ay: float, bx: float, by: float) -> Unit:
-    """The same as a direction of any length."""
+    """The turn that takes the vector (ax, ay) to the direction of (bx, by), as a vector of any length."""
     return ax * bx + ay * by, ax * by - ay * bx
 
 
 def angle_from_to(ax: float, ay: float, bx: float, by: float) -> float:
-    """Its angle [rad], of vectors of any length."""
+    """The angle [rad] from the vector (ax, ay) to (bx, by), of any length."""
     return angle_of(ax * by - ay * bx, ax * bx + ay * by)
 
 

@@ -203,7 +203,7 @@ def fill_quartic(reach: Reach, cosine: Array, sine: Array) -> tuple[Wave, Wave, 
 
 
 def fill_both_turns(reach: Reach, cosine: Array, sine: Array) -> tuple[float, float]:
-    """The same where axes 1 and 2 meet or are parallel: of degree 2 in theta_2.
+    """Fill the coefficients of the polynomial of degree 2 in theta_2, where axes 1 and 2 meet or are parallel.
 
     Two theta_3 solve an equation of their own, and for each theta_2 has one like it. With c_3 and s_3 = (e + r g) / h,
     where r is a root that may be imaginary, the product of both equations for theta_2 has no root.

@@ -248,7 +248,7 @@ def slope(work: NearestWork, a: Array, b: Array, length: float, u: float) -> flo
 
 
 def exact_slope(work: NearestWork, a: Array, b: Array, u: float) -> float:
-    """As `slope`, at the point of the curve itself, which is left in walk.z; NaN for none there."""
+    """Half the derivative of the squared distance at the point of the curve, which is left in walk.z; NaN for none."""
     walk, found = work.walk, 0.0
     if not point_across(work.chain, work.T, a, b, u, walk):
         return math.nan

@@ -118,7 +118,11 @@ def solve_set(work: SetWork) -> int:
 
 
 def find_curves(work: SetWork, whole: bool) -> int:
-    """As `solve_set`; only those on which the nearest configuration is, and none for want of one, unless all are."""
+    """Fill loops and pieces with the whole set, or with curves on which the solution nearest to the seed may be.
+
+    Returns:
+        How many things went wrong, so that parts may be missing; 0 for none.
+    """
     parameter, kind, slices, loops = int(work.options[0]), int(work.options[1]), work.slices, work.loops
     slices.size[0] = 0
     for n in range(4):

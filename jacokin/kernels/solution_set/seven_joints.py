@@ -170,7 +170,7 @@ def solve_at_q3(chain: Array, arm7: Array, T: Array, q3: float, rows: Array) -> 
 
 
 def solve_rows_at_q3(chain: Array, arm7: Array, T: Array, q3: float, low: int, high: int, rows: Array) -> None:
-    """As `solve_at_q3`, the rows from low up to high alone."""
+    """Fill rows low to high - 1 of those of `solve_at_q3`, which have the configurations with this joint 3."""
     for i in range(low, high):
         rows[i, 0] = math.nan
     D0 = wrist_from_shoulder(chain, arm7, T)

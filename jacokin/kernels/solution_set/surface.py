@@ -174,14 +174,14 @@ def fill_F(k: ArmConstants, six: SixJoints, F: Surface, p: float, labelling: int
 
 
 def fill_at(k: ArmConstants, six: SixJoints, F: Surface, p: float, labelling: int) -> float:
-    """As `fill_F`, from determinants at p."""
+    """Fill cosine and sine with the coefficients of F(x; p) from determinants at p; returns the noise of its values."""
     if labelling < 0:
         return fill_determinant(k, six, F, p, k.six.own)
     return fill_determinant(unpack_arm(six.general), six, F, p, labelling)
 
 
 def fill_determinant(k: ArmConstants, six: SixJoints, F: Surface, p: float, labelling: int) -> float:
-    """As `fill_F`, of an arm of any structure in one labelling."""
+    """Fill cosine and sine with the coefficients of F(x; p) of an arm in a labelling; returns their noise."""
     turn_target(six.T, six.axis, p, six.turned)
     fill_links(six.chain, six.turned, k.six.scale, labelling, F.equations.links)
     write_equations(F.equations)
