@@ -50,9 +50,11 @@ def page() -> str:
 
 
 def grid(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """A Markdown table; a `|` inside a cell is not expected."""
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join("| " + " | ".join(str(cell) for cell in line) + " |" for line in lines)
+    """A Markdown table of the columns that are not empty; a `|` inside a cell is not expected."""
+    cells = [[str(cell) for cell in row] for row in rows]
+    shown = [column for column in range(len(head)) if any(row[column] for row in cells)]
+    lines = [head, ["---"] * len(head), *cells]
+    return "\n".join("| " + " | ".join(line[column] for column in shown) + " |" for line in lines)
 
 
 def value(number: object) -> str:
