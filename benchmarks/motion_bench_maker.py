@@ -27,7 +27,7 @@ from benchmarks.bench_maker import BenchProblem, Referee, files_in, load_problem
 from benchmarks.bench_maker_peers import PLANNERS, Jacokin, Planner
 from jacokin import Robot
 from jacokin.arrays import Array
-from jacokin.motion.blending import fit_time, round_corners, straightened
+from jacokin.motion.blending import fit_time, straightened
 from jacokin.motion.free_motion.plan_motion import search_of
 from jacokin.motion.joint_motion import ACCELERATION
 
@@ -84,8 +84,8 @@ class Timer:
             if not (certain[corner - 1] and certain[corner]):
                 cuts[corner] = 0.0
         path, cuts = straightened(path, cuts, robot.velocity_limit)
-        course, stops = round_corners(path, robot.velocity_limit, cuts)
-        timed = fit_time(course, stops, robot.velocity_limit, np.full(robot.dof, ACCELERATION))
+        full, hard = robot.velocity_limit, np.full(robot.dof, ACCELERATION)
+        timed = fit_time(path, cuts, full, full, hard)
         rows = timed.at(np.linspace(0.0, timed.duration, max(2, int(timed.duration / DT))))[0]
         return timed.duration, length_of(rows)
 

@@ -26,7 +26,7 @@ from jacokin import Robot, plan_motion
 from jacokin.arrays import Array
 from jacokin.model.angles import nearest_copy
 from jacokin.model.contact import Contact
-from jacokin.motion.blending import fit_time, round_corners
+from jacokin.motion.blending import fit_time
 from jacokin.motion.free_motion.plan_motion import GoalFinder, search_of
 
 WAYS = (1, 2, 4, 16)
@@ -172,9 +172,8 @@ def ask(plan: Plan, problem: Problem, limit: float) -> Answer | None:
     rows = np.array(way)
     rows = rows[np.append(True, np.abs(np.diff(rows, axis=0)).max(axis=1) > 1e-9)]
     certified = all(search.contact.in_the_way(a, b) is None for a, b in pairwise(rows))
-    course, stops = round_corners(rows, robot.velocity_limit, search.cuts(rows))
-    duration = fit_time(course, stops, robot.velocity_limit, np.full(robot.dof, ACCELERATION)).duration
-    return Answer(taken, duration, certified)
+    full, hard = robot.velocity_limit, np.full(robot.dof, ACCELERATION)
+    return Answer(taken, fit_time(rows, search.cuts(rows), full, full, hard).duration, certified)
 
 
 def compare(robot: Robot, kind: str, count: int, limit: float) -> Iterator[str]:

@@ -118,7 +118,7 @@ def _linker_words(made: Path, target: Target) -> list[str]:
 
 
 def _layout(entry: Entry) -> tuple[ArrayLayout, ...]:
-    return tuple(ArrayLayout(array.dtype.name, array.shape) for array in flatten(entry.make_work()))
+    return tuple(ArrayLayout(array.dtype, array.shape) for array in flatten(entry.make_work()))
 
 
 def wheel_tag(contents: bytes, target: Target = HERE) -> str:

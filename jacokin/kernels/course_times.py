@@ -1,4 +1,4 @@
-"""The least time from rest along lines and parabolas: a grid of places on them, and how fast each is passed.
+"""The least time from rest along a way whose corners are cut: its lines and parabolas, and how fast these are passed.
 
 See `motion.blending` for what a course is, and `speeds` for how speeds are found. On lines and parabolas the limits of
 an interval are linear functions of its place, so those at both ends are all.
@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
+from jacokin.kernels.free_motion.corners import STRAIGHT
 from jacokin.kernels.speeds import SpeedWork, fit_speeds, make_speed_work
 
 GRID = 0.02  # [s] between places, at least
@@ -22,21 +23,25 @@ MOST_PLACES = ON_LINE + 3  # of a line, with where full speed is reached and lef
 SAME = 1e-9  # [s] places that are nearer to each other are one
 NO_RATE = 1e-9  # of the largest change of a joint's acceleration with that of the place: it limits nothing
 STILL = 1e-12
-#: Where the counts are: lines and parabolas, joints, and places where it stands still.
-PIECES, JOINTS, STOPS, COURSE_INTEGERS = range(4)
+#: Where the counts are: joints, points of the way; filled in are lines and parabolas, and places where it stands still.
+JOINTS, POINTS, PIECES, STOPS, COURSE_INTEGERS = range(5)
 
 
 class CourseWork(NamedTuple):
     """What a call reads and writes; arrays may have more room."""
 
     counts: NDArray[np.int64]  # (COURSE_INTEGERS,)
-    ends: Array  # (pieces + 1,) where each begins, and the end [s] at full speed
-    slope: Array  # (pieces dof,) dq/ds at the beginning of each
-    bend: Array  # (pieces dof,) d2q/ds2, zero on lines
-    stops: Array  # (stops,) places where it stands still
+    way: Array  # (points dof,) lines from one to the next, no two in a row equal [rad]
+    cuts: Array  # (points,) how much is cut off on both sides of a corner [s] at full speed; 0 where it stays
+    full: Array  # (dof,) full speed [rad/s]
     velocity: Array  # (dof,) limits [rad/s]
     acceleration: Array  # (dof,) limits [rad/s^2]
     end: Array  # (1,) ds/dt at the last place, at most
+    ends: Array  # (pieces + 1,) filled in: where each begins, and the end [s] at full speed
+    at: Array  # (pieces dof,) configuration at the beginning of each [rad]
+    slope: Array  # (pieces dof,) dq/ds there
+    bend: Array  # (pieces dof,) d2q/ds2, zero on lines
+    stops: Array  # (stops,) places where it stands still
     s: Array  # (places,)
     t: Array  # (places,) when each is passed [s]
     speed: Array  # (places,) ds/dt there
@@ -44,29 +49,34 @@ class CourseWork(NamedTuple):
     speeds: SpeedWork
 
 
-def make_course_work(pieces: int = 0, dof: int = 0, stops: int = 0) -> CourseWork:
-    """Fresh work arrays for so many lines and parabolas."""
-    places = pieces * MOST_PLACES + 1 if pieces else 0
+def make_course_work(dof: int = 0, points: int = 0) -> CourseWork:
+    """Fresh work arrays for a way of so many points."""
+    pieces, ends, places = (2 * points, 2 * points + 1, 2 * points * MOST_PLACES + 1) if points else (0, 0, 0)
     s, t, speed = np.zeros((3, places))
     return CourseWork(
         np.zeros(COURSE_INTEGERS, np.int64),
-        np.zeros(pieces + 1 if pieces else 0),
-        np.zeros(pieces * dof),
-        np.zeros(pieces * dof),
-        np.zeros(stops),
+        np.zeros(points * dof),
+        np.zeros(points),
+        np.zeros(dof),
         np.zeros(dof),
         np.zeros(dof),
         np.zeros(1),
+        np.zeros(ends),
+        np.zeros(pieces * dof),
+        np.zeros(pieces * dof),
+        np.zeros(pieces * dof),
+        np.zeros(ends),
         s,
         t,
         speed,
         np.zeros(places, np.int64),
-        make_speed_work(places, 2 * dof),
+        make_speed_work(2 * dof, places),
     )
 
 
 def fit_course_times(work: CourseWork) -> int:
-    """Fill places, times and speeds; returns how many places there are."""
+    """Fill lines and parabolas, places, times and speeds; returns how many places there are."""
+    lay_course(work)
     count, dof = lay_grid(work), work.counts[JOINTS]
     speeds = work.speeds
     speeds.counts[0], speeds.counts[1] = count - 1, 2 * dof
@@ -117,6 +127,41 @@ def limit(work: CourseWork, i: int, dof: int, least: float) -> None:
                 speeds.tilt[k] = bend / rate
             else:
                 speeds.high[k], speeds.tilt[k] = math.inf, 0.0
+
+
+def lay_course(work: CourseWork) -> None:
+    """Fill lines and parabolas, and where the motion stands still: at its ends, and at corners that are not cut."""
+    counts, dof, way, full = work.counts, work.counts[JOINTS], work.way, work.full
+    piece, stops, place = 0, 0, 0.0
+    for line in range(counts[POINTS] - 1):
+        length, sharp, cut = 0.0, 0.0, work.cuts[line]
+        for j in range(dof):
+            length = max(length, abs(way[(line + 1) * dof + j] - way[line * dof + j]) / full[j])
+        own = piece + 1 if cut > 0.0 else piece
+        for j in range(dof):
+            k, m = line * dof + j, own * dof + j
+            slope = (way[k + dof] - way[k]) / length
+            work.at[m], work.slope[m], work.bend[m] = way[k] + cut * slope, slope, 0.0
+            if line > 0:
+                m = piece * dof + j
+                last = work.slope[m - dof]
+                sharp = max(sharp, abs(slope - last) / full[j])
+                if cut > 0.0:
+                    work.at[m], work.slope[m], work.bend[m] = way[k] - cut * last, last, (slope - last) / (2.0 * cut)
+        work.ends[piece] = place
+        if cut > 0.0:
+            place += 2.0 * cut
+            work.ends[own] = place
+        elif line == 0 or sharp >= STRAIGHT:
+            work.stops[stops] = place
+            stops += 1
+        place += length - cut - work.cuts[line + 1]
+        piece = own + 1
+    work.ends[piece] = place
+    if work.end[0] == 0.0:
+        work.stops[stops] = place
+        stops += 1
+    counts[PIECES], counts[STOPS] = piece, stops
 
 
 def lay_grid(work: CourseWork) -> int:

@@ -10,12 +10,13 @@ import ctypes
 import hashlib
 import re
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from pathlib import Path
-from typing import Generic, NamedTuple, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,16 +43,17 @@ Work = TypeVar("Work", bound=tuple[object, ...])
 class ArrayLayout(NamedTuple):
     """One work array as the machine code reads it."""
 
-    dtype: str
+    dtype: np.dtype[Any]
     shape: tuple[int, ...]  # a first dimension of 0 is free: the length of the array follows its address
 
     def fits(self, array: NDArray[np.generic]) -> bool:
         """Whether an array can be handed over."""
+        shape = array.shape
         return (
             array.dtype == self.dtype
             and array.flags.c_contiguous
-            and array.ndim == len(self.shape)
-            and array.shape[self.is_free :] == self.shape[self.is_free :]
+            and len(shape) == len(self.shape)
+            and (shape[1:] if self.is_free else shape) == self.shape[self.is_free :]
         )
 
     @property
@@ -94,10 +96,11 @@ def about(contents: bytes) -> About | None:
         for line in match[4].decode().splitlines():
             name, *arrays = line.split()
             layouts[name] = tuple(
-                ArrayLayout(dtype, tuple(map(int, shape.split(",")))) for dtype, shape in (a.split(":") for a in arrays)
+                ArrayLayout(np.dtype(dtype), tuple(map(int, shape.split(","))))
+                for dtype, shape in (a.split(":") for a in arrays)
             )
         return About(match[1].decode(), match[2].decode(), int(match[3]), layouts)
-    except ValueError:  # not the text that was written
+    except (TypeError, ValueError):  # not the text that was written
         return None
 
 
@@ -237,6 +240,28 @@ class Call(Generic[Work]):
         if result == FAILED:
             raise JacokinError("internal error in the compiled kernels, please report it")
         return result
+
+
+class Calls(Generic[Work]):
+    """Calls of one kernel, a thread its own, whose work arrays have room for what was asked for last, and for more."""
+
+    def __init__(self, kernel: Callable[[Work], int], make_work: Callable[..., Work], kept: int) -> None:
+        """Take a kernel, what makes its work arrays by their sizes, and up to which size a thread keeps them."""
+        self._kernel, self._make_work, self._kept = kernel, make_work, kept
+        self._local = threading.local()
+
+    def with_room(self, *sizes: int) -> Call[Work]:
+        """The call of this thread, with room for at least so many of each."""
+        known: tuple[tuple[int, ...], Call[Work]] | None = getattr(self._local, "known", None)
+        if known is not None and all(map(int.__le__, sizes, known[0])):
+            return known[1]
+        room = tuple(2 * size for size in sizes)
+        if known is not None:
+            room = tuple(map(max, room, known[0]))
+        call = Call(self._kernel, self._make_work(*room))
+        if max(sizes) <= self._kept:
+            self._local.known = room, call
+        return call
 
 
 def flatten(value: object) -> Iterator[NDArray[np.generic]]:

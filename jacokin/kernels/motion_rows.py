@@ -14,8 +14,9 @@ from jacokin.arrays import Array
 
 
 class SampleWork(NamedTuple):
-    """What is read and written to take configurations from a course."""
+    """What is read and written to take configurations from a course; arrays may have more room."""
 
+    counts: NDArray[np.int64]  # (3,) joints, rows, and places of the course
     span: Array  # (1,) they are taken in equal steps from time 0 to this one [s]
     t: Array  # (places,) when each place of the course is passed [s]
     s: Array  # (places,)
@@ -28,16 +29,17 @@ class SampleWork(NamedTuple):
     q: Array  # (rows dof,) filled in [rad]
 
 
-def make_sample_work() -> SampleWork:
-    """Arrays of any length."""
-    t, s, speed, begins, at, slope, bend, q = np.empty((8, 0))
-    return SampleWork(np.empty(1), t, s, speed, np.empty(0, np.int64), begins, at, slope, bend, q)
+def make_sample_work(dof: int = 0, rows: int = 0, places: int = 0) -> SampleWork:
+    """Fresh work arrays; a course has fewer lines and parabolas than places."""
+    (t, s, speed, begins), (at, slope, bend) = np.zeros((4, places)), np.zeros((3, places * dof))
+    piece, q = np.zeros(places, np.int64), np.zeros(rows * dof)
+    return SampleWork(np.zeros(3, np.int64), np.zeros(1), t, s, speed, piece, begins, at, slope, bend, q)
 
 
 def sample_course(work: SampleWork) -> int:
     """Fill in the configurations; returns how many there are."""
-    dof = len(work.at) // (len(work.begins) - 1)
-    count, i, last = len(work.q) // dof, 0, len(work.t) - 2
+    dof, count = work.counts[0], work.counts[1]
+    i, last = 0, work.counts[2] - 2
     for row in range(count):
         time = row * (work.span[0] / (count - 1)) if row < count - 1 else work.span[0]
         while i < last and work.t[i + 1] <= time:
@@ -49,21 +51,23 @@ def sample_course(work: SampleWork) -> int:
         for j in range(dof):
             k = work.piece[i] * dof + j
             work.q[row * dof + j] = work.at[k] + on * (work.slope[k] + 0.5 * on * work.bend[k])
-    return count
+    return int(count)
 
 
 class AverageWork(NamedTuple):
-    """What is read and written to average rows."""
+    """What is read and written to average rows; arrays may have more room."""
 
-    integers: NDArray[np.int64]  # (2,) over how many ticks, and the joints
+    counts: NDArray[np.int64]  # (3,) joints, configurations, and over how many ticks
     dt: Array  # (1,) [s]
     taken: Array  # (n dof,) configurations `dt` apart [rad]
-    rows: Array  # (3 m dof,) filled in for the m = n + ticks + 1 rows: positions, velocities and accelerations
+    q: Array  # (m dof,) filled in for the m = n + ticks + 1 rows [rad]
+    v: Array  # (m dof,) [rad/s]
+    a: Array  # (m dof,) [rad/s^2]
 
 
-def make_average_work() -> AverageWork:
-    """Arrays of any length."""
-    return AverageWork(np.zeros(2, np.int64), np.empty(1), np.empty(0), np.empty(0))
+def make_average_work(dof: int = 0, rows: int = 0) -> AverageWork:
+    """Fresh work arrays."""
+    return AverageWork(np.zeros(3, np.int64), np.zeros(1), *(np.zeros(rows * dof) for _ in range(4)))
 
 
 def average_rows(work: AverageWork) -> int:
@@ -71,29 +75,30 @@ def average_rows(work: AverageWork) -> int:
 
     The motion stands still before and after, and passes no angle that no configuration passes.
     """
-    ticks, dof, taken, rows = work.integers[0], work.integers[1], work.taken, work.rows
-    last, size = len(taken) // dof - 1, len(rows) // 3
+    dof, last, ticks, taken = work.counts[0], work.counts[1] - 1, work.counts[2], work.taken
+    count = last + ticks + 2
     share, half, square = 1.0 / ticks, 0.5 / work.dt[0], 1.0 / (work.dt[0] * work.dt[0])
     for j in range(dof):
         low, high = taken[j], taken[j]
         for row in range(1, last + 1):
             low, high = min(low, taken[row * dof + j]), max(high, taken[row * dof + j])
         point, step = taken[j], 0.0
-        for row in range(size // dof):
+        for row in range(count):
             # From this average to the next one.
             after, before = min(row, last), min(max(row - ticks, 0), last)
             ahead = (taken[after * dof + j] - taken[before * dof + j]) * share
             change, k = ahead - step, row * dof + j
-            rows[k] = min(max(point + change * (1.0 / 6.0), low), high)
-            rows[size + k], rows[2 * size + k] = (step + ahead) * half, change * square
+            work.q[k] = min(max(point + change * (1.0 / 6.0), low), high)
+            work.v[k], work.a[k] = (step + ahead) * half, change * square
             point, step = point + ahead, ahead
-        rows[j], rows[size - dof + j] = taken[j], taken[last * dof + j]
-    return int(size // dof)
+        work.q[j], work.q[(count - 1) * dof + j] = taken[j], taken[last * dof + j]
+    return int(count)
 
 
 class BetweenWork(NamedTuple):
-    """What is read and written to know how far rows are left between each other."""
+    """What is read and written to know how far rows are left between each other; arrays may have more room."""
 
+    counts: NDArray[np.int64]  # (2,) joints and rows
     dt: Array  # (1,) [s]
     q: Array  # (n dof,) [rad]
     a: Array  # (n dof,) accelerations that change steadily from row to row [rad/s^2]
@@ -103,16 +108,16 @@ class BetweenWork(NamedTuple):
     reach: Array  # (n - 1,) filled in: how far any point leaves its way along the straight motion, at most [m]
 
 
-def make_between_work() -> BetweenWork:
-    """Arrays of any length."""
-    q, a, lower, upper, levers, reach = np.empty((6, 0))
-    return BetweenWork(np.empty(1), q, a, lower, upper, levers, reach)
+def make_between_work(dof: int = 0, rows: int = 0) -> BetweenWork:
+    """Fresh work arrays."""
+    (q, a), (lower, upper, levers) = np.zeros((2, rows * dof)), np.zeros((3, dof))
+    return BetweenWork(np.zeros(2, np.int64), np.zeros(1), q, a, lower, upper, levers, np.zeros(rows))
 
 
 def look_between(work: BetweenWork) -> int:
     """Fill in the reach of each step; returns 1 if a joint could be beyond a limit on one of them."""
-    dof, beyond = len(work.lower), 0
-    for row in range(len(work.reach)):
+    dof, beyond = work.counts[0], 0
+    for row in range(work.counts[1] - 1):
         reach = 0.0
         for j in range(dof):
             k, then = row * dof + j, row * dof + dof + j

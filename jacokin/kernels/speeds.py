@@ -65,7 +65,7 @@ def controllable(high: Array, tilt: Array, half: float, ahead: float) -> float:
     return most
 
 
-def make_speed_work(intervals: int = 0, limits: int = 0) -> SpeedWork:
+def make_speed_work(limits: int = 0, intervals: int = 0) -> SpeedWork:
     """Fresh work arrays for so many intervals with so many limits."""
     n, counts = intervals, np.array([intervals, limits])
     rows = np.zeros((3, n + 1 if limits else 0))

@@ -7,16 +7,14 @@ jerk is constant from row to row, so controllers that interpolate by cubics or q
 
 from __future__ import annotations
 
-import threading
-
 import numpy as np
 from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.ik.seeds import checked_start
-from jacokin.kernels.library import Call
-from jacokin.kernels.rest_to_rest import RestWork, fit_rest_to_rest, make_rest_work
+from jacokin.kernels.library import Calls
+from jacokin.kernels.rest_to_rest import fit_rest_to_rest, make_rest_work
 from jacokin.model import angles, checks
 from jacokin.model.robot import Robot, acceleration_limits, checked_robot, jerk_limits, velocity_limits
 from jacokin.motion.rows import Limits, Rows
@@ -24,9 +22,9 @@ from jacokin.motion.timing import BETWEEN, MAX_TICKS, MOST_PLACES, TooHeavy, hol
 from jacokin.motion.trajectory import MotionStatus, Trajectory
 
 ACCELERATION = 1.0  # [rad/s^2] full speed in about 0.7 s; the maker publishes no figure, so this is a gentle guess
-FIRST_ROOM, ROOM_KEPT = 1_000, 20_000  # rows, for which a thread keeps the memory
+FIRST_ROOM = 500  # rows
 
-_local = threading.local()  # of each thread: the kernel with work arrays, by number of joints
+_fit = Calls(fit_rest_to_rest, make_rest_work, kept=20_000)  # rows
 
 
 def move_joints(
@@ -90,22 +88,22 @@ def rest_to_rest(start: Array, end: Array, limits: Limits, dt: float) -> Rows:
     Raises:
         InvalidInputError: it takes more than `MAX_TICKS` steps.
     """
-    dof, kept = len(start), _kept_calls()
-    call = kept.get(dof)
-    if call is None:
-        call = kept[dof] = Call(fit_rest_to_rest, make_rest_work(dof, FIRST_ROOM))
-    ticks = _fit(call, start, end, limits, dt)
-    if ticks > MAX_TICKS:
-        raise InvalidInputError(
-            f"the motion takes {ticks * dt:.6g} s or longer: more than {MAX_TICKS} steps of {dt:.6g} s"
-        )
-    count = ticks + 1
-    if count * dof > len(call.work.q):
-        call = Call(fit_rest_to_rest, make_rest_work(dof, 2 * count))
-        if count <= ROOM_KEPT:
-            kept[dof] = call
-        _fit(call, start, end, limits, dt)
-    q, v, a = (array[: count * dof].reshape(count, dof).copy() for array in call.work[-3:])
+    dof, count = len(start), FIRST_ROOM
+    while True:
+        call = _fit.with_room(dof, count)
+        work = call.work
+        work.counts[0], work.dt[0], work.start[:dof], work.end[:dof] = dof, dt, start, end
+        each = work.limits[: 3 * dof].reshape(dof, 3).T
+        each[0], each[1], each[2] = limits.velocity, limits.acceleration, np.inf if limits.jerk is None else limits.jerk
+        ticks = call()
+        if ticks > MAX_TICKS:
+            raise InvalidInputError(
+                f"the motion takes {ticks * dt:.6g} s or longer: more than {MAX_TICKS} steps of {dt:.6g} s"
+            )
+        count = ticks + 1
+        if count * dof <= len(work.q):
+            break
+    q, v, a = (array[: count * dof].reshape(count, dof).copy() for array in (work.q, work.v, work.a))
     return Rows(dt * np.arange(count, dtype=np.float64), q, v, a)
 
 
@@ -125,23 +123,6 @@ def along_line(start: Array, end: Array, limits: Limits, dt: float) -> Rows:
     q = start + gone * step
     q[-1] = end  # but for rounding
     return Rows(t, q, v * step, a * step)
-
-
-def _kept_calls() -> dict[int, Call[RestWork]]:
-    """The kernels of this thread."""
-    found: dict[int, Call[RestWork]] | None = getattr(_local, "calls", None)
-    if found is None:
-        found = _local.calls = {}
-    return found
-
-
-def _fit(call: Call[RestWork], start: Array, end: Array, limits: Limits, dt: float) -> int:
-    """Run the kernel; the number of steps."""
-    work = call.work
-    work.dt[0], work.start[:], work.end[:] = dt, start, end
-    work.limits[::3], work.limits[1::3] = limits.velocity, limits.acceleration
-    work.limits[2::3] = np.inf if limits.jerk is None else limits.jerk
-    return call()
 
 
 def _hold_torques(robot: Robot, rows: Rows, limits: Limits, torque: Array) -> Rows | TooHeavy:

@@ -17,8 +17,8 @@ from scipy.linalg import solve_banded
 
 from jacokin.arrays import Array
 from jacokin.ik.seeds import ON_LIMIT
-from jacokin.kernels.library import Call
-from jacokin.kernels.motion_rows import AverageWork, BetweenWork, average_rows, look_between
+from jacokin.kernels.library import Calls
+from jacokin.kernels.motion_rows import average_rows, look_between, make_average_work, make_between_work
 from jacokin.model.contact import REFUSED_WITHIN, Contact
 from jacokin.model.robot import Robot
 
@@ -30,6 +30,9 @@ LEAST_SLOWER = 1.001  # from attempt to attempt
 PARTS = np.linspace(0.0, 1.0, 9)  # of a step, at which it is looked at
 STEPS_AT_ONCE = 4  # from row to row, that are certified by one line
 FINEST = 5e-4  # [s] a step from row to row that needs no halving: in it no arm leaves the line by more than 0.1 um
+
+_average = Calls(average_rows, make_average_work, kept=20_000)  # rows
+_look = Calls(look_between, make_between_work, kept=20_000)
 
 
 class Rows(NamedTuple):
@@ -161,10 +164,14 @@ def averaged_rows(taken: Array, dt: float, jerk: Array | None = None) -> tuple[R
         jerk: (dof,) limits [rad/s^3]; None for none.
     """
     ticks = 1 if jerk is None else _ticks_averaged(np.diff(_at_rest(taken, 1), n=2, axis=0), jerk * dt**3)
-    rows = np.empty((3, len(taken) + ticks + 1, taken.shape[1]))
-    integers = np.array([ticks, taken.shape[1]])
-    Call(average_rows, AverageWork(integers, np.array([dt]), taken.ravel(), rows.ravel()))()
-    return Rows(dt * np.arange(rows.shape[1], dtype=np.float64), *rows), ticks
+    count, dof = taken.shape
+    more = count + ticks + 1
+    call = _average.with_room(dof, more)
+    work = call.work
+    work.counts[:], work.dt[0], work.taken[: taken.size] = (dof, count, ticks), dt, taken.ravel()
+    call()
+    q, v, a = (each[: more * dof].reshape(more, dof).copy() for each in (work.q, work.v, work.a))
+    return Rows(dt * np.arange(more, dtype=np.float64), q, v, a), ticks
 
 
 def controlled_rows(points: Array, steps: Array, dt: float) -> Rows:
@@ -247,11 +254,19 @@ class OnTheWay(NamedTuple):
         """
         if len(rows.q) == 1:
             return ""
-        reach = np.empty(len(rows.q) - 1)  # [m]
-        q, a = (np.ascontiguousarray(each).ravel() for each in (rows.q, rows.a))
-        levers = np.zeros(self.robot.dof) if self.contact is None else self.contact.levers
-        work = BetweenWork(rows.t[1:2].copy(), q, a, self.robot.lower, self.robot.upper, levers, reach)
-        if Call(look_between, work)():
+        count, dof = rows.q.shape
+        call = _look.with_room(dof, count)
+        work = call.work
+        work.counts[:], work.dt[0], work.q[: count * dof], work.a[: count * dof] = (
+            (dof, count),
+            rows.t[1],
+            rows.q.ravel(),
+            rows.a.ravel(),
+        )
+        work.lower[:dof], work.upper[:dof] = self.robot.lower, self.robot.upper
+        work.levers[:dof] = 0.0 if self.contact is None else self.contact.levers
+        is_beyond, reach = call(), work.reach[: count - 1]
+        if is_beyond:
             past = past_limits(rows, self.robot.lower, self.robot.upper).max(axis=0)
             if past.max() > ON_LIMIT:
                 return f"{self.robot.joint_names[int(np.argmax(past))]} could pass its limit"

@@ -11,7 +11,6 @@ A place u counts lines: 2.5 is half way along the third.
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -21,8 +20,8 @@ from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
-from jacokin.kernels.library import Call
-from jacokin.kernels.speeds import SpeedWork, fit_speeds, make_speed_work
+from jacokin.kernels.library import Calls
+from jacokin.kernels.speeds import fit_speeds, make_speed_work
 from jacokin.model import checks
 from jacokin.model.robot import Robot
 from jacokin.motion.rows import ATTEMPTS, HELD, LEAST_SLOWER, WHOLE_TICK, Rows, sample
@@ -32,10 +31,8 @@ LINE_USED = 0.8, 0.98  # parts of acceleration and velocity limits for a line th
 CORNER_SHARE = 0.7  # of an acceleration limit that corners take near the speed that is looked for
 NO_RATE = 1e-9  # of the largest change of a joint's acceleration with that of the place: it limits nothing
 STILL = 1e-12
-ROOM_KEPT = 10_000  # intervals, of which a thread keeps the memory
 
-
-_local = threading.local()  # the kernel with work arrays of each thread
+_fit = Calls(fit_speeds, make_speed_work, kept=10_000)  # intervals
 
 
 def check_ticks(durations: Array, dt: float) -> None:
@@ -206,11 +203,7 @@ def largest_speeds(lengths: Array, high: Array, tilt: Array, top: Array) -> Arra
         top: (n + 1,) the largest x of each place.
     """
     count, limits = high.shape
-    call: Call[SpeedWork] | None = getattr(_local, "call", None)
-    if call is None or count > len(call.work.lengths) or high.size > len(call.work.high):
-        call = Call(fit_speeds, make_speed_work(2 * count, limits))
-        if count <= ROOM_KEPT:
-            _local.call = call
+    call = _fit.with_room(limits, count)
     work = call.work
     work.counts[:] = high.shape
     work.lengths[:count], work.top[: count + 1] = lengths, top

@@ -7,6 +7,7 @@ import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import jacokin
@@ -46,7 +47,7 @@ def made(folder: Path, change: Change = lambda name, files: None, later: Change 
         symbols = b"".join(f"{PREFIX}{each}\0".encode() for each in names) + b"GLIBC_2.17\0" * (
             target.system == "linux"
         )
-        about = About(jacokin.__version__, "0", 0, {each: (ArrayLayout("float64", (3,)),) for each in names})
+        about = About(jacokin.__version__, "0", 0, {each: (ArrayLayout(np.dtype(np.float64), (3,)),) for each in names})
         symbols += b"jacokin_fk\0"
         head = head_of(name) + symbols
         text = about._replace(size=len(head) + len(about.text()) + 1).text().encode()

@@ -9,8 +9,8 @@ import pytest
 
 from jacokin.arrays import Array
 from jacokin.kernels.library import Call
-from jacokin.kernels.motion_rows import AverageWork, BetweenWork, average_rows, look_between
-from jacokin.motion.blending import fit_time, round_corners
+from jacokin.kernels.motion_rows import average_rows, look_between, make_average_work, make_between_work
+from jacokin.motion.blending import fit_time
 from tests.kernels.plain import PlainCall
 
 DT = 0.01  # [s]
@@ -23,7 +23,7 @@ def test_a_course_is_sampled_where_it_is_at_each_time(rng: np.random.Generator, 
     lengths = np.abs(np.diff(way, axis=0)).max(axis=1)
     cuts = np.array([0.0, *0.4 * np.minimum(lengths[:-1], lengths[1:]), 0.0])
     cuts[2:3] = 0.0  # one corner is a stop
-    timed = fit_time(*round_corners(way, np.ones(6), cuts), np.ones(6), np.ones(6))
+    timed = fit_time(way, cuts, np.ones(6), np.ones(6), np.ones(6))
     for steps in (1, 2, 700):
         found = timed.sampled(steps)
         np.testing.assert_allclose(found, timed.at(np.linspace(0.0, timed.duration, steps + 1))[0], rtol=0, atol=1e-13)
@@ -43,12 +43,14 @@ def averages(taken: Array, ticks: int) -> tuple[Array, Array, Array]:
 def test_rows_are_those_of_averages(rng: np.random.Generator, form: Any, ticks: int) -> None:
     for count in (2, 3, 40):
         taken = np.cumsum(rng.normal(size=(count, 2)) * DT**2, axis=0).cumsum(axis=0)
-        rows = np.empty((3, count + ticks + 1, 2))
-        work = AverageWork(np.array([ticks, 2]), np.array([DT]), taken.ravel(), rows.ravel())
-        assert form(average_rows, work)() == count + ticks + 1
+        more = count + ticks + 1
+        work = make_average_work(2, more + 3)  # with more room than it takes
+        work.counts[:], work.dt[0], work.taken[: 2 * count] = (2, count, ticks), DT, taken.ravel()
+        assert form(average_rows, work)() == more
+        rows = [each[: 2 * more].reshape(more, 2) for each in (work.q, work.v, work.a)]
         for found, expected in zip(rows, averages(taken, ticks), strict=True):
             np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9)
-        np.testing.assert_array_equal(rows[0, [0, -1]], taken[[0, -1]])
+        np.testing.assert_array_equal(rows[0][[0, -1]], taken[[0, -1]])
         assert (rows[0] >= taken.min(axis=0)).all()
         assert (rows[0] <= taken.max(axis=0)).all()
 
@@ -58,7 +60,8 @@ def test_steps_that_could_pass_a_limit_are_seen(form: Any) -> None:
     """An acceleration of 2 rad/s^2 leaves the line by a quarter of the square of the step."""
     q, a = np.array([[0.0, 0.0], [0.1, 0.0], [0.2, 0.0]]), np.array([[0.0, 2.0], [0.0, 0.0], [0.0, 0.0]])
     for above, beyond in ((0.3 * DT**2, 0), (0.2 * DT**2, 1)):
-        reach, upper = np.empty(2), np.array([0.2, above])
-        work = BetweenWork(np.array([DT]), q.ravel(), a.ravel(), np.array([0.0, -1.0]), upper, LEVERS, reach)
+        work = make_between_work(2, 3)
+        work.counts[:], work.dt[0], work.q[:], work.a[:] = (2, 3), DT, q.ravel(), a.ravel()
+        work.lower[:], work.upper[:], work.levers[:] = [0.0, -1.0], [0.2, above], LEVERS
         assert form(look_between, work)() == beyond
-        np.testing.assert_allclose(reach, [0.5 * 0.25 * DT**2, 0.0], rtol=1e-12)
+        np.testing.assert_allclose(work.reach[:2], [0.5 * 0.25 * DT**2, 0.0], rtol=1e-12)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from jacokin.motion.blending import TimedCourse, fit_time, round_corners
+from jacokin.motion.blending import TimedCourse, fit_time
 from jacokin.motion.timing import fit_course
 
 VELOCITY = np.array([0.63, 0.63, 0.63, 0.84, 0.84, 0.84])  # [rad/s]
@@ -13,13 +13,18 @@ ACCELERATION = np.array([1.0, 2.0, 0.5, 1.0, 3.0, 1.0])  # [rad/s^2]
 
 
 def timed(way: np.ndarray, *, clear: bool = True) -> TimedCourse:
-    course, stops = round_corners(way, VELOCITY, cuts_of(way) if clear else np.zeros(len(way)))
-    return fit_time(course, stops, VELOCITY, ACCELERATION)
+    cuts = cuts_of(way) if clear else np.zeros(len(way))
+    return fit_time(way, cuts, VELOCITY, VELOCITY, ACCELERATION)
+
+
+def lengths_of(way: np.ndarray) -> np.ndarray:
+    """Of its lines, at full speed [s]."""
+    return np.asarray((np.abs(np.diff(way, axis=0)) / VELOCITY).max(axis=1))
 
 
 def cuts_of(way: np.ndarray) -> np.ndarray:
     """Nearly half of the shorter line at each corner."""
-    lengths = (np.abs(np.diff(way, axis=0)) / VELOCITY).max(axis=1)
+    lengths = lengths_of(way)
     return np.array([0.0, *0.45 * np.minimum(lengths[:-1], lengths[1:]), 0.0])
 
 
@@ -45,16 +50,15 @@ def test_corners_are_passed_without_stopping(rng: np.random.Generator) -> None:
     assert through.duration < 0.85 * stopping.duration
     inside = np.linspace(0.05, 0.95, 200) * through.duration
     assert np.abs(through.at(inside)[1]).max(axis=1).min() > 0.1
-    speeds = np.interp(stopping.course.s[1:-1], stopping.s, stopping.speed)
+    speeds = np.interp(stopping.begins[1:-1], stopping.s, stopping.speed)
     np.testing.assert_allclose(speeds, 0.0, atol=1e-12)
 
 
 def test_a_corner_is_cut_within_its_triangle(rng: np.random.Generator) -> None:
     way = rng.normal(size=(3, 6))
-    course, _ = round_corners(way, VELOCITY, cuts_of(way))
-    corner = way[1]
-    q = course.at(np.linspace(course.s[1], course.s[2], 50))[0]
-    a, b = course.q[1], course.q[2]
+    found, corner = timed(way), way[1]
+    q = found.at(np.linspace(*np.interp(found.begins[1:3], found.s, found.t), 50))[0]
+    a, b = found.q[1], found.q[2]
     weights = np.linalg.lstsq(np.column_stack([a - corner, b - corner]), (q - corner).T, rcond=None)[0]
     assert (weights >= -1e-9).all()
     assert (weights.sum(axis=0) <= 1.0 + 1e-9).all()
@@ -75,12 +79,12 @@ def test_times_are_those_of_a_course_of_places(rng: np.random.Generator) -> None
     for corners in (1, 3, 7):
         way = np.cumsum(rng.normal(size=(corners + 2, 6)) * rng.choice([0.05, 0.3, 1.0]), axis=0)
         cuts = cuts_of(way) * rng.choice([0.0, 0.3, 1.0], size=corners + 2)
-        course, stops = round_corners(way, VELOCITY, cuts)
-        found = fit_time(course, stops, VELOCITY, ACCELERATION)
-        on, piece = found.s - course.s[found.piece], found.piece[:-1]
+        found = fit_time(way, cuts, VELOCITY, VELOCITY, ACCELERATION)
+        on, piece = found.s - found.begins[found.piece], found.piece[:-1]
         assert (on >= 0.0).all()
-        ends = np.stack([on[:-1], found.s[1:] - course.s[piece]])[:, :, None]
+        ends = np.stack([on[:-1], found.s[1:] - found.begins[piece]])[:, :, None]
+        stops = np.append(0.0, np.cumsum(lengths_of(way)))[cuts == 0.0]
         top = np.where((np.abs(found.s[:, None] - stops) <= 1e-12).any(axis=1), 0.0, np.inf)
-        slope = course.slope[piece] + ends * course.bend[piece]
+        slope = found.slope[piece] + ends * found.bend[piece]
         by_places = fit_course(found.s, slope, VELOCITY, ACCELERATION, top)
         np.testing.assert_allclose(found.t, by_places.t, rtol=1e-6, atol=1e-9)

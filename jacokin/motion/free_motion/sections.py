@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from jacokin.arrays import Array
 from jacokin.kernels.free_motion.corners import CHORD, CORNER_TRIES, LARGEST_CUT
 from jacokin.model.contact import Contact
-from jacokin.motion.blending import TimedCourse, fit_time, round_corners
+from jacokin.motion.blending import TimedCourse, fit_time
 from jacokin.motion.joint_motion import along_line
 from jacokin.motion.rows import Limits, Rows, averaged_rows, steps_of
 from jacokin.motion.timing import BETWEEN, MOST_PLACES
@@ -31,7 +31,7 @@ class Section(NamedTuple):
     way: Array
     """(n, dof) corners, both ends included [rad]."""
     cuts: Array
-    """(n,) how much of each is cut off, see `round_corners`; 0 at the ends alone."""
+    """(n,) how much of each is cut off, see `fit_time`; 0 at the ends alone."""
     speed: Array
     """(dof,) by which they are measured."""
     limits: Limits
@@ -92,10 +92,10 @@ class Section(NamedTuple):
 
     def _leaves_lines(self, steps: int, ticks: int) -> NDArray[np.bool_]:
         """Whether the motion leaves the lines (steps,) that is averaged over ticks."""
-        course, last = self.timed.course, steps - ticks - 1
+        course, last = self.timed, steps - ticks - 1
         curved: NDArray[np.bool_] = np.asarray(course.bend.any(axis=1))
-        begins = np.interp(course.s, self.timed.s, self.timed.t)
-        times = np.linspace(0.0, self.timed.duration, last + 1)
+        begins = np.interp(course.begins, course.s, course.t)
+        times = np.linspace(0.0, course.duration, last + 1)
         piece: NDArray[np.intp] = np.asarray(np.searchsorted(begins[1:-1], times, side="right"))
         step = np.arange(steps)
         first, then = piece[np.clip(step - 1 - ticks, 0, last)], piece[np.clip(step + 1, 0, last)]
@@ -108,9 +108,9 @@ class Section(NamedTuple):
 
     def _corner_times(self) -> Array:
         """When the middle of each cut corner is passed [s]."""
-        course = self.timed.course
+        course = self.timed
         curved = np.flatnonzero(course.bend.any(axis=1))
-        return np.interp(0.5 * (course.s[curved] + course.s[curved + 1]), self.timed.s, self.timed.t)
+        return np.interp(0.5 * (course.begins[curved] + course.begins[curved + 1]), course.s, course.t)
 
 
 def make_sections(way: Array, cuts: Array, speed: Array, limits: Limits) -> list[Section]:
@@ -119,7 +119,7 @@ def make_sections(way: Array, cuts: Array, speed: Array, limits: Limits) -> list
     sections = []
     for first, last in pairwise(stops):
         part, cut = way[first : last + 1], cuts[first : last + 1]
-        timed = fit_time(*round_corners(part, speed, cut), limits.velocity, limits.acceleration)
+        timed = fit_time(part, cut, speed, limits.velocity, limits.acceleration)
         sections.append(Section(part, cut, speed, limits, timed))
     return sections
 

@@ -21,7 +21,7 @@ from jacokin.arrays import Array
 from jacokin.ik.seeds import ON_LIMIT, checked_start
 from jacokin.model.contact import Pair
 from jacokin.model.robot import Robot
-from jacokin.motion.blending import TimedCourse, fit_time, round_corners, straightened
+from jacokin.motion.blending import TimedCourse, fit_time, straightened
 from jacokin.motion.free_motion.search import WaySearch
 from jacokin.motion.motion_state import MotionState, checked_velocity
 from jacokin.motion.rows import HELD, WHOLE_TICK, Limits, Rows, controlled_rows, joined, past_limits
@@ -304,10 +304,9 @@ def _bent(
     """
     v = now[1]
     lines, cuts = straightened(lines, search.cuts(lines), speed)
-    course, stops = round_corners(lines[::-1], speed, cuts[::-1])
     step = lines[1] - lines[0]
     begin = float(np.abs(v).max() / np.abs(step).max()) * float((np.abs(step) / speed).max())  # ds/dt
-    timed = fit_time(course, stops[:-1], limits.velocity, limits.acceleration / MORE, begin)
+    timed = fit_time(lines[::-1], cuts[::-1], speed, limits.velocity, limits.acceleration / MORE, begin)
     if timed.speed[-1] < begin * (1.0 - REACHED):
         return None
     rows = GoingOn(timed, *now, dt).rows(dt)
