@@ -114,7 +114,7 @@ def dead(twist: Array, linear: float, angular: float) -> Array:
 
 def _shortened(vector: Array, less: float) -> Array:
     """A vector (3,) shorter by `less`, zero where it is no longer than that."""
-    length = math.sqrt(float(vector @ vector))
+    length = math.sqrt(vector.dot(vector))
     return vector * max(0.0, 1.0 - less / length) if length > 0.0 else vector
 
 
@@ -140,7 +140,8 @@ class Mapping:
 
     def in_base(self, twist: Array) -> Array:
         """A twist (6,) of the hand as one of the tool in base axes [m/s, rad/s]."""
-        return np.concatenate([self._scale * (self._axes @ twist[:3]), self._rotation_scale * (self._axes @ twist[3:])])
+        way, turn = self._axes.dot(twist[:3]), self._axes.dot(twist[3:])
+        return np.concatenate([self._scale * way, self._rotation_scale * turn])
 
 
 def near(tool: pin.SE3, target: pin.SE3, linear: float, angular: float) -> pin.SE3:

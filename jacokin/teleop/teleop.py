@@ -35,6 +35,7 @@ from jacokin.motion.tracking.moving import Motion
 from jacokin.motion.tracking.steps import TrackerStatus, TrackerStep
 from jacokin.motion.tracking.targets import JointTarget
 from jacokin.motion.tracking.tracker import STILL, Tracker
+from jacokin.motion.tracking.twist import moved
 from jacokin.motion.trajectory import MotionStatus, Trajectory
 from jacokin.teleop.hand import HandOptions, LowPass, Mapping, Play, SmoothedTarget, Witness, dead, near, read_hand
 from jacokin.teleop.workspace import AHEAD, checked_workspace
@@ -155,7 +156,7 @@ class Teleop:
     @property
     def tool(self) -> pin.SE3:
         """T_base_tool, where the tool is."""
-        return self.tracker.robot.forward_kinematics(self.tracker.q, self.tracker.frame) * self.tracker.tool
+        return self.tracker.tool_pose
 
     def clutch(self, closed: bool) -> None:
         """Close the clutch, to follow from now on, or open it, to brake and stay.
@@ -427,7 +428,7 @@ class Teleop:
         mapping.target = self.tool
         smooth.start_from(mapping.target)
         self._held = 0.0
-        target = pin.SE3(pin.exp3(dt * speed[3:]) @ before.rotation, before.translation + dt * speed[:3])
+        target = moved(before, speed, dt)
         return TeleopStep(tracking.q, tracking.v, TeleopStatus.FOLLOWING, "", target, smooth.lag_of_twists, tracking)
 
     def _track(

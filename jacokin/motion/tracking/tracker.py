@@ -235,6 +235,12 @@ class Tracker:
         return self._state.arm.v
 
     @property
+    def tool_pose(self) -> pin.SE3:
+        """T_base_tool, where the tool is."""
+        self._kinematics.move_to(self.q)
+        return self._kinematics.pose(self._kinematics.frame(self.frame)) * self.tool
+
+    @property
     def state(self) -> MotionState:
         """The motion now, for another tracker to go on from."""
         return MotionState(*self._state.arm, self._state.a)

@@ -76,12 +76,14 @@ def in_base_axes(twist: ArrayLike, reference: str, pose: pin.SE3) -> Array:
 
 def moved(pose: pin.SE3, twist: Array, dt: float) -> pin.SE3:
     """A pose after `dt` [s] along a twist (6,) of its origin in base axes."""
-    return pin.SE3(pin.exp3(dt * twist[3:]) @ pose.rotation, pose.translation + dt * twist[:3])
+    way = dt * twist
+    return pin.SE3(pin.exp3(way[3:]).dot(pose.rotation), pose.translation + way[:3])
 
 
 def missing(pose: pin.SE3, tool: pin.SE3) -> Array:
     """(6,) from a tool to a pose, position [m] and rotation vector [rad] in base axes."""
-    return np.concatenate([pose.translation - tool.translation, pin.log3(pose.rotation @ tool.rotation.T)])
+    turn = pin.log3(pose.rotation.dot(tool.rotation.T))
+    return np.concatenate([pose.translation - tool.translation, turn])
 
 
 def is_astray(way: Array) -> bool:
