@@ -77,7 +77,7 @@ class Timer:
         self._world.build(problem)
         search = search_of(self._world.solver)
         assert search is not None
-        search.begin(problem.start, problem.goal[None], robot.velocity_limit, np.random.default_rng(0))
+        search.begin(problem.start, problem.goal[None], robot.velocity_limit, np.random.default_rng)
         certain = [search.contact.in_the_way(a, b) is None for a, b in pairwise(path)]
         cuts = search.cuts(path)
         for corner in range(1, len(path) - 1):

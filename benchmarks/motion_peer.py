@@ -158,9 +158,9 @@ def ask(plan: Plan, problem: Problem, limit: float) -> Answer | None:
     solver, robot = problem.solver, problem.solver.robot
     search = search_of(solver)
     assert search is not None
-    goals, _ = GoalFinder(solver, problem.start, np.random.default_rng(0)).find_all([problem.goal])
+    goals, _ = GoalFinder(solver, problem.start, np.random.default_rng).find_all([problem.goal])
     ends = Ends(search.contact, [goal.q for goal in goals if not search.contact.touches(goal.q)])
-    search.begin(problem.start, np.array(ends.clear), robot.velocity_limit, np.random.default_rng(0))
+    search.begin(problem.start, np.array(ends.clear), robot.velocity_limit, np.random.default_rng)
     begin = time.process_time()
     found = plan(problem, ends, limit)
     taken = 1e3 * (time.process_time() - begin)

@@ -92,6 +92,9 @@ def checked_start(robot: Robot, q: ArrayLike | None, name: str = "q", *, outside
     if q is None:
         return robot.home
     found = near_configuration(robot, q, name)
+    lower, upper = robot.limit_values
+    if inside_exactly(lower, found.tolist(), upper):
+        return checks.read_only(found)
     inside = np.clip(found, robot.lower, robot.upper)
     away = np.abs(found - inside)
     joint = int(np.argmax(away))

@@ -168,8 +168,12 @@ class MotionStatus(Enum):
     MISSED = "the end of the motion misses its goal by more than the tolerances: give a goal away from singular poses"
 
 
+_NONE, _NO_SEGMENTS = checks.read_only([]), checks.sealed(np.zeros(0, dtype=np.intp))
+
+
 def _empty() -> Array:
-    return checks.read_only([])
+    """No numbers."""
+    return _NONE
 
 
 class _Looking(Frozen):
@@ -228,7 +232,7 @@ class Trajectory(_Looking):
     """(n,) "OK", "LIMITED", "HELD" or "LOST", see `TrackerStatus`; "LEAD_IN" on the way to where a path begins."""
     limiting: tuple[str, ...] = ()
     """(n,) what held the arm back, joined by "; "."""
-    segment: NDArray[np.intp] = field(default_factory=lambda: checks.sealed(np.zeros(0, dtype=np.intp)))
+    segment: NDArray[np.intp] = field(default_factory=lambda: _NO_SEGMENTS)
     """(n,) which straight line of a path the row belongs to; -1 where it belongs to none."""
     branches: tuple[BranchReport, ...] = ()
     """Start configurations that were tried for a path, in order; not kept in files."""
@@ -245,7 +249,7 @@ class Trajectory(_Looking):
     def __post_init__(self) -> None:
         """Fill in what a motion that follows no path need not say."""
         count, unknown = len(self.t), checks.sealed(np.full(len(self.t), np.nan))
-        left = self.outcome == MotionStatus.OK.name and any(word not in ("OK", LEAD_IN) for word in set(self.status))
+        left = self.success and not {"OK", LEAD_IN}.issuperset(self.status)
         usual: dict[str, object] = {
             "a": changes(self.t, self.v) if not self.a.size else self.a,
             "clearance": unknown,
@@ -269,9 +273,11 @@ class Trajectory(_Looking):
 
     def _too_fast(self) -> str:
         """Where a joint moves faster from one row to the next than its velocity limit; "" if none does."""
-        steps = np.diff(self.t)[:, None]
-        moved = np.abs(np.diff(self.q, axis=0))
-        if (moved.max(axis=0, initial=0.0) <= self.velocity_limit * steps.min(initial=np.inf)).all():
+        if len(self.t) == 1:
+            return ""
+        steps = (self.t[1:] - self.t[:-1])[:, None]
+        moved = np.abs(self.q[1:] - self.q[:-1])
+        if (moved.max(axis=0) <= self.velocity_limit * steps.min()).all():
             return ""
         rounding = SPEED_ROUNDING * steps + ROUNDED * np.maximum(np.abs(self.q[:-1]), np.abs(self.q[1:]))
         fast = ~(moved <= self.velocity_limit * (1.0 + SPEED_ROUNDING) * steps + rounding)
@@ -297,10 +303,10 @@ class Trajectory(_Looking):
     ) -> Self:
         """A motion of a robot within velocity limits (dof,) [rad/s], from times, angles, velocities, accelerations.
 
-        All of them are checked already. With `look`, which gives the distances [m] of configurations (n, dof), its
-        clearance is measured when it is first asked for.
+        All of them are checked already, and are not written to any more. With `look`, which gives the distances [m] of
+        configurations (n, dof), its clearance is measured when it is first asked for.
         """
-        t, q, v, a = map(checks.read_only, rows)
+        t, q, v, a = map(checks.sealed, rows)
         made = cls(
             joint_names=robot.joint_names,
             t=t,
@@ -308,7 +314,7 @@ class Trajectory(_Looking):
             v=v,
             lower=robot.lower,
             upper=robot.upper,
-            velocity_limit=checks.read_only(velocity),
+            velocity_limit=velocity,
             a=a,
             outcome="OK" if status is None else status.name,
             message=message,

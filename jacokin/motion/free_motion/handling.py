@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from jacokin.model.descriptions.bundled import JACOS
 from jacokin.model.gripper import JACO, Gripper
 from jacokin.model.robot import Robot, acceleration_limits, velocity_limits
 from jacokin.motion.free_motion.plan_motion import plan_motion
+from jacokin.motion.free_motion.search import Randomness
 from jacokin.motion.planning.plan import plan_path
 from jacokin.motion.rows import joined
 from jacokin.motion.trajectory import MotionStatus, Trajectory
@@ -92,7 +94,7 @@ class Planner:
     Attributes:
         begun: when it was made, by `time.monotonic` [s].
         look_until: when to end looking for configurations at an object [s].
-        rng: randomness of the search.
+        randomness: of the search.
     """
 
     def __init__(
@@ -115,7 +117,8 @@ class Planner:
         self._speed, self._dt = checks.positive("speed", speed, "m/s"), checks.positive("dt", dt, "s")
         limit = checks.positive("time_limit", time_limit, "s")
         self._end, self.look_until = self.begun + limit, self.begun + FINDING * limit
-        self.rng = np.random.default_rng(DEFAULT_RANDOM_SEED) if rng is None else checks.generator("rng", rng)
+        seed = DEFAULT_RANDOM_SEED if rng is None else checks.generator("rng", rng)
+        self.randomness: Randomness = cache(partial(np.random.default_rng, seed))
         self._velocity = velocity_limits(robot, velocity_limit)
         self._acceleration = acceleration_limits(robot, acceleration_limit)
 
@@ -137,7 +140,7 @@ class Planner:
             start,
             goal,
             time_limit=max(self._end - time.monotonic(), least),
-            rng=self.rng,
+            rng=self.randomness(),
             dt=self._dt,
             velocity_limit=self._velocity,
             acceleration_limit=self._acceleration,

@@ -20,7 +20,7 @@ import weakref
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial, reduce
+from functools import cache, partial, reduce
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -40,7 +40,7 @@ from jacokin.model.robot import acceleration_limits, jerk_limits, velocity_limit
 from jacokin.motion.blending import straightened
 from jacokin.motion.free_motion.leaving import DEEPEST, SAME_DISTANCE
 from jacokin.motion.free_motion.meanwhile import Meanwhile, Motions
-from jacokin.motion.free_motion.search import MOST_SAMPLES, Found, StraightMotion, WaySearch
+from jacokin.motion.free_motion.search import MOST_SAMPLES, Found, Randomness, StraightMotion, WaySearch
 from jacokin.motion.free_motion.sections import Section, make_sections
 from jacokin.motion.free_motion.under_way import AT_REST, NoStop, Stop, find_stop, go_directly, go_on, velocity_now
 from jacokin.motion.grasps import Grasp
@@ -131,7 +131,7 @@ def plan_motion(
     robot = solver.robot
     q = robot.home if isinstance(start, MotionState) else checked_start(robot, start, "start", outside=True)
     limit = checks.positive("time_limit", time_limit, "s")
-    generator = np.random.default_rng(DEFAULT_RANDOM_SEED) if rng is None else checks.generator("rng", rng)
+    seed = DEFAULT_RANDOM_SEED if rng is None else checks.generator("rng", rng)
     velocity = velocity_limits(robot, velocity_limit)
     acceleration, jerk = acceleration_limits(robot, acceleration_limit), jerk_limits(robot, jerk_limit)
     torque = torque_limits(robot, torque_limit)
@@ -173,7 +173,7 @@ def plan_motion(
             torque_limit=torque,
         )
         return Meanwhile(solver, meanwhile, begun + limit).plan(plan, request.start, goal, step)
-    return request.plan(aims, search, generator, begun, begun + limit)
+    return request.plan(aims, search, cache(partial(np.random.default_rng, seed)), begun, begun + limit)
 
 
 class _Timed(NamedTuple):
@@ -263,7 +263,7 @@ class _Request:
         return Limits(self.velocity, self.acceleration, self.jerk)
 
     def plan(
-        self, aims: Sequence[Any], search: WaySearch | None, rng: np.random.Generator, begun: float, deadline: float
+        self, aims: Sequence[Any], search: WaySearch | None, rng: Randomness, begun: float, deadline: float
     ) -> Trajectory:
         """The quickest motion found to any of the aims, or one that stays at the start, with the reason."""
         robot = self.solver.robot
@@ -419,14 +419,17 @@ class _Request:
 
     def _timed(self, way: Array, search: WaySearch | None, ends: _Ends | None = None, goal: int = -1) -> _Timed:
         """A way (n, dof), with what comes before and after it, in the least time within the limits."""
-        way = way[np.append(True, np.abs(np.diff(way, axis=0)).max(axis=1) > SAME)]
-        least = float((np.abs(np.diff(way, axis=0)) / self.speed).max(axis=1).sum())
+        moves = np.ones(len(way), dtype=np.bool_)
+        moves[1:] = np.abs(way[1:] - way[:-1]).max(axis=1) > SAME
+        way = way[moves]
+        least = float((np.abs(way[1:] - way[:-1]) / self.speed).max(axis=1).sum())
         cuts = search.cuts(way) if search is not None and len(way) > 2 else np.zeros(len(way))
-        if ends is not None:
-            tail = ends.after.get(goal, way[-1:])
+        if ends is not None and len(ends.before):
+            way, cuts = np.concatenate([ends.before, way]), np.concatenate([np.zeros(len(ends.before)), cuts])
+        if ends is not None and goal in ends.after:
+            tail = ends.after[goal]
             tail = (tail + TURN * np.round((way[-1] - tail[0]) / TURN) * self.solver.robot.unlimited)[1:]  # turned on
-            way = np.vstack([ends.before, way, tail])
-            cuts = np.concatenate([np.zeros(len(ends.before)), cuts, np.zeros(len(tail))])
+            way, cuts = np.concatenate([way, tail]), np.concatenate([cuts, np.zeros(len(tail))])
         if len(way) == 1:
             return _Timed(way, [], 0.0)
         way, cuts = straightened(way, cuts, self.speed)
@@ -621,7 +624,7 @@ class GoalFinder:
     """
 
     def __init__(
-        self, solver: IKSolver, start: Array, rng: np.random.Generator, begun: float = 0.0, deadline: float = np.inf
+        self, solver: IKSolver, start: Array, rng: Randomness, begun: float = 0.0, deadline: float = np.inf
     ) -> None:
         """Take a checked start (dof,) [rad], and when the time begins and ends on the clock of `time.monotonic` [s]."""
         self._solver, self._start, self._rng = solver, start, rng
@@ -657,7 +660,7 @@ class GoalFinder:
         """
         robot = self._robot
         name = "goal" if number == 0 else f"goal {number}"
-        if not isinstance(aim, pin.SE3 | FreeAxis | PartialTarget | Grasp | list | tuple) or (
+        if not isinstance(aim, (pin.SE3, FreeAxis, PartialTarget, Grasp, list, tuple)) or (
             isinstance(aim, list | tuple) and not (aim and isinstance(aim[0], PartialTarget))
         ):
             aim = checks.array(f"goal {number}", aim, "a configuration, a pose, a FreeAxis or a grasp")
@@ -710,11 +713,11 @@ class GoalFinder:
             for index in np.flatnonzero(verifier.reached_rows(rows)).tolist():
                 yield rows.q[index], angle[index]
         else:
-            seeds = [self._start, self._robot.home, *random_configurations(self._robot, STARTS - 2, self._rng)]
+            seeds = [self._start, self._robot.home, *random_configurations(self._robot, STARTS - 2, self._rng())]
             for seed in seeds:
                 if self.is_late:
                     return
-                result = solver.solve(self._pose_of(wanted), seed=seed, rng=self._rng, closest=False)
+                result = solver.solve(self._pose_of(wanted), seed=seed, rng=self._rng(), closest=False)
                 if verifier.reached(result.q, (result.position_error, result.orientation_error)):
                     yield result.q, None
 

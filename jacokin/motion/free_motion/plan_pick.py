@@ -311,7 +311,7 @@ class _Approaches:
         """Take the solvers, where the arm is (dof,) [rad], the length of the line [m], and who has the time."""
         self._around, self._start, self._back = around, start, back
         self._until = planner.look_until
-        self._finder = GoalFinder(around.near, start, planner.rng, planner.begun, planner.look_until)
+        self._finder = GoalFinder(around.near, start, planner.randomness, planner.begun, planner.look_until)
         self.reason = EACH
 
     def find(self, grasps: Sequence[Grasp]) -> list[_Approach]:

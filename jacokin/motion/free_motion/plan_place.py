@@ -410,7 +410,7 @@ class _Descents:
         self.status, self.reason = MotionStatus.UNREACHABLE, ""
 
     def _finder_of(self, solver: IKSolver) -> GoalFinder:
-        return GoalFinder(solver, self._start, self._planner.rng, self._planner.begun, self._planner.look_until)
+        return GoalFinder(solver, self._start, self._planner.randomness, self._planner.begun, self._planner.look_until)
 
     def find(self, targets: Sequence[pin.SE3 | FreeAxis]) -> list[_Descent]:
         """Lines to some of the targets, those that end near to where the arm is first."""

@@ -5,7 +5,9 @@ from __future__ import annotations
 import threading
 import time
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +51,10 @@ FARTHEST = 1e3  # [rad] or [m] from zero, random configurations of joints withou
 AT_ONCE = 256  # samples or shortcuts before the clock is looked at
 UNEQUAL = 4.0  # a joint that is faster than the slowest by more counts as so much faster when steps are measured
 IN_VAIN = 40  # shortcuts one after another that are none, after which no more are looked for
+
+
+#: Makes the generator of random numbers, or gives back the one that it made: many motions need none.
+Randomness: TypeAlias = Callable[[], np.random.Generator]
 
 
 @dataclass(slots=True)
@@ -106,7 +112,7 @@ class WaySearch:
         """(dof,) where the search begins [rad]."""
         return self._call().work.start.copy()
 
-    def begin(self, start: Array, goals: Array, speed: Array, rng: np.random.Generator) -> None:
+    def begin(self, start: Array, goals: Array, speed: Array, rng: Randomness) -> None:
         """Set start (dof,) and goals (k, dof) [rad], the soonest first, and the speeds of the joints (dof,) [rad/s].
 
         Times at full speed are those at these speeds.
@@ -117,9 +123,9 @@ class WaySearch:
         call = self._call(len(goals))
         work, space = call.work, call.work.space
         work.start[:], work.goals[: goals.size] = start, goals.ravel()
-        work.integers[[JOINTS, GOALS]] = len(start), len(goals)
+        work.integers[JOINTS], work.integers[GOALS] = len(start), len(goals)
         compared = np.minimum(speed, UNEQUAL * speed.min())
-        space.speed[:], space.weights[:] = speed, float(compared.mean()) / compared
+        space.speed[:], space.weights[:] = speed, float(compared.sum()) / len(compared) / compared
         work.hindrances.times[:] = 0
         self._local.rng = rng
 
@@ -147,9 +153,9 @@ class WaySearch:
             bound: at full speed, it is to take less [s].
         """
         call = self._call()
-        rng: np.random.Generator | None = self._local.rng
+        rng: Randomness | None = self._local.rng
         if rng is not None:  # once for all ways
-            first, second = (rng.integers(1, modulus, 3) for modulus in (FIRST_MODULUS, SECOND_MODULUS))
+            first, second = (rng().integers(1, modulus, 3) for modulus in (FIRST_MODULUS, SECOND_MODULUS))
             call.work.generator[:3], call.work.generator[3:] = first, second
             self._local.rng = None
         roots = goals[:MOST_ROOTS]
@@ -187,10 +193,10 @@ class WaySearch:
             call = self._grow(len(way))
         work = call.work
         work.way.q[: way.size], work.way.integers[POINTS] = way.ravel(), len(way)
-        times = (np.abs(np.diff(way, axis=0)) / work.space.speed).max(axis=1)
-        work.way.times[: len(way)] = np.append(0.0, np.cumsum(times))
+        work.way.times[0] = 0.0
+        np.cumsum((np.abs(way[1:] - way[:-1]) / work.space.speed).max(axis=1), out=work.way.times[1 : len(way)])
         work.integers[TASK] = CORNERS
-        work.cuts[:] = 0.0
+        work.cuts[: len(way)] = 0.0
         call()
         return work.cuts[: len(way)].copy()
 
