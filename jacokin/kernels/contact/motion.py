@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.kernels.contact.arm import Places, bound_rates, place_links
-from jacokin.kernels.contact.nearest import ENTRY, GROUP, Best, Heap, Search, find_nearest, list_all, make_best, room_of
-from jacokin.kernels.contact.separation import SeparationWork
+from jacokin.kernels.contact.nearest import ENTRY, GROUP, Finder, Search, find_nearest, list_all, room_of
 from jacokin.kernels.contact.touching import Counts, Geometry
 
 #: Parts of a motion that wait to be looked at; each is at most half of the one before, and none is shorter than what a
@@ -32,7 +31,6 @@ class Course(NamedTuple):
     rated: NDArray[np.int64]  # (groups,) 1 where the rates of a group are known
     found: Array  # (2,) least distance [m], and where: 0 at the start, 1 at the end
     pair: NDArray[np.int64]  # (2,) the nearest shapes there
-    best: Best
 
 
 def make_course(dof: int, groups: int, room: int) -> Course:
@@ -40,7 +38,7 @@ def make_course(dof: int, groups: int, room: int) -> Course:
     step, q = np.zeros((2, dof))
     spans, near = np.zeros((WAITING, 2), np.int64), np.zeros((3 * room, ENTRY), np.int64)
     rated = np.zeros(groups, np.int64)
-    return Course(step, q, np.zeros((WAITING, 2)), spans, near, rated, np.zeros(2), np.zeros(2, np.int64), make_best())
+    return Course(step, q, np.zeros((WAITING, 2)), spans, near, rated, np.zeros(2), np.zeros(2, np.int64))
 
 
 def look_at(geometry: Geometry, counts: Counts, places: Places, course: Course, start: Array, at: float) -> None:
@@ -50,64 +48,52 @@ def look_at(geometry: Geometry, counts: Counts, places: Places, course: Course, 
     place_links(geometry.arm, counts.dof, counts.groups, course.q, places)
 
 
+def await_all(geometry: Geometry, counts: Counts, course: Course) -> int:
+    """Let all of a motion wait, with all that can touch; returns how many parts wait: one."""
+    course.waiting[0, 0], course.waiting[0, 1] = 0.0, 1.0
+    course.spans[0, 0], course.spans[0, 1] = 0, list_all(geometry.arm, geometry.tree, counts, course.near)
+    return 1
+
+
 def is_clear(
     geometry: Geometry,
     counts: Counts,
     places: Places,
-    heap: Heap,
-    work: SeparationWork,
+    finder: Finder,
     course: Course,
     start: Array,
-    margin: float,
-    slack: float,
+    margins: tuple[float, float],
+    size: int,
 ) -> bool:
-    """Whether every pair of shapes stays farther apart than a margin all along a motion.
+    """Whether every pair of shapes stays farther apart than a margin all along the parts of a motion that wait.
 
     Between the places that are looked at, nothing can come nearer than its distance there allows; what is shown to be
-    far all along a part is not looked at again within it. A motion is also refused where a pair comes within `slack` of
-    the margin, for then certainty takes ever smaller steps.
+    far all along a part is not looked at again within it. A motion is also refused where a pair comes nearer than a
+    larger margin, for then certainty takes ever smaller steps.
 
     Args:
         geometry: arm and obstacles.
         counts: how much of it there is.
         places: working memory.
-        heap: working memory.
-        work: working memory.
-        course: its step is given; where it is refused, that place and the pair are left in it.
+        finder: working memory.
+        course: its step and what waits are given; where it is refused, that place and the pair are left in it.
         start: (dof,) [rad].
-        margin: smallest distance allowed [m].
-        slack: positive [m].
+        margins: smallest distance allowed, and the larger margin [m].
+        size: how many parts wait.
     """
-    course.waiting[0, 0], course.waiting[0, 1] = 0.0, 1.0
-    course.spans[0, 0], course.spans[0, 1] = 0, list_all(geometry.arm, geometry.tree, counts, course.near)
-    return are_clear(geometry, counts, places, heap, work, course, start, margin, slack, 1)
-
-
-def are_clear(
-    geometry: Geometry,
-    counts: Counts,
-    places: Places,
-    heap: Heap,
-    work: SeparationWork,
-    course: Course,
-    start: Array,
-    margin: float,
-    slack: float,
-    size: int,
-) -> bool:
-    """Whether all pairs stay farther apart than the margin in the `size` parts of a motion that wait in the course."""
-    waiting, spans, near, best = course.waiting, course.spans, course.near, course.best
+    waiting, spans, near = course.waiting, course.spans, course.near
+    margin, refused = margins
     while size > 0:
         size -= 1
         low, high, first, last = waiting[size, 0], waiting[size, 1], spans[size, 0], spans[size, 1]
         middle, half = 0.5 * (low + high), 0.5 * (high - low)
         look_at(geometry, counts, places, course, start, middle)
         rate(geometry, counts, places, course, half, first, last)
-        search = Search(margin, True, half, margin + slack)
-        covered, end = find_nearest(geometry, counts, places, heap, work, search, best, near, first, last)
+        search = Search(margin, True, half, refused)
+        covered, end = find_nearest(geometry, counts, places, finder, search, near, first, last)
         if covered < half:
-            if best.distance[0] < margin + slack:
-                leave(course, middle)
+            if finder.distance[0] < refused:
+                leave(course, finder, middle)
                 return False
             if end <= room_of(near):  # what is left near; these rows are free again after both parts
                 first, last = last, end
@@ -132,18 +118,17 @@ def rate(
             bound_rates(geometry.arm, counts.dof, g, course.step, half, places)
 
 
-def leave(course: Course, at: float) -> None:
+def leave(course: Course, finder: Finder, at: float) -> None:
     """Keep the best pair and where it was found."""
-    course.found[0], course.found[1] = course.best.distance[0], at
-    course.pair[0], course.pair[1] = course.best.pair[0], course.best.pair[1]
+    course.found[0], course.found[1] = finder.distance[0], at
+    course.pair[0], course.pair[1] = finder.best[0], finder.best[1]
 
 
 def least_on_motion(
     geometry: Geometry,
     counts: Counts,
     places: Places,
-    heap: Heap,
-    work: SeparationWork,
+    finder: Finder,
     course: Course,
     start: Array,
     accuracy: float,
@@ -152,13 +137,13 @@ def least_on_motion(
 
     Arguments as of `is_clear`; the accuracy [m] is positive, and a part of the distance is added to it.
     """
-    found, waiting, best, rows = course.found, course.waiting, course.best, course.near
+    found, waiting, rows = course.found, course.waiting, course.near
     found[0], found[1], near = math.inf, 0.0, list_all(geometry.arm, geometry.tree, counts, rows)
     for end in range(2):
         look_at(geometry, counts, places, course, start, float(end))
         search = Search(0.0, False, found[0], math.inf)
-        if find_nearest(geometry, counts, places, heap, work, search, best, rows, 0, near)[0] < found[0]:
-            leave(course, float(end))
+        if find_nearest(geometry, counts, places, finder, search, rows, 0, near)[0] < found[0]:
+            leave(course, finder, float(end))
     waiting[0, 0], waiting[0, 1] = 0.0, 1.0
     size = 1
     while size > 0:
@@ -167,11 +152,11 @@ def least_on_motion(
         middle, half = 0.5 * (low + high), 0.5 * (high - low)
         look_at(geometry, counts, places, course, start, middle)
         search = Search(0.0, False, found[0], math.inf)
-        if find_nearest(geometry, counts, places, heap, work, search, best, rows, 0, near)[0] < found[0]:
-            leave(course, middle)
+        if find_nearest(geometry, counts, places, finder, search, rows, 0, near)[0] < found[0]:
+            leave(course, finder, middle)
         rate(geometry, counts, places, course, half, 0, near)
         search = Search(found[0] - accuracy - RELATIVE_ACCURACY * abs(found[0]), True, half, math.inf)
-        covered, _ = find_nearest(geometry, counts, places, heap, work, search, best, rows, 0, near)
+        covered, _ = find_nearest(geometry, counts, places, finder, search, rows, 0, near)
         if covered < half:
             waiting[size, 0], waiting[size, 1] = middle + covered, high
             waiting[size + 1, 0], waiting[size + 1, 1] = low, middle - covered

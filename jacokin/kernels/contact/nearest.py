@@ -35,20 +35,18 @@ MEETING, NODE, PLANE_BELOW, OWN_PAIR, OBSTACLE_PAIR = range(5)
 KIND, FIRST, SECOND, GROUP, ENTRY = range(5)
 #: [m] how far a motion moves the pairs that it does not move.
 UNMOVED = 1e-12
+#: An entry: its kind, two numbers, its group.
+Entry = tuple[int, int, int, int]
 
 
-class Heap(NamedTuple):
-    """What may hold the best pair, the most promising entry on top."""
+class Finder(NamedTuple):
+    """What may hold the best pair, as a heap with the most promising entry on top, and the pair that was found."""
 
     keys: Array  # (room,) lower bounds
     entries: NDArray[np.int64]  # (room, 4)
-
-
-class Best(NamedTuple):
-    """The pair that was found."""
-
-    pair: NDArray[np.int64]  # (2,)
-    distance: Array  # (1,) [m]
+    work: SeparationWork  # for one pair of shapes
+    best: NDArray[np.int64]  # (2,) the pair
+    distance: Array  # (1,) of it [m]
 
 
 class Search(NamedTuple):
@@ -60,25 +58,25 @@ class Search(NamedTuple):
     rough: float  # [m] distances above this need not be exact, see `separation`
 
 
-def make_best() -> Best:
-    """Fresh work arrays."""
-    return Best(np.zeros(2, np.int64), np.zeros(1))
+def make_finder(room: int, work: SeparationWork) -> Finder:
+    """Fresh work arrays for so many entries."""
+    return Finder(np.zeros(room), np.zeros((room, ENTRY), np.int64), work, np.zeros(2, np.int64), np.zeros(1))
 
 
 def list_all(arm: ArmShapes, tree: Tree, counts: Counts, rows: NDArray[np.int64]) -> int:
     """Fill in entries (room, 4) that hold all that can touch; returns how many."""
     size = 0
     for m in range(counts.meetings):
-        fill(rows[size], MEETING, m, 0, arm.meetings[m, OUTER])
+        fill(rows[size], (MEETING, m, 0, arm.meetings[m, OUTER]))
         size += 1
     for g in range(counts.groups):
         if arm.groups[g, GROUP_LINK] == 0:
             continue
         if counts.nodes > 0:
-            fill(rows[size], NODE, 0, 0, g)
+            fill(rows[size], (NODE, 0, 0, g))
             size += 1
         for k in range(counts.planes):
-            fill(rows[size], PLANE_BELOW, tree.planes[k], 0, g)
+            fill(rows[size], (PLANE_BELOW, tree.planes[k], 0, g))
             size += 1
     return size
 
@@ -87,10 +85,8 @@ def find_nearest(
     geometry: Geometry,
     counts: Counts,
     places: Places,
-    heap: Heap,
-    work: SeparationWork,
+    finder: Finder,
     search: Search,
-    best: Best,
     rows: NDArray[np.int64],
     first: int,
     last: int,
@@ -101,10 +97,8 @@ def find_nearest(
         geometry: arm and obstacles; counts leave out what does not matter.
         counts: how much of it there is.
         places: where everything is.
-        heap: room for every entry.
-        work: for one pair of shapes.
+        finder: room for every entry; its best pair is left alone where none is smaller.
         search: what is looked for.
-        best: the pair of shapes, left alone where none is smaller.
         rows: entries that hold all that can touch, from the first on. Of a motion, those whose value was not shown to
             be `search.below` or more are written from the last on.
         first: see rows.
@@ -117,43 +111,41 @@ def find_nearest(
     least, size, end, start, stop = search.below, 0, last, first, last
     while True:
         for row in range(start, stop):
-            kind, i, j, g = rows[row, KIND], rows[row, FIRST], rows[row, SECOND], rows[row, GROUP]
+            entry = read(rows[row])
             until = search.below if search.moving else least
-            key = value_of(geometry, counts, places, search, until, kind, i, j, g)
+            key = value_of(geometry, counts, places, search, until, entry)
             if key < least:
-                size = push(heap, size, key, kind, i, j, g)
+                size = push(finder, size, key, entry)
             elif key < search.below:
-                end = keep(search, rows, end, kind, i, j, g)
-        if size == 0 or not heap.keys[0] < least:
+                end = keep(search, rows, end, entry)
+        if size == 0 or not finder.keys[0] < least:
             break
-        entry = heap.entries[0]
-        kind, i, j, g = entry[KIND], entry[FIRST], entry[SECOND], entry[GROUP]
-        size, start = pop(heap, size), room
+        entry = read(finder.entries[0])
+        kind, i, j, g = entry
+        size, start = pop(finder, size), room
         stop = start
         if kind in (OWN_PAIR, OBSTACLE_PAIR):
             rate = rate_of(counts, places, search, g, shapes.integers[i, LINK] if kind == OWN_PAIR else 0)
-            relate(shapes, places.frames, i, j, work.relative)
+            relate(shapes, places.frames, i, j, finder.work.relative)
             enough, deep = least * rate + search.margin, search.rough == math.inf
-            distance = shape_separation(shapes, (i, j), work, enough, -math.inf, search.rough, deep)
+            distance = shape_separation(shapes, (i, j), finder.work, enough, -math.inf, search.rough, deep)
             value = (distance - search.margin) / rate
             if value < search.below:
-                end = keep(search, rows, end, kind, i, j, g)
+                end = keep(search, rows, end, entry)
             if value < least:
                 least = value
-                best.pair[0], best.pair[1], best.distance[0] = i, j, distance
+                finder.best[0], finder.best[1], finder.distance[0] = i, j, distance
         else:
-            stop = divide(geometry, rows, start, kind, i, g)
+            stop = divide(geometry, rows, start, entry)
     for k in range(size):
-        entry = heap.entries[k]
-        end = keep(search, rows, end, entry[KIND], entry[FIRST], entry[SECOND], entry[GROUP])
+        end = keep(search, rows, end, read(finder.entries[k]))
     return least, end
 
 
-def value_of(
-    geometry: Geometry, counts: Counts, places: Places, search: Search, until: float, kind: int, i: int, j: int, g: int
-) -> float:
+def value_of(geometry: Geometry, counts: Counts, places: Places, search: Search, until: float, entry: Entry) -> float:
     """A lower bound of the values of an entry, found with no more work than to show that it is so large."""
     shapes, arm, link = geometry.shapes, geometry.arm, 0
+    kind, i, j, g = entry
     if kind == MEETING:
         link = arm.groups[arm.meetings[i, INNER], GROUP_LINK]
     elif kind == OWN_PAIR:
@@ -175,21 +167,22 @@ def value_of(
     return float((bound - search.margin) / rate)
 
 
-def divide(geometry: Geometry, rows: NDArray[np.int64], start: int, kind: int, i: int, g: int) -> int:
+def divide(geometry: Geometry, rows: NDArray[np.int64], start: int, entry: Entry) -> int:
     """Write the parts of an entry that is no pair to the rows; returns where they end."""
     arm, tree, stop = geometry.arm, geometry.tree, start
+    kind, i, _, g = entry
     if kind == MEETING:
         for k in range(arm.meetings[i, FIRST_PAIR], arm.meetings[i, LAST_PAIR]):
-            fill(rows[stop], OWN_PAIR, arm.pairs[k, 0], arm.pairs[k, 1], g)
+            fill(rows[stop], (OWN_PAIR, arm.pairs[k, 0], arm.pairs[k, 1], g))
             stop += 1
     elif kind == NODE and tree.children[i, 0] >= 0:
         for side in range(2):
-            fill(rows[stop], NODE, tree.children[i, side], 0, g)
+            fill(rows[stop], (NODE, tree.children[i, side], 0, g))
             stop += 1
     else:
         b = i if kind == PLANE_BELOW else tree.children[i, 1]
         for a in range(arm.groups[g, FIRST_SHAPE], arm.groups[g, LAST_SHAPE]):
-            fill(rows[stop], OBSTACLE_PAIR, a, b, g)
+            fill(rows[stop], (OBSTACLE_PAIR, a, b, g))
             stop += 1
     return stop
 
@@ -199,18 +192,23 @@ def room_of(rows: NDArray[np.int64]) -> int:
     return int(rows.shape[0] // 3 * 2)
 
 
-def keep(search: Search, rows: NDArray[np.int64], end: int, kind: int, i: int, j: int, g: int) -> int:
+def keep(search: Search, rows: NDArray[np.int64], end: int, entry: Entry) -> int:
     """Write an entry that a part of the motion could bring together to the end of the rows; returns their new end."""
     if not search.moving:
         return end
     if end < room_of(rows):
-        fill(rows[end], kind, i, j, g)
+        fill(rows[end], entry)
     return end + 1
 
 
-def fill(entry: NDArray[np.int64], kind: int, i: int, j: int, g: int) -> None:
-    """Set an entry."""
-    entry[KIND], entry[FIRST], entry[SECOND], entry[GROUP] = kind, i, j, g
+def fill(row: NDArray[np.int64], entry: Entry) -> None:
+    """Write an entry."""
+    row[KIND], row[FIRST], row[SECOND], row[GROUP] = entry
+
+
+def read(row: NDArray[np.int64]) -> Entry:
+    """The entry of a row."""
+    return row[KIND], row[FIRST], row[SECOND], row[GROUP]
 
 
 def rate_of(counts: Counts, places: Places, search: Search, g: int, link: int) -> float:
@@ -220,9 +218,9 @@ def rate_of(counts: Counts, places: Places, search: Search, g: int, link: int) -
     return float(max(places.rates[g * (counts.dof + 1) + link], UNMOVED))
 
 
-def push(heap: Heap, size: int, key: float, kind: int, i: int, j: int, g: int) -> int:
+def push(finder: Finder, size: int, key: float, entry: Entry) -> int:
     """Add an entry; returns the size of the heap."""
-    keys, entries = heap.keys, heap.entries
+    keys, entries = finder.keys, finder.entries
     at = size
     while at > 0:
         parent = (at - 1) // 2
@@ -233,13 +231,13 @@ def push(heap: Heap, size: int, key: float, kind: int, i: int, j: int, g: int) -
             entries[at, column] = entries[parent, column]
         at = parent
     keys[at] = key
-    fill(entries[at], kind, i, j, g)
+    fill(entries[at], entry)
     return size + 1
 
 
-def pop(heap: Heap, size: int) -> int:
+def pop(finder: Finder, size: int) -> int:
     """Remove the top; returns the size of the heap."""
-    keys, entries = heap.keys, heap.entries
+    keys, entries = finder.keys, finder.entries
     size -= 1
     key, at, child = keys[size], 0, 1
     while child < size:

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from jacokin.arrays import Array
 from jacokin.kernels.contact.arm import LAST_SHAPE, ArmShapes, Places, place_links, relate
 from jacokin.kernels.contact.cloud import shape_separation
-from jacokin.kernels.contact.motion import Course, is_clear, least_on_motion, make_course
-from jacokin.kernels.contact.nearest import Best, Heap, Search, find_nearest, list_all, make_best
+from jacokin.kernels.contact.motion import Course, await_all, is_clear, least_on_motion, make_course
+from jacokin.kernels.contact.nearest import Finder, Search, find_nearest, list_all, make_finder
 from jacokin.kernels.contact.separation import SeparationWork, make_separation_work
 from jacokin.kernels.contact.shapes import LINK, MARGIN, NODE_NUMBERS, SHAPE_INTEGERS, SHAPE_NUMBERS, Shapes
 from jacokin.kernels.contact.touching import Counts, Geometry, Hits, find_touching
@@ -46,8 +46,7 @@ class ContactWork(NamedTuple):
     geometry: Geometry
     places: Places
     hits: Hits
-    heap: Heap
-    best: Best
+    finder: Finder
     course: Course
     value: Array  # (rows, 2) 1 for contact or a motion that is not clear; distance [m]; where on a motion
     named: NDArray[np.int64]  # (rows, 2) the pair of shapes
@@ -62,7 +61,7 @@ def run_contact(work: ContactWork) -> int:
     task, rows = integers[TASK], integers[ROWS]
     counts = counts_of(work)
     margin, standing, slack = numbers[MARGIN_KEPT], numbers[BASE_MARGIN], numbers[SLACK]
-    geometry, places, hits, heap, course = work.geometry, work.places, work.hits, work.heap, work.course
+    geometry, places, hits, finder, course = work.geometry, work.places, work.hits, work.finder, work.course
     if task in (TOUCHES, LIST_TOUCHING):
         found = 0
         for i in range(rows):
@@ -76,16 +75,16 @@ def run_contact(work: ContactWork) -> int:
         for i in range(rows):
             q = work.q[i * counts.dof : (i + 1) * counts.dof]
             place_links(geometry.arm, counts.dof, counts.groups, q, places)
-            a, b, near = work.best.pair[0], work.best.pair[1], math.inf
+            a, b, near = finder.best[0], finder.best[1], math.inf
             if i == 0:
-                work.best.pair[0], work.best.pair[1] = -1, -1
+                finder.best[0], finder.best[1] = -1, -1
             elif a >= 0:  # rows are near to each other more often than not, and so is their nearest pair
                 relate(geometry.shapes, places.frames, a, b, hits.pair.relative)
                 near = shape_separation(geometry.shapes, (a, b), hits.pair, math.inf, -math.inf, math.inf, True)
             search = Search(0.0, False, near, math.inf)
-            least, _ = find_nearest(geometry, counts, places, heap, hits.pair, search, work.best, course.near, 0, count)
+            least, _ = find_nearest(geometry, counts, places, finder, search, course.near, 0, count)
             work.value[i, 0] = least
-            work.named[i, 0], work.named[i, 1] = work.best.pair[0], work.best.pair[1]
+            work.named[i, 0], work.named[i, 1] = finder.best[0], finder.best[1]
         return 0
     if task == MEASURE_PAIRS:
         place_links(geometry.arm, counts.dof, counts.groups, work.q, places)
@@ -98,10 +97,11 @@ def run_contact(work: ContactWork) -> int:
         for j in range(counts.dof):
             course.step[j] = work.q[(2 * i + 1) * counts.dof + j] - start[j]
         if task == CLEAR_MOTION:
-            clear = is_clear(geometry, counts, places, heap, hits.pair, course, start, margin, slack)
+            waiting = await_all(geometry, counts, course)
+            clear = is_clear(geometry, counts, places, finder, course, start, (margin, margin + slack), waiting)
             work.value[i, 0] = 0.0 if clear else 1.0
         else:
-            least_on_motion(geometry, counts, places, heap, hits.pair, course, start, slack)
+            least_on_motion(geometry, counts, places, finder, course, start, slack)
             work.value[i, 0] = course.found[0]
         work.value[i, 1] = course.found[1]
         work.named[i, 0], work.named[i, 1] = course.pair[0], course.pair[1]
@@ -185,6 +185,7 @@ def make_contact_work(geometry: Geometry = NOTHING, rows: int = 0, pairs: int = 
     room = meetings + len(arm.pairs) + groups * (nodes + planes) + with_obstacles
     frames = np.zeros((dof + 2 if rows else 0, 3, 4))
     frames[:] = np.eye(3, 4)
+    pair = make_separation_work()
     return ContactWork(
         np.array([TOUCHES, rows, dof, groups, meetings, nodes, planes]),
         np.array([0.0, -math.inf, 0.0]),
@@ -195,10 +196,9 @@ def make_contact_work(geometry: Geometry = NOTHING, rows: int = 0, pairs: int = 
             np.full(2, -1),
             np.zeros((len(arm.pairs) + with_obstacles, 2), np.int64),
             np.zeros(DEEPEST, np.int64),
-            make_separation_work(),
+            pair,
         ),
-        Heap(np.zeros(room), np.zeros((room, 4), np.int64)),
-        make_best(),
+        make_finder(room, pair),
         make_course(dof, groups, room),
         np.zeros((rows, 2)),
         np.zeros((rows, 2), np.int64),

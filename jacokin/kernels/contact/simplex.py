@@ -24,11 +24,10 @@ def nearest_in_simplex(simplex: Array, weights: Array, count: int) -> int:
         weights[0] = 1.0
         return 1
     if count == 2:
-        kept, u, v, w = on_segment(corner(simplex, 0), corner(simplex, 1))
-        return keep(simplex, weights, kept, 0, 1, 1, u, v, w)
+        return keep(simplex, weights, (0, 1, 1), on_segment(corner(simplex, 0), corner(simplex, 1)))
     if count == 3:
-        kept, u, v, w = on_triangle(corner(simplex, 0), corner(simplex, 1), corner(simplex, 2))
-        return keep(simplex, weights, kept, 0, 1, 2, u, v, w)
+        nearest = on_triangle(corner(simplex, 0), corner(simplex, 1), corner(simplex, 2))
+        return keep(simplex, weights, (0, 1, 2), nearest)
     return nearest_in_tetrahedron(simplex, weights)
 
 
@@ -103,12 +102,13 @@ def nearest_in_tetrahedron(simplex: Array, weights: Array) -> int:
                 best, chosen, parts, found = square, face, kept, True
     if not found:
         return 4
-    return keep(simplex, weights, parts[0], chosen, (chosen + 1) % 3, 3, parts[1], parts[2], parts[3])
+    return keep(simplex, weights, (chosen, (chosen + 1) % 3, 3), parts)
 
 
-def keep(simplex: Array, weights: Array, kept: int, i: int, j: int, k: int, u: float, v: float, w: float) -> int:
-    """Move the corners i, j, k that count to the front; returns how many there are."""
+def keep(simplex: Array, weights: Array, corners: tuple[int, int, int], parts: tuple[int, float, float, float]) -> int:
+    """Move those of three corners that count to the front, see `on_triangle`; returns how many there are."""
     # The order of rows matters: a row is overwritten only after it was read.
+    (i, j, k), (kept, u, v, w) = corners, parts
     if i > j:
         i, j, u, v = j, i, v, u
         kept = (kept & 4) | ((kept & 1) << 1) | ((kept & 2) >> 1)

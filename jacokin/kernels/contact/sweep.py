@@ -30,14 +30,7 @@ from jacokin.kernels.contact.arm import (
     Places,
     in_world,
 )
-from jacokin.kernels.contact.nearest import (
-    FIRST,
-    KIND,
-    OBSTACLE_PAIR,
-    OWN_PAIR,
-    SECOND,
-    fill,
-)
+from jacokin.kernels.contact.nearest import FIRST, KIND, OBSTACLE_PAIR, OWN_PAIR, SECOND, Entry, fill
 from jacokin.kernels.contact.shapes import (
     CENTRE,
     CLOUD,
@@ -313,7 +306,7 @@ def sweep_obstacle(
         s = shapes.numbers[a]
         put_centres(link, s[CENTRE], s[CENTRE + 1], s[CENTRE + 2], sweep.point)
         turn_into(shapes.numbers[b], sweep.point, sweep.local)
-        end = sweep_pair(shapes, sweep, rows, end, OBSTACLE_PAIR, a, b, g, leaves, margin)
+        end = sweep_pair(shapes, sweep, rows, end, (OBSTACLE_PAIR, a, b, g), margin, leaves)
         if end == TOUCHES_THERE:
             return end
     return end
@@ -348,46 +341,24 @@ def sweep_meeting(
         return end
     leaves = seen[LEAVES] + arm.spheres[h, 3] * seen[LEAVES_MORE]
     for k in range(arm.meetings[m, FIRST_PAIR], arm.meetings[m, LAST_PAIR]):
-        end = sweep_own_pair(shapes, sweep, rows, end, arm.pairs[k, 0], arm.pairs[k, 1], h, leaves, margin)
+        a, b = arm.pairs[k, 0], arm.pairs[k, 1]
+        s = shapes.numbers[b]
+        put_centres(sweep.between, s[CENTRE], s[CENTRE + 1], s[CENTRE + 2], point)
+        turn_into(shapes.numbers[a], point, local)
+        end = sweep_pair(shapes, sweep, rows, end, (OWN_PAIR, a, b, h), margin, leaves)
         if end == TOUCHES_THERE:
             return end
     return end
 
 
-def sweep_own_pair(
-    shapes: Shapes,
-    sweep: Sweep,
-    rows: NDArray[np.int64],
-    end: int,
-    a: int,
-    b: int,
-    g: int,
-    leaves: float,
-    margin: float,
-) -> int:
-    """Write a pair of the arm's shapes whose links are related; returns where the pairs end."""
-    s = shapes.numbers[b]
-    put_centres(sweep.between, s[CENTRE], s[CENTRE + 1], s[CENTRE + 2], sweep.point)
-    turn_into(shapes.numbers[a], sweep.point, sweep.local)
-    return sweep_pair(shapes, sweep, rows, end, OWN_PAIR, a, b, g, leaves, margin)
-
-
 def sweep_pair(
-    shapes: Shapes,
-    sweep: Sweep,
-    rows: NDArray[np.int64],
-    end: int,
-    kind: int,
-    a: int,
-    b: int,
-    g: int,
-    leaves: float,
-    margin: float,
+    shapes: Shapes, sweep: Sweep, rows: NDArray[np.int64], end: int, entry: Entry, margin: float, leaves: float
 ) -> int:
     """Write a pair of shapes if it could touch; returns where the pairs end.
 
     `sweep.local` is the centre of the one that moves, in the axes of the other.
     """
+    kind, a, b, _ = entry
     moving, other = (b, a) if kind == OWN_PAIR else (a, b)
     limit = shapes.numbers[moving, RADIUS] + margin + leaves
     if not comes_near(shapes, other, sweep.local, limit):
@@ -397,7 +368,7 @@ def sweep_pair(
     if touching >= 0:
         sweep.found[0], sweep.found[1], sweep.found[2] = a, b, touching
         return TOUCHES_THERE
-    fill(rows[end], kind, a, b, g)
+    fill(rows[end], entry)
     return end + 1
 
 

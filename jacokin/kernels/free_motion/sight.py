@@ -7,8 +7,7 @@ from typing import NamedTuple
 
 from jacokin.arrays import Array
 from jacokin.kernels.contact.arm import place_links
-from jacokin.kernels.contact.motion import are_clear, look_at
-from jacokin.kernels.contact.nearest import list_all
+from jacokin.kernels.contact.motion import await_all, is_clear, look_at
 from jacokin.kernels.contact.run import MARGIN_KEPT, SLACK, ContactWork, counts_of
 from jacokin.kernels.contact.sweep import STEPS, TOUCHES_THERE, Part, Sweep, sweep_part, touch_rows
 from jacokin.kernels.contact.touching import find_touching
@@ -89,33 +88,20 @@ def moves_clear(sight: Sight, start: Array, end: Array, extra: float) -> bool:
     It is swept, and certified where a sweep finds something near.
     """
     contact = sight.contact
-    course, counts, hits = contact.course, counts_of(contact), contact.hits
-    margin, slack = contact.numbers[MARGIN_KEPT] + extra, contact.numbers[SLACK]
+    geometry, course, counts = contact.geometry, contact.course, counts_of(contact)
+    margin = contact.numbers[MARGIN_KEPT] + extra
+    margins = margin, margin + contact.numbers[SLACK]
     turned, sweeps = set_step(sight, start, end), 1
     if turned > SWEPT:
         sweeps = math.ceil(turned / MOST_SWEPT)
     for k in range(sweeps):
-        waiting = 1
         if turned > SWEPT:
-            waiting = sweep_along(sight, start, k / sweeps, (k + 1) / sweeps, margin + slack)
+            waiting = sweep_along(sight, start, k / sweeps, (k + 1) / sweeps, margins[1])
             if waiting == TOUCHES_THERE:
                 return False
         else:
-            course.waiting[0, 0], course.waiting[0, 1] = 0.0, 1.0
-            course.spans[0, 0] = 0
-            course.spans[0, 1] = list_all(contact.geometry.arm, contact.geometry.tree, counts, course.near)
-        if not are_clear(
-            contact.geometry,
-            counts,
-            contact.places,
-            contact.heap,
-            hits.pair,
-            course,
-            start,
-            margin,
-            slack,
-            waiting,
-        ):
+            waiting = await_all(geometry, counts, course)
+        if not is_clear(geometry, counts, contact.places, contact.finder, course, start, margins, waiting):
             return False
     return True
 
