@@ -302,14 +302,14 @@ def open_table(path: Path, largest: int | None = TABLE) -> TextIO:
     return io.TextIOWrapper(binary, encoding="utf-8-sig", newline="")
 
 
-def table_lines(path: Path, file: TextIO, first: int = 1) -> Iterator[str]:
-    """The lines of a table, the first of which has this number.
+def table_lines(path: Path, file: TextIO) -> Iterator[str]:
+    """The lines of a table.
 
     Raises:
         InvalidInputError: one is longer than `LINE` characters, or it is not text.
     """
     with parsing(path, "is not a text file in UTF-8"):
-        for number, line in enumerate(iter(partial(file.readline, LINE), ""), start=first):
+        for number, line in enumerate(iter(partial(file.readline, LINE), ""), start=1):
             if len(line) == LINE:
                 raise InvalidInputError(f"{path}, line {number}: is longer than {LINE} characters: not a table")
             yield line

@@ -316,19 +316,19 @@ class ArmModel:
         """A frame of the arm that has these numbers."""
         return self._chains[frame].at(q, self.joints(x))
 
-    def predict(self, index: int, x: Array, *, own: Measurements | None = None) -> tuple[Array, Array]:
+    def predict(self, index: int, x: Array) -> tuple[Array, Array]:
         """What the numbers leave unexplained of a set, and its derivatives.
 
         Args:
             index: of the set.
             x: (p,) numbers.
-            own: other rows of the same set; None for all of its own.
 
         Returns:
             (n, k) predicted less measured [m], of a pose's last three [rad]; (n, k, p) derivatives. NaN in rows that
             are not finite.
         """
-        rows, position, rotation, linear, angular = self._target(index, x, own)
+        rows = self.sets[index]
+        position, rotation, linear, angular = self._target(rows, x)
         if rows.kind in CONTACTS:
             return self._contact(index, x, position, linear)
         if rows.kind == "positions":
@@ -354,13 +354,10 @@ class ArmModel:
             base="unknown" if rows.base is None else rows.base,
             tool="unknown" if rows.tool is None else rows.tool,
         )
-        return self._target(index, x, at)[3]
+        return self._target(at, x)[2]
 
-    def _target(
-        self, index: int, x: Array, own: Measurements | None
-    ) -> tuple[Measurements, Array, Array, Array, Array]:
-        """Rows of a set, with position, rotation and derivatives of the measured point in the instrument's frame."""
-        rows = self.sets[index] if own is None else own
+    def _target(self, rows: Measurements, x: Array) -> tuple[Array, Array, Array, Array]:
+        """Position, rotation and derivatives of the measured point in the instrument's frame."""
         at = self.kinematics(rows.q, rows.frame, x)
         n, p, joints = len(rows), len(x), int(self.free_columns.sum())
         linear, angular = np.zeros((2, n, 3, p))
@@ -393,7 +390,7 @@ class ArmModel:
                 np.broadcast_to(spin, (n, 3, 3)), position[:, :, None], axis=1
             )
             angular[:, :, block.start + 3 : block.stop] = spin
-        return rows, position + base.translation, base.rotation @ rotation, linear, angular
+        return position + base.translation, base.rotation @ rotation, linear, angular
 
     def _contact(self, index: int, x: Array, position: Array, linear: Array) -> tuple[Array, Array]:
         """What contact with a point or a plane leaves unexplained, and its derivative.

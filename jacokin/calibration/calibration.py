@@ -157,7 +157,7 @@ def _numbers(findings: Findings) -> Iterable[tuple[str, ...]]:
 
 
 def _rows(findings: Findings) -> Figure:
-    figure = _figure(9.0, 2.8)
+    figure = _figure(2.8)
     axes = figure.add_subplot()
     numbers = np.arange(len(findings.residuals))
     axes.bar(numbers, 1e3 * findings.residuals_before, color=BEFORE)
@@ -174,7 +174,7 @@ def _rows(findings: Findings) -> Figure:
 def _by_joint(findings: Findings) -> Figure:
     names = [name for name, _ in findings.measured_arm.joints]
     q = np.vstack([each.q for each in findings.model.sets])
-    figure = _figure(9.0, 1.6 * ((len(names) + 2) // 3) + 0.6)
+    figure = _figure(1.6 * ((len(names) + 2) // 3) + 0.6)
     for k, name in enumerate(names):
         axes = figure.add_subplot((len(names) + 2) // 3, 3, k + 1)
         axes.plot(q[:, k], 1e3 * findings.residuals_before, ".", color=BEFORE)
@@ -202,7 +202,7 @@ def _by_place(findings: Findings) -> Figure:
     model, fit = findings.model, findings.fit
     places = [model.kinematics(rows.q, rows.frame, fit.x).position for rows in model.sets]
     x, y, z = np.vstack(places).T
-    figure = _figure(9.0, 4.0)
+    figure = _figure(4.0)
     for k, (across, up, labels) in enumerate(
         ((x, y, ("x [m]", "y [m]")), (np.hypot(x, y), z, ("from joint 1 [m]", "z [m]")))
     ):
@@ -214,10 +214,10 @@ def _by_place(findings: Findings) -> Figure:
     return figure
 
 
-def _figure(width: float, height: float) -> Figure:
+def _figure(height: float) -> Figure:
     with needed("matplotlib", "plot"):
         from matplotlib.figure import Figure
-    return Figure(figsize=(width, height), layout="constrained")
+    return Figure(figsize=(9.0, height), layout="constrained")
 
 
 def _picture(figure: Figure) -> str:

@@ -86,10 +86,10 @@ class ClosestSearch:
             message = request.message(f"{outcome.message}; the closest one {missed}")
         return verifier.result(closest, outcome.status, message, errors, verifier.touching(q))
 
-    def beyond_reach(self, request: Request, nearby: Sequence[Array] = ()) -> IKResult | None:
+    def beyond_reach(self, request: Request) -> IKResult | None:
         """The answer to a pose or a position that is provably out of reach; None for others."""
         outcome = self.reach.exceeded(request.target)
-        return None if outcome is None else self.solve(request, outcome, nearby)
+        return None if outcome is None else self.solve(request, outcome)
 
     def find(
         self, target: TargetPose, first: Sequence[Array], rng: np.random.Generator, *, position_first: bool = False

@@ -111,6 +111,6 @@ def _twin_with_tool(robot: Robot, frame: str, tool: ToolKey) -> mujoco.MjModel:
     known, spec = _verifier(robot, frame, tool), to_spec(robot)
     placed = robot.pin_model.frames[known.frame_id]
     T_joint_tool = placed.placement if known.tool is None else placed.placement * known.tool
-    body = spec.body(body_of_joint(robot, placed.parentJoint))
+    body = spec.body(body_of_joint(placed.parentJoint))
     body.add_site(name=TOOL_SITE, pos=T_joint_tool.translation, quat=poses.quaternion(T_joint_tool.rotation))
     return spec.compile()

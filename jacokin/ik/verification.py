@@ -119,9 +119,9 @@ class Verifier:
         """Whether any shapes touch at a configuration (dof,); not so when the solver does not look."""
         return self._contact is not None and self._contact.touches(q)
 
-    def touching_rows(self, rows: Array, threads: int = 1) -> NDArray[np.bool_]:
+    def touching_rows(self, rows: Array) -> NDArray[np.bool_]:
         """Which of some configurations (n, dof) are in contact; none when the solver does not look."""
-        return np.zeros(len(rows), dtype=np.bool_) if self._contact is None else self._contact.touches_at(rows, threads)
+        return np.zeros(len(rows), dtype=np.bool_) if self._contact is None else self._contact.touches_at(rows)
 
     def contact_work(self) -> ContactWork:
         """Work arrays for kernels that see whether shapes touch, where the solver looks for contact."""

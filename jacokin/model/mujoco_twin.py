@@ -90,7 +90,7 @@ def to_spec(robot: Robot, *, geometry: bool = False, finger_angle: float | None 
     for index in range(1, model.njoints):
         placement = model.jointPlacements[index]
         body = carriers[model.parents[index]].add_body(
-            name=body_of_joint(robot, index),
+            name=body_of_joint(index),
             pos=placement.translation,
             quat=poses.quaternion(placement.rotation),
         )
@@ -108,7 +108,7 @@ def to_spec(robot: Robot, *, geometry: bool = False, finger_angle: float | None 
     return spec
 
 
-def body_of_joint(robot: Robot, joint: int) -> str:
+def body_of_joint(joint: int) -> str:
     """Name of the twin's body that Pinocchio's joint (by number, 0 for the base) moves."""
     return f"jacokin_body_{joint}" if joint else BASE_BODY
 
