@@ -29,7 +29,7 @@ RIGID_TOLERANCE = 1e-6  # |R^T R - I|: admits float32 matrices (1e-7), refuses s
 ORTHONORMAL = 1e-14  # |R^T R - I| of a product of a dozen rotations: rounding, left as it is
 # The tool pointing vertically down: half a turn about the horizontal axis (0, 1, 1) / sqrt(2) of the tool.
 DOWN_QUAT_WXYZ = (0.0, math.sqrt(0.5), math.sqrt(0.5), 0.0)
-FULL_TURN = 1e-12  # [rad] a range this near to a full turn, shorter or longer, is one: what a double resolves
+TURN_TOLERANCE = 1e-12  # [rad] a range this near to a full turn, shorter or longer, is one: what a double resolves
 FARTHEST_ANGLE = 1e3  # [rad] of a range: a parameter keeps its digits
 VERTICAL = 1e-9  # sine; an approach this near to vertical has no horizontal direction of its own
 
@@ -180,7 +180,7 @@ class FreeAxis:
         low, high = checks.vector("range", range, 2, "rad").tolist()
         if not low < high:
             raise InvalidInputError(f"range must be (least, largest) with least < largest, got {low} to {high} rad")
-        if high - low > TURN + FULL_TURN:
+        if high - low > TURN + TURN_TOLERANCE:
             raise InvalidInputError(f"range must be at most one turn, got {low} to {high} rad")
         if max(abs(low), abs(high)) > FARTHEST_ANGLE:
             raise InvalidInputError(f"range must be within {FARTHEST_ANGLE:g} rad of zero, got {low} to {high} rad")
@@ -211,7 +211,7 @@ class FreeAxis:
     @property
     def full_turn(self) -> bool:
         """Whether every p is in the range."""
-        return bool(self._range[1] - self._range[0] >= TURN - FULL_TURN)
+        return bool(self._range[1] - self._range[0] >= TURN - TURN_TOLERANCE)
 
     def at(self, parameter: float) -> pin.SE3:
         """The pose of the tool in the base, turned by p [rad]."""

@@ -46,16 +46,16 @@ def _load_robot(name: str, robot: str, q: ArrayLike, base: pin.SE3, finger_angle
 
 
 ENDINGS = (".yaml", ".yml", ".json")
-TURN = ("quat_wxyz", "rpy")
+ORIENTATION = ("quat_wxyz", "rpy")
 # Each shape of a file, and its keys beside "shape" and "name": those that it needs, and others.
 SHAPES: Mapping[str, tuple[Callable[..., Obstacle | OtherRobot], tuple[str, ...], tuple[str, ...]]] = {
-    "box": (Box, ("size", "position"), TURN),
+    "box": (Box, ("size", "position"), ORIENTATION),
     "sphere": (Sphere, ("radius", "position"), ()),
-    "capsule": (Capsule, ("radius", "length", "position"), TURN),
-    "cylinder": (Cylinder, ("radius", "length", "position"), TURN),
+    "capsule": (Capsule, ("radius", "length", "position"), ORIENTATION),
+    "cylinder": (Cylinder, ("radius", "length", "position"), ORIENTATION),
     "floor": (Floor, (), ("height",)),
-    "point_cloud": (PointCloud.load, ("file",), ("radius", "position", *TURN)),
-    "robot": (_load_robot, ("robot", "q", "position"), ("finger_angle", *TURN)),
+    "point_cloud": (PointCloud.load, ("file",), ("radius", "position", *ORIENTATION)),
+    "robot": (_load_robot, ("robot", "q", "position"), ("finger_angle", *ORIENTATION)),
 }
 ALL_KEYS = ("shape", "name", *dict.fromkeys(key for _, needed, more in SHAPES.values() for key in (*needed, *more)))
 
@@ -483,7 +483,7 @@ def _obstacle(where: str, entry: object, index: int, folder: Path) -> Obstacle |
         raise checks.refusal(f"{where}: name", "a word", name)
     values = {key: given[key] for key in keys if key in given}
     try:
-        if set(TURN) <= set(keys):
+        if set(ORIENTATION) <= set(keys):
             position = values.pop("position", np.zeros(3))
             there = pose(position, values.pop("quat_wxyz", None), rpy=values.pop("rpy", None))
             values["base" if shape == "robot" else "pose"] = there

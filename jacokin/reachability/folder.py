@@ -210,7 +210,7 @@ WALK = 0.1  # [rad] between configurations of an interval that are looked at to 
 POSES_AT_ONCE = 512  # whose branches go to the kernels of contact together
 
 
-class Answers(NamedTuple):
+class PoseCounts(NamedTuple):
     """What reaches each of n poses."""
 
     counts: NDArray[np.uint8]
@@ -231,7 +231,7 @@ def one_by_one(solver: IKSolver, free: bool) -> bool:
     return free or solver.dimension() == 1
 
 
-def count_reaching(solver: IKSolver, targets: Array, orientations: Orientations | None = None) -> Answers:
+def count_reaching(solver: IKSolver, targets: Array, orientations: Orientations | None = None) -> PoseCounts:
     """How many configurations reach each of n poses (n, 4, 4), with what margin, and how many only in contact.
 
     Where a pose has curves of configurations, because the arm has seven joints or the tool may turn about an axis,
@@ -253,19 +253,19 @@ def count_reaching(solver: IKSolver, targets: Array, orientations: Orientations 
         number, margin, touch = _count_intervals(solver, target)
         counts[row], touching[row] = min(number, MOST_BRANCHES), min(touch, MOST_BRANCHES)
         margins[row] = margin if number else np.nan
-    return Answers(counts, margins, touching)
+    return PoseCounts(counts, margins, touching)
 
 
-def _count_compiled(solver: IKSolver, targets: Array) -> Answers:
+def _count_compiled(solver: IKSolver, targets: Array) -> PoseCounts:
     seeds = np.tile(solver.robot.home, (len(targets), 1))
     rows = solver.closed_form().solve_batch(targets, seeds)
     good = solver.verifier.reached_rows(rows) & rows.within_limits
     counts = np.where(good, np.minimum(rows.branches_within_limits, MOST_BRANCHES), 0).astype(np.uint8)
-    return Answers(counts, np.where(good, rows.largest_margin, np.nan), np.zeros(len(targets), dtype=np.uint8))
+    return PoseCounts(counts, np.where(good, rows.largest_margin, np.nan), np.zeros(len(targets), dtype=np.uint8))
 
 
-def _without_contact(solver: IKSolver, targets: Array, found: Answers) -> Answers:
-    """Answers in which branches in contact do not count."""
+def _without_contact(solver: IKSolver, targets: Array, found: PoseCounts) -> PoseCounts:
+    """Counts in which branches in contact do not count."""
     form, seed, verifier = solver.closed_form(), solver.robot.home, solver.verifier
     counts, margins, touching = np.zeros_like(found.counts), np.full(len(targets), np.nan), found.touching
     reached = np.flatnonzero(found.counts)
@@ -280,7 +280,7 @@ def _without_contact(solver: IKSolver, targets: Array, found: Answers) -> Answer
         np.add.at(touching, of[touches], 1)
         np.add.at(counts, of[~touches], 1)
         np.fmax.at(margins, of[~touches], margin[~touches])
-    return Answers(counts, margins, touching)
+    return PoseCounts(counts, margins, touching)
 
 
 def _count_intervals(solver: IKSolver, target: Array | FreeAxis) -> tuple[int, float, int]:

@@ -37,7 +37,7 @@ SQUEEZE = 2.0  # [rad] beyond the limits of the fingers: they squeeze
 STUCK_STEPS, STUCK = 5, 0.01  # an arm that moves less [rad] in so many steps is stopped by something
 AROUND = 0.08  # [m]
 SPEED = 0.35  # [m/s] of the tool along lines
-TURN = 1.0  # [rad/s]
+TURN_SPEED = 1.0  # [rad/s]
 KEEPS_UP, LAG = 0.015, 0.04  # [m] of the tool behind the line, from where that slows down, and where it waits
 PATIENCE = 15  # steps of waiting, until it ends
 STILL = 0.002  # [m] and [rad] from the end of a line
@@ -153,16 +153,15 @@ class ArmDriver:
         parts = np.linspace(0.0, 1.0, 8)[:, None]
         return np.concatenate([a + parts * (b - a) for a, b in itertools.pairwise(stops)])
 
-    def towards(self, q: Array, fingers: ArrayLike, speed: float = 1.0) -> Array:
+    def towards(self, q: Array, fingers: ArrayLike) -> Array:
         """An action that moves the joints together towards a configuration.
 
         Args:
             q: (6,) where to go [rad].
             fingers: velocities of the fingers [rad/s].
-            speed: part of the joints' velocity limits to use.
         """
         error = nearest_copy(q, self.q, self.robot.unlimited) - self.q
-        limit = np.minimum(speed * self.robot.velocity_limit, np.sqrt(2.0 * SLOWING * np.abs(error)) + 1e-9)
+        limit = np.minimum(self.robot.velocity_limit, np.sqrt(2.0 * SLOWING * np.abs(error)) + 1e-9)
         velocity = END_GAIN * error
         velocity /= max(1.0, float(np.abs(velocity / limit).max()))
         return self._action(velocity, fingers)
@@ -264,7 +263,7 @@ class ArmDriver:
         start = self.pose
         turn = pin.log3(start.rotation.T @ pose.rotation)
         way = pose.translation - start.translation
-        duration = max(float(np.linalg.norm(way)) / speed, float(np.linalg.norm(turn)) / TURN, CONTROL_TIMESTEP)
+        duration = max(float(np.linalg.norm(way)) / speed, float(np.linalg.norm(turn)) / TURN_SPEED, CONTROL_TIMESTEP)
         part, waited, now, pace = 0.0, 0, start, 0.0
         while part < 1.0 and waited < PATIENCE:
             # The joints accelerate slowly, and each has its limit: the line waits for them.

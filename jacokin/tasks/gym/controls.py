@@ -25,7 +25,7 @@ from jacokin.tasks.features import StateView
 
 FRAME = "pinchsite"
 SPEED = 0.25  # [m/s] of the tool at most
-TURN = 1.5  # [rad/s] of the tool at most
+TURN_SPEED = 1.5  # [rad/s] of the tool at most
 FINGERS = 3
 LEAD = 0.1  # [rad] how far the reference may be ahead of the arm, which an obstacle may stop
 _REACH = np.array((0.6, 0.6, 0.8))  # [m] half-extent of the poses that can be asked for, about the arena's origin
@@ -186,7 +186,7 @@ class ToolVelocity(_ReferenceControl):
     def __init__(self, lower: Array, upper: Array, dt: float) -> None:
         """Allow velocities of actuators between two bounds (9,) [rad/s]."""
         super().__init__(lower, upper, dt)
-        bound = np.array([SPEED] * 3 + [TURN] * 3 + [upper[-1]])
+        bound = np.array([SPEED] * 3 + [TURN_SPEED] * 3 + [upper[-1]])
         self.bounds = -bound, bound
 
     def velocities(self, view: StateView, action: Array) -> Array:
