@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -22,8 +21,6 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from jacokin.model import Robot
-
-FULL_TURN = (-math.pi, math.pi)  # [rad]
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,6 +107,8 @@ def view(
       jacokin view --scene table.yaml --collision report --trajectory trajectory.csv
       jacokin view --log run.mcap --commanded-topic /arm_controller/controller_state
     """
+    from jacokin.viewer.inspector import FULL_TURN
+
     arm = source.load()
     recording = recorded.load(arm)
     if recording is not None and given.trajectory is not None:

@@ -18,6 +18,7 @@ from jacokin.arrays import Array
 from jacokin.ik.preferences import copies_to_try, with_ties
 from jacokin.ik.targets import Request, TargetPose
 from jacokin.ik.verification import Verifier
+from jacokin.kernels.closest import BOUND_PASSES, LONGEST_STEP
 from jacokin.model import angles
 from jacokin.model.many_configurations import Chain, TargetRows
 
@@ -39,10 +40,6 @@ STARTS, STEPS = 96, 40
 DAMPING, LEAST_DAMPING, MOST_DAMPING, LESS_DAMPING, MORE_DAMPING = 1e-6, 1e-14, 1e2, 0.1, 8.0
 #: Steps that shrink errors by a smaller part help no more, after so many of them.
 SETTLED, PATIENCE = 1e-3, 6
-#: Times that joints which pass a limit are held there and the others solved again.
-BOUND_PASSES = 2
-#: [rad] of a step: a quadratic model says nothing beyond.
-LONGEST_STEP = 1.0
 #: Errors up to this many times the tolerances are weighed anew: where one is too large, the other may be small.
 UNEQUAL = 1.5
 

@@ -46,7 +46,7 @@ ANY_YAW = QuaternionFromAxisAngle((0.0, 0.0, 1.0), Uniform(-np.pi, np.pi, single
 
 _WAITING = (0.5, 0.0, 0.0)  # [m] where props are before the first reset
 LYING = 0.001  # [m] height above the table at which things are placed
-_ATTEMPTS = 50  # to place a thing
+ATTEMPTS = 50  # to place a thing
 _APART = np.array((0.1, 0.0, 0.0))  # [m]
 
 # Of the wrist camera, in axes of the pinch site, whose z points out of the hand [m], [deg].
@@ -446,7 +446,7 @@ class Task:
             uniform_box(lower, upper),
             ANY_YAW,
             settle_physics=isinstance(thing, FreeProp),
-            max_attempts_per_prop=_ATTEMPTS,
+            max_attempts_per_prop=ATTEMPTS,
         )
 
 

@@ -20,11 +20,10 @@ from jacokin.mujoco_bridge.distributions import RandomState
 from jacokin.mujoco_bridge.entity import new_spec
 from jacokin.mujoco_bridge.observables.observable import MJCFFeature, Observable, observable
 from jacokin.mujoco_bridge.props import primitive
-from jacokin.mujoco_bridge.props.primitive import FreeProp, FreePropObservables, add_vertex_sites
+from jacokin.mujoco_bridge.props.primitive import HIDDEN_GROUP, FreeProp, FreePropObservables, add_vertex_sites
 from jacokin.mujoco_bridge.simulation.physics import Physics
 
 ROWS, COLUMNS = 2, 4  # of studs, along x and y
-HIDDEN_GROUP = 4  # of geoms that touch but are not drawn
 
 _BOX = mujoco.mjtGeom.mjGEOM_BOX
 _CYLINDER = mujoco.mjtGeom.mjGEOM_CYLINDER

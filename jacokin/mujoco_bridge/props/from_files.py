@@ -18,10 +18,9 @@ from jacokin.errors import InvalidInputError, ModelError, shown
 from jacokin.model import checks
 from jacokin.model.descriptions.meshes import read_mesh_file
 from jacokin.mujoco_bridge.entity import check_name, new_spec
-from jacokin.mujoco_bridge.props.primitive import DENSITY, FreeProp, refused_attributes
+from jacokin.mujoco_bridge.props.primitive import DENSITY, HIDDEN_GROUP, FreeProp, refused_attributes
 from jacokin.mujoco_bridge.workspaces import SITE_GROUP
 
-HIDDEN_GROUP = 4  # of parts that touch but are not drawn
 COACD, V_HACD, HULL = "CoACD", "V-HACD", "convex hull"
 CONVEX = 0.98  # of the volume of its hull: a mesh that fills as much needs no parts
 MOST_PARTS = 32

@@ -28,6 +28,7 @@ SENSORS: Mapping[str, mujoco.mjtSensor] = {
     "angular_velocity": mujoco.mjtSensor.mjSENS_FRAMEANGVEL,
 }
 DENSITY = 1000.0  # [kg/m^3] MuJoCo's own default
+HIDDEN_GROUP = 4  # of geoms that touch but are not drawn
 
 _SHAPES = {
     "box": (mujoco.mjtGeom.mjGEOM_BOX, 3),

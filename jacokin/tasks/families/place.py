@@ -16,14 +16,13 @@ from jacokin.mujoco_bridge.rewards import fall_beyond
 from jacokin.mujoco_bridge.workspaces import BoundingBox
 from jacokin.tasks.families.bricks import BRICK_BOX, TOUCHING
 from jacokin.tasks.features import StateView, length
-from jacokin.tasks.task import ANY_YAW, BRICK, Task, position_in_qpos
+from jacokin.tasks.task import ANY_YAW, ATTEMPTS, BRICK, Task, position_in_qpos
 
 RADIUS = 0.05  # [m] of the target
 AWAY = 4.0 * RADIUS  # [m] of the hand from the target
 _AWAY_MARGIN = 3.0 * RADIUS  # [m]
 _BESIDE = np.array((0.0, 0.0, AWAY + RADIUS))  # [m] from the target, a place of the hand that solves the task
 _IN_PLACE = 10.0  # weight
-_ATTEMPTS = 50
 _PEDESTAL_BOX = BoundingBox((-0.1, -0.1, 0.07), (0.1, 0.1, 0.17))
 
 
@@ -50,7 +49,7 @@ class Place(Task):
             uniform_box((x, y, z), (to_x, to_y, z)),
             ANY_YAW,
             settle_physics=True,
-            max_attempts_per_prop=_ATTEMPTS,
+            max_attempts_per_prop=ATTEMPTS,
         )
         self._place_pedestal = PropPlacer([self.pedestal], uniform_box(*_PEDESTAL_BOX))
         super().__init__(props=[prop], fixtures=[self.pedestal])
