@@ -30,7 +30,6 @@ from jacokin.motion.tracking.tracker import Tracker
 from jacokin.twin.arm import BRAKING, ArmState, SimulatedArm
 from jacokin.twin.faults import TICK, Faults, Line
 from jacokin.twin.goals import GoalStatus, Record, TwinGoal
-from jacokin.twin.torque_control import TorqueControl
 
 QUEUE = 2000  # velocities that the base keeps (README, velocity control)
 JOINT_SPEED = np.radians(20.0)  # [rad/s] of joints_action, jointSpeedLimitParameter1 and 2 where they are not set
@@ -39,6 +38,7 @@ PERIOD = 0.1  # [s] in which actions look at the arm, rate_hz, and in which the 
 STOPPED_VELOCITY = 0.01  # [rad/s] constraints/stopped_velocity_tolerance of joint_trajectory_action_server.cpp
 PAUSE = 1.0  # [s] after which velocities are worth a word again
 REACHED = 1e-3  # [rad], [m] a target in the queue this near is reached
+INACTIVITY = 0.25  # [s] after which torques are zero (README, torque inactivity)
 
 logger = logging.getLogger(__name__)
 
@@ -112,6 +112,49 @@ class Playing:
     """When the controller got it [s]."""
     heard: float | None = None
     """When the action first heard of the controller after that, from which it counts the time [s]."""
+
+
+class TorqueControl:
+    """The mode in which the base takes torques instead of velocities (README of kinova-ros).
+
+    The base holds the arm against gravity; torques come on top of that. Without one for 0.25 s they are zero. A joint
+    that becomes too fast, or could no longer stop before its limit, takes the arm back to where positions are held.
+
+    Attributes:
+        is_on: whether it is in that mode.
+        safety_factor: share of the velocity limits at which it leaves the mode, torque_parameters/safety_factor.
+    """
+
+    def __init__(self, arm: SimulatedArm) -> None:
+        """Of an arm; off."""
+        self.is_on, self.safety_factor = False, 1.0
+        self._arm = arm
+        self._torques = np.zeros(arm.robot.dof)
+        self._heard = -np.inf
+
+    def turn(self, *, on: bool) -> None:
+        """Go into the mode, or out of it: then the arm stands as soon as it can."""
+        if self.is_on and not on:
+            self._arm.hold()
+        self.is_on, self._heard = on, -np.inf
+
+    def take(self, torques: Array) -> None:
+        """Torques (dof,) came [N m]."""
+        self._torques, self._heard = torques, self._arm.state.time
+
+    def take_force(self, wrench: Array) -> None:
+        """A wrench (6,) at the tool came, in base axes, force first [N, N m]."""
+        robot = self._arm.robot
+        self.take(robot.jacobian(self._arm.state.q, frame="end_effector").T @ wrench)
+
+    def tick(self) -> None:
+        """Simulate a tick of the mode."""
+        arm = self._arm
+        is_silent = arm.state.time - self._heard > INACTIVITY
+        arm.tick_torques(np.zeros_like(self._torques) if is_silent else self._torques)
+        too_fast = np.abs(arm.state.v) > self.safety_factor * arm.robot.velocity_limit
+        if too_fast.any() or not arm.can_stop():
+            self.turn(on=False)
 
 
 class KinovaDriver:
