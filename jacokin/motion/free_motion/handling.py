@@ -71,6 +71,15 @@ def beside(solver: IKSolver, pose: pin.SE3, q: Array) -> Array | None:
     return found.q if found.success and np.abs(found.q - q).max() <= LONGEST else None
 
 
+def in_words(name: str, success: bool, message: str, opening: float | None, **parts: Trajectory | None) -> str:
+    """A pick or a place as a text: how long each part takes, and how wide the fingers are."""
+    took = ", ".join(
+        f"{part} {'none' if motion is None else f'{motion.duration:.3g} s'}" for part, motion in parts.items()
+    )
+    wide = "as loaded" if opening is None else f"{opening:.3g}"
+    return f"{name}({'OK' if success else 'no way'}: {took}; opening {wide}; {message})"
+
+
 def one_after_the_other(first: Trajectory, then: Trajectory, words: str) -> Trajectory:
     """Two motions from rest to rest in one; words say where the second leads."""
     rows = joined(first.rows, then.rows)

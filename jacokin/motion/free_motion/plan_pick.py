@@ -30,6 +30,7 @@ from jacokin.motion.free_motion.handling import (
     ahead_of,
     beside,
     hand_links,
+    in_words,
     kinova_fingers,
     one_after_the_other,
 )
@@ -71,12 +72,9 @@ class Pick(Frozen):
 
     def __repr__(self) -> str:
         """How long each part takes."""
-        parts = [
-            f"{name} {'none' if part is None else f'{part.duration:.3g} s'}"
-            for name, part in (("motion", self.motion), ("approach", self.approach), ("lift", self.lift))
-        ]
-        opening = "as loaded" if self.opening is None else f"{self.opening:.3g}"
-        return f"Pick({'OK' if self.success else 'no way'}: {', '.join(parts)}; opening {opening}; {self.message})"
+        return in_words(
+            "Pick", self.success, self.message, self.opening, motion=self.motion, approach=self.approach, lift=self.lift
+        )
 
 
 class _Approach(NamedTuple):

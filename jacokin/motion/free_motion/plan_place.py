@@ -33,6 +33,7 @@ from jacokin.motion.free_motion.handling import (
     ahead_of,
     beside,
     hand_links,
+    in_words,
     kinova_fingers,
     one_after_the_other,
 )
@@ -80,12 +81,15 @@ class PutDown(Frozen):
 
     def __repr__(self) -> str:
         """How long each part takes."""
-        parts = [
-            f"{name} {'none' if part is None else f'{part.duration:.3g} s'}"
-            for name, part in (("carry", self.carry), ("lower", self.lower), ("retreat", self.retreat))
-        ]
-        opening = "as loaded" if self.opening is None else f"{self.opening:.3g}"
-        return f"PutDown({'OK' if self.success else 'no way'}: {', '.join(parts)}; opening {opening}; {self.message})"
+        return in_words(
+            "PutDown",
+            self.success,
+            self.message,
+            self.opening,
+            carry=self.carry,
+            lower=self.lower,
+            retreat=self.retreat,
+        )
 
 
 def plan_place(
