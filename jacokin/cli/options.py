@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 AXES = {"x": [1.0, 0.0, 0.0], "y": [0.0, 1.0, 0.0], "z": [0.0, 0.0, 1.0]}
 NAME_OR_FILE = "A bundled robot, or the path of a .urdf or .xml (MJCF)."
 
+PICTURE = 84, 84  # rows and columns of what a camera observes [pixels]
+
 Vector3 = tuple[float, float, float]
 Vector4 = tuple[float, float, float, float]
 Vector6 = tuple[float, float, float, float, float, float]
@@ -99,6 +101,24 @@ def read_axis(context: click.Context, parameter: click.Parameter, text: str | No
         raise InvalidInputError(
             f"{parameter.opts[0]} must be x, y, z or three numbers such as 1,0,0.5, got {text!r}"
         ) from error
+
+
+def read_cameras(
+    context: click.Context, parameter: click.Parameter, texts: tuple[str, ...]
+) -> dict[str, tuple[int, int]] | None:
+    """Read cameras and the sizes of their pictures from --camera.
+
+    Raises:
+        InvalidInputError: it is neither NAME nor NAME=HEIGHTxWIDTH.
+    """
+    found = dict[str, tuple[int, int]]()
+    for text in texts:
+        name, sign, size = text.partition("=")
+        match = re.fullmatch(r"([0-9]{1,4})x([0-9]{1,4})", size)
+        if not name or (sign and match is None):
+            raise InvalidInputError(f"--camera must be NAME or NAME=HEIGHTxWIDTH, such as wrist=96x96, got {text!r}")
+        found[name] = PICTURE if match is None else (int(match[1]), int(match[2]))
+    return found or None
 
 
 # Options of several commands, each a field of a class of options; a call gives it other settings.
@@ -204,6 +224,8 @@ workers = partial(
 dask = partial(
     option, "--dask", metavar="ADDRESS", help="Work on a dask cluster, by its scheduler: tcp://10.0.0.1:8786."
 )
+cameras = partial(option, "--camera", multiple=True, callback=read_cameras, metavar="NAME[=HxW]")
+pace = partial(option, "--pace", type=click.FloatRange(min=0.0, min_open=True), metavar="P")
 port = partial(
     option, "--port", type=click.IntRange(min=0), default=8080, metavar="N", help="Of the page; 0 for any free one."
 )

@@ -42,31 +42,12 @@ ARRIVED = 1e-3  # [m] nearer to its target, the tool has arrived
 DT = 0.01  # [s]
 ACCELERATION = 4.0  # [rad/s^2]
 TASK_SPEED = 0.1, 0.6  # [m/s], [rad/s] of keys
-PICTURE = 84, 84  # rows and columns of what a camera observes [pixels]
 STREAM = ".npz"
 CLUTCH, LEAVE = " ", ("q", "\x1b", "\x04")
 SPECIAL_KEY = r"\x1b[\[o][0-9;]*[a-z~]"  # arrows and others are sequences that begin with the character of Esc
 MOST_TYPED = 256  # characters that are read at once
 HINT = """w s, a d, r f move along x, y, z; j l, i k, u o turn about them; g h close and open the fingers;
 space opens and closes the clutch, q ends"""
-
-
-def read_cameras(
-    context: click.Context, parameter: click.Parameter, texts: tuple[str, ...]
-) -> dict[str, tuple[int, int]] | None:
-    """Read cameras and the sizes of their pictures from --camera.
-
-    Raises:
-        InvalidInputError: it is neither NAME nor NAME=HEIGHTxWIDTH.
-    """
-    found = dict[str, tuple[int, int]]()
-    for text in texts:
-        name, sign, size = text.partition("=")
-        match = re.fullmatch(r"([0-9]{1,4})x([0-9]{1,4})", size)
-        if not name or (sign and match is None):
-            raise InvalidInputError(f"--camera must be NAME or NAME=HEIGHTxWIDTH, such as wrist=96x96, got {text!r}")
-        found[name] = PICTURE if match is None else (int(match[1]), int(match[2]))
-    return found or None
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,19 +167,10 @@ class SimulationOptions:
         metavar="N",
         help="With --record: how many to keep; a session that ends with fewer goes on when it is started again.",
     )
-    cameras: dict[str, tuple[int, int]] | None = option(
-        "--camera",
-        multiple=True,
-        callback=read_cameras,
-        metavar="NAME[=HxW]",
-        help="With --record: a camera that observes, front_close or wrist, and the size of its pictures. Repeatable.",
+    cameras: dict[str, tuple[int, int]] | None = options.cameras(
+        help="With --record: a camera that observes, front_close or wrist, and the size of its pictures. Repeatable."
     )
-    pace: float | None = option(
-        "--pace",
-        type=click.FloatRange(min=0.0, min_open=True),
-        metavar="P",
-        help="With --record: simulated seconds in a second; 0.5 is slow motion.",
-    )
+    pace: float | None = options.pace(help="With --record: simulated seconds in a second; 0.5 is slow motion.")
     render: bool = switch("--render", help="With --task: show the simulation in a window, which needs a display.")
 
     def check(self, hand: LeadingOptions, *, has_robot: bool) -> None:

@@ -18,7 +18,6 @@ from jacokin.cli.command import command, option, switch
 from jacokin.cli.display import number, show_facts
 from jacokin.cli.process import NOT_SOLVED
 from jacokin.cli.task import choose_renderer
-from jacokin.cli.teleop import read_cameras
 from jacokin.cli.units import Units
 from jacokin.errors import InvalidInputError
 
@@ -49,21 +48,13 @@ class TwinOptions:
         help="What goes wrong, such as lag=0.02,loss=0.01,stall=0.3: [s], a share, [s].",
     )
     random_seed: int | None = options.random_seed()
-    pace: float = option(
-        "--pace",
-        type=click.FloatRange(min=0.0, min_open=True),
-        default=1.0,
-        metavar="P",
-        help="Simulated seconds in a second; with any but 1 the twin gives the time, on /clock.",
+    pace: float = options.pace(
+        default=1.0, help="Simulated seconds in a second; with any but 1 the twin gives the time, on /clock."
     )
     fast: bool = switch("--fast", help="As fast as it can, instead of at a pace.")
     task: str | None = option("--task", metavar="NAME", help="Stand in the scene of this task, such as lift_brick.")
-    cameras: dict[str, tuple[int, int]] | None = option(
-        "--camera",
-        multiple=True,
-        callback=read_cameras,
-        metavar="NAME[=HxW]",
-        help="With --task: publish pictures of front_close, wrist or whole, 10 a second. Repeatable.",
+    cameras: dict[str, tuple[int, int]] | None = options.cameras(
+        help="With --task: publish pictures of front_close, wrist or whole, 10 a second. Repeatable."
     )
     seconds: float | None = option(
         "--seconds", metavar="T", help="End after this simulated time [s]; by Ctrl-C if not given."
