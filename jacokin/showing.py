@@ -1,9 +1,16 @@
-"""`show`, by which results open the viewer: it lies far above them, so it is found by its name when somebody asks."""
+"""`show`, by which results open the viewer, which lies far above them and is found by its name; and displays."""
 
 from __future__ import annotations
 
 import importlib
+import os
+import sys
 from typing import Protocol, Self
+
+
+def has_display() -> bool:
+    """Whether windows can be opened; elsewhere than on Linux they always can, as far as can be known."""
+    return sys.platform != "linux" or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
 class Shown(Protocol):

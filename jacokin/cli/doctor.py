@@ -19,6 +19,7 @@ from jacokin.cli import display, options
 from jacokin.cli.command import command, switch
 from jacokin.cli.process import NOT_SOLVED
 from jacokin.errors import JacokinError, install_command
+from jacokin.showing import has_display
 
 OK = "ok"
 MISSING = "missing"  # optional, and not there
@@ -314,7 +315,7 @@ def check_renderers() -> list[Finding]:
     """Which back ends of MuJoCo can draw a picture here; none is needed for kinematics."""
     findings = []
     for backend, remedy in RENDERERS.items():
-        if backend == "glfw" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        if backend == "glfw" and not has_display():
             findings.append(Finding("rendering", backend, MISSING, "no display"))
             continue
         _, error = run_python(RENDER_PROBE, MUJOCO_GL=backend)

@@ -18,6 +18,7 @@ from jacokin.cli.command import command, option, switch
 from jacokin.cli.display import progress_bar
 from jacokin.cli.process import NOT_SOLVED
 from jacokin.errors import InvalidInputError
+from jacokin.showing import has_display
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -268,11 +269,6 @@ def _run(
         total += reward
         steps += 1
     return total, bool(info["is_success"])
-
-
-def has_display() -> bool:
-    """Whether windows can be opened."""
-    return sys.platform != "linux" or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
 def choose_renderer() -> None:

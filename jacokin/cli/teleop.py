@@ -27,8 +27,9 @@ from jacokin.cli.display import number, show_facts
 from jacokin.cli.groups import RADIANS, RobotOptions, SceneOptions
 from jacokin.cli.options import keep_apart
 from jacokin.cli.process import NOT_SOLVED
-from jacokin.cli.task import DATA_SETS, choose_renderer, has_display
+from jacokin.cli.task import DATA_SETS, choose_renderer
 from jacokin.errors import InvalidInputError, ModelError
+from jacokin.showing import has_display
 
 if TYPE_CHECKING:
     from jacokin.arrays import Array

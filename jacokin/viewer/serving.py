@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import importlib.util
 import logging
-import os
-import sys
 import webbrowser
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -28,6 +26,7 @@ from jacokin.model.poses import FreeAxis
 from jacokin.model.robot import Robot, fingerprint, velocity_limits
 from jacokin.model.scene import Scene, checked_scene
 from jacokin.reachability import ReachabilityMap, bundled, load
+from jacokin.showing import has_display
 from jacokin.viewer.contents import Contents, MapSlices, Setup
 from jacokin.viewer.drawing import ArmPart, load_parts, load_visuals
 from jacokin.viewer.inspector import FULL_TURN, Inspector
@@ -37,7 +36,6 @@ from jacokin.viewer.viewer import Viewer
 
 if TYPE_CHECKING:
     from jacokin.logs import Recording
-    from jacokin.model.scene import Scene
     from jacokin.motion.trajectory import Trajectory
 
 DEFAULT_PORT = 8080
@@ -221,9 +219,6 @@ def _slices(robot: Robot, reachability: ReachabilityMap | str | Path | None) -> 
         return None
 
 
-SCREENS = ("DISPLAY", "WAYLAND_DISPLAY")
-
-
 def show(
     shown: IKResult | SolutionSet | Trajectory,
     of: Robot | IKSolver,
@@ -274,6 +269,6 @@ def show(
     else:
         limit = getattr(shown, "velocity_limit", None)
         viewer = serving(replace(options, velocity_limit=limit), trajectory=shown)
-    if browsing and (sys.platform != "linux" or any(os.environ.get(name) for name in SCREENS)):
+    if browsing and has_display():
         webbrowser.open(viewer.url)
     return viewer

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import atexit
 import os
-import sys
 import warnings
 import weakref
 from collections.abc import Mapping
@@ -19,6 +18,7 @@ from numpy.typing import NDArray
 
 from jacokin.errors import InvalidInputError, PhysicsError, shown
 from jacokin.model import checks
+from jacokin.showing import has_display
 
 FREE_CAMERA = -1
 RenderFlags = Mapping[str, bool]
@@ -164,8 +164,7 @@ def _new_renderer(model: mujoco.MjModel, height: int, width: int) -> mujoco.Rend
             f"{largest[0]} x {largest[1]} (mjcf_model.visual.global_.offheight and offwidth)"
         )
     backend = os.environ.get("MUJOCO_GL", "").lower().strip()
-    headless = sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
-    if headless and backend not in ("egl", "osmesa"):
+    if not has_display() and backend not in ("egl", "osmesa"):
         # Not even tried: GLFW warns without end about a missing display.
         raise PhysicsError(_NO_CONTEXT.format(reason=f"there is no display and MUJOCO_GL is {backend or 'not set'}"))
     if _FAILURES:

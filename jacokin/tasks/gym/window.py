@@ -11,6 +11,7 @@ import warnings
 import mujoco
 
 from jacokin.errors import PhysicsError
+from jacokin.showing import has_display
 
 CLOSING = 5.0  # [s] that the viewer's thread is given to end
 
@@ -57,9 +58,7 @@ class Window:
 
 def is_usable(render_mode: str) -> bool:
     """Whether the system has what a render mode needs: a display, or for pictures a renderer without one."""
-    if sys.platform != "linux" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
-        return True
-    return render_mode != "human" and os.environ.get("MUJOCO_GL", "").lower() in ("egl", "osmesa")
+    return has_display() or (render_mode != "human" and os.environ.get("MUJOCO_GL", "").lower() in ("egl", "osmesa"))
 
 
 def check_display() -> None:
