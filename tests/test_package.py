@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import functools
 import importlib
+import inspect
 import json
 import re
 import subprocess
@@ -19,6 +20,7 @@ from jacokin.model.descriptions import bundled
 from tests import robot_files
 
 PACKAGE = Path(jacokin.__file__).parent
+INTERNAL = ("jacokin.cli", "jacokin.viewer", "jacokin.calibration.alignment", "jacokin.tasks.experts")  # not handed out
 REPOSITORY = Path(__file__).parents[1]
 LAYERS = {
     "chunks": 0,
@@ -223,6 +225,24 @@ def test_the_first_answer_loads_nothing_that_it_does_not_need(own: bool, tmp_pat
     )
     done = subprocess.run([sys.executable, "-P", "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == f"True {own} []\n"
+
+
+def test_what_does_not_change_gives_copies_of_its_poses() -> None:
+    """A `pin.SE3` can be written to, so that one which a frozen object lends would change the object."""
+    seen = set[str]()
+    for name, path in MODULES.items():
+        tree = ast.parse(path.read_text())
+        for node in (node for node in ast.walk(tree) if isinstance(node, ast.ClassDef) and node.name[0] != "_"):
+            is_frozen = any("frozen=True" in ast.unparse(each) for each in node.decorator_list)
+            fields = [each for each in node.body if isinstance(each, ast.AnnAssign)]
+            posed = [ast.unparse(each.target) for each in fields if "pin.SE3" in ast.unparse(each.annotation)]
+            if not is_frozen or not posed or name.startswith(INTERNAL):
+                continue
+            kind = getattr(importlib.import_module(name), node.name)
+            for field in posed:
+                assert isinstance(inspect.getattr_static(kind, field), property), f"{name}.{node.name}.{field}"
+                seen.add(f"{node.name}.{field}")
+    assert {"Box.pose", "PointCloud.pose", "OtherRobot.base", "Gripper.pads", "BasePlacement.pose"} <= seen
 
 
 def test_every_error_has_one_base() -> None:

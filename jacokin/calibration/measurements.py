@@ -45,8 +45,6 @@ class Measurements:
         points: (n, 3) the fixed points of distances [m]; None for other kinds.
         sigma: (n, k) standard deviation of each number [m], of a pose's last three [rad].
         frame: the frame that carries the point; None for the robot's default frame.
-        base: T_sensor_base, the arm's base in the instrument's frame; None where it is unknown.
-        tool: T_frame_target, the measured point or marker in the hand; None where it is unknown.
         source: the file that the rows were read from; None for arrays.
         times: (n,) when the arm stood there [s]; None for rows that are not of a `Log`.
     """
@@ -109,12 +107,12 @@ class Measurements:
         self.values = checks.read_only(_usable(self.values))
         self.sigma = checks.read_only(_sigmas(sigma, n, self.kind))
         self.frame = checks.optional(checks.instance, "frame", frame, str, "the name of a frame")
-        self.base = _placed("base", base)
-        self.tool = _placed("tool", tool)
+        self._base = _placed("base", base)
+        self._tool = _placed("tool", tool)
         self.source: Path | None = None
         self.times: Array | None = None
         self._lines: NDArray[np.intp] | None = None
-        if self.kind in CONTACTS and self.base is None:
+        if self.kind in CONTACTS and self._base is None:
             raise InvalidInputError("base cannot be unknown for contact: no instrument measures it")
 
     def __len__(self) -> int:
@@ -124,6 +122,16 @@ class Measurements:
     def __repr__(self) -> str:
         """Kind and number of rows."""
         return f"Measurements({len(self)} {self.kind}, frame={self.frame!r})"
+
+    @property
+    def base(self) -> pin.SE3 | None:
+        """T_sensor_base, the arm's base in the instrument's frame, a copy; None where it is unknown."""
+        return None if self._base is None else self._base.copy()
+
+    @property
+    def tool(self) -> pin.SE3 | None:
+        """T_frame_target, the measured point or marker in the hand, a copy; None where it is unknown."""
+        return None if self._tool is None else self._tool.copy()
 
     def select(self, rows: ArrayLike) -> Measurements:
         """Those of some rows: indices or a mask.

@@ -235,9 +235,9 @@ def fit(
         )
     else:
         display.echo(str(found))
-    for path in given.outputs.values():
-        if path is not None:
-            display.say(f"written to {path}")
+        for path in given.outputs.values():
+            if path is not None:
+                display.say(f"written to {path}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -301,5 +301,5 @@ def plan(given: DesignOptions, instrument: InstrumentOptions, form: FormOptions,
         heading = form.units.for_joints(arm).labels(arm.joint_names)
         display.show_table(None, heading, [[display.number(value) for value in row] for row in rows], text=0)
         display.echo(str(promised))
-    if given.output is not None:
-        display.say(f"written to {given.output}")
+        if given.output is not None:
+            display.say(f"written to {given.output}")

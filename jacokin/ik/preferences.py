@@ -134,7 +134,13 @@ def by_distance(seed: Array) -> Cost:
     return Cost(squares, Copies.NEAREST)
 
 
+def least_margins(robot: Robot, rows: Array) -> Array:
+    """Distance (m,) of the joint of each row (m, dof) that is nearest to a limit [rad]; inf for an arm without any."""
+    return np.asarray(np.minimum(rows - robot.lower, robot.upper - rows).min(axis=1))
+
+
 def by_margin(robot: Robot) -> Cost:
-    """Minus the distance of the joint that is nearest to a limit [rad]; -inf for an arm without limits."""
-    lower, upper = robot.lower, robot.upper
-    return Cost(lambda rows: -np.minimum(rows - lower, upper - rows).min(axis=1), Copies.MIDDLE)
+    """Minus the least margin [rad]; 0 for an arm without limits, whose configurations are all as good."""
+    if robot.unlimited.all():
+        return Cost(lambda rows: np.zeros(len(rows)), Copies.MIDDLE)
+    return Cost(lambda rows: -least_margins(robot, rows), Copies.MIDDLE)

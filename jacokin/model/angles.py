@@ -12,6 +12,8 @@ from jacokin.arrays import Array
 TURN = 2.0 * math.pi
 #: [rad] past a limit by rounding.
 SNAP = 1e-9
+#: Of one configuration, whole turns away within the limits, that a motion may lead through.
+MOST_COPIES = 64
 
 
 def wrap_to_turn(angles: Array | float) -> Array:
@@ -69,3 +71,35 @@ def into_limits(q: Array, lower: Array, upper: Array) -> Array:
     low = q + TURN * np.where(between, most, inside)
     high = q + TURN * np.where(between, fewest, inside)
     return np.clip(np.where(lower - low <= high - upper, low, high), lower, upper)
+
+
+def copies_counted(lower: Array, upper: Array, turning: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """How many copies (n,) of each angle to look at: all within the limits, or fewer for `MOST_COPIES` together.
+
+    Args:
+        lower: (n,) limits; -inf for none.
+        upper: (n,) inf for none.
+        turning: (n,) which angles have copies to choose from.
+    """
+    room = np.minimum(np.where(turning, upper - lower, 0.0), MOST_COPIES * TURN)
+    counts = 1 + (room / TURN).astype(np.int64)
+    while math.prod(counts.tolist()) > MOST_COPIES:
+        counts[np.argmax(counts)] -= 1
+    return counts
+
+
+def copies_within(q: Array, near: Array, lower: Array, upper: Array, counts: NDArray[np.int64]) -> Array:
+    """The copies (m, n) of angles (k, n) within their limits, of each angle so many (n,), those nearest to others (n,).
+
+    Angles of which one copy is wanted stay.
+    """
+    for angle in np.flatnonzero(counts > 1).tolist():
+        low, high, count = lower[angle], upper[angle], int(counts[angle])
+        first = into_limits(nearest_copy(q[:, angle], near[angle]), low, high)
+        turns = np.arange(1, 2 * count) // 2 * np.where(np.arange(1, 2 * count) % 2, -1, 1)  # 0, 1, -1, 2, -2, ...
+        copies = first[:, None] + TURN * np.where(near[angle] < first, -1, 1)[:, None] * turns
+        kept = (copies >= low) & (copies <= high)
+        kept &= np.cumsum(kept, axis=1) <= count
+        q = np.repeat(q, kept.sum(axis=1), axis=0)
+        q[:, angle] = copies[kept]
+    return q

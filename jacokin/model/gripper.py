@@ -16,7 +16,7 @@ import pinocchio as pin
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, ModelError
-from jacokin.model import checks
+from jacokin.model import checks, poses
 from jacokin.model.descriptions import bundled
 from jacokin.model.descriptions.shapes import Shape
 from jacokin.model.robot import Robot, checked_robot
@@ -37,6 +37,7 @@ WIDEST = 5.2  # [rad] or [m], 300 degrees: no finger moves so far
 SPARE = 0.006  # [m] between a pad and an object on each side, of a measured gripper
 
 
+@poses.giving_copies("pads")
 @dataclass(frozen=True, slots=True, eq=False)
 class Gripper:
     """A gripper whose two sides close along a line.

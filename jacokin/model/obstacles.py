@@ -54,6 +54,7 @@ class _Solid:
             object.__setattr__(self, name, value)
 
 
+@poses.giving_copies("pose")
 @dataclass(frozen=True, slots=True, eq=False)
 class Box(_Solid):
     """A box.
@@ -101,6 +102,7 @@ class Sphere(_Solid):
         self._keep(solid, radius=radius, position=position)
 
 
+@poses.giving_copies("pose")
 @dataclass(frozen=True, slots=True, eq=False)
 class _Round(_Solid):
     """What capsules and cylinders share."""

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     import mujoco
 
 
+@poses.giving_copies("base")
 @dataclass(frozen=True, slots=True, eq=False)
 class OtherRobot:
     """A robot that stands beside the arm.

@@ -40,6 +40,7 @@ TYPES |= {"float": "f4", "double": "f8", "float32": "f4", "float64": "f8"}
 FORMATS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 
 
+@poses.giving_copies("pose")
 @dataclass(frozen=True, slots=True, eq=False)
 class PointCloud:
     """Points with a sphere around each; between the spheres is nothing, and nothing is behind them.

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
-from typing import overload
+from typing import Any, TypeVar, overload
 
 import numpy as np
 import pinocchio as pin
@@ -32,6 +32,8 @@ DOWN_QUAT_WXYZ = (0.0, math.sqrt(0.5), math.sqrt(0.5), 0.0)
 TURN_TOLERANCE = 1e-12  # [rad] a range this near to a full turn, shorter or longer, is one: what a double resolves
 FARTHEST_ANGLE = 1e3  # [rad] of a range: a parameter keeps its digits
 VERTICAL = 1e-9  # sine; an approach this near to vertical has no horizontal direction of its own
+
+Kind = TypeVar("Kind")
 
 
 @overload
@@ -239,6 +241,25 @@ class FreeAxis:
     def __reduce__(self) -> tuple[object, tuple[object, ...]]:
         """Rebuild from the arguments."""
         return partial(FreeAxis, axis=self._axis, range=self._range), (self._matrix,)
+
+
+def giving_copies(*names: str) -> Callable[[type[Kind]], type[Kind]]:
+    """Make fields of a dataclass with slots give copies of the poses they hold: a `pin.SE3` can be written to."""
+
+    def decorate(kind: type[Kind]) -> type[Kind]:
+        for name in names:
+            setattr(kind, name, _copying(kind.__dict__[name]))
+        return kind
+
+    return decorate
+
+
+def _copying(slot: Any) -> property:  # Any: the descriptor of a slot has no type of its own
+    def read(owner: object) -> object:
+        value = slot.__get__(owner)
+        return value.copy() if isinstance(value, pin.SE3) else value
+
+    return property(read, slot.__set__)
 
 
 def checked_pose(target: pin.SE3 | ArrayLike, name: str = "target") -> pin.SE3:

@@ -294,7 +294,7 @@ class Robot:
         pin.computeJointJacobiansTimeVariation(model, data, at, velocity)
         pin.updateFramePlacement(model, data, frame_id)
         derivative: Array = pin.getFrameJacobianTimeVariation(model, data, frame_id, axes)
-        return derivative
+        return derivative.reshape(6, self.dof)  # Pinocchio's form for a single joint is (6,)
 
     def jacobian_derivative(
         self, q: ArrayLike, frame: str | None = None, reference: str = "local_world_aligned"

@@ -22,7 +22,7 @@ from jacokin.arrays import Array
 from jacokin.chunks.folder import HASH_DIGITS, RECIPE, Keeper, digest, file_digest
 from jacokin.errors import InvalidInputError, JacokinError
 from jacokin.ik.batches.chunk import unpickled_solver
-from jacokin.ik.preferences import by_margin
+from jacokin.ik.preferences import least_margins
 from jacokin.ik.solutions.points import BranchTable
 from jacokin.ik.solutions.solution_set import Interval
 from jacokin.ik.solver import IKSolver
@@ -285,12 +285,12 @@ def _without_contact(solver: IKSolver, targets: Array, found: PoseCounts) -> Pos
 
 def _count_intervals(solver: IKSolver, target: Array | FreeAxis) -> tuple[int, float, int]:
     """Intervals of curves, the largest margin, and intervals in contact: those whose members touch, of some."""
-    found = solver.solve_all(target)
-    cost = by_margin(solver.robot)
+    found, robot = solver.solve_all(target), solver.robot
     if not solver.verifier.avoids_contact:
         best = found.best("margin")
-        return len(found), np.nan if best is None else -float(cost(best[None])[0]), 0
-    clear = [-float(cost(rows).min()) for interval in found.intervals if len(rows := _clear_on(solver, interval))]
+        return len(found), np.nan if best is None else float(least_margins(robot, best[None])[0]), 0
+    intervals = (_clear_on(solver, interval) for interval in found.intervals)
+    clear = [float(least_margins(robot, rows).max()) for rows in intervals if len(rows)]
     return len(clear), max(clear, default=np.nan), len(found) - len(clear)
 
 
@@ -319,7 +319,7 @@ def usable_rows(solver: IKSolver, target: Array) -> tuple[Array, Array]:
         rows = found.q_within_limits
         if solver.verifier.avoids_contact:
             rows = rows[~solver.verifier.touching_rows(rows)]
-    margins = -by_margin(solver.robot)(rows)
+    margins = least_margins(solver.robot, rows)
     order = np.argsort(-margins, kind="stable")
     return rows[order], margins[order]
 

@@ -19,7 +19,7 @@ from jacokin import files
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, needed
 from jacokin.ik.results import Frozen
-from jacokin.model import checks
+from jacokin.model import checks, poses
 from jacokin.model.contact import ContactInWorld
 from jacokin.model.scene import Scene, checked_scene
 from jacokin.reachability.folder import count_reaching, one_by_one, usable_rows
@@ -38,6 +38,7 @@ FLAT_GRID, SPACE_GRID = 31, 13  # places along each axis of the close grid aroun
 PLACES = 64  # places whose distances to all targets are held at the same time
 
 
+@poses.giving_copies("pose")
 @dataclass(frozen=True, slots=True, eq=False)
 class BasePlacement(Frozen):
     """A place for the base."""

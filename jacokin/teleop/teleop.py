@@ -28,7 +28,7 @@ from numpy.typing import ArrayLike
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, StructureError
 from jacokin.ik.solver import IKSolver
-from jacokin.model import checks
+from jacokin.model import checks, poses
 from jacokin.motion.free_motion.plan_motion import plan_motion
 from jacokin.motion.joint_motion import ACCELERATION
 from jacokin.motion.tracking.moving import Motion
@@ -65,6 +65,7 @@ class TeleopStatus(Enum):
     SWITCHING = "the arm moves to another branch, whatever the hand does; it follows again when it is there"
 
 
+@poses.giving_copies("target")
 @dataclass(frozen=True, slots=True, eq=False)
 class TeleopStep:
     """One tick. Arrays are read-only."""

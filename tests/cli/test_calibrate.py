@@ -29,6 +29,16 @@ def fill_in(path: Path, arm: Robot, *, degrees: bool = False) -> None:
         writer.writerows(rows)
 
 
+def test_a_document_is_alone_on_stdout_when_files_are_written(run: Run, robot: Robot, tmp_path: Path) -> None:
+    path, calibrated = tmp_path / "m.csv", tmp_path / "a.toml"
+    planned = run("calibrate", "plan", "--points", "12", "--output", str(path), "--json").document
+    assert len(planned["q"]) == 12
+    fill_in(path, hidden_arm(robot, 1))
+    document = run("calibrate", str(path), "--sigma", "0.0003", "--output", str(calibrated), "--json").document
+    assert document["facts"]["measurements"] == 12
+    assert calibrated.exists()
+
+
 @pytest.mark.parametrize("degrees", [False, True])
 def test_from_a_plan_to_an_arm(run: Run, robot: Robot, tmp_path: Path, degrees: bool) -> None:
     path, arm, unit = tmp_path / "m.csv", hidden_arm(robot, 1), ["--degrees"] if degrees else []

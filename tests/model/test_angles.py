@@ -74,6 +74,29 @@ def test_into_limits_finds_the_copy_that_brute_force_finds(q: float, lower: floa
             assert abs(result - q) <= min(abs(copy - q) for copy in clear) + ROUNDING
 
 
+@given(st.floats(-50.0, 50.0), st.floats(-50.0, 50.0), st.floats(0.0, 60.0), st.floats(-60.0, 60.0))
+def test_the_nearest_copies_that_brute_force_finds(q: float, lower: float, width: float, near: float) -> None:
+    limits = np.array([lower]), np.array([lower + width])
+    start = np.array([[into_limits(q, lower, lower + width)]])
+    counts = angles.copies_counted(*limits, np.array([True]))
+    found = angles.copies_within(start, np.array([near]), *limits, counts)[:, 0]
+    copies = start[0, 0] + angles.TURN * np.arange(-40, 41)
+    every = copies[(copies >= lower + ROUNDING) & (copies <= lower + width - ROUNDING)]
+    assert ((found >= lower) & (found <= lower + width)).all()
+    assert len(every) <= len(found) <= max(1, len(every) + 2)  # those on a limit may be there
+    assert all(np.abs(found - each).min() < ROUNDING for each in every)
+
+
+def test_of_many_copies_those_nearest_to_a_place_are_found() -> None:
+    lower, upper = np.full(6, -20.0), np.array([20.0] * 5 + [np.inf])
+    counts = angles.copies_counted(lower, upper, np.array([True] * 6))
+    assert counts.prod() == angles.MOST_COPIES
+    found = angles.copies_within(np.zeros((1, 6)), np.full(6, 7.0), lower, upper, counts)
+    turns = np.round(found / angles.TURN)
+    assert len(np.unique(turns, axis=0)) == len(found) == angles.MOST_COPIES
+    assert set(turns.ravel().tolist()) == {1.0, 2.0}
+
+
 def test_into_limits_with_open_sides() -> None:
     inf = np.inf
     q = np.array([100.0, 100.0, 100.0, -100.0])

@@ -101,6 +101,14 @@ def test_manipulability_vanishes_with_the_smallest_singular_value(robot: Robot, 
     assert robot.manipulability(straight) < 1e-12
 
 
+def test_a_single_joint_has_derivatives_of_one_column() -> None:
+    robot = jacokin.load_robot(base="link_1", tip="link_2")
+    q, v = robot.home, np.array([0.7])
+    H = robot.jacobian_derivative(q)
+    assert H.shape == (6, 1, 1)
+    np.testing.assert_allclose(robot.jacobian_time_derivative(q, v), H @ v, atol=1e-12)
+
+
 def test_a_single_joint_has_a_jacobian_of_one_column() -> None:
     one = jacokin.load_robot(tip="link_1", base="link_base")
     assert one.jacobian(one.home).shape == (6, 1)

@@ -31,6 +31,16 @@ def test_the_distance_to_a_ball_is_measured_from_its_surface(robot: Robot) -> No
     assert small - large == pytest.approx(0.1, abs=1e-6)
 
 
+def test_the_pose_of_an_obstacle_is_a_copy(robot: Robot) -> None:
+    cup = Box("cup", [0.06, 0.06, 0.12], [0.45, 0.2, 0.06])
+    before, above = robot.clearance(robot.home, Scene([cup])), cup.pose
+    assert isinstance(above, pin.SE3)
+    above.translation[2] += 0.3
+    assert robot.clearance(robot.home, Scene([cup])) == before
+    assert isinstance(cup.pose, pin.SE3)
+    np.testing.assert_array_equal(cup.pose.translation, [0.45, 0.2, 0.06])
+
+
 def test_a_floor_is_as_far_as_the_lowest_shape_is_high(robot: Robot, rng: np.random.Generator) -> None:
     rows = robot.sample(rng, 20)
     low, high = (robot.clearance(rows, Scene([Floor(height)])) for height in (-2.0, -1.5))

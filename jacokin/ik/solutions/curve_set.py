@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.ik import preferences
-from jacokin.ik.preferences import Cost, Prefer, by_distance, by_margin
+from jacokin.ik.preferences import Cost, Prefer, by_distance, by_margin, least_margins
 from jacokin.ik.solutions import picture
 from jacokin.ik.solutions.least import least_member
 from jacokin.ik.solutions.members import (
@@ -77,8 +77,8 @@ class TrackInterval(Interval):
     @property
     def margin(self) -> float:
         """The largest limit margin of a member [rad]; inf for an arm without limits."""
-        cost = by_margin(self._members.robot)
-        return -float(cost(self._least(cost, self._members.seed)[np.newaxis])[0])
+        robot = self._members.robot
+        return float(least_margins(robot, self._least(by_margin(robot), self._members.seed)[np.newaxis])[0])
 
     def sample(self, n: int) -> tuple[Array, Array]:
         """Values of the parameter (n,) and members (n, dof) [rad], spread over the interval; the middle for n = 1."""

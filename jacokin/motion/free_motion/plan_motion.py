@@ -14,7 +14,6 @@ An arm that moves already is planned for from where it can stop; then it goes on
 
 from __future__ import annotations
 
-import itertools
 import time
 import weakref
 from collections import Counter
@@ -591,7 +590,6 @@ SPREAD = float(np.radians(20.0))  # between members of a curve that are tried
 TURNED = float(np.radians(30.0))  # between angles about a free axis that are tried on seven joints
 STARTS = 8  # of descents to a goal without a closed form
 GOALS = "a configuration, a pose, a FreeAxis"
-MOST_COPIES = 64  # of one configuration, whole turns away within the limits
 
 
 def list_aims(goal: Any, name: str = "goal", kinds: str = GOALS) -> tuple[Any, ...]:
@@ -742,28 +740,15 @@ class GoalFinder:
                 self._any = True
 
     def _goals(self, found: Sequence[tuple[Array, float | None]], number: int, aim: Aim | None) -> list[Goal]:
-        """What was found, and for poses its 2-pi equivalents within the limits."""
+        """What was found, for poses, and its 2-pi equivalents within the limits."""
         robot = self._robot
         if not found:
             return []
         near = angles.nearest_copy(np.array([q for q, _ in found]), self._start, robot.unlimited)
-        wide = np.flatnonzero(~robot.unlimited & ~robot.sliding & (robot.upper - robot.lower >= TURN)).tolist()
+        turning = ~robot.unlimited & ~robot.sliding
+        counts = angles.copies_counted(robot.lower, robot.upper, turning)
         return [
             Goal(checks.sealed(copy), number, aim, parameter)
             for q, (_, parameter) in zip(near, found, strict=True)
-            for copy in (self._copies(q, wide) if wide else (q.copy(),))
+            for copy in angles.copies_within(q[None].copy(), self._start, robot.lower, robot.upper, counts)
         ]
-
-    def _copies(self, near: Array, wide: list[int]) -> Iterator[Array]:
-        """The copies of a configuration (dof,) within the limits, whole turns of some joints apart."""
-        robot = self._robot
-        each = [[value] for value in near.tolist()]
-        for joint in wide:
-            turns = np.arange(
-                np.ceil((robot.lower[joint] - near[joint]) / TURN),
-                np.floor((robot.upper[joint] - near[joint]) / TURN) + 1,
-            )
-            moved = near[joint] + TURN * turns
-            each[joint] = moved[(moved >= robot.lower[joint]) & (moved <= robot.upper[joint])].tolist() or [near[joint]]
-        for copy in itertools.islice(itertools.product(*each), MOST_COPIES):
-            yield np.array(copy)

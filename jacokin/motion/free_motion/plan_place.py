@@ -51,6 +51,7 @@ DOWN = "straight down to the place"
 NAMED = 2  # pairs in a sentence
 
 
+@poses.giving_copies("pose")
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class PutDown(Frozen):
     """To a place with an object and away without it: `carry`, then `lower`, then the fingers open, then `retreat`."""

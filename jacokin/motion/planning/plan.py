@@ -149,7 +149,7 @@ def plan_path(
     chain = Chain(robot, verifier.frame_id, verifier.tool)
     manifold = Manifold(robot, chain, path, verifier.options.limit_snap, solver.parameter)
     pace = Pace(times, velocity)
-    ladder = Ladder(solver, manifold, pace, free_step, keep=timing == "keep")
+    ladder = Ladder(solver, manifold, pace, free_step, near, keep=timing == "keep")
     places = path.places(SPACING, MOST_CURVES if manifold.has_curves else MOST_PLACES)
     search = PathSearch(ladder, places, near, exactly=start is not None, deadline=time.monotonic() + limit)
     found = Climb(search, dt).find()

@@ -39,7 +39,6 @@ from jacokin.kernels.rung_links import (
     make_link_work,
 )
 from jacokin.model import angles
-from jacokin.model.angles import TURN
 from jacokin.model.poses import FreeAxis
 from jacokin.motion.clearance import RESOLUTION
 from jacokin.motion.planning.manifold import TOO_FAST, Curve, Manifold, Pace
@@ -115,7 +114,9 @@ class Ladder:
         keep: whether motions that need more than the time of their line are the last resort.
     """
 
-    def __init__(self, solver: IKSolver, manifold: Manifold, pace: Pace, step: float, *, keep: bool) -> None:
+    def __init__(
+        self, solver: IKSolver, manifold: Manifold, pace: Pace, step: float, near: Array, *, keep: bool
+    ) -> None:
         """Prepare.
 
         Args:
@@ -123,13 +124,16 @@ class Ladder:
             manifold: the configurations on the path.
             pace: what motion costs.
             step: between members of a curve, in the parameter [rad].
+            near: (dof,) where the path should begin [rad].
             keep: True when motions that need more than the time of their line are the last resort.
         """
         self.manifold, self.pace = manifold, pace
         self._solver, self._step, self.keep = solver, step, keep
         self._robot, self.verifier = solver.robot, solver.verifier
         # Limited joints with more than a turn of room stand for several configurations.
-        self._wide = np.flatnonzero(~self._robot.unlimited & (self._robot.upper - self._robot.lower > TURN))
+        robot, self._near = self._robot, near
+        turning = ~robot.unlimited & ~robot.sliding
+        self._copies = angles.copies_counted(robot.lower, robot.upper, turning)
 
     def make_rungs(self, places: Array, near: Array | None = None) -> list[Rung]:
         """The solutions at places (n,); of whole curves, with the members nearest to a configuration (dof,)."""
@@ -188,17 +192,8 @@ class Ladder:
                 if pairs:
                     clear[row], touching = False, tuple(pairs)
             x = x[clear]
-        for joint in self._wide.tolist():
-            x = self._add_turns(x, joint)
+        x = angles.copies_within(x, self._near, self._robot.lower, self._robot.upper, self._copies)
         return Rung(u, x, solutions, touching)
-
-    def _add_turns(self, x: Array, joint: int) -> Array:
-        """Points, and the same with turns of a joint that has room for it."""
-        lower, upper = self._robot.lower[joint], self._robot.upper[joint]
-        most = int((upper - lower) // TURN) + 1
-        turn = TURN * (np.arange(x.shape[1]) == joint)
-        copies = np.concatenate([x + turns * turn for turns in range(-most, most + 1)])
-        return np.asarray(copies[(copies[:, joint] >= lower) & (copies[:, joint] <= upper)])
 
     def link(self, rungs: Sequence[Rung]) -> list[Links]:
         """Which solutions of each rung, the second to the last, follow which of the rung before, and at what cost."""

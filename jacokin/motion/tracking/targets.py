@@ -69,6 +69,7 @@ class TrackingTarget(targets.PartialTarget):
         raise InvalidInputError(f"unknown kind of target {type(self).__name__}")
 
 
+@poses.giving_copies("pose")
 @dataclass(frozen=True, slots=True, eq=False)
 class PoseTarget(TrackingTarget):
     """Position and orientation: T_base_frame as `pin.SE3` or (4, 4)."""

@@ -64,6 +64,19 @@ def test_members_of_equal_margin_are_taken_by_distance(solver: IKSolver) -> None
     assert abs(math.remainder(result.q[5] - robot.home[5], 2.0 * math.pi)) < 1e-4 or result.q[0] != robot.home[0]
 
 
+def test_without_limits_all_members_have_the_same_margin() -> None:
+    robot = jacokin.load_robot(limits=dict.fromkeys(("joint_2", "joint_3"), (-np.inf, np.inf)))
+    free = IKSolver(robot, collision="ignore")
+    target = FreeAxis(robot.forward_kinematics(robot.home), axis=(1.0, 0.0, 0.0))
+    found = free.solve_all(target, seed=robot.home)
+    assert isinstance(found, CurveSet)
+    nearest = found.nearest(robot.home)
+    assert nearest is not None
+    for q in (free.solve(target, seed=robot.home, prefer="margin").q, found.best("margin")):
+        np.testing.assert_allclose(q, nearest, atol=1e-6)
+    assert {interval.margin for interval in found.intervals} == {math.inf}
+
+
 def test_batches_prefer_too(solver: IKSolver, rng: np.random.Generator) -> None:
     targets = [solver.robot.forward_kinematics(q) for q in solver.robot.sample(rng, 4)]
     batch = solver.solve_batch(targets, prefer="margin")

@@ -251,6 +251,21 @@ def test_copies_within_wide_limits_are_all_tried() -> None:
     np.testing.assert_array_equal(plan_motion(IKSolver(robot), start, goal).q[-1], goal)
 
 
+def test_the_nearest_copy_is_among_those_that_are_tried() -> None:
+    """Of six copies of each joint, 46,656 in all, some are looked at: those around the start."""
+    robot = jacokin.load_robot(limits={f"joint_{number}": (-20.0, 20.0) for number in range(1, 7)})
+    goal = robot.home + 0.05
+    motion = plan_motion(IKSolver(robot), robot.home, robot.forward_kinematics(goal))
+    np.testing.assert_allclose(motion.q[-1], goal, atol=1e-9)
+
+
+def test_a_joint_with_one_limit_has_copies_around_the_start() -> None:
+    robot = jacokin.load_robot(limits={"joint_1": (-3.0, np.inf)})
+    start = robot.home + 100.0 * np.pi * np.eye(6)[0]
+    motion = plan_motion(IKSolver(robot), start, robot.forward_kinematics(start + 0.05))
+    np.testing.assert_allclose(motion.q[-1], start + 0.05, atol=1e-9)
+
+
 def test_seven_joints_choose_their_elbow() -> None:
     robot = jacokin.load_robot("j2s7s300")
     pose = robot.forward_kinematics(robot.home + 0.3)

@@ -430,6 +430,16 @@ def test_arms_with_two_turns_do_not_jump(tmp_path: Path, rng: np.random.Generato
     assert found > count / 2
 
 
+@pytest.mark.parametrize("limits", [(-20.0, 20.0), (-3.0, np.inf)], ids=["many turns", "one side"])
+def test_joints_of_many_turns_stay_around_where_they_are(limits: tuple[float, float]) -> None:
+    """All copies of all joints would be half a million solutions at each place, or as many as one likes."""
+    robot = jacokin.load_robot(limits={f"joint_{number}": limits for number in range(1, 7)})
+    corners = [robot.forward_kinematics(q) for q in (robot.home, robot.home + 0.02)]
+    result = plan_path(IKSolver(robot), corners, start=robot.home, timing="slow")
+    check(robot, result, corners)
+    np.testing.assert_allclose(result.q[-1], robot.home + 0.02, atol=1e-9)
+
+
 def test_rows_are_added_where_the_way_between_them_would_touch(robot: Robot) -> None:
     start, end = at(0.4, -0.4, 0.3), at(0.4, -0.1, 0.3)
     post = Scene([Box("post", [0.05, 0.02, 0.3], [0.4, -0.25, 0.12])])

@@ -18,7 +18,8 @@ from jacokin.motion.planning.search import Ladder, PathSearch
 def make_ladder(robot: Robot, path: CartesianPath, *, keep: bool = True) -> Ladder:
     solver = IKSolver(robot)
     manifold = Manifold(robot, Chain(robot, robot.frame_id(), None), path, 1e-9)
-    return Ladder(solver, manifold, Pace(path.durations(0.1, 1.0), robot.velocity_limit), 0.5, keep=keep)
+    pace = Pace(path.durations(0.1, 1.0), robot.velocity_limit)
+    return Ladder(solver, manifold, pace, 0.5, robot.home, keep=keep)
 
 
 def line(robot: Robot, q_from: list[float], q_to: list[float], *, free: bool = False) -> CartesianPath:
