@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from enum import Enum
 from typing import NamedTuple, TypeAlias
 
@@ -22,7 +22,7 @@ class Copies(Enum):
 
     NEAREST = "nearest to the seed"
     MIDDLE = "farthest from the limits"
-    ANY = "any: each is looked at"
+    ANY = "any: each is looked at, or where there are too many those around the seed"
 
 
 class Cost(NamedTuple):
@@ -104,15 +104,24 @@ def copies_to_try(copies: Copies, q: Array, seed: Array, robot: Robot) -> Iterat
         yield np.where(wide, angles.into_limits(angles.nearest_copy(q, seed), lower + room, upper - room), middle)
     else:
         joints = np.flatnonzero(wide).tolist()
-        ranges = [
-            range(math.ceil((lower[j] - q[:, j].max()) / TURN), math.floor((upper[j] - q[:, j].min()) / TURN) + 1)
-            for j in joints
-        ]
+        counts = angles.copies_counted(lower, upper, wide)
+        ranges = [_turns_around(seed[j], q[:, j], (lower[j], upper[j]), int(counts[j])) for j in joints]
         for turns in itertools.product(*ranges):
             rows = near.copy()
             rows[:, joints] = q[:, joints] + TURN * np.array(turns)
             rows[((rows < lower) | (rows > upper)).any(axis=1)] = np.nan
             yield rows
+
+
+def _turns_around(seed: float, q: Array, limits: tuple[float, float], count: int) -> Sequence[int]:
+    """Turns that bring some angles (k,) within limits; where one has more copies than so many, those around a seed."""
+    low, high = math.ceil((limits[0] - q.max()) / TURN), math.floor((limits[1] - q.min()) / TURN)
+    if count > (limits[1] - limits[0]) // TURN:  # all of them
+        return range(low, high + 1)
+    few = count + math.ceil(float(np.ptp(q)) / TURN)
+    middle = round((seed - 0.5 * (q.min() + q.max())) / TURN)
+    first = min(max(middle - few // 2, low), high - few)
+    return range(first, first + few + 1)
 
 
 def _by_function(function: Callable[[Array], float]) -> Callable[[Array], Array]:

@@ -77,6 +77,15 @@ def test_without_limits_all_members_have_the_same_margin() -> None:
     assert {interval.margin for interval in found.intervals} == {math.inf}
 
 
+def test_a_function_chooses_among_copies_around_the_seed() -> None:
+    """Six joints of 400 rad have a hundred billion copies."""
+    robot = jacokin.load_robot(limits={f"joint_{number}": (-200.0, 200.0) for number in range(1, 7)})
+    wide = IKSolver(robot, collision="ignore")
+    target = robot.forward_kinematics(robot.home)
+    result = wide.solve(target, seed=robot.home, prefer=lambda q: float(np.abs(q - robot.home).max()))
+    np.testing.assert_allclose(result.q, robot.home, atol=1e-9)
+
+
 def test_batches_prefer_too(solver: IKSolver, rng: np.random.Generator) -> None:
     targets = [solver.robot.forward_kinematics(q) for q in solver.robot.sample(rng, 4)]
     batch = solver.solve_batch(targets, prefer="margin")
