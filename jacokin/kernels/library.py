@@ -48,12 +48,11 @@ class ArrayLayout(NamedTuple):
 
     def fits(self, array: NDArray[np.generic]) -> bool:
         """Whether an array can be handed over."""
-        shape = array.shape
         return (
             array.dtype == self.dtype
             and array.flags.c_contiguous
-            and len(shape) == len(self.shape)
-            and (shape[1:] if self.is_free else shape) == self.shape[self.is_free :]
+            and array.ndim == len(self.shape)
+            and array.shape[self.is_free :] == self.shape[self.is_free :]
         )
 
     @property
@@ -255,12 +254,13 @@ class Calls(Generic[Work]):
         known: tuple[tuple[int, ...], Call[Work]] | None = getattr(self._local, "known", None)
         if known is not None and all(map(int.__le__, sizes, known[0])):
             return known[1]
+        if max(sizes) > self._kept:
+            return Call(self._kernel, self._make_work(*sizes))
         room = tuple(2 * size for size in sizes)
         if known is not None:
             room = tuple(map(max, room, known[0]))
         call = Call(self._kernel, self._make_work(*room))
-        if max(sizes) <= self._kept:
-            self._local.known = room, call
+        self._local.known = room, call
         return call
 
 

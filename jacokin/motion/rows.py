@@ -257,12 +257,8 @@ class OnTheWay(NamedTuple):
         count, dof = rows.q.shape
         call = _look.with_room(dof, count)
         work = call.work
-        work.counts[:], work.dt[0], work.q[: count * dof], work.a[: count * dof] = (
-            (dof, count),
-            rows.t[1],
-            rows.q.ravel(),
-            rows.a.ravel(),
-        )
+        work.counts[:], work.dt[0] = (dof, count), rows.t[1]
+        work.q[: count * dof], work.a[: count * dof] = rows.q.ravel(), rows.a.ravel()
         work.lower[:dof], work.upper[:dof] = self.robot.lower, self.robot.upper
         work.levers[:dof] = 0.0 if self.contact is None else self.contact.levers
         is_beyond, reach = call(), work.reach[: count - 1]

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +25,8 @@ from jacokin.ik.solutions import curve_arm
 from jacokin.kernels import library
 from jacokin.kernels.closed_form.batch import make_target_work, solve_targets
 from jacokin.kernels.entries import ENTRIES
-from jacokin.kernels.library import Call, Library, flatten
+from jacokin.kernels.library import Call, Calls, Library, flatten
+from jacokin.kernels.motion_rows import average_rows, make_average_work
 from tests.kernels.closed_form.tools import closed_form, target
 from tests.kernels.plain import PlainCall
 
@@ -198,3 +200,15 @@ def test_the_library_exports_its_kernels_and_nothing_of_python() -> None:
     names = set(re.findall(rb"\0([A-Za-z_]\w*)(?=\0)", contents))
     assert {b"jacokin_solve_targets", b"jacokin_solve_set", b"jacokin_about"} <= names
     assert not [name for name in names if b"Numba" in name or name.startswith((b"Py", b"NRT_"))]
+
+
+def test_calls_keep_their_arrays_and_grow() -> None:
+    calls = Calls(average_rows, make_average_work, kept=100)
+    first = calls.with_room(2, 10)
+    assert calls.with_room(2, 20) is first  # there is twice as much room as was asked for
+    larger = calls.with_room(1, 30)
+    assert calls.with_room(4, 60) is larger  # and no less of anything than before
+    assert calls.with_room(2, 101) is not calls.with_room(2, 101)
+    assert calls.with_room(2, 30) is larger
+    with ThreadPoolExecutor(1) as pool:
+        assert pool.submit(calls.with_room, 2, 30).result() is not larger
