@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
+from jacokin.kernels.limits import TURN
 
-TURN = 2.0 * math.pi
 #: Pairs of shapes that are remembered as being in the way.
 HINDRANCES = 64
 # MRG32k3a (L'Ecuyer: Good parameters and implementations for combined multiple recursive random number generators,
