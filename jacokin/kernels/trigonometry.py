@@ -12,6 +12,10 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
+from jacokin.arrays import Array
+
 #: pi / 2 in two parts: the first has 33 bits, so that its products with numbers of quarter turns are exact.
 QUARTER, QUARTER_REST = 1.5707963267341256, 6.077100506506192e-11
 QUARTERS_PER_RADIAN = 2.0 / math.pi
@@ -46,6 +50,12 @@ def sin_cos(angle: float) -> tuple[float, float]:
     odd = place & 1
     turn_c, turn_s = float((1 - place) * (1 - odd)), float((2 - place) * odd)  # of the quarters: 0, 1 or -1
     return s * turn_c + c * turn_s, c * turn_c - s * turn_s
+
+
+def sines_cosines(angles: Array) -> tuple[Array, Array]:
+    """Sines and cosines of angles (any shape) [rad], for constants, which the machine that compiles works out."""
+    s, c = (np.array(each).reshape(angles.shape) for each in zip(*map(sin_cos, angles.ravel().tolist()), strict=True))
+    return s, c
 
 
 def arctangent(slope: float) -> float:

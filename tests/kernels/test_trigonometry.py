@@ -2,14 +2,34 @@
 
 from __future__ import annotations
 
+import hashlib
+import importlib
 import math
 
 import numpy as np
 import pytest
 
-from jacokin.kernels.trigonometry import EIGHTH_SLOPE, LARGEST_ANGLE, angle_of, arctangent, sin_cos, whole_below
+from jacokin.kernels.trigonometry import (
+    EIGHTH_SLOPE,
+    LARGEST_ANGLE,
+    angle_of,
+    arctangent,
+    sin_cos,
+    sines_cosines,
+    whole_below,
+)
 
 ULPS = 1.3  # the C library itself is up to half an ulp off
+#: Constants of kernels by module, hashed: those of x86-64 and of AArch64, whose NumPy inverts a matrix to other bits.
+CONSTANTS = {
+    "closed_form.resultant": "11df35921d322053",
+    "closed_form.roots": "1747752049cfae62",
+    "six_joints.characteristic": "67265627fdbff22d",
+    "six_joints.loop": "2966d60555ed30db",
+    "six_joints.near_continua": "c708662eb80af397",
+    "six_joints.planar_arm": "e4c44c0e5bf8b3a2",
+    "six_joints.roots": "027e6b69bfba968b",
+}
 
 
 @pytest.mark.parametrize("size", [1e-9, 1.0, 7.0, 1e3, 1e6])
@@ -74,3 +94,18 @@ def test_arctangent_of_small_slopes() -> None:
 def test_whole_below_is_the_floor(number: float) -> None:
     """Halves included, which rounding takes to the even neighbour."""
     assert whole_below(number) == math.floor(number)
+
+
+@pytest.mark.parametrize("module", CONSTANTS)
+def test_constants_have_the_same_bits_on_every_processor(module: str) -> None:
+    """Machine code has those of the machine that compiled it, plain Python those of the one that runs it."""
+    arrays = vars(importlib.import_module(f"jacokin.kernels.{module}"))
+    constants = (value for _, value in sorted(arrays.items()) if isinstance(value, np.ndarray))
+    assert hashlib.sha256(b"".join(value.tobytes() for value in constants)).hexdigest()[:16] == CONSTANTS[module]
+
+
+def test_several_sines_and_cosines() -> None:
+    """Of an array of any shape."""
+    s, c = sines_cosines(np.array([[0.3, -2.0, 40.0], [0.0, 1e-9, 1e3]]))
+    assert (s[0, 1], c[0, 1]) == sin_cos(-2.0)
+    assert (s[1, 2], c[1, 2]) == sin_cos(1e3)

@@ -26,12 +26,13 @@ from jacokin.kernels.tolerances import (
     SMALLEST_HALF_WIDTH,
     SMALLEST_PART,
 )
-from jacokin.kernels.trigonometry import arctangent
+from jacokin.kernels.trigonometry import arctangent, sin_cos, sines_cosines
 
 SECTORS = 8
 SIZE = 2 * DEGREE + 1  # Bernstein coefficients of a sector
 HALF = math.pi / SECTORS  # [rad]
-TAU = math.tan(0.5 * HALF)
+_half_sin, _half_cos = sin_cos(0.5 * HALF)
+TAU = _half_sin / _half_cos
 #: [rad] Angles change by at most this with a place in a sector.
 WIDEST = 4.0 * TAU
 #: [rad] so that the sector bounds miss the round angles that people use.
@@ -76,12 +77,13 @@ def _sector_tables() -> tuple[Array, Array]:
     """
     table = np.zeros((DEGREE + 1, SIZE), dtype=np.complex128)
     top = 2 * DEGREE
+    sine, cosine = sines_cosines(0.5 * HALF * np.arange(-2 * top, 2 * top + 1))
     for k in range(DEGREE + 1):
         for j in range(SIZE):
             for i in range(max(0, j - DEGREE + k), min(DEGREE + k, j) + 1):
-                phase = 0.5 * HALF * (2 * (2 * i - j) - 2 * k)
+                phase = 2 * (2 * i - j) - 2 * k + 2 * top  # in steps of HALF / 2, the first one at 0
                 weight = comb(DEGREE + k, i) * comb(DEGREE - k, j - i) / comb(top, j)
-                table[k, j] += weight * complex(math.cos(phase), math.sin(phase))
+                table[k, j] += weight * complex(cosine[phase], sine[phase])
     return np.ascontiguousarray(table.real), np.ascontiguousarray(table.imag)
 
 
@@ -89,8 +91,7 @@ BERNSTEIN_COS, BERNSTEIN_SIN = _sector_tables()
 _centres = OFFSET + 2.0 * HALF * np.arange(SECTORS)
 #: Of the coefficients, as factors of x^j (1 - x)^(16 - j).
 BINOMIALS = np.array([float(comb(2 * DEGREE, j)) for j in range(2 * DEGREE + 1)])
-SECTOR_COS = np.cos(np.outer(_centres, np.arange(DEGREE + 1)))
-SECTOR_SIN = np.sin(np.outer(_centres, np.arange(DEGREE + 1)))
+SECTOR_SIN, SECTOR_COS = sines_cosines(np.outer(_centres, np.arange(DEGREE + 1)))
 
 
 def sector_coefficients(cosine: Array, sine: Array, sector: int, b: Array, terms: Array) -> None:

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jacokin.arrays import Array
+from jacokin.kernels.trigonometry import sin_cos
 from jacokin.kernels.vector import Vec
 
 #: 0..5 begin at that joint and go forwards, 6..11 at the joint 6 less, backwards.
@@ -26,16 +27,23 @@ GENERAL, SPHERICAL_WRIST, PARALLEL_AXES, PLANAR_ARM = 0, 1, 2, 3
 NEIGHBOURS, LINK_MOVE = 3, 1e-5
 
 
+def rotation_about(axis: Vec, angle: float) -> Array:
+    """The rotation matrix (3, 3) of a turn [rad] about a unit vector."""
+    x, y, z = axis
+    s, c = sin_cos(angle)
+    across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return c * np.eye(3) + s * across + (1.0 - c) * np.outer(axis, axis)
+
+
 def _small_placements() -> Array:
     """(3, 6, 3, 4) rotations and shifts of about `LINK_MOVE`, as irregular as can be."""
     placements = np.zeros((NEIGHBOURS, 6, 3, 4))
     for n in range(NEIGHBOURS):
         for i in range(6):
-            x, y, z, a, b, c = (math.sin(1.0 + 7.0 * n + 3.3 * i + 1.7 * j * j) for j in range(6))
-            size = LINK_MOVE * math.sqrt(x * x + y * y + z * z)
-            axis = LINK_MOVE / size * np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-            placements[n, i, :, :3] = np.eye(3) + math.sin(size) * axis + 2.0 * math.sin(0.5 * size) ** 2 * axis @ axis
-            placements[n, i, :, 3] = LINK_MOVE * a, LINK_MOVE * b, LINK_MOVE * c
+            x, y, z, *shift = (sin_cos(1.0 + 7.0 * n + 3.3 * i + 1.7 * j * j)[0] for j in range(6))
+            size = math.sqrt(x * x + y * y + z * z)
+            placements[n, i, :, :3] = rotation_about((x / size, y / size, z / size), LINK_MOVE * size)
+            placements[n, i, :, 3] = LINK_MOVE * np.array(shift)
     return placements
 
 

@@ -29,21 +29,14 @@ from jacokin.kernels.branches import (
 )
 from jacokin.kernels.closed_form.folds import sample
 from jacokin.kernels.limits import TURN, circular_distance
+from jacokin.kernels.six_joints.loop import rotation_about
 from jacokin.kernels.tolerances import CLOSURE, NEAR_CONTINUUM, NEARLY_SINGULAR_DETERMINANT
-
-
-def rotation_about(axis: Array, angle: float) -> Array:
-    """The rotation matrix (3, 3) of a turn about a unit vector (3,)."""
-    x, y, z = axis
-    turn = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.asarray(np.eye(3) + math.sin(angle) * turn + (1.0 - math.cos(angle)) * turn @ turn)
-
 
 #: Steps of a turn, and how near the way passes by another branch that is on it, part of a step.
 STEPS_OF_TURN, ON_THE_WAY = 48, 0.6
 STEP = TURN / STEPS_OF_TURN
 #: Turns a target to one beside it [rad].
-BESIDE = rotation_about(np.array([0.48, 0.6, 0.64]), 5e-3)
+BESIDE = rotation_about((0.48, 0.6, 0.64), 5e-3)
 #: Where what remains is larger than this part of its change by a step, there is no zero.
 TOUCHING = 1e-3
 BRACKETED_STEPS = 40

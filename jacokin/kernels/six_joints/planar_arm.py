@@ -41,6 +41,7 @@ from jacokin.kernels.six_joints.candidates import (
 from jacokin.kernels.six_joints.equations import turned_back_by, turned_by
 from jacokin.kernels.six_joints.loop import SixArm, column_of, fill_links
 from jacokin.kernels.tolerances import FREE_ANGLE, SMALLEST_NOISE, TIMES_NOISE
+from jacokin.kernels.trigonometry import sines_cosines
 from jacokin.kernels.vector import Vec, cross, dot, mix
 
 #: Of the polynomial in theta_6.
@@ -48,11 +49,10 @@ DEGREE = 4
 #: At which it is sampled.
 ANGLES = 2 * DEGREE + 1
 _turns = 2.0 * np.pi / ANGLES * np.arange(ANGLES)
-ANGLE_COS, ANGLE_SIN = np.cos(_turns), np.sin(_turns)
+ANGLE_SIN, ANGLE_COS = sines_cosines(_turns)
 _share = np.where(np.arange(DEGREE + 1) == 0, 1.0, 2.0) / ANGLES
 #: (9, 5): what each sample adds to the coefficients of cos(k theta) and sin(k theta).
-SHARE_COS = _share * np.cos(np.outer(_turns, np.arange(DEGREE + 1)))
-SHARE_SIN = _share * np.sin(np.outer(_turns, np.arange(DEGREE + 1)))
+SHARE_SIN, SHARE_COS = (_share * each for each in sines_cosines(np.outer(_turns, np.arange(DEGREE + 1))))
 
 
 class PlanarArm(NamedTuple):

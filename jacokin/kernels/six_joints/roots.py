@@ -26,6 +26,7 @@ from jacokin.kernels.six_joints.characteristic import (
 )
 from jacokin.kernels.six_joints.equations import Equations
 from jacokin.kernels.tolerances import CLOSE_NOISE, MIN_WIDTH, NARROW_NOISE, POSE_NOISE, UNCERTAIN
+from jacokin.kernels.trigonometry import sines_cosines
 
 MAX_STRETCHES = 128
 MAX_SIX_ROOTS = 96
@@ -42,14 +43,22 @@ BESIDE = 2e-6
 #: root of two as far apart as from zero, and cubic terms move them.
 TOUCHING = 1.5
 
-NODES = 0.5 - 0.5 * np.cos(np.pi * (np.arange(SIZE) + 0.5) / SIZE)
+NODES = 0.5 - 0.5 * sines_cosines(np.pi * (np.arange(SIZE) + 0.5) / SIZE)[1]
 
 
 def _to_bernstein() -> Array:
-    """(17, 17) Bernstein coefficients from values at the nodes."""
-    degree = SIZE - 1
-    values = [[comb(degree, j) * x**j * (1.0 - x) ** (degree - j) for j in range(SIZE)] for x in NODES.tolist()]
-    return np.ascontiguousarray(np.linalg.inv(np.array(values)))
+    """(17, 17) Bernstein coefficients from values at the nodes: those of Lagrange's polynomials.
+
+    Each is a product of (x - node) = (1 - node) x - node (1 - x) by the other nodes, divided by its value at its own.
+    """
+    table = np.zeros((SIZE, SIZE))
+    for k in range(SIZE):
+        factor = np.eye(1, SIZE)[0]  # of x^j (1 - x)^(n - j), of the product of n so far
+        for node in np.delete(NODES, k).tolist():
+            factor = (1.0 - node) * np.append(0.0, factor[:-1]) - node * factor
+            factor /= NODES[k] - node
+        table[:, k] = factor
+    return table / np.array([[float(comb(SIZE - 1, j))] for j in range(SIZE)])
 
 
 TO_BERNSTEIN = _to_bernstein()
