@@ -27,6 +27,7 @@ from numba.core.registry import CPUDispatcher, cpu_target
 from numba.extending import intrinsic
 
 from build_kernels.emitting import target_machine
+from build_kernels.passes import Passes, remembering
 from jacokin.kernels import entries
 from jacokin.kernels.entries import Entry
 from jacokin.kernels.library import FAILED, PREFIX
@@ -193,7 +194,7 @@ def translate(groups: Iterable[Sequence[Entry]]) -> Iterator[ModuleRef]:
     For a process that compiles nothing else (`translating_only`).
     """
     copies = _Copies()
-    with translating_only():
+    with translating_only(), remembering():
         for group in groups:
             yield exporting({PREFIX + entry.run.__name__: _c_function(entry, copies) for entry in group})
 
@@ -231,7 +232,8 @@ class _Copies:
             assert isinstance(function, types.FunctionType)
             copy = types.FunctionType(function.__code__, self._namespace(function), function.__name__)
             inlined = function.__module__.startswith(_INLINED) and function.__name__ not in _CALLED
-            self._made[function] = _Kernel(copy, targetoptions={**_KERNEL_OPTIONS, "forceinline": inlined})
+            options = {**_KERNEL_OPTIONS, "forceinline": inlined}
+            self._made[function] = _Kernel(copy, targetoptions=options, pipeline_class=Passes)
         return self._made[function]
 
     def _namespace(self, function: types.FunctionType) -> dict[str, Any]:

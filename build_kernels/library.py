@@ -264,7 +264,7 @@ def object_key(group: Group, target: Target = HERE) -> str:
         BuildError: a package that compiles is not installed.
     """
     digest = hashlib.sha256()
-    compilers = (Path(__file__).with_name(f"{name}.py") for name in ("compiling", "emitting"))
+    compilers = (Path(__file__).with_name(f"{name}.py") for name in ("compiling", "passes", "emitting"))
     for file in (*sorted({file for entry in group for file in sources_of(entry)}), *compilers):
         digest.update(ast.dump(ast.parse(file.read_text(encoding="utf-8"))).encode())
     try:
