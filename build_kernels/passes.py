@@ -14,11 +14,10 @@ from typing import Any
 from unittest import mock
 
 from llvmlite import ir
-from numba.core import types as nb
+from numba.core import types
 from numba.core.base import BaseContext
 from numba.core.compiler import CompilerBase
 from numba.core.compiler_machinery import PassManager, register_pass
-from numba.core.errors import WarningsFixer
 from numba.core.lowering import Lower
 from numba.core.typed_passes import (
     BaseNativeLowering,
@@ -29,6 +28,8 @@ from numba.core.typed_passes import (
 from numba.core.types.functions import BaseFunction
 from numba.core.untyped_passes import FixupArgs, GenericRewrites, IRProcessing, ReconstructSSA, TranslateByteCode
 from numba.np.arrayobj import load_item, store_item
+
+nb: Any = types  # numba has no types of its own
 
 
 class _Lower(Lower):  # type: ignore[misc]  # numba has no types
@@ -125,6 +126,6 @@ def remembering() -> Iterator[None]:
     with (
         mock.patch.object(BaseFunction, "get_call_type", call_type),
         mock.patch.object(BaseContext, "get_function", implementation),
-        mock.patch.object(WarningsFixer, "catch_warnings", catch_no_warnings),
+        mock.patch("numba.core.errors.WarningsFixer.catch_warnings", catch_no_warnings),
     ):
         yield

@@ -77,13 +77,13 @@ def compile_twin(robot: Robot, around: Surroundings) -> Twin:
     held = {}
     for each in around.attached:
         frame = robot.pin_model.frames[robot.frame_id(each.to)]
-        held[each.name] = body_of_joint(robot, frame.parentJoint)
+        held[each.name] = body_of_joint(frame.parentJoint)
         each.shape.add_to(spec.body(held[each.name]))
         geom = spec.geom(each.name)
         placed = frame.placement * mjcf.placement(geom.quat, geom.pos)
         geom.pos, geom.quat = placed.translation, poses.quaternion(placed.rotation)
     model = compile_spec(spec, robot)
-    moving = [name for name, body in {**arm, **held}.items() if body != body_of_joint(robot, 0)]
+    moving = [name for name, body in {**arm, **held}.items() if body != body_of_joint(0)]
     names = [(obstacle.name, other) for obstacle in around.obstacles for other in moving]
     names += [(other, name) for name, body in held.items() for other, carrier in arm.items() if carrier != body]
     own = zip(model.pair_geom1.tolist(), model.pair_geom2.tolist(), strict=True)

@@ -89,7 +89,7 @@ class ClosestSearch:
     def beyond_reach(self, request: Request) -> IKResult | None:
         """The answer to a pose or a position that is provably out of reach; None for others."""
         outcome = self.reach.exceeded(request.target)
-        return None if outcome is None else self.solve(request, outcome)
+        return None if outcome is None else self.solve(request, outcome, ())
 
     def find(
         self, target: TargetPose, first: Sequence[Array], rng: np.random.Generator, *, position_first: bool = False

@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 
@@ -52,7 +53,7 @@ def sin_cos(angle: float) -> tuple[float, float]:
     return s * turn_c + c * turn_s, c * turn_c - s * turn_s
 
 
-def sines_cosines(angles: Array) -> tuple[Array, Array]:
+def sines_cosines(angles: NDArray[np.floating]) -> tuple[Array, Array]:
     """Sines and cosines of angles (any shape) [rad], for constants, which the machine that compiles works out."""
     s, c = (np.array(each).reshape(angles.shape) for each in zip(*map(sin_cos, angles.ravel().tolist()), strict=True))
     return s, c

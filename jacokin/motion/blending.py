@@ -119,6 +119,6 @@ def fit_time(
     work.velocity[:dof], work.acceleration[:dof] = USED * velocity, USED * acceleration
     places = call()
     pieces = int(work.counts[PIECES])
-    shape = (each[: pieces * dof].reshape(pieces, dof).copy() for each in (work.at, work.slope, work.bend))
+    q, slope, bend = (each[: pieces * dof].reshape(pieces, dof).copy() for each in (work.at, work.slope, work.bend))
     s, t, speed = (each[:places].copy() for each in (work.s, work.t, work.speed))
-    return TimedCourse(work.ends[: pieces + 1].copy(), *shape, s, t, speed, work.piece[:places].copy())
+    return TimedCourse(work.ends[: pieces + 1].copy(), q, slope, bend, s, t, speed, work.piece[:places].copy())

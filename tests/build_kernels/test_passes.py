@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any, Literal
+
 import numba
 import numpy as np
 import pytest
@@ -28,13 +30,13 @@ def exchange(a: Array, counts: Array, i: int, j: int) -> float:
 
 @pytest.mark.parametrize(("i", "j"), [(0, 1), (1, 2), (-1, -2), (-2, 0)])
 @pytest.mark.parametrize("order", ["C", "F"])
-def test_elements_of_arrays(i: int, j: int, order: str) -> None:
+def test_elements_of_arrays(i: int, j: int, order: Literal["C", "F"]) -> None:
     """Also of an array that is laid out otherwise, which is left to numba."""
     a, counts = np.arange(24.0).reshape(2, 3, 4), np.arange(7, 12)
-    arrays = [(np.array(a, order=order), counts.copy()) for _ in range(2)]  # type: ignore[call-overload]  # order is str
+    arrays: list[tuple[Any, Any]] = [(np.array(a, order=order), counts.copy()) for _ in range(2)]
     with remembering():
         compiled = numba.njit(**OPTIONS)(exchange)(*arrays[0], i, j)
-    assert compiled == exchange(*arrays[1], i, j)
+    assert compiled == exchange(arrays[1][0], arrays[1][1], i, j)
     for made, expected in zip(*arrays, strict=True):
         np.testing.assert_array_equal(made, expected)
 

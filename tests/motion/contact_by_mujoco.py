@@ -35,7 +35,7 @@ class Referee:
         for each in scene.attached:
             frame = robot.pin_model.frames[robot.frame_id(each.to)]
             shape = place(each.shape, frame.placement * pose_of(each.shape))
-            shape.add_to(spec.body(body_of_joint(robot, frame.parentJoint)))
+            shape.add_to(spec.body(body_of_joint(frame.parentJoint)))
         self._model = model = spec.compile()
         self._data = mujoco.MjData(model)
         names = [model.geom(k).name for k in range(model.ngeom)]

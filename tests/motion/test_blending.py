@@ -57,7 +57,8 @@ def test_corners_are_passed_without_stopping(rng: np.random.Generator) -> None:
 def test_a_corner_is_cut_within_its_triangle(rng: np.random.Generator) -> None:
     way = rng.normal(size=(3, 6))
     found, corner = timed(way), way[1]
-    q = found.at(np.linspace(*np.interp(found.begins[1:3], found.s, found.t), 50))[0]
+    begins, ends = np.interp(found.begins[1:3], found.s, found.t).tolist()
+    q = found.at(np.linspace(begins, ends, 50))[0]
     a, b = found.q[1], found.q[2]
     weights = np.linalg.lstsq(np.column_stack([a - corner, b - corner]), (q - corner).T, rcond=None)[0]
     assert (weights >= -1e-9).all()

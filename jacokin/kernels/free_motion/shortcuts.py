@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.kernels.free_motion.sight import Sight, moves_clear
-from jacokin.kernels.free_motion.space import TURN, Space, difference, length_of, time_of, uniform
+from jacokin.kernels.free_motion.space import Space, difference, length_of, time_of, uniform
 from jacokin.kernels.free_motion.trees import (
     MEETING,
     MET_FIRST,
@@ -22,6 +22,7 @@ from jacokin.kernels.free_motion.trees import (
     Trees,
     node_at,
 )
+from jacokin.kernels.limits import TURN
 
 WORTH = 1e-3  # part of its time that a shortcut must save
 #: Where a way keeps its whole numbers: how many configurations it has, the number of its goal, and shortcuts in a row

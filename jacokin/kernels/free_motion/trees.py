@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from jacokin.arrays import Array
 from jacokin.kernels.free_motion.sight import Sight, is_free, moves_clear, seems_clear
 from jacokin.kernels.free_motion.space import (
-    TURN,
     Hindrances,
     Space,
     difference,
@@ -29,6 +28,7 @@ from jacokin.kernels.free_motion.space import (
     time_of,
     uniform,
 )
+from jacokin.kernels.limits import TURN
 
 STEP = 1.0  # [rad] by which a tree grows at once, joints weighed by their speed
 MEETING = 1e-9  # [rad] two configurations that are nearer are one

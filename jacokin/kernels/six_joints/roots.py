@@ -58,7 +58,8 @@ def _to_bernstein() -> Array:
             factor = (1.0 - node) * np.append(0.0, factor[:-1]) - node * factor
             factor /= NODES[k] - node
         table[:, k] = factor
-    return table / np.array([[float(comb(SIZE - 1, j))] for j in range(SIZE)])
+    binomials: Array = np.array([[float(comb(SIZE - 1, j))] for j in range(SIZE)])
+    return np.divide(table, binomials)
 
 
 TO_BERNSTEIN = _to_bernstein()

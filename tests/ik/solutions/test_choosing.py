@@ -72,7 +72,9 @@ def test_without_limits_all_members_have_the_same_margin() -> None:
     assert isinstance(found, CurveSet)
     nearest = found.nearest(robot.home)
     assert nearest is not None
-    for q in (free.solve(target, seed=robot.home, prefer="margin").q, found.best("margin")):
+    best = found.best("margin")
+    assert best is not None
+    for q in (free.solve(target, seed=robot.home, prefer="margin").q, best):
         np.testing.assert_allclose(q, nearest, atol=1e-6)
     assert {interval.margin for interval in found.intervals} == {math.inf}
 
