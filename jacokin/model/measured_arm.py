@@ -169,17 +169,17 @@ class MeasuredArm:
             InvalidInputError: it cannot be written.
         """
         lines = [
-            f"# How this {self.robot} differs from its description; load_robot(..., calibration=<this file>).",
+            f"# How {_quoted(self.robot)} differs from its description; load_robot(..., calibration=<this file>).",
             "# position [m], axis (unit vector) and offset [rad] of each joint in the joint frame of the description,",
             "# whose z is the joint's axis.",
             f"format = {FORMAT}",
-            f"robot = {json.dumps(self.robot)}",
-            f"fingerprint = {json.dumps(self.fingerprint)}",
+            f"robot = {_quoted(self.robot)}",
+            f"fingerprint = {_quoted(self.fingerprint)}",
         ]
         if self.facts:
-            lines += ["", "[facts]", *(f"{json.dumps(name)} = {value!r}" for name, value in self.facts)]
+            lines += ["", "[facts]", *(f"{_quoted(name)} = {value!r}" for name, value in self.facts)]
         for name, joint in self.joints:
-            lines += ["", f"[joints.{json.dumps(name)}]"]
+            lines += ["", f"[joints.{_quoted(name)}]"]
             lines += [f"{each.name} = {_toml(getattr(joint, each.name))}" for each in fields(joint)]
         with files.replacing(checks.path("path", path)) as temporary:
             temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
@@ -197,6 +197,11 @@ class MeasuredArm:
         except InvalidInputError as error:
             raise ModelError(str(error)) from error
         return _parse(path, content)
+
+
+def _quoted(text: str) -> str:
+    """A text in TOML, whose escapes are those of JSON but for surrogate pairs, which it does not take."""
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def _toml(value: float | Vector) -> str:

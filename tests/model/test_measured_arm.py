@@ -97,6 +97,13 @@ def test_limits_frames_and_home_stay(robot: Robot, rng: np.random.Generator) -> 
     assert arm.with_payload(0.1, [0, 0, 0]).calibration == arm.calibration
 
 
+@pytest.mark.parametrize("name", ["arm \U0001f9be", "関節", 'a "quoted" \\ name', "del\x7f, tab\t, line\n"])
+def test_any_name_comes_back(name: str, tmp_path: Path) -> None:
+    arm = MeasuredArm(name, "0" * 64, ((name, MeasuredJoint(offset=0.01)),), ((name, 1.5),))
+    arm.save(tmp_path / "arm.toml")
+    assert MeasuredArm.load(tmp_path / "arm.toml") == arm
+
+
 def test_a_file_gives_the_same_arm_to_the_bit(robot: Robot, rng: np.random.Generator, tmp_path: Path) -> None:
     arm = drawn_arm(robot, rng)
     arm = replace(arm, facts=(("measurements", 30), ("residual [m]", 2.9e-4)))

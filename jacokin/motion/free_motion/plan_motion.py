@@ -97,7 +97,8 @@ def plan_motion(
             at zero.
         goal: a configuration (dof,) [rad], a pose T_base_tool, a `FreeAxis`, a position (3,) [m], a `Grasp`, or a list
             of them, any of which will do. What is reached soonest is taken. A configuration is reached as it is given,
-            on unlimited joints whole turns apart.
+            on unlimited joints whole turns apart. On three joints (3,) is a configuration, and a position is a
+            `PositionTarget`.
         time_limit: for all but the first look at a scene and writing the rows [s]. It does not change what is found,
             only whether the search is cut: then the quickest way so far is taken.
         ways: how many ways are looked for where the straight motion is blocked; the quickest is taken.
