@@ -2,7 +2,8 @@
 
 Kernels are functions of numbers, tuples and arrays, and the arrays belong to whoever calls them. Numba also looks for
 closures, lists and literals that unroll loops, clears what is not used any more, and finds the types and the
-implementation of an operator by trying all there are, each time it meets one: that takes half of the time.
+implementation of an operator by trying all there are, each time it meets one. Without these, translating takes about
+three fifths of the time.
 """
 
 from __future__ import annotations
