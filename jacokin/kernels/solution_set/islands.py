@@ -46,8 +46,6 @@ LINE_HALVINGS = 24
 OFFSET = 0.1234
 #: Times the distance between two values within which pairs from both sides may come to the axis.
 SAFETY = 2.0
-#: Share of that distance within which a pair comes as it is foretold.
-SURE = 0.15
 #: [rad] values nearer to each other than this are halved where another labelling of the joints has such pairs, too.
 LABELLED = 0.01
 #: [rad] to where F is looked at again in a labelling in which it is noise.
@@ -76,6 +74,8 @@ class Look(NamedTuple):
     behind: float  # the same on the other side
     real: int  # how many roots are, -1 in doubt
     at_fold: int  # 1 right beside a fold, of whose own pair little is known
+    sure_ahead: float  # after how much a pair comes there by its value, slope and bend [rad], inf for none
+    sure_behind: float  # the same on the other side
 
 
 class Told(NamedTuple):
@@ -86,6 +86,8 @@ class Told(NamedTuple):
     least: int  # how many roots are real for sure,
     most: int  # and how many may be
     blurred: bool  # whether noise may move some as far as the axis, or to another one
+    sure_ahead: float  # after how much a pair comes there by its value, slope and bend [rad], inf for none
+    sure_behind: float  # the same on the other side
 
 
 class Root(NamedTuple):
@@ -106,8 +108,8 @@ class Islands(NamedTuple):
     counts: NDArray[np.int64]  # (LOOKED_AT + MOST_FOUND,) roots of F at each; -1 where they are in doubt
     size: NDArray[np.int64]  # (5,) values found, places left in doubt, values all round, halvings, labelling that tells
     useless: NDArray[np.int64]  # (LABELLINGS,) 1 where F is noise at any value of the parameter
-    comes: Array  # (LOOKED_AT, 2) see `Look`
-    stack: Array  # (DEPTH, 8) two values, what is known of each: when pairs come, real roots, whether it is a fold
+    comes: Array  # (LOOKED_AT, 4) see `Look`
+    stack: Array  # (DEPTH, 10) two values, what is known of each: when pairs come, real roots, whether it is a fold
     lines: Array  # (LOOKED_AT, LINES) F where x has one of some values, 0 for noise
     crossed: NDArray[np.int64]  # (LOOKED_AT, LINES) how often curves pass there before the next slice
     roots: RootWork
@@ -125,8 +127,8 @@ def make_islands() -> Islands:
         np.zeros(LOOKED_AT + MOST_FOUND, np.int64),
         np.zeros(5, np.int64),
         np.zeros(LABELLINGS, np.int64),
-        np.empty((LOOKED_AT, 2)),
-        np.empty((DEPTH, 8)),
+        np.empty((LOOKED_AT, 4)),
+        np.empty((DEPTH, 10)),
         np.zeros((LOOKED_AT, LINES)),
         np.zeros((LOOKED_AT, LINES), np.int64),
         make_roots(),
@@ -227,16 +229,25 @@ def look(k: ArmConstants, six: SixJoints, work: Islands, p: float) -> Look:
     told = look_in(k, six, work, p, -1)
     for n in range(0 if k.six.form == SPHERICAL_WRIST else LABELLINGS):
         if n == 1 and told.least < told.most:
-            told = together(told, Told(0.0, 0.0, count_solutions(six, p), 2 * DEGREE, True))
+            told = together(told, Told(0.0, 0.0, count_solutions(six, p), 2 * DEGREE, True, 0.0, 0.0))
         if told.least == told.most:
             break
         if work.useless[work.size[4]] == 0:
             told = together(told, look_in(k, six, work, p, work.size[4]))
         if told.least != told.most:
             work.size[4] = next_labelling(k, six, work.size[4])
-    if told.least == told.most and told.least % 2 == 0:  # of all round, the number is even
-        return Look(told.ahead, told.behind, told.least, 0)
-    return Look(0.0, 0.0, -1, 0) if told.blurred or told.least == told.most else Look(told.ahead, told.behind, -1, 0)
+    if told.least == told.most and told.least % 2 == 1:  # of all round, the number is even
+        return Look(0.0, 0.0, -1, 0, 0.0, 0.0)
+    return look_of(told)
+
+
+def look_of(told: Told) -> Look:
+    """What one labelling tells of all solutions."""
+    if told.least == told.most:
+        return Look(told.ahead, told.behind, told.least, 0, told.sure_ahead, told.sure_behind)
+    if told.blurred:
+        return Look(0.0, 0.0, -1, 0, 0.0, 0.0)
+    return Look(told.ahead, told.behind, -1, 0, told.sure_ahead, told.sure_behind)
 
 
 def size_on_axis(powers: Array, degree: int, root: Root) -> float:
@@ -248,7 +259,15 @@ def size_on_axis(powers: Array, degree: int, root: Root) -> float:
 def together(a: Told, b: Told) -> Told:
     """What two labellings tell: pairs come as in the one in which fewer roots may be real."""
     fewer = a if a.most <= b.most else b
-    return Told(fewer.ahead, fewer.behind, max(a.least, b.least), fewer.most, fewer.blurred)
+    return Told(
+        fewer.ahead,
+        fewer.behind,
+        max(a.least, b.least),
+        fewer.most,
+        fewer.blurred,
+        fewer.sure_ahead,
+        fewer.sure_behind,
+    )
 
 
 def look_in(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling: int) -> Told:
@@ -258,21 +277,19 @@ def look_in(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling:
         if labelling >= 0:
             noise = fill_F(k, six, work.F, p + ELSEWHERE, labelling)
             work.useless[labelling] = not size_of(work.F.cosine, work.F.sine) > UNCERTAIN * noise
-        return Told(0.0, 0.0, 0, 2 * DEGREE, True)
+        return Told(0.0, 0.0, 0, 2 * DEGREE, True, 0.0, 0.0)
     degree = degree_of(work, noise)
     noise_of_bend = fill_rates(k, six, work.F, p, labelling, noise)
-    if labelling < 0 and k.six.form == SPHERICAL_WRIST and work.F.apart[0] < 0.0:
-        apart, rate, bend = work.F.apart[0], work.F.apart[1], work.F.apart[2]
-        return Told(first_zero(apart, rate, bend), first_zero(apart, -rate, bend), 0, 0, False)
     z = work.z if labelling < 0 else work.other
     if labelling < 0:
         foretell(work, p, degree)
     find_all_roots(work.F.powers[0], degree, z, work.settled)
     ahead, behind, least, most, blurred = math.inf, math.inf, 0, 0, False
+    sure_ahead, sure_behind = math.inf, math.inf
     for i in range(degree):
         root = root_at(work.F.powers, degree, z, i)
         if root.slope == 0.0:
-            return Told(0.0, 0.0, 0, 2 * DEGREE, True)
+            return Told(0.0, 0.0, 0, 2 * DEGREE, True, 0.0, 0.0)
         z[i, 0], z[i, 1] = root.x.real, root.x.imag
         if labelling < 0:
             work.moves[i, 0], work.moves[i, 1] = root.turns.real, root.turns.imag
@@ -283,9 +300,18 @@ def look_in(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling:
         elif 4.0 * size_on_axis(work.F.powers[0], degree, root) <= degree * noise:
             most, blurred = most + 1, True
         elif root.d > 0.0:
-            comes, goes = approach(work.F.powers, degree, root, noise, noise_of_bend, next_root < root.d)
-            ahead, behind = min(ahead, comes), min(behind, goes)
-    return Told(ahead, behind, least, most, blurred)
+            value, rate, unsure, bend = approach(work.F.powers, degree, root, noise, noise_of_bend, next_root < root.d)
+            ahead = min(ahead, first_zero(value, unsure - rate, bend))
+            behind = min(behind, first_zero(value, unsure + rate, bend))
+            sure_ahead = min(sure_ahead, zero_of_parabola(value, -rate, bend))
+            sure_behind = min(sure_behind, zero_of_parabola(value, rate, bend))
+    if labelling < 0 and k.six.form == SPHERICAL_WRIST and work.F.apart[0] < 0.0:  # another angle must be real as well
+        apart, rate, bend = work.F.apart[0], work.F.apart[1], work.F.apart[2]
+        ahead, behind = max(ahead, first_zero(apart, rate, bend)), max(behind, first_zero(apart, -rate, bend))
+        sure_ahead = max(sure_ahead, zero_of_parabola(apart, rate, bend))
+        sure_behind = max(sure_behind, zero_of_parabola(apart, -rate, bend))
+        return Told(ahead, behind, 0, 0, False, sure_ahead, sure_behind)
+    return Told(ahead, behind, least, most, blurred, sure_ahead, sure_behind)
 
 
 def root_at(powers: Array, degree: int, z: Array, i: int) -> Root:
@@ -301,8 +327,8 @@ def root_at(powers: Array, degree: int, z: Array, i: int) -> Root:
 
 def approach(
     powers: Array, degree: int, root: Root, noise: float, noise_of_bend: float, is_near_others: bool
-) -> tuple[float, float]:
-    """After how much a pair may come to the real axis, to higher values of the parameter and to lower ones [rad]."""
+) -> tuple[float, float, float, float]:
+    """Minus the square of a pair's distance from the real axis: its value, half its slope, how unsure that is, its bend."""
     x, turns, d = root.x, root.turns, root.d
     curves, _ = value_and_slope_at(powers[2], degree, x)
     bends = -(curves + (2.0 * root.mixed + root.bend * turns) * turns) / root.slope
@@ -313,10 +339,7 @@ def approach(
     bend_of_square = -2.0 * (rate * rate + d * change)
     if abs(bend_of_square) <= 2.0 * d * noise_of_bend / abs(root.slope):
         bend_of_square = 0.0  # noise
-    return (
-        first_zero(-d * d, 2.0 * d * (unsure - rate), bend_of_square),
-        first_zero(-d * d, 2.0 * d * (unsure + rate), bend_of_square),
-    )
+    return -d * d, 2.0 * d * rate, 2.0 * d * unsure, bend_of_square
 
 
 def first_zero(value: float, slope: float, bend: float) -> float:
@@ -324,11 +347,15 @@ def first_zero(value: float, slope: float, bend: float) -> float:
 
     Where it only touches zero, rounding leaves no root: a step of Newton's method, half as far, stands for it.
     """
-    first = -value / slope if slope > 0.0 else math.inf
+    return min(-value / slope if slope > 0.0 else math.inf, zero_of_parabola(value, slope, bend))
+
+
+def zero_of_parabola(value: float, slope: float, bend: float) -> float:
+    """The first one alone; inf for none."""
     under = slope * slope - 2.0 * bend * value
     if under >= 0.0 and slope + math.sqrt(under) > 0.0:
-        first = min(first, -2.0 * value / (slope + math.sqrt(under)))
-    return first
+        return -2.0 * value / (slope + math.sqrt(under))
+    return math.inf
 
 
 def distance_to_next(z: Array, i: int, degree: int) -> float:
@@ -356,12 +383,15 @@ def find_islands(six: SixJoints, window: Array, work: Islands) -> None:
         work.moves[i, 0], work.moves[i, 1] = 0.0, 0.0
     for i in range(LOOKED_AT):
         work.p[i] = wrapped(OFFSET + step * i)
-        work.counts[i], work.comes[i, 0], work.comes[i, 1] = -1, math.inf, math.inf
+        work.counts[i] = -1
+        for n in range(4):
+            work.comes[i, n] = math.inf
         for n in range(LINES):
             work.lines[i, n] = 0.0
         if abs(wrapped(work.p[i] - window[0])) <= window[1] + step:
             seen = look(k, six, work, work.p[i])
             work.comes[i, 0], work.comes[i, 1], work.counts[i] = seen.ahead, seen.behind, seen.real
+            work.comes[i, 2], work.comes[i, 3] = seen.sure_ahead, seen.sure_behind
             noise = fill_F(k, six, work.F, work.p[i], -1)
             for n in range(LINES):
                 value, _ = value_and_slope(work.F.cosine, work.F.sine, line_at(n))
@@ -373,8 +403,8 @@ def find_islands(six: SixJoints, window: Array, work: Islands) -> None:
             six,
             work,
             (work.p[i], work.p[i] + step),
-            Look(work.comes[i, 0], work.comes[i, 1], work.counts[i], 0),
-            Look(work.comes[j, 0], work.comes[j, 1], work.counts[j], 0),
+            Look(work.comes[i, 0], work.comes[i, 1], work.counts[i], 0, work.comes[i, 2], work.comes[i, 3]),
+            Look(work.comes[j, 0], work.comes[j, 1], work.counts[j], 0, work.comes[j, 2], work.comes[j, 3]),
         )
 
 
@@ -386,8 +416,8 @@ def halve(
     write_part(stack[0], between[0], between[1], first, last)
     while top >= 0:
         low, high = stack[top, 0], stack[top, 1]
-        first = Look(stack[top, 2], 0.0, int(stack[top, 4]), int(stack[top, 6]))
-        last = Look(0.0, stack[top, 3], int(stack[top, 5]), int(stack[top, 7]))
+        first = Look(stack[top, 2], 0.0, int(stack[top, 4]), int(stack[top, 6]), stack[top, 8], 0.0)
+        last = Look(0.0, stack[top, 3], int(stack[top, 5]), int(stack[top, 7]), 0.0, stack[top, 9])
         top -= 1
         if not may_come(first, last, high - low) or (
             high - low < LABELLED and not is_labelled_otherwise(k, six, work, low, high)
@@ -414,8 +444,8 @@ def may_come(first: Look, last: Look, length: float) -> bool:
     """Whether pairs may come to the axis between two values of the parameter, seen from both."""
     if first.ahead + last.behind <= SAFETY * length:
         return True
-    if (first.ahead <= SURE * length and 0 <= last.real <= first.real) or (
-        last.behind <= SURE * length and 0 <= first.real <= last.real
+    if (first.sure_ahead <= length and 0 <= last.real <= first.real) or (
+        last.sure_behind <= length and 0 <= first.real <= last.real
     ):  # it comes, and none is there on the other side
         return True
     elsewhere = (1.0 - NEAR_FOLD) * length
@@ -451,7 +481,8 @@ def look_beside_folds(six: SixJoints, loops: Loops, parameter: int, first: int, 
             if not is_expected and not is_fold_at(loops, parameter, p - side * there, side, away * AT_FOLD):
                 work.size[1] += 1
                 continue
-            other = Look(comes, comes, work.counts[i], 0)
+            sure = work.comes[i, 3 if side > 0.0 else 2]
+            other = Look(comes, comes, work.counts[i], 0, sure, sure)
             if faced != at:
                 away, other = look_beside(k, six, work, faced, -side)
                 at = faced - side * away
@@ -470,7 +501,7 @@ def look_beside(k: ArmConstants, six: SixJoints, work: Islands, fold: float, sid
         if seen.real < 0 or not comes_from_fold(seen, side, away):
             away *= TIMES_FARTHER
             seen = look(k, six, work, fold + side * away)
-    return away, Look(seen.ahead, seen.behind, seen.real, 1)
+    return away, Look(seen.ahead, seen.behind, seen.real, 1, seen.sure_ahead, seen.sure_behind)
 
 
 def comes_from_fold(seen: Look, side: float, away: float) -> bool:
@@ -513,6 +544,7 @@ def write_part(part: Array, low: float, high: float, first: Look, last: Look) ->
     """Write a part of the stack."""
     part[0], part[1], part[2], part[3] = low, high, first.ahead, last.behind
     part[4], part[5], part[6], part[7] = first.real, last.real, first.at_fold, last.at_fold
+    part[8], part[9] = first.sure_ahead, last.sure_behind
 
 
 def is_labelled_otherwise(k: ArmConstants, six: SixJoints, work: Islands, low: float, high: float) -> bool:
@@ -527,7 +559,7 @@ def is_labelled_otherwise(k: ArmConstants, six: SixJoints, work: Islands, low: f
             first = look_in(k, six, work, low, work.size[4])
             last = look_in(k, six, work, high, work.size[4]) if first.least == first.most else first
             if last.least == last.most:
-                return first.ahead + last.behind <= SAFETY * (high - low)
+                return may_come(look_of(first), look_of(last), high - low)
         work.size[4] = next_labelling(k, six, work.size[4])
     return True
 
