@@ -223,8 +223,8 @@ def otherwise(
         for prefer in ("margin", "manipulability"):
             cost = cost_of(prefer, robot, solver.frame)
             result = solver.solve(target, seed=q, prefer=prefer)
-            assert cost is not None
-            if not result.success or cost(result.q[np.newaxis]).item() > cost(q[np.newaxis]).item() + near:
+            worse = 0.0 if cost is None else (cost(result.q[np.newaxis]) - cost(q[np.newaxis])).item()
+            if not result.success or worse > near:
                 yield "wrong", f"prefer={prefer} is worse: {result.status.name}, {result.q.tolist()}"
     for name, seed in seeds.items():
         result = solver.solve(target, seed=seed, closest=False)

@@ -16,9 +16,7 @@ from jacokin.ik.geometry import chain_of, measure_seven
 from jacokin.ik.structures import NO_FORM, measure_general, most_freedoms, quick_form, size_of
 from jacokin.ik.targets import TargetPose
 from jacokin.ik.verification import Verifier
-from jacokin.kernels.closed_form.arm import unpack_arm
 from jacokin.kernels.library import Call
-from jacokin.kernels.six_joints.loop import SPHERICAL_WRIST
 from jacokin.kernels.solution_set.nearest import (
     NearestWork,
     find_nearest,
@@ -61,7 +59,6 @@ class CurveArm:
         "_idle",
         "_kind",
         "_limits",
-        "_solutions",
         "dof",
         "name",
         "parameter",
@@ -79,8 +76,6 @@ class CurveArm:
         """
         self._kind, self.name, self._chain, self._constants, self.dof = kind, name, chain, constants, robot.dof
         self.parameter = {AFTER: FREE_AXIS, BEFORE: 0, JOINT_3: 2}[kind]
-        wrist = kind != JOINT_3 and unpack_arm(constants).six.form == SPHERICAL_WRIST
-        self._solutions = 2 if wrist else 1  # for each root of the characteristic function
         bounded = robot.upper - robot.lower < TURN  # others have some equivalent of every angle within their limits
         self._limits = np.array([np.full(DIMENSIONS, -np.inf), np.full(DIMENSIONS, np.inf)])
         self._limits[0, : self.dof][bounded] = robot.lower[bounded]
@@ -128,7 +123,7 @@ class CurveArm:
             calls = _Calls(self._nearest_work())
         work, six = calls.solve.work, calls.solve.work.six
         work.chain[:], work.T[:], work.pieces.limits[:] = problem.chain, problem.T, problem.limits
-        work.options[:] = self.parameter, NO_SLICES if only_starts else self._kind, self._solutions, self.dof
+        work.options[:] = self.parameter, NO_SLICES if only_starts else self._kind, self.dof
         work.starts[:], work.near.seed[:] = np.nan, np.nan
         work.starts[: len(starts)] = starts
         if self._kind == JOINT_3:

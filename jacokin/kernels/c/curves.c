@@ -15,8 +15,6 @@ enum { NODE = 14, PIECE = 6 };
 enum { FIRST = 0, END = 1, CODES = 2, BRANCH = 4 };
 /* Index of a free axis among the seven angles. */
 enum { FREE_AXIS = 6 };
-/* The constant that says which structure six joints have, and the one of which each root of F has two solutions. */
-enum { FORM = 42, SPHERICAL_WRIST = 1 };
 /* [rad] Values of the parameter that differ by rounding, also at the ends of an interval. */
 static const double SAME_PARAMETER = 1e-9;
 /* [rad] A range this near to a full turn is one. */
@@ -149,8 +147,7 @@ static int find_pieces(const problem *of, const double *start, int *complete) {
     if (solver->dof == 6) add_axis(of->axis, set[SET_chain].numbers);
     set[SET_options].integers[0] = parameter_of(solver);
     set[SET_options].integers[1] = solver->kind;
-    set[SET_options].integers[2] = solver->kind != JACOKIN_JOINT_3 && solver->constants[FORM] == SPHERICAL_WRIST ? 2 : 1;
-    set[SET_options].integers[3] = solver->dof;
+    set[SET_options].integers[2] = solver->dof;
     for (int j = 0; j < 7; j++) { /* solutions as near to a seed as the nearest one are enough */
         int joint = j < solver->dof;
         set[SET_near_seed].numbers[j] = start != NULL ? start[j] : NAN;

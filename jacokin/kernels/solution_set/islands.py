@@ -32,7 +32,7 @@ from jacokin.kernels.limits import TURN
 from jacokin.kernels.six_joints.loop import LABELLINGS, SPHERICAL_WRIST, fill_links, joint_of
 from jacokin.kernels.six_joints.spherical_wrist import reach_of
 from jacokin.kernels.solution_set.curve import level_near, wrapped
-from jacokin.kernels.solution_set.slices import BEFORE, SixJoints, count_solutions
+from jacokin.kernels.solution_set.slices import BEFORE, SixJoints, arm_of_equation, count_solutions
 from jacokin.kernels.solution_set.surface import Surface, begin_surface, fill_F, fill_rates, make_surface, size_of
 from jacokin.kernels.solution_set.trace import Loops
 from jacokin.kernels.tolerances import DISTINCT, UNCERTAIN
@@ -106,7 +106,8 @@ class Islands(NamedTuple):
 
     p: Array  # (LOOKED_AT + MOST_FOUND,) evenly all round, then values found between [rad]
     counts: NDArray[np.int64]  # (LOOKED_AT + MOST_FOUND,) roots of F at each; -1 where they are in doubt
-    size: NDArray[np.int64]  # (5,) values found, places left in doubt, values all round, halvings, labelling that tells
+    size: NDArray[np.int64]  # (6,) values found, places left in doubt, values all round, halvings, labelling that tells,
+    # and solutions for each root
     useless: NDArray[np.int64]  # (LABELLINGS,) 1 where F is noise at any value of the parameter
     comes: Array  # (LOOKED_AT, 4) see `Look`
     stack: Array  # (DEPTH, 10) two values, what is known of each: when pairs come, real roots, whether it is a fold
@@ -125,7 +126,7 @@ def make_islands() -> Islands:
     return Islands(
         np.empty(LOOKED_AT + MOST_FOUND),
         np.zeros(LOOKED_AT + MOST_FOUND, np.int64),
-        np.zeros(5, np.int64),
+        np.zeros(6, np.int64),
         np.zeros(LABELLINGS, np.int64),
         np.empty((LOOKED_AT, 4)),
         np.empty((DEPTH, 10)),
@@ -369,9 +370,10 @@ def distance_to_next(z: Array, i: int, degree: int) -> float:
 
 def find_islands(six: SixJoints, window: Array, work: Islands) -> None:
     """Fill p and counts, at even values in a window and beside, and between where curves may be."""
-    k = unpack_arm(six.arm)
+    k = arm_of_equation(six)
     step = TURN / LOOKED_AT
     work.size[0], work.size[1], work.size[2], work.size[3] = 0, 0, LOOKED_AT, 0
+    work.size[5] = 2 if k.six.form == SPHERICAL_WRIST else 1
     begin_surface(k, six, window[1], work.F)
     own = unpack_arm(six.general).six.own
     work.size[4] = own if k.six.scale == 0.0 else next_labelling(k, six, own)
@@ -460,7 +462,7 @@ def look_beside_folds(six: SixJoints, loops: Loops, parameter: int, first: int, 
     At the slice, the pair of the fold is on its way to the axis, as any that comes there before would be. Before the
     slice there may be a fold that faces this one, at which another pair, or the same one, comes to the axis.
     """
-    k, step = unpack_arm(six.arm), TURN / LOOKED_AT
+    k, step = arm_of_equation(six), TURN / LOOKED_AT
     for c in range(first, loops.size[1]):
         for n in range(loops.ends[c, 0] + 1, loops.ends[c, 1] - 1):
             side = side_of_fold(loops, n, parameter)
@@ -588,7 +590,7 @@ def line_at(n: int) -> float:
 
 def joint_of_root(six: SixJoints, work: Islands, kind: int) -> int:
     """Index among seven angles of the one that a root of F is."""
-    k = unpack_arm(six.arm)
+    k = arm_of_equation(six)
     j = joint_of(k.six.own, 2)
     if k.six.form == SPHERICAL_WRIST:
         fill_links(six.chain, six.T, k.six.scale, k.six.form_labelling, work.F.equations.links)
@@ -617,7 +619,7 @@ def count_on_lines(loops: Loops, parameter: int, joint: int, work: Islands) -> N
 
 def add_zero_on_line(six: SixJoints, work: Islands, i: int, n: int) -> None:
     """Add the value of the parameter between slices i and i + 1 at which F is zero on line n; it changes its sign."""
-    k, x = unpack_arm(six.arm), line_at(n)
+    k, x = arm_of_equation(six), line_at(n)
     low, step, sign = work.p[i], 0.5 * TURN / LOOKED_AT, work.lines[i, n]
     for _ in range(LINE_HALVINGS):
         fill_F(k, six, work.F, low + step, -1)

@@ -31,7 +31,7 @@ from jacokin.kernels.solution_set.curve import (
     still_shares,
     wrapped,
 )
-from jacokin.kernels.solution_set.within import SNAP
+from jacokin.kernels.solution_set.within import DOUBT, SNAP
 
 #: Parts of a chord at a time.
 PARTS = 48
@@ -215,14 +215,16 @@ def has_several(work: NearestWork, j: int) -> bool:
 
 
 def dips(work: NearestWork, a: Array, b: Array, length: float, j: int) -> bool:
-    """Whether an angle passes a limit between two nodes and comes back, of those that have several equivalents."""
+    """Whether an angle comes to a limit between two nodes and goes back, of those that have several equivalents."""
     if not has_several(work, j):
         return False
     for u in still_shares(a, b, length, j):
         extreme = cubic(a, b, length, u, j)
         for side in range(2 if u > 0.0 else 0):
             limit = level_near(work.limits[side, j], extreme, extreme)
-            if (a[j] - limit) * (b[j] - limit) > 0.0 and (a[j] - limit) * (extreme - limit) <= 0.0:
+            before, after = a[j] - limit, b[j] - limit
+            touches = abs(extreme - limit) < DOUBT * length * length + SNAP < max(abs(before), abs(after))
+            if before * after > 0.0 and (touches or before * (extreme - limit) <= 0.0):
                 return True
     return False
 

@@ -71,7 +71,7 @@ class SetWork(NamedTuple):
 
     chain: Array  # (8, 3, 4) placements between seven joints that turn about z
     T: Array  # (4, 4) target
-    options: NDArray[np.int64]  # (4,) index of the parameter, kind of `slices`, solutions for each root of F, joints
+    options: NDArray[np.int64]  # (3,) index of the parameter, kind of `slices`, joints
     starts: Array  # (n, 7) points near curves that are followed too, NaN for none [rad]
     six: SixJoints
     seven: SevenJoints
@@ -90,7 +90,7 @@ def make_set_work() -> SetWork:
     return SetWork(
         np.zeros((8, 3, 4)),
         np.eye(4),
-        np.zeros(4, np.int64),
+        np.zeros(3, np.int64),
         np.empty((0, 7)),
         make_six_joints(),
         make_seven_joints(MOST_FOLDS),
@@ -154,7 +154,7 @@ def fit_window(work: SetWork, whole: bool) -> None:
 
     All round where joint 3 is the parameter: there chords are found without following curves.
     """
-    parameter, kind, joints = int(work.options[0]), int(work.options[1]), int(work.options[3])
+    parameter, kind, joints = int(work.options[0]), int(work.options[1]), int(work.options[2])
     window, near, slices = work.loops.window, work.near, work.slices
     window[0], window[1] = 0.0, math.inf
     if math.isnan(near.seed[parameter]) or kind == JOINT_3:
@@ -306,7 +306,7 @@ def look_along_lines(work: SetWork, joint: int) -> None:
 
     A curve may go round in x while the parameter hardly changes.
     """
-    islands, each = work.islands, work.options[2]
+    islands, each = work.islands, work.islands.size[5]
     count_on_lines(work.loops, int(work.options[0]), joint, islands)
     for n in range(LINES):
         for i in range(LOOKED_AT):
@@ -346,7 +346,7 @@ def is_counted(work: SetWork, i: int) -> bool:
     """Whether as many curves as F has roots, times the solutions of each, pass a value at which F was looked at."""
     roots = work.islands.counts[i]
     passed = passing(work.loops, int(work.options[0]), work.islands.p[i])
-    return bool(roots >= 0 and passed == roots * work.options[2])
+    return bool(roots >= 0 and passed == roots * work.islands.size[5])
 
 
 def passing(loops: Loops, parameter: int, value: float) -> int:

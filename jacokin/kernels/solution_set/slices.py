@@ -10,9 +10,11 @@ from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.kernels.branches import COLUMNS, MAX_BRANCHES, PoseQuery
-from jacokin.kernels.closed_form.arm import ARM_CONSTANTS, unpack_arm
+from jacokin.kernels.closed_form.arm import ARM_CONSTANTS, ArmConstants, unpack_arm
 from jacokin.kernels.closed_form.pose import Work, make_work, solve_pose
+from jacokin.kernels.six_joints.loop import SPHERICAL_WRIST, fill_links
 from jacokin.kernels.solution_set.seven_joints import MOST_AT_Q3, solve_at_q3
+from jacokin.kernels.tolerances import STRUCTURE_TOLERANCE
 
 #: Values of the parameter, and points at each, at most.
 SLICES, POINTS = 160, MAX_BRANCHES
@@ -119,6 +121,19 @@ def fill_general(six: SixJoints) -> None:
         six.general[i] = 0.0
     six.general[SCALE] = 1.0 / size
     six.general[OWN] = six.arm[OWN] if six.arm[SCALE] > 0.0 else JACO_LABELLING
+
+
+def arm_of_equation(six: SixJoints) -> ArmConstants:
+    """The constants that F is made with: an arm whose wrist is not square counts as one of any structure.
+
+    Such a wrist does not reach every orientation: where its point is, which the F of wrists tells, is not enough.
+    """
+    k, links = unpack_arm(six.arm), six.work.six.equations.links
+    if k.six.form == SPHERICAL_WRIST:
+        fill_links(six.chain, six.T, k.six.scale, k.six.form_labelling, links)
+        if max(abs(links[3, 2, 2]), abs(links[4, 2, 2])) > STRUCTURE_TOLERANCE:
+            return unpack_arm(six.general)
+    return k
 
 
 def count_solutions(six: SixJoints, p: float) -> int:
