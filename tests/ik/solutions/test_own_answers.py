@@ -11,7 +11,7 @@ import pinocchio as pin
 import pytest
 
 import jacokin
-from fuzz import own_answers
+from fuzz import own_answers, six_joints
 from jacokin import FreeAxis, IKSolver, Robot
 from jacokin.arrays import Array
 from jacokin.ik import SolutionSet
@@ -250,3 +250,23 @@ def test_ranges_anywhere_on_the_circle(folder: Path, rng: np.random.Generator) -
         T = robot.forward_kinematics(robot.sample(rng))
         for interval in solver.solve_all(FreeAxis(T, axis=(1.0, 0.3, 0.0), range=(low, high))).intervals:
             assert low - 1e-9 <= interval.start <= interval.stop <= high + 1e-9
+
+
+@pytest.mark.parametrize(
+    ("seed", "case"),
+    [
+        (58001, 52),  # a pair of roots is foretold from one side only
+        (58001, 114),  # a joint of more than a turn just comes to its limit
+        (58001, 149),  # a single point, next to which two pairs of roots meet
+        (58001, 250),  # a wrist that is not square
+        (71001, 11),  # no joint has limits
+        (71001, 225),  # others
+        (71001, 228),
+    ],
+)
+def test_sets_of_arms_with_special_structures_hold_what_they_are_made_from(
+    seed: int, case: int, tmp_path: Path
+) -> None:
+    rng, path = np.random.default_rng([seed, case]), tmp_path / "arm.urdf"
+    path.write_text(six_joints.random_arm(rng), encoding="utf-8")
+    assert [finding for finding in six_joints.check(path, rng) if finding.kind != "unsure"] == []
