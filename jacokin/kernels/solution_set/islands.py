@@ -5,10 +5,11 @@ which the real ones are the solutions and the others pairs x and conj(x). Two so
 a pair. A closed curve that lies wholly between two values of p is a pair there that comes to the real axis and leaves
 it again. How far it is from the axis tells about when: the square of this distance d is smooth in p, also where a pair
 is on the axis, so that value, slope and bend of it are followed to where it is zero. Where pairs come from both sides
-and might be there in time, the values between are halved, until they cannot, or until curves are found there. Beside a
-fold of a curve its own pair is on the way to the axis, too, and hides what comes there before; so F is looked at right
-beside each fold once the curves are known. There the distance of its own pair tells little about where that pair comes
-to the axis again; it does as seen from elsewhere, if not where the fold is.
+and might be there in time, or one comes from one side by all three and no more roots are real on the other, the values
+between are halved, until they cannot, or until curves are found there. Beside a fold of a curve its own pair is on the
+way to the axis, too, and hides what comes there before; so F is looked at right beside each fold once the curves are
+known. There the distance of its own pair tells little about where that pair comes to the axis again; it does as seen
+from elsewhere, if not where the fold is.
 
 Where noise may move a root as far as the axis, or as far as the next root, it is real or not. Another labelling of the
 joints has the same solutions as real roots of another F: as many as are real for sure in one are solutions, and so are
@@ -106,8 +107,8 @@ class Islands(NamedTuple):
 
     p: Array  # (LOOKED_AT + MOST_FOUND,) evenly all round, then values found between [rad]
     counts: NDArray[np.int64]  # (LOOKED_AT + MOST_FOUND,) roots of F at each; -1 where they are in doubt
-    size: NDArray[np.int64]  # (6,) values found, places left in doubt, values all round, halvings, labelling that tells,
-    # and solutions for each root
+    #: Values found, places left in doubt, values all round, halvings, labelling that tells, solutions for each root.
+    size: NDArray[np.int64]  # (6,)
     useless: NDArray[np.int64]  # (LABELLINGS,) 1 where F is noise at any value of the parameter
     comes: Array  # (LOOKED_AT, 4) see `Look`
     stack: Array  # (DEPTH, 10) two values, what is known of each: when pairs come, real roots, whether it is a fold
@@ -329,7 +330,7 @@ def root_at(powers: Array, degree: int, z: Array, i: int) -> Root:
 def approach(
     powers: Array, degree: int, root: Root, noise: float, noise_of_bend: float, is_near_others: bool
 ) -> tuple[float, float, float, float]:
-    """Minus the square of a pair's distance from the real axis: its value, half its slope, how unsure that is, its bend."""
+    """Minus the square of a pair's distance from the real axis: value, slope, how unsure that is, and bend."""
     x, turns, d = root.x, root.turns, root.d
     curves, _ = value_and_slope_at(powers[2], degree, x)
     bends = -(curves + (2.0 * root.mixed + root.bend * turns) * turns) / root.slope
