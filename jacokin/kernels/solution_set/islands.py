@@ -47,6 +47,8 @@ LINE_HALVINGS = 24
 OFFSET = 0.1234
 #: Times the distance between two values within which pairs from both sides may come to the axis.
 SAFETY = 2.0
+#: Share of that distance within which solutions come where a spherical wrist's other angle becomes real.
+SURE = 0.15
 #: [rad] values nearer to each other than this are halved where another labelling of the joints has such pairs, too.
 LABELLED = 0.01
 #: [rad] to where F is looked at again in a labelling in which it is noise.
@@ -282,6 +284,10 @@ def look_in(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling:
         return Told(0.0, 0.0, 0, 2 * DEGREE, True, 0.0, 0.0)
     degree = degree_of(work, noise)
     noise_of_bend = fill_rates(k, six, work.F, p, labelling, noise)
+    if labelling < 0 and k.six.form == SPHERICAL_WRIST and work.F.apart[0] < 0.0:  # another angle is complex
+        apart, rate, bend = work.F.apart[0], work.F.apart[1], work.F.apart[2]
+        ahead, behind = first_zero(apart, rate, bend), first_zero(apart, -rate, bend)
+        return Told(ahead, behind, 0, 0, False, ahead / SURE, behind / SURE)
     z = work.z if labelling < 0 else work.other
     if labelling < 0:
         foretell(work, p, degree)
@@ -307,12 +313,6 @@ def look_in(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling:
             behind = min(behind, first_zero(value, unsure + rate, bend))
             sure_ahead = min(sure_ahead, zero_of_parabola(value, -rate, bend))
             sure_behind = min(sure_behind, zero_of_parabola(value, rate, bend))
-    if labelling < 0 and k.six.form == SPHERICAL_WRIST and work.F.apart[0] < 0.0:  # another angle must be real as well
-        apart, rate, bend = work.F.apart[0], work.F.apart[1], work.F.apart[2]
-        ahead, behind = max(ahead, first_zero(apart, rate, bend)), max(behind, first_zero(apart, -rate, bend))
-        sure_ahead = max(sure_ahead, zero_of_parabola(apart, rate, bend))
-        sure_behind = max(sure_behind, zero_of_parabola(apart, -rate, bend))
-        return Told(ahead, behind, 0, 0, False, sure_ahead, sure_behind)
     return Told(ahead, behind, least, most, blurred, sure_ahead, sure_behind)
 
 
