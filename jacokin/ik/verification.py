@@ -160,7 +160,7 @@ class Verifier:
 
     def reached_rows(self, rows: BranchTable | SolutionSet) -> NDArray[np.bool_]:
         """`reached` for rows of the closed form, which come with their measured errors."""
-        within = (rows.q >= self.robot.lower).all(axis=1) & (rows.q <= self.robot.upper).all(axis=1)
+        within = ((rows.q >= self.robot.lower) & (rows.q <= self.robot.upper)).all(axis=1)
         near = rows.position_error <= self.options.position_tolerance
         return np.asarray(within & near & (rows.orientation_error <= self.options.orientation_tolerance))
 

@@ -142,11 +142,6 @@ def sample(at: Callable[[Array], Array], duration: float, dt: float, slower: flo
     return np.asarray(np.clip(found, low, high))  # a mean of equal values may round
 
 
-def steps_of(duration: float, dt: float) -> int:
-    """How many steps of `dt` [s] a motion takes, slowed down to whole ones; at least one."""
-    return max(1, math.ceil(duration / dt - WHOLE_TICK))
-
-
 def averaged_rows(taken: Array, dt: float, jerk: Array | None = None) -> tuple[Rows, int]:
     """Rows of a motion from rest to rest, averaged over ticks, and over how many: one if the jerk is not limited.
 

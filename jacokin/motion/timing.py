@@ -11,6 +11,7 @@ A place u counts lines: 2.5 is half way along the third.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -49,6 +50,17 @@ def check_ticks(durations: Array, dt: float) -> None:
         )
     if total < dt * (1.0 - WHOLE_TICK):
         raise InvalidInputError(f"the path takes {total:.6g} s, less than one control step of {dt:.6g} s")
+
+
+def steps_of(duration: float, dt: float) -> int:
+    """How many steps of `dt` [s] a motion takes, slowed down to whole ones; at least one.
+
+    Raises:
+        InvalidInputError: too many.
+    """
+    if duration / dt > MAX_TICKS:
+        check_ticks(np.array([duration]), dt)
+    return max(1, math.ceil(duration / dt - WHOLE_TICK))
 
 
 def sample_lines(durations: Array, dt: float) -> Array:

@@ -176,25 +176,42 @@ def _empty() -> Array:
     return _NONE
 
 
-class _Looking(Frozen):
-    """A result whose `clearance` is measured when it is first asked for."""
+def _unknown(count: int) -> Array:
+    """Numbers (count,) that nobody knows."""
+    return checks.sealed(np.full(count, np.nan))
+
+
+#: What so many rows of a motion that follows no path have in fields that were not given.
+USUAL: Mapping[str, Callable[[int], object]] = {
+    "clearance": _unknown,
+    "position_error": _unknown,
+    "orientation_error": _unknown,
+    "status": lambda count: ("OK",) * count,
+    "limiting": lambda count: ("",) * count,
+    "segment": lambda count: checks.sealed(np.full(count, -1, dtype=np.intp)),
+}
+
+
+class _Completing(Frozen):
+    """A result whose fields that were not given are made, or measured, when they are first asked for."""
 
     __slots__ = ("_look",)
-    _look: Callable[[], Array]
+    _look: Callable[[], Array] | None
 
     if not TYPE_CHECKING:  # or else every name would be an attribute
 
-        def __getattr__(self, name: str) -> Array:
+        def __getattr__(self, name: str) -> object:
             """What is not there yet."""
-            if name != "clearance":
+            if name not in USUAL:
                 raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
-            found = checks.read_only(self._look())
+            is_measured = name == "clearance" and self._look is not None
+            found = checks.read_only(self._look()) if is_measured else USUAL[name](len(self.t))
             object.__setattr__(self, name, found)
             return found
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Trajectory(_Looking):
+class Trajectory(_Completing):
     """Joint angles over time. Arrays are read-only."""
 
     joint_names: tuple[str, ...]
@@ -247,23 +264,15 @@ class Trajectory(_Looking):
     there."""
 
     def __post_init__(self) -> None:
-        """Fill in what a motion that follows no path need not say."""
-        count, unknown = len(self.t), checks.sealed(np.full(len(self.t), np.nan))
-        left = self.success and not {"OK", LEAD_IN}.issuperset(self.status)
-        usual: dict[str, object] = {
-            "a": changes(self.t, self.v) if not self.a.size else self.a,
-            "clearance": unknown,
-            "position_error": unknown,
-            "orientation_error": unknown,
-            "status": ("OK",) * count,
-            "limiting": ("",) * count,
-            "segment": checks.sealed(np.full(count, -1, dtype=np.intp)),
-        }
-        for name, value in usual.items():
-            if not len(getattr(self, name)):
-                object.__setattr__(self, name, value)
-        if left:
+        """Fill in what a motion that follows no path need not say, or leave it to when it is asked for."""
+        object.__setattr__(self, "_look", None)
+        if self.success and not {"OK", LEAD_IN}.issuperset(self.status):
             object.__setattr__(self, "outcome", MotionStatus.OFF_PATH.name)
+        if not self.a.size:
+            object.__setattr__(self, "a", changes(self.t, self.v))
+        for name in USUAL:
+            if not len(getattr(self, name)):
+                object.__delattr__(self, name)
         for name in ("t", *JOINTS, *LIMITS):  # what is checked here stays as it is
             if getattr(self, name).flags.writeable:
                 object.__setattr__(self, name, checks.read_only(getattr(self, name)))
@@ -277,7 +286,8 @@ class Trajectory(_Looking):
             return ""
         steps = (self.t[1:] - self.t[:-1])[:, None]
         moved = np.abs(self.q[1:] - self.q[:-1])
-        if (moved.max(axis=0) <= self.velocity_limit * steps.min()).all():
+        # Of rows of each joint, which NumPy goes through in a third of the time.
+        if (np.ascontiguousarray(moved.T).max(axis=1) <= self.velocity_limit * steps.min()).all():
             return ""
         rounding = SPEED_ROUNDING * steps + ROUNDED * np.maximum(np.abs(self.q[:-1]), np.abs(self.q[1:]))
         fast = ~(moved <= self.velocity_limit * (1.0 + SPEED_ROUNDING) * steps + rounding)
@@ -321,7 +331,6 @@ class Trajectory(_Looking):
             goal=goal,
         )
         if look is not None:
-            object.__delattr__(made, "clearance")
             object.__setattr__(made, "_look", partial(look, q))
         return made
 

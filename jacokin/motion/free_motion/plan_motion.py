@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, ModelError
@@ -47,11 +47,10 @@ from jacokin.motion.joint_motion import ACCELERATION
 from jacokin.motion.motion_state import MotionState
 from jacokin.motion.rows import HELD, Limits, OnTheWay, Rows, coarse, halved, joined
 from jacokin.motion.timing import (
-    MAX_TICKS,
     TooHeavy,
-    check_ticks,
     hold_torques,
     slowness,
+    steps_of,
     torque_limits,
     torque_strain,
 )
@@ -173,7 +172,12 @@ def plan_motion(
             torque_limit=torque,
         )
         return Meanwhile(solver, meanwhile, begun + limit).plan(plan, request.start, goal, step)
-    return request.plan(aims, search, cache(partial(np.random.default_rng, seed)), begun, begun + limit)
+
+    @cache
+    def randomness() -> np.random.Generator:
+        return np.random.default_rng(seed)
+
+    return request.plan(aims, search, randomness, begun, begun + limit)
 
 
 class _Timed(NamedTuple):
@@ -181,8 +185,6 @@ class _Timed(NamedTuple):
 
     way: Array
     sections: list[Section]
-    at_full_speed: float
-    """In units of `_Request.unit`."""
 
     @property
     def duration(self) -> float:
@@ -198,7 +200,7 @@ class _Ends(NamedTuple):
     """What comes before and after what a search finds."""
 
     before: Array
-    """(n, dof) up to where the search begins [rad]."""
+    """(n, dof) from the start to where the search begins [rad]."""
     after: Mapping[int, Array]
     """(m, dof) by number of the goal: where the search ends, and what comes then [rad]."""
 
@@ -266,26 +268,26 @@ class _Request:
         self, aims: Sequence[Any], search: WaySearch | None, rng: Randomness, begun: float, deadline: float
     ) -> Trajectory:
         """The quickest motion found to any of the aims, or one that stays at the start, with the reason."""
-        robot = self.solver.robot
-        finder = GoalFinder(self.solver, np.clip(self.start, robot.lower, robot.upper), rng, begun, deadline)
+        inside = np.clip(self.start, self.solver.robot.lower, self.solver.robot.upper)
+        finder = GoalFinder(self.solver, inside, rng, begun, deadline)
         goals, missed = finder.find_all(aims)
         if not goals:
             status = MotionStatus.NO_WAY if missed else MotionStatus.UNREACHABLE
             return self._stay(status, missed or finder.why_none(aims))
         rows = np.array([each.q for each in goals])
+        contact = None if search is None else search.contact
         still = np.flatnonzero(np.abs(rows - self.start).max(axis=1) <= SAME)
-        if len(still) and (search is None or not search.contact.touches(self.start)):
-            there = self._timed(self.start[None], None)
-            return self._go(there, goals[int(still[0])], None if search is None else search.contact, "")
-        rows, goals = self._in_order(rows, goals, self.start)
-        beginning = self._begin(search, rows)
+        if len(still) and (contact is None or not contact.touches(self.start)):
+            return self._go(self._timed(self.start[None], None), goals[int(still[0])], contact, "")
+        beginning = self._begin(search, inside, rows)
         if isinstance(beginning, Trajectory):
             return beginning
         before, note = beginning
+        order = self._order(rows, before[-1])
+        rows = rows[order]
         if search is None:
             way = np.array([*before, rows[0]])
-            return self._go(self._timed(way, None), goals[0], None, note)
-        rows, goals = self._in_order(rows, goals, before[-1])
+            return self._go(self._timed(way, None), goals[order[0]], None, note)
         search.begin(before[-1], rows, self.speed, rng)
         straight = search.go_straight()
         after, nearness = self._land(search, straight, rows, before[-1])
@@ -294,22 +296,17 @@ class _Request:
                 rows[k] = tail[0]
             search.begin(before[-1], rows, self.speed, rng)
             straight = search.go_straight()
-        blocked = np.array([k for k in straight.blocked.tolist() if k not in nearness], dtype=np.intp)
-        straight = StraightMotion(straight.reached, blocked, straight.touching)
+        if nearness:
+            straight.blocked = np.setdiff1d(straight.blocked, list(nearness))
         if straight.reached < 0 and not len(straight.blocked):
             return self._stay(MotionStatus.GOAL_IN_CONTACT, _why_no_goal(len(rows), straight, nearness))
-        best = self._quickest(search, straight, rows, _Ends(before[:-1], after), deadline)
+        best = self._quickest(search, straight, rows, _Ends(before, after), deadline)
         if isinstance(best, Found):
             return self._stay(MotionStatus.NO_WAY, self._why_no_way(search, best, deadline))
         timed, number = best
-        reached = goals[number]
+        reached = goals[order[number]]
         end = Goal(checks.read_only(timed.way[-1]), reached.number, reached.target, reached.parameter)
-        return self._go(timed, end, search.contact, note)
-
-    def _in_order(self, rows: Array, goals: list[Goal], start: Array) -> tuple[Array, list[Goal]]:
-        """Goals, and their configurations (n, dof), by the time of a straight motion from a configuration."""
-        order = np.argsort(self._times(rows, start), kind="stable")
-        return rows[order], [goals[k] for k in order.tolist()]
+        return self._go(timed, end, contact, note)
 
     def _why_no_way(self, search: WaySearch, found: Found, deadline: float) -> str:
         """What a search that ended without a way has seen."""
@@ -321,17 +318,27 @@ class _Request:
         )
 
     def _times(self, rows: Array, start: Array) -> Array:
-        """Of straight motions from a configuration (dof,) to some (n, dof), at full speed."""
-        return np.asarray((np.abs(rows - start) / self.speed).max(axis=1))
+        """Of straight motions from a configuration (dof,), or from one each, to some (n, dof), at full speed."""
+        return np.asarray((np.abs(rows - start) / self.speed).max(axis=-1))
 
-    def _begin(self, search: WaySearch | None, goals: Array) -> _Beginning | Trajectory:
-        """Bring joints onto their limits, then apart what is near; or the motion that stays, with the reason."""
-        robot, rows, notes = self.solver.robot, [self.start], list[str]()
-        inside = np.clip(self.start, robot.lower, robot.upper)
+    def _order(self, rows: Array, start: Array) -> NDArray[np.intp]:
+        """Of goals (n, dof), by the times of straight motions from a configuration."""
+        return np.argsort(self._times(rows, start), kind="stable")
+
+    def _begin(self, search: WaySearch | None, inside: Array, goals: Array) -> _Beginning | Trajectory:
+        """Bring joints onto their limits, then apart what is near; or the motion that stays, with the reason.
+
+        Args:
+            search: knows what is near; None where nothing is looked at.
+            inside: (dof,) the start, each joint within its limits [rad].
+            goals: (n, dof) [rad].
+        """
+        rows, notes = [self.start], list[str]()
         leaving = None if search is None else search.leaving
         near = None if leaving is None else leaving.near(self.start)
-        if (inside != self.start).any():
-            names = ", ".join(robot.joint_names[joint] for joint in np.flatnonzero(inside != self.start).tolist())
+        outside = np.flatnonzero(inside != self.start).tolist()
+        if outside:
+            names = ", ".join(self.solver.robot.joint_names[joint] for joint in outside)
             if search is not None and leaving is not None:
                 if near:
                     near, pair = leaving.follow(self.start, inside, near)
@@ -353,7 +360,7 @@ class _Request:
                 "what touches is pulled apart"
             )
             return self._stay(MotionStatus.START_IN_CONTACT, sentence)
-        out = leaving.way_out(inside, near, goals[:MOST_DIRECT])
+        out = leaving.way_out(inside, near, goals[self._order(goals, self.start)[:MOST_DIRECT]])
         if out is None:
             sentence = (
                 f"{where}, nearer than {leaving.kept:.3g} m (the clearance and a reserve), and no straight motion was "
@@ -394,17 +401,18 @@ class _Request:
         self, search: WaySearch, straight: StraightMotion, rows: Array, ends: _Ends, deadline: float
     ) -> tuple[_Timed, int] | Found:
         """The quickest of the straight motion and some ways around to goals (k, dof), and the number of its goal."""
-        start, best = search.start, None
+        start, best, quick = ends.before[-1], None, np.inf
         if straight.reached >= 0:
             way = np.array([start, rows[straight.reached]])
             best = self._timed(way, search, ends, straight.reached), straight.reached
             if self._is_direct(rows, straight, start):
                 return best
+            quick = float(self._times(way[1], start))
         times = self._times(rows[straight.blocked], start)
         found, bound, most = Found(), np.inf, MOST_SAMPLES
         for _ in range(self.ways):
             if best is not None:
-                bound, most = BETTER * best[0].at_full_speed, NEXT_SAMPLES
+                bound, most = BETTER * quick, NEXT_SAMPLES
             goals = straight.blocked[times < bound]
             if not len(goals):
                 break
@@ -412,7 +420,7 @@ class _Request:
             if found.way is not None:
                 timed = self._timed(found.way, search, ends, found.goal)
                 if best is None or timed.duration < best[0].duration:
-                    best = timed, found.goal
+                    best, quick = (timed, found.goal), float(self._times(found.way[1:], found.way[:-1]).sum())
             elif best is None:
                 break
         return best or found
@@ -422,18 +430,17 @@ class _Request:
         moves = np.ones(len(way), dtype=np.bool_)
         moves[1:] = np.abs(way[1:] - way[:-1]).max(axis=1) > SAME
         way = way[moves]
-        least = float((np.abs(way[1:] - way[:-1]) / self.speed).max(axis=1).sum())
         cuts = search.cuts(way) if search is not None and len(way) > 2 else np.zeros(len(way))
-        if ends is not None and len(ends.before):
-            way, cuts = np.concatenate([ends.before, way]), np.concatenate([np.zeros(len(ends.before)), cuts])
+        if ends is not None and len(ends.before) > 1:
+            way, cuts = np.concatenate([ends.before[:-1], way]), np.append(np.zeros(len(ends.before) - 1), cuts)
         if ends is not None and goal in ends.after:
             tail = ends.after[goal]
             tail = (tail + TURN * np.round((way[-1] - tail[0]) / TURN) * self.solver.robot.unlimited)[1:]  # turned on
             way, cuts = np.concatenate([way, tail]), np.concatenate([cuts, np.zeros(len(tail))])
         if len(way) == 1:
-            return _Timed(way, [], 0.0)
+            return _Timed(way, [])
         way, cuts = straightened(way, cuts, self.speed)
-        return _Timed(way, make_sections(way, cuts, self.speed, self.limits), least)
+        return _Timed(way, make_sections(way, cuts, self.speed, self.limits))
 
     def _go(self, timed: _Timed, goal: Goal, contact: Contact | None, note: str) -> Trajectory:
         """The motion along a timed way to a goal, measured."""
@@ -451,10 +458,6 @@ class _Request:
             if isinstance(found, TooHeavy):
                 return self._stay(MotionStatus.TOO_HEAVY, found.explain(robot))
             slower = found
-        duration = slower * timed.duration
-        if duration / self.dt > MAX_TICKS:
-            check_ticks(np.array([duration]), self.dt)
-
         # Joints that start outside their limits stay there until they are back; what else is beyond is rounding.
         lower, upper = np.minimum(robot.lower, self.start), np.maximum(robot.upper, self.start)
 
@@ -463,7 +466,7 @@ class _Request:
         goes_on = rows is not None
         for step in () if goes_on else halved(self.dt):
             rows = hold_torques(robot, partial(timed.write, step, contact), self.torque, slower)
-            rows = rows._replace(q=np.clip(rows.q, lower, upper))
+            rows.q.clip(lower, upper, out=rows.q)
             if self.stop is not None:
                 rows = self.stop.then(rows)
             touching = between.fault(rows)
@@ -491,6 +494,7 @@ class _Request:
             return None
         robot, search = self.solver.robot, search_of(self.solver)
         longest, rows = float(self.stop.rows.t[-1]) + timed.duration, None
+        steps_of(longest, self.dt)  # not too many
         if search is not None:
             rows = go_on(robot, self.stop, timed.way, search, self.limits, self.speed, self.dt)
         if rows is None or rows.t[-1] > longest:

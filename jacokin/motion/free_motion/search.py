@@ -107,11 +107,6 @@ class WaySearch:
             found = self._local.leaving = Leaving(self._robot, self.contact, self._clearance)
         return found
 
-    @property
-    def start(self) -> Array:
-        """(dof,) where the search begins [rad]."""
-        return self._call().work.start.copy()
-
     def begin(self, start: Array, goals: Array, speed: Array, rng: Randomness) -> None:
         """Set start (dof,) and goals (k, dof) [rad], the soonest first, and the speeds of the joints (dof,) [rad/s].
 

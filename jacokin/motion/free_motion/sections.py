@@ -10,8 +10,9 @@ quicker.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,11 +22,12 @@ from jacokin.kernels.free_motion.corners import CHORD, CORNER_TRIES, LARGEST_CUT
 from jacokin.model.contact import Contact
 from jacokin.motion.blending import TimedCourse, fit_time
 from jacokin.motion.joint_motion import along_line
-from jacokin.motion.rows import Limits, Rows, averaged_rows, steps_of
-from jacokin.motion.timing import BETWEEN, MOST_PLACES
+from jacokin.motion.rows import Limits, Rows, averaged_rows
+from jacokin.motion.timing import BETWEEN, MOST_PLACES, steps_of
 
 
-class Section(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Section:
     """Part of a way from one stop to the next."""
 
     way: Array
@@ -35,8 +37,11 @@ class Section(NamedTuple):
     speed: Array
     """(dof,) by which they are measured."""
     limits: Limits
-    timed: TimedCourse
-    """Within the limits of velocity and acceleration."""
+
+    @cached_property
+    def timed(self) -> TimedCourse:
+        """The course, within the limits of velocity and acceleration."""
+        return fit_time(self.way, self.cuts, self.speed, self.limits.velocity, self.limits.acceleration)
 
     @property
     def duration(self) -> float:
@@ -116,12 +121,7 @@ class Section(NamedTuple):
 def make_sections(way: Array, cuts: Array, speed: Array, limits: Limits) -> list[Section]:
     """Sections of a way (n, dof) [rad] without corners that are none, between those that are not cut, `cuts` (n,)."""
     stops = [0, *(1 + np.flatnonzero(cuts[1:-1] == 0.0)).tolist(), len(way) - 1]
-    sections = []
-    for first, last in pairwise(stops):
-        part, cut = way[first : last + 1], cuts[first : last + 1]
-        timed = fit_time(part, cut, speed, limits.velocity, limits.acceleration)
-        sections.append(Section(part, cut, speed, limits, timed))
-    return sections
+    return [Section(way[a : b + 1], cuts[a : b + 1], speed, limits) for a, b in pairwise(stops)]
 
 
 def _change(limits: Limits) -> float:
