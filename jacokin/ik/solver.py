@@ -225,7 +225,10 @@ class IKSolver:
         Raises:
             InvalidInputError: target malformed.
         """
-        wanted = interpret(np.eye(4) if target is None else target, self.frame)
+        return self.dimension_of(interpret(np.eye(4) if target is None else target, self.frame))
+
+    def dimension_of(self, wanted: TargetPose) -> Literal[0, 1] | None:
+        """`dimension`, for callers inside the package, of a checked target."""
         if self._few_at(wanted) is not None:
             return 0
         if wanted.position_only:

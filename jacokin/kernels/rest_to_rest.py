@@ -23,16 +23,19 @@ LONGEST = 1e15  # ticks
 LEAST = 1e-100  # instead of zero, below a fraction line
 ROUNDED = 1.0 - 1e-10  # of a demand, which may be missed by rounding
 BELOW, ABOVE = 3, 3  # whole ticks around the least time among which the best are looked for
+#: Where the counts are: joints, and 1 where they are to move on a straight line, 0 where they need not.
+JOINTS, STRAIGHT = range(2)
 
 
 class RestWork(NamedTuple):
     """What a call reads and writes; arrays may have more room."""
 
-    counts: NDArray[np.int64]  # (1,) joints
+    counts: NDArray[np.int64]  # (2,)
     dt: Array  # (1,) [s]
     start: Array  # (dof,) [rad]
     end: Array  # (dof,)
     limits: Array  # (3 dof,) of velocity, acceleration and jerk of each joint in turn; infinite for none
+    shares: Array  # (3,) filled in: the limits of how much of a straight line is behind
     ticks: Array  # (3 dof,) n1, n2 and n3 of each joint, whole
     q: Array  # (rows dof,) written if there is room for all of them [rad]
     v: Array  # (rows dof,) [rad/s]
@@ -41,8 +44,9 @@ class RestWork(NamedTuple):
 
 def make_rest_work(dof: int = 0, rows: int = 0) -> RestWork:
     """Fresh work arrays for so many joints and rows."""
-    joints = [np.zeros(size * dof) for size in (1, 1, 3, 3)]
-    return RestWork(np.array([dof]), np.zeros(1), *joints, *(np.zeros(rows * dof) for _ in range(3)))
+    start, end, limits, shares, ticks = (np.zeros(size) for size in (dof, dof, 3 * dof, 3, 3 * dof))
+    rows_of_joints = (np.zeros(rows * dof) for _ in range(3))
+    return RestWork(np.array([dof, 0]), np.zeros(1), start, end, limits, shares, ticks, *rows_of_joints)
 
 
 def fit_rest_to_rest(work: RestWork) -> int:
@@ -51,7 +55,9 @@ def fit_rest_to_rest(work: RestWork) -> int:
     The joints that need less time take as much as the slowest: by the same ramps where these hold their limits, so that
     the motion is a straight line where it can be, or else more slowly between ramps of their own.
     """
-    joints, dt, longest, leader = work.counts[0], work.dt[0], 0.0, -1
+    if work.counts[STRAIGHT]:
+        return fit_line(work)
+    joints, dt, longest, leader = work.counts[JOINTS], work.dt[0], 0.0, -1
     for j in range(joints):
         distance = abs(work.end[j] - work.start[j])
         n1, n2, n3 = 1.0, 1.0, 1.0
@@ -70,6 +76,24 @@ def fit_rest_to_rest(work: RestWork) -> int:
     return ticks
 
 
+def fit_line(work: RestWork) -> int:
+    """Fill in the rows of a straight line, all joints by the same ramps; returns ticks, or `NEVER`."""
+    joints, shares = work.counts[JOINTS], work.shares
+    for k in range(3):
+        shares[k] = math.inf
+        for j in range(joints):
+            distance = abs(work.end[j] - work.start[j])
+            if distance > 0.0:
+                shares[k] = min(shares[k], work.limits[3 * j + k] / distance)
+    n1, n2, n3 = least_ticks(*demands(1.0, shares, 0, work.dt[0]))
+    if n1 + n2 + n3 > LONGEST:
+        return NEVER
+    ticks = int(n1 + n2 + n3)
+    if (ticks + 1) * joints <= len(work.q):
+        write_line(work, ticks, n1, n2, n3)
+    return ticks
+
+
 def demands(distance: float, limits: Array, joint: int, dt: float) -> tuple[float, float, float]:
     """The least n1, n1 n2 and n1 n2 n3 for a distance."""
     first = distance / limits[3 * joint] / dt
@@ -80,7 +104,7 @@ def demands(distance: float, limits: Array, joint: int, dt: float) -> tuple[floa
 def keep_step(work: RestWork, leader: int, longest: float) -> None:
     """Give each joint averages that take as long as the leader's."""
     n1, n2, n3 = work.ticks[3 * leader], work.ticks[3 * leader + 1], work.ticks[3 * leader + 2]
-    for j in range(work.counts[0]):
+    for j in range(work.counts[JOINTS]):
         at = 3 * j
         distance = abs(work.end[j] - work.start[j])
         if distance == 0.0 or meets(*demands(distance, work.limits, j, work.dt[0]), n1, n2, n3):
@@ -134,7 +158,7 @@ def least_times(first: float, second: float, third: float) -> tuple[float, float
 
 def write_rows(work: RestWork, ticks: int) -> None:
     """Fill in positions, velocities and accelerations at all ticks; the last ones are those of the first, reversed."""
-    joints, dt = work.counts[0], work.dt[0]
+    joints, dt = work.counts[JOINTS], work.dt[0]
     for j in range(joints):
         n1, n2, n3 = work.ticks[3 * j], work.ticks[3 * j + 1], work.ticks[3 * j + 2]
         start, end = work.start[j], work.end[j]
@@ -146,6 +170,22 @@ def write_rows(work: RestWork, ticks: int) -> None:
             early, late = row * joints + j, (ticks - row) * joints + j
             work.q[late], work.v[late], work.a[late] = end - gone, v, -a / dt / dt
             work.q[early], work.v[early], work.a[early] = start + gone, v, a / dt / dt
+
+
+def write_line(work: RestWork, ticks: int, n1: float, n2: float, n3: float) -> None:
+    """`write_rows` on a straight line: no joint is beyond its ends by rounding."""
+    joints, dt = work.counts[JOINTS], work.dt[0]
+    for row in range(ticks // 2 + 1):
+        share, speed, pull = ramp(row, n2, n3)
+        away, slower, softer = ramp(row - n1, n2, n3)
+        gone, v, a = (share - away) / n1, (speed - slower) / n1 / dt, (pull - softer) / n1
+        for j in range(joints):
+            start, end, early, late = work.start[j], work.end[j], row * joints + j, (ticks - row) * joints + j
+            step, low, high = end - start, min(start, end), max(start, end)
+            work.q[late] = min(max(start + (1.0 - gone) * step, low), high) if row else end
+            work.v[late], work.a[late] = v * step, -a / dt / dt * step
+            work.q[early] = min(max(start + gone * step, low), high)
+            work.v[early], work.a[early] = v * step, a / dt / dt * step
 
 
 def ramp(tick: float, n2: float, n3: float) -> tuple[float, float, float]:

@@ -23,7 +23,7 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, ModelError, UnknownNameError, shown
 from jacokin.kernels.configurations.arm import Arm
 from jacokin.kernels.configurations.dynamics import Bodies
-from jacokin.model import batches, checks, dynamics, jacobians
+from jacokin.model import angles, batches, checks, dynamics, jacobians
 from jacokin.model.descriptions import bundled, chain
 from jacokin.model.descriptions.srdf import DisabledPairs
 from jacokin.model.descriptions.tools import usual_tools
@@ -840,6 +840,15 @@ HARDEST = 1e6  # [rad/s^2] full speed of a fast arm within a few microseconds
 SUDDENEST = 1e9  # [rad/s^3]
 
 
+def copies_counted(robot: Robot) -> NDArray[np.int64]:
+    """How many copies (dof,) of each joint's angle to look at, see `angles.copies_counted`; one of unlimited joints."""
+    return robot.once(_counted)
+
+
+def _counted(robot: Robot) -> NDArray[np.int64]:
+    return checks.sealed(angles.copies_counted(robot.lower, robot.upper, ~robot.unlimited & ~robot.sliding))
+
+
 def velocity_limits(robot: Robot, value: ArrayLike | None) -> Array:
     """The given limits (dof,) or one for all [rad/s], or the robot's own, 1e4 rad/s where those are larger.
 
@@ -847,8 +856,17 @@ def velocity_limits(robot: Robot, value: ArrayLike | None) -> Array:
         InvalidInputError: malformed, not positive or more than 1e4 rad/s, or the robot's file (MJCF has no such field)
             gives none.
     """
-    if value is not None:
-        return _bounded("velocity_limit", value, robot.dof, "rad/s", FASTEST)
+    return (
+        robot.once(_own_velocities) if value is None else _bounded("velocity_limit", value, robot.dof, "rad/s", FASTEST)
+    )
+
+
+def _own_velocities(robot: Robot) -> Array:
+    """The robot's own limits (dof,) [rad/s].
+
+    Raises:
+        InvalidInputError: its file gives none, or one that is not positive.
+    """
     own = robot.velocity_limit.tolist()
     missing = [name for name, limit in zip(robot.joint_names, own, strict=True) if not math.isfinite(limit)]
     if missing:

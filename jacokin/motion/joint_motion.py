@@ -80,10 +80,10 @@ def move_joints(
     return Trajectory.of(robot, velocity, rows, message=message)
 
 
-def rest_to_rest(start: Array, end: Array, limits: Limits, dt: float) -> Rows:
+def rest_to_rest(start: Array, end: Array, limits: Limits, dt: float, *, straight: bool = False) -> Rows:
     """The least time from rest to rest in whole steps of `dt` [s], all joints in step: one row if nothing moves.
 
-    The motion is a straight line where that takes no longer.
+    The motion is a straight line where that takes no longer, or is asked for.
 
     Raises:
         InvalidInputError: it takes more than `MAX_TICKS` steps.
@@ -92,7 +92,7 @@ def rest_to_rest(start: Array, end: Array, limits: Limits, dt: float) -> Rows:
     while True:
         call = _fit.with_room(dof, count)
         work = call.work
-        work.counts[0], work.dt[0], work.start[:dof], work.end[:dof] = dof, dt, start, end
+        work.counts[:], work.dt[0], work.start[:dof], work.end[:dof] = (dof, straight), dt, start, end
         each = work.limits[: 3 * dof].reshape(dof, 3).T
         each[0], each[1], each[2] = limits.velocity, limits.acceleration, np.inf if limits.jerk is None else limits.jerk
         ticks = call()
@@ -105,24 +105,6 @@ def rest_to_rest(start: Array, end: Array, limits: Limits, dt: float) -> Rows:
             break
     q, v, a = (array[: count * dof].reshape(count, dof).copy() for array in (work.q, work.v, work.a))
     return Rows(dt * np.arange(count, dtype=np.float64), q, v, a)
-
-
-def along_line(start: Array, end: Array, limits: Limits, dt: float) -> Rows:
-    """Rows every `dt` [s] of a motion from rest to rest on the straight line between two configurations (dof,)."""
-    step = end - start
-    size = np.abs(step)
-
-    def share(limit: Array) -> Array:
-        """(1,) of the line [1/s], [1/s^2] or [1/s^3]."""
-        with np.errstate(divide="ignore"):
-            return np.asarray((limit / size).min(keepdims=True))
-
-    jerk = None if limits.jerk is None else share(limits.jerk)
-    shares = Limits(share(limits.velocity), share(limits.acceleration), jerk)
-    t, gone, v, a = rest_to_rest(np.zeros(1), np.ones(1), shares, dt)
-    q = start + gone * step
-    q[-1] = end  # but for rounding
-    return Rows(t, q, v * step, a * step)
 
 
 def _hold_torques(robot: Robot, rows: Rows, limits: Limits, torque: Array) -> Rows | TooHeavy:

@@ -12,6 +12,7 @@ from jacokin.arrays import Array
 from jacokin.kernels.library import Call
 from jacokin.kernels.rest_to_rest import (
     NEVER,
+    STRAIGHT,
     RestWork,
     demands,
     fit_rest_to_rest,
@@ -121,9 +122,34 @@ def test_joints_of_the_same_limits_move_along_a_straight_line(rng: np.random.Gen
     np.testing.assert_allclose(shares, np.tile(shares[:, :1], 3), atol=1e-14)
 
 
-def test_machine_code_does_as_python_does(rng: np.random.Generator) -> None:
-    for _ in range(20):
+def test_joints_of_any_limits_move_along_a_straight_line_when_asked_to(rng: np.random.Generator) -> None:
+    tried = 0
+    for _ in range(50):
         work = random_work(rng)
+        work.counts[STRAIGHT] = 1
+        ticks, dt, moved = PlainCall(fit_rest_to_rest, work)(), float(work.dt[0]), work.end - work.start
+        if ticks >= ROOM:
+            continue
+        tried += 1
+        q, v, a = rows_of(work, ticks)
+        shares = (q - work.start) / moved
+        np.testing.assert_allclose(shares, np.tile(shares[:, :1], len(moved)), atol=1e-12)
+        np.testing.assert_array_equal(q[[0, -1]], [work.start, work.end])
+        assert (q == np.clip(q, np.minimum(work.start, work.end), np.maximum(work.start, work.end))).all()
+        velocity, acceleration, jerk = work.limits.reshape(-1, 3).T * (1.0 + 1e-8)
+        assert (np.abs(v) <= velocity).all()
+        assert (np.abs(a) <= acceleration).all()
+        assert (np.abs(np.diff(a, axis=0)) <= jerk * dt).all()
+        line = make_rest_work(1, ROOM)
+        line.dt[0], line.end[0], line.limits[:] = dt, 1.0, (work.limits.reshape(-1, 3).T / np.abs(moved)).min(axis=1)
+        assert least_time(line) / dt * (1.0 - 1e-9) <= ticks <= math.ceil(least_time(line) / dt) + 2
+    assert tried > 20
+
+
+def test_machine_code_does_as_python_does(rng: np.random.Generator) -> None:
+    for count in range(20):
+        work = random_work(rng)
+        work.counts[STRAIGHT] = count % 2
         ticks = PlainCall(fit_rest_to_rest, work)()
         plain = [array.copy() for array in work[-3:]]
         for array in work[-3:]:

@@ -23,8 +23,8 @@ from jacokin.motion.rows import (
     sample,
     spline_rows,
     standing,
-    steps_of,
 )
+from jacokin.motion.timing import steps_of
 from tests.motion.controllers import PARTS, check_as_controllers_go, interpolated
 
 DT = 0.01  # [s]

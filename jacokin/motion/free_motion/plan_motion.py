@@ -35,7 +35,7 @@ from jacokin.model import angles, checks
 from jacokin.model.angles import TURN
 from jacokin.model.contact import Contact, self_contact
 from jacokin.model.poses import FreeAxis
-from jacokin.model.robot import acceleration_limits, jerk_limits, velocity_limits
+from jacokin.model.robot import acceleration_limits, copies_counted, jerk_limits, velocity_limits
 from jacokin.motion.blending import straightened
 from jacokin.motion.free_motion.leaving import DEEPEST, SAME_DISTANCE
 from jacokin.motion.free_motion.meanwhile import Meanwhile, Motions
@@ -427,7 +427,7 @@ class _Request:
 
     def _timed(self, way: Array, search: WaySearch | None, ends: _Ends | None = None, goal: int = -1) -> _Timed:
         """A way (n, dof), with what comes before and after it, in the least time within the limits."""
-        moves = np.ones(len(way), dtype=np.bool_)
+        robot, moves = self.solver.robot, np.ones(len(way), dtype=np.bool_)
         moves[1:] = np.abs(way[1:] - way[:-1]).max(axis=1) > SAME
         way = way[moves]
         cuts = search.cuts(way) if search is not None and len(way) > 2 else np.zeros(len(way))
@@ -435,10 +435,12 @@ class _Request:
             way, cuts = np.concatenate([ends.before[:-1], way]), np.append(np.zeros(len(ends.before) - 1), cuts)
         if ends is not None and goal in ends.after:
             tail = ends.after[goal]
-            tail = (tail + TURN * np.round((way[-1] - tail[0]) / TURN) * self.solver.robot.unlimited)[1:]  # turned on
+            tail = (tail + TURN * np.round((way[-1] - tail[0]) / TURN) * robot.unlimited)[1:]  # turned on
             way, cuts = np.concatenate([way, tail]), np.concatenate([cuts, np.zeros(len(tail))])
         if len(way) == 1:
             return _Timed(way, [])
+        # Joints that start outside their limits stay there until they are back; what else is beyond is rounding.
+        way = way.clip(np.minimum(robot.lower, self.start), np.maximum(robot.upper, self.start))
         way, cuts = straightened(way, cuts, self.speed)
         return _Timed(way, make_sections(way, cuts, self.speed, self.limits))
 
@@ -458,15 +460,11 @@ class _Request:
             if isinstance(found, TooHeavy):
                 return self._stay(MotionStatus.TOO_HEAVY, found.explain(robot))
             slower = found
-        # Joints that start outside their limits stay there until they are back; what else is beyond is rounding.
-        lower, upper = np.minimum(robot.lower, self.start), np.maximum(robot.upper, self.start)
-
         between, fault = OnTheWay(robot, contact), ""
         rows = self._going_on(timed, between)
         goes_on = rows is not None
         for step in () if goes_on else halved(self.dt):
             rows = hold_torques(robot, partial(timed.write, step, contact), self.torque, slower)
-            rows.q.clip(lower, upper, out=rows.q)
             if self.stop is not None:
                 rows = self.stop.then(rows)
             touching = between.fault(rows)
@@ -707,7 +705,7 @@ class GoalFinder:
         if wanted.free_axis is not None and solver.dimension() == 1:  # two free parameters
             yield from self._turned(wanted)
             return
-        dimension = solver.dimension(self._pose_of(wanted))
+        dimension = solver.dimension_of(wanted)
         if dimension == 1:
             yield from self._members(wanted)
         elif dimension == 0:
@@ -750,10 +748,7 @@ class GoalFinder:
         if not found:
             return []
         near = angles.nearest_copy(np.array([q for q, _ in found]), self._start, robot.unlimited)
-        turning = ~robot.unlimited & ~robot.sliding
-        counts = angles.copies_counted(robot.lower, robot.upper, turning)
-        return [
-            Goal(checks.sealed(copy), number, aim, parameter)
-            for q, (_, parameter) in zip(near, found, strict=True)
-            for copy in angles.copies_within(q[None].copy(), self._start, robot.lower, robot.upper, counts)
-        ]
+        counted = np.concatenate([near, np.arange(len(near))[:, None]], axis=1)
+        counted = angles.copies_within(counted, self._start, robot.lower, robot.upper, copies_counted(robot))
+        rows, origins = checks.sealed(counted[:, :-1].copy()), counted[:, -1].astype(np.intp).tolist()
+        return [Goal(q, number, aim, found[k][1]) for q, k in zip(rows, origins, strict=True)]

@@ -21,7 +21,7 @@ from jacokin.arrays import Array
 from jacokin.kernels.free_motion.corners import CHORD, CORNER_TRIES, LARGEST_CUT
 from jacokin.model.contact import Contact
 from jacokin.motion.blending import TimedCourse, fit_time
-from jacokin.motion.joint_motion import along_line
+from jacokin.motion.joint_motion import rest_to_rest
 from jacokin.motion.rows import Limits, Rows, averaged_rows
 from jacokin.motion.timing import BETWEEN, MOST_PLACES, steps_of
 
@@ -66,7 +66,7 @@ class Section:
         limits = self.limits.slowed(slower)
         if len(self.way) > 2 and limits.jerk is None:
             return [self._average(dt, slower, None)[0]]
-        lines = [along_line(start, end, limits, dt) for start, end in pairwise(self.way)]
+        lines = [rest_to_rest(start, end, limits, dt, straight=True) for start, end in pairwise(self.way)]
         if len(lines) == 1:
             return lines
         stopping = sum(len(line.t) - 1 for line in lines)
@@ -92,6 +92,7 @@ class Section:
     def _average(self, dt: float, slower: float, jerk: Array | None) -> tuple[Rows, int]:
         """The course in rows that are averaged over ticks, and over how many."""
         rows, ticks = averaged_rows(self.timed.sampled(steps_of(slower * self.timed.duration, dt)), dt, jerk)
+        rows.q.clip(self.way.min(axis=0), self.way.max(axis=0), out=rows.q)
         rows.q[0], rows.q[-1] = self.way[0], self.way[-1]  # but for rounding
         return rows, ticks
 

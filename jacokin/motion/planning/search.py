@@ -40,6 +40,7 @@ from jacokin.kernels.rung_links import (
 )
 from jacokin.model import angles
 from jacokin.model.poses import FreeAxis
+from jacokin.model.robot import copies_counted
 from jacokin.motion.clearance import RESOLUTION
 from jacokin.motion.planning.manifold import TOO_FAST, Curve, Manifold, Pace
 from jacokin.motion.planning.smoothing import Smoothing
@@ -131,9 +132,7 @@ class Ladder:
         self._solver, self._step, self.keep = solver, step, keep
         self._robot, self.verifier = solver.robot, solver.verifier
         # Limited joints with more than a turn of room stand for several configurations.
-        robot, self._near = self._robot, near
-        turning = ~robot.unlimited & ~robot.sliding
-        self._copies = angles.copies_counted(robot.lower, robot.upper, turning)
+        self._near, self._copies = near, copies_counted(self._robot)
 
     def make_rungs(self, places: Array, near: Array | None = None) -> list[Rung]:
         """The solutions at places (n,); of whole curves, with the members nearest to a configuration (dof,)."""

@@ -15,7 +15,7 @@ from jacokin.arrays import Array
 from jacokin.ik import Box, Scene
 from jacokin.motion import Trajectory, plan_motion
 from jacokin.motion.free_motion.sections import make_sections
-from jacokin.motion.joint_motion import along_line
+from jacokin.motion.joint_motion import rest_to_rest
 from jacokin.motion.rows import Limits, Rows, joined
 
 SPEED = np.array([0.6, 0.6, 0.6, 0.8, 0.8, 0.8])  # [rad/s]
@@ -38,7 +38,7 @@ def written(way: Array, cuts: Array, limits: Limits, dt: float = 0.01) -> Rows:
 
 def with_stops(way: Array, limits: Limits, dt: float = 0.01) -> float:
     """How long it takes line by line [s]."""
-    return sum(float(along_line(start, end, limits, dt).t[-1]) for start, end in pairwise(way))
+    return sum(float(rest_to_rest(start, end, limits, dt, straight=True).t[-1]) for start, end in pairwise(way))
 
 
 def check_limits(rows: Rows, limits: Limits) -> None:
