@@ -268,7 +268,7 @@ class _Request:
         self, aims: Sequence[Any], search: WaySearch | None, rng: Randomness, begun: float, deadline: float
     ) -> Trajectory:
         """The quickest motion found to any of the aims, or one that stays at the start, with the reason."""
-        inside = np.clip(self.start, self.solver.robot.lower, self.solver.robot.upper)
+        inside = self.start.clip(self.solver.robot.lower, self.solver.robot.upper)
         finder = GoalFinder(self.solver, inside, rng, begun, deadline)
         goals, missed = finder.find_all(aims)
         if not goals:
@@ -299,14 +299,12 @@ class _Request:
         if nearness:
             straight.blocked = np.setdiff1d(straight.blocked, list(nearness))
         if straight.reached < 0 and not len(straight.blocked):
-            return self._stay(MotionStatus.GOAL_IN_CONTACT, _why_no_goal(len(rows), straight, nearness))
+            return self._stay(MotionStatus.GOAL_IN_CONTACT, _why_no_goal(len(rows), search.touching, nearness))
         best = self._quickest(search, straight, rows, _Ends(before, after), deadline)
         if isinstance(best, Found):
             return self._stay(MotionStatus.NO_WAY, self._why_no_way(search, best, deadline))
         timed, number = best
-        reached = goals[order[number]]
-        end = Goal(checks.read_only(timed.way[-1]), reached.number, reached.target, reached.parameter)
-        return self._go(timed, end, contact, note)
+        return self._go(timed, goals[order[number]], contact, note)
 
     def _why_no_way(self, search: WaySearch, found: Found, deadline: float) -> str:
         """What a search that ended without a way has seen."""
@@ -447,9 +445,9 @@ class _Request:
     def _go(self, timed: _Timed, goal: Goal, contact: Contact | None, note: str) -> Trajectory:
         """The motion along a timed way to a goal, measured."""
         robot, way = self.solver.robot, timed.way
+        goal = Goal(checks.read_only(way[-1]), goal.number, goal.target, goal.parameter)
         if not timed.sections:
             none = np.zeros_like(way)
-            goal = Goal(checks.read_only(way[-1]), goal.number, goal.target, goal.parameter)
             if self.stop is not None:
                 return self._write(self.stop.rows, goal, contact, "comes to rest there")
             return self._write((np.zeros(1), way, none, none), goal, contact, "already there")
@@ -576,9 +574,9 @@ def _unlooked_contact(solver: IKSolver) -> Contact | None:
         raise
 
 
-def _why_no_goal(count: int, straight: StraightMotion, nearness: Mapping[int, str]) -> str:
+def _why_no_goal(count: int, touching: Counter[tuple[str, str]], nearness: Mapping[int, str]) -> str:
     """Why none of so many configurations that reach the goal can be one."""
-    reasons = [f"touch something: {_named(straight.touching)}"] if straight.touching else []
+    reasons = [f"touch something: {_named(touching)}"] if touching else []
     if nearness:
         reasons.append(f"are nearer to something than motions are kept: {next(iter(nearness.values()))}")
     return f"all {count} configurations that reach the goal {', or '.join(reasons)}"

@@ -6,7 +6,7 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
@@ -81,13 +81,11 @@ class StraightMotion:
 
     Attributes:
         reached: number of the goal whose straight motion is clear; -1 where all are blocked.
-        blocked: numbers of the clear goals before it.
-        touching: how often each pair of shapes touches at the others.
+        blocked: numbers of the clear goals before it; `WaySearch.touching` says what touches at the others.
     """
 
     reached: int
     blocked: NDArray[np.intp]
-    touching: Counter[Pair] = field(default_factory=Counter)
 
 
 class WaySearch:
@@ -116,11 +114,10 @@ class WaySearch:
         if kept is not None and len(kept.work.trees.parents) > 2 * ROOM_KEPT:
             self._local.call = None
         call = self._call(len(goals))
-        work, space = call.work, call.work.space
+        work = call.work
         work.start[:], work.goals[: goals.size] = start, goals.ravel()
         work.integers[JOINTS], work.integers[GOALS] = len(start), len(goals)
-        compared = np.minimum(speed, UNEQUAL * speed.min())
-        space.speed[:], space.weights[:] = speed, float(compared.sum()) / len(compared) / compared
+        work.space.speed[:] = speed
         work.hindrances.times[:] = 0
         self._local.rng = rng
 
@@ -131,10 +128,7 @@ class WaySearch:
         work.integers[TASK], work.integers[ENOUGH] = STRAIGHT_MOTIONS, MOST_STRAIGHT
         work.known[:] = 0
         reached = call()
-        known = work.known[: work.integers[GOALS]]
-        pairs = work.touching[: len(known)][known == IN_CONTACT]
-        touching = Counter(self.contact.ordered(a, b, by_kind=True) for a, b in pairs.tolist())
-        return StraightMotion(reached, np.flatnonzero(known == BLOCKED), touching)
+        return StraightMotion(reached, np.flatnonzero(work.known[: work.integers[GOALS]] == BLOCKED))
 
     def go_around(
         self, goals: NDArray[np.intp], deadline: float, most_samples: int = MOST_SAMPLES, bound: float = np.inf
@@ -148,10 +142,12 @@ class WaySearch:
             bound: at full speed, it is to take less [s].
         """
         call = self._call()
-        rng: Randomness | None = self._local.rng
+        space, rng = call.work.space, self._local.rng
         if rng is not None:  # once for all ways
             first, second = (rng().integers(1, modulus, 3) for modulus in (FIRST_MODULUS, SECOND_MODULUS))
             call.work.generator[:3], call.work.generator[3:] = first, second
+            compared = np.minimum(space.speed, UNEQUAL * space.speed.min())
+            space.weights[:] = float(compared.sum()) / len(compared) / compared
             self._local.rng = None
         roots = goals[:MOST_ROOTS]
         call.work.trees.numbers[BOUND] = bound
@@ -194,6 +190,14 @@ class WaySearch:
         work.cuts[: len(way)] = 0.0
         call()
         return work.cuts[: len(way)].copy()
+
+    @property
+    def touching(self) -> Counter[Pair]:
+        """Pairs of shapes that touch at goals to which the straight motion was tried, and how often."""
+        work = self._call().work
+        known = work.known[: work.integers[GOALS]]
+        pairs = work.touching[: len(known)][known == IN_CONTACT]
+        return Counter(self.contact.ordered(a, b, by_kind=True) for a, b in pairs.tolist())
 
     @property
     def hindrances(self) -> Counter[Pair]:
