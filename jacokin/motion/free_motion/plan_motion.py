@@ -18,7 +18,6 @@ import time
 import weakref
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
 from functools import cache, partial, reduce
 from typing import Any, NamedTuple
 
@@ -153,7 +152,7 @@ def plan_motion(
     begun = time.monotonic()
     if isinstance(start, MotionState):
         now = velocity_now(robot, start, velocity)
-        request = replace(request, start=now[0])
+        request = request._replace(start=now[0])
         if np.abs(now[1]).max() > AT_REST:
             if meanwhile is not None:
                 raise InvalidInputError("with meanwhile the arm must start at rest, and start is a motion under way")
@@ -214,8 +213,7 @@ class _Beginning(NamedTuple):
     """What happens there, for a sentence; "" for nothing."""
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class _Request:
+class _Request(NamedTuple):
     """One motion that is asked for, checked.
 
     Attributes:
@@ -257,7 +255,7 @@ class _Request:
             return Trajectory.of(
                 self.solver.robot, self.velocity, rows, status=MotionStatus.CANNOT_STOP, message=stop.reason
             )
-        return replace(self, start=stop.end, stop=stop)
+        return self._replace(start=stop.end, stop=stop)
 
     @property
     def limits(self) -> Limits:
@@ -522,7 +520,8 @@ class _Request:
         """What is wrong with the end of a motion, measured by Pinocchio; "" if nothing is."""
         solver, verifier = self.solver, self.solver.verifier
         robot = solver.robot
-        if not inside_exactly(robot.lower.tolist(), goal.q.tolist(), robot.upper.tolist()):
+        lower, upper = robot.limit_values
+        if not inside_exactly(lower, goal.q.tolist(), upper):
             return "the goal is outside the limits"
         if goal.target is None:
             return ""
@@ -748,5 +747,4 @@ class GoalFinder:
         near = angles.nearest_copy(np.array([q for q, _ in found]), self._start, robot.unlimited)
         counted = np.concatenate([near, np.arange(len(near))[:, None]], axis=1)
         counted = angles.copies_within(counted, self._start, robot.lower, robot.upper, copies_counted(robot))
-        rows, origins = checks.sealed(counted[:, :-1].copy()), counted[:, -1].astype(np.intp).tolist()
-        return [Goal(q, number, aim, found[k][1]) for q, k in zip(rows, origins, strict=True)]
+        return [Goal(row[:-1], number, aim, found[int(row[-1])][1]) for row in checks.sealed(counted)]
