@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import dataclasses
 import functools
 import importlib
 import inspect
@@ -41,6 +42,22 @@ LAYERS = {
     "viewer": 6,
     "cli": 7,
 }
+DOORS = (
+    "jacokin",
+    "jacokin.model",
+    "jacokin.ik",
+    "jacokin.motion",
+    "jacokin.reachability",
+    "jacokin.calibration",
+    "jacokin.logs",
+    "jacokin.mujoco_bridge",
+    "jacokin.mujoco_bridge.props",
+    "jacokin.runner",
+    "jacokin.tasks",
+    "jacokin.teleop",
+    "jacokin.twin",
+    "jacokin.viewer",
+)
 HEAVY = (
     "mujoco",
     "mink",
@@ -116,25 +133,7 @@ def test_no_modules_import_each_other_in_a_circle() -> None:
                 trail.append((other, list(graph[other])))
 
 
-@pytest.mark.parametrize(
-    "package",
-    [
-        "jacokin",
-        "jacokin.model",
-        "jacokin.ik",
-        "jacokin.motion",
-        "jacokin.reachability",
-        "jacokin.calibration",
-        "jacokin.logs",
-        "jacokin.mujoco_bridge",
-        "jacokin.mujoco_bridge.props",
-        "jacokin.runner",
-        "jacokin.tasks",
-        "jacokin.teleop",
-        "jacokin.twin",
-        "jacokin.viewer",
-    ],
-)
+@pytest.mark.parametrize("package", DOORS)
 def test_a_door_loads_what_it_names(package: str) -> None:
     module = importlib.import_module(package)
     tree = ast.parse(MODULES[package].with_suffix(".pyi").read_text())
@@ -243,6 +242,24 @@ def test_what_does_not_change_gives_copies_of_its_poses() -> None:
                 assert isinstance(inspect.getattr_static(kind, field), property), f"{name}.{node.name}.{field}"
                 seen.add(f"{node.name}.{field}")
     assert {"Box.pose", "PointCloud.pose", "OtherRobot.base", "Gripper.pads", "BasePlacement.pose"} <= seen
+
+
+def public_dataclasses() -> list[type]:
+    """Those that the doors hand out."""
+    found = [
+        getattr(importlib.import_module(door), name) for door in DOORS for name in importlib.import_module(door).__all__
+    ]
+    return list(dict.fromkeys(each for each in found if inspect.isclass(each) and dataclasses.is_dataclass(each)))
+
+
+def test_what_is_frozen_and_compares_has_a_hash() -> None:
+    for each in public_dataclasses():
+        if each.__dataclass_params__.eq:  # type: ignore[attr-defined]  # a dataclass has it
+            assert each.__hash__ is not None, each
+            hashed = [field for field in dataclasses.fields(each) if field.compare and field.hash is not False]
+            assert not [
+                field.name for field in hashed if re.match(r"Mapping|dict|list|Array|NDArray", str(field.type))
+            ], each
 
 
 def test_every_error_has_one_base() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from enum import Enum
+from types import MappingProxyType
 from typing import Any, Self
 
 import numpy as np
@@ -17,7 +18,7 @@ FEW = 8  # numbers of an array, or items of a tuple, that `repr` shows; of more 
 
 
 class Frozen:
-    """A result whose arrays stay read-only when it is copied or pickled, and whose `repr` is short."""
+    """A result whose arrays and mappings stay read-only when it is copied or pickled, and whose `repr` is short."""
 
     __slots__ = ()
 
@@ -33,7 +34,8 @@ class Frozen:
 
     def __reduce__(self) -> tuple[object, tuple[object, ...]]:
         """Rebuild from the fields."""
-        return _rebuilt, (type(self), *(getattr(self, field.name) for field in fields(self)))  # type: ignore[arg-type]  # every subclass is a dataclass
+        values = (getattr(self, each.name) for each in fields(self))  # type: ignore[arg-type]  # every subclass is a dataclass
+        return _rebuilt, (type(self), *(dict(each) if isinstance(each, MappingProxyType) else each for each in values))
 
 
 def in_short(value: object) -> str:
@@ -51,7 +53,7 @@ def _rebuilt(kind: type, *values: object) -> object:
     for value in values:
         if isinstance(value, np.ndarray):
             value.setflags(write=False)
-    return kind(*values)
+    return kind(*(MappingProxyType(each) if isinstance(each, dict) else each for each in values))
 
 
 class Status(Enum):

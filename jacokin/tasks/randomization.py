@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import mujoco
@@ -127,8 +127,8 @@ class Randomization:
     observation_bias: Choice = None
     colors: Choice = None
     observation_delay: Choice = None
-    feature_noise: Mapping[str, Choice] | None = None
-    feature_bias: Mapping[str, Choice] | None = None
+    feature_noise: Mapping[str, Choice] | None = field(default=None, hash=False)
+    feature_bias: Mapping[str, Choice] | None = field(default=None, hash=False)
     textures: Choice = None
     camera_turn: Choice = None
     arm_push: Choice = None
@@ -198,9 +198,9 @@ class Randomization:
                 direction = np.asarray(random_state.normal(size=len(_DIRECTIONS[name])))
                 direction /= max(float(np.linalg.norm(direction)), 1e-12)
                 found.update(zip(_DIRECTIONS[name], direction.tolist(), strict=True))
-        for field, each in by_feature.items():
+        for which, each in by_feature.items():
             for name, value in each.items():
-                key = f"{field}/{name}"
+                key = f"{which}/{name}"
                 found.update(_values_by_name(key, constant_or_sampler(key, value)(None, None, random_state)))
         return found
 

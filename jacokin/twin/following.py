@@ -46,8 +46,8 @@ class Following:
 class Tolerances:
     """How far joints may be off, by their names [rad]; 0 or no entry for any distance."""
 
-    path: Mapping[str, float] = field(default_factory=dict)
-    goal: Mapping[str, float] = field(default_factory=dict)
+    path: Mapping[str, float] = field(default_factory=dict, hash=False)
+    goal: Mapping[str, float] = field(default_factory=dict, hash=False)
     time: float = 0.0
     """Patience after the end of the trajectory, if a goal tolerance is given [s]; 0 for any."""
 

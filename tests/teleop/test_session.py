@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import re
 import threading
 import time
@@ -44,6 +45,10 @@ def test_a_session_says_what_was_commanded(robot: Robot) -> None:
     assert session.statuses["FOLLOWING"] == sum(session.tracking.values()) == 150
     assert session.within_limits
     assert session.late == 0
+    kept = pickle.loads(pickle.dumps(session))
+    assert kept.statuses == session.statuses
+    with pytest.raises(TypeError, match="does not support item assignment"):
+        kept.statuses["FOLLOWING"] = 0
 
 
 def test_a_session_that_is_cut_short_ends_at_rest_within_the_acceleration_limit(robot: Robot) -> None:

@@ -5,10 +5,11 @@ from __future__ import annotations
 import functools
 import pickle
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,7 +22,7 @@ from jacokin.errors import JacokinError
 from jacokin.ik.batches.batch import AnswerColumns
 from jacokin.ik.files.formats import answers_format, targets_format
 from jacokin.ik.files.targets import FilePart, TargetFile
-from jacokin.ik.results import BatchResult, Status
+from jacokin.ik.results import BatchResult, Frozen, Status
 from jacokin.ik.solver import IKSolver
 
 KEPT_FAILURES = 20  # rows whose message is in the summary; the file of answers has them all
@@ -177,9 +178,8 @@ class Tally:
         self, seconds: float, carried: tuple[str, ...], *, resumed: int = 0, output: Path | None = None
     ) -> FileSummary:
         """The outcome of a file of these rows; the arguments are fields of it."""
-        return FileSummary(
-            self.count, dict(self.statuses), *self.worst, self.failures, resumed, seconds, output, carried
-        )
+        statuses = MappingProxyType(dict(self.statuses))
+        return FileSummary(self.count, statuses, *self.worst, self.failures, resumed, seconds, output, carried)
 
     def document(self) -> dict[str, object]:
         """The counts in the types of JSON, which `read_tally` reads."""
@@ -221,12 +221,12 @@ def read_tally(path: Path) -> tuple[Tally, int]:
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class FileSummary:
+class FileSummary(Frozen):
     """The outcome of a file of targets."""
 
     targets: int
     """How many there are."""
-    statuses: dict[Status, int]
+    statuses: Mapping[Status, int] = field(hash=False)
     """How many have each status."""
     worst_position_error: float | None
     """The largest among the solved ones [m]; None if there are none."""

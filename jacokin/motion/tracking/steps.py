@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 from types import MappingProxyType
 
 from jacokin.arrays import Array
+from jacokin.ik.results import Frozen
 
 SINGULAR_POSE = "singular pose"
 TIME_BUDGET = "time budget"
@@ -68,23 +69,19 @@ class TrackerStep:
 
 
 @dataclass(frozen=True, slots=True)
-class TrackerSummary:
+class TrackerSummary(Frozen):
     """What happened in the ticks since the last `reset`."""
 
     ticks: int
     """How many."""
-    statuses: Mapping[str, int]
+    statuses: Mapping[str, int] = field(hash=False)
     """Ticks by the name of their status."""
-    limiting: Mapping[str, int]
+    limiting: Mapping[str, int] = field(hash=False)
     """Ticks in which each limit, pair of shapes, singular pose or time budget held the arm back, most often first."""
     overruns: int
     """Ticks that took longer than their budget, those that braked in time not among them."""
     longest: float
     """The longest tick [s]."""
-
-    def __reduce__(self) -> tuple[object, tuple[object, ...]]:
-        """For pickle, which takes no read-only mapping."""
-        return _summary, (self.ticks, dict(self.statuses), dict(self.limiting), self.overruns, self.longest)
 
     def __str__(self) -> str:
         """The counts on one line."""
@@ -111,12 +108,5 @@ class StepTally:
 
     def summary(self) -> TrackerSummary:
         """The counts."""
-        statuses, limiting = dict(self._statuses.most_common()), dict(self._limiting.most_common())
-        return _summary(self._statuses.total(), statuses, limiting, self._overruns, self._longest)
-
-
-def _summary(
-    ticks: int, statuses: dict[str, int], limiting: dict[str, int], overruns: int, longest: float
-) -> TrackerSummary:
-    """A summary whose counts are read-only."""
-    return TrackerSummary(ticks, MappingProxyType(statuses), MappingProxyType(limiting), overruns, longest)
+        statuses, limiting = (MappingProxyType(dict(each.most_common())) for each in (self._statuses, self._limiting))
+        return TrackerSummary(self._statuses.total(), statuses, limiting, self._overruns, self._longest)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, cast
 
 import numpy as np
@@ -58,7 +58,7 @@ class EnvOptions:
     goal: bool = False
     observations: str = registry.FEATURES
     flatten: bool = True
-    cameras: Mapping[str, tuple[int, int]] | None = None
+    cameras: Mapping[str, tuple[int, int]] | None = field(default=None, hash=False)
     control_timestep: float = CONTROL_TIMESTEP
     contact: str = FIRM
 

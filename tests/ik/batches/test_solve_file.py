@@ -91,6 +91,9 @@ def test_every_format_holds_the_answers_of_a_batch(
     assert summary.statuses == {Status.OK: N - 1, Status.UNREACHABLE: 1}
     assert repr(summary).startswith(f"FileSummary({N} targets: {N - 1} OK, 1 UNREACHABLE; ")
     assert len(repr(summary)) < 300
+    again = pickle.loads(pickle.dumps(summary))
+    assert again == summary
+    assert hash(again) == hash(summary)
     assert summary.failures[0][0] == (7 if before == ".csv" else 6)  # the line, after a header, or the row
     from jacokin.ik.files.targets import target_rows
 

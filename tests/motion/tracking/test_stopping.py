@@ -124,7 +124,12 @@ def test_a_tick_without_time_brakes_and_says_so(robot: Robot, acceleration: floa
     assert summary.statuses["LATE"] == late
     assert summary.limiting["time budget"] == late
     assert summary.overruns == late  # nothing is done in a microsecond
-    assert pickle.loads(pickle.dumps(summary)) == summary
+    again = pickle.loads(pickle.dumps(summary))
+    assert again == summary
+    assert hash(again) == hash(summary)
+    for counts in (again.statuses, again.limiting):
+        with pytest.raises(TypeError, match="does not support item assignment"):
+            counts["LATE"] = 0
 
 
 def test_enough_time_changes_nothing(robot: Robot) -> None:
