@@ -145,13 +145,21 @@ def pseudo_inertia(body: Array) -> Array:
 
 def _possible_inertia(inertia: ArrayLike) -> Array:
     tensor = _symmetric("inertia", inertia, 3, "kg m^2")
-    least, middle, most = np.linalg.eigvalsh(tensor)
-    if least < -POSSIBLE * most or least + middle < most * (1.0 - POSSIBLE):
-        raise InvalidInputError(
-            "inertia is one that no body has: its principal moments must be >= 0, and none larger than the sum of the "
-            f"other two, got {least:.6g}, {middle:.6g}, {most:.6g} kg m^2"
-        )
+    wrong = impossible_moments(tensor)
+    if wrong:
+        raise InvalidInputError(f"inertia is one that no body has: {wrong}")
     return tensor
+
+
+def impossible_moments(tensor: Array) -> str:
+    """Why no body has an inertia (3, 3) about its centre of mass [kg m^2]; "" where one may."""
+    least, middle, most = np.linalg.eigvalsh(tensor)
+    if least >= -POSSIBLE * most and least + middle >= most * (1.0 - POSSIBLE):
+        return ""
+    return (
+        "its principal moments must be >= 0, and none larger than the sum of the other two, got "
+        f"{least:.6g}, {middle:.6g}, {most:.6g} kg m^2"
+    )
 
 
 def wrench_of(jacobian: Array, joint_torque: Array, torque_covariance: ArrayLike | None) -> ExternalWrench:

@@ -21,6 +21,7 @@ from jacokin.model import checks
 from jacokin.model.descriptions import bundled, chain, urdf
 from jacokin.model.descriptions import srdf as srdf_files
 from jacokin.model.descriptions.tools import limits_of, slides
+from jacokin.model.dynamics import impossible_moments
 from jacokin.model.measured_arm import MeasuredArm
 from jacokin.model.robot import Home, HomeFinder, Known, Robot, SceneLike, Source, middle, spread
 
@@ -532,6 +533,10 @@ def _missing_numbers(robot: Robot) -> Iterator[str]:
         yield "no masses: what needs them is refused (gravity, mass matrix, torques)"
     elif weightless:
         yield f"no masses for what {', '.join(weightless)} carry up to the next joint: torques are those of the rest"
+    for name, body in zip(robot.joint_names, bodies, strict=True):
+        wrong = impossible_moments(np.asarray(body.inertia)) if body.mass > 0.0 else ""
+        if wrong:
+            yield f"what {name} carries up to the next joint has an inertia that no body has, so torques are wrong: {wrong}"
 
 
 def _is_singular(robot: Robot, q: Array) -> bool:

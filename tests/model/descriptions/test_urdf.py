@@ -330,6 +330,20 @@ def test_a_malformed_collision_shape_matters_to_contact_only(tmp_path: Path, sha
     assert " malformed=" not in (tmp_path / "again.urdf").read_text()
 
 
+@pytest.mark.parametrize(
+    ("moments", "got"),
+    [((1, 1, 2), ""), ((0, 0, 0), ""), ((1, 1, 2.1), "got 1, 1, 2.1 kg m^2"), ((1, -1, 1), "got -1, 1, 1 kg m^2")],
+)
+def test_an_inertia_that_no_body_has_is_said(tmp_path: Path, moments: tuple[float, ...], got: str) -> None:
+    path = tmp_path / "arm.urdf"
+    xx, yy, zz = moments
+    inertia = f'<inertia ixx="{xx}" ixy="0" ixz="0" iyy="{yy}" iyz="0" izz="{zz}"/>'
+    path.write_text(re.sub(r"<inertia .*?/>", inertia, arm_text(head=">"), count=1))
+    said = [note for note in jacokin.load_robot(path).notes if "inertia that no body has" in note]
+    assert [note.split()[1] for note in said] == ["j0"] * bool(got)
+    assert all(note.endswith(got) for note in said)
+
+
 def test_a_robot_without_a_name_has_that_of_its_file(tmp_path: Path) -> None:
     path = tmp_path / "ur3.urdf"
     path.write_text(arm_text(head=">").replace(' name="arm"', ""))
