@@ -69,7 +69,7 @@ class ChunkFolder:
 
     @contextlib.contextmanager
     def locked(self) -> Iterator[None]:
-        """Keep other processes of this machine out.
+        """Keep other processes of this machine out; where the block fails before a chunk is finished, remove the folder.
 
         Raises:
             InvalidInputError: another one is inside.
@@ -79,7 +79,12 @@ class ChunkFolder:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except OSError as error:
                 raise InvalidInputError(f"{self.path}: another process is working on it") from error
-            yield
+            try:
+                yield
+            except BaseException:
+                if self.path.exists() and self.is_empty():
+                    self.remove()
+                raise
 
     def finished(self) -> dict[int, Path]:
         """Number and file of every chunk that is complete; files that are truncated or changed are removed."""

@@ -536,7 +536,8 @@ def _missing_numbers(robot: Robot) -> Iterator[str]:
     for name, body in zip(robot.joint_names, bodies, strict=True):
         wrong = impossible_moments(np.asarray(body.inertia)) if body.mass > 0.0 else ""
         if wrong:
-            yield f"what {name} carries up to the next joint has an inertia that no body has, so torques are wrong: {wrong}"
+            what = f"what {name} carries up to the next joint has an inertia that no body has"
+            yield f"{what}, so torques are wrong: {wrong}"
 
 
 def _is_singular(robot: Robot, q: Array) -> bool:

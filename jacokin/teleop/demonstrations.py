@@ -189,11 +189,9 @@ def demonstrate(
     with folder.locked():
         folder.remove_unfinished()
         files, hand = folder.finished(), _Hand(inner, device, pace, make, watch, tell, stop)
-        try:
-            discarded = _lead_episodes(hand, folder, files, first, wanted)
-        finally:
-            if not files:
-                folder.remove()
+        discarded = _lead_episodes(hand, folder, files, first, wanted)
+        if not files:
+            folder.remove()
         every = [files[number] for number in sorted(files)]
         solved = steps = 0
         for each in map(Recorded.from_file, every):

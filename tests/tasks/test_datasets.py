@@ -360,6 +360,26 @@ def test_mistakes(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("short")
+@pytest.mark.parametrize("action", ["right", None, [[0.0], [0.0, 1.0]], True, {}])
+def test_a_policy_that_gives_no_action_leaves_nothing(action: Any, tmp_path: Path) -> None:
+    path = tmp_path / "demos.hdf5"
+    with pytest.raises(InvalidInputError, match="action must be"):
+        jacokin.tasks.record(make(), lambda observation: action, path)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.usefixtures("short")
+def test_a_policy_that_fails_in_its_first_episode_leaves_the_path_to_another(tmp_path: Path) -> None:
+    def broken(observation: Any) -> Any:
+        raise ZeroDivisionError
+
+    path = tmp_path / "demos.hdf5"
+    with pytest.raises(ZeroDivisionError):
+        jacokin.tasks.record(make(), broken, path)
+    assert jacokin.tasks.record(make(), Wave(), path).episodes == 1
+
+
+@pytest.mark.usefixtures("short")
 def test_a_function_as_a_reward_needs_the_environment(tmp_path: Path) -> None:
     env = TaskEnv("reach_site", reward=lambda state: state["target_position"][..., 0])
     path = tmp_path / "demos.minari"

@@ -385,12 +385,7 @@ def _folder(out: Path, recipe: dict[str, object], count: int, *, resume: bool) -
     try:
         folder = ChunkFolder(path, recipe, count, SUFFIX)
         with folder.locked():
-            try:
-                yield final, folder
-            except BaseException:
-                if folder.is_empty():
-                    folder.remove()
-                raise
+            yield final, folder
             folder.remove()
     except (KeyboardInterrupt, SystemExit):  # a signal, perhaps while the folder was made
         if is_new and not any(path.glob(f"*{SUFFIX}")):

@@ -90,7 +90,7 @@ def record(
         progress: called after each episode.
 
     Raises:
-        InvalidInputError: an argument is wrong, or a file cannot be written.
+        InvalidInputError: an argument or an action of the policy is wrong, or a file cannot be written.
         MissingExtraError: the package that writes the format is not installed.
         EpisodeInitializationError: an episode has no initial state.
     """
@@ -272,7 +272,7 @@ def run_episode(
             wanted = policy(observation)
         except EndEpisode:
             break
-        action = clip_action(np.asarray(wanted, dtype=np.float64), *env._control.bounds)
+        action = clip_action(wanted, *env._control.bounds)
         observation, reward, _, is_over, info = env.step(action)
         seen.append(_by_name(observation))
         states.append(env.task.physics.get_state())
