@@ -20,6 +20,8 @@ export class JacokinError extends Error {
   name = "JacokinError";
 }
 
+/** JACOKIN_IK_ABI_VERSION of the header: what the numbers below are of. */
+const ABI_VERSION = 2;
 const STATUSES = ["ok", "unreachable", "outside_limits", "no_convergence"];
 const ENDS = ["limit", "fold", "range", "circle", "lost"];
 const POSE = 16; // numbers
@@ -43,15 +45,16 @@ const CHUNK = 512;
  * @param {{ wasm?: string | URL | BufferSource | WebAssembly.Module }} [options]
  * @returns {Promise<Solver>}
  */
-export async function load(robot = "j2n6s300", { wasm } = {}) {
-  const [module, contents] = await Promise.all([compiled(wasm), solverFile(robot)]);
-  return new Solver(await WebAssembly.instantiate(module), contents, MAKING);
+export async function load(robot = "j2n6s300", options = {}) {
+  const [module, contents] = await Promise.all([compiled(options?.wasm), solverFile(robot)]);
+  return new Solver(await functionsOf(module), contents, MAKING);
 }
 
 // --- Files ----------------------------------------------------------------------------------------------------------
 
 /** Only `load` makes solvers: compiling cannot be waited for in a constructor. */
 const MAKING = Symbol("load");
+const FOREIGN = "wasm: this is not the WebAssembly module of jacokin";
 let ours; // a promise of the package's own module, compiled once
 
 function compiled(wasm) {
@@ -68,8 +71,24 @@ async function compile(source) {
   try {
     return await WebAssembly.compile(contents);
   } catch (error) {
-    throw new JacokinError(`wasm: this is not the WebAssembly module of jacokin: ${error.message}`);
+    throw new JacokinError(`${FOREIGN}: ${error.message}`);
   }
+}
+
+/** What a module exports, if it is ours and of this version: a server or a cache may have kept another one. */
+async function functionsOf(module) {
+  let exports, version;
+  try {
+    ({ exports } = await WebAssembly.instantiate(module));
+    version = exports.jacokin_ik_abi_version();
+  } catch (error) {
+    throw new JacokinError(`${FOREIGN}: ${error.message}`);
+  }
+  if (version !== ABI_VERSION) {
+    throw new JacokinError(`wasm: its version is ${version} and that of jacokin.js ${ABI_VERSION}: take both from one package`);
+  }
+  exports._initialize();
+  return exports;
 }
 
 async function solverFile(robot) {
@@ -87,8 +106,9 @@ function isBytes(value) {
 }
 
 async function read(place) {
-  const url = place instanceof URL ? place : new URL(place, globalThis.location?.href ?? import.meta.url);
+  let url = place;
   try {
+    url = place instanceof URL ? place : new URL(place, globalThis.location?.href ?? import.meta.url);
     if (url.protocol === "file:" && globalThis.process?.versions?.node) {
       const { readFile } = await import(/* webpackIgnore: true */ /* @vite-ignore */ "node:fs/promises");
       return await readFile(url);
@@ -113,10 +133,9 @@ export class Solver {
   #work = { task: undefined, address: undefined, size: 0 };
   #found; // the target whose intervals are in the work memory
 
-  constructor(instance, contents, making) {
+  constructor(functions, contents, making) {
     if (making !== MAKING) throw new JacokinError("a Solver is made by `await load(robot)`");
-    this.#c = instance.exports;
-    this.#c._initialize();
+    this.#c = functions;
     this.#handle = this.#read(contents);
     this.dof = this.#c.jacokin_ik_dof(this.#handle);
     this.robot = this.#text(this.#c.jacokin_ik_robot(this.#handle));
@@ -213,8 +232,8 @@ export class Solver {
   }
 
   intervals(pose, about = null) {
-    const target = { pose: Float64Array.from(numbers("pose", pose, POSE)), about };
-    if (about !== null) target.about = structuredClone(about); // intervals are found again for their points
+    // A copy, as intervals are found again for their points.
+    const target = { pose: Float64Array.from(numbers("pose", pose, POSE)), about: about === null ? null : checkedAxis(about) };
     const status = this.#findIntervals(target);
     const { intervals, count, complete } = this.#at;
     const found = Array.from({ length: this.#integer(count) }, (_, i) =>
@@ -303,14 +322,9 @@ export class Solver {
 
   #about(about) {
     if (this.dof === 7) throw new JacokinError("the axis is for six joints: seven have a free parameter as they are");
-    const range = about?.range ?? [-Math.PI, Math.PI];
-    this.#put(this.#at.axis, numbers("axis", about?.axis, 3));
-    this.#put(this.#at.axis + 24, numbers("range", range, 2));
-    if (about.axis[0] === 0 && about.axis[1] === 0 && about.axis[2] === 0) throw new JacokinError("axis must not be 0");
-    const [low, high] = range;
-    if (!(low < high) || high - low > 2 * Math.PI + 1e-12 || Math.max(Math.abs(low), Math.abs(high)) > 1e3) {
-      throw new JacokinError(`range must rise by at most 2 pi, within 1000 rad of 0, not go from ${low} to ${high}`);
-    }
+    const { axis, range } = checkedAxis(about);
+    this.#put(this.#at.axis, axis);
+    this.#put(this.#at.axis + 24, range);
     return this.#at.axis;
   }
 
@@ -388,6 +402,19 @@ function numbers(name, values, length) {
     throw new JacokinError(`${name} must be ${length} numbers, not ${got}`);
   }
   return finite(name, values);
+}
+
+/** A copy of an axis and its range; the length of an axis does not matter, and its largest number becomes 1. */
+function checkedAxis(about) {
+  const axis = Float64Array.from(numbers("axis", about?.axis, 3));
+  const range = Float64Array.from(numbers("range", about.range ?? [-Math.PI, Math.PI], 2));
+  const most = Math.max(...axis.map(Math.abs));
+  if (most === 0) throw new JacokinError("axis must not be 0");
+  const [low, high] = range;
+  if (!(low < high) || high - low > 2 * Math.PI + 1e-12 || Math.max(Math.abs(low), Math.abs(high)) > 1e3) {
+    throw new JacokinError(`range must rise by at most 2 pi, within 1000 rad of 0, not go from ${low} to ${high}`);
+  }
+  return { axis: axis.map((number) => number / most), range };
 }
 
 /** Values of an argument, rows of so many finite numbers: one after another, or an array of rows. */

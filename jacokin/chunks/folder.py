@@ -69,7 +69,7 @@ class ChunkFolder:
 
     @contextlib.contextmanager
     def locked(self) -> Iterator[None]:
-        """Keep other processes of this machine out; where the block fails before a chunk is finished, remove the folder.
+        """Keep other processes of this machine out; the folder goes if the block fails before a chunk is finished.
 
         Raises:
             InvalidInputError: another one is inside.

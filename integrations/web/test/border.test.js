@@ -14,6 +14,17 @@ const refused = (call, words) =>
 const rejected = (promise, words) =>
   assert.rejects(promise, (error) => error instanceof JacokinError && words.test(error.message));
 
+/** A module without functions, and one whose `jacokin_ik_abi_version` says 1. */
+const EMPTY = Uint8Array.of(0, 97, 115, 109, 1, 0, 0, 0);
+const NAME = new TextEncoder().encode("jacokin_ik_abi_version");
+const OTHER_VERSION = Uint8Array.of(
+  ...EMPTY,
+  ...[1, 5, 1, 96, 0, 1, 127], // types: a function gives an i32
+  ...[3, 2, 1, 0], // functions: one of them
+  ...[7, NAME.length + 4, 1, NAME.length, ...NAME, 0, 0], // exports
+  ...[10, 6, 1, 4, 0, 65, 1, 11], // code: i32.const 1
+);
+
 test("every bundled arm solves the pose of its home", async () => {
   assert.ok(names.length >= 11);
   for (const name of names) {
@@ -35,6 +46,9 @@ test("wrong arguments are errors that name them", async () => {
   await rejected(load(new Uint8Array(40)), /damaged/);
   await rejected(load(new URL("none.jacokin", import.meta.url)), /none.jacokin cannot be read/);
   await rejected(load("gen3", { wasm: new Uint8Array(40) }), /wasm: this is not/);
+  await rejected(load("gen3", { wasm: EMPTY }), /wasm: this is not .*jacokin_ik_abi_version/);
+  await rejected(load("gen3", { wasm: OTHER_VERSION }), /its version is 1 and that of jacokin.js \d+/);
+  await rejected(load("gen3", { wasm: "http://[" }), /cannot be read: Invalid URL/);
   refused(() => new Solver(), /made by `await load/);
   refused(() => six.fk([1, 2, 3]), /q must be 6 numbers, not 3/);
   refused(() => six.fk(undefined), /q must be 6 numbers, not undefined/);
@@ -91,8 +105,17 @@ test("the points of an interval outlive other calls", async () => {
   about.range[0] = 0.4; // it was copied
   solver.intervals(solver.fk(solver.home.map((angle) => angle + 0.2)), about);
   assert.deepEqual(interval.at(middle), before);
+  const proxied = new Proxy({ axis: [1, 0, 0], range: [-0.5, 0.5], label: () => "a page's own" }, {});
+  assert.deepEqual(solver.intervals(solver.fk(solver.home), proxied)[0].at(middle), before);
   refused(() => interval.at(1.5), /is not from/);
   refused(() => interval.at(NaN), /finite/);
+});
+
+test("an axis has any length", async () => {
+  const solver = await load();
+  const pose = solver.fk(solver.home);
+  const found = [1, 1e-200, 1e200].map((length) => solver.intervals(pose, { axis: [0, length, length] }));
+  for (const each of found) assert.deepEqual(each.map(({ start }) => start), found[0].map(({ start }) => start));
 });
 
 test("a page may bring the WebAssembly itself", async () => {
