@@ -144,6 +144,13 @@ export class Solver {
 /** A wrong argument, or a solver file that is damaged. */
 export class JacokinError extends Error {}
 
+/** The contents of a file. */
+export type Bytes = ArrayBuffer | ArrayBufferView;
+
+/** The classes of the platform, as far as its types are loaded: programs for Node need not have those of pages. */
+type Address = typeof globalThis extends { URL: { prototype: infer Class } } ? Class : never;
+type Module = typeof globalThis extends { WebAssembly: { Module: { prototype: infer Class } } } ? Class : never;
+
 /** Names of the arms that come with the package. */
 export const names: readonly string[];
 
@@ -154,6 +161,6 @@ export const names: readonly string[];
  * @param options `wasm`: where `jacokin.wasm` is, its contents, or the compiled module. By default it lies beside this file.
  */
 export function load(
-  robot?: string | URL | BufferSource,
-  options?: { wasm?: string | URL | BufferSource | WebAssembly.Module },
+  robot?: string | Address | Bytes,
+  options?: { wasm?: string | Address | Bytes | Module },
 ): Promise<Solver>;

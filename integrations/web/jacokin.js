@@ -41,8 +41,8 @@ const CHUNK = 512;
 /**
  * Make a solver.
  *
- * @param {string | URL | BufferSource} robot a name of `names`; or where a file of `jacokin export-c` is, or its contents
- * @param {{ wasm?: string | URL | BufferSource | WebAssembly.Module }} [options]
+ * @param {string | URL | ArrayBuffer | ArrayBufferView} robot a name of `names`; or where a file of `jacokin export-c` is, or its contents
+ * @param {{ wasm?: string | URL | ArrayBuffer | ArrayBufferView | WebAssembly.Module }} [options]
  * @returns {Promise<Solver>}
  */
 export async function load(robot = "j2n6s300", options = {}) {

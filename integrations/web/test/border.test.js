@@ -128,6 +128,12 @@ test("a page may bring the WebAssembly itself", async () => {
   }
 });
 
+test("the types are complete without those of pages, as programs for Node are checked", async () => {
+  const types = await readFile(new URL("../jacokin.d.ts", import.meta.url), "utf8");
+  const code = types.replaceAll(/\/\*\*.*?\*\//gs, "");
+  assert.doesNotMatch(code, /BufferSource|WebAssembly\.|: URL|\| URL/);
+});
+
 test("the example in the README runs", async () => {
   const readme = await readFile(new URL("../README.md", import.meta.url), "utf8");
   const blocks = [...readme.matchAll(/```js\n(.*?)```/gs)].map((found) => found[1]);
