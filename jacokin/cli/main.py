@@ -106,8 +106,7 @@ def main(argv: Sequence[str] | None = None) -> None:
             error.show()
             code = error.exit_code
         except (click.Abort, KeyboardInterrupt):
-            click.echo("jacokin: interrupted", err=True)
-            code = 128 + signal.SIGINT
+            code = _interrupted()
         except JacokinError as error:
             code = _refuse(str(error))
         except OSError as error:
@@ -116,11 +115,22 @@ def main(argv: Sequence[str] | None = None) -> None:
         except Exception as error:
             if sys.flags.dev_mode:  # python -X dev -m jacokin ... shows the traceback
                 raise
-            sentence = f"internal error, please report it: {type(error).__name__}: {error}"
-            if _is_from_mujoco(error):
-                sentence = f"MuJoCo does not load ({error}): `jacokin doctor` says what helps"
-            code = _refuse(sentence)
+            # As compiled modules turn Ctrl-C while they are loaded into an ImportError.
+            code = _interrupted() if isinstance(error.__cause__, KeyboardInterrupt) else _refuse(_unexpected(error))
     raise SystemExit(code or 0)
+
+
+def _interrupted() -> int:
+    """Say so on stderr; returns the exit code."""
+    click.echo("jacokin: interrupted", err=True)
+    return 128 + signal.SIGINT
+
+
+def _unexpected(error: Exception) -> str:
+    """What to say of an error that no command knows."""
+    if _is_from_mujoco(error):
+        return f"MuJoCo does not load ({error}): `jacokin doctor` says what helps"
+    return f"internal error, please report it: {type(error).__name__}: {error}"
 
 
 def _is_from_mujoco(error: Exception) -> bool:

@@ -145,6 +145,15 @@ def test_ctrl_c_at_any_moment_is_no_traceback(module: str, code: int, said: str)
     assert errors.strip() == (said and f"jacokin: {said}")
 
 
+def test_ctrl_c_while_a_compiled_module_is_loaded_is_no_broken_installation() -> None:
+    """The module's loader turns it into an ImportError."""
+    raising = 'raise ImportError("initialization failed") from KeyboardInterrupt()'
+    before = INTERRUPT.format(module="mujoco").replace("os.kill(os.getpid(), signal.SIGINT)", raising)
+    running = start("task", "reach_site", before=before)
+    out, errors = running.communicate(timeout=DEADLINE)
+    assert (running.returncode, out, errors.strip()) == (130, "", "jacokin: interrupted")
+
+
 def test_control_characters_do_not_reach_the_terminal(run: Run, tmp_path: Path) -> None:
     file = tmp_path / "targets.csv"
     name = "\x1b[31mred\x07"

@@ -481,6 +481,42 @@ def test_a_kill_in_the_last_write_leaves_nothing_for_ever(ending: str, tmp_path:
     assert list(tmp_path.iterdir()) == [path]
 
 
+INTERRUPTED_WRITING = """
+import os, signal, sys
+sys.path[:0] = sys.argv[3:]
+from tests.tasks.test_datasets import *
+from jacokin.cli import process
+from jacokin.tasks.datasets import hdf5
+Task.time_limit = STEPS * CONTROL_TIMESTEP
+write = hdf5._Sink.write
+def interrupted(sink, data):
+    hdf5._Sink.write = write
+    os.kill(os.getpid(), int(sys.argv[2]))
+    return write(sink, data)
+hdf5._Sink.write = interrupted
+signal.signal(signal.SIGTERM, process._leave)
+try:
+    jacokin.tasks.record(make(), Wave(), sys.argv[1], episodes=EPISODES, seed=SEED)
+except KeyboardInterrupt:
+    sys.exit(130)
+"""
+
+
+@pytest.mark.usefixtures("short")
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+@pytest.mark.parametrize("ending", [".hdf5", ".minari"])
+def test_an_interrupt_in_the_last_write_loses_no_episode(
+    ending: str, number: signal.Signals, code: int, tmp_path: Path
+) -> None:
+    """HDF5 crashed where what Python calls for it raised an exception."""
+    path = tmp_path / f"demos{ending}"
+    command = [sys.executable, "-P", "-c", INTERRUPTED_WRITING, str(path), str(int(number)), str(ROOT), *sys.path]
+    done = subprocess.run(command, check=False, capture_output=True)
+    assert (done.returncode, done.stderr) == (code, b"")
+    (folder,) = tmp_path.iterdir()
+    assert sorted(each.suffix for each in folder.iterdir()) == [".json", *[".npz"] * EPISODES]
+
+
 class StopError(Exception):
     """Ends a recording in the middle."""
 

@@ -11,8 +11,11 @@ import copy
 import io
 import json
 import os
+import signal
+import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 import gymnasium
@@ -110,11 +113,49 @@ class _Sink(io.RawIOBase):
 
 
 @contextlib.contextmanager
+def _without_signals() -> Iterator[Callable[[], None]]:
+    """Hold signals such as Ctrl-C back, whose exceptions would make HDF5 crash in a call of `_Sink`.
+
+    What is given lets those come that have come meanwhile, and so does the end of the block.
+    """
+    held = list[tuple[int, FrameType | None]]()
+    before = dict[int, Any]()
+
+    def let_come() -> None:
+        while held:
+            number, frame = held.pop(0)
+            before[number](number, frame)
+
+    if threading.current_thread() is threading.main_thread():  # where Python handles them
+        before = {number: handler for number in signal.valid_signals() if callable(handler := signal.getsignal(number))}
+    for number in before:
+        signal.signal(number, lambda *given: held.append(given))
+    try:
+        yield let_come
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        let_come()
+
+
+@contextlib.contextmanager
 def _new_file(path: Path) -> Iterator[tuple[Any, Callable[[], None]]]:
-    """A new HDF5 file, and what raises OSError if it could not be written so far, as the end of the block does."""
+    """A new HDF5 file, and what raises OSError if it could not be written so far, as the end of the block does.
+
+    Signals are only handled there.
+    """
     sink = _Sink(path)
-    with contextlib.closing(sink), h5py.File(sink, "w", track_order=True) as file:
-        yield file, sink.raise_for_error
+
+    def check() -> None:
+        sink.raise_for_error()
+        let_signals_come()
+
+    with (
+        contextlib.closing(sink),
+        _without_signals() as let_signals_come,
+        h5py.File(sink, "w", track_order=True) as file,
+    ):
+        yield file, check
     sink.raise_for_error()
 
 
