@@ -95,7 +95,16 @@ def replacing(path: Path) -> Iterator[Path]:
 
 def is_device(path: Path) -> bool:
     """Whether something is there that is neither a file nor a folder, such as /dev/stdout or a pipe."""
-    return path.exists() and not path.is_file() and not path.is_dir()
+    try:
+        mode = path.stat().st_mode
+    except (OSError, ValueError):  # nothing is there, or no file can have that name, of which `writable` says why
+        return False
+    return not stat.S_ISREG(mode) and not stat.S_ISDIR(mode)
+
+
+def reason(error: Exception) -> str:
+    """What the system says of a name; Python itself raises a ValueError on a null byte."""
+    return str(getattr(error, "strerror", None) or error)
 
 
 def writable(path: Path) -> Path:
@@ -106,8 +115,11 @@ def writable(path: Path) -> Path:
     """
     try:
         final = path.resolve()
-    except (OSError, RuntimeError, ValueError) as error:  # a loop of links, a null byte
-        raise InvalidInputError(f"{path}: cannot be written: {error}") from error
+        final.lstat()
+    except (FileNotFoundError, NotADirectoryError, PermissionError):
+        pass  # whoever writes finds out
+    except (OSError, RuntimeError, ValueError) as error:  # a loop of links, a null byte, a name that is too long
+        raise InvalidInputError(f"{path}: cannot be written: {reason(error)}") from error
     if final.is_symlink():  # as Python 3.13 leaves a loop
         raise InvalidInputError(f"{path}: cannot be written: its links lead in a circle")
     if final.is_dir():

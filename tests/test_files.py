@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import os
 import stat
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import jacokin
 from jacokin import files
 from jacokin.errors import InvalidInputError
+from jacokin.ik import export_c, solve_file
+from jacokin.model import PointCloud, write_urdf
+from jacokin.tasks import TaskEnv, record
 
 
 @pytest.fixture(params=[0o022, 0o077], ids=oct)
@@ -85,6 +89,24 @@ def test_what_cannot_be_written_is_refused_before_the_work(tmp_path: Path) -> No
     ):
         with pytest.raises(InvalidInputError, match=words), files.replacing(path):
             pytest.fail("the block ran")
+
+
+@pytest.mark.parametrize("name", ["long" * 100, "y/" * 3000 + "z", "a\0b"], ids=["name", "path", "null byte"])
+def test_what_no_file_can_be_called_is_refused_by_all_that_write(name: str, tmp_path: Path) -> None:
+    robot = jacokin.load_robot()
+    solver, targets = jacokin.IKSolver(robot), tmp_path / "targets.csv"
+    targets.write_text("x,y,z\n0.3,-0.3,0.4\n", encoding="utf-8")
+    writers: list[Callable[[Path], object]] = [
+        lambda path: write_urdf(robot, path.with_suffix(".urdf")),
+        lambda path: PointCloud("seen", np.zeros((1, 3))).save(path.with_suffix(".ply")),
+        lambda path: solve_file(solver, targets, path.with_suffix(".csv")),
+        lambda path: export_c(solver, path),
+        lambda path: record(TaskEnv("reach_site"), lambda observation: np.zeros(9), path.with_suffix(".hdf5")),
+    ]
+    for write in writers:
+        with pytest.raises(InvalidInputError, match="cannot be written: (File name too long|embedded null byte)"):
+            write(tmp_path / name)
+    assert list(tmp_path.iterdir()) == [targets]
 
 
 def test_a_pipe_is_written_to_as_it_is(tmp_path: Path) -> None:

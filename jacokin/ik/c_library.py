@@ -18,7 +18,7 @@ import numpy as np
 
 from jacokin import __version__
 from jacokin.errors import InvalidInputError, JacokinError
-from jacokin.files import replacing
+from jacokin.files import reason, replacing
 from jacokin.ik.solutions import curve_arm
 from jacokin.ik.solver import IKSolver
 from jacokin.kernels import library
@@ -99,8 +99,8 @@ def export_c(solver: IKSolver, folder: str | Path, *, target: str | None = None)
     for place in (*texts, *copies):
         try:
             (folder / place).parent.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise InvalidInputError(f"{folder}: cannot be written: {error.strerror}") from error
+        except (OSError, ValueError) as error:
+            raise InvalidInputError(f"{folder}: cannot be written: {reason(error)}") from error
     for place, text in texts.items():
         with replacing(folder / place) as path:
             path.write_text(text, encoding="utf-8")

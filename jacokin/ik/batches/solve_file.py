@@ -176,7 +176,8 @@ class _Batch:
         first = next(form.blocks(source, 1))
         carried = tuple(first.carried)
         answers = answers_format(output, carried)
-        if source.is_file() and output.is_file() and output.samefile(source):
+        final = None if files.is_device(output) else files.writable(output)
+        if source.is_file() and final is not None and final.exists() and final.samefile(source):
             raise InvalidInputError(f"output {output} is the file of targets: they would be lost")
         compiled = solver.is_compiled and first.columns != POSITION
         size = (CLOSEST_ROWS if closest else ROWS) if compiled else SINGLE_ROWS

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from jacokin.arrays import Array
 from jacokin.chunks.folder import temporary
 from jacokin.errors import InvalidInputError, JacokinError, shown
-from jacokin.files import read_arrays, read_text
+from jacokin.files import read_arrays, read_text, reason
 from jacokin.model import checks
 
 SINGLE = "observation"  # name of an observation that has none
@@ -224,11 +224,16 @@ def check_free(path: Path) -> None:
     """Check that nothing is at a path yet.
 
     Raises:
-        InvalidInputError: something is.
+        InvalidInputError: something is, or nothing can be called so.
     """
-    if path.exists() or path.is_symlink():
-        left = f"; {episodes_folder(path)} is left of its recording" if episodes_folder(path).exists() else ""
-        raise InvalidInputError(f"path: {path} is there already; data sets are never changed{left}")
+    try:
+        path.lstat()
+    except (FileNotFoundError, NotADirectoryError, PermissionError):
+        return  # whoever writes finds out whether it can be
+    except (OSError, ValueError) as error:
+        raise InvalidInputError(f"{path}: cannot be written: {reason(error)}") from error
+    left = f"; {episodes_folder(path)} is left of its recording" if episodes_folder(path).exists() else ""
+    raise InvalidInputError(f"path: {path} is there already; data sets are never changed{left}")
 
 
 @contextlib.contextmanager

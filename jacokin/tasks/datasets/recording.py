@@ -174,9 +174,9 @@ def checked_writer(path: Path, env: TaskEnv) -> Any:  # a module
     """
     if path.suffix not in FORMATS:
         raise InvalidInputError(f"path must end in {', '.join(FORMATS)}, got {path}")
+    check_free(path)
     if not path.absolute().parent.is_dir():
         raise InvalidInputError(f"path: there is no folder {path.absolute().parent}")
-    check_free(path)
     others = [name for name in env.options.sizes if "/" in name]
     if others and path.suffix == ".lerobot":
         raise InvalidInputError(

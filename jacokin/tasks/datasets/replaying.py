@@ -15,7 +15,7 @@ from jacokin.errors import InvalidInputError
 from jacokin.model import checks
 from jacokin.mujoco_bridge.arena import DM_CONTROL
 from jacokin.tasks import registry
-from jacokin.tasks.datasets.recorded import Recorded
+from jacokin.tasks.datasets.recorded import Recorded, reading
 from jacokin.tasks.datasets.recording import FORMATS, FUNCTION, KEPT, checked_environment, run_actions
 from jacokin.tasks.gym.environment import TaskEnv
 from jacokin.tasks.gym.registration import IDS
@@ -63,7 +63,9 @@ def replay(
         UnknownNameError: the task of the data set is not registered.
     """
     source = checks.path("path", path)
-    if source.suffix not in FORMATS or not source.exists():
+    with reading(source):
+        is_there = source.exists()
+    if source.suffix not in FORMATS or not is_there:
         raise InvalidInputError(f"path must be a data set that is there, ending in {', '.join(FORMATS)}, got {source}")
     description, episodes = importlib.import_module(f"jacokin.tasks.datasets.{FORMATS[source.suffix]}").read(source)
     made = _make(source, description, render_mode) if env is None else checked_environment(env)
