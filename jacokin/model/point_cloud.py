@@ -289,8 +289,13 @@ def _read_ply(path: Path) -> Array:
         words = [line.split() for _, line in zip(range(header.rows), lines, strict=False)]
         if len(words) < header.rows:
             raise ValueError(f"it ends before its {header.rows} vertices do")
+        short = next((k for k, row in enumerate(words) if len(row) <= max(columns)), None)
+        if short is not None:
+            raise ValueError(
+                f"its vertex {short} has {len(words[short])} numbers, its header names {len(header.names)}"
+            )
         return np.array([[float(row[k]) for k in columns] for row in words]).reshape(-1, 3)
-    except (ValueError, IndexError, UnicodeDecodeError, MemoryError) as error:
+    except (ValueError, UnicodeDecodeError, MemoryError) as error:
         raise InvalidInputError(f"{path}: cannot be read as a .ply file: {error}") from error
 
 

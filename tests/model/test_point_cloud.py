@@ -458,7 +458,7 @@ def test_ply_files_of_other_programs_are_read(tmp_path: Path) -> None:
         (b"", "is not a .ply file"),
         (b"ply\nformat ascii 1.0\n", "is not a .ply file"),
         ((HEAD + AXES + "end_header\n0 0 0\n").encode(), "ends before its 2 vertices do"),
-        ((HEAD + AXES + "end_header\n0 0 0\n0 0\n").encode(), "cannot be read as a .ply file"),
+        ((HEAD + AXES + "end_header\n0 0 0\n0 0\n").encode(), "its vertex 1 has 2 numbers, its header names 3"),
         ((HEAD + AXES + "end_header\n0 0 0\n0 0 up\n").encode(), "cannot be read as a .ply file"),
         ((HEAD + AXES + "end_header\n0 0 0\n0 0 nan\n").encode(), "row 1 is not"),
         ((HEAD.replace("ascii", "binary_little_endian") + AXES + "end_header\n").encode(), "ends before its 2"),
