@@ -10,6 +10,7 @@ import numpy as np
 from jacokin.errors import needed
 from jacokin.ik import differentiable
 from jacokin.ik.solver import IKSolver
+from jacokin.model import checks
 
 __all__ = ["solve"]
 
@@ -44,7 +45,10 @@ def solve(  # Any: arrays of a package that need not be installed
     with needed("jax", "jax"):
         import jax
         import jax.numpy as jnp
-    poses = jnp.asarray(poses)
+    try:
+        poses = jnp.asarray(poses)
+    except (TypeError, ValueError) as error:
+        raise checks.refusal("poses", "an array of shape (..., 4, 4)", poses) from error
     shape = tuple(poses.shape)
     made = differentiable.check_arguments(solver, shape, str(poses.dtype), closest, ADVICE)
     start = made.robot.home if seeds is None else seeds

@@ -148,6 +148,9 @@ def test_arguments_are_checked(solver: IKSolver, rng: np.random.Generator) -> No
         jacokin.jax.solve(solver.robot, poses)  # type: ignore[arg-type]  # that is the test
     with pytest.raises(InvalidInputError, match=r"poses must have shape \(\.\.\., 4, 4\), got shape \(3, 3, 4\)"):
         jacokin.jax.solve(solver, poses[:, :3])
+    for wrong in (None, "here", [[1.0], [1.0, 2.0]]):
+        with pytest.raises(InvalidInputError, match=r"poses must be an array of shape \(\.\.\., 4, 4\), got"):
+            jacokin.jax.solve(solver, wrong)
     with pytest.raises(InvalidInputError, match=r"poses must be float64, got float32: call jax.config.update"):
         jacokin.jax.solve(solver, jnp.asarray(poses, jnp.float32))
     with pytest.raises(
