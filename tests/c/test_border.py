@@ -124,6 +124,15 @@ def test_an_axis_must_have_a_direction_and_a_range(six: CSolver, target: Array) 
     assert six.intervals(target, None)[0] == binding.WRONG_ARM
 
 
+@pytest.mark.parametrize("length", [5e-324, 1e-200, 1e200, 1.7e308])
+def test_an_axis_may_have_any_length_but_zero(six: CSolver, target: Array, length: float) -> None:
+    status, expected, _ = six.intervals(target, axis((1.0, 1.0, 0.0)))
+    scaled, found, _ = six.intervals(target, axis((length, length, 0.0)))
+    assert scaled == status == binding.OK
+    assert expected
+    assert list(map(bytes, found)) == list(map(bytes, expected))
+
+
 def test_functions_of_another_arm_say_so(seven: CSolver, target: Array) -> None:
     assert seven.all(target, None)[0] == seven.intervals(target, axis())[0] == binding.WRONG_ARM
 

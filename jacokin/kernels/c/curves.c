@@ -50,8 +50,10 @@ static int read_problem(const jacokin_ik_solver *solver, const double *target, c
     double x = about->direction[0], y = about->direction[1], z = about->direction[2];
     double low = about->range[0], high = about->range[1];
     if (!isfinite(x) || !isfinite(y) || !isfinite(z) || !isfinite(low) || !isfinite(high)) return JACOKIN_IK_NOT_FINITE;
+    double largest = fmax(fabs(x), fmax(fabs(y), fabs(z))); /* the squares of any length but 0 are numbers beside it */
+    if (!(largest > 0.0)) return JACOKIN_IK_BAD_ARGUMENT;
+    x /= largest, y /= largest, z /= largest;
     double length = sqrt(x * x + y * y + z * z);
-    if (!(length > 0.0) || !isfinite(length)) return JACOKIN_IK_BAD_ARGUMENT;
     if (!(low < high) || high - low > TURN + FULL_TURN || fmax(fabs(low), fabs(high)) > FARTHEST_ANGLE)
         return JACOKIN_IK_BAD_ARGUMENT;
     of->axis[0] = x / length;
