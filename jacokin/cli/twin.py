@@ -106,13 +106,13 @@ def twin(given: TwinOptions) -> None:
         watch = _watching(stack, arm, environment, given.port) if given.view else _nothing
         ticker = Ticker(math.inf if given.fast else given.pace)
         core, node = _node(given, called, arm, found, ticker, shown)
-        click.echo(f"twin of {arm.robot.label} in ROS {given.ros}: ready; Ctrl-C ends it", err=True)
-        try:
+        stack.callback(node.close)
+        try:  # a signal may come as soon as it says that it is ready
+            click.echo(f"twin of {arm.robot.label} in ROS {given.ros}: ready; Ctrl-C ends it", err=True)
             node.run(watch, lambda: given.seconds is None or arm.state.time < given.seconds)
         except KeyboardInterrupt:
             click.echo("closed", err=True)
         finally:
-            node.close()
             _show(core.record(), ticker.late, given.json)
         died = getattr(core, "died", "")
         if died:

@@ -68,6 +68,10 @@ class Ros1:
         """Whether the driver does."""
         return bool(self._velocities.get_num_connections())
 
+    def hears_fingers(self) -> bool:
+        """Whether it takes goals of the fingers."""
+        return bool(self._fingers.get_num_connections())
+
     def turn(self, v: list[float]) -> None:
         """Send velocities [rad/s]."""
         self._velocities.publish(*[math.degrees(value) for value in v], *[0.0] * (7 - len(v)))
@@ -110,6 +114,10 @@ class Ros2:
         """Whether a controller does."""
         return bool(self._velocities.get_subscription_count())
 
+    def hears_fingers(self) -> bool:
+        """Whether one of the fingers does."""
+        return bool(self._fingers.get_subscription_count())
+
     def turn(self, v: list[float]) -> None:
         """Send velocities [rad/s]."""
         self._velocities.publish(self._numbers.Float64MultiArray(data=v))
@@ -133,6 +141,7 @@ class Forwarder:
         self._known = {}  # type: dict[str, tuple[float, float | None, float | None]]
         self._arm = None  # type: Ros1 | Ros2 | None
         self._last, self._zeros = -math.inf, ZEROS
+        self._share = None  # type: float | None  # of the fingers, until it is sent
 
     def attach(self, arm: Ros1 | Ros2) -> None:
         """Forward to an arm."""
@@ -162,7 +171,8 @@ class Forwarder:
             if self._arm is None:
                 return
             if "fingers" in fields:
-                self._arm.move_fingers(float(fields["fingers"]))
+                self._share = float(fields["fingers"])
+                self._move_fingers(self._arm)
             if "v" in fields:
                 v = [float(value) for value in fields["v"]]
                 if len(v) != len(self._joints) or not all(map(math.isfinite, v)):
@@ -171,8 +181,10 @@ class Forwarder:
                 self._last, self._zeros = time.monotonic(), 0
 
     def watch(self) -> None:
-        """Send zeros where velocities have stopped coming; to be called each 10 ms."""
+        """Send zeros where velocities have stopped coming, and what had to wait; to be called each 10 ms."""
         with self._lock:
+            if self._arm is not None:
+                self._move_fingers(self._arm)
             if time.monotonic() - self._last > WATCHDOG and self._zeros < ZEROS:
                 self._turn_nothing()
 
@@ -182,6 +194,14 @@ class Forwarder:
             with self._lock:
                 self._turn_nothing()
             time.sleep(PERIOD)
+        if self._share is not None:
+            sys.stderr.write("forwarder: nobody listens to the fingers, which were not moved\n")
+
+    def _move_fingers(self, arm: Ros1 | Ros2) -> None:
+        """Tell the fingers where to go, once they listen: what is published before is lost."""
+        if self._share is not None and arm.hears_fingers():
+            arm.move_fingers(self._share)
+            self._share = None
 
     def _turn_nothing(self) -> None:
         if self._arm is not None:

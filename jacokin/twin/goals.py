@@ -66,6 +66,8 @@ class Record:
     """How long the arm moved on after the last velocity came, or a goal ended, until it stood, or until now [s]."""
     angles: tuple[float, ...]
     """Where the joints are [rad]."""
+    fingers: tuple[float, ...]
+    """Where the fingers are [rad]."""
 
     @classmethod
     def of(
@@ -83,4 +85,5 @@ class Record:
             speed=arm.speed,
             coasted=max(0.0, arm.moved - last),
             angles=tuple(arm.state.q.tolist()),
+            fingers=tuple(arm.state.fingers.tolist()),
         )

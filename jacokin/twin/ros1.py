@@ -5,6 +5,7 @@ ROS is imported when the node is made; the messages of kinova_msgs are made here
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import importlib
 import socket
@@ -410,7 +411,8 @@ class Ros1Node:
     def close(self) -> None:
         """Leave ROS."""
         if self._is_clock:
-            self._rospy.delete_param("/use_sim_time")
+            with contextlib.suppress(KeyError, OSError):  # it is gone already, or the master is
+                self._rospy.delete_param("/use_sim_time")
         self._rospy.signal_shutdown("the twin ends")
 
     def _look(self) -> None:

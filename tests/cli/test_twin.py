@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import json
+import signal
 import sys
+from collections.abc import Callable
 
+import click
 import pytest
 
+from jacokin.cli import twin
+from jacokin.twin import KinovaDriver, SimulatedArm
 from tests.cli.run import Run
 
 
@@ -40,3 +46,31 @@ def test_what_is_refused(run: Run, words: tuple[str, ...], why: str) -> None:
     answer = run("twin", *words)
     assert answer.code == 2
     assert why in answer.err
+
+
+class Node:
+    """A node of no ROS."""
+
+    def run(self, watch: Callable[[], None], goes_on: Callable[[], bool]) -> None:
+        """Nothing: it has ended."""
+
+    def close(self) -> None:
+        """It cannot leave."""
+        raise OSError("the master has gone")
+
+
+@pytest.mark.parametrize(("word", "code"), [("ready", 128 + signal.SIGTERM), ("no word", 2)])
+def test_its_record_comes_whenever_it_ends(run: Run, monkeypatch: pytest.MonkeyPatch, word: str, code: int) -> None:
+    """On a signal that comes as soon as it is ready, and where something is wrong as it leaves."""
+    say = click.echo
+
+    def leave(text: str, **words: bool) -> None:
+        say(text, **words)
+        if word in text:
+            raise SystemExit(128 + signal.SIGTERM)  # as at that signal
+
+    monkeypatch.setattr(twin, "_node", lambda *_: (KinovaDriver(SimulatedArm()), Node()))
+    monkeypatch.setattr(click, "echo", leave)
+    answer = run("twin", "--ros", "1", "--json")
+    assert len(json.loads(answer.out)["angles"]) == 6
+    assert answer.code == code

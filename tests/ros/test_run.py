@@ -176,5 +176,6 @@ def test_fingers_move_with_the_joints(ros: Ros, version: int, motion: Trajectory
         assert status == 0, output + errors
         _, record, said = twin.ends()
     assert away(record, motion) < CLOSE
+    np.testing.assert_allclose(record["fingers"], 0.75, atol=0.02)  # [rad] of 0.15 to 1.35
     if version == 1:
         assert record["goals"] == 1, said
