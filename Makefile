@@ -21,7 +21,7 @@ test: $(VENV)/test.stamp  ## the quick tests, against the built wheel: at most 4
 	$(BIN)/$(PYTEST) -m "not slow"
 
 test-all: $(VENV)/test.stamp  ## all tests, against the built wheel
-	$(BIN)/$(PYTEST)
+	$(BIN)/$(PYTEST) --durations 40
 
 lint: $(VENV)/test.stamp  ## style, docstrings, formatting
 	$(BIN)/ruff check .

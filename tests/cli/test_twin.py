@@ -6,6 +6,7 @@ import json
 import signal
 import sys
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import click
 import pytest
@@ -48,15 +49,19 @@ def test_what_is_refused(run: Run, words: tuple[str, ...], why: str) -> None:
     assert why in answer.err
 
 
+@dataclass
 class Node:
     """A node of no ROS."""
+
+    leaves: bool
 
     def run(self, watch: Callable[[], None], goes_on: Callable[[], bool]) -> None:
         """Nothing: it has ended."""
 
     def close(self) -> None:
-        """It cannot leave."""
-        raise OSError("the master has gone")
+        """Leave, if it can."""
+        if not self.leaves:
+            raise OSError("the master has gone")
 
 
 @pytest.mark.parametrize(("word", "code"), [("ready", 128 + signal.SIGTERM), ("no word", 2)])
@@ -64,12 +69,12 @@ def test_its_record_comes_whenever_it_ends(run: Run, monkeypatch: pytest.MonkeyP
     """On a signal that comes as soon as it is ready, and where something is wrong as it leaves."""
     say = click.echo
 
-    def leave(text: str, **words: bool) -> None:
-        say(text, **words)
+    def leave(text: str, *, err: bool = False) -> None:
+        say(text, err=err)
         if word in text:
             raise SystemExit(128 + signal.SIGTERM)  # as at that signal
 
-    monkeypatch.setattr(twin, "_node", lambda *_: (KinovaDriver(SimulatedArm()), Node()))
+    monkeypatch.setattr(twin, "_node", lambda *_: (KinovaDriver(SimulatedArm()), Node(word == "ready")))
     monkeypatch.setattr(click, "echo", leave)
     answer = run("twin", "--ros", "1", "--json")
     assert len(json.loads(answer.out)["angles"]) == 6
