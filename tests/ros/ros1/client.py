@@ -8,9 +8,11 @@ They go to where they are told from what the driver says that it leads the arm t
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 import os
+import statistics
 import sys
 import time
 from typing import Any
@@ -136,7 +138,7 @@ def main() -> None:
     while len(stamps) < 11:
         time.sleep(0.01)
     hearing.unregister()
-    record["rate"] = 10.0 / (stamps[10] - stamps[0])
+    record["rate"] = 1.0 / statistics.median(after - before for before, after in itertools.pairwise(stamps))
     state = hear("joint_state", JointState)
     record["state"] = {"name": state.name, "position": state.position, "angles": angles()}
     record["lengths"] = [len(state.position), len(state.velocity), len(state.effort)]
