@@ -121,9 +121,10 @@ class CurveArm:
             calls = self._idle.pop()
         except IndexError:
             calls = _Calls(self._nearest_work())
-        work, six = calls.solve.work, calls.solve.work.six
-        work.chain[:], work.T[:], work.pieces.limits[:] = problem.chain, problem.T, problem.limits
-        work.options[:] = self.parameter, NO_SLICES if only_starts else self._kind, self.dof
+        work, walk, six = calls.solve.work, calls.solve.work.walk, calls.solve.work.six
+        walk.chain[:], walk.T[:], work.pieces.limits[:] = problem.chain, problem.T, problem.limits
+        walk.parameter[0] = self.parameter
+        work.options[:] = NO_SLICES if only_starts else self._kind, self.dof
         work.starts[:], work.near.seed[:] = np.nan, np.nan
         work.starts[: len(starts)] = starts
         if self._kind == JOINT_3:
@@ -159,7 +160,7 @@ class CurveArm:
 
 
 class _Calls:
-    """The kernels' calls of one thread at a time; they share the pieces that are found."""
+    """The kernels' calls of one thread at a time; they share the walk, and the pieces that are found."""
 
     __slots__ = ("nearest", "point", "solve")
 
@@ -169,9 +170,9 @@ class _Calls:
     def __init__(self, nearest: NearestWork) -> None:
         self.solve = Call(solve_set, make_set_work()._replace(starts=np.full((self.STARTS, DIMENSIONS), np.nan)))
         work = self.solve.work
-        nearest = nearest._replace(chain=work.chain, T=work.T, nodes=work.pieces.nodes, ends=work.pieces.ends)
+        nearest = nearest._replace(walk=work.walk, nodes=work.pieces.nodes, ends=work.pieces.ends)
         self.nearest = Call(find_nearest, nearest)
-        self.point = Call(find_point, make_point_work()._replace(nodes=np.zeros((2, 2 * DIMENSIONS))))
+        self.point = Call(find_point, make_point_work()._replace(walk=work.walk))
 
 
 class Curves(NamedTuple):
@@ -240,15 +241,15 @@ class CurveProblem(NamedTuple):
     def nearest_on(self, nodes: Array, seed: Array) -> Array | None:
         """The point (7,) within the limits on a run of nodes (m, 14), nearest to a seed (dof,) [rad]; None for none."""
         ends = np.array([[0, len(nodes), 0, 0, 0, 0]])
-        work = self.arm._nearest_work()._replace(chain=self.chain, T=self.T, nodes=nodes, ends=ends)
+        work = self.arm._nearest_work()._replace(nodes=nodes, ends=ends)
+        work.walk.chain[:], work.walk.T[:] = self.chain, self.T
         return self.arm._nearest(Call(find_nearest, work), seed)
 
     def at(self, chord: Array, parameter: float) -> Array:
         """The point (7,) of a chord (2, 14) where the parameter has a value [rad], or the end that is nearer to it."""
         calls = self.arm._prepare(self, np.empty((0, DIMENSIONS)))
         work = calls.point.work
-        work.chain[:], work.T[:], work.nodes[:], work.at[0] = self.chain, self.T, chord, parameter
-        work.options[:] = self.arm.parameter, 0
+        work.nodes[:], work.at[0] = chord, parameter
         found = calls.point()
         ends = np.abs(chord[:, self.arm.parameter] - parameter)
         x = work.x.copy() if found else chord[int(ends.argmin()), :DIMENSIONS].copy()
@@ -342,4 +343,4 @@ def read_curves(work: SetWork, *, complete: bool) -> Curves:
         if end > first  # a full table
     ]
     whole = [loops.nodes[first:end].copy() for first, end, _ in loops.ends[: loops.size[1]].tolist()]
-    return Curves(found, whole, int(pieces.size[2]), complete and bool(math.isfinite(work.T.sum())))
+    return Curves(found, whole, int(pieces.size[2]), complete and bool(math.isfinite(work.walk.T.sum())))

@@ -144,12 +144,12 @@ static void target_of_six(const problem *of, double *T) {
 static int find_pieces(const problem *of, const double *start, int *complete) {
     const jacokin_ik_solver *solver = of->solver;
     entry *set = of->memory.set;
-    memcpy(set[SET_chain].numbers, solver->chain, (size_t)(solver->dof + 1) * 12 * sizeof(double));
-    memcpy(set[SET_T].numbers, of->T, sizeof of->T);
-    if (solver->dof == 6) add_axis(of->axis, set[SET_chain].numbers);
-    set[SET_options].integers[0] = parameter_of(solver);
-    set[SET_options].integers[1] = solver->kind;
-    set[SET_options].integers[2] = solver->dof;
+    memcpy(set[SET_walk_chain].numbers, solver->chain, (size_t)(solver->dof + 1) * 12 * sizeof(double));
+    memcpy(set[SET_walk_T].numbers, of->T, sizeof of->T);
+    if (solver->dof == 6) add_axis(of->axis, set[SET_walk_chain].numbers);
+    set[SET_walk_parameter].integers[0] = parameter_of(solver);
+    set[SET_options].integers[0] = solver->kind;
+    set[SET_options].integers[1] = solver->dof;
     for (int j = 0; j < 7; j++) { /* solutions as near to a seed as the nearest one are enough */
         int joint = j < solver->dof;
         set[SET_near_seed].numbers[j] = start != NULL ? start[j] : NAN;
@@ -271,12 +271,10 @@ static const double *point_of(const layout *memory, int parameter, int64_t first
         if (nodes[NODE * middle + parameter] <= p) low = middle;
         else high = middle;
     }
-    point[POINT_chain] = set[SET_chain];
-    point[POINT_T] = set[SET_T];
-    point[POINT_nodes] = set[SET_pieces_nodes];
-    point[POINT_nodes_length].length = end;
-    point[POINT_options].integers[0] = parameter;
-    point[POINT_options].integers[1] = low;
+    point[POINT_walk_chain] = set[SET_walk_chain];
+    point[POINT_walk_T] = set[SET_walk_T];
+    point[POINT_walk_parameter] = set[SET_walk_parameter];
+    point[POINT_nodes].numbers = set[SET_pieces_nodes].numbers + NODE * low;
     point[POINT_at].numbers[0] = p;
     if (jacokin_find_point(point) == 1) return point[POINT_x].numbers;
     return &nodes[NODE * (p - nodes[NODE * low + parameter] < nodes[NODE * high + parameter] - p ? low : high)];
@@ -304,7 +302,7 @@ int jacokin_ik_at(const jacokin_ik_solver *solver, void *work, size_t work_size,
         return jacokin_no_answer(solver, q, JACOKIN_IK_BAD_ARGUMENT);
     const double *x = point_of(&memory, parameter_of(solver), piece[FIRST], piece[END], p + interval->shift);
     if (solver->dof == 6) memcpy(axis, memory.set[SET_six_axis].numbers, sizeof axis);
-    if (!settle(solver, memory.set[SET_T].numbers, axis, x, start, q))
+    if (!settle(solver, memory.set[SET_walk_T].numbers, axis, x, start, q))
         return jacokin_no_answer(solver, q, JACOKIN_IK_NO_CONVERGENCE);
     return JACOKIN_IK_OK;
 }
@@ -317,8 +315,8 @@ static int nearest_on_curves(const problem *of, const double *seed, double *q, d
     memcpy(start, seed, (size_t)solver->dof * sizeof(double));
     if (solver->dof == 6) start[FREE_AXIS] = angle_about(of, seed);
     int complete, pieces = find_pieces(of, start, &complete);
-    nearest[NEAREST_chain] = set[SET_chain];
-    nearest[NEAREST_T] = set[SET_T];
+    nearest[NEAREST_walk_chain] = set[SET_walk_chain];
+    nearest[NEAREST_walk_T] = set[SET_walk_T];
     nearest[NEAREST_nodes] = set[SET_pieces_nodes];
     nearest[NEAREST_nodes_length].length = set[SET_pieces_size].integers[0];
     nearest[NEAREST_ends] = set[SET_pieces_ends];

@@ -10,6 +10,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.kernels.chain import bordered_newton, linearise7, null_tangent
@@ -40,8 +41,11 @@ COLUMNS = 14
 
 
 class Walk(NamedTuple):
-    """Where a walk along a curve stands, and what a step needs."""
+    """The curve that a walk is along, where it stands, and what a step needs."""
 
+    chain: Array  # (8, 3, 4) placements between seven joints that turn about z
+    T: Array  # (4, 4) target
+    parameter: NDArray[np.int64]  # (1,) index of the angle that is the parameter
     x: Array  # (7,) the last point [rad]
     t: Array  # (7,) its tangent, forwards
     bend: Array  # (7,) how the tangent turns at x, for a distance of 1,
@@ -59,8 +63,11 @@ class Walk(NamedTuple):
 
 def make_walk() -> Walk:
     """Fresh arrays."""
+    chain, T, parameter = np.zeros((8, 3, 4)), np.eye(4), np.zeros(1, np.int64)
     x, t, bend, more, turned, y, ty, z, tz, border = (np.zeros(7) for _ in range(10))
-    return Walk(x, t, bend, more, turned, np.zeros(1), np.zeros(2), y, ty, z, tz, border, np.zeros((7, 8)))
+    return Walk(
+        chain, T, parameter, x, t, bend, more, turned, np.zeros(1), np.zeros(2), y, ty, z, tz, border, np.zeros((7, 8))
+    )
 
 
 def wrapped(angle: float) -> float:
@@ -73,18 +80,16 @@ def level_near(value: float, a: float, b: float) -> float:
     return value + TURN * whole_below((0.5 * (a + b) - value) / TURN + 0.5)
 
 
-def tangent(chain: Array, T: Array, x: Array, border: Array, t: Array, walk: Walk) -> float:
+def tangent(x: Array, border: Array, t: Array, walk: Walk) -> float:
     """Fill t with the tangent at x for which border . t > 0; see `null_tangent` for what is returned."""
-    linearise7(chain, T, x, walk.system)
+    linearise7(walk.chain, walk.T, x, walk.system)
     return null_tangent(border, t, walk.system)
 
 
-def advance(chain: Array, T: Array, walk: Walk, h: float, volume: float, y: Array, ty: Array) -> int:
+def advance(walk: Walk, h: float, volume: float, y: Array, ty: Array) -> int:
     """Fill y and ty with the point a distance h along the tangent from walk.x, and its tangent.
 
     Args:
-        chain: (8, 3, 4).
-        T: (4, 4) target.
         walk: where to start.
         h: how far to go [rad].
         volume: of `tangent` at walk.x, along this curve.
@@ -101,7 +106,7 @@ def advance(chain: Array, T: Array, walk: Walk, h: float, volume: float, y: Arra
         y[j] = x[j] + h * (t[j] + h * (0.5 * walk.bend[j] + h / 6.0 * walk.more[j]))
         offset += t[j] * x[j]
     wanted = LARGEST_RESIDUAL if h > SHORT_STEP else RESIDUAL
-    residual = bordered_newton(chain, T, y, t, offset, walk.system, NEWTON_STEPS, wanted)
+    residual = bordered_newton(walk.chain, walk.T, y, t, offset, walk.system, NEWTON_STEPS, wanted)
     if not residual <= LARGEST_RESIDUAL:
         return FAILED
     away, cosine = 0.0, 0.0
@@ -197,7 +202,7 @@ def cubic_root(a: Array, b: Array, length: float, j: int, value: float, low: flo
     return u
 
 
-def point_across(chain: Array, T: Array, a: Array, b: Array, u: float, walk: Walk) -> bool:
+def point_across(a: Array, b: Array, u: float, walk: Walk) -> bool:
     """Fill walk.z and walk.tz with the node across the chord from a to b (14,) at a share u of it; False for none."""
     x, t, length = walk.z, walk.tz, chord_length(a, b)
     if length == 0.0:
@@ -209,18 +214,21 @@ def point_across(chain: Array, T: Array, a: Array, b: Array, u: float, walk: Wal
         walk.border[j] = (b[j] - a[j]) / length
         x[j] = cubic(a, b, length, u, j)
         offset += walk.border[j] * (a[j] + u * (b[j] - a[j]))
-    if not bordered_newton(chain, T, x, walk.border, offset, walk.system, NEWTON_STEPS, RESIDUAL) <= LARGEST_RESIDUAL:
+    if (
+        not bordered_newton(walk.chain, walk.T, x, walk.border, offset, walk.system, NEWTON_STEPS, RESIDUAL)
+        <= LARGEST_RESIDUAL
+    ):
         return False
-    return tangent(chain, T, x, walk.border, t, walk) != 0.0
+    return tangent(x, walk.border, t, walk) != 0.0
 
 
-def halve_chord(chain: Array, T: Array, parts: Array, top: int, walk: Walk) -> bool:
+def halve_chord(parts: Array, top: int, walk: Walk) -> bool:
     """Replace the last of some chords (n, 28), two nodes each, by its halves, the first one last; False for no middle.
 
     The node between them is left in walk.z and walk.tz.
     """
     chord, half = parts[top], parts[top + 1]
-    if not point_across(chain, T, chord[:COLUMNS], chord[COLUMNS:], 0.5, walk):
+    if not point_across(chord[:COLUMNS], chord[COLUMNS:], 0.5, walk):
         return False
     for j in range(7):
         half[j], half[7 + j] = chord[j], chord[7 + j]
@@ -229,7 +237,7 @@ def halve_chord(chain: Array, T: Array, parts: Array, top: int, walk: Walk) -> b
     return True
 
 
-def point_at(chain: Array, T: Array, a: Array, b: Array, j: int, value: float, u: float, walk: Walk) -> bool:
+def point_at(a: Array, b: Array, j: int, value: float, u: float, walk: Walk) -> bool:
     """Fill walk.z and walk.tz with the node between a and b (14,) where angle j has a value; u is about where.
 
     First with the angle given, and where that is no good condition, next to its extremes, by the secant method across
@@ -240,22 +248,22 @@ def point_at(chain: Array, T: Array, a: Array, b: Array, j: int, value: float, u
         walk.border[m] = 1.0 if m == j else 0.0
         x[m] = cubic(a, b, length, u, m)
         t[m] = x[m]
-    residual = bordered_newton(chain, T, x, walk.border, value, walk.system, NEWTON_STEPS, RESIDUAL)
+    residual = bordered_newton(walk.chain, walk.T, x, walk.border, value, walk.system, NEWTON_STEPS, RESIDUAL)
     moved = 0.0
     for m in range(7):
         moved = max(moved, abs(x[m] - t[m]))
         walk.border[m] = (b[m] - a[m]) / length
-    if residual <= LARGEST_RESIDUAL and moved <= 0.01 * length and tangent(chain, T, x, walk.border, t, walk) != 0.0:
+    if residual <= LARGEST_RESIDUAL and moved <= 0.01 * length and tangent(x, walk.border, t, walk) != 0.0:
         return True
-    return slide(chain, T, a, b, j, value, walk)
+    return slide(a, b, j, value, walk)
 
 
-def point_where_still(chain: Array, T: Array, a: Array, b: Array, j: int, walk: Walk) -> bool:
+def point_where_still(a: Array, b: Array, j: int, walk: Walk) -> bool:
     """Fill walk.z and walk.tz with the node between a and b (14,) where angle j stands still; it turns between them."""
-    return slide(chain, T, a, b, 7 + j, 0.0, walk)
+    return slide(a, b, 7 + j, 0.0, walk)
 
 
-def slide(chain: Array, T: Array, a: Array, b: Array, k: int, value: float, walk: Walk) -> bool:
+def slide(a: Array, b: Array, k: int, value: float, walk: Walk) -> bool:
     """Fill walk.z and walk.tz with the node between a and b (14,) where its number k has a value; False for none.
 
     It is looked for across the chord, by the secant method.
@@ -265,7 +273,7 @@ def slide(chain: Array, T: Array, a: Array, b: Array, k: int, value: float, walk
         return False
     for _ in range(SECANTS):
         u = secant(low, f_low, high, f_high)
-        if not point_across(chain, T, a, b, u, walk):
+        if not point_across(a, b, u, walk):
             return False
         f = (walk.z[k] if k < 7 else walk.tz[k - 7]) - value
         if abs(f) <= STATIONARY or abs(high - low) <= STATIONARY:

@@ -31,7 +31,7 @@ def make_directions() -> Directions:
     return Directions(np.empty(49), np.empty(49))
 
 
-def points_aside(chain: Array, T: Array, meeting: Array, side: float, null: Directions, x: Array, walk: Walk) -> bool:
+def points_aside(meeting: Array, side: float, null: Directions, x: Array, walk: Walk) -> bool:
     """Fill x with a point of the other curve, on one side of a meeting that lies between two points (14,).
 
     The Jacobian has two null directions there; the other curve leaves along a combination of the known one and the one
@@ -39,7 +39,7 @@ def points_aside(chain: Array, T: Array, meeting: Array, side: float, null: Dire
     """
     for j in range(7):
         x[j] = 0.5 * (meeting[j] + meeting[7 + j])
-    linearise7(chain, T, x, walk.system)
+    linearise7(walk.chain, walk.T, x, walk.system)
     for i in range(7):
         for j in range(7):
             product = 0.0
@@ -69,7 +69,7 @@ def points_aside(chain: Array, T: Array, meeting: Array, side: float, null: Dire
         for j in range(7):
             x[j] = 0.5 * (meeting[j] + meeting[7 + j]) + away * walk.border[j]
             offset += walk.border[j] * x[j]
-        missing = bordered_newton(chain, T, x, walk.border, offset, walk.system, ASIDE_STEPS, RESIDUAL)
+        missing = bordered_newton(walk.chain, walk.T, x, walk.border, offset, walk.system, ASIDE_STEPS, RESIDUAL)
         if missing <= LARGEST_RESIDUAL:
             return True
         away *= TIMES_NEARER

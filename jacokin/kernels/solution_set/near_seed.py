@@ -68,24 +68,20 @@ def make_near_seed() -> NearSeed:
     )
 
 
-def add_chords(
-    chain: Array, T: Array, limits: Array, seven: SevenJoints, count: int, near: NearSeed, loops: Loops, walk: Walk
-) -> bool:
+def add_chords(limits: Array, seven: SevenJoints, count: int, near: NearSeed, loops: Loops, walk: Walk) -> bool:
     """Enter chords as curves, on one of which the nearest configuration is; False where that is not known.
 
     Args:
-        chain: (8, 3, 4).
-        T: (4, 4) target.
         limits: (2, 7), infinite for none [rad].
         seven: the arm, and the folds of this target.
         count: of the folds.
         near: the seed.
         loops: filled, without curves.
-        walk: for tangents.
+        walk: the curves, for tangents.
     """
     near.best[0], near.halved[0], size = math.inf, 0, 0
     for n in range(max(count, 1)):
-        size = place_arc(chain, T, seven, arc_of(seven.folds, count, n), near, size)
+        size = place_arc(walk, seven, arc_of(seven.folds, count, n), near, size)
         if size < 0:
             return False
     size = 0
@@ -94,7 +90,7 @@ def add_chords(
         for _ in range(parts_of(arc)):
             for row in range(MOST_AT_Q3):
                 known = not math.isnan(near.places[size + 1, row, 0])
-                if known and not search_interval(chain, T, limits, seven, arc, row, size, near, loops, walk):
+                if known and not search_interval(limits, seven, arc, row, size, near, loops, walk):
                     return False
             size += 2
         size += 1
@@ -121,7 +117,7 @@ def joint_3(arc: Arc, angle: float) -> float:
     return arc.middle - arc.half * math.cos(angle)
 
 
-def place_arc(chain: Array, T: Array, seven: SevenJoints, arc: Arc, near: NearSeed, size: int) -> int:
+def place_arc(walk: Walk, seven: SevenJoints, arc: Arc, near: NearSeed, size: int) -> int:
     """Append the rows at ends and middles of the intervals of an arc; the next place, -1 where that is not known."""
     parts = 2 * parts_of(arc)
     if size + parts + 1 > PLACES:
@@ -133,7 +129,7 @@ def place_arc(chain: Array, T: Array, seven: SevenJoints, arc: Arc, near: NearSe
             inwards, aside = (-1.0 if n == parts else 1.0), AT_FOLD
         while True:
             near.angles[i] = angle + inwards * aside
-            solve_at_q3(chain, seven.arm, T, joint_3(arc, near.angles[i]), near.places[i])
+            solve_at_q3(walk.chain, seven.arm, walk.T, joint_3(arc, near.angles[i]), near.places[i])
             known = True
             for row in range(MOST_AT_Q3):
                 known = known and (
@@ -166,8 +162,6 @@ def offer_row(x: Array, joints: int, near: NearSeed) -> None:
 
 
 def search_interval(
-    chain: Array,
-    T: Array,
     limits: Array,
     seven: SevenJoints,
     arc: Arc,
@@ -186,12 +180,12 @@ def search_interval(
     halve(near, 0, near.angles[first + 1], x)
     while top >= 0:
         item = waiting[top]
-        if bound(item, limits, near.seed) >= near.best[0] or enter_chord(chain, T, item, loops, walk):
+        if bound(item, limits, near.seed) >= near.best[0] or enter_chord(item, loops, walk):
             top -= 1
         else:
             angle = 0.5 * (item[0] + item[1])
             x = seven.rows[row]
-            solve_rows_at_q3(chain, seven.arm, T, joint_3(arc, angle), row, row + 1, seven.rows)
+            solve_rows_at_q3(walk.chain, seven.arm, walk.T, joint_3(arc, angle), row, row + 1, seven.rows)
             near.halved[0] += 1
             if top + 1 == WAITING or near.halved[0] > MOST_HALVED or math.isnan(x[0]):
                 return False
@@ -233,7 +227,7 @@ def bound(item: Array, limits: Array, seed: Array) -> float:
     return math.sqrt(square)
 
 
-def enter_chord(chain: Array, T: Array, item: Array, loops: Loops, walk: Walk) -> bool:
+def enter_chord(item: Array, loops: Loops, walk: Walk) -> bool:
     """Enter an interval as a curve of two nodes; False where it is not nearly straight, or there is no room."""
     square, first = 0.0, loops.size[0]
     for j in range(7):
@@ -249,7 +243,7 @@ def enter_chord(chain: Array, T: Array, item: Array, loops: Loops, walk: Walk) -
         for j in range(7):
             walk.z[j] = item[3 + j] + n * walk.border[j]
         along = 0.0
-        if tangent(chain, T, walk.z, walk.border, walk.tz, walk) != 0.0:
+        if tangent(walk.z, walk.border, walk.tz, walk) != 0.0:
             for j in range(7):
                 along += walk.border[j] * walk.tz[j]
         if not (is_short or along >= LEAST_COSINE * length) or add_node(loops, walk.z, walk.tz, 0) < 0:

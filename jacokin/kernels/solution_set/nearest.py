@@ -46,8 +46,6 @@ JUMP = 3.0
 class NearestWork(NamedTuple):
     """What a call reads and writes."""
 
-    chain: Array  # (8, 3, 4) placements between seven joints that turn about z
-    T: Array  # (4, 4) target
     nodes: Array  # (n, 14) nodes of all pieces
     ends: NDArray[np.int64]  # (m, 6) first node and node after the last of each piece; the rest is not read
     seed: Array  # (7,) [rad]
@@ -62,10 +60,7 @@ class NearestWork(NamedTuple):
 class PointWork(NamedTuple):
     """What a call reads and writes."""
 
-    chain: Array  # (8, 3, 4)
-    T: Array  # (4, 4)
-    options: NDArray[np.int64]  # (2,) index of the parameter, node with which the chord begins
-    nodes: Array  # (n, 14)
+    nodes: Array  # (2, 14) of the chord
     at: Array  # (1,) value of the parameter between those of the chord's nodes [rad]
     x: Array  # (7,) the point
     walk: Walk
@@ -74,8 +69,6 @@ class PointWork(NamedTuple):
 def make_nearest_work() -> NearestWork:
     """Fresh arrays, without pieces."""
     return NearestWork(
-        np.zeros((8, 3, 4)),
-        np.eye(4),
         np.empty((0, COLUMNS)),
         np.zeros((0, 6), np.int64),
         np.zeros(7),
@@ -89,12 +82,9 @@ def make_nearest_work() -> NearestWork:
 
 
 def make_point_work() -> PointWork:
-    """Fresh arrays, without nodes."""
+    """Fresh arrays."""
     return PointWork(
-        np.zeros((8, 3, 4)),
-        np.eye(4),
-        np.zeros(2, np.int64),
-        np.empty((0, COLUMNS)),
+        np.empty((2, COLUMNS)),
         np.zeros(1),
         np.zeros(7),
         make_walk(),
@@ -106,13 +96,13 @@ def find_point(work: PointWork) -> int:
 
     Next to where curves meet, and where the parameter stands still, the chord's cubic gives the point.
     """
-    parameter, a, b = int(work.options[0]), work.nodes[work.options[1]], work.nodes[work.options[1] + 1]
+    parameter, a, b = work.walk.parameter[0], work.nodes[0], work.nodes[1]
     p, q, value, length = a[parameter], b[parameter], work.at[0], chord_length(a, b)
     if length == 0.0 or not min(p, q) <= value <= max(p, q):
         return 0
     u = cubic_root(a, b, length, parameter, value, 0.0, 1.0) if p != q else 0.5
     walk = work.walk
-    if p == q or not point_at(work.chain, work.T, a, b, parameter, value, u, walk):
+    if p == q or not point_at(a, b, parameter, value, u, walk):
         for j in range(7):
             walk.z[j] = cubic(a, b, length, u, j)
     for j in range(7):
@@ -183,7 +173,7 @@ def search_chord(work: NearestWork, i: int) -> None:
                 moved = equivalent(work, b[j], j) - equivalent(work, a[j], j) - (b[j] - a[j])
                 jumps = jumps or abs(moved) > JUMP or dips(work, a, b, length, j)
         halves = jumps and length > RESOLUTION and top + 1 < PARTS and halved < MOST_HALVED
-        if halves and halve_chord(work.chain, work.T, parts, top, walk):
+        if halves and halve_chord(parts, top, walk):
             offer(work, walk.z)
             top += 1
             halved += 1
@@ -205,7 +195,7 @@ def offer_on_limits(work: NearestWork, a: Array, b: Array, length: float) -> Non
             limit = level_near(work.limits[side, j], a[j], b[j])
             if (a[j] < limit) != (b[j] < limit):
                 u = cubic_root(a, b, length, j, limit, 0.0, 1.0)
-                if point_at(work.chain, work.T, a, b, j, limit, u, walk):
+                if point_at(a, b, j, limit, u, walk):
                     offer(work, walk.z)
 
 
@@ -252,7 +242,7 @@ def slope(work: NearestWork, a: Array, b: Array, length: float, u: float) -> flo
 def exact_slope(work: NearestWork, a: Array, b: Array, u: float) -> float:
     """Half the derivative of the squared distance at the point of the curve, which is left in walk.z; NaN for none."""
     walk, found = work.walk, 0.0
-    if not point_across(work.chain, work.T, a, b, u, walk):
+    if not point_across(a, b, u, walk):
         return math.nan
     for j in range(7):
         if work.weights[j] > 0.0:

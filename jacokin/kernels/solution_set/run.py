@@ -64,14 +64,14 @@ STARTING_STEPS = 150
 CROSSING = 1e-10
 #: Rounds of curves that were met on the way along others.
 MEETINGS = 2
+#: Where the options are: kind of `slices`, joints.
+KIND, JOINTS = range(2)
 
 
 class SetWork(NamedTuple):
     """What a call reads and writes."""
 
-    chain: Array  # (8, 3, 4) placements between seven joints that turn about z
-    T: Array  # (4, 4) target
-    options: NDArray[np.int64]  # (3,) index of the parameter, kind of `slices`, joints
+    options: NDArray[np.int64]  # (2,)
     starts: Array  # (n, 7) points near curves that are followed too, NaN for none [rad]
     six: SixJoints
     seven: SevenJoints
@@ -88,9 +88,7 @@ class SetWork(NamedTuple):
 def make_set_work() -> SetWork:
     """Fresh arrays."""
     return SetWork(
-        np.zeros((8, 3, 4)),
-        np.eye(4),
-        np.zeros(3, np.int64),
+        np.zeros(2, np.int64),
         np.empty((0, 7)),
         make_six_joints(),
         make_seven_joints(MOST_FOLDS),
@@ -123,7 +121,7 @@ def find_curves(work: SetWork, whole: bool) -> int:
     Returns:
         How many things went wrong, so that parts may be missing; 0 for none.
     """
-    parameter, kind, slices, loops = int(work.options[0]), int(work.options[1]), work.slices, work.loops
+    kind, slices, loops = int(work.options[KIND]), work.slices, work.loops
     slices.size[0] = 0
     for n in range(4):
         loops.size[n] = 0
@@ -133,15 +131,15 @@ def find_curves(work: SetWork, whole: bool) -> int:
         pass
     elif kind == JOINT_3:
         doubts += slice_between_folds(work, whole)
-        trace(work.chain, work.T, parameter, slices, loops, work.walk)
+        trace(slices, loops, work.walk)
     else:
         doubts += slice_by_roots(work)
     for n in range(work.starts.shape[0]):
-        if bring_to_curve(work.chain, work.T, work.starts[n], work.newton, work.walk):
+        if bring_to_curve(work.starts[n], work.newton, work.walk):
             doubts += not add_start(slices, work.walk.z)
-    trace(work.chain, work.T, parameter, slices, loops, work.walk)
+    trace(slices, loops, work.walk)
     doubts += follow_meetings(work)
-    cut(work.chain, work.T, parameter, loops, work.pieces, work.walk)
+    cut(loops, work.pieces, work.walk)
     wrong = doubts + loops.size[3] + work.pieces.size[3]
     for i in range(slices.size[0]):
         for k in range(slices.counts[i]):
@@ -154,18 +152,19 @@ def fit_window(work: SetWork, whole: bool) -> None:
 
     All round where joint 3 is the parameter: there chords are found without following curves.
     """
-    parameter, kind, joints = int(work.options[0]), int(work.options[1]), int(work.options[2])
-    window, near, slices = work.loops.window, work.near, work.slices
+    kind, joints = int(work.options[KIND]), int(work.options[JOINTS])
+    window, near, slices, walk = work.loops.window, work.near, work.slices, work.walk
+    parameter = walk.parameter[0]
     window[0], window[1] = 0.0, math.inf
     if math.isnan(near.seed[parameter]) or kind == JOINT_3:
         return
     window[0], near.best[0] = near.seed[parameter], math.inf
     for j in range(7):
-        work.walk.z[j] = near.seed[j]
-    _, _, cosine = fill_system(7, work.chain, work.T, work.walk.z, work.walk.system)
-    if descend(work.chain, work.T, work.newton, work.walk) <= LARGEST_RESIDUAL:
-        add_start(slices, work.walk.z)  # first: there may be no room for the curves of all others
-    add_slice(work.chain, work.T, kind, window[0], slices, work.six, work.seven)
+        walk.z[j] = near.seed[j]
+    _, _, cosine = fill_system(7, walk.chain, walk.T, walk.z, walk.system)
+    if descend(work.newton, walk) <= LARGEST_RESIDUAL:
+        add_start(slices, walk.z)  # first: there may be no room for the curves of all others
+    add_slice(walk, kind, window[0], slices, work.six, work.seven)
     for i in range(slices.size[0]):
         for k in range(slices.counts[i]):
             offer_row(slices.x[i, k], joints, near)
@@ -193,19 +192,19 @@ def is_in_window(window: Array, p: float) -> bool:
     return bool(abs(wrapped(p - window[0])) <= window[1])
 
 
-def bring_to_curve(chain: Array, T: Array, start: Array, newton: Newton, walk: Walk) -> bool:
+def bring_to_curve(start: Array, newton: Newton, walk: Walk) -> bool:
     """Fill walk.z with the point of a curve that a start nearby leads to; False for none."""
     for j in range(7):
         walk.z[j] = start[j]
-    if not linearise7(chain, T, walk.z, walk.system) <= NEARBY:  # NaN for no start
+    if not linearise7(walk.chain, walk.T, walk.z, walk.system) <= NEARBY:  # NaN for no start
         return False
-    missing, moved = descend(chain, T, newton, walk), 0.0
+    missing, moved = descend(newton, walk), 0.0
     for j in range(7):
         moved = max(moved, abs(walk.z[j] - start[j]))
     return bool(moved <= FARTHEST_START and missing <= LARGEST_RESIDUAL)
 
 
-def descend(chain: Array, T: Array, newton: Newton, walk: Walk) -> float:
+def descend(newton: Newton, walk: Walk) -> float:
     """Bring walk.z to where it reaches the target; returns what is missing [m and rad].
 
     By the least steps that reach the target (Levenberg and Marquardt), damped by the square of what is missing, which
@@ -213,7 +212,7 @@ def descend(chain: Array, T: Array, newton: Newton, walk: Walk) -> float:
     there, and elsewhere the number of digits doubles (Yamashita and Fukushima, 2001).
     """
     x, system, normal = walk.z, walk.system, newton.normal
-    missing = linearise7(chain, T, x, system)
+    missing = linearise7(walk.chain, walk.T, x, system)
     for _ in range(STARTING_STEPS):
         if missing <= RESIDUAL:
             break
@@ -223,7 +222,7 @@ def descend(chain: Array, T: Array, newton: Newton, walk: Walk) -> float:
         for j in range(7):
             for i in range(6):
                 x[j] += system[i, j] * normal[i, 6]
-        missing = linearise7(chain, T, x, system)
+        missing = linearise7(walk.chain, walk.T, x, system)
     return missing
 
 
@@ -242,9 +241,9 @@ def fill_steps(system: Array, damping: float, normal: Array) -> None:
 def slice_between_folds(work: SetWork, whole: bool) -> int:
     """Chords near to a seed, or one slice between each two values of joint 3 at which configurations meet; doubts."""
     folds, slices, loops, near = work.seven.folds, work.slices, work.loops, work.near
-    count, single = find_folds(work.chain, work.seven.arm, work.T, work.islands.roots, folds)
+    count, single = find_folds(work.walk.chain, work.seven.arm, work.walk.T, work.islands.roots, folds)
     if single and not whole:
-        if add_chords(work.chain, work.T, work.pieces.limits, work.seven, count, near, loops, work.walk):
+        if add_chords(work.pieces.limits, work.seven, count, near, loops, work.walk):
             return 0
         loops.size[0], loops.size[1] = 0, 0
     doubts = int(not single)
@@ -252,28 +251,27 @@ def slice_between_folds(work: SetWork, whole: bool) -> int:
         low = folds[n] if count > 0 else OFFSET
         high = folds[n + 1] if n + 1 < count else (folds[0] if count > 0 else OFFSET) + TURN
         if high - low > RESOLUTION:
-            doubts += not add_slice(work.chain, work.T, JOINT_3, 0.5 * (low + high), slices, work.six, work.seven)
+            doubts += not add_slice(work.walk, JOINT_3, 0.5 * (low + high), slices, work.six, work.seven)
     return doubts
 
 
 def slice_by_roots(work: SetWork) -> int:
     """Some slices, and more wherever F has other numbers of roots than the curves pass; how many doubts there are."""
-    chain, T, parameter, kind = work.chain, work.T, int(work.options[0]), int(work.options[1])
-    slices, loops, islands, doubts = work.slices, work.loops, work.islands, 0
+    kind, slices, loops, islands, doubts = int(work.options[KIND]), work.slices, work.loops, work.islands, 0
     fill_general(work.six)
     find_islands(work.six, loops.window, islands)
     for n in range(FIRST if slices.size[0] == 0 else 0):
-        add_slice(chain, T, kind, islands.p[n * islands.size[2] // FIRST], slices, work.six, work.seven)
+        add_slice(work.walk, kind, islands.p[n * islands.size[2] // FIRST], slices, work.six, work.seven)
     joint, beside = joint_of_root(work.six, islands, kind), 0
     for _ in range(ROUNDS):
-        trace(chain, T, parameter, slices, loops, work.walk)
+        trace(slices, loops, work.walk)
         look_along_lines(work, joint)
         missing, refused = add_missing_slices(work)
         doubts += refused
         if missing > 0:
             continue
         found = islands.size[0]
-        look_beside_folds(work.six, loops, parameter, beside, islands)
+        look_beside_folds(work.six, loops, work.walk.parameter[0], beside, islands)
         beside = loops.size[1]
         if islands.size[0] == found:
             break
@@ -287,15 +285,15 @@ def slice_by_roots(work: SetWork) -> int:
 
 def add_missing_slices(work: SetWork) -> tuple[int, int]:
     """Add slices where F has other numbers of roots than the curves pass; how many, and those without room."""
-    slices, loops, islands, parameter = work.slices, work.loops, work.islands, int(work.options[0])
+    slices, loops, islands = work.slices, work.loops, work.islands
     missing, refused = 0, 0
     for i in range(islands.size[2] + islands.size[0]):
         p = islands.p[i]
         if not is_in_window(loops.window, p) or find_slice(slices, p) >= 0 or is_counted(work, i):
             continue
         missing += 1
-        if add_slice(work.chain, work.T, int(work.options[1]), p, slices, work.six, work.seven):
-            count_all_passed(work.chain, work.T, parameter, slices.size[0] - 1, 0, slices, loops, work.walk)
+        if add_slice(work.walk, int(work.options[KIND]), p, slices, work.six, work.seven):
+            count_all_passed(slices.size[0] - 1, 0, slices, loops, work.walk)
         else:
             refused += 1
     return missing, refused
@@ -307,7 +305,7 @@ def look_along_lines(work: SetWork, joint: int) -> None:
     A curve may go round in x while the parameter hardly changes.
     """
     islands, each = work.islands, work.islands.size[5]
-    count_on_lines(work.loops, int(work.options[0]), joint, islands)
+    count_on_lines(work.loops, work.walk.parameter[0], joint, islands)
     for n in range(LINES):
         for i in range(LOOKED_AT):
             here, there = islands.lines[i, n], islands.lines[(i + 1) % LOOKED_AT, n]
@@ -323,7 +321,7 @@ def count_crossings(work: SetWork) -> int:
     loops, newton, count = work.loops, work.newton, 0
     for n in range(loops.size[0]):
         if loops.fold[n] > 0:
-            linearise7(work.chain, work.T, loops.nodes[n, :7], work.walk.system)
+            linearise7(work.walk.chain, work.walk.T, loops.nodes[n, :7], work.walk.system)
             fill_steps(work.walk.system, 0.0, newton.normal)
             least = 0.0
             if solve_normal(newton.normal):
@@ -345,7 +343,7 @@ def find_slice(slices: Slices, p: float) -> int:
 def is_counted(work: SetWork, i: int) -> bool:
     """Whether as many curves as F has roots, times the solutions of each, pass a value at which F was looked at."""
     roots = work.islands.counts[i]
-    passed = passing(work.loops, int(work.options[0]), work.islands.p[i])
+    passed = passing(work.loops, work.walk.parameter[0], work.islands.p[i])
     return bool(roots >= 0 and passed == roots * work.islands.size[5])
 
 
@@ -366,10 +364,10 @@ def follow_meetings(work: SetWork) -> int:
         for n in range(first, last):
             for side in range(2):
                 x = work.walk.z
-                if points_aside(work.chain, work.T, loops.meetings[n], 2.0 * side - 1.0, work.null, x, work.walk):
+                if points_aside(loops.meetings[n], 2.0 * side - 1.0, work.null, x, work.walk):
                     doubts += not add_start(work.slices, x)
                 else:
                     doubts += 1
         first = last
-        trace(work.chain, work.T, int(work.options[0]), work.slices, loops, work.walk)
+        trace(work.slices, loops, work.walk)
     return int(doubts + (loops.size[2] > first))

@@ -13,6 +13,7 @@ from jacokin.kernels.branches import COLUMNS, MAX_BRANCHES, PoseQuery
 from jacokin.kernels.closed_form.arm import ARM_CONSTANTS, ArmConstants, unpack_arm
 from jacokin.kernels.closed_form.pose import Work, make_work, solve_pose
 from jacokin.kernels.six_joints.loop import SPHERICAL_WRIST, fill_links
+from jacokin.kernels.solution_set.curve import Walk
 from jacokin.kernels.solution_set.seven_joints import MOST_AT_Q3, solve_at_q3
 from jacokin.kernels.tolerances import STRUCTURE_TOLERANCE
 
@@ -143,14 +144,14 @@ def count_solutions(six: SixJoints, p: float) -> int:
     return int(six.work.branches.filled[0])
 
 
-def add_slice(chain: Array, T: Array, kind: int, p: float, slices: Slices, six: SixJoints, seven: SevenJoints) -> bool:
+def add_slice(walk: Walk, kind: int, p: float, slices: Slices, six: SixJoints, seven: SevenJoints) -> bool:
     """Append all solutions at a value of the parameter; False where there is no room."""
     i = slices.size[0]
     if i == SLICES:
         return False
     count, slices.doubt[i] = 0, 0
     if kind == JOINT_3:
-        solve_at_q3(chain, seven.arm, T, p, seven.rows)
+        solve_at_q3(walk.chain, seven.arm, walk.T, p, seven.rows)
         for k in range(MOST_AT_Q3):
             if not math.isnan(seven.rows[k, 0]):
                 for j in range(7):

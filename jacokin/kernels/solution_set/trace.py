@@ -73,16 +73,16 @@ def make_loops() -> Loops:
     )
 
 
-def trace(chain: Array, T: Array, parameter: int, slices: Slices, loops: Loops, walk: Walk) -> None:
+def trace(slices: Slices, loops: Loops, walk: Walk) -> None:
     """Follow the curves through all points of the slices that none has passed so far; fills loops."""
     for i in range(slices.size[0]):
         for k in range(slices.counts[i]):
             if slices.passed[i, k] > 0 or (math.isnan(slices.p[i]) and is_traced(loops, slices.x[i, k])):
                 continue
             slices.passed[i, k], first = 1, loops.size[1]
-            follow(chain, T, parameter, i, k, slices, loops, walk)
+            follow(i, k, slices, loops, walk)
             for n in range(slices.size[0] if math.isnan(slices.p[i]) else 0):
-                count_all_passed(chain, T, parameter, n, first, slices, loops, walk)
+                count_all_passed(n, first, slices, loops, walk)
 
 
 def is_traced(loops: Loops, x: Array) -> bool:
@@ -126,9 +126,9 @@ def add_node(loops: Loops, x: Array, t: Array, fold: int) -> int:
     return n
 
 
-def follow(chain: Array, T: Array, parameter: int, i: int, k: int, slices: Slices, loops: Loops, walk: Walk) -> None:
+def follow(i: int, k: int, slices: Slices, loops: Loops, walk: Walk) -> None:
     """Follow the curve from point k of slice i until it comes back there, or leaves the window on both sides."""
-    begin(chain, T, parameter, slices.x[i, k], walk)
+    begin(slices.x[i, k], walk)
     if loops.size[1] == LOOPS:
         loops.size[3] += 1
         return
@@ -136,22 +136,22 @@ def follow(chain: Array, T: Array, parameter: int, i: int, k: int, slices: Slice
         loops.size[3] += 1
         enter_run(loops, add_node(loops, walk.x, walk.t, 1), CLOSED)
         return
-    if run(chain, T, parameter, (i, k), slices, loops, walk) != LEFT or loops.size[1] == LOOPS:
+    if run((i, k), slices, loops, walk) != LEFT or loops.size[1] == LOOPS:
         return
-    begin(chain, T, parameter, slices.x[i, k], walk)
+    begin(slices.x[i, k], walk)
     for j in range(7):
         walk.t[j] = -walk.t[j]
-    run(chain, T, parameter, (i, k), slices, loops, walk)
+    run((i, k), slices, loops, walk)
 
 
-def begin(chain: Array, T: Array, parameter: int, start: Array, walk: Walk) -> None:
+def begin(start: Array, walk: Walk) -> None:
     """Make a point the last one of a walk, the parameter rising ahead; the tangent is zero where there is none."""
-    found = False
+    parameter, found = walk.parameter[0], False
     for m in range(8):  # where the parameter stands still, any other angle tells the way ahead
         for j in range(7):
             walk.x[j] = start[j]
             walk.border[j] = 1.0 if j == (parameter if m == 0 else m - 1) else 0.0
-        found = found or tangent(chain, T, walk.x, walk.border, walk.t, walk) != 0.0
+        found = found or tangent(walk.x, walk.border, walk.t, walk) != 0.0
     for j in range(7):
         walk.bend[j], walk.more[j] = 0.0, 0.0
         walk.t[j] = walk.t[j] if found else 0.0
@@ -173,11 +173,10 @@ def enter_run(loops: Loops, first: int, state: int) -> None:
     loops.size[1] = n + 1
 
 
-def run(
-    chain: Array, T: Array, parameter: int, point: tuple[int, int], slices: Slices, loops: Loops, walk: Walk
-) -> int:
+def run(point: tuple[int, int], slices: Slices, loops: Loops, walk: Walk) -> int:
     """Follow the curve ahead of a walk that begins at a point of a slice; how it ends."""
-    volume, is_near = tangent(chain, T, walk.x, walk.t, walk.ty, walk), False
+    parameter, is_near = walk.parameter[0], False
+    volume = tangent(walk.x, walk.t, walk.ty, walk)
     walk.volume[1] = abs(volume)
     first = add_node(loops, walk.x, walk.t, 0)
     h, state = 0.25 * LONGEST_STEP, LOST if first >= 0 else FULL
@@ -185,10 +184,10 @@ def run(
     for _ in range(MOST_STEPS):
         if h < SHORTEST_STEP or state != LOST:
             break
-        result = advance(chain, T, walk, h, volume, walk.y, walk.ty)
+        result = advance(walk, h, volume, walk.y, walk.ty)
         last = loops.size[0] - 1
         too_long = result in (FLIPPED, LONG) and h > MEETING_STEP
-        if result == FAILED or too_long or not add_step(chain, T, parameter, first, loops, walk):
+        if result == FAILED or too_long or not add_step(first, loops, walk):
             loops.size[0] = last + 1
             h *= 0.5
             is_near = too_long
@@ -198,7 +197,7 @@ def run(
             note_meeting(loops, walk.x, walk.y)
         elif h < MEETING_STEP and not is_near:
             loops.size[3] += 1
-        if comes_back(chain, T, parameter, last, (point[0], point[1], first), slices, loops, walk):
+        if comes_back(last, (point[0], point[1], first), slices, loops, walk):
             state = CLOSED
         for n in range(last + 1, loops.size[0]):
             way, farthest = note_turn(loops, parameter, n, way, farthest)
@@ -216,9 +215,6 @@ def run(
 
 
 def comes_back(
-    chain: Array,
-    T: Array,
-    parameter: int,
     last: int,
     start: tuple[int, int, int],
     slices: Slices,
@@ -228,7 +224,7 @@ def comes_back(
     """Count the points of slices that a curve passes from node last on; whether it comes back to where it began."""
     back = False
     for n in range(last, loops.size[0] - 1):
-        back = back or note_passed(chain, T, parameter, n, start, slices, loops, walk)
+        back = back or note_passed(n, start, slices, loops, walk)
     return back
 
 
@@ -261,24 +257,21 @@ def note_turn(loops: Loops, parameter: int, n: int, way: float, farthest: int) -
     return way, n if moved * way > 0.0 else farthest
 
 
-def add_step(chain: Array, T: Array, parameter: int, first: int, loops: Loops, walk: Walk) -> bool:
+def add_step(first: int, loops: Loops, walk: Walk) -> bool:
     """Append the point ahead of a walk, and before it the one where the parameter stands still; False for none there.
 
     Args:
-        chain: (8, 3, 4).
-        T: (4, 4) target.
-        parameter: index of the parameter.
         first: the curve's first node.
         loops: appended to.
         walk: from its last point to the one ahead.
     """
-    n = loops.size[0]
+    parameter, n = walk.parameter[0], loops.size[0]
     a = n - 1
     if add_node(loops, walk.y, walk.ty, 0) < 0 or turns_twice(loops.nodes[a], loops.nodes[n], parameter):
         return False
     if not turns(loops.nodes[a], loops.nodes[n], parameter):
         return True
-    if not point_where_still(chain, T, loops.nodes[a], loops.nodes[n], parameter, walk):
+    if not point_where_still(loops.nodes[a], loops.nodes[n], parameter, walk):
         return False
     walk.tz[parameter] = 0.0
     before, after = 0.0, 0.0
@@ -337,9 +330,6 @@ def nearest_of(slices: Slices, i: int, x: Array) -> tuple[int, float, float]:
 
 
 def note_passed(
-    chain: Array,
-    T: Array,
-    parameter: int,
     n: int,
     start: tuple[int, int, int],
     slices: Slices,
@@ -351,7 +341,7 @@ def note_passed(
     The curve began at a point of a slice, as its first node: the three numbers of start.
     """
     a, b, (i0, k0, first) = loops.nodes[n], loops.nodes[n + 1], start
-    p, q = a[parameter], b[parameter]
+    p, q = a[walk.parameter[0]], b[walk.parameter[0]]
     if math.isnan(slices.p[i0]):
         back = n > first and lies_between(loops.nodes[first], a, b, 0.0)
         if back:
@@ -359,14 +349,14 @@ def note_passed(
         return back
     closes = False
     if passes(slices.p[i0], p, q) and (n > first or level_near(slices.p[i0], p, q) != p):
-        closes = point_passed(chain, T, parameter, a, b, i0, slices, walk) == k0
+        closes = point_passed(a, b, i0, slices, walk) == k0
         if closes:
             q = level_near(slices.p[i0], p, q)  # others that are passed later were passed at first
         else:
-            count_point(chain, T, parameter, a, b, i0, slices, loops, walk)
+            count_point(a, b, i0, slices, loops, walk)
     for i in range(slices.size[0]):
         if i != i0 and passes(slices.p[i], p, q):
-            count_point(chain, T, parameter, a, b, i, slices, loops, walk)
+            count_point(a, b, i, slices, loops, walk)
     if closes:
         close_loop(loops, n, first)
     return closes
@@ -378,35 +368,33 @@ def passes(value: float, p: float, q: float) -> bool:
     return min(p, q) < value <= max(p, q)
 
 
-def point_passed(chain: Array, T: Array, parameter: int, a: Array, b: Array, i: int, slices: Slices, walk: Walk) -> int:
+def point_passed(a: Array, b: Array, i: int, slices: Slices, walk: Walk) -> int:
     """Which point of slice i a curve passes between two nodes, -1 for none."""
-    value, length = level_near(slices.p[i], a[parameter], b[parameter]), chord_length(a, b)
+    parameter, length = walk.parameter[0], chord_length(a, b)
+    value = level_near(slices.p[i], a[parameter], b[parameter])
     u = cubic_root(a, b, length, parameter, value, 0.0, 1.0)
     for j in range(7):
         walk.z[j] = cubic(a, b, length, u, j)
     nearest, least, second = nearest_of(slices, i, walk.z)
     # Curves may be near to each other.
-    if least > PASSED_SHARE * second and point_at(chain, T, a, b, parameter, value, u, walk):
+    if least > PASSED_SHARE * second and point_at(a, b, parameter, value, u, walk):
         nearest, least, second = nearest_of(slices, i, walk.z)
     return nearest if least <= min(PASSED, PASSED_SHARE * second) else -1
 
 
-def count_all_passed(
-    chain: Array, T: Array, parameter: int, i: int, first: int, slices: Slices, loops: Loops, walk: Walk
-) -> None:
+def count_all_passed(i: int, first: int, slices: Slices, loops: Loops, walk: Walk) -> None:
     """Count the points of slice i that the curves from the first one on pass."""
+    parameter = walk.parameter[0]
     for c in range(first, loops.size[1]):
         for n in range(loops.ends[c, 0], loops.ends[c, 1] - 1):
             a, b = loops.nodes[n], loops.nodes[n + 1]
             if passes(slices.p[i], a[parameter], b[parameter]):
-                count_point(chain, T, parameter, a, b, i, slices, loops, walk)
+                count_point(a, b, i, slices, loops, walk)
 
 
-def count_point(
-    chain: Array, T: Array, parameter: int, a: Array, b: Array, i: int, slices: Slices, loops: Loops, walk: Walk
-) -> None:
+def count_point(a: Array, b: Array, i: int, slices: Slices, loops: Loops, walk: Walk) -> None:
     """Count the point of slice i that a curve passes between two nodes; a doubt for none, and for one passed before."""
-    k = point_passed(chain, T, parameter, a, b, i, slices, walk)
+    k = point_passed(a, b, i, slices, walk)
     if k >= 0:
         slices.passed[i, k] += 1
     loops.size[3] += k < 0 or slices.passed[i, k] > 1

@@ -90,18 +90,18 @@ def nearest_limit(x: Array, limits: Array) -> int:
     return code
 
 
-def cut(chain: Array, T: Array, parameter: int, loops: Loops, pieces: Pieces, walk: Walk) -> None:
+def cut(loops: Loops, pieces: Pieces, walk: Walk) -> None:
     """Fill pieces with the parts of all curves that are within the limits."""
     for n in range(5):
         pieces.size[n] = 0
     for c in range(loops.size[1]):
-        cut_loop(chain, T, parameter, c, loops, pieces, walk)
+        cut_loop(c, loops, pieces, walk)
 
 
-def cut_loop(chain: Array, T: Array, parameter: int, c: int, loops: Loops, pieces: Pieces, walk: Walk) -> None:
+def cut_loop(c: int, loops: Loops, pieces: Pieces, walk: Walk) -> None:
     """Append the pieces of one curve, from a node on where none is open: a fold, or a point outside the limits."""
     first, end, closed = loops.ends[c, 0], loops.ends[c, 1], loops.ends[c, 2] == CLOSED
-    size = pieces.size
+    size, parameter = pieces.size, walk.parameter[0]
     size[2] += 1
     if end == first + 1:
         open_if_inside(loops.nodes[first], FOLD, c, pieces)
@@ -115,7 +115,7 @@ def cut_loop(chain: Array, T: Array, parameter: int, c: int, loops: Loops, piece
     for step in range(chords):
         n = start + step if start + step < end - 1 else start + step - chords
         write_chord(loops, n, start, first, end, pieces)
-        cut_chord(chain, T, parameter, pieces, walk, c)
+        cut_chord(pieces, walk, c)
         if step == chords - 1:
             break
         m = n + 1 if n + 1 < end - 1 or not closed else first
@@ -185,7 +185,7 @@ def write_chord(loops: Loops, n: int, start: int, first: int, end: int, pieces: 
         part[14 + j], part[21 + j] = loops.nodes[n + 1, j] + later, loops.nodes[n + 1, 7 + j]
 
 
-def cut_chord(chain: Array, T: Array, parameter: int, pieces: Pieces, walk: Walk, c: int) -> None:
+def cut_chord(pieces: Pieces, walk: Walk, c: int) -> None:
     """Go along the chord in pieces.parts[0], and close and open pieces where limits are passed; leaves its end there.
 
     Parts on which the cubic does not tell whether a limit is passed are halved.
@@ -202,12 +202,12 @@ def cut_chord(chain: Array, T: Array, parameter: int, pieces: Pieces, walk: Walk
             and top + 2 < PARTS - 1
             and halved < MOST_HALVED
             and is_doubtful(a, b, length, pieces.limits)
-            and halve_chord(chain, T, parts, top, walk)
+            and halve_chord(parts, top, walk)
         ):
             top += 1
             halved += 1
             continue
-        cut_part(chain, T, parameter, a, b, pieces, walk, c)
+        cut_part(a, b, pieces, walk, c)
         top -= 1
     pieces.size[3] += halved == MOST_HALVED
     for m in range(COLUMNS):
@@ -236,9 +236,9 @@ def is_doubtful(a: Array, b: Array, length: float, limits: Array) -> bool:
     return False
 
 
-def cut_part(chain: Array, T: Array, parameter: int, a: Array, b: Array, pieces: Pieces, walk: Walk, c: int) -> None:
+def cut_part(a: Array, b: Array, pieces: Pieces, walk: Walk, c: int) -> None:
     """Go along a part of a chord on which each limit is passed once at most, or touched."""
-    events, n = pieces.events, find_events(chain, T, a, b, pieces, walk)
+    parameter, events, n = walk.parameter[0], pieces.events, find_events(a, b, pieces, walk)
     for i in range(n + 1):
         # Between two events nothing is passed: the middle tells.
         here = a if i == 0 else events[i - 1, 2:]
@@ -261,14 +261,14 @@ def cut_part(chain: Array, T: Array, parameter: int, a: Array, b: Array, pieces:
             add_row(pieces, there)
 
 
-def find_events(chain: Array, T: Array, a: Array, b: Array, pieces: Pieces, walk: Walk) -> int:
+def find_events(a: Array, b: Array, pieces: Pieces, walk: Walk) -> int:
     """Fill pieces.events with where limits are passed or touched between two nodes, in order; how many."""
     events, n = pieces.events, 0
     for j in range(7):
         if not pieces.limits[0, j] > -math.inf:
             continue
         for side in range(2):
-            if n < EVENTS and find_event(chain, T, a, b, 2 * j + side, pieces, walk):
+            if n < EVENTS and find_event(a, b, 2 * j + side, pieces, walk):
                 along = 0.0
                 for m in range(7):
                     events[n, 2 + m], events[n, 9 + m] = walk.z[m], walk.tz[m]
@@ -286,20 +286,20 @@ def find_events(chain: Array, T: Array, a: Array, b: Array, pieces: Pieces, walk
     return n
 
 
-def find_event(chain: Array, T: Array, a: Array, b: Array, code: int, pieces: Pieces, walk: Walk) -> bool:
+def find_event(a: Array, b: Array, code: int, pieces: Pieces, walk: Walk) -> bool:
     """Fill walk.z and walk.tz with where the limit of a code is passed, or touched, between two nodes, if it is."""
     length, j, side = chord_length(a, b), code // 2, code % 2
     level = passed_at(pieces.limits, code, a[j], b[j])
     v0, v1 = a[j] - level, b[j] - level
     if (v0 < 0.0) != (v1 < 0.0):
         u = cubic_root(a, b, length, j, level, 0.0, 1.0)
-        found = point_at(chain, T, a, b, j, level, u, walk)
+        found = point_at(a, b, j, level, u, walk)
         pieces.size[3] += not found
         return found
     turns, outside = a[7 + j] * b[7 + j] < 0.0, (v0 > 0.0) == (side > 0)
     if min(abs(v0), abs(v1)) > length or not turns or not outside or not touches(a, b, length, j, level):
         return False
-    return point_where_still(chain, T, a, b, j, walk)
+    return point_where_still(a, b, j, walk)
 
 
 def touches(a: Array, b: Array, length: float, j: int, level: float) -> bool:

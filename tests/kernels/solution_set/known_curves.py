@@ -40,11 +40,18 @@ def residual(curve: Curve, x: Array) -> float:
     return float(np.abs(pin.log6(pin.SE3(curve.T).actInv(reached)).vector).max())
 
 
+def walk_on(curve: Curve, parameter: int = FIRST) -> Walk:
+    """A walk along a curve, which has not begun."""
+    walk = make_walk()
+    walk.chain[:], walk.T[:], walk.parameter[0] = curve.chain, curve.T, parameter
+    return walk
+
+
 def begun(curve: Curve, parameter: int) -> tuple[Walk, float]:
     """A walk at the point of a curve, the parameter rising ahead; and the volume there, see `tangent`."""
-    walk = make_walk()
-    begin(curve.chain, curve.T, parameter, curve.q, walk)
-    return walk, tangent(curve.chain, curve.T, walk.x, walk.t, walk.ty, walk)
+    walk = walk_on(curve, parameter)
+    begin(curve.q, walk)
+    return walk, tangent(walk.x, walk.t, walk.ty, walk)
 
 
 def nodes_along(curve: Curve, parameter: int, steps: int, longest: float) -> Array:
@@ -52,7 +59,7 @@ def nodes_along(curve: Curve, parameter: int, steps: int, longest: float) -> Arr
     walk, volume = begun(curve, parameter)
     nodes, h = [np.concatenate([walk.x, walk.t])], longest
     while len(nodes) <= steps:
-        if advance(curve.chain, curve.T, walk, h, volume, walk.y, walk.ty) == STEPPED:
+        if advance(walk, h, volume, walk.y, walk.ty) == STEPPED:
             nodes.append(np.concatenate([walk.y, walk.ty]))
             volume = walk.volume[0]
             go_on(walk, h)
@@ -69,7 +76,7 @@ def traced(curve: Curve, parameter: int, slices: Slices | None = None) -> tuple[
         slices = make_slices()
         add_start(slices, curve.q)
     loops = make_loops()
-    trace(curve.chain, curve.T, parameter, slices, loops, make_walk())
+    trace(slices, loops, walk_on(curve, parameter))
     return loops, slices
 
 

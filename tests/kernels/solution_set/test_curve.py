@@ -20,7 +20,6 @@ from jacokin.kernels.solution_set.curve import (
     cubic,
     cubic_root,
     cubic_slope,
-    make_walk,
     point_across,
     point_at,
     point_where_still,
@@ -39,6 +38,7 @@ from tests.kernels.solution_set.known_curves import (
     residual,
     straight_wrist,
     traced,
+    walk_on,
 )
 from tests.seven_joint_arms import load_arm
 
@@ -93,7 +93,7 @@ def test_steps_stay_on_the_curve(curve: Curve) -> None:
 @pytest.mark.parametrize("h", [1e-6, 1e-3, 0.1, 0.5, 1.5, 4.0])
 def test_a_step_of_any_length_fails_or_is_on_the_curve(curve: Curve, h: float) -> None:
     walk, volume = begun(curve, FIRST)
-    result = advance(curve.chain, curve.T, walk, h, volume, walk.y, walk.ty)
+    result = advance(walk, h, volume, walk.y, walk.ty)
     assert result != FAILED or h > 1e-3
     if result != FAILED:
         assert residual(curve, walk.y) < 2.0 * LARGEST_RESIDUAL
@@ -102,7 +102,7 @@ def test_a_step_of_any_length_fails_or_is_on_the_curve(curve: Curve, h: float) -
 
 def test_the_sign_tells_a_curve_from_its_neighbour(curve: Curve) -> None:
     walk, volume = begun(curve, FIRST)
-    assert advance(curve.chain, curve.T, walk, 0.01, -volume, walk.y, walk.ty) == FLIPPED
+    assert advance(walk, 0.01, -volume, walk.y, walk.ty) == FLIPPED
 
 
 def test_the_cubic_through_two_nodes_is_near_the_curve(curve: Curve) -> None:
@@ -110,8 +110,8 @@ def test_the_cubic_through_two_nodes_is_near_the_curve(curve: Curve) -> None:
     errors = []
     for h in (0.08, 0.04):
         a, b = nodes_along(curve, FIRST, 1, h)
-        walk = make_walk()
-        assert point_across(curve.chain, curve.T, a, b, 0.5, walk)
+        walk = walk_on(curve)
+        assert point_across(a, b, 0.5, walk)
         assert residual(curve, walk.z) < LARGEST_RESIDUAL
         errors.append(max(abs(cubic(a, b, chord_length(a, b), 0.5, j) - walk.z[j]) for j in JOINTS))
     assert errors[0] < 1e-3
@@ -119,7 +119,7 @@ def test_the_cubic_through_two_nodes_is_near_the_curve(curve: Curve) -> None:
 
 
 def test_points_where_an_angle_has_a_value(curve: Curve, rng: np.random.Generator) -> None:
-    walk = make_walk()
+    walk = walk_on(curve)
     x, t, nodes = walk.z, walk.tz, nodes_along(curve, FIRST, 12, 0.1)
     tried = 0
     for a, b in pairwise(nodes):
@@ -127,7 +127,7 @@ def test_points_where_an_angle_has_a_value(curve: Curve, rng: np.random.Generato
         for j in JOINTS:
             value = a[j] + rng.uniform(0.02, 0.98) * (b[j] - a[j])
             u = cubic_root(a, b, length, j, value, 0.0, 1.0)
-            assert point_at(curve.chain, curve.T, a, b, j, value, u, walk)
+            assert point_at(a, b, j, value, u, walk)
             assert x[j] == pytest.approx(value, abs=1e-13)
             assert residual(curve, x) < 2.0 * LARGEST_RESIDUAL
             np.testing.assert_allclose(curve.robot.jacobian(x) @ t, 0.0, atol=1e-9)
@@ -137,24 +137,24 @@ def test_points_where_an_angle_has_a_value(curve: Curve, rng: np.random.Generato
 
 def test_points_where_an_angle_stands_still(curve: Curve) -> None:
     """They are its extremes: beside them it is less, or more; points just short of them are found on both sides."""
-    walk = make_walk()
+    walk = walk_on(curve)
     z, nodes = walk.z, nodes_along(curve, FIRST, 60, 0.08)
     tried = 0
     for a, b in pairwise(nodes):
         for j in JOINTS:
             if not (a[7 + j] * b[7 + j] < 0.0 and min(abs(a[7 + j]), abs(b[7 + j])) > 1e-3):
                 continue
-            assert point_where_still(curve.chain, curve.T, a, b, j, walk)
+            assert point_where_still(a, b, j, walk)
             assert abs(walk.tz[j]) < 1e-11
             assert residual(curve, z) < LARGEST_RESIDUAL
             top, side = z.copy(), 1.0 if a[7 + j] > 0.0 else -1.0
             top_node = np.concatenate([top, walk.tz])
             for u in np.linspace(0.0, 1.0, 9):
-                assert point_across(curve.chain, curve.T, a, b, u, walk)
+                assert point_across(a, b, u, walk)
                 assert side * (z[j] - top[j]) <= 1e-15
             if side * (a[j] - b[j]) < -1e-7:  # below the extreme, on the way up to it
                 value = top[j] - side * 1e-9
-                assert point_at(curve.chain, curve.T, a, top_node, j, value, 0.999, walk)
+                assert point_at(a, top_node, j, value, 0.999, walk)
                 assert z[j] == pytest.approx(value, abs=1e-14)
                 assert residual(curve, z) < 2.0 * LARGEST_RESIDUAL
             tried += 1

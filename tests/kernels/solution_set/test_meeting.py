@@ -7,10 +7,18 @@ import pytest
 from scipy.optimize import minimize_scalar
 
 from jacokin.arrays import Array
-from jacokin.kernels.solution_set.curve import FAILED, FLIPPED, advance, make_walk, tangent
+from jacokin.kernels.solution_set.curve import FAILED, FLIPPED, advance, tangent
 from jacokin.kernels.solution_set.meeting import ASIDE, make_directions, points_aside
 from jacokin.model.angles import TURN, wrap_to_pi
-from tests.kernels.solution_set.known_curves import MIDDLE, Curve, along_circle, residual, straight_wrist, traced
+from tests.kernels.solution_set.known_curves import (
+    MIDDLE,
+    Curve,
+    along_circle,
+    residual,
+    straight_wrist,
+    traced,
+    walk_on,
+)
 
 
 def meetings_of(curve: Curve) -> list[float]:
@@ -50,7 +58,7 @@ def test_the_other_curve_leaves_the_circle_on_both_sides(curve: Curve) -> None:
         meeting, aside = along_circle(curve, s), []
         for side in (-1.0, 1.0):
             x = np.empty(7)
-            assert points_aside(curve.chain, curve.T, around(curve, s), side, null, x, make_walk())
+            assert points_aside(around(curve, s), side, null, x, walk_on(curve))
             assert residual(curve, x) < 1e-9
             assert 0.9 * ASIDE < np.linalg.norm(x - meeting) < 3.0 * ASIDE
             on_circle = along_circle(curve, x[4] - curve.q[4])
@@ -63,16 +71,16 @@ def test_the_other_curve_leaves_the_circle_on_both_sides(curve: Curve) -> None:
 
 def test_the_sign_flips_where_a_walk_passes_a_meeting(curve: Curve) -> None:
     """And nowhere else on the circle."""
-    walk, h, s, end = make_walk(), 1e-3, 0.03, TURN + 0.03
+    walk, h, s, end = walk_on(curve), 1e-3, 0.03, TURN + 0.03
     flips = []
     places = np.array(meetings_of(curve))
     ahead = along_circle(curve, 1.0) - along_circle(curve, 0.0)
     walk.t[:] = ahead / np.linalg.norm(ahead)
     walk.x[:] = along_circle(curve, s)
-    volume = tangent(curve.chain, curve.T, walk.x, walk.t.copy(), walk.t, walk)
+    volume = tangent(walk.x, walk.t.copy(), walk.t, walk)
     while s < end:
         step = h if np.abs(wrap_to_pi(places - s)).min() < 0.01 else 0.02
-        result = advance(curve.chain, curve.T, walk, step, volume, walk.y, walk.ty)
+        result = advance(walk, step, volume, walk.y, walk.ty)
         assert result != FAILED
         if result == FLIPPED:
             flips.append(s + 0.5 * step / np.sqrt(2.0))
@@ -90,7 +98,7 @@ def test_away_from_meetings_there_is_no_other_curve(curve: Curve) -> None:
         if np.abs(wrap_to_pi(places - s)).min() < 0.3:
             continue
         x = np.empty(7)
-        found = points_aside(curve.chain, curve.T, around(curve, s), 1.0, null, x, make_walk())
+        found = points_aside(around(curve, s), 1.0, null, x, walk_on(curve))
         assert not found or np.linalg.norm(x - along_circle(curve, s)) > 2.0 * ASIDE
 
 

@@ -51,7 +51,9 @@ def test_the_nearest_configuration_is_beside_a_chord(robot: Robot, rng: np.rando
         count, single = find_folds(chain, seven.arm, T, make_roots(), seven.folds)
     near.seed[:], near.bounds[:] = robot.sample(rng), limits
     loops = make_loops()
-    assert add_chords(chain, T, limits, seven, count, near, loops, make_walk())
+    walk = make_walk()
+    walk.chain[:], walk.T[:] = chain, T
+    assert add_chords(limits, seven, count, near, loops, walk)
     nearest = scan(robot, chain, seven.arm, T, near.seed)
     distance = np.linalg.norm(nearest - near.seed)
     chords = loops.nodes[: loops.size[0], :7].reshape(-1, 2, 7)
@@ -69,7 +71,9 @@ def test_a_seed_that_reaches_the_target_is_beside_a_chord(robot: Robot, rng: np.
     near.seed[:] = robot.sample(rng)
     T = robot.forward_kinematics(near.seed).homogeneous
     count, _ = find_folds(geometry.chain, seven.arm, T, make_roots(), seven.folds)
-    assert add_chords(geometry.chain, T, limits, seven, count, near, loops, make_walk())
+    walk = make_walk()
+    walk.chain[:], walk.T[:] = geometry.chain, T
+    assert add_chords(limits, seven, count, near, loops, walk)
     chords = loops.nodes[: loops.size[0], :7].reshape(-1, 2, 7)
     along = chords[:, 1] - chords[:, 0]
     share = (wrap_to_pi(near.seed - chords[:, 0]) * along).sum(axis=1) / (along**2).sum(axis=1)

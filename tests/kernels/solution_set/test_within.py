@@ -7,7 +7,7 @@ import pytest
 
 import jacokin
 from jacokin.arrays import Array
-from jacokin.kernels.solution_set.curve import make_walk, point_where_still
+from jacokin.kernels.solution_set.curve import point_where_still
 from jacokin.kernels.solution_set.trace import Loops
 from jacokin.kernels.solution_set.within import CIRCLE, FOLD, Pieces, cut, excess, make_pieces, nearest_limit
 from jacokin.model.angles import TURN, wrap_to_pi
@@ -20,6 +20,7 @@ from tests.kernels.solution_set.known_curves import (
     residual,
     straight_wrist,
     traced,
+    walk_on,
 )
 
 LOWER, UPPER = 0, 1
@@ -34,7 +35,7 @@ def pieces_of(curve: Curve, parameter: int, loops: Loops, limits: Array) -> Piec
     """The pieces of traced curves within limits."""
     pieces = make_pieces()
     pieces.limits[:] = limits
-    cut(curve.chain, curve.T, parameter, loops, pieces, make_walk())
+    cut(loops, pieces, walk_on(curve, parameter))
     assert pieces.size[3] == 0  # nothing went wrong
     return pieces
 
@@ -144,9 +145,9 @@ def extreme(curve: Curve, loops: Loops, joint: int) -> Array:
     top = int(nodes[:-1, joint].argmax())
     before = nodes[top - 1] if top > 0 else nodes[-2]
     after = nodes[top + 1]
-    walk = make_walk()
+    walk = walk_on(curve)
     a, b = (nodes[top], after) if nodes[top, 7 + joint] > 0.0 else (before, nodes[top])
-    assert point_where_still(curve.chain, curve.T, a, b, joint, walk)
+    assert point_where_still(a, b, joint, walk)
     return walk.z
 
 
