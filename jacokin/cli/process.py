@@ -21,6 +21,8 @@ WRONG_INPUT = 2  # wrong usage or input
 ENDING = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
 STREAMS = ("stdin", "stdout", "stderr")  # in the order of their descriptors
 
+_signals: list[int] = []  # that have come and end the process
+
 
 @contextlib.contextmanager
 def around_command() -> Iterator[None]:
@@ -36,6 +38,7 @@ def around_command() -> Iterator[None]:
         yield
     finally:
         logger.removeHandler(handler)
+        _signals.clear()
         for number, old in before.items():
             signal.signal(number, old)
 
@@ -73,7 +76,18 @@ def _handle_signals() -> dict[int, signal.Handlers]:
 def _leave(number: int, frame: FrameType | None) -> None:
     """End the process as the signal would, with the exit code that shells give it."""
     signal.signal(number, signal.SIG_DFL)
-    raise SystemExit(128 + number)
+    _signals.append(number)
+    heed_signals()
+
+
+def heed_signals() -> None:
+    """End the process if a signal has come: other code may have dropped the exception, as `rospy` does in places.
+
+    Raises:
+        SystemExit: with the exit code that shells give it.
+    """
+    if _signals:
+        raise SystemExit(128 + _signals[-1])
 
 
 def flush() -> None:

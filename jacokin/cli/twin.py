@@ -13,10 +13,9 @@ from typing import TYPE_CHECKING
 import click
 
 from jacokin import model
-from jacokin.cli import display, options
+from jacokin.cli import display, options, process
 from jacokin.cli.command import command, option, switch
 from jacokin.cli.display import number, show_facts
-from jacokin.cli.process import NOT_SOLVED
 from jacokin.cli.task import choose_renderer
 from jacokin.cli.units import Units
 from jacokin.errors import InvalidInputError
@@ -105,11 +104,16 @@ def twin(given: TwinOptions) -> None:
         shown = _cameras(arm, given.cameras or {})
         watch = _watching(stack, arm, environment, given.port) if given.view else _nothing
         ticker = Ticker(math.inf if given.fast else given.pace)
+
+        def goes_on() -> bool:
+            process.heed_signals()
+            return given.seconds is None or arm.state.time < given.seconds
+
         core, node = _node(given, called, arm, found, ticker, shown)
         stack.callback(node.close)
         try:  # a signal may come as soon as it says that it is ready
             click.echo(f"twin of {arm.robot.label} in ROS {given.ros}: ready; Ctrl-C ends it", err=True)
-            node.run(watch, lambda: given.seconds is None or arm.state.time < given.seconds)
+            node.run(watch, goes_on)
         except KeyboardInterrupt:
             click.echo("closed", err=True)
         finally:
@@ -117,7 +121,7 @@ def twin(given: TwinOptions) -> None:
         died = getattr(core, "died", "")
         if died:
             click.echo(f"jacokin: {died}", err=True)
-            raise SystemExit(NOT_SOLVED)
+            raise SystemExit(process.NOT_SOLVED)
 
 
 def _node(

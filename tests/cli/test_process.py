@@ -118,6 +118,19 @@ def test_signals_are_handled_while_a_command_runs_unless_they_are_ignored(number
         signal.signal(number, before)
 
 
+def test_a_signal_is_heeded_though_its_exception_was_dropped() -> None:
+    with process.around_command():
+        process.heed_signals()  # none has come
+        try:
+            os.kill(os.getpid(), signal.SIGTERM)
+        except SystemExit as dropped:
+            assert dropped.code == 128 + signal.SIGTERM
+        with pytest.raises(SystemExit) as left:
+            process.heed_signals()
+        assert left.value.code == 128 + signal.SIGTERM
+    process.heed_signals()  # of that command alone
+
+
 # Press Ctrl-C when a module is about to be imported.
 INTERRUPT = """
 import os, sys
