@@ -184,7 +184,7 @@ def test_every_solution_is_passed_once_and_curves_close(rng: np.random.Generator
     seven.arm[:] = measure_seven(robot.pin_model, robot.frame_id(None)).arm
     slices = make_slices()
     for p in rng.uniform(-np.pi, np.pi, 3):
-        assert add_slice(curve.chain, curve.T, JOINT_3, p, slices, make_six_joints(), seven)
+        assert add_slice(walk_on(curve), JOINT_3, p, slices, make_six_joints(), seven)
     loops, _ = traced(curve, parameter, slices)
     assert loops.size[1] > 0
     assert loops.size[3] == 0
