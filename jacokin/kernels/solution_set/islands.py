@@ -66,6 +66,9 @@ MOST_HALVED, DEPTH = 400, 32
 #: Steps to all roots at once; a root is found when its step is this part of the distance to the nearest other one: each
 #: step squares what is missing at least, and a step of Newton's method follows.
 ABERTH_STEPS, LAST_STEP = 40, 1e-2
+#: Share of all coefficients of F that is rounding of its value: nothing is nearer to a root. Stands for the square of
+#: such a root's last step.
+ROUNDING, SETTLED = 1e-15, 1e-300
 #: A root is foretold at the next value of the parameter if that moves it by less than this part of its size.
 FORETOLD = 1.0
 
@@ -121,7 +124,7 @@ class Islands(NamedTuple):
     z: Array  # (16, 2) exp(i x) of all roots, real and imaginary part
     other: Array  # (16, 2) the same in another labelling of the joints
     moves: Array  # (17, 2) how z moves with p, and where it was found
-    settled: Array  # (16,) 1 for those that are found
+    settled: Array  # (16,) the square of its last step for each that is found, else 0
 
 
 def make_islands() -> Islands:
@@ -169,7 +172,15 @@ def value_and_slope_at(powers: Array, degree: int, x: complex) -> tuple[complex,
 
 
 def find_all_roots(powers: Array, degree: int, z: Array, settled: Array) -> None:
-    """Bring z to all roots of z^(degree / 2) F at once, from wherever it is (Aberth, 1973)."""
+    """Bring z to all roots of z^(degree / 2) F at once, from wherever it is (Aberth, 1973).
+
+    A root that has settled moves on when another one comes near: of two that all but meet, the first one is no nearer
+    to them than half of its last step before.
+    """
+    rounding = 0.0
+    for m in range(2 * DEGREE + 1):
+        rounding += abs(powers[m, 0]) + abs(powers[m, 1])
+    rounding *= ROUNDING
     for i in range(degree):
         settled[i] = 0.0
     for _ in range(ABERTH_STEPS):
@@ -187,14 +198,20 @@ def find_all_roots(powers: Array, degree: int, z: Array, settled: Array) -> None
                     others += a * inverse
                     others_i -= b * inverse
                     nearest = min(nearest, square)
+                    if settled[j] > LAST_STEP * LAST_STEP * square:
+                        settled[j] = 0.0
+                        moving += 1
             slope -= value * complex(others, others_i)
             if slope == 0.0:
                 continue
             step = value / slope
             z[i, 0] -= step.real
             z[i, 1] -= step.imag
-            if step.real * step.real + step.imag * step.imag <= LAST_STEP * LAST_STEP * nearest:
-                settled[i] = 1.0
+            square = step.real * step.real + step.imag * step.imag
+            if abs(value.real) + abs(value.imag) <= rounding:
+                settled[i] = SETTLED
+            elif square <= LAST_STEP * LAST_STEP * nearest:
+                settled[i] = square
             else:
                 moving += 1
         if moving == 0:
