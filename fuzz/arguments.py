@@ -42,11 +42,12 @@ RESULTS = {
 SKIPPED = {"warmup", "Physics.disable"}
 # Trusted arguments, by their documentation.
 INTERNAL = {
-    "Robot.placement", "quat_wxyz", "Box.add_to", "Capsule.add_to", "Floor.add_to",
+    "IKSolver.dimension_of", "Robot.once", "Robot.placement", "quat_wxyz", "Box.add_to", "Capsule.add_to", "Floor.add_to",
     "PointCloud.add_to", "PointCloud.some_points",
-    "SelfContact.all_touching", "SelfContact.distances", "SelfContact.in_the_way",
+    "SelfContact.all_touching", "SelfContact.are_in_the_way", "SelfContact.distances", "SelfContact.in_the_way",
     "SelfContact.list_touching", "SelfContact.nearest", "SelfContact.nearest_between", "SelfContact.ordered",
     "SelfContact.pair_numbers", "SelfContact.touches", "SelfContact.touches_at", "SelfContact.touching_from",
+    "SelfContact.with_clearance",
     "Observables.take_over", "Orientations.free_axis", "Trajectory.of", "fall_beyond", "sin_cos",
     "Sphere.add_to", "LimitDistance.velocity", "Manipulability.velocity", "Posture.velocity",
     "Observable()", "ReachabilityMap.count_at",
