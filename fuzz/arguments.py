@@ -42,8 +42,8 @@ RESULTS = {
 SKIPPED = {"warmup", "Physics.disable"}
 # Trusted arguments, by their documentation.
 INTERNAL = {
-    "IKSolver.dimension_of", "Robot.once", "Robot.placement", "quat_wxyz", "Box.add_to", "Capsule.add_to", "Floor.add_to",
-    "PointCloud.add_to", "PointCloud.some_points",
+    "IKSolver.dimension_of", "Robot.once", "Robot.placement", "quat_wxyz",
+    "Box.add_to", "Capsule.add_to", "Floor.add_to", "PointCloud.add_to", "PointCloud.some_points",
     "SelfContact.all_touching", "SelfContact.are_in_the_way", "SelfContact.distances", "SelfContact.in_the_way",
     "SelfContact.list_touching", "SelfContact.nearest", "SelfContact.nearest_between", "SelfContact.ordered",
     "SelfContact.pair_numbers", "SelfContact.touches", "SelfContact.touches_at", "SelfContact.touching_from",

@@ -15,7 +15,7 @@ DEGREE = 16
 
 
 def known_roots(rng: np.random.Generator, apart: float) -> Array:
-    """Roots (16,) in pairs z and 1 / conj(z) or on the unit circle, two of which are on it and that near to each other."""
+    """Roots (16,) in pairs z and 1 / conj(z), or on the unit circle; two of these are that near to each other."""
     angles, sizes = rng.uniform(-np.pi, np.pi, 4), rng.uniform(0.02, 1.5, 4)
     pairs = np.exp(1j * angles - sizes), np.exp(1j * angles + sizes)
     on_circle = np.exp(1j * rng.uniform(-np.pi, np.pi, 7))
