@@ -361,9 +361,10 @@ def _course(robot: OtherRobot, motion: object) -> TimedMotion:
     here = np.column_stack([robot.robot.lower, robot.robot.upper])
     other = np.flatnonzero(~np.isclose(there, here, rtol=0.0, atol=SAME_LIMIT).all(axis=1))
     if len(other):
-        wanted, found = there[other[0]], here[other[0]]
+        joint = trajectory.joint_names[other[0]]
+        moved, known = (f"{low:.6g} to {high:.6g} rad" for low, high in (there[other[0]], here[other[0]]))
         raise InvalidInputError(
-            f"{name} was made for an arm whose {trajectory.joint_names[other[0]]} goes from {wanted[0]:.6g} to {wanted[1]:.6g} "
-            f"rad, that of the robot in the scene goes from {found[0]:.6g} to {found[1]:.6g} rad: add that arm to the scene"
+            f"{name} was made for an arm whose {joint} goes from {moved}, that of the robot in the scene goes from "
+            f"{known}: add that arm to the scene"
         )
     return TimedMotion(trajectory.rows, begin)
