@@ -82,7 +82,12 @@ def replacing(path: Path) -> Iterator[Path]:
             temporary.touch(exist_ok=False)
         except OSError as error:
             raise InvalidInputError(f"{path}: cannot be written: {error.strerror}") from error
-        yield temporary
+        try:
+            yield temporary
+        except InvalidInputError as error:
+            if str(temporary) not in str(error):
+                raise
+            raise InvalidInputError(str(error).replace(str(temporary), str(path))) from error
         try:
             if final.exists():
                 temporary.chmod(stat.S_IMODE(final.stat().st_mode))

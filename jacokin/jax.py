@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from jacokin.errors import needed
+from jacokin.errors import InvalidInputError, needed
 from jacokin.ik import differentiable
 from jacokin.ik.solver import IKSolver
 from jacokin.model import checks
@@ -52,9 +52,13 @@ def solve(  # Any: arrays of a package that need not be installed
     shape = tuple(poses.shape)
     made = differentiable.check_arguments(solver, shape, str(poses.dtype), closest, ADVICE)
     start = made.robot.home if seeds is None else seeds
+    wanted = (*shape[:-2], made.robot.dof)
     if not isinstance(start, jax.core.Tracer):
         start = differentiable.seeds_of_poses(made, np.asarray(start), shape)
-    start = jnp.broadcast_to(jnp.asarray(start, poses.dtype), (*shape[:-2], made.robot.dof))
+    elif jnp.iscomplexobj(start):
+        raise InvalidInputError(f"seeds must be numbers {wanted} [rad], got {start.dtype}")
+    differentiable.check_seed_shape(start.shape, wanted)
+    start = jnp.broadcast_to(jnp.asarray(start, poses.dtype), wanted)
     if not isinstance(poses, jax.core.Tracer) and not isinstance(start, jax.core.Tracer):
         q, success = differentiable.solve_poses(made, np.asarray(poses), np.asarray(start), closest)
         return jnp.asarray(q), jnp.asarray(success)

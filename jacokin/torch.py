@@ -5,6 +5,9 @@ from __future__ import annotations
 import functools
 from typing import Any
 
+import numpy as np
+
+from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, needed
 from jacokin.ik import differentiable
 from jacokin.ik.solver import IKSolver
@@ -19,7 +22,8 @@ def solve(  # Any: tensors, of a package that need not be installed
 
     The gradient by a pose is that of `IKSolver.pull_back`: its part along motions of the pose, for poses that are
     computed as rotations and positions. On seven joints the parameter is constant, as in `IKSolver.gradient`. There is
-    no second derivative, and none by the seeds.
+    no second derivative, and none by the seeds. `torch.func` and `torch.vmap` are refused, which many poses do not
+    need; within `torch.compile` call ``torch.compiler.disable(jacokin.torch.solve)``.
 
     Args:
         solver: of six joints, or of seven whose poses have curves of answers.
@@ -41,11 +45,26 @@ def solve(  # Any: tensors, of a package that need not be installed
     for name, value in (("poses", poses), ("seeds", seeds)):
         if not isinstance(value, torch.Tensor) and (name == "poses" or value is not None):
             raise InvalidInputError(f"{name} must be a torch.Tensor, got {type(value).__name__}")
-    dtype = str(poses.dtype).removeprefix("torch.")
-    made = differentiable.check_arguments(solver, tuple(poses.shape), dtype, closest, "use poses.double()")
-    start = None if seeds is None else seeds.detach().cpu().numpy()
-    found = _answers().apply(poses, made, differentiable.seeds_of_poses(made, start, tuple(poses.shape)), closest)
+    dtype, shape = str(poses.dtype).removeprefix("torch."), _numbers("poses", poses).shape
+    made = differentiable.check_arguments(solver, shape, dtype, closest, "use poses.double()")
+    start = None if seeds is None else _numbers("seeds", seeds)
+    found = _answers().apply(poses, made, differentiable.seeds_of_poses(made, start, shape), closest)
     return found[0], found[1]
+
+
+def _numbers(name: str, tensor: Any) -> Array:  # Any: a tensor
+    """The numbers in a tensor, wherever it is.
+
+    Raises:
+        InvalidInputError: NumPy has no such array: a sparse, nested or meta tensor, or one within `torch.func`.
+    """
+    try:
+        return np.asarray(tensor.numpy(force=True))
+    except (TypeError, RuntimeError) as error:
+        raise InvalidInputError(
+            f"{name} must be a dense tensor with data of a type that NumPy has, outside torch.func and torch.vmap, "
+            f"which poses (..., 4, 4) need not: {error}"
+        ) from error
 
 
 @functools.cache
@@ -57,7 +76,7 @@ def _answers() -> Any:  # Any: a class of a package that need not be installed
 
         @staticmethod
         def forward(ctx: Any, poses: Any, solver: IKSolver, seeds: Any, closest: bool) -> tuple[Any, Any]:
-            q, success = differentiable.solve_poses(solver, poses.detach().cpu().numpy(), seeds, closest)
+            q, success = differentiable.solve_poses(solver, _numbers("poses", poses), seeds, closest)
             answers = torch.tensor(q, device=poses.device), torch.tensor(success, device=poses.device)
             ctx.solver = solver
             ctx.save_for_backward(*answers)

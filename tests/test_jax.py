@@ -157,8 +157,20 @@ def test_arguments_are_checked(solver: IKSolver, rng: np.random.Generator) -> No
         InvalidInputError, match=r"seeds must have a shape that broadcasts to \(3, 6\), got shape \(5,\)"
     ):
         jacokin.jax.solve(solver, poses, np.zeros(5))
+    with pytest.raises(InvalidInputError, match=r"poses is empty, of shape \(0, 4, 4\)"):
+        jacokin.jax.solve(solver, poses[:0])
     with pytest.raises(InvalidInputError, match="closest must be True or False"):
         jacokin.jax.solve(solver, poses, seeds, closest="no")  # type: ignore[arg-type]  # that is the test
     seven = IKSolver(jacokin.load_robot("j2s7s300"), method="qp", collision="ignore")
     with pytest.raises(InvalidInputError, match="a pose leaves 1 of the 7 joints"):
         jacokin.jax.solve(seven, poses)
+
+
+def test_seeds_are_checked_within_a_transformation(solver: IKSolver, rng: np.random.Generator) -> None:
+    seeds, poses = regular(solver, rng, 3)
+    solve = jax.jit(lambda T, q: jacokin.jax.solve(solver, T, q))
+    for wrong in (seeds[:2], seeds[:, :5], np.zeros((2, 3, 6))):
+        with pytest.raises(InvalidInputError, match=r"^seeds must have a shape that broadcasts to \(3, 6\), got shape"):
+            solve(poses, wrong)
+    with pytest.raises(InvalidInputError, match=r"^seeds must be numbers \(3, 6\) \[rad\], got complex128"):
+        solve(poses, seeds + 1j)

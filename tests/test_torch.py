@@ -108,7 +108,30 @@ def test_arguments_are_checked(solver: IKSolver, rng: np.random.Generator) -> No
         jacokin.torch.solve(solver, poses, [0.0] * 6)
     with pytest.raises(InvalidInputError, match=r"poses must be float64, got float32: use poses.double\(\)"):
         jacokin.torch.solve(solver, poses.float())
-    with pytest.raises(InvalidInputError, match=r"poses must have shape \(\.\.\., 4, 4\), got shape \(0, 4, 4\)"):
+    with pytest.raises(InvalidInputError, match=r"poses is empty, of shape \(0, 4, 4\)"):
         jacokin.torch.solve(solver, poses[:0])
     with pytest.raises(InvalidInputError, match=r"poses\[2\] is not a rotation"):
         jacokin.torch.solve(solver, torch.cat([poses[:2], 2.0 * poses[2:] - torch.eye(4, dtype=torch.float64)]), seeds)
+
+
+def test_tensors_that_are_no_arrays_are_refused_by_name(solver: IKSolver, rng: np.random.Generator) -> None:
+    seeds, poses = (torch.tensor(each) for each in regular(solver, rng, 3))
+    dense = "must be a dense tensor with data of a type that NumPy has, outside torch.func and torch.vmap"
+    for strange in (poses.to_sparse(), poses.to("meta"), poses.bfloat16()):
+        with pytest.raises(InvalidInputError, match=f"^poses {dense}"):
+            jacokin.torch.solve(solver, strange, seeds)
+    for strange in (seeds.to_sparse(), seeds.to("meta"), seeds.bfloat16()):
+        with pytest.raises(InvalidInputError, match=f"^seeds {dense}"):
+            jacokin.torch.solve(solver, poses, strange)
+    with pytest.raises(InvalidInputError, match=f"^poses {dense}"):
+        torch.vmap(lambda pose: jacokin.torch.solve(solver, pose))(poses)
+
+
+def test_views_are_read(solver: IKSolver, rng: np.random.Generator) -> None:
+    seeds, poses = (torch.tensor(each) for each in regular(solver, rng, 3))
+    negative = torch.complex(poses, -poses).conj().imag  # which NumPy cannot read as it lies
+    assert negative.is_neg()
+    expected = jacokin.torch.solve(solver, poses, seeds)
+    for given in (negative, poses.mT.contiguous().mT):
+        for found, wanted in zip(jacokin.torch.solve(solver, given, seeds), expected, strict=True):
+            np.testing.assert_array_equal(found.numpy(), wanted.numpy())

@@ -227,9 +227,9 @@ class ArmModel:
         self.robot, self.sets = robot, tuple(sets)
         self.sets_named = tuple(str(each.source or f"measurements[{k}]") for k, each in enumerate(sets))
         self.dof, self._joint_names = robot.dof, robot.joint_names
-        for each in sets:
+        for name, each in zip(self.sets_named, sets, strict=True):
             if each.q.shape[1] != robot.dof:
-                raise InvalidInputError(f"q must have {robot.dof} joint angles in a row, got {each.q.shape[1]}")
+                raise InvalidInputError(f"{name} must have {robot.dof} joint angles in a row, got {each.q.shape[1]}")
         keys = [key for group in groups for key in GROUPS[group]]
         self._chains = {each.frame: ArmKinematics(robot, each.frame, sags="compliance" in keys) for each in sets}
         self.free_columns = np.array([key in keys for key in KEYS] * robot.dof)

@@ -29,6 +29,7 @@ NOT_MEASUREMENTS = "is not a file of measurements"
 LARGEST = 1e6  # [m], [rad] of what anybody measures
 SMALLEST = 1e-12  # [m], [rad] of what any instrument tells apart; squares of less overflow
 KINOVA = ("theta_x", "theta_y", "theta_z")  # R = Rx Ry Rz
+JOINT = ("joint_", "q")  # before the number of a joint, from 1
 FIXED_POINT = ("px", "py", "pz")
 READ = (*POSITION, *QUATERNION, *RPY, *KINOVA, *FIXED_POINT, "distance", "sigma", "sigma_angle")  # besides joints
 
@@ -204,9 +205,14 @@ class Measurements:
         columns, lines = _read(path)
         angle = math.pi / 180.0 if checks.flag("degrees", degrees) or checks.flag("kinova", kinova) else 1.0
         joints = [name for name in columns if _is_joint(name)]
-        joints.sort(key=lambda name: int(name.removeprefix("joint_").removeprefix("q")))
+        joints.sort(key=lambda name: int("".join(filter(str.isdecimal, name))))
         if not joints:
             raise InvalidInputError(f"{path}: has no joint angles: columns joint_1, joint_2, ... or q1, q2, ...")
+        if not any(joints == [f"{name}{number + 1}" for number in range(len(joints))] for name in JOINT):
+            raise InvalidInputError(
+                f"{path}: joint angles must be columns joint_1, joint_2, ... or q1, q2, ... without a gap; of numbers "
+                f"there are {', '.join(joints)}"
+            )
         q = angle * np.column_stack([columns[name] for name in joints])
         arguments: tuple[str, ...] = ("sigma", "frame", "base", "tool", "unknown")
         if sigma is None:
@@ -226,7 +232,7 @@ class Measurements:
                 **_measured(path, columns, len(q), angle, 1e-3 if kinova else 1.0, contact),
             )
         except InvalidInputError as error:
-            if str(error).startswith(arguments):  # not what the file says
+            if str(error).startswith((*arguments, f"{path}: ")):  # not what the file says, or named
                 raise
             raise InvalidInputError(f"{path}: {error}") from error
         found.source, found._lines = path, lines
@@ -452,7 +458,7 @@ def _same_length(path: Path, arrays: Mapping[str, NDArray[Any]]) -> Mapping[str,
 
 
 def _is_joint(name: str) -> bool:
-    return name.removeprefix("joint_").removeprefix("q").isdigit()
+    return any(name.startswith(prefix) and name[len(prefix) :].isdecimal() for prefix in JOINT)
 
 
 def _columns(path: Path, columns: Mapping[str, Array], names: Sequence[str]) -> Array:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
-import functools
 import hashlib
 import os
 import re
@@ -12,6 +11,7 @@ import secrets
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import IO
 
 import orjson
 
@@ -43,6 +43,8 @@ class ChunkFolder:
             count: how many chunks there are in all.
             suffix: ending of their names, with its dot.
 
+        A folder with another recipe, but without any chunk, is taken over if nobody works on it: nothing would be lost.
+
         Raises:
             InvalidInputError: the folder holds something else, chunks of another recipe (says what differs), or cannot
                 be written.
@@ -55,8 +57,9 @@ class ChunkFolder:
             path.mkdir(parents=True, exist_ok=True)
             if (path / RECIPE).exists():
                 there = (path / RECIPE).read_bytes()
-                _refuse_other(path, there, text)
-                text = there
+                if not _take_over(path, there, text):
+                    _refuse_other(path, there, text)
+                    text = there
             elif any(not other.name.endswith(TEMPORARY) for other in path.iterdir()):
                 raise InvalidInputError(f"{path}: is a folder with other things in it, without {RECIPE}")
             else:
@@ -68,22 +71,25 @@ class ChunkFolder:
         self.keeper = Keeper(path.absolute(), digest(text), suffix)
 
     @contextlib.contextmanager
-    def locked(self) -> Iterator[None]:
+    def locked(self, *, shared: bool = False) -> Iterator[None]:
         """Keep other processes of this machine out; the folder goes if the block fails before a chunk is finished.
 
+        Args:
+            shared: others that share it may come in: several add to the same chunks.
+
         Raises:
-            InvalidInputError: another one is inside.
+            InvalidInputError: another one is inside, or has taken the folder over.
         """
         with (self.path / RECIPE).open("rb") as lock:
-            try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except OSError as error:
-                raise InvalidInputError(f"{self.path}: another process is working on it") from error
+            kind = fcntl.LOCK_SH if shared else fcntl.LOCK_EX
+            if not (_lock(lock, kind) and _sees(self.path, self.keeper.recipe)):
+                raise InvalidInputError(f"{self.path}: another process is working on it")
             try:
                 yield
             except BaseException:
-                if self.path.exists() and self.is_empty():
-                    self.remove()
+                if self.path.exists() and self.is_empty() and _lock(lock, fcntl.LOCK_EX):
+                    with contextlib.suppress(OSError):  # files of others are in it
+                        self.remove()
                 raise
 
     def finished(self) -> dict[int, Path]:
@@ -180,13 +186,21 @@ class Keeper:
         return path.name
 
 
-@functools.lru_cache(maxsize=4)
 def _sees(folder: Path, recipe: str) -> bool:
     """Whether the folder of this recipe is on this machine."""
     try:
         return digest((folder / RECIPE).read_bytes()) == recipe
     except OSError:
         return False
+
+
+def _lock(file: IO[bytes], kind: int) -> bool:
+    """Lock an open file, without waiting; whether that was possible."""
+    try:
+        fcntl.flock(file, kind | fcntl.LOCK_NB)
+    except OSError as error:
+        return kind == fcntl.LOCK_SH and not isinstance(error, BlockingIOError)  # some file systems have no locks
+    return True
 
 
 def write(path: Path, content: bytes) -> None:
@@ -240,24 +254,44 @@ def file_digest(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
+def _take_over(path: Path, before: bytes, wanted: bytes) -> bool:
+    """Give a folder another recipe of this kind if it holds nothing else and nobody works on it; whether it did."""
+    with (path / RECIPE).open("rb") as lock:
+        is_alone = all(other.name == RECIPE or other.name.endswith(TEMPORARY) for other in path.iterdir())
+        other = before != wanted and is_alone and _parsed(path, before).keys() == orjson.loads(wanted).keys()
+        if not (other and _lock(lock, fcntl.LOCK_EX)):
+            return False
+        write(path / RECIPE, wanted)
+    return True
+
+
 def _refuse_other(path: Path, before: bytes, wanted: bytes) -> None:
     """Refuse a folder whose recipe is not the wanted one.
 
     Raises:
         InvalidInputError: names what differs.
     """
-    try:
-        old, new = orjson.loads(before), orjson.loads(wanted)
-    except orjson.JSONDecodeError as error:
-        raise InvalidInputError(f"{path / RECIPE}: is not JSON: {error}") from error
-    if not isinstance(old, dict):
-        raise InvalidInputError(f"{path / RECIPE}: is not a recipe")
-    different = list(_differences(old, new))
+    different = list(_differences(_parsed(path, before), orjson.loads(wanted)))
     if different:
         raise InvalidInputError(
             f"{path}: holds chunks of another recipe, which differs in {'; '.join(different)}. "
             f"Use the same again, another folder, or remove this one"
         )
+
+
+def _parsed(path: Path, recipe: bytes) -> dict[str, object]:
+    """The recipe of a folder.
+
+    Raises:
+        InvalidInputError: it is not one.
+    """
+    try:
+        document = orjson.loads(recipe)
+    except orjson.JSONDecodeError as error:
+        raise InvalidInputError(f"{path / RECIPE}: is not JSON: {error}") from error
+    if not isinstance(document, dict):
+        raise InvalidInputError(f"{path / RECIPE}: is not a recipe")
+    return document
 
 
 def _differences(old: Mapping[str, object], new: Mapping[str, object], place: str = "") -> Iterable[str]:

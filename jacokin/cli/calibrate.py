@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import asdict, dataclass
+from operator import lt
 from pathlib import Path
 from typing import Any
 
@@ -141,6 +143,7 @@ class FitOptions:
     )
     prior: Vector3 | None = option(
         "--prior",
+        type=(click.FloatRange(0.0, min_open=True),) * 3,
         metavar="M RAD RAD",
         help="How far arms are from their description, in place, axis and zero of a joint; "
         "0.001 0.003 0.0175 by default.",
@@ -172,11 +175,12 @@ class FitOptions:
             raise InvalidInputError("--estimate none goes with no other --estimate")
 
     def write(self, found: calibration.Calibration) -> None:
-        """Write what is asked for."""
+        """Write what is asked for: all of it, or nothing where one cannot be written."""
         writers = (found.save, found.report, found.write_urdf, found.write_mjcf)
-        for path, write in zip(self.outputs.values(), writers, strict=True):
-            if path is not None:
-                write(path)
+        with ExitStack() as stack:
+            for path, write in zip(self.outputs.values(), writers, strict=True):
+                if path is not None:
+                    write(stack.enter_context(replacing(path)))
 
 
 @command(FIT, group=calibrate, no_args_is_help=True)
@@ -268,6 +272,8 @@ def plan(given: DesignOptions, instrument: InstrumentOptions, form: FormOptions,
     """
     if (given.lower is None) != (given.upper is None):
         raise InvalidInputError("--lower and --upper go together")
+    if given.lower is not None and given.upper is not None and not all(map(lt, given.lower, given.upper)):
+        raise InvalidInputError(f"--lower must be below --upper [m], got {given.lower} and {given.upper}")
     instrument.check()
     keep_apart({"--output": given.output}, {"--scene": given.scene, "--robot": source.robot}, source.package_dirs)
     arm = source.load()
@@ -290,7 +296,13 @@ def plan(given: DesignOptions, instrument: InstrumentOptions, form: FormOptions,
     promised = calibration.predict_accuracy(arm, q, measured=measured, sigma=error, **instrument.placed)
     rows = [form.units.for_joints(arm).from_si(row) for row in q]
     if given.output is not None:
-        columns = [*arm.joint_names, "x", "y", "z", *(("qw", "qx", "qy", "qz") if given.poses else ())]
+        columns = [
+            *(f"joint_{number + 1}" for number in range(arm.dof)),
+            "x",
+            "y",
+            "z",
+            *(("qw", "qx", "qy", "qz") if given.poses else ()),
+        ]
         empty = "," * (len(columns) - arm.dof)
         lines = [",".join(columns), *(",".join(map(repr, row)) + empty for row in rows)]
         with replacing(given.output) as temporary:

@@ -31,8 +31,10 @@ def check_arguments(solver: object, shape: tuple[int, ...], dtype: str, closest:
     """
     made = checks.instance("solver", solver, IKSolver, "an IKSolver")
     made.pull_back(np.zeros((1, made.robot.dof)), np.zeros((1, made.robot.dof)))  # refuses arms without gradients
-    if shape[-2:] != (4, 4) or not np.prod(shape):
+    if shape[-2:] != (4, 4):
         raise InvalidInputError(f"poses must have shape (..., 4, 4), got shape {shape}")
+    if not np.prod(shape):
+        raise InvalidInputError(f"poses is empty, of shape {shape}")
     if dtype != NUMBERS:
         raise InvalidInputError(f"poses must be {NUMBERS}, got {dtype}: {advice}")
     checks.flag("closest", closest)
@@ -47,12 +49,22 @@ def seeds_of_poses(solver: IKSolver, seeds: Array | None, shape: tuple[int, ...]
     """
     wanted = (*shape[:-2], solver.robot.dof)
     given = solver.robot.home if seeds is None else checks.array("seeds", seeds, f"numbers {wanted}", "rad")
+    check_seed_shape(given.shape, wanted)
+    return np.broadcast_to(given, wanted)
+
+
+def check_seed_shape(given: tuple[int, ...], wanted: tuple[int, ...]) -> None:
+    """Refuse seeds whose shape does not broadcast to the wanted one.
+
+    Raises:
+        InvalidInputError: names both.
+    """
     try:
-        return np.broadcast_to(given, wanted)
+        fits = np.broadcast_shapes(given, wanted) == wanted
     except ValueError:
-        raise InvalidInputError(
-            f"seeds must have a shape that broadcasts to {wanted}, got shape {given.shape}"
-        ) from None
+        fits = False
+    if not fits:
+        raise InvalidInputError(f"seeds must have a shape that broadcasts to {wanted}, got shape {given}")
 
 
 def solve_poses(solver: IKSolver, poses: Array, seeds: Array, closest: bool) -> tuple[Array, NDArray[np.bool_]]:

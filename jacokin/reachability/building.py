@@ -106,32 +106,33 @@ def build(
     size = recipe["chunks"]["positions"]  # type: ignore[index]  # a dictionary, written above
     starts = range(0, samples.positions, size)
     chunks = ChunkFolder(path, recipe, len(starts), ".npz")
-    finished = chunks.finished()
-    manifest = chunks.path / MANIFEST
-    if len(finished) < len(starts):
-        manifest.unlink(missing_ok=True)
-    missing = [index for index in range(len(starts)) if index not in finished and index % mine[1] == mine[0]]
-    with ExitStack() as stack:
-        if executor is None:
-            executor = stack.enter_context(ThreadPoolExecutor(usable_cores()))
-        total = min(samples.positions, (len(missing) + len(finished)) * size)
-        advance = reporter(progress, total, min(total, len(finished) * size))
-        for index, content in run_jobs(make, _jobs(solver, samples, size, missing, chunks.keeper), executor):
-            finished[index] = chunks.put(index, content)
-            advance(min(size, samples.positions - index * size))
-    finished = chunks.finished()
-    if len(finished) < len(starts):
-        return None
-    with files.replacing(manifest) as written:
-        hashes = {finished[index].name: file_digest(finished[index]) for index in range(len(starts))}
-        document = {
-            "sha256": hashes,
-            "recipe": file_digest(chunks.path / RECIPE),
-            "symmetries": recipe["symmetries"],
-            "bound": derive_bound(samples, solver),
-        }
-        written.write_bytes(orjson.dumps(document, option=orjson.OPT_INDENT_2))
-    chunks.remove_unfinished()
+    with chunks.locked(shared=True):
+        finished = chunks.finished()
+        manifest = chunks.path / MANIFEST
+        if len(finished) < len(starts):
+            manifest.unlink(missing_ok=True)
+        missing = [index for index in range(len(starts)) if index not in finished and index % mine[1] == mine[0]]
+        with ExitStack() as stack:
+            if executor is None:
+                executor = stack.enter_context(ThreadPoolExecutor(usable_cores()))
+            total = min(samples.positions, (len(missing) + len(finished)) * size)
+            advance = reporter(progress, total, min(total, len(finished) * size))
+            for index, content in run_jobs(make, _jobs(solver, samples, size, missing, chunks.keeper), executor):
+                finished[index] = chunks.put(index, content)
+                advance(min(size, samples.positions - index * size))
+        finished = chunks.finished()
+        if len(finished) < len(starts):
+            return None
+        with files.replacing(manifest) as written:
+            hashes = {finished[index].name: file_digest(finished[index]) for index in range(len(starts))}
+            document = {
+                "sha256": hashes,
+                "recipe": file_digest(chunks.path / RECIPE),
+                "symmetries": recipe["symmetries"],
+                "bound": derive_bound(samples, solver),
+            }
+            written.write_bytes(orjson.dumps(document, option=orjson.OPT_INDENT_2))
+        chunks.remove_unfinished()
     return load(path, robot=solver.robot, scene=solver.verifier.options.scene)
 
 

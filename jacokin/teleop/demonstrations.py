@@ -337,7 +337,8 @@ class _Hand:
             self._rest += self._arm.dt
         self._last = self._last if heard is None else heard
         step = self._teleop.step(heard)
-        angle = self._arm.fingers.move(float(getattr(self._device, "fingers", 0.0)), self._arm.dt)
+        pushed = checks.number("fingers of the device", getattr(self._device, "fingers", 0.0))
+        angle = self._arm.fingers.move(pushed, self._arm.dt)
         self._watch(self._arm, step)
         self._taken += 1
         return self._arm.action(step.q, angle)

@@ -126,7 +126,8 @@ class _Leading:
     def tick(self, now: float, *, is_led: bool) -> bool:
         """Lead for a tick at a time [s]; returns whether to go on."""
         heard, fault = (self._last, "") if self.held > 0.0 else read_device(self._device, now)
-        work_clutch(self._teleop, self._device)
+        failed = work_clutch(self._teleop, self._device)
+        heard, fault = (None, failed) if failed else (heard, fault)
         self._last = self._last if heard is None else heard
         asked = self.steps[-1].target if self.steps else None
         step = self._teleop.step(heard if is_led else None)
@@ -174,11 +175,15 @@ def read_device(device: Device, now: float) -> tuple[Array | None, str]:
     return heard, str(getattr(device, "trouble", "")) if heard is None else ""
 
 
-def work_clutch(teleop: Teleop, device: Device) -> None:
-    """Open or close the clutch as often as a device asks for it."""
-    toggled = getattr(device, "toggled", None)
-    while toggled is not None and toggled():
-        teleop.clutch(not teleop.engaged)
+def work_clutch(teleop: Teleop, device: Device) -> str:
+    """Open or close the clutch as often as a device asks for it; returns why the device failed, "" if it did not."""
+    try:
+        toggled = getattr(device, "toggled", None)
+        while toggled is not None and toggled():
+            teleop.clutch(not teleop.engaged)
+    except Exception as error:  # as in `read_device`
+        return f"{type(error).__name__}: {error}"
+    return ""
 
 
 def _summed_up(teleop: Teleop, q: Array, steps: list[TeleopStep], faults: Counter[str], late: int) -> Session:

@@ -193,3 +193,12 @@ def test_rows_are_named_by_the_lines_of_their_file(robot: Robot, tmp_path: Path,
     np.savez(tmp_path / "ragged.npz", q1=np.zeros(3), q2=np.zeros(2))
     with pytest.raises(InvalidInputError, match="must have one dimension and one length"):
         Measurements.load(tmp_path / "ragged.npz", sigma=1e-3)
+
+
+@pytest.mark.parametrize("names", ["joint_1,joint_3", "joint_0,joint_1", "joint_1,q2", "q1,q2,q4"])
+def test_joints_with_a_gap_are_refused(names: str, tmp_path: Path) -> None:
+    """They would be taken for the first joints: of a column of words, for example, nothing is left."""
+    head = f"{names},x,y,z"
+    (tmp_path / "m.csv").write_text(head + "\n" + ",".join(["0.1"] * len(head.split(","))) + "\n")
+    with pytest.raises(InvalidInputError, match=rf"m.csv: joint angles must be columns .* {names.replace(',', ', ')}"):
+        Measurements.load(tmp_path / "m.csv", sigma=1e-3)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import os
 from collections.abc import Callable
@@ -115,8 +116,46 @@ def test_the_same_recipe_continues_and_another_one_says_what_differs(place: Path
     assert list(opened(place).finished()) == [0]
 
 
+def test_a_recipe_without_chunks_gives_way_to_another_one(place: Path) -> None:
+    opened(place)
+    (place / f".0123456789abcdef{TEMPORARY}").touch()  # of a process that was killed before its first chunk
+    other = WORK | {"version": "2"}
+    kept(opened(place, other), 0, b"first")
+    with pytest.raises(InvalidInputError, match="another recipe"):
+        opened(place)
+    assert list(opened(place, other).finished()) == [0]
+
+
+@pytest.mark.parametrize("shared", [True, False])
+def test_a_folder_that_somebody_works_on_keeps_its_recipe(place: Path, *, shared: bool) -> None:
+    chunks = opened(place)
+    with chunks.locked(shared=shared), pytest.raises(InvalidInputError, match="another recipe"):
+        opened(place, WORK | {"version": "2"})
+    opened(place, WORK | {"version": "2"})
+    with pytest.raises(InvalidInputError, match="another process"), chunks.locked(shared=shared):
+        pass
+    assert chunks.keeper.keep(0, b"late") == b"late"  # a worker that goes on writes nothing into it
+
+
+def test_several_share_a_folder_and_the_last_one_that_fails_removes_it(place: Path) -> None:
+    with contextlib.suppress(KeyboardInterrupt), opened(place).locked(shared=True):
+        with contextlib.suppress(KeyboardInterrupt), opened(place).locked(shared=True):
+            raise KeyboardInterrupt
+        assert place.exists()
+        with pytest.raises(InvalidInputError, match="another process"), opened(place).locked():
+            pass
+        raise KeyboardInterrupt
+    assert not place.exists()
+
+
 @pytest.mark.parametrize(
-    ("recipe", "message"), [(b"{", "is not JSON"), (b"[1]", "is not a recipe"), (None, "with other things in it")]
+    ("recipe", "message"),
+    [
+        (b"{", "is not JSON"),
+        (b"[1]", "is not a recipe"),
+        (b'{"flour": 250}', "differs in flour"),
+        (None, "with other things in it"),
+    ],
 )
 def test_folders_of_something_else_are_refused(place: Path, recipe: bytes | None, message: str) -> None:
     place.mkdir()

@@ -14,6 +14,8 @@ from tests.calibration.simulated import hidden_arm, mean_error
 from tests.cli.run import Run
 from tests.logs.recordings import joint_state, measured_hand, names_of, visits, write
 
+URDF = Path(__file__).parents[2] / "urdf"
+
 
 def fill_in(path: Path, arm: Robot, *, degrees: bool = False) -> None:
     """Measure what a plan asks for."""
@@ -192,3 +194,44 @@ def test_what_a_recording_lacks_is_one_sentence(
 def test_options_of_recordings_are_for_recordings(run: Run, tmp_path: Path) -> None:
     found = run("calibrate", str(tmp_path / "m.csv"), "--sigma", "0.001", "--still", "0.01", "1")
     assert (found.code, "are for a recording of ROS" in found.err) == (2, True)
+
+
+def test_all_files_are_written_or_none(run: Run, robot: Robot, tmp_path: Path) -> None:
+    plan, arm = tmp_path / "m.csv", tmp_path / "arm.toml"
+    assert run("calibrate", "plan", "--points", "12", "--output", str(plan)).code == 0
+    fill_in(plan, robot)
+    arm.write_text("old")
+    nowhere = tmp_path / "nowhere" / "report.html"
+    result = run("calibrate", str(plan), "--sigma", "3e-4", "--output", str(arm), "--report", str(nowhere))
+    assert result.code == 2
+    assert f"{nowhere}: cannot be written" in result.err
+    scaled = ("--mjcf", str(tmp_path / "a.xml"), "--estimate", "scale")
+    result = run("calibrate", str(plan), "--sigma", "3e-4", "--output", str(arm), *scaled)
+    assert result.code == 2
+    assert arm.read_text() == "old"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["arm.toml", "m.csv"]
+
+
+def test_wrong_files_and_numbers_are_named(run: Run, robot: Robot, tmp_path: Path) -> None:
+    measured = tmp_path / "m.csv"
+    measured.write_text("q1,q2,q3,q4,q5,x,y,z\n" + "0.1,0.2,0.3,0.4,0.5,0.6,0.7,0.8\n" * 4)
+    result = run("calibrate", str(measured), "--sigma", "3e-4")
+    assert (result.code, result.err) == (2, f"jacokin: {measured} must have 6 joint angles in a row, got 5\n")
+    measured.write_text("q1,q2,q3,q4,q5,q6,a,y,z\n" + "0.1,0.2,0.3,0.4,0.5,0.6,0.7,0.8,0.9\n" * 4)
+    result = run("calibrate", str(measured), "--sigma", "3e-4")
+    assert result.err.count(str(measured)) == 1
+    assert "column x is missing" in result.err
+    result = run("calibrate", str(measured), "--sigma", "3e-4", "--prior", "0", "1", "1")
+    assert result.code == 2
+    assert "--prior" in result.err
+    result = run("calibrate", "plan", "--lower", "0", "0", "0", "--upper", "1", "0", "1")
+    assert result.code == 2
+    assert "--lower must be below --upper [m]" in result.err
+
+
+def test_a_plan_of_an_arm_with_other_names_is_read_back(run: Run, tmp_path: Path) -> None:
+    text = (URDF / "j2n6s300.urdf").read_text().replace('"joint_', '"axis_')
+    arm, plan = tmp_path / "arm.urdf", tmp_path / "m.csv"
+    arm.write_text(text)
+    assert run("calibrate", "plan", "--robot", str(arm), "--points", "12", "--output", str(plan)).code == 0
+    assert plan.read_text().startswith("joint_1,joint_2,joint_3,joint_4,joint_5,joint_6,x,y,z\n")

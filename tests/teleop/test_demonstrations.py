@@ -301,3 +301,17 @@ def test_actions_must_be_angles(tmp_path: Path) -> None:
             demonstrate(env, Keyboard(), tmp_path / "demos.hdf5")
     finally:
         env.close()
+
+
+@pytest.mark.parametrize("fingers", ["wide", math.nan])
+def test_fingers_that_are_no_number_are_named(env: TaskEnv, fingers: object, tmp_path: Path) -> None:
+    class Odd(Typist):
+        def read(self, time: float) -> Array:
+            twist = super().read(time)
+            self.fingers = fingers  # type: ignore[assignment]  # that is the test
+            return twist
+
+    device = Odd(typed("bwww"))
+    with pytest.raises(InvalidInputError, match=f"fingers of the device must be a finite number, got '?{fingers}"):
+        demonstrate(env, device, tmp_path / "demos.hdf5", pace=math.inf)
+    assert not list(tmp_path.iterdir())

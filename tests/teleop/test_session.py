@@ -174,3 +174,19 @@ def test_a_wrong_time_is_refused(robot: Robot) -> None:
     for seconds in (0.0, float("nan"), -1.0):
         with pytest.raises(InvalidInputError, match="seconds"):
             lead(made(robot), Keyboard(), seconds=seconds)
+
+
+class Loose(Unplugged):
+    """A device whose button fails for a while."""
+
+    def toggled(self) -> bool:
+        self.asked = getattr(self, "asked", 0) + 1
+        if 45 < self.asked < 85:
+            raise OSError("no such button")
+        return False
+
+
+def test_a_button_that_fails_brakes_the_arm_too(robot: Robot) -> None:
+    session = lead(made(robot), Loose(np.zeros(6)), seconds=0.02 * 120, paced=False)
+    assert dict(session.faults) == {"OSError: no such button": 39}
+    assert session.statuses["NO_INPUT"] > 20

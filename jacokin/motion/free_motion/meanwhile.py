@@ -45,6 +45,7 @@ NEARBY = 0.5  # [rad] so far from the start are the first of them, about
 NEARBY_FIRST = 20  # after which they are twice as far
 
 LEAST_TIME = 1e-3  # [s] for a plan
+SAME_LIMIT = 1e-6  # [rad] URDF and MJCF files of an arm round
 FINAL = (MotionStatus.UNREACHABLE.name, MotionStatus.GOAL_IN_CONTACT.name, MotionStatus.TOO_HEAVY.name)  # at any time
 
 Planning: TypeAlias = Callable[..., Trajectory]
@@ -345,7 +346,7 @@ def _course(robot: OtherRobot, motion: object) -> TimedMotion:
     """A checked motion of another robot.
 
     Raises:
-        InvalidInputError: no trajectory, or of other joints; or a time that is not a number.
+        InvalidInputError: no trajectory, or of joints of other names or limits; or a time that is not a number.
     """
     name = f"meanwhile[{robot.name!r}]"
     trajectory, begin = motion if isinstance(motion, tuple) and len(motion) == 2 else (motion, 0.0)
@@ -355,5 +356,15 @@ def _course(robot: OtherRobot, motion: object) -> TimedMotion:
     if trajectory.joint_names != robot.robot.joint_names:
         raise InvalidInputError(
             f"{name} moves {', '.join(trajectory.joint_names)}; the robot has {', '.join(robot.robot.joint_names)}"
+        )
+    there = np.column_stack([trajectory.lower, trajectory.upper])
+    here = np.column_stack([robot.robot.lower, robot.robot.upper])
+    other = np.flatnonzero(~np.isclose(there, here, rtol=0.0, atol=SAME_LIMIT).all(axis=1))
+    if len(other):
+        joint = trajectory.joint_names[other[0]]
+        moved, known = (f"{low:.6g} to {high:.6g} rad" for low, high in (there[other[0]], here[other[0]]))
+        raise InvalidInputError(
+            f"{name} was made for an arm whose {joint} goes from {moved}, that of the robot in the scene goes from "
+            f"{known}: add that arm to the scene"
         )
     return TimedMotion(trajectory.rows, begin)

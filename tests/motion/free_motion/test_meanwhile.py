@@ -218,6 +218,7 @@ def test_a_goal_where_the_other_stops_is_refused(
         ({"other": ("motion", -1.0)}, InvalidInputError, "time"),
         ({"other": ("motion", "late")}, InvalidInputError, "time"),
         ({"other": "seven"}, InvalidInputError, "joint_7"),
+        ({"other": "spherical"}, InvalidInputError, "whose joint_5 goes from 0.523599 to 5.75959 rad"),
         ("motion", InvalidInputError, "meanwhile must be a dict"),
     ],
 )
@@ -230,8 +231,8 @@ def test_mistakes_are_named(
     error: type[Exception],
     words: str,
 ) -> None:
-    seven = bundled("j2s7s300")
-    known = {"motion": crossing[0], "seven": move_joints(seven, seven.home, seven.home)}
+    others = {"seven": bundled("j2s7s300"), "spherical": bundled("j2s6s300")}
+    known = {"motion": crossing[0]} | {name: move_joints(arm, arm.home, arm.home) for name, arm in others.items()}
 
     def filled(value: Any) -> Any:
         if isinstance(value, tuple):
