@@ -16,10 +16,6 @@ from jacokin.model.contact_arrays import NO_WORLD, ArmArrays, ShapeRow, arm_arra
 from jacokin.model.descriptions.shapes import NO_VERTICES, Shape, read_bundled
 from jacokin.model.robot import Robot, middle, spread
 
-OVERLAPPING_IN = 200  # random configurations; shapes that touch in all of them are taken to touch everywhere
-COLLISION = "<collision"  # how such an element begins in the text of a URDF that was read and written again
-ROUNDING = 1e-12  # [m, or of a matrix] between places of one shape that were computed in two ways
-
 
 class OwnShapes(NamedTuple):
     """The shapes of an arm, its base included, in the order of the joints that carry them."""
@@ -55,7 +51,7 @@ def own_shapes(robot: Robot, finger_angle: float | None = None) -> OwnShapes:
 def may_collide(robot: Robot) -> bool:
     """Whether the description may have collision shapes: a URDF without them is not given to MuJoCo."""
     content = robot.source.content
-    return not isinstance(content, str) or COLLISION in content
+    return not isinstance(content, str) or "<collision" in content
 
 
 def overlapping(robot: Robot) -> frozenset[frozenset[str]]:
@@ -96,8 +92,8 @@ def _make_at_angle(robot: Robot, finger_angle: float) -> OwnShapes:
     rows = []
     for shape in shapes:
         placement, row = same[shape.name]
-        moved = not np.allclose(placement.homogeneous, shape.placement.homogeneous, rtol=0.0, atol=ROUNDING)
-        rows.append(shape_row(robot.pin_model, shape) if moved else row)
+        same_place = np.allclose(placement.homogeneous, shape.placement.homogeneous, rtol=0.0, atol=1e-12)  # rounding
+        rows.append(row if same_place else shape_row(robot.pin_model, shape))
     return _prepared(robot, shapes, pairs, own.overlapping, rows)
 
 
@@ -117,12 +113,12 @@ def _prepared(
 
 
 def _touching_everywhere(robot: Robot, own: OwnShapes) -> frozenset[frozenset[str]]:
-    """Names of shapes that touch in all of some configurations."""
+    """Names of shapes that touch in all of some configurations, so many that they are taken to touch everywhere."""
     call = Call(run_contact, make_contact_work(joined(own.arrays, NO_WORLD), 1))
     call.work.integers[TASK] = LIST_TOUCHING
     numbers, names = own.arrays.numbers.tolist(), own.names
     found: set[frozenset[str]] | None = None
-    for q in (middle(robot), *spread(robot, OVERLAPPING_IN)):
+    for q in (middle(robot), *spread(robot, 200)):
         call.work.q[: q.size] = q
         pairs = call.work.hits.pairs[: call()].tolist()
         touching = {frozenset((names[numbers[a]], names[numbers[b]])) for a, b in pairs}

@@ -35,14 +35,18 @@ from jacokin.model.contact_arrays import (
     world_arrays,
 )
 from jacokin.model.descriptions.shapes import KINDS, Shape
-from jacokin.model.obstacles import NOTHING_AROUND, Attached, Obstacle, Surroundings, checked_surroundings, shape_of
-from jacokin.model.other_robot import RobotPart
+from jacokin.model.obstacles import (
+    NOTHING_AROUND,
+    Attached,
+    Obstacle,
+    RobotPart,
+    Surroundings,
+    checked_surroundings,
+    shape_of,
+)
 from jacokin.model.own_shapes import OwnShapes, own_shapes
 from jacokin.model.point_cloud import PointCloud, checked_points
 from jacokin.model.robot import Robot, SceneLike
-
-WIDE = 50.0  # [m] half of a box that stands for a floor
-ROBOT = "robot"  # stands for all shapes of the arm where contact is allowed
 
 
 class Surrounded(NamedTuple):
@@ -152,8 +156,9 @@ def _with_ends(shape: Shape) -> Shape:
     """A plane as a box below it, other shapes as they are: the kernels take planes only against every shape."""
     if shape.kind != "plane":
         return shape
-    below = pin.SE3(np.eye(3), np.array([0.0, 0.0, -WIDE]))
-    return shape._replace(kind="box", size=np.full(3, WIDE), placement=shape.placement * below)
+    half = 50.0  # [m]
+    below = pin.SE3(np.eye(3), np.array([0.0, 0.0, -half]))
+    return shape._replace(kind="box", size=np.full(3, half), placement=shape.placement * below)
 
 
 def among_nothing(shapes: Sequence[Shape], arrays: ArmArrays, pairs: int) -> Surrounded:
@@ -199,7 +204,7 @@ def allowed_pairs(robot: Robot, around: Surroundings, arm: Sequence[str]) -> set
     robots = {part.robot.name: part.robot for part in around.obstacles if isinstance(part, RobotPart)}
     others = {name: frozenset(part.name for part in other.parts) for name, other in robots.items()}
     held = {name: shapes for name, shapes in links.items() if shapes}
-    groups = {ROBOT: frozenset(arm), **held, **each, **others}
+    groups = {"robot": frozenset(arm), **held, **each, **others}
     found = set[frozenset[str]]()
     for pair in around.allow:
         first, second = (groups[checks.choice("shape or link", name, groups)] for name in pair)
