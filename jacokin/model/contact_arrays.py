@@ -45,7 +45,7 @@ from jacokin.kernels.contact.touching import Geometry
 from jacokin.kernels.contact.tree import Tree
 from jacokin.model.descriptions.meshes import convex_hull
 from jacokin.model.descriptions.shapes import KINDS, Shape
-from jacokin.model.kinematics import about_z, arm_of
+from jacokin.model.kinematics import arm_of, own_axes
 
 CORES = np.array([PLANE, POINT, SEGMENT, ELLIPSOID, CYLINDER, BOX, MESH, CLOUD])  # of the `KINDS`
 NUMBER_OF_KIND = {kind: number for number, kind in enumerate(KINDS)}
@@ -173,25 +173,12 @@ def world_arrays(obstacles: Sequence[Shape]) -> WorldArrays:
     Raises:
         ShapeError: one of an unknown kind.
     """
-    count = len(obstacles)
-    kinds = np.array([_kind(shape) for shape in obstacles], dtype=np.int64)
-    cores = CORES[kinds]
-    sizes = np.array([shape.size for shape in obstacles], dtype=np.float64).reshape(-1, 3)
-    placed = np.array([shape.placement.homogeneous for shape in obstacles]).reshape(-1, 16)
-    numbers, integers = np.zeros((count, SHAPE_NUMBERS)), np.zeros((count, SHAPE_INTEGERS), dtype=np.int64)
-    half, margin = _half_sizes(kinds, sizes)
-    numbers[:, :SIZE], numbers[:, SIZE : SIZE + 3], numbers[:, MARGIN] = placed[:, :SIZE], half, margin
-    numbers[:, CENTRE : CENTRE + 3], numbers[:, RADIUS] = placed[:, 3:SIZE:4], margin + _core_radii(kinds, half)
-    integers[:, KIND] = cores
-    own_rows = np.flatnonzero((cores == MESH) | (cores == CLOUD)).tolist()
-    if not own_rows:
+    kinds, numbers, integers, own = _rows(obstacles, [obstacle.placement for obstacle in obstacles])
+    if not own:
         edges = np.zeros(1, dtype=np.int64), np.zeros(0, dtype=np.int64)
         shapes = Shapes(numbers, integers, NO_POINTS, *edges, NO_POINTS, np.empty((0, NODE_NUMBERS)))
     else:
-        rows = [ShapeRow(each, whole) for each, whole in zip(numbers, integers, strict=True)]
-        for number in own_rows:
-            rows[number] = _own_row(obstacles[number], obstacles[number].placement)
-        shapes = _stacked(rows)
+        shapes = _stacked([own.get(k) or ShapeRow(numbers[k], integers[k]) for k in range(len(kinds))])
     return WorldArrays(shapes, _tree(shapes), kinds)
 
 
@@ -237,21 +224,40 @@ def joints_about_z(model: pin.Model) -> tuple[Array, list[int]]:
     return arm.placements[:-1], [SLIDE if slides else HINGE for slides in arm.sliding.tolist()]
 
 
-def shape_row(model: pin.Model, shape: Shape) -> ShapeRow:
-    """A shape of an arm as the kernels see it.
+def shape_rows(model: pin.Model, shapes: Sequence[Shape]) -> list[ShapeRow]:
+    """Shapes of an arm as the kernels see them.
 
     Raises:
-        ShapeError: its kind is unknown.
+        ShapeError: one of an unknown kind.
     """
-    kind = np.array([_kind(shape)])
-    T_link_shape = about_z(model, shape.joint).inverse() * shape.placement
-    if CORES[kind[0]] in (MESH, CLOUD):
-        row = _own_row(shape, T_link_shape)
-    else:
-        half, (margin,) = _half_sizes(kind, shape.size[np.newaxis])
-        row = _row(CORES[kind[0]], T_link_shape, half[0], margin, margin + _core_radii(kind, half)[0])
-    row.integers[LINK] = shape.joint
-    return row
+    axes = own_axes(model)
+    kinds, numbers, integers, own = _rows(shapes, [axes[shape.joint].inverse() * shape.placement for shape in shapes])
+    rows = [own.get(k) or ShapeRow(numbers[k], integers[k]) for k in range(len(kinds))]
+    for row, shape in zip(rows, shapes, strict=True):
+        row.integers[LINK] = shape.joint
+    return rows
+
+
+def _rows(
+    shapes: Sequence[Shape], placements: Sequence[pin.SE3]
+) -> tuple[NDArray[np.int64], Array, NDArray[np.int64], dict[int, ShapeRow]]:
+    """Kinds (n,), numbers and integers (n, ...) of shapes at placements; of meshes and clouds their rows, by number.
+
+    Raises:
+        ShapeError: one of an unknown kind.
+    """
+    count = len(shapes)
+    kinds = np.array([_kind(shape) for shape in shapes], dtype=np.int64)
+    cores = CORES[kinds]
+    sizes = np.array([shape.size for shape in shapes], dtype=np.float64).reshape(-1, 3)
+    placed = np.array([placement.homogeneous for placement in placements]).reshape(-1, 16)
+    numbers, integers = np.zeros((count, SHAPE_NUMBERS)), np.zeros((count, SHAPE_INTEGERS), dtype=np.int64)
+    half, margin = _half_sizes(kinds, sizes)
+    numbers[:, :SIZE], numbers[:, SIZE : SIZE + 3], numbers[:, MARGIN] = placed[:, :SIZE], half, margin
+    numbers[:, CENTRE : CENTRE + 3], numbers[:, RADIUS] = placed[:, 3:SIZE:4], margin + _core_radii(kinds, half)
+    integers[:, KIND] = cores
+    own = np.flatnonzero((cores == MESH) | (cores == CLOUD)).tolist()
+    return kinds, numbers, integers, {k: _own_row(shapes[k], placements[k]) for k in own}
 
 
 def _kind(shape: Shape) -> int:

@@ -12,7 +12,7 @@ import numpy as np
 
 from jacokin.kernels.contact.run import LIST_TOUCHING, TASK, make_contact_work, run_contact
 from jacokin.kernels.library import Call
-from jacokin.model.contact_arrays import NO_WORLD, ArmArrays, ShapeRow, arm_arrays, joined, joints_about_z, shape_row
+from jacokin.model.contact_arrays import NO_WORLD, ArmArrays, ShapeRow, arm_arrays, joined, joints_about_z, shape_rows
 from jacokin.model.descriptions.shapes import NO_VERTICES, Shape, read_bundled
 from jacokin.model.robot import Robot, middle, spread
 
@@ -70,13 +70,13 @@ def _make_own_shapes(robot: Robot) -> OwnShapes:
     if robot.source.bundled is not None:
         links = {name: robot.frame_id(name) for name in robot.frames}
         shapes, pairs = read_bundled(robot.source.bundled, robot.pin_model, links)
-        return _prepared(robot, shapes, pairs, frozenset(), [shape_row(robot.pin_model, each) for each in shapes])
+        return _prepared(robot, shapes, pairs, frozenset(), shape_rows(robot.pin_model, shapes))
     if not may_collide(robot):
         return _prepared(robot, [], [], frozenset(), [])
     from jacokin.model.mujoco_twin import shapes_of_description
 
     shapes, pairs = shapes_of_description(robot)
-    rows = [shape_row(robot.pin_model, shape) for shape in shapes]
+    rows = shape_rows(robot.pin_model, shapes)
     everything = _prepared(robot, shapes, pairs, frozenset(), rows)
     always = _touching_everywhere(robot, everything)
     return _prepared(robot, shapes, pairs, always, rows) if always else everything
@@ -88,12 +88,14 @@ def _make_at_angle(robot: Robot, finger_angle: float) -> OwnShapes:
 
     own = own_shapes(robot)
     shapes, pairs = shapes_of_description(robot, finger_angle)
-    same = {shape.name: (shape.placement, row) for shape, row in zip(own.shapes, own.rows, strict=True)}
-    rows = []
-    for shape in shapes:
-        placement, row = same[shape.name]
-        same_place = np.allclose(placement.homogeneous, shape.placement.homogeneous, rtol=0.0, atol=1e-12)  # rounding
-        rows.append(row if same_place else shape_row(robot.pin_model, shape))
+    here = {shape.name: (shape.placement.homogeneous, row) for shape, row in zip(own.shapes, own.rows, strict=True)}
+    moved = [
+        shape
+        for shape in shapes
+        if not np.allclose(here[shape.name][0], shape.placement.homogeneous, rtol=0.0, atol=1e-12)  # rounding
+    ]
+    there = dict(zip([shape.name for shape in moved], shape_rows(robot.pin_model, moved), strict=True))
+    rows = [there.get(shape.name) or here[shape.name][1] for shape in shapes]
     return _prepared(robot, shapes, pairs, own.overlapping, rows)
 
 

@@ -31,7 +31,7 @@ from jacokin.model.contact_arrays import (
     arm_arrays,
     joined,
     joints_about_z,
-    shape_row,
+    shape_rows,
     world_arrays,
 )
 from jacokin.model.descriptions.shapes import KINDS, Shape
@@ -134,7 +134,7 @@ def _surround_some(robot: Robot, own: OwnShapes, around: Surroundings) -> Surrou
         else:
             partly += [(len(shapes), other) for other in counted]
             shapes.append(shape_of(obstacle))
-            rows.append(shape_row(model, _with_ends(shapes[-1])))
+    rows += shape_rows(model, [_with_ends(shape) for shape in shapes[count:]])
     links, alone = [shape.joint for shape in shapes], range(count, len(shapes))
     arrays = arm_arrays(joints_about_z(model), links, rows, [*partly, *pairs], alone)
     some = among_nothing(shapes, arrays, len(partly) + len(pairs))
@@ -216,7 +216,7 @@ def carried_shapes(robot: Robot, around: Surroundings) -> list[tuple[Shape, Shap
     """The shapes of an arm, and then those that it holds; errors as of `surround`."""
     own = own_shapes(robot, around.finger_angle)
     held = [_held_shape(robot, each) for each in around.attached]
-    rows = [shape_row(robot.pin_model, shape) for shape in held]
+    rows = shape_rows(robot.pin_model, held)
     return [*zip(own.shapes, own.rows, strict=True), *zip(held, rows, strict=True)]
 
 
