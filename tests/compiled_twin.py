@@ -19,7 +19,7 @@ from jacokin.kernels.contact.run import LIST_TOUCHING, TASK, make_contact_work, 
 from jacokin.kernels.contact.touching import Geometry
 from jacokin.kernels.library import Call
 from jacokin.model import poses
-from jacokin.model.contact_arrays import arm_arrays, joined, joints_about_z, shape_row, world_arrays
+from jacokin.model.contact_arrays import arm_arrays, joined, joints_about_z, shape_rows, world_arrays
 from jacokin.model.descriptions import mjcf
 from jacokin.model.descriptions.shapes import Shape
 from jacokin.model.mujoco_twin import body_of_joint, compile_spec, shapes_of_twin, to_spec
@@ -52,7 +52,7 @@ def contact_arrays(
     """
     own = [number for number in range(len(given)) if number not in obstacles]
     place = {number: index for index, number in enumerate(own)}
-    rows = [shape_row(model, given[number]) for number in own]
+    rows = shape_rows(model, [given[number] for number in own])
     links, own_pairs = [given[number].joint for number in own], [(place[a], place[b]) for a, b in pairs]
     arm = arm_arrays(joints_about_z(model), links, rows, own_pairs)
     world = world_arrays([given[number] for number in obstacles])

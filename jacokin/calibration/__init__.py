@@ -7,22 +7,10 @@ measurements      what an instrument, or none, says: positions, poses, distances
 arm_model         the numbers that may be off, and what they make of a measurement
 alignment         where base, tool and touched places are, to start from
 findings          what a fit says, what is sure about it and what is not; what measurements can tell apart
-calibration       the arm that was found, to load, to write and to report, and the page of that report
-comparison        whether two calibrations found the same arm
+calibration       the arm that was found, to load, to write and to report; whether two found the same arm
 design            which configurations to measure, and how good the result will be
 """
 
 from jacokin import lazy
 
-__all__, __getattr__, __dir__ = lazy.door(
-    __name__,
-    {
-        "jacokin.calibration.arm_model": ("Prior",),
-        "jacokin.calibration.calibration": ("Calibration",),
-        "jacokin.calibration.comparison": ("Comparison", "compare"),
-        "jacokin.calibration.design": ("Accuracy", "plan_measurements", "predict_accuracy"),
-        "jacokin.calibration.estimation": ("calibrate",),
-        "jacokin.calibration.findings": ("Estimate",),
-        "jacokin.calibration.measurements": ("Measurements",),
-    },
-)
+__all__, __getattr__, __dir__ = lazy.door(__name__, __file__)

@@ -1,7 +1,7 @@
 from jacokin.calibration.arm_model import Prior as Prior
 from jacokin.calibration.calibration import Calibration as Calibration
-from jacokin.calibration.comparison import Comparison as Comparison
-from jacokin.calibration.comparison import compare as compare
+from jacokin.calibration.calibration import Comparison as Comparison
+from jacokin.calibration.calibration import compare as compare
 from jacokin.calibration.design import Accuracy as Accuracy
 from jacokin.calibration.design import plan_measurements as plan_measurements
 from jacokin.calibration.design import predict_accuracy as predict_accuracy

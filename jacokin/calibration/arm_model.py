@@ -14,14 +14,14 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from jacokin.arrays import Array
 from jacokin.calibration.alignment import Reference, Seen, find_reference, left_jacobian, rotation_of
 from jacokin.calibration.measurements import CONTACTS, SIZES, Measurements
 from jacokin.errors import InvalidInputError
 from jacokin.model import checks
-from jacokin.model.joint_axes import turn_of
+from jacokin.model.kinematics import arm_of
 from jacokin.model.measured_arm import MeasuredJoint, axis_rotation
 from jacokin.model.robot import Robot
 
@@ -35,11 +35,6 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
 AUTO = ("geometry", "offset")
 UNITS = {"x": "m", "y": "m", "z": "m", "axis_x": "rad", "axis_y": "rad", "offset": "rad", "scale": "1",
          "compliance": "rad/(N m)"}  # fmt: skip
-# What is placed by the user is known to about this: far wider than what data say, and narrow enough to compute with.
-TOUCHING = 1e-9  # [m] from a fixed point: nearer, a distance has no direction
-STEEPEST = 0.9  # of an axis: beyond, no rotation takes z to it
-PLACED_SHIFT = 1.0  # [m]
-PLACED_TURN = 1.0  # [rad]
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +65,13 @@ class Prior:
         """Standard deviation of one of `KEYS`."""
         group = "position" if key in "xyz" else key.removesuffix("_x").removesuffix("_y")
         return float(getattr(self, group))
+
+
+def checked_groups(parameters: str | Iterable[str], prior: Prior | None) -> tuple[tuple[str, ...], Prior]:
+    """Which of `GROUPS` are estimated, each once, and how far arms may be off; errors as `calibrate`."""
+    chosen = AUTO if isinstance(parameters, str) and parameters == "auto" else checks.listed("parameters", parameters)
+    groups = dict.fromkeys(checks.choice("group of parameters", each, GROUPS) for each in chosen)
+    return tuple(groups), checks.instance("prior", Prior() if prior is None else prior, Prior, "a Prior")
 
 
 class MovingFrame(NamedTuple):
@@ -103,15 +105,8 @@ class ArmKinematics:
         model = robot.pin_model
         self._model, self._gravity_data, self._sags = model, model.createData(), sags
         self.dof = robot.dof
-        placed = model.frames[robot.frame_id(frame)]
-        self._joints = int(placed.parentJoint)
-        turns = [np.eye(3), *(turn_of(model, index) for index in range(1, robot.dof + 1))]
-        places = [*(model.jointPlacements[index] for index in range(1, self._joints + 1)), placed.placement]
-        self._rotations = [
-            turns[k].T @ place.rotation @ (turns[k + 1] if k < self._joints else np.eye(3))
-            for k, place in enumerate(places)
-        ]
-        self._shifts = [turns[k].T @ place.translation for k, place in enumerate(places)]
+        frame_id = robot.frame_id(frame)
+        self._placements = arm_of(model, frame_id).placements
 
     def at(self, q: Array, joints: Array) -> MovingFrame:
         """The frame for joints (dof, 8) that are off by these numbers, a scale counted from 1.
@@ -127,9 +122,9 @@ class ArmKinematics:
         rotation, position = np.broadcast_to(np.eye(3), (n, 3, 3)), np.zeros((n, 3))
         origins, turning = np.zeros((2, n, 3, self.dof, 8))
         moving = np.zeros((n, 3, self.dof, 8))
-        for k in range(self._joints):
-            position = position + rotation @ self._shifts[k]
-            rotation = rotation @ self._rotations[k]
+        for k, placement in enumerate(self._placements[:-1]):
+            position = position + rotation @ placement[:, 3]
+            rotation = rotation @ placement[:, :3]
             moving[:, :, k, :3] = rotation
             position = position + rotation @ joints[k, :3]
             tilt, by_x, by_y = _tilt(joints[k, 3], joints[k, 4])
@@ -140,9 +135,9 @@ class ArmKinematics:
             turning[:, :, k, 6] = q[:, k, None] * axis
             turning[:, :, k, 7] = sag[:, k, None] * axis
             origins[:, :, k, 3:] = position[:, :, None]
-            rotation = rotation @ _about_z(angles[:, k])
-        position = position + rotation @ self._shifts[-1]
-        rotation = rotation @ self._rotations[-1]
+            rotation = rotation @ Rotation.from_euler("z", angles[:, k : k + 1]).as_matrix()
+        position = position + rotation @ self._placements[-1, :, 3]
+        rotation = rotation @ self._placements[-1, :, :3]
         lever = position[:, :, None, None] - origins
         return MovingFrame(position, rotation, moving + np.cross(turning, lever, axis=1), turning)
 
@@ -153,34 +148,15 @@ class ArmKinematics:
 
 def _tilt(x: float, y: float) -> tuple[Array, Array, Array]:
     """The rotation to an axis (x, y, .), and its angular velocities by x and by y."""
-    long = math.hypot(x, y)
-    if long > STEEPEST:  # a step that is tried and not taken
-        x, y = x * STEEPEST / long, y * STEEPEST / long
+    long, steepest = math.hypot(x, y), 0.9
+    if long > steepest:  # a step that is tried and not taken
+        x, y = x * steepest / long, y * steepest / long
     z = math.sqrt(1.0 - x * x - y * y)
-    k = 1.0 / (1.0 + z)
-    rotation = axis_rotation((x, y, z))
-    found = []
-    for u, v in ((1.0, 0.0), (0.0, 1.0)):
-        dz = -(x * u + y * v) / z
-        dk = -k * k * dz
-        change = np.array([
-            [-dk * x * x - 2.0 * k * x * u, -dk * x * y - k * (u * y + x * v), u],
-            [-dk * x * y - k * (u * y + x * v), -dk * y * y - 2.0 * k * y * v, v],
-            [-u, -v, dz],
-        ])  # fmt: skip
-        spin = change @ rotation.T
-        found.append(np.array([spin[2, 1], spin[0, 2], spin[1, 0]]))
-    return rotation, found[0], found[1]
-
-
-def _about_z(angles: Array) -> Array:
-    """Rotations (n, 3, 3)."""
-    found = np.zeros((len(angles), 3, 3))
-    found[:, 0, 0] = found[:, 1, 1] = np.cos(angles)
-    found[:, 1, 0] = np.sin(angles)
-    found[:, 0, 1] = -found[:, 1, 0]
-    found[:, 2, 2] = 1.0
-    return found
+    axis = np.array([x, y, z])
+    # The axis moves, and the least rotation to it turns about it, by the solid angle that it goes around.
+    by_x = np.cross(axis, (1.0, 0.0, -x / z)) + y / (1.0 + z) * axis
+    by_y = np.cross(axis, (0.0, 1.0, -y / z)) - x / (1.0 + z) * axis
+    return axis_rotation((x, y, z)), by_x, by_y
 
 
 @dataclass(frozen=True, slots=True)
@@ -242,9 +218,8 @@ class ArmModel:
         self._blocks: dict[tuple[str, object], slice] = {}
         for key, name, words in self._placed():
             self._blocks[key] = slice(len(parameters), len(parameters) + len(words))
-            parameters += [
-                Parameter(f"{name}.{word}", unit, PLACED_SHIFT if unit == "m" else PLACED_TURN) for word, unit in words
-            ]
+            # Known to about 1 m or 1 rad: far wider than what data say, and narrow enough to compute with.
+            parameters += [Parameter(f"{name}.{word}", unit, 1.0) for word, unit in words]
         self.parameters = tuple(parameters)
         self.prior = checks.read_only([each.prior for each in parameters])
         nominal = np.zeros((robot.dof, len(KEYS)))
@@ -267,11 +242,8 @@ class ArmModel:
             yield ("tool", frame), name, shift + (turn if turned else [])
         for index, each in enumerate(self.sets):
             if each.kind == "plane":
-                yield (
-                    ("plane", index),
-                    f"plane {index + 1}",
-                    [("tilt_1", "rad"), ("tilt_2", "rad"), ("distance", "m")],
-                )
+                words = [("tilt_1", "rad"), ("tilt_2", "rad"), ("distance", "m")]
+                yield ("plane", index), f"plane {index + 1}", words
             elif each.kind == "point":
                 yield ("point", index), f"point {index + 1}", shift
 
@@ -337,11 +309,11 @@ class ArmModel:
             assert rows.points is not None  # of this kind
             between = position - rows.points
             length = np.linalg.norm(between, axis=1)
-            unit = between / np.maximum(length, TOUCHING)[:, None]
+            unit = between / np.maximum(length, 1e-9)[:, None]  # nearer, a distance has no direction
             return (length - rows.values)[:, None], np.einsum("ni,nip->np", unit, linear)[:, None]
         missed = position - rows.values[:, :3, 3]
-        turned = _logarithms(rotation @ np.swapaxes(rows.values[:, :3, :3], 1, 2))
-        return np.hstack([missed, turned]), np.concatenate([linear, _inverse_jacobians(turned) @ angular], axis=1)
+        turned, rates = _logarithms(rotation @ np.swapaxes(rows.values[:, :3, :3], 1, 2))
+        return np.hstack([missed, turned]), np.concatenate([linear, rates @ angular], axis=1)
 
     def point_jacobian(self, index: int, x: Array, q: Array) -> Array:
         """Derivatives (n, 3, p) of a set's point in its instrument's frame at other angles (n, dof) [rad]."""
@@ -444,22 +416,10 @@ def _refined(reference: pin.SE3, x: Array) -> pin.SE3:
     return pin.SE3(turn @ reference.rotation, reference.translation + x[:3])
 
 
-def _logarithms(rotations: Array) -> Array:
-    """Rotation vectors (n, 3) of rotations (n, 3, 3), NaN where those are."""
-    found = np.full((len(rotations), 3), np.nan)
+def _logarithms(rotations: Array) -> tuple[Array, Array]:
+    """Rotation vectors (n, 3) of rotations, and (n, 3, 3) from angular velocities to their rates; NaN as those are."""
+    vectors, rates = np.full((len(rotations), 3), np.nan), np.full(rotations.shape, np.nan)
     for row in np.flatnonzero(np.isfinite(rotations).all(axis=(1, 2))):
-        found[row] = pin.log3(rotations[row])
-    return found
-
-
-def _inverse_jacobians(vectors: Array) -> Array:
-    """(n, 3, 3) from an angular velocity to the rate of a rotation vector (n, 3)."""
-    angle: NDArray[np.float64] = np.linalg.norm(vectors, axis=1)
-    small = angle < 1e-4
-    safe = np.where(small, 1.0, angle)
-    factor = np.where(small, 1.0 / 12.0, 1.0 / safe**2 - (1.0 + np.cos(safe)) / (2.0 * safe * np.sin(safe)))
-    skew = np.zeros((len(vectors), 3, 3))
-    x, y, z = vectors.T
-    skew[:, 0, 1], skew[:, 0, 2], skew[:, 1, 2] = -z, y, -x
-    skew -= np.swapaxes(skew, 1, 2)
-    return np.eye(3) - 0.5 * skew + factor[:, None, None] * (skew @ skew)
+        vectors[row] = pin.log3(rotations[row])
+        rates[row] = pin.Jlog3(rotations[row]) @ rotations[row].T
+    return vectors, rates

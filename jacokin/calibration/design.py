@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
 from jacokin.arrays import Array
-from jacokin.calibration.arm_model import AUTO, GROUPS, ArmModel, Prior
+from jacokin.calibration.arm_model import ArmModel, Prior, checked_groups
 from jacokin.calibration.findings import mean_error
 from jacokin.calibration.measurements import Measurements
 from jacokin.errors import InvalidInputError
@@ -26,12 +26,7 @@ from jacokin.model.contact import Contact, SelfContact
 from jacokin.model.robot import Robot, checked_robot
 from jacokin.model.scene import Scene
 
-MEASURED = ("position", "pose")
-CANDIDATES = 1000  # configurations to choose from
 TRIES = 20  # configurations drawn for each candidate, where most touch something or are out of reach
-SIGMA = 3e-4, 1e-3  # [m], [rad] of an instrument of which nothing is said
-EXCHANGES = 5  # rounds; most designs settle in three
-GAIN = 1e-9  # of the logarithm of the determinant that an exchange must bring
 MOST = 1e6  # times the measurements that would halve the error, when the prior of what never shows decides
 
 
@@ -183,7 +178,7 @@ def _candidates(
     if contact is not None:
         contact = contact.with_clearance(clearance)
     frame_id = robot.frame_id(frame)
-    wanted = max(CANDIDATES, 4 * count)
+    wanted = max(1000, 4 * count)
     found: list[Array] = []
     for q in robot.sample(rng, TRIES * wanted):
         if (contact is None or not contact.touches(q)) and seen(robot.placement(q, frame_id).copy()):
@@ -214,9 +209,9 @@ class _Instrument(NamedTuple):
             InvalidInputError: malformed.
             UnknownNameError: it measures neither positions nor poses, or there is no such frame.
         """
-        kind = checks.choice("measured", self.measured, MEASURED)
+        kind = checks.choice("measured", self.measured, ("position", "pose"))
         poses = [robot.placement(row, robot.frame_id(self.frame)).homogeneous for row in q]
-        sigma = (SIGMA if kind == "pose" else SIGMA[0]) if self.sigma is None else self.sigma
+        sigma = ((3e-4, 1e-3) if kind == "pose" else 3e-4) if self.sigma is None else self.sigma  # [m], [rad]
         seen: dict[str, Any] = {"poses": poses} if kind == "pose" else {"positions": np.array(poses)[:, :3, 3]}
         return Measurements(q, **seen, sigma=sigma, frame=self.frame, base=self.base, tool=self.tool)
 
@@ -225,22 +220,19 @@ def _information(
     robot: Robot, q: Array, instrument: _Instrument, parameters: str | Iterable[str], prior: Prior | None
 ) -> tuple[ArmModel, Array]:
     """The model, and derivatives (n, k, p) of what would be measured, over its noise, by numbers over their priors."""
-    chosen = AUTO if isinstance(parameters, str) and parameters == "auto" else checks.listed("parameters", parameters)
-    groups = [checks.choice("group of parameters", each, GROUPS) for each in chosen]
-    known = checks.instance("prior", Prior() if prior is None else prior, Prior, "a Prior")
-    model = ArmModel(robot, [instrument.measure(robot, q)], groups, known)
+    model = ArmModel(robot, [instrument.measure(robot, q)], *checked_groups(parameters, prior))
     return model, model.whitened(0, np.zeros(len(model.prior)))[1] * model.prior
 
 
 def _choose(rows: Array, count: int) -> list[int]:
     """Indices of the configurations with the largest determinant, the most telling first."""
     chosen, covariance = _greedy(rows, range(len(rows)), count)
-    for _ in range(EXCHANGES):
+    for _ in range(5):  # most designs settle in three rounds
         changed = False
         for k, old in enumerate(list(chosen)):
             without = _without(covariance, rows[old])
             best, gain = _best(rows, without, chosen[:k] + chosen[k + 1 :])
-            if gain > _gain(rows[[old]], without)[0] + GAIN:
+            if gain > _gain(rows[[old]], without)[0] + 1e-9:
                 chosen[k], changed = best, True
                 covariance = _with(without, rows[best])
         if not changed:

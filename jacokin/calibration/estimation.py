@@ -20,7 +20,7 @@ from scipy.optimize import least_squares
 from scipy.stats import chi2
 
 from jacokin.arrays import Array
-from jacokin.calibration.arm_model import AUTO, GROUPS, ArmModel, Prior
+from jacokin.calibration.arm_model import AUTO, GROUPS, ArmModel, Prior, checked_groups
 from jacokin.calibration.calibration import Calibration
 from jacokin.calibration.findings import NOISY, Fit, Rejected, farthest, identify
 from jacokin.calibration.measurements import CONTACTS, Measurements, checked_measurements
@@ -29,24 +29,13 @@ from jacokin.model import checks
 from jacokin.model.angles import wrap_to_pi
 from jacokin.model.robot import Robot, checked_robot
 
-LOSSES = ("huber", "none")
-GROSS = 1e-6  # probability that a good row is left out
-SMALL = 0.05  # share of good rows that Huber's weights touch
-ANNEALING = 1.6  # by which the width of the weights shrinks in each round, at least
-STEPS = 50  # of one fit; four to ten are usual
 ROUNDS = 30  # of weighting
-SETTLED = 1e-3  # of all weights' change
 FOLDS = 10  # of the cross-validation
 DECIMETRES = 0.1  # [m] from where the described arm is: another unit or frame, not another arm
-THOUSAND = (300.0, 3000.0)  # lengths over those expected, in millimetres
 FEWEST = 3  # configurations: two leave one motion, which turns about one axis and says nothing along it
 SAME_CONFIGURATION = 0.01  # [rad] of every joint: nearer, rows repeat each other
-LARGER = 0.05  # probability of residuals that are taken to say more of the instrument than sigma does
-TOLD = 2.0  # numbers that are left out for each number that checks the others
-UNLIKELY = 0.01  # probability of refusing an instrument that is as much worse as it may be
 MISJUDGED = 3.0  # times that an instrument may be worse than stated: half of the rows being wrong starts beyond
 FARTHEST = 10.0  # standard deviations of the prior: arms three times as far off as it says have up to seven or eight
-MANY_TURNS = 15.0  # [rad] in the median of the largest angles: degrees
 
 
 def calibrate(
@@ -81,11 +70,9 @@ def calibrate(
     if robot.calibration is not None:
         raise InvalidInputError("robot is calibrated already: give the one of its description")
     sets = checked_measurements("measurements", measurements)
-    chosen = AUTO if isinstance(parameters, str) and parameters == "auto" else checks.listed("parameters", parameters)
-    groups = tuple(dict.fromkeys(checks.choice("group of parameters", each, GROUPS) for each in chosen))
-    known = checks.instance("prior", Prior() if prior is None else prior, Prior, "a Prior")
-    checks.choice("loss", loss, LOSSES)
-    if not chosen and not any(each.base is None or each.tool is None for each in sets):
+    groups, known = checked_groups(parameters, prior)
+    checks.choice("loss", loss, ("huber", "none"))
+    if not groups and not any(each.base is None or each.tool is None for each in sets):
         raise InvalidInputError(
             f"parameters is empty, and neither base nor tool is unknown: give some of {', '.join(GROUPS)}"
         )
@@ -132,7 +119,7 @@ class Estimator:
             parts = [model.whitened(k, u * model.prior)[1] * root[:, None, None] for k, root in enumerate(roots)]
             return np.vstack([*(part.reshape(-1, count) * model.prior for part in parts), np.eye(count)])
 
-        found = least_squares(missed, x / model.prior, jac=slopes, method="lm", max_nfev=STEPS)
+        found = least_squares(missed, x / model.prior, jac=slopes, method="lm", max_nfev=50)  # 4 to 10 are usual
         return np.asarray(found.x * model.prior)
 
     def squares(self, x: Array) -> list[Array]:
@@ -155,7 +142,7 @@ class Estimator:
     def robust(self, x: Array, weights: list[Array], finite: Sequence[NDArray[np.bool_]]) -> tuple[Array, list[Array]]:
         """Numbers and weights, zero for gross errors."""
         sizes = [each.sigma.shape[1] for each in self.model.sets]
-        gates = [float(chi2.isf(GROSS, size)) for size in sizes]
+        gates = [float(chi2.isf(1e-6, size)) for size in sizes]  # that one good row in a million is beyond
         near = [
             mask & ~(self.model.distances(k, self.model.predict(k, x)[0]) > DECIMETRES) for k, mask in enumerate(finite)
         ]
@@ -163,7 +150,7 @@ class Estimator:
         width = max(float(each[mask].max(initial=0.0)) for mask, each in zip(near, self.squares(x), strict=True)) / min(
             gates
         )
-        shrinking = max(ANNEALING, width ** (1.0 / ROUNDS))
+        shrinking = max(1.6, width ** (1.0 / ROUNDS))
         while width > 1.0:  # weights of Geman and McClure, ever narrower
             squares = self.squares(x)
             weights = [
@@ -178,12 +165,12 @@ class Estimator:
             kept = [mask & (each <= noise * gate) for mask, gate, each in zip(finite, gates, squares, strict=True)]
             before = weights
             weights = [
-                mask * np.minimum(1.0, np.sqrt(noise * chi2.isf(SMALL, size) / np.maximum(each, 1e-300)))
+                mask * np.minimum(1.0, np.sqrt(noise * chi2.isf(0.05, size) / np.maximum(each, 1e-300)))
                 for mask, size, each in zip(kept, sizes, squares, strict=True)
             ]
             x = self.solve(x, weights)
             change = max(float(np.abs(a - b).max(initial=0.0)) for a, b in zip(weights, before, strict=True))
-            if change < SETTLED and all((a == b).all() for a, b in zip(kept, good, strict=True)):
+            if change < 1e-3 and all((a == b).all() for a, b in zip(kept, good, strict=True)):
                 break
             good = kept
         return x, weights
@@ -308,11 +295,12 @@ def _as_noisy_as_they_are(
         freedom = size * float(np.sum(1.0 - leverages[k][used]))
         chi_square = float(squares[k][used].sum())
         usual = freedom + float(absent[k][used].sum())
-        if not freedom > 0.0 or chi2.sf(chi_square, max(freedom, 1.0)) >= LARGER:
+        if not freedom > 0.0 or chi2.sf(chi_square, max(freedom, 1.0)) >= 0.05:  # sigma says more of the instrument
             found.append(weight)
             continue
         larger = math.sqrt(chi_square / freedom)
-        if chi2.sf(chi_square / MISJUDGED**2 * freedom / usual, max(freedom, 1.0)) < UNLIKELY:
+        # An instrument that is as much worse as it may be is refused once in a hundred times.
+        if chi2.sf(chi_square / MISJUDGED**2 * freedom / usual, max(freedom, 1.0)) < 0.01:
             raise InvalidInputError(
                 f"{name}: residuals are {larger:.1f} times what sigma says{_each_part(rows, fit, k, x, used)}: most "
                 "rows are wrong, or of another arm, frame, base or unit, or the arm has what is not estimated; if the "
@@ -381,7 +369,7 @@ def _check_checked(fit: Estimator, x: Array, weights: Sequence[Array], finite: S
         near = ~(model.distances(k, model.predict(k, np.zeros_like(x))[0]) > DECIMETRES)
         out = int((mask & near & (weight == 0.0)).sum())
         doubtful, numbers = doubtful + out, numbers + size * out
-    told = freedom if chi2.sf(squares, max(freedom, 1.0)) < NOISY else TOLD * freedom
+    told = freedom if chi2.sf(squares, max(freedom, 1.0)) < NOISY else 2.0 * freedom
     if numbers > told:
         raise InvalidInputError(
             f"measurements: {doubtful} row{'s' if doubtful > 1 else ''} would be left out, and the others cannot tell "
@@ -393,7 +381,7 @@ def _check_checked(fit: Estimator, x: Array, weights: Sequence[Array], finite: S
 def _check_units(model: ArmModel) -> None:
     for name, each in zip(model.sets_named, model.sets, strict=True):
         rows = each.q[each.finite]
-        if len(rows) and np.median(np.abs(rows).max(axis=1)) > MANY_TURNS:
+        if len(rows) and np.median(np.abs(rows).max(axis=1)) > 15.0:
             raise InvalidInputError(
                 f"{name}: joint angles must be in radians and look like degrees"
                 f"{': read them with degrees=True' if each.source else ''}"
@@ -415,7 +403,7 @@ def _check_places(model: ArmModel, finite: Sequence[NDArray[np.bool_]]) -> None:
             places = model.kinematics(rows.q[mask], rows.frame, zero).position
             ratio = away / float(np.median(np.linalg.norm(places, axis=1)))
             why = "another frame, base or unit?"
-            if THOUSAND[0] < ratio < THOUSAND[1]:
+            if 300.0 < ratio < 3000.0:
                 why = "they look like millimetres"
                 if rows.source:
                     why += ": write them in metres, or read them with kinova=True where angles are in degrees, too"

@@ -19,11 +19,8 @@ from jacokin.model.measured_arm import MeasuredArm, joints_fingerprint
 from jacokin.model.poses import quaternion
 from jacokin.model.robot import Robot
 
-NORMAL_95 = 1.959963984540054  # standard deviations on both sides hold 95 %
 POSES, DRAWS = 400, 100  # random configurations and arms that a mean error is taken over
-TREND = 0.01  # probability that good residuals, of all joints, look as if they followed one
 NOISY = 1e-3  # probability of a chi-square that is not the stated noise's
-RARE = 6.0  # standard deviations of the prior: of 36 numbers, one in 10 million arms has one
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +39,8 @@ class Estimate:
     @property
     def interval(self) -> tuple[float, float]:
         """Holds the truth in 95 of 100 cases."""
-        return self.value - NORMAL_95 * self.sigma, self.value + NORMAL_95 * self.sigma
+        half = 1.959963984540054 * self.sigma
+        return self.value - half, self.value + half
 
 
 @dataclass(frozen=True, slots=True)
@@ -217,12 +215,12 @@ class Findings:
                 "uncertainties are that much larger"
             )
         far, name = farthest(self.model, self.fit.x)
-        if far > RARE:
+        if far > 6.0:  # of 36 numbers, one in 10 million arms has one
             found.append(f"{name} is {far:.1f} standard deviations of the prior from the description, which is rare")
         found += [
             f"residuals go with the angle of {each.joint} (p = {each.p_value:.1e})"
             for each in self.trends
-            if each.p_value < TREND / len(self.trends)
+            if each.p_value < 0.01 / len(self.trends)
         ]
         return (*found, *self.unidentified)
 
@@ -298,11 +296,8 @@ def _trend(findings: Findings, joint: int, name: str) -> Trend:
     return Trend(name, math.sqrt(explained / count), float(chi2.sf(explained / noise, freedom)))
 
 
-IDENTIFIED = 1e-10  # of the largest singular value of the scaled Jacobian: rounding leaves 1e-15, real ones have 1e-5
 NAMED = 4  # parameters of a combination that a sentence names
-SMALL = 0.02  # of the largest part of a combination: smaller parts are not named
 EQUAL = 1e-6  # of a size: what differs by less is equal, and comes in the order of the arm
-USUAL = 1e-2  # [m], [rad] that numbers are off at most: what a user places has a wider prior, to be free
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -330,8 +325,10 @@ def identify(jacobian: Array, prior: Array, parameters: Sequence[Parameter]) -> 
     count = len(prior)
     scaled = np.vstack([jacobian * prior, np.zeros((max(count - len(jacobian), 0), count))])
     _, values, rows = np.linalg.svd(scaled, full_matrices=False)
-    rank = int(np.sum(values > IDENTIFIED * values[0])) if values[0] > 0.0 else 0
-    usual = prior / np.minimum(prior, USUAL)
+    # Rounding leaves 1e-15, and real ones have 1e-5.
+    rank = int(np.sum(values > 1e-10 * values[0])) if values[0] > 0.0 else 0
+    # What a user places has a wider prior than numbers are off, to be free.
+    usual = prior / np.minimum(prior, 1e-2)
     sentences = tuple(_sentence(row * usual, parameters) for row in _sparse(rows[rank:]))
     return Identifiability(checks.read_only(values), rank, checks.read_only(rows[:rank]), sentences)
 
@@ -355,7 +352,7 @@ def _sentence(row: Array, parameters: Sequence[Parameter]) -> str:
     """What one combination says in words."""
     size = np.abs(row)
     order = np.argsort(-np.round(size / (EQUAL * size.max())), kind="stable")
-    parts = [int(k) for k in order if size[k] > SMALL * size.max()]
+    parts = [int(k) for k in order if size[k] > 0.02 * size.max()]
     named = [parameters[k].words for k in parts[:NAMED]]
     if len(parts) > NAMED:
         named.append(f"{len(parts) - NAMED} more")

@@ -22,16 +22,13 @@ from jacokin.ik.files.targets import POSITION, QUATERNION, RPY, rotations_from_q
 from jacokin.logs import Log, StandstillRule
 from jacokin.model import checks, poses
 
-KINDS = ("positions", "poses", "distances", "plane", "point")
 SIZES = {"positions": 3, "poses": 6, "distances": 1, "plane": 1, "point": 3}  # numbers that a row says
 CONTACTS = ("plane", "point")
 NOT_MEASUREMENTS = "is not a file of measurements"
 LARGEST = 1e6  # [m], [rad] of what anybody measures
-SMALLEST = 1e-12  # [m], [rad] of what any instrument tells apart; squares of less overflow
 KINOVA = ("theta_x", "theta_y", "theta_z")  # R = Rx Ry Rz
 JOINT = ("joint_", "q")  # before the number of a joint, from 1
 FIXED_POINT = ("px", "py", "pz")
-READ = (*POSITION, *QUATERNION, *RPY, *KINOVA, *FIXED_POINT, "distance", "sigma", "sigma_angle")  # besides joints
 
 Sigma = ArrayLike | tuple[ArrayLike, ArrayLike]
 
@@ -356,9 +353,10 @@ def _sigma(name: str, value: object, n: int, size: int, unit: str) -> Array:
         raise InvalidInputError(f"{name} must have shape (), ({n},) or ({n}, {size}), got {given.shape}") from None
     if not (np.isfinite(full) & (full > 0.0)).all():
         raise InvalidInputError(f"{name} must be positive and finite [{unit}]")
-    if full.min() < SMALLEST or full.max() > LARGEST:
-        worst = full.min() if full.min() < SMALLEST else full.max()
-        raise InvalidInputError(f"{name} must be between {SMALLEST:g} and {LARGEST:g} [{unit}], got {worst:.3g}")
+    smallest = 1e-12  # of what any instrument tells apart; squares of less overflow
+    if full.min() < smallest or full.max() > LARGEST:
+        worst = full.min() if full.min() < smallest else full.max()
+        raise InvalidInputError(f"{name} must be between {smallest:g} and {LARGEST:g} [{unit}], got {worst:.3g}")
     return full
 
 
@@ -450,7 +448,8 @@ def _same_length(path: Path, arrays: Mapping[str, NDArray[Any]]) -> Mapping[str,
     Raises:
         InvalidInputError: they have other shapes.
     """
-    columns = {name: array.astype(np.float64) for name, array in arrays.items() if _is_joint(name) or name in READ}
+    read = (*POSITION, *QUATERNION, *RPY, *KINOVA, *FIXED_POINT, "distance", "sigma", "sigma_angle")
+    columns = {name: array.astype(np.float64) for name, array in arrays.items() if _is_joint(name) or name in read}
     if len({column.shape for column in columns.values()}) > 1 or any(each.ndim != 1 for each in columns.values()):
         told = ", ".join(f"{name} {column.shape}" for name, column in columns.items())
         raise InvalidInputError(f"{path}: its columns must have one dimension and one length, got shapes {told}")

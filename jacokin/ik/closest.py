@@ -22,7 +22,7 @@ from jacokin.ik.verification import Candidate, Effort, Verifier
 from jacokin.kernels.closest import CIRCULAR, LOWER, UPPER, ClosestWork, find_closest, make_closest_work
 from jacokin.kernels.library import Call
 from jacokin.model import angles
-from jacokin.model.joint_axes import axis_of
+from jacokin.model.kinematics import axis_of
 from jacokin.model.many_configurations import Chain
 
 DRAWN = 1000  # random configurations that are measured

@@ -23,7 +23,7 @@ from jacokin.ik.verification import Candidate, Verifier
 from jacokin.ik.virtual_joints import PointsOfFew, VirtualJoints
 from jacokin.kernels.branches import DISTANCE
 from jacokin.model import angles
-from jacokin.model.joint_axes import axis_of
+from jacokin.model.kinematics import axis_of
 
 KEPT = 16  # free axes whose chains are at hand
 MOST = 5  # joints

@@ -29,7 +29,7 @@ from jacokin.kernels.library import Call
 from jacokin.kernels.six_joints.loop import GENERAL
 from jacokin.kernels.tolerances import DISTINCT, EXACT_MISFIT
 from jacokin.model import angles, checks
-from jacokin.model.joint_axes import turn_of
+from jacokin.model.kinematics import about_z
 from jacokin.model.robot import Robot
 
 SIX = 6  # joints that the closed form solves for
@@ -75,7 +75,7 @@ class FixedJoints:
         while index > 0:
             joint, align = model.joints[index], None
             if free[joint.idx_v]:
-                align = pin.SE3(turn_of(model, index), np.zeros(3))
+                align = about_z(model, index)
             self._path.insert(0, _Joint(model.jointPlacements[index], joint, align))
             index = model.parents[index]
         turning = [each.align is not None for each in self._path]

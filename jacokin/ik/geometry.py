@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from jacokin.errors import StructureError
 from jacokin.kernels.tolerances import SMALLEST_LENGTH, SMALLEST_TWIST, SPHERICAL_TOLERANCE, STRUCTURE_TOLERANCE
 from jacokin.model import checks
-from jacokin.model.joint_axes import axis_of, frame_with_z
+from jacokin.model.kinematics import axis_of, frame_with_z
 
 WORDS = {6: "six", 7: "seven"}
 

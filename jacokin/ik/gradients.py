@@ -23,7 +23,7 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, SingularAnswerError
 from jacokin.ik.results import IKResult
 from jacokin.ik.verification import Verifier
-from jacokin.model import checks, jacobians
+from jacokin.model import checks, kinematics
 from jacokin.model.robot import Robot
 
 #: Freedoms that a target pose takes.
@@ -53,7 +53,7 @@ def target_gradient(verifier: Verifier, result: IKResult, parameter: str | None,
 
     `parameter` names the joint that is the parameter of the curves of a pose.
     """
-    jacobians.reference_frame(reference)
+    kinematics.reference_frame(reference)
     loop, twists = _loop(verifier, result, parameter), np.eye(POSE)
     if reference == "local":
         twists = np.kron(np.eye(2), loop.T.rotation)

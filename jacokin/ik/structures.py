@@ -33,7 +33,7 @@ from jacokin.kernels.six_joints.ranking import (
     rank_labellings,
 )
 from jacokin.kernels.tolerances import DISTINCT, EXACT_MISFIT, EXACT_STRUCTURE, SMALLEST_FREEDOM
-from jacokin.model import batches, checks, poses
+from jacokin.model import checks, kinematics, poses
 from jacokin.model.robot import Robot, checked_robot
 
 #: Joints of the smallest arm that has sets of points, and the names of such arms.
@@ -224,7 +224,7 @@ def most_freedoms(chain: NDArray[np.float64], q: NDArray[np.float64], size: floa
 
     Lengths count in units of the arm's size [m].
     """
-    jacobian = batches.jacobians(batches.turning_arm(chain), q, "world")
+    jacobian = kinematics.jacobians(kinematics.turning_arm(chain), q, "world")
     jacobian[:, :3] /= size if size > 0.0 else 1.0
     return int((np.linalg.svd(jacobian, compute_uv=False) > SMALLEST_FREEDOM).sum(axis=1).max())
 

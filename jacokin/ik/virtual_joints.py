@@ -30,9 +30,9 @@ from jacokin.ik.structures import FEWEST
 from jacokin.ik.targets import TargetPose
 from jacokin.ik.verification import Verifier
 from jacokin.kernels.branches import COLUMNS, DISTANCE, FAMILY, ORIENTATION_ERROR, POSITION_ERROR
-from jacokin.model import batches, checks
+from jacokin.model import checks, kinematics
 from jacokin.model.angles import TURN
-from jacokin.model.joint_axes import axis_of
+from jacokin.model.kinematics import axis_of
 
 STANDS = 0.03  # [rad] of a joint that should stand at zero: from there on Newton's method decides
 AT_ZERO = 1e-10  # [rad] of such a joint: nothing to correct
@@ -274,5 +274,5 @@ def _is_same(row: list[float], other: list[float]) -> bool:
 
 def _error_and_jacobian(chain: Array, q: Array, T: Array) -> tuple[Array, Array]:
     """Error (6,), linear [m] and as a rotation vector [rad], and the Jacobian (6, 6) of a chain of six at q (6,)."""
-    (placed,), (jacobian,) = batches.frames(batches.turning_arm(chain), q[np.newaxis])
+    (placed,), (jacobian,) = kinematics.frames(kinematics.turning_arm(chain), q[np.newaxis])
     return np.concatenate([T[:3, 3] - placed[:3, 3], pin.log3(T[:3, :3] @ placed[:3, :3].T)]), jacobian

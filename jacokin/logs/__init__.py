@@ -12,13 +12,4 @@ torque_rows    joints smoothed and differentiated: rows for `identify_arm`
 
 from jacokin import lazy
 
-__all__, __getattr__, __dir__ = lazy.door(
-    __name__,
-    {
-        "jacokin.logs.bag": ("Topic",),
-        "jacokin.logs.log": ("Log", "Recording"),
-        "jacokin.logs.messages": ("JointRecord", "PoseRecord"),
-        "jacokin.logs.standstills": ("StandstillRule", "Standstills"),
-        "jacokin.logs.torque_rows": ("TorqueRows",),
-    },
-)
+__all__, __getattr__, __dir__ = lazy.door(__name__, __file__)

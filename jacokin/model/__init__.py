@@ -1,47 +1,26 @@
 """What the arm is: descriptions, frames, limits, kinematics and dynamics. Read `robot` first.
 
-robot, jacobians        the arm, its limits, kinematics and Jacobians
-dynamics                payloads, tilted bases, and the wrench behind joint torques
+robot                   the arm, its limits, kinematics and dynamics
+kinematics              axes of joints, reference frames of Jacobians, many configurations at once, by kernels
+dynamics                payloads, tilted bases, the wrench behind joint torques, many configurations at once
 contact_observer        contact noticed from joint torques
 identification          payload and friction from a log
 loading, descriptions   from a name, a URDF or an MJCF to the arm and its home; the bundled robots and their numbers
 measured_arm            how far one arm is from its description, and the file that says so
 written_descriptions    the URDF or MJCF of a calibrated arm
 poses, angles, checks   building and checking poses, full turns, checks of arguments
-joint_axes              what a joint moves about, or along
-batches                 kinematics and dynamics of many configurations at once, by kernels
 many_configurations     errors against many poses, and Newton's method
 mujoco_twin             the same arm in MuJoCo
-other_robot             another robot as an obstacle; contact with it while both move (contact_between)
 obstacles, scene        shapes around the arm, one by one, from a file or from a MuJoCo model; shapes that it holds
 point_cloud             points as an obstacle, as cameras see them; their files, depth images
 gripper                 the gripper that an arm carries, measured on its shapes
 own_shapes              the arm's shapes, read once
 surrounded              the arm's shapes among those of a scene, the pairs whose contact counts; points not on the arm
-contact, contact_arrays whether and how closely the arm comes to itself and to obstacles; the shapes for the kernels
+contact, contact_arrays whether and how closely the arm comes to itself, to obstacles and to another robot while both
+                        move; the shapes for the kernels
 comparison              how far two descriptions, or Pinocchio and MuJoCo, differ
 """
 
 from jacokin import lazy
 
-__all__, __getattr__, __dir__ = lazy.door(
-    __name__,
-    {
-        "jacokin.model.comparison": ("CrossCheckReport", "Deviation", "crosscheck"),
-        "jacokin.model.contact": ("SelfContact",),
-        "jacokin.model.contact_observer": ("ContactObserver", "ContactStep"),
-        "jacokin.model.descriptions.bundled": ("DEFAULT_ROBOT", "NAMES", "urdf_folder"),
-        "jacokin.model.dynamics": ("ExternalWrench",),
-        "jacokin.model.gripper": ("Gripper",),
-        "jacokin.model.identification": ("ArmEstimate", "PayloadEstimate", "identify_arm", "identify_payload"),
-        "jacokin.model.loading": ("load_robot",),
-        "jacokin.model.measured_arm": ("MeasuredArm", "MeasuredJoint"),
-        "jacokin.model.mujoco_twin": ("to_mujoco",),
-        "jacokin.model.obstacles": ("Attached", "Box", "Capsule", "Cylinder", "Floor", "Obstacle", "Sphere"),
-        "jacokin.model.point_cloud": ("PointCloud", "depth_points"),
-        "jacokin.model.poses": ("pose", "pose_from_kinova", "pose_to_kinova", "quat_wxyz"),
-        "jacokin.model.robot": ("Robot", "Source"),
-        "jacokin.model.scene": ("Scene",),
-        "jacokin.model.written_descriptions": ("write_mjcf", "write_urdf"),
-    },
-)
+__all__, __getattr__, __dir__ = lazy.door(__name__, __file__)

@@ -23,9 +23,7 @@ AnyArray = TypeVar("AnyArray", bound=NDArray[Any])
 
 FLOAT64 = np.dtype(np.float64)
 NUMBER_KINDS = "iuf"  # of NumPy's dtypes: no booleans, complex numbers, strings, dates or objects
-NOT_NUMBERS = frozenset((bool, np.bool_))  # NumPy would convert these, and masked values, in lists
 PLAIN = frozenset((float, int, np.float64))
-NESTING = 3  # lists in lists in lists that are searched for values that are not numbers
 
 
 def refusal(name: str, what: str, value: object, unit: str = "") -> InvalidInputError:
@@ -229,7 +227,7 @@ def numbers(value: ArrayLike) -> Array:
     """
     if type(value) is np.ndarray and value.dtype is FLOAT64:
         return value
-    _refuse_hidden(value, NESTING)
+    _refuse_hidden(value, nesting=3)
     try:
         array = np.asarray(value)
     except (TypeError, ValueError):
@@ -254,7 +252,7 @@ def _refuse_hidden(value: object, nesting: int) -> None:
         kinds = set(map(type, value))
         if kinds <= PLAIN:
             return
-        refused = sorted(kind.__name__ for kind in kinds if kind in NOT_NUMBERS or issubclass(kind, masked))
+        refused = sorted(kind.__name__ for kind in kinds if kind in (bool, np.bool_) or issubclass(kind, masked))
         if refused:
             raise TypeError(f"{', '.join(refused)} is not a number")
         if not kinds.isdisjoint((list, tuple)):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple, TypeAlias
 
@@ -34,14 +34,12 @@ TOLERANCES = {
     "gravity_torque": 1e-11,
 }
 
-DEFAULT_SAMPLES = 1000
-
 
 def crosscheck(
     robot_a: Robot,
     robot_b: Robot | None = None,
     *,
-    samples: int = DEFAULT_SAMPLES,
+    samples: int = 1000,
     rng: np.random.Generator | None = None,
     joint_map: Mapping[str, str] | None = None,
     frame_map: Mapping[str, str] | None = None,
@@ -79,11 +77,11 @@ def crosscheck(
     rng = np.random.default_rng(0) if rng is None else rng
     worst: dict[tuple[str, str], tuple[float, Array]] = {}
     for q in robot_a.sample(rng, samples):
-        first.update(q)
         moved = np.empty_like(q)
         moved[order] = q
-        second.update(moved)
-        for key, value in _differences(first, second, frames, order, with_armature).items():
+        states = first.at(q, frames), second.at(moved, frames.values())
+        armatures = None if with_armature else (first.armature, second.armature)
+        for key, value in _differences(*states, list(frames), order, armatures).items():
             if key not in worst or not value <= worst[key][0]:
                 worst[key] = value, q
     rows = tuple(
@@ -150,6 +148,17 @@ class CrossCheckReport:
         return "\n".join([*lines, *self.notes])
 
 
+class _State(NamedTuple):
+    """An arm at one configuration."""
+
+    placed: list[tuple[pin.SE3, Array]]
+    """Of each frame its pose in the base, and its Jacobian (6, dof), local world aligned."""
+    mass_matrix: Array
+    """(dof, dof), with armature [kg m^2]."""
+    gravity_torque: Array
+    """(dof,) that holds the arm still [N m]."""
+
+
 class PinocchioEngine:
     """A `Robot` in Pinocchio."""
 
@@ -160,35 +169,19 @@ class PinocchioEngine:
         self.frames = robot.frames
         self.armature = robot.pin_model.armature
         self._robot = robot
-        self._model = robot.pin_model
-        self._data = self._model.createData()
+        self._data = robot.pin_model.createData()
 
-    def update(self, q: Array) -> None:
-        """Compute everything at `q` (dof,) [rad]."""
-        pin.computeJointJacobians(self._model, self._data, q)
-        pin.updateFramePlacements(self._model, self._data)
-        pin.crba(self._model, self._data, q)
-        pin.computeGeneralizedGravity(self._model, self._data, q)
-
-    def pose(self, frame: str) -> tuple[Array, Array]:
-        """Position (3,) [m] and rotation (3, 3) of a frame in the base."""
-        placement = self._data.oMf[self._robot.frame_id(frame)]
-        return placement.translation.copy(), placement.rotation.copy()
-
-    def jacobian(self, frame: str) -> Array:
-        """(6, dof), local world aligned."""
-        jacobian = pin.getFrameJacobian(
-            self._model, self._data, self._robot.frame_id(frame), pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-        )
-        return np.asarray(jacobian).reshape(6, -1)  # Pinocchio drops the second dimension of a single joint
-
-    def mass_matrix(self) -> Array:
-        """(dof, dof), with armature."""
-        return np.asarray(np.triu(self._data.M) + np.triu(self._data.M, 1).T)
-
-    def gravity_torque(self) -> Array:
-        """(dof,) torque that holds the arm still [N m]."""
-        return np.array(self._data.g)
+    def at(self, q: Array, frames: Iterable[str]) -> _State:
+        """The arm with some frames at `q` (dof,) [rad]."""
+        model, data, aligned = self._robot.pin_model, self._data, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        pin.computeJointJacobians(model, data, q)
+        pin.updateFramePlacements(model, data)
+        masses, gravity = pin.crba(model, data, q), pin.computeGeneralizedGravity(model, data, q)
+        ids = [self._robot.frame_id(frame) for frame in frames]
+        # Pinocchio drops the second dimension of a single joint.
+        placed = [(data.oMf[i].copy(), pin.getFrameJacobian(model, data, i, aligned).reshape(6, -1)) for i in ids]
+        masses = np.reshape(masses, (len(q), len(q)))
+        return _State(placed, np.triu(masses) + np.triu(masses, 1).T, np.array(gravity))
 
 
 class MujocoEngine:
@@ -210,7 +203,6 @@ class MujocoEngine:
         self.frames = tuple(name for name in robot.frames if name in self._frames)
         self._base = self._frames.get(robot.base, self._frames[mjcf.body_name(model, 0)])
         self._hold_still(robot)
-        self._mass = np.zeros((model.nv, model.nv))
 
     def _hold_still(self, robot: Robot) -> None:
         """Joints off the arm where they are locked, or where the robot has them, clipped into their limits."""
@@ -225,37 +217,24 @@ class MujocoEngine:
                 angle = np.clip(angle, *model.jnt_range[joint])
             self._data.qpos[address] = locked.get(name, angle)
 
-    def update(self, q: Array) -> None:
-        """Compute everything at `q` (dof,) [rad]."""
-        self._data.qpos[self._qpos] = q
-        self._data.qvel[:] = 0.0
-        mujoco.mj_kinematics(self._model, self._data)
-        mujoco.mj_comPos(self._model, self._data)
-        mujoco.mj_makeM(self._model, self._data)
-        mujoco.mj_comVel(self._model, self._data)
-        mujoco.mj_rne(self._model, self._data, 0, self._data.qfrc_bias)
-        mujoco.mj_fullM(self._model, self._data, self._mass)
-
-    def pose(self, frame: str) -> tuple[Array, Array]:
-        """Position (3,) [m] and rotation (3, 3) of a frame in the base."""
-        base, placed = self._base, self._frames[frame]
-        return base.rotation.T @ (placed.position - base.position), base.rotation.T @ placed.rotation
-
-    def jacobian(self, frame: str) -> Array:
-        """(6, dof), local world aligned."""
-        linear, angular = np.zeros((3, self._model.nv)), np.zeros((3, self._model.nv))
-        placed = self._frames[frame]
-        placed.compute_jacobian(self._model, self._data, linear, angular, placed.id)
-        to_base = self._base.rotation.T
-        return np.vstack((to_base @ linear, to_base @ angular))[:, self._dofs]
-
-    def mass_matrix(self) -> Array:
-        """(dof, dof), with armature."""
-        return self._mass[np.ix_(self._dofs, self._dofs)]
-
-    def gravity_torque(self) -> Array:
-        """(dof,) torque that holds the arm still [N m]."""
-        return np.array(self._data.qfrc_bias[self._dofs])
+    def at(self, q: Array, frames: Iterable[str]) -> _State:
+        """The arm with some frames at `q` (dof,) [rad]."""
+        model, data = self._model, self._data
+        data.qpos[self._qpos] = q
+        data.qvel[:] = 0.0
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_makeM(model, data)
+        mujoco.mj_comVel(model, data)
+        mujoco.mj_rne(model, data, 0, data.qfrc_bias)
+        masses, base, placed = np.zeros((model.nv, model.nv)), self._base.placement(), []
+        mujoco.mj_fullM(model, data, masses)
+        for frame in (self._frames[name] for name in frames):
+            linear, angular = np.zeros((2, 3, model.nv))
+            frame.compute_jacobian(model, data, linear, angular, frame.id)
+            jacobian = np.vstack((base.rotation.T @ linear, base.rotation.T @ angular))
+            placed.append((base.actInv(frame.placement()), jacobian[:, self._dofs]))
+        return _State(placed, masses[np.ix_(self._dofs, self._dofs)], np.array(data.qfrc_bias[self._dofs]))
 
 
 Engine: TypeAlias = PinocchioEngine | MujocoEngine
@@ -268,6 +247,10 @@ class _LiveFrame(NamedTuple):
     rotation: Array
     compute_jacobian: Callable[..., None]
     id: int
+
+    def placement(self) -> pin.SE3:
+        """Where it is in the world now."""
+        return pin.SE3(self.rotation, self.position)
 
 
 def _live_frames(model: mujoco.MjModel, data: mujoco.MjData) -> dict[str, _LiveFrame]:
@@ -295,15 +278,12 @@ def _joint_order(first: Engine, second: Engine, joint_map: Mapping[str, str]) ->
     return [second.joint_names.index(name) for name in wanted]
 
 
-def _frames(first: Engine, second: Engine, frame_map: Mapping[str, str] | None) -> list[tuple[str, str]]:
-    """Pairs of frames that mean the same."""
-    if frame_map is None:
-        pairs = [(name, name) for name in first.frames if name in second.frames]
-    else:
-        pairs = list(frame_map.items())
-        for a, b in pairs:
-            checks.choice("frame", a, first.frames)
-            checks.choice("frame", b, second.frames)
+def _frames(first: Engine, second: Engine, frame_map: Mapping[str, str] | None) -> dict[str, str]:
+    """Frames of the second arm by those of the first that mean the same."""
+    pairs = {name: name for name in first.frames if name in second.frames} if frame_map is None else dict(frame_map)
+    for a, b in pairs.items():
+        checks.choice("frame", a, first.frames)
+        checks.choice("frame", b, second.frames)
     if not pairs:
         raise InvalidInputError(
             f"no frame in common: {', '.join(first.frames)} and {', '.join(second.frames)}; give frame_map"
@@ -312,17 +292,17 @@ def _frames(first: Engine, second: Engine, frame_map: Mapping[str, str] | None) 
 
 
 def _differences(
-    first: Engine, second: Engine, frames: list[tuple[str, str]], order: list[int], with_armature: bool
+    first: _State, second: _State, frames: list[str], order: list[int], armatures: tuple[Array, Array] | None
 ) -> dict[tuple[str, str], float]:
-    """Largest element-wise differences at the present configuration."""
+    """Largest element-wise differences, masses without armatures (dof,) that are given."""
     values: dict[tuple[str, str], float] = {}
-    for a, b in frames:
-        position_a, rotation_a = first.pose(a)
-        position_b, rotation_b = second.pose(b)
-        values["position", a] = float(np.linalg.norm(position_a - position_b))
-        values["rotation", a] = poses.rotation_angle(rotation_a.T @ rotation_b)
-        values["jacobian", a] = float(np.abs(first.jacobian(a) - second.jacobian(b)[:, order]).max())
-    masses = [engine.mass_matrix() - (0.0 if with_armature else np.diag(engine.armature)) for engine in (first, second)]
+    for name, (here, jacobian), (there, other) in zip(frames, first.placed, second.placed, strict=True):
+        values["position", name] = float(np.linalg.norm(here.translation - there.translation))
+        values["rotation", name] = poses.rotation_angle(here.rotation.T @ there.rotation)
+        values["jacobian", name] = float(np.abs(jacobian - other[:, order]).max())
+    masses = [first.mass_matrix, second.mass_matrix]
+    if armatures is not None:
+        masses = [mass - np.diag(armature) for mass, armature in zip(masses, armatures, strict=True)]
     values["mass_matrix", ""] = float(np.abs(masses[0] - masses[1][np.ix_(order, order)]).max())
-    values["gravity_torque", ""] = float(np.abs(first.gravity_torque() - second.gravity_torque()[order]).max())
+    values["gravity_torque", ""] = float(np.abs(first.gravity_torque - second.gravity_torque[order]).max())
     return values

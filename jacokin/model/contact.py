@@ -1,4 +1,4 @@
-"""Contact of an arm with itself and with obstacles, and distances, on the collision shapes of its description.
+"""Contact of an arm with itself, obstacles and other robots, and distances, on the shapes of its description.
 
 Read `kernels/contact/run` for how it is found.
 """
@@ -8,6 +8,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterator
 from functools import cached_property, partial
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -16,35 +17,20 @@ from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import ModelError
+from jacokin.kernels.contact import run
 from jacokin.kernels.contact.arm import HINGE, LAST_PAIR
-from jacokin.kernels.contact.run import (
-    BASE_MARGIN,
-    CLEAR_MOTION,
-    LEAST_DISTANCE,
-    LEAST_ON_MOTION,
-    LIST_TOUCHING,
-    MARGIN_KEPT,
-    MEETINGS,
-    ROWS,
-    SLACK,
-    TASK,
-    TOUCHES,
-    ContactWork,
-    make_contact_work,
-    run_contact,
-)
-from jacokin.kernels.contact.shapes import CENTRE, LINK, RADIUS
-from jacokin.kernels.contact.touching import Geometry
-from jacokin.kernels.library import Call, share
-from jacokin.model import checks
-from jacokin.model.obstacles import NOTHING_AROUND, Surroundings
+from jacokin.kernels.contact.run import ContactWork, make_contact_work, run_contact
+from jacokin.kernels.contact.shapes import CENTRE, LINK, RADIUS, SIZE
+from jacokin.kernels.library import Call
+from jacokin.model import checks, poses
+from jacokin.model.contact_arrays import ShapeRow, arm_arrays, joints_about_z
+from jacokin.model.obstacles import NOTHING_AROUND, OtherRobot, Surroundings
+from jacokin.model.own_shapes import own_shapes
 from jacokin.model.robot import Robot, checked_robot
-from jacokin.model.surrounded import Surrounded, allowed_pairs, surround
+from jacokin.model.surrounded import Surrounded, allowed_pairs, among_nothing, carried_shapes, surround
 
-STANDING = 0.005  # [m] a base may be this deep in what it stands on or is screwed to
 ROWS_AT_ONCE = 64  # configurations that go to the kernels together
 REFUSED_WITHIN = 1e-4  # [m] of the clearance, a motion is not certain, and counts as touching
-MOTION_ACCURACY = 1e-4  # [m] of the least distance along a motion
 Pair = tuple[str, str]
 
 
@@ -63,6 +49,8 @@ class Contact:
     """Contact of one robot with itself and with obstacles; may be shared between threads.
 
     Attributes:
+        geometry: the shapes as the kernels take them: those of the arm, then the obstacles.
+        names: names of the shapes.
         pairs: how many pairs of shapes are tested.
     """
 
@@ -90,7 +78,7 @@ class Contact:
         self._robot = checked_robot("robot", robot)
         self._around, self._clearance = around, clearance
         self._found = found = surround(robot, around) if found is None else found
-        self._geometry, self._names, self.pairs = found.geometry, found.names, found.pairs
+        self.geometry, self.names, self.pairs = found.geometry, found.names, found.pairs
         self._partly, self._arm_shapes, self._met_partly = found.alone, found.arm_shapes, found.met_partly
         self._local = threading.local()
 
@@ -117,8 +105,8 @@ class Contact:
 
     def fresh_work(self) -> ContactWork:
         """Work arrays for kernels that see whether shapes touch at a configuration."""
-        work = make_contact_work(self._geometry, 1)
-        work.numbers[MARGIN_KEPT] = self._clearance
+        work = make_contact_work(self.geometry, 1)
+        work.numbers[run.MARGIN_KEPT] = self._clearance
         return work
 
     def touching(self, q: ArrayLike) -> list[Pair]:
@@ -139,40 +127,31 @@ class Contact:
         call.work.q[: q.size] = q
         return self._listed(call)
 
-    def touches_at(self, rows: Array, threads: int = 1) -> NDArray[np.bool_]:
-        """Whether any shapes touch at each of some checked configurations (n, dof) [rad], on so many threads."""
-        found = np.zeros(len(rows), dtype=np.bool_)
-
-        def run(start: int, stop: int) -> None:
-            found[start:stop] = self._ask(TOUCHES, rows[start:stop], self._clearance)
-
-        share(run, len(rows), threads)
-        return found
+    def touches_at(self, rows: Array) -> NDArray[np.bool_]:
+        """Whether any shapes touch at each of some checked configurations (n, dof) [rad]."""
+        return self._ask(run.TOUCHES, rows, self._clearance)
 
     def touching_from(self, T_world_base: pin.SE3, q: Array) -> list[Pair]:
         """Names of the shapes that touch with the base elsewhere: of the base and obstacles those 5 mm deep."""
         call = self._call()
         call.work.q[: q.size] = q
         call.work.places.frames[0] = T_world_base.homogeneous[:3]
-        call.work.numbers[BASE_MARGIN] = -STANDING
+        call.work.numbers[run.BASE_MARGIN] = -0.005  # [m] deep in what it stands on or is screwed to
         try:
             return self._listed(call)
         finally:
             call.work.places.frames[0] = np.eye(3, 4)
-            call.work.numbers[BASE_MARGIN] = -np.inf
+            call.work.numbers[run.BASE_MARGIN] = -np.inf
 
     def _listed(self, call: Call[ContactWork]) -> list[Pair]:
         """All pairs that touch, the simpler kind of shape first."""
-        found = self._run(call, LIST_TOUCHING, margin=self._clearance)
+        found = self._run(call, run.LIST_TOUCHING, margin=self._clearance)
         pairs = [self.ordered(a, b, by_kind=True) for a, b in call.work.hits.pairs[:found].tolist()]
         return sorted(pairs)
 
     def distances(self, rows: Array, *, self_collision: bool = False) -> Array:
         """Smallest distances (n,) [m] of checked configurations; arguments and errors as of `nearest`."""
-        found = [
-            self._run_rows(LEAST_DISTANCE, some, len(some), self_collision).value[: len(some), 0].copy()
-            for some in self._parts(rows)
-        ]
+        found = [value[:, 0].copy() for value, _ in self._measured(run.LEAST_DISTANCE, rows, self_collision)]
         return np.concatenate([np.zeros(0), *found])
 
     def nearest(self, rows: Array, *, self_collision: bool = False) -> list[NearestPair]:
@@ -185,7 +164,7 @@ class Contact:
         Raises:
             ModelError: the description has no shapes.
         """
-        return self._measure(LEAST_DISTANCE, rows, self_collision)
+        return self._nearest(run.LEAST_DISTANCE, rows, self_collision)
 
     def nearest_between(self, rows: Array, *, self_collision: bool = False) -> list[NearestPair]:
         """The nearest shapes on each straight motion from one of some configurations (n, dof) [rad] to the next.
@@ -193,8 +172,7 @@ class Contact:
         Arguments and errors as of `nearest`. Nothing is stepped over: anywhere on a motion the distance is larger than
         the one found less 1e-4 m. A NaN stands for a motion on which that could not be shown.
         """
-        ends = np.repeat(rows, 2, axis=0)[1:-1]
-        return self._measure(LEAST_ON_MOTION, ends, self_collision)
+        return self._nearest(run.LEAST_ON_MOTION, np.hstack([rows[:-1], rows[1:]]), self_collision)
 
     def in_the_way(self, start: Array, end: Array, extra: float = 0.0) -> Pair | None:
         """Shapes that touch on the straight motion between two configurations (dof,) [rad]; None if it is clear.
@@ -204,7 +182,7 @@ class Contact:
         """
         call = self._call()
         call.work.q[: 2 * len(start)] = *start, *end
-        self._run(call, CLEAR_MOTION, 1, margin=self._clearance + extra, slack=REFUSED_WITHIN)
+        self._run(call, run.CLEAR_MOTION, 1, margin=self._clearance + extra, slack=REFUSED_WITHIN)
         if not call.work.value[0, 0]:
             return None
         a, b = call.work.named[0].tolist()
@@ -213,48 +191,45 @@ class Contact:
     def are_in_the_way(self, starts: Array, ends: Array, extra: float = 0.0) -> NDArray[np.bool_]:
         """Whether any shapes touch on each straight motion between configurations (n, dof) [rad], as `in_the_way`."""
         both = np.concatenate([starts, ends], axis=1)
-        return self._ask(CLEAR_MOTION, both, self._clearance + extra, slack=REFUSED_WITHIN)
+        return self._ask(run.CLEAR_MOTION, both, self._clearance + extra, slack=REFUSED_WITHIN)
 
     def _ask(self, task: int, rows: Array, margin: float, slack: float = 0.0) -> NDArray[np.bool_]:
-        """What a task says of each row (n, dof) of a configuration, or (n, 2 dof) of the ends of a motion."""
-        call, found = self._call(), np.zeros(len(rows), dtype=np.bool_)
-        at_once = ROWS_AT_ONCE * len(self._geometry.arm.joint_kinds) // rows.shape[1]
+        """Whether shapes touch, for each row as of `_answers`."""
+        found = [value[:, 0] != 0.0 for value, _ in self._answers(task, rows, margin=margin, slack=slack)]
+        return np.concatenate([np.zeros(0, dtype=np.bool_), *found])
+
+    def _nearest(self, task: int, rows: Array, self_collision: bool) -> list[NearestPair]:
+        return [
+            NearestPair(distance, self.ordered(a, b) if a >= 0 else ("", ""), where)
+            for value, named in self._measured(task, rows, self_collision)
+            for (distance, where), (a, b) in zip(value.tolist(), named.tolist(), strict=True)
+        ]
+
+    def _measured(self, task: int, rows: Array, self_collision: bool) -> Iterator[tuple[Array, NDArray[np.int64]]]:
+        """What a task of measuring says of rows; errors as of `nearest`."""
+        self._check_shapes()
+        meetings = len(self.geometry.arm.meetings) if self_collision else self._met_partly
+        return self._answers(task, rows, slack=1e-4, meetings=meetings)  # [m] off the least distance along a motion
+
+    def _answers(
+        self, task: int, rows: Array, *, margin: float = 0.0, slack: float = 0.0, meetings: int | None = None
+    ) -> Iterator[tuple[Array, NDArray[np.int64]]]:
+        """What a task says of rows (n, dof) of configurations or (n, 2 dof) of the ends of motions, some at a time.
+
+        Values (k, 2), and the numbers (k, 2) of two shapes; overwritten by the next.
+        """
+        call = self._call()
+        at_once = ROWS_AT_ONCE * len(self.geometry.arm.joint_kinds) // rows.shape[1]
         for first in range(0, len(rows), at_once):
             some = rows[first : first + at_once]
             call.work.q[: some.size] = some.ravel()
-            self._run(call, task, len(some), margin=margin, slack=slack)
-            found[first : first + len(some)] = call.work.value[: len(some), 0]
-        return found
-
-    def _measure(self, task: int, rows: Array, self_collision: bool) -> list[NearestPair]:
-        """Run a task of measuring on rows of configurations."""
-        each = 1 if task == LEAST_DISTANCE else 2
-        found: list[NearestPair] = []
-        for some in self._parts(rows):
-            count = len(some) // each
-            work = self._run_rows(task, some, count, self_collision)
-            for (distance, where), (a, b) in zip(work.value[:count].tolist(), work.named[:count].tolist(), strict=True):
-                found.append(NearestPair(distance, self.ordered(a, b) if a >= 0 else ("", ""), where))
-        return found
-
-    @staticmethod
-    def _parts(rows: Array) -> Iterator[Array]:
-        """Rows that go to the kernels together."""
-        return (rows[first : first + ROWS_AT_ONCE] for first in range(0, len(rows), ROWS_AT_ONCE))
-
-    def _run_rows(self, task: int, rows: Array, count: int, self_collision: bool) -> ContactWork:
-        """Run a task of measuring; what it reads and writes."""
-        self._check_shapes()
-        call = self._call()
-        call.work.q[: rows.size] = rows.ravel()
-        meetings = len(self._geometry.arm.meetings) if self_collision else self._met_partly
-        self._run(call, task, count, meetings=meetings, slack=MOTION_ACCURACY)
-        return call.work
+            self._run(call, task, len(some), margin=margin, slack=slack, meetings=meetings)
+            yield call.work.value[: len(some)], call.work.named[: len(some)]
 
     @cached_property
     def levers(self) -> Array:
         """(dof,) how far a point of the arm can be from the axis of each joint, at most [m]; 1 where a joint slides."""
-        shapes, arm = self._geometry.shapes, self._geometry.arm
+        shapes, arm = self.geometry.shapes, self.geometry.arm
         count = len(arm.joint_kinds)
         links = shapes.integers[self._partly : self._arm_shapes, LINK]
         spheres = shapes.numbers[self._partly : self._arm_shapes, CENTRE : RADIUS + 1]
@@ -274,23 +249,13 @@ class Contact:
     @property
     def arm_shapes(self) -> tuple[str, ...]:
         """Names of the shapes of the arm, its base included, and of what it holds."""
-        return self._names[self._partly : self._arm_shapes]
+        return self.names[self._partly : self._arm_shapes]
 
     @property
     def base_shapes(self) -> tuple[str, ...]:
         """Names of the shapes of the arm that no joint moves."""
-        links = self._geometry.shapes.integers[: self._arm_shapes, LINK]
-        return tuple(self._names[i] for i in np.flatnonzero(links == 0).tolist() if i >= self._partly)
-
-    @property
-    def geometry(self) -> Geometry:
-        """The shapes as the kernels take them: those of the arm, then the obstacles."""
-        return self._geometry
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the shapes."""
-        return self._names
+        links = self.geometry.shapes.integers[self._partly : self._arm_shapes, LINK]
+        return tuple(name for name, link in zip(self.arm_shapes, links.tolist(), strict=True) if link == 0)
 
     def pair_numbers(self, *, self_collision: bool) -> NDArray[np.int64]:
         """(n, 2) numbers of the shapes that count when they touch: obstacle and shape of the arm, then the arm's own.
@@ -301,11 +266,11 @@ class Contact:
             ModelError: the description has no shapes.
         """
         self._check_shapes()
-        links = self._geometry.shapes.integers[: self._arm_shapes, LINK]
-        obstacles = np.arange(self._arm_shapes, len(self._names))
+        links = self.geometry.shapes.integers[: self._arm_shapes, LINK]
+        obstacles = np.arange(self._arm_shapes, len(self.names))
         moving = np.flatnonzero(links > 0)
         outside = np.column_stack([np.repeat(obstacles, len(moving)), np.tile(moving, len(obstacles))])
-        arm = self._geometry.arm
+        arm = self.geometry.arm
         partly = int(arm.meetings[self._met_partly - 1, LAST_PAIR]) if self._met_partly else 0
         return np.vstack([outside, arm.pairs if self_collision else arm.pairs[:partly]])
 
@@ -320,7 +285,7 @@ class Contact:
         try:
             call: Call[ContactWork] = self._local.call
         except AttributeError:
-            call = self._local.call = Call(run_contact, make_contact_work(self._geometry, ROWS_AT_ONCE))
+            call = self._local.call = Call(run_contact, make_contact_work(self.geometry, ROWS_AT_ONCE))
         return call
 
     def _run(
@@ -334,14 +299,14 @@ class Contact:
         meetings: int | None = None,
     ) -> int:
         integers, numbers = call.work.integers, call.work.numbers
-        integers[TASK], integers[ROWS] = task, rows
-        integers[MEETINGS] = len(self._geometry.arm.meetings) if meetings is None else meetings
-        numbers[MARGIN_KEPT], numbers[SLACK] = margin, slack
+        integers[run.TASK], integers[run.ROWS] = task, rows
+        integers[run.MEETINGS] = len(self.geometry.arm.meetings) if meetings is None else meetings
+        numbers[run.MARGIN_KEPT], numbers[run.SLACK] = margin, slack
         return call()
 
     def ordered(self, a: int, b: int, *, by_kind: bool = False) -> Pair:
         """Names of two shapes by their numbers: obstacles first, then as described; or the simpler kind first."""
-        names = self._names
+        names = self.names
         return (names[a], names[b]) if self._rank(a, by_kind) <= self._rank(b, by_kind) else (names[b], names[a])
 
     def _rank(self, shape: int, by_kind: bool) -> tuple[int, int]:
@@ -406,3 +371,94 @@ class ContactInWorld:
         """Whether the base is inside an obstacle, whatever the joints do."""
         touching = self.touching(self._home, T_world_base)
         return any(not self._base.isdisjoint(pair) and not self._obstacles.isdisjoint(pair) for pair in touching)
+
+
+class ContactBetween:
+    """Contact of an arm, and what it holds, with another robot while both move; may be shared between threads.
+
+    It depends on how the two stand to each other alone. So they are taken as one serial chain, from the tip of the arm
+    back to its base, on to the base of the other robot and out to its tip, and what is known of motions of one arm
+    (`Contact`) holds for it: where both move straight, each of its joints does.
+
+    Attributes:
+        levers: (dof,) how far a point of the arm can be from the axis of each joint, at most [m]; 1 where one slides.
+        other_levers: (m,) the same of the other robot.
+    """
+
+    def __init__(self, robot: Robot, around: Surroundings, other: OtherRobot, *, clearance: float = 0.0) -> None:
+        """Prepare it.
+
+        Args:
+            robot: the arm.
+            around: its scene, with the other robot in it.
+            other: that robot; where its joints stand does not matter.
+            clearance: shapes this near to each other count as touching [m].
+
+        Raises:
+            InvalidInputError: the scene does not fit the arm.
+            UnknownNameError: the scene speaks of a link that is not there.
+            ShapeError: shapes cannot be loaded.
+        """
+        own = carried_shapes(robot, around)
+        alone = Surroundings(finger_angle=other.finger_angle)
+        theirs = carried_shapes(other.robot, alone)
+        (placements, kinds), (more, other_kinds) = map(joints_about_z, (robot.pin_model, other.robot.pin_model))
+        dof = len(kinds)
+        back = [_pose(each).inverse() for each in placements]  # from link to link towards the base, joints at zero
+        across = back[0] * poses.checked_pose(other.base)
+        chain = [pin.SE3.Identity(), *back[:0:-1], across * _pose(more[0]), *map(_pose, more[1:])]
+
+        here = pin.SE3.Identity()
+        both = [
+            (shape.name, _moved(row, here if shape.joint == dof else back[shape.joint], dof - shape.joint))
+            for shape, row in own
+        ] + [
+            (part.name, _moved(row, here if shape.joint else across, dof + shape.joint))
+            for (shape, row), part in zip(theirs, other.parts, strict=True)
+        ]
+        links = [int(row.integers[LINK]) for _, row in both]
+        allowed = allowed_pairs(robot, around, own_shapes(robot, around.finger_angle).names)
+        pairs = [
+            (a, b)
+            for a, b in product(range(len(own)), range(len(own), len(both)))
+            if links[a] < links[b]  # bases stand where they stand
+            and not (allowed and frozenset((both[a][0], both[b][0])) in allowed)
+        ]
+        joints = np.array([each.homogeneous[:3] for each in chain]), [*kinds[::-1], *other_kinds]
+        arrays = arm_arrays(joints, links, [row for _, row in both], pairs)
+        shapes = [
+            shape._replace(name=name, joint=link)
+            for (shape, _), (name, _), link in zip([*own, *theirs], both, links, strict=True)
+        ]
+        found = among_nothing(shapes, arrays, len(pairs))
+        self._contact = Contact(robot, NOTHING_AROUND, clearance=clearance, found=found)
+        self._theirs = frozenset(part.name for part in other.parts)
+        self.levers = Contact(robot, around._replace(obstacles=(), allow=())).levers
+        self.other_levers = Contact(other.robot, alone).levers
+
+    def in_the_way(self, arm: tuple[Array, Array], other: tuple[Array, Array], extra: float = 0.0) -> Pair | None:
+        """Shapes that touch while both go straight, each from one configuration to another [rad]; None if none do.
+
+        Nothing is stepped over; shapes that come within 1e-4 m of the clearance may count too. With `extra` [m] the
+        clearance is so much larger.
+        """
+        begin, end = (np.concatenate([-q[::-1], other_q]) for q, other_q in zip(arm, other, strict=True))
+        pair = self._contact.in_the_way(begin, end, extra)
+        return pair if pair is None or pair[0] in self._theirs else pair[::-1]
+
+    def distances(self, rows: Array, others: Array) -> Array:
+        """Smallest distances (n,) [m] at configurations (n, dof) of the arm and (n, m) of the other robot [rad]."""
+        return self._contact.distances(np.hstack([-rows[:, ::-1], others]), self_collision=True)
+
+
+def _pose(placement: Array) -> pin.SE3:
+    return pin.SE3(placement[:, :3], placement[:, 3])
+
+
+def _moved(row: ShapeRow, pose: pin.SE3, link: int) -> ShapeRow:
+    """A shape as one of another link, on which the one that it had stands at a pose."""
+    numbers, integers = row.numbers.copy(), row.integers.copy()
+    numbers[:SIZE] = (pose * _pose(row.numbers[:SIZE].reshape(3, 4))).homogeneous[:3].ravel()
+    numbers[CENTRE : CENTRE + 3] = pose.act(row.numbers[CENTRE : CENTRE + 3])
+    integers[LINK] = link
+    return row._replace(numbers=numbers, integers=integers)

@@ -43,27 +43,16 @@ from jacokin.kernels.contact.shapes import (
 )
 from jacokin.kernels.contact.touching import Geometry
 from jacokin.kernels.contact.tree import Tree
+from jacokin.model.descriptions.meshes import convex_hull
 from jacokin.model.descriptions.shapes import KINDS, Shape
-from jacokin.model.joint_axes import axis_of, turn_of
+from jacokin.model.kinematics import arm_of, own_axes
 
 CORES = np.array([PLANE, POINT, SEGMENT, ELLIPSOID, CYLINDER, BOX, MESH, CLOUD])  # of the `KINDS`
 NUMBER_OF_KIND = {kind: number for number, kind in enumerate(KINDS)}
-# For each of the kinds: which of MJCF's sizes are the half sizes of its core, and whether they are; whether the first
-# is a margin around it; which half sizes its farthest point has; and whether it has an end.
-# Meshes and clouds have rows of their own.
-HALF_FROM = np.array([(0, 0, 0), (0, 0, 0), (0, 0, 1), (0, 1, 2), (0, 0, 1), (0, 1, 2), (0, 0, 0), (0, 0, 0)])
-HALF_IS = np.array(
-    [(0, 0, 0), (0, 0, 0), (0, 0, 1), (1, 1, 1), (1, 1, 1), (1, 1, 1), (0, 0, 0), (0, 0, 0)], dtype=np.float64
-)
-HAS_MARGIN = np.array([0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0])
-REACHES = np.array(
-    [(1, 1, 1), (1, 1, 1), (1, 1, 1), (1, 1, 1), (1, 0, 1), (1, 1, 1), (1, 1, 1), (1, 1, 1)], dtype=np.float64
-)
-ENDLESS = np.array([np.inf, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-WIDEST_GROUP = 1.35  # times its largest shape: wider groups hold more shapes and are near more often
+# For each kind, which of MJCF's sizes, or 0 as a fourth, are the half sizes of its core, and the margin around it.
+HALF_FROM = np.array([(3, 3, 3), (3, 3, 3), (3, 3, 1), (0, 1, 2), (0, 0, 1), (0, 1, 2), (3, 3, 3), (3, 3, 3)])
+MARGIN_FROM = np.array([3, 0, 0, 3, 3, 3, 3, 0])
 NO_POINTS = np.empty((0, 3))
-TINY = 1e-300  # [m] added to a length that is divided by
-GROUP_AT_LEAST = 0.08  # [m] radius below which shapes are grouped anyway
 
 
 class ShapeRow(NamedTuple):
@@ -184,25 +173,12 @@ def world_arrays(obstacles: Sequence[Shape]) -> WorldArrays:
     Raises:
         ShapeError: one of an unknown kind.
     """
-    count = len(obstacles)
-    kinds = np.array([_kind(shape) for shape in obstacles], dtype=np.int64)
-    cores = CORES[kinds]
-    sizes = np.array([shape.size for shape in obstacles], dtype=np.float64).reshape(-1, 3)
-    placed = np.array([shape.placement.homogeneous for shape in obstacles]).reshape(-1, 16)
-    numbers, integers = np.zeros((count, SHAPE_NUMBERS)), np.zeros((count, SHAPE_INTEGERS), dtype=np.int64)
-    half, margin = _half_sizes(kinds, sizes)
-    numbers[:, :SIZE], numbers[:, SIZE : SIZE + 3], numbers[:, MARGIN] = placed[:, :SIZE], half, margin
-    numbers[:, CENTRE : CENTRE + 3], numbers[:, RADIUS] = placed[:, 3:SIZE:4], margin + _core_radii(kinds, half)
-    integers[:, KIND] = cores
-    own_rows = np.flatnonzero((cores == MESH) | (cores == CLOUD)).tolist()
-    if not own_rows:
+    kinds, numbers, integers, own = _rows(obstacles, [obstacle.placement for obstacle in obstacles])
+    if not own:
         edges = np.zeros(1, dtype=np.int64), np.zeros(0, dtype=np.int64)
         shapes = Shapes(numbers, integers, NO_POINTS, *edges, NO_POINTS, np.empty((0, NODE_NUMBERS)))
     else:
-        rows = [ShapeRow(each, whole) for each, whole in zip(numbers, integers, strict=True)]
-        for number in own_rows:
-            rows[number] = _own_row(obstacles[number], obstacles[number].placement)
-        shapes = _stacked(rows)
+        shapes = _stacked([own.get(k) or ShapeRow(numbers[k], integers[k]) for k in range(len(kinds))])
     return WorldArrays(shapes, _tree(shapes), kinds)
 
 
@@ -244,37 +220,44 @@ def _integers(rows: Sequence[tuple[int, ...]], columns: int) -> NDArray[np.int64
 
 def joints_about_z(model: pin.Model) -> tuple[Array, list[int]]:
     """For each joint its placement on the link before it, axes z, and its kind."""
-    turns, placements, kinds = [pin.SE3.Identity()], np.empty((model.nv, 3, 4)), []
-    for index in range(1, model.njoints):
-        turn = about_z(model, index)
-        placements[index - 1] = (turns[-1].inverse() * model.jointPlacements[index] * turn).homogeneous[:3]
-        turns.append(turn)
-        kinds.append(SLIDE if axis_of(model, index).slides else HINGE)
-    return placements, kinds
+    arm = arm_of(model)
+    return arm.placements[:-1], [SLIDE if slides else HINGE for slides in arm.sliding.tolist()]
 
 
-def about_z(model: pin.Model, link: int) -> pin.SE3:
-    """T_joint_link, whose z is the axis of the joint that moves a link."""
-    return pin.SE3(turn_of(model, link), np.zeros(3))
-
-
-def shape_row(model: pin.Model, shape: Shape) -> ShapeRow:
-    """A shape of an arm as the kernels see it.
+def shape_rows(model: pin.Model, shapes: Sequence[Shape]) -> list[ShapeRow]:
+    """Shapes of an arm as the kernels see them.
 
     Raises:
-        ShapeError: its kind is unknown.
+        ShapeError: one of an unknown kind.
     """
-    kind = np.array([_kind(shape)])
-    T_link_shape = shape.placement
-    if shape.joint:
-        T_link_shape = about_z(model, shape.joint).inverse() * T_link_shape
-    if CORES[kind[0]] in (MESH, CLOUD):
-        row = _own_row(shape, T_link_shape)
-    else:
-        half, (margin,) = _half_sizes(kind, shape.size[np.newaxis])
-        row = _row(CORES[kind[0]], T_link_shape, half[0], margin, margin + _core_radii(kind, half)[0])
-    row.integers[LINK] = shape.joint
-    return row
+    axes = own_axes(model)
+    kinds, numbers, integers, own = _rows(shapes, [axes[shape.joint].inverse() * shape.placement for shape in shapes])
+    rows = [own.get(k) or ShapeRow(numbers[k], integers[k]) for k in range(len(kinds))]
+    for row, shape in zip(rows, shapes, strict=True):
+        row.integers[LINK] = shape.joint
+    return rows
+
+
+def _rows(
+    shapes: Sequence[Shape], placements: Sequence[pin.SE3]
+) -> tuple[NDArray[np.int64], Array, NDArray[np.int64], dict[int, ShapeRow]]:
+    """Kinds (n,), numbers and integers (n, ...) of shapes at placements; of meshes and clouds their rows, by number.
+
+    Raises:
+        ShapeError: one of an unknown kind.
+    """
+    count = len(shapes)
+    kinds = np.array([_kind(shape) for shape in shapes], dtype=np.int64)
+    cores = CORES[kinds]
+    sizes = np.array([shape.size for shape in shapes], dtype=np.float64).reshape(-1, 3)
+    placed = np.array([placement.homogeneous for placement in placements]).reshape(-1, 16)
+    numbers, integers = np.zeros((count, SHAPE_NUMBERS)), np.zeros((count, SHAPE_INTEGERS), dtype=np.int64)
+    half, margin = _half_sizes(kinds, sizes)
+    numbers[:, :SIZE], numbers[:, SIZE : SIZE + 3], numbers[:, MARGIN] = placed[:, :SIZE], half, margin
+    numbers[:, CENTRE : CENTRE + 3], numbers[:, RADIUS] = placed[:, 3:SIZE:4], margin + _core_radii(kinds, half)
+    integers[:, KIND] = cores
+    own = np.flatnonzero((cores == MESH) | (cores == CLOUD)).tolist()
+    return kinds, numbers, integers, {k: _own_row(shapes[k], placements[k]) for k in own}
 
 
 def _kind(shape: Shape) -> int:
@@ -288,16 +271,18 @@ def _kind(shape: Shape) -> int:
 
 def _half_sizes(kinds: NDArray[np.int64], sizes: Array) -> tuple[Array, Array]:
     """Half sizes (n, 3) of cores without margin, and margins (n,) [m], from sizes (n, 3) as in MJCF."""
-    half = np.take_along_axis(sizes, HALF_FROM[kinds], axis=1) * HALF_IS[kinds]
-    return half, sizes[:, 0] * HAS_MARGIN[kinds]
+    given = np.hstack([sizes, np.zeros((len(sizes), 1))])
+    half = np.take_along_axis(given, HALF_FROM[kinds], axis=1)
+    return half, given[np.arange(len(kinds)), MARGIN_FROM[kinds]]
 
 
 def _core_radii(kinds: NDArray[np.int64], half: Array) -> Array:
     """How far cores other than meshes reach from their centres (n,) [m]."""
-    found: Array = np.sqrt(np.einsum("ij,ij,ij->i", half, half, REACHES[kinds])) + ENDLESS[kinds]
-    ellipsoids = kinds == NUMBER_OF_KIND["ellipsoid"]
-    if ellipsoids.any():
-        found[ellipsoids] = half[ellipsoids].max(axis=1)
+    planes, ellipsoids, cylinders = (kinds == NUMBER_OF_KIND[kind] for kind in ("plane", "ellipsoid", "cylinder"))
+    squares = half * half
+    squares[cylinders, 1] = 0.0
+    found: Array = np.sqrt(squares.sum(axis=1))
+    found[planes], found[ellipsoids] = np.inf, half[ellipsoids].max(axis=1, initial=0.0)
     return found
 
 
@@ -339,11 +324,8 @@ def _row(kind: int, T_link_shape: pin.SE3, half: Array, margin: float, radius: f
 
 def _hull(points: Array) -> tuple[Array, list[list[int]]]:
     """The vertices of a convex hull, and for each those at the other end of an edge."""
-    from scipy.spatial import ConvexHull, QhullError  # only meshes need it
-
-    try:
-        hull = ConvexHull(points)
-    except (QhullError, ValueError):  # flat: every point counts, and each is next to all others
+    hull = convex_hull(points)
+    if hull is None:  # every point counts, and each is next to all others
         return points, [[j for j in range(len(points)) if j != i] for i in range(len(points))]
     number = {int(vertex): index for index, vertex in enumerate(hull.vertices)}
     neighbours: list[set[int]] = [set() for _ in number]
@@ -398,7 +380,8 @@ def _grouped(numbers: dict[int, Array]) -> list[tuple[list[int], Array]]:
         around = np.maximum(0.5 * (far + radii[:, np.newaxis] + radii), np.maximum(radii[:, np.newaxis], radii))
         around[np.tril_indices(len(groups))] = np.inf
         i, j = (int(index) for index in np.unravel_index(np.argmin(around), around.shape))
-        if around[i, j] > max(GROUP_AT_LEAST, WIDEST_GROUP * max(radii[i], radii[j])):
+        # Groups of less than 8 cm, and of 1.35 times the larger shape: wider ones hold more and are near more often.
+        if around[i, j] > max(0.08, 1.35 * max(radii[i], radii[j])):
             break
         spheres[i] = _around(spheres[i], spheres[j])
         groups[i] += groups.pop(j)
@@ -436,7 +419,7 @@ def _tree(shapes: Shapes) -> Tree:
     # One array of which least values are asked for: lowest and highest coordinates, then the same of the centres.
     bounds, places = np.column_stack([low, -high, low + high, -(low + high)]), np.arange(len(order))
     middles = bounds[:, 6:9]
-    shares = (middles - middles.min(axis=0)) / (1.01 * np.ptp(middles) + TINY) if len(order) else middles  # below 1
+    shares = (middles - middles.min(axis=0)) / (1.01 * np.ptp(middles) + 1e-300) if len(order) else middles  # below 1
     boxes = np.empty((len(children), 6))
     for first, starts, part in levels:
         if not len(part):

@@ -14,8 +14,6 @@ from jacokin.errors import InvalidInputError
 from jacokin.model import checks, dynamics, poses
 from jacokin.model.robot import Robot, checked_robot
 
-BANDWIDTH = 30.0  # [rad/s] a push shows with a time constant of 33 ms; noise of velocities counts in proportion
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ContactStep:
@@ -48,7 +46,7 @@ class ContactObserver:
         robot: Robot,
         threshold: ArrayLike,
         *,
-        bandwidth: float = BANDWIDTH,
+        bandwidth: float = 30.0,
         base: pin.SE3 | ArrayLike | None = None,
     ) -> None:
         """Prepare an observer that has not seen anything yet.
@@ -56,7 +54,8 @@ class ContactObserver:
         Args:
             robot: the arm, with its payload if it carries one.
             threshold: external torque that counts as contact [N m], one for all joints or (dof,).
-            bandwidth: of the filter [rad/s].
+            bandwidth: of the filter [rad/s]; with 30 a push shows with a time constant of 33 ms. Noise of velocities
+                counts in proportion.
             base: T_world_base, how the base is mounted, as in `Robot.gravity`.
 
         Raises:

@@ -1,8 +1,8 @@
-"""Dynamics that are more than one call of Pinocchio: other gravity, payloads, and the wrench behind joint torques.
+"""Dynamics that are more than one call of Pinocchio: payloads, the wrench behind joint torques, many at once.
 
 The equation of motion is M(q) a + C(q, v) v + g(q) = torque + J(q)^T external, with the torques of the motors and a
 wrench of the surroundings. M includes armature where the description has one (an MJCF may, a URDF cannot); damping, dry
-friction and limits are not part of it.
+friction and limits are not part of it. Gravity is another one where the base is mounted at an angle.
 """
 
 from __future__ import annotations
@@ -16,11 +16,13 @@ from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, ModelError
-from jacokin.model import checks, poses
+from jacokin.kernels.configurations.arm import LANES, Arm
+from jacokin.kernels.configurations.dynamics import Bodies, MassWork, TorqueWork, find_mass_matrices, find_torques
+from jacokin.kernels.library import Call
+from jacokin.model import checks, kinematics, poses
 
 SINGULAR = 1e-6  # of the largest singular value: below, 1 N m of error in a torque is a million times that in a wrench
 BODY = 10  # parameters of a body: mass, mass times centre of mass (3), inertia about the frame (6)
-SYMMETRIC = 1e-9  # of the largest entry: more asymmetry than rounding leaves in a matrix of a file
 POSSIBLE = 1e-9  # of the largest moment: rounding that an inertia may miss the triangle inequality by
 TOO_LARGE = "the arguments are too large: the answer does not fit in floating-point numbers"
 
@@ -106,7 +108,10 @@ def loaded(model: pin.Model, frame_id: int, mass: float, com: Array, inertia: Ar
     Raises:
         InvalidInputError: an inertia that no body has.
     """
-    tensor = np.zeros((3, 3)) if inertia is None else _possible_inertia(inertia)
+    tensor = np.zeros((3, 3)) if inertia is None else _symmetric("inertia", inertia, 3, "kg m^2")
+    wrong = impossible_moments(tensor)
+    if wrong:
+        raise InvalidInputError(f"inertia is one that no body has: {wrong}")
     copy = pin.Model(model)
     frame = copy.frames[frame_id]
     copy.appendBodyToJoint(frame.parentJoint, pin.Inertia(mass, com, tensor), frame.placement)
@@ -133,22 +138,7 @@ def reweighed(model: pin.Model, parameters: Array) -> pin.Model:
 
 def pseudo_inertia(body: Array) -> Array:
     """(4, 4) second moments of the density of a body (10,): positive definite if a body can have these parameters."""
-    mass, moment = body[0], body[1:4]
-    xx, xy, yy, xz, yz, zz = body[4:]
-    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    pseudo = np.empty((4, 4))
-    pseudo[:3, :3] = 0.5 * np.trace(inertia) * np.eye(3) - inertia
-    pseudo[:3, 3] = pseudo[3, :3] = moment
-    pseudo[3, 3] = mass
-    return pseudo
-
-
-def _possible_inertia(inertia: ArrayLike) -> Array:
-    tensor = _symmetric("inertia", inertia, 3, "kg m^2")
-    wrong = impossible_moments(tensor)
-    if wrong:
-        raise InvalidInputError(f"inertia is one that no body has: {wrong}")
-    return tensor
+    return np.asarray(pin.PseudoInertia.FromDynamicParameters(body).toMatrix())
 
 
 def impossible_moments(tensor: Array) -> str:
@@ -267,6 +257,50 @@ def _symmetric(name: str, value: ArrayLike, size: int, unit: str) -> Array:
     if len(matrix) != size:
         raise InvalidInputError(f"{name} must have shape ({size}, {size}) [{unit}], got shape {matrix.shape}")
     half = 0.5 * matrix
-    if np.abs(half - half.T).max() > SYMMETRIC * np.abs(half).max():
+    if np.abs(half - half.T).max() > 1e-9 * np.abs(half).max():  # more than rounding leaves in a matrix of a file
         raise InvalidInputError(f"{name} must be symmetric, got {matrix.tolist()}")
     return half + half.T
+
+
+def bodies_of(model: pin.Model) -> Bodies:
+    """What the joints of a model move, in the axes of `arm_of`."""
+    own = kinematics.own_axes(model)
+    rows = [own[j].inverse().act(model.inertias[j]).toDynamicParameters() for j in range(1, model.njoints)]
+    return Bodies(np.array(rows).reshape(model.nv, 10), np.array(model.armature, dtype=np.float64))
+
+
+def torques(arm: Arm, bodies: Bodies, q: Array, v: Array, a: Array, gravity: Array) -> Array:
+    """Joint torques (n, dof) of motions (n, dof), under a gravity (3,) in the base [m/s^2]."""
+    written = np.empty(q.shape)
+    work = TorqueWork(
+        arm,
+        bodies,
+        q.reshape(-1),
+        v.reshape(-1),
+        a.reshape(-1),
+        np.array(gravity, dtype=np.float64),
+        kinematics.block_of(arm),
+        np.empty((2, LANES)),
+        np.empty((9, LANES)),
+        np.empty((len(arm.sliding), 6, LANES)),
+        written.reshape(-1),
+    )
+    Call(find_torques, work)()
+    return written
+
+
+def mass_matrices(arm: Arm, bodies: Bodies, q: Array) -> Array:
+    """Mass matrices (n, dof, dof) at configurations (n, dof)."""
+    written = np.empty((*q.shape, q.shape[1]))
+    work = MassWork(
+        arm,
+        bodies,
+        q.reshape(-1),
+        kinematics.block_of(arm),
+        np.empty((10, LANES)),
+        np.empty((6, LANES)),
+        np.empty(LANES),
+        written.reshape(-1),
+    )
+    Call(find_mass_matrices, work)()
+    return written

@@ -18,22 +18,15 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, ModelError
 from jacokin.model import checks, poses
 from jacokin.model.descriptions import bundled
+from jacokin.model.descriptions.meshes import convex_hull
 from jacokin.model.descriptions.shapes import Shape
 from jacokin.model.robot import Robot, checked_robot
 
 STEPS = 41  # values from shut to open at which the room is measured
 FIRST = 4  # of these steps tell in which direction the gripper opens
-ACROSS = 5  # lines along each side of the room between the pads, back to the palm
-LINES = 25  # along each side of the grid of lines
-GROWING = 0.6  # of the fastest growth: slower lines run near a hinge
-SHUT = 0.005  # [m] more room between shut fingers than at the narrowest line: behind the pads
-COVERED = 0.5  # of the lines through the pads must meet both sides; a jaw that turned farther faces something else
 STILL = 1e-6  # [m] that a shape of a palm moves, by rounding
 ALIKE = 0.5  # cosine between the directions of two fingers of one gripper, at least
-SNAPPED = np.cos(0.6)  # axes of the tool within 34 degrees are meant; the tip of a jaw moves that far aslant
 PARALLEL = 1e-9  # of a line to a face of a shape
-ROUND = 16  # corners of a circle
-WIDEST = 5.2  # [rad] or [m], 300 degrees: no finger moves so far
 SPARE = 0.006  # [m] between a pad and an object on each side, of a measured gripper
 
 
@@ -115,7 +108,7 @@ class Gripper:
 
 #: The hand of the Jacos: the room at each angle of the fingers, of the shapes in the descriptions; the knuckles are
 #: nearer than the pads, and farther back than `depth` is the palm.
-JACO = Gripper(
+JACO: Gripper = Gripper(
     frame="end_effector",
     pads=pin.SE3.Identity(),
     openings=checks.read_only(np.array([1.35, 1.2, 1.0, 0.8, 0.6, 0.4, 0.15])),
@@ -201,9 +194,9 @@ def _measure(robot: Robot, frame: str) -> Gripper:
         )
     if _is_shut_last(moving, still):
         values = values[::-1]
-        hulls = [hull._replace(placements=hull.placements[::-1]) for hull in hulls]
-        moving = [hull for hull in hulls if _travel(hull) > STILL]
-        still = [hull for hull in hulls if _travel(hull) <= STILL]
+        hulls, moving, still = (
+            [hull._replace(placements=hull.placements[::-1]) for hull in each] for each in (hulls, moving, still)
+        )
     right, left = _sides(robot, moving, still)
     if not left:
         raise ModelError(
@@ -235,7 +228,8 @@ def _range(robot: Robot, joint: int) -> tuple[float, float]:
             continue
         if link not in robot.frames or model.frames[robot.frame_id(link)].parentJoint != joint:
             continue
-        if source.jnt_limited[index] and np.ptp(source.jnt_range[index]) <= WIDEST:
+        # No finger moves farther than 300 degrees.
+        if source.jnt_limited[index] and np.ptp(source.jnt_range[index]) <= 5.2:
             ranges.append(source.jnt_range[index])
         else:
             endless = name
@@ -252,8 +246,6 @@ def _range(robot: Robot, joint: int) -> tuple[float, float]:
 
 def _hulls(robot: Robot, frame: str, joint: int, values: Array) -> list[_Hull]:
     """The shapes of the hand, and where they are at each value."""
-    from scipy.spatial import ConvexHull, QhullError  # only grippers and meshes need it
-
     from jacokin.model.mujoco_twin import shapes_of_description
 
     T_tool_link = robot.pin_model.frames[robot.frame_id(frame)].placement.inverse()
@@ -264,12 +256,10 @@ def _hulls(robot: Robot, frame: str, joint: int, values: Array) -> list[_Hull]:
     found = []
     for index, shape in enumerate(at_each[0]):
         corners = _corners(shape)
-        try:
-            faces = ConvexHull(corners).equations
-        except (QhullError, ValueError):  # flat: nothing is grasped with it
-            continue
-        placements = [T_tool_link * shapes[index].placement for shapes in at_each]
-        found.append(_Hull(corners, faces, placements))
+        hull = convex_hull(corners)
+        if hull is not None:  # nothing is grasped with what is flat
+            placements = [T_tool_link * shapes[index].placement for shapes in at_each]
+            found.append(_Hull(corners, hull.equations, placements))
     return found
 
 
@@ -280,11 +270,11 @@ def _corners(shape: Shape) -> Array:
     signs = np.array(np.meshgrid(*[(-1.0, 1.0)] * 3)).reshape(3, -1).T
     if shape.kind == "box":
         return np.asarray(signs * shape.size)
-    turns = np.arange(ROUND) * 2.0 * np.pi / ROUND
-    ring = np.column_stack([np.cos(turns), np.sin(turns), np.zeros(ROUND)])
+    turns = np.arange(16) * np.pi / 8.0
+    ring = np.column_stack([np.cos(turns), np.sin(turns), np.zeros(len(turns))])
     if shape.kind == "cylinder":
         return np.vstack([ring * shape.size[0] + [0.0, 0.0, side * shape.size[1]] for side in (-1.0, 1.0)])
-    lines = np.linspace(-0.5 * np.pi, 0.5 * np.pi, ROUND // 2 + 1)
+    lines = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 9)
     ball = np.vstack([ring * np.cos(line) + [0.0, 0.0, np.sin(line)] for line in lines])
     if shape.kind == "capsule":
         return np.vstack([ball * shape.size[0] + [0.0, 0.0, side * shape.size[1]] for side in (-1.0, 1.0)])
@@ -375,7 +365,7 @@ def _axes(robot: Robot, frame: str, joint: int, right: list[_Hull], left: list[_
 def _snapped(direction: Array) -> Array:
     """The axis of the tool that a direction is about, or the direction itself."""
     most = int(np.abs(direction).argmax())
-    if abs(direction[most]) < SNAPPED:
+    if abs(direction[most]) < np.cos(0.6):  # 34 degrees: the tip of a jaw moves that far aslant
         return direction
     return np.asarray(np.sign(direction[most]) * np.eye(3)[most])
 
@@ -386,7 +376,7 @@ def _between(
     """The room between the sides at each value, and where it is."""
     corners = np.vstack([hull.points(0) for hull in right]) @ axes
     (low_y, low_z), (high_y, high_z) = corners[:, 1:].min(axis=0), corners[:, 1:].max(axis=0)
-    inside = (np.arange(LINES) + 0.5) / LINES
+    inside = (np.arange(25) + 0.5) / 25.0
     y, z = np.meshgrid(low_y + inside * (high_y - low_y), low_z + inside * (high_z - low_z))
     lines = np.column_stack([np.zeros(y.size), y.ravel(), z.ravel()])
     points, along = lines @ axes.T, axes[:, 0]
@@ -402,12 +392,13 @@ def _between(
                 f"the gripper of {robot.name} cannot be measured: its shapes do not face each other along the line "
                 "on which it closes; give jacokin.model.Gripper(...) with numbers of your own"
             )
-        pads = known & (growth >= GROWING * np.nanmax(growth))
-        pads &= shut <= np.nanmin(np.where(pads, shut, np.nan)) + SHUT
+        pads = known & (growth >= 0.6 * np.nanmax(growth))  # slower lines run near a hinge
+        # [m] more room between shut fingers than at the narrowest line is behind the pads.
+        pads &= shut <= np.nanmin(np.where(pads, shut, np.nan)) + 0.005
     found = list[tuple[float, float, float]]()
     for step in range(STEPS):
         both = pads & met[step]
-        if both.sum() < COVERED * pads.sum():
+        if both.sum() < 0.5 * pads.sum():  # a jaw that turned so far faces something else
             break
         ends = float(far[step, both].max()), float(near[step, both].min())
         found.append((float(values[step]), ends[1] - ends[0], 0.5 * (ends[0] + ends[1])))
@@ -424,7 +415,7 @@ def _between(
     low_y, high_y = float(lines[pads, 1].min()), float(lines[pads, 1].max())
     middle = np.array([0.0, 0.5 * (low_y + high_y), 0.5 * sum(ends_z)])
     opened, wide = int(np.flatnonzero(values == rows[-1, 0])[0]), 0.5 * rows[-1, 1] - SPARE
-    inside = np.linspace(-1.0, 1.0, ACROSS)
+    inside = np.linspace(-1.0, 1.0, 5)
     tips = max(float((hull.points(0) @ axes)[:, 2].max()) for hull in hulls)
     x, y = np.meshgrid(rows[-1, 2] + max(wide, 0.0) * inside, middle[1] + 0.5 * (high_y - low_y) * inside)
     between = np.column_stack([x.ravel(), y.ravel(), np.full(x.size, tips)]) @ axes.T

@@ -23,13 +23,9 @@ from jacokin.model.dynamics import BODY, pseudo_inertia
 from jacokin.model.robot import Robot, checked_robot
 
 IDENTIFIED = 1e-6  # of the largest singular value, columns scaled to one: below, rounding decides
-SMALL_MASS, SIZE = 1e-3, 0.1  # [kg], [m] of a body to start from
+SIZE = 0.1  # [m] of a body to start from
 BODY_SCALE = np.array([1.0, *[SIZE] * 3, *[SIZE**2] * 6])  # of a body's parameters, for 1 kg
 NOISE_FLOOR = 1e-6  # of the torques: a log is never taken as more exact
-FIRST_WEIGHT, LAST_WEIGHT, WEIGHT_STEP = 1e3, 1e-7, 0.1  # of the barrier, in squares of the noise
-NEWTON_STEPS, CONVERGED, SHORTEST = 50, 1e-3, 1e-9  # with each weight; of it; part of a step
-LEAST_BODY = 1e-9  # [kg], [kg m^2] that a described body has at least: a point has no density to start from
-LARGEST = 1e100  # squares of what a log makes of its numbers must fit into floating-point numbers
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -97,7 +93,7 @@ def identify_payload(
     found, covariance, unidentified, residual = _least_squares(system, right)
     projected = not _possible(found[:BODY])
     if projected:
-        mass = max(found[0], SMALL_MASS)
+        mass = max(found[0], 1e-3)  # [kg]
         ball = np.array([[mass, 0.0, 0.0, 0.0, *(mass * SIZE**2 * np.array([2.0, 0.0, 2.0, 0.0, 0.0, 2.0]))]])
         noise = max(residual, NOISE_FLOOR * float(np.sqrt(np.mean(right**2))))
         found = _nearest_possible(system / noise, right / noise, found, ball)
@@ -275,7 +271,7 @@ def _stacked(bodies: Array, friction: Array, log: list[Array]) -> Array:
 
 def _check_size(system: Array, right: Array) -> None:
     """Refuse numbers whose squares do not fit."""
-    if not max(np.abs(system).max(), np.abs(right).max()) < LARGEST:
+    if not max(np.abs(system).max(), np.abs(right).max()) < 1e100:
         raise InvalidInputError(dynamics.TOO_LARGE)
 
 
@@ -311,7 +307,7 @@ def _described(robot: Robot) -> Array:
         raise ModelError(
             f"{robot.name}: the description gives no mass to what {robot.joint_names[int(bodies[:, 0].argmin())]} moves"
         )
-    bodies[:, [4, 6, 9]] += LEAST_BODY
+    bodies[:, [4, 6, 9]] += 1e-9  # [kg m^2]: a point has no density to start from
     return bodies
 
 
@@ -364,10 +360,9 @@ def _nearest_possible(system: Array, right: Array, found: Array, start: Array) -
         return float(0.5 * missed @ missed - 2.0 * weight * spread)
 
     x = np.concatenate((start.ravel(), found[count:])) / scale
-    squares, weight = small.T @ small, FIRST_WEIGHT
-    while weight > LAST_WEIGHT:
-        weight *= WEIGHT_STEP
-        for _ in range(NEWTON_STEPS):
+    squares = small.T @ small
+    for weight in np.logspace(2, -8, 11).tolist():  # of the barrier, in squares of the noise
+        for _ in range(50):
             inverse = np.linalg.inv(np.einsum("kp,kpij->kij", x[:count].reshape(-1, BODY), units))
             turned = np.einsum("kij,kpjl->kpil", inverse, units)
             gradient, hessian = small.T @ (small @ x - target), squares.copy()
@@ -377,11 +372,11 @@ def _nearest_possible(system: Array, right: Array, found: Array, start: Array) -
                 hessian[rows, rows] += weight * block
             step = np.linalg.lstsq(hessian, -gradient)[0]
             descent, before, part = float(gradient @ step), cost(x, weight), 1.0
-            if -descent < CONVERGED * weight:
+            if -descent < 1e-3 * weight:
                 break
-            while part > SHORTEST and not cost(x + part * step, weight) <= before + 0.1 * part * descent:
+            while part > 1e-9 and not cost(x + part * step, weight) <= before + 0.1 * part * descent:
                 part *= 0.5
-            if part <= SHORTEST:
+            if part <= 1e-9:
                 break
             x = x + part * step
     return np.asarray(x * scale)

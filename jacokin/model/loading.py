@@ -8,7 +8,6 @@ import stat
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -19,14 +18,12 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, ModelError, ShapeError, UnknownNameError
 from jacokin.model import checks
 from jacokin.model.descriptions import bundled, chain, urdf
-from jacokin.model.descriptions import srdf as srdf_files
 from jacokin.model.descriptions.tools import limits_of, slides
 from jacokin.model.dynamics import impossible_moments
 from jacokin.model.measured_arm import MeasuredArm
 from jacokin.model.robot import Home, HomeFinder, Known, Robot, SceneLike, Source, middle, spread
 
 TIP_OF_BUNDLED = "end_effector"
-SUFFIXES = (".urdf", ".xml", ".mjcf")
 NO_FILE = "no such file"
 
 
@@ -83,16 +80,24 @@ def load_robot(
     path, name = _resolve(robot)
     checks.optional(checks.instance, "base", base, str, "the name of a frame")
     checks.optional(checks.instance, "tip", tip, str, "the name of a frame")
-    folders = _folders(package_dirs)
+    given = checks.listed("package_dirs", package_dirs)
+    folders = tuple(checks.path(f"package_dirs[{k}]", each, "a folder").absolute() for k, each in enumerate(given))
     finger_angle = checks.optional(checks.number, "finger_angle", finger_angle, "rad")
     described = _read(path, name)
     if name:
         tip = tip or TIP_OF_BUNDLED
         finger_angle = bundled.open_angle(name) if finger_angle is None else finger_angle
     disabled, said = _disabled_pairs(path, described, srdf)
-    model, ends, held, followers = _cut_out(
-        described, name or described.model.name or path.stem, (base, tip), finger_angle, locked
-    )
+    full = described.model
+    leaders = {joint: each.leader for each in described.couplings if each.leader for joint in each.followers}
+    ends = chain.find_ends(full, base, tip, leaders)
+    followers = _followers(described, ends)
+    held = {} if locked is None else _held(full, ends, locked, followers)
+    reference = _locked_reference(full, described.reference, finger_angle, held, followers)
+    model = chain.extract(full, reference, ends, name or full.name or path.stem)
+    _refuse_coupled(model, described.couplings)
+    if finger_angle is not None:
+        _check_fingers(full, model, finger_angle)
     own_limits = () if limits is None else _override_limits(model, limits)
     if velocity_limit is not None:
         model.velocityLimit = checks.positive_vector("velocity_limit", velocity_limit, model.nv, "rad/s")
@@ -108,7 +113,7 @@ def load_robot(
             name,
             base,
             tip,
-            package_dirs=tuple(folder.absolute() for folder in folders),
+            package_dirs=folders,
             limits=own_limits,
             content=described.content,
             calibration=measured,
@@ -126,41 +131,6 @@ def load_robot(
         point_filter=filter_points,
     )
     return Robot(model, known)
-
-
-def _folders(package_dirs: Sequence[str | Path]) -> list[Path]:
-    """Checked paths of folders."""
-    given = checks.listed("package_dirs", package_dirs)
-    return [checks.path(f"package_dirs[{index}]", folder, "a folder") for index, folder in enumerate(given)]
-
-
-class _CutArm(NamedTuple):
-    """An arm cut out of a description."""
-
-    model: pin.Model
-    ends: chain.ArmEnds
-    held: dict[str, float]  # joints off the arm that are locked by name [rad] or [m]
-    followers: tuple[tuple[str, str, float, float], ...]  # see `_followers`
-
-
-def _cut_out(
-    described: chain.Description,
-    name: str,
-    frames: tuple[str | None, str | None],
-    finger_angle: float | None,
-    locked: Mapping[str, float] | None,
-) -> _CutArm:
-    """The chain between two frames, base and tip, all other joints locked; errors as `load_robot`."""
-    leaders = {joint: each.leader for each in described.couplings if each.leader for joint in each.followers}
-    ends = chain.find_ends(described.model, *frames, leaders)
-    followers = _followers(described, ends)
-    held = _held(described, ends, locked, followers)
-    reference = _locked_reference(described.model, described.reference, finger_angle, held, followers)
-    model = chain.extract(described.model, reference, ends, name)
-    _refuse_coupled(model, described.couplings)
-    if finger_angle is not None:
-        _check_fingers(described.model, model, finger_angle)
-    return _CutArm(model, ends, held, followers)
 
 
 def _calibrate(model: pin.Model, base: str, calibration: str | Path | MeasuredArm) -> MeasuredArm:
@@ -186,7 +156,7 @@ def _resolve(robot: str | Path) -> tuple[Path, str | None]:
     if text in bundled.NAMES:
         return bundled.urdf_folder() / f"{text}.urdf", text
     problem = _problem(path)
-    if path.suffix.lower() in SUFFIXES:
+    if path.suffix.lower() in (".urdf", ".xml", ".mjcf"):
         if problem:
             raise ModelError(f"{path}: {problem}")
         return path, None
@@ -252,7 +222,7 @@ def _documented_home(name: str, model: pin.Model) -> Home | HomeFinder:
 
 def _disabled_pairs(
     path: Path, described: chain.Description, given: str | Path | None
-) -> tuple[srdf_files.DisabledPairs | None, tuple[str, ...]]:
+) -> tuple[urdf.DisabledPairs | None, tuple[str, ...]]:
     """The pairs of links that an SRDF disables, and a note on them; one that merely lies there need not be right.
 
     Raises:
@@ -264,13 +234,13 @@ def _disabled_pairs(
         if described.kind != "urdf" or described.content is None:
             kind = "an MJCF" if described.kind == "mjcf" else "a bundled robot"
             raise ModelError(f"srdf={str(given)!r}: {path} is {kind}, which excludes pairs of links itself")
-        disabled = srdf_files.read(file.absolute())
+        disabled = urdf.read_srdf(file.absolute())
     else:
-        found = srdf_files.find(path) if isinstance(described.content, str) else None
+        found = urdf.find_srdf(path) if isinstance(described.content, str) else None
         if found is None:
             return None, ()
         try:
-            disabled = srdf_files.read(found)
+            disabled = urdf.read_srdf(found)
         except ModelError as error:
             return None, (f"pairs of links are not disabled: {error}",)
     links = set(chain.frame_names(described.model))
@@ -279,9 +249,9 @@ def _disabled_pairs(
 
 
 def _held(
-    described: chain.Description,
+    model: pin.Model,
     ends: chain.ArmEnds,
-    locked: Mapping[str, float] | None,
+    locked: Mapping[str, float],
     followers: Sequence[tuple[str, str, float, float]],
 ) -> dict[str, float]:
     """Where a user locks joints off the arm, and with them the joints that follow those.
@@ -290,9 +260,6 @@ def _held(
         UnknownNameError: no such joint.
         InvalidInputError: malformed, a joint of the arm, or out of the limits of the joint.
     """
-    if locked is None:
-        return {}
-    model = described.model
     arm = {str(model.names[joint]) for joint in ends.chain}
     found: dict[str, float] = {}
     for joint, value in checks.mapping("locked", locked, "a dict of joint names and positions").items():
@@ -442,13 +409,6 @@ def _override_limits(
     return tuple(written)
 
 
-RANDOM_TRIES = 200  # of a fixed seed: a real arm is free of self-contact in nine of ten
-KEYFRAME = "home"  # of an MJCF file
-NEAR_LIMIT = 0.1  # of a joint's range
-SINGULAR = 0.02  # least to largest singular value; 0.03 to 0.08 at the documented homes
-SAME_PLACE = 1e-3  # [m, or of a matrix] between the joints of a file and those of a bundled arm
-
-
 def documented_home(name: str) -> Home:
     """The home of a bundled robot in the table of numbers, free of contact as tests check."""
     row = bundled.variant(name)
@@ -543,19 +503,20 @@ def _missing_numbers(robot: Robot) -> Iterator[str]:
 def _is_singular(robot: Robot, q: Array) -> bool:
     """Whether the tool can hardly move in some direction, as of a straight arm; solving from there goes badly."""
     values = robot.singular_values(q)
-    return bool(values[-1] < SINGULAR * values[0])
+    return bool(values[-1] < 0.02 * values[0])  # 0.03 to 0.08 at the documented homes
 
 
 def _candidates(robot: Robot) -> Iterator[Home]:
     keyframe = _keyframe(robot)
     if keyframe is not None:
-        yield Home(keyframe, f"keyframe {KEYFRAME!r} of the file")
+        yield Home(keyframe, "keyframe 'home' of the file")
     for name in bundled.NAMES:
         if _has_the_joints_of(robot, name):
             yield documented_home(name)
             break
     yield Home(middle(robot), "the middle of the limits")
-    for q in sorted(spread(robot, RANDOM_TRIES), key=lambda q: _is_awkward(robot, q)):
+    # Of random configurations a real arm is free of self-contact in nine of ten.
+    for q in sorted(spread(robot, 200), key=lambda q: _is_awkward(robot, q)):
         yield Home(q, "a random search within the limits")
 
 
@@ -567,7 +528,7 @@ def _is_awkward(robot: Robot, q: Array) -> tuple[bool, bool]:
     heights.append(data.oMf[robot.frame_id()].translation[2])
     below = min(heights) < min(0.0, heights[0])
     margin = np.minimum(q - robot.lower, robot.upper - q)
-    return below, bool((margin < NEAR_LIMIT * (robot.upper - robot.lower))[~robot.unlimited].any())
+    return below, bool((margin < 0.1 * (robot.upper - robot.lower))[~robot.unlimited].any())
 
 
 def _has_the_joints_of(robot: Robot, name: str) -> bool:
@@ -578,7 +539,7 @@ def _has_the_joints_of(robot: Robot, name: str) -> bool:
     for row, placement in zip(rows[1:], list(robot.pin_model.jointPlacements)[2:], strict=True):
         rpy = np.array([bundled.parse_angle(value) for value in row["rpy"]])
         expected = pin.SE3(pin.rpy.rpyToMatrix(rpy), np.array(row["xyz"], dtype=np.float64))
-        if not np.allclose(placement.homogeneous, expected.homogeneous, rtol=0.0, atol=SAME_PLACE):
+        if not np.allclose(placement.homogeneous, expected.homogeneous, rtol=0.0, atol=1e-3):  # [m], or of a matrix
             return False
     return all(joint.shortname() == "JointModelRZ" for joint in list(robot.pin_model.joints)[1:])
 
@@ -591,7 +552,7 @@ def _keyframe(robot: Robot) -> Array | None:
     from jacokin.model.descriptions import mjcf
 
     for key in range(model.nkey):
-        if model.key(key).name == KEYFRAME:
+        if model.key(key).name == "home":
             addresses = model.jnt_qposadr[mjcf.joint_ids(model, robot.joint_names)]
             return np.array(model.key_qpos[key][addresses])
     return None

@@ -9,14 +9,9 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.model import batches
-from jacokin.model.joint_axes import axis_of
+from jacokin.model import kinematics
+from jacokin.model.kinematics import axis_of
 from jacokin.model.robot import Robot
-
-CLOSED = 1e-11  # [m] and [rad] an error below this is rounding
-LONGEST_STEP = 0.3  # [rad] of a coordinate in one Newton step
-ITERATIONS = 12
-DAMPING = 1e-14  # of a step of least length: what a singular Jacobian is inverted with
 
 
 class TargetRows(NamedTuple):
@@ -44,7 +39,7 @@ class Chain:
         """Read every joint of the model: its rotation is A + cos(q) B + sin(q) C."""
         self.dof = robot.dof
         model = robot.pin_model
-        self._arm = batches.arm_of(model, frame_id, tool)
+        self._arm = kinematics.arm_of(model, frame_id, tool)
         rows = np.zeros((robot.dof, 34))
         for index, row in enumerate(rows):
             placement, (axis, slides) = model.jointPlacements[index + 1], axis_of(model, index + 1)
@@ -58,12 +53,12 @@ class Chain:
 
     def placements(self, q: Array) -> tuple[Array, Array]:
         """Poses (k, 4, 4) of the tool in the base at configurations (k, dof), and its Jacobians (k, 6, dof) there."""
-        return batches.frames(self._arm, np.ascontiguousarray(q))
+        return kinematics.frames(self._arm, np.ascontiguousarray(q))
 
     def errors(self, x: Array, goal: TargetRows) -> tuple[Array, Array]:
         """Position (n,) [m] and orientation (n,) [rad, for small ones] errors at configurations (n, width)."""
         error = _error(
-            batches.poses(self._arm, np.ascontiguousarray(x[:, : self.dof])), _turned(goal, x[:, self.dof :])
+            kinematics.poses(self._arm, np.ascontiguousarray(x[:, : self.dof])), _turned(goal, x[:, self.dof :])
         )
         return np.linalg.norm(error[:, :3], axis=1), np.linalg.norm(error[:, 3:], axis=1)
 
@@ -91,18 +86,18 @@ class Chain:
         x = x.copy()
         worst = np.full(len(x), np.inf)
         active = np.arange(len(x))
-        for _ in range(ITERATIONS):
+        longest = 0.3  # [rad] step of a coordinate
+        for _ in range(12):
             error, jacobian = self.linearise(x[active], goal.some(active))
             worst[active] = np.maximum(np.linalg.norm(error[:, :3], axis=1), np.linalg.norm(error[:, 3:], axis=1))
-            going = worst[active] > CLOSED
+            going = worst[active] > 1e-11  # [m] and [rad] rounding
             if not going.any():
                 break
             active, error, jacobian = active[going], error[going], jacobian[going]
             if held is not None:
                 jacobian = jacobian * ~held[active, None, :]
             step = _solved(jacobian, error) if held is None and jacobian.shape[2] == 6 else _shortest(jacobian, error)
-            longest = np.abs(step).max(axis=1, keepdims=True)
-            x[active] += step * np.minimum(1.0, LONGEST_STEP / np.maximum(longest, LONGEST_STEP))
+            x[active] += step * (longest / np.maximum(np.abs(step).max(axis=1, keepdims=True), longest))
         return x, worst
 
 
@@ -139,5 +134,5 @@ def _shortest(jacobian: Array, error: Array) -> Array:
     """The steps (n, width) of least length."""
     back = np.swapaxes(jacobian, 1, 2)
     square = jacobian @ back
-    square[:, range(6), range(6)] += DAMPING
+    square[:, range(6), range(6)] += 1e-14  # a singular Jacobian is inverted, too
     return np.asarray((back @ np.linalg.solve(square, error[..., None]))[..., 0])

@@ -24,16 +24,13 @@ from jacokin import files
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, ModelError
 from jacokin.model import checks
-from jacokin.model.joint_axes import axis_of, frame_with_z
+from jacokin.model.kinematics import axis_of, frame_with_z
 
 FORMAT = 1
 FARTHEST = 0.1  # [m] that a joint can be from its place: more is another arm, or another unit
 STEEPEST = 0.5  # [rad] between an axis and its description
-UNIT = 1e-9  # that the length of an axis may miss one by: what rounding leaves in a file
 SCALES = (0.5, 2.0)  # of a transmission
 SOFTEST = 1.0  # [rad/(N m)]
-SAME_PLACE = 1e-9  # [m] and of a rotation matrix: placements are rounded to this before they are hashed
-DRIVES = "a transmission's scale or a joint that gives under load"
 
 Vector = tuple[float, float, float]
 
@@ -68,7 +65,7 @@ class MeasuredJoint:
         if far > FARTHEST:
             raise InvalidInputError(f"position is {far:.6g} m from the described place; at most {FARTHEST} m")
         length = math.hypot(*self.axis)
-        if not abs(length - 1.0) <= UNIT:
+        if not abs(length - 1.0) <= 1e-9:  # what rounding leaves in a file
             raise InvalidInputError(f"axis must be a unit vector, got one of length {length:.6g}")
         slope = math.atan2(math.hypot(*self.axis[:2]), self.axis[2])
         if slope > STEEPEST:
@@ -130,8 +127,9 @@ class MeasuredArm:
         self.check(model, base)
         if self.drives:
             raise ModelError(
-                f"the calibration has {DRIVES} ({', '.join(self.drives)}), which no robot of plain joints can hold: "
-                "Calibration.forward_kinematics has it; inverse kinematics and descriptions need a calibration without"
+                "the calibration has a transmission's scale or a joint that gives under load "
+                f"({', '.join(self.drives)}), which no robot of plain joints can hold: Calibration.forward_kinematics "
+                "has it; inverse kinematics and descriptions need a calibration without"
             )
         for index, (_, joint) in enumerate(self.joints, start=1):
             if joint != MeasuredJoint():
@@ -280,5 +278,5 @@ def joints_fingerprint(model: pin.Model, base: str) -> str:
     for index in range(1, model.njoints):
         placement = model.jointPlacements[index].homogeneous[:3]
         rows: NDArray[np.float64] = np.column_stack((placement, _turning_axis(model, index)))
-        content.update(np.round(rows / SAME_PLACE).astype(np.int64).tobytes())
+        content.update(np.round(rows / 1e-9).astype(np.int64).tobytes())
     return content.hexdigest()

@@ -23,22 +23,13 @@ from jacokin.model import checks, poses
 from jacokin.model.descriptions import bundled, mjcf, urdf
 from jacokin.model.descriptions.convex_parts import convex_parts
 from jacokin.model.descriptions.meshes import TriangleMesh
-from jacokin.model.descriptions.shapes import Shape, ShapesOfLinks, prepare_shapes
-from jacokin.model.joint_axes import axis_of
+from jacokin.model.descriptions.shapes import Shape, ShapesOfLinks, add_solid, prepare_shapes
+from jacokin.model.kinematics import axis_of
 from jacokin.model.robot import Robot, Source, checked_robot
 
-UNLIMITED = 1e6  # [rad] stands for an open side
-LOCKED_ROOM = 1e-9  # [rad] on both sides of a joint with equal limits
 BASE_BODY = "jacokin_base"
 PART = ", part "  # between the name of a shape and the number of a part of it
 HULLS = ("meshes collide as their convex hulls, which may touch where they do not; decompose=True takes convex parts",)
-STRETCHES = 8  # of the way from where the description has a gripper, so that its loops close as there
-CLOSING, FOLLOWING = 30, 2  # steps at most in which a closed loop is closed, at the end and on the way
-CLOSED = 1e-7  # [rad] or [m] of the last one
-STIFF = 1e4  # [1/m] of a loop beside its springs, so that these open it by less than a micrometre
-CHANGES = 4  # of the bounds that hold, for each joint
-PULLED = 1e-9  # of a gradient that leads away from a bound: rounding
-SLACK = 1e-3  # of a joint that neither a loop nor a spring holds
 MESH_GEOM = int(mujoco.mjtGeom.mjGEOM_MESH)
 # Off the joint's axes and turned, or MuJoCo's compiler marks the body for shortcuts that its true numbers forbid.
 PLACEHOLDER = """<inertial><origin xyz="0.1 0.2 0.3" rpy="0.3 0.2 0.1"/><mass value="1"/>
@@ -79,7 +70,14 @@ def compile_spec(spec: mujoco.MjSpec, robot: Robot) -> mujoco.MjModel:
 def to_spec(robot: Robot, *, geometry: bool = False, finger_angle: float | None = None) -> mujoco.MjSpec:
     """The twin of a robot before it is compiled: scene geometry can still be added.
 
-    With `finger_angle` [rad] the shapes of the fingers stand at that angle instead of the robot's own.
+    Args:
+        robot: the arm.
+        geometry: True for its collision shapes, too, and the pairs of them that MuJoCo would test for contact.
+        finger_angle: angle of the joints off the arm [rad]; None for the one the robot was loaded with.
+
+    Raises:
+        InvalidInputError: a finger angle that no joint off the arm can take.
+        ShapeError: a mesh is not found, or the shapes cannot be loaded.
     """
     model = robot.pin_model
     spec = mujoco.MjSpec()
@@ -103,8 +101,19 @@ def to_spec(robot: Robot, *, geometry: bool = False, finger_angle: float | None 
         carriers[frame.parentJoint].add_site(
             name=name, pos=frame.placement.translation, quat=poses.quaternion(frame.placement.rotation)
         )
-    if geometry:
-        add_shapes(spec, carriers, robot, finger_angle)
+    if not geometry:
+        return spec
+    source = with_shapes(robot).model
+    shapes, pairs = shapes_of_description(robot, finger_angle)
+    colours = {mjcf.geom_name(source, geom): _colour(source, geom) for geom in range(source.ngeom)}
+    for shape in shapes:
+        if shape.kind == "mesh":
+            spec.add_mesh(name=shape.name, uservert=shape.vertices.ravel())
+        added = add_solid(carriers[shape.joint], shape)
+        added.rgba, added.mass = colours[shape.name.rsplit(PART, 1)[0]], 0.0
+    for a, b in pairs:
+        first, second = shapes[a].name, shapes[b].name
+        spec.add_pair(name=f"{first}~{second}", geomname1=first, geomname2=second)
     return spec
 
 
@@ -118,9 +127,9 @@ def _add_joint(body: mujoco.MjsBody, robot: Robot, index: int) -> None:
     axis = axis_of(robot.pin_model, index)
     limited = bool(np.isfinite(robot.lower[index - 1]) or np.isfinite(robot.upper[index - 1]))
     # MuJoCo wants a finite range; one side may be open.
-    low, high = np.clip((robot.lower[index - 1], robot.upper[index - 1]), -UNLIMITED, UNLIMITED)
+    low, high = np.clip((robot.lower[index - 1], robot.upper[index - 1]), -1e6, 1e6)
     if not low < high:  # a locked joint: MuJoCo wants some room, answers are clamped to the robot's own limits
-        low, high = low - LOCKED_ROOM, high + LOCKED_ROOM
+        low, high = low - 1e-9, high + 1e-9
     body.add_joint(
         name=robot.joint_names[index - 1],
         type=mujoco.mjtJoint.mjJNT_SLIDE if axis.slides else mujoco.mjtJoint.mjJNT_HINGE,
@@ -130,35 +139,10 @@ def _add_joint(body: mujoco.MjsBody, robot: Robot, index: int) -> None:
     )
 
 
-def add_shapes(
-    spec: mujoco.MjSpec, carriers: list[mujoco.MjsBody], robot: Robot, finger_angle: float | None = None
-) -> None:
-    """Copy the collision shapes of the arm, and the pairs of them that MuJoCo would test for contact.
-
-    Args:
-        spec: the twin.
-        carriers: its bodies, by number of Pinocchio's joint that moves them.
-        robot: the arm.
-        finger_angle: angle of the joints off the arm [rad]; None for the one the robot was loaded with.
-
-    Raises:
-        InvalidInputError: a finger angle that no joint off the arm can take.
-        ShapeError: a mesh is not found, or the shapes cannot be loaded.
-    """
-    source = with_shapes(robot).model
-    shapes, pairs = shapes_of_description(robot, finger_angle)
-    colours = {mjcf.geom_name(source, geom): _colour(source, geom) for geom in range(source.ngeom)}
-    for shape in shapes:
-        _add_geom(spec, carriers[shape.joint], shape, colours[shape.name.rsplit(PART, 1)[0]])
-    for a, b in pairs:
-        first, second = shapes[a].name, shapes[b].name
-        spec.add_pair(name=f"{first}~{second}", geomname1=first, geomname2=second)
-
-
 def shapes_of_description(robot: Robot, finger_angle: float | None = None) -> ShapesOfLinks:
     """The collision shapes of the arm in the order of the joints that carry them, and the pairs that MuJoCo would test.
 
-    Meshes have their vertices, and collide as their convex hulls. Arguments and errors as of `add_shapes`.
+    Meshes have their vertices, and collide as their convex hulls. Arguments and errors as of `to_spec`.
     """
     source = with_shapes(robot).model
     model = robot.pin_model
@@ -191,11 +175,7 @@ def _parts(robot: Robot, shape: Shape, source: mujoco.MjModel, geom: int) -> lis
     parts = robot.once(_parts_of_meshes, carried=True)[int(source.geom_dataid[geom])]
     if len(parts) == 1:
         return [shape._replace(vertices=parts[0])]
-    return [shape._replace(name=_part_name(shape.name, number), vertices=part) for number, part in enumerate(parts)]
-
-
-def _part_name(name: str, number: int) -> str:
-    return f"{name}{PART}{number + 1}"
+    return [shape._replace(name=f"{shape.name}{PART}{k}", vertices=part) for k, part in enumerate(parts, start=1)]
 
 
 def _parts_of_meshes(robot: Robot) -> dict[int, list[Array]]:
@@ -314,13 +294,14 @@ class _JointsOffArm:
             raise InvalidInputError(f"finger_angle = {angle} rad: {reason}")
         moved, ends = list(wanted), np.array(list(wanted.values()))
         if passive:
+            # From where the description has the gripper, so that its loops close as there.
             loops, start = mjcf.joint_ids(source, sorted(passive)), self._data.qpos[moved]
-            for part in np.linspace(0.0, 1.0, STRETCHES + 1)[:-1]:
+            for part in np.linspace(0.0, 1.0, 9)[:-1]:
                 self._data.qpos[moved] = start + part * (ends - start)
-                _close_loops(source, self._data, loops, FOLLOWING)
+                _close_loops(source, self._data, loops, steps=2)
         self._data.qpos[moved] = ends
         if passive:
-            _close_loops(source, self._data, loops, CLOSING)
+            _close_loops(source, self._data, loops, steps=30)
         mujoco.mj_kinematics(source, self._data)
 
     def placement(self, body: int, carrier: int) -> pin.SE3:
@@ -361,6 +342,10 @@ def _close_loops(source: mujoco.MjModel, data: mujoco.MjData, joints: Sequence[i
     Where a loop leaves a joint free, as in fingers that adapt to what they hold, springs and limits decide as they do
     with nothing between the fingers.
     """
+    from scipy.optimize import lsq_linear  # only such grippers need it
+
+    stiff = 1e4  # [1/m] of a loop beside its springs, so that these open it by less than a micrometre
+    slack = 1e-3  # of a joint that neither a loop nor a spring holds
     dofs, places = source.jnt_dofadr[joints], source.jnt_qposadr[joints]
     unlimited = source.jnt_limited[joints] == 0
     low = np.where(unlimited, -np.inf, source.jnt_range[joints, 0])
@@ -370,34 +355,12 @@ def _close_loops(source: mujoco.MjModel, data: mujoco.MjData, joints: Sequence[i
     for _ in range(steps):
         residual, jacobian = _equations(source, data)
         at = data.qpos[places]
-        matrix = np.vstack([STIFF * jacobian[:, dofs], np.diag(springs), SLACK * np.eye(len(joints))])
-        wanted = np.concatenate([-STIFF * residual, springs * (rest - at), np.zeros(len(joints))])
-        step = _bounded(matrix, wanted, low - at, high - at)
+        matrix = np.vstack([stiff * jacobian[:, dofs], np.diag(springs), slack * np.eye(len(joints))])
+        wanted = np.concatenate([-stiff * residual, springs * (rest - at), np.zeros(len(joints))])
+        step = lsq_linear(matrix, wanted, (low - at, high - at), method="bvls").x
         data.qpos[places] += step
-        if np.abs(step).max() <= CLOSED:
+        if np.abs(step).max() <= 1e-7:  # [rad] or [m]
             break
-
-
-def _bounded(matrix: Array, wanted: Array, low: Array, high: Array) -> Array:
-    """The least-squares solution (n,) within bounds around zero, by an active set."""
-    step, held = np.clip(np.zeros(len(low)), low, high), np.zeros(len(low), dtype=np.bool_)
-    for _ in range(CHANGES * len(low)):
-        end = step.copy()
-        end[~held] = np.linalg.lstsq(matrix[:, ~held], wanted - matrix[:, held] @ step[held], rcond=None)[0]
-        move = end - step
-        with np.errstate(divide="ignore", invalid="ignore"):
-            part = np.where(held | (move == 0.0), np.inf, (np.where(move > 0.0, high, low) - step) / move)
-        first = int(part.argmin())
-        if part[first] < 1.0:  # a bound in between
-            step = np.clip(step + part[first] * move, low, high)
-            held[first] = True
-            continue
-        step, slope = end, matrix.T @ (wanted - matrix @ end)
-        pulled = np.where(held & np.where(step <= low, slope > 0.0, slope < 0.0), np.abs(slope), 0.0)
-        if pulled.max() <= PULLED:
-            break
-        held[pulled.argmax()] = False
-    return step
 
 
 def _equations(source: mujoco.MjModel, data: mujoco.MjData) -> tuple[Array, Array]:
@@ -413,25 +376,6 @@ def _equations(source: mujoco.MjModel, data: mujoco.MjData) -> tuple[Array, Arra
         jacobian = data.efc_J.reshape(data.nefc, source.nv)
     rows = data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
     return data.efc_pos[rows].copy(), jacobian[rows].copy()
-
-
-def _add_geom(spec: mujoco.MjSpec, body: mujoco.MjsBody, shape: Shape, colour: Array) -> None:
-    """One shape; meshes are copied as vertices, and collide as their convex hull, as in MuJoCo."""
-    given: dict[str, object] = {"size": shape.size}
-    if shape.kind == "mesh":
-        given = {"meshname": shape.name}
-        spec.add_mesh(name=shape.name, uservert=shape.vertices.ravel())
-    added = body.add_geom(
-        name=shape.name,
-        type=getattr(mujoco.mjtGeom, f"mjGEOM_{shape.kind.upper()}"),
-        pos=shape.placement.translation,
-        quat=poses.quaternion(shape.placement.rotation),
-        contype=0,
-        conaffinity=0,
-        rgba=colour,
-        **given,
-    )
-    added.mass = 0.0
 
 
 def _colour(source: mujoco.MjModel, geom: int) -> Array:

@@ -12,13 +12,9 @@ import numpy as np
 
 from jacokin.kernels.contact.run import LIST_TOUCHING, TASK, make_contact_work, run_contact
 from jacokin.kernels.library import Call
-from jacokin.model.contact_arrays import NO_WORLD, ArmArrays, ShapeRow, arm_arrays, joined, joints_about_z, shape_row
+from jacokin.model.contact_arrays import NO_WORLD, ArmArrays, ShapeRow, arm_arrays, joined, joints_about_z, shape_rows
 from jacokin.model.descriptions.shapes import NO_VERTICES, Shape, read_bundled
 from jacokin.model.robot import Robot, middle, spread
-
-OVERLAPPING_IN = 200  # random configurations; shapes that touch in all of them are taken to touch everywhere
-COLLISION = "<collision"  # how such an element begins in the text of a URDF that was read and written again
-ROUNDING = 1e-12  # [m, or of a matrix] between places of one shape that were computed in two ways
 
 
 class OwnShapes(NamedTuple):
@@ -55,7 +51,7 @@ def own_shapes(robot: Robot, finger_angle: float | None = None) -> OwnShapes:
 def may_collide(robot: Robot) -> bool:
     """Whether the description may have collision shapes: a URDF without them is not given to MuJoCo."""
     content = robot.source.content
-    return not isinstance(content, str) or COLLISION in content
+    return not isinstance(content, str) or "<collision" in content
 
 
 def overlapping(robot: Robot) -> frozenset[frozenset[str]]:
@@ -74,13 +70,13 @@ def _make_own_shapes(robot: Robot) -> OwnShapes:
     if robot.source.bundled is not None:
         links = {name: robot.frame_id(name) for name in robot.frames}
         shapes, pairs = read_bundled(robot.source.bundled, robot.pin_model, links)
-        return _prepared(robot, shapes, pairs, frozenset(), [shape_row(robot.pin_model, each) for each in shapes])
+        return _prepared(robot, shapes, pairs, frozenset(), shape_rows(robot.pin_model, shapes))
     if not may_collide(robot):
         return _prepared(robot, [], [], frozenset(), [])
     from jacokin.model.mujoco_twin import shapes_of_description
 
     shapes, pairs = shapes_of_description(robot)
-    rows = [shape_row(robot.pin_model, shape) for shape in shapes]
+    rows = shape_rows(robot.pin_model, shapes)
     everything = _prepared(robot, shapes, pairs, frozenset(), rows)
     always = _touching_everywhere(robot, everything)
     return _prepared(robot, shapes, pairs, always, rows) if always else everything
@@ -92,12 +88,14 @@ def _make_at_angle(robot: Robot, finger_angle: float) -> OwnShapes:
 
     own = own_shapes(robot)
     shapes, pairs = shapes_of_description(robot, finger_angle)
-    same = {shape.name: (shape.placement, row) for shape, row in zip(own.shapes, own.rows, strict=True)}
-    rows = []
-    for shape in shapes:
-        placement, row = same[shape.name]
-        moved = not np.allclose(placement.homogeneous, shape.placement.homogeneous, rtol=0.0, atol=ROUNDING)
-        rows.append(shape_row(robot.pin_model, shape) if moved else row)
+    here = {shape.name: (shape.placement.homogeneous, row) for shape, row in zip(own.shapes, own.rows, strict=True)}
+    moved = [
+        shape
+        for shape in shapes
+        if not np.allclose(here[shape.name][0], shape.placement.homogeneous, rtol=0.0, atol=1e-12)  # rounding
+    ]
+    there = dict(zip([shape.name for shape in moved], shape_rows(robot.pin_model, moved), strict=True))
+    rows = [there.get(shape.name) or here[shape.name][1] for shape in shapes]
     return _prepared(robot, shapes, pairs, own.overlapping, rows)
 
 
@@ -117,12 +115,12 @@ def _prepared(
 
 
 def _touching_everywhere(robot: Robot, own: OwnShapes) -> frozenset[frozenset[str]]:
-    """Names of shapes that touch in all of some configurations."""
+    """Names of shapes that touch in all of some configurations, so many that they are taken to touch everywhere."""
     call = Call(run_contact, make_contact_work(joined(own.arrays, NO_WORLD), 1))
     call.work.integers[TASK] = LIST_TOUCHING
     numbers, names = own.arrays.numbers.tolist(), own.names
     found: set[frozenset[str]] | None = None
-    for q in (middle(robot), *spread(robot, OVERLAPPING_IN)):
+    for q in (middle(robot), *spread(robot, 200)):
         call.work.q[: q.size] = q
         pairs = call.work.hits.pairs[: call()].tolist()
         touching = {frozenset((names[numbers[a]], names[numbers[b]])) for a, b in pairs}

@@ -26,13 +26,10 @@ if TYPE_CHECKING:
 
 NAME = "the name of an obstacle"
 RADIUS = 0.005  # [m] half of what lies between two points of a depth camera a metre and a half away, and its noise
-SMALLEST = 1e-6  # [m] MuJoCo wants a radius
 FARTHEST = 1e6  # [m] farther points are a mistake, and their squares lose what contact is computed with
 
 ENDINGS = (".ply", ".npz")
 LARGEST = 500_000_000  # [byte] of a .ply file: 20 million points with three doubles each
-HEADER = 10_000  # [byte] of the header of a .ply file
-ARRAY = "points"  # of an .npz file
 # PLY's types, by both of their names, as NumPy's (Turk: The PLY Polygon File Format, 1994).
 TYPES = {"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4"}
 TYPES |= {"int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4"}
@@ -105,7 +102,7 @@ class PointCloud:
             body.add_geom(
                 name=self.name if k == 0 else f"{self.name}_{k}",
                 type=mujoco.mjtGeom.mjGEOM_SPHERE,
-                size=[max(self.radius, SMALLEST), 0.0, 0.0],
+                size=[max(self.radius, 1e-6), 0.0, 0.0],  # MuJoCo wants a radius
                 pos=self.pose.act(point),
                 contype=0,
                 conaffinity=0,
@@ -227,11 +224,11 @@ def read_points(path: Path) -> Array:
     if _ending(path) == ".ply":
         return _read_ply(path)
     arrays = files.read_arrays(path, "is not an .npz file")
-    if ARRAY not in arrays:
-        raise InvalidInputError(f"{path}: has no array {ARRAY!r}, only {', '.join(map(repr, arrays)) or 'none'}")
-    found = arrays[ARRAY]
+    if "points" not in arrays:
+        raise InvalidInputError(f"{path}: has no array 'points', only {', '.join(map(repr, arrays)) or 'none'}")
+    found = arrays["points"]
     if found.ndim != 2 or found.shape[1] != 3 or found.dtype.kind not in "iuf":
-        raise InvalidInputError(f"{path}: {ARRAY!r} must hold numbers of shape (n, 3), not {found.dtype} {found.shape}")
+        raise InvalidInputError(f"{path}: 'points' must hold numbers of shape (n, 3), not {found.dtype} {found.shape}")
     return found.astype(np.float64)
 
 
@@ -272,7 +269,7 @@ class _Header(NamedTuple):
 def _read_ply(path: Path) -> Array:
     """The vertices (n, 3) of a .ply file; errors as of `read_points`."""
     content = files.read_bytes(path, LARGEST)
-    end = content.find(b"end_header", 0, HEADER)
+    end = content.find(b"end_header", 0, 10_000)
     start = content.find(b"\n", end) + 1
     if not content.startswith(b"ply") or end < 0 or not start:
         raise InvalidInputError(f"{path}: is not a .ply file")

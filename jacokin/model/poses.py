@@ -31,7 +31,6 @@ ORTHONORMAL = 1e-14  # |R^T R - I| of a product of a dozen rotations: rounding, 
 DOWN_QUAT_WXYZ = (0.0, math.sqrt(0.5), math.sqrt(0.5), 0.0)
 TURN_TOLERANCE = 1e-12  # [rad] a range this near to a full turn, shorter or longer, is one: what a double resolves
 FARTHEST_ANGLE = 1e3  # [rad] of a range: a parameter keeps its digits
-VERTICAL = 1e-9  # sine; an approach this near to vertical has no horizontal direction of its own
 
 Kind = TypeVar("Kind")
 
@@ -144,8 +143,8 @@ def pose_to_kinova(pose: pin.SE3 | ArrayLike) -> tuple[Array, Array]:
 
 def _facing(z: Array) -> Array:
     """The rotation (3, 3) of a tool whose z axis points along a unit vector (3,), its x axis horizontal."""
-    across = math.hypot(z[0], z[1])
-    x = np.array([0.0, 1.0, 0.0]) if across < VERTICAL else np.array([-z[1], z[0], 0.0]) / across
+    across = math.hypot(z[0], z[1])  # the sine of the angle from the vertical, which has no horizontal direction
+    x = np.array([0.0, 1.0, 0.0]) if across < 1e-9 else np.array([-z[1], z[0], 0.0]) / across
     x = x - (x @ z) * z
     x /= np.linalg.norm(x)
     return np.column_stack([x, np.cross(z, x), z])

@@ -7,7 +7,6 @@ A `Robot` is parsed, checked and immutable; `load_robot` makes one. Public joint
 from __future__ import annotations
 
 import hashlib
-import math
 import threading
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -23,20 +22,15 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, ModelError, UnknownNameError, shown
 from jacokin.kernels.configurations.arm import Arm
 from jacokin.kernels.configurations.dynamics import Bodies
-from jacokin.model import angles, batches, checks, dynamics, jacobians
+from jacokin.model import angles, checks, dynamics, kinematics
 from jacokin.model.descriptions import bundled, chain
-from jacokin.model.descriptions.srdf import DisabledPairs
-from jacokin.model.descriptions.tools import usual_tools
+from jacokin.model.descriptions.tools import frames_on, slides, usual_tools
+from jacokin.model.descriptions.urdf import DisabledPairs
 from jacokin.model.dynamics import ExternalWrench
 from jacokin.model.measured_arm import MeasuredArm
 
 if TYPE_CHECKING:
     import mujoco
-
-TIME_TO_SPEED = 0.3  # [s] from rest to full speed of an arm whose accelerations nobody states; the Jaco takes as long
-UNLIMITED_RANGE = (-np.pi, np.pi)  # [rad] half-open, for sampling a joint without limits
-OWN_MARGIN = 0.02  # [m] for the noise of a camera, and where shapes are smaller than the arm itself
-MOST_KEPT = 16  # results of one function that a robot keeps: for several tools, or angles of the fingers
 
 Made = TypeVar("Made")
 
@@ -83,9 +77,7 @@ class Robot:
         #: `lower` and `upper` as plain floats, for callers inside the package.
         self.limit_values: tuple[list[float], list[float]] = (self.lower.tolist(), self.upper.tolist())
         self.unlimited: NDArray[np.bool_] = checks.sealed(np.isinf(self.lower) & np.isinf(self.upper))
-        self.sliding = checks.sealed(
-            np.array(["JointModelP" in joint.shortname() for joint in model.joints[1:]], dtype=np.bool_)
-        )
+        self.sliding = checks.sealed(np.array([slides(model, joint) for joint in range(1, model.njoints)], np.bool_))
         self.velocity_limit = checks.read_only(model.velocityLimit)
         self.effort_limit = checks.read_only(model.effortLimit)
         self.acceleration_limit = checks.read_only(_acceleration_limit(known.source.bundled, self.joint_names))
@@ -143,7 +135,7 @@ class Robot:
     def _keep(self, key: tuple[Hashable, ...], made: object, *, carried: bool) -> None:
         """Keep what was made, and let go of the oldest of the same function."""
         older = [each for each in self._kept if each[0] is key[0] and each != key]
-        for each in older[: max(len(older) + 1 - MOST_KEPT, 0)]:
+        for each in older[: max(len(older) - 15, 0)]:  # 16 are enough for several tools, or angles of the fingers
             del self._kept[each]
             self._to_carry.discard(each)
         self._kept[key] = made
@@ -233,7 +225,7 @@ class Robot:
         """
         at, frame_id = checks.vector_or_rows("q", q, self.dof, "rad"), self.frame_id(frame)
         if at.ndim == 2:
-            return batches.poses(self._arm_of(frame_id), at)
+            return kinematics.poses(self._arm_of(frame_id), at)
         model, data = self.pin_model, self._data
         pin.forwardKinematics(model, data, at)
         return pin.updateFramePlacement(model, data, frame_id).copy()
@@ -278,10 +270,10 @@ class Robot:
         at, frame_id, axes = (
             checks.vector_or_rows("q", q, self.dof, "rad"),
             self.frame_id(frame),
-            jacobians.reference_frame(reference),
+            kinematics.reference_frame(reference),
         )
         if at.ndim == 2:
-            return batches.jacobians(self._arm_of(frame_id), at, reference)
+            return kinematics.jacobians(self._arm_of(frame_id), at, reference)
         jacobian: Array = pin.computeFrameJacobian(self.pin_model, self._data, at, frame_id, axes)
         return jacobian if jacobian.ndim == 2 else jacobian.reshape(6, 1)  # Pinocchio's form for a single joint
 
@@ -290,7 +282,7 @@ class Robot:
     ) -> Array:
         """Time derivative of `jacobian` along joint velocities `v` [rad/s]; (6, dof). Errors as `jacobian`."""
         model, data, at, velocity = self.pin_model, self._data, self.configuration(q), self.configuration(v, "v")
-        frame_id, axes = self.frame_id(frame), jacobians.reference_frame(reference)
+        frame_id, axes = self.frame_id(frame), kinematics.reference_frame(reference)
         pin.computeJointJacobiansTimeVariation(model, data, at, velocity)
         pin.updateFramePlacement(model, data, frame_id)
         derivative: Array = pin.getFrameJacobianTimeVariation(model, data, frame_id, axes)
@@ -301,7 +293,7 @@ class Robot:
     ) -> Array:
         """Kinematic Hessian, (6, dof, dof): [:, j, k] = d J[:, j] / d q_k. Errors as `jacobian`."""
         model, data, at = self.pin_model, self._data, self.configuration(q)
-        frame_id, axes = self.frame_id(frame), jacobians.reference_frame(reference)
+        frame_id, axes = self.frame_id(frame), kinematics.reference_frame(reference)
         pin.computeJointJacobians(model, data, at)
         pin.updateFramePlacement(model, data, frame_id)
         pin.computeJointKinematicHessians(model, data)
@@ -327,7 +319,7 @@ class Robot:
         """
         q = self.configuration(q)
         rotation = self.forward_kinematics(q, frame).rotation
-        return jacobians.analytical(rotation, self.jacobian(q, frame), representation)
+        return kinematics.analytical(rotation, self.jacobian(q, frame), representation)
 
     def singular_values(self, q: ArrayLike, frame: str | None = None) -> Array:
         """Singular values of the Jacobian, largest first (metres and radians mixed): (k,), or (n, k) for q (n, dof).
@@ -359,7 +351,7 @@ class Robot:
         self.check_masses()
         at = checks.vector_or_rows("q", q, self.dof, "rad")
         if at.ndim == 2:
-            return batches.mass_matrices(*self._weighed_arm(), at)
+            return dynamics.mass_matrices(*self._weighed_arm(), at)
         matrix: Array = pin.crba(self.pin_model, self._data, at)
         return matrix.copy() if matrix.ndim == 2 else matrix.reshape(1, 1).copy()  # Pinocchio's form for a single joint
 
@@ -382,7 +374,7 @@ class Robot:
         at = checks.vector_or_rows("q", q, self.dof, "rad")
         if at.ndim == 2:
             still = np.zeros(at.shape)
-            return batches.torques(*self._weighed_arm(), at, still, still, dynamics.gravity(self.pin_model, base))
+            return dynamics.torques(*self._weighed_arm(), at, still, still, dynamics.gravity(self.pin_model, base))
         torque: Array = pin.computeGeneralizedGravity(self.pin_model, self._data, at)
         return torque.copy() if base is None else torque - self._push(at, None, None, base)
 
@@ -443,7 +435,7 @@ class Robot:
             )
         if at.ndim == 2:
             gravity = dynamics.gravity(model, base)
-            torque = batches.torques(*self._weighed_arm(), at, velocity, acceleration, gravity)
+            torque = dynamics.torques(*self._weighed_arm(), at, velocity, acceleration, gravity)
             pushed = self._pushes(at, external, frame)
             return dynamics.all_answered(model, at, torque if pushed is None else torque - pushed)
         torque = pin.rnea(model, self._data, at, velocity, acceleration)
@@ -609,7 +601,7 @@ class Robot:
         if external is None:
             return None
         wrench = checks.vector("external", external, 6, "N, N m")
-        along = batches.jacobians(self._arm_of(frame_id), q, "local_world_aligned").swapaxes(1, 2)
+        along = kinematics.jacobians(self._arm_of(frame_id), q, "local_world_aligned").swapaxes(1, 2)
         with np.errstate(over="ignore", invalid="ignore"):  # wrenches too large are refused with the answer
             return np.asarray(along @ wrench)
 
@@ -638,8 +630,8 @@ class Robot:
         """
         checks.generator("rng", rng)
         size = checks.optional(checks.whole_number, "size", size)
-        lower = np.where(self.unlimited, UNLIMITED_RANGE[0], self.lower)
-        upper = np.where(self.unlimited, UNLIMITED_RANGE[1], self.upper)
+        lower = np.where(self.unlimited, -np.pi, self.lower)
+        upper = np.where(self.unlimited, np.pi, self.upper)
         if not np.isfinite(upper - lower).all():
             name = self.joint_names[int(np.argmin(np.isfinite(upper - lower)))]
             raise InvalidInputError(f"joint {name!r} is limited on one side only; sampling needs limits={{...}} for it")
@@ -672,7 +664,7 @@ class Robot:
         return scene.measure(self, checks.matrix("q", given, self.dof, "rad"), self_collision=self_collision)
 
     def without_own_points(
-        self, q: ArrayLike, points: ArrayLike, *, margin: float = OWN_MARGIN, scene: SceneLike | None = None
+        self, q: ArrayLike, points: ArrayLike, *, margin: float = 0.02, scene: SceneLike | None = None
     ) -> Array:
         """The points that are not on the arm: what a camera sees of it is no obstacle.
 
@@ -681,8 +673,9 @@ class Robot:
         Args:
             q: (dof,) joint angles when the points were seen [rad].
             points: (n, 3) in the base [m].
-            margin: points this near to a shape are left out, too [m]. More than the radius and clearance that the
-                points are to have as obstacles, and how far the arm may be from its description.
+            margin: points this near to a shape are left out, too [m]. More than the noise of the camera, than the
+                radius and clearance that the points are to have as obstacles, and how far the arm may be from its
+                description.
             scene: a `jacokin.ik.Scene` for the angle of the fingers and the shapes that the arm holds, which are left
                 out as the arm is; None for the angle that the robot was loaded with.
 
@@ -710,9 +703,7 @@ class Robot:
     @cached_property
     def tool_frames(self) -> tuple[str, ...]:
         """Frames on the last link that are called as tools are, the most usual first; all of them where none is."""
-        frames = self.pin_model.frames
-        last = [name for name in self.frames if frames[self.frame_id(name)].parentJoint == self.dof]
-        return tuple(usual_tools(last) or last)
+        return tuple(dict.fromkeys(usual_tools(frames_on(self.pin_model, self.dof))))
 
     @cached_property
     def notes(self) -> tuple[str, ...]:
@@ -728,13 +719,7 @@ class Robot:
         Raises:
             InvalidInputError: it gives none for a joint.
         """
-        missing = [name for name, limit in zip(self.joint_names, self.effort_limit, strict=True) if np.isinf(limit)]
-        if missing:
-            raise InvalidInputError(
-                f"the description of {self.name} ({self.source.path}) gives no effort limits for {', '.join(missing)}; "
-                "pass torque_limit= [N m] in numbers"
-            )
-        return self.effort_limit
+        return _stated(self, "effort", self.effort_limit, "torque_limit= [N m] in numbers")
 
     @cached_property
     def _found_home(self) -> Home:
@@ -837,7 +822,6 @@ def checked_robot(name: str, value: object) -> Robot:
 
 FASTEST = 1e4  # [rad/s] 1,600 turns a second; [m/s] where a joint slides
 HARDEST = 1e6  # [rad/s^2] full speed of a fast arm within a few microseconds
-SUDDENEST = 1e9  # [rad/s^3]
 
 
 def copies_counted(robot: Robot) -> NDArray[np.int64]:
@@ -867,14 +851,23 @@ def _own_velocities(robot: Robot) -> Array:
     Raises:
         InvalidInputError: its file gives none, or one that is not positive.
     """
-    own = robot.velocity_limit.tolist()
-    missing = [name for name, limit in zip(robot.joint_names, own, strict=True) if not math.isfinite(limit)]
+    own = _stated(robot, "velocity", robot.velocity_limit, "velocity_limit= [rad/s]")
+    return checks.positive_vector("velocity_limit", np.minimum(own, FASTEST), robot.dof, "rad/s")
+
+
+def _stated(robot: Robot, what: str, limits: Array, cure: str) -> Array:
+    """Limits (dof,) of a robot, which its file gives for every joint.
+
+    Raises:
+        InvalidInputError: it gives none for a joint.
+    """
+    missing = [name for name, limit in zip(robot.joint_names, limits, strict=True) if np.isinf(limit)]
     if missing:
         raise InvalidInputError(
-            f"the description of {robot.name} ({robot.source.path}) gives no velocity limits for {', '.join(missing)}; "
-            "pass velocity_limit= [rad/s]"
+            f"the description of {robot.name} ({robot.source.path}) gives no {what} limits for {', '.join(missing)}; "
+            f"pass {cure}"
         )
-    return checks.positive_vector("velocity_limit", np.minimum(robot.velocity_limit, FASTEST), robot.dof, "rad/s")
+    return limits
 
 
 def acceleration_limits(robot: Robot, value: ArrayLike) -> Array:
@@ -892,7 +885,7 @@ def jerk_limits(robot: Robot, value: ArrayLike | None) -> Array | None:
     Raises:
         InvalidInputError: malformed, not positive or more than 1e9 rad/s^3.
     """
-    return None if value is None else _bounded("jerk_limit", value, robot.dof, "rad/s^3", SUDDENEST)
+    return None if value is None else _bounded("jerk_limit", value, robot.dof, "rad/s^3", 1e9)
 
 
 def _bounded(name: str, value: ArrayLike, size: int, unit: str, most: float, *, infinite: bool = False) -> Array:
@@ -918,14 +911,14 @@ def _acceleration_limit(name: str | None, joint_names: Sequence[str]) -> Array:
 def tracking_accelerations(robot: Robot, value: ArrayLike | None, velocity: Array) -> Array:
     """The given limits (dof,) or one for all [rad/s^2], inf for none, or the robot's own.
 
-    A robot without ones of its own takes 0.3 s from rest to its velocity limits (dof,) [rad/s].
+    A robot without ones of its own takes 0.3 s from rest to its velocity limits (dof,) [rad/s], as the Jaco does.
 
     Raises:
         InvalidInputError: malformed, not positive, or finite and more than 1e6 rad/s^2.
     """
     if value is None:
         own = robot.acceleration_limit
-        return np.where(np.isfinite(own), own, velocity / TIME_TO_SPEED)
+        return np.where(np.isfinite(own), own, velocity / 0.3)
     return _bounded("acceleration_limit", value, robot.dof, "rad/s^2", HARDEST, infinite=True)
 
 
@@ -983,8 +976,8 @@ def spread(robot: Robot, count: int) -> Array:
 
 
 def _arm_up_to(robot: Robot, frame_id: int) -> Arm:
-    return batches.arm_of(robot.pin_model, frame_id)
+    return kinematics.arm_of(robot.pin_model, frame_id)
 
 
 def _arm_with_bodies(robot: Robot) -> tuple[Arm, Bodies]:
-    return batches.arm_of(robot.pin_model), batches.bodies_of(robot.pin_model)
+    return kinematics.arm_of(robot.pin_model), dynamics.bodies_of(robot.pin_model)

@@ -26,13 +26,13 @@ from jacokin.model.obstacles import (
     Cylinder,
     Floor,
     Obstacle,
+    OtherRobot,
+    RobotPart,
     Sphere,
     Surroundings,
-    checked_obstacles,
     place,
 )
-from jacokin.model.other_robot import OtherRobot, RobotPart
-from jacokin.model.point_cloud import PointCloud
+from jacokin.model.point_cloud import NAME, PointCloud
 from jacokin.model.poses import pose
 from jacokin.model.robot import Robot
 from jacokin.model.surrounded import make_world, surround
@@ -45,7 +45,6 @@ def _load_robot(name: str, robot: str, q: ArrayLike, base: pin.SE3, finger_angle
     return OtherRobot(name, load_robot(robot), q, base, finger_angle)
 
 
-ENDINGS = (".yaml", ".yml", ".json")
 ORIENTATION = ("quat_wxyz", "rpy")
 # Each shape of a file, and its keys beside "shape" and "name": those that it needs, and others.
 SHAPES: Mapping[str, tuple[Callable[..., Obstacle | OtherRobot], tuple[str, ...], tuple[str, ...]]] = {
@@ -57,11 +56,6 @@ SHAPES: Mapping[str, tuple[Callable[..., Obstacle | OtherRobot], tuple[str, ...]
     "point_cloud": (PointCloud.load, ("file",), ("radius", "position", *ORIENTATION)),
     "robot": (_load_robot, ("robot", "q", "position"), ("finger_angle", *ORIENTATION)),
 }
-ALL_KEYS = ("shape", "name", *dict.fromkeys(key for _, needed, more in SHAPES.values() for key in (*needed, *more)))
-
-GEOM = mujoco.mjtGeom
-HORIZONTAL = 1e-9  # a plane whose normal misses the vertical by less is a floor
-THINNEST = 1e-6  # [m] of a bounding box: a flat mesh has no thickness
 
 
 class Scene:
@@ -393,10 +387,21 @@ def _checked(obstacles: Iterable[Obstacle]) -> tuple[Obstacle, ...]:
     """The obstacles of a list.
 
     Raises:
-        InvalidInputError: as of `checked_obstacles`, or a robot and a shape share a name.
+        InvalidInputError: it is not a list, or one is not an obstacle with a name, or two share a name, a robot and a
+            shape as well.
     """
-    found = checked_obstacles(obstacles)
-    names = {each.name for each in found}
+    found = checks.listed("obstacles", obstacles)
+    names = set()
+    for shape in found:
+        name = getattr(shape, "name", None)
+        if not callable(getattr(shape, "add_to", None)) or not isinstance(name, str) or not name:
+            raise checks.refusal(
+                "obstacles", "shapes with a name (Box, Sphere, Capsule, Cylinder, Floor, PointCloud)", shape
+            )
+        checks.word(NAME, name)
+        if name in names:
+            raise InvalidInputError(f"the name {name!r} is used by two shapes; names must differ")
+        names.add(name)
     for robot in dict.fromkeys(each.robot for each in found if isinstance(each, RobotPart)):
         if robot.name in names:
             raise InvalidInputError(f"the name {robot.name!r} is used by a robot and a shape; names must differ")
@@ -455,8 +460,8 @@ def _read_file(file: Path) -> tuple[list[Obstacle], float | None, tuple[tuple[st
 def _content(file: Path) -> object:
     """What a file holds, as plain Python."""
     ending = file.suffix.lower()
-    if ending not in ENDINGS:
-        raise InvalidInputError(f"the file of a scene must end in {' or '.join(ENDINGS)}, got {str(file)!r}")
+    if ending not in (".yaml", ".yml", ".json"):
+        raise InvalidInputError(f"the file of a scene must end in .yaml or .yml or .json, got {str(file)!r}")
     return files.read_json(file, "not a JSON file") if ending == ".json" else files.read_yaml(file, "not a YAML file")
 
 
@@ -469,7 +474,8 @@ def _obstacle(where: str, entry: object, index: int, folder: Path) -> Obstacle |
     """
     given = checks.mapping(where, entry, "a mapping with the key 'shape'")
     if "shape" not in given:
-        _check_keys(where, given, ALL_KEYS)
+        known = dict.fromkeys(key for _, needed, more in SHAPES.values() for key in (*needed, *more))
+        _check_keys(where, given, ("shape", "name", *known))
         raise InvalidInputError(f"{where}: needs the key 'shape', one of {', '.join(SHAPES)}")
     shape = checks.choice(f"shape in {where}:", given["shape"], SHAPES)
     build, needed, more = SHAPES[shape]
@@ -521,17 +527,18 @@ def _collect_geoms(model: mujoco.MjModel, base: str | pin.SE3 | None, exclude: I
 def _obstacle_of_geom(model: mujoco.MjModel, geom: int, pose: pin.SE3) -> Obstacle:
     name = mjcf.geom_name(model, geom)
     kind, size = int(model.geom_type[geom]), model.geom_size[geom]
-    if kind == GEOM.mjGEOM_PLANE:
-        if pose.rotation[2, 2] < 1.0 - HORIZONTAL:
+    if kind == mujoco.mjtGeom.mjGEOM_PLANE:
+        if pose.rotation[2, 2] < 1.0 - 1e-9:
             raise InvalidInputError(f"the plane {name!r} is not horizontal in the base: leave it out with exclude")
         return Floor(float(pose.translation[2]), name)
-    if kind == GEOM.mjGEOM_SPHERE:
+    if kind == mujoco.mjtGeom.mjGEOM_SPHERE:
         return Sphere(name, float(size[0]), pose.translation)
-    if kind == GEOM.mjGEOM_CAPSULE:
+    if kind == mujoco.mjtGeom.mjGEOM_CAPSULE:
         return Capsule(name, float(size[0]), 2.0 * float(size[1]), pose)
-    if kind == GEOM.mjGEOM_CYLINDER:
+    if kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
         return Cylinder(name, float(size[0]), 2.0 * float(size[1]), pose)
-    centre, half = model.geom_aabb[geom][:3], np.maximum(model.geom_aabb[geom][3:], 0.5 * THINNEST)
+    centre = model.geom_aabb[geom][:3]
+    half = np.maximum(model.geom_aabb[geom][3:], 5e-7)  # [m]: a flat mesh has no thickness
     return Box(name, 2.0 * half, pose * pin.SE3(np.eye(3), centre))
 
 

@@ -31,18 +31,22 @@ from jacokin.model.contact_arrays import (
     arm_arrays,
     joined,
     joints_about_z,
-    shape_row,
+    shape_rows,
     world_arrays,
 )
 from jacokin.model.descriptions.shapes import KINDS, Shape
-from jacokin.model.obstacles import NOTHING_AROUND, Attached, Obstacle, Surroundings, checked_surroundings, shape_of
-from jacokin.model.other_robot import RobotPart
+from jacokin.model.obstacles import (
+    NOTHING_AROUND,
+    Attached,
+    Obstacle,
+    RobotPart,
+    Surroundings,
+    checked_surroundings,
+    shape_of,
+)
 from jacokin.model.own_shapes import OwnShapes, own_shapes
 from jacokin.model.point_cloud import PointCloud, checked_points
 from jacokin.model.robot import Robot, SceneLike
-
-WIDE = 50.0  # [m] half of a box that stands for a floor
-ROBOT = "robot"  # stands for all shapes of the arm where contact is allowed
 
 
 class Surrounded(NamedTuple):
@@ -130,7 +134,7 @@ def _surround_some(robot: Robot, own: OwnShapes, around: Surroundings) -> Surrou
         else:
             partly += [(len(shapes), other) for other in counted]
             shapes.append(shape_of(obstacle))
-            rows.append(shape_row(model, _with_ends(shapes[-1])))
+    rows += shape_rows(model, [_with_ends(shape) for shape in shapes[count:]])
     links, alone = [shape.joint for shape in shapes], range(count, len(shapes))
     arrays = arm_arrays(joints_about_z(model), links, rows, [*partly, *pairs], alone)
     some = among_nothing(shapes, arrays, len(partly) + len(pairs))
@@ -152,8 +156,9 @@ def _with_ends(shape: Shape) -> Shape:
     """A plane as a box below it, other shapes as they are: the kernels take planes only against every shape."""
     if shape.kind != "plane":
         return shape
-    below = pin.SE3(np.eye(3), np.array([0.0, 0.0, -WIDE]))
-    return shape._replace(kind="box", size=np.full(3, WIDE), placement=shape.placement * below)
+    half = 50.0  # [m]
+    below = pin.SE3(np.eye(3), np.array([0.0, 0.0, -half]))
+    return shape._replace(kind="box", size=np.full(3, half), placement=shape.placement * below)
 
 
 def among_nothing(shapes: Sequence[Shape], arrays: ArmArrays, pairs: int) -> Surrounded:
@@ -199,7 +204,7 @@ def allowed_pairs(robot: Robot, around: Surroundings, arm: Sequence[str]) -> set
     robots = {part.robot.name: part.robot for part in around.obstacles if isinstance(part, RobotPart)}
     others = {name: frozenset(part.name for part in other.parts) for name, other in robots.items()}
     held = {name: shapes for name, shapes in links.items() if shapes}
-    groups = {ROBOT: frozenset(arm), **held, **each, **others}
+    groups = {"robot": frozenset(arm), **held, **each, **others}
     found = set[frozenset[str]]()
     for pair in around.allow:
         first, second = (groups[checks.choice("shape or link", name, groups)] for name in pair)
@@ -211,7 +216,7 @@ def carried_shapes(robot: Robot, around: Surroundings) -> list[tuple[Shape, Shap
     """The shapes of an arm, and then those that it holds; errors as of `surround`."""
     own = own_shapes(robot, around.finger_angle)
     held = [_held_shape(robot, each) for each in around.attached]
-    rows = [shape_row(robot.pin_model, shape) for shape in held]
+    rows = shape_rows(robot.pin_model, held)
     return [*zip(own.shapes, own.rows, strict=True), *zip(held, rows, strict=True)]
 
 

@@ -45,7 +45,7 @@ def write_urdf(robot: Robot, path: str | Path) -> None:
         if origin is None:
             origin = ET.SubElement(element, "origin")
         origin.set("xyz", _text(place.translation))
-        origin.set("rpy", _text(_rpy(place.rotation)))
+        origin.set("rpy", _text(pin.rpy.matrixToRpy(place.rotation)))
     for collision in tree.iter("collision"):
         collision.attrib.pop(MALFORMED, None)
     for mesh in tree.iter("mesh"):
@@ -147,15 +147,6 @@ def _bodies(model: mujoco.MjModel, robot: Robot, prefix: str) -> dict[int, tuple
         T_parent_body = mjcf.placement(model.body_quat[body], model.body_pos[body])
         found[body] = (joint, T_parent_body * T_body_joint * motions[joint] * T_body_joint.inverse())
     return found
-
-
-def _rpy(rotation: Array) -> Array:
-    """Roll, pitch, yaw [rad] of a rotation matrix, accurate at a pitch of a quarter turn, too."""
-    yaw = np.arctan2(rotation[1, 0], rotation[0, 0])
-    s, c = np.sin(yaw), np.cos(yaw)
-    pitch = np.arctan2(-rotation[2, 0], c * rotation[0, 0] + s * rotation[1, 0])
-    roll = np.arctan2(s * rotation[0, 2] - c * rotation[1, 2], c * rotation[1, 1] - s * rotation[0, 1])
-    return np.array([roll, pitch, yaw])
 
 
 def _text(numbers: Array) -> str:

@@ -12,8 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jacokin.arrays import Array
-from jacokin.model.contact import Pair
-from jacokin.model.contact_between import ContactBetween
+from jacokin.model.contact import ContactBetween, Pair
 from jacokin.motion.rows import Rows
 
 LONGEST = 0.25  # [s] a while that is looked at first

@@ -17,10 +17,9 @@ from jacokin.ik.options import SolverOptions, default_collision
 from jacokin.ik.results import Status
 from jacokin.model import poses
 from jacokin.model.descriptions.bundled import open_angle
-from jacokin.model.descriptions.srdf import find as find_srdf
+from jacokin.model.descriptions.urdf import find_srdf
 from jacokin.model.loading import TIP_OF_BUNDLED
-from jacokin.model.obstacles import Box, Capsule, Cylinder, Floor, Obstacle, Sphere
-from jacokin.model.other_robot import RobotPart
+from jacokin.model.obstacles import Box, Capsule, Cylinder, Floor, Obstacle, RobotPart, Sphere
 from jacokin.model.poses import FreeAxis
 from jacokin.model.robot import Robot
 from jacokin.model.scene import Scene

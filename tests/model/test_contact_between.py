@@ -10,7 +10,7 @@ import pytest
 import jacokin
 from jacokin import Robot
 from jacokin.ik import Scene, Sphere
-from jacokin.model.contact_between import ContactBetween
+from jacokin.model.contact import ContactBetween
 from tests.two_robots import FAR, TwoRobots
 
 BASE = jacokin.pose([0.5, 0.1, 0.05], rpy=[0.1, 0.2, 2.0])

@@ -63,17 +63,17 @@ def test_whoever_looks_for_contact_shares_what_was_made_once(mesh_arm: Path, mon
 
         monkeypatch.setattr(module, name, call)
 
-    counted(own, "shape_row")
+    counted(own, "shape_rows")
     counted(closed_form, "measure_general")
     robot = jacokin.load_robot(mesh_arm)
     for ask in WAYS_TO_ASK.values():
         ask(robot)
-    assert made.count("shape_row") == 7
+    assert made.count("shape_rows") == 1
     structures = made.count("measure_general")
     for ask in WAYS_TO_ASK.values():
         ask(robot)
     IKSolver(robot, tool=pose([0.0, 0.0, 0.1])).in_scene(Scene([Floor(-1.0)]))
-    assert made.count("shape_row") == 7
+    assert made.count("shape_rows") == 1
     assert made.count("measure_general") == structures + 1  # for the tool
 
 

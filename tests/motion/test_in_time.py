@@ -9,7 +9,7 @@ import jacokin
 from jacokin import IKSolver, Robot
 from jacokin.arrays import Array
 from jacokin.ik import Scene
-from jacokin.model.contact_between import ContactBetween
+from jacokin.model.contact import ContactBetween
 from jacokin.motion import Trajectory, move_joints, plan_motion
 from jacokin.motion.in_time import SHORTEST, TimedMotion, find_touch
 

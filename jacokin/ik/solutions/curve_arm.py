@@ -28,7 +28,7 @@ from jacokin.kernels.solution_set.run import SetWork, make_set_work, solve_set
 from jacokin.kernels.solution_set.slices import AFTER, BEFORE, JOINT_3, NO_SLICES
 from jacokin.kernels.solution_set.within import CIRCLE, FOLD, LOST
 from jacokin.model.angles import TURN
-from jacokin.model.joint_axes import frame_with_z
+from jacokin.model.kinematics import frame_with_z
 from jacokin.model.robot import Robot
 
 __all__ = ["CIRCLE", "FOLD", "LOST", "CurveArm", "CurveProblem", "Curves"]

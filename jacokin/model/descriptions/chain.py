@@ -26,7 +26,6 @@ MOST_JOINTS = 200  # of an arm; Pinocchio's memory grows with the cube of their 
 SHORTEST_ARM = 2  # joints of a branch that may be an arm; one joint is a finger, also on a single slide
 ONLY_ARM = 4  # joints of a chain that is the arm of a scene where no other has more than two: doors, wheels, knobs
 NAMED_CANDIDATES = 6  # in a message
-FARTHEST = 1e6  # [m] between a joint and the next one, or a frame; beyond, rounding is larger than any tolerance
 NO_LIMIT = 1e6  # [rad] or [m]; files that must write a number for "none" write one beyond this
 
 _PLAIN_AXIS = {"X": pin.JointModelRX, "Y": pin.JointModelRY, "Z": pin.JointModelRZ}
@@ -112,7 +111,7 @@ def find_ends(full: pin.Model, base: str | None, tip: str | None, leaders: Mappi
     if len(between) > MOST_JOINTS:
         raise ModelError(f"the chain has {len(between)} joints; at most {MOST_JOINTS} are read")
     frames = frames_on(full, end)  # not those of fingers, whose joints are locked
-    frame = tip or next(iter(usual_tools(frames) or frames), None)
+    frame = tip or next(iter(usual_tools(frames)), None)
     return ArmEnds(base, frozenset(above_base), tuple(between), frame, notes)
 
 
@@ -284,7 +283,7 @@ def _advice(model: pin.Model, starts: list[int], leaders: Mapping[str, str]) -> 
     trunk = model.parents[starts[0]]
     arms = [end for end in ends if len(model.supports[end]) - len(model.supports[trunk]) > SHORTEST_ARM] or ends
     carried = [frames_on(model, end) for end in arms]
-    candidates = [(usual_tools(frames) or frames)[0] for frames in carried if frames][:NAMED_CANDIDATES]
+    candidates = [usual_tools(frames)[0] for frames in carried if frames][:NAMED_CANDIDATES]
     named = f", for example {', '.join(candidates)}" if candidates else ""
     return f"say which frame ends the arm with tip=...{named}{_advice_on_base(model, trunk)}"
 
@@ -356,7 +355,7 @@ def _one_coordinate_joint(full: pin.Model, index: int) -> tuple[object, bool]:
 
 def _check_place(what: str, placement: pin.SE3) -> None:
     """Refuse a place that is not finite, or so far from the joint before it that rounding exceeds every tolerance."""
-    if not np.abs(placement.homogeneous).max() <= FARTHEST:
+    if not np.abs(placement.homogeneous).max() <= 1e6:
         x, y, z = placement.translation
         raise ModelError(
             f"{what} is at ({x:.3g}, {y:.3g}, {z:.3g}) m of the joint before it: not finite, or beyond 1e6 m"
@@ -386,8 +385,7 @@ def default_frame(model: pin.Model, tip: str | None) -> str:
     """The frame solved when none is named: `tip`, else one called as tools are, else the first of the last link."""
     if tip is not None:
         return tip
-    last = model.njoints - 1
-    names = [name for name, index in frame_names(model).items() if model.frames[index].parentJoint == last]
+    names = frames_on(model, model.njoints - 1)
     if not names:
         raise ModelError("the last link of the arm has no named frame; name it, or give tip=...")
-    return (usual_tools(names) or names)[0]
+    return usual_tools(names)[0]

@@ -14,14 +14,9 @@ from typing import NamedTuple
 import numpy as np
 
 from jacokin.arrays import Array
-from jacokin.model.descriptions.meshes import TriangleMesh, hull_of
+from jacokin.model.descriptions.meshes import TriangleMesh, convex_hull, hull_of
 
 MOST_PARTS = 20  # of a mesh
-LEAST_GAIN = 0.005  # of the volume of the whole hull that a cut must take away from the hulls
-PLACES = np.linspace(0.0, 1.0, 9)[1:-1]  # of cuts along each axis, of the extent of the part
-LOOKED_AT = 600  # points of a part at which cuts are compared; what is cut is all of it
-VOXELS = 64  # along the longest side, of the grid that says what is inside
-CORNERS = np.array(list(itertools.product((0, 1), repeat=3)))
 
 
 class Cut(NamedTuple):
@@ -57,7 +52,7 @@ def convex_parts(mesh: TriangleMesh) -> list[Array]:
     whole = hull_of(mesh.vertices)
     if whole is None:
         return []
-    least = LEAST_GAIN * _volume(whole.vertices)
+    least = 0.005 * _volume(whole.vertices)  # [m^3] that a cut must take away from the hulls
     if not least > 0.0:
         return [whole.vertices]
     solid, box = _VoxelSolid(mesh), np.array([mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)])
@@ -82,7 +77,7 @@ class _VoxelSolid:
         from scipy.ndimage import binary_fill_holes  # only meshes need it
 
         low, extent = mesh.vertices.min(axis=0), np.ptp(mesh.vertices, axis=0)
-        self._pitch = float(extent.max()) / VOXELS
+        self._pitch = float(extent.max()) / 64
         self._low = low - 1.5 * self._pitch
         surface = np.zeros((np.ceil(extent / self._pitch) + 4).astype(int), dtype=np.bool_)
         small = _small(mesh.vertices[mesh.faces], 0.5 * self._pitch)
@@ -109,7 +104,7 @@ class _VoxelSolid:
 
     def points(self, corners: Array, cell: Array) -> Array:
         """(n, 3) points whose hull holds what is in a cell: of its triangles, and its corners inside."""
-        ends = cell[CORNERS, np.arange(3)]
+        ends = np.array(list(itertools.product(*cell.T)))
         places = ((ends - self._low) / self._pitch).astype(int)
         return np.concatenate([corners.reshape(-1, 3), ends[self._inside[tuple(places.T)]]])
 
@@ -123,7 +118,7 @@ class _VoxelSolid:
         volume, found = _volume(self.points(corners, cell)), []
         for axis in range(3):
             low, high = cell[:, axis].tolist()
-            for height in (low + PLACES * (high - low)).tolist():
+            for height in np.linspace(low, high, 9)[1:-1].tolist():
                 halves = zip(_divided(corners, axis, height), _halves(cell, axis, height), strict=True)
                 left = sum(_volume(self.points(*half)) for half in halves)
                 found.append(Cut(volume - left, axis, height))
@@ -131,8 +126,8 @@ class _VoxelSolid:
 
 
 def _fewer(corners: Array) -> Array:
-    """Some of many triangles, those with the farthest corners among them."""
-    step = len(corners) * 3 // LOOKED_AT + 1
+    """Some of many triangles, those with the farthest corners among them; cuts are compared at these."""
+    step = len(corners) * 3 // 600 + 1
     if step == 1:
         return corners
     points = corners.reshape(-1, 3)
@@ -192,19 +187,11 @@ def _on_plane(a: Array, b: Array, axis: int, height: float) -> Array:
 
 def _outermost(points: Array) -> Array:
     """Those points (n, 3) that make their hull, so that none is left out of it as one of too many."""
-    from scipy.spatial import ConvexHull, QhullError
-
-    try:
-        return np.asarray(points[ConvexHull(points).vertices])
-    except (QhullError, ValueError):  # flat
-        return np.unique(points, axis=0)
+    hull = convex_hull(points)
+    return np.unique(points, axis=0) if hull is None else np.asarray(points[hull.vertices])
 
 
 def _volume(points: Array) -> float:
     """Of the hull of points (n, 3) [m^3]; 0 where they are flat."""
-    from scipy.spatial import ConvexHull, QhullError  # only meshes need it
-
-    try:
-        return float(ConvexHull(points).volume)
-    except (QhullError, ValueError):
-        return 0.0
+    hull = convex_hull(points)
+    return 0.0 if hull is None else float(hull.volume)

@@ -13,7 +13,7 @@ import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Sequence
 from pathlib import Path, PurePosixPath
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 from urllib.parse import unquote, urlsplit
 
 import numpy as np
@@ -23,15 +23,15 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, ShapeError, shown
 from jacokin.files import open_bytes, read_bytes
 
+if TYPE_CHECKING:
+    from scipy.spatial import ConvexHull
+
 PACKAGE_SCHEMES = ("package", "model")
 SEARCH_PATH = "ROS_PACKAGE_PATH"
 FORMATS = (".stl", ".obj", ".dae", ".ply", ".off", ".glb", ".gltf")
 LARGEST = 100_000_000  # [byte] of a file
 MOST_VERTICES = 3_000_000  # of a file that says how many it has, or lists them as text: 0.5 GB
-PACKED = (b"\x1f\x8b", b"BZh", b"\xfd7zXZ\x00", b"\x28\xb5\x2f\xfd")  # how gzip, bzip2, xz and zstandard begin
-
 STL_HEADER, STL_FACE = 84, 50  # [byte] of a binary file
-GLB_HEADER = 20  # [byte] before the description; the last eight say how long it is, and that it is one
 STL_CORNERS = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _VERTEX = re.compile(rb"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)", re.IGNORECASE)
 
@@ -39,8 +39,6 @@ Z_UP = "Z_UP"
 
 FARTHEST = 1e9  # [m] of a vertex; squares of larger numbers leave no digits for a hull
 THIN = 1e-5  # [m] half the thickness that a flat mesh gets: a hull needs a volume
-MANY_POINTS = 5000  # of a mesh; the hull of finer ones is found with fewer corners
-COARSENING = 5e-5  # [m] that such a hull is inside the full one, at most
 
 
 class TriangleMesh(NamedTuple):
@@ -147,7 +145,8 @@ def _content(file: Path, description: Path) -> bytes:
         content = _regular(file)
     except InvalidInputError as error:
         raise ShapeError(f"{description}: mesh {error}") from error
-    if content.startswith(PACKED) or zipfile.is_zipfile(io.BytesIO(content)):
+    packed = b"\x1f\x8b", b"BZh", b"\xfd7zXZ\x00", b"\x28\xb5\x2f\xfd"  # how gzip, bzip2, xz and zstandard begin
+    if content.startswith(packed) or zipfile.is_zipfile(io.BytesIO(content)):
         raise ShapeError(f"{where} is packed (gzip, zip or the like): unpack it")
     return content
 
@@ -241,14 +240,24 @@ def _gltf_buffers(content: bytes, folder: Path) -> dict[str, bytes]:
         ValueError: not glTF, or more vertices than are read.
     """
     text = content
-    if content.startswith(b"glTF"):
-        text = content[GLB_HEADER : GLB_HEADER + int.from_bytes(content[GLB_HEADER - 8 : GLB_HEADER - 4], "little")]
+    if content.startswith(b"glTF"):  # binary: the description begins after 20 bytes that say how long it is
+        text = content[20 : 20 + int.from_bytes(content[12:16], "little")]
     described = json.loads(text)
     for accessor in described.get("accessors", []):
         if accessor["count"] > 3 * MOST_VERTICES:
             raise ValueError(f"more than {3 * MOST_VERTICES} numbers of a kind")
     names = [buffer.get("uri", "data:") for buffer in described.get("buffers", [])]
     return {name: _regular(folder / unquote(name)) for name in names if not name.startswith("data:")}
+
+
+def convex_hull(points: Array) -> ConvexHull | None:
+    """The convex hull of points (n, 3); None where they are flat."""
+    from scipy.spatial import ConvexHull, QhullError  # only meshes and grippers need it
+
+    try:
+        return ConvexHull(points)
+    except (QhullError, ValueError):
+        return None
 
 
 def hull_of(vertices: Array) -> TriangleMesh | None:
@@ -264,7 +273,7 @@ def hull_of(vertices: Array) -> TriangleMesh | None:
 
     if not np.abs(vertices).max() <= FARTHEST:  # or not a number
         raise ValueError(f"its vertices are not finite, or beyond {FARTHEST:g} m")
-    points = np.unique(vertices, axis=0) if len(vertices) < MANY_POINTS else vertices
+    points = np.unique(vertices, axis=0) if len(vertices) < 5000 else vertices
     centred = points - points.mean(axis=0)
     axes = np.linalg.eigh(centred.T @ centred)[1].T
     extents = np.ptp(centred @ axes.T, axis=0)
@@ -273,7 +282,7 @@ def hull_of(vertices: Array) -> TriangleMesh | None:
     for axis in axes[extents < THIN]:
         points = np.concatenate([points - THIN * axis, points + THIN * axis])
     try:
-        hull = ConvexHull(points, qhull_options=f"Qt W{COARSENING}" if len(points) > MANY_POINTS else "Qt")
+        hull = ConvexHull(points, qhull_options="Qt W5e-05" if len(points) > 5000 else "Qt")
     except QhullError as error:
         raise ValueError(f"it has no convex hull: {str(error).splitlines()[0]}") from error
     used, numbers = np.unique(hull.simplices, return_inverse=True)

@@ -29,41 +29,12 @@ NUMERIC = frozenset((
     "density", "gap", "coef", "polycoef", "width", "height",
 ))  # fmt: skip
 MUJOCO_ERRORS = (ValueError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError)  # of its compiler
-COMPILED = (
-    "body_pos",
-    "body_quat",
-    "jnt_pos",
-    "jnt_axis",
-    "jnt_range",
-    "site_pos",
-    "site_quat",
-    "body_mass",
-    "key_qpos",
-    "qpos0",
-)
-UNIT = ("body_quat", "body_iquat", "site_quat", "jnt_axis")  # zeros in the compiled model where a norm overflowed
-COPYING = ("replicate", "composite", "flexcomp")
 MOST_ELEMENTS = 20_000  # that copies may make; the time MuJoCo takes grows with their square: 6 s
 MOST_POINTS = {"hfield": 4_000_000, "texture": 100_000_000}  # 0.1 GB and 0.3 GB
-FOLDERS = ("assetdir", "meshdir", "texturedir")  # in which the compiler looks for files
 MOST_USER_DATA = 1_000_000
-MOST_FILES = 1000  # that a file includes
-PNG = b"\x89PNG\r\n\x1a\n"
-UNIT_TOLERANCE = 1e-6  # of a norm; MuJoCo normalises
-SITE_SUFFIX = "_site"  # of a site that has the name of a body
 # As ints: NumPy's comparisons do not take enums.
-CONNECT, WELD, JOINT, TENDON = (
-    int(kind)
-    for kind in (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD, mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtEq.mjEQ_TENDON)
-)
 SCALAR_JOINTS = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 JOINT_TRANSMISSIONS = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
-TENDON_TRANSMISSION = int(mujoco.mjtTrn.mjTRN_TENDON)
-FOLLOWING = tuple(  # dynamics whose state stays within the range of the control
-    int(kind) for kind in (mujoco.mjtDyn.mjDYN_NONE, mujoco.mjtDyn.mjDYN_FILTER, mujoco.mjtDyn.mjDYN_FILTEREXACT)
-)
-SITE = int(mujoco.mjtObj.mjOBJ_SITE)
-FREE = int(mujoco.mjtJoint.mjJNT_FREE)
 BODY_NAME, JOINT_NAME, SITE_NAME = mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_JOINT, mujoco.mjtObj.mjOBJ_SITE
 
 
@@ -97,12 +68,13 @@ def compile_mjcf(path: Path) -> mujoco.MjModel:
         model = mujoco.MjModel.from_xml_path(str(path))
     except MUJOCO_ERRORS as error:
         raise ModelError(f"{path}: MuJoCo cannot load this file: {error}") from error
-    for name in COMPILED:
+    lengths, units = ("body_pos", "jnt_pos", "site_pos"), ("body_quat", "body_iquat", "site_quat", "jnt_axis")
+    for name in (*lengths, *units, "jnt_range", "body_mass", "key_qpos", "qpos0"):
         if not np.isfinite(getattr(model, name)).all():
             raise ModelError(f"{path}: {name} of the compiled model is not finite")
-    for name in UNIT:
+    for name in units:  # zeros where a norm overflowed
         norms = np.linalg.norm(getattr(model, name), axis=1)
-        if not (np.abs(norms - 1.0) <= UNIT_TOLERANCE).all():
+        if not (np.abs(norms - 1.0) <= 1e-6).all():  # MuJoCo normalises
             at = int(np.argmax(np.abs(norms - 1.0)))
             raise ModelError(f"{path}: {name}[{at}] of the compiled model has norm {norms[at]:.6g} instead of 1")
     return model
@@ -116,14 +88,15 @@ def _check_text(path: Path) -> None:
     files, seen, folders, elements = [path], set[Path](), {""}, 0
     while files:
         file = files.pop()
-        if file in seen or len(seen) == MOST_FILES:
+        if file in seen or len(seen) == 1000:
             continue
         seen.add(file)
         try:
             root = ET.parse(file).getroot()
         except (OSError, ValueError, ET.ParseError):
             continue
-        folders.update(each.get(key, "") for each in root.iter("compiler") for key in FOLDERS)
+        looked_in = ("assetdir", "meshdir", "texturedir")
+        folders.update(each.get(key, "") for each in root.iter("compiler") for key in looked_in)
         waiting = [(root, 1)]
         while waiting:
             element, copies = waiting.pop()
@@ -147,7 +120,7 @@ def _refuse_nan(file: Path, element: ET.Element) -> None:
 
 def _copies(element: ET.Element) -> int:
     """How many times an element and what is in it are made."""
-    if element.tag not in COPYING:
+    if element.tag not in ("replicate", "composite", "flexcomp"):
         return 1
     counts = (max(_whole(part), 1) for part in element.get("count", "1").split())
     return min(math.prod(counts), MOST_ELEMENTS + 1)
@@ -194,7 +167,7 @@ def _pixels(path: Path) -> int:
     except OSError:
         return 0
     wide, high = (int.from_bytes(header[at : at + 4], "big") for at in (16, 20))
-    return wide * high if header.startswith(PNG) else 0
+    return wide * high if header.startswith(b"\x89PNG\r\n\x1a\n") else 0
 
 
 def to_pinocchio(model: mujoco.MjModel, name: str) -> pin.Model:
@@ -270,10 +243,12 @@ def _effort(model: mujoco.MjModel, joint: int) -> float:
 def _actuator_range(model: mujoco.MjModel, actuator: int) -> tuple[float, float]:
     """The least and the largest effort of an actuator on its joint; infinite where it is not bounded."""
     low, high = model.actuator_forcerange[actuator] if model.actuator_forcelimited[actuator] else (-np.inf, np.inf)
+    dynamics = mujoco.mjtDyn(model.actuator_dyntype[actuator])
+    within_control = (mujoco.mjtDyn.mjDYN_NONE, mujoco.mjtDyn.mjDYN_FILTER, mujoco.mjtDyn.mjDYN_FILTEREXACT)
     plain = (
         model.actuator_gaintype[actuator] == mujoco.mjtGain.mjGAIN_FIXED
         and model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_NONE
-        and model.actuator_dyntype[actuator] in FOLLOWING
+        and dynamics in within_control  # whose state stays within the range of the control
     )
     if plain and model.actuator_ctrllimited[actuator]:
         driven = sorted(model.actuator_gainprm[actuator, 0] * model.actuator_ctrlrange[actuator])
@@ -317,9 +292,7 @@ def body_joints(model: mujoco.MjModel, body: int) -> range:
 def placement(quat_wxyz: ArrayLike, position: ArrayLike) -> pin.SE3:
     """`pin.SE3` from MuJoCo's quaternion (w, x, y, z) and position [m]."""
     w, x, y, z = (float(c) for c in np.asarray(quat_wxyz))
-    quat = pin.Quaternion(w, x, y, z)
-    quat.normalize()
-    return pin.SE3(quat.toRotationMatrix(), np.array(position, dtype=np.float64))
+    return pin.SE3(pin.Quaternion(w, x, y, z).normalized(), np.array(position, dtype=np.float64))
 
 
 def body_name(model: mujoco.MjModel, body: int) -> str:
@@ -342,7 +315,7 @@ def site_name(model: mujoco.MjModel, site: int) -> str:
     name = str(model.site(site).name)
     if not name or mujoco.mj_name2id(model, BODY_NAME, name) < 0:
         return name
-    return _free_name(model, name + SITE_SUFFIX, BODY_NAME, SITE_NAME)
+    return _free_name(model, f"{name}_site", BODY_NAME, SITE_NAME)
 
 
 def _free_name(model: mujoco.MjModel, name: str, *kinds: mujoco.mjtObj) -> str:
@@ -386,7 +359,7 @@ def _linear(model: mujoco.MjModel, equality: int) -> tuple[str | None, float, fl
 
     MuJoCo's second joint leads, or the first one where an actuator moves that and not the second.
     """
-    if model.eq_type[equality] != JOINT or model.eq_obj2id[equality] < 0:
+    if model.eq_type[equality] != mujoco.mjtEq.mjEQ_JOINT or model.eq_obj2id[equality] < 0:
         return None, 1.0, 0.0
     offset, slope, *curved = (float(each) for each in model.eq_data[equality, :5])
     if any(curved) or slope == 0.0:
@@ -405,23 +378,24 @@ def actuated(model: mujoco.MjModel) -> set[int]:
     for kind, target in zip(model.actuator_trntype.tolist(), model.actuator_trnid[:, 0].tolist(), strict=True):
         if kind in JOINT_TRANSMISSIONS:
             found.add(target)
-        elif kind == TENDON_TRANSMISSION:
+        elif kind == mujoco.mjtTrn.mjTRN_TENDON:
             found |= _of_tendon(model, target)
     return found
 
 
 def _joints(model: mujoco.MjModel, equality: int) -> set[int]:
     """Ids of the joints that an equality couples; none where something free follows."""
-    kind, ids = int(model.eq_type[equality]), (int(model.eq_obj1id[equality]), int(model.eq_obj2id[equality]))
-    if kind == JOINT:
+    kind = mujoco.mjtEq(model.eq_type[equality])
+    ids = int(model.eq_obj1id[equality]), int(model.eq_obj2id[equality])
+    if kind == mujoco.mjtEq.mjEQ_JOINT:
         return {joint for joint in ids if joint >= 0}
-    if kind == TENDON:
+    if kind == mujoco.mjtEq.mjEQ_TENDON:
         return {joint for tendon in ids if tendon >= 0 for joint in _of_tendon(model, tendon)}
-    if kind in (CONNECT, WELD):
-        at_sites = int(model.eq_objtype[equality]) == SITE
+    if kind in (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD):
+        at_sites = model.eq_objtype[equality] == mujoco.mjtObj.mjOBJ_SITE
         bodies = [int(model.site_bodyid[index]) if at_sites else index for index in ids]
         between = _between(model, bodies)
-        follows = any(model.jnt_type[joint] == FREE for joint in between)  # a grasped object
+        follows = any(model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE for joint in between)  # a grasped object
         moved = any(model.body_mocapid[model.body_rootid[body]] >= 0 for body in bodies)  # a handle that pulls the arm
         return set() if follows or moved else between
     return set()

@@ -9,7 +9,7 @@ import itertools
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -17,6 +17,7 @@ import pinocchio as pin
 from jacokin.arrays import Array
 from jacokin.errors import ShapeError, shown
 from jacokin.kernels.contact.cloud_tree import CloudTree
+from jacokin.model import poses
 from jacokin.model.descriptions import bundled
 from jacokin.model.descriptions.meshes import (
     FARTHEST,
@@ -29,6 +30,9 @@ from jacokin.model.descriptions.meshes import (
     stl_bytes,
 )
 from jacokin.model.descriptions.urdf import MALFORMED
+
+if TYPE_CHECKING:
+    import mujoco
 
 NO_VERTICES = np.empty((0, 3))
 #: What shapes can be, simple ones first; the names are MJCF's, but for clouds of points.
@@ -53,6 +57,22 @@ class Shape(NamedTuple):
     """The points of a cloud, in the frame of the shape; its radius is the first of `size`."""
 
 
+def add_solid(body: mujoco.MjsBody, solid: Shape) -> mujoco.MjsGeom:
+    """Add a shape to a body; a mesh must be in the model already, by the name of the shape."""
+    import mujoco  # an arm alone is checked without it
+
+    return body.add_geom(
+        name=solid.name,
+        type=getattr(mujoco.mjtGeom, f"mjGEOM_{solid.kind.upper()}"),
+        size=(1.0, 1.0, 0.1) if solid.kind == "plane" else solid.size,  # [m] how a plane is drawn, which has no end
+        meshname=solid.name if solid.kind == "mesh" else "",
+        pos=solid.placement.translation,
+        quat=poses.quaternion(solid.placement.rotation),
+        contype=0,
+        conaffinity=0,
+    )
+
+
 class ShapesOfLinks(NamedTuple):
     """The shapes of the links of an arm, and which of them count as contact when they touch."""
 
@@ -69,42 +89,31 @@ def read_bundled(name: str, model: pin.Model, links: Mapping[str, int]) -> Shape
         model: the arm, its fingers locked.
         links: number of Pinocchio's frame for each link that belongs to the arm.
     """
-    path = bundled.urdf_folder() / f"{name}.xml"
-    root = ET.parse(path).getroot()
+    root = ET.parse(bundled.urdf_folder() / f"{name}.xml").getroot()
     excluded = {frozenset((each.attrib["body1"], each.attrib["body2"])) for each in root.iter("exclude")}
-    welds = _welds(root, path)
-    found: list[tuple[Shape, str]] = []
+    above = {child: body for body in root.iter() for child in body.findall("body")}
+
+    def moved(body: ET.Element | None) -> ET.Element | None:
+        """The first of the bodies that are welded together with one, by a joint that moves them; None for the world."""
+        while body is not None and body.find("joint") is None:
+            body = above.get(body)
+        return body
+
+    found: list[tuple[Shape, str, ET.Element | None, ET.Element | None]] = []
     for body in root.iter("body"):
-        link = body.attrib["name"]
-        if link not in links:
-            continue
-        frame = model.frames[links[link]]
-        found += [(_shape(geom, frame), link) for geom in body.findall("geom")]
+        link, weld = body.attrib["name"], moved(body)
+        if link in links:
+            frame, parent = model.frames[links[link]], None if weld is None else moved(above[weld])
+            found += [(_shape(geom, frame), link, weld, parent) for geom in body.findall("geom")]
     found.sort(key=lambda each: each[0].joint)  # as MuJoCo numbers them in the twin of the arm
     pairs = []
-    for (a, (shape, link)), (b, (other_shape, other)) in itertools.combinations(enumerate(found), 2):
+    for (a, one), (b, two) in itertools.combinations(enumerate(found), 2):
+        (shape, link, weld, parent), (other_shape, other, other_weld, other_parent) = one, two
         if shape.joint == other_shape.joint or frozenset((link, other)) in excluded:
             continue
-        (weld, parent), (other_weld, other_parent) = welds[link], welds[other]
-        if weld != other_parent and other_weld != parent:
+        if weld is not other_parent and other_weld is not parent:
             pairs.append((a, b))
-    return ShapesOfLinks([shape for shape, _ in found], pairs)
-
-
-def _welds(root: ET.Element, path: Path) -> dict[str, tuple[str, str]]:
-    """For each body the first of those that are welded together with it, and that of the body before those."""
-    world = root.find("worldbody")
-    assert world is not None, path  # of a generated file
-    found = {"world": ("world", "")}
-
-    def walk(body: ET.Element, name: str) -> None:
-        for child in body.findall("body"):
-            own, above = child.attrib["name"], found[name]
-            found[own] = above if child.find("joint") is None else (own, above[0])
-            walk(child, own)
-
-    walk(world, "world")
-    return found
+    return ShapesOfLinks([shape for shape, *_ in found], pairs)
 
 
 def _shape(geom: ET.Element, frame: pin.Frame) -> Shape:
@@ -124,7 +133,6 @@ SIZES: Mapping[str, Sequence[str]] = {
     "cylinder": ("radius", "length"),
     "capsule": ("radius", "length"),
 }
-LEFT_OUT = "has no size and is left out of contact"
 
 
 class PreparedShapes(NamedTuple):
@@ -179,7 +187,7 @@ def prepare_shapes(robot: ET.Element, path: Path, package_dirs: Sequence[Path]) 
                 raise ShapeError(f"{path}: {where}: {error}") from error
             if not has_size:
                 link.remove(collision)
-                notes.append(f"{where} {LEFT_OUT}")
+                notes.append(f"{where} has no size and is left out of contact")
     return PreparedShapes(hulls.assets, tuple(dict.fromkeys(notes)), hulls.meshes)
 
 

@@ -60,22 +60,15 @@ TOOL_FRAMES = (
     "gripper_link",
 )
 
-FEWEST = 3  # joints that an arm keeps; a chain that would keep fewer is a gripper or a finger itself
 SURE = ("jaw", "finger", "claw", "knuckle", "thumb")  # no joint of an arm moves one of these alone
-MOVING = "moving"  # of the two parts of a gripper, so that the other one stands
-LIKELY = {"grip": "gripper", "camera": "camera"}  # links of wrists are called so, and joints that turn the gripper
 # Words of a joint or a link that turns or carries the gripper.
 TURNING = frozenset((
     "roll", "pitch", "yaw", "rotate", "rotation", "rot", "wrist", "twist", "swivel", "spin", "turn", "flex", "elbow",
     "shoulder", "forearm",
 ))  # fmt: skip
-STANDING = frozenset(("base", "fixed", "static", "palm", "mount", "body", "housing", "holder"))
 NARROW = 2.25  # [rad] no joint of an arm turns so little at its end; jaws turn 1.6 to 2.2
 WIDE = 5.2  # [rad] 300 degrees: no jaw turns so far
-SHORT = 0.12  # [m] that a finger slides; the quills of SCARA arms slide farther, and after fewer joints
 SLIDES_AFTER = 4  # turning joints, of which a SCARA arm has three
-ONE_SIDED = 4.0  # times as far from zero to one limit of a jaw as to the other
-LIGHT = 0.06, 0.5  # what a jaw weighs at most, of all that the arm moves and of what the joint before it carries
 
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])")
 _AXIS = re.compile(r"(?<![A-Za-z])[xyzXYZ]$|(?<=[a-z])[XYZ]$")  # "gripper_z", "GripperZ"
@@ -101,7 +94,7 @@ def joints_of_tool(model: pin.Model, chain: Sequence[int], leaders: Mapping[str,
     kept, found = list(chain), list[LeftOut]()
     while why := _why_of_tool(model, kept, leaders):
         found.append(LeftOut(kept.pop(), why))
-    return found if len(kept) >= FEWEST else []
+    return found if len(kept) >= 3 else []  # what would keep fewer is a gripper or a finger itself
 
 
 def is_finger(model: pin.Model, joint: int) -> bool:
@@ -167,8 +160,9 @@ def _likely_named(
         narrow: whether it slides or turns less than joints of an arm do.
         at_end: whether the frames that tools have are not on it alone.
     """
-    for word, what in LIKELY.items():
-        if MOVING in _words(link) and _says(link, word, links):
+    # Links of wrists are called so, and joints that turn the gripper.
+    for word, what in (("grip", "gripper"), ("camera", "camera")):
+        if "moving" in _words(link) and _says(link, word, links):  # of two parts, the other one stands
             return what
         if _says(joint, word, joints) and (narrow or (at_end and (travel < WIDE or what == "camera"))):
             return what
@@ -182,17 +176,18 @@ def _by_motion(model: pin.Model, chain: Sequence[int]) -> str | None:
     at, before = chain[-1], chain[:-1]
     travel = _travel(model, at)
     weights = [model.inertias[joint].mass for joint in chain]
-    light = weights[-1] <= LIGHT[0] * sum(weights) and weights[-1] <= LIGHT[1] * weights[-2]
+    light = weights[-1] <= 0.06 * sum(weights) and weights[-1] <= 0.5 * weights[-2]
     if _turns(model.names[at]) or _carries_tool_frame(model, at):
         return None
     if slides(model, at):
         turning = sum(not slides(model, joint) for joint in before)
-        return f"slides only {1e3 * travel:.0f} mm" if travel <= SHORT and turning >= SLIDES_AFTER and light else None
+        # The quills of SCARA arms slide farther, and after fewer joints.
+        return f"slides only {1e3 * travel:.0f} mm" if travel <= 0.12 and turning >= SLIDES_AFTER and light else None
     low, high = limits_of(model, at)
     near, far = sorted((abs(low), abs(high)))
-    one_sided = low <= near and high >= -near and far >= ONE_SIDED * near
+    one_sided = low <= near and high >= -near and far >= 4.0 * near
     travels = sorted(_travel(model, joint) for joint in before)
-    usual = 0.5 * (travels[(len(travels) - 1) // 2] + travels[len(travels) // 2])  # the median
+    usual = 0.5 * (travels[(len(travels) - 1) // 2] + travels[len(travels) // 2])  # the median; NumPy's loads much
     if travel <= min(NARROW, 0.8 * usual) and one_sided and light and weights[-1] > 0.0 and len(before) > SLIDES_AFTER:
         return f"turns only {np.degrees(travel):.0f} degrees and moves only {1e3 * weights[-1]:.0f} g"
     return None
@@ -214,7 +209,8 @@ def _turns(name: str) -> bool:
 
 def _stands(link: str) -> bool:
     """Whether a link is called as those are that carry a gripper or a camera."""
-    return bool(_words(link) & (STANDING | TURNING))
+    standing = ("base", "fixed", "static", "palm", "mount", "body", "housing", "holder")
+    return not _words(link).isdisjoint((*standing, *TURNING))
 
 
 def slides(model: pin.Model, joint: int) -> bool:
@@ -257,9 +253,9 @@ def frames_on(model: pin.Model, joint: int) -> list[str]:
 
 
 def usual_tools(names: Sequence[str]) -> list[str]:
-    """Those of some frames that are called as tools are, the most usual first."""
+    """Those of some frames that are called as tools are, the most usual first; all of them where none is."""
     ranked = [(rank, name) for name in names if (rank := _rank(name))]
-    return [name for _, name in sorted(ranked, key=lambda each: each[0])]
+    return [name for _, name in sorted(ranked, key=lambda each: each[0])] or list(names)
 
 
 def _rank(name: str) -> tuple[int, int] | None:

@@ -1,4 +1,4 @@
-"""URDF files: checked, and read by Pinocchio, but for `<mimic>`, which Pinocchio drops."""
+"""URDF files: checked, and read by Pinocchio, but for `<mimic>`, which Pinocchio drops; SRDF files beside them."""
 
 from __future__ import annotations
 
@@ -8,20 +8,18 @@ import xml.etree.ElementTree as ET
 import xml.parsers.expat
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
-from jacokin.errors import ModelError
+from jacokin import files
+from jacokin.errors import InvalidInputError, ModelError
 from jacokin.model.descriptions.chain import MOST_JOINTS, Coupling, Description
 
 JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
-LIMITED_TYPES = ("revolute", "prismatic")
-AXIS_TOLERANCE = 1e-3  # a hand-typed unit axis has three digits or more
-MOST_LINKS = 1000  # rigid ones included: the parser of Pinocchio walks the tree by recursion and ends the process
-DEEPEST = 100  # elements within elements; writing them down again is recursive
-SMALLEST = 1e-300  # numbers below are read as 0: some parsers refuse denormal numbers
 
 # Attributes that hold numbers, by the element's tag: how many. Elements and attributes that are not named are ignored.
 ONE, THREE = (1,), (3,)
@@ -54,20 +52,13 @@ REQUIRED: Mapping[str, Sequence[str]] = {
     "capsule": ("radius", "length"),
     "mesh": ("filename",),
 }
-JOINT_ELEMENTS = (
-    "origin", "parent", "child", "axis", "limit", "dynamics", "mimic", "safety_controller", "calibration",
-)  # fmt: skip
-NEVER_NEGATIVE = {("limit", "effort"), ("limit", "velocity"), ("mass", "value")}
 
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)  # as C reads it: no "1_0", no other digits
 _NUMBERS = re.compile(rf"{_NUMBER.pattern}(\s+{_NUMBER.pattern})*", re.ASCII)
 _NOT_FINITE = re.compile(r"[-+]?(nan|inf|infinity)", re.IGNORECASE | re.ASCII)
 KINEMATIC_TAGS = ("link", "joint")  # of a <robot>; materials, transmissions and plugins are for other programs
-SHAPE_TAGS = ("visual", "collision")
-DEFINITIONS = ("property", "arg", "macro")  # of xacro: without a use they mean nothing
 TEMPLATE = ("${", "$(")  # how xacro's expressions begin
 MALFORMED = "malformed"  # attribute of a collision shape: what is wrong with it, said where contact is asked for
-POINT = {"ixx": "0", "ixy": "0", "ixz": "0", "iyy": "0", "iyz": "0", "izz": "0"}
 
 
 def read(path: Path) -> Description:
@@ -137,7 +128,7 @@ def kinematic_text(robot: ET.Element) -> str:
             for child in element:
                 if child.tag == "limit":
                     ET.SubElement(part, "limit", {"effort": "0", "velocity": "0"} | child.attrib)
-                elif child.tag not in SHAPE_TAGS:
+                elif child.tag not in ("visual", "collision"):
                     part.append(child)
     return ET.tostring(bare, encoding="unicode")
 
@@ -235,7 +226,7 @@ def _drop_foreign(robot: ET.Element) -> None:
 def _check_expanded(robot: ET.Element, source: str, notes: list[str]) -> None:
     """Refuse what xacro has yet to expand; its definitions that nothing uses are left over and mean nothing."""
     foreign = [element.tag for element in robot.iter() if element.tag.startswith("xacro:")]
-    used = [tag for tag in foreign if tag.removeprefix("xacro:") not in DEFINITIONS]
+    used = [tag for tag in foreign if tag not in ("xacro:property", "xacro:arg", "xacro:macro")]
     searched = (
         robot.iter() if foreign else (each for tag in KINEMATIC_TAGS for own in robot.iter(tag) for each in own.iter())
     )
@@ -270,16 +261,17 @@ def _unique(names: list[str], kind: str, source: str) -> None:
 
 def _check_depth(robot: ET.Element, source: str) -> None:
     level = [robot]
-    for _ in range(DEEPEST):
+    for _ in range(100):  # writing them down again is recursive
         level = [child for element in level for child in element]
         if not level:
             return
-    raise ModelError(f"{source}: elements are nested more than {DEEPEST} deep")
+    raise ModelError(f"{source}: elements are nested more than 100 deep")
 
 
 def _check_size(links: list[ET.Element], joints: list[ET.Element], source: str) -> None:
     moving = sum(joint.get("type") != "fixed" for joint in joints)
-    for count, most, what in ((moving, MOST_JOINTS, "joints that move"), (len(links), MOST_LINKS, "links")):
+    # Rigid links, too: the parser of Pinocchio walks the tree by recursion and ends the process.
+    for count, most, what in ((moving, MOST_JOINTS, "joints that move"), (len(links), 1000, "links")):
         if count > most:
             raise ModelError(f"{source}: has {count} {what}; at most {most} are read")
 
@@ -309,9 +301,11 @@ def _check_numbers(owner: ET.Element, where: str) -> None:
             if text is None:
                 continue
             values = _numbers(text, counts, f'{where}: <{element.tag}> {attribute}="{text}"')
-            if (element.tag, attribute) in NEVER_NEGATIVE and values[0] < 0.0:
+            never_negative = (element.tag, attribute) in (("limit", "effort"), ("limit", "velocity"), ("mass", "value"))
+            if never_negative and values[0] < 0.0:
                 raise ModelError(f"{where}: {element.tag} {attribute} {values[0]} is negative")
-            element.set(attribute, " ".join(repr(value if abs(value) > SMALLEST else 0.0) for value in values))
+            # Some parsers refuse denormal numbers.
+            element.set(attribute, " ".join(repr(value if abs(value) > 1e-300 else 0.0) for value in values))
 
 
 def _numbers(text: str, counts: Sequence[int], what: str) -> list[float]:
@@ -356,12 +350,13 @@ def _complete_inertial(link: ET.Element, where: str, notes: list[str]) -> None:
         link.remove(inertial)
         notes.append(f"the <inertial> of link {link.get('name')!r} has no <mass> and is left out")
     elif inertial.find("inertia") is None:
-        ET.SubElement(inertial, "inertia", POINT)
+        ET.SubElement(inertial, "inertia", dict.fromkeys(REQUIRED["inertia"], "0"))
         notes.append(f"the <inertial> of link {link.get('name')!r} has no <inertia>: its mass is in one point")
 
 
 def _check_joint(joint: ET.Element, links: set[str], joints: set[str], where: str) -> None:
-    _check_single(joint, JOINT_ELEMENTS, where)
+    once = ("origin", "parent", "child", "axis", "limit", "dynamics", "mimic", "safety_controller", "calibration")
+    _check_single(joint, once, where)
     kind = joint.get("type")
     if kind not in JOINT_TYPES:
         raise ModelError(f"{where}: unknown type {kind!r}; valid: {', '.join(JOINT_TYPES)}")
@@ -378,7 +373,7 @@ def _check_joint(joint: ET.Element, links: set[str], joints: set[str], where: st
         if xyz is None:  # the specification's default is 1 0 0, that of Pinocchio's parser 0 0 0
             raise ModelError(f"{where}: the axis has no xyz")
         norm = math.hypot(*map(float, xyz.split()))
-        if abs(norm - 1.0) > AXIS_TOLERANCE:
+        if abs(norm - 1.0) > 1e-3:  # a hand-typed axis has three digits or more
             raise ModelError(f"{where}: the axis must be a unit vector, its norm is {norm:.6g}")
     _check_limit(joint, kind, where)
     dynamics = joint.find("dynamics")
@@ -390,47 +385,76 @@ def _check_joint(joint: ET.Element, links: set[str], joints: set[str], where: st
 
 
 def _check_limit(joint: ET.Element, kind: str, where: str) -> None:
+    if kind not in ("revolute", "prismatic"):
+        return
     limit = joint.find("limit")
     if limit is None:
-        if kind in LIMITED_TYPES:
-            raise ModelError(f"{where}: a {kind} joint needs <limit>; an unlimited one has type continuous")
-        return
-    if kind in LIMITED_TYPES:
-        for attribute in ("lower", "upper"):
-            if not limit.get(attribute):
-                raise ModelError(
-                    f"{where}: a <limit> has no {attribute}: write it [rad, or m], or type continuous for a joint "
-                    "without limits"
-                )
-        lower, upper = float(limit.get("lower", "")), float(limit.get("upper", ""))
-        if lower > upper:
-            raise ModelError(f"{where}: lower limit {lower} is above upper limit {upper}")
+        raise ModelError(f"{where}: a {kind} joint needs <limit>; an unlimited one has type continuous")
+    for attribute in ("lower", "upper"):
+        if not limit.get(attribute):
+            raise ModelError(
+                f"{where}: a <limit> has no {attribute}: write it [rad, or m], or type continuous for a joint "
+                "without limits"
+            )
+    lower, upper = float(limit.get("lower", "")), float(limit.get("upper", ""))
+    if lower > upper:
+        raise ModelError(f"{where}: lower limit {lower} is above upper limit {upper}")
 
 
 def _check_tree(joints: list[ET.Element], links: list[str], source: str) -> None:
     """Each link has one parent at most, exactly one has none, and all hang on it."""
     parent_of: dict[str, str] = {}
-    children: dict[str, list[str]] = {}
     for joint in joints:
         parent, child = (joint.find(role).get("link", "") for role in ("parent", "child"))  # type: ignore[union-attr]  # checked by _check_joint
         if child in parent_of:
             raise ModelError(f"{source}: link {child!r} has two parents, {parent_of[child]!r} and {parent!r}")
         parent_of[child] = parent
-        children.setdefault(parent, []).append(child)
+    try:
+        TopologicalSorter({child: (parent,) for child, parent in parent_of.items()}).prepare()
+    except CycleError as error:
+        raise ModelError(f"{source}: the links form a cycle: {' -> '.join(error.args[1])}") from None
     roots = [link for link in links if link not in parent_of]
-    reached, ahead = set(roots), list(roots)
-    while ahead:
-        below = children.get(ahead.pop(), [])
-        reached.update(below)
-        ahead.extend(below)
-    if len(reached) < len(links):  # links that no root leads to have parents without end
-        link = next(link for link in links if link not in reached)
-        cycle: dict[str, None] = {}
-        while link not in cycle:
-            cycle[link] = None
-            link = parent_of[link]
-        names = list(cycle)
-        names = [*names[names.index(link) :], link]
-        raise ModelError(f"{source}: the links form a cycle: {' -> '.join(reversed(names))}")
     if len(roots) != 1:
         raise ModelError(f"{source}: a robot has one root link, this file has {len(roots)}: {', '.join(roots)}")
+
+
+class DisabledPairs(NamedTuple):
+    """Links of a robot whose contact with each other does not count, by an SRDF, as MoveIt's assistant writes it."""
+
+    path: Path
+    """The file that says so."""
+    pairs: tuple[tuple[str, str], ...]
+    """Names of links, each pair once."""
+
+
+def find_srdf(urdf: Path) -> Path | None:
+    """The SRDF of a URDF's name in the folder of that file, or in a folder called srdf beside it; None for none."""
+    name = urdf.with_suffix(".srdf").name
+    places = urdf.parent / name, urdf.parent.parent / "srdf" / name
+    return next((place for place in places if place.is_file()), None)
+
+
+def read_srdf(path: Path) -> DisabledPairs:
+    """The pairs of links that a file disables.
+
+    Raises:
+        ModelError: the file cannot be read, or is no SRDF.
+    """
+    try:
+        text = files.read_bytes(path, files.DESCRIPTION).decode("utf-8-sig")
+    except (InvalidInputError, UnicodeDecodeError) as error:
+        raise ModelError(f"{path}: is not an SRDF that can be read: {error}") from error
+    root = parse_xml(text, str(path))
+    if any(sign in text for sign in (*TEMPLATE, "xacro:")):
+        raise ModelError(f"{path}: is a xacro file, not an SRDF: expand it: xacro {path.name} > out.srdf")
+    if root.tag != "robot":
+        raise ModelError(f"{path}: the root element is <{root.tag}>, an SRDF has <robot>")
+    if root.find("link") is not None:
+        raise ModelError(f"{path}: is a URDF, not an SRDF")
+    found: dict[frozenset[str], tuple[str, str]] = {}
+    for element in root.iter("disable_collisions"):
+        first, second = element.get("link1", ""), element.get("link2", "")
+        if not first or not second:
+            raise ModelError(f"{path}: a <disable_collisions> has no {'link2' if first else 'link1'}")
+        found.setdefault(frozenset((first, second)), (first, second))
+    return DisabledPairs(path, tuple(pair for key, pair in found.items() if len(key) == 2))

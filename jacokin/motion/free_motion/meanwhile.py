@@ -26,8 +26,8 @@ from jacokin.errors import InvalidInputError
 from jacokin.ik.seeds import DEFAULT_RANDOM_SEED, random_configurations
 from jacokin.ik.solver import IKSolver
 from jacokin.model import checks
-from jacokin.model.contact_between import ContactBetween
-from jacokin.model.other_robot import OtherRobot
+from jacokin.model.contact import ContactBetween
+from jacokin.model.obstacles import OtherRobot
 from jacokin.model.scene import Scene
 from jacokin.motion.in_time import TimedMotion, Touch, find_touch
 from jacokin.motion.rows import WHOLE_TICK, Rows, joined, standing

@@ -37,7 +37,8 @@ from jacokin.kernels.tracking.tasks import (
     make_task_rows,
 )
 from jacokin.model import checks, poses
-from jacokin.model.contact_arrays import about_z, joints_about_z
+from jacokin.model.contact_arrays import joints_about_z
+from jacokin.model.kinematics import about_z
 from jacokin.model.robot import Robot
 
 RIGID = 1e-9  # a pose this near to rigid is used as it is; others are checked and made rigid

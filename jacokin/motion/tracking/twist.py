@@ -24,7 +24,7 @@ from jacokin.kernels.tracking.twist import (
     largest_share,
 )
 from jacokin.model import checks
-from jacokin.model.jacobians import REFERENCES
+from jacokin.model.kinematics import REFERENCES
 from jacokin.motion.tracking.joint_limits import JointLimits
 from jacokin.motion.tracking.problem import controlled_directions
 from jacokin.motion.tracking.steps import SINGULAR_POSE
