@@ -4,25 +4,24 @@ from __future__ import annotations
 
 import importlib
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 
-def door(package: str, file: str) -> tuple[list[str], Callable[[str], object], Callable[[], list[str]]]:
+def door(
+    package: str, names_of: Mapping[str, tuple[str, ...]]
+) -> tuple[list[str], Callable[[str], object], Callable[[], list[str]]]:
     """The `__all__`, `__getattr__` and `__dir__` of a package that imports nothing until it is asked.
 
-    The stub beside the package, which type checkers read, says which names are public and where each comes from, in
-    lines "from module import name as name"; a name that comes from the package itself is a module of it.
+    The stub beside the package imports the same names, for type checkers.
 
     Args:
         package: name of the package, its `__name__`.
-        file: its `__file__`.
+        names_of: module, and the public names that come from it; the package itself, and modules of it.
 
     Returns:
         The sorted public names; a function that loads one of them; a function that lists them.
     """
-    with open(f"{file}i", encoding="utf-8") as stub:  # noqa: PTH123 - pathlib takes longer to load than this package
-        lines = [line.split() for line in stub if line.startswith("from ")]
-    module_of = {name: module for _, module, _, name, *_ in lines}
+    module_of = {name: module for module, names in names_of.items() for name in names}
     public = sorted(module_of)
 
     def load(name: str) -> object:

@@ -13,4 +13,15 @@ design            which configurations to measure, and how good the result will 
 
 from jacokin import lazy
 
-__all__, __getattr__, __dir__ = lazy.door(__name__, __file__)
+__all__, __getattr__, __dir__ = lazy.door(
+    __name__,
+    {
+        "jacokin.calibration.arm_model": ("Prior",),
+        "jacokin.calibration.calibration": ("Calibration",),
+        "jacokin.calibration.comparison": ("Comparison", "compare"),
+        "jacokin.calibration.design": ("Accuracy", "plan_measurements", "predict_accuracy"),
+        "jacokin.calibration.estimation": ("calibrate",),
+        "jacokin.calibration.findings": ("Estimate",),
+        "jacokin.calibration.measurements": ("Measurements",),
+    },
+)

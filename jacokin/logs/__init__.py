@@ -12,4 +12,13 @@ torque_rows    joints smoothed and differentiated: rows for `identify_arm`
 
 from jacokin import lazy
 
-__all__, __getattr__, __dir__ = lazy.door(__name__, __file__)
+__all__, __getattr__, __dir__ = lazy.door(
+    __name__,
+    {
+        "jacokin.logs.bag": ("Topic",),
+        "jacokin.logs.log": ("Log", "Recording"),
+        "jacokin.logs.messages": ("JointRecord", "PoseRecord"),
+        "jacokin.logs.standstills": ("StandstillRule", "Standstills"),
+        "jacokin.logs.torque_rows": ("TorqueRows",),
+    },
+)
