@@ -20,15 +20,15 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, needed
 from jacokin.model.poses import pose_from_kinova, pose_to_kinova
 from jacokin.twin.arm import ArmState
+from jacokin.twin.controller import GoalStatus, TwinGoal
 from jacokin.twin.faults import TICK
-from jacokin.twin.goals import GoalStatus, TwinGoal
 from jacokin.twin.kinova import PERIOD, TURNS, KinovaDriver
-from jacokin.twin.ticker import Ticker
+from jacokin.twin.nodes import Ticker
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from jacokin.twin.pictures import Camera
+    from jacokin.twin.nodes import Camera
 
 INSTALL = (
     "apt-get install python3-rospy python3-rosmaster python3-actionlib python3-sensor-msgs python3-trajectory-msgs "

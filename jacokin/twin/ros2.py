@@ -12,13 +12,13 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from jacokin.errors import InvalidInputError, needed
+from jacokin.twin.controller import GoalStatus
 from jacokin.twin.faults import TICK
 from jacokin.twin.following import Tolerances, TrajectoryController
-from jacokin.twin.goals import GoalStatus
-from jacokin.twin.ticker import Ticker
+from jacokin.twin.nodes import Ticker
 
 if TYPE_CHECKING:
-    from jacokin.twin.pictures import Camera
+    from jacokin.twin.nodes import Camera
 
 INSTALL = (
     "apt-get install ros-jazzy-ros-base ros-jazzy-control-msgs, source /opt/ros/jazzy/setup.bash, and start jacokin "

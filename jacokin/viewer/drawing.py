@@ -268,7 +268,7 @@ def rounded_box(half: Array) -> Triangles:
 def rounded_cylinder(radius: float, half: float) -> Triangles:
     """A cylinder along z by its radius and half its length [m] with rounded edges, inside it."""
     edge = bevel(np.array([radius, half]))
-    profile = _arc(edge, half - edge, 4 * STEPS) + [radius - edge, 0.0]
+    profile = np.array([radius - edge, 0.0]) + _arc(edge, half - edge, 4 * STEPS)
     return hull(revolved_points(profile, ROUND_SIDES))
 
 
@@ -299,7 +299,7 @@ def cylinder(radius: float, half: float, sides: int = SIDES) -> Triangles:
 
 
 def _arc(radius: float, half: float, sides: int) -> Array:
-    """(n, 2) distance from z and place along it [m] of two quarters of a circle, the upper `half` up, the lower down."""
+    """(n, 2) radius and z [m] of two quarters of a circle, the upper one `half` up, the lower one as far down."""
     rise = np.linspace(0.0, 0.5 * np.pi, sides // 4 + 1)
     upper = np.column_stack((radius * np.cos(rise), half + radius * np.sin(rise)))
     return np.vstack((upper, upper * [1.0, -1.0]))
