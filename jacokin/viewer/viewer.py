@@ -265,10 +265,10 @@ class Viewer:
     def _draw(self, names: dict[str, int]) -> None:
         """Draw more or less of the same view."""
         if "visuals" in names:
-            self._stage.arm.dress(self._parts(self._panel.visuals))
+            self._stage.arm.dress(self._parts(self._panel.wants("visuals")))
         if "degrees" in names:
             self._panel.change_unit()
-        self._stage.datasheet, self._stage.commanded = self._panel.datasheet, self._panel.commanded
+        self._stage.datasheet, self._stage.commanded = self._panel.wants("datasheet"), self._panel.wants("commanded")
         self._show(self._view, move_gizmo=False)
 
     def _pose_joints(self, names: dict[str, int]) -> None:
@@ -343,7 +343,7 @@ class Viewer:
 
     def _track(self, names: dict[str, int]) -> None:
         """Begin or end following the gizmo."""
-        wanted = self._panel.track
+        wanted = self._panel.wants("track")
         self._stop()
         if not wanted:
             self._aim({})  # where the gizmo is, which may have moved on
@@ -425,7 +425,7 @@ class Viewer:
 
     def _open_hand(self, angle: float) -> None:
         """Draw the fingers at about an angle [rad], or [m] where they slide; a gripper that is not known stays."""
-        if self._panel.visuals:
+        if self._panel.wants("visuals"):
             return
         robot = self._inspector.robot
         if self._fingers is None:
@@ -498,9 +498,9 @@ class Viewer:
     def _show(self, view: View, *, move_gizmo: bool = True) -> None:
         # A gizmo that somebody moved meanwhile stays where it is: that target is the next one.
         move_gizmo = move_gizmo and not self._inbox.waits("target")
-        self._stage.show(view, ghosts=self._panel.ghosts, ellipsoid=self._panel.ellipsoid, move_gizmo=move_gizmo)
-        away = not np.array_equal(self._start, view.q)
-        self._stage.mark_start(self._start, visible=away and self._panel.ghosts)
+        ghosts, ellipsoid = self._panel.wants("ghosts"), self._panel.wants("ellipsoid")
+        self._stage.show(view, ghosts=ghosts, ellipsoid=ellipsoid, move_gizmo=move_gizmo)
+        self._stage.mark_start(self._start, visible=ghosts and not np.array_equal(self._start, view.q))
         self._panel.show(view)
         self._view = view
 
