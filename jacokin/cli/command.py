@@ -17,14 +17,11 @@ from jacokin.errors import InvalidInputError, JacokinError, UnknownNameError
 
 # Names of the library's arguments where those of the parameters differ.
 OTHER_NAMES = {"axis": "--free-axis", "range": "--free-range", "q": "ANGLE...", "degrees": "--degrees"}
-# Words of the library for what an option does; where a command has that option, it is named.
-OTHER_WORDS = {"solve_all": "--all", "a FreeAxis": "--free-axis"}
 # In a message about options, and fields of a scene, that are in radians also with --degrees.
 ALWAYS_RADIANS = ("--limit", "--finger-angle", "finger_angle")
 
 FILE = click.Path(path_type=Path)
 VECTORS = {"Vector3": 3, "Vector4": 4, "Vector6": 6, "tuple[float, float]": 2}  # kind of a field, and its numbers
-MANY = 15  # options of a command whose help has headings
 
 _NUMBER = re.compile(r"[-+]?((\d+\.?\d*|\.\d+)(e[-+]?\d+)?|inf(inity)?|nan)", re.IGNORECASE | re.ASCII)
 
@@ -66,7 +63,7 @@ class Command(click.Command):
         """Write the arguments and the options into the help."""
         under: dict[str, list[tuple[str, str]]] = {"Arguments": []}
         parameters = self.get_params(ctx)
-        is_long = sum(not isinstance(each, Argument) for each in parameters) >= MANY
+        is_long = sum(not isinstance(each, Argument) for each in parameters) >= 15  # so many need headings
         for each in parameters:
             if isinstance(each, Argument):
                 under["Arguments"].append((str(each.metavar), each.text))
@@ -90,7 +87,8 @@ class Command(click.Command):
         except JacokinError as error:
             flags = {str(each.name): each.opts[0] for each in self.params if each.opts[0].startswith("-")}
             text = name_flags(error, {**flags, **OTHER_NAMES}, ctx.params)
-            for word, flag in OTHER_WORDS.items():
+            # Words of the library for what an option does; where a command has that option, it is named.
+            for word, flag in {"solve_all": "--all", "a FreeAxis": "--free-axis"}.items():
                 if flag in flags.values():
                     text = text.replace(word, flag)
             units = ctx.params.get("units")

@@ -20,12 +20,10 @@ from jacokin import model
 from jacokin.cli import process
 from jacokin.cli.units import Units
 
-PIPE_WIDTH = 160  # columns of what is not shown in a terminal, so that little is broken
 GAP = 3  # columns between columns
 NARROWEST = 16  # columns that text is broken into at least
 PERIOD = 0.1  # [s] between two states of a progress bar
 LINE_PERIOD = 10.0  # [s] between two lines where there is no terminal
-LOOK_PERIOD = 0.5  # [s] between two looks whether that has passed
 CLEAR = "\r\x1b[K"  # back to the start of the line, and erase it
 
 
@@ -69,7 +67,8 @@ def show_facts(rows: Iterable[tuple[str, str]], title: str | None = None) -> Non
 def _widths(lines: Sequence[Sequence[str]], text: int) -> list[int]:
     """Width of each column; the widest text gives way where all do not fit."""
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-    space = shutil.get_terminal_size().columns if sys.stdout.isatty() else PIPE_WIDTH
+    # What is not shown in a terminal is so wide that little is broken.
+    space = shutil.get_terminal_size().columns if sys.stdout.isatty() else 160
     excess = 3 + sum(widths) + GAP * (len(widths) - 1) - space
     while excess > 0:
         widest = max(range(text), key=widths.__getitem__)
@@ -182,7 +181,7 @@ def progress_bar(title: str) -> Iterator[Callable[[int, int | None], None]]:
             write(text, now)
 
     def keep_telling() -> None:
-        while not ended.wait(LOOK_PERIOD):
+        while not ended.wait(0.5):  # [s]
             now = time.monotonic()
             if now - shown > LINE_PERIOD:
                 write(f"{latest}, {format_duration(now - began)} so far", now)

@@ -42,14 +42,12 @@ from jacokin.teleop.hand import HandOptions, LowPass, Mapping, Play, SmoothedTar
 from jacokin.teleop.workspace import AHEAD, checked_workspace
 
 AUTO = "auto"
-WORKSPACE = "workspace"
 SAME = 1e-12  # relative: a hand that repeats its pose moves the target by rounding only
 RESTS = 1e-6  # [m/s], [rad/s] a slower twist is none
 STAYS = 5e-3  # [rad] an arm that stays this near to where it was, and off its target by more than this, is stuck
 FAR_OFF = 1e-3, 0.01  # [m], [rad]
 LAG = 0.05  # [rad] a planned motion waits for joints that are farther behind
 BLOCKED = 2.0  # [s] of waiting, after which a planned motion is given up
-RETRY = 2.0  # [s] until another way to a target that is held off is looked for again
 SPREAD = 5  # places on a branch that is a curve; those at its ends are not tried
 ARRIVED = 1e-4  # [rad] nearer to the end of a planned motion, it is done
 
@@ -465,7 +463,7 @@ class Teleop:
             return step
         status, limiting, message = step.status, step.limiting, step.message
         if is_refused:
-            limiting, message = (*limiting, WORKSPACE), "the workspace holds the tool back"
+            limiting, message = (*limiting, "workspace"), "the workspace holds the tool back"
         if status is not TrackerStatus.LATE:
             status = TrackerStatus.HELD if float(np.abs(step.v).max()) < STILL else TrackerStatus.LIMITED
         return replace(
@@ -506,7 +504,7 @@ class Teleop:
 
     def _recover(self, target: pin.SE3) -> None:
         """Go to a target that is held off by another branch, if there is one."""
-        self._held = -RETRY
+        self._held = -2.0  # [s] until another way is looked for again
         if self._solver().solve(target, seed=self.tracker.q).success:
             plan = self._plan([target], time_limit=0.3)
             if plan.success:

@@ -11,8 +11,6 @@ from typing import Generic
 from jacokin.twin.arm import ArmState, SimulatedArm
 from jacokin.twin.faults import Command, Faults, Line
 
-PAUSE = 1.0  # [s] after which velocities are worth a word again
-
 logger = logging.getLogger(__name__)
 
 
@@ -116,7 +114,7 @@ class Controller(Generic[Command]):
 
     def _send_velocity(self, command: Command) -> None:
         """Send a velocity to the arm."""
-        if self.arm.state.time - self._last > PAUSE or not self._velocities:
+        if self.arm.state.time - self._last > 1.0 or not self._velocities:  # [s]
             logger.info("velocities come")
         self._velocities += 1
         self._last = self.arm.state.time

@@ -30,13 +30,10 @@ from jacokin.twin.arm import BRAKING, ArmState, SimulatedArm
 from jacokin.twin.controller import Controller, GoalStatus, Record, TwinGoal
 from jacokin.twin.faults import TICK, Faults
 
-QUEUE = 2000  # velocities that the base keeps (README, velocity control)
-JOINT_SPEED = np.radians(20.0)  # [rad/s] of joints_action, jointSpeedLimitParameter1 and 2 where they are not set
 TURNS = 6800.0  # of a finger's motor from open to closed (kinova_arm.cpp, cartesianVelocityWithFingersCallback)
 PERIOD = 0.1  # [s] in which actions look at the arm, rate_hz, and in which the state is published
 STOPPED_VELOCITY = 0.01  # [rad/s] constraints/stopped_velocity_tolerance of joint_trajectory_action_server.cpp
 REACHED = 1e-3  # [rad], [m] a target in the queue this near is reached
-INACTIVITY = 0.25  # [s] after which torques are zero (README, torque inactivity)
 
 logger = logging.getLogger(__name__)
 
@@ -153,7 +150,7 @@ class TorqueControl:
     def tick(self) -> None:
         """Simulate a tick of the mode."""
         arm = self._arm
-        is_silent = arm.state.time - self._heard > INACTIVITY
+        is_silent = arm.state.time - self._heard > 0.25  # [s] (README, torque inactivity)
         arm.tick_torques(np.zeros_like(self._torques) if is_silent else self._torques)
         too_fast = np.abs(arm.state.v) > self.safety_factor * arm.robot.velocity_limit
         if too_fast.any() or not arm.can_stop():
@@ -183,8 +180,8 @@ class KinovaDriver(Controller[Command | Push]):
         self.died, self.is_stopped = "", False
         self.torque_control = TorqueControl(arm)
         self.T_end_effector_tool = pin.SE3.Identity()
-        self._queue: deque[Command] = deque(maxlen=QUEUE)
-        self._speed = np.full(arm.robot.dof, JOINT_SPEED)
+        self._queue: deque[Command] = deque(maxlen=2000)  # velocities that the base keeps (README)
+        self._speed = np.full(arm.robot.dof, np.radians(20.0))  # where jointSpeedLimitParameter is not set
         self._tracker = Tracker(arm.robot, dt=TICK, q=arm.state.q, acceleration_limit=np.inf)
         self._is_tracking = False
         self._limits = arm.robot.lower, arm.robot.upper

@@ -37,9 +37,7 @@ INSTALL = (
 ANSWER = 10.0  # [s] that a master may take
 CLOSURE_GAIN = 2.0  # [1/s] velocity of fingers per distance (kinova_arm.cpp, cartesianVelocityWithFingersCallback)
 CLOSURE_NEAR = 20.0  # [turns] to which they go
-TIP_JOINTS = 0.0  # [rad] what the driver says of them
 SINGULAR = 0.05  # of the largest singular value: weaker directions of a wrench are not told
-DYING = 0.5  # [s] for which the base of the arm is simulated on
 
 
 class Ros1Action:
@@ -395,7 +393,7 @@ class Ros1Node:
 
         def lives() -> bool:
             if self._driver.died and not died:
-                died.append(self._driver.arm.state.time + DYING)
+                died.append(self._driver.arm.state.time + 0.5)  # [s], in which the base goes on
             is_over = bool(died) and self._driver.arm.state.time > died[0]
             return goes_on() and not is_over and not self._rospy.is_shutdown()
 
@@ -457,7 +455,7 @@ class Ros1Node:
         rest = [0.0] * (2 * len(fingers))
         message = self._sensors.JointState(
             name=self._state_names,
-            position=[*state.q.tolist(), *fingers, *[TIP_JOINTS] * len(fingers)],
+            position=[*state.q.tolist(), *fingers, *[0.0] * len(fingers)],  # of the tips the driver says so
             velocity=[*state.v.tolist(), *rest],
             effort=[*self._torques(state).tolist(), *rest],
         )

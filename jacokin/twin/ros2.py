@@ -26,8 +26,6 @@ INSTALL = (
 )
 STATES_PERIOD = 0.01  # [s] joint_state_broadcaster publishes at the rate of the controllers
 ACTION = "/joint_trajectory_controller/follow_joint_trajectory"
-VELOCITIES = "/forward_velocity_controller/commands"
-FINGERS = "/finger_controller/commands"
 
 
 class Ros2Node:
@@ -74,8 +72,8 @@ class Ros2Node:
             for camera in cameras
         }
         arrays = self._numbers.Float64MultiArray
-        node.create_subscription(arrays, VELOCITIES, self._take(controller.velocity), 10)
-        node.create_subscription(arrays, FINGERS, self._take(controller.move_fingers), 10)
+        node.create_subscription(arrays, "/forward_velocity_controller/commands", self._take(controller.velocity), 10)
+        node.create_subscription(arrays, "/finger_controller/commands", self._take(controller.move_fingers), 10)
         self._server = actions.ActionServer(
             node,
             self._follow,

@@ -28,14 +28,11 @@ SIGNS = np.array(list(product((-1.0, 1.0), repeat=3)))  # of the corners of a bo
 SIDES = 24  # of what is round; from the equator of a sphere to its pole, a quarter of it
 BEVEL = 0.006, 0.3  # [m] radius of an edge that is drawn round, and at most this part of the shape's least half size
 STEPS = 3  # of a rounded edge
-ROUND_SIDES = 36  # of what is drawn round, and smooth
 PLATE = (1.0, 1.0, 0.002)  # [m] half edges of what is drawn of a floor
 BONE_RADIUS = 0.02  # [m] of the sticks that stand for an arm without shapes
 DRAWN_POINTS = 20_000  # of a cloud: browsers draw eight triangles for each
-SMALLEST_POINT = 0.001  # [m] radius that points are drawn with at least
 # Faces of an octahedron whose corners are x, y, z, -x, -y, -z; counter-clockwise from outside.
 OCTAHEDRON = np.array([(0, 1, 2), (1, 3, 2), (3, 4, 2), (4, 0, 2), (1, 0, 5), (3, 1, 5), (4, 3, 5), (0, 4, 5)])
-SHOWN_GROUPS = 3  # of an MJCF's geoms: the viewers of MuJoCo show groups 0 to 2 unless told otherwise
 
 
 Colour = tuple[int, int, int]
@@ -220,7 +217,8 @@ def _read_mjcf(robot: Robot, model: mujoco.MjModel) -> dict[int, list[ColouredMe
         body = int(model.geom_bodyid[geom])
         name = mjcf.body_name(model, body)
         alpha = rgba_of(model, geom)[3]
-        if not body or name not in robot.frames or model.geom_group[geom] >= SHOWN_GROUPS or not alpha:
+        # The viewers of MuJoCo show groups 0 to 2 unless told otherwise.
+        if not body or name not in robot.frames or model.geom_group[geom] >= 3 or not alpha:
             continue
         mesh = read_geom(model, geom)
         if mesh is not None:
@@ -269,7 +267,7 @@ def rounded_cylinder(radius: float, half: float) -> Triangles:
     """A cylinder along z by its radius and half its length [m] with rounded edges, inside it."""
     edge = bevel(np.array([radius, half]))
     profile = np.array([radius - edge, 0.0]) + _arc(edge, half - edge, 4 * STEPS)
-    return hull(revolved_points(profile, ROUND_SIDES))
+    return hull(revolved_points(profile, 36))  # smooth
 
 
 def bevel(half: Array) -> float:
@@ -323,7 +321,7 @@ def hull(points: Array) -> Triangles:
 def cloud(obstacle: PointCloud) -> Triangles:
     """An octahedron inside of the sphere around each point, in the base frame; of many points some."""
     points = obstacle.some_points(DRAWN_POINTS)
-    corners = max(obstacle.radius, SMALLEST_POINT) * np.vstack([np.eye(3), -np.eye(3)])
+    corners = max(obstacle.radius, 0.001) * np.vstack([np.eye(3), -np.eye(3)])  # [m]
     vertices = (points[:, np.newaxis] + corners).reshape(-1, 3)
     faces = OCTAHEDRON + len(corners) * np.arange(len(points))[:, np.newaxis, np.newaxis]
     return Triangles(vertices.astype(np.float32), faces.reshape(-1, 3).astype(np.uint32))

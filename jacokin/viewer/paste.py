@@ -28,7 +28,6 @@ from jacokin.viewer.inspector import FULL_TURN, SAME, Inspector
 from jacokin.viewer.view import View
 
 SCENE_FILE = "jacokin_scene.json"
-OF_SOLVER = ("method", "qp_solver")  # options that the command line has too
 ONLY_PYTHON = ("position_tolerance", "orientation_tolerance", "limit_snap", "max_restarts")
 SceneShape = type[Box] | type[Sphere] | type[Capsule] | type[Cylinder] | type[Floor]
 SHAPES: tuple[SceneShape, ...] = (Box, Sphere, Capsule, Cylinder, Floor)  # that a scene's file can hold
@@ -83,7 +82,7 @@ def command_text(inspector: Inspector, view: View) -> str:
     words += ["--seed", *_texts(call.seed), "--collision", options.collision]
     words += ["--all"] if call.branch is not None else ["--prefer", call.prefer]
     changed = {name: getattr(options, name) for name in DEFAULTS if getattr(options, name) != DEFAULTS[name]}
-    for name in OF_SOLVER:
+    for name in ("method", "qp_solver"):  # which the command line has, too
         if name in changed:
             words += [f"--{name.replace('_', '-')}", changed[name]]
     if options.clearance:

@@ -43,9 +43,7 @@ BUILT = {"add", "clicked", "pick", "shape", "moved", "remove"}  # what changes t
 PERIOD = 0.02  # [s] from one picture to the next of what moves by itself
 TICK = 0.01  # [s] of the tracker: 100 Hz, as the real arm takes joint angles
 OPENINGS = 12  # of the hand that are drawn, beside the first
-LONGEST_LAG = 0.1  # [s] of ticks that are caught up with; after a longer pause the tracker goes on from where it is
 
-SEARCH = 1.0  # [s] for a way around what is between start and goal
 
 logger = logging.getLogger(__name__)
 
@@ -393,7 +391,7 @@ class Viewer:
         try:
             planner = self._setup.planner(inspector.solver)
             speeds = self._contents.velocity_limit
-            self._motion = motion = plan_motion(planner, self._start, goal.q, time_limit=SEARCH, velocity_limit=speeds)
+            self._motion = motion = plan_motion(planner, self._start, goal.q, time_limit=1.0, velocity_limit=speeds)
             stopped = self._inbox.drop("go")  # the same button, meanwhile
             if motion.success and not stopped:
                 self._going = Going(motion, goal, inspector)
@@ -574,7 +572,7 @@ class GizmoFollower:
     def advance(self, target: pin.SE3, elapsed: float) -> TrackerStep | None:
         """Let time pass on the clock [s], in whole ticks; the last one, or None when there was none."""
         self._owed += elapsed
-        if self._owed > LONGEST_LAG:
+        if self._owed > 0.1:  # [s], a long pause: the tracker goes on from where it is
             self._owed = TICK
         step = None
         while self._owed >= TICK:

@@ -30,8 +30,6 @@ SLIDING_DIGITS = 3  # [m]
 ONE_SIDED = 2.0 * math.pi  # how far a slider goes where a joint has no limit
 TARGET_DIGITS = 4, 2  # [m] and [deg]
 ALIKE = 2e-4  # entries of two rotations whose angles agree to those digits
-PLOT_HEIGHT = 110  # [pixel]
-OPACITY = 0.55  # of the cells of a map
 
 Post = Callable[[str], None]
 Three = tuple[float, float, float]
@@ -347,7 +345,7 @@ def _plot(gui: viser.GuiApi, robot: Robot, playback: Playback, joint: int) -> No
         (playback.t[rows], *(values for _, values, _ in lines)),
         tuple(series),
         scales={"x": {"time": False}},
-        height=PLOT_HEIGHT,
+        height=110,  # [pixel]
     )
 
 
@@ -379,7 +377,7 @@ class SliceControls:
             batched_wxyzs=np.array([[1.0, 0.0, 0.0, 0.0]]),
             batched_positions=np.zeros((1, 3)),
             batched_colors=np.zeros((1, 3), dtype=np.uint8),
-            opacity=OPACITY,
+            opacity=0.55,
             lod="off",
             side="double",
             cast_shadow=False,
