@@ -12,6 +12,7 @@ from jacokin.ik.results import Status
 from jacokin.ik.solver import IKSolver
 from jacokin.model import poses
 from jacokin.model.scene import Scene
+from jacokin.viewer.browser.controls import add_batch
 from jacokin.viewer.contents import Contents
 from jacokin.viewer.drawing import ArmPart, Colour, Triangles, build_obstacles, build_sticks, merge, move, sphere
 from jacokin.viewer.inspector import Inspector
@@ -96,15 +97,13 @@ class Stage:
         others = view.ghosts if ghosts else view.ghosts[:0]
         places, colours = self._inspector.places([view.q, *view.branches[others]]), self._ghost_colours(view)[others]
         solid = view.feasible[others]
-        if self.datasheet:
-            pairs = zip(places, self._described.places([view.q]), strict=True)
-            places = ShownPlaces(*(np.concatenate(pair) for pair in pairs))
-            colours = np.vstack((colours, np.array(DATASHEET, dtype=np.uint8)))
-            solid = np.append(solid, True)
+        more = [(self._described, view.q, DATASHEET)] if self.datasheet else []
         if self.commanded and view.commanded is not None:
-            pairs = zip(places, self._inspector.places([view.commanded]), strict=True)
+            more.append((self._inspector, view.commanded, COMMANDED))
+        for inspector, q, colour in more:
+            pairs = zip(places, inspector.places([q]), strict=True)
             places = ShownPlaces(*(np.concatenate(pair) for pair in pairs))
-            colours = np.vstack((colours, np.array(COMMANDED, dtype=np.uint8)))
+            colours = np.vstack((colours, np.array(colour, dtype=np.uint8)))
             solid = np.append(solid, True)
         touching = {name for pair in view.arm_touching for name in pair}
         with self._server.atomic():
@@ -261,21 +260,7 @@ class ArmNodes:
     ) -> viser.BatchedMeshHandle:
         """A part of branches that the arm is not at, out of sight."""
         assert mesh is not None
-        return self._scene.add_batched_meshes_simple(
-            name,
-            mesh.vertices,
-            mesh.faces,
-            batched_wxyzs=np.array([[1.0, 0.0, 0.0, 0.0]]),
-            batched_positions=np.zeros((1, 3)),
-            batched_colors=np.array([GHOST], dtype=np.uint8),
-            opacity=opacity,
-            wireframe=wires,
-            lod="off",
-            flat_shading=not wires,
-            cast_shadow=False,
-            receive_shadow=False,
-            visible=False,
-        )
+        return add_batch(self._scene, name, mesh, opacity=opacity, wireframe=wires, flat_shading=not wires)
 
     def place(self, places: ShownPlaces, colour: Colour | None, touching: set[str]) -> None:
         """Bring the solid arm to the first of some places; shapes that touch are drawn over it."""
