@@ -6,7 +6,6 @@ import contextlib
 import math
 import sys
 from collections.abc import Iterable
-from types import TracebackType
 from typing import Any, Protocol, Self
 
 import numpy as np
@@ -363,9 +362,7 @@ class SpaceMouse:
         """Itself."""
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *raised: object) -> None:
         """Close what is open."""
         for interface in list(self._open):
             self._let_go(interface)
