@@ -22,6 +22,7 @@ ALWAYS_RADIANS = ("--limit", "--finger-angle", "finger_angle")
 
 FILE = click.Path(path_type=Path)
 VECTORS = {"Vector3": 3, "Vector4": 4, "Vector6": 6, "tuple[float, float]": 2}  # kind of a field, and its numbers
+MANY = 15  # options of a command whose help has headings
 
 _NUMBER = re.compile(r"[-+]?((\d+\.?\d*|\.\d+)(e[-+]?\d+)?|inf(inity)?|nan)", re.IGNORECASE | re.ASCII)
 
@@ -63,7 +64,7 @@ class Command(click.Command):
         """Write the arguments and the options into the help."""
         under: dict[str, list[tuple[str, str]]] = {"Arguments": []}
         parameters = self.get_params(ctx)
-        is_long = sum(not isinstance(each, Argument) for each in parameters) >= 15  # so many need headings
+        is_long = sum(not isinstance(each, Argument) for each in parameters) >= MANY
         for each in parameters:
             if isinstance(each, Argument):
                 under["Arguments"].append((str(each.metavar), each.text))

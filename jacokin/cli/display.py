@@ -24,6 +24,7 @@ GAP = 3  # columns between columns
 NARROWEST = 16  # columns that text is broken into at least
 PERIOD = 0.1  # [s] between two states of a progress bar
 LINE_PERIOD = 10.0  # [s] between two lines where there is no terminal
+LOOK_PERIOD = 0.5  # [s] between two looks whether that has passed
 CLEAR = "\r\x1b[K"  # back to the start of the line, and erase it
 
 
@@ -181,7 +182,7 @@ def progress_bar(title: str) -> Iterator[Callable[[int, int | None], None]]:
             write(text, now)
 
     def keep_telling() -> None:
-        while not ended.wait(0.5):  # [s]
+        while not ended.wait(LOOK_PERIOD):
             now = time.monotonic()
             if now - shown > LINE_PERIOD:
                 write(f"{latest}, {format_duration(now - began)} so far", now)
