@@ -22,7 +22,6 @@ from jacokin.files import replacing
 from jacokin.logs.bag import ENDINGS
 
 FIT, NOTHING = "fit", "none"
-SIGMA_ANGLE = 1e-3  # [rad] of poses that are planned
 
 
 class FitUnlessNamed(click.Group):
@@ -279,7 +278,7 @@ def plan(given: DesignOptions, instrument: InstrumentOptions, form: FormOptions,
     arm = source.load()
     error = instrument.error
     if given.poses and instrument.sigma is not None and instrument.sigma_angle is None:
-        error = (instrument.sigma, SIGMA_ANGLE)
+        error = (instrument.sigma, 1e-3)  # [rad] where none is given
     elif not given.poses:
         error = instrument.sigma
     measured = "pose" if given.poses else "position"

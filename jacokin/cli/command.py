@@ -17,8 +17,6 @@ from jacokin.errors import InvalidInputError, JacokinError, UnknownNameError
 
 # Names of the library's arguments where those of the parameters differ.
 OTHER_NAMES = {"axis": "--free-axis", "range": "--free-range", "q": "ANGLE...", "degrees": "--degrees"}
-# Words of the library for what an option does; where a command has that option, it is named.
-OTHER_WORDS = {"solve_all": "--all", "a FreeAxis": "--free-axis"}
 # In a message about options, and fields of a scene, that are in radians also with --degrees.
 ALWAYS_RADIANS = ("--limit", "--finger-angle", "finger_angle")
 
@@ -90,7 +88,8 @@ class Command(click.Command):
         except JacokinError as error:
             flags = {str(each.name): each.opts[0] for each in self.params if each.opts[0].startswith("-")}
             text = name_flags(error, {**flags, **OTHER_NAMES}, ctx.params)
-            for word, flag in OTHER_WORDS.items():
+            # Words of the library for what an option does; where a command has that option, it is named.
+            for word, flag in {"solve_all": "--all", "a FreeAxis": "--free-axis"}.items():
                 if flag in flags.values():
                     text = text.replace(word, flag)
             units = ctx.params.get("units")

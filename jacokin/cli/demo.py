@@ -27,10 +27,8 @@ REACHED = (0.25, 0.15, 0.35)  # [m] with the tool pointing along x, every second
 CRATE = (0.25, 0.12, 0.35)  # [m] stands on the floor between the ends of the motion
 CRATE_AT = (0.42, -0.02, 0.175)  # [m]
 ENDS = (0.42, 0.28, 0.12), (0.42, -0.30, 0.12)  # [m] of the motion, the tool pointing down
-TOO_FAR = (0.9, 0.0, 0.5)  # [m] with the tool pointing down
 CLEAR = 0.01  # [m] kept from the crate
 STRAIGHT = 200  # configurations on the straight way
-GHOSTS = 5  # configurations of the motion in the picture
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +112,7 @@ def show_advice(robot: model.Robot) -> None:
     """What is said of a pose that cannot be reached."""
     import numpy as np
 
-    result = ik.IKSolver(robot).solve(model.pose(TOO_FAR, down=True))
+    result = ik.IKSolver(robot).solve(model.pose((0.9, 0.0, 0.5), down=True))  # [m], too far away
     away = f"{1e3 * result.position_error:.0f} mm and {np.degrees(result.orientation_error):.0f} degrees away"
     say(f"3. Where there is no answer: {result.status.name}")
     say(f"   {result.status.value}")
@@ -146,7 +144,8 @@ def _draw(way: Array, picture: Path) -> str | None:
     import numpy as np
 
     shown = picture.with_name("shown.npz")
-    some = np.linspace(0, len(way) - 1, GHOSTS + 1).round().astype(int)
+    # The last one, and five before it that are seen through.
+    some = np.linspace(0, len(way) - 1, 6).round().astype(int)
     np.savez(shown, q=way[some[::-1]], size=CRATE, position=CRATE_AT)
     words = [sys.executable, "-P", "-m", "jacokin.cli.picture", str(picture), str(shown)]
     for backend in BACKENDS:

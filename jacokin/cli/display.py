@@ -20,7 +20,6 @@ from jacokin import model
 from jacokin.cli import process
 from jacokin.cli.units import Units
 
-PIPE_WIDTH = 160  # columns of what is not shown in a terminal, so that little is broken
 GAP = 3  # columns between columns
 NARROWEST = 16  # columns that text is broken into at least
 PERIOD = 0.1  # [s] between two states of a progress bar
@@ -69,7 +68,8 @@ def show_facts(rows: Iterable[tuple[str, str]], title: str | None = None) -> Non
 def _widths(lines: Sequence[Sequence[str]], text: int) -> list[int]:
     """Width of each column; the widest text gives way where all do not fit."""
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-    space = shutil.get_terminal_size().columns if sys.stdout.isatty() else PIPE_WIDTH
+    # What is not shown in a terminal is so wide that little is broken.
+    space = shutil.get_terminal_size().columns if sys.stdout.isatty() else 160
     excess = 3 + sum(widths) + GAP * (len(widths) - 1) - space
     while excess > 0:
         widest = max(range(text), key=widths.__getitem__)

@@ -26,7 +26,6 @@ MISSING = "missing"  # optional, and not there
 WARNING = "warning"
 FAILED = "FAILED"  # needed, and does not work
 
-OLDEST_PYTHON = (3, 11)
 PROBE_TIMEOUT = 120.0  # [s] for imports or one rendered picture on a slow machine
 
 # One line of JSON for each module, written as it goes: after a crash the first one missing is at fault.
@@ -186,7 +185,7 @@ def check_all() -> list[Finding]:
 
 def check_python() -> Finding:
     """Is this Python new enough?"""
-    state = OK if sys.version_info >= OLDEST_PYTHON else FAILED
+    state = OK if sys.version_info >= (3, 11) else FAILED
     return Finding("python", "python", state, f"{platform.python_version()}, {sys.executable}")
 
 

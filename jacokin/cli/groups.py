@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -43,17 +43,8 @@ class RobotOptions:
         Raises:
             InvalidInputError: as `load_robot`.
         """
-        return model.load_robot(
-            self.robot or DEFAULT_ROBOT,
-            base=self.base,
-            tip=self.tip,
-            package_dirs=self.package_dirs,
-            limits=self.limits,
-            finger_angle=self.finger_angle,
-            calibration=self.calibration,
-            locked=self.locked,
-            srdf=self.srdf,
-        )
+        given = {each.name: getattr(self, each.name) for each in fields(RobotOptions) if each.name != "robot"}
+        return model.load_robot(self.robot or DEFAULT_ROBOT, **given)
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
 
 import jacokin.ik
@@ -203,13 +203,9 @@ def ik(
         arm,
         tool.frame,
         tool=tool.tool,
-        method=solving.method,
-        qp_solver=solving.qp_solver,
-        collision=solving.collision,
         scene=around.load(),
         clearance=around.clearance,
-        position_tolerance=solving.position_tolerance,
-        orientation_tolerance=solving.orientation_tolerance,
+        **asdict(solving),
     )
     if batch.targets is not None:
         from jacokin.cli import ik_batch

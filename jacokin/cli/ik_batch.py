@@ -22,7 +22,6 @@ from jacokin.ik.files.csv_files import read_names
 from jacokin.ik.files.formats import targets_format
 from jacokin.ik.files.targets import RPY, as_objects, left_behind
 
-FIRST_ROWS = 1000  # that are looked at for angles in degrees
 ROWS = 4096  # solved at a time where no file is written
 
 
@@ -42,7 +41,7 @@ def run(
     """
     results: list[dict[str, object]] = []
     if targets.is_file():
-        first = next(targets_format(targets).blocks(targets, FIRST_ROWS))
+        first = next(targets_format(targets).blocks(targets, 1000))
         if first.columns[3:] == RPY:
             widest = float(np.nanmax(np.abs(first.values[:, 3:]), initial=0.0))
             warn_of_degrees(f"{targets}: roll, pitch, yaw", [widest], Units(degrees=False))

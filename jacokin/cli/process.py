@@ -19,7 +19,6 @@ WRONG_INPUT = 2  # wrong usage or input
 
 # Ends the process after `finally` blocks have removed unfinished files. Missing on Windows: SIGHUP.
 ENDING = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
-STREAMS = ("stdin", "stdout", "stderr")  # in the order of their descriptors
 
 _signals: list[int] = []  # that have come and end the process
 
@@ -48,7 +47,7 @@ def _open_streams() -> None:
 
     A closed descriptor would be given to the next file that is opened, and what is printed would end up there.
     """
-    for descriptor, name in enumerate(STREAMS):
+    for descriptor, name in enumerate(("stdin", "stdout", "stderr")):  # in the order of their descriptors
         try:
             os.fstat(descriptor)
         except OSError:

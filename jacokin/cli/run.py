@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     from jacokin.model import Robot
     from jacokin.runner import LiveMotion, PlannedMotion, ProcessLink, Runner, TwinLink
 
-PYTHON = "/usr/bin/python3"  # of the systems that ROS is packaged for
-LIVE_ACCELERATION = 2.0  # [rad/s^2]
 LINES = 100  # of a hand that wait at most
 
 
@@ -176,7 +174,8 @@ def _link(robot: Robot, way: ConnectionOptions, motion: PlannedMotion | None) ->
         return ProcessLink(command, joints)
     package = "rospy" if way.ros == "1" else "rclpy"
     has_ros = importlib.util.find_spec(package) is not None
-    python = way.python or (sys.executable if has_ros else PYTHON)
+    # Of the systems that ROS is packaged for.
+    python = way.python or (sys.executable if has_ros else "/usr/bin/python3")
     command = [python, os.fspath(Path(__file__).parents[1] / "runner" / "forwarder.py"), "--ros", str(way.ros)]
     command += ["--robot", name]
     for word, topic in (("--states", way.states), ("--velocities", way.velocities)):
@@ -200,7 +199,7 @@ def _live(robot: Robot) -> LiveMotion:
     from jacokin.runner.runner import TICK
     from jacokin.teleop import Teleop
 
-    tracker = Tracker(robot, dt=TICK, q=robot.home, acceleration_limit=LIVE_ACCELERATION)
+    tracker = Tracker(robot, dt=TICK, q=robot.home, acceleration_limit=2.0)  # [rad/s^2]
     return LiveMotion(Teleop(tracker))
 
 

@@ -40,13 +40,11 @@ if TYPE_CHECKING:
 
 DEVICES = ("player", "spacemouse", "keyboard", "page")
 ARRIVED = 1e-3  # [m] nearer to its target, the tool has arrived
-DT = 0.01  # [s]
 ACCELERATION = 4.0  # [rad/s^2]
 TASK_SPEED = 0.1, 0.6  # [m/s], [rad/s] of keys
 STREAM = ".npz"
 CLUTCH, LEAVE = " ", ("q", "\x1b", "\x04")
 SPECIAL_KEY = r"\x1b[\[o][0-9;]*[a-z~]"  # arrows and others are sequences that begin with the character of Esc
-MOST_TYPED = 256  # characters that are read at once
 HINT = """w s, a d, r f move along x, y, z; j l, i k, u o turn about them; g h close and open the fingers;
 space opens and closes the clutch, q ends"""
 
@@ -142,7 +140,7 @@ class FollowingOptions:
             robot,
             self.frame,
             q=None if arm is None else arm.q,
-            dt=arm.dt if arm is not None else DT if self.dt is None else self.dt,
+            dt=arm.dt if arm is not None else 0.01 if self.dt is None else self.dt,  # [s]
             scene=scene,
             clearance=clearance,
             velocity_limit=RADIANS.for_joints(robot).limits("--velocity-limit", self.velocity_limit, "rad/s"),
@@ -512,7 +510,7 @@ class _Keys:
     def read(self, time: float) -> Array | None:
         """The twist of the keys that are pressed; without one, what the other device says."""
         while not self.ended and select.select([sys.stdin], [], [], 0.0)[0]:
-            typed = os.read(sys.stdin.fileno(), MOST_TYPED).decode("ascii", errors="replace").lower()
+            typed = os.read(sys.stdin.fileno(), 256).decode("ascii", errors="replace").lower()
             self.ended = not typed
             for key in re.sub(SPECIAL_KEY, "", typed):
                 self._keyboard.press("space" if key == CLUTCH else key, time)

@@ -23,10 +23,9 @@ from jacokin.errors import InvalidInputError
 if TYPE_CHECKING:
     from jacokin.tasks import TaskEnv
     from jacokin.twin import Faults, KinovaDriver, Record, SimulatedArm, TrajectoryController
-    from jacokin.twin.pictures import Camera
+    from jacokin.twin.nodes import Camera, Ticker
     from jacokin.twin.ros1 import Ros1Node
     from jacokin.twin.ros2 import Ros2Node
-    from jacokin.twin.ticker import Ticker
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +83,7 @@ def twin(given: TwinOptions) -> None:
     if given.cameras:
         choose_renderer()
     from jacokin.twin import Faults, SimulatedArm
-    from jacokin.twin.ticker import Ticker
+    from jacokin.twin.nodes import Ticker
 
     found = Faults.parse(given.faults)
     if given.cameras and given.task is None:
@@ -159,7 +158,7 @@ def _environment(task: str, seed: int) -> TaskEnv:
 
 
 def _cameras(arm: SimulatedArm, sizes: dict[str, tuple[int, int]]) -> list[Camera]:
-    from jacokin.twin.pictures import Camera
+    from jacokin.twin.nodes import Camera
 
     return [Camera.of(arm.physics, camera, size) for camera, size in sizes.items()]
 

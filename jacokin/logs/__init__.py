@@ -6,8 +6,7 @@ log            `Log`: joints, commands and poses of a recording, by the names of
 messages       what messages say in radians and metres, and which are read
 bag            the files themselves; the only part that imports rosbags
 motion_files   motions in files of this package, of ROS and of Kinova's driver
-standstills    where the arm stands still: rows for `calibrate`
-torque_rows    joints smoothed and differentiated: rows for `identify_arm`
+rows           where the arm stands still, for `calibrate`; joints smoothed and differentiated, for `identify_arm`
 """
 
 from jacokin import lazy
@@ -18,7 +17,6 @@ __all__, __getattr__, __dir__ = lazy.door(
         "jacokin.logs.bag": ("Topic",),
         "jacokin.logs.log": ("Log", "Recording"),
         "jacokin.logs.messages": ("JointRecord", "PoseRecord"),
-        "jacokin.logs.standstills": ("StandstillRule", "Standstills"),
-        "jacokin.logs.torque_rows": ("TorqueRows",),
+        "jacokin.logs.rows": ("StandstillRule", "Standstills", "TorqueRows"),
     },
 )

@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 ENDINGS = (".bag", ".mcap", ".db3")
 NOT_A_LOG = "is not a recording of ROS that can be read"
 UNPACKED = 200_000_000  # [byte] of a chunk, which recorders close at about 1e6, or after a message that is larger
-DEFINITION = 100_000  # characters of a message's fields
 CHUNK, FOOTER = 0x06, 0x02  # records of MCAP
 URI = re.compile(r"[?#%]")  # of names that SQLite would take for parts of an address
 
@@ -136,7 +135,7 @@ class Bag:
         Raises:
             InvalidInputError: it does not, or lists others.
         """
-        text = connection.msgdef.data[:DEFINITION].split("=" * 80)[0]
+        text = connection.msgdef.data[:100_000].split("=" * 80)[0]  # characters at most
         lines = [line.partition("#")[0].strip() for line in text.splitlines()]
         fields = [FIELD.fullmatch(line) for line in lines if line]
         if not fields or not all(fields):

@@ -28,8 +28,7 @@ from jacokin.logs.messages import (
     joint_record,
     pose_record,
 )
-from jacokin.logs.standstills import StandstillRule, Standstills, find_standstills
-from jacokin.logs.torque_rows import WINDOW, TorqueRows, smooth_rows
+from jacokin.logs.rows import WINDOW, StandstillRule, Standstills, TorqueRows, find_standstills, smooth_rows
 from jacokin.model import checks
 from jacokin.model.robot import Robot, checked_robot
 

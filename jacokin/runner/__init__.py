@@ -4,8 +4,7 @@ Read `runner` first. No ROS is in here: `forwarder` is a program of its own, whi
 
 runner     `Runner`: from time and what is measured to velocities, or why it stopped
 motions    `Motion`, what it follows: `PlannedMotion` of a file, `LiveMotion` of a hand
-links      `Link`, the way to an arm: `TwinLink` to a simulated one, `ProcessLink` to a forwarder
-loop       `run`: a runner and a link at 100 Hz
+links      `run`: a runner at 100 Hz and its `Link`: `TwinLink` to a simulated arm, `ProcessLink` to a forwarder
 forwarder  the program beside the driver, for ROS 1 and 2; it needs Python 3.8 and ROS
 """
 
@@ -14,8 +13,7 @@ from jacokin import lazy
 __all__, __getattr__, __dir__ = lazy.door(
     __name__,
     {
-        "jacokin.runner.links": ("ProcessLink", "TwinLink"),
-        "jacokin.runner.loop": ("run",),
+        "jacokin.runner.links": ("ProcessLink", "TwinLink", "run"),
         "jacokin.runner.motions": ("LiveMotion", "PlannedMotion"),
         "jacokin.runner.runner": ("Measured", "Runner", "RunnerOptions", "RunnerStatus", "RunnerStep"),
     },

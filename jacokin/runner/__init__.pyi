@@ -1,6 +1,6 @@
 from jacokin.runner.links import ProcessLink as ProcessLink
 from jacokin.runner.links import TwinLink as TwinLink
-from jacokin.runner.loop import run as run
+from jacokin.runner.links import run as run
 from jacokin.runner.motions import LiveMotion as LiveMotion
 from jacokin.runner.motions import PlannedMotion as PlannedMotion
 from jacokin.runner.runner import Measured as Measured

@@ -1,4 +1,4 @@
-"""`Link`: from a runner to an arm and back. `TwinLink` leads to a simulated arm, `ProcessLink` to a forwarder."""
+"""`run`: a runner and the `Link` to an arm, at 100 Hz: `TwinLink` to a simulated arm, `ProcessLink` to a forwarder."""
 
 from __future__ import annotations
 
@@ -8,18 +8,21 @@ import os
 import select
 import subprocess
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
 import numpy as np
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
-from jacokin.runner.runner import TICK, Measured
+from jacokin.runner.runner import TICK, Measured, Runner, RunnerStatus
 from jacokin.twin import KinovaDriver, TrajectoryController
 
 LONGEST = 1 << 16  # bytes of a line
 LEAVING = 2.0  # [s] that a forwarder may take to leave
+PATIENCE = 10.0  # [s] until an arm says where it is, and listens
+ENDING = 1.5  # [s] for which zeros are sent and the arm is measured, at most
+ZEROS = 5  # at least
 
 
 class Link(Protocol):
@@ -104,14 +107,9 @@ class TwinLink:
 
     def move_fingers(self, share: float) -> None:
         """Let the fingers go, 0 open to 1 closed."""
-        lower, upper = self.driver.arm.finger_range
-        if isinstance(self.driver, KinovaDriver):
-            turns = self.driver.finger_turns(
-                np.full(len(self.driver.arm.state.fingers), lower + share * (upper - lower))
-            )
-            self.driver.move_fingers(turns)
-        else:
-            self.driver.move_fingers(np.full(len(self.driver.arm.state.fingers), lower + share * (upper - lower)))
+        driver, (lower, upper) = self.driver, self.driver.arm.finger_range
+        angles = np.full(len(driver.arm.state.fingers), lower + share * (upper - lower))
+        driver.move_fingers(driver.finger_turns(angles) if isinstance(driver, KinovaDriver) else angles)
 
     def close(self) -> None:
         """Leave; whoever is at the other end stops the arm."""
@@ -222,3 +220,53 @@ class ProcessLink:
 
 def _array(values: object) -> Array | None:
     return None if values is None else np.array(values, dtype=np.float64)
+
+
+def run(runner: Runner, link: Link, *, fingers: float | None = None, watch: Callable[[], None] | None = None) -> None:
+    """Lead an arm along the motion of a runner; `runner.status` then says how it ended.
+
+    Args:
+        runner: that has not begun.
+        link: to its arm. It is not closed.
+        fingers: where they go meanwhile, 0 open to 1 closed; None to leave them alone.
+        watch: called every tick.
+
+    Raises:
+        InvalidInputError: the arm does not say where it is, or does not listen, within 10 s, or the link is cut.
+        KeyboardInterrupt: as it came; the arm was told to stop.
+    """
+    begun = due = link.now()
+    try:
+        while not runner.status.has_ended:
+            due = max(due + TICK, link.now())  # what is late is not made up for: the driver would keep it in its queue
+            link.wait(due)
+            measured = link.hear()
+            is_first = runner.status is RunnerStatus.WAITING
+            if is_first and not (link.listens and measured is not None):
+                if link.now() - begun > PATIENCE:
+                    what = "says where it is" if link.listens else "listens to velocities"
+                    raise InvalidInputError(f"no arm {what} (waited {PATIENCE:g} s)")
+                continue
+            if not link.listens:
+                runner.lose()  # for good: a driver that comes back finds nobody who moves its arm
+            step = runner.step(link.now(), measured)
+            if is_first and fingers is not None and not step.status.has_ended:
+                link.move_fingers(fingers)
+            link.send(step.v)
+            if watch is not None:
+                watch()
+    finally:
+        runner.stop()
+        _come_to_rest(runner, link)
+
+
+def _come_to_rest(runner: Runner, link: Link) -> None:
+    """Send zeros until the arm stands."""
+    due = begun = link.now()
+    sent, still = 0, np.zeros(runner.robot.dof)
+    while sent < ZEROS or (link.now() - begun < ENDING and not runner.stands):
+        link.send(still)
+        sent += 1
+        due = max(due + TICK, link.now())
+        link.wait(due)
+        runner.step(link.now(), link.hear())

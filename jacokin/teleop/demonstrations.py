@@ -39,7 +39,6 @@ from jacokin.teleop.session import read_device, work_clutch
 from jacokin.teleop.teleop import Teleop, TeleopStep
 
 CONTROL = "joint_position"  # that actions must be of: they are where the arm is led to
-MOTOR_PART = 0.8  # of the acceleration that simulated motors are strong enough for
 ACCELERATION = 4.0  # [rad/s^2] that suffices for a hand
 
 
@@ -74,7 +73,8 @@ class TaskArm:
         simulated, arm = env.model, slice(self.robot.dof)
         load = simulated.dof_frictionloss[arm] + np.abs(self.robot.gravity(self.q))
         inertia = self.robot.mass_matrix(self.q).diagonal() + simulated.dof_armature[arm]
-        possible = MOTOR_PART * (simulated.actuator_forcerange[arm, 1] - load) / inertia
+        # A part of what the motors are strong enough for.
+        possible = 0.8 * (simulated.actuator_forcerange[arm, 1] - load) / inertia
         self.acceleration: Array = checks.read_only(possible.clip(max=ACCELERATION))
 
     def tracker(self) -> Tracker:

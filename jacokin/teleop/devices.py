@@ -6,7 +6,6 @@ import contextlib
 import math
 import sys
 from collections.abc import Iterable
-from types import TracebackType
 from typing import Any, Protocol, Self
 
 import numpy as np
@@ -20,8 +19,6 @@ from jacokin.model.robot import Robot, checked_robot
 from jacokin.teleop.streams import Stream
 
 KEY_HOLD = 0.15  # [s] a key counts as pressed after it was heard: terminals repeat keys, and do not say when it ends
-MOST_REPORTS = 64  # that are read at once: hidapi keeps no more
-REOPEN = 1.0  # [s] until an unplugged device is looked for again
 SILENT = 5.0  # [s] without a report, after which a space mouse is in trouble
 MOUSE_AXES = ("x", "y", "z", "roll", "pitch", "yaw")
 UDEV_RULE = 'KERNEL=="hidraw*", ATTRS{idVendor}=="256f|046d", TAG+="uaccess"'  # 3Dconnexion and, before, Logitech
@@ -331,7 +328,7 @@ class SpaceMouse:
         """
         self._since = time if self._since is None else self._since
         if not self._open and time >= self._retry:
-            self._retry = time + REOPEN
+            self._retry = time + 1.0  # [s]
             with contextlib.suppress(JacokinError):  # still unplugged
                 self._open = _open_space_mice()
                 self._since = time
@@ -365,9 +362,7 @@ class SpaceMouse:
         """Itself."""
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *raised: object) -> None:
         """Close what is open."""
         for interface in list(self._open):
             self._let_go(interface)
@@ -393,7 +388,7 @@ class _Interface:
             Whether it is still there.
         """
         try:
-            for _ in range(MOST_REPORTS):
+            for _ in range(64):  # hidapi keeps no more
                 self.state = self._device.read()
                 before, self._heard = self._heard, self.state.t
                 if self._heard == before:

@@ -23,7 +23,6 @@ from jacokin.teleop.devices import Device
 from jacokin.teleop.teleop import Teleop, TeleopStatus, TeleopStep
 
 SETTLED = 1e-6  # relative, of a target that moves no more
-POLL = 0.05  # [s]
 HOLD = 5.0  # [s] for which the last pose of a recording holds at most
 
 
@@ -147,7 +146,7 @@ class _Leading:
 def wait_for_somebody(device: Device, stop: threading.Event) -> None:
     """Wait until there is somebody who leads, nobody is to, or `stop` is set."""
     while not (getattr(device, "opened", True) or getattr(device, "ended", False) or stop.is_set()):
-        time.sleep(POLL)
+        time.sleep(0.05)  # [s]
 
 
 def wait_until(due: float) -> float:

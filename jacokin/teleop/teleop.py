@@ -20,6 +20,7 @@ import time
 from collections.abc import Mapping as MappingType
 from dataclasses import dataclass, replace
 from enum import Enum
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -41,15 +42,12 @@ from jacokin.teleop.hand import HandOptions, LowPass, Mapping, Play, SmoothedTar
 from jacokin.teleop.workspace import AHEAD, checked_workspace
 
 AUTO = "auto"
-WORKSPACE = "workspace"
 SAME = 1e-12  # relative: a hand that repeats its pose moves the target by rounding only
 RESTS = 1e-6  # [m/s], [rad/s] a slower twist is none
 STAYS = 5e-3  # [rad] an arm that stays this near to where it was, and off its target by more than this, is stuck
 FAR_OFF = 1e-3, 0.01  # [m], [rad]
-PLANNED_PART = 0.8  # of the tracker's clearance: an arm that leans against it must find a way, too
 LAG = 0.05  # [rad] a planned motion waits for joints that are farther behind
 BLOCKED = 2.0  # [s] of waiting, after which a planned motion is given up
-RETRY = 2.0  # [s] until another way to a target that is held off is looked for again
 SPREAD = 5  # places on a branch that is a curve; those at its ends are not tried
 ARRIVED = 1e-4  # [rad] nearer to the end of a planned motion, it is done
 
@@ -196,6 +194,7 @@ class Teleop:
         Raises:
             InvalidInputError: malformed obstacles or budget; nothing has changed then but what was heard.
         """
+        around = _Around(obstacles, budget)
         fault = self._look_at_the_clock(time)
         heard: pin.SE3 | Array | None = None
         if hand is not None and not fault:
@@ -206,23 +205,22 @@ class Teleop:
                 fault = str(error)
         if self._switch is not None:
             self._hear(heard)
-            return self._go_on_switching(self._switch, obstacles, budget)
+            return self._go_on_switching(self._switch, around)
         if not self.engaged:
-            return self._stay(TeleopStatus.HOLDING, "", obstacles, budget)
+            return self._stay(TeleopStatus.HOLDING, "", around)
         if fault:
             self._let_go()
-            return self._stay(TeleopStatus.BAD_INPUT, fault, obstacles, budget)
+            return self._stay(TeleopStatus.BAD_INPUT, fault, around)
         silent = self._now - self._heard
         if heard is None and self._mapping is not None and silent > self._hand.watchdog + 1e-9:
             self._let_go()
             self._lost = True
         if heard is None and self._mapping is None:
             if self._lost:
-                message = f"no input for {silent:.2f} s"
-                return self._stay(TeleopStatus.NO_INPUT, message, obstacles, budget)
-            return self._stay(TeleopStatus.WAITING, "no input yet", obstacles, budget)
+                return self._stay(TeleopStatus.NO_INPUT, f"no input for {silent:.2f} s", around)
+            return self._stay(TeleopStatus.WAITING, "no input yet", around)
         self._lost = False
-        return self._follow(heard, obstacles, budget)
+        return self._follow(heard, around)
 
     def switch_branch(self, q: ArrayLike | None = None, *, time_limit: float = 1.0) -> Trajectory:
         """Plan a motion without contact to another branch of the tool's pose, which the next ticks follow.
@@ -289,15 +287,13 @@ class Teleop:
     def _solver(self) -> IKSolver:
         """Inverse kinematics of the tracker's tool among its obstacles."""
         tracker = self.tracker
-        if tracker.scene is None:
-            return IKSolver(tracker.robot, tracker.frame, tool=tracker.tool)
         return IKSolver(
             tracker.robot,
             tracker.frame,
             tool=tracker.tool,
-            collision="reject",
             scene=tracker.scene,
-            clearance=PLANNED_PART * tracker.clearance,
+            # An arm that leans against its clearance must find a way, too.
+            clearance=0.0 if tracker.scene is None else 0.8 * tracker.clearance,
         )
 
     def _plan(self, goals: list[Array] | list[pin.SE3], time_limit: float) -> Trajectory:
@@ -382,9 +378,7 @@ class Teleop:
         self._rest = None
         self._lost = False
 
-    def _follow(
-        self, heard: pin.SE3 | Array | None, obstacles: MappingType[str, Motion] | None, budget: float | None
-    ) -> TeleopStep:
+    def _follow(self, heard: pin.SE3 | Array | None, around: _Around) -> TeleopStep:
         """Move the target by what the hand did, and the arm towards it."""
         if self._mapping is None or self._smooth is None:
             tied = self.tool if self._workspace is None else self._workspace.tied(self.tool)
@@ -397,11 +391,11 @@ class Teleop:
         before = self._mapping.target
         self._hear(heard)
         if self._twist is not None:
-            return self._follow_twist(self._twist, self._mapping, self._smooth, obstacles, budget)
+            return self._follow_twist(self._twist, self._mapping, self._smooth, around)
         self._speed = np.zeros(6)
         is_new = not self._mapping.target.isApprox(before, SAME)
         target = self._smooth.move(self._mapping.target, is_new)
-        tracking = self._track(target, obstacles, budget)
+        tracking = self._track(target, around)
         self._rest = None
         self._held = self._held + self.tracker.dt if self._is_stuck(tracking) else 0.0
         if self._held > self._patience:
@@ -409,12 +403,7 @@ class Teleop:
         return TeleopStep(tracking.q, tracking.v, TeleopStatus.FOLLOWING, "", target, self._smooth.latency, tracking)
 
     def _follow_twist(
-        self,
-        twist: Array,
-        mapping: Mapping,
-        smooth: SmoothedTarget | LowPass,
-        obstacles: MappingType[str, Motion] | None,
-        budget: float | None,
+        self, twist: Array, mapping: Mapping, smooth: SmoothedTarget | LowPass, around: _Around
     ) -> TeleopStep:
         """Move the arm along a twist, which the tracker follows in its direction or not at all."""
         dt, before = self.tracker.dt, self.tool
@@ -424,7 +413,7 @@ class Teleop:
             speed[:3] = self._workspace.slowed(before.translation, dt * speed[:3]) / dt
         rests = float(np.abs(speed).max()) < RESTS and float(np.abs(self.tracker.v).max()) <= STILL
         self._rest = None if not rests else self.tracker.q if self._rest is None else self._rest
-        tracking = self._track(speed if self._rest is None else JointTarget(self._rest), obstacles, budget)
+        tracking = self._track(speed if self._rest is None else JointTarget(self._rest), around)
         # What the arm did not follow is not made up for, and a pose goes on from where it is.
         mapping.target = self.tool
         smooth.start_from(mapping.target)
@@ -432,15 +421,12 @@ class Teleop:
         target = moved(before, speed, dt)
         return TeleopStep(tracking.q, tracking.v, TeleopStatus.FOLLOWING, "", target, smooth.lag_of_twists, tracking)
 
-    def _track(
-        self, target: pin.SE3 | JointTarget | Array, obstacles: MappingType[str, Motion] | None, budget: float | None
-    ) -> TrackerStep:
+    def _track(self, target: pin.SE3 | JointTarget | Array, around: _Around) -> TrackerStep:
         """A tick of the tracker after which the tool can stop inside the workspace; if there is none, of braking.
 
         Args:
             target: a pose, joint angles, or a twist (6,) at the tool in base axes.
-            obstacles: as in `step`.
-            budget: as in `step`.
+            around: what `step` was given beside the hand.
         """
         tracker, workspace = self.tracker, self._workspace
         aims: list[pin.SE3 | JointTarget | Array] = [target]
@@ -455,17 +441,15 @@ class Teleop:
         before, limit = tracker._state, tracker.acceleration_limit
         aim: pin.SE3 | JointTarget | Array | None
         for aim in aims:
-            if isinstance(aim, np.ndarray):
-                step = tracker.step(twist=aim, obstacles=obstacles, budget=budget)
-            else:
-                step = tracker.step(aim, obstacles=obstacles, budget=budget)
+            pose, twist = (None, aim) if isinstance(aim, np.ndarray) else (aim, None)
+            step = tracker.step(pose, twist=twist, obstacles=around.obstacles, budget=around.budget)
             if workspace is None or workspace.keeps(
                 tracker.robot, self._frame, tracker.tool, step.q, step.v, limit, tracker.dt
             ):
                 break
             tracker._state = before
         else:
-            aim, step = None, tracker.brake(obstacles=obstacles)
+            aim, step = None, tracker.brake(obstacles=around.obstacles)
         return step if workspace is None else self._in_workspace(target, step, aim is not aims[0])
 
     def _in_workspace(self, target: pin.SE3 | JointTarget | Array, step: TrackerStep, is_refused: bool) -> TrackerStep:
@@ -479,7 +463,7 @@ class Teleop:
             return step
         status, limiting, message = step.status, step.limiting, step.message
         if is_refused:
-            limiting, message = (*limiting, WORKSPACE), "the workspace holds the tool back"
+            limiting, message = (*limiting, "workspace"), "the workspace holds the tool back"
         if status is not TrackerStatus.LATE:
             status = TrackerStatus.HELD if float(np.abs(step.v).max()) < STILL else TrackerStatus.LIMITED
         return replace(
@@ -520,27 +504,23 @@ class Teleop:
 
     def _recover(self, target: pin.SE3) -> None:
         """Go to a target that is held off by another branch, if there is one."""
-        self._held = -RETRY
+        self._held = -2.0  # [s] until another way is looked for again
         if self._solver().solve(target, seed=self.tracker.q).success:
             plan = self._plan([target], time_limit=0.3)
             if plan.success:
                 self._switch = _Switch(plan)
 
-    def _stay(
-        self, status: TeleopStatus, message: str, obstacles: MappingType[str, Motion] | None, budget: float | None
-    ) -> TeleopStep:
+    def _stay(self, status: TeleopStatus, message: str, around: _Around) -> TeleopStep:
         """Brake, and then keep the joints where they are."""
         if self._rest is None and float(np.abs(self.tracker.v).max()) > STILL:
-            tracking = self.tracker.brake(obstacles=obstacles)
+            tracking = self.tracker.brake(obstacles=around.obstacles)
         else:
             if self._rest is None:
                 self._rest = self.tracker.q
-            tracking = self._track(JointTarget(self._rest), obstacles, budget)
+            tracking = self._track(JointTarget(self._rest), around)
         return TeleopStep(tracking.q, tracking.v, status, message, None, 0.0, tracking)
 
-    def _go_on_switching(
-        self, switch: _Switch, obstacles: MappingType[str, Motion] | None, budget: float | None
-    ) -> TeleopStep:
+    def _go_on_switching(self, switch: _Switch, around: _Around) -> TeleopStep:
         """The next tick of a planned motion, which waits for an arm that is behind."""
         plan = switch.plan
         last = len(plan.q) - 1
@@ -548,7 +528,7 @@ class Teleop:
             switch.row, switch.waited = switch.row + 1, 0.0
         else:
             switch.waited += self.tracker.dt
-        tracking = self._track(JointTarget(plan.q[switch.row]), obstacles, budget)
+        tracking = self._track(JointTarget(plan.q[switch.row]), around)
         message = f"{plan.t[switch.row]:.1f} s of {plan.t[-1]:.1f} s"
         if switch.row == last and float(np.abs(tracking.q - plan.q[last]).max()) < ARRIVED:
             self._switch, self._heard = None, self._now
@@ -570,6 +550,13 @@ def _checked_filter(given: object) -> float | None:
             raise checks.refusal("filter", '"auto", a time constant [s], or 0 or None for no filter', given)
         return None
     return 0.0 if given is None else checks.non_negative("filter", given, "s")
+
+
+class _Around(NamedTuple):
+    """What a tick of the tracker is given beside its target, as in `Tracker.step`."""
+
+    obstacles: MappingType[str, Motion] | None
+    budget: float | None
 
 
 @dataclass(slots=True)

@@ -3,13 +3,11 @@
 Read `kinova` first.
 
 kinova         `KinovaDriver`: what kinova-ros' driver and the base of the arm do
-torque_control the mode in which the base takes torques instead of velocities
 following      `TrajectoryController`: what ros2_control does with goals and velocities
 arm            `SimulatedArm`: MuJoCo's arm behind both
 faults         `Faults`: lag, loss and stalls between them, drawn from a seed
-goals          `TwinGoal`, and the `Record` of what was done
-ticker         `Ticker`: ticks as time passes
-pictures       cameras of a scene
+controller     `Controller`, what both have in common, their `TwinGoal`, and the `Record` of what was done
+nodes          `Ticker`, as time passes, and cameras of a scene
 ros1, ros2     the nodes, which alone import ROS
 ros1_messages  messages that Debian has no package of
 """
@@ -22,7 +20,7 @@ __all__, __getattr__, __dir__ = lazy.door(
         "jacokin.twin.arm": ("SimulatedArm", "ArmState"),
         "jacokin.twin.faults": ("Faults",),
         "jacokin.twin.following": ("Tolerances", "TrajectoryController"),
-        "jacokin.twin.goals": ("TwinGoal", "GoalStatus", "Record"),
+        "jacokin.twin.controller": ("TwinGoal", "GoalStatus", "Record"),
         "jacokin.twin.kinova": ("KinovaDriver",),
     },
 )

@@ -1,11 +1,11 @@
 from jacokin.twin.arm import ArmState as ArmState
 from jacokin.twin.arm import SimulatedArm as SimulatedArm
+from jacokin.twin.controller import GoalStatus as GoalStatus
+from jacokin.twin.controller import Record as Record
+from jacokin.twin.controller import TwinGoal as TwinGoal
 from jacokin.twin.faults import Faults as Faults
 from jacokin.twin.following import Tolerances as Tolerances
 from jacokin.twin.following import TrajectoryController as TrajectoryController
-from jacokin.twin.goals import GoalStatus as GoalStatus
-from jacokin.twin.goals import Record as Record
-from jacokin.twin.goals import TwinGoal as TwinGoal
 from jacokin.twin.kinova import KinovaDriver as KinovaDriver
 
 __all__: list[str]

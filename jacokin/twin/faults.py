@@ -12,8 +12,6 @@ from jacokin.errors import InvalidInputError
 from jacokin.model import checks
 
 TICK = 0.01  # [s] of Kinova's base, which takes a command each time (README of kinova-ros)
-STALL = 0.3  # [s] of a stall whose length is not given
-STALL_EVERY = 5.0  # [s] from one stall to the next, on average
 LONGEST = 10.0  # [s] of a lag or a stall
 
 Command = TypeVar("Command")
@@ -54,7 +52,7 @@ class Faults:
             name, sign, value = word.partition("=")
             checks.choice("fault", name, [field.name for field in fields(cls)])
             if name == "stall" and not sign:
-                value = str(STALL)
+                value = "0.3"  # [s]
             try:
                 values[name] = float(value)
             except ValueError:
@@ -83,7 +81,7 @@ class Line(Generic[Command, Measured]):
         """Let a tick pass, after which this is measured."""
         self._now += 1
         self._told.append(measured)
-        if self._faults.stall and not self.is_dead and self._random.random() < TICK / STALL_EVERY:
+        if self._faults.stall and not self.is_dead and self._random.random() < TICK / 5.0:  # [s] on average
             self._dead = self._now + round(self._faults.stall / TICK)
             self.stalls += 1
 

@@ -7,7 +7,6 @@ representation and parameters), velocities as a forward_command_controller, whic
 from __future__ import annotations
 
 import logging
-import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -18,12 +17,11 @@ from scipy.interpolate import BPoly
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.model import checks
-from jacokin.twin.arm import ArmState, SimulatedArm
-from jacokin.twin.faults import TICK, Faults, Line
-from jacokin.twin.goals import GoalStatus, Record, TwinGoal
+from jacokin.twin.arm import SimulatedArm
+from jacokin.twin.controller import Controller, GoalStatus, TwinGoal
+from jacokin.twin.faults import TICK, Faults
 
 PATH_TOLERANCE, GOAL_TOLERANCE = -4, -5  # error codes of FollowJointTrajectory
-PAUSE = 1.0  # [s] after which velocities are worth a word again
 WATCHDOG = 0.05  # [s] after which a velocity that is not said again ends; ros2_control itself would go on
 STANDING = 1e-5  # [rad/s] of the last point; the controller allows numbers as small as those of single precision
 
@@ -52,7 +50,7 @@ class Tolerances:
     """Patience after the end of the trajectory, if a goal tolerance is given [s]; 0 for any."""
 
 
-class TrajectoryController:
+class TrajectoryController(Controller[tuple[bool, Array]]):
     """ros2_control and an arm, a tick after the other. Several threads may call it.
 
     Attributes:
@@ -69,25 +67,12 @@ class TrajectoryController:
             faults: what goes wrong; None for nothing.
             seed: from which faults are drawn.
         """
-        self.arm, self.names = arm, tuple(names)
-        self._line: Line[tuple[bool, Array], ArmState] = Line(Faults() if faults is None else faults, seed)
-        self._line.tick(arm.state)
-        self._lock = threading.RLock()
+        super().__init__(arm, faults, seed)
+        self.names = tuple(names)
         self._following: Following | None = None
         self._velocity, self._until = np.zeros(len(self.names)), -np.inf
         self._position: Array | None = None  # that the base is to lead the joints to
         self._held: Array | None = None  # the end of a trajectory, which is sent on and on
-        self._velocities, self._goals, self._last = 0, 0, 0.0
-
-    def tell(self) -> ArmState | None:
-        """What is published now, None where faults take that."""
-        with self._lock:
-            return self._line.tell()
-
-    def record(self) -> Record:
-        """What was done until now."""
-        with self._lock:
-            return Record.of(self.arm, self._line, last=self._last, velocities=self._velocities, goals=self._goals)
 
     def follow(
         self,
@@ -173,11 +158,7 @@ class TrajectoryController:
         values = checks.vector("velocities", v, len(self.names), "rad/s")
         with self._lock:
             self._end(GoalStatus.ABORTED, "velocities came")
-            if self.arm.state.time - self._last > PAUSE or not self._velocities:
-                logger.info("velocities come")
-            self._velocities += 1
-            self._last = self.arm.state.time
-            self._line.send((True, values))
+            self._send_velocity((True, values))
 
     def move_fingers(self, angles: ArrayLike) -> None:
         """Let the fingers go to angles (k,) [rad].

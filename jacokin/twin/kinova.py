@@ -11,10 +11,9 @@ torque control it takes torques or forces instead, and forgets the queue.
 from __future__ import annotations
 
 import logging
-import threading
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pinocchio as pin
@@ -28,17 +27,13 @@ from jacokin.model.angles import nearest_copy, wrap_to_pi
 from jacokin.model.poses import checked_pose
 from jacokin.motion.tracking.tracker import Tracker
 from jacokin.twin.arm import BRAKING, ArmState, SimulatedArm
-from jacokin.twin.faults import TICK, Faults, Line
-from jacokin.twin.goals import GoalStatus, Record, TwinGoal
+from jacokin.twin.controller import Controller, GoalStatus, Record, TwinGoal
+from jacokin.twin.faults import TICK, Faults
 
-QUEUE = 2000  # velocities that the base keeps (README, velocity control)
-JOINT_SPEED = np.radians(20.0)  # [rad/s] of joints_action, jointSpeedLimitParameter1 and 2 where they are not set
 TURNS = 6800.0  # of a finger's motor from open to closed (kinova_arm.cpp, cartesianVelocityWithFingersCallback)
 PERIOD = 0.1  # [s] in which actions look at the arm, rate_hz, and in which the state is published
 STOPPED_VELOCITY = 0.01  # [rad/s] constraints/stopped_velocity_tolerance of joint_trajectory_action_server.cpp
-PAUSE = 1.0  # [s] after which velocities are worth a word again
 REACHED = 1e-3  # [rad], [m] a target in the queue this near is reached
-INACTIVITY = 0.25  # [s] after which torques are zero (README, torque inactivity)
 
 logger = logging.getLogger(__name__)
 
@@ -88,7 +83,6 @@ class Watch:
     """How an action of the driver looks at its goal: near to it, or without motion for so long."""
 
     read: Callable[[ArmState], Array]
-    distance: Callable[[Array, Array], Array]
     target: Array
     tolerance: Array
     """Nearer than this in all entries is there."""
@@ -96,8 +90,14 @@ class Watch:
     """More than this in any entry is motion."""
     patience: float
     """Without motion for so long, the goal is aborted [s]."""
-    seen: Array
-    since: float
+    turns: bool = False
+    """Whether it reads angles, which are compared up to whole turns (isCloseToOther in kinova_ros_types.cpp)."""
+    seen: Array = field(init=False)
+    since: float = field(init=False)
+
+    def distance(self, one: Array, other: Array) -> Array:
+        """How far two readings are apart in each entry."""
+        return np.abs(wrap_to_pi(one - other) if self.turns else one - other)
 
 
 @dataclass(slots=True, eq=False)
@@ -150,14 +150,14 @@ class TorqueControl:
     def tick(self) -> None:
         """Simulate a tick of the mode."""
         arm = self._arm
-        is_silent = arm.state.time - self._heard > INACTIVITY
+        is_silent = arm.state.time - self._heard > 0.25  # [s] (README, torque inactivity)
         arm.tick_torques(np.zeros_like(self._torques) if is_silent else self._torques)
         too_fast = np.abs(arm.state.v) > self.safety_factor * arm.robot.velocity_limit
         if too_fast.any() or not arm.can_stop():
             self.turn(on=False)
 
 
-class KinovaDriver:
+class KinovaDriver(Controller[Command | Push]):
     """The driver and the base of an arm, a tick after the other. Several threads may call it.
 
     Attributes:
@@ -176,22 +176,19 @@ class KinovaDriver:
             faults: what goes wrong; None for nothing.
             seed: from which faults are drawn.
         """
-        self.arm, self.died, self.is_stopped = arm, "", False
+        super().__init__(arm, faults, seed)
+        self.died, self.is_stopped = "", False
         self.torque_control = TorqueControl(arm)
         self.T_end_effector_tool = pin.SE3.Identity()
-        self._line: Line[Command | Push, ArmState] = Line(Faults() if faults is None else faults, seed)
-        self._line.tick(arm.state)
-        self._lock = threading.RLock()
-        self._queue: deque[Command] = deque(maxlen=QUEUE)
-        self._speed = np.full(arm.robot.dof, JOINT_SPEED)
+        self._queue: deque[Command] = deque(maxlen=2000)  # velocities that the base keeps (README)
+        self._speed = np.full(arm.robot.dof, np.radians(20.0))  # where jointSpeedLimitParameter is not set
         self._tracker = Tracker(arm.robot, dt=TICK, q=arm.state.q, acceleration_limit=np.inf)
         self._is_tracking = False
         self._limits = arm.robot.lower, arm.robot.upper
         self._solver = IKSolver(arm.robot, collision="ignore")
         self._watches: dict[TwinGoal, Watch] = {}
         self._playing: Playing | None = None
-        self._velocities, self._goals, self._ticks = 0, 0, 0
-        self._last = 0.0  # [s] when a command last came
+        self._ticks = 0
 
     def set_joint_speed(self, speed: ArrayLike) -> None:
         """Set the speeds (dof,) of `go_to_angles` and `home` [rad/s], jointSpeedLimitParameter1 and 2.
@@ -212,19 +209,12 @@ class KinovaDriver:
     def tell(self) -> ArmState | None:
         """What the driver publishes now, None where faults or its death take that."""
         with self._lock:
-            return None if self.died else self._line.tell()
+            return None if self.died else super().tell()
 
     def record(self) -> Record:
         """What was done until now."""
         with self._lock:
-            return Record.of(
-                self.arm,
-                self._line,
-                last=self._last,
-                velocities=self._velocities,
-                goals=self._goals,
-                waiting=len(self._queue),
-            )
+            return replace(super().record(), waiting=len(self._queue))
 
     def tool_pose(self, q: Array) -> pin.SE3:
         """T_base_tool at angles (dof,) [rad]."""
@@ -303,13 +293,8 @@ class KinovaDriver:
 
     def _send(self, command: Command) -> None:
         with self._lock:
-            if self.died or self.is_stopped:
-                return
-            if self.arm.state.time - self._last > PAUSE or not self._velocities:
-                logger.info("velocities come")
-            self._velocities += 1
-            self._last = self.arm.state.time
-            self._line.send(command)
+            if not (self.died or self.is_stopped):
+                self._send_velocity(command)
 
     def go_to_angles(self, q: ArrayLike) -> TwinGoal:
         """`joints_action/joint_angles`: go to angles (dof,) [rad], as they are, with their whole turns.
@@ -322,13 +307,11 @@ class KinovaDriver:
             JointTargetCommand(q),
             Watch(
                 read=lambda state: state.q,
-                distance=_apart,
                 target=q,
                 tolerance=np.full(len(q), np.radians(2.0)),
                 threshold=np.radians(1.0),
                 patience=0.5,
-                seen=self.state.q,
-                since=0.0,
+                turns=True,
             ),
         )
 
@@ -343,19 +326,18 @@ class KinovaDriver:
         target = checked_pose(pose, "pose")
 
         def read(state: ArmState) -> Array:
-            return np.concatenate(_from_to(self.tool_pose(state.q), target))
+            """Translation [m] and rotation vector [rad] from the tool to the target, in base axes."""
+            tool = self.tool_pose(state.q)
+            return np.concatenate((target.translation - tool.translation, pin.log3(target.rotation @ tool.rotation.T)))
 
         return self._go(
             self._at_pose(target),
             Watch(
                 read=read,
-                distance=lambda one, other: np.abs(one - other),
                 target=np.zeros(6),
                 tolerance=np.array([0.01] * 3 + [np.radians(2.0)] * 3),
                 threshold=0.005,
                 patience=1.0,
-                seen=read(self.state),
-                since=0.0,
             ),
             clears=False,
         )
@@ -392,13 +374,10 @@ class KinovaDriver:
             None,
             Watch(
                 read=lambda state: self.finger_turns(state.fingers),
-                distance=lambda one, other: np.abs(one - other),
                 target=turns,
                 tolerance=np.full(len(turns), 64.0),
                 threshold=1.0,
                 patience=0.5,
-                seen=self.finger_turns(self.state.fingers),
-                since=0.0,
             ),
         )
         if not goal.has_ended:
@@ -417,6 +396,7 @@ class KinovaDriver:
             self._goals += 1
             logger.info("a goal")
             self._last = watch.since = self.arm.state.time
+            watch.seen = watch.read(self.state)
             if command is not None:
                 self._queue.append(command)
             self._watches[goal] = watch
@@ -615,13 +595,3 @@ class KinovaDriver:
             self._clear()
         if goal.has_ended:
             del self._watches[goal]
-
-
-def _apart(q: Array, other: Array) -> Array:
-    """How far angles are apart, up to whole turns (isCloseToOther in kinova_ros_types.cpp)."""
-    return np.abs(wrap_to_pi(q - other))
-
-
-def _from_to(start: pin.SE3, end: pin.SE3) -> tuple[Array, Array]:
-    """Translation (3,) [m] and rotation vector (3,) [rad] from a pose to another, in base axes."""
-    return end.translation - start.translation, pin.log3(end.rotation @ start.rotation.T)

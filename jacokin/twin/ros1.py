@@ -10,7 +10,7 @@ import functools
 import importlib
 import socket
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,15 +20,15 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, needed
 from jacokin.model.poses import pose_from_kinova, pose_to_kinova
 from jacokin.twin.arm import ArmState
+from jacokin.twin.controller import GoalStatus, TwinGoal
 from jacokin.twin.faults import TICK
-from jacokin.twin.goals import GoalStatus, TwinGoal
 from jacokin.twin.kinova import PERIOD, TURNS, KinovaDriver
-from jacokin.twin.ticker import Ticker
+from jacokin.twin.nodes import Ticker
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from jacokin.twin.pictures import Camera
+    from jacokin.twin.nodes import Camera
 
 INSTALL = (
     "apt-get install python3-rospy python3-rosmaster python3-actionlib python3-sensor-msgs python3-trajectory-msgs "
@@ -37,9 +37,7 @@ INSTALL = (
 ANSWER = 10.0  # [s] that a master may take
 CLOSURE_GAIN = 2.0  # [1/s] velocity of fingers per distance (kinova_arm.cpp, cartesianVelocityWithFingersCallback)
 CLOSURE_NEAR = 20.0  # [turns] to which they go
-TIP_JOINTS = 0.0  # [rad] what the driver says of them
 SINGULAR = 0.05  # of the largest singular value: weaker directions of a wrench are not told
-DYING = 0.5  # [s] for which the base of the arm is simulated on
 
 
 class Ros1Action:
@@ -146,11 +144,11 @@ class Ros1Node:
         self._is_compensated = bool(rospy.get_param(compensated, False))
         self._period = float(rospy.get_param(f"{node}/status_interval_seconds", PERIOD))
         self._joint_names = [f"{name}_joint_{joint + 1}" for joint in range(dof)]
-        fingers = range(1, len(driver.arm.state.fingers) + 1)
+        self._fingers = range(1, len(driver.arm.state.fingers) + 1)
         self._state_names = [
             *self._joint_names,
-            *(f"{name}_joint_finger_{finger}" for finger in fingers),
-            *(f"{name}_joint_finger_tip_{finger}" for finger in fingers),
+            *(f"{name}_joint_finger_{finger}" for finger in self._fingers),
+            *(f"{name}_joint_finger_tip_{finger}" for finger in self._fingers),
         ]
         self._publishers = {
             topic: rospy.Publisher(f"{node}/out/{topic}", kind, queue_size=2) for topic, kind in self._outputs().items()
@@ -178,42 +176,36 @@ class Ros1Node:
 
     def _subscribe(self, node: str) -> None:
         """Take velocities; of those that come while one is taken, the newest is kept, as the driver does."""
-        messages, rospy = self._messages, self._rospy
+        messages, driver = self._messages, self._driver
+        joints = range(1, len(self._joint_names) + 1)
         for topic, kind, take in (
-            ("joint_velocity", messages.JointVelocity, self._take_joints),
-            ("cartesian_velocity", messages.PoseVelocity, self._take_twist),
+            (
+                "joint_velocity",
+                messages.JointVelocity,
+                lambda message: driver.joint_velocity(np.radians(_numbers(message, "joint", joints))),
+            ),
+            ("cartesian_velocity", messages.PoseVelocity, self._move_tool),
             ("cartesian_velocity_with_fingers", messages.PoseVelocityWithFingers, self._take_closure),
             (
                 "cartesian_velocity_with_finger_velocity",
                 messages.PoseVelocityWithFingerVelocity,
-                self._take_finger_velocity,
+                lambda message: self._move_tool(message, _numbers(message, "finger", self._fingers)),
             ),
-            ("joint_torque", messages.JointTorque, self._take_torques),
-            ("cartesian_force", messages.CartesianForce, self._take_force),
+            (
+                "joint_torque",
+                messages.JointTorque,
+                lambda message: driver.joint_torque(_numbers(message, "joint", joints)),
+            ),
+            (
+                "cartesian_force",
+                messages.CartesianForce,
+                lambda message: driver.tool_force(
+                    np.append(_numbers(message, "force_", "xyz"), _numbers(message, "torque_", "xyz"))
+                ),
+            ),
         ):
-            rospy.Subscriber(f"{node}/in/{topic}", kind, take, queue_size=1)
-
-    def _take_joints(self, message: Any) -> None:
-        v = np.radians(self._joint_values(message))
-        if np.isfinite(v).all():
-            self._driver.joint_velocity(v)
-
-    def _take_torques(self, message: Any) -> None:
-        torques = self._joint_values(message)
-        if np.isfinite(torques).all():
-            self._driver.joint_torque(torques)
-
-    def _take_force(self, message: Any) -> None:
-        wrench = np.array([getattr(message, f"{part}_{axis}") for part in ("force", "torque") for axis in "xyz"])
-        if np.isfinite(wrench).all():
-            self._driver.tool_force(wrench)
-
-    def _joint_values(self, message: Any) -> Array:
-        """What a message says of each joint (dof,), in its unit."""
-        return np.array([getattr(message, f"joint{joint + 1}") for joint in range(len(self._joint_names))])
-
-    def _take_twist(self, message: Any) -> None:
-        self._move_tool(message, None)
+            callback = functools.partial(_unless_refused, take)
+            self._rospy.Subscriber(f"{node}/in/{topic}", kind, callback, queue_size=1)
 
     def _take_closure(self, message: Any) -> None:
         turns = self._driver.finger_turns(self._driver.state.fingers)
@@ -221,18 +213,12 @@ class Ros1Node:
         speed = CLOSURE_GAIN * error if abs(error) > CLOSURE_NEAR else 0.0
         self._move_tool(message, np.full(len(turns), speed))
 
-    def _take_finger_velocity(self, message: Any) -> None:
-        fingers = [getattr(message, f"finger{j + 1}") for j in range(len(self._driver.state.fingers))]
-        self._move_tool(message, np.array(fingers))
-
-    def _move_tool(self, message: Any, turns: Array | None) -> None:
+    def _move_tool(self, message: Any, turns: Array | None = None) -> None:
         """Move the tool with the twist of a message, and fingers (k,) with turns of their motors in a second."""
-        axes = [f"twist_{part}_{axis}" for part in ("linear", "angular") for axis in "xyz"]
-        twist = np.array([getattr(message, name) for name in axes])
+        twist = np.append(_numbers(message, "twist_linear_", "xyz"), _numbers(message, "twist_angular_", "xyz"))
         driver = self._driver
         speeds = None if turns is None else driver.finger_angles(turns) - driver.finger_angles(0.0 * turns)
-        if np.isfinite(twist).all() and (speeds is None or np.isfinite(speeds).all()):
-            driver.tool_velocity(twist, speeds)
+        driver.tool_velocity(twist, speeds)
 
     def _serve(self, node: str) -> None:
         """Serve what the driver serves; what has no effect on a simulated arm is answered all the same."""
@@ -300,11 +286,10 @@ class Ros1Node:
 
     def _act(self, node: str, control: Any) -> list[Ros1Action]:
         driver, messages = self._driver, self._messages
-        joints, fingers = range(len(self._joint_names)), range(len(driver.arm.state.fingers))
+        joints = range(1, len(self._joint_names) + 1)
 
         def angles(goal: Any) -> TwinGoal:
-            q = np.radians([getattr(goal.angles, f"joint{joint + 1}") for joint in joints])
-            return driver.go_to_angles(q)
+            return driver.go_to_angles(np.radians(_numbers(goal.angles, "joint", joints)))
 
         def is_no_pose(goal: Any) -> str:
             at, turned = goal.pose.pose.position, goal.pose.pose.orientation
@@ -324,8 +309,7 @@ class Ros1Node:
             return driver.go_to_pose(pin.SE3(rotation, np.array([at.x, at.y, at.z])))
 
         def close(goal: Any) -> TwinGoal:
-            turns = np.array([getattr(goal.fingers, f"finger{finger + 1}") for finger in fingers])
-            return driver.move_fingers(turns.clip(0.0, TURNS))
+            return driver.move_fingers(_numbers(goal.fingers, "finger", self._fingers).clip(0.0, TURNS))
 
         def is_of_others(goal: Any) -> str:
             if sorted(goal.trajectory.joint_names) != sorted(self._joint_names):
@@ -395,7 +379,7 @@ class Ros1Node:
 
         def lives() -> bool:
             if self._driver.died and not died:
-                died.append(self._driver.arm.state.time + DYING)
+                died.append(self._driver.arm.state.time + 0.5)  # [s], in which the base goes on
             is_over = bool(died) and self._driver.arm.state.time > died[0]
             return goes_on() and not is_over and not self._rospy.is_shutdown()
 
@@ -457,7 +441,7 @@ class Ros1Node:
         rest = [0.0] * (2 * len(fingers))
         message = self._sensors.JointState(
             name=self._state_names,
-            position=[*state.q.tolist(), *fingers, *[TIP_JOINTS] * len(fingers)],
+            position=[*state.q.tolist(), *fingers, *[0.0] * len(fingers)],  # of the tips the driver says so
             velocity=[*state.v.tolist(), *rest],
             effort=[*self._torques(state).tolist(), *rest],
         )
@@ -495,6 +479,17 @@ class Ros1Node:
 
     def _picture(self, camera: Camera) -> None:
         self._pictures[camera.name].publish(camera.message(self._sensors.Image, self._now()))
+
+
+def _numbers(message: Any, name: str, ends: Iterable[object]) -> Array:
+    """What a message says in fields whose names begin alike, in its unit."""
+    return np.array([getattr(message, f"{name}{end}") for end in ends], dtype=np.float64)
+
+
+def _unless_refused(take: Callable[[Any], None], message: Any) -> None:
+    """Take a message; nothing happens where its numbers are not finite."""
+    with contextlib.suppress(InvalidInputError):
+        take(message)
 
 
 def _done(act: Callable[[], None] | None, answer: str, _: Any) -> str:

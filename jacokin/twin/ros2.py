@@ -12,13 +12,13 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from jacokin.errors import InvalidInputError, needed
+from jacokin.twin.controller import GoalStatus
 from jacokin.twin.faults import TICK
 from jacokin.twin.following import Tolerances, TrajectoryController
-from jacokin.twin.goals import GoalStatus
-from jacokin.twin.ticker import Ticker
+from jacokin.twin.nodes import Ticker
 
 if TYPE_CHECKING:
-    from jacokin.twin.pictures import Camera
+    from jacokin.twin.nodes import Camera
 
 INSTALL = (
     "apt-get install ros-jazzy-ros-base ros-jazzy-control-msgs, source /opt/ros/jazzy/setup.bash, and start jacokin "
@@ -26,8 +26,6 @@ INSTALL = (
 )
 STATES_PERIOD = 0.01  # [s] joint_state_broadcaster publishes at the rate of the controllers
 ACTION = "/joint_trajectory_controller/follow_joint_trajectory"
-VELOCITIES = "/forward_velocity_controller/commands"
-FINGERS = "/finger_controller/commands"
 
 
 class Ros2Node:
@@ -74,8 +72,8 @@ class Ros2Node:
             for camera in cameras
         }
         arrays = self._numbers.Float64MultiArray
-        node.create_subscription(arrays, VELOCITIES, self._take(controller.velocity), 10)
-        node.create_subscription(arrays, FINGERS, self._take(controller.move_fingers), 10)
+        node.create_subscription(arrays, "/forward_velocity_controller/commands", self._take(controller.velocity), 10)
+        node.create_subscription(arrays, "/finger_controller/commands", self._take(controller.move_fingers), 10)
         self._server = actions.ActionServer(
             node,
             self._follow,

@@ -91,7 +91,6 @@ class Contents:
 
 
 COLOURS = np.array([[68, 1, 84], [59, 82, 139], [33, 145, 140], [94, 201, 98], [253, 231, 37]])  # 0 to 1, evenly
-FILLED = 0.92  # of a cell's edge: the gaps show where cells end
 
 
 class Cells(NamedTuple):
@@ -128,7 +127,7 @@ class MapSlices:
 
     def square(self) -> Triangles:
         """A cell around the origin, visible from above and from below."""
-        half = 0.5 * FILLED * self._spacing
+        half = 0.46 * self._spacing  # not half of it: the gaps show where cells end
         corners = np.array([[-half, -half, 0.0], [half, -half, 0.0], [half, half, 0.0], [-half, half, 0.0]])
         return Triangles(corners.astype(np.float32), np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32))
 

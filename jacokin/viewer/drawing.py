@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass, field
+from itertools import product
 from pathlib import Path
 
 import mujoco
@@ -15,7 +16,7 @@ from jacokin.arrays import Array
 from jacokin.errors import ModelError
 from jacokin.model import poses
 from jacokin.model.descriptions import mjcf
-from jacokin.model.descriptions.meshes import TriangleMesh, find_mesh, read_mesh_file
+from jacokin.model.descriptions.meshes import TriangleMesh, find_mesh, hull_of, read_mesh_file
 from jacokin.model.descriptions.shapes import mesh_scale
 from jacokin.model.descriptions.urdf import origin_of
 from jacokin.model.mujoco_twin import compile_spec, to_spec
@@ -23,17 +24,15 @@ from jacokin.model.point_cloud import PointCloud
 from jacokin.model.robot import Robot
 from jacokin.model.scene import Scene
 
+SIGNS = np.array(list(product((-1.0, 1.0), repeat=3)))  # of the corners of a box
 SIDES = 24  # of what is round; from the equator of a sphere to its pole, a quarter of it
 BEVEL = 0.006, 0.3  # [m] radius of an edge that is drawn round, and at most this part of the shape's least half size
 STEPS = 3  # of a rounded edge
-ROUND_SIDES = 36  # of what is drawn round, and smooth
 PLATE = (1.0, 1.0, 0.002)  # [m] half edges of what is drawn of a floor
 BONE_RADIUS = 0.02  # [m] of the sticks that stand for an arm without shapes
 DRAWN_POINTS = 20_000  # of a cloud: browsers draw eight triangles for each
-SMALLEST_POINT = 0.001  # [m] radius that points are drawn with at least
 # Faces of an octahedron whose corners are x, y, z, -x, -y, -z; counter-clockwise from outside.
 OCTAHEDRON = np.array([(0, 1, 2), (1, 3, 2), (3, 4, 2), (4, 0, 2), (1, 0, 5), (3, 1, 5), (4, 3, 5), (0, 4, 5)])
-SHOWN_GROUPS = 3  # of an MJCF's geoms: the viewers of MuJoCo show groups 0 to 2 unless told otherwise
 
 
 Colour = tuple[int, int, int]
@@ -218,7 +217,8 @@ def _read_mjcf(robot: Robot, model: mujoco.MjModel) -> dict[int, list[ColouredMe
         body = int(model.geom_bodyid[geom])
         name = mjcf.body_name(model, body)
         alpha = rgba_of(model, geom)[3]
-        if not body or name not in robot.frames or model.geom_group[geom] >= SHOWN_GROUPS or not alpha:
+        # The viewers of MuJoCo show groups 0 to 2 unless told otherwise.
+        if not body or name not in robot.frames or model.geom_group[geom] >= 3 or not alpha:
             continue
         mesh = read_geom(model, geom)
         if mesh is not None:
@@ -258,40 +258,16 @@ def by_colour(pieces: list[ColouredMesh]) -> tuple[ColouredMesh, ...]:
 def rounded_box(half: Array) -> Triangles:
     """A box by its half edges (3,) [m] with rounded edges, inside it."""
     radius = bevel(half)
-    inner = half - radius
-    rise = np.tan(np.linspace(0.0, 0.25 * np.pi, STEPS + 1))
-    lines = [np.concatenate((-(end + radius * rise[::-1]), end + radius * rise)) for end in inner]
-    count = len(lines[0])
-    vertices: list[Array] = []
-    faces: list[NDArray[np.int64]] = []
-    grid = np.arange(count * count).reshape(count, count)
-    corners = (grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:])
-    a, b, c, d = (corner.ravel() for corner in corners)
-    for axis in range(3):
-        first, second = (axis + 1) % 3, (axis + 2) % 3
-        for sign in (1.0, -1.0):
-            points = np.empty((count, count, 3))
-            points[..., first], points[..., second] = np.meshgrid(lines[first], lines[second], indexing="ij")
-            points[..., axis] = sign * half[axis]
-            quads = (a, b, c, d) if sign > 0.0 else (a, d, c, b)
-            start = sum(len(each) for each in vertices)
-            faces += [start + np.column_stack(quads)[:, [0, 1, 2]], start + np.column_stack(quads)[:, [0, 2, 3]]]
-            vertices.append(points.reshape(-1, 3))
-    points = np.vstack(vertices)
-    core = np.clip(points, -inner, inner)
-    away = points - core
-    points = core + radius * away / np.linalg.norm(away, axis=1, keepdims=True)
-    # Points that sides share are one, so that light runs over the edges.
-    unique, number = np.unique(np.round(points, 9), axis=0, return_inverse=True)
-    return Triangles(unique.astype(np.float32), number.reshape(-1)[np.vstack(faces)].astype(np.uint32))
+    corners = (half - radius) * SIGNS
+    ball = revolved_points(_arc(radius, 0.0, 4 * STEPS), 4 * STEPS)
+    return hull((corners[:, np.newaxis] + ball).reshape(-1, 3))
 
 
 def rounded_cylinder(radius: float, half: float) -> Triangles:
     """A cylinder along z by its radius and half its length [m] with rounded edges, inside it."""
     edge = bevel(np.array([radius, half]))
-    turn = np.linspace(0.0, 0.5 * np.pi, STEPS + 1)
-    upper = [(radius - edge + edge * float(np.cos(a)), half - edge + edge * float(np.sin(a))) for a in turn]
-    return revolve([(0.0, -half), *((r, -z) for r, z in reversed(upper)), *upper, (0.0, half)], ROUND_SIDES)
+    profile = np.array([radius - edge, 0.0]) + _arc(edge, half - edge, 4 * STEPS)
+    return hull(revolved_points(profile, 36))  # smooth
 
 
 def bevel(half: Array) -> float:
@@ -302,30 +278,7 @@ def bevel(half: Array) -> float:
 
 def box(half: Array) -> Triangles:
     """A box by its half edges (3,) [m]."""
-    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * half
-    sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-    faces = [triangle for a, b, c, d in sides for triangle in ((a, b, c), (a, c, d))]
-    return Triangles(corners.astype(np.float32), np.array(faces, dtype=np.uint32))
-
-
-def revolve(profile: list[tuple[float, float]], sides: int) -> Triangles:
-    """The surface that a profile of (radius, z) [m], from bottom to top, sweeps around z; its ends lie on the axis."""
-    angles = np.linspace(0.0, 2.0 * np.pi, sides, endpoint=False)
-    circle = np.stack((np.cos(angles), np.sin(angles)), axis=1)
-    inner = profile[1:-1]
-    rings = [np.column_stack((radius * circle, np.full(sides, z))) for radius, z in inner]
-    vertices = np.vstack(([[0.0, 0.0, profile[0][1]]], *rings, [[0.0, 0.0, profile[-1][1]]]))
-    last = len(vertices) - 1
-    faces = []
-    for side in range(sides):
-        after = (side + 1) % sides
-        faces.append((0, 1 + after, 1 + side))
-        for ring in range(len(inner) - 1):
-            low, high = 1 + ring * sides, 1 + (ring + 1) * sides
-            faces += [(low + side, low + after, high + after), (low + side, high + after, high + side)]
-        top = 1 + (len(inner) - 1) * sides
-        faces.append((top + side, top + after, last))
-    return Triangles(vertices.astype(np.float32), np.array(faces, dtype=np.uint32))
+    return hull(half * SIGNS)
 
 
 def sphere(radius: float, sides: int = SIDES) -> Triangles:
@@ -335,21 +288,40 @@ def sphere(radius: float, sides: int = SIDES) -> Triangles:
 
 def capsule(radius: float, half: float, sides: int = SIDES) -> Triangles:
     """A capsule along z by its radius and half the length of its cylinder [m]."""
-    rise = np.linspace(0.0, 0.5 * np.pi, sides // 4 + 1)
-    upper = [(radius * float(np.cos(a)), half + radius * float(np.sin(a))) for a in rise[:-1]]
-    lower = [(r, -z) for r, z in reversed(upper)]
-    return revolve([(0.0, -half - radius), *lower, *upper, (0.0, half + radius)], sides)
+    return hull(revolved_points(_arc(radius, half, sides), sides))
 
 
 def cylinder(radius: float, half: float, sides: int = SIDES) -> Triangles:
     """A cylinder along z by its radius and half its length [m]."""
-    return revolve([(0.0, -half), (radius, -half), (radius, half), (0.0, half)], sides)
+    return hull(revolved_points(np.array([(radius, -half), (radius, half)]), sides))
+
+
+def _arc(radius: float, half: float, sides: int) -> Array:
+    """(n, 2) radius and z [m] of two quarters of a circle, the upper one `half` up, the lower one as far down."""
+    rise = np.linspace(0.0, 0.5 * np.pi, sides // 4 + 1)
+    upper = np.column_stack((radius * np.cos(rise), half + radius * np.sin(rise)))
+    return np.vstack((upper, upper * [1.0, -1.0]))
+
+
+def revolved_points(profile: Array, sides: int) -> Array:
+    """(n, 3) the points of a profile (k, 2) of radius and z [m] as it turns around z."""
+    angles = np.linspace(0.0, 2.0 * np.pi, sides, endpoint=False)
+    circle = np.column_stack((np.cos(angles), np.sin(angles)))
+    flat = (profile[:, np.newaxis, :1] * circle).reshape(-1, 2)
+    return np.column_stack((flat, np.repeat(profile[:, 1], sides)))
+
+
+def hull(points: Array) -> Triangles:
+    """The convex hull of points (n, 3) [m], which all these shapes are; of those that differ by rounding, one."""
+    mesh = hull_of(np.round(points, 9))
+    assert mesh is not None
+    return Triangles(mesh.vertices.astype(np.float32), mesh.faces.astype(np.uint32))
 
 
 def cloud(obstacle: PointCloud) -> Triangles:
     """An octahedron inside of the sphere around each point, in the base frame; of many points some."""
     points = obstacle.some_points(DRAWN_POINTS)
-    corners = max(obstacle.radius, SMALLEST_POINT) * np.vstack([np.eye(3), -np.eye(3)])
+    corners = max(obstacle.radius, 0.001) * np.vstack([np.eye(3), -np.eye(3)])  # [m]
     vertices = (points[:, np.newaxis] + corners).reshape(-1, 3)
     faces = OCTAHEDRON + len(corners) * np.arange(len(points))[:, np.newaxis, np.newaxis]
     return Triangles(vertices.astype(np.float32), faces.reshape(-1, 3).astype(np.uint32))

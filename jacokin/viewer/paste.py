@@ -27,7 +27,6 @@ from jacokin.viewer.inspector import FULL_TURN, SAME, Inspector
 from jacokin.viewer.view import View
 
 SCENE_FILE = "jacokin_scene.json"
-OF_SOLVER = ("method", "qp_solver")  # options that the command line has too
 ONLY_PYTHON = ("position_tolerance", "orientation_tolerance", "limit_snap", "max_restarts")
 SceneShape = type[Box] | type[Sphere] | type[Capsule] | type[Cylinder] | type[Floor]
 SHAPES: tuple[SceneShape, ...] = (Box, Sphere, Capsule, Cylinder, Floor)  # that a scene's file can hold
@@ -82,7 +81,7 @@ def command_text(inspector: Inspector, view: View) -> str:
     words += ["--seed", *_texts(call.seed), "--collision", options.collision]
     words += ["--all"] if call.branch is not None else ["--prefer", call.prefer]
     changed = {name: getattr(options, name) for name in DEFAULTS if getattr(options, name) != DEFAULTS[name]}
-    for name in OF_SOLVER:
+    for name in ("method", "qp_solver"):  # which the command line has, too
         if name in changed:
             words += [f"--{name.replace('_', '-')}", changed[name]]
     if options.clearance:
@@ -169,44 +168,35 @@ def _as_read(place: pin.SE3) -> pin.SE3:
 
 def _robot_options(robot: Robot) -> list[tuple[str, list[str]]]:
     """What the robot was loaded with: each as an argument of `load_robot`, and as words of the command line."""
-    source = robot.source
-    found = []
-    if source.base is not None:
-        found.append((f"base={source.base!r}", ["--base", source.base]))
-    if source.tip is not None and (source.bundled is None or source.tip != TIP_OF_BUNDLED):
-        found.append((f"tip={source.tip!r}", ["--tip", source.tip]))
-    return found + _joint_options(robot) + _file_options(robot)
+    source, angle = robot.source, robot.finger_angle
+    measured = None if source.calibration is None else source.calibration.path
+    srdf = None if source.disabled is None else source.disabled.path
+    pairs = ", ".join(f"{joint!r}: ({_number(low)}, {_number(high)})" for joint, low, high in source.limits)
+    folders = [str(folder) for folder in source.package_dirs]
+    given = (  # argument and what it is, option and what it is each time; none for what was not given
+        (f"base={source.base!r}", "--base", _text(source.base)),
+        (
+            f"tip={source.tip!r}",
+            "--tip",
+            _text(source.tip, None if source.bundled is None else TIP_OF_BUNDLED),
+        ),
+        (
+            f"finger_angle={angle!r}",
+            "--finger-angle",
+            [repr(angle)] if angle != (None if source.bundled is None else open_angle(source.bundled)) else [],
+        ),
+        (f"limits={{{pairs}}}", "--limit", [f"{joint}={low!r},{high!r}" for joint, low, high in source.limits]),
+        (f"locked={dict(source.locked)!r}", "--lock", [f"{joint}={value!r}" for joint, value in source.locked]),
+        (f"srdf={str(srdf)!r}", "--srdf", _text(srdf, find_srdf(source.path))),
+        (f"calibration={str(measured)!r}", "--calibration", _text(measured)),
+        (f"package_dirs={folders}", "--package-dir", folders),
+    )
+    return [(python, [word for text in texts for word in (flag, text)]) for python, flag, texts in given if texts]
 
 
-def _joint_options(robot: Robot) -> list[tuple[str, list[str]]]:
-    """What was said of fingers, limits and locked joints when the robot was loaded."""
-    source, found = robot.source, []
-    angle = robot.finger_angle
-    if angle != (None if source.bundled is None else open_angle(source.bundled)):
-        found.append((f"finger_angle={angle!r}", ["--finger-angle", repr(angle)]))
-    if source.limits:
-        pairs = ", ".join(f"{joint!r}: ({_number(low)}, {_number(high)})" for joint, low, high in source.limits)
-        words = [word for joint, low, high in source.limits for word in ("--limit", f"{joint}={low!r},{high!r}")]
-        found.append((f"limits={{{pairs}}}", words))
-    if source.locked:
-        words = [word for joint, value in source.locked for word in ("--lock", f"{joint}={value!r}")]
-        found.append((f"locked={dict(source.locked)!r}", words))
-    return found
-
-
-def _file_options(robot: Robot) -> list[tuple[str, list[str]]]:
-    """Which files and folders were given beside the description when the robot was loaded."""
-    source, found = robot.source, []
-    if source.disabled is not None and source.disabled.path != find_srdf(source.path):
-        path = str(source.disabled.path)
-        found.append((f"srdf={path!r}", ["--srdf", path]))
-    if source.calibration is not None and source.calibration.path is not None:
-        path = str(source.calibration.path)
-        found.append((f"calibration={path!r}", ["--calibration", path]))
-    if source.package_dirs:
-        folders = [str(folder) for folder in source.package_dirs]
-        found.append((f"package_dirs={folders}", [word for each in folders for word in ("--package-dir", each)]))
-    return found
+def _text(value: object, usual: object = None) -> list[str]:
+    """A value as a word; no word for none, and for the usual one."""
+    return [] if value is None or value == usual else [str(value)]
 
 
 def _python_scene(scene: Scene) -> list[str]:

@@ -38,8 +38,6 @@ if TYPE_CHECKING:
     from jacokin.logs import Recording
     from jacokin.motion.trajectory import Trajectory
 
-DEFAULT_PORT = 8080
-DEFAULT_HOST = "127.0.0.1"  # this machine and no other
 AXES = ("x", "y", "z")
 
 logger = logging.getLogger(__name__)
@@ -69,7 +67,7 @@ class ViewerOptions:
     velocity_limit: ArrayLike | None = None
     """(dof,) or one for all, of what "Track" and "Go" do [rad/s]; None for the robot's own. An arm whose file gives
     none is shown all the same, and only these two ask for it."""
-    host: str = DEFAULT_HOST
+    host: str = "127.0.0.1"  # this machine and no other
     """Address to serve at. Any other than this machine's own lets every computer that reaches it and knows the token
     move the gizmo; nothing is encrypted."""
 
@@ -83,7 +81,7 @@ def serve(
     trajectory: Trajectory | Recording | str | Path | None = None,
     target: pin.SE3 | ArrayLike | None = None,
     seed: ArrayLike | None = None,
-    port: int = DEFAULT_PORT,
+    port: int = 8080,
 ) -> Viewer:
     """Show a robot in the browser: a gizmo for the target, and every branch that reaches it.
 

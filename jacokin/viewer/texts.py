@@ -16,7 +16,6 @@ GREEN, RED, ORANGE, GREY = "#237032", "#c92a2a", "#a34700", "#495057"  # each re
 REACHED = 1e-5  # [m] and [rad] an error below this cannot be seen
 LIST = "max-height:14em;overflow-y:auto"  # of branches: eight are seen, members of curves are scrolled
 RIGHT = "text-align:right;white-space:nowrap"
-COLOUR = {Status.OK: GREEN, Status.IN_COLLISION: ORANGE}
 
 
 def headline(inspector: Inspector, view: View) -> str:
@@ -80,7 +79,7 @@ def reason(inspector: Inspector, view: View, branch: int) -> str:
 
 def status_html(inspector: Inspector, view: View, *, degrees: bool = False) -> str:
     """Headline, advice, the list of branches, and a bar for each joint, in degrees or radians."""
-    colour = COLOUR.get(view.status, RED)
+    colour = {Status.OK: GREEN, Status.IN_COLLISION: ORANGE}.get(view.status, RED)
     lines = [f'<div style="color:{colour};font-weight:600">{html.escape(headline(inspector, view))}</div>']
     if words := advice(view):
         lines.append(f"<div>{html.escape(words[:1].upper() + words[1:])}</div>")

@@ -43,9 +43,7 @@ BUILT = {"add", "clicked", "pick", "shape", "moved", "remove"}  # what changes t
 PERIOD = 0.02  # [s] from one picture to the next of what moves by itself
 TICK = 0.01  # [s] of the tracker: 100 Hz, as the real arm takes joint angles
 OPENINGS = 12  # of the hand that are drawn, beside the first
-LONGEST_LAG = 0.1  # [s] of ticks that are caught up with; after a longer pause the tracker goes on from where it is
 
-SEARCH = 1.0  # [s] for a way around what is between start and goal
 
 logger = logging.getLogger(__name__)
 
@@ -265,10 +263,10 @@ class Viewer:
     def _draw(self, names: dict[str, int]) -> None:
         """Draw more or less of the same view."""
         if "visuals" in names:
-            self._stage.arm.dress(self._parts(self._panel.visuals))
+            self._stage.arm.dress(self._parts(self._panel.wants("visuals")))
         if "degrees" in names:
             self._panel.change_unit()
-        self._stage.datasheet, self._stage.commanded = self._panel.datasheet, self._panel.commanded
+        self._stage.datasheet, self._stage.commanded = self._panel.wants("datasheet"), self._panel.wants("commanded")
         self._show(self._view, move_gizmo=False)
 
     def _pose_joints(self, names: dict[str, int]) -> None:
@@ -343,7 +341,7 @@ class Viewer:
 
     def _track(self, names: dict[str, int]) -> None:
         """Begin or end following the gizmo."""
-        wanted = self._panel.track
+        wanted = self._panel.wants("track")
         self._stop()
         if not wanted:
             self._aim({})  # where the gizmo is, which may have moved on
@@ -393,7 +391,7 @@ class Viewer:
         try:
             planner = self._setup.planner(inspector.solver)
             speeds = self._contents.velocity_limit
-            self._motion = motion = plan_motion(planner, self._start, goal.q, time_limit=SEARCH, velocity_limit=speeds)
+            self._motion = motion = plan_motion(planner, self._start, goal.q, time_limit=1.0, velocity_limit=speeds)
             stopped = self._inbox.drop("go")  # the same button, meanwhile
             if motion.success and not stopped:
                 self._going = Going(motion, goal, inspector)
@@ -425,7 +423,7 @@ class Viewer:
 
     def _open_hand(self, angle: float) -> None:
         """Draw the fingers at about an angle [rad], or [m] where they slide; a gripper that is not known stays."""
-        if self._panel.visuals:
+        if self._panel.wants("visuals"):
             return
         robot = self._inspector.robot
         if self._fingers is None:
@@ -498,9 +496,9 @@ class Viewer:
     def _show(self, view: View, *, move_gizmo: bool = True) -> None:
         # A gizmo that somebody moved meanwhile stays where it is: that target is the next one.
         move_gizmo = move_gizmo and not self._inbox.waits("target")
-        self._stage.show(view, ghosts=self._panel.ghosts, ellipsoid=self._panel.ellipsoid, move_gizmo=move_gizmo)
-        away = not np.array_equal(self._start, view.q)
-        self._stage.mark_start(self._start, visible=away and self._panel.ghosts)
+        ghosts, ellipsoid = self._panel.wants("ghosts"), self._panel.wants("ellipsoid")
+        self._stage.show(view, ghosts=ghosts, ellipsoid=ellipsoid, move_gizmo=move_gizmo)
+        self._stage.mark_start(self._start, visible=ghosts and not np.array_equal(self._start, view.q))
         self._panel.show(view)
         self._view = view
 
@@ -574,7 +572,7 @@ class GizmoFollower:
     def advance(self, target: pin.SE3, elapsed: float) -> TrackerStep | None:
         """Let time pass on the clock [s], in whole ticks; the last one, or None when there was none."""
         self._owed += elapsed
-        if self._owed > LONGEST_LAG:
+        if self._owed > 0.1:  # [s], a long pause: the tracker goes on from where it is
             self._owed = TICK
         step = None
         while self._owed >= TICK:

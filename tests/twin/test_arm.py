@@ -11,7 +11,7 @@ import pytest
 from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.twin import Faults, SimulatedArm
 from jacokin.twin.faults import Line
-from jacokin.twin.ticker import Ticker
+from jacokin.twin.nodes import Ticker
 
 
 @pytest.mark.parametrize("robot", ["j2n6s300", "j2s7s300", "m1n6s200"])

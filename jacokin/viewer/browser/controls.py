@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Coroutine
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -17,6 +17,7 @@ from jacokin.model import checks, poses
 from jacokin.model.robot import Robot
 from jacokin.viewer import texts
 from jacokin.viewer.contents import COLOURS, MapSlices, Setup
+from jacokin.viewer.drawing import Triangles
 from jacokin.viewer.inspector import FULL_TURN, Inspector
 from jacokin.viewer.playback import SPEEDS, Playback
 from jacokin.viewer.view import Free
@@ -30,8 +31,6 @@ SLIDING_DIGITS = 3  # [m]
 ONE_SIDED = 2.0 * math.pi  # how far a slider goes where a joint has no limit
 TARGET_DIGITS = 4, 2  # [m] and [deg]
 ALIKE = 2e-4  # entries of two rotations whose angles agree to those digits
-PLOT_HEIGHT = 110  # [pixel]
-OPACITY = 0.55  # of the cells of a map
 
 Post = Callable[[str], None]
 Three = tuple[float, float, float]
@@ -347,7 +346,36 @@ def _plot(gui: viser.GuiApi, robot: Robot, playback: Playback, joint: int) -> No
         (playback.t[rows], *(values for _, values, _ in lines)),
         tuple(series),
         scales={"x": {"time": False}},
-        height=PLOT_HEIGHT,
+        height=110,  # [pixel]
+    )
+
+
+def add_batch(
+    scene: viser.SceneApi,
+    name: str,
+    mesh: Triangles,
+    *,
+    opacity: float,
+    wireframe: bool = False,
+    flat_shading: bool = False,
+    side: Literal["front", "double"] = "front",
+) -> viser.BatchedMeshHandle:
+    """Meshes of one shape that are seen through, out of sight until they are placed and coloured."""
+    return scene.add_batched_meshes_simple(
+        name,
+        mesh.vertices,
+        mesh.faces,
+        batched_wxyzs=np.array([[1.0, 0.0, 0.0, 0.0]]),
+        batched_positions=np.zeros((1, 3)),
+        batched_colors=np.zeros((1, 3), dtype=np.uint8),
+        opacity=opacity,
+        wireframe=wireframe,
+        lod="off",
+        flat_shading=flat_shading,
+        side=side,
+        cast_shadow=False,
+        receive_shadow=False,
+        visible=False,
     )
 
 
@@ -371,21 +399,7 @@ class SliceControls:
                 f'<div style="font-size:0.8em;padding:0 0.75em">0 to 1: {slices.caption}'
                 f'<div style="height:8px;background:linear-gradient(to right,{stops})"></div></div>'
             )
-        mesh = slices.square()
-        self._node = server.scene.add_batched_meshes_simple(
-            "/map",
-            mesh.vertices,
-            mesh.faces,
-            batched_wxyzs=np.array([[1.0, 0.0, 0.0, 0.0]]),
-            batched_positions=np.zeros((1, 3)),
-            batched_colors=np.zeros((1, 3), dtype=np.uint8),
-            opacity=OPACITY,
-            lod="off",
-            side="double",
-            cast_shadow=False,
-            receive_shadow=False,
-            visible=False,
-        )
+        self._node = add_batch(server.scene, "/map", slices.square(), opacity=0.55, side="double")
 
     def show(self) -> None:
         """Draw the slice that the controls ask for, whatever a client sent."""

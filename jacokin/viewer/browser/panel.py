@@ -79,34 +79,26 @@ class Panel:
         gui.add_command("Next branch", hotkey="N").on_trigger(posting(post, "next"))
         gui.add_command("Previous branch", hotkey="P").on_trigger(posting(post, "previous"))
         gui.add_command("Go, or stop", hotkey="G").on_trigger(posting(post, "go"))
-        self._ghosts = gui.add_checkbox("Ghosts", playback is None, hint="Draw the other branches, and the start")
-        watch(post, "ghosts", self._ghosts)
-        self._ellipsoid = gui.add_checkbox("Manipulability", False, hint="Draw how fast the tool can move each way")
-        watch(post, "ellipsoid", self._ellipsoid)
-        self._datasheet = None
+        self._boxes: dict[str, viser.GuiCheckboxHandle] = {}
+
+        def add_box(name: str, label: str, is_ticked: bool, hint: str, *, disabled: bool = False) -> None:
+            self._boxes[name] = gui.add_checkbox(label, is_ticked, hint=hint, disabled=disabled)
+            watch(post, name, self._boxes[name])
+
+        add_box("ghosts", "Ghosts", playback is None, "Draw the other branches, and the start")
+        add_box("ellipsoid", "Manipulability", False, "Draw how fast the tool can move each way")
         if inspector.robot.calibration is not None:
-            self._datasheet = gui.add_checkbox(
-                "Datasheet", True, hint="Draw the arm as its description has it, in pink"
-            )
-            watch(post, "datasheet", self._datasheet)
+            add_box("datasheet", "Datasheet", True, "Draw the arm as its description has it, in pink")
             self._away = gui.add_html("")
-        self._commanded = None
         if playback is not None and len(playback.commanded_t):
-            self._commanded = gui.add_checkbox("Commanded", True, hint="Draw where the arm was to be, in green")
-            watch(post, "commanded", self._commanded)
-        self._visuals = gui.add_checkbox(
-            "Visual meshes",
-            contents.dressed and contents.visuals is not None,
-            disabled=contents.visuals is None,
-            hint="Draw what the file shows instead of the shapes that collide",
-        )
-        watch(post, "visuals", self._visuals)
-        self._degrees = gui.add_checkbox("Degrees", False, hint="Joints and their margins in degrees, not radians")
-        watch(post, "degrees", self._degrees)
+            add_box("commanded", "Commanded", True, "Draw where the arm was to be, in green")
+        has_visuals = contents.visuals is not None
+        hint = "Draw what the file shows instead of the shapes that collide"
+        add_box("visuals", "Visual meshes", contents.dressed and has_visuals, hint, disabled=not has_visuals)
+        add_box("degrees", "Degrees", False, "Joints and their margins in degrees, not radians")
         if contents.note:
             gui.add_html(f'<div style="font-size:0.8em;padding:0 0.75em">{html.escape(contents.note)}</div>')
-        self._track = gui.add_checkbox("Track", False, hint="Follow the gizmo at 100 Hz within the velocity limits")
-        watch(post, "track", self._track)
+        add_box("track", "Track", False, "Follow the gizmo at 100 Hz within the velocity limits")
         self._go = gui.add_button("Go", hint="G: move from the start to what is shown, around what is in the way")
         self._go.on_click(posting(post, "go"))
         gui.add_button("Start here", hint="Motions begin where the arm is shown").on_click(posting(post, "start"))
@@ -125,8 +117,8 @@ class Panel:
 
     def show(self, view: View) -> None:
         """Bring every control to a view."""
-        self._status.content = texts.status_html(self._inspector, view, degrees=bool(self._degrees.value))
-        if self._datasheet is not None:
+        self._status.content = texts.status_html(self._inspector, view, degrees=self.wants("degrees"))
+        if "datasheet" in self._boxes:
             line = html.escape(texts.datasheet(self._inspector, view))
             self._away.content = f'<div style="font-size:0.8em;padding:0 0.75em">{line}</div>'
         count = len(view.branches)
@@ -147,44 +139,18 @@ class Panel:
         """Number of the branch that the slider is at, from 0, as a client sent it."""
         return int(self._branch.value) - 1
 
-    @property
-    def ghosts(self) -> bool:
-        """Whether ghosts are to be drawn."""
-        return bool(self._ghosts.value)
-
-    @property
-    def datasheet(self) -> bool:
-        """Whether the described arm is to be drawn beside a calibrated one."""
-        return self._datasheet is not None and bool(self._datasheet.value)
-
-    @property
-    def commanded(self) -> bool:
-        """Whether the arm of a log is to be drawn where it was to be, beside where it was."""
-        return self._commanded is not None and bool(self._commanded.value)
-
-    @property
-    def ellipsoid(self) -> bool:
-        """Whether the ellipsoid of manipulability is to be drawn."""
-        return bool(self._ellipsoid.value)
-
-    @property
-    def track(self) -> bool:
-        """Whether a tracker is to follow the gizmo."""
-        return bool(self._track.value)
+    def wants(self, name: str) -> bool:
+        """Whether a checkbox, by the name that it posts, is there and ticked."""
+        return name in self._boxes and bool(self._boxes[name].value)
 
     @property
     def prefer(self) -> str:
         """Which branch is preferred; the nearest for what is not in the list."""
         return self._prefer.value if self._prefer.value in PREFERENCES else PREFERENCES[0]
 
-    @property
-    def visuals(self) -> bool:
-        """Whether the visual meshes are to be drawn."""
-        return bool(self._visuals.value)
-
     def change_unit(self) -> None:
         """Have the sliders of the joints in the unit that is asked for; `show` sets them."""
-        self.joints.change_unit("deg" if self._degrees.value else "rad")
+        self.joints.change_unit("deg" if self.wants("degrees") else "rad")
 
     def show_going(self, going: bool) -> None:
         """Offer to stop a motion, or to begin one."""
@@ -192,7 +158,7 @@ class Panel:
 
     def stop_tracking(self) -> None:
         """Untick "Track"."""
-        set_value(self._track, False)
+        set_value(self._boxes["track"], False)
 
 
 KINDS = ("box", "cylinder", "sphere")

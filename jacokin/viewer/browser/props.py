@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from jacokin.tasks import TaskEnv
 
 PERIOD = 0.04  # [s] from one drawing to the next
-LAST_GROUP = 2  # of geoms and sites that are to be seen, as in MuJoCo's own viewer
 LARGEST = 5.0  # [m] half the size of a body that is drawn
 
 
@@ -54,7 +53,8 @@ class Props:
         """Draw a geom or a site, as a part of its body."""
         model = self._model
         body, group = (int(getattr(model, f"{kind}_{what}")[number]) for what in ("bodyid", "group"))
-        if model.body_rootid[body] == self._arm or group > LAST_GROUP:
+        # MuJoCo's own viewer shows groups 0 to 2.
+        if model.body_rootid[body] == self._arm or group > 2:
             return
         rgba, largest = rgba_of(model, number, kind), float(getattr(model, f"{kind}_size")[number].max())
         mesh = read_geom(model, number) if kind == "geom" else read_site(model, number)

@@ -37,8 +37,6 @@ from jacokin.model import checks
 LOOPBACK = "127.0.0.1"
 LAST_PORT = 65535
 PATIENCE = 0.5  # [s] that pages are given to close their connection, once the viewer ends
-TOKEN_BYTES = 16
-PAGES = ("/", "/index.html")  # paths of the page, which loads all else
 OWN_SITES = ["same-origin", "none"]  # values of Sec-Fetch-Site: of the page itself, and of an address that was typed
 WHOLE_PAGE = "document"  # Sec-Fetch-Dest of a page that is opened
 OWN_HEADER = "X-Jacokin"  # of what the viewer's pages tell: browsers leave out Sec-Fetch-Site without encryption
@@ -214,7 +212,7 @@ class Token:
 
     def __init__(self, port: int) -> None:
         """Make one up; cookies are shared by all ports of a host, so the port is in its name."""
-        self.text = secrets.token_urlsafe(TOKEN_BYTES)
+        self.text = secrets.token_urlsafe(16)  # [byte]
         self._name = f"jacokin_viewer_{port}"
 
     @property
@@ -322,7 +320,7 @@ class _Guard:
             try:
                 answer = self._refused(connection, request) or self._script(request) or self._told(connection, request)
                 if answer is None and inner is not None:
-                    is_page = urlsplit(request.path).path in PAGES
+                    is_page = urlsplit(request.path).path in ("/", "/index.html")  # which loads all else
                     if is_page:
                         request.headers.pop("Accept-Encoding", None)  # to add to the page as it is
                     found = inner(connection, request)

@@ -12,6 +12,7 @@ from jacokin.ik.results import Status
 from jacokin.ik.solver import IKSolver
 from jacokin.model import poses
 from jacokin.model.scene import Scene
+from jacokin.viewer.browser.controls import add_batch
 from jacokin.viewer.contents import Contents
 from jacokin.viewer.drawing import ArmPart, Colour, Triangles, build_obstacles, build_sticks, merge, move, sphere
 from jacokin.viewer.inspector import Inspector
@@ -19,9 +20,6 @@ from jacokin.viewer.view import ShownPlaces, View
 
 TOUCHING: Colour = (232, 137, 12)
 GHOST: Colour = (34, 139, 230)
-GHOST_OPACITY = 0.22
-WIRE_OPACITY = 0.45  # of a branch that is not feasible
-DARKEST = 48  # of a colour of the arm, so that light and shade are seen on it
 TINT = 0.45  # how much of a colour that says something is left on the darkest part of the arm
 SWELL = 0.002  # [m] by which a shape that touches is drawn larger, and one of a ghost smaller
 DATASHEET: Colour = (214, 51, 132)  # the described arm beside a calibrated one
@@ -29,18 +27,12 @@ COMMANDED: Colour = (18, 184, 134)  # where the arm of a log was to be
 CLOSEST: Colour = (240, 190, 80)  # not at the target
 OUTSIDE: Colour = (224, 49, 49)
 OBSTACLE: Colour = (150, 140, 120)
-OBSTACLE_OPACITY = 0.6
 ELLIPSOID: Colour = (132, 94, 247)
-ELLIPSOID_SCALE = 0.2  # [m] drawn for 1 m/s of the tool at joint rates of 1 rad/s
 FLAT = 1e-3  # [m] least semi-axis drawn
 SAME_PLACE = 1e-5  # [m], and of the cosine of half an angle
-SHADOW = 0.2  # opacity on the floor
 START: Colour = (47, 158, 68)
 PATH: Colour = (24, 100, 171)
-PATH_THICKNESS = 0.006  # [m]
-PATH_POINTS = 1000  # of a trajectory that are drawn
 GIZMO = "/target"
-GIZMO_SIZE = 0.15  # [m]
 
 
 class Stage:
@@ -69,8 +61,8 @@ class Stage:
         self._described = Inspector(IKSolver(described, collision="ignore")) if self.datasheet else inspector
         nodes = server.scene
         self.arm = ArmNodes(nodes, parts, contents.shapes)
-        self.gizmo = nodes.add_transform_controls(GIZMO, scale=GIZMO_SIZE, depth_test=False)
-        nodes.add_grid("/grid", width=2.0, height=2.0, cell_size=0.1, section_size=0.5, shadow_opacity=SHADOW)
+        self.gizmo = nodes.add_transform_controls(GIZMO, scale=0.15, depth_test=False)  # [m]
+        nodes.add_grid("/grid", width=2.0, height=2.0, cell_size=0.1, section_size=0.5, shadow_opacity=0.2)
         # Lights of our own: the default ones come seconds after the page and slow every picture.
         nodes.configure_environment_map(None)
         nodes.configure_default_lights(enabled=False, cast_shadow=False)
@@ -105,15 +97,13 @@ class Stage:
         others = view.ghosts if ghosts else view.ghosts[:0]
         places, colours = self._inspector.places([view.q, *view.branches[others]]), self._ghost_colours(view)[others]
         solid = view.feasible[others]
-        if self.datasheet:
-            pairs = zip(places, self._described.places([view.q]), strict=True)
-            places = ShownPlaces(*(np.concatenate(pair) for pair in pairs))
-            colours = np.vstack((colours, np.array(DATASHEET, dtype=np.uint8)))
-            solid = np.append(solid, True)
+        more = [(self._described, view.q, DATASHEET)] if self.datasheet else []
         if self.commanded and view.commanded is not None:
-            pairs = zip(places, self._inspector.places([view.commanded]), strict=True)
+            more.append((self._inspector, view.commanded, COMMANDED))
+        for inspector, q, colour in more:
+            pairs = zip(places, inspector.places([q]), strict=True)
             places = ShownPlaces(*(np.concatenate(pair) for pair in pairs))
-            colours = np.vstack((colours, np.array(COMMANDED, dtype=np.uint8)))
+            colours = np.vstack((colours, np.array(colour, dtype=np.uint8)))
             solid = np.append(solid, True)
         touching = {name for pair in view.arm_touching for name in pair}
         with self._server.atomic():
@@ -157,10 +147,10 @@ class Stage:
         """Draw where the trajectory leads the tool, if there is one."""
         if self._playback is None:
             return
-        rows = self._playback.rows(PATH_POINTS)
+        rows = self._playback.rows(1000)
         points = np.array([self._inspector.pose_of(q).translation for q in self._playback.q[rows]])
         lines = np.stack((points[:-1], points[1:]), axis=1)
-        self._server.scene.add_line_segments("/path", lines, colors=PATH, thickness=PATH_THICKNESS)
+        self._server.scene.add_line_segments("/path", lines, colors=PATH, thickness=0.006)  # [m]
 
     def draw_obstacles(self, scene: Scene | None) -> None:
         """Draw the obstacles of a scene instead of those before."""
@@ -175,7 +165,7 @@ class Stage:
                 mesh.vertices,
                 mesh.faces,
                 color=OBSTACLE,
-                opacity=OBSTACLE_OPACITY,
+                opacity=0.6,
                 flat_shading=True,
                 cast_shadow=False,
             )
@@ -198,7 +188,8 @@ class Stage:
 
     def _place_ellipsoid(self, q: Array) -> None:
         lengths, directions = self._inspector.ellipsoid(q)
-        x, y, z = (max(float(ELLIPSOID_SCALE * length), FLAT) for length in lengths)
+        # 0.2 m for 1 m/s of the tool at joint rates of 1 rad/s.
+        x, y, z = (max(float(0.2 * length), FLAT) for length in lengths)
         self._ellipsoid.scale = (x, y, z)
         self._ellipsoid.position = self._inspector.pose_of(q).translation
         self._ellipsoid.wxyz = poses.quaternion(directions)
@@ -261,29 +252,15 @@ class ArmNodes:
                 self._pieces.append((mesh, piece.colour))
             if index:  # the base is where it is in every branch
                 inside = merge([swell(shape, -SWELL) for shape in part.shapes.values()]) or part.mesh
-                self.ghosts[index] = self._add_ghosts(f"/ghosts/{index}", inside, GHOST_OPACITY)
-                self.wires[index] = self._add_ghosts(f"/wires/{index}", outline or inside, WIRE_OPACITY, wires=True)
+                self.ghosts[index] = self._add_ghosts(f"/ghosts/{index}", inside, 0.22)
+                self.wires[index] = self._add_ghosts(f"/wires/{index}", outline or inside, 0.45, wires=True)
 
     def _add_ghosts(
         self, name: str, mesh: Triangles | None, opacity: float, *, wires: bool = False
     ) -> viser.BatchedMeshHandle:
         """A part of branches that the arm is not at, out of sight."""
         assert mesh is not None
-        return self._scene.add_batched_meshes_simple(
-            name,
-            mesh.vertices,
-            mesh.faces,
-            batched_wxyzs=np.array([[1.0, 0.0, 0.0, 0.0]]),
-            batched_positions=np.zeros((1, 3)),
-            batched_colors=np.array([GHOST], dtype=np.uint8),
-            opacity=opacity,
-            wireframe=wires,
-            lod="off",
-            flat_shading=not wires,
-            cast_shadow=False,
-            receive_shadow=False,
-            visible=False,
-        )
+        return add_batch(self._scene, name, mesh, opacity=opacity, wireframe=wires, flat_shading=not wires)
 
     def place(self, places: ShownPlaces, colour: Colour | None, touching: set[str]) -> None:
         """Bring the solid arm to the first of some places; shapes that touch are drawn over it."""
@@ -334,7 +311,7 @@ class ArmNodes:
 def tinted(own: Colour, tint: Colour | None) -> Colour:
     """A colour of the arm, or one that says something: as dark beside its neighbours as its own."""
     if tint is None:
-        red, green, blue = (max(value, DARKEST) for value in own)
+        red, green, blue = (max(value, 48) for value in own)  # so that light and shade are seen on it
         return red, green, blue
     share = TINT + (1.0 - TINT) * max(own) / 255.0
     red, green, blue = (round(share * value) for value in tint)

@@ -1,4 +1,4 @@
-"""`Ticker`: ticks as time passes, and what is done every so many of them."""
+"""What the nodes of both versions of ROS share: `Ticker`, as time passes, and `Camera`, whose pictures they publish."""
 
 from __future__ import annotations
 
@@ -7,7 +7,13 @@ import sys
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from jacokin.model import checks
+from jacokin.mujoco_bridge import Physics
 from jacokin.twin.faults import TICK
 
 BEHIND = 0.1  # [s] what is later than this is not made up for
@@ -55,3 +61,44 @@ class Ticker:
                     self.late, due = self.late + 1, time.monotonic()
         finally:
             sys.setswitchinterval(before)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Camera:
+    """A camera of a scene."""
+
+    physics: Physics
+    """The simulation."""
+    name: str
+    """Its short name, such as "wrist"."""
+    full_name: str
+    """Its name in MuJoCo's model."""
+    size: tuple[int, int]
+    """Rows and columns [pixels]."""
+    period: float = 0.1
+    """From picture to picture [s]."""
+
+    @classmethod
+    def of(cls, physics: Physics, name: str, size: tuple[int, int]) -> Camera:
+        """Find a camera by the end of its name.
+
+        Raises:
+            UnknownNameError: no such camera.
+        """
+        model = physics.model
+        names = {str(model.camera(number).name).rpartition("/")[2]: number for number in range(model.ncam)}
+        number = names[checks.choice("camera", name, names)]
+        return cls(physics, name, str(model.camera(number).name), size)
+
+    def message(self, kind: Any, stamp: Any) -> Any:  # Any: of a version of ROS
+        """A picture of now as a sensor_msgs/Image.
+
+        Args:
+            kind: the class of the message.
+            stamp: when it is.
+        """
+        picture: NDArray[np.uint8] = self.physics.render(*self.size, self.full_name)
+        message = kind(encoding="rgb8", height=picture.shape[0], width=picture.shape[1])
+        message.step, message.data = 3 * picture.shape[1], picture.tobytes()
+        message.header.stamp, message.header.frame_id = stamp, self.name
+        return message
