@@ -17,6 +17,8 @@ from pathlib import Path
 
 from PIL import Image
 
+from tests.robot_files import ur5_text
+
 ROOT = Path(__file__).resolve().parents[1]
 IMAGES = ROOT / "docs" / "images"
 LARGE = 60_000  # [byte]
@@ -32,6 +34,7 @@ def main() -> None:
         with tempfile.TemporaryDirectory() as name:
             folder = Path(name)
             (folder / "examples").symlink_to(ROOT / "examples")
+            (folder / "ur5.urdf").write_text(ur5_text(), encoding="utf-8")
             (folder / "page.py").write_text("\n".join(BLOCK.findall(text)), encoding="utf-8")
             environment = {**os.environ, "PYTHONPATH": str(ROOT)}
             subprocess.run([sys.executable, "page.py"], cwd=folder, env=environment, check=True)

@@ -27,10 +27,8 @@ def page() -> str:
     parts = [
         "<!-- Written by docs/robot_page.py from the tables urdf/*.toml. Edit those, not this page. -->",
         "# The robots in numbers",
-        "Look up any number of a bundled robot with its unit, source and doubt, as `urdf/jaco.toml` and "
-        "`urdf/gen3.toml` have it. `jacokin info` shows the limits and frames of any robot.",
-        "Poses are given in the frame of the parent. `rpy` is R = Rz(yaw) Ry(pitch) Rx(roll), with `pi/3` and the like "
-        "exact; quaternions are wxyz.",
+        "The numbers of the bundled robots with unit, source and doubt, as `urdf/*.toml` have them. Poses are in the "
+        "frame of the parent, with `pi/3` and the like exact.",
         "## Sources",
         grid(("letter", "what it is"), ((key, text) for key, text in numbers["sources"].items())),
         *_variants(numbers),
@@ -71,6 +69,19 @@ def numbers_in(row: Row, field: str) -> str:
     return value(row[field]) if field in row else ""
 
 
+def listed(names: Iterable[str]) -> str:
+    """Names with commas; three or more that differ by consecutive digits at their end as a range."""
+    runs: list[list[str]] = []
+    for name in names:
+        last = runs[-1][-1] if runs else ""
+        follows = last[:-1] == name[:-1] and last[-1:].isdigit() and name[-1:].isdigit()
+        if follows and int(name[-1]) == int(last[-1]) + 1:
+            runs[-1].append(name)
+        else:
+            runs.append([name])
+    return ", ".join(f"{run[0]} to {run[-1][-1]}" if len(run) > 2 else ", ".join(run) for run in runs)
+
+
 def origin(row: Row) -> str:
     """Source and doubt of a section as a sentence."""
     doubt = f" Doubt: {row['doubt']}." if "doubt" in row else ""
@@ -84,8 +95,8 @@ def rotation(row: Row) -> str:
 
 #: An owner's report, which no document of Kinova's confirms.
 JOINT_5 = (
-    "An owner reports that joint 5 of a real `j2n6s300` stops at 65° and 295°, where the URDF lets it turn without "
-    "limit ([kinova-ros, issue 444](https://github.com/Kinovarobotics/kinova-ros/issues/444)). If yours does, say so: "
+    "An owner reports that joint 5 of a real `j2n6s300`, unlimited here, stops at 65° and 295° ([kinova-ros, issue "
+    "444](https://github.com/Kinovarobotics/kinova-ros/issues/444)). If yours does, say so: "
     '`load_robot(limits={"joint_5": (math.radians(65), math.radians(295))})`, or `--limit joint_5=1.1345,5.1487` [rad].'
 )
 
@@ -115,11 +126,11 @@ def _variants(numbers: Row) -> list[str]:
     ]
 
 
-def _degrees(row: Row, side: str) -> str:
+def _bound(row: Row, side: str) -> str:
     key = f"{side}_deg"
     if side in row:
-        return f"{math.degrees(row[side]):.2f}° = {row[side]!r} rad"
-    return f"{row[key]}° = {math.radians(row[key])!r} rad" if key in row else "none"
+        return f"{value(row[side])} rad"
+    return f"{row[key]}°" if key in row else "none"
 
 
 def _velocity(row: Row) -> str:
@@ -131,16 +142,16 @@ def _limits() -> list[str]:
     for name in NAMES:
         arm = bundled.variant(name)["arm"]
         for joint, numbers in bundled.arm_joints(name).items():
-            row = (_degrees(numbers, "lower"), _degrees(numbers, "upper"), _velocity(numbers), value(numbers["effort"]))
+            row = (_bound(numbers, "lower"), _bound(numbers, "upper"), _velocity(numbers), value(numbers["effort"]))
             of_arm = joints.setdefault(row, {}).setdefault(arm, [])
             of_arm += [] if joint in of_arm else [joint]
     return [
         "## Limits",
-        "What the URDF says [K, G]; `robot.effort_limit` returns these efforts. The datasheet [S] and the user guide "
-        "[U] state [other torques](#joint-dynamics-and-actuators); neither is known to be wrong.",
+        "What the URDF says [K, G], in degrees or radians as it does; `robot.effort_limit` returns these efforts. The "
+        "datasheet [S] and the user guide [U] state [other torques](#joint-dynamics-and-actuators).",
         grid(
             ("joints", "lower", "upper", "velocity [°/s]", "effort [N m]"),
-            (("; ".join(f"{arm}: {', '.join(each)}" for arm, each in of.items()), *row) for row, of in joints.items()),
+            (("; ".join(f"{arm}: {listed(each)}" for arm, each in of.items()), *row) for row, of in joints.items()),
         ),
         JOINT_5,
     ]
@@ -149,8 +160,8 @@ def _limits() -> list[str]:
 def _chains(numbers: Row) -> list[str]:
     parts = [
         "## Joint frames",
-        "Every joint turns about +z of its own frame, and leads from the link before it (`link_base` for joint_1) to "
-        "the link of its number. `robot.acceleration_limit` is the acceleration here, or else that of the actuator.",
+        "Every joint turns about +z of its own frame, and leads to the link of its number. "
+        "`robot.acceleration_limit` is the acceleration here, or else that of the actuator.",
     ]
     shown: dict[tuple[str, ...], str] = {}
     for arm in numbers["arms"]:
@@ -179,7 +190,7 @@ def _alike(rows: Iterable[tuple[str, ...]], shown: Mapping[tuple[str, ...], str]
     alike: dict[str, list[str]] = {}
     for row in rows:
         alike.setdefault(shown[row], []).append(row[0])
-    others = [f"{', '.join(keys)} as of `{other}`" for other, keys in alike.items() if other != name]
+    others = [f"{listed(keys)} as of `{other}`" for other, keys in alike.items() if other != name]
     return [f"Also {'; '.join(others)}."] if others else []
 
 
@@ -244,7 +255,7 @@ def _grip() -> list[str]:
     return [
         "## Grip force",
         "Normal forces on a ball of radius 0.02 m between the finger tips, 0.193 m above the base of the hand, that "
-        "slides sideways, with all fingers closing at full torque (1 N m each) [N]. The datasheet says 25 N.",
+        "slides sideways, with all fingers closing at full torque (1 N m) [N]. The datasheet says 25 N.",
         grid(
             ("hand", "friction", "finger_1", "finger_2", "finger_3", "sum"),
             (
@@ -255,9 +266,9 @@ def _grip() -> list[str]:
                 ("two fingers, here", 1.0, 12.2, 12.2, "", 24.3),
             ),
         ),
-        "Fingers 1 and 3 oppose each other: 1 N m at a lever of about 83 mm is 12 N. Finger 2 closes to its limit "
-        "next to the ball. D's fingers, convex hulls of meshes, touch the ball at one point each, and with friction it "
-        "creeps 7 mm sideways until finger 2 wedges it. The boxes here touch it at two points each, and it stays.",
+        "Fingers 1 and 3 oppose each other; finger 2 closes to its limit next to the ball. D's fingers, convex hulls, "
+        "touch the ball at one point each, and with friction it creeps 7 mm sideways until finger 2 wedges it. The "
+        "boxes here touch it at two points each.",
     ]
 
 
@@ -350,8 +361,8 @@ def _command(row: Row) -> str:
 def _masses(numbers: Row) -> list[str]:
     parts = [
         "## Masses",
-        "Centres of mass are in the frame of the body; inertias about them are in `urdf/*.toml`, in its axes. A body "
-        "that is not listed has no mass. `link_finger` and `link_finger_tip` stand for each of them.",
+        "Centres of mass are in the frame of the body; `urdf/*.toml` have the inertias about them. A body that is not "
+        "listed has no mass. `link_finger` and `link_finger_tip` stand for each.",
     ]
     shown: dict[tuple[str, ...], str] = {}
     doubted: dict[str, str] = {}
@@ -390,8 +401,8 @@ def _shapes() -> list[str]:
     shapes = bundled.robot_table("shapes.toml")
     parts = [
         "## Shapes",
-        "Bodies are boxes, cylinders and spheres, the same in URDF and MJCF, for drawing and for contact; "
-        "`urdf/shapes.toml` has their sizes. They cover the measured meshes with at least 0.1 mm to spare, so no "
+        "Boxes, cylinders and spheres, the same in URDF and MJCF, for drawing and for contact; `urdf/shapes.toml` has "
+        "their sizes. They cover the measured meshes by at least 0.1 mm, so no "
         "contact is missed. Of random configurations the `gen3` touches itself in 1 %, the `gen3_6dof` in 2 %, "
         "the `gen3_lite` in 9 %, the `j2n6s300` in 6 %; the meshes of the Gen3 arms in 0.3, 0.4 and 1.5 % fewer.",
     ]
@@ -400,7 +411,7 @@ def _shapes() -> list[str]:
         merged = bundled.section(shapes, group)
         bodies = [key for key in shapes[group] if isinstance(shapes[group][key], dict)]
         count = sum(len(bundled.section(merged, body)["parts"]) for body in bodies)
-        like = f"{count} for {', '.join(bodies)}" if bodies else "none of its own"
+        like = f"{count} for {listed(bodies)}" if bodies else "none of its own"
         rest = f"; the rest as {shapes[group]['like']}" if "like" in shapes[group] else ""
         rows.append((group.replace("_", " "), f"{like}{rest}", merged["source"], merged.get("doubt", "")))
     return [*parts, grid(("part", "primitives", "source", "doubt"), rows)]

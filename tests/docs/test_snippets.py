@@ -20,6 +20,7 @@ import jacokin
 from jacokin.cli.main import main
 from tests.gripper_arms import so101_text
 from tests.rendering import backends
+from tests.robot_files import ur5_text
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [path for path in (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))) if path.exists()]
@@ -27,6 +28,8 @@ BLOCK = re.compile(
     r"^(?:<!-- (?P<mark>no-run: .+?|draws) -->\s*\n)?```(?P<kind>[a-z]+)[^\n]*\n(?P<code>.*?)^```", re.M | re.S
 )
 WIDEST = 88  # columns
+#: Stand in for the makers' files.
+MAKERS = {"so101_new_calib.urdf": so101_text(), "ur5.urdf": ur5_text()}
 #: The first line of programs that draw, so that they draw soon: that of a page is its title.
 SMALL = "from examples import drawing; drawing.WIDTH, drawing.HEIGHT = 160, 120"
 EXIT_CODE = re.compile(r"#\s*exit (\d)\s*$")
@@ -57,7 +60,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A scratch folder that looks like the repository to what reads it."""
     for name in ("examples", "urdf"):
         (tmp_path / name).symlink_to(ROOT / name)
-    (tmp_path / "so101_new_calib.urdf").write_text(so101_text())  # stands in for the maker's file
+    for name, text in MAKERS.items():
+        (tmp_path / name).write_text(text)
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
