@@ -160,8 +160,8 @@ def across_the_base_axis(robot: Robot) -> None:
         slow = plan_path(solver, corners, speed=SPEED, timing="slow")
         planned = verdict(slow, referee.faults(slow, corners))
         print(
-            f"a line {1e3 * offset:.0f} mm from the base axis at {SPEED} m/s: {'' if tracked else 'not '}tracked; planned "
-            f'with timing="slow": {slow.t[-1]:.2f} s instead of 2.40 s, {planned}'
+            f"a line {1e3 * offset:.0f} mm from the base axis at {SPEED} m/s: {'' if tracked else 'not '}tracked; "
+            f'planned with timing="slow": {slow.t[-1]:.2f} s instead of 2.40 s, {planned}'
         )
 
 

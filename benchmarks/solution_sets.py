@@ -329,8 +329,8 @@ an interval from where Newton's method, by Pinocchio, puts the fold or the joint
 {MEMBERS} on each interval, those outside the limits, or farther than {CLOSURE:g} m or rad from the target, by
 Pinocchio. *Own*: the configuration that the target was made from is a solution. All seeds are home."""
 
-HELD_INTRODUCTION = f"""Seven joints, one of them held by `solve_all(fixed=...)`: the first call, calls with {HELD_VALUES}
-other values, and with one value again and again."""
+HELD_INTRODUCTION = f"""Seven joints, one of them held by `solve_all(fixed=...)`: the first call, calls with
+{HELD_VALUES} other values, and with one value again and again."""
 
 FOUND_HEADER = (
     "targets",

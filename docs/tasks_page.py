@@ -38,11 +38,12 @@ PROP = {"angular_velocity": "(1, 3)", "linear_velocity": "(1, 3)", "orientation"
 REMARKS = {
     "lift_large_box": (
         "No solution is known, nor a proof that there is none: opposite faces are 0.18 m apart, the ends of the open "
-        "fingers 0.1765 m, and the faces at an upright edge push the fingers off. The expert tries an edge, and loses it."
+        "fingers 0.1765 m, and the faces at an upright edge push the fingers off. The expert tries an edge, and loses "
+        "it."
     ),
     "stack_3_bricks": (
-        "The expert mostly needs more than 250 steps: in 600 it solved 18 of the seeds 0 to 19 at least for a moment, 4 "
-        "of them within 250 (`python -m benchmarks.experts stack_3_bricks --episodes 20 --steps 600`)."
+        "The expert mostly needs more than 250 steps: in 600 it solved 18 of the seeds 0 to 19 at least for a moment, "
+        "4 of them within 250 (`python -m benchmarks.experts stack_3_bricks --episodes 20 --steps 600`)."
     ),
     "reassemble_3_bricks_fixed_order": (
         "In 600 steps the expert solves 3 of 20 (seeds 0 to 19): the fingers slide off bricks that are to be pulled "
@@ -66,9 +67,9 @@ def page() -> str:
     parts = [
         "<!-- Written by docs/tasks_page.py from the tasks. Edit those, not this page. -->",
         "# Every task",
-        "[Tasks](tasks.md) shows how to use one. An episode has 250 steps of 0.04 s. Names of environments are those of "
-        f"the tasks with `_features` or `_vision` ({_only_some()}). `python -m benchmarks.experts` writes the numbers of "
-        "the experts.",
+        "[Tasks](tasks.md) shows how to use one. An episode has 250 steps of 0.04 s. Names of environments are those "
+        f"of the tasks with `_features` or `_vision` ({_only_some()}). `python -m benchmarks.experts` writes the "
+        "numbers of the experts.",
         grid(
             ("task", "Gymnasium", "its expert solves", "mean return", "median return"),
             ([f"[{name}](#{name})", f"`{IDS[name]}`", *_record(records.get(name))] for name in TASKS),
