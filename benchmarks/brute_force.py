@@ -77,8 +77,8 @@ def newton_roots(robot: Robot, pose: Array, rng: np.random.Generator) -> Array:
 
 
 INTRODUCTION = f"""Against brute force: Newton's method from {NEWTON_STARTS} random starts a target, limits aside,
-poses with a curve left out. *Missed*: found by Newton and not among the branches. *More*: branches, all verified, that
-no start of Newton's came to."""
+poses with a curve left out. *Missed*: found by Newton and not among the branches. *More*: verified branches that no
+start of Newton's came to."""
 
 HEADER = ("robot", "targets", "number", "found by Newton", "missed", "more")
 

@@ -134,12 +134,12 @@ def section(share: int = 1) -> report.Section:
 
 
 INTRODUCTION = """Poses of random configurations within the limits, and poses with the tool vertical (where branches
-are easily lost). *Curves*: poses with infinitely many solutions (spherical wrist, axes 4 and 6 aligned), which are
-represented by members. *Found*, of the others: the configuration the pose was made from is among the branches, to
-1e-4 rad on the circle. *Lost where regular*: not found although the smallest singular value of the Jacobian there
-exceeds 1e-4. *Closure*: the worst distance of a branch from its target [m or rad], by Pinocchio; *tight*: the share
-of branches closer than 1e-10. *Duplicates*: pairs of branches nearer than 1e-6 rad. *Solved*, *outside limits*: what
-`solve` answers to the same poses. `jaco_arm` is dm_control's own MJCF."""
+are easily lost). *Curves*: poses with infinitely many solutions (spherical wrist, axes 4 and 6 aligned), of which
+`solve_all` gives some. *Found*, of the others: the configuration the pose was made from is among the branches, to 1e-4
+rad. *Lost where regular*: not found although the smallest singular value of the Jacobian there exceeds 1e-4.
+*Residual*: the worst of a branch [m or rad], by Pinocchio; *tight*: the share of branches below 1e-10. *Duplicates*:
+pairs of branches nearer than 1e-6 rad. *Solved*, *outside limits*: what `solve` answers to the same poses. `jaco_arm`
+is dm_control's own MJCF."""
 
 HEADER = (
     "robot",
@@ -151,7 +151,7 @@ HEADER = (
     "solved",
     "outside limits",
     "branches",
-    "closure",
+    "residual",
     "tight",
     "duplicates",
 )

@@ -152,8 +152,8 @@ def coordinator(rows: int = 4 * ROWS) -> list[str]:
             )
     head = ("executor", "a job", "of that a chunk", "joining it", "a worker's time", "workers fed", f"at {FED} workers")
     return [
-        f"Processor time of the coordinator for a chunk of {ROWS:,} poses, {files.TOGETHER} of them in a job, Parquet "
-        f"to Parquet; how many workers that keeps busy, and how busy {FED} are:",
+        f"Processor time of the coordinator for a job of {files.TOGETHER} chunks of {ROWS:,} poses, Parquet to "
+        "Parquet, and how many workers that keeps busy:",
         report.table(head, cells),
     ]
 

@@ -19,26 +19,20 @@ BUSY = 0.25
 HEAD = """# Performance
 
 Written by `python -m benchmarks.run`; do not edit. Each figure is of one run on the machine below. Ratios between
-rows carry over to other machines, absolute times do not.
+rows carry over to other machines, absolute times do not. All calls are from Python, but for the C library's.
 
 **Others are ahead** in some rows, by figures of November 2026 on a machine about twice as quick as this one: VAMP plans
 some seven times faster ([Planners compared](planning_comparison.md)); EAIK and ik-geo take 4.5 to 5.4 us for all
-branches of a UR5, called from Python; jaik gives 800,000 of them a second on a core, unchecked; cartan finds one answer
-of a Panda or a Gen3 in 40 to 50 us, for 99 % of poses; a tick of placo within limits takes 5 us, a profile of Ruckig
-with limits of jerk 14 us, a pose of bare Pinocchio half of `forward_kinematics`.
+branches of a UR5; jaik gives 800,000 of them a second on a core, unchecked; cartan finds one answer of a Panda or a
+Gen3 in 40 to 50 us, for 99 % of poses; a tick of placo within limits takes 5 us, a profile of Ruckig with limits of
+jerk 14 us, a pose of bare Pinocchio half of `forward_kinematics`.
 
-**With your own poses**, from a clone: `python -m benchmarks.run --only peers --targets poses.csv`, where the file
-has the columns x, y, z [m], qw, qx, qy, qz. `--peers solve_all solve rtb` takes some of the solvers, `--quick` a
-tenth of the random poses, `--only costs qp` some of the parts; only a complete run writes this page.
-Afterwards `python -m docs.readme_table` brings the table to the README.
+**With your own poses**, from a clone: `python -m benchmarks.run --only peers --targets poses.csv`, with the columns x,
+y, z [m], qw, qx, qy, qz. `--peers solve_all solve rtb` takes some of the solvers, `--quick` a tenth of the random
+poses, `--only costs qp` some of the parts; only a complete run writes this page.
 
-**Poses that cannot be reached take longer.** A success ends when the branches are known and one is within the
-limits. A failure searches on for the closest configuration, a hundred descents in some milliseconds;
-`closest=False` leaves that out. The peers above search until their restarts are used up, and the targets here are
-reachable for that reason.
-
-**From Python, but for one part.** The C library answers with the same bits; its part below has both. The peers are
-called from Python, too.
+**Poses that cannot be reached take longer**: some milliseconds for the closest configuration, unless
+`closest=False`. The peers search until their restarts are used up; so the targets here are reachable.
 """
 
 

@@ -66,15 +66,15 @@ SECTIONS = ("peers", "costs", "files", "reachability", "completeness", "sets", "
 PRINTING_TIMEOUT = 600.0  # [s]
 
 PEERS_INTRODUCTION = f"""Every solver gets the same poses, in rounds in which they take turns, one process at a time.
-One referee, Pinocchio on `urdf/j2n6s300.urdf`, measures every answer. Each has the arm from that URDF (mink: from
+Pinocchio on `urdf/j2n6s300.urdf` measures every answer. Each has the arm from that URDF (mink: from
 `urdf/jaco_arm.xml`), but dm_control and ssik bring their own, whose angles are rounded; how far they are off is shown,
 and added to their tolerance. All start from home, ssik without a start. Times are of the call from Python alone.
 
-*Solved*: an answer inside the limits within {comparison.POSITION_TOLERANCE:g} m and
-{comparison.ORIENTATION_TOLERANCE:g} rad. *In limits*: share of answers inside every limit, at tolerance 0. *Position*,
-*orientation*: the worst error of all answers. *Branches*: mean number of answers inside the limits. *Found*: the
-configuration the pose was made from is among them. *p99 CPU* counts processor time, all threads added up, and so
-leaves out other work on the machine. *Ratio*: the median in those of the first solver."""
+*Solved*: an answer within the limits, {comparison.POSITION_TOLERANCE:g} m and
+{comparison.ORIENTATION_TOLERANCE:g} rad. *In limits*: share of answers within the limits, at tolerance 0. *Position*,
+*orientation*: the worst error of all answers. *Branches*: mean number of answers within the limits. *Found*: the
+configuration the pose was made from is among them. *p99 CPU*: processor time of all threads, without other work on the
+machine. *Ratio*: of the median to that of the first solver."""
 
 HEADER = (
     "solver",
@@ -155,7 +155,7 @@ def printed_section(name: str, *, quick: bool = False, pictures: bool = False) -
         return report.Section(printing.title, f"Not measured: {reason}", failed=True)
     body = f"```text\n{done.stdout.rstrip()}\n```"
     if done.returncode:
-        reason = (done.stderr.strip().splitlines() or ["a bound was missed"])[-1]
+        reason = (done.stderr.strip().splitlines() or ["a bound of this benchmark was missed"])[-1]
         body += f"\n\nIt ended with code {done.returncode}: {reason}"
     if drawn:
         body += f"\n\n![Histograms of the durations](images/{printing.picture})"

@@ -239,7 +239,7 @@ def main() -> None:
         "branches lost",
         "wrongly complete",
         "incomplete",
-        "closure",
+        "residual",
         "median",
         "p99",
         "p99, round",
@@ -247,12 +247,12 @@ def main() -> None:
     )
     names = (*ARMS, *BUNDLED)
     chains = {name: placements(name) for name in names}
-    print(f"Exact arms, {count:,} poses each, a fifth of round angles; {checked} of them by brute force.")
+    print(f"Exact arms, {count:,} poses each, a fifth of round angles; {checked} of them also by brute force.")
     print("Times of random poses, and of those of round angles:\n")
     print(
         report.table(("arm", *header), [row_of(name, measure(chains[name], count, checked, starts)) for name in names])
     )
-    print("\nThe same arms together, every joint moved at random by about so much (m and rad):\n")
+    print("\nAll arms together, every joint moved at random by about so much (m and rad):\n")
     rows = []
     for size in MOVES[1::6] if quick else MOVES[1:]:
         scores = [

@@ -322,15 +322,14 @@ def section(size: int) -> report.Section:
 
 
 INTRODUCTION = f"""Each target is scanned at {SCANNED:,} values of its parameter by other code: six joints by the closed
-form, pose by pose, seven of a Jaco by textbook subproblems in NumPy. Arms by other makers are scanned at
-{SCANNED_HELD:,} values by the closed form of six joints, the parameter held at each. *Missed*: targets whose number of
-members differs from the scan's on more than {LONG:g} rad; *wrongly complete*: of those, the ones that say they are
-complete. *Ends*: largest distance of an end of an interval from where Newton's method, by Pinocchio, puts the fold or
-the joint on its limit. *Bad members*: of {MEMBERS} on each interval, those outside the limits, or farther than
-{CLOSURE:g} m or rad from the target, by Pinocchio. *Own*: the configuration that the target was made from is a member.
-All seeds are home."""
+form, pose by pose, seven of a Jaco by textbook subproblems in NumPy; arms by other makers at {SCANNED_HELD:,} values,
+by the closed form of six joints. *Missed*: targets whose number of solutions differs from the scan's on more than
+{LONG:g} rad; *wrongly complete*: of those, the ones that say they are complete. *Ends*: largest distance of an end of
+an interval from where Newton's method, by Pinocchio, puts the fold or the joint on its limit. *Bad solutions*: of
+{MEMBERS} on each interval, those outside the limits, or farther than {CLOSURE:g} m or rad from the target, by
+Pinocchio. *Own*: the configuration that the target was made from is a solution. All seeds are home."""
 
-HELD_INTRODUCTION = f"""Points of seven joints, one of them held by `solve_all(fixed=...)`: the first call, calls with
+HELD_INTRODUCTION = f"""Seven joints, one of them held by `solve_all(fixed=...)`: the first call, calls with
 {HELD_VALUES} other values, and with one value again and again."""
 
 FOUND_HEADER = (
@@ -340,7 +339,7 @@ FOUND_HEADER = (
     "missed",
     "wrongly complete",
     "ends",
-    "bad members",
+    "bad solutions",
     "own",
     "incomplete",
 )

@@ -232,8 +232,8 @@ def main(names: Sequence[str]) -> None:
     print("A control step, with all observations and the reward, of one environment on one thread:\n")
     print(report.table(header, singles))
     print(
-        f"\nSteps a second of {ENVIRONMENTS} environments on {THREADS} threads, in those of a bare loop on one thread "
-        f"(the loop's are in the first\ncolumn), and what {MANY} environments take:\n"
+        f"\nSteps a second of {ENVIRONMENTS} environments on {THREADS} threads, as multiples of the first column, and "
+        f"what {MANY} environments take:\n"
     )
     header = ("task", "bare steps/s", "bare batch", "ours", "with resets", "randomized", "cores", "memory")
     print(report.table(header, vectors))

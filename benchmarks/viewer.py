@@ -86,7 +86,7 @@ def main(moves: int = MOVES) -> float:
             worst = max(worst, median)
         slow = float(np.quantile(seconds, 0.99))
         rows.append((name, shown, f"{branches.mean():.1f}", report.seconds(median), report.seconds(slow)))
-    print(report.table(("robot", "with", "postures", "median", "99 %"), rows))
+    print(report.table(("robot", "with", "branches", "median", "99 %"), rows))
     print(f"allowed for all branches of a pose: {report.seconds(ALLOWED)}")
     return worst
 

@@ -22,6 +22,7 @@ from jacokin.arrays import Array
 from jacokin.tasks.episode import STEPS
 from jacokin.tasks.experts.expert import SCRIPTS
 from jacokin.tasks.families.bricks import BrickTask
+from jacokin.tasks.families.reach import CORNERS
 from jacokin.tasks.gym.registration import IDS
 from jacokin.tasks.registry import TASKS
 from jacokin.tasks.task import CAMERA, CONTROL_TIMESTEP, Task
@@ -36,20 +37,23 @@ SEED = 0  # of the episodes that are shown
 PROP = {"angular_velocity": "(1, 3)", "linear_velocity": "(1, 3)", "orientation": "(1, 4)", "position": "(1, 3)"}
 REMARKS = {
     "lift_large_box": (
-        "We know no solution of this task, and no proof that there is none. Opposite faces of the box are "
-        "0.18 m apart, the ends of the fully open fingers 0.1765 m. Two faces that meet in an upright edge push the "
-        "fingers off: at this friction nothing is left against the weight of 12.8 N. The expert tries an edge, and "
-        "loses it."
+        "No solution is known, nor a proof that there is none: opposite faces are 0.18 m apart, the ends of the open "
+        "fingers 0.1765 m, and the faces at an upright edge push the fingers off. The expert tries an edge, and loses "
+        "it."
     ),
     "stack_3_bricks": (
-        "The expert mostly needs more than 250 steps. In 600 it solved 18 of the seeds 0 to 19 at least for a "
-        "moment, 4 of them within 250 (`python -m benchmarks.experts stack_3_bricks --episodes 20 --steps 600`)."
+        "The expert mostly needs more than 250 steps: in 600 it solved 18 of the seeds 0 to 19 at least for a moment, "
+        "4 of them within 250 (`python -m benchmarks.experts stack_3_bricks --episodes 20 --steps 600`)."
     ),
     "reassemble_3_bricks_fixed_order": (
-        "Three bricks are carried, two of them after being pulled off another. In 600 steps the expert solves "
-        "3 of 20 (seeds 0 to 19). The pull fails: the fingers slide off the brick, and try again."
+        "In 600 steps the expert solves 3 of 20 (seeds 0 to 19): the fingers slide off bricks that are to be pulled "
+        "off another, and try again."
     ),
     "reassemble_5_bricks_random_order": "There is no expert: that for three bricks mostly fails to pull off two.",
+    **{
+        f"reach_{name}": f"The brick lies at x = {box.lower[0]:g}, y = {box.lower[1]:g} m."
+        for name, box in CORNERS.items()
+    },
 }
 
 
@@ -63,20 +67,21 @@ def page() -> str:
     parts = [
         "<!-- Written by docs/tasks_page.py from the tasks. Edit those, not this page. -->",
         "# Every task",
-        "Choose a task by its picture, reward and observations; [Tasks](tasks.md) shows how to use it. An episode has "
-        "250 steps of 0.04 s. "
-        f"Names of environments are those of the tasks with `_features` or `_vision` ({_only_some()}). `python -m "
-        "benchmarks.experts` writes the numbers of the experts.",
+        "[Tasks](tasks.md) shows how to use one. An episode has 250 steps of 0.04 s. Names of environments are those "
+        f"of the tasks with `_features` or `_vision` ({_only_some()}). `python -m benchmarks.experts` writes the "
+        "numbers of the experts.",
         grid(
             ("task", "Gymnasium", "its expert solves", "mean return", "median return"),
             ([f"[{name}](#{name})", f"`{IDS[name]}`", *_record(records.get(name))] for name in TASKS),
         ),
         _origin(records.values()),
         "## Observed in every task",
-        "Of the arm and the hand. With a camera (`_vision`), `front_close`, (1, 84, 84, 3) uint8, comes "
-        "before them, and there is nothing else.",
-        "; ".join(_key(spec[key]) for key in own) + ". All are float64.",
+        "Of the arm and the hand: " + "; ".join(_key(spec[key]) for key in own) + ". All are float64.",
         f"Of a prop that moves, in this order: {'; '.join(f'`PROP/{name}` {shape}' for name, shape in PROP.items())}.",
+        "With a camera (`_vision`): `front_close`, (1, 84, 84, 3) uint8, then the arm and the hand, and nothing else.",
+        "## Starts, rewards and success",
+        "Tool: where its centre point is at first [m]; the fingers are anywhere.",
+        _measures({name: environment.task for name, environment in environments.items()}),
         *(part for name, environment in environments.items() for part in _section(name, environment, own)),
     ]
     return "\n\n".join(parts) + "\n"
@@ -113,11 +118,26 @@ def _only_some() -> str:
     return ", ".join(f"`{name}` has `_{observed}` only" for name, observed in few.items())
 
 
+def _measures(tasks: dict[str, Task]) -> str:
+    """Where the tool starts, the reward and the success of each task; a row for all of which these are the same."""
+    rows: dict[tuple[str, str, str], list[str]] = {}
+    for name, task in tasks.items():
+        lower, upper = ([f"{value:g}" for value in bound] for bound in task.tool_box)
+        box = ", ".join(f"{axis} {low}..{high}" for axis, low, high in zip("xyz", lower, upper, strict=True))
+        reward = _sentence(task.reward)
+        if isinstance(task, BrickTask):
+            close = f"weighs {task.close_weight:g} of clicking" if task.close_weight else "counts nothing"
+            reward += f" Being close {close}."
+        rows.setdefault((box, reward, _sentence(task.success).removeprefix("Whether ")), []).append(name)
+    return grid(
+        ("task", "tool", "reward", "solved"),
+        ([", ".join(f"`{name}`" for name in names), *row] for row, names in rows.items()),
+    )
+
+
 def _section(name: str, environment: jacokin.tasks.Environment, own: Sequence[str]) -> list[str]:
     """One task."""
     task, spec = environment.task, environment.observation_spec()
-    lower, upper = ([f"{value:g}" for value in bound] for bound in task.tool_box)
-    box = ", ".join(f"{axis} {low}..{high}" for axis, low, high in zip("xyz", lower, upper, strict=True))
     keys = list(spec)
     start = keys.index(own[0])
     before, after = keys[:start], keys[start + len(own) :]
@@ -126,22 +146,15 @@ def _section(name: str, environment: jacokin.tasks.Environment, own: Sequence[st
     observed = [f"{_key(spec[key])}, first" for key in before]
     observed += [f"the prop{'s' if props[1:] else ''} {', '.join(f'`{prop}`' for prop in props)}"] if props else []
     observed += [_key(spec[key]) for key in other]
-    pictures = [f"![The start of an episode]({_shown(_picture(name))})"]
+    pictures = [f"![The start]({_shown(_picture(name))})"]
     if _curve(name).exists():
-        pictures.append(f"![Rewards of an episode of the expert]({_shown(_curve(name))})")
+        pictures.append(f"![Rewards of the expert]({_shown(_curve(name))})")
+    remark = [REMARKS[name]] if name in REMARKS else []
     return [
         f"## {name}",
-        " ".join([_sentence(task), *_bricks(task)]),
+        " ".join([_sentence(task), *_bricks(task), *remark]),
         " ".join(pictures),
-        "\n".join(
-            [
-                f"- Reward: {_sentence(task.reward)}",
-                f"- Solved: {_sentence(task.success).removeprefix('Whether ')}",
-                f"- Tool at the start: {box} m, fingers anywhere.",
-                f"- Observed besides: {'; '.join(observed)}.",
-            ]
-        ),
-        *([REMARKS[name]] if name in REMARKS else []),
+        f"Observed besides: {'; '.join(observed)}.",
     ]
 
 
@@ -156,8 +169,7 @@ def _bricks(task: Task) -> list[str]:
         return []
     base = "the bottom one stands still" if task._is_base_fixed else "all move"
     order = "is drawn, and observed" if task._order_varies else "is always the same"
-    close = f"weighs {task.close_weight:g} of clicking" if task.close_weight else "counts nothing, clicking all"
-    return [f"{task.count} bricks, {task.height} in the stack; {base}; the order {order}. Being close {close}."]
+    return [f"{task.count} bricks, {task.height} in the stack; {base}; the order {order}."]
 
 
 def _key(spec: Any) -> str:

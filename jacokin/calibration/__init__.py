@@ -17,8 +17,7 @@ __all__, __getattr__, __dir__ = lazy.door(
     __name__,
     {
         "jacokin.calibration.arm_model": ("Prior",),
-        "jacokin.calibration.calibration": ("Calibration",),
-        "jacokin.calibration.comparison": ("Comparison", "compare"),
+        "jacokin.calibration.calibration": ("Calibration", "Comparison", "compare"),
         "jacokin.calibration.design": ("Accuracy", "plan_measurements", "predict_accuracy"),
         "jacokin.calibration.estimation": ("calibrate",),
         "jacokin.calibration.findings": ("Estimate",),
