@@ -7,7 +7,7 @@ import importlib
 
 from jacokin import lazy
 
-__version__ = "0.3.0"
+__version__ = "0.4.0"
 
 # `jacokin.tasks` needs no import of its own; names of rooms are left out of `__all__`, which would load them all.
 ROOMS = (
