@@ -68,10 +68,10 @@ def page() -> str:
         "<!-- Written by docs/tasks_page.py from the tasks. Edit those, not this page. -->",
         "# Every task",
         "[Tasks](tasks.md) shows how to use one. An episode has 250 steps of 0.04 s. Names of environments are those "
-        f"of the tasks with `_features` or `_vision` ({_only_some()}). `python -m benchmarks.experts` writes the "
-        "numbers of the experts.",
+        f"of the tasks with `_features` or `_vision` ({_only_some()}). Pictures: the start of an episode, and rewards of "
+        "the expert, whose numbers `python -m benchmarks.experts` writes.",
         grid(
-            ("task", "Gymnasium", "its expert solves", "mean return", "median return"),
+            ("task", "Gymnasium", "its expert solves", "mean return"),
             ([f"[{name}](#{name})", f"`{IDS[name]}`", *_record(records.get(name))] for name in TASKS),
         ),
         _origin(records.values()),
@@ -101,9 +101,8 @@ def experts() -> dict[str, dict[str, Any]]:
 
 def _record(record: dict[str, Any] | None) -> list[str]:
     if record is None:
-        return ["", "", ""]
-    solved = f"{record['successes']} of {record['episodes']}"
-    return [solved, f"{record['mean_return']:.0f}", f"{record['median_return']:.0f}"]
+        return ["", ""]
+    return [f"{record['successes']} of {record['episodes']}", f"{record['mean_return']:.0f}"]
 
 
 def _origin(records: Iterable[dict[str, Any]]) -> str:
@@ -146,9 +145,9 @@ def _section(name: str, environment: jacokin.tasks.Environment, own: Sequence[st
     observed = [f"{_key(spec[key])}, first" for key in before]
     observed += [f"the prop{'s' if props[1:] else ''} {', '.join(f'`{prop}`' for prop in props)}"] if props else []
     observed += [_key(spec[key]) for key in other]
-    pictures = [f"![The start]({_shown(_picture(name))})"]
+    pictures = [f"![Start]({_shown(_picture(name))})"]
     if _curve(name).exists():
-        pictures.append(f"![Rewards of the expert]({_shown(_curve(name))})")
+        pictures.append(f"![Rewards]({_shown(_curve(name))})")
     remark = [REMARKS[name]] if name in REMARKS else []
     return [
         f"## {name}",
@@ -168,8 +167,8 @@ def _bricks(task: Task) -> list[str]:
     if not isinstance(task, BrickTask):
         return []
     base = "the bottom one stands still" if task._is_base_fixed else "all move"
-    order = "is drawn, and observed" if task._order_varies else "is always the same"
-    return [f"{task.count} bricks, {task.height} in the stack; {base}; the order {order}."]
+    order = "drawn, and observed" if task._order_varies else "fixed"
+    return [f"{task.count} bricks, {task.height} in the stack; {base}; order {order}."]
 
 
 def _key(spec: Any) -> str:
