@@ -68,8 +68,8 @@ def page() -> str:
         "<!-- Written by docs/tasks_page.py from the tasks. Edit those, not this page. -->",
         "# Every task",
         "[Tasks](tasks.md) shows how to use one. An episode has 250 steps of 0.04 s. Names of environments are those "
-        f"of the tasks with `_features` or `_vision` ({_only_some()}). Pictures: the start of an episode, and rewards of "
-        "the expert, whose numbers `python -m benchmarks.experts` writes.",
+        f"of the tasks with `_features` or `_vision` ({_only_some()}). Pictures: the start of an episode, and rewards "
+        "of the expert, whose numbers `python -m benchmarks.experts` writes.",
         grid(
             ("task", "Gymnasium", "its expert solves", "mean return"),
             ([f"[{name}](#{name})", f"`{IDS[name]}`", *_record(records.get(name))] for name in TASKS),
