@@ -1,4 +1,4 @@
-"""`Controller`: what the drivers of both versions of ROS have in common, their `TwinGoal` and their `Record`."""
+"""`ArmController`: what the drivers of both versions of ROS have in common, their `TwinGoal` and their `Record`."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class Record:
     """Where the fingers are [rad]."""
 
 
-class Controller(Generic[Command]):
+class ArmController(Generic[Command]):
     """What a driver and a controller of ros2_control have in common. Several threads may call it.
 
     Attributes:

@@ -18,7 +18,7 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.model import checks
 from jacokin.twin.arm import SimulatedArm
-from jacokin.twin.controller import Controller, GoalStatus, TwinGoal
+from jacokin.twin.controller import ArmController, GoalStatus, TwinGoal
 from jacokin.twin.faults import TICK, Faults
 
 PATH_TOLERANCE, GOAL_TOLERANCE = -4, -5  # error codes of FollowJointTrajectory
@@ -50,7 +50,7 @@ class Tolerances:
     """Patience after the end of the trajectory, if a goal tolerance is given [s]; 0 for any."""
 
 
-class TrajectoryController(Controller[tuple[bool, Array]]):
+class TrajectoryController(ArmController[tuple[bool, Array]]):
     """ros2_control and an arm, a tick after the other. Several threads may call it.
 
     Attributes:

@@ -27,7 +27,7 @@ from jacokin.model.angles import nearest_copy, wrap_to_pi
 from jacokin.model.poses import checked_pose
 from jacokin.motion.tracking.tracker import Tracker
 from jacokin.twin.arm import BRAKING, ArmState, SimulatedArm
-from jacokin.twin.controller import Controller, GoalStatus, Record, TwinGoal
+from jacokin.twin.controller import ArmController, GoalStatus, Record, TwinGoal
 from jacokin.twin.faults import TICK, Faults
 
 TURNS = 6800.0  # of a finger's motor from open to closed (kinova_arm.cpp, cartesianVelocityWithFingersCallback)
@@ -157,7 +157,7 @@ class TorqueControl:
             self.turn(on=False)
 
 
-class KinovaDriver(Controller[Command | Push]):
+class KinovaDriver(ArmController[Command | Push]):
     """The driver and the base of an arm, a tick after the other. Several threads may call it.
 
     Attributes:
