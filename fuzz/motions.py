@@ -107,8 +107,8 @@ def check_plan(robot: Robot, rng: np.random.Generator) -> Iterator[Finding]:
         rows = np.array(list(between(motion.q)))
         distances = np.array([referee.distance(q, clearance + CLEARLY) for q in rows])
         free = np.flatnonzero(distances >= clearance - DEEPER)
-        least = np.full(len(rows), clearance)  # [m] but where it leaves what is near at its start, and comes to at its end
-        if len(free):
+        least = np.full(len(rows), clearance)  # [m]
+        if len(free):  # at its start it leaves what is near, and at its end it comes to that
             least[: free[0]], least[free[-1] + 1 :] = distances[0], distances[-1]
         for k in np.flatnonzero(distances < least - DEEPER)[:1]:
             yield Finding("wrong", "plan_motion, contact", f"{distances[k]:.3g} m at {rows[k].tolist()}; {given}")

@@ -18,7 +18,7 @@ from jacokin.arrays import Array
 from jacokin.ik import diagnosis, seeds, targets
 from jacokin.ik.closest import ClosestSearch
 from jacokin.ik.results import IKResult, Status
-from jacokin.ik.targets import Request, TargetPose
+from jacokin.ik.targets import RADIAN_IN_METRES, Request, TargetPose
 from jacokin.ik.verification import Candidate, Effort, Verifier
 from jacokin.model import angles
 
@@ -207,11 +207,10 @@ def members(nearest: Nearest, position: Array, rotation: Array, seed: Array) -> 
 
 
 class PositionDescents:
-    """Descents to positions on one robot, frame and tool, without MuJoCo; for one thread at a time.
+    """Descents to positions, and to poses that may turn about an axis, on one robot, frame and tool, without MuJoCo.
 
-    A step solves one small QP: the joints go to where linearised kinematics has the position, as near to where the
-    descent started as that allows, inside the limits. As the position comes nearer, less counts how far the joints
-    went.
+    A step solves one small QP: the joints go to where linearised kinematics meets the target, as near to where the
+    descent started as that allows, inside the limits. As the target comes nearer, less counts how far the joints went.
     """
 
     name = used = "daqp"
@@ -220,25 +219,32 @@ class PositionDescents:
         """Take the arm."""
         self._robot, self._verifier = verifier.robot, verifier
         self._converged = CONVERGED * verifier.options.position_tolerance
-        self._lever = np.zeros(3) if verifier.tool is None else verifier.tool.translation
+        self._turned = CONVERGED * RADIAN_IN_METRES * verifier.options.orientation_tolerance
+        tool = pin.SE3.Identity() if verifier.tool is None else verifier.tool
+        self._lever, self._rotation = tool.translation, tool.rotation
 
     def reset(self) -> None:
         """Nothing to forget."""
 
     def descend(self, target: TargetPose, start: Array) -> Descent:
         """Steps from a start (dof,) until converged or stalled."""
-        robot, frame = self._robot, self._verifier.frame
+        robot, frame, turning = self._robot, self._verifier.frame, target.free_axis
         origin = np.clip(start, robot.lower, robot.upper)
 
         def look(q: Array) -> tuple[float, Step]:
             T = robot.placement(q, self._verifier.frame_id)
             lever = T.rotation @ self._lever
             error = target.position - T.translation - lever
+            if turning is not None:
+                axis = T.rotation @ self._rotation @ turning.axis
+                error = np.concatenate([error, RADIAN_IN_METRES * _turn_between(axis, target.rotation @ turning.axis)])
             size = float(error @ error) ** 0.5
 
             def step() -> Array | None:
                 J = robot.jacobian(q, frame)
                 linear = J[:3] - pin.skew(lever) @ J[3:]
+                if turning is not None:
+                    linear = np.vstack([linear, RADIAN_IN_METRES * (J[3:] - np.outer(axis, axis @ J[3:]))])
                 kept = min(KEPT, size * size) + LEAST_KEPT
                 hessian = linear.T @ linear
                 hessian.flat[:: robot.dof + 1] += kept
@@ -251,4 +257,11 @@ class PositionDescents:
 
             return size, step
 
-        return descend(origin, look, self._converged)
+        return descend(origin, look, self._converged if turning is None else min(self._converged, self._turned))
+
+
+def _turn_between(axis: Array, wanted: Array) -> Array:
+    """The shortest turn (3,) that takes one unit vector (3,) to another [rad]; zero where they are opposite."""
+    turn = np.cross(axis, wanted)
+    sine = float(turn @ turn) ** 0.5
+    return turn * (np.arctan2(sine, float(axis @ wanted)) / sine) if sine > 0.0 else turn

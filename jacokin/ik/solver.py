@@ -58,6 +58,7 @@ from jacokin.ik.solutions.points import Points
 from jacokin.ik.solutions.search import SetSearch
 from jacokin.ik.solutions.solution_set import SolutionSet
 from jacokin.ik.targets import Request, Target, TargetPose, interpret, pose_matrix
+from jacokin.ik.turned import TurnedSearch
 from jacokin.ik.verification import Candidate, Verifier
 from jacokin.kernels.branches import FAMILY
 from jacokin.kernels.closed_form.batch import BRANCHES, LARGEST_MARGIN
@@ -305,7 +306,7 @@ class IKSolver:
         few = self._few_at(wanted)
         if few is not None:
             return few.solve(request)
-        curves = self._curves(wanted)
+        curves = self._turned if self._is_turned(wanted) else self._curves(wanted)
         if curves is not None:
             return curves.solve(request)
         if form is None or wanted.position_only:
@@ -506,6 +507,16 @@ class IKSolver:
     def _few(self) -> FewJoints:
         return FewJoints(self._verifier, self._closest)
 
+    @functools.cached_property
+    def _turned(self) -> TurnedSearch:
+        """What finds a configuration about a free axis of an arm whose poses have curves."""
+        assert self._at_poses is not None
+        return TurnedSearch(self._verifier, self._at_poses)
+
+    def _is_turned(self, target: TargetPose) -> bool:
+        """Whether two parameters are free: an angle about an axis, and one of each pose."""
+        return target.free_axis is not None and self._at_poses is not None
+
     def _few_at(self, target: TargetPose) -> FewJoints | None:
         """What finds every configuration of an arm of fewer than six joints; None where those are not points."""
         few = not self._uses_qp and self.robot.dof < SIX and self._few.covers(target)
@@ -522,10 +533,10 @@ class IKSolver:
             return None if target.position_only else self._at_poses
         if self._uses_qp:
             raise InvalidInputError("a FreeAxis needs the closed form; use method='auto'")
-        if self._at_poses is not None:
+        if self._is_turned(target):
             raise InvalidInputError(
-                "a FreeAxis on seven joints leaves two free parameters: give the pose at one angle about it, or try "
-                "several"
+                "a FreeAxis on seven joints leaves two free parameters: solve gives one configuration, solve_all those "
+                "of the pose at one angle about it"
             )
         return self._about_axis
 

@@ -177,7 +177,7 @@ def test_messages_name_options_and_not_pythons_arguments(run: Run, tmp_path: Pat
     assert run(*seven, "--fixed", "joint_3=20", "--degrees").code in (0, 1)
     assert "--fixed must be JOINT=VALUE" in run(*seven, "--fixed", "0.4").err
     assert "--fixed goes with --all" in run("ik", *POSE, "--fixed", "joint_3=0.4").err
-    about = run("ik", *POSE, "--robot", "j2s7s300", "--free-axis", "z")
+    about = run("ik", *POSE, "--robot", "j2s7s300", "--free-axis", "z", "--all")
     assert about.err.startswith("jacokin: --free-axis on seven joints leaves two free parameters")
     arm = jacokin.load_robot(tmp_path / "five.urdf")
     T = arm.forward_kinematics([0.4, -0.5, -1.0, 0.3, 0.8])

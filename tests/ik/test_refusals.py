@@ -145,7 +145,7 @@ def test_what_a_target_has_is_said_beforehand(robot: Robot) -> None:
     with pytest.raises(InvalidInputError, match="points have no parameter"):
         IKSolver(robot).solve_all(POSE).parameter_of(robot.home)
     with pytest.raises(InvalidInputError, match="leaves two free parameters"):
-        seven.solve(FREE)
+        seven.solve_all(FREE)
 
 
 @pytest.mark.parametrize(

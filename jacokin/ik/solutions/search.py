@@ -105,7 +105,7 @@ class SetSearch:
         verifier, members = self._verifier, self.members(request.target, request.seed)
         beyond = self._closest.reach.exceeded(request.target)
         if beyond is not None:
-            return self._closest_to(request, members, None, beyond)
+            return self.closest_to(request, members, None, beyond)
         if request.cost is None:  # the kernels find the nearest member at once
             starts = self._starts(members)
             member = self._nearest(members, starts)
@@ -131,7 +131,7 @@ class SetSearch:
             return result
         least, names = found.least_excess(), verifier.robot.joint_names
         outcome = diagnosis.explain_curves(found.curves.complete, found.curves.branches, least, names)
-        return self._closest_to(request, found.members, least, outcome)
+        return self.closest_to(request, found.members, least, outcome)
 
     def find(self, target: TargetPose, seed: Array) -> CurveFindings:
         """Everything that reaches a target; unlimited joints in the copies nearest to a seed (dof,)."""
@@ -280,7 +280,7 @@ class SetSearch:
         found = problem.find(np.empty((0, DIMENSIONS)))
         return self._findings(problem, found, self.members(target, self._verifier.robot.home)).tracks()
 
-    def _closest_to(self, request: Request, members: Members, least: LimitExcess | None, outcome: Outcome) -> IKResult:
+    def closest_to(self, request: Request, members: Members, least: LimitExcess | None, outcome: Outcome) -> IKResult:
         """Why there is no member, with the closest configuration; the angle of a free axis follows where that comes."""
         target = request.target
         p = target.nearest_angle(0.0 if least is None else least.parameter)
