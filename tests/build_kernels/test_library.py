@@ -112,6 +112,7 @@ def test_kernels_that_share_code_are_in_one_object_file() -> None:
     ]
 
 
+@pytest.mark.slow
 def test_kernels_are_translated_together_and_emitted_group_by_group(tmp_path: Path) -> None:
     speeds, cloud, rest = (
         next(entry for entry in ENTRIES if entry.run is run) for run in (fit_speeds, build_cloud, fit_rest_to_rest)
@@ -127,6 +128,7 @@ def test_kernels_are_translated_together_and_emitted_group_by_group(tmp_path: Pa
                 assert (f"jacokin_{entry.run.__name__}".encode() in file.read_bytes()) == (entry in group)
 
 
+@pytest.mark.slow
 def test_a_kernel_that_does_not_compile_is_named(tmp_path: Path) -> None:
     def unknown(work: object) -> int:
         return 0

@@ -140,6 +140,7 @@ def test_wrong_units_are_refused(robot: Robot) -> None:
         calibrate(robot, Measurements(q, positions=seen + 0.4, sigma=NOISE))
 
 
+@pytest.mark.slow
 def test_what_calibrate_refuses(robot: Robot, found: Calibration) -> None:
     q, seen = seen_positions(robot, 5, 4)
     rows = Measurements(q, positions=seen, sigma=NOISE)
@@ -184,6 +185,7 @@ def test_little_and_odd_data_give_an_answer(robot: Robot) -> None:
         assert str(found)
 
 
+@pytest.mark.slow
 def test_unknown_base_and_tool(robot: Robot) -> None:
     """A camera somewhere, a marker somewhere on the hand: poses, and positions alone."""
     arm, rng = hidden_arm(robot, 5), np.random.default_rng(5)
@@ -267,6 +269,7 @@ def test_contact_alone_needs_no_instrument(robot: Robot) -> None:
     assert np.std([found.robot.forward_kinematics(q).translation[2] for q in rows]) < 1e-3
 
 
+@pytest.mark.slow
 def test_scales_and_sag_are_found_and_no_robot_is_made_of_them(robot: Robot, tmp_path: Path) -> None:
     rng = np.random.default_rng(8)
     q = robot.sample(rng, 60)
@@ -297,6 +300,7 @@ def test_scales_and_sag_are_found_and_no_robot_is_made_of_them(robot: Robot, tmp
         jacokin.load_robot(calibration=tmp_path / "my_arm.toml")
 
 
+@pytest.mark.slow
 def test_what_the_model_lacks_is_seen(robot: Robot) -> None:
     """A transmission that is not a plain one: residuals go with its joint, and are too large."""
     arm = hidden_arm(robot, 11)
@@ -313,6 +317,7 @@ def test_what_the_model_lacks_is_seen(robot: Robot) -> None:
     assert quiet.warnings() == quiet.unidentified
 
 
+@pytest.mark.slow
 def test_other_arms(rng: np.random.Generator) -> None:
     """Seven joints, and a spherical wrist."""
     for name in ("j2s7s300", "j2s6s200"):
@@ -366,6 +371,7 @@ def test_sets_of_which_half_or_more_is_wrong_are_refused(name: str, share: float
 REFUSED = "times what sigma says|rows fit together|cannot tell that|standard deviations of the prior"
 
 
+@pytest.mark.slow
 def test_what_is_not_where_it_is_said_to_be_is_refused(robot: Robot) -> None:
     """A base 3 cm off passed as known, rotations transposed, rows of another arm: each explained by no usual arm."""
     arm, rng = hidden_arm(robot, 3), np.random.default_rng(3)
@@ -392,6 +398,7 @@ def test_a_sigma_somewhat_wrong_and_a_few_gross_errors_are_accepted(robot: Robot
         assert any("times what sigma says" in sentence for sentence in found.warnings())
 
 
+@pytest.mark.slow
 def test_intervals_hold_with_a_few_errors_of_five_sigma(robot: Robot) -> None:
     held = []
     for seed in range(6):

@@ -61,6 +61,7 @@ def test_a_fault_of_a_joint_is_named(robot: Robot) -> None:
     assert result.largest[0] in ("joint_3.offset", "joint_2.offset", "joint_3.x")  # told apart by the prior alone
 
 
+@pytest.mark.slow
 def test_what_is_refused(robot: Robot) -> None:
     first = calibrated(robot, hidden_arm(robot, 1), 1)
     q = robot.sample(np.random.default_rng(0), 10)

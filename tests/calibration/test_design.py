@@ -19,6 +19,7 @@ def planned(robot: Robot) -> Array:
     return plan_measurements(robot, 30)
 
 
+@pytest.mark.slow
 def test_designed_configurations_say_more_than_random_ones(robot: Robot, planned: Array) -> None:
     assert planned.shape == (30, 6)
     assert all(robot.within_limits(q) for q in planned)
@@ -39,6 +40,7 @@ def test_a_calibration_reaches_what_was_promised(robot: Robot, planned: Array) -
     assert mean_error(arm, found.robot) < 1.4 * promised.after
 
 
+@pytest.mark.slow
 def test_the_first_ones_are_a_good_choice_too(robot: Robot, planned: Array) -> None:
     first = predict_accuracy(robot, planned[:12]).after
     random = [predict_accuracy(robot, robot.sample(np.random.default_rng(seed), 12)).after for seed in range(3)]
@@ -87,6 +89,7 @@ def test_they_are_clear_of_contact_and_seen(robot: Robot) -> None:
     assert all(robot.forward_kinematics(row).rotation[2, 2] < -0.5 for row in facing)
 
 
+@pytest.mark.slow
 def test_other_questions(robot: Robot) -> None:
     poses = plan_measurements(robot, 10, measured="pose", base="unknown", tool="unknown")
     assert predict_accuracy(robot, poses, measured="pose").after < predict_accuracy(robot, poses).after

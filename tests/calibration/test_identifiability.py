@@ -18,6 +18,7 @@ def rank(jacobian: np.ndarray) -> int:
     return int(np.sum(values > SMALLEST * values[0]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["j2n6s300", "j2s6s200"])
 @pytest.mark.parametrize("kind", ["positions", "poses"])
 def test_rank_of_a_known_base_and_tool(name: str, kind: str, rng: np.random.Generator) -> None:
@@ -37,6 +38,7 @@ def test_rank_of_a_known_base_and_tool(name: str, kind: str, rng: np.random.Gene
         assert estimate.sigma <= estimate.prior * (1.0 + 1e-9)
 
 
+@pytest.mark.slow
 def test_unknown_base_and_tool_cost_what_they_must(robot: Robot, rng: np.random.Generator) -> None:
     """Six numbers more for the base and six for the tool, of poses; thirty in all show, as for every such chain."""
     q = robot.sample(rng, 40)
@@ -52,6 +54,7 @@ def test_unknown_base_and_tool_cost_what_they_must(robot: Robot, rng: np.random.
         assert calibrate(robot, positions).fit.identifiability.rank == wanted
 
 
+@pytest.mark.slow
 def test_few_rows_identify_few_numbers(robot: Robot, rng: np.random.Generator) -> None:
     q = robot.sample(rng, 4)
     found = calibrate(robot, Measurements(q, positions=positions_of(robot, q), sigma=3e-4))
@@ -61,6 +64,7 @@ def test_few_rows_identify_few_numbers(robot: Robot, rng: np.random.Generator) -
     assert distances.fit.identifiability.rank == 4
 
 
+@pytest.mark.slow
 def test_sentences_name_what_cannot_be_told_apart(robot: Robot, rng: np.random.Generator) -> None:
     q = robot.sample(rng, 40)
     T = poses_of(robot, q)

@@ -166,6 +166,7 @@ def test_files_that_say_too_little(tmp_path: Path) -> None:
         Measurements.load(tmp_path / "empty.csv")
 
 
+@pytest.mark.slow
 def test_rows_are_named_by_the_lines_of_their_file(robot: Robot, tmp_path: Path, rng: np.random.Generator) -> None:
     q = robot.sample(rng, 12)
     rows = np.hstack([q, poses_of(robot, q)[:, :3, 3]])

@@ -41,6 +41,7 @@ def test_a_document_is_alone_on_stdout_when_files_are_written(run: Run, robot: R
     assert calibrated.exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("degrees", [False, True])
 def test_from_a_plan_to_an_arm(run: Run, robot: Robot, tmp_path: Path, degrees: bool) -> None:
     path, arm, unit = tmp_path / "m.csv", hidden_arm(robot, 1), ["--degrees"] if degrees else []
@@ -102,6 +103,7 @@ def test_what_is_refused(run: Run, robot: Robot, tmp_path: Path) -> None:
         assert sentence in answer.err
 
 
+@pytest.mark.slow
 def test_half_bad_sets_leave_with_two_and_write_nothing(run: Run, robot: Robot, tmp_path: Path) -> None:
     path, arm = tmp_path / "m.csv", hidden_arm(robot, 1)
     assert run("calibrate", "plan", "--points", "16", "--output", str(path)).code == 0
@@ -136,6 +138,7 @@ def test_units_are_named_by_file_and_option(run: Run, robot: Robot, tmp_path: Pa
     assert f"{path}: joint angles must be in radians and look like degrees: read them with --degrees\n" in refused.err
 
 
+@pytest.mark.slow
 def test_hand_eye(run: Run, robot: Robot, tmp_path: Path) -> None:
     rng = np.random.default_rng(2)
     q, camera = robot.sample(rng, 10), jacokin.pose([1.0, 0.4, 0.3], rpy=[0.3, 0.2, 2.0])

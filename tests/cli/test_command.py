@@ -49,6 +49,7 @@ def test_lists_of_numbers_become_one_word(typed: list[str], parsed: list[str]) -
     assert join_numbers(typed, LISTS) == [word if word.startswith("--seed=") else word.strip() for word in parsed]
 
 
+@pytest.mark.slow
 @given(position=st.tuples(numbers, numbers, numbers), frame=words, q=st.lists(numbers, min_size=1), data=st.data())
 @settings(max_examples=50, deadline=None)
 def test_words_are_parsed_as_typed_in_any_order(

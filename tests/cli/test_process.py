@@ -34,6 +34,7 @@ def shell(words: str) -> subprocess.CompletedProcess[str]:
 @pytest.mark.parametrize(
     "stream", ["stdout", *(pytest.param(name, marks=pytest.mark.slow) for name in ("stdin", "stderr"))]
 )
+@pytest.mark.slow
 def test_a_closed_stream_changes_neither_code_nor_files(tmp_path: Path, stream: str) -> None:
     targets, out = tmp_path / "targets.csv", tmp_path / "out.csv"
     targets.write_text("x,y,z,qw,qx,qy,qz\n0.3,-0.2,0.5,0,1,0,0\n", encoding="utf-8")
@@ -86,6 +87,7 @@ SMALL_CHUNKS = "import jacokin.ik.batches.solve_file as batch; batch.SINGLE_ROWS
     [signal.SIGINT, *(pytest.param(number, marks=pytest.mark.slow) for number in process.ENDING)],
     ids=lambda number: number.name,
 )
+@pytest.mark.slow
 def test_a_signal_leaves_the_old_output_and_beside_it_finished_chunks(tmp_path: Path, number: signal.Signals) -> None:
     targets, out, chunks = tmp_path / "targets.csv", tmp_path / "out.csv", tmp_path / "out.csv.chunks"
     targets.write_text("x,y,z\n" + "9,9,9\n" * 3000, encoding="utf-8")  # out of reach: each takes a while

@@ -60,6 +60,7 @@ def test_mistakes_are_sentences(
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_maps_with_a_free_axis_obstacles_and_seven_joints(run: Run, tmp_path: Path) -> None:
     (tmp_path / "scene.yaml").write_text("obstacles:\n- {shape: floor, height: 0.1}\n", encoding="utf-8")
     box = ("--lower", "0.1", "-0.3", "0.0", "--upper", "0.7", "0.3", "0.6", "--spacing", "0.2")
@@ -126,6 +127,7 @@ def test_a_map_of_limits_and_an_axis_of_ones_own_is_asked(run: Run, tmp_path: Pa
     assert "load the map with --robot" in run(*words).err
 
 
+@pytest.mark.slow
 def test_a_base_is_placed_with_a_robot_and_a_scene_of_ones_own(run: Run, tmp_path: Path) -> None:
     folder, scene = str(tmp_path / "map"), tmp_path / "scene.yaml"
     scene.write_text("- {shape: floor, height: -0.1}\n", encoding="utf-8")
@@ -148,6 +150,7 @@ def test_a_base_is_placed_with_a_robot_and_a_scene_of_ones_own(run: Run, tmp_pat
         assert message in refused.err
 
 
+@pytest.mark.slow
 def test_a_base_is_placed_in_a_scene_and_what_it_misses_is_reported(run: Run, tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     scene, targets, picture = tmp_path / "scene.yaml", tmp_path / "targets.csv", tmp_path / "place.png"

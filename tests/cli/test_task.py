@@ -67,6 +67,7 @@ def decoded(file: Path, height: int, width: int) -> NDArray[np.uint8]:
     return np.frombuffer(done.stdout, dtype=np.uint8).reshape(-1, height, width, 3)
 
 
+@pytest.mark.slow
 def test_the_expert_reaches_and_is_recorded(run: Run, tmp_path: Path) -> None:
     file = tmp_path / "episodes.npz"
     answer = run("task", "reach_site", "--expert", "--episodes", "2", "--record", str(file))
@@ -88,6 +89,7 @@ def test_the_steps_of_an_episode_are_counted_on_a_terminal(run: Run, monkeypatch
     assert answer.err.endswith(display.CLEAR)
 
 
+@pytest.mark.slow
 def test_random_actions_are_those_of_the_seed(run: Run, tmp_path: Path) -> None:
     def actions(seed: int) -> Array:
         file = tmp_path / "episodes.npz"
@@ -277,6 +279,7 @@ def test_recordings_have_a_row_for_each_step(run: Run, tmp_path: Path) -> None:
         assert len(arrays["action"]) == STEPS
 
 
+@pytest.mark.slow
 def test_an_interrupt_leaves_the_old_recording_and_nothing_beside_it(tmp_path: Path) -> None:
     file = tmp_path / "episodes.npz"
     file.write_text("old", encoding="utf-8")

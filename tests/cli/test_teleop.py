@@ -249,6 +249,7 @@ def test_keys_record_demonstrations(run: Run, monkeypatch: pytest.MonkeyPatch, t
     assert (again.code, again.out.splitlines()[-1]) == (0, "2 of 2 equal bit by bit")
 
 
+@pytest.mark.slow
 def test_a_recorded_hand_demonstrates(run: Run, tmp_path: Path) -> None:
     path = str(tmp_path / "demos.hdf5")
     words = ("teleop", "--task", "reach_site", "--stream", "smooth", "--fast", "--record", path)

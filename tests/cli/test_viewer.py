@@ -31,6 +31,7 @@ def viewing(*words: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
 @pytest.mark.parametrize(
     ("number", "code"), [(signal.SIGINT, 0), pytest.param(signal.SIGTERM, 143, marks=pytest.mark.slow)]
 )
+@pytest.mark.slow
 def test_it_prints_its_address_and_ends_cleanly_without_any_browser(number: signal.Signals, code: int) -> None:
     with viewing("--target", "0.3", "-0.2", "0.5") as (process, line):
         address, rest = line.split(maxsplit=1)

@@ -56,6 +56,7 @@ def test_the_bound_on_how_far_joints_are_from_a_line_holds(
             assert (away <= far + 0.01).all()  # and says something
 
 
+@pytest.mark.slow
 def test_touches_are_where_samples_find_them(between: ContactBetween, motions: list[Trajectory]) -> None:
     touching = 0
     for arm, other in zip(motions[::2], motions[1::2], strict=False):

@@ -62,6 +62,7 @@ def test_a_map_agrees_with_the_solver(reach: ReachabilityMap, seven: Robot, rng:
     np.testing.assert_array_equal(reach.reached(targets), counts > 0)
 
 
+@pytest.mark.slow
 @slow_from(2, 5)
 def test_the_symmetries_give_what_the_full_grid_gives(
     count: int, seven: Robot, tmp_path: Path, rng: np.random.Generator

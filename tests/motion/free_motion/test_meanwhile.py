@@ -52,6 +52,7 @@ def solver(robot: Robot, crossing: tuple[Trajectory, Array, Array]) -> IKSolver:
     return IKSolver(robot, scene=scene)
 
 
+@pytest.mark.slow
 def test_random_pairs_of_tasks_never_touch(robot: Robot) -> None:
     """By MuJoCo, with both arms in one model, at steps of 2 mrad."""
     referee, solved, waits = Referee(robot), 0, 0
@@ -68,6 +69,7 @@ def test_random_pairs_of_tasks_never_touch(robot: Robot) -> None:
     assert waits
 
 
+@pytest.mark.slow
 def test_it_waits_until_the_other_has_passed(robot: Robot, solver: IKSolver, both: TwoRobots) -> None:
     """The other arm stands where this one is to go, and moves slowly away."""
     there, start, goal = (
@@ -159,6 +161,7 @@ def test_a_motion_under_way_is_met_where_it_is(
     assert "waits" not in ended.message
 
 
+@pytest.mark.slow
 def test_two_others_and_things_that_stand(robot: Robot, bundled: Callable[[str], Robot]) -> None:
     lite = bundled("gen3_lite")
     near = jacokin.pose([0.1, 0.8, 0.0])

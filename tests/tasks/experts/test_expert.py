@@ -44,6 +44,7 @@ def solved(name: str, seeds: Iterable[int], control: str = "joint_velocity", **d
     return count
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "least"), [("reach_site", 3), ("reach_top_left", 3), ("lift_brick", 3)])
 def test_experts_solve_their_tasks(name: str, least: int) -> None:
     assert solved(name, range(3)) >= least
@@ -64,6 +65,7 @@ def test_bricks_close_to_the_pedestal_are_placed() -> None:
     assert solved("place_cradle", beside) >= 2
 
 
+@pytest.mark.slow
 def test_a_brick_that_was_dropped_is_lifted_again() -> None:
     assert solved("lift_brick", (0, 8), mistakes=1) == 2  # seeds in which the hand opens high above the table
 

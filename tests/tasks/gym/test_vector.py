@@ -73,6 +73,7 @@ def assert_same(found: Any, wanted: Any) -> None:
         ("reach_duplo", {"control": "tool_pose", "randomization": Randomization(base_pose=0.1)}, 12),
     ],
 )
+@pytest.mark.slow
 def test_environments_equal_single_ones(task: str, options: dict[str, Any], steps: int) -> None:
     check_equal_to_single_ones(task, options, steps)
 

@@ -64,6 +64,7 @@ def test_whole_episodes_have_the_same_rewards_and_observations(name: str) -> Non
         assert max(rewards) > 0.9  # our expert solves the reference's task, so every part of the reward is at work
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", slow_but(FEATURES))
 def test_the_same_actions_give_the_same_observations(name: str) -> None:
     """Torques too, as long as the hand, whose shapes differ, touches nothing."""
