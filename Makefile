@@ -52,8 +52,10 @@ old-systems: dist/wheel.stamp  ## a wheel that runs on old systems, linked with 
 	CC="python -m ziglang cc -target $(shell uname -m)-linux-gnu.2.17" $(BIN)/python -m build --wheel --outdir build/zig .
 	ls build/zig/jacokin-*-manylinux_2_17_*.whl
 
-test-oldest: .venv-oldest/test.stamp  ## the quick tests with the oldest supported versions
-	.venv-oldest/bin/$(PYTEST) -m "not slow"
+# Of what developers run, which has its own versions.
+DEVELOPING := benchmarks build_kernels docs fuzz
+test-oldest: .venv-oldest/test.stamp  ## the quick tests of the package with the oldest supported versions
+	.venv-oldest/bin/$(PYTEST) -m "not slow" $(addprefix --ignore tests/,$(DEVELOPING))
 
 bench: $(VENV)/test.stamp  ## jacokin beside its peers; writes docs/performance.md
 	$(BIN)/python -m benchmarks.run
