@@ -56,6 +56,18 @@ def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return "\n".join("| " + " | ".join(row) + " |" for row in padded)
 
 
+def condensed(header: Sequence[str], rows: Sequence[Sequence[str]], promised: Sequence[str]) -> str:
+    """A table; a sentence before it has those of the promised columns that are the same in all rows."""
+    same = [
+        column for column, name in enumerate(header) if name in promised and len({row[column] for row in rows}) == 1
+    ]
+    kept = [column for column in range(len(header)) if column not in same]
+    whole = table([header[column] for column in kept], [[row[column] for column in kept] for row in rows])
+    if not same:
+        return whole
+    return f"In every row: {', '.join(f'{header[column]} {rows[0][column]}' for column in same)}.\n\n{whole}"
+
+
 def seconds(value: float) -> str:
     """A time in the unit that fits."""
     if value < 1e-3:
