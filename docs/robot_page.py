@@ -338,8 +338,7 @@ def _dynamics(numbers: Row) -> list[str]:
             ),
         ),
         f"Torque sensors: {numbers['sensors']['arm_joint']}, one per arm joint, three axes, at the joint's frame "
-        "origin in the child body. They measure what the child exerts on the parent, so an external torque on the "
-        f"child appears with the opposite sign. {origin(numbers['sensors'])}",
+        f"origin in the child body, of what the child exerts on the parent. {origin(numbers['sensors'])}",
     ]
 
 
