@@ -81,6 +81,7 @@ poses with a curve left out. *Missed*: found by Newton and not among the branche
 start of Newton's came to."""
 
 HEADER = ("robot", "targets", "number", "found by Newton", "missed", "more")
+PROMISED = ("missed", "more")
 
 
 def row(compared: BruteForce) -> tuple[str, ...]:

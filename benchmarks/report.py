@@ -22,10 +22,10 @@ Written by `python -m benchmarks.run`; do not edit. Each figure is of one run on
 rows carry over to other machines, absolute times do not. All calls are from Python, but for the C library's.
 
 **Others are ahead** in some rows, by figures of November 2026 on a machine about twice as quick as this one: VAMP plans
-some seven times faster ([Planners compared](planning_comparison.md)); EAIK and ik-geo take 4.5 to 5.4 us for all
-branches of a UR5; jaik gives 800,000 of them a second on a core, unchecked; cartan finds one answer of a Panda or a
-Gen3 in 40 to 50 us, for 99 % of poses; a tick of placo within limits takes 5 us, a profile of Ruckig with limits of
-jerk 14 us, a pose of bare Pinocchio half of `forward_kinematics`.
+[several times faster](planning_comparison.md); EAIK and ik-geo take 4.5 to 5.4 us for all branches of a UR5; jaik gives
+800,000 of them a second on a core, unchecked; cartan finds one answer of a Panda or a Gen3 in 40 to 50 us, for 99 % of
+poses; a tick of placo within limits takes 5 us, a profile of Ruckig with limits of jerk 14 us, a pose of bare Pinocchio
+half of `forward_kinematics`.
 
 **With your own poses**, from a clone: `python -m benchmarks.run --only peers --targets poses.csv`, with the columns x,
 y, z [m], qw, qx, qy, qz. `--peers solve_all solve rtb` takes some of the solvers, `--quick` a tenth of the random
@@ -54,6 +54,18 @@ def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     lines = [header, rule, *rows]
     padded = [[row[0].ljust(widths[0]), *map(str.rjust, row[1:], widths[1:])] for row in lines]
     return "\n".join("| " + " | ".join(row) + " |" for row in padded)
+
+
+def condensed(header: Sequence[str], rows: Sequence[Sequence[str]], promised: Sequence[str]) -> str:
+    """A table; a sentence before it has those of the promised columns that are the same in all rows."""
+    same = [
+        column for column, name in enumerate(header) if name in promised and len({row[column] for row in rows}) == 1
+    ]
+    kept = [column for column in range(len(header)) if column not in same]
+    whole = table([header[column] for column in kept], [[row[column] for column in kept] for row in rows])
+    if not same:
+        return whole
+    return f"In every row: {', '.join(f'{header[column]} {rows[0][column]}' for column in same)}.\n\n{whole}"
 
 
 def seconds(value: float) -> str:

@@ -89,6 +89,7 @@ HEADER = (
     "p99 CPU",
     "ratio",
 )
+PROMISED = ("in limits",)
 
 
 def peers_section(robot: Robot, sets: Sequence[targets.Targets], names: Sequence[str], rounds: int) -> report.Section:
@@ -107,8 +108,13 @@ def peers_section(robot: Robot, sets: Sequence[targets.Targets], names: Sequence
             score = comparison.score(contestant, wanted, rounds, referee)
             first = first or score.median
             rows.append((*_score_row(contestant.peer, score), f"{score.median / first:.1f}"))
-        parts += [f"{len(wanted.poses):,} poses, {wanted.name}:", report.table(HEADER, rows)]
-    parts.append(report.table(("solver", "versions", "description off by"), [_version_row(c) for c in contestants]))
+        parts += [f"{len(wanted.poses):,} poses, {wanted.name}:", report.condensed(HEADER, rows, PROMISED)]
+    alike: dict[tuple[str, str], list[str]] = {}
+    for contestant in contestants:
+        title, *cells = _version_row(contestant)
+        alike.setdefault((cells[0], cells[1]), []).append(title)
+    rows = [(", ".join(titles), *cells) for cells, titles in alike.items()]
+    parts.append(report.table(("solver", "versions", "description off by"), rows))
     parts += [f"{c.peer.title} was not measured: {c.failure}" for c in contestants if c.failure]
     return report.Section("Beside its peers", "\n\n".join(parts))
 

@@ -50,6 +50,7 @@ ARMS: dict[str, tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]] 
 BUNDLED = ("j2n6s300", "j2s6s300")
 #: [rad] and [m]; every placement is moved at random by about this.
 MOVES = (0.0, 1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 3e-5, 1e-4, 3e-4, 1e-3, 2e-3, 3.5e-3, 5e-3)
+PROMISED = ("own lost", "wrongly complete")
 REGULAR = 1e-3  # smallest singular value of a branch that must be found
 SAME = 1e-6  # [rad]
 NEWTON_STEPS, LONGEST_STEP, CLOSED = 40, 0.7, 1e-10  # -, [rad], [m] and [rad]
@@ -249,9 +250,8 @@ def main() -> None:
     chains = {name: placements(name) for name in names}
     print(f"Exact arms, {count:,} poses each, a fifth of round angles; {checked} of them also by brute force.")
     print("Times of random poses, and of those of round angles:\n")
-    print(
-        report.table(("arm", *header), [row_of(name, measure(chains[name], count, checked, starts)) for name in names])
-    )
+    rows = [row_of(name, measure(chains[name], count, checked, starts)) for name in names]
+    print(report.condensed(("arm", *header), rows, PROMISED))
     print("\nAll arms together, every joint moved at random by about so much (m and rad):\n")
     rows = []
     for size in MOVES[1::6] if quick else MOVES[1:]:
@@ -259,7 +259,7 @@ def main() -> None:
             measure(moved(chains[name], size), max(count // 5, 20), max(checked // 8, 1), starts) for name in names
         ]
         rows.append(row_of(f"{size:g}", all_of(scores)))
-    print(report.table(("moved by", *header), rows))
+    print(report.condensed(("moved by", *header), rows, PROMISED))
 
 
 if __name__ == "__main__":

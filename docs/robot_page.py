@@ -119,7 +119,7 @@ def _variants(numbers: Row) -> list[str]:
         "## Robots",
         f"`{DEFAULT_ROBOT}` is the default. A name reads: `j2` Jaco generation 2, `m1` Mico; `n` non-spherical, "
         "`s` spherical wrist; `6` or `7` joints; `s` service; `300` three fingers, `200` two. The `gen3` has seven "
-        "joints; it and the `gen3_6dof` come without a gripper, the `gen3_lite` with its own.",
+        "joints.",
         grid(("name", "arm", "hand", "home [rad]"), map(row, NAMES)),
         f"Every home is within the limits and free of self-contact. {origin(numbers['variants'][DEFAULT_ROBOT])}",
         "\n".join(f"- {', '.join(names)}: {doubt}." for doubt, names in doubts.items()),
@@ -160,8 +160,8 @@ def _limits() -> list[str]:
 def _chains(numbers: Row) -> list[str]:
     parts = [
         "## Joint frames",
-        "Every joint turns about +z of its own frame, and leads to the link of its number. "
-        "`robot.acceleration_limit` is the acceleration here, or else that of the actuator.",
+        "Every joint turns about +z of its own frame, and leads to the link of its number. `robot.acceleration_limit` "
+        f"is the acceleration here; of Jacos and Micos {value(numbers['actuators']['large']['acceleration'])} rad/s².",
     ]
     shown: dict[tuple[str, ...], str] = {}
     for arm in numbers["arms"]:
@@ -217,8 +217,7 @@ def _frames(numbers: Row) -> list[str]:
         "`frame=` takes every link (`link_base`, `link_1` to `link_6` or `link_7`, `hand`, `link_finger_1` ..., "
         "`link_finger_tip_1` ...) and the frames below: links of the URDF, sites of the MJCF. `link_base` is the base, "
         "`end_effector` the default; that of a Gen3 is the frame whose pose the arm itself reports. `gripsite` and "
-        "`pinchsite` are tool centre points between the fingers; "
-        "two-finger hands have no `pinchsite`. `jaco_arm.xml`, the arm without its hand, has neither.",
+        "`pinchsite`, between the fingers, are not in `jaco_arm.xml`, the arm without its hand.",
         grid(("frame", "of", "parent", "xyz [m]", "rpy [rad]", "source", "doubt"), rows),
         "The axes of `hand` are those of the arm's last link; the hand is attached at `wristsite`, whose rotation its "
         f"own mount ({rotation(numbers['hand_mount'])} rad) undoes.",
@@ -267,8 +266,8 @@ def _grip() -> list[str]:
             ),
         ),
         "Fingers 1 and 3 oppose each other; finger 2 closes to its limit next to the ball. D's fingers, convex hulls, "
-        "touch the ball at one point each, and with friction it creeps 7 mm sideways until finger 2 wedges it. The "
-        "boxes here touch it at two points each.",
+        "touch the ball at one point each, and with friction it creeps 7 mm until finger 2 wedges it; the boxes here "
+        "touch it at two.",
     ]
 
 
@@ -291,30 +290,26 @@ def _poses(numbers: Row) -> list[str]:
 def _dynamics(numbers: Row) -> list[str]:
     dynamics = numbers["dynamics"]
     joints = {
-        "large": "joint_1 to 3, of seven 1 to 4",
-        "small": "the other three",
+        "large": "large: joint_1 to 3, of seven 1 to 4",
+        "small": "small: the other three",
         "finger": "fingers",
-        "gen3_large": "Gen3: joint_1 to 3, of seven 1 to 4",
-        "gen3_small": "Gen3: the other three",
+        "gen3_large": "Gen3: large",
+        "gen3_small": "Gen3: small",
         "lite": "Gen3 lite",
         "lite_finger": "Gen3 lite: fingers",
     }
     actuators = {group: row for group in joints if (row := bundled.actuator(group))}
+    alike: dict[tuple[str, ...], list[str]] = {}
+    for group, title in joints.items():
+        numbers_of = (value(dynamics[group][field]) for field in ("damping", "armature", "frictionloss"))
+        alike.setdefault((*numbers_of, dynamics[group].get("doubt", "")), []).append(title)
     return [
         "## Joint dynamics and actuators",
         grid(
             ("joints", "damping [N m s/rad]", "armature [kg m²]", "friction loss [N m]", "doubt"),
-            (
-                (
-                    joints[g],
-                    *(value(dynamics[g][field]) for field in ("damping", "armature", "frictionloss")),
-                    dynamics[g].get("doubt", ""),
-                )
-                for g in joints
-            ),
+            (("; ".join(titles), *row) for row, titles in alike.items()),
         ),
-        f"{origin(dynamics)} Those of the Gen3 are G's. A URDF cannot carry armature, so mass matrices are compared "
-        "without it.",
+        f"{origin(dynamics)} Those of the Gen3 are G's. A URDF cannot carry armature.",
         "The bridge adds actuators to Jacos and Micos; the files in `urdf/` hold none. `kp` is for an arm that takes "
         "positions.",
         grid(
@@ -343,8 +338,7 @@ def _dynamics(numbers: Row) -> list[str]:
             ),
         ),
         f"Torque sensors: {numbers['sensors']['arm_joint']}, one per arm joint, three axes, at the joint's frame "
-        "origin in the child body. They measure what the child exerts on the parent, so an external torque on the "
-        f"child appears with the opposite sign. {origin(numbers['sensors'])}",
+        f"origin in the child body, of what the child exerts on the parent. {origin(numbers['sensors'])}",
     ]
 
 
@@ -402,19 +396,23 @@ def _shapes() -> list[str]:
     parts = [
         "## Shapes",
         "Boxes, cylinders and spheres, the same in URDF and MJCF, for drawing and for contact; `urdf/shapes.toml` has "
-        "their sizes. They cover the measured meshes by at least 0.1 mm, so no "
-        "contact is missed. Of random configurations the `gen3` touches itself in 1 %, the `gen3_6dof` in 2 %, "
-        "the `gen3_lite` in 9 %, the `j2n6s300` in 6 %; the meshes of the Gen3 arms in 0.3, 0.4 and 1.5 % fewer.",
+        "their sizes [P]. They cover the measured meshes by at least 0.1 mm, so no contact is missed. Of random "
+        "configurations the `gen3` touches itself in 1 %, the `gen3_6dof` in 2 %, the `gen3_lite` in 9 %, the "
+        "`j2n6s300` in 6 %; the meshes of the Gen3 arms in 0.3, 0.4 and 1.5 % fewer.",
     ]
-    rows = []
+    rows, doubts = [], dict[str, list[str]]()
     for group in shapes:
         merged = bundled.section(shapes, group)
         bodies = [key for key in shapes[group] if isinstance(shapes[group][key], dict)]
         count = sum(len(bundled.section(merged, body)["parts"]) for body in bodies)
         like = f"{count} for {listed(bodies)}" if bodies else "none of its own"
         rest = f"; the rest as {shapes[group]['like']}" if "like" in shapes[group] else ""
-        rows.append((group.replace("_", " "), f"{like}{rest}", merged["source"], merged.get("doubt", "")))
-    return [*parts, grid(("part", "primitives", "source", "doubt"), rows)]
+        part = group.replace("_", " ")
+        rows.append((part, f"{like}{rest}"))
+        if "doubt" in shapes[group]:
+            doubts.setdefault(shapes[group]["doubt"], []).append(part)
+    listing = "\n".join(f"- {', '.join(parts)}: {doubt}." for doubt, parts in doubts.items())
+    return [*parts, grid(("part", "primitives"), rows), listing]
 
 
 def _arena(numbers: Row) -> list[str]:

@@ -258,6 +258,17 @@ def test_table_is_aligned() -> None:
     )
 
 
+def test_promises_that_every_row_keeps_are_a_sentence() -> None:
+    rows = [("a", "0", "1"), ("b", "0", "2")]
+    assert report.condensed(("arm", "lost", "found"), rows, ("lost", "found")) == (
+        "In every row: lost 0.\n\n| arm | found |\n| --- | ----: |\n| a   |     1 |\n| b   |     2 |"
+    )
+    broken = [("a", "0", "1"), ("b", "1", "2")]
+    assert report.condensed(("arm", "lost", "found"), broken, ("lost",)) == report.table(
+        ("arm", "lost", "found"), broken
+    )
+
+
 @pytest.mark.parametrize(
     ("share", "text"),
     [(1.0, "100 %"), (0.0, "0 %"), (0.999, "99.90 %"), (0.99999, "99.9990 %"), (0.995, "99.50 %"), (None, "-")],
