@@ -38,8 +38,7 @@ from jacokin.motion.files import (
     write_table,
 )
 from jacokin.motion.grasps import Grasp
-from jacokin.motion.motion_state import MotionState
-from jacokin.motion.rows import Rows, between
+from jacokin.motion.rows import MotionState, Rows, between, cubic, resting
 from jacokin.showing import Shown, show
 
 FORMATS = (".csv", ".npz", ".json", ".kinova.csv", ".kinova.json")
@@ -334,6 +333,11 @@ class Trajectory(_Completing):
             object.__setattr__(made, "_look", partial(look, q))
         return made
 
+    @classmethod
+    def staying(cls, robot: Robot, velocity: Array, q: Array, status: MotionStatus, message: str) -> Self:
+        """One row of a robot that stays at a configuration (dof,) [rad], and why; velocity limits (dof,) [rad/s]."""
+        return cls.of(robot, velocity, resting(q), status=status, message=message)
+
     @property
     def time(self) -> Array:
         """(n,) the times `t` [s]."""
@@ -354,10 +358,7 @@ class Trajectory(_Completing):
         row = int(np.clip(np.searchsorted(self.t, now, side="right") - 1, 0, max(len(self.t) - 2, 0)))
         if now == self.t[row] or len(self.t) == 1:
             return MotionState(self.q[row], self.v[row], self.a[row])
-        step = float(self.t[row + 1] - self.t[row])
-        x, q, v = (now - float(self.t[row])) / step, self.q[row], step * self.v[row]
-        moved, last = self.q[row + 1] - q, step * self.v[row + 1]
-        second, third = 3.0 * moved - 2.0 * v - last, v + last - 2.0 * moved
+        step, x, (q, v, second, third) = cubic(self.t, self.q, self.v, now)
         place = q + x * (v + x * (second + x * third))
         speed, pull = v + x * (2.0 * second + 3.0 * x * third), 2.0 * second + 6.0 * x * third
         if now == self.t[-1]:

@@ -138,9 +138,7 @@ class Planner:
 
     def stand(self, q: Array, status: MotionStatus, message: str) -> Trajectory:
         """No motion from a configuration (dof,) [rad], and why."""
-        still = np.zeros((1, self._robot.dof))
-        rows = np.zeros(1), q[None], still, still
-        return Trajectory.of(self._robot, self._velocity, rows, status=status, message=message)
+        return Trajectory.staying(self._robot, self._velocity, q, status, message)
 
     def move(self, solver: IKSolver, start: Array, goal: Any, *, least: float = TINY) -> Trajectory:
         """A motion of `plan_motion` from a configuration (dof,) [rad] in the time that is left, or so little [s]."""

@@ -1,9 +1,9 @@
 """`Meanwhile`: plans in time, for an arm beside other robots that move. Read `plan` first.
 
 Ways are planned among the other robots as they stand: where they stop, all along their motions, and where they begin.
-Each way is then looked at in time (`in_time`), and begun as late as it must be: the arm waits at its start. Where the
-others stop a way leads past them whenever they have stopped, so that waiting helps in the end; all along their motions
-it need not wait. Where the arm cannot stay at its start while they pass, it moves aside first.
+Each way is then looked at in time (`find_touch`), and begun as late as it must be: the arm waits at its start. Where
+the others stop a way leads past them whenever they have stopped, so that waiting helps in the end; all along their
+motions it need not wait. Where the arm cannot stay at its start while they pass, it moves aside first.
 
 Sources: Kant and Zucker, Toward efficient trajectory planning: the path-velocity decomposition, IJRR 1986, for planning
 where first and when then; Erdmann and Lozano-Perez, On multiple moving objects, Algorithmica 1987, for planning one
@@ -26,16 +26,16 @@ from jacokin.errors import InvalidInputError
 from jacokin.ik.seeds import DEFAULT_RANDOM_SEED, random_configurations
 from jacokin.ik.solver import IKSolver
 from jacokin.model import checks
-from jacokin.model.contact import ContactBetween
+from jacokin.model.contact import ContactBetween, Pair
 from jacokin.model.obstacles import OtherRobot
 from jacokin.model.scene import Scene
-from jacokin.motion.in_time import TimedMotion, Touch, find_touch
-from jacokin.motion.rows import WHOLE_TICK, Rows, joined, standing
+from jacokin.motion.rows import WHOLE_TICK, Rows, cubic, joined, resting, standing
 from jacokin.motion.trajectory import MotionStatus, Trajectory
 
 Motions: TypeAlias = Mapping[str, Trajectory | tuple[Trajectory, float]]
 """Motions of other robots by their names in the scene; with each when on it time 0 is [s]."""
 
+SHORTEST = 1e-3  # [s] a while that is not halved: joints have moved by a milliradian
 LATER = 0.05  # [s] between two times at which it is tried to begin
 MOST_PLACES = 16  # of another robot along its motion, among which a way is planned
 PLACES_APART = 0.3  # [rad] joints move between them, if they do not get too many
@@ -50,6 +50,91 @@ FINAL = (MotionStatus.UNREACHABLE.name, MotionStatus.GOAL_IN_CONTACT.name, Motio
 
 Planning: TypeAlias = Callable[..., Trajectory]
 """Plans a motion among what stands still: `plan_motion` without the solver, start, goal, `dt` and `time_limit`."""
+
+
+class TimedMotion:
+    """A motion over time; before its first row, and after its last, the arm stands there.
+
+    Attributes:
+        duration: from its first row, at time 0, to its last [s].
+    """
+
+    def __init__(self, rows: Rows, begin: float = 0.0) -> None:
+        """Take the rows (n,), which need not be equally far apart, and when on their clock time 0 is [s]."""
+        self._t, self._q, self._v = rows.t - rows.t[0] - begin, rows.q, rows.v
+        self.duration = max(float(self._t[-1]), 0.0)
+        steps = np.diff(self._t)[:, None]
+        pace = np.diff(self._q, axis=0) / steps if len(steps) else np.zeros((0, self._q.shape[1]))
+        pulls = [(6.0 * pace - 4.0 * self._v[:-1] - 2.0 * self._v[1:]), (2.0 * self._v[:-1] + 4.0 * self._v[1:])]
+        cubic = np.maximum(np.abs(pulls[0]), np.abs(pulls[1] - 6.0 * pace)) / steps
+        pull, none = np.maximum(cubic, np.maximum(np.abs(rows.a[:-1]), np.abs(rows.a[1:]))), np.zeros_like(rows.q[:1])
+        self._pull = np.vstack([none, pull, none])  # (n + 1, dof) largest accelerations up to each row, and after all
+
+    def at(self, time: float) -> Array:
+        """Where the joints are (dof,) at a time [s], between rows by the cubic that meets their velocities [rad]."""
+        t = self._t
+        if time <= t[0] or len(t) == 1:
+            return np.asarray(self._q[0])
+        if time >= t[-1]:
+            return np.asarray(self._q[-1])
+        _, x, (q, v, second, third) = cubic(t, self._q, self._v, time)
+        return np.asarray(q + x * (v + x * (second + x * third)))
+
+    def line(self, begin: float, end: float) -> tuple[tuple[Array, Array], Array]:
+        """Where the joints are at two times [s], and how far (dof,) from the line between they are meanwhile [rad]."""
+        t, first, last = self._t, self.at(begin), self.at(end)
+        low, high = int(np.searchsorted(t, begin, side="right")), int(np.searchsorted(t, end, side="left"))
+        high = max(low, high)
+        there = first + (t[low:high, None] - begin) / (end - begin) * (last - first)
+        away = np.abs(self._q[low:high] - there).max(axis=0, initial=0.0)
+        parts = np.diff(t[low:high], prepend=begin, append=end)[:, None]
+        return (first, last), away + 0.125 * (parts**2 * self._pull[low : high + 1]).max(axis=0)
+
+
+class Touch(NamedTuple):
+    """A contact of an arm with another robot that may happen."""
+
+    pair: Pair
+    """The shapes, that of the other robot first."""
+    begin: float
+    """[s]."""
+    end: float
+    """[s]."""
+
+
+def find_touch(
+    contact: ContactBetween, arm: TimedMotion, other: TimedMotion, begin: float, end: float, delay: float = 0.0
+) -> Touch | None:
+    """The first while in which an arm and another robot may touch; None for none: certified, not sampled.
+
+    Of both motions a while is looked at together: each is near the straight line from where it is first to where it is
+    last, and by how much it may be away from it is known from its rows and its accelerations. If the two lines keep
+    farther apart than that, so do the arms, all the while; if not, the two halves of the while are looked at.
+
+    Args:
+        contact: of both.
+        arm: the motion of the arm.
+        other: that of the other robot.
+        begin: when on the clock of the arm looking begins [s].
+        end: when it ends [s].
+        delay: so much later is it on the clock of the other robot [s].
+    """
+    count = max(int(np.ceil((end - begin) / 0.25)), 1)  # [s] a while that is looked at first
+    edges = np.linspace(begin, end, count + 1)
+    waiting = list(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True))[::-1]
+    while waiting:
+        low, high = waiting.pop()
+        own, away = arm.line(low, high)
+        theirs, theirs_away = other.line(low + delay, high + delay)
+        extra = float(away @ contact.levers + theirs_away @ contact.other_levers)
+        pair = contact.in_the_way(own, theirs, extra)
+        if pair is None:
+            continue
+        if high - low <= SHORTEST:
+            return Touch(pair, low, high)
+        middle = 0.5 * (low + high)
+        waiting += [(middle, high), (low, middle)]
+    return None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -332,14 +417,7 @@ class Meanwhile:
         return found
 
     def _stay(self, start: Array, status: MotionStatus, message: str) -> Trajectory:
-        limit = self._solver.robot.velocity_limit
-        return Trajectory.of(self._solver.robot, limit, resting(start), status=status, message=message)
-
-
-def resting(q: Array) -> Rows:
-    """The motion of an arm that stays at a configuration (dof,) [rad]."""
-    none = np.zeros((1, len(q)))
-    return Rows(np.zeros(1), q[None], none, none)
+        return Trajectory.staying(self._solver.robot, self._solver.robot.velocity_limit, start, status, message)
 
 
 def _course(robot: OtherRobot, motion: object) -> TimedMotion:

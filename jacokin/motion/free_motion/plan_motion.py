@@ -6,7 +6,7 @@ A plan goes through these steps:
     ends        joints outside their limits come back, and what is near at the start comes apart (`leaving`)
     straight    the straight motion to each of them, the quickest first, is certified (`Contact.in_the_way`)
     search      where those are blocked, two trees grow from start and goals until they meet, and the way is shortened
-    blending    its corners are rounded, and it is timed within the limits (`motion.blending`)
+    sections    its corners are rounded, and it is timed within the limits (`sections`)
 
 An arm that moves already is planned for from where it can stop; then it goes on without stopping where it can
 (`under_way`).
@@ -35,16 +35,14 @@ from jacokin.model.angles import TURN
 from jacokin.model.contact import Contact, self_contact
 from jacokin.model.poses import FreeAxis
 from jacokin.model.robot import acceleration_limits, copies_counted, jerk_limits, velocity_limits
-from jacokin.motion.blending import straightened
 from jacokin.motion.free_motion.leaving import DEEPEST, SAME_DISTANCE
 from jacokin.motion.free_motion.meanwhile import Meanwhile, Motions
 from jacokin.motion.free_motion.search import MOST_SAMPLES, Found, Randomness, StraightMotion, WaySearch
-from jacokin.motion.free_motion.sections import Section, make_sections
+from jacokin.motion.free_motion.sections import Section, make_sections, straightened
 from jacokin.motion.free_motion.under_way import AT_REST, NoStop, Stop, find_stop, go_directly, go_on, velocity_now
 from jacokin.motion.grasps import Grasp
 from jacokin.motion.joint_motion import ACCELERATION
-from jacokin.motion.motion_state import MotionState
-from jacokin.motion.rows import HELD, Limits, OnTheWay, Rows, coarse, halved, joined
+from jacokin.motion.rows import HELD, Limits, MotionState, OnTheWay, Rows, coarse, halved, joined, resting
 from jacokin.motion.timing import (
     TooHeavy,
     hold_torques,
@@ -251,7 +249,7 @@ class _Request(NamedTuple):
         strain = None if self.torque is None else partial(torque_strain, self.solver.robot, limit=self.torque)
         stop = find_stop(self.solver.robot, now, self.limits, self.dt, search, strain)
         if isinstance(stop, NoStop):
-            rows = Rows(np.zeros(1), now[0][None], now[1][None], np.zeros_like(now[0][None]))
+            rows = resting(now[0])._replace(v=now[1][None])
             return Trajectory.of(
                 self.solver.robot, self.velocity, rows, status=MotionStatus.CANNOT_STOP, message=stop.reason
             )
@@ -445,10 +443,9 @@ class _Request(NamedTuple):
         robot, way = self.solver.robot, timed.way
         goal = Goal(checks.read_only(way[-1]), goal.number, goal.target, goal.parameter)
         if not timed.sections:
-            none = np.zeros_like(way)
             if self.stop is not None:
                 return self._write(self.stop.rows, goal, contact, "comes to rest there")
-            return self._write((np.zeros(1), way, none, none), goal, contact, "already there")
+            return self._write(resting(way[0]), goal, contact, "already there")
         slower = 1.0
         if self.torque is not None:
             states = [np.concatenate(each) for each in zip(*(s.states() for s in timed.sections), strict=True)]
@@ -502,9 +499,7 @@ class _Request(NamedTuple):
         worst = float(self.limits.strain(rows).max())
         return worst if self.torque is None else max(worst, torque_strain(self.solver.robot, rows, self.torque))
 
-    def _write(
-        self, rows: tuple[Array, Array, Array, Array], goal: Goal, contact: Contact | None, message: str
-    ) -> Trajectory:
+    def _write(self, rows: Rows, goal: Goal, contact: Contact | None, message: str) -> Trajectory:
         wrong = self._misses(goal)
         return Trajectory.of(
             self.solver.robot,
@@ -537,9 +532,7 @@ class _Request(NamedTuple):
 
     def _stay(self, status: MotionStatus, message: str) -> Trajectory:
         """A motion that does not begin, or ends where the arm comes to rest."""
-        rows = np.zeros(1), self.start[None], np.zeros((1, len(self.start))), np.zeros((1, len(self.start)))
-        if self.stop is not None:
-            rows = self.stop.rows
+        rows = resting(self.start) if self.stop is None else self.stop.rows
         return Trajectory.of(self.solver.robot, self.velocity, rows, status=status, message=message)
 
 

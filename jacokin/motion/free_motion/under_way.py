@@ -3,7 +3,7 @@
 An arm that moves can always be planned for from where it stops. Of the ways to stop, the straight one is tried first,
 all joints coming to rest together, then the one on which each joint brakes as hard as it may. Where the rest of the
 plan leaves the straight stop in a direction that differs little, the arm need not stop: the corner between the two is
-cut like any other (`motion.blending`), and the course is timed from its end at rest backwards to the speed of now.
+cut like any other (`sections`), and the course is timed from its end at rest backwards to the speed of now.
 
 Rows begin with exactly the positions and velocities of now; accelerations may jump there, within their limits.
 """
@@ -21,10 +21,19 @@ from jacokin.arrays import Array
 from jacokin.ik.seeds import ON_LIMIT, checked_start
 from jacokin.model.contact import Pair
 from jacokin.model.robot import Robot
-from jacokin.motion.blending import TimedCourse, fit_time, straightened
 from jacokin.motion.free_motion.search import WaySearch
-from jacokin.motion.motion_state import MotionState, checked_velocity
-from jacokin.motion.rows import HELD, WHOLE_TICK, Limits, Rows, controlled_rows, joined, past_limits
+from jacokin.motion.free_motion.sections import TimedCourse, fit_time, straightened
+from jacokin.motion.rows import (
+    HELD,
+    WHOLE_TICK,
+    Limits,
+    MotionState,
+    Rows,
+    checked_velocity,
+    controlled_rows,
+    joined,
+    past_limits,
+)
 from jacokin.motion.timing import check_ticks
 
 AT_REST = 1e-9  # [rad/s] a slower arm stands
