@@ -16,7 +16,7 @@ from typing import Any
 
 from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.model import checks
-from jacokin.tasks.families import bricks, lift, place, reach
+from jacokin.tasks import families
 from jacokin.tasks.task import Task
 
 FEATURES, VISION, EASY = "features", "vision", "easy"
@@ -42,22 +42,22 @@ class TaskEntry:
 
 
 TASKS = {
-    "reach_site": TaskEntry(reach.ReachSite, tags=(EASY,)),
-    "reach_duplo": TaskEntry(reach.ReachBrick, tags=(EASY,)),
-    "lift_brick": TaskEntry(lift.LiftBrick),
-    "lift_large_box": TaskEntry(lift.LiftLargeBox),
-    "place_brick": TaskEntry(place.PlaceBrick),
-    "place_cradle": TaskEntry(place.PlaceCradle),
-    "stack_2_bricks": TaskEntry(partial(bricks.Stack, 2)),
-    "stack_2_bricks_moveable_base": TaskEntry(partial(bricks.Stack, 2, is_base_fixed=False)),
-    "stack_3_bricks": TaskEntry(partial(bricks.Stack, 3)),
-    "stack_3_bricks_random_order": TaskEntry(partial(bricks.Stack, 3, order_varies=True), observations=(FEATURES,)),
-    "stack_2_of_3_bricks_random_order": TaskEntry(partial(bricks.Stack, 3, 2, order_varies=True)),
-    "reassemble_3_bricks_fixed_order": TaskEntry(partial(bricks.Reassemble, 3)),
-    "reassemble_5_bricks_random_order": TaskEntry(partial(bricks.Reassemble, 5, order_varies=True)),
+    "reach_site": TaskEntry(families.ReachSite, tags=(EASY,)),
+    "reach_duplo": TaskEntry(families.ReachBrick, tags=(EASY,)),
+    "lift_brick": TaskEntry(families.LiftBrick),
+    "lift_large_box": TaskEntry(families.LiftLargeBox),
+    "place_brick": TaskEntry(families.PlaceBrick),
+    "place_cradle": TaskEntry(families.PlaceCradle),
+    "stack_2_bricks": TaskEntry(partial(families.Stack, 2)),
+    "stack_2_bricks_moveable_base": TaskEntry(partial(families.Stack, 2, is_base_fixed=False)),
+    "stack_3_bricks": TaskEntry(partial(families.Stack, 3)),
+    "stack_3_bricks_random_order": TaskEntry(partial(families.Stack, 3, order_varies=True), observations=(FEATURES,)),
+    "stack_2_of_3_bricks_random_order": TaskEntry(partial(families.Stack, 3, 2, order_varies=True)),
+    "reassemble_3_bricks_fixed_order": TaskEntry(partial(families.Reassemble, 3)),
+    "reassemble_5_bricks_random_order": TaskEntry(partial(families.Reassemble, 5, order_varies=True)),
     **{
-        f"reach_{corner}": TaskEntry(partial(reach.ReachBrick, at), tags=(EASY,))
-        for corner, at in reach.CORNERS.items()
+        f"reach_{corner}": TaskEntry(partial(families.ReachBrick, at), tags=(EASY,))
+        for corner, at in families.CORNERS.items()
     },
 }
 

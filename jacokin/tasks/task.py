@@ -147,7 +147,8 @@ Measure = Callable[[State], Any]
 class Task:
     """One task with its compiled scene, in which initial states are made; environments simulate it.
 
-    Composed of props and functions, or subclassed: `families/reach` is an example. `register` makes it known by a name.
+    Composed of props and functions, or subclassed: `families.ReachSite` is an example. `register` makes it known by a
+    name.
 
     Attributes:
         arena: the root of the scene.
