@@ -30,7 +30,7 @@ from jacokin.model import checks
 from jacokin.model.poses import unit_quaternion
 from jacokin.mujoco_bridge.attachment import Attachment, attach_spec, count_elements, refuse_lost_elements
 from jacokin.mujoco_bridge.distributions import RandomState
-from jacokin.mujoco_bridge.observables.observable import Observables
+from jacokin.mujoco_bridge.observables import Observables
 from jacokin.mujoco_bridge.simulation.physics import Physics, check_physics, disable_mask
 
 # ruff: noqa: B027 - the hooks do nothing unless a subclass overrides them

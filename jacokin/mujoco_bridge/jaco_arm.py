@@ -14,7 +14,7 @@ from jacokin.model.loading import load_robot
 from jacokin.model.measured_arm import MeasuredArm
 from jacokin.model.written_descriptions import move_joints
 from jacokin.mujoco_bridge.base import BundledPart, RobotArm, RobotHand
-from jacokin.mujoco_bridge.observables.observable import Bound, JointsObservables, Observable, observable
+from jacokin.mujoco_bridge.observables import Bound, JointsObservables, Observable, observable
 from jacokin.mujoco_bridge.observations import sin_cos
 from jacokin.mujoco_bridge.simulation.physics import Physics, check_physics
 

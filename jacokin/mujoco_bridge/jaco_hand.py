@@ -12,7 +12,7 @@ from jacokin.errors import InvalidInputError, shown
 from jacokin.model import checks
 from jacokin.model.descriptions import bundled
 from jacokin.mujoco_bridge.base import BundledPart, RobotHand
-from jacokin.mujoco_bridge.observables.observable import JointsObservables, MJCFFeature, Observable, observable
+from jacokin.mujoco_bridge.observables import JointsObservables, MJCFFeature, Observable, observable
 from jacokin.mujoco_bridge.simulation.physics import Physics, check_physics
 
 _HANDS = {3: bundled.DEFAULT_ROBOT, 2: "j2n6s200"}  # whose hand is taken, by the number of fingers

@@ -174,7 +174,7 @@ def test_the_files_that_the_overview_names_exist_and_hold_what_it_says() -> None
         "ik/qp.py": "mink",
         "motion/tracking/tracker.py": "def step",
         "mujoco_bridge/simulation/binding.py": "class Binding",
-        "mujoco_bridge/observables/updater.py": "delay",
+        "mujoco_bridge/updater.py": "delay",
         "tasks/families.py": "def reward",
         "cli/units.py": "class Units",
     }

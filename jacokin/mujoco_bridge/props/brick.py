@@ -18,7 +18,7 @@ from jacokin.model import checks
 from jacokin.mujoco_bridge import workspaces
 from jacokin.mujoco_bridge.distributions import RandomState
 from jacokin.mujoco_bridge.entity import new_spec
-from jacokin.mujoco_bridge.observables.observable import MJCFFeature, Observable, observable
+from jacokin.mujoco_bridge.observables import MJCFFeature, Observable, observable
 from jacokin.mujoco_bridge.props import primitive
 from jacokin.mujoco_bridge.props.primitive import HIDDEN_GROUP, FreeProp, FreePropObservables, add_vertex_sites
 from jacokin.mujoco_bridge.simulation.physics import Physics

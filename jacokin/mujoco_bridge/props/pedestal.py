@@ -9,7 +9,7 @@ from jacokin.errors import InvalidInputError, shown
 from jacokin.model import checks
 from jacokin.mujoco_bridge import workspaces
 from jacokin.mujoco_bridge.entity import Entity, new_spec
-from jacokin.mujoco_bridge.observables.observable import MJCFFeature, Observable, Observables, observable
+from jacokin.mujoco_bridge.observables import MJCFFeature, Observable, Observables, observable
 from jacokin.mujoco_bridge.props import primitive
 
 _TOP_SITE = "top"

@@ -19,7 +19,7 @@ from jacokin.model import checks
 from jacokin.model.mujoco_twin import mesh_vertices
 from jacokin.mujoco_bridge import workspaces
 from jacokin.mujoco_bridge.entity import Entity, new_spec
-from jacokin.mujoco_bridge.observables.observable import MJCFFeature, Observable, Observables, observable
+from jacokin.mujoco_bridge.observables import MJCFFeature, Observable, Observables, observable
 
 SENSORS: Mapping[str, mujoco.mjtSensor] = {
     "position": mujoco.mjtSensor.mjSENS_FRAMEPOS,
