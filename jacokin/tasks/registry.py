@@ -21,7 +21,6 @@ from jacokin.tasks.task import Task
 
 FEATURES, VISION, EASY = "features", "vision", "easy"
 OBSERVATIONS = (FEATURES, VISION)
-TAGS = (FEATURES, VISION, EASY)
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +61,6 @@ TASKS = {
 }
 
 OURS = frozenset(TASKS)
-_ID = re.compile(r"(?:[\w.-]+/)?[\w.-]+-v\d+")
 
 
 def register(
@@ -82,7 +80,7 @@ def register(
     Raises:
         InvalidInputError: task or id are something else, or the id is one of ours.
     """
-    if not isinstance(id, str) or not _ID.fullmatch(id) or id.startswith("jacokin/"):
+    if not isinstance(id, str) or not re.fullmatch(r"(?:[\w.-]+/)?[\w.-]+-v\d+", id) or id.startswith("jacokin/"):
         raise checks.refusal("id", 'an id such as "mine/LiftMug-v0", in another namespace than "jacokin"', id)
     if not isinstance(task, Task) and not callable(task):
         raise checks.refusal("task", "a Task, a class of tasks or a function that makes one", task)
@@ -125,7 +123,7 @@ def names(tag: str | None = None) -> tuple[str, ...]:
     found = _environments()
     if tag is None:
         return tuple(found)
-    checks.choice("tag", tag, TAGS)
+    checks.choice("tag", tag, (FEATURES, VISION, EASY))
     return tuple(name for name, (task, observed) in found.items() if tag in (observed, *TASKS[task].tags))
 
 
