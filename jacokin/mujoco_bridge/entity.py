@@ -39,8 +39,6 @@ from jacokin.mujoco_bridge.simulation.physics import Physics, check_physics, dis
 # number of physics steps, the substeps.
 HOOKS = ("initialize_episode", "before_step", "before_substep", "after_substep", "after_step")
 
-_UNNAMED = ("", "MuJoCo Model")  # what MuJoCo calls a model without a name
-
 
 class Entity(abc.ABC):
     """A part of a scene. Subclasses say in `_build` what it consists of."""
@@ -74,7 +72,7 @@ class Entity(abc.ABC):
         spec = self.mjcf_model
         if name is not None:
             spec.modelname = name
-        elif spec.modelname in _UNNAMED:
+        elif spec.modelname in ("", "MuJoCo Model"):  # what MuJoCo calls a model without a name
             spec.modelname = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", type(self).__name__).lower()
         self._name: str = check_name(spec.modelname)
         given = {"name": name, "observable_options": observable_options, **kwargs}

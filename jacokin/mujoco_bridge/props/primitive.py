@@ -37,7 +37,6 @@ _SHAPES = {
     "capsule": (mujoco.mjtGeom.mjGEOM_CAPSULE, 2),
     "ellipsoid": (mujoco.mjtGeom.mjGEOM_ELLIPSOID, 3),
 }
-_GEOM = "geom"
 _GREY = (0.5, 0.5, 0.5, 1.0)  # of the large box, as in dm_control
 
 
@@ -165,7 +164,7 @@ class Primitive(FreeProp):
         spec = self._mjcf_root = new_spec("primitive", name)
         try:
             self._geom = spec.worldbody.add_geom(
-                name=_GEOM,
+                name="geom",
                 type=shape,
                 size=np.concatenate([lengths, np.zeros(3 - count)]),
                 rgba=colour,
