@@ -30,7 +30,6 @@ MEAN = 0.25, 0.5, 0.25  # weights of three ticks
 HELD = 1.0 + 1e-9  # times a limit; what is beyond is no rounding
 ATTEMPTS = 30  # to find how slow a motion must be
 LEAST_SLOWER = 1.001  # from attempt to attempt
-PARTS = np.linspace(0.0, 1.0, 9)  # of a step, at which it is looked at
 STEPS_AT_ONCE = 4  # from row to row, that are certified by one line
 FINEST = 5e-4  # [s] a step from row to row that needs no halving: in it no arm leaves the line by more than 0.1 um
 
@@ -131,7 +130,7 @@ class Limits(NamedTuple):
 
 def between(rows: Rows, steps: slice = slice(None), *, quintic: bool = False) -> tuple[Array, Array]:
     """Angles and velocities (m, 9, dof) along some steps, by cubics that meet velocities, or by quintics."""
-    x, dt = PARTS[:, None], np.diff(rows.t)[steps, None]
+    x, dt = np.linspace(0.0, 1.0, 9)[:, None], np.diff(rows.t)[steps, None]
     x0, moved = rows.q[:-1][steps], np.diff(rows.q, axis=0)[steps]
     v0, v1 = dt * rows.v[:-1][steps], dt * rows.v[1:][steps]
     if quintic:

@@ -49,10 +49,6 @@ TO_SEND = (".json", ".kinova.csv", ".kinova.json")  # files that are sent to an 
 FIRST_TIME = 10.0  # [s] at most
 KINOVA_STEP = 0.01  # [s] the control loop of the Jaco's base runs at 100 Hz (kinova-ros, README, velocity control)
 SPEED_ROUNDING = 1e-9  # [rad/s] of positions subtracted and divided by a step
-ROUNDED = 4.0 * float(np.finfo(np.float64).eps)  # of the largest angle of two that are subtracted
-AT_REST = 1e-7  # [rad/s] ROS 2's joint_trajectory_controller refuses trajectories that end with more than 1.2e-7
-SWUNG = 1e-6  # relative to a velocity limit, between rows
-DURATION = {1: ("secs", "nsecs"), 2: ("sec", "nanosec")}  # parts of a duration in each version of ROS
 NANOSECONDS = 1_000_000_000  # [1/s]
 
 
@@ -288,7 +284,8 @@ class Trajectory(_Completing):
         # Of rows of each joint, which NumPy goes through in a third of the time.
         if (np.ascontiguousarray(moved.T).max(axis=1) <= self.velocity_limit * steps.min()).all():
             return ""
-        rounding = SPEED_ROUNDING * steps + ROUNDED * np.maximum(np.abs(self.q[:-1]), np.abs(self.q[1:]))
+        largest = np.maximum(np.abs(self.q[:-1]), np.abs(self.q[1:]))  # of two angles that are subtracted
+        rounding = SPEED_ROUNDING * steps + 4.0 * float(np.finfo(np.float64).eps) * largest
         fast = ~(moved <= self.velocity_limit * (1.0 + SPEED_ROUNDING) * steps + rounding)
         if not fast.any():
             return ""
@@ -625,7 +622,7 @@ def write_kinova_json(file: Path, *, trajectory: Trajectory, ros: int, joint_pre
 
 def _write_message(file: Path, names: list[str], times: Array, rows: Rows, ros: int) -> None:
     """Write the fields of a JointTrajectory; `times` (n,) are from its start [s]."""
-    points = []
+    points, parts = [], ("secs", "nsecs") if ros == 1 else ("sec", "nanosec")
     for time, q, v, a in zip(times.tolist(), rows.q.tolist(), rows.v.tolist(), rows.a.tolist(), strict=True):
         duration = divmod(round(time * NANOSECONDS), NANOSECONDS)
         points.append(
@@ -633,7 +630,7 @@ def _write_message(file: Path, names: list[str], times: Array, rows: Rows, ros: 
                 "positions": q,
                 "velocities": v,
                 "accelerations": a,
-                "time_from_start": dict(zip(DURATION[ros], duration, strict=True)),
+                "time_from_start": dict(zip(parts, duration, strict=True)),
             }
         )
     with file.open("w", encoding="utf-8") as stream:
@@ -715,7 +712,7 @@ def check_interpolated(trajectory: Trajectory) -> None:
         InvalidInputError: names the joint, the rows and the value; or it does not end at rest.
     """
     q, v, names = trajectory.q, trajectory.v, trajectory.joint_names
-    if np.abs(v[-1]).max() > AT_REST:
+    if np.abs(v[-1]).max() > 1e-7:  # ROS 2's joint_trajectory_controller refuses more than 1.2e-7
         joint = int(np.argmax(np.abs(v[-1])))
         raise InvalidInputError(
             f"the last row is not at rest ({names[joint]} at {v[-1, joint]:.3g} rad/s): controllers of ROS 2 refuse it"
@@ -726,7 +723,7 @@ def check_interpolated(trajectory: Trajectory) -> None:
     for order in ("cubics", "quintics"):
         at, speed = between(rows, quintic=order == "quintics")
         past = beyond_limits(trajectory, np.vstack([q[:1], at.reshape(-1, q.shape[1])]))[1:].reshape(at.shape)
-        fast = np.abs(speed) - trajectory.velocity_limit * (1.0 + SWUNG)
+        fast = np.abs(speed) - trajectory.velocity_limit * (1.0 + 1e-6)  # interpolation swings
         for excess, allowed, unit in ((fast, SPEED_ROUNDING, "rad/s"), (past, ON_LIMIT, "rad")):
             if excess.max() > allowed:
                 row, _, joint = (int(index) for index in np.unravel_index(int(np.argmax(excess)), excess.shape))

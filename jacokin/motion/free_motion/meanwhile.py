@@ -38,14 +38,8 @@ Motions: TypeAlias = Mapping[str, Trajectory | tuple[Trajectory, float]]
 SHORTEST = 1e-3  # [s] a while that is not halved: joints have moved by a milliradian
 LATER = 0.05  # [s] between two times at which it is tried to begin
 MOST_PLACES = 16  # of another robot along its motion, among which a way is planned
-PLACES_APART = 0.3  # [rad] joints move between them, if they do not get too many
 MOST_ASIDE = 200  # configurations near the start, and anywhere, that are tried to move aside to
-ASIDE_ENOUGH = 3  # of them that lead to the goal, of which the quickest is taken
-NEARBY = 0.5  # [rad] so far from the start are the first of them, about
-NEARBY_FIRST = 20  # after which they are twice as far
 
-LEAST_TIME = 1e-3  # [s] for a plan
-SAME_LIMIT = 1e-6  # [rad] URDF and MJCF files of an arm round
 FINAL = (MotionStatus.UNREACHABLE.name, MotionStatus.GOAL_IN_CONTACT.name, MotionStatus.TOO_HEAVY.name)  # at any time
 
 Planning: TypeAlias = Callable[..., Trajectory]
@@ -157,7 +151,7 @@ class _Other:
         times = np.linspace(0.0, self.course.duration, 10 * MOST_PLACES)
         q = np.array([self.course.at(at) for at in times.tolist()])
         gone = np.append(0.0, np.cumsum(np.abs(np.diff(q, axis=0)).max(axis=1)))
-        count = min(max(math.ceil(gone[-1] / PLACES_APART) + 1, 2), MOST_PLACES)
+        count = min(max(math.ceil(gone[-1] / 0.3) + 1, 2), MOST_PLACES)  # [rad] from place to place
         rows = np.unique(np.searchsorted(gone, np.linspace(0.0, gone[-1], count)))
         return [q[0], *q[rows[1:-1]], q[-1]]
 
@@ -288,7 +282,7 @@ class Meanwhile:
         return found
 
     def _plan(self, plan: Planning, scene: Scene, start: Array, goal: Any, dt: float) -> Trajectory:
-        left = max(self._deadline - time.monotonic(), LEAST_TIME)
+        left = max(self._deadline - time.monotonic(), 1e-3)  # [s] at least
         return plan(self._solver.in_scene(scene), start, goal, dt=dt, time_limit=left)
 
     @property
@@ -373,7 +367,7 @@ class Meanwhile:
         contact = self._standing.contact(self._solver.robot).with_clearance(self._solver.verifier.options.clearance)
         found = list[tuple[_Begun, _Begun]]()
         for place in self._places_aside(start):
-            if self._is_late or len(found) == ASIDE_ENOUGH:
+            if self._is_late or len(found) == 3:  # of which the quickest is taken
                 break
             if contact.touches(place) or self._find_touch(TimedMotion(resting(place))) is not None:
                 continue
@@ -389,7 +383,8 @@ class Meanwhile:
     def _places_aside(self, start: Array) -> list[Array]:
         """Configurations within the limits, those near the start first."""
         robot, rng = self._solver.robot, np.random.default_rng(DEFAULT_RANDOM_SEED)
-        near = [start + NEARBY * (1.0 + k / NEARBY_FIRST) * rng.normal(size=robot.dof) for k in range(MOST_ASIDE)]
+        # The first are about half a radian from the start, twice as far after 20.
+        near = [start + 0.5 * (1.0 + k / 20) * rng.normal(size=robot.dof) for k in range(MOST_ASIDE)]
         return [np.clip(q, robot.lower, robot.upper) for q in (*near, *random_configurations(robot, MOST_ASIDE, rng))]
 
     def _write(self, *parts: _Begun) -> Trajectory:
@@ -437,7 +432,8 @@ def _course(robot: OtherRobot, motion: object) -> TimedMotion:
         )
     there = np.column_stack([trajectory.lower, trajectory.upper])
     here = np.column_stack([robot.robot.lower, robot.robot.upper])
-    other = np.flatnonzero(~np.isclose(there, here, rtol=0.0, atol=SAME_LIMIT).all(axis=1))
+    # URDF and MJCF files of an arm round by some 1e-7 rad.
+    other = np.flatnonzero(~np.isclose(there, here, rtol=0.0, atol=1e-6).all(axis=1))
     if len(other):
         joint = trajectory.joint_names[other[0]]
         moved, known = (f"{low:.6g} to {high:.6g} rad" for low, high in (there[other[0]], here[other[0]]))

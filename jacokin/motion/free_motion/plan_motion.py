@@ -53,13 +53,7 @@ from jacokin.motion.timing import (
 )
 from jacokin.motion.trajectory import Aim, Goal, MotionStatus, Trajectory
 
-MOST_WAYS = 1000  # some seconds of searching
-DETOUR = 1.5  # a straight motion this many times slower than the nearest goal allows is compared with a way around
-BETTER = 0.98  # of the time of a way at full speed is what the next one may take
-NEXT_SAMPLES = 500  # after which the search for it is given up
 SAME = 1e-9  # [rad] a motion that is shorter is none
-MOST_DIRECT = 8  # goals to which a motion that leaves contact tries to go straight
-MOST_LANDINGS = 16  # goals next to something to which it is tried to come
 
 
 def plan_motion(
@@ -131,7 +125,7 @@ def plan_motion(
     velocity = velocity_limits(robot, velocity_limit)
     acceleration, jerk = acceleration_limits(robot, acceleration_limit), jerk_limits(robot, jerk_limit)
     torque = torque_limits(robot, torque_limit)
-    step, count = checks.positive("dt", dt, "s"), checks.whole_number("ways", ways, 1, MOST_WAYS)
+    step, count = checks.positive("dt", dt, "s"), checks.whole_number("ways", ways, 1, 1000)  # some seconds
     speed = np.minimum(velocity, np.sqrt(np.pi * acceleration))
     slowest = float(speed.min())
     request = _Request(
@@ -354,7 +348,9 @@ class _Request(NamedTuple):
                 "what touches is pulled apart"
             )
             return self._stay(MotionStatus.START_IN_CONTACT, sentence)
-        out = leaving.way_out(inside, near, goals[self._order(goals, self.start)[:MOST_DIRECT]])
+        out = leaving.way_out(
+            inside, near, goals[self._order(goals, self.start)[:8]]
+        )  # straight to these, if it can be
         if out is None:
             sentence = (
                 f"{where}, nearer than {leaving.kept:.3g} m (the clearance and a reserve), and no straight motion was "
@@ -376,7 +372,7 @@ class _Request(NamedTuple):
             near = leaving.near(rows[k])
             if not near:
                 continue
-            out = leaving.way_out(rows[k], near, start[None]) if len(found) < MOST_LANDINGS else None
+            out = leaving.way_out(rows[k], near, start[None]) if len(found) < 16 else None  # enough to choose from
             if out is not None:
                 found[k] = out[::-1]
             else:
@@ -385,11 +381,14 @@ class _Request(NamedTuple):
         return found, none
 
     def _is_direct(self, rows: Array, straight: StraightMotion, start: Array) -> bool:
-        """Whether the straight motion to the goal that was reached takes not much longer than one to a nearer goal."""
+        """Whether the straight motion to the goal that was reached takes at most half as long again as to a nearer one.
+
+        Where it takes longer, it is compared with a way around.
+        """
         if not len(straight.blocked):
             return True
         far, near = self._times(rows[[straight.reached, straight.blocked[0]]], start).tolist()
-        return bool(far <= DETOUR * near)
+        return bool(far <= 1.5 * near)
 
     def _quickest(
         self, search: WaySearch, straight: StraightMotion, rows: Array, ends: _Ends, deadline: float
@@ -406,7 +405,7 @@ class _Request(NamedTuple):
         found, bound, most = Found(), np.inf, MOST_SAMPLES
         for _ in range(self.ways):
             if best is not None:
-                bound, most = BETTER * quick, NEXT_SAMPLES
+                bound, most = 0.98 * quick, 500  # so much quicker, or none after so many samples
             goals = straight.blocked[times < bound]
             if not len(goals):
                 break
@@ -581,7 +580,6 @@ def _named(pairs: Counter[tuple[str, str]]) -> str:
 
 SPREAD = float(np.radians(20.0))  # between members of a curve that are tried
 TURNED = float(np.radians(30.0))  # between angles about a free axis that are tried on seven joints
-STARTS = 8  # of descents to a goal without a closed form
 GOALS = "a configuration, a pose, a FreeAxis"
 
 
@@ -704,7 +702,7 @@ class GoalFinder:
             for index in np.flatnonzero(verifier.reached_rows(rows)).tolist():
                 yield rows.q[index], angle[index]
         else:
-            seeds = [self._start, self._robot.home, *random_configurations(self._robot, STARTS - 2, self._rng())]
+            seeds = [self._start, self._robot.home, *random_configurations(self._robot, 6, self._rng())]
             for seed in seeds:
                 if self.is_late:
                     return

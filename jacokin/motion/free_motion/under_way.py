@@ -38,9 +38,6 @@ from jacokin.motion.timing import check_ticks
 
 AT_REST = 1e-9  # [rad/s] a slower arm stands
 LONGER = (1.0, 1.5, 2.0, 3.0)  # times as long as the quickest straight stop, where torques are limited
-REACHES = (1.0, 2.0, 4.0)  # times as far as the stop, where the corner lies at which a plan leaves the line of now
-REACHED = 1e-8  # part of a speed that rounding takes
-MORE = 1.0 + 1e-4  # by which accelerations are reduced for that
 
 
 class Stop(NamedTuple):
@@ -279,7 +276,7 @@ def go_on(
         return None
     now, v = stop.rows.q[0], stop.rows.v[0]
     first = now + dt * v
-    for reach in REACHES:
+    for reach in (1.0, 2.0, 4.0):  # times as far as the stop
         corner = now + reach * (stop.end - now)
         if float((corner - first) @ v) <= 0.0:
             continue
@@ -315,8 +312,9 @@ def _bent(
     lines, cuts = straightened(lines, search.cuts(lines), speed)
     step = lines[1] - lines[0]
     begin = float(np.abs(v).max() / np.abs(step).max()) * float((np.abs(step) / speed).max())  # ds/dt
-    timed = fit_time(lines[::-1], cuts[::-1], speed, limits.velocity, limits.acceleration / MORE, begin)
-    if timed.speed[-1] < begin * (1.0 - REACHED):
+    hard = limits.acceleration / (1.0 + 1e-4)  # rounding of the speed takes some
+    timed = fit_time(lines[::-1], cuts[::-1], speed, limits.velocity, hard, begin)
+    if timed.speed[-1] < begin * (1.0 - 1e-8):  # rounding
         return None
     rows = GoingOn(timed, *now, dt).rows(dt)
     kept = float(limits.strain(rows).max()) <= HELD and past_limits(rows, robot.lower, robot.upper).max() <= ON_LIMIT
