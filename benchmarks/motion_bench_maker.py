@@ -27,8 +27,8 @@ from benchmarks.bench_maker import BenchProblem, Referee, files_in, load_problem
 from benchmarks.bench_maker_peers import PLANNERS, Jacokin, Planner
 from jacokin import Robot
 from jacokin.arrays import Array
-from jacokin.motion.blending import fit_time, straightened
 from jacokin.motion.free_motion.plan_motion import search_of
+from jacokin.motion.free_motion.sections import fit_time, straightened
 from jacokin.motion.joint_motion import ACCELERATION
 
 STEP = 0.002  # [rad] of the referee

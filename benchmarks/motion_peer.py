@@ -26,8 +26,8 @@ from jacokin import Robot, plan_motion
 from jacokin.arrays import Array
 from jacokin.model.angles import nearest_copy
 from jacokin.model.contact import Contact
-from jacokin.motion.blending import fit_time
 from jacokin.motion.free_motion.plan_motion import GoalFinder, search_of
+from jacokin.motion.free_motion.sections import fit_time
 
 WAYS = (1, 2, 4, 16)
 

@@ -21,8 +21,7 @@ import jacokin.tasks
 from jacokin.arrays import Array
 from jacokin.tasks.episode import STEPS
 from jacokin.tasks.experts.expert import SCRIPTS
-from jacokin.tasks.families.bricks import BrickTask
-from jacokin.tasks.families.reach import CORNERS
+from jacokin.tasks.families import CORNERS, BrickTask
 from jacokin.tasks.gym.registration import IDS
 from jacokin.tasks.registry import TASKS
 from jacokin.tasks.task import CAMERA, CONTROL_TIMESTEP, Task

@@ -4,13 +4,10 @@ tracking           following targets at a fixed rate
 track              `track_path`: following a path of poses with the tracker, from the start that makes it possible
 planning           `plan_path`: the best branch at every place of a path, before anything moves
 free_motion        `plan_motion`: from a configuration to a goal without contact
-blending           corners that are passed without stopping, and time for them
 grasps             ways to grasp boxes, cylinders and spheres
 joint_motion       `move_joints`: from one configuration to another in the least time
 path, timing       lines between poses, and when each place of a course is passed, within limits of torque, too
-in_time            two arms that move at once, and when they touch
-rows               positions, velocities and accelerations of a motion, as controllers take them
-motion_state       a motion at one time, to go on from
+rows               positions, velocities and accelerations of a motion, as controllers take them, and at one time
 trajectory, files  joint angles over time, and their files
 clearance, plot    how far a trajectory stays from a scene; its picture
 """
@@ -27,9 +24,9 @@ __all__, __getattr__, __dir__ = lazy.door(
         "jacokin.motion.free_motion.plan_place": ("PutDown", "plan_place"),
         "jacokin.motion.grasps": ("Grasp",),
         "jacokin.motion.joint_motion": ("move_joints",),
-        "jacokin.motion.motion_state": ("MotionState",),
         "jacokin.motion.planning.plan": ("plan_path",),
         "jacokin.motion.plot": ("plot_path",),
+        "jacokin.motion.rows": ("MotionState",),
         "jacokin.motion.track": ("track_path",),
         "jacokin.motion.tracking.problem": ("LimitDistance", "Manipulability", "Objective", "Posture"),
         "jacokin.motion.tracking.steps": ("TrackerStatus", "TrackerStep", "TrackerSummary"),

@@ -8,9 +8,9 @@ from jacokin.motion.free_motion.plan_place import PutDown as PutDown
 from jacokin.motion.free_motion.plan_place import plan_place as plan_place
 from jacokin.motion.grasps import Grasp as Grasp
 from jacokin.motion.joint_motion import move_joints as move_joints
-from jacokin.motion.motion_state import MotionState as MotionState
 from jacokin.motion.planning.plan import plan_path as plan_path
 from jacokin.motion.plot import plot_path as plot_path
+from jacokin.motion.rows import MotionState as MotionState
 from jacokin.motion.track import track_path as track_path
 from jacokin.motion.tracking.problem import LimitDistance as LimitDistance
 from jacokin.motion.tracking.problem import Manipulability as Manipulability

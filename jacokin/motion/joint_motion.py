@@ -73,8 +73,7 @@ def move_joints(
     if torque is not None:
         held = _hold_torques(robot, rows, limits, torque)
         if isinstance(held, TooHeavy):
-            still = np.zeros(1), start[None], np.zeros((1, robot.dof)), np.zeros((1, robot.dof))
-            return Trajectory.of(robot, velocity, still, status=MotionStatus.TOO_HEAVY, message=held.explain(robot))
+            return Trajectory.staying(robot, velocity, start, MotionStatus.TOO_HEAVY, held.explain(robot))
         rows = held
     message = f"reached in {rows.t[-1]:.4g} s" if len(rows.t) > 1 else "already there"
     return Trajectory.of(robot, velocity, rows, message=message)

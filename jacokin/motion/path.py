@@ -21,11 +21,8 @@ from jacokin.ik.targets import PartialTarget, Target, interpret
 from jacokin.model import angles, checks, poses
 from jacokin.model.poses import FreeAxis
 
-OPPOSITE = 1e-6  # [rad] axes this near to opposite have no way from one to the other
-NARROW = 1e-9  # [rad] a range of the free angle below this is one value
 TURNED = 0.2  # [m] turning by 1 rad counts as going so far
 SHORTEST = 1e-9  # [m] added to each line, so that places rise along those of no length, too
-STRAIGHT = 0.9  # cosine of the corner at a waypoint, at least, that needs no step to end there
 MOST_PLACES = 50_000  # steps of a path: half a kilometre, or that many waypoints
 MOST_CURVES = 10_000  # the same where each of them has curves
 
@@ -72,7 +69,7 @@ class CartesianPath:
         self._axes = np.array([[_first(a, b), _first(b, a)] for a, b in itertools.pairwise(axes)])
         cross = np.linalg.norm(np.cross(self._axes[:, 0], self._axes[:, 1]), axis=1)
         self._bends = np.arctan2(cross, (self._axes[:, 0] * self._axes[:, 1]).sum(axis=1))
-        opposite = np.flatnonzero(self._bends > np.pi - OPPOSITE)
+        opposite = np.flatnonzero(self._bends > np.pi - 1e-6)  # [rad] there is no way from one to the other
         if opposite.size:
             index = int(opposite[0])
             raise InvalidInputError(
@@ -92,7 +89,7 @@ class CartesianPath:
         low, high, full = (column[0] for column in self.window(where))
         if full:
             return FreeAxis(matrix, axis=self.axes(where)[0])
-        if high - low < NARROW:
+        if high - low < 1e-9:  # [rad] as good as one value
             matrix = self.at(where, np.array([low]))[0]
             return pin.SE3(matrix[:3, :3], matrix[:3, 3])
         return FreeAxis(matrix, axis=self.axes(where)[0], range=(low, high))
@@ -197,7 +194,7 @@ class CartesianPath:
         """Where (lines,) nothing changes at the waypoint before a line: neither the way, nor the axis or its range."""
         same = (self._bends == 0.0) & (self._full[1:] == self._full[:-1])
         same &= (self._ranges[1:] == self._ranges[:-1]).all(axis=1)
-        straight = (self._ways[1:] * self._ways[:-1]).sum(axis=1) > STRAIGHT
+        straight = (self._ways[1:] * self._ways[:-1]).sum(axis=1) > 0.9  # cosine of the corner
         return np.append(False, straight & same[1:] & same[:-1])
 
 

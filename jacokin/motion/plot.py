@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 FORMATS = (".png", ".svg", ".pdf")
-SIZE = (10.0, 9.0)  # [inch]
-DPI = 110
 LEAST_ERROR = 1e-12  # [m, rad] bottom of the logarithmic error axis: below is rounding
 
 
@@ -33,7 +31,7 @@ def plot_path(result: Trajectory, path: str | Path) -> None:
     with needed("matplotlib", "plot"):
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
-    figure = Figure(figsize=SIZE, layout="constrained")
+    figure = Figure(figsize=(10.0, 9.0), layout="constrained")  # [inch]
     FigureCanvasAgg(figure)
     angles, speeds, errors = figure.subplots(3, 1, sharex=True)
     for joint, name in enumerate(result.joint_names):
@@ -56,7 +54,7 @@ def plot_path(result: Trajectory, path: str | Path) -> None:
         title = "on the path throughout" if result.success else "off the path in places"
     errors.set_xlabel("time [s]")
     figure.suptitle(f"{title}, {result.t[-1]:.2f} s")
-    files.save(path, dict.fromkeys(FORMATS, lambda file: figure.savefig(file, dpi=DPI)))
+    files.save(path, dict.fromkeys(FORMATS, lambda file: figure.savefig(file, dpi=110)))
 
 
 def _draw_clearance(axes: Axes, motion: Trajectory) -> None:

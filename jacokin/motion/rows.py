@@ -1,4 +1,4 @@
-"""Rows of a motion as controllers take them: positions, velocities and accelerations that belong together.
+"""Rows of a motion as controllers take them: positions, velocities and accelerations that belong together; one state.
 
 Controllers go from row to row by straight lines, by cubics that meet velocities, or by quintics that meet
 accelerations, too. Rows whose accelerations change steadily in between are one and the same motion for the last two: a
@@ -10,12 +10,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import solve_banded
 
 from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError
+from jacokin.ik.results import Frozen
 from jacokin.ik.seeds import ON_LIMIT
 from jacokin.kernels.library import Calls
 from jacokin.kernels.motion_rows import average_rows, look_between, make_average_work, make_between_work
@@ -27,7 +30,6 @@ MEAN = 0.25, 0.5, 0.25  # weights of three ticks
 HELD = 1.0 + 1e-9  # times a limit; what is beyond is no rounding
 ATTEMPTS = 30  # to find how slow a motion must be
 LEAST_SLOWER = 1.001  # from attempt to attempt
-PARTS = np.linspace(0.0, 1.0, 9)  # of a step, at which it is looked at
 STEPS_AT_ONCE = 4  # from row to row, that are certified by one line
 FINEST = 5e-4  # [s] a step from row to row that needs no halving: in it no arm leaves the line by more than 0.1 um
 
@@ -46,6 +48,25 @@ class Rows(NamedTuple):
     """(n, dof) [rad/s]."""
     a: Array
     """(n, dof) [rad/s^2]."""
+
+
+def resting(q: Array) -> Rows:
+    """The motion of an arm that stays at a configuration (dof,) [rad]."""
+    still = np.zeros((1, len(q)))
+    return Rows(np.zeros(1), q[None], still, still)
+
+
+def cubic(t: Array, q: Array, v: Array, time: float) -> tuple[float, float, tuple[Array, Array, Array, Array]]:
+    """The cubic between rows that meets their velocities, at a time within them [s].
+
+    Returns:
+        The length of its step [s], which part x of it is behind, and its factors: of 1, x, x^2 and x^3.
+    """
+    row = min(max(int(np.searchsorted(t, time, side="right")) - 1, 0), len(t) - 2)
+    step = float(t[row + 1] - t[row])
+    begin, last, moved = step * v[row], step * v[row + 1], q[row + 1] - q[row]
+    factors = q[row], begin, 3.0 * moved - 2.0 * begin - last, begin + last - 2.0 * moved
+    return step, (time - float(t[row])) / step, factors
 
 
 def spline_rows(q: Array, dt: float, begin: Array | None = None) -> Rows:
@@ -109,7 +130,7 @@ class Limits(NamedTuple):
 
 def between(rows: Rows, steps: slice = slice(None), *, quintic: bool = False) -> tuple[Array, Array]:
     """Angles and velocities (m, 9, dof) along some steps, by cubics that meet velocities, or by quintics."""
-    x, dt = PARTS[:, None], np.diff(rows.t)[steps, None]
+    x, dt = np.linspace(0.0, 1.0, 9)[:, None], np.diff(rows.t)[steps, None]
     x0, moved = rows.q[:-1][steps], np.diff(rows.q, axis=0)[steps]
     v0, v1 = dt * rows.v[:-1][steps], dt * rows.v[1:][steps]
     if quintic:
@@ -302,3 +323,30 @@ def standing(rows: Rows, more: int, dt: float) -> Rows:
     still = np.zeros((more, rows.q.shape[1]))
     q = np.vstack([rows.q, np.tile(rows.q[-1], (more, 1))])
     return Rows(dt * np.arange(len(q), dtype=np.float64), q, np.vstack([rows.v, still]), np.vstack([rows.a, still]))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MotionState(Frozen):
+    """A motion at one time, from which another tracker or a plan may go on. Arrays are read-only."""
+
+    q: Array
+    """(dof,) joint angles [rad]."""
+    v: Array
+    """(dof,) joint velocities [rad/s]."""
+    a: Array
+    """(dof,) joint accelerations [rad/s^2], the last change of the velocities."""
+
+
+def checked_velocity(robot: Robot, v: object, limit: Array) -> Array:
+    """Joint velocities (dof,) [rad/s] within their limits (dof,) [rad/s].
+
+    Raises:
+        InvalidInputError: malformed, or faster.
+    """
+    speed = robot.configuration(v, "v")  # type: ignore[arg-type]  # checked there
+    fast = int(np.argmax(np.abs(speed) - limit))
+    if abs(speed[fast]) > limit[fast] * (1.0 + 1e-9):  # rounding
+        raise InvalidInputError(
+            f"v has {robot.joint_names[fast]} at {speed[fast]:.6g} rad/s, its limit is {limit[fast]:.6g} rad/s"
+        )
+    return speed

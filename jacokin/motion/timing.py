@@ -29,8 +29,6 @@ from jacokin.motion.rows import ATTEMPTS, HELD, LEAST_SLOWER, WHOLE_TICK, Rows, 
 
 MAX_TICKS = 10_000_000  # more than a day at 100 Hz: a speed or a step was mistyped
 LINE_USED = 0.8, 0.98  # parts of acceleration and velocity limits for a line that is tracked, no tick of it checked
-CORNER_SHARE = 0.7  # of an acceleration limit that corners take near the speed that is looked for
-NO_RATE = 1e-9  # of the largest change of a joint's acceleration with that of the place: it limits nothing
 STILL = 1e-12
 
 _fit = Calls(fit_speeds, make_speed_work, kept=10_000)  # intervals
@@ -160,7 +158,8 @@ def fit_course(
     with np.errstate(divide="ignore"):
         fastest = (velocity / np.abs(slope).max(axis=0)).min(axis=1) ** 2
         if sudden is not None and sudden.any():  # with r a speed near by, sqrt(x) <= (x / r + r) / 2
-            near = np.minimum(np.maximum(top[:-1], top[1:]), (CORNER_SHARE * acceleration / sudden).min(axis=1))
+            # Near that speed corners take 0.7 of the limit of acceleration.
+            near = np.minimum(np.maximum(top[:-1], top[1:]), (0.7 * acceleration / sudden).min(axis=1))
             near = np.maximum(near, STILL)[:, None]
             limits = limits - 0.5 * sudden * near
             bends = [bend + 0.5 * sudden / near, bend - 0.5 * sudden / near]
@@ -172,7 +171,7 @@ def fit_course(
     # Of u, at the beginning and at the end of each interval.
     rate = np.concatenate([part for each in bends for part in (slope[0], slope[1] + 2.0 * h[:, None] * each)], axis=1)
     size = np.abs(rate)
-    counts = size > NO_RATE * size.max()
+    counts = size > 1e-9 * size.max()  # less limits nothing
     safe = np.where(counts, size, 1.0)
     high = np.where(counts, np.concatenate([limits] * (2 * len(bends)), axis=1) / safe, np.inf)
     bent = np.concatenate([each for each in bends for _ in range(2)], axis=1)

@@ -30,14 +30,6 @@ from jacokin.motion.trajectory import BranchReport, Trajectory, list_segments
 
 SPEED = 0.05  # [m/s]
 ANGULAR_SPEED = 0.5  # [rad/s]
-QP_STARTS = 24  # random seeds that look for branches where the closed form does not apply
-CURVE_STARTS = 24  # members of the first pose's curves that are tried on seven joints
-PROGRESS_CALLS = 200  # per branch at most
-REHEARSAL_SPEED = 1e3  # [rad/s] no limit in effect
-REHEARSAL_TICKS = 200  # of a line at least, however fast it is asked for: they show how joints speed up and slow down
-SETTLING = 1.0  # [s] after the end of a path in which the arm may still come nearer to it, before it brakes
-AT_REST = 1e-6  # [rad/s]
-SAME_BRANCH = 1e-3  # [rad] two starts nearer than this are one branch
 
 Progress = Callable[[int, int], None]
 
@@ -123,7 +115,8 @@ def track_path(
     )
     rehearsal = None
     if np.isfinite(tracker.acceleration_limit).any():
-        rehearsal = Tracker(robot, frame, dt=dt, tool=tool, velocity_limit=REHEARSAL_SPEED, acceleration_limit=np.inf)
+        # 1000 rad/s are no limit in effect.
+        rehearsal = Tracker(robot, frame, dt=dt, tool=tool, velocity_limit=1e3, acceleration_limit=np.inf)
     follower = _Follower(tracker, path, times, progress, rehearsal)
     if start is not None:
         starts, reaching = [near], 1
@@ -181,15 +174,15 @@ def start_branches(solver: IKSolver, pose: pin.SE3, seed: Array) -> list[Array]:
         nearest = reaching.nearest(seed)
         if nearest is None:
             return []
-        others = reaching.sample(CURVE_STARTS)
+        others = reaching.sample(24)
         order = np.argsort(angles.circular_distance(others, seed, solver.robot.unlimited), kind="stable")
         return [nearest, *(np.array(q) for q in others[order])]
     robot, found = solver.robot, list[Array]()
     rng = np.random.default_rng(seeds.DEFAULT_RANDOM_SEED)
-    for first in (seed, *robot.sample(rng, QP_STARTS)):
+    for first in (seed, *robot.sample(rng, 24)):
         result = solver.solve(pose, seed=first, max_restarts=0, closest=False)
         q = angles.nearest_copy(result.q, seed, robot.unlimited)
-        if result.success and all(np.abs(q - other).max() > SAME_BRANCH for other in found):
+        if result.success and all(np.abs(q - other).max() > 1e-3 for other in found):  # [rad] else the same one
             found.append(q)
     return sorted(found, key=lambda q: float(angles.circular_distance(q, seed, robot.unlimited)))
 
@@ -222,7 +215,8 @@ class _Follower:
         times, dt = self._times, self._tracker.dt
         u = sample_lines(times, dt)
         if self._rehearsal is not None:
-            u = sample_lines(np.where(times > 0.0, np.maximum(times, REHEARSAL_TICKS * dt), 0.0), dt)
+            # Lines have 200 ticks at least, which show how joints speed up and slow down.
+            u = sample_lines(np.where(times > 0.0, np.maximum(times, 200 * dt), 0.0), dt)
             u = self._accelerated(u, self._steps(self._rehearsal, u, q, None))
         return self._result(u, self._steps(self._tracker, u, q, self._progress))
 
@@ -251,13 +245,13 @@ class _Follower:
         poses = [pin.SE3(T[:3, :3], T[:3, 3]) for T in self._path.at(u)]
         tracker.reset(q)
         steps = [tracker.measure(poses[0])]
-        every = 1 + len(u) // PROGRESS_CALLS
+        every = 1 + len(u) // 200  # at most so many calls
         for index, pose in enumerate(poses[1:], start=1):
             steps.append(tracker.step(pose))
             if progress is not None and (index % every == 0 or index + 1 == len(u)):
                 progress(index + 1, len(u))
-        settling = int(SETTLING / tracker.dt)
-        while self._rehearsal is not None and np.abs(tracker.v).max() > AT_REST:
+        settling = int(1.0 / tracker.dt)  # [s] in which the arm may still come nearer to the end
+        while self._rehearsal is not None and np.abs(tracker.v).max() > 1e-6:  # [rad/s]
             if settling:
                 settling -= 1
                 steps.append(tracker.step(poses[-1]))

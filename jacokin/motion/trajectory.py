@@ -38,8 +38,7 @@ from jacokin.motion.files import (
     write_table,
 )
 from jacokin.motion.grasps import Grasp
-from jacokin.motion.motion_state import MotionState
-from jacokin.motion.rows import Rows, between
+from jacokin.motion.rows import MotionState, Rows, between, cubic, resting
 from jacokin.showing import Shown, show
 
 FORMATS = (".csv", ".npz", ".json", ".kinova.csv", ".kinova.json")
@@ -50,10 +49,6 @@ TO_SEND = (".json", ".kinova.csv", ".kinova.json")  # files that are sent to an 
 FIRST_TIME = 10.0  # [s] at most
 KINOVA_STEP = 0.01  # [s] the control loop of the Jaco's base runs at 100 Hz (kinova-ros, README, velocity control)
 SPEED_ROUNDING = 1e-9  # [rad/s] of positions subtracted and divided by a step
-ROUNDED = 4.0 * float(np.finfo(np.float64).eps)  # of the largest angle of two that are subtracted
-AT_REST = 1e-7  # [rad/s] ROS 2's joint_trajectory_controller refuses trajectories that end with more than 1.2e-7
-SWUNG = 1e-6  # relative to a velocity limit, between rows
-DURATION = {1: ("secs", "nsecs"), 2: ("sec", "nanosec")}  # parts of a duration in each version of ROS
 NANOSECONDS = 1_000_000_000  # [1/s]
 
 
@@ -289,7 +284,8 @@ class Trajectory(_Completing):
         # Of rows of each joint, which NumPy goes through in a third of the time.
         if (np.ascontiguousarray(moved.T).max(axis=1) <= self.velocity_limit * steps.min()).all():
             return ""
-        rounding = SPEED_ROUNDING * steps + ROUNDED * np.maximum(np.abs(self.q[:-1]), np.abs(self.q[1:]))
+        largest = np.maximum(np.abs(self.q[:-1]), np.abs(self.q[1:]))  # of two angles that are subtracted
+        rounding = SPEED_ROUNDING * steps + 4.0 * float(np.finfo(np.float64).eps) * largest
         fast = ~(moved <= self.velocity_limit * (1.0 + SPEED_ROUNDING) * steps + rounding)
         if not fast.any():
             return ""
@@ -334,6 +330,11 @@ class Trajectory(_Completing):
             object.__setattr__(made, "_look", partial(look, q))
         return made
 
+    @classmethod
+    def staying(cls, robot: Robot, velocity: Array, q: Array, status: MotionStatus, message: str) -> Self:
+        """One row of a robot that stays at a configuration (dof,) [rad], and why; velocity limits (dof,) [rad/s]."""
+        return cls.of(robot, velocity, resting(q), status=status, message=message)
+
     @property
     def time(self) -> Array:
         """(n,) the times `t` [s]."""
@@ -354,10 +355,7 @@ class Trajectory(_Completing):
         row = int(np.clip(np.searchsorted(self.t, now, side="right") - 1, 0, max(len(self.t) - 2, 0)))
         if now == self.t[row] or len(self.t) == 1:
             return MotionState(self.q[row], self.v[row], self.a[row])
-        step = float(self.t[row + 1] - self.t[row])
-        x, q, v = (now - float(self.t[row])) / step, self.q[row], step * self.v[row]
-        moved, last = self.q[row + 1] - q, step * self.v[row + 1]
-        second, third = 3.0 * moved - 2.0 * v - last, v + last - 2.0 * moved
+        step, x, (q, v, second, third) = cubic(self.t, self.q, self.v, now)
         place = q + x * (v + x * (second + x * third))
         speed, pull = v + x * (2.0 * second + 3.0 * x * third), 2.0 * second + 6.0 * x * third
         if now == self.t[-1]:
@@ -624,7 +622,7 @@ def write_kinova_json(file: Path, *, trajectory: Trajectory, ros: int, joint_pre
 
 def _write_message(file: Path, names: list[str], times: Array, rows: Rows, ros: int) -> None:
     """Write the fields of a JointTrajectory; `times` (n,) are from its start [s]."""
-    points = []
+    points, parts = [], ("secs", "nsecs") if ros == 1 else ("sec", "nanosec")
     for time, q, v, a in zip(times.tolist(), rows.q.tolist(), rows.v.tolist(), rows.a.tolist(), strict=True):
         duration = divmod(round(time * NANOSECONDS), NANOSECONDS)
         points.append(
@@ -632,7 +630,7 @@ def _write_message(file: Path, names: list[str], times: Array, rows: Rows, ros: 
                 "positions": q,
                 "velocities": v,
                 "accelerations": a,
-                "time_from_start": dict(zip(DURATION[ros], duration, strict=True)),
+                "time_from_start": dict(zip(parts, duration, strict=True)),
             }
         )
     with file.open("w", encoding="utf-8") as stream:
@@ -714,7 +712,7 @@ def check_interpolated(trajectory: Trajectory) -> None:
         InvalidInputError: names the joint, the rows and the value; or it does not end at rest.
     """
     q, v, names = trajectory.q, trajectory.v, trajectory.joint_names
-    if np.abs(v[-1]).max() > AT_REST:
+    if np.abs(v[-1]).max() > 1e-7:  # ROS 2's joint_trajectory_controller refuses more than 1.2e-7
         joint = int(np.argmax(np.abs(v[-1])))
         raise InvalidInputError(
             f"the last row is not at rest ({names[joint]} at {v[-1, joint]:.3g} rad/s): controllers of ROS 2 refuse it"
@@ -725,7 +723,7 @@ def check_interpolated(trajectory: Trajectory) -> None:
     for order in ("cubics", "quintics"):
         at, speed = between(rows, quintic=order == "quintics")
         past = beyond_limits(trajectory, np.vstack([q[:1], at.reshape(-1, q.shape[1])]))[1:].reshape(at.shape)
-        fast = np.abs(speed) - trajectory.velocity_limit * (1.0 + SWUNG)
+        fast = np.abs(speed) - trajectory.velocity_limit * (1.0 + 1e-6)  # interpolation swings
         for excess, allowed, unit in ((fast, SPEED_ROUNDING, "rad/s"), (past, ON_LIMIT, "rad")):
             if excess.max() > allowed:
                 row, _, joint = (int(index) for index in np.unravel_index(int(np.argmax(excess)), excess.shape))

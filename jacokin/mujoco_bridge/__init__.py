@@ -15,7 +15,7 @@ entity, attachment          parts of a scene, and how they are joined and detach
 arena, workspaces, cameras  what an arm stands on, where things happen, and who looks at it
 base, jaco_arm, jaco_hand   arms and hands; `robots` makes them with the observables of `observations`
 props                       things to handle
-observables                 what is measured, and when it is reported
+observables, updater        what is measured, and when it is reported
 control                     commands, inverse kinematics and initial poses in a scene
 distributions, rewards      random values for initial states; rewards between 0 and 1
 """
@@ -45,7 +45,7 @@ __all__, __getattr__, __dir__ = lazy.door(
         "jacokin.mujoco_bridge.entity": ("Entity", "ModelWrapperEntity"),
         "jacokin.mujoco_bridge.jaco_arm": ("JacoArm",),
         "jacokin.mujoco_bridge.jaco_hand": ("JacoHand",),
-        "jacokin.mujoco_bridge.observables.observable": (
+        "jacokin.mujoco_bridge.observables": (
             "ArraySpec",
             "JointsObservables",
             "MJCFFeature",
@@ -53,7 +53,7 @@ __all__, __getattr__, __dir__ = lazy.door(
             "Observables",
             "observable",
         ),
-        "jacokin.mujoco_bridge.observables.updater": ("Updater", "observables_of"),
+        "jacokin.mujoco_bridge.updater": ("Updater", "observables_of"),
         "jacokin.mujoco_bridge.observations": ("angles_from_sin_cos",),
         "jacokin.mujoco_bridge.props.brick": ("Brick",),
         "jacokin.mujoco_bridge.props.pedestal": ("Cradle", "Pedestal"),

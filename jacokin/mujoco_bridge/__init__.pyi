@@ -22,14 +22,12 @@ from jacokin.mujoco_bridge.entity import Entity as Entity
 from jacokin.mujoco_bridge.entity import ModelWrapperEntity as ModelWrapperEntity
 from jacokin.mujoco_bridge.jaco_arm import JacoArm as JacoArm
 from jacokin.mujoco_bridge.jaco_hand import JacoHand as JacoHand
-from jacokin.mujoco_bridge.observables.observable import ArraySpec as ArraySpec
-from jacokin.mujoco_bridge.observables.observable import JointsObservables as JointsObservables
-from jacokin.mujoco_bridge.observables.observable import MJCFFeature as MJCFFeature
-from jacokin.mujoco_bridge.observables.observable import Observable as Observable
-from jacokin.mujoco_bridge.observables.observable import Observables as Observables
-from jacokin.mujoco_bridge.observables.observable import observable as observable
-from jacokin.mujoco_bridge.observables.updater import Updater as Updater
-from jacokin.mujoco_bridge.observables.updater import observables_of as observables_of
+from jacokin.mujoco_bridge.observables import ArraySpec as ArraySpec
+from jacokin.mujoco_bridge.observables import JointsObservables as JointsObservables
+from jacokin.mujoco_bridge.observables import MJCFFeature as MJCFFeature
+from jacokin.mujoco_bridge.observables import Observable as Observable
+from jacokin.mujoco_bridge.observables import Observables as Observables
+from jacokin.mujoco_bridge.observables import observable as observable
 from jacokin.mujoco_bridge.observations import angles_from_sin_cos as angles_from_sin_cos
 from jacokin.mujoco_bridge.props.brick import Brick as Brick
 from jacokin.mujoco_bridge.props.pedestal import Cradle as Cradle
@@ -38,5 +36,7 @@ from jacokin.mujoco_bridge.props.primitive import BoxProp as BoxProp
 from jacokin.mujoco_bridge.props.primitive import Primitive as Primitive
 from jacokin.mujoco_bridge.props.primitive import large_box as large_box
 from jacokin.mujoco_bridge.simulation.physics import Physics as Physics
+from jacokin.mujoco_bridge.updater import Updater as Updater
+from jacokin.mujoco_bridge.updater import observables_of as observables_of
 
 __all__: list[str]

@@ -12,26 +12,17 @@ from jacokin.model import checks
 from jacokin.model.descriptions import bundled
 from jacokin.mujoco_bridge.entity import Entity, new_spec
 
-CAMERA = "overview"
 FIRM, DM_CONTROL = "firm", "dm_control"
 CONTACTS = (FIRM, DM_CONTROL)
 CONTACT_OPTIONS = ("impratio", "noslip_iterations", "noslip_tolerance")  # of MuJoCo
 
 _FLOOR = "ground"
-_FLOOR_SIZE = (1.0, 1.0, 0.1)  # half-lengths of the drawn plane, and grid spacing [m]
-_CHECKER_REPEAT = (5.0, 5.0)
 _CHECKER_RGB = ((0.62, 0.68, 0.74), (0.44, 0.50, 0.56))
 _SKY_RGB = ((0.85, 0.90, 0.95), (0.45, 0.55, 0.65))
 _TEXTURES = (  # name, kind, pattern, colours, pixels
     ("sky", mujoco.mjtTexture.mjTEXTURE_SKYBOX, mujoco.mjtBuiltin.mjBUILTIN_GRADIENT, _SKY_RGB, 100),
     (_FLOOR, mujoco.mjtTexture.mjTEXTURE_2D, mujoco.mjtBuiltin.mjBUILTIN_CHECKER, _CHECKER_RGB, 300),
 )
-_LIGHT_HEIGHT = 1.5  # [m]
-# Intensities of light. What faces the lamp and the camera gets their sum, which stays below 1: no picture is
-# over-exposed, not even of pure colours. Geoms reflect half of the shine.
-_AMBIENT, _HEADLIGHT, _LAMP, _SHINE = 0.3, 0.3, 0.35, 0.08
-_MEMORY = 64 * 2**20  # [bytes] two arms at q = 0, where everything touches, need more than MuJoCo's estimate
-_NEAREST_DRAWN = 0.01  # of the model's extent
 
 
 class Arena(Entity):
@@ -57,7 +48,7 @@ class Arena(Entity):
         spec.worldbody.add_geom(
             name=_FLOOR,
             type=mujoco.mjtGeom.mjGEOM_PLANE,
-            size=_FLOOR_SIZE,
+            size=(1.0, 1.0, 0.1),  # half-lengths of the drawn plane, and grid spacing [m]
             material=_FLOOR,
             contype=ground["contype"],
             conaffinity=ground["conaffinity"],
@@ -109,7 +100,7 @@ def set_contact(option: mujoco.MjOption, contact: str) -> None:
 
 
 def _set_options(spec: mujoco.MjSpec, row: Mapping[str, Any]) -> None:
-    spec.memory = _MEMORY
+    spec.memory = 64 * 2**20  # [bytes] two arms at q = 0, where everything touches, need more than MuJoCo's estimate
     spec.option.timestep = row["timestep"]  # [s]
     spec.option.cone = getattr(mujoco.mjtCone, f"mjCONE_{row['cone'].upper()}")
     spec.compiler.boundmass = row["boundmass"]  # [kg]
@@ -117,23 +108,25 @@ def _set_options(spec: mujoco.MjSpec, row: Mapping[str, Any]) -> None:
 
 
 def _add_looks(spec: mujoco.MjSpec) -> None:
-    spec.visual.map.znear = _NEAREST_DRAWN
-    spec.visual.headlight.ambient = _grey(_AMBIENT)
-    spec.visual.headlight.diffuse = _grey(_HEADLIGHT)
+    spec.visual.map.znear = 0.01  # of the model's extent
+    # What faces the lamp and the camera gets the sum of these lights, which stays below 1: no picture is over-exposed,
+    # not even of pure colours. Geoms reflect half of the specular ones.
+    spec.visual.headlight.ambient = _grey(0.3)
+    spec.visual.headlight.diffuse = _grey(0.3)
     spec.visual.headlight.specular = _grey(0.0)
     spec.stat.center = (0.0, 0.0, 0.0)
     for name, kind, pattern, (rgb1, rgb2), size in _TEXTURES:
         spec.add_texture(name=name, type=kind, builtin=pattern, rgb1=rgb1, rgb2=rgb2, width=size, height=size)
-    material = spec.add_material(name=_FLOOR, texrepeat=_CHECKER_REPEAT, texuniform=True, reflectance=0.0, specular=0.0)
+    material = spec.add_material(name=_FLOOR, texrepeat=(5.0, 5.0), texuniform=True, reflectance=0.0, specular=0.0)
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = _FLOOR
     spec.worldbody.add_light(
-        pos=(0.0, 0.0, _LIGHT_HEIGHT),
+        pos=(0.0, 0.0, 1.5),  # [m]
         dir=(0.0, 0.0, -1.0),
-        diffuse=_grey(_LAMP),
-        specular=_grey(_SHINE),
+        diffuse=_grey(0.35),
+        specular=_grey(0.08),
         castshadow=True,
     )
-    camera = spec.worldbody.add_camera(name=CAMERA, pos=(0.75, -0.75, 0.6))
+    camera = spec.worldbody.add_camera(name="overview", pos=(0.75, -0.75, 0.6))
     camera.alt.type = mujoco.mjtOrientation.mjORIENTATION_XYAXES
     camera.alt.xyaxes = (0.768, 0.640, 0.0, -0.207, 0.248, 0.946)  # looks at (0, 0.15, 0.2)
 

@@ -24,7 +24,7 @@ from jacokin.model.poses import unit_quaternion
 from jacokin.mujoco_bridge.control.site_ik import SiteSolver, Solution
 from jacokin.mujoco_bridge.distributions import RandomState, check_random_state
 from jacokin.mujoco_bridge.entity import Entity, check_name, rotation_matrix
-from jacokin.mujoco_bridge.observables.observable import JointsObservables, Observables
+from jacokin.mujoco_bridge.observables import JointsObservables, Observables
 from jacokin.mujoco_bridge.simulation.physics import Physics, check_physics
 
 __all__ = ["DOWN_QUATERNION", "JointsObservables", "RandomState", "RobotArm", "RobotHand"]

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from jacokin.errors import InvalidInputError, shown
 from jacokin.model import checks
 from jacokin.mujoco_bridge.entity import Entity
-from jacokin.mujoco_bridge.observables.observable import ArraySpec, Bound, Observable, ObservableOptions
+from jacokin.mujoco_bridge.observables import ArraySpec, Bound, Observable, ObservableOptions
 from jacokin.mujoco_bridge.observations import ObservationSettings
 from jacokin.mujoco_bridge.simulation.physics import Physics
 from jacokin.mujoco_bridge.simulation.rendering import RenderFlags

@@ -30,7 +30,7 @@ from jacokin.model import checks
 from jacokin.model.poses import unit_quaternion
 from jacokin.mujoco_bridge.attachment import Attachment, attach_spec, count_elements, refuse_lost_elements
 from jacokin.mujoco_bridge.distributions import RandomState
-from jacokin.mujoco_bridge.observables.observable import Observables
+from jacokin.mujoco_bridge.observables import Observables
 from jacokin.mujoco_bridge.simulation.physics import Physics, check_physics, disable_mask
 
 # ruff: noqa: B027 - the hooks do nothing unless a subclass overrides them
@@ -38,8 +38,6 @@ from jacokin.mujoco_bridge.simulation.physics import Physics, check_physics, dis
 # Methods that an episode calls on each of its entities, in the order of `Entity.iter_entities`. A control step is a
 # number of physics steps, the substeps.
 HOOKS = ("initialize_episode", "before_step", "before_substep", "after_substep", "after_step")
-
-_UNNAMED = ("", "MuJoCo Model")  # what MuJoCo calls a model without a name
 
 
 class Entity(abc.ABC):
@@ -74,7 +72,7 @@ class Entity(abc.ABC):
         spec = self.mjcf_model
         if name is not None:
             spec.modelname = name
-        elif spec.modelname in _UNNAMED:
+        elif spec.modelname in ("", "MuJoCo Model"):  # what MuJoCo calls a model without a name
             spec.modelname = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", type(self).__name__).lower()
         self._name: str = check_name(spec.modelname)
         given = {"name": name, "observable_options": observable_options, **kwargs}

@@ -14,14 +14,9 @@ from jacokin.model.loading import load_robot
 from jacokin.model.measured_arm import MeasuredArm
 from jacokin.model.written_descriptions import move_joints
 from jacokin.mujoco_bridge.base import BundledPart, RobotArm, RobotHand
-from jacokin.mujoco_bridge.observables.observable import Bound, JointsObservables, Observable, observable
+from jacokin.mujoco_bridge.observables import Bound, JointsObservables, Observable, observable
 from jacokin.mujoco_bridge.observations import sin_cos
 from jacokin.mujoco_bridge.simulation.physics import Physics, check_physics
-
-ACTUATIONS = ("velocity", "torque", "position")
-_WRIST_SITE = "wristsite"
-_SENSOR_SITE_SIZE = 1e-3  # [m]
-_SENSOR_SITE_GROUP = 4  # not drawn
 
 
 class JacoArm(BundledPart, RobotArm):
@@ -51,12 +46,12 @@ class JacoArm(BundledPart, RobotArm):
             ModelError: the calibration is damaged or another arm's.
         """
         rows = bundled.arm_joints(checks.choice("robot", robot, bundled.JACOS))
-        self.actuation = checks.choice("actuation", actuation, ACTUATIONS)
+        self.actuation = checks.choice("actuation", actuation, ("velocity", "torque", "position"))
         groups = {joint: row["group"] for joint, row in rows.items()}
         spec = self._read("arm", robot, name, groups, self.actuation)
         if calibration is not None:
             move_joints(spec, load_robot(robot, calibration=calibration))
-        self._wrist_site = spec.site(_WRIST_SITE)
+        self._wrist_site = spec.site("wristsite")
         self._joint_torque_sensors = [_add_torque_sensor(spec, joint) for joint in self._joints]
         self._bound_sensors, self._bound_joints = Bound(self._joint_torque_sensors), Bound(self._joints)
 
@@ -107,7 +102,7 @@ class JacoArm(BundledPart, RobotArm):
 
 def _add_torque_sensor(spec: mujoco.MjSpec, joint: mujoco.MjsJoint) -> mujoco.MjsSensor:
     """Add a torque sensor at the origin of the joint's body; it measures along the axes of that body."""
-    site = joint.parent.add_site(name=f"{joint.name}_site", size=[_SENSOR_SITE_SIZE] * 3, group=_SENSOR_SITE_GROUP)
+    site = joint.parent.add_site(name=f"{joint.name}_site", size=[1e-3] * 3, group=4)  # [m], and not drawn
     return spec.add_sensor(
         name=f"{joint.name}_torque",
         type=mujoco.mjtSensor.mjSENS_TORQUE,

@@ -12,13 +12,10 @@ from jacokin.errors import InvalidInputError, shown
 from jacokin.model import checks
 from jacokin.model.descriptions import bundled
 from jacokin.mujoco_bridge.base import BundledPart, RobotHand
-from jacokin.mujoco_bridge.observables.observable import JointsObservables, MJCFFeature, Observable, observable
+from jacokin.mujoco_bridge.observables import JointsObservables, MJCFFeature, Observable, observable
 from jacokin.mujoco_bridge.simulation.physics import Physics, check_physics
 
 _HANDS = {3: bundled.DEFAULT_ROBOT, 2: "j2n6s200"}  # whose hand is taken, by the number of fingers
-_HAND_BODY = "hand"
-_FINGER_GEOMS = "link_finger"
-_GRIP_SITE = "gripsite"
 _PINCH_SITE = "pinchsite"
 
 
@@ -50,13 +47,13 @@ class JacoHand(BundledPart, RobotHand):
         robot = _robot_with(fingers, robot)
         group = bundled.robot_table()["finger"]["group"]
         spec = self._read("hand", robot, name, dict.fromkeys(bundled.hand(robot)["fingers"], group))
-        self._grip_site = spec.site(_GRIP_SITE)
+        self._grip_site = spec.site("gripsite")
         self._pinch_site = spec.site(_PINCH_SITE)
         self._tool_center_point = (
             self.pinch_site if checks.flag("use_pinch_site_as_tcp", use_pinch_site_as_tcp) else self.grip_site
         )
-        self._hand_geom = list(spec.body(_HAND_BODY).geoms)
-        self._finger_geoms = [geom for geom in spec.geoms if geom.name.startswith(_FINGER_GEOMS)]
+        self._hand_geom = list(spec.body("hand").geoms)
+        self._finger_geoms = [geom for geom in spec.geoms if geom.name.startswith("link_finger")]
 
     def _build_observables(self) -> JacoHandObservables | TwoFingerHandObservables:
         return TwoFingerHandObservables(self) if self._pinch_site is None else JacoHandObservables(self)

@@ -15,11 +15,11 @@ from jacokin.errors import InvalidInputError, shown
 from jacokin.model import checks
 from jacokin.model.angles import nearest_copy, wrap_to_turn
 from jacokin.mujoco_bridge.distributions import RandomState
-from jacokin.mujoco_bridge.observables.observable import Aggregator, Corruptor, Steps
+from jacokin.mujoco_bridge.observables import Aggregator, Corruptor, Steps
 
 
 class ObservableSpec(NamedTuple):
-    """Options of an observable; see ``observable.Observable``."""
+    """Options of an observable; see ``observables.Observable``."""
 
     enabled: bool
     update_interval: Steps  # [physics steps]

@@ -13,7 +13,6 @@ from jacokin.model import checks
 from jacokin.mujoco_bridge.distributions import check_corners
 
 SITE_GROUP = 3  # of sites of tasks, which MuJoCo does not draw unless told to
-VISIBLE_GROUP = 0
 
 RED = (1.0, 0.0, 0.0, 0.3)
 GREEN = (0.0, 1.0, 0.0, 0.3)
@@ -21,8 +20,6 @@ BLUE = (0.0, 0.0, 1.0, 0.3)
 CYAN = (0.0, 1.0, 1.0, 0.3)
 MAGENTA = (1.0, 0.0, 1.0, 0.3)
 YELLOW = (1.0, 1.0, 0.0, 0.3)
-
-_SMALLEST = 1e-6  # [m] MuJoCo refuses sites without extent
 
 
 class BoundingBox(NamedTuple):
@@ -55,7 +52,7 @@ def add_bbox_site(
         InvalidInputError: not a body, malformed corners, lower above upper, or another argument is malformed.
     """
     low, high = check_corners(lower, upper)
-    size = np.maximum((high - low) / 2.0, _SMALLEST)
+    size = np.maximum((high - low) / 2.0, 1e-6)  # [m] MuJoCo refuses sites without extent
     return _add_site(body, mujoco.mjtGeom.mjGEOM_BOX, (low + high) / 2.0, size, visible, name, rgba)
 
 
@@ -88,5 +85,5 @@ def _add_site(
         pos=pos,
         size=size,
         rgba=checks.vector("rgba", rgba, 4, "0..1"),
-        group=VISIBLE_GROUP if checks.flag("visible", visible) else SITE_GROUP,
+        group=0 if checks.flag("visible", visible) else SITE_GROUP,
     )

@@ -43,16 +43,13 @@ from jacokin.reachability.samples import (
     find_symmetries,
 )
 
-SPACING = 0.05  # [m] of the grid where none is given
-COUNT = 200  # of orientations where none are given
-
 
 def build(
     robot: Robot | IKSolver,
     *,
     folder: str | Path,
     grid: Grid | None = None,
-    orientations: Orientations | FreeAxis | Sequence[FreeAxis] | int = COUNT,
+    orientations: Orientations | FreeAxis | Sequence[FreeAxis] | int = 200,
     executor: Executor | None = None,
     shard: str | None = None,
     progress: Callable[[Progress], None] | None = None,
@@ -101,7 +98,7 @@ def build(
     chosen, found = checked_orientations(orientations, found)
     if chosen.axes is not None and solver.dimension() == 1:
         raise InvalidInputError("orientations that may turn about an axis are for six joints: seven turn by themselves")
-    samples = Samples(Grid.around(solver.robot, SPACING) if grid is None else grid, chosen, found)
+    samples = Samples(Grid.around(solver.robot, spacing=0.05) if grid is None else grid, chosen, found)
     recipe = make_recipe(solver, samples)
     size = recipe["chunks"]["positions"]  # type: ignore[index]  # a dictionary, written above
     starts = range(0, samples.positions, size)
@@ -189,9 +186,6 @@ def _shard(shard: str | None) -> tuple[int, int]:
     raise checks.refusal("shard", "'i/n' with 1 <= i <= n", shard)
 
 
-PARALLEL = 1e-9  # sine of an angle between axes that do not meet
-
-
 def derive_bound(samples: Samples, solver: IKSolver) -> float | None:
     """The bound [m]; None where the orientations are some that were chosen and not spread over all."""
     angle = covering_angle(samples.orientations, samples.symmetries.tool_axis)
@@ -235,7 +229,7 @@ def lever(solver: IKSolver) -> float:
     tool, linear, axes = T[:3, 3], jacobian[:3].T, jacobian[3:].T[-2:]
     points = tool + np.cross(axes, linear[-2:])  # nearest to the tool on each axis
     across = np.cross(axes[0], axes[1])
-    if np.linalg.norm(across) < PARALLEL:
+    if np.linalg.norm(across) < 1e-9:  # sine of an angle between axes that do not meet
         return float(np.linalg.norm(np.cross(axes[1], tool - points[1])))
     along = float(np.cross(points[0] - points[1], axes[0]) @ np.cross(axes[1], axes[0])) / float(across @ across)
     return float(np.linalg.norm(tool - (points[1] + along * axes[1])))

@@ -36,8 +36,7 @@ from jacokin.reachability.samples import Grid, Orientations, Samples, Symmetries
 
 MANIFEST = "manifest.json"
 FORMAT = "jacokin reachability map 1"
-POSES_IN_A_CHUNK = 20_000  # about a quarter of a second of one core
-SINGLE_POSES = 10_000  # of a chunk whose poses are looked at one by one: some ten seconds
+POSES_IN_A_CHUNK = 20_000
 
 TURNS = (
     "joint 1 turns freely about z of the base: positions are (r, 0, z), and a pose is turned about z into y = 0, x >= 0"
@@ -137,6 +136,8 @@ def make_recipe(solver: IKSolver, samples: Samples) -> dict[str, object]:
     free = samples.orientations.axes is not None and symmetries.tool_axis is None
     single = one_by_one(solver, free)
     counted = INTERVALS if single else "configurations within the limits"
+    # One by one, 10,000 poses take some ten seconds; else 20,000 a quarter of a second of one core.
+    poses = 10_000 if single else POSES_IN_A_CHUNK
     return {
         "format": FORMAT,
         "version": jacokin.__version__,
@@ -164,7 +165,7 @@ def make_recipe(solver: IKSolver, samples: Samples) -> dict[str, object]:
         "positions": {"axes": "r, z" if symmetries.turns else "x, y, z", "shape": list(samples.shape)},
         "orientations": _orientations(samples.orientations),
         "chunks": {
-            "positions": max(1, (SINGLE_POSES if single else POSES_IN_A_CHUNK) // len(samples.orientations)),
+            "positions": max(1, poses // len(samples.orientations)),
             "arrays": f"branches (positions, orientations): {counted}, 0 where none; "
             "margin (positions, orientations): largest distance to the nearest limit [rad], NaN where none; "
             "touching (positions, orientations): how many more there are in contact, where contact is looked for; "
@@ -204,8 +205,6 @@ def _samples_of(recipe: dict[str, Any], place: str) -> Samples:  # Any: JSON
 
 
 MOST_BRANCHES = 255
-SAMPLES = 16  # members of an interval that are looked at for contact
-WALK = 0.1  # [rad] between configurations of an interval that are looked at to count it
 
 POSES_AT_ONCE = 512  # whose branches go to the kernels of contact together
 
@@ -297,14 +296,14 @@ def _count_intervals(solver: IKSolver, target: Array | FreeAxis) -> tuple[int, f
 def _clear_on(solver: IKSolver, interval: Interval) -> Array:
     """Some configurations (k, dof) of an interval that touch nothing, to about 1e-3 rad: quick, and enough to count."""
     robot = solver.robot
-    rows = interval.walk(WALK)[1]
+    rows = interval.walk(0.1)[1]  # [rad]
     rows = np.clip(angles.into_limits(rows, robot.lower, robot.upper), robot.lower, robot.upper)
     return np.asarray(rows[~solver.verifier.touching_rows(rows)])
 
 
 def _free_members(solver: IKSolver, interval: Interval) -> Array:
     """Of some members (k, dof) of an interval, those that touch nothing, where contact counts."""
-    rows = np.vstack([interval.sample(SAMPLES)[1], interval.best("margin")])
+    rows = np.vstack([interval.sample(16)[1], interval.best("margin")])
     if not solver.verifier.avoids_contact:
         return rows
     return np.asarray(rows[~solver.verifier.touching_rows(rows)])

@@ -21,8 +21,6 @@ from jacokin.model.scene import Scene, checked_scene
 from jacokin.reachability.pictures import draw, outline_arm, outline_scene
 from jacokin.reachability.samples import NOWHERE, Grid, Orientations, Samples, turn_about_z
 
-RADIAN = 0.1  # [m] that a radian counts when distances of poses are compared, as for closest configurations
-
 
 class ReachabilityMap:
     """A map. Arrays are read-only, and have one number for each cell of the grid, [x, y, z].
@@ -171,7 +169,8 @@ class ReachabilityMap:
             position = np.array([np.hypot(position[0], position[1]), 0.0, position[2]])
             rotation = turn_about_z(-angle) @ rotation
         away = np.linalg.norm(self.samples.position(np.arange(self.samples.positions)) - position, axis=1)
-        aside = RADIAN * np.arccos(np.clip(self.samples.cosines(rotation[None])[0], -1.0, 1.0))
+        # A radian counts as 10 cm, as for closest configurations.
+        aside = 0.1 * np.arccos(np.clip(self.samples.cosines(rotation[None])[0], -1.0, 1.0))
         best, where = np.inf, (0, 0)
         for cell in np.argsort(away):
             if away[cell] >= best:

@@ -28,10 +28,8 @@ if TYPE_CHECKING:
 ENDINGS = (".png", ".svg", ".pdf", ".apng", ".gif", ".html")
 TURNING = {".apng": "PNG", ".gif": "GIF"}
 VIEWS = 36  # of a full turn
-VIEW_TIME = 100  # [ms] that each is shown
 COLOURS = "viridis"
 Lines = Sequence[tuple[Array, str]]  # (k, 3) points [m], and a colour
-POINTS = 12_000  # cells in a view of space, at most
 
 
 def draw(
@@ -65,7 +63,7 @@ def draw(
         elif out.suffix in TURNING:
             first, *others = _draw_turning(grid, fraction, robot, lines)
             kind = TURNING[out.suffix]
-            first.save(written, format=kind, save_all=True, append_images=others, duration=VIEW_TIME, loop=0)
+            first.save(written, format=kind, save_all=True, append_images=others, duration=100, loop=0)  # [ms]
         else:
             _draw_figure(grid, fraction, robot, lines).savefig(written, format=out.suffix[1:], dpi=120)
 
@@ -142,7 +140,7 @@ def _shown_cells(grid: Grid, fraction: Array) -> tuple[Array, Array]:
     while True:
         some = (slice(stride // 2, None, stride),) * 3
         values = fraction[some]
-        if np.count_nonzero(values) <= POINTS:
+        if np.count_nonzero(values) <= 12_000:  # as many as a view shows well
             axes = [grid.axis(index)[some[index]] for index in range(3)]
             centres = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
             return centres[values > 0.0], values[values > 0.0]
@@ -241,10 +239,7 @@ def _write_page(
     return _PAGE.replace("@TITLE@", html.escape(title)).replace("@DATA@", orjson.dumps(data).decode())
 
 
-DRAWN_POINTS = 2_000  # of a cloud
 ROUND = 33  # points of a circle
-PLATE = 1.0  # [m] half the edge of the square that stands for a floor
-EDGES = (0, 1, 3, 2, 0, 4, 5, 7, 6, 4, 5, 1, 3, 7, 6, 2)  # a way through the corners of a box along all its edges
 
 
 def outline_arm(robot: Robot, q: Array) -> Array:
@@ -262,7 +257,7 @@ def outline_scene(scene: Scene) -> list[Array]:
     for obstacle in scene:
         if isinstance(obstacle, PointCloud):
             across = np.outer([-1.0, 1.0], [obstacle.radius, 0.0, 0.0])
-            dashes += list(obstacle.some_points(DRAWN_POINTS)[:, np.newaxis] + across)
+            dashes += list(obstacle.some_points(2_000)[:, np.newaxis] + across)
         else:
             obstacle.add_to(spec.worldbody)
     model = spec.compile()
@@ -289,10 +284,8 @@ def _outline_geom(model: mujoco.MjModel, geom: int) -> list[Array]:
         sides = [size[0] * circle[row] + np.outer([-1.0, 1.0], end) for row in range(0, ROUND - 1, ROUND // 4)]
         return [size[0] * circle + end, size[0] * circle - end, *sides]
     if kind == mujoco.mjtGeom.mjGEOM_PLANE:
-        return [
-            PLATE
-            * np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0], [-1.0, -1.0, 0.0]])
-        ]
+        corners = [[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0], [-1.0, -1.0, 0.0]]
+        return [np.array(corners)]  # a square of 2 m stands for a floor
     centre, extent = model.geom_aabb[geom][:3], model.geom_aabb[geom][3:]
     corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * extent + centre
-    return [corners[list(EDGES)]]
+    return [corners[[0, 1, 3, 2, 0, 4, 5, 7, 6, 4, 5, 1, 3, 7, 6, 2]]]  # a way along all its edges

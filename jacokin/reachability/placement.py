@@ -28,13 +28,8 @@ from jacokin.reachability.pictures import outline_arm, outline_scene
 from jacokin.reachability.samples import NOWHERE, Grid, turn_about_base, turn_about_z
 
 STARTS = 12  # places from the grid that are checked and moved
-SLOW_STARTS = 3  # where each target takes milliseconds
 TURNS = 256  # steps of a full turn, for which the nearest orientation of each target is looked up once
-FINEST = 0.001  # [m] of the last steps
 APART = 0.5  # cells between two places that are worth naming both
-MOST_ROUNDS = 40
-AROUND = 1.0  # cells on each side of a place that is not good enough
-FLAT_GRID, SPACE_GRID = 31, 13  # places along each axis of the close grid around it
 PLACES = 64  # places whose distances to all targets are held at the same time
 
 
@@ -106,7 +101,8 @@ def place_base(
     starts.sort(key=lambda start: -start[0])
     if world is not None:  # the map does not see obstacles
         starts = sorted(starts[:STARTS], key=lambda start: search.score(start[1], start[2]), reverse=True)
-    found = [search.settle(yaw, place) for _, yaw, place in starts[: SLOW_STARTS if slow else STARTS]]
+    few = 3 if slow else STARTS  # where each target takes milliseconds
+    found = [search.settle(yaw, place) for _, yaw, place in starts[:few]]
     if not slow and found and max(placement.reached for placement in found) < len(wanted):
         found.append(search.scan(max(found, key=lambda placement: placement.reached)))
     found.sort(key=lambda placement: (-placement.reached, -np.nan_to_num(placement.margin, nan=-np.inf)))
@@ -242,7 +238,7 @@ class _Refinement:
         step = self.map.grid.spacing
         best, hits, touches = self._measure(place[None], yaw)
         score, success, touching = best[0], hits[0], touches[0]
-        for _ in range(MOST_ROUNDS):
+        for _ in range(40):
             if self.slow and score[0] == len(self.targets):
                 break
             around = np.clip(place + step * moves, *self.bounds)
@@ -251,7 +247,7 @@ class _Refinement:
             if scores[index] > score:
                 place, score = around[index], scores[index]
                 success, touching = hits[index], touches[index]
-            elif step > FINEST:
+            elif step > 0.001:  # [m]
                 step /= 2.0
             else:
                 break
@@ -265,7 +261,7 @@ class _Refinement:
         Steps only go to where more is reached, and the places from which all targets are can be a small spot.
         """
         flat = self.fixed_height
-        steps = np.linspace(-AROUND, AROUND, FLAT_GRID if flat else SPACE_GRID) * self.map.grid.spacing
+        steps = np.linspace(-1.0, 1.0, 31 if flat else 13) * self.map.grid.spacing
         moves = np.stack(np.meshgrid(steps, steps, [0.0] if flat else steps, indexing="ij"), axis=-1).reshape(-1, 3)
         yaw = float(np.arctan2(near.pose.rotation[1, 0], near.pose.rotation[0, 0]))
         places = np.clip(near.pose.translation + moves, *self.bounds)
@@ -323,7 +319,6 @@ def _posture(
 
 
 PLACE_ENDINGS = (".png", ".svg", ".pdf")
-AXIS = 0.15  # [m] length of the axes of the base
 
 
 def draw_placement(
@@ -366,7 +361,7 @@ def draw_placement(
             axes.plot(line[:, first], line[:, second], color="0.6", linewidth=0.8)
         axes.plot(arm[:, first], arm[:, second], color="0.2", linewidth=2.5, label=shown)
         for axis, colour in ((first, "tab:red"), (second, "tab:green" if second == 1 else "tab:blue")):
-            end = base + AXIS * turn[:, axis]
+            end = base + 0.15 * turn[:, axis]  # [m]
             axes.plot([base[first], end[first]], [base[second], end[second]], color=colour, linewidth=1.5)
         for rows, colour, mark, name in (
             (place.success, "tab:green", "o", "reached"),

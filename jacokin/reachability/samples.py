@@ -28,7 +28,6 @@ from jacokin.model.robot import Robot
 MOST_CELLS = 10**9  # one number for each is 8 GB
 NOWHERE = -1  # the cell of a position outside the grid
 _AT_ONCE = 4096  # poses whose nearest orientation is looked for in one product
-_ROUNDING = 1e-9  # of a cell, by which an edge may miss the box
 
 
 class Grid:
@@ -57,7 +56,7 @@ class Grid:
                 f"upper must be above lower [m], got {self.upper.tolist()} and {self.lower.tolist()}"
             )
         with np.errstate(over="ignore"):  # infinitely many cells are too many
-            edges = np.ceil((self.upper - self.lower) / self.spacing - _ROUNDING)
+            edges = np.ceil((self.upper - self.lower) / self.spacing - 1e-9)  # an edge may miss the box by rounding
         numbers = np.maximum(edges, 1.0).tolist()
         if math.prod(numbers) > MOST_CELLS:
             raise InvalidInputError(
@@ -210,12 +209,7 @@ def turn_about_z(angle: float) -> Array:
     return np.asarray(turn_about_base(np.eye(3)[None], np.array([angle]))[0])
 
 
-GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))  # [rad]
-PHI = math.sqrt(2.0)  # the constants of Alexa, section 3: psi solves psi^4 = psi + 4
-PSI = 1.533751168755204288118041413
 MOST = 100_000
-FULL = (-math.pi, math.pi)  # [rad]
-SAME_AXIS = 1e-9  # sine; as exact as symmetries are
 TOLERANCE = 1e-9  # [m] and [rad] that an axis may be off: a thousandth of the tolerance of a solution
 
 
@@ -270,7 +264,7 @@ class Orientations:
             FreeAxis(np.eye(4), axis=axis, range=limits)
             for axis, limits in zip(
                 _rows("axes", axes, 3, len(quats)),
-                _rows("ranges", FULL if ranges is None else ranges, 2, len(quats)),
+                _rows("ranges", (-math.pi, math.pi) if ranges is None else ranges, 2, len(quats)),
                 strict=True,
             )
         ]
@@ -287,7 +281,8 @@ class Orientations:
         count = checks.whole_number("count", count, 1, MOST)
         s = np.arange(count) + 0.5
         inner, outer = np.sqrt(s / count), np.sqrt(1.0 - s / count)
-        alpha, beta = 2.0 * np.pi * s / PHI, 2.0 * np.pi * s / PSI
+        # The constants of Alexa, section 3: sqrt(2), and psi that solves psi^4 = psi + 4.
+        alpha, beta = 2.0 * np.pi * s / math.sqrt(2.0), 2.0 * np.pi * s / 1.533751168755204288118041413
         spiral = [inner * np.sin(alpha), inner * np.cos(alpha), outer * np.sin(beta), outer * np.cos(beta)]
         return cls(np.stack(spiral, axis=1), f"{count} rotations, super-Fibonacci")
 
@@ -321,7 +316,7 @@ class Orientations:
         count = checks.whole_number("count", count, 1, MOST)
         number = np.arange(count)
         z = 1.0 - (2.0 * number + 1.0) / count
-        radius, angle = np.sqrt(1.0 - z * z), number * GOLDEN_ANGLE
+        radius, angle = np.sqrt(1.0 - z * z), number * (math.pi * (3.0 - math.sqrt(5.0)))  # the golden angle
         return cls(
             shortest_turns(
                 unit_vector("axis", axis), np.stack([radius * np.cos(angle), radius * np.sin(angle), z], axis=1)
@@ -414,7 +409,7 @@ def checked_orientations(
     if isinstance(value, Orientations):
         if axis is None:
             return value, symmetries
-        if value.axes is None or np.linalg.norm(np.cross(value.axes, axis), axis=1).max() < SAME_AXIS:
+        if value.axes is None or np.linalg.norm(np.cross(value.axes, axis), axis=1).max() < 1e-9:  # as of symmetries
             return value.without_roll(axis), symmetries
         return value, Symmetries(symmetries.turns, None)
     if not isinstance(value, int | np.integer) or isinstance(value, bool):

@@ -1,4 +1,4 @@
-"""Tasks for the arm and the hand: reach, lift, place, stack. Read `families/reach` first, then `task`.
+"""Tasks for the arm and the hand: reach, lift, place, stack. Read `families` first, then `task`.
 
     env = jacokin.tasks.load("reach_site_features", seed=0)  # dm_env
     timestep = env.reset()
@@ -31,8 +31,7 @@ __all__, __getattr__, __dir__ = lazy.door(
         "jacokin.tasks.datasets.replaying": ("Replayed", "replay"),
         "jacokin.tasks.environment": ("Environment", "load"),
         "jacokin.tasks.experts.expert": ("Expert", "expert"),
-        "jacokin.tasks.families.lift": ("Lift",),
-        "jacokin.tasks.families.place": ("Place",),
+        "jacokin.tasks.families": ("Lift", "Place"),
         "jacokin.tasks.features": ("Feature",),
         "jacokin.tasks.gym.environment": ("TaskEnv",),
         "jacokin.tasks.randomization": ("Randomization",),

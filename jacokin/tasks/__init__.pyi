@@ -6,8 +6,8 @@ from jacokin.tasks.environment import Environment as Environment
 from jacokin.tasks.environment import load as load
 from jacokin.tasks.experts.expert import Expert as Expert
 from jacokin.tasks.experts.expert import expert as expert
-from jacokin.tasks.families.lift import Lift as Lift
-from jacokin.tasks.families.place import Place as Place
+from jacokin.tasks.families import Lift as Lift
+from jacokin.tasks.families import Place as Place
 from jacokin.tasks.features import Feature as Feature
 from jacokin.tasks.gym.environment import TaskEnv as TaskEnv
 from jacokin.tasks.randomization import Randomization as Randomization

@@ -43,19 +43,16 @@ _BASE = ("base_x", "base_y", "base_z", "base_yaw")
 _COLOR = ("color_red", "color_green", "color_blue")
 _AXIS = ("camera_axis_x", "camera_axis_y", "camera_axis_z")
 ARM_PUSH, PROP_PUSH = "arm_push", "prop_push"
-PUSH_RATE, PUSH_DURATION = 0.5, 0.2  # [1/s], [s] of pushes where nothing else is said
-MAX_OFFSET = 0.5  # [rad] of a joint's zero
 MAX_TURN = 0.5  # [rad] of the camera
-_JOINTS, _ACTUATORS = range(1, 7), range(1, 10)
+_JOINTS = range(1, 7)
 _EACH = {  # fields with a number for each joint or actuator, or for each direction
     "base_pose": _BASE,
     "joint_offsets": tuple(f"joint_offset_{number}" for number in _JOINTS),
-    "joint_gains": tuple(f"joint_gain_{number}" for number in _ACTUATORS),
+    "joint_gains": tuple(f"joint_gain_{number}" for number in range(1, 10)),
     "link_masses": tuple(f"link_mass_{number}" for number in _JOINTS),
 }
 _DIRECTIONS = {"camera": _CAMERA, "colors": _COLOR, "camera_turn": _AXIS}  # of fields that are lengths of a vector
 _VALUES = {**_EACH, **{field: (field, *names) for field, names in _DIRECTIONS.items()}}
-_NEUTRAL = (*FACTORS, "joint_gains", "link_masses")  # whose neutral value is 1; of others it is 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,7 +222,8 @@ class Randomization:
             if name in _BY_FEATURE:
                 found[name] = {each: _scaled(f"{name}/{each}", choice, 0.0, scale) for each, choice in value.items()}
             else:
-                found[name] = _scaled(name, value, 1.0 if name in _NEUTRAL else 0.0, scale)
+                neutral = 1.0 if name in (*FACTORS, "joint_gains", "link_masses") else 0.0
+                found[name] = _scaled(name, value, neutral, scale)
         return Randomization(**found)
 
     def replayed(self, values: object) -> dict[str, float]:
@@ -318,7 +316,7 @@ def check_value(name: str, value: object) -> float:
         raise InvalidInputError(f"camera_turn must be at most {MAX_TURN:g} rad, got {number:g}")
     if name in (*_BASE, *_CAMERA, *_COLOR, *_AXIS, *_EACH["joint_offsets"]):
         largest = {"base_yaw": math.pi}.get(name, MAX_SHIFT if name in _BASE else 1.0)
-        largest = MAX_OFFSET if name in _EACH["joint_offsets"] else largest
+        largest = 0.5 if name in _EACH["joint_offsets"] else largest  # [rad]
         if abs(number) > largest:
             raise InvalidInputError(f"{name} must be at most {largest:.4g} in magnitude, got {number:g}")
     elif number < 0.0:
@@ -486,8 +484,8 @@ class Pushes:
             forces: (nbody, 6) MuJoCo's forces on bodies; changed in place.
             random_state: where pushes come from.
         """
-        begins = values.get("push_rate", PUSH_RATE) * self._dt
-        steps = max(1, round(values.get("push_duration", PUSH_DURATION) / self._dt))
+        begins = values.get("push_rate", 0.5) * self._dt  # [1/s]
+        steps = max(1, round(values.get("push_duration", 0.2) / self._dt))  # [s]
         for kind, (name, bodies) in enumerate(self._bodies.items()):
             if name not in values or not len(bodies):
                 continue

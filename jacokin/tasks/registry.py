@@ -16,12 +16,11 @@ from typing import Any
 
 from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.model import checks
-from jacokin.tasks.families import bricks, lift, place, reach
+from jacokin.tasks import families
 from jacokin.tasks.task import Task
 
 FEATURES, VISION, EASY = "features", "vision", "easy"
 OBSERVATIONS = (FEATURES, VISION)
-TAGS = (FEATURES, VISION, EASY)
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,27 +41,26 @@ class TaskEntry:
 
 
 TASKS = {
-    "reach_site": TaskEntry(reach.ReachSite, tags=(EASY,)),
-    "reach_duplo": TaskEntry(reach.ReachBrick, tags=(EASY,)),
-    "lift_brick": TaskEntry(lift.LiftBrick),
-    "lift_large_box": TaskEntry(lift.LiftLargeBox),
-    "place_brick": TaskEntry(place.PlaceBrick),
-    "place_cradle": TaskEntry(place.PlaceCradle),
-    "stack_2_bricks": TaskEntry(partial(bricks.Stack, 2)),
-    "stack_2_bricks_moveable_base": TaskEntry(partial(bricks.Stack, 2, is_base_fixed=False)),
-    "stack_3_bricks": TaskEntry(partial(bricks.Stack, 3)),
-    "stack_3_bricks_random_order": TaskEntry(partial(bricks.Stack, 3, order_varies=True), observations=(FEATURES,)),
-    "stack_2_of_3_bricks_random_order": TaskEntry(partial(bricks.Stack, 3, 2, order_varies=True)),
-    "reassemble_3_bricks_fixed_order": TaskEntry(partial(bricks.Reassemble, 3)),
-    "reassemble_5_bricks_random_order": TaskEntry(partial(bricks.Reassemble, 5, order_varies=True)),
+    "reach_site": TaskEntry(families.ReachSite, tags=(EASY,)),
+    "reach_duplo": TaskEntry(families.ReachBrick, tags=(EASY,)),
+    "lift_brick": TaskEntry(families.LiftBrick),
+    "lift_large_box": TaskEntry(families.LiftLargeBox),
+    "place_brick": TaskEntry(families.PlaceBrick),
+    "place_cradle": TaskEntry(families.PlaceCradle),
+    "stack_2_bricks": TaskEntry(partial(families.Stack, 2)),
+    "stack_2_bricks_moveable_base": TaskEntry(partial(families.Stack, 2, is_base_fixed=False)),
+    "stack_3_bricks": TaskEntry(partial(families.Stack, 3)),
+    "stack_3_bricks_random_order": TaskEntry(partial(families.Stack, 3, order_varies=True), observations=(FEATURES,)),
+    "stack_2_of_3_bricks_random_order": TaskEntry(partial(families.Stack, 3, 2, order_varies=True)),
+    "reassemble_3_bricks_fixed_order": TaskEntry(partial(families.Reassemble, 3)),
+    "reassemble_5_bricks_random_order": TaskEntry(partial(families.Reassemble, 5, order_varies=True)),
     **{
-        f"reach_{corner}": TaskEntry(partial(reach.ReachBrick, at), tags=(EASY,))
-        for corner, at in reach.CORNERS.items()
+        f"reach_{corner}": TaskEntry(partial(families.ReachBrick, at), tags=(EASY,))
+        for corner, at in families.CORNERS.items()
     },
 }
 
 OURS = frozenset(TASKS)
-_ID = re.compile(r"(?:[\w.-]+/)?[\w.-]+-v\d+")
 
 
 def register(
@@ -82,7 +80,7 @@ def register(
     Raises:
         InvalidInputError: task or id are something else, or the id is one of ours.
     """
-    if not isinstance(id, str) or not _ID.fullmatch(id) or id.startswith("jacokin/"):
+    if not isinstance(id, str) or not re.fullmatch(r"(?:[\w.-]+/)?[\w.-]+-v\d+", id) or id.startswith("jacokin/"):
         raise checks.refusal("id", 'an id such as "mine/LiftMug-v0", in another namespace than "jacokin"', id)
     if not isinstance(task, Task) and not callable(task):
         raise checks.refusal("task", "a Task, a class of tasks or a function that makes one", task)
@@ -125,7 +123,7 @@ def names(tag: str | None = None) -> tuple[str, ...]:
     found = _environments()
     if tag is None:
         return tuple(found)
-    checks.choice("tag", tag, TAGS)
+    checks.choice("tag", tag, (FEATURES, VISION, EASY))
     return tuple(name for name, (task, observed) in found.items() if tag in (observed, *TASKS[task].tags))
 
 

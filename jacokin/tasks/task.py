@@ -49,18 +49,6 @@ LYING = 0.001  # [m] height above the table at which things are placed
 ATTEMPTS = 50  # to place a thing
 _APART = np.array((0.1, 0.0, 0.0))  # [m]
 
-# Of the wrist camera, in axes of the pinch site, whose z points out of the hand [m], [deg].
-_WRIST_POSITION, _WRIST_AIM = np.array((0.0, -0.14, -0.08)), np.array((0.0, 0.0, 0.06))
-_WRIST_UP = np.array((0.0, 1.0, 0.0))
-_WRIST_VIEW = 70.0
-
-_SKY_RGB = ((0.4, 0.6, 0.8), (0.0, 0.0, 0.0))  # at the zenith, at the nadir
-_FLOOR_RGB = ((0.2, 0.3, 0.4), (0.1, 0.2, 0.3))  # of the two kinds of tiles
-_EDGE_RGB = (0.8, 0.8, 0.8)  # of the lines between tiles
-_REFLECTANCE = 0.2  # of the floor
-_HEADLIGHT, _LAMP, _SHINE = 0.6, 0.7, 0.3  # intensities
-_FLOOR_SHINE = 0.5  # MuJoCo's default
-
 
 class State:
     """What rewards are computed of: one simulation, or n, whose arrays have one more axis in front.
@@ -147,7 +135,8 @@ Measure = Callable[[State], Any]
 class Task:
     """One task with its compiled scene, in which initial states are made; environments simulate it.
 
-    Composed of props and functions, or subclassed: `families/reach` is an example. `register` makes it known by a name.
+    Composed of props and functions, or subclassed: `families.ReachSite` is an example. `register` makes it known by a
+    name.
 
     Attributes:
         arena: the root of the scene.
@@ -513,28 +502,29 @@ def _add_wrist_camera(hand: JacoHand) -> None:
     """Add a camera beside the hand, which looks past the fingers to where they pinch."""
     site = hand.tool_center_point
     axes = rotation_matrix(np.array(site.quat) / np.linalg.norm(site.quat))
-    position, aim = np.array(site.pos) + axes @ _WRIST_POSITION, np.array(site.pos) + axes @ _WRIST_AIM
+    # In axes of the pinch site, whose z points out of the hand [m].
+    position, aim = (np.array(site.pos) + axes @ np.array(at) for at in ((0.0, -0.14, -0.08), (0.0, 0.0, 0.06)))
     backwards = (position - aim) / np.linalg.norm(position - aim)
-    right = np.cross(axes @ _WRIST_UP, backwards)
+    right = np.cross(axes @ np.array((0.0, 1.0, 0.0)), backwards)
     right /= np.linalg.norm(right)
-    camera = site.parent.add_camera(name=WRIST, pos=position, fovy=_WRIST_VIEW)
+    camera = site.parent.add_camera(name=WRIST, pos=position, fovy=70.0)  # [deg]
     camera.alt.type = mujoco.mjtOrientation.mjORIENTATION_XYAXES
     camera.alt.xyaxes = np.concatenate((right, np.cross(backwards, right)))
 
 
 def _set_looks(spec: mujoco.MjSpec) -> None:
     """Give an arena the looks of the reference."""
-    spec.visual.headlight.diffuse = [_HEADLIGHT] * 3
+    spec.visual.headlight.diffuse = [0.6] * 3
     for texture in spec.textures:
         if texture.type == mujoco.mjtTexture.mjTEXTURE_SKYBOX:
-            texture.rgb1, texture.rgb2 = _SKY_RGB
+            texture.rgb1, texture.rgb2 = (0.4, 0.6, 0.8), (0.0, 0.0, 0.0)  # at the zenith, at the nadir
         elif texture.builtin == mujoco.mjtBuiltin.mjBUILTIN_CHECKER:
-            texture.rgb1, texture.rgb2 = _FLOOR_RGB
-            texture.mark, texture.markrgb = mujoco.mjtMark.mjMARK_EDGE, _EDGE_RGB
+            texture.rgb1, texture.rgb2 = (0.2, 0.3, 0.4), (0.1, 0.2, 0.3)  # of the two kinds of tiles
+            texture.mark, texture.markrgb = mujoco.mjtMark.mjMARK_EDGE, (0.8, 0.8, 0.8)  # lines between tiles
             floor = spec.material(texture.name)
-            floor.reflectance, floor.specular = _REFLECTANCE, _FLOOR_SHINE
+            floor.reflectance, floor.specular = 0.2, 0.5  # the latter is MuJoCo's default
     for light in spec.lights:
-        light.diffuse, light.specular = [_LAMP] * 3, [_SHINE] * 3
+        light.diffuse, light.specular = [0.7] * 3, [0.3] * 3
 
 
 def position_in_qpos(physics: Physics, prop: Entity) -> slice:

@@ -331,13 +331,12 @@ class Teleop:
             found = plan([goal], left)
         if found.success and self._stays_inside(found):
             return found
-        q, still = tracker.q[np.newaxis], np.zeros((1, tracker.robot.dof))
-        return Trajectory.of(
+        return Trajectory.staying(
             tracker.robot,
             tracker.velocity_limit,
-            (np.zeros(1), q, still, still),
-            status=MotionStatus.NO_WAY,
-            message="no motion was found that keeps the tool inside the workspace",
+            tracker.q,
+            MotionStatus.NO_WAY,
+            "no motion was found that keeps the tool inside the workspace",
         )
 
     def _stays_inside(self, plan: Trajectory) -> bool:

@@ -10,7 +10,7 @@ import pytest
 from jacokin.arrays import Array
 from jacokin.kernels.library import Call
 from jacokin.kernels.motion_rows import average_rows, look_between, make_average_work, make_between_work
-from jacokin.motion.blending import fit_time
+from jacokin.motion.free_motion.sections import fit_time
 from tests.kernels.plain import PlainCall
 
 DT = 0.01  # [s]

@@ -20,7 +20,7 @@ from jacokin.mujoco_bridge import (
     observations,
     robots,
 )
-from jacokin.mujoco_bridge.observables.observable import Observables
+from jacokin.mujoco_bridge.observables import Observables
 from tests.mujoco_bridge.scenes import Scene
 
 DIGITS = 10**5000  # more than Python prints

@@ -31,8 +31,8 @@ RENDERING = """
 import mujoco
 import numpy as np
 from jacokin.mujoco_bridge import Arena, Physics, cameras, observations, robots
-from jacokin.mujoco_bridge.observables.updater import observables_of
-from jacokin.mujoco_bridge.observables.updater import Updater
+from jacokin.mujoco_bridge.updater import observables_of
+from jacokin.mujoco_bridge.updater import Updater
 
 CUBE = np.array([-0.1, -0.1, 0.05])  # [m]
 arm, hand = robots.make_arm(observations.VISION), robots.make_hand(observations.VISION)

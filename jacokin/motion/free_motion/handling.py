@@ -27,13 +27,9 @@ from jacokin.motion.trajectory import MotionStatus, Trajectory
 
 HAND = "hand"  # of bundled robots: the link whose contact with the object is allowed, with the fingers that it carries
 AHEAD = 40  # lines among which the free motion chooses where it leads
-LONGEST = 1.0  # [rad] no joint moves farther along a straight line
 LINES = 5  # straight lines that are tried
-FINDING = 0.6  # of the time is for finding configurations at an object, at most
 LEAST_TIME = 0.1  # [s] for each straight line, and to lift an object, whatever time is left
-TINY = 1e-6  # [s] of what no time is left for
 UP = np.array([0.0, 0.0, 1.0])
-CLOSED = 6400.0  # what Kinova's driver counts for a closed finger, 0 for an open one; about (kinova-ros, README)
 
 
 def hand_links(robot: Robot, frame: str, hand: str | None) -> list[str]:
@@ -59,7 +55,7 @@ def kinova_fingers(robot: Robot, opening: float | None) -> float | None:
     if opening is None or robot.source.bundled not in JACOS:
         return None
     share = (opening - JACO.openings[-1]) / (JACO.openings[0] - JACO.openings[-1])
-    return CLOSED * float(np.clip(share, 0.0, 1.0))
+    return 6400.0 * float(np.clip(share, 0.0, 1.0))  # it counts about 6400 for a closed one (kinova-ros, README)
 
 
 def beside(solver: IKSolver, pose: pin.SE3, q: Array) -> Array | None:
@@ -68,7 +64,7 @@ def beside(solver: IKSolver, pose: pin.SE3, q: Array) -> Array | None:
     None where there is none, or a joint would move farther than along a straight line.
     """
     found = solver.solve(pose, seed=q, closest=False)
-    return found.q if found.success and np.abs(found.q - q).max() <= LONGEST else None
+    return found.q if found.success and np.abs(found.q - q).max() <= 1.0 else None  # [rad]
 
 
 def in_words(name: str, success: bool, message: str, opening: float | None, **parts: Trajectory | None) -> str:
@@ -125,7 +121,8 @@ class Planner:
         self.begun, self._robot = time.monotonic(), robot
         self._speed, self._dt = checks.positive("speed", speed, "m/s"), checks.positive("dt", dt, "s")
         limit = checks.positive("time_limit", time_limit, "s")
-        self._end, self.look_until = self.begun + limit, self.begun + FINDING * limit
+        # Most of it, at most, is for finding configurations at an object.
+        self._end, self.look_until = self.begun + limit, self.begun + 0.6 * limit
         seed = DEFAULT_RANDOM_SEED if rng is None else checks.generator("rng", rng)
         self.randomness: Randomness = cache(partial(np.random.default_rng, seed))
         self._velocity = velocity_limits(robot, velocity_limit)
@@ -138,12 +135,10 @@ class Planner:
 
     def stand(self, q: Array, status: MotionStatus, message: str) -> Trajectory:
         """No motion from a configuration (dof,) [rad], and why."""
-        still = np.zeros((1, self._robot.dof))
-        rows = np.zeros(1), q[None], still, still
-        return Trajectory.of(self._robot, self._velocity, rows, status=status, message=message)
+        return Trajectory.staying(self._robot, self._velocity, q, status, message)
 
-    def move(self, solver: IKSolver, start: Array, goal: Any, *, least: float = TINY) -> Trajectory:
-        """A motion of `plan_motion` from a configuration (dof,) [rad] in the time that is left, or so little [s]."""
+    def move(self, solver: IKSolver, start: Array, goal: Any, *, least: float = 1e-6) -> Trajectory:
+        """A motion of `plan_motion` from a configuration (dof,) [rad] in the time that is left, or the least [s]."""
         return plan_motion(
             solver,
             start,

@@ -34,13 +34,8 @@ from jacokin.model.contact import REFUSED_WITHIN, Contact, Pair
 from jacokin.model.robot import Robot
 
 STEP = 1e-4  # [m] no point of the arm moves farther between two places that are looked at
-MOST_STEPS = 3_000  # of one line
-ROOM = 0.005  # [m] beyond what is kept, to which a line leads where nothing hinders it
 DEEPEST = 0.01  # [m] deeper than this, shapes are not pulled apart: the scene is wrong, or the arm is
 SAME_DISTANCE = 1e-7  # [m] distances are known this well; pairs that overlap less well than those that do not
-LONGEST = 0.5  # [rad] of any joint along one line
-MOST_LINES = 12
-LEAST_GAIN = 1e-3  # [m] by which a line that does not lead out must part the nearest pair
 PROBE = 1e-6  # [rad] over which rates of distances are measured
 DAMPING = 1e-3  # of least squares, in part of the largest singular value
 
@@ -99,14 +94,14 @@ class Leaving:
             if out is not None:
                 return np.array([q, out])
         rows, there = [q], near
-        for _ in range(MOST_LINES):
+        for _ in range(12):  # lines
             best: tuple[float, Array, Array] | None = None
             for end in self._ends(rows[-1], there):
-                out, last, distances = self._walk(rows[-1], end, there, room=ROOM)
+                out, last, distances = self._walk(rows[-1], end, there, room=0.005)  # [m] where nothing hinders it
                 if out is not None:
                     return np.array([*rows, out])
                 gain = float((distances - there.distances).min())
-                if gain > LEAST_GAIN and (best is None or gain > best[0]):
+                if gain > 1e-3 and (best is None or gain > best[0]):  # [m] less is no way out
                     best = gain, last, distances
             if best is None:
                 return None
@@ -153,7 +148,7 @@ class Leaving:
         count = int(np.clip(np.ceil(float(np.abs(step) @ self._levers) / STEP), 1, None))
         pairs, most, last = {(a, b) for a, b in near.pairs.tolist()}, near.distances, q
         out: Array | None = None
-        for k in range(1, min(count, MOST_STEPS) + 1):
+        for k in range(1, min(count, 3_000) + 1):
             there = end if k == count else q + (k / count) * step
             met = self._nearer(there, self.kept + STEP)
             if any((a, b) not in pairs for a, b in met.tolist()):
@@ -208,7 +203,7 @@ class Leaving:
         robot, size = self._robot, float(np.abs(step).max())
         if not 0.0 < size < np.inf:
             return None
-        step = step * (LONGEST / size)
+        step = step * (0.5 / size)  # [rad] of any joint along one line
         step[np.abs(step) < 1e-9] = 0.0
         with np.errstate(divide="ignore", invalid="ignore"):
             room = np.where(step > 0.0, robot.upper - q, q - robot.lower) / np.abs(step)

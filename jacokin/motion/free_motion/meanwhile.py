@@ -1,9 +1,9 @@
 """`Meanwhile`: plans in time, for an arm beside other robots that move. Read `plan` first.
 
 Ways are planned among the other robots as they stand: where they stop, all along their motions, and where they begin.
-Each way is then looked at in time (`in_time`), and begun as late as it must be: the arm waits at its start. Where the
-others stop a way leads past them whenever they have stopped, so that waiting helps in the end; all along their motions
-it need not wait. Where the arm cannot stay at its start while they pass, it moves aside first.
+Each way is then looked at in time (`find_touch`), and begun as late as it must be: the arm waits at its start. Where
+the others stop a way leads past them whenever they have stopped, so that waiting helps in the end; all along their
+motions it need not wait. Where the arm cannot stay at its start while they pass, it moves aside first.
 
 Sources: Kant and Zucker, Toward efficient trajectory planning: the path-velocity decomposition, IJRR 1986, for planning
 where first and when then; Erdmann and Lozano-Perez, On multiple moving objects, Algorithmica 1987, for planning one
@@ -26,30 +26,109 @@ from jacokin.errors import InvalidInputError
 from jacokin.ik.seeds import DEFAULT_RANDOM_SEED, random_configurations
 from jacokin.ik.solver import IKSolver
 from jacokin.model import checks
-from jacokin.model.contact import ContactBetween
+from jacokin.model.contact import ContactBetween, Pair
 from jacokin.model.obstacles import OtherRobot
 from jacokin.model.scene import Scene
-from jacokin.motion.in_time import TimedMotion, Touch, find_touch
-from jacokin.motion.rows import WHOLE_TICK, Rows, joined, standing
+from jacokin.motion.rows import WHOLE_TICK, Rows, cubic, joined, resting, standing
 from jacokin.motion.trajectory import MotionStatus, Trajectory
 
 Motions: TypeAlias = Mapping[str, Trajectory | tuple[Trajectory, float]]
 """Motions of other robots by their names in the scene; with each when on it time 0 is [s]."""
 
+SHORTEST = 1e-3  # [s] a while that is not halved: joints have moved by a milliradian
 LATER = 0.05  # [s] between two times at which it is tried to begin
 MOST_PLACES = 16  # of another robot along its motion, among which a way is planned
-PLACES_APART = 0.3  # [rad] joints move between them, if they do not get too many
 MOST_ASIDE = 200  # configurations near the start, and anywhere, that are tried to move aside to
-ASIDE_ENOUGH = 3  # of them that lead to the goal, of which the quickest is taken
-NEARBY = 0.5  # [rad] so far from the start are the first of them, about
-NEARBY_FIRST = 20  # after which they are twice as far
 
-LEAST_TIME = 1e-3  # [s] for a plan
-SAME_LIMIT = 1e-6  # [rad] URDF and MJCF files of an arm round
 FINAL = (MotionStatus.UNREACHABLE.name, MotionStatus.GOAL_IN_CONTACT.name, MotionStatus.TOO_HEAVY.name)  # at any time
 
 Planning: TypeAlias = Callable[..., Trajectory]
 """Plans a motion among what stands still: `plan_motion` without the solver, start, goal, `dt` and `time_limit`."""
+
+
+class TimedMotion:
+    """A motion over time; before its first row, and after its last, the arm stands there.
+
+    Attributes:
+        duration: from its first row, at time 0, to its last [s].
+    """
+
+    def __init__(self, rows: Rows, begin: float = 0.0) -> None:
+        """Take the rows (n,), which need not be equally far apart, and when on their clock time 0 is [s]."""
+        self._t, self._q, self._v = rows.t - rows.t[0] - begin, rows.q, rows.v
+        self.duration = max(float(self._t[-1]), 0.0)
+        steps = np.diff(self._t)[:, None]
+        pace = np.diff(self._q, axis=0) / steps if len(steps) else np.zeros((0, self._q.shape[1]))
+        pulls = [(6.0 * pace - 4.0 * self._v[:-1] - 2.0 * self._v[1:]), (2.0 * self._v[:-1] + 4.0 * self._v[1:])]
+        cubic = np.maximum(np.abs(pulls[0]), np.abs(pulls[1] - 6.0 * pace)) / steps
+        pull, none = np.maximum(cubic, np.maximum(np.abs(rows.a[:-1]), np.abs(rows.a[1:]))), np.zeros_like(rows.q[:1])
+        self._pull = np.vstack([none, pull, none])  # (n + 1, dof) largest accelerations up to each row, and after all
+
+    def at(self, time: float) -> Array:
+        """Where the joints are (dof,) at a time [s], between rows by the cubic that meets their velocities [rad]."""
+        t = self._t
+        if time <= t[0] or len(t) == 1:
+            return np.asarray(self._q[0])
+        if time >= t[-1]:
+            return np.asarray(self._q[-1])
+        _, x, (q, v, second, third) = cubic(t, self._q, self._v, time)
+        return np.asarray(q + x * (v + x * (second + x * third)))
+
+    def line(self, begin: float, end: float) -> tuple[tuple[Array, Array], Array]:
+        """Where the joints are at two times [s], and how far (dof,) from the line between they are meanwhile [rad]."""
+        t, first, last = self._t, self.at(begin), self.at(end)
+        low, high = int(np.searchsorted(t, begin, side="right")), int(np.searchsorted(t, end, side="left"))
+        high = max(low, high)
+        there = first + (t[low:high, None] - begin) / (end - begin) * (last - first)
+        away = np.abs(self._q[low:high] - there).max(axis=0, initial=0.0)
+        parts = np.diff(t[low:high], prepend=begin, append=end)[:, None]
+        return (first, last), away + 0.125 * (parts**2 * self._pull[low : high + 1]).max(axis=0)
+
+
+class Touch(NamedTuple):
+    """A contact of an arm with another robot that may happen."""
+
+    pair: Pair
+    """The shapes, that of the other robot first."""
+    begin: float
+    """[s]."""
+    end: float
+    """[s]."""
+
+
+def find_touch(
+    contact: ContactBetween, arm: TimedMotion, other: TimedMotion, begin: float, end: float, delay: float = 0.0
+) -> Touch | None:
+    """The first while in which an arm and another robot may touch; None for none: certified, not sampled.
+
+    Of both motions a while is looked at together: each is near the straight line from where it is first to where it is
+    last, and by how much it may be away from it is known from its rows and its accelerations. If the two lines keep
+    farther apart than that, so do the arms, all the while; if not, the two halves of the while are looked at.
+
+    Args:
+        contact: of both.
+        arm: the motion of the arm.
+        other: that of the other robot.
+        begin: when on the clock of the arm looking begins [s].
+        end: when it ends [s].
+        delay: so much later is it on the clock of the other robot [s].
+    """
+    count = max(int(np.ceil((end - begin) / 0.25)), 1)  # [s] a while that is looked at first
+    edges = np.linspace(begin, end, count + 1)
+    waiting = list(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True))[::-1]
+    while waiting:
+        low, high = waiting.pop()
+        own, away = arm.line(low, high)
+        theirs, theirs_away = other.line(low + delay, high + delay)
+        extra = float(away @ contact.levers + theirs_away @ contact.other_levers)
+        pair = contact.in_the_way(own, theirs, extra)
+        if pair is None:
+            continue
+        if high - low <= SHORTEST:
+            return Touch(pair, low, high)
+        middle = 0.5 * (low + high)
+        waiting += [(middle, high), (low, middle)]
+    return None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,7 +151,7 @@ class _Other:
         times = np.linspace(0.0, self.course.duration, 10 * MOST_PLACES)
         q = np.array([self.course.at(at) for at in times.tolist()])
         gone = np.append(0.0, np.cumsum(np.abs(np.diff(q, axis=0)).max(axis=1)))
-        count = min(max(math.ceil(gone[-1] / PLACES_APART) + 1, 2), MOST_PLACES)
+        count = min(max(math.ceil(gone[-1] / 0.3) + 1, 2), MOST_PLACES)  # [rad] from place to place
         rows = np.unique(np.searchsorted(gone, np.linspace(0.0, gone[-1], count)))
         return [q[0], *q[rows[1:-1]], q[-1]]
 
@@ -203,7 +282,7 @@ class Meanwhile:
         return found
 
     def _plan(self, plan: Planning, scene: Scene, start: Array, goal: Any, dt: float) -> Trajectory:
-        left = max(self._deadline - time.monotonic(), LEAST_TIME)
+        left = max(self._deadline - time.monotonic(), 1e-3)  # [s] at least
         return plan(self._solver.in_scene(scene), start, goal, dt=dt, time_limit=left)
 
     @property
@@ -288,7 +367,7 @@ class Meanwhile:
         contact = self._standing.contact(self._solver.robot).with_clearance(self._solver.verifier.options.clearance)
         found = list[tuple[_Begun, _Begun]]()
         for place in self._places_aside(start):
-            if self._is_late or len(found) == ASIDE_ENOUGH:
+            if self._is_late or len(found) == 3:  # of which the quickest is taken
                 break
             if contact.touches(place) or self._find_touch(TimedMotion(resting(place))) is not None:
                 continue
@@ -304,7 +383,8 @@ class Meanwhile:
     def _places_aside(self, start: Array) -> list[Array]:
         """Configurations within the limits, those near the start first."""
         robot, rng = self._solver.robot, np.random.default_rng(DEFAULT_RANDOM_SEED)
-        near = [start + NEARBY * (1.0 + k / NEARBY_FIRST) * rng.normal(size=robot.dof) for k in range(MOST_ASIDE)]
+        # The first are about half a radian from the start, twice as far after 20.
+        near = [start + 0.5 * (1.0 + k / 20) * rng.normal(size=robot.dof) for k in range(MOST_ASIDE)]
         return [np.clip(q, robot.lower, robot.upper) for q in (*near, *random_configurations(robot, MOST_ASIDE, rng))]
 
     def _write(self, *parts: _Begun) -> Trajectory:
@@ -332,14 +412,7 @@ class Meanwhile:
         return found
 
     def _stay(self, start: Array, status: MotionStatus, message: str) -> Trajectory:
-        limit = self._solver.robot.velocity_limit
-        return Trajectory.of(self._solver.robot, limit, resting(start), status=status, message=message)
-
-
-def resting(q: Array) -> Rows:
-    """The motion of an arm that stays at a configuration (dof,) [rad]."""
-    none = np.zeros((1, len(q)))
-    return Rows(np.zeros(1), q[None], none, none)
+        return Trajectory.staying(self._solver.robot, self._solver.robot.velocity_limit, start, status, message)
 
 
 def _course(robot: OtherRobot, motion: object) -> TimedMotion:
@@ -359,7 +432,8 @@ def _course(robot: OtherRobot, motion: object) -> TimedMotion:
         )
     there = np.column_stack([trajectory.lower, trajectory.upper])
     here = np.column_stack([robot.robot.lower, robot.robot.upper])
-    other = np.flatnonzero(~np.isclose(there, here, rtol=0.0, atol=SAME_LIMIT).all(axis=1))
+    # URDF and MJCF files of an arm round by some 1e-7 rad.
+    other = np.flatnonzero(~np.isclose(there, here, rtol=0.0, atol=1e-6).all(axis=1))
     if len(other):
         joint = trajectory.joint_names[other[0]]
         moved, known = (f"{low:.6g} to {high:.6g} rad" for low, high in (there[other[0]], here[other[0]]))

@@ -6,7 +6,7 @@ A plan goes through these steps:
     ends        joints outside their limits come back, and what is near at the start comes apart (`leaving`)
     straight    the straight motion to each of them, the quickest first, is certified (`Contact.in_the_way`)
     search      where those are blocked, two trees grow from start and goals until they meet, and the way is shortened
-    blending    its corners are rounded, and it is timed within the limits (`motion.blending`)
+    sections    its corners are rounded, and it is timed within the limits (`sections`)
 
 An arm that moves already is planned for from where it can stop; then it goes on without stopping where it can
 (`under_way`).
@@ -35,16 +35,14 @@ from jacokin.model.angles import TURN
 from jacokin.model.contact import Contact, self_contact
 from jacokin.model.poses import FreeAxis
 from jacokin.model.robot import acceleration_limits, copies_counted, jerk_limits, velocity_limits
-from jacokin.motion.blending import straightened
 from jacokin.motion.free_motion.leaving import DEEPEST, SAME_DISTANCE
 from jacokin.motion.free_motion.meanwhile import Meanwhile, Motions
 from jacokin.motion.free_motion.search import MOST_SAMPLES, Found, Randomness, StraightMotion, WaySearch
-from jacokin.motion.free_motion.sections import Section, make_sections
+from jacokin.motion.free_motion.sections import Section, make_sections, straightened
 from jacokin.motion.free_motion.under_way import AT_REST, NoStop, Stop, find_stop, go_directly, go_on, velocity_now
 from jacokin.motion.grasps import Grasp
 from jacokin.motion.joint_motion import ACCELERATION
-from jacokin.motion.motion_state import MotionState
-from jacokin.motion.rows import HELD, Limits, OnTheWay, Rows, coarse, halved, joined
+from jacokin.motion.rows import HELD, Limits, MotionState, OnTheWay, Rows, coarse, halved, joined, resting
 from jacokin.motion.timing import (
     TooHeavy,
     hold_torques,
@@ -55,13 +53,7 @@ from jacokin.motion.timing import (
 )
 from jacokin.motion.trajectory import Aim, Goal, MotionStatus, Trajectory
 
-MOST_WAYS = 1000  # some seconds of searching
-DETOUR = 1.5  # a straight motion this many times slower than the nearest goal allows is compared with a way around
-BETTER = 0.98  # of the time of a way at full speed is what the next one may take
-NEXT_SAMPLES = 500  # after which the search for it is given up
 SAME = 1e-9  # [rad] a motion that is shorter is none
-MOST_DIRECT = 8  # goals to which a motion that leaves contact tries to go straight
-MOST_LANDINGS = 16  # goals next to something to which it is tried to come
 
 
 def plan_motion(
@@ -133,7 +125,7 @@ def plan_motion(
     velocity = velocity_limits(robot, velocity_limit)
     acceleration, jerk = acceleration_limits(robot, acceleration_limit), jerk_limits(robot, jerk_limit)
     torque = torque_limits(robot, torque_limit)
-    step, count = checks.positive("dt", dt, "s"), checks.whole_number("ways", ways, 1, MOST_WAYS)
+    step, count = checks.positive("dt", dt, "s"), checks.whole_number("ways", ways, 1, 1000)  # some seconds
     speed = np.minimum(velocity, np.sqrt(np.pi * acceleration))
     slowest = float(speed.min())
     request = _Request(
@@ -251,7 +243,7 @@ class _Request(NamedTuple):
         strain = None if self.torque is None else partial(torque_strain, self.solver.robot, limit=self.torque)
         stop = find_stop(self.solver.robot, now, self.limits, self.dt, search, strain)
         if isinstance(stop, NoStop):
-            rows = Rows(np.zeros(1), now[0][None], now[1][None], np.zeros_like(now[0][None]))
+            rows = resting(now[0])._replace(v=now[1][None])
             return Trajectory.of(
                 self.solver.robot, self.velocity, rows, status=MotionStatus.CANNOT_STOP, message=stop.reason
             )
@@ -356,7 +348,9 @@ class _Request(NamedTuple):
                 "what touches is pulled apart"
             )
             return self._stay(MotionStatus.START_IN_CONTACT, sentence)
-        out = leaving.way_out(inside, near, goals[self._order(goals, self.start)[:MOST_DIRECT]])
+        out = leaving.way_out(
+            inside, near, goals[self._order(goals, self.start)[:8]]
+        )  # straight to these, if it can be
         if out is None:
             sentence = (
                 f"{where}, nearer than {leaving.kept:.3g} m (the clearance and a reserve), and no straight motion was "
@@ -378,7 +372,7 @@ class _Request(NamedTuple):
             near = leaving.near(rows[k])
             if not near:
                 continue
-            out = leaving.way_out(rows[k], near, start[None]) if len(found) < MOST_LANDINGS else None
+            out = leaving.way_out(rows[k], near, start[None]) if len(found) < 16 else None  # enough to choose from
             if out is not None:
                 found[k] = out[::-1]
             else:
@@ -387,11 +381,14 @@ class _Request(NamedTuple):
         return found, none
 
     def _is_direct(self, rows: Array, straight: StraightMotion, start: Array) -> bool:
-        """Whether the straight motion to the goal that was reached takes not much longer than one to a nearer goal."""
+        """Whether the straight motion to the goal that was reached takes at most half as long again as to a nearer one.
+
+        Where it takes longer, it is compared with a way around.
+        """
         if not len(straight.blocked):
             return True
         far, near = self._times(rows[[straight.reached, straight.blocked[0]]], start).tolist()
-        return bool(far <= DETOUR * near)
+        return bool(far <= 1.5 * near)
 
     def _quickest(
         self, search: WaySearch, straight: StraightMotion, rows: Array, ends: _Ends, deadline: float
@@ -408,7 +405,7 @@ class _Request(NamedTuple):
         found, bound, most = Found(), np.inf, MOST_SAMPLES
         for _ in range(self.ways):
             if best is not None:
-                bound, most = BETTER * quick, NEXT_SAMPLES
+                bound, most = 0.98 * quick, 500  # so much quicker, or none after so many samples
             goals = straight.blocked[times < bound]
             if not len(goals):
                 break
@@ -445,10 +442,9 @@ class _Request(NamedTuple):
         robot, way = self.solver.robot, timed.way
         goal = Goal(checks.read_only(way[-1]), goal.number, goal.target, goal.parameter)
         if not timed.sections:
-            none = np.zeros_like(way)
             if self.stop is not None:
                 return self._write(self.stop.rows, goal, contact, "comes to rest there")
-            return self._write((np.zeros(1), way, none, none), goal, contact, "already there")
+            return self._write(resting(way[0]), goal, contact, "already there")
         slower = 1.0
         if self.torque is not None:
             states = [np.concatenate(each) for each in zip(*(s.states() for s in timed.sections), strict=True)]
@@ -502,9 +498,7 @@ class _Request(NamedTuple):
         worst = float(self.limits.strain(rows).max())
         return worst if self.torque is None else max(worst, torque_strain(self.solver.robot, rows, self.torque))
 
-    def _write(
-        self, rows: tuple[Array, Array, Array, Array], goal: Goal, contact: Contact | None, message: str
-    ) -> Trajectory:
+    def _write(self, rows: Rows, goal: Goal, contact: Contact | None, message: str) -> Trajectory:
         wrong = self._misses(goal)
         return Trajectory.of(
             self.solver.robot,
@@ -537,9 +531,7 @@ class _Request(NamedTuple):
 
     def _stay(self, status: MotionStatus, message: str) -> Trajectory:
         """A motion that does not begin, or ends where the arm comes to rest."""
-        rows = np.zeros(1), self.start[None], np.zeros((1, len(self.start))), np.zeros((1, len(self.start)))
-        if self.stop is not None:
-            rows = self.stop.rows
+        rows = resting(self.start) if self.stop is None else self.stop.rows
         return Trajectory.of(self.solver.robot, self.velocity, rows, status=status, message=message)
 
 
@@ -588,7 +580,6 @@ def _named(pairs: Counter[tuple[str, str]]) -> str:
 
 SPREAD = float(np.radians(20.0))  # between members of a curve that are tried
 TURNED = float(np.radians(30.0))  # between angles about a free axis that are tried on seven joints
-STARTS = 8  # of descents to a goal without a closed form
 GOALS = "a configuration, a pose, a FreeAxis"
 
 
@@ -711,7 +702,7 @@ class GoalFinder:
             for index in np.flatnonzero(verifier.reached_rows(rows)).tolist():
                 yield rows.q[index], angle[index]
         else:
-            seeds = [self._start, self._robot.home, *random_configurations(self._robot, STARTS - 2, self._rng())]
+            seeds = [self._start, self._robot.home, *random_configurations(self._robot, 6, self._rng())]
             for seed in seeds:
                 if self.is_late:
                     return

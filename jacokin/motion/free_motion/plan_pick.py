@@ -40,7 +40,6 @@ from jacokin.motion.joint_motion import ACCELERATION
 from jacokin.motion.trajectory import MotionStatus, Trajectory
 
 EACH = "each is out of reach, in contact, or the line to it leaves its branch"
-LOOKED_AT = 5  # every so many rows of the line at which the open hand must not touch the object
 TO_THE_GRASP = "straight to the grasp"
 
 
@@ -246,7 +245,7 @@ class _PickScenes:
     def approach(self, approach: _Approach, start: Array, planner: Planner) -> Trajectory | str:
         """The line to a grasp from a configuration (dof,), or why there is none."""
         line = planner.line(self.near, [approach.before, approach.at], start)
-        if isinstance(line, Trajectory) and any(self._open_hand_touches(row) for row in line.q[::LOOKED_AT]):
+        if isinstance(line, Trajectory) and any(self._open_hand_touches(row) for row in line.q[::5]):
             return "the hand touches the object before it closes"
         return line
 

@@ -44,11 +44,7 @@ from jacokin.motion.joint_motion import ACCELERATION
 from jacokin.motion.trajectory import MotionStatus, Trajectory
 
 TURNED = float(np.radians(15.0))  # between angles about a free axis that are tried on six and seven joints
-FINGERS = 4  # openings between shut and open at which the fingers are looked at
-HALVINGS = 6  # of what is between open and shut, to where the fingers hold the object: to 1 or 2 mm
-LATE = "the time was over before the object was put down"
 DOWN = "straight down to the place"
-NAMED = 2  # pairs in a sentence
 
 
 @poses.giving_copies("pose")
@@ -170,7 +166,7 @@ def plan_place(
             failed = failed or f"{load.name} cannot be put down: {finder.reason}"
             break
         if planner.is_late:
-            failed = failed or LATE
+            failed = failed or "the time was over before the object was put down"
             break
         carry = planner.move(around.held, q, [each.q for each in found])
         if not carry.success or carry.goal is None:
@@ -362,7 +358,7 @@ class _PlaceScenes:
         if opened is None or shut is None:
             return None
         scene = self.standing(descent.T_base_object)
-        for value in np.linspace(shut, opened, FINGERS + 2).tolist()[1:-1]:
+        for value in np.linspace(shut, opened, 6).tolist()[1:-1]:
             pairs = scene.with_fingers(value).contact(self._solver.robot).all_touching(q)
             if others := [pair for pair in pairs if self.load.name not in pair]:
                 return others[0]
@@ -387,7 +383,7 @@ class _PlaceScenes:
         free, shut = opened, float(load.gripper.openings[0])
         if not touch(shut):
             return shut
-        for _ in range(HALVINGS):
+        for _ in range(6):  # times, to 1 or 2 mm
             middle = 0.5 * (free + shut)
             free, shut = (free, middle) if touch(middle) else (middle, shut)
         return free
@@ -456,7 +452,7 @@ class _Descents:
             if len(found) == AHEAD:
                 break
         self.status = MotionStatus.NO_WAY if clear else MotionStatus.GOAL_IN_CONTACT
-        self.reason = "; ".join(fault for fault, _ in faults.most_common(NAMED))
+        self.reason = "; ".join(fault for fault, _ in faults.most_common(2))
         return found
 
     def _ends(self, targets: Sequence[pin.SE3 | FreeAxis]) -> Iterator[_End]:

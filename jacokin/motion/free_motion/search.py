@@ -43,14 +43,9 @@ from jacokin.model.robot import Robot
 from jacokin.motion.free_motion.leaving import Leaving
 
 MOST_STRAIGHT = 64  # clear goals to which the straight motion is tried
-MOST_ROOTS = 48  # clear goals from which the second tree grows, the quickest to reach
 MOST_SAMPLES = 200_000  # after which a search is given up, whatever time is left
 FIRST_ROOM = 1024  # configurations of a tree, twice as many whenever one is full
-ROOM_KEPT = 16_384  # configurations of a tree; more memory than for these is given back
 FARTHEST = 1e3  # [rad] or [m] from zero, random configurations of joints without one limit
-AT_ONCE = 256  # samples or shortcuts before the clock is looked at
-UNEQUAL = 4.0  # a joint that is faster than the slowest by more counts as so much faster when steps are measured
-IN_VAIN = 40  # shortcuts one after another that are none, after which no more are looked for
 
 
 #: Makes the generator of random numbers, or gives back the one that it made: many motions need none.
@@ -111,7 +106,7 @@ class WaySearch:
         Times at full speed are those at these speeds.
         """
         kept = getattr(self._local, "call", None)
-        if kept is not None and len(kept.work.trees.parents) > 2 * ROOM_KEPT:
+        if kept is not None and len(kept.work.trees.parents) > 2 * 16_384:  # more is given back
             self._local.call = None
         call = self._call(len(goals))
         work = call.work
@@ -146,15 +141,16 @@ class WaySearch:
         if rng is not None:  # once for all ways
             first, second = (rng().integers(1, modulus, 3) for modulus in (FIRST_MODULUS, SECOND_MODULUS))
             call.work.generator[:3], call.work.generator[3:] = first, second
-            compared = np.minimum(space.speed, UNEQUAL * space.speed.min())
+            # When steps are measured, no joint counts as more than four times as fast as the slowest.
+            compared = np.minimum(space.speed, 4.0 * space.speed.min())
             space.weights[:] = float(compared.sum()) / len(compared) / compared
             self._local.rng = None
-        roots = goals[:MOST_ROOTS]
+        roots = goals[:48]  # the quickest to reach
         call.work.trees.numbers[BOUND] = bound
         call.work.chosen[: len(roots)], call.work.integers[ROOTS] = roots, len(roots)
         found, task = Found(), BEGIN_SEARCH
         while True:
-            call.work.integers[TASK], call.work.integers[STEPS] = task, AT_ONCE
+            call.work.integers[TASK], call.work.integers[STEPS] = task, 256  # then the clock is looked at
             met = call()
             found.samples = int(call.work.trees.integers[SAMPLES])
             found.nearest = float(call.work.trees.numbers[NEAREST])
@@ -166,7 +162,7 @@ class WaySearch:
                 call = self._grow()
             task = GO_ON_SEARCH
         work = call.work
-        work.integers[[TASK, TRIES_IN_VAIN]] = SHORTEN, IN_VAIN
+        work.integers[[TASK, TRIES_IN_VAIN]] = SHORTEN, 40  # one after another
         while not call() and time.monotonic() < deadline:
             pass
         points, dof = int(work.way.integers[POINTS]), len(work.start)

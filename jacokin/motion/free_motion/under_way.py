@@ -3,7 +3,7 @@
 An arm that moves can always be planned for from where it stops. Of the ways to stop, the straight one is tried first,
 all joints coming to rest together, then the one on which each joint brakes as hard as it may. Where the rest of the
 plan leaves the straight stop in a direction that differs little, the arm need not stop: the corner between the two is
-cut like any other (`motion.blending`), and the course is timed from its end at rest backwards to the speed of now.
+cut like any other (`sections`), and the course is timed from its end at rest backwards to the speed of now.
 
 Rows begin with exactly the positions and velocities of now; accelerations may jump there, within their limits.
 """
@@ -21,17 +21,23 @@ from jacokin.arrays import Array
 from jacokin.ik.seeds import ON_LIMIT, checked_start
 from jacokin.model.contact import Pair
 from jacokin.model.robot import Robot
-from jacokin.motion.blending import TimedCourse, fit_time, straightened
 from jacokin.motion.free_motion.search import WaySearch
-from jacokin.motion.motion_state import MotionState, checked_velocity
-from jacokin.motion.rows import HELD, WHOLE_TICK, Limits, Rows, controlled_rows, joined, past_limits
+from jacokin.motion.free_motion.sections import TimedCourse, fit_time, straightened
+from jacokin.motion.rows import (
+    HELD,
+    WHOLE_TICK,
+    Limits,
+    MotionState,
+    Rows,
+    checked_velocity,
+    controlled_rows,
+    joined,
+    past_limits,
+)
 from jacokin.motion.timing import check_ticks
 
 AT_REST = 1e-9  # [rad/s] a slower arm stands
 LONGER = (1.0, 1.5, 2.0, 3.0)  # times as long as the quickest straight stop, where torques are limited
-REACHES = (1.0, 2.0, 4.0)  # times as far as the stop, where the corner lies at which a plan leaves the line of now
-REACHED = 1e-8  # part of a speed that rounding takes
-MORE = 1.0 + 1e-4  # by which accelerations are reduced for that
 
 
 class Stop(NamedTuple):
@@ -270,7 +276,7 @@ def go_on(
         return None
     now, v = stop.rows.q[0], stop.rows.v[0]
     first = now + dt * v
-    for reach in REACHES:
+    for reach in (1.0, 2.0, 4.0):  # times as far as the stop
         corner = now + reach * (stop.end - now)
         if float((corner - first) @ v) <= 0.0:
             continue
@@ -306,8 +312,9 @@ def _bent(
     lines, cuts = straightened(lines, search.cuts(lines), speed)
     step = lines[1] - lines[0]
     begin = float(np.abs(v).max() / np.abs(step).max()) * float((np.abs(step) / speed).max())  # ds/dt
-    timed = fit_time(lines[::-1], cuts[::-1], speed, limits.velocity, limits.acceleration / MORE, begin)
-    if timed.speed[-1] < begin * (1.0 - REACHED):
+    hard = limits.acceleration / (1.0 + 1e-4)  # rounding of the speed takes some
+    timed = fit_time(lines[::-1], cuts[::-1], speed, limits.velocity, hard, begin)
+    if timed.speed[-1] < begin * (1.0 - 1e-8):  # rounding
         return None
     rows = GoingOn(timed, *now, dt).rows(dt)
     kept = float(limits.strain(rows).max()) <= HELD and past_limits(rows, robot.lower, robot.upper).max() <= ON_LIMIT

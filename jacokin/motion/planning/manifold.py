@@ -22,10 +22,7 @@ from jacokin.model.robot import Robot
 from jacokin.motion.path import CartesianPath
 
 CLOSURE = 1e-9  # [m] and [rad] an exact configuration misses its pose by less
-STRAY = 0.25  # [rad] from the straight joint motion between two knots; farther away is another branch
-MOST_KNOTS = 400_000
 TOO_FAST = 1e3  # cost of a second beyond a velocity limit: avoided wherever another way leads on
-SAME = 1e-11  # [m] knots that are nearer to each other along the path are one
 SHORTEST = 1e-9  # of a line: two knots this near that are still far apart in a joint are a jump
 
 
@@ -150,7 +147,7 @@ class Curve:
         """
         self.manifold, self.u, self.x = manifold, u, x
         self._gone = manifold.path.gone(u)
-        rising = np.append(True, np.diff(self._gone) > SAME)
+        rising = np.append(True, np.diff(self._gone) > 1e-11)  # [m] nearer ones are one
         several = manifold.has_curves and rising.sum() > 1
         self._smooth = PchipInterpolator(self._gone[rising], x[rising], axis=0) if several else None
 
@@ -167,7 +164,7 @@ class Curve:
         else:
             guess = np.column_stack([np.interp(gone, self._gone, column) for column in self.x.T])
         x, good = self.manifold.project(u, guess)
-        good &= np.abs(x - guess).max(axis=1) <= STRAY
+        good &= np.abs(x - guess).max(axis=1) <= 0.25  # [rad] farther away is another branch
         lower, upper = self.manifold.window(u)
         dof = self.manifold.dof
         guess[:, :dof] = np.clip(guess[:, :dof], lower[:, :dof], upper[:, :dof])
@@ -195,7 +192,7 @@ class Curve:
             wide = wide[np.diff(u)[wide] >= SHORTEST]
             if not wide.size:
                 break
-            if len(u) > MOST_KNOTS:
+            if len(u) > 400_000:
                 bad.update(self.intervals(0.5 * (u[wide] + u[wide + 1])).tolist())
                 break
             counts = np.minimum(np.ceil(ratio[wide]), 8.0).astype(int)

@@ -26,22 +26,11 @@ from jacokin.motion.planning.manifold import Curve, Pace
 from jacokin.motion.rows import ATTEMPTS, HELD, WHOLE_TICK, Limits, Rows, past_limits, sample, spline_rows
 from jacokin.motion.timing import Schedule, check_ticks, fit_course, sample_lines, with_ramps
 
-GRID = 0.01  # [s] at full speed between places whose limits are looked at
-LEAST_INTERVALS = 3  # between waypoints
-MOST_PLACES = 20_000
-SAME = 1e-7  # [s] at full speed: waypoints nearer than this are one
-SHORT = 1e-4  # [s] at full speed: on a piece that is shorter joints move in proportion
 IN_A_TICK = (
     1.4  # so much harder does the spline accelerate than a velocity that changes in one; 0.6 to 2 by where rows fall
 )
-SWING = 0.2  # of that change, by which it passes the larger of both velocities at most
 EASINGS = 8  # times that places are passed more slowly where limits do not hold; then the whole is
-EASED = 0.98
-EASED_AT_LIMIT = 2.0  # times as slow at most where a joint would swing over its limit between two rows
-SLOWER = 0.01  # from attempt to attempt, and each time by so much more: ticks fall elsewhere on corners each time
-USED = 0.96  # of the acceleration; the spline through the ticks swings over the rest
 AROUND = 2  # ticks
-STOPS = 0.25  # of the speed without the corner: where less is left, the arm stands still
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,7 +108,7 @@ def pass_slowly(curve: Curve, pace: Pace, dt: float, acceleration: Array | None)
         usable, held = np.full(dof, ACCELERATION), np.full(dof, np.inf)
         slope = np.repeat(0.5 * (slope[:1] + slope[1:]), 2, axis=0)
     else:
-        usable, held = USED * acceleration, acceleration
+        usable, held = 0.96 * acceleration, acceleration  # the spline through the ticks swings over the rest
         stops = _stops(course, top, acceleration, dt)
         top = top.copy()
         top[stops] = 0.0
@@ -141,7 +130,8 @@ def pass_slowly(curve: Curve, pace: Pace, dt: float, acceleration: Array | None)
     speed = _speeds(fitted(top, np.zeros_like(steepest)))  # corners are passed no faster than without what they take
     kinks = _kinks(course, speed, dt)
     sudden = np.zeros_like(kinks) if acceleration is None else kinks * (IN_A_TICK / dt)
-    swinging = _at_places(pace.velocity, steepest + SWING * kinks)
+    # The spline passes the larger of both velocities by a fifth of their difference at most.
+    swinging = _at_places(pace.velocity, steepest + 0.2 * kinks)
     top = np.minimum(np.minimum(top, swinging), _least_around(course.p, free, dt * speed))
     limits = Limits(pace.velocity, held)
     asked = np.append(0.0, np.cumsum(pace.times))
@@ -159,10 +149,12 @@ def pass_slowly(curve: Curve, pace: Pace, dt: float, acceleration: Array | None)
         if worst.max() <= HELD and (past.max() <= ON_LIMIT or attempt >= EASINGS):
             break
         if attempt < EASINGS:
-            worst = np.maximum(worst, np.minimum(np.sqrt(past / ON_LIMIT), EASED_AT_LIMIT))
+            # A joint that would swing over its limit between two rows passes at half the speed, at least.
+            worst = np.maximum(worst, np.minimum(np.sqrt(past / ON_LIMIT), 2.0))
             top = np.minimum(top, _eased(course.p, _speeds(found), p, worst))
         else:
-            slower *= max(float(worst.max()), 1.0 + SLOWER * (attempt - EASINGS + 1))
+            # Each time by more: ticks fall elsewhere on corners.
+            slower *= max(float(worst.max()), 1.0 + 0.01 * (attempt - EASINGS + 1))
     return u, x, rows
 
 
@@ -177,7 +169,9 @@ def _along_joints(curve: Curve, pace: Pace) -> _Course:
     far = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(curve.q, axis=0) / scale, axis=1)))
     low, high = np.array(_pieces(curve.u, far)).T
     start, end = np.interp(low, curve.u, far), np.interp(high, curve.u, far)
-    counts = np.maximum(np.ceil((end - start) / max(GRID, far[-1] / MOST_PLACES)).astype(np.intp), LEAST_INTERVALS)
+    # Limits are looked at every 10 ms at full speed, at no more than 20,000 places, three times between waypoints at
+    # least.
+    counts = np.maximum(np.ceil((end - start) / max(0.01, far[-1] / 20_000)).astype(np.intp), 3)
     cuts = np.append(0, np.cumsum(counts))
 
     # The ends of intervals, piece by piece: a waypoint is the last of one piece and the first of the next.
@@ -193,7 +187,8 @@ def _along_joints(curve: Curve, pace: Pace) -> _Course:
     rates = _rates(p, np.column_stack([q, u]), first, last)
     length = p[last] - p[first]
     straight = (q[last] - q[first]) / length[:, None]
-    rates[:, :dof] = np.where(length[piece, None] > SHORT, rates[:, :dof], straight[piece])
+    # On a shorter piece joints move in proportion.
+    rates[:, :dof] = np.where(length[piece, None] > 1e-4, rates[:, :dof], straight[piece])
     before = np.delete(np.arange(len(piece)), last)
     slope = np.stack([rates[before], rates[before + 1]])
     return _Course(
@@ -241,7 +236,7 @@ def _pieces(u: Array, far: Array) -> list[tuple[float, float]]:
     places, gone = [*inner.tolist(), float(u[-1])], [*np.interp(inner, u, far).tolist(), float(far[-1])]
     found, low, before = list[tuple[float, float]](), float(u[0]), float(far[0])
     for place, here in zip(places, gone, strict=True):
-        if here - before > SAME:
+        if here - before > 1e-7:  # [s] nearer ones are one
             found.append((low, place))
             before = here
         low = place  # the last of those that are the same
@@ -280,7 +275,8 @@ def _stops(course: _Course, top: Array, acceleration: Array, dt: float) -> NDArr
     with np.errstate(divide="ignore"):
         most = (acceleration / turn).min(axis=1) * dt / IN_A_TICK
     alone = most * dt <= 0.5 * (lengths[:-1] + lengths[1:])
-    stops = inner[alone & (most < STOPS * np.minimum(top[inner], 1.0))]
+    # Where less than a quarter of the speed is left, the arm stands still.
+    stops = inner[alone & (most < 0.25 * np.minimum(top[inner], 1.0))]
     return np.array([0, *stops, len(top) - 1])
 
 
@@ -308,5 +304,5 @@ def _eased(places: Array, speed: Array, p: Array, worst: Array) -> Array:
         low, high = p[max(row - AROUND, 0)], p[min(row + 1 + AROUND, len(p) - 1)]
         first, last = np.searchsorted(places, [low, high]).tolist()
         near = slice(max(first - 1, 0), last + 1)
-        top[near] = np.minimum(top[near], EASED * speed[near].max() / worst[row])
+        top[near] = np.minimum(top[near], 0.98 * speed[near].max() / worst[row])
     return top

@@ -38,16 +38,8 @@ from jacokin.motion.timing import check_ticks, sample_lines
 from jacokin.motion.track import ANGULAR_SPEED, SPEED
 from jacokin.motion.trajectory import LEAD_IN, SPEED_ROUNDING, Trajectory
 
-TIMINGS = ("keep", "slow")
 FINEST = 0.01  # [rad] between members of a curve: more of them take minutes
 SLOWEST = 1e-6  # [rad/s] of a velocity limit: a turn takes 70 days
-FREE_STEP = float(np.radians(10.0))  # [rad] between members of a curve that are tried
-SPACING = 0.01  # [m] of the tool between two steps of the path, turning counted in
-TIGHT = 0.05  # [rad] a joint this near to its limit is why a way ends
-STILL = 1e-12  # [rad] a way on which joints move less is none
-NO_LINE = 1e-3  # of a control step: a line that takes less time takes none
-TINY = 1e-9  # [s] asked for between two rows, at least
-ACCELERATION_ROUNDING = 1e-6  # relative
 
 
 def plan_path(
@@ -62,7 +54,7 @@ def plan_path(
     start: ArrayLike | None = None,
     velocity_limit: ArrayLike | None = None,
     acceleration_limit: ArrayLike | None = None,
-    free_step: float = FREE_STEP,
+    free_step: float = float(np.radians(10.0)),
     time_limit: float | None = None,
 ) -> Trajectory:
     """Joint trajectory of least cost along straight lines through poses, over all branches.
@@ -113,7 +105,7 @@ def plan_path(
     robot, verifier = solver.robot, solver.verifier
     verifier.require_contact()
     _require_closed_form(solver)
-    checks.choice("timing", timing, TIMINGS)
+    checks.choice("timing", timing, ("keep", "slow"))
     if acceleration_limit is not None and timing == "keep":
         raise InvalidInputError("acceleration_limit needs timing='slow': the speed that is kept has corners")
     acceleration = None if acceleration_limit is None else acceleration_limits(robot, acceleration_limit)
@@ -128,7 +120,7 @@ def plan_path(
     limit = np.inf if time_limit is None else checks.positive("time_limit", time_limit, "s")
     times = path.durations(speed, angular_speed)
     check_ticks(times, dt)
-    times = np.where(times < NO_LINE * dt, 0.0, times)
+    times = np.where(times < 1e-3 * dt, 0.0, times)  # lines that take hardly any take none
     near, note = seeds.choose_start(robot, seed, start)
     inside = seeds.inside_exactly(robot.lower.tolist(), near.tolist(), robot.upper.tolist())
     if start is not None and (not inside or is_away(verifier, near, path.target(0.0))):
@@ -150,7 +142,8 @@ def plan_path(
     manifold = Manifold(robot, chain, path, verifier.options.limit_snap, solver.parameter)
     pace = Pace(times, velocity)
     ladder = Ladder(solver, manifold, pace, free_step, near, keep=timing == "keep")
-    places = path.places(SPACING, MOST_CURVES if manifold.has_curves else MOST_PLACES)
+    # Every centimetre of the tool, turning counted in.
+    places = path.places(0.01, MOST_CURVES if manifold.has_curves else MOST_PLACES)
     search = PathSearch(ladder, places, near, exactly=start is not None, deadline=time.monotonic() + limit)
     found = Climb(search, dt).find()
     writer = _Writer(
@@ -248,7 +241,7 @@ class _Writer:
         parameter, fault, verifier = self._at_waypoints(curve, reached), "", self.solver.verifier
         between = OnTheWay(self.solver.robot, verifier.contact if verifier.avoids_contact else None)
         for dt in halved(self.dt):
-            if len(curve.u) < 2 or np.abs(np.diff(curve.q, axis=0)).max() < STILL:
+            if len(curve.u) < 2 or np.abs(np.diff(curve.q, axis=0)).max() < 1e-12:  # [rad] it stays
                 u, x, rows = curve.u[-1:], curve.x[-1:], spline_rows(curve.q[-1:], dt)
             elif self.slow:
                 u, x, rows = pass_slowly(curve, self.pace, dt, self.acceleration)
@@ -334,8 +327,8 @@ class _Writer:
             ends = np.append(0.0, np.cumsum(self.pace.times))
             asked = np.diff(np.interp(u, np.arange(len(ends)), ends))[:, None]
             moved = np.abs(np.diff(rows.q, axis=0))
-            fast[1:] = np.maximum(fast[1:], np.where(moved > 0.0, moved / np.maximum(asked, TINY), 0.0))
-        limit = np.inf if self.acceleration is None else self.acceleration * (1.0 + ACCELERATION_ROUNDING)
+            fast[1:] = np.maximum(fast[1:], np.where(moved > 0.0, moved / np.maximum(asked, 1e-9), 0.0))
+        limit = np.inf if self.acceleration is None else self.acceleration * (1.0 + 1e-6)  # rounding
         return fast, hard > limit
 
     def _sentence(self, speed: Array, fast: NDArray[np.bool_], status: list[str], rows: Rows) -> str:
@@ -395,7 +388,7 @@ def _explain_end(search: PathSearch, reached: float, q: Array, blocked: str, sol
     joint = int(np.argmax(np.abs(nearest)))
     margin = np.minimum(q - robot.lower, robot.upper - q)
     tight = int(np.argmin(margin))
-    if margin[tight] < TIGHT:
+    if margin[tight] < 0.05:  # [rad] then that is why
         return f"{where}: {robot.joint_names[tight]} runs into its limit, and no branch within the limits follows"
     return f"{where}: a gap between branches, {abs(float(nearest[joint])):.3g} rad in {robot.joint_names[joint]}"
 

@@ -49,20 +49,11 @@ from jacokin.motion.timing import sample_lines
 PLACES_TOGETHER = 256  # places whose members are corrected in one go
 MISSED = 2e-3  # [m] of the tool from its line half way between two steps, the joints moving straight
 TILTED = 2e-2  # [rad] the same of its orientation
-BENT = 0.15  # [m] and [rad], times the squared change of the parameter: how much more that may be
 NEAR = 1.0  # [rad] no joint moves farther between two steps
-FREE_STEPS = 2.5  # steps of the parameter from one step of the path to the next, at most
 
 FINEST = 2e-5  # [m] no step of the path is made smaller
-MOST_RUNGS = 6000  # more than the path began with: steps that are halved cost time
-TOGETHER = 300_000  # pairs of solutions that are looked at in one go
-MOST_REFINED = 24  # steps that are halved at once, the last ones first
-AT_START = 1e-3  # [rad] a solution this near to `start` is the one the arm is on
 FROM_SEED = 0.1  # cost of a first solution's squared distance to the seed, beside that of the motion
-SMOOTHINGS = 4  # times a way is smoothed, with what got worse by it left alone
 MOST_ROUNDS = 100  # times the way is changed because a closer look found a gap or an obstacle
-MOST_FASTER = 12  # times another way is tried because joints would be too fast on the best one
-SPEED_ROUNDING = 1e-9  # relative to a velocity limit
 
 
 @dataclass(slots=True)
@@ -202,8 +193,9 @@ class Ladder:
         work = make_link_work(manifold.dof, manifold.width, len(rungs), sum(sizes), room)
         work.joints[:], work.tip[:], work.counts[JOINTS] = manifold.chain.constants
         work.counts[PARAMETER] = -1 if manifold.column is None else manifold.column
-        work.numbers[[FARTHEST, FARTHEST_PARAMETER]] = NEAR, FREE_STEPS * self._step
-        work.numbers[[DEVIATION, TILT, BEND]] = MISSED, TILTED, BENT
+        work.numbers[[FARTHEST, FARTHEST_PARAMETER]] = NEAR, 2.5 * self._step  # from step to step of the path
+        # What may be missed grows by 0.15 times the squared change of the parameter [m] and [rad].
+        work.numbers[[DEVIATION, TILT, BEND]] = MISSED, TILTED, 0.15
         work.numbers[HASTE] = TOO_FAST if self.keep else 0.0
         work.circular[:], work.scale[:] = manifold.circular, self.pace.scale
         work.sizes[:], work.x[:] = sizes, np.concatenate([rung.x for rung in rungs]).ravel()
@@ -254,7 +246,7 @@ class Climb:
         self._manifold, self._pace = search.ladder.manifold, search.ladder.pace
         self._ticks = sample_lines(self._pace.times, dt)
         self._step = np.minimum(self._pace.velocity * dt, RESOLUTION)
-        self._fastest = self._pace.velocity * dt * (1.0 + SPEED_ROUNDING)
+        self._fastest = self._pace.velocity * dt * (1.0 + 1e-9)  # rounding
         self._dt = dt
 
     def find(self) -> ClimbResult | None:
@@ -278,7 +270,7 @@ class Climb:
                 if best is None or (done.reached, -late) > (best[1].reached, -best[0]):
                     best = late, done
                 faster += 1
-                if not dearer or faster > MOST_FASTER or search.is_late:
+                if not dearer or faster > 12 or search.is_late:  # so many are enough
                     return best[1]
             elif rounds == MOST_ROUNDS or search.is_late:
                 if best is not None:
@@ -326,7 +318,7 @@ class Climb:
             u, x = finer, at
         smoothing = Smoothing(self._manifold, self._pace, u, pull)
         pinned = np.zeros(len(u), dtype=np.bool_)
-        for _ in range(SMOOTHINGS):
+        for _ in range(4):  # what got worse is left alone
             look = self._look(Curve(self._manifold, u, smoothing.improve(x, pinned)))
             if not look.wrong:
                 return look.curve
@@ -385,7 +377,7 @@ class PathSearch:
         places = self._places
         self.rungs = [*self.ladder.make_rungs(places[:1], self.near), *self.ladder.make_rungs(places[1:])]
         self._links: list[Links | None] = [None] * len(self.rungs)  # from the rung before
-        self._most = len(self.rungs) + MOST_RUNGS
+        self._most = len(self.rungs) + 6000  # steps that are halved cost time
         self._costs: list[Array] = []
         self._back: list[NDArray[np.intp]] = []
         self._valid = 0  # rungs whose costs are still right
@@ -428,7 +420,7 @@ class PathSearch:
         away = q - angles.nearest_copy(self.near, q, manifold.circular[: manifold.dof])
         if self.exactly:  # the nearest one of those that are near enough
             farthest = np.abs(away).max(axis=1, initial=0.0)
-            return np.where(farthest <= min(AT_START, farthest.min(initial=np.inf)), 0.0, np.inf)
+            return np.where(farthest <= min(1e-3, farthest.min(initial=np.inf)), 0.0, np.inf)  # [rad]
         return np.asarray(FROM_SEED * ((away / self.ladder.pace.scale) ** 2).sum(axis=1))
 
     def _climb(self) -> int:
@@ -459,7 +451,7 @@ class PathSearch:
     def _link(self, index: int) -> Links:
         """Make the links of a rung, and with it those of the next ones that have none."""
         last, pairs = index, 0
-        while last < len(self.rungs) and self._links[last] is None and pairs < TOGETHER:
+        while last < len(self.rungs) and self._links[last] is None and pairs < 300_000:  # in one go
             pairs += len(self.rungs[last - 1].x) * len(self.rungs[last].x)
             last += 1
         self._links[index:last] = self.ladder.link(self.rungs[index - 1 : last])
@@ -483,7 +475,7 @@ class PathSearch:
         for index in range(min(reached + 1, len(self.rungs) - 1), 0, -1):
             if self._is_dead_end(index) and self._size(index) > FINEST:
                 ended.append(index)
-            if len(ended) == MOST_REFINED:
+            if len(ended) == 24:  # at once
                 break
         if not ended or len(self.rungs) + len(ended) > self._most or self.is_late:
             return False

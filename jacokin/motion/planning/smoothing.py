@@ -16,14 +16,8 @@ from jacokin.motion.planning.manifold import Manifold, Pace
 
 ROUNDS = 20
 LONGEST = 0.2  # [rad] along a curve in one round
-ENOUGH = 1e-3  # of the cost: a round that saves less is the last one
 KEPT_AWAY = 1e-3  # [rad] from limits
-DAMPING = 1e-9  # relative to the largest weight
-HALVINGS = 4
-REWEIGHTS = 12  # times that what is too fast is made to cost more
 SPEED_USED = 0.95  # part of the velocity limits that is not too fast between two knots
-DEARER = 4  # the power of the speed by which it costs more
-BOUND_ROUNDS = 4  # knots whose move is cut short stay there, and the others are moved anew
 
 
 class Smoothing:
@@ -49,10 +43,11 @@ class Smoothing:
         weights = self._weights
         best = x = self.smooth(x, pinned)
         least = self._lateness(x)
-        for _ in range(REWEIGHTS):
+        for _ in range(12):  # times it is made dearer
             if least == 0.0:
                 break
-            self._weights = self._weights * np.maximum(self._speed(x) / SPEED_USED, 1.0) ** DEARER
+            # What is too fast costs more, by the fourth power of its speed.
+            self._weights = self._weights * np.maximum(self._speed(x) / SPEED_USED, 1.0) ** 4
             x = self.smooth(x, pinned)
             late = self._lateness(x)
             if late < least:
@@ -73,14 +68,14 @@ class Smoothing:
         best = self.cost(x)
         for _ in range(ROUNDS):
             moves = self._moves(x, pinned)
-            for _ in range(HALVINGS):
+            for _ in range(4):
                 there, good = self._manifold.project(self._u, x + moves)
                 there[~good] = x[~good]
                 cost = self.cost(there)
                 if cost < best:
                     break
                 moves = 0.5 * moves
-            if not cost < best * (1.0 - ENOUGH):
+            if not cost < best * (1.0 - 1e-3):  # less is not worth another round
                 return there if cost < best else x
             x, best = there, cost
         return x
@@ -93,7 +88,7 @@ class Smoothing:
         if self._pull is None:
             fixed[0] = True
         s = np.zeros(len(x))
-        for _ in range(BOUND_ROUNDS):
+        for _ in range(4):  # knots whose move is cut short stay there, and the others are moved anew
             wanted = self._least(x, tangents, s, fixed)
             s = np.clip(wanted, low, high)
             cut = (s != wanted) & ~fixed
@@ -108,7 +103,7 @@ class Smoothing:
         n = tangents[:, :dof] / self._scale
         step = np.diff(x[:, :dof] / self._scale, axis=0)
         before, after = (w * n[:-1] ** 2).sum(axis=1), (w * n[1:] ** 2).sum(axis=1)
-        diagonal = np.full(len(x), DAMPING * max(before.max(), after.max()))
+        diagonal = np.full(len(x), 1e-9 * max(before.max(), after.max()))  # damps what nothing holds
         diagonal[:-1] += before
         diagonal[1:] += after
         beside = -(w * n[:-1] * n[1:]).sum(axis=1)

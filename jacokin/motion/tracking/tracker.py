@@ -30,7 +30,7 @@ from jacokin.kernels.tracking.tick import NEEDS_QP, NEEDS_QP_NOW
 from jacokin.model import checks, poses
 from jacokin.model.robot import Robot, checked_robot, tracking_accelerations, velocity_limits
 from jacokin.model.scene import Scene
-from jacokin.motion.motion_state import MotionState, checked_velocity
+from jacokin.motion.rows import MotionState, checked_velocity
 from jacokin.motion.tracking.avoidance import CLEARANCE, ClearanceGuard, Distances, make_guard
 from jacokin.motion.tracking.joint_limits import ROUNDING, JointLimits
 from jacokin.motion.tracking.moving import Motion, Whereabouts

@@ -15,7 +15,6 @@ from jacokin.mujoco_bridge.jaco_arm import JacoArm
 from jacokin.mujoco_bridge.simulation.physics import Physics, check_physics
 
 GAIN = 5.0  # [1/s] velocity per position error; removes 20 % of the error in a control step of 0.04 s
-DAMPING = 0.005  # of the Jacobian's singular values [m/rad, rad/rad]; keeps joint speeds bounded at singular poses
 MAX_TWIST = 1e6  # [m/s, rad/s] squares of far larger numbers overflow
 
 
@@ -74,7 +73,8 @@ def command_site_velocity(physics: Physics, arm: JacoArm, site: mujoco.MjsSite |
     twist_base = np.concatenate([R_base_world @ commanded[:3], R_base_world @ commanded[3:]])
     members = list(chain.joints)
     # Damped least squares: (J^T J + d^2 I)^-1 J^T v.
-    normal = jacobian.T @ jacobian + DAMPING**2 * np.eye(len(members))
+    # Damped by 0.005 of the Jacobian's singular values [m/rad, rad/rad], which bounds joint speeds at singular poses.
+    normal = jacobian.T @ jacobian + 0.005**2 * np.eye(len(members))
     velocities = np.zeros(len(arm.joints))
     ids = list(physics.bind(arm.joints).element_ids)
     velocities[[ids.index(joint) for joint in members]] = np.linalg.solve(normal, jacobian.T @ twist_base)

@@ -30,9 +30,6 @@ from jacokin.mujoco_bridge.simulation.elements import qpos_rows
 from jacokin.mujoco_bridge.simulation.physics import Physics, check_physics
 
 BRANCHES = ("random", "nearest", "nearest_to_random")
-MAX_QVEL = 1e-3  # [rad/s, m/s] of a prop at rest, as in dm_control
-MAX_QACC = 1e-2  # [rad/s^2, m/s^2] likewise
-_AWAY = 1e3  # [m] where props wait that are not placed yet; each at another multiple
 
 _log = logging.getLogger(__name__)
 
@@ -265,8 +262,8 @@ class PropPlacer:
         position: ArrayLike | Sampler,
         quaternion: ArrayLike | Sampler = IDENTITY_QUATERNION,
         ignore_collisions: bool = False,
-        max_qvel_tol: float = MAX_QVEL,
-        max_qacc_tol: float = MAX_QACC,
+        max_qvel_tol: float = 1e-3,  # dm_control's
+        max_qacc_tol: float = 1e-2,  # dm_control's
         max_attempts_per_prop: int = 20,
         settle_physics: bool = False,
         min_settle_physics_time: float = 0.0,
@@ -359,7 +356,7 @@ class PropPlacer:
         rows = [_free_rows(physics, prop) for prop in self._props]
         for number, row in enumerate(rows, 1):
             if row is not None:
-                trial.qpos[row : row + 3] = number * _AWAY
+                trial.qpos[row : row + 3] = number * 1e3  # [m] each where no other is
         for prop, mask, row in zip(self._props, masks, rows, strict=True):
             placed |= mask
             self._place_one(physics, random_state, prop, trial, row, (mask, placed))

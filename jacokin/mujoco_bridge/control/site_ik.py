@@ -47,10 +47,8 @@ Solution = tuple[NDArray[np.intp], Array]  # addresses in qpos, and values for t
 
 BASE = "base"  # the frames of the chain
 SITE = "site"
-MEMBERS = 32  # of curves that are tried for contact
 
 _INFINITE = np.array([np.inf])
-_FEW = 16  # numbers that are added up sooner than a dot product starts
 
 # Matrices of rotations that are a small angle apart differ by sqrt(2) times that angle, in the Frobenius norm.
 _ROTATION_TOLERANCE = math.sqrt(2.0) * ORIENTATION_TOLERANCE
@@ -220,8 +218,9 @@ class SiteSolver:
             PhysicsError: qpos or qvel is not finite.
         """
         qpos, qvel = self._qpos, self._qvel
-        # The quickest tests, of few numbers and of many; a sum that is not finite is looked at closely.
-        if len(qpos) <= _FEW:
+        # The quickest tests: up to 16 numbers are added up sooner than a dot product starts. A sum that is not finite
+        # is looked at closely.
+        if len(qpos) <= 16:
             if math.isfinite(sum(qpos.tolist() + qvel.tolist())):
                 return
         elif math.isfinite(qpos.dot(qpos)) and math.isfinite(qvel.dot(qvel)):
@@ -248,7 +247,7 @@ class SiteSolver:
             return
         if shuffled_by is None:
             yield nearest
-        rows = found.sample(MEMBERS)
+        rows = found.sample(32)
         order = np.argsort(((rows - present) ** 2).sum(axis=1), kind="stable")
         for index in order if shuffled_by is None else shuffled_by.permutation(len(rows)):
             yield rows[index]

@@ -18,7 +18,7 @@ from jacokin.model import checks
 from jacokin.mujoco_bridge import workspaces
 from jacokin.mujoco_bridge.distributions import RandomState
 from jacokin.mujoco_bridge.entity import new_spec
-from jacokin.mujoco_bridge.observables.observable import MJCFFeature, Observable, observable
+from jacokin.mujoco_bridge.observables import MJCFFeature, Observable, observable
 from jacokin.mujoco_bridge.props import primitive
 from jacokin.mujoco_bridge.props.primitive import HIDDEN_GROUP, FreeProp, FreePropObservables, add_vertex_sites
 from jacokin.mujoco_bridge.simulation.physics import Physics
@@ -27,10 +27,6 @@ ROWS, COLUMNS = 2, 4  # of studs, along x and y
 
 _BOX = mujoco.mjtGeom.mjGEOM_BOX
 _CYLINDER = mujoco.mjtGeom.mjGEOM_CYLINDER
-_CAPSULE = mujoco.mjtGeom.mjGEOM_CAPSULE
-_FRICTION_REST = (0.005, 0.0001)  # MuJoCo's default torsional and rolling friction [m]
-_SOLIMP_REST = (0.5, 2.0)  # MuJoCo's default midpoint and power
-_QUARTER_TURN = (np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5))  # about z, wxyz
 
 BrickNumbers = Mapping[str, Any]
 
@@ -102,9 +98,10 @@ class Brick(FreeProp):
         z = row["height"]
         for i, (side, y) in enumerate(itertools.product((-1.0, 1.0), _lengthwise(COLUMNS))):
             self._add(f"flange_x{i}", _BOX, row, (side * row["x"], y, z))
+        quarter_turn = (np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5))  # about z, wxyz
         for i, (side, end) in enumerate(itertools.product((-1.0, 1.0), repeat=2)):
             position = (side * row["y_offset"], end * row["y"], z)
-            self._add(f"flange_y{i}", _BOX, row, position, quat=_QUARTER_TURN)
+            self._add(f"flange_y{i}", _BOX, row, position, quat=quarter_turn)
 
     def _add_studs(self, row: BrickNumbers) -> list[mujoco.MjsGeom]:
         """Add the studs; returns those whose radius determines the grip."""
@@ -127,7 +124,8 @@ class Brick(FreeProp):
                 continue
             size = (self._radius, round_row["half_length"], 0.0)
             cap = {"contype": 0, "conaffinity": round_row["conaffinity"]}
-            studs.append(self._add(f"round_stud_{i}{j}", _CAPSULE, cap, (x, y, row["height"]), size, mass=0.0))
+            capsule = mujoco.mjtGeom.mjGEOM_CAPSULE
+            studs.append(self._add(f"round_stud_{i}{j}", capsule, cap, (x, y, row["height"]), size, mass=0.0))
         return studs
 
     def _add_sites(self, row: BrickNumbers) -> None:
@@ -169,9 +167,9 @@ class Brick(FreeProp):
             density=row.get("density", 0.0),
             contype=row["contype"] if self._touches else 0,
             conaffinity=row["conaffinity"] if self._touches else 0,
-            friction=(self._row["friction"], *_FRICTION_REST),
+            friction=(self._row["friction"], 0.005, 0.0001),  # MuJoCo's default torsional and rolling friction [m]
             solref=self._row["solref"],
-            solimp=(*self._row["solimp"], *_SOLIMP_REST),
+            solimp=(*self._row["solimp"], 0.5, 2.0),  # MuJoCo's default midpoint and power
             rgba=self._rgba,
             **more,
         )

@@ -21,12 +21,9 @@ from jacokin.mujoco_bridge.entity import check_name, new_spec
 from jacokin.mujoco_bridge.props.primitive import DENSITY, HIDDEN_GROUP, FreeProp, refused_attributes
 from jacokin.mujoco_bridge.workspaces import SITE_GROUP
 
-COACD, V_HACD, HULL = "CoACD", "V-HACD", "convex hull"
-CONVEX = 0.98  # of the volume of its hull: a mesh that fills as much needs no parts
+HULL = "convex hull"
 MOST_PARTS = 32
 LONGEST = 10.0  # [m] of what may stand around an arm that reaches 1 m; a cup in millimetres is longer
-_COACD_THRESHOLD = 0.05  # of concavity, CoACD's own default
-_VOXELS = 50_000  # of V-HACD: an eighth of its own default, and four times as fast, for parts as close to a mug
 _SITE = "origin"
 _SITE_SIZE = 1e-3  # [m]
 
@@ -190,7 +187,7 @@ def _load(path: Path, changed: int, scale: float, decomposed: bool) -> MeshPart:
         mesh.invert()
     volume = float(mesh.volume) if is_closed else np.nan
     parts, method = [hull], HULL
-    if decomposed and not volume > CONVEX * hull.volume:
+    if decomposed and not volume > 0.98 * hull.volume:  # a mesh that fills as much of it needs no parts
         parts, method = _decompose(mesh, hull)
         if method == HULL:
             _log.warning("%s: touches as its convex hull; pip install coacd finds convex parts", path)
@@ -208,11 +205,13 @@ def _decompose(mesh: Any, hull: Any) -> tuple[list[Any], str]:  # meshes of trim
 
         coacd.set_log_level("error")
         whole = coacd.Mesh(mesh.vertices, mesh.faces)
-        pairs = coacd.run_coacd(whole, threshold=_COACD_THRESHOLD, max_convex_hull=MOST_PARTS, seed=0)
-        found, method = [trimesh.Trimesh(*pair) for pair in pairs], COACD
+        # The concavity that is left is CoACD's own default.
+        pairs = coacd.run_coacd(whole, threshold=0.05, max_convex_hull=MOST_PARTS, seed=0)
+        found, method = [trimesh.Trimesh(*pair) for pair in pairs], "CoACD"
     elif importlib.util.find_spec("vhacdx") is not None:
-        pieces = trimesh.decomposition.convex_decomposition(mesh, maxConvexHulls=MOST_PARTS, resolution=_VOXELS)
-        found, method = [trimesh.Trimesh(**piece) for piece in pieces], V_HACD
+        # An eighth of V-HACD's own voxels, and four times as fast, for parts as close to a mug.
+        pieces = trimesh.decomposition.convex_decomposition(mesh, maxConvexHulls=MOST_PARTS, resolution=50_000)
+        found, method = [trimesh.Trimesh(**piece) for piece in pieces], "V-HACD"
     else:
         return [hull], HULL
     return [part.convex_hull for part in found if len(part.vertices) > 3], method

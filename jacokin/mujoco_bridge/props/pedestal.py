@@ -9,11 +9,8 @@ from jacokin.errors import InvalidInputError, shown
 from jacokin.model import checks
 from jacokin.mujoco_bridge import workspaces
 from jacokin.mujoco_bridge.entity import Entity, new_spec
-from jacokin.mujoco_bridge.observables.observable import MJCFFeature, Observable, Observables, observable
+from jacokin.mujoco_bridge.observables import MJCFFeature, Observable, Observables, observable
 from jacokin.mujoco_bridge.props import primitive
-
-_TOP_SITE = "top"
-_TARGET_SITE = "target"
 
 
 class Cradle(Entity):
@@ -64,8 +61,8 @@ class Pedestal(Entity):
             size=[row["radius"], row["height"] / 2.0, 0.0],
             pos=(0.0, 0.0, -row["radius"] - row["height"] / 2.0),
         )
-        top = world.add_site(name=_TOP_SITE, size=[row["site_radius"]] * 3, group=workspaces.SITE_GROUP)
-        self._target_site = workspaces.add_target_site(world, radius, name=_TARGET_SITE, rgba=workspaces.RED)
+        top = world.add_site(name="top", size=[row["site_radius"]] * 3, group=workspaces.SITE_GROUP)
+        self._target_site = workspaces.add_target_site(world, radius, name="target", rgba=workspaces.RED)
         if cradle is not None:
             self.attach(cradle, top)
 

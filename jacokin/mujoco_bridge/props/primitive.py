@@ -19,7 +19,7 @@ from jacokin.model import checks
 from jacokin.model.mujoco_twin import mesh_vertices
 from jacokin.mujoco_bridge import workspaces
 from jacokin.mujoco_bridge.entity import Entity, new_spec
-from jacokin.mujoco_bridge.observables.observable import MJCFFeature, Observable, Observables, observable
+from jacokin.mujoco_bridge.observables import MJCFFeature, Observable, Observables, observable
 
 SENSORS: Mapping[str, mujoco.mjtSensor] = {
     "position": mujoco.mjtSensor.mjSENS_FRAMEPOS,
@@ -37,7 +37,6 @@ _SHAPES = {
     "capsule": (mujoco.mjtGeom.mjGEOM_CAPSULE, 2),
     "ellipsoid": (mujoco.mjtGeom.mjGEOM_ELLIPSOID, 3),
 }
-_GEOM = "geom"
 _GREY = (0.5, 0.5, 0.5, 1.0)  # of the large box, as in dm_control
 
 
@@ -165,7 +164,7 @@ class Primitive(FreeProp):
         spec = self._mjcf_root = new_spec("primitive", name)
         try:
             self._geom = spec.worldbody.add_geom(
-                name=_GEOM,
+                name="geom",
                 type=shape,
                 size=np.concatenate([lengths, np.zeros(3 - count)]),
                 rgba=colour,

@@ -47,10 +47,8 @@ _INPUTS = (
 )
 _RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
 _UNSTABLE = ("mjWARN_INERTIA", "mjWARN_BADQPOS", "mjWARN_BADQVEL", "mjWARN_BADQACC", "mjWARN_BADCTRL")
-_FULL = ("mjWARN_CONTACTFULL", "mjWARN_CNSTRFULL")
 _MORE_MEMORY = "give the scene more memory: mjcf_model.memory [bytes] of the root entity, before it is compiled"
 
-_GAP = 4096  # [bytes] comparing these is cheaper than a second comparison
 
 # MuJoCo takes shortcuts where a frame coincides with its body's; moving such a frame must clear the flag that says so.
 _SHORTCUTS = {
@@ -61,7 +59,6 @@ _SHORTCUTS = {
     "body_ipos": "body_sameframe",
     "body_iquat": "body_sameframe",
 }
-_INERTIAL = ("body_ipos", "body_iquat")
 
 
 class UnknownFieldError(UnknownNameError, AttributeError):
@@ -407,7 +404,7 @@ class ForwardCache:
         self._is_known = False
         if any(name in _UNSTABLE for name in names):
             raise PhysicsError(f"MuJoCo warns of {', '.join(names)}: the simulation is unstable")
-        is_crowded = any(name in _FULL for name in names)
+        is_crowded = any(name in ("mjWARN_CONTACTFULL", "mjWARN_CNSTRFULL") for name in names)
         if is_crowded and not may_be_crowded:
             raise PhysicsError(f"MuJoCo warns of {', '.join(names)}: not all contacts find room; {_MORE_MEMORY}")
         return not is_crowded
@@ -465,7 +462,7 @@ class ModelWatch:
         for start, first in sorted((array.__array_interface__["data"][0], i) for i, array in enumerate(arrays)):
             array = arrays[first]
             stop = start + array.nbytes
-            if spans and start - spans[-1][1] <= _GAP:
+            if spans and start - spans[-1][1] <= 4096:  # [bytes] comparing these is cheaper than a second comparison
                 spans[-1] = (spans[-1][0], max(stop, spans[-1][1]), spans[-1][2])
             else:
                 spans.append((start, stop, array.reshape(-1).view(np.uint8)))
@@ -494,7 +491,7 @@ class ModelWatch:
         for name, flag in _SHORTCUTS.items():
             now, known = getattr(self._model, name), self._frames[name]
             moved = (now != known).any(axis=1)
-            if name in _INERTIAL:
+            if name in ("body_ipos", "body_iquat"):
                 self._put_back(name, moved & (self._model.body_simple != 0))
             if moved.any():
                 known[...] = now

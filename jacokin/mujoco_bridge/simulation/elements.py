@@ -21,7 +21,6 @@ _QPOS_SIZE = (7, 4, 1, 1)
 _QVEL_SIZE = (6, 3, 1, 1)
 # The only arrays of the model without a prefix that have rows for the joints.
 _QPOS_FIELDS = ("qpos0", "qpos_spring")
-_SHORT_PREFIXES = ("geom_", "site_", "cam_", "light_", "actuator_", "ten_", "eq_", "mat_")
 _FORCES = " ".join(name for name in dir(mujoco.MjData) if name.startswith("qfrc_") and name != "qfrc_applied")
 
 
@@ -148,7 +147,7 @@ def fields_of(element_class: type) -> Mapping[str, Field]:
         for rows, arrays in table.items():
             for array in arrays.split():
                 found[array] = each = Field(False, array, rows, derived)
-                for prefix in _SHORT_PREFIXES:
+                for prefix in ("geom_", "site_", "cam_", "light_", "actuator_", "ten_", "eq_", "mat_"):
                     found.setdefault(array.removeprefix(prefix), each)
     for array in dir(mujoco.MjModel):
         for prefix, rows in kind.prefixes.items():

@@ -25,7 +25,6 @@ from jacokin.mujoco_bridge.simulation.elements import KINDS, Element, ElementIds
 from jacokin.mujoco_bridge.simulation.rendering import FREE_CAMERA, Renderers, RenderFlags
 
 _STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
-_MOST_STEPS = 2**31 - 1  # in one call of MuJoCo
 _DISABLED = "mjDSBL_"  # before the names of the parts of MuJoCo that can be disabled
 
 
@@ -237,7 +236,7 @@ class Physics:
             InvalidInputError: n is not a whole number >= 1.
             PhysicsError: the simulation diverged or MuJoCo warned; the state is as before the call.
         """
-        self._cache.step(checks.whole_number("n", n, 1, _MOST_STEPS))
+        self._cache.step(checks.whole_number("n", n, 1, 2**31 - 1))  # MuJoCo counts in 32 bits
 
     def reset(self, keyframe: int | str | None = None) -> None:
         """Go to the model's reference state, or to a keyframe.

@@ -42,12 +42,9 @@ from jacokin.tasks.gym.environment import TaskEnv
 with needed("h5py", "data"):
     import h5py
 
-ROBOMIMIC_GYM = 2  # robomimic's number for environments of Gym
-MINARI_FORMAT = "0.5.4"  # of Minari, whose layout this is
 MAIN, METADATA = "main_data.hdf5", "metadata.json"  # names of Minari's files
 _VARIED = "randomization/"  # begins the attributes of an episode that hold its randomization
 _COMPRESSED: Mapping[str, Any] = {"compression": "gzip", "compression_opts": 4, "shuffle": True}
-_DEEPEST = 4  # groups in groups in groups
 
 Episodes = Callable[[], Iterable[Recorded]]
 
@@ -225,7 +222,7 @@ def _check_inside(group: Any, depth: int = 0) -> None:
         if not isinstance(link, h5py.HardLink):
             raise ValueError(f"{place} is a link, and links are not followed")
         each = group[name]
-        if isinstance(each, h5py.Group) and depth < _DEEPEST:
+        if isinstance(each, h5py.Group) and depth < 4:
             _check_inside(each, depth + 1)
         elif not isinstance(each, h5py.Dataset):
             raise ValueError(f"{place} is not a group or an array")
@@ -237,7 +234,8 @@ def _check_inside(group: Any, depth: int = 0) -> None:
 
 def _arguments(description: Mapping[str, Any]) -> dict[str, Any]:
     """What robomimic makes the environment of."""
-    return {"env_name": description["id"], "type": ROBOMIMIC_GYM, "env_kwargs": description["kwargs"]}
+    # To robomimic, 2 is an environment of Gym.
+    return {"env_name": description["id"], "type": 2, "env_kwargs": description["kwargs"]}
 
 
 def _write_robomimic(path: Path, description: Mapping[str, Any], env: TaskEnv, episodes: Iterable[Recorded]) -> None:
@@ -348,7 +346,7 @@ def _write_minari(folder: Path, description: Mapping[str, Any], env: TaskEnv, ep
         "observation_space": json.dumps(_serialized(_minari_space(env.observation_space))),
         "action_space": json.dumps(_serialized(env.action_space)),
         "dataset_id": f"{description['id'].rpartition('-v')[0]}-v0",
-        "minari_version": MINARI_FORMAT,
+        "minari_version": "0.5.4",  # whose layout this is
         "dataset_size": round((folder / MAIN).stat().st_size / 1e6, 1),
     }
     if description["kwargs"]["reward"] != FUNCTION:

@@ -28,17 +28,13 @@ with needed("pyarrow", "data"):
     import pyarrow as pa
     from pyarrow import parquet
 
-VERSION = "v3.0"
 STATE, ENVIRONMENT, PICTURES = "observation.state", "observation.environment_state", "observation.images"
 ACTION = "action"
 REWARD, SUCCESS, DONE = "next.reward", "next.success", "next.done"
-FILE_MEGABYTES, VIDEO_MEGABYTES, CHUNK_FILES = 100, 200, 1000  # LeRobot's own limits
-KEYS_EVERY = 2  # pictures, as LeRobot encodes: any of them is found quickly
-_QUANTILES = (0.01, 0.1, 0.5, 0.9, 0.99)
+FILE_MEGABYTES, CHUNK_FILES = 100, 1000  # LeRobot's own limits
 _EXACT = "meta/jacokin"
 _FIRST = "chunk-000/file-000"
 _FILE = "chunk-{chunk_index:03d}/file-{file_index:03d}"
-_INDICES = ("timestamp", "frame_index", "episode_index", "index", "task_index")
 _COMPARED = (ACTION, REWARD, SUCCESS, DONE, "frame_index", "episode_index", "index")  # by `read`
 
 Episodes = Callable[[], Iterable[Recorded]]
@@ -240,7 +236,8 @@ class _DataSetWriter:
     def _video(self, name: str, stack: ExitStack) -> VideoRecorder:
         path = self._folder / f"videos/{name}/{_FIRST}.mp4"
         path.parent.mkdir(parents=True)
-        recorder = VideoRecorder(path, find_ffmpeg(), keys_every=KEYS_EVERY, rate=self._rate, preset="medium")
+        # Keys as LeRobot encodes them: any picture is found quickly.
+        recorder = VideoRecorder(path, find_ffmpeg(), keys_every=2, rate=self._rate, preset="medium")
         stack.callback(recorder.close)
         return recorder
 
@@ -285,14 +282,14 @@ class _DataSetWriter:
         tasks = pa.table({"task_index": pa.array([0], pa.int64()), "__index_level_0__": [self._task()]})
         parquet.write_table(tasks.replace_schema_metadata({"pandas": json.dumps(pandas)}), meta / "tasks.parquet")
         info = {
-            "codebase_version": VERSION,
+            "codebase_version": "v3.0",
             "robot_type": self._env.task.arm.robot_name,
             "total_episodes": episodes,
             "total_frames": frames,
             "total_tasks": 1,
             "chunks_size": CHUNK_FILES,
             "data_files_size_in_mb": FILE_MEGABYTES,
-            "video_files_size_in_mb": VIDEO_MEGABYTES,
+            "video_files_size_in_mb": 200,  # LeRobot's own limit
             "fps": self._rate,
             "splits": {"train": f"0:{episodes}"},
             "data_path": f"data/{_FILE}.parquet",
@@ -317,7 +314,7 @@ class _Statistics:
         numbers = numbers.astype(np.float64)
         shape = (3, 1, 1) if is_picture else (-1,)
         found = {"min": numbers.min(0), "max": numbers.max(0), "mean": numbers.mean(0), "std": numbers.std(0)}
-        found.update({f"q{round(100 * q):02d}": np.quantile(numbers, q, axis=0) for q in _QUANTILES})
+        found.update({f"q{round(100 * q):02d}": np.quantile(numbers, q, axis=0) for q in (0.01, 0.1, 0.5, 0.9, 0.99)})
         found = {kind: value.reshape(shape) for kind, value in found.items()}
         found["count"] = np.array([len(values)])
         self._episodes.setdefault(name, []).append(found)
@@ -364,7 +361,7 @@ def _features(columns: Series, pictures: Series, names: Mapping[str, list[str]],
             "names": ["height", "width", "channels"],
             "info": look,
         }
-    for name in _INDICES:
+    for name in ("timestamp", "frame_index", "episode_index", "index", "task_index"):
         found[name] = {"dtype": "float32" if name == "timestamp" else "int64", "shape": [1], "names": None}
     return found
 

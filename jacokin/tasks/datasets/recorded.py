@@ -24,9 +24,7 @@ from jacokin.files import read_arrays, read_text, reason
 from jacokin.model import checks
 
 SINGLE = "observation"  # name of an observation that has none
-LARGEST_JSON = 100_000_000  # [byte] of a file or an attribute
 _OBSERVED = "observed "  # begins the names of observations among those of arrays
-_KINDS = "biuf"  # of NumPy's dtypes that observations may have
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -99,7 +97,7 @@ class Recorded:
         self._check_steps(place)
         rows = len(self.actions) + 1
         for name, values in self.observations.items():
-            is_array = isinstance(values, np.ndarray) and values.dtype.kind in _KINDS
+            is_array = isinstance(values, np.ndarray) and values.dtype.kind in "biuf"
             if not is_array or values.shape[:1] != (rows,):
                 raise _refusal(place, f"observation {name!r}", f"numbers of shape ({rows}, ...)", values)
         for name, value in self.randomization.items():
@@ -178,7 +176,7 @@ def read_json(path: Path) -> dict[str, Any]:
     """
     if path.is_symlink() or not path.is_file():
         raise InvalidInputError(f"{path}: there is no such file")
-    return json_object(read_text(path, LARGEST_JSON))
+    return json_object(read_text(path, 100_000_000))  # [byte]
 
 
 def json_object(text: object) -> dict[str, Any]:

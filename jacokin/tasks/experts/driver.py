@@ -24,23 +24,15 @@ from jacokin.mujoco_bridge import robots
 from jacokin.tasks.gym.controls import FRAME
 from jacokin.tasks.task import CONTROL_TIMESTEP
 
-ARM, HAND = "jaco_arm/", "jaco_arm/jaco_hand/"  # prefixes of their observations
+ARM = "jaco_arm/"  # prefix of its observations
 BRICK = "duplo2x4/"  # prefix of the observations of the first brick
-GAIN = 8.0  # [1/s] velocity per position error of the tracker
-END_GAIN, SLOWING = 15.0, 2.0  # [1/s], [rad/s^2] velocity near the end of a motion, and how fast it slows down before
-VELOCITY_GAIN = 500.0  # [N m s/rad] of the arm's actuators
 OPEN, CLOSED = 0.15, 1.35  # [rad] limits of the fingers
 CLOSE, RELEASE = 5.0, -5.0  # [rad/s]
-FINGER_GAIN = 5.0  # [1/s]
 
 SQUEEZE = 2.0  # [rad] beyond the limits of the fingers: they squeeze
-STUCK_STEPS, STUCK = 5, 0.01  # an arm that moves less [rad] in so many steps is stopped by something
-AROUND = 0.08  # [m]
 SPEED = 0.35  # [m/s] of the tool along lines
-TURN_SPEED = 1.0  # [rad/s]
 KEEPS_UP, LAG = 0.015, 0.04  # [m] of the tool behind the line, from where that slows down, and where it waits
 PATIENCE = 15  # steps of waiting, until it ends
-STILL = 0.002  # [m] and [rad] from the end of a line
 
 Script = Iterator[Array]
 
@@ -86,7 +78,7 @@ class ArmDriver:
         self._observation = observation
         pairs = self.get(f"{ARM}joints_pos", 2 * self.robot.dof).reshape(-1, 2)
         self.q = np.clip(wrap_to_turn(np.arctan2(pairs[:, 0], pairs[:, 1])), self.robot.lower, self.robot.upper)
-        self.fingers = self.get(f"{HAND}joints_pos", 3)
+        self.fingers = self.get("jaco_arm/jaco_hand/joints_pos", 3)
 
     def get(self, name: str, size: int) -> Array:
         """The newest value of an observation."""
@@ -161,8 +153,9 @@ class ArmDriver:
             fingers: velocities of the fingers [rad/s].
         """
         error = nearest_copy(q, self.q, self.robot.unlimited) - self.q
-        limit = np.minimum(self.robot.velocity_limit, np.sqrt(2.0 * SLOWING * np.abs(error)) + 1e-9)
-        velocity = END_GAIN * error
+        # Joints brake by 2 rad/s^2 before the end.
+        limit = np.minimum(self.robot.velocity_limit, np.sqrt(2.0 * 2.0 * np.abs(error)) + 1e-9)
+        velocity = 15.0 * error  # [1/s] near the end of a motion
         velocity /= max(1.0, float(np.abs(velocity / limit).max()))
         return self._action(velocity, fingers)
 
@@ -177,11 +170,12 @@ class ArmDriver:
         step = self.tracker.step(in_base(T_world_tool))
         self.lag, self.is_stuck = step.position_error, step.status is TrackerStatus.HELD
         error = nearest_copy(before, self.q, self.robot.unlimited) - self.q
-        return self._action(step.v + GAIN * error, fingers)
+        return self._action(step.v + 8.0 * error, fingers)  # [1/s] velocity per position error of the tracker
 
     def _action(self, velocity: Array, fingers: ArrayLike) -> Array:
         gravity = pin.computeGeneralizedGravity(self.robot.pin_model, self._data, self.q)
-        return np.concatenate((velocity + gravity / VELOCITY_GAIN, np.broadcast_to(fingers, 3)))
+        velocity = velocity + gravity / 500.0  # [N m s/rad] of the arm's actuators
+        return np.concatenate((velocity, np.broadcast_to(fingers, 3)))
 
     def is_at(self, q: Array, tolerance: float = 0.01) -> bool:
         """Whether the joints are at a configuration [rad]."""
@@ -189,7 +183,7 @@ class ArmDriver:
 
     def fingers_to(self, angle: ArrayLike) -> Array:
         """Velocities that move the fingers to an angle, or each to its own."""
-        return FINGER_GAIN * (np.asarray(angle) - self.fingers)
+        return 5.0 * (np.asarray(angle) - self.fingers)  # [1/s]
 
     def stay(self, fingers: float) -> Script:
         """Stay where the arm is now, without end."""
@@ -231,12 +225,12 @@ class ArmDriver:
         while not self.is_at(q, tolerance):
             yield self.towards(q, self._squeeze_to(fingers))
             step += 1
-            if step % STUCK_STEPS == 0:
-                if np.abs(self.q - before).max() < STUCK:
+            if step % 5 == 0:
+                if np.abs(self.q - before).max() < 0.01:  # stopped by something
                     if not around:
                         return
                     around = False
-                    yield from self.move(shift(self.pose, up(AROUND)), fingers, tolerance=0.02, settle=2)
+                    yield from self.move(shift(self.pose, up(0.08)), fingers, tolerance=0.02, settle=2)
                 before = self.q.copy()
 
     def move(
@@ -246,7 +240,7 @@ class ArmDriver:
         *,
         speed: float = SPEED,
         ramp: float = 0.0,
-        tolerance: float = STILL,
+        tolerance: float = 0.002,
         settle: int = 15,
     ) -> Script:
         """Move the pinch site to a pose in the world along a straight line.
@@ -263,7 +257,8 @@ class ArmDriver:
         start = self.pose
         turn = pin.log3(start.rotation.T @ pose.rotation)
         way = pose.translation - start.translation
-        duration = max(float(np.linalg.norm(way)) / speed, float(np.linalg.norm(turn)) / TURN_SPEED, CONTROL_TIMESTEP)
+        # The tool turns at 1 rad/s.
+        duration = max(float(np.linalg.norm(way)) / speed, float(np.linalg.norm(turn)), CONTROL_TIMESTEP)
         part, waited, now, pace = 0.0, 0, start, 0.0
         while part < 1.0 and waited < PATIENCE:
             # The joints accelerate slowly, and each has its limit: the line waits for them.

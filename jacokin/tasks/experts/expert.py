@@ -24,10 +24,7 @@ from jacokin.tasks.registry import FEATURES, TASKS
 from jacokin.tasks.task import CONTROL_TIMESTEP
 
 SIZE = 9  # joints and fingers
-CORRELATION = 0.2  # [s] for which noise keeps its direction: white noise would average out before the arm moves
-MISTAKE_TIME = 0.4  # [s] that a mistake lasts
 MISTAKE_SPEED = 0.5  # of the velocity limits, at most
-MISTAKES_UNTIL = 4.0  # [s] from the start of an episode, which leaves time to mend them
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,14 +68,15 @@ class Disturbance:
         """The actions of a script with noise and mistakes, within the limits of the actuators."""
         limit = np.append(arm.robot.velocity_limit, np.full(FINGERS, CLOSE))
         deviation = np.array(self.noise)
-        kept = np.exp(-CONTROL_TIMESTEP / CORRELATION)
-        last = round(MISTAKES_UNTIL / CONTROL_TIMESTEP)
+        # For 0.2 s noise keeps its direction: white noise would average out before the arm moves.
+        kept = np.exp(-CONTROL_TIMESTEP / 0.2)
+        last = round(4.0 / CONTROL_TIMESTEP)  # [s], which leaves time to mend them
         mistakes = set(random_state.integers(1, last, self.mistakes).tolist())
         noise, step, going = deviation * random_state.normal(size=len(deviation)), 0, script(arm)
         wrong, until = np.zeros(0), 0
         while True:
             if step in mistakes:
-                wrong, until = self._mistake(limit, random_state), step + round(MISTAKE_TIME / CONTROL_TIMESTEP)
+                wrong, until = self._mistake(limit, random_state), step + round(0.4 / CONTROL_TIMESTEP)
             elif until and step == until:
                 going = script(arm)
             action = wrong if step < until else next(going, None)
@@ -98,24 +96,19 @@ class Disturbance:
         return np.asarray(wrong)
 
 
-DOWN = point_down(np.array((0.0, 1.0, 0.0)))
-_ABOVE = 0.036  # [m] the middle of a brick: near enough, and the fingers do not push it away
 HEIGHT = 0.33  # [m] by which things are lifted
 LYING = 0.05  # [m] below which the middle of a brick is that lies or stands on the table
 LOST = 0.06  # [m] of a brick from the middle of the grip: it has fallen
-MOVES, FALL_STEPS = 0.02, 25  # [m/s] of a brick that does not lie still, and how many steps it is waited for
-BOX = "unnamed_model/"  # prefix of the observations of the large box
 HALF_BOX = 0.09  # [m]
-OVER_BOX, AROUND_BOX = 0.1, -0.02  # [m] of the pinch site above the top of the box
-BOX_STEPS = 30  # until the fingers are as closed as the box lets them be
 
 
 def reach(arm: ArmDriver) -> Script:
     """Bring the pinch site to the target, in its present orientation where that is possible."""
     seen = arm.find("target_position")
     while True:
-        position = arm.get(seen[0], 3) if seen else arm.get(f"{BRICK}position", 3) + up(_ABOVE)
-        for rotation in (arm.pose.rotation, DOWN):
+        # Above the middle of a brick it is near enough, and the fingers do not push it away.
+        position = arm.get(seen[0], 3) if seen else arm.get(f"{BRICK}position", 3) + up(0.036)
+        for rotation in (arm.pose.rotation, point_down(np.array((0.0, 1.0, 0.0)))):
             found = arm.configurations(pin.SE3(rotation, position))
             if len(found):
                 break
@@ -149,8 +142,8 @@ def lift_brick(arm: ArmDriver) -> Script:
 def _let_fall(arm: ArmDriver) -> Script:
     """Open the hand around a brick in the air, and wait until it lies still."""
     q = arm.q.copy()
-    for _ in range(FALL_STEPS):
-        is_still = np.linalg.norm(arm.get(f"{BRICK}linear_velocity", 3)) < MOVES
+    for _ in range(25):
+        is_still = np.linalg.norm(arm.get(f"{BRICK}linear_velocity", 3)) < 0.02  # [m/s]
         if arm.prop(BRICK).translation[2] < LYING and is_still:
             return
         yield arm.towards(q, RELEASE)
@@ -163,7 +156,7 @@ def lift_large_box(arm: ArmDriver) -> Script:
     upright edge, the thumb on one side and two fingers on the other. That needs friction of more than 1, and there is
     1: the script is a try, and the record of the experts has what comes of it.
     """
-    box = arm.prop(BOX)
+    box = arm.prop("unnamed_model/")
     best, cost = None, np.inf
     for corner in np.pi * np.array((0.25, 0.75, 1.25, 1.75)):
         outwards = box.rotation @ np.array((np.cos(corner), np.sin(corner), 0.0))
@@ -171,8 +164,8 @@ def lift_large_box(arm: ArmDriver) -> Script:
         edge = box.translation + (np.sqrt(2.0) * HALF_BOX - 0.03) * outwards
         for sign in (1.0, -1.0):
             tool = point_down(sign * across)
-            at = pin.SE3(tool, edge + up(HALF_BOX + AROUND_BOX) - tool @ grasps.CENTRE)
-            for q in arm.configurations(shift(at, up(OVER_BOX)))[:4]:
+            at = pin.SE3(tool, edge + up(HALF_BOX - 0.02) - tool @ grasps.CENTRE)
+            for q in arm.configurations(shift(at, up(0.1)))[:4]:
                 if arm.chain([at], q, 2.0) is not None:
                     value = arm.duration(arm.q, q)
                     if value < cost:
@@ -180,7 +173,7 @@ def lift_large_box(arm: ArmDriver) -> Script:
     if best is not None:
         yield from arm.go(best[0], OPEN, tolerance=0.05)
         yield from arm.move(best[1], 0.4)
-        yield from arm.close(BOX_STEPS)
+        yield from arm.close(30)  # until the fingers are as closed as the box lets them be
         yield from arm.move(shift(best[1], up(HEIGHT)), SQUEEZE, speed=0.1)
     yield from arm.stay(CLOSE)
 

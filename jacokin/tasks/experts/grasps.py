@@ -17,12 +17,7 @@ CENTRE = np.array((0.0, -0.012, 0.0))  # [m] of the fingers' grip in the frame o
 HALF = np.array((0.016, 0.032, 0.012))  # [m] of a brick
 ABOVE = 0.08  # [m] from where the hand comes straight
 WIDE = 1.0  # [rad] of the fingers around the short side of a brick
-SLIPPED = 0.03  # [m] from the middle of the grip: a brick that is farther is not held
-SPREAD = 0.03  # [m] of the finger tips from their middle, by which one is lower when the hand is tilted
 ROOM = 0.006  # [m] between the arm and an obstacle
-HINDRANCE = 500.0  # [s/m] by which a grasp is worse that has less room
-TILT_COST, SHIFT_COST = 1.5, 20.0  # [s/rad], [s/m]
-TOLERANCES = (0.006, 0.03, 0.15)  # [rad] of the last stop on the way, of that before it, and so on
 LONGEST_STEP = 1.0  # [s] from one configuration to the next without a change of branch
 
 
@@ -125,7 +120,8 @@ def plan(
                 for way in _ways_to(arm, before, q, height):
                     value = arm.duration(arm.q, *way, stops[0]) + penalty
                     if value < cost:
-                        value += HINDRANCE * max(0.0, ROOM - min(room, _room(arm, opened, arm.q, *way)))
+                        # 1 cm less of room counts as 5 s more.
+                        value += 500.0 * max(0.0, ROOM - min(room, _room(arm, opened, arm.q, *way)))
                     if value < cost:
                         best, cost = BrickGrasp((*way, stops[0]), at, room, side), value
     return best
@@ -140,10 +136,11 @@ def poses(brick: pin.SE3, side: Side, straight: bool) -> Iterator[tuple[pin.SE3,
     for sign, (tilt, lean, shifts) in itertools.product((1.0, -1.0), side.tilts[:1] if straight else side.tilts):
         tool = point_down(sign * rotation[:, across], tilt, lean)
         sideways = point_down(sign * rotation[:, across])[:, 1]
-        lower = SPREAD * (abs(np.sin(tilt)) + abs(np.sin(lean)))
+        # The finger tips are 3 cm from their middle: one is lower when the hand is tilted.
+        lower = 0.03 * (abs(np.sin(tilt)) + abs(np.sin(lean)))
         for sideways_by in shifts[:1] if straight else shifts:
             middle = brick.translation + sideways_by * sideways + up(lower)
-            penalty = side.penalty + TILT_COST * (abs(tilt) + abs(lean)) + SHIFT_COST * abs(sideways_by)
+            penalty = side.penalty + 1.5 * (abs(tilt) + abs(lean)) + 20.0 * abs(sideways_by)  # [s/rad], [s/m]
             yield pin.SE3(tool, middle - tool @ CENTRE), penalty
 
 
@@ -163,13 +160,14 @@ def _ways_to(arm: ArmDriver, before: pin.SE3, q: Array, height: float) -> list[t
 
 def take(arm: ArmDriver, grasp: BrickGrasp) -> Script:
     """Go there and close the fingers."""
-    stops = list(zip(reversed(grasp.way), TOLERANCES, strict=False))
+    # In rad: of the last stop on the way, of that before it, and so on.
+    stops = list(zip(reversed(grasp.way), (0.006, 0.03, 0.15), strict=False))
     for q, tolerance in reversed(stops):
         yield from arm.go(q, grasp.side.fingers, tolerance=tolerance, around=q is not grasp.way[-1])
     yield from arm.close(grasp.side.steps)
 
 
-def holds(arm: ArmDriver, brick: pin.SE3, distance: float = SLIPPED) -> bool:
+def holds(arm: ArmDriver, brick: pin.SE3, distance: float = 0.03) -> bool:
     """Whether a brick is between the fingers, within some distance of the middle of the grip [m]."""
     return bool(np.linalg.norm(arm.pose.act(CENTRE) - brick.translation) < distance)
 

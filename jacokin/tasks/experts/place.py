@@ -15,23 +15,11 @@ from jacokin.tasks.experts.driver import BRICK, CLOSED, OPEN, SPEED, SQUEEZE, Ar
 
 CLEAR = 0.07  # [m] of the brick's middle above the pedestal on its way
 ON_BRICK, IN_CRADLE = 0.04, 0.032  # [m] of the brick's middle above the pedestal when it is released
-AWAY = 0.23  # [m] of the hand above the pedestal at the end
-IN_PLACE = 0.05  # [m] of the brick's origin from the target
-BESIDE = 0.125  # [m] between the axis of the pedestal and a brick that is lifted
-STEP_ASIDE = 0.03  # [m] that a brick goes up at first, while it goes away from the pedestal
-RELEASE_STEPS = 6
 YAWS = np.arange(12) * np.pi / 6.0  # [rad] that a brick may be turned by above the pedestal
 DRAG_TILTS = (0.25, 0.4, 0.1)  # [rad] away from the pedestal, the first is preferred
 LOW = 0.04  # [m] of the closed fingers above a brick, where nothing is in their way
-LONGEST_TRAVEL = 2.5  # [s]
-DRAG_FROM = 0.008  # [m] from the middle of the brick, outwards
-PRESS = 0.024  # [m] height of the pinch site while the closed fingers press on a brick
 FREE = 0.155  # [m] between the axis of the pedestal and a brick that can be grasped from above
 OVER = 0.08  # [m] of the hand above the pedestal while it goes somewhere
-LOWERING, RAMP = 0.12, 0.2  # [m/s], [s] the joints accelerate differently, and the brick would leave its way
-TOUCH = 0.002  # [m] that a brick moves in the hand when it touches something
-RELIEF, RELIEF_STEPS = 0.006, 8  # [m] that the hand goes up again then
-_PILLAR = (0.07, 0.2)  # [m] radius and length of the pedestal
 _SPHERE, _OFFSET = 0.049, 0.0343  # [m] radius of the spheres of its cradle, and how far out and down they are
 _ORIGIN = np.array((0.0, 0.0, -0.0119))  # [m] of a brick from its middle
 
@@ -43,7 +31,7 @@ def place(arm: ArmDriver, rest: float) -> Script:
     has_failed = False
     while True:
         brick = arm.prop(BRICK)
-        if np.linalg.norm(brick.act(_ORIGIN) - target) < IN_PLACE:
+        if np.linalg.norm(brick.act(_ORIGIN) - target) < 0.05:  # [m]
             yield from _leave(arm, target)
             q = arm.q.copy()
             yield arm.towards(q, 0.0)
@@ -79,9 +67,9 @@ def _drag(arm: ArmDriver, brick: Array, target: Array, scene: Scene) -> Script:
     beside = max(float(np.linalg.norm(outwards)), 1e-6)
     outwards /= beside
     tangent = np.array((-outwards[1], outwards[0], 0.0))
-    on = brick * (1.0, 1.0, 0.0) + up(PRESS) + DRAG_FROM * outwards
+    on = brick * (1.0, 1.0, 0.0) + up(0.024) + 0.008 * outwards  # 8 mm outwards from its middle, 24 mm high
     way = max(0.0, FREE - beside) * outwards
-    best, cost = None, LONGEST_TRAVEL
+    best, cost = None, 2.5  # [s] at most
     for yaw, tilt in itertools.product(YAWS, DRAG_TILTS):
         tool = pin.exp3(tilt * tangent) @ grasps.point_down(np.array((np.cos(yaw), np.sin(yaw), 0.0)))
         at = pin.SE3(tool, on - tool @ grasps.CENTRE)
@@ -104,8 +92,9 @@ def _ways(brick: Array, target: Array) -> list[Array]:
     """Where a brick is carried: away from the pedestal, and up."""
     outwards = (brick - target) * (1.0, 1.0, 0.0)
     beside = float(np.linalg.norm(outwards))
-    aside = max(0.0, BESIDE - beside) * outwards / max(beside, 1e-6)
-    return [aside + up(STEP_ASIDE), aside + up(target[2] + CLEAR - brick[2])]
+    # A brick is lifted 12.5 cm from the axis of the pedestal, at least.
+    aside = max(0.0, 0.125 - beside) * outwards / max(beside, 1e-6)
+    return [aside + up(0.03), aside + up(target[2] + CLEAR - brick[2])]  # first up by 3 cm, while it goes away
 
 
 def _put(arm: ArmDriver, target: Array, rest: float) -> Script:
@@ -124,20 +113,21 @@ def _put(arm: ArmDriver, target: Array, rest: float) -> Script:
         return
     yield from arm.go(best[0], SQUEEZE, tolerance=0.02)
     T_tool_brick = arm.pose.inverse() * arm.prop(BRICK)
-    for action in arm.move(best[1], SQUEEZE, speed=LOWERING, ramp=RAMP, settle=5):
+    # The joints accelerate differently, and the brick would leave its way.
+    for action in arm.move(best[1], SQUEEZE, speed=0.12, ramp=0.2, settle=5):
         yield action
         T_tool_brick_now = arm.pose.inverse() * arm.prop(BRICK)
-        if np.linalg.norm(T_tool_brick_now.translation - T_tool_brick.translation) > TOUCH:
+        if np.linalg.norm(T_tool_brick_now.translation - T_tool_brick.translation) > 0.002:  # [m]
             # What presses on something jumps when it is let go.
-            height = arm.pose.translation[2] + RELIEF - best[1].translation[2]
-            yield from arm.move(shift(best[1], up(height)), SQUEEZE, settle=RELIEF_STEPS)
+            height = arm.pose.translation[2] + 0.006 - best[1].translation[2]
+            yield from arm.move(shift(best[1], up(height)), SQUEEZE, settle=8)
             break
-    yield from arm.release(RELEASE_STEPS)
+    yield from arm.release(6)
 
 
 def _leave(arm: ArmDriver, target: Array) -> Script:
     """Take the hand away upwards."""
-    missing = target[2] + AWAY - arm.pose.translation[2]
+    missing = target[2] + 0.23 - arm.pose.translation[2]  # [m] above the pedestal
     if missing > 0.01:
         above = arm.chain([shift(arm.pose, up(missing))], arm.q, np.inf)
         if above is not None:
@@ -146,7 +136,7 @@ def _leave(arm: ArmDriver, target: Array) -> Script:
 
 def pillar(top: Array) -> Scene:
     """The pedestal as an obstacle, in the frame of the arm's base."""
-    radius, length = _PILLAR
+    radius, length = 0.07, 0.2  # [m]
     centre = top - robots.ARM_OFFSET
     column = Capsule("pillar", radius, length, centre - (0.0, 0.0, radius + length / 2.0))
     around = np.arange(3) * 2.0 * np.pi / 3.0

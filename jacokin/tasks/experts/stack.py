@@ -20,25 +20,11 @@ OVER = 0.1  # [m] of the hand while it goes somewhere
 HIGH = 0.045  # [m] of a brick on its way
 CLICK = 0.0008  # [m] sum of distances of two holes from their places, below which a brick has clicked
 HOLE = np.array((0.008, 0.024, -0.0073))  # [m] one of the outermost holes, from the middle of a brick
-HOLES = (HOLE, HOLE * (-1.0, 1.0, 1.0), HOLE * (1.0, -1.0, 1.0), HOLE * (-1.0, -1.0, 1.0))
 BESIDE = 0.02  # [m] the same sum, above which a brick cannot be pressed into its place
-ALIGNMENTS = 3
-PUSHES, PUSH_STEPS = 4, 2  # how often a brick is turned while it is pressed on; steps until it gives way
-LONG_PUSH_STEPS = 6  # of one push alone
-ALIGNED = 0.0005  # [m] the same sum, below which a brick above its place may be pressed down
-REGULAR, SINGULAR_COST = 0.08, 30.0  # least singular value of a configuration without penalty; [s] per what is missing
-YIELDING = 1.3  # of a tilt by which the hand turns back: the grip gives way
-ON = 0.012  # [m] sideways, within which a brick stands on another
 HIGHER = 0.01  # [m] that a brick is held higher when it is pulled off another
 LIES = 0.012  # [m] the middle of a brick that lies on the table
-ASIDE, APART = np.linspace(-0.2, 0.2, 9), 0.09  # [m] where bricks are put aside, and how far from others
-RELEASED = 0.75  # [rad] of fingers that do not touch a brick
-FIST = 0.012  # [m] of the pinch site above what the closed fingers press on
-PRESS = 0.025  # [m] deeper than its surface, for the force
-END, LEVEL = np.array((0.0, 0.016, 0.0)), 0.0003  # [m] where to press on a brick that is not level
-PRESSES, LIFTED = 3, 0.015  # how often; [m] of the closed fingers between
-RELEASE_STEPS, FIST_STEPS = 6, 9
-RELIEF, RELIEF_STEPS = 0.003, 3  # [m] that the hand goes up before it releases a brick that has not clicked
+ASIDE = np.linspace(-0.2, 0.2, 9)  # [m] where bricks are put aside
+RELEASE_STEPS = 6
 
 
 def stack(arm: ArmDriver) -> Script:
@@ -78,7 +64,7 @@ def _top(arm: ArmDriver, brick: str) -> str:
     """The uppermost of the bricks that stand on a brick, or that brick itself."""
     for other in bricks(arm):
         way = arm.prop(other).translation - arm.prop(brick).translation
-        if other != brick and 0.5 * HEIGHT < way[2] < 1.5 * HEIGHT and np.linalg.norm(way[:2]) < ON:
+        if other != brick and 0.5 * HEIGHT < way[2] < 1.5 * HEIGHT and np.linalg.norm(way[:2]) < 0.012:
             return _top(arm, other)
     return brick
 
@@ -113,7 +99,7 @@ def _free_spot(arm: ArmDriver, name: str) -> Array | None:
     here = arm.prop(name).translation
     spots = [np.array((x, y, LIES)) for x in ASIDE for y in ASIDE]
     for spot in sorted(spots, key=lambda spot: float(np.linalg.norm((spot - here)[:2]))):
-        if min(float(np.linalg.norm((spot - other)[:2])) for other in others) < APART:
+        if min(float(np.linalg.norm((spot - other)[:2])) for other in others) < 0.09:
             continue
         over = shift(arm.pose, np.append((spot - here)[:2], 0.0))
         if arm.chain([over, shift(over, up(spot[2] - here[2]))], arm.q, grasps.LONGEST_STEP) is not None:
@@ -166,7 +152,8 @@ def _hover(arm: ArmDriver, below: str, above: str) -> tuple[Array, pin.SE3] | No
             if arm.chain([shift(tool, up(-HIGH))], q, grasps.LONGEST_STEP) is None:
                 continue
             low = float(arm.robot.singular_values(q, FRAME)[-1])
-            value = float(arm.durations(q[None], arm.q)[0]) + SINGULAR_COST * max(0.0, REGULAR - low)
+            # No penalty from a singular value of 0.08 on, and 30 s for each 1 below.
+            value = float(arm.durations(q[None], arm.q)[0]) + 30.0 * max(0.0, 0.08 - low)
             if value < cost:
                 best, cost = (q, goal), value
     return best
@@ -198,26 +185,27 @@ def _click(arm: ArmDriver, below: str, above: str, *, hurried: bool) -> Script:
     yield from arm.go(q, SQUEEZE, tolerance=0.02)
     tool = shift(goal, up(HOVER)) * arm.prop(above).inverse() * arm.pose
     yield from arm.move(tool, SQUEEZE, tolerance=0.001, settle=10)
-    for _ in range(ALIGNMENTS):
+    for _ in range(3):
         wanted = shift(goal, up(HOVER))
-        if _apart(wanted, arm.prop(above)) < ALIGNED:
+        if _apart(wanted, arm.prop(above)) < 0.0005:  # [m], as of `CLICK`
             break
         tool = wanted * arm.prop(above).inverse() * tool
         yield from arm.move(tool, SQUEEZE, tolerance=0.0, settle=6)
     tool = shift(tool, up(-HOVER - DEEPER))
-    for left in reversed(range(PUSHES if hurried else 1)):
-        yield from arm.move(tool, SQUEEZE, speed=0.08, settle=PUSH_STEPS if hurried else LONG_PUSH_STEPS)
+    for left in reversed(range(4 if hurried else 1)):  # pushes
+        yield from arm.move(tool, SQUEEZE, speed=0.08, settle=2 if hurried else 6)
         brick = arm.prop(above)
         if _is_in(goal, brick) or not left or _apart(goal, brick) > BESIDE:
             break
         tilt = pin.log3(goal.rotation @ brick.rotation.T)
-        tool = shift(_turn_about(tool, brick.translation, pin.exp3(YIELDING * tilt)), up(-DEEPER))
+        # The hand turns back by more than the tilt: the grip gives way.
+        tool = shift(_turn_about(tool, brick.translation, pin.exp3(1.3 * tilt)), up(-DEEPER))
     if has_clicked(arm, below, above):
         yield from arm.release(RELEASE_STEPS)
         yield from arm.move(shift(arm.pose, up(HIGH)), OPEN, tolerance=0.03)
         return
     # What presses on something jumps when it is let go.
-    yield from arm.move(shift(arm.pose, up(RELIEF)), SQUEEZE, settle=RELIEF_STEPS)
+    yield from arm.move(shift(arm.pose, up(0.003)), SQUEEZE, settle=3)
     yield from arm.release(RELEASE_STEPS)
     if has_clicked(arm, below, above):
         yield from arm.move(shift(arm.pose, up(HIGH)), OPEN, tolerance=0.03)
@@ -227,7 +215,8 @@ def _click(arm: ArmDriver, below: str, above: str, *, hurried: bool) -> Script:
 
 def _is_in(goal: pin.SE3, brick: pin.SE3) -> bool:
     """Whether a brick that is pressed on is as deep as it goes, at both ends."""
-    return all((goal.act(hole) - brick.act(hole))[2] > -0.0002 for hole in HOLES)
+    holes = [HOLE * (x, y, 1.0) for x in (1.0, -1.0) for y in (1.0, -1.0)]
+    return all((goal.act(hole) - brick.act(hole))[2] > -0.0002 for hole in holes)
 
 
 def _turn_about(pose: pin.SE3, centre: Array, rotation: Array) -> pin.SE3:
@@ -237,20 +226,20 @@ def _turn_about(pose: pin.SE3, centre: Array, rotation: Array) -> pin.SE3:
 
 def _press(arm: ArmDriver, below: str, above: str) -> Script:
     """Press on a brick with the closed fingers, where it is highest, until it has clicked."""
-    yield from arm.move(shift(arm.pose, up(0.04)), RELEASED, tolerance=0.01, settle=4)
+    yield from arm.move(shift(arm.pose, up(0.04)), 0.75, tolerance=0.01, settle=4)  # fingers off the brick
     if _missing(arm, below, above) > BESIDE:
         return
-    yield from arm.close(FIST_STEPS)
-    for left in reversed(range(PRESSES + 1)):
+    yield from arm.close(9)
+    for left in reversed(range(4)):
         brick = arm.prop(above)
-        spots = [brick.act(part * END) for part in (0.0, 1.0, -1.0)]
+        spots = [brick.act(np.array((0.0, y, 0.0))) for y in (0.0, 0.016, -0.016)]
         on = max(spots, key=lambda spot: float(spot[2]))
-        if on[2] - spots[0][2] < LEVEL:
+        if on[2] - spots[0][2] < 0.0003:  # [m]
             on = spots[0]
-        tool = pin.SE3(arm.pose.rotation, on + up(FIST) - arm.pose.rotation @ grasps.CENTRE)
-        yield from arm.move(shift(tool, up(LIFTED)), CLOSED, tolerance=0.003, settle=6)
+        tool = pin.SE3(arm.pose.rotation, on + up(0.012) - arm.pose.rotation @ grasps.CENTRE)
+        yield from arm.move(shift(tool, up(0.015)), CLOSED, tolerance=0.003, settle=6)
         missing = _missing(arm, below, above)  # not before: a brick that is pressed on is too low
         if missing < CLICK or missing > BESIDE or not left:
             break
-        yield from arm.move(shift(tool, up(-PRESS)), CLOSED, speed=0.15, settle=8)
+        yield from arm.move(shift(tool, up(-0.025)), CLOSED, speed=0.15, settle=8)  # deeper, for the force
     yield from arm.move(shift(tool, up(HIGH)), CLOSED, tolerance=0.03)

@@ -4,7 +4,6 @@ environment    one environment; `vector` has many in one process
 controls       what actions mean
 packing        options, and the observations that follow from them
 registration   the ids
-window         the window of `render_mode="human"`
 """
 
 import importlib.util

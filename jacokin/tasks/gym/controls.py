@@ -24,13 +24,8 @@ from jacokin.mujoco_bridge.control.commands import GAIN
 from jacokin.tasks.features import StateView
 
 FRAME = "pinchsite"
-SPEED = 0.25  # [m/s] of the tool at most
-TURN_SPEED = 1.5  # [rad/s] of the tool at most
 FINGERS = 3
-LEAD = 0.1  # [rad] how far the reference may be ahead of the arm, which an obstacle may stop
 _REACH = np.array((0.6, 0.6, 0.8))  # [m] half-extent of the poses that can be asked for, about the arena's origin
-_HEIGHT = 0.4  # [m] of their middle
-_SMALLEST = 1e-3  # norm of a quaternion
 
 
 class Control(abc.ABC):
@@ -130,7 +125,7 @@ class _ReferenceControl(Control):
     def _keep_near(self, view: StateView) -> None:
         """Put the reference back to an arm that something has stopped."""
         q = view.qpos[: self._joints]
-        if np.abs(self._tracker.q - q).max() > LEAD:
+        if np.abs(self._tracker.q - q).max() > 0.1:  # [rad] ahead of the arm, which an obstacle may stop
             self._put(self._within(q))
 
 
@@ -186,7 +181,7 @@ class ToolVelocity(_ReferenceControl):
     def __init__(self, lower: Array, upper: Array, dt: float) -> None:
         """Allow velocities of actuators between two bounds (9,) [rad/s]."""
         super().__init__(lower, upper, dt)
-        bound = np.array([SPEED] * 3 + [TURN_SPEED] * 3 + [upper[-1]])
+        bound = np.array([0.25] * 3 + [1.5] * 3 + [upper[-1]])  # [m/s], [rad/s] of the tool at most
         self.bounds = -bound, bound
 
     def velocities(self, view: StateView, action: Array) -> Array:
@@ -210,7 +205,7 @@ class ToolPose(_ReferenceControl):
     def __init__(self, lower: Array, upper: Array, dt: float) -> None:
         """Allow velocities of actuators between two bounds (9,) [rad/s]."""
         super().__init__(lower, upper, dt)
-        middle = np.array((0.0, 0.0, _HEIGHT))
+        middle = np.array((0.0, 0.0, 0.4))  # [m]
         low = np.concatenate((middle - _REACH, -np.ones(4), (0.0,)))
         high = np.concatenate((middle + _REACH, np.ones(4), (1.0,)))
         self.bounds = low, high
@@ -223,7 +218,7 @@ class ToolPose(_ReferenceControl):
             InvalidInputError: one is 0.
         """
         quats = actions[..., 3:7]
-        is_zero = np.linalg.norm(quats, axis=-1) < _SMALLEST
+        is_zero = np.linalg.norm(quats, axis=-1) < 1e-3
         if is_zero.any():
             raise InvalidInputError(f"the quaternion of a pose must not be 0, got {quats[is_zero].tolist()[0]}")
 

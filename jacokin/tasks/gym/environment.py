@@ -1,10 +1,15 @@
-"""`TaskEnv`: one task as an environment of Gymnasium."""
+"""`TaskEnv`: one task as an environment of Gymnasium, and its window of `render_mode="human"`."""
 
 from __future__ import annotations
 
+import atexit
 import copy
 import inspect
 import itertools
+import os
+import sys
+import threading
+import warnings
 from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -22,21 +27,18 @@ from jacokin.model import checks
 from jacokin.mujoco_bridge.arena import FIRM
 from jacokin.mujoco_bridge.control import site_ik
 from jacokin.mujoco_bridge.control.site_ik import Asking
+from jacokin.showing import has_display
 from jacokin.tasks import registry
 from jacokin.tasks.episode import DEPTH, Episode, Snapshot, clip_action
 from jacokin.tasks.features import ids
 from jacokin.tasks.gym.controls import CONTROLS, Control
 from jacokin.tasks.gym.packing import EnvOptions, Observation, Packing, add_pictures
-from jacokin.tasks.gym.window import Window, check_display, is_usable
 from jacokin.tasks.randomization import FEATURE_BIAS, Pushes, Randomization, Variation, delay, has_offsets, has_pushes
 from jacokin.tasks.task import CAMERAS, CONTROL_TIMESTEP, WHOLE, Measure, State, Task, check_rewards, measured
 
 RENDER_MODES = ("rgb_array", "human", "depth_array")
 NO_EPISODE = "there is no episode, or the last step was not completed: call reset() before step()"
 SIZE = 480  # rows and columns of rendered pictures [pixels]
-# Of what is rendered but not observed: a fifth of the time that MuJoCo's own take on a processor.
-QUICK_SHADOWS, QUICK_SAMPLES = 1024, 0  # [pixels] of the map of shadows, samples of a pixel
-QUICK = {"reflection": False}
 DELAY = "observation_delay"
 _METADATA = {"render_modes": list(RENDER_MODES), "render_fps": round(1.0 / CONTROL_TIMESTEP)}
 
@@ -120,7 +122,8 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
         self._episode = Episode(self.options.task, contact, self.options.control_timestep)
         if not self.options.has_camera:  # otherwise pictures are as the reference has them
             quality = self.model.vis.quality
-            quality.shadowsize, quality.offsamples = QUICK_SHADOWS, QUICK_SAMPLES
+            # Of what is rendered but not observed: a fifth of the time that MuJoCo's own take on a processor.
+            quality.shadowsize, quality.offsamples = 1024, 0
         self._packing = Packing(self._episode.task, self.options)
         self._control: Control = CONTROLS[control](
             self._episode.lower, self._episode.upper, self.options.control_timestep
@@ -336,7 +339,7 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
         height, width = self._size
         if self.render_mode == "depth_array":
             return self._episode.picture(height, width, camera=self._render_camera, kind=DEPTH)[..., 0]
-        return self._episode.picture(height, width, camera=self._render_camera, flags=QUICK)
+        return self._episode.picture(height, width, camera=self._render_camera, flags={"reflection": False})
 
     def close(self) -> None:
         """Free what pictures need."""
@@ -487,6 +490,61 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
     def __copy__(self) -> TaskEnv:
         """A second environment in the same state: two cannot share a simulation, so this is `copy.deepcopy`."""
         return self.__deepcopy__({})
+
+
+class Window:
+    """MuJoCo's own viewer of a simulation, which what is done in it with the mouse does not reach."""
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        """Open it.
+
+        Raises:
+            PhysicsError: there is no display, or on macOS the program does not run under ``mjpython``.
+        """
+        check_display()
+        import glfw  # comes with MuJoCo; asked first, because its viewer waits for ever where this fails
+        import mujoco.viewer
+
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # glfw warns of what is raised here
+            if sys.platform != "darwin" and not glfw.init():
+                raise PhysicsError("no window can be opened on the display; use 'rgb_array' and MUJOCO_GL=egl")
+        self._model, self._shown = model, mujoco.MjData(model)
+        before = set(threading.enumerate())
+        try:
+            self._handle = mujoco.viewer.launch_passive(model, self._shown, show_left_ui=False, show_right_ui=False)
+        except RuntimeError as error:
+            raise PhysicsError(f"no window can be opened: {error}") from error
+        self._threads = set(threading.enumerate()) - before
+        # MuJoCo ends its graphics when Python exits, and crashes where the thread of a window still draws.
+        atexit.register(self.close)
+
+    def show(self, data: mujoco.MjData) -> None:
+        """Draw a state; nothing, once the window was closed by hand."""
+        mujoco.mj_copyData(self._shown, self._model, data)
+        self._handle.sync()
+
+    def close(self) -> None:
+        """Close it and wait for its thread; may be called again."""
+        atexit.unregister(self.close)
+        self._handle.close()
+        for thread in self._threads:
+            thread.join(5.0)  # [s]
+
+
+def is_usable(render_mode: str) -> bool:
+    """Whether the system has what a render mode needs: a display, or for pictures a renderer without one."""
+    return has_display() or (render_mode != "human" and os.environ.get("MUJOCO_GL", "").lower() in ("egl", "osmesa"))
+
+
+def check_display() -> None:
+    """Refuse a window where the system names no display.
+
+    Raises:
+        PhysicsError: it does not.
+    """
+    if not is_usable("human"):
+        raise PhysicsError("render_mode='human' needs a display; without one use 'rgb_array' and MUJOCO_GL=egl")
 
 
 class FunctionSpec(EnvSpec):

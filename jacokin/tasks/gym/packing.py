@@ -26,11 +26,7 @@ from jacokin.tasks.randomization import FEATURE_BIAS, FEATURE_NOISE
 from jacokin.tasks.task import CAMERA, CAMERAS, CONTROL_TIMESTEP, PHYSICS_TIMESTEP, Measure, State, Task
 
 Observation = Array | dict[str, NDArray[Any]]
-REWARDS = ("dense", "sparse")
 LONGEST_STEP = 1.0  # [s]
-_ROUNDING = 1e-9  # [s] of multiples of the physics step
-LARGEST = 480  # rows and columns of pictures that MuJoCo's buffer has room for
-PICTURES = tuple(f"{name}{kind}" for kind in ("", f"/{DEPTH}", f"/{SEGMENTATION}") for name in CAMERAS)
 PROPRIOCEPTION = "proprioception"  # key of the features of the robot beside a picture
 OBSERVATION = "observation"  # key of all features beside goals
 
@@ -73,7 +69,7 @@ class EnvOptions:
         entry = registry.TASKS[checks.choice("task", self.task, registry.TASKS)]
         checks.choice("control", self.control, CONTROLS)
         if not callable(self.reward):
-            checks.choice("reward", self.reward, REWARDS)
+            checks.choice("reward", self.reward, ("dense", "sparse"))
         checks.choice("contact", self.contact, CONTACTS)
         checks.flag("goal", self.goal)
         checks.flag("flatten", self.flatten)
@@ -88,7 +84,8 @@ class EnvOptions:
 
         timestep = checks.positive("control_timestep", self.control_timestep, "s")
         substeps = round(timestep / PHYSICS_TIMESTEP)
-        if abs(timestep - substeps * PHYSICS_TIMESTEP) > _ROUNDING or not PHYSICS_TIMESTEP <= timestep <= LONGEST_STEP:
+        is_multiple = abs(timestep - substeps * PHYSICS_TIMESTEP) <= 1e-9  # rounding
+        if not is_multiple or not PHYSICS_TIMESTEP <= timestep <= LONGEST_STEP:
             raise checks.refusal(
                 "control_timestep", f"a multiple of {PHYSICS_TIMESTEP:g} s up to {LONGEST_STEP:g} s", timestep, "s"
             )
@@ -278,10 +275,12 @@ def add_pictures(observation: Observation, pictures: Mapping[str, NDArray[Any]])
 
 
 def _size(name: str, size: Any) -> tuple[int, int]:
-    checks.choice("camera", name, PICTURES)
+    pictures = [f"{camera}{kind}" for kind in ("", f"/{DEPTH}", f"/{SEGMENTATION}") for camera in CAMERAS]
+    checks.choice("camera", name, pictures)
     if not isinstance(size, tuple | list) or len(size) != 2:
         raise checks.refusal(f"the size of camera {name!r}", "(height, width)", size, "pixels")
-    height, width = (checks.whole_number(f"the size of camera {name!r}", each, 1, LARGEST) for each in size)
+    # MuJoCo's buffer has room for 480.
+    height, width = (checks.whole_number(f"the size of camera {name!r}", each, 1, 480) for each in size)
     return height, width
 
 

@@ -43,9 +43,6 @@ Values = dict[str, float]  # of a randomization
 Begun = list[tuple[Observation, Info]]
 VectorStep = tuple[Observation, Array, Flags, Flags, Info]
 
-AUTORESET_MODES = tuple(mode.value for mode in AutoresetMode)
-_WITHOUT_WINDOW = [name for name in OPTIONS if name not in ("render_mode", "width", "height", "render_camera")]
-_OPTIONS = ("threads", "sleep", "max_episode_steps", "autoreset_mode", *_WITHOUT_WINDOW)
 _VELOCITIES = int(mujoco.mjtStage.mjSTAGE_VEL)
 _HUGE = 1e10  # where MuJoCo takes a simulation for unstable
 _WARNINGS = {
@@ -95,13 +92,16 @@ class VectorTaskEnv(VectorEnv[Observation, Any, NDArray[Any]]):
         self._spec: EnvSpec | None = None
         if options.pop("render_mode", None) is not None:
             raise InvalidInputError("a vector of environments does not render; make a single one with the same seed")
+        own = ("threads", "sleep", "max_episode_steps", "autoreset_mode")
+        shared = [name for name in OPTIONS if name not in ("render_mode", "width", "height", "render_camera")]
         for name in options:
-            checks.choice("option of a vector", name, _OPTIONS)
+            checks.choice("option of a vector", name, (*own, *shared))
         checks.whole_number("num_envs", num_envs, 1)
         checks.whole_number("threads", threads, 1)
         checks.flag("sleep", sleep)
         value = autoreset_mode.value if isinstance(autoreset_mode, AutoresetMode) else autoreset_mode
-        self.autoreset_mode = AutoresetMode(checks.choice("autoreset_mode", value, AUTORESET_MODES))
+        modes = [mode.value for mode in AutoresetMode]
+        self.autoreset_mode = AutoresetMode(checks.choice("autoreset_mode", value, modes))
         first = self._first = TaskEnv(**options)
         steps = first._episode.most_steps
         if max_episode_steps not in (None, -1):

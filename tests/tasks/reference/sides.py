@@ -11,10 +11,7 @@ import jacokin.tasks
 from jacokin.arrays import Array
 from jacokin.mujoco_bridge import Entity
 from jacokin.tasks import Environment
-from jacokin.tasks.families.bricks import BrickTask
-from jacokin.tasks.families.lift import Lift
-from jacokin.tasks.families.place import Place
-from jacokin.tasks.families.reach import ReachBrick, ReachSite
+from jacokin.tasks.families import BrickTask, Lift, Place, ReachBrick, ReachSite
 from tests.optional import make_dm_control_run
 
 NAMES = [name for name in jacokin.tasks.names() if not name.startswith(("reach_top", "reach_bottom"))]

@@ -11,8 +11,8 @@ import pytest
 from jacokin.errors import InvalidInputError, PhysicsError
 from jacokin.mujoco_bridge import Arena, Cradle, Entity, JacoArm, Physics
 from jacokin.mujoco_bridge.distributions import Uniform
-from jacokin.mujoco_bridge.observables.observable import ArraySpec, Observable
-from jacokin.mujoco_bridge.observables.updater import Updater, observables_of
+from jacokin.mujoco_bridge.observables import ArraySpec, Observable
+from jacokin.mujoco_bridge.updater import Updater, observables_of
 from tests.mujoco_bridge.scenes import Scene
 
 CONTROL_STEPS = 20

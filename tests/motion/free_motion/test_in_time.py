@@ -11,7 +11,7 @@ from jacokin.arrays import Array
 from jacokin.ik import Scene
 from jacokin.model.contact import ContactBetween
 from jacokin.motion import Trajectory, move_joints, plan_motion
-from jacokin.motion.in_time import SHORTEST, TimedMotion, find_touch
+from jacokin.motion.free_motion.meanwhile import SHORTEST, TimedMotion, find_touch
 
 STEPPED_OVER = 3e-3  # [m] that two arms come nearer to each other between two samples
 BASE = jacokin.pose([0.6, 0.0, 0.0], rpy=[0.0, 0.0, np.pi])

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.mujoco_bridge import Entity
-from jacokin.mujoco_bridge.observables.observable import AGGREGATORS, Observable, Observables, observable
-from jacokin.mujoco_bridge.observables.updater import observables_of
+from jacokin.mujoco_bridge.observables import AGGREGATORS, Observable, Observables, observable
+from jacokin.mujoco_bridge.updater import observables_of
 
 DEFAULTS = {
     "update_interval": 1,

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from jacokin.errors import InvalidInputError, PhysicsError
-from jacokin.mujoco_bridge.observables.observable import Aggregator, Observable
-from jacokin.mujoco_bridge.observables.updater import Updater
+from jacokin.mujoco_bridge.observables import Aggregator, Observable
+from jacokin.mujoco_bridge.updater import Updater
 
 if TYPE_CHECKING:
     from jacokin.mujoco_bridge.simulation.physics import Physics

@@ -19,7 +19,7 @@ from jacokin.errors import InvalidInputError, PhysicsError, shown
 from jacokin.model import checks
 from jacokin.mujoco_bridge.distributions import RandomState, sampler
 from jacokin.mujoco_bridge.entity import HOOKS, Entity
-from jacokin.mujoco_bridge.observables.observable import AGGREGATORS, ArraySpec, Observable, Steps
+from jacokin.mujoco_bridge.observables import AGGREGATORS, ArraySpec, Observable, Steps
 from jacokin.mujoco_bridge.simulation.physics import Physics
 
 # Aggregators whose value lies between the least and the greatest reading.

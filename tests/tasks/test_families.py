@@ -7,10 +7,7 @@ import pytest
 
 import jacokin.tasks
 from jacokin.arrays import Array
-from jacokin.tasks.families.bricks import Stack
-from jacokin.tasks.families.lift import LiftBrick
-from jacokin.tasks.families.place import PlaceBrick
-from jacokin.tasks.families.reach import ReachBrick, ReachSite
+from jacokin.tasks.families import LiftBrick, PlaceBrick, ReachBrick, ReachSite, Stack
 from jacokin.tasks.features import StateView
 from jacokin.tasks.registry import TASKS
 from jacokin.tasks.task import Task

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from jacokin.errors import InvalidInputError
 from jacokin.mujoco_bridge import Arena, JacoArm, JacoHand, Physics, observations
 from jacokin.mujoco_bridge.jaco_arm import JacoArmObservables
-from jacokin.mujoco_bridge.observables.observable import MJCFFeature, Observable, observable
-from jacokin.mujoco_bridge.observables.updater import Updater, observables_of
+from jacokin.mujoco_bridge.observables import MJCFFeature, Observable, observable
 from jacokin.mujoco_bridge.observations import angles_from_sin_cos
 from jacokin.mujoco_bridge.props import Primitive
+from jacokin.mujoco_bridge.updater import Updater, observables_of
 from tests.mujoco_bridge.scenes import Scene, jaco_scene
 
 CONTROL_STEPS = 20  # physics steps of 2 ms in a control step of 40 ms
