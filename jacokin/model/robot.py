@@ -822,6 +822,7 @@ def checked_robot(name: str, value: object) -> Robot:
 
 FASTEST = 1e4  # [rad/s] 1,600 turns a second; [m/s] where a joint slides
 HARDEST = 1e6  # [rad/s^2] full speed of a fast arm within a few microseconds
+TIME_TO_FULL_SPEED = 0.3  # [s] in tracking, by default, as joints of the Jaco take
 
 
 def copies_counted(robot: Robot) -> NDArray[np.int64]:
@@ -918,8 +919,17 @@ def tracking_accelerations(robot: Robot, value: ArrayLike | None, velocity: Arra
     """
     if value is None:
         own = robot.acceleration_limit
-        return np.where(np.isfinite(own), own, velocity / 0.3)
+        return np.where(np.isfinite(own), own, velocity / TIME_TO_FULL_SPEED)
     return _bounded("acceleration_limit", value, robot.dof, "rad/s^2", HARDEST, infinite=True)
+
+
+def catching_accelerations(robot: Robot, velocity: Array) -> Array:
+    """(dof,) accelerations [rad/s^2] with which joints take 0.3 s to full speed: to catch up with targets by default.
+
+    Joints that answer within a tick or two, as some can, jerk to and fro with a target that jumps. Full speed is that
+    of the motion (dof,) [rad/s], or the robot's own where that is more.
+    """
+    return np.maximum(velocity, robot.velocity_limit) / TIME_TO_FULL_SPEED
 
 
 def fingerprint(robot: Robot, *, shapes: bool = False) -> str:

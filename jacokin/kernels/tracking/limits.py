@@ -11,9 +11,9 @@ import math
 from jacokin.arrays import Array
 
 #: Columns of a joint: its limits [rad]; the largest displacement of a tick, and by how much it may change from one to
-#: the next [rad]; the acceleration [rad/s^2]; how far from a limit it does not bind [rad]; 1 where the acceleration is
-#: limited at all.
-LOWER, UPPER, STEP, CHANGE, ACCELERATION, CLEAR_OF, LIMITED, LIMIT_NUMBERS = range(8)
+#: the next [rad], at most and in catching up with a target; the acceleration [rad/s^2]; how far from a limit it does not
+#: bind [rad]; 1 where the acceleration is limited at all.
+LOWER, UPPER, STEP, CHANGE, CATCHING, ACCELERATION, CLEAR_OF, LIMITED, LIMIT_NUMBERS = range(9)
 #: What a joint runs into: nothing, its upper or lower limit, its velocity limit; and added to it, its acceleration's.
 FREE, AT_UPPER, AT_LOWER, AT_SPEED, AT_ACCELERATION = 0, 1, 2, 3, 4
 #: Of the velocity limit's step: a displacement this near to a bound lies on it.
@@ -102,10 +102,30 @@ def take_stride(limits: Array, total: Array, along: Array, stride: Array) -> Non
         gap = total[j] - along[j]
         size = max(abs(gap), TINY)
         part = min(part, (limits[j, STEP] - math.copysign(along[j], along[j] * gap)) / size)
-        most = max(most, size / limits[j, CHANGE])
+        most = max(most, size / limits[j, CATCHING])
     part = max(min(part, stopping_part(most)), 0.0)
     for j in range(dof):
         stride[j] = along[j] + part * (total[j] - along[j])
+
+
+def keep_to_target(limits: Array, v: Array, dt: float, along_change: Array, low: Array, high: Array) -> None:
+    """Narrow the bounds (dof,) [rad] of a tick to what catches up with a target, and to how the target's motion changes.
+
+    So a joint accelerates as hard as it may only where the target itself does, or before a limit.
+
+    Args:
+        limits: of the joints.
+        v: (dof,) velocities over the last tick [rad/s].
+        dt: control step [s].
+        along_change: (dof,) by how much the target's own displacement in a tick changes [rad].
+        low: least displacement by all limits.
+        high: the largest one.
+    """
+    for j in range(len(v)):
+        least = v[j] * dt + min(along_change[j], 0.0) - limits[j, CATCHING]
+        most = v[j] * dt + max(along_change[j], 0.0) + limits[j, CATCHING]
+        low[j] = min(max(low[j], least), high[j])
+        high[j] = max(min(high[j], most), low[j])
 
 
 def move(limits: Array, q: Array, displacement: Array, after: Array) -> None:
@@ -131,6 +151,6 @@ def limit_reached(limits: Array, j: int, q: float, v: float, before: float, dt: 
         found = AT_LOWER
     elif abs(displacement) >= limits[j, STEP] - slack:
         found = AT_SPEED
-    if limits[j, LIMITED] > 0.0 and abs(v - before) * dt >= limits[j, CHANGE] * (1.0 - AT_BOUND):
+    if limits[j, LIMITED] > 0.0 and abs(v - before) * dt >= limits[j, CATCHING] * (1.0 - AT_BOUND):
         found += AT_ACCELERATION
     return found

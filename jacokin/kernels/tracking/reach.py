@@ -99,7 +99,7 @@ class ReachWork(NamedTuple):
 
     counts: NDArray[np.int64]  # (5,)
     numbers: Array  # (9,)
-    limits: Array  # (dof, 7) see `limits`
+    limits: Array  # (dof, 8) see `limits`
     start: Array  # (dof,) where the arm is [rad]
     v: Array  # (dof,) its velocity over the last tick [rad/s]
     displacement: Array  # (dof,) that is to be made [rad]

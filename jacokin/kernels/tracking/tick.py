@@ -19,6 +19,7 @@ from jacokin.kernels.tracking.limits import (
     UPPER,
     fill_bounds,
     fill_room,
+    keep_to_target,
     limit_reached,
     move,
     take_stride,
@@ -80,7 +81,7 @@ class TickWork(NamedTuple):
     counts: NDArray[np.int64]  # (21,)
     numbers: Array  # (12,)
     arm: JointFrames
-    limits: Array  # (dof, 7)
+    limits: Array  # (dof, 8)
     q: Array  # (dof,) where the arm is [rad]
     v: Array  # (dof,) its velocity over the last tick [rad/s]
     tasks: TaskRows
@@ -94,6 +95,7 @@ class TickWork(NamedTuple):
     bounds: Array  # (2 dof,) filled: in this tick
     total: Array  # (dof,) what is missing to the target at the end of the tick [rad]
     along: Array  # (dof,) what follows a target that moves [rad]
+    along_change: Array  # (dof,) by how much that changes with the target's motion [rad]
     step: Array  # (dof,) filled: the displacement of this tick [rad]
     after: Array  # (3 dof,) where the arm is after the tick [rad]; filled: its velocity then, and its acceleration
     reached: NDArray[np.int64]  # (dof,) filled with what each joint runs into, see `limits`
@@ -125,6 +127,7 @@ def make_tick_work(dof: int = 0, tasks: int = 0, pairs: int = 0) -> TickWork:
         np.zeros((dof, 6)),
         np.zeros(2 * dof),
         np.zeros(2 * dof),
+        np.zeros(dof),
         np.zeros(dof),
         np.zeros(dof),
         np.zeros(dof),
@@ -218,11 +221,17 @@ def finish_tick(work: TickWork) -> int:
     """Find the displacement of a tick from what is missing to the target in all."""
     dof, rows = len(work.q), work.counts[ROWS]
     for j in range(dof):
-        work.along[j], work.step[j] = 0.0, work.total[j]
+        work.along[j], work.along_change[j], work.step[j] = 0.0, 0.0, work.total[j]
     if work.near.counts[2] > 0:  # what moves apart does so at once
         return SOLVED
     if work.counts[MOVED] == 1 and work.counts[MOVED_BEFORE] == 1:
-        follow(work.problem, work.moved, lasting_part(work.moved_before, work.moved, rows), rows, work.along)
+        part, left = lasting_part(work.moved_before, work.moved, rows), work.problem.left
+        follow(work.problem, work.moved, part, rows, work.along)
+        for r in range(rows):
+            left[r] = work.moved[r] - work.moved_before[r]
+        follow(work.problem, left, part, rows, work.along_change)
+    dt, low, high = work.numbers[TIME_STEP], work.bounds[:dof], work.bounds[dof:]
+    keep_to_target(work.limits, work.v, dt, work.along_change, low, high)
     take_stride(work.limits, work.total, work.along, work.step)
     return descend(work, rows)
 

@@ -27,20 +27,33 @@ class JointLimits:
         change: (dof,) by how much that displacement may change from tick to tick [rad].
         stops_at_once: whether every joint may stop within a tick.
         stopping_time: in which all joints stop from full speed [s]; 0 where they may within a tick.
-        table: (dof, 7) as the kernels take them.
+        table: (dof, 8) as the kernels take them.
     """
 
-    def __init__(self, robot: Robot, velocity: Array, acceleration: Array, dt: float) -> None:
-        """Keep the limits: `velocity` (dof,) [rad/s], `acceleration` (dof,) [rad/s^2] or inf, `dt` the step [s]."""
+    def __init__(
+        self, robot: Robot, velocity: Array, acceleration: Array, dt: float, catching: Array | None = None
+    ) -> None:
+        """Keep the limits.
+
+        Args:
+            robot: the arm.
+            velocity: (dof,) [rad/s].
+            acceleration: (dof,) [rad/s^2] or inf.
+            dt: control step [s].
+            catching: (dof,) accelerations in catching up with a target [rad/s^2]; None for all that joints may.
+        """
         self._names, self._dt = robot.joint_names, dt
         self.lower, self.upper = robot.lower, robot.upper
         self.step = velocity * dt
         self._acceleration = np.minimum(acceleration, 2.0 * velocity / dt)
         self.change = self._acceleration * dt * dt
+        catching_change = self.change if catching is None else np.minimum(catching * dt * dt, self.change)
         ticks = self.step / self.change + 1.0
         far = self.step * ticks  # [rad] from which a limit does not bind: more than the way to rest
         limited = acceleration <= self._acceleration
-        self.table = np.column_stack([self.lower, self.upper, self.step, self.change, self._acceleration, far, limited])
+        self.table = np.column_stack(
+            [self.lower, self.upper, self.step, self.change, catching_change, self._acceleration, far, limited]
+        )
         self.stops_at_once = bool((self.change >= self.step).all())
         self.stopping_time = 0.0 if self.stops_at_once else float((velocity / acceleration).max())
 

@@ -3,9 +3,10 @@
 A tick first asks what displacement of the joints is missing to the target: the minimiser of the error to second order
 within the joint limits and the distances to what is near (`problem`), or for a twist the displacement along it
 (`twist`). Then how much of it the arm goes in this tick: all joints the same part, as fast as they may and still stop
-at the end (`joint_limits`). Where that leads is looked at before it is taken: a step that makes the error grow is
-halved, one that brings shapes too near, or from which the arm could not brake clear of what stands still, is brought
-nearer to braking. So the way out is always known, and limits hold exactly.
+at the end (`joint_limits`). By default they accelerate harder than to full speed in 0.3 s only as the target does, so
+that a joint which could does not jerk to and fro with a target that jumps. Where that leads is looked at before it is
+taken: a step that makes the error grow is halved, one that brings shapes too near, or from which the arm could not
+brake clear of what stands still, is brought nearer to braking. So the way out is always known, and limits hold exactly.
 """
 
 from __future__ import annotations
@@ -28,7 +29,13 @@ from jacokin.ik.seeds import checked_start
 from jacokin.kernels.tracking.run import FROM_STEP, FROM_TOTAL, FROM_TWIST, ON_TARGET, WHOLE
 from jacokin.kernels.tracking.tick import NEEDS_QP, NEEDS_QP_NOW
 from jacokin.model import checks, poses
-from jacokin.model.robot import Robot, checked_robot, tracking_accelerations, velocity_limits
+from jacokin.model.robot import (
+    Robot,
+    catching_accelerations,
+    checked_robot,
+    tracking_accelerations,
+    velocity_limits,
+)
 from jacokin.model.scene import Scene
 from jacokin.motion.rows import MotionState, checked_velocity
 from jacokin.motion.tracking.avoidance import CLEARANCE, ClearanceGuard, Distances, make_guard
@@ -160,8 +167,9 @@ class Tracker:
             q: (dof,) where the arm is [rad]; None for the robot's home.
             tool: T_frame_tool, a constant pose after the frame.
             velocity_limit: (dof,) or one for all [rad/s]; None for the robot's own.
-            acceleration_limit: (dof,) or one for all [rad/s^2]; None for the robot's own, `numpy.inf` for none: then a
-                joint may stop within a tick.
+            acceleration_limit: (dof,) or one for all [rad/s^2]; None for the robot's own, of which joints use no more to
+                catch up with a target than takes them to full speed in 0.3 s; `numpy.inf` for none: then a joint may
+                stop within a tick.
             scene: obstacles around the arm, in the base frame.
             clearance: shapes are kept this far apart [m]; None for 0.01.
             collision: "reject" keeps the arm clear of the scene and of itself, "ignore" keeps nothing apart. None is
@@ -194,7 +202,8 @@ class Tracker:
         self.acceleration_limit = checks.read_only(
             tracking_accelerations(robot, acceleration_limit, self.velocity_limit)
         )
-        self._limits = JointLimits(robot, self.velocity_limit, self.acceleration_limit, self.dt)
+        catching = catching_accelerations(robot, self.velocity_limit) if acceleration_limit is None else None
+        self._limits = JointLimits(robot, self.velocity_limit, self.acceleration_limit, self.dt, catching)
         self._make_guard = partial(
             make_guard,
             robot,

@@ -65,9 +65,9 @@ def combined(robots: list[Any], first: Any, others: Sequence[Any]) -> list[Any]:
 
 
 def expect_uneven(request: pytest.FixtureRequest, broken: bool) -> None:
-    """A known gap: the Gen3's wrist may accelerate ten times as hard as its other joints, by its driver's numbers."""
+    """A known gap: the Gen3's first joint brakes for 0.4 s past a singular pose, and then has gone too far."""
     if broken:
-        reason = "joints that accelerate at 1 and at 10 rad/s^2 turn round too often, or leave the straight way"
+        reason = "a joint of 1 rad/s^2 leaves the straight way near a singular pose, and the error grows by 1.6 mm"
         request.applymarker(pytest.mark.xfail(strict=True, reason=reason))
 
 
@@ -107,10 +107,7 @@ def stream_of(robot: Robot, kind: str, number: int, dt: float = DT, seconds: flo
 
 @pytest.mark.parametrize("name", cases("j2n6s300", "j2s7s300", "ur5", "five"))
 @pytest.mark.parametrize("kind", [*MOVING[:2], *(pytest.param(kind, marks=pytest.mark.slow) for kind in MOVING[2:])])
-def test_joints_turn_round_no_more_often_than_the_target(
-    request: pytest.FixtureRequest, find: Find, name: str, kind: str
-) -> None:
-    expect_uneven(request, kind == "turned_bursts" and name in ("gen3", "gen3_6dof", "gen3_lite"))
+def test_joints_turn_round_no_more_often_than_the_target(find: Find, name: str, kind: str) -> None:
     robot = find(name)
     stream = stream_of(robot, kind, 0, seconds=8.0)
     v, _, _ = play(Tracker(robot, dt=DT, q=stream.start), stream.targets)
@@ -252,6 +249,29 @@ def test_a_step_of_the_target_is_no_step_of_the_velocity(find: Find, name: str) 
     rng = np.random.default_rng(3)
     jumps = [robot.forward_kinematics(robot.sample(rng)) for _ in range(8)]
     play(tracker, [jump for jump in jumps for _ in range(40)])  # asserts the limits at every tick
+
+
+def nodded(robot: Robot, turn: float) -> pin.SE3:
+    """The tool at home, turned about its own axis."""
+    home = robot.forward_kinematics(robot.home)
+    return pin.SE3(home.rotation @ pin.exp3(np.array([0.0, 0.0, turn])), home.translation)
+
+
+def test_a_joint_uses_all_its_acceleration_as_the_target_does_but_not_to_catch_up(find: Find) -> None:
+    """The last joint of a Gen3 may accelerate at 10 rad/s^2; full speed in 0.3 s is 4."""
+    robot = find("gen3_6dof")
+    gentle = robot.velocity_limit[-1] / 0.3
+    assert robot.acceleration_limit[-1] > 2.0 * gentle
+    times = DT * np.arange(400)
+    sways = 0.15 * np.minimum(times, 1.0) * np.sin(2.0 * np.pi * times)  # [rad] at most 5.9 rad/s^2
+    v, errors, _ = play(Tracker(robot, dt=DT), [nodded(robot, turn) for turn in sways])
+    assert np.abs(np.diff(v[:, -1])).max() > 1.3 * gentle * DT
+    assert errors.max() < RADIAN * 1e-3
+    jumps = [nodded(robot, turn) for turn in (0.6, -0.6, 0.3) for _ in range(20)]
+    v, _, _ = play(Tracker(robot, dt=DT), jumps)
+    assert np.abs(np.diff(v, axis=0))[:, -1].max() <= gentle * DT + ROUNDING
+    v, _, _ = play(Tracker(robot, dt=DT, acceleration_limit=robot.acceleration_limit), jumps)
+    assert np.abs(np.diff(v, axis=0))[:, -1].max() > 2.0 * gentle * DT
 
 
 def test_a_new_tracker_goes_on_from_the_state_of_another(robot: Robot) -> None:
