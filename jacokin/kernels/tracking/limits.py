@@ -11,8 +11,8 @@ import math
 from jacokin.arrays import Array
 
 #: Columns of a joint: its limits [rad]; the largest displacement of a tick, and by how much it may change from one to
-#: the next [rad], at most and in catching up with a target; the acceleration [rad/s^2]; how far from a limit it does not
-#: bind [rad]; 1 where the acceleration is limited at all.
+#: the next [rad], at most and in catching up with a target; the acceleration [rad/s^2]; how far from a limit it does
+#: not bind [rad]; 1 where the acceleration is limited at all.
 LOWER, UPPER, STEP, CHANGE, CATCHING, ACCELERATION, CLEAR_OF, LIMITED, LIMIT_NUMBERS = range(9)
 #: What a joint runs into: nothing, its upper or lower limit, its velocity limit; and added to it, its acceleration's.
 FREE, AT_UPPER, AT_LOWER, AT_SPEED, AT_ACCELERATION = 0, 1, 2, 3, 4
@@ -109,7 +109,7 @@ def take_stride(limits: Array, total: Array, along: Array, stride: Array) -> Non
 
 
 def keep_to_target(limits: Array, v: Array, dt: float, along_change: Array, low: Array, high: Array) -> None:
-    """Narrow the bounds (dof,) [rad] of a tick to what catches up with a target, and to how the target's motion changes.
+    """Narrow the bounds (dof,) [rad] of a tick to what catches up with a target, and to how its motion changes.
 
     So a joint accelerates as hard as it may only where the target itself does, or before a limit.
 

@@ -167,8 +167,8 @@ class Tracker:
             q: (dof,) where the arm is [rad]; None for the robot's home.
             tool: T_frame_tool, a constant pose after the frame.
             velocity_limit: (dof,) or one for all [rad/s]; None for the robot's own.
-            acceleration_limit: (dof,) or one for all [rad/s^2]; None for the robot's own, of which joints use no more to
-                catch up with a target than takes them to full speed in 0.3 s; `numpy.inf` for none: then a joint may
+            acceleration_limit: (dof,) or one for all [rad/s^2]; None for the robot's own, of which joints use no more
+                to catch up with a target than takes them to full speed in 0.3 s; `numpy.inf` for none: then a joint may
                 stop within a tick.
             scene: obstacles around the arm, in the base frame.
             clearance: shapes are kept this far apart [m]; None for 0.01.
