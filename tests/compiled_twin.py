@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from jacokin import Robot
 from jacokin.arrays import Array
-from jacokin.kernels.contact.run import LIST_TOUCHING, TASK, make_contact_work, run_contact
+from jacokin.kernels.contact.run import ContactInteger, ContactTask, make_contact_work, run_contact
 from jacokin.kernels.contact.touching import Geometry
 from jacokin.kernels.library import Call
 from jacokin.model import poses
@@ -106,7 +106,7 @@ class TwinContact:
         self._names = [self._shapes[number].name for number in numbers]
         self._counted = {frozenset((twin.model.geom(a).name, twin.model.geom(b).name)) for a, b in twin.pairs}
         self._call = Call(run_contact, make_contact_work(geometry, 1))
-        self._call.work.integers[TASK] = LIST_TOUCHING
+        self._call.work.integers[ContactInteger.TASK] = ContactTask.LIST_TOUCHING
 
     def touching(self, q: Array) -> set[frozenset[str]]:
         """Names of the pairs that touch at a configuration (dof,) [rad]."""

@@ -30,7 +30,7 @@ from jacokin.kernels.six_joints.loop import GENERAL
 from jacokin.kernels.tolerances import DISTINCT, EXACT_MISFIT
 from jacokin.model import angles, checks
 from jacokin.model.kinematics import about_z
-from jacokin.model.robot import Robot
+from jacokin.model.robot import Robot, limit_margins
 
 SIX = 6  # joints that the closed form solves for
 KEPT = 64  # values of joints between the six whose constants are kept
@@ -211,8 +211,7 @@ class PointsOfFixed(Points):
     @property
     def margin(self) -> Array:
         """(k, dof) distance to the nearer limit [rad or m]: negative outside, inf for an unlimited joint."""
-        robot = self._known().robot
-        return self._placed(np.minimum(self._values - robot.lower, robot.upper - self._values), super().margin)
+        return self._placed(limit_margins(self._known().robot, self._values), super().margin)
 
     @property
     def distance(self) -> Array:

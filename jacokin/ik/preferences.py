@@ -14,7 +14,7 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, shown
 from jacokin.model import angles, checks
 from jacokin.model.angles import TURN
-from jacokin.model.robot import Robot
+from jacokin.model.robot import Robot, limit_margins
 
 
 class Copies(Enum):
@@ -145,7 +145,7 @@ def by_distance(seed: Array) -> Cost:
 
 def least_margins(robot: Robot, rows: Array) -> Array:
     """Distance (m,) of the joint of each row (m, dof) that is nearest to a limit [rad]; inf for an arm without any."""
-    return np.asarray(np.minimum(rows - robot.lower, robot.upper - rows).min(axis=1))
+    return np.asarray(limit_margins(robot, rows).min(axis=1))
 
 
 def by_margin(robot: Robot) -> Cost:

@@ -1,12 +1,13 @@
 """The least time from rest along a way whose corners are cut: its lines and parabolas, and how fast these are passed.
 
-See `motion.blending` for what a course is, and `speeds` for how speeds are found. On lines and parabolas the limits of
-an interval are linear functions of its place, so those at both ends are all.
+See `motion.free_motion.sections` for what a course is, and `speeds` for how speeds are found. On lines and parabolas
+the limits of an interval are linear functions of its place, so those at both ends are all.
 """
 
 from __future__ import annotations
 
 import math
+from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
@@ -24,7 +25,7 @@ SAME = 1e-9  # [s] places that are nearer to each other are one
 NO_RATE = 1e-9  # of the largest change of a joint's acceleration with that of the place: it limits nothing
 STILL = 1e-12
 #: Where the counts are: joints, points of the way; filled in are lines and parabolas, and places where it stands still.
-JOINTS, POINTS, PIECES, STOPS, COURSE_INTEGERS = range(5)
+CourseInteger = IntEnum("CourseInteger", "JOINTS POINTS PIECES STOPS COUNT", start=0)
 
 
 class CourseWork(NamedTuple):
@@ -54,7 +55,7 @@ def make_course_work(dof: int = 0, points: int = 0) -> CourseWork:
     pieces, ends, places = (2 * points, 2 * points + 1, 2 * points * MOST_PLACES + 1) if points else (0, 0, 0)
     s, t, speed = np.zeros((3, places))
     return CourseWork(
-        np.zeros(COURSE_INTEGERS, np.int64),
+        np.zeros(CourseInteger.COUNT, np.int64),
         np.zeros(points * dof),
         np.zeros(points),
         np.zeros(dof),
@@ -77,7 +78,7 @@ def make_course_work(dof: int = 0, points: int = 0) -> CourseWork:
 def fit_course_times(work: CourseWork) -> int:
     """Fill lines and parabolas, places, times and speeds; returns how many places there are."""
     lay_course(work)
-    count, dof = lay_grid(work), work.counts[JOINTS]
+    count, dof = lay_grid(work), work.counts[CourseInteger.JOINTS]
     speeds = work.speeds
     speeds.counts[0], speeds.counts[1] = count - 1, 2 * dof
     largest = 0.0
@@ -131,9 +132,9 @@ def limit(work: CourseWork, i: int, dof: int, least: float) -> None:
 
 def lay_course(work: CourseWork) -> None:
     """Fill lines and parabolas, and where the motion stands still: at its ends, and at corners that are not cut."""
-    counts, dof, way, full = work.counts, work.counts[JOINTS], work.way, work.full
+    counts, dof, way, full = work.counts, work.counts[CourseInteger.JOINTS], work.way, work.full
     piece, stops, place = 0, 0, 0.0
-    for line in range(counts[POINTS] - 1):
+    for line in range(counts[CourseInteger.POINTS] - 1):
         length, sharp, cut = 0.0, 0.0, work.cuts[line]
         for j in range(dof):
             length = max(length, abs(way[(line + 1) * dof + j] - way[line * dof + j]) / full[j])
@@ -161,13 +162,13 @@ def lay_course(work: CourseWork) -> None:
     if work.end[0] == 0.0:
         work.stops[stops] = place
         stops += 1
-    counts[PIECES], counts[STOPS] = piece, stops
+    counts[CourseInteger.PIECES], counts[CourseInteger.STOPS] = piece, stops
 
 
 def lay_grid(work: CourseWork) -> int:
     """Fill places on all lines and parabolas, and which of them follows each; returns how many places there are."""
-    count, dof, s = 0, work.counts[JOINTS], work.s
-    for piece in range(work.counts[PIECES]):
+    count, dof, s = 0, work.counts[CourseInteger.JOINTS], work.s
+    for piece in range(work.counts[CourseInteger.PIECES]):
         low, high, begin = work.ends[piece], work.ends[piece + 1], count
         curved, fast, gain = False, math.inf, math.inf
         for j in range(dof):
@@ -187,15 +188,15 @@ def lay_grid(work: CourseWork) -> int:
                 count = insert(s, begin, count, high - run, low, high)
         for k in range(begin, count):
             work.piece[k] = piece
-    s[count] = work.ends[work.counts[PIECES]]
-    work.piece[count] = work.counts[PIECES] - 1
+    s[count] = work.ends[work.counts[CourseInteger.PIECES]]
+    work.piece[count] = work.counts[CourseInteger.PIECES] - 1
     return count + 1
 
 
 def stands(work: CourseWork, place: float) -> bool:
     """Whether the motion stands still at a place."""
     found = False
-    for k in range(work.counts[STOPS]):
+    for k in range(work.counts[CourseInteger.STOPS]):
         found = found or abs(work.stops[k] - place) <= STILL
     return found
 

@@ -1,6 +1,6 @@
 """Rows of a motion, one for each tick: taken from a timed course, averaged, and what happens between two of them.
 
-See `motion.blending` for what a timed course is, and `motion.rows` for why rows are averaged.
+See `motion.free_motion.sections` for what a timed course is, and `motion.rows` for why rows are averaged.
 """
 
 from __future__ import annotations

@@ -11,6 +11,7 @@ for online trajectory planning, 2012); in ticks it is at most two more, rounded 
 from __future__ import annotations
 
 import math
+from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
@@ -24,7 +25,7 @@ LEAST = 1e-100  # instead of zero, below a fraction line
 ROUNDED = 1.0 - 1e-10  # of a demand, which may be missed by rounding
 BELOW, ABOVE = 3, 3  # whole ticks around the least time among which the best are looked for
 #: Where the counts are: joints, and 1 where they are to move on a straight line, 0 where they need not.
-JOINTS, STRAIGHT = range(2)
+RestInteger = IntEnum("RestInteger", "JOINTS STRAIGHT", start=0)
 
 
 class RestWork(NamedTuple):
@@ -55,9 +56,9 @@ def fit_rest_to_rest(work: RestWork) -> int:
     The joints that need less time take as much as the slowest: by the same ramps where these hold their limits, so that
     the motion is a straight line where it can be, or else more slowly between ramps of their own.
     """
-    if work.counts[STRAIGHT]:
+    if work.counts[RestInteger.STRAIGHT]:
         return fit_line(work)
-    joints, dt, longest, leader = work.counts[JOINTS], work.dt[0], 0.0, -1
+    joints, dt, longest, leader = work.counts[RestInteger.JOINTS], work.dt[0], 0.0, -1
     for j in range(joints):
         distance = abs(work.end[j] - work.start[j])
         n1, n2, n3 = 1.0, 1.0, 1.0
@@ -78,7 +79,7 @@ def fit_rest_to_rest(work: RestWork) -> int:
 
 def fit_line(work: RestWork) -> int:
     """Fill in the rows of a straight line, all joints by the same ramps; returns ticks, or `NEVER`."""
-    joints, shares = work.counts[JOINTS], work.shares
+    joints, shares = work.counts[RestInteger.JOINTS], work.shares
     for k in range(3):
         shares[k] = math.inf
         for j in range(joints):
@@ -104,7 +105,7 @@ def demands(distance: float, limits: Array, joint: int, dt: float) -> tuple[floa
 def keep_step(work: RestWork, leader: int, longest: float) -> None:
     """Give each joint averages that take as long as the leader's."""
     n1, n2, n3 = work.ticks[3 * leader], work.ticks[3 * leader + 1], work.ticks[3 * leader + 2]
-    for j in range(work.counts[JOINTS]):
+    for j in range(work.counts[RestInteger.JOINTS]):
         at = 3 * j
         distance = abs(work.end[j] - work.start[j])
         if distance == 0.0 or meets(*demands(distance, work.limits, j, work.dt[0]), n1, n2, n3):
@@ -158,7 +159,7 @@ def least_times(first: float, second: float, third: float) -> tuple[float, float
 
 def write_rows(work: RestWork, ticks: int) -> None:
     """Fill in positions, velocities and accelerations at all ticks; the last ones are those of the first, reversed."""
-    joints, dt = work.counts[JOINTS], work.dt[0]
+    joints, dt = work.counts[RestInteger.JOINTS], work.dt[0]
     for j in range(joints):
         n1, n2, n3 = work.ticks[3 * j], work.ticks[3 * j + 1], work.ticks[3 * j + 2]
         start, end = work.start[j], work.end[j]
@@ -174,7 +175,7 @@ def write_rows(work: RestWork, ticks: int) -> None:
 
 def write_line(work: RestWork, ticks: int, n1: float, n2: float, n3: float) -> None:
     """`write_rows` on a straight line: no joint is beyond its ends by rounding."""
-    joints, dt = work.counts[JOINTS], work.dt[0]
+    joints, dt = work.counts[RestInteger.JOINTS], work.dt[0]
     for row in range(ticks // 2 + 1):
         share, speed, pull = ramp(row, n2, n3)
         away, slower, softer = ramp(row - n1, n2, n3)

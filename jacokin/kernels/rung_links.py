@@ -6,6 +6,7 @@ Two solutions do when the straight motion between them stays near the path: half
 from __future__ import annotations
 
 import math
+from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
@@ -24,9 +25,9 @@ JOINT_COLUMNS = 34
 #: Where the numbers are: the farthest that a joint moves, and the parameter [rad]; by how much the tool misses the path
 #: half way [m], and in orientation [rad]; how much more for a squared change of the parameter; the cost of a second
 #: times how much too fast a joint is.
-FARTHEST, FARTHEST_PARAMETER, DEVIATION, TILT, BEND, HASTE, LINK_NUMBERS = range(7)
+LinkNumber = IntEnum("LinkNumber", "FARTHEST FARTHEST_PARAMETER DEVIATION TILT BEND HASTE COUNT", start=0)
 #: Where the counts are: joints up to the frame, and the coordinate that is the parameter, -1 for none.
-JOINTS, PARAMETER, LINK_COUNTS = range(3)
+LinkCount = IntEnum("LinkCount", "JOINTS PARAMETER COUNT", start=0)
 
 
 class LinkWork(NamedTuple):
@@ -56,8 +57,8 @@ def make_link_work(dof: int = 0, width: int = 0, rungs: int = 0, solutions: int 
     """Fresh work arrays for an arm, so many coordinates, rungs and solutions, and so many links."""
     lines = max(rungs - 1, 0)
     return LinkWork(
-        np.zeros(LINK_COUNTS, np.int64),
-        np.zeros(LINK_NUMBERS),
+        np.zeros(LinkCount.COUNT, np.int64),
+        np.zeros(LinkNumber.COUNT),
         np.zeros((dof, JOINT_COLUMNS)),
         np.zeros((3, 4)),
         np.zeros(width, np.int64),
@@ -96,11 +97,11 @@ def link_rungs(work: LinkWork) -> int:
 
 def is_near(work: LinkWork, a: int, b: int) -> bool:
     """Whether no coordinate moves too far from the solution that begins at x[a] to that at x[b]; fills `away`."""
-    width, parameter, numbers = len(work.circular), work.counts[PARAMETER], work.numbers
-    if parameter >= 0 and not coordinate_is_near(work, a, b, parameter, numbers[FARTHEST_PARAMETER]):
+    width, parameter, numbers = len(work.circular), work.counts[LinkCount.PARAMETER], work.numbers
+    if parameter >= 0 and not coordinate_is_near(work, a, b, parameter, numbers[LinkNumber.FARTHEST_PARAMETER]):
         return False
     for j in range(width):
-        limit = numbers[FARTHEST] if j < len(work.joints) else numbers[FARTHEST_PARAMETER]
+        limit = numbers[LinkNumber.FARTHEST] if j < len(work.joints) else numbers[LinkNumber.FARTHEST_PARAMETER]
         if not coordinate_is_near(work, a, b, j, limit):
             return False
     return True
@@ -118,10 +119,10 @@ def coordinate_is_near(work: LinkWork, a: int, b: int, j: int, limit: float) -> 
 
 def misses(work: LinkWork, i: int) -> bool:
     """Whether the tool is too far from the path half way to the rung after rung i."""
-    dof, parameter, numbers, goal = len(work.joints), work.counts[PARAMETER], work.numbers, work.T[i]
+    dof, parameter, numbers, goal = len(work.joints), work.counts[LinkCount.PARAMETER], work.numbers, work.T[i]
     x, y, z, p = tool_at(work)
-    more = numbers[BEND] * work.away[parameter] * work.away[parameter] if parameter >= 0 else 0.0
-    square, most = 0.0, numbers[DEVIATION] + more
+    more = numbers[LinkNumber.BEND] * work.away[parameter] * work.away[parameter] if parameter >= 0 else 0.0
+    square, most = 0.0, numbers[LinkNumber.DEVIATION] + more
     for row in range(3):
         square += (goal[row, 3] - p[row]) * (goal[row, 3] - p[row])
     if square > most * most:
@@ -133,14 +134,14 @@ def misses(work: LinkWork, i: int) -> bool:
             for column in range(4):
                 work.goal[row, column] = goal[row, column]
     _, turn, _ = deviation(work.goal, x, y, z, p)
-    return bool(norm(turn) > numbers[TILT] + more)
+    return bool(norm(turn) > numbers[LinkNumber.TILT] + more)
 
 
 def tool_at(work: LinkWork) -> tuple[Vec, Vec, Vec, Vec]:
     """Axes and position of the tool at `middle`."""
     x, y, z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
     p, tip = (0.0, 0.0, 0.0), work.tip
-    for j in range(work.counts[JOINTS]):
+    for j in range(work.counts[LinkCount.JOINTS]):
         row = work.joints[j]
         p = added(p, mix(x, row[OFFSET], y, row[OFFSET + 1], z, row[OFFSET + 2]))
         s, c = sin_cos(work.middle[j])
@@ -167,4 +168,4 @@ def cost_of(work: LinkWork, time: float) -> float:
         speed = abs(work.away[j]) / work.scale[j] / time
         square += speed * speed
         fastest = max(fastest, speed)
-    return time * (square + (work.numbers[HASTE] * fastest if fastest > 1.0 else 0.0))
+    return time * (square + (work.numbers[LinkNumber.HASTE] * fastest if fastest > 1.0 else 0.0))

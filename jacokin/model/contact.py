@@ -106,7 +106,7 @@ class Contact:
     def fresh_work(self) -> ContactWork:
         """Work arrays for kernels that see whether shapes touch at a configuration."""
         work = make_contact_work(self.geometry, 1)
-        work.numbers[run.MARGIN_KEPT] = self._clearance
+        work.numbers[run.ContactNumber.MARGIN_KEPT] = self._clearance
         return work
 
     def touching(self, q: ArrayLike) -> list[Pair]:
@@ -129,29 +129,31 @@ class Contact:
 
     def touches_at(self, rows: Array) -> NDArray[np.bool_]:
         """Whether any shapes touch at each of some checked configurations (n, dof) [rad]."""
-        return self._ask(run.TOUCHES, rows, self._clearance)
+        return self._ask(run.ContactTask.TOUCHES, rows, self._clearance)
 
     def touching_from(self, T_world_base: pin.SE3, q: Array) -> list[Pair]:
         """Names of the shapes that touch with the base elsewhere: of the base and obstacles those 5 mm deep."""
         call = self._call()
         call.work.q[: q.size] = q
         call.work.places.frames[0] = T_world_base.homogeneous[:3]
-        call.work.numbers[run.BASE_MARGIN] = -0.005  # [m] deep in what it stands on or is screwed to
+        call.work.numbers[run.ContactNumber.BASE_MARGIN] = -0.005  # [m] deep in what it stands on or is screwed to
         try:
             return self._listed(call)
         finally:
             call.work.places.frames[0] = np.eye(3, 4)
-            call.work.numbers[run.BASE_MARGIN] = -np.inf
+            call.work.numbers[run.ContactNumber.BASE_MARGIN] = -np.inf
 
     def _listed(self, call: Call[ContactWork]) -> list[Pair]:
         """All pairs that touch, the simpler kind of shape first."""
-        found = self._run(call, run.LIST_TOUCHING, margin=self._clearance)
+        found = self._run(call, run.ContactTask.LIST_TOUCHING, margin=self._clearance)
         pairs = [self.ordered(a, b, by_kind=True) for a, b in call.work.hits.pairs[:found].tolist()]
         return sorted(pairs)
 
     def distances(self, rows: Array, *, self_collision: bool = False) -> Array:
         """Smallest distances (n,) [m] of checked configurations; arguments and errors as of `nearest`."""
-        found = [value[:, 0].copy() for value, _ in self._measured(run.LEAST_DISTANCE, rows, self_collision)]
+        found = [
+            value[:, 0].copy() for value, _ in self._measured(run.ContactTask.LEAST_DISTANCE, rows, self_collision)
+        ]
         return np.concatenate([np.zeros(0), *found])
 
     def nearest(self, rows: Array, *, self_collision: bool = False) -> list[NearestPair]:
@@ -164,7 +166,7 @@ class Contact:
         Raises:
             ModelError: the description has no shapes.
         """
-        return self._nearest(run.LEAST_DISTANCE, rows, self_collision)
+        return self._nearest(run.ContactTask.LEAST_DISTANCE, rows, self_collision)
 
     def nearest_between(self, rows: Array, *, self_collision: bool = False) -> list[NearestPair]:
         """The nearest shapes on each straight motion from one of some configurations (n, dof) [rad] to the next.
@@ -172,7 +174,7 @@ class Contact:
         Arguments and errors as of `nearest`. Nothing is stepped over: anywhere on a motion the distance is larger than
         the one found less 1e-4 m. A NaN stands for a motion on which that could not be shown.
         """
-        return self._nearest(run.LEAST_ON_MOTION, np.hstack([rows[:-1], rows[1:]]), self_collision)
+        return self._nearest(run.ContactTask.LEAST_ON_MOTION, np.hstack([rows[:-1], rows[1:]]), self_collision)
 
     def in_the_way(self, start: Array, end: Array, extra: float = 0.0) -> Pair | None:
         """Shapes that touch on the straight motion between two configurations (dof,) [rad]; None if it is clear.
@@ -182,7 +184,7 @@ class Contact:
         """
         call = self._call()
         call.work.q[: 2 * len(start)] = *start, *end
-        self._run(call, run.CLEAR_MOTION, 1, margin=self._clearance + extra, slack=REFUSED_WITHIN)
+        self._run(call, run.ContactTask.CLEAR_MOTION, 1, margin=self._clearance + extra, slack=REFUSED_WITHIN)
         if not call.work.value[0, 0]:
             return None
         a, b = call.work.named[0].tolist()
@@ -191,7 +193,7 @@ class Contact:
     def are_in_the_way(self, starts: Array, ends: Array, extra: float = 0.0) -> NDArray[np.bool_]:
         """Whether any shapes touch on each straight motion between configurations (n, dof) [rad], as `in_the_way`."""
         both = np.concatenate([starts, ends], axis=1)
-        return self._ask(run.CLEAR_MOTION, both, self._clearance + extra, slack=REFUSED_WITHIN)
+        return self._ask(run.ContactTask.CLEAR_MOTION, both, self._clearance + extra, slack=REFUSED_WITHIN)
 
     def _ask(self, task: int, rows: Array, margin: float, slack: float = 0.0) -> NDArray[np.bool_]:
         """Whether shapes touch, for each row as of `_answers`."""
@@ -299,9 +301,9 @@ class Contact:
         meetings: int | None = None,
     ) -> int:
         integers, numbers = call.work.integers, call.work.numbers
-        integers[run.TASK], integers[run.ROWS] = task, rows
-        integers[run.MEETINGS] = len(self.geometry.arm.meetings) if meetings is None else meetings
-        numbers[run.MARGIN_KEPT], numbers[run.SLACK] = margin, slack
+        integers[run.ContactInteger.TASK], integers[run.ContactInteger.ROWS] = task, rows
+        integers[run.ContactInteger.MEETINGS] = len(self.geometry.arm.meetings) if meetings is None else meetings
+        numbers[run.ContactNumber.MARGIN_KEPT], numbers[run.ContactNumber.SLACK] = margin, slack
         return call()
 
     def ordered(self, a: int, b: int, *, by_kind: bool = False) -> Pair:

@@ -21,7 +21,7 @@ from jacokin.model.descriptions import bundled, chain, urdf
 from jacokin.model.descriptions.tools import limits_of, slides
 from jacokin.model.dynamics import impossible_moments
 from jacokin.model.measured_arm import MeasuredArm
-from jacokin.model.robot import Home, HomeFinder, Known, Robot, SceneLike, Source, middle, spread
+from jacokin.model.robot import Home, HomeFinder, Known, Robot, SceneLike, Source, limit_margins, middle, spread
 
 TIP_OF_BUNDLED = "end_effector"
 NO_FILE = "no such file"
@@ -527,8 +527,8 @@ def _is_awkward(robot: Robot, q: Array) -> tuple[bool, bool]:
     heights = [placement.translation[2] for placement in list(data.oMi)[1:]]
     heights.append(data.oMf[robot.frame_id()].translation[2])
     below = min(heights) < min(0.0, heights[0])
-    margin = np.minimum(q - robot.lower, robot.upper - q)
-    return below, bool((margin < 0.1 * (robot.upper - robot.lower))[~robot.unlimited].any())
+    near = limit_margins(robot, q) < 0.1 * (robot.upper - robot.lower)
+    return below, bool(near[~robot.unlimited].any())
 
 
 def _has_the_joints_of(robot: Robot, name: str) -> bool:

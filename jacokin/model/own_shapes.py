@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jacokin.kernels.contact.run import LIST_TOUCHING, TASK, make_contact_work, run_contact
+from jacokin.kernels.contact.run import ContactInteger, ContactTask, make_contact_work, run_contact
 from jacokin.kernels.library import Call
 from jacokin.model.contact_arrays import NO_WORLD, ArmArrays, ShapeRow, arm_arrays, joined, joints_about_z, shape_rows
 from jacokin.model.descriptions.shapes import NO_VERTICES, Shape, read_bundled
@@ -117,7 +117,7 @@ def _prepared(
 def _touching_everywhere(robot: Robot, own: OwnShapes) -> frozenset[frozenset[str]]:
     """Names of shapes that touch in all of some configurations, so many that they are taken to touch everywhere."""
     call = Call(run_contact, make_contact_work(joined(own.arrays, NO_WORLD), 1))
-    call.work.integers[TASK] = LIST_TOUCHING
+    call.work.integers[ContactInteger.TASK] = ContactTask.LIST_TOUCHING
     numbers, names = own.arrays.numbers.tolist(), own.names
     found: set[frozenset[str]] | None = None
     for q in (middle(robot), *spread(robot, 200)):

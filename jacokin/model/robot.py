@@ -825,6 +825,11 @@ HARDEST = 1e6  # [rad/s^2] full speed of a fast arm within a few microseconds
 TIME_TO_FULL_SPEED = 0.3  # [s] in tracking, by default, as joints of the Jaco take
 
 
+def limit_margins(robot: Robot, q: Array) -> Array:
+    """(..., dof) distance of checked configurations to the nearer limit [rad]: negative outside, inf without limits."""
+    return np.asarray(np.minimum(q - robot.lower, robot.upper - q))
+
+
 def copies_counted(robot: Robot) -> NDArray[np.int64]:
     """How many copies (dof,) of each joint's angle to look at, see `angles.copies_counted`; one of unlimited joints."""
     return robot.once(_counted)

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, ModelError
 from jacokin.kernels.contact.near_points import find_near_points, make_near_work
-from jacokin.kernels.contact.run import MARGIN_KEPT
+from jacokin.kernels.contact.run import ContactNumber
 from jacokin.kernels.contact.touching import Geometry
 from jacokin.kernels.library import Call
 from jacokin.model import checks
@@ -245,6 +245,6 @@ def without_own_points(robot: Robot, q: ArrayLike, points: ArrayLike, margin: fl
         )
     call = Call(find_near_points, make_near_work(found.geometry, rows))
     call.work.contact.q[:] = q
-    call.work.contact.numbers[MARGIN_KEPT] = margin
+    call.work.contact.numbers[ContactNumber.MARGIN_KEPT] = margin
     call()
     return np.asarray(rows[call.work.near == 0])

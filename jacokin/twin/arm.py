@@ -13,6 +13,7 @@ from jacokin.errors import InvalidInputError, shown
 from jacokin.model import checks
 from jacokin.model.descriptions import bundled
 from jacokin.model.loading import load_robot
+from jacokin.model.robot import limit_margins
 from jacokin.mujoco_bridge import Arena, JacoArm, Physics, observations, robots
 from jacokin.twin.faults import TICK
 
@@ -207,7 +208,7 @@ class SimulatedArm:
         joints, robot = self._joints, self.robot
         q, v = checks.read_only(joints.qpos), checks.read_only(joints.qvel)
         time = self.physics.time - self._start
-        self.margin = min(self.margin, float(np.minimum(q - robot.lower, robot.upper - q).min()))
+        self.margin = min(self.margin, float(limit_margins(robot, q).min()))
         self.speed = max(self.speed, float((np.abs(v) / robot.velocity_limit).max()))
         if np.abs(v).max() > MOVING:
             self.moved = time

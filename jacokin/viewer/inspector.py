@@ -21,6 +21,7 @@ from jacokin.ik.solver import IKSolver
 from jacokin.model import checks
 from jacokin.model.angles import TURN
 from jacokin.model.poses import FreeAxis
+from jacokin.model.robot import limit_margins
 from jacokin.viewer.view import Free, ShownPlaces, View
 
 if TYPE_CHECKING:
@@ -214,7 +215,7 @@ class Inspector:
 
     def margin(self, q: Array) -> Array:
         """(..., dof) distance to the nearer limit [rad]: negative outside, inf where there are none."""
-        return np.minimum(q - self.robot.lower, self.robot.upper - q)
+        return limit_margins(self.robot, q)
 
     def excess(self, q: Array) -> list[tuple[str, float]]:
         """The joints that are outside their limits at `q`, each with by how much [rad]."""

@@ -12,7 +12,7 @@ from jacokin.arrays import Array
 from jacokin.kernels.library import Call
 from jacokin.kernels.rest_to_rest import (
     NEVER,
-    STRAIGHT,
+    RestInteger,
     RestWork,
     demands,
     fit_rest_to_rest,
@@ -126,7 +126,7 @@ def test_joints_of_any_limits_move_along_a_straight_line_when_asked_to(rng: np.r
     tried = 0
     for _ in range(50):
         work = random_work(rng)
-        work.counts[STRAIGHT] = 1
+        work.counts[RestInteger.STRAIGHT] = 1
         ticks, dt, moved = PlainCall(fit_rest_to_rest, work)(), float(work.dt[0]), work.end - work.start
         if ticks >= ROOM:
             continue
@@ -149,7 +149,7 @@ def test_joints_of_any_limits_move_along_a_straight_line_when_asked_to(rng: np.r
 def test_machine_code_does_as_python_does(rng: np.random.Generator) -> None:
     for count in range(20):
         work = random_work(rng)
-        work.counts[STRAIGHT] = count % 2
+        work.counts[RestInteger.STRAIGHT] = count % 2
         ticks = PlainCall(fit_rest_to_rest, work)()
         plain = [array.copy() for array in work[-3:]]
         for array in work[-3:]:

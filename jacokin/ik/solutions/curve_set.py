@@ -29,6 +29,7 @@ from jacokin.ik.solutions.members import (
 from jacokin.ik.solutions.solution_set import Interval, IntervalEnd, SolutionSet, Touching
 from jacokin.model import angles, checks
 from jacokin.model.angles import SNAP, TURN
+from jacokin.model.robot import limit_margins
 
 
 class TrackInterval(Interval):
@@ -228,8 +229,7 @@ class CurveSet(SolutionSet):
     @property
     def margin(self) -> Array:
         """(k, dof) distance of those members to the nearer limit [rad]; inf on unlimited joints."""
-        q, robot = self.q, self._members.robot
-        return checks.read_only(np.minimum(q - robot.lower, robot.upper - q))
+        return checks.read_only(limit_margins(self._members.robot, self.q))
 
     def nearest(self, seed: ArrayLike | None = None) -> Array | None:
         """The member (dof,) [rad] nearest to a seed, None for the seed of the set; None when there is no member.

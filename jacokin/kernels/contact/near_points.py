@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from jacokin.arrays import Array
 from jacokin.kernels.contact.arm import FIRST_SHAPE, GROUP_LINK, LAST_SHAPE, in_link, place_links
 from jacokin.kernels.contact.cloud import put
-from jacokin.kernels.contact.run import MARGIN_KEPT, NOTHING, ContactWork, counts_of, make_contact_work
+from jacokin.kernels.contact.run import NOTHING, ContactNumber, ContactWork, counts_of, make_contact_work
 from jacokin.kernels.contact.separation import SeparationWork, separation
 from jacokin.kernels.contact.shapes import ELLIPSOID, KIND, MESH, Shapes, point_bound
 from jacokin.kernels.contact.touching import Geometry, group_box_bound
@@ -37,7 +37,7 @@ def find_near_points(work: NearWork) -> int:
     """Mark the points that are within `MARGIN_KEPT` of the arm at the configuration given; returns how many."""
     contact, total = work.contact, 0
     counts, geometry, places = counts_of(contact), contact.geometry, contact.places
-    arm, shapes, margin = geometry.arm, geometry.shapes, contact.numbers[MARGIN_KEPT]
+    arm, shapes, margin = geometry.arm, geometry.shapes, contact.numbers[ContactNumber.MARGIN_KEPT]
     place_links(arm, counts.dof, counts.groups, contact.q, places)
     for k in range(work.points.shape[0]):
         point = (work.points[k, 0], work.points[k, 1], work.points[k, 2])

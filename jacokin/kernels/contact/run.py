@@ -12,6 +12,7 @@ motion         straight motions, certain between the places that are looked at t
 from __future__ import annotations
 
 import math
+from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
@@ -30,11 +31,13 @@ from jacokin.kernels.contact.tree import DEEPEST, Tree
 #: What to do with rows of configurations: whether each is in contact; the pairs that touch in the first; the least
 #: distance of each. What to do with pairs of rows, start and end of motions: whether each is clear; its least distance.
 #: The distances of given pairs at the first, as far as their reach; rows are pairs then.
-TOUCHES, LIST_TOUCHING, LEAST_DISTANCE, CLEAR_MOTION, LEAST_ON_MOTION, MEASURE_PAIRS = range(6)
+ContactTask = IntEnum(
+    "ContactTask", "TOUCHES LIST_TOUCHING LEAST_DISTANCE CLEAR_MOTION LEAST_ON_MOTION MEASURE_PAIRS", start=0
+)
 #: Where the options' integers are: task, rows or motions, then what of the geometry counts.
-TASK, ROWS, DOF, GROUPS, MEETINGS, NODES, PLANES, CONTACT_INTEGERS = range(8)
+ContactInteger = IntEnum("ContactInteger", "TASK ROWS DOF GROUPS MEETINGS NODES PLANES COUNT", start=0)
 #: And its numbers: margin, margin of the base with obstacles, slack or accuracy [m].
-MARGIN_KEPT, BASE_MARGIN, SLACK, CONTACT_NUMBERS = range(4)
+ContactNumber = IntEnum("ContactNumber", "MARGIN_KEPT BASE_MARGIN SLACK COUNT", start=0)
 
 
 class ContactWork(NamedTuple):
@@ -58,19 +61,23 @@ class ContactWork(NamedTuple):
 def run_contact(work: ContactWork) -> int:
     """Do a task; returns how many pairs touch, or 0. This is what gets compiled: it allocates nothing."""
     integers, numbers = work.integers, work.numbers
-    task, rows = integers[TASK], integers[ROWS]
+    task, rows = integers[ContactInteger.TASK], integers[ContactInteger.ROWS]
     counts = counts_of(work)
-    margin, standing, slack = numbers[MARGIN_KEPT], numbers[BASE_MARGIN], numbers[SLACK]
+    margin, standing, slack = (
+        numbers[ContactNumber.MARGIN_KEPT],
+        numbers[ContactNumber.BASE_MARGIN],
+        numbers[ContactNumber.SLACK],
+    )
     geometry, places, hits, finder, course = work.geometry, work.places, work.hits, work.finder, work.course
-    if task in (TOUCHES, LIST_TOUCHING):
+    if task in (ContactTask.TOUCHES, ContactTask.LIST_TOUCHING):
         found = 0
         for i in range(rows):
             q = work.q[i * counts.dof : (i + 1) * counts.dof]
             place_links(geometry.arm, counts.dof, counts.groups, q, places)
-            found = find_touching(geometry, counts, places, hits, margin, standing, task == LIST_TOUCHING)
+            found = find_touching(geometry, counts, places, hits, margin, standing, task == ContactTask.LIST_TOUCHING)
             work.value[i, 0] = float(found)
         return found
-    if task == LEAST_DISTANCE:
+    if task == ContactTask.LEAST_DISTANCE:
         count = list_all(geometry.arm, geometry.tree, counts, course.near)
         for i in range(rows):
             q = work.q[i * counts.dof : (i + 1) * counts.dof]
@@ -86,7 +93,7 @@ def run_contact(work: ContactWork) -> int:
             work.value[i, 0] = least
             work.named[i, 0], work.named[i, 1] = finder.best[0], finder.best[1]
         return 0
-    if task == MEASURE_PAIRS:
+    if task == ContactTask.MEASURE_PAIRS:
         place_links(geometry.arm, counts.dof, counts.groups, work.q, places)
         for i in range(rows):
             measure_pair(geometry.shapes, places, hits.pair, work.given[i], work.reach[i], work.measured[i])
@@ -96,7 +103,7 @@ def run_contact(work: ContactWork) -> int:
         course.pair[0], course.pair[1] = -1, -1
         for j in range(counts.dof):
             course.step[j] = work.q[(2 * i + 1) * counts.dof + j] - start[j]
-        if task == CLEAR_MOTION:
+        if task == ContactTask.CLEAR_MOTION:
             waiting = await_all(geometry, counts, course)
             clear = is_clear(geometry, counts, places, finder, course, start, (margin, margin + slack), waiting)
             work.value[i, 0] = 0.0 if clear else 1.0
@@ -111,14 +118,20 @@ def run_contact(work: ContactWork) -> int:
 def counts_of(contact: ContactWork) -> Counts:
     """How much of the geometry counts."""
     i = contact.integers
-    return Counts(i[DOF], i[GROUPS], i[MEETINGS], i[NODES], i[PLANES])
+    return Counts(
+        i[ContactInteger.DOF],
+        i[ContactInteger.GROUPS],
+        i[ContactInteger.MEETINGS],
+        i[ContactInteger.NODES],
+        i[ContactInteger.PLANES],
+    )
 
 
 def stands_clear(contact: ContactWork, q: Array) -> bool:
     """Whether nothing touches at a configuration (dof,); otherwise the pair is left in `contact.hits.pairs`."""
     counts = counts_of(contact)
     place_links(contact.geometry.arm, counts.dof, counts.groups, q, contact.places)
-    margin = contact.numbers[MARGIN_KEPT]
+    margin = contact.numbers[ContactNumber.MARGIN_KEPT]
     return find_touching(contact.geometry, counts, contact.places, contact.hits, margin, -math.inf, False) == 0
 
 
@@ -187,7 +200,7 @@ def make_contact_work(geometry: Geometry = NOTHING, rows: int = 0, pairs: int = 
     frames[:] = np.eye(3, 4)
     pair = make_separation_work()
     return ContactWork(
-        np.array([TOUCHES, rows, dof, groups, meetings, nodes, planes]),
+        np.array([ContactTask.TOUCHES, rows, dof, groups, meetings, nodes, planes]),
         np.array([0.0, -math.inf, 0.0]),
         np.zeros(rows * dof),
         geometry,

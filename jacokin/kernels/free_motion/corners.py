@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from jacokin.arrays import Array
-from jacokin.kernels.free_motion.shortcuts import POINTS, Way
+from jacokin.kernels.free_motion.shortcuts import Way, WayInteger
 from jacokin.kernels.free_motion.sight import Sight, moves_clear, near_on_curve
 from jacokin.kernels.free_motion.space import Space
 
@@ -17,7 +17,7 @@ CHORD = 2e-4  # [m] shapes may be nearer on a parabola than on the chords that a
 
 def size_cuts(way: Way, space: Space, dof: int, sight: Sight, cuts: Array) -> None:
     """Fill for each corner how much time at full speed is cut off on both sides of it [s]; 0 where it must stay."""
-    for corner in range(1, way.integers[POINTS] - 1):
+    for corner in range(1, way.integers[WayInteger.POINTS] - 1):
         before = way.times[corner] - way.times[corner - 1]
         after = way.times[corner + 1] - way.times[corner]
         here, turn, sharp = corner * dof, way.step, 0.0

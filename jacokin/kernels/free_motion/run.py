@@ -10,6 +10,7 @@ A search and shortcuts go on where they were, a few steps with each call, so tha
 
 from __future__ import annotations
 
+from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
@@ -32,12 +33,12 @@ from jacokin.kernels.free_motion.space import (
 from jacokin.kernels.free_motion.trees import Trees, grow_trees, make_trees, plant
 
 #: What to do.
-STRAIGHT_MOTIONS, BEGIN_SEARCH, GO_ON_SEARCH, SHORTEN, CORNERS = range(5)
+MotionTask = IntEnum("MotionTask", "STRAIGHT_MOTIONS BEGIN_SEARCH GO_ON_SEARCH SHORTEN CORNERS", start=0)
 #: Where the options' integers are: task, joints, goals, how many clear goals are enough, roots, steps of a search or
 #: tries of a shortcut in one call, and the failures in a row that end shortcuts.
-TASK, JOINTS, GOALS, ENOUGH, ROOTS, STEPS, TRIES_IN_VAIN, MOTION_INTEGERS = range(8)
+MotionInteger = IntEnum("MotionInteger", "TASK JOINTS GOALS ENOUGH ROOTS STEPS TRIES_IN_VAIN COUNT", start=0)
 #: What is known about a goal.
-UNKNOWN, IN_CONTACT, BLOCKED, STRAIGHT = range(4)
+GoalState = IntEnum("GoalState", "UNKNOWN IN_CONTACT BLOCKED STRAIGHT", start=0)
 
 
 class MotionWork(NamedTuple):
@@ -66,20 +67,21 @@ def run_free_motion(work: MotionWork) -> int:
         found. Of shortcuts, 1 when they came to an end.
     """
     integers, space, sight, way = work.integers, work.space, work.sight, work.way
-    task, dof = integers[TASK], integers[JOINTS]
-    if task == STRAIGHT_MOTIONS:
+    task, dof = integers[MotionInteger.TASK], integers[MotionInteger.JOINTS]
+    if task == MotionTask.STRAIGHT_MOTIONS:
         return try_straight(work)
-    if task in (BEGIN_SEARCH, GO_ON_SEARCH):
-        if task == BEGIN_SEARCH:
-            plant(work.trees, space, dof, work.start, work.goals, work.chosen, integers[ROOTS])
-        trees, steps = work.trees, integers[STEPS]
+    if task in (MotionTask.BEGIN_SEARCH, MotionTask.GO_ON_SEARCH):
+        if task == MotionTask.BEGIN_SEARCH:
+            plant(work.trees, space, dof, work.start, work.goals, work.chosen, integers[MotionInteger.ROOTS])
+        trees, steps = work.trees, integers[MotionInteger.STEPS]
         if not grow_trees(trees, space, dof, sight, work.hindrances, work.generator, steps):
             return 0
         join_branches(trees, space, dof, work.start, way)
         skip_corners(way, space, dof, sight)
         return 1
-    if task == SHORTEN:
-        if not shorten(way, space, dof, sight, work.generator, integers[STEPS], integers[TRIES_IN_VAIN]):
+    if task == MotionTask.SHORTEN:
+        steps, patience = integers[MotionInteger.STEPS], integers[MotionInteger.TRIES_IN_VAIN]
+        if not shorten(way, space, dof, sight, work.generator, steps, patience):
             return 0
         skip_corners(way, space, dof, sight)
         return 1
@@ -90,20 +92,20 @@ def run_free_motion(work: MotionWork) -> int:
 def try_straight(work: MotionWork) -> int:
     """The first goal that a straight motion reaches, or -1; each goal before it becomes known."""
     integers, sight, contact = work.integers, work.sight, work.sight.contact
-    dof, clear = integers[JOINTS], 0
-    for k in range(integers[GOALS]):
+    dof, clear = integers[MotionInteger.JOINTS], 0
+    for k in range(integers[MotionInteger.GOALS]):
         goal = work.goals[k * dof : (k + 1) * dof]
         if not stands_clear(contact, goal):
-            work.known[k] = IN_CONTACT
+            work.known[k] = GoalState.IN_CONTACT
             work.touching[k, 0], work.touching[k, 1] = contact.hits.pairs[0, 0], contact.hits.pairs[0, 1]
             continue
         if moves_clear(sight, work.start, goal, 0.0):
-            work.known[k] = STRAIGHT
+            work.known[k] = GoalState.STRAIGHT
             return k
-        work.known[k] = BLOCKED
+        work.known[k] = GoalState.BLOCKED
         remember(work.hindrances, contact.course.pair)
         clear += 1
-        if clear == integers[ENOUGH]:
+        if clear == integers[MotionInteger.ENOUGH]:
             break
     return -1
 
@@ -112,7 +114,7 @@ def make_motion_work(geometry: Geometry = NOTHING, goals: int = 0, room: int = 0
     """Fresh work arrays for a geometry, so many goals, and so many configurations of each tree."""
     dof = len(geometry.arm.joint_kinds)
     return MotionWork(
-        np.zeros(MOTION_INTEGERS, np.int64),
+        np.zeros(MotionInteger.COUNT, np.int64),
         make_space(dof),
         Sight(make_contact_work(geometry, 1 if dof else 0), make_sweep(geometry.arm)),
         Hindrances(np.zeros((HINDRANCES, 2), np.int64), np.zeros(HINDRANCES, np.int64)),

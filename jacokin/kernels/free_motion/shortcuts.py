@@ -6,6 +6,7 @@ Geraerts and Overmars: Creating high-quality paths for motion planning, 2007.
 from __future__ import annotations
 
 import math
+from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
@@ -14,20 +15,13 @@ from numpy.typing import NDArray
 from jacokin.arrays import Array
 from jacokin.kernels.free_motion.sight import Sight, moves_clear
 from jacokin.kernels.free_motion.space import Space, difference, length_of, time_of, uniform
-from jacokin.kernels.free_motion.trees import (
-    MEETING,
-    MET_FIRST,
-    MET_SECOND,
-    NONE,
-    Trees,
-    node_at,
-)
+from jacokin.kernels.free_motion.trees import MEETING, NONE, SearchInteger, Trees, node_at
 from jacokin.kernels.limits import TURN
 
 WORTH = 1e-3  # part of its time that a shortcut must save
 #: Where a way keeps its whole numbers: how many configurations it has, the number of its goal, and shortcuts in a row
 #: that were none.
-POINTS, GOAL, FAILURES, WAY_INTEGERS = range(4)
+WayInteger = IntEnum("WayInteger", "POINTS GOAL FAILURES COUNT", start=0)
 
 
 class Way(NamedTuple):
@@ -43,25 +37,25 @@ class Way(NamedTuple):
 def make_way(dof: int, room: int) -> Way:
     """Fresh work arrays for so many configurations."""
     return Way(
-        np.empty(room * dof), np.empty(room), np.empty(room * dof), np.zeros(WAY_INTEGERS, np.int64), np.zeros(dof)
+        np.empty(room * dof), np.empty(room), np.empty(room * dof), np.zeros(WayInteger.COUNT, np.int64), np.zeros(dof)
     )
 
 
 def join_branches(trees: Trees, space: Space, dof: int, start: Array, way: Way) -> None:
     """Fill the way from a start (dof,) through both trees where they met, each joint turning the short way on."""
-    room, node, depth = len(trees.parents) // 2, trees.integers[MET_FIRST], 0
+    room, node, depth = len(trees.parents) // 2, trees.integers[SearchInteger.MET_FIRST], 0
     while trees.parents[node] != NONE:
         node, depth = trees.parents[node], depth + 1
     points = depth + 1
-    node = trees.integers[MET_FIRST]
+    node = trees.integers[SearchInteger.MET_FIRST]
     for k in range(depth, 0, -1):
         put(way.q, dof, k, trees.q[node_at(trees, dof, 0, node) :])
         node = trees.parents[node]
     put(way.q, dof, 0, start)
-    node = trees.integers[MET_SECOND]
+    node = trees.integers[SearchInteger.MET_SECOND]
     while node != NONE:
         put(way.q, dof, points, trees.q[node_at(trees, dof, 1, node) :])
-        way.integers[GOAL], points = node, points + 1
+        way.integers[WayInteger.GOAL], points = node, points + 1
         node = trees.parents[room + node]
     kept = 1
     for k in range(1, points):
@@ -72,7 +66,7 @@ def join_branches(trees: Trees, space: Space, dof: int, start: Array, way: Way) 
         for j in range(dof):
             way.q[kept * dof + j] = last[j] + way.step[j] if space.unlimited[j] else new[j]
         kept += 1
-    way.integers[POINTS], way.integers[FAILURES] = kept, 0
+    way.integers[WayInteger.POINTS], way.integers[WayInteger.FAILURES] = kept, 0
     measure(way, space, dof)
 
 
@@ -82,9 +76,9 @@ def shorten(
     """Try so many shortcuts; True when as many as the patience allows were none, one after another."""
     integers = way.integers
     for _ in range(tries):
-        if integers[FAILURES] >= patience or integers[POINTS] < 3:
+        if integers[WayInteger.FAILURES] >= patience or integers[WayInteger.POINTS] < 3:
             return True
-        total = way.times[integers[POINTS] - 1]
+        total = way.times[integers[WayInteger.POINTS] - 1]
         a, b = uniform(generator) * total, uniform(generator) * total
         joint = int(uniform(generator) * 2.0 * dof)  # the first half of the numbers stand for all joints at once
         first, second = min(a, b), max(a, b)
@@ -92,15 +86,15 @@ def shorten(
             shorter = cut(way, space, dof, sight, first, second)
         else:
             shorter = cut_joint(way, space, dof, sight, first, second, joint - dof)
-        integers[FAILURES] = 0 if shorter else integers[FAILURES] + 1
+        integers[WayInteger.FAILURES] = 0 if shorter else integers[WayInteger.FAILURES] + 1
     return False
 
 
 def skip_corners(way: Way, space: Space, dof: int, sight: Sight) -> None:
     """Leave out corners where the motion past them is clear and takes no more time, the largest detours first."""
     corner = 1
-    while corner < way.integers[POINTS] - 1:
-        for last in range(way.integers[POINTS] - 1, corner, -1):
+    while corner < way.integers[WayInteger.POINTS] - 1:
+        for last in range(way.integers[WayInteger.POINTS] - 1, corner, -1):
             before = way.q[(corner - 1) * dof : corner * dof]
             difference(space, dof, before, way.q[last * dof : (last + 1) * dof], way.step)
             time = time_of(space, dof, way.step)
@@ -119,7 +113,7 @@ def skip_corners(way: Way, space: Space, dof: int, sight: Sight) -> None:
 
 def cut(way: Way, space: Space, dof: int, sight: Sight, first: float, second: float) -> bool:
     """Join two times on the way by a straight motion; False, with nothing done, where it touches or saves nothing."""
-    points = way.integers[POINTS]
+    points = way.integers[WayInteger.POINTS]
     i, j = line_at(way, first), line_at(way, second)
     if i == j or points + 2 > len(way.times):
         return False
@@ -149,14 +143,14 @@ def cut(way: Way, space: Space, dof: int, sight: Sight, first: float, second: fl
             put(way.q, dof, m + moved - tail, way.q[m * dof : (m + 1) * dof])
     put(way.q, dof, i + 1, a)
     put(way.q, dof, i + 2, shifted)
-    way.integers[POINTS] = points + moved - tail
+    way.integers[WayInteger.POINTS] = points + moved - tail
     measure(way, space, dof)
     return True
 
 
 def cut_joint(way: Way, space: Space, dof: int, sight: Sight, first: float, second: float, joint: int) -> bool:
     """Let one joint move steadily between two times; False, with nothing done, where that touches or saves nothing."""
-    points = way.integers[POINTS]
+    points = way.integers[WayInteger.POINTS]
     i, j = line_at(way, first), line_at(way, second)
     if i == j or points + 2 > len(way.times):
         return False
@@ -182,7 +176,7 @@ def cut_joint(way: Way, space: Space, dof: int, sight: Sight, first: float, seco
         put(way.q, dof, m + 2, way.q[m * dof : (m + 1) * dof])
     for m in range(count):
         put(way.q, dof, i + 1 + m, other[m * dof : (m + 1) * dof])
-    way.integers[POINTS] = points + 2
+    way.integers[WayInteger.POINTS] = points + 2
     measure(way, space, dof)
     return True
 
@@ -195,22 +189,22 @@ def turn_on(way: Way, space: Space, dof: int, first: int, last: int, step: Array
         missing = way.q[first * dof + j] + step[j] - way.q[last * dof + j]
         turns = math.floor(missing / TURN + 0.5)
         if turns != 0.0:
-            for m in range(last, way.integers[POINTS]):
+            for m in range(last, way.integers[WayInteger.POINTS]):
                 way.q[m * dof + j] += TURN * turns
 
 
 def close_gap(way: Way, dof: int, first: int, last: int) -> None:
     """Leave out the configurations from the first up to, not with, the last."""
-    points = way.integers[POINTS]
+    points = way.integers[WayInteger.POINTS]
     for m in range(last, points):
         put(way.q, dof, m - last + first, way.q[m * dof : (m + 1) * dof])
-    way.integers[POINTS] = points - last + first
+    way.integers[WayInteger.POINTS] = points - last + first
 
 
 def measure(way: Way, space: Space, dof: int) -> None:
     """Fill the times of the way."""
     way.times[0] = 0.0
-    for m in range(1, way.integers[POINTS]):
+    for m in range(1, way.integers[WayInteger.POINTS]):
         difference_on(way.q, dof, m - 1, way.step)
         way.times[m] = way.times[m - 1] + time_of(space, dof, way.step)
 
@@ -224,7 +218,7 @@ def difference_on(q: Array, dof: int, m: int, step: Array) -> None:
 def line_at(way: Way, time: float) -> int:
     """The number of the line that is passed at a time."""
     line = 0
-    while line < way.integers[POINTS] - 2 and way.times[line + 1] <= time:
+    while line < way.integers[WayInteger.POINTS] - 2 and way.times[line + 1] <= time:
         line += 1
     return line
 

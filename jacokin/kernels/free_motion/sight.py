@@ -8,7 +8,7 @@ from typing import NamedTuple
 from jacokin.arrays import Array
 from jacokin.kernels.contact.arm import place_links
 from jacokin.kernels.contact.motion import await_all, is_clear, look_at
-from jacokin.kernels.contact.run import MARGIN_KEPT, SLACK, ContactWork, counts_of
+from jacokin.kernels.contact.run import ContactNumber, ContactWork, counts_of
 from jacokin.kernels.contact.sweep import STEPS, TOUCHES_THERE, Part, Sweep, sweep_part, touch_rows
 from jacokin.kernels.contact.touching import find_touching
 
@@ -34,7 +34,8 @@ def is_free(sight: Sight, q: Array) -> bool:
 
 def is_near(contact: ContactWork, extra: float) -> bool:
     """Whether something is too near where all is placed for a motion to be certified; then the pair is left, too."""
-    course, margin = contact.course, contact.numbers[MARGIN_KEPT] + contact.numbers[SLACK] + extra
+    course, numbers = contact.course, contact.numbers
+    margin = numbers[ContactNumber.MARGIN_KEPT] + numbers[ContactNumber.SLACK] + extra
     counts = counts_of(contact)
     if find_touching(contact.geometry, counts, contact.places, contact.hits, margin, -math.inf, False):
         course.pair[0], course.pair[1] = contact.hits.pairs[0, 0], contact.hits.pairs[0, 1]
@@ -63,7 +64,7 @@ def seems_clear(sight: Sight, start: Array, end: Array, extra: float) -> bool:
         return True
     if is_blocked_midway(sight, start, extra):
         return False
-    margin = contact.numbers[MARGIN_KEPT] + contact.numbers[SLACK] + extra
+    margin = contact.numbers[ContactNumber.MARGIN_KEPT] + contact.numbers[ContactNumber.SLACK] + extra
     sweeps = math.ceil(turned / MOST_SWEPT)
     for k in range(sweeps):
         waiting = sweep_along(sight, start, k / sweeps, (k + 1) / sweeps, margin)
@@ -89,8 +90,8 @@ def moves_clear(sight: Sight, start: Array, end: Array, extra: float) -> bool:
     """
     contact = sight.contact
     geometry, course, counts = contact.geometry, contact.course, counts_of(contact)
-    margin = contact.numbers[MARGIN_KEPT] + extra
-    margins = margin, margin + contact.numbers[SLACK]
+    margin = contact.numbers[ContactNumber.MARGIN_KEPT] + extra
+    margins = margin, margin + contact.numbers[ContactNumber.SLACK]
     turned, sweeps = set_step(sight, start, end), 1
     if turned > SWEPT:
         sweeps = math.ceil(turned / MOST_SWEPT)
@@ -115,7 +116,8 @@ def near_on_curve(sight: Sight, start: Array) -> tuple[float, float]:
     course, turned = contact.course, 0.0
     for j in range(counts_of(contact).dof):
         turned += abs(course.step[j]) + abs(sight.sweep.bend[j])
-    margin, sweeps = contact.numbers[MARGIN_KEPT] + contact.numbers[SLACK], max(1, math.ceil(turned / MOST_SWEPT))
+    margin = contact.numbers[ContactNumber.MARGIN_KEPT] + contact.numbers[ContactNumber.SLACK]
+    sweeps = max(1, math.ceil(turned / MOST_SWEPT))
     for k in range(sweeps):
         waiting = sweep_along(sight, start, k / sweeps, (k + 1) / sweeps, margin)
         if waiting == TOUCHES_THERE:

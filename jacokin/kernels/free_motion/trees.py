@@ -12,6 +12,7 @@ is not certain is cut off, and the search goes on.
 from __future__ import annotations
 
 import math
+from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
@@ -37,9 +38,11 @@ NONE = -1
 DRAWS = 32  # random configurations after which one is taken that cannot be part of a way that is quick enough
 #: Where a search keeps its whole numbers: sizes of the trees, random configurations, steps in a row that led nowhere,
 #: 1 when a tree lacked room, the two that met, and how many goals the second tree began with.
-FIRST_SIZE, SECOND_SIZE, SAMPLES, MISSES, IS_FULL, MET_FIRST, MET_SECOND, ROOT_COUNT, SEARCH_INTEGERS = range(9)
+SearchInteger = IntEnum(
+    "SearchInteger", "FIRST_SIZE SECOND_SIZE SAMPLES MISSES IS_FULL MET_FIRST MET_SECOND ROOT_COUNT COUNT", start=0
+)
 #: And its times at full speed [s]: how near the trees came to each other, and how long a way may take.
-NEAREST, BOUND, SEARCH_NUMBERS = range(3)
+SearchNumber = IntEnum("SearchNumber", "NEAREST BOUND COUNT", start=0)
 
 
 class Trees(NamedTuple):
@@ -56,7 +59,7 @@ class Trees(NamedTuple):
 
 def make_trees(dof: int, room: int) -> Trees:
     """Fresh work arrays for so many configurations in each tree."""
-    integers, numbers = np.zeros(SEARCH_INTEGERS, np.int64), np.full(SEARCH_NUMBERS, np.inf)
+    integers, numbers = np.zeros(SearchInteger.COUNT, np.int64), np.full(SearchNumber.COUNT, np.inf)
     sample, step, end = np.zeros((3, dof))
     return Trees(np.empty(2 * room * dof), np.empty(2 * room, np.int64), integers, numbers, sample, step, end)
 
@@ -66,10 +69,10 @@ def plant(
 ) -> None:
     """Begin a search from a start (dof,) to those goals (k dof,) that are chosen."""
     integers = trees.integers
-    for k in range(SEARCH_INTEGERS):
+    for k in range(SearchInteger.COUNT):
         integers[k] = 0
-    integers[MET_FIRST], integers[MET_SECOND] = NONE, NONE
-    trees.numbers[NEAREST], integers[ROOT_COUNT] = math.inf, roots
+    integers[SearchInteger.MET_FIRST], integers[SearchInteger.MET_SECOND] = NONE, NONE
+    trees.numbers[SearchNumber.NEAREST], integers[SearchInteger.ROOT_COUNT] = math.inf, roots
     add(trees, space, dof, 0, start, NONE)
     for k in range(roots):
         add(trees, space, dof, 1, goals[chosen[k] * dof : (chosen[k] + 1) * dof], NONE)
@@ -84,7 +87,7 @@ def add(trees: Trees, space: Space, dof: int, tree: int, q: Array, parent: int) 
     """Add a configuration; its number, or NONE where there is no room."""
     room, node = len(trees.parents) // 2, trees.integers[tree]
     if node == room:
-        trees.integers[IS_FULL] = 1
+        trees.integers[SearchInteger.IS_FULL] = 1
         return NONE
     at = node_at(trees, dof, tree, node)
     for j in range(dof):
@@ -124,38 +127,42 @@ def grow_trees(
     """Go on with a search for so many random configurations, or until there is no room; whether the trees met."""
     integers = trees.integers
     for _ in range(samples):
-        integers[SAMPLES] += 1
+        integers[SearchInteger.SAMPLES] += 1
         draw(trees, space, dof, generator)
-        small = 0 if integers[FIRST_SIZE] <= integers[SECOND_SIZE] else 1
-        if integers[MISSES] >= PATIENCE and integers[SAMPLES] % 2:
+        small = 0 if integers[SearchInteger.FIRST_SIZE] <= integers[SearchInteger.SECOND_SIZE] else 1
+        if integers[SearchInteger.MISSES] >= PATIENCE and integers[SearchInteger.SAMPLES] % 2:
             small = 1 - small
         node = nearest_node(trees, space, dof, small, trees.sample)
         difference(space, dof, trees.q[node_at(trees, dof, small, node) :], trees.sample, trees.step)
         grown = grow(trees, space, dof, sight, hindrances, small, node)
-        integers[MISSES] = integers[MISSES] + 1 if grown == NONE else 0
+        integers[SearchInteger.MISSES] = integers[SearchInteger.MISSES] + 1 if grown == NONE else 0
         if grown != NONE:
             at = node_at(trees, dof, small, grown)
             met = connect(trees, space, dof, sight, hindrances, 1 - small, trees.q[at : at + dof])
             if met != NONE:
-                integers[MET_FIRST], integers[MET_SECOND] = (grown, met) if small == 0 else (met, grown)
-                first = is_branch_clear(trees, space, dof, sight, hindrances, 0, integers[MET_FIRST])
-                if first and is_branch_clear(trees, space, dof, sight, hindrances, 1, integers[MET_SECOND]):
+                integers[SearchInteger.MET_FIRST], integers[SearchInteger.MET_SECOND] = (
+                    (grown, met) if small == 0 else (met, grown)
+                )
+                first = is_branch_clear(trees, space, dof, sight, hindrances, 0, integers[SearchInteger.MET_FIRST])
+                if first and is_branch_clear(
+                    trees, space, dof, sight, hindrances, 1, integers[SearchInteger.MET_SECOND]
+                ):
                     return True
-        if integers[IS_FULL]:
+        if integers[SearchInteger.IS_FULL]:
             return False
     return False
 
 
 def draw(trees: Trees, space: Space, dof: int, generator: NDArray[np.int64]) -> None:
     """Fill a random configuration, between the start and one of the goals where a way is to be quick enough."""
-    q, bound = trees.sample, trees.numbers[BOUND]
+    q, bound = trees.sample, trees.numbers[SearchNumber.BOUND]
     if bound == math.inf:
         for j in range(dof):
             q[j] = space.low[j] + uniform(generator) * (space.high[j] - space.low[j])
         return
     roots = len(trees.parents) // 2
     for _ in range(DRAWS):
-        goal = (roots + int(uniform(generator) * trees.integers[ROOT_COUNT])) * dof
+        goal = (roots + int(uniform(generator) * trees.integers[SearchInteger.ROOT_COUNT])) * dof
         difference(space, dof, trees.q[:dof], trees.q[goal : goal + dof], trees.step)
         for j in range(dof):
             # Where both parts together take a joint no longer than the bound.
@@ -174,12 +181,12 @@ def draw(trees: Trees, space: Space, dof: int, generator: NDArray[np.int64]) -> 
 
 def is_worth(trees: Trees, space: Space, dof: int, q: Array) -> bool:
     """Whether a way through a configuration can be as quick as the search asks for."""
-    bound = trees.numbers[BOUND]
+    bound = trees.numbers[SearchNumber.BOUND]
     if bound == math.inf:
         return True
     first = len(trees.parents) // 2
     bound -= time_between(trees, space, dof, 0, q)
-    for k in range(first, first + trees.integers[ROOT_COUNT]):
+    for k in range(first, first + trees.integers[SearchInteger.ROOT_COUNT]):
         if bound > 0.0 and time_between(trees, space, dof, k, q) < bound:
             return True
     return False
@@ -218,7 +225,7 @@ def connect(trees: Trees, space: Space, dof: int, sight: Sight, hindrances: Hind
     difference(space, dof, trees.q[node_at(trees, dof, tree, node) :], q, trees.step)
     while length_of(space, dof, trees.step) > MEETING:
         node = grow(trees, space, dof, sight, hindrances, tree, node)
-        trees.numbers[NEAREST] = min(trees.numbers[NEAREST], time_of(space, dof, trees.step))
+        trees.numbers[SearchNumber.NEAREST] = min(trees.numbers[SearchNumber.NEAREST], time_of(space, dof, trees.step))
         if node == NONE:
             return NONE
         difference(space, dof, trees.q[node_at(trees, dof, tree, node) :], q, trees.step)

@@ -19,11 +19,9 @@ from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.kernels.contact.run import (
-    LIST_TOUCHING,
-    MARGIN_KEPT,
-    MEASURE_PAIRS,
-    ROWS,
-    TASK,
+    ContactInteger,
+    ContactNumber,
+    ContactTask,
     ContactWork,
     make_contact_work,
     run_contact,
@@ -213,7 +211,8 @@ class Leaving:
     def _nearer(self, q: Array, margin: float) -> NDArray[np.int64]:
         """Pairs (n, 2) that are nearer than a margin [m]."""
         work = self._work
-        work.q[:], work.integers[TASK], work.integers[ROWS], work.numbers[MARGIN_KEPT] = q, LIST_TOUCHING, 1, margin
+        work.integers[[ContactInteger.TASK, ContactInteger.ROWS]] = ContactTask.LIST_TOUCHING, 1
+        work.q[:], work.numbers[ContactNumber.MARGIN_KEPT] = q, margin
         found = self._list()
         return work.hits.pairs[:found].copy()
 
@@ -222,7 +221,7 @@ class Leaving:
         if self._measure is None or len(self._measure.work.given) != len(pairs):
             fresh = make_contact_work(self._contact.geometry, 1, len(pairs))
             fresh.reach[:] = np.inf
-            fresh.integers[TASK], fresh.integers[ROWS] = MEASURE_PAIRS, len(pairs)
+            fresh.integers[[ContactInteger.TASK, ContactInteger.ROWS]] = ContactTask.MEASURE_PAIRS, len(pairs)
             self._measure = Call(run_contact, fresh)
         work = self._measure.work
         work.q[:], work.given[:] = q, pairs

@@ -13,29 +13,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.kernels.contact.run import MARGIN_KEPT, SLACK
+from jacokin.kernels.contact.run import ContactNumber
 from jacokin.kernels.free_motion.run import (
-    BEGIN_SEARCH,
-    BLOCKED,
-    CORNERS,
-    ENOUGH,
-    GO_ON_SEARCH,
-    GOALS,
-    IN_CONTACT,
-    JOINTS,
-    ROOTS,
-    SHORTEN,
-    STEPS,
-    STRAIGHT_MOTIONS,
-    TASK,
-    TRIES_IN_VAIN,
+    GoalState,
+    MotionInteger,
+    MotionTask,
     MotionWork,
     make_motion_work,
     run_free_motion,
 )
-from jacokin.kernels.free_motion.shortcuts import GOAL, POINTS, make_way
+from jacokin.kernels.free_motion.shortcuts import WayInteger, make_way
 from jacokin.kernels.free_motion.space import FIRST_MODULUS, SECOND_MODULUS
-from jacokin.kernels.free_motion.trees import BOUND, IS_FULL, NEAREST, SAMPLES, make_trees
+from jacokin.kernels.free_motion.trees import SearchInteger, SearchNumber, make_trees
 from jacokin.kernels.library import Call
 from jacokin.model.angles import TURN
 from jacokin.model.contact import REFUSED_WITHIN, Contact, Pair
@@ -111,7 +100,7 @@ class WaySearch:
         call = self._call(len(goals))
         work = call.work
         work.start[:], work.goals[: goals.size] = start, goals.ravel()
-        work.integers[JOINTS], work.integers[GOALS] = len(start), len(goals)
+        work.integers[MotionInteger.JOINTS], work.integers[MotionInteger.GOALS] = len(start), len(goals)
         work.space.speed[:] = speed
         work.hindrances.times[:] = 0
         self._local.rng = rng
@@ -120,10 +109,12 @@ class WaySearch:
         """Try the straight motion to each goal in turn, until one is clear."""
         call = self._call()
         work = call.work
-        work.integers[TASK], work.integers[ENOUGH] = STRAIGHT_MOTIONS, MOST_STRAIGHT
+        work.integers[MotionInteger.TASK] = MotionTask.STRAIGHT_MOTIONS
+        work.integers[MotionInteger.ENOUGH] = MOST_STRAIGHT
         work.known[:] = 0
         reached = call()
-        return StraightMotion(reached, np.flatnonzero(work.known[: work.integers[GOALS]] == BLOCKED))
+        known = work.known[: work.integers[MotionInteger.GOALS]]
+        return StraightMotion(reached, np.flatnonzero(known == GoalState.BLOCKED))
 
     def go_around(
         self, goals: NDArray[np.intp], deadline: float, most_samples: int = MOST_SAMPLES, bound: float = np.inf
@@ -146,27 +137,28 @@ class WaySearch:
             space.weights[:] = float(compared.sum()) / len(compared) / compared
             self._local.rng = None
         roots = goals[:48]  # the quickest to reach
-        call.work.trees.numbers[BOUND] = bound
-        call.work.chosen[: len(roots)], call.work.integers[ROOTS] = roots, len(roots)
-        found, task = Found(), BEGIN_SEARCH
+        call.work.trees.numbers[SearchNumber.BOUND] = bound
+        call.work.chosen[: len(roots)], call.work.integers[MotionInteger.ROOTS] = roots, len(roots)
+        found, task = Found(), MotionTask.BEGIN_SEARCH
         while True:
-            call.work.integers[TASK], call.work.integers[STEPS] = task, 256  # then the clock is looked at
+            call.work.integers[MotionInteger.TASK] = task
+            call.work.integers[MotionInteger.STEPS] = 256  # then the clock is looked at
             met = call()
-            found.samples = int(call.work.trees.integers[SAMPLES])
-            found.nearest = float(call.work.trees.numbers[NEAREST])
+            found.samples = int(call.work.trees.integers[SearchInteger.SAMPLES])
+            found.nearest = float(call.work.trees.numbers[SearchNumber.NEAREST])
             if met:
                 break
             if found.samples >= most_samples or time.monotonic() >= deadline:
                 return found
-            if call.work.trees.integers[IS_FULL]:
+            if call.work.trees.integers[SearchInteger.IS_FULL]:
                 call = self._grow()
-            task = GO_ON_SEARCH
+            task = MotionTask.GO_ON_SEARCH
         work = call.work
-        work.integers[[TASK, TRIES_IN_VAIN]] = SHORTEN, 40  # one after another
+        work.integers[[MotionInteger.TASK, MotionInteger.TRIES_IN_VAIN]] = MotionTask.SHORTEN, 40  # one after another
         while not call() and time.monotonic() < deadline:
             pass
-        points, dof = int(work.way.integers[POINTS]), len(work.start)
-        found.goal = int(roots[work.way.integers[GOAL]])
+        points, dof = int(work.way.integers[WayInteger.POINTS]), len(work.start)
+        found.goal = int(roots[work.way.integers[WayInteger.GOAL]])
         found.way = work.way.q[: points * dof].reshape(points, dof).copy()
         goal = work.goals[found.goal * dof : (found.goal + 1) * dof]
         # Whole turns apart from the goal, but for rounding.
@@ -179,10 +171,10 @@ class WaySearch:
         if len(way) > len(call.work.cuts):
             call = self._grow(len(way))
         work = call.work
-        work.way.q[: way.size], work.way.integers[POINTS] = way.ravel(), len(way)
+        work.way.q[: way.size], work.way.integers[WayInteger.POINTS] = way.ravel(), len(way)
         work.way.times[0] = 0.0
         np.cumsum((np.abs(way[1:] - way[:-1]) / work.space.speed).max(axis=1), out=work.way.times[1 : len(way)])
-        work.integers[TASK] = CORNERS
+        work.integers[MotionInteger.TASK] = MotionTask.CORNERS
         work.cuts[: len(way)] = 0.0
         call()
         return work.cuts[: len(way)].copy()
@@ -191,8 +183,8 @@ class WaySearch:
     def touching(self) -> Counter[Pair]:
         """Pairs of shapes that touch at goals to which the straight motion was tried, and how often."""
         work = self._call().work
-        known = work.known[: work.integers[GOALS]]
-        pairs = work.touching[: len(known)][known == IN_CONTACT]
+        known = work.known[: work.integers[MotionInteger.GOALS]]
+        pairs = work.touching[: len(known)][known == GoalState.IN_CONTACT]
         return Counter(self.contact.ordered(a, b, by_kind=True) for a, b in pairs.tolist())
 
     @property
@@ -218,7 +210,7 @@ class WaySearch:
             space.high[:] = np.where(robot.unlimited, np.pi, np.minimum(robot.upper, FARTHEST))
             space.levers[:] = self.contact.levers
             numbers = work.sight.contact.numbers
-            numbers[MARGIN_KEPT], numbers[SLACK] = self._clearance, REFUSED_WITHIN
+            numbers[ContactNumber.MARGIN_KEPT], numbers[ContactNumber.SLACK] = self._clearance, REFUSED_WITHIN
             found = self._local.call = Call(run_free_motion, work)
         elif goals > len(found.work.known):
             dof, more = len(found.work.start), 2 * goals
@@ -244,7 +236,7 @@ class WaySearch:
             trees.parents[new] = work.trees.parents[old]
             trees.q.reshape(-1, dof)[new] = work.trees.q.reshape(-1, dof)[old]
         trees.integers[:], trees.numbers[:] = work.trees.integers, work.trees.numbers
-        trees.integers[IS_FULL] = 0
+        trees.integers[SearchInteger.IS_FULL] = 0
         larger = work._replace(trees=trees, way=make_way(dof, 2 * more), cuts=np.zeros(2 * more))
         self._local.call = found = Call(run_free_motion, larger)
         return found

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.kernels.course_times import JOINTS, PIECES, POINTS, fit_course_times, make_course_work
+from jacokin.kernels.course_times import CourseInteger, fit_course_times, make_course_work
 from jacokin.kernels.free_motion.corners import CHORD, CORNER_TRIES, LARGEST_CUT, STRAIGHT
 from jacokin.kernels.library import Calls
 from jacokin.kernels.motion_rows import make_sample_work, sample_course
@@ -125,11 +125,11 @@ def fit_time(
     used = 1.0 - 1e-9  # of the limits; what remains is for rounding
     call = _fit.with_room(dof, points)
     work = call.work
-    work.counts[JOINTS], work.counts[POINTS], work.end[0] = dof, points, end
+    work.counts[CourseInteger.JOINTS], work.counts[CourseInteger.POINTS], work.end[0] = dof, points, end
     work.way[: points * dof], work.cuts[:points], work.full[:dof] = way.ravel(), cuts, full
     work.velocity[:dof], work.acceleration[:dof] = used * velocity, used * acceleration
     places = call()
-    pieces = int(work.counts[PIECES])
+    pieces = int(work.counts[CourseInteger.PIECES])
     q, slope, bend = (each[: pieces * dof].reshape(pieces, dof).copy() for each in (work.at, work.slope, work.bend))
     s, t, speed = (each[:places].copy() for each in (work.s, work.t, work.speed))
     return TimedCourse(work.ends[: pieces + 1].copy(), q, slope, bend, s, t, speed, work.piece[:places].copy())

@@ -26,7 +26,7 @@ from jacokin.ik.verification import Verifier
 from jacokin.model import checks
 from jacokin.model.many_configurations import Chain
 from jacokin.model.poses import FreeAxis, rotation_angle
-from jacokin.model.robot import acceleration_limits, velocity_limits
+from jacokin.model.robot import acceleration_limits, limit_margins, velocity_limits
 from jacokin.motion.free_motion.plan_motion import plan_motion
 from jacokin.motion.joint_motion import ACCELERATION
 from jacokin.motion.path import MOST_CURVES, MOST_PLACES, CartesianPath
@@ -386,7 +386,7 @@ def _explain_end(search: PathSearch, reached: float, q: Array, blocked: str, sol
     away = away[:, : manifold.dof]
     nearest = away[np.argmin(np.abs(away).max(axis=1))]
     joint = int(np.argmax(np.abs(nearest)))
-    margin = np.minimum(q - robot.lower, robot.upper - q)
+    margin = limit_margins(robot, q)
     tight = int(np.argmin(margin))
     if margin[tight] < 0.05:  # [rad] then that is why
         return f"{where}: {robot.joint_names[tight]} runs into its limit, and no branch within the limits follows"

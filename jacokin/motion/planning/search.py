@@ -26,18 +26,7 @@ from jacokin.arrays import Array
 from jacokin.ik.solutions.curve_set import CurveSet
 from jacokin.ik.solver import IKSolver
 from jacokin.kernels.library import Call
-from jacokin.kernels.rung_links import (
-    BEND,
-    DEVIATION,
-    FARTHEST,
-    FARTHEST_PARAMETER,
-    HASTE,
-    JOINTS,
-    PARAMETER,
-    TILT,
-    link_rungs,
-    make_link_work,
-)
+from jacokin.kernels.rung_links import LinkCount, LinkNumber, link_rungs, make_link_work
 from jacokin.model import angles
 from jacokin.model.poses import FreeAxis
 from jacokin.model.robot import copies_counted
@@ -191,12 +180,13 @@ class Ladder:
         sizes = [len(rung.x) for rung in rungs]
         room = sum(a * b for a, b in itertools.pairwise(sizes))
         work = make_link_work(manifold.dof, manifold.width, len(rungs), sum(sizes), room)
-        work.joints[:], work.tip[:], work.counts[JOINTS] = manifold.chain.constants
-        work.counts[PARAMETER] = -1 if manifold.column is None else manifold.column
-        work.numbers[[FARTHEST, FARTHEST_PARAMETER]] = NEAR, 2.5 * self._step  # from step to step of the path
+        work.joints[:], work.tip[:], work.counts[LinkCount.JOINTS] = manifold.chain.constants
+        work.counts[LinkCount.PARAMETER] = -1 if manifold.column is None else manifold.column
+        work.numbers[LinkNumber.FARTHEST] = NEAR
+        work.numbers[LinkNumber.FARTHEST_PARAMETER] = 2.5 * self._step  # from step to step of the path
         # What may be missed grows by 0.15 times the squared change of the parameter [m] and [rad].
-        work.numbers[[DEVIATION, TILT, BEND]] = MISSED, TILTED, 0.15
-        work.numbers[HASTE] = TOO_FAST if self.keep else 0.0
+        work.numbers[[LinkNumber.DEVIATION, LinkNumber.TILT, LinkNumber.BEND]] = MISSED, TILTED, 0.15
+        work.numbers[LinkNumber.HASTE] = TOO_FAST if self.keep else 0.0
         work.circular[:], work.scale[:] = manifold.circular, self.pace.scale
         work.sizes[:], work.x[:] = sizes, np.concatenate([rung.x for rung in rungs]).ravel()
         goal = manifold.goal(manifold.path.middle(u[:-1], u[1:]))

@@ -9,7 +9,7 @@ import pytest
 
 from jacokin.arrays import Array
 from jacokin.kernels.contact.cloud_tree import LEAF, build_cloud, make_cloud_tree
-from jacokin.kernels.contact.run import LEAST_DISTANCE, MEASURE_PAIRS, ROWS, TASK, make_contact_work, run_contact
+from jacokin.kernels.contact.run import ContactInteger, ContactTask, make_contact_work, run_contact
 from jacokin.kernels.contact.shapes import NODE_HALF, NODE_RADIUS
 from jacokin.kernels.library import Call
 from jacokin.model import PointCloud
@@ -63,7 +63,10 @@ def test_the_distance_is_that_of_the_nearest_point(kind: str, rng: np.random.Gen
         for geometry in (flight.geometry, flight.turned):
             call = Call(run_contact, make_contact_work(geometry, len(q)))
             call.work.q[:] = q.ravel()
-            call.work.integers[TASK], call.work.integers[ROWS] = LEAST_DISTANCE, len(q)
+            call.work.integers[ContactInteger.TASK], call.work.integers[ContactInteger.ROWS] = (
+                ContactTask.LEAST_DISTANCE,
+                len(q),
+            )
             call()
             for row, distance in zip(q, call.work.value[:, 0].tolist(), strict=True):
                 theirs = flight.by_coal(row).min()
@@ -83,7 +86,10 @@ def test_the_nearest_points_are_on_both_surfaces(kind: str, rng: np.random.Gener
         answers = []
         for geometry, pair in ((flight.geometry, (0, 1)), (flight.turned, (0, 1))):
             call = Call(run_contact, make_contact_work(geometry, 1, 1))
-            call.work.integers[TASK], call.work.integers[ROWS] = MEASURE_PAIRS, 1
+            call.work.integers[ContactInteger.TASK], call.work.integers[ContactInteger.ROWS] = (
+                ContactTask.MEASURE_PAIRS,
+                1,
+            )
             call.work.q[:], call.work.given[0], call.work.reach[0] = q, pair, np.inf
             call()
             distance, first, second, normal = np.split(call.work.measured[0], [1, 4, 7])
@@ -106,7 +112,10 @@ def test_plain_and_compiled_kernels_give_the_same_bits(kind: str, rng: np.random
     for form in (Call, PlainCall):
         call = form(run_contact, make_contact_work(flight.geometry, len(q)))
         call.work.q[:] = q.ravel()
-        call.work.integers[TASK], call.work.integers[ROWS] = LEAST_DISTANCE, len(q)
+        call.work.integers[ContactInteger.TASK], call.work.integers[ContactInteger.ROWS] = (
+            ContactTask.LEAST_DISTANCE,
+            len(q),
+        )
         call()
         found.append(call.work.value[:, 0].copy())
     np.testing.assert_array_equal(found[0], found[1])

@@ -12,7 +12,7 @@ from scipy.optimize import minimize
 
 from jacokin.arrays import Array
 from jacokin.kernels.contact.arm import place_links, relate
-from jacokin.kernels.contact.run import LEAST_DISTANCE, ROWS, TASK, make_contact_work, run_contact
+from jacokin.kernels.contact.run import ContactInteger, ContactTask, make_contact_work, run_contact
 from jacokin.kernels.contact.separation import ROUGHNESS, separation
 from jacokin.kernels.library import Call
 from jacokin.model.descriptions import mjcf
@@ -50,7 +50,10 @@ class Flight:
         """Distances (n,) at poses (n, 6) [m]."""
         self.call = call = form(run_contact, make_contact_work(self.geometry, len(q)))
         call.work.q[:] = q.ravel()
-        call.work.integers[TASK], call.work.integers[ROWS] = LEAST_DISTANCE, len(q)
+        call.work.integers[ContactInteger.TASK], call.work.integers[ContactInteger.ROWS] = (
+            ContactTask.LEAST_DISTANCE,
+            len(q),
+        )
         call()
         return np.array(call.work.value[:, 0])
 

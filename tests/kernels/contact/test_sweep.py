@@ -8,7 +8,7 @@ import pytest
 import jacokin
 from jacokin.arrays import Array
 from jacokin.ik import Box, Cylinder, Floor, Sphere
-from jacokin.kernels.contact.run import MEASURE_PAIRS, ROWS, TASK, counts_of, make_contact_work, run_contact
+from jacokin.kernels.contact.run import ContactInteger, ContactTask, counts_of, make_contact_work, run_contact
 from jacokin.kernels.contact.shapes import LINK
 from jacokin.kernels.contact.sweep import STEPS, TOUCHES_THERE, Part, levers_of, make_sweep, sweep_part
 from jacokin.kernels.contact.touching import Geometry
@@ -43,7 +43,10 @@ def distances(geometry: Geometry, pairs: Array, rows: Array) -> Array:
     """Of each pair at each configuration (n, pairs) [m]."""
     call, found = Call(run_contact, make_contact_work(geometry, 1, len(pairs))), []
     call.work.given[:], call.work.reach[:] = pairs, np.inf
-    call.work.integers[TASK], call.work.integers[ROWS] = MEASURE_PAIRS, len(pairs)
+    call.work.integers[ContactInteger.TASK], call.work.integers[ContactInteger.ROWS] = (
+        ContactTask.MEASURE_PAIRS,
+        len(pairs),
+    )
     for q in rows:
         call.work.q[:] = q
         call()

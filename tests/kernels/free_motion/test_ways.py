@@ -10,12 +10,12 @@ import pytest
 
 import jacokin
 from jacokin.arrays import Array
-from jacokin.kernels.contact.run import MARGIN_KEPT, SLACK
+from jacokin.kernels.contact.run import ContactNumber
 from jacokin.kernels.free_motion import run
 from jacokin.kernels.free_motion.run import MotionWork, make_motion_work, run_free_motion
-from jacokin.kernels.free_motion.shortcuts import GOAL, POINTS, WAY_INTEGERS
+from jacokin.kernels.free_motion.shortcuts import WayInteger
 from jacokin.kernels.free_motion.space import uniform
-from jacokin.kernels.free_motion.trees import BOUND, FIRST_SIZE, SECOND_SIZE, cut_off, draw, is_worth, nearest_node
+from jacokin.kernels.free_motion.trees import SearchInteger, SearchNumber, cut_off, draw, is_worth, nearest_node
 from jacokin.kernels.library import Call
 from jacokin.model import angles
 from jacokin.model.contact import Contact
@@ -41,38 +41,38 @@ def problem(around: Surroundings = WALL, form: Any = Call, room: int = 1024) -> 
     space.weights[:] = robot.velocity_limit.mean() / robot.velocity_limit
     space.levers[:] = contact.levers
     numbers = work.sight.contact.numbers
-    numbers[MARGIN_KEPT], numbers[SLACK] = 0.0, SLACK_KEPT
+    numbers[ContactNumber.MARGIN_KEPT], numbers[ContactNumber.SLACK] = 0.0, SLACK_KEPT
     work.generator[:] = 12345
-    work.integers[run.JOINTS], work.integers[run.TRIES_IN_VAIN] = robot.dof, 40
+    work.integers[run.MotionInteger.JOINTS], work.integers[run.MotionInteger.TRIES_IN_VAIN] = robot.dof, 40
     solver = jacokin.IKSolver(robot, collision="reject", scene=Scene([*WALL.obstacles]))
     work.start[:] = solver.solve(jacokin.pose([0.4, -0.3, 0.3], down=True)).q
     goal = solver.solve(jacokin.pose([0.4, 0.25, 0.3], down=True), seed=work.start).q
-    work.goals[:6], work.integers[run.GOALS], work.integers[run.ENOUGH] = goal, 1, 1
-    work.integers[run.ROOTS] = 1
+    work.goals[:6], work.integers[run.MotionInteger.GOALS], work.integers[run.MotionInteger.ENOUGH] = goal, 1, 1
+    work.integers[run.MotionInteger.ROOTS] = 1
     return call, contact
 
 
 def ask(call: Any, task: int, steps: int = 0) -> int:
     """Run one task."""
-    call.work.integers[run.TASK], call.work.integers[run.STEPS] = task, steps
+    call.work.integers[run.MotionInteger.TASK], call.work.integers[run.MotionInteger.STEPS] = task, steps
     return int(call())
 
 
 def search(call: Any) -> None:
     """Until the trees meet."""
-    assert ask(call, run.STRAIGHT_MOTIONS) == -1
-    task = run.BEGIN_SEARCH
+    assert ask(call, run.MotionTask.STRAIGHT_MOTIONS) == -1
+    task = run.MotionTask.BEGIN_SEARCH
     for _ in range(100):
         if ask(call, task, 20):
             return
-        task = run.GO_ON_SEARCH
+        task = run.MotionTask.GO_ON_SEARCH
     pytest.fail("no way")
 
 
 def way_of(call: Any) -> Array:
     """The configurations (n, dof) of the way."""
     work: MotionWork = call.work
-    return work.way.q[: 6 * work.way.integers[POINTS]].reshape(-1, 6).copy()
+    return work.way.q[: 6 * work.way.integers[WayInteger.POINTS]].reshape(-1, 6).copy()
 
 
 def time_of(call: Any, way: Array) -> float:
@@ -92,8 +92,8 @@ def test_machine_code_finds_what_plain_python_finds() -> None:
     compiled, plain = problem()[0], problem(form=PlainCall)[0]
     for call in (compiled, plain):
         search(call)
-        ask(call, run.SHORTEN, 12)
-        ask(call, run.CORNERS)
+        ask(call, run.MotionTask.SHORTEN, 12)
+        ask(call, run.MotionTask.CORNERS)
     np.testing.assert_array_equal(way_of(compiled), way_of(plain))
     np.testing.assert_array_equal(compiled.work.cuts, plain.work.cuts)
     np.testing.assert_array_equal(compiled.work.generator, plain.work.generator)
@@ -108,13 +108,13 @@ def test_ways_are_clear_lead_to_the_goal_and_repeat(rng: np.random.Generator) ->
         way = way_of(call)
         assert all(contact.in_the_way(a, b) is None for a, b in itertools.pairwise(way))
         np.testing.assert_array_equal(way[0], call.work.start)
-        assert call.work.way.integers[GOAL] == 0
+        assert call.work.way.integers[WayInteger.GOAL] == 0
         turns = (way[-1] - call.work.goals[:6]) / (2.0 * np.pi)
         np.testing.assert_allclose(turns, np.round(turns), atol=1e-12)
         limited = call.work.space.unlimited == 0
         assert not np.round(turns)[limited].any()
         longest = time_of(call, way)
-        while not ask(call, run.SHORTEN, 10):
+        while not ask(call, run.MotionTask.SHORTEN, 10):
             shorter = time_of(call, way_of(call))
             assert shorter <= longest + 1e-9
             longest = shorter
@@ -126,7 +126,7 @@ def test_ways_are_clear_lead_to_the_goal_and_repeat(rng: np.random.Generator) ->
             assert not any(contact.touches(a + share * (b - a)) for share in np.linspace(0.0, 1.0, 400))
         call.work.generator[:] = before
         search(call)
-        while not ask(call, run.SHORTEN, 3):
+        while not ask(call, run.MotionTask.SHORTEN, 3):
             pass
         np.testing.assert_array_equal(way_of(call), way)
 
@@ -134,7 +134,7 @@ def test_ways_are_clear_lead_to_the_goal_and_repeat(rng: np.random.Generator) ->
 def test_a_cut_corner_is_clear() -> None:
     call, contact = problem()
     search(call)
-    ask(call, run.CORNERS)
+    ask(call, run.MotionTask.CORNERS)
     way, cuts, times = way_of(call), call.work.cuts, call.work.way.times
     assert cuts[: len(way)].any()
     for k in range(1, len(way) - 1):
@@ -150,7 +150,7 @@ def test_the_nearest_node_is_the_nearest_on_the_torus(rng: np.random.Generator) 
     call = problem()[0]
     search(call)
     work: MotionWork = call.work
-    sizes = work.trees.integers[[FIRST_SIZE, SECOND_SIZE]]
+    sizes = work.trees.integers[[SearchInteger.FIRST_SIZE, SearchInteger.SECOND_SIZE]]
     for tree in range(2):
         nodes = work.trees.q[tree * 1024 * 6 :][: sizes[tree] * 6].reshape(-1, 6)
         for _ in range(20):
@@ -165,7 +165,7 @@ def test_what_is_cut_off_is_nearest_to_nothing(rng: np.random.Generator) -> None
     call = problem()[0]
     search(call)
     trees, space = call.work.trees, call.work.space
-    size, lost = int(trees.integers[FIRST_SIZE]), {2}
+    size, lost = int(trees.integers[SearchInteger.FIRST_SIZE]), {2}
     for node in range(3, size):
         if int(trees.parents[node]) in lost:
             lost.add(node)
@@ -183,7 +183,7 @@ def test_random_configurations_lie_where_a_way_is_quick_enough() -> None:
     start, goal = trees.q[:6], trees.q[1024 * 6 :][:6]
     direct = time_of(call, np.array([start, angles.nearest_copy(goal, start, space.unlimited == 1)]))
     for bound in (1.05 * direct, 1.5 * direct, 4.0 * direct):
-        trees.numbers[BOUND], quick, seen = bound, 0, []
+        trees.numbers[SearchNumber.BOUND], quick, seen = bound, 0, []
         for _ in range(100):
             draw(trees, space, 6, work.generator)
             seen.append(trees.sample.copy())
@@ -196,10 +196,10 @@ def test_random_configurations_lie_where_a_way_is_quick_enough() -> None:
 
 def test_a_search_without_room_says_so() -> None:
     call = problem(room=2)[0]
-    assert ask(call, run.STRAIGHT_MOTIONS) == -1
-    assert ask(call, run.BEGIN_SEARCH, 500) == 0
+    assert ask(call, run.MotionTask.STRAIGHT_MOTIONS) == -1
+    assert ask(call, run.MotionTask.BEGIN_SEARCH, 500) == 0
     assert call.work.trees.integers[:2].max() == 2
-    assert len(call.work.way.integers) == WAY_INTEGERS
+    assert len(call.work.way.integers) == WayInteger.COUNT
 
 
 def test_pairs_in_the_way_are_counted() -> None:
