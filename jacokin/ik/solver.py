@@ -273,11 +273,12 @@ class IKSolver:
                 holds the seed, or the best end of the QP's starts. The status is the same.
             prefer: which of the configurations within the limits: the one "nearest" to the seed, of the largest limit
                 "margin", of the largest "manipulability", or of the least cost that a function returns for q (dof,).
-                Of equal ones the nearest to the seed.
+                Of equal ones the nearest to the seed. Where two parameters are free, as about a `FreeAxis` on seven
+                joints, those at angles 0.3 rad apart are looked at, and "nearest" is one near the seed.
 
         Returns:
             The preferred configuration within the limits, unlimited joints in the 2 pi copy nearest to the seed,
-            measured by Pinocchio; or why there is none. On a curve it has a `parameter`.
+            measured by Pinocchio; or why there is none. On a curve, or about an axis, it has a `parameter`.
 
         Raises:
             InvalidInputError: target or seed malformed; method="closed_form" with a position-only target.
