@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pickle
-import time
 from pathlib import Path
 
 import numpy as np
@@ -14,10 +13,12 @@ import jacokin
 from jacokin import Robot
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, StructureError, UnknownNameError
-from jacokin.ik import IKSolver, Scene, SolutionSet, Sphere
+from jacokin.ik import IKSolver, Scene, SolutionSet, Sphere, fixed_joints
 from jacokin.ik.closed_form import ClosedForm
 from jacokin.ik.fixed_joints import hold
+from jacokin.ik.geometry import ArmGeometry
 from jacokin.ik.solutions.points import Points
+from jacokin.ik.structures import measure_general
 from jacokin.model.angles import circular_distance, wrap_to_pi
 
 # The joints of three arms of seven joints that are not built like a Jaco: origin [m] and rpy [rad] before each joint.
@@ -182,16 +183,23 @@ def test_values_do_not_depend_on_what_is_kept_of_others(tmp_path: Path, rng: np.
 
 
 @pytest.mark.parametrize("joint", ["joint_1", "joint_3", "joint_7"])
-def test_other_values_take_no_time(rng: np.random.Generator, joint: str) -> None:
-    """The first one takes 50 ms and more."""
+def test_other_values_need_no_other_labelling(
+    monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator, joint: str
+) -> None:
+    """Which takes 50 ms to find: once for all values."""
+    ranked = []
+
+    def measure(chain: Array, labellings: list[float] | None = None) -> ArmGeometry:
+        ranked.append(labellings is None)
+        return measure_general(chain, labellings)
+
+    monkeypatch.setattr(fixed_joints, "measure_general", measure)
     robot = jacokin.load_robot("j2s7s300")
-    solver, index, times = IKSolver(robot, collision="ignore"), robot.joint_index(joint), []
+    solver, index = IKSolver(robot, collision="ignore"), robot.joint_index(joint)
     for q in robot.sample(rng, 30):
-        target, start = robot.forward_kinematics(q), time.perf_counter()
-        found = solver.solve_all(target, q, fixed={joint: float(q[index])})
-        times.append(time.perf_counter() - start)
+        found = solver.solve_all(robot.forward_kinematics(q), q, fixed={joint: float(q[index])})
         assert circular_distance(found.q[0], q) < 1e-6
-    assert np.median(times) < 8e-3  # [s]
+    assert sum(ranked) == 1
 
 
 def test_a_rail_moves_the_base_only(tmp_path: Path, rng: np.random.Generator) -> None:
