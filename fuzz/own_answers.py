@@ -219,6 +219,9 @@ def otherwise(
         everything = solver.solve_all(target)
         if not _is_held(everything, q, near):
             yield "lost" if everything.complete else "unsure", f"in no interval of {target.range}"
+    elif way == 3 and robot.dof == 7:  # where two parameters are free
+        target = FreeAxis(target, axis=rng.normal(size=3))
+        seeds["from home, "] = robot.home
     elif way == 4:  # with a preference
         for prefer in ("margin", "manipulability"):
             cost = cost_of(prefer, robot, solver.frame)
@@ -229,7 +232,7 @@ def otherwise(
     for name, seed in seeds.items():
         result = solver.solve(target, seed=seed, closest=False)
         if not result.success:
-            yield "lost", f"{name}{result.status.name}"
+            yield "lost", f"{name}{result.status.name}, {target}"
         elif name == "" and (away := float(np.linalg.norm(result.q - q))) > near:
             yield "wrong", f"{away:.3g} rad away in way {way}"
 
