@@ -9,6 +9,7 @@ fixed_joints             arms of more than six joints, all but six held: every b
 few_joints               arms of three to five turning joints: every point of a target
 virtual_joints           freedoms of a target as joints, so that those arms are chains of six
 solutions                `SolutionSet`: everything that reaches a target, points or curves
+turned                   seven joints at a pose that may turn about an axis: one configuration
 local_search             descents from many starts, for what the closed form does not cover, and for positions
 qp, qp_backend           descents by mink's quadratic programs, and the solvers of those
 closest                  the closest configuration to a pose that cannot be reached

@@ -47,12 +47,12 @@ class JointLimits:
         self.step = velocity * dt
         self._acceleration = np.minimum(acceleration, 2.0 * velocity / dt)
         self.change = self._acceleration * dt * dt
-        catching_change = self.change if catching is None else np.minimum(catching * dt * dt, self.change)
+        gentle = self._acceleration if catching is None else np.minimum(catching, self._acceleration)
         ticks = self.step / self.change + 1.0
         far = self.step * ticks  # [rad] from which a limit does not bind: more than the way to rest
         limited = acceleration <= self._acceleration
         self.table = np.column_stack(
-            [self.lower, self.upper, self.step, self.change, catching_change, self._acceleration, far, limited]
+            [self.lower, self.upper, self.step, self.change, gentle * dt * dt, self._acceleration, far, limited]
         )
         self.stops_at_once = bool((self.change >= self.step).all())
         self.stopping_time = 0.0 if self.stops_at_once else float((velocity / acceleration).max())
