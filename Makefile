@@ -53,7 +53,7 @@ old-systems: dist/wheel.stamp  ## a wheel that runs on old systems, linked with 
 	ls build/zig/jacokin-*-manylinux_2_17_*.whl
 
 # Of what developers run, which has its own versions.
-DEVELOPING := benchmarks build_kernels docs fuzz
+DEVELOPING := benchmarks build_kernels fuzz
 test-oldest: .venv-oldest/test.stamp  ## the quick tests of the package with the oldest supported versions
 	.venv-oldest/bin/$(PYTEST) -m "not slow" $(addprefix --ignore tests/,$(DEVELOPING))
 

@@ -40,12 +40,17 @@ class Referee:
 
     def distance(self, q: Array, most: float) -> float:
         """The least at a configuration (dof,), or `most` where it is larger [m]."""
+        return min(self.near(q, most).values(), default=most)
+
+    def near(self, q: Array, most: float) -> dict[tuple[int, int], float]:
+        """Pairs that are no farther apart than `most` at a configuration (dof,), and how far [m]."""
         self.data.qpos[:] = q
         mujoco.mj_kinematics(self.model, self.data)
         places = self.data.geom_xpos
         near = np.linalg.norm(places[self.first] - places[self.second], axis=1) < self.far + most
         pairs = zip(self.first[near].tolist(), self.second[near].tolist(), strict=True)
-        return min((mujoco.mj_geomDistance(self.model, self.data, a, b, most, None) for a, b in pairs), default=most)
+        found = {(a, b): mujoco.mj_geomDistance(self.model, self.data, a, b, most, None) for a, b in pairs}
+        return {pair: distance for pair, distance in found.items() if distance < most}
 
 
 def run(seed: int, first: int, cases: int) -> Iterator[tuple[int, int, list[Finding]]]:
@@ -105,13 +110,16 @@ def check_plan(robot: Robot, rng: np.random.Generator) -> Iterator[Finding]:
             if not np.abs(missed).max() < 3.0 * SAME:
                 yield Finding("wrong", "plan_motion, its goal", f"missed by {missed}; {given}")
         rows = np.array(list(between(motion.q)))
-        distances = np.array([referee.distance(q, clearance + CLEARLY) for q in rows])
-        free = np.flatnonzero(distances >= clearance - DEEPER)
-        least = np.full(len(rows), clearance)  # [m]
-        if len(free):  # at its start it leaves what is near, and at its end it comes to that
-            least[: free[0]], least[free[-1] + 1 :] = distances[0], distances[-1]
-        for k in np.flatnonzero(distances < least - DEEPER)[:1]:
-            yield Finding("wrong", "plan_motion, contact", f"{distances[k]:.3g} m at {rows[k].tolist()}; {given}")
+        pairs = [referee.near(q, clearance - DEEPER) for q in rows]
+        apart_at = [k for k, near in enumerate(pairs) if not near] or [len(rows)]
+        for k, near in enumerate(pairs):  # at its start it leaves what is near, and at its end it comes to that
+            least: dict[tuple[int, int], float] = {}
+            if k < apart_at[0] or k > apart_at[-1]:
+                least = pairs[0] if k < apart_at[0] else pairs[-1]
+            nearer = [distance for pair, distance in near.items() if distance < least.get(pair, clearance) - DEEPER]
+            if nearer:
+                yield Finding("wrong", "plan_motion, contact", f"{min(nearer):.3g} m at {rows[k].tolist()}; {given}")
+                break
         return
     apart = clearance + CLEARLY
     ends_clear = [referee.distance(q, 2.0 * apart) > apart for q in (start, end)]

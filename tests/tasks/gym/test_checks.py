@@ -1,4 +1,4 @@
-"""Gymnasium's checks, and copies in the middle of an episode, of every task, and of every option."""
+"""Gymnasium's checks, and copies in the middle of an episode, of every task, and of every option in each family."""
 
 from __future__ import annotations
 
@@ -18,12 +18,7 @@ from tests.tasks.gym.checking import FEATURE_OPTIONS, check, check_copies
 
 QUICK = "stack_2_of_3_bricks_random_order"  # with all that a task may have
 OTHERS = [task for task in TASKS if task != QUICK]
-EVERY = 10  # of the other tasks, which render in one process
-FAMILIES = [task for task in ONE_OF_EACH_FAMILY if task != QUICK]
-#: Every option with one task, and shared among one of each other family.
-OPTIONS = [(QUICK, name) for name in FEATURE_OPTIONS] + [
-    pytest.param(FAMILIES[k % len(FAMILIES)], name, marks=pytest.mark.slow) for k, name in enumerate(FEATURE_OPTIONS)
-]
+EVERY = 5  # of the other tasks, which render in one process
 ROOT = Path(__file__).resolve().parents[3]
 # The folder of the tests comes last: the installed package is what gets tested.
 PROGRAM = """
@@ -55,7 +50,8 @@ def test_gymnasium_accepts_every_task(task: str) -> None:
     check_copies(task, {})
 
 
-@pytest.mark.parametrize(("task", "name"), OPTIONS)
+@pytest.mark.parametrize("name", FEATURE_OPTIONS)
+@pytest.mark.parametrize("task", slow_but(ONE_OF_EACH_FAMILY, [QUICK]))
 def test_gymnasium_accepts_every_option(task: str, name: str) -> None:
     check(task, FEATURE_OPTIONS[name])
     check_copies(task, FEATURE_OPTIONS[name])
