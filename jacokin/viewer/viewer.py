@@ -497,10 +497,10 @@ class Viewer:
         # A gizmo that somebody moved meanwhile stays where it is: that target is the next one.
         move_gizmo = move_gizmo and not self._inbox.waits("target")
         ghosts, ellipsoid = self._panel.wants("ghosts"), self._panel.wants("ellipsoid")
+        self._view = view  # first: who sees it on a page finds it in `view`
         self._stage.show(view, ghosts=ghosts, ellipsoid=ellipsoid, move_gizmo=move_gizmo)
         self._stage.mark_start(self._start, visible=ghosts and not np.array_equal(self._start, view.q))
         self._panel.show(view)
-        self._view = view
 
 
 class Inbox:
