@@ -28,7 +28,8 @@ MANY = {"j2n6s300": 2_000, "gen3_lite": 500, "j2s7s300": 50}
 SAME = 1e-10
 #: Where Debian's libc6-arm64-cross puts the C library of AArch64.
 ARM_LIBRARIES = Path("/usr/aarch64-linux-gnu")
-ZIG = (sys.executable, "-P", "-m", "ziglang", "cc")
+#: Without symbols, as `python -m build_kernels` links: else zig makes the C library of each machine again, for minutes.
+ZIG = (sys.executable, "-P", "-m", "ziglang", "cc", "-s")
 needs_zig = pytest.mark.skipif(find_spec("ziglang") is None, reason="ziglang is not installed")
 needs_wine = pytest.mark.skipif(
     shutil.which("wine") is None, reason="Wine is not installed (Debian: apt-get install wine wine64)"
