@@ -1,4 +1,4 @@
-"""From a module of LLVM's language to machine code. Run as a program, it writes the object files of one module.
+"""From a module of LLVM's language to machine code. Run as a program, it writes the object file of one module.
 
 It needs llvmlite and not numba: the modules come from `compiling`.
 """
@@ -73,11 +73,9 @@ def optimise(module: ModuleRef, machine: TargetMachine) -> None:
     builder.getModulePassManager().run(module, builder)
 
 
-def main(file: str, *places: str) -> None:
-    """Write object files of the module in a file: for each target in turn, its name and a file."""
-    bitcode = Path(file).read_bytes()
-    for name, place in zip(places[::2], places[1::2], strict=True):
-        Path(place).write_bytes(emit(llvm.parse_bitcode(bitcode), EMITTED[name]))
+def main(file: str, target: str, place: str) -> None:
+    """Write the object file of the module in a file for the target of a name."""
+    Path(place).write_bytes(emit(llvm.parse_bitcode(Path(file).read_bytes()), EMITTED[target]))
 
 
 if __name__ == "__main__":

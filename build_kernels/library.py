@@ -21,7 +21,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TypeAlias
@@ -140,10 +140,15 @@ def _make(libraries: Sequence[tuple[Target, Path]], entries: Sequence[Entry], ke
     objects = {each: {group: object_of(group, kept, each) for group in twice} for each in wide.values() if each}
     objects |= {target: {each: object_of(each, kept, target) for each in groups(entries)} for target, _ in libraries}
     _compile_missing(objects, entries, start)
-    for target, place in libraries:
+
+    def link(target: Target, place: Path) -> None:
         files = [*objects[target].values(), *objects.get(wide[target] or target, {}).values()]
         linking.link([*dict.fromkeys(files), *c_library.sources(target)], place, target, entries)
         tell(f"{place}: built in {time.perf_counter() - start:.0f} s")
+
+    with ThreadPoolExecutor(JOBS) as pool:
+        for each in [pool.submit(link, *library) for library in libraries]:
+            each.result()
     remove_unused(kept, [file for files in objects.values() for file in files.values()])
 
 
@@ -171,15 +176,16 @@ def _compile_missing(objects: dict[Target, dict[Group, Path]], entries: Sequence
         return
     count = len({entry for group in missing for entry in group})
     tell(f"jacokin: compiling {count} of {_described(list(objects), entries)}, with up to 1 GB of memory")
-    done = itertools.count(1)
+    done, whole = itertools.count(1), sum(map(len, missing.values()))
 
-    def make(group: Group, module: Path) -> None:
-        emit_objects(group, module, missing[group])
-        after = time.perf_counter() - start
-        tell(f"jacokin: {next(done)} of {len(missing)}, {', '.join(_names(group))}, after {after:.0f} s")
+    def make(group: Group, module: Path, target: Target) -> None:
+        emit_object(group, module, target, missing[group][target])
+        what = f"{', '.join(_names(group))}{f' for {target.name}' if target.name else ''}"
+        tell(f"jacokin: {next(done)} of {whole}, {what}, after {time.perf_counter() - start:.0f} s")
 
     with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(JOBS) as pool:
-        working = [pool.submit(make, *each) for each in translated(list(missing), Path(folder))]
+        modules = translated(list(missing), Path(folder))
+        working = [pool.submit(make, group, module, target) for group, module in modules for target in missing[group]]
         for each in working:
             each.result()
 
@@ -229,20 +235,18 @@ def tell(text: str) -> None:
             terminal.write(f"\r{text}\n")
 
 
-def emit_objects(group: Group, module: Path, files: Mapping[Target, Path]) -> None:
-    """Make machine code of the module of a group for several targets.
+def emit_object(group: Group, module: Path, target: Target, file: Path) -> None:
+    """Make machine code of the module of a group.
 
     Raises:
         BuildError: it does not compile.
     """
-    unfinished = {target: file.with_suffix(f".{os.getpid()}") for target, file in files.items()}
-    places = [word for target, file in unfinished.items() for word in (target.name, str(file))]
-    command = [sys.executable, "-m", "build_kernels.emitting", str(module), *places]
+    unfinished = file.with_suffix(f".{os.getpid()}")
+    command = [sys.executable, "-m", "build_kernels.emitting", str(module), target.name, str(unfinished)]
     done = subprocess.run(command, cwd=ROOT, env=compiler_environment(), check=False)
     if done.returncode != 0:
         raise BuildError(f"{', '.join(_names(group))} does not compile, see above")
-    for target, file in files.items():
-        unfinished[target].replace(file)
+    unfinished.replace(file)
 
 
 def compiler_environment() -> dict[str, str]:

@@ -61,6 +61,7 @@ class Viewer:
         self._inspector = inspector
         self._inbox = Inbox()
         self._view = start
+        self._drawing = threading.Lock()
         self._contents = contents
         self._setup = contents.setup
         self._following: GizmoFollower | None = None
@@ -92,8 +93,9 @@ class Viewer:
 
     @property
     def view(self) -> View:
-        """What the page shows."""
-        return self._view
+        """What the page shows; waits for what is being drawn."""
+        with self._drawing:
+            return self._view
 
     @property
     def motion(self) -> Trajectory | None:
@@ -497,10 +499,11 @@ class Viewer:
         # A gizmo that somebody moved meanwhile stays where it is: that target is the next one.
         move_gizmo = move_gizmo and not self._inbox.waits("target")
         ghosts, ellipsoid = self._panel.wants("ghosts"), self._panel.wants("ellipsoid")
-        self._view = view  # first: who sees it on a page finds it in `view`
-        self._stage.show(view, ghosts=ghosts, ellipsoid=ellipsoid, move_gizmo=move_gizmo)
-        self._stage.mark_start(self._start, visible=ghosts and not np.array_equal(self._start, view.q))
-        self._panel.show(view)
+        with self._drawing:
+            self._stage.show(view, ghosts=ghosts, ellipsoid=ellipsoid, move_gizmo=move_gizmo)
+            self._stage.mark_start(self._start, visible=ghosts and not np.array_equal(self._start, view.q))
+            self._panel.show(view)
+            self._view = view
 
 
 class Inbox:

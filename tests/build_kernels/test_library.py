@@ -121,9 +121,9 @@ def test_kernels_are_translated_together_and_emitted_group_by_group(tmp_path: Pa
     made = list(build.translated(chosen, tmp_path))
     assert [group for group, _ in made] == chosen
     for group, module in made:
-        files = {target: tmp_path / f"{target.library}.o" for target in (TARGETS["wasm32"], HERE)}
-        build.emit_objects(group, module, files)
-        for file in files.values():
+        for target in (TARGETS["wasm32"], HERE):
+            file = tmp_path / f"{target.library}.o"
+            build.emit_object(group, module, target, file)
             for entry in (speeds, cloud, rest):
                 assert (f"jacokin_{entry.run.__name__}".encode() in file.read_bytes()) == (entry in group)
 
@@ -140,7 +140,7 @@ def test_a_kernel_that_does_not_compile_is_named(tmp_path: Path) -> None:
         next(found)
     (tmp_path / "broken.bc").write_bytes(b"nothing")
     with pytest.raises(BuildError, match=r"^build_cloud does not compile, see above$"):
-        build.emit_objects((good,), tmp_path / "broken.bc", {HERE: tmp_path / "broken.o"})
+        build.emit_object((good,), tmp_path / "broken.bc", HERE, tmp_path / "broken.o")
     assert not (tmp_path / "broken.o").exists()
 
 
