@@ -174,15 +174,21 @@ def read_device(device: Device, now: float) -> tuple[Array | None, str]:
     return heard, str(getattr(device, "trouble", "")) if heard is None else ""
 
 
-def work_clutch(teleop: Teleop, device: Device) -> str:
-    """Open or close the clutch as often as a device asks for it; returns why the device failed, "" if it did not."""
+def asks_for_clutch(device: Device) -> tuple[bool, str]:
+    """Whether a device asks for the clutch to change, and why it failed, "" if it did not."""
     try:
         toggled = getattr(device, "toggled", None)
-        while toggled is not None and toggled():
-            teleop.clutch(not teleop.engaged)
+        return toggled is not None and bool(toggled()), ""
     except Exception as error:  # as in `read_device`
-        return f"{type(error).__name__}: {error}"
-    return ""
+        return False, f"{type(error).__name__}: {error}"
+
+
+def work_clutch(teleop: Teleop, device: Device) -> str:
+    """Open or close the clutch where a device asks for it; returns why the device failed, "" if it did not."""
+    asked, failed = asks_for_clutch(device)
+    if asked:
+        teleop.clutch(not teleop.engaged)
+    return failed
 
 
 def _summed_up(teleop: Teleop, q: Array, steps: list[TeleopStep], faults: Counter[str], late: int) -> Session:

@@ -190,3 +190,16 @@ def test_a_button_that_fails_brakes_the_arm_too(robot: Robot) -> None:
     session = lead(made(robot), Loose(np.zeros(6)), seconds=0.02 * 120, paced=False)
     assert dict(session.faults) == {"OSError: no such button": 39}
     assert session.statuses["NO_INPUT"] > 20
+
+
+class Stuck(Unplugged):
+    """A device whose button is never let go."""
+
+    def toggled(self) -> bool:
+        return True
+
+
+def test_a_button_that_is_stuck_changes_the_clutch_once_a_tick(robot: Robot) -> None:
+    session = lead(made(robot), Stuck(np.zeros(6)), seconds=0.02 * 20, paced=False)
+    assert session.statuses["HOLDING"] >= 10
+    assert len(session.motion) >= 20
