@@ -75,8 +75,8 @@ class PlannedMotion:
         """
         self.robot = checked_robot("robot", robot)
         self._start = checks.positive("start", start, "rad")
-        at = np.asarray(time, dtype=np.float64)
-        rows = np.asarray(q, dtype=np.float64)
+        at = checks.array("time", time, "numbers", "s")
+        rows = checks.array("q", q, "rows of numbers", "rad")
         if at.ndim != 1 or not len(at) or rows.shape != (len(at), robot.dof):
             raise InvalidInputError(
                 f"a motion of {robot.label} has rows of {robot.dof} joints, got {at.shape} times, {rows.shape} angles"

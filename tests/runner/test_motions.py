@@ -84,7 +84,7 @@ def test_rows_that_break_a_limit_are_refused(robot: Robot) -> None:
         PlannedMotion(robot, [0.0, 9.0], np.where(np.eye(6)[1] * [[0.0], [1.0]] > 0.0, robot.upper[1] + 0.1, q))
     with pytest.raises(InvalidInputError, match="joint_1 is .* deg/s faster than its limit from row 0"):
         PlannedMotion(robot, [0.0, 1.0], q + np.outer([0.0, 1.0], np.eye(6)[0]))
-    for time, rows in (([0.0, 0.0], q), ([0.0, 1.0], q[:, :5]), ([], q[:0]), ([0.0, 1.0], q * np.nan)):
+    for time, rows in (([0.0, 0.0], q), ([0.0, 1.0], q[:, :5]), ([], q[:0]), ([0.0, 1.0], q * np.nan), ("x", q)):
         with pytest.raises(InvalidInputError):
             PlannedMotion(robot, time, rows)
 
