@@ -291,5 +291,5 @@ def test_an_arm_that_says_something_malformed_is_sent_zeros(robot: Robot, motion
     link = Told(motion.q[0], lambda time, now: Measured(now.q[:5]) if time > 0.5 else now)
     with pytest.raises(InvalidInputError, match="q must have shape"):
         run(runner, link)
-    assert link.sent[-6].any()
+    assert np.array(link.sent).any()
     assert not np.array(link.sent[-5:]).any()
