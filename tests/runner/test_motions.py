@@ -70,6 +70,9 @@ def test_files_of_others_are_refused(robot: Robot, trajectory: Trajectory, tmp_p
         table.write_text("\n".join(wrong))
         with pytest.raises(InvalidInputError, match="m.kinova.csv"):
             PlannedMotion.load(table, robot)
+    table.write_text("\n".join(lines[:50]) + "\n")
+    with pytest.raises(InvalidInputError, match="its last row is not at rest"):
+        PlannedMotion.load(table, robot)
     with pytest.raises(InvalidInputError, match="must end in"):
         PlannedMotion.load(tmp_path / "m.txt", robot)
     seven = jacokin.load_robot("j2s7s300")
