@@ -247,9 +247,12 @@ def run(runner: Runner, link: Link, *, fingers: float | None = None, watch: Call
         watch: called every tick.
 
     Raises:
-        InvalidInputError: the arm does not say where it is, or does not listen, within 10 s, or the link is cut.
+        InvalidInputError: the arm does not say where it is, or does not listen, within 10 s, or the link is cut; or
+            fingers are not from 0 to 1.
         KeyboardInterrupt: as it came; the arm was told to stop.
     """
+    if fingers is not None and checks.non_negative("fingers", fingers) > 1.0:
+        raise checks.refusal("fingers", "at most 1", fingers)
     begun = due = link.now()
     try:
         while not runner.status.has_ended:

@@ -64,13 +64,15 @@ def linked(program: str) -> ProcessLink:
 
 def test_a_forwarder_that_ends_in_the_middle_of_a_line_has_left() -> None:
     link = linked("print('{\"q\": [1.0]}'); print('{\"q\": [1', end='')")
-    try:
-        deadline = time.monotonic() + 20.0
-        with pytest.raises(InvalidInputError, match="the forwarder has left"):
-            while time.monotonic() < deadline:
-                link.hear()
-    finally:
-        link.close()
+    deadline = time.monotonic() + 20.0
+
+    def listen() -> None:
+        while time.monotonic() < deadline:
+            link.hear()
+
+    with pytest.raises(InvalidInputError, match="the forwarder has left"):
+        listen()
+    link.close()
 
 
 def test_a_link_that_is_closed_touches_no_other_file(tmp_path: Path) -> None:
@@ -88,3 +90,14 @@ def test_a_link_that_is_closed_touches_no_other_file(tmp_path: Path) -> None:
 def test_a_command_that_cannot_be_started_is_refused(command: Any) -> None:
     with pytest.raises(InvalidInputError, match="command|does not start"):
         ProcessLink(command, ["joint_1"])
+
+
+@pytest.mark.parametrize("share", ["NaN", "1.1", "-0.1", "6800"])
+def test_fingers_go_nowhere_else_than_from_open_to_closed(share: str) -> None:
+    arm: Any = Arm()
+    arm.heard = True
+    forwarder = Forwarder(lambda _: None)
+    forwarder.attach(arm)
+    with pytest.raises(ValueError, match="fingers must be from 0 to 1"):
+        forwarder.hear(f'{{"fingers": {share}}}')
+    assert arm.shares == []
