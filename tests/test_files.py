@@ -89,7 +89,7 @@ def test_a_file_that_finds_no_room_is_named_as_it_was_given(tmp_path: Path) -> N
     writers: list[tuple[Callable[[Path], object], str]] = [
         (lambda path: path.write_bytes(bytes(100_000)), "File too large"),
         (lambda path: shutil.copyfile(source, path), "File too large"),
-        (lambda path: (path.unlink(), path.read_bytes()), "No such file or directory"),
+        (lambda path: (path / "none").replace(path), "Not a directory"),
     ]
     resource.setrlimit(resource.RLIMIT_FSIZE, (1000, most))
     try:

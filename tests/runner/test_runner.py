@@ -224,7 +224,7 @@ def test_what_is_refused(robot: Robot, motion: Trajectory) -> None:
     with pytest.raises(InvalidInputError, match="fingers must be at most 1, got 6800"):
         run(runner, Told(motion.q[0], lambda _, now: now), fingers=6800.0)
     with pytest.raises(InvalidInputError, match="measured must be Measured"):
-        runner.step(1.01, motion.q[0])  # type: ignore[arg-type]  # wrong on purpose
+        runner.step(1.01, motion.q[0])
     with pytest.raises(InvalidInputError, match="torques must be 6 numbers"):
         runner.step(1.01, Measured(motion.q[0], motion.v[0], "none"))  # type: ignore[arg-type]  # wrong on purpose
     with pytest.raises(InvalidInputError, match="time"):
