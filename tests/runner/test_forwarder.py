@@ -59,7 +59,7 @@ def test_fingers_are_moved_once_they_listen(capsys: pytest.CaptureFixture[str]) 
 
 
 def linked(program: str) -> ProcessLink:
-    return ProcessLink([sys.executable, "-c", program], ["joint_1"])
+    return ProcessLink([sys.executable, "-P", "-c", program], ["joint_1"])
 
 
 def test_a_forwarder_that_ends_in_the_middle_of_a_line_has_left() -> None:

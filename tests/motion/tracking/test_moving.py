@@ -283,7 +283,7 @@ def test_another_robot_that_moves_is_for_another_tracker(robot: Robot) -> None:
         tracker.step(up)
     q = robot.home + 0.2
     with pytest.raises(InvalidInputError, match=r"the robot 'left' stands still .*scene\.moving\(\{'left': q\}\)"):
-        tracker.step(up, obstacles={"left": q})  # type: ignore[dict-item]  # wrong on purpose
+        tracker.step(up, obstacles={"left": q})
     onwards = Tracker(robot, scene=scene.moving({"left": q}), state=tracker.state)
     assert np.array_equal(onwards.v, tracker.v)
     np.testing.assert_allclose(onwards.step(up).q, tracker.step(up).q, atol=1e-12)
