@@ -166,8 +166,12 @@ def read_velocities(path: Path) -> tuple[list[list[float]], list[list[float]]]:
     names = ["time_s", *(f"joint{j + 1}_deg" for j in range(joints)), *(f"joint{j + 1}_deg_s" for j in range(joints))]
     if head != names or not numbers or any(len(row) != len(head) for row in numbers):
         raise StoppedError(f"{path}: {NOT_OURS}")
+    if not all(math.isfinite(number) for row in numbers for number in row):
+        raise StoppedError(f"{path}: {NOT_OURS}: numbers are not finite")
     if any(abs(row[0] - k * PERIOD) > 1e-6 for k, row in enumerate(numbers)):
         raise StoppedError(f"{path}: {NOT_OURS}: rows are not 10 ms apart")
+    if any(numbers[-1][1 + joints :]):
+        raise StoppedError(f"{path}: the last row is not at rest, as where a file was cut off")
     return [row[1 : 1 + joints] for row in numbers], [row[1 + joints :] for row in numbers]
 
 

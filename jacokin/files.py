@@ -9,6 +9,7 @@ refused.
 
 from __future__ import annotations
 
+import errno
 import io
 import math
 import os
@@ -59,6 +60,7 @@ ROWS = 10_000_000_000  # of a Parquet file, which can say a number often in litt
 PIECE = 1_000_000  # [byte] read at once
 PATIENCE, WAIT = 10.0, 0.05  # [s] that a named pipe may be without a writer, and between two looks
 SHOWN_ERROR = 300  # characters of what a parser says
+NO_ROOM = errno.ENOSPC, errno.EDQUOT, errno.EFBIG
 
 
 @contextmanager
@@ -73,7 +75,8 @@ def replacing(path: Path) -> Iterator[Path]:
         InvalidInputError: the file cannot be written; raised before the block runs where that can be known.
     """
     if is_device(path):
-        yield path
+        with _named(path, path):
+            yield path
         return
     final = writable(path)
     temporary = final.with_name(f".{secrets.token_hex(8)}-{final.name[-KEPT_NAME:]}")
@@ -82,12 +85,8 @@ def replacing(path: Path) -> Iterator[Path]:
             temporary.touch(exist_ok=False)
         except OSError as error:
             raise InvalidInputError(f"{path}: cannot be written: {error.strerror}") from error
-        try:
+        with _named(path, temporary):
             yield temporary
-        except InvalidInputError as error:
-            if str(temporary) not in str(error):
-                raise
-            raise InvalidInputError(str(error).replace(str(temporary), str(path))) from error
         try:
             if final.exists():
                 temporary.chmod(stat.S_IMODE(final.stat().st_mode))
@@ -96,6 +95,26 @@ def replacing(path: Path) -> Iterator[Path]:
             raise InvalidInputError(f"{path}: cannot be written: {error.strerror}") from error
     finally:
         temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def _named(path: Path, written: Path) -> Iterator[None]:
+    """Errors of what is written for a path name that path, whatever it is written to.
+
+    Raises:
+        InvalidInputError: as it was; or it cannot be written, or not all of it.
+    """
+    try:
+        yield
+    except InvalidInputError as error:
+        if str(written) not in str(error):
+            raise
+        raise InvalidInputError(str(error).replace(str(written), str(path))) from error
+    except OSError as error:
+        # A write that finds no room does not say to what.
+        if error.errno not in NO_ROOM and str(written) not in map(str, (error.filename, error.filename2)):
+            raise
+        raise InvalidInputError(f"{path}: cannot be written: {reason(error)}") from error
 
 
 def is_device(path: Path) -> bool:

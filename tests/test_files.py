@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import os
+import resource
+import shutil
 import stat
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -53,8 +56,18 @@ def test_a_replaced_file_keeps_its_permissions_and_links_are_followed(tmp_path: 
     assert (file.read_text(), mode(file)) == ("new", 0o640)
 
 
-@pytest.mark.parametrize("error", [OSError(28, "No space left on device"), KeyboardInterrupt(), SystemExit(1)])
-def test_a_block_that_raises_leaves_the_old_file_alone(tmp_path: Path, error: BaseException) -> None:
+@pytest.mark.parametrize(
+    ("error", "raised"),
+    [
+        (OSError(errno.ENOSPC, "No space left on device"), InvalidInputError),
+        (OSError(errno.ECONNRESET, "Connection reset by peer"), OSError),
+        (KeyboardInterrupt(), KeyboardInterrupt),
+        (SystemExit(1), SystemExit),
+    ],
+)
+def test_a_block_that_raises_leaves_the_old_file_alone(
+    tmp_path: Path, error: BaseException, raised: type[BaseException]
+) -> None:
     file = tmp_path / "a.csv"
     file.write_text("old")
 
@@ -63,10 +76,36 @@ def test_a_block_that_raises_leaves_the_old_file_alone(tmp_path: Path, error: Ba
             temporary.write_text("half")
             raise error
 
-    with pytest.raises(type(error)):
+    with pytest.raises(raised):
         write()
     assert file.read_text() == "old"
     assert [path.name for path in tmp_path.iterdir()] == ["a.csv"]
+
+
+def test_a_file_that_finds_no_room_is_named_as_it_was_given(tmp_path: Path) -> None:
+    """A write says nothing of its file, a copy names its source, too, and others the temporary file."""
+    file, source, (_, most) = tmp_path / "a.npy", tmp_path / "source", resource.getrlimit(resource.RLIMIT_FSIZE)
+    source.write_bytes(bytes(100_000))
+    writers: list[tuple[Callable[[Path], object], str]] = [
+        (lambda path: path.write_bytes(bytes(100_000)), "File too large"),
+        (lambda path: shutil.copyfile(source, path), "File too large"),
+        (lambda path: (path / "none").replace(path), "Not a directory"),
+    ]
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, most))
+    try:
+        for write, why in writers:
+            with pytest.raises(InvalidInputError) as caught, files.replacing(file) as temporary:
+                write(temporary)
+            assert str(caught.value) == f"{file}: cannot be written: {why}"
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))
+    assert [path.name for path in tmp_path.iterdir()] == ["source"]
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+def test_a_device_that_is_full_is_named() -> None:
+    with pytest.raises(InvalidInputError, match="^/dev/full: cannot be written: No space left on device$"):
+        write_urdf(jacokin.load_robot(), "/dev/full")
 
 
 def test_writers_at_the_same_time_and_leftovers_do_not_meet(tmp_path: Path) -> None:

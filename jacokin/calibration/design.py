@@ -27,6 +27,7 @@ from jacokin.model.robot import Robot, checked_robot
 from jacokin.model.scene import Scene
 
 TRIES = 20  # configurations drawn for each candidate, where most touch something or are out of reach
+MOST_PLANNED = 1000  # configurations: their time goes by the square of their number, a minute for these
 MOST = 1e6  # times the measurements that would halve the error, when the prior of what never shows decides
 
 
@@ -67,7 +68,7 @@ def plan_measurements(
 
     Args:
         robot: the arm as it is described.
-        n: how many.
+        n: how many, at most 1000.
         measured: "position" or "pose" of the frame.
         sigma: error of the instrument [m], of poses ([m], [rad]); None for 0.3 mm and 1 mrad.
         frame: the frame that is measured; None for the robot's default frame.
@@ -90,7 +91,7 @@ def plan_measurements(
         UnknownNameError: no such frame, kind or group of parameters.
     """
     checked_robot("robot", robot)
-    count = checks.whole_number("n", n, 1)
+    count = checks.whole_number("n", n, 1, MOST_PLANNED)
     generator = np.random.default_rng(0) if rng is None else checks.generator("rng", rng)
     distance = checks.non_negative("clearance", clearance, "m")
     checks.optional(checks.instance, "scene", scene, Scene, "a Scene")

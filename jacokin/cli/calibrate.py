@@ -248,7 +248,7 @@ class DesignOptions:
     """How many configurations, and where."""
 
     points: int = option(
-        "--points", type=click.IntRange(min=1), default=30, metavar="N", help="How many configurations."
+        "--points", type=click.IntRange(1, 1000), default=30, metavar="N", help="How many configurations, at most 1000."
     )
     output: Path | None = option("--output", metavar="FILE.csv", help="The configurations, with x, y, z to fill in.")
     poses: bool = switch("--poses", help="Poses are measured, not positions.")

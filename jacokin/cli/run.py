@@ -168,7 +168,10 @@ def _link(robot: Robot, way: ConnectionOptions, motion: PlannedMotion | None) ->
     name = way.name or bundled
     joints = [f"{name}_{joint}" for joint in robot.joint_names]
     if way.forwarder is not None:
-        command = shlex.split(way.forwarder)
+        try:
+            command = shlex.split(way.forwarder)
+        except ValueError as error:
+            raise InvalidInputError(f"--forwarder is no command: {error}") from error
         if not command:
             raise InvalidInputError("--forwarder is empty")
         return ProcessLink(command, joints)

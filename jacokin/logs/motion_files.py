@@ -92,10 +92,12 @@ def _read_kinova(file: Path, robot: Robot) -> MotionRows:
     rows = []
     for line, row in zip(table.lines, table.rows, strict=True):
         try:
-            rows.append([float(cell) for cell in row[: len(wanted)]])
+            rows.append([float(cell) for cell in row])
         except ValueError as error:
             raise InvalidInputError(f"{file}, line {line}: {error}") from error
     numbers = np.array(rows)
     if not np.abs(numbers[:, 0] - KINOVA_STEP * np.arange(len(numbers))).max() <= STEP_ROUNDING:
         raise InvalidInputError(f"{file}: its rows are not 10 ms apart")
-    return MotionRows(numbers[:, 0], np.radians(numbers[:, 1:]))
+    if not (numbers[-1, len(wanted) :] == 0.0).all():
+        raise InvalidInputError(f"{file}: its last row is not at rest, as where a file was cut off")
+    return MotionRows(numbers[:, 0], np.radians(numbers[:, 1 : len(wanted)]))

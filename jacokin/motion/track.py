@@ -17,12 +17,14 @@ from numpy.typing import ArrayLike
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, StructureError
 from jacokin.ik import seeds
+from jacokin.ik.options import TRACKING_ORIENTATION_TOLERANCE, TRACKING_POSITION_TOLERANCE
 from jacokin.ik.solver import IKSolver
+from jacokin.ik.targets import matrix_errors
 from jacokin.model import angles, checks
 from jacokin.model.robot import Robot, checked_robot
 from jacokin.model.scene import Scene
 from jacokin.motion.path import CartesianPath
-from jacokin.motion.rows import spline_rows
+from jacokin.motion.rows import HELD, Limits, averaged_rows, spline_rows
 from jacokin.motion.timing import Schedule, check_ticks, fit_line, sample_lines
 from jacokin.motion.tracking.steps import TrackerStatus, TrackerStep
 from jacokin.motion.tracking.tracker import Tracker
@@ -191,7 +193,7 @@ class _Follower:
     """Follows the lines from one start after another.
 
     Under acceleration limits each start is rehearsed without limits on velocity and acceleration: how the joints move
-    along the lines decides how fast the lines can be run through.
+    along the lines decides how fast the lines can be run through. Limits hold between rows, too.
     """
 
     def __init__(
@@ -209,6 +211,7 @@ class _Follower:
         check_ticks(times, tracker.dt)
         self._tracker, self._path, self._times, self._progress = tracker, path, times, progress
         self._rehearsal = rehearsal
+        self._frame = tracker.robot.frame_id(tracker.frame)
 
     def follow(self, q: Array) -> Trajectory:
         """The whole path from a configuration (dof,) [rad]."""
@@ -263,24 +266,40 @@ class _Follower:
         return steps
 
     def _result(self, u: Array, steps: list[TrackerStep]) -> Trajectory:
-        robot, rows = self._tracker.robot, spline_rows(np.array([step.q for step in steps]), self._tracker.dt)
+        tracker, q = self._tracker, np.array([step.q for step in steps])
+        u = np.append(u, np.full(len(steps) - len(u), u[-1]))
+        rows = spline_rows(q, tracker.dt)
+        limits = Limits(tracker.velocity_limit, tracker.acceleration_limit)
+        if self._rehearsal is not None and float(limits.strain(rows).max()) > HELD:
+            # Ticks that brake as hard as they may: a spline through them swings.
+            rows, _ = averaged_rows(q, tracker.dt)
+            steps, u = [steps[0], *steps, steps[-1]], np.concatenate([u[:1], u, u[-1:]])
+            steps = [self._at_row(*row) for row in zip(steps, rows.q, self._path.at(u), strict=True)]
         return Trajectory(
-            joint_names=robot.joint_names,
+            joint_names=tracker.robot.joint_names,
             t=checks.read_only(rows.t),
             q=checks.read_only(rows.q),
             v=checks.read_only(rows.v),
             a=checks.read_only(rows.a),
-            lower=robot.lower,
-            upper=robot.upper,
-            velocity_limit=self._tracker.velocity_limit,
+            lower=tracker.robot.lower,
+            upper=tracker.robot.upper,
+            velocity_limit=tracker.velocity_limit,
             position_error=checks.read_only([step.position_error for step in steps]),
             orientation_error=checks.read_only([step.orientation_error for step in steps]),
             status=tuple(step.status.name for step in steps),
             limiting=tuple("; ".join(step.limiting) for step in steps),
-            segment=self._path.segments(np.append(u, np.full(len(steps) - len(u), u[-1]))),
+            segment=self._path.segments(u),
             clearance=checks.read_only([np.nan if step.clearance is None else step.clearance for step in steps]),
             qp_solver=next((step.qp_solver for step in steps if "then" in step.qp_solver), steps[-1].qp_solver),
         )
+
+    def _at_row(self, step: TrackerStep, q: Array, pose: Array) -> TrackerStep:
+        """A tick towards a pose (4, 4) as it is for a row beside it, (dof,) [rad]."""
+        tracker = self._tracker
+        position, turn = matrix_errors(tracker.robot.placement(q, self._frame) * tracker.tool, pose)
+        is_off = position > TRACKING_POSITION_TOLERANCE or turn > TRACKING_ORIENTATION_TOLERANCE
+        status = TrackerStatus.LIMITED if is_off and step.status is TrackerStatus.OK else step.status
+        return replace(step, position_error=position, orientation_error=turn, status=status)
 
 
 def _rank(result: Trajectory) -> tuple[float, float]:

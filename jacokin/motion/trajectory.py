@@ -98,6 +98,11 @@ def _misfit(found: Mapping[str, NDArray[Any]]) -> str:
     for name in ("t", *JOINTS):
         if name in found and not np.isfinite(found[name]).all():
             return f"{name} is not finite everywhere"
+    for name in LIMITS:
+        if np.isnan(found[name]).any():
+            return f"{name} is not a number everywhere"
+    if (outcome := found.get("outcome")) is not None and outcome.item() not in MotionStatus.__members__:
+        return f"outcome is none of {', '.join(MotionStatus.__members__)}"
     return "" if (np.diff(found["t"]) > 0.0).all() else "t does not rise"
 
 

@@ -171,7 +171,10 @@ class Forwarder:
             if self._arm is None:
                 return
             if "fingers" in fields:
-                self._share = float(fields["fingers"])
+                share = float(fields["fingers"])
+                if not 0.0 <= share <= 1.0:
+                    raise ValueError(f"fingers must be from 0 to 1, got {share:g}")
+                self._share = share
                 self._move_fingers(self._arm)
             if "v" in fields:
                 v = [float(value) for value in fields["v"]]

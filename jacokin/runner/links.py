@@ -15,6 +15,8 @@ import numpy as np
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
+from jacokin.files import reason
+from jacokin.model import checks
 from jacokin.runner.runner import TICK, Measured, Runner, RunnerStatus
 from jacokin.twin import KinovaDriver, TrajectoryController
 
@@ -129,20 +131,25 @@ class ProcessLink:
             joints: names of the joints, from the base to the tool, with any prefix where they are measured.
 
         Raises:
-            InvalidInputError: it does not start.
+            InvalidInputError: it does not start, or is not a list of words.
         """
+        words = [
+            checks.instance("a word of command", word, str, "a string") for word in checks.listed("command", command)
+        ]
+        if not words:
+            raise checks.refusal("command", "a program and its words", command)
         pipe = subprocess.PIPE
         try:  # a session of its own: Ctrl-C is for the runner, which stops the arm first
-            self._process = subprocess.Popen(list(command), stdin=pipe, stdout=pipe, start_new_session=True)
-        except OSError as error:
-            raise InvalidInputError(f"{command[0]} does not start: {error.strerror}") from error
+            self._process = subprocess.Popen(words, stdin=pipe, stdout=pipe, start_new_session=True)
+        except (OSError, ValueError) as error:
+            raise InvalidInputError(f"{words[0]!r} does not start: {reason(error)}") from error
         assert self._process.stdout is not None
         assert self._process.stdin is not None
         self._out, self._in = self._process.stdout.fileno(), self._process.stdin.fileno()
         os.set_blocking(self._out, False)
         os.set_blocking(self._in, False)
         self._held, self._unsent = b"", b""
-        self.listens = False
+        self.listens = self._is_closed = False
         self._say({"joints": list(joints)})
 
     def now(self) -> float:
@@ -175,10 +182,11 @@ class ProcessLink:
 
     def _lines(self) -> list[bytes]:
         """The whole lines that have come."""
+        self._check_open()
         while select.select([self._out], [], [], 0.0)[0]:
             part = os.read(self._out, LONGEST)
             if not part:
-                if not self._held:
+                if b"\n" not in self._held:
                     raise InvalidInputError("the forwarder has left: the arm stops because velocities stop")
                 break
             self._held += part
@@ -195,7 +203,13 @@ class ProcessLink:
         """Let the fingers go, 0 open to 1 closed."""
         self._say({"fingers": share})
 
+    def _check_open(self) -> None:
+        """Refuse to use what was closed: its numbers may be those of other files by now."""
+        if self._is_closed:
+            raise InvalidInputError("the link to the arm is closed")
+
     def _say(self, fields: dict[str, Any]) -> None:
+        self._check_open()
         if not self._unsent:
             self._unsent = json.dumps(fields).encode() + b"\n"
         try:
@@ -207,6 +221,7 @@ class ProcessLink:
 
     def close(self) -> None:
         """Leave; whoever is at the other end stops the arm."""
+        self._is_closed = True
         for stream in (self._process.stdin, self._process.stdout):
             if stream is not None:
                 with contextlib.suppress(OSError):
@@ -232,9 +247,12 @@ def run(runner: Runner, link: Link, *, fingers: float | None = None, watch: Call
         watch: called every tick.
 
     Raises:
-        InvalidInputError: the arm does not say where it is, or does not listen, within 10 s, or the link is cut.
+        InvalidInputError: the arm does not say where it is, or does not listen, within 10 s, or the link is cut; or
+            fingers are not from 0 to 1.
         KeyboardInterrupt: as it came; the arm was told to stop.
     """
+    if fingers is not None and checks.non_negative("fingers", fingers) > 1.0:
+        raise checks.refusal("fingers", "at most 1", fingers)
     begun = due = link.now()
     try:
         while not runner.status.has_ended:
@@ -269,4 +287,6 @@ def _come_to_rest(runner: Runner, link: Link) -> None:
         sent += 1
         due = max(due + TICK, link.now())
         link.wait(due)
-        runner.step(link.now(), link.hear())
+        measured = link.hear()
+        with contextlib.suppress(InvalidInputError):  # zeros are sent, whatever the arm says
+            runner.step(link.now(), measured)

@@ -21,7 +21,7 @@ from jacokin.motion.trajectory import SPEED_ROUNDING, Trajectory
 if TYPE_CHECKING:
     from jacokin.teleop.teleop import Teleop  # its QP is not loaded for a file
 
-ROUNDING = 1e-9  # [rad] of degrees in files
+ROUNDING = 1e-9  # [rad] of degrees in files; [s] of times that are added up
 STILL = 1e-4  # [rad/s] a slower arm stands still
 
 
@@ -75,8 +75,8 @@ class PlannedMotion:
         """
         self.robot = checked_robot("robot", robot)
         self._start = checks.positive("start", start, "rad")
-        at = np.asarray(time, dtype=np.float64)
-        rows = np.asarray(q, dtype=np.float64)
+        at = checks.array("time", time, "numbers", "s")
+        rows = checks.array("q", q, "rows of numbers", "rad")
         if at.ndim != 1 or not len(at) or rows.shape != (len(at), robot.dof):
             raise InvalidInputError(
                 f"a motion of {robot.label} has rows of {robot.dof} joints, got {at.shape} times, {rows.shape} angles"
@@ -164,8 +164,8 @@ class LiveMotion:
         """Follow a hand."""
         self.teleop, self.said = teleop, ""
         self._hand: ArrayLike | None = None
-        self._ended, self._owed = False, 0.0
-        self._q = teleop.tracker.q
+        self._ended, self._ahead = False, 0.0  # [s] of the last tick that are still to come
+        self._q = self._from = self._to = teleop.tracker.q
 
     def take(self, message: str) -> None:
         """Take a line of JSON: {"hand": [...]}, {"clutch": true} or {"end": true}, or several of these fields.
@@ -202,17 +202,20 @@ class LiveMotion:
     def begin(self, q: Array) -> None:
         """Begin where the arm stands (dof,) [rad]."""
         self.teleop.tracker.reset(q)
-        self._q = self.teleop.tracker.q
+        self._q = self._from = self._to = self.teleop.tracker.q
+        self._ahead = 0.0
 
     def step(self, dt: float) -> Wanted:
-        """Go on by a time [s], 0 to stay: by whole ticks of the tracker, once so much time has come together."""
+        """Go on by a time [s], 0 to stay: along the ticks of the tracker, whose velocity is constant in each."""
         tick, before = self.teleop.tracker.dt, self._q
-        self._owed += dt
-        while self._owed > tick - ROUNDING:
-            self._owed -= tick
+        self._ahead -= dt
+        while self._ahead < -ROUNDING:
+            self._ahead += tick
             hand, self._hand = self._hand, None
             step = self.teleop.step(hand)
-            self._q, self.said = step.q, f"{step.status.name}: {step.message}" if step.message else step.status.name
+            self._from, self._to = self._to, step.q
+            self.said = f"{step.status.name}: {step.message}" if step.message else step.status.name
+        self._q = self._to - max(self._ahead, 0.0) / tick * (self._to - self._from)
         return Wanted(self._q, (self._q - before) / dt if dt > 0.0 else np.zeros_like(before))
 
 

@@ -96,7 +96,7 @@ class RunnerOptions:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Measured:
-    """What an arm said once."""
+    """What an arm said once. Numbers that are not all finite count as not told, as ROS drivers say nan for unknown."""
 
     q: Array
     """(dof,) angles [rad]."""
@@ -193,13 +193,16 @@ class Runner:
             The velocities to send for the tick that begins now.
 
         Raises:
-            InvalidInputError: a time that runs backwards, or malformed angles; nothing has changed then.
+            InvalidInputError: a time that runs backwards, or something malformed is measured; nothing has changed then.
         """
         now = checks.number("time", time, "s")
         if now < self._now:
             raise InvalidInputError(f"time ran backwards by {self._now - now:.3g} s")
         if measured is not None:
-            self._hear(now, measured)
+            checks.instance("measured", measured, Measured, "Measured")
+            q, v, torques = (self._told(name, getattr(measured, name)) for name in ("q", "v", "torques"))
+            if q is not None:
+                self._hear(now, q, v, torques)
         self._now = now
         self._past.append(_Past(now, self._wanted.q, self._corrected))
         age = now - self._heard
@@ -213,8 +216,20 @@ class Runner:
             v = self._lead()
         return RunnerStep(checks.read_only(v), self.status, self.message)
 
-    def _hear(self, now: float, measured: Measured) -> None:
-        q = checks.vector("q", measured.q, self.robot.dof, "rad")
+    def _told(self, name: str, values: Array | None) -> Array | None:
+        """Numbers (dof,) that were measured; None where they are not told, or not finite.
+
+        Raises:
+            InvalidInputError: malformed.
+        """
+        if values is None and name != "q":
+            return None
+        found = checks.array(name, values, f"{self.robot.dof} numbers")  # type: ignore[arg-type]  # checked there
+        if found.shape != (self.robot.dof,):
+            raise InvalidInputError(f"{name} must have shape ({self.robot.dof},), got shape {found.shape}")
+        return found if np.isfinite(found).all() else None
+
+    def _hear(self, now: float, q: Array, v: Array | None, torques: Array | None) -> None:
         since, self._heard, self._q = now - self._heard, now, q
         self._lately.append((now, q))
         while len(self._lately) > 2 and self._lately[1][0] <= now - REST:
@@ -227,7 +242,7 @@ class Runner:
             then = next((past for past in self._past if past.time >= seen - 0.5 * TICK), self._past[-1])
             self._error, self._seen = apart(self.robot, q, then.q), then.corrected
             self.worst = max(self.worst, float(np.abs(self._error).max()))
-            self._feel(measured, since)
+            self._feel(q, v, torques, since)
 
     def _begin(self, q: Array) -> None:
         try:
@@ -240,11 +255,11 @@ class Runner:
         self._has_begun = True
         self._error, self.status = apart(self.robot, q, self._wanted.q), RunnerStatus.MOVING
 
-    def _feel(self, measured: Measured, since: float) -> None:
+    def _feel(self, q: Array, v: Array | None, torques: Array | None, since: float) -> None:
         """Look for contact."""
-        if self._observer is None or measured.v is None or measured.torques is None or since <= 0.0:
+        if self._observer is None or v is None or torques is None or since <= 0.0:
             return
-        step = self._observer.step(measured.q, measured.v, measured.torques, since)
+        step = self._observer.step(q, v, torques, since)
         if step.joints:
             joint = self.robot.joint_names.index(step.joints[0])
             torque = float(step.external_torque[joint])

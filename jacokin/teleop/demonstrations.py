@@ -35,7 +35,7 @@ from jacokin.tasks.datasets.recording import EndEpisode, checked_environment, ch
 from jacokin.tasks.gym.controls import FINGERS
 from jacokin.tasks.gym.environment import TaskEnv
 from jacokin.teleop.devices import BEGIN, COMMAND_KEYS, DISCARD, END, KEEP, Device, Fingers
-from jacokin.teleop.session import read_device, work_clutch
+from jacokin.teleop.session import asks_for_clutch, read_device, work_clutch
 from jacokin.teleop.teleop import Teleop, TeleopStep
 
 CONTROL = "joint_position"  # that actions must be of: they are where the arm is led to
@@ -358,9 +358,7 @@ class _Hand:
         """A tick in which nothing moves: keys are read, motions are not heard."""
         self._taken = 0
         read_device(self._device, self._tick())
-        toggled = getattr(self._device, "toggled", None)
-        while toggled is not None and toggled():
-            pass
+        asks_for_clutch(self._device)
 
     @property
     def _now(self) -> float:

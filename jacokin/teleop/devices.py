@@ -53,9 +53,9 @@ class Device(Protocol):
     """Anything that says what a hand does.
 
     Beside `read` it may have `ended`, whether the session is to end; `opened`, False until there is somebody who leads;
-    `fingers`, how fast the fingers are to close, from -1 to 1; `toggled()`, whether the clutch is to change;
-    `commands()`, what it asks for in `demonstrate`; `reset(time)`, to begin anew with an episode; and `trouble`, why it
-    says nothing.
+    `fingers`, how fast the fingers are to close, from -1 to 1; `toggled()`, whether the clutch is to change, asked once
+    a tick; `commands()`, what it asks for in `demonstrate`; `reset(time)`, to begin anew with an episode; and
+    `trouble`, why it says nothing.
     """
 
     def read(self, time: float) -> Array | None:

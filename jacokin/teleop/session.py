@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -24,6 +25,8 @@ from jacokin.teleop.teleop import Teleop, TeleopStatus, TeleopStep
 
 SETTLED = 1e-6  # relative, of a target that moves no more
 HOLD = 5.0  # [s] for which the last pose of a recording holds at most
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,6 +91,7 @@ def lead(
         raise checks.refusal("device", "something with read(time), such as a Player", device)
     if seconds != math.inf:
         checks.positive("seconds", seconds, "s")
+    checks.optional(checks.function, "act", act, "callable with a step, or None")
     dt, late = teleop.tracker.dt, 0
     stop = stop or threading.Event()
     leading = _Leading(teleop, device, act)
@@ -130,17 +134,22 @@ class _Leading:
         self._last = self._last if heard is None else heard
         asked = self.steps[-1].target if self.steps else None
         step = self._teleop.step(heard if is_led else None)
-        if fault or step.status is TeleopStatus.BAD_INPUT:
-            self.faults[(fault or step.message).partition(", got")[0]] += 1  # without the numbers, which differ
+        self._count(fault or (step.message if step.status is TeleopStatus.BAD_INPUT else ""))
         self.rows.append(step.q)
         self.steps.append(step)
         goes_on = self._act is None or self._act(step)
-        if getattr(self._device, "ended", False):
+        ended, failed = has_ended(self._device)
+        self._count(failed)
+        if ended:
             is_pose = self._last is not None and len(self._last) == 7
             # A last pose far from the one before waits for another that confirms it.
             waits = step.target is not None and (self.held == 0.0 or is_closing_in(step, asked))
             self.held = self.held + self._teleop.tracker.dt if is_pose and waits else math.inf
         return goes_on
+
+    def _count(self, fault: str) -> None:
+        if fault:
+            self.faults[fault.partition(", got")[0]] += 1  # without the numbers, which differ
 
 
 def wait_for_somebody(device: Device, stop: threading.Event) -> None:
@@ -165,24 +174,44 @@ def is_closing_in(step: TeleopStep, asked: pin.SE3 | None) -> bool:
     )
 
 
+def told(question: Callable[[], T], silent: T) -> tuple[T, str]:
+    """What a device answers, and why it failed, "" if it did not; `silent` where it failed."""
+    try:
+        return question(), ""
+    except Exception as error:  # of whatever driver: an arm in motion must brake, not stop being led
+        return silent, f"{type(error).__name__}: {error}"
+
+
 def read_device(device: Device, now: float) -> tuple[Array | None, str]:
     """What a device says, and why it failed or says nothing; empty if it did not."""
-    try:
-        heard = device.read(now)
-    except Exception as error:  # of whatever driver: an arm in motion must brake, not stop being led
-        return None, f"{type(error).__name__}: {error}"
-    return heard, str(getattr(device, "trouble", "")) if heard is None else ""
+    heard, fault = told(lambda: device.read(now), None)
+    if heard is None and not fault:
+        trouble, failed = told(lambda: str(getattr(device, "trouble", "")), "")
+        return None, trouble or failed
+    return heard, fault
+
+
+def has_ended(device: Device) -> tuple[bool, str]:
+    """Whether a device ends the session, and why it failed, "" if it did not."""
+    return told(lambda: bool(getattr(device, "ended", False)), silent=False)
+
+
+def asks_for_clutch(device: Device) -> tuple[bool, str]:
+    """Whether a device asks for the clutch to change, and why it failed, "" if it did not."""
+
+    def asks() -> bool:
+        toggled = getattr(device, "toggled", None)
+        return toggled is not None and bool(toggled())
+
+    return told(asks, silent=False)
 
 
 def work_clutch(teleop: Teleop, device: Device) -> str:
-    """Open or close the clutch as often as a device asks for it; returns why the device failed, "" if it did not."""
-    try:
-        toggled = getattr(device, "toggled", None)
-        while toggled is not None and toggled():
-            teleop.clutch(not teleop.engaged)
-    except Exception as error:  # as in `read_device`
-        return f"{type(error).__name__}: {error}"
-    return ""
+    """Open or close the clutch where a device asks for it; returns why the device failed, "" if it did not."""
+    asked, failed = asks_for_clutch(device)
+    if asked:
+        teleop.clutch(not teleop.engaged)
+    return failed
 
 
 def _summed_up(teleop: Teleop, q: Array, steps: list[TeleopStep], faults: Counter[str], late: int) -> Session:

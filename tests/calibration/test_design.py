@@ -104,6 +104,8 @@ def test_what_is_refused(robot: Robot) -> None:
         plan_measurements(robot, measured="distance")
     with pytest.raises(InvalidInputError, match="n must be a whole number >= 1"):
         plan_measurements(robot, 0)
+    with pytest.raises(InvalidInputError, match="n must be a whole number <= 1000"):
+        plan_measurements(robot, 1001)
     with pytest.raises(InvalidInputError, match="within must be the lower and the upper corner"):
         plan_measurements(robot, 5, within=([1, 1, 1], [0, 0, 0]))
     with pytest.raises(InvalidInputError, match="only 0 of"):

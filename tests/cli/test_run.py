@@ -122,6 +122,7 @@ def test_the_forwarder_is_written_once_and_is_of_python_3_8(run: Run, tmp_path: 
         (("m.csv", "--twin", "--fingers", "2"), "2"),
         (("m.csv", "--twin", "--lag", "-1"), "lag"),
         (("m.csv", "--forwarder", ""), "--forwarder is empty"),
+        (("m.csv", "--forwarder", "ssh 'arm"), "--forwarder is no command: No closing quotation"),
         (("m.csv", "--forwarder", "/no/such/program"), "does not start"),
         (("none.csv", "--twin"), "none.csv"),
         (("m.txt", "--twin"), "must end in"),

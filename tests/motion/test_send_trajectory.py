@@ -160,11 +160,15 @@ def test_other_files_are_refused(tmp_path: Path) -> None:
     (tmp_path / "a.kinova.csv").write_text("time_s,joint1_deg,joint1_deg_s\n0.00,1,2\n0.02,1,0\n")
     with pytest.raises(StoppedError, match="10 ms"):
         read_velocities(tmp_path / "a.kinova.csv")
+    (tmp_path / "a.kinova.csv").write_text("time_s,joint1_deg,joint1_deg_s\n0.00,1,2\n0.01,1,2\n")
+    with pytest.raises(StoppedError, match="the last row is not at rest"):
+        read_velocities(tmp_path / "a.kinova.csv")
     for text in (
         "x,y,z\n1,2,3\n",
         "",
         "time_s,joint1_deg,joint1_deg_s\n0.00,1,fast\n",
         "time_s,joint1_deg\n0.00,1,2\n",
+        "time_s,joint1_deg,joint1_deg_s\n0.00,1,nan\n0.01,1,0\n",
     ):
         (tmp_path / "a.kinova.csv").write_text(text)
         with pytest.raises(StoppedError, match="not a .kinova.csv file"):

@@ -9,9 +9,11 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+import jacokin
 from jacokin import FreeAxis, IKSolver, Robot
 from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.motion import Trajectory, plot_path, track_path
+from jacokin.motion.rows import most_between
 from jacokin.motion.track import start_branches
 from jacokin.motion.trajectory import list_segments
 
@@ -207,6 +209,28 @@ def test_a_path_is_followed_from_rest_to_rest_within_acceleration(robot: Robot, 
         assert min(np.hypot(offset[0], offset[1]), np.hypot(offset[1], offset[2] - 0.1)) < 2e-5
     reached = robot.forward_kinematics(result.q[-1])
     assert np.abs(reached.translation - corners[-1].translation).max() < 1e-5
+
+
+@pytest.mark.parametrize(("offset", "outcome"), [([0.1, 0.0, 0.0], "OK"), ([0.0, 0.0, 0.3], "OFF_PATH")])
+def test_limits_hold_between_ticks_that_take_all_of_them(offset: list[float], outcome: str) -> None:
+    lite = jacokin.load_robot("gen3_lite")
+    start = lite.forward_kinematics(lite.home)
+    corners = [start, pin.SE3(start.rotation, start.translation + np.array(offset))]
+    result = track_path(lite, corners, start=lite.home, speed=0.3, acceleration_limit=1.0)
+    assert result.outcome == outcome
+    fastest, hardest = most_between(result.rows)
+    assert (fastest <= lite.velocity_limit * (1.0 + 1e-9)).all()
+    assert hardest.max() <= 1.0 + 1e-9
+    assert np.array_equal(result.q[0], lite.home)
+    assert not result.v[[0, -1]].any()
+    for row in range(0, len(result), 10):
+        tool = lite.forward_kinematics(result.q[row]).translation
+        nearest = np.clip((tool - start.translation) @ offset / np.dot(offset, offset), 0.0, 1.0) * np.array(offset)
+        off_line = np.linalg.norm(tool - start.translation - nearest)
+        assert off_line <= result.position_error[row] + 1e-12
+    if outcome == "OK":
+        assert result.position_error.max() <= 1e-4
+        assert result.orientation_error.max() <= 1e-3
 
 
 def test_a_speed_that_no_joint_can_follow_is_not_reached(robot: Robot) -> None:

@@ -142,6 +142,8 @@ def test_files_without_sense_are_refused(trajectory: Trajectory, tmp_path: Path)
         for wrong, message in (
             (replace(trajectory, q=q), "q is not finite"),
             (replace(trajectory, t=t), "t does not rise"),
+            (replace(trajectory, lower=np.full_like(trajectory.lower, np.nan)), "lower is not a number"),
+            (replace(trajectory, outcome="FINE"), "outcome is none of OK, "),
         ):
             wrong.save(file, failed=True)
             with pytest.raises(InvalidInputError, match=message):

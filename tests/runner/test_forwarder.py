@@ -1,12 +1,18 @@
-"""The forwarder at an arm of no ROS."""
+"""The forwarder at an arm of no ROS, and the link to one."""
 
 from __future__ import annotations
 
+import sys
+import time
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from jacokin.errors import InvalidInputError
+from jacokin.runner import ProcessLink
 from jacokin.runner.forwarder import Forwarder
 
 
@@ -50,3 +56,48 @@ def test_fingers_are_moved_once_they_listen(capsys: pytest.CaptureFixture[str]) 
     assert arm.shares == [0.5, 1.0]
     forwarder.end()
     assert capsys.readouterr().err == ""
+
+
+def linked(program: str) -> ProcessLink:
+    return ProcessLink([sys.executable, "-P", "-c", program], ["joint_1"])
+
+
+def test_a_forwarder_that_ends_in_the_middle_of_a_line_has_left() -> None:
+    link = linked("print('{\"q\": [1.0]}'); print('{\"q\": [1', end='')")
+    deadline = time.monotonic() + 20.0
+
+    def listen() -> None:
+        while time.monotonic() < deadline:
+            link.hear()
+
+    with pytest.raises(InvalidInputError, match="the forwarder has left"):
+        listen()
+    link.close()
+
+
+def test_a_link_that_is_closed_touches_no_other_file(tmp_path: Path) -> None:
+    link = linked("input()")
+    link.close()
+    link.close()
+    with (tmp_path / "a").open("w+b") as first, (tmp_path / "b").open("w+b") as second:  # may have its numbers
+        for use in (link.hear, lambda: link.send(np.zeros(1))):
+            with pytest.raises(InvalidInputError, match="the link to the arm is closed"):
+                use()
+        assert not first.read() + second.read()
+
+
+@pytest.mark.parametrize("command", [[], "cat", [3], ["/no/such/program"], ["a\0b"]], ids=repr)
+def test_a_command_that_cannot_be_started_is_refused(command: Any) -> None:
+    with pytest.raises(InvalidInputError, match="command|does not start"):
+        ProcessLink(command, ["joint_1"])
+
+
+@pytest.mark.parametrize("share", ["NaN", "1.1", "-0.1", "6800"])
+def test_fingers_go_nowhere_else_than_from_open_to_closed(share: str) -> None:
+    arm: Any = Arm()
+    arm.heard = True
+    forwarder = Forwarder(lambda _: None)
+    forwarder.attach(arm)
+    with pytest.raises(ValueError, match="fingers must be from 0 to 1"):
+        forwarder.hear(f'{{"fingers": {share}}}')
+    assert arm.shares == []

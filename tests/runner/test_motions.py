@@ -70,6 +70,9 @@ def test_files_of_others_are_refused(robot: Robot, trajectory: Trajectory, tmp_p
         table.write_text("\n".join(wrong))
         with pytest.raises(InvalidInputError, match="m.kinova.csv"):
             PlannedMotion.load(table, robot)
+    table.write_text("\n".join(lines[:50]) + "\n")
+    with pytest.raises(InvalidInputError, match="its last row is not at rest"):
+        PlannedMotion.load(table, robot)
     with pytest.raises(InvalidInputError, match="must end in"):
         PlannedMotion.load(tmp_path / "m.txt", robot)
     seven = jacokin.load_robot("j2s7s300")
@@ -84,7 +87,7 @@ def test_rows_that_break_a_limit_are_refused(robot: Robot) -> None:
         PlannedMotion(robot, [0.0, 9.0], np.where(np.eye(6)[1] * [[0.0], [1.0]] > 0.0, robot.upper[1] + 0.1, q))
     with pytest.raises(InvalidInputError, match="joint_1 is .* deg/s faster than its limit from row 0"):
         PlannedMotion(robot, [0.0, 1.0], q + np.outer([0.0, 1.0], np.eye(6)[0]))
-    for time, rows in (([0.0, 0.0], q), ([0.0, 1.0], q[:, :5]), ([], q[:0]), ([0.0, 1.0], q * np.nan)):
+    for time, rows in (([0.0, 0.0], q), ([0.0, 1.0], q[:, :5]), ([], q[:0]), ([0.0, 1.0], q * np.nan), ("x", q)):
         with pytest.raises(InvalidInputError):
             PlannedMotion(robot, time, rows)
 
@@ -151,3 +154,19 @@ def test_a_malformed_hand_brakes_and_says_why(robot: Robot) -> None:
     wanted = motion.step(TICK)
     assert motion.said.startswith("BAD_INPUT")
     np.testing.assert_array_equal(wanted.q, robot.home)
+
+
+@pytest.mark.parametrize(("tick", "dt"), [(0.05, TICK), (0.013, TICK), (0.004, TICK), (TICK, 0.3 * TICK)])
+def test_a_tracker_of_another_rate_moves_the_arm_as_steadily(robot: Robot, tick: float, dt: float) -> None:
+    motion = LiveMotion(Teleop(Tracker(robot, dt=tick, q=robot.home, acceleration_limit=2.0)))
+    motion.begin(robot.home)
+    motion.take('{"clutch": true}')
+    before, ends = motion.step(0.0), list[float]()
+    for _ in range(round(1.0 / dt)):
+        motion.take('{"hand": [0.0, 0.0, 0.1, 0.0, 0.0, 0.0]}')
+        wanted = motion.step(dt)
+        np.testing.assert_allclose(wanted.q - before.q, dt * wanted.v, atol=1e-12)
+        assert np.abs(wanted.v - before.v).max() <= 2.0 * (tick + dt)  # the acceleration limit, in two ticks at most
+        before = wanted
+        ends.append(robot.forward_kinematics(wanted.q).translation[2])
+    assert ends[-1] - ends[-round(0.2 / dt) - 1] == pytest.approx(0.02, rel=0.05)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import jacokin
+from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.model import Robot
 from jacokin.motion import Trajectory, move_joints
@@ -220,9 +221,77 @@ def test_what_is_refused(robot: Robot, motion: Trajectory) -> None:
         runner.step(0.5)
     with pytest.raises(InvalidInputError, match="q must"):
         runner.step(1.01, Measured(motion.q[0][:5]))
+    with pytest.raises(InvalidInputError, match="fingers must be at most 1, got 6800"):
+        run(runner, Told(motion.q[0], lambda _, now: now), fingers=6800.0)
+    with pytest.raises(InvalidInputError, match="measured must be Measured"):
+        runner.step(1.01, motion.q[0])
+    with pytest.raises(InvalidInputError, match="torques must be 6 numbers"):
+        runner.step(1.01, Measured(motion.q[0], motion.v[0], "none"))  # type: ignore[arg-type]  # wrong on purpose
     with pytest.raises(InvalidInputError, match="time"):
         runner.step(math.nan)
     assert runner.step(1.01, Measured(motion.q[0])).status is RunnerStatus.MOVING
     for wrong in ({"gain": -1.0}, {"correction": 1.5}, {"silence": 0.0}, {"lag": math.inf}, {"contact": -1.0}):
         with pytest.raises(InvalidInputError, match=next(iter(wrong))):
             RunnerOptions(**wrong)
+
+
+class Told:
+    """A link to an arm that does what it is sent, and says where it is as a function has it."""
+
+    listens = True
+
+    def __init__(self, q: Array, say: Callable[[float, Measured], Measured]) -> None:
+        self.time, self.q, self.v, self.say = 0.0, q, np.zeros_like(q), say
+        self.sent: list[Array] = []
+
+    def now(self) -> float:
+        return self.time
+
+    def wait(self, until: float) -> None:
+        self.q = self.q + self.v * (until - self.time)
+        self.time = until
+
+    def hear(self) -> Measured:
+        return self.say(self.time, Measured(self.q, self.v, np.zeros_like(self.q)))
+
+    def send(self, v: Array) -> None:
+        self.v = v
+        self.sent.append(v)
+
+    def move_fingers(self, share: float) -> None:
+        raise AssertionError(share)
+
+    def close(self) -> None:
+        pass
+
+
+UNKNOWN = np.full(6, math.nan)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "status"),
+    [
+        (lambda time, now: Measured(UNKNOWN) if 0.5 < time < 0.7 else now, RunnerStatus.ARRIVED),
+        (lambda time, now: Measured(UNKNOWN) if time > 0.5 else now, RunnerStatus.SILENT),
+        (lambda time, now: Measured(now.q, UNKNOWN, now.torques), RunnerStatus.ARRIVED),
+        (lambda time, now: Measured(now.q, now.v, UNKNOWN), RunnerStatus.ARRIVED),
+    ],
+    ids=["angles for a while", "angles from then on", "velocities", "torques"],
+)
+def test_what_is_not_a_number_is_not_told(
+    robot: Robot, motion: Trajectory, wrong: Callable[[float, Measured], Measured], status: RunnerStatus
+) -> None:
+    runner = Runner(robot, PlannedMotion.of(motion, robot), RunnerOptions(contact=5.0))
+    link = Told(motion.q[0], wrong)
+    run(runner, link)
+    assert runner.status is status
+    assert not link.sent[-1].any()
+
+
+def test_an_arm_that_says_something_malformed_is_sent_zeros(robot: Robot, motion: Trajectory) -> None:
+    runner = Runner(robot, PlannedMotion.of(motion, robot))
+    link = Told(motion.q[0], lambda time, now: Measured(now.q[:5]) if time > 0.5 else now)
+    with pytest.raises(InvalidInputError, match="q must have shape"):
+        run(runner, link)
+    assert np.array(link.sent).any()
+    assert not np.array(link.sent[-5:]).any()

@@ -166,6 +166,8 @@ def test_a_session_on_one_line(robot: Robot) -> None:
 def test_what_cannot_lead_is_refused(robot: Robot) -> None:
     with pytest.raises(InvalidInputError, match="teleop must be a Teleop"):
         lead(robot, Keyboard(), seconds=1.0)  # type: ignore[arg-type]  # wrong on purpose
+    with pytest.raises(InvalidInputError, match="act must be callable with a step, or None"):
+        lead(made(robot), Keyboard(), seconds=1.0, act=3)  # type: ignore[arg-type]  # wrong on purpose
     with pytest.raises(InvalidInputError, match=r"device must be something with read\(time\)"):
         lead(made(robot), None, seconds=1.0)  # type: ignore[arg-type]  # wrong on purpose
 
@@ -190,3 +192,42 @@ def test_a_button_that_fails_brakes_the_arm_too(robot: Robot) -> None:
     session = lead(made(robot), Loose(np.zeros(6)), seconds=0.02 * 120, paced=False)
     assert dict(session.faults) == {"OSError: no such button": 39}
     assert session.statuses["NO_INPUT"] > 20
+
+
+class Stuck(Unplugged):
+    """A device whose button is never let go."""
+
+    def toggled(self) -> bool:
+        return True
+
+
+def test_a_button_that_is_stuck_changes_the_clutch_once_a_tick(robot: Robot) -> None:
+    session = lead(made(robot), Stuck(np.zeros(6)), seconds=0.02 * 20, paced=False)
+    assert session.statuses["HOLDING"] >= 10
+    assert len(session.motion) >= 20
+
+
+class Gone(Unplugged):
+    """A device that is unplugged for good, and answers nothing any more."""
+
+    def read(self, time: float) -> Array | None:
+        self.is_gone = time > 0.5
+        return None if self.is_gone else np.array([0.0, 0.0, 0.1, 0.0, 0.0, 0.0])
+
+    @property
+    def trouble(self) -> str:
+        raise OSError("no such device")
+
+    @property
+    def ended(self) -> bool:
+        if self.is_gone:
+            raise OSError("no such device")
+        return False
+
+
+def test_whatever_fails_of_a_device_the_arm_brakes(robot: Robot) -> None:
+    teleop = made(robot)
+    session = lead(teleop, Gone(np.zeros(6)), seconds=0.02 * 100, paced=False)
+    assert list(session.faults) == ["OSError: no such device"]
+    assert session.statuses["NO_INPUT"] > 20
+    assert not teleop.tracker.v.any()

@@ -168,6 +168,11 @@ class MovableShapes:
         if row is None:
             if name in self._fixed:
                 raise InvalidInputError(f"the obstacle {name!r} has no pose and cannot move")
+            if any(each.startswith(f"{name}/") for each in self._fixed):
+                raise InvalidInputError(
+                    f"the robot {name!r} stands still for this tracker; go on with "
+                    f"Tracker(..., scene=scene.moving({{{name!r}: q}}), state=tracker.state)"
+                )
             row = self._rows[checks.choice("obstacle", name, self._rows)]
         return row
 

@@ -273,6 +273,22 @@ def test_obstacles_without_a_scene_are_refused(robot: Robot) -> None:
         Tracker(robot).step(robot.forward_kinematics(robot.home), obstacles={"ball": [0.0] * 3})
 
 
+def test_another_robot_that_moves_is_for_another_tracker(robot: Robot) -> None:
+    """What the refusal says to do goes on with the motion, among the moved robot."""
+    base = pin.SE3(np.eye(3), np.array([1.2, 0.0, 0.0]))
+    scene = Scene([Floor(-0.5)]).adding_robot(robot, robot.home, name="left", base=base)
+    tracker, up = Tracker(robot, scene=scene), robot.forward_kinematics(robot.home)
+    up.translation = up.translation + np.array([0.0, 0.0, 0.05])
+    for _ in range(10):
+        tracker.step(up)
+    q = robot.home + 0.2
+    with pytest.raises(InvalidInputError, match=r"the robot 'left' stands still .*scene\.moving\(\{'left': q\}\)"):
+        tracker.step(up, obstacles={"left": q})
+    onwards = Tracker(robot, scene=scene.moving({"left": q}), state=tracker.state)
+    assert np.array_equal(onwards.v, tracker.v)
+    np.testing.assert_allclose(onwards.step(up).q, tracker.step(up).q, atol=1e-12)
+
+
 def test_the_referee_moves_shapes(robot: Robot) -> None:
     referee = Referee(robot, Scene([Sphere("ball", 0.05, [2.0, 0.0, 0.5])]), self_collision=False)
     put(referee, "ball", robot.forward_kinematics(robot.home))
