@@ -10,6 +10,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from jacokin.arrays import Array
 from jacokin.ik import seeds
 from jacokin.ik.diagnosis import Outcome, explain_near_miss
 from jacokin.ik.results import IKResult, Status
-from jacokin.ik.targets import RADIAN_IN_METRES, Request, TargetPose
+from jacokin.ik.targets import RADIAN_IN_METRES, Request, TargetPose, combined_error
 from jacokin.ik.verification import Candidate, Effort, Verifier
 from jacokin.kernels.closest import CIRCULAR, LOWER, UPPER, ClosestWork, find_closest, make_closest_work
 from jacokin.kernels.library import Call
@@ -29,6 +30,8 @@ DRAWN = 1000  # random configurations that are measured
 REACH_SLACK = 1e-3  # [m] beyond the tolerance: a bound that can be trusted
 POSITION_FIRST = 1e-3  # [m/rad] too little for an orientation to be worth a position that is missed
 FARTHEST = 10.0  # arm lengths: from there on only the direction to the target matters
+AIMS = 4  # times that a target with a free axis is turned to where the search has come
+SAME_AIM = 1e-3  # [rad] a target turned by less than this is the same
 
 
 class ClosestSearch:
@@ -86,6 +89,24 @@ class ClosestSearch:
             message = request.message(f"{outcome.message}; the closest one {missed}")
         return verifier.result(closest, outcome.status, message, errors, verifier.touching(q))
 
+    def solve_about(
+        self,
+        request: Request,
+        outcome: Outcome,
+        nearby: Sequence[Array],
+        angle: float,
+        before: Effort | None = None,
+    ) -> IKResult:
+        """`solve` for a target with a free axis, beginning at an angle [rad] that follows where the closest one is."""
+        target, results = request.target, list[IKResult]()
+        for _ in range(AIMS if request.closest else 1):
+            result = self.solve(request._replace(target=target.at(angle)), outcome, nearby, before)
+            results.append(replace(result, parameter=angle))
+            last, angle, nearby = angle, target.angle_of(self._verifier.tool_pose(result.q)), [result.q]
+            if result.success or abs(angle - last) < SAME_AIM:
+                break
+        return min(results, key=lambda each: (not each.success, _error(each)))
+
     def beyond_reach(self, request: Request) -> IKResult | None:
         """The answer to a pose or a position that is provably out of reach; None for others."""
         outcome = self.reach.exceeded(request.target)
@@ -116,6 +137,10 @@ class ClosestSearch:
         work.joints[:], work.tip[:], work.counts[0] = self._joints
         work.T[:] = target.matrix
         work.weight[0] = 0.0 if target.position_only else RADIAN_IN_METRES
+
+
+def _error(result: IKResult) -> float:
+    return combined_error(result.position_error, result.orientation_error)
 
 
 class ReachBound:

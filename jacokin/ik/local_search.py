@@ -17,6 +17,7 @@ import pinocchio as pin
 from jacokin.arrays import Array
 from jacokin.ik import diagnosis, seeds, targets
 from jacokin.ik.closest import ClosestSearch
+from jacokin.ik.diagnosis import Outcome
 from jacokin.ik.results import IKResult, Status
 from jacokin.ik.targets import RADIAN_IN_METRES, Request, TargetPose
 from jacokin.ik.verification import Candidate, Effort, Verifier
@@ -27,8 +28,8 @@ ORIENTATIONS = 200
 #: Members that are enough.
 ENOUGH = 5
 
-#: Numbers of a pose, which fewer joints cannot all meet.
-POSE_NUMBERS = 6
+#: Numbers of a pose, and of one that may turn about an axis, which fewer joints cannot all meet.
+POSE_NUMBERS, AXIS_NUMBERS = 6, 5
 #: Ends that miss a pose by little on an arm of fewer joints, after which nothing better is expected.
 ENOUGH_NEARLY = 2
 
@@ -111,6 +112,7 @@ class LocalSearch:
             nearest: solves a pose in closed form, near a seed; None where there is no closed form.
         """
         self._verifier, self._robot, self._descents = verifier, verifier.robot, descents
+        self._about = PositionDescents(verifier)
         self._closest, self._nearest = ClosestSearch(verifier), nearest
         self._circular = self._robot.unlimited & ~self._robot.sliding
 
@@ -122,27 +124,28 @@ class LocalSearch:
         out_of_reach = self._closest.reach.exceeded(target)
         if out_of_reach is not None:
             if request.closest:
-                return self._closest.solve(request, out_of_reach, first)
-            unmoved = Candidate(seed, target, "", effort=Effort(0, 1, self._descents.name))
+                return self._closest_to(request, out_of_reach, first)
+            unmoved = self._candidate(seed, target, "", Effort(0, 1, self._descents.name))
             message = request.message(out_of_reach.message)
             return verifier.result(unmoved, out_of_reach.status, message, touching=verifier.touching(seed))
         best, least, effort = Descent(seed, 0, False), np.inf, Effort(0, 0)
 
         nearly = 0  # ends that miss a pose by little: fewer than six joints do not meet one that is rounded
-        enough = ENOUGH_NEARLY if self._robot.dof < POSE_NUMBERS and not target.position_only else 1 + request.restarts
+        numbers = POSE_NUMBERS if target.free_axis is None else AXIS_NUMBERS
+        enough = ENOUGH_NEARLY if self._robot.dof < numbers and not target.position_only else 1 + request.restarts
 
         def ends() -> Iterator[Candidate]:
             nonlocal best, least, effort, nearly
             for start in self._starts(request, first):
-                end = self._descents.descend(target, start)
-                effort = Effort(effort.iterations + end.iterations, effort.starts + 1, self._descents.used)
-                errors = verifier.measure(end.q, target)
+                end, solver = self._descend(target, start)
+                effort = Effort(effort.iterations + end.iterations, effort.starts + 1, solver)
+                errors = verifier.measure(end.q, self._pose_at(end.q, target))
                 if targets.combined_error(*errors) < least:
                     best, least = end, targets.combined_error(*errors)
                 if verifier.reached(end.q, errors):
                     message = f"start {effort.starts}, {effort.iterations} iterations"
                     for q in (angles.nearest_copy(end.q, seed, self._circular), end.q):  # which differ by rounding
-                        yield Candidate(q, target, message, effort=effort)
+                        yield self._candidate(q, target, message, effort)
                 nearly += max(errors) <= diagnosis.NEARLY
                 if nearly >= enough:
                     return
@@ -151,10 +154,10 @@ class LocalSearch:
         result = verifier.select(ends(), request, "every configuration found is in contact; the first")
         if result is not None:
             return result
-        missed = verifier.measure(best.q, target)
+        missed = verifier.measure(best.q, self._pose_at(best.q, target))
         failure = diagnosis.explain_descents(effort.starts, missed, verifier.options, failed=best.failed)
         if failure.status is not Status.SOLVER_ERROR:
-            result = self._closest.solve(request, failure, [best.q], effort)
+            result = self._closest_to(request, failure, [best.q], effort)
             if result.success:
                 return result
             if request.closest:
@@ -162,8 +165,37 @@ class LocalSearch:
                 outcome = diagnosis.explain_descents(effort.starts, errors, verifier.options, failed=False)
                 return dataclasses.replace(result, message=request.message(outcome.message))
         q = angles.nearest_copy(best.q, seed, self._circular)
-        end = Candidate(q, target, "", effort=effort)
+        end = self._candidate(q, target, "", effort)
         return verifier.result(end, failure.status, request.message(failure.message), touching=verifier.touching(q))
+
+    def _descend(self, target: TargetPose, start: Array) -> tuple[Descent, str]:
+        """Where a descent ends, and the QP solver that ran; about a free axis, to the end of its range if need be."""
+        if target.free_axis is None:
+            return self._descents.descend(target, start), self._descents.used
+        end, solver = self._about.descend(target, start), self._about.used
+        if not self._verifier.reached(end.q, self._verifier.measure(end.q, self._pose_at(end.q, target))):
+            after = self._descents.descend(self._pose_at(end.q, target), end.q)
+            end, solver = after._replace(iterations=end.iterations + after.iterations), self._descents.used
+        return end, solver
+
+    def _pose_at(self, q: Array, target: TargetPose) -> TargetPose:
+        """A target, where the angle about its free axis, if it has one, is nearest to a configuration (dof,)."""
+        return target if target.free_axis is None else target.at(target.angle_of(self._verifier.tool_pose(q)))
+
+    def _candidate(self, q: Array, target: TargetPose, message: str, effort: Effort) -> Candidate:
+        """A configuration (dof,), with its angle about the free axis of the target, if it has one, as parameter."""
+        p = None if target.free_axis is None else target.angle_of(self._verifier.tool_pose(q))
+        return Candidate(q, target if p is None else target.at(p), message, p, effort)
+
+    def _closest_to(
+        self, request: Request, outcome: Outcome, nearby: list[Array], before: Effort | None = None
+    ) -> IKResult:
+        """The closest configuration, see `ClosestSearch.solve`."""
+        target = request.target
+        if target.free_axis is None:
+            return self._closest.solve(request, outcome, nearby, before)
+        angle = target.angle_of(self._verifier.tool_pose(nearby[0]))
+        return self._closest.solve_about(request, outcome, nearby, angle, before)
 
     def reach(self, target: TargetPose, start: Array) -> Array | None:
         """Where the descent from one start (dof,) ends, within the limits [rad]; None where it misses the target."""

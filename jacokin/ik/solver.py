@@ -354,6 +354,8 @@ class IKSolver:
         if wanted.position_only:
             raise InvalidInputError("solve_all needs an orientation: a position alone is reached by infinitely many")
         if fixed is None:
+            if wanted.free_axis is not None:
+                self._require_all(wanted)
             return (form or self.closed_form()).solve_all(wanted.matrix, start, verifier)
         if wanted.free_axis is not None:
             raise InvalidInputError(
@@ -524,14 +526,18 @@ class IKSolver:
         return self._few if few else None
 
     def _curves(self, target: TargetPose) -> SetSearch | None:
-        """What finds the curves of a target; None where no parameter is free.
-
-        Raises:
-            InvalidInputError: a free axis where poses have curves, or with the QP.
-            StructureError: a free axis, and the robot has no closed form.
-        """
+        """What finds the curves of a target; None where it has none, or they are not found."""
         if target.free_axis is None:
             return None if target.position_only else self._at_poses
+        return None if self._usable_form is None else self._about_axis
+
+    def _require_all(self, target: TargetPose) -> None:
+        """Refuse a free axis about which not all configurations are found.
+
+        Raises:
+            InvalidInputError: poses have curves themselves, or all is left to the QP.
+            StructureError: the robot has no closed form.
+        """
         if self._uses_qp:
             raise InvalidInputError("a FreeAxis needs the closed form; use method='auto'")
         if self._is_turned(target):
@@ -539,7 +545,7 @@ class IKSolver:
                 "a FreeAxis on seven joints leaves two free parameters: solve gives one configuration, solve_all those "
                 "of the pose at one angle about it"
             )
-        return self._about_axis
+        self.closed_form()
 
     def _solve_by_branches(self, form: ClosedForm, request: Request, branches: Points | None) -> IKResult:
         """The branch within the limits of the least cost, or why there is none; from all of them, if they are known."""
@@ -602,7 +608,8 @@ class IKSolver:
         """One configuration by descents from many starts, or why there is none.
 
         Raises:
-            InvalidInputError: the closed form is asked for, or a preference among all configurations.
+            InvalidInputError: the closed form is asked for a position, or a preference among all configurations.
+            StructureError: the closed form is asked for, and does not cover the target.
         """
         if request.target.position_only:
             if self.method == "closed_form":
@@ -611,6 +618,8 @@ class IKSolver:
                 raise InvalidInputError("prefer needs an orientation: a position is solved for one configuration only")
         elif request.cost is not None:
             raise InvalidInputError("prefer needs the closed form, which gives all configurations to choose from")
+        elif self.method == "closed_form":
+            self.closed_form()  # says why there is none
         no_form = not self._uses_qp and self._at_poses is None and isinstance(self._form, StructureError)
         if no_form and self._closest.reach.exceeded(request.target) is None:  # beyond reach it does not matter
             request = request._replace(note=request.message(f"no closed form: {self._form}"))

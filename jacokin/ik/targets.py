@@ -66,6 +66,11 @@ class TargetPose(NamedTuple):
         free = self.free_axis
         return self if free is None else TargetPose(free.matrix_at(angle), turned_about=free.axis)
 
+    def angle_of(self, tool: pin.SE3) -> float:
+        """The angle in the range of the free axis at which this is nearest to a pose of the tool [rad]."""
+        assert self.free_axis is not None
+        return self.nearest_angle(self.free_axis.parameter_of(tool.rotation))
+
     def nearest_angle(self, angle: float) -> float:
         """The angle in the range of the free axis that is nearest to a value [rad], up to whole turns."""
         if self.free_axis is None:

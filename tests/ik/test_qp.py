@@ -13,11 +13,11 @@ import pytest
 import qpsolvers
 
 import jacokin
-from jacokin import IKSolver, Robot, Status
+from jacokin import FreeAxis, IKSolver, Robot, Status
 from jacokin.arrays import Array
-from jacokin.errors import MissingExtraError, SolveError, UnknownNameError
+from jacokin.errors import MissingExtraError, SolveError, StructureError, UnknownNameError
 from jacokin.ik import qp_backend
-from jacokin.model import poses
+from jacokin.model import poses, urdf_folder
 
 CRANE = """<robot name="crane">
 <link name="base"/><link name="mast"/><link name="slide"/><link name="hook"/>
@@ -293,3 +293,76 @@ def test_osqp_gives_up_in_time_and_another_solver_takes_over() -> None:
     assert any(name.startswith("osqp, then ") for name in used)  # which one can depends on its version
     assert all(name.startswith("osqp") for name in used)
     assert qp_backend.OPTIONS["osqp"]["max_iter"] <= 10_000
+
+
+def railed(tmp_path: Path) -> Robot:
+    """A Jaco on a rail: seven joints of which one slides, no closed form."""
+    text = (urdf_folder() / "j2n6s300.urdf").read_text()
+    rail = (
+        '<link name="floor"/><joint name="rail" type="prismatic"><parent link="floor"/><child link="link_base"/>'
+        '<axis xyz="0 1 0"/><limit lower="-0.5" upper="0.5" effort="100" velocity="0.2"/></joint></robot>'
+    )
+    (tmp_path / "railed.urdf").write_text(text.replace("</robot>", rail))
+    return jacokin.load_robot(tmp_path / "railed.urdf", tip="end_effector")
+
+
+def about(rng: np.random.Generator, solver: IKSolver, q: Array) -> tuple[FreeAxis, FreeAxis]:
+    """A target that a configuration meets at some angle about an axis; and with a narrow range about that angle."""
+    axis = rng.normal(size=3)
+    axis /= np.linalg.norm(axis)
+    angle = rng.uniform(-2.0, 2.0)
+    pose = solver.verifier.tool_pose(q) * pin.SE3(pin.exp3(-angle * axis), np.zeros(3))
+    return FreeAxis(pose, axis=axis), FreeAxis(pose, axis=axis, range=(angle - 0.03, angle + 0.02))
+
+
+@pytest.mark.parametrize("kind", ["rail", "crane", "qp"])
+def test_a_target_may_turn_about_an_axis_on_any_arm(tmp_path: Path, rng: np.random.Generator, kind: str) -> None:
+    if kind == "crane":
+        (tmp_path / "crane.urdf").write_text(CRANE)
+        robot = jacokin.load_robot(tmp_path / "crane.urdf")
+    else:
+        robot = railed(tmp_path) if kind == "rail" else jacokin.load_robot()
+    tool = jacokin.pose([0.02, -0.03, 0.1], rpy=[0.3, 0.2, 0.1])
+    solver = IKSolver(robot, tool=tool, collision="ignore", method="qp" if kind == "qp" else "auto")
+    for q in robot.sample(rng, 6):
+        for target in about(rng, solver, q):
+            np.testing.assert_allclose(solver.solve(target, q).raise_for_status().q, q, atol=1e-6)
+            result = solver.solve(target).raise_for_status()
+            assert result.method == "qp"
+            assert result.parameter is not None
+            assert target.range[0] <= result.parameter <= target.range[1]
+            assert robot.within_limits(result.q)
+            T = solver.verifier.tool_pose(result.q)
+            np.testing.assert_allclose(T.homogeneous, target.at(result.parameter).homogeneous, atol=2e-6)
+
+
+def test_what_is_not_reached_about_an_axis_comes_close_and_says_why(tmp_path: Path) -> None:
+    solver = IKSolver(railed(tmp_path))
+    far = FreeAxis(jacokin.pose([0.0, 3.0, 0.3], down=True), axis=(0.0, 0.0, 1.0))
+    for closest in (True, False):
+        result = solver.solve(far, closest=closest)
+        assert result.status is Status.UNREACHABLE
+        assert "farther away than the arm is long" in result.message
+        assert solver.robot.within_limits(result.q)
+    backwards = FreeAxis(jacokin.pose([0.0, 1.35, 0.2], rpy=[0.5 * math.pi, 0.0, 0.0]), axis=(0.0, 0.0, 1.0))
+    missed = solver.solve(backwards)
+    assert missed.status is Status.NO_CONVERGENCE
+    assert missed.parameter is not None
+    assert missed.position_error < 0.3
+
+
+def test_a_motion_and_a_batch_about_an_axis_on_a_rail(tmp_path: Path) -> None:
+    robot = railed(tmp_path)
+    solver = IKSolver(robot)
+    target = FreeAxis(jacokin.pose([0.4, 0.3, 0.3], down=True), axis=(0.0, 0.0, 1.0))
+    motion = jacokin.plan_motion(solver, robot.home, target)
+    assert motion.success, motion.message
+    T = solver.verifier.tool_pose(motion.q[-1])
+    np.testing.assert_allclose(T.translation, target.pose.translation, atol=1e-6)
+    np.testing.assert_allclose(T.rotation[:, 2], [0.0, 0.0, -1.0], atol=1e-6)
+    batch = solver.solve_batch([target, target.pose])
+    assert batch.success.all()
+    assert batch.parameter is not None
+    assert np.isfinite(batch.parameter[0])
+    with pytest.raises(StructureError, match="six joints of one angle"):
+        solver.solve_all(target)

@@ -103,10 +103,10 @@ def test_solve_refuses(
 @pytest.mark.parametrize(
     ("options", "target", "arguments", "error", "message"),
     [
-        ({"method": "qp"}, FREE, {}, InvalidInputError, "a FreeAxis needs the closed form"),
+        ({"method": "qp"}, FREE, {"prefer": "margin"}, InvalidInputError, "prefer needs the closed form"),
         ({"method": "qp"}, POSE, {"prefer": "margin"}, InvalidInputError, "prefer needs the closed form"),
         ({"method": "closed_form"}, POSITION, {}, InvalidInputError, "the closed form needs an orientation"),
-        ({"frame": "link_4"}, FREE, {}, StructureError, "link_4"),
+        ({"frame": "link_4"}, FREE, {"prefer": "margin"}, InvalidInputError, "prefer needs the closed form"),
         ({"frame": "link_4"}, POSE, {"prefer": "margin"}, InvalidInputError, "prefer needs the closed form"),
     ],
 )
@@ -128,6 +128,7 @@ def test_what_a_method_cannot_do_is_refused(
         ({}, POSITION, InvalidInputError, "solve_all needs an orientation"),
         ({"method": "qp"}, FREE, InvalidInputError, "a FreeAxis needs the closed form"),
         ({"frame": "link_4"}, POSE, StructureError, "link_4"),
+        ({"frame": "link_4"}, FREE, StructureError, "link_4"),
     ],
 )
 def test_solve_all_refuses(

@@ -22,7 +22,7 @@ from jacokin.ik.solutions.curve_set import CurveSet, TrackInterval
 from jacokin.ik.solutions.least import least, minima
 from jacokin.ik.solutions.members import CurveTrack, LostMemberError, Members
 from jacokin.ik.solutions.solution_set import IntervalEnd
-from jacokin.ik.targets import Request, TargetPose, combined_error
+from jacokin.ik.targets import Request, TargetPose
 from jacokin.ik.verification import Candidate, Verifier
 from jacokin.kernels.solution_set.curve import RESOLUTION
 from jacokin.kernels.solution_set.run import NEARBY
@@ -34,10 +34,6 @@ from jacokin.model.robot import Robot
 TRIED = 0.03
 #: Of an interval along which the parameter stands still, how many are; and so many are looked at together.
 TRIED_STANDING, AT_ONCE = 16, 64
-#: Times that a search for the closest configuration turns the target to where it has come.
-AIMS = 4
-#: [rad] a target turned by less than this is the same.
-SAME_AIM = 1e-3
 #: Moves of near misses, in tolerances, and ways: curves must be long enough to be found between two slices.
 MOVE, WAYS = 1000.0, 2
 #: Configurations of each branch next to the target that are within the limits, and outside, to start from at most.
@@ -282,24 +278,12 @@ class SetSearch:
 
     def closest_to(self, request: Request, members: Members, least: LimitExcess | None, outcome: Outcome) -> IKResult:
         """Why there is no member, with the closest configuration; the angle of a free axis follows where that comes."""
-        target = request.target
-        p = target.nearest_angle(0.0 if least is None else least.parameter)
+        p = request.target.nearest_angle(0.0 if least is None else least.parameter)
         nearby = [] if least is None else [least.q]
-        results: list[IKResult] = []
-        for _ in range(AIMS if target.free_axis is not None and request.closest else 1):
-            result = self._closest.solve(request._replace(target=target.at(p)), outcome, nearby)
-            parameter = (
-                p if target.free_axis is not None or not request.closest else float(result.q[self._arm.parameter])
-            )
-            results.append(replace(result, parameter=parameter))
-            last, p, nearby = p, target.nearest_angle(members.parameter(result.q)), [result.q]
-            if result.success or abs(p - last) < SAME_AIM:
-                break
-        return min(results, key=lambda each: (not each.success, _error(each)))
-
-
-def _error(result: IKResult) -> float:
-    return combined_error(result.position_error, result.orientation_error)
+        if request.target.free_axis is not None:
+            return self._closest.solve_about(request, outcome, nearby, p)
+        result = self._closest.solve(request, outcome, nearby)
+        return replace(result, parameter=float(result.q[self._arm.parameter]) if request.closest else p)
 
 
 def _between_folds(nodes: Array, index: int) -> list[Array]:

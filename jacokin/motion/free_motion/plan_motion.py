@@ -708,7 +708,7 @@ class GoalFinder:
                     return
                 result = solver.solve(self._pose_of(wanted), seed=seed, rng=self._rng(), closest=False)
                 if verifier.reached(result.q, (result.position_error, result.orientation_error)):
-                    yield result.q, None
+                    yield result.q, result.parameter
 
     def _members(self, wanted: TargetPose) -> Iterator[tuple[Array, float | None]]:
         """Of each interval of curves the member nearest to the start, and some all along it."""

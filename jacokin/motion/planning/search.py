@@ -53,13 +53,25 @@ class Rung:
         u: the place.
         x: (k, width) points within the limits and free of contact, if the solver rejects contact [rad].
         solutions: how many there are in all, whatever the limits.
+        alike: (k,) rising numbers, the same for those points that differ by whole turns.
         touching: pairs of shapes that kept solutions out.
     """
 
     u: float
     x: Array
     solutions: int
+    alike: NDArray[np.intp]
     touching: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def firsts(self) -> NDArray[np.intp]:
+        """Numbers (m,) of the first points of those that are alike."""
+        return np.flatnonzero(np.diff(self.alike, prepend=-1))
+
+    def turns(self, joints: NDArray[np.intp]) -> NDArray[np.intp]:
+        """Whole turns (k, n) of some joints (n,) from the first of the points that are alike."""
+        q = self.x[:, joints]
+        return np.rint((q - q[self.firsts][self.alike]) / angles.TURN).astype(np.intp)
 
 
 @dataclass(slots=True)
@@ -171,13 +183,18 @@ class Ladder:
                 if pairs:
                     clear[row], touching = False, tuple(pairs)
             x = x[clear]
-        x = angles.copies_within(x, self._near, self._robot.lower, self._robot.upper, self._copies)
-        return Rung(u, x, solutions, touching)
+        numbered = np.column_stack([x, np.arange(len(x))])
+        x = angles.copies_within(numbered, self._near, self._robot.lower, self._robot.upper, self._copies)
+        return Rung(u, x[:, :-1].copy(), solutions, x[:, -1].astype(np.intp), touching)
 
     def link(self, rungs: Sequence[Rung]) -> list[Links]:
-        """Which solutions of each rung, the second to the last, follow which of the rung before, and at what cost."""
+        """Which solutions of each rung, the second to the last, follow which of the rung before, and at what cost.
+
+        The kernel links solutions whatever their turns, and each link then holds for those copies that it leads to.
+        """
         manifold, u = self.manifold, np.array([rung.u for rung in rungs])
-        sizes = [len(rung.x) for rung in rungs]
+        firsts = [rung.firsts for rung in rungs]
+        sizes = [len(rows) for rows in firsts]
         room = sum(a * b for a, b in itertools.pairwise(sizes))
         work = make_link_work(manifold.dof, manifold.width, len(rungs), sum(sizes), room)
         work.joints[:], work.tip[:], work.counts[LinkCount.JOINTS] = manifold.chain.constants
@@ -188,17 +205,56 @@ class Ladder:
         work.numbers[[LinkNumber.DEVIATION, LinkNumber.TILT, LinkNumber.BEND]] = MISSED, TILTED, 0.15
         work.numbers[LinkNumber.HASTE] = TOO_FAST if self.keep else 0.0
         work.circular[:], work.scale[:] = manifold.circular, self.pace.scale
-        work.sizes[:], work.x[:] = sizes, np.concatenate([rung.x for rung in rungs]).ravel()
+        work.circular[: manifold.dof][self._copies > 1] = 1
+        x = np.concatenate([rung.x[rows] for rung, rows in zip(rungs, firsts, strict=True)])
+        work.sizes[:], work.x[:] = sizes, x.ravel()
         goal = manifold.goal(manifold.path.middle(u[:-1], u[1:]))
         work.T[:], work.times[:] = goal.T, self.pace.between(u)
         if goal.axis is not None:
             work.axis[:] = goal.axis
         Call(link_rungs, work)()
         ends = np.cumsum([0, *work.made])
-        return [
+        found = [
             Links(work.first[start:end].copy(), work.second[start:end].copy(), work.cost[start:end].copy())
             for start, end in itertools.pairwise(ends.tolist())
         ]
+        wide = np.flatnonzero(self._copies > 1)
+        if not wide.size:
+            return found
+        return [
+            _of_copies(links, before, after, wide)
+            for links, (before, after) in zip(found, itertools.pairwise(rungs), strict=True)
+        ]
+
+
+def _of_copies(links: Links, before: Rung, after: Rung, wide: NDArray[np.intp]) -> Links:
+    """The links of all points of two rungs, from those of the first points of those that are alike.
+
+    Args:
+        links: those, numbered by what is alike; joints with copies moved the short way round.
+        before: the first rung.
+        after: the second.
+        wide: joints with copies.
+    """
+    starts, ends = before.firsts[links.first], after.firsts[links.second]
+    passed = np.rint((after.x[ends] - before.x[starts])[:, wide] / angles.TURN).astype(np.intp)
+    copies = np.bincount(before.alike)[links.first]
+    link = np.repeat(np.arange(len(copies)), copies)
+    first = starts[link] + np.arange(len(link)) - np.repeat(np.cumsum(copies) - copies, copies)
+    turns = after.turns(wide)
+    wanted = before.turns(wide)[first] - passed[link]
+
+    # Points of the second rung are told apart by one number each: what they are alike to, and their turns.
+    low, high = turns.min(axis=0, initial=0), turns.max(axis=0, initial=0)
+    there = ((wanted >= low) & (wanted <= high)).all(axis=1)
+    link, first, wanted = link[there], first[there], wanted[there]
+    shape = (len(after.firsts), *(high - low + 1))
+    point = np.full(math.prod(shape), -1)
+    point[np.ravel_multi_index((after.alike, *(turns - low).T), shape)] = np.arange(len(turns))
+    second = point[np.ravel_multi_index((links.second[link], *(wanted - low).T), shape)]
+    rows = np.lexsort((second, first))
+    rows = rows[second[rows] >= 0]
+    return Links(first[rows], second[rows], links.cost[link[rows]])
 
 
 @dataclass(frozen=True, slots=True)
@@ -442,7 +498,7 @@ class PathSearch:
         """Make the links of a rung, and with it those of the next ones that have none."""
         last, pairs = index, 0
         while last < len(self.rungs) and self._links[last] is None and pairs < 300_000:  # in one go
-            pairs += len(self.rungs[last - 1].x) * len(self.rungs[last].x)
+            pairs += len(self.rungs[last - 1].firsts) * len(self.rungs[last].firsts)
             last += 1
         self._links[index:last] = self.ladder.link(self.rungs[index - 1 : last])
         links = self._links[index]

@@ -235,10 +235,10 @@ def test_a_target_is_immutable_and_survives_pickling() -> None:
     np.testing.assert_array_equal(again.at(0.4).homogeneous, target.at(0.4).homogeneous)
 
 
-def test_a_free_axis_needs_the_closed_form(robot: Robot) -> None:
+def test_all_about_a_free_axis_need_the_closed_form(robot: Robot) -> None:
     target = FreeAxis(robot.forward_kinematics(robot.home), axis=(1.0, 0.0, 0.0))
     with pytest.raises((InvalidInputError, StructureError), match="closed form"):
-        IKSolver(robot, method="qp", collision="ignore").solve(target)
+        IKSolver(robot, method="qp", collision="ignore").solve_all(target)
 
 
 def test_parameters_outside_are_refused(solver: IKSolver) -> None:

@@ -8,11 +8,14 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+import jacokin
 from jacokin import FreeAxis, IKSolver, Robot
+from jacokin.kernels.rung_links import LinkWork, make_link_work
+from jacokin.model.angles import TURN
 from jacokin.model.many_configurations import Chain
 from jacokin.motion.path import CartesianPath
 from jacokin.motion.planning.manifold import Manifold, Pace
-from jacokin.motion.planning.search import Ladder, PathSearch
+from jacokin.motion.planning.search import Ladder, PathSearch, Rung
 
 
 def make_ladder(robot: Robot, path: CartesianPath, *, keep: bool = True) -> Ladder:
@@ -105,27 +108,54 @@ def test_steps_are_made_smaller_where_no_way_leads_on(robot: Robot) -> None:
     assert np.abs(search.ladder.manifold.difference(q[:-1], q[1:])).max() <= 1.0
 
 
+def check_links(ladder: Ladder, a: Rung, b: Rung) -> None:
+    """The links of two rungs at 0 and 0.3 of a line are those of all pairs of points that pass the rule."""
+    manifold, keep = ladder.manifold, ladder.keep
+    found = ladder.link([a, b])[0]
+    first, second = np.divmod(np.arange(len(a.x) * len(b.x)), len(b.x))
+    away = manifold.difference(a.x[first], b.x[second])
+    near = (np.abs(away[:, :6]).max(axis=1) <= 1.0) & (np.abs(away[:, 6]) <= 2.5 * 0.5)
+    first, second, away = first[near], second[near], away[near]
+    where = np.full(len(away), 0.15)
+    position, tilt = manifold.chain.errors(a.x[first] + 0.5 * away, manifold.goal(where))
+    more = 0.15 * away[:, 6] ** 2
+    good = (position <= 2e-3 + more) & (tilt <= 2e-2 + more)
+    assert 3 < good.sum() < len(near)
+    np.testing.assert_array_equal(found.first, first[good])
+    np.testing.assert_array_equal(found.second, second[good])
+    time = 0.3 * ladder.pace.times[0]
+    speed = np.abs(away[good, :6]) / ladder.pace.scale / time
+    cost = time * (speed**2).sum(axis=1)
+    if keep:
+        cost += np.where(speed.max(axis=1) > 1.0, 1e3 * time * speed.max(axis=1), 0.0)
+    np.testing.assert_allclose(found.cost, cost, rtol=1e-9)
+
+
 def test_links_are_what_stays_near_the_line_half_way(robot: Robot) -> None:
     home = robot.home
     path = line(robot, home.tolist(), (home + 0.05).tolist(), free=True)
     for keep in (True, False):
         ladder = make_ladder(robot, path, keep=keep)
-        manifold = ladder.manifold
         a, b = ladder.make_rungs(np.array([0.0, 0.3]))
-        found = ladder.link([a, b])[0]
-        first, second = np.divmod(np.arange(len(a.x) * len(b.x)), len(b.x))
-        away = manifold.difference(a.x[first], b.x[second])
-        where = np.full(len(away), 0.15)
-        position, tilt = manifold.chain.errors(a.x[first] + 0.5 * away, manifold.goal(where))
-        more = 0.15 * away[:, 6] ** 2
-        good = (position <= 2e-3 + more) & (tilt <= 2e-2 + more) & (np.abs(away[:, :6]).max(axis=1) <= 1.0)
-        good &= np.abs(away[:, 6]) <= 2.5 * 0.5
-        assert 3 < good.sum() < len(good)
-        np.testing.assert_array_equal(found.first, first[good])
-        np.testing.assert_array_equal(found.second, second[good])
-        time = 0.3 * ladder.pace.times[0]
-        speed = np.abs(away[good, :6]) / ladder.pace.scale / time
-        cost = time * (speed**2).sum(axis=1)
-        if keep:
-            cost += np.where(speed.max(axis=1) > 1.0, 1e3 * time * speed.max(axis=1), 0.0)
-        np.testing.assert_allclose(found.cost, cost, rtol=1e-9)
+        check_links(ladder, a, b)
+
+
+def test_configurations_a_turn_away_are_linked_as_well_without_looking_at_all_pairs(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Of six joints that move by two turns, each solution stands for up to 64 configurations."""
+    limits = {f"joint_{k}": (-TURN, TURN) for k in (1, 4, 5, 6)} | {"joint_2": (0.9, 5.4), "joint_3": (0.4, 5.9)}
+    robot = jacokin.load_robot("j2n6s300", limits=limits)
+    home = np.array([0.01, 2.9, 1.3, -TURN + 0.02, TURN - 0.01, 3.1])
+    ladder = make_ladder(robot, line(robot, home.tolist(), (home + 0.05 * np.sign(-home)).tolist(), free=True))
+    a, b = ladder.make_rungs(np.array([0.0, 0.3]))
+    assert len(a.x) > 8 * len(a.firsts) > 8
+    rooms: list[int] = []
+
+    def make(dof: int, width: int, rungs: int, solutions: int, room: int) -> LinkWork:
+        rooms.append(room)
+        return make_link_work(dof, width, rungs, solutions, room)
+
+    monkeypatch.setattr("jacokin.motion.planning.search.make_link_work", make)
+    check_links(ladder, a, b)
+    assert rooms == [len(a.firsts) * len(b.firsts)]
