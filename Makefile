@@ -11,6 +11,8 @@ $(shell mkdir -p build; echo $(SOURCES) | cmp -s - $(LIST) || echo $(SOURCES) > 
 JOBS ?= 2
 # Each process begins with its own part of the tests, so that what a module prepares is prepared once.
 PYTEST := pytest -n $(JOBS) --dist worksteal
+# These processes fill the cores: more threads in each would wait for one another.
+test test-all test-oldest release-check: export OPENBLAS_NUM_THREADS := 1
 
 .PHONY: demo test test-all lint format type docs build web targets wheels old-systems test-oldest bench fuzz release-check address clean
 

@@ -198,8 +198,8 @@ def test_importing_jacokin_loads_nothing_heavy() -> None:
 
 def test_rooms_need_no_import_of_their_own() -> None:
     code = (
-        "import jacokin, sys; rooms = [getattr(jacokin, name) for name in jacokin.ROOMS];"
-        "print(*(room.__name__ for room in rooms), sorted({'viser', 'mink'} & set(sys.modules)))"
+        "import jacokin, sys; rooms = [getattr(jacokin, name) for name in jacokin.ROOMS]; jacokin.Tracker;"
+        "print(*(room.__name__ for room in rooms), sorted({'viser', 'mink', 'jax'} & set(sys.modules)))"
     )
     done = subprocess.run([sys.executable, "-P", "-c", code], capture_output=True, text=True, check=True)
     found, *rest = done.stdout.splitlines()

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -111,12 +112,16 @@ class Estimator:
         model = self.model
         count, roots = len(x), [np.sqrt(each) for each in weights]
 
+        @lru_cache(maxsize=1)  # for residuals and slopes are asked for one after the other
+        def whitened(u: bytes) -> list[tuple[Array, Array]]:
+            return [model.whitened(k, np.frombuffer(u) * model.prior) for k in range(len(roots))]
+
         def missed(u: Array) -> Array:
-            parts = [model.whitened(k, u * model.prior)[0] * root[:, None] for k, root in enumerate(roots)]
+            parts = [part * root[:, None] for (part, _), root in zip(whitened(u.tobytes()), roots, strict=True)]
             return np.concatenate([*(part.ravel() for part in parts), u])
 
         def slopes(u: Array) -> Array:
-            parts = [model.whitened(k, u * model.prior)[1] * root[:, None, None] for k, root in enumerate(roots)]
+            parts = [part * root[:, None, None] for (_, part), root in zip(whitened(u.tobytes()), roots, strict=True)]
             return np.vstack([*(part.reshape(-1, count) * model.prior for part in parts), np.eye(count)])
 
         found = least_squares(missed, x / model.prior, jac=slopes, method="lm", max_nfev=50)  # 4 to 10 are usual
@@ -134,7 +139,7 @@ class Estimator:
     def covariance(self, jacobian: Array) -> Array:
         """(p, p) of the numbers given rows and prior."""
         prior = self.model.prior
-        _, values, axes = np.linalg.svd(jacobian * prior)
+        _, values, axes = np.linalg.svd(jacobian * prior, full_matrices=len(jacobian) < len(prior))
         shrunk = np.ones(len(prior))
         shrunk[: len(values)] = 1.0 / (1.0 + values**2)
         return np.asarray((axes.T * shrunk) @ axes * np.outer(prior, prior))

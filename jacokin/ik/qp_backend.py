@@ -8,9 +8,15 @@ is one step, which so costs less than mink's, with accelerations and distances t
 
 from __future__ import annotations
 
+import importlib.util
 import math
+import sys
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
+
+# qpsolvers imports JAX for one of its solvers, for a second, before it finds that the solver itself is not installed.
+if importlib.util.find_spec("jaxopt") is None:
+    sys.modules.setdefault("qpsolvers.solvers.jaxopt_osqp_", None)  # type: ignore[arg-type]  # of what cannot be imported
 
 import daqp
 import numpy as np
