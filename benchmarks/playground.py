@@ -99,7 +99,7 @@ def main() -> None:
     print(report.machine())
     print("| case | frame, median [ms] | 95 % | frames in time | page | solver | processor, a frame | pixels |")
     print("| --- | --- | --- | --- | --- | --- | --- | --- |")
-    with tempfile.TemporaryDirectory() as name, browsing("about:blank", Path(name) / "chromium") as tab:
+    with tempfile.TemporaryDirectory() as name, browsing("about:blank", Path(name) / "chromium", smooth=True) as tab:
         site = Path(name) / "site"
         site.mkdir()
         build(site)

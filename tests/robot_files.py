@@ -114,3 +114,24 @@ def skeleton(parts: str) -> str:
         )
         at, beside = at if branch or fixed else link, link if branch else beside
     return f'<robot name="arm">{"".join(links)}{"".join(joints)}</robot>'
+
+
+TORSO = """<robot name="torso">{links}
+  <joint name="lift" type="prismatic"><parent link="floor"/><child link="torso"/><axis xyz="0 0 1"/>
+    <limit lower="0" upper="1" effort="1" velocity="1"/></joint>{arms}</robot>"""
+
+
+def torso_text(arms: dict[str, int]) -> str:
+    """Arms of so many turning joints, by their names, on a torso that is lifted."""
+    links, joints = ['<link name="floor"/><link name="torso"/>'], []
+    for side, count in arms.items():
+        parent = "torso"
+        for i in range(count):
+            child = f"{side}_{i}"
+            links.append(f'<link name="{child}"/>')
+            joints.append(
+                f'<joint name="{child}_joint" type="continuous"><parent link="{parent}"/><child link="{child}"/>'
+                '<origin xyz="0.1 0.2 0.3"/><axis xyz="0 1 0"/></joint>'
+            )
+            parent = child
+    return TORSO.format(links="".join(links), arms="".join(joints))

@@ -13,6 +13,7 @@ import jacokin.jax
 from jacokin import IKSolver, Robot
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
+from tests.ik.regular import regular
 
 jax = pytest.importorskip("jax", reason="the extra jax is not installed")
 jnp = jax.numpy
@@ -30,16 +31,6 @@ def _exact() -> Iterator[None]:
 @pytest.fixture(scope="module")
 def solver(robot: Robot) -> IKSolver:
     return IKSolver(robot, tool=jacokin.pose([0.05, 0.03, 0.1], rpy=[0.2, -0.4, 0.7]), collision="ignore")
-
-
-def regular(solver: IKSolver, rng: np.random.Generator, size: int) -> tuple[Array, Array]:
-    """Configurations (size, dof) that are not singular, and the poses (size, 4, 4) there."""
-    rows = list[Array]()
-    while len(rows) < size:
-        q = solver.robot.sample(rng)
-        if solver.robot.singular_values(q).min() > 0.05:
-            rows.append(q)
-    return np.array(rows), np.array([solver.verifier.tool_pose(q).homogeneous for q in rows])
 
 
 def moved(pose: Array, twist: Any) -> Any:

@@ -9,8 +9,8 @@ import pytest
 
 import jacokin.torch
 from jacokin import IKSolver, Robot
-from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
+from tests.ik.regular import regular
 
 torch = pytest.importorskip("torch", reason="the extra torch is not installed")
 
@@ -18,16 +18,6 @@ torch = pytest.importorskip("torch", reason="the extra torch is not installed")
 @pytest.fixture(scope="module")
 def solver(robot: Robot) -> IKSolver:
     return IKSolver(robot, tool=jacokin.pose([0.05, 0.03, 0.1], rpy=[0.2, -0.4, 0.7]), collision="ignore")
-
-
-def regular(solver: IKSolver, rng: np.random.Generator, size: int) -> tuple[Array, Array]:
-    """Configurations (size, dof) that are not singular, and the poses (size, 4, 4) there."""
-    rows = list[Array]()
-    while len(rows) < size:
-        q = solver.robot.sample(rng)
-        if solver.robot.singular_values(q).min() > 0.05:
-            rows.append(q)
-    return np.array(rows), np.array([solver.verifier.tool_pose(q).homogeneous for q in rows])
 
 
 def moved(poses: Any, twists: Any) -> Any:

@@ -19,34 +19,35 @@ class TwoRobots:
 
     def __init__(self, robot: Robot, other: Robot, base: pin.SE3) -> None:
         """Compile both, the other one with its base at a pose in the base of the first."""
-        spec, self._arms = mujoco.MjSpec(), (robot, other)
+        spec, arms = mujoco.MjSpec(), (robot, other)
         for prefix, arm, place in (("a/", robot, pin.SE3.Identity()), ("b/", other, base)):
             frame = spec.worldbody.add_frame(pos=place.translation, quat=quaternion(place.rotation))
             spec.attach(mujoco.MjSpec.from_file(str(urdf_folder() / f"{arm.name}.xml")), prefix=prefix, frame=frame)
         self._model = model = spec.compile()
         self._data = mujoco.MjData(model)
         for joint in range(model.njnt):
-            name, arm = model.joint(joint).name, self._arms[model.joint(joint).name.startswith("b/")]
+            name, arm = model.joint(joint).name, arms[model.joint(joint).name.startswith("b/")]
             if name[2:] not in arm.joint_names and arm.finger_angle is not None:
                 self._data.qpos[model.jnt_qposadr[joint]] = arm.finger_angle
         of = [str(model.body(body).name)[:2] for body in model.geom_bodyid]
         moves = model.body_weldid[model.geom_bodyid] != 0
-        self._pairs = [
-            (a, b)
-            for a in range(model.ngeom)
-            for b in range(model.ngeom)
-            if of[a] == "a/" and of[b] == "b/" and (moves[a] or moves[b])
-        ]
+        self._pairs = np.array(
+            [
+                (a, b)
+                for a in range(model.ngeom)
+                for b in range(model.ngeom)
+                if of[a] == "a/" and of[b] == "b/" and (moves[a] or moves[b])
+            ]
+        )
+        self._near = model.geom_rbound[self._pairs].sum(axis=1) + FAR
+        names = [prefix + name for prefix, arm in (("a/", robot), ("b/", other)) for name in arm.joint_names]
+        self._joints = [model.joint(name).qposadr[0] for name in names]
 
     def least(self, q: Array, other_q: Array) -> float:
         """The smallest distance at configurations of both [m], at most `FAR`."""
-        model, data, found = self._model, self._data, FAR
-        for prefix, arm, angles in zip(("a/", "b/"), self._arms, (q, other_q), strict=True):
-            for name, angle in zip(arm.joint_names, angles, strict=True):
-                data.qpos[model.joint(prefix + name).qposadr[0]] = angle
+        model, data, pairs = self._model, self._data, self._pairs
+        data.qpos[self._joints] = np.concatenate([q, other_q])
         mujoco.mj_kinematics(model, data)
-        first, second = np.array(self._pairs).T
-        apart = np.linalg.norm(data.geom_xpos[first] - data.geom_xpos[second], axis=1)
-        for k in np.flatnonzero(apart < model.geom_rbound[first] + model.geom_rbound[second] + FAR).tolist():
-            found = min(found, mujoco.mj_geomDistance(model, data, int(first[k]), int(second[k]), FAR, None))
-        return found
+        apart = np.linalg.norm(data.geom_xpos[pairs[:, 0]] - data.geom_xpos[pairs[:, 1]], axis=1)
+        near = pairs[apart < self._near].tolist()
+        return min((mujoco.mj_geomDistance(model, data, a, b, FAR, None) for a, b in near), default=FAR)

@@ -6,17 +6,16 @@ python -m tests.docs.playground_page        # draws the picture of the README ag
 from __future__ import annotations
 
 import base64
-import importlib.util
 import shutil
 import subprocess
 import sys
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 from jacokin.model import NAMES
+from tests.scripts import load_script
 from tests.viewer.chromium import STARTING, Tab, browsing
 from tests.viewer.page import until
 
@@ -46,26 +45,16 @@ HANDLE = """(() => {
 })()"""
 
 
-def files() -> ModuleType:
-    """What adds the page's files to the site."""
-    spec = importlib.util.spec_from_file_location("playground_files", DOCS / "playground_files.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 def build(folder: Path, names: Sequence[str] = NAMES) -> None:
     """Write `playground.html` and what it needs into a folder."""
-    web, scripts = folder / "web", folder / "playground"
+    web, scripts, files = folder / "web", folder / "playground", load_script(DOCS / "playground_files.py")
     shutil.copytree(WEB, web, ignore=shutil.ignore_patterns("*.wasm", "robots.js", "reference", "*.tgz"))
     done = subprocess.run([sys.executable, WEB / "build.py", web], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     scripts.mkdir()
-    (scripts / "playground.js").write_text(files().page_script(web), encoding="utf-8")
+    (scripts / "playground.js").write_text(files.page_script(web), encoding="utf-8")
     for name in names:
-        (scripts / f"{name}.js").write_text(files().robot_script(name), encoding="utf-8")
+        (scripts / f"{name}.js").write_text(files.robot_script(name), encoding="utf-8")
     shutil.copy(DOCS / "playground" / "playground.css", scripts)
     (folder / "playground.html").write_text(PAGE, encoding="utf-8")
 
@@ -82,7 +71,7 @@ def draw(picture: Path) -> None:
     """Write a PNG of the page at a state with many ghosts."""
     from docs.pictures import keep
 
-    with tempfile.TemporaryDirectory() as name, browsing("about:blank", Path(name) / "chromium") as tab:
+    with tempfile.TemporaryDirectory() as name, browsing("about:blank", Path(name) / "chromium", smooth=True) as tab:
         site = Path(name) / "site"
         site.mkdir()
         build(site)

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import importlib.util
 import inspect
 import re
 import struct
 import tomllib
 from pathlib import Path
-from types import ModuleType
 
 import jacokin
 from jacokin.model import NAMES
 from jacokin.model.descriptions import bundled
 from jacokin.tasks.registry import TASKS
+from tests.scripts import load_script
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
@@ -23,16 +22,6 @@ AGAIN = "run python -m docs.tasks_page"
 LARGEST_IMAGE = 150_000  # bytes; pages should load quickly, and so should clones
 
 
-def script(name: str) -> ModuleType:
-    """A script of the docs folder, as a module."""
-    spec = importlib.util.spec_from_file_location(name, DOCS / f"{name}.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 def described() -> set[str]:
     """Names that the API pages hand to mkdocstrings."""
     text = "\n".join(path.read_text(encoding="utf-8") for path in (DOCS / "api").glob("*.md"))
@@ -40,7 +29,7 @@ def described() -> set[str]:
 
 
 def test_page_of_numbers_is_what_the_table_gives() -> None:
-    assert (DOCS / "robot.md").read_text(encoding="utf-8") == script("robot_page").page(), (
+    assert (DOCS / "robot.md").read_text(encoding="utf-8") == load_script(DOCS / "robot_page.py").page(), (
         "run python -m docs.robot_page"
     )
 
@@ -121,7 +110,7 @@ def test_moving_pictures_are_small_and_shown() -> None:
 
 def test_the_list_of_tasks_is_current() -> None:
     """But for the numbers of the experts, which a benchmark writes."""
-    tasks_page = script("tasks_page")
+    tasks_page = load_script(DOCS / "tasks_page.py")
     head = "| task | Gymnasium | its expert solves |"
     wanted, found = (
         text.partition(head)[::2] for text in (tasks_page.page(), (DOCS / "task_list.md").read_text(encoding="utf-8"))
@@ -138,7 +127,7 @@ def test_the_list_of_tasks_is_current() -> None:
 
 def test_the_readme_shows_the_table_that_the_benchmark_wrote() -> None:
     text = (ROOT / "README.md").read_text(encoding="utf-8")
-    assert script("readme_table").with_table(text) == text, "run python -m docs.readme_table"
+    assert load_script(DOCS / "readme_table.py").with_table(text) == text, "run python -m docs.readme_table"
     assert "| jacokin `solve_all` | 100 % |" in text
 
 

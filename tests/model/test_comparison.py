@@ -14,7 +14,7 @@ from jacokin import Robot
 from jacokin.errors import InvalidInputError
 from jacokin.model import NAMES, urdf_folder
 from jacokin.model.descriptions.bundled import JACOS
-from tests.robot_files import ur5_text
+from tests.robot_files import torso_text, ur5_text
 
 
 def test_a_rotation_differs_by_an_angle(tmp_path: Path) -> None:
@@ -64,26 +64,6 @@ def test_a_user_s_urdf_passes_its_own_crosscheck(rng: np.random.Generator) -> No
     assert robot.source.bundled is None
     report = jacokin.crosscheck(robot, samples=100, rng=rng)
     assert report.within(), str(report)
-
-
-TORSO = """<robot name="torso">{links}
-  <joint name="lift" type="prismatic"><parent link="floor"/><child link="torso"/><axis xyz="0 0 1"/>
-    <limit lower="0" upper="1" effort="1" velocity="1"/></joint>{arms}</robot>"""
-
-
-def torso_text(arms: dict[str, int]) -> str:
-    links, joints = ['<link name="floor"/><link name="torso"/>'], []
-    for side, count in arms.items():
-        parent = "torso"
-        for i in range(count):
-            child = f"{side}_{i}"
-            links.append(f'<link name="{child}"/>')
-            joints.append(
-                f'<joint name="{child}_joint" type="continuous"><parent link="{parent}"/><child link="{child}"/>'
-                '<origin xyz="0.1 0.2 0.3"/><axis xyz="0 1 0"/></joint>'
-            )
-            parent = child
-    return TORSO.format(links="".join(links), arms="".join(joints))
 
 
 def test_a_robot_without_masses_agrees_with_itself(tmp_path: Path, rng: np.random.Generator) -> None:

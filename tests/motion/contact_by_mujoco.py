@@ -43,21 +43,22 @@ class Referee:
         held = [names.index(each.name) for each in scene.attached]
         obstacles = [names.index(name) for name in scene.names]
         arm = [k for k in range(model.ngeom) if k not in held and k not in obstacles]
-        self._numbers = [(a, b) for a in obstacles for b in (*arm, *held) if body[b] != 0]
-        self._numbers += [(a, b) for a in held for b in arm if body[a] != body[b]]
-        self.pairs: list[Pair] = [(names[a], names[b]) for a, b in self._numbers]
+        numbers = [(a, b) for a in obstacles for b in (*arm, *held) if body[b] != 0]
+        numbers += [(a, b) for a in held for b in arm if body[a] != body[b]]
+        self.pairs: list[Pair] = [(names[a], names[b]) for a, b in numbers]
+        self._numbers = np.array(numbers, dtype=np.intp).reshape(-1, 2)
+        self._reach = model.geom_rbound[self._numbers].sum(axis=1) + FAR
 
     def distances(self, rows: Array) -> Array:
         """(n, pairs) at configurations (n, dof) [m]."""
-        model, data, ends = self._model, self._data, np.zeros(6)
-        found = np.full((len(rows), len(self._numbers)), FAR)
+        model, data, numbers = self._model, self._data, self._numbers
+        found = np.full((len(rows), len(numbers)), FAR)
         for row, q in enumerate(rows):
             data.qpos[:] = q
             mujoco.mj_kinematics(model, data)
-            for k, (a, b) in enumerate(self._numbers):
-                reach = model.geom_rbound[a] + model.geom_rbound[b] + FAR
-                if np.linalg.norm(data.geom_xpos[a] - data.geom_xpos[b]) < reach:
-                    found[row, k] = mujoco.mj_geomDistance(model, data, a, b, FAR, ends)
+            apart = np.linalg.norm(data.geom_xpos[numbers[:, 0]] - data.geom_xpos[numbers[:, 1]], axis=1)
+            for k in np.flatnonzero(apart < self._reach).tolist():
+                found[row, k] = mujoco.mj_geomDistance(model, data, *numbers[k].tolist(), FAR, None)
         return found
 
     def contacts(self, rows: Array) -> dict[Pair, float]:

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import mujoco
@@ -17,7 +14,7 @@ from examples.impedance import Impedance, perform
 from jacokin import pose
 from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.mujoco_bridge import Arena, JacoArm, Observable, Physics, command_joint_positions, observations, robots
-from tests.rendering import backends
+from tests.rendering import run_drawing
 
 REPOSITORY = Path(__file__).parents[2]
 
@@ -157,10 +154,5 @@ def test_the_springs_pull_no_harder_than_allowed_and_push_back_at_limits() -> No
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["gravity_compensation", "impedance"])
 def test_the_examples_draw(name: str, tmp_path: Path) -> None:
-    if not backends():
-        pytest.skip("nothing draws here")
-    program = [sys.executable, "-P", "-m", f"examples.{name}", "--folder", str(tmp_path)]
-    environment = {**os.environ, "MUJOCO_GL": backends()[0], "PYTHONPATH": str(REPOSITORY)}
-    done = subprocess.run(program, capture_output=True, text=True, env=environment, check=False)
-    assert done.returncode == 0, done.stderr
+    run_drawing("-m", f"examples.{name}", "--folder", tmp_path, PYTHONPATH=str(REPOSITORY))
     assert (tmp_path / f"{name}.gif").stat().st_size > 10_000

@@ -2,33 +2,24 @@
 
 from __future__ import annotations
 
-import importlib.util
 import os
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import mujoco
 import numpy as np
 import pytest
+
+from tests.scripts import load_script
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "grasp_cube.py"
 LIFTED = 0.05  # [m] above where it lay
 HELD = 1.0  # [s]
 
 
-def load_example() -> Any:
-    spec = importlib.util.spec_from_file_location("grasp_cube", EXAMPLE)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 def test_the_cube_is_lifted_and_held_by_the_controls_alone() -> None:
-    example = load_example()
+    example = load_script(EXAMPLE)
     scene = example.Scene()
     physics, model = scene.physics, scene.physics.model
     assert model.neq == 0
@@ -68,7 +59,7 @@ def test_the_example_draws_its_pictures(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     assert "cube at 0.1" in done.stdout
     with Image.open(tmp_path / "grasp_cube.png") as strip:
-        assert strip.size == (64 * load_example().STRIP, 48)
+        assert strip.size == (64 * load_script(EXAMPLE).STRIP, 48)
         pixels = np.asarray(strip)
     assert pixels.std() > 10.0  # not a blank picture
     assert np.abs(pixels[:, :64].astype(int) - pixels[:, -64:].astype(int)).mean() > 1.0  # and the arm has moved

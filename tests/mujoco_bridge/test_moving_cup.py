@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
-import os
-import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -12,21 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.rendering import run_drawing
+from tests.scripts import load_script
+
 EXAMPLE = Path(__file__).parents[2] / "examples" / "moving_cup.py"
 
 
-def load_example() -> Any:
-    spec = importlib.util.spec_from_file_location("moving_cup", EXAMPLE)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["moving_cup"] = module
-    spec.loader.exec_module(module)
-    return module
-
-
 def test_a_scene_says_where_the_cup_is_and_how_fast() -> None:
-    module = load_example()
+    module = load_script(EXAMPLE)
     bench = module.Bench()
     bench.look()
     for _ in range(module.SCENE_EVERY):
@@ -38,7 +28,7 @@ def test_a_scene_says_where_the_cup_is_and_how_fast() -> None:
 
 @pytest.mark.slow
 def test_the_moving_cup_is_lifted_and_the_board_not_touched(capsys: pytest.CaptureFixture[str]) -> None:
-    module = load_example()
+    module = load_script(EXAMPLE)
     touched = set[str]()
     speeds: list[Any] = []
 
@@ -71,13 +61,7 @@ def test_the_moving_cup_is_lifted_and_the_board_not_touched(capsys: pytest.Captu
 def test_a_picture_is_written(tmp_path: Path) -> None:
     from PIL import Image
 
-    from tests.rendering import backends
-
-    if not backends():
-        pytest.skip("no off-screen renderer on this machine")
     file = tmp_path / "cup.gif"
-    root = EXAMPLE.parents[1]
-    environment = {**os.environ, "MUJOCO_GL": backends()[0], "PYTHONPATH": str(root)}
-    subprocess.run([sys.executable, EXAMPLE, "--picture", file], check=True, env=environment, cwd=root, timeout=120)
+    run_drawing(EXAMPLE, "--picture", file, PYTHONPATH=str(EXAMPLE.parents[1]))
     with Image.open(file) as picture:
         assert getattr(picture, "n_frames", 1) > 20

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import functools
 import json
 import os
 import select
@@ -19,9 +20,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import jacokin
+from jacokin.motion import Trajectory
 
 HERE = Path(__file__).parent
 BESIDE = HERE / "beside_ros.py"
@@ -72,11 +75,8 @@ class Ros:
         beside = dataclasses.replace(
             self, environment={**self.environment, "JACOKIN_PATHS": os.pathsep.join(map(str, folders))}
         )
-        version = subprocess.run(
-            [self.python, "-c", "import sys; print(sys.version_info[:2])"], capture_output=True, text=True
-        )
-        if version.stdout.strip() != str(sys.version_info[:2]):
-            pytest.skip(f"ROS has another Python than the tests: {version.stdout.strip()}")
+        if version_of(self.python) != str(sys.version_info[:2]):
+            pytest.skip(f"ROS has another Python than the tests: {version_of(self.python)}")
         return beside._start(BESIDE, *map(str, words))
 
     def run(self, *words: object) -> tuple[int, str, str]:
@@ -101,6 +101,13 @@ class Ros:
         return subprocess.Popen(
             command, env=dict(self.environment), stdout=pipe, stderr=pipe, text=True, preexec_fn=heed_signals
         )
+
+
+@functools.cache
+def version_of(python: str) -> str:
+    """Which Python it is."""
+    command = [python, "-c", "import sys; print(sys.version_info[:2])"]
+    return subprocess.run(command, capture_output=True, text=True).stdout.strip()
 
 
 def heed_signals() -> None:
@@ -270,6 +277,11 @@ def lose(sender: subprocess.Popen[str], arm: Arm, number: signal.Signals) -> tup
         record = arm.ends()
         sender.kill()
         return record, sender.communicate()[1]
+
+
+def away(record: dict[str, Any], motion: Trajectory) -> float:
+    """How far the arm is from the end of a motion [deg]."""
+    return float(np.degrees(np.abs(np.array(record["angles"]) - motion.q[-1]).max()))
 
 
 def plain_environment(**names: str) -> dict[str, str]:

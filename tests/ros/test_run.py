@@ -11,14 +11,13 @@ import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 import jacokin
 from jacokin.motion import Trajectory, move_joints
-from tests.ros.nodes import Master, Ros, Twin, at_work, finish, heed_signals
+from tests.ros.nodes import Master, Ros, Twin, at_work, away, finish, heed_signals
 
 pytestmark = pytest.mark.slow
 VERSIONS = (1, 2)
@@ -71,11 +70,6 @@ def moving(ros: Ros, version: int, file: Path, *words: object) -> Iterator[tuple
         time.sleep(0.8)
         assert running.poll() is None
         yield twin, running
-
-
-def away(record: dict[str, Any], motion: Trajectory) -> float:
-    """[deg]"""
-    return float(np.degrees(np.abs(np.array(record["angles"]) - motion.q[-1]).max()))
 
 
 @pytest.mark.parametrize("faults", ["", "lag=0.02,loss=0.05"])

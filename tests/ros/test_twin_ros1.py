@@ -13,7 +13,7 @@ import pytest
 
 import jacokin
 from jacokin.motion import Trajectory, move_joints
-from tests.ros.nodes import Ros, at_work, finish, free_port
+from tests.ros.nodes import Ros, at_work, away, finish, free_port
 
 pytestmark = pytest.mark.slow
 HERE = Path(__file__).parent / "ros1"
@@ -33,11 +33,6 @@ def files(motion: Trajectory, tmp_path: Path) -> Path:
     motion.save(tmp_path / "m.kinova.json", joint_prefix="j2n6s300_", ros=1)
     motion.save(tmp_path / "m.kinova.csv")
     return tmp_path
-
-
-def away(record: dict[str, list[float]], motion: Trajectory) -> float:
-    """[deg]"""
-    return float(np.degrees(np.abs(np.array(record["angles"]) - motion.q[-1]).max()))
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ import pytest
 
 import jacokin
 from jacokin.motion import Trajectory, move_joints
-from tests.ros.nodes import Ros, at_work, finish
+from tests.ros.nodes import Ros, at_work, away, finish
 
 pytestmark = pytest.mark.slow
 HERE = Path(__file__).parent / "ros2"
@@ -34,11 +34,6 @@ def motion() -> Trajectory:
 def file(motion: Trajectory, tmp_path: Path) -> Path:
     motion.save(tmp_path / "m.json", joint_prefix="j2n6s300_")
     return tmp_path / "m.json"
-
-
-def away(record: dict[str, list[float]], motion: Trajectory) -> float:
-    """[deg]"""
-    return float(np.degrees(np.abs(np.array(record["angles"]) - motion.q[-1]).max()))
 
 
 @pytest.mark.parametrize("faults", ["", "lag=0.02,loss=0.01,stall"])

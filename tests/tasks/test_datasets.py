@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import resource
 import shutil
 import signal
@@ -27,8 +26,8 @@ from jacokin.tasks.datasets import recording, video
 from jacokin.tasks.datasets.recorded import Recorded
 from jacokin.tasks.datasets.recording import run_episode
 from jacokin.tasks.task import CONTROL_TIMESTEP
-from tests import rendering
 from tests.cli.run import leave
+from tests.rendering import run_drawing
 
 h5py = pytest.importorskip("h5py", reason="the extra data is not installed")
 parquet = pytest.importorskip("pyarrow.parquet", reason="the extra data is not installed")
@@ -211,12 +210,9 @@ np.save(sys.argv[2], np.stack([env.reset(seed=s)[0]["front_close"] for s in (0, 
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not rendering.backends(), reason="MuJoCo cannot draw here")
 def test_pictures_are_videos(tmp_path: Path) -> None:
     path, firsts = tmp_path / "demos.lerobot", tmp_path / "first.npy"
-    environment = {**os.environ, "MUJOCO_GL": rendering.backends()[0]}
-    command = [sys.executable, "-P", "-c", PICTURES, str(path), str(firsts)]
-    subprocess.run(command, env=environment, check=True)
+    run_drawing("-c", PICTURES, path, firsts)
     info = json.loads((path / "meta/info.json").read_text())
     name = "observation.images.front_close"
     assert info["features"][name]["shape"] == [84, 84, 3]

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import copy
-import os
 import pickle
-import subprocess
-import sys
 
 import dm_env
 import numpy as np
@@ -16,7 +13,7 @@ import jacokin.tasks
 from jacokin.errors import UnknownNameError
 from jacokin.tasks import Environment
 from jacokin.tasks.registry import TASKS
-from tests.rendering import backends
+from tests.rendering import run_drawing
 
 FEATURES = jacokin.tasks.names("features")
 QUICK = ("reach_site", "lift_brick", "place_cradle", "stack_3_bricks_random_order")
@@ -132,7 +129,6 @@ def test_a_reassembled_stack_is_built_at_first() -> None:
     assert names.observations == ("features", "vision")
 
 
-@pytest.mark.skipif(not backends(), reason="no rendering back end works here")
 @pytest.mark.slow
 def test_pictures_instead_of_props() -> None:
     code = (
@@ -141,18 +137,9 @@ def test_pictures_instead_of_props() -> None:
         "f = jacokin.tasks.load('stack_2_bricks', seed=0); f.reset(); a = e.step(np.ones(9)); b = f.step(np.ones(9));"
         "assert a.reward == b.reward; assert a.observation['front_close'].std() > 10; print(list(s)[0], len(s))"
     )
-    done = subprocess.run(
-        [sys.executable, "-P", "-c", code],
-        env={**_environment(), "MUJOCO_GL": backends()[0]},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.split() == ["front_close", "8"]
+    assert run_drawing("-c", code).split() == ["front_close", "8"]
 
 
-@pytest.mark.skipif(not backends(), reason="no rendering back end works here")
 @pytest.mark.slow
 def test_pictures_of_gymnasium() -> None:
     code = (
@@ -165,16 +152,4 @@ def test_pictures_of_gymnasium() -> None:
         "assert depth.shape == (96, 480) and depth.dtype == np.float32 and 0.2 < depth.min() < depth.max()\n"
         "assert np.array_equal(o2['proprioception'], p[: o2['proprioception'].size])  # pictures change nothing\n"
     )
-    environment = {**_environment(), "MUJOCO_GL": backends()[0]}
-    done = subprocess.run(
-        [sys.executable, "-P", "-W", "ignore", "-c", code],
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-
-
-def _environment() -> dict[str, str]:
-    return {key: value for key, value in os.environ.items() if key != "MUJOCO_GL"}
+    run_drawing("-W", "ignore", "-c", code)

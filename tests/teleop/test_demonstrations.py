@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import subprocess
 import sys
 import threading
@@ -24,7 +23,7 @@ from jacokin.errors import InvalidInputError
 from jacokin.tasks import TaskEnv, replay
 from jacokin.tasks.datasets import hdf5
 from jacokin.teleop import Controller, Keyboard, Player, Stream, TaskArm, Teleop, TeleopStep, demonstrate
-from tests import rendering
+from tests.rendering import run_drawing
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -123,10 +122,8 @@ for ending in ("hdf5", "lerobot"):
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not rendering.backends(), reason="MuJoCo cannot draw here")
 def test_pictures_are_recorded(tmp_path: Path) -> None:
-    environment = {**os.environ, "MUJOCO_GL": rendering.backends()[0]}
-    subprocess.run([sys.executable, "-P", "-c", PICTURES, ROOT, str(tmp_path)], env=environment, check=True)
+    run_drawing("-c", PICTURES, ROOT, tmp_path)
     _, (episode,) = hdf5.read(tmp_path / "demos.hdf5")
     assert episode.observations["wrist"].shape == (4, 32, 32, 3)
     assert len(np.unique(episode.observations["wrist"])) > 10

@@ -43,6 +43,7 @@ WITHOUT_SCREEN = (
     "--window-size=1000,700",
     "--remote-debugging-port=0",
 )
+ROUGH = "--webgl-antialiasing-mode=none"  # the processor draws, and smooth edges are a third of that
 STARTING = 60.0  # [s]
 
 TEXTS = """const same = e => e.textContent.trim() === %s;
@@ -60,7 +61,8 @@ SLIDER = f"""(() => {{ {TEXTS}
 }})()"""
 FRAMES = "(async () => { for (let i = 0; i < %d; i++) await new Promise(requestAnimationFrame); })()"
 PLACE = f"""(async () => {{ {TEXTS}
-  for (let frame = 0; frame < 6; frame++) await new Promise(requestAnimationFrame);
+  await new Promise(resolve => setTimeout(resolve, 100));
+  for (let frame = 0; frame < 2; frame++) await new Promise(requestAnimationFrame);
   const text = texts[0];
   if (!text) return null;
   const input = text.closest('label')?.control;
@@ -146,10 +148,10 @@ class Tab:
 
 
 @contextlib.contextmanager
-def browsing(url: str, folder: Path) -> Iterator[Tab]:
-    """A browser of its own that opens a page, with its files in a folder."""
+def browsing(url: str, folder: Path, *, smooth: bool = False) -> Iterator[Tab]:
+    """A browser of its own that opens a page, with its files in a folder; with smooth edges for pictures to look at."""
     assert CHROMIUM is not None
-    command = [CHROMIUM, *WITHOUT_SCREEN, f"--user-data-dir={folder}", url]
+    command = [CHROMIUM, *WITHOUT_SCREEN, *([] if smooth else [ROUGH]), f"--user-data-dir={folder}", url]
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
         listening = folder / "DevToolsActivePort"

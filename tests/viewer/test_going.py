@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -20,18 +19,6 @@ from jacokin.viewer import viewer as running
 from tests.motion.free_motion.test_plan_motion import WALL, between, parted, touches, ways_through
 from tests.viewer.page import Page, opened, until
 from tests.viewer.test_viewer import at
-
-
-@pytest.fixture
-def viewer(robot: Robot) -> Iterator[Viewer]:
-    with serve(robot, port=0) as running:
-        yield running
-
-
-@pytest.fixture
-def page(viewer: Viewer) -> Iterator[Page]:
-    with opened(viewer) as tab:
-        yield tab
 
 
 def raise_target(viewer: Viewer, robot: Robot, rise: float) -> None:

@@ -8,7 +8,6 @@ import re
 import sys
 import threading
 import time
-from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -29,18 +28,6 @@ from tests.viewer.trajectories import recorded
 
 TABS = 12  # that are open at once
 NEAR, FAR = (0.3, -0.2, 0.5), (2.0, 0.0, 0.3)
-
-
-@pytest.fixture
-def viewer(robot: Robot) -> Iterator[Viewer]:
-    with serve(robot, port=0) as running:
-        yield running
-
-
-@pytest.fixture
-def page(viewer: Viewer) -> Iterator[Page]:
-    with opened(viewer) as tab:
-        yield tab
 
 
 def at(viewer: Viewer, position: tuple[float, float, float]) -> bool:

@@ -15,7 +15,7 @@ import jacokin.model
 from jacokin.arrays import Array
 from jacokin.errors import ModelError, UnknownNameError
 from jacokin.model.descriptions import chain
-from tests.robot_files import SCENE
+from tests.robot_files import SCENE, torso_text
 
 
 def tree(*parents: int, kind: str = "RZ", frames: bool = True) -> pin.Model:
@@ -154,26 +154,6 @@ def test_continuous_joints_turn_about_any_axis(tmp_path: Path, rng: np.random.Ge
         bend = jacokin.pose([0.3, 0.0, 0.0], rpy=[0.0, 0.0, q[1]])
         reached = robot.forward_kinematics(q, "two")
         np.testing.assert_allclose(reached.homogeneous, (first * turn * bend).homogeneous, atol=1e-14)
-
-
-TORSO = """<robot name="torso">{links}
-  <joint name="lift" type="prismatic"><parent link="floor"/><child link="torso"/><axis xyz="0 0 1"/>
-    <limit lower="0" upper="1" effort="1" velocity="1"/></joint>{arms}</robot>"""
-
-
-def torso_text(arms: dict[str, int]) -> str:
-    links, joints = ['<link name="floor"/><link name="torso"/>'], []
-    for side, count in arms.items():
-        parent = "torso"
-        for i in range(count):
-            child = f"{side}_{i}"
-            links.append(f'<link name="{child}"/>')
-            joints.append(
-                f'<joint name="{child}_joint" type="continuous"><parent link="{parent}"/><child link="{child}"/>'
-                '<origin xyz="0.1 0.2 0.3"/><axis xyz="0 1 0"/></joint>'
-            )
-            parent = child
-    return TORSO.format(links="".join(links), arms="".join(joints))
 
 
 def test_arms_on_a_torso_ask_for_the_tip(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import pickle
 import signal
 import threading
@@ -30,21 +31,25 @@ FINE = 1e-3  # [rad] between configurations that the referee looks at
 WALL = Scene([Box("wall", [0.6, 0.02, 0.7], [0.45, -0.05, 0.35]), Floor(-0.02)])
 
 
+@functools.lru_cache(maxsize=16)
+def referee(robot: Robot, scene: Scene) -> tuple[mujoco.MjModel, mujoco.MjData, NDArray[np.intp], NDArray[np.float64]]:
+    """The robot in the scene, the pairs (n, 2) of shapes that count, and how near they must be to touch [m]."""
+    model, counted = compile_twin(robot, scene.surroundings)
+    pairs = np.array(counted)
+    radii = np.where(model.geom_rbound == 0.0, np.inf, model.geom_rbound)[pairs]  # of planes it is 0
+    return model, mujoco.MjData(model), pairs, radii.sum(axis=1)
+
+
 def touches(robot: Robot, scene: Scene, rows: NDArray[np.float64]) -> int:
     """How many configurations (n, dof) MuJoCo finds in contact."""
-    model, pairs = compile_twin(robot, scene.surroundings)
-    data = mujoco.MjData(model)
-    first, second = np.array(pairs).T
-    far = model.geom_rbound[first] + model.geom_rbound[second]
-    far[(model.geom_rbound[first] == 0.0) | (model.geom_rbound[second] == 0.0)] = np.inf  # planes
+    model, data, pairs, far = referee(robot, scene)
     found = 0
     for q in rows:
         data.qpos[:] = q
         mujoco.mj_kinematics(model, data)
-        near = np.linalg.norm(data.geom_xpos[first] - data.geom_xpos[second], axis=1) < far
+        apart = np.linalg.norm(data.geom_xpos[pairs[:, 0]] - data.geom_xpos[pairs[:, 1]], axis=1)
         found += any(
-            mujoco.mj_geomDistance(model, data, int(a), int(b), 0.01, None) < -1e-6
-            for a, b in zip(first[near], second[near], strict=True)
+            mujoco.mj_geomDistance(model, data, a, b, 0.01, None) < -1e-6 for a, b in pairs[apart < far].tolist()
         )
     return found
 

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import copy
-import os
 import pickle
-import subprocess
 import sys
 import warnings
 from typing import Any
@@ -29,7 +27,7 @@ from jacokin.tasks.gym.packing import Packing
 from jacokin.tasks.gym.registration import EPISODE_STEPS, IDS
 from jacokin.tasks.registry import OURS, TASKS
 from jacokin.tasks.task import WHOLE
-from tests.rendering import backends
+from tests.rendering import run_drawing
 from tests.tasks.gym.checking import make
 
 
@@ -462,11 +460,7 @@ assert sum(equal) > 0.93 * len(equal)  # but for pixels on edges
 """
 
 
-@pytest.mark.skipif(not backends(), reason="no rendering back end works here")
 @pytest.mark.slow
 def test_depth_and_segmentation_are_what_rays_meet() -> None:
     """A ray through the middle of a pixel, by MuJoCo's collision geometry instead of OpenGL."""
-    environment = {**os.environ, "MUJOCO_GL": backends()[0]}
-    command = [sys.executable, "-P", "-W", "ignore", "-c", RAYS]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr
+    run_drawing("-W", "ignore", "-c", RAYS)

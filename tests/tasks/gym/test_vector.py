@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import copy
-import os
-import subprocess
-import sys
 from typing import Any
 
 import gymnasium
@@ -21,7 +18,7 @@ from jacokin.tasks import Randomization, TaskEnv
 from jacokin.tasks.gym.controls import CONTROLS
 from jacokin.tasks.gym.vector import Simulations, VectorTaskEnv
 from jacokin.tasks.task import CONTROL_TIMESTEP, Task
-from tests.rendering import backends
+from tests.rendering import run_drawing
 from tests.tasks.families_sample import ONE_OF_EACH_FAMILY
 from tests.tasks.gym.randomizations import ALL
 
@@ -331,7 +328,6 @@ def test_a_wrong_pose_moves_nothing() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not backends(), reason="no rendering back end works here")
 def test_pictures_of_many() -> None:
     code = (
         "import numpy as np; from jacokin.tasks import Randomization, TaskEnv\n"
@@ -347,10 +343,7 @@ def test_pictures_of_many() -> None:
         "    assert all(np.array_equal(f[key][1], g[key]) for key in g), task\n"
         "    assert all(np.array_equal(o[key][1], p[key]) for key in p), task; v.close(); print('closed')"
     )
-    environment = {**os.environ, "MUJOCO_GL": backends()[0]}
-    command = [sys.executable, "-P", "-W", "ignore", "-c", code]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
-    assert done.stdout == 3 * "closed\n", done.stderr
+    assert run_drawing("-W", "ignore", "-c", code) == 3 * "closed\n"
 
 
 def test_mistakes_in_options() -> None:

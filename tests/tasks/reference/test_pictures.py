@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import json
-import os
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from tests.rendering import backends
+from tests.rendering import run_drawing
 from tests.tasks.families_sample import one_of_each_family
 from tests.tasks.reference.sides import VISION
 
@@ -27,17 +24,7 @@ OUTLINE = 0.12  # share of the pixels that may differ: the robot's outline, its 
 
 def comparison(name: str) -> dict[str, Any]:
     """What `picture_program` prints of one task."""
-    if not backends():
-        pytest.skip("no rendering back end works here")
-    done = subprocess.run(
-        [sys.executable, "-P", "-c", PROGRAM, str(ROOT), name],
-        env={**os.environ, "MUJOCO_GL": backends()[0]},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    found: dict[str, Any] = json.loads(done.stdout)
+    found: dict[str, Any] = json.loads(run_drawing("-c", PROGRAM, ROOT, name))
     return found
 
 

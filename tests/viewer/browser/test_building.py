@@ -26,12 +26,6 @@ def viewer(robot: Robot) -> Iterator[Viewer]:
         yield running
 
 
-@pytest.fixture
-def page(viewer: Viewer) -> Iterator[Page]:
-    with opened(viewer) as tab:
-        yield tab
-
-
 def click(page: Page, at: tuple[float, float, float]) -> None:
     """Click where a point of the scene is seen from EYE."""
     direction = np.array(at) - EYE

@@ -33,12 +33,6 @@ def viewer(robot: Robot) -> Iterator[Viewer]:
         yield running
 
 
-@pytest.fixture
-def page(viewer: Viewer) -> Iterator[Page]:
-    with opened(viewer) as tab:
-        yield tab
-
-
 def test_another_frame_is_where_the_arm_has_it(viewer: Viewer, page: Page, robot: Robot) -> None:
     before = viewer.view.q
     page.change("Frame", "gripsite")
