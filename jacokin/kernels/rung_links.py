@@ -22,12 +22,12 @@ from jacokin.kernels.vector import Vec, mix, norm
 
 #: Columns of a joint, see `many_configurations.Chain.constants`.
 JOINT_COLUMNS = 34
-#: Where the numbers are: the farthest that a joint moves, and the parameter [rad]; by how much the tool misses the path
-#: half way [m], and in orientation [rad]; how much more for a squared change of the parameter; the cost of a second
+#: Where the numbers are: the farthest that a joint moves, and a parameter [rad]; by how much the tool misses the path
+#: half way [m], and in orientation [rad]; how much more for squared changes of parameters; the cost of a second
 #: times how much too fast a joint is.
 LinkNumber = IntEnum("LinkNumber", "FARTHEST FARTHEST_PARAMETER DEVIATION TILT BEND HASTE COUNT", start=0)
-#: Where the counts are: joints up to the frame, and the coordinate that is the parameter, -1 for none.
-LinkCount = IntEnum("LinkCount", "JOINTS PARAMETER COUNT", start=0)
+#: Where the counts are: joints up to the frame.
+LinkCount = IntEnum("LinkCount", "JOINTS COUNT", start=0)
 
 
 class LinkWork(NamedTuple):
@@ -38,6 +38,7 @@ class LinkWork(NamedTuple):
     joints: Array  # (dof, JOINT_COLUMNS)
     tip: Array  # (3, 4) the tool after the last joint
     circular: NDArray[np.int64]  # (width,) 1 for coordinates that are the same after a turn
+    parameters: NDArray[np.int64]  # (k,) coordinates that are free where the tool is: of points none, of curves one
     scale: Array  # (dof,) velocity limits [rad/s]
     sizes: NDArray[np.int64]  # (rungs,) solutions of each rung
     x: Array  # (solutions width,) coordinates: the joints, then the free angle if there is one [rad]
@@ -53,8 +54,10 @@ class LinkWork(NamedTuple):
     goal: Array  # (4, 4)
 
 
-def make_link_work(dof: int = 0, width: int = 0, rungs: int = 0, solutions: int = 0, room: int = 0) -> LinkWork:
-    """Fresh work arrays for an arm, so many coordinates, rungs and solutions, and so many links."""
+def make_link_work(
+    dof: int = 0, width: int = 0, parameters: int = 0, rungs: int = 0, solutions: int = 0, room: int = 0
+) -> LinkWork:
+    """Fresh work arrays for an arm, so many coordinates, parameters among them, rungs, solutions and links."""
     lines = max(rungs - 1, 0)
     return LinkWork(
         np.zeros(LinkCount.COUNT, np.int64),
@@ -62,6 +65,7 @@ def make_link_work(dof: int = 0, width: int = 0, rungs: int = 0, solutions: int 
         np.zeros((dof, JOINT_COLUMNS)),
         np.zeros((3, 4)),
         np.zeros(width, np.int64),
+        np.zeros(parameters, np.int64),
         np.zeros(dof),
         np.zeros(rungs, np.int64),
         np.zeros(solutions * width),
@@ -97,9 +101,10 @@ def link_rungs(work: LinkWork) -> int:
 
 def is_near(work: LinkWork, a: int, b: int) -> bool:
     """Whether no coordinate moves too far from the solution that begins at x[a] to that at x[b]; fills `away`."""
-    width, parameter, numbers = len(work.circular), work.counts[LinkCount.PARAMETER], work.numbers
-    if parameter >= 0 and not coordinate_is_near(work, a, b, parameter, numbers[LinkNumber.FARTHEST_PARAMETER]):
-        return False
+    width, numbers = len(work.circular), work.numbers
+    for parameter in work.parameters:
+        if not coordinate_is_near(work, a, b, parameter, numbers[LinkNumber.FARTHEST_PARAMETER]):
+            return False
     for j in range(width):
         limit = numbers[LinkNumber.FARTHEST] if j < len(work.joints) else numbers[LinkNumber.FARTHEST_PARAMETER]
         if not coordinate_is_near(work, a, b, j, limit):
@@ -119,9 +124,11 @@ def coordinate_is_near(work: LinkWork, a: int, b: int, j: int, limit: float) -> 
 
 def misses(work: LinkWork, i: int) -> bool:
     """Whether the tool is too far from the path half way to the rung after rung i."""
-    dof, parameter, numbers, goal = len(work.joints), work.counts[LinkCount.PARAMETER], work.numbers, work.T[i]
+    dof, numbers, goal = len(work.joints), work.numbers, work.T[i]
     x, y, z, p = tool_at(work)
-    more = numbers[LinkNumber.BEND] * work.away[parameter] * work.away[parameter] if parameter >= 0 else 0.0
+    more = 0.0
+    for parameter in work.parameters:
+        more += numbers[LinkNumber.BEND] * work.away[parameter] * work.away[parameter]
     square, most = 0.0, numbers[LinkNumber.DEVIATION] + more
     for row in range(3):
         square += (goal[row, 3] - p[row]) * (goal[row, 3] - p[row])

@@ -25,6 +25,7 @@ TURNED = 0.2  # [m] turning by 1 rad counts as going so far
 SHORTEST = 1e-9  # [m] added to each line, so that places rise along those of no length, too
 MOST_PLACES = 50_000  # steps of a path: half a kilometre, or that many waypoints
 MOST_CURVES = 10_000  # the same where each of them has curves
+MOST_SURFACES = 1000  # and surfaces: ten metres
 
 
 class CartesianPath:

@@ -2,7 +2,7 @@
 
 Coordinates are the joint angles; where the path has a free angle, it comes after them. A full pose on six joints leaves
 points at each place of the path; a free angle or a seventh joint, one degree of redundancy, leaves curves: the
-self-motions of the arm.
+self-motions of the arm; both together leave surfaces.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class Manifold:
         chain: the kinematics of the arm.
         dof: number of joints.
         width: number of coordinates.
-        column: the coordinate that is the parameter of curves; None when there are none.
+        parameters: the coordinates that are free at each place: none of points, one of curves, two of surfaces.
         circular: (width,) coordinates that are the same after a turn.
         lower: (dof,) limits of the joints [rad].
         upper: (dof,) [rad].
@@ -54,16 +54,21 @@ class Manifold:
         """
         self.path, self.chain, self.dof = path, chain, robot.dof
         self.width = self.dof + path.free
-        self.column = None if parameter is None else robot.joint_index(parameter)
+        self.parameters = [] if parameter is None else [robot.joint_index(parameter)]
         if path.free and self.dof >= 6:  # fewer joints about a free axis have points
-            self.column = self.dof
+            self.parameters.append(self.dof)
         self.circular = np.array([*robot.unlimited, *[True] * path.free])
         self.lower, self.upper, self._snap = robot.lower, robot.upper, limit_snap
 
     @property
     def has_curves(self) -> bool:
-        """Whether there are curves of configurations at each place."""
-        return self.column is not None
+        """Whether there are curves of configurations at each place, or surfaces."""
+        return bool(self.parameters)
+
+    @property
+    def has_surfaces(self) -> bool:
+        """Whether there are surfaces of configurations at each place."""
+        return len(self.parameters) > 1
 
     def points(self, q: Array, target: pin.SE3 | FreeAxis, parameter: float = 0.0) -> Array:
         """Coordinates (n, width) of configurations (n, dof) at a target; `parameter` where a pose leaves none."""
@@ -118,9 +123,9 @@ class Manifold:
         return within, good
 
     def tangents(self, u: Array, x: Array) -> Array:
-        """Unit vectors (n, width) along the curves of configurations at points."""
+        """Unit vectors (n, k, width) along the curves or surfaces of configurations at points, at right angles."""
         _, jacobian = self.chain.linearise(x, self.goal(u))
-        return np.asarray(np.linalg.svd(jacobian)[2][:, -1])
+        return np.asarray(np.linalg.svd(jacobian)[2][:, 6:])
 
     def window_near(self, u: Array, x: Array) -> tuple[Array, Array]:
         """`window`, the range of the free angle in the copies nearest to points."""

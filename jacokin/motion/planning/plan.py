@@ -24,12 +24,13 @@ from jacokin.ik.solver import IKSolver
 from jacokin.ik.targets import Target, TargetPose
 from jacokin.ik.verification import Verifier
 from jacokin.model import checks
+from jacokin.model.angles import wrap_to_pi
 from jacokin.model.many_configurations import Chain
 from jacokin.model.poses import FreeAxis, rotation_angle
 from jacokin.model.robot import acceleration_limits, limit_margins, velocity_limits
 from jacokin.motion.free_motion.plan_motion import plan_motion
 from jacokin.motion.joint_motion import ACCELERATION
-from jacokin.motion.path import MOST_CURVES, MOST_PLACES, CartesianPath
+from jacokin.motion.path import MOST_CURVES, MOST_PLACES, MOST_SURFACES, CartesianPath
 from jacokin.motion.planning.manifold import Curve, Manifold, Pace
 from jacokin.motion.planning.passing import keep_speed, pass_slowly
 from jacokin.motion.planning.search import Climb, Ladder, PathSearch, Rung
@@ -39,6 +40,7 @@ from jacokin.motion.track import ANGULAR_SPEED, SPEED
 from jacokin.motion.trajectory import LEAD_IN, SPEED_ROUNDING, Trajectory
 
 FINEST = 0.01  # [rad] between members of a curve: more of them take minutes
+FINEST_TWO = 0.1  # [rad] the same of a surface
 SLOWEST = 1e-6  # [rad/s] of a velocity limit: a turn takes 70 days
 
 
@@ -68,9 +70,9 @@ def plan_path(
     Args:
         solver: a solver whose robot has a closed form, of five to seven joints; its scene, clearance and limits hold
             along the path.
-        targets: two or more poses T_base_tool (`pin.SE3` or (4, 4)), or `FreeAxis` targets on five or six joints, each
-            with an axis and a range of its own; targets of the tracker that make either will do too. On seven joints a
-            pose leaves the elbow free, which is chosen here.
+        targets: two or more poses T_base_tool (`pin.SE3` or (4, 4)), or `FreeAxis` targets, each with an axis and a
+            range of its own; targets of the tracker that make either will do too. On seven joints a pose leaves the
+            elbow free, which is chosen here, with the angle about a free axis.
         dt: control step [s].
         speed: along the lines [m/s], one for all or (n - 1,).
         angular_speed: of turning [rad/s], as `speed`; a line takes the longer of the two times. Turning about a free
@@ -86,7 +88,7 @@ def plan_path(
             slowing down along the path, and none at corners, which are passed in a tick. With one, the arm slows down
             or stands still at corners.
         free_step: between values of the free angle, or of joint 3 on seven joints, that are tried [rad]; the ends of
-            their intervals are tried too, and the best way is then smoothed.
+            their intervals are tried too, and the best way is then smoothed. Where both are free, twice as far apart.
         time_limit: after which gaps in the path are not looked at more closely, but end it [s]; None for no limit. What
             leads to the path, and writing its rows, is not counted.
 
@@ -96,7 +98,7 @@ def plan_path(
 
     Raises:
         InvalidInputError: malformed targets, speeds or limits; `start` beside `seed`;
-            acceleration limits with timing="keep"; a `FreeAxis` on seven joints.
+            acceleration limits with timing="keep".
         UnknownNameError: unknown timing.
         StructureError: the robot has no closed form.
         ShapeError: the robot's shapes cannot be loaded, and contact is to be avoided.
@@ -113,10 +115,13 @@ def plan_path(
     if velocity.min() < SLOWEST:
         raise InvalidInputError(f"velocity_limit must be at least {SLOWEST:g} rad/s, got {velocity.min():g}")
     dt = checks.positive("dt", dt, "s")
-    path = _checked_path(solver, targets)
+    path = CartesianPath(targets, solver.frame)
+    chain = Chain(robot, verifier.frame_id, verifier.tool)
+    manifold = Manifold(robot, chain, path, verifier.options.limit_snap, solver.parameter)
     free_step = checks.positive("free_step", free_step, "rad")
-    if free_step < FINEST:
-        raise InvalidInputError(f"free_step must be at least {FINEST:g} rad, got {free_step!r}")
+    finest = FINEST_TWO if manifold.has_surfaces else FINEST
+    if free_step < finest:
+        raise InvalidInputError(f"free_step must be at least {finest:g} rad, got {free_step!r}")
     limit = np.inf if time_limit is None else checks.positive("time_limit", time_limit, "s")
     times = path.durations(speed, angular_speed)
     check_ticks(times, dt)
@@ -138,12 +143,11 @@ def plan_path(
         )
         return _led_in(solver, near, plan, dt, ACCELERATION if acceleration is None else acceleration)
 
-    chain = Chain(robot, verifier.frame_id, verifier.tool)
-    manifold = Manifold(robot, chain, path, verifier.options.limit_snap, solver.parameter)
     pace = Pace(times, velocity)
     ladder = Ladder(solver, manifold, pace, free_step, near, keep=timing == "keep")
     # Every centimetre of the tool, turning counted in.
-    places = path.places(0.01, MOST_CURVES if manifold.has_curves else MOST_PLACES)
+    most = MOST_SURFACES if manifold.has_surfaces else MOST_CURVES if manifold.has_curves else MOST_PLACES
+    places = path.places(0.01, most)
     search = PathSearch(ladder, places, near, exactly=start is not None, deadline=time.monotonic() + limit)
     found = Climb(search, dt).find()
     writer = _Writer(
@@ -178,20 +182,6 @@ def _require_closed_form(solver: IKSolver) -> None:
             solver.closed_form()
     except StructureError as error:
         raise StructureError(f"plan_path needs a closed form: {error}") from error
-
-
-def _checked_path(solver: IKSolver, targets: Sequence[Target] | ArrayLike) -> CartesianPath:
-    """The lines through some targets.
-
-    Raises:
-        InvalidInputError: malformed targets, or a `FreeAxis` on seven joints.
-    """
-    path = CartesianPath(targets, solver.frame)
-    if path.free and solver.dimension() == 1:
-        raise InvalidInputError(
-            "a FreeAxis on seven joints leaves two free parameters: give the poses at one angle about it"
-        )
-    return path
 
 
 def _clear_or(near: Array, solver: IKSolver, path: CartesianPath) -> Array:
@@ -262,9 +252,9 @@ class _Writer:
         """The parameter (lines + 1,) at the waypoints that are reached; nan at others, and where there is none."""
         path = self.manifold.path
         parameter = np.full(path.lines + 1, np.nan)
-        column = self.manifold.dof if path.free else self.manifold.column
-        if column is None:
+        if not path.free and not self.manifold.has_curves:
             return parameter
+        column = self.manifold.dof if path.free else self.manifold.parameters[0]
         passed = np.arange(int(reached) + 1, dtype=np.float64)
         found = (curve.at(passed)[0] if len(curve.u) > 1 else curve.x)[:, column]
         parameter[: len(passed)] = path.free_angle(found) if path.free else found
@@ -398,14 +388,18 @@ JOINED = 1e-6  # [rad] a motion that ends this near to the first row leads to it
 
 
 def is_away(verifier: Verifier, q: Array, target: pin.SE3 | FreeAxis) -> bool:
-    """Whether the tool at `q` (dof,) is elsewhere than at a target, whatever the angle about its free axis."""
+    """Whether the tool at `q` (dof,) is elsewhere than at a target, which is any angle in a range of its axis."""
     tool = verifier.tool_pose(q)
     pose = target.at(0.0) if isinstance(target, FreeAxis) else target
     if np.linalg.norm(tool.translation - pose.translation) > THERE:
         return True
     if not isinstance(target, FreeAxis):
         return rotation_angle(tool.rotation.T @ pose.rotation) > THERE
-    return float(np.linalg.norm(tool.rotation @ target.axis - pose.rotation @ target.axis)) > THERE
+    if float(np.linalg.norm(tool.rotation @ target.axis - pose.rotation @ target.axis)) > THERE:
+        return True
+    middle = 0.5 * sum(target.range)
+    beyond = abs(float(wrap_to_pi(target.parameter_of(tool.rotation) - middle))) - (target.range[1] - middle)
+    return beyond > THERE
 
 
 def _led_in(

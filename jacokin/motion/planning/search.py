@@ -38,6 +38,7 @@ from jacokin.motion.timing import sample_lines
 PLACES_TOGETHER = 256  # places whose members are corrected in one go
 MISSED = 2e-3  # [m] of the tool from its line half way between two steps, the joints moving straight
 TILTED = 2e-2  # [rad] the same of its orientation
+SURFACE_STEPS = 2.0  # times farther apart are members where two parameters are free: a quarter of them
 NEAR = 1.0  # [rad] no joint moves farther between two steps
 
 FINEST = 2e-5  # [m] no step of the path is made smaller
@@ -121,7 +122,8 @@ class Ladder:
             keep: True when motions that need more than the time of their line are the last resort.
         """
         self.manifold, self.pace = manifold, pace
-        self._solver, self._step, self.keep = solver, step, keep
+        self._solver, self.keep = solver, keep
+        self._step = SURFACE_STEPS * step if manifold.has_surfaces else step
         self._robot, self.verifier = solver.robot, solver.verifier
         # Limited joints with more than a turn of room stand for several configurations.
         self._near, self._copies = near, copies_counted(self._robot)
@@ -158,20 +160,43 @@ class Ladder:
 
     def _members(self, u: float, target: pin.SE3 | FreeAxis, near: Array | None) -> _Members:
         """Points of curves."""
-        if not isinstance(target, FreeAxis) and self.manifold.path.free:  # six joints, at one value of the free angle
+        manifold = self.manifold
+        angle = float(manifold.path.window(np.array([u]))[0][0]) if manifold.path.free else 0.0  # of a full pose
+        if manifold.has_surfaces:
+            return self._surface(u, target, angle, near)
+        if not isinstance(target, FreeAxis) and manifold.path.free:  # six joints, at one value of the free angle
             branches = self._solver.closed_form().solve_all(target.homogeneous, self._robot.home)
-            angle = float(self.manifold.path.window(np.array([u]))[0][0])
             rows = branches.q[self.verifier.reached_rows(branches)]
-            return _Members(self.manifold.points(rows, target, angle), len(branches))
+            return _Members(manifold.points(rows, target, angle), len(branches))
         curves = self._solver.solve_all(target)
         assert isinstance(curves, CurveSet)
         parameters, rows = curves.spread(self._step)
         rows = angles.into_limits(rows, self._robot.lower, self._robot.upper)
-        found = [np.column_stack([rows, parameters]) if self.manifold.path.free else rows]
+        found = [np.column_stack([rows, parameters]) if manifold.path.free else rows]
         if near is not None:  # the member nearest to it, and the configuration itself, which may be a member
             nearest = curves.nearest(near)
-            found.append(self.manifold.points(np.array([near] if nearest is None else [nearest, near]), target))
+            found.append(manifold.points(np.array([near] if nearest is None else [nearest, near]), target))
         return _Members(np.concatenate(found), curves.branches)
+
+    def _surface(self, u: float, target: pin.SE3 | FreeAxis, angle: float, near: Array | None) -> _Members:
+        """Points of surfaces: curves at steps of the angle about the axis; a full pose is at one angle."""
+        turned = [(angle, target)]
+        if isinstance(target, FreeAxis):
+            low, high = target.range
+            count = math.ceil((high - low) / self._step) + (not target.full_turn)
+            values = np.linspace(low, high, count, endpoint=not target.full_turn)
+            turned = [(value, target.at(value)) for value in values.tolist()]
+        found, branches = [], 0
+        for value, pose in turned:
+            curves = self._solver.solve_all(pose)
+            assert isinstance(curves, CurveSet)
+            rows = angles.into_limits(curves.spread(self._step)[1], self._robot.lower, self._robot.upper)
+            found.append(self.manifold.points(rows, pose, value))
+            branches += curves.branches
+        if near is not None:
+            beside = self._solver.solve(target, seed=near, closest=False)
+            found.append(self.manifold.points(np.array([beside.q, near] if beside.success else [near]), target, angle))
+        return _Members(np.concatenate(found), branches)
 
     def _rung(self, u: float, x: Array, solutions: int) -> Rung:
         """The rung of points (k, width): without those in contact, and with their copies."""
@@ -196,9 +221,9 @@ class Ladder:
         firsts = [rung.firsts for rung in rungs]
         sizes = [len(rows) for rows in firsts]
         room = sum(a * b for a, b in itertools.pairwise(sizes))
-        work = make_link_work(manifold.dof, manifold.width, len(rungs), sum(sizes), room)
+        work = make_link_work(manifold.dof, manifold.width, len(manifold.parameters), len(rungs), sum(sizes), room)
         work.joints[:], work.tip[:], work.counts[LinkCount.JOINTS] = manifold.chain.constants
-        work.counts[LinkCount.PARAMETER] = -1 if manifold.column is None else manifold.column
+        work.parameters[:] = manifold.parameters
         work.numbers[LinkNumber.FARTHEST] = NEAR
         work.numbers[LinkNumber.FARTHEST_PARAMETER] = 2.5 * self._step  # from step to step of the path
         # What may be missed grows by 0.15 times the squared change of the parameter [m] and [rad].

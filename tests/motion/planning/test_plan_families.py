@@ -1,4 +1,4 @@
-"""Planned paths with a parameter to choose: free axes of six joints, the elbow of seven; measured by MuJoCo."""
+"""Planned paths with parameters to choose: free axes, the elbow of seven joints, and both; measured by MuJoCo."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from numpy.typing import NDArray
 
 import jacokin
 from jacokin import FreeAxis, IKSolver, Robot, plan_path
@@ -17,6 +18,7 @@ from jacokin.ik import Scene, Sphere
 from jacokin.motion import AxisTarget, PositionTarget, Trajectory, track_path
 from tests.ik.test_few_joints import CHAINS, urdf_of
 from tests.motion.by_mujoco import at, tool_poses
+from tests.seven_joint_arms import load_arm
 
 SEVEN = "j2s7s300"
 
@@ -114,11 +116,101 @@ def test_seven_joints_go_around_an_obstacle(seven: Robot) -> None:
     assert np.min(seven.clearance(np.vstack([result.q, between]), scene)) > 0.01 - 1e-3
 
 
-def test_a_free_axis_on_seven_joints_is_refused(seven: Robot) -> None:
-    targets = [FreeAxis(at(0.4, y, 0.4), axis=[0, 0, 1]) for y in (-0.3, -0.1)]
-    for path in (targets, [at(0.4, -0.4, 0.4), targets[0]]):
-        with pytest.raises(InvalidInputError, match="a FreeAxis on seven joints leaves two free parameters"):
-            plan_path(IKSolver(seven), path)
+def check_axis(robot: Robot, result: Trajectory, corners: list[pin.SE3], axis: NDArray[np.float64]) -> None:
+    """On the straight line between poses that differ by their place, the axis as it is there, at every tick."""
+    start, end = (corner.translation for corner in corners)
+    positions, rotations = tool_poses(robot, result.q)
+    part = (positions - start) @ (end - start) / ((end - start) @ (end - start))
+    assert part[0] == pytest.approx(0.0, abs=1e-7)
+    assert part[-1] == pytest.approx(1.0, abs=1e-7)
+    assert (np.diff(part) >= -1e-9).all()
+    assert np.abs(positions - start - part[:, None] * (end - start)).max() < 1e-8
+    np.testing.assert_allclose(rotations @ axis, np.tile(corners[0].rotation @ axis, (len(result), 1)), atol=1e-7)
+
+
+@pytest.mark.parametrize("timing", ["slow", pytest.param("keep", marks=pytest.mark.slow)])
+def test_seven_joints_choose_the_angle_about_an_axis_with_the_elbow(seven: Robot, timing: str) -> None:
+    """On the line, steady, and with less motion than at the angles where it begins or ends, or the corners' own."""
+    corners, axis = [at(0.4, -0.4, 0.3), at(0.4, -0.25, 0.3)], np.array([1.0, 0.0, 0.0])
+    solver = IKSolver(seven)
+    targets = [FreeAxis(pose, axis=axis) for pose in corners]
+    result = plan_path(solver, targets, dt=0.02, speed=0.1, timing=timing, seed=seven.home)
+    assert result.success
+    check_limits(seven, result)
+    check_axis(seven, result, corners, axis)
+    _, rotations = tool_poses(seven, result.q[[0, -1]])
+    for target, parameter, rotation in zip(targets, result.parameter, rotations, strict=True):
+        np.testing.assert_allclose(target.at(float(parameter)).rotation, rotation, atol=1e-7)
+    assert np.abs(np.diff(result.v[1:-1], axis=0)).max() < 0.03
+    for angle in (0.0, *result.parameter.tolist()):
+        fixed = plan_path(solver, [target.at(angle) for target in targets], dt=0.02, speed=0.1, timing=timing)
+        assert motion_of(result) < 1.001 * motion_of(fixed)
+
+
+def motion_of(result: Trajectory) -> float:
+    """Squared joint speeds over time, which a plan makes small [rad^2/s]."""
+    return float((np.diff(result.q, axis=0) ** 2).sum() / result.t[1])
+
+
+@pytest.mark.parametrize("name", ["panda", pytest.param("gen3", marks=pytest.mark.slow)])
+def test_seven_joints_of_other_makers_turn_about_an_axis(name: str, tmp_path: Path) -> None:
+    """In a range of its own, with a full pose between: the parameter is nan there."""
+    arm = load_arm(name, tmp_path)
+    q = np.array([0.2, 0.4, -0.3, -1.6, 0.2, 1.5, 0.4])
+    start = arm.forward_kinematics(q)
+    places = [pin.SE3(start.rotation, start.translation + np.array(step)) for step in ([0, 0, 0], [0, 0.06, 0.02])]
+    targets = [
+        FreeAxis(places[0], axis=[0.0, 1.0, 1.0], range=(0.1, 0.5)),
+        places[1],
+        FreeAxis(places[0], axis=[0.0, 1.0, 1.0], range=(-0.4, -0.2)),
+    ]
+    result = plan_path(IKSolver(arm), targets, dt=0.02, speed=0.02, start=q)  # waypoints are rows
+    assert result.success
+    check_limits(arm, result)
+    assert np.isnan(result.parameter).tolist() == [False, True, False]
+    assert max(result.largest_errors) < 1e-6
+    rows = [result.status.count("LEAD_IN"), *(int(np.flatnonzero(result.segment == line)[-1]) for line in (0, 1))]
+    for row, angle, target in zip(rows, result.parameter.tolist(), targets, strict=True):
+        if isinstance(target, FreeAxis):
+            assert target.range[0] <= angle <= target.range[1]
+            target = target.at(angle)
+        reached = arm.forward_kinematics(result.q[row])
+        np.testing.assert_allclose(reached.homogeneous, target.homogeneous, atol=1e-6)
+
+
+def test_a_start_whose_angle_is_out_of_range_is_led_to_the_path(robot: Robot) -> None:
+    start = robot.forward_kinematics(robot.home)
+    places = [start, pin.SE3(start.rotation, start.translation + np.array([0.0, 0.06, 0.02]))]
+    solver = IKSolver(robot)
+    for low, high in ((0.1, 0.5), (-0.1, 0.5)):
+        targets = [FreeAxis(place, axis=[0.0, 1.0, 1.0], range=(low, high)) for place in places]
+        result = plan_path(solver, targets, dt=0.02, speed=0.05, timing="slow", start=robot.home)
+        assert result.success
+        assert ("LEAD_IN" in result.status) is (low > 0.0)
+        np.testing.assert_allclose(result.q[0], robot.home, atol=1e-9)
+        assert low - 1e-6 <= result.parameter[0] <= high + 1e-6
+
+
+def test_seven_joints_turn_about_an_axis_around_an_obstacle(seven: Robot) -> None:
+    """A ball where the elbow would be, and one where the end is out of reach: the reason is said."""
+    corners, axis = [at(0.4, -0.3, 0.4), at(0.4, -0.2, 0.4)], np.array([0.0, 0.0, 1.0])
+    targets = [FreeAxis(pose, axis=axis, range=(-0.5, 0.5)) for pose in corners]
+    plain = plan_path(IKSolver(seven), targets, dt=0.05, timing="slow")
+    assert plain.success
+    elbow = seven.forward_kinematics(plain.q[len(plain) // 2], "link_4").translation
+    scene = Scene([Sphere("ball", 0.05, elbow)])
+    assert np.min(seven.clearance(plain.q, scene)) < 0.0
+    result = plan_path(
+        IKSolver(seven, scene=scene, collision="reject", clearance=0.01), targets, dt=0.05, timing="slow"
+    )
+    assert result.success
+    check_limits(seven, result)
+    check_axis(seven, result, corners, axis)
+    assert np.min(seven.clearance(np.vstack([result.q, 0.5 * (result.q[1:] + result.q[:-1])]), scene)) > 0.01 - 1e-3
+    away = [FreeAxis(at(0.4, y, 0.4), axis=axis, range=(-0.5, 0.5)) for y in (-0.3, -0.6)]
+    far = plan_path(IKSolver(seven), away, dt=0.05, speed=0.5)
+    assert "of line 0" in far.message
+    assert np.isnan(far.parameter).tolist() == [False, True]
 
 
 def test_targets_of_the_tracker_are_waypoints(robot: Robot) -> None:
@@ -137,15 +229,19 @@ def test_targets_of_the_tracker_are_waypoints(robot: Robot) -> None:
         plan_path(solver, [AxisTarget([1.0, 0.0, 0.0]), at(0.4, -0.4, 0.4)])
 
 
-def test_too_fine_and_too_long_is_refused(robot: Robot) -> None:
+def test_too_fine_and_too_long_is_refused(robot: Robot, seven: Robot) -> None:
     """What would take hours or all of the memory."""
     solver = IKSolver(robot)
     targets = [FreeAxis(at(0.4, y, 0.4), axis=[0, 0, 1]) for y in (-0.3, -0.1)]
     with pytest.raises(InvalidInputError, match="free_step must be at least 0.01 rad, got 1e-09"):
         plan_path(solver, targets, free_step=1e-9)
-    far = FreeAxis(at(0.4, 200.0, 0.4), axis=[0, 0, 1])
+    far = [FreeAxis(at(0.4, y, 0.4), axis=[0, 0, 1]) for y in (20.0, 200.0)]
     with pytest.raises(InvalidInputError, match=r"the path is .* m long: more than 10000 steps"):
-        plan_path(solver, [targets[0], far], speed=10.0)
+        plan_path(solver, [targets[0], far[1]], speed=10.0)
+    with pytest.raises(InvalidInputError, match=r"the path is .* m long: more than 1000 steps"):
+        plan_path(IKSolver(seven), [targets[0], far[0]], speed=10.0)
+    with pytest.raises(InvalidInputError, match="free_step must be at least 0.1 rad, got 0.05"):
+        plan_path(IKSolver(seven), targets, free_step=0.05)
 
 
 def test_narrow_windows_are_found(robot: Robot) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable
 
 import numpy as np
 import pinocchio as pin
@@ -108,23 +109,24 @@ def test_steps_are_made_smaller_where_no_way_leads_on(robot: Robot) -> None:
     assert np.abs(search.ladder.manifold.difference(q[:-1], q[1:])).max() <= 1.0
 
 
-def check_links(ladder: Ladder, a: Rung, b: Rung) -> None:
+def check_links(ladder: Ladder, a: Rung, b: Rung, farthest: float = 2.5 * 0.5) -> None:
     """The links of two rungs at 0 and 0.3 of a line are those of all pairs of points that pass the rule."""
     manifold, keep = ladder.manifold, ladder.keep
     found = ladder.link([a, b])[0]
     first, second = np.divmod(np.arange(len(a.x) * len(b.x)), len(b.x))
     away = manifold.difference(a.x[first], b.x[second])
-    near = (np.abs(away[:, :6]).max(axis=1) <= 1.0) & (np.abs(away[:, 6]) <= 2.5 * 0.5)
+    parameters, dof = manifold.parameters, manifold.dof
+    near = (np.abs(away[:, :dof]).max(axis=1) <= 1.0) & (np.abs(away[:, parameters]) <= farthest).all(axis=1)
     first, second, away = first[near], second[near], away[near]
     where = np.full(len(away), 0.15)
     position, tilt = manifold.chain.errors(a.x[first] + 0.5 * away, manifold.goal(where))
-    more = 0.15 * away[:, 6] ** 2
+    more = 0.15 * (away[:, parameters] ** 2).sum(axis=1)
     good = (position <= 2e-3 + more) & (tilt <= 2e-2 + more)
     assert 3 < good.sum() < len(near)
     np.testing.assert_array_equal(found.first, first[good])
     np.testing.assert_array_equal(found.second, second[good])
     time = 0.3 * ladder.pace.times[0]
-    speed = np.abs(away[good, :6]) / ladder.pace.scale / time
+    speed = np.abs(away[good, :dof]) / ladder.pace.scale / time
     cost = time * (speed**2).sum(axis=1)
     if keep:
         cost += np.where(speed.max(axis=1) > 1.0, 1e3 * time * speed.max(axis=1), 0.0)
@@ -140,6 +142,20 @@ def test_links_are_what_stays_near_the_line_half_way(robot: Robot) -> None:
         check_links(ladder, a, b)
 
 
+def test_links_of_surfaces_count_both_parameters(bundled: Callable[[str], Robot]) -> None:
+    seven = bundled("j2s7s300")
+    path = line(seven, seven.home.tolist(), (seven.home + 0.05).tolist(), free=True)
+    manifold = Manifold(seven, Chain(seven, seven.frame_id(), None), path, 1e-9, "joint_3")
+    pace = Pace(path.durations(0.1, 1.0), seven.velocity_limit)
+    ladder = Ladder(IKSolver(seven), manifold, pace, 0.5, seven.home, keep=True)
+    a, b = ladder.make_rungs(np.array([0.0, 0.3]), seven.home)
+    on_surface = manifold.chain.errors(a.x, manifold.goal(np.zeros(len(a.x))))
+    assert np.max(on_surface) < 1e-8
+    assert np.unique(np.round(a.x[:, -1], 6)).size >= 2
+    assert np.abs(a.x[:, :7] - seven.home).max(axis=1).min() < 1e-9  # where the arm is
+    check_links(ladder, a, b, 2.5 * 2.0 * 0.5)
+
+
 def test_configurations_a_turn_away_are_linked_as_well_without_looking_at_all_pairs(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -152,9 +168,9 @@ def test_configurations_a_turn_away_are_linked_as_well_without_looking_at_all_pa
     assert len(a.x) > 8 * len(a.firsts) > 8
     rooms: list[int] = []
 
-    def make(dof: int, width: int, rungs: int, solutions: int, room: int) -> LinkWork:
+    def make(dof: int, width: int, parameters: int, rungs: int, solutions: int, room: int) -> LinkWork:
         rooms.append(room)
-        return make_link_work(dof, width, rungs, solutions, room)
+        return make_link_work(dof, width, parameters, rungs, solutions, room)
 
     monkeypatch.setattr("jacokin.motion.planning.search.make_link_work", make)
     check_links(ladder, a, b)
