@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from jacokin.runner import LiveMotion, PlannedMotion, ProcessLink, Runner, TwinLink
 
 LINES = 100  # of a hand that wait at most
+MISTAKEN = 0.03  # [s] by which a latency that is given may be off
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,8 +76,10 @@ class GuardOptions:
     gain: float = option(
         "--gain", type=float, default=2.0, metavar="K", help="Of the correction [1/s]; 0 for an open loop."
     )
-    latency: float = option(
-        "--latency", type=float, default=0.05, metavar="T", help="From a velocity to its measurement [s]."
+    latency: float | None = option(
+        "--latency",
+        metavar="T",
+        help="From a velocity to its measurement [s]; measured as the arm begins to move if not given.",
     )
     start: float = option("--start", type=float, default=2.0, metavar="DEG", help="Allowed at the start [deg].")
     lag: float = option("--lag", type=float, default=5.0, metavar="DEG", help="Allowed off the motion [deg].")
@@ -135,7 +138,7 @@ def run(given: MotionOptions, way: ConnectionOptions, bounds: GuardOptions, sour
         stack.callback(link.close)
         runner = Runner(robot, motion, chosen)
         try:
-            play(runner, link, fingers=given.fingers, watch=watch)
+            play(runner, link, fingers=given.fingers, watch=_watching_contact(runner, watch))
         finally:
             _show(runner, given.json)
     if runner.status.name != "ARRIVED":
@@ -234,6 +237,24 @@ def _reading(motion: LiveMotion) -> Callable[[], None]:
     return watch
 
 
+def _watching_contact(runner: Runner, watch: Callable[[], None] | None) -> Callable[[], None]:
+    """What is called every tick, and says once where contact is asked for and cannot be felt."""
+    said = [False]
+
+    def watch_both() -> None:
+        if watch is not None:
+            watch()
+        if runner.misses_contact and not said[0] and not runner.status.has_ended:
+            said[0] = True
+            silence = runner.options.silence
+            click.echo(
+                f"jacokin: --contact watches nothing: the arm has told no velocities and torques for {silence:g} s",
+                err=True,
+            )
+
+    return watch_both
+
+
 def _show(runner: Runner, json: bool) -> None:
     """Say how it ended."""
     away, worst = math.degrees(runner.away), math.degrees(runner.worst)
@@ -244,6 +265,8 @@ def _show(runner: Runner, json: bool) -> None:
             "away_deg": away if math.isfinite(away) else None,
             "worst_deg": worst,
             "stands": runner.stands,
+            "latency": runner.latency,
+            "measured_latency": runner.measured_latency,
         }
         display.print_json(fields)
         return
@@ -253,4 +276,14 @@ def _show(runner: Runner, json: bool) -> None:
         where = "the end of the motion" if runner.status.name in ("ARRIVED", "MISSED") else "where the motion was"
         facts += [("the arm", f"{away:.2f} deg from {where}{'' if runner.stands else ', and may still move'}")]
         facts += [("farthest", f"{worst:.2f} deg off the motion on the way")]
+    facts += [("latency", _latency(runner))] if runner.measured_latency is not None else []
     show_facts(facts)
+
+
+def _latency(runner: Runner) -> str:
+    """How late the arm was, and what to do where something else was given."""
+    measured, taken = runner.measured_latency, runner.latency
+    assert measured is not None
+    if abs(measured - taken) <= MISTAKEN:
+        return f"{measured:.2f} s"
+    return f"{measured:.2f} s measured, but {taken:.2f} s given: leave out --latency, or give {measured:.2f}"

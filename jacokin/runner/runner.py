@@ -22,12 +22,15 @@ from jacokin.errors import InvalidInputError
 from jacokin.model import checks
 from jacokin.model.contact_observer import ContactObserver
 from jacokin.model.robot import Robot, checked_robot
+from jacokin.runner.latency import MOST, LatencyMeasurement
 from jacokin.runner.motions import Motion, Wanted, apart
 
 TICK = 0.01  # [s] of Kinova's base, which plays one velocity so long (README of kinova-ros, velocity control)
 RAMP = 0.2  # [s] in which a motion comes to wait for its arm, and goes on
 WAITS = 0.8  # of `lag`: an arm that is so far behind is waited for
 FULL = 0.4  # of `lag`: one that is nearer is not
+CAREFUL = 0.5  # of these, while it is not known how late the arm is seen
+LATENCY = 0.05  # [s] until it is known
 NEAR = 0.25  # of `reached`: an arm that is nearer to the end is left alone
 MISSING = 3.0  # measurements, after which the motion waits
 BLOCKED = 1.0  # [s] of waiting, after which the arm is stopped
@@ -65,8 +68,8 @@ class RunnerOptions:
     """Velocity of a correction over what the arm is off [1/s]."""
     correction: float = 0.25
     """Largest velocity of a correction, over the velocity limit, up to 1."""
-    latency: float = 0.05
-    """How late a velocity is seen in what is measured [s]."""
+    latency: float | None = None
+    """How late a velocity is seen in what is measured [s]; None to measure it as the arm begins to move."""
     lag: float = math.radians(5.0)
     """How far a joint may be off the motion [rad]."""
     silence: float = 0.5
@@ -86,9 +89,11 @@ class RunnerOptions:
         """
         for field in fields(self):
             value = getattr(self, field.name)
+            if value is None and field.name in ("latency", "contact"):
+                continue
             if field.name in ("gain", "correction", "latency"):
                 checks.non_negative(field.name, value)
-            elif not (field.name == "contact" and value is None):
+            else:
                 checks.positive(field.name, value)
         if self.correction > 1.0:
             raise checks.refusal("correction", "at most 1", self.correction)
@@ -151,10 +156,13 @@ class Runner:
         self.status, self.message, self.worst = RunnerStatus.WAITING, "", 0.0
         still = np.zeros(robot.dof)
         self._observer = None if self.options.contact is None else ContactObserver(robot, self.options.contact)
-        self._past: deque[_Past] = deque(maxlen=2 + math.ceil(self.options.latency / TICK))
+        self._measurement, self._latency = LatencyMeasurement(robot), self.options.latency
+        longest = MOST if self._latency is None else self._latency
+        self._past: deque[_Past] = deque(maxlen=2 + math.ceil(longest / TICK))
         self._wanted, self._corrected, self._error, self._seen = Wanted(still, still), still, still, still
         self._rate, self._waits, self._over = 0.0, 0.0, 0.0
         self._now, self._heard, self._period = -math.inf, -math.inf, math.inf
+        self._felt = math.inf  # when contact was last looked for; inf before it begins
         self._lately: deque[tuple[float, Array]] = deque()
         self._q: Array | None = None
         self._has_begun = False
@@ -165,6 +173,23 @@ class Runner:
         if self._q is None or not self._has_begun:
             return math.inf
         return float(np.abs(apart(self.robot, self._q, self._wanted.q)).max())
+
+    @property
+    def measured_latency(self) -> float | None:
+        """How late the arm was seen to begin to move [s]; None while that is not known."""
+        return self._measurement.found
+
+    @property
+    def latency(self) -> float:
+        """How late it takes what is measured to be [s]."""
+        if self._latency is not None:
+            return self._latency
+        return LATENCY if self.measured_latency is None else self.measured_latency
+
+    @property
+    def misses_contact(self) -> bool:
+        """Whether contact counts, but the arm has told no velocities and torques for longer than `silence`."""
+        return self._observer is not None and self._now - self._felt > self.options.silence
 
     @property
     def stands(self) -> bool:
@@ -205,6 +230,7 @@ class Runner:
                 self._hear(now, q, v, torques)
         self._now = now
         self._past.append(_Past(now, self._wanted.q, self._corrected))
+        self._measurement.lead(now, self._wanted.q + self._corrected)
         age = now - self._heard
         if not self.status.has_ended and self.status is not RunnerStatus.WAITING:
             if age > self.options.silence:
@@ -238,7 +264,8 @@ class Runner:
             self._begin(q)
         elif not self.status.has_ended:
             self._period = since
-            seen = now - self.options.latency
+            self._measurement.hear(now, q)
+            seen = now - self.latency
             then = next((past for past in self._past if past.time >= seen - 0.5 * TICK), self._past[-1])
             self._error, self._seen = apart(self.robot, q, then.q), then.corrected
             self.worst = max(self.worst, float(np.abs(self._error).max()))
@@ -252,13 +279,14 @@ class Runner:
             return
         self._wanted = self.motion.step(0.0)
         self._past.clear()
-        self._has_begun = True
+        self._has_begun, self._felt = True, self._heard
         self._error, self.status = apart(self.robot, q, self._wanted.q), RunnerStatus.MOVING
 
     def _feel(self, q: Array, v: Array | None, torques: Array | None, since: float) -> None:
         """Look for contact."""
         if self._observer is None or v is None or torques is None or since <= 0.0:
             return
+        self._felt = self._heard
         step = self._observer.step(q, v, torques, since)
         if step.joints:
             joint = self.robot.joint_names.index(step.joints[0])
@@ -279,8 +307,11 @@ class Runner:
             elif now - self._over > options.patience:
                 self._end(RunnerStatus.MISSED, f"{off} {options.patience:g} s after its end")
             return
-        share = (WAITS * options.lag - far[joint]) / ((WAITS - FULL) * options.lag)
-        late = age > min(0.5 * options.silence, options.latency + MISSING * self._period)
+        allowed = (
+            options.lag if self._latency is not None or self.measured_latency is not None else CAREFUL * options.lag
+        )
+        share = (WAITS * allowed - far[joint]) / ((WAITS - FULL) * allowed)
+        late = age > min(0.5 * options.silence, self.latency + MISSING * self._period)
         goal = 0.0 if late else min(1.0, max(0.0, share))
         self._rate += float(np.clip(goal - self._rate, -TICK / RAMP, TICK / RAMP))
         self._waits = self._waits + TICK if self._rate < 0.05 else 0.0

@@ -30,9 +30,20 @@ def test_the_simulated_arm_plays_a_file(run: Run, file: Path) -> None:
     assert said["status"] == "ARRIVED"
     assert said["away_deg"] < 0.5
     assert said["stands"]
+    assert said["latency"] == said["measured_latency"] == pytest.approx(0.04, abs=0.01)
     answer = run("run", str(file), "--twin", "--faults", "stall=9", "--random-seed", "3")
     assert answer.code in (0, 1)
     assert "ARRIVED" in answer.out or "SILENT: nothing said where the arm is" in answer.out
+
+
+def test_a_latency_that_was_given_wrongly_is_said(run: Run, file: Path) -> None:
+    late = ("run", str(file), "--twin", "--faults", "lag=0.1")
+    wrong = run(*late, "--latency", "0.05")
+    assert "latency    0.20 s measured, but 0.05 s given: leave out --latency, or give 0.20" in wrong.out
+    for words in ((), ("--latency", "0.2")):
+        right = run(*late, *words)
+        assert right.code == 0
+        assert "latency    0.20 s\n" in right.out
 
 
 def test_an_open_loop_is_told_apart(run: Run, file: Path) -> None:
@@ -75,6 +86,25 @@ def test_a_forwarder_moves_an_ideal_arm(run: Run, file: Path, tmp_path: Path) ->
     answer = run("run", str(file), "--forwarder", f"{sys.executable} {script}", "--latency", "0", "--json")
     assert answer.code == 0, answer.err
     assert json.loads(answer.out)["away_deg"] < 0.2
+
+
+def test_contact_without_torques_is_said_once(run: Run, file: Path, tmp_path: Path) -> None:
+    script = tmp_path / "forwarder.py"
+    script.write_text(
+        "import json, sys\n"
+        f"q = {jacokin.load_robot().home.tolist()}\n"
+        "def say(fields): print(json.dumps(fields), flush=True)\n"
+        "for line in sys.stdin:\n"
+        "    fields = json.loads(line)\n"
+        "    if 'joints' in fields: say({'listens': True})\n"
+        "    if 'v' in fields: q = [angle + 0.01 * v for angle, v in zip(q, fields['v'])]\n"
+        "    say({'q': q, 'v': [0.0] * 6, 'torques': [float('nan')] * 6})\n"
+    )
+    words = ("run", str(file), "--forwarder", f"{sys.executable} {script}")
+    answer = run(*words, "--contact", "5")
+    assert answer.code == 0, answer.err
+    assert answer.err.count("--contact watches nothing: the arm has told no velocities and torques for 0.5 s") == 1
+    assert "--contact" not in run(*words).err
 
 
 def test_a_driver_that_ends_and_comes_back_is_not_moved_again(run: Run, file: Path, tmp_path: Path) -> None:

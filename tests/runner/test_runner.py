@@ -80,6 +80,61 @@ def test_the_arm_ends_where_the_motion_does(robot: Robot, motion: Trajectory, ro
     assert np.abs(arm.simulated.state.v).max() < 1e-3
 
 
+@pytest.mark.parametrize("ros", [1, 2])
+@pytest.mark.parametrize("lag", [0.03, 0.1, 0.2])
+def test_a_late_driver_is_measured_and_its_arm_does_not_overshoot(
+    robot: Robot, motion: Trajectory, ros: int, lag: float
+) -> None:
+    """Velocities and measurements are each so late; given that, the arm ends at the same place."""
+    away = []
+    for options in (None, RunnerOptions(latency=2.0 * lag)):
+        arm = Arm(robot, motion, f"lag={lag}", ros=ros, options=options)
+        farthest = [0.0]
+        ahead = np.sign(motion.q[-1] - motion.q[0])
+
+        def look(arm: Arm = arm, farthest: list[float] = farthest, ahead: Array = ahead) -> None:
+            farthest.append(float(((arm.simulated.state.q - arm.motion.q[-1]) * ahead).max()))
+
+        assert arm.run(0.0, look) is RunnerStatus.ARRIVED, arm.runner.message
+        assert arm.runner.measured_latency == pytest.approx(2.0 * lag, abs=0.01)
+        assert arm.runner.latency == pytest.approx(2.0 * lag, abs=0.01)
+        assert np.degrees(max(farthest)) < 0.2
+        away.append(arm.away)
+    assert max(away) < 0.2
+
+
+@pytest.mark.parametrize("faults", ["lag=0.1,loss=0.1", "lag=0.1,loss=0.2,stall=0.1"])
+def test_the_latency_of_a_driver_that_loses_velocities_is_measured(
+    robot: Robot, motion: Trajectory, faults: str
+) -> None:
+    for seed in range(3):
+        arm = Arm(robot, motion, faults, ros=2, seed=seed)
+        assert arm.run() is RunnerStatus.ARRIVED, arm.runner.message
+        assert arm.runner.measured_latency == pytest.approx(0.2, abs=0.02)
+
+
+def test_a_latency_that_is_given_is_taken_and_measured_all_the_same(robot: Robot, motion: Trajectory) -> None:
+    arm = Arm(robot, motion, "lag=0.1", options=RunnerOptions(latency=0.05))
+    arm.run()
+    assert arm.runner.latency == 0.05
+    assert arm.runner.measured_latency == pytest.approx(0.2, abs=0.01)
+
+
+def test_the_latency_of_an_arm_that_is_held_or_leaves_is_not_known(robot: Robot, motion: Trajectory) -> None:
+    """It is stopped near to where it stood, as no latency explains that it does not move."""
+    arm = Arm(robot, motion, ros=2)
+    arm.link.send = lambda v: None  # type: ignore[method-assign]
+    assert arm.run() is RunnerStatus.BEHIND
+    assert arm.runner.measured_latency is None
+    assert arm.runner.worst < np.radians(4.0)
+    assert "and stays there" in arm.runner.message
+    planned = PlannedMotion.of(motion, robot)
+    runner, rng = Runner(robot, planned), np.random.default_rng(0)
+    for tick in range(200):
+        runner.step(TICK * tick, Measured(motion.q[0] + (rng.uniform(-0.02, 0.02, 6) if tick else 0.0)))
+    assert runner.measured_latency is None
+
+
 def test_an_open_loop_ends_farther_away(robot: Robot, motion: Trajectory) -> None:
     """Without a gain nothing makes up for what was lost, and the runner says so."""
     arm = Arm(robot, motion, "loss=0.1", options=RunnerOptions(gain=0.0, patience=1.0), seed=4)
@@ -286,6 +341,30 @@ def test_what_is_not_a_number_is_not_told(
     run(runner, link)
     assert runner.status is status
     assert not link.sent[-1].any()
+
+
+@pytest.mark.parametrize(
+    ("say", "misses"),
+    [
+        (lambda time, now: now, False),
+        (lambda time, now: Measured(now.q, now.v, UNKNOWN), True),
+        (lambda time, now: Measured(now.q, None, now.torques), True),
+        (lambda time, now: Measured(now.q, now.v, UNKNOWN if 0.3 < time < 0.7 else now.torques), False),
+        (lambda time, now: Measured(now.q, now.v, UNKNOWN if time > 0.7 else now.torques), True),
+    ],
+    ids=["told", "no torques", "no velocities", "not for a while", "not from then on"],
+)
+def test_contact_that_cannot_be_felt_is_known(
+    robot: Robot, motion: Trajectory, say: Callable[[float, Measured], Measured], misses: bool
+) -> None:
+    for contact in (1e3, None):
+        runner = Runner(robot, PlannedMotion.of(motion, robot), RunnerOptions(contact=contact))
+        link, missed = Told(motion.q[0], say), list[float]()
+        assert not runner.misses_contact
+        run(runner, link, watch=lambda: missed.extend([link.time] if runner.misses_contact else []))  # noqa: B023 - at once
+        assert runner.status is RunnerStatus.ARRIVED
+        assert bool(missed) is (misses and contact is not None)
+        assert min(missed, default=1.0) > 0.5
 
 
 def test_an_arm_that_says_something_malformed_is_sent_zeros(robot: Robot, motion: Trajectory) -> None:

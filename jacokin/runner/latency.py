@@ -1,0 +1,94 @@
+"""`LatencyMeasurement`: how late an arm is seen to do what it was sent, from how it begins to move.
+
+Where it was led to is known at every tick. What is measured then is the same, later, and away from it by as much as
+the arm stood away at first. The latency is the one at which the two fit best; it is known once the fit is sharp. That
+takes a motion that changes its speed, as one that begins does. Afterwards it is left alone: an arm that is held would
+seem to be late, too.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+
+from jacokin.arrays import Array
+from jacokin.model.robot import Robot
+from jacokin.runner.motions import apart
+
+MOST = 1.0  # [s] a driver is not later
+STEP = 0.02  # [s] between latencies that are tried
+WINDOW = 2.0  # [s] that is looked at
+APART = 0.03  # [s] between measurements that are looked at, at least
+MOVED = np.radians(0.5)  # by which a joint was led before anything is said
+NOISE = np.radians(0.03)  # of angles, at least: a count of an encoder, and ticks
+UNEXPLAINED = 0.05  # of the squared angles that are measured, at most: an arm that does something else is not late
+SHARP = 0.01  # [s] standard deviation, and by which fits differ that agree
+STAYS = 0.1  # [s] for which fits agree: after a moment in which all was lost, they do not
+
+
+class LatencyMeasurement:
+    """Measures it once, while an arm is led.
+
+    Attributes:
+        found: the latency [s]; None until it is known.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        """Begin with nothing known."""
+        self._robot, self.found = robot, None
+        self._led: deque[tuple[float, Array]] = deque()
+        self._heard: deque[tuple[float, Array]] = deque(maxlen=round(WINDOW / APART))
+        self._fits = list[tuple[float, float]]()  # since when they agree, and on what
+
+    found: float | None
+
+    def lead(self, time: float, q: Array) -> None:
+        """The arm has been led to (dof,) angles [rad] by a time [s], if it follows at once."""
+        if self.found is None:
+            self._led.append((time, q))
+            while self._led[0][0] < time - WINDOW - MOST:
+                self._led.popleft()
+
+    def hear(self, time: float, q: Array) -> None:
+        """It was measured at (dof,) angles [rad]."""
+        if self.found is not None or (self._heard and time < self._heard[-1][0] + APART - 1e-9):
+            return
+        self._heard.append((time, q))
+        fit = self._fit()
+        if fit is None or not self._fits or abs(fit - self._fits[0][1]) > SHARP:
+            self._fits = [] if fit is None else [(time, fit)]
+        elif time - self._fits[0][0] >= STAYS:
+            self.found = fit
+
+    def _fit(self) -> float | None:
+        """The latency at which what is measured fits best, if nothing else fits nearly as well [s]."""
+        if len(self._heard) < 3:
+            return None
+        at, led = np.array([time for time, _ in self._led]), np.array([q for _, q in self._led])
+        if np.ptp(led, axis=0).max() < MOVED:
+            return None
+        times, q = np.array([time for time, _ in self._heard]), np.array([q for _, q in self._heard])
+        # The short way round, from where the arm was led to when it was first heard.
+        measured = led[0] - apart(self._robot, q, np.broadcast_to(led[0], q.shape))
+        tried = np.arange(0.0, MOST + 0.5 * STEP, STEP)
+        places = times - tried[:, None]
+        wanted = np.stack([np.interp(places, at, column) for column in led.T], axis=2)  # (tried, n, dof)
+        off = measured - wanted
+        off -= off.mean(axis=1, keepdims=True)
+        misfit = (off**2).sum(axis=(1, 2))
+        best = int(np.argmin(misfit))
+        if misfit[best] > UNEXPLAINED * ((measured - measured.mean(axis=0)) ** 2).sum():
+            return None
+        if not 0 < best < len(tried) - 1:
+            return 0.0 if best == 0 and self._is_sharp(misfit[0], misfit[1], q.size) else None
+        before, here, after = misfit[best - 1 : best + 2].tolist()
+        bend = before - 2.0 * here + after
+        if not self._is_sharp(here, here + 0.5 * bend, q.size):
+            return None
+        return float(tried[best] + 0.5 * STEP * (before - after) / bend)
+
+    def _is_sharp(self, least: float, beside: float, count: int) -> bool:
+        """Whether a misfit (of so many numbers) that is so much larger a step beside the least is worth a latency."""
+        variance = max(NOISE**2, least / count)
+        return bool(beside - least > variance * (STEP / SHARP) ** 2)
