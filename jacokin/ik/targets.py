@@ -227,8 +227,13 @@ def checked_batch(
         (n, 4, 4) matrices, (n,) where the orientation is free, and the rows that may turn about an axis.
 
     Raises:
-        InvalidInputError: empty, or a target is malformed; names its row.
+        InvalidInputError: empty, one target alone, or a target is malformed; names its row.
     """
+    alone = _alone(targets)
+    if alone:
+        raise InvalidInputError(
+            f"targets must be a sequence of poses or positions, got {alone}: solve(target) takes it, or give [target]"
+        )
     if isinstance(targets, np.ndarray) and targets.ndim == 3 and targets.shape[1:] == (4, 4) and len(targets):
         numbers = checks.array("targets", targets, "real numbers")
         matrices = poses.checked_matrices("targets", np.array(numbers, order="C"))
@@ -242,6 +247,19 @@ def checked_batch(
         for index, row in enumerate(rows)
     ]
     return np.array([target.matrix for target in each]), np.array([target.position_only for target in each]), free
+
+
+def _alone(targets: object) -> str:
+    """What a single target is; empty for anything else."""
+    if isinstance(targets, pin.SE3 | FreeAxis):
+        return f"one {type(targets).__name__}"
+    if not isinstance(targets, np.ndarray | list | tuple) or len(targets) not in (3, 4):
+        return ""
+    try:
+        shape = np.array(targets, dtype=np.float64).shape
+    except (TypeError, ValueError):  # several targets of some kind
+        return ""
+    return {(4, 4): "one pose of shape (4, 4)", (3,): "one position of shape (3,)"}.get(shape, "")
 
 
 def _turning(target: FreeAxis) -> TargetPose:

@@ -307,20 +307,17 @@ def _locked_reference(
 ) -> Array:
     """Configuration at which joints off the arm are locked; the arm's own entries have no effect."""
     q = np.array(reference, dtype=np.float64)
+    places, limits, wanted = dict[str, int](), dict[str, tuple[float, float]](), dict[str, float]()
     for index in range(1, full.njoints):
         joint, name = full.joints[index], str(full.names[index])
         at = joint.idx_q
         if joint.nq == 1:
-            wanted = held.get(name, q[at] if finger_angle is None else finger_angle)
-            q[at] = min(max(wanted, full.lowerPositionLimit[at]), full.upperPositionLimit[at])
+            places[name], limits[name] = at, (full.lowerPositionLimit[at], full.upperPositionLimit[at])
+            wanted[name] = held.get(name, q[at] if finger_angle is None else finger_angle)
         elif name in held:  # a continuous joint
             q[at : at + 2] = np.cos(held[name]), np.sin(held[name])
-    for name, leader, multiplier, offset in () if finger_angle is None else followers:
-        joint, leading = (full.joints[full.getJointId(each)] for each in (name, leader))
-        if name not in held and joint.nq == leading.nq == 1:
-            at = joint.idx_q
-            wanted = multiplier * q[leading.idx_q] + offset
-            q[at] = min(max(wanted, full.lowerPositionLimit[at]), full.upperPositionLimit[at])
+    following = () if finger_angle is None else [rule for rule in followers if rule[0] not in held]
+    q[list(places.values())] = list(chain.standing(wanted, limits, following).values())
     return q
 
 

@@ -20,7 +20,7 @@ import pinocchio as pin
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, ModelError, ShapeError
 from jacokin.model import checks, poses
-from jacokin.model.descriptions import bundled, mjcf, urdf
+from jacokin.model.descriptions import bundled, chain, mjcf, urdf
 from jacokin.model.descriptions.convex_parts import convex_parts
 from jacokin.model.descriptions.meshes import TriangleMesh
 from jacokin.model.descriptions.shapes import Shape, ShapesOfLinks, add_solid, prepare_shapes
@@ -28,6 +28,7 @@ from jacokin.model.kinematics import axis_of
 from jacokin.model.robot import Robot, Source, checked_robot
 
 BASE_BODY = "jacokin_base"
+FARTHEST = 1e6  # [m] that a shape is away from its joint
 PART = ", part "  # between the name of a shape and the number of a part of it
 HULLS = ("meshes collide as their convex hulls, which may touch where they do not; decompose=True takes convex parts",)
 MESH_GEOM = int(mujoco.mjtGeom.mjGEOM_MESH)
@@ -158,6 +159,7 @@ def shapes_of_description(robot: Robot, finger_angle: float | None = None) -> Sh
         T_carrier_link = frame.placement if fingers is None else fingers.placement(body, frame.parentJoint)
         shape = _shape(source, geom, int(frame.parentJoint))
         shape = shape._replace(placement=T_carrier_link * shape.placement)
+        _check_place(shape)
         found += [(part, geom) for part in _parts(robot, shape, source, geom)]
     found.sort(key=lambda each: each[0].joint)  # as MuJoCo numbers them in the twin of the arm
     numbers: dict[int, list[int]] = {}
@@ -166,6 +168,18 @@ def shapes_of_description(robot: Robot, finger_angle: float | None = None) -> Sh
     pairs = tested_pairs(source, {geom: shape.joint for shape, geom in found})
     each = [pair for a, b in pairs for pair in itertools.product(numbers[a], numbers[b])]
     return ShapesOfLinks([shape for shape, _ in found], each)
+
+
+def _check_place(shape: Shape) -> None:
+    """Refuse a shape so far away that no distance to it has any digits.
+
+    Raises:
+        ShapeError: it is.
+    """
+    x, y, z = shape.placement.translation
+    if not max(abs(x), abs(y), abs(z)) <= FARTHEST:
+        at = f"({x:.3g}, {y:.3g}, {z:.3g}) m of its joint"
+        raise ShapeError(f"shape {shape.name!r} is at {at}: not finite, or beyond {FARTHEST:g} m")
 
 
 def _parts(robot: Robot, shape: Shape, source: mujoco.MjModel, geom: int) -> list[Shape]:
@@ -275,24 +289,20 @@ class _JointsOffArm:
         arm, allowed, held = set(robot.joint_names), list[tuple[float, float]](), dict(robot.source.locked)
         following = [rule for rule in robot.source.followers if rule[0] not in held]
         passive = passive_joints(robot)
-        limits, places, wanted = dict[str, tuple[float, float]](), dict[str, int](), dict[int, float]()
+        limits, places, wanted = dict[str, tuple[float, float]](), dict[str, int](), dict[str, float]()
         for joint in range(source.njnt):
             name = mjcf.joint_name(source, joint)
             if name in arm or name in passive or source.jnt_type[joint] not in mjcf.SCALAR_JOINTS:
                 continue
             low, high = source.jnt_range[joint].tolist() if source.jnt_limited[joint] else (-np.inf, np.inf)
-            limits[name], places[name] = (low, high), int(source.jnt_qposadr[joint])
-            wanted[places[name]] = held[name] if name in held else min(max(angle, low), high)
+            places[name], wanted[name] = int(source.jnt_qposadr[joint]), held.get(name, angle)
+            limits[name] = (held[name], held[name]) if name in held else (low, high)
             if all(name != follower for follower, *_ in following):
                 allowed.append((low, high))
-        for name, leader, multiplier, offset in following:
-            if name in places and leader in places:
-                low, high = limits[name]
-                wanted[places[name]] = min(max(multiplier * wanted[places[leader]] + offset, low), high)
         if not any(low <= angle <= high for low, high in allowed):
             reason = f"the fingers move from {allowed[0][0]} to {allowed[0][1]} rad" if allowed else "it has no fingers"
             raise InvalidInputError(f"finger_angle = {angle} rad: {reason}")
-        moved, ends = list(wanted), np.array(list(wanted.values()))
+        moved, ends = list(places.values()), np.array(list(chain.standing(wanted, limits, following).values()))
         if passive:
             # From where the description has the gripper, so that its loops close as there.
             loops, start = mjcf.joint_ids(source, sorted(passive)), self._data.qpos[moved]

@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import jacokin
@@ -154,6 +155,12 @@ def test_what_a_target_has_is_said_beforehand(robot: Robot) -> None:
     [
         ([], {}, InvalidInputError, "targets is empty"),
         (5, {}, InvalidInputError, "targets must be a sequence of poses"),
+        (POSE, {}, InvalidInputError, r"got one pose of shape \(4, 4\): solve\(target\) takes it, or give \[target\]"),
+        (np.array(POSE).tolist(), {}, InvalidInputError, r"got one pose of shape \(4, 4\)"),
+        (POSITION, {}, InvalidInputError, r"got one position of shape \(3,\): solve\(target\) takes it"),
+        (pin.SE3.Identity(), {}, InvalidInputError, "got one SE3: solve"),
+        (FREE, {}, InvalidInputError, "got one FreeAxis: solve"),
+        ([POSITION, [0.3, 0.1], POSITION], {}, InvalidInputError, r"targets\[1\] must have shape \(3,\)"),
         ([POSITION, [0.3, math.nan, 0.4]], {}, InvalidInputError, r"targets\[1\]"),
         (np.array([POSE + 0j]), {}, InvalidInputError, "targets must be real numbers"),
         (np.ones((2, 4, 4), dtype=bool), {}, InvalidInputError, "targets must be real numbers"),

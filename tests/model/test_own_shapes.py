@@ -202,6 +202,23 @@ def test_a_name_of_the_arm_is_no_name_of_an_obstacle(robot: Robot) -> None:
             scene.contact(robot)
 
 
+def test_a_shape_beyond_all_measure_is_refused_where_contact_needs_it(tmp_path: Path) -> None:
+    path = tmp_path / "arm.urdf"
+    shape = '<collision name="ball"><origin xyz="0 0 -1e200"/><geometry><sphere radius="0.1"/></geometry></collision>'
+    links = "".join(f'<link name="l{i}">{shape if i == 2 else ""}</link>' for i in range(4))
+    joints = "".join(
+        f'<joint name="j{i}" type="revolute"><parent link="l{i}"/><child link="l{i + 1}"/><origin xyz="0 0 0.2"/>'
+        f'<axis xyz="{"0 1 0" if i else "0 0 1"}"/><limit lower="-2" upper="2" velocity="1" effort="1"/></joint>'
+        for i in range(3)
+    )
+    path.write_text(f'<robot name="arm">{links}{joints}</robot>')
+    robot = jacokin.load_robot(path)
+    assert robot.dof == 3
+    assert any("contact cannot be looked for" in note for note in robot.notes)
+    with pytest.raises(ShapeError, match=r"shape 'ball' is at \(0, 0, -1e\+200\) m of its joint"):
+        IKSolver(robot, collision="reject").solve(robot.forward_kinematics(robot.home).translation)
+
+
 def test_an_obstacle_that_mujoco_refuses_says_so(robot: Robot) -> None:
     class Nothing:
         name = "nothing"

@@ -353,6 +353,25 @@ def _one_coordinate_joint(full: pin.Model, index: int) -> tuple[object, bool]:
     return joint.extract(), False
 
 
+def standing(
+    wanted: Mapping[str, float],
+    limits: Mapping[str, tuple[float, float]],
+    followers: Sequence[tuple[str, str, float, float]],
+) -> dict[str, float]:
+    """Where joints off the arm stand.
+
+    Args:
+        wanted: where each is to stand, if it does not follow another one [rad or m].
+        limits: of each.
+        followers: joint, leader, multiplier and offset of those that follow; of joints that are not there, nothing.
+    """
+    found = {name: min(max(value, limits[name][0]), limits[name][1]) for name, value in wanted.items()}
+    for name, leader, multiplier, offset in followers:
+        if name in found and leader in found:
+            found[name] = min(max(multiplier * found[leader] + offset, limits[name][0]), limits[name][1])
+    return found
+
+
 def _check_place(what: str, placement: pin.SE3) -> None:
     """Refuse a place that is not finite, or so far from the joint before it that rounding exceeds every tolerance."""
     if not np.abs(placement.homogeneous).max() <= 1e6:

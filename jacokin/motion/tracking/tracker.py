@@ -64,6 +64,7 @@ from jacokin.motion.tracking.twist import (
 )
 
 NEGLIGIBLE = 0.1  # of the tolerances: an error below this may grow again, and is not worth while to be made smaller by
+SHORTEST = 1e-6  # [s] of a control step: what joints move in less is lost in rounding
 RESERVE = 1e-4  # [s] of a budget that braking and the report take
 STILL = 1e-5  # [rad/s] a slower arm stands still
 GROWTH_TIME = 0.25  # [s] of growing error until the target counts as lost
@@ -163,7 +164,7 @@ class Tracker:
         Args:
             robot: the arm.
             frame: name of the frame to move; None for the robot's default frame.
-            dt: control step [s].
+            dt: control step [s], at least 1e-6.
             q: (dof,) where the arm is [rad]; None for the robot's home.
             tool: T_frame_tool, a constant pose after the frame.
             velocity_limit: (dof,) or one for all [rad/s]; None for the robot's own.
@@ -198,6 +199,8 @@ class Tracker:
         self._kinematics = Kinematics(robot, self.frame, self.tool)
         self._targets = TaskFactory(self._kinematics)
         self.dt = checks.positive("dt", dt, "s")
+        if self.dt < SHORTEST:
+            raise InvalidInputError(f"dt must be at least {SHORTEST:g} s, got {self.dt:g} s")
         self.velocity_limit = checks.read_only(velocity_limits(robot, velocity_limit))
         self.acceleration_limit = checks.read_only(
             tracking_accelerations(robot, acceleration_limit, self.velocity_limit)

@@ -325,6 +325,8 @@ def test_failed_calls_change_nothing(robot: Robot) -> None:
     [
         ({"dt": 0.0}, "dt must be a positive number"),
         ({"dt": -0.01}, "dt must be a positive number"),
+        ({"dt": 5e-324}, "dt must be at least 1e-06 s, got 4.94066e-324 s"),
+        ({"dt": 9e-7}, "dt must be at least 1e-06 s"),
         ({"dt": np.nan}, "dt must be a positive number"),
         ({"dt": "fast"}, "dt must be a positive number"),
         ({"velocity_limit": [0.5] * 5}, r"velocity_limit must have shape \(6,\)"),
