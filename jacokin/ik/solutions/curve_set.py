@@ -162,12 +162,9 @@ class CurveSet(SolutionSet):
         """Number of intervals."""
         return len(self.intervals)
 
-    def __repr__(self) -> str:
-        """How many intervals on how many branches."""
-        return f"SolutionSet({self._said})"
-
     @property
     def _said(self) -> str:
+        """How many intervals on how many branches."""
         return f"{len(self)} intervals of {self.parameter} within the limits, on {self.branches} branches"
 
     @property

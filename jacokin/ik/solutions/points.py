@@ -122,12 +122,9 @@ class Points(BranchTable, SolutionSet):
         """Rebuild from the array, which stays read-only."""
         return type(self), (self.rows, self.dropped, self._seed, self._verifier, self.touching)
 
-    def __repr__(self) -> str:
-        """How many there are, and how many of them are within the limits."""
-        return f"SolutionSet({self._said})"
-
     @property
     def _said(self) -> str:
+        """How many there are, and how many of them are within the limits."""
         return f"{len(self)} points, {int(self.within_limits.sum())} within the limits"
 
     @property

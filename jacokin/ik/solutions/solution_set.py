@@ -134,6 +134,15 @@ class SolutionSet(ABC):
     __slots__ = ()
     dimension: ClassVar[Literal[0, 1]]
 
+    def __repr__(self) -> str:
+        """How much there is of it."""
+        return f"SolutionSet({self._said})"
+
+    @property
+    @abstractmethod
+    def _said(self) -> str:
+        """How much there is of it."""
+
     @property
     @abstractmethod
     def complete(self) -> bool:

@@ -19,8 +19,9 @@ from jacokin.kernels.trigonometry import whole_below
 
 #: [rad] the one resolution: what is nearer than this on a curve, or to another curve, is not told apart.
 RESOLUTION = 1e-7
-#: Halvings of one chord: where more are wanted, points of other curves are met in between, and no end of them.
-MOST_HALVED = 200
+#: Halvings of one chord: where more are wanted, points of other curves are met in between, and no end of them. Parts of
+#: it at a time: twice as many as halvings of the longest step down to the resolution.
+MOST_HALVED, PARTS = 200, 48
 #: [rad] longest step along a curve, and least cosine between the tangents at its ends.
 LONGEST_STEP, LEAST_COSINE = 0.2, 0.955
 #: Square of the distance of the next point from the tangent, relative to the step's.
@@ -73,11 +74,6 @@ def make_walk() -> Walk:
 def wrapped(angle: float) -> float:
     """The 2 pi equivalent of an angle in [-pi, pi)."""
     return angle - TURN * whole_below(angle / TURN + 0.5)
-
-
-def level_near(value: float, a: float, b: float) -> float:
-    """The 2 pi equivalent of a value that is nearest to the middle of two angles."""
-    return value + TURN * whole_below((0.5 * (a + b) - value) / TURN + 0.5)
 
 
 def tangent(x: Array, border: Array, t: Array, walk: Walk) -> float:
@@ -168,7 +164,7 @@ def still_shares(a: Array, b: Array, length: float, j: int) -> tuple[float, floa
         return -1.0, -1.0
     q = -(half + math.copysign(math.sqrt(square), half))
     u = q / (3.0 * cube) if cube != 0.0 else -1.0
-    v = first / q if q != 0.0 else -1.0
+    v = first / q  # not zero, as the square is not
     return u if 0.0 < u < 1.0 else -1.0, v if 0.0 < v < 1.0 else -1.0
 
 
@@ -223,10 +219,12 @@ def point_across(a: Array, b: Array, u: float, walk: Walk) -> bool:
 
 
 def halve_chord(parts: Array, top: int, walk: Walk) -> bool:
-    """Replace the last of some chords (n, 28), two nodes each, by its halves, the first one last; False for no middle.
+    """Replace the last of some chords (n, 28), two nodes each, by its halves, the first one last.
 
-    The node between them is left in walk.z and walk.tz.
+    The node between them is left in walk.z and walk.tz. False for no middle, and no room.
     """
+    if top + 1 == parts.shape[0]:
+        return False
     chord, half = parts[top], parts[top + 1]
     if not point_across(chord[:COLUMNS], chord[COLUMNS:], 0.5, walk):
         return False

@@ -29,10 +29,10 @@ from jacokin.arrays import Array
 from jacokin.kernels.closed_form.arm import ArmConstants, unpack_arm
 from jacokin.kernels.closed_form.resultant import DEGREE, value_and_slope
 from jacokin.kernels.closed_form.roots import RootWork, make_roots
-from jacokin.kernels.limits import TURN
+from jacokin.kernels.limits import TURN, nearest_copy
 from jacokin.kernels.six_joints.loop import LABELLINGS, SPHERICAL_WRIST, fill_links, joint_of
 from jacokin.kernels.six_joints.spherical_wrist import reach_of
-from jacokin.kernels.solution_set.curve import level_near, wrapped
+from jacokin.kernels.solution_set.curve import wrapped
 from jacokin.kernels.solution_set.slices import BEFORE, SixJoints, arm_of_equation, count_solutions
 from jacokin.kernels.solution_set.surface import Surface, begin_surface, fill_F, fill_rates, make_surface, size_of
 from jacokin.kernels.solution_set.trace import Loops
@@ -61,7 +61,8 @@ FARTHER, TIMES_FARTHER = 2, 5.0
 #: [rad] roots are found to less than this. A real one is real for sure if the next one is so many times as far away as
 #: noise may move it: then the derivative there tells how far that is.
 REAL, ALONE = 1e-6, 8.0
-#: Values that are halved at most, and halves that wait their turn.
+#: Values that are halved at most, and halves that wait their turn: halvings of the distance of even values to `BESIDE`
+#: leave 15.
 MOST_HALVED, DEPTH = 400, 32
 #: Steps to all roots at once; a root is found when its step is this part of the distance to the nearest other one: each
 #: step squares what is missing at least, and a step of Newton's method follows.
@@ -76,24 +77,13 @@ FORETOLD = 1.0
 class Look(NamedTuple):
     """What the roots of F at one value of the parameter tell of those nearby."""
 
-    ahead: float  # after how much a pair may come to the real axis there [rad], inf for none
-    behind: float  # the same on the other side
-    real: int  # how many roots are, -1 in doubt
-    at_fold: int  # 1 right beside a fold, of whose own pair little is known
-    sure_ahead: float  # after how much a pair comes there by its value, slope and bend [rad], inf for none
-    sure_behind: float  # the same on the other side
-
-
-class Told(NamedTuple):
-    """What the roots of F in one labelling of the joints tell at one value of the parameter."""
-
     ahead: float  # after how much a pair that is apart from the real axis may come there [rad], inf for none
     behind: float  # the same on the other side
-    least: int  # how many roots are real for sure,
-    most: int  # and how many may be
-    blurred: bool  # whether noise may move some as far as the axis, or to another one
     sure_ahead: float  # after how much a pair comes there by its value, slope and bend [rad], inf for none
     sure_behind: float  # the same on the other side
+    least: int  # how many roots are real for sure,
+    most: int  # and how many may be
+    at_fold: int  # 1 right beside a fold, of whose own pair little is known
 
 
 class Root(NamedTuple):
@@ -245,30 +235,31 @@ def spread_roots(z: Array) -> None:
         z[i, 0], z[i, 1] = size * math.cos(angle), size * math.sin(angle)
 
 
+def nothing_sure(least: int) -> Look:
+    """What noise tells: pairs may be anywhere, and so many roots are real at least."""
+    return Look(0.0, 0.0, 0.0, 0.0, least, 2 * DEGREE, 0)
+
+
+def real_roots(seen: Look) -> int:
+    """How many roots are real, -1 in doubt."""
+    return seen.least if seen.least == seen.most else -1
+
+
 def look(k: ArmConstants, six: SixJoints, work: Islands, p: float) -> Look:
     """All roots of F(x; p), and when pairs of them come to the axis; F is left there."""
-    told = look_in(k, six, work, p, -1)
+    seen = look_in(k, six, work, p, -1)
     for n in range(0 if k.six.form == SPHERICAL_WRIST else LABELLINGS):
-        if n == 1 and told.least < told.most:
-            told = together(told, Told(0.0, 0.0, count_solutions(six, p), 2 * DEGREE, True, 0.0, 0.0))
-        if told.least == told.most:
+        if n == 1 and seen.least < seen.most:
+            seen = together(seen, nothing_sure(count_solutions(six, p)))
+        if seen.least == seen.most:
             break
         if work.useless[work.size[4]] == 0:
-            told = together(told, look_in(k, six, work, p, work.size[4]))
-        if told.least != told.most:
+            seen = together(seen, look_in(k, six, work, p, work.size[4]))
+        if seen.least != seen.most:
             work.size[4] = next_labelling(k, six, work.size[4])
-    if told.least == told.most and told.least % 2 == 1:  # of all round, the number is even
-        return Look(0.0, 0.0, -1, 0, 0.0, 0.0)
-    return look_of(told)
-
-
-def look_of(told: Told) -> Look:
-    """What one labelling tells of all solutions."""
-    if told.least == told.most:
-        return Look(told.ahead, told.behind, told.least, 0, told.sure_ahead, told.sure_behind)
-    if told.blurred:
-        return Look(0.0, 0.0, -1, 0, 0.0, 0.0)
-    return Look(told.ahead, told.behind, -1, 0, told.sure_ahead, told.sure_behind)
+    if seen.least != seen.most or seen.least % 2 == 1:  # of all round, the number is even
+        return nothing_sure(0)
+    return seen
 
 
 def size_on_axis(powers: Array, degree: int, root: Root) -> float:
@@ -277,60 +268,50 @@ def size_on_axis(powers: Array, degree: int, root: Root) -> float:
     return abs(value)
 
 
-def together(a: Told, b: Told) -> Told:
+def together(a: Look, b: Look) -> Look:
     """What two labellings tell: pairs come as in the one in which fewer roots may be real."""
     fewer = a if a.most <= b.most else b
-    return Told(
-        fewer.ahead,
-        fewer.behind,
-        max(a.least, b.least),
-        fewer.most,
-        fewer.blurred,
-        fewer.sure_ahead,
-        fewer.sure_behind,
-    )
+    return Look(fewer.ahead, fewer.behind, fewer.sure_ahead, fewer.sure_behind, max(a.least, b.least), fewer.most, 0)
 
 
-def look_in(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling: int) -> Told:
+def look_in(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling: int) -> Look:
     """What one labelling of the joints tells, -1 for the arm's own; F is left there."""
     noise = fill_F(k, six, work.F, p, labelling)
     if not size_of(work.F.cosine, work.F.sine) > UNCERTAIN * noise:
         if labelling >= 0:
             noise = fill_F(k, six, work.F, p + ELSEWHERE, labelling)
             work.useless[labelling] = not size_of(work.F.cosine, work.F.sine) > UNCERTAIN * noise
-        return Told(0.0, 0.0, 0, 2 * DEGREE, True, 0.0, 0.0)
+        return nothing_sure(0)
     degree = degree_of(work, noise)
     noise_of_bend = fill_rates(k, six, work.F, p, labelling, noise)
     if labelling < 0 and k.six.form == SPHERICAL_WRIST and work.F.apart[0] < 0.0:  # another angle is complex
         apart, rate, bend = work.F.apart[0], work.F.apart[1], work.F.apart[2]
         ahead, behind = first_zero(apart, rate, bend), first_zero(apart, -rate, bend)
-        return Told(ahead, behind, 0, 0, False, ahead / SURE, behind / SURE)
+        return Look(ahead, behind, ahead / SURE, behind / SURE, 0, 0, 0)
     z = work.z if labelling < 0 else work.other
     if labelling < 0:
         foretell(work, p, degree)
     find_all_roots(work.F.powers[0], degree, z, work.settled)
-    ahead, behind, least, most, blurred = math.inf, math.inf, 0, 0, False
-    sure_ahead, sure_behind = math.inf, math.inf
+    ahead, behind, sure_ahead, sure_behind, least, most = math.inf, math.inf, math.inf, math.inf, 0, 0
     for i in range(degree):
         root = root_at(work.F.powers, degree, z, i)
         if root.slope == 0.0:
-            return Told(0.0, 0.0, 0, 2 * DEGREE, True, 0.0, 0.0)
+            return nothing_sure(0)
         z[i, 0], z[i, 1] = root.x.real, root.x.imag
         if labelling < 0:
             work.moves[i, 0], work.moves[i, 1] = root.turns.real, root.turns.imag
         error, next_root = degree * noise / abs(root.slope), distance_to_next(z, i, degree)
         if abs(root.d) <= REAL:
             most, least = most + 1, least + int(next_root > ALONE * error + 2.0 * REAL)
-            blurred = blurred or next_root <= error
         elif 4.0 * size_on_axis(work.F.powers[0], degree, root) <= degree * noise:
-            most, blurred = most + 1, True
+            most += 1
         elif root.d > 0.0:
             value, rate, unsure, bend = approach(work.F.powers, degree, root, noise, noise_of_bend, next_root < root.d)
             ahead = min(ahead, first_zero(value, unsure - rate, bend))
             behind = min(behind, first_zero(value, unsure + rate, bend))
             sure_ahead = min(sure_ahead, zero_of_parabola(value, -rate, bend))
             sure_behind = min(sure_behind, zero_of_parabola(value, rate, bend))
-    return Told(ahead, behind, least, most, blurred, sure_ahead, sure_behind)
+    return Look(ahead, behind, sure_ahead, sure_behind, least, most, 0)
 
 
 def root_at(powers: Array, degree: int, z: Array, i: int) -> Root:
@@ -410,22 +391,20 @@ def find_islands(six: SixJoints, window: Array, work: Islands) -> None:
             work.lines[i, n] = 0.0
         if abs(wrapped(work.p[i] - window[0])) <= window[1] + step:
             seen = look(k, six, work, work.p[i])
-            work.comes[i, 0], work.comes[i, 1], work.counts[i] = seen.ahead, seen.behind, seen.real
+            work.comes[i, 0], work.comes[i, 1], work.counts[i] = seen.ahead, seen.behind, real_roots(seen)
             work.comes[i, 2], work.comes[i, 3] = seen.sure_ahead, seen.sure_behind
             noise = fill_F(k, six, work.F, work.p[i], -1)
             for n in range(LINES):
                 value, _ = value_and_slope(work.F.cosine, work.F.sine, line_at(n))
                 work.lines[i, n] = value if abs(value) > noise else 0.0
     for i in range(LOOKED_AT):
-        j = (i + 1) % LOOKED_AT
-        halve(
-            k,
-            six,
-            work,
-            (work.p[i], work.p[i] + step),
-            Look(work.comes[i, 0], work.comes[i, 1], work.counts[i], 0, work.comes[i, 2], work.comes[i, 3]),
-            Look(work.comes[j, 0], work.comes[j, 1], work.counts[j], 0, work.comes[j, 2], work.comes[j, 3]),
-        )
+        halve(k, six, work, (work.p[i], work.p[i] + step), known(work, i), known(work, (i + 1) % LOOKED_AT))
+
+
+def known(work: Islands, i: int) -> Look:
+    """What was seen at value i of those all round."""
+    c, count = work.comes[i], int(work.counts[i])
+    return Look(c[0], c[1], c[2], c[3], count, count, 0)
 
 
 def halve(
@@ -436,8 +415,10 @@ def halve(
     write_part(stack[0], between[0], between[1], first, last)
     while top >= 0:
         low, high = stack[top, 0], stack[top, 1]
-        first = Look(stack[top, 2], 0.0, int(stack[top, 4]), int(stack[top, 6]), stack[top, 8], 0.0)
-        last = Look(0.0, stack[top, 3], int(stack[top, 5]), int(stack[top, 7]), 0.0, stack[top, 9])
+        count, fold = int(stack[top, 4]), int(stack[top, 5])
+        first = Look(stack[top, 2], 0.0, stack[top, 3], 0.0, count, count, fold)
+        count, fold = int(stack[top, 8]), int(stack[top, 9])
+        last = Look(0.0, stack[top, 6], 0.0, stack[top, 7], count, count, fold)
         top -= 1
         if not may_come(first, last, high - low) or (
             high - low < LABELLED and not is_labelled_otherwise(k, six, work, low, high)
@@ -449,23 +430,24 @@ def halve(
         work.size[3] += 1
         middle = 0.5 * (low + high)
         seen = look(k, six, work, middle)
-        if max(first.real, last.real) < 0 and seen.real < 0:
+        count = real_roots(seen)
+        if max(real_roots(first), real_roots(last), count) < 0:
             work.size[1] += 1
             continue
-        if seen.real < 0 or seen.real > min(first.real, last.real):
-            add_found(work, middle, seen.real)
-        if top + 2 < DEPTH:
-            write_part(stack[top + 1], low, middle, first, seen)
-            write_part(stack[top + 2], middle, high, seen, last)
-            top += 2
+        if count < 0 or count > min(real_roots(first), real_roots(last)):
+            add_found(work, middle, count)
+        write_part(stack[top + 1], low, middle, first, seen)
+        write_part(stack[top + 2], middle, high, seen, last)
+        top += 2
 
 
 def may_come(first: Look, last: Look, length: float) -> bool:
     """Whether pairs may come to the axis between two values of the parameter, seen from both."""
     if first.ahead + last.behind <= SAFETY * length:
         return True
-    if (first.sure_ahead <= length and 0 <= last.real <= first.real) or (
-        last.sure_behind <= length and 0 <= first.real <= last.real
+    before, after = real_roots(first), real_roots(last)
+    if (first.sure_ahead <= length and 0 <= after <= before) or (
+        last.sure_behind <= length and 0 <= before <= after
     ):  # it comes, and none is there on the other side
         return True
     elsewhere = (1.0 - NEAR_FOLD) * length
@@ -492,7 +474,8 @@ def look_beside_folds(six: SixJoints, loops: Loops, parameter: int, first: int, 
             faced, curve = facing_fold(loops, parameter, fold, at)
             if faced != at and curve >= first and side < 0.0:  # seen from the other one
                 continue
-            comes = work.comes[i, 1 if side > 0.0 else 0]
+            other = known(work, i)
+            comes = other.behind if side > 0.0 else other.ahead
             if faced == at and not comes <= SAFETY * abs(at - fold):
                 continue
             away, here = look_beside(k, six, work, fold, side)
@@ -501,8 +484,6 @@ def look_beside_folds(six: SixJoints, loops: Loops, parameter: int, first: int, 
             if not is_expected and not is_fold_at(loops, parameter, p - side * there, side, away * AT_FOLD):
                 work.size[1] += 1
                 continue
-            sure = work.comes[i, 3 if side > 0.0 else 2]
-            other = Look(comes, comes, work.counts[i], 0, sure, sure)
             if faced != at:
                 away, other = look_beside(k, six, work, faced, -side)
                 at = faced - side * away
@@ -518,10 +499,10 @@ def look_beside(k: ArmConstants, six: SixJoints, work: Islands, fold: float, sid
     """How far from a fold its own pair is no noise, to the side where it is complex, and what the roots tell there."""
     away, seen = BESIDE, look(k, six, work, fold + side * BESIDE)
     for _ in range(FARTHER):
-        if seen.real < 0 or not comes_from_fold(seen, side, away):
+        if real_roots(seen) < 0 or not comes_from_fold(seen, side, away):
             away *= TIMES_FARTHER
             seen = look(k, six, work, fold + side * away)
-    return away, Look(seen.ahead, seen.behind, seen.real, 1, seen.sure_ahead, seen.sure_behind)
+    return away, Look(seen.ahead, seen.behind, seen.sure_ahead, seen.sure_behind, seen.least, seen.most, 1)
 
 
 def comes_from_fold(seen: Look, side: float, away: float) -> bool:
@@ -562,9 +543,9 @@ def is_fold_at(loops: Loops, parameter: int, p: float, side: float, away: float)
 
 def write_part(part: Array, low: float, high: float, first: Look, last: Look) -> None:
     """Write a part of the stack."""
-    part[0], part[1], part[2], part[3] = low, high, first.ahead, last.behind
-    part[4], part[5], part[6], part[7] = first.real, last.real, first.at_fold, last.at_fold
-    part[8], part[9] = first.sure_ahead, last.sure_behind
+    part[0], part[1] = low, high
+    part[2], part[3], part[4], part[5] = first.ahead, first.sure_ahead, real_roots(first), first.at_fold
+    part[6], part[7], part[8], part[9] = last.behind, last.sure_behind, real_roots(last), last.at_fold
 
 
 def is_labelled_otherwise(k: ArmConstants, six: SixJoints, work: Islands, low: float, high: float) -> bool:
@@ -579,7 +560,7 @@ def is_labelled_otherwise(k: ArmConstants, six: SixJoints, work: Islands, low: f
             first = look_in(k, six, work, low, work.size[4])
             last = look_in(k, six, work, high, work.size[4]) if first.least == first.most else first
             if last.least == last.most:
-                return may_come(look_of(first), look_of(last), high - low)
+                return may_come(first, last, high - low)
         work.size[4] = next_labelling(k, six, work.size[4])
     return True
 
@@ -628,7 +609,7 @@ def count_on_lines(loops: Loops, parameter: int, joint: int, work: Islands) -> N
         for c in range(loops.size[1]):
             for m in range(loops.ends[c, 0], loops.ends[c, 1] - 1):
                 a, b = loops.nodes[m], loops.nodes[m + 1]
-                value = level_near(line_at(n), a[joint], b[joint])
+                value = nearest_copy(line_at(n), 0.5 * (a[joint] + b[joint]))
                 if (a[joint] < value) != (b[joint] < value):
                     p = a[parameter] + (value - a[joint]) / (b[joint] - a[joint]) * (b[parameter] - a[parameter])
                     i = math.floor((p - OFFSET) / step) % LOOKED_AT
@@ -645,4 +626,4 @@ def add_zero_on_line(six: SixJoints, work: Islands, i: int, n: int) -> None:
         if (value > 0.0) == (sign > 0.0):
             low += step
         step *= 0.5
-    add_found(work, low + step, look(k, six, work, low + step).real)
+    add_found(work, low + step, real_roots(look(k, six, work, low + step)))

@@ -22,7 +22,8 @@ from jacokin.kernels.solution_set.slices import SevenJoints
 from jacokin.kernels.solution_set.trace import LOST, Loops, add_node, enter_run
 from jacokin.kernels.solution_set.within import SNAP
 
-#: [rad] longest interval of joint 3 to begin with, and places there is room for.
+#: [rad] longest interval of joint 3 to begin with, and places there is room for: twice the intervals and one for each
+#: fold, of which there are 20 at most.
 COARSE, PLACES = 1.0, 160
 #: Share of the way between the ends of an interval by which joints may go beyond them in any case.
 BEYOND_ENDS = 0.1
@@ -120,8 +121,6 @@ def joint_3(arc: Arc, angle: float) -> float:
 def place_arc(walk: Walk, seven: SevenJoints, arc: Arc, near: NearSeed, size: int) -> int:
     """Append the rows at ends and middles of the intervals of an arc; the next place, -1 where that is not known."""
     parts = 2 * parts_of(arc)
-    if size + parts + 1 > PLACES:
-        return -1
     for n in range(1, parts + 2):
         i = size + n % (parts + 1)  # the first one last: the next one tells which rows there are
         angle, inwards, aside = math.pi * (n % (parts + 1)) / parts, 0.0, 0.0

@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.kernels.limits import TURN, copy_within_limits
+from jacokin.kernels.limits import TURN, copy_within_limits, nearest_copy
 from jacokin.kernels.solution_set.curve import (
     COLUMNS,
     MOST_HALVED,
+    PARTS,
     RESOLUTION,
     SECANTS,
     STATIONARY,
@@ -22,7 +23,6 @@ from jacokin.kernels.solution_set.curve import (
     cubic_root,
     cubic_slope,
     halve_chord,
-    level_near,
     make_walk,
     narrowed,
     point_across,
@@ -33,8 +33,6 @@ from jacokin.kernels.solution_set.curve import (
 )
 from jacokin.kernels.solution_set.within import DOUBT, SNAP
 
-#: Parts of a chord at a time.
-PARTS = 48
 #: A piece is at most so many times as long as the chord between two nodes.
 LONGER = 1.1
 #: Places on a chord at which the distance is looked at, by its cubic.
@@ -172,8 +170,7 @@ def search_chord(work: NearestWork, i: int) -> None:
             if work.weights[j] > 0.0:
                 moved = equivalent(work, b[j], j) - equivalent(work, a[j], j) - (b[j] - a[j])
                 jumps = jumps or abs(moved) > JUMP or dips(work, a, b, length, j)
-        halves = jumps and length > RESOLUTION and top + 1 < PARTS and halved < MOST_HALVED
-        if halves and halve_chord(parts, top, walk):
+        if jumps and length > RESOLUTION and halved < MOST_HALVED and halve_chord(parts, top, walk):
             offer(work, walk.z)
             top += 1
             halved += 1
@@ -192,7 +189,7 @@ def offer_on_limits(work: NearestWork, a: Array, b: Array, length: float) -> Non
         if not has_several(work, j):
             continue
         for side in range(2):
-            limit = level_near(work.limits[side, j], a[j], b[j])
+            limit = nearest_copy(work.limits[side, j], 0.5 * (a[j] + b[j]))
             if (a[j] < limit) != (b[j] < limit):
                 u = cubic_root(a, b, length, j, limit, 0.0, 1.0)
                 if point_at(a, b, j, limit, u, walk):
@@ -211,7 +208,7 @@ def dips(work: NearestWork, a: Array, b: Array, length: float, j: int) -> bool:
     for u in still_shares(a, b, length, j):
         extreme = cubic(a, b, length, u, j)
         for side in range(2 if u > 0.0 else 0):
-            limit = level_near(work.limits[side, j], extreme, extreme)
+            limit = nearest_copy(work.limits[side, j], extreme)
             before, after = a[j] - limit, b[j] - limit
             touches = abs(extreme - limit) < DOUBT * length * length + SNAP < max(abs(before), abs(after))
             if before * after > 0.0 and (touches or before * (extreme - limit) <= 0.0):

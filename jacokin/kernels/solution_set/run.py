@@ -33,7 +33,7 @@ from jacokin.kernels.solution_set.islands import (
 )
 from jacokin.kernels.solution_set.meeting import Directions, make_directions, points_aside
 from jacokin.kernels.solution_set.near_seed import NearSeed, add_chords, make_near_seed, offer_row
-from jacokin.kernels.solution_set.seven_joints import MOST_FOLDS, find_folds
+from jacokin.kernels.solution_set.seven_joints import find_folds
 from jacokin.kernels.solution_set.slices import (
     JOINT_3,
     NO_SLICES,
@@ -91,7 +91,7 @@ def make_set_work() -> SetWork:
         np.zeros(2, np.int64),
         np.empty((0, 7)),
         make_six_joints(),
-        make_seven_joints(MOST_FOLDS),
+        make_seven_joints(),
         make_near_seed(),
         make_islands(),
         make_slices(),

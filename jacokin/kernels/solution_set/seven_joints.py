@@ -132,8 +132,7 @@ def find_folds(chain: Array, arm7: Array, T: Array, roots: RootWork, folds: Arra
         for n in range(DEGREE + 1):
             roots.cosine[n], roots.sine[n] = 0.0, 0.0
         for j in range(SAMPLES):
-            equations = fold_equations(chain, arm7, D0, SPACING * j)
-            value, size = equations[0] if which == 0 else (equations[1] if which == 1 else equations[2])
+            value, size = fold_equations(chain, arm7, D0, SPACING * j)[which]
             largest = max(largest, size)
             for n in range(3 if which == 0 else 5):
                 roots.cosine[n] += TO_COSINE[j, n] * value

@@ -14,7 +14,7 @@ from jacokin.kernels.closed_form.arm import ARM_CONSTANTS, ArmConstants, unpack_
 from jacokin.kernels.closed_form.pose import Work, make_work, solve_pose
 from jacokin.kernels.six_joints.loop import SPHERICAL_WRIST, fill_links
 from jacokin.kernels.solution_set.curve import Walk
-from jacokin.kernels.solution_set.seven_joints import MOST_AT_Q3, solve_at_q3
+from jacokin.kernels.solution_set.seven_joints import MOST_AT_Q3, MOST_FOLDS, solve_at_q3
 from jacokin.kernels.tolerances import STRUCTURE_TOLERANCE
 
 #: Values of the parameter, and points at each, at most.
@@ -91,9 +91,9 @@ def make_six_joints() -> SixJoints:
     )
 
 
-def make_seven_joints(most_folds: int) -> SevenJoints:
+def make_seven_joints() -> SevenJoints:
     """Fresh arrays."""
-    return SevenJoints(np.zeros(12), np.empty((MOST_AT_Q3, 7)), np.empty(most_folds))
+    return SevenJoints(np.zeros(12), np.empty((MOST_AT_Q3, 7)), np.empty(MOST_FOLDS))
 
 
 def turn_target(T: Array, axis: Array, angle: float, turned: Array) -> None:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
+from jacokin.kernels.limits import nearest_copy
 from jacokin.kernels.solution_set.curve import (
     COLUMNS,
     FAILED,
@@ -27,7 +28,6 @@ from jacokin.kernels.solution_set.curve import (
     cubic,
     cubic_root,
     go_on,
-    level_near,
     point_at,
     point_where_still,
     still_shares,
@@ -128,11 +128,11 @@ def add_node(loops: Loops, x: Array, t: Array, fold: int) -> int:
 
 def follow(i: int, k: int, slices: Slices, loops: Loops, walk: Walk) -> None:
     """Follow the curve from point k of slice i until it comes back there, or leaves the window on both sides."""
-    begin(slices.x[i, k], walk)
+    found = begin(slices.x[i, k], walk)
     if loops.size[1] == LOOPS:
         loops.size[3] += 1
         return
-    if norm_of(walk.t) == 0.0:  # no curve passes here alone: a single point
+    if not found:  # no curve passes here alone: a single point
         loops.size[3] += 1
         enter_run(loops, add_node(loops, walk.x, walk.t, 1), CLOSED)
         return
@@ -144,8 +144,8 @@ def follow(i: int, k: int, slices: Slices, loops: Loops, walk: Walk) -> None:
     run((i, k), slices, loops, walk)
 
 
-def begin(start: Array, walk: Walk) -> None:
-    """Make a point the last one of a walk, the parameter rising ahead; the tangent is zero where there is none."""
+def begin(start: Array, walk: Walk) -> bool:
+    """Make a point the last one of a walk, the parameter rising ahead; False, and a tangent of zero, where none is."""
     parameter, found = walk.parameter[0], False
     for m in range(8):  # where the parameter stands still, any other angle tells the way ahead
         for j in range(7):
@@ -156,14 +156,7 @@ def begin(start: Array, walk: Walk) -> None:
         walk.bend[j], walk.more[j] = 0.0, 0.0
         walk.t[j] = walk.t[j] if found else 0.0
     walk.length[0] = 0.0
-
-
-def norm_of(t: Array) -> float:
-    """The square of a vector's length."""
-    square = 0.0
-    for j in range(7):
-        square += t[j] * t[j]
-    return square
+    return found
 
 
 def enter_run(loops: Loops, first: int, state: int) -> None:
@@ -348,10 +341,10 @@ def note_passed(
             close_loop(loops, n, first)
         return back
     closes = False
-    if passes(slices.p[i0], p, q) and (n > first or level_near(slices.p[i0], p, q) != p):
+    if n > first and passes(slices.p[i0], p, q):
         closes = point_passed(a, b, i0, slices, walk) == k0
         if closes:
-            q = level_near(slices.p[i0], p, q)  # others that are passed later were passed at first
+            q = nearest_copy(slices.p[i0], 0.5 * (p + q))  # others that are passed later were passed at first
         else:
             count_point(a, b, i0, slices, loops, walk)
     for i in range(slices.size[0]):
@@ -364,14 +357,14 @@ def note_passed(
 
 def passes(value: float, p: float, q: float) -> bool:
     """Whether a value of the parameter, or one whole turns away, is passed between p and q; NaN never is."""
-    value = level_near(value, p, q)
+    value = nearest_copy(value, 0.5 * (p + q))
     return min(p, q) < value <= max(p, q)
 
 
 def point_passed(a: Array, b: Array, i: int, slices: Slices, walk: Walk) -> int:
     """Which point of slice i a curve passes between two nodes, -1 for none."""
     parameter, length = walk.parameter[0], chord_length(a, b)
-    value = level_near(slices.p[i], a[parameter], b[parameter])
+    value = nearest_copy(slices.p[i], 0.5 * (a[parameter] + b[parameter]))
     u = cubic_root(a, b, length, parameter, value, 0.0, 1.0)
     for j in range(7):
         walk.z[j] = cubic(a, b, length, u, j)

@@ -9,18 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.kernels.limits import TURN
+from jacokin.kernels.limits import TURN, nearest_copy
 from jacokin.kernels.solution_set.curve import (
     COLUMNS,
     LONGEST_STEP,
     MOST_HALVED,
+    PARTS,
     RESOLUTION,
     Walk,
     chord_length,
     cubic,
     cubic_root,
     halve_chord,
-    level_near,
     point_at,
     point_where_still,
     still_shares,
@@ -37,8 +37,8 @@ SNAP, ROUNDING = 1e-9, 1e-12
 #: Share of the square of a chord by which the cubic through its ends may be off, or of the chord and so many times what
 #: an angle moves along it, where that is less.
 DOUBT, MOVES = 3e-3, 10.0
-#: Parts of one chord at a time, and places where limits are passed on one part.
-PARTS, EVENTS = 40, 32
+#: Places where limits are passed on one part of a chord: each limit at one.
+EVENTS = 14
 
 
 class Pieces(NamedTuple):
@@ -100,7 +100,7 @@ def cut(loops: Loops, pieces: Pieces, walk: Walk) -> None:
 
 def cut_loop(c: int, loops: Loops, pieces: Pieces, walk: Walk) -> None:
     """Append the pieces of one curve, from a node on where none is open: a fold, or a point outside the limits."""
-    first, end, closed = loops.ends[c, 0], loops.ends[c, 1], loops.ends[c, 2] == CLOSED
+    first, end = loops.ends[c, 0], loops.ends[c, 1]
     size, parameter = pieces.size, walk.parameter[0]
     size[2] += 1
     if end == first + 1:
@@ -118,7 +118,7 @@ def cut_loop(c: int, loops: Loops, pieces: Pieces, walk: Walk) -> None:
         cut_chord(pieces, walk, c)
         if step == chords - 1:
             break
-        m = n + 1 if n + 1 < end - 1 or not closed else first
+        m = n + 1 if n + 1 < end - 1 else first
         node = pieces.parts[0, COLUMNS:]
         if loops.fold[m] > 0:
             close_piece(pieces, parameter, FOLD)
@@ -144,7 +144,7 @@ def first_node(c: int, loops: Loops, pieces: Pieces) -> tuple[int, bool, bool]:
     for n in range(loops.ends[c, 0], loops.ends[c, 1] - 1):
         fold = loops.fold[n] > 0
         if (fold and not turns) or (whole and excess(loops.nodes[n], pieces.limits) > SNAP):
-            start, whole, turns = n, False, turns or fold
+            start, whole, turns = n, False, fold
     return start, whole, turns
 
 
@@ -186,20 +186,16 @@ def write_chord(loops: Loops, n: int, start: int, first: int, end: int, pieces: 
 
 
 def cut_chord(pieces: Pieces, walk: Walk, c: int) -> None:
-    """Go along the chord in pieces.parts[0], and close and open pieces where limits are passed; leaves its end there.
+    """Go along the chord in pieces.parts[0], and close and open pieces where limits are passed; its end stays there.
 
     Parts on which the cubic does not tell whether a limit is passed are halved.
     """
     parts, top, halved = pieces.parts, 0, 0
-    for m in range(COLUMNS):
-        walk_end = parts[0, COLUMNS + m]
-        parts[PARTS - 1, m] = walk_end
     while top >= 0:
         a, b = parts[top, :COLUMNS], parts[top, COLUMNS:]
         length = chord_length(a, b)
         if (
             length > RESOLUTION
-            and top + 2 < PARTS - 1
             and halved < MOST_HALVED
             and is_doubtful(a, b, length, pieces.limits)
             and halve_chord(parts, top, walk)
@@ -210,14 +206,12 @@ def cut_chord(pieces: Pieces, walk: Walk, c: int) -> None:
         cut_part(a, b, pieces, walk, c)
         top -= 1
     pieces.size[3] += halved == MOST_HALVED
-    for m in range(COLUMNS):
-        parts[0, COLUMNS + m] = parts[PARTS - 1, m]
 
 
 def passed_at(limits: Array, code: int, a: float, b: float) -> float:
     """The angle near two others at which the limit of a code is passed."""
     side = code % 2
-    return level_near(limits[side, code // 2] + (2 * side - 1) * ROUNDING, a, b)
+    return nearest_copy(limits[side, code // 2] + (2 * side - 1) * ROUNDING, 0.5 * (a + b))
 
 
 def is_doubtful(a: Array, b: Array, length: float, limits: Array) -> bool:
@@ -268,7 +262,7 @@ def find_events(a: Array, b: Array, pieces: Pieces, walk: Walk) -> int:
         if not pieces.limits[0, j] > -math.inf:
             continue
         for side in range(2):
-            if n < EVENTS and find_event(a, b, 2 * j + side, pieces, walk):
+            if find_event(a, b, 2 * j + side, pieces, walk):
                 along = 0.0
                 for m in range(7):
                     events[n, 2 + m], events[n, 9 + m] = walk.z[m], walk.tz[m]

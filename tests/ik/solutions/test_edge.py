@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -12,6 +13,7 @@ import jacokin
 from jacokin import FreeAxis, IKSolver, Robot, Status
 from jacokin.arrays import Array
 from jacokin.model.angles import wrap_to_pi
+from tests.seven_joint_arms import load_arm
 
 CLOSURE = 1e-9  # [m] and [rad] by which members may be off
 TOLERANCE = 1e-6  # [m] and [rad] of a success
@@ -105,6 +107,15 @@ def test_the_only_curve_may_lie_between_two_slices(rng: np.random.Generator) -> 
         family = solver.solve_all(target)
         assert len(family)
         assert solver.solve(target, closest=False).success
+
+
+def test_curves_along_which_the_parameter_hardly_changes_are_found(tmp_path: Path) -> None:
+    """No pair of roots comes to the real axis between two slices: the equation changes its sign all round instead."""
+    robot = load_arm("xarm7", tmp_path)
+    target = robot.forward_kinematics([0.0, 1.573, 0.002, -0.006, 4.71, -1.573, 4.713])
+    everything = IKSolver(robot, collision="ignore").solve_all(target)
+    assert everything.complete
+    assert everything.branches == 16  # four of them are two curves that go all round within 5e-3 rad of joint 7
 
 
 @pytest.mark.parametrize("count", [8, pytest.param(20, marks=pytest.mark.slow)])

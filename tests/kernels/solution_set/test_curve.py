@@ -180,7 +180,7 @@ def test_every_solution_is_passed_once_and_curves_close(rng: np.random.Generator
     """All solutions at three values of joint 3: each curve comes back to where it began, through all others once."""
     robot = jacokin.load_robot("j2s7s300")
     curve, parameter = curve_through(robot, robot.sample(rng)), 2
-    seven = make_seven_joints(16)
+    seven = make_seven_joints()
     seven.arm[:] = measure_seven(robot.pin_model, robot.frame_id(None)).arm
     slices = make_slices()
     for p in rng.uniform(-np.pi, np.pi, 3):

@@ -11,7 +11,7 @@ from jacokin.ik.geometry import measure_seven
 from jacokin.kernels.closed_form.roots import make_roots
 from jacokin.kernels.solution_set.curve import LONGEST_STEP, make_walk
 from jacokin.kernels.solution_set.near_seed import add_chords, make_near_seed
-from jacokin.kernels.solution_set.seven_joints import MOST_FOLDS, find_folds, solve_at_q3
+from jacokin.kernels.solution_set.seven_joints import find_folds, solve_at_q3
 from jacokin.kernels.solution_set.slices import make_seven_joints
 from jacokin.kernels.solution_set.trace import make_loops
 from jacokin.model.angles import TURN, wrap_to_pi
@@ -41,7 +41,7 @@ def scan(robot: Robot, chain: Array, arm: Array, T: Array, seed: Array) -> Array
 @pytest.mark.parametrize("folded", [False, True])
 def test_the_nearest_configuration_is_beside_a_chord(robot: Robot, rng: np.random.Generator, folded: bool) -> None:
     geometry = measure_seven(robot.pin_model, robot.frame_id(), None)
-    chain, seven, near = geometry.chain, make_seven_joints(MOST_FOLDS), make_near_seed()
+    chain, seven, near = geometry.chain, make_seven_joints(), make_near_seed()
     seven.arm[:] = geometry.arm
     bounded = ~robot.unlimited
     limits = np.array([np.where(bounded, robot.lower, -np.inf), np.where(bounded, robot.upper, np.inf)])
@@ -65,7 +65,7 @@ def test_the_nearest_configuration_is_beside_a_chord(robot: Robot, rng: np.rando
 
 def test_a_seed_that_reaches_the_target_is_beside_a_chord(robot: Robot, rng: np.random.Generator) -> None:
     geometry = measure_seven(robot.pin_model, robot.frame_id(), None)
-    seven, near, loops = make_seven_joints(MOST_FOLDS), make_near_seed(), make_loops()
+    seven, near, loops = make_seven_joints(), make_near_seed(), make_loops()
     seven.arm[:] = geometry.arm
     limits = np.array([np.full(7, -np.inf), np.full(7, np.inf)])
     near.seed[:] = robot.sample(rng)
