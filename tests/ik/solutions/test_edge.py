@@ -107,6 +107,7 @@ def test_the_only_curve_may_lie_between_two_slices(rng: np.random.Generator) -> 
         assert solver.solve(target, closest=False).success
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("count", [8, pytest.param(20, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("several", [1, 3, 6])
 def test_the_end_of_a_range_may_be_the_only_member(several: int, count: int, rng: np.random.Generator) -> None:
