@@ -11,6 +11,8 @@ $(shell mkdir -p build; echo $(SOURCES) | cmp -s - $(LIST) || echo $(SOURCES) > 
 JOBS ?= 2
 # Each process begins with its own part of the tests, so that what a module prepares is prepared once.
 PYTEST := pytest -n $(JOBS) --dist worksteal
+# Images of containers set it: each of these processes would compile all tests again.
+unexport PYTHONDONTWRITEBYTECODE
 # These processes fill the cores: more threads in each would wait for one another.
 test test-all test-oldest release-check: export OPENBLAS_NUM_THREADS := 1
 

@@ -37,6 +37,24 @@ def pytest_sessionstart() -> None:
         raise pytest.UsageError(f"{library.PATH} was built from other sources: run `python -m build_kernels`")
 
 
+_QUICK = set[tuple[object, ...]]()
+
+
+def pytest_itemcollected(item: pytest.Item) -> None:
+    """Mark cases as slow that follow the first one of a test that is marked with `one_quick`."""
+    mark = item.get_closest_marker("one_quick")
+    if mark is None or item.get_closest_marker("slow"):
+        return
+    assert isinstance(item, pytest.Function)  # what has cases
+    parameters = item.callspec.params
+    assert parameters.keys() >= set(mark.args), f"{item.nodeid} has no {mark.args}"
+    others = (id(value) for name, value in parameters.items() if mark.args and name not in mark.args)
+    case = (item.parent, item.originalname, *others)
+    if case in _QUICK:
+        item.add_marker("slow")
+    _QUICK.add(case)
+
+
 @functools.cache
 def _robot(name: str) -> Robot:
     return jacokin.load_robot(name)

@@ -90,6 +90,7 @@ def test_what_is_huge_is_refused(kind: str, tmp_path: Path) -> None:
     refused(kind, path)
 
 
+@pytest.mark.one_quick("content")
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("content", [b"", b"\0", b"\n" * 1000, b"[" * 800, b'{"a":' * 100_000, b"\xff\xfe" * 99, b'"'])
 def test_what_is_something_else_is_refused(kind: str, content: bytes, tmp_path: Path) -> None:
@@ -98,6 +99,7 @@ def test_what_is_something_else_is_refused(kind: str, content: bytes, tmp_path: 
     refused(kind, path)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("kind", KINDS)
 def test_damage_is_refused_or_read(kind: str, sound: dict[str, Path], tmp_path: Path) -> None:
     rng = np.random.default_rng([7, *kind.encode()])
@@ -148,6 +150,7 @@ HEADERS = (
 )
 
 
+@pytest.mark.one_quick("header")
 @pytest.mark.parametrize("header", HEADERS)
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind.endswith(".npz")])
 def test_arrays_that_claim_what_is_not_there_are_refused(
@@ -166,6 +169,7 @@ def test_arrays_that_claim_what_is_not_there_are_refused(
             refused(kind, path)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind.endswith(".npz")])
 def test_archives_that_unpack_without_end_are_refused(kind: str, tmp_path: Path) -> None:
     path = tmp_path / "bomb.npz"
@@ -280,6 +284,7 @@ def test_toml_that_takes_long_is_refused(text: str, tmp_path: Path) -> None:
     refused("calibration.toml", path)
 
 
+@pytest.mark.slow
 def test_rows_without_an_end_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "rows.csv"
     for text in (
@@ -347,6 +352,7 @@ def test_a_late_writer_is_waited_for(tmp_path: Path) -> None:
     writer.join()
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     "words",
     [

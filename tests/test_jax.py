@@ -75,6 +75,7 @@ def test_gradients_are_those_of_the_solver_under_jit_and_vmap(solver: IKSolver, 
         np.testing.assert_allclose(gradient, expected, rtol=1e-6, atol=1e-6 * np.abs(expected).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["j2n6s300", pytest.param("m1n6s200", marks=pytest.mark.slow)])
 def test_gradients_agree_with_finite_differences_along_motions(name: str, rng: np.random.Generator) -> None:
     solver = IKSolver(jacokin.load_robot(name), collision="ignore")
@@ -105,6 +106,7 @@ def test_seven_joints_hold_the_parameter(rng: np.random.Generator) -> None:
     assert not rows[2].any()
 
 
+@pytest.mark.slow
 def test_failed_and_singular_answers(bundled: Any) -> None:
     robot = bundled("j2s6s300")
     solver, straight = IKSolver(robot, collision="ignore"), robot.home.copy()

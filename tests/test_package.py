@@ -91,10 +91,16 @@ MODULES = module_files()
 
 
 @functools.cache
+def nodes(name: str) -> list[ast.AST]:
+    """All parts of the program text of a module."""
+    return list(ast.walk(ast.parse(MODULES[name].read_text())))
+
+
+@functools.cache
 def imports(name: str) -> set[str]:
     """The modules of this package that a module names in imports, in functions and for type checkers too."""
     found: set[str] = set()
-    for node in ast.walk(ast.parse(MODULES[name].read_text())):
+    for node in nodes(name):
         if isinstance(node, ast.Import):
             found.update(alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.module:
@@ -196,6 +202,7 @@ def test_importing_jacokin_loads_nothing_heavy() -> None:
     assert not loaded & set(HEAVY)
 
 
+@pytest.mark.slow
 def test_rooms_need_no_import_of_their_own() -> None:
     code = (
         "import jacokin, sys; rooms = [getattr(jacokin, name) for name in jacokin.ROOMS]; jacokin.Tracker;"
@@ -212,6 +219,7 @@ def test_rooms_need_no_import_of_their_own() -> None:
 SLOW = {"mujoco", "mink", "yourdfpy", "trimesh", "scipy", "qpsolvers", "tomllib", "zipfile", "numpy.ma"}
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("own", [False, True], ids=["bundled", "a URDF without shapes"])
 def test_the_first_answer_loads_nothing_that_it_does_not_need(own: bool, tmp_path: Path) -> None:
     path = tmp_path / "ur5.urdf"
@@ -229,9 +237,8 @@ def test_the_first_answer_loads_nothing_that_it_does_not_need(own: bool, tmp_pat
 def test_what_does_not_change_gives_copies_of_its_poses() -> None:
     """A `pin.SE3` can be written to, so that one which a frozen object lends would change the object."""
     seen = set[str]()
-    for name, path in MODULES.items():
-        tree = ast.parse(path.read_text())
-        for node in (node for node in ast.walk(tree) if isinstance(node, ast.ClassDef) and node.name[0] != "_"):
+    for name in MODULES:
+        for node in (node for node in nodes(name) if isinstance(node, ast.ClassDef) and node.name[0] != "_"):
             is_frozen = any("frozen=True" in ast.unparse(each) for each in node.decorator_list)
             fields = [each for each in node.body if isinstance(each, ast.AnnAssign)]
             posed = [ast.unparse(each.target) for each in fields if "pin.SE3" in ast.unparse(each.annotation)]

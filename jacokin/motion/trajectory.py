@@ -356,8 +356,8 @@ class Trajectory(_Completing):
         Raises:
             InvalidInputError: not a number.
         """
-        now = float(np.clip(checks.number("time", time, "s"), self.t[0], self.t[-1]))
-        row = int(np.clip(np.searchsorted(self.t, now, side="right") - 1, 0, max(len(self.t) - 2, 0)))
+        now = min(max(checks.number("time", time, "s"), float(self.t[0])), float(self.t[-1]))
+        row = min(max(int(np.searchsorted(self.t, now, side="right")) - 1, 0), max(len(self.t) - 2, 0))
         if now == self.t[row] or len(self.t) == 1:
             return MotionState(self.q[row], self.v[row], self.a[row])
         step, x, (q, v, second, third) = cubic(self.t, self.q, self.v, now)

@@ -145,7 +145,7 @@ class PlannedMotion:
         return Wanted(q, (q - before) / dt if dt > 0.0 else np.zeros_like(q))
 
     def _at(self, time: float) -> Array:
-        row = int(np.clip(np.searchsorted(self.time, time, side="right") - 1, 0, max(0, len(self.time) - 2)))
+        row = min(max(int(np.searchsorted(self.time, time, side="right")) - 1, 0), max(len(self.time) - 2, 0))
         if len(self.time) == 1:
             return np.asarray(self.q[0])
         part = (time - self.time[row]) / (self.time[row + 1] - self.time[row])

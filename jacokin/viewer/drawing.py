@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass, field
 from itertools import product
@@ -344,13 +345,15 @@ def read_geom(model: mujoco.MjModel, geom: int, *, rounded: bool = False, sides:
     if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH:
         mesh: Triangles | None = read_mesh(model, int(model.geom_dataid[geom]))
     else:
-        mesh = _primitive(int(model.geom_type[geom]), np.array(model.geom_size[geom]), rounded=rounded, sides=sides)
+        mesh = _primitive(
+            int(model.geom_type[geom]), tuple(model.geom_size[geom].tolist()), rounded=rounded, sides=sides
+        )
     return None if mesh is None else _placed(mesh, model.geom_pos[geom], model.geom_quat[geom])
 
 
 def read_site(model: mujoco.MjModel, site: int) -> Triangles | None:
     """The shape of a site in the frame of its body."""
-    mesh = _primitive(int(model.site_type[site]), np.array(model.site_size[site]))
+    mesh = _primitive(int(model.site_type[site]), tuple(model.site_size[site].tolist()))
     return None if mesh is None else _placed(mesh, model.site_pos[site], model.site_quat[site])
 
 
@@ -359,18 +362,19 @@ def _placed(mesh: Triangles, position: Array, quat_wxyz: Array) -> Triangles:
     return move(mesh, pin.SE3(poses.rotation_from_quat_wxyz([w, x, y, z]), np.array(position)))
 
 
-def _primitive(kind: int, size: Array, *, rounded: bool = False, sides: int = SIDES) -> Triangles | None:
+@functools.lru_cache(maxsize=256)  # arms have the same ones each time they are drawn
+def _primitive(kind: int, size: tuple[float, ...], *, rounded: bool = False, sides: int = SIDES) -> Triangles | None:
     """A shape of MuJoCo by its kind and size (3,) [m]; None for what is none of those that are drawn."""
     kinds = mujoco.mjtGeom
     if kind == kinds.mjGEOM_BOX:
-        return rounded_box(size) if rounded else box(size)
+        half = np.array(size)
+        return rounded_box(half) if rounded else box(half)
     if kind == kinds.mjGEOM_SPHERE:
-        return sphere(float(size[0]), sides)
+        return sphere(size[0], sides)
     if kind == kinds.mjGEOM_CAPSULE:
-        return capsule(float(size[0]), float(size[1]), sides)
+        return capsule(size[0], size[1], sides)
     if kind == kinds.mjGEOM_CYLINDER:
-        radius, half = float(size[0]), float(size[1])
-        return rounded_cylinder(radius, half) if rounded else cylinder(radius, half, sides)
+        return rounded_cylinder(size[0], size[1]) if rounded else cylinder(size[0], size[1], sides)
     if kind == kinds.mjGEOM_ELLIPSOID:
         unit = sphere(1.0, sides)
         return Triangles((unit.vertices * size).astype(np.float32), unit.faces)

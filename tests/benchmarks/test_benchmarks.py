@@ -339,6 +339,7 @@ def test_targets_without_orientations_are_refused_in_a_sentence(
     assert "qw, qx, qy, qz" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_file_of_poses_is_solved_by_the_command(robot: Robot, tmp_path: Path) -> None:
     path = tmp_path / "poses.csv"
     pose_files.write(robot, path, 20)

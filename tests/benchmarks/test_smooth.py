@@ -41,6 +41,7 @@ def test_the_time_to_stand_counts_from_where_the_target_does() -> None:
     assert math.isinf(stands_after(v, limit, 0.01, 10))
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("kind", list(streams.KINDS))
 def test_streams_are_whole_start_at_the_tool_and_come_to_rest(robot: Robot, kind: str) -> None:
     stream = streams.make(robot, kind, np.random.default_rng(3))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from benchmarks.two_arms import Referee, random_pairs, scene_of
 from jacokin import Robot
@@ -19,6 +20,7 @@ def test_pairs_repeat_and_their_starts_are_clear(robot: Robot) -> None:
         assert np.min(robot.clearance(pair.starts[0], scene_of(robot, 0, pair.starts[1]))) > 0.0
 
 
+@pytest.mark.slow
 def test_the_referee_sees_contact_with_the_table_and_between_the_arms(robot: Robot) -> None:
     referee, (left, right) = Referee(robot), next(random_pairs(robot, 1)).starts
     stays = move_joints(robot, right, right)

@@ -11,6 +11,7 @@ from build_kernels.emitting import emit
 from build_kernels.targets import TARGETS
 
 
+@pytest.mark.slow
 def test_code_that_needs_numba_at_run_time_is_refused() -> None:
     function = numba.njit(lambda n: np.empty(n).sum())
     function.compile((numba.types.intp,))

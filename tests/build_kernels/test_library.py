@@ -40,6 +40,7 @@ def test_every_kernel_is_part_of_some_entry() -> None:
     assert used == {file.resolve() for file in package.rglob("*.py") if file.name not in apart}
 
 
+@pytest.mark.slow
 def test_an_object_file_is_kept_until_its_kernel_changes(monkeypatch: pytest.MonkeyPatch) -> None:
     speeds, curves = ((next(entry for entry in ENTRIES if entry.run is run),) for run in (fit_speeds, solve_set))
     before = build.object_key(speeds), build.object_key(curves)

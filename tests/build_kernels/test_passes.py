@@ -28,6 +28,7 @@ def exchange(a: Array, counts: Array, i: int, j: int) -> float:
     return total
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(("i", "j"), [(0, 1), (1, 2), (-1, -2), (-2, 0)])
 @pytest.mark.parametrize("order", ["C", "F"])
 def test_elements_of_arrays(i: int, j: int, order: Literal["C", "F"]) -> None:

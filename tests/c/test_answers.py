@@ -49,6 +49,7 @@ def test_10000_answers_are_those_of_the_package_to_the_bit() -> None:
     assert np.array_equal(np.array(status)[~solved], reasons[~solved])
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", SIX)
 def test_all_branches_are_those_of_the_package(name: str) -> None:
     robot = jacokin.load_robot(name)
@@ -137,6 +138,7 @@ TURNS: dict[str, tuple[str, Callable[[Array], FreeAxis | None]]] = {
 }
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(("name", "free"), TURNS.values(), ids=TURNS)
 def test_intervals_are_those_of_the_package(name: str, free: Callable[[Array], FreeAxis | None]) -> None:
     compare_intervals(name, free, *make_targets(jacokin.load_robot(name), 12, 5))

@@ -245,6 +245,7 @@ def test_numbers_that_make_no_arm_are_refused_even_with_a_check_sum(place: int, 
     assert binding.read(bytes(contents))[0] == binding.DAMAGED_FILE
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", ["j2n6s300", "j2s7s300", "ur5"])
 def test_numbers_that_do_not_belong_together_are_refused_or_solved_soon(name: str, tmp_path: Path) -> None:
     """The check sum is right, each number of some size: nothing may search without end for what is not there."""

@@ -57,6 +57,7 @@ def test_the_headers_compile_without_a_warning(compiler: str, tmp_path: Path) ->
     execute(command, standard, *WARNINGS, f"-I{INCLUDE}", "-c", source, "-o", tmp_path / "use.o")
 
 
+@pytest.mark.slow
 @needs_cc
 def test_the_library_compiles_without_a_warning(tmp_path: Path) -> None:
     c_library.write_header(tmp_path)
@@ -72,6 +73,7 @@ def test_the_header_of_the_arrays_names_each_kernel_and_constant() -> None:
     assert "#define JACOKIN_LOST -3" in text
 
 
+@pytest.mark.slow
 @needs_cc
 def test_eight_threads_share_a_solver(arm: Path, tmp_path: Path) -> None:
     source, program = HERE / "exercise.c", tmp_path / "exercise"
@@ -108,6 +110,7 @@ def test_the_example_in_c(arm: Path, tmp_path: Path) -> None:
     assert "branch 4: within the limits" in execute(program, arm / "j2n6s300.jacokin")
 
 
+@pytest.mark.slow
 @needs_cxx
 def test_the_example_in_cpp(arm: Path, tmp_path: Path) -> None:
     program = tmp_path / "intervals"
@@ -116,6 +119,7 @@ def test_the_example_in_cpp(arm: Path, tmp_path: Path) -> None:
     assert "16 intervals" in execute(program, arm / "j2s7s300.jacokin")
 
 
+@pytest.mark.slow
 @needs_cxx
 def test_the_wrapper_has_a_batch_and_memory_for_every_call(arm: Path, tmp_path: Path) -> None:
     program = tmp_path / "wrapper"

@@ -355,6 +355,7 @@ def test_rows_of_which_most_do_not_fit_are_refused(robot: Robot) -> None:
         calibrate(robot, Measurements(robot.sample(rng, 25), contact="plane", sigma=NOISE))  # points of no plane
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", ["j2n6s300", "j2s7s300"])
 @pytest.mark.parametrize(("share", "size"), [(0.55, 0.01), (0.7, 0.05), (0.9, 0.05)])
 def test_sets_of_which_half_or_more_is_wrong_are_refused(name: str, share: float, size: float) -> None:
@@ -385,6 +386,7 @@ def test_what_is_not_where_it_is_said_to_be_is_refused(robot: Robot) -> None:
         calibrate(robot, Measurements(q, poses=turned, sigma=(NOISE, 1e-3)))
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(("factor", "gross"), [(3.0, 0), (2.0, 3), (1.0, 9), (0.3, 0)])
 def test_a_sigma_somewhat_wrong_and_a_few_gross_errors_are_accepted(robot: Robot, factor: float, gross: int) -> None:
     """What is expected is then what the residuals say, not what the sigma does."""
@@ -431,6 +433,7 @@ def test_too_few_configurations_are_refused(robot: Robot) -> None:
             Measurements(q, positions=seen, sigma=sigma)
 
 
+@pytest.mark.slow
 def test_hand_eye(robot: Robot) -> None:
     """Only the camera and what it sees are looked for: beside the arm, and on the hand."""
     rng = np.random.default_rng(21)

@@ -163,6 +163,7 @@ def recorded(robot: Robot, hidden: Robot, folder: Path) -> Path:
     return write(folder, ".mcap", [*joints, *measured_hand(hidden, times, q, 20.0, 3e-4, 1)])
 
 
+@pytest.mark.slow
 def test_from_a_recording_of_ros_to_an_arm(run: Run, robot: Robot, tmp_path: Path) -> None:
     hidden = hidden_arm(robot, 1)
     path, output = recorded(robot, hidden, tmp_path), tmp_path / "a.toml"
@@ -175,6 +176,7 @@ def test_from_a_recording_of_ros_to_an_arm(run: Run, robot: Robot, tmp_path: Pat
     assert run("calibrate", str(path), *errors, *topics, "--json").document["facts"]["measurements"] == 12
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("words", "message"),
     [
@@ -199,6 +201,7 @@ def test_options_of_recordings_are_for_recordings(run: Run, tmp_path: Path) -> N
     assert (found.code, "are for a recording of ROS" in found.err) == (2, True)
 
 
+@pytest.mark.slow
 def test_all_files_are_written_or_none(run: Run, robot: Robot, tmp_path: Path) -> None:
     plan, arm = tmp_path / "m.csv", tmp_path / "arm.toml"
     assert run("calibrate", "plan", "--points", "12", "--output", str(plan)).code == 0

@@ -24,6 +24,7 @@ def file(robot: jacokin.Robot, tmp_path: Path) -> Path:
     return path
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     "words",
     [

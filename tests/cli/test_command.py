@@ -76,6 +76,7 @@ def test_words_are_parsed_as_typed_in_any_order(
     assert (found["frame"], found["json"]) == (frame, True)
 
 
+@pytest.mark.slow
 @given(seed=st.lists(numbers, min_size=1), joined=st.booleans())
 @settings(max_examples=50, deadline=None)
 def test_a_seed_is_one_value_with_every_number(seed: list[str], joined: bool) -> None:

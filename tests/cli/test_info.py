@@ -16,6 +16,7 @@ from tests.model.measured_arms import drawn_arm
 from tests.robot_files import skeleton, ur5_text
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", bundled.NAMES)
 def test_info_of_each_bundled_robot(run: Run, name: str) -> None:
     document = run("info", name, "--json").document
@@ -47,6 +48,7 @@ def test_info_and_the_page_of_the_robots_say_the_same_of_a_home(run: Run) -> Non
         assert any(f"`{name}`" in line and line.endswith(f": the home is {source}.") for line in lines)
 
 
+@pytest.mark.slow
 def test_info_of_a_file_names_the_file_as_source(run: Run) -> None:
     path = bundled.urdf_folder() / "j2n6s300.urdf"
     document = run("info", str(path), "--json").document

@@ -43,6 +43,7 @@ def test_there_are_many() -> None:
     assert (("ik",), "--rpy", 3) in OPTIONS
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("number", ["inf", "-inf", "nan", "1e400"])
 def test_an_option_that_is_not_finite_is_refused_by_name(number: str, capsys: pytest.CaptureFixture[str]) -> None:
     for words, flag, count in OPTIONS:

@@ -79,6 +79,7 @@ def test_track_of_a_path_that_leaves_the_reach_ends_with_1(path_file: Path, caps
     assert "start branch" in shown
 
 
+@pytest.mark.slow
 def test_track_keeps_limits_in_degrees_and_clear_of_obstacles(
     path_file: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -44,12 +44,14 @@ def test_a_closed_stream_changes_neither_code_nor_files(tmp_path: Path, stream: 
     assert len(out.read_text(encoding="utf-8").splitlines()) == 2
 
 
+@pytest.mark.slow
 def test_a_pipe_that_is_closed_early_is_no_traceback() -> None:
     done = shell("jacokin ik --position 0.3 -0.2 0.5 --down --all --json | true")
     assert "Traceback" not in done.stderr
     assert "ipe" not in done.stderr  # "Broken pipe"
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("words", "code"),
     [("info", 0), ("--help", 0), ("--version", 0), ("ik --help", 0), ("ik --position 2 0 0.5 --down --no-closest", 1)],
@@ -179,6 +181,7 @@ def test_control_characters_do_not_reach_the_terminal(run: Run, tmp_path: Path) 
         assert not set(answer.out + answer.err) & {"\x1b", "\x07"}
 
 
+@pytest.mark.slow
 def test_a_terminal_without_the_characters_gets_escapes() -> None:
     environment = {**ENVIRONMENT, "PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0"}
     done = subprocess.run([*COMMAND, "info", "--json"], capture_output=True, check=True, env=environment)

@@ -237,6 +237,7 @@ def test_an_expert_with_noise_acts_otherwise_and_repeats(run: Run, tmp_path: Pat
     np.testing.assert_array_equal(found[1], found[2])
 
 
+@pytest.mark.one_quick
 @pytest.mark.usefixtures("short")
 @pytest.mark.parametrize(("control", "size"), [("joint_delta", 9), ("tool_velocity", 7), ("tool_pose", 8)])
 def test_actions_are_those_of_the_control(run: Run, tmp_path: Path, control: str, size: int) -> None:

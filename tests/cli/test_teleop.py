@@ -137,6 +137,7 @@ def test_ctrl_c_brakes_the_arm_and_then_says_what_happened() -> None:
     assert found["within_limits"]
 
 
+@pytest.mark.slow
 def test_a_recording_is_shown_in_the_browser(capsys: pytest.CaptureFixture[str]) -> None:
     assert leave("teleop", "--fast", "--seconds", "1", "--view", "--port", "0", "--json") == 0
     said = capsys.readouterr()

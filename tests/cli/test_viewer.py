@@ -44,6 +44,7 @@ def test_it_prints_its_address_and_ends_cleanly_without_any_browser(number: sign
     assert err.splitlines() == (["closed"] if code == 0 else [])
 
 
+@pytest.mark.slow
 def test_a_port_in_use_is_one_sentence(capsys: pytest.CaptureFixture[str]) -> None:
     with serve(port=0) as viewer:
         port = str(port_of(viewer))

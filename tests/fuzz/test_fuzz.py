@@ -22,6 +22,7 @@ from jacokin.model.descriptions.bundled import JACOS
 from jacokin.motion import move_joints
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("name", "frame"),
     [(name, frame) for name in NAMES for frame in ("end_effector", "wristsite")]
@@ -142,6 +143,7 @@ def test_a_branch_that_is_lost_is_noticed(tmp_path: Path, monkeypatch: pytest.Mo
     assert finding.kind == "lost"
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("kind", [targets.run, files.run])
 def test_a_case_repeats(kind: Callable[[int, int, int], Iterator[object]], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(targets, "BATCH", 5)

@@ -111,6 +111,7 @@ def test_a_batch_is_the_nearest_branch_within_the_limits(robot: Robot, rng: np.r
     assert len(form.solve_batch(np.empty((0, 4, 4)), np.empty((0, 6)))) == 0
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", ["j2n6s300", "m1n6s300", "j2s6s300", "gen3_lite", "ur5", "puma", "xarm6"])
 def test_the_nearest_alone_is_the_nearest_of_all(name: str, rng: np.random.Generator) -> None:
     """At random poses, singular ones, some at limits and some out of reach, from any seeds and from some nearby."""

@@ -61,6 +61,7 @@ def test_the_tool_never_leaves_the_bound_of_reach(folder: Path, name: str, rng: 
         assert bound.exceeded(target) is None
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", CHAINS)
 def test_far_targets_are_unreachable_whatever_the_way(folder: Path, name: str) -> None:
     robot = arm(folder, name)

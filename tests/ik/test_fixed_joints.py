@@ -77,6 +77,7 @@ def load(folder: Path, name: str, first: str = "revolute") -> Robot:
     return jacokin.load_robot(path)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", ARMS)
 @pytest.mark.parametrize("joint", ["joint_1", "joint_3", "joint_7"])
 def test_every_branch_holds_the_joint_and_reaches_the_pose(
@@ -164,6 +165,7 @@ def assert_equal(found: SolutionSet, anew: Points, free: list[int]) -> None:
         assert found.position_error[index] == pytest.approx(anew.position_error[each], abs=1e-11)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", [*ARMS, "j2s7s300"])
 def test_values_do_not_depend_on_what_is_kept_of_others(tmp_path: Path, rng: np.random.Generator, name: str) -> None:
     """Every joint held, at random and where axes are parallel: as the arm of six joints that is left."""

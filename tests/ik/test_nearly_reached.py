@@ -105,6 +105,7 @@ KINDS: dict[str, tuple[tuple[str, ...], Callable[..., Made]]] = {
 }
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("count", [2, pytest.param(10, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("own_limits", [False, True], ids=["robot's limits", "own limits"])
 @pytest.mark.parametrize("kind", KINDS)
@@ -140,6 +141,7 @@ def test_wide_tolerances_reach_as_far_beyond_a_fold(kind: str, rng: np.random.Ge
         assert wide.solve(target, closest=False).status is Status.OK
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("bent", [4e-9, 1e-7, 8e-7])
 def test_a_wrist_that_is_nearly_straight_turns_within_limits_that_leave_out_its_branches(
     bent: float, rng: np.random.Generator
@@ -168,6 +170,7 @@ def test_a_target_well_beyond_a_fold_has_one_status(count: int, rng: np.random.G
         assert solver.solve(target, closest=False).status is solver.solve(target).status
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("count", [3, pytest.param(12, marks=pytest.mark.slow)])  # three distances in turn
 @pytest.mark.parametrize("kind", ["free axis", "seven joints"])
 def test_beyond_a_fold_with_own_limits_there_is_one_status(kind: str, count: int, rng: np.random.Generator) -> None:

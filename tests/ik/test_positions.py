@@ -17,6 +17,7 @@ from jacokin.ik.local_search import PositionDescents
 NAMES = ("j2n6s300", "j2s6s200", "j2s7s300")
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", NAMES)
 def test_positions_are_reached_and_as_near_as_by_the_qp(
     bundled: Callable[[str], Robot], rng: np.random.Generator, name: str
@@ -58,6 +59,7 @@ def test_positions_out_of_reach_come_with_the_closest_configuration(robot: Robot
     assert result.position_error == pytest.approx(IKSolver(robot, method="qp").solve([1.5, 0.0, 0.5]).position_error)
 
 
+@pytest.mark.slow
 def test_a_position_waits_for_no_import() -> None:
     program = (
         "import sys, jacokin; solver = jacokin.IKSolver(jacokin.load_robot()); before = set(sys.modules);"

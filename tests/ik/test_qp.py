@@ -52,6 +52,7 @@ def test_every_qp_solver_solves_every_reachable_pose(robot: Robot, rng: np.rando
         assert result.iterations > 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [8, pytest.param(20, marks=pytest.mark.slow)])  # four limits in turn
 def test_configurations_on_a_limit_are_solved_on_the_limit(robot: Robot, rng: np.random.Generator, count: int) -> None:
     solver = IKSolver(robot, method="qp")
@@ -315,6 +316,7 @@ def about(rng: np.random.Generator, solver: IKSolver, q: Array) -> tuple[FreeAxi
     return FreeAxis(pose, axis=axis), FreeAxis(pose, axis=axis, range=(angle - 0.03, angle + 0.02))
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("kind", ["rail", "crane", "qp"])
 def test_a_target_may_turn_about_an_axis_on_any_arm(tmp_path: Path, rng: np.random.Generator, kind: str) -> None:
     if kind == "crane":
@@ -336,6 +338,7 @@ def test_a_target_may_turn_about_an_axis_on_any_arm(tmp_path: Path, rng: np.rand
             np.testing.assert_allclose(T.homogeneous, target.at(result.parameter).homogeneous, atol=2e-6)
 
 
+@pytest.mark.slow
 def test_what_is_not_reached_about_an_axis_comes_close_and_says_why(tmp_path: Path) -> None:
     solver = IKSolver(railed(tmp_path))
     far = FreeAxis(jacokin.pose([0.0, 3.0, 0.3], down=True), axis=(0.0, 0.0, 1.0))

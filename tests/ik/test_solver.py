@@ -151,6 +151,7 @@ def test_branches_come_nearest_first_with_margins(robot: Robot, rng: np.random.G
     assert not branches.q.flags.writeable
 
 
+@pytest.mark.slow
 def test_points_and_curves_are_read_in_one_way(bundled: Callable[[str], Robot], rng: np.random.Generator) -> None:
     six, seven = bundled("j2n6s300"), bundled("j2s7s300")
     poses = [six.forward_kinematics(six.sample(rng)), seven.forward_kinematics(seven.sample(rng))]
@@ -328,6 +329,7 @@ def test_a_seed_outside_the_limits_is_moved_and_the_message_says_so(robot: Robot
     assert "joint_2, joint_3" in result.message
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("made", "solved"),
     [

@@ -42,6 +42,7 @@ def angles_of(found: PointsOfFew) -> Array:
     return found.angle
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("place", PLACES)
 def test_own_configurations_are_among_the_points_of_the_curve(
     solver: IKSolver, place: tuple[float, ...], rng: np.random.Generator

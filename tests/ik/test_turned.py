@@ -90,6 +90,7 @@ def test_contact_is_avoided_where_another_angle_allows_it() -> None:
     assert robot.clearance(result.q, floor) > 0.0
 
 
+@pytest.mark.slow
 def test_a_preference_chooses_among_angles() -> None:
     robot = jacokin.load_robot("j2s7s300")
     solver = IKSolver(robot)

@@ -38,6 +38,7 @@ def points(solver: IKSolver, target: jacokin.ik.targets.Target, seed: Array) -> 
     return found
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(("name", "word"), CASES)
 def test_own_configurations_are_found_and_every_answer_reaches_the_target(
     folder: Path, name: str, word: str, rng: np.random.Generator
@@ -64,6 +65,7 @@ def test_own_configurations_are_found_and_every_answer_reaches_the_target(
         assert (result.parameter is None) == (kind is None or isinstance(kind, str))
 
 
+@pytest.mark.slow
 def test_no_configuration_about_a_free_axis_is_missed(folder: Path, rng: np.random.Generator) -> None:
     solver = solver_of(folder, "generic five")
     robot = solver.robot

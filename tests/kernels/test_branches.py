@@ -33,6 +33,7 @@ def collected(rows: Array) -> BranchWork:
     return work
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("count", [1, ABREAST - 1, ABREAST])
 @pytest.mark.parametrize("size", [0.9, 4.0, 3e6])
 def test_side_by_side_is_as_one_by_one(rng: np.random.Generator, count: int, size: float) -> None:

@@ -36,6 +36,7 @@ FIRST_ANSWER = (
 )
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", ["j2n6s300", "j2s6s300"])
 def test_plain_and_compiled_kernels_give_the_same_bits(
     name: str, bundled: Callable[[str], Robot], rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
@@ -53,6 +54,7 @@ def test_plain_and_compiled_kernels_give_the_same_bits(
         np.testing.assert_array_equal(compiled.solve_all(one, seed).rows, plain.solve_all(one, seed).rows)
 
 
+@pytest.mark.slow
 def test_plain_and_compiled_kernels_choose_the_same_clear_branches(
     robot: Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -166,6 +168,7 @@ def test_a_clone_whose_kernels_changed_says_so(tmp_path: Path, monkeypatch: pyte
     library.load.__wrapped__()  # made after the change
 
 
+@pytest.mark.slow
 def test_nothing_names_another_library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """No environment variable, no folder of the user's."""
     for name in ("LD_LIBRARY_PATH", "NUMBA_CACHE_DIR", "XDG_CACHE_HOME", "HOME"):
@@ -177,6 +180,7 @@ def test_nothing_names_another_library(tmp_path: Path, monkeypatch: pytest.Monke
     assert {path.name for path in tmp_path.iterdir()} == {library.PATH.name}, "something was written"
 
 
+@pytest.mark.slow
 def test_the_first_answer_needs_no_home_and_no_compiler(tmp_path: Path) -> None:
     home = tmp_path / "home"
     home.mkdir()

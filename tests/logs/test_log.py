@@ -128,6 +128,7 @@ def test_two_arms_are_told_apart_by_their_prefix(robot: Robot, tmp_path: Path) -
         Log(path, robot, prefix="middle_").joints()
 
 
+@pytest.mark.one_quick("state")
 @pytest.mark.parametrize("ending", KINDS)
 @pytest.mark.parametrize("state", ["desired", "reference"])
 def test_the_state_of_a_controller_says_what_was_commanded(

@@ -30,6 +30,7 @@ def reported(robot: Robot, times: Array, q: Array, noise: float = 0.0) -> list[S
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "ending", [".mcap", *(pytest.param(kind, marks=pytest.mark.slow) for kind in (".bag", ".db3"))]
 )
@@ -74,6 +75,7 @@ def test_a_few_wild_measurements_do_not_move_the_median(robot: Robot, tmp_path: 
         np.testing.assert_allclose(T, robot.forward_kinematics(row).homogeneous, atol=3e-3)
 
 
+@pytest.mark.slow
 def test_slow_drift_is_no_standstill(robot: Robot, tmp_path: Path) -> None:
     times, q = visits(stops(robot, 3), stand=3.0)
     q[:, 0] += np.where(times < 3.0, 0.008 * times, 0.024)  # below the speed, 14 mrad in the first standstill

@@ -31,6 +31,7 @@ def test_a_rotation_differs_by_an_angle(tmp_path: Path) -> None:
     assert report.worst("rotation").value == pytest.approx(2.0 * np.pi / 3.0, abs=1e-12)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("samples", [100, pytest.param(400, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", NAMES)
 def test_every_frame_agrees_with_mujoco(

@@ -103,6 +103,7 @@ class ByCoal:
         return bool(pin.computeCollisions(self.robot, self.data, self.geometry, self.geometry_data, q, True))
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", ROBOTS)
 @pytest.mark.parametrize("finger_angle", [None, 1.2])
 def test_the_same_pairs_touch_as_in_mujoco(
@@ -183,6 +184,7 @@ def motions(robot: Robot, contact: Contact, rng: np.random.Generator, n: int) ->
     return found
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", ["j2n6s300", "j2s7s300"])
 def test_motions_are_certified_as_dense_sampling_finds_them(
     name: str, bundled: Callable[[str], Robot], rng: np.random.Generator

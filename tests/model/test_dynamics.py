@@ -79,6 +79,7 @@ class Reference:
         return full[np.ix_(self.dofs, self.dofs)]
 
 
+@pytest.mark.one_quick("name")
 @pytest.mark.parametrize("states", [30, pytest.param(1_000, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(("payload", "tilted"), [(False, False), (True, False), (True, True)])
 @pytest.mark.parametrize("name", NAMES)
@@ -171,6 +172,7 @@ def test_the_wrench_behind_torques_is_found(
         found.wrench[0] = 0.0
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", ["j2n6s300", "j2s7s300"])
 def test_the_covariance_is_that_of_many_measurements(
     name: str, bundled: Callable[[str], Robot], rng: np.random.Generator

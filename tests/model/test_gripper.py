@@ -142,6 +142,7 @@ COUPLED = '<equality><joint joint1="{}" joint2="{}" polycoef="{} {} 0 0 0"/></eq
 MOTOR = '<actuator><position joint="{}" kp="1"/></actuator>'
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("ranges", "more", "opened", "offset", "slope"),
     [
@@ -214,6 +215,7 @@ LOOP = """<body name="{0}_driver" pos="{1} 0 0.03"><joint name="{0}_driver" axis
   <geom size="0.002" pos="0 0 0.05"/></body>"""
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("jacobian", ["dense", "sparse"])
 def test_closed_loops_keep_the_pads_parallel(tmp_path: Path, jacobian: str) -> None:
     """Two parallelograms of bars 5 cm long: each pad moves by 5 cm times the sine of the driver's angle."""
@@ -245,6 +247,7 @@ ADAPTING = """<body name="{0}_driver" pos="{1} 0 0.03"><joint name="{0}_driver" 
     <geom type="box" size="0.002 0.01 0.015" pos="{5} 0 0.02"/></body></body>"""
 
 
+@pytest.mark.slow
 def test_a_spring_and_a_limit_hold_a_finger_that_adapts(tmp_path: Path) -> None:
     """A driver of two pieces, the outer one of which a spring presses against its limit: bars of 6 cm in one piece."""
     text = fingers_of_slides(("0 1", "0 1"))

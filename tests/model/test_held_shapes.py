@@ -32,6 +32,7 @@ def test_what_is_held_moves_along(robot: Robot, rng: np.random.Generator, frame:
         assert float(robot.clearance(q, held)) == pytest.approx(expected, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_what_is_held_counts_against_other_links_only(robot: Robot, rng: np.random.Generator) -> None:
     inside = Scene().attach(Sphere("ball", 0.08, IN_HAND), to="hand")
     assert Contact(robot, inside.surroundings).touching(robot.home) == []

@@ -30,6 +30,7 @@ def facts(robot: Robot) -> tuple[object, ...]:
     return robot.home.tolist(), robot.home_source, str(report), touching, SelfContact(robot).pairs
 
 
+@pytest.mark.one_quick("then")
 @pytest.mark.parametrize("kind", ["urdf", "mjcf"])
 @pytest.mark.parametrize("then", ["delete", "edit", "pickle and delete"])
 def test_the_file_is_not_read_again(tmp_path: Path, scene: Path, kind: str, then: str) -> None:

@@ -68,6 +68,7 @@ def test_the_described_arm_of_a_calibrated_one(
     assert robot.described is robot
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", NAMES)
 def test_no_deviation_is_the_same_robot_to_the_bit(
     name: str, bundled: Callable[[str], Robot], rng: np.random.Generator
@@ -115,6 +116,7 @@ def test_a_file_gives_the_same_arm_to_the_bit(robot: Robot, rng: np.random.Gener
     assert loaded.calibration == arm
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", ["j2n6s300", "j2s6s200", "j2s7s300"])
 def test_files_for_other_programs_move_as_the_arm(
     name: str, bundled: Callable[[str], Robot], rng: np.random.Generator, tmp_path: Path
@@ -142,6 +144,7 @@ def test_files_for_other_programs_move_as_the_arm(
     assert crosscheck(arm).within()
 
 
+@pytest.mark.slow
 def test_files_of_the_users_own(scene: Path, rng: np.random.Generator, tmp_path: Path) -> None:
     """Slanted axes, anchors off the origin, a reference angle, a frame, euler angles."""
     own = jacokin.load_robot(scene, base="pedestal", tip="fore")

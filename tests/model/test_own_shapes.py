@@ -94,6 +94,7 @@ def test_threads_that_ask_at_once_get_the_same(mesh_arm: Path) -> None:
     assert len({id(each) for each in found}) == 1
 
 
+@pytest.mark.slow
 def test_a_pickled_robot_carries_its_shapes(mesh_arm: Path, rng: np.random.Generator) -> None:
     robot = jacokin.load_robot(mesh_arm)
     rows = robot.sample(rng, 200)
@@ -175,6 +176,7 @@ def compare(robot: Robot, scene: Scene, rows: Array) -> int:
     return hits
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", ["j2n6s300", "j2s7s300"])
 @pytest.mark.parametrize("finger_angle", [None, 1.1])
 def test_the_same_pairs_touch_as_by_the_twin(

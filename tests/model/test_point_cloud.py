@@ -62,6 +62,7 @@ def by_hand(robot: Robot, q: Array, points: Array, *, moving: bool = True) -> Ar
     return found
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", ["j2n6s300", "gen3", "j2s7s300"])
 @pytest.mark.parametrize("spread", [0.1, 0.5])
 def test_distances_are_those_of_brute_force(name: str, spread: float, rng: np.random.Generator) -> None:
@@ -208,6 +209,7 @@ def test_a_tracker_stops_before_a_cloud(robot: Robot, rng: np.random.Generator) 
         assert 0.01 - 1e-4 < least < 0.02
 
 
+@pytest.mark.slow
 def test_a_tracker_is_given_what_the_camera_sees_next(robot: Robot, rng: np.random.Generator) -> None:
     start = robot.forward_kinematics(robot.home)
     target = pin.SE3(start.rotation, start.translation + np.array([0.5, 0.0, 0.0]))
@@ -236,6 +238,7 @@ def test_a_map_leaves_out_what_a_cloud_blocks(robot: Robot, tmp_path: Path, rng:
     assert 0 < found.sum() < anywhere.sum()
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", ["j2n6s300", "gen3", "j2s7s300"])
 def test_points_on_the_arm_are_dropped(name: str, rng: np.random.Generator) -> None:
     robot = jacokin.load_robot(name)

@@ -38,6 +38,7 @@ def test_a_square_is_followed(robot: Robot, square: list[pin.SE3], result: Traje
     assert "on the path throughout" in str(result)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wanted", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_a_branch_that_fails_gives_way_to_one_that_does_not(robot: Robot, wanted: int) -> None:
     """The seed stands where joint 3 soon meets its limit; another branch has room."""
@@ -116,6 +117,7 @@ def test_progress_is_reported(robot: Robot, square: list[pin.SE3]) -> None:
     assert seen[-1] == (len(result), len(result))
 
 
+@pytest.mark.slow
 def test_the_plot_shows_joints_and_error(result: Trajectory, tmp_path: Path) -> None:
     file = tmp_path / "path.png"
     plot_path(result, file)

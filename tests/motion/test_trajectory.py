@@ -94,6 +94,7 @@ def test_a_damaged_line_is_named(result: Trajectory, tmp_path: Path) -> None:
         Trajectory.load(file)
 
 
+@pytest.mark.slow
 def test_files_that_were_cut_off_are_refused(motion: Trajectory, tmp_path: Path) -> None:
     file = tmp_path / "motion.csv"
     motion.save(file)
@@ -217,6 +218,7 @@ def test_archives_that_claim_too_much_are_refused(tmp_path: Path, content: bytes
         Trajectory.load(file)
 
 
+@pytest.mark.slow
 def test_a_path_survives_a_locale_without_utf8(result: Trajectory, tmp_path: Path) -> None:
     file, copied = tmp_path / "path.csv", tmp_path / "copy.csv"
     replace(result, message="Gelenk 2 läuft über 90°").save(file)

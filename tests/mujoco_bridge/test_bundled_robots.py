@@ -33,6 +33,7 @@ def scene(robot: str) -> tuple[Physics, JacoArm, JacoHand]:
     return physics, arm, hand
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("robot", NAMES)
 def test_arm_and_hand_are_the_bundled_robot(robot: str) -> None:
     physics, arm, hand = scene(robot)
@@ -54,6 +55,7 @@ def test_arm_and_hand_are_the_bundled_robot(robot: str) -> None:
         np.testing.assert_allclose(physics.bind(hand.grip_site).xmat.reshape(3, 3), T.rotation, atol=1e-12)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("robot", NAMES)
 def test_home_is_held_at_rest(robot: str) -> None:
     physics, arm, _ = scene(robot)
@@ -65,6 +67,7 @@ def test_home_is_held_at_rest(robot: str) -> None:
     assert np.abs(physics.bind(arm.joints).qpos - bundled.variant(robot)["home"]).max() < 0.01
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("robot", NAMES)
 def test_commanded_velocities_are_reached_and_clipped(robot: str) -> None:
     arm = JacoArm(robot=robot)
@@ -102,6 +105,7 @@ def test_torque_observable_balances_the_joint(robot: str) -> None:
         np.testing.assert_allclose(arm.observables.joints_torque(physics), -own, rtol=0.0, atol=1e-9)
 
 
+@pytest.mark.one_quick("robot")
 @pytest.mark.parametrize("robot", NAMES)
 @pytest.mark.parametrize(("start", "ctrl"), [(0.0, 5.0), (1.0, -5.0)], ids=["closing", "opening"])
 def test_finger_travel_time(robot: str, start: float, ctrl: float) -> None:
@@ -151,6 +155,7 @@ def grip_forces(hand: JacoHand) -> Any:
     return forces
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("robot", NAMES)
 def test_grip_force(robot: str) -> None:
     hand = JacoHand(robot=robot)
@@ -162,6 +167,7 @@ def test_grip_force(robot: str) -> None:
         np.testing.assert_allclose(forces, (12.2, 12.2), atol=0.1)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("robot", NAMES)
 def test_sites_are_brought_to_poses(robot: str) -> None:
     physics, arm, hand = scene(robot)
@@ -176,6 +182,7 @@ def test_sites_are_brought_to_poses(robot: str) -> None:
         assert whole.within_limits(physics.bind(arm.joints).qpos)
 
 
+@pytest.mark.slow
 def test_seven_joints_reach_every_reachable_pose() -> None:
     physics, arm, hand = scene("j2s7s300")
     arm.prepare(physics, hand.grip_site)

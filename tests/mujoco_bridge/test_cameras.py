@@ -146,6 +146,7 @@ def test_pictures_show_the_scene_and_follow_it(count: int, steps: int) -> None:
     assert output.split("\n") == [f"looked {count}", f"updated {count}", "refused", ""]
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     "environment",
     [{}, {"MUJOCO_GL": "disable"}, {"DISPLAY": ":404"}],
@@ -201,6 +202,7 @@ def test_a_camera_of_another_model_is_refused() -> None:
         cameras.MJCFCamera("top_down")
 
 
+@pytest.mark.slow
 def test_the_page_on_observables_runs() -> None:
     page = Path(__file__).parents[2] / "docs" / "observables.md"
     blocks = re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), flags=re.DOTALL)

@@ -225,6 +225,7 @@ def test_wrong_grasps_change_nothing(factors: Any) -> None:
     np.testing.assert_array_equal(physics.get_state(), before)
 
 
+@pytest.mark.slow
 def test_randomized_joints_lie_in_their_ranges_and_repeat_the_reference() -> None:
     physics, _, arm, _ = jaco_scene()
     lower = np.array([0.0, math.radians(47), math.radians(19), 0.0, 0.0, 0.0])

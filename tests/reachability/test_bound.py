@@ -29,6 +29,7 @@ def farthest(reach: ReachabilityMap, positions: Array) -> float:
     return float(np.max(cKDTree(reached).query(positions)[0]))
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", NAMES)
 def test_no_configuration_is_farther_from_a_reached_position(name: str, rng: np.random.Generator) -> None:
     reach = bundled(name)
@@ -43,6 +44,7 @@ def test_no_configuration_is_farther_from_a_reached_position(name: str, rng: np.
     assert farthest(reach, positions) <= reach.bound
 
 
+@pytest.mark.slow
 def test_the_bound_of_a_map_without_symmetry(robot: Robot, tmp_path: Path, rng: np.random.Generator) -> None:
     reach = build(
         IKSolver(robot, frame="pinchsite"),

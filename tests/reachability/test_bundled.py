@@ -27,6 +27,7 @@ def test_a_bundled_map_is_of_its_robot_and_small(name: str) -> None:
     assert reach.bound is not None
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("count", [20, pytest.param(80, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", NAMES)
 def test_a_bundled_map_agrees_with_the_solver_of_its_robot(name: str, count: int, rng: np.random.Generator) -> None:

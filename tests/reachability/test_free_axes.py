@@ -96,17 +96,17 @@ def test_a_cell_is_reached_when_any_member_is(
     assert min(seen.values()) > 5
 
 
-@pytest.mark.parametrize("count", [3, pytest.param(6, marks=pytest.mark.slow)])
+@pytest.mark.slow
 def test_about_the_axis_of_the_last_joint_a_map_is_one_of_directions(
-    robot: Robot, tmp_path: Path, reach_axis: Array, rng: np.random.Generator, count: int
+    robot: Robot, tmp_path: Path, reach_axis: Array, rng: np.random.Generator
 ) -> None:
     plain = build(
         IKSolver(robot, collision="ignore"),
         folder=tmp_path / "a",
         grid=GRID,
-        orientations=Orientations.directions(count, reach_axis),
+        orientations=Orientations.directions(6, reach_axis),
     )
-    free = Orientations.directions(count, reach_axis, free_roll=True)
+    free = Orientations.directions(6, reach_axis, free_roll=True)
     rolled = build(IKSolver(robot, collision="ignore"), folder=tmp_path / "b", grid=GRID, orientations=free)
     full = build(
         IKSolver(robot, collision="ignore"), folder=tmp_path / "c", grid=GRID, orientations=free, use_symmetry=False
@@ -130,6 +130,7 @@ def reach_axis(robot: Robot) -> Array:
     return np.asarray(pose.rotation.T @ robot.jacobian(robot.home)[3:, -1])
 
 
+@pytest.mark.slow
 def test_the_nearest_orientation_is_that_of_the_nearest_member(
     robot: Robot, tmp_path: Path, rng: np.random.Generator
 ) -> None:

@@ -35,6 +35,7 @@ def reach(folder: Path) -> ReachabilityMap:
     return found
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", ["j2n6s300", "j2s6s300", "m1n6s200"])
 def test_a_map_agrees_with_the_solver_on_every_pose(
     name: str, bundled: Callable[[str], Robot], tmp_path: Path, rng: np.random.Generator
@@ -229,6 +230,7 @@ def test_a_small_spot_from_which_all_targets_that_are_clear_are_reached_is_found
     assert best.touching.any()
 
 
+@pytest.mark.slow
 def test_pictures_and_pages_are_drawn(reach: ReachabilityMap, tmp_path: Path) -> None:
     reach.plot(tmp_path / "map.html")
     page = (tmp_path / "map.html").read_text(encoding="utf-8")
@@ -239,6 +241,7 @@ def test_pictures_and_pages_are_drawn(reach: ReachabilityMap, tmp_path: Path) ->
     assert (tmp_path / "map.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_turning_pictures_show_all_sides(
     reach: ReachabilityMap, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -23,6 +23,7 @@ def in_base(obstacle: Box, T_world_base: pin.SE3) -> Box:
     return Box(obstacle.name, obstacle.size, T_world_base.inverse() * obstacle.pose)
 
 
+@pytest.mark.slow
 def test_a_scene_stands_in_the_world_and_the_base_not_inside_it(robot: Robot) -> None:
     scene = Scene([BENCH, Floor(0.0)])
     # Without the scene one of the best two, which mirror each other, is inside.
@@ -73,6 +74,7 @@ def test_bounds_hold(name: str) -> None:
         assert y[0] <= each.pose.translation[1] <= y[1]
 
 
+@pytest.mark.slow
 def test_bounds_hold_for_a_base_that_is_turned(tmp_path: Path) -> None:
     robot = jacokin.load_robot(limits={"joint_1": (0.0, 5.0)})  # so the map has no symmetry, and yaws are tried
     reach = build(robot, folder=tmp_path, grid=Grid.around(robot, 0.3), orientations=8)

@@ -68,6 +68,7 @@ class Arm:
         return float(np.degrees(np.abs(np.remainder(q + np.pi, 2.0 * np.pi) - np.pi).max()))
 
 
+@pytest.mark.one_quick("faults")
 @pytest.mark.parametrize("ros", [1, 2])
 @pytest.mark.parametrize("faults", ["", "lag=0.05", "lag=0.02,loss=0.1", "loss=0.01,stall=0.1"])
 def test_the_arm_ends_where_the_motion_does(robot: Robot, motion: Trajectory, ros: int, faults: str) -> None:
@@ -203,6 +204,7 @@ def test_interrupted_it_stands_at_once(robot: Robot, motion: Trajectory, ros: in
     assert arm.runner.stands
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("period", [0.1, 0.01])
 def test_contact_stops_the_arm_and_motion_alone_does_not(robot: Robot, motion: Trajectory, period: float) -> None:
     arm = Arm(robot, motion, options=RunnerOptions(contact=2.0))

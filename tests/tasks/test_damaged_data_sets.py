@@ -318,6 +318,7 @@ def check(path: Path, outcome: str) -> None:
     assert all(each.is_equal for each in jacokin.tasks.replay(path)) == (outcome == EQUAL)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", ROBOMIMIC)
 def test_changed_files_of_robomimic(name: str, original: Path, tmp_path: Path) -> None:
     path = Path(shutil.copy(original / "demos.hdf5", tmp_path))
@@ -327,6 +328,7 @@ def test_changed_files_of_robomimic(name: str, original: Path, tmp_path: Path) -
     check(path, outcome)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", ENVIRONMENT)
 def test_changed_environments(name: str, original: Path, tmp_path: Path) -> None:
     path = Path(shutil.copy(original / "demos.hdf5", tmp_path))
@@ -337,6 +339,7 @@ def test_changed_environments(name: str, original: Path, tmp_path: Path) -> None
     check(path, outcome)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", MINARI)
 def test_changed_files_of_minari(name: str, original: Path, tmp_path: Path) -> None:
     path = Path(shutil.copytree(original / "demos.minari", tmp_path / "demos.minari"))
@@ -346,6 +349,7 @@ def test_changed_files_of_minari(name: str, original: Path, tmp_path: Path) -> N
     check(path, outcome)
 
 
+@pytest.mark.slow
 def test_files_that_are_missing_cut_or_something_else(original: Path, tmp_path: Path) -> None:
     """Of each file of each data set: refused without it, where it is empty, half, something else or a link outside."""
     needed = (".npz", ".hdf5", "metadata.json", "environment.json", "info.json", "data/chunk-000/file-000.parquet")

@@ -314,6 +314,7 @@ def test_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
         assert leave("task", *words) == 2
 
 
+@pytest.mark.one_quick
 @pytest.mark.usefixtures("short")
 @pytest.mark.parametrize("ending", FORMATS)
 def test_control_steps_of_another_length_are_kept(ending: str, tmp_path: Path) -> None:
@@ -401,6 +402,7 @@ def is_continued_when_there_is_room(path: Path, make_room: Callable[[], None]) -
     assert [each.name for each in path.parent.iterdir()] == [path.name]
 
 
+@pytest.mark.one_quick("room")
 @pytest.mark.usefixtures("short")
 @pytest.mark.parametrize("room", [10, 3_000, 16_000, 50_000])  # [byte] an episode takes 12,000
 @pytest.mark.parametrize("ending", FORMATS)
@@ -433,6 +435,7 @@ def small_disk(tmp_path: Path) -> Iterator[tuple[Path, Callable[[int], None]]]:
         subprocess.run(["umount", str(place)], check=True)
 
 
+@pytest.mark.one_quick("size")
 @pytest.mark.usefixtures("short")
 @pytest.mark.parametrize("size", [4, 24, 60, 100, 160])  # [KiB] the episodes take 52
 @pytest.mark.parametrize("ending", FORMATS)
@@ -498,6 +501,7 @@ except KeyboardInterrupt:
 """
 
 
+@pytest.mark.one_quick
 @pytest.mark.usefixtures("short")
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 @pytest.mark.parametrize("ending", [".hdf5", ".minari"])
@@ -542,6 +546,7 @@ class Steady:
         return np.full(9, self.last if self.time == STEPS else self.speed)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("short")
 def test_a_recording_goes_on_with_what_began_it_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     env, path = TaskEnv("reach_site", flatten=False), tmp_path / "demos.hdf5"

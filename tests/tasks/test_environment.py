@@ -42,6 +42,7 @@ def test_names_and_tags() -> None:
         jacokin.tasks.names("hard")
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", FEATURES)
 def test_steps_are_as_specified(name: str) -> None:
     environment = jacokin.tasks.load(name, seed=0)
@@ -64,6 +65,7 @@ def test_steps_are_as_specified(name: str) -> None:
     assert environment.physics.model is model  # nothing is compiled anew
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", QUICK)
 def test_copies_go_on_in_the_middle_of_an_episode(name: str) -> None:
     environment = jacokin.tasks.load(name, seed=2)

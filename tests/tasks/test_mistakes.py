@@ -49,6 +49,7 @@ class Skin:
         return np.asarray(0.5 * self.low + 0.5 * self.high + 0.1)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("kind", SKINS)
 def test_what_is_not_an_action_changes_nothing(kind: str) -> None:
     one, other = Skin(kind), Skin(kind)
@@ -65,6 +66,7 @@ def test_what_is_not_an_action_changes_nothing(kind: str) -> None:
     assert one.step(one.middle()) == other.step(other.middle())
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("kind", SKINS)
 def test_actions_beyond_the_limits_are_put_on_them(kind: str) -> None:
     beyond, within = Skin(kind), Skin(kind)
@@ -74,6 +76,7 @@ def test_actions_beyond_the_limits_are_put_on_them(kind: str) -> None:
         assert beyond.step(signs * huge) == within.step(bound)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("kind", SKINS)
 def test_other_types_of_numbers_are_actions(kind: str) -> None:
     one, other = Skin(kind), Skin(kind)
@@ -149,6 +152,7 @@ def test_wrong_seeds_of_dm_env() -> None:
             jacokin.tasks.load("reach_site", seed=seed)  # type: ignore[arg-type]  # the mistakes
 
 
+@pytest.mark.one_quick("field", "value")
 @pytest.mark.parametrize("kind", SKINS)
 @pytest.mark.parametrize("field", ["qvel", "qpos"])
 @pytest.mark.parametrize("value", [1e12, np.nan])
@@ -174,6 +178,7 @@ def test_a_diverged_simulation(kind: str, field: str, value: float) -> None:
     assert skin.step(skin.middle()) == fresh.step(fresh.middle())
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("package", "use"), [("dm_env", "jacokin.tasks.load('reach_site')"), ("gymnasium", "jacokin.tasks.TaskEnv")]
 )

@@ -97,6 +97,7 @@ OPTIONS: list[tuple[str, dict[str, Any]]] = [
 ]
 
 
+@pytest.mark.one_quick
 @pytest.mark.usefixtures("lift_mug")
 @pytest.mark.parametrize(("name", "options"), OPTIONS)
 def test_an_own_task_is_an_environment_like_ours(name: str, options: dict[str, Any]) -> None:
@@ -308,6 +309,7 @@ def test_a_policy_and_the_command_line(lift_mug: Task, capsys: pytest.CaptureFix
     assert "0 of 1 solved" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_a_module_is_imported_by_the_name_of_a_task(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "my_lifting.py").write_text(
         "from jacokin import tasks\nfrom jacokin.mujoco_bridge import Primitive\n"

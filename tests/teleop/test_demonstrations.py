@@ -61,6 +61,7 @@ def env() -> Iterable[TaskEnv]:
     made.close()
 
 
+@pytest.mark.slow
 def test_keys_begin_end_keep_and_throw_away_episodes(env: TaskEnv, tmp_path: Path) -> None:
     said = list[str]()
     device = Typist(
@@ -93,6 +94,7 @@ def test_keys_begin_end_keep_and_throw_away_episodes(env: TaskEnv, tmp_path: Pat
     ]
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("ending", [".lerobot", ".minari", ".hdf5"])
 def test_a_recorded_hand_demonstrates_and_is_replayed_bit_by_bit(env: TaskEnv, ending: str, tmp_path: Path) -> None:
     path = tmp_path / f"demos{ending}"
@@ -130,6 +132,7 @@ def test_pictures_are_recorded(tmp_path: Path) -> None:
     assert list((tmp_path / "demos.lerobot" / "videos").rglob("*.mp4"))
 
 
+@pytest.mark.slow
 def test_success_is_the_task_s(env: TaskEnv, tmp_path: Path) -> None:
     """The hand goes to the site."""
 
@@ -152,6 +155,7 @@ def test_success_is_the_task_s(env: TaskEnv, tmp_path: Path) -> None:
     assert len(episode.actions) == 250  # the time limit of the task
 
 
+@pytest.mark.slow
 def test_a_session_that_stops_keeps_what_has_ended_and_goes_on(env: TaskEnv, tmp_path: Path) -> None:
     path, stop = tmp_path / "demos.hdf5", threading.Event()
     device = Typist(typed("bwwwy", "bssse", "  !"), stop)
@@ -184,6 +188,7 @@ demonstrate(env, Killed(typed(*sys.argv[3:])), sys.argv[2], pace=math.inf)
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "script", ["bwwwy bss", *(pytest.param(each, marks=pytest.mark.slow) for each in ("bwwwe", "bwwwx bddde  "))]
 )

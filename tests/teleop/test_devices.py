@@ -19,6 +19,7 @@ from jacokin.teleop.streams import KINDS
 from tests import gripper_arms
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("kind", KINDS)
 def test_streams_begin_and_end_at_the_tool_and_repeat(robot: Robot, kind: str) -> None:
     stream, again = (make_stream(robot, kind, np.random.default_rng(5)) for _ in range(2))
@@ -431,6 +432,7 @@ def test_wrong_streams_are_refused(robot: Robot, arguments: Any, error: type[Exc
         make_stream(robot, "smooth", np.random.default_rng(), rate=0.0)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("name", "opened", "shut"), [("panda", 0.04, 0.0), ("mimicking", 0.0, 0.78), ("so101", 1.05, -0.03)]
 )

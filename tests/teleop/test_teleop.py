@@ -100,6 +100,7 @@ def test_closing_the_clutch_moves_nothing_and_opening_it_holds(robot: Robot) -> 
     assert step.tool.translation[0] == pytest.approx(there.translation[0] - 0.1, abs=1e-3)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("rate", [10, 25, 60, 200])
 def test_any_rate_of_the_hand_leads_to_the_same_place(robot: Robot, rate: int) -> None:
     step = make(robot, clutch=True, filter=0.05, hand=HandOptions(watchdog=0.25))
@@ -280,6 +281,7 @@ def wild(rng: np.random.Generator, ticks: int) -> Iterator[pin.SE3]:
         yield pin.SE3(pin.exp3(turn), place)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", ["j2n6s300", "j2s7s300"])
 @pytest.mark.parametrize("acceleration", [ACCELERATION, pytest.param(40.0, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("outside", [0.0, 0.05])
@@ -309,6 +311,7 @@ def test_tool_and_target_stay_in_the_workspace_whatever_the_hand_does(
                 assert (np.maximum(lower - target, target - upper) <= far).all()
 
 
+@pytest.mark.slow
 def test_a_tool_comes_to_its_target_in_the_corner_of_a_workspace(robot: Robot) -> None:
     start = robot.forward_kinematics(robot.home).translation
     step = make(robot, clutch=True, workspace=(start - 0.1, start + 0.05))
@@ -333,6 +336,7 @@ def test_an_arm_that_the_workspace_holds_says_so(robot: Robot) -> None:
     assert "workspace" in seen
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("filtered", ["auto", 0.05])
 def test_single_frames_that_no_hand_can_have_made_are_left_out(robot: Robot, filtered: str | float) -> None:
     clean, wrong = (make(robot, clutch=True, filter=filtered) for _ in range(2))
@@ -488,6 +492,7 @@ def switched(teleop: Teleop, ticks: int = 4_000) -> TeleopStep:
     raise AssertionError("the other branch is not reached")
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", NAMES)
 def test_every_bundled_arm_reaches_another_branch(bundled: Any, name: str) -> None:
     robot = bundled(name)
@@ -532,6 +537,7 @@ def arm(joints: int, folder: Path) -> Robot:
     return load_robot(folder / "arm.urdf")
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("joints", [5, 6, 7])
 def test_other_arms_reach_another_branch(joints: int, tmp_path: Path) -> None:
     robot = arm(joints, tmp_path)
@@ -580,6 +586,7 @@ def test_opening_the_clutch_stops_a_switch(robot: Robot) -> None:
     assert np.abs(last.q - goal).max() > 0.1
 
 
+@pytest.mark.slow
 def test_a_tool_held_off_recovers_by_another_branch(robot: Robot) -> None:
     """The target goes, in a line, to a pose that only other branches reach."""
     start = robot.forward_kinematics(robot.home)
@@ -613,6 +620,7 @@ def play(robot: Robot, stream: Stream, smoothing: str | None = "auto") -> tuple[
     return step, last
 
 
+@pytest.mark.slow
 def test_a_stream_ends_on_target(robot: Robot) -> None:
     """All kinds, and more arms, are below."""
     _, last = play(robot, make_stream(robot, "jerky", np.random.default_rng(7), rate=60.0))
@@ -620,6 +628,7 @@ def test_a_stream_ends_on_target(robot: Robot) -> None:
     assert last.tracking.position_error < 1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "kind", "seed"),
     [

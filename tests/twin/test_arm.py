@@ -25,6 +25,7 @@ def test_it_stands_where_it_is(robot: str) -> None:
     np.testing.assert_allclose(arm.state.torques, torques, atol=0.3 + 0.1 * np.abs(torques).max())
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize("joint", range(6))
 def test_limits_are_never_broken(joint: int, sign: float) -> None:

@@ -49,6 +49,7 @@ def away(controller: TrajectoryController, q: Array) -> float:
     return float(np.abs(controller.arm.state.q - q).max())
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("faults", ["", "lag=0.05", "lag=0.02,loss=0.05,stall"])
 def test_a_goal_is_followed_by_what_is_measured(motion: Trajectory, faults: str) -> None:
     made = controller(faults, seed=2)

@@ -288,6 +288,7 @@ def test_a_force_at_the_tool_moves_it_that_way() -> None:
     assert (made.tool_pose(made.arm.state.q).translation - before)[2] < -0.02
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("factor", [0.3, 1.0])
 def test_torques_break_no_limit(factor: float) -> None:
     """What is too fast for the safety factor, or near a limit, takes the arm back to where it holds its place."""
@@ -331,6 +332,7 @@ def test_home_is_the_short_way_and_opens_the_fingers() -> None:
     np.testing.assert_allclose(made.arm.state.fingers, made.arm.finger_range[0], atol=0.02)
 
 
+@pytest.mark.slow
 def test_faults_are_seeded_and_move_the_end_of_an_open_loop(motion: Trajectory) -> None:
     ends = []
     for seed in (3, 3, 4):

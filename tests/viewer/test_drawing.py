@@ -110,6 +110,7 @@ def cloud(robot: Robot, parts: tuple[ArmPart, ...], q: Array) -> Array:
     return np.vstack(found)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", NAMES)
 def test_the_drawn_arm_is_where_mujoco_has_its_shapes(
     name: str, bundled: Callable[[str], Robot], rng: np.random.Generator
@@ -258,6 +259,7 @@ def test_without_visuals_of_its_own_a_robot_has_none(robot: Robot, tmp_path: Pat
     assert load_visuals(jacokin.load_robot(path)) is None
 
 
+@pytest.mark.slow
 def test_a_missing_mesh_is_named_and_the_shapes_are_drawn(meshed: Path, caplog: pytest.LogCaptureFixture) -> None:
     (meshed.parent / "cone.dae").unlink()
     robot = jacokin.load_robot(meshed)
@@ -284,6 +286,7 @@ def test_a_missing_mesh_that_collides_is_named_and_sticks_are_drawn(tmp_path: Pa
     assert all(part.mesh is not None and not part.shapes for part in parts)
 
 
+@pytest.mark.slow
 def test_the_switch_changes_what_is_drawn_and_leaves_no_messages_behind(meshed: Path) -> None:
     robot = jacokin.load_robot(meshed)
     visuals = load_visuals(robot)

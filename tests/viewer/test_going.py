@@ -154,6 +154,7 @@ def test_out_of_reach_the_arm_goes_to_the_closest_configuration(viewer: Viewer, 
     assert not robot.forward_kinematics(viewer.view.q).isApprox(reach, 1e-3)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("collision", ["report", "ignore"])
 def test_without_a_way_a_sentence_says_why(robot: Robot, collision: str) -> None:
     home = robot.forward_kinematics(robot.home).translation
@@ -193,6 +194,7 @@ def test_a_search_that_was_stopped_does_not_begin_again(robot: Robot) -> None:
         assert until(lambda: not viewer.view.note)
 
 
+@pytest.mark.slow
 def test_pages_are_served_while_a_way_is_looked_for(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     served = threading.Event()
 

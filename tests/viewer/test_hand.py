@@ -68,6 +68,7 @@ def drawn_hand(page: Page, link: str = "/arm/6/") -> Array:
     return np.concatenate([np.empty(0), *(np.asarray(piece).reshape(-1) for piece in pieces)])
 
 
+@pytest.mark.slow
 def test_the_arm_is_shown_where_the_hand_brings_it_with_its_fingers(robot: Robot, led: Led) -> None:
     viewer, controller = led
     teleop = Teleop(Tracker(robot, acceleration_limit=4.0), clutch=True)
@@ -91,6 +92,7 @@ def test_the_arm_is_shown_where_the_hand_brings_it_with_its_fingers(robot: Robot
         assert until(lambda: any("Holding" in str(text.props) for text in page.screen.controls.values()))
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(("name", "angle"), [("gen3_6dof", 0.0), ("gen3_lite", 0.05), ("so101", 0.8)])
 def test_fingers_of_other_arms_are_drawn_where_they_have_some(name: str, angle: float, tmp_path: Path) -> None:
     robot = gripper_arms.load(name, tmp_path) if name in gripper_arms.TEXTS else jacokin.load_robot(name)
@@ -106,6 +108,7 @@ def test_fingers_of_other_arms_are_drawn_where_they_have_some(name: str, angle: 
             assert until(lambda: np.array_equal(drawn_hand(page, hand_of), hand) != moves)
 
 
+@pytest.mark.slow
 def test_an_arm_that_something_else_moves_is_shown(robot: Robot) -> None:
     with serve(robot, port=0) as viewer, opened(viewer) as page:
         assert until(lambda: len(drawn_hand(page)) > 0)

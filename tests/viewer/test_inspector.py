@@ -229,6 +229,7 @@ def test_the_ellipsoid_is_how_fast_the_tool_can_move(robot: Robot, rng: np.rando
         assert np.abs(moved @ directions[:, 0]).max() > 0.9 * lengths[0]
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_a_free_axis_is_taken_where_the_arm_has_least_to_move(
     inspector: Inspector, rng: np.random.Generator, axis: int

@@ -50,6 +50,7 @@ def test_without_commands_only_the_arm_is_played(path: Path, robot: Robot, tmp_p
         assert not page.has("Commanded")
 
 
+@pytest.mark.slow
 def test_the_command_is_a_ghost_until_the_arm_goes_elsewhere(path: Path, robot: Robot) -> None:
     data = robot.pin_model.createData()
     with serve(robot, trajectory=path, port=0) as viewer, opened(viewer) as page:
@@ -95,6 +96,7 @@ def test_wrong_options_are_one_sentence(
     assert message in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_log_is_served_from_the_command_line(
     path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -44,6 +44,7 @@ def test_a_square_fills_its_cell() -> None:
     assert 0.8 * reach.grid.spacing < np.ptp(mesh.vertices[:, 0]) <= reach.grid.spacing
 
 
+@pytest.mark.slow
 def test_a_map_in_a_folder_and_one_of_another_robot(tmp_path: Path) -> None:
     robot = jacokin.load_robot(limits={"joint_2": (1.0, 5.0)})
     grid = reachability.Grid(lower=[-0.5, -0.5, 0.0], upper=[0.5, 0.5, 0.6], spacing=0.2)

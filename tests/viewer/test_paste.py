@@ -113,6 +113,7 @@ def pasted_command(inspector: Inspector, view: View, folder: Path) -> tuple[str,
     return text, np.array(answer["q"])
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", CASES)
 def test_both_texts_give_what_is_on_the_screen(name: str, tmp_path: Path) -> None:
     case = CASES[name]
@@ -138,6 +139,7 @@ def test_fingers_as_they_are_loaded_are_not_said(name: str) -> None:
     assert "finger" not in paste.command_text(inspector, view)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("prefer", ["nearest", "margin"])
 @pytest.mark.parametrize("angle", [None, 0.3])
 def test_a_free_axis_and_its_range_are_pasted(tmp_path: Path, prefer: str, angle: float | None) -> None:

@@ -28,6 +28,7 @@ def test_without_viser_the_extra_is_named(robot: Robot, monkeypatch: pytest.Monk
         serve(robot)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("options", "message"),
     [
@@ -57,6 +58,7 @@ def test_a_wrong_argument_is_named(robot: Robot, arguments: dict[str, Any], mess
         serve(robot, port=0, **arguments)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("names", [("m1n6s200", "gen3"), pytest.param(jacokin.model.NAMES, marks=pytest.mark.slow)])
 def test_bundled_robots_are_served(names: tuple[str, ...]) -> None:
     for name in names:

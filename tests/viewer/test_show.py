@@ -139,6 +139,7 @@ def test_without_the_extra_the_command_is_named(robot: Robot, monkeypatch: pytes
         jacokin.solve_ik(TARGET, robot).show(robot, browse=False)
 
 
+@pytest.mark.slow
 def test_a_result_knows_of_the_viewer_only_when_asked() -> None:
     program = (
         "import sys, jacokin; robot = jacokin.load_robot();"

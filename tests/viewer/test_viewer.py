@@ -126,6 +126,7 @@ def test_ghosts_can_be_hidden(viewer: Viewer, page: Page) -> None:
     assert until(lambda: page.ghosts == len(viewer.view.branches) - 1)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("position", "wxyz"),
     [
@@ -150,6 +151,7 @@ def test_what_is_not_a_pose_changes_nothing_and_the_next_one_works(
         assert viewer.view.status is Status.OK
 
 
+@pytest.mark.slow
 def test_two_tabs_show_and_move_the_same(viewer: Viewer, page: Page) -> None:
     with opened(viewer) as other:
         assert until(lambda: len(viewer.server.get_clients()) == 2)
@@ -180,6 +182,7 @@ def test_a_free_axis_leaves_an_angle_to_choose(viewer: Viewer, page: Page) -> No
     assert viewer.view.free is None
 
 
+@pytest.mark.slow
 def test_the_tracker_follows_the_gizmo_within_the_velocity_limits(viewer: Viewer, page: Page, robot: Robot) -> None:
     start = viewer.view.target
     page.change("Track", True)
@@ -198,6 +201,7 @@ def test_the_tracker_follows_the_gizmo_within_the_velocity_limits(viewer: Viewer
     assert until(lambda: viewer.view.note == "")
 
 
+@pytest.mark.slow
 def test_an_arm_without_velocity_limits_opens_and_tracks_with_given_ones(tmp_path: Path) -> None:
     text = (urdf_folder() / "j2n6s300.urdf").read_text(encoding="utf-8")
     file = tmp_path / "slow.urdf"
@@ -226,6 +230,7 @@ def test_an_arm_without_velocity_limits_opens_and_tracks_with_given_ones(tmp_pat
             serve(arm, ViewerOptions(velocity_limit=wrong), port=0)
 
 
+@pytest.mark.slow
 def test_a_trajectory_is_played_paused_scrubbed_and_slowed(robot: Robot) -> None:
     end = np.array(robot.home)
     end[1] += 0.5
@@ -247,6 +252,7 @@ def test_a_trajectory_is_played_paused_scrubbed_and_slowed(robot: Robot) -> None
         assert at(viewer, NEAR)
 
 
+@pytest.mark.slow
 def test_the_arm_stays_where_tracking_ends_and_does_not_go_to_a_trajectory(robot: Robot) -> None:
     elsewhere = np.array(robot.home)
     elsewhere[1] += 0.5
@@ -272,6 +278,7 @@ def test_a_trajectory_outside_the_limits_says_so(robot: Robot) -> None:
         assert np.array_equal(viewer.view.q, beyond)
 
 
+@pytest.mark.slow
 def test_obstacles_are_drawn_and_count_as_contact(robot: Robot) -> None:
     at_tool = robot.forward_kinematics(robot.home).translation
     scene = Scene([Box("crate", (0.3, 0.3, 0.3), at_tool), Floor(-0.2)])
@@ -286,6 +293,7 @@ def test_obstacles_are_drawn_and_count_as_contact(robot: Robot) -> None:
         assert viewer.view.selected is not None
 
 
+@pytest.mark.slow
 def test_the_ellipsoid_is_shown_on_demand(viewer: Viewer, page: Page, robot: Robot) -> None:
     assert not page.node("/ellipsoid").visible
     page.change("Manipulability", True)
@@ -294,6 +302,7 @@ def test_the_ellipsoid_is_shown_on_demand(viewer: Viewer, page: Page, robot: Rob
     assert until(lambda: np.allclose(page.node("/ellipsoid").position, tool))
 
 
+@pytest.mark.slow
 def test_text_to_paste_comes_when_asked_for(viewer: Viewer, page: Page) -> None:
     page.click("As command line")
     assert until(lambda: page.value("Text").startswith("jacokin ik --robot j2n6s300"))
@@ -337,6 +346,7 @@ def test_messages_do_not_pile_up_and_tabs_leave_nothing_behind(viewer: Viewer) -
     assert until(lambda: settled() and sys.getallocatedblocks() < held + 100 * TABS)
 
 
+@pytest.mark.slow
 def test_closing_ends_threads_and_frees_the_port(robot: Robot) -> None:
     before = set(threading.enumerate())
     viewer = serve(robot, port=0)
@@ -352,6 +362,7 @@ def test_closing_ends_threads_and_frees_the_port(robot: Robot) -> None:
         pass
 
 
+@pytest.mark.slow
 def test_the_datasheet_is_a_ghost_beside_a_calibrated_arm(robot: Robot) -> None:
     arm = perturbed(robot, np.random.default_rng(1))
     data = robot.pin_model.createData()
@@ -376,5 +387,6 @@ def test_the_datasheet_is_a_ghost_beside_a_calibrated_arm(robot: Robot) -> None:
         assert until(lambda: page.ghosts == others)
 
 
+@pytest.mark.slow
 def test_an_arm_as_described_has_no_such_switch(page: Page) -> None:
     assert not page.has("Datasheet")

@@ -80,6 +80,7 @@ def joints(path: Path) -> Array:
         return np.array([[float(row[f"q{joint}"]) for joint in range(1, 7)] for row in csv.DictReader(file)])
 
 
+@pytest.mark.one_quick("after")
 @pytest.mark.parametrize("before", [".csv", ".npz", ".parquet"])
 @pytest.mark.parametrize("after", [".csv", ".npz", ".parquet"])
 def test_every_format_holds_the_answers_of_a_batch(
@@ -149,6 +150,7 @@ def remarks(path: Path) -> dict[str, list[Any]]:
     return {name: [row[name] for row in rows] for name in ("remark, long", "t", "count")}
 
 
+@pytest.mark.one_quick("after")
 @pytest.mark.parametrize("before", [".csv", ".npz", ".parquet"])
 @pytest.mark.parametrize("after", [".csv", ".npz", ".parquet"])
 def test_remarks_travel_from_every_format_to_every_other(
@@ -170,6 +172,7 @@ def test_remarks_travel_from_every_format_to_every_other(
     assert again.read_bytes() == out.read_bytes()
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("suffix", [".csv", ".npz", ".parquet"])
 def test_remarks_come_with_the_rows_to_workers_without_the_file(
     solver: IKSolver, targets: Array, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str
@@ -281,6 +284,7 @@ def test_answers_do_not_depend_on_executors_or_chunks(
     assert first == (tmp_path / "b.csv").read_bytes() == (tmp_path / "c.csv").read_bytes()
 
 
+@pytest.mark.one_quick("unseen")
 @pytest.mark.parametrize("unseen", ["nothing", "the file", "the folder", "either"])
 @pytest.mark.parametrize("suffix", [".csv", ".npz", ".parquet"])
 def test_answers_do_not_depend_on_what_workers_see(

@@ -140,6 +140,7 @@ numbers = (
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=25)
 @given(
     rows=st.lists(st.lists(numbers, min_size=3, max_size=3), min_size=1), size=st.integers(1, 4), quoted=st.booleans()

@@ -142,6 +142,7 @@ def wave(q: Array) -> float:
     return float(np.sin(3.0 * q[-1]) + 0.5 * np.cos(2.0 * q[-3] - 0.3) + 0.01 * (q[-3] - 1.0) ** 2)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("count", [2, pytest.param(8, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("limited", [False, True])
 @pytest.mark.parametrize(("name", "turns"), [("j2s7s300", False), ("j2s6s300", False), ("j2s6s300", True)])

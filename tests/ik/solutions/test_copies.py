@@ -19,6 +19,7 @@ COPIES: dict[str, Callable[[SolutionSet], SolutionSet]] = {
 }
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("kind", COPIES)
 @pytest.mark.parametrize("axis", [None, (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)])
 def test_a_copy_of_a_family_has_the_same_members(

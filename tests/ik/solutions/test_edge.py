@@ -118,6 +118,7 @@ def test_curves_along_which_the_parameter_hardly_changes_are_found(tmp_path: Pat
     assert everything.branches == 16  # four of them are two curves that go all round within 5e-3 rad of joint 7
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("count", [8, pytest.param(20, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("several", [1, 3, 6])
 def test_the_end_of_a_range_may_be_the_only_member(several: int, count: int, rng: np.random.Generator) -> None:

@@ -37,6 +37,7 @@ def counted(family: SolutionSet, parameters: Array) -> NDArray[np.int64]:
     return np.array([sum(interval.contains(p) for interval in family.intervals) for p in parameters])
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("limits", RANGES)
 @pytest.mark.parametrize("axis", AXES)
 def test_intervals_are_those_of_a_scan(solver: IKSolver, rng: np.random.Generator, axis: str, limits: str) -> None:
@@ -88,6 +89,7 @@ def test_the_nearest_member_to_a_member_is_itself(solver: IKSolver, rng: np.rand
         assert result.parameter == pytest.approx(0.0, abs=1e-7)
 
 
+@pytest.mark.slow
 def test_the_end_of_an_interval_is_the_nearest_member_to_itself() -> None:
     """Of intervals of nearly a turn, rounding may put it before the start, which is past the stop."""
     robot, rng = jacokin.load_robot("j2s6s300"), np.random.default_rng(3)
@@ -100,6 +102,7 @@ def test_the_end_of_an_interval_is_the_nearest_member_to_itself() -> None:
         np.testing.assert_allclose(wrap_to_pi(nearest - q), np.zeros(6), atol=1e-5)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("axis", AXES)
 def test_no_other_member_is_nearer_to_the_seed(solver: IKSolver, rng: np.random.Generator, axis: str) -> None:
     robot = solver.robot
@@ -136,6 +139,7 @@ def test_an_arc_longer_than_a_turn_is_two_intervals(solver: IKSolver) -> None:
             )
 
 
+@pytest.mark.slow
 def test_the_widest_member_has_the_largest_margin(solver: IKSolver, rng: np.random.Generator) -> None:
     robot = solver.robot
 
@@ -249,6 +253,7 @@ def test_parameters_outside_are_refused(solver: IKSolver) -> None:
     np.testing.assert_allclose(interval.at(interval.start + 2.0 * math.pi), interval.at(interval.start), atol=1e-12)
 
 
+@pytest.mark.slow
 def test_two_joints_on_their_limits_are_a_member(solver: IKSolver, rng: np.random.Generator) -> None:
     """Where one joint comes to its limit just as another leaves its own, an interval is a single point."""
     robot, points = solver.robot, 0

@@ -84,6 +84,7 @@ def test_no_solution_of_any_structure_is_farther_than_the_one_beside_the_seed(
         assert np.linalg.norm(found.q - seed) <= np.linalg.norm(q - seed) + 1e-6
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("count", [12, pytest.param(100, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("turns", [False, True], ids=["own limits", "joints of two turns"])
 @pytest.mark.parametrize("name", ["j2n6s300", "gen3_lite", "gen3", "panda", "xarm7"])
@@ -113,6 +114,7 @@ def test_the_answer_near_a_seed_is_the_nearest_of_the_whole_set(
         assert farther > -1e-8 or not found.complete
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("axis", [(1.0, 0.0, 0.0), (0.3, -0.5, 0.4)])
 def test_no_member_about_a_free_axis_is_nearer(
     six: IKSolver, rng: np.random.Generator, axis: tuple[float, float, float]
@@ -154,6 +156,7 @@ def test_limits_of_more_than_a_turn_leave_a_choice_of_copies(rng: np.random.Gene
         assert np.linalg.norm(result.q - seed) <= best + 1e-9
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("limits", [None, (-2.0, 1.5), (-7.0, 6.0)], ids=["unlimited", "less than a turn", "two turns"])
 @pytest.mark.parametrize("free", [(-math.pi, math.pi), (-0.5, 0.7), (1.0, 4.0)], ids=["full turn", "narrow", "wide"])
 @pytest.mark.parametrize("count", [4, pytest.param(8, marks=pytest.mark.slow)])

@@ -57,6 +57,7 @@ def holds(found: SolutionSet, q: Array) -> bool:
     return any(apart(interval.nearest(q), q) < SAME for interval in found.intervals)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("count", [FEW, MANY])
 @pytest.mark.parametrize("name", [*JACOS, *ARMS])
 def test_a_regular_configuration_is_its_own_answer_and_in_its_set(
@@ -71,6 +72,7 @@ def test_a_regular_configuration_is_its_own_answer_and_in_its_set(
         assert holds(solver.solve_all(target), q)  # which is not told where to look
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("count", [2, pytest.param(8, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", [*JACOS, *ARMS])
 def test_solutions_all_along_reach_the_target_within_the_limits(
@@ -92,6 +94,7 @@ def test_solutions_all_along_reach_the_target_within_the_limits(
                 assert abs(wrap_to_pi(found.parameter_of(q) - p)) < 1e-7
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("count", [2, pytest.param(8, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", [*JACOS, *ARMS, "gen3_6dof"])
 def test_a_complete_set_lacks_no_solution_of_a_scan(
@@ -118,6 +121,7 @@ def test_a_complete_set_lacks_no_solution_of_a_scan(
                 assert holds(found, row)
 
 
+@pytest.mark.one_quick("name")
 @pytest.mark.parametrize("kind", own_answers.CLASSES)
 @pytest.mark.parametrize("name", JACOS)
 def test_a_natural_posture_is_its_own_answer(name: str, kind: str, folder: Path, rng: np.random.Generator) -> None:
@@ -130,6 +134,7 @@ def test_a_natural_posture_is_its_own_answer(name: str, kind: str, folder: Path,
         assert np.linalg.norm(result.q - q) < 1e-4
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("count", [5, pytest.param(40, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", ["j2s6s200", "m1n6s200", "j2n6s300"])
 def test_a_set_with_single_points_is_complete_only_with_all_of_them(
@@ -154,6 +159,7 @@ def test_a_set_with_single_points_is_complete_only_with_all_of_them(
             assert np.linalg.norm(result.q - seed) <= np.linalg.norm(q - seed) + 1e-4
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", [*JACOS, *ARMS])
 def test_nothing_in_a_set_is_nearer_than_the_nearest(name: str, folder: Path, rng: np.random.Generator) -> None:
     solver = solver_of(name, folder)
@@ -252,6 +258,7 @@ def test_ranges_anywhere_on_the_circle(folder: Path, rng: np.random.Generator) -
             assert low - 1e-9 <= interval.start <= interval.stop <= high + 1e-9
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("seed", "case"),
     [

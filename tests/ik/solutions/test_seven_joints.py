@@ -45,6 +45,7 @@ def by_descent(robot: Robot, T: pin.SE3, q3: float, rng: np.random.Generator, st
     return len(found)
 
 
+@pytest.mark.slow
 def test_intervals_are_those_of_another_solver(solver: IKSolver, rng: np.random.Generator) -> None:
     robot, checked = solver.robot, 0
     for q in robot.sample(rng, 2):
@@ -177,6 +178,7 @@ def test_members_where_joint_3_does_not_move(solver: IKSolver, steps: tuple[int,
         assert solver.robot.within_limits(q)
 
 
+@pytest.mark.slow
 def test_structured_poses(solver: IKSolver) -> None:
     robot = solver.robot
     for position in ((0.5, 0.0, 0.2), (0.0, 0.5, 0.3), (0.3, -0.4, 0.4)):

@@ -66,6 +66,7 @@ def test_a_pose_is_solved_in_the_best_copy(name: str, count: int, rng: np.random
             assert cost(result.q[np.newaxis])[0] <= cost(every).min() + 1e-6, prefer
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("count", [2, pytest.param(6, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", ["j2n6s300", "j2s6s300", "j2s7s300"])
 def test_a_member_is_chosen_in_the_best_copy(name: str, count: int, rng: np.random.Generator) -> None:
@@ -122,6 +123,7 @@ def passing_its_limit(
                 return robot, target, np.array(edges)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("depth", [1e-5, *(pytest.param(depth, marks=pytest.mark.slow) for depth in (1e-7, 1e-3))])
 @pytest.mark.parametrize(("name", "joint"), [("j2n6s300", 3), ("j2n6s300", 5), ("j2s7s300", 4), ("j2s7s300", 6)])
 def test_members_next_to_where_a_joint_passes_its_limit_are_found(

@@ -36,6 +36,7 @@ def vertical_targets(robot: Robot, rng: np.random.Generator, number: int, up: bo
         yield pin.SE3(turn, rng.uniform([-reach, -reach, -0.2], [reach, reach, 0.6])).homogeneous
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("tilt", [1e-12, 1e-9, 1e-7, 1e-6, 1e-5, 1e-4])
 @pytest.mark.parametrize("number", sizes(80, 200))
@@ -61,6 +62,7 @@ def test_vertical_tools_have_the_branches_of_slightly_tilted_ones(
     assert compared > 0.05 * number
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("up", [False, True])
 def test_vertical_tools_have_the_branches_of_a_brute_force_search(
     up: bool, robot: Robot, rng: np.random.Generator
@@ -101,6 +103,7 @@ def configurations_with_O_on_axis_5(robot: Robot, rng: np.random.Generator, numb
             yield q
 
 
+@pytest.mark.one_quick("step")
 @pytest.mark.parametrize("name", ["j2n6s300", "m1n6s300"])
 @pytest.mark.parametrize("step", [0.0, 1e-9, 1e-6, 1e-4, 1e-3])
 @pytest.mark.parametrize("number", sizes(8, 25))
@@ -119,6 +122,7 @@ def test_O_on_axis_5(
             assert len(twin) == len(rows)
 
 
+@pytest.mark.slow
 def test_O_on_axis_5_has_the_branches_of_a_brute_force_search(robot: Robot, rng: np.random.Generator) -> None:
     form = closed_form(robot)
     for q in configurations_with_O_on_axis_5(robot, rng, 4):
@@ -144,6 +148,7 @@ def folds(robot: Robot, rng: np.random.Generator, number: int) -> Iterator[Array
         yield a
 
 
+@pytest.mark.one_quick("step")
 @pytest.mark.parametrize("name", ["j2n6s300", "m1n6s300"])
 @pytest.mark.parametrize("step", [0.0, 1e-12, 1e-9, 1e-7, 1e-5, 1e-3])
 @pytest.mark.parametrize("number", sizes(15, 60))
@@ -158,6 +163,7 @@ def test_folds(number: int, name: str, step: float, bundled: Callable[[str], Rob
         assert closest_pair(rows) > 1e-6
 
 
+@pytest.mark.one_quick("unit")
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("unit", [30.0, 45.0, 90.0])
 @pytest.mark.parametrize("number", sizes(40, 150))
@@ -253,6 +259,7 @@ def vertical_forearms(robot: Robot, rng: np.random.Generator, number: int) -> It
             yield q
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("number", sizes(150, 400))
 def test_a_forearm_along_axis_1_loses_no_branch(number: int, bundled: Callable[[str], Robot], name: str) -> None:

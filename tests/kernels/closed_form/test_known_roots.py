@@ -59,6 +59,7 @@ def test_a_root_that_is_not_exact_shows_as_noise_or_is_refused(robot: Robot, rng
     assert refused > 10
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("tilt", [0.0, 1e-9, 1e-6])  # [rad]
 @pytest.mark.parametrize("name", ["j2n6s300", "m1n6s300"])
 def test_no_pose_takes_many_times_the_work_of_others(

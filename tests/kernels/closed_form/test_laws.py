@@ -60,6 +60,7 @@ def test_the_branches_are_those_of_a_brute_force_search(
             assert all(contains(rows, q, 1e-5) for q in found)
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(turns=st.lists(st.integers(-3, 3), min_size=4, max_size=4), number=st.integers(0, 10_000))
 def test_full_turns_of_the_seed_change_only_the_copies(turns: list[int], number: int) -> None:

@@ -75,6 +75,7 @@ def unsolved(robot: Robot, rows: Array, tool: pin.SE3 | None) -> Array:
     return rows[~solved]
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("tool", TOOLS)
 @pytest.mark.parametrize("name", ["j2s6s300", "j2s6s200"])
 @pytest.mark.parametrize("number", sizes(500, 3000))
@@ -85,6 +86,7 @@ def test_a_stretched_spherical_arm_with_a_joint_on_its_limit(
     assert not len(unsolved(robot, stretched(robot, rng, number), tool))
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("tool", TOOLS)
 @pytest.mark.parametrize("name", ["j2n6s300", "m1n6s300"])
 @pytest.mark.parametrize("number", sizes(60, 300))
@@ -130,6 +132,7 @@ def test_a_regular_branch_past_its_limit_stays_outside(robot: Robot, rng: np.ran
     assert checked > 200
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("table", ["MAX_BRANCHES", "MAX_STARTS", "MAX_ROOTS"])
 def test_a_full_table_is_not_complete(table: str, rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch) -> None:
     """At a pose that needs all of them: with the shoulder on axis 5, a root has several starts."""

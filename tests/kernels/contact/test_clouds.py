@@ -54,6 +54,7 @@ class CloudFlight:
         return np.array([coal_distance(self._shapes, (there, pin.SE3(np.eye(3), each))) for each in self.centres])
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_distance_is_that_of_the_nearest_point(kind: str, rng: np.random.Generator) -> None:
     inside = 0

@@ -158,6 +158,7 @@ def widest_gap(flight: Flight, q: Array, rng: np.random.Generator) -> float:
     return -min(shortest_way(flight, q, directions[start]) for start in order[:3])
 
 
+@pytest.mark.slow
 def test_random_pairs_of_shapes(rng: np.random.Generator) -> None:
     assert judge(rng, 60, 50) > 1500
 
@@ -177,6 +178,7 @@ def test_ellipsoids_are_shapes_too(kind: str, rng: np.random.Generator) -> None:
             assert distance == pytest.approx(theirs, abs=2e-6)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("kinds", list(itertools.combinations_with_replacement((*KINDS, "ellipsoid"), 2)))
 def test_the_depth_of_an_overlap_is_the_shortest_way_out(kinds: tuple[str, str], rng: np.random.Generator) -> None:
     flight = Flight(kinds, rng)

@@ -56,18 +56,21 @@ def check_own(chain: Array, q: Array) -> None:
         assert nearest < 1e-6 or smallest_singular_value(chain, row) < 1e-3
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", ARMS)
 def test_the_configuration_a_pose_was_made_from_is_found(name: str, rng: np.random.Generator) -> None:
     chain = chain_of_arm(name)
     check_own(chain, np.concatenate([rng.uniform(-np.pi, np.pi, (40, 6)), structured(rng, 10)]))
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("sigma", [1e-9, 1e-6, 1e-4, 5e-3])
 def test_a_jaco_that_is_not_quite_one(sigma: float, rng: np.random.Generator) -> None:
     chain = perturbed(jaco("j2n6s300"), sigma)
     check_own(chain, rng.uniform(-np.pi, np.pi, (30, 6)))
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", ["ur5", "xarm6"])
 def test_no_branch_of_brute_force_is_missing(name: str, rng: np.random.Generator) -> None:
     chain = chain_of_arm(name)
@@ -115,6 +118,7 @@ CROWDED = {
 }
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", CROWDED)
 def test_complete_is_not_said_where_neighbours_hide_a_branch(name: str) -> None:
     check_honest(chain_of_arm(name), np.radians([CROWDED[name]]), 1000)
@@ -125,6 +129,7 @@ def test_complete_is_not_said_where_three_roots_are_one_to_rounding() -> None:
     check_honest(perturbed(chain_of_arm("puma"), 1e-7), np.radians([[-90.0, -90.0, 90.0, 180.0, -90.0, 30.0]]), 1000)
 
 
+@pytest.mark.slow
 def test_branches_of_two_degeneracies_that_share_a_joint_angle(rng: np.random.Generator) -> None:
     """Axis 4 of a Gen3 lite along axis 1 and axis 3 along axis 5: two pairs of branches have one q6."""
     chain = chain_of_arm("gen3 lite")
@@ -160,6 +165,7 @@ def test_complete_is_never_wrong_on_a_jaco_that_is_not_quite_one(sigma: float, r
     assert check_honest(perturbed(jaco("j2n6s300"), sigma), round_angles(rng, 40), 200) > 18
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", ["xarm6", "offset wrist", "generic"])
 def test_random_poses_need_no_neighbour(name: str, rng: np.random.Generator) -> None:
     """Which takes as long as the arm itself, or longer."""

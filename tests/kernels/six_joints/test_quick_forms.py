@@ -117,6 +117,7 @@ def test_the_structure_is_found_wherever_it_is(name: str) -> None:
     assert quick_form(moved, 1.0 / size_of(moved)).kind == GENERAL
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", EXPECTED)
 def test_random_poses_have_their_configuration_and_those_of_brute_force(name: str, rng: np.random.Generator) -> None:
     chain = chain_of_name(name)
@@ -141,6 +142,7 @@ def test_no_branch_of_brute_force_is_missing(name: str, rng: np.random.Generator
         assert not branches.complete or lost(chain, branches.q, T, starts=1000, seed=number) == []
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", EXPECTED)
 def test_round_angles_are_answered_as_in_the_general_way(name: str, rng: np.random.Generator) -> None:
     chain = chain_of_name(name)
@@ -154,6 +156,7 @@ def test_round_angles_are_answered_as_in_the_general_way(name: str, rng: np.rand
         assert max(branches.position_error.max(), branches.orientation_error.max()) < 1e-9
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("sigma", [1e-12, 1e-10, 1e-9, 1e-8, 1e-6])
 @pytest.mark.parametrize("name", ["puma", "ur5", "any three, wrist", "crx"])
 def test_answers_do_not_jump_where_the_structure_ends(name: str, sigma: float, rng: np.random.Generator) -> None:
@@ -227,6 +230,7 @@ def test_out_of_reach_there_is_no_branch() -> None:
         assert len(form_of(chain_of_name(name)).solve_all(T, HOME)) == 0
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", ["crx", "planar 1234", "planar 2345", "planar 5432"])
 def test_a_polynomial_settles_random_poses_of_planar_arms(name: str, rng: np.random.Generator) -> None:
     """Each root has two branches, half a turn apart in the joint before the parallel axes."""
@@ -245,6 +249,7 @@ def test_a_polynomial_settles_random_poses_of_planar_arms(name: str, rng: np.ran
             assert min(np.abs(np.sin(0.5 * (other - turned)[[before]])).max() for other in rows) < 1e-6
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", ["puma", "any three, wrist", "ur5", "crx"])
 def test_compiled_bits_are_those_of_plain_python(
     name: str, monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator

@@ -176,6 +176,7 @@ def test_a_circle_is_followed_until_it_closes(rng: np.random.Generator) -> None:
     assert np.linalg.norm(np.diff(nodes, axis=0), axis=1).max() < 1.2 * LONGEST_STEP
 
 
+@pytest.mark.slow
 def test_every_solution_is_passed_once_and_curves_close(rng: np.random.Generator) -> None:
     """All solutions at three values of joint 3: each curve comes back to where it began, through all others once."""
     robot = jacokin.load_robot("j2s7s300")

@@ -22,6 +22,7 @@ def known_roots(rng: np.random.Generator, apart: float) -> Array:
     return np.concatenate([*pairs, on_circle, [on_circle[-1] * np.exp(1j * apart)]])
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("apart", [1e-2, 1e-4, 1e-6])
 def test_two_roots_that_all_but_meet_are_both_found(rng: np.random.Generator, apart: float) -> None:
     """The first one that comes near has small steps while the other is far away, though it has not arrived."""

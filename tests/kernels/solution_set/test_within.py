@@ -151,6 +151,7 @@ def extreme(curve: Curve, loops: Loops, joint: int) -> Array:
     return walk.z
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("joint", [1, 5])
 def test_a_joint_that_touches_its_limit(rng: np.random.Generator, joint: int) -> None:
     """One point where its largest angle is its lower limit, to the root of rounding; two ends beside it where the limit

@@ -85,6 +85,7 @@ def outside(points: Array, part: Array) -> Array:
     return np.asarray((points @ equations[:, :3].T + equations[:, 3]).max(axis=1))
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", MESHES)
 def test_parts_hold_the_surface_and_the_inside(name: str, rng: np.random.Generator) -> None:
     shape = MESHES[name]
@@ -165,6 +166,7 @@ class Triangles:
         )
 
 
+@pytest.mark.slow
 def test_contact_on_parts_is_that_of_the_triangles(arm: Path, in_parts: Robot, rng: np.random.Generator) -> None:
     hulls, parts = jacokin.load_robot(arm), in_parts
     truth, rows = Triangles(hulls, arm.parent), hulls.sample(rng, 400)
@@ -190,6 +192,7 @@ def test_parts_have_names_that_links_stand_for(in_parts: Robot) -> None:
     assert jacokin.model.to_mujoco(robot, geometry=True).ngeom == len(contact.arm_shapes)
 
 
+@pytest.mark.slow
 def test_what_was_decomposed_is_kept_and_pickled(arm: Path, tmp_path: Path, rng: np.random.Generator) -> None:
     folder = Path(shutil.copytree(arm.parent, tmp_path / "copy"))
     robot = jacokin.load_robot(folder / arm.name, decompose=True)

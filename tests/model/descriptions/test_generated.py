@@ -285,6 +285,7 @@ def test_total_mass() -> None:
     assert mjcf("j2n6s300").body_mass.sum() == pytest.approx(4.3105157, abs=1e-6)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", NAMES)
 def test_both_formats_are_the_same_robot(name: str) -> None:
     model, robot = mjcf(name), urdf(name)
@@ -311,6 +312,7 @@ def test_both_formats_are_the_same_robot(name: str) -> None:
         np.testing.assert_allclose(gravity, data.qfrc_bias, atol=DYNAMICS_TOLERANCE, rtol=0)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", NAMES)
 def test_the_same_primitives_in_both_formats(name: str) -> None:
     model, robot = mjcf(name), urdf(name)

@@ -196,6 +196,7 @@ def clearance(path: Path) -> float:
     return float(robot.clearance(q, Scene([Box("wall", [0.1, 0.1, 0.1], T @ T_tool_wall)])))
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("way", WAYS)
 def test_the_same_body_is_as_near_whatever_its_file(tmp_path: Path, way: str) -> None:
     name, write, scale = WAYS[way]
@@ -243,6 +244,7 @@ def test_a_flat_mesh_is_a_thin_shape(tmp_path: Path, case: str, suffix: str) -> 
     assert abs(clearance(arm_with(tmp_path, f'<mesh filename="flat.{suffix}"/>')) - APART) < 1e-4
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     "geometry",
     [
@@ -317,6 +319,7 @@ REFUSED = {
 }
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("case", REFUSED)
 def test_what_is_no_mesh_is_refused_by_name_wherever_contact_is_asked_for(tmp_path: Path, case: str) -> None:
     name, message = REFUSED[case]

@@ -93,6 +93,7 @@ def test_a_site_named_like_a_body_keeps_a_frame(tmp_path: Path, rng: np.random.G
     np.testing.assert_allclose(offset.translation, [0.0, 0.2, 0.0])
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("base", [None, "pedestal", "mark"])
 def test_any_mjcf_agrees_with_mujoco(scene: Path, base: str | None, rng: np.random.Generator) -> None:
     robot = jacokin.load_robot(scene, base=base, limits={"elbow": (-1.0, 3.0)})
@@ -113,6 +114,7 @@ def test_limited_false_means_unlimited(scene: Path) -> None:
     assert (robot.lower[0], robot.upper[0]) == (-2.0, 2.0)
 
 
+@pytest.mark.slow
 def test_a_hand_attached_through_mujoco(tmp_path: Path, rng: np.random.Generator) -> None:
     # What MjSpec writes after attaching holds frames, which Pinocchio's own reader drops.
     arm = mujoco.MjSpec.from_file(str(urdf_folder() / "jaco_arm.xml"))
@@ -136,6 +138,7 @@ def test_a_hand_attached_through_mujoco(tmp_path: Path, rng: np.random.Generator
     np.testing.assert_allclose(robot.forward_kinematics(q, "hand/pinchsite").homogeneous, expected, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_dm_control_arm_agrees_with_mujoco_and_with_ours(rng: np.random.Generator) -> None:
     needs_dm_control()
     import dm_control

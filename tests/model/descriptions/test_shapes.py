@@ -32,6 +32,7 @@ def assert_as_in_mujoco(robot: Robot) -> None:
     assert sorted(map(sorted, found.pairs)) == sorted(map(sorted, pairs))
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", bundled.NAMES)
 def test_shapes_and_pairs_are_those_of_mujoco(name: str) -> None:
     assert_as_in_mujoco(jacokin.load_robot(name))

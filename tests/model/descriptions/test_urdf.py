@@ -166,6 +166,7 @@ def test_what_is_for_other_programs_does_not_matter(tmp_path: Path) -> None:
     assert robot.home_source.startswith("documented")
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_a_damaged_urdf_is_read_or_named(seed: int) -> None:

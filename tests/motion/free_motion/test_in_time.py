@@ -41,6 +41,7 @@ def test_a_course_is_the_motion_and_stands_before_and_after_it(motions: list[Tra
         np.testing.assert_allclose(later.at(time - 1.0), motion.state_at(time).q, atol=1e-12)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("length", [0.003, 0.1, 0.6])
 def test_the_bound_on_how_far_joints_are_from_a_line_holds(
     motions: list[Trajectory], rng: np.random.Generator, length: float

@@ -52,6 +52,7 @@ def finely(motion: Trajectory) -> Array:
     return np.column_stack([np.interp(places, np.arange(len(motion)), column) for column in motion.q.T])
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(("clearance", "sunk"), [(0.0, 0.0), (0.01, 0.0), (0.03, 0.0), (0.01, -0.004), (0.0, 0.003)])
 def test_a_cup_on_the_floor_is_lifted(robot: Robot, clearance: float, sunk: float) -> None:
     scene, q = holding(robot, sunk=sunk)

@@ -106,6 +106,7 @@ def test_it_moves_aside_where_the_other_passes(
     np.testing.assert_array_equal(motion.q[[0, -1]], [start, goal])
 
 
+@pytest.mark.slow
 def test_an_arm_at_its_goal_makes_way_and_comes_back(
     robot: Robot, solver: IKSolver, both: TwoRobots, crossing: tuple[Trajectory, Array, Array]
 ) -> None:
@@ -183,6 +184,7 @@ def test_two_others_and_things_that_stand(robot: Robot, bundled: Callable[[str],
     assert min(TwoRobots(robot, lite, near).least(q, lite.home) for q in alone.q[::5]) > 0.0
 
 
+@pytest.mark.slow
 def test_what_is_held_keeps_clear(robot: Robot, crossing: tuple[Trajectory, Array, Array]) -> None:
     """A ball in the hand, as large as the hand: the arm that carries it is never nearer than its clearance."""
     other, start, goal = crossing

@@ -60,6 +60,7 @@ def check_a_cup_is_reached_and_carried(robot: Robot, *, carried: bool = True) ->
     assert np.min(robot.clearance(home.q, pick.held, self_collision=True)) > 0.0
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", ["j2n6s300", "j2s7s300"])
 def test_what_stands_on_the_table_is_lifted_off(name: str, tmp_path: Path) -> None:
     """With a clearance that the cup on its table does not have."""

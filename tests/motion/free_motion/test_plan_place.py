@@ -128,6 +128,7 @@ def shut_on(robot: Robot, place: PutDown) -> float:
     return free
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("target", [THERE, ANY_YAW], ids=["pose", "any yaw"])
 def test_a_cup_is_put_down(robot: Robot, cup: Held, target: pin.SE3 | FreeAxis) -> None:
     place = plan_place(cup.solver, cup.lifted, cup.pick, target, time_limit=20.0)
@@ -146,6 +147,7 @@ def test_a_cup_is_put_down(robot: Robot, cup: Held, target: pin.SE3 | FreeAxis) 
     assert home.success, home.message
 
 
+@pytest.mark.slow
 def test_a_start_on_the_table_is_left(robot: Robot, cup: Held) -> None:
     assert cup.pick.reach is not None
     start = cup.pick.reach.q[-1]
@@ -154,6 +156,7 @@ def test_a_start_on_the_table_is_left(robot: Robot, cup: Held) -> None:
     assert "table and cup touch at the start and come apart first" in place.message
 
 
+@pytest.mark.slow
 def test_a_clearance_that_the_table_does_not_have(robot: Robot, cup: Held) -> None:
     """It is kept from everything but what the cup is put on, also on the line down."""
     solver = IKSolver(robot, scene=SCENE, clearance=0.005)
@@ -176,6 +179,7 @@ def test_any_of_several_targets_will_do(cup: Held) -> None:
     assert tool[0].translation[2] - tool[1].translation[2] == pytest.approx(0.05, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_a_scene_in_which_it_is_held_will_do(robot: Robot, cup: Held) -> None:
     """As after another motion, or of one's own: the gripper is that of the arm."""
     assert cup.pick.held is not None
@@ -203,6 +207,7 @@ def test_on_top_of_something(robot: Robot, cup: Held) -> None:
     assert referee.contacts(place.lower.q[::-1]) == {}
 
 
+@pytest.mark.slow
 def test_five_joints(tmp_path: Path) -> None:
     robot = load("so101", tmp_path)
     cube = Box("cube", [0.02, 0.02, 0.04], [0.2, 0.05, 0.02])
@@ -264,6 +269,7 @@ def test_why_there_is_no_way(robot: Robot, cup: Held) -> None:
     assert "try a smaller height" in place(THERE, height=0.9).message
 
 
+@pytest.mark.slow
 def test_fingers_that_would_touch_the_table(robot: Robot) -> None:
     """Around a small box the fingers reach down to the table, though not where they are open."""
     box = Box("box", [0.03, 0.03, 0.06], [0.45, 0.1, 0.03])
@@ -288,6 +294,7 @@ def test_fingers_that_would_touch_the_table(robot: Robot) -> None:
     assert touched == {"table"}
 
 
+@pytest.mark.slow
 def test_the_time_is_held(cup: Held) -> None:
     plan_place(cup.solver, cup.lifted, cup.pick, ANY_YAW)  # what is made once
     begun = time.monotonic()

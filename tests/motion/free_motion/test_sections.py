@@ -111,6 +111,7 @@ def fine(motion: Trajectory) -> Array:
     return np.asarray(CubicHermiteSpline(motion.t, motion.q, motion.v)(t))
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("jerk", [1.0, 4.0, 15.0])
 @pytest.mark.parametrize("seed", range(3))
 def test_nothing_touches_where_corners_are_cut_more(robot: Robot, seed: int, jerk: float) -> None:

@@ -107,6 +107,7 @@ def test_goals_that_move_are_reached_around_a_wall(through: Any) -> None:
     assert on >= 3
 
 
+@pytest.mark.slow
 def test_a_loop_of_plans_ends_at_its_goal(robot: Robot) -> None:
     """A goal that wanders for a second, planned for at 20 Hz."""
     solver, goal = IKSolver(robot), robot.home + np.array([0.8, 0.2, -0.3, 0.4, 0.2, 0.3])

@@ -62,6 +62,7 @@ def test_a_path_with_corners_is_planned_tick_by_tick(robot: Robot) -> None:
     np.testing.assert_allclose(rotations, np.broadcast_to(DOWN, rotations.shape), atol=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("lines", "least", "more"), [(5, 1, 0), pytest.param(14, 3, 1, marks=pytest.mark.slow)])
 def test_what_the_tracker_follows_is_planned_and_more(robot: Robot, lines: int, least: int, more: int) -> None:
     rng = np.random.default_rng(3)
@@ -142,6 +143,7 @@ def in_points(count: int, seed: int | None = None) -> list[pin.SE3]:
     return [moved(at(0.4, -0.4, 0.3), *(part * STRAIGHT)) for part in parts]
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("speed", [0.05, 0.2])
 def test_the_same_path_takes_the_same_time_in_any_number_of_points(robot: Robot, speed: float) -> None:
     solver, times = IKSolver(robot), []
@@ -154,6 +156,7 @@ def test_the_same_path_takes_the_same_time_in_any_number_of_points(robot: Robot,
     assert min(times) >= 0.2 / speed
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("acceleration", [None, 1.0, 10.0])
 def test_near_equal_and_repeated_waypoints_are_one(robot: Robot, acceleration: float | None) -> None:
     solver, first, second = IKSolver(robot), at(0.4, -0.4, 0.3), at(0.5, -0.4, 0.3)
@@ -226,6 +229,7 @@ def test_the_end_of_reach_is_approached_in_time(robot: Robot, lines: int) -> Non
     assert found == lines
 
 
+@pytest.mark.slow
 def test_corners_are_passed_or_stopped_at_within_the_acceleration(robot: Robot) -> None:
     solver, start = IKSolver(robot), at(0.4, -0.4, 0.3)
     for turn in (0.01, 0.1, 0.5, 1.5, 3.1):  # [rad]
@@ -245,6 +249,7 @@ def test_a_path_around_the_base_counts_turns(robot: Robot) -> None:
     assert abs(result.q[-1, 0] - result.q[0, 0]) == pytest.approx(4.0 * np.pi, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_the_limits_of_a_cable_hold() -> None:
     """One and a half turns fit between -4 and 7 rad only from one end to the other; two do not."""
     robot = jacokin.load_robot(limits={"joint_1": (-4.0, 7.0)})
@@ -260,6 +265,7 @@ def test_the_limits_of_a_cable_hold() -> None:
     assert (result.q <= robot.upper).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lines", [2, pytest.param(6, marks=pytest.mark.slow)])
 def test_a_free_axis_goes_where_poses_do_not(robot: Robot, lines: int) -> None:
     """About its roll axis the tool may turn at will: a line that one roll cannot follow is followed."""

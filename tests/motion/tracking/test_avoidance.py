@@ -57,6 +57,7 @@ def obstacle(kind: int, centre: NDArray[np.float64], rng: np.random.Generator) -
     return Capsule("rod", 0.03, 0.2, pose)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [6, pytest.param(30, marks=pytest.mark.slow)])
 def test_passes_at_full_speed_keep_the_distance(robot: Robot, rng: np.random.Generator, count: int) -> None:
     start = robot.forward_kinematics(robot.home).translation
@@ -118,6 +119,7 @@ def test_the_floor_is_not_touched(robot: Robot) -> None:
     assert any(name.startswith("floor~") for name in step.limiting)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("targets", [8, pytest.param(12, marks=pytest.mark.slow)])
 def test_the_arm_does_not_touch_itself(robot: Robot, rng: np.random.Generator, targets: int) -> None:
     referee = Referee(robot, Scene())
@@ -245,6 +247,7 @@ def test_shapes_that_are_none_are_refused(make: Callable[[], object], match: str
         make()
 
 
+@pytest.mark.slow
 def test_the_tracker_sees_true_distances_and_how_they_change(robot: Robot, rng: np.random.Generator) -> None:
     places = rng.normal(size=(3, 3))
     places *= rng.uniform(0.6, 0.9, (3, 1)) / np.linalg.norm(places, axis=1, keepdims=True)
@@ -279,6 +282,7 @@ def test_the_tracker_sees_true_distances_and_how_they_change(robot: Robot, rng: 
     assert compared > 20
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("acceleration_limit", [None, np.inf])
 @pytest.mark.parametrize("asked", ["poses", "posture", "twist", "priorities"])
 def test_distances_that_are_not_measured_do_not_matter(

@@ -105,6 +105,7 @@ def stream_of(robot: Robot, kind: str, number: int, dt: float = DT, seconds: flo
 # (a) It turns round no more often than its target.
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", cases("j2n6s300", "j2s7s300", "ur5", "five"))
 @pytest.mark.parametrize("kind", [*MOVING[:2], *(pytest.param(kind, marks=pytest.mark.slow) for kind in MOVING[2:])])
 def test_joints_turn_round_no_more_often_than_the_target(find: Find, name: str, kind: str) -> None:
@@ -152,6 +153,7 @@ def stand(robot: Robot, target: Any, dt: float, seconds: float, acceleration: fl
         assert step.message
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("acceleration", [None, np.inf])
 @pytest.mark.parametrize("name", cases("j2n6s300", "j2s7s300", "ur5", "five"))
 @pytest.mark.parametrize("number", [0, pytest.param(4, marks=pytest.mark.slow)])
@@ -163,6 +165,7 @@ def test_a_standing_target_is_approached_without_turning_back(
     stand(robot, stream_of(robot, "standing", number).targets[0], DT, 12.0, acceleration)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("acceleration", [None, np.inf])
 @pytest.mark.parametrize(("name", "dt"), combined(cases("j2n6s300", "ur5"), DT, [0.02, 0.002]))
 def test_towards_a_target_out_of_reach_the_arm_comes_to_rest(
@@ -215,6 +218,7 @@ def follow_twist(
         assert step.message
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("acceleration", [2.0, np.inf])
 @pytest.mark.parametrize(("name", "way"), combined(cases("j2n6s300", "j2s7s300", "five"), UP, [DOWN, (1.0, 0.0, 0.0)]))
 def test_a_linear_twist_into_the_edge_of_reach(
@@ -224,6 +228,7 @@ def test_a_linear_twist_into_the_edge_of_reach(
     follow_twist(find(name), np.array([*np.multiply(0.05, way), 0.0, 0.0, 0.0]), "world", acceleration, DT, 14.0)
 
 
+@pytest.mark.one_quick("number", "name")
 @pytest.mark.parametrize("reference", ["local_world_aligned", "local", "world"])
 @pytest.mark.parametrize("number", range(2))
 @pytest.mark.parametrize("name", SIX_OR_MORE)

@@ -88,6 +88,7 @@ def fly(robot: Robot, number: int, acceleration_limit: float | None = np.inf) ->
     return nearest
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("number", [0, 1, 2])
 def test_what_flies_at_the_arm_is_evaded(robot: Robot, number: int) -> None:
     assert fly(robot, number) > 0.0
@@ -135,6 +136,7 @@ def approach(robot: Robot, way: list[float], speed: float, *, told: bool) -> tup
     return least, first
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("way", [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 1.0]])
 def test_what_comes_at_a_known_velocity_is_evaded_earlier_and_kept_away(robot: Robot, way: list[float]) -> None:
     (nearest, known), (touched, unknown) = (approach(robot, way, 0.3, told=told) for told in (True, False))
@@ -143,6 +145,7 @@ def test_what_comes_at_a_known_velocity_is_evaded_earlier_and_kept_away(robot: R
     assert touched < 0.0  # without its velocity, it is too fast for the arm
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("speed", [0.05, 0.1, 0.2])
 def test_the_clearance_is_kept_from_what_the_arm_can_outrun(robot: Robot, speed: float) -> None:
     for way in ([0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [-1.0, 0.0, 1.0], [1.0, -1.0, 0.5]):

@@ -113,6 +113,7 @@ class InterruptAt:
 BALL = Scene([Sphere("ball", 0.05, [0.25, -0.2, 0.62])])
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("stride", [61, pytest.param(7, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("use_twist", [False, True], ids=["pose", "twist"])
 @pytest.mark.parametrize(

@@ -86,6 +86,7 @@ def test_the_elbow_moves_while_the_tool_stays(seven: Robot) -> None:
     assert np.abs(tracker.q - elsewhere).max() < 0.3 * before
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("acceleration", [None, np.inf], ids=["default", "none"])
 def test_the_elbow_moves_while_the_tool_follows_a_twist(seven: Robot, acceleration: float | None) -> None:
     """As it does while the tool follows poses on the same line."""

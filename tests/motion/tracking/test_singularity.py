@@ -32,6 +32,7 @@ def most_singular(robot: Robot, joint: int) -> float:
     return float(angles[np.argmin([robot.singular_values(row)[-1] for row in q])])
 
 
+@pytest.mark.one_quick("offset")
 @pytest.mark.parametrize("joint", [2, 4], ids=["elbow", "wrist"])
 @pytest.mark.parametrize("offset", [0.0, 1e-3, 2e-3])
 def test_past_a_singular_pose(robot: Robot, joint: int, offset: float) -> None:

@@ -40,6 +40,7 @@ def test_position_only(robot: Robot) -> None:
     assert step.orientation_error == 0.0
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("distance", [1e4, 1e9, 1e300])
 def test_the_arm_stretches_towards_targets_however_far(robot: Robot, distance: float) -> None:
     home = robot.forward_kinematics(robot.home)
@@ -85,6 +86,7 @@ def test_position_and_axis_together(robot: Robot) -> None:
     assert np.allclose(reached.rotation[:, 2], direction, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_a_region_is_entered_and_not_left(robot: Robot) -> None:
     lower, upper = np.array([0.2, 0.2, 0.3]), np.array([0.4, 0.4, 0.6])
     tracker = Tracker(robot, posture=robot.home)
@@ -129,6 +131,7 @@ def test_two_frames_of_one_configuration_are_both_reached(robot: Robot) -> None:
     assert np.abs(step.q - goal).max() < 1e-4
 
 
+@pytest.mark.slow
 def test_objectives_use_the_freedom_without_costing_accuracy(robot: Robot) -> None:
     place = robot.forward_kinematics(robot.home).translation
     other = robot.home + np.array([0.0, 0.2, 0.2, 0.5, 0.5, 0.5])

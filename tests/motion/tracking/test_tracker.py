@@ -112,6 +112,7 @@ def test_every_qp_solver_gives_the_path_of_daqp(robot: Robot, solver: str) -> No
         assert np.abs(step.q - daqp.step(pose).q).max() < 1e-4
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     "position", [[2.0, 0.3, 0.5], [0.0, 0.0, 3.0], [-1.5, -1.0, 0.1]], ids=["ahead", "above", "behind"]
 )

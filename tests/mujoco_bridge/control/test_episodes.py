@@ -41,6 +41,7 @@ def start(parts: tuple[Any, ...], seed: int) -> Any:
     return physics.get_state()
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("seed", range(3))
 def test_a_seed_determines_the_start_whatever_happened_before(seed: int) -> None:
     parts = task()

@@ -148,6 +148,7 @@ def entropy(labels: Any) -> float:
     return float(-(shares * np.log2(shares)).sum())
 
 
+@pytest.mark.slow
 def test_initial_poses_spread_over_the_branches(robot: jacokin.Robot) -> None:
     """In 600 episodes the reference's initializer has 2.27 bits, from random arms; from the last pose, 0.23."""
     physics, arm, hand = scene()

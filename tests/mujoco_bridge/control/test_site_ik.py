@@ -81,6 +81,7 @@ def assert_reached(physics: Physics, arm: JacoArm, site: Any, position: Any, qua
     assert (joints.qpos[FREE] < 2.0 * np.pi).all()
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("base_quat", [None, unit((0.3, -0.2, 0.9, 0.1))], ids=["upright", "tilted"])
 @pytest.mark.parametrize("crowded", [False, True], ids=["alone", "crowded"])
 @pytest.mark.parametrize("count", [2, pytest.param(6, marks=pytest.mark.slow)])
@@ -148,6 +149,7 @@ def test_a_site_that_was_moved_away_from_the_frame_of_its_body_is_reached_at_onc
     np.testing.assert_allclose(held.site(site).xpos, position, rtol=0.0, atol=REACHED)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", EVERYTHING_ELSE)
 def test_everything_else_is_fresh_when_it_is_read(name: str) -> None:
     physics, _, _, held, fresh = moved_scene()
@@ -295,6 +297,7 @@ def test_base_moved_while_simulating() -> None:
         assert_reached(physics, arm, hand.pinch_site, position, quaternion)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("kind", ["mocap", "free"])
 def test_base_that_moves_with_the_state(kind: str) -> None:
     arena, arm, hand = Arena(), JacoArm(), JacoHand()
@@ -433,6 +436,7 @@ def test_a_scene_that_is_not_finite_is_refused(field: str, is_known: bool) -> No
     assert arm.set_site_to_xpos(physics, rng, arm.wrist_site, [0.4, 0.0, 0.5])
 
 
+@pytest.mark.slow
 def test_a_scene_without_memory_for_its_contacts_is_refused_when_they_are_computed() -> None:
     refused = 0
     for memory in (250_000, 300_000, 400_000):  # [bytes] enough for the scene as it is compiled

@@ -79,6 +79,7 @@ def test_noise_and_mistakes_are_mended() -> None:
 OTHERS = tuple(name for name in CONTROLS if name != "joint_velocity")
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("control", OTHERS)
 def test_experts_act_by_every_control(control: str) -> None:
     assert set(CONTROLS) == set(ENV_CONTROLS)
@@ -91,6 +92,7 @@ def test_bricks_are_lifted_by_every_control(control: str) -> None:
     assert solved("lift_brick", range(3), control) >= 2
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("control", OTHERS)
 def test_an_action_of_another_control_moves_the_joints_as_the_velocities_do(control: str) -> None:
     """In the same direction, and after a start from rest at least half as far: positions are followed with a lag."""

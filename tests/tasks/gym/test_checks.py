@@ -43,12 +43,13 @@ def test_a_process_that_has_registered_nothing_makes_an_environment() -> None:
     assert done.returncode == 0, done.stderr
 
 
-@pytest.mark.parametrize("task", slow_but(OTHERS))
+@pytest.mark.parametrize("task", slow_but(OTHERS, ["reach_site"]))
 def test_gymnasium_accepts_every_task(task: str) -> None:
     check(task, {})
     check_copies(task, {})
 
 
+@pytest.mark.one_quick("name")
 @pytest.mark.parametrize("name", FEATURE_OPTIONS)
 @pytest.mark.parametrize("task", slow_but(ONE_OF_EACH_FAMILY, [QUICK]))
 def test_gymnasium_accepts_every_option(task: str, name: str) -> None:

@@ -66,6 +66,7 @@ def test_options_of_contact_are_kept(contact: str) -> None:
             refused("lift_brick", contact="soft")
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("task", ["reach_site", "lift_brick", "place_cradle", "stack_3_bricks_random_order"])
 def test_flat_observations_are_those_that_gymnasium_flattens(task: str) -> None:
     flat, named = TaskEnv(task), TaskEnv(task, flatten=False)
@@ -94,6 +95,7 @@ def seen_by(env: TaskEnv, camera: str) -> bool:
     return bool((np.abs(in_camera[:, :2]) < half * -in_camera[:, 2:]).all())
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("task", TASKS)
 def test_what_is_rendered_shows_the_whole_arm(task: str) -> None:
     if task not in OURS:
@@ -132,6 +134,7 @@ def test_names_of_observations_with_pictures() -> None:
     assert env.observation_names[18:20] == ("jaco_arm/joints_pos.0.0", "jaco_arm/joints_pos.0.1")
 
 
+@pytest.mark.one_quick("task")
 @pytest.mark.parametrize("task", ["reach_duplo", "lift_brick", "place_brick", "stack_3_bricks_random_order"])
 @pytest.mark.parametrize("reward", ["dense", "sparse"])
 def test_rewards_of_goals_are_those_of_steps(task: str, reward: str) -> None:
@@ -228,6 +231,7 @@ def test_gymnasium_checks_without_a_display(monkeypatch: pytest.MonkeyPatch) -> 
         check_env(make("reach_site").unwrapped)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("control", ["joint_position", "joint_delta", "tool_velocity", "tool_pose"])
 def test_the_arm_keeps_its_limits_under_control_of_the_tool(control: str) -> None:
     environment: Any = make("reach_site", control=control).unwrapped
@@ -328,6 +332,7 @@ def test_the_wrist_camera_sees_what_the_hand_reaches_for() -> None:
     assert 0.1 < -backwards < 0.25
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("control", CONTROLS)
 def test_actions_mean_the_same_motion_at_every_frequency(control: str) -> None:
     """An arm that is told for 0.4 s to go with a velocity, or to a place, is then nearly where other steps lead it."""

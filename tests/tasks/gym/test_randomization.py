@@ -90,6 +90,7 @@ def test_actions_come_in_the_middle_of_a_step() -> None:
         np.testing.assert_array_equal(late.data.qvel, physics.data.qvel)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("delay", [0.0, 0.014, 0.04, 0.094])
 def test_observations_come_late(delay: float) -> None:
     late = TaskEnv("lift_brick", goal=True, randomization=Randomization(observation_delay=delay))
@@ -122,6 +123,7 @@ def test_copies_see_late_too() -> None:
             np.testing.assert_array_equal(twin.step(np.zeros(9))[0], ahead.step(np.zeros(9))[0])
 
 
+@pytest.mark.slow
 def test_each_feature_has_its_own_noise() -> None:
     noise: dict[str, Any] = {"duplo2x4/position": 0.05, "jaco_arm/joints_pos": Normal(0.01, 0.0)}
     varied = Randomization(feature_noise=noise)
@@ -160,6 +162,7 @@ def test_noise_is_on_all_that_is_observed() -> None:
     assert noisy.step(np.ones(9))[1] == clean.step(np.ones(9))[1]
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     "varied",
     [
@@ -301,6 +304,7 @@ def test_actions_are_noisy_within_the_limits_of_the_actuators() -> None:
     assert (environment.data.ctrl <= environment.model.actuator_ctrlrange[:, 1]).all()
 
 
+@pytest.mark.slow
 def test_pushes_have_their_force_and_last_their_time() -> None:
     varied = Randomization(arm_push=10.0, prop_push=0.05, push_rate=2.0, push_duration=0.12)
     environment = TaskEnv("lift_brick", randomization=varied)

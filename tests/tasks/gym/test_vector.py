@@ -81,6 +81,7 @@ def test_environments_of_every_family_equal_single_ones(task: str) -> None:
     check_equal_to_single_ones(task, {"flatten": False, "randomization": ALL}, 8)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("task", "options"),
     [
@@ -116,12 +117,14 @@ def check_equal_to_single_ones(task: str, options: dict[str, Any], steps: int) -
     vector.close()
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("control", CONTROLS)
 def test_other_control_steps_are_those_of_single_environments(control: str) -> None:
     """Delays of fractions of a control step, and noise, included."""
     check_equal_to_single_ones("reach_site", {"control": control, "control_timestep": 0.03, "randomization": ALL}, 5)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("mode", AutoresetMode)
 def test_resets_are_those_of_gymnasium(mode: AutoresetMode, monkeypatch: pytest.MonkeyPatch) -> None:
     """With every mode all that is returned is what Gymnasium's own vector returns, types of infos included."""

@@ -40,6 +40,7 @@ def test_props_that_have_settled_move_as_slowly() -> None:
     np.testing.assert_allclose(found, wanted, rtol=0.0, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_other_distributions_are_told_apart() -> None:
     """The comparison itself: two tasks that start alike but for the height of the tool."""
     one, other = (

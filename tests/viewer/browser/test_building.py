@@ -97,6 +97,7 @@ def test_it_is_moved_by_its_gizmo_and_typed(viewer: Viewer, page: Page) -> None:
     assert until(lambda: names(viewer) == ("table", "added_2"))
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("size", [(0.0, 0.1, 0.1), (-1.0, 0.1, 0.1), (float("nan"), 0.1, 0.1)])
 def test_a_wrong_size_changes_nothing(viewer: Viewer, page: Page, size: tuple[float, float, float]) -> None:
     page.click("Add in front")
@@ -121,6 +122,7 @@ def test_a_click_beside_the_floor_is_refused(viewer: Viewer, page: Page) -> None
     assert np.array_equal(panel.on_floor(np.array([0.0, 0.5, 1.0]), np.array([0.5, 0.0, -1.0])), [0.5, 0.5, 0.0])
 
 
+@pytest.mark.slow
 def test_a_page_cannot_add_without_end(viewer: Viewer, page: Page) -> None:
     for count in range(MOST + 1):
         page.click("Add in front")

@@ -82,6 +82,7 @@ def test_joints_are_in_degrees_on_demand(viewer: Viewer, page: Page, robot: Robo
     assert until(lambda: page.has("Joints [rad]") and page.value("joint_2") == round(float(robot.upper[1]), 3))
 
 
+@pytest.mark.slow
 def test_boxes_hold_numbers_of_six_characters(viewer: Viewer, page: Page, robot: Robot) -> None:
     for degrees in (False, True):
         page.change("Degrees", degrees)
@@ -99,6 +100,7 @@ def test_boxes_hold_numbers_of_six_characters(viewer: Viewer, page: Page, robot:
     assert page.control("Height [m]").props["precision"] <= 3
 
 
+@pytest.mark.slow
 def test_without_branches_there_is_no_slider_for_them(tmp_path: Path) -> None:
     path = tmp_path / "ur5.urdf"
     path.write_text(ur5_text().replace('name="q5" type="revolute"', 'name="q5" type="prismatic"'), encoding="utf-8")
@@ -137,6 +139,7 @@ def test_a_tool_of_an_option_stays_exact_until_it_is_moved(robot: Robot) -> None
         assert np.allclose(kept.rotation, tool.rotation, atol=1e-15)  # by way of a quaternion
 
 
+@pytest.mark.slow
 def test_contact_obstacles_and_clearance_are_switched(viewer: Viewer, page: Page, robot: Robot) -> None:
     inside = robot.forward_kinematics(robot.home)
     inside.translation = np.array([0.3, -0.3, 0.25])  # in the table
@@ -156,6 +159,7 @@ def test_contact_obstacles_and_clearance_are_switched(viewer: Viewer, page: Page
     assert until(lambda: viewer.view.status is Status.OK)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("control", "value"),
     [
@@ -218,6 +222,7 @@ def test_a_free_axis_of_an_option_is_shown_at_once(robot: Robot) -> None:
         assert viewer.view.free.lower == -0.3  # not rounded to the steps of the slider
 
 
+@pytest.mark.slow
 def test_joint_3_of_seven_moves_while_the_tool_stays(bundled: Callable[[str], Robot]) -> None:
     robot = bundled("j2s7s300")
     with serve(robot, port=0) as viewer, opened(viewer) as page:
@@ -245,6 +250,7 @@ def test_joint_3_of_seven_moves_while_the_tool_stays(bundled: Callable[[str], Ro
         assert until(lambda: viewer.view.note.startswith("Ignored"))
 
 
+@pytest.mark.slow
 def test_a_slice_of_the_map_is_drawn_at_its_height(viewer: Viewer, page: Page) -> None:
     node = page.node("/map")
     assert not node.visible
@@ -264,6 +270,7 @@ def test_a_slice_of_the_map_is_drawn_at_its_height(viewer: Viewer, page: Page) -
         assert comes_to(viewer, other, NEAR)
 
 
+@pytest.mark.slow
 def test_each_shape_that_touches_is_drawn_over_the_arm(robot: Robot) -> None:
     at_tool = robot.forward_kinematics(robot.home).translation
     scene = Scene([Box("crate", (0.1, 0.1, 0.1), at_tool)])
@@ -280,6 +287,7 @@ def test_each_shape_that_touches_is_drawn_over_the_arm(robot: Robot) -> None:
         assert until(lambda: not page.names("/touching/"))
 
 
+@pytest.mark.slow
 def test_trajectories_of_other_programs_are_played(robot: Robot, tmp_path: Path) -> None:
     end = np.array(robot.home)
     end[1] += 0.3
@@ -292,6 +300,7 @@ def test_trajectories_of_other_programs_are_played(robot: Robot, tmp_path: Path)
             assert until(lambda viewer=viewer: np.allclose(viewer.view.q, path.q[-1], atol=1e-6))  # type: ignore[misc]  # bound here
 
 
+@pytest.mark.slow
 def test_no_page_makes_the_viewer_open_files(
     viewer: Viewer, page: Page, robot: Robot, tmp_path: Path, audited: list[tuple[str, str]]
 ) -> None:

@@ -246,6 +246,7 @@ def test_a_client_cannot_ask_for_a_public_address(
     assert viewer.server.request_share_url() is None
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("kind", ["silent", "unread"])
 def test_closing_does_not_wait_for_who_does_not_answer(robot: Robot, kind: str) -> None:
     """Neither for a connection that asks for nothing, nor for a page that does not read what it is sent."""
@@ -314,6 +315,7 @@ def test_a_port_in_use_is_named(viewer: Viewer, robot: Robot) -> None:
         serve(robot, port=port)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("host", "port", "message"),
     [
