@@ -83,7 +83,7 @@ def fill_bounds(limits: Array, q: Array, v: Array, dt: float, low: Array, high: 
         high[j] = min(max(high[j], least), most)
 
 
-def take_stride(limits: Array, total: Array, along: Array, stride: Array) -> None:
+def take_stride(limits: Array, total: Array, along: Array, nearing: Array, stride: Array) -> None:
     """Fill the part (dof,) [rad] for the coming tick of a displacement on which the arm is to stop.
 
     All joints take the same part, so that the arm goes straight. It can stop at the end, or go on as `along` does.
@@ -92,18 +92,19 @@ def take_stride(limits: Array, total: Array, along: Array, stride: Array) -> Non
         limits: of the joints.
         total: (dof,) what is missing to the target at the end of the tick [rad].
         along: (dof,) by how much the target itself moves in a tick [rad]; made smaller where it is too fast.
+        nearing: (dof,) how far the end of a joint's way comes towards it, relative to how far the joint goes, >= 0.
         stride: filled.
     """
-    dof, share, part, most = len(total), 1.0, math.inf, 0.0
+    dof, share, part = len(total), 1.0, math.inf
     for j in range(dof):
         share = min(share, limits[j, STEP] / max(abs(along[j]), TINY))
     for j in range(dof):
         along[j] *= share
         gap = total[j] - along[j]
-        size = max(abs(gap), TINY)
+        size, own = max(abs(gap), TINY), 1.0 / (1.0 + nearing[j])
         part = min(part, (limits[j, STEP] - math.copysign(along[j], along[j] * gap)) / size)
-        most = max(most, size / limits[j, CATCHING])
-    part = max(min(part, stopping_part(most)), 0.0)
+        part = min(part, own * stopping_part(max(own * size / limits[j, CATCHING], TINY)))
+    part = max(part, 0.0)
     for j in range(dof):
         stride[j] = along[j] + part * (total[j] - along[j])
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.kernels.tracking.limits import (
+    CATCHING,
     LIMIT_NUMBERS,
     LOWER,
     UPPER,
@@ -53,6 +54,10 @@ from jacokin.kernels.tracking.tasks import (
 REMOVED = 1e-2
 #: Of a step that makes the error grow, before the arm stays.
 HALVINGS = 6
+#: Of how far the end of a joint's way comes towards it, relative to how far the joint goes itself.
+MOST_NEARING = 3.0
+#: [s] over which that is averaged: where the Hessian loses a negative eigenvalue, the end jumps.
+AVERAGED = 0.05
 #: Columns of the counts: tasks, those that come first, those of the tick before; rows of errors of the first tasks and
 #: of all; whether the targets moved in the tick before; filled: whether they moved.
 TASKS, FIRST_TASKS, TASKS_BEFORE, ROWS, ALL_ROWS, MOVED_BEFORE, MOVED = range(7)
@@ -63,8 +68,8 @@ REFINED, GOES, SINGULAR = range(7, 10)
 #: apart; whether every joint may stop within a tick; whether the arm can stop clear of everything, before the tick, and
 #: filled for after it. Filled: whether bounds took something from the displacement; whether every step made the error
 #: grow; whether shapes are moved apart; parts of it that were tried, and the one from which the arm keeps farthest away
-#: without being able to stop.
-STAGE, IN_PARTS, GUARDED, STOPS_AT_ONCE, CAN_STOP, SLOWED, GREW, APART, TRIED, BEST, TICK_COUNTS = range(10, 21)
+#: without being able to stop. Whether it is known where the tick before was to lead.
+STAGE, IN_PARTS, GUARDED, STOPS_AT_ONCE, CAN_STOP, SLOWED, GREW, APART, TRIED, BEST, AIMED, TICK_COUNTS = range(10, 22)
 #: Of the numbers: control step [s]; error that is not worth while to be made smaller [m]; tolerances [m], [rad].
 #: Filled: squared error, damping, how far that part keeps away [m]; and after the tick the largest distance [m] and
 #: angle [rad] of the first tasks, the fastest joint's velocity [rad/s], and how far joints are past their limits [rad].
@@ -78,7 +83,7 @@ SOLVED, GROWS, NEEDS_QP, NEEDS_QP_NOW = range(4)
 class TickWork(NamedTuple):
     """What a call reads and writes."""
 
-    counts: NDArray[np.int64]  # (21,)
+    counts: NDArray[np.int64]  # (22,)
     numbers: Array  # (12,)
     arm: JointFrames
     limits: Array  # (dof, 8)
@@ -96,6 +101,7 @@ class TickWork(NamedTuple):
     total: Array  # (dof,) what is missing to the target at the end of the tick [rad]
     along: Array  # (dof,) what follows a target that moves [rad]
     along_change: Array  # (dof,) by how much that changes with the target's motion [rad]
+    aim: Array  # (2 dof,) where the tick before was to lead in all [rad], and its `find_nearing`; filled for this one
     step: Array  # (dof,) filled: the displacement of this tick [rad]
     after: Array  # (3 dof,) where the arm is after the tick [rad]; filled: its velocity then, and its acceleration
     reached: NDArray[np.int64]  # (dof,) filled with what each joint runs into, see `limits`
@@ -130,6 +136,7 @@ def make_tick_work(dof: int = 0, tasks: int = 0, pairs: int = 0) -> TickWork:
         np.zeros(dof),
         np.zeros(dof),
         np.zeros(dof),
+        np.zeros(2 * dof),
         np.zeros(dof),
         np.zeros(3 * dof),
         np.zeros(dof, np.int64),
@@ -198,10 +205,11 @@ def count_rows(work: TickWork, dof: int) -> None:
 def find_moved(work: TickWork, rows: int) -> None:
     """Fill how the errors at this configuration changed with the targets in the last tick.
 
-    They have not moved where the tick before was asked for something else.
+    They have not moved where the tick before was asked for something else; where that was to lead says nothing then.
     """
     counts, tasks, before = work.counts, work.tasks, work.before
-    counts[MOVED] = 0
+    aimed = counts[AIMED]
+    counts[MOVED] = counts[AIMED] = 0
     if counts[TASKS_BEFORE] != counts[FIRST_TASKS]:
         return
     for t in range(counts[FIRST_TASKS]):
@@ -215,6 +223,7 @@ def find_moved(work: TickWork, rows: int) -> None:
         work.moved[r] = work.problem.error[r] - work.moved[r]
         if work.moved[r] != 0.0:
             counts[MOVED] = 1
+    counts[AIMED] = aimed
 
 
 def finish_tick(work: TickWork) -> int:
@@ -223,17 +232,43 @@ def finish_tick(work: TickWork) -> int:
     for j in range(dof):
         work.along[j], work.along_change[j], work.step[j] = 0.0, 0.0, work.total[j]
     if work.near.counts[2] > 0:  # what moves apart does so at once
+        work.counts[AIMED] = 0
         return SOLVED
+    lasting = 1.0 - work.counts[MOVED]
     if work.counts[MOVED] == 1 and work.counts[MOVED_BEFORE] == 1:
-        part, left = lasting_part(work.moved_before, work.moved, rows), work.problem.left
-        follow(work.problem, work.moved, part, rows, work.along)
+        lasting, left = lasting_part(work.moved_before, work.moved, rows), work.problem.left
+        follow(work.problem, work.moved, lasting, rows, work.along)
         for r in range(rows):
             left[r] = work.moved[r] - work.moved_before[r]
-        follow(work.problem, left, part, rows, work.along_change)
+        follow(work.problem, left, lasting, rows, work.along_change)
+    find_nearing(work, lasting)
     dt, low, high = work.numbers[TIME_STEP], work.bounds[:dof], work.bounds[dof:]
     keep_to_target(work.limits, work.v, dt, work.along_change, low, high)
-    take_stride(work.limits, work.total, work.along, work.step)
+    take_stride(work.limits, work.total, work.along, work.aim[dof:], work.step)
     return descend(work, rows)
+
+
+def find_nearing(work: TickWork, lasting: float) -> None:
+    """Fill where this tick is to lead, and how far each joint finds the end of its way to come towards it.
+
+    A way to a target is straight in the joints to second order only: of a long one there may be less left than it was
+    less what a joint has gone. A fast joint would find out too late that it must turn; one that can stop within a tick
+    need not know.
+
+    Args:
+        work: of the tick.
+        lasting: part of the target's motion that is expected to go on; of one that jumps nothing is known.
+    """
+    dof, dt, aimed = len(work.q), work.numbers[TIME_STEP], work.counts[AIMED] == 1
+    fresh = dt / (dt + AVERAGED)
+    for j in range(dof):
+        end, gone, gap = work.q[j] + work.total[j], work.v[j] * dt - work.along[j], work.total[j] - work.along[j]
+        nearer = math.copysign(1.0, gap) * (work.aim[j] + work.along[j] - end)
+        now, before = 0.0, work.aim[dof + j] if aimed else 0.0
+        if aimed and gap * gone > 0.0 and nearer > 0.0:
+            now = min(nearer / max(abs(gone), work.limits[j, CATCHING]), MOST_NEARING)
+        work.aim[j], work.aim[dof + j] = end, lasting * (before + fresh * (now - before))
+    work.counts[AIMED] = 1
 
 
 def lasting_part(before: Array, moved: Array, rows: int) -> float:

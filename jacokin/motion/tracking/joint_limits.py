@@ -67,8 +67,8 @@ class JointLimits:
 
     def stride(self, total: Array) -> Array:
         """The part (dof,) [rad] for the coming tick of a displacement (dof,) [rad] on which the arm is to stop."""
-        stride = np.empty_like(total)
-        limits.take_stride(self.table, total, np.zeros_like(total), stride)
+        stride, still = np.empty_like(total), np.zeros_like(total)
+        limits.take_stride(self.table, total, still, still, stride)
         return stride
 
     def move(self, q: Array, displacement: Array) -> Array:

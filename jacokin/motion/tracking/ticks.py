@@ -27,6 +27,7 @@ from jacokin.kernels.tracking.run import (
 )
 from jacokin.kernels.tracking.tasks import KIND, rows_of
 from jacokin.kernels.tracking.tick import (
+    AIMED,
     ANGLE,
     APART,
     CAN_STOP,
@@ -73,6 +74,17 @@ class JointState(NamedTuple):
 
     q: Array
     v: Array
+
+
+class Asked(NamedTuple):
+    """What a tick was asked for, for the next one to look back at."""
+
+    tasks: Tasks
+    moved: Array | None
+    """(rows,) by how much its targets moved the error, weighted; None for not at all."""
+    aim: Array | None
+    """(2 dof,) where it was to lead in all [rad], and how far the joints found that to come towards them, relative to
+    how far they go; None if that is not known."""
 
 
 class Report(NamedTuple):
@@ -190,31 +202,33 @@ class TickSolver:
         self._work.counts[STAGE] = LINEARISE
         return self._run() > 0
 
-    def ask(self, arm: JointState, tasks: Tasks, before: Tasks | None, moved: Array | None, *, refined: bool) -> None:
+    def ask(self, arm: JointState, tasks: Tasks, before: Asked | None, *, refined: bool) -> None:
         """Take what a tick starts from.
 
         Args:
             arm: where it is.
             tasks: what it is asked for.
             before: what the tick before was asked for; None for something else.
-            moved: (rows,) by how much its targets moved the error, weighted; None for not at all.
             refined: whether something is added to the displacement without later priorities, too.
         """
         self._take(arm, tasks)
         work = self._work
         counts = work.counts
         counts[REFINED], counts[GOES], counts[SINGULAR] = refined, 1, 1
-        if before is None or before.first != tasks.first:
-            counts[TASKS_BEFORE] = counts[MOVED_BEFORE] = 0
+        if before is None or before.tasks.first != tasks.first:
+            counts[TASKS_BEFORE] = counts[MOVED_BEFORE] = counts[AIMED] = 0
             return
-        counts[TASKS_BEFORE], counts[MOVED_BEFORE] = before.first, moved is not None
-        if before is not self._kept:
-            first = before.first
-            work.before.integers[:first] = before.rows.integers[:first]
-            work.before.numbers[:first] = before.rows.numbers[:first]
-            work.before.joints[: first * self._dof] = before.rows.joints[: first * self._dof]
+        known, moved, aim = before
+        first = known.first
+        counts[TASKS_BEFORE], counts[MOVED_BEFORE], counts[AIMED] = first, moved is not None, aim is not None
+        if known is not self._kept:
+            work.before.integers[:first] = known.rows.integers[:first]
+            work.before.numbers[:first] = known.rows.numbers[:first]
+            work.before.joints[: first * self._dof] = known.rows.joints[: first * self._dof]
             if moved is not None:
                 work.moved_before[: moved.size] = moved
+            if aim is not None:
+                work.aim[:] = aim
 
     def go(self, stage: int, deadline: float, *, can_stop: bool) -> int:
         """Go on with a tick from a stage; returns what `run_tick` does.
@@ -332,10 +346,11 @@ class TickSolver:
         """How much of the Hessian is damping."""
         return float(self._work.numbers[DAMPED])
 
-    @property
-    def moved(self) -> Array | None:
-        """(rows,) by how much the targets moved the error, a copy; None for not at all."""
-        return self._work.moved[: self._work.counts[ROWS]].copy() if self._work.counts[MOVED] else None
+    def asked(self, tasks: Tasks, *, solved: bool) -> Asked:
+        """What this tick was asked for; without where that leads if it was not solved."""
+        work, counts = self._work, self._work.counts
+        moved = work.moved[: counts[ROWS]].copy() if counts[MOVED] else None
+        return Asked(tasks, moved, work.aim.copy() if solved and counts[AIMED] else None)
 
     @property
     def apart(self) -> list[int]:

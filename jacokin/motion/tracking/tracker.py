@@ -51,7 +51,7 @@ from jacokin.motion.tracking.steps import (
     TrackerSummary,
 )
 from jacokin.motion.tracking.targets import IN_BASE, Kinematics, TaskFactory, Tasks, TrackingTarget
-from jacokin.motion.tracking.ticks import JointState, OutOfTime, Report, TickSolver
+from jacokin.motion.tracking.ticks import Asked, JointState, OutOfTime, Report, TickSolver
 from jacokin.motion.tracking.twist import (
     FOLLOWED,
     TwistFollower,
@@ -93,10 +93,8 @@ class TrackerState(NamedTuple):
     """Of the last tick [m], position and orientation in one."""
     growing: int
     """Ticks in a row in which the error grew."""
-    tasks: Tasks | None
+    asked: Asked | None
     """What the last tick was asked for; None after a twist, and before the first tick."""
-    moved: Array | None
-    """(k,) by how much that changed the error [m], weighted; None for not at all."""
     line: TwistLine | None
     """Where twists have led; None after a target."""
 
@@ -108,10 +106,8 @@ class _Tick(NamedTuple):
     """When, by `time.perf_counter` [s]."""
     excused: bool = True
     """Whether the error may grow."""
-    tasks: Tasks | None = None
+    asked: Asked | None = None
     """What it was asked for, if the next one is to look back at it."""
-    moved: Array | None = None
-    """(k,) by how much that changed the error [m], weighted; None for not at all."""
     held: str = ""
     """Why the arm stands, if it does."""
     apart: Sequence[int] = ()
@@ -318,8 +314,7 @@ class Tracker:
                 can_stop=v is None,
                 error=np.inf,
                 growing=0,
-                tasks=None,
-                moved=None,
+                asked=None,
                 line=None,
             )
             self._tally = StepTally()
@@ -456,7 +451,7 @@ class Tracker:
             exits = self._among(state)
             if self._ticks.linearise(state.arm, goal):  # shapes are moved apart first
                 after, step = self._solve(state, goal, began, deadline)
-                return after._replace(tasks=None, moved=None, line=None), step
+                return after._replace(asked=None, line=None), step
             self._twists.ask(line, off, wanted, state.arm.q, self._wish(state.arm.q))
             outcome = self._ticks.go(FROM_TWIST, deadline, can_stop=state.can_stop)
         except OutOfTime:
@@ -507,7 +502,7 @@ class Tracker:
         """A tick towards targets whose distances are known."""
         ticks, held, exits = self._ticks, "", self._among(state)
         wish = self._wish(state.arm.q) if self._objectives else None
-        ticks.ask(state.arm, tasks, state.tasks, state.moved, refined=wish is not None)
+        ticks.ask(state.arm, tasks, state.asked, refined=wish is not None)
         outcome = ticks.go(WHOLE, deadline, can_stop=state.can_stop)
         while outcome > ON_TARGET:
             stage = FROM_STEP
@@ -523,14 +518,14 @@ class Tracker:
                     later.append(Level(np.eye(self.robot.dof), wish, ends_there=False))
                 ticks.step[:] = refine(ticks.step.copy(), ticks, later, self._limits, self._qp)
             outcome = ticks.go(stage, deadline, can_stop=state.can_stop)
-        found, apart = ticks.report(outcome, tasks), ()
+        found, asked, apart = ticks.report(outcome, tasks), ticks.asked(tasks, solved=not held), ()
         if found.apart and state.distances is not None:
             apart = state.distances.near[ticks.apart].tolist()
         if found.grew and not held:
             held = "every step makes the error grow"
         # Shapes moving apart, or joints still gathering speed, may take the tool away from its target for a while.
         excused = bool(apart) or found.is_slowed
-        tick = _Tick(began, excused, tasks, ticks.moved, held, apart)
+        tick = _Tick(began, excused, asked, held, apart)
         return self._end(state, found, self._found(state, exits), tick)
 
     def _wish(self, q: Array) -> Array | None:
@@ -568,14 +563,14 @@ class Tracker:
         self, before: TrackerState, found: Report, distances: Distances | None, tick: _Tick
     ) -> tuple[TrackerState, TrackerStep]:
         """The state after a tick, and what is said about it."""
-        began, excused, tasks, moved, _, apart, along, late = tick
+        began, excused, asked, _, apart, along, late = tick
         arm, a, position, orientation, error, fastest, past, on_target, singular, can_stop, *_ = found
         guard, growing = before.guard, 0
         if not (excused or on_target) and error > before.error + GROWTH:
             growing = before.growing + 1
         line = None if along is None else along.line
         after = TrackerState(
-            arm, a, distances, guard, before.scene, before.where, can_stop, error, growing, tasks, moved, line
+            arm, a, distances, guard, before.scene, before.where, can_stop, error, growing, asked, line
         )
         status, limiting, message = TrackerStatus.OK, tuple[str, ...](), ""
         if late or not on_target:
