@@ -101,7 +101,7 @@ class State:
         by_name = self._task.features_by_name
         if name not in by_name:
             raise UnknownNameError("observation", name, by_name)
-        return by_name[name].read(self.view, self.goal)
+        return by_name[name].value(self.view, self.goal)
 
     @property
     def achieved(self) -> Array:
@@ -206,7 +206,8 @@ class Task:
             time_limit: of an episode [s]; None for 10 s.
 
         Raises:
-            InvalidInputError: an argument is wrong, or nothing tells whether the task is solved.
+            InvalidInputError: an argument is wrong, two observations have the same name, or nothing tells whether the
+                task is solved.
         """
         for name, given in (("reward", reward), ("success", success), ("achieved", achieved), ("desired", desired)):
             _check_callable(name, given)
@@ -254,7 +255,7 @@ class Task:
         self._default_placers = [self._placer(each) for each in (*self.fixtures, *self.props)]
         own = features.robot_features(self.physics, self.arm, self.hand)
         self.features: tuple[Feature, ...] = tuple(self.observe(own))
-        self.features_by_name = {each.name: each for each in self.features}
+        self.features_by_name = features.by_name(self.features)
 
     def again(self) -> Task:
         """Another task made in the same way, with a scene of its own."""

@@ -283,6 +283,45 @@ def test_more_of_a_scene_is_observed_and_placed() -> None:
     assert (tool < (0.1, 0.1, 0.4)).all()
 
 
+def observing(*observables: Feature) -> Task:
+    """A task with a ball and observations of one's own."""
+    ball = Primitive("sphere", (0.02,), name="ball")
+    return Task(props=[ball], success=lambda state: state["ball/position"][..., 2] > 0.3, observables=observables)
+
+
+@pytest.mark.parametrize("flatten", [False, True])
+def test_an_observation_of_another_shape_is_refused(flatten: bool) -> None:
+    jacokin.tasks.register(observing(Feature("q", (3,), lambda view, goal: view.qpos[..., :1])), id="mine/Odd-v0")
+    with pytest.raises(InvalidInputError, match=r"observation 'q' must read shape \(3,\), got \(1,\)"):
+        TaskEnv("mine/Odd-v0", flatten=flatten).reset(seed=0)
+    with pytest.raises(InvalidInputError, match="observation 'q' must read shape"):
+        jacokin.tasks.load("mine/Odd-v0").reset()
+
+
+def test_observations_have_names_of_their_own() -> None:
+    first, second = (Feature("q", (size,), lambda view, goal: view.qpos[..., :2]) for size in (1, 2))
+    with pytest.raises(InvalidInputError, match="two observations have the name 'q'"):
+        observing(first, second)
+    with pytest.raises(InvalidInputError, match="two observations have the name 'ball/position'"):
+        observing(Feature("ball/position", (2,), first.read))
+    read: Any = first.read
+    for wrong in (("", (2,), read), (3, (2,), read), ("q", (1.5,), read), ("q", 2, read), ("q", (2,), None)):
+        with pytest.raises(InvalidInputError, match="name|shape|read"):
+            Feature(*wrong)
+
+
+def test_what_is_true_or_false_is_observed_as_numbers() -> None:
+    is_high = Feature("is_high", (1,), lambda view, goal: view.qpos[..., [-5]] > 0.5)
+    jacokin.tasks.register(observing(is_high), id="mine/High-v0")
+    noise = Randomization(feature_noise={"is_high": 0.1})
+    env = TaskEnv("mine/High-v0", flatten=False, randomization=noise)
+    observation, _ = env.reset(seed=0)
+    assert env.observation_space.contains(observation)
+    assert env.observation_space.contains(env.step(np.zeros(9))[0])
+    seen = jacokin.tasks.load("mine/High-v0", seed=0).reset().observation["is_high"]
+    assert seen.dtype == np.float64
+
+
 @pytest.mark.usefixtures("lift_mug")
 def test_lift_and_place_take_any_prop(mug_file: Path) -> None:
     jacokin.tasks.register(Lift(Mesh(mug_file, name="mug", decomposed=False)), id="mine/LiftAny-v0")

@@ -370,7 +370,7 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
         else:
             observation = self._observe(state)
         self._packing.disturb(observation, self._values, self._bias, self._deviations, self._variation_random)
-        self._last = observation
+        self._last = copy.deepcopy(observation)  # whoever gets it may change it
         reward = float(self._rewards(state))
         check_rewards(self.options.task, reward, when)
         return observation, reward, bool(self._episode.task.is_solved(state))
