@@ -96,6 +96,9 @@ class JacoArm(BundledPart, RobotArm):
         physics.bind(self.actuators).ctrl = joints.qpos if self.actuation == "position" else 0.0
         for entity in self.iter_entities(exclude_self=True):
             if isinstance(entity, RobotHand):
+                fingers = getattr(entity, "joints", ())
+                if len(fingers):
+                    physics.bind(fingers).qvel = 0.0
                 entity.set_grasp(physics, 0.0)
         physics.after_reset()
 

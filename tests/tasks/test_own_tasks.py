@@ -370,6 +370,8 @@ def test_a_module_is_imported_by_the_name_of_a_task(tmp_path: Path, monkeypatch:
     assert float(done.stdout) == pytest.approx(float(np.asarray(env.reset(seed=0)[0]).sum())), done.stderr
     with pytest.raises(InvalidInputError, match="the module 'no_such' before ':' cannot be imported"):
         jacokin.tasks.load("no_such:mine/Cube-v0")
+    with pytest.raises(InvalidInputError, match="the module '.relative' before ':' cannot be imported"):
+        jacokin.tasks.load(".relative:mine/Cube-v0")
     del registry.TASKS["mine/Cube-v0"]
     gymnasium.registry.pop("mine/Cube-v0")
 

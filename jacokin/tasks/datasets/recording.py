@@ -204,7 +204,8 @@ def _check_names(env: TaskEnv) -> None:
     """
     kept: dict[str, str] = {}
     space = env.observation_space
-    for name in space.spaces if isinstance(space, spaces.Dict) else ():
+    names: list[str] = list(space.spaces) if isinstance(space, spaces.Dict) else []
+    for name in names:
         other = kept.setdefault(name.replace("/", "_"), name)
         if other != name:
             raise InvalidInputError(
