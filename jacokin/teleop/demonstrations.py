@@ -35,7 +35,7 @@ from jacokin.tasks.datasets.recording import EndEpisode, checked_environment, ch
 from jacokin.tasks.gym.controls import FINGERS
 from jacokin.tasks.gym.environment import TaskEnv
 from jacokin.teleop.devices import BEGIN, COMMAND_KEYS, DISCARD, END, KEEP, Device, Fingers
-from jacokin.teleop.session import asks_for_clutch, read_device, work_clutch
+from jacokin.teleop.session import asks_for_clutch, check_stop, read_device, work_clutch
 from jacokin.teleop.teleop import Teleop, TeleopStep
 
 CONTROL = "joint_position"  # that actions must be of: they are where the arm is led to
@@ -183,6 +183,7 @@ def demonstrate(
     for name, function in (("make", make), ("watch", watch), ("tell", tell)):
         if function is not None:
             checks.function(name, function)
+    check_stop(stop)
     description = describe(inner)
     recipe = {"environment": description, "policy": "teleoperation", "seed": first, "mujoco": mujoco.__version__}
     folder = ChunkFolder(episodes_folder(target), recipe, MOST_EPISODES, ".npz")

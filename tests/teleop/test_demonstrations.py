@@ -285,6 +285,7 @@ def test_the_hand_is_made_and_watched_as_wished(env: TaskEnv, tmp_path: Path) ->
         ({"seed": -1}, "seed must be"),
         ({"pace": 0.0}, "pace must be"),
         ({"make": 3}, "make must be"),
+        ({"stop": 3}, "stop must be something with is_set"),
         ({"env": 3}, "env must be an environment"),
     ],
 )
