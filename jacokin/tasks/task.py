@@ -188,7 +188,8 @@ class Task:
         """Compile the scene.
 
         Args:
-            arm: the arm, without its hand; None for that of the bundled robot.
+            arm: the arm, without its hand, which takes velocities, or torques, which then are the actions of
+                control="joint_velocity"; None for that of the bundled robot.
             hand: the hand; None likewise.
             props: what moves freely, observed by its pose and velocity.
             fixtures: what stands still during an episode, observed by its position.
@@ -236,6 +237,11 @@ class Task:
             if arm is None
             else checks.instance("arm", arm, JacoArm, "a JacoArm")
         )
+        if self.arm.actuation == "position":
+            raise InvalidInputError(
+                "arm must take velocities or torques: of positions, joints without limits have no bounds; control="
+                "'joint_position' of an environment moves an arm that takes velocities to joint angles"
+            )
         if hand is None:
             hand = robots.make_hand(observations.PERFECT_FEATURES, self.arm.robot_name)
         self.hand = checks.instance("hand", hand, JacoHand, "a JacoHand")

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium
+import mujoco
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env, data_equivalence
@@ -227,7 +228,7 @@ def test_a_function_of_one_state_is_refused_for_many(wrong: Callable[[State], An
 
 
 @pytest.mark.usefixtures("lift_mug")
-@pytest.mark.parametrize(("robot", "actuators"), [("j2s7s300", 10), ("j2n6s200", 8)])
+@pytest.mark.parametrize(("robot", "actuators"), [("j2s7s300", 10), ("j2s7s200", 9), ("j2n6s200", 8)])
 def test_controls_of_the_tool_are_for_six_joints_and_three_fingers(robot: str, actuators: int) -> None:
     task = Task(
         robots.make_arm(PERFECT_FEATURES, robot),
@@ -243,6 +244,51 @@ def test_controls_of_the_tool_are_for_six_joints_and_three_fingers(robot: str, a
     env.reset(seed=0)
     env.step(np.full(actuators, 0.1))
     assert (env.data.qvel[: actuators - 1] > 0.0).all()
+
+
+def of_arm(name: str, **options: Any) -> Task:
+    """A task with another arm, and its hand."""
+    return Task(
+        robots.make_arm(PERFECT_FEATURES, name, **options),
+        robots.make_hand(PERFECT_FEATURES, name),
+        props=[Primitive("sphere", (0.02,), name="ball")],
+        success=lambda state: state["ball/position"][..., 2] > 1.0,
+    )
+
+
+@pytest.mark.parametrize(("name", "measured"), [("j2s6s300", False), ("m1n6s300", False), ("j2n6s300", True)])
+def test_controls_of_the_tool_are_those_of_the_arm(name: str, measured: bool) -> None:
+    moved = perturbed(jacokin.load_robot(name), np.random.default_rng(1)).calibration if measured else None
+    jacokin.tasks.register(of_arm(name, calibration=moved), id="mine/OtherArm-v0")
+    env = TaskEnv("mine/OtherArm-v0", control="tool_velocity")
+    env.reset(seed=0)
+    site = env.task.physics.bind(env.task.hand.tool_center_point)
+    before = site.xpos.copy()
+    for _ in range(15):
+        env.step((0.1, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))  # [m/s]
+    np.testing.assert_allclose(site.xpos, before + np.array((0.06, 0.0, 0.0)), atol=2e-3)
+    env = TaskEnv("mine/OtherArm-v0", control="tool_pose")
+    env.reset(seed=0)
+    site = env.task.physics.bind(env.task.hand.tool_center_point)
+    wanted, quat_wxyz = site.xpos + np.array((0.05, 0.0, 0.05)), np.empty(4)
+    mujoco.mju_mat2Quat(quat_wxyz, site.xmat.ravel())
+    for _ in range(40):
+        env.step((*wanted, *quat_wxyz, 0.5))
+    np.testing.assert_allclose(site.xpos, wanted, atol=2e-3)
+
+
+def test_arms_of_seven_joints_vary_too() -> None:
+    jacokin.tasks.register(of_arm("j2s7s300"), id="mine/Seven-v0")
+    env = TaskEnv("mine/Seven-v0")
+    before = env.model.actuator_gainprm[:, 0].copy()
+    varied = TaskEnv("mine/Seven-v0", randomization=Randomization(joint_gains=1.5))
+    varied.reset(seed=0)
+    np.testing.assert_allclose(varied.model.actuator_gainprm[:, 0] / before, [1.5] * 9 + [1.0])
+
+
+def test_an_arm_that_takes_positions_is_refused() -> None:
+    with pytest.raises(InvalidInputError, match="arm must take velocities or torques"):
+        of_arm("j2n6s300", actuation="position")
 
 
 def test_more_of_a_scene_is_observed_and_placed() -> None:
