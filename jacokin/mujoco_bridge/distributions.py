@@ -117,10 +117,15 @@ class _Distribution:
             random_state: the source of random numbers.
 
         Raises:
-            InvalidInputError: there is no random state.
+            InvalidInputError: there is no random state, or the parameters do not fit the shape of the initial value.
         """
         state = check_random_state(random_state)
-        return self._draw(state, None if self.single_sample or initial_value is None else np.shape(initial_value))
+        size = None if self.single_sample or initial_value is None else np.shape(initial_value)
+        try:
+            return self._draw(state, size)
+        except (ValueError, OverflowError) as error:  # an overflow of bounds that are too far apart
+            wanted = "" if size is None else f" for numbers of shape {size}"
+            raise InvalidInputError(f"{self} cannot be drawn{wanted}: {error}") from error
 
     def _draw(self, random_state: RandomState, size: tuple[int, ...] | None) -> Array | float:
         raise NotImplementedError

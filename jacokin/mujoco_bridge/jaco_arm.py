@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from pathlib import Path
 
 import mujoco
@@ -12,6 +13,7 @@ from jacokin.model import checks
 from jacokin.model.descriptions import bundled
 from jacokin.model.loading import load_robot
 from jacokin.model.measured_arm import MeasuredArm
+from jacokin.model.robot import Robot
 from jacokin.model.written_descriptions import move_joints
 from jacokin.mujoco_bridge.base import BundledPart, RobotArm, RobotHand
 from jacokin.mujoco_bridge.observables import Bound, JointsObservables, Observable, observable
@@ -49,14 +51,20 @@ class JacoArm(BundledPart, RobotArm):
         self.actuation = checks.choice("actuation", actuation, ("velocity", "torque", "position"))
         groups = {joint: row["group"] for joint, row in rows.items()}
         spec = self._read("arm", robot, name, groups, self.actuation)
-        if calibration is not None:
-            move_joints(spec, load_robot(robot, calibration=calibration))
+        self._measured = None if calibration is None else load_robot(robot, calibration=calibration)
+        if self._measured is not None:
+            move_joints(spec, self._measured)
         self._wrist_site = spec.site("wristsite")
         self._joint_torque_sensors = [_add_torque_sensor(spec, joint) for joint in self._joints]
         self._bound_sensors, self._bound_joints = Bound(self._joint_torque_sensors), Bound(self._joints)
 
     def _build_observables(self) -> JacoArmObservables:
         return JacoArmObservables(self)
+
+    @property
+    def robot(self) -> Robot:
+        """The arm for kinematics, with its calibration; its hand is open."""
+        return _load_once(self._robot_name) if self._measured is None else self._measured
 
     @property
     def joint_torque_sensors(self) -> list[mujoco.MjsSensor]:
@@ -96,8 +104,16 @@ class JacoArm(BundledPart, RobotArm):
         physics.bind(self.actuators).ctrl = joints.qpos if self.actuation == "position" else 0.0
         for entity in self.iter_entities(exclude_self=True):
             if isinstance(entity, RobotHand):
+                fingers = getattr(entity, "joints", ())
+                if len(fingers):
+                    physics.bind(fingers).qvel = 0.0
                 entity.set_grasp(physics, 0.0)
         physics.after_reset()
+
+
+@functools.cache
+def _load_once(name: str) -> Robot:
+    return load_robot(name)
 
 
 def _add_torque_sensor(spec: mujoco.MjSpec, joint: mujoco.MjsJoint) -> mujoco.MjsSensor:

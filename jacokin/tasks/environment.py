@@ -135,7 +135,7 @@ class Environment(dm_env.Environment):  # type: ignore[misc]  # dm_env has no ty
         if self._has_camera:
             found[CAMERA] = self._episode.picture()[None]
         for each in self._features:
-            found[each.name] = np.array(each.read(view, goal))[None]
+            found[each.name] = np.array(each.value(view, goal), dtype=np.float64)[None]
         return found
 
     def __reduce__(self) -> tuple[Callable[..., Environment], tuple[object, ...], Snapshot]:

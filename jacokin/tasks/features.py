@@ -14,6 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
+from jacokin.errors import InvalidInputError
+from jacokin.model import checks
 from jacokin.mujoco_bridge import JacoArm, JacoHand, Physics
 from jacokin.mujoco_bridge.entity import Entity
 from jacokin.mujoco_bridge.observations import sin_cos, symmetric_log
@@ -21,7 +23,7 @@ from jacokin.mujoco_bridge.props import FreeProp
 
 Elements = Any  # an element of a spec or a list of them, whose classes mypy does not know
 ElementRows = slice | NDArray[np.intp]
-Reader = Callable[["StateView", Array], Array]
+Reader = Callable[["StateView", Array], NDArray[Any]]
 
 PROP_SENSORS = ("angular_velocity", "linear_velocity", "orientation", "position")
 
@@ -100,6 +102,45 @@ class Feature:
     shape: tuple[int, ...]
     read: Reader
     is_proprioceptive: bool = False
+
+    def __post_init__(self) -> None:
+        """Check what can be checked before it is read.
+
+        Raises:
+            InvalidInputError: a name, a shape or a function that is none.
+        """
+        if not checks.text("name", self.name):
+            raise checks.refusal("name", "a text that is not empty", self.name)
+        shape = checks.listed("shape", self.shape, "a tuple of whole numbers")
+        object.__setattr__(self, "shape", tuple(checks.whole_number("shape", size, 1) for size in shape))
+        checks.function("read", self.read, "a function of a view and goals")
+
+    def value(self, view: StateView, goal: Array) -> Array:
+        """What it reads, (..., *shape); may be a view of the simulation.
+
+        Raises:
+            InvalidInputError: it reads another shape.
+        """
+        found = np.asarray(self.read(view, goal))
+        if found.shape != view.qpos.shape[:-1] + self.shape:
+            raise InvalidInputError(
+                f"observation {self.name!r} must read shape {view.qpos.shape[:-1] + self.shape}, got {found.shape}"
+            )
+        return found
+
+
+def by_name(features: Sequence[Feature]) -> dict[str, Feature]:
+    """Features by their names.
+
+    Raises:
+        InvalidInputError: two have the same.
+    """
+    found: dict[str, Feature] = {}
+    for each in features:
+        if each.name in found:
+            raise InvalidInputError(f"two observations have the name {each.name!r}")
+        found[each.name] = each
+    return found
 
 
 def robot_features(physics: Physics, arm: JacoArm, hand: JacoHand) -> list[Feature]:

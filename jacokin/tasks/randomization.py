@@ -80,9 +80,10 @@ class Randomization:
         field_of_view: factor of the camera's field of view.
         joint_offsets: by how much the zero of each joint of the arm is off [rad], at most 0.5: the arm stands turned
             by it where its joints are said to be, at the start of an episode too, whose angles are those without
-            offsets. Six numbers, or one, or a sampler of one, for each.
-        joint_gains: factors of the gains of the nine actuators, each its own, as `gains` is for all.
-        link_masses: factors of the masses and inertias of the six links of the arm.
+            offsets. Six numbers, or one, or a sampler of one, for each; of seven joints, those of the first six.
+        joint_gains: factors of the gains of the nine actuators, each its own, as `gains` is for all; of ten, those of
+            the first nine.
+        link_masses: factors of the masses and inertias of the six links of the arm; of seven, those of the first six.
         action_noise: standard deviation of normal noise on the velocities of all actuators [rad/s].
         observation_bias: standard deviation of what is added to each feature all through an episode, in its unit.
         colors: distance by which the colours of props and of the table are shifted, in a direction that is drawn too,
@@ -423,8 +424,8 @@ class Variation:
         model = self._model
         if _EACH["joint_gains"][0] in values:
             factors = np.array([values[name] for name in _EACH["joint_gains"]])[: model.nu]
-            model.actuator_gainprm[:, 0] *= factors
-            model.actuator_biasprm[:, 2] *= factors
+            model.actuator_gainprm[: len(factors), 0] *= factors
+            model.actuator_biasprm[: len(factors), 2] *= factors
         if _EACH["link_masses"][0] in values:
             factors = np.array([values[name] for name in _EACH["link_masses"]])
             model.body_mass[self._links] *= factors

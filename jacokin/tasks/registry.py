@@ -156,7 +156,7 @@ def imported(name: str) -> str:
     module, _, plain = name.partition(":")
     try:
         importlib.import_module(module)
-    except (ImportError, ValueError) as error:
+    except (ImportError, TypeError, ValueError) as error:  # a TypeError for a relative name
         raise InvalidInputError(f"the module {module!r} before ':' cannot be imported: {error}") from error
     return plain
 

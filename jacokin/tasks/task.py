@@ -101,7 +101,7 @@ class State:
         by_name = self._task.features_by_name
         if name not in by_name:
             raise UnknownNameError("observation", name, by_name)
-        return by_name[name].read(self.view, self.goal)
+        return by_name[name].value(self.view, self.goal)
 
     @property
     def achieved(self) -> Array:
@@ -188,7 +188,8 @@ class Task:
         """Compile the scene.
 
         Args:
-            arm: the arm, without its hand; None for that of the bundled robot.
+            arm: the arm, without its hand, which takes velocities, or torques, which then are the actions of
+                control="joint_velocity"; None for that of the bundled robot.
             hand: the hand; None likewise.
             props: what moves freely, observed by its pose and velocity.
             fixtures: what stands still during an episode, observed by its position.
@@ -206,7 +207,8 @@ class Task:
             time_limit: of an episode [s]; None for 10 s.
 
         Raises:
-            InvalidInputError: an argument is wrong, or nothing tells whether the task is solved.
+            InvalidInputError: an argument is wrong, two observations have the same name, or nothing tells whether the
+                task is solved.
         """
         for name, given in (("reward", reward), ("success", success), ("achieved", achieved), ("desired", desired)):
             _check_callable(name, given)
@@ -235,6 +237,11 @@ class Task:
             if arm is None
             else checks.instance("arm", arm, JacoArm, "a JacoArm")
         )
+        if self.arm.actuation == "position":
+            raise InvalidInputError(
+                "arm must take velocities or torques: of positions, joints without limits have no bounds; control="
+                "'joint_position' of an environment moves an arm that takes velocities to joint angles"
+            )
         if hand is None:
             hand = robots.make_hand(observations.PERFECT_FEATURES, self.arm.robot_name)
         self.hand = checks.instance("hand", hand, JacoHand, "a JacoHand")
@@ -254,7 +261,7 @@ class Task:
         self._default_placers = [self._placer(each) for each in (*self.fixtures, *self.props)]
         own = features.robot_features(self.physics, self.arm, self.hand)
         self.features: tuple[Feature, ...] = tuple(self.observe(own))
-        self.features_by_name = {each.name: each for each in self.features}
+        self.features_by_name = features.by_name(self.features)
 
     def again(self) -> Task:
         """Another task made in the same way, with a scene of its own."""

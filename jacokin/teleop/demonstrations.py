@@ -35,7 +35,7 @@ from jacokin.tasks.datasets.recording import EndEpisode, checked_environment, ch
 from jacokin.tasks.gym.controls import FINGERS
 from jacokin.tasks.gym.environment import TaskEnv
 from jacokin.teleop.devices import BEGIN, COMMAND_KEYS, DISCARD, END, KEEP, Device, Fingers
-from jacokin.teleop.session import asks_for_clutch, read_device, work_clutch
+from jacokin.teleop.session import asks_for_clutch, check_stop, read_device, work_clutch
 from jacokin.teleop.teleop import Teleop, TeleopStep
 
 CONTROL = "joint_position"  # that actions must be of: they are where the arm is led to
@@ -64,17 +64,19 @@ class TaskArm:
         lower, upper = env._control.bounds
         angles = env.data.qpos[: len(lower)].clip(lower, upper)
         self.q = checks.read_only(angles[:-FINGERS])
-        self.robot: Robot = load_robot(finger_angle=float(angles[-FINGERS:].mean()))
+        arm = env.task.arm
+        fingers = float(angles[-FINGERS:].mean())
+        self.robot: Robot = load_robot(arm.robot_name, finger_angle=fingers, calibration=arm.robot.calibration)
         self.dt = env.dt
         self.table = Scene([Floor(-robots.ARM_OFFSET[2])])
         limits = bundled.robot_table()["finger"]
-        self.fingers = Fingers(float(angles[-FINGERS:].mean()), lower=limits["lower"], upper=limits["upper"])
+        self.fingers = Fingers(fingers, lower=limits["lower"], upper=limits["upper"])
         # Torque of the motors less friction and the gravity that they hold here, over the inertia with armature.
-        simulated, arm = env.model, slice(self.robot.dof)
-        load = simulated.dof_frictionloss[arm] + np.abs(self.robot.gravity(self.q))
-        inertia = self.robot.mass_matrix(self.q).diagonal() + simulated.dof_armature[arm]
+        simulated, joints = env.model, slice(self.robot.dof)
+        load = simulated.dof_frictionloss[joints] + np.abs(self.robot.gravity(self.q))
+        inertia = self.robot.mass_matrix(self.q).diagonal() + simulated.dof_armature[joints]
         # A part of what the motors are strong enough for.
-        possible = 0.8 * (simulated.actuator_forcerange[arm, 1] - load) / inertia
+        possible = 0.8 * (simulated.actuator_forcerange[joints, 1] - load) / inertia
         self.acceleration: Array = checks.read_only(possible.clip(max=ACCELERATION))
 
     def tracker(self) -> Tracker:
@@ -183,6 +185,7 @@ def demonstrate(
     for name, function in (("make", make), ("watch", watch), ("tell", tell)):
         if function is not None:
             checks.function(name, function)
+    check_stop(stop)
     description = describe(inner)
     recipe = {"environment": description, "policy": "teleoperation", "seed": first, "mujoco": mujoco.__version__}
     folder = ChunkFolder(episodes_folder(target), recipe, MOST_EPISODES, ".npz")

@@ -142,9 +142,14 @@ class Keyboard(_KeyRequests):
         self.fingers = 0.0
 
     def press(self, key: str, time: float) -> None:
-        """Hear a key at a time [s]; others than those above do nothing."""
+        """Hear a key at a time [s]; others than those above do nothing.
+
+        Raises:
+            InvalidInputError: key is not a text, or time not a number.
+        """
+        checks.text("key", key)
         if key in KEYS or key in FINGER_KEYS:
-            self._pressed[key] = time
+            self._pressed[key] = checks.number("time", time, "s")
         elif key == CLUTCH_KEY:
             self.toggle()
         elif key in COMMAND_KEYS:
@@ -193,10 +198,13 @@ class Controller(_KeyRequests):
             buttons: of a gamepad, from 0 to 1; missing ones are not pressed.
 
         Raises:
-            InvalidInputError: malformed numbers; nothing has changed then.
+            InvalidInputError: malformed keys or numbers; nothing has changed then.
         """
         pushed, pressed = _levels("axes", axes, -1.0), _levels("buttons", buttons, 0.0)
-        held = set(keys)
+        try:
+            held = set(keys)
+        except TypeError:
+            raise checks.refusal("keys", "names of keys", keys) from None
         pushed = np.sign(pushed) * np.maximum(np.abs(pushed) - STICK_REST, 0.0) / (1.0 - STICK_REST)
         twist = _directions(held)
         for numbers, table in ((pushed, STICKS), (pressed, BUTTONS)):
@@ -234,7 +242,7 @@ def _directions(keys: Iterable[str]) -> Array:
 
 def _levels(name: str, values: ArrayLike, least: float) -> Array:
     """(MOST_AXES,) numbers from `least` to 1, zero where none are given."""
-    given = checks.array(name, values, "numbers") if np.size(values) else np.zeros(0)
+    given = checks.array(name, values, "numbers")
     if given.ndim != 1 or given.size > MOST_AXES or not np.isfinite(given).all():
         raise InvalidInputError(f"{name} must be at most {MOST_AXES} finite numbers, got {checks.shown(values)}")
     levels = np.zeros(MOST_AXES)
@@ -284,7 +292,12 @@ class Fingers:
         return cls(at, lower=lower, upper=upper, speed=(upper - lower) / CLOSING, open_at_upper=opened > shut)
 
     def move(self, closing: float, dt: float) -> float:
-        """The angle [rad] after closing for `dt` [s], at a part of the speed from -1 to 1."""
+        """The angle [rad] after closing for `dt` [s], at a part of the speed from -1 to 1.
+
+        Raises:
+            InvalidInputError: not numbers; nothing has changed then.
+        """
+        closing, dt = checks.number("closing", closing), checks.number("dt", dt, "s")
         self.angle = min(max(self.angle + closing * self._speed * dt, self._lower), self._upper)
         return self.angle
 

@@ -92,6 +92,7 @@ def lead(
     if seconds != math.inf:
         checks.positive("seconds", seconds, "s")
     checks.optional(checks.function, "act", act, "callable with a step, or None")
+    check_stop(stop)
     dt, late = teleop.tracker.dt, 0
     stop = stop or threading.Event()
     leading = _Leading(teleop, device, act)
@@ -150,6 +151,16 @@ class _Leading:
     def _count(self, fault: str) -> None:
         if fault:
             self.faults[fault.partition(", got")[0]] += 1  # without the numbers, which differ
+
+
+def check_stop(stop: object) -> None:
+    """Check what is asked whether to end.
+
+    Raises:
+        InvalidInputError: nothing that can be asked.
+    """
+    if stop is not None and not callable(getattr(stop, "is_set", None)):
+        raise checks.refusal("stop", "something with is_set(), such as a threading.Event, or None", stop)
 
 
 def wait_for_somebody(device: Device, stop: threading.Event) -> None:

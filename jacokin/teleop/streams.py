@@ -26,9 +26,23 @@ class Stream(Frozen):
     """Poses of a hand over time. Arrays are read-only."""
 
     time: Array
-    """(n,) when each pose arrives [s]; missing and doubled ones are part of a stream."""
+    """(n,) when each pose arrives, not before the one before it [s]; missing and doubled ones are part of a stream."""
     hand: Array
     """(n, 7) position [m] and quaternion wxyz; as a device may send them, NaN and zeros too."""
+
+    def __post_init__(self) -> None:
+        """Check that it can be played.
+
+        Raises:
+            InvalidInputError: not numbers of these shapes, or times that are not finite or run backwards.
+        """
+        time, hand = checks.array("time", self.time, "numbers (n,)"), checks.array("hand", self.hand, "numbers (n, 7)")
+        if time.ndim != 1 or hand.shape != (len(time), 7):
+            raise InvalidInputError(f"time must be (n,) and hand (n, 7), got shapes {time.shape} and {hand.shape}")
+        if not np.isfinite(time).all() or (np.diff(time) < 0.0).any():
+            raise InvalidInputError("time must be finite, and must not run backwards")
+        object.__setattr__(self, "time", checks.read_only(time))
+        object.__setattr__(self, "hand", checks.read_only(hand))
 
     def __len__(self) -> int:
         """How many poses."""
@@ -60,10 +74,10 @@ class Stream(Frozen):
         held = read_arrays(file, "does not hold a stream")
         if not {"time", "hand"} <= set(held):
             raise InvalidInputError(f"{file}: does not hold a stream: time (n,) and hand (n, 7) of numbers")
-        time, hand = held["time"], held["hand"]
-        if time.ndim != 1 or hand.shape != (len(time), 7) or time.dtype != np.float64 or hand.dtype != np.float64:
-            raise InvalidInputError(f"{file}: does not hold a stream: time (n,) and hand (n, 7) of numbers")
-        return cls(checks.read_only(time), checks.read_only(hand))
+        try:
+            return cls(*(checks.array(name, held[name], "numbers") for name in ("time", "hand")))
+        except InvalidInputError as error:
+            raise InvalidInputError(f"{file}: does not hold a stream: {error}") from error
 
 
 def make_stream(robot: Robot, kind: str, rng: np.random.Generator, *, rate: float = 60.0) -> Stream:
@@ -100,7 +114,7 @@ def make_stream(robot: Robot, kind: str, rng: np.random.Generator, *, rate: floa
     hand = np.array([[*start.translation + row, *poses.quat_wxyz(R)] for row, R in zip(way, rotations, strict=True)])
     if kind == "dropouts":
         time, hand = _spoil(time, hand, times[-1], rng)
-    return Stream(checks.read_only(time), checks.read_only(hand))
+    return Stream(time, hand)
 
 
 def _timed(corners: list[tuple[Array, Array]]) -> tuple[Array, Array, Array]:

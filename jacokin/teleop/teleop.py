@@ -28,6 +28,7 @@ from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, StructureError
+from jacokin.ik.seeds import checked_start
 from jacokin.ik.solver import IKSolver
 from jacokin.model import checks, poses
 from jacokin.motion.free_motion.plan_motion import plan_motion
@@ -237,14 +238,15 @@ class Teleop:
             The plan. Without a way its `success` is False, `message` says why, and the arm stays.
 
         Raises:
-            InvalidInputError: the arm is not standing still (open the clutch and wait), `q` is malformed, or without
-                `q` no other branch is within the limits, or the arm's branches cannot be listed.
+            InvalidInputError: the arm is not standing still (open the clutch and wait), `q` is malformed or outside the
+                limits, `time_limit` is not positive, or without `q` no other branch is within the limits, or the arm's
+                branches cannot be listed.
         """
-        tracker = self.tracker
+        tracker, seconds = self.tracker, checks.positive("time_limit", time_limit, "s")
         if float(np.abs(tracker.v).max()) > STILL:
             raise InvalidInputError("the arm must stand still: open the clutch and step until it does")
-        goals = self._other_branches() if q is None else [tracker.robot.configuration(q)]
-        plan = self._plan(goals, time_limit)
+        goals = self._other_branches() if q is None else [checked_start(tracker.robot, q)]
+        plan = self._plan(goals, seconds)
         if plan.success:
             self._let_go()
             self._switch = _Switch(plan)

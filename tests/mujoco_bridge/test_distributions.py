@@ -112,6 +112,8 @@ def test_wrong_arguments_are_refused() -> None:
             lambda: QuaternionFromAxisAngle((0, 0, 1), Uniform((0, 0), (1, 1)))(None, None, rng),
             "angle",
         ),
+        (lambda: Uniform((0, 0), (1, 1))(np.zeros(3), None, rng), r"cannot be drawn for numbers of shape \(3,\)"),
+        (lambda: Uniform(-1e308, 1e308)(None, None, rng), "cannot be drawn"),
         (lambda: Uniform()(), "random_state must be"),
         (lambda: Uniform()(None, None, 3), "random_state must be"),  # type: ignore[arg-type]  # wrong on purpose
         (lambda: UniformQuaternion()(), "random_state must be"),

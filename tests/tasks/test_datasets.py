@@ -8,7 +8,9 @@ import shutil
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +23,8 @@ import jacokin.tasks
 from jacokin.chunks.execution import Progress, worker_processes
 from jacokin.errors import InvalidInputError, JacokinError
 from jacokin.mujoco_bridge.distributions import Uniform
-from jacokin.tasks import Randomization, Task, TaskEnv
+from jacokin.mujoco_bridge.props import Primitive
+from jacokin.tasks import Feature, Randomization, Task, TaskEnv
 from jacokin.tasks.datasets import recording, video
 from jacokin.tasks.datasets.recorded import Recorded
 from jacokin.tasks.datasets.recording import run_episode
@@ -153,6 +156,28 @@ def test_minari_reads_its_data_sets(flatten: bool, tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("short")
+@pytest.mark.parametrize("ending", FORMATS)
+def test_goals_are_kept(ending: str, tmp_path: Path) -> None:
+    path, env = tmp_path / f"demos{ending}", TaskEnv("reach_site", goal=True)
+    jacokin.tasks.record(env, lambda observation: np.full(9, 0.2), path, episodes=2, seed=SEED)
+    wanted = run_episode(env, lambda observation: np.full(9, 0.2), SEED)
+    if ending != ".lerobot":  # which keeps single precision
+        check_equal(read(path)[0], wanted)
+    assert all(each.is_equal for each in jacokin.tasks.replay(path))
+
+
+@pytest.mark.usefixtures("short")
+def test_what_a_policy_does_to_an_observation_is_not_kept(tmp_path: Path) -> None:
+    def normalizing(observation: NDArray[np.float64]) -> NDArray[np.float64]:
+        observation -= observation.mean()
+        return np.full(9, 0.2)
+
+    path, env = tmp_path / "demos.hdf5", TaskEnv("reach_site")
+    jacokin.tasks.record(env, normalizing, path, seed=SEED)
+    check_equal(read(path)[0], run_episode(env, lambda observation: np.full(9, 0.2), SEED))
+
+
+@pytest.mark.usefixtures("short")
 def test_the_layout_is_that_of_lerobot(tmp_path: Path) -> None:
     path = tmp_path / "demos.lerobot"
     jacokin.tasks.record(make(), Wave(), path, episodes=EPISODES, seed=SEED)
@@ -278,6 +303,26 @@ def test_workers_record_the_same(tmp_path: Path) -> None:
         assert [name.decode() for name in file["mask/solved"]] == ["demo_0", "demo_1"]
 
 
+class Drawn:
+    """Actions that a seed determines, drawn slowly enough for threads to take turns."""
+
+    def reset(self, seed: int) -> None:
+        self.random = np.random.default_rng(seed)
+
+    def __call__(self, observation: Any) -> NDArray[np.float64]:
+        time.sleep(1e-3)  # [s]
+        return self.random.uniform(-0.5, 0.5, 9)
+
+
+@pytest.mark.usefixtures("short")
+def test_threads_record_the_same(tmp_path: Path) -> None:
+    path, env = tmp_path / "demos.hdf5", TaskEnv("reach_site", flatten=False)
+    with ThreadPoolExecutor(3) as executor:
+        jacokin.tasks.record(env, Drawn(), path, episodes=6, seed=SEED, executor=executor)
+    for number, each in enumerate(read(path)):
+        check_equal(each, run_episode(env, Drawn(), SEED + number))
+
+
 @pytest.mark.usefixtures("short")
 def test_actions_are_kept_as_they_are_applied(tmp_path: Path) -> None:
     env = TaskEnv("lift_brick", flatten=False)
@@ -351,7 +396,18 @@ def test_mistakes(tmp_path: Path) -> None:
     strange = TaskEnv("reach_site", randomization=Randomization(mass=lambda *_: 1.0))
     with pytest.raises(InvalidInputError, match="mass: data sets keep numbers"):
         jacokin.tasks.record(strange, len, tmp_path / "a.hdf5")
+    alike = Task(
+        props=[Primitive("sphere", (0.02,), name="ball")],
+        success=lambda state: state["ball/position"][..., 2] > 0.3,
+        observables=[Feature("ball_position", (3,), lambda view, goal: view.qpos[..., -7:-4])],
+    )
+    jacokin.tasks.register(alike, id="mine/Alike-v0")
+    for ending in (".hdf5", ".minari"):
+        with pytest.raises(InvalidInputError, match="'ball/position' and 'ball_position' have the same name in HDF5"):
+            jacokin.tasks.record(TaskEnv("mine/Alike-v0", flatten=False), len, tmp_path / f"alike{ending}")
     (tmp_path / "b.hdf5").write_bytes(b"no data set")
+    with pytest.raises(InvalidInputError, match="watch must be"):
+        jacokin.tasks.replay(tmp_path / "b.hdf5", watch=3)  # type: ignore[arg-type]
     with pytest.raises(InvalidInputError, match="is not a data set that jacokin wrote"):
         jacokin.tasks.replay(tmp_path / "b.hdf5")
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium
+import mujoco
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env, data_equivalence
@@ -227,7 +228,7 @@ def test_a_function_of_one_state_is_refused_for_many(wrong: Callable[[State], An
 
 
 @pytest.mark.usefixtures("lift_mug")
-@pytest.mark.parametrize(("robot", "actuators"), [("j2s7s300", 10), ("j2n6s200", 8)])
+@pytest.mark.parametrize(("robot", "actuators"), [("j2s7s300", 10), ("j2s7s200", 9), ("j2n6s200", 8)])
 def test_controls_of_the_tool_are_for_six_joints_and_three_fingers(robot: str, actuators: int) -> None:
     task = Task(
         robots.make_arm(PERFECT_FEATURES, robot),
@@ -243,6 +244,51 @@ def test_controls_of_the_tool_are_for_six_joints_and_three_fingers(robot: str, a
     env.reset(seed=0)
     env.step(np.full(actuators, 0.1))
     assert (env.data.qvel[: actuators - 1] > 0.0).all()
+
+
+def of_arm(name: str, **options: Any) -> Task:
+    """A task with another arm, and its hand."""
+    return Task(
+        robots.make_arm(PERFECT_FEATURES, name, **options),
+        robots.make_hand(PERFECT_FEATURES, name),
+        props=[Primitive("sphere", (0.02,), name="ball")],
+        success=lambda state: state["ball/position"][..., 2] > 1.0,
+    )
+
+
+@pytest.mark.parametrize(("name", "measured"), [("j2s6s300", False), ("m1n6s300", False), ("j2n6s300", True)])
+def test_controls_of_the_tool_are_those_of_the_arm(name: str, measured: bool) -> None:
+    moved = perturbed(jacokin.load_robot(name), np.random.default_rng(1)).calibration if measured else None
+    jacokin.tasks.register(of_arm(name, calibration=moved), id="mine/OtherArm-v0")
+    env = TaskEnv("mine/OtherArm-v0", control="tool_velocity")
+    env.reset(seed=0)
+    site = env.task.physics.bind(env.task.hand.tool_center_point)
+    before = site.xpos.copy()
+    for _ in range(15):
+        env.step((0.1, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))  # [m/s]
+    np.testing.assert_allclose(site.xpos, before + np.array((0.06, 0.0, 0.0)), atol=2e-3)
+    env = TaskEnv("mine/OtherArm-v0", control="tool_pose")
+    env.reset(seed=0)
+    site = env.task.physics.bind(env.task.hand.tool_center_point)
+    wanted, quat_wxyz = site.xpos + np.array((0.05, 0.0, 0.05)), np.empty(4)
+    mujoco.mju_mat2Quat(quat_wxyz, site.xmat.ravel())
+    for _ in range(40):
+        env.step((*wanted, *quat_wxyz, 0.5))
+    np.testing.assert_allclose(site.xpos, wanted, atol=2e-3)
+
+
+def test_arms_of_seven_joints_vary_too() -> None:
+    jacokin.tasks.register(of_arm("j2s7s300"), id="mine/Seven-v0")
+    env = TaskEnv("mine/Seven-v0")
+    before = env.model.actuator_gainprm[:, 0].copy()
+    varied = TaskEnv("mine/Seven-v0", randomization=Randomization(joint_gains=1.5))
+    varied.reset(seed=0)
+    np.testing.assert_allclose(varied.model.actuator_gainprm[:, 0] / before, [1.5] * 9 + [1.0])
+
+
+def test_an_arm_that_takes_positions_is_refused() -> None:
+    with pytest.raises(InvalidInputError, match="arm must take velocities or torques"):
+        of_arm("j2n6s300", actuation="position")
 
 
 def test_more_of_a_scene_is_observed_and_placed() -> None:
@@ -281,6 +327,45 @@ def test_more_of_a_scene_is_observed_and_placed() -> None:
     tool = task.tool(state.view)
     assert (tool > (-0.1, -0.1, 0.3)).all()
     assert (tool < (0.1, 0.1, 0.4)).all()
+
+
+def observing(*observables: Feature) -> Task:
+    """A task with a ball and observations of one's own."""
+    ball = Primitive("sphere", (0.02,), name="ball")
+    return Task(props=[ball], success=lambda state: state["ball/position"][..., 2] > 0.3, observables=observables)
+
+
+@pytest.mark.parametrize("flatten", [False, True])
+def test_an_observation_of_another_shape_is_refused(flatten: bool) -> None:
+    jacokin.tasks.register(observing(Feature("q", (3,), lambda view, goal: view.qpos[..., :1])), id="mine/Odd-v0")
+    with pytest.raises(InvalidInputError, match=r"observation 'q' must read shape \(3,\), got \(1,\)"):
+        TaskEnv("mine/Odd-v0", flatten=flatten).reset(seed=0)
+    with pytest.raises(InvalidInputError, match="observation 'q' must read shape"):
+        jacokin.tasks.load("mine/Odd-v0").reset()
+
+
+def test_observations_have_names_of_their_own() -> None:
+    first, second = (Feature("q", (size,), lambda view, goal: view.qpos[..., :2]) for size in (1, 2))
+    with pytest.raises(InvalidInputError, match="two observations have the name 'q'"):
+        observing(first, second)
+    with pytest.raises(InvalidInputError, match="two observations have the name 'ball/position'"):
+        observing(Feature("ball/position", (2,), first.read))
+    read: Any = first.read
+    for wrong in (("", (2,), read), (3, (2,), read), ("q", (1.5,), read), ("q", 2, read), ("q", (2,), None)):
+        with pytest.raises(InvalidInputError, match="name|shape|read"):
+            Feature(*wrong)
+
+
+def test_what_is_true_or_false_is_observed_as_numbers() -> None:
+    is_high = Feature("is_high", (1,), lambda view, goal: view.qpos[..., [-5]] > 0.5)
+    jacokin.tasks.register(observing(is_high), id="mine/High-v0")
+    noise = Randomization(feature_noise={"is_high": 0.1})
+    env = TaskEnv("mine/High-v0", flatten=False, randomization=noise)
+    observation, _ = env.reset(seed=0)
+    assert env.observation_space.contains(observation)
+    assert env.observation_space.contains(env.step(np.zeros(9))[0])
+    seen = jacokin.tasks.load("mine/High-v0", seed=0).reset().observation["is_high"]
+    assert seen.dtype == np.float64
 
 
 @pytest.mark.usefixtures("lift_mug")
@@ -331,6 +416,8 @@ def test_a_module_is_imported_by_the_name_of_a_task(tmp_path: Path, monkeypatch:
     assert float(done.stdout) == pytest.approx(float(np.asarray(env.reset(seed=0)[0]).sum())), done.stderr
     with pytest.raises(InvalidInputError, match="the module 'no_such' before ':' cannot be imported"):
         jacokin.tasks.load("no_such:mine/Cube-v0")
+    with pytest.raises(InvalidInputError, match="the module '.relative' before ':' cannot be imported"):
+        jacokin.tasks.load(".relative:mine/Cube-v0")
     del registry.TASKS["mine/Cube-v0"]
     gymnasium.registry.pop("mine/Cube-v0")
 

@@ -19,8 +19,11 @@ pytest.importorskip("gymnasium")
 pytest.importorskip("h5py")
 pytest.importorskip("pyarrow")
 
+import jacokin.tasks
 from jacokin.errors import InvalidInputError
-from jacokin.tasks import TaskEnv, replay
+from jacokin.mujoco_bridge import robots
+from jacokin.mujoco_bridge.observations import PERFECT_FEATURES
+from jacokin.tasks import Task, TaskEnv, replay
 from jacokin.tasks.datasets import hdf5
 from jacokin.teleop import Controller, Keyboard, Player, Stream, TaskArm, Teleop, TeleopStep, demonstrate
 from tests.rendering import run_drawing
@@ -285,6 +288,7 @@ def test_the_hand_is_made_and_watched_as_wished(env: TaskEnv, tmp_path: Path) ->
         ({"seed": -1}, "seed must be"),
         ({"pace": 0.0}, "pace must be"),
         ({"make": 3}, "make must be"),
+        ({"stop": 3}, "stop must be something with is_set"),
         ({"env": 3}, "env must be an environment"),
     ],
 )
@@ -294,6 +298,21 @@ def test_what_is_refused(env: TaskEnv, options: dict[str, Any], match: str, tmp_
     with pytest.raises(InvalidInputError, match=match):
         demonstrate(given.pop("env"), given.pop("device"), given.pop("path"), **given)
     assert not list(tmp_path.iterdir())
+
+
+def test_the_hand_leads_the_arm_of_the_task() -> None:
+    name = "j2s6s300"
+    task = Task(
+        robots.make_arm(PERFECT_FEATURES, name),
+        robots.make_hand(PERFECT_FEATURES, name),
+        success=lambda state: state.view.qpos[..., 0] > 9.0,
+    )
+    jacokin.tasks.register(task, id="mine/OtherLed-v0")
+    env = TaskEnv("mine/OtherLed-v0", control="joint_position")
+    env.reset(seed=0)
+    arm = TaskArm(env)
+    tool = arm.robot.forward_kinematics(arm.q, "pinchsite").translation + robots.ARM_OFFSET
+    np.testing.assert_allclose(tool, env.task.physics.bind(env.task.hand.pinch_site).xpos, atol=1e-9)
 
 
 def test_actions_must_be_angles(tmp_path: Path) -> None:

@@ -62,7 +62,10 @@ def test_a_stream_is_saved_and_read(robot: Robot, tmp_path: Path) -> None:
         np.save(file, np.zeros(3))
     np.savez(tmp_path / "other.npz", time=np.zeros(3), hand=np.zeros((3, 6)))
     np.savez(tmp_path / "lacking.npz", time=np.zeros(3))
-    for name in ("text.npz", "half.npz", "array.npz", "other.npz", "lacking.npz"):
+    np.savez(tmp_path / "endless.npz", time=np.array([0.0, np.nan, 1.0]), hand=np.zeros((3, 7)))
+    np.savez(tmp_path / "backwards.npz", time=np.array([2.0, 1.0, 0.0]), hand=np.zeros((3, 7)))
+    names = ("text.npz", "half.npz", "array.npz", "other.npz", "lacking.npz", "endless.npz", "backwards.npz")
+    for name in names:
         with pytest.raises(InvalidInputError, match="does not hold a stream"):
             Stream.load(tmp_path / name)
     with pytest.raises(InvalidInputError, match="cannot be read: No such file"):
@@ -154,12 +157,15 @@ def test_holding_the_key_of_the_clutch_works_it_once() -> None:
         ({"axes": np.zeros(65)}, "axes must be at most 64"),
         ({"buttons": [[0.0]]}, "buttons must be at most 64"),
         ({"buttons": ["left"]}, "buttons must be"),
+        ({"axes": [[0.0], [0.0, 1.0]]}, "axes must be numbers"),
+        ({"keys": 3}, "keys must be"),
+        ({"keys": [["w"]]}, "keys must be"),
     ],
 )
 def test_malformed_reports_change_nothing(report: Any, match: str) -> None:
     hand = Controller()
     with pytest.raises(InvalidInputError, match=match):
-        hand.report(keys=["w", "g", "space"], **report)
+        hand.report(**{"keys": ["w", "g", "space"], **report})
     assert hand.read(0.0) is None
     assert hand.fingers == 0.0
     assert not hand.toggled()
@@ -173,6 +179,19 @@ def test_wrong_fingers_are_refused() -> None:
     ):
         with pytest.raises(InvalidInputError, match=match):
             Fingers(angle, **options)  # type: ignore[arg-type]
+    fingers = Fingers(0.5, lower=0.0, upper=1.0)
+    for closing in (np.nan, "shut"):
+        with pytest.raises(InvalidInputError, match="closing must be"):
+            fingers.move(closing, 0.01)  # type: ignore[arg-type]
+    assert fingers.angle == 0.5
+
+
+def test_keys_that_are_none_are_refused() -> None:
+    hand = Keyboard()
+    for key, time, match in (("w", "now", "time must be"), ("w", np.nan, "time must be"), (3, 0.0, "key must be")):
+        with pytest.raises(InvalidInputError, match=match):
+            hand.press(key, time)  # type: ignore[arg-type]
+    assert not hand.read(0.0).any()
 
 
 def test_a_space_mouse_is_a_twist() -> None:
@@ -426,6 +445,15 @@ def test_without_its_package_a_space_mouse_says_how_to_install_it(monkeypatch: p
     ],
 )
 def test_wrong_streams_are_refused(robot: Robot, arguments: Any, error: type[Exception], match: str) -> None:
+    for time, hand, words in (
+        (3.0, np.zeros((1, 7)), "time must be"),
+        ([0.0, 1.0], np.zeros((2, 6)), r"hand \(n, 7\)"),
+        ([0.0, np.nan], np.zeros((2, 7)), "time must be finite"),
+        ([1.0, 0.0], np.zeros((2, 7)), "must not run backwards"),
+        ("now", None, "time must be"),
+    ):
+        with pytest.raises(InvalidInputError, match=words):
+            Stream(time, hand)  # type: ignore[arg-type]
     with pytest.raises(error, match=match):
         make_stream(robot, *arguments)
     with pytest.raises(InvalidInputError, match="rate must be"):

@@ -170,6 +170,8 @@ def test_what_cannot_lead_is_refused(robot: Robot) -> None:
         lead(made(robot), Keyboard(), seconds=1.0, act=3)  # type: ignore[arg-type]  # wrong on purpose
     with pytest.raises(InvalidInputError, match=r"device must be something with read\(time\)"):
         lead(made(robot), None, seconds=1.0)  # type: ignore[arg-type]  # wrong on purpose
+    with pytest.raises(InvalidInputError, match=r"stop must be something with is_set\(\)"):
+        lead(made(robot), Keyboard(), seconds=1.0, stop=3)  # type: ignore[arg-type]  # wrong on purpose
 
 
 def test_a_wrong_time_is_refused(robot: Robot) -> None:

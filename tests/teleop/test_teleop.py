@@ -468,6 +468,12 @@ def test_another_branch_is_reached_without_contact_and_the_tool_is_back(robot: R
         pass
     stood, q = step.tool, step.q
     step.teleop.clutch(True)
+    for options, words in (
+        ({"time_limit": "1"}, "time_limit must be"),
+        ({"q": np.zeros(6)}, "q puts joint_2 at 0 rad"),
+    ):
+        with pytest.raises(InvalidInputError, match=words):
+            step.teleop.switch_branch(**options)
     plan = step.teleop.switch_branch()
     assert plan.success
     contact = scene.contact(robot)

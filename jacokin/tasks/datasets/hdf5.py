@@ -315,6 +315,7 @@ def _write_minari(folder: Path, description: Mapping[str, Any], env: TaskEnv, ep
     with _new_file(folder / MAIN) as (file, check):
         file.attrs["jacokin"] = json.dumps(description)
         names: dict[str, str] = {}
+        is_one = not isinstance(env.observation_space, spaces.Dict)  # of several, one may be called as one alone is
         for number, each in enumerate(episodes, 1):
             group = file.create_group(f"episode_{number - 1}")
             n = len(each.actions)
@@ -323,7 +324,7 @@ def _write_minari(folder: Path, description: Mapping[str, Any], env: TaskEnv, ep
             for name, values in each.observations.items():
                 key = name.replace("/", "_")
                 names[key] = name
-                place = "observations" if name == SINGLE else f"observations/{key}"
+                place = "observations" if is_one else f"observations/{key}"
                 group.create_dataset(place, data=values, **_COMPRESSED)
             columns = {
                 "actions": each.actions,

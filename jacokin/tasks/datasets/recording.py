@@ -9,6 +9,7 @@ import functools
 import importlib
 import inspect
 import pickle
+import threading
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor
 from dataclasses import asdict, dataclass
@@ -19,6 +20,7 @@ import gymnasium
 import mujoco
 import numpy as np
 import orjson
+from gymnasium import spaces
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
@@ -187,9 +189,29 @@ def checked_writer(path: Path, env: TaskEnv) -> Any:  # a module
         raise InvalidInputError(
             f"a .lerobot data set has a whole number of steps a second, not {rate:.4g}: use .hdf5 or .minari"
         )
+    if path.suffix != ".lerobot":
+        _check_names(env)
     if env.options.sizes and path.suffix == ".lerobot":
         find_ffmpeg()  # before episodes are run that it then could not write
     return importlib.import_module(f"jacokin.tasks.datasets.{FORMATS[path.suffix]}")
+
+
+def _check_names(env: TaskEnv) -> None:
+    """Check that names of observations differ in HDF5 too, where their slashes are underscores.
+
+    Raises:
+        InvalidInputError: two are the same there.
+    """
+    kept: dict[str, str] = {}
+    space = env.observation_space
+    names: list[str] = list(space.spaces) if isinstance(space, spaces.Dict) else []
+    for name in names:
+        other = kept.setdefault(name.replace("/", "_"), name)
+        if other != name:
+            raise InvalidInputError(
+                f"observations {other!r} and {name!r} have the same name in HDF5, where slashes are underscores: "
+                "rename one, or use .lerobot"
+            )
 
 
 def _name(policy: Policy) -> str:
@@ -239,13 +261,29 @@ def _run(
 
 def _in_worker(content: bytes, keeper: Keeper, job: tuple[int, int]) -> str | bytes:
     index, seed = job
-    return keeper.keep(index, run_episode(*_unpickled(content), seed).to_bytes())
+    return keeper.keep(index, run_episode(*_WORKER.unpickled(content), seed).to_bytes())
 
 
-@functools.lru_cache(maxsize=1)
-def _unpickled(content: bytes) -> tuple[TaskEnv, Policy]:
-    found: tuple[TaskEnv, Policy] = pickle.loads(content)
-    return found
+class _Worker(threading.local):
+    """What a thread has unpickled last: two threads of a worker cannot share a simulation.
+
+    Attributes:
+        content: the bytes.
+        made: what they were.
+    """
+
+    content = b""
+    made: tuple[TaskEnv, Policy]
+
+    def unpickled(self, content: bytes) -> tuple[TaskEnv, Policy]:
+        """The environment and the policy of this thread."""
+        if content != self.content:
+            self.made = pickle.loads(content)
+            self.content = content
+        return self.made
+
+
+_WORKER = _Worker()
 
 
 def run_episode(
@@ -309,7 +347,9 @@ def _reset(policy: Policy, seed: int) -> None:
 
 
 def _by_name(observation: Observation) -> dict[str, NDArray[Any]]:
-    return dict(observation) if isinstance(observation, dict) else {SINGLE: observation}
+    """Copies of what was observed, by name: a policy may change what it is given."""
+    named = observation if isinstance(observation, dict) else {SINGLE: observation}
+    return {name: values.copy() for name, values in named.items()}
 
 
 def _summary(path: Path, episodes: Iterable[Recorded]) -> RecordSummary:

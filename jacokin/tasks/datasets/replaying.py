@@ -63,6 +63,7 @@ def replay(
         UnknownNameError: the task of the data set is not registered.
     """
     source = checks.path("path", path)
+    checks.optional(checks.function, "watch", watch)
     with reading(source):
         is_there = source.exists()
     if source.suffix not in FORMATS or not is_there:

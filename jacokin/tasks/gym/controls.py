@@ -7,7 +7,6 @@ velocities; gravity is compensated.
 from __future__ import annotations
 
 import abc
-import functools
 from collections.abc import Callable
 
 import numpy as np
@@ -18,20 +17,20 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.model.angles import nearest_copy
 from jacokin.model.descriptions import bundled
-from jacokin.model.robot import Robot
-from jacokin.mujoco_bridge import Physics
+from jacokin.mujoco_bridge import JacoArm, Physics
 from jacokin.mujoco_bridge.control.commands import GAIN
 from jacokin.tasks.features import StateView
 
 FRAME = "pinchsite"
-FINGERS = 3
+JOINTS, FINGERS = 6, 3
 _REACH = np.array((0.6, 0.6, 0.8))  # [m] half-extent of the poses that can be asked for, about the arena's origin
 
 
 class Control(abc.ABC):
     """Turns actions into velocities; one for each environment. Pickles.
 
-    Each is made of lower and upper bounds (9,) of the velocities of the actuators [rad/s], and of the control step [s].
+    Each is made of lower and upper bounds (9,) of the velocities of the actuators [rad/s], the control step [s], and
+    the arm that is moved.
 
     Attributes:
         bounds: lower and upper bounds of actions.
@@ -61,7 +60,7 @@ class JointVelocity(Control):
         bounds: of the actions, (9,) [rad/s].
     """
 
-    def __init__(self, lower: Array, upper: Array, dt: float) -> None:
+    def __init__(self, lower: Array, upper: Array, dt: float, arm: JacoArm) -> None:
         """Allow velocities between two bounds (9,) [rad/s]."""
         self.bounds = lower, upper
 
@@ -73,13 +72,13 @@ class JointVelocity(Control):
 class _ReferenceControl(Control):
     """A reference configuration, and velocities that follow it."""
 
-    def __init__(self, lower: Array, upper: Array, dt: float) -> None:
+    def __init__(self, lower: Array, upper: Array, dt: float, arm: JacoArm) -> None:
         self._lower, self._upper, self._dt = lower, upper, dt
-        self._robot = _robot()
-        if len(lower) != self._robot.dof + FINGERS:
+        self._robot = arm.robot
+        if self._robot.dof != JOINTS or len(lower) != JOINTS + FINGERS:
             raise InvalidInputError(
-                f"control: an arm and a hand with {len(lower)} actuators take 'joint_velocity'; the others are for the "
-                f"{self._robot.dof} joints and {FINGERS} fingers of {bundled.DEFAULT_ROBOT}"
+                f"control: an arm and a hand with {len(lower)} actuators take 'joint_velocity'; the others are for "
+                f"{JOINTS} joints and {FINGERS} fingers"
             )
         # The simulated motors limit accelerations.
         self._tracker = jacokin.Tracker(self._robot, FRAME, dt=dt, acceleration_limit=np.inf)
@@ -136,9 +135,9 @@ class JointPosition(_ReferenceControl):
         bounds: of the actions, (9,) [rad]: the limits of the joints, a turn to each side for those without.
     """
 
-    def __init__(self, lower: Array, upper: Array, dt: float) -> None:
+    def __init__(self, lower: Array, upper: Array, dt: float, arm: JacoArm) -> None:
         """Allow velocities of actuators between two bounds (9,) [rad/s]."""
-        super().__init__(lower, upper, dt)
+        super().__init__(lower, upper, dt, arm)
         free = self._robot.unlimited
         low = np.where(free, -2.0 * np.pi, self._robot.lower)
         high = np.where(free, 2.0 * np.pi, self._robot.upper)
@@ -159,9 +158,9 @@ class JointDelta(_ReferenceControl):
         bounds: of the actions, (9,) [rad]: what velocities allow in a step.
     """
 
-    def __init__(self, lower: Array, upper: Array, dt: float) -> None:
+    def __init__(self, lower: Array, upper: Array, dt: float, arm: JacoArm) -> None:
         """Allow velocities of actuators between two bounds (9,) [rad/s]."""
-        super().__init__(lower, upper, dt)
+        super().__init__(lower, upper, dt, arm)
         self.bounds = lower * dt, upper * dt
 
     def velocities(self, view: StateView, action: Array) -> Array:
@@ -178,9 +177,9 @@ class ToolVelocity(_ReferenceControl):
         bounds: of the actions, (7,): [m/s], [rad/s], and one velocity of all fingers [rad/s].
     """
 
-    def __init__(self, lower: Array, upper: Array, dt: float) -> None:
+    def __init__(self, lower: Array, upper: Array, dt: float, arm: JacoArm) -> None:
         """Allow velocities of actuators between two bounds (9,) [rad/s]."""
-        super().__init__(lower, upper, dt)
+        super().__init__(lower, upper, dt, arm)
         bound = np.array([0.25] * 3 + [1.5] * 3 + [upper[-1]])  # [m/s], [rad/s] of the tool at most
         self.bounds = -bound, bound
 
@@ -202,9 +201,9 @@ class ToolPose(_ReferenceControl):
         bounds: of the actions, (8,): position [m], quaternion wxyz of any norm but 0, close factor 0..1.
     """
 
-    def __init__(self, lower: Array, upper: Array, dt: float) -> None:
+    def __init__(self, lower: Array, upper: Array, dt: float, arm: JacoArm) -> None:
         """Allow velocities of actuators between two bounds (9,) [rad/s]."""
-        super().__init__(lower, upper, dt)
+        super().__init__(lower, upper, dt, arm)
         middle = np.array((0.0, 0.0, 0.4))  # [m]
         low = np.concatenate((middle - _REACH, -np.ones(4), (0.0,)))
         high = np.concatenate((middle + _REACH, np.ones(4), (1.0,)))
@@ -243,15 +242,10 @@ class ToolPose(_ReferenceControl):
         return self._approach(result.q)
 
 
-CONTROLS: dict[str, Callable[[Array, Array, float], Control]] = {
+CONTROLS: dict[str, Callable[[Array, Array, float, JacoArm], Control]] = {
     "joint_velocity": JointVelocity,
     "joint_position": JointPosition,
     "joint_delta": JointDelta,
     "tool_velocity": ToolVelocity,
     "tool_pose": ToolPose,
 }
-
-
-@functools.cache
-def _robot() -> Robot:
-    return jacokin.load_robot()

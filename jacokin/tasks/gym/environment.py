@@ -126,7 +126,7 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
             quality.shadowsize, quality.offsamples = 1024, 0
         self._packing = Packing(self._episode.task, self.options)
         self._control: Control = CONTROLS[control](
-            self._episode.lower, self._episode.upper, self.options.control_timestep
+            self._episode.lower, self._episode.upper, self.options.control_timestep, self.task.arm
         )
         self._episode.action = np.zeros(len(self._control.bounds[0]))
         self.observation_space = self._packing.space
@@ -370,7 +370,7 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
         else:
             observation = self._observe(state)
         self._packing.disturb(observation, self._values, self._bias, self._deviations, self._variation_random)
-        self._last = observation
+        self._last = copy.deepcopy(observation)  # whoever gets it may change it
         reward = float(self._rewards(state))
         check_rewards(self.options.task, reward, when)
         return observation, reward, bool(self._episode.task.is_solved(state))

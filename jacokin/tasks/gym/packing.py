@@ -181,11 +181,11 @@ class Packing:
         """The observation, as new arrays, without the picture, of one simulation or of n."""
         options, view, goal = self._options, state.view, state.goal
         if not options.flatten:
-            return {each.name: np.array(each.read(view, goal)) for each in self._features}
+            return {each.name: np.array(each.value(view, goal), dtype=np.float64) for each in self._features}
         leading = view.qpos.shape[:-1]
         flat = np.empty((*leading, self._size))
         for each, where in zip(self._features, self._slices, strict=True):
-            value = each.read(view, goal)
+            value = each.value(view, goal)
             flat[..., where] = value if len(each.shape) == 1 else value.reshape(*leading, -1)
         if options.goal:
             return {

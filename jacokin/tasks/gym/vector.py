@@ -336,7 +336,8 @@ class Simulations:
         self._random: list[tuple[np.random.Generator | None, np.random.Generator | None]] = [(None, None)] * count
         self._values: list[Values] = [{}] * count
         self._states: Array = np.zeros_like(self._batch.state)  # of episodes that are being started
-        self._controls = [CONTROLS[control](first._episode.lower, first._episode.upper, dt) for _ in range(count)]
+        bounds, arm = (first._episode.lower, first._episode.upper), first.task.arm
+        self._controls = [CONTROLS[control](*bounds, dt, arm) for _ in range(count)]
         self._rows = [] if control == "joint_velocity" else [self._view.row(index) for index in range(count)]
         names = () if first.randomization is None else first.randomization.names
         self._constants: dict[str, Array] = {name: self._batch.expand(name) for name in SIMULATED if names}
