@@ -86,7 +86,11 @@ ARMS: dict[str, tuple[list[Placement], list[Limits]]] = {
 
 def load_arm(name: str, folder: Path) -> Robot:
     """One of the arms."""
-    placements, limits = ARMS[name]
+    return load_placed(name, *ARMS[name], folder)
+
+
+def load_placed(name: str, placements: list[Placement], limits: list[Limits], folder: Path) -> Robot:
+    """An arm of so many joints from the placements of these and of the tool."""
     links = "".join(f'<link name="link_{i}"/>' for i in range(9))
     joints = ""
     for i, ((xyz, rpy), limit) in enumerate(zip(placements, [*limits, None], strict=True)):

@@ -398,6 +398,7 @@ class IKSolver:
         single = functools.partial(self.solve, prefer=prefer)
         return batch.solve(
             self.robot,
+            self.frame,
             batch.Ways(single, compiled, self._verifier.unchecked),
             targets,
             seeds,

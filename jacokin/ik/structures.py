@@ -186,7 +186,7 @@ def measure_general(chain: NDArray[np.float64], labellings: Sequence[float] | No
     if not np.isfinite(size):
         raise StructureError("the lengths of the arm must be finite")
     q = np.random.default_rng(0).uniform(-np.pi, np.pi, (RANKED, 6))
-    freedoms = most_freedoms(chain, q, size)
+    freedoms = int((largest_freedoms(chain, q, size) > SMALLEST_FREEDOM).sum())
     if freedoms < 6:
         raise StructureError(f"the joints move the tool in {freedoms} independent ways only, whatever their angles")
     arm = np.zeros(ARM_CONSTANTS)
@@ -219,14 +219,14 @@ def size_of(chain: NDArray[np.float64]) -> float:
     return 0.5 * float(np.linalg.norm(chain[1:6, :, 3], axis=1).sum())
 
 
-def most_freedoms(chain: NDArray[np.float64], q: NDArray[np.float64], size: float) -> int:
-    """The most independent ways in which the joints move the tool at any of some configurations (n, 6).
+def largest_freedoms(chain: NDArray[np.float64], q: NDArray[np.float64], size: float) -> NDArray[np.float64]:
+    """How far the joints move the tool in independent ways: (6,) falling, the most at any of configurations (n, 6).
 
-    Lengths count in units of the arm's size [m].
+    Singular values of the Jacobian; lengths count in units of the arm's size [m].
     """
     jacobian = kinematics.jacobians(kinematics.turning_arm(chain), q, "world")
     jacobian[:, :3] /= size if size > 0.0 else 1.0
-    return int((np.linalg.svd(jacobian, compute_uv=False) > SMALLEST_FREEDOM).sum(axis=1).max())
+    return np.asarray(np.linalg.svd(jacobian, compute_uv=False).max(axis=0))
 
 
 class QuickForm(NamedTuple):

@@ -219,9 +219,13 @@ def checked_target(target: pin.SE3 | ArrayLike, name: str = "target") -> TargetP
 
 
 def checked_batch(
-    targets: Sequence[pin.SE3 | FreeAxis] | ArrayLike,
+    targets: Sequence[Target] | ArrayLike, frame: str | None = None
 ) -> tuple[Array, NDArray[np.bool_], dict[int, FreeAxis]]:
-    """Targets of a batch: poses (n, 4, 4), positions (n, 3), or a sequence of what `checked` takes.
+    """Targets of a batch: poses (n, 4, 4), positions (n, 3), or a sequence of what `interpret` takes.
+
+    Args:
+        targets: the targets.
+        frame: the solver's, for targets of the tracker; None refuses those.
 
     Returns:
         (n, 4, 4) matrices, (n,) where the orientation is free, and the rows that may turn about an axis.
@@ -241,12 +245,19 @@ def checked_batch(
     rows = checks.listed("targets", targets, "a sequence of poses")  # type: ignore[arg-type]  # is checked
     if not rows:
         raise InvalidInputError("targets is empty")
-    free = {index: row for index, row in enumerate(rows) if isinstance(row, FreeAxis)}
-    each = [
-        _turning(free[index]) if index in free else checked_target(row, f"targets[{index}]")
-        for index, row in enumerate(rows)
-    ]
+    each = [_row(row, f"targets[{index}]", frame) for index, row in enumerate(rows)]
+    free = {index: target.free_axis for index, target in enumerate(each) if target.free_axis is not None}
     return np.array([target.matrix for target in each]), np.array([target.position_only for target in each]), free
+
+
+def _row(row: Target, name: str, frame: str | None) -> TargetPose:
+    """One target of a batch; what is no target is refused by its name."""
+    if isinstance(row, FreeAxis):
+        return _turning(row)
+    first = row[0] if isinstance(row, list | tuple) and row else row
+    if frame is not None and isinstance(first, PartialTarget):
+        return interpret(row, frame)
+    return checked_target(row, name)
 
 
 def _alone(targets: object) -> str:

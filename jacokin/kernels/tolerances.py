@@ -185,8 +185,12 @@ NEARLY_SINGULAR_DETERMINANT = 3e-4
 NEAR_CONTINUUM = 3e-3
 #: [m] and [rad]; a structure that an arm misses by less is named; poses are solved as for any arm all the same.
 EXACT_STRUCTURE = 1e-9
-#: Singular values of a Jacobian, lengths in units of the arm's size: below this a freedom is missing.
-SMALLEST_FREEDOM = 1e-9
+#: Singular values of a Jacobian, lengths in units of the arm's size: below this a freedom is missing. With less, a
+#: joint that turns by a radian moves the tool within the tolerances of an answer.
+SMALLEST_FREEDOM = 1e-6
+#: The same of six joints without the one that is the parameter of curves: it changes along a curve by about as much,
+#: and solutions that come and go within 3e-5 rad of it are not looked for.
+SMALLEST_FREEDOM_OF_CURVES = 1e-4
 #: In units of the arm's length; where both coefficients of an angle's equation are below this, nothing determines it.
 FREE_ANGLE = 1e-10
 #: Squares this little beyond the edge of an equation of one angle, once another is at a fold: that one is exact to

@@ -13,7 +13,6 @@ from concurrent.futures import BrokenExecutor
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
@@ -21,7 +20,7 @@ from jacokin.chunks.execution import worker_processes
 from jacokin.errors import InvalidInputError, JacokinError
 from jacokin.ik.results import BatchResult, IKResult, Status
 from jacokin.ik.seeds import FARTHEST_SEED, seed_within_limits
-from jacokin.ik.targets import checked_batch
+from jacokin.ik.targets import Target, checked_batch
 from jacokin.model import checks
 from jacokin.model.poses import FreeAxis
 from jacokin.model.robot import Robot
@@ -70,8 +69,9 @@ _single_in_process: list[Single] = []
 
 def solve(
     robot: Robot,
+    frame: str,
     ways: Ways,
-    targets: Sequence[pin.SE3] | ArrayLike,
+    targets: Sequence[Target] | ArrayLike,
     seeds: ArrayLike | None,
     *,
     workers: int,
@@ -81,7 +81,7 @@ def solve(
     """Solve many targets, as `IKSolver.solve_batch` says; without compiled code, all of them one by one."""
     workers = checks.whole_number("workers", workers, lowest=1)
     closest = checks.flag("closest", closest)
-    matrices, position_only, free = checked_batch(targets)
+    matrices, position_only, free = checked_batch(targets, frame)
     checks.optional(checks.function, "progress", progress)
     starts, notes = _seeds_within_limits(robot, seeds, len(matrices))
     out = AnswerColumns(len(matrices), robot.dof, notes)

@@ -13,7 +13,7 @@ from jacokin.arrays import Array
 from jacokin.errors import StructureError
 from jacokin.ik.closed_form import ClosedForm
 from jacokin.ik.geometry import chain_of, measure_seven
-from jacokin.ik.structures import NO_FORM, measure_general, most_freedoms, quick_form, size_of
+from jacokin.ik.structures import NO_FORM, largest_freedoms, measure_general, quick_form, size_of
 from jacokin.ik.targets import TargetPose
 from jacokin.ik.verification import Verifier
 from jacokin.kernels.library import Call
@@ -27,6 +27,7 @@ from jacokin.kernels.solution_set.nearest import (
 from jacokin.kernels.solution_set.run import SetWork, make_set_work, solve_set
 from jacokin.kernels.solution_set.slices import AFTER, BEFORE, JOINT_3, NO_SLICES
 from jacokin.kernels.solution_set.within import CIRCLE, FOLD, LOST
+from jacokin.kernels.tolerances import DISTINCT, SMALLEST_FREEDOM_OF_CURVES
 from jacokin.model.angles import TURN
 from jacokin.model.kinematics import frame_with_z
 from jacokin.model.robot import Robot
@@ -276,34 +277,45 @@ def at_poses(verifier: Verifier) -> CurveArm:
         chain = chain_of(robot.pin_model, frame_id, tool, DIMENSIONS)
     else:
         return CurveArm(JOINT_3, names[2], geometry.chain, geometry.arm, robot)
-    kind, six = min(_cuts(chain), key=lambda cut: _effort(cut[1]))
-    constants = measure_general(np.ascontiguousarray(six)).arm
-    return CurveArm(kind, names[-1 if kind == AFTER else 0], chain, constants, robot)
+    cut = min(_cuts(chain), key=_Cut.effort)
+    constants = measure_general(np.ascontiguousarray(cut.six)).arm
+    return CurveArm(cut.kind, names[-1 if cut.kind == AFTER else 0], chain, constants, robot)
 
 
-def _cuts(chain: Array) -> list[tuple[int, Array]]:
-    """Which joint may be the parameter, and the chain (7, 3, 4) of the six others.
+class _Cut(NamedTuple):
+    """A joint at an end of seven that may be the parameter."""
+
+    kind: int
+    """Which one, see `kernels.solution_set.slices`."""
+    six: Array
+    """(7, 3, 4) chain of the others."""
+    freedom: float
+    """How far those move the tool in the way in which they do least; the parameter changes as little along a curve."""
+
+    def effort(self) -> tuple[float, bool, int]:
+        """How hard curves are to find, to be compared: with little freedom, else how long a pose of the six takes."""
+        form = quick_form(self.six, 1.0 / size_of(self.six))
+        return max(DISTINCT / self.freedom, 1.0), form.kind == NO_FORM.kind, form.rank
+
+
+def _cuts(chain: Array) -> list[_Cut]:
+    """Which joint may be the parameter.
 
     Raises:
-        StructureError: they move the tool in fewer than six ways, whichever six they are.
+        StructureError: the others move the tool in fewer than six ways, whichever six they are.
     """
     q = np.random.default_rng(0).uniform(-np.pi, np.pi, (TRIED, 6))
     found, most = [], 0
     for kind, six in ((AFTER, chain[:7]), (BEFORE, turned_round(chain)[:7])):
         size = size_of(six)
-        freedoms = most_freedoms(six, q, size) if 0.0 < size < np.inf else 0
-        most = max(most, freedoms)
-        if freedoms == 6:
-            found.append((kind, six))
+        freedoms = largest_freedoms(six, q, size) if 0.0 < size < np.inf else np.zeros(6)
+        count = int((freedoms > SMALLEST_FREEDOM_OF_CURVES).sum())
+        most = max(most, count)
+        if count == 6:
+            found.append(_Cut(kind, six, float(freedoms[-1])))
     if not found:
         raise StructureError(f"the joints move the tool in {most} independent ways only, whatever their angles")
     return found
-
-
-def _effort(six: Array) -> tuple[bool, int]:
-    """How long a pose of six joints (7, 3, 4) takes, to be compared."""
-    form = quick_form(six, 1.0 / size_of(six))
-    return form.kind == NO_FORM.kind, form.rank
 
 
 def with_axis(chain: Array, axis: Array) -> Array:

@@ -17,6 +17,7 @@ import pytest
 import jacokin
 from jacokin import IKSolver, Robot
 from jacokin.errors import InvalidInputError, UnknownNameError
+from jacokin.motion import AxisTarget, PositionTarget
 
 INTERRUPTED = """
     import os, signal, sys
@@ -127,6 +128,18 @@ def test_a_refused_structure_does_not_collect_tracebacks(robot: Robot) -> None:
             solver.closed_form()
         depths.append(len(caught.traceback))
     assert depths[1] == depths[2]
+
+
+def test_targets_of_the_tracker_are_solved_as_one_by_one(robot: Robot) -> None:
+    solver = IKSolver(robot)
+    position, down = PositionTarget([0.3, -0.2, 0.4]), AxisTarget([0.0, 0.0, 1.0], [0.0, 0.0, -1.0])
+    targets = [[position, down], position, robot.forward_kinematics(robot.home)]
+    found = solver.solve_batch(targets)
+    assert found.success.all()
+    for q, target in zip(found.q, targets, strict=True):
+        np.testing.assert_array_equal(q, solver.solve(target).q)
+    with pytest.raises(InvalidInputError, match="the solver is for 'end_effector'"):
+        solver.solve_batch([PositionTarget([0.3, -0.2, 0.4], frame="link_4")])
 
 
 def test_messages_are_those_of_single_solves_but_for_the_branch(robot: Robot, rng: np.random.Generator) -> None:

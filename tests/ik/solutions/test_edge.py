@@ -13,7 +13,7 @@ import jacokin
 from jacokin import FreeAxis, IKSolver, Robot, Status
 from jacokin.arrays import Array
 from jacokin.model.angles import wrap_to_pi
-from tests.seven_joint_arms import load_arm
+from tests.seven_joint_arms import XARM7, load_arm, load_placed
 
 CLOSURE = 1e-9  # [m] and [rad] by which members may be off
 TOLERANCE = 1e-6  # [m] and [rad] of a success
@@ -119,6 +119,34 @@ def test_curves_along_which_the_parameter_hardly_changes_are_found(tmp_path: Pat
 
 
 @pytest.mark.one_quick
+@pytest.mark.parametrize(("coaxial", "parameter"), [((1, 0), "joint_1"), ((6, 5), "joint_7")])
+def test_the_parameter_is_a_joint_that_moves_along_the_curves(
+    tmp_path: Path, coaxial: tuple[int, int], parameter: str, rng: np.random.Generator
+) -> None:
+    """Joints at one end that turn about nearly the same axis turn against each other; the other end stands still."""
+    placements = list(XARM7)
+    placements[coaxial[0]] = (1e-3, 0.0, 0.2), (0.0, 1e-3, 0.0)
+    placements[coaxial[1]] = (0.1, 0.0, 0.1), (-1.2, 0.3, 0.0)
+    robot = load_placed("coaxial", placements, [None] * 7, tmp_path)
+    solver = IKSolver(robot, collision="ignore")
+    assert solver.parameter == parameter
+    for q in robot.sample(rng, 5):
+        everything = solver.solve_all(robot.forward_kinematics(q))
+        near = min(float(np.abs(wrap_to_pi(interval.nearest(q) - q)).max()) for interval in everything.intervals)
+        assert near < 1e-6
+
+
+def test_without_a_joint_that_moves_along_the_curves_there_are_none(tmp_path: Path) -> None:
+    """Joints 4 and 5 turn about the same axis but for 1e-6 m, so the first and the last joint stand still."""
+    placements = list(XARM7)
+    placements[4] = (1e-6, 0.0, 0.2), (0.0, 0.0, 0.0)
+    robot = load_placed("coaxial", placements, [None] * 7, tmp_path)
+    solver = IKSolver(robot, collision="ignore")
+    assert solver.dimension() is None
+    q = np.full(7, 0.3)
+    assert np.abs(solver.solve(robot.forward_kinematics(q), seed=q).raise_for_status().q - q).max() < 1e-6
+
+
 @pytest.mark.parametrize("count", [8, pytest.param(20, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("several", [1, 3, 6])
 def test_the_end_of_a_range_may_be_the_only_member(several: int, count: int, rng: np.random.Generator) -> None:
