@@ -1,6 +1,7 @@
-"""From a module of LLVM's language to machine code. Run as a program, it writes the object file of one module.
+"""From a module of LLVM's language to machine code. Run as a program, it writes object files of one module.
 
-It needs llvmlite and not numba: the modules come from `compiling`.
+A module is optimised once for a kind of processor, whichever systems run on it. This needs llvmlite and not numba: the
+modules come from `compiling`.
 """
 
 from __future__ import annotations
@@ -24,12 +25,21 @@ def emit(module: ModuleRef, target: Target = HERE) -> bytes:
     Raises:
         RuntimeError: it calls what is not there without numba.
     """
+    return machine_code(optimised(module, target), target)
+
+
+def optimised(module: ModuleRef, target: Target = HERE) -> ModuleRef:
+    """A module optimised for the processor of a target, as for the first of the targets that have it.
+
+    Raises:
+        RuntimeError: it calls what is not there without numba.
+    """
     process = ctypes.CDLL(None)  # what a process without numba finds; llvmlite would find numba's functions as well
-    machine = target_machine(target)
-    if target.triple:
-        module = llvm.parse_bitcode(module.as_bitcode())
-        module.triple, module.data_layout = target.triple, str(machine.target_data)
-    if target.features:
+    first = next(each for each in EMITTED.values() if each.processor == target.processor)
+    machine = target_machine(first)
+    if first.triple:
+        module = _for_system(module, first, machine)
+    if first.features:
         for function in module.functions:
             if function.name.startswith(PREFIX) and not function.is_declaration:
                 function.name = f"{function.name}_{AVX2}"
@@ -37,7 +47,20 @@ def emit(module: ModuleRef, target: Target = HERE) -> bytes:
     for called in module.functions:
         if called.is_declaration and not called.name.startswith("llvm.") and not hasattr(process, called.name):
             raise RuntimeError(f"the compiled kernels call {called.name}, which exists within numba only")
-    return bytes(machine.emit_object(module))
+    return module
+
+
+def machine_code(module: ModuleRef, target: Target = HERE) -> bytes:
+    """Machine code of a module that was optimised for the processor of a target."""
+    machine = target_machine(target)
+    return bytes(machine.emit_object(_for_system(module, target, machine) if target.triple else module))
+
+
+def _for_system(module: ModuleRef, target: Target, machine: TargetMachine) -> ModuleRef:
+    """A copy of a module for another system."""
+    copy = llvm.parse_bitcode(module.as_bitcode())
+    copy.triple, copy.data_layout = target.triple, str(machine.target_data)
+    return copy
 
 
 def target_machine(target: Target = HERE) -> TargetMachine:
@@ -73,9 +96,12 @@ def optimise(module: ModuleRef, machine: TargetMachine) -> None:
     builder.getModulePassManager().run(module, builder)
 
 
-def main(file: str, target: str, place: str) -> None:
-    """Write the object file of the module in a file for the target of a name."""
-    Path(place).write_bytes(emit(llvm.parse_bitcode(Path(file).read_bytes()), EMITTED[target]))
+def main(file: str, *words: str) -> None:
+    """Write object files of the module in a file: names of targets with one processor, each followed by its file."""
+    names, places = words[::2], words[1::2]
+    module = optimised(llvm.parse_bitcode(Path(file).read_bytes()), EMITTED[names[0]])
+    for name, place in zip(names, places, strict=True):
+        Path(place).write_bytes(machine_code(module, EMITTED[name]))
 
 
 if __name__ == "__main__":

@@ -178,14 +178,19 @@ def _compile_missing(objects: dict[Target, dict[Group, Path]], entries: Sequence
     tell(f"jacokin: compiling {count} of {_described(list(objects), entries)}, with up to 1 GB of memory")
     done, whole = itertools.count(1), sum(map(len, missing.values()))
 
-    def make(group: Group, module: Path, target: Target) -> None:
-        emit_object(group, module, target, missing[group][target])
-        what = f"{', '.join(_names(group))}{f' for {target.name}' if target.name else ''}"
-        tell(f"jacokin: {next(done)} of {whole}, {what}, after {time.perf_counter() - start:.0f} s")
+    def make(group: Group, module: Path, files: dict[Target, Path]) -> None:
+        emit_objects(group, module, files)
+        for target in files:
+            what = f"{', '.join(_names(group))}{f' for {target.name}' if target.name else ''}"
+            tell(f"jacokin: {next(done)} of {whole}, {what}, after {time.perf_counter() - start:.0f} s")
 
     with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(JOBS) as pool:
         modules = translated(list(missing), Path(folder))
-        working = [pool.submit(make, group, module, target) for group, module in modules for target in missing[group]]
+        working = [
+            pool.submit(make, group, module, files)
+            for group, module in modules
+            for files in by_processor(missing[group])
+        ]
         for each in working:
             each.result()
 
@@ -235,18 +240,28 @@ def tell(text: str) -> None:
             terminal.write(f"\r{text}\n")
 
 
-def emit_object(group: Group, module: Path, target: Target, file: Path) -> None:
-    """Make machine code of the module of a group.
+def by_processor(files: dict[Target, Path]) -> list[dict[Target, Path]]:
+    """The files of targets, those with the same processor together."""
+    found: dict[object, dict[Target, Path]] = {}
+    for target, file in files.items():
+        found.setdefault(target.processor, {})[target] = file
+    return list(found.values())
+
+
+def emit_objects(group: Group, module: Path, files: dict[Target, Path]) -> None:
+    """Make machine code of the module of a group, for targets with the same processor.
 
     Raises:
         BuildError: it does not compile.
     """
-    unfinished = file.with_suffix(f".{os.getpid()}")
-    command = [sys.executable, "-m", "build_kernels.emitting", str(module), target.name, str(unfinished)]
+    unfinished = {target: file.with_suffix(f".{os.getpid()}") for target, file in files.items()}
+    words = [word for target, file in unfinished.items() for word in (target.name, str(file))]
+    command = [sys.executable, "-m", "build_kernels.emitting", str(module), *words]
     done = subprocess.run(command, cwd=ROOT, env=compiler_environment(), check=False)
     if done.returncode != 0:
         raise BuildError(f"{', '.join(_names(group))} does not compile, see above")
-    unfinished.replace(file)
+    for target, file in unfinished.items():
+        file.replace(files[target])
 
 
 def compiler_environment() -> dict[str, str]:

@@ -50,6 +50,11 @@ class Target:
         return replace(self, name=f"{self.name}-{AVX2}".lstrip("-"), features=AVX2_FEATURE)
 
     @property
+    def processor(self) -> tuple[str, str]:
+        """Kind of processor and vectors: LLVM optimises the same code for all systems on it."""
+        return self.name.partition("-")[0], self.features
+
+    @property
     def is_wasm(self) -> bool:
         """Whether it is WebAssembly, whose module is linked as one piece and brings its own C library."""
         return self.system == "wasi"

@@ -124,9 +124,27 @@ def test_kernels_are_translated_together_and_emitted_group_by_group(tmp_path: Pa
     for group, module in made:
         for target in (TARGETS["wasm32"], HERE):
             file = tmp_path / f"{target.library}.o"
-            build.emit_object(group, module, target, file)
+            build.emit_objects(group, module, {target: file})
             for entry in (speeds, cloud, rest):
                 assert (f"jacokin_{entry.run.__name__}".encode() in file.read_bytes()) == (entry in group)
+    group, module = made[1]
+    here, windows = TARGETS["x86_64-linux"], TARGETS["x86_64-windows"]
+    files = {target: tmp_path / f"{target.name}.o" for target in (here, windows)}
+    build.emit_objects(group, module, files)
+    build.emit_objects(group, module, {windows: tmp_path / "alone.o"})
+    assert (tmp_path / "alone.o").read_bytes() == files[windows].read_bytes() != files[here].read_bytes()
+
+
+def test_systems_on_the_same_processor_share_what_is_optimised() -> None:
+    files = {target: Path(target.name) for target in EMITTED.values()}
+    x86_64 = [f"x86_64-{system}" for system in ("linux", "windows", "macos")]
+    assert [[target.name for target in each] for each in build.by_processor(files)] == [
+        *([""], [AVX2])[: 1 + (HERE.wide is not None)],
+        ["aarch64-linux", "aarch64-macos"],
+        x86_64,
+        [f"{name}-{AVX2}" for name in x86_64],
+        ["wasm32"],
+    ]
 
 
 @pytest.mark.slow
@@ -141,7 +159,7 @@ def test_a_kernel_that_does_not_compile_is_named(tmp_path: Path) -> None:
         next(found)
     (tmp_path / "broken.bc").write_bytes(b"nothing")
     with pytest.raises(BuildError, match=r"^build_cloud does not compile, see above$"):
-        build.emit_object((good,), tmp_path / "broken.bc", HERE, tmp_path / "broken.o")
+        build.emit_objects((good,), tmp_path / "broken.bc", {HERE: tmp_path / "broken.o"})
     assert not (tmp_path / "broken.o").exists()
 
 

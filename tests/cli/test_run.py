@@ -56,8 +56,8 @@ def test_an_open_loop_is_told_apart(run: Run, file: Path) -> None:
 #: What a forwarder does after it has heard the joints, and what `jacokin run` says of it.
 FORWARDERS = {
     "the forwarder has left": "pass",
-    "no line of it": "print('hello', flush=True); time.sleep(5)",
-    "ROS 1: no master": "print(json.dumps({'error': 'ROS 1: no master'}), flush=True); time.sleep(5)",
+    "no line of it": "print('hello', flush=True); time.sleep(5)",  # it is killed, for it does not leave
+    "ROS 1: no master": "print(json.dumps({'error': 'ROS 1: no master'}), flush=True); sys.stdin.read()",
 }
 
 

@@ -144,7 +144,7 @@ def test_a_branch_that_is_lost_is_noticed(tmp_path: Path, monkeypatch: pytest.Mo
 
 
 @pytest.mark.one_quick
-@pytest.mark.parametrize("kind", [targets.run, files.run])
+@pytest.mark.parametrize("kind", [files.run, targets.run])
 def test_a_case_repeats(kind: Callable[[int, int, int], Iterator[object]], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(targets, "BATCH", 5)
     assert list(kind(5, 3, 4)) == list(kind(5, 3, 4))
