@@ -2,8 +2,9 @@
 
 Where it was led to is known at every tick. What is measured then is the same, later, and away from it by as much as
 the arm stood away at first. The latency is the one at which the two fit best; it is known once the fit is sharp. That
-takes a motion that changes its speed, as one that begins does. Afterwards it is left alone: an arm that is held would
-seem to be late, too.
+takes a motion that changes its speed, as one that begins does. Where that leaves much unexplained, only a share of what
+was sent has arrived, and the arm has moved by so much less. Afterwards it is left alone: an arm that is held would seem
+to be late, too.
 """
 
 from __future__ import annotations
@@ -18,11 +19,13 @@ from jacokin.runner.motions import apart
 
 MOST = 1.0  # [s] a driver is not later
 STEP = 0.02  # [s] between latencies that are tried
-WINDOW = 2.0  # [s] that is looked at
+WINDOW = 4.0  # [s] that is looked at
+COUNT = 67  # measurements that are, at most
 APART = 0.03  # [s] between measurements that are looked at, at least
 MOVED = np.radians(0.5)  # by which a joint was led before anything is said
 NOISE = np.radians(0.03)  # of angles, at least: a count of an encoder, and ticks
-UNEXPLAINED = 0.05  # of the squared angles that are measured, at most: an arm that does something else is not late
+LOST = 0.05  # of the squared angles that are measured: if all that was sent arrives, less is unexplained
+UNEXPLAINED = 0.2  # of them at most: an arm that does something else is not late
 SHARP = 0.01  # [s] standard deviation, and by which fits differ that agree
 STAYS = 0.1  # [s] for which fits agree: after a moment in which all was lost, they do not
 
@@ -32,13 +35,14 @@ class LatencyMeasurement:
 
     Attributes:
         found: the latency [s]; None until it is known.
+        loses: whether a share of what was sent seems to have got lost.
     """
 
     def __init__(self, robot: Robot) -> None:
         """Begin with nothing known."""
-        self._robot, self.found = robot, None
+        self._robot, self.found, self.loses = robot, None, False
         self._led: deque[tuple[float, Array]] = deque()
-        self._heard: deque[tuple[float, Array]] = deque(maxlen=round(WINDOW / APART))
+        self._heard: deque[tuple[float, Array]] = deque(maxlen=COUNT)
         self._fits = list[tuple[float, float]]()  # since when they agree, and on what
 
     found: float | None
@@ -55,6 +59,8 @@ class LatencyMeasurement:
         if self.found is not None or (self._heard and time < self._heard[-1][0] + APART - 1e-9):
             return
         self._heard.append((time, q))
+        while self._heard[0][0] < time - WINDOW:
+            self._heard.popleft()
         fit = self._fit()
         if fit is None or not self._fits or abs(fit - self._fits[0][1]) > SHARP:
             self._fits = [] if fit is None else [(time, fit)]
@@ -74,11 +80,16 @@ class LatencyMeasurement:
         tried = np.arange(0.0, MOST + 0.5 * STEP, STEP)
         places = times - tried[:, None]
         wanted = np.stack([np.interp(places, at, column) for column in led.T], axis=2)  # (tried, n, dof)
-        off = measured - wanted
-        off -= off.mean(axis=1, keepdims=True)
-        misfit = (off**2).sum(axis=(1, 2))
+        wanted -= wanted.mean(axis=1, keepdims=True)
+        measured -= measured.mean(axis=0)
+        led_far, both, moved = (wanted**2).sum(axis=(1, 2)), (wanted * measured).sum(axis=(1, 2)), (measured**2).sum()
+        misfit = moved - 2.0 * both + led_far
+        self.loses = bool(misfit.min() > LOST * moved)
+        if self.loses:
+            share = np.clip(both / np.maximum(led_far, 1e-12), 0.0, 1.0)
+            misfit = moved - 2.0 * share * both + share**2 * led_far
         best = int(np.argmin(misfit))
-        if misfit[best] > UNEXPLAINED * ((measured - measured.mean(axis=0)) ** 2).sum():
+        if misfit[best] > UNEXPLAINED * moved:
             return None
         if not 0 < best < len(tried) - 1:
             return 0.0 if best == 0 and self._is_sharp(misfit[0], misfit[1], q.size) else None

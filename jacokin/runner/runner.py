@@ -1,8 +1,9 @@
 """`Runner`: from the time and what an arm measures to the velocities that it is to have. Read this file first.
 
 Each tick sends the velocity of the motion, and a share of what the arm is off it. What is measured is late: it is
-compared with where the motion was then, and what corrections have been sent since counts as done. An arm that falls
-behind is waited for; one that stays behind, says nothing, or touches something, is stopped.
+compared with where the motion was then, and what corrections have been sent since counts as done. While it is not known
+how late, nothing is corrected that a late driver explains. An arm that falls behind is waited for; one that stays
+behind, says nothing, or touches something, is stopped.
 
 No clock and no arm are in here: whoever calls `step` says what time it is.
 """
@@ -24,19 +25,19 @@ from jacokin.model.contact_observer import ContactObserver
 from jacokin.model.robot import Robot, checked_robot
 from jacokin.runner.latency import MOST, LatencyMeasurement
 from jacokin.runner.motions import Motion, Wanted, apart
+from jacokin.runner.standing import Standing
 
 TICK = 0.01  # [s] of Kinova's base, which plays one velocity so long (README of kinova-ros, velocity control)
 RAMP = 0.2  # [s] in which a motion comes to wait for its arm, and goes on
 WAITS = 0.8  # of `lag`: an arm that is so far behind is waited for
 FULL = 0.4  # of `lag`: one that is nearer is not
-CAREFUL = 0.5  # of these, while it is not known how late the arm is seen
+CAREFUL = 0.5  # of these, while it is not known how late the arm is seen, and where much of what is sent is lost
 LATENCY = 0.05  # [s] until it is known
 NEAR = 0.25  # of `reached`: an arm that is nearer to the end is left alone
+AVERAGED = 1.0  # [s] of what is measured after the end, which tells more than one that scatters
 MISSING = 3.0  # measurements, after which the motion waits
 BLOCKED = 1.0  # [s] of waiting, after which the arm is stopped
 HORIZON = 0.1  # [s] in which no velocity leads past a limit
-STANDING = math.radians(0.1)  # that an arm at rest seems to move in REST
-REST = 0.3  # [s]
 
 
 class RunnerStatus(Enum):
@@ -159,20 +160,26 @@ class Runner:
         self._measurement, self._latency = LatencyMeasurement(robot), self.options.latency
         longest = MOST if self._latency is None else self._latency
         self._past: deque[_Past] = deque(maxlen=2 + math.ceil(longest / TICK))
-        self._wanted, self._corrected, self._error, self._seen = Wanted(still, still), still, still, still
+        self._wanted, self._corrected, self._error = Wanted(still, still), still, still
+        self._needs: deque[tuple[float, Array, Array]] = deque()
+        self._needed = still, still  # (dof,) least and largest that corrections have to come to [rad]
         self._rate, self._waits, self._over = 0.0, 0.0, 0.0
         self._now, self._heard, self._period = -math.inf, -math.inf, math.inf
         self._felt = math.inf  # when contact was last looked for; inf before it begins
-        self._lately: deque[tuple[float, Array]] = deque()
+        self._standing = Standing(robot)
         self._q: Array | None = None
         self._has_begun = False
 
     @property
     def away(self) -> float:
-        """How far the joint that is farthest was off the motion when the arm last spoke [rad]; inf before it began."""
+        """How far the joint that is farthest was off the motion when the arm last spoke [rad]; inf before it began.
+
+        Where the arm stands, the mean of what it has said counts.
+        """
         if self._q is None or not self._has_begun:
             return math.inf
-        return float(np.abs(apart(self.robot, self._q, self._wanted.q)).max())
+        place = self._standing.place
+        return float(np.abs(apart(self.robot, self._q if place is None else place, self._wanted.q)).max())
 
     @property
     def measured_latency(self) -> float | None:
@@ -187,17 +194,18 @@ class Runner:
         return LATENCY if self.measured_latency is None else self.measured_latency
 
     @property
+    def _is_latency_known(self) -> bool:
+        return self._latency is not None or self.measured_latency is not None
+
+    @property
     def misses_contact(self) -> bool:
         """Whether contact counts, but the arm has told no velocities and torques for longer than `silence`."""
         return self._observer is not None and self._now - self._felt > self.options.silence
 
     @property
     def stands(self) -> bool:
-        """Whether what was measured in the last 0.3 s is one place."""
-        if not self._lately or self._lately[-1][0] - self._lately[0][0] < REST:
-            return False
-        rows = np.array([q for _, q in self._lately])
-        return bool(np.ptp(rows, axis=0).max() < STANDING)
+        """Whether what was measured last is one place: in the last 0.3 s, or up to 3.4 s where it scatters."""
+        return self._standing.place is not None
 
     def stop(self, message: str = "") -> None:
         """Send nothing but zeros from now on; nothing where it has ended before."""
@@ -257,9 +265,7 @@ class Runner:
 
     def _hear(self, now: float, q: Array, v: Array | None, torques: Array | None) -> None:
         since, self._heard, self._q = now - self._heard, now, q
-        self._lately.append((now, q))
-        while len(self._lately) > 2 and self._lately[1][0] <= now - REST:
-            self._lately.popleft()
+        self._standing.hear(now, q)
         if self.status is RunnerStatus.WAITING:
             self._begin(q)
         elif not self.status.has_ended:
@@ -267,9 +273,23 @@ class Runner:
             self._measurement.hear(now, q)
             seen = now - self.latency
             then = next((past for past in self._past if past.time >= seen - 0.5 * TICK), self._past[-1])
-            self._error, self._seen = apart(self.robot, q, then.q), then.corrected
+            self._error = apart(self.robot, q, then.q)
+            possible = [then] if self._is_latency_known else list(self._past)
+            led = np.array([past.q for past in possible])
+            needed = apart(self.robot, q, led) + np.array([past.corrected for past in possible])
+            self._need(now, min(seen, possible[0].time), needed)
             self.worst = max(self.worst, float(np.abs(self._error).max()))
             self._feel(q, v, torques, since)
+
+    def _need(self, now: float, seen: float, needed: Array) -> None:
+        """Take what corrections (n, dof) may have to come to, as it was seen: the mean, once the motion is over."""
+        if self.status is not RunnerStatus.SETTLING or seen < self._over:
+            self._needs.clear()
+        self._needs.append((now, needed.min(axis=0), needed.max(axis=0)))
+        while self._needs[0][0] < now - AVERAGED:
+            self._needs.popleft()
+        _, least, largest = zip(*self._needs, strict=True)
+        self._needed = np.mean(least, axis=0), np.mean(largest, axis=0)
 
     def _begin(self, q: Array) -> None:
         try:
@@ -281,6 +301,7 @@ class Runner:
         self._past.clear()
         self._has_begun, self._felt = True, self._heard
         self._error, self.status = apart(self.robot, q, self._wanted.q), RunnerStatus.MOVING
+        self._needed = self._error, self._error
 
     def _feel(self, q: Array, v: Array | None, torques: Array | None, since: float) -> None:
         """Look for contact."""
@@ -307,15 +328,14 @@ class Runner:
             elif now - self._over > options.patience:
                 self._end(RunnerStatus.MISSED, f"{off} {options.patience:g} s after its end")
             return
-        allowed = (
-            options.lag if self._latency is not None or self.measured_latency is not None else CAREFUL * options.lag
-        )
+        careful = not self._is_latency_known or self._measurement.loses
+        allowed = CAREFUL * options.lag if careful else options.lag
         share = (WAITS * allowed - far[joint]) / ((WAITS - FULL) * allowed)
         late = age > min(0.5 * options.silence, self.latency + MISSING * self._period)
         goal = 0.0 if late else min(1.0, max(0.0, share))
         self._rate += float(np.clip(goal - self._rate, -TICK / RAMP, TICK / RAMP))
         self._waits = self._waits + TICK if self._rate < 0.05 else 0.0
-        if self._waits > BLOCKED:
+        if self._waits > BLOCKED + (0.0 if self._is_latency_known else MOST):
             self._end(RunnerStatus.BEHIND, f"{off}, and stays there")
         elif self.motion.is_over:
             self.status, self._over = RunnerStatus.SETTLING, now
@@ -323,7 +343,7 @@ class Runner:
     def _lead(self) -> Array:
         """The velocities of this tick (dof,) [rad/s]."""
         options, limit = self.options, self.robot.velocity_limit
-        error = self._error - (self._corrected - self._seen)
+        error = np.clip(self._corrected, *self._needed) - self._corrected
         if self.status is RunnerStatus.SETTLING:
             error = np.where(np.abs(error) < NEAR * options.reached, 0.0, error)
         forward = np.zeros(self.robot.dof)

@@ -344,6 +344,8 @@ class Viewer:
     def _track(self, names: dict[str, int]) -> None:
         """Begin or end following the gizmo."""
         wanted = self._panel.wants("track")
+        if wanted and self._following is not None:  # ended and begun again before this was answered
+            return
         self._stop()
         if not wanted:
             self._aim({})  # where the gizmo is, which may have moved on
@@ -499,7 +501,8 @@ class Viewer:
         # A gizmo that somebody moved meanwhile stays where it is: that target is the next one.
         move_gizmo = move_gizmo and not self._inbox.waits("target")
         ghosts, ellipsoid = self._panel.wants("ghosts"), self._panel.wants("ellipsoid")
-        with self._drawing:
+        # As one message: browsers draw it at once, and the thread that sends is woken once.
+        with self._drawing, self._server.atomic():
             self._stage.show(view, ghosts=ghosts, ellipsoid=ellipsoid, move_gizmo=move_gizmo)
             self._stage.mark_start(self._start, visible=ghosts and not np.array_equal(self._start, view.q))
             self._panel.show(view)

@@ -15,6 +15,7 @@ from jacokin.model import Robot
 from jacokin.motion import Trajectory, move_joints
 from jacokin.runner import Measured, PlannedMotion, Runner, RunnerOptions, RunnerStatus, TwinLink, run
 from jacokin.twin import Faults, KinovaDriver, SimulatedArm, TrajectoryController
+from jacokin.twin.arm import MOVING
 
 CLOSE = 0.5  # [deg]
 STANDS = 0.2  # [s]
@@ -31,8 +32,22 @@ def motion(robot: Robot) -> Trajectory:
     return move_joints(robot, robot.home, robot.home + np.array([0.4, 0.1, -0.2, 0.5, 0.1, 0.6]), dt=0.02)
 
 
+class NoisyLink(TwinLink):
+    """A link to an arm that measures its angles with noise."""
+
+    def __init__(self, driver: KinovaDriver | TrajectoryController, noise: float, seed: int, period: float) -> None:
+        self.noise, self.rng = math.radians(noise), np.random.default_rng(seed)
+        super().__init__(driver, period=period)
+
+    def _tell(self) -> Measured | None:
+        told = super()._tell()
+        if told is None:
+            return None
+        return Measured(told.q + self.rng.normal(0.0, self.noise, told.q.shape), told.v, told.torques)
+
+
 class Arm:
-    """A runner at a simulated arm."""
+    """A runner at a simulated arm, whose angles are measured with so much noise [deg], a standard deviation."""
 
     def __init__(
         self,
@@ -44,6 +59,7 @@ class Arm:
         turns: float = 0.0,
         options: RunnerOptions | None = None,
         seed: int = 0,
+        noise: float = 0.0,
     ) -> None:
         self.motion = motion
         self.simulated = SimulatedArm(q=motion.q[0] + turns)
@@ -53,7 +69,7 @@ class Arm:
             self.driver = KinovaDriver(self.simulated, faults=found, seed=seed)
         else:
             self.driver = TrajectoryController(self.simulated, robot.joint_names, faults=found, seed=seed)
-        self.link = TwinLink(self.driver, period=0.1 if ros == 1 else 0.01)
+        self.link: TwinLink = NoisyLink(self.driver, noise, seed, 0.1 if ros == 1 else 0.01)
         self.runner = Runner(robot, PlannedMotion.of(motion, robot), options)
 
     def run(self, at: float = math.inf, do: Callable[[], None] = lambda: None) -> RunnerStatus:
@@ -104,6 +120,39 @@ def test_a_late_driver_is_measured_and_its_arm_does_not_overshoot(
     assert max(away) < 0.2
 
 
+@pytest.mark.one_quick("lag")
+@pytest.mark.parametrize("ros", [1, 2])
+@pytest.mark.parametrize("lag", [0.4, 0.3, 0.2])
+def test_an_arm_that_is_late_for_a_short_motion_does_not_overshoot(robot: Robot, ros: int, lag: float) -> None:
+    """What is not seen to move is not far behind: it may be as late as the motion is long."""
+    change = np.array([0.12, 0.03, -0.06, 0.15, 0.03, 0.18])
+    motion = move_joints(robot, robot.home, robot.home + change, dt=0.02)
+    assert motion.duration < 0.9
+    arm = Arm(robot, motion, f"lag={lag}", ros=ros)
+    farthest = [0.0]
+    assert (
+        arm.run(0.0, lambda: farthest.append(((arm.simulated.state.q - motion.q[-1]) * np.sign(change)).max()))
+        is RunnerStatus.ARRIVED
+    ), arm.runner.message
+    assert np.degrees(max(farthest)) < 0.1
+    assert arm.away < 0.1
+
+
+@pytest.mark.one_quick("noise")
+@pytest.mark.parametrize("ros", [1, 2])
+@pytest.mark.parametrize("noise", [0.1, 0.05, 0.3])
+@pytest.mark.parametrize("faults", ["lag=0.03", "lag=0.1,loss=0.05"])
+def test_noise_does_not_hide_that_the_arm_stands_where_the_motion_ends(
+    robot: Robot, motion: Trajectory, ros: int, faults: str, noise: float
+) -> None:
+    for seed in range(3):
+        arm = Arm(robot, motion, faults, ros=ros, noise=noise, seed=seed)
+        assert arm.run() is RunnerStatus.ARRIVED, arm.runner.message
+        assert arm.away < CLOSE
+        assert arm.runner.stands
+        assert np.abs(arm.simulated.state.v).max() < MOVING
+
+
 @pytest.mark.parametrize("faults", ["lag=0.1,loss=0.1", "lag=0.1,loss=0.2,stall=0.1"])
 def test_the_latency_of_a_driver_that_loses_velocities_is_measured(
     robot: Robot, motion: Trajectory, faults: str
@@ -112,6 +161,16 @@ def test_the_latency_of_a_driver_that_loses_velocities_is_measured(
         arm = Arm(robot, motion, faults, ros=2, seed=seed)
         assert arm.run() is RunnerStatus.ARRIVED, arm.runner.message
         assert arm.runner.measured_latency == pytest.approx(0.2, abs=0.02)
+
+
+@pytest.mark.parametrize("lag", [0.02, 0.1])
+def test_the_latency_is_measured_where_a_third_is_lost_of_ten_messages_a_second(robot: Robot, lag: float) -> None:
+    motion = move_joints(robot, robot.home, robot.home + np.array([0.2, 0.1, -0.1, 0.25, 0.1, 0.3]), dt=0.02)
+    for seed in range(4):
+        arm = Arm(robot, motion, f"lag={lag},loss=0.3", seed=seed)
+        # Five messages in a row get lost now and then, which is silence.
+        assert arm.run() in (RunnerStatus.ARRIVED, RunnerStatus.SILENT), arm.runner.message
+        assert arm.runner.measured_latency == pytest.approx(2.0 * lag, abs=0.06)
 
 
 def test_a_latency_that_is_given_is_taken_and_measured_all_the_same(robot: Robot, motion: Trajectory) -> None:

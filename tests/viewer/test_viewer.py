@@ -22,6 +22,7 @@ from jacokin.errors import InvalidInputError
 from jacokin.ik import Box, Floor, Scene
 from jacokin.model import urdf_folder
 from jacokin.viewer import Inspector, Viewer, ViewerOptions, serve
+from jacokin.viewer.view import View
 from tests.model.measured_arms import perturbed
 from tests.viewer.page import Page, opened, port_of, repeat, until
 from tests.viewer.trajectories import recorded
@@ -266,6 +267,41 @@ def test_the_arm_stays_where_tracking_ends_and_does_not_go_to_a_trajectory(robot
             assert until(lambda: not viewer.view.note.startswith("Tracking"))
             assert viewer.view.note == ""
             assert np.allclose(viewer.view.target.translation, NEAR)
+
+
+def test_the_arm_and_the_panel_change_together(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A move is sent as one, however long the rest of it takes."""
+    with serve(robot, port=0) as viewer, opened(viewer) as page:
+
+        def places() -> object:
+            return {name: (node.position, node.wxyz) for name, node in list(page.screen.nodes.items())}
+
+        before, seen, show = places(), list[object](), viewer._panel.show
+
+        def show_late(view: View) -> None:
+            time.sleep(0.3)
+            seen.append(places())
+            show(view)
+
+        monkeypatch.setattr(viewer._panel, "show", show_late)
+        page.move_gizmo(NEAR)
+        assert at(viewer, NEAR)
+        assert seen[0] == before
+        assert until(lambda: places() != before)
+
+
+def test_tracking_that_is_ended_and_begun_again_at_once_goes_on(robot: Robot) -> None:
+    """Both clicks may have come before the first is answered: what is answered then is that it tracks."""
+    with serve(robot, port=0) as viewer, opened(viewer) as page:
+        page.change("Track", True)
+        assert until(lambda: viewer.view.note.startswith("Tracking"))
+        viewer._inbox.post("track")
+        assert until(lambda: not viewer._inbox.waits("track"))
+        page.move_gizmo(NEAR)
+        assert until(lambda: np.allclose(viewer.view.target.translation, NEAR))
+        assert page.value("Track") is True
+        page.change("Track", False)
+        assert until(lambda: not viewer.view.note.startswith("Tracking"))
 
 
 def test_a_trajectory_outside_the_limits_says_so(robot: Robot) -> None:

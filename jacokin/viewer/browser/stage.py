@@ -106,16 +106,15 @@ class Stage:
             colours = np.vstack((colours, np.array(colour, dtype=np.uint8)))
             solid = np.append(solid, True)
         touching = {name for pair in view.arm_touching for name in pair}
-        with self._server.atomic():
-            self.arm.place(places, self._colour(view), touching)
-            for name, obstacle in self._obstacles.items():
-                obstacle.color = TOUCHING if name in touching else OBSTACLE
-            self._ellipsoid.visible = ellipsoid
-            if ellipsoid:
-                self._place_ellipsoid(view.q)
-            self.arm.place_ghosts(places, colours, solid)
-            if move_gizmo:
-                self.place_gizmo(view.gizmo)
+        self.arm.place(places, self._colour(view), touching)
+        for name, obstacle in self._obstacles.items():
+            obstacle.color = TOUCHING if name in touching else OBSTACLE
+        self._ellipsoid.visible = ellipsoid
+        if ellipsoid:
+            self._place_ellipsoid(view.q)
+        self.arm.place_ghosts(places, colours, solid)
+        if move_gizmo:
+            self.place_gizmo(view.gizmo)
 
     def mark_start(self, q: Array, *, visible: bool) -> None:
         """Draw the arm at (dof,) [rad] by sticks, or nothing."""

@@ -149,7 +149,8 @@ def test_cylinders_and_spheres_too(tmp_path: Path) -> None:
             across = middle.actInv(np.array(place))
             assert abs(across[0]) < 1e-9
             assert across[1] == pytest.approx(0.0, abs=0.05)
-    pick = plan_pick(solver, robot.home, grasps.cylinder(0.012, 0.06, place, gripper=hand), distance=0.03)
+    ways = grasps.cylinder(0.012, 0.06, place, gripper=hand)
+    pick = plan_pick(solver, robot.home, ways, distance=0.03, time_limit=20.0)
     assert pick.success, pick.message
 
 
