@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
+from jacokin.kernels.limits import TURN
 from jacokin.kernels.symmetric import diagonalise, factorise, solve_factorised
 
 #: Keeps the Hessian regular at singular poses.
@@ -29,6 +30,9 @@ LEAVING = 10.0
 ROUNDED = 1e-6
 #: Of an error out of reach, by which it is not worth while to move on.
 LITTLE = 1e-4
+#: Towards the edge of what is worth while, a slope fades with this power of what is to be gained: with 1, the arm steps
+#: over the edge and back at every tick; with 0.5, which leaves it as steep as it was, it never quite comes to rest.
+FADING = 0.75
 #: Instead of dividing by zero.
 TINY = 1e-200
 #: Part of the mean of the Hessian's diagonal: with every pivot above it, there is no negative eigenvalue.
@@ -156,14 +160,14 @@ def make_regular(problem: Problem, cost: float, negligible: float, dof: int) -> 
         slopes[i] = 0.0
         for j in range(dof):
             slopes[i] += gradient[j] * problem.factor[j * dof + i]
-        gain += slopes[i] * slopes[i] / bends[i]
+        gain += slopes[i] * slopes[i] / max(bends[i], abs(slopes[i]) / TURN)  # no farther than a turn
     gain = min(cost, gain)
     left = math.sqrt(max(cost - gain - ROUNDED * cost, 0.0))
     damping = damping_for(gain)
     if left > 0.0:
         for i in range(dof):
             gained = max(slopes[i] * slopes[i] / bends[i], TINY)
-            slopes[i] *= max(1.0 - 2.0 * left * (negligible + LITTLE * left) / gained, 0.0)
+            slopes[i] *= max(1.0 - (2.0 * left * (negligible + LITTLE * left) / gained) ** FADING, 0.0)
         for j in range(dof):
             gradient[j] = 0.0
             for i in range(dof):

@@ -52,8 +52,6 @@ from jacokin.kernels.tracking.tasks import (
 
 #: Part of the squared error that is all but none.
 REMOVED = 1e-2
-#: Of a step that makes the error grow, before the arm stays.
-HALVINGS = 6
 #: Of how far the end of a joint's way comes towards it, relative to how far the joint goes itself.
 MOST_NEARING = 3.0
 #: [s] over which that is averaged: where the Hessian loses a negative eigenvalue, the end jumps.
@@ -295,33 +293,35 @@ def follow(problem: Problem, moved: Array, part: float, rows: int, x: Array) -> 
 
 
 def descend(work: TickWork, rows: int) -> int:
-    """Halve the step until the error does not grow.
+    """Shorten a step towards targets at rest to where the error would be least, if it bends as it does over all of it.
 
-    One that all but removes the error is corrected by what is left: so moving targets are followed to the curvature
-    of the kinematics' third order.
+    A step that all but removes the error is corrected by what bends away from it: so moving targets are followed to the
+    curvature of the kinematics' third order.
     """
-    dof, cost, left = len(work.q), work.numbers[COST], work.problem.left
-    negligible = work.numbers[NEGLIGIBLE] * work.numbers[NEGLIGIBLE]
-    trial = work.after[:dof]
-    for _ in range(HALVINGS):
-        move(work.limits, work.q, work.step, trial)
-        place_joints(work.arm, trial)
-        fill_errors(work.arm.frames, work.tasks, 0, work.counts[FIRST_TASKS], trial, left)
-        now = 0.0
-        for r in range(rows):
-            now += left[r] * left[r]
-        if now <= REMOVED * cost:
-            follow(work.problem, left, 1.0, rows, work.along)
-            for j in range(dof):
-                work.step[j] += work.along[j]
-            return SOLVED
-        if now <= cost or now <= negligible:
-            return SOLVED
+    dof, cost, left, problem = len(work.q), work.numbers[COST], work.problem.left, work.problem
+    trial, slope, now = work.after[:dof], 0.0, 0.0
+    move(work.limits, work.q, work.step, trial)
+    place_joints(work.arm, trial)
+    fill_errors(work.arm.frames, work.tasks, 0, work.counts[FIRST_TASKS], trial, left)
+    for r in range(rows):
+        removed = 0.0
         for j in range(dof):
-            work.step[j] *= 0.5
+            removed += problem.jacobian[r * dof + j] * work.step[j]
+        slope -= 2.0 * problem.error[r] * removed
+        now += left[r] * left[r]
+        left[r] -= problem.error[r] - removed
+    if now < REMOVED * cost:
+        follow(problem, left, 1.0 - now / (REMOVED * cost), rows, work.along)
+        for j in range(dof):
+            work.step[j] += work.along[j]
+        return SOLVED
+    bend = now - cost - slope
+    at_rest = work.counts[MOVED] == 0 and now > work.numbers[NEGLIGIBLE] * work.numbers[NEGLIGIBLE]
+    if not at_rest or 2.0 * bend <= -slope:
+        return SOLVED
     for j in range(dof):
-        work.step[j] = 0.0
-    return GROWS
+        work.step[j] *= max(-0.5 * slope / bend, 0.0)
+    return SOLVED if slope < 0.0 else GROWS
 
 
 def linearise_tick(work: TickWork) -> int:
