@@ -159,11 +159,9 @@ def solve_tick(work: TickWork) -> None:
     move_apart(work.arm, near)
     if near.counts[2] > 0:
         add_squares(problem, near.wishes, near.errors, near.counts[2], dof)
-    numbers[DAMPED] = make_regular(problem, cost, numbers[NEGLIGIBLE], dof)
+    numbers[DAMPED] = make_regular(problem, cost, numbers[NEGLIGIBLE], work.total)
     fill_bounds(work.limits, q, work.v, numbers[TIME_STEP], work.bounds[:dof], work.bounds[dof:])
     fill_room(work.limits, q, work.room[:dof], work.room[dof:])
-    for j in range(dof):
-        work.total[j] = -problem.gradient[j]
     divide(problem, work.total, dof)
 
 
