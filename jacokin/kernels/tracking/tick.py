@@ -50,8 +50,8 @@ from jacokin.kernels.tracking.tasks import (
     rows_of,
 )
 
-#: Part of the squared error that is all but none.
-REMOVED = 1e-2
+#: Of a squared error: a step that leaves less goes on to the target, the less is left the farther.
+REMOVED = 0.02
 #: Of how far the end of a joint's way comes towards it, relative to how far the joint goes itself.
 MOST_NEARING = 3.0
 #: [s] over which that is averaged: where the Hessian loses a negative eigenvalue, the end jumps.
@@ -293,8 +293,8 @@ def follow(problem: Problem, moved: Array, part: float, rows: int, x: Array) -> 
 def descend(work: TickWork, rows: int) -> int:
     """Shorten a step towards targets at rest to where the error would be least, if it bends as it does over all of it.
 
-    A step that all but removes the error is corrected by what bends away from it: so moving targets are followed to the
-    curvature of the kinematics' third order.
+    One that all but removes the error is corrected by what is left: so moving targets are followed to the curvature of
+    the kinematics' third order.
     """
     dof, cost, left, problem = len(work.q), work.numbers[COST], work.problem.left, work.problem
     trial, slope, now = work.after[:dof], 0.0, 0.0
@@ -302,14 +302,12 @@ def descend(work: TickWork, rows: int) -> int:
     place_joints(work.arm, trial)
     fill_errors(work.arm.frames, work.tasks, 0, work.counts[FIRST_TASKS], trial, left)
     for r in range(rows):
-        removed = 0.0
-        for j in range(dof):
-            removed += problem.jacobian[r * dof + j] * work.step[j]
-        slope -= 2.0 * problem.error[r] * removed
         now += left[r] * left[r]
-        left[r] -= problem.error[r] - removed
+        for j in range(dof):
+            slope -= 2.0 * problem.error[r] * problem.jacobian[r * dof + j] * work.step[j]
     if now < REMOVED * cost:
-        follow(problem, left, 1.0 - now / (REMOVED * cost), rows, work.along)
+        part = now / (REMOVED * cost)
+        follow(problem, left, 1.0 - part * part, rows, work.along)
         for j in range(dof):
             work.step[j] += work.along[j]
         return SOLVED
