@@ -38,6 +38,8 @@ from jacokin.teleop import Teleop
 
 STRONG = 0.05  # of its velocity limit, above which the two directions of a joint make a reversal
 WITHIN = 3  # ticks
+HARD = 0.3  # of the acceleration limit
+JOLT = 0.1 + 1e-9  # [s]
 STILL = 1e-3  # of the velocity limits: slower joints stand
 TURNS = 1000.0  # [rad] limits of joints without any, for peers that know none of these
 MARGIN = 1e-3  # [rad/s] above its limit from which a velocity counts as too fast: QP solvers have tolerances
@@ -64,6 +66,22 @@ def reversals(v: Array, limit: Array) -> NDArray[np.int64]:
         turned = np.sign(part[strong[1:]]) != np.sign(part[strong[:-1]])
         counts[joint] = np.count_nonzero(turned & (np.diff(strong) <= WITHIN))
     return counts
+
+
+def jolts(v: Array, hardest: Array, dt: float) -> int:
+    """How often the joint that does most accelerates hard, and within 0.1 s as hard the other way.
+
+    Args:
+        v: (n, dof) velocity of each tick [rad/s].
+        hardest: (dof,) acceleration limits [rad/s^2], of which 30 % are hard.
+        dt: control step [s].
+    """
+    most = 0
+    for part in (np.diff(v, axis=0) / (dt * hardest)).T:
+        hard = np.flatnonzero(np.abs(part) > HARD)
+        turned = np.sign(part[hard[1:]]) != np.sign(part[hard[:-1]])
+        most = max(most, int(np.count_nonzero(turned & (np.diff(hard) * dt <= JOLT))))
+    return most
 
 
 def target_reversals(targets: Sequence[pin.SE3], dt: float, *, linear: float = 0.01, angular: float = 0.05) -> int:

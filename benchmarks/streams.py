@@ -75,9 +75,10 @@ def make(
     Args:
         robot: whose reach it is about.
         kind: a name of `KINDS`: "standing" within reach; "unreachable", which stands out of reach; "beyond", which
-            goes out of reach and comes back; "moving" smoothly; "shoulder", over the axis of the first joint; "folds",
-            across singular poses; "bursts" of a moving hand's poses, at 72 Hz in packets of five; "turned", one by one,
-            some frames turned by 90 degrees; "turned_bursts", both; "dropouts", bursts with missing frames and silence.
+            goes out of reach and comes back; "circling" around the base, also out of reach; "spinning" about the tool;
+            "moving" smoothly; "shoulder", over the axis of the first joint; "folds", across singular poses; "bursts" of
+            a moving hand's poses, at 72 Hz in packets of five; "turned", one by one, some frames turned by 90 degrees;
+            "turned_bursts", both; "dropouts", bursts with missing frames and silence.
         rng: randomness.
         dt: control step [s].
         seconds: how long it lasts [s], the last three with a target that stands.
@@ -138,6 +139,28 @@ def _beyond(robot: Robot, rng: np.random.Generator, moves: float) -> Motion:
     way = start.translation + rng.normal(size=3) * 0.3 * np.linalg.norm(start.translation)
     way *= FAR * np.linalg.norm(start.translation) / np.linalg.norm(way)
     return _through(start, [way], [rng.uniform(-TURN, TURN, 3)], moves)
+
+
+def _circling(robot: Robot, rng: np.random.Generator, moves: float) -> Motion:
+    """Around the base, most often out of reach, or faster than the first joint."""
+    start = robot.forward_kinematics(robot.home)
+    distance = np.linalg.norm(start.translation)
+    radius, height = rng.uniform(0.3, 2.0) * distance, rng.uniform(0.0, 1.5) * distance
+    rate, begin = rng.uniform(0.2, 1.0), rng.uniform(0.0, 2.0 * np.pi)
+
+    def at(t: float) -> pin.SE3:
+        gone = rate * min(t, moves)
+        place = [radius * np.cos(begin + gone), radius * np.sin(begin + gone), height]
+        return pin.SE3(pin.exp3(np.array([0.0, 0.0, gone])) @ start.rotation, np.array(place))
+
+    return at
+
+
+def _spinning(robot: Robot, rng: np.random.Generator, moves: float) -> Motion:
+    """About an axis through the tool, which stays where it is."""
+    start, axis, rate = robot.forward_kinematics(robot.home), rng.normal(size=3), rng.uniform(0.3, 1.5)
+    axis /= np.linalg.norm(axis)
+    return lambda t: pin.SE3(start.rotation @ pin.exp3(rate * min(t, moves) * axis), start.translation)
 
 
 def _shoulder(robot: Robot, rng: np.random.Generator, moves: float) -> Motion:
@@ -206,6 +229,8 @@ KINDS: dict[str, Callable[[Robot, np.random.Generator, float], Motion]] = {
     "standing": _standing,
     "unreachable": _unreachable,
     "beyond": _beyond,
+    "circling": _circling,
+    "spinning": _spinning,
     "moving": _moving,
     "shoulder": _shoulder,
     "folds": _folds,

@@ -91,22 +91,20 @@ def take_stride(limits: Array, total: Array, along: Array, nearing: Array, strid
     Args:
         limits: of the joints.
         total: (dof,) what is missing to the target at the end of the tick [rad].
-        along: (dof,) by how much the target itself moves in a tick [rad]; made smaller where it is too fast.
+        along: (dof,) by how much the target itself moves in a tick [rad].
         nearing: (dof,) how far the end of a joint's way comes towards it, relative to how far the joint goes, >= 0.
         stride: filled.
     """
-    dof, share, part = len(total), 1.0, math.inf
+    dof, part, share = len(total), 1.0, 1.0
     for j in range(dof):
-        share = min(share, limits[j, STEP] / max(abs(along[j]), TINY))
-    for j in range(dof):
-        along[j] *= share
-        gap = total[j] - along[j]
-        size, own = max(abs(gap), TINY), 1.0 / (1.0 + nearing[j])
-        part = min(part, (limits[j, STEP] - math.copysign(along[j], along[j] * gap)) / size)
-        part = min(part, own * stopping_part(max(own * size / limits[j, CATCHING], TINY)))
-    part = max(part, 0.0)
+        own = 1.0 / (1.0 + nearing[j])
+        distance = own * abs(total[j] - along[j]) / limits[j, CATCHING]
+        part = min(part, own * stopping_part(max(distance, TINY)))
     for j in range(dof):
         stride[j] = along[j] + part * (total[j] - along[j])
+        share = min(share, limits[j, STEP] / max(abs(stride[j]), TINY))
+    for j in range(dof):
+        stride[j] *= share
 
 
 def keep_to_target(limits: Array, v: Array, dt: float, along_change: Array, low: Array, high: Array) -> None:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
+from jacokin.kernels.limits import TURN
 from jacokin.kernels.symmetric import diagonalise, factorise, solve_factorised
 
 #: Keeps the Hessian regular at singular poses.
@@ -29,6 +30,9 @@ LEAVING = 10.0
 ROUNDED = 1e-6
 #: Of an error out of reach, by which it is not worth while to move on.
 LITTLE = 1e-4
+#: Towards the edge of what is worth while, a slope fades with this power of what is to be gained: with 1, the arm steps
+#: over the edge and back at every tick; with 0.5, which leaves it as steep as it was, it never quite comes to rest.
+FADING = 0.75
 #: Instead of dividing by zero.
 TINY = 1e-200
 #: Part of the mean of the Hessian's diagonal: with every pivot above it, there is no negative eigenvalue.
@@ -54,6 +58,7 @@ class Problem(NamedTuple):
     bends: Array  # (dof,) how much the Hessian bends in its principal directions, > 0
     slopes: Array  # (dof,) to work in
     principal: NDArray[np.int64]  # (1,) 1 where it is in principal directions
+    worth: Array  # (1,) of the squared error: a step that gains less is not worth while [m^2]
 
 
 def make_problem(dof: int = 0, rows: int = 0) -> Problem:
@@ -69,7 +74,13 @@ def make_problem(dof: int = 0, rows: int = 0) -> Problem:
         np.zeros(dof),
         np.zeros(dof),
         np.zeros(1, np.int64),
+        np.zeros(1),
     )
+
+
+def worthwhile(gained: float, worth: float) -> float:
+    """The part, from 0 to 1, of a step that gains so much of the squared error which is worth while [m^2]."""
+    return float(max(1.0 - (worth / max(gained, TINY)) ** FADING, 0.0))
 
 
 def damping_for(gain: float) -> float:
@@ -122,17 +133,26 @@ def add_squares(problem: Problem, rows: Array, errors: Array, count: int, dof: i
         problem.hessian[i * dof + i] += LEAVING * most * most
 
 
-def make_regular(problem: Problem, cost: float, negligible: float, dof: int) -> float:
+def make_regular(problem: Problem, cost: float, negligible: float, wanted: Array) -> float:
     """Make the Hessian positive definite and damp it; returns the damping.
 
     Damping goes with what there is to gain: it vanishes at the least error, on target or out of reach. Where error is
     left there, directions in which next to nothing is to be gained are left alone: the arm comes to rest.
+
+    Args:
+        problem: with gradient and Hessian.
+        cost: the squared error [m^2].
+        negligible: error that is not worth while [m].
+        wanted: (dof,) filled with the gradient downwards, without those directions.
     """
+    dof = len(wanted)
     gradient, hessian, bends, slopes = problem.gradient, problem.hessian, problem.bends, problem.slopes
     least = 0.0
     for i in range(dof):
         least += LEAST_PIVOT * abs(hessian[i * dof + i]) / dof
-    problem.principal[0] = 0
+    problem.principal[0], problem.worth[0] = 0, 0.0
+    for i in range(dof):
+        wanted[i] = -gradient[i]
     if factorise(hessian, problem.factor, dof, 0.0, least):
         factorise(hessian, problem.factor, dof, TIKHONOV, 0.0)
         for i in range(dof):
@@ -156,18 +176,18 @@ def make_regular(problem: Problem, cost: float, negligible: float, dof: int) -> 
         slopes[i] = 0.0
         for j in range(dof):
             slopes[i] += gradient[j] * problem.factor[j * dof + i]
-        gain += slopes[i] * slopes[i] / bends[i]
+        gain += slopes[i] * slopes[i] / max(bends[i], abs(slopes[i]) / TURN)  # no farther than a turn
     gain = min(cost, gain)
     left = math.sqrt(max(cost - gain - ROUNDED * cost, 0.0))
     damping = damping_for(gain)
     if left > 0.0:
+        problem.worth[0] = 2.0 * left * (negligible + LITTLE * left)
         for i in range(dof):
-            gained = max(slopes[i] * slopes[i] / bends[i], TINY)
-            slopes[i] *= max(1.0 - 2.0 * left * (negligible + LITTLE * left) / gained, 0.0)
+            slopes[i] *= worthwhile(slopes[i] * slopes[i] / bends[i], problem.worth[0])
         for j in range(dof):
-            gradient[j] = 0.0
+            wanted[j] = 0.0
             for i in range(dof):
-                gradient[j] += problem.factor[j * dof + i] * slopes[i]
+                wanted[j] -= problem.factor[j * dof + i] * slopes[i]
     for i in range(dof):
         bends[i] += damping
     return TIKHONOV + damping

@@ -50,10 +50,8 @@ from jacokin.kernels.tracking.tasks import (
     rows_of,
 )
 
-#: Part of the squared error that is all but none.
-REMOVED = 1e-2
-#: Of a step that makes the error grow, before the arm stays.
-HALVINGS = 6
+#: Of a squared error: a step that leaves less goes on to the target, the less is left the farther.
+REMOVED = 0.02
 #: Of how far the end of a joint's way comes towards it, relative to how far the joint goes itself.
 MOST_NEARING = 3.0
 #: [s] over which that is averaged: where the Hessian loses a negative eigenvalue, the end jumps.
@@ -161,11 +159,9 @@ def solve_tick(work: TickWork) -> None:
     move_apart(work.arm, near)
     if near.counts[2] > 0:
         add_squares(problem, near.wishes, near.errors, near.counts[2], dof)
-    numbers[DAMPED] = make_regular(problem, cost, numbers[NEGLIGIBLE], dof)
+    numbers[DAMPED] = make_regular(problem, cost, numbers[NEGLIGIBLE], work.total)
     fill_bounds(work.limits, q, work.v, numbers[TIME_STEP], work.bounds[:dof], work.bounds[dof:])
     fill_room(work.limits, q, work.room[:dof], work.room[dof:])
-    for j in range(dof):
-        work.total[j] = -problem.gradient[j]
     divide(problem, work.total, dof)
 
 
@@ -295,33 +291,33 @@ def follow(problem: Problem, moved: Array, part: float, rows: int, x: Array) -> 
 
 
 def descend(work: TickWork, rows: int) -> int:
-    """Halve the step until the error does not grow.
+    """Shorten a step towards targets at rest to where the error would be least, if it bends as it does over all of it.
 
-    One that all but removes the error is corrected by what is left: so moving targets are followed to the curvature
-    of the kinematics' third order.
+    One that all but removes the error is corrected by what is left: so moving targets are followed to the curvature of
+    the kinematics' third order.
     """
-    dof, cost, left = len(work.q), work.numbers[COST], work.problem.left
-    negligible = work.numbers[NEGLIGIBLE] * work.numbers[NEGLIGIBLE]
-    trial = work.after[:dof]
-    for _ in range(HALVINGS):
-        move(work.limits, work.q, work.step, trial)
-        place_joints(work.arm, trial)
-        fill_errors(work.arm.frames, work.tasks, 0, work.counts[FIRST_TASKS], trial, left)
-        now = 0.0
-        for r in range(rows):
-            now += left[r] * left[r]
-        if now <= REMOVED * cost:
-            follow(work.problem, left, 1.0, rows, work.along)
-            for j in range(dof):
-                work.step[j] += work.along[j]
-            return SOLVED
-        if now <= cost or now <= negligible:
-            return SOLVED
+    dof, cost, left, problem = len(work.q), work.numbers[COST], work.problem.left, work.problem
+    trial, slope, now = work.after[:dof], 0.0, 0.0
+    move(work.limits, work.q, work.step, trial)
+    place_joints(work.arm, trial)
+    fill_errors(work.arm.frames, work.tasks, 0, work.counts[FIRST_TASKS], trial, left)
+    for r in range(rows):
+        now += left[r] * left[r]
         for j in range(dof):
-            work.step[j] *= 0.5
+            slope -= 2.0 * problem.error[r] * problem.jacobian[r * dof + j] * work.step[j]
+    if now < REMOVED * cost:
+        part = now / (REMOVED * cost)
+        follow(problem, left, 1.0 - part * part, rows, work.along)
+        for j in range(dof):
+            work.step[j] += work.along[j]
+        return SOLVED
+    bend = now - cost - slope
+    at_rest = work.counts[MOVED] == 0 and now > work.numbers[NEGLIGIBLE] * work.numbers[NEGLIGIBLE]
+    if not at_rest or 2.0 * bend <= -slope:
+        return SOLVED
     for j in range(dof):
-        work.step[j] = 0.0
-    return GROWS
+        work.step[j] *= max(-0.5 * slope / bend, 0.0)
+    return SOLVED if slope < 0.0 else GROWS
 
 
 def linearise_tick(work: TickWork) -> int:

@@ -14,6 +14,7 @@ from jacokin.ik.qp_backend import Backend, Inequalities
 from jacokin.ik.targets import combined_error
 from jacokin.kernels.library import Call
 from jacokin.kernels.tracking import near
+from jacokin.kernels.tracking.problem import worthwhile
 from jacokin.kernels.tracking.reach import FORESIGHT, KEPT, ReachWork, make_reach_work
 from jacokin.kernels.tracking.run import (
     FROM_TWIST,
@@ -264,7 +265,10 @@ class TickSolver:
         work = self._work
         low, high = self.bounds if outcome == NEEDS_QP_NOW else self.room
         hessian, gradient = self.hessian, work.problem.gradient.copy()
-        work.total[:] = qp.minimize(hessian, gradient, self.inequalities, np.maximum(low, -FAR), np.minimum(high, FAR))
+        total = qp.minimize(hessian, gradient, self.inequalities, np.maximum(low, -FAR), np.minimum(high, FAR))
+        if outcome == NEEDS_QP:
+            total = total * worthwhile(-float(gradient @ total), float(work.problem.worth[0]))
+        work.total[:] = total
 
     def measure(self, q: Array, arm: JointState, tasks: Tasks, *, goes: bool) -> Report:
         """Measure where the arm is.

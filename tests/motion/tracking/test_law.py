@@ -16,7 +16,7 @@ import pytest
 
 import jacokin
 from benchmarks import streams
-from benchmarks.smooth import reversals, stands_after, target_reversals
+from benchmarks.smooth import jolts, reversals, stands_after, target_reversals
 from jacokin import Robot, Tracker
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, UnknownNameError
@@ -32,6 +32,7 @@ RADIAN = 0.1  # [m] that a radian counts in an error
 HOLDS = 5e-4  # [m] by which an error may grow in all, after the first second: where joints brake past singular poses
 NEAR = 1e-5  # [m] to the least error that counts as being there
 TURNED = 0.02  # part by which a tool may turn faster than asked: a tick is a finite turn
+JOLTS = 16  # of a joint in ten seconds, that accelerates hard one way and at once the other
 WITHIN = 0.03  # [s] three ticks at 100 Hz
 QUICK = "j2n6s300", "j2s7s300", "ur5", "five"
 #: Of bundled arms with two hands, those with three fingers: the others have the same joints.
@@ -122,6 +123,21 @@ def test_at_other_rates_too(find: Find, name: str, kind: str, dt: float) -> None
     stream = stream_of(robot, kind, 1, dt, seconds=6.0)
     v, _, _ = play(Tracker(robot, dt=dt, q=stream.start), stream.targets)
     assert turns(v, robot.velocity_limit, dt) <= target_reversals(stream.targets, dt) + MORE
+
+
+@pytest.mark.one_quick
+@pytest.mark.parametrize("name", cases("j2n6s300", "j2s7s300", "ur5"))
+@pytest.mark.parametrize("kind", ["beyond", "circling", "spinning"])
+@pytest.mark.parametrize("number", [6, *(pytest.param(n, marks=pytest.mark.slow) for n in (0, 1))])
+def test_a_smooth_target_is_chased_smoothly_where_it_cannot_be_followed(
+    find: Find, name: str, kind: str, number: int
+) -> None:
+    """Joints accelerated to and fro at every tick, most of all while a target went away out of reach."""
+    robot = find(name)
+    stream = stream_of(robot, kind, number)
+    tracker = Tracker(robot, dt=DT, q=stream.start)
+    v, _, _ = play(tracker, stream.targets)
+    assert jolts(v, tracker.acceleration_limit, DT) <= JOLTS
 
 
 @pytest.mark.slow
