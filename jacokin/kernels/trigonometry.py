@@ -33,6 +33,15 @@ def sin_cos(angle: float) -> tuple[float, float]:
     if not abs(angle) < LARGEST_ANGLE:
         return math.sin(angle), math.cos(angle)
     quarters = angle * QUARTERS_PER_RADIAN + TO_WHOLE - TO_WHOLE
+    s, c = sin_cos_within_quarter(angle, quarters)
+    place = int(quarters) & 3
+    odd = place & 1
+    turn_c, turn_s = float((1 - place) * (1 - odd)), float((2 - place) * odd)  # of the quarters: 0, 1 or -1
+    return s * turn_c + c * turn_s, c * turn_c - s * turn_s
+
+
+def sin_cos_within_quarter(angle: float, quarters: float) -> tuple[float, float]:
+    """Sine and cosine of what is left of an angle [rad] after its nearest whole number of quarter turns."""
     most, rest = angle - quarters * QUARTER, quarters * QUARTER_REST
     x = most - rest
     tail = (most - x) - rest  # x + tail is the angle within the quarter turn
@@ -47,10 +56,7 @@ def sin_cos(angle: float) -> tuple[float, float]:
     half = 0.5 * z
     c = 1.0 - half
     c += ((1.0 - c) - half) + (z * r - x * tail)
-    place = int(quarters) & 3
-    odd = place & 1
-    turn_c, turn_s = float((1 - place) * (1 - odd)), float((2 - place) * odd)  # of the quarters: 0, 1 or -1
-    return s * turn_c + c * turn_s, c * turn_c - s * turn_s
+    return s, c
 
 
 def sines_cosines(angles: NDArray[np.floating]) -> tuple[Array, Array]:
