@@ -26,7 +26,7 @@ from jacokin.ik.structures import measure_general, sine_of
 from jacokin.ik.verification import Verifier
 from jacokin.kernels.closed_form.batch import TargetWork, make_target_work, solve_targets
 from jacokin.kernels.library import Call
-from jacokin.kernels.six_joints.loop import GENERAL
+from jacokin.kernels.six_joints.loop import Form
 from jacokin.kernels.tolerances import DISTINCT, EXACT_MISFIT
 from jacokin.model import angles, checks
 from jacokin.model.kinematics import about_z
@@ -107,7 +107,7 @@ class FixedJoints:
             except StructureError:  # not built like a Jaco
                 pass
             arm = measure_general(chain, None if anew else labellings()).arm
-            if not anew and arm[FORM] == GENERAL and any(sine_of(chain[link]) < DISTINCT for link in links):
+            if not anew and arm[FORM] == Form.GENERAL and any(sine_of(chain[link]) < DISTINCT for link in links):
                 arm = measure_general(chain).arm  # other labellings may suit parallel axes
             return arm
 

@@ -21,7 +21,7 @@ from jacokin.kernels.chain import (
     solve_normal,
     triangulate,
 )
-from jacokin.kernels.closed_form.folds import KNOWN_FOLD, NEW_FOLD, FoldWork, is_known_fold, make_folds, solve_fold
+from jacokin.kernels.closed_form.folds import FoldFound, FoldWork, is_known_fold, make_folds, solve_fold
 from jacokin.kernels.configurations.arm import turn_sines
 from jacokin.kernels.limits import TURN, fit_to_limits, hold_on_limits, nearest_copy, same_configuration
 from jacokin.kernels.tolerances import (
@@ -112,8 +112,8 @@ def add_fold(query: PoseQuery, work: BranchWork) -> bool:
     if is_known_fold(fold, q):
         return True
     result = solve_fold(query.chain, query.T, work.newton, fold)
-    if result != NEW_FOLD:
-        return result == KNOWN_FOLD
+    if result != FoldFound.NEW:
+        return result == FoldFound.KNOWN
     found = False
     for i in range(2):
         for j in range(6):

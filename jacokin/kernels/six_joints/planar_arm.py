@@ -23,8 +23,8 @@ from jacokin.kernels.branches import FOUND, BranchWork, PoseQuery, is_apart
 from jacokin.kernels.closed_form.roots import RootWork, find_roots
 from jacokin.kernels.six_joints.candidates import (
     SIGNS,
-    UNSETTLED,
     Candidates,
+    FormState,
     add_candidate,
     add_candidates,
     add_last_candidates,
@@ -99,12 +99,12 @@ def branches_of_planar_arm(
             turn_five_twice(arm, planar, query, work, branches)
             count += 4
         else:
-            state[UNSETTLED] = 1
+            state[FormState.UNSETTLED] = 1
     if are_apart(branches) and add_last_candidates(query, work, branches):
         return True
     add_candidates(query, work, branches)
     # Where two lead to one branch, another may be near one of them.
-    return bool(state[UNSETTLED] == 0 and branches.filled[0] == count)
+    return bool(state[FormState.UNSETTLED] == 0 and branches.filled[0] == count)
 
 
 def are_apart(branches: BranchWork) -> bool:
@@ -217,7 +217,7 @@ def in_the_plane(
     if dot(other, other) > dot(normal, normal):
         normal = other
     if dot(normal, normal) < FREE_ANGLE * FREE_ANGLE:
-        work.state[UNSETTLED] = 1  # nothing determines theta_1
+        work.state[FormState.UNSETTLED] = 1  # nothing determines theta_1
         return
     # Seen before joint 1: axis 2 on one side, the way from O to C, axes 4 and 5.
     normal = before_one(work, normal)

@@ -19,7 +19,7 @@ from jacokin.kernels.limits import TURN, copy_within_limits
 from jacokin.kernels.solution_set.curve import LEAST_COSINE, LONGEST_STEP, RESOLUTION, Walk, tangent, wrapped
 from jacokin.kernels.solution_set.seven_joints import MOST_AT_Q3, solve_at_q3, solve_rows_at_q3
 from jacokin.kernels.solution_set.slices import SevenJoints
-from jacokin.kernels.solution_set.trace import LOST, Loops, add_node, enter_run
+from jacokin.kernels.solution_set.trace import CurveEnd, Loops, add_node, enter_run
 from jacokin.kernels.solution_set.within import SNAP
 
 #: [rad] longest interval of joint 3 to begin with, and places there is room for: twice the intervals and one for each
@@ -248,5 +248,5 @@ def enter_chord(item: Array, loops: Loops, walk: Walk) -> bool:
         if not (is_short or along >= LEAST_COSINE * length) or add_node(loops, walk.z, walk.tz, 0) < 0:
             loops.size[0] = first
             return False
-    enter_run(loops, first, LOST)
+    enter_run(loops, first, CurveEnd.LOST)
     return True

@@ -26,7 +26,7 @@ from jacokin.kernels.solution_set.curve import (
     still_shares,
     wrapped,
 )
-from jacokin.kernels.solution_set.trace import CLOSED, Loops
+from jacokin.kernels.solution_set.trace import CurveEnd, Loops
 
 ROWS, PIECES = 24576, 512
 #: Why a piece ends, besides 2 j and 2 j + 1 for the lower and upper limit of angle j: a fold, or nothing ends.
@@ -138,7 +138,7 @@ def first_node(c: int, loops: Loops, pieces: Pieces) -> tuple[int, bool, bool]:
 
     A closed curve can be begun at any node: at the first fold, or else at the last node outside the limits before that.
     """
-    start, whole, turns = loops.ends[c, 0], loops.ends[c, 2] == CLOSED, False
+    start, whole, turns = loops.ends[c, 0], loops.ends[c, 2] == CurveEnd.CLOSED, False
     if not whole:
         return start, whole, turns
     for n in range(loops.ends[c, 0], loops.ends[c, 1] - 1):

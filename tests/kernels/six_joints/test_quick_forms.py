@@ -15,7 +15,7 @@ from jacokin.ik.structures import quick_form, size_of
 from jacokin.kernels.branches import COLUMNS, MAX_BRANCHES, PoseQuery
 from jacokin.kernels.closed_form.arm import unpack_arm
 from jacokin.kernels.closed_form.pose import make_work
-from jacokin.kernels.six_joints.loop import GENERAL, PARALLEL_AXES, PLANAR_ARM, SPHERICAL_WRIST, joint_of
+from jacokin.kernels.six_joints.loop import Form, joint_of
 from jacokin.kernels.six_joints.planar_arm import branches_of_planar_arm
 from tests.kernels.plain import PlainCall
 from tests.kernels.six_joints.arms import (
@@ -47,21 +47,21 @@ MADE_UP: dict[str, tuple[list[float], list[float], list[float]]] = {
 }
 #: The kind of form, and the joints whose axes meet or are parallel; of a planar arm, these and the two beside them.
 EXPECTED = {
-    "puma": (SPHERICAL_WRIST, (4, 5, 6)),
-    "industrial": (SPHERICAL_WRIST, (4, 5, 6)),
-    "any three, wrist": (SPHERICAL_WRIST, (4, 5, 6)),
-    "shoulder 123": (SPHERICAL_WRIST, (1, 2, 3)),
-    "skew shoulder 123": (SPHERICAL_WRIST, (1, 2, 3)),
-    "meeting 345": (SPHERICAL_WRIST, (3, 4, 5)),
-    "axes 1 and 2 parallel": (SPHERICAL_WRIST, (4, 5, 6)),
-    "ur5": (PARALLEL_AXES, (2, 3, 4)),
-    "any others, 234": (PARALLEL_AXES, (2, 3, 4)),
-    "parallel 345": (PARALLEL_AXES, (3, 4, 5)),
-    "parallel 123": (PARALLEL_AXES, (1, 2, 3)),
-    "crx": (PLANAR_ARM, (2, 3, 1, 4)),
-    "planar 1234": (PLANAR_ARM, (2, 3, 1, 4)),
-    "planar 2345": (PLANAR_ARM, (3, 4, 2, 5)),
-    "planar 5432": (PLANAR_ARM, (3, 4, 2, 5)),
+    "puma": (Form.SPHERICAL_WRIST, (4, 5, 6)),
+    "industrial": (Form.SPHERICAL_WRIST, (4, 5, 6)),
+    "any three, wrist": (Form.SPHERICAL_WRIST, (4, 5, 6)),
+    "shoulder 123": (Form.SPHERICAL_WRIST, (1, 2, 3)),
+    "skew shoulder 123": (Form.SPHERICAL_WRIST, (1, 2, 3)),
+    "meeting 345": (Form.SPHERICAL_WRIST, (3, 4, 5)),
+    "axes 1 and 2 parallel": (Form.SPHERICAL_WRIST, (4, 5, 6)),
+    "ur5": (Form.PARALLEL_AXES, (2, 3, 4)),
+    "any others, 234": (Form.PARALLEL_AXES, (2, 3, 4)),
+    "parallel 345": (Form.PARALLEL_AXES, (3, 4, 5)),
+    "parallel 123": (Form.PARALLEL_AXES, (1, 2, 3)),
+    "crx": (Form.PLANAR_ARM, (2, 3, 1, 4)),
+    "planar 1234": (Form.PLANAR_ARM, (2, 3, 1, 4)),
+    "planar 2345": (Form.PLANAR_ARM, (3, 4, 2, 5)),
+    "planar 5432": (Form.PLANAR_ARM, (3, 4, 2, 5)),
 }
 
 
@@ -86,7 +86,7 @@ def in_the_general_way(form: ClosedForm) -> ClosedForm:
     other = ClosedForm.__new__(ClosedForm)
     chain, arm, *rest = form.__getstate__()
     general = np.array(arm)
-    general[42] = GENERAL
+    general[42] = Form.GENERAL
     other.__setstate__((chain, general, *rest))
     return other
 
@@ -112,9 +112,9 @@ def missing(chain: Array, rows: Array, others: Array) -> list[Array]:
 def test_the_structure_is_found_wherever_it_is(name: str) -> None:
     chain = chain_of_name(name)
     form = quick_form(chain, 1.0 / size_of(chain))
-    assert (form.kind, form.joints) == EXPECTED.get(name, (GENERAL, ()))
+    assert (form.kind, form.joints) == EXPECTED.get(name, (Form.GENERAL, ()))
     moved = perturbed(chain, 1e-7)
-    assert quick_form(moved, 1.0 / size_of(moved)).kind == GENERAL
+    assert quick_form(moved, 1.0 / size_of(moved)).kind == Form.GENERAL
 
 
 @pytest.mark.one_quick
@@ -204,7 +204,7 @@ def test_a_wrist_on_axis_1_leaves_joint_1_free(forearm: float, rng: np.random.Ge
     chain[3, :, 3] = 0.0
     chain[4, 2, 3] = forearm
     form = form_of(chain)
-    assert form.arm[42] == SPHERICAL_WRIST
+    assert form.arm[42] == Form.SPHERICAL_WRIST
     for q in rng.uniform(0.7, 1.2, (10, 6)):
         # The wrist's x at q1 = 0 is a cos(q3) + b sin(q3) + c: q3 so that it vanishes.
         at = {}
