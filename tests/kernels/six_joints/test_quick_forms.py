@@ -22,11 +22,14 @@ from tests.kernels.six_joints.arms import (
     ARMS,
     H,
     chain_of_arm,
+    chain_of_numbers,
     distance,
     form_of,
     lost,
+    missing,
     perturbed,
-    poses_and_jacobians,
+    pose_at,
+    round_angles,
     smallest_singular_value,
 )
 
@@ -68,17 +71,9 @@ EXPECTED = {
 def chain_of_name(name: str) -> Array:
     if name in ARMS:
         return chain_of_arm(name)
-    chain = np.zeros((7, 3, 4))
-    chain[0, :, :3] = np.eye(3)
-    for i, (a, d, alpha) in enumerate(zip(*MADE_UP[name], strict=True)):
-        chain[i + 1, :, :3] = pin.exp3(np.array([alpha, 0.0, 0.0]))
-        chain[i + 1, :, 3] = a, 0.0, d
+    chain = chain_of_numbers(*MADE_UP[name])
     chain[0] = pin.SE3(pin.exp3(np.array([0.3, -0.2, 0.5])), np.array([0.1, -0.2, 0.3])).homogeneous[:3]
     return chain
-
-
-def pose_at(chain: Array, q: Array) -> Array:
-    return np.ascontiguousarray(poses_and_jacobians(chain, q[None])[0][0])
 
 
 def in_the_general_way(form: ClosedForm) -> ClosedForm:
@@ -89,23 +84,6 @@ def in_the_general_way(form: ClosedForm) -> ClosedForm:
     general[42] = Form.GENERAL
     other.__setstate__((chain, general, *rest))
     return other
-
-
-def round_angles(rng: np.random.Generator, count: int) -> Array:
-    """Configurations of multiples of 90, 30 and 45 degrees, each fourth moved by 1e-12 to 1e-3 rad."""
-    step = np.resize([np.pi / 2, np.pi / 6, np.pi / 4], count)[:, None]
-    q: Array = np.round(rng.uniform(-np.pi, np.pi, (count, 6)) / step) * step
-    q[3::4] += 10.0 ** rng.uniform(-12.0, -3.0, (len(q[3::4]), 1)) * rng.normal(size=(len(q[3::4]), 6))
-    return q
-
-
-def missing(chain: Array, rows: Array, others: Array) -> list[Array]:
-    """Regular rows (k, 6) that are not among others (n, 6)."""
-    return [
-        row
-        for row in rows
-        if smallest_singular_value(chain, row) > 1e-3 and not any(distance(row, other) < 1e-6 for other in others)
-    ]
 
 
 @pytest.mark.parametrize("name", [*ARMS, *MADE_UP])
@@ -136,7 +114,7 @@ def test_random_poses_have_their_configuration_and_those_of_brute_force(name: st
 def test_no_branch_of_brute_force_is_missing(name: str, rng: np.random.Generator) -> None:
     chain = chain_of_name(name)
     form = form_of(chain)
-    for number, q in enumerate(np.concatenate([rng.uniform(-np.pi, np.pi, (4, 6)), round_angles(rng, 4)])):
+    for number, q in enumerate(np.concatenate([rng.uniform(-np.pi, np.pi, (4, 6)), round_angles(rng, 4, -12.0)])):
         T = pose_at(chain, q)
         branches = form.solve_all(T, HOME)
         assert not branches.complete or lost(chain, branches.q, T, starts=1000, seed=number) == []
@@ -148,7 +126,7 @@ def test_round_angles_are_answered_as_in_the_general_way(name: str, rng: np.rand
     chain = chain_of_name(name)
     form = form_of(chain)
     general = in_the_general_way(form)
-    for q in round_angles(rng, 120):
+    for q in round_angles(rng, 120, -12.0):
         T = pose_at(chain, q)
         branches, others = form.solve_all(T, q), general.solve_all(T, q)
         assert min(distance(q, other) for other in branches.q) < 1e-6 or smallest_singular_value(chain, q) < 1e-3
@@ -257,6 +235,6 @@ def test_compiled_bits_are_those_of_plain_python(
     form = form_of(chain_of_name(name))
     monkeypatch.setattr(closed_form_module, "Call", PlainCall)
     plain = pickle.loads(pickle.dumps(form))
-    for q in np.concatenate([rng.uniform(-np.pi, np.pi, (3, 6)), round_angles(rng, 2)]):
+    for q in np.concatenate([rng.uniform(-np.pi, np.pi, (3, 6)), round_angles(rng, 2, -12.0)]):
         T = pose_at(form.chain, q)
         np.testing.assert_array_equal(plain.solve_all(T, HOME).rows, form.solve_all(T, HOME).rows)
