@@ -33,7 +33,7 @@ from jacokin.kernels.clear_targets import ClearWork, solve_clear_targets
 from jacokin.kernels.closed_form.batch import NOT_RIGID, BatchColumn, TargetWork, make_target_work, solve_targets
 from jacokin.kernels.contact.run import ContactWork
 from jacokin.kernels.library import Call, share
-from jacokin.kernels.tolerances import EXACT_MISFIT
+from jacokin.kernels.tolerances import EXACT_MISFIT, LIMIT_SNAP
 from jacokin.model import checks
 from jacokin.model.poses import checked_matrix
 
@@ -82,7 +82,7 @@ class ClosedForm:
         lower: NDArray[np.float64],
         upper: NDArray[np.float64],
         *,
-        limit_snap: float = 1e-9,
+        limit_snap: float = LIMIT_SNAP,
     ) -> None:
         """Measure the structure, keep its constants, and load the compiled kernels.
 

@@ -44,7 +44,6 @@ from jacokin.ik.local_search import LocalSearch, PositionDescents
 from jacokin.ik.near_misses import NearMisses
 from jacokin.ik.options import (
     DEFAULT_QP_SOLVER,
-    LIMIT_SNAP,
     MAX_RESTARTS,
     ORIENTATION_TOLERANCE,
     POSITION_TOLERANCE,
@@ -62,6 +61,7 @@ from jacokin.ik.turned import TurnedSearch
 from jacokin.ik.verification import Candidate, Verifier
 from jacokin.kernels.branches import FAMILY
 from jacokin.kernels.closed_form.batch import BatchColumn
+from jacokin.kernels.tolerances import LIMIT_SNAP
 from jacokin.model import checks, poses
 from jacokin.model.loading import load_robot
 from jacokin.model.robot import Robot, checked_robot

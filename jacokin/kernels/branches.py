@@ -433,7 +433,7 @@ def most_singular(query: PoseQuery, work: BranchWork) -> int:
 
 
 def jacobian_determinant(chain: Array, T: Array, newton: Newton) -> float:
-    """The determinant of the Jacobian at newton.q [m^3]; 0 where `chain.eliminate` would find it singular."""
+    """The determinant of the Jacobian at newton.q [m^3]."""
     linearise(chain, T, newton.q, newton.system)
     return triangulate(newton.system, 6, 6, 1.0)
 

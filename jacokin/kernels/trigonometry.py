@@ -65,6 +65,19 @@ def sines_cosines(angles: NDArray[np.floating]) -> tuple[Array, Array]:
     return s, c
 
 
+def fourier_samples(count: int, degree: int) -> tuple[Array, Array, Array, Array]:
+    """Angles that a trigonometric polynomial is sampled at, evenly around a turn, and how to tell its coefficients.
+
+    Returns:
+        Sines and cosines (count,) of the angles; what each sample adds to the coefficients (count, degree + 1) of
+        sin(k theta) and cos(k theta).
+    """
+    angles = 2.0 * np.pi / count * np.arange(count)
+    weight = np.where(np.arange(degree + 1) == 0, 1.0, 2.0) / count
+    to_sine, to_cosine = sines_cosines(np.outer(angles, np.arange(degree + 1)))
+    return *sines_cosines(angles), weight * to_sine, weight * to_cosine
+
+
 def arctangent(slope: float) -> float:
     """The angle of a slope of at most tan(pi / 8) [rad]."""
     z = slope * slope

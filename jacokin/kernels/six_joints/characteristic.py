@@ -18,15 +18,11 @@ from jacokin.kernels.chain import triangulate
 from jacokin.kernels.closed_form.resultant import DEGREE
 from jacokin.kernels.six_joints.equations import Equations
 from jacokin.kernels.tolerances import SMALLEST_NOISE, TIMES_NOISE
-from jacokin.kernels.trigonometry import sines_cosines
+from jacokin.kernels.trigonometry import fourier_samples
 
 #: Two coefficients beyond the degree are known, four numbers.
 ANGLES = 2 * DEGREE + 5
-_turns = 2.0 * np.pi / ANGLES * np.arange(ANGLES)
-ANGLE_SIN, ANGLE_COS = sines_cosines(_turns)
-_share = np.where(np.arange(DEGREE + 3) == 0, 1.0, 2.0) / ANGLES
-#: (21, 11): what each sample adds to the coefficients of cos(k theta) and sin(k theta).
-SHARE_SIN, SHARE_COS = (_share * each for each in sines_cosines(np.outer(_turns, np.arange(DEGREE + 3))))
+ANGLE_SIN, ANGLE_COS, SHARE_SIN, SHARE_COS = fourier_samples(ANGLES, DEGREE + 2)
 
 
 class Determinant(NamedTuple):
