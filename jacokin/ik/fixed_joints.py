@@ -33,7 +33,6 @@ from jacokin.model.kinematics import about_z
 from jacokin.model.robot import Robot, limit_margins
 
 SIX = 6  # joints that the closed form solves for
-KEPT = 64  # values of joints between the six whose constants are kept
 SHARE = 0.71  # of a joint's range: a value where no axes should happen to meet or to be parallel
 LABELLINGS, FORM = slice(40, 42), 42  # where the constants of six joints have them, see `closed_form.arm`
 
@@ -94,7 +93,7 @@ class FixedJoints:
             except StructureError:
                 return None
 
-        @functools.lru_cache(maxsize=KEPT)
+        @functools.lru_cache(maxsize=64)  # values of joints between the six whose constants are kept
         def arm_between(between: tuple[float, ...], anew: bool) -> Array | None:
             """Constants of six joints with values between them; None where they are built like a Jaco."""
             at = values.copy()

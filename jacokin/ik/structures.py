@@ -30,8 +30,6 @@ RANKED, TRIED_ON_ALL, GOING_ON = 24, 4, 3
 #: What one finding counts: a configuration missed, a branch less than another labelling found, a pose in doubt, which
 #: needs a neighbour solved, and a place looked at closely. The last two are times, in units of some 60 us.
 COSTS = {Score.MISSED: 100.0, Score.BRANCHES_FOUND: -10.0, Score.IN_DOUBT: 1.0, Score.EFFORT: 0.1}
-#: The link that carries the target, and no structure.
-TARGET = 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -264,7 +262,8 @@ def quick_form(chain: NDArray[np.float64], scale: float) -> QuickForm:
     for labelling in range(LABELLINGS):
         backwards, begin = divmod(labelling, 6)
         links = ways[backwards, (np.arange(6) + (-begin if backwards else begin)) % 6]
-        carrier = next(i for i in range(6) if link_of(labelling, i) == TARGET)
+        # The link that carries the target, and no structure.
+        carrier = next(i for i in range(6) if link_of(labelling, i) == 5)
         forms = (make(links, labelling, carrier) for make in (wrist_form, plane_form, planar_arm_form))
         found += [form for form in forms if form]
     return min(found, key=lambda form: form.rank, default=NO_FORM)
