@@ -87,6 +87,7 @@ def serial_urdf(
     limits: Sequence[tuple[float, float] | None],
     *,
     velocity: float = 2.0,
+    name: str = "arm",
 ) -> str:
     """A URDF of one joint after another, `joint_1`, ..., which turn about z, between `link_0`, `link_1`, ...
 
@@ -94,17 +95,18 @@ def serial_urdf(
         places: xyz [m] and rpy [rad] of each joint in the link before it.
         limits: of each joint [rad], None for a continuous one; the joints after them are fixed.
         velocity: the limit of all [rad/s].
+        name: of the robot.
     """
     parts = ['<link name="link_0"/>']
     for k, (xyz, rpy) in enumerate(places):
         both = limits[k] if k < len(limits) else None
         kind = "fixed" if k >= len(limits) else "continuous" if both is None else "revolute"
-        at, name = f"link_{k}", f"link_{k + 1}"
-        parts.append(f'<link name="{name}"/>')
+        at, link = f"link_{k}", f"link_{k + 1}"
+        parts.append(f'<link name="{link}"/>')
         parts.append(
-            joint(f"joint_{k + 1}", at, name, xyz, rpy=rpy, kind=kind, limits=both or (0.0, 0.0), velocity=velocity)
+            joint(f"joint_{k + 1}", at, link, xyz, rpy=rpy, kind=kind, limits=both or (0.0, 0.0), velocity=velocity)
         )
-    return f'<robot name="arm">{"".join(parts)}</robot>'
+    return f'<robot name="{name}">{"".join(parts)}</robot>'
 
 
 # A UR5's joints, from the parameters that its maker publishes [m].

@@ -94,5 +94,5 @@ def load_placed(name: str, placements: list[Placement], limits: list[Limits], fo
     """An arm of so many joints from the placements of these and of the tool."""
     both = [(-limit, limit) if isinstance(limit, float) else limit for limit in limits]
     path = folder / f"{name}.urdf"
-    path.write_text(serial_urdf(placements, both))
+    path.write_text(serial_urdf(placements, both, name=name))
     return jacokin.load_robot(path, base="link_0", tip="link_8")

@@ -292,7 +292,7 @@ SEVEN_JOINTS = (
 def seven_joints(folder: Path) -> jacokin.Robot:
     """An arm of seven joints of no special structure."""
     path = folder / "seven.urdf"
-    path.write_text(serial_urdf(SEVEN_JOINTS, [(-2.5, 2.5)] * 7, velocity=1.0))
+    path.write_text(serial_urdf(SEVEN_JOINTS, [(-2.5, 2.5)] * 7, velocity=1.0, name="seven"))
     return jacokin.load_robot(path)
 
 

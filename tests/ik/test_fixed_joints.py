@@ -62,7 +62,8 @@ ARMS = {
 
 def text_of(name: str, first: str = "revolute") -> str:
     """A URDF of one of those arms, limits of 2.9 rad; the first joint may be continuous, or slide."""
-    text = serial_urdf(ARMS[name], [(-2.9, 2.9)] * 7, velocity=1.0).replace('1" type="revolute"', f'1" type="{first}"')
+    text = serial_urdf(ARMS[name], [(-2.9, 2.9)] * 7, velocity=1.0, name=name.replace(" ", "_"))
+    text = text.replace('1" type="revolute"', f'1" type="{first}"')
     return re.sub("<limit [^>]*>", "", text, count=1) if first == "continuous" else text
 
 
