@@ -13,6 +13,7 @@ import errno
 import io
 import math
 import os
+import re
 import secrets
 import stat
 import time
@@ -59,6 +60,9 @@ ARRAY_KINDS, TEXT_KIND = "biufcSU", "U"  # of NumPy's types: those that are read
 ROWS = 10_000_000_000  # of a Parquet file, which can say a number often in little space
 PIECE = 1_000_000  # [byte] read at once
 PATIENCE, WAIT = 10.0, 0.05  # [s] that a named pipe may be without a writer, and between two looks
+# Numbers as C reads them: Python's float also takes 1_0 and digits of other scripts, which in a file are mistakes.
+NUMBER_TEXT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
+NOT_FINITE_TEXT = re.compile(r"[-+]?(nan|inf|infinity)", re.IGNORECASE | re.ASCII)
 SHOWN_ERROR = 300  # characters of what a parser says
 NO_ROOM = errno.ENOSPC, errno.EDQUOT, errno.EFBIG
 

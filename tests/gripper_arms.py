@@ -12,6 +12,7 @@ from pathlib import Path
 
 import jacokin
 from jacokin import Robot
+from tests.robot_files import joint
 from tests.seven_joint_arms import ARMS, Placement
 
 #: The five joints of an SO-101 (so101_new_calib.urdf of TheRobotStudio), which turn about z, and its tool; angles have
@@ -38,28 +39,6 @@ def link(name: str, *boxes: tuple[Sequence[float], Sequence[float]]) -> str:
         '<inertial><mass value="0.1"/><inertia ixx="1e-4" iyy="1e-4" izz="1e-4" ixy="0" ixz="0" iyz="0"/></inertial>'
     )
     return f'<link name="{name}">{inertial}{shapes}</link>'
-
-
-def joint(
-    name: str,
-    parent: str,
-    child: str,
-    xyz: Sequence[float],
-    *,
-    rpy: Sequence[float] = (0.0, 0.0, 0.0),
-    kind: str = "revolute",
-    axis: Sequence[float] = (0.0, 0.0, 1.0),
-    limits: tuple[float, float] = (0.0, 0.0),
-    more: str = "",
-) -> str:
-    """One joint of a URDF."""
-    x, y, z = xyz
-    roll, pitch, yaw = rpy
-    return (
-        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
-        f'<origin xyz="{x} {y} {z}" rpy="{roll!r} {pitch!r} {yaw!r}"/><axis xyz="{axis[0]} {axis[1]} {axis[2]}"/>'
-        f'<limit lower="{limits[0]}" upper="{limits[1]}" effort="10" velocity="2"/>{more}</joint>'
-    )
 
 
 def so101_text() -> str:

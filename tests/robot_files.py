@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
+
 from jacokin.model import urdf_folder
 
 INCLUDED = """<mujocoinclude>
@@ -57,8 +59,57 @@ def urdf_text() -> str:
     return (urdf_folder() / "j2n6s300.urdf").read_text()
 
 
+def joint(
+    name: str,
+    parent: str,
+    child: str,
+    xyz: Sequence[float],
+    *,
+    rpy: Sequence[float] = (0.0, 0.0, 0.0),
+    kind: str = "revolute",
+    axis: Sequence[float] = (0.0, 0.0, 1.0),
+    limits: tuple[float, float] = (0.0, 0.0),
+    velocity: float = 2.0,
+    more: str = "",
+) -> str:
+    """One joint of a URDF."""
+    x, y, z = xyz
+    roll, pitch, yaw = rpy
+    return (
+        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+        f'<origin xyz="{x} {y} {z}" rpy="{roll!r} {pitch!r} {yaw!r}"/><axis xyz="{axis[0]} {axis[1]} {axis[2]}"/>'
+        f'<limit lower="{limits[0]}" upper="{limits[1]}" effort="10" velocity="{velocity}"/>{more}</joint>'
+    )
+
+
+def serial_urdf(
+    places: Iterable[tuple[Sequence[float], Sequence[float]]],
+    limits: Sequence[tuple[float, float] | None],
+    *,
+    velocity: float = 2.0,
+    name: str = "arm",
+) -> str:
+    """A URDF of one joint after another, `joint_1`, ..., which turn about z, between `link_0`, `link_1`, ...
+
+    Args:
+        places: xyz [m] and rpy [rad] of each joint in the link before it.
+        limits: of each joint [rad], None for a continuous one; the joints after them are fixed.
+        velocity: the limit of all [rad/s].
+        name: of the robot.
+    """
+    parts = ['<link name="link_0"/>']
+    for k, (xyz, rpy) in enumerate(places):
+        both = limits[k] if k < len(limits) else None
+        kind = "fixed" if k >= len(limits) else "continuous" if both is None else "revolute"
+        at, link = f"link_{k}", f"link_{k + 1}"
+        parts.append(f'<link name="{link}"/>')
+        parts.append(
+            joint(f"joint_{k + 1}", at, link, xyz, rpy=rpy, kind=kind, limits=both or (0.0, 0.0), velocity=velocity)
+        )
+    return f'<robot name="{name}">{"".join(parts)}</robot>'
+
+
 # A UR5's joints, from the parameters that its maker publishes [m].
-UR5 = """<robot name="ur5">{links}{joints}</robot>"""
 UR5_JOINTS = [
     ("0 0 0.089159", "0 0 0", "0 0 1"),
     ("0 0.13585 0", "0 1.5707963267948966 0", "0 1 0"),
@@ -69,15 +120,28 @@ UR5_JOINTS = [
 ]
 
 
-def ur5_text(shape: str = "") -> str:
-    links = "".join(f'<link name="l{i}">{shape}</link>' for i in range(7))
+def ur5_text(shape: str = "", rows: Sequence[tuple[str, str, str]] = UR5_JOINTS, limit: float = 6.283) -> str:
+    """A UR5, or an arm of other rows: xyz [m], rpy [rad] and axis of each joint; each link with a shape."""
+    links = "".join(f'<link name="l{i}">{shape}</link>' for i in range(len(rows) + 1))
     joints = "".join(
         f'<joint name="q{i}" type="revolute"><parent link="l{i}"/><child link="l{i + 1}"/>'
         f'<origin xyz="{xyz}" rpy="{rpy}"/><axis xyz="{axis}"/>'
-        '<limit lower="-6.283" upper="6.283" effort="1" velocity="1"/></joint>'
-        for i, (xyz, rpy, axis) in enumerate(UR5_JOINTS)
+        f'<limit lower="{-limit}" upper="{limit}" effort="1" velocity="1"/></joint>'
+        for i, (xyz, rpy, axis) in enumerate(rows)
     )
-    return UR5.format(links=links, joints=joints)
+    return f'<robot name="ur5">{links}{joints}</robot>'
+
+
+#: Three joints, of which the second slides, about and along axes that are not those of their links.
+CRANE = """<robot name="crane">
+<link name="base"/><link name="mast"/><link name="slide"/><link name="hook"/>
+<joint name="turn" type="continuous"><parent link="base"/><child link="mast"/><axis xyz="0 0 1"/>
+  <limit effort="1" velocity="1"/></joint>
+<joint name="slide" type="prismatic"><parent link="mast"/><child link="slide"/><origin xyz="0.1 0 0" rpy="0 0.3 0"/>
+  <axis xyz="0.6 0 0.8"/><limit lower="0" upper="1.5" effort="1" velocity="1"/></joint>
+<joint name="tilt" type="revolute"><parent link="slide"/><child link="hook"/><origin xyz="0.1 0 0"/>
+  <axis xyz="0 0.6 0.8"/><limit lower="-3" upper="3" effort="1" velocity="1"/></joint>
+</robot>"""
 
 
 def skeleton(parts: str) -> str:

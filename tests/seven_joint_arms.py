@@ -7,6 +7,7 @@ from pathlib import Path
 
 import jacokin
 from jacokin import Robot
+from tests.robot_files import serial_urdf
 
 HALF = 0.5 * math.pi
 Placement = tuple[tuple[float, float, float], tuple[float, float, float]]
@@ -91,16 +92,7 @@ def load_arm(name: str, folder: Path) -> Robot:
 
 def load_placed(name: str, placements: list[Placement], limits: list[Limits], folder: Path) -> Robot:
     """An arm of so many joints from the placements of these and of the tool."""
-    links = "".join(f'<link name="link_{i}"/>' for i in range(9))
-    joints = ""
-    for i, ((xyz, rpy), limit) in enumerate(zip(placements, [*limits, None], strict=True)):
-        low, high = (-limit, limit) if isinstance(limit, float) else limit or (0.0, 0.0)
-        kind = "fixed" if i == 7 else "continuous" if limit is None else "revolute"
-        joints += (
-            f'<joint name="joint_{i + 1}" type="{kind}"><parent link="link_{i}"/><child link="link_{i + 1}"/>'
-            f'<origin xyz="{" ".join(map(repr, xyz))}" rpy="{" ".join(map(repr, rpy))}"/><axis xyz="0 0 1"/>'
-            f'<limit lower="{low!r}" upper="{high!r}" effort="50" velocity="2"/></joint>'
-        )
+    both = [(-limit, limit) if isinstance(limit, float) else limit for limit in limits]
     path = folder / f"{name}.urdf"
-    path.write_text(f'<robot name="{name}">{links}{joints}</robot>', encoding="utf-8")
+    path.write_text(serial_urdf(placements, both, name=name))
     return jacokin.load_robot(path, base="link_0", tip="link_8")

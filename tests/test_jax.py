@@ -13,7 +13,7 @@ import jacokin.jax
 from jacokin import IKSolver, Robot
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
-from tests.ik.regular import regular
+from tests.ik.regular import reached_singular_and_out_of_reach, regular, solver_with_tool
 
 jax = pytest.importorskip("jax", reason="the extra jax is not installed")
 jnp = jax.numpy
@@ -30,7 +30,7 @@ def _exact() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def solver(robot: Robot) -> IKSolver:
-    return IKSolver(robot, tool=jacokin.pose([0.05, 0.03, 0.1], rpy=[0.2, -0.4, 0.7]), collision="ignore")
+    return solver_with_tool(robot)
 
 
 def moved(pose: Array, twist: Any) -> Any:
@@ -109,11 +109,8 @@ def test_seven_joints_hold_the_parameter(rng: np.random.Generator) -> None:
 @pytest.mark.slow
 def test_failed_and_singular_answers(bundled: Any) -> None:
     robot = bundled("j2s6s300")
-    solver, straight = IKSolver(robot, collision="ignore"), robot.home.copy()
-    straight[4] = np.pi
-    seeds = np.array([robot.home, straight, robot.home])
-    poses = np.array([robot.forward_kinematics(q).homogeneous for q in seeds])
-    poses[2, :3, 3] += 5.0
+    solver = IKSolver(robot, collision="ignore")
+    seeds, poses = reached_singular_and_out_of_reach(robot)
     gradient = jax.grad(loss, argnums=1)(solver, jnp.asarray(poses), seeds)
     assert np.isfinite(gradient[0]).all()
     assert np.isnan(gradient[1, :3]).all()

@@ -10,14 +10,14 @@ import pytest
 import jacokin.torch
 from jacokin import IKSolver, Robot
 from jacokin.errors import InvalidInputError
-from tests.ik.regular import regular
+from tests.ik.regular import reached_singular_and_out_of_reach, regular, solver_with_tool
 
 torch = pytest.importorskip("torch", reason="the extra torch is not installed")
 
 
 @pytest.fixture(scope="module")
 def solver(robot: Robot) -> IKSolver:
-    return IKSolver(robot, tool=jacokin.pose([0.05, 0.03, 0.1], rpy=[0.2, -0.4, 0.7]), collision="ignore")
+    return solver_with_tool(robot)
 
 
 def moved(poses: Any, twists: Any) -> Any:
@@ -75,11 +75,8 @@ def test_seven_joints_hold_the_parameter() -> None:
 
 def test_failed_and_singular_answers(bundled: Any) -> None:
     robot = bundled("j2s6s300")
-    solver, straight = IKSolver(robot, collision="ignore"), robot.home.copy()
-    straight[4] = np.pi
-    seeds = np.array([robot.home, straight, robot.home])
-    poses = np.array([robot.forward_kinematics(q).homogeneous for q in seeds])
-    poses[2, :3, 3] += 5.0
+    solver = IKSolver(robot, collision="ignore")
+    seeds, poses = reached_singular_and_out_of_reach(robot)
     for rows, singular in ((slice(None), True), (slice(0, 1), False)):
         given = torch.tensor(poses, requires_grad=True)
         q, success = jacokin.torch.solve(solver, given, torch.tensor(seeds))

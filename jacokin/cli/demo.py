@@ -23,12 +23,9 @@ if TYPE_CHECKING:
 
 PICTURE = Path("jaco.png")
 BACKENDS = ("egl", "osmesa")  # of MuJoCo, that need no display
-REACHED = (0.25, 0.15, 0.35)  # [m] with the tool pointing along x, every second branch breaks a limit or touches
 CRATE = (0.25, 0.12, 0.35)  # [m] stands on the floor between the ends of the motion
 CRATE_AT = (0.42, -0.02, 0.175)  # [m]
-ENDS = (0.42, 0.28, 0.12), (0.42, -0.30, 0.12)  # [m] of the motion, the tool pointing down
 CLEAR = 0.01  # [m] kept from the crate
-STRAIGHT = 200  # configurations on the straight way
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +70,8 @@ def show_branches(robot: model.Robot) -> None:
     """Every configuration that reaches a pose."""
     import numpy as np
 
-    target = model.pose(REACHED, rpy=(0.0, np.pi / 2.0, 0.0))  # [rad]
+    # With the tool pointing along x here, every second branch breaks a limit or touches.
+    target = model.pose((0.25, 0.15, 0.35), rpy=(0.0, np.pi / 2.0, 0.0))  # [m], [rad]
     solver = ik.IKSolver(robot, collision="ignore")
     seconds = []
     for _ in range(100):
@@ -95,12 +93,12 @@ def show_motion(robot: model.Robot) -> Array:
 
     scene = model.Scene([model.Floor(0.0), model.Box("crate", CRATE, CRATE_AT)])
     solver = ik.IKSolver(robot, scene=scene, clearance=CLEAR)
-    start, goal = (model.pose(end, down=True) for end in ENDS)
+    start, goal = (model.pose([0.42, y, 0.12], down=True) for y in (0.28, -0.30))  # [m]
     q = solver.solve(start).raise_for_status().q
     started = time.perf_counter()
     way = motion.plan_motion(solver, q, goal)
     seconds = time.perf_counter() - started
-    straight = robot.clearance(np.linspace(q, way.q[-1], STRAIGHT), scene)
+    straight = robot.clearance(np.linspace(q, way.q[-1], 200), scene)
     say("2. From one side of a crate to the other")
     say(f"   straight there, the arm would be {-1e3 * np.min(straight):.0f} mm deep in it")
     say(f"   around it: {way.duration:.1f} s, {1e3 * np.min(way.clearance):.0f} mm clear, found in {seconds:.3f} s")

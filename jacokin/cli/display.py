@@ -21,7 +21,6 @@ from jacokin.cli import process
 from jacokin.cli.units import Units
 
 GAP = 3  # columns between columns
-NARROWEST = 16  # columns that text is broken into at least
 PERIOD = 0.1  # [s] between two states of a progress bar
 LINE_PERIOD = 10.0  # [s] between two lines where there is no terminal
 LOOK_PERIOD = 0.5  # [s] between two looks whether that has passed
@@ -73,7 +72,7 @@ def _widths(lines: Sequence[Sequence[str]], text: int) -> list[int]:
     excess = 3 + sum(widths) + GAP * (len(widths) - 1) - space
     while excess > 0:
         widest = max(range(text), key=widths.__getitem__)
-        cut = min(excess, widths[widest] - NARROWEST)
+        cut = min(excess, widths[widest] - 16)  # columns that text is broken into at least
         if cut <= 0:
             break
         widths[widest] -= cut

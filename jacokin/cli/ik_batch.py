@@ -22,8 +22,6 @@ from jacokin.ik.files.csv_files import read_names
 from jacokin.ik.files.formats import targets_format
 from jacokin.ik.files.targets import RPY, as_objects, left_behind
 
-ROWS = 4096  # solved at a time where no file is written
-
 
 def run(
     solver: ik.IKSolver,
@@ -104,7 +102,7 @@ def _solve_for_display(
     tally = EMPTY
     start = None if seed is None else np.array(seed)
     with progress_bar("solving") as show:
-        for block in targets_format(targets).blocks(targets, ROWS):
+        for block in targets_format(targets).blocks(targets, 4096):  # solved at a time where no file is written
             batch = solve_rows(solver, block, start, closest=closest, workers=workers)
             tally += count_rows(block, batch)
             if results is not None:

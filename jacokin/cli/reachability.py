@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from jacokin.arrays import Array
 
 
-MISSED = 20  # targets of which is said why they are missed; --json has them all
 MAP = "A map, or the bundled one of a robot."
 
 
@@ -288,7 +287,7 @@ def place(given: PlaceOptions, source: MapRobotOptions) -> None:
         columns = ("x [m]", "y [m]", "z [m]", "yaw [rad]", "reached", "margin [rad]")
         display.show_table("Places for the base", columns, rows)
         if failed:
-            shown = failed[:MISSED]
+            shown = failed[:20]  # targets of which is said why they are missed; --json has them all
             more = f", the first {len(shown)} of {len(failed)}" if len(failed) > len(shown) else ""
             display.show_table(
                 f"Not reached from the first place{more}",

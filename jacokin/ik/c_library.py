@@ -26,9 +26,6 @@ from jacokin.model import checks
 
 #: The folder with the headers.
 INCLUDE = Path(__file__).parents[1] / "include"
-HEADERS = ("jacokin_ik.h", "jacokin_ik.hpp")
-#: What the file of a solver is called: the robot's name and this.
-ENDING = ".jacokin"
 #: The file begins with this; the version is that of its layout.
 MAGIC, VERSION = b"jacokin\0", 3
 #: Other machines that a clone compiles the library for: their names there, and what their library is called.
@@ -94,7 +91,7 @@ def export_c(solver: IKSolver, folder: str | Path, *, target: str | None = None)
     texts = _cmake_package([file.name for file in libraries])
     copies = {
         **{Path("lib", file.name): file for file in libraries},
-        **{Path("include", name): INCLUDE / name for name in HEADERS},
+        **{Path("include", name): INCLUDE / name for name in ("jacokin_ik.h", "jacokin_ik.hpp")},
     }
     for place in (*texts, *copies):
         try:
@@ -107,7 +104,8 @@ def export_c(solver: IKSolver, folder: str | Path, *, target: str | None = None)
     for place, source in copies.items():
         with replacing(folder / place) as path:
             shutil.copyfile(source, path)
-    file = folder / (Path(solver.robot.name).name + ENDING)
+    # What the file of a solver is called: the robot's name and this.
+    file = folder / (Path(solver.robot.name).name + ".jacokin")
     with replacing(file) as path:
         path.write_bytes(contents)
     return file

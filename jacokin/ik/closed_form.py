@@ -30,19 +30,10 @@ from jacokin.ik.solutions.points import BranchTable, Knows, Points
 from jacokin.ik.structures import measure_general
 from jacokin.kernels.branches import COLUMNS, ORIENTATION_ERROR, POSITION_ERROR, WITHIN_LIMITS
 from jacokin.kernels.clear_targets import ClearWork, solve_clear_targets
-from jacokin.kernels.closed_form.batch import (
-    BATCH_COLUMNS,
-    BRANCHES,
-    BRANCHES_WITHIN_LIMITS,
-    LARGEST_MARGIN,
-    NOT_RIGID,
-    TargetWork,
-    make_target_work,
-    solve_targets,
-)
+from jacokin.kernels.closed_form.batch import NOT_RIGID, BatchColumn, TargetWork, make_target_work, solve_targets
 from jacokin.kernels.contact.run import ContactWork
 from jacokin.kernels.library import Call, share
-from jacokin.kernels.tolerances import EXACT_MISFIT
+from jacokin.kernels.tolerances import EXACT_MISFIT, LIMIT_SNAP
 from jacokin.model import checks
 from jacokin.model.poses import checked_matrix
 
@@ -58,17 +49,17 @@ class BestBranches(BranchTable):
     @property
     def branches(self) -> NDArray[np.int64]:
         """(n,) how many branches the target has."""
-        return self.rows[:, BRANCHES].astype(np.int64)
+        return self.rows[:, BatchColumn.BRANCHES].astype(np.int64)
 
     @property
     def branches_within_limits(self) -> NDArray[np.int64]:
         """(n,) how many of them are within the limits."""
-        return self.rows[:, BRANCHES_WITHIN_LIMITS].astype(np.int64)
+        return self.rows[:, BatchColumn.BRANCHES_WITHIN_LIMITS].astype(np.int64)
 
     @property
     def largest_margin(self) -> NDArray[np.float64]:
         """(n,) distance to the nearest limit [rad] of the branch that keeps farthest from them; negative outside."""
-        return self.rows[:, LARGEST_MARGIN]
+        return self.rows[:, BatchColumn.LARGEST_MARGIN]
 
 
 class ClosedForm:
@@ -91,7 +82,7 @@ class ClosedForm:
         lower: NDArray[np.float64],
         upper: NDArray[np.float64],
         *,
-        limit_snap: float = 1e-9,
+        limit_snap: float = LIMIT_SNAP,
     ) -> None:
         """Measure the structure, keep its constants, and load the compiled kernels.
 
@@ -178,7 +169,7 @@ class ClosedForm:
         try:
             call = self._few.pop()
         except IndexError:
-            call = self._call(np.empty(T.shape), np.empty((len(T), 6)), np.empty((len(T), BATCH_COLUMNS)))
+            call = self._call(np.empty(T.shape), np.empty((len(T), 6)), np.empty((len(T), BatchColumn.COUNT)))
         call.work.T[:], call.work.seed[:] = T, seed
         call()
         found = BestBranches(call.work.best.copy())
@@ -244,7 +235,7 @@ class ClosedForm:
             seed: (n, 6) seeds [rad], C-contiguous.
             threads: how many threads share the work; the kernels release the GIL.
         """
-        best = np.empty((len(T), BATCH_COLUMNS))
+        best = np.empty((len(T), BatchColumn.COUNT))
 
         def run(start: int, stop: int) -> None:
             self._call(T[start:stop], seed[start:stop], best[start:stop])()

@@ -26,7 +26,6 @@ from jacokin.model import angles
 from jacokin.model.kinematics import axis_of
 from jacokin.model.many_configurations import Chain
 
-DRAWN = 1000  # random configurations that are measured
 REACH_SLACK = 1e-3  # [m] beyond the tolerance: a bound that can be trusted
 POSITION_FIRST = 1e-3  # [m/rad] too little for an orientation to be worth a position that is missed
 FARTHEST = 10.0  # arm lengths: from there on only the direction to the target matters
@@ -123,7 +122,7 @@ class ClosestSearch:
             rng: draws the others.
             position_first: whether the position goes before everything: of what reaches it, the least turned is taken.
         """
-        starts = np.vstack([*first, seeds.random_configurations(self._robot, DRAWN, rng)])
+        starts = np.vstack([*first, seeds.random_configurations(self._robot, 1000, rng)])
         work = make_closest_work(self._robot.dof, len(starts))
         self.fill(work, target)
         if position_first:

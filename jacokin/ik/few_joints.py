@@ -22,14 +22,13 @@ from jacokin.ik.targets import Request, TargetPose
 from jacokin.ik.verification import Candidate, Verifier
 from jacokin.ik.virtual_joints import PointsOfFew, VirtualJoints
 from jacokin.kernels.branches import DISTANCE
+from jacokin.kernels.tolerances import LIMIT_SNAP
 from jacokin.model import angles
 from jacokin.model.kinematics import axis_of
 
 KEPT = 16  # free axes whose chains are at hand
-MOST = 5  # joints
 PARALLEL = 1e-4  # sine of two axes that may be parallel within tolerances; what is reached at two angles decides
 AROUND = 8  # angles at which a curve is looked at, beginning with that of the seed
-WITHIN = 1e-9  # [rad] past the end of a range: rounding
 BESIDE = 0.02  # [rad] from an angle to the next one, at which a curve goes on and a point does not
 AIMS = 3  # angles about a free axis that the closest configuration is looked for at
 
@@ -96,7 +95,7 @@ class FewJoints:
     def _along_first(self, target: TargetPose) -> bool:
         """Whether the free axis of a target is parallel to the axis of the first of five joints, about."""
         robot = self._verifier.robot
-        if target.free_axis is None or robot.dof != MOST:
+        if target.free_axis is None or robot.dof != 5:
             return False
         first = robot.pin_model.jointPlacements[1].rotation @ axis_of(robot.pin_model, 1).direction
         return float(np.linalg.norm(np.cross(first, target.rotation @ target.free_axis.axis))) < PARALLEL
@@ -182,4 +181,4 @@ def _beside(target: TargetPose, angle: float) -> list[float]:
 
 def _in_range(target: TargetPose, angle: float) -> bool:
     """Whether an angle is in the range of the free axis of a target [rad], up to whole turns."""
-    return abs(math.remainder(target.nearest_angle(angle) - angle, math.tau)) < WITHIN
+    return abs(math.remainder(target.nearest_angle(angle) - angle, math.tau)) < LIMIT_SNAP

@@ -26,14 +26,13 @@ from jacokin.ik.structures import measure_general, sine_of
 from jacokin.ik.verification import Verifier
 from jacokin.kernels.closed_form.batch import TargetWork, make_target_work, solve_targets
 from jacokin.kernels.library import Call
-from jacokin.kernels.six_joints.loop import GENERAL
+from jacokin.kernels.six_joints.loop import Form
 from jacokin.kernels.tolerances import DISTINCT, EXACT_MISFIT
 from jacokin.model import angles, checks
 from jacokin.model.kinematics import about_z
 from jacokin.model.robot import Robot, limit_margins
 
 SIX = 6  # joints that the closed form solves for
-KEPT = 64  # values of joints between the six whose constants are kept
 SHARE = 0.71  # of a joint's range: a value where no axes should happen to meet or to be parallel
 LABELLINGS, FORM = slice(40, 42), 42  # where the constants of six joints have them, see `closed_form.arm`
 
@@ -94,7 +93,7 @@ class FixedJoints:
             except StructureError:
                 return None
 
-        @functools.lru_cache(maxsize=KEPT)
+        @functools.lru_cache(maxsize=64)  # values of joints between the six whose constants are kept
         def arm_between(between: tuple[float, ...], anew: bool) -> Array | None:
             """Constants of six joints with values between them; None where they are built like a Jaco."""
             at = values.copy()
@@ -107,7 +106,7 @@ class FixedJoints:
             except StructureError:  # not built like a Jaco
                 pass
             arm = measure_general(chain, None if anew else labellings()).arm
-            if not anew and arm[FORM] == GENERAL and any(sine_of(chain[link]) < DISTINCT for link in links):
+            if not anew and arm[FORM] == Form.GENERAL and any(sine_of(chain[link]) < DISTINCT for link in links):
                 arm = measure_general(chain).arm  # other labellings may suit parallel axes
             return arm
 

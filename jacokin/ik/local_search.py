@@ -30,8 +30,6 @@ ENOUGH = 5
 
 #: Numbers of a pose, and of one that may turn about an axis, which fewer joints cannot all meet.
 POSE_NUMBERS, AXIS_NUMBERS = 6, 5
-#: Ends that miss a pose by little on an arm of fewer joints, after which nothing better is expected.
-ENOUGH_NEARLY = 2
 
 #: Steps of a descent; one that converges needs 4 near its answer, 10 to 20 far from it.
 MAX_ITERATIONS = 60
@@ -132,7 +130,8 @@ class LocalSearch:
 
         nearly = 0  # ends that miss a pose by little: fewer than six joints do not meet one that is rounded
         numbers = POSE_NUMBERS if target.free_axis is None else AXIS_NUMBERS
-        enough = ENOUGH_NEARLY if self._robot.dof < numbers and not target.position_only else 1 + request.restarts
+        # Ends that miss a pose by little on an arm of fewer joints, after which nothing better is expected.
+        enough = 2 if self._robot.dof < numbers and not target.position_only else 1 + request.restarts
 
         def ends() -> Iterator[Candidate]:
             nonlocal best, least, effort, nearly

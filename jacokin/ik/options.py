@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from jacokin.errors import InvalidInputError
+from jacokin.kernels.tolerances import LIMIT_SNAP
 from jacokin.model import checks
 
 if TYPE_CHECKING:
     from jacokin.model.scene import Scene
 
-METHODS = ("auto", "closed_form", "qp")
 COLLISION = ("prefer", "ignore", "report", "reject")
 DEFAULT_QP_SOLVER = "daqp"  # always installed; checking others means importing qpsolvers
 
@@ -26,8 +26,6 @@ ORIENTATION_TOLERANCE = 1e-6
 TRACKING_POSITION_TOLERANCE = 1e-4
 #: [rad] The same for the orientation, by the weight of a radian (`targets.RADIAN_IN_METRES`).
 TRACKING_ORIENTATION_TOLERANCE = 1e-3
-#: [rad] A branch on a limit comes out of rounding up to this far past it, and is put on the limit.
-LIMIT_SNAP = 1e-9
 #: Random starts of the QP. About one descent in four ends in a local minimum, so a hundred do not fail together.
 MAX_RESTARTS = 100
 
@@ -63,7 +61,7 @@ class SolverOptions:
 
     def __post_init__(self) -> None:
         """Check every option once."""
-        checks.choice("method", self.method, METHODS)
+        checks.choice("method", self.method, ("auto", "closed_form", "qp"))
         checks.choice("collision", self.collision, COLLISION)
         checks.positive("position_tolerance", self.position_tolerance, "m")
         checks.positive("orientation_tolerance", self.orientation_tolerance, "rad")

@@ -47,7 +47,6 @@ OPTIONS: dict[str, dict[str, Any]] = {  # keyword arguments of each solver
 TIKHONOV = 1e-12  # keeps the QP strictly convex at singular poses
 
 DAQP_INFINITY = 1e30
-DAQP_SOLVED = (1, 2)  # optimal, with or without softened constraints
 
 
 class QPFailed(Exception):  # noqa: N818 - internal signal, never seen by users
@@ -156,4 +155,4 @@ def _run_daqp(hessian: Array, gradient: Array, inequalities: Inequalities, low: 
     else:
         above, below = np.concatenate([high, ends]), np.concatenate([low, np.full(ends.size, -DAQP_INFINITY)])
     found, _, flag, _ = daqp.solve(hessian, gradient, rows, above, below, np.zeros(above.size, dtype=np.int32))
-    return np.array(found) if flag in DAQP_SOLVED else None
+    return np.array(found) if flag in (1, 2) else None  # optimal, with or without softened constraints

@@ -44,7 +44,6 @@ from jacokin.ik.local_search import LocalSearch, PositionDescents
 from jacokin.ik.near_misses import NearMisses
 from jacokin.ik.options import (
     DEFAULT_QP_SOLVER,
-    LIMIT_SNAP,
     MAX_RESTARTS,
     ORIENTATION_TOLERANCE,
     POSITION_TOLERANCE,
@@ -61,7 +60,8 @@ from jacokin.ik.targets import Request, Target, TargetPose, interpret, pose_matr
 from jacokin.ik.turned import TurnedSearch
 from jacokin.ik.verification import Candidate, Verifier
 from jacokin.kernels.branches import FAMILY
-from jacokin.kernels.closed_form.batch import BRANCHES, LARGEST_MARGIN
+from jacokin.kernels.closed_form.batch import BatchColumn
+from jacokin.kernels.tolerances import LIMIT_SNAP
 from jacokin.model import checks, poses
 from jacokin.model.loading import load_robot
 from jacokin.model.robot import Robot, checked_robot
@@ -593,7 +593,7 @@ class IKSolver:
         T, seed, near = request.target.matrix, request.seed, -self._near_misses.near
         moved = self._near_misses.moved(T)
         found = form.solve_few(moved, seed).rows
-        more = (found[:, BRANCHES] > len(branches)) & (found[:, LARGEST_MARGIN] >= near)
+        more = (found[:, BatchColumn.BRANCHES] > len(branches)) & (found[:, BatchColumn.LARGEST_MARGIN] >= near)
         rows = [form.solve_all(moved[index], seed).q for index in np.flatnonzero(more).tolist()]
         if len(branches):
             rows.append(branches.q[branches.margin.min(axis=1) >= near])

@@ -14,24 +14,9 @@ from jacokin.errors import StructureError
 from jacokin.ik.geometry import ArmGeometry, Frames, chain_of, frames_at_zero, measure, measure_seven
 from jacokin.kernels.closed_form.arm import ARM_CONSTANTS
 from jacokin.kernels.library import Call
-from jacokin.kernels.six_joints.loop import (
-    GENERAL,
-    LABELLINGS,
-    PARALLEL_AXES,
-    PLANAR_ARM,
-    SPHERICAL_WRIST,
-    fill_links,
-    joint_of,
-)
+from jacokin.kernels.six_joints.loop import LABELLINGS, Form, fill_links, joint_of
 from jacokin.kernels.six_joints.planar_arm import meeting
-from jacokin.kernels.six_joints.ranking import (
-    BRANCHES_FOUND,
-    EFFORT,
-    IN_DOUBT,
-    MISSED,
-    make_rank_work,
-    rank_labellings,
-)
+from jacokin.kernels.six_joints.ranking import Score, make_rank_work, rank_labellings
 from jacokin.kernels.tolerances import DISTINCT, EXACT_MISFIT, EXACT_STRUCTURE, SMALLEST_FREEDOM
 from jacokin.model import checks, kinematics, poses
 from jacokin.model.robot import Robot, checked_robot
@@ -44,9 +29,7 @@ FEW = "three joints", "four joints", "five joints"
 RANKED, TRIED_ON_ALL, GOING_ON = 24, 4, 3
 #: What one finding counts: a configuration missed, a branch less than another labelling found, a pose in doubt, which
 #: needs a neighbour solved, and a place looked at closely. The last two are times, in units of some 60 us.
-COSTS = {MISSED: 100.0, BRANCHES_FOUND: -10.0, IN_DOUBT: 1.0, EFFORT: 0.1}
-#: The link that carries the target, and no structure.
-TARGET = 5
+COSTS = {Score.MISSED: 100.0, Score.BRANCHES_FOUND: -10.0, Score.IN_DOUBT: 1.0, Score.EFFORT: 0.1}
 
 
 @dataclass(frozen=True, slots=True)
@@ -249,17 +232,17 @@ class QuickForm(NamedTuple):
     @property
     def sentence(self) -> str:
         """How poses are solved."""
-        if self.kind == SPHERICAL_WRIST:
+        if self.kind == Form.SPHERICAL_WRIST:
             return "every branch, in closed form: axes {}, {} and {} meet in one point".format(*self.joints)
-        if self.kind == PARALLEL_AXES:
+        if self.kind == Form.PARALLEL_AXES:
             return "every branch, in closed form: axes {}, {} and {} are parallel".format(*self.joints)
-        if self.kind == PLANAR_ARM:
+        if self.kind == Form.PLANAR_ARM:
             parts = "axes {} and {} are parallel, {} and {} in one plane across them".format(*self.joints)
             return f"every branch, from a polynomial of degree 4: {parts}"
         return "every branch, from a determinant of the closed loop"
 
 
-NO_FORM = QuickForm(GENERAL, 0, 0.0, 0.0, (), 0)
+NO_FORM = QuickForm(Form.GENERAL, 0, 0.0, 0.0, (), 0)
 
 
 def quick_form(chain: NDArray[np.float64], scale: float) -> QuickForm:
@@ -279,7 +262,8 @@ def quick_form(chain: NDArray[np.float64], scale: float) -> QuickForm:
     for labelling in range(LABELLINGS):
         backwards, begin = divmod(labelling, 6)
         links = ways[backwards, (np.arange(6) + (-begin if backwards else begin)) % 6]
-        carrier = next(i for i in range(6) if link_of(labelling, i) == TARGET)
+        # The link that carries the target, and no structure.
+        carrier = next(i for i in range(6) if link_of(labelling, i) == 5)
         forms = (make(links, labelling, carrier) for make in (wrist_form, plane_form, planar_arm_form))
         found += [form for form in forms if form]
     return min(found, key=lambda form: form.rank, default=NO_FORM)
@@ -311,7 +295,7 @@ def wrist_form(links: NDArray[np.float64], labelling: int, carrier: int) -> Quic
         return None
     first, second = float(point[2]), float(rotation[:, 2] @ (point - position))
     joints = tuple(sorted(joint_of(labelling, i) + 1 for i in (3, 4, 5)))
-    return QuickForm(SPHERICAL_WRIST, labelling, first, second, joints, 0 if apart <= EXACT_STRUCTURE else 2)
+    return QuickForm(Form.SPHERICAL_WRIST, labelling, first, second, joints, 0 if apart <= EXACT_STRUCTURE else 2)
 
 
 def plane_form(links: NDArray[np.float64], labelling: int, carrier: int) -> QuickForm | None:
@@ -330,7 +314,7 @@ def plane_form(links: NDArray[np.float64], labelling: int, carrier: int) -> Quic
     s = float(t[:2] @ z[:2] / (z[:2] @ z[:2]))
     first, second = float(t[2] - s * z[2]), -s
     joints = tuple(sorted(joint_of(labelling, i) + 1 for i in (1, 2, 3)))
-    return QuickForm(PARALLEL_AXES, labelling, first, second, joints, 1)
+    return QuickForm(Form.PARALLEL_AXES, labelling, first, second, joints, 1)
 
 
 def planar_arm_form(links: NDArray[np.float64], labelling: int, carrier: int) -> QuickForm | None:
@@ -351,7 +335,7 @@ def planar_arm_form(links: NDArray[np.float64], labelling: int, carrier: int) ->
     if min(np.hypot(*second[:2, 3]), abs(elbow - fourth[2, 3] - wrist * fourth[2, 2])) < DISTINCT:
         return None
     beside, inner = ([joint_of(labelling, i) + 1 for i in pair] for pair in ((0, 3), (1, 2)))
-    return QuickForm(PLANAR_ARM, labelling, misfit, 0.0, (*sorted(inner), *sorted(beside)), 3)
+    return QuickForm(Form.PLANAR_ARM, labelling, misfit, 0.0, (*sorted(inner), *sorted(beside)), 3)
 
 
 def sine_of(link: NDArray[np.float64]) -> float:

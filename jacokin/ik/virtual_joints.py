@@ -30,6 +30,7 @@ from jacokin.ik.structures import FEWEST
 from jacokin.ik.targets import TargetPose
 from jacokin.ik.verification import Verifier
 from jacokin.kernels.branches import COLUMNS, DISTANCE, FAMILY, ORIENTATION_ERROR, POSITION_ERROR
+from jacokin.kernels.tolerances import LIMIT_SNAP
 from jacokin.model import checks, kinematics
 from jacokin.model.angles import TURN
 from jacokin.model.kinematics import axis_of
@@ -37,9 +38,7 @@ from jacokin.model.kinematics import axis_of
 STANDS = 0.03  # [rad] of a joint that should stand at zero: from there on Newton's method decides
 AT_ZERO = 1e-10  # [rad] of such a joint: nothing to correct
 SAME = 1e-7  # [rad] configurations nearer than that are one
-STEPS = 8  # of Newton's method
 SMALLEST_STEP = 1e-7  # [rad] after which it ends: the next one would be rounding
-ON_LIMIT = 1e-9  # [rad] past a limit: rounding
 ON_ONE_LINE = 1e-9  # sine, and distance over the arm's length, of two axes that count as one
 
 #: Where joints that stand at zero are: turned by [rad], moved by [lengths of the arm]. Any generic numbers will do.
@@ -201,7 +200,7 @@ class VirtualJoints:
         if stood < AT_ZERO:
             return True
         q = np.array(row[:SIX])
-        for _ in range(STEPS):
+        for _ in range(8):  # of Newton's method
             error, jacobian = _error_and_jacobian(self._form.chain, q, T)
             step = np.linalg.lstsq(jacobian[:, :free], error, rcond=None)[0]
             q[:free] += step
@@ -210,7 +209,7 @@ class VirtualJoints:
         lower, upper = self._lower[: self._real], self._upper[: self._real]
         real = q[: self._real]
         onto = real.clip(lower, upper)
-        real[:] = np.where(np.abs(onto - real) < ON_LIMIT, onto, real)
+        real[:] = np.where(np.abs(onto - real) < LIMIT_SNAP, onto, real)
         error, _ = _error_and_jacobian(self._form.chain, q, T)
         row[:SIX], row[SIX : SIX + self._real] = q.tolist(), np.minimum(real - lower, upper - real).tolist()
         row[POSITION_ERROR], row[ORIENTATION_ERROR] = math.hypot(*error[:3]), math.hypot(*error[3:])

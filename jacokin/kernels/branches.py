@@ -19,8 +19,9 @@ from jacokin.kernels.chain import (
     newton_step,
     normal_equations,
     solve_normal,
+    triangulate,
 )
-from jacokin.kernels.closed_form.folds import KNOWN_FOLD, NEW_FOLD, FoldWork, is_known_fold, make_folds, solve_fold
+from jacokin.kernels.closed_form.folds import FoldFound, FoldWork, is_known_fold, make_folds, solve_fold
 from jacokin.kernels.configurations.arm import turn_sines
 from jacokin.kernels.limits import TURN, fit_to_limits, hold_on_limits, nearest_copy, same_configuration
 from jacokin.kernels.tolerances import (
@@ -111,8 +112,8 @@ def add_fold(query: PoseQuery, work: BranchWork) -> bool:
     if is_known_fold(fold, q):
         return True
     result = solve_fold(query.chain, query.T, work.newton, fold)
-    if result != NEW_FOLD:
-        return result == KNOWN_FOLD
+    if result != FoldFound.NEW:
+        return result == FoldFound.KNOWN
     found = False
     for i in range(2):
         for j in range(6):
@@ -432,28 +433,9 @@ def most_singular(query: PoseQuery, work: BranchWork) -> int:
 
 
 def jacobian_determinant(chain: Array, T: Array, newton: Newton) -> float:
-    """The determinant of the Jacobian at newton.q [m^3]; 0 where `chain.eliminate` would find it singular."""
-    system = newton.system
-    linearise(chain, T, newton.q, system)
-    product = 1.0
-    for column in range(6):
-        pivot = column
-        for row in range(column + 1, 6):
-            if abs(system[row, column]) > abs(system[pivot, column]):
-                pivot = row
-        value = system[pivot, column]
-        if value == 0.0:
-            return 0.0
-        product *= value
-        for j in range(column, 6):
-            swap = system[column, j]
-            system[column, j] = system[pivot, j]
-            system[pivot, j] = swap
-        for row in range(column + 1, 6):
-            factor = system[row, column] / value
-            for j in range(column + 1, 6):
-                system[row, j] -= factor * system[column, j]
-    return product
+    """The determinant of the Jacobian at newton.q [m^3]."""
+    linearise(chain, T, newton.q, newton.system)
+    return triangulate(newton.system, 6, 6, 1.0)
 
 
 def polish(query: PoseQuery, work: BranchWork) -> bool:

@@ -186,19 +186,50 @@ def solve_normal(normal: Array) -> bool:
     return True
 
 
+def bring_pivot(a: Array, column: int, rows: int, first: int, last: int) -> int:
+    """Swap row ``column`` with that of the largest entry in its column from there on, in columns first to last - 1.
+
+    Returns:
+        The row that it was swapped with.
+    """
+    pivot = column
+    for row in range(column + 1, rows):
+        if abs(a[row, column]) > abs(a[pivot, column]):
+            pivot = row
+    if pivot != column:
+        for j in range(first, last):
+            swap = a[column, j]
+            a[column, j] = a[pivot, j]
+            a[pivot, j] = swap
+    return pivot
+
+
+def triangulate(a: Array, columns: int, last: int, product: float) -> float:
+    """Eliminate the first columns of six rows below the diagonal, in place, up to column last - 1.
+
+    Returns:
+        A product so far, times the determinant of those columns' pivots; 0 where one vanishes.
+    """
+    for column in range(columns):
+        if bring_pivot(a, column, 6, column, last) != column:
+            product = -product
+        value = a[column, column]
+        if value == 0.0:
+            return 0.0
+        product *= value
+        for row in range(column + 1, 6):
+            factor = a[row, column] / value
+            for j in range(column + 1, last):
+                a[row, j] -= factor * a[column, j]
+    return product
+
+
 def eliminate(system: Array) -> bool:
     """Solve the (6, 7) system in place by Gauss-Jordan with row pivoting; the solution is column 6."""
     for column in range(6):
-        pivot = column
-        for row in range(column + 1, 6):
-            if abs(system[row, column]) > abs(system[pivot, column]):
-                pivot = row
-        if abs(system[pivot, column]) < SMALLEST_PIVOT:
+        bring_pivot(system, column, 6, column, 7)
+        if abs(system[column, column]) < SMALLEST_PIVOT:
             return False
-        for j in range(column, 7):
-            swap = system[column, j]
-            system[column, j] = system[pivot, j]
-            system[pivot, j] = swap
         scale = 1.0 / system[column, column]
         for j in range(column, 7):
             system[column, j] *= scale
@@ -232,18 +263,10 @@ def eliminate7(system: Array) -> float:
     """
     product = 1.0
     for column in range(7):
-        pivot = column
-        for row in range(column + 1, 7):
-            if abs(system[row, column]) > abs(system[pivot, column]):
-                pivot = row
-        if abs(system[pivot, column]) < SMALLEST_PIVOT_7:
-            return 0.0
-        if pivot != column:
+        if bring_pivot(system, column, 7, column, 8) != column:
             product = -product
-            for j in range(column, 8):
-                swap = system[column, j]
-                system[column, j] = system[pivot, j]
-                system[pivot, j] = swap
+        if abs(system[column, column]) < SMALLEST_PIVOT_7:
+            return 0.0
         product *= system[column, column]
         scale = 1.0 / system[column, column]
         for j in range(column + 1, 8):

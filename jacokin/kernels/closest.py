@@ -53,7 +53,7 @@ FIXED, COSINE, SINE, OFFSET, AXIS, SLIDES, CIRCULAR, LOWER, UPPER, JOINT_COLUMNS
 #: Columns of what a start goes on with: the unit vectors u and v, damping, and 1 once it has been through a stage.
 U, V, DAMPED, BEGUN, STATE_COLUMNS = 0, 3, 6, 7, 8
 #: What a configuration is measured as: value, |p| and p / |p|, |a| and a / |a|, the axis of a, x cot(x) at |a| / 2.
-VALUE, DISTANCE, TOWARDS, ANGLE, TURN, ABOUT, HALF_COTANGENT, MEASURED = 0, 1, 2, 5, 6, 9, 12, 13
+VALUE, DISTANCE, TOWARDS, ANGLE, TURNING, ABOUT, HALF_COTANGENT, MEASURED = 0, 1, 2, 5, 6, 9, 12, 13
 
 
 class Point(NamedTuple):
@@ -310,10 +310,10 @@ def measure(work: ClosestWork, point: Point, smoothing: float) -> None:
     m[ANGLE] = math.sqrt(angle * angle + rest * rest)
     for i in range(3):
         m[TOWARDS + i] /= m[DISTANCE]
-        m[TURN + i] = m[ABOUT + i] * (angle / m[ANGLE])
+        m[TURNING + i] = m[ABOUT + i] * (angle / m[ANGLE])
     m[VALUE] = m[DISTANCE] + weight * m[ANGLE]
     for j in range(len(point.q)):
-        point.gradient[j] = along(point.linear[j], m, TOWARDS) + weight * along(point.angular[j], m, TURN)
+        point.gradient[j] = along(point.linear[j], m, TOWARDS) + weight * along(point.angular[j], m, TURNING)
 
 
 def along(row: Array, vectors: Array, first: int) -> float:
@@ -341,7 +341,7 @@ def fill_hessian(work: ClosestWork, point: Point, state: Array, convex: bool) ->
                 h_position -= 0.5 * (dot(li, u) * to_j + dot(lj, u) * to_i)
                 h_position = h_position / m[DISTANCE] + dot(across_u, lj)
                 about = along(point.angular[i], m, ABOUT) * along(point.angular[j], m, ABOUT)
-                to_i, to_j = along(point.angular[i], m, TURN), along(point.angular[j], m, TURN)
+                to_i, to_j = along(point.angular[i], m, TURNING), along(point.angular[j], m, TURNING)
                 h_rotation = m[HALF_COTANGENT] * (h_rotation - about) + about
                 h_rotation -= 0.5 * (dot(ai, v) * to_j + dot(aj, v) * to_i)
                 h_rotation = h_rotation / m[ANGLE] + 0.5 * dot(across_v, aj)
@@ -363,7 +363,7 @@ def move_duals(point: Point, step: Array, state: Array) -> None:
         linear, angular = vector_of(point.linear, j), vector_of(point.angular, j)
         moved = added(moved, mix(linear, step[j], linear, 0.0, linear, 0.0))
         turned_by = added(turned_by, mix(angular, step[j], angular, 0.0, angular, 0.0))
-    n, turn = (m[ABOUT], m[ABOUT + 1], m[ABOUT + 2]), (m[TURN], m[TURN + 1], m[TURN + 2])
+    n, turn = (m[ABOUT], m[ABOUT + 1], m[ABOUT + 2]), (m[TURNING], m[TURNING + 1], m[TURNING + 2])
     part = dot(n, turned_by)
     half_cotangent = m[HALF_COTANGENT]
     bent = mix(turned_by, half_cotangent, n, part * (1.0 - half_cotangent), cross(turn, turned_by), -0.5 * m[ANGLE])
@@ -389,7 +389,7 @@ def descend(work: ClosestWork, i: int, convex: bool, smoothing: float, steps: in
     if state[BEGUN] == 0.0:
         state[BEGUN], state[DAMPED] = 1.0, DAMPING
         for k in range(3):
-            state[U + k], state[V + k] = here.measured[TOWARDS + k], here.measured[TURN + k]
+            state[U + k], state[V + k] = here.measured[TOWARDS + k], here.measured[TURNING + k]
     fill_hessian(work, here, state, convex)
     fill_curvature(work, convex)
     for k in range(PATIENCE):

@@ -81,6 +81,8 @@ EDGE_SLACK = 1e-9
 
 # Verification on the model (chain, pose)
 
+#: [rad]; an angle past its limit by no more is on it, but for rounding.
+LIMIT_SNAP = 1e-9
 #: [m] and [rad]; the closure every branch has at least.
 CLOSURE = 1e-9
 #: [m] and [rad]; a Newton step on the model's own Jacobian is tried on a branch with a larger closure.

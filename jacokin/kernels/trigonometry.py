@@ -33,6 +33,15 @@ def sin_cos(angle: float) -> tuple[float, float]:
     if not abs(angle) < LARGEST_ANGLE:
         return math.sin(angle), math.cos(angle)
     quarters = angle * QUARTERS_PER_RADIAN + TO_WHOLE - TO_WHOLE
+    s, c = sin_cos_within_quarter(angle, quarters)
+    place = int(quarters) & 3
+    odd = place & 1
+    turn_c, turn_s = float((1 - place) * (1 - odd)), float((2 - place) * odd)  # of the quarters: 0, 1 or -1
+    return s * turn_c + c * turn_s, c * turn_c - s * turn_s
+
+
+def sin_cos_within_quarter(angle: float, quarters: float) -> tuple[float, float]:
+    """Sine and cosine of what is left of an angle [rad] after its nearest whole number of quarter turns."""
     most, rest = angle - quarters * QUARTER, quarters * QUARTER_REST
     x = most - rest
     tail = (most - x) - rest  # x + tail is the angle within the quarter turn
@@ -47,16 +56,26 @@ def sin_cos(angle: float) -> tuple[float, float]:
     half = 0.5 * z
     c = 1.0 - half
     c += ((1.0 - c) - half) + (z * r - x * tail)
-    place = int(quarters) & 3
-    odd = place & 1
-    turn_c, turn_s = float((1 - place) * (1 - odd)), float((2 - place) * odd)  # of the quarters: 0, 1 or -1
-    return s * turn_c + c * turn_s, c * turn_c - s * turn_s
+    return s, c
 
 
 def sines_cosines(angles: NDArray[np.floating]) -> tuple[Array, Array]:
     """Sines and cosines of angles (any shape) [rad], for constants, which the machine that compiles works out."""
     s, c = (np.array(each).reshape(angles.shape) for each in zip(*map(sin_cos, angles.ravel().tolist()), strict=True))
     return s, c
+
+
+def fourier_samples(count: int, degree: int) -> tuple[Array, Array, Array, Array]:
+    """Angles that a trigonometric polynomial is sampled at, evenly around a turn, and how to tell its coefficients.
+
+    Returns:
+        Sines and cosines (count,) of the angles; what each sample adds to the coefficients (count, degree + 1) of
+        sin(k theta) and cos(k theta).
+    """
+    angles = 2.0 * np.pi / count * np.arange(count)
+    weight = np.where(np.arange(degree + 1) == 0, 1.0, 2.0) / count
+    to_sine, to_cosine = sines_cosines(np.outer(angles, np.arange(degree + 1)))
+    return *sines_cosines(angles), weight * to_sine, weight * to_cosine
 
 
 def arctangent(slope: float) -> float:

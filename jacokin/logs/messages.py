@@ -35,8 +35,6 @@ POSE_TYPES = tuple(
     f"geometry_msgs/msg/{name}"
     for name in ("PoseStamped", "PoseWithCovarianceStamped", "TransformStamped", "PointStamped")
 )
-KNOWN = 1000  # lists of names whose joints are kept
-SHOWN = 3  # of what is said of messages that have other joints
 NANOSECOND = 1e-9  # [s]
 
 Messages = Iterable[tuple[int, Any]]
@@ -254,7 +252,7 @@ class _Joints:
         """(dof,) of values that belong to names; None, counted, where a joint is missing or a value is not finite."""
         key = tuple(names)
         if key not in self._found:
-            if len(self._found) >= KNOWN:
+            if len(self._found) >= 1000:  # lists of names whose joints are kept
                 self._found.clear()
             try:
                 self._found[key] = find_joints(key, self.robot, self._prefix)
@@ -278,7 +276,7 @@ class _Joints:
         return None
 
     def _note(self, text: str) -> None:
-        if len(self.others) < SHOWN:
+        if len(self.others) < 3:  # of what is said of messages that have other joints
             self.others[text] = None
 
     def beside(self, names: Sequence[str], values: Sequence[float] | Array) -> Array | None:

@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
+from jacokin.kernels.tolerances import LIMIT_SNAP
 
 TURN = 2.0 * math.pi
-#: [rad] past a limit by rounding.
-SNAP = 1e-9
 #: Of one configuration, whole turns away within the limits, that a motion may lead through.
 MOST_COPIES = 64
 
@@ -57,15 +56,15 @@ def into_limits(q: Array, lower: Array, upper: Array) -> Array:
     """The copies of the angles inside their limits, any number of turns away; without one, the nearer limit.
 
     Of several copies inside the limits, the one nearest to the angle itself. The result is inside the limits exactly:
-    an angle past a limit by no more than SNAP is put on it, not a turn away.
+    an angle past a limit by no more than LIMIT_SNAP is put on it, not a turn away.
 
     Args:
         q: (..., n) finite angles.
         lower: (n,) lower limits; -inf for none.
         upper: (n,) upper limits, not below the lower ones; inf for none.
     """
-    fewest = np.ceil((lower - SNAP - q) / TURN)  # turns that reach the lower limit
-    most = np.floor((upper + SNAP - q) / TURN)  # turns that stay below the upper limit
+    fewest = np.ceil((lower - LIMIT_SNAP - q) / TURN)  # turns that reach the lower limit
+    most = np.floor((upper + LIMIT_SNAP - q) / TURN)  # turns that stay below the upper limit
     between = fewest > most  # no copy inside: one below the lower limit, the next above the upper limit
     inside = np.clip(0.0, fewest, np.maximum(fewest, most))
     low = q + TURN * np.where(between, most, inside)

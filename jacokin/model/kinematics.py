@@ -22,16 +22,16 @@ import pinocchio as pin
 from jacokin.arrays import Array
 from jacokin.errors import RepresentationSingularity, UnknownNameError
 from jacokin.kernels.configurations.arm import LANES, PLACE, Arm, Block
-from jacokin.kernels.configurations.kinematics import ALIGNED, LOCAL, WORLD, FrameWork, place_frames
+from jacokin.kernels.configurations.kinematics import FrameWork, Reference, place_frames
 from jacokin.kernels.library import Call
 from jacokin.model import checks
 from jacokin.model.poses import quaternion
 
 # By name, what Pinocchio and the kernels call it.
 REFERENCES = {
-    "local_world_aligned": (pin.ReferenceFrame.LOCAL_WORLD_ALIGNED, ALIGNED),
-    "local": (pin.ReferenceFrame.LOCAL, LOCAL),
-    "world": (pin.ReferenceFrame.WORLD, WORLD),
+    "local_world_aligned": (pin.ReferenceFrame.LOCAL_WORLD_ALIGNED, Reference.ALIGNED),
+    "local": (pin.ReferenceFrame.LOCAL, Reference.LOCAL),
+    "world": (pin.ReferenceFrame.WORLD, Reference.WORLD),
 }
 
 # Closer than this to its singularity [rad] a representation's rate is lost to rounding (gain above 1e6).
@@ -161,7 +161,7 @@ def own_axes(model: pin.Model) -> list[pin.SE3]:
 
 def poses(arm: Arm, q: Array) -> Array:
     """Poses (n, 4, 4) of the frame in the base at configurations (n, dof)."""
-    return _frames(arm, q, ALIGNED, np.empty(0))
+    return _frames(arm, q, Reference.ALIGNED, np.empty(0))
 
 
 def frames(arm: Arm, q: Array, reference: str = "local_world_aligned") -> tuple[Array, Array]:

@@ -29,7 +29,6 @@ RADIUS = 0.005  # [m] half of what lies between two points of a depth camera a m
 FARTHEST = 1e6  # [m] farther points are a mistake, and their squares lose what contact is computed with
 
 ENDINGS = (".ply", ".npz")
-LARGEST = 500_000_000  # [byte] of a .ply file: 20 million points with three doubles each
 # PLY's types, by both of their names, as NumPy's (Turk: The PLY Polygon File Format, 1994).
 TYPES = {"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4"}
 TYPES |= {"int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4"}
@@ -268,7 +267,7 @@ class _Header(NamedTuple):
 
 def _read_ply(path: Path) -> Array:
     """The vertices (n, 3) of a .ply file; errors as of `read_points`."""
-    content = files.read_bytes(path, LARGEST)
+    content = files.read_bytes(path, 500_000_000)  # [byte] of a .ply file: 20 million points with three doubles each
     end = content.find(b"end_header", 0, 10_000)
     start = content.find(b"\n", end) + 1
     if not content.startswith(b"ply") or end < 0 or not start:

@@ -22,7 +22,6 @@ from jacokin.motion.timing import BETWEEN, MAX_TICKS, MOST_PLACES, TooHeavy, hol
 from jacokin.motion.trajectory import MotionStatus, Trajectory
 
 ACCELERATION = 1.0  # [rad/s^2] full speed in about 0.7 s; the maker publishes no figure, so this is a gentle guess
-FIRST_ROOM = 500  # rows
 
 _fit = Calls(fit_rest_to_rest, make_rest_work, kept=20_000)  # rows
 
@@ -87,7 +86,7 @@ def rest_to_rest(start: Array, end: Array, limits: Limits, dt: float, *, straigh
     Raises:
         InvalidInputError: it takes more than `MAX_TICKS` steps.
     """
-    dof, count = len(start), FIRST_ROOM
+    dof, count = len(start), 500  # rows
     while True:
         call = _fit.with_room(dof, count)
         work = call.work

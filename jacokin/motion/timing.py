@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
+from jacokin.kernels.course_times import STILL
 from jacokin.kernels.library import Calls
 from jacokin.kernels.speeds import fit_speeds, make_speed_work
 from jacokin.model import checks
@@ -29,7 +30,6 @@ from jacokin.motion.rows import ATTEMPTS, HELD, LEAST_SLOWER, WHOLE_TICK, Rows, 
 
 MAX_TICKS = 10_000_000  # more than a day at 100 Hz: a speed or a step was mistyped
 LINE_USED = 0.8, 0.98  # parts of acceleration and velocity limits for a line that is tracked, no tick of it checked
-STILL = 1e-12
 
 _fit = Calls(fit_speeds, make_speed_work, kept=10_000)  # intervals
 

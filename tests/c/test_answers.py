@@ -21,7 +21,7 @@ from jacokin.kernels.solution_set.slices import AFTER, BEFORE
 from jacokin.model.descriptions import bundled
 from tests.c import binding
 from tests.c.binding import C, CSolver
-from tests.robot_files import ur5_text
+from tests.robot_files import serial_urdf, ur5_text
 
 SIX = [name for name in bundled.NAMES if jacokin.load_robot(name).dof == 6]
 
@@ -279,27 +279,20 @@ def test_the_circle_of_a_straight_wrist_is_found(name: str, free: Callable[[Arra
 
 #: Placements of seven joints, none of whose axes meet or are parallel: xyz [m] and rpy [rad].
 SEVEN_JOINTS = (
-    ("0 0 0.3", "0.1 0 0"),
-    ("0.02 0.05 0.1", "-1.4 0.2 0"),
-    ("0.03 -0.25 0.02", "1.5 0 0.3"),
-    ("0.08 0.03 0.1", "1.3 0.1 0"),
-    ("-0.05 0.3 0.02", "-1.6 0 0.1"),
-    ("0.02 0.04 0.1", "1.2 0.3 0"),
-    ("0.09 0.02 0.05", "1.5 0 0.2"),
+    ((0.0, 0.0, 0.3), (0.1, 0.0, 0.0)),
+    ((0.02, 0.05, 0.1), (-1.4, 0.2, 0.0)),
+    ((0.03, -0.25, 0.02), (1.5, 0.0, 0.3)),
+    ((0.08, 0.03, 0.1), (1.3, 0.1, 0.0)),
+    ((-0.05, 0.3, 0.02), (-1.6, 0.0, 0.1)),
+    ((0.02, 0.04, 0.1), (1.2, 0.3, 0.0)),
+    ((0.09, 0.02, 0.05), (1.5, 0.0, 0.2)),
 )
 
 
 def seven_joints(folder: Path) -> jacokin.Robot:
     """An arm of seven joints of no special structure."""
-    joints = "".join(
-        f'<joint name="joint_{i + 1}" type="revolute"><parent link="l{i}"/><child link="l{i + 1}"/>'
-        f'<origin xyz="{xyz}" rpy="{rpy}"/><axis xyz="0 0 1"/>'
-        '<limit lower="-2.5" upper="2.5" effort="1" velocity="1"/></joint>'
-        for i, (xyz, rpy) in enumerate(SEVEN_JOINTS)
-    )
-    links = "".join(f'<link name="l{i}"/>' for i in range(8))
     path = folder / "seven.urdf"
-    path.write_text(f'<robot name="seven">{links}{joints}</robot>', encoding="utf-8")
+    path.write_text(serial_urdf(SEVEN_JOINTS, [(-2.5, 2.5)] * 7, velocity=1.0, name="seven"))
     return jacokin.load_robot(path)
 
 

@@ -23,22 +23,13 @@ from jacokin.model.many_configurations import Chain
 sys.path.append(str(Path(__file__).resolve().parents[2]))  # last: the installed package is what gets tested
 
 from benchmarks import closest as other
-
-SLIDING = """<robot name="crane">
-<link name="base"/><link name="mast"/><link name="slide"/><link name="hook"/>
-<joint name="turn" type="continuous"><parent link="base"/><child link="mast"/><axis xyz="0 0 1"/>
-  <limit effort="1" velocity="1"/></joint>
-<joint name="slide" type="prismatic"><parent link="mast"/><child link="slide"/><origin xyz="0.1 0 0" rpy="0 0.3 0"/>
-  <axis xyz="0.6 0 0.8"/><limit lower="0" upper="1.5" effort="1" velocity="1"/></joint>
-<joint name="tilt" type="revolute"><parent link="slide"/><child link="hook"/><origin xyz="0.1 0 0"/>
-  <axis xyz="0 0.6 0.8"/><limit lower="-3" upper="3" effort="1" velocity="1"/></joint>
-</robot>"""
+from tests.robot_files import CRANE
 
 
 @pytest.fixture(scope="module")
 def crane(tmp_path_factory: pytest.TempPathFactory) -> Robot:
     path = tmp_path_factory.mktemp("crane") / "crane.urdf"
-    path.write_text(SLIDING)
+    path.write_text(CRANE)
     return jacokin.load_robot(path)
 
 
@@ -74,7 +65,7 @@ def measured(work: kernel.ClosestWork, q: Array, smoothing: float) -> tuple[floa
     kernel.measure(work, work.here, smoothing)
     m, state = work.here.measured, np.zeros(kernel.STATE_COLUMNS)
     state[kernel.U : kernel.U + 3] = m[kernel.TOWARDS : kernel.TOWARDS + 3]
-    state[kernel.V : kernel.V + 3] = m[kernel.TURN : kernel.TURN + 3]
+    state[kernel.V : kernel.V + 3] = m[kernel.TURNING : kernel.TURNING + 3]
     kernel.fill_hessian(work, work.here, state, False)
     return float(m[kernel.VALUE]), work.here.gradient.copy(), work.here.hessian.reshape(len(q), -1).copy(), state
 

@@ -14,6 +14,7 @@ from jacokin import IKSolver, Robot, Status
 from jacokin.arrays import Array
 from jacokin.ik.closest import ReachBound
 from tests.kernels.six_joints.arms import chain_of_arm
+from tests.robot_files import serial_urdf
 
 #: Placements (n + 1, 3, 4) by name.
 CHAINS = {
@@ -27,21 +28,8 @@ CHAINS = {
 
 def urdf_of(chain: Array) -> str:
     """A description of turning joints, 3 rad to both sides."""
-    lines = ['<robot name="arm"><link name="link_0"/>']
-    for k, place in enumerate(chain):
-        rpy, xyz = (" ".join(map(repr, row.tolist())) for row in (pin.rpy.matrixToRpy(place[:, :3]), place[:, 3]))
-        kind = "fixed" if k == len(chain) - 1 else "revolute"
-        lines.append(
-            f'<link name="link_{k + 1}"/><joint name="joint_{k + 1}" type="{kind}"><parent link="link_{k}"/>'
-            f'<child link="link_{k + 1}"/><origin xyz="{xyz}" rpy="{rpy}"/><axis xyz="0 0 1"/>'
-            '<limit lower="-3" upper="3" velocity="2" effort="10"/></joint>'
-        )
-    return "".join([*lines, "</robot>"])
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("arms")
+    places = [(place[:, 3].tolist(), pin.rpy.matrixToRpy(place[:, :3]).tolist()) for place in chain]
+    return serial_urdf(places, [(-3.0, 3.0)] * (len(chain) - 1))
 
 
 @cache

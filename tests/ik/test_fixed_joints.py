@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import re
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,8 @@ from jacokin.ik.geometry import ArmGeometry
 from jacokin.ik.solutions.points import Points
 from jacokin.ik.structures import measure_general
 from jacokin.model.angles import circular_distance, wrap_to_pi
+from tests.robot_files import joint as urdf_joint
+from tests.robot_files import serial_urdf
 
 # The joints of three arms of seven joints that are not built like a Jaco: origin [m] and rpy [rad] before each joint.
 H = np.pi / 2
@@ -59,16 +62,9 @@ ARMS = {
 
 def text_of(name: str, first: str = "revolute") -> str:
     """A URDF of one of those arms, limits of 2.9 rad; the first joint may be continuous, or slide."""
-    links = ['<link name="base"/>']
-    for index, (xyz, rpy) in enumerate(ARMS[name], start=1):
-        kind = first if index == 1 else "revolute"
-        limit = '<limit lower="-2.9" upper="2.9" velocity="1" effort="1"/>' if kind != "continuous" else ""
-        links.append(
-            f'<link name="link_{index}"/><joint name="joint_{index}" type="{kind}"><axis xyz="0 0 1"/>{limit}'
-            f'<origin xyz="{" ".join(map(str, xyz))}" rpy="{" ".join(map(str, rpy))}"/>'
-            f'<parent link="{"base" if index == 1 else f"link_{index - 1}"}"/><child link="link_{index}"/></joint>'
-        )
-    return f'<robot name="{name.replace(" ", "_")}">{"".join(links)}</robot>'
+    text = serial_urdf(ARMS[name], [(-2.9, 2.9)] * 7, velocity=1.0, name=name.replace(" ", "_"))
+    text = text.replace('1" type="revolute"', f'1" type="{first}"')
+    return re.sub("<limit [^>]*>", "", text, count=1) if first == "continuous" else text
 
 
 def load(folder: Path, name: str, first: str = "revolute") -> Robot:
@@ -206,7 +202,7 @@ def test_other_values_need_no_other_labelling(
 
 def test_a_rail_moves_the_base_only(tmp_path: Path, rng: np.random.Generator) -> None:
     """Both the rail and a joint of the arm are held; another place of the rail is the target moved back by as much."""
-    text = text_of("offsets").replace('<link name="base"/>', RAIL).replace('<parent link="base"/>', PARENT, 1)
+    text = text_of("offsets").replace('<link name="link_0"/>', RAIL)
     (tmp_path / "railed.urdf").write_text(text)
     robot = jacokin.load_robot(tmp_path / "railed.urdf")
     assert robot.dof == 8
@@ -222,11 +218,9 @@ def test_a_rail_moves_the_base_only(tmp_path: Path, rng: np.random.Generator) ->
         np.testing.assert_allclose(there.q[:, 1:], here.q[:, 1:], atol=1e-8)
 
 
-RAIL = (
-    '<link name="floor"/><link name="base"/><joint name="rail" type="prismatic"><axis xyz="1 0 0"/>'
-    '<limit lower="-1" upper="1" velocity="1" effort="1"/><parent link="floor"/><child link="base"/></joint>'
+RAIL = '<link name="floor"/><link name="link_0"/>' + urdf_joint(
+    "rail", "floor", "link_0", (0.0, 0.0, 0.0), kind="prismatic", axis=(1.0, 0.0, 0.0), limits=(-1.0, 1.0), velocity=1.0
 )
-PARENT = '<parent link="base"/>'
 
 
 def test_a_joint_beyond_the_frame_may_be_held(tmp_path: Path, rng: np.random.Generator) -> None:

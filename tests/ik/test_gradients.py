@@ -26,11 +26,6 @@ Bundled = Callable[[str], Robot]
 Solve = Callable[[pin.SE3], Array]
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("arms")
-
-
 @cache
 def written(folder: Path, name: str) -> Robot:
     """An arm of six joints of no structure, or one of fewer."""

@@ -19,11 +19,6 @@ CASES = [(name, word) for name, places in few_joints.ARMS.items() for word in fe
 Z = np.array([0.0, 0.0, 1.0])
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("arms")
-
-
 @cache
 def solver_of(folder: Path, name: str, limit: float = 3.1) -> IKSolver:
     path = folder / f"{name}.urdf"

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from jacokin.kernels.tolerances import LIMIT_SNAP
 from jacokin.model import angles
 
 TURNS = st.integers(-1000, 1000)
@@ -68,7 +69,7 @@ def test_into_limits_finds_the_copy_that_brute_force_finds(q: float, lower: floa
         assert min(abs(result - lower), abs(result - upper)) == 0.0
         assert on_circle(result, q) == pytest.approx(min(gaps), abs=ROUNDING)
     else:
-        assert on_circle(result, q) < ROUNDING + angles.SNAP
+        assert on_circle(result, q) < ROUNDING + LIMIT_SNAP
         clear = [copy for copy in copies if lower + ROUNDING < copy < upper - ROUNDING]
         if clear:
             assert abs(result - q) <= min(abs(copy - q) for copy in clear) + ROUNDING

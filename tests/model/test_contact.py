@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -33,6 +32,7 @@ from jacokin.model.obstacles import (
 from jacokin.model.own_shapes import overlapping
 from tests.coal_shapes import coal_shape, collision_pairs
 from tests.robot_files import ur5_text, urdf_text
+from tests.threads import run_in_threads
 
 ROBOTS = ("j2n6s300", "j2n6s200", "j2s6s300", "j2s7s300")
 
@@ -164,11 +164,7 @@ def test_answers_do_not_depend_on_earlier_calls_or_threads(robot: Robot, rng: np
     first = [contact.touches(q) for q in rows]
     assert [contact.touches(q) for q in rows[::-1]] == first[::-1]
     distances, found = contact.distances(rows), list[Array]()
-    threads = [threading.Thread(target=lambda: found.append(contact.distances(rows))) for _ in range(4)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
+    run_in_threads(lambda _: found.append(contact.distances(rows)), 4)
     for again in found:
         np.testing.assert_array_equal(again, distances)
 

@@ -11,7 +11,7 @@ import numpy as np
 import jacokin
 import jacokin.model
 from jacokin.model import SelfContact, urdf_folder
-from tests.robot_files import SCENE, ur5_text, urdf_text
+from tests.robot_files import SCENE, joint, ur5_text, urdf_text
 
 
 def test_a_pickled_robot_keeps_the_home_it_found(scene: Path) -> None:
@@ -75,8 +75,7 @@ def test_home_of_shapes_that_always_overlap(tmp_path: Path) -> None:
     inertial = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
     links = "".join(f'<link name="l{i}">{inertial}{shape}</link>' for i in range(4))
     joints = "".join(
-        f'<joint name="q{i}" type="revolute"><parent link="l{i - 1}"/><child link="l{i}"/><origin xyz="0 0 0.1"/>'
-        '<axis xyz="1 0 0"/><limit lower="-2" upper="2" effort="1" velocity="1"/></joint>'
+        joint(f"q{i}", f"l{i - 1}", f"l{i}", (0.0, 0.0, 0.1), axis=(1.0, 0.0, 0.0), limits=(-2.0, 2.0))
         for i in range(1, 4)
     )
     path = tmp_path / "coarse.urdf"

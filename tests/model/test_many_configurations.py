@@ -13,16 +13,8 @@ import jacokin
 from jacokin import Robot
 from jacokin.arrays import Array
 from jacokin.model.many_configurations import Chain, TargetRows
+from tests.robot_files import CRANE
 
-SLIDING = """<robot name="crane">
-<link name="base"/><link name="mast"/><link name="slide"/><link name="hook"/>
-<joint name="turn" type="continuous"><parent link="base"/><child link="mast"/><axis xyz="0 0 1"/>
-  <limit effort="1" velocity="1"/></joint>
-<joint name="slide" type="prismatic"><parent link="mast"/><child link="slide"/><origin xyz="0.1 0 0" rpy="0 0.3 0"/>
-  <axis xyz="0.6 0 0.8"/><limit lower="0" upper="1.5" effort="1" velocity="1"/></joint>
-<joint name="tilt" type="revolute"><parent link="slide"/><child link="hook"/><origin xyz="0.1 0 0"/>
-  <axis xyz="0 0.6 0.8"/><limit lower="-3" upper="3" effort="1" velocity="1"/></joint>
-</robot>"""
 TOOL = jacokin.pose([0.1, -0.2, 0.05], rpy=[0.3, 0.2, -1.0])
 NAMES = ("j2n6s300", "j2s7s300", "crane")
 
@@ -32,7 +24,7 @@ def robot_of(bundled: Callable[[str], Robot], tmp_path: Path) -> Callable[[str],
     def load(name: str) -> Robot:
         if name != "crane":
             return bundled(name)
-        (tmp_path / "crane.urdf").write_text(SLIDING)
+        (tmp_path / "crane.urdf").write_text(CRANE)
         return jacokin.load_robot(tmp_path / "crane.urdf")
 
     return load

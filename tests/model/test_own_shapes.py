@@ -23,7 +23,8 @@ from jacokin.model import own_shapes as own
 from jacokin.model.contact import Contact
 from jacokin.model.poses import pose
 from tests.compiled_twin import TwinContact, compile_twin
-from tests.robot_files import ur5_text
+from tests.robot_files import joint, ur5_text
+from tests.threads import run_in_threads
 
 WAYS_TO_ASK: dict[str, Callable[[Robot], object]] = {
     "home": lambda robot: robot.home,
@@ -82,15 +83,11 @@ def test_threads_that_ask_at_once_get_the_same(mesh_arm: Path) -> None:
     found: list[object] = []
     start = threading.Barrier(4)
 
-    def ask() -> None:
+    def ask(_: int) -> None:
         start.wait()
         found.append(own.own_shapes(robot))
 
-    threads = [threading.Thread(target=ask) for _ in range(4)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
+    run_in_threads(ask, 4)
     assert len({id(each) for each in found}) == 1
 
 
@@ -209,8 +206,7 @@ def test_a_shape_beyond_all_measure_is_refused_where_contact_needs_it(tmp_path: 
     shape = '<collision name="ball"><origin xyz="0 0 -1e200"/><geometry><sphere radius="0.1"/></geometry></collision>'
     links = "".join(f'<link name="l{i}">{shape if i == 2 else ""}</link>' for i in range(4))
     joints = "".join(
-        f'<joint name="j{i}" type="revolute"><parent link="l{i}"/><child link="l{i + 1}"/><origin xyz="0 0 0.2"/>'
-        f'<axis xyz="{"0 1 0" if i else "0 0 1"}"/><limit lower="-2" upper="2" velocity="1" effort="1"/></joint>'
+        joint(f"j{i}", f"l{i}", f"l{i + 1}", (0.0, 0.0, 0.2), axis=(0, 1, 0) if i else (0, 0, 1), limits=(-2.0, 2.0))
         for i in range(3)
     )
     path.write_text(f'<robot name="arm">{links}{joints}</robot>')

@@ -18,6 +18,15 @@ def at(x: float, y: float, z: float, rotation: Array = DOWN) -> pin.SE3:
     return pin.SE3(rotation, np.array([x, y, z]))
 
 
+def random_line(robot: Robot, rng: np.random.Generator) -> list[pin.SE3]:
+    """From the pose of a random configuration in a random direction, turning about a random axis."""
+    start = robot.forward_kinematics(robot.sample(rng))
+    way, turn = rng.normal(size=3), rng.normal(size=3)
+    way *= rng.uniform(0.1, 0.4) / np.linalg.norm(way)
+    turn *= rng.uniform(0.0, 1.0) / np.linalg.norm(turn)
+    return [start, pin.SE3(start.rotation @ pin.exp3(turn), start.translation + way)]
+
+
 def tool_poses(robot: Robot, rows: Array, frame: str = "end_effector") -> tuple[Array, Array]:
     """Positions and rotations by MuJoCo."""
     model = to_mujoco(robot)

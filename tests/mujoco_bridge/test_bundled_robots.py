@@ -13,6 +13,7 @@ import jacokin
 from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.model.descriptions import bundled
 from jacokin.mujoco_bridge import Arena, JacoArm, JacoHand, ModelWrapperEntity, Physics, observations, robots
+from tests.mujoco_bridge.scenes import attach_sideways, check_torque_balances_the_joint, close_until_still
 
 NAMES = bundled.JACOS
 TWO_FINGERS = [name for name in NAMES if name.endswith("200")]
@@ -84,25 +85,7 @@ def test_commanded_velocities_are_reached_and_clipped(robot: str) -> None:
 
 @pytest.mark.parametrize("robot", NAMES)
 def test_torque_observable_balances_the_joint(robot: str) -> None:
-    """The sensor measures what is left of the joint's own torques: armature, friction, damping and actuator."""
-    arm = JacoArm(robot=robot)
-    arena = Arena()
-    arena.attach(arm)
-    physics = Physics.from_entity(arena)
-    rng = np.random.default_rng(0)
-    joints = physics.bind(arm.joints)
-    checked = 0
-    while checked < 5:
-        arm.randomize_arm_joints(physics, rng)
-        joints.qvel = rng.uniform(-0.5, 0.5, len(arm.joints))
-        physics.bind(arm.actuators).ctrl = rng.uniform(-0.5, 0.5, len(arm.joints))
-        physics.forward()
-        if physics.data.ncon:
-            continue
-        checked += 1
-        own = joints.armature * joints.qacc - joints.qfrc_constraint - joints.qfrc_passive - joints.qfrc_actuator
-        assert np.abs(own).max() > 0.1
-        np.testing.assert_allclose(arm.observables.joints_torque(physics), -own, rtol=0.0, atol=1e-9)
+    check_torque_balances_the_joint(JacoArm(robot=robot), 5)
 
 
 @pytest.mark.one_quick("robot")
@@ -131,19 +114,12 @@ def grip_forces(hand: JacoHand) -> Any:
     spec.compiler.degree = False
     spec.worldbody.add_geom(name="ball", type=mujoco.mjtGeom.mjGEOM_SPHERE, size=(0.02, 0.0, 0.0))
     ball = ModelWrapperEntity(spec, name="ball")
-    held = arena.attach(ball)
-    for name, axis in (("x", (1.0, 0.0, 0.0)), ("y", (0.0, 1.0, 0.0))):
-        held.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)
+    attach_sideways(arena, ball)
     physics = Physics.from_entity(arena)
     height = 0.193  # [m] of the pinch site above the base of the hand
     side = physics.bind(hand.pinch_site).xpos[:2] if len(hand.joints) == 3 else (0.0, 0.0)
     ball.set_pose(physics, position=(*side, height))
-    fingers = physics.bind(hand.joints)
-    physics.bind(hand.actuators).ctrl = 5.0
-    physics.step()
-    while np.abs(fingers.qvel).max() > 1e-3:
-        physics.step()
-        assert physics.time < 5.0
+    close_until_still(physics, hand)
     forces = np.zeros(len(hand.joints))
     for index, contact in enumerate(physics.data.contact):
         names = [physics.model.geom(geom).name for geom in (contact.geom1, contact.geom2)]

@@ -12,7 +12,13 @@ from numpy.typing import NDArray
 
 from jacokin.errors import InvalidInputError
 from jacokin.mujoco_bridge import Arena, JacoArm, JacoHand, ModelWrapperEntity, Physics
-from tests.mujoco_bridge.scenes import HOME, jaco_scene
+from tests.mujoco_bridge.scenes import (
+    HOME,
+    attach_sideways,
+    check_torque_balances_the_joint,
+    close_until_still,
+    jaco_scene,
+)
 
 LARGE, SMALL = math.radians(36), math.radians(48)  # [rad/s] datasheet
 GRIP_FORCE = (20.0, 30.0)  # [N] datasheet: 25 N
@@ -35,17 +41,10 @@ def test_grip_force() -> None:
     arena, hand = Arena(), JacoHand()
     arena.attach(hand)
     ball, touch = ball_with_touch_sensor()
-    held = arena.attach(ball)
-    for name, axis in (("x", (1.0, 0.0, 0.0)), ("y", (0.0, 1.0, 0.0))):
-        held.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)
+    attach_sideways(arena, ball)
     physics = Physics.from_entity(arena)
     ball.set_pose(physics, position=physics.bind(hand.pinch_site).xpos)
-    fingers = physics.bind(hand.joints)
-    physics.bind(hand.actuators).ctrl = 5.0
-    physics.step()
-    while np.abs(fingers.qvel).max() > 1e-3:
-        physics.step()
-        assert physics.time < 5.0
+    close_until_still(physics, hand)
     assert GRIP_FORCE[0] <= physics.bind(touch).sensordata[0] <= GRIP_FORCE[1]
 
 
@@ -105,24 +104,7 @@ def test_torque_observable_opposes_an_external_torque(index: int, torque: float)
 
 
 def test_torque_observable_balances_the_joint() -> None:
-    """What the sensor sees is what is left of the joint's own torques: armature, friction, damping and actuator."""
-    arm = JacoArm()
-    arena = Arena()
-    arena.attach(arm)
-    physics = Physics.from_entity(arena)
-    rng = np.random.default_rng(0)
-    joints = physics.bind(arm.joints)
-    checked = 0
-    while checked < 20:
-        arm.randomize_arm_joints(physics, rng)
-        joints.qvel = rng.uniform(-0.5, 0.5, 6)
-        physics.bind(arm.actuators).ctrl = rng.uniform(-0.5, 0.5, 6)
-        physics.forward()
-        if physics.data.ncon:
-            continue
-        checked += 1
-        own = joints.armature * joints.qacc - joints.qfrc_constraint - joints.qfrc_passive - joints.qfrc_actuator
-        np.testing.assert_allclose(arm.observables.joints_torque(physics), -own, rtol=0.0, atol=1e-9)
+    check_torque_balances_the_joint(JacoArm(), 20)
 
 
 @pytest.mark.parametrize("angle", [0.0, -0.5 * np.pi, np.pi, 10.0 * np.pi])

@@ -24,7 +24,7 @@ from jacokin.chunks.execution import Progress, worker_processes
 from jacokin.errors import InvalidInputError, JacokinError
 from jacokin.mujoco_bridge.distributions import Uniform
 from jacokin.mujoco_bridge.props import Primitive
-from jacokin.tasks import Feature, Randomization, Task, TaskEnv
+from jacokin.tasks import Feature, Randomization, RecordSummary, Task, TaskEnv
 from jacokin.tasks.datasets import recording, video
 from jacokin.tasks.datasets.recorded import Recorded
 from jacokin.tasks.datasets.recording import run_episode
@@ -63,6 +63,15 @@ def make(**options: Any) -> TaskEnv:
     return TaskEnv("lift_brick", flatten=False, randomization=VARIED, **options)
 
 
+def record(path: Path) -> tuple[RecordSummary, list[int]]:
+    """Record the episodes; the summary, and the counts of which progress told."""
+    told: list[int] = []
+    summary = jacokin.tasks.record(
+        make(), Wave(), path, episodes=EPISODES, seed=SEED, progress=lambda made: told.append(made.done)
+    )
+    return summary, told
+
+
 def expected(**options: Any) -> list[Recorded]:
     """The episodes, run without recording them."""
     environment, policy = make(**options), Wave()
@@ -88,10 +97,7 @@ def read(path: Path) -> list[Recorded]:
 @pytest.mark.parametrize("ending", FORMATS)
 def test_episodes_are_kept_bit_by_bit_and_replayed(ending: str, tmp_path: Path) -> None:
     path = tmp_path / f"demos{ending}"
-    told: list[int] = []
-    summary = jacokin.tasks.record(
-        make(), Wave(), path, episodes=EPISODES, seed=SEED, progress=lambda made: told.append(made.done)
-    )
+    summary, told = record(path)
     wanted = expected()
     assert (summary.path, summary.episodes, summary.solved, summary.steps) == (path, EPISODES, 0, EPISODES * STEPS)
     assert summary.mean_return == pytest.approx(np.mean([each.rewards.sum() for each in wanted]))
@@ -280,11 +286,7 @@ def test_a_kill_loses_no_finished_episode(tmp_path: Path) -> None:
     assert done.returncode == -signal.SIGKILL, done.stderr
     assert not path.exists()
     assert len(list((tmp_path / "demos.hdf5.episodes").glob("*.npz"))) == 2
-    told: list[int] = []
-    jacokin.tasks.record(
-        make(), Wave(), path, episodes=EPISODES, seed=SEED, progress=lambda made: told.append(made.done)
-    )
-    assert told == [3]  # only the one that was lost is run
+    assert record(path)[1] == [3]  # only the one that was lost is run
     for one, other in zip(read(path), expected(), strict=True):
         check_equal(one, other)
 
@@ -448,11 +450,7 @@ def is_continued_when_there_is_room(path: Path, make_room: Callable[[], None]) -
     folder = path.with_name(f"{path.name}.episodes")
     assert [each for each in kept if each not in (folder, folder / "recipe.json") and each.suffix != ".npz"] == []
     make_room()
-    told: list[int] = []
-    jacokin.tasks.record(
-        make(), Wave(), path, episodes=EPISODES, seed=SEED, progress=lambda made: told.append(made.done)
-    )
-    assert len(told) == EPISODES - sum(each.suffix == ".npz" for each in kept)
+    assert len(record(path)[1]) == EPISODES - sum(each.suffix == ".npz" for each in kept)
     for one, other in zip(read(path), expected(), strict=True):
         check_equal(one, other, observed=path.suffix != ".lerobot")
     assert [each.name for each in path.parent.iterdir()] == [path.name]
@@ -528,11 +526,7 @@ def test_a_kill_in_the_last_write_leaves_nothing_for_ever(ending: str, tmp_path:
     folder = path.with_name(f"{path.name}.episodes")
     assert list(tmp_path.iterdir()) == [folder]
     assert any(each.name.endswith(".unfinished") for each in folder.iterdir())
-    told: list[int] = []
-    jacokin.tasks.record(
-        make(), Wave(), path, episodes=EPISODES, seed=SEED, progress=lambda made: told.append(made.done)
-    )
-    assert told == []
+    assert record(path)[1] == []
     assert list(tmp_path.iterdir()) == [path]
 
 

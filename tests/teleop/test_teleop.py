@@ -20,7 +20,7 @@ from jacokin.model.poses import quat_wxyz
 from jacokin.motion import LimitDistance, Manipulability, TrackerStatus
 from jacokin.teleop import HandOptions, Player, Stream, Teleop, TeleopStatus, TeleopStep, make_stream
 from jacokin.teleop.streams import KINDS
-from tests.robot_files import UR5_JOINTS
+from tests.robot_files import UR5_JOINTS, ur5_text
 
 Array = NDArray[np.float64]
 DT = 0.01  # [s]
@@ -532,14 +532,8 @@ def test_seven_joints_switch_to_another_curve_from_anywhere(bundled: Any) -> Non
 
 def arm(joints: int, folder: Path) -> Robot:
     """A UR5 that lacks its last joint, or has one more."""
-    links = "".join(f'<link name="l{i}"/>' for i in range(joints + 1))
-    rows = "".join(
-        f'<joint name="q{i}" type="revolute"><parent link="l{i}"/><child link="l{i + 1}"/>'
-        f'<origin xyz="{xyz}" rpy="{rpy}"/><axis xyz="{axis}"/>'
-        '<limit lower="-3.1" upper="3.1" effort="1" velocity="1"/></joint>'
-        for i, (xyz, rpy, axis) in enumerate([*UR5_JOINTS, ("0 0.05 0.1", "0.4 0 0", "1 0 0")][:joints])
-    )
-    (folder / "arm.urdf").write_text(f'<robot name="arm">{links}{rows}</robot>')
+    rows = [*UR5_JOINTS, ("0 0.05 0.1", "0.4 0 0", "1 0 0")][:joints]
+    (folder / "arm.urdf").write_text(ur5_text(rows=rows, limit=3.1))
     return load_robot(folder / "arm.urdf")
 
 

@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 
 import jacokin
-from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.motion import Trajectory, move_joints
 from jacokin.twin import Faults, GoalStatus, SimulatedArm, Tolerances, TrajectoryController, TwinGoal
+from tests.twin.driving import HALF_DEGREE, away, pass_time, wait
 
 NAMES = [f"joint_{j}" for j in range(1, 7)]
-HALF_DEGREE = np.radians(0.5)
 
 
 @pytest.fixture(scope="module")
@@ -27,26 +26,9 @@ def controller(faults: str = "", seed: int = 0) -> TrajectoryController:
     return TrajectoryController(SimulatedArm(), NAMES, faults=Faults.parse(faults), seed=seed)
 
 
-def pass_time(controller: TrajectoryController, seconds: float) -> None:
-    for _ in range(round(seconds / 0.01)):
-        controller.tick()
-
-
-def wait(controller: TrajectoryController, goal: TwinGoal) -> float:
-    begun = controller.arm.state.time
-    while not goal.has_ended:
-        assert controller.arm.state.time - begun < 20.0
-        controller.tick()
-    return controller.arm.state.time - begun
-
-
 def follow(controller: TrajectoryController, motion: Trajectory, tolerances: Tolerances | None = None) -> TwinGoal:
     q, v = motion.q.tolist(), motion.v.tolist()
     return controller.follow(NAMES, motion.time, q, v, tolerances=tolerances)
-
-
-def away(controller: TrajectoryController, q: Array) -> float:
-    return float(np.abs(controller.arm.state.q - q).max())
 
 
 @pytest.mark.one_quick

@@ -10,10 +10,9 @@ import jacokin
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.motion import Trajectory, move_joints
-from jacokin.twin import Faults, GoalStatus, KinovaDriver, SimulatedArm, TwinGoal
+from jacokin.twin import Faults, GoalStatus, KinovaDriver, SimulatedArm
 from jacokin.twin.faults import TICK
-
-HALF_DEGREE = np.radians(0.5)
+from tests.twin.driving import HALF_DEGREE, away, pass_time, wait
 
 
 @pytest.fixture(scope="module")
@@ -27,29 +26,11 @@ def driver(faults: str = "", seed: int = 0) -> KinovaDriver:
     return KinovaDriver(SimulatedArm(), faults=Faults.parse(faults), seed=seed)
 
 
-def pass_time(driver: KinovaDriver, seconds: float) -> None:
-    for _ in range(round(seconds / 0.01)):
-        driver.tick()
-
-
-def wait(driver: KinovaDriver, goal: TwinGoal, patience: float = 20.0) -> float:
-    """Until a goal ends; returns when that was [s]."""
-    begun = driver.arm.state.time
-    while not goal.has_ended:
-        assert driver.arm.state.time - begun < patience
-        driver.tick()
-    return driver.arm.state.time - begun
-
-
 def send(driver: KinovaDriver, velocities: Array) -> None:
     """A velocity a tick, as at 100 Hz."""
     for row in velocities:
         driver.joint_velocity(row)
         driver.tick()
-
-
-def away(driver: KinovaDriver, q: Array) -> float:
-    return float(np.abs(driver.arm.state.q - q).max())
 
 
 def test_velocities_end_where_they_lead(motion: Trajectory) -> None:

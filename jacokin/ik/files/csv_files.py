@@ -21,14 +21,10 @@ from jacokin.ik.files.targets import ANSWERS, FilePart, TargetColumns, TargetFil
 from jacokin.ik.results import BatchResult
 from jacokin.model import checks
 
-BLOCK = 8192  # lines read at a time
 FIRST_LINE = 2  # after the header
-# Python's float also takes 1_0 and digits of other scripts, which in a file are mistakes.
-_NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
 # What lines of numbers are made of, and where JSON would lose the sign of a zero.
 _IN_NUMBERS, _MINUS_ZEROS = b"0123456789+-.eE,\r\n", (b"-0,", b"-0\r", b"-0\n")
 _ENDING = re.compile(r'[,"\r\n]')
-_NOT_FINITE = re.compile(r"[-+]?(nan|inf|infinity)", re.IGNORECASE)
 
 CsvRows = tuple[Array, NDArray[np.int_], dict[str, list[str]]]
 
@@ -45,7 +41,7 @@ def read_targets(path: str | Path) -> TargetFile:
         InvalidInputError: no such file, a missing or repeated column, orientations under other names, a row that is
             longer than the header, a bad number, a quaternion whose norm is not 1, or no rows; names line and column.
     """
-    blocks = list(read_blocks(checks.path("path", path), BLOCK, strict=True))
+    blocks = list(read_blocks(checks.path("path", path), 8192, strict=True))  # lines read at a time
     return TargetFile(
         blocks[0].columns,
         np.concatenate([block.values for block in blocks]),
@@ -227,9 +223,9 @@ def _texts(rows: Sequence[Sequence[str]], columns: TargetColumns) -> dict[str, l
 
 
 def _number(path: Path, line: int, column: str, text: str, finite: bool) -> float:
-    if not finite and _NOT_FINITE.fullmatch(text):
+    if not finite and files.NOT_FINITE_TEXT.fullmatch(text):
         return float(text)
-    value = float(text) if _NUMBER.fullmatch(text) else math.nan
+    value = float(text) if files.NUMBER_TEXT.fullmatch(text) else math.nan
     if not math.isfinite(value):
         problem = f"{text!r} is not a finite number" if text else "is empty"
         raise InvalidInputError(f"{path}, line {line}, column {column}: {problem}")

@@ -50,7 +50,6 @@ class Format(Protocol):
 
 
 FORMATS: dict[str, Format] = {".csv": csv_files, ".npz": npz_files, ".parquet": parquet_files}
-AS_CSV = ("", ".txt")  # other endings of answers that are written as CSV
 
 
 def targets_format(path: Path) -> Format:
@@ -65,7 +64,7 @@ def answers_format(path: Path, carried: Iterable[str] = ()) -> Format:
         InvalidInputError: no format has this ending, or this one has columns of its own with these names.
         MissingExtraError: the format needs a package that is not installed.
     """
-    suffix = ".csv" if path.suffix in AS_CSV else path.suffix
+    suffix = ".csv" if path.suffix in ("", ".txt") else path.suffix  # other endings of answers that are written as CSV
     if suffix not in FORMATS:
         raise InvalidInputError(f"{path}: answers are written as {', '.join(FORMATS)}, told by the ending of the name")
     if suffix == ".parquet" and importlib.util.find_spec("pyarrow") is None:

@@ -92,7 +92,6 @@ ANSWERS = ("status", "position_error", "orientation_error", "method", "message")
 _JOINT = re.compile(r"q[1-9][0-9]*", re.ASCII)
 # Letters and digits of names that other programs give to the numbers of an orientation: Qw, rot.y, rz_deg, Roll, R11.
 _TURNED = re.compile(r"(((q|quat|quaternion|o|orientation|r|rot|rotation)[wxyz]|roll|pitch|yaw)(rad|deg)?|r[1-3]{2})")
-_LEAST_NUMBERS = 3  # of an orientation
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -205,7 +204,7 @@ def choose_columns(path: Path, header: Sequence[str], place: str = ", line 1") -
         )
     carried = {name: at for at, name in enumerate(names) if name and name not in wanted and not is_answer(name)}
     turned = [name for name in carried if _TURNED.fullmatch(re.sub(r"[\W_]", "", name).lower())]
-    if not orientation and len(turned) >= _LEAST_NUMBERS:
+    if not orientation and len(turned) >= 3:  # of an orientation
         raise InvalidInputError(
             f"{place}: column {', '.join(turned)} looks like an orientation, which would be lost: orientations are "
             f"{', '.join(QUATERNION)}, or {', '.join(RPY)} [rad], or {', '.join(MATRIX)}; rename what is not one"

@@ -27,8 +27,9 @@ from jacokin.ik.solutions.members import (
     polylines,
 )
 from jacokin.ik.solutions.solution_set import Interval, IntervalEnd, SolutionSet, Touching
+from jacokin.kernels.tolerances import LIMIT_SNAP
 from jacokin.model import angles, checks
-from jacokin.model.angles import SNAP, TURN
+from jacokin.model.angles import TURN
 from jacokin.model.robot import limit_margins
 
 
@@ -53,7 +54,7 @@ class TrackInterval(Interval):
         for end, at_end in zip(self.ends, (p <= self.start, p >= self.stop), strict=True):
             if at_end and end.joint is not None and end.limit is not None:
                 joint = self._members.robot.joint_index(end.joint)
-                if abs(q[joint] - end.limit) < SNAP:  # exactly
+                if abs(q[joint] - end.limit) < LIMIT_SNAP:  # exactly
                     q[joint] = end.limit
         return q
 

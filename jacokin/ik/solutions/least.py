@@ -18,8 +18,6 @@ from jacokin.ik.preferences import Cost, copies_to_try
 from jacokin.ik.solutions.members import CurveTrack, LostMemberError, Members
 from jacokin.model.angles import TURN
 
-#: Local minima among the guesses that are looked at exactly.
-MINIMA = 3
 #: Steps towards a minimum at most.
 STEPS = 60
 #: Share of a chord at which a minimum is found: rounding allows no more.
@@ -110,7 +108,7 @@ def _cost_or_inf(cost: Cost, rows: Array) -> Array:
 
 
 def least(cost: Callable[[Array], Array], coordinates: Array, rows: Array, exact: Callable[[float], Array]) -> float:
-    """The coordinate of the least cost along a track.
+    """The coordinate of the least cost along a track, which is looked at exactly around the three best rows.
 
     Args:
         cost: of rows.
@@ -118,7 +116,7 @@ def least(cost: Callable[[Array], Array], coordinates: Array, rows: Array, exact
         rows: (m, dof) configurations there, roughly.
         exact: the configuration (dof,) at a coordinate.
     """
-    ends = [refine(cost, coordinates, end, exact) for end in minima(cost(rows))[:MINIMA]]
+    ends = [refine(cost, coordinates, end, exact) for end in minima(cost(rows))[:3]]
     return min(ends, key=lambda end: end[0])[1]
 
 

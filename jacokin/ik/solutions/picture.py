@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 ENDINGS = (".png", ".svg", ".pdf")
 STEP = 0.02  # [rad] between configurations along a curve
 ROWS, WIDE, HIGH = 2, 2.5, 2.1  # of small multiples, and how large each is [inch]
-ROOM = 0.06  # of the height, above and below what is drawn
 BEYOND = "0.85"  # colour of what is outside the limits
 
 
@@ -115,7 +114,7 @@ def _shade(axes: Axes, robot: Robot, joint: int) -> None:
     low, high = axes.get_ylim()
     known = [end for end in (lower, upper) if math.isfinite(end)]
     low, high = min([low, *known]), max([high, *known])
-    room = ROOM * (high - low)
+    room = 0.06 * (high - low)  # of the height, above and below what is drawn
     low, high = low - room, high + room
     if math.isfinite(lower):
         axes.axhspan(low, lower, color=BEYOND, linewidth=0.0)

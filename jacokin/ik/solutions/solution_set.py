@@ -15,8 +15,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
 from jacokin.ik.preferences import Prefer
+from jacokin.kernels.tolerances import LIMIT_SNAP
 from jacokin.model import checks
-from jacokin.model.angles import SNAP, TURN
+from jacokin.model.angles import TURN
 from jacokin.showing import Shown, show
 
 if TYPE_CHECKING:
@@ -116,7 +117,7 @@ class Interval(ABC):
         moved = p + TURN * round((0.5 * (self.start + self.stop) - p) / TURN)
         if self.start <= p <= self.stop:
             return p
-        if not self.start - SNAP <= moved <= self.stop + SNAP:
+        if not self.start - LIMIT_SNAP <= moved <= self.stop + LIMIT_SNAP:
             return None
         return min(max(moved, self.start), self.stop)
 

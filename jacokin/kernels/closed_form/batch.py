@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
@@ -28,7 +29,7 @@ from jacokin.kernels.vector import cross, dot, norm
 #: What `solve_targets` returns for a target that it does not take.
 NOT_RIGID = -(2**62)
 #: Columns of a batch result: 0:17 the chosen branch, then these.
-BRANCHES, BRANCHES_WITHIN_LIMITS, LARGEST_MARGIN, BATCH_COLUMNS = 17, 18, 19, 20
+BatchColumn = IntEnum("BatchColumn", "BRANCHES BRANCHES_WITHIN_LIMITS LARGEST_MARGIN COUNT", start=17)
 
 
 class TargetWork(NamedTuple):
@@ -53,7 +54,7 @@ def make_target_work() -> TargetWork:
         np.empty((0, 4, 4)),
         np.empty((0, 6)),
         make_work(np.empty((MAX_BRANCHES, COLUMNS))),
-        np.empty((0, BATCH_COLUMNS)),
+        np.empty((0, BatchColumn.COUNT)),
         np.empty((0, COLUMNS)),
     )
 
@@ -160,7 +161,8 @@ def count_branches(work: BranchWork, row: Array) -> None:
             largest = margin
         if rows[i, WITHIN_LIMITS] > 0.0:
             within += 1
-    row[BRANCHES], row[BRANCHES_WITHIN_LIMITS], row[LARGEST_MARGIN] = count, within, largest
+    row[BatchColumn.BRANCHES], row[BatchColumn.BRANCHES_WITHIN_LIMITS] = count, within
+    row[BatchColumn.LARGEST_MARGIN] = largest
 
 
 def is_better(a: Array, b: Array) -> bool:

@@ -8,6 +8,7 @@ are the two branches.
 from __future__ import annotations
 
 import math
+from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
@@ -28,7 +29,7 @@ from jacokin.kernels.tolerances import (
 MAX_FOLDS = 16
 STEPS = 3
 #: What `solve_fold` found.
-NO_FOLD, NEW_FOLD, KNOWN_FOLD = 0, 1, 2
+FoldFound = IntEnum("FoldFound", "NONE NEW KNOWN", start=0)
 #: The sample in the middle comes first: it shows whether the fold is known.
 ORDER = (1, 0, 2)
 ROUNDS = 3
@@ -57,12 +58,12 @@ def make_folds() -> FoldWork:
     )
 
 
-def solve_fold(chain: Array, T: Array, work: Newton, fold: FoldWork) -> int:
+def solve_fold(chain: Array, T: Array, work: Newton, fold: FoldWork) -> FoldFound:
     """Fill fold.branches with the two branches near work.q, and append the fold to the known ones, if it is new."""
     q = work.q
     joint = most_singular_joint(chain, T, work)
     if joint < 0:
-        return NO_FOLD
+        return FoldFound.NONE
     for j in range(6):
         work.held[j] = 1.0 if j == joint else 0.0
     middle, step = q[joint], FOLD_SAMPLE
@@ -72,18 +73,18 @@ def solve_fold(chain: Array, T: Array, work: Newton, fold: FoldWork) -> int:
             i = ORDER[n]
             q[joint] = middle + (i - 1) * step
             if not sample(chain, T, work, fold.samples[i]):
-                return NO_FOLD
+                return FoldFound.NONE
             fold.samples[i, 6] = q[5]
             if n == 0 and turn > 0 and is_known_fold(fold, q):
-                return KNOWN_FOLD
+                return FoldFound.KNOWN
         below, here, above = project(fold)
         curvature = (above + below - 2.0 * here) / (2.0 * step * step)
         slope = (above - below) / (2.0 * step)
         if curvature == 0.0:
-            return NO_FOLD
+            return FoldFound.NONE
         shift = -0.5 * slope / curvature
         if not abs(middle + shift - origin) < MAX_FOLD_DISTANCE:
-            return NO_FOLD
+            return FoldFound.NONE
         middle += shift
         gap = here + 0.5 * slope * shift
         mean, half_square = q6_of_both(fold, step, shift, -gap / curvature)
@@ -95,19 +96,19 @@ def solve_fold(chain: Array, T: Array, work: Newton, fold: FoldWork) -> int:
         q[joint] = middle
         if least_squares(chain, T, work, STEPS):
             note_fold(fold, q, mean, half_square)
-        return NO_FOLD
+        return FoldFound.NONE
     if apart > MAX_FOLD_WIDTH:
-        return NO_FOLD
+        return FoldFound.NONE
     for i in range(2):
         q[joint] = middle + (2 * i - 1) * apart
         if not least_squares(chain, T, work, STEPS):
-            return NO_FOLD
+            return FoldFound.NONE
         for j in range(6):
             fold.branches[i, j] = q[j]
     for j in range(6):
         q[j] = 0.5 * (fold.branches[0, j] + fold.branches[1, j])
     note_fold(fold, q, mean, half_square)
-    return NEW_FOLD
+    return FoldFound.NEW
 
 
 def q6_of_both(fold: FoldWork, step: float, shift: float, square: float) -> tuple[float, float]:

@@ -13,21 +13,18 @@ import numpy as np
 from jacokin.arrays import Array
 from jacokin.kernels.closed_form.arm import ArmConstants, Pose
 from jacokin.kernels.tolerances import DIVIDED_NOISE, MAX_REST, NOISE, SAME_PLACE
-from jacokin.kernels.trigonometry import sin_cos, sines_cosines
+from jacokin.kernels.trigonometry import fourier_samples, sin_cos
 from jacokin.kernels.vector import Vec, cross, mix
 
 DEGREE = 8
 SAMPLES = 2 * DEGREE + 1
 SPACING = 2.0 * math.pi / SAMPLES  # [rad] of the samples
-_angles = 2.0 * np.pi / SAMPLES * np.arange(SAMPLES)
-SAMPLE_SIN, SAMPLE_COS = sines_cosines(_angles)
+#: Of the samples, and (17, 9) what each adds to the coefficients of sin(k q6) and cos(k q6).
+SAMPLE_SIN, SAMPLE_COS, TO_SINE, TO_COSINE = fourier_samples(SAMPLES, DEGREE)
 #: (2, 16) cosines and sines of the samples but the one at 0: eight, and those at minus their angles.
 AROUND = np.array(
     [np.tile(SAMPLE_COS[1 : DEGREE + 1], 2), np.append(SAMPLE_SIN[1 : DEGREE + 1], -SAMPLE_SIN[1 : DEGREE + 1])]
 )
-_weight = np.where(np.arange(DEGREE + 1) == 0, 1.0, 2.0) / SAMPLES
-#: (17, 9): what each sample adds to the coefficients of cos(k q6) and sin(k q6).
-TO_SINE, TO_COSINE = (_weight * each for each in sines_cosines(np.outer(_angles, np.arange(DEGREE + 1))))
 
 
 def sphere_terms(k: ArmConstants, D: Vec) -> tuple[complex, float]:

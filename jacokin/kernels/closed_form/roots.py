@@ -257,6 +257,17 @@ def single_root(b: Array, low: float, high: float, x: float, width: float, weigh
     return 1.0 - x if mirrored else x
 
 
+def lowest_of(b: Array, side: float) -> float:
+    """The place between the ends, in steps of the coefficients, where a parabola through the least ones is lowest."""
+    lowest = 1
+    for j in range(2, SIZE - 1):
+        if side * b[j] < side * b[lowest]:
+            lowest = j
+    bend = b[lowest - 1] + b[lowest + 1] - 2.0 * b[lowest]
+    shift = 0.5 * (b[lowest - 1] - b[lowest + 1]) / bend if bend != 0.0 else 0.0
+    return lowest + min(max(shift, -1.0), 1.0)
+
+
 def between_roots(b: Array, noise: float, weighted: Array) -> tuple[float, float]:
     """A place where p is past zero for certain, between ends of the same sign, and about how far its roots are from it.
 
@@ -264,13 +275,7 @@ def between_roots(b: Array, noise: float, weighted: Array) -> tuple[float, float
         The place, and a distance; 0 where none is found.
     """
     side = 1.0 if b[0] > 0.0 else -1.0
-    lowest = 1
-    for j in range(2, SIZE - 1):
-        if side * b[j] < side * b[lowest]:
-            lowest = j
-    bend = b[lowest - 1] + b[lowest + 1] - 2.0 * b[lowest]
-    shift = 0.5 * (b[lowest - 1] - b[lowest + 1]) / bend if bend != 0.0 else 0.0
-    x = (lowest + min(max(shift, -1.0), 1.0)) / (SIZE - 1)
+    x = lowest_of(b, side) / (SIZE - 1)
     mirrored = x > 0.5
     if mirrored:
         x = 1.0 - x
@@ -297,14 +302,8 @@ def extremum(cosine: Array, sine: Array, b: Array, sector: int, x: float, width:
     side = 1.0 if b[0] > 0.0 else -1.0
     if side * b[SIZE - 1] <= 0.0:
         return math.nan
-    lowest = 1
-    for j in range(2, SIZE - 1):
-        if side * b[j] < side * b[lowest]:
-            lowest = j
-    bend = b[lowest - 1] + b[lowest + 1] - 2.0 * b[lowest]
-    shift = 0.5 * (b[lowest - 1] - b[lowest + 1]) / bend if bend != 0.0 else 0.0
     low, high = angle_at(sector, x), angle_at(sector, x + width)
-    q = angle_at(sector, x + width * (lowest + min(max(shift, -1.0), 1.0)) / (SIZE - 1))
+    q = angle_at(sector, x + width * lowest_of(b, side) / (SIZE - 1))
     for _ in range(EXTREMUM_ITERATIONS):
         slope, curvature = slope_and_curvature(cosine, sine, q)
         if side * curvature <= 0.0:

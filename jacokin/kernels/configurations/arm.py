@@ -17,11 +17,10 @@ from numpy.typing import NDArray
 from jacokin.arrays import Array
 from jacokin.kernels.trigonometry import (
     LARGEST_ANGLE,
-    QUARTER,
-    QUARTER_REST,
     QUARTERS_PER_RADIAN,
     TO_WHOLE,
     sin_cos,
+    sin_cos_within_quarter,
 )
 
 #: Configurations in a block.
@@ -92,20 +91,7 @@ def turn_sines(turned: Array) -> None:
 def sin_cos_of_moderate(angle: float) -> tuple[float, float]:
     """`sin_cos` of an angle below `LARGEST_ANGLE` [rad]: its polynomials, without branches and whole numbers."""
     quarters = angle * QUARTERS_PER_RADIAN + TO_WHOLE - TO_WHOLE
-    most, rest = angle - quarters * QUARTER, quarters * QUARTER_REST
-    x = most - rest
-    tail = (most - x) - rest  # x + tail is the angle within the quarter turn
-    z = x * x
-    w = z * z
-    r = 0.008333333333322418 + z * (-0.00019841269829812353 + z * 2.755731369357077e-06)
-    r += z * w * (-2.5050758384834086e-08 + z * 1.5896811858059738e-10)
-    v = z * x
-    s = x - ((z * (0.5 * tail - v * r) - tail) + v * 0.16666666666666632)
-    r = z * (0.0416666666666666 + z * (-0.0013888888888874131 + z * 2.480158728948717e-05))
-    r += w * w * (-2.7557314353829943e-07 + z * (2.08757234842009e-09 + z * -1.1359659099382371e-11))
-    half = 0.5 * z
-    c = 1.0 - half
-    c += ((1.0 - c) - half) + (z * r - x * tail)
+    s, c = sin_cos_within_quarter(angle, quarters)
     place = quarters - 4.0 * (quarters * 0.25 + TO_WHOLE - TO_WHOLE)  # -2, -1, 0, 1 or 2
     turn_c, turn_s = 1.0 - abs(place), place * (2.0 - abs(place))  # of the quarters: 0, 1 or -1
     return s * turn_c + c * turn_s, c * turn_c - s * turn_s

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +12,7 @@ from jacokin.arrays import Array
 from jacokin.kernels.configurations.arm import LANES, PLACE, Arm, Block, make_arm, make_block, place_joints
 
 #: Reference frames of Jacobians.
-ALIGNED, LOCAL, WORLD = 0, 1, 2
+Reference = IntEnum("Reference", "ALIGNED LOCAL WORLD", start=0)
 
 
 class FrameWork(NamedTuple):
@@ -77,8 +78,8 @@ def write_jacobians(work: FrameWork, first: int, count: int) -> None:
     """Write the Jacobians of a block whose joints and frame are placed."""
     dof, reference, jacobians = work.arm.columns[0], work.reference[0], work.jacobians
     for j in range(len(work.arm.sliding)):
-        fill_column(work, j, 0.0 if reference == WORLD else 1.0)
-        if reference == LOCAL:
+        fill_column(work, j, 0.0 if reference == Reference.WORLD else 1.0)
+        if reference == Reference.LOCAL:
             turn_column(work.columns, work.frame)
         for row in range(6):
             for i in range(count):

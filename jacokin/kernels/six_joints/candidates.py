@@ -8,6 +8,7 @@ Angles go from one equation to the next as cosine and sine.
 from __future__ import annotations
 
 import math
+from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
@@ -43,9 +44,9 @@ from jacokin.kernels.vector import Vec
 
 #: What `Candidates.state` counts: angles that nothing determines, folds among the angles so far; and where not 0, that
 #: the form does not settle this target, and that branches may be missing.
-FREE, FOLDS, UNSETTLED, DOUBTFUL = 0, 1, 2, 3
+FormState = IntEnum("FormState", "FREE FOLDS UNSETTLED DOUBTFUL", start=0)
 #: Marks of what is collected: the middle of a fold, a candidate that must be a branch for the form to settle, another.
-FOLD, NEEDED, POSSIBLE = 0, 1, 2
+CandidateMark = IntEnum("CandidateMark", "FOLD NEEDED POSSIBLE", start=0)
 #: Rows of `branches.Lanes` until candidates are verified, each for six joints.
 COSINES, SINES = FRAME, FRAME + 6
 #: Signs of half in the order to try, for a fold the middle first.
@@ -257,10 +258,11 @@ def add_candidate(arm: SixArm, query: PoseQuery, work: Candidates, branches: Bra
         j = joint_of(arm.form_labelling, i)
         lanes.rows[FOUND + j, n] = work.theta[i]
         lanes.rows[COSINES + j, n], lanes.rows[SINES + j, n] = work.cosine[i], work.sine[i]
-    if state[FOLDS] > 1:
-        state[DOUBTFUL] = 1
-    needed = NEEDED if state[FOLDS] == 0 or state[FREE] > 0 else POSSIBLE
-    collect(branches, n, FOLD if middle and state[FREE] == 0 else needed, 1.0 if state[FREE] > 0 else 0.0)
+    is_free, folds = state[FormState.FREE] > 0, state[FormState.FOLDS]
+    if folds > 1:
+        state[FormState.DOUBTFUL] = 1
+    needed = CandidateMark.NEEDED if folds == 0 or is_free else CandidateMark.POSSIBLE
+    collect(branches, n, CandidateMark.FOLD if middle and not is_free else needed, 1.0 if is_free else 0.0)
 
 
 def fill_angles(rows: Array) -> None:
@@ -278,9 +280,14 @@ def add_last_candidates(query: PoseQuery, work: Candidates, branches: BranchWork
         Whether it is that one.
     """
     state, lanes = work.state, branches.lanes
-    sure = branches.wanted[0] > 0 and branches.filled[0] == 0 and state[UNSETTLED] == 0 and state[DOUBTFUL] == 0
+    sure = (
+        branches.wanted[0] > 0
+        and branches.filled[0] == 0
+        and state[FormState.UNSETTLED] == 0
+        and state[FormState.DOUBTFUL] == 0
+    )
     for i in range(lanes.filled[0]):
-        sure = sure and lanes.mark[i] == NEEDED and lanes.rows[FAMILY, i] == 0.0
+        sure = sure and lanes.mark[i] == CandidateMark.NEEDED and lanes.rows[FAMILY, i] == 0.0
     fill_angles(lanes.rows)
     if sure and take_nearest(query, branches):
         return True
@@ -293,8 +300,8 @@ def add_candidates(query: PoseQuery, work: Candidates, branches: BranchWork) -> 
     fill_angles(branches.lanes.rows)
     for i in range(verify(query, branches)):
         mark = branches.lanes.mark[i]
-        if mark == FOLD:
+        if mark == CandidateMark.FOLD:
             take_candidate(branches, i)
             add_fold(query, branches)
-        elif not add_verified(query, branches, i) and mark == NEEDED:
-            work.state[UNSETTLED] = 1
+        elif not add_verified(query, branches, i) and mark == CandidateMark.NEEDED:
+            work.state[FormState.UNSETTLED] = 1

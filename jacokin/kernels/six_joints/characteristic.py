@@ -14,18 +14,15 @@ from typing import NamedTuple
 import numpy as np
 
 from jacokin.arrays import Array
+from jacokin.kernels.chain import triangulate
 from jacokin.kernels.closed_form.resultant import DEGREE
 from jacokin.kernels.six_joints.equations import Equations
 from jacokin.kernels.tolerances import SMALLEST_NOISE, TIMES_NOISE
-from jacokin.kernels.trigonometry import sines_cosines
+from jacokin.kernels.trigonometry import fourier_samples
 
 #: Two coefficients beyond the degree are known, four numbers.
 ANGLES = 2 * DEGREE + 5
-_turns = 2.0 * np.pi / ANGLES * np.arange(ANGLES)
-ANGLE_SIN, ANGLE_COS = sines_cosines(_turns)
-_share = np.where(np.arange(DEGREE + 3) == 0, 1.0, 2.0) / ANGLES
-#: (21, 11): what each sample adds to the coefficients of cos(k theta) and sin(k theta).
-SHARE_SIN, SHARE_COS = (_share * each for each in sines_cosines(np.outer(_turns, np.arange(DEGREE + 3))))
+ANGLE_SIN, ANGLE_COS, SHARE_SIN, SHARE_COS = fourier_samples(ANGLES, DEGREE + 2)
 
 
 class Determinant(NamedTuple):
@@ -52,57 +49,13 @@ def determinant(e: Equations, c: float, s: float, work: Determinant) -> float:
             value = c * parts[0, i, j] + s * parts[1, i, j] + parts[2, i, j]
             upper[i, j] = value
             lower[i, j + 3 if j < 6 else j - 6] = value
-    product = eliminate_three(upper)
-    product *= eliminate_three(lower)
+    product = triangulate(upper, 3, 9, 1.0)
+    product *= triangulate(lower, 3, 9, 1.0)
     for i in range(3):
         for j in range(6):
             core[i, j] = upper[i + 3, j + 3]
             core[i + 3, j] = lower[i + 3, j + 3]
-    for column in range(6):
-        pivot = column
-        for row in range(column + 1, 6):
-            if abs(core[row, column]) > abs(core[pivot, column]):
-                pivot = row
-        value = core[pivot, column]
-        if value == 0.0:
-            return 0.0
-        if pivot != column:
-            product = -product
-            for j in range(column, 6):
-                swap = core[column, j]
-                core[column, j] = core[pivot, j]
-                core[pivot, j] = swap
-        product *= value
-        for row in range(column + 1, 6):
-            factor = core[row, column] / value
-            for j in range(column + 1, 6):
-                core[row, j] -= factor * core[column, j]
-    return product
-
-
-def eliminate_three(a: Array) -> float:
-    """Eliminate the first three columns of a (6, 9) below its diagonal, in place; returns the product of the pivots."""
-    product = 1.0
-    for column in range(3):
-        pivot = column
-        for row in range(column + 1, 6):
-            if abs(a[row, column]) > abs(a[pivot, column]):
-                pivot = row
-        value = a[pivot, column]
-        if value == 0.0:
-            return 0.0
-        if pivot != column:
-            product = -product
-            for j in range(column, 9):
-                swap = a[column, j]
-                a[column, j] = a[pivot, j]
-                a[pivot, j] = swap
-        product *= value
-        for row in range(column + 1, 6):
-            factor = a[row, column] / value
-            for j in range(column + 1, 9):
-                a[row, j] -= factor * a[column, j]
-    return product
+    return triangulate(core, 6, 6, product)
 
 
 def fourier_of_determinant(e: Equations, work: Determinant, cosine: Array, sine: Array) -> float:

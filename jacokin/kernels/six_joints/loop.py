@@ -9,6 +9,7 @@ angles and links of one such labelling, and theta_3 is the angle that is solved 
 from __future__ import annotations
 
 import math
+from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
@@ -21,7 +22,7 @@ from jacokin.kernels.vector import Vec
 LABELLINGS = 12
 #: Structures with a form of their own: axes 4, 5 and 6 of a labelling meet; axes 2, 3 and 4 are parallel, 5 and 6 meet;
 #: axes 2 and 3 are parallel, 1 and 4 in one plane across them, 4 and 5 meet.
-GENERAL, SPHERICAL_WRIST, PARALLEL_AXES, PLANAR_ARM = 0, 1, 2, 3
+Form = IntEnum("Form", "GENERAL SPHERICAL_WRIST PARALLEL_AXES PLANAR_ARM", start=0)
 #: Neighbours of an arm, and how far a link is moved: [rad], and part of the arm's length. Branches whose Jacobian has
 #: singular values above 1e-3 move by less than Newton's method brings back; structures are broken well above rounding.
 NEIGHBOURS, LINK_MOVE = 3, 1e-5

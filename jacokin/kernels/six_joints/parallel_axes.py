@@ -11,12 +11,9 @@ import math
 
 from jacokin.kernels.branches import BranchWork, PoseQuery
 from jacokin.kernels.six_joints.candidates import (
-    DOUBTFUL,
-    FOLDS,
-    FREE,
     SIGNS,
-    UNSETTLED,
     Candidates,
+    FormState,
     add_candidate,
     add_last_candidates,
     fill_rest,
@@ -69,11 +66,11 @@ def branches_of_parallel_axes(arm: SixArm, query: PoseQuery, work: Candidates, b
             wrist, math.sqrt(Q[2, 0] * Q[2, 0] + Q[2, 1] * Q[2, 1]), Q[2, 2], slack_after(ones.fold)
         )
         if fives.there == 0 and ones.free > 0:
-            state[UNSETTLED] = 1
+            state[FormState.UNSETTLED] = 1
         for n in range(3):
             if skips(fives, SIGNS[n]):
                 continue
-            state[FREE], state[FOLDS] = ones.free + fives.free, ones.fold + fives.fold
+            state[FormState.FREE], state[FormState.FOLDS] = ones.free + fives.free, ones.fold + fives.fold
             take(work, 4, fives, SIGNS[n])
             if fives.free > 0:
                 take_angle(work, 5, query.seed[joint_of(labelling, 5)])
@@ -83,15 +80,15 @@ def branches_of_parallel_axes(arm: SixArm, query: PoseQuery, work: Candidates, b
             middle = (ones.fold > 0 and SIGNS[i] == 0.0) or (fives.fold > 0 and SIGNS[n] == 0.0)
             in_the_plane(arm, E, middle, query, work, branches)
     add_last_candidates(query, work, branches)
-    if state[DOUBTFUL] > 0:
+    if state[FormState.DOUBTFUL] > 0:
         branches.filled[1] = 1
-    return bool(state[UNSETTLED] == 0)
+    return bool(state[FormState.UNSETTLED] == 0)
 
 
 def in_the_plane(arm: SixArm, E: Vec, middle: bool, query: PoseQuery, work: Candidates, branches: BranchWork) -> None:
     """From theta_1, theta_5 and theta_6: both sides of the elbow."""
     links, state, labelling = work.links, work.state, arm.form_labelling
-    free, folds = state[FREE], state[FOLDS]
+    free, folds = state[FormState.FREE], state[FormState.FOLDS]
     # E seen from link 1, and from link 4: the origin of joint 4 is where the latter takes it.
     place = unturned_about_z((work.cosine[0], work.sine[0]), E)
     place = turned_back_by(links[0], minus(place, column_of(links[0], 3)))
@@ -109,7 +106,7 @@ def in_the_plane(arm: SixArm, E: Vec, middle: bool, query: PoseQuery, work: Cand
         slack_after(folds),
     )
     if free > 0 and threes.there == 0:
-        state[UNSETTLED] = 1
+        state[FormState.UNSETTLED] = 1
     x = undo_last(work, (1.0, 0.0, 0.0))
     for i in range(3):
         if skips(threes, SIGNS[i]):
@@ -117,7 +114,7 @@ def in_the_plane(arm: SixArm, E: Vec, middle: bool, query: PoseQuery, work: Cand
         take(work, 2, threes, SIGNS[i])
         c, s = work.cosine[2], work.sine[2]
         fx, fy = a[0] + c * bc[0] + s * bs[0], a[1] + c * bc[1] + s * bs[1]
-        state[FREE], state[FOLDS] = free + threes.free, folds + threes.fold
+        state[FormState.FREE], state[FormState.FOLDS] = free + threes.free, folds + threes.fold
         two = unit_from_to(fx, fy, px, py)
         take_unit(work, 1, two)
         # Rz(theta_2) L_2 Rz(theta_3) L_3 Rz(theta_4) takes x to where the rest wants it.
@@ -125,7 +122,7 @@ def in_the_plane(arm: SixArm, E: Vec, middle: bool, query: PoseQuery, work: Cand
         y = turned_back_by(links[2], unturned_about_z((c, s), y))
         take_unit(work, 3, (y[0], y[1]))
         add_candidate(arm, query, work, branches, middle or (threes.fold > 0 and SIGNS[i] == 0.0))
-    state[FREE], state[FOLDS] = free, folds
+    state[FormState.FREE], state[FormState.FOLDS] = free, folds
 
 
 def undo_last(work: Candidates, v: Vec) -> Vec:

@@ -16,15 +16,13 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-
 from jacokin.arrays import Array
 from jacokin.kernels.branches import FOUND, BranchWork, PoseQuery, is_apart
 from jacokin.kernels.closed_form.roots import RootWork, find_roots
 from jacokin.kernels.six_joints.candidates import (
     SIGNS,
-    UNSETTLED,
     Candidates,
+    FormState,
     add_candidate,
     add_candidates,
     add_last_candidates,
@@ -41,18 +39,14 @@ from jacokin.kernels.six_joints.candidates import (
 from jacokin.kernels.six_joints.equations import turned_back_by, turned_by
 from jacokin.kernels.six_joints.loop import SixArm, column_of, fill_links
 from jacokin.kernels.tolerances import FREE_ANGLE, SMALLEST_NOISE, TIMES_NOISE
-from jacokin.kernels.trigonometry import sines_cosines
+from jacokin.kernels.trigonometry import fourier_samples
 from jacokin.kernels.vector import Vec, cross, dot, mix
 
 #: Of the polynomial in theta_6.
 DEGREE = 4
 #: At which it is sampled.
 ANGLES = 2 * DEGREE + 1
-_turns = 2.0 * np.pi / ANGLES * np.arange(ANGLES)
-ANGLE_SIN, ANGLE_COS = sines_cosines(_turns)
-_share = np.where(np.arange(DEGREE + 1) == 0, 1.0, 2.0) / ANGLES
-#: (9, 5): what each sample adds to the coefficients of cos(k theta) and sin(k theta).
-SHARE_SIN, SHARE_COS = (_share * each for each in sines_cosines(np.outer(_turns, np.arange(DEGREE + 1))))
+ANGLE_SIN, ANGLE_COS, SHARE_SIN, SHARE_COS = fourier_samples(ANGLES, DEGREE)
 
 
 class PlanarArm(NamedTuple):
@@ -99,12 +93,12 @@ def branches_of_planar_arm(
             turn_five_twice(arm, planar, query, work, branches)
             count += 4
         else:
-            state[UNSETTLED] = 1
+            state[FormState.UNSETTLED] = 1
     if are_apart(branches) and add_last_candidates(query, work, branches):
         return True
     add_candidates(query, work, branches)
     # Where two lead to one branch, another may be near one of them.
-    return bool(state[UNSETTLED] == 0 and branches.filled[0] == count)
+    return bool(state[FormState.UNSETTLED] == 0 and branches.filled[0] == count)
 
 
 def are_apart(branches: BranchWork) -> bool:
@@ -217,7 +211,7 @@ def in_the_plane(
     if dot(other, other) > dot(normal, normal):
         normal = other
     if dot(normal, normal) < FREE_ANGLE * FREE_ANGLE:
-        work.state[UNSETTLED] = 1  # nothing determines theta_1
+        work.state[FormState.UNSETTLED] = 1  # nothing determines theta_1
         return
     # Seen before joint 1: axis 2 on one side, the way from O to C, axes 4 and 5.
     normal = before_one(work, normal)

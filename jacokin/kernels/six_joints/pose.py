@@ -12,16 +12,7 @@ from jacokin.kernels.closed_form.folds import most_singular_joint
 from jacokin.kernels.limits import TURN, circular_distance
 from jacokin.kernels.six_joints.candidates import Candidates, make_candidates
 from jacokin.kernels.six_joints.equations import Equations, make_equations, write_equations
-from jacokin.kernels.six_joints.loop import (
-    NEIGHBOURS,
-    PARALLEL_AXES,
-    PLANAR_ARM,
-    SPHERICAL_WRIST,
-    SixArm,
-    fill_links,
-    joint_of,
-    move_links,
-)
+from jacokin.kernels.six_joints.loop import NEIGHBOURS, Form, SixArm, fill_links, joint_of, move_links
 from jacokin.kernels.six_joints.near_continua import (
     NearContinua,
     add_along_near_continua,
@@ -81,13 +72,15 @@ def solve_six_joints(arm: SixArm, query: PoseQuery, work: SixWork, branches: Bra
     Where no branch is there, it may be that two which meet in one are none of the neighbours'.
     """
     branches.fold.filled[0], branches.lanes.filled[0] = 0, 0
-    if arm.form == SPHERICAL_WRIST:
+    if arm.form == Form.SPHERICAL_WRIST:
         if branches_of_spherical_wrist(arm, query, work.candidates, work.roots.fourier, branches):
             return
-    elif arm.form == PARALLEL_AXES:
+    elif arm.form == Form.PARALLEL_AXES:
         if branches_of_parallel_axes(arm, query, work.candidates, branches):
             return
-    elif arm.form == PLANAR_ARM and branches_of_planar_arm(arm, query, work.candidates, work.roots.fourier, branches):
+    elif arm.form == Form.PLANAR_ARM and branches_of_planar_arm(
+        arm, query, work.candidates, work.roots.fourier, branches
+    ):
         return
     if branches_of_labelling(arm.scale, arm.own, -1, query, work, branches):
         settled = settled_by_neighbours(arm, query, work, branches)

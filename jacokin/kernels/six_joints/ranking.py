@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +17,7 @@ from jacokin.kernels.six_joints.pose import SixWork, branches_of_labelling, make
 from jacokin.kernels.tolerances import SAME_THETA
 
 #: Columns of a score: configurations not found, branches found, poses in doubt, the effort for what was undecided.
-MISSED, BRANCHES_FOUND, IN_DOUBT, EFFORT, SCORES = 0, 1, 2, 3, 4
+Score = IntEnum("Score", "MISSED BRANCHES_FOUND IN_DOUBT EFFORT COUNT", start=0)
 #: What an interval without branches takes, which is tried from every start, in units of a stretch looked at.
 FRUITLESS = 20.0
 #: A labelling that misses as many configurations as this at the start is not tried further.
@@ -48,7 +49,7 @@ def make_rank_work() -> RankWork:
         np.eye(4),
         make_six(),
         make_branches(np.empty((MAX_BRANCHES, COLUMNS))),
-        np.zeros((2, LABELLINGS, SCORES)),
+        np.zeros((2, LABELLINGS, Score.COUNT)),
     )
 
 
@@ -60,8 +61,8 @@ def rank_labellings(work: RankWork) -> int:
             if work.tried[kind, labelling] == 0:
                 continue
             for i in range(work.q.shape[0]):
-                if scores[kind, labelling, MISSED] >= HOPELESS:
-                    scores[kind, labelling, MISSED] += 1.0
+                if scores[kind, labelling, Score.MISSED] >= HOPELESS:
+                    scores[kind, labelling, Score.MISSED] += 1.0
                     continue
                 fill_target(work.chain, work.q[i], work.T)
                 query = PoseQuery(work.chain, work.limits, work.T, work.q[i])
@@ -70,10 +71,10 @@ def rank_labellings(work: RankWork) -> int:
                 found = False
                 for n in range(branches.filled[0]):
                     found = found or same_configuration(branches.rows[n], work.q[i], SAME_THETA)
-                scores[kind, labelling, MISSED] += not found
-                scores[kind, labelling, BRANCHES_FOUND] += branches.filled[0]
-                scores[kind, labelling, IN_DOUBT] += in_doubt
-                scores[kind, labelling, EFFORT] += work.six.roots.filled[1] + FRUITLESS * work.six.roots.filled[2]
+                scores[kind, labelling, Score.MISSED] += not found
+                scores[kind, labelling, Score.BRANCHES_FOUND] += branches.filled[0]
+                scores[kind, labelling, Score.IN_DOUBT] += in_doubt
+                scores[kind, labelling, Score.EFFORT] += work.six.roots.filled[1] + FRUITLESS * work.six.roots.filled[2]
     return int(work.q.shape[0])
 
 

@@ -21,12 +21,9 @@ from jacokin.kernels.closed_form.resultant import value_and_slope
 from jacokin.kernels.closed_form.roots import RootWork, find_roots
 from jacokin.kernels.limits import nearest_copy
 from jacokin.kernels.six_joints.candidates import (
-    DOUBTFUL,
-    FOLDS,
-    FREE,
     SIGNS,
-    UNSETTLED,
     Candidates,
+    FormState,
     Triangle,
     add_candidate,
     add_last_candidates,
@@ -80,9 +77,9 @@ def branches_of_spherical_wrist(
     else:
         at_quartic_roots(arm, reach, wrist, query, work, roots, branches)
     add_last_candidates(query, work, branches)
-    if work.state[DOUBTFUL] > 0:
+    if work.state[FormState.DOUBTFUL] > 0:
         branches.filled[1] = 1
-    return bool(work.state[UNSETTLED] == 0)
+    return bool(work.state[FormState.UNSETTLED] == 0)
 
 
 def reach_of(arm: SixArm, links: Array) -> Reach:
@@ -142,10 +139,10 @@ def at_linear_roots(
             slack_after(threes.fold),
         )
         if twos.there == 0 and threes.free > 0:
-            state[UNSETTLED] = 1
+            state[FormState.UNSETTLED] = 1
         for k in range(3):
             if not skips(twos, SIGNS[k]):
-                state[FREE], state[FOLDS] = threes.free + twos.free, threes.fold + twos.fold
+                state[FormState.FREE], state[FormState.FOLDS] = threes.free + twos.free, threes.fold + twos.fold
                 middle = (threes.fold > 0 and SIGNS[i] == 0.0) or (twos.fold > 0 and SIGNS[k] == 0.0)
                 take(work, 1, twos, SIGNS[k])
                 turn_wrist(arm, reach, wrist, f, middle, query, work, branches)
@@ -172,16 +169,16 @@ def at_quartic_roots(
         theta = roots.roots[i, 0]
         _, slope = value_and_slope(roots.cosine, roots.sine, theta)
         if roots.roots[i, 1] > 0.0 or slope == 0.0:
-            state[UNSETTLED] = 1
+            state[FormState.UNSETTLED] = 1
             continue
         take_angle(work, 2, theta)
         c, s = work.cosine[2], work.sine[2]
         f = (at_turn(reach, 0, c, s), at_turn(reach, 1, c, s), at_turn(reach, 2, c, s))
         take_unit(work, 1, unit_from_to(f[0], f[1], at(x, c, s), at(y, c, s)))
-        state[FREE], state[FOLDS] = 0, 0
+        state[FormState.FREE], state[FormState.FOLDS] = 0, 0
         if f[0] * f[0] + f[1] * f[1] < FREE_ANGLE * FREE_ANGLE:
             take_angle(work, 1, query.seed[joint_of(arm.form_labelling, 1)])
-            state[FREE] = 1
+            state[FormState.FREE] = 1
         turn_wrist(arm, reach, wrist, f, False, query, work, branches)
 
 
@@ -282,16 +279,16 @@ def turn_wrist(
     else:
         take_unit(work, 0, unit_from_to(gx, gy, reach.W[0], reach.W[1]))
     fill_rest(work, 3)
-    free, folds = state[FREE] + on_axis, state[FOLDS]
+    free, folds = state[FormState.FREE] + on_axis, state[FormState.FOLDS]
     Q = work.rotation
     # Q = Rz(theta_4) L_4 Rz(theta_5) L_5 Rz(theta_6): its z column and row.
     fives = pair_of_triangle(wrist, math.sqrt(Q[0, 2] * Q[0, 2] + Q[1, 2] * Q[1, 2]), Q[2, 2], slack_after(folds))
     if fives.there == 0 and free > 0:
-        state[UNSETTLED] = 1
+        state[FormState.UNSETTLED] = 1
     for i in range(3):
         if skips(fives, SIGNS[i]):
             continue
-        state[FREE], state[FOLDS] = free + fives.free, folds + fives.fold
+        state[FormState.FREE], state[FormState.FOLDS] = free + fives.free, folds + fives.fold
         take(work, 4, fives, SIGNS[i])
         c5, s5 = work.cosine[4], work.sine[4]
         if fives.free > 0:
@@ -303,7 +300,7 @@ def turn_wrist(
         y = turned_back_by(links[4], (c5 * k[0] + s5 * k[1], c5 * k[1] - s5 * k[0], k[2]))
         take_unit(work, 5, turn_from_to(Q[2, 0], Q[2, 1], y[0], y[1]))
         add_candidate(arm, query, work, branches, middle or (fives.fold > 0 and SIGNS[i] == 0.0))
-    state[FREE], state[FOLDS] = free - on_axis, folds
+    state[FormState.FREE], state[FormState.FOLDS] = free - on_axis, folds
 
 
 def fours_and_sixes(

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
+from jacokin.kernels.chain import bring_pivot
 from jacokin.kernels.six_joints.equations import (
     SIZE_OF_PHI,
     Equations,
@@ -69,18 +70,10 @@ def decompose(e: Equations, theta_3: float, work: NullSpace) -> None:
     for i in range(12):
         work.order[i] = i
     for column in range(12):
-        pivot = column
-        for row in range(column + 1, 12):
-            if abs(lu[row, column]) > abs(lu[pivot, column]):
-                pivot = row
-        if pivot != column:
-            for j in range(12):
-                swap = lu[column, j]
-                lu[column, j] = lu[pivot, j]
-                lu[pivot, j] = swap
-            index = work.order[column]
-            work.order[column] = work.order[pivot]
-            work.order[pivot] = index
+        pivot = bring_pivot(lu, column, 12, 0, 12)
+        index = work.order[column]
+        work.order[column] = work.order[pivot]
+        work.order[pivot] = index
         if abs(lu[column, column]) < SMALLEST_PIVOT * SMALLEST_PIVOT * largest:
             lu[column, column] = SMALLEST_PIVOT * SMALLEST_PIVOT * largest
         for row in range(column + 1, 12):

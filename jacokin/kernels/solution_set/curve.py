@@ -7,6 +7,7 @@ node is a point x (7,) of it with the unit tangent t (7,) of the null space ther
 from __future__ import annotations
 
 import math
+from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
@@ -37,7 +38,7 @@ SECANTS, STATIONARY = 60, 1e-14
 #: near another curve may be, it tells. Products that are rounding tell nothing.
 NEAR_OTHERS, FLAT = 0.1, 1e-8
 #: What a step may come to.
-FAILED, STEPPED, FLIPPED, LONG = 0, 1, 2, 3
+StepResult = IntEnum("StepResult", "FAILED STEPPED FLIPPED LONG", start=0)
 COLUMNS = 14
 
 
@@ -82,7 +83,7 @@ def tangent(x: Array, border: Array, t: Array, walk: Walk) -> float:
     return null_tangent(border, t, walk.system)
 
 
-def advance(walk: Walk, h: float, volume: float, y: Array, ty: Array) -> int:
+def advance(walk: Walk, h: float, volume: float, y: Array, ty: Array) -> StepResult:
     """Fill y and ty with the point a distance h along the tangent from walk.x, and its tangent.
 
     Args:
@@ -104,24 +105,24 @@ def advance(walk: Walk, h: float, volume: float, y: Array, ty: Array) -> int:
     wanted = LARGEST_RESIDUAL if h > SHORT_STEP else RESIDUAL
     residual = bordered_newton(walk.chain, walk.T, y, t, offset, walk.system, NEWTON_STEPS, wanted)
     if not residual <= LARGEST_RESIDUAL:
-        return FAILED
+        return StepResult.FAILED
     away, cosine = 0.0, 0.0
     for j in range(7):
         d = y[j] - x[j] - h * t[j]
         away += d * d
     if away > LARGEST_BEND * h * h:
-        return FAILED
+        return StepResult.FAILED
     reached = null_tangent(t, ty, walk.system)  # of the Jacobian that Newton's method left there
     for j in range(7):
         cosine += t[j] * ty[j]
     if reached == 0.0 or cosine < LEAST_COSINE:
-        return FAILED
+        return StepResult.FAILED
     walk.volume[0] = reached
     if (reached > 0.0) != (volume > 0.0):
-        return FLIPPED
+        return StepResult.FLIPPED
     walk.volume[1] = max(walk.volume[1], abs(reached))
     least, most = min(abs(volume), abs(reached)), walk.volume[1]
-    return LONG if most > FLAT and NEAR_OTHERS * h * most > LONGEST_STEP * least else STEPPED
+    return StepResult.LONG if most > FLAT and NEAR_OTHERS * h * most > LONGEST_STEP * least else StepResult.STEPPED
 
 
 def go_on(walk: Walk, h: float) -> None:

@@ -30,7 +30,7 @@ from jacokin.kernels.closed_form.arm import ArmConstants, unpack_arm
 from jacokin.kernels.closed_form.resultant import DEGREE, value_and_slope
 from jacokin.kernels.closed_form.roots import RootWork, make_roots
 from jacokin.kernels.limits import TURN, nearest_copy
-from jacokin.kernels.six_joints.loop import LABELLINGS, SPHERICAL_WRIST, fill_links, joint_of
+from jacokin.kernels.six_joints.loop import LABELLINGS, Form, fill_links, joint_of
 from jacokin.kernels.six_joints.spherical_wrist import reach_of
 from jacokin.kernels.solution_set.curve import wrapped
 from jacokin.kernels.solution_set.slices import BEFORE, SixJoints, arm_of_equation, count_solutions
@@ -248,7 +248,7 @@ def real_roots(seen: Look) -> int:
 def look(k: ArmConstants, six: SixJoints, work: Islands, p: float) -> Look:
     """All roots of F(x; p), and when pairs of them come to the axis; F is left there."""
     seen = look_in(k, six, work, p, -1)
-    for n in range(0 if k.six.form == SPHERICAL_WRIST else LABELLINGS):
+    for n in range(0 if k.six.form == Form.SPHERICAL_WRIST else LABELLINGS):
         if n == 1 and seen.least < seen.most:
             seen = together(seen, nothing_sure(count_solutions(six, p)))
         if seen.least == seen.most:
@@ -284,7 +284,7 @@ def look_in(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling:
         return nothing_sure(0)
     degree = degree_of(work, noise)
     noise_of_bend = fill_rates(k, six, work.F, p, labelling, noise)
-    if labelling < 0 and k.six.form == SPHERICAL_WRIST and work.F.apart[0] < 0.0:  # another angle is complex
+    if labelling < 0 and k.six.form == Form.SPHERICAL_WRIST and work.F.apart[0] < 0.0:  # another angle is complex
         apart, rate, bend = work.F.apart[0], work.F.apart[1], work.F.apart[2]
         ahead, behind = first_zero(apart, rate, bend), first_zero(apart, -rate, bend)
         return Look(ahead, behind, ahead / SURE, behind / SURE, 0, 0, 0)
@@ -372,7 +372,7 @@ def find_islands(six: SixJoints, window: Array, work: Islands) -> None:
     k = arm_of_equation(six)
     step = TURN / LOOKED_AT
     work.size[0], work.size[1], work.size[2], work.size[3] = 0, 0, LOOKED_AT, 0
-    work.size[5] = 2 if k.six.form == SPHERICAL_WRIST else 1
+    work.size[5] = 2 if k.six.form == Form.SPHERICAL_WRIST else 1
     begin_surface(k, six, window[1], work.F)
     own = unpack_arm(six.general).six.own
     work.size[4] = own if k.six.scale == 0.0 else next_labelling(k, six, own)
@@ -553,7 +553,7 @@ def is_labelled_otherwise(k: ArmConstants, six: SixJoints, work: Islands, low: f
 
     Where two complex solutions have one real angle in common, its F has a pair on the axis without a solution.
     """
-    if k.six.form == SPHERICAL_WRIST:
+    if k.six.form == Form.SPHERICAL_WRIST:
         return True
     for _ in range(LABELLINGS):
         if work.useless[work.size[4]] == 0:
@@ -591,7 +591,7 @@ def joint_of_root(six: SixJoints, work: Islands, kind: int) -> int:
     """Index among seven angles of the one that a root of F is."""
     k = arm_of_equation(six)
     j = joint_of(k.six.own, 2)
-    if k.six.form == SPHERICAL_WRIST:
+    if k.six.form == Form.SPHERICAL_WRIST:
         fill_links(six.chain, six.T, k.six.scale, k.six.form_labelling, work.F.equations.links)
         meet = abs(reach_of(k.six, work.F.equations.links).cross) < DISTINCT
         j = joint_of(k.six.form_labelling, 1 if meet else 2)

@@ -19,8 +19,8 @@ from jacokin.kernels.limits import TURN, copy_within_limits
 from jacokin.kernels.solution_set.curve import LEAST_COSINE, LONGEST_STEP, RESOLUTION, Walk, tangent, wrapped
 from jacokin.kernels.solution_set.seven_joints import MOST_AT_Q3, solve_at_q3, solve_rows_at_q3
 from jacokin.kernels.solution_set.slices import SevenJoints
-from jacokin.kernels.solution_set.trace import LOST, Loops, add_node, enter_run
-from jacokin.kernels.solution_set.within import SNAP
+from jacokin.kernels.solution_set.trace import CurveEnd, Loops, add_node, enter_run
+from jacokin.kernels.tolerances import LIMIT_SNAP
 
 #: [rad] longest interval of joint 3 to begin with, and places there is room for: twice the intervals and one for each
 #: fold, of which there are 20 at most.
@@ -151,7 +151,7 @@ def offer_row(x: Array, joints: int, near: NearSeed) -> None:
     square = 0.0
     for j in range(7):
         low, high = near.bounds[0, j], near.bounds[1, j]
-        angle = copy_within_limits(x[j], near.seed[j], low, high, SNAP)
+        angle = copy_within_limits(x[j], near.seed[j], low, high, LIMIT_SNAP)
         if not low <= angle <= high:
             return
         if j < joints:
@@ -248,5 +248,5 @@ def enter_chord(item: Array, loops: Loops, walk: Walk) -> bool:
         if not (is_short or along >= LEAST_COSINE * length) or add_node(loops, walk.z, walk.tz, 0) < 0:
             loops.size[0] = first
             return False
-    enter_run(loops, first, LOST)
+    enter_run(loops, first, CurveEnd.LOST)
     return True

@@ -31,7 +31,8 @@ from jacokin.kernels.solution_set.curve import (
     still_shares,
     wrapped,
 )
-from jacokin.kernels.solution_set.within import DOUBT, SNAP
+from jacokin.kernels.solution_set.within import DOUBT
+from jacokin.kernels.tolerances import LIMIT_SNAP
 
 #: A piece is at most so many times as long as the chord between two nodes.
 LONGER = 1.1
@@ -122,7 +123,7 @@ def find_nearest(work: NearestWork) -> int:
 
 def equivalent(work: NearestWork, angle: float, j: int) -> float:
     """The 2 pi equivalent of an angle that is nearest to the seed within the limits, or nearest to them."""
-    return copy_within_limits(angle, work.seed[j], work.limits[0, j], work.limits[1, j], SNAP)
+    return copy_within_limits(angle, work.seed[j], work.limits[0, j], work.limits[1, j], LIMIT_SNAP)
 
 
 def distance(work: NearestWork, x: Array) -> float:
@@ -210,7 +211,7 @@ def dips(work: NearestWork, a: Array, b: Array, length: float, j: int) -> bool:
         for side in range(2 if u > 0.0 else 0):
             limit = nearest_copy(work.limits[side, j], extreme)
             before, after = a[j] - limit, b[j] - limit
-            touches = abs(extreme - limit) < DOUBT * length * length + SNAP < max(abs(before), abs(after))
+            touches = abs(extreme - limit) < DOUBT * length * length + LIMIT_SNAP < max(abs(before), abs(after))
             if before * after > 0.0 and (touches or before * (extreme - limit) <= 0.0):
                 return True
     return False

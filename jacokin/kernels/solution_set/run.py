@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
@@ -65,7 +66,7 @@ CROSSING = 1e-10
 #: Rounds of curves that were met on the way along others.
 MEETINGS = 2
 #: Where the options are: kind of `slices`, joints.
-KIND, JOINTS = range(2)
+SetOption = IntEnum("SetOption", "KIND JOINTS", start=0)
 
 
 class SetWork(NamedTuple):
@@ -121,7 +122,7 @@ def find_curves(work: SetWork, whole: bool) -> int:
     Returns:
         How many things went wrong, so that parts may be missing; 0 for none.
     """
-    kind, slices, loops = int(work.options[KIND]), work.slices, work.loops
+    kind, slices, loops = int(work.options[SetOption.KIND]), work.slices, work.loops
     slices.size[0] = 0
     for n in range(4):
         loops.size[n] = 0
@@ -152,7 +153,7 @@ def fit_window(work: SetWork, whole: bool) -> None:
 
     All round where joint 3 is the parameter: there chords are found without following curves.
     """
-    kind, joints = int(work.options[KIND]), int(work.options[JOINTS])
+    kind, joints = int(work.options[SetOption.KIND]), int(work.options[SetOption.JOINTS])
     window, near, slices, walk = work.loops.window, work.near, work.slices, work.walk
     parameter = walk.parameter[0]
     window[0], window[1] = 0.0, math.inf
@@ -257,7 +258,7 @@ def slice_between_folds(work: SetWork, whole: bool) -> int:
 
 def slice_by_roots(work: SetWork) -> int:
     """Some slices, and more wherever F has other numbers of roots than the curves pass; how many doubts there are."""
-    kind, slices, loops, islands, doubts = int(work.options[KIND]), work.slices, work.loops, work.islands, 0
+    kind, slices, loops, islands, doubts = int(work.options[SetOption.KIND]), work.slices, work.loops, work.islands, 0
     fill_general(work.six)
     find_islands(work.six, loops.window, islands)
     for n in range(FIRST if slices.size[0] == 0 else 0):
@@ -292,7 +293,7 @@ def add_missing_slices(work: SetWork) -> tuple[int, int]:
         if not is_in_window(loops.window, p) or find_slice(slices, p) >= 0 or is_counted(work, i):
             continue
         missing += 1
-        if add_slice(work.walk, int(work.options[KIND]), p, slices, work.six, work.seven):
+        if add_slice(work.walk, int(work.options[SetOption.KIND]), p, slices, work.six, work.seven):
             count_all_passed(slices.size[0] - 1, 0, slices, loops, work.walk)
         else:
             refused += 1

@@ -11,6 +11,8 @@ import math
 from jacokin.arrays import Array
 from jacokin.kernels.closed_form.resultant import DEGREE, SAMPLES, SPACING, TO_COSINE, TO_SINE
 from jacokin.kernels.closed_form.roots import RootWork, find_roots
+from jacokin.kernels.six_joints.equations import turned_back_by, turned_by
+from jacokin.kernels.six_joints.loop import column_of
 from jacokin.kernels.solution_set.curve import wrapped
 from jacokin.kernels.trigonometry import angle_of, sin_cos
 from jacokin.kernels.vector import Vec, dot
@@ -21,24 +23,9 @@ MOST_FOLDS = 64
 ROUNDING = 1e-14
 
 
-def row_of(chain: Array, i: int, k: int) -> Vec:
-    """Row k of the rotation of placement i."""
-    return (chain[i, k, 0], chain[i, k, 1], chain[i, k, 2])
-
-
-def column_of(chain: Array, i: int, k: int) -> Vec:
-    """Column k of placement i; column 3 is its translation."""
-    return (chain[i, 0, k], chain[i, 1, k], chain[i, 2, k])
-
-
-def turned(chain: Array, i: int, v: Vec) -> Vec:
-    """A vector turned by placement i."""
-    return (dot(row_of(chain, i, 0), v), dot(row_of(chain, i, 1), v), dot(row_of(chain, i, 2), v))
-
-
-def turned_back(chain: Array, i: int, v: Vec) -> Vec:
-    """A vector turned by the inverse of placement i."""
-    return (dot(column_of(chain, i, 0), v), dot(column_of(chain, i, 1), v), dot(column_of(chain, i, 2), v))
+def row_of(link: Array, k: int) -> Vec:
+    """Row k of a rotation."""
+    return (link[k, 0], link[k, 1], link[k, 2])
 
 
 def about_z(c: float, s: float, v: Vec) -> Vec:
@@ -56,38 +43,29 @@ def half_between(c: float, r: float) -> float:
     return angle_of(math.sqrt(max((r - c) * (r + c), 0.0)), c)
 
 
-def of_target(T: Array, v: Vec) -> Vec:
-    """A vector of the tool in the base."""
-    return (
-        T[0, 0] * v[0] + T[0, 1] * v[1] + T[0, 2] * v[2],
-        T[1, 0] * v[0] + T[1, 1] * v[1] + T[1, 2] * v[2],
-        T[2, 0] * v[0] + T[2, 1] * v[1] + T[2, 2] * v[2],
-    )
-
-
 def wrist_from_shoulder(chain: Array, arm7: Array, T: Array) -> Vec:
     """From O to W, in the axes of joint 1 at q1 = 0."""
-    W = of_target(T, (arm7[0], arm7[1], arm7[2]))
-    return turned_back(chain, 0, (W[0] + T[0, 3] - arm7[3], W[1] + T[1, 3] - arm7[4], W[2] + T[2, 3] - arm7[5]))
+    W = turned_by(T, (arm7[0], arm7[1], arm7[2]))
+    return turned_back_by(chain[0], (W[0] + T[0, 3] - arm7[3], W[1] + T[1, 3] - arm7[4], W[2] + T[2, 3] - arm7[5]))
 
 
 def elbow(chain: Array, arm7: Array, c3: float, s3: float) -> Vec:
     """From O to the origin of joint 4, in the axes after joint 2."""
-    d = turned(chain, 2, about_z(c3, s3, column_of(chain, 3, 3)))
+    d = turned_by(chain[2], about_z(c3, s3, column_of(chain[3], 3)))
     return (chain[2, 0, 3] - arm7[6] + d[0], chain[2, 1, 3] - arm7[7] + d[1], chain[2, 2, 3] - arm7[8] + d[2])
 
 
 def elbow_equation(chain: Array, arm7: Array, D0: Vec, u: Vec, c3: float, s3: float) -> tuple[float, float, float]:
     """The coefficients of a cos q4 + b sin q4 = c, from the distance of W from O."""
     w4 = (arm7[9], arm7[10], arm7[11])
-    seen = turned_back(chain, 3, about_z(c3, -s3, turned_back(chain, 2, u)))
+    seen = turned_back_by(chain[3], about_z(c3, -s3, turned_back_by(chain[2], u)))
     return plane_equation(seen, w4, 0.5 * (dot(D0, D0) - dot(u, u) - dot(w4, w4)))
 
 
 def wrist_after_joint_2(chain: Array, arm7: Array, u: Vec, c3: float, s3: float, c4: float, s4: float) -> Vec:
     """From O to W, in the axes after joint 2."""
     at4 = about_z(c4, s4, (arm7[9], arm7[10], arm7[11]))
-    d = turned(chain, 2, about_z(c3, s3, turned(chain, 3, at4)))
+    d = turned_by(chain[2], about_z(c3, s3, turned_by(chain[3], at4)))
     return (u[0] + d[0], u[1] + d[1], u[2] + d[2])
 
 
@@ -103,7 +81,7 @@ def fold_equations(
     s3, c3 = sin_cos(q3)
     u = elbow(chain, arm7, c3, s3)
     a, b, c = elbow_equation(chain, arm7, D0, u, c3, s3)
-    up = turned_back(chain, 3, about_z(c3, -s3, row_of(chain, 2, 2)))  # axis z after joint 2, seen after joint 3
+    up = turned_back_by(chain[3], about_z(c3, -s3, row_of(chain[2], 2)))  # axis z after joint 2, seen after joint 3
     across, along = up[0] * arm7[9] + up[1] * arm7[10], up[1] * arm7[9] - up[0] * arm7[10]
     height = u[2] + up[2] * arm7[11]
     r = chain[1, 2, 2]
@@ -173,9 +151,9 @@ def solve_rows_at_q3(chain: Array, arm7: Array, T: Array, q3: float, low: int, h
     for i in range(low, high):
         rows[i, 0] = math.nan
     D0 = wrist_from_shoulder(chain, arm7, T)
-    x = turned_back(chain, 0, of_target(T, row_of(chain, 7, 0)))
-    y = turned_back(chain, 0, of_target(T, row_of(chain, 7, 1)))
-    z = turned_back(chain, 0, of_target(T, row_of(chain, 7, 2)))
+    x = turned_back_by(chain[0], turned_by(T, row_of(chain[7], 0)))
+    y = turned_back_by(chain[0], turned_by(T, row_of(chain[7], 1)))
+    z = turned_back_by(chain[0], turned_by(T, row_of(chain[7], 2)))
     towards = angle_of(D0[1], D0[0])
     s3, c3 = sin_cos(q3)
     u = elbow(chain, arm7, c3, s3)
@@ -190,7 +168,7 @@ def solve_rows_at_q3(chain: Array, arm7: Array, T: Array, q3: float, low: int, h
         q4 = middle4 + (half4 if i == 0 else -half4)
         s4, c4 = sin_cos(q4)
         v = wrist_after_joint_2(chain, arm7, u, c3, s3, c4, s4)
-        a, b, c = plane_equation(row_of(chain, 1, 2), v, D0[2])
+        a, b, c = plane_equation(row_of(chain[1], 2), v, D0[2])
         r2 = math.sqrt(a * a + b * b)
         if not abs(c) <= r2 * (1.0 + ROUNDING) or r2 == 0.0:
             continue
@@ -201,7 +179,7 @@ def solve_rows_at_q3(chain: Array, arm7: Array, T: Array, q3: float, low: int, h
                 continue
             q2 = middle2 + (half2 if k == 0 else -half2)
             s2, c2 = sin_cos(q2)
-            D1 = turned(chain, 1, about_z(c2, s2, v))
+            D1 = turned_by(chain[1], about_z(c2, s2, v))
             q1 = towards - angle_of(D1[1], D1[0])
             s1, c1 = sin_cos(q1)
             turns = ((c1, s1), (c2, s2), (c3, s3), (c4, s4))
@@ -221,19 +199,19 @@ def solve_rows_at_q3(chain: Array, arm7: Array, T: Array, q3: float, low: int, h
 
 def solve_wrist(chain: Array, x: Vec, y: Vec, z: Vec, rows: Array, first: int, last: int) -> None:
     """Joints 5, 6 and 7 of rows from first up to last, from the axes of the tool as seen before joint 5."""
-    axis = column_of(chain, 6, 2)
-    a, b, c = plane_equation(row_of(chain, 5, 2), axis, z[2])
+    axis = column_of(chain[6], 2)
+    a, b, c = plane_equation(row_of(chain[5], 2), axis, z[2])
     r6 = math.sqrt(a * a + b * b)
     middle6, half6 = angle_of(b, a), half_between(c, r6)
     towards = angle_of(z[1], z[0])
     for n in range(first, last):
         q6 = middle6 + (half6 if n % 2 == 0 else -half6)
         s6, c6 = sin_cos(q6)
-        e = turned(chain, 5, about_z(c6, s6, axis))
+        e = turned_by(chain[5], about_z(c6, s6, axis))
         q5 = towards - angle_of(e[1], e[0])
         s5, c5 = sin_cos(q5)
-        f = turned_back(chain, 6, about_z(c6, -s6, turned_back(chain, 5, about_z(c5, -s5, x))))
-        g = turned_back(chain, 6, about_z(c6, -s6, turned_back(chain, 5, about_z(c5, -s5, y))))
+        f = turned_back_by(chain[6], about_z(c6, -s6, turned_back_by(chain[5], about_z(c5, -s5, x))))
+        g = turned_back_by(chain[6], about_z(c6, -s6, turned_back_by(chain[5], about_z(c5, -s5, y))))
         rows[n, 4], rows[n, 5], rows[n, 6] = q5, q6, angle_of(f[1] - g[0], f[0] + g[1])
 
 
@@ -241,5 +219,5 @@ def after_joint_4(chain: Array, turns: tuple[tuple[float, float], ...], v: Vec) 
     """A vector seen before joint 1, turned into the axes before joint 5, by cosine and sine of each joint between."""
     for i in range(4):
         c, s = turns[i]
-        v = turned_back(chain, 1 + i, about_z(c, -s, v))
+        v = turned_back_by(chain[1 + i], about_z(c, -s, v))
     return v

@@ -12,7 +12,7 @@ from jacokin.arrays import Array
 from jacokin.kernels.branches import COLUMNS, MAX_BRANCHES, PoseQuery
 from jacokin.kernels.closed_form.arm import ARM_CONSTANTS, ArmConstants, unpack_arm
 from jacokin.kernels.closed_form.pose import Work, make_work, solve_pose
-from jacokin.kernels.six_joints.loop import SPHERICAL_WRIST, fill_links
+from jacokin.kernels.six_joints.loop import Form, fill_links
 from jacokin.kernels.solution_set.curve import Walk
 from jacokin.kernels.solution_set.seven_joints import MOST_AT_Q3, MOST_FOLDS, solve_at_q3
 from jacokin.kernels.tolerances import STRUCTURE_TOLERANCE
@@ -130,7 +130,7 @@ def arm_of_equation(six: SixJoints) -> ArmConstants:
     Such a wrist does not reach every orientation: where its point is, which the F of wrists tells, is not enough.
     """
     k, links = unpack_arm(six.arm), six.work.six.equations.links
-    if k.six.form == SPHERICAL_WRIST:
+    if k.six.form == Form.SPHERICAL_WRIST:
         fill_links(six.chain, six.T, k.six.scale, k.six.form_labelling, links)
         if max(abs(links[3, 2, 2]), abs(links[4, 2, 2])) > STRUCTURE_TOLERANCE:
             return unpack_arm(six.general)

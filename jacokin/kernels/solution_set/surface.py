@@ -19,7 +19,7 @@ from jacokin.kernels.closed_form.resultant import DEGREE, fourier_of_F
 from jacokin.kernels.limits import TURN
 from jacokin.kernels.six_joints.characteristic import Determinant, fourier_of_determinant, make_determinant
 from jacokin.kernels.six_joints.equations import Equations, P, make_equations, still_place, write_equations
-from jacokin.kernels.six_joints.loop import SPHERICAL_WRIST, fill_links
+from jacokin.kernels.six_joints.loop import Form, fill_links
 from jacokin.kernels.six_joints.spherical_wrist import fill_both_turns, fill_quartic, reach_of
 from jacokin.kernels.solution_set.slices import SixJoints, turn_target
 from jacokin.kernels.tolerances import DISTINCT
@@ -73,7 +73,7 @@ def make_surface() -> Surface:
 
 def begin_surface(k: ArmConstants, six: SixJoints, width: float, F: Surface) -> None:
     """Begin with a target: the table is filled at once, or in a window of half a small width when it is worth it."""
-    has_few = k.six.form == SPHERICAL_WRIST or k.six.scale == 0.0
+    has_few = k.six.form == Form.SPHERICAL_WRIST or k.six.scale == 0.0
     F.waves[0], F.waves[2], F.noise[0] = FEW_WAVES if has_few else MOST_WAVES, 0, math.inf
     if has_few or width >= NARROW:
         fill_surface(k, six, F)
@@ -104,7 +104,7 @@ def fill_sample(k: ArmConstants, six: SixJoints, F: Surface, p: float) -> float:
     """Fill row with F(x; p), from the target; returns the noise of its values."""
     noise, scale, apart = 0.0, 1.0, 0.0
     turn_target(six.T, six.axis, p, six.turned)
-    if k.six.form == SPHERICAL_WRIST:
+    if k.six.form == Form.SPHERICAL_WRIST:
         fill_links(six.chain, six.turned, k.six.scale, k.six.form_labelling, F.equations.links)
         reach = reach_of(k.six, F.equations.links)
         if abs(reach.cross) < DISTINCT:

@@ -8,6 +8,7 @@ solution that was missed, does not go unnoticed.
 from __future__ import annotations
 
 import math
+from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
@@ -17,11 +18,9 @@ from jacokin.arrays import Array
 from jacokin.kernels.limits import nearest_copy
 from jacokin.kernels.solution_set.curve import (
     COLUMNS,
-    FAILED,
-    FLIPPED,
-    LONG,
     LONGEST_STEP,
     RESOLUTION,
+    StepResult,
     Walk,
     advance,
     chord_length,
@@ -47,7 +46,7 @@ MOST_STEPS = 6000
 #: Share of a chord by which a point on a curve may be beside the chord's ends, for rounding.
 BESIDE = 0.1
 #: How a curve ends: nowhere, where it leaves the window, lost on the way, or for want of room.
-LOST, CLOSED, LEFT, FULL = 0, 1, 2, 3
+CurveEnd = IntEnum("CurveEnd", "LOST CLOSED LEFT FULL", start=0)
 
 
 class Loops(NamedTuple):
@@ -134,9 +133,9 @@ def follow(i: int, k: int, slices: Slices, loops: Loops, walk: Walk) -> None:
         return
     if not found:  # no curve passes here alone: a single point
         loops.size[3] += 1
-        enter_run(loops, add_node(loops, walk.x, walk.t, 1), CLOSED)
+        enter_run(loops, add_node(loops, walk.x, walk.t, 1), CurveEnd.CLOSED)
         return
-    if run((i, k), slices, loops, walk) != LEFT or loops.size[1] == LOOPS:
+    if run((i, k), slices, loops, walk) != CurveEnd.LEFT or loops.size[1] == LOOPS:
         return
     begin(slices.x[i, k], walk)
     for j in range(7):
@@ -159,49 +158,49 @@ def begin(start: Array, walk: Walk) -> bool:
     return found
 
 
-def enter_run(loops: Loops, first: int, state: int) -> None:
+def enter_run(loops: Loops, first: int, state: CurveEnd) -> None:
     """Enter the nodes from the first one on as a curve."""
     n = loops.size[1]
     loops.ends[n, 0], loops.ends[n, 1], loops.ends[n, 2] = first, loops.size[0], state
     loops.size[1] = n + 1
 
 
-def run(point: tuple[int, int], slices: Slices, loops: Loops, walk: Walk) -> int:
+def run(point: tuple[int, int], slices: Slices, loops: Loops, walk: Walk) -> CurveEnd:
     """Follow the curve ahead of a walk that begins at a point of a slice; how it ends."""
     parameter, is_near = walk.parameter[0], False
     volume = tangent(walk.x, walk.t, walk.ty, walk)
     walk.volume[1] = abs(volume)
     first = add_node(loops, walk.x, walk.t, 0)
-    h, state = 0.25 * LONGEST_STEP, LOST if first >= 0 else FULL
+    h, state = 0.25 * LONGEST_STEP, CurveEnd.LOST if first >= 0 else CurveEnd.FULL
     way, at_first, farthest = 0.0, 0.0, first
     for _ in range(MOST_STEPS):
-        if h < SHORTEST_STEP or state != LOST:
+        if h < SHORTEST_STEP or state != CurveEnd.LOST:
             break
         result = advance(walk, h, volume, walk.y, walk.ty)
         last = loops.size[0] - 1
-        too_long = result in (FLIPPED, LONG) and h > MEETING_STEP
-        if result == FAILED or too_long or not add_step(first, loops, walk):
+        too_long = result in (StepResult.FLIPPED, StepResult.LONG) and h > MEETING_STEP
+        if result == StepResult.FAILED or too_long or not add_step(first, loops, walk):
             loops.size[0] = last + 1
             h *= 0.5
             is_near = too_long
             continue
         volume = walk.volume[0]
-        if result == FLIPPED:
+        if result == StepResult.FLIPPED:
             note_meeting(loops, walk.x, walk.y)
         elif h < MEETING_STEP and not is_near:
             loops.size[3] += 1
         if comes_back(last, (point[0], point[1], first), slices, loops, walk):
-            state = CLOSED
+            state = CurveEnd.CLOSED
         for n in range(last + 1, loops.size[0]):
             way, farthest = note_turn(loops, parameter, n, way, farthest)
             at_first = way if at_first == 0.0 else at_first
-        if state == LOST:
+        if state == CurveEnd.LOST:
             state = how_far(loops, walk.y[parameter])
         go_on(walk, h)
         h = min(1.5 * h, LONGEST_STEP)
-    if state == CLOSED and way * at_first < 0.0:  # it turned within the last steps, or where it began
+    if state == CurveEnd.CLOSED and way * at_first < 0.0:  # it turned within the last steps, or where it began
         loops.fold[farthest if farthest < loops.size[0] - 1 else first] = 1
-    loops.size[3] += state in (LOST, FULL)
+    loops.size[3] += state in (CurveEnd.LOST, CurveEnd.FULL)
     if first >= 0:
         enter_run(loops, first, state)
     return state
@@ -221,11 +220,11 @@ def comes_back(
     return back
 
 
-def how_far(loops: Loops, p: float) -> int:
+def how_far(loops: Loops, p: float) -> CurveEnd:
     """How a curve ends at its last node, with this value of the parameter; `LOST` where it goes on."""
     if loops.size[0] + 2 > NODES:
-        return FULL
-    return LEFT if abs(wrapped(p - loops.window[0])) > loops.window[1] else LOST
+        return CurveEnd.FULL
+    return CurveEnd.LEFT if abs(wrapped(p - loops.window[0])) > loops.window[1] else CurveEnd.LOST
 
 
 def note_turn(loops: Loops, parameter: int, n: int, way: float, farthest: int) -> tuple[float, int]:

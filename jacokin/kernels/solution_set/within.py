@@ -26,14 +26,15 @@ from jacokin.kernels.solution_set.curve import (
     still_shares,
     wrapped,
 )
-from jacokin.kernels.solution_set.trace import CLOSED, Loops
+from jacokin.kernels.solution_set.trace import CurveEnd, Loops
+from jacokin.kernels.tolerances import LIMIT_SNAP
 
 ROWS, PIECES = 24576, 512
 #: Why a piece ends, besides 2 j and 2 j + 1 for the lower and upper limit of angle j: a fold, or nothing ends.
 FOLD, CIRCLE, LOST = -1, -2, -3
-#: [rad] an angle past its limit by no more is on it, but for rounding. It passes its limit where it is past it by what
-#: rounding leaves of an angle: one that comes to its limit and hardly moves there stays within it.
-SNAP, ROUNDING = 1e-9, 1e-12
+#: [rad] an angle passes its limit where it is past it by what rounding leaves of an angle: one that comes to its limit
+#: and hardly moves there stays within it.
+ROUNDING = 1e-12
 #: Share of the square of a chord by which the cubic through its ends may be off, or of the chord and so many times what
 #: an angle moves along it, where that is less.
 DOUBT, MOVES = 3e-3, 10.0
@@ -138,19 +139,19 @@ def first_node(c: int, loops: Loops, pieces: Pieces) -> tuple[int, bool, bool]:
 
     A closed curve can be begun at any node: at the first fold, or else at the last node outside the limits before that.
     """
-    start, whole, turns = loops.ends[c, 0], loops.ends[c, 2] == CLOSED, False
+    start, whole, turns = loops.ends[c, 0], loops.ends[c, 2] == CurveEnd.CLOSED, False
     if not whole:
         return start, whole, turns
     for n in range(loops.ends[c, 0], loops.ends[c, 1] - 1):
         fold = loops.fold[n] > 0
-        if (fold and not turns) or (whole and excess(loops.nodes[n], pieces.limits) > SNAP):
+        if (fold and not turns) or (whole and excess(loops.nodes[n], pieces.limits) > LIMIT_SNAP):
             start, whole, turns = n, False, fold
     return start, whole, turns
 
 
 def open_if_inside(node: Array, code: int, c: int, pieces: Pieces) -> None:
     """Begin a piece at a node, if that is within the limits."""
-    if excess(node, pieces.limits) <= SNAP:
+    if excess(node, pieces.limits) <= LIMIT_SNAP:
         open_piece(pieces, node, code, c)
 
 
@@ -225,7 +226,7 @@ def is_doubtful(a: Array, b: Array, length: float, limits: Array) -> bool:
             for side in range(2 if u > 0.0 else 0):
                 level = passed_at(limits, 2 * j + side, a[j], b[j])
                 value = cubic(a, b, length, u, j) - level
-                if abs(value) < slack > SNAP or value * (a[j] - level) < 0.0 or value * (b[j] - level) < 0.0:
+                if abs(value) < slack > LIMIT_SNAP or value * (a[j] - level) < 0.0 or value * (b[j] - level) < 0.0:
                     return True
     return False
 
@@ -247,7 +248,7 @@ def cut_part(a: Array, b: Array, pieces: Pieces, walk: Walk, c: int) -> None:
             open_piece(pieces, here, code, c)
             if i > 0:
                 put_on_limit(pieces, events[i - 1])
-        elif pieces.size[4] == 0 and i > 0 and excess(here, pieces.limits) <= SNAP:
+        elif pieces.size[4] == 0 and i > 0 and excess(here, pieces.limits) <= LIMIT_SNAP:
             open_piece(pieces, here, code, c)  # a single point
             put_on_limit(pieces, events[i - 1])
             close_piece(pieces, parameter, code)
@@ -299,7 +300,7 @@ def find_event(a: Array, b: Array, code: int, pieces: Pieces, walk: Walk) -> boo
 def touches(a: Array, b: Array, length: float, j: int, level: float) -> bool:
     """Whether an angle that stands still between two nodes comes to a level there, by the cubic."""
     for u in still_shares(a, b, length, j):
-        if u > 0.0 and abs(cubic(a, b, length, u, j) - level) < DOUBT * length * length + SNAP:
+        if u > 0.0 and abs(cubic(a, b, length, u, j) - level) < DOUBT * length * length + LIMIT_SNAP:
             return True
     return False
 
@@ -309,7 +310,7 @@ def inside_between(here: Array, there: Array, limits: Array) -> bool:
     length, most = chord_length(here, there), -math.inf
     for j in range(7):
         most = max(most, past(cubic(here, there, length, 0.5, j), j, limits))
-    return most <= SNAP
+    return most <= LIMIT_SNAP
 
 
 def add_row(pieces: Pieces, node: Array) -> None:
@@ -328,7 +329,7 @@ def put_on_limit(pieces: Pieces, event: Array) -> None:
     code, n = int(event[1]), pieces.size[0] - 1
     j, side = code // 2, code % 2
     level = pieces.limits[side, j]
-    if abs(wrapped(pieces.nodes[n, j] - level)) <= 10.0 * SNAP:
+    if abs(wrapped(pieces.nodes[n, j] - level)) <= 10.0 * LIMIT_SNAP:
         pieces.nodes[n, j] -= wrapped(pieces.nodes[n, j] - level)
 
 

@@ -53,9 +53,7 @@ REQUIRED: Mapping[str, Sequence[str]] = {
     "mesh": ("filename",),
 }
 
-_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)  # as C reads it: no "1_0", no other digits
-_NUMBERS = re.compile(rf"{_NUMBER.pattern}(\s+{_NUMBER.pattern})*", re.ASCII)
-_NOT_FINITE = re.compile(r"[-+]?(nan|inf|infinity)", re.IGNORECASE | re.ASCII)
+_NUMBERS = re.compile(rf"{files.NUMBER_TEXT.pattern}(\s+{files.NUMBER_TEXT.pattern})*", re.ASCII)
 KINEMATIC_TAGS = ("link", "joint")  # of a <robot>; materials, transmissions and plugins are for other programs
 TEMPLATE = ("${", "$(")  # how xacro's expressions begin
 MALFORMED = "malformed"  # attribute of a collision shape: what is wrong with it, said where contact is asked for
@@ -314,9 +312,9 @@ def _numbers(text: str, counts: Sequence[int], what: str) -> list[float]:
         values = [float(part) for part in parts]
         if all(map(math.isfinite, values)):
             return values
-    if any(_NOT_FINITE.fullmatch(part) for part in parts):
+    if any(files.NOT_FINITE_TEXT.fullmatch(part) for part in parts):
         raise ModelError(f"{what} is not finite")
-    if not all(_NUMBER.fullmatch(part) for part in parts):
+    if not all(files.NUMBER_TEXT.fullmatch(part) for part in parts):
         raise ModelError(f"{what} is not made of numbers")
     if len(parts) not in counts:
         raise ModelError(f"{what} must have {counts[0]} {'number' if counts[0] == 1 else 'numbers'}")

@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from jacokin.arrays import Array
+from jacokin.kernels.tolerances import CLOSURE
 from jacokin.model.angles import TURN
 from jacokin.model.many_configurations import Chain, TargetRows
 from jacokin.model.poses import FreeAxis
 from jacokin.model.robot import Robot
 from jacokin.motion.path import CartesianPath
 
-CLOSURE = 1e-9  # [m] and [rad] an exact configuration misses its pose by less
 TOO_FAST = 1e3  # cost of a second beyond a velocity limit: avoided wherever another way leads on
 SHORTEST = 1e-9  # of a line: two knots this near that are still far apart in a joint are a jump
 

@@ -15,7 +15,6 @@ from scipy.linalg import solveh_banded
 from jacokin.arrays import Array
 from jacokin.motion.planning.manifold import Manifold, Pace
 
-ROUNDS = 20
 LONGEST = 0.2  # [rad] along a curve in one round
 KEPT_AWAY = 1e-3  # [rad] from limits
 SPEED_USED = 0.95  # part of the velocity limits that is not too fast between two knots
@@ -67,7 +66,7 @@ class Smoothing:
     def smooth(self, x: Array, pinned: NDArray[np.bool_]) -> Array:
         """Knots (n, width) of less cost on the same curves; pinned ones (n,) stay."""
         best = self.cost(x)
-        for _ in range(ROUNDS):
+        for _ in range(20):
             moves = self._moves(x, pinned)
             for _ in range(4):
                 there, good = self._manifold.project(self._u, x + moves)

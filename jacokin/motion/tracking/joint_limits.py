@@ -9,12 +9,12 @@ from __future__ import annotations
 import numpy as np
 
 from jacokin.arrays import Array
+from jacokin.kernels.tolerances import LIMIT_SNAP
 from jacokin.kernels.tracking import limits
 from jacokin.kernels.tracking.limits import AT_ACCELERATION, AT_LOWER, AT_SPEED, AT_UPPER
 from jacokin.model.robot import Robot
 
 WORDS = {AT_UPPER: "upper limit", AT_LOWER: "lower limit", AT_SPEED: "velocity"}
-ROUNDING = 1e-9  # [rad] past a limit, of a joint that has come back to it
 
 
 class JointLimits:
@@ -97,5 +97,5 @@ class JointLimits:
         return "".join(
             f"; {name} is {far:.3g} rad past its limit and moves only inwards"
             for name, far in zip(self._names, past, strict=True)
-            if far > ROUNDING
+            if far > LIMIT_SNAP
         )

@@ -43,7 +43,6 @@ from jacokin.model.robot import Robot
 
 RIGID = 1e-9  # a pose this near to rigid is used as it is; others are checked and made rigid
 IN_BASE = pin.LOCAL_WORLD_ALIGNED  # at the frame's origin, axes of the base
-TOOL_FRAME = "jacokin_tool"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -338,7 +337,7 @@ class Kinematics:
         carrier = self._model.frames[self.frame(frame)]
         placement = carrier.placement if tool is None else carrier.placement * tool
         self.tool: int = self._model.addFrame(
-            pin.Frame(TOOL_FRAME, carrier.parentJoint, placement, pin.FrameType.OP_FRAME)
+            pin.Frame("jacokin_tool", carrier.parentJoint, placement, pin.FrameType.OP_FRAME)
         )
         self._data = self._model.createData()
         self._computed: Array | None = None

@@ -26,6 +26,7 @@ from jacokin.errors import InvalidInputError
 from jacokin.ik.options import TRACKING_ORIENTATION_TOLERANCE, TRACKING_POSITION_TOLERANCE
 from jacokin.ik.qp_backend import Backend, QPFailed
 from jacokin.ik.seeds import checked_start
+from jacokin.kernels.tolerances import LIMIT_SNAP
 from jacokin.kernels.tracking.run import FROM_STEP, FROM_TOTAL, FROM_TWIST, ON_TARGET, WHOLE
 from jacokin.kernels.tracking.tick import NEEDS_QP, NEEDS_QP_NOW
 from jacokin.model import checks, poses
@@ -39,7 +40,7 @@ from jacokin.model.robot import (
 from jacokin.model.scene import Scene
 from jacokin.motion.rows import MotionState, checked_velocity
 from jacokin.motion.tracking.avoidance import CLEARANCE, ClearanceGuard, Distances, make_guard
-from jacokin.motion.tracking.joint_limits import ROUNDING, JointLimits
+from jacokin.motion.tracking.joint_limits import JointLimits
 from jacokin.motion.tracking.moving import Motion, Whereabouts
 from jacokin.motion.tracking.problem import Level, Objective, checked_objectives, refine, wished
 from jacokin.motion.tracking.steps import (
@@ -584,7 +585,7 @@ class Tracker:
                 names.append(SINGULAR_POSE)
             limiting = tuple(dict.fromkeys(names))
             status, message = self._why(growing, fastest, limiting, tick)
-        if past > ROUNDING:
+        if past > LIMIT_SNAP:
             message = (message + self._limits.outside(arm.q)).removeprefix("; ")
         least = None if distances is None else distances.least
         used, elapsed = self._qp.used, time.perf_counter() - began

@@ -25,7 +25,6 @@ RenderFlags = Mapping[str, bool]
 
 _Kind = tuple[int, int, int, int]  # height, width, size of shadows, samples
 
-_FLAG = "mjRND_"
 _MOST_PIXELS = 2**31 - 1  # along one side, in MuJoCo
 _NO_CONTEXT = (
     "no picture can be rendered: {reason}. Without a display, set MUJOCO_GL=egl (Debian: libegl1 and "
@@ -146,7 +145,7 @@ def _close_all() -> None:
 
 
 def _checked_flags(overrides: RenderFlags | None) -> dict[int, bool]:
-    known = {name.removeprefix(_FLAG).lower(): int(flag) for name, flag in mujoco.mjtRndFlag.__members__.items()}
+    known = {name.removeprefix("mjRND_").lower(): int(flag) for name, flag in mujoco.mjtRndFlag.__members__.items()}
     valid = {name: number for name, number in known.items() if number < len(mujoco.MjvScene().flags)}
     if overrides is not None:
         overrides = checks.mapping("render_flag_overrides", overrides, "a dict of flags")

@@ -107,6 +107,13 @@ def test_mistakes_are_named_with_their_place(file: Path, text: str, message: str
         read_targets(written(file, text))
 
 
+@pytest.mark.parametrize("strict", [True, False])
+@pytest.mark.parametrize("text", ["1_0", "\u0131nf", "\u0130nfinity"])  # what Python's float and case would take
+def test_no_other_script_is_a_number(file: Path, text: str, strict: bool) -> None:
+    with pytest.raises(InvalidInputError, match="line 2, column x"):
+        list(read_blocks(written(file, f"x,y,z\n{text},2,3\n"), 10, strict=strict))
+
+
 def test_files_that_are_no_text_files_are_refused(tmp_path: Path, file: Path) -> None:
     file.write_bytes(b"\xff\xfe\x00x")
     with pytest.raises(InvalidInputError, match="UTF-8"):

@@ -30,11 +30,6 @@ def solver_of(name: str, folder: Path) -> IKSolver:
     return IKSolver(load_arm(name, folder) if name in ARMS else jacokin.load_robot(name), collision="ignore")
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("arms")
-
-
 def target_of(robot: Robot, q: Array, rng: np.random.Generator) -> pin.SE3 | FreeAxis:
     """The pose of a configuration; on six joints it may turn about any axis."""
     T = robot.forward_kinematics(q)

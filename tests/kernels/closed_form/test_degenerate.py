@@ -20,6 +20,7 @@ from tests.kernels.closed_form.tools import (
     closed_form,
     closest_pair,
     contains,
+    fold_between,
     sizes,
     target,
     worst_error,
@@ -132,20 +133,12 @@ def test_O_on_axis_5_has_the_branches_of_a_brute_force_search(robot: Robot, rng:
 
 
 def folds(robot: Robot, rng: np.random.Generator, number: int) -> Iterator[Array]:
-    """Configurations with det J = 0, by bisection between random ones."""
-
-    def det(q: Array) -> float:
-        return float(np.linalg.det(robot.jacobian(q)))
-
+    """Configurations with det J = 0, between random ones."""
     while number:
-        a, b = robot.sample(rng, 2)
-        if det(a) * det(b) >= 0.0:
-            continue
-        for _ in range(60):
-            middle = 0.5 * (a + b)
-            a, b = (middle, b) if det(a) * det(middle) > 0.0 else (a, middle)
-        number -= 1
-        yield a
+        fold = fold_between(robot, *robot.sample(rng, 2))
+        if fold is not None:
+            number -= 1
+            yield fold
 
 
 @pytest.mark.one_quick("step")

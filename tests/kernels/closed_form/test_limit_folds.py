@@ -19,7 +19,7 @@ from jacokin.kernels import branches as kernels_branches
 from jacokin.kernels.closed_form import pose as kernels_pose
 from jacokin.kernels.closed_form import roots as kernels_roots
 from jacokin.kernels.closed_form import wrist as kernels_wrist
-from tests.kernels.closed_form.tools import circular, closed_form, sizes, target
+from tests.kernels.closed_form.tools import circular, closed_form, fold_between, sizes, target
 from tests.kernels.plain import PlainCall
 
 TOOLS = [
@@ -43,25 +43,19 @@ def stretched(robot: Robot, rng: np.random.Generator, number: int) -> Array:
 
 
 def folds_on_limits(robot: Robot, rng: np.random.Generator, number: int) -> Array:
-    """det J = 0 or nearly, joint 2 or 3 on a limit: by bisection between configurations that share that joint."""
-
-    def det(q: Array) -> float:
-        return float(np.linalg.det(robot.jacobian(q)))
-
+    """det J = 0 or nearly, joint 2 or 3 on a limit: between configurations that share that joint."""
     rows: list[Array] = []
     while len(rows) < number:
         a, joint = on_a_limit(robot, rng, [1, 2])
         b = robot.sample(rng)
         b[joint] = a[joint]
-        if det(a) * det(b) >= 0.0:
+        fold = fold_between(robot, a, b)
+        if fold is None:
             continue
-        for _ in range(55):
-            middle = 0.5 * (a + b)
-            a, b = (middle, b) if det(a) * det(middle) > 0.0 else (a, middle)
         step = rng.normal(size=6) * 10.0 ** rng.uniform(-12.0, -3.0) * (rng.random() < 0.7)
         step[joint] = 0.0
-        if robot.within_limits(a + step):
-            rows.append(a + step)
+        if robot.within_limits(fold + step):
+            rows.append(fold + step)
     return np.array(rows)
 
 

@@ -46,6 +46,20 @@ def closest_pair(rows: BranchTable) -> float:
     return min((float(circular(q[i], q[j])) for i in range(len(q)) for j in range(i)), default=np.inf)
 
 
+def fold_between(robot: Robot, a: Array, b: Array) -> Array | None:
+    """A configuration between two where det J is 0, by bisection; None where it has one sign at both."""
+
+    def det(q: Array) -> float:
+        return float(np.linalg.det(robot.jacobian(q)))
+
+    if det(a) * det(b) >= 0.0:
+        return None
+    for _ in range(60):
+        middle = 0.5 * (a + b)
+        a, b = (middle, b) if det(a) * det(middle) > 0.0 else (a, middle)
+    return a
+
+
 def brute_force(robot: Robot, T: Array, rng: np.random.Generator, starts: int) -> list[Array]:
     """Branches found by Newton on Pinocchio's Jacobian from random starts."""
     found: list[Array] = []

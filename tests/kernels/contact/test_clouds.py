@@ -9,7 +9,6 @@ import pytest
 
 from jacokin.arrays import Array
 from jacokin.kernels.contact.cloud_tree import LEAF, build_cloud, make_cloud_tree
-from jacokin.kernels.contact.run import ContactInteger, ContactTask, make_contact_work, run_contact
 from jacokin.kernels.contact.shapes import NODE_HALF, NODE_RADIUS
 from jacokin.kernels.library import Call
 from jacokin.model import PointCloud
@@ -17,6 +16,7 @@ from jacokin.model.descriptions import mjcf
 from jacokin.model.mujoco_twin import shapes_of_twin
 from tests.coal_shapes import coal_distance, coal_shape
 from tests.compiled_twin import contact_arrays
+from tests.kernels.contact.calls import least_distances, measured_pairs
 from tests.kernels.contact.test_distances import Flight, configurations
 from tests.kernels.plain import PlainCall
 
@@ -62,14 +62,8 @@ def test_the_distance_is_that_of_the_nearest_point(kind: str, rng: np.random.Gen
         flight = CloudFlight(kind, rng)
         q = configurations(rng, 12)
         for geometry in (flight.geometry, flight.turned):
-            call = Call(run_contact, make_contact_work(geometry, len(q)))
-            call.work.q[:] = q.ravel()
-            call.work.integers[ContactInteger.TASK], call.work.integers[ContactInteger.ROWS] = (
-                ContactTask.LEAST_DISTANCE,
-                len(q),
-            )
-            call()
-            for row, distance in zip(q, call.work.value[:, 0].tolist(), strict=True):
+            found = least_distances(geometry, q).work.value[:, 0].tolist()
+            for row, distance in zip(q, found, strict=True):
                 theirs = flight.by_coal(row).min()
                 if distance > -RADIUS:
                     assert distance == pytest.approx(theirs, abs=3e-6)
@@ -85,15 +79,9 @@ def test_the_nearest_points_are_on_both_surfaces(kind: str, rng: np.random.Gener
     flight = CloudFlight(kind, rng)
     for q in configurations(rng, 30):
         answers = []
-        for geometry, pair in ((flight.geometry, (0, 1)), (flight.turned, (0, 1))):
-            call = Call(run_contact, make_contact_work(geometry, 1, 1))
-            call.work.integers[ContactInteger.TASK], call.work.integers[ContactInteger.ROWS] = (
-                ContactTask.MEASURE_PAIRS,
-                1,
-            )
-            call.work.q[:], call.work.given[0], call.work.reach[0] = q, pair, np.inf
-            call()
-            distance, first, second, normal = np.split(call.work.measured[0], [1, 4, 7])
+        for geometry in (flight.geometry, flight.turned):
+            ((found,),) = measured_pairs(geometry, np.array([[0, 1]]), q[None])
+            distance, first, second, normal = np.split(found, [1, 4, 7])
             np.testing.assert_allclose(second - first, distance * normal, atol=1e-6)
             cloud, shape = (second, first) if geometry is flight.geometry else (first, second)
             answers.append((distance, cloud, shape))
@@ -109,16 +97,7 @@ def test_the_nearest_points_are_on_both_surfaces(kind: str, rng: np.random.Gener
 def test_plain_and_compiled_kernels_give_the_same_bits(kind: str, rng: np.random.Generator) -> None:
     flight = CloudFlight(kind, rng, 150)
     q = configurations(rng, 5)
-    found = []
-    for form in (Call, PlainCall):
-        call = form(run_contact, make_contact_work(flight.geometry, len(q)))
-        call.work.q[:] = q.ravel()
-        call.work.integers[ContactInteger.TASK], call.work.integers[ContactInteger.ROWS] = (
-            ContactTask.LEAST_DISTANCE,
-            len(q),
-        )
-        call()
-        found.append(call.work.value[:, 0].copy())
+    found = [least_distances(flight.geometry, q, form).work.value[:, 0] for form in (Call, PlainCall)]
     np.testing.assert_array_equal(found[0], found[1])
 
 

@@ -12,13 +12,14 @@ from scipy.optimize import minimize
 
 from jacokin.arrays import Array
 from jacokin.kernels.contact.arm import place_links, relate
-from jacokin.kernels.contact.run import ContactInteger, ContactTask, make_contact_work, run_contact
+from jacokin.kernels.contact.run import make_contact_work
 from jacokin.kernels.contact.separation import ROUGHNESS, separation
 from jacokin.kernels.library import Call
 from jacokin.model.descriptions import mjcf
 from jacokin.model.mujoco_twin import shapes_of_twin
 from tests.coal_shapes import coal_distance, coal_shape
 from tests.compiled_twin import contact_arrays
+from tests.kernels.contact.calls import least_distances
 from tests.kernels.plain import PlainCall
 
 GEOM = mujoco.mjtGeom
@@ -48,14 +49,8 @@ class Flight:
 
     def ours(self, q: Array, form: Any = Call) -> Array:
         """Distances (n,) at poses (n, 6) [m]."""
-        self.call = call = form(run_contact, make_contact_work(self.geometry, len(q)))
-        call.work.q[:] = q.ravel()
-        call.work.integers[ContactInteger.TASK], call.work.integers[ContactInteger.ROWS] = (
-            ContactTask.LEAST_DISTANCE,
-            len(q),
-        )
-        call()
-        return np.array(call.work.value[:, 0])
+        self.call = least_distances(self.geometry, q, form)
+        return np.array(self.call.work.value[:, 0])
 
     def way_out(self, q: Array) -> Array:
         """The direction (3,) in which the second shape was found to be free the soonest, by the last call."""

@@ -8,13 +8,14 @@ import pytest
 import jacokin
 from jacokin.arrays import Array
 from jacokin.ik import Box, Cylinder, Floor, Sphere
-from jacokin.kernels.contact.run import ContactInteger, ContactTask, counts_of, make_contact_work, run_contact
+from jacokin.kernels.contact.run import counts_of, make_contact_work, run_contact
 from jacokin.kernels.contact.shapes import LINK
 from jacokin.kernels.contact.sweep import STEPS, TOUCHES_THERE, Part, levers_of, make_sweep, sweep_part
 from jacokin.kernels.contact.touching import Geometry
 from jacokin.kernels.library import Call
 from jacokin.model.contact import Contact
 from jacokin.model.scene import Scene
+from tests.kernels.contact.calls import measured_pairs
 from tests.kernels.contact.test_distances import Flight
 
 AMONG = Scene(
@@ -39,28 +40,13 @@ def pairs_of(geometry: Geometry) -> Array:
     return np.vstack([geometry.arm.pairs, outside])
 
 
-def distances(geometry: Geometry, pairs: Array, rows: Array) -> Array:
-    """Of each pair at each configuration (n, pairs) [m]."""
-    call, found = Call(run_contact, make_contact_work(geometry, 1, len(pairs))), []
-    call.work.given[:], call.work.reach[:] = pairs, np.inf
-    call.work.integers[ContactInteger.TASK], call.work.integers[ContactInteger.ROWS] = (
-        ContactTask.MEASURE_PAIRS,
-        len(pairs),
-    )
-    for q in rows:
-        call.work.q[:] = q
-        call()
-        found.append(call.work.measured[:, 0].copy())
-    return np.array(found)
-
-
 def check(geometry: Geometry, part: Part) -> int:
     """Sweep a part of a motion; how many pairs are written, -1 where something touches."""
     work, sweep = make_contact_work(geometry, 1), make_sweep(geometry.arm)
     count = sweep_part(geometry, counts_of(work), work.places, sweep, part, work.course.near, MARGIN)
     t = np.linspace(part.low, part.high, BETWEEN * STEPS + 1)[:, None]
     pairs = pairs_of(geometry)
-    measured = distances(geometry, pairs, part.start + t * (part.step + t * part.bend))
+    measured = measured_pairs(geometry, pairs, part.start + t * (part.step + t * part.bend))[..., 0]
     if count == TOUCHES_THERE:
         a, b, place = sweep.found.tolist()
         (which,) = np.flatnonzero((pairs == (a, b)).all(axis=1)).tolist()

@@ -25,11 +25,16 @@ ARMS: dict[str, tuple[list[float], list[float], list[float]]] = {
 
 def chain_of_arm(name: str) -> Array:
     """(7, 3, 4) placements of an arm in `ARMS`."""
+    return chain_of_numbers(*ARMS[name])
+
+
+def chain_of_numbers(a: list[float], d: list[float], alpha: list[float]) -> Array:
+    """(7, 3, 4) placements by Denavit-Hartenberg numbers [m], [m], [rad]."""
     chain = np.zeros((7, 3, 4))
     chain[0, :, :3] = np.eye(3)
-    for i, (a, d, alpha) in enumerate(zip(*ARMS[name], strict=True)):
-        chain[i + 1, :, :3] = pin.exp3(np.array([alpha, 0.0, 0.0]))
-        chain[i + 1, :, 3] = a, 0.0, d
+    for i in range(6):
+        chain[i + 1, :, :3] = pin.exp3(np.array([alpha[i], 0.0, 0.0]))
+        chain[i + 1, :, 3] = a[i], 0.0, d[i]
     return chain
 
 
@@ -71,6 +76,19 @@ def poses_and_jacobians(chain: Array, q: Array) -> tuple[Array, Array]:
     return T, np.moveaxis(np.concatenate([linear, axes], axis=2), 0, 2)
 
 
+def pose_at(chain: Array, q: Array) -> Array:
+    """(4, 4) of a configuration (6,)."""
+    return np.ascontiguousarray(poses_and_jacobians(chain, q[None])[0][0])
+
+
+def round_angles(rng: np.random.Generator, count: int, smallest: float) -> Array:
+    """Configurations of multiples of 90, 30 and 45 degrees, each fourth moved by 10^smallest to 1e-3 rad."""
+    step = np.resize([np.pi / 2, np.pi / 6, np.pi / 4], count)[:, None]
+    q: Array = np.round(rng.uniform(-np.pi, np.pi, (count, 6)) / step) * step
+    q[3::4] += 10.0 ** rng.uniform(smallest, -3.0, (len(q[3::4]), 1)) * rng.normal(size=(len(q[3::4]), 6))
+    return q
+
+
 def smallest_singular_value(chain: Array, q: Array) -> float:
     """Of the Jacobian at q (6,) [m and rad]."""
     return float(np.linalg.svd(poses_and_jacobians(chain, q[None])[1][0], compute_uv=False)[-1])
@@ -100,10 +118,15 @@ def distance(a: Array, b: Array) -> float:
     return float(np.abs((a - b + np.pi) % (2.0 * np.pi) - np.pi).max())
 
 
+def missing(chain: Array, rows: Array, others: Array) -> list[Array]:
+    """Regular rows (k, 6) that are not among others (n, 6)."""
+    return [
+        row
+        for row in rows
+        if smallest_singular_value(chain, row) > 1e-3 and not any(distance(row, other) < 1e-6 for other in others)
+    ]
+
+
 def lost(chain: Array, found: Array, T: Array, *, starts: int = 2000, seed: int = 0) -> list[Array]:
     """Regular configurations that brute force knows and that are not among those found (k, 6)."""
-    return [
-        q
-        for q in brute_force(chain, T, starts, seed)
-        if smallest_singular_value(chain, q) > 1e-3 and not any(distance(q, other) < 1e-6 for other in found)
-    ]
+    return missing(chain, brute_force(chain, T, starts, seed), found)

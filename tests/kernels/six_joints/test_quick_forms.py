@@ -15,18 +15,21 @@ from jacokin.ik.structures import quick_form, size_of
 from jacokin.kernels.branches import COLUMNS, MAX_BRANCHES, PoseQuery
 from jacokin.kernels.closed_form.arm import unpack_arm
 from jacokin.kernels.closed_form.pose import make_work
-from jacokin.kernels.six_joints.loop import GENERAL, PARALLEL_AXES, PLANAR_ARM, SPHERICAL_WRIST, joint_of
+from jacokin.kernels.six_joints.loop import Form, joint_of
 from jacokin.kernels.six_joints.planar_arm import branches_of_planar_arm
 from tests.kernels.plain import PlainCall
 from tests.kernels.six_joints.arms import (
     ARMS,
     H,
     chain_of_arm,
+    chain_of_numbers,
     distance,
     form_of,
     lost,
+    missing,
     perturbed,
-    poses_and_jacobians,
+    pose_at,
+    round_angles,
     smallest_singular_value,
 )
 
@@ -47,38 +50,30 @@ MADE_UP: dict[str, tuple[list[float], list[float], list[float]]] = {
 }
 #: The kind of form, and the joints whose axes meet or are parallel; of a planar arm, these and the two beside them.
 EXPECTED = {
-    "puma": (SPHERICAL_WRIST, (4, 5, 6)),
-    "industrial": (SPHERICAL_WRIST, (4, 5, 6)),
-    "any three, wrist": (SPHERICAL_WRIST, (4, 5, 6)),
-    "shoulder 123": (SPHERICAL_WRIST, (1, 2, 3)),
-    "skew shoulder 123": (SPHERICAL_WRIST, (1, 2, 3)),
-    "meeting 345": (SPHERICAL_WRIST, (3, 4, 5)),
-    "axes 1 and 2 parallel": (SPHERICAL_WRIST, (4, 5, 6)),
-    "ur5": (PARALLEL_AXES, (2, 3, 4)),
-    "any others, 234": (PARALLEL_AXES, (2, 3, 4)),
-    "parallel 345": (PARALLEL_AXES, (3, 4, 5)),
-    "parallel 123": (PARALLEL_AXES, (1, 2, 3)),
-    "crx": (PLANAR_ARM, (2, 3, 1, 4)),
-    "planar 1234": (PLANAR_ARM, (2, 3, 1, 4)),
-    "planar 2345": (PLANAR_ARM, (3, 4, 2, 5)),
-    "planar 5432": (PLANAR_ARM, (3, 4, 2, 5)),
+    "puma": (Form.SPHERICAL_WRIST, (4, 5, 6)),
+    "industrial": (Form.SPHERICAL_WRIST, (4, 5, 6)),
+    "any three, wrist": (Form.SPHERICAL_WRIST, (4, 5, 6)),
+    "shoulder 123": (Form.SPHERICAL_WRIST, (1, 2, 3)),
+    "skew shoulder 123": (Form.SPHERICAL_WRIST, (1, 2, 3)),
+    "meeting 345": (Form.SPHERICAL_WRIST, (3, 4, 5)),
+    "axes 1 and 2 parallel": (Form.SPHERICAL_WRIST, (4, 5, 6)),
+    "ur5": (Form.PARALLEL_AXES, (2, 3, 4)),
+    "any others, 234": (Form.PARALLEL_AXES, (2, 3, 4)),
+    "parallel 345": (Form.PARALLEL_AXES, (3, 4, 5)),
+    "parallel 123": (Form.PARALLEL_AXES, (1, 2, 3)),
+    "crx": (Form.PLANAR_ARM, (2, 3, 1, 4)),
+    "planar 1234": (Form.PLANAR_ARM, (2, 3, 1, 4)),
+    "planar 2345": (Form.PLANAR_ARM, (3, 4, 2, 5)),
+    "planar 5432": (Form.PLANAR_ARM, (3, 4, 2, 5)),
 }
 
 
 def chain_of_name(name: str) -> Array:
     if name in ARMS:
         return chain_of_arm(name)
-    chain = np.zeros((7, 3, 4))
-    chain[0, :, :3] = np.eye(3)
-    for i, (a, d, alpha) in enumerate(zip(*MADE_UP[name], strict=True)):
-        chain[i + 1, :, :3] = pin.exp3(np.array([alpha, 0.0, 0.0]))
-        chain[i + 1, :, 3] = a, 0.0, d
+    chain = chain_of_numbers(*MADE_UP[name])
     chain[0] = pin.SE3(pin.exp3(np.array([0.3, -0.2, 0.5])), np.array([0.1, -0.2, 0.3])).homogeneous[:3]
     return chain
-
-
-def pose_at(chain: Array, q: Array) -> Array:
-    return np.ascontiguousarray(poses_and_jacobians(chain, q[None])[0][0])
 
 
 def in_the_general_way(form: ClosedForm) -> ClosedForm:
@@ -86,35 +81,18 @@ def in_the_general_way(form: ClosedForm) -> ClosedForm:
     other = ClosedForm.__new__(ClosedForm)
     chain, arm, *rest = form.__getstate__()
     general = np.array(arm)
-    general[42] = GENERAL
+    general[42] = Form.GENERAL
     other.__setstate__((chain, general, *rest))
     return other
-
-
-def round_angles(rng: np.random.Generator, count: int) -> Array:
-    """Configurations of multiples of 90, 30 and 45 degrees, each fourth moved by 1e-12 to 1e-3 rad."""
-    step = np.resize([np.pi / 2, np.pi / 6, np.pi / 4], count)[:, None]
-    q: Array = np.round(rng.uniform(-np.pi, np.pi, (count, 6)) / step) * step
-    q[3::4] += 10.0 ** rng.uniform(-12.0, -3.0, (len(q[3::4]), 1)) * rng.normal(size=(len(q[3::4]), 6))
-    return q
-
-
-def missing(chain: Array, rows: Array, others: Array) -> list[Array]:
-    """Regular rows (k, 6) that are not among others (n, 6)."""
-    return [
-        row
-        for row in rows
-        if smallest_singular_value(chain, row) > 1e-3 and not any(distance(row, other) < 1e-6 for other in others)
-    ]
 
 
 @pytest.mark.parametrize("name", [*ARMS, *MADE_UP])
 def test_the_structure_is_found_wherever_it_is(name: str) -> None:
     chain = chain_of_name(name)
     form = quick_form(chain, 1.0 / size_of(chain))
-    assert (form.kind, form.joints) == EXPECTED.get(name, (GENERAL, ()))
+    assert (form.kind, form.joints) == EXPECTED.get(name, (Form.GENERAL, ()))
     moved = perturbed(chain, 1e-7)
-    assert quick_form(moved, 1.0 / size_of(moved)).kind == GENERAL
+    assert quick_form(moved, 1.0 / size_of(moved)).kind == Form.GENERAL
 
 
 @pytest.mark.one_quick
@@ -136,7 +114,7 @@ def test_random_poses_have_their_configuration_and_those_of_brute_force(name: st
 def test_no_branch_of_brute_force_is_missing(name: str, rng: np.random.Generator) -> None:
     chain = chain_of_name(name)
     form = form_of(chain)
-    for number, q in enumerate(np.concatenate([rng.uniform(-np.pi, np.pi, (4, 6)), round_angles(rng, 4)])):
+    for number, q in enumerate(np.concatenate([rng.uniform(-np.pi, np.pi, (4, 6)), round_angles(rng, 4, -12.0)])):
         T = pose_at(chain, q)
         branches = form.solve_all(T, HOME)
         assert not branches.complete or lost(chain, branches.q, T, starts=1000, seed=number) == []
@@ -148,7 +126,7 @@ def test_round_angles_are_answered_as_in_the_general_way(name: str, rng: np.rand
     chain = chain_of_name(name)
     form = form_of(chain)
     general = in_the_general_way(form)
-    for q in round_angles(rng, 120):
+    for q in round_angles(rng, 120, -12.0):
         T = pose_at(chain, q)
         branches, others = form.solve_all(T, q), general.solve_all(T, q)
         assert min(distance(q, other) for other in branches.q) < 1e-6 or smallest_singular_value(chain, q) < 1e-3
@@ -204,7 +182,7 @@ def test_a_wrist_on_axis_1_leaves_joint_1_free(forearm: float, rng: np.random.Ge
     chain[3, :, 3] = 0.0
     chain[4, 2, 3] = forearm
     form = form_of(chain)
-    assert form.arm[42] == SPHERICAL_WRIST
+    assert form.arm[42] == Form.SPHERICAL_WRIST
     for q in rng.uniform(0.7, 1.2, (10, 6)):
         # The wrist's x at q1 = 0 is a cos(q3) + b sin(q3) + c: q3 so that it vanishes.
         at = {}
@@ -257,6 +235,6 @@ def test_compiled_bits_are_those_of_plain_python(
     form = form_of(chain_of_name(name))
     monkeypatch.setattr(closed_form_module, "Call", PlainCall)
     plain = pickle.loads(pickle.dumps(form))
-    for q in np.concatenate([rng.uniform(-np.pi, np.pi, (3, 6)), round_angles(rng, 2)]):
+    for q in np.concatenate([rng.uniform(-np.pi, np.pi, (3, 6)), round_angles(rng, 2, -12.0)]):
         T = pose_at(form.chain, q)
         np.testing.assert_array_equal(plain.solve_all(T, HOME).rows, form.solve_all(T, HOME).rows)

@@ -11,7 +11,7 @@ import jacokin
 from jacokin import Robot
 from jacokin.arrays import Array
 from jacokin.ik.geometry import chain_of
-from jacokin.kernels.solution_set.curve import STEPPED, Walk, advance, go_on, make_walk, tangent
+from jacokin.kernels.solution_set.curve import StepResult, Walk, advance, go_on, make_walk, tangent
 from jacokin.kernels.solution_set.slices import Slices, add_start, make_slices
 from jacokin.kernels.solution_set.trace import Loops, begin, make_loops, trace
 
@@ -59,7 +59,7 @@ def nodes_along(curve: Curve, parameter: int, steps: int, longest: float) -> Arr
     walk, volume = begun(curve, parameter)
     nodes, h = [np.concatenate([walk.x, walk.t])], longest
     while len(nodes) <= steps:
-        if advance(walk, h, volume, walk.y, walk.ty) == STEPPED:
+        if advance(walk, h, volume, walk.y, walk.ty) == StepResult.STEPPED:
             nodes.append(np.concatenate([walk.y, walk.ty]))
             volume = walk.volume[0]
             go_on(walk, h)

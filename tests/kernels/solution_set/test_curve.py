@@ -11,10 +11,9 @@ import pytest
 import jacokin
 from jacokin.ik.geometry import measure_seven
 from jacokin.kernels.solution_set.curve import (
-    FAILED,
-    FLIPPED,
     LARGEST_RESIDUAL,
     LONGEST_STEP,
+    StepResult,
     advance,
     chord_length,
     cubic,
@@ -25,7 +24,7 @@ from jacokin.kernels.solution_set.curve import (
     point_where_still,
 )
 from jacokin.kernels.solution_set.slices import JOINT_3, add_slice, make_seven_joints, make_six_joints, make_slices
-from jacokin.kernels.solution_set.trace import CLOSED
+from jacokin.kernels.solution_set.trace import CurveEnd
 from jacokin.model.angles import TURN, wrap_to_pi
 from tests.kernels.solution_set.known_curves import (
     FIRST,
@@ -94,15 +93,15 @@ def test_steps_stay_on_the_curve(curve: Curve) -> None:
 def test_a_step_of_any_length_fails_or_is_on_the_curve(curve: Curve, h: float) -> None:
     walk, volume = begun(curve, FIRST)
     result = advance(walk, h, volume, walk.y, walk.ty)
-    assert result != FAILED or h > 1e-3
-    if result != FAILED:
+    assert result != StepResult.FAILED or h > 1e-3
+    if result != StepResult.FAILED:
         assert residual(curve, walk.y) < 2.0 * LARGEST_RESIDUAL
         assert walk.t @ walk.ty > 0.9
 
 
 def test_the_sign_tells_a_curve_from_its_neighbour(curve: Curve) -> None:
     walk, volume = begun(curve, FIRST)
-    assert advance(walk, 0.01, -volume, walk.y, walk.ty) == FLIPPED
+    assert advance(walk, 0.01, -volume, walk.y, walk.ty) == StepResult.FLIPPED
 
 
 def test_the_cubic_through_two_nodes_is_near_the_curve(curve: Curve) -> None:
@@ -166,7 +165,7 @@ def test_a_circle_is_followed_until_it_closes(rng: np.random.Generator) -> None:
     curve = straight_wrist(rng)
     loops, _ = traced(curve, FIRST)
     first, end, state = loops.ends[0]
-    assert state == CLOSED
+    assert state == CurveEnd.CLOSED
     nodes = loops.nodes[first:end, :7]
     for x in nodes:
         np.testing.assert_allclose(x, along_circle(curve, x[FIRST] - curve.q[FIRST]), atol=1e-9)
@@ -191,7 +190,7 @@ def test_every_solution_is_passed_once_and_curves_close(rng: np.random.Generator
     assert loops.size[3] == 0
     chords = []
     for first, end, state in loops.ends[: loops.size[1]]:
-        assert state == CLOSED
+        assert state == CurveEnd.CLOSED
         nodes = loops.nodes[first:end]
         np.testing.assert_allclose(wrap_to_pi(nodes[-1, :7] - nodes[0, :7]), 0.0, atol=1e-9)
         np.testing.assert_allclose(nodes[-1, 7:], nodes[0, 7:], atol=1e-6)

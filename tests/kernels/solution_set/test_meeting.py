@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import minimize_scalar
 
 from jacokin.arrays import Array
-from jacokin.kernels.solution_set.curve import FAILED, FLIPPED, advance, tangent
+from jacokin.kernels.solution_set.curve import StepResult, advance, tangent
 from jacokin.kernels.solution_set.meeting import ASIDE, make_directions, points_aside
 from jacokin.model.angles import TURN, wrap_to_pi
 from tests.kernels.solution_set.known_curves import (
@@ -81,8 +81,8 @@ def test_the_sign_flips_where_a_walk_passes_a_meeting(curve: Curve) -> None:
     while s < end:
         step = h if np.abs(wrap_to_pi(places - s)).min() < 0.01 else 0.02
         result = advance(walk, step, volume, walk.y, walk.ty)
-        assert result != FAILED
-        if result == FLIPPED:
+        assert result != StepResult.FAILED
+        if result == StepResult.FLIPPED:
             flips.append(s + 0.5 * step / np.sqrt(2.0))
         walk.x[:], walk.t[:], volume = walk.y, walk.ty, walk.volume[0]
         s += step / np.sqrt(2.0)

@@ -18,7 +18,7 @@ from jacokin.errors import InvalidInputError, StructureError, UnknownNameError
 from jacokin.ik import Box, FreeAxis, Scene, Sphere
 from jacokin.motion import Trajectory, track_path
 from tests.gripper_arms import load
-from tests.motion.by_mujoco import DOWN, at, tool_poses
+from tests.motion.by_mujoco import DOWN, at, random_line, tool_poses
 from tests.motion.controllers import check_as_controllers_go
 from tests.robot_files import ur5_text
 
@@ -69,11 +69,7 @@ def test_what_the_tracker_follows_is_planned_and_more(robot: Robot, lines: int, 
     solver = IKSolver(robot)
     tracked = planned = 0
     for _ in range(lines):
-        start = robot.forward_kinematics(robot.sample(rng))
-        way, turn = rng.normal(size=3), rng.normal(size=3)
-        way *= rng.uniform(0.1, 0.4) / np.linalg.norm(way)
-        turn *= rng.uniform(0.0, 1.0) / np.linalg.norm(turn)
-        corners = [start, pin.SE3(start.rotation @ pin.exp3(turn), start.translation + way)]
+        corners = random_line(robot, rng)
         result = plan_path(solver, corners, dt=0.02, speed=0.1, timing="slow")
         followed = track_path(robot, corners, dt=0.02, speed=0.1, acceleration_limit=np.inf).success
         assert result.success or not followed
@@ -105,11 +101,7 @@ def test_the_speed_is_kept_on_another_branch_if_need_be(robot: Robot) -> None:
     """On the cheapest branch joint 3 is too fast for some ticks, which the mean of a step does not show."""
     rng = np.random.default_rng(0)
     for _ in range(125):
-        start = robot.forward_kinematics(robot.sample(rng))
-        way, turn = rng.normal(size=3), rng.normal(size=3)
-        way *= rng.uniform(0.1, 0.4) / np.linalg.norm(way)
-        turn *= rng.uniform(0.0, 1.0) / np.linalg.norm(turn)
-    corners = [start, pin.SE3(start.rotation @ pin.exp3(turn), start.translation + way)]
+        corners = random_line(robot, rng)
     solver = IKSolver(robot)
     result = plan_path(solver, corners, dt=0.02, speed=0.1)
     check(robot, result, corners)

@@ -17,7 +17,7 @@ from jacokin.errors import InvalidInputError
 from jacokin.ik import Scene, Sphere
 from jacokin.motion import AxisTarget, PositionTarget, Trajectory, track_path
 from tests.ik.test_few_joints import CHAINS, urdf_of
-from tests.motion.by_mujoco import at, tool_poses
+from tests.motion.by_mujoco import at, random_line, tool_poses
 from tests.seven_joint_arms import load_arm
 
 SEVEN = "j2s7s300"
@@ -26,15 +26,6 @@ SEVEN = "j2s7s300"
 @pytest.fixture
 def seven(bundled: Callable[[str], Robot]) -> Robot:
     return bundled(SEVEN)
-
-
-def random_line(robot: Robot, rng: np.random.Generator) -> list[pin.SE3]:
-    """From the pose of a random configuration in a random direction, turning about a random axis."""
-    start = robot.forward_kinematics(robot.sample(rng))
-    way, turn = rng.normal(size=3), rng.normal(size=3)
-    way *= rng.uniform(0.1, 0.4) / np.linalg.norm(way)
-    turn *= rng.uniform(0.0, 1.0) / np.linalg.norm(turn)
-    return [start, pin.SE3(start.rotation @ pin.exp3(turn), start.translation + way)]
 
 
 def check_limits(robot: Robot, result: Trajectory) -> None:

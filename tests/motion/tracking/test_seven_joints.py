@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -12,8 +11,8 @@ import pytest
 from jacokin import IKSolver, Robot, Tracker
 from jacokin.arrays import Array
 from jacokin.ik import Floor, Scene, Sphere
-from jacokin.model import to_mujoco
 from jacokin.motion import AxisTarget, PositionTarget, TrackerStatus, track_path
+from tests.motion.by_mujoco import random_line, tool_poses
 
 DT = 0.01  # [s]
 NAME = "j2s7s300"
@@ -22,18 +21,6 @@ NAME = "j2s7s300"
 @pytest.fixture
 def seven(bundled: Callable[[str], Robot]) -> Robot:
     return bundled(NAME)
-
-
-def positions(robot: Robot, rows: Array) -> Array:
-    """Of the end effector (n, 3) [m], by MuJoCo."""
-    model = to_mujoco(robot)
-    data = mujoco.MjData(model)
-    site, found = model.site("end_effector").id, []
-    for q in rows:
-        data.qpos[:] = q
-        mujoco.mj_kinematics(model, data)
-        found.append(data.site_xpos[site].copy())
-    return np.array(found)
 
 
 def within_limits(robot: Robot, q: Array, dt: float) -> bool:
@@ -55,7 +42,7 @@ def test_a_line_and_a_circle_are_followed(seven: Robot) -> None:
             rows.append(step.q)
         q = np.array(rows)
         assert within_limits(seven, q, DT)
-        assert np.abs(positions(seven, q)[1:] - start.translation - offsets).max() < 2e-5
+        assert np.abs(tool_poses(seven, q)[0][1:] - start.translation - offsets).max() < 2e-5
 
 
 def test_limits_hold_to_the_last_bit(seven: Robot) -> None:
@@ -113,16 +100,13 @@ def test_a_path_is_tracked_from_a_start_that_allows_it(seven: Robot, paths: int,
     rng = np.random.default_rng(0)
     solved, later = 0, 0
     for _ in range(paths):
-        start = seven.forward_kinematics(seven.sample(rng))
-        way, turn = rng.normal(size=3), rng.normal(size=3)
-        way *= rng.uniform(0.1, 0.4) / np.linalg.norm(way)
-        turn *= rng.uniform(0.0, 1.0) / np.linalg.norm(turn)
-        corners = [start, pin.SE3(start.rotation @ pin.exp3(turn), start.translation + way)]
+        corners = random_line(seven, rng)
         result = track_path(seven, corners, dt=0.02, speed=0.1, acceleration_limit=np.inf)
         assert within_limits(seven, result.q, 0.02)
         if result.success:
+            start, end = (corner.translation for corner in corners)
             part = np.linspace(0.0, 1.0, len(result))[:, None]
-            assert np.abs(positions(seven, result.q) - start.translation - part * way).max() < 2e-4
+            assert np.abs(tool_poses(seven, result.q)[0] - start - part * (end - start)).max() < 2e-4
         else:
             assert "starts" in result.message
         solved += result.success

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pickle
-import threading
 from typing import Any
 
 import numpy as np
@@ -11,6 +10,7 @@ import pytest
 
 from jacokin.mujoco_bridge import Physics, Primitive, PropPlacer, ToolCenterPointInitializer, distributions
 from tests.mujoco_bridge.scenes import jaco_parts
+from tests.threads import run_in_threads
 
 
 def task() -> tuple[Any, ...]:
@@ -79,9 +79,5 @@ def test_threads_that_share_a_physics_take_turns() -> None:
         except BaseException as error:
             failures.append(error)
 
-    threads = [threading.Thread(target=work, args=(seed,)) for seed in range(6)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
+    run_in_threads(work, 6)
     assert failures == []
