@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 from collections.abc import Sequence
@@ -71,6 +72,24 @@ def test_a_forwarder_that_ends_in_the_middle_of_a_line_has_left() -> None:
             link.hear()
 
     with pytest.raises(InvalidInputError, match="the forwarder has left"):
+        listen()
+    link.close()
+
+
+def test_what_a_forwarder_said_before_it_left_at_once_is_heard(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> int:
+        raise BrokenPipeError
+
+    with monkeypatch.context() as patched:
+        patched.setattr(os, "write", refuse)
+        link = linked('print(\'{"error": "no arm"}\')')
+    deadline = time.monotonic() + 20.0
+
+    def listen() -> None:
+        while time.monotonic() < deadline:
+            link.hear()
+
+    with pytest.raises(InvalidInputError, match="no arm"):
         listen()
     link.close()
 
