@@ -142,16 +142,17 @@ def _beyond(robot: Robot, rng: np.random.Generator, moves: float) -> Motion:
 
 
 def _circling(robot: Robot, rng: np.random.Generator, moves: float) -> Motion:
-    """Around the base, most often out of reach, or faster than the first joint."""
+    """From the tool onto a circle around the base, most often out of reach, or faster than the first joint."""
     start = robot.forward_kinematics(robot.home)
     distance = np.linalg.norm(start.translation)
     radius, height = rng.uniform(0.3, 2.0) * distance, rng.uniform(0.0, 1.5) * distance
     rate, begin = rng.uniform(0.2, 1.0), rng.uniform(0.0, 2.0 * np.pi)
 
     def at(t: float) -> pin.SE3:
-        gone = rate * min(t, moves)
-        place = [radius * np.cos(begin + gone), radius * np.sin(begin + gone), height]
-        return pin.SE3(pin.exp3(np.array([0.0, 0.0, gone])) @ start.rotation, np.array(place))
+        turned, part = rate * min(t, moves), min(t, 1.0)
+        place = np.array([radius * np.cos(begin + turned), radius * np.sin(begin + turned), height])
+        away = part**3 * (10.0 - 15.0 * part + 6.0 * part**2) * (place - start.translation)
+        return pin.SE3(pin.exp3(np.array([0.0, 0.0, turned])) @ start.rotation, start.translation + away)
 
     return at
 

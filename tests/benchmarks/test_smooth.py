@@ -56,8 +56,9 @@ def test_streams_are_whole_start_at_the_tool_and_come_to_rest(robot: Robot, kind
     settled = stream.targets[stream.stands + 20 :]  # the last packet is still on its way
     assert all(target.isApprox(settled[-1], 1e-9) for target in settled)
     assert stream.meant[-1].isApprox(stream.targets[-1], 1e-6)
-    assert target_reversals(stream.meant, stream.dt) == 0
-    assert (target_reversals(stream.targets, stream.dt) > 0) == (kind == "turned")
+    turns = kind == "circling"  # so fast that a coordinate turns round within three ticks
+    assert (target_reversals(stream.meant, stream.dt) > 0) == turns
+    assert (target_reversals(stream.targets, stream.dt) > 0) == (turns or kind == "turned")
 
 
 def test_bursts_are_as_rare_as_packets_and_turned_frames_stand_out(robot: Robot) -> None:
