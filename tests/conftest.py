@@ -6,9 +6,10 @@ import functools
 import gc
 import signal
 import sys
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
 
+import gymnasium
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
@@ -16,6 +17,7 @@ from hypothesis import HealthCheck, settings
 import jacokin
 from jacokin import Robot
 from jacokin.kernels import library
+from jacokin.tasks import registry
 from tests.robot_files import INCLUDED, SCENE
 
 # Tests compare with other code in the folders beside the package. Last: the installed package is what gets tested.
@@ -93,3 +95,13 @@ def scene(tmp_path: Path) -> Path:
     path = tmp_path / "scene.xml"
     path.write_text(SCENE)
     return path
+
+
+@pytest.fixture
+def own_tasks() -> Iterator[None]:
+    """Tasks that are registered in a test are forgotten after it: other tests look at all there are."""
+    before = set(registry.TASKS)
+    yield
+    for name in set(registry.TASKS) - before:
+        del registry.TASKS[name]
+        gymnasium.registry.pop(name, None)

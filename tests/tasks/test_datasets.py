@@ -377,6 +377,7 @@ def test_control_steps_of_another_length_are_kept(ending: str, tmp_path: Path) -
             jacokin.tasks.record(make(control_timestep=0.03), Wave(), tmp_path / "odd.lerobot")
 
 
+@pytest.mark.usefixtures("own_tasks")
 def test_mistakes(tmp_path: Path) -> None:
     env = TaskEnv("reach_site")
     for path, words in ((tmp_path / "a.txt", "path must end in"), (tmp_path / "no" / "a.hdf5", "there is no folder")):

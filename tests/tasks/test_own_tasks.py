@@ -77,17 +77,13 @@ def mug_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def lift_mug(mug_file: Path) -> Iterator[Task]:
-    """A composed task, registered; whatever is registered in a test is forgotten after it."""
-    before = dict(registry.TASKS)
+def lift_mug(mug_file: Path, own_tasks: None) -> Task:
+    """A composed task, registered."""
     mug = Mesh(mug_file, density=600.0, name="mug", decomposed=False)
     task = Task(props=[mug], reward=near_and_high, success=is_high, time_limit=LIMIT)
     jacokin.tasks.register(task, id=MUG)
     jacokin.tasks.register(HoldMug(Mesh(mug_file, name="mug", decomposed=False)), id="mine/HoldMug-v0")
-    yield task
-    for name in set(registry.TASKS) - set(before):
-        del registry.TASKS[name]
-        gymnasium.registry.pop(name, None)
+    return task
 
 
 OPTIONS: list[tuple[str, dict[str, Any]]] = [

@@ -300,6 +300,7 @@ def test_what_is_refused(env: TaskEnv, options: dict[str, Any], match: str, tmp_
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.usefixtures("own_tasks")
 def test_the_hand_leads_the_arm_of_the_task() -> None:
     name = "j2s6s300"
     task = Task(

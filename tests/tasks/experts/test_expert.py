@@ -129,6 +129,7 @@ def actions(expert: Expert, observation: Any, count: int = 110) -> NDArray[np.fl
     return np.stack([expert(observation) for _ in range(count)])
 
 
+@pytest.mark.usefixtures("own_tasks")
 def test_noise_has_the_deviation_that_was_asked_for() -> None:
     def wait(arm: ArmDriver) -> Iterator[NDArray[np.float64]]:
         while True:
