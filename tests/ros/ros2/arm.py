@@ -58,6 +58,7 @@ def main() -> None:
         times = [seconds(point.time_from_start) for point in points]
         print("moving", flush=True)
         record["goals"] += 1
+        reached = 0
         while True:
             now = time.monotonic() - start
             if now > options.die_after:
@@ -68,7 +69,9 @@ def main() -> None:
                 handle.canceled()
                 return FollowJointTrajectory.Result()
             k = next((i for i, at in enumerate(times) if at > now), len(times) - 1)
-            move([math.degrees(position) for position in points[k].positions])
+            for point in points[reached : k + 1]:  # all of them, however late this process is
+                move([math.degrees(position) for position in point.positions])
+            reached = k
             if now >= times[-1]:
                 handle.succeed()
                 return FollowJointTrajectory.Result()
