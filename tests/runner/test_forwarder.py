@@ -63,17 +63,22 @@ def linked(program: str) -> ProcessLink:
     return ProcessLink([sys.executable, "-P", "-c", program], ["joint_1"])
 
 
-def test_a_forwarder_that_ends_in_the_middle_of_a_line_has_left() -> None:
-    link = linked("print('{\"q\": [1.0]}'); print('{\"q\": [1', end='')")
+def expect_refusal(link: ProcessLink, match: str) -> None:
+    """Listen until the link says what is wrong, and close it."""
     deadline = time.monotonic() + 20.0
 
     def listen() -> None:
         while time.monotonic() < deadline:
             link.hear()
 
-    with pytest.raises(InvalidInputError, match="the forwarder has left"):
+    with pytest.raises(InvalidInputError, match=match):
         listen()
     link.close()
+
+
+def test_a_forwarder_that_ends_in_the_middle_of_a_line_has_left() -> None:
+    link = linked("print('{\"q\": [1.0]}'); print('{\"q\": [1', end='')")
+    expect_refusal(link, "the forwarder has left")
 
 
 def test_what_a_forwarder_said_before_it_left_at_once_is_heard(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -83,15 +88,7 @@ def test_what_a_forwarder_said_before_it_left_at_once_is_heard(monkeypatch: pyte
     with monkeypatch.context() as patched:
         patched.setattr(os, "write", refuse)
         link = linked('print(\'{"error": "no arm"}\')')
-    deadline = time.monotonic() + 20.0
-
-    def listen() -> None:
-        while time.monotonic() < deadline:
-            link.hear()
-
-    with pytest.raises(InvalidInputError, match="no arm"):
-        listen()
-    link.close()
+    expect_refusal(link, "no arm")
 
 
 def test_a_link_that_is_closed_touches_no_other_file(tmp_path: Path) -> None:
