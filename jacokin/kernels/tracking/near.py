@@ -1,4 +1,4 @@
-"""What near shapes add to a tick: inequalities that keep them apart, and squares that move them apart."""
+"""What near shapes add to a tick: inequalities that keep them apart, and which of them are too near."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from jacokin.kernels.vector import Vec, cross, dot, minus
 
 #: [m] the problem stays this far above the distance, so that curvature does not cost a shortened step.
 BUFFER = 5e-4
-#: Of moving too near pairs apart, against 1 for the target: its pull then costs microns.
-SEPARATION_WEIGHT = 100.0
+#: [m] rounding of a distance.
+ROUNDING = 2e-9
 #: Columns of a pair that is near: its distance [m], the nearest point on its second shape, the unit vector along which
 #: the distance grows (from the first shape, or the way out of an obstacle that something is inside), and how fast the
 #: first shape comes nearer [m/s].
@@ -29,29 +29,27 @@ KEPT, FORESIGHT, RULE_NUMBERS = range(3)
 class NearPairs(NamedTuple):
     """Pairs of shapes that are near, and what follows for a displacement x of the joints."""
 
-    counts: NDArray[np.int64]  # (3,) of pairs; of inequalities; of pairs that are moved apart
+    counts: NDArray[np.int64]  # (4,) of pairs; of inequalities; of pairs that are too near; of faces of targets
     rule: Array  # (2,)
     integers: NDArray[np.int64]  # (pairs, 3)
     numbers: Array  # (pairs, 8)
     rows: Array  # (room dof,) filled: rows x <= ends, after those that are there already
     ends: Array  # (room,) [m]
-    apart: NDArray[np.int64]  # (pairs,) filled with the numbers of those that are moved apart: wishes x = errors
-    wishes: Array  # (pairs dof,) weighted [m/rad]
-    errors: Array  # (pairs,) [m]
+    rooms: Array  # (room,) filled: the same, but negative for pairs that are to move apart [m]
+    apart: NDArray[np.int64]  # (pairs,) filled with the numbers of those that are too near, or about to be
 
 
 def make_near_pairs(dof: int = 0, pairs: int = 0, more: int = 0) -> NearPairs:
     """Fresh arrays for so many pairs, and more inequalities."""
     return NearPairs(
-        np.zeros(3, np.int64),
+        np.zeros(4, np.int64),
         np.zeros(RULE_NUMBERS),
         np.zeros((pairs, NEAR_INTEGERS), np.int64),
         np.zeros((pairs, NEAR_NUMBERS)),
         np.zeros((pairs + more) * dof),
         np.zeros(pairs + more),
+        np.zeros(pairs + more),
         np.zeros(pairs, np.int64),
-        np.zeros(pairs * dof),
-        np.zeros(pairs),
     )
 
 
@@ -66,40 +64,34 @@ def change_of_distance(arm: JointFrames, j: int, point: Vec, normal: Vec) -> flo
 def keep_apart(arm: JointFrames, near: NearPairs, first: int, begun: int) -> None:
     """Fill inequalities for the pairs from a first one on, after those begun with; the frames are where the arm is.
 
-    No pair uses up more than its spare distance; those that come nearer by themselves are moved apart instead.
+    No pair uses up more than its spare distance.
     """
     dof, count = len(arm.kinds), begun
+    if first == 0:
+        near.counts[3] = begun
     for i in range(first, near.counts[0]):
-        room = room_of(near, i)
-        if near.integers[i, LEAVES] == 0 and not comes_too_near(near, i, room):
+        if near.integers[i, LEAVES] == 0:
+            room = room_of(near, i)
             fill_change(arm, near, i, -1.0, near.rows, count * dof)
-            near.ends[count] = max(room, 0.0)
+            near.ends[count], near.rooms[count] = max(room, 0.0), room
             count += 1
     near.counts[1] = count
 
 
-def move_apart(arm: JointFrames, near: NearPairs) -> None:
-    """Fill wishes for pairs that are too near, or about to be; the frames are where the arm is."""
-    dof, apart = len(arm.kinds), 0
+def find_too_near(near: NearPairs) -> None:
+    """Fill which pairs are too near, or about to be."""
+    near.counts[2] = 0
     for i in range(near.counts[0]):
-        room = room_of(near, i)
-        if comes_too_near(near, i, room) or near.numbers[i, DISTANCE] < near.rule[KEPT] + 0.5 * BUFFER:
-            fill_change(arm, near, i, SEPARATION_WEIGHT, near.wishes, apart * dof)
-            near.errors[apart] = -SEPARATION_WEIGHT * room
-            near.apart[apart] = i
-            apart += 1
-    near.counts[2] = apart
+        coming = near.numbers[i, CLOSING] > 0.0 and room_of(near, i) < 0.0
+        if coming or near.numbers[i, DISTANCE] < near.rule[KEPT] - ROUNDING:
+            near.apart[near.counts[2]] = i
+            near.counts[2] += 1
 
 
 def room_of(near: NearPairs, i: int) -> float:
     """By how much a pair may come nearer, beside what its obstacle moves [m]."""
     closing = near.rule[FORESIGHT] * near.numbers[i, CLOSING]
     return float(near.numbers[i, DISTANCE] - near.rule[KEPT] - BUFFER - max(closing, 0.0))
-
-
-def comes_too_near(near: NearPairs, i: int, room: float) -> bool:
-    """Whether an obstacle is to be evaded."""
-    return bool(room < 0.0 and near.numbers[i, CLOSING] > 0.0)
 
 
 def fill_change(arm: JointFrames, near: NearPairs, i: int, weight: float, rows: Array, at: int) -> None:

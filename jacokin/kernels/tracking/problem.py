@@ -24,8 +24,6 @@ TIKHONOV = 1e-10
 DAMPING = 0.1
 #: [m] an error below which damping vanishes with its square: so moving targets are followed to microns.
 CLOSE = 0.01
-#: Damping relative to the square of what is missing to the distance, weighted: the arm leaves straight.
-LEAVING = 10.0
 #: Of a squared error: less is not told from rounding and the damping that keeps the Hessian regular.
 ROUNDED = 1e-6
 #: Of an error out of reach, by which it is not worth while to move on.
@@ -46,7 +44,7 @@ MOSTLY = 0.5
 
 
 class Problem(NamedTuple):
-    """The least of g x + x H x / 2, x (dof,) [rad]: of half the squared error, and of what moves shapes apart."""
+    """The least of g x + x H x / 2, x (dof,) [rad]: of half the squared error."""
 
     error: Array  # (rows,) weighted, of the tasks that come first and then of the others
     jacobian: Array  # (rows dof,)
@@ -117,20 +115,6 @@ def begin(problem: Problem, rows: int, dof: int) -> float:
             value += jacobian[r * dof + j] * x[j]
         problem.left[r] = value
     return cost
-
-
-def add_squares(problem: Problem, rows: Array, errors: Array, count: int, dof: int) -> None:
-    """Add the squares of rows x - errors, of shapes that move apart, and damping with the largest of these errors."""
-    most = 0.0
-    for r in range(count):
-        most = max(most, errors[r])
-        for i in range(dof):
-            a = rows[r * dof + i]
-            problem.gradient[i] -= a * errors[r]
-            for j in range(dof):
-                problem.hessian[i * dof + j] += a * rows[r * dof + j]
-    for i in range(dof):
-        problem.hessian[i * dof + i] += LEAVING * most * most
 
 
 def make_regular(problem: Problem, cost: float, negligible: float, wanted: Array) -> float:

@@ -33,8 +33,8 @@ HORIZON = 0.05
 WORSE = 1e-9
 #: [m] shapes may come nearer than the distance between two places of a way to rest that are looked at.
 BETWEEN = 0.01
-#: Places of a way to rest that are looked at, before it counts as not clear.
-LOOKS = 12
+#: Places of a way to rest that are looked at, before it counts as not clear, and parts of it that wait meanwhile.
+LOOKS, DEPTH = 48, 14
 #: Columns of a pair's integers: its shapes as they are measured, 1 where these are exchanged, the row of the obstacle
 #: that can move or -1, and 1 while something is inside its obstacle: then it is free, as the way out may lead others
 #: deeper first. The joints between its shapes are those from the first one to before the last.
@@ -88,10 +88,10 @@ class Movers(NamedTuple):
 class Waiting(NamedTuple):
     """Parts of a way to rest that are to be looked into, each with pairs and their distances at its ends."""
 
-    ends: NDArray[np.int64]  # (LOOKS + 2, 3) first and last tick, and how many pairs
-    pairs: NDArray[np.int64]  # ((LOOKS + 2) pairs,)
-    first: Array  # ((LOOKS + 2) pairs,) [m]
-    last: Array  # ((LOOKS + 2) pairs,) [m]
+    ends: NDArray[np.int64]  # (DEPTH, 3) first and last tick, and how many pairs
+    pairs: NDArray[np.int64]  # (DEPTH pairs,)
+    first: Array  # (DEPTH pairs,) [m]
+    last: Array  # (DEPTH pairs,) [m]
 
 
 class ReachWork(NamedTuple):
@@ -125,7 +125,7 @@ def make_reach_work(geometry: Geometry = NOTHING, pairs: int = 0, movers: int = 
     dof, groups = len(geometry.arm.joint_kinds), len(geometry.arm.groups)
     frames = np.zeros((dof + 2 if dof else 0, 3, 4))
     frames[:] = np.eye(3, 4)
-    room = (LOOKS + 2) * pairs
+    room = DEPTH * pairs
     return ReachWork(
         np.array([dof, groups, 0, 0, 0]),
         np.zeros(REACH_NUMBERS),
@@ -164,7 +164,7 @@ def make_reach_work(geometry: Geometry = NOTHING, pairs: int = 0, movers: int = 
             np.zeros(movers + 1 if pairs else 0),
             np.zeros(movers + 1 if pairs else 0),
         ),
-        Waiting(np.zeros((LOOKS + 2, 3), np.int64), np.zeros(room, np.int64), np.zeros(room), np.zeros(room)),
+        Waiting(np.zeros((DEPTH, 3), np.int64), np.zeros(room, np.int64), np.zeros(room), np.zeros(room)),
     )
 
 
@@ -275,16 +275,15 @@ def measure_within(work: ReachWork, i: int, distance: float) -> float:
     if row[0] <= reach:
         pairs.exact[i] = 1
         if row[0] < watched:
-            note_near(work, i, work.counts[NEAR], row)
+            work.near[work.counts[NEAR]] = i
+            note_near(work, i, row, work.rows[work.counts[NEAR]])
             work.counts[NEAR] += 1
     return float(row[0])
 
 
-def note_near(work: ReachWork, i: int, at: int, row: Array) -> None:
-    """Fill the numbers of a pair that was measured."""
-    to, mover = work.rows[at], work.pairs.integers[i, MOVER]
-    exchanged = work.pairs.integers[i, EXCHANGED] == 1
-    work.near[at] = i
+def note_near(work: ReachWork, i: int, row: Array, to: Array) -> None:
+    """Fill the numbers (8,) of a pair, see `near`, that was measured."""
+    mover, exchanged = work.pairs.integers[i, MOVER], work.pairs.integers[i, EXCHANGED] == 1
     to[DISTANCE], to[CLOSING] = row[0], 0.0
     for k in range(3):
         to[POINT + k] = row[1 + k] if exchanged else row[4 + k]
@@ -351,7 +350,7 @@ def rests_clear(work: ReachWork) -> bool:
         if end - start < 2 or keep_unsure(work, size) == 0:
             continue
         looks += 1
-        if looks > LOOKS:
+        if looks > LOOKS or size + 2 > DEPTH:
             clear = False
             break
         middle, offset = (start + end) // 2, size * pairs

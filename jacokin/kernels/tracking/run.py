@@ -3,6 +3,7 @@
 tick       from what is missing to the targets to a displacement of the joints
 reach      as much of the displacement as is clear
 near       what shapes that are near add to a tick
+rest       a displacement after which the arm can come to rest clear of what is near
 watch      which of them a displacement could bring near
 twist      how much of a twist the joints can follow
 inverse    what they do for it
@@ -36,11 +37,13 @@ from jacokin.kernels.tracking.reach import (
     make_reach_work,
     try_reach,
 )
+from jacokin.kernels.tracking.rest import turn_aside
 from jacokin.kernels.tracking.tasks import TASK_INTEGERS, TASK_NUMBERS, place_joints
 from jacokin.kernels.tracking.tick import (
     APART,
     BEST,
     CAN_STOP,
+    CUT,
     DAMPED,
     FIRST_TASKS,
     GREW,
@@ -49,7 +52,6 @@ from jacokin.kernels.tracking.tick import (
     IN_PARTS,
     MOST_SPARE,
     NEEDS_QP,
-    NEEDS_QP_NOW,
     REFINED,
     ROWS,
     SLOWED,
@@ -68,7 +70,7 @@ from jacokin.kernels.tracking.tick import (
     solve_tick,
 )
 from jacokin.kernels.tracking.twist import TwistWork, follow_twist, make_twist_work
-from jacokin.kernels.tracking.watch import take_near, watch
+from jacokin.kernels.tracking.watch import cut, take_near, watch
 
 #: Where a call goes on: what near shapes and limits ask of any displacement, and no more; what those ask that a total
 #: could bring near, and no more; a whole tick; one whose total was found elsewhere; one along a twist, linearised; one
@@ -76,7 +78,9 @@ from jacokin.kernels.tracking.watch import take_near, watch
 LINEARISE, LOOK_AHEAD, WHOLE, FROM_TOTAL, FROM_TWIST, FROM_STEP, TRY, REPORT = range(8)
 #: What it returns beside what `find_step` does with a QP solver to be called: the arm is on its way, or on its target;
 #: the displacement of this tick is there, and something else may be added to it; time to look at the clock.
-ON_ITS_WAY, ON_TARGET, NEEDS_MORE, UNFINISHED = 0, 1, 4, 5
+ON_ITS_WAY, ON_TARGET, NEEDS_MORE, UNFINISHED = 0, 1, 3, 4
+#: Rounds of inequalities that are added along a total.
+CUTS = 3
 #: Of the way from braking to what the arm would do, tried until nothing is too near.
 PARTS = (1.0, 0.5, 0.2, 0.05)
 
@@ -95,7 +99,7 @@ def make_run_work() -> RunWork:
 
 
 def run_tick(work: RunWork) -> int:
-    """Go on with a tick from its stage; for one of `LINEARISE`, returns how many pairs of shapes are moved apart."""
+    """Go on with a tick from its stage; for one of `LINEARISE`, returns how many pairs of shapes are too near."""
     tick, counts = work.tick, work.tick.counts
     stage = counts[STAGE]
     if stage == LINEARISE:
@@ -115,6 +119,8 @@ def run_tick(work: RunWork) -> int:
     if stage == FROM_TWIST:
         follow_twist(tick, work.reach, work.twist)
     if stage <= FROM_STEP:
+        if stage != FROM_TWIST and counts[GUARDED] == 1:
+            turn_aside(tick, work.reach)
         keep_bounds(tick)
         begin_reach(work)
         if counts[IN_PARTS] == 1:
@@ -133,14 +139,18 @@ def find_step(work: RunWork, stage: int) -> int:
     if stage == WHOLE:
         take_near(tick, work.reach, 0)
         solve_tick(tick)
+        tick.counts[CUT] = 0
     else:
         known = tick.near.counts[1]
     watch(tick, work.reach, tick.total)
     solved = keeps_inequalities(tick, known) and (stage == FROM_TOTAL or is_within_limits(tick))
+    if solved and tick.counts[GUARDED] == 1 and tick.counts[CUT] < CUTS:
+        tick.counts[CUT] += 1
+        solved = cut(tick, work.reach) == 0 or keeps_inequalities(tick, 0)
     if has_more(tick) or not solved:
         fill_damped(tick.problem, tick.numbers[DAMPED], len(tick.q))
     if not solved:
-        return NEEDS_QP if tick.near.counts[2] == 0 else NEEDS_QP_NOW
+        return NEEDS_QP
     return finish_tick(tick)
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
+from jacokin.kernels.tracking.aside import PLACES, Aside, make_aside
 from jacokin.kernels.tracking.limits import (
     CATCHING,
     LIMIT_NUMBERS,
@@ -25,11 +26,10 @@ from jacokin.kernels.tracking.limits import (
     move,
     take_stride,
 )
-from jacokin.kernels.tracking.near import NearPairs, keep_apart, make_near_pairs, move_apart
+from jacokin.kernels.tracking.near import NearPairs, find_too_near, keep_apart, make_near_pairs
 from jacokin.kernels.tracking.problem import (
     TINY,
     Problem,
-    add_squares,
     begin,
     divide,
     is_singular,
@@ -66,16 +66,17 @@ REFINED, GOES, SINGULAR = range(7, 10)
 #: apart; whether every joint may stop within a tick; whether the arm can stop clear of everything, before the tick, and
 #: filled for after it. Filled: whether bounds took something from the displacement; whether every step made the error
 #: grow; whether shapes are moved apart; parts of it that were tried, and the one from which the arm keeps farthest away
-#: without being able to stop. Whether it is known where the tick before was to lead.
-STAGE, IN_PARTS, GUARDED, STOPS_AT_ONCE, CAN_STOP, SLOWED, GREW, APART, TRIED, BEST, AIMED, TICK_COUNTS = range(10, 22)
+#: without being able to stop. Whether it is known where the tick before was to lead. Rounds of added inequalities.
+STAGE, IN_PARTS, GUARDED, STOPS_AT_ONCE, CAN_STOP, SLOWED, GREW, APART, TRIED, BEST, AIMED, CUT = range(10, 22)
+TICK_COUNTS = 22
 #: Of the numbers: control step [s]; error that is not worth while to be made smaller [m]; tolerances [m], [rad].
 #: Filled: squared error, damping, how far that part keeps away [m]; and after the tick the largest distance [m] and
 #: angle [rad] of the first tasks, the fastest joint's velocity [rad/s], and how far joints are past their limits [rad].
 TIME_STEP, NEGLIGIBLE, NEAR_ENOUGH, TURNED_ENOUGH, COST, DAMPED, MOST_SPARE = range(7)
 DISTANCE, ANGLE, FASTEST, PAST, TICK_NUMBERS = range(7, 12)
 #: What a tick comes to: a displacement; none, as every step makes the error grow; what is missing in all is beyond a
-#: limit or a distance, and a QP solver must find it within the joints' limits; the same, but within the tick's bounds.
-SOLVED, GROWS, NEEDS_QP, NEEDS_QP_NOW = range(4)
+#: limit or a distance, and a QP solver must find it within the joints' limits.
+SOLVED, GROWS, NEEDS_QP = range(3)
 
 
 class TickWork(NamedTuple):
@@ -92,6 +93,8 @@ class TickWork(NamedTuple):
     moved_before: Array  # (rows,) by how much the targets moved the error in the tick before
     moved: Array  # (rows,) filled: in this one
     near: NearPairs
+    there: NearPairs  # one that is measured where the arm may go
+    aside: Aside
     problem: Problem
     columns: Array  # (dof, 6) to work in
     room: Array  # (2 dof,) filled: least and largest displacement to the limits [rad]
@@ -126,7 +129,9 @@ def make_tick_work(dof: int = 0, tasks: int = 0, pairs: int = 0) -> TickWork:
         make_task_rows(dof, tasks),
         np.zeros(rows),
         np.zeros(rows),
-        make_near_pairs(dof, pairs, 6 * tasks),
+        make_near_pairs(dof, pairs, 6 * tasks + pairs),
+        make_near_pairs(dof, 1),
+        make_aside(dof, 6 * tasks + (1 + PLACES) * pairs),
         make_problem(dof, rows),
         np.zeros((dof, 6)),
         np.zeros(2 * dof),
@@ -156,9 +161,7 @@ def solve_tick(work: TickWork) -> None:
     add_bend(work.arm, tasks, first, work.columns, problem.left, problem.hessian)
     begun = fill_faces(work.arm, tasks, first, work.columns, near.rows, near.ends)
     keep_apart(work.arm, near, 0, begun)
-    move_apart(work.arm, near)
-    if near.counts[2] > 0:
-        add_squares(problem, near.wishes, near.errors, near.counts[2], dof)
+    find_too_near(near)
     numbers[DAMPED] = make_regular(problem, cost, numbers[NEGLIGIBLE], work.total)
     fill_bounds(work.limits, q, work.v, numbers[TIME_STEP], work.bounds[:dof], work.bounds[dof:])
     fill_room(work.limits, q, work.room[:dof], work.room[dof:])
@@ -166,11 +169,10 @@ def solve_tick(work: TickWork) -> None:
 
 
 def is_within_limits(work: TickWork) -> bool:
-    """Whether all that is missing is within the joints' limits, or the bounds of the tick where shapes move apart."""
+    """Whether all that is missing is within the joints' limits."""
     dof, within = len(work.q), True
-    ends = work.room if work.near.counts[2] == 0 else work.bounds
     for j in range(dof):
-        within = within and ends[j] <= work.total[j] <= ends[dof + j]
+        within = within and work.room[j] <= work.total[j] <= work.room[dof + j]
     return within
 
 
@@ -227,9 +229,6 @@ def finish_tick(work: TickWork) -> int:
     dof, rows = len(work.q), work.counts[ROWS]
     for j in range(dof):
         work.along[j], work.along_change[j], work.step[j] = 0.0, 0.0, work.total[j]
-    if work.near.counts[2] > 0:  # what moves apart does so at once
-        work.counts[AIMED] = 0
-        return SOLVED
     lasting = 1.0 - work.counts[MOVED]
     if work.counts[MOVED] == 1 and work.counts[MOVED_BEFORE] == 1:
         lasting, left = lasting_part(work.moved_before, work.moved, rows), work.problem.left
@@ -321,13 +320,13 @@ def descend(work: TickWork, rows: int) -> int:
 
 
 def linearise_tick(work: TickWork) -> int:
-    """Fill the bounds of a tick, and what near shapes add; returns how many pairs are moved apart."""
+    """Fill the bounds of a tick, and what near shapes add; returns how many pairs are too near."""
     dof = len(work.q)
     place_joints(work.arm, work.q)
     fill_bounds(work.limits, work.q, work.v, work.numbers[TIME_STEP], work.bounds[:dof], work.bounds[dof:])
     fill_room(work.limits, work.q, work.room[:dof], work.room[dof:])
     keep_apart(work.arm, work.near, 0, 0)
-    move_apart(work.arm, work.near)
+    find_too_near(work.near)
     return int(work.near.counts[2])
 
 

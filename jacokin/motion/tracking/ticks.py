@@ -44,7 +44,6 @@ from jacokin.kernels.tracking.tick import (
     MOVED_BEFORE,
     NEAR_ENOUGH,
     NEEDS_QP,
-    NEEDS_QP_NOW,
     NEGLIGIBLE,
     PAST,
     REFINED,
@@ -167,7 +166,8 @@ class TickSolver:
             work.numbers[number] = value
         work.counts[GUARDED], work.counts[STOPS_AT_ONCE] = reach is not None, self._limits.stops_at_once
         if reach is not None:
-            work.near.rule[near.KEPT], work.near.rule[near.FORESIGHT] = reach.numbers[[KEPT, FORESIGHT]]
+            for pairs in (work.near, work.there):
+                pairs.rule[near.KEPT], pairs.rule[near.FORESIGHT] = reach.numbers[[KEPT, FORESIGHT]]
         twist = make_twist_work(self._dof)
         run = Call(run_tick, RunWork(work, make_reach_work() if reach is None else reach, twist))
         kept: Tasks | None = None  # those that the kernel knows as the ones of the tick before
@@ -256,19 +256,17 @@ class TickSolver:
             raise OutOfTime
         return outcome
 
-    def use_qp(self, outcome: int, qp: Backend) -> None:
+    def use_qp(self, qp: Backend) -> None:
         """Find what is missing in all within limits and distances, to go on `FROM_TOTAL`.
 
         Raises:
             QPFailed: no QP solver solved it.
         """
         work = self._work
-        low, high = self.bounds if outcome == NEEDS_QP_NOW else self.room
+        low, high = self.room
         hessian, gradient = self.hessian, work.problem.gradient.copy()
         total = qp.minimize(hessian, gradient, self.inequalities, np.maximum(low, -FAR), np.minimum(high, FAR))
-        if outcome == NEEDS_QP:
-            total = total * worthwhile(-float(gradient @ total), float(work.problem.worth[0]))
-        work.total[:] = total
+        work.total[:] = total * worthwhile(-float(gradient @ total), float(work.problem.worth[0]))
 
     def measure(self, q: Array, arm: JointState, tasks: Tasks, *, goes: bool) -> Report:
         """Measure where the arm is.

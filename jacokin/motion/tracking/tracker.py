@@ -28,7 +28,7 @@ from jacokin.ik.qp_backend import Backend, QPFailed
 from jacokin.ik.seeds import checked_start
 from jacokin.kernels.tolerances import LIMIT_SNAP
 from jacokin.kernels.tracking.run import FROM_STEP, FROM_TOTAL, FROM_TWIST, ON_TARGET, WHOLE
-from jacokin.kernels.tracking.tick import NEEDS_QP, NEEDS_QP_NOW
+from jacokin.kernels.tracking.tick import NEEDS_QP
 from jacokin.model import checks, poses
 from jacokin.model.robot import (
     Robot,
@@ -507,9 +507,9 @@ class Tracker:
         outcome = ticks.go(WHOLE, deadline, can_stop=state.can_stop)
         while outcome > ON_TARGET:
             stage = FROM_STEP
-            if outcome in (NEEDS_QP, NEEDS_QP_NOW):
+            if outcome == NEEDS_QP:
                 try:
-                    ticks.use_qp(outcome, self._qp)
+                    ticks.use_qp(self._qp)
                     stage = FROM_TOTAL
                 except QPFailed:
                     ticks.step[:], held = 0.0, "no QP solver solved this tick"
