@@ -34,6 +34,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
     "compliance": ("compliance",),
 }
 AUTO = ("geometry", "offset")
+PRIORS = (1e-12, 1e3)  # of any number: rounding takes more from what is measured than a wider one adds
 UNITS = {"x": "m", "y": "m", "z": "m", "axis_x": "rad", "axis_y": "rad", "offset": "rad", "scale": "1",
          "compliance": "rad/(N m)"}  # fmt: skip
 
@@ -43,7 +44,7 @@ class Prior:
     """How far arms are from their description: standard deviations of each number of each joint.
 
     Raises:
-        InvalidInputError: not positive.
+        InvalidInputError: not positive, below 1e-12 or above 1000.
     """
 
     position: float = 1e-3
@@ -60,7 +61,12 @@ class Prior:
     def __post_init__(self) -> None:
         """Check the numbers."""
         for name, unit in (("position", "m"), ("axis", "rad"), ("offset", "rad"), ("scale", ""), ("compliance", "")):
-            object.__setattr__(self, name, checks.positive(name, getattr(self, name), unit))
+            value = checks.positive(name, getattr(self, name), unit)
+            if not PRIORS[0] <= value <= PRIORS[1]:
+                raise InvalidInputError(
+                    f"{name} must be between {PRIORS[0]:g} and {PRIORS[1]:g} [{unit or 1}], got {value:g}"
+                )
+            object.__setattr__(self, name, value)
 
     def of(self, key: str) -> float:
         """Standard deviation of one of `KEYS`."""

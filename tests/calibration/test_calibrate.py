@@ -165,6 +165,9 @@ def test_what_calibrate_refuses(robot: Robot, found: Calibration) -> None:
         calibrate(robot, Measurements(q, poses=turned, sigma=(1e-3, 1e-3)))
     with pytest.raises(InvalidInputError, match="position must be a positive number"):
         Prior(position=-1.0)
+    for wrong in (1e300, 1e4, 1e-13):
+        with pytest.raises(InvalidInputError, match=r"axis must be between 1e-12 and 1000 \[rad\], got"):
+            Prior(axis=wrong)
 
 
 @pytest.mark.slow
@@ -183,6 +186,21 @@ def test_little_and_odd_data_give_an_answer(robot: Robot) -> None:
         assert (found.covariance.diagonal() >= 0.0).all()
         assert found.robot.calibration == found.measured_arm
         assert str(found)
+
+
+@pytest.mark.parametrize("contact", ["plane", "point"])
+@pytest.mark.parametrize("touches", [0, 1, 2])
+def test_a_few_touches_do_no_harm(robot: Robot, contact: str, touches: int) -> None:
+    """None of them finite, one, or two of a plane at different heights: they say little, and stand in no one's way."""
+    q, seen = seen_positions(hidden_arm(robot, 12), 12, 12)
+    rows = (
+        q[[0, 0]] + [[0.0] * 6, [*[0.0] * 5, 1.0]] if contact == "point" else q[:2].copy()
+    )  # the last joint turns the point
+    rows[touches:] = np.nan
+    both = [Measurements(q, positions=seen, sigma=NOISE), Measurements(rows, contact=contact, sigma=NOISE)]
+    found = calibrate(robot, both)
+    assert [(each.set, each.row) for each in found.rejected] == [(1, row) for row in range(touches, 2)]
+    assert found.expected_error < 1.05 * calibrate(robot, both[0]).expected_error
 
 
 @pytest.mark.slow
