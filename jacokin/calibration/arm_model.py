@@ -81,6 +81,18 @@ def checked_groups(parameters: str | Iterable[str], prior: Prior | None) -> tupl
     return tuple(groups), checks.instance("prior", Prior() if prior is None else prior, Prior, "a Prior")
 
 
+def check_sought(groups: Sequence[str], sets: Sequence[Measurements]) -> None:
+    """Refuse to look for nothing.
+
+    Raises:
+        InvalidInputError: no numbers of the arm are estimated, and base and tool are known.
+    """
+    if not groups and not any(each.base is None or each.tool is None for each in sets):
+        raise InvalidInputError(
+            f"parameters is empty, and neither base nor tool is unknown: give some of {', '.join(GROUPS)}"
+        )
+
+
 class MovingFrame(NamedTuple):
     """A frame at n configurations, and how it moves with the numbers of the joints."""
 
