@@ -282,13 +282,13 @@ def checked_measurements(name: str, value: Measurements | Sequence[Measurements]
     """One set of measurements, or several, as a tuple.
 
     Raises:
-        InvalidInputError: anything else, or none.
+        InvalidInputError: anything else, none, or one without rows.
     """
     several = (value,) if isinstance(value, Measurements) else checks.listed(name, value, "Measurements, or a list")
     for each in several:
         checks.instance(name, each, Measurements, "Measurements, or a list of them")
-    if not several:
-        raise InvalidInputError(f"{name} is empty")
+    if not several or not all(map(len, several)):
+        raise InvalidInputError(f"{name} is empty, or has a set without rows")
     return several
 
 
@@ -355,7 +355,10 @@ def _sigma(name: str, value: object, n: int, size: int, unit: str) -> Array:
     try:
         full = np.broadcast_to(given, (n, size))
     except ValueError:
-        raise InvalidInputError(f"{name} must have shape (), ({n},) or ({n}, {size}), got {given.shape}") from None
+        pair = ", as a pair of errors, which is for poses" if given.shape == (2,) else ""
+        raise InvalidInputError(
+            f"{name} must have shape (), ({n},) or ({n}, {size}), got {given.shape}{pair}"
+        ) from None
     if not (np.isfinite(full) & (full > 0.0)).all():
         raise InvalidInputError(f"{name} must be positive and finite [{unit}]")
     smallest = 1e-12  # of what any instrument tells apart; squares of less overflow

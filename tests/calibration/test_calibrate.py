@@ -152,6 +152,10 @@ def test_what_calibrate_refuses(robot: Robot, found: Calibration) -> None:
         calibrate(robot, rows, loss="cauchy")
     with pytest.raises(InvalidInputError, match="measurements must be Measurements"):
         calibrate(robot, [seen])  # type: ignore[list-item]  # a user's mistake
+    none = rows.select(np.zeros(5, dtype=bool))
+    for empty in ([], none, [rows, none]):
+        with pytest.raises(InvalidInputError, match="measurements is empty, or has a set without rows"):
+            calibrate(robot, empty)
     with pytest.raises(InvalidInputError, match="must have 6 joint angles"):
         calibrate(robot, Measurements(q[:, :5], positions=seen, sigma=NOISE))
     with pytest.raises(InvalidInputError, match="has no row of finite numbers"):

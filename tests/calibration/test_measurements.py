@@ -115,6 +115,7 @@ def test_select_keeps_rows_in_step(seen: tuple[Array, Array]) -> None:
         ({"sigma": 0.0, "positions": P}, "sigma must be positive"),
         ({"sigma": np.nan, "positions": P}, "sigma must be positive and finite"),
         ({"sigma": [1e-3] * 4, "positions": P}, r"sigma must have shape \(\), \(3,\) or \(3, 3\)"),
+        ({"sigma": (1e-3, 1e-3), "positions": P}, r"got \(2,\), as a pair of errors, which is for poses"),
         ({"sigma": 1e-3, "positions": P[:2]}, "q has 3 rows and positions 2"),
         ({"sigma": 1e-3, "positions": [["a"] * 3] * 3}, "positions must be rows of 3 numbers"),
         ({"sigma": 1e-3, "poses": np.tile(np.eye(4), (3, 1, 1))}, "sigma must be a pair"),
