@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import pickle
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -62,6 +63,15 @@ def test_the_file_gives_the_arm_that_was_found(found: Calibration, tmp_path: Pat
         np.testing.assert_allclose(
             written.forward_kinematics(q).homogeneous, read.forward_kinematics(q).homogeneous, atol=1e-12
         )
+
+
+def test_the_arm_is_loaded_as_the_described_one_was() -> None:
+    robot = jacokin.load_robot(
+        limits={"joint_2": (1.0, 5.0)}, finger_angle=0.5, velocity_limit=0.3, decompose=True, locked={"finger_1": 0.3}
+    )
+    q, seen = seen_positions(robot, 5, 1)
+    source = calibrate(robot, Measurements(q, positions=seen, sigma=NOISE), ["offset"]).robot.source
+    assert replace(source, calibration=None) == robot.source
 
 
 def test_what_was_found_is_pickled(robot: Robot, found: Calibration) -> None:
