@@ -192,7 +192,7 @@ class Measurements:
             frame: as in `Measurements`, as are `base`, `tool` and `contact`.
             base: see there.
             tool: see there.
-            contact: see there; x, y, z are then left alone.
+            contact: see there; x, y, z are then not used.
             degrees: joint angles and roll, pitch, yaw are in degrees.
             kinova: as Kinova's software: all angles in degrees, lengths in millimetres, those of sigma, too.
 
