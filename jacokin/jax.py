@@ -54,8 +54,8 @@ def solve(  # Any: arrays of a package that need not be installed
     start = made.robot.home if seeds is None else seeds
     wanted = (*shape[:-2], made.robot.dof)
     if not isinstance(start, jax.core.Tracer):
-        start = differentiable.seeds_of_poses(made, np.asarray(start), shape)
-    elif jnp.iscomplexobj(start):
+        start = differentiable.seeds_of_poses(made, start, shape)
+    elif not jnp.isrealobj(start) or start.dtype == jnp.bool_:
         raise InvalidInputError(f"seeds must be numbers {wanted} [rad], got {start.dtype}")
     differentiable.check_seed_shape(start.shape, wanted)
     start = jnp.broadcast_to(jnp.asarray(start, poses.dtype), wanted)
@@ -83,16 +83,22 @@ def _answers() -> Any:  # Any: a function of a package that need not be installe
         return found, found
 
     def backward(solver: IKSolver, _closest: bool, found: Any, cotangents: Any) -> Any:
+        return gradients(solver, *found, cotangents[0]), jax.numpy.zeros_like(found[0])
+
+    @functools.partial(jax.custom_jvp, nondiff_argnums=(0,))
+    def gradients(solver: IKSolver, q: Any, success: Any, cotangents: Any) -> Any:
         def host(*arrays: Any) -> Any:
             return differentiable.pull_back(solver, *map(np.asarray, arrays))
 
-        q, success = found
         poses = _of((*success.shape, 4, 4), q.dtype)
-        given = jax.pure_callback(host, poses, q, success, cotangents[0], vmap_method="broadcast_all")
-        return given, jax.numpy.zeros_like(q)
+        return jax.pure_callback(host, poses, q, success, cotangents, vmap_method="broadcast_all")
+
+    def refused(*_: Any) -> Any:
+        raise InvalidInputError("jacokin.jax.solve has no second derivative")
 
     def _of(shape: tuple[int, ...], dtype: Any) -> Any:
         return jax.ShapeDtypeStruct(shape, dtype)
 
     answers.defvjp(forward, backward)
+    gradients.defjvp(refused)
     return answers

@@ -71,6 +71,19 @@ def _numbers(name: str, tensor: Any) -> Array:  # Any: a tensor
 def _answers() -> Any:  # Any: a class of a package that need not be installed
     import torch
 
+    class Gradients(torch.autograd.Function):  # type: ignore[misc]  # PyTorch may be missing
+        """Gradients by poses, which depend on q: to differentiate them is an error, and gives no zeros."""
+
+        @staticmethod
+        def forward(_: Any, q: Any, success: Any, cotangents: Any, solver: IKSolver) -> Any:
+            given = _numbers("gradients by the joint angles", cotangents)
+            found = differentiable.pull_back(solver, q.numpy(force=True), success.numpy(force=True), given)
+            return torch.tensor(found, device=cotangents.device)
+
+        @staticmethod
+        def backward(*_: Any) -> Any:
+            raise InvalidInputError("jacokin.torch.solve has no second derivative")
+
     class Answers(torch.autograd.Function):  # type: ignore[misc]  # PyTorch may be missing
         """q and success of poses."""
 
@@ -84,10 +97,11 @@ def _answers() -> Any:  # Any: a class of a package that need not be installed
             return answers
 
         @staticmethod
-        @torch.autograd.function.once_differentiable  # type: ignore[untyped-decorator]  # PyTorch may be missing
         def backward(ctx: Any, cotangents: Any, _: Any) -> tuple[Any, None, None, None]:
-            arrays = [each.cpu().numpy() for each in (*ctx.saved_tensors, cotangents)]
-            found = differentiable.pull_back(ctx.solver, *arrays)
-            return torch.tensor(found, device=cotangents.device), None, None, None
+            return Gradients.apply(*ctx.saved_tensors, cotangents, ctx.solver), None, None, None
+
+        @staticmethod
+        def jvp(*_: Any) -> Any:
+            raise InvalidInputError("jacokin.torch.solve has gradients of reverse mode only")
 
     return Answers

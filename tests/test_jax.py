@@ -130,6 +130,10 @@ def test_malformed_poses_are_refused_or_no_successes(solver: IKSolver, rng: np.r
     assert np.isfinite(np.delete(q, 1, 0)).all()
     gradient = jax.grad(lambda T: jnp.nansum(jacokin.jax.solve(solver, T, seeds)[0]))(jnp.asarray(poses))
     assert not gradient[1].any()
+    seeds[2, 0] = 1e7  # [rad], farther than seeds are taken from
+    q, success = jax.jit(lambda seeds: jacokin.jax.solve(solver, poses[[0, 2]], seeds))(seeds[[0, 2]])
+    assert success.tolist() == [True, False]
+    assert np.isnan(q[1]).all()
 
 
 def test_arguments_are_checked(solver: IKSolver, rng: np.random.Generator) -> None:
@@ -147,6 +151,8 @@ def test_arguments_are_checked(solver: IKSolver, rng: np.random.Generator) -> No
         InvalidInputError, match=r"seeds must have a shape that broadcasts to \(3, 6\), got shape \(5,\)"
     ):
         jacokin.jax.solve(solver, poses, np.zeros(5))
+    with pytest.raises(InvalidInputError, match=r"seeds must be numbers \(3, 6\) \[rad\], got \[\[0.0\]"):
+        jacokin.jax.solve(solver, poses, [[0.0], [0.0, 1.0]])
     with pytest.raises(InvalidInputError, match=r"poses is empty, of shape \(0, 4, 4\)"):
         jacokin.jax.solve(solver, poses[:0])
     with pytest.raises(InvalidInputError, match="closest must be True or False"):
@@ -162,5 +168,13 @@ def test_seeds_are_checked_within_a_transformation(solver: IKSolver, rng: np.ran
     for wrong in (seeds[:2], seeds[:, :5], np.zeros((2, 3, 6))):
         with pytest.raises(InvalidInputError, match=r"^seeds must have a shape that broadcasts to \(3, 6\), got shape"):
             solve(poses, wrong)
-    with pytest.raises(InvalidInputError, match=r"^seeds must be numbers \(3, 6\) \[rad\], got complex128"):
-        solve(poses, seeds + 1j)
+    for strange, kind in ((seeds + 1j, "complex128"), (seeds > 0.0, "bool")):
+        with pytest.raises(InvalidInputError, match=rf"^seeds must be numbers \(3, 6\) \[rad\], got {kind}"):
+            solve(poses, strange)
+
+
+def test_second_derivatives_are_refused(solver: IKSolver, rng: np.random.Generator) -> None:
+    seeds, poses = (jnp.asarray(each) for each in regular(solver, rng, 2))
+    first = jax.grad(loss, argnums=1)
+    with pytest.raises(InvalidInputError, match="jacokin.jax.solve has no second derivative"):
+        jax.grad(lambda T: jnp.sum(first(solver, T, seeds) ** 2))(poses)

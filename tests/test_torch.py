@@ -122,3 +122,39 @@ def test_views_are_read(solver: IKSolver, rng: np.random.Generator) -> None:
     for given in (negative, poses.mT.contiguous().mT):
         for found, wanted in zip(jacokin.torch.solve(solver, given, seeds), expected, strict=True):
             np.testing.assert_array_equal(found.numpy(), wanted.numpy())
+
+
+def test_second_derivatives_are_refused_and_not_zero(solver: IKSolver, rng: np.random.Generator) -> None:
+    seeds, poses = (torch.tensor(each) for each in regular(solver, rng, 2))
+    for loss in (torch.sum, lambda q: (q**2).sum()):  # with gradients by q that are constant, and that are not
+        given = poses.clone().requires_grad_()
+        q, _ = jacokin.torch.solve(solver, given, seeds)
+        first = torch.autograd.grad(loss(q), given, create_graph=True)[0]
+        assert first.abs().max() > 0.1
+        with pytest.raises(InvalidInputError, match="jacokin.torch.solve has no second derivative"):
+            (first.pow(2).sum() + q.sum()).backward()
+
+
+@pytest.mark.filterwarnings("ignore:`torch.jit.script` is deprecated")  # which PyTorch itself calls there
+def test_gradients_of_forward_mode_are_refused(solver: IKSolver, rng: np.random.Generator) -> None:
+    seeds, poses = (torch.tensor(each) for each in regular(solver, rng, 2))
+    with torch.autograd.forward_ad.dual_level():
+        dual = torch.autograd.forward_ad.make_dual(poses, torch.ones_like(poses))
+        with pytest.raises(InvalidInputError, match="jacokin.torch.solve has gradients of reverse mode only"):
+            jacokin.torch.solve(solver, dual, seeds)
+
+
+def test_gradients_by_the_answers_are_read_as_poses_are(solver: IKSolver, rng: np.random.Generator) -> None:
+    seeds, poses = (torch.tensor(each) for each in regular(solver, rng, 2))
+    ones = torch.ones(2, 6, dtype=torch.float64)
+    negative = torch.complex(ones, -ones).conj().imag  # which NumPy cannot read as it lies
+    found = []
+    for cotangents in (ones, negative):
+        given = poses.clone().requires_grad_()
+        jacokin.torch.solve(solver, given, seeds)[0].backward(cotangents)
+        found.append(given.grad)
+    np.testing.assert_array_equal(found[0], found[1])
+    given = poses.clone().requires_grad_()
+    q, _ = jacokin.torch.solve(solver, given, seeds)
+    with pytest.raises(InvalidInputError, match="^gradients by the joint angles must be a dense tensor"):
+        torch.autograd.grad(q, given, torch.stack([ones, ones]), is_grads_batched=True)

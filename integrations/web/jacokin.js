@@ -63,7 +63,9 @@ function compiled(wasm) {
     ours.catch(() => (ours = undefined)); // another call may find the network again
     return ours;
   }
-  return wasm instanceof WebAssembly.Module ? wasm : compile(wasm);
+  if (wasm instanceof WebAssembly.Module) return wasm;
+  if (typeof wasm === "string" || isBytes(wasm) || wasm instanceof URL) return compile(wasm);
+  throw new JacokinError(`wasm must be where jacokin.wasm is, its contents, or a WebAssembly.Module, not ${shown(wasm)}`);
 }
 
 async function compile(source) {
@@ -96,7 +98,7 @@ async function solverFile(robot) {
   if (robot instanceof URL) return read(robot);
   if (typeof robot !== "string" || !Object.hasOwn(robots, robot)) {
     const own = "for an arm of your own, give the contents or the URL of a file that `jacokin export-c` wrote";
-    throw new JacokinError(`there is no arm ${JSON.stringify(robot)}: known are ${names.join(", ")}; ${own}`);
+    throw new JacokinError(`there is no arm ${shown(robot)}: known are ${names.join(", ")}; ${own}`);
   }
   return Uint8Array.from(atob(robots[robot]), (letter) => letter.charCodeAt(0));
 }
@@ -291,7 +293,7 @@ export class Solver {
 
   /** The configuration of an interval; its curves are found again where another call has used the memory meanwhile. */
   #pointAt(target, { start, stop, fields }, parameter, seed) {
-    if (!Number.isFinite(parameter)) throw new JacokinError(`the parameter must be a finite number, not ${parameter}`);
+    if (!Number.isFinite(parameter)) throw new JacokinError(`the parameter must be a finite number, not ${shown(parameter)}`);
     const near = this.#seed(seed);
     if (this.#found !== target) this.#findIntervals(target);
     const { intervals, q } = this.#at;
@@ -397,9 +399,9 @@ export class Solver {
 
 /** Values of an argument, so many finite numbers. */
 function numbers(name, values, length) {
-  if (!(Array.isArray(values) || isNumbers(values)) || values.length !== length) {
-    const got = values?.length === undefined ? String(values) : `${values.length} of them`;
-    throw new JacokinError(`${name} must be ${length} numbers, not ${got}`);
+  const listed = Array.isArray(values) || isNumbers(values);
+  if (!listed || values.length !== length) {
+    throw new JacokinError(`${name} must be ${length} numbers, not ${listed ? `${values.length} of them` : shown(values)}`);
   }
   return finite(name, values);
 }
@@ -421,7 +423,8 @@ function checkedAxis(about) {
 function rows(name, values, length) {
   if (Array.isArray(values) && values.length > 0 && typeof values[0] !== "number") {
     const joined = new Float64Array(values.length * length);
-    values.forEach((row, i) => joined.set(numbers(`${name}[${i}]`, row, length), length * i));
+    // Not forEach, which passes over holes.
+    for (let i = 0; i < values.length; i++) joined.set(numbers(`${name}[${i}]`, values[i], length), length * i);
     return joined;
   }
   if (!(Array.isArray(values) || isNumbers(values)) || values.length % length !== 0) {
@@ -436,7 +439,17 @@ function isNumbers(values) {
 
 function finite(name, values) {
   for (let i = 0; i < values.length; i++) {
-    if (!Number.isFinite(values[i])) throw new JacokinError(`${name} must be finite numbers: number ${i} is ${values[i]}`);
+    if (!Number.isFinite(values[i])) throw new JacokinError(`${name} must be finite numbers: number ${i} is ${shown(values[i])}`);
   }
   return values;
+}
+
+/** A value in a message, whatever it is. */
+function shown(value) {
+  if (typeof value === "string") return JSON.stringify(value);
+  try {
+    return String(value);
+  } catch {
+    return Object.prototype.toString.call(value);
+  }
 }

@@ -75,9 +75,7 @@ def find_reference(seen: Sequence[Seen]) -> Reference:
         if mine:
             tools[frame] = _place_tool(mine, base, tools[frame])
     places = {
-        index: _place_contact(each, tools)
-        for index, each in enumerate(seen)
-        if each.rows.kind in ("plane", "point") and len(each.rows)
+        index: _place_contact(each, tools) for index, each in enumerate(seen) if each.rows.kind in ("plane", "point")
     }
     return Reference(base, tools, places)
 
@@ -156,9 +154,10 @@ def _turn_both(posed: Sequence[Seen], tools: dict[str | None, pin.SE3]) -> pin.S
 
 
 def _place_contact(seen: Seen, tools: dict[str | None, pin.SE3]) -> FramePlace:
+    """The place that touches say; what they leave open, as fewer than three do of a plane, is chosen."""
     points = _points(seen, tools)
-    point = np.median(points, axis=0)
-    axes = np.linalg.svd(points - point, full_matrices=False)[2] if len(points) >= FEWEST else np.eye(3)
+    point = np.median(points, axis=0) if len(points) else np.zeros(3)
+    axes = np.linalg.svd(points - point, full_matrices=len(points) < FEWEST)[2]
     return FramePlace(point, axes[2], axes[:2])
 
 

@@ -34,6 +34,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
     "compliance": ("compliance",),
 }
 AUTO = ("geometry", "offset")
+PRIORS = (1e-12, 1e3)  # of any number: rounding takes more from what is measured than a wider one adds
 UNITS = {"x": "m", "y": "m", "z": "m", "axis_x": "rad", "axis_y": "rad", "offset": "rad", "scale": "1",
          "compliance": "rad/(N m)"}  # fmt: skip
 
@@ -43,7 +44,7 @@ class Prior:
     """How far arms are from their description: standard deviations of each number of each joint.
 
     Raises:
-        InvalidInputError: not positive.
+        InvalidInputError: not positive, below 1e-12 or above 1000.
     """
 
     position: float = 1e-3
@@ -60,7 +61,12 @@ class Prior:
     def __post_init__(self) -> None:
         """Check the numbers."""
         for name, unit in (("position", "m"), ("axis", "rad"), ("offset", "rad"), ("scale", ""), ("compliance", "")):
-            object.__setattr__(self, name, checks.positive(name, getattr(self, name), unit))
+            value = checks.positive(name, getattr(self, name), unit)
+            if not PRIORS[0] <= value <= PRIORS[1]:
+                raise InvalidInputError(
+                    f"{name} must be between {PRIORS[0]:g} and {PRIORS[1]:g} [{unit or 1}], got {value:g}"
+                )
+            object.__setattr__(self, name, value)
 
     def of(self, key: str) -> float:
         """Standard deviation of one of `KEYS`."""
@@ -73,6 +79,18 @@ def checked_groups(parameters: str | Iterable[str], prior: Prior | None) -> tupl
     chosen = AUTO if isinstance(parameters, str) and parameters == "auto" else checks.listed("parameters", parameters)
     groups = dict.fromkeys(checks.choice("group of parameters", each, GROUPS) for each in chosen)
     return tuple(groups), checks.instance("prior", Prior() if prior is None else prior, Prior, "a Prior")
+
+
+def check_sought(groups: Sequence[str], sets: Sequence[Measurements]) -> None:
+    """Refuse to look for nothing.
+
+    Raises:
+        InvalidInputError: no numbers of the arm are estimated, and base and tool are known.
+    """
+    if not groups and not any(each.base is None or each.tool is None for each in sets):
+        raise InvalidInputError(
+            f"parameters is empty, and neither base nor tool is unknown: give some of {', '.join(GROUPS)}"
+        )
 
 
 class MovingFrame(NamedTuple):

@@ -53,6 +53,7 @@ class Calibration(Findings):
             package_dirs=source.package_dirs,
             calibration=self.measured_arm,
             velocity_limit=source.velocity_limit or None,
+            decompose=source.decompose,
             locked=dict(source.locked),
             home=source.home or None,
             srdf=None if source.disabled is None else source.disabled.path,

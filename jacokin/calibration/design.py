@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
 from jacokin.arrays import Array
-from jacokin.calibration.arm_model import ArmModel, Prior, checked_groups
+from jacokin.calibration.arm_model import ArmModel, Prior, check_sought, checked_groups
 from jacokin.calibration.findings import mean_error
 from jacokin.calibration.measurements import Measurements
 from jacokin.errors import InvalidInputError
@@ -221,7 +221,9 @@ def _information(
     robot: Robot, q: Array, instrument: _Instrument, parameters: str | Iterable[str], prior: Prior | None
 ) -> tuple[ArmModel, Array]:
     """The model, and derivatives (n, k, p) of what would be measured, over its noise, by numbers over their priors."""
-    model = ArmModel(robot, [instrument.measure(robot, q)], *checked_groups(parameters, prior))
+    sets, (groups, known) = [instrument.measure(robot, q)], checked_groups(parameters, prior)
+    check_sought(groups, sets)
+    model = ArmModel(robot, sets, groups, known)
     return model, model.whitened(0, np.zeros(len(model.prior)))[1] * model.prior
 
 

@@ -21,7 +21,7 @@ from scipy.optimize import least_squares
 from scipy.stats import chi2
 
 from jacokin.arrays import Array
-from jacokin.calibration.arm_model import AUTO, GROUPS, ArmModel, Prior, checked_groups
+from jacokin.calibration.arm_model import AUTO, ArmModel, Prior, check_sought, checked_groups
 from jacokin.calibration.calibration import Calibration
 from jacokin.calibration.findings import NOISY, Fit, Rejected, farthest, identify
 from jacokin.calibration.measurements import CONTACTS, Measurements, checked_measurements
@@ -73,10 +73,7 @@ def calibrate(
     sets = checked_measurements("measurements", measurements)
     groups, known = checked_groups(parameters, prior)
     checks.choice("loss", loss, ("huber", "none"))
-    if not groups and not any(each.base is None or each.tool is None for each in sets):
-        raise InvalidInputError(
-            f"parameters is empty, and neither base nor tool is unknown: give some of {', '.join(GROUPS)}"
-        )
+    check_sought(groups, sets)
     model = ArmModel(robot, sets, groups, known)
     _check_units(model)
     finite = [each.finite for each in sets]

@@ -188,7 +188,10 @@ class Findings:
 
     @cached_property
     def expected_error(self) -> float:
-        """Mean error of the point at poses that were not measured [m], as the covariance has it: without noise."""
+        """Mean error of the point at poses that were not measured [m], as the covariance has it: without noise.
+
+        In the instrument's frame: an unknown base may be off by what the numbers of joint_1 make good.
+        """
         return mean_error(self.model, self.fit.x, self.covariance, self.described)
 
     @property

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
-from jacokin.files import ARRAYS, open_parquet, read_arrays, read_rows
+from jacokin.files import ARRAYS, NOT_FINITE_TEXT, NUMBER_TEXT, open_parquet, read_arrays, read_rows
 from jacokin.ik.files.targets import POSITION, QUATERNION, RPY, rotations_from_quats, rotations_from_rpys
 from jacokin.logs import Log, StandstillRule
 from jacokin.model import checks, poses
@@ -29,6 +29,7 @@ LARGEST = 1e6  # [m], [rad] of what anybody measures
 KINOVA = ("theta_x", "theta_y", "theta_z")  # R = Rx Ry Rz
 JOINT = ("joint_", "q")  # before the number of a joint, from 1
 FIXED_POINT = ("px", "py", "pz")
+READ = (*POSITION, *QUATERNION, *RPY, *KINOVA, *FIXED_POINT, "distance", "sigma", "sigma_angle")  # beside the joints
 
 Sigma = ArrayLike | tuple[ArrayLike, ArrayLike]
 
@@ -70,7 +71,7 @@ class Measurements:
             positions: (n, 3) of the point [m].
             poses: (n, 4, 4), or a list of `pin.SE3`.
             distances: (n,) from `points` [m].
-            points: (3,) or (n, 3) fixed points [m].
+            points: (3,) or (n, 3) fixed points [m]; one for all must be finite.
             contact: "plane" or "point": the point of the hand touched one plane, or one fixed point, again and again,
                 wherever that is.
             frame: the frame of the robot that carries the point; None for the robot's default frame.
@@ -162,7 +163,8 @@ class Measurements:
     @property
     def finite(self) -> NDArray[np.bool_]:
         """(n,) whether a row is made of finite numbers up to 1e6."""
-        return np.asarray(np.isfinite(np.hstack([self.q, self.values.reshape(len(self), -1)])).all(axis=1))
+        numbers = [self.q, self.values.reshape(len(self), -1), *([] if self.points is None else [self.points])]
+        return np.asarray(np.isfinite(np.hstack(numbers)).all(axis=1))
 
     @classmethod
     def load(
@@ -181,8 +183,8 @@ class Measurements:
 
         Its columns: joint_1, joint_2, ... or q1, q2, ...; x, y, z; for poses also qw, qx, qy, qz, or roll, pitch, yaw,
         or theta_x, theta_y, theta_z (Kinova's, R = Rx Ry Rz); for distances `distance`, px, py, pz. `sigma` [m] and
-        `sigma_angle` [rad] may be columns, too. Other columns are left alone. An empty cell is a missing number; a row
-        with more cells than columns is refused.
+        `sigma_angle` [rad] may be columns, too. Other columns are left alone. An empty cell is a missing number, which
+        no sigma may be; a row with more cells than columns is refused, and so are words in these columns.
 
         Args:
             path: the file.
@@ -190,9 +192,9 @@ class Measurements:
             frame: as in `Measurements`, as are `base`, `tool` and `contact`.
             base: see there.
             tool: see there.
-            contact: see there; x, y, z are then left alone.
+            contact: see there; x, y, z are then not used.
             degrees: joint angles and roll, pitch, yaw are in degrees.
-            kinova: as Kinova's software: all angles in degrees, lengths in millimetres.
+            kinova: as Kinova's software: all angles in degrees, lengths in millimetres, those of sigma, too.
 
         Raises:
             InvalidInputError: cannot be read, or lacks columns; names them.
@@ -201,6 +203,7 @@ class Measurements:
         path = checks.path("path", path)
         columns, lines = _read(path)
         angle = math.pi / 180.0 if checks.flag("degrees", degrees) or checks.flag("kinova", kinova) else 1.0
+        length = 1e-3 if kinova else 1.0
         joints = [name for name in columns if _is_joint(name)]
         joints.sort(key=lambda name: int("".join(filter(str.isdecimal, name))))
         if not joints:
@@ -216,9 +219,9 @@ class Measurements:
             arguments = arguments[1:]
             if "sigma" not in columns:
                 raise InvalidInputError(f"{path}: has no column sigma: give sigma= [m], the error of the instrument")
-            sigma = columns["sigma"]
+            sigma = length * columns["sigma"]
             if "sigma_angle" in columns:
-                sigma = (columns["sigma"], columns["sigma_angle"])
+                sigma = (sigma, (angle if kinova else 1.0) * columns["sigma_angle"])
         try:
             found = cls(
                 q,
@@ -226,7 +229,7 @@ class Measurements:
                 frame=frame,
                 base=base,
                 tool=tool,
-                **_measured(path, columns, len(q), angle, 1e-3 if kinova else 1.0, contact),
+                **_measured(path, columns, len(q), angle, length, contact),
             )
         except InvalidInputError as error:
             if str(error).startswith((*arguments, f"{path}: ")):  # not what the file says, or named
@@ -279,13 +282,13 @@ def checked_measurements(name: str, value: Measurements | Sequence[Measurements]
     """One set of measurements, or several, as a tuple.
 
     Raises:
-        InvalidInputError: anything else, or none.
+        InvalidInputError: anything else, none, or one without rows.
     """
     several = (value,) if isinstance(value, Measurements) else checks.listed(name, value, "Measurements, or a list")
     for each in several:
         checks.instance(name, each, Measurements, "Measurements, or a list of them")
-    if not several:
-        raise InvalidInputError(f"{name} is empty")
+    if not several or not all(map(len, several)):
+        raise InvalidInputError(f"{name} is empty, or has a set without rows")
     return several
 
 
@@ -324,9 +327,11 @@ def _pose_rows(value: ArrayLike) -> Array:
 def _fixed_points(points: ArrayLike | None, n: int) -> Array | None:
     if points is None:
         return None
-    given = checks.array("points", points, "a point (3,), or a row for each distance", "m")
-    if given.shape not in ((3,), (n, 3)) or not np.isfinite(given).all():
-        raise InvalidInputError(f"points must be finite, of shape (3,) or ({n}, 3) [m], got shape {given.shape}")
+    given = _usable(checks.array("points", points, "a point (3,), or a row for each distance", "m"))
+    if given.shape not in ((3,), (n, 3)):
+        raise InvalidInputError(f"points must be of shape (3,) or ({n}, 3) [m], got shape {given.shape}")
+    if given.ndim == 1 and not np.isfinite(given).all():
+        raise InvalidInputError(f"points must be finite, and at most {LARGEST:g} m from the base, got {points}")
     return checks.read_only(np.broadcast_to(given, (n, 3)))
 
 
@@ -350,7 +355,10 @@ def _sigma(name: str, value: object, n: int, size: int, unit: str) -> Array:
     try:
         full = np.broadcast_to(given, (n, size))
     except ValueError:
-        raise InvalidInputError(f"{name} must have shape (), ({n},) or ({n}, {size}), got {given.shape}") from None
+        pair = ", as a pair of errors, which is for poses" if given.shape == (2,) else ""
+        raise InvalidInputError(
+            f"{name} must have shape (), ({n},) or ({n}, {size}), got {given.shape}{pair}"
+        ) from None
     if not (np.isfinite(full) & (full > 0.0)).all():
         raise InvalidInputError(f"{name} must be positive and finite [{unit}]")
     smallest = 1e-12  # of what any instrument tells apart; squares of less overflow
@@ -389,11 +397,10 @@ def _read(path: Path) -> tuple[Mapping[str, Array], NDArray[np.intp] | None]:
     """The columns of a file that hold numbers, and the line of each row, from 1; None where there are no lines.
 
     Raises:
-        InvalidInputError: cannot be read, or rows of different lengths.
+        InvalidInputError: cannot be read, rows of different lengths, or columns that are read and are not numbers.
     """
     if path.suffix == ".npz":
-        arrays = read_arrays(path, NOT_MEASUREMENTS)
-        return _same_length(path, {name: each for name, each in arrays.items() if each.dtype.kind in "iuf"}), None
+        return _same_length(path, read_arrays(path, NOT_MEASUREMENTS)), None
     return (_read_parquet(path), None) if path.suffix == ".parquet" else _read_csv(path)
 
 
@@ -401,24 +408,27 @@ def _read_parquet(path: Path) -> Mapping[str, Array]:
     """The columns of a Parquet file that hold numbers.
 
     Raises:
-        InvalidInputError: cannot be read, or is too large.
+        InvalidInputError: cannot be read, is too large, or holds something else in a column that is read.
     """
     with open_parquet(path, NOT_MEASUREMENTS) as file:
         if file.metadata.num_rows * file.metadata.num_columns > ARRAYS // 8:
             raise InvalidInputError(f"{path}: {NOT_MEASUREMENTS}: its columns have more than {ARRAYS} bytes")
-        table = file.read()
-        return {
-            name: np.asarray(table.column(name).to_numpy(), dtype=np.float64)
-            for name in table.column_names
-            if str(table.schema.field(name).type) in ("double", "float", "int64", "int32")
-        }
+        table, columns = file.read(), {}
+        for name in table.column_names:
+            column = table.column(name)
+            if str(column.type).startswith(("double", "float", "halffloat", "int", "uint")):
+                columns[name] = np.asarray(column.to_numpy(), dtype=np.float64)
+            elif _is_read(name):
+                raise InvalidInputError(f"{path}: column {name} must be numbers, got {column.type}")
+        return columns
 
 
 def _read_csv(path: Path) -> tuple[Mapping[str, Array], NDArray[np.intp]]:
     """The columns of a CSV file that hold numbers, and the line of each row, from 1.
 
     Raises:
-        InvalidInputError: cannot be read, rows of different lengths, no rows, or a column is there twice.
+        InvalidInputError: cannot be read, rows of different lengths, no rows, a column is there twice, or one that is
+            read has a cell that is not a number.
     """
     cells = read_rows(path)
     names = [name.strip() for _, row in cells[:1] for name in row]
@@ -436,24 +446,42 @@ def _read_csv(path: Path) -> tuple[Mapping[str, Array], NDArray[np.intp]]:
     columns: dict[str, Array] = {}
     for number, name in enumerate(names):
         try:
-            columns[name] = np.array([float(row[number]) if row[number] else math.nan for row in rows])
-        except ValueError:  # a column of words
-            continue
+            columns[name] = np.array(
+                [_number(path, line, name, row[number]) for line, row in zip(lines, rows, strict=True)]
+            )
+        except InvalidInputError:
+            if _is_read(name):
+                raise
     return columns, checks.sealed(np.array(lines))
+
+
+def _number(path: Path, line: int, column: str, text: str) -> float:
+    if not text:
+        return math.nan
+    if not (NUMBER_TEXT.fullmatch(text) or NOT_FINITE_TEXT.fullmatch(text)):
+        raise InvalidInputError(f"{path}: line {line}, column {column}: {text!r} is not a number")
+    return float(text)
 
 
 def _same_length(path: Path, arrays: Mapping[str, NDArray[Any]]) -> Mapping[str, Array]:
     """Columns of an archive that are read, all of one length.
 
     Raises:
-        InvalidInputError: they have other shapes.
+        InvalidInputError: they have other shapes, or are not numbers.
     """
-    read = (*POSITION, *QUATERNION, *RPY, *KINOVA, *FIXED_POINT, "distance", "sigma", "sigma_angle")
-    columns = {name: array.astype(np.float64) for name, array in arrays.items() if _is_joint(name) or name in read}
+    read = {name: array for name, array in arrays.items() if _is_read(name)}
+    for name, array in read.items():
+        if array.dtype.kind not in "iuf":
+            raise InvalidInputError(f"{path}: column {name} must be numbers, got {array.dtype}")
+    columns = {name: array.astype(np.float64) for name, array in read.items()}
     if len({column.shape for column in columns.values()}) > 1 or any(each.ndim != 1 for each in columns.values()):
         told = ", ".join(f"{name} {column.shape}" for name, column in columns.items())
         raise InvalidInputError(f"{path}: its columns must have one dimension and one length, got shapes {told}")
     return columns
+
+
+def _is_read(name: str) -> bool:
+    return name in READ or _is_joint(name)
 
 
 def _is_joint(name: str) -> bool:
@@ -464,21 +492,21 @@ def _columns(path: Path, columns: Mapping[str, Array], names: Sequence[str]) -> 
     missing = [name for name in names if name not in columns]
     if missing:
         raise InvalidInputError(
-            f"{path}: column {', '.join(missing)} is missing or not numbers; found: {', '.join(columns) or 'nothing'}"
+            f"{path}: column {', '.join(missing)} is missing; found: {', '.join(columns) or 'nothing'}"
         )
     return np.column_stack([columns[name] for name in names])
 
 
 def _rotations(path: Path, columns: Mapping[str, Array], angle: float) -> Array | None:
     """Rotations (n, 3, 3) of a file's columns, NaN where a row has none; None without such columns."""
-    if QUATERNION[0] in columns:
+    if any(name in columns for name in QUATERNION):
         quats = _columns(path, columns, QUATERNION)
         rotations, wrong = rotations_from_quats(np.where(np.isfinite(quats), quats, 0.0))
         rotations[wrong] = np.nan
         return rotations
-    if RPY[0] in columns:
+    if any(name in columns for name in RPY):
         return rotations_from_rpys(angle * _columns(path, columns, RPY))
-    if KINOVA[0] in columns:
+    if any(name in columns for name in KINOVA):
         # Rx Ry Rz is the inverse of Rz Ry Rx of the negative angles.
         return np.swapaxes(rotations_from_rpys(-angle * _columns(path, columns, KINOVA)), 1, 2)
     return None

@@ -254,17 +254,12 @@ def keep_apart(
     for flag, output in outputs.items():
         if output is None:
             continue
-        other = written.setdefault(_resolved(output), flag)
+        place = _resolved(output)  # where it is written, also past a folder that is not there
+        other = written.setdefault(place, flag)
         if other != flag:
             raise InvalidInputError(f"{flag} and {other} are the same file, {output}")
-        if output.is_file():
-            _keep_apart(flag, output, inputs, folders)
-
-
-def _keep_apart(flag: str, output: Path, inputs: Mapping[str, str | Path | None], packages: Sequence[Path]) -> None:
-    for name, given in inputs.items():
-        for read in [] if given is None else _read_files(Path(given), packages):
-            if output.samefile(read):
+        for name, given in inputs.items() if place.is_file() else ():
+            if given is not None and any(place.samefile(read) for read in _read_files(Path(given), folders)):
                 raise InvalidInputError(f"{flag} {output} is a file that {name} reads: it would be lost")
 
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
+from jacokin.ik.seeds import FARTHEST_SEED
 from jacokin.ik.solver import IKSolver
 from jacokin.ik.targets import checked_target
 from jacokin.model import checks
@@ -41,7 +42,7 @@ def check_arguments(solver: object, shape: tuple[int, ...], dtype: str, closest:
     return made
 
 
-def seeds_of_poses(solver: IKSolver, seeds: Array | None, shape: tuple[int, ...]) -> Array:
+def seeds_of_poses(solver: IKSolver, seeds: ArrayLike | None, shape: tuple[int, ...]) -> Array:
     """Seeds (..., dof) for poses of a shape (..., 4, 4), from seeds that broadcast to that; None for home.
 
     Raises:
@@ -84,7 +85,7 @@ def solve_what_is_a_pose(
     """Answers (..., dof) and successes (...), where nothing can be raised: malformed rows get NaN, and no success."""
     matrices, starts = poses.reshape(-1, 4, 4), seeds.reshape(-1, seeds.shape[-1])
     q, success = np.full(starts.shape, np.nan), np.zeros(len(matrices), dtype=np.bool_)
-    good = np.isfinite(starts).all(axis=1) & np.array([_is_pose(matrix) for matrix in matrices])
+    good = (np.abs(starts) <= FARTHEST_SEED).all(axis=1) & np.array([_is_pose(matrix) for matrix in matrices])
     if good.any():
         q[good], success[good] = solve_poses(solver, matrices[good], starts[good], closest)
     return q.reshape(seeds.shape), success.reshape(poses.shape[:-2])

@@ -159,7 +159,7 @@ JACOKIN_IK_API const char *jacokin_ik_joint_name(const jacokin_ik_solver *solver
  * jacokin_ik_dof() doubles, and may be null. */
 JACOKIN_IK_API int jacokin_ik_limits(const jacokin_ik_solver *solver, double *lower, double *upper, double *home);
 
-/* Bytes of work memory that calls need, 75 kB for poses of six joints and 5 MB for curves; 0 for null. The memory must
+/* Bytes of work memory that calls need, 90 kB for poses of six joints and 5 MB for curves; 0 for null. The memory must
  * be aligned as malloc() does, and need not be filled. */
 JACOKIN_IK_API size_t jacokin_ik_work_size(const jacokin_ik_solver *solver, enum jacokin_ik_task task);
 

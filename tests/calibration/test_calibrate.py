@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import pickle
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -62,6 +63,15 @@ def test_the_file_gives_the_arm_that_was_found(found: Calibration, tmp_path: Pat
         np.testing.assert_allclose(
             written.forward_kinematics(q).homogeneous, read.forward_kinematics(q).homogeneous, atol=1e-12
         )
+
+
+def test_the_arm_is_loaded_as_the_described_one_was() -> None:
+    robot = jacokin.load_robot(
+        limits={"joint_2": (1.0, 5.0)}, finger_angle=0.5, velocity_limit=0.3, decompose=True, locked={"finger_1": 0.3}
+    )
+    q, seen = seen_positions(robot, 5, 1)
+    source = calibrate(robot, Measurements(q, positions=seen, sigma=NOISE), ["offset"]).robot.source
+    assert replace(source, calibration=None) == robot.source
 
 
 def test_what_was_found_is_pickled(robot: Robot, found: Calibration) -> None:
@@ -152,6 +162,10 @@ def test_what_calibrate_refuses(robot: Robot, found: Calibration) -> None:
         calibrate(robot, rows, loss="cauchy")
     with pytest.raises(InvalidInputError, match="measurements must be Measurements"):
         calibrate(robot, [seen])  # type: ignore[list-item]  # a user's mistake
+    none = rows.select(np.zeros(5, dtype=bool))
+    for empty in ([], none, [rows, none]):
+        with pytest.raises(InvalidInputError, match="measurements is empty, or has a set without rows"):
+            calibrate(robot, empty)
     with pytest.raises(InvalidInputError, match="must have 6 joint angles"):
         calibrate(robot, Measurements(q[:, :5], positions=seen, sigma=NOISE))
     with pytest.raises(InvalidInputError, match="has no row of finite numbers"):
@@ -165,6 +179,9 @@ def test_what_calibrate_refuses(robot: Robot, found: Calibration) -> None:
         calibrate(robot, Measurements(q, poses=turned, sigma=(1e-3, 1e-3)))
     with pytest.raises(InvalidInputError, match="position must be a positive number"):
         Prior(position=-1.0)
+    for wrong in (1e300, 1e4, 1e-13):
+        with pytest.raises(InvalidInputError, match=r"axis must be between 1e-12 and 1000 \[rad\], got"):
+            Prior(axis=wrong)
 
 
 @pytest.mark.slow
@@ -183,6 +200,21 @@ def test_little_and_odd_data_give_an_answer(robot: Robot) -> None:
         assert (found.covariance.diagonal() >= 0.0).all()
         assert found.robot.calibration == found.measured_arm
         assert str(found)
+
+
+@pytest.mark.parametrize("contact", ["plane", "point"])
+@pytest.mark.parametrize("touches", [0, 1, 2])
+def test_a_few_touches_do_no_harm(robot: Robot, contact: str, touches: int) -> None:
+    """None of them finite, one, or two of a plane at different heights: they say little, and stand in no one's way."""
+    q, seen = seen_positions(hidden_arm(robot, 12), 12, 12)
+    rows = (
+        q[[0, 0]] + [[0.0] * 6, [*[0.0] * 5, 1.0]] if contact == "point" else q[:2].copy()
+    )  # the last joint turns the point
+    rows[touches:] = np.nan
+    both = [Measurements(q, positions=seen, sigma=NOISE), Measurements(rows, contact=contact, sigma=NOISE)]
+    found = calibrate(robot, both)
+    assert [(each.set, each.row) for each in found.rejected] == [(1, row) for row in range(touches, 2)]
+    assert found.expected_error < 1.05 * calibrate(robot, both[0]).expected_error
 
 
 @pytest.mark.slow

@@ -112,3 +112,7 @@ def test_what_is_refused(robot: Robot) -> None:
         plan_measurements(robot, 5, within=([5, 5, 5], [6, 6, 6]))
     with pytest.raises(InvalidInputError, match="scene must be a Scene"):
         plan_measurements(robot, 5, scene=3)  # type: ignore[arg-type]  # a user's mistake
+    with pytest.raises(InvalidInputError, match="parameters is empty, and neither base nor tool is unknown"):
+        plan_measurements(robot, 5, parameters=[])
+    with pytest.raises(InvalidInputError, match="parameters is empty, and neither base nor tool is unknown"):
+        predict_accuracy(robot, [robot.home], parameters=[])

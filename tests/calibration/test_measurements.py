@@ -115,6 +115,7 @@ def test_select_keeps_rows_in_step(seen: tuple[Array, Array]) -> None:
         ({"sigma": 0.0, "positions": P}, "sigma must be positive"),
         ({"sigma": np.nan, "positions": P}, "sigma must be positive and finite"),
         ({"sigma": [1e-3] * 4, "positions": P}, r"sigma must have shape \(\), \(3,\) or \(3, 3\)"),
+        ({"sigma": (1e-3, 1e-3), "positions": P}, r"got \(2,\), as a pair of errors, which is for poses"),
         ({"sigma": 1e-3, "positions": P[:2]}, "q has 3 rows and positions 2"),
         ({"sigma": 1e-3, "positions": [["a"] * 3] * 3}, "positions must be rows of 3 numbers"),
         ({"sigma": 1e-3, "poses": np.tile(np.eye(4), (3, 1, 1))}, "sigma must be a pair"),
@@ -122,6 +123,7 @@ def test_select_keeps_rows_in_step(seen: tuple[Array, Array]) -> None:
         ({"sigma": 1e-3, "distances": np.ones(3)}, "points must be given with distances"),
         ({"sigma": 1e-3, "positions": P, "points": P}, "points must be given with distances, and only"),
         ({"sigma": 1e-3, "distances": np.ones(3), "points": P[:2]}, r"of shape \(3,\) or \(3, 3\)"),
+        ({"sigma": 1e-3, "distances": np.ones(3), "points": [0, 0, np.nan]}, "points must be finite"),
         ({"sigma": 1e-3, "contact": "plane", "base": "unknown"}, "no instrument measures it"),
     ],
 )
@@ -142,7 +144,7 @@ def test_files_that_say_too_little(tmp_path: Path) -> None:
     joints = ",".join(f"q{k}" for k in range(1, 7))
     cases = {
         "a,b,c,d,e,f,x,y,z,sigma": "has no joint angles",
-        f"{joints},x,y,w,sigma": "column z is missing or not numbers; found: q1",
+        f"{joints},x,y,w,sigma": "column z is missing; found: q1",
         f"{joints},x,y,z,w": "has no column sigma",
         f"{joints},x,y,z,qw": "has no column sigma",
     }
@@ -164,6 +166,54 @@ def test_files_that_say_too_little(tmp_path: Path) -> None:
     (tmp_path / "empty.csv").write_text("")
     with pytest.raises(InvalidInputError, match="has no rows of measurements"):
         Measurements.load(tmp_path / "empty.csv")
+
+
+@pytest.mark.parametrize("name", ["q3", "x", "qw", "theta_y", "sigma"])
+def test_words_in_a_column_that_is_read_are_refused(name: str, tmp_path: Path) -> None:
+    """Without that column it would be another kind of measurement: poses without qw are positions."""
+    header = [f"q{k}" for k in range(1, 7)] + ["x", "y", "z", "sigma", *({name} - {"q3", "x", "sigma"}), "remark"]
+    cells = ["fine" if column == "remark" else "1.0" for column in header]
+    for wrong in ("n/a", "1_0", "\u0661"):
+        bad = [wrong if column == name else cell for column, cell in zip(header, cells, strict=True)]
+        path = tmp_path / "m.csv"
+        path.write_text("\n".join(map(",".join, [header, cells, bad])), encoding="utf-8")
+        with pytest.raises(InvalidInputError, match=rf"m.csv: line 3, column {name}: '{wrong}' is not a number"):
+            Measurements.load(path)
+    arrays = {column: np.ones(2) for column in header} | {name: np.array(["1.0", "n/a"])}
+    np.savez(tmp_path / "m.npz", **arrays)
+    with pytest.raises(InvalidInputError, match=rf"m.npz: column {name} must be numbers, got <U3"):
+        Measurements.load(tmp_path / "m.npz")
+    pq = pytest.importorskip("pyarrow.parquet", reason="the extra parquet is not installed")
+    import pyarrow as pa
+
+    pq.write_table(pa.table(arrays), tmp_path / "m.parquet")
+    with pytest.raises(InvalidInputError, match=rf"m.parquet: column {name} must be numbers, got string"):
+        Measurements.load(tmp_path / "m.parquet")
+
+
+@pytest.mark.parametrize("names", ["qx,qy,qz", "roll,pitch", "theta_x,theta_z"])
+def test_orientations_that_lack_a_column_are_not_lost(names: str, tmp_path: Path) -> None:
+    header = f"{','.join(f'q{k}' for k in range(1, 7))},x,y,z,{names}"
+    path = write_csv(tmp_path / "m.csv", header, np.ones((2, 9 + len(names.split(",")))))
+    with pytest.raises(InvalidInputError, match=r"m.csv: column (qw|yaw|theta_y) is missing; found: q1"):
+        Measurements.load(path, sigma=1e-3)
+
+
+def test_sigma_of_a_file_of_kinova_is_in_its_units(tmp_path: Path) -> None:
+    header = f"{','.join(f'q{k}' for k in range(1, 7))},x,y,z,theta_x,theta_y,theta_z,sigma,sigma_angle"
+    path = write_csv(tmp_path / "m.csv", header, np.array([[0.0] * 12 + [0.5, 0.1]]))
+    np.testing.assert_allclose(Measurements.load(path, kinova=True).sigma, [[5e-4] * 3 + [np.radians(0.1)] * 3])
+    assert Measurements.load(path).sigma[0, [0, 3]].tolist() == [0.5, 0.1]
+
+
+def test_a_distance_without_its_point_is_a_row_that_is_not_finite(seen: tuple[Array, Array], tmp_path: Path) -> None:
+    q, _ = seen
+    header = f"{','.join(f'q{k}' for k in range(1, 7))},distance,px,py,pz"
+    rows = np.hstack([q, np.ones((5, 1)), np.zeros((5, 3))])
+    path = write_csv(tmp_path / "m.csv", header, rows)
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join([*lines[:3], lines[3].removesuffix("0.0"), *lines[4:]]))
+    assert Measurements.load(path, sigma=1e-3).finite.tolist() == [True, True, False, True, True]
 
 
 @pytest.mark.slow

@@ -92,6 +92,7 @@ def test_what_is_refused(run: Run, robot: Robot, tmp_path: Path) -> None:
         ((str(path), "--sigma", "0.001", "--estimate", "length"), "--estimate: unknown group of parameters 'length'"),
         (("/dev/zero", "--sigma", "0.001"), "is a device: give a file or a pipe"),
         ((str(path), "--sigma", "0.001", "--output", str(path)), "it would be lost"),
+        ((str(path), "--sigma", "0.001", "--output", str(tmp_path / "none" / ".." / path.name)), "it would be lost"),
         ((str(path), "--sigma-angle", "0.001"), "--sigma-angle needs --sigma"),
         ((str(path), "--sigma", "-1"), "sigma must be positive"),
         ((str(path), "--sigma", "0.001", "--contact", "line"), "unknown contact 'line'"),

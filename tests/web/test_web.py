@@ -8,6 +8,7 @@ import http.server
 import json
 import os
 import queue
+import re
 import shutil
 import subprocess
 import sys
@@ -76,7 +77,11 @@ def test_npm_packs_what_runs_and_no_more(package: Path) -> None:
     }
     about = json.loads((package / "package.json").read_text(encoding="utf-8"))
     assert not any(name.lower().endswith("dependencies") for name in about)
-    assert len(gzip.compress((package / "jacokin.wasm").read_bytes())) <= LARGEST
+    size = len(gzip.compress((package / "jacokin.wasm").read_bytes()))
+    assert size <= LARGEST
+    pages = (package / "README.md", WEB.parents[1] / "docs" / "web.md")
+    told = [re.search(r"(\d+) kB (with gzip|compressed)", page.read_text(encoding="utf-8")) for page in pages]
+    assert [each is not None and abs(1e3 * int(each[1]) / size - 1.0) < 0.1 for each in told] == [True, True]
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed (Debian: apt-get install chromium)")

@@ -43,18 +43,27 @@ test("wrong arguments are errors that name them", async () => {
   const pose = six.fk(six.home);
   await rejected(load("j2n7"), /no arm "j2n7": known are j2n6s300, .*export-c/);
   await rejected(load(7), /no arm 7/);
+  await rejected(load(7n), /no arm 7/);
+  const circle = {};
+  await rejected(load(Object.assign(circle, { circle })), /no arm \[object Object\]/);
   await rejected(load(new Uint8Array(40)), /damaged/);
   await rejected(load(new URL("none.jacokin", import.meta.url)), /none.jacokin cannot be read/);
   await rejected(load("gen3", { wasm: new Uint8Array(40) }), /wasm: this is not/);
   await rejected(load("gen3", { wasm: EMPTY }), /wasm: this is not .*jacokin_ik_abi_version/);
   await rejected(load("gen3", { wasm: OTHER_VERSION }), /its version is 1 and that of jacokin.js \d+/);
   await rejected(load("gen3", { wasm: "http://[" }), /cannot be read: Invalid URL/);
+  for (const wasm of [null, 7, {}, Symbol("wasm"), Promise.resolve(EMPTY), new Response(EMPTY)]) {
+    await rejected(load("gen3", { wasm }), /^wasm must be where jacokin.wasm is, its contents, or a WebAssembly.Module, not/);
+  }
   refused(() => new Solver(), /made by `await load/);
   refused(() => six.fk([1, 2, 3]), /q must be 6 numbers, not 3/);
   refused(() => six.fk(undefined), /q must be 6 numbers, not undefined/);
   refused(() => six.fk("123456"), /q must be 6 numbers/);
   refused(() => six.fk([0, 0, 0, 0, 0, NaN]), /number 5 is NaN/);
-  refused(() => six.fk([0, 0, 0, 0, 0, "1"]), /number 5 is 1/);
+  refused(() => six.fk([0, 0, 0, 0, 0, "1"]), /number 5 is "1"/);
+  refused(() => six.fk([0, 0, 0, 0, 0, Symbol("1")]), /number 5 is Symbol\(1\)/);
+  refused(() => six.fk(Object.create(null)), /q must be 6 numbers, not \[object Object\]/);
+  refused(() => six.fk({ length: 6 }), /q must be 6 numbers, not \[object Object\]/);
   refused(() => six.all(pose.slice(1)), /pose must be 16 numbers/);
   refused(() => six.all(pose.map((x) => 2 * x)), /not a rotation/);
   refused(() => six.all(pose, [1]), /seed must be 6 numbers/);
@@ -66,6 +75,8 @@ test("wrong arguments are errors that name them", async () => {
   refused(() => six.intervals(pose, { axis: [0, 0, 1], range: [1, 0] }), /range must rise/);
   refused(() => six.batch([...pose, 1]), /rows of 16/);
   refused(() => six.batch([pose, pose], [six.home]), /1 for 2 poses/);
+  refused(() => six.batch([pose, pose, pose], [six.home, , six.home]), /seeds\[1\] must be 6 numbers, not undefined/);
+  refused(() => six.intervals(pose, { axis: [0, 0, 1] })[0].at(Symbol("p")), /must be a finite number, not Symbol\(p\)/);
   refused(() => six.batch([pose, pose.map((x) => 2 * x)]), /pose 1: /);
   assert.equal(six.nearest(pose).status, "ok", "it works on after errors");
 });
