@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
@@ -22,6 +23,7 @@ from jacokin.motion.tracking.ticks import FAR, TickSolver
 NULL_SPEED = 0.25  # part of the velocity limits that null-space motion may use; its curvature costs microns a tick
 LATER_SPEED = 0.5  # the same of targets of later priorities
 RANK = 1e-3  # directions whose singular value is below this part of the largest are left to the null space
+FADING = 4.0  # times that, and down to its inverse, they are so in part: whole ones would come and go from tick to tick
 
 
 class Objective(Protocol):
@@ -113,10 +115,14 @@ def checked_objectives(
     return found
 
 
-def controlled_directions(jacobian: Array) -> Array:
-    """(r, dof) orthonormal directions in which joints move what a Jacobian (k, dof) is of."""
+def free_directions(jacobian: Array) -> Array:
+    """(dof, k) directions in which joints hardly move what a Jacobian (n, dof) is of, shorter where they do in part."""
     _, singular, right = np.linalg.svd(jacobian)
-    return np.asarray(right[: singular.size][singular > RANK * max(float(singular[0]), np.finfo(float).tiny)])
+    sizes = np.zeros(len(right))
+    sizes[: singular.size] = singular / (RANK * max(float(singular[0]), TINY))
+    share = np.clip(0.5 - 0.5 * np.log(np.maximum(sizes, TINY)) / math.log(FADING), 0.0, 1.0)
+    share = share * share * (3.0 - 2.0 * share)
+    return np.asarray((share[:, np.newaxis] * right)[share > 0.0].T)
 
 
 class Level(NamedTuple):
@@ -139,7 +145,7 @@ def refine(
 ) -> Array:
     """Add what later priorities want to a displacement (dof,) [rad], as far as earlier ones are not moved by it.
 
-    Each level is least squares in a basis of the null space of all levels before it, within the same limits. Of what it
+    Each level is least squares in directions that are free of all levels before it, within the same limits. Of what it
     is missing the arm goes as much as it can still stop on. A level whose QP fails is left out.
 
     Args:
@@ -153,10 +159,9 @@ def refine(
     # Rows whose squares sum up to the Hessian, without damping.
     above = np.sqrt(np.maximum(bends - ticks.damping, 0.0))[:, np.newaxis] * directions.T
     for jacobian, error, ends_there in levels:
-        controlled = controlled_directions(above)
-        if len(controlled) == len(displacement):
+        basis = free_directions(above)
+        if not basis.size:
             break
-        basis = np.linalg.svd(controlled)[2][len(controlled) :].T
         above = np.vstack([above, jacobian])
         reduced, missing = jacobian @ basis, error - jacobian @ displacement
         hessian = reduced.T @ reduced

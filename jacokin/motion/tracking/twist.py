@@ -26,7 +26,7 @@ from jacokin.kernels.tracking.twist import (
 from jacokin.model import checks
 from jacokin.model.kinematics import REFERENCES
 from jacokin.motion.tracking.joint_limits import JointLimits
-from jacokin.motion.tracking.problem import controlled_directions
+from jacokin.motion.tracking.problem import free_directions
 from jacokin.motion.tracking.steps import SINGULAR_POSE
 from jacokin.motion.tracking.targets import IN_BASE, Kinematics
 from jacokin.motion.tracking.ticks import TickSolver
@@ -134,8 +134,8 @@ class TwistFollower:
 
     def _aside(self, wish: Array, q: Array) -> Array:
         """What of a wish (dof,) [rad] does not move the tool, nor lead to a limit or to what is near."""
-        controlled = controlled_directions(self._kinematics.jacobian(self._kinematics.tool, IN_BASE))
-        found = wish - controlled.T.dot(controlled.dot(wish))
+        free = free_directions(self._kinematics.jacobian(self._kinematics.tool, IN_BASE))
+        found = free.dot(free.T.dot(wish))
         part = largest_share(np.zeros_like(found), found, *self._limits.stoppable(q))
         rows, ends = self._ticks.inequalities_towards(found)
         if rows is not None and ends is not None:

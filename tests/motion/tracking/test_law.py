@@ -22,7 +22,7 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.ik import Box, Floor, Scene, Sphere
 from jacokin.model.descriptions.bundled import JACOS, NAMES
-from jacokin.motion import PositionTarget, TrackerStep
+from jacokin.motion import OrientationTarget, PositionTarget, TrackerStep
 from tests.robot_files import ur5_text
 
 DT = 0.01  # [s]
@@ -151,6 +151,18 @@ def test_without_acceleration_limits_a_jump_of_the_target_is_one_turn_at_most(fi
     v, _, _ = play(Tracker(robot, dt=DT, acceleration_limit=np.inf), stream.targets)
     jumps = sum(pose is not None for pose in stream.heard)
     assert turns(v, robot.velocity_limit, DT) <= 0.3 * jumps
+
+
+@pytest.mark.parametrize("name", ["gen3", pytest.param("j2s7s300", marks=pytest.mark.slow)])
+def test_later_priorities_do_not_shake_the_arm_where_the_first_is_singular(find: Find, name: str) -> None:
+    """A direction that the first one hardly moves the tool in was free at one tick and not at the next."""
+    robot = find(name)
+    tracker, stream = Tracker(robot, dt=DT), stream_of(robot, "circling", 3)
+    targets = [
+        [PositionTarget(T.translation, priority=1), OrientationTarget(T.rotation, priority=2)] for T in stream.targets
+    ]
+    v, _, _ = play(tracker, targets)
+    assert jolts(v, tracker.acceleration_limit, DT) <= JOLTS
 
 
 # (c) A standing target: ever nearer, then at rest.
