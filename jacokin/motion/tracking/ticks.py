@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.ik.qp_backend import Backend, Inequalities
-from jacokin.ik.targets import combined_error
+from jacokin.ik.targets import RADIAN_IN_METRES
 from jacokin.kernels.library import Call
 from jacokin.kernels.tracking import near
 from jacokin.kernels.tracking.problem import worthwhile
@@ -99,7 +99,7 @@ class Report(NamedTuple):
     orientation: float
     """Largest angle to one [rad]."""
     error: float
-    """Both in one [m]."""
+    """Both in one, as ticks make it smaller [m]."""
     fastest: float
     """The fastest joint's velocity [rad/s]."""
     past: float
@@ -297,7 +297,7 @@ class TickSolver:
             after[2 * dof :],
             numbers[DISTANCE],
             numbers[ANGLE],
-            combined_error(numbers[DISTANCE], numbers[ANGLE]),
+            math.hypot(numbers[DISTANCE], RADIAN_IN_METRES * numbers[ANGLE]),
             numbers[FASTEST],
             numbers[PAST],
             on_target,

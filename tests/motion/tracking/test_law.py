@@ -528,3 +528,13 @@ def test_beside_obstacles_the_arm_is_hardly_slower(find: Find) -> None:
     stream = stream_of(robot, "circling", 6)
     _, errors, _ = play(Tracker(robot, dt=DT, q=stream.start, scene=table_and_floor()), stream.targets[:400])
     assert errors[-1] < 0.03
+
+
+def test_a_pose_that_comes_nearer_while_it_turns_away_is_not_lost(find: Find) -> None:
+    """The weighted squares of both errors are what falls; their sum may grow meanwhile."""
+    robot = find("gen3_6dof")
+    top = Box("table", [0.7, 0.7, 0.02], [0.45, 0.0, 0.114])
+    tracker = Tracker(robot, dt=DT, scene=Scene([top]))
+    turned = pin.utils.rotate("x", np.pi) @ pin.exp3(np.array([-0.21, 0.37, 0.26]))
+    steps = [tracker.step(pin.SE3(turned, np.array([0.377, 0.011, -0.051]))) for _ in range(1200)]
+    assert "LOST" not in {step.status.name for step in steps[400:]}
