@@ -16,7 +16,7 @@ from jacokin.arrays import Array
 from jacokin.kernels.tracking.limits import CHANGE
 
 #: When to look: after the step itself, and after these parts of the ticks that it takes to come to rest.
-PLACES, WHEN = 4, (0.0, 0.125, 0.4, 1.0)
+PLACES, WHEN = 5, (0.0, 0.06, 0.2, 0.5, 1.0)
 #: How often inequalities are looked at in turn, and steps to what one of them takes.
 IN_TURN, STEPS = 20, 8
 #: Rounds of slopes.
