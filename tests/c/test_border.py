@@ -280,6 +280,16 @@ def test_numbers_that_make_no_arm_are_refused_even_with_a_check_sum(place: int, 
     assert binding.read(bytes(contents))[0] == binding.DAMAGED_FILE
 
 
+@pytest.mark.parametrize("place", range(12))
+def test_constants_of_another_arm_of_seven_joints_are_refused(place: int) -> None:
+    """With them, poses that the arm reaches were unreachable."""
+    contents = bytearray(solver_file(IKSolver(jacokin.load_robot("j2s7s300"), collision="ignore")))
+    at = slice(24 + 8 * (8 * 12 + place), 32 + 8 * (8 * 12 + place))  # after the chain
+    contents[at] = (np.frombuffer(contents[at]) + 0.05).tobytes()  # [m], or of a unit vector
+    contents[-8:] = check_sum(bytes(contents[:-8])).to_bytes(8, "little")
+    assert binding.read(bytes(contents))[0] == binding.DAMAGED_FILE
+
+
 @pytest.mark.one_quick
 @pytest.mark.parametrize("name", ["j2n6s300", "j2s7s300", "ur5"])
 def test_numbers_that_do_not_belong_together_are_refused_or_solved_soon(name: str, tmp_path: Path) -> None:
