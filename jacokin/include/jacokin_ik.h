@@ -197,8 +197,8 @@ JACOKIN_IK_API int jacokin_ik_nearest(const jacokin_ik_solver *solver, const dou
  * q        n * dof doubles, filled; NaN for a target that has no answer
  * status   n ints, filled: what jacokin_ik_nearest would return
  *
- * JACOKIN_IK_OK where the call itself could be done, whatever became of its targets. Where the work memory is refused,
- * every status is the code for that. */
+ * JACOKIN_IK_OK where the call itself could be done, whatever became of its targets. Where it could not, every status is
+ * the code that is returned. */
 JACOKIN_IK_API int jacokin_ik_batch(const jacokin_ik_solver *solver, size_t n, const double *targets,
                                     const double *seeds, void *work, size_t work_size, double *q, int *status);
 

@@ -193,6 +193,41 @@ def test_null_pointers_are_refused(six: CSolver, target: Array) -> None:
     assert C.jacokin_ik_batch(six.handle, 0, None, None, *work, None, None) == binding.OK
 
 
+@pytest.mark.parametrize("missing", ["target", "work"])
+def test_without_a_target_or_memory_nothing_looks_like_an_answer(six: CSolver, target: Array, missing: str) -> None:
+    T, work = (None, six.work) if missing == "target" else (target.ctypes.data, (None, six.work[1]))
+    q, status, parameter = np.zeros((4, 6)), c_int(), c_double()
+    place = [each.ctypes.data for each in q]
+    calls = [
+        C.jacokin_ik_nearest(six.handle, T, None, *work, place[0]),
+        C.jacokin_ik_batch(six.handle, 1, T, None, *work, place[1], byref(status)),
+        C.jacokin_ik_at(six.handle, *work, None, 0.0, None, place[2]),
+        C.jacokin_ik_nearest_about(six.handle, T, byref(axis()), None, *work, place[3], byref(parameter)),
+    ]
+    assert [*calls, status.value] == [binding.BAD_ARGUMENT] * 5
+    assert np.isnan([*q.ravel(), parameter.value]).all()
+
+
+@pytest.mark.parametrize("name", ["j2n6s300", "j2s7s300"])
+def test_work_memory_may_hold_anything(name: str) -> None:
+    robot = jacokin.load_robot(name)
+    c = CSolver(IKSolver(robot, collision="ignore"), binding.INTERVALS)
+    about = axis((0.3, 1.0, 0.2), -1.0, 1.5) if c.dof == 6 else None
+    complete = 0
+    for q in robot.sample(np.random.default_rng(2), 4):
+        T, answers = np.ascontiguousarray(robot.forward_kinematics(q).homogeneous), []
+        for byte in (0x00, 0x3F, 0x55, 0xFF):  # integers of 0, large ones and -1; doubles of 0, 5e-4, 1e103 and NaN
+            calls = c.nearest, c.all, lambda T, q: c.intervals(T, about), lambda T, q: c.nearest_about(T, about, q)
+            answers.append(b"")
+            for call in calls:
+                c.memory.view(np.uint8)[:] = byte
+                for part in call(T, q):
+                    answers[-1] += b"".join(map(bytes, part)) if isinstance(part, list) else np.asarray(part).tobytes()
+            complete += c.intervals(T, about)[2]
+        assert set(answers) == {answers[0]}
+    assert complete > 0
+
+
 def test_answers_that_do_not_fit_are_counted(six: CSolver, target: Array) -> None:
     status, branches, _ = six.all(target, None)
     assert status == binding.OK
@@ -241,6 +276,16 @@ def test_numbers_that_make_no_arm_are_refused_even_with_a_check_sum(place: int, 
     """A chain that is not finite or not rigid, limits without a number or crossed, a snap below zero."""
     contents = bytearray(solver_file(IKSolver(jacokin.load_robot("j2n6s300"), collision="ignore")))
     contents[place : place + 8] = np.float64(value).tobytes()
+    contents[-8:] = check_sum(bytes(contents[:-8])).to_bytes(8, "little")
+    assert binding.read(bytes(contents))[0] == binding.DAMAGED_FILE
+
+
+@pytest.mark.parametrize("place", range(12))
+def test_constants_of_another_arm_of_seven_joints_are_refused(place: int) -> None:
+    """With them, poses that the arm reaches were unreachable."""
+    contents = bytearray(solver_file(IKSolver(jacokin.load_robot("j2s7s300"), collision="ignore")))
+    at = slice(24 + 8 * (8 * 12 + place), 32 + 8 * (8 * 12 + place))  # after the chain
+    contents[at] = (np.frombuffer(contents[at]) + 0.05).tobytes()  # [m], or of a unit vector
     contents[-8:] = check_sum(bytes(contents[:-8])).to_bytes(8, "little")
     assert binding.read(bytes(contents))[0] == binding.DAMAGED_FILE
 

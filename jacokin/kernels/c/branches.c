@@ -94,18 +94,20 @@ static int nearest(const jacokin_ik_solver *solver, const double *target, const 
 
 int jacokin_ik_nearest(const jacokin_ik_solver *solver, const double *target, const double *seed, void *work,
                        size_t work_size, double *q) {
-    if (solver == NULL || target == NULL || q == NULL) return JACOKIN_IK_BAD_ARGUMENT;
+    if (solver == NULL || q == NULL) return JACOKIN_IK_BAD_ARGUMENT;
     layout memory;
-    int status = jacokin_lay_out(solver, work, work_size, JACOKIN_IK_POSES, &memory);
+    int status = target == NULL ? JACOKIN_IK_BAD_ARGUMENT
+                                : jacokin_lay_out(solver, work, work_size, JACOKIN_IK_POSES, &memory);
     if (status != JACOKIN_IK_OK) return jacokin_no_answer(solver, q, status);
     return nearest(solver, target, seed, &memory, q);
 }
 
 int jacokin_ik_batch(const jacokin_ik_solver *solver, size_t n, const double *targets, const double *seeds, void *work,
                      size_t work_size, double *q, int *status) {
-    if (solver == NULL || (n > 0 && (targets == NULL || q == NULL || status == NULL))) return JACOKIN_IK_BAD_ARGUMENT;
+    if (solver == NULL || (n > 0 && (q == NULL || status == NULL))) return JACOKIN_IK_BAD_ARGUMENT;
     layout memory;
-    int laid_out = jacokin_lay_out(solver, work, work_size, JACOKIN_IK_POSES, &memory);
+    int laid_out = n > 0 && targets == NULL ? JACOKIN_IK_BAD_ARGUMENT
+                                            : jacokin_lay_out(solver, work, work_size, JACOKIN_IK_POSES, &memory);
     size_t dof = (size_t)solver->dof;
     if (laid_out != JACOKIN_IK_OK) {
         for (size_t i = 0; i < n; i++) status[i] = jacokin_no_answer(solver, q + dof * i, laid_out);

@@ -282,10 +282,11 @@ static const double *point_of(const layout *memory, int parameter, int64_t first
 
 int jacokin_ik_at(const jacokin_ik_solver *solver, void *work, size_t work_size, const jacokin_ik_interval *interval,
                   double p, const double *seed, double *q) {
-    if (solver == NULL || interval == NULL || q == NULL) return JACOKIN_IK_BAD_ARGUMENT;
+    if (solver == NULL || q == NULL) return JACOKIN_IK_BAD_ARGUMENT;
     layout memory;
     double start[JACOKIN_IK_MAX_DOF], axis[3] = {0.0, 0.0, 0.0};
-    int status = jacokin_lay_out(solver, work, work_size, JACOKIN_IK_INTERVALS, &memory);
+    int status = interval == NULL ? JACOKIN_IK_BAD_ARGUMENT
+                                  : jacokin_lay_out(solver, work, work_size, JACOKIN_IK_INTERVALS, &memory);
     if (status == JACOKIN_IK_OK) status = jacokin_read_seed(solver, seed, start);
     if (status == JACOKIN_IK_OK && !isfinite(p)) status = JACOKIN_IK_NOT_FINITE;
     if (status != JACOKIN_IK_OK) return jacokin_no_answer(solver, q, status);
@@ -347,10 +348,10 @@ int jacokin_nearest_on_curves(const jacokin_ik_solver *solver, const double *T, 
 
 int jacokin_ik_nearest_about(const jacokin_ik_solver *solver, const double *target, const jacokin_ik_axis *about,
                              const double *seed, void *work, size_t work_size, double *q, double *parameter) {
-    if (solver == NULL || target == NULL || q == NULL) return JACOKIN_IK_BAD_ARGUMENT;
+    if (solver == NULL || q == NULL) return JACOKIN_IK_BAD_ARGUMENT;
     problem of;
     double start[JACOKIN_IK_MAX_DOF], p = NAN;
-    int status = read_problem(solver, target, about, work, work_size, &of);
+    int status = target == NULL ? JACOKIN_IK_BAD_ARGUMENT : read_problem(solver, target, about, work, work_size, &of);
     if (status == JACOKIN_IK_OK) status = jacokin_read_seed(solver, seed, start);
     if (status == JACOKIN_IK_OK) status = nearest_on_curves(&of, start, q, &p);
     if (status != JACOKIN_IK_OK) jacokin_no_answer(solver, q, status);

@@ -158,10 +158,35 @@ static void turn_round(const double *chain, int joints, double *turned) {
     }
 }
 
-/* Whether the closed form finds one of some configurations of six joints again: with constants that are not those of the chain it
+/* Whether q is among the branches of its pose. */
+static int finds_branch(const jacokin_ik_solver *solver, const double *q, const layout *memory) {
+    double T[16];
+    jacokin_forward(solver->six, 6, q, T);
+    int dropped, count = jacokin_find_branches(solver, T, solver->home, memory->targets, &dropped);
+    const double *rows = memory->targets[TARGETS_pose_branches_rows].numbers;
+    for (int i = 0; i < count; i++) {
+        int same = 1;
+        for (int j = 0; j < 6; j++) {
+            double away = rows[i * JACOKIN_COLUMNS + j] - q[j];
+            same = same && fabs(away - TURN * rint(away / TURN)) <= SAME_JOINT;
+        }
+        if (same) return 1;
+    }
+    return 0;
+}
+
+/* Whether the pose of q has curves, within the limits or not. */
+static int finds_curves(const jacokin_ik_solver *solver, const double *q, void *work, size_t size) {
+    double T[16];
+    int count;
+    jacokin_forward(solver->chain, solver->dof, q, T);
+    int status = jacokin_ik_intervals(solver, T, NULL, work, size, NULL, 0, &count, NULL);
+    return status == JACOKIN_IK_NO_ROOM || status == JACOKIN_IK_OUTSIDE_LIMITS;
+}
+
+/* Whether the closed form finds one of some configurations again: with constants that are not those of the chain it
  * finds nothing, and searches long for it. JACOKIN_IK_DAMAGED_FILE, JACOKIN_IK_NO_MEMORY. */
 static int finds_itself(const jacokin_ik_solver *solver) {
-    if (solver->kind == JACOKIN_JOINT_3) return JACOKIN_IK_OK;
     size_t size = jacokin_ik_work_size(solver, JACOKIN_IK_POSES);
     void *work = malloc(size);
     layout memory;
@@ -169,21 +194,12 @@ static int finds_itself(const jacokin_ik_solver *solver) {
     int status = jacokin_lay_out(solver, work, size, JACOKIN_IK_POSES, &memory);
     int found = 0;
     for (int trial = 0; trial < TRIALS && status == JACOKIN_IK_OK && !found; trial++) {
-        double q[6], T[16];
-        for (int j = 0; j < 6; j++) { /* spread evenly by the golden ratio */
+        double q[JACOKIN_IK_MAX_DOF];
+        for (int j = 0; j < JACOKIN_IK_MAX_DOF; j++) { /* spread evenly by the golden ratio */
             double share = 0.6180339887498949 * (6 * trial + j + 1);
             q[j] = TURN * (share - floor(share)) - PI;
         }
-        jacokin_forward(solver->six, 6, q, T);
-        int dropped, count = jacokin_find_branches(solver, T, solver->home, memory.targets, &dropped);
-        const double *rows = memory.targets[TARGETS_pose_branches_rows].numbers;
-        for (int i = 0; i < count && !found; i++) {
-            found = 1;
-            for (int j = 0; j < 6; j++) {
-                double away = rows[i * JACOKIN_COLUMNS + j] - q[j];
-                found = found && fabs(away - TURN * rint(away / TURN)) <= SAME_JOINT;
-            }
-        }
+        found = solver->kind == JACOKIN_JOINT_3 ? finds_curves(solver, q, work, size) : finds_branch(solver, q, &memory);
     }
     free(work);
     return status != JACOKIN_IK_OK || found ? status : JACOKIN_IK_DAMAGED_FILE;

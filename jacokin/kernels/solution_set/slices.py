@@ -140,6 +140,7 @@ def arm_of_equation(six: SixJoints) -> ArmConstants:
 def count_solutions(six: SixJoints, p: float) -> int:
     """Solve six joints at a value of the parameter; how many solutions there are at least."""
     turn_target(six.T, six.axis, p, six.turned)
+    six.work.branches.wanted[0] = 0
     solve_pose(six.arm, unpack_arm(six.arm), PoseQuery(six.chain, six.limits, six.turned, six.seed), six.work)
     return int(six.work.branches.filled[0])
 

@@ -133,7 +133,9 @@ def follow(i: int, k: int, slices: Slices, loops: Loops, walk: Walk) -> None:
         return
     if not found:  # no curve passes here alone: a single point
         loops.size[3] += 1
-        enter_run(loops, add_node(loops, walk.x, walk.t, 1), CurveEnd.CLOSED)
+        first = add_node(loops, walk.x, walk.t, 1)
+        if first >= 0:
+            enter_run(loops, first, CurveEnd.CLOSED)
         return
     if run((i, k), slices, loops, walk) != CurveEnd.LEFT or loops.size[1] == LOOPS:
         return

@@ -334,9 +334,9 @@ def put_on_limit(pieces: Pieces, event: Array) -> None:
 
 
 def open_piece(pieces: Pieces, node: Array, code: int, c: int) -> None:
-    """Begin a piece at a node."""
+    """Begin a piece at a node, where there is room."""
     k = pieces.size[1]
-    if k == PIECES:
+    if k == PIECES or pieces.size[0] == ROWS:
         pieces.size[3] += 1
         return
     pieces.ends[k, 0], pieces.ends[k, 2] = pieces.size[0], code

@@ -122,7 +122,8 @@ class _Tick(NamedTuple):
 class Tracker:
     """Follows targets with one robot and frame at a fixed rate.
 
-    A call that fails or is interrupted leaves the tracker as it was.
+    A call that fails or is interrupted leaves the tracker as it was. A tracker is for one thread at a time; several
+    threads may each have one of the same robot.
 
     Attributes:
         robot: the arm.

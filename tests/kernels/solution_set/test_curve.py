@@ -19,12 +19,13 @@ from jacokin.kernels.solution_set.curve import (
     cubic,
     cubic_root,
     cubic_slope,
+    make_walk,
     point_across,
     point_at,
     point_where_still,
 )
 from jacokin.kernels.solution_set.slices import JOINT_3, add_slice, make_seven_joints, make_six_joints, make_slices
-from jacokin.kernels.solution_set.trace import CurveEnd
+from jacokin.kernels.solution_set.trace import NODES, CurveEnd, follow, make_loops
 from jacokin.model.angles import TURN, wrap_to_pi
 from tests.kernels.solution_set.known_curves import (
     FIRST,
@@ -203,3 +204,16 @@ def test_every_solution_is_passed_once_and_curves_close(rng: np.random.Generator
         # Counted in another way: how often the parameter passes the value, or one whole turns away.
         turns = [np.floor((np.array(chord) - slices.p[i]) / TURN) for chord in chords]
         assert sum(int(a != b) for a, b in turns) == count
+
+
+def test_a_single_point_that_finds_no_room_is_a_doubt_and_no_curve() -> None:
+    """A Jacobian of zero leads nowhere; nodes of other curves are not taken for those of one more."""
+    slices, loops, walk = make_slices(), make_loops(), make_walk()
+    slices.x[0, 0] = 0.0
+    loops.size[0] = NODES
+    follow(0, 0, slices, loops, walk)
+    assert loops.size.tolist() == [NODES, 0, 0, 1]
+    loops.size[0] = NODES - 1
+    follow(0, 0, slices, loops, walk)
+    assert loops.size.tolist() == [NODES, 1, 0, 2]
+    assert loops.ends[0].tolist() == [NODES - 1, NODES, CurveEnd.CLOSED]

@@ -7,6 +7,7 @@ import pytest
 
 import jacokin
 from jacokin.arrays import Array
+from jacokin.kernels.solution_set import within
 from jacokin.kernels.solution_set.curve import point_where_still
 from jacokin.kernels.solution_set.trace import Loops
 from jacokin.kernels.solution_set.within import CIRCLE, FOLD, Pieces, cut, excess, make_pieces, nearest_limit
@@ -82,6 +83,21 @@ def test_a_circle_is_cut_where_joint_5_is_on_its_limits(rng: np.random.Generator
         np.testing.assert_allclose(wrap_to_pi(rows[[0, -1], FIRST] - limits[:, FIRST]), 0.0, atol=1e-14)
         for x in rows[:, :7]:
             np.testing.assert_allclose(x, along_circle(curve, x[FIRST] - curve.q[FIRST]), atol=1e-9)
+
+
+def test_a_table_that_is_full_is_a_doubt(rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pieces of a curve with folds, as many as there is room for: nothing is read or written beyond their table."""
+    robot, parameter = jacokin.load_robot("j2s7s300"), 2
+    curve = curve_through(robot, robot.sample(rng))
+    loops, _ = traced(curve, parameter)
+    whole = pieces_of(curve, parameter, loops, without_limits())
+    pieces = make_pieces()
+    pieces.limits[:] = without_limits()
+    for room in (1, *(int(first) for first in whole.ends[1 : whole.size[1], 0])):
+        monkeypatch.setattr(within, "ROWS", room)
+        cut(loops, pieces._replace(nodes=pieces.nodes[:room]), walk_on(curve, parameter))
+        assert pieces.size[3] > 0
+        assert pieces.size[0] == pieces.ends[pieces.size[1] - 1, 1] == room
 
 
 def test_two_joints_cut_a_circle_where_both_are_within(rng: np.random.Generator) -> None:

@@ -20,6 +20,7 @@ from jacokin.ik import Scene, Sphere, qp_backend
 from jacokin.ik.qp_backend import Backend, QPFailed
 from jacokin.kernels.library import Call
 from jacokin.motion import JointTarget, TrackerStatus
+from tests.threads import run_in_threads
 
 DT = 0.01  # [s]
 
@@ -386,3 +387,18 @@ def test_other_members_of_the_family_follow_too(bundled: Any, name: str) -> None
         step = tracker.step(pin.SE3(start.rotation, start.translation - np.array([0.0, 0.0, way])))
         assert step.status is TrackerStatus.OK
         assert robot.within_limits(step.q)
+
+
+def test_threads_may_each_have_a_tracker_of_one_robot(robot: Robot, rng: np.random.Generator) -> None:
+    targets = [robot.forward_kinematics(q) for q in robot.sample(rng, 4)]
+    scene = Scene([Sphere("ball", 0.05, (0.4, 0.1, 0.6))])
+
+    def follow(number: int) -> NDArray[np.float64]:
+        tracker = Tracker(robot, dt=DT, scene=scene)
+        return np.array([tracker.step(targets[number]).q for _ in range(40)])
+
+    together: dict[int, NDArray[np.float64]] = {}
+    run_in_threads(lambda number: together.update({number: follow(number)}), len(targets))
+    for number, rows in together.items():
+        np.testing.assert_array_equal(rows, follow(number))
+    assert len(together) == len(targets)
