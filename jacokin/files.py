@@ -64,6 +64,8 @@ PATIENCE, WAIT = 10.0, 0.05  # [s] that a named pipe may be without a writer, an
 NUMBER_TEXT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
 NOT_FINITE_TEXT = re.compile(r"[-+]?(nan|inf|infinity)", re.IGNORECASE | re.ASCII)
 SHOWN_ERROR = 300  # characters of what a parser says
+OPEN_FILE = re.compile(r"/dev/(?:std(out|err)|fd/(\d{1,4}))|/proc/self/fd/(\d{1,4})", re.ASCII)
+LINKS = 40  # of links to a file, as Linux follows them
 NO_ROOM = errno.ENOSPC, errno.EDQUOT, errno.EFBIG
 
 
@@ -72,12 +74,27 @@ def replacing(path: Path) -> Iterator[Path]:
     """A temporary path to write to, beside the final one.
 
     It takes the final name when the block ends well and is removed when the block raises. Links are followed. A new
-    file gets the permissions that the umask leaves, a replaced one keeps its own. What is not a regular file
-    (/dev/stdout, a pipe) is handed out as it is.
+    file gets the permissions that the umask leaves, a replaced one keeps its own. What is not a regular file (a pipe)
+    is handed out as it is; to an open file of the process (/dev/stdout) is added what the block has written.
 
     Raises:
         InvalidInputError: the file cannot be written; raised before the block runs where that can be known.
     """
+    descriptor = open_file(path)
+    if descriptor is not None:
+        import shutil  # which brings every compression, as tempfile does
+        import tempfile
+
+        with tempfile.TemporaryDirectory() as folder:
+            written = Path(folder) / path.name
+            with _named(path, written):
+                yield written
+            try:
+                with written.open("rb") as made, open(descriptor, "wb", closefd=False) as stream:
+                    shutil.copyfileobj(made, stream)
+            except OSError as error:
+                raise InvalidInputError(f"{path}: cannot be written: {error.strerror}") from error
+        return
     if is_device(path):
         with _named(path, path):
             yield path
@@ -121,8 +138,26 @@ def _named(path: Path, written: Path) -> Iterator[None]:
         raise InvalidInputError(f"{path}: cannot be written: {reason(error)}") from error
 
 
+def open_file(path: Path) -> int | None:
+    """The descriptor of an open file of this process that a path names, as /dev/stdout does; None for other paths.
+
+    Opened by its name, a file that stdout is redirected to would lose what it holds.
+    """
+    for _ in range(LINKS):
+        match = OPEN_FILE.fullmatch(str(path))
+        if match is not None:
+            return {"out": 1, "err": 2}.get(match[1]) or int(match[2] or match[3])
+        try:
+            path = path.parent / path.readlink()
+        except (OSError, ValueError):  # no link, or no file can have that name
+            break
+    return None
+
+
 def is_device(path: Path) -> bool:
-    """Whether something is there that is neither a file nor a folder, such as /dev/stdout or a pipe."""
+    """Whether something is there that is neither a file nor a folder, such as a pipe; or an open file of the process."""
+    if open_file(path) is not None:
+        return True
     try:
         mode = path.stat().st_mode
     except (OSError, ValueError):  # nothing is there, or no file can have that name, of which `writable` says why

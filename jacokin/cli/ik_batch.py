@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -10,7 +11,7 @@ from pathlib import Path
 import click
 import numpy as np
 
-from jacokin import ik
+from jacokin import files, ik
 from jacokin.chunks.execution import dask_executor
 from jacokin.cli import display
 from jacokin.cli.display import progress_bar
@@ -21,6 +22,8 @@ from jacokin.ik.batches.solve_file import folder_of, solve_file
 from jacokin.ik.files.csv_files import read_names
 from jacokin.ik.files.formats import targets_format
 from jacokin.ik.files.targets import RPY, as_objects, left_behind
+
+STDOUT = 1  # its descriptor
 
 
 def run(
@@ -69,10 +72,13 @@ def run(
                 workers=given.workers if executor is None else None,
                 progress=lambda so_far: show(so_far.done, so_far.total),
             )
-    if as_json:
-        display.print_json(_document(solver, summary, results))
-    else:
-        _show(solver, summary, closest=closest)
+    # Where the answers go to stdout, they are alone there.
+    is_taken = out is not None and files.open_file(out) == STDOUT
+    with contextlib.redirect_stdout(sys.stderr if is_taken else sys.stdout):
+        if as_json:
+            display.print_json(_document(solver, summary, results))
+        else:
+            _show(solver, summary, closest=closest)
     return summary.solved == summary.targets
 
 

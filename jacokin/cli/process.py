@@ -11,7 +11,7 @@ import sys
 import threading
 from collections.abc import Iterator
 from types import FrameType
-from typing import TextIO
+from typing import Any, TextIO
 
 # Exit codes; 0 means solved, or that the check passed.
 NOT_SOLVED = 1  # not (all) solved, or a check failed
@@ -23,10 +23,30 @@ ENDING = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasatt
 _signals: list[int] = []  # that have come and end the process
 
 
+class _Dropping(io.FileIO):
+    """A descriptor; what it does not take is dropped, as where the reader has left or the disk is full."""
+
+    def write(self, content: Any, /) -> int | None:  # Any: a buffer, as of `FileIO`
+        """Write some bytes; how many, also where they are dropped."""
+        try:
+            written = super().write(content)
+        except OSError:
+            written = None
+        return len(content) if written is None else written
+
+
 @contextlib.contextmanager
 def around_command() -> Iterator[None]:
     """Streams that can be written to, an orderly end at SIGTERM and SIGHUP, and the library's log on stderr."""
     _open_streams()
+    stderr = sys.stderr
+    if stderr is sys.__stderr__ and os.name == "posix":  # notes and progress that nobody reads end no work
+        sys.stderr = io.TextIOWrapper(
+            io.BufferedWriter(_Dropping(stderr.fileno(), "w", closefd=False)),
+            stderr.encoding,
+            stderr.errors,
+            line_buffering=True,
+        )
     handler = logging.StreamHandler(sys.stderr)
     handler.setFormatter(logging.Formatter("jacokin: %(message)s"))
     logger = logging.getLogger("jacokin")
@@ -37,6 +57,7 @@ def around_command() -> Iterator[None]:
         yield
     finally:
         logger.removeHandler(handler)
+        sys.stderr = stderr
         _signals.clear()
         for number, old in before.items():
             signal.signal(number, old)

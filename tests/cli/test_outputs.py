@@ -71,6 +71,16 @@ def test_a_file_that_the_robot_includes_is_not_written_over(run: Run, tmp_path: 
     assert included.read_text(encoding="utf-8") == before
 
 
+@pytest.mark.parametrize("name", ["out.txt", "out", "-"])
+def test_answers_have_an_ending_that_says_how_they_are_written(run: Run, tmp_path: Path, name: str) -> None:
+    targets = tmp_path / "poses.csv"
+    targets.write_text(TARGETS, encoding="utf-8")
+    answer = run("ik", "--targets", str(targets), "--output", str(tmp_path / name))
+    assert answer.code == 2
+    assert f"{name}: answers are written as .csv, .npz, .parquet, told by the ending of the name" in answer.err
+    assert list(tmp_path.iterdir()) == [targets]
+
+
 def test_two_outputs_are_two_files(run: Run, tmp_path: Path) -> None:
     targets, link = tmp_path / "poses.csv", tmp_path / "plot.png"
     targets.write_text(TARGETS, encoding="utf-8")

@@ -81,6 +81,43 @@ def test_output_that_cannot_be_written_is_one_sentence_and_code_2(words: str) ->
     assert done.stderr == "jacokin: the output: No space left on device\n"
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+@pytest.mark.parametrize(("words", "code"), [("fk 1 2 3 4 5 100", 0), ("ik --position 1", 2)])
+def test_notes_that_nobody_reads_change_neither_code_nor_output(words: str, code: int) -> None:
+    done = [shell(f"jacokin {words} 2>{where}") for where in ("/dev/null", "/dev/full")]
+    assert [each.returncode for each in done] == [code, code]
+    assert done[0].stdout == done[1].stdout
+
+
+@pytest.mark.slow
+def test_progress_whose_reader_has_left_ends_no_work(tmp_path: Path) -> None:
+    targets = tmp_path / "targets.csv"
+    targets.write_text("x,y,z\n" + "9,9,9\n" * 100, encoding="utf-8")
+    before = "import jacokin.cli.display as display; display.LINE_PERIOD = 0.0"
+    running = start("ik", "--targets", str(targets), "--output", str(tmp_path / "out.csv"), before=before)
+    assert running.stdout is not None
+    assert running.stderr is not None
+    running.stderr.close()
+    assert "0 of 100" in running.stdout.read()
+    running.stdout.close()
+    assert running.wait(DEADLINE) == NOT_SOLVED
+    assert len((tmp_path / "out.csv").read_text(encoding="utf-8").splitlines()) == 101
+
+
+@pytest.mark.skipif(not Path("/dev/stdout").exists(), reason="needs /dev/stdout")
+@pytest.mark.parametrize("words", [pytest.param("", marks=pytest.mark.slow), "--json"])
+def test_answers_to_stdout_are_alone_there_and_keep_what_a_file_holds(tmp_path: Path, words: str) -> None:
+    targets, out = tmp_path / "targets.csv", tmp_path / "out.csv"
+    targets.write_text("x,y,z,qw,qx,qy,qz\n0.3,-0.2,0.5,0,1,0,0\n", encoding="utf-8")
+    out.write_text("before\n", encoding="utf-8")
+    command = f"jacokin ik --targets '{targets}' --output /dev/stdout {words}"
+    done = shell(f"{{ {command}; echo after; }} >>'{out}'; {command} | cat")
+    answers = done.stdout.splitlines()
+    assert [line.partition(",")[0] for line in answers] == ["x", "0.3"]
+    assert out.read_text(encoding="utf-8").splitlines() == ["before", *answers, "after"]
+    assert done.stderr.count("/dev/stdout") == 2  # where they were written to
+
+
 SMALL_CHUNKS = "import jacokin.ik.batches.solve_file as batch; batch.SINGLE_ROWS = 4"
 
 

@@ -184,7 +184,7 @@ class _Batch:
         return cls(
             solver=solver,
             source=source,
-            suffix=output.suffix,
+            suffix=output.suffix or ".csv",
             answers=answers,
             columns=first.columns,
             carried=carried,
@@ -330,7 +330,9 @@ def write_answers(batch: _Batch, folder: ChunkFolder, final: Path, chunks: Itera
     write = functools.partial(batch.answers.write_joined, columns=batch.names, carried=batch.carried)
     try:
         if files.is_device(final):
-            write(final, list(pieces()))
+            ready = list(pieces())
+            with files.replacing(final) as stream:
+                write(stream, ready)
             return tally
         with temporary(folder.path) as whole:
             write(whole, pieces())

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Protocol
 
+from jacokin import files
 from jacokin.errors import InvalidInputError, MissingExtraError
 from jacokin.ik.files import csv_files, npz_files, parquet_files
 from jacokin.ik.files.targets import FilePart, TargetFile
@@ -58,13 +59,13 @@ def targets_format(path: Path) -> Format:
 
 
 def answers_format(path: Path, carried: Iterable[str] = ()) -> Format:
-    """The format of a file of answers, with the names of the columns that are carried through.
+    """The format of a file of answers, with the names of the columns that are carried through; CSV to /dev/stdout.
 
     Raises:
         InvalidInputError: no format has this ending, or this one has columns of its own with these names.
         MissingExtraError: the format needs a package that is not installed.
     """
-    suffix = ".csv" if path.suffix in ("", ".txt") else path.suffix  # other endings of answers that are written as CSV
+    suffix = ".csv" if not path.suffix and files.is_device(path) else path.suffix  # a pipe's name says nothing
     if suffix not in FORMATS:
         raise InvalidInputError(f"{path}: answers are written as {', '.join(FORMATS)}, told by the ending of the name")
     if suffix == ".parquet" and importlib.util.find_spec("pyarrow") is None:

@@ -89,8 +89,9 @@ def test_parts_of_parquet_files(tmp_path: Path, values: Array, group: int) -> No
     ("name", "targets", "answers"),
     [
         ("a.csv", csv_files, csv_files),
-        ("a.txt", csv_files, csv_files),
-        ("a", csv_files, csv_files),
+        ("a.txt", csv_files, None),
+        ("a", csv_files, None),
+        ("/dev/stdout", csv_files, csv_files),
         ("a.npz", npz_files, npz_files),
         ("a.parquet", parquet_files, parquet_files),
         ("a.xlsx", csv_files, None),
