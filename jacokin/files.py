@@ -155,7 +155,7 @@ def open_file(path: Path) -> int | None:
 
 
 def is_device(path: Path) -> bool:
-    """Whether something is there that is neither a file nor a folder, such as a pipe; or an open file of the process."""
+    """Whether something is there that is neither a file nor a folder, as a pipe, or an open file of the process."""
     if open_file(path) is not None:
         return True
     try:

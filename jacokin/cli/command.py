@@ -4,19 +4,26 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Container, Iterable, Mapping
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from dataclasses import Field, field, fields
 from inspect import cleandoc
 from pathlib import Path
-from typing import Any, get_type_hints
+from typing import Any, NamedTuple, get_type_hints
 
 import click
+from click.core import ParameterSource
 
 from jacokin.cli.units import Units
 from jacokin.errors import InvalidInputError, JacokinError, UnknownNameError
 
 # Names of the library's arguments where those of the parameters differ.
-OTHER_NAMES = {"axis": "--free-axis", "range": "--free-range", "q": "ANGLE...", "degrees": "--degrees"}
+OTHER_NAMES = {
+    "axis": "--free-axis",
+    "range": "--free-range",
+    "degrees": "--degrees",
+    "filter": "--filter",
+}
+ANGLES = "ANGLE...", "--from"  # what gives the joint angles that the library calls q
 # In a message about options, and fields of a scene, that are in radians also with --degrees.
 ALWAYS_RADIANS = ("--limit", "--finger-angle", "finger_angle")
 
@@ -25,6 +32,13 @@ VECTORS = {"Vector3": 3, "Vector4": 4, "Vector6": 6, "tuple[float, float]": 2}  
 MANY = 15  # options of a command whose help has headings
 
 _NUMBER = re.compile(r"[-+]?((\d+\.?\d*|\.\d+)(e[-+]?\d+)?|inf(inity)?|nan)", re.IGNORECASE | re.ASCII)
+
+
+class Company(NamedTuple):
+    """Options that an option needs one of, and those beside which it has no effect."""
+
+    needs: Sequence[str]
+    without: Sequence[str]
 
 
 class Command(click.Command):
@@ -39,6 +53,7 @@ class Command(click.Command):
         help: str = "",  # noqa: A002 - click's own
         *,
         headings: Mapping[str, str] | None = None,
+        company: Mapping[str, Company] | None = None,
         **settings: Any,  # click's own
     ) -> None:
         """Keep the examples of the help line by line, and list the command with its first sentence.
@@ -47,9 +62,10 @@ class Command(click.Command):
             name: of the command.
             help: its docstring.
             headings: name of a parameter, and what it stands under in a long help.
+            company: name of a parameter, and the options that it needs, or has no effect beside.
             settings: those of `click.Command`.
         """
-        self._headings = headings or {}
+        self._headings, self._company = headings or {}, company or {}
         text = cleandoc(help)
         marked = text.replace("\nExamples:\n", "\n\b\nExamples:\n")  # the mark is click's
         super().__init__(name, help=marked, short_help=text.partition("\n")[0], **settings)
@@ -83,11 +99,14 @@ class Command(click.Command):
             InvalidInputError: says what is wrong, with the names of the options.
         """
         try:
+            self._check_company(ctx)
             self._check_finite(ctx)
             result: object = super().invoke(ctx)
         except JacokinError as error:
+            arguments = {str(each.metavar) for each in self.params if isinstance(each, Argument)}
             flags = {str(each.name): each.opts[0] for each in self.params if each.opts[0].startswith("-")}
-            text = name_flags(error, {**flags, **OTHER_NAMES}, ctx.params)
+            angles = next((name for name in ANGLES if name in {*flags.values(), *arguments}), "q")
+            text = name_flags(error, {**flags, **OTHER_NAMES, "q": angles}, ctx.params)
             # Words of the library for what an option does; where a command has that option, it is named.
             for word, flag in {"solve_all": "--all", "a FreeAxis": "--free-axis"}.items():
                 if flag in flags.values():
@@ -97,6 +116,17 @@ class Command(click.Command):
                 text = units.in_words(text)
             raise InvalidInputError(text) from error
         return result
+
+    def _check_company(self, ctx: click.Context) -> None:
+        """InvalidInputError where an option that is given has no effect, for what else is given or not."""
+        names = {str(each.name): each.opts[0] for each in self.params}
+        given = {flag for name, flag in names.items() if ctx.get_parameter_source(name) is ParameterSource.COMMANDLINE}
+        for name, (needs, without) in self._company.items():
+            flag, beside = names[name], [other for other in without if other in given]
+            if flag in given and beside:
+                raise InvalidInputError(f"{flag} does not go with {beside[0]}")
+            if flag in given and needs and given.isdisjoint(needs):
+                raise InvalidInputError(f"{flag} goes with {' or '.join(needs)}")
 
     def _check_finite(self, ctx: click.Context) -> None:
         """InvalidInputError where a number of an option is NaN or infinite; limits of joints may be."""
@@ -125,14 +155,22 @@ class NumberList(click.Option):
         super().__init__(declarations, **{"callback": read_numbers, **settings})
 
 
-def option(*flags: str, **settings: Any) -> Any:  # Any: click's own, and a field of any type
+def option(
+    *flags: str, needs: Sequence[str] = (), without: Sequence[str] = (), **settings: Any
+) -> Any:  # Any: click's own, and a field of any type
     """A field of a class of options: what `click.Option` makes of flags and settings.
 
     A field without flags is an argument, with the settings of `Argument`. What the type of the field says need not be
     given: a path is a file, a list of float a list of numbers.
+
+    Args:
+        flags: of the option.
+        needs: options of which one must be given with it.
+        without: options beside which it has no effect; with one of them it is refused.
+        settings: those of `click.Option`.
     """
     default = settings.get("default", False if settings.get("is_flag") else () if settings.get("multiple") else None)
-    return field(default=default, metadata={"flags": flags, "settings": settings})
+    return field(default=default, metadata={"flags": flags, "settings": settings, "company": Company(needs, without)})
 
 
 def switch(name: str, **settings: Any) -> Any:  # Any: as of `option`
@@ -168,6 +206,7 @@ def command(
             name or function.__name__,
             function.__doc__ or "",
             headings={each.name: str(kind.__doc__).rstrip(".") for kind in kinds.values() for each in fields(kind)},
+            company={each.name: each.metadata["company"] for kind in kinds.values() for each in fields(kind)},
             callback=call,
             params=[_parameter(each) for kind in kinds.values() for each in fields(kind)],
             **settings,

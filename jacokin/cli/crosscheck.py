@@ -21,13 +21,15 @@ def read_pairs(context: click.Context, option: click.Parameter, words: Sequence[
     """Read A=B, A=B, ... as a mapping.
 
     Raises:
-        InvalidInputError: a word is not A=B.
+        InvalidInputError: a word is not A=B, or A is given twice.
     """
     pairs = {}
     for word in words:
         name, _, other = word.partition("=")
         if not (name and other):
             raise InvalidInputError(f"{option.opts[0]} must be A=B, got {word!r}")
+        if name in pairs:
+            raise InvalidInputError(f"{option.opts[0]} is given twice for {name!r}")
         pairs[name] = other
     return pairs or None
 
@@ -88,6 +90,9 @@ def crosscheck(given: CrossCheckOptions) -> None:
 
     if given.tolerance is not None and not 0.0 <= given.tolerance < math.inf:
         raise InvalidInputError(f"--tolerance must be a number >= 0, got {given.tolerance}")
+    for flag, frame in (("--second-base", given.second_base), ("--second-tip", given.second_tip)):
+        if frame is not None and given.second is None:
+            raise InvalidInputError(f"{flag} is for a second description: give it, too")
     limits = comparison.TOLERANCES if given.tolerance is None else dict.fromkeys(comparison.QUANTITIES, given.tolerance)
     report = model.crosscheck(
         RobotOptions(given.first, given.base, given.tip, given.package_dirs, calibration=given.calibration).load(),

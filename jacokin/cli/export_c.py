@@ -19,9 +19,12 @@ class ExportOptions(RobotOptions):
     """What is written, for which robot and machine."""
 
     robot: str | None = option(default=model.DEFAULT_ROBOT, metavar="[NAME|FILE]", text=options.NAME_OR_FILE)
-    output: Path | None = option("--output", metavar="DIR", help="Folder for all files; made where it is not there.")
+    output: Path | None = option(
+        "--output", without=("--cflags",), metavar="DIR", help="Folder for all files; made where it is not there."
+    )
     target: str | None = option(
         "--target",
+        without=("--cflags",),
         type=click.Choice(["linux-aarch64", "macos", "windows", "wasm"]),
         help="Another machine; from a clone.",
     )

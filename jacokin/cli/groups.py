@@ -44,7 +44,7 @@ class RobotOptions:
             InvalidInputError: as `load_robot`.
         """
         given = {each.name: getattr(self, each.name) for each in fields(RobotOptions) if each.name != "robot"}
-        return model.load_robot(self.robot or DEFAULT_ROBOT, **given)
+        return model.load_robot(DEFAULT_ROBOT if self.robot is None else self.robot, **given)
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +102,7 @@ class BatchOptions:
         default=None,
         help="Continue a run with --targets and --output that did not end, as happens if not given; or start again.",
     )
-    workers: int = options.workers()
+    workers: int = options.workers(needs=("--targets",), without=("--dask",))
     dask: str | None = options.dask()
 
 

@@ -59,6 +59,16 @@ class TargetOptions:
             or self.down
         )
 
+    def check(self) -> None:
+        """Refuse a pose that is given twice.
+
+        Raises:
+            InvalidInputError: names the options.
+        """
+        turned = (self.quat_wxyz, self.rpy, self.approach, self.position)
+        if self.kinova is not None and (self.down or any(each is not None for each in turned)):
+            raise InvalidInputError("--kinova is a whole pose: give it without --position and an orientation")
+
     @property
     def is_free(self) -> bool:
         """Whether the tool may turn about an axis, apart from --approach."""
@@ -67,9 +77,14 @@ class TargetOptions:
     def build(self, units: Units) -> pin.SE3 | NDArray[np.float64] | jacokin.FreeAxis:
         """The pose; the position alone when the orientation is free; or a pose that may turn about an axis.
 
+        With a note where a number looks like one of another unit.
+
         Raises:
             InvalidInputError: options that do not go together, or a malformed value.
         """
+        for flag, angles in (("--rpy", self.rpy), ("--free-range", self.free_range)):
+            if angles is not None:
+                warn_of_degrees(flag, angles, units)
         if self.kinova is not None:
             at = jacokin.model.pose_from_kinova(self.kinova[:3], self.kinova[3:])
             return self._about_axis(at, units)
@@ -139,7 +154,7 @@ class IKOptions:
         "if not given, for one pose and not for files.",
     )
     seed: list[float] | None = options.seed()
-    random_seed: int | None = options.random_seed()
+    random_seed: int | None = options.random_seed(without=("--all",))
     fixed: Sequence[str] = option(
         "--fixed",
         multiple=True,
@@ -194,10 +209,6 @@ def ik(
         source.package_dirs,
     )
     arm = source.load()
-    if wanted.rpy is not None:
-        warn_of_degrees("--rpy", wanted.rpy, form.units)
-    if wanted.free_range is not None:
-        warn_of_degrees("--free-range", wanted.free_range, form.units)
     start = form.units.for_joints(arm).seed("--seed", given.seed)
     solver = jacokin.IKSolver(
         arm,
@@ -236,7 +247,7 @@ def read_fixed(texts: Sequence[str], arm: jacokin.Robot, units: Units) -> dict[s
     """
     slides = dict(zip(arm.joint_names, arm.sliding.tolist(), strict=True))
     values = {}
-    for joint, [number] in options.parse_joints("--fixed", "JOINT=VALUE", "joint_3=0.4", texts):
+    for joint, [number] in options.parse_joints("--fixed", "JOINT=VALUE", "joint_3=0.4", texts).items():
         values[joint] = number if slides.get(joint, False) else units.to_si([number])[0]
     return values
 
@@ -268,9 +279,7 @@ def check_one_pose(given: IKOptions, wanted: TargetOptions, batch: BatchOptions)
     Raises:
         InvalidInputError: names the options.
     """
-    turned = (wanted.quat_wxyz, wanted.rpy, wanted.approach, wanted.position)
-    if wanted.kinova is not None and (wanted.down or any(each is not None for each in turned)):
-        raise InvalidInputError("--kinova is a whole pose: give it without --position and an orientation")
+    wanted.check()
     if wanted.position is None and wanted.kinova is None:
         raise InvalidInputError("give --position X Y Z or --targets FILE.csv; `jacokin ik --help` has examples")
     if batch.output is not None:

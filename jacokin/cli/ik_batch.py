@@ -19,7 +19,6 @@ from jacokin.cli.groups import BatchOptions
 from jacokin.cli.units import Units, warn_of_degrees
 from jacokin.ik.batches.chunk import EMPTY, count_rows, solve_rows
 from jacokin.ik.batches.solve_file import folder_of, solve_file
-from jacokin.ik.files.csv_files import read_names
 from jacokin.ik.files.formats import targets_format
 from jacokin.ik.files.targets import RPY, as_objects, left_behind
 
@@ -42,15 +41,16 @@ def run(
     """
     results: list[dict[str, object]] = []
     if targets.is_file():
-        first = next(targets_format(targets).blocks(targets, 1000))
+        form = targets_format(targets)
+        first = next(form.blocks(targets, 1000))
         if first.columns[3:] == RPY:
             widest = float(np.nanmax(np.abs(first.values[:, 3:]), initial=0.0))
-            warn_of_degrees(f"{targets}: roll, pitch, yaw", [widest], Units(degrees=False))
-        if targets.suffix not in (".npz", ".parquet"):
-            lost = left_behind(read_names(targets))
-            if lost:
-                text = display.printable(f"{targets}: columns not carried through: {', '.join(lost)}")
-                click.echo(f"jacokin: note: {text}", err=True)
+            what = display.printable(f"{targets}: roll, pitch, yaw")
+            warn_of_degrees(what, [widest], Units(degrees=False), advice="files hold no degrees")
+        lost = left_behind(form.read_names(targets))
+        if lost:
+            text = display.printable(f"{targets}: columns not carried through: {', '.join(lost)}")
+            click.echo(f"jacokin: note: {text}", err=True)
     out = given.output
     if out is None:
         if not as_json:

@@ -38,7 +38,7 @@ def info(given: InfoOptions, form: FormOptions) -> None:
     """
     if given.name is not None and given.robot is not None:
         raise InvalidInputError("give the robot once: as an argument, or with --robot")
-    arm = replace(given, robot=given.robot or given.name).load()
+    arm = replace(given, robot=given.name if given.robot is None else given.robot).load()
     if form.json:
         display.print_json(_document(arm, form.units))
     else:

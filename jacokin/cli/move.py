@@ -64,6 +64,9 @@ def move(
     has_pose = wanted.position is not None or wanted.kinova is not None
     if has_pose == (given.goal is not None):
         raise InvalidInputError("exactly one of --to and a pose (--position or --kinova) is needed")
+    if given.goal is not None and (wanted.is_oriented or wanted.is_free):
+        raise InvalidInputError("--to is joint angles: give it without an orientation and a free axis")
+    wanted.check()
     if given.rated_torque and given.torque_limit is not None:
         raise InvalidInputError("at most one of --torque-limit and --rated-torque is needed")
     written.check({"--robot": source.robot, "--scene": around.scene}, source.package_dirs)

@@ -28,19 +28,21 @@ Vector4 = tuple[float, float, float, float]
 Vector6 = tuple[float, float, float, float, float, float]
 
 
-def parse_joints(
-    flag: str, form: str, example: str, texts: Sequence[str], count: int = 1
-) -> Iterator[tuple[str, list[float]]]:
+def parse_joints(flag: str, form: str, example: str, texts: Sequence[str], count: int = 1) -> dict[str, list[float]]:
     """Names of joints, and so many numbers for each, from texts such as JOINT=VALUE.
 
     Raises:
-        InvalidInputError: one is not of this form.
+        InvalidInputError: one is not of this form, or a joint is given twice.
     """
+    found: dict[str, list[float]] = {}
     for text in texts:
         joint, sign, values = text.rpartition("=")
         if not sign:
             raise InvalidInputError(f"{flag} must be {form}, for example {example}, got {text!r}")
-        yield joint, parse_numbers(f"{flag} {joint}", values, count)
+        if joint in found:
+            raise InvalidInputError(f"{flag} is given twice for {joint!r}")
+        found[joint] = parse_numbers(f"{flag} {joint}", values, count)
+    return found
 
 
 def read_limits(
@@ -48,12 +50,13 @@ def read_limits(
 ) -> dict[str, tuple[float, float]] | None:
     """Read lower and upper limits of joints from --limit; errors as of `parse_joints`."""
     found = parse_joints("--limit", "JOINT=LOW,HIGH", "joint_2=0.9,5.4", texts, 2)
-    return {joint: (low, high) for joint, [low, high] in found} or None
+    return {joint: (low, high) for joint, [low, high] in found.items()} or None
 
 
 def read_locked(context: click.Context, parameter: click.Parameter, texts: Sequence[str]) -> dict[str, float] | None:
     """Read positions of joints from --lock; errors as of `parse_joints`."""
-    return {joint: value for joint, [value] in parse_joints("--lock", "JOINT=VALUE", "gripper=0.5", texts)} or None
+    found = parse_joints("--lock", "JOINT=VALUE", "gripper=0.5", texts)
+    return {joint: value for joint, [value] in found.items()} or None
 
 
 def read_placement(
@@ -109,7 +112,7 @@ def read_cameras(
     """Read cameras and the sizes of their pictures from --camera.
 
     Raises:
-        InvalidInputError: it is neither NAME nor NAME=HEIGHTxWIDTH.
+        InvalidInputError: it is neither NAME nor NAME=HEIGHTxWIDTH, or given twice.
     """
     found = dict[str, tuple[int, int]]()
     for text in texts:
@@ -117,6 +120,8 @@ def read_cameras(
         match = re.fullmatch(r"([0-9]{1,4})x([0-9]{1,4})", size)
         if not name or (sign and match is None):
             raise InvalidInputError(f"--camera must be NAME or NAME=HEIGHTxWIDTH, such as wrist=96x96, got {text!r}")
+        if name in found:
+            raise InvalidInputError(f"--camera is given twice for {name!r}")
         found[name] = PICTURE if match is None else (int(match[1]), int(match[2]))
     return found or None
 

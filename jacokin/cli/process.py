@@ -26,13 +26,12 @@ _signals: list[int] = []  # that have come and end the process
 class _Dropping(io.FileIO):
     """A descriptor; what it does not take is dropped, as where the reader has left or the disk is full."""
 
-    def write(self, content: Any, /) -> int | None:  # Any: a buffer, as of `FileIO`
+    def write(self, content: Any, /) -> int:  # Any: a buffer, as of `FileIO`
         """Write some bytes; how many, also where they are dropped."""
         try:
-            written = super().write(content)
+            return super().write(content) or len(content)
         except OSError:
-            written = None
-        return len(content) if written is None else written
+            return len(content)
 
 
 @contextlib.contextmanager
@@ -40,13 +39,10 @@ def around_command() -> Iterator[None]:
     """Streams that can be written to, an orderly end at SIGTERM and SIGHUP, and the library's log on stderr."""
     _open_streams()
     stderr = sys.stderr
-    if stderr is sys.__stderr__ and os.name == "posix":  # notes and progress that nobody reads end no work
-        sys.stderr = io.TextIOWrapper(
-            io.BufferedWriter(_Dropping(stderr.fileno(), "w", closefd=False)),
-            stderr.encoding,
-            stderr.errors,
-            line_buffering=True,
-        )
+    is_own = stderr is sys.__stderr__ and os.name == "posix"
+    if is_own:  # notes and progress that nobody reads end no work
+        raw = _Dropping(stderr.fileno(), "w", closefd=False)
+        sys.stderr = io.TextIOWrapper(io.BufferedWriter(raw), stderr.encoding, stderr.errors, line_buffering=True)
     handler = logging.StreamHandler(sys.stderr)
     handler.setFormatter(logging.Formatter("jacokin: %(message)s"))
     logger = logging.getLogger("jacokin")

@@ -43,7 +43,12 @@ class BuildOptions:
     folder: Path = option(metavar="FOLDER", text="Where the map is kept; one that is there is completed.")
     spacing: float = option("--spacing", default=0.05, metavar="M", help="Edge of a cell [m].")
     orientations: int = option(
-        "--orientations", type=click.IntRange(min=1), default=200, metavar="N", help="How many, spread evenly."
+        "--orientations",
+        without=("--down",),
+        type=click.IntRange(min=1),
+        default=200,
+        metavar="N",
+        help="How many, spread evenly.",
     )
     down: bool = switch("--down", help="The tool pointing vertically down instead.")
     free_axis: list[float] | None = option(
@@ -63,7 +68,7 @@ class BuildOptions:
         "reject without using symmetry, as with a scene; ignore.",
     )
     shard: str | None = option("--shard", metavar="I/N", help="Build the I-th of N parts only.")
-    workers: int = options.workers()
+    workers: int = options.workers(without=("--dask",))
     dask: str | None = options.dask()
 
 

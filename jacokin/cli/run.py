@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from jacokin.model import Robot
     from jacokin.runner import LiveMotion, PlannedMotion, ProcessLink, Runner, TwinLink
 
+DEGREES = click.FloatRange(min=0.0, min_open=True)
 LINES = 100  # of a hand that wait at most
 MISTAKEN = 0.03  # [s] by which a latency that is given may be off
 
@@ -42,7 +43,12 @@ class MotionOptions:
     fingers: float | None = option(
         "--fingers", type=click.FloatRange(0.0, 1.0), metavar="S", help="Go there meanwhile, 0 open to 1 closed."
     )
-    write_forwarder: Path | None = option("--write-forwarder", metavar="FILE.py", help="Write the forwarder, and end.")
+    write_forwarder: Path | None = option(
+        "--write-forwarder",
+        without=("--live", "--twin", "--ros", "--forwarder"),
+        metavar="FILE.py",
+        help="Write the forwarder, and end.",
+    )
     json: bool = options.json()
 
 
@@ -55,18 +61,25 @@ class ConnectionOptions:
         "--forwarder", metavar="COMMAND", help="Starts the forwarder elsewhere, by ssh or docker exec -i."
     )
     python: str | None = option(
-        "--python", metavar="PATH", help="Python of ROS, with --ros; that of the system if not given."
+        "--python", needs=("--ros",), metavar="PATH", help="Python of ROS, with --ros; that of the system if not given."
     )
     name: str | None = option(
-        "--name", metavar="NAME", help="Of the robot in ROS, as kinova_robotName; that of --robot if not given."
+        "--name",
+        without=("--twin",),
+        metavar="NAME",
+        help="Of the robot in ROS, as kinova_robotName; that of --robot if not given.",
     )
-    states: str | None = option("--states", metavar="TOPIC", help="Of joint states, if it is not the driver's.")
-    velocities: str | None = option("--velocities", metavar="TOPIC", help="Of velocities, if it is not the driver's.")
+    states: str | None = option(
+        "--states", needs=("--ros",), metavar="TOPIC", help="Of joint states, if it is not the driver's."
+    )
+    velocities: str | None = option(
+        "--velocities", needs=("--ros",), metavar="TOPIC", help="Of velocities, if it is not the driver's."
+    )
     twin: bool = switch("--twin", help="Move a simulated arm instead, without ROS, that stands where it begins.")
     faults: str = option(
         "--faults", metavar="FAULTS", default="", help="With --twin: such as lag=0.02,loss=0.01,stall=0.3."
     )
-    random_seed: int | None = options.random_seed()
+    random_seed: int | None = options.random_seed(needs=("--twin",))
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,8 +94,10 @@ class GuardOptions:
         metavar="T",
         help="From a velocity to its measurement [s]; measured as the arm begins to move if not given.",
     )
-    start: float = option("--start", type=float, default=2.0, metavar="DEG", help="Allowed at the start [deg].")
-    lag: float = option("--lag", type=float, default=5.0, metavar="DEG", help="Allowed off the motion [deg].")
+    start: float = option(
+        "--start", without=("--live",), type=DEGREES, default=2.0, metavar="DEG", help="Allowed at the start [deg]."
+    )
+    lag: float = option("--lag", type=DEGREES, default=5.0, metavar="DEG", help="Allowed off the motion [deg].")
     silence: float = option(
         "--silence", type=float, default=0.5, metavar="T", help="Allowed without a measurement [s]."
     )
@@ -113,6 +128,8 @@ def run(given: MotionOptions, way: ConnectionOptions, bounds: GuardOptions, sour
     from jacokin.runner import run as play
 
     if given.write_forwarder is not None:
+        if given.file is not None:
+            raise InvalidInputError("--write-forwarder writes the forwarder, and ends: give it without a file")
         _write_forwarder(given.write_forwarder)
         return
     if (given.file is None) is not given.live:

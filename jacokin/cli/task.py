@@ -86,6 +86,8 @@ class TaskOptions:
         """
         if not self.expert and (self.noise is not None or self.mistakes is not None):
             raise InvalidInputError("--noise and --mistakes are those of the expert: give --expert too")
+        if self.record is not None and not self.record.absolute().parent.is_dir():
+            raise InvalidInputError(f"--record: there is no folder {self.record.absolute().parent}")
         if self.render and is_video(self.record):
             raise InvalidInputError(
                 "give one of --render and --record with a video, not both: each draws in its own way"
@@ -99,6 +101,10 @@ class TaskOptions:
                 )
             if self.control is not None:
                 raise InvalidInputError("--control is that of the data set: leave it out")
+            if self.episodes != 1 or self.seed != 0:
+                raise InvalidInputError("--episodes and --seed are those of the data set: leave them out")
+            if not self.data_set.exists() or self.data_set.suffix not in DATA_SETS:
+                raise InvalidInputError(f"{self.data_set}: is not a data set that is there: {', '.join(DATA_SETS)}")
         elif self.record is not None and self.record.suffix in DATA_SETS and self.render:
             raise InvalidInputError("give one of --render and --record with a data set, not both")
 
@@ -316,8 +322,6 @@ def record_to(path: Path) -> Iterator[ArrayRecorder | VideoRecorder]:
 
     if path.suffix not in (ARRAYS, VIDEO):
         raise InvalidInputError(f"--record must end in {', '.join((ARRAYS, VIDEO, *DATA_SETS))}, got {path}")
-    if not path.absolute().parent.is_dir():
-        raise InvalidInputError(f"--record: there is no folder {path.absolute().parent}")
     ffmpeg = find_ffmpeg() if is_video(path) else ""
     with files.replacing(path) as unfinished:
         if not is_video(path):

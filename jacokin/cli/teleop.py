@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from jacokin.viewer.browser.props import Props
 
 DEVICES = ("player", "spacemouse", "keyboard", "page")
+RATE = 60.0  # [1/s] of a hand that is made
 ARRIVED = 1e-3  # [m] nearer to its target, the tool has arrived
 ACCELERATION = 4.0  # [rad/s^2]
 TASK_SPEED = 0.1, 0.6  # [m/s], [rad/s] of keys
@@ -57,7 +58,9 @@ class LeadingOptions:
     stream: str | None = option(
         "--stream", metavar="FILE.npz|KIND", help="For the player: a recording or a made hand, smooth if not given."
     )
-    rate: float = option("--rate", default=60.0, metavar="R", help="Of a hand that is made: poses in a second [1/s].")
+    rate: float | None = option(
+        "--rate", metavar="R", help="Of a hand that is made: poses in a second [1/s]; 60 if not given."
+    )
     random_seed: int | None = options.random_seed()
     seconds: float | None = option(
         "--seconds", metavar="T", help="End after this time [s]; with the device if not given."
@@ -73,6 +76,11 @@ class LeadingOptions:
     def recording(self) -> Path | None:
         """The file of a stream."""
         return None if self.stream is None or Path(self.stream).suffix != STREAM else Path(self.stream)
+
+    @property
+    def is_made(self) -> bool:
+        """Whether the hand is made, and not recorded or somebody's."""
+        return self.device == "player" and self.recording is None
 
     @property
     def seed(self) -> int:
@@ -94,6 +102,8 @@ class LeadingOptions:
 
         if self.device != "player" and (self.stream is not None or self.fast):
             raise InvalidInputError("--stream and --fast are for --device player")
+        if self.rate is not None and not self.is_made:
+            raise InvalidInputError("--rate is for a hand that is made: --device player without a recording")
         if self.output is not None and self.output.suffix in DATA_SETS:
             advice = f"a data set of a task is --record {self.output} --task NAME"
             raise InvalidInputError(f"--output writes one motion; {advice}")
@@ -193,6 +203,8 @@ class SimulationOptions:
             raise InvalidInputError(
                 "--record ends with its episodes and writes them only: leave out --seconds and --output"
             )
+        if hand.random_seed is not None and self.task is None and not hand.is_made:
+            raise InvalidInputError("--random-seed is for a hand that is made, or for --task")
         if hand.fast and self.pace is not None:
             raise InvalidInputError("give at most one of --fast and --pace")
         if self.task is not None and has_robot:
@@ -236,7 +248,7 @@ class PageOptions:
     """The page that shows the arm."""
 
     view: bool = switch("--view", help="Show the arm in the browser; prints the address. --device page does, too.")
-    port: int = options.port()
+    port: int = options.port(needs=("--view", "--device"))
 
 
 @command()
@@ -401,7 +413,7 @@ def _demonstrate(
         raise SystemExit(NOT_SOLVED)
 
 
-def _player(robot: model.Robot, given: str | None, rate: float, seed: int) -> Player:
+def _player(robot: model.Robot, given: str | None, rate: float | None, seed: int) -> Player:
     """A recording, or a hand that is made."""
     import numpy as np
 
@@ -412,7 +424,8 @@ def _player(robot: model.Robot, given: str | None, rate: float, seed: int) -> Pl
         return Player(Stream.load(given))
     if given is not None and given not in KINDS and Path(given).suffix:
         raise InvalidInputError(f"--stream must be a recording, {STREAM}, or one of {', '.join(KINDS)}, got {given!r}")
-    return Player(make_stream(robot, given or "smooth", np.random.default_rng(seed), rate=rate))
+    kind = "smooth" if given is None else given
+    return Player(make_stream(robot, kind, np.random.default_rng(seed), rate=RATE if rate is None else rate))
 
 
 def _fingers(robot: model.Robot, *, said: bool) -> Fingers | None:

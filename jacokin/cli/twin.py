@@ -38,7 +38,7 @@ class TwinOptions:
         "--name", metavar="NAME", help="Of the robot in ROS, as kinova_robotName; that of --robot if not given."
     )
     start: list[float] | None = option("--from", metavar="Q1 .. Q6", help="Joint angles at first; home if not given.")
-    degrees: bool = switch("--degrees", help="--from is in degrees.")
+    degrees: bool = switch("--degrees", needs=("--from",), help="--from is in degrees.")
     faults: str = option(
         "--faults",
         metavar="FAULTS",
@@ -47,7 +47,9 @@ class TwinOptions:
     )
     random_seed: int | None = options.random_seed()
     pace: float = options.pace(
-        default=1.0, help="Simulated seconds in a second; with any but 1 the twin gives the time, on /clock."
+        default=1.0,
+        without=("--fast",),
+        help="Simulated seconds in a second; with any but 1 the twin gives the time, on /clock.",
     )
     fast: bool = switch("--fast", help="As fast as it can, instead of at a pace.")
     task: str | None = option("--task", metavar="NAME", help="Stand in the scene of this task, such as lift_brick.")
@@ -58,7 +60,7 @@ class TwinOptions:
         "--seconds", metavar="T", help="End after this simulated time [s]; by Ctrl-C if not given."
     )
     view: bool = switch("--view", help="Show the arm in the browser; prints the address.")
-    port: int = options.port()
+    port: int = options.port(needs=("--view",))
     json: bool = options.json()
 
 
@@ -93,7 +95,10 @@ def twin(given: TwinOptions) -> None:
     called = given.robot if given.name is None else given.name
     if not re.fullmatch(r"[A-Za-z]\w*", called, re.ASCII):
         raise InvalidInputError(f"--name must be letters, digits and underscores, a letter first, got {called!r}")
-    q = None if given.start is None else Units(given.degrees).to_si(given.start)
+    q = None
+    if given.start is not None:
+        joints = Units(given.degrees).for_joints(model.load_robot(given.robot))
+        q = joints.configuration("--from", given.start)
     with contextlib.ExitStack() as stack:
         environment = None
         if given.task is not None:

@@ -132,11 +132,13 @@ class JointUnits:
         return float(value) if any(self.prismatic) else self.units.from_si(value)
 
 
-def warn_of_degrees(option: str, values: Iterable[float], units: Units, unit: str = "rad") -> None:
+def warn_of_degrees(
+    option: str, values: Iterable[float], units: Units, unit: str = "rad", advice: str = "--degrees is for degrees"
+) -> None:
     """A note on stderr where angles in radians look like degrees: they exceed a full turn, or one in a second."""
     if not units.degrees and any(2.0 * math.pi < abs(value) < math.inf for value in values):
         what = "an angle exceeds a full turn" if unit == "rad" else f"{2.0 * math.pi:.3g} {unit} are a full turn"
-        _note(f"{option} is in {unit.replace('rad', 'radians', 1)}, and {what}; --degrees is for degrees")
+        _note(f"{option} is in {unit.replace('rad', 'radians', 1)}, and {what}; {advice}")
 
 
 def warn_of_millimetres(option: str, position: Iterable[float]) -> None:

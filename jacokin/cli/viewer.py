@@ -76,7 +76,7 @@ class ViewOptions:
         "--prefer", default="nearest", metavar="NAME", help="The branch to go to: nearest, margin or manipulability."
     )
     free_axis: str | None = option("--free-axis", metavar="AXIS", help="The tool may turn about this axis: x, y or z.")
-    free_range: tuple[float, float] | None = options.free_range()
+    free_range: tuple[float, float] | None = options.free_range(needs=("--free-axis",))
     trajectory: Path | None = option(
         "--trajectory", help="A trajectory to play: .csv, .npz, .json (ROS) or .kinova.csv."
     )

@@ -18,6 +18,7 @@ from jacokin.model.robot import Robot, checked_robot
 
 REST = 1.0  # [s] at the start and, at least, at the end
 SLOW = 0.06  # [m/s] on average
+FASTEST = 10_000.0  # [1/s] of a hand: each pose takes some time and memory
 TURNING = 0.5  # [rad/s] likewise
 
 
@@ -89,7 +90,7 @@ def make_stream(robot: Robot, kind: str, rng: np.random.Generator, *, rate: floa
             quaternions; "shoulder": through the axis of the first joint; "wrist_flips": turns by up to half a turn;
             "out_of_reach": beyond the reach and back.
         rng: randomness.
-        rate: poses in a second [1/s]; those of hand devices are 10 to 200.
+        rate: poses in a second, at most 10000 [1/s]; those of hand devices are 10 to 200.
 
     Raises:
         UnknownNameError: an unknown kind.
@@ -98,11 +99,12 @@ def make_stream(robot: Robot, kind: str, rng: np.random.Generator, *, rate: floa
     checked_robot("robot", robot)
     make = KINDS[checks.choice("kind", kind, KINDS)]
     checks.generator("rng", rng)
-    step = 1.0 / checks.positive("rate", rate, "1/s")
+    if checks.positive("rate", rate, "1/s") > FASTEST:
+        raise checks.refusal("rate", f"at most {FASTEST:g}", rate, "1/s")
     start = robot.forward_kinematics(robot.home)
     corners = make(start, rng)
     times, ways, turns = _timed(corners)
-    time = np.arange(0.0, times[-1] + 2.0 * REST, step)
+    time = np.arange(0.0, times[-1] + 2.0 * REST, 1.0 / rate)
     way = np.column_stack([_smooth(time, times, column) for column in ways.T])
     turn = np.column_stack([_smooth(time, times, column) for column in turns.T])
     if kind == "jerky":

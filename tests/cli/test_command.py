@@ -29,6 +29,8 @@ LISTS = {"--seed"}
 numbers = st.floats().map(repr)
 words = st.text(min_size=1).filter(lambda word: not word.startswith("-"))
 
+FROM = ("twin", "--ros", "1", "--from", *"000000")  # outside the limits
+
 
 @pytest.mark.parametrize(
     ("typed", "parsed"),
@@ -99,7 +101,7 @@ def test_other_words_keep_their_order_and_their_characters(typed: list[str]) -> 
         ("tip='x' is not a frame", "--tip 'x' is not a frame"),
         ("give base= or tip=, not both", "give --base or --tip, not both"),
         ("package_dirs=[...] or ROS_PACKAGE_PATH", "--package-dir [...] or ROS_PACKAGE_PATH"),
-        ("q must have shape (6,), got (2,)", "ANGLE... must have shape (6,), got (2,)"),
+        ("filter must be a finite number", "--filter must be a finite number"),
         ("range must be (least, largest)", "--free-range must be (least, largest)"),
         ("the axis of tip is not base", "the axis of tip is not base"),
     ],
@@ -119,8 +121,15 @@ def test_an_unknown_name_is_told_with_the_option_that_gave_it() -> None:
 def test_a_file_whose_name_is_a_number_keeps_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "1").write_text("x,y,z\n0.3,-0.2,0.5\n", encoding="utf-8")
-    assert leave("ik", "--targets", "1", "--output", "5") == 0
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["1", "5"]
+    assert leave("ik", "--targets", "1", "--output", "5.csv") == 0
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["1", "5.csv"]
+
+
+@pytest.mark.parametrize(("words", "flag"), [(("fk", *"12345", "1e400"), "ANGLE..."), (FROM, "--from")])
+def test_joint_angles_are_called_as_the_command_calls_them(run: Run, words: tuple[str, ...], flag: str) -> None:
+    answer = run(*words)
+    assert answer.code == 2
+    assert answer.err.splitlines()[-1].startswith(f"jacokin: {flag} ")
 
 
 def test_an_unknown_option_is_named_not_its_value(run: Run) -> None:

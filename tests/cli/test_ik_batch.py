@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ import jacokin
 from jacokin.errors import InvalidInputError
 from jacokin.ik import read_targets, solve_file
 from jacokin.model import poses
-from tests.cli.run import leave
+from tests.cli.run import Run, leave
 
 REACHED = 12
 FAR = "9,9,9,1,0,0,0"
@@ -89,6 +90,27 @@ def test_columns_that_answers_have_too_are_named(tmp_path: Path, capsys: pytest.
     assert note in capsys.readouterr().err
     assert leave("ik", "--targets", str(tmp_path / "joints.csv"), "--output", str(tmp_path / "again.csv")) == 0
     assert "carried" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("ending", [".npz", ".parquet"])
+def test_columns_that_answers_have_too_are_named_of_all_files(run: Run, tmp_path: Path, ending: str) -> None:
+    file = tmp_path / f"targets{ending}"
+    columns = {"x": [0.3], "y": [-0.2], "z": [0.5], "q1": [1.0], "note": ["mine"]}
+    if ending == ".npz":
+        np.savez(file, **{name: np.array(column) for name, column in columns.items()})
+    else:
+        pytest.importorskip("pyarrow.parquet").write_table(pytest.importorskip("pyarrow").table(columns), file)
+    answers = [file, *(tmp_path / f"answers{number}{ending}" for number in (1, 2))]
+    said = [run("ik", "--targets", str(a), "--output", str(b)).err for a, b in pairwise(answers)]
+    assert "columns not carried through: q1 (answers have one)" in said[0]
+    assert "carried" not in said[1]
+
+
+def test_degrees_in_a_file_are_noted_without_an_option_that_is_not_for_files(run: Run, tmp_path: Path) -> None:
+    file = tmp_path / "targets.csv"
+    file.write_text("x,y,z,roll,pitch,yaw\n0.3,-0.2,0.5,180,0,0\n", encoding="utf-8")
+    said = run("ik", "--targets", str(file)).err
+    assert "roll, pitch, yaw is in radians, and an angle exceeds a full turn; files hold no degrees" in said
 
 
 def test_targets_without_quaternions_are_positions(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

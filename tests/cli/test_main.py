@@ -153,6 +153,58 @@ def test_wrong_input_is_one_sentence_and_exit_code_2(run: Run, words: tuple[str,
     assert answer.out == ""
 
 
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("ik", *POSE, "--workers", "8"), "--workers goes with --targets"),
+        (("ik", "--targets", "a.csv", "--workers", "8", "--dask", "a:1"), "--workers does not go with --dask"),
+        (("ik", *POSE, "--all", "--random-seed", "1"), "--random-seed does not go with --all"),
+        (("ik", *POSE, "--limit", "joint_2=1,5", "--limit", "joint_2=2,5"), "--limit is given twice for 'joint_2'"),
+        (("info", "--lock", "finger_1=0.2", "--lock", "finger_1=0.3"), "--lock is given twice for 'finger_1'"),
+        (("crosscheck", "j2n6s300", "--frame", "a=b", "--frame", "a=c"), "--frame is given twice for 'a'"),
+        (("crosscheck", "--second-base", "link_1"), "--second-base is for a second description"),
+        (("crosscheck", "--second-tip", "link_1"), "--second-tip is for a second description"),
+        (("export-c", "--cflags", "--output", "a"), "--output does not go with --cflags"),
+        (("export-c", "--cflags", "--target", "wasm"), "--target does not go with --cflags"),
+        (("map", "build", "a", "--down", "--orientations", "9"), "--orientations does not go with --down"),
+        (("map", "build", "a", "--workers", "2", "--dask", "a:1"), "--workers does not go with --dask"),
+        (("move", "--to", *HOME, "--down"), "--to is joint angles: give it without an orientation"),
+        (("move", "--to", *HOME, "--free-axis", "z"), "--to is joint angles: give it without an orientation"),
+        (("move", *POSE[:4], "--kinova", *"123456"), "--kinova is a whole pose"),
+        (("run", "a.csv", "--twin", "--name", "arm"), "--name does not go with --twin"),
+        (("run", "a.csv", "--twin", "--states", "/joints"), "--states goes with --ros"),
+        (("run", "a.csv", "--forwarder", "a", "--velocities", "/speeds"), "--velocities goes with --ros"),
+        (("run", "a.csv", "--forwarder", "a", "--python", "a"), "--python goes with --ros"),
+        (("run", "a.csv", "--ros", "1", "--random-seed", "1"), "--random-seed goes with --twin"),
+        (("run", "--live", "--twin", "--start", "1"), "--start does not go with --live"),
+        (("run", "a.csv", "--write-forwarder", "a.py"), "give it without a file"),
+        (("run", "--twin", "--write-forwarder", "a.py"), "--write-forwarder does not go with --twin"),
+        (("task", "replay", "a.hdf5", "--episodes", "3"), "--episodes and --seed are those of the data set"),
+        (("task", "replay", "a.hdf5", "--seed", "3"), "--episodes and --seed are those of the data set"),
+        (("teleop", "--port", "9000"), "--port goes with --view or --device"),
+        (("teleop", "--rate", "30", "--stream", "a.npz"), "--rate is for a hand that is made"),
+        (("teleop", "--random-seed", "3", "--stream", "a.npz"), "--random-seed is for a hand that is made"),
+        (("twin", "--ros", "1", "--degrees"), "--degrees goes with --from"),
+        (("twin", "--ros", "1", "--fast", "--pace", "2"), "--pace does not go with --fast"),
+        (("twin", "--ros", "1", "--port", "9000"), "--port goes with --view"),
+        (("twin", "--ros", "1", "--camera", "wrist", "--camera", "wrist"), "--camera is given twice for 'wrist'"),
+        (("view", "--free-range", "0", "1"), "--free-range goes with --free-axis"),
+    ],
+)
+def test_an_option_that_has_no_effect_is_refused(run: Run, words: tuple[str, ...], message: str) -> None:
+    answer = run(*words)
+    assert answer.code == 2
+    assert message in answer.err
+
+
+@pytest.mark.parametrize("words", [("info", ""), ("info", "--robot", ""), ("fk", *HOME, "--robot", "")])
+def test_an_empty_name_is_no_robot(run: Run, words: tuple[str, ...]) -> None:
+    """As "$ROBOT" is in a shell where it is not set."""
+    answer = run(*words)
+    assert answer.code == 2
+    assert "--robot must be a bundled name or a path, got ''" in answer.err
+
+
 def test_a_broken_description_is_one_sentence(run: Run, tmp_path: Path) -> None:
     path = tmp_path / "cut.urdf"
     path.write_text('<robot name="cut"><link', encoding="utf-8")

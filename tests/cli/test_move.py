@@ -90,6 +90,11 @@ def test_a_motion_for_ros(tmp_path: Path) -> None:
     assert not any(points[0]["velocities"] + points[-1]["velocities"])
 
 
+def test_degrees_in_place_of_radians_are_noted(capsys: pytest.CaptureFixture[str]) -> None:
+    leave("move", "--position", "0.3", "-0.2", "0.5", "--rpy", "180", "0", "0")
+    assert "note: --rpy is in radians, and an angle exceeds a full turn" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [

@@ -36,7 +36,7 @@ def test_without_ros_it_says_what_to_install(
         (("--ros", "1", "--faults", "lag"), "lag=0.02,loss=0.01"),
         (("--ros", "1", "--faults", "delay=1"), "lag, loss, stall"),
         (("--ros", "1", "--from", "0", "0", "0", "0", "0", "0"), "outside the limits"),
-        (("--ros", "1", "--from", "1", "2"), "6"),
+        (("--ros", "1", "--from", "1", "2"), "--from must be 6 numbers, got 2"),
         (("--ros", "1", "--name", "my arm"), "--name must be letters"),
         (("--ros", "1", "--camera", "wrist"), "--task"),
         (("--ros", "2", "--task", "lift_brick", "--robot", "j2n6s200"), "--task has its robot"),

@@ -33,6 +33,9 @@ class Format(Protocol):
     def parts(self, path: Path, size: int) -> list[FilePart]:
         """Where the rows of each of `blocks` are. Errors as there, all of them: a CSV file is read to its end."""
 
+    def read_names(self, path: Path) -> list[str]:
+        """The names of a file's columns. Errors as of `blocks`, of a file that cannot be read."""
+
     def encode(self, targets: TargetFile, batch: BatchResult) -> bytes:
         """The answers to some targets, for `write_joined`."""
 

@@ -39,6 +39,7 @@ from jacokin.model.checks import NUMBER_KINDS
 _GROUPS = {("position", (3,)): POSITION, ("quat_wxyz", (4,)): QUATERNION, ("rpy", (3,)): RPY}
 _MATRICES = (4, 4)
 LOCAL_HEADER = 30  # bytes before the name of a file in a ZIP archive; the lengths of name and extra field end it
+NOT_NPZ = "is not an NPZ file"
 _NEEDED = (
     "needed: targets (n, 4, 4) or (n, 3); or position (n, 3) with quat_wxyz (n, 4), rpy (n, 3) or nothing; "
     "or an array (n,) for each column of a CSV file"
@@ -77,10 +78,18 @@ def parts(path: Path, size: int) -> list[FilePart]:
         return equal_parts(int(members[0].shape[0]), size, alone=stored)
 
 
+def read_names(path: Path) -> list[str]:
+    """The names of a file's arrays, without those of answers. Errors as of `blocks`, of a file that cannot be read."""
+    with files.open_archive(path, NOT_NPZ) as archive:
+        names = [name.removesuffix(".npy") for name in archive.namelist()]
+    is_solved = set(RESERVED[:3]) <= set(names)
+    return [name for name in names if not (is_solved and is_answer(name))]
+
+
 @contextlib.contextmanager
 def _reading(path: Path) -> Iterator[tuple[tuple[str, ...], list[_Member], dict[str, _Member]]]:
     """The columns, the arrays that hold them, in their order, and those that are carried through."""
-    with files.open_archive(path, "is not an NPZ file") as archive, contextlib.ExitStack() as stack:
+    with files.open_archive(path, NOT_NPZ) as archive, contextlib.ExitStack() as stack:
         names = [name.removesuffix(".npy") for name in archive.namelist()]
         found = {name: _opened(stack, archive, path, name) for name in names}
         columns, chosen_names = _chosen(path, found)

@@ -32,6 +32,8 @@ TEXTS = ("status", "method", "message")
 WRITTEN_AT_ONCE = 1 << 14  # rows
 READ_AT_ONCE = 1 << 14  # rows: small batches cost more than what they hold, and pyarrow's threads read on needlessly
 
+NOT_PARQUET = "is not a Parquet file that can be read"
+
 
 def blocks(path: Path, size: int, consecutive: Sequence[FilePart] | None = None) -> Iterator[TargetFile]:
     """The targets, `size` at a time, whatever the row groups of the file are; of some consecutive parts, or all.
@@ -102,9 +104,15 @@ def _groups_from(metadata: pq.FileMetaData, start: int) -> tuple[list[int], int]
     return [], 0
 
 
+def read_names(path: Path) -> list[str]:
+    """The names of a file's columns. Errors as of `blocks`, of a file that cannot be read."""
+    with files.open_parquet(path, NOT_PARQUET) as file:
+        return list(file.schema_arrow.names)
+
+
 @contextlib.contextmanager
 def _reading(path: Path) -> Iterator[tuple[pq.ParquetFile, TargetColumns]]:
-    with files.open_parquet(path, "is not a Parquet file that can be read") as file:
+    with files.open_parquet(path, NOT_PARQUET) as file:
         columns = choose_columns(path, file.schema_arrow.names, "")
         if not file.metadata.num_rows:
             raise InvalidInputError(f"{path}: has no rows of targets")
