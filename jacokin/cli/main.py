@@ -111,7 +111,9 @@ def main(argv: Sequence[str] | None = None) -> None:
             code = _refuse(str(error))
         except OSError as error:
             process.drop_output()
-            code = _refuse(f"{error.filename or 'the output'}: {error.strerror}")
+            # Only the present folder, where it was removed, is missing without a name.
+            nameless = "the folder that this was started in" if isinstance(error, FileNotFoundError) else "the output"
+            code = _refuse(f"{error.filename or nameless}: {error.strerror}")
         except Exception as error:
             if sys.flags.dev_mode:  # python -X dev -m jacokin ... shows the traceback
                 raise

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import importlib.util
 import math
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import AbstractContextManager
@@ -19,7 +21,8 @@ from jacokin.cli.display import progress_bar
 from jacokin.cli.groups import MapRobotOptions, RobotOptions, ToolOptions, load_scene
 from jacokin.cli.options import Vector3, Vector4, keep_apart
 from jacokin.cli.process import NOT_SOLVED
-from jacokin.errors import InvalidInputError, UnknownNameError
+from jacokin.errors import InvalidInputError, MissingExtraError, UnknownNameError
+from jacokin.files import replacing
 from jacokin.model import NAMES
 
 if TYPE_CHECKING:
@@ -251,23 +254,29 @@ def place(given: PlaceOptions, source: MapRobotOptions) -> None:
         {"--targets": given.targets, "--scene": given.scene, "--map-scene": given.map_scene, "--robot": source.robot},
         source.package_dirs,
     )
+    from jacokin.reachability.placement import PLACE_ENDINGS, draw_placement
+
+    if given.plot is not None and given.plot.suffix not in PLACE_ENDINGS:
+        raise InvalidInputError(f"--plot must end in {' or '.join(PLACE_ENDINGS)}, got {str(given.plot)!r}")
+    if given.plot is not None and importlib.util.find_spec("matplotlib") is None:
+        raise MissingExtraError("matplotlib", "plot")
     rows_of_file = ik.read_targets(given.targets)
     wanted = rows_of_file.targets
     reach, obstacles = load_map(given.folder, source, given.map_scene), load_scene(given.scene)
     heights = None if given.height is None else [given.height]
-    with progress_bar("looking for places"):
-        found = reachability.place_base(reach, wanted, scene=obstacles, x=given.x, y=given.y, heights=heights)
-    if not found:
-        raise InvalidInputError("the base stands inside an obstacle wherever it may stand")
+    with contextlib.ExitStack() as stack:
+        drawable = None if given.plot is None else stack.enter_context(replacing(given.plot))
+        with progress_bar("looking for places"):
+            found = reachability.place_base(reach, wanted, scene=obstacles, x=given.x, y=given.y, heights=heights)
+        if not found:
+            raise InvalidInputError("the base stands inside an obstacle wherever it may stand")
+        if drawable is not None:
+            draw_placement(drawable, found[0], wanted, reach, obstacles)
     failed = [
         (int(rows_of_file.lines[row]), _why_missed(reach, found[0], row, wanted[row]))
         for row, is_reached in enumerate(found[0].success)
         if not is_reached
     ]
-    if given.plot is not None:
-        from jacokin.reachability.placement import draw_placement
-
-        draw_placement(given.plot, found[0], wanted, reach, obstacles)
     if given.json:
         places = [
             {

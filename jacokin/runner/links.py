@@ -274,13 +274,16 @@ def run(runner: Runner, link: Link, *, fingers: float | None = None, watch: Call
             link.send(step.v)
             if watch is not None:
                 watch()
-    finally:
-        runner.stop()
-        _come_to_rest(runner, link)
+    except BaseException:
+        with contextlib.suppress(InvalidInputError):  # where the link is cut: why it ended is said, as it came
+            _come_to_rest(runner, link)
+        raise
+    _come_to_rest(runner, link)
 
 
 def _come_to_rest(runner: Runner, link: Link) -> None:
-    """Send zeros until the arm stands."""
+    """End the motion, and send zeros until the arm stands."""
+    runner.stop()
     due = begun = link.now()
     sent, still = 0, np.zeros(runner.robot.dof)
     while sent < ZEROS or (link.now() - begun < ENDING and not runner.stands):

@@ -118,6 +118,12 @@ def test_answers_to_stdout_are_alone_there_and_keep_what_a_file_holds(tmp_path: 
     assert done.stderr.count("/dev/stdout") == 2  # where they were written to
 
 
+def test_a_folder_that_is_gone_is_not_called_the_output(tmp_path: Path) -> None:
+    done = shell(f"mkdir '{tmp_path}/gone' && cd '{tmp_path}/gone' && rmdir '{tmp_path}/gone' && jacokin info")
+    assert done.returncode == 2
+    assert done.stderr == "jacokin: the folder that this was started in: No such file or directory\n"
+
+
 SMALL_CHUNKS = "import jacokin.ik.batches.solve_file as batch; batch.SINGLE_ROWS = 4"
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import jacokin
+from jacokin import reachability
 from jacokin.ik import Scene
 from jacokin.model import quat_wxyz, urdf_folder
 from jacokin.reachability import load
@@ -173,3 +174,19 @@ def test_a_base_is_placed_in_a_scene_and_what_it_misses_is_reported(run: Run, tm
     inside = run(*words, "--x", "0", "0.4", "--y", "-0.2", "0.2")
     assert inside.code == 2
     assert "inside an obstacle" in inside.err
+
+
+@pytest.mark.parametrize(
+    ("name", "why"), [("place.txt", "--plot must end in .png or .svg or .pdf"), ("no/place.png", "cannot be written")]
+)
+def test_a_picture_that_cannot_be_written_is_refused_before_places_are_looked_for(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, why: str
+) -> None:
+    pytest.importorskip("matplotlib")
+    targets = tmp_path / "targets.csv"
+    targets.write_text("x,y,z,qw,qx,qy,qz\n0.3,-0.2,0.5,0,1,0,0\n", encoding="utf-8")
+    monkeypatch.setattr(reachability, "place_base", lambda *_, **__: pytest.fail("it was looked for"))
+    answer = run("place", "--targets", str(targets), "--plot", str(tmp_path / name))
+    assert answer.code == 2
+    assert name in answer.err
+    assert why in answer.err

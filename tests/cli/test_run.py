@@ -57,6 +57,7 @@ def test_an_open_loop_is_told_apart(run: Run, file: Path) -> None:
 FORWARDERS = {
     "the forwarder has left": "pass",
     "no line of it": "print('hello', flush=True); time.sleep(5)",  # it is killed, for it does not leave
+    "ROS 2: no node": "print(json.dumps({'error': 'ROS 2: no node'}), flush=True)",  # and leaves, as the forwarder does
     "ROS 1: no master": "print(json.dumps({'error': 'ROS 1: no master'}), flush=True); sys.stdin.read()",
 }
 
