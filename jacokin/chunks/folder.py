@@ -20,6 +20,7 @@ from jacokin.errors import InvalidInputError, JacokinError
 RECIPE = "recipe.json"
 HASH_DIGITS = 16  # of SHA-256, in names of chunks
 TEMPORARY = ".unfinished"
+BUSY = "another process is working on it"
 REMOVALS = 5  # times that a folder is emptied while somebody still writes into it
 
 Recipe = Mapping[str, object]
@@ -83,7 +84,7 @@ class ChunkFolder:
         with (self.path / RECIPE).open("rb") as lock:
             kind = fcntl.LOCK_SH if shared else fcntl.LOCK_EX
             if not (_lock(lock, kind) and _sees(self.path, self.keeper.recipe)):
-                raise InvalidInputError(f"{self.path}: another process is working on it")
+                raise InvalidInputError(f"{self.path}: {BUSY}")
             try:
                 yield
             except BaseException:
@@ -184,6 +185,25 @@ class Keeper:
                 f"when that is fixed, run it again to continue"
             ) from error
         return path.name
+
+
+def clear(folder: Path) -> None:
+    """Remove a folder of chunks, finished or not; nothing where there is none.
+
+    Raises:
+        InvalidInputError: another process is working on it, or it cannot be removed.
+    """
+    import shutil  # which brings every compression
+
+    try:
+        with (folder / RECIPE).open("rb") as lock:
+            if not _lock(lock, fcntl.LOCK_EX):
+                raise InvalidInputError(f"{folder}: {BUSY}")
+            shutil.rmtree(folder)
+    except (FileNotFoundError, NotADirectoryError):
+        return
+    except OSError as error:
+        raise InvalidInputError(f"{folder}: cannot be removed: {error.strerror}") from error
 
 
 def _sees(folder: Path, recipe: str) -> bool:

@@ -6,6 +6,7 @@ import csv
 import json
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -97,7 +98,8 @@ def test_columns_that_answers_have_too_are_named_of_all_files(run: Run, tmp_path
     file = tmp_path / f"targets{ending}"
     columns = {"x": [0.3], "y": [-0.2], "z": [0.5], "q1": [1.0], "note": ["mine"]}
     if ending == ".npz":
-        np.savez(file, **{name: np.array(column) for name, column in columns.items()})  # type: ignore[arg-type]  # numpy's type of keywords is a flag
+        arrays: dict[str, Any] = {name: np.array(column) for name, column in columns.items()}
+        np.savez(file, **arrays)
     else:
         pytest.importorskip("pyarrow.parquet").write_table(pytest.importorskip("pyarrow").table(columns), file)
     answers = [file, *(tmp_path / f"answers{number}{ending}" for number in (1, 2))]

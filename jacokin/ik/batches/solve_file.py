@@ -35,7 +35,7 @@ from jacokin.chunks.execution import (
     usable_cores,
     worker_processes,
 )
-from jacokin.chunks.folder import RECIPE, ChunkFolder, Keeper, digest, file_digest, sync, temporary
+from jacokin.chunks.folder import ChunkFolder, Keeper, clear, digest, file_digest, sync, temporary
 from jacokin.errors import InvalidInputError, JacokinError
 from jacokin.ik.batches.chunk import (
     EMPTY,
@@ -382,8 +382,8 @@ def _folder(out: Path, recipe: dict[str, object], count: int, *, resume: bool) -
     if not final.parent.is_dir():
         raise InvalidInputError(f"{out}: cannot be written: there is no folder {final.parent}")
     path = folder_of(final)
-    if not resume and (path / RECIPE).exists():
-        shutil.rmtree(path)
+    if not resume:
+        clear(path)
     is_new = not path.exists()
     try:
         folder = ChunkFolder(path, recipe, count, SUFFIX)

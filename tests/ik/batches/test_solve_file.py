@@ -491,13 +491,16 @@ def test_wrong_arguments_are_refused_before_anything_is_solved(
     assert [path.name for path in Path().iterdir()] == ["in.csv"]
 
 
-def test_one_process_at_a_time_works_on_a_file(solver: IKSolver, targets: Array, tmp_path: Path) -> None:
+@pytest.mark.parametrize("resume", [True, False])
+def test_one_process_at_a_time_works_on_a_file(
+    solver: IKSolver, targets: Array, tmp_path: Path, *, resume: bool
+) -> None:
     source, out = write(tmp_path / "in.csv", targets), tmp_path / "out.csv"
     refusals: list[str] = []
 
     def again(_: Progress) -> None:
         with pytest.raises(InvalidInputError, match="another process is working on it") as refused:
-            solve_file(solver, source, out)
+            solve_file(solver, source, out, resume=resume)
         refusals.append(str(refused.value))
 
     solve_file(solver, source, out, progress=again)
