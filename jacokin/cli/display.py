@@ -6,6 +6,7 @@ import contextlib
 import itertools
 import json
 import math
+import os
 import shutil
 import sys
 import textwrap
@@ -20,6 +21,7 @@ from jacokin import model
 from jacokin.cli import process
 from jacokin.cli.units import Units
 
+COLUMNS = 80  # of a terminal that does not say how many it has
 GAP = 3  # columns between columns
 PERIOD = 0.1  # [s] between two states of a progress bar
 LINE_PERIOD = 10.0  # [s] between two lines where there is no terminal
@@ -149,10 +151,11 @@ def plain(value: object) -> object:
 def progress_bar(title: str) -> Iterator[Callable[[int, int | None], None]]:
     """Show progress on stderr, through a function that takes the counts done and in all, None where that is unknown.
 
-    A terminal gets one line that changes; a file or a pipe gets a line now and then. Where nothing is said for long, as
+    A terminal gets one line that changes, cut where it ends; a file, a pipe or a terminal without control characters
+    (TERM=dumb) gets a line now and then. Where nothing is said for long, as
     in the midst of a slow step, it says how long it has worked.
     """
-    on_terminal = sys.stderr.isatty()
+    on_terminal = sys.stderr.isatty() and os.environ.get("TERM") != "dumb"
     before, after, period = (CLEAR, "", PERIOD) if on_terminal else ("jacokin: ", "\n", LINE_PERIOD)
     began = time.monotonic()
     shown = began - period if on_terminal else began
@@ -162,7 +165,8 @@ def progress_bar(title: str) -> Iterator[Callable[[int, int | None], None]]:
     def write(text: str, now: float) -> None:
         nonlocal shown
         shown = now
-        sys.stderr.write(f"{before}{text}{after}")
+        fitting = text[: _columns() - 1] if on_terminal else text  # of a line that is broken, the end only is erased
+        sys.stderr.write(f"{before}{fitting}{after}")
         sys.stderr.flush()
 
     def show(done: int, total: int | None) -> None:
@@ -196,6 +200,13 @@ def progress_bar(title: str) -> Iterator[Callable[[int, int | None], None]]:
         if on_terminal:
             sys.stderr.write(CLEAR)
             sys.stderr.flush()
+
+
+def _columns() -> int:
+    """Columns of the terminal that stderr is."""
+    with contextlib.suppress(OSError, ValueError):
+        return os.get_terminal_size(sys.stderr.fileno()).columns or COLUMNS
+    return COLUMNS
 
 
 def format_duration(seconds: float) -> str:

@@ -26,6 +26,7 @@ def narrow_terminal(monkeypatch: pytest.MonkeyPatch) -> Terminal:
     terminal = Terminal()
     monkeypatch.setattr(sys, "stdout", terminal)
     monkeypatch.setattr(sys, "stderr", terminal)
+    monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setattr(shutil, "get_terminal_size", lambda fallback=None: os.terminal_size((60, 24)))
     return terminal
 
@@ -59,6 +60,24 @@ def test_progress_is_shown_on_a_terminal_and_erased(monkeypatch: pytest.MonkeyPa
         show(0, 200)
         assert terminal.getvalue() == f"{display.CLEAR}solving 0 of 200 (0 %)"
     assert terminal.getvalue().endswith(display.CLEAR)
+
+
+def test_progress_is_one_line_of_the_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    terminal = narrow_terminal(monkeypatch)
+    monkeypatch.setattr(Terminal, "fileno", lambda _: 2)
+    monkeypatch.setattr(os, "get_terminal_size", lambda _: os.terminal_size((20, 24)))
+    with display.progress_bar("solving") as show:
+        show(0, 200)
+        assert terminal.getvalue() == f"{display.CLEAR}solving 0 of 200 (0"
+
+
+def test_a_terminal_without_control_characters_gets_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    terminal = narrow_terminal(monkeypatch)
+    monkeypatch.setenv("TERM", "dumb")
+    monkeypatch.setattr(display, "LINE_PERIOD", 0.0)
+    with display.progress_bar("solving") as show:
+        show(0, 200)
+    assert terminal.getvalue() == "jacokin: solving 0 of 200 (0 %)\n"
 
 
 def test_no_progress_goes_into_a_file(capsys: pytest.CaptureFixture[str]) -> None:
