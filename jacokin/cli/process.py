@@ -60,7 +60,7 @@ def around_command() -> Iterator[None]:
 
 
 def _open_streams() -> None:
-    """Connect closed streams to the null device; characters that the terminal lacks become escapes.
+    """Connect closed streams to the null device; what cannot be encoded or decoded becomes escapes.
 
     A closed descriptor would be given to the next file that is opened, and what is printed would end up there.
     """
@@ -73,7 +73,7 @@ def _open_streams() -> None:
             mode = "r" if name == "stdin" else "w"
             setattr(sys, name, open(descriptor, mode, encoding="utf-8", closefd=False))  # noqa: SIM115 - a descriptor, open to the end
         stream: TextIO = getattr(sys, name)
-        if name != "stdin" and isinstance(stream, io.TextIOWrapper) and stream.errors == "strict":
+        if isinstance(stream, io.TextIOWrapper) and stream.errors == "strict":
             stream.reconfigure(errors="backslashreplace")
 
 

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from jacokin import model
+from jacokin import files, model
 from jacokin.cli import display, options
 from jacokin.cli.command import command, option, switch
 from jacokin.cli.display import show_facts
@@ -166,7 +166,8 @@ def _write_forwarder(path: Path) -> None:
     text = (Path(__file__).parents[1] / "runner" / "forwarder.py").read_text(encoding="utf-8")
     if path.exists():
         raise InvalidInputError(f"--write-forwarder: {path} is there already")
-    path.write_text(text, encoding="utf-8")
+    with files.replacing(path) as unfinished:
+        unfinished.write_text(text, encoding="utf-8")
     click.echo(f"{path} is to be started beside the driver, by --forwarder", err=True)
 
 
@@ -232,9 +233,10 @@ def _reading(motion: LiveMotion) -> Callable[[], None]:
     said = [""]
 
     def read() -> None:
-        for line in sys.stdin:
-            if line.strip():
-                lines.put(line)
+        with contextlib.suppress(OSError):  # a terminal that is gone, and with it the hand
+            for line in sys.stdin:
+                if line.strip():
+                    lines.put(line)
         lines.put(None)
 
     def watch() -> None:

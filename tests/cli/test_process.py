@@ -118,6 +118,20 @@ def test_answers_to_stdout_are_alone_there_and_keep_what_a_file_holds(tmp_path: 
     assert done.stderr.count("/dev/stdout") == 2  # where they were written to
 
 
+def test_lines_that_are_no_text_end_no_live_motion() -> None:
+    environment = {**ENVIRONMENT, "PYTHONIOENCODING": "utf-8"}  # strict, as in most locales
+    done = subprocess.run(
+        [*COMMAND, "run", "--live", "--twin"],
+        input=b'\xff\xfe\n{"end": true}\n',
+        capture_output=True,
+        check=True,
+        env=environment,
+        timeout=DEADLINE,
+    )
+    assert b"a line must be JSON" in done.stderr
+    assert b"ARRIVED" in done.stdout
+
+
 def test_a_folder_that_is_gone_is_not_called_the_output(tmp_path: Path) -> None:
     done = shell(f"mkdir '{tmp_path}/gone' && cd '{tmp_path}/gone' && rmdir '{tmp_path}/gone' && jacokin info")
     assert done.returncode == 2
