@@ -206,7 +206,9 @@ def test_a_tracker_stops_before_a_cloud(robot: Robot, rng: np.random.Generator) 
             if tick % 10 == 0:
                 shift = [away, 0.0, 0.0] if speed else [0.0, 0.0, 0.0]
                 least = min(least, by_hand(robot, step.q, points + shift).min() - RADIUS)
-        assert 0.01 - 1e-4 < least < 0.02
+        # One that comes nearer is kept away as far as it comes while the arm stops from full speed.
+        ahead = speed * float((tracker.velocity_limit / tracker.acceleration_limit).max())
+        assert 0.01 - 1e-4 + 0.5 * ahead < least < 0.012 + ahead
 
 
 @pytest.mark.slow
