@@ -13,19 +13,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.kernels.tracking.limits import CHANGE
+from jacokin.kernels.tracking.limits import CHANGE, braking_way
 
 #: When to look: after the step itself, and after these parts of the ticks that it takes to come to rest.
 PLACES, WHEN = 5, (0.0, 0.06, 0.2, 0.5, 1.0)
 #: How often inequalities are looked at in turn, and steps to what one of them takes.
-IN_TURN, STEPS = 20, 8
+IN_TURN, FORCE_STEPS = 20, 8
 #: Rounds of slopes.
-ROUNDS = 3
+SLOPE_ROUNDS = 3
 #: Of what a joint may change in a tick: less is rounding.
-SAME = 1e-6
+UNCHANGED = 1e-6
 #: [m] by which an end is kept, and by how much it gives way to a force of one [rad/m]: what bounds do not allow is not
 #: asked of joints that hardly matter.
-SETTLED, SOFT = 1e-9, 1e-4
+HELD, SOFT = 1e-9, 1e-4
 
 
 class Aside(NamedTuple):
@@ -61,9 +61,7 @@ def make_aside(dof: int = 0, room: int = 0) -> Aside:
 
 def led_to(step: float, change: float, ticks: int) -> float:
     """Where a joint is that moves by a step in a tick and then brakes by a change for some ticks [rad]."""
-    speed = abs(step) / change
-    n = min(math.floor(speed), float(ticks))
-    return math.copysign(change * ((n + 1.0) * speed - 0.5 * n * (n + 1.0)), step)
+    return step + math.copysign(change * braking_way(abs(step) / change, float(ticks)), step)
 
 
 def look_ahead_of(aside: Aside, limits: Array, braking: Array, step: Array) -> None:
@@ -84,14 +82,14 @@ def look_ahead_of(aside: Aside, limits: Array, braking: Array, step: Array) -> N
 def change_least(aside: Aside, limits: Array, low: Array, high: Array, step: Array) -> None:
     """Change a step (dof,) [rad] as little as it takes for all inequalities to hold, where its bounds allow that."""
     s, dof = aside.s, len(step)
-    for _ in range(ROUNDS):
+    for _ in range(SLOPE_ROUNDS):
         for j in range(dof):
             s[j] = step[j]
         if not keep_all(aside, low, high, step):
             return
         for j in range(dof):
             found, change = min(max(s[j], low[j]), high[j]), limits[j, CHANGE]
-            if abs(found - step[j]) > SAME * change:
+            if abs(found - step[j]) > UNCHANGED * change:
                 for k in range(PLACES):
                     led = led_to(found, change, aside.ticks[k]) - aside.wanted[k * dof + j]
                     aside.slopes[k * dof + j] = led / (found - step[j])
@@ -122,7 +120,7 @@ def keep_all(aside: Aside, low: Array, high: Array, step: Array) -> bool:
 def force_for(aside: Aside, r: int, low: Array, high: Array, step: Array) -> float:
     """How much of row r to take from s besides, so that what bounds leave of it keeps the end of that row."""
     more, at, dof = 0.0, aside.place[r] * len(step), len(step)
-    for _ in range(STEPS):
+    for _ in range(FORCE_STEPS):
         over, rises, falls = -aside.ends[r] - SOFT * (aside.forces[r] + more), SOFT, SOFT
         for j in range(dof):
             a, slope = aside.rows[r * dof + j], aside.slopes[at + j]
@@ -131,7 +129,7 @@ def force_for(aside: Aside, r: int, low: Array, high: Array, step: Array) -> flo
             square = a * a * slope * slope
             rises += square if (s > low[j] if a > 0.0 else s < high[j]) else 0.0
             falls += square if (s < high[j] if a > 0.0 else s > low[j]) else 0.0
-        if abs(over) < SETTLED or (over < 0.0 and more <= -aside.forces[r]):
+        if abs(over) < HELD or (over < 0.0 and more <= -aside.forces[r]):
             break
         more = max(more + over / (rises if over > 0.0 else falls), -aside.forces[r])
     return more

@@ -42,6 +42,15 @@ def braking_speed(distance: float, deceleration: float, dt: float) -> float:
     return (x / (n + 1.0) + 0.5 * n) * change
 
 
+def braking_way(speed: float, ticks: float) -> float:
+    """How far a joint goes in some ticks of braking, in what each of them takes from its displacement.
+
+    A joint whose displacement was u of these moves by u - 1 in the first tick, by u - 2 in the next, and so on.
+    """
+    n = min(float(math.floor(speed)), ticks)
+    return speed * n - 0.5 * n * (n + 1.0)
+
+
 def stopping_part(distance: float) -> float:
     """The part of a distance, from 0 to 1, in the coming tick, after which a joint can still stop at its end easily.
 

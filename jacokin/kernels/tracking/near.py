@@ -14,7 +14,7 @@ from jacokin.kernels.vector import Vec, cross, dot, minus
 #: [m] the problem stays this far above the distance, so that curvature does not cost a shortened step.
 BUFFER = 5e-4
 #: [m] rounding of a distance.
-ROUNDING = 2e-9
+WORSE = 1e-9
 #: Columns of a pair that is near: its distance [m], the nearest point on its second shape, the unit vector along which
 #: the distance grows (from the first shape, or the way out of an obstacle that something is inside), and how fast the
 #: first shape comes nearer [m/s].
@@ -83,7 +83,7 @@ def find_too_near(near: NearPairs) -> None:
     near.counts[2] = 0
     for i in range(near.counts[0]):
         coming = near.numbers[i, CLOSING] > 0.0 and room_of(near, i) < 0.0
-        if coming or near.numbers[i, DISTANCE] < near.rule[KEPT] - ROUNDING:
+        if coming or near.numbers[i, DISTANCE] < near.rule[KEPT] - 2.0 * WORSE:
             near.apart[near.counts[2]] = i
             near.counts[2] += 1
 

@@ -22,15 +22,13 @@ from jacokin.kernels.contact.run import NOTHING, measure_pair
 from jacokin.kernels.contact.separation import SeparationWork, make_separation_work
 from jacokin.kernels.contact.shapes import CENTRE
 from jacokin.kernels.contact.touching import Geometry
-from jacokin.kernels.tracking.limits import CHANGE, LIMIT_NUMBERS, brake, move
-from jacokin.kernels.tracking.near import CLOSING, DISTANCE, NEAR_NUMBERS, NORMAL, POINT
+from jacokin.kernels.tracking.limits import CHANGE, LIMIT_NUMBERS, brake, braking_way, move
+from jacokin.kernels.tracking.near import CLOSING, DISTANCE, NEAR_NUMBERS, NORMAL, POINT, WORSE
 from jacokin.kernels.trigonometry import sin_cos
 from jacokin.kernels.vector import Vec, cross, dot, mix, norm
 
 #: [m] beyond the distance in question up to which distances are measured.
 HORIZON = 0.05
-#: [m] rounding of a distance.
-WORSE = 1e-9
 #: [m] shapes may come nearer than the distance between two places of a way to rest that are looked at.
 BETWEEN = 0.01
 #: Places of a way to rest that are looked at, before it counts as not clear, and parts of it that wait meanwhile.
@@ -372,12 +370,8 @@ def rests_clear(work: ReachWork) -> bool:
 
 
 def braked(work: ReachWork, j: int, tick: int) -> float:
-    """How far joint j goes in some ticks of braking [rad].
-
-    A joint that was at u a dt moves by (u - 1) a dt^2 in the first tick, by (u - 2) a dt^2 in the next, and so on.
-    """
-    n = min(math.floor(work.speed[j]), float(tick))
-    return float(work.unit[j] * (work.speed[j] * n - 0.5 * n * (n + 1.0)))
+    """How far joint j goes in some ticks of braking [rad]."""
+    return float(work.unit[j] * braking_way(work.speed[j], float(tick)))
 
 
 def find_doubtful(work: ReachWork, ticks: int) -> int:

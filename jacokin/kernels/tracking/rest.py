@@ -10,11 +10,11 @@ from __future__ import annotations
 from jacokin.arrays import Array
 from jacokin.kernels.tracking.aside import PLACES, change_least, look_ahead_of
 from jacokin.kernels.tracking.limits import ACCELERATION, EASY, TINY, brake, braking_speed
-from jacokin.kernels.tracking.near import BUFFER, LEAVES, fill_change, room_of
-from jacokin.kernels.tracking.reach import KEPT, LEAVING, NEAR, ReachWork
+from jacokin.kernels.tracking.near import LEAVES, fill_change, room_of
+from jacokin.kernels.tracking.reach import NEAR, ReachWork
 from jacokin.kernels.tracking.tasks import place_joints
 from jacokin.kernels.tracking.tick import TIME_STEP, TickWork
-from jacokin.kernels.tracking.watch import measure_there, place_there, watch
+from jacokin.kernels.tracking.watch import could_come_near, measure_there, place_there, watch
 
 #: [s] in which a pair that is too near moves apart.
 COMING_BACK = 0.05
@@ -71,11 +71,10 @@ def add_step(tick: TickWork) -> None:
 
 def add_place(tick: TickWork, reach: ReachWork, place: int, braked: Array) -> None:
     """Add inequalities for the pairs that are near, as they would be after some ticks of braking."""
-    dof, aside, pairs, placed = len(braked), tick.aside, reach.pairs, False
+    dof, aside, placed = len(braked), tick.aside, False
     for k in range(reach.counts[NEAR]):
         i = reach.near[k]
-        within = reach.numbers[KEPT] + BUFFER + reach.movers.coming[pairs.mover[i]] + reach.levers.ways[pairs.lever[i]]
-        if pairs.integers[i, LEAVING] == 1 or pairs.bound[i] >= within:
+        if not could_come_near(reach, i):
             continue
         if not placed:
             place_there(tick, reach, braked, 1.0)

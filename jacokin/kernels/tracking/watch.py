@@ -71,6 +71,13 @@ def watch(tick: TickWork, reach: ReachWork, displacement: Array) -> None:
         keep_apart(tick.arm, tick.near, known, tick.near.counts[1])
 
 
+def could_come_near(reach: ReachWork, i: int) -> bool:
+    """Whether the displacement that `fill_ways` saw last could bring pair i too near."""
+    pairs = reach.pairs
+    within = reach.numbers[KEPT] + BUFFER + reach.movers.coming[pairs.mover[i]] + reach.levers.ways[pairs.lever[i]]
+    return bool(pairs.integers[i, LEAVING] == 0 and pairs.bound[i] < within)
+
+
 def place_there(tick: TickWork, reach: ReachWork, displacement: Array, part: float) -> None:
     """Place shapes and joints after a part of a displacement (dof,) [rad]."""
     for j in range(len(tick.q)):
@@ -109,9 +116,8 @@ def cut(tick: TickWork, reach: ReachWork) -> int:
     fill_ways(reach)
     for k in range(reach.counts[NEAR]):
         i = reach.near[k]
-        within = reach.numbers[KEPT] + BUFFER + reach.movers.coming[pairs.mover[i]] + reach.levers.ways[pairs.lever[i]]
         is_full = near.counts[1] + len(pairs.bound) - near.counts[0] == len(near.ends)  # others may come
-        if pairs.integers[i, LEAVING] == 1 or pairs.bound[i] >= within or is_full:
+        if is_full or not could_come_near(reach, i):
             continue
         if not placed:
             place_there(tick, reach, tick.total, part)

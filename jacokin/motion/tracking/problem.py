@@ -23,7 +23,7 @@ from jacokin.motion.tracking.ticks import FAR, TickSolver
 NULL_SPEED = 0.25  # part of the velocity limits that null-space motion may use; its curvature costs microns a tick
 LATER_SPEED = 0.5  # the same of targets of later priorities
 RANK = 1e-3  # directions whose singular value is below this part of the largest are left to the null space
-FADING = 4.0  # times that, and down to its inverse, they are so in part: whole ones would come and go from tick to tick
+PARTLY = 4.0  # times that, and down to its inverse, they are so in part: whole ones would come and go from tick to tick
 
 
 class Objective(Protocol):
@@ -120,7 +120,7 @@ def free_directions(jacobian: Array) -> Array:
     _, singular, right = np.linalg.svd(jacobian)
     sizes = np.zeros(len(right))
     sizes[: singular.size] = singular / (RANK * max(float(singular[0]), TINY))
-    share = np.clip(0.5 - 0.5 * np.log(np.maximum(sizes, TINY)) / math.log(FADING), 0.0, 1.0)
+    share = np.clip(0.5 - 0.5 * np.log(np.maximum(sizes, TINY)) / math.log(PARTLY), 0.0, 1.0)
     share = share * share * (3.0 - 2.0 * share)
     return np.asarray((share[:, np.newaxis] * right)[share > 0.0].T)
 

@@ -506,7 +506,7 @@ def test_a_target_beyond_obstacles_is_chased_smoothly(find: Find, name: str, kin
 
 @pytest.mark.parametrize("name", ["j2n6s300", "j2s7s300", pytest.param("gen3", marks=pytest.mark.slow)])
 def test_a_hand_that_is_led_into_a_table_slides_along_it(find: Find, name: str) -> None:
-    """A hand over a table jolted 250 times in ten seconds; it is as near to its target as the table lets it."""
+    """A hand over a table jolted up to 141 times in ten seconds; it is as near to its target as the table lets it."""
     robot = find(name)
     top = Box("table", [0.7, 0.7, 0.02], [0.45, 0.0, 0.1])
     tracker = Tracker(robot, dt=DT, scene=Scene([top]))
