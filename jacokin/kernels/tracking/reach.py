@@ -110,6 +110,7 @@ class ReachWork(NamedTuple):
     places: Places
     pair: SeparationWork
     measured: Array  # (1, 10) to work in
+    corners: Array  # (4, 10) to work in
     pairs: Pairs
     levers: Levers
     near: NDArray[np.int64]  # (pairs,) filled: pairs in the watched range
@@ -140,6 +141,7 @@ def make_reach_work(geometry: Geometry = NOTHING, pairs: int = 0, movers: int = 
         Places(frames, np.zeros((groups, 3)), np.zeros(groups * (dof + 1))),
         make_separation_work(),
         np.zeros((1, 10)),
+        np.zeros((8, 13)),
         Pairs(
             np.zeros((pairs, PAIR_INTEGERS), np.int64),
             np.zeros(pairs, np.int64),

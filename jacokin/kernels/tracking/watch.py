@@ -4,14 +4,19 @@ from __future__ import annotations
 
 from jacokin.arrays import Array
 from jacokin.kernels.contact.arm import place_links
+from jacokin.kernels.contact.corners import TURNS, measure_corners
 from jacokin.kernels.contact.run import measure_pair
+from jacokin.kernels.contact.shapes import RADIUS
 from jacokin.kernels.tracking.near import (
     BUFFER,
     FIRST_JOINT,
+    DISTANCE,
     LAST_JOINT,
     LEAVES,
     NEAR_NUMBERS,
     NORMAL,
+    POINT,
+    change_of_distance,
     fill_change,
     keep_apart,
     room_of,
@@ -31,8 +36,9 @@ from jacokin.kernels.tracking.reach import (
     note_near,
     watched_range,
 )
-from jacokin.kernels.tracking.tasks import place_joints
+from jacokin.kernels.tracking.tasks import TURNS as TURNING, axis_of, place_joints
 from jacokin.kernels.tracking.tick import GUARDED, TickWork
+from jacokin.kernels.vector import cross, mix, norm
 
 #: [rad] of a displacement, how far along it pairs are measured.
 ALONG = 0.02
@@ -50,7 +56,7 @@ def take_near(tick: TickWork, reach: ReachWork, first: int) -> None:
         i = reach.near[k]
         pair = reach.pairs.integers[i]
         near.integers[k, FIRST_JOINT], near.integers[k, LAST_JOINT] = pair[INNER], pair[OUTER]
-        near.integers[k, LEAVES] = pair[LEAVING]
+        near.integers[k, LEAVES], near.integers[k, 3] = pair[LEAVING], 0
         for c in range(NEAR_NUMBERS):
             near.numbers[k, c] = reach.rows[k, c]
         if pair[LEAVING] == 1:
@@ -135,3 +141,43 @@ def cut(tick: TickWork, reach: ReachWork) -> int:
     if placed:
         place_joints(tick.arm, tick.q)
     return int(near.counts[1] - begun)
+
+
+def could_turn_near(tick: TickWork, reach: ReachWork, k: int) -> bool:
+    """Whether the total could bring any point of a near pair too near, to first order."""
+    near, arm = tick.near, tick.arm
+    row, pair = near.numbers[k], reach.pairs.integers[reach.near[k]]
+    point, normal = (row[POINT], row[POINT + 1], row[POINT + 2]), (row[NORMAL], row[NORMAL + 1], row[NORMAL + 2])
+    room, turn = room_of(near, k), (0.0, 0.0, 0.0)
+    for j in range(near.integers[k, FIRST_JOINT], near.integers[k, LAST_JOINT]):
+        room += change_of_distance(arm, j, point, normal) * tick.total[j]
+        if arm.kinds[j] == TURNING:
+            turn = mix(turn, 1.0, axis_of(arm.frames, j + 1, 2), tick.total[j], turn, 0.0)
+    shapes = reach.geometry.shapes.numbers
+    size = 2.0 * min(shapes[pair[0], RADIUS], shapes[pair[1], RADIUS])
+    return bool(near.integers[k, LEAVES] == 0 and room < size * norm(cross(turn, normal)))
+
+
+def add_corners(tick: TickWork, reach: ReachWork) -> None:
+    """Add inequalities for points that are the nearest ones as soon as shapes turn, of pairs from a first one on."""
+    near, dof, placed = tick.near, len(tick.q), False
+    for k in range(near.counts[0]):
+        i = reach.near[k]
+        if near.integers[k, 3] == 1 or near.counts[1] + TURNS > len(near.ends):
+            continue
+        if not could_turn_near(tick, reach, k):
+            continue
+        if not placed:
+            place_links(reach.geometry.arm, reach.counts[LINKS], reach.counts[GROUPS], tick.q, reach.places)
+            placed = True
+        near.integers[k, 3] = 1
+        pair, far = reach.pairs.integers[i], near.numbers[k, DISTANCE] + 1e-6
+        shapes = (pair[0], pair[1])
+        count = measure_corners(reach.geometry.shapes, reach.places, reach.pair, shapes, far, reach.corners)
+        for c in range(count):
+            note_near(reach, i, reach.corners[c], tick.there.numbers[0])
+            tick.there.integers[0, FIRST_JOINT], tick.there.integers[0, LAST_JOINT] = pair[INNER], pair[OUTER]
+            room, at = room_of(tick.there, 0), near.counts[1]
+            fill_change(tick.arm, tick.there, 0, -1.0, near.rows, at * dof)
+            near.ends[at], near.rooms[at] = max(room, 0.0), room
+            near.counts[1] += 1
