@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from jacokin.arrays import Array
 from jacokin.kernels.contact.arm import place_links
-from jacokin.kernels.contact.corners import TURNS, measure_corners
-from jacokin.kernels.contact.run import measure_pair
+from jacokin.kernels.contact.pairs import measure_corners, measure_pair
 from jacokin.kernels.contact.shapes import RADIUS
 from jacokin.kernels.tracking.near import (
     BUFFER,
+    CORNERED,
     FIRST_JOINT,
-    DISTANCE,
     LAST_JOINT,
     LEAVES,
     NEAR_NUMBERS,
@@ -31,19 +30,13 @@ from jacokin.kernels.tracking.reach import (
     NEAR,
     OUTER,
     ReachWork,
-    fill_ways,
     look_ahead,
     note_near,
     watched_range,
 )
-from jacokin.kernels.tracking.tasks import TURNS as TURNING, axis_of, place_joints
+from jacokin.kernels.tracking.tasks import TURNS, axis_of, place_joints
 from jacokin.kernels.tracking.tick import GUARDED, TickWork
 from jacokin.kernels.vector import cross, mix, norm
-
-#: [rad] of a displacement, how far along it pairs are measured.
-ALONG = 0.02
-#: [m] by which they may come nearer.
-NEARER = 2e-5
 
 
 def take_near(tick: TickWork, reach: ReachWork, first: int) -> None:
@@ -56,7 +49,7 @@ def take_near(tick: TickWork, reach: ReachWork, first: int) -> None:
         i = reach.near[k]
         pair = reach.pairs.integers[i]
         near.integers[k, FIRST_JOINT], near.integers[k, LAST_JOINT] = pair[INNER], pair[OUTER]
-        near.integers[k, LEAVES], near.integers[k, 3] = pair[LEAVING], 0
+        near.integers[k, LEAVES], near.integers[k, CORNERED] = pair[LEAVING], 0
         for c in range(NEAR_NUMBERS):
             near.numbers[k, c] = reach.rows[k, c]
         if pair[LEAVING] == 1:
@@ -84,10 +77,10 @@ def could_come_near(reach: ReachWork, i: int) -> bool:
     return bool(pairs.integers[i, LEAVING] == 0 and pairs.bound[i] < within)
 
 
-def place_there(tick: TickWork, reach: ReachWork, displacement: Array, part: float) -> None:
-    """Place shapes and joints after a part of a displacement (dof,) [rad]."""
+def place_there(tick: TickWork, reach: ReachWork, displacement: Array) -> None:
+    """Place shapes and joints after a displacement (dof,) [rad]."""
     for j in range(len(tick.q)):
-        reach.at[j] = tick.q[j] + part * displacement[j]
+        reach.at[j] = tick.q[j] + displacement[j]
     place_links(reach.geometry.arm, reach.counts[LINKS], reach.counts[GROUPS], reach.at, reach.places)
     place_joints(tick.arm, reach.at)
 
@@ -104,45 +97,6 @@ def measure_there(tick: TickWork, reach: ReachWork, i: int) -> bool:
     return True
 
 
-def cut(tick: TickWork, reach: ReachWork) -> int:
-    """Add inequalities for pairs that would come too near, by what they are like along the total; how many.
-
-    Where a shape is parallel to an obstacle another corner is the nearest one as soon as it turns: the total would turn
-    it to and fro from tick to tick.
-    """
-    near, pairs, begun = tick.near, reach.pairs, tick.near.counts[1]
-    dof, most = len(tick.q), 0.0
-    if begun == near.counts[3]:
-        return 0
-    for j in range(dof):
-        most = max(most, abs(tick.total[j]))
-    part, placed = min(1.0, ALONG / max(most, ALONG)), False
-    for j in range(dof):
-        reach.at[j] = tick.total[j]
-    fill_ways(reach)
-    for k in range(reach.counts[NEAR]):
-        i = reach.near[k]
-        is_full = near.counts[1] + len(pairs.bound) - near.counts[0] == len(near.ends)  # others may come
-        if is_full or not could_come_near(reach, i):
-            continue
-        if not placed:
-            place_there(tick, reach, tick.total, part)
-            placed = True
-        if not measure_there(tick, reach, i):
-            continue
-        room, at, used = room_of(tick.there, 0), near.counts[1], 0.0
-        fill_change(tick.arm, tick.there, 0, -1.0, near.rows, at * dof)
-        for j in range(dof):
-            used += near.rows[at * dof + j] * tick.total[j]
-        room = max(room + part * used, 0.0)
-        if used > room + NEARER:
-            near.ends[at] = near.rooms[at] = room
-            near.counts[1] += 1
-    if placed:
-        place_joints(tick.arm, tick.q)
-    return int(near.counts[1] - begun)
-
-
 def could_turn_near(tick: TickWork, reach: ReachWork, k: int) -> bool:
     """Whether the total could bring any point of a near pair too near, to first order."""
     near, arm = tick.near, tick.arm
@@ -151,7 +105,7 @@ def could_turn_near(tick: TickWork, reach: ReachWork, k: int) -> bool:
     room, turn = room_of(near, k), (0.0, 0.0, 0.0)
     for j in range(near.integers[k, FIRST_JOINT], near.integers[k, LAST_JOINT]):
         room += change_of_distance(arm, j, point, normal) * tick.total[j]
-        if arm.kinds[j] == TURNING:
+        if arm.kinds[j] == TURNS:
             turn = mix(turn, 1.0, axis_of(arm.frames, j + 1, 2), tick.total[j], turn, 0.0)
     shapes = reach.geometry.shapes.numbers
     size = 2.0 * min(shapes[pair[0], RADIUS], shapes[pair[1], RADIUS])
@@ -159,25 +113,21 @@ def could_turn_near(tick: TickWork, reach: ReachWork, k: int) -> bool:
 
 
 def add_corners(tick: TickWork, reach: ReachWork) -> None:
-    """Add inequalities for points that are the nearest ones as soon as shapes turn, of pairs from a first one on."""
-    near, dof, placed = tick.near, len(tick.q), False
+    """Add inequalities for other corners of the pairs that the total could bring too near with them."""
+    near, there, dof, placed = tick.near, tick.there, len(tick.q), False
     for k in range(near.counts[0]):
-        i = reach.near[k]
-        if near.integers[k, 3] == 1 or near.counts[1] + TURNS > len(near.ends):
-            continue
-        if not could_turn_near(tick, reach, k):
+        if near.integers[k, CORNERED] == 1 or not could_turn_near(tick, reach, k):
             continue
         if not placed:
             place_links(reach.geometry.arm, reach.counts[LINKS], reach.counts[GROUPS], tick.q, reach.places)
             placed = True
-        near.integers[k, 3] = 1
-        pair, far = reach.pairs.integers[i], near.numbers[k, DISTANCE] + 1e-6
-        shapes = (pair[0], pair[1])
-        count = measure_corners(reach.geometry.shapes, reach.places, reach.pair, shapes, far, reach.corners)
-        for c in range(count):
-            note_near(reach, i, reach.corners[c], tick.there.numbers[0])
-            tick.there.integers[0, FIRST_JOINT], tick.there.integers[0, LAST_JOINT] = pair[INNER], pair[OUTER]
-            room, at = room_of(tick.there, 0), near.counts[1]
-            fill_change(tick.arm, tick.there, 0, -1.0, near.rows, at * dof)
+        near.integers[k, CORNERED] = 1
+        i = reach.near[k]
+        pair = reach.pairs.integers[i]
+        there.integers[0, FIRST_JOINT], there.integers[0, LAST_JOINT] = pair[INNER], pair[OUTER]
+        for c in range(1, measure_corners(reach.geometry.shapes, reach.places, reach.pair, pair, reach.corners)):
+            note_near(reach, i, reach.corners[c], there.numbers[0])
+            room, at = room_of(there, 0), near.counts[1]
+            fill_change(tick.arm, there, 0, -1.0, near.rows, at * dof)
             near.ends[at], near.rooms[at] = max(room, 0.0), room
             near.counts[1] += 1
