@@ -34,3 +34,8 @@ def mix(a: Vec, u: float, b: Vec, v: float, c: Vec, w: float) -> Vec:
 def norm(a: Vec) -> float:
     """Length."""
     return math.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
+
+
+def rotated(a: Vec, axis: Vec, sine: float, cosine: float) -> Vec:
+    """A vector after a rotation about a unit axis."""
+    return mix(a, cosine, cross(axis, a), sine, axis, (1.0 - cosine) * dot(axis, a))

@@ -3,6 +3,7 @@
 shapes         what a shape is, and its farthest points
 separation     how far two convex shapes are apart; simplex, and penetration where they overlap
 cloud          how far a shape is from a cloud of points
+pairs          where two shapes are nearest, and would be if one turned a little
 arm, tree      where the arm's shapes are, and which obstacles are near
 touching       pairs that touch: groups of shapes by their spheres, then shapes by theirs, then exactly
 nearest        the least distance, or what a motion could bring together first: best first
@@ -23,8 +24,9 @@ from jacokin.kernels.contact.arm import LAST_SHAPE, ArmShapes, Places, place_lin
 from jacokin.kernels.contact.cloud import shape_separation
 from jacokin.kernels.contact.motion import Course, await_all, is_clear, least_on_motion, make_course
 from jacokin.kernels.contact.nearest import Finder, Search, find_nearest, list_all, make_finder
-from jacokin.kernels.contact.separation import SeparationWork, make_separation_work
-from jacokin.kernels.contact.shapes import LINK, MARGIN, NODE_NUMBERS, SHAPE_INTEGERS, SHAPE_NUMBERS, Shapes
+from jacokin.kernels.contact.pairs import measure_pair
+from jacokin.kernels.contact.separation import make_separation_work
+from jacokin.kernels.contact.shapes import NODE_NUMBERS, SHAPE_INTEGERS, SHAPE_NUMBERS, Shapes
 from jacokin.kernels.contact.touching import Counts, Geometry, Hits, find_touching
 from jacokin.kernels.contact.tree import DEEPEST, Tree
 
@@ -133,35 +135,6 @@ def stands_clear(contact: ContactWork, q: Array) -> bool:
     place_links(contact.geometry.arm, counts.dof, counts.groups, q, contact.places)
     margin = contact.numbers[ContactNumber.MARGIN_KEPT]
     return find_touching(contact.geometry, counts, contact.places, contact.hits, margin, -math.inf, False) == 0
-
-
-def measure_pair(
-    shapes: Shapes, places: Places, work: SeparationWork, pair: NDArray[np.int64], reach: float, row: Array
-) -> None:
-    """Fill a row of `ContactWork.measured`; beyond the reach, its distance only."""
-    a, b = pair[0], pair[1]
-    relate(shapes, places.frames, a, b, work.relative)
-    row[0] = shape_separation(shapes, (a, b), work, reach, -math.inf, math.inf, True)
-    if row[0] > reach:
-        return
-    shape, frame, witness = shapes.numbers[a], places.frames[shapes.integers[a, LINK]], work.witness
-    for column in range(3):
-        margin = 0.0
-        if column > 0:  # witnesses are points of the cores
-            margin = shape[MARGIN] if column == 1 else -shapes.numbers[b, MARGIN]
-        x = witness[column, 0] + margin * witness[0, 0]
-        y = witness[column, 1] + margin * witness[0, 1]
-        z = witness[column, 2] + margin * witness[0, 2]
-        u = shape[0] * x + shape[1] * y + shape[2] * z
-        v = shape[4] * x + shape[5] * y + shape[6] * z
-        w = shape[8] * x + shape[9] * y + shape[10] * z
-        to = 7
-        if column > 0:
-            u, v, w, to = u + shape[3], v + shape[7], w + shape[11], 3 * column - 2
-        for i in range(3):
-            row[to + i] = frame[i, 0] * u + frame[i, 1] * v + frame[i, 2] * w
-            if column > 0:
-                row[to + i] += frame[i, 3]
 
 
 #: No arm and no obstacle.

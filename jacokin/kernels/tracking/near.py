@@ -21,7 +21,7 @@ WORSE = 1e-9
 DISTANCE, POINT, NORMAL, CLOSING, NEAR_NUMBERS = 0, 1, 4, 7, 8
 #: Columns of its integers: the joints between its shapes are those from the first one to before the last, and 1 where
 #: something is inside its obstacle.
-FIRST_JOINT, LAST_JOINT, LEAVES, NEAR_INTEGERS = range(4)
+FIRST_JOINT, LAST_JOINT, LEAVES, CORNERED, NEAR_INTEGERS = range(5)
 #: The distance kept [m], and the time in which obstacles that come nearer count [s].
 KEPT, FORESIGHT, RULE_NUMBERS = range(3)
 

@@ -18,14 +18,15 @@ from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.kernels.contact.arm import Places, place_links
-from jacokin.kernels.contact.run import NOTHING, measure_pair
+from jacokin.kernels.contact.pairs import PAIR_NUMBERS, TILTS, measure_pair
+from jacokin.kernels.contact.run import NOTHING
 from jacokin.kernels.contact.separation import SeparationWork, make_separation_work
 from jacokin.kernels.contact.shapes import CENTRE
 from jacokin.kernels.contact.touching import Geometry
 from jacokin.kernels.tracking.limits import CHANGE, LIMIT_NUMBERS, brake, braking_way, move
 from jacokin.kernels.tracking.near import CLOSING, DISTANCE, NEAR_NUMBERS, NORMAL, POINT, WORSE
 from jacokin.kernels.trigonometry import sin_cos
-from jacokin.kernels.vector import Vec, cross, dot, mix, norm
+from jacokin.kernels.vector import Vec, cross, dot, norm, rotated
 
 #: [m] beyond the distance in question up to which distances are measured.
 HORIZON = 0.05
@@ -110,6 +111,7 @@ class ReachWork(NamedTuple):
     places: Places
     pair: SeparationWork
     measured: Array  # (1, 10) to work in
+    corners: Array  # (1 + TILTS, 10) to work in
     pairs: Pairs
     levers: Levers
     near: NDArray[np.int64]  # (pairs,) filled: pairs in the watched range
@@ -139,7 +141,8 @@ def make_reach_work(geometry: Geometry = NOTHING, pairs: int = 0, movers: int = 
         geometry,
         Places(frames, np.zeros((groups, 3)), np.zeros(groups * (dof + 1))),
         make_separation_work(),
-        np.zeros((1, 10)),
+        np.zeros((1, PAIR_NUMBERS)),
+        np.zeros((1 + TILTS, PAIR_NUMBERS)),
         Pairs(
             np.zeros((pairs, PAIR_INTEGERS), np.int64),
             np.zeros(pairs, np.int64),
@@ -465,4 +468,4 @@ def turned_about(a: Vec, turn: Vec, angle: float) -> Vec:
     """A vector after a rotation, by its rotation vector and the length of that [rad]."""
     s, c = sin_cos(angle)
     axis = (turn[0] / angle, turn[1] / angle, turn[2] / angle)
-    return mix(a, c, cross(axis, a), s, axis, (1.0 - c) * dot(axis, a))
+    return rotated(a, axis, s, c)

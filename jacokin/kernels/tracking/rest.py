@@ -77,7 +77,7 @@ def add_place(tick: TickWork, reach: ReachWork, place: int, braked: Array) -> No
         if not could_come_near(reach, i):
             continue
         if not placed:
-            place_there(tick, reach, braked, 1.0)
+            place_there(tick, reach, braked)
             placed = True
         if not measure_there(tick, reach, i):
             continue

@@ -43,7 +43,6 @@ from jacokin.kernels.tracking.tick import (
     APART,
     BEST,
     CAN_STOP,
-    CUT,
     DAMPED,
     FIRST_TASKS,
     GREW,
@@ -70,7 +69,7 @@ from jacokin.kernels.tracking.tick import (
     solve_tick,
 )
 from jacokin.kernels.tracking.twist import TwistWork, follow_twist, make_twist_work
-from jacokin.kernels.tracking.watch import cut, take_near, watch
+from jacokin.kernels.tracking.watch import add_corners, take_near, watch
 
 #: Where a call goes on: what near shapes and limits ask of any displacement, and no more; what those ask that a total
 #: could bring near, and no more; a whole tick; one whose total was found elsewhere; one along a twist, linearised; one
@@ -79,8 +78,6 @@ LINEARISE, LOOK_AHEAD, WHOLE, FROM_TOTAL, FROM_TWIST, FROM_STEP, TRY, REPORT = r
 #: What it returns beside what `find_step` does with a QP solver to be called: the arm is on its way, or on its target;
 #: the displacement of this tick is there, and something else may be added to it; time to look at the clock.
 ON_ITS_WAY, ON_TARGET, NEEDS_MORE, UNFINISHED = 0, 1, 3, 4
-#: Rounds of inequalities that are added along a total.
-CUTS = 3
 #: Of the way from braking to what the arm would do, tried until nothing is too near.
 PARTS = (1.0, 0.5, 0.2, 0.05)
 
@@ -108,6 +105,7 @@ def run_tick(work: RunWork) -> int:
     if stage == LOOK_AHEAD:
         place_joints(tick.arm, tick.q)
         watch(tick, work.reach, tick.total)
+        add_corners(tick, work.reach)
         return 0
     if stage <= FROM_TOTAL:
         outcome = find_step(work, stage)
@@ -139,14 +137,11 @@ def find_step(work: RunWork, stage: int) -> int:
     if stage == WHOLE:
         take_near(tick, work.reach, 0)
         solve_tick(tick)
-        tick.counts[CUT] = 0
     else:
         known = tick.near.counts[1]
     watch(tick, work.reach, tick.total)
+    add_corners(tick, work.reach)
     solved = keeps_inequalities(tick, known) and (stage == FROM_TOTAL or is_within_limits(tick))
-    if solved and tick.counts[GUARDED] == 1 and tick.counts[CUT] < CUTS:
-        tick.counts[CUT] += 1
-        solved = cut(tick, work.reach) == 0 or keeps_inequalities(tick, 0)
     if has_more(tick) or not solved:
         fill_damped(tick.problem, tick.numbers[DAMPED], len(tick.q))
     if not solved:

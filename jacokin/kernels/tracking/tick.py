@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
+from jacokin.kernels.contact.pairs import TILTS
 from jacokin.kernels.tracking.aside import PLACES, Aside, make_aside
 from jacokin.kernels.tracking.limits import (
     CATCHING,
@@ -66,9 +67,9 @@ REFINED, GOES, SINGULAR = range(7, 10)
 #: apart; whether every joint may stop within a tick; whether the arm can stop clear of everything, before the tick, and
 #: filled for after it. Filled: whether bounds took something from the displacement; whether every step made the error
 #: grow; whether shapes are moved apart; parts of it that were tried, and the one from which the arm keeps farthest away
-#: without being able to stop. Whether it is known where the tick before was to lead. Rounds of added inequalities.
-STAGE, IN_PARTS, GUARDED, STOPS_AT_ONCE, CAN_STOP, SLOWED, GREW, APART, TRIED, BEST, AIMED, CUT = range(10, 22)
-TICK_COUNTS = 22
+#: without being able to stop. Whether it is known where the tick before was to lead.
+STAGE, IN_PARTS, GUARDED, STOPS_AT_ONCE, CAN_STOP, SLOWED, GREW, APART, TRIED, BEST, AIMED = range(10, 21)
+TICK_COUNTS = 21
 #: Of the numbers: control step [s]; error that is not worth while to be made smaller [m]; tolerances [m], [rad].
 #: Filled: squared error, damping, how far that part keeps away [m]; and after the tick the largest distance [m] and
 #: angle [rad] of the first tasks, the fastest joint's velocity [rad/s], and how far joints are past their limits [rad].
@@ -82,7 +83,7 @@ SOLVED, GROWS, NEEDS_QP = range(3)
 class TickWork(NamedTuple):
     """What a call reads and writes."""
 
-    counts: NDArray[np.int64]  # (22,)
+    counts: NDArray[np.int64]  # (21,)
     numbers: Array  # (12,)
     arm: JointFrames
     limits: Array  # (dof, 8)
@@ -129,9 +130,9 @@ def make_tick_work(dof: int = 0, tasks: int = 0, pairs: int = 0) -> TickWork:
         make_task_rows(dof, tasks),
         np.zeros(rows),
         np.zeros(rows),
-        make_near_pairs(dof, pairs, 6 * tasks + pairs),
+        make_near_pairs(dof, pairs, 6 * tasks + TILTS * pairs),
         make_near_pairs(dof, 1),
-        make_aside(dof, 6 * tasks + (1 + PLACES) * pairs),
+        make_aside(dof, 6 * tasks + (1 + TILTS + PLACES) * pairs),
         make_problem(dof, rows),
         np.zeros((dof, 6)),
         np.zeros(2 * dof),

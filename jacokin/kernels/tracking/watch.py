@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from jacokin.arrays import Array
 from jacokin.kernels.contact.arm import place_links
-from jacokin.kernels.contact.run import measure_pair
+from jacokin.kernels.contact.pairs import measure_corners, measure_pair
+from jacokin.kernels.contact.shapes import RADIUS
 from jacokin.kernels.tracking.near import (
     BUFFER,
+    CORNERED,
     FIRST_JOINT,
     LAST_JOINT,
     LEAVES,
     NEAR_NUMBERS,
     NORMAL,
+    POINT,
+    change_of_distance,
     fill_change,
     keep_apart,
     room_of,
@@ -26,18 +30,13 @@ from jacokin.kernels.tracking.reach import (
     NEAR,
     OUTER,
     ReachWork,
-    fill_ways,
     look_ahead,
     note_near,
     watched_range,
 )
-from jacokin.kernels.tracking.tasks import place_joints
+from jacokin.kernels.tracking.tasks import TURNS, axis_of, place_joints
 from jacokin.kernels.tracking.tick import GUARDED, TickWork
-
-#: [rad] of a displacement, how far along it pairs are measured.
-ALONG = 0.02
-#: [m] by which they may come nearer.
-NEARER = 2e-5
+from jacokin.kernels.vector import cross, mix, norm
 
 
 def take_near(tick: TickWork, reach: ReachWork, first: int) -> None:
@@ -50,7 +49,7 @@ def take_near(tick: TickWork, reach: ReachWork, first: int) -> None:
         i = reach.near[k]
         pair = reach.pairs.integers[i]
         near.integers[k, FIRST_JOINT], near.integers[k, LAST_JOINT] = pair[INNER], pair[OUTER]
-        near.integers[k, LEAVES] = pair[LEAVING]
+        near.integers[k, LEAVES], near.integers[k, CORNERED] = pair[LEAVING], 0
         for c in range(NEAR_NUMBERS):
             near.numbers[k, c] = reach.rows[k, c]
         if pair[LEAVING] == 1:
@@ -78,10 +77,10 @@ def could_come_near(reach: ReachWork, i: int) -> bool:
     return bool(pairs.integers[i, LEAVING] == 0 and pairs.bound[i] < within)
 
 
-def place_there(tick: TickWork, reach: ReachWork, displacement: Array, part: float) -> None:
-    """Place shapes and joints after a part of a displacement (dof,) [rad]."""
+def place_there(tick: TickWork, reach: ReachWork, displacement: Array) -> None:
+    """Place shapes and joints after a displacement (dof,) [rad]."""
     for j in range(len(tick.q)):
-        reach.at[j] = tick.q[j] + part * displacement[j]
+        reach.at[j] = tick.q[j] + displacement[j]
     place_links(reach.geometry.arm, reach.counts[LINKS], reach.counts[GROUPS], reach.at, reach.places)
     place_joints(tick.arm, reach.at)
 
@@ -98,40 +97,37 @@ def measure_there(tick: TickWork, reach: ReachWork, i: int) -> bool:
     return True
 
 
-def cut(tick: TickWork, reach: ReachWork) -> int:
-    """Add inequalities for pairs that would come too near, by what they are like along the total; how many.
+def could_turn_near(tick: TickWork, reach: ReachWork, k: int) -> bool:
+    """Whether the total could bring any point of a near pair too near, to first order."""
+    near, arm = tick.near, tick.arm
+    row, pair = near.numbers[k], reach.pairs.integers[reach.near[k]]
+    point, normal = (row[POINT], row[POINT + 1], row[POINT + 2]), (row[NORMAL], row[NORMAL + 1], row[NORMAL + 2])
+    room, turn = room_of(near, k), (0.0, 0.0, 0.0)
+    for j in range(near.integers[k, FIRST_JOINT], near.integers[k, LAST_JOINT]):
+        room += change_of_distance(arm, j, point, normal) * tick.total[j]
+        if arm.kinds[j] == TURNS:
+            turn = mix(turn, 1.0, axis_of(arm.frames, j + 1, 2), tick.total[j], turn, 0.0)
+    shapes = reach.geometry.shapes.numbers
+    size = 2.0 * min(shapes[pair[0], RADIUS], shapes[pair[1], RADIUS])
+    return bool(near.integers[k, LEAVES] == 0 and room < size * norm(cross(turn, normal)))
 
-    Where a shape is parallel to an obstacle another corner is the nearest one as soon as it turns: the total would turn
-    it to and fro from tick to tick.
-    """
-    near, pairs, begun = tick.near, reach.pairs, tick.near.counts[1]
-    dof, most = len(tick.q), 0.0
-    if begun == near.counts[3]:
-        return 0
-    for j in range(dof):
-        most = max(most, abs(tick.total[j]))
-    part, placed = min(1.0, ALONG / max(most, ALONG)), False
-    for j in range(dof):
-        reach.at[j] = tick.total[j]
-    fill_ways(reach)
-    for k in range(reach.counts[NEAR]):
-        i = reach.near[k]
-        is_full = near.counts[1] + len(pairs.bound) - near.counts[0] == len(near.ends)  # others may come
-        if is_full or not could_come_near(reach, i):
+
+def add_corners(tick: TickWork, reach: ReachWork) -> None:
+    """Add inequalities for other corners of the pairs that the total could bring too near with them."""
+    near, there, dof, placed = tick.near, tick.there, len(tick.q), False
+    for k in range(near.counts[0]):
+        if near.integers[k, CORNERED] == 1 or not could_turn_near(tick, reach, k):
             continue
         if not placed:
-            place_there(tick, reach, tick.total, part)
+            place_links(reach.geometry.arm, reach.counts[LINKS], reach.counts[GROUPS], tick.q, reach.places)
             placed = True
-        if not measure_there(tick, reach, i):
-            continue
-        room, at, used = room_of(tick.there, 0), near.counts[1], 0.0
-        fill_change(tick.arm, tick.there, 0, -1.0, near.rows, at * dof)
-        for j in range(dof):
-            used += near.rows[at * dof + j] * tick.total[j]
-        room = max(room + part * used, 0.0)
-        if used > room + NEARER:
-            near.ends[at] = near.rooms[at] = room
+        near.integers[k, CORNERED] = 1
+        i = reach.near[k]
+        pair = reach.pairs.integers[i]
+        there.integers[0, FIRST_JOINT], there.integers[0, LAST_JOINT] = pair[INNER], pair[OUTER]
+        for c in range(1, measure_corners(reach.geometry.shapes, reach.places, reach.pair, pair, reach.corners)):
+            note_near(reach, i, reach.corners[c], there.numbers[0])
+            room, at = room_of(there, 0), near.counts[1]
+            fill_change(tick.arm, there, 0, -1.0, near.rows, at * dof)
+            near.ends[at], near.rooms[at] = max(room, 0.0), room
             near.counts[1] += 1
-    if placed:
-        place_joints(tick.arm, tick.q)
-    return int(near.counts[1] - begun)

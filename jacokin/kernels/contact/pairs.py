@@ -1,0 +1,169 @@
+"""How far two shapes are apart and where, and in which other points as soon as one of them turns a little.
+
+A flat side that is parallel to another shape has its nearest point anywhere, and in another corner after the least
+turn. What keeps that one point away keeps none of the others.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jacokin.arrays import Array
+from jacokin.kernels.contact.arm import Places, relate
+from jacokin.kernels.contact.cloud import shape_separation
+from jacokin.kernels.contact.separation import SeparationWork
+from jacokin.kernels.contact.shapes import CLOUD, KIND, LINK, MARGIN, PLANE, Shapes, core_support
+from jacokin.kernels.vector import Vec, cross, dot, minus, mix, norm, rotated
+
+#: Columns of a measured pair: distance [m], nearest points on both shapes, normal from the first; all in the world.
+FIRST_POINT, SECOND_POINT, WAY, PAIR_NUMBERS = 1, 4, 7, 10
+#: The second shape is turned by this much [rad], about so many axes along the other one's surface.
+TILT, TILTS = 0.15, 8
+#: [m] corners that are nearer to each other are one.
+ONE_CORNER = 1e-3
+
+
+def measure_pair(
+    shapes: Shapes, places: Places, work: SeparationWork, pair: NDArray[np.int64], reach: float, row: Array
+) -> None:
+    """Fill the numbers (10,) of a pair; beyond the reach [m] its distance only, or a lower bound that is beyond it."""
+    relate(shapes, places.frames, pair[0], pair[1], work.relative)
+    row[0] = shape_separation(shapes, (pair[0], pair[1]), work, reach, -math.inf, math.inf, True)
+    if row[0] <= reach:
+        fill_points(shapes, places, pair, witness(work, 0), witness(work, 1), witness(work, 2), row)
+
+
+def measure_corners(shapes: Shapes, places: Places, work: SeparationWork, pair: NDArray[np.int64], rows: Array) -> int:
+    """Fill the numbers (1 + TILTS, 10) of a pair, and of points of it that are the nearest ones once it is tilted.
+
+    These are as far apart as they are along the normal of the pair.
+
+    Returns:
+        How many rows are filled.
+    """
+    measure_pair(shapes, places, work, pair, math.inf, rows[0])
+    normal, pivot, count = witness(work, 0), witness(work, 2), 1
+    margins = shapes.numbers[pair[0], MARGIN] + shapes.numbers[pair[1], MARGIN]
+    along = perpendicular(normal)
+    across = cross(normal, along)
+    for k in range(TILTS):
+        angle = 2.0 * math.pi * k / TILTS
+        axis = mix(along, math.cos(angle), across, math.sin(angle), normal, 0.0)
+        relate(shapes, places.frames, pair[0], pair[1], work.relative)
+        if stays_nearest(shapes, places, work, pair, (normal, axis), rows, count):
+            continue
+        tilt(work.relative, pivot, axis, TILT)
+        shape_separation(shapes, (pair[0], pair[1]), work, math.inf, -math.inf, math.inf, True)
+        first, second = witness(work, 1), tilted(witness(work, 2), pivot, axis, -TILT)
+        fill_points(shapes, places, pair, normal, first, second, rows[count])
+        if not is_known(rows, count):
+            rows[count, 0] = dot(normal, minus(second, first)) - margins
+            count += 1
+    return count
+
+
+def witness(work: SeparationWork, row: int) -> Vec:
+    """The normal (row 0) or a nearest point of the cores (1, 2) as they were measured, in the first shape's frame."""
+    return (work.witness[row, 0], work.witness[row, 1], work.witness[row, 2])
+
+
+def stays_nearest(
+    shapes: Shapes,
+    places: Places,
+    work: SeparationWork,
+    pair: NDArray[np.int64],
+    ways: tuple[Vec, Vec],
+    rows: Array,
+    count: int,
+) -> bool:
+    """Whether a corner that is known stays the nearest one when the pair is tilted, if the other shape is flat.
+
+    Ways are the normal and the axis; the row after those that are filled is used to find out.
+    """
+    s, c, r, row = math.sin(TILT), math.cos(TILT), work.relative, rows[count]
+    normal, axis = ways
+    if shapes.integers[pair[0], KIND] != CLOUD:
+        d = rotated(normal, axis, s, c)
+        p, work.hints[0] = core_support(shapes, pair[0], d[0], d[1], d[2], work.hints[0])
+        fill_points(shapes, places, pair, normal, p, p, row)
+        if is_at(rows[0], row, FIRST_POINT):
+            return True
+    if shapes.integers[pair[1], KIND] in (CLOUD, PLANE):
+        return False
+    d = rotated(normal, axis, -s, c)
+    x = -(r[0, 0] * d[0] + r[1, 0] * d[1] + r[2, 0] * d[2])
+    y = -(r[0, 1] * d[0] + r[1, 1] * d[1] + r[2, 1] * d[2])
+    z = -(r[0, 2] * d[0] + r[1, 2] * d[1] + r[2, 2] * d[2])
+    p, work.hints[1] = core_support(shapes, pair[1], x, y, z, work.hints[1])
+    p = (
+        r[0, 0] * p[0] + r[0, 1] * p[1] + r[0, 2] * p[2] + r[0, 3],
+        r[1, 0] * p[0] + r[1, 1] * p[1] + r[1, 2] * p[2] + r[1, 3],
+        r[2, 0] * p[0] + r[2, 1] * p[1] + r[2, 2] * p[2] + r[2, 3],
+    )
+    fill_points(shapes, places, pair, normal, p, p, row)
+    return is_known(rows, count)
+
+
+def perpendicular(normal: Vec) -> Vec:
+    """A unit vector across another one."""
+    x, y, z = abs(normal[0]), abs(normal[1]), abs(normal[2])
+    least = (1.0, 0.0, 0.0) if x <= y and x <= z else ((0.0, 1.0, 0.0) if y <= z else (0.0, 0.0, 1.0))
+    a = cross(normal, least)
+    size = norm(a)
+    return (a[0] / size, a[1] / size, a[2] / size)
+
+
+def tilted(p: Vec, pivot: Vec, axis: Vec, angle: float) -> Vec:
+    """A point turned about an axis through another one."""
+    p = rotated(minus(p, pivot), axis, math.sin(angle), math.cos(angle))
+    return (p[0] + pivot[0], p[1] + pivot[1], p[2] + pivot[2])
+
+
+def tilt(frame: Array, pivot: Vec, axis: Vec, angle: float) -> None:
+    """Turn a frame (3, 4) about an axis through a point."""
+    place = tilted((frame[0, 3], frame[1, 3], frame[2, 3]), pivot, axis, angle)
+    for k in range(3):
+        a = rotated((frame[0, k], frame[1, k], frame[2, k]), axis, math.sin(angle), math.cos(angle))
+        for i in range(3):
+            frame[i, k] = a[i]
+    for i in range(3):
+        frame[i, 3] = place[i]
+
+
+def is_known(rows: Array, count: int) -> bool:
+    """Whether the corner of the second shape that comes after some rows is in one of them."""
+    known = False
+    for r in range(count):
+        known = known or is_at(rows[r], rows[count], SECOND_POINT)
+    return known
+
+
+def is_at(one: Array, other: Array, point: int) -> bool:
+    """Whether two rows have the same corner."""
+    x, y, z = one[point] - other[point], one[point + 1] - other[point + 1], one[point + 2] - other[point + 2]
+    return bool(x * x + y * y + z * z < ONE_CORNER * ONE_CORNER)
+
+
+def fill_points(
+    shapes: Shapes, places: Places, pair: NDArray[np.int64], normal: Vec, first: Vec, second: Vec, row: Array
+) -> None:
+    """Fill points and normal of a row from those of the cores, in the first shape's frame."""
+    shape, frame = shapes.numbers[pair[0]], places.frames[shapes.integers[pair[0], LINK]]
+    for to in (FIRST_POINT, SECOND_POINT, WAY):
+        p = normal
+        if to == FIRST_POINT:
+            p = mix(first, 1.0, normal, shape[MARGIN], normal, 0.0)
+        elif to == SECOND_POINT:
+            p = mix(second, 1.0, normal, -shapes.numbers[pair[1], MARGIN], normal, 0.0)
+        u = shape[0] * p[0] + shape[1] * p[1] + shape[2] * p[2]
+        v = shape[4] * p[0] + shape[5] * p[1] + shape[6] * p[2]
+        w = shape[8] * p[0] + shape[9] * p[1] + shape[10] * p[2]
+        if to != WAY:
+            u, v, w = u + shape[3], v + shape[7], w + shape[11]
+        for i in range(3):
+            row[to + i] = frame[i, 0] * u + frame[i, 1] * v + frame[i, 2] * w
+            if to != WAY:
+                row[to + i] += frame[i, 3]
