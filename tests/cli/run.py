@@ -29,7 +29,6 @@ USUAL_SIGNALS = (
 
 @dataclass
 class Answer:
-    code: int
     out: str
     err: str
 
@@ -42,10 +41,10 @@ class Answer:
 Run = Callable[..., Answer]
 
 
-def leave(*words: str) -> int:
+def leave(*words: str | Path) -> int:
     """Exit code of a command."""
     with pytest.raises(SystemExit) as leaving:
-        main(words)
+        main([*map(str, words)])
     code = leaving.value.code
     assert code is None or isinstance(code, int)
     return code or 0
