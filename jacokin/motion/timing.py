@@ -21,9 +21,8 @@ from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
-from jacokin.kernels.course_times import STILL
 from jacokin.kernels.library import Calls
-from jacokin.kernels.speeds import fit_speeds, make_speed_work
+from jacokin.kernels.speeds import STILL, fit_speeds, make_speed_work
 from jacokin.model import checks
 from jacokin.model.robot import Robot
 from jacokin.motion.rows import ATTEMPTS, HELD, LEAST_SLOWER, WHOLE_TICK, Rows, sample
