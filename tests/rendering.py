@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import functools
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from jacokin.cli import doctor
+from tests.programs import python
 
 
 @functools.cache
@@ -23,12 +21,4 @@ def run_drawing(*words: str | Path, **environment: str) -> str:
     """Run Python where MuJoCo can draw, without a failure; returns what it prints. Skips where nothing draws."""
     if not backends():
         pytest.skip("no rendering back end works here")
-    done = subprocess.run(
-        [sys.executable, "-P", *words],
-        env={**os.environ, **environment, "MUJOCO_GL": backends()[0]},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout
+    return python(*words, environment={**environment, "MUJOCO_GL": backends()[0]}).stdout

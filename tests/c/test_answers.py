@@ -20,18 +20,10 @@ from jacokin.ik.structures import measure_general
 from jacokin.kernels.solution_set.slices import AFTER, BEFORE
 from jacokin.model.descriptions import bundled
 from tests.c import binding
-from tests.c.binding import C, CSolver
+from tests.c.binding import C, CSolver, make_targets
 from tests.robot_files import serial_urdf, ur5_text
 
 SIX = [name for name in bundled.NAMES if jacokin.load_robot(name).dof == 6]
-
-
-def make_targets(robot: jacokin.Robot, n: int, seed: int) -> tuple[Array, Array]:
-    """Poses (n, 4, 4), a third of them moved off, and seeds (n, dof)."""
-    rng = np.random.default_rng(seed)
-    T = np.array([robot.forward_kinematics(q).homogeneous for q in robot.sample(rng, n)])
-    T[::3, :3, 3] += rng.normal(scale=0.2, size=(len(T[::3]), 3))  # [m]
-    return T, robot.sample(rng, n)
 
 
 def test_10000_answers_are_those_of_the_package_to_the_bit() -> None:

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import importlib.metadata
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
-import jacokin
 from jacokin.cli import doctor
 from jacokin.cli.doctor import FAILED, MISSING, OK, WARNING, Finding
 from jacokin.errors import install_command
 from jacokin.kernels import library
-from tests.cli.run import Run
+from tests.cli.run import ENVIRONMENT, Run
+from tests.programs import python
 
 
 @pytest.mark.slow
@@ -142,10 +139,8 @@ def test_half_an_installation_of_mujoco_is_named_with_what_helps(
 
 
 def test_commands_that_need_mujoco_point_to_the_doctor() -> None:
-    environment = {**os.environ, "MUJOCO_GL": "magic", "PYTHONPATH": str(Path(jacokin.__file__).parent.parent)}
-    words = [sys.executable, "-P", "-m", "jacokin", "crosscheck", "--samples", "1"]
-    done = subprocess.run(words, env=environment, capture_output=True, text=True, check=False)
-    assert done.returncode == 2
+    magic = {**ENVIRONMENT, "MUJOCO_GL": "magic"}
+    done = python("-m", "jacokin", "crosscheck", "--samples", "1", code=2, environment=magic)
     assert "jacokin doctor" in done.stderr
     assert "MUJOCO_GL" in done.stderr
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-import subprocess
 from pathlib import Path
 
 import pytest
@@ -13,6 +12,7 @@ from jacokin.ik import IKSolver
 from jacokin.ik.c_library import solver_file
 from jacokin.kernels import library
 from tests.cli.run import Run
+from tests.programs import execute
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "c" / "nearest.c"
 
@@ -21,9 +21,8 @@ EXAMPLE = Path(__file__).parents[2] / "examples" / "c" / "nearest.c"
 def test_a_program_finds_the_installed_library_by_cflags(run: Run, tmp_path: Path) -> None:
     flags = run("export-c", "--cflags").out.split()
     run("export-c", "--output", tmp_path)
-    subprocess.run(["cc", EXAMPLE, *flags, "-o", tmp_path / "use"], check=True)
-    done = subprocess.run([tmp_path / "use", tmp_path / "j2n6s300.jacokin"], capture_output=True, text=True, check=True)
-    assert "branch 4: within the limits" in done.stdout
+    execute("cc", EXAMPLE, *flags, "-o", tmp_path / "use")
+    assert "branch 4: within the limits" in execute(tmp_path / "use", tmp_path / "j2n6s300.jacokin").stdout
 
 
 def test_export_c_writes_a_robot_with_its_tool_and_limits(run: Run, tmp_path: Path) -> None:

@@ -5,8 +5,6 @@ from __future__ import annotations
 import importlib
 import json
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -16,6 +14,7 @@ from jacokin.cli import groups
 from jacokin.cli.main import COMMANDS
 from jacokin.model import urdf_folder
 from tests.cli.run import HOME, POSE, Run
+from tests.programs import python
 
 GROUPS = {"map": ("build", "show", "query"), "calibrate": ("fit", "plan")}
 IN_GROUPS = [f"{group} {name}" for group, names in GROUPS.items() for name in names]
@@ -71,14 +70,12 @@ def test_help_loads_nothing_heavy() -> None:
         "try:\n    main(['--help'])\nexcept SystemExit:\n    pass\n"
         "print([m for m in ('numpy', 'pinocchio', 'mujoco', 'mink', 'numba', 'orjson') if m in sys.modules])\n"
     )
-    done = subprocess.run([sys.executable, "-P", "-c", program], capture_output=True, text=True, check=True)
+    done = python("-c", program)
     assert done.stdout.splitlines()[-1] == "[]"
 
 
 def test_the_package_runs_as_a_module() -> None:
-    words = [sys.executable, "-P", "-m", "jacokin", "fk", *HOME, "--json"]
-    done = subprocess.run(words, capture_output=True, text=True, check=True)
-    assert json.loads(done.stdout)["frame"] == "end_effector"
+    assert json.loads(python("-m", "jacokin", "fk", *HOME, "--json").stdout)["frame"] == "end_effector"
 
 
 @pytest.mark.parametrize(

@@ -7,10 +7,7 @@ import csv
 import io
 import json
 import math
-import os
 import pickle
-import subprocess
-import sys
 import zipfile
 from dataclasses import fields, replace
 from pathlib import Path
@@ -24,6 +21,7 @@ from jacokin import Robot
 from jacokin.errors import InvalidInputError
 from jacokin.motion import Trajectory, move_joints
 from jacokin.motion import trajectory as trajectories
+from tests.programs import python
 
 
 @pytest.fixture(scope="module")
@@ -226,8 +224,8 @@ def test_a_path_survives_a_locale_without_utf8(result: Trajectory, tmp_path: Pat
     file, copied = tmp_path / "path.csv", tmp_path / "copy.csv"
     replace(result, message="Gelenk 2 läuft über 90°").save(file)
     code = "import sys; from jacokin.motion import Trajectory; Trajectory.load(sys.argv[1]).save(sys.argv[2])"
-    environment = {**os.environ, "LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
-    subprocess.run([sys.executable, "-P", "-c", code, str(file), str(copied)], check=True, env=environment)
+    environment = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+    python("-c", code, file, copied, environment=environment)
     assert copied.read_bytes() == file.read_bytes()
 
 

@@ -83,9 +83,13 @@ def test_commanded_velocities_are_reached_and_clipped(robot: str) -> None:
             assert physics.bind(arm.joints[index]).qvel[0] == pytest.approx(limit[index], abs=VELOCITY_BAND)
 
 
+@pytest.mark.parametrize("has_hand", [False, True])
 @pytest.mark.parametrize("robot", NAMES)
-def test_torque_observable_balances_the_joint(robot: str) -> None:
-    check_torque_balances_the_joint(JacoArm(robot=robot), 5)
+def test_torque_observable_balances_the_joint(robot: str, has_hand: bool) -> None:
+    arm = JacoArm(robot=robot)
+    if has_hand:
+        arm.attach(JacoHand(robot=robot))
+    check_torque_balances_the_joint(arm, 20 if robot == bundled.DEFAULT_ROBOT else 5)
 
 
 @pytest.mark.one_quick("robot")

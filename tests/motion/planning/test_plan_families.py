@@ -18,6 +18,7 @@ from jacokin.ik import Scene, Sphere
 from jacokin.motion import AxisTarget, PositionTarget, Trajectory, track_path
 from tests.ik.test_few_joints import CHAINS, urdf_of
 from tests.motion.by_mujoco import at, random_line, tool_poses
+from tests.motion.planning.test_plan import check_lead_in
 from tests.seven_joint_arms import load_arm
 
 SEVEN = "j2s7s300"
@@ -78,16 +79,7 @@ def test_seven_joints_start_where_the_arm_is(seven: Robot) -> None:
         check_limits(seven, result)
         check_line(seven, result, corners)
         np.testing.assert_allclose(result.q[0], seven.home, atol=1e-6 if start is not None else 0.3)
-    elsewhere = plan_path(solver, corners, start=seven.home + 0.1)
-    assert elsewhere.success
-    assert elsewhere.status[0] == "LEAD_IN"
-    count = elsewhere.status.count("LEAD_IN")
-    assert "after a motion of" in elsewhere.message
-    first = seven.forward_kinematics(elsewhere.q[count])
-    np.testing.assert_allclose(first.translation, corners[0].translation, atol=1e-6)
-    assert (np.abs(elsewhere.v) <= seven.velocity_limit + 1e-9).all()
-    assert elsewhere.failed_segments == ()
-    assert max(elsewhere.largest_errors) < 1e-6
+    check_lead_in(solver, corners, seven.home + 0.1)
 
 
 @pytest.mark.parametrize(("end", "axis"), [(-0.1, None), (-0.2, np.array([0.0, 0.0, 1.0]))])
@@ -280,7 +272,7 @@ def test_the_joints_move_steadily(robot: Robot, seven: Robot) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["free", pytest.param("seven", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("kind", ["free", "seven"])
 def test_out_of_reach_and_out_of_limits_are_said(robot: Robot, seven: Robot, kind: str) -> None:
     arm = robot if kind == "free" else seven
     corners: list[pin.SE3 | FreeAxis] = [at(0.4, -0.4, 0.3), at(0.4, 1.4, 0.3)]
