@@ -16,22 +16,21 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import NamedTuple
 
-import mink
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
 import jacokin
 from benchmarks import environments
+from benchmarks.tracker import DT, MinkLoop
 from benchmarks.worker import Worker
 from jacokin import Robot, Tracker
 from jacokin.ik import Floor, Scene
-from jacokin.model import poses, to_mujoco
+from jacokin.model import poses
 from jacokin.motion import LimitDistance, Manipulability
 from jacokin.teleop import HandOptions, Player, Stream, Teleop, TeleopStatus, make_stream
 from jacokin.teleop.streams import KINDS
 
-DT = 0.01  # [s]
 ACCELERATION = 4.0  # [rad/s^2]
 CLEARANCE = 0.005  # [m]
 END = 12.0  # [s] after the stream, in which a tool must be back
@@ -120,23 +119,14 @@ def targets_of(robot: Robot, heard: list[Array | None]) -> list[pin.SE3]:
 
 def bare_mink(robot: Robot, heard: list[Array | None], rate: float) -> Played:
     """The loop that mink's examples show: the last pose is the target, nothing guards it but its limits."""
-    model = to_mujoco(robot)
-    configuration = mink.Configuration(model)
-    configuration.update(robot.home)
-    task = mink.FrameTask(robot.default_frame, "site", position_cost=1.0, orientation_cost=0.1, lm_damping=1e-2)
-    limits = [
-        mink.ConfigurationLimit(model),
-        mink.VelocityLimit(model, dict(zip(robot.joint_names, robot.velocity_limit, strict=True))),
-    ]
+    loop = MinkLoop(robot)
     targets = targets_of(robot, heard)
     q, seconds = list[Array](), list[float]()
     for target in targets:
         began = time.thread_time()
-        task.set_target(mink.SE3(np.concatenate([poses.quat_wxyz(target.rotation), target.translation])))
-        velocity = mink.solve_ik(configuration, [task], DT, "daqp", limits=limits)
-        configuration.integrate_inplace(velocity, DT)
+        loop.tick(target)
         seconds.append(time.thread_time() - began)
-        q.append(configuration.q.copy())
+        q.append(loop.configuration.q.copy())
     return Played(np.array(q), list[pin.SE3 | None](targets), np.array(seconds), np.zeros(len(q)))
 
 
