@@ -22,7 +22,7 @@ import pytest
 import jacokin
 from jacokin.motion import Trajectory
 from jacokin.teleop import make_stream
-from tests.cli.run import Answer, Run, start
+from tests.cli.run import Answer, Run, running
 
 
 def test_a_recorded_hand_leads_the_arm_to_where_it_ends(run: Run, tmp_path: Path) -> None:
@@ -91,8 +91,7 @@ def test_fingers_close_in_a_task(monkeypatch: pytest.MonkeyPatch, run: Run) -> N
 
 @pytest.mark.slow
 def test_a_page_leads_the_arm() -> None:
-    process = start("teleop", "--device", "page", "--port", "0", "--json")
-    try:
+    with running("teleop", "--device", "page", "--port", "0", "--json") as process:
         assert process.stderr is not None
         address, rest = process.stderr.readline().split(maxsplit=1)
         assert rest == "shows j2n6s300; Ctrl-C ends it\n"
@@ -104,9 +103,6 @@ def test_a_page_leads_the_arm() -> None:
         process.send_signal(signal.SIGINT)
         out, err = process.communicate(timeout=60.0)
         spent = time.monotonic() - began
-    finally:
-        process.kill()
-        process.communicate()
     assert (process.returncode, err) == (0, "")
     found = json.loads(out)
     robot = jacokin.load_robot()
@@ -117,16 +113,12 @@ def test_a_page_leads_the_arm() -> None:
 
 @pytest.mark.slow
 def test_ctrl_c_brakes_the_arm_and_then_says_what_happened() -> None:
-    process = start("teleop", "--stream", "smooth", "--view", "--port", "0", "--json")
-    try:
+    with running("teleop", "--stream", "smooth", "--view", "--port", "0", "--json") as process:
         assert process.stderr is not None
         process.stderr.readline()  # the address
         time.sleep(3.0)
         process.send_signal(signal.SIGINT)
         out, _ = process.communicate(timeout=60.0)
-    finally:
-        process.kill()
-        process.communicate()
     found = json.loads(out)
     assert found["duration"] < 10.0  # of 12
     assert found["statuses"]["HOLDING"] > 0
@@ -246,8 +238,7 @@ def test_joints_are_as_slow_as_wished(run: Run, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_seconds_count_from_when_somebody_has_opened_the_page() -> None:
-    process = start("teleop", "--device", "page", "--port", "0", "--seconds", "1", "--json")
-    try:
+    with running("teleop", "--device", "page", "--port", "0", "--seconds", "1", "--json") as process:
         assert process.stderr is not None
         address = process.stderr.readline().split()[0]
         time.sleep(2.0)
@@ -255,9 +246,6 @@ def test_seconds_count_from_when_somebody_has_opened_the_page() -> None:
         with urllib.request.urlopen(f"{address.replace('/?', '/hand?')}&keys=", timeout=60.0):
             pass
         out, _ = process.communicate(timeout=60.0)
-    finally:
-        process.kill()
-        process.communicate()
     assert 0.9 < json.loads(out)["duration"] < 1.5
 
 

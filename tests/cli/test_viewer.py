@@ -12,20 +12,16 @@ import pytest
 
 from jacokin.viewer import serve
 from jacokin.viewer.viewer import Viewer
-from tests.cli.run import Run, start
+from tests.cli.run import Run, running
 from tests.viewer.page import port_of
 
 
 @contextmanager
 def viewing(*words: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
     """A running viewer and its address."""
-    process = start("view", "--port", "0", *words)
-    try:
+    with running("view", "--port", "0", *words) as process:
         assert process.stdout is not None
         yield process, process.stdout.readline()
-    finally:
-        process.kill()
-        process.communicate()
 
 
 @pytest.mark.parametrize(
