@@ -1,7 +1,8 @@
-"""Programs in a process of their own."""
+"""Programs in a process of their own, and which of MuJoCo's rendering back ends work on this machine."""
 
 from __future__ import annotations
 
+import functools
 import os
 import subprocess
 import sys
@@ -9,6 +10,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
+
+import pytest
+
+from jacokin.cli import doctor
 
 
 def execute(
@@ -35,3 +40,16 @@ def execute(
 def python(*words: str | Path, **settings: Any) -> subprocess.CompletedProcess[str]:  # Any: those of `execute`
     """The same of Python, which looks for no modules in the folder that it runs in."""
     return execute(sys.executable, "-P", *words, **settings)
+
+
+@functools.cache
+def backends() -> tuple[str, ...]:
+    """Values of MUJOCO_GL that draw a picture here."""
+    return tuple(finding.name for finding in doctor.check_renderers() if finding.state == doctor.OK)
+
+
+def run_drawing(*words: str | Path, **environment: str) -> str:
+    """Run Python where MuJoCo can draw, without a failure; returns what it prints. Skips where nothing draws."""
+    if not backends():
+        pytest.skip("no rendering back end works here")
+    return python(*words, environment={**environment, "MUJOCO_GL": backends()[0]}).stdout

@@ -12,8 +12,7 @@ import pytest
 from jacokin.cli.demo import targets_file
 from jacokin.ik import read_targets
 from tests.cli.run import ENVIRONMENT
-from tests.programs import python
-from tests.rendering import backends
+from tests.programs import backends, python
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 

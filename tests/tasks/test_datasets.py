@@ -30,8 +30,7 @@ from jacokin.tasks.datasets.recorded import Recorded
 from jacokin.tasks.datasets.recording import run_episode
 from jacokin.tasks.task import CONTROL_TIMESTEP
 from tests.cli.run import leave
-from tests.programs import python
-from tests.rendering import run_drawing
+from tests.programs import python, run_drawing
 
 h5py = pytest.importorskip("h5py", reason="the extra data is not installed")
 parquet = pytest.importorskip("pyarrow.parquet", reason="the extra data is not installed")

@@ -24,8 +24,7 @@ from jacokin.mujoco_bridge.observations import PERFECT_FEATURES
 from jacokin.tasks import Task, TaskEnv, replay
 from jacokin.tasks.datasets import hdf5
 from jacokin.teleop import Controller, Keyboard, Player, Stream, TaskArm, Teleop, TeleopStep, demonstrate
-from tests.programs import python
-from tests.rendering import run_drawing
+from tests.programs import python, run_drawing
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 

@@ -9,8 +9,7 @@ import gymnasium
 import pytest
 
 from jacokin.tasks.registry import TASKS
-from tests.programs import python
-from tests.rendering import run_drawing
+from tests.programs import python, run_drawing
 from tests.tasks.families_sample import ONE_OF_EACH_FAMILY, slow_but
 from tests.tasks.gym.checking import FEATURE_OPTIONS, check, check_copies
 

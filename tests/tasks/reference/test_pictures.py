@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from tests.rendering import run_drawing
+from tests.programs import run_drawing
 from tests.tasks.families_sample import one_of_each_family
 from tests.tasks.reference.sides import VISION
 
