@@ -37,12 +37,10 @@ END = 12.0  # [s] after the stream, in which a tool must be back
 ARRIVED = 1e-3  # [m]
 SLOW = 0.3  # [rad/s] no joint of the exact answer, nearest to the arm, is faster when the hand is slow
 PATIENCE = 2.5  # periods of a slow hand until it counts as silent
-RECENT = 200  # ticks for which it must have been slow, beside those that the joints need to get there at full speed
 FAR = 0.01  # [m] off its target, a tool may be asked for what is out of reach
 BRANCH = 0.3  # [rad] an answer farther away is on another branch
 EVERY = 5  # ticks, after which contact and the exact answer are looked at
 ROUNDING = 1e-9  # [rad/s] a velocity may be over by
-PEER_ROUNDING = 1e-3  # [rad/s] that of others, whose QP solvers have tolerances: mink's is over by 1e-4
 RATES = (10.0, 20.0, 60.0, 90.0, 200.0)  # [1/s] of the hands
 FINE = 1000.0  # [1/s] of the motion that a hand's poses are samples of
 SSIK = {"j2n6s300": "jaco2_ik", "j2s7s300": "j2s7s300_ik"}  # the arms that it ships, by the names of ours
@@ -165,7 +163,8 @@ def judge(robot: Robot, played: Played, acceleration: float | None, motion: Stre
     solver = jacokin.IKSolver(robot, scene=scene, clearance=CLEARANCE, collision="reject")
     v = np.diff(played.q, axis=0, prepend=robot.home[np.newaxis]) / DT
     is_broken = not all(robot.within_limits(q) for q in played.q)
-    rounding = PEER_ROUNDING if acceleration is None else ROUNDING
+    # [rad/s] QP solvers of others have tolerances: mink's is over by 1e-4.
+    rounding = 1e-3 if acceleration is None else ROUNDING
     is_broken |= bool((np.abs(v) > robot.velocity_limit + rounding).any())
     if acceleration is not None:
         change = np.diff(v, axis=0, prepend=np.zeros((1, robot.dof)))
@@ -187,7 +186,8 @@ def judge(robot: Robot, played: Played, acceleration: float | None, motion: Stre
         way = float((np.abs(answer.q - q) / robot.velocity_limit).max()) if answer.success else 0.0
         slow = slow + EVERY if near else -math.ceil(way / DT)
         exact = answer.q if answer.success else None
-        if slow > RECENT and np.abs(answer.q - q).max() < BRANCH:
+        # For so many ticks it must have been slow, beside those that the joints need to get there at full speed.
+        if slow > 200 and np.abs(answer.q - q).max() < BRANCH:
             errors.append(_off(robot, q, asked))
             if motion is not None:
                 tool = robot.forward_kinematics(q).translation

@@ -23,8 +23,8 @@ from jacokin.tasks import TaskEnv
 from jacokin.tasks.datasets import video
 from jacokin.tasks.datasets.video import find_ffmpeg
 from jacokin.tasks.task import CONTROL_TIMESTEP, Task
-from tests import rendering
 from tests.cli.run import Run, start
+from tests.programs import backends
 
 STEPS = 3  # of the episodes that are only recorded
 SHORT = f"import jacokin.tasks.task as short; short.Task.time_limit = {STEPS} * short.CONTROL_TIMESTEP"
@@ -102,7 +102,7 @@ def test_random_actions_are_those_of_the_seed(run: Run, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_video_has_a_picture_for_each_step_of_all_episodes(tmp_path: Path) -> None:
-    if "egl" not in rendering.backends():
+    if "egl" not in backends():
         pytest.skip("needs EGL")
     file = tmp_path / "video.mp4"
     words = ["task", "reach_site", "--expert", "--episodes", "2", "--record", str(file)]

@@ -13,7 +13,6 @@ from jacokin.model.angles import wrap_to_pi
 
 NEAR = 1e-6  # [rad] of an own configuration
 ON_CURVE = 1e-5  # [rad] of a point of a curve
-ROOMY = 1e-3  # least singular value of a configuration whose branches are apart
 
 
 def apart(a: np.ndarray, b: np.ndarray) -> float:

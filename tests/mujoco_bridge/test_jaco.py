@@ -22,7 +22,6 @@ from tests.mujoco_bridge.scenes import (
 LARGE, SMALL = math.radians(36), math.radians(48)  # [rad/s] datasheet
 GRIP_FORCE = (20.0, 30.0)  # [N] datasheet: 25 N
 VELOCITY_BAND = 0.01  # [rad/s]
-TORQUE_BAND = 0.1  # [N m]
 
 
 def ball_with_touch_sensor() -> tuple[ModelWrapperEntity, Any]:
