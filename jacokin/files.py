@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     import pyarrow.parquet as pq
     from numpy.typing import NDArray
 
+KEPT_NAME = 60  # characters of the file's name in the temporary one: the ending decides formats, names may be 255 bytes
 
 # Bounds of what is read, by kind; what is larger is refused by name.
 DOCUMENT = 10_000_000  # [byte] of JSON or text that describes something: some 100,000 shapes of a scene
@@ -50,8 +51,10 @@ PIPED = 10_000_000_000  # [byte] that are copied from a pipe: a hundred million 
 
 NODES = 1_000_000  # of a YAML document, each counted wherever an alias repeats it
 NUMBER = 1000  # characters of a number in YAML
+ENCRYPTED = 0x1  # flag of a member of an archive
 MEMBERS = 1000  # arrays of an archive; each is an open file
 DIRECTORY = 16_000_000  # [byte] read from an archive at once: its list of members, or a part of one
+ARRAY_HEADER = 10_000  # [byte], NumPy's own bound
 DEFLATION = 1100  # byte that one compressed byte can stand for: 1032 by the format, and a margin
 ARRAY_KINDS, TEXT_KIND = "biufcSU", "U"  # of NumPy's types: those that are read, and texts among them
 ROWS = 10_000_000_000  # of a Parquet file, which can say a number often in little space
@@ -97,8 +100,7 @@ def replacing(path: Path) -> Iterator[Path]:
             yield path
         return
     final = writable(path)
-    # With the end of the name, which decides formats; names may have 255 bytes.
-    temporary = final.with_name(f".{secrets.token_hex(8)}-{final.name[-60:]}")
+    temporary = final.with_name(f".{secrets.token_hex(8)}-{final.name[-KEPT_NAME:]}")
     try:  # from here on an interrupt, too, leaves nothing behind
         try:
             temporary.touch(exist_ok=False)
@@ -467,9 +469,7 @@ def open_archive(path: Path, otherwise: str) -> Iterator[zipfile.ZipFile]:
         for member in members:
             if not member.filename.endswith(".npy"):
                 raise ValueError(f"{member.filename} is not an array")
-            if (
-                member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED) or member.flag_bits & 1
-            ):  # encrypted
+            if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED) or member.flag_bits & ENCRYPTED:
                 raise ValueError(f"{member.filename} is compressed or encrypted in another way than NumPy does")
             most = member.compress_size * (DEFLATION if member.compress_type == zipfile.ZIP_DEFLATED else 1)
             if member.compress_size > there or member.file_size > most:
@@ -526,7 +526,7 @@ def array_header(stream: IO[bytes], size: int) -> tuple[tuple[int, ...], bool, n
     version = np.lib.format.read_magic(stream)
     digits = stream.read(2 if version == (1, 0) else 4)
     length = int.from_bytes(digits, "little")
-    if length > 10_000:  # [byte] NumPy's own bound
+    if length > ARRAY_HEADER:
         raise ValueError(f"a header of {length} bytes")
     read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
     with warnings.catch_warnings():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 import struct
 import sys
@@ -11,7 +10,6 @@ import time
 import tracemalloc
 import warnings
 import zipfile
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -316,23 +314,26 @@ def _written(path: Path, text: str) -> Path:
     return path
 
 
-@contextlib.contextmanager
-def piped(text: bytes) -> Iterator[str]:
-    """The path of a pipe that holds a text."""
+def test_a_pipe_is_read_to_its_end(tmp_path: Path) -> None:
     read_end, write_end = os.pipe()
     with os.fdopen(write_end, "wb") as file:
-        file.write(text)
-    with os.fdopen(read_end):
-        yield f"/dev/fd/{read_end}"
+        file.write(b"x,y,z\n0.1,0.2,0.3\n")
+    try:
+        assert len(read_targets(f"/dev/fd/{read_end}").targets) == 1
+    finally:
+        os.close(read_end)
 
 
-def test_a_pipe_is_read_to_its_end_and_one_without_is_cut(monkeypatch: pytest.MonkeyPatch) -> None:
-    with piped(b"x,y,z\n0.1,0.2,0.3\n") as path:
-        assert len(read_targets(path).targets) == 1
+def test_a_pipe_without_an_end_is_cut(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(files, "TABLE", 10_000)
-    long = b"x,y,z\n" + b"0.1,0.2,0.3\n" * 1000
-    with piped(long) as path, pytest.raises(InvalidInputError, match="is larger than the 10000 bytes"):
-        read_targets(path)
+    read_end, write_end = os.pipe()
+    with os.fdopen(write_end, "wb") as file:
+        file.write(b"x,y,z\n" + b"0.1,0.2,0.3\n" * 1000)
+    try:
+        with pytest.raises(InvalidInputError, match="is larger than the 10000 bytes"):
+            read_targets(f"/dev/fd/{read_end}")
+    finally:
+        os.close(read_end)
 
 
 def test_a_late_writer_is_waited_for(tmp_path: Path) -> None:

@@ -17,6 +17,7 @@ from jacokin.motion.files import by_ending, read_table
 from jacokin.motion.trajectory import FORMATS, KINOVA_STEP, Trajectory
 
 NOT_ROS = "not a JointTrajectory as JSON"
+STEP_ROUNDING = 1e-6  # [s] of times that are written with two decimals
 
 
 class MotionRows(NamedTuple):
@@ -95,8 +96,7 @@ def _read_kinova(file: Path, robot: Robot) -> MotionRows:
         except ValueError as error:
             raise InvalidInputError(f"{file}, line {line}: {error}") from error
     numbers = np.array(rows)
-    off = np.abs(numbers[:, 0] - KINOVA_STEP * np.arange(len(numbers))).max()
-    if not off <= 1e-6:  # [s] times are written with two decimals
+    if not np.abs(numbers[:, 0] - KINOVA_STEP * np.arange(len(numbers))).max() <= STEP_ROUNDING:
         raise InvalidInputError(f"{file}: its rows are not 10 ms apart")
     if not (numbers[-1, len(wanted) :] == 0.0).all():
         raise InvalidInputError(f"{file}: its last row is not at rest, as where a file was cut off")
