@@ -11,16 +11,16 @@ import pinocchio as pin
 import pytest
 
 import jacokin
+from jacokin import Robot
 from tests.cli.run import POSE, Run
 from tests.ik.test_few_joints import CHAINS, urdf_of
 
 FAR = ("--position", "9", "9", "9", "--down")
 
 
-def test_ik_reaches_the_pose_and_its_joints_read_back_exactly(run: Run) -> None:
+def test_ik_reaches_the_pose_and_its_joints_read_back_exactly(robot: Robot, run: Run) -> None:
     answer = run("ik", *POSE, "--json")
     assert answer.document["status"] == "OK"
-    robot = jacokin.load_robot()
     q = np.array(answer.document["q"])
     assert robot.within_limits(q)
     error = robot.forward_kinematics(q).inverse() * jacokin.pose([0.3, -0.2, 0.5], down=True)
@@ -123,8 +123,7 @@ def solved(run: Run, *words: str) -> list[float]:
     return q
 
 
-def test_the_tool_reaches_the_target(run: Run) -> None:
-    robot = jacokin.load_robot()
+def test_the_tool_reaches_the_target(robot: Robot, run: Run) -> None:
     half = math.sqrt(0.5)
     for words, turn in (
         (("0.01", "0.02", "0.05"), 0.0),

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import jacokin
+from jacokin import Robot
 from jacokin.errors import InvalidInputError
 from jacokin.ik import read_targets, solve_file
 from jacokin.model import poses
@@ -21,9 +22,8 @@ FAR = "9,9,9,1,0,0,0"
 
 
 @pytest.fixture
-def targets(tmp_path: Path) -> Path:
+def targets(robot: Robot, tmp_path: Path) -> Path:
     """Twelve poses that are reached, in a file with a comment column and a blank line."""
-    robot = jacokin.load_robot()
     path = tmp_path / "targets.csv"
     lines = ["note,x,y,z,qw,qx,qy,qz", ""]
     for q in robot.sample(np.random.default_rng(1), REACHED):
@@ -34,13 +34,14 @@ def targets(tmp_path: Path) -> Path:
     return path
 
 
-def test_every_answer_in_the_file_is_within_limits_and_reaches_its_target(run: Run, targets: Path) -> None:
+def test_every_answer_in_the_file_is_within_limits_and_reaches_its_target(
+    robot: Robot, run: Run, targets: Path
+) -> None:
     out = targets.with_name("joints.csv")
     run("ik", "--targets", targets, "--output", out)
     with out.open(newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == REACHED
-    robot = jacokin.load_robot()
     for row in rows:
         q = [float(row[f"q{joint}"]) for joint in range(1, 7)]
         assert robot.within_limits(q)
@@ -112,11 +113,10 @@ def test_degrees_in_a_file_are_noted_without_an_option_that_is_not_for_files(run
     assert "roll, pitch, yaw is in radians, and an angle exceeds a full turn; files hold no degrees" in said
 
 
-def test_targets_without_quaternions_are_positions(tmp_path: Path, run: Run) -> None:
+def test_targets_without_quaternions_are_positions(robot: Robot, tmp_path: Path, run: Run) -> None:
     path = tmp_path / "positions.csv"
     path.write_text("\ufeffx, y, z\n0.3,-0.2,0.5\n0.3,-0.2,0.4\n", encoding="utf-8")  # as a spreadsheet writes it
     document = run("ik", "--targets", path, "--json").document
-    robot = jacokin.load_robot()
     for result, z in zip(document["results"], (0.5, 0.4), strict=True):
         assert np.allclose(robot.forward_kinematics(result["q"]).translation, [0.3, -0.2, z], rtol=0.0, atol=1e-6)
 

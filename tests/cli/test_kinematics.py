@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import jacokin
+from jacokin import Robot
 from tests.cli.run import HOME, Run
 
 
@@ -31,10 +32,9 @@ def test_fk_says_which_joint_breaks_its_limits(run: Run) -> None:
     assert "broken by joint_2" in run("fk", "0", "0", "3", "0", "0", "0").out
 
 
-def test_jacobian_agrees_with_python(run: Run) -> None:
+def test_jacobian_agrees_with_python(robot: Robot, run: Run) -> None:
     words = ("jacobian", *HOME, "--frame", "gripsite", "--reference", "local", "--json")
     document = run(*words).document
-    robot = jacokin.load_robot()
     q = [float(angle) for angle in HOME]
     assert document["jacobian"] == robot.jacobian(q, "gripsite", "local").tolist()
     assert document["manipulability"] == robot.manipulability(q, "gripsite")

@@ -9,18 +9,18 @@ import numpy as np
 import pytest
 
 import jacokin
+from jacokin import Robot
 from jacokin.motion import Trajectory
 from tests.cli.run import Run
 
 BLOCK = "- {shape: box, name: block, size: [0.2, 0.2, 0.2], position: [0.3, -0.2, 0.5]}\n"
 
 
-def test_a_motion_to_a_pose_is_written(tmp_path: Path, run: Run) -> None:
+def test_a_motion_to_a_pose_is_written(robot: Robot, tmp_path: Path, run: Run) -> None:
     out, plot = tmp_path / "motion.csv", tmp_path / "motion.png"
     words = ("move", "--position", "0.3", "-0.2", "0.5", "--down", "--output", str(out), "--plot", str(plot), "--json")
     document = run(*words).document
     motion = Trajectory.load(out)
-    robot = jacokin.load_robot()
     np.testing.assert_allclose(robot.forward_kinematics(motion.q[-1]).translation, [0.3, -0.2, 0.5], atol=1e-6)
     np.testing.assert_array_equal(motion.q[0], robot.home)
     assert document["success"]
@@ -42,8 +42,7 @@ def test_limits_of_torque_slow_a_motion_down(run: Run) -> None:
     assert "--rated-torque" in run(*words, "--torque-limit", "20", "--rated-torque", code=2).err
 
 
-def test_degrees_go_in_and_out(run: Run) -> None:
-    robot = jacokin.load_robot()
+def test_degrees_go_in_and_out(robot: Robot, run: Run) -> None:
     start, end = np.degrees(robot.home), np.degrees(robot.home + 0.2)
     words = ["move", "--from", *map(repr, start.tolist()), "--to", *map(repr, end.tolist()), "--degrees", "--json"]
     document = run(*words).document

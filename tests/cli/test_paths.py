@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import jacokin
+from jacokin import Robot
 from jacokin.ik import Scene
 from jacokin.motion import Trajectory
 from tests.cli.run import POSE, Run
@@ -53,14 +54,13 @@ def path_file(tmp_path: Path) -> Path:
     return path
 
 
-def test_track_follows_a_line_inside_the_limits(path_file: Path, run: Run) -> None:
+def test_track_follows_a_line_inside_the_limits(robot: Robot, path_file: Path, run: Run) -> None:
     out, plot = path_file.with_name("trajectory.csv"), path_file.with_name("trajectory.png")
     words = ("track", "--path", str(path_file), "--dt", "0.02", "--output", str(out), "--plot", str(plot), "--json")
     document = run(*words).document
     assert 2.0 < document["duration"] < 2.3  # 0.1 m at 0.05 m/s, from rest to rest
     assert document["max_position_error"] < 1e-4
     result = Trajectory.load(out)
-    robot = jacokin.load_robot()
     assert all(robot.within_limits(q) for q in result.q)
     assert (np.abs(result.v) <= robot.velocity_limit + 1e-9).all()
     last = robot.forward_kinematics(result.q[-1]).translation
@@ -104,7 +104,7 @@ def test_track_starts_near_a_seed_in_degrees(path_file: Path, run: Run) -> None:
     assert np.allclose(again["branches"][0]["q_start"], np.degrees(starts[0]), rtol=0.0, atol=1e-9)
 
 
-def test_a_plan_is_written_and_clear_of_the_scene(path_file: Path, run: Run) -> None:
+def test_a_plan_is_written_and_clear_of_the_scene(robot: Robot, path_file: Path, run: Run) -> None:
     out, scene = path_file.with_name("plan.csv"), path_file.with_name("scene.yaml")
     scene.write_text(TABLE)
     words = ("plan", "--path", str(path_file), "--dt", "0.05", "--output", str(out), "--scene", str(scene), "--json")
@@ -112,7 +112,6 @@ def test_a_plan_is_written_and_clear_of_the_scene(path_file: Path, run: Run) -> 
     assert document["success"]
     assert document["max_position_error"] < 1e-8
     result = Trajectory.load(out)
-    robot = jacokin.load_robot()
     assert np.min(robot.clearance(result.q, Scene.load(scene))) > 0.01
     assert document["least_clearance"] == result.clearance.min() > 0.01
     assert document["parameter"] == result.parameter.tolist()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import jacokin
-from jacokin import reachability
+from jacokin import Robot, reachability
 from jacokin.ik import Scene
 from jacokin.model import quat_wxyz, urdf_folder
 from jacokin.reachability import load
@@ -92,8 +92,7 @@ def test_processes_build_the_same_map(run: Run, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_base_is_placed(run: Run, tmp_path: Path) -> None:
-    robot = jacokin.load_robot()
+def test_a_base_is_placed(robot: Robot, run: Run, tmp_path: Path) -> None:
     lines = ["x,y,z,qw,qx,qy,qz"]
     for q in robot.sample(np.random.default_rng(2), 10):
         pose = jacokin.pose([0.5, 0.5, 0.2]) * robot.forward_kinematics(q)

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 import jacokin
+from jacokin import Robot
 from jacokin.motion import move_joints
 from tests.cli.run import Run
 
 
 @pytest.fixture
-def file(tmp_path: Path) -> Path:
-    robot = jacokin.load_robot()
+def file(robot: Robot, tmp_path: Path) -> Path:
     motion = move_joints(robot, robot.home, robot.home + np.array([0.2, 0.1, -0.1, 0.2, 0.1, 0.3]), dt=0.02)
     motion.save(tmp_path / "m.csv")
     return tmp_path / "m.csv"

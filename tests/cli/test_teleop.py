@@ -19,14 +19,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-import jacokin
+from jacokin import Robot
 from jacokin.motion import Trajectory
 from jacokin.teleop import make_stream
 from tests.cli.run import Answer, Run, running
 
 
-def test_a_recorded_hand_leads_the_arm_to_where_it_ends(run: Run, tmp_path: Path) -> None:
-    robot = jacokin.load_robot()
+def test_a_recorded_hand_leads_the_arm_to_where_it_ends(robot: Robot, run: Run, tmp_path: Path) -> None:
     stream = make_stream(robot, "smooth", np.random.default_rng(3))
     stream.save(tmp_path / "hand.npz")
     out = tmp_path / "motion.csv"
@@ -90,7 +89,7 @@ def test_fingers_close_in_a_task(monkeypatch: pytest.MonkeyPatch, run: Run) -> N
 
 
 @pytest.mark.slow
-def test_a_page_leads_the_arm() -> None:
+def test_a_page_leads_the_arm(robot: Robot) -> None:
     with running("teleop", "--device", "page", "--port", "0", "--json") as process:
         assert process.stderr is not None
         address, rest = process.stderr.readline().split(maxsplit=1)
@@ -105,7 +104,6 @@ def test_a_page_leads_the_arm() -> None:
         spent = time.monotonic() - began
     assert (process.returncode, err) == (0, "")
     found = json.loads(out)
-    robot = jacokin.load_robot()
     tools = [robot.forward_kinematics(q).translation for q in (robot.home, found["q_end"])]
     assert 0.01 < tools[1][2] - tools[0][2] < spent * 0.1  # no faster than the keys' 0.1 m/s
     assert found["statuses"]["HOLDING"] > 0  # the space bar opened the clutch
@@ -193,11 +191,10 @@ def at_a_terminal(monkeypatch: pytest.MonkeyPatch, keys: list[bytes], act: Calla
     return answer
 
 
-def test_keys_of_a_terminal_move_the_arm(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_keys_of_a_terminal_move_the_arm(robot: Robot, run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     keys = [b"\x1b[A", b"\x1bOB", b"\x1b[3~", *[b"w"] * 10, *[b"W"] * 10, b" ", b"Q"]  # arrows do nothing
     words = ("teleop", "--device", "keyboard", "--seconds", "5", "--json")
     found = at_a_terminal(monkeypatch, keys, lambda: run(*words)).document
-    robot = jacokin.load_robot()
     tools = [robot.forward_kinematics(q).translation for q in (robot.home, found["q_end"])]
     assert found["duration"] < 4.0
     assert 0.005 < tools[1][0] - tools[0][0] < 0.06

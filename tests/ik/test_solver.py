@@ -201,8 +201,7 @@ def test_points_and_curves_are_read_in_one_way(bundled: Callable[[str], Robot], 
         assert (len(none), none.q.shape, none.nearest(), none.best("margin")) == (0, (0, robot.dof), None, None)
 
 
-def test_limits_that_exclude_every_branch_are_named(rng: np.random.Generator) -> None:
-    robot = jacokin.load_robot()
+def test_limits_that_exclude_every_branch_are_named(robot: Robot, rng: np.random.Generator) -> None:
     q = robot.sample(rng)
     target = robot.forward_kinematics(q)
     within = IKSolver(robot).solve_all(target).q_within_limits

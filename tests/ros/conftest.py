@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import jacokin
+from jacokin import Robot
 from jacokin.motion import Trajectory, move_joints
 from tests.ros.nodes import Master, MissingRosError, Ros, ros1_with_master, ros2_of_wheels
 
@@ -38,9 +38,8 @@ def ros2() -> Ros:
 
 
 @pytest.fixture(scope="module")
-def motion() -> Trajectory:
+def motion(robot: Robot) -> Trajectory:
     """A second and a half of a Jaco, of points 5 ms apart."""
-    robot = jacokin.load_robot()
     return move_joints(robot, robot.home, robot.home + np.array([0.4, 0.1, -0.2, 0.5, 0.1, 0.6]), dt=0.005)
 
 
