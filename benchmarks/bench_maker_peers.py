@@ -21,8 +21,6 @@ from jacokin.model.contact import Contact
 from jacokin.motion.free_motion.plan_motion import search_of
 
 STEP = 0.05  # [rad] of those who look for contact in places: sscbirrt's and roboplan's own choice
-ROBOPLAN_NODES = 100_000
-ALWAYS = "wrist_2_link", "fts_robotside"  # touch in all configurations
 
 
 class Planner(Protocol):
@@ -252,13 +250,13 @@ class Roboplan:
         self._core, self._names = core, list[str]()
         self._scene = core.Scene("bench", core.loadUrdfSceneDescriptionFromXml(urdf.read_text(), []))
         self._scene.importSrdf(srdf.read_text())
-        self._scene.setCollisions(*ALWAYS, False)
+        self._scene.setCollisions("wrist_2_link", "fts_robotside", False)  # touch in all configurations
         self._scene.addGroup("arm", list(JOINTS))
         self._options = rrt.RRTOptions(
             group_name="arm",
             rrt_connect=True,
             fast_return=True,
-            max_nodes=ROBOPLAN_NODES,
+            max_nodes=100_000,
             collision_check_step_size=STEP,
         )
         self._rrt, self._shortcuts = rrt.RRT, core.PathShortcuttingOptions(group_name="arm", max_step_size=STEP)

@@ -15,7 +15,6 @@ from jacokin.arrays import Array
 
 NEWTON_STARTS = 400  # a target of the brute-force count
 NEWTON_STEPS = 40
-NEWTON_DONE = 1e-11  # [m] and [rad]
 SAME_ROOT = 1e-3  # [rad]: Newton's answers this near are one branch
 
 
@@ -64,7 +63,7 @@ def newton_roots(robot: Robot, pose: Array, rng: np.random.Generator) -> Array:
             pin.updateFramePlacement(model, data, frame)
             jacobian = pin.getFrameJacobian(model, data, frame, pin.LOCAL)
             error = pin.log6(data.oMf[frame].actInv(target)).vector
-            if np.abs(error).max() < NEWTON_DONE:
+            if np.abs(error).max() < 1e-11:  # [m] and [rad]
                 if not roots or apart(np.array(roots), q).min() > SAME_ROOT:
                     roots.append(q)
                 break

@@ -18,13 +18,10 @@ from jacokin.model.descriptions import bundled
 
 POSITION_TOLERANCE = 1e-6  # [m], what jacokin promises
 ORIENTATION_TOLERANCE = 1e-6  # [rad]
-SAME_ANGLE = 1e-4  # [rad] on the circle: an answer this near is the configuration a target was made from
 # Where two branches nearly meet, a description that is off by e moves them by about the square root of e.
 FOLD_SPREAD = 3.0
-SAME_ROBOT = 1e-4  # [m] and [rad]: a peer whose description is farther off has another robot
 SAME_SOURCE = 1e-9  # [m] and [rad]: a peer whose poses are this near is given the targets as they are
 WARM_UP = 5  # targets each solver gets before anything is counted
-CALIBRATION = 200  # configurations on which descriptions are compared
 
 
 @dataclass(slots=True)
@@ -109,7 +106,8 @@ def score(contestant: Contestant, targets: Targets, rounds: int, referee: Refere
     # A peer with its own, slightly other numbers is not blamed for the difference.
     tolerance = np.array([POSITION_TOLERANCE, ORIENTATION_TOLERANCE]) + contestant.offset
     known = targets.generating.size > 0 and not np.isnan(targets.generating).any()
-    near = max(SAME_ANGLE, FOLD_SPREAD * max(contestant.offset) ** 0.5)
+    # [rad] on the circle: an answer this near is the configuration a target was made from.
+    near = max(1e-4, FOLD_SPREAD * max(contestant.offset) ** 0.5)
     solved, found = 0, 0
     positions, orientations, insides = [np.empty(0)], [np.empty(0)], [np.empty(0, dtype=bool)]
     for index, q in zip(order, contestant.answers[targets.name], strict=True):
@@ -143,13 +141,13 @@ def _enter(contestant: Contestant, robot: Robot, referee: Referee, warm_up: Arra
     try:
         contestant.worker = Worker(interpreter(contestant.peer), contestant.peer.module)
         contestant.version = contestant.worker.start(_setup(robot, contestant.peer))
-        q = robot.sample(np.random.default_rng(0), CALIBRATION)
+        q = robot.sample(np.random.default_rng(0), 200)  # configurations on which descriptions are compared
         theirs, ours = contestant.worker.forward(q), referee.forward(q)
         contestant.tool = np.linalg.inv(theirs[0]) @ ours[0]
         contestant.offset = _deviation(theirs @ contestant.tool, ours)
         if max(_deviation(theirs, ours)) < SAME_SOURCE:
             contestant.tool = np.eye(4)
-        if max(contestant.offset) > SAME_ROBOT:
+        if max(contestant.offset) > 1e-4:  # [m] and [rad]: a peer whose description is farther off has another robot
             raise WorkerError(
                 f"its description differs by {contestant.offset[0]:.3g} m, {contestant.offset[1]:.3g} rad"
             )

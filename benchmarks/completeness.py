@@ -21,9 +21,7 @@ from jacokin.arrays import Array
 from jacokin.model.descriptions import bundled
 
 SAME_CONFIGURATION = 1e-4  # [rad] on the circle: the generating configuration counts as found
-DUPLICATE = 1e-6  # [rad] two branches nearer than this are one
 REGULAR = 1e-4  # smallest singular value above which a configuration must be found, always
-TIGHT_CLOSURE = 1e-10  # [m] and [rad] for 99.9 % of them
 # Random targets, vertical targets each way, and how many of those are compared with brute force.
 FIRST_COUNTS = (100_000, 10_000, 50)
 COUNTS = (20_000, 2_000, 10)
@@ -69,8 +67,9 @@ def measure(robot: Robot, wanted: targets.Targets) -> Completeness:
         if len(branches):
             errors = _closures(robot, branches.q, pose)
             closure = max(closure, float(errors.max()))
-            tight += int((errors <= TIGHT_CLOSURE).sum())
-            duplicates += int((apart(branches.q[:, None], branches.q) < DUPLICATE).sum() - len(branches)) // 2
+            tight += int((errors <= 1e-10).sum())  # [m] and [rad] for 99.9 % of them
+            # Two branches nearer than 1e-6 rad are one.
+            duplicates += int((apart(branches.q[:, None], branches.q) < 1e-6).sum() - len(branches)) // 2
         if not branches.complete:
             curves += 1
         elif len(branches) and apart(branches.q, q).min() <= SAME_CONFIGURATION:

@@ -22,14 +22,11 @@ from jacokin import Robot
 from jacokin.arrays import Array
 from jacokin.model import to_mujoco
 
-QP_TARGETS = 150
-LOOP_ITERATIONS = 60  # of the bare loop from one start
 LOOP_TOLERANCE = 1e-8  # [m] and [rad]; the loop stops where jacokin's does
 CALLS = 2000  # in a timed block
 ROWS = 100_000  # configurations in one array
 BLOCKS = 15
 BATCH = 20_000  # poses
-BATCHES = 3
 STARTS = 5  # of each command
 LOOKING = "ignore", "prefer"
 SOLVED_POSES, CALLS_OF_A_POSE = 300, 20
@@ -57,7 +54,7 @@ def qp_iteration(robot: Robot) -> tuple[float, float]:
     limits = [mink.ConfigurationLimit(model)]
     task = mink.FrameTask(robot.default_frame, "site", 1.0, 1.0, lm_damping=1e-3)
     rng = np.random.default_rng(3)
-    wanted = targets.random_configurations(robot, rng, QP_TARGETS)
+    wanted = targets.random_configurations(robot, rng, 150)
     spent = np.zeros(2)
     iterations = np.zeros(2)
     solver.solve(wanted.poses[0])
@@ -85,7 +82,7 @@ def _bare_loop(
     start = robot.home
     while True:
         configuration.update(start)
-        for _ in range(LOOP_ITERATIONS):
+        for _ in range(60):  # of the bare loop from one start
             error = task.compute_error(configuration)
             if np.linalg.norm(error[:3]) < LOOP_TOLERANCE and np.linalg.norm(error[3:]) < LOOP_TOLERANCE:
                 return total
@@ -214,7 +211,7 @@ def batch(robot: Robot) -> list[tuple[int, str, float]]:
     poses = targets.random_configurations(robot, np.random.default_rng(4), BATCH).poses
     solvers = {collision: jacokin.IKSolver(robot, collision=collision) for collision in LOOKING}
     rates = {(workers, collision): 0.0 for workers in (1, 2) for collision in LOOKING}
-    for _ in range(BATCHES):
+    for _ in range(3):
         for workers, collision in rates:
             begin = time.perf_counter()
             solvers[collision].solve_batch(poses, workers=workers)

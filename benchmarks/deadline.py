@@ -28,9 +28,6 @@ from jacokin.motion import Tracker
 from jacokin.teleop import Teleop
 
 ACCELERATION = 4.0  # [rad/s^2]
-BUDGET = 0.8e-3  # [s]
-PERCENT = [50, 99, 99.9, 100]
-PRIORITY = 50  # of the real-time scheduler
 BUSY = "while True: pass"
 Times = tuple[list[float], list[float], int]
 
@@ -62,7 +59,7 @@ def on_one_core() -> Iterator[None]:
 @contextlib.contextmanager
 def before_all_others() -> Iterator[None]:
     """With real-time priority, as `chrt -f 50` gives it; raises PermissionError where it is not allowed."""
-    os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
+    os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(50))  # of the real-time scheduler
     try:
         yield
     finally:
@@ -119,7 +116,7 @@ WAYS: dict[str, tuple[Callable[[], AbstractContextManager[None]], float | None]]
     "one core": (on_one_core, None),
     "real-time priority": (before_all_others, None),
     "all three": (core_and_priority, None),
-    "a budget of 0.8 ms": (contextlib.nullcontext, BUDGET),
+    "a budget of 0.8 ms": (contextlib.nullcontext, 0.8e-3),  # [s]
     "busy thread, priority": (beside_a_thread_first, None),
     "... and 0.1 ms a turn": (beside_a_polite_thread, None),
 }
@@ -187,7 +184,9 @@ def main() -> None:
         if not rounds:
             print(f"{name:24}{'not permitted here':>14}")
             continue
-        columns = [np.percentile(np.concatenate([each[part] for each in rounds]), PERCENT) for part in (0, 1)]
+        columns = [
+            np.percentile(np.concatenate([each[part] for each in rounds]), [50, 99, 99.9, 100]) for part in (0, 1)
+        ]
         late, tick = (1e3 * column for column in columns)
         total = sum(len(each[0]) for each in rounds)
         print(

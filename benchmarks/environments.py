@@ -23,7 +23,6 @@ SHARED_PINS = (
     "scipy==1.17.1",
 )
 
-INSTALL_TIMEOUT = 900.0  # [s]
 REASON_LENGTH = 200  # characters of pip's complaint that go to the table
 
 
@@ -91,7 +90,7 @@ def interpreter(peer: Peer) -> Path:
 
 def _run(command: list[str]) -> None:
     try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=INSTALL_TIMEOUT, check=False)
+        done = subprocess.run(command, capture_output=True, text=True, timeout=900.0, check=False)  # [s]
     except (OSError, subprocess.TimeoutExpired) as error:
         raise InstallError(f"not installed: {error}"[:REASON_LENGTH]) from None
     if done.returncode:

@@ -22,11 +22,9 @@ import build_kernels.library as building
 from benchmarks import report
 from jacokin.kernels import library
 
-PROCESSES = 64
 #: What a first answer needs; the other requirements, in this order, each with what it adds.
 NEEDED_FIRST, ADDED = ("numpy", "pin", "daqp"), ("scipy", "mujoco", "yourdfpy", "osqp", "mink")
 _EXTRA = re.compile(r"""extra\s*==\s*["']([^"']+)""")
-REPETITIONS = 20
 #: Prints seconds of the first and second solve; what it takes before is in the time of the process.
 FIRST_ANSWER = """
 import time, jacokin
@@ -118,8 +116,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="few repetitions, and nothing is compiled")
     quick = parser.parse_args().quick
-    whole, first = first_answers(2 if quick else REPETITIONS)
-    processes = 4 if quick else PROCESSES
+    whole, first = first_answers(2 if quick else 20)
+    processes = 4 if quick else 64
     rows = [
         ("a new process up to its first answer", report.seconds(whole)),
         ("the first solve in it", report.seconds(first)),

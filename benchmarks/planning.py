@@ -23,8 +23,6 @@ from jacokin.motion import Trajectory, plan_path, track_path
 
 DT = 0.02  # [s]
 SPEED = 0.1  # [m/s]
-PATHS = 200
-SEVEN_PATHS = 20  # on seven joints, where the tracker has many starts to try
 WAYPOINTS = 200
 ROUNDS = 3
 LONGEST = 0.4  # [m] of a random line
@@ -193,8 +191,8 @@ def main() -> None:
     robot, seven = jacokin.load_robot(), jacokin.load_robot("j2s7s300")
     timed(robot)
     timed(seven)
-    report(robot, PATHS)
-    report(seven, SEVEN_PATHS)
+    report(robot, 200)
+    report(seven, 20)  # on seven joints, where the tracker has many starts to try
     across_the_base_axis(robot)
 
 

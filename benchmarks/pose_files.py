@@ -20,7 +20,6 @@ from jacokin import Robot
 from jacokin.model import quat_wxyz
 
 ROWS = (20_000, 100_000)
-RUNS = 3
 COMMAND = "from jacokin.cli.main import main; main()"
 
 
@@ -56,7 +55,7 @@ def section(robot: Robot) -> report.Section:
         for count in ROWS:
             write(robot, path, count)
             for workers in (1, 2):
-                seconds, memory = min(run(path, workers) for _ in range(RUNS))
+                seconds, memory = min(run(path, workers) for _ in range(3))
                 cells = (
                     f"{count:,}",
                     f"{workers}",

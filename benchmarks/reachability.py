@@ -51,7 +51,6 @@ NAMES = ("x", "y", "z", "qw", "qx", "qy", "qz")
 DIFFERENT = 100_000  # poses, again and again
 ROUNDS = 2
 FED = 100  # workers, on paper
-HANDED_OUT = 1000  # jobs whose work is left out
 MILLI = 1000.0
 
 
@@ -182,7 +181,7 @@ def _offset(path: Path) -> int:
 
 def _handed_out(folder: Path, solver: IKSolver, source: Path, executor: Executor) -> float:
     """Processor seconds of this process for a job whose work takes no time."""
-    parts = equal_parts(HANDED_OUT * files.TOGETHER * ROWS, ROWS)
+    parts = equal_parts(1000 * files.TOGETHER * ROWS, ROWS)  # jobs whose work is left out
     stamp = read_stamp(source)
     assert stamp is not None
     runs = [list(range(first, first + files.TOGETHER)) for first in range(0, len(parts), files.TOGETHER)]

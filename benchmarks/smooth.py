@@ -38,8 +38,6 @@ from jacokin.teleop import Teleop
 
 STRONG = 0.05  # of its velocity limit, above which the two directions of a joint make a reversal
 WITHIN = 3  # ticks
-HARD = 0.3  # of the acceleration limit
-JOLT = 0.1 + 1e-9  # [s]
 STILL = 1e-3  # of the velocity limits: slower joints stand
 TURNS = 1000.0  # [rad] limits of joints without any, for peers that know none of these
 MARGIN = 1e-3  # [rad/s] above its limit from which a velocity counts as too fast: QP solvers have tolerances
@@ -78,9 +76,9 @@ def jolts(v: Array, hardest: Array, dt: float) -> int:
     """
     most = 0
     for part in (np.diff(v, axis=0) / (dt * hardest)).T:
-        hard = np.flatnonzero(np.abs(part) > HARD)
+        hard = np.flatnonzero(np.abs(part) > 0.3)  # of the acceleration limit
         turned = np.sign(part[hard[1:]]) != np.sign(part[hard[:-1]])
-        most = max(most, int(np.count_nonzero(turned & (np.diff(hard) * dt <= JOLT))))
+        most = max(most, int(np.count_nonzero(turned & (np.diff(hard) * dt <= 0.1 + 1e-9))))  # [s]
     return most
 
 

@@ -24,12 +24,9 @@ WAY = 0.15  # [m] that targets wander to each side of home
 TURN = 0.35  # [rad] likewise
 SPEED = 0.8  # part of the joints' limits of velocity at which targets across folds move
 TRIES = 100  # joint motions, until one crosses a singular pose
-HAND_RATE = 72.0  # [1/s] of a headset
-PACKET = 5  # poses that a radio link delivers at once
 TURNED = 0.04  # part of the frames that are turned
 MISSING = 0.1  # part of the frames that are missing in bursts with dropouts
 GAP = 0.25  # [s] for which nothing is heard at all, twice
-HANDS = "bursts", "turned", "turned_bursts", "dropouts"  # that have ticks in which nothing is heard
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,7 +83,7 @@ def make(
     ticks = round(seconds / dt)
     time = np.arange(ticks, dtype=np.float64) * dt
     moves = max(seconds - REST, 0.5 * seconds)
-    if kind in HANDS:
+    if kind in ("bursts", "turned", "turned_bursts", "dropouts"):  # that have ticks in which nothing is heard
         motion = KINDS["moving"](robot, rng, moves)
         heard = _hand(motion, rng, time, moves, kind)
     else:
@@ -200,8 +197,8 @@ def _branch(robot: Robot, rng: np.random.Generator) -> Array:
 
 def _hand(motion: Motion, rng: np.random.Generator, time: Array, moves: float, kind: str) -> list[pin.SE3 | None]:
     """What a loop hears of a hand: the newest pose of the packets that came since its last tick."""
-    sent = np.arange(0.0, time[-1], 1.0 / HAND_RATE)
-    size = 1 if kind == "turned" else PACKET
+    sent = np.arange(0.0, time[-1], 1.0 / 72.0)  # [1/s] of a headset
+    size = 1 if kind == "turned" else 5  # poses that a radio link delivers at once
     arrives = sent[np.minimum((np.arange(len(sent)) // size + 1) * size - 1, len(sent) - 1)]  # with its packet
     frames = [motion(t) for t in sent]
     kept = np.ones(len(sent), dtype=bool)

@@ -16,34 +16,31 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import NamedTuple
 
-import mink
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
 import jacokin
 from benchmarks import environments
+from benchmarks.tracker import DT, MinkLoop
 from benchmarks.worker import Worker
 from jacokin import Robot, Tracker
 from jacokin.ik import Floor, Scene
-from jacokin.model import poses, to_mujoco
+from jacokin.model import poses
 from jacokin.motion import LimitDistance, Manipulability
 from jacokin.teleop import HandOptions, Player, Stream, Teleop, TeleopStatus, make_stream
 from jacokin.teleop.streams import KINDS
 
-DT = 0.01  # [s]
 ACCELERATION = 4.0  # [rad/s^2]
 CLEARANCE = 0.005  # [m]
 END = 12.0  # [s] after the stream, in which a tool must be back
 ARRIVED = 1e-3  # [m]
 SLOW = 0.3  # [rad/s] no joint of the exact answer, nearest to the arm, is faster when the hand is slow
 PATIENCE = 2.5  # periods of a slow hand until it counts as silent
-RECENT = 200  # ticks for which it must have been slow, beside those that the joints need to get there at full speed
 FAR = 0.01  # [m] off its target, a tool may be asked for what is out of reach
 BRANCH = 0.3  # [rad] an answer farther away is on another branch
 EVERY = 5  # ticks, after which contact and the exact answer are looked at
 ROUNDING = 1e-9  # [rad/s] a velocity may be over by
-PEER_ROUNDING = 1e-3  # [rad/s] that of others, whose QP solvers have tolerances: mink's is over by 1e-4
 RATES = (10.0, 20.0, 60.0, 90.0, 200.0)  # [1/s] of the hands
 FINE = 1000.0  # [1/s] of the motion that a hand's poses are samples of
 SSIK = {"j2n6s300": "jaco2_ik", "j2s7s300": "j2s7s300_ik"}  # the arms that it ships, by the names of ours
@@ -120,23 +117,14 @@ def targets_of(robot: Robot, heard: list[Array | None]) -> list[pin.SE3]:
 
 def bare_mink(robot: Robot, heard: list[Array | None], rate: float) -> Played:
     """The loop that mink's examples show: the last pose is the target, nothing guards it but its limits."""
-    model = to_mujoco(robot)
-    configuration = mink.Configuration(model)
-    configuration.update(robot.home)
-    task = mink.FrameTask(robot.default_frame, "site", position_cost=1.0, orientation_cost=0.1, lm_damping=1e-2)
-    limits = [
-        mink.ConfigurationLimit(model),
-        mink.VelocityLimit(model, dict(zip(robot.joint_names, robot.velocity_limit, strict=True))),
-    ]
+    loop = MinkLoop(robot)
     targets = targets_of(robot, heard)
     q, seconds = list[Array](), list[float]()
     for target in targets:
         began = time.thread_time()
-        task.set_target(mink.SE3(np.concatenate([poses.quat_wxyz(target.rotation), target.translation])))
-        velocity = mink.solve_ik(configuration, [task], DT, "daqp", limits=limits)
-        configuration.integrate_inplace(velocity, DT)
+        loop.tick(target)
         seconds.append(time.thread_time() - began)
-        q.append(configuration.q.copy())
+        q.append(loop.configuration.q.copy())
     return Played(np.array(q), list[pin.SE3 | None](targets), np.array(seconds), np.zeros(len(q)))
 
 
@@ -175,7 +163,8 @@ def judge(robot: Robot, played: Played, acceleration: float | None, motion: Stre
     solver = jacokin.IKSolver(robot, scene=scene, clearance=CLEARANCE, collision="reject")
     v = np.diff(played.q, axis=0, prepend=robot.home[np.newaxis]) / DT
     is_broken = not all(robot.within_limits(q) for q in played.q)
-    rounding = PEER_ROUNDING if acceleration is None else ROUNDING
+    # [rad/s] QP solvers of others have tolerances: mink's is over by 1e-4.
+    rounding = 1e-3 if acceleration is None else ROUNDING
     is_broken |= bool((np.abs(v) > robot.velocity_limit + rounding).any())
     if acceleration is not None:
         change = np.diff(v, axis=0, prepend=np.zeros((1, robot.dof)))
@@ -197,7 +186,8 @@ def judge(robot: Robot, played: Played, acceleration: float | None, motion: Stre
         way = float((np.abs(answer.q - q) / robot.velocity_limit).max()) if answer.success else 0.0
         slow = slow + EVERY if near else -math.ceil(way / DT)
         exact = answer.q if answer.success else None
-        if slow > RECENT and np.abs(answer.q - q).max() < BRANCH:
+        # For so many ticks it must have been slow, beside those that the joints need to get there at full speed.
+        if slow > 200 and np.abs(answer.q - q).max() < BRANCH:
             errors.append(_off(robot, q, asked))
             if motion is not None:
                 tool = robot.forward_kinematics(q).translation

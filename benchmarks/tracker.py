@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from typing import Any
 
 import mink
 import numpy as np
@@ -35,37 +36,28 @@ def line(robot: Robot) -> list[pin.SE3]:
     return [pin.SE3(start.rotation, start.translation + np.array([0.0, 0.0, height])) for height in heights]
 
 
-def bare_mink(robot: Robot) -> Callable[[pin.SE3], None]:
-    """The loop everybody writes: prebuilt task and limits, solve, integrate."""
-    model = to_mujoco(robot)
-    configuration = mink.Configuration(model)
-    configuration.update(robot.home)
-    task = mink.FrameTask(robot.default_frame, "site", position_cost=1.0, orientation_cost=0.1, lm_damping=1e-2)
-    limits = [
-        mink.ConfigurationLimit(model),
-        mink.VelocityLimit(model, dict(zip(robot.joint_names, robot.velocity_limit, strict=True))),
-    ]
+class MinkLoop:
+    """The loop that mink's examples show: prebuilt task and limits, solve, integrate."""
 
-    def tick(target: pin.SE3) -> None:
-        task.set_target(mink.SE3(np.concatenate([poses.quat_wxyz(target.rotation), target.translation])))
-        velocity = mink.solve_ik(configuration, [task], DT, "daqp", limits=limits)
-        configuration.integrate_inplace(velocity, DT)
+    def __init__(self, robot: Robot) -> None:
+        """Begin at home, with home as the target."""
+        model = to_mujoco(robot)
+        self.configuration = mink.Configuration(model)
+        self.configuration.update(robot.home)
+        site = robot.default_frame
+        self.task = mink.FrameTask(site, "site", position_cost=1.0, orientation_cost=0.1, lm_damping=1e-2)
+        self.task.set_target_from_configuration(self.configuration)
+        speeds = dict(zip(robot.joint_names, robot.velocity_limit, strict=True))
+        self.limits = [mink.ConfigurationLimit(model), mink.VelocityLimit(model, speeds)]
 
-    return tick
+    def solve(self, *_: object) -> Any:
+        """`mink.solve_ik` and nothing around it: the target is not even changed."""
+        return mink.solve_ik(self.configuration, [self.task], DT, "daqp", limits=self.limits)
 
-
-def bare_solve(robot: Robot) -> Callable[[pin.SE3], object]:
-    """`mink.solve_ik` and nothing around it: the target is not even changed."""
-    model = to_mujoco(robot)
-    configuration = mink.Configuration(model)
-    configuration.update(robot.home)
-    task = mink.FrameTask(robot.default_frame, "site", position_cost=1.0, orientation_cost=0.1, lm_damping=1e-2)
-    task.set_target_from_configuration(configuration)
-    limits = [
-        mink.ConfigurationLimit(model),
-        mink.VelocityLimit(model, dict(zip(robot.joint_names, robot.velocity_limit, strict=True))),
-    ]
-    return lambda _: mink.solve_ik(configuration, [task], DT, "daqp", limits=limits)
+    def tick(self, target: pin.SE3) -> None:
+        """One tick after a target."""
+        self.task.set_target(mink.SE3(np.concatenate([poses.quat_wxyz(target.rotation), target.translation])))
+        self.configuration.integrate_inplace(self.solve(), DT)
 
 
 def tracker(robot: Robot, collision: str, clearance: float | None = None) -> Callable[[pin.SE3], None]:
@@ -122,9 +114,9 @@ def among_obstacles(robot: Robot, *, moving: bool, acceleration: float | None) -
 def main() -> None:
     """Print median and 99th percentile of each loop, and the ratio to mink; then ticks among obstacles."""
     robot = jacokin.load_robot()
-    loops = {
-        "bare mink.solve_ik": bare_solve(robot),
-        "bare mink loop": bare_mink(robot),
+    loops: dict[str, Callable[[pin.SE3], object]] = {
+        "bare mink.solve_ik": MinkLoop(robot).solve,
+        "bare mink loop": MinkLoop(robot).tick,
         "Tracker": tracker(robot, "ignore"),
         "Tracker, self-collision avoidance": tracker(robot, "reject", clearance=0.005),
     }

@@ -36,7 +36,6 @@ ROBOT = "j2n6s300"
 APART = 0.8  # [m] from base to base
 STRIP = np.array([(0.2, -0.3, 0.08), (0.6, 0.3, 0.4)])  # [m] where tools begin and end, from the base of the left arm
 TILT = 0.5  # [rad] of tools, from straight down, at most
-HANDS_APART = 0.15  # [m] of two tools at the same time
 CLEARANCE = 1e-3  # [m] that plans keep
 KNOWN = 1e-4  # [m] how well MuJoCo knows distances near contact
 SEEN = 5e-3  # [m] up to which the referee measures distances
@@ -97,7 +96,7 @@ def _tools(rng: np.random.Generator) -> tuple[pin.SE3, pin.SE3]:
     """Poses of two tools in the base of the left arm."""
     while True:
         places = rng.uniform(STRIP[0], STRIP[1], (2, 3))
-        if np.linalg.norm(places[0] - places[1]) >= HANDS_APART:
+        if np.linalg.norm(places[0] - places[1]) >= 0.15:  # [m] of two tools at the same time
             left, right = (jacokin.pose(place, rotation=_downwards(rng)) for place in places)
             return left, right
 

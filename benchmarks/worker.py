@@ -19,8 +19,6 @@ from jacokin.arrays import Array
 PEERS_FOLDER = Path(__file__).resolve().parent / "peers"
 REPLY_TIMEOUT = 180.0  # [s]; the slowest peer needs a few seconds a round, imports and compilation included
 
-STOP_TIMEOUT = 5.0  # [s]
-
 
 class WorkerError(Exception):
     """The solver failed, died or stayed silent; the text says how."""
@@ -91,7 +89,7 @@ class Worker:
         with contextlib.suppress(BrokenPipeError):
             self._process.stdin.close()  # the end of its input ends it
         try:
-            self._process.wait(timeout=STOP_TIMEOUT)
+            self._process.wait(timeout=5.0)  # [s]
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()

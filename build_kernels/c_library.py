@@ -35,12 +35,11 @@ CONSTANTS = {
 HEADER = "arrays.h"
 #: Functions of the C library that are called by their oldest version, on Linux: by `glibc.c`, which others leave out.
 WRAPPED = ("hypot", "exp", "log", "pow")
-OLDEST = "glibc.c"
 
 
 def sources(target: Target = HERE) -> list[Path]:
     """The C files of a target, in order."""
-    return sorted(path for path in FOLDER.glob("*.c") if target.system == "linux" or path.name != OLDEST)
+    return sorted(path for path in FOLDER.glob("*.c") if target.system == "linux" or path.name != "glibc.c")
 
 
 def flags(folder: Path) -> list[str]:

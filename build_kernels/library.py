@@ -54,8 +54,6 @@ Group: TypeAlias = tuple[Entry, ...]
 UNIVERSAL = {"macos": ("aarch64-macos", "x86_64-macos")}
 #: What the machine code depends on, apart from the sources.
 COMPILERS = ("numba", "llvmlite", "numpy")
-#: [s] Object files of earlier builds are kept for a week after their last use.
-KEPT_UNUSED = 7 * 86400.0
 #: What all kernels take.
 DURATION = "All of them take 2 to 4 minutes of processor time, 1 to 3 minutes on two cores"
 DURATION_ELSEWHERE = "Those of the C library take 1 to 2 minutes of processor time for each machine, all twice as long"
@@ -219,7 +217,8 @@ def remove_unused(kept: Path, used: Iterable[Path]) -> None:
         os.utime(file)
     for file in kept.glob("*.o"):
         with contextlib.suppress(FileNotFoundError):  # a build beside this one was quicker
-            if time.time() - file.stat().st_mtime > KEPT_UNUSED:
+            # Object files of earlier builds are kept for a week after their last use [s].
+            if time.time() - file.stat().st_mtime > 7 * 86400.0:
                 file.unlink()
 
 

@@ -19,29 +19,18 @@ from collections.abc import Iterator
 
 from fuzz.findings import Finding
 
-GOALS = {
-    "targets": 1_000_000,
-    "own": 200_000,
-    "six": 50_000,
-    "arguments": 100_000,
-    "files": 10_000,
-    "damage": 20_000,
-    "c": 1_000_000,
-    "motions": 1000,
-    "calibration": 1000,
-    "data": 100,
-}
-IN_ONE_PROCESS = {  # cases; a fresh process bounds memory
-    "targets": 400,
-    "own": 200,
-    "six": 500,
-    "arguments": 4000,
-    "files": 500,
-    "damage": 2000,
-    "c": 500,
-    "motions": 50,
-    "calibration": 100,
-    "data": 20,
+#: By kind, how many cases there are, and how many of them in one process: a fresh one bounds memory.
+KINDS = {
+    "targets": (1_000_000, 400),
+    "own": (200_000, 200),
+    "six": (50_000, 500),
+    "arguments": (100_000, 4000),
+    "files": (10_000, 500),
+    "damage": (20_000, 2000),
+    "c": (1_000_000, 500),
+    "motions": (1000, 50),
+    "calibration": (1000, 100),
+    "data": (100, 20),
 }
 SECONDS = 180.0  # for each kind: half an hour for all
 SHOWN = 3  # examples of each finding
@@ -52,7 +41,7 @@ def main() -> int:
     options = _options()
     print(f"seed {options.seed}")
     found = 0
-    for kind in options.kinds or list(GOALS):
+    for kind in options.kinds or list(KINDS):
         found += _campaign(kind, options.seed, options.first, getattr(options, kind), options.seconds)
     return 1 if found else 0
 
@@ -64,7 +53,7 @@ def _campaign(kind: str, seed: int, first: int, goal: int, seconds: float) -> in
     shown: Counter[tuple[str, str]] = Counter()
     while done < goal and time.monotonic() - start < seconds:
         last = case
-        for index, size, findings in _child(kind, seed, case, IN_ONE_PROCESS[kind]):
+        for index, size, findings in _child(kind, seed, case, KINDS[kind][1]):
             last, done = index + 1, done + size
             for finding in findings:
                 counts[finding.kind] += 1
@@ -108,11 +97,11 @@ def _child(kind: str, seed: int, first: int, cases: int) -> Iterator[tuple[int, 
 
 def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m fuzz", description=__doc__)
-    parser.add_argument("kinds", nargs="*", choices=[[], *GOALS], help="what to run; everything by default")
+    parser.add_argument("kinds", nargs="*", choices=[[], *KINDS], help="what to run; everything by default")
     parser.add_argument("--seed", type=int, default=secrets.randbelow(10**6))
     parser.add_argument("--first", type=int, default=0, help="case to begin with")
     parser.add_argument("--seconds", type=float, default=SECONDS, help="at most so long for each kind")
-    for kind, goal in GOALS.items():
+    for kind, (goal, _) in KINDS.items():
         parser.add_argument(f"--{kind}", type=int, default=goal, metavar="N", help=f"default {goal}")
     return parser.parse_args()
 

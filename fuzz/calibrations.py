@@ -18,8 +18,6 @@ from jacokin.errors import JacokinError
 from jacokin.model import NAMES, MeasuredArm, MeasuredJoint, Robot
 from jacokin.model.measured_arm import joints_fingerprint
 
-MOST_GROSS = 0.3  # share of the rows
-UNLIKELY = 1e-9  # probability of a true arm so far from the one that is found
 ROUNDING = 1e-9  # of a covariance
 
 
@@ -81,7 +79,7 @@ def check(robot: Robot, rng: np.random.Generator) -> Iterator[Finding]:
     """One arm."""
     arm, numbers = hidden_arm(robot, rng)
     rows = int(10.0 ** rng.uniform(0.0, 2.0))
-    gross = float(rng.choice([0.0, 0.1, MOST_GROSS]))
+    gross = float(rng.choice([0.0, 0.1, 0.3]))  # share of the rows
     measurements, wrong, options = measured(arm, rng, rows, gross)
     groups = rng.choice(["geometry", "offset", "scale", "compliance"], int(rng.integers(1, 4)), replace=False).tolist()
     parameters = "auto" if rng.random() < 0.6 else groups
@@ -135,5 +133,5 @@ def check_truth(found: Calibration, numbers: Array, given: str) -> Iterator[Find
                 away.append(found.parameters[f"{joint}.{key}"].value - value)
     difference = np.array(away)
     square = float(difference @ np.linalg.pinv(found.covariance[np.ix_(rows, rows)], rcond=1e-12) @ difference)
-    if chi2.sf(square, len(rows)) < UNLIKELY:
+    if chi2.sf(square, len(rows)) < 1e-9:  # probability of a true arm so far from the one that is found
         yield Finding("wrong", "calibrate: too sure", f"chi square {square:.4g} of {len(rows)}; {given}")

@@ -24,7 +24,6 @@ from jacokin.tasks.datasets.recording import FORMATS, run_episode
 
 EPISODES, STEPS, SEED = 6, 8, 4
 TASKS = ("reach_site", "lift_brick")
-LATEST = 8.0  # [s] after which it is killed
 RECORD = """
 import sys
 from fuzz.data_sets import record
@@ -76,7 +75,7 @@ def check(folder: Path, rng: np.random.Generator) -> Iterator[Finding]:
         [sys.executable, "-c", RECORD, task, str(path)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
     ) as process:
         try:
-            process.wait(timeout=float(rng.uniform(0.5, LATEST)))
+            process.wait(timeout=float(rng.uniform(0.5, 8.0)))  # [s] after which it is killed
         except subprocess.TimeoutExpired:
             os.kill(process.pid, signal.SIGKILL)
     if path.exists() and process.returncode == 0:

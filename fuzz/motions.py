@@ -21,9 +21,7 @@ from tests.compiled_twin import compile_twin
 
 FINE = 1e-3  # [rad] between configurations that the referee looks at
 DEEPER = 5e-5  # [m] than this counts: rows are joined by straight lines where the motion turns a corner
-CLEARLY = 2e-3  # [m] farther apart than the clearance is not in contact
 SAME = 1e-6  # [m] and [rad] of a pose that is reached, and of limits
-TIME = 20.0  # [s] for a search
 
 
 class Referee:
@@ -97,7 +95,7 @@ def check_plan(robot: Robot, rng: np.random.Generator) -> Iterator[Finding]:
     given = f"{robot.name}, clearance {clearance}, start {start.tolist()}, goal {goal}, {limits}"
     try:
         motion = plan_motion(
-            solver, start, goal, time_limit=TIME, ways=int(rng.integers(1, 4)), rng=np.random.default_rng(0), **limits
+            solver, start, goal, time_limit=20.0, ways=int(rng.integers(1, 4)), rng=np.random.default_rng(0), **limits
         )
     except JacokinError as error:
         yield Finding("raw", "plan_motion", f"{error}; {given}")
@@ -121,7 +119,7 @@ def check_plan(robot: Robot, rng: np.random.Generator) -> Iterator[Finding]:
                 yield Finding("wrong", "plan_motion, contact", f"{min(nearer):.3g} m at {rows[k].tolist()}; {given}")
                 break
         return
-    apart = clearance + CLEARLY
+    apart = clearance + 2e-3  # [m] farther apart than the clearance is not in contact
     ends_clear = [referee.distance(q, 2.0 * apart) > apart for q in (start, end)]
     if motion.outcome == "START_IN_CONTACT":
         if ends_clear[0]:

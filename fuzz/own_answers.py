@@ -28,14 +28,10 @@ SMALLEST = 1e-3  # smallest singular value of a regular configuration
 MOVED = 1e-3  # [rad] distance of a seed from the configuration
 ROUNDING = 1e-9  # [rad]
 SCANNED = 0.05  # share of the sets that are held against branches at many values of the parameter
-OWN_LIMITS = 0.2  # share of the cases whose arm has limits of its own
 NOISE = 1e-9, 3e-2  # [rad]
-OTHERWISE = 0.1  # share of the configurations that other ways of asking are tried on
 TIGHT = 1e-3, 0.02, 0.05  # [rad] limits around a configuration
 RANGES = (-0.1, 0.1), (-math.pi, 0.0), (-0.7, 0.0), (0.0, 2.0), (-1.0, 2.5)  # [rad] of a free axis
 SCAN = 12  # values anywhere, and next to the configuration's at either side
-CLOSES = 1e-13  # [m] and [rad] of branches that are asked for: others are not quite at the target
-INSIDE = 1e-6  # [rad] from every limit
 ON_CURVE = 1e-3  # [rad] from a member
 
 Maker = Callable[[Robot, np.random.Generator], Array]
@@ -113,7 +109,8 @@ def run(seed: int, first: int, cases: int) -> Iterator[tuple[int, int, list[Find
         rng = np.random.default_rng([seed, case])
         name = NAMES[int(rng.integers(len(NAMES)))]
         with_tool = bool(rng.random() < 0.5)
-        solver = _with_own_limits(name, rng) if rng.random() < OWN_LIMITS else _solver(name, with_tool)
+        # Some arms have limits of their own.
+        solver = _with_own_limits(name, rng) if rng.random() < 0.2 else _solver(name, with_tool)
         kind = list(CLASSES)[int(rng.integers(len(CLASSES)))]
         found: list[Finding] = []
         for _ in range(BATCH):
@@ -177,7 +174,7 @@ def check(solver: IKSolver, kind: str, q: Array, rng: np.random.Generator) -> It
         elif away > limit:
             yield Finding("wrong", where, f"{away:.3g} rad from a seed near by; {given}, {seed.tolist()}")
         (other_rng,) = rng.spawn(1)
-        if other_rng.random() < OTHERWISE:
+        if other_rng.random() < 0.1:  # share of the configurations that other ways of asking are tried on
             yield from (
                 Finding(kind_of, where, f"{what}; {given}")
                 for kind_of, what in otherwise(solver, target, q, near, other_rng)
@@ -266,7 +263,9 @@ def find_missing(
         for branch in solver.solve_all(T).q if geometry is None else _at_joint_3(geometry, T, p):
             row = middle + wrap_to_pi(branch - middle)
             margin = np.minimum(row - robot.lower, robot.upper - row).min()
-            if margin < INSIDE or max(solver.verifier.measure(row, TargetPose(T.homogeneous))) > CLOSES:
+            # [rad] from every limit, and [m] and [rad] of branches that are asked for: others are not quite at the
+            # target.
+            if margin < 1e-6 or max(solver.verifier.measure(row, TargetPose(T.homogeneous))) > 1e-13:
                 continue
             if any(_apart(member, row) <= ON_CURVE for member in members):
                 continue

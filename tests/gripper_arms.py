@@ -10,9 +10,8 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-import jacokin
 from jacokin import Robot
-from tests.robot_files import joint
+from tests.robot_files import joint, load_text
 from tests.seven_joint_arms import ARMS, Placement
 
 #: The five joints of an SO-101 (so101_new_calib.urdf of TheRobotStudio), which turn about z, and its tool; angles have
@@ -133,6 +132,4 @@ TEXTS = {"so101": so101_text, "panda": panda_text, "mimicking": mimicking_text}
 
 def load(name: str, folder: Path) -> Robot:
     """One of the arms, from a file in a folder."""
-    path = folder / f"{name}.urdf"
-    path.write_text(TEXTS[name]())
-    return jacokin.load_robot(path)
+    return load_text(folder / f"{name}.urdf", TEXTS[name]())

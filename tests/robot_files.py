@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
 
+import jacokin
 from jacokin.model import urdf_folder
 
 INCLUDED = """<mujocoinclude>
@@ -53,6 +56,12 @@ SCENE = """<mujoco model="scene">
     </body>
   </worldbody>
 </mujoco>"""
+
+
+def load_text(path: Path, text: str, **options: Any) -> jacokin.Robot:  # Any: those of `load_robot`
+    """The robot that a text describes, in a file that is written."""
+    path.write_text(text, encoding="utf-8")
+    return jacokin.load_robot(path, **options)
 
 
 def urdf_text() -> str:

@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-import jacokin
 from jacokin import Robot
-from tests.robot_files import serial_urdf
+from tests.robot_files import load_text, serial_urdf
 
 HALF = 0.5 * math.pi
 Placement = tuple[tuple[float, float, float], tuple[float, float, float]]
@@ -93,6 +92,4 @@ def load_arm(name: str, folder: Path) -> Robot:
 def load_placed(name: str, placements: list[Placement], limits: list[Limits], folder: Path) -> Robot:
     """An arm of so many joints from the placements of these and of the tool."""
     both = [(-limit, limit) if isinstance(limit, float) else limit for limit in limits]
-    path = folder / f"{name}.urdf"
-    path.write_text(serial_urdf(placements, both, name=name))
-    return jacokin.load_robot(path, base="link_0", tip="link_8")
+    return load_text(folder / f"{name}.urdf", serial_urdf(placements, both, name=name), base="link_0", tip="link_8")

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import jacokin
-from jacokin import files
+from jacokin import Robot, files
 from jacokin.errors import InvalidInputError
 from jacokin.ik import export_c, solve_file
 from jacokin.model import PointCloud, write_urdf
@@ -131,8 +131,7 @@ def test_what_cannot_be_written_is_refused_before_the_work(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("name", ["long" * 100, "y/" * 3000 + "z", "a\0b"], ids=["name", "path", "null byte"])
-def test_what_no_file_can_be_called_is_refused_by_all_that_write(name: str, tmp_path: Path) -> None:
-    robot = jacokin.load_robot()
+def test_what_no_file_can_be_called_is_refused_by_all_that_write(robot: Robot, name: str, tmp_path: Path) -> None:
     solver, targets = jacokin.IKSolver(robot), tmp_path / "targets.csv"
     targets.write_text("x,y,z\n0.3,-0.3,0.4\n", encoding="utf-8")
     writers: list[Callable[[Path], object]] = [

@@ -9,8 +9,6 @@ import importlib
 import inspect
 import json
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -19,6 +17,7 @@ import jacokin
 from jacokin import errors
 from jacokin.model.descriptions import bundled
 from tests import robot_files
+from tests.programs import python
 
 PACKAGE = Path(jacokin.__file__).parent
 INTERNAL = ("jacokin.cli", "jacokin.viewer", "jacokin.calibration.alignment", "jacokin.tasks.experts")  # not handed out
@@ -196,7 +195,7 @@ def test_public_names_are_exactly_these() -> None:
 
 def test_importing_jacokin_loads_nothing_heavy() -> None:
     code = "import json, sys; import jacokin; print(json.dumps(sorted(sys.modules)))"
-    done = subprocess.run([sys.executable, "-P", "-c", code], capture_output=True, text=True, check=True)
+    done = python("-c", code)
     assert done.stderr == ""
     loaded = set(json.loads(done.stdout))
     assert not loaded & set(HEAVY)
@@ -208,7 +207,7 @@ def test_rooms_need_no_import_of_their_own() -> None:
         "import jacokin, sys; rooms = [getattr(jacokin, name) for name in jacokin.ROOMS]; jacokin.Tracker;"
         "print(*(room.__name__ for room in rooms), sorted({'viser', 'mink', 'jax'} & set(sys.modules)))"
     )
-    done = subprocess.run([sys.executable, "-P", "-c", code], capture_output=True, text=True, check=True)
+    done = python("-c", code)
     found, *rest = done.stdout.splitlines()
     assert not rest
     assert found == " ".join([*(f"jacokin.{room}" for room in jacokin.ROOMS), "[]"])
@@ -230,7 +229,7 @@ def test_the_first_answer_loads_nothing_that_it_does_not_need(own: bool, tmp_pat
         "result = solver.solve(robot.forward_kinematics(robot.home + 0.1));"
         f"print(result.success, bool(robot.notes), sorted({SLOW} & set(sys.modules)))"
     )
-    done = subprocess.run([sys.executable, "-P", "-c", code], capture_output=True, text=True, check=True)
+    done = python("-c", code)
     assert done.stdout == f"True {own} []\n"
 
 

@@ -27,7 +27,6 @@ from jacokin.model.robot import Robot, checked_robot
 from jacokin.model.scene import Scene
 
 TRIES = 20  # configurations drawn for each candidate, where most touch something or are out of reach
-MOST_PLANNED = 1000  # configurations: their time goes by the square of their number, a minute for these
 MOST = 1e6  # times the measurements that would halve the error, when the prior of what never shows decides
 
 
@@ -91,7 +90,7 @@ def plan_measurements(
         UnknownNameError: no such frame, kind or group of parameters.
     """
     checked_robot("robot", robot)
-    count = checks.whole_number("n", n, 1, MOST_PLANNED)
+    count = checks.whole_number("n", n, 1, 1000)  # their time goes by the square of their number, a minute for these
     generator = np.random.default_rng(0) if rng is None else checks.generator("rng", rng)
     distance = checks.non_negative("clearance", clearance, "m")
     checks.optional(checks.instance, "scene", scene, Scene, "a Scene")

@@ -22,8 +22,6 @@ from jacokin.ik.batches.solve_file import folder_of, solve_file
 from jacokin.ik.files.formats import targets_format
 from jacokin.ik.files.targets import RPY, as_objects, left_behind
 
-STDOUT = 1  # its descriptor
-
 
 def run(
     solver: ik.IKSolver,
@@ -73,7 +71,7 @@ def run(
                 progress=lambda so_far: show(so_far.done, so_far.total),
             )
     # Where the answers go to stdout, they are alone there.
-    is_taken = out is not None and files.open_file(out) == STDOUT
+    is_taken = out is not None and files.open_file(out) == 1  # the descriptor of stdout
     with contextlib.redirect_stdout(sys.stderr if is_taken else sys.stdout):
         if as_json:
             display.print_json(_document(solver, summary, results))

@@ -31,7 +31,6 @@ if TYPE_CHECKING:
 
 DEGREES = click.FloatRange(min=0.0, min_open=True)
 LINES = 100  # of a hand that wait at most
-MISTAKEN = 0.03  # [s] by which a latency that is given may be off
 
 
 @dataclass(frozen=True, slots=True)
@@ -303,6 +302,6 @@ def _latency(runner: Runner) -> str:
     """How late the arm was, and what to do where something else was given."""
     measured, taken = runner.measured_latency, runner.latency
     assert measured is not None
-    if abs(measured - taken) <= MISTAKEN:
+    if abs(measured - taken) <= 0.03:  # [s] by which a latency that is given may be off
         return f"{measured:.2f} s"
     return f"{measured:.2f} s measured, but {taken:.2f} s given: leave out --latency, or give {measured:.2f}"

@@ -45,7 +45,6 @@ ACCELERATION = 4.0  # [rad/s^2]
 TASK_SPEED = 0.1, 0.6  # [m/s], [rad/s] of keys
 STREAM = ".npz"
 CLUTCH, LEAVE = " ", ("q", "\x1b", "\x04")
-SPECIAL_KEY = r"\x1b[\[o][0-9;]*[a-z~]"  # arrows and others are sequences that begin with the character of Esc
 HINT = """w s, a d, r f move along x, y, z; j l, i k, u o turn about them; g h close and open the fingers;
 space opens and closes the clutch, q ends"""
 
@@ -525,7 +524,8 @@ class _Keys:
         while not self.ended and select.select([sys.stdin], [], [], 0.0)[0]:
             typed = os.read(sys.stdin.fileno(), 256).decode("ascii", errors="replace").lower()
             self.ended = not typed
-            for key in re.sub(SPECIAL_KEY, "", typed):
+            # Arrows and others are sequences that begin with the character of Esc.
+            for key in re.sub(r"\x1b[\[o][0-9;]*[a-z~]", "", typed):
                 self._keyboard.press("space" if key == CLUTCH else key, time)
                 self.ended |= key in LEAVE
         twist = self._keyboard.read(time)

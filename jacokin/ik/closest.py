@@ -27,10 +27,8 @@ from jacokin.model.kinematics import axis_of
 from jacokin.model.many_configurations import Chain
 
 REACH_SLACK = 1e-3  # [m] beyond the tolerance: a bound that can be trusted
-POSITION_FIRST = 1e-3  # [m/rad] too little for an orientation to be worth a position that is missed
 FARTHEST = 10.0  # arm lengths: from there on only the direction to the target matters
 AIMS = 4  # times that a target with a free axis is turned to where the search has come
-SAME_AIM = 1e-3  # [rad] a target turned by less than this is the same
 
 
 class ClosestSearch:
@@ -102,7 +100,7 @@ class ClosestSearch:
             result = self.solve(request._replace(target=target.at(angle)), outcome, nearby, before)
             results.append(replace(result, parameter=angle))
             last, angle, nearby = angle, target.angle_of(self._verifier.tool_pose(result.q)), [result.q]
-            if result.success or abs(angle - last) < SAME_AIM:
+            if result.success or abs(angle - last) < 1e-3:  # [rad] a target turned by less than this is the same
                 break
         return min(results, key=lambda each: (not each.success, _error(each)))
 
@@ -126,7 +124,7 @@ class ClosestSearch:
         work = make_closest_work(self._robot.dof, len(starts))
         self.fill(work, target)
         if position_first:
-            work.weight[0] = POSITION_FIRST
+            work.weight[0] = 1e-3  # [m/rad] too little for an orientation to be worth a position that is missed
         work.starts[:], work.counts[1] = starts.ravel(), len(first)
         descended = Call(find_closest, work)()
         return work.starts[: self._robot.dof].copy(), Effort(int(work.counts[2]), descended)

@@ -33,13 +33,10 @@ POSE_NUMBERS, AXIS_NUMBERS = 6, 5
 
 #: Steps of a descent; one that converges needs 4 near its answer, 10 to 20 far from it.
 MAX_ITERATIONS = 60
-#: Steps without halving the error, after which it is at a local minimum, or too slow to wait for.
-STALL_ITERATIONS = 8
 
 CONVERGED = 1e-3  # of the tolerance, so that measuring anew cannot fail
 LONGEST_STEP = 0.7  # [rad] of one joint; linearised kinematics says little beyond
 KEPT = 1e-2  # [m^2/rad^2] the most that staying near the start counts against the position
-LEAST_KEPT = 1e-14  # [m^2/rad^2] keeps the QP strictly convex at singular poses
 SOLVED = (1, 2)  # of DAQP: optimal
 
 #: The configuration (dof,) within the limits nearest to a seed (dof,) that reaches a pose; None for none.
@@ -71,7 +68,8 @@ def descend(start: Array, look: Callable[[Array], tuple[float, Step]], converged
     for iteration in range(MAX_ITERATIONS):
         size, step = look(q)
         best, waited = (size, 0) if size < 0.5 * best else (best, waited + 1)
-        if size <= converged or waited > STALL_ITERATIONS:
+        # After so many steps without halving the error it is at a local minimum, or too slow to wait for.
+        if size <= converged or waited > 8:
             return Descent(q, iteration, False)
         after = step()
         if after is None:
@@ -276,7 +274,7 @@ class PositionDescents:
                 linear = J[:3] - pin.skew(lever) @ J[3:]
                 if turning is not None:
                     linear = np.vstack([linear, RADIAN_IN_METRES * (J[3:] - np.outer(axis, axis @ J[3:]))])
-                kept = min(KEPT, size * size) + LEAST_KEPT
+                kept = min(KEPT, size * size) + 1e-14  # [m^2/rad^2] keeps the QP strictly convex at singular poses
                 hessian = linear.T @ linear
                 hessian.flat[:: robot.dof + 1] += kept
                 gradient = kept * (q - origin) - linear.T @ error

@@ -28,11 +28,8 @@ DIRECTIONS = (
     (-0.17, 0.62, 0.23, 0.49, -0.33, 0.43),
     (0.38, 0.41, -0.24, -0.21, 0.35, 0.68),
 )
-LARGEST_MOVE = 0.03  # [m] and [rad]
 #: A fold bends: what reaches a moved target is at most this many times the root of the move from what meets the target.
 BEND = 10.0
-#: [m/rad^2] more than the second derivative of any pose of the tool.
-CURVED = 4.0
 MESSAGE = "within the tolerances of a target that nothing meets exactly"
 #: Starts at most, and steps of each.
 STARTS, STEPS = 96, 40
@@ -64,7 +61,7 @@ class NearMisses:
         self._verifier = verifier
         self._tolerances = verifier.options.position_tolerance, verifier.options.orientation_tolerance
         self.tolerance = max(self._tolerances)
-        move = min(size * self.tolerance, LARGEST_MOVE)
+        move = min(size * self.tolerance, 0.03)  # [m] and [rad]
         steps = [sign * move * np.array(way) for way in DIRECTIONS[:ways] for sign in (1.0, -1.0)]
         self._moves = np.array([pin.exp6(step).homogeneous for step in steps])
         self.near = BEND * math.sqrt(move)
@@ -147,7 +144,8 @@ class NearMisses:
             step = bounded_step(x[moving], gradient, back @ slopes, damping[moving], lower, upper)
             moved[moving] += np.einsum("ki,ki->k", step, step)
             left = np.linalg.norm(rest - (slopes @ step[:, :, None])[:, :, 0], axis=1)
-            hopeful = (left <= CURVED * moved[moving] + slack) | (damping[moving] > DAMPING)
+            # 4 m/rad^2 is more than the second derivative of any pose of the tool.
+            hopeful = (left <= 4.0 * moved[moving] + slack) | (damping[moving] > DAMPING)
             moving, step, weight = moving[hopeful], step[hopeful], weight[hopeful]
             if not len(moving):
                 break

@@ -40,9 +40,6 @@ class Cost(NamedTuple):
 
 #: What `prefer=` takes, besides a callable.
 PREFERENCES = ("nearest", "margin", "manipulability")
-#: Members of curves whose costs differ by less than this times the difference of their squared distances to the seed
-#: [rad^2] count as equal: the nearer one is taken.
-TIE = 1e-9
 
 Prefer: TypeAlias = str | Callable[[Array], float]
 
@@ -75,7 +72,9 @@ def with_ties(cost: Cost | None, seed: Array) -> Cost:
     distance = by_distance(seed)
     if cost is None:
         return distance
-    return Cost(lambda rows: cost(rows) + TIE * distance(rows), cost.copies)
+    # Costs that differ by less than 1e-9 of the difference of squared distances to the seed [rad^2] count as equal:
+    # the nearer one is taken.
+    return Cost(lambda rows: cost(rows) + 1e-9 * distance(rows), cost.copies)
 
 
 def copies_to_try(copies: Copies, q: Array, seed: Array, robot: Robot) -> Iterator[Array]:

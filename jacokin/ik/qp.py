@@ -18,7 +18,6 @@ from jacokin.ik.verification import Verifier
 from jacokin.model import poses
 
 CONVERGED = 0.01  # of the tolerances: one quadratic step past them, so that measuring anew cannot fail
-LM_DAMPING = 1e-3  # relative to the squared error; keeps steps finite near singular poses
 
 
 class QPDescents:
@@ -47,7 +46,7 @@ class QPDescents:
         self._pose_task = mink.FrameTask(TOOL_SITE, "site", position_cost=1.0, orientation_cost=1.0)
         self._position_task = mink.FrameTask(TOOL_SITE, "site", position_cost=1.0, orientation_cost=0.0)
         for task in (self._pose_task, self._position_task):
-            task.lm_damping = LM_DAMPING
+            task.lm_damping = 1e-3  # relative to the squared error; keeps steps finite near singular poses
 
     @property
     def used(self) -> str:

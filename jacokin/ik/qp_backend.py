@@ -46,8 +46,6 @@ OPTIONS: dict[str, dict[str, Any]] = {  # keyword arguments of each solver
 
 TIKHONOV = 1e-12  # keeps the QP strictly convex at singular poses
 
-DAQP_INFINITY = 1e30
-
 
 class QPFailed(Exception):  # noqa: N818 - internal signal, never seen by users
     """No solver solved the QP."""
@@ -153,6 +151,6 @@ def _run_daqp(hessian: Array, gradient: Array, inequalities: Inequalities, low: 
     if rows is None or ends is None:
         rows, above, below = hessian[:0], high, low
     else:
-        above, below = np.concatenate([high, ends]), np.concatenate([low, np.full(ends.size, -DAQP_INFINITY)])
+        above, below = np.concatenate([high, ends]), np.concatenate([low, np.full(ends.size, -1e30)])
     found, _, flag, _ = daqp.solve(hessian, gradient, rows, above, below, np.zeros(above.size, dtype=np.int32))
     return np.array(found) if flag in (1, 2) else None  # optimal, with or without softened constraints

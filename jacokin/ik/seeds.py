@@ -14,7 +14,6 @@ from jacokin.model.robot import Robot
 
 FARTHEST_SEED = 1e6  # [rad] beyond this a double no longer resolves an angle to 1e-10 rad
 ON_LIMIT = 1e-6  # [rad] or [m] past its limit, a joint is on it: rounding of files, degrees and single precision
-AT_SEED = 1e-3  # [rad] a start this near to the seed is not worth a word
 DEFAULT_RANDOM_SEED = 0  # of the generator used when the caller brings none: results repeat
 
 
@@ -126,6 +125,6 @@ def choose_start(robot: Robot, seed: ArrayLike | None, start: ArrayLike | None) 
 def describe_jump(joint_names: Sequence[str], away: Array, name: str) -> str:
     """Where a path starts, for (dof,) distances [rad] from a place with a name; "" when it starts there."""
     joint = int(np.argmax(away))
-    if away[joint] <= AT_SEED:
+    if away[joint] <= 1e-3:  # [rad] a start this near to the seed is not worth a word
         return ""
     return f"it starts {away[joint]:.3g} rad ({joint_names[joint]}) from {name}: bring the arm to q[0] first"

@@ -70,7 +70,6 @@ if TYPE_CHECKING:
     from jacokin.model.scene import Scene
 
 MOVE, WAYS = 30.0, 3  # of near misses: those cross a fold unless it lies along all three ways to a thirtieth
-NEARLY_SINGULAR = 1e-4  # [m or rad] singular value of a branch beside which the tool hardly moves along a curve
 ALL_IN_CONTACT = "every branch within the limits is in contact; the best"
 HELD = 16  # choices of joints that are held, whose preparation is kept
 
@@ -597,7 +596,8 @@ class IKSolver:
         rows = [form.solve_all(moved[index], seed).q for index in np.flatnonzero(more).tolist()]
         if len(branches):
             rows.append(branches.q[branches.margin.min(axis=1) >= near])
-            nearly_singular = [self._singular_value(q) < NEARLY_SINGULAR for q in branches.q]
+            # [m or rad] with such a singular value the tool hardly moves along a curve.
+            nearly_singular = [self._singular_value(q) < 1e-4 for q in branches.q]
             rows.append(self._about_axis.nearly_standing(T, branches.q[nearly_singular]))
         return np.vstack(rows) if rows else np.empty((0, 6))
 

@@ -36,10 +36,7 @@ from jacokin.model.angles import TURN
 from jacokin.model.kinematics import axis_of
 
 STANDS = 0.03  # [rad] of a joint that should stand at zero: from there on Newton's method decides
-AT_ZERO = 1e-10  # [rad] of such a joint: nothing to correct
 SAME = 1e-7  # [rad] configurations nearer than that are one
-SMALLEST_STEP = 1e-7  # [rad] after which it ends: the next one would be rounding
-ON_ONE_LINE = 1e-9  # sine, and distance over the arm's length, of two axes that count as one
 
 #: Where joints that stand at zero are: turned by [rad], moved by [lengths of the arm]. Any generic numbers will do.
 ANYWHERE = (
@@ -197,14 +194,14 @@ class VirtualJoints:
         if stood >= STANDS:
             return False
         row[free:SIX] = [0.0] * self._still
-        if stood < AT_ZERO:
+        if stood < 1e-10:  # [rad] of such a joint: nothing to correct
             return True
         q = np.array(row[:SIX])
         for _ in range(8):  # of Newton's method
             error, jacobian = _error_and_jacobian(self._form.chain, q, T)
             step = np.linalg.lstsq(jacobian[:, :free], error, rcond=None)[0]
             q[:free] += step
-            if np.abs(step).max() < SMALLEST_STEP:
+            if np.abs(step).max() < 1e-7:  # [rad] after which it ends: the next one would be rounding
                 break
         lower, upper = self._lower[: self._real], self._upper[: self._real]
         real = q[: self._real]
@@ -225,7 +222,8 @@ class VirtualJoints:
         across = float(np.linalg.norm(np.cross(own, turned)))
         apart = float(np.linalg.norm(np.cross(own, arm)))
         along = float(own @ turned)
-        return (1.0 if along > 0.0 else -1.0) if max(across, apart) < ON_ONE_LINE else 0.0
+        is_one_line = max(across, apart) < 1e-9  # sine, and distance over the arm's length
+        return (1.0 if along > 0.0 else -1.0) if is_one_line else 0.0
 
     def _tool_in_last(self) -> pin.SE3:
         """The tool in the axes of the joint that carries it."""

@@ -27,7 +27,6 @@ from jacokin.kernels.symmetric import diagonalise, factorise
 from jacokin.kernels.trigonometry import angle_of, sin_cos
 from jacokin.kernels.vector import Vec, cross, dot, minus, mix, norm
 
-SMALL_ANGLE = 1e-4  # [rad] below it the series of x cot(x) is exact in double precision
 TINY = 1e-300
 DAMPING = 3e-3  # of the first step, in the unit of the Hessian [m / rad^2]
 LEAST_DAMPING, MOST_DAMPING = 1e-7, 1e4
@@ -303,7 +302,8 @@ def measure(work: ClosestWork, point: Point, smoothing: float) -> None:
     m = point.measured
     angle = m[ANGLE]
     half = 0.5 * angle
-    m[HALF_COTANGENT] = 1.0 - half * half / 3.0 if angle < SMALL_ANGLE else half / math.tan(half)
+    # Below 1e-4 rad the series of x cot(x) is exact in double precision.
+    m[HALF_COTANGENT] = 1.0 - half * half / 3.0 if angle < 1e-4 else half / math.tan(half)
     m[DISTANCE] = math.sqrt(m[DISTANCE] * m[DISTANCE] + smoothing * smoothing)
     weight = work.weight[0]
     rest = smoothing / weight if weight > 0.0 else smoothing

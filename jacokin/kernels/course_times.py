@@ -15,15 +15,13 @@ from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.kernels.free_motion.corners import STRAIGHT
-from jacokin.kernels.speeds import SpeedWork, fit_speeds, make_speed_work
+from jacokin.kernels.speeds import STILL, SpeedWork, fit_speeds, make_speed_work
 
 GRID = 0.02  # [s] between places, at least
 ON_CURVE = 12  # pieces of a parabola
 ON_LINE = 24  # pieces of a line at most
 MOST_PLACES = ON_LINE + 3  # of a line, with where full speed is reached and left, and its middle
 SAME = 1e-9  # [s] places that are nearer to each other are one
-NO_RATE = 1e-9  # of the largest change of a joint's acceleration with that of the place: it limits nothing
-STILL = 1e-12
 #: Where the counts are: joints, points of the way; filled in are lines and parabolas, and places where it stands still.
 CourseInteger = IntEnum("CourseInteger", "JOINTS POINTS PIECES STOPS COUNT", start=0)
 
@@ -104,7 +102,7 @@ def fit_course_times(work: CourseWork) -> int:
             largest = max(largest, abs(first), abs(later))
         speeds.top[i], speeds.top[i + 1] = min(speeds.top[i], own), min(speeds.top[i + 1], own)
     for i in range(count - 1):
-        limit(work, i, dof, NO_RATE * largest)
+        limit(work, i, dof, 1e-9 * largest)  # a joint that changes less with the place limits nothing
     speeds.top[0], speeds.top[count - 1] = 0.0, min(speeds.top[count - 1], work.end[0] ** 2)
     fit_speeds(speeds)
     work.t[0] = 0.0

@@ -30,7 +30,6 @@ ENDINGS = (".bag", ".mcap", ".db3")
 NOT_A_LOG = "is not a recording of ROS that can be read"
 UNPACKED = 200_000_000  # [byte] of a chunk, which recorders close at about 1e6, or after a message that is larger
 CHUNK, FOOTER = 0x06, 0x02  # records of MCAP
-URI = re.compile(r"[?#%]")  # of names that SQLite would take for parts of an address
 
 CONTROLLER_STATE = "control_msgs/msg/JointTrajectoryControllerState"
 FIELD = re.compile(r"(std_msgs/Header|Header|string\[\]|trajectory_msgs/(?:MultiDOF)?JointTrajectoryPoint)\s+([a-z_]+)")
@@ -164,7 +163,7 @@ def open_bag(path: Path) -> Iterator[Bag]:
                 _check_bag(file, first)
                 yield Bag(path, first, is_ros1=True)
             return
-        if path.suffix == ".db3" and URI.search(str(path)):
+        if path.suffix == ".db3" and re.search("[?#%]", str(path)):  # which SQLite would take for parts of an address
             raise InvalidInputError(f"{path}: is not read as long as ?, # or % are in its name")
         chunks = _mcap_chunks(file) if path.suffix == ".mcap" else {}
         with rosbags.rosbag2.Reader(path) as second:

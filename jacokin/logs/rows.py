@@ -12,7 +12,6 @@ from jacokin.errors import InvalidInputError
 from jacokin.logs.messages import JointRecord, PoseRecord
 from jacokin.model import checks
 
-SPAN = 0.2  # [s] over which a speed is measured: two messages of kinova-ros at 10 Hz; noise of encoders averages out
 GAP = 0.5  # [s] without messages: what the arm did meanwhile is not known
 WINDOW = 0.2  # [s]
 DEGREE = 3  # of the polynomials: the least that has an acceleration with a slope
@@ -141,7 +140,8 @@ def _still(rule: StandstillRule, q: Array, times: Array) -> list[tuple[int, int]
     """First and last row of each time in which the arm is slow, without what it needs to settle."""
     if len(times) < 2:
         return []
-    before, after = (np.clip(times + sign * SPAN / 2.0, times[0], times[-1]) for sign in (-1.0, 1.0))
+    # Over 0.2 s, two messages of kinova-ros at 10 Hz, noise of encoders averages out.
+    before, after = (np.clip(times + half, times[0], times[-1]) for half in (-0.1, 0.1))
     moved = np.column_stack([np.interp(after, times, each) - np.interp(before, times, each) for each in q.T])
     slow = np.abs(moved).max(axis=1) <= rule.speed * (after - before)
     # A run ends before a row that is not slow, and where messages are missing.

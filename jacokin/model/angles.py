@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
+from jacokin.kernels.limits import TURN as TURN  # as the kernels have it
 from jacokin.kernels.tolerances import LIMIT_SNAP
 
-TURN = 2.0 * math.pi
 #: Of one configuration, whole turns away within the limits, that a motion may lead through.
 MOST_COPIES = 64
 

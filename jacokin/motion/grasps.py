@@ -64,7 +64,7 @@ def box(size: ArrayLike, pose: pin.SE3 | ArrayLike, *, gripper: Gripper = JACO) 
     Raises:
         InvalidInputError: malformed, or too large for the hand.
     """
-    hand = _checked(gripper)
+    hand = checked_gripper(gripper)
     edges = checks.positive_vector("size", size, 3, "m")
     T_base_box = _placed(pose)
     found = list[Grasp]()
@@ -99,7 +99,7 @@ def cylinder(radius: float, length: float, pose: pin.SE3 | ArrayLike, *, gripper
     Raises:
         InvalidInputError: malformed, or too large for the hand.
     """
-    hand = _checked(gripper)
+    hand = checked_gripper(gripper)
     width = 2.0 * checks.positive("radius", radius, "m")
     tall = checks.positive("length", length, "m")
     T_base_cylinder = _placed(pose)
@@ -126,7 +126,7 @@ def sphere(radius: float, position: ArrayLike, *, gripper: Gripper = JACO) -> li
     Raises:
         InvalidInputError: malformed, or too large for the hand.
     """
-    hand = _checked(gripper)
+    hand = checked_gripper(gripper)
     width = 2.0 * checks.positive("radius", radius, "m")
     opening = hand.opening_for(width)
     centre = checks.vector("position", position, 3, "m")
@@ -142,7 +142,12 @@ def sphere(radius: float, position: ArrayLike, *, gripper: Gripper = JACO) -> li
     return found
 
 
-def _checked(gripper: Gripper) -> Gripper:
+def checked_gripper(gripper: object) -> Gripper:
+    """A gripper.
+
+    Raises:
+        InvalidInputError: it is none.
+    """
     return checks.instance("gripper", gripper, Gripper, "a Gripper, for example Gripper.of(robot)")
 
 

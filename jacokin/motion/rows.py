@@ -69,10 +69,10 @@ def cubic(t: Array, q: Array, v: Array, time: float) -> tuple[float, float, tupl
     return step, (time - float(t[row])) / step, factors
 
 
-def spline_rows(q: Array, dt: float, begin: Array | None = None) -> Rows:
-    """The motion to rest through configurations (n, dof) [rad] that are `dt` [s] apart.
+def spline_rows(q: Array, dt: float) -> Rows:
+    """The motion from rest to rest through configurations (n, dof) [rad] that are `dt` [s] apart.
 
-    It begins at rest, or with velocities `begin` (dof,) [rad/s]. Its accelerations change steadily between rows and
+    Its accelerations change steadily between rows and
     without jumps, so that cubics that meet its velocities, and quintics that meet its accelerations, too, are the same
     motion. One row stands still.
     """
@@ -80,12 +80,9 @@ def spline_rows(q: Array, dt: float, begin: Array | None = None) -> Rows:
     t, v, a = dt * np.arange(count, dtype=np.float64), np.zeros_like(q), np.zeros_like(q)
     if count == 1:
         return Rows(t, q, v, a)
-    if begin is not None:
-        v[0] = begin
     if count > 2:
         bands = np.tile([[1.0], [4.0], [1.0]], (1, count - 2))
         gained = 3.0 / dt * (q[2:] - q[:-2])
-        gained[0] -= v[0]
         v[1:-1] = solve_banded((1, 1), bands, gained, overwrite_ab=True, check_finite=False)
     step = np.diff(q, axis=0) / dt
     a[:-1] = (6.0 * step - 4.0 * v[:-1] - 2.0 * v[1:]) / dt

@@ -21,9 +21,8 @@ from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
-from jacokin.kernels.course_times import STILL
 from jacokin.kernels.library import Calls
-from jacokin.kernels.speeds import fit_speeds, make_speed_work
+from jacokin.kernels.speeds import STILL, fit_speeds, make_speed_work
 from jacokin.model import checks
 from jacokin.model.robot import Robot
 from jacokin.motion.rows import ATTEMPTS, HELD, LEAST_SLOWER, WHOLE_TICK, Rows, sample
@@ -131,13 +130,10 @@ def fit_course(
     velocity: Array,
     acceleration: Array,
     top: Array,
-    end: float = 0.0,
     *,
     sudden: Array | None = None,
 ) -> Schedule:
-    """The least time from rest along a course whose direction changes steadily from place to place.
-
-    To rest, too, unless `end` says how fast the last place is passed: slower than that where it cannot be reached.
+    """The least time from rest to rest along a course whose direction changes steadily from place to place.
 
     A joint's acceleration is slope u + bend x, with x the square of the speed and u the acceleration of the place: at
     the beginning of an interval with x, at its end with x + 2 h u. Both are linear in x and u, and what lies between
@@ -149,7 +145,6 @@ def fit_course(
         velocity: (dof,) limits [rad/s]; infinite for none.
         acceleration: (dof,) limits [rad/s^2].
         top: (n + 1,) largest speed of each place, 0 where it stands still; infinite where nothing else limits it.
-        end: speed at the last place.
         sudden: (n, dof) what corners add to accelerations on each interval, in proportion to speed; None for nothing.
     """
     h, limits = np.diff(s), np.broadcast_to(acceleration, slope[0].shape)
@@ -167,7 +162,7 @@ def fit_course(
     most, own = top**2, np.minimum(fastest, turning)
     np.minimum(most[:-1], own, out=most[:-1])
     np.minimum(most[1:], own, out=most[1:])
-    most[0], most[-1] = 0.0, min(most[-1], end**2)
+    most[0] = most[-1] = 0.0
     # Of u, at the beginning and at the end of each interval.
     rate = np.concatenate([part for each in bends for part in (slope[0], slope[1] + 2.0 * h[:, None] * each)], axis=1)
     size = np.abs(rate)

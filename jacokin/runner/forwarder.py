@@ -29,7 +29,6 @@ from typing import Any, Callable  # noqa: UP035 (Python 3.8)
 PERIOD = 0.01  # [s] of the driver
 WATCHDOG = 0.05  # [s] without velocities, after which zeros are sent
 ZEROS = 5  # messages that end a motion
-ALIVE = 0.1  # [s] between two words on whether the driver listens, if that has not changed
 ANSWER = 10.0  # [s] that a ROS master may take
 TURNS = 6800.0  # of a finger's motor from open to closed (kinova-ros)
 OPEN, CLOSED = 0.15, 1.35  # [rad] of fingers in ROS 2
@@ -275,7 +274,7 @@ def main() -> int:
     while not ended.wait(PERIOD):
         forwarder.watch()
         listens = arm.listens()
-        if listens != listened or time.monotonic() - said > ALIVE:
+        if listens != listened or time.monotonic() - said > 0.1:  # [s] it is said again
             said, listened = time.monotonic(), listens
             say({"listens": listens})
     forwarder.end()

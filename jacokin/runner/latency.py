@@ -25,7 +25,6 @@ APART = 0.03  # [s] between measurements that are looked at, at least
 MOVED = np.radians(0.5)  # by which a joint was led before anything is said
 NOISE = np.radians(0.03)  # of angles, at least: a count of an encoder, and ticks
 LOST = 0.05  # of the squared angles that are measured: if all that was sent arrives, less is unexplained
-UNEXPLAINED = 0.2  # of them at most: an arm that does something else is not late
 SHARP = 0.01  # [s] standard deviation, and by which fits differ that agree
 STAYS = 0.1  # [s] for which fits agree: after a moment in which all was lost, they do not
 
@@ -89,7 +88,7 @@ class LatencyMeasurement:
             share = np.clip(both / np.maximum(led_far, 1e-12), 0.0, 1.0)
             misfit = moved - 2.0 * share * both + share**2 * led_far
         best = int(np.argmin(misfit))
-        if misfit[best] > UNEXPLAINED * moved:
+        if misfit[best] > 0.2 * moved:  # an arm that does something else is not late
             return None
         if not 0 < best < len(tried) - 1:
             return 0.0 if best == 0 and self._is_sharp(misfit[0], misfit[1], q.size) else None

@@ -31,8 +31,6 @@ TICK = 0.01  # [s] of Kinova's base, which plays one velocity so long (README of
 RAMP = 0.2  # [s] in which a motion comes to wait for its arm, and goes on
 WAITS = 0.8  # of `lag`: an arm that is so far behind is waited for
 FULL = 0.4  # of `lag`: one that is nearer is not
-CAREFUL = 0.5  # of these, while it is not known how late the arm is seen, and where much of what is sent is lost
-LATENCY = 0.05  # [s] until it is known
 NEAR = 0.25  # of `reached`: an arm that is nearer to the end is left alone
 AVERAGED = 1.0  # [s] of what is measured after the end, which tells more than one that scatters
 MISSING = 3.0  # measurements, after which the motion waits
@@ -191,7 +189,7 @@ class Runner:
         """How late it takes what is measured to be [s]."""
         if self._latency is not None:
             return self._latency
-        return LATENCY if self.measured_latency is None else self.measured_latency
+        return 0.05 if self.measured_latency is None else self.measured_latency  # [s] until it is known
 
     @property
     def _is_latency_known(self) -> bool:
@@ -329,7 +327,8 @@ class Runner:
                 self._end(RunnerStatus.MISSED, f"{off} {options.patience:g} s after its end")
             return
         careful = not self._is_latency_known or self._measurement.loses
-        allowed = CAREFUL * options.lag if careful else options.lag
+        # Half, while it is not known how late the arm is seen, and where much of what is sent is lost.
+        allowed = 0.5 * options.lag if careful else options.lag
         share = (WAITS * allowed - far[joint]) / ((WAITS - FULL) * allowed)
         late = age > min(0.5 * options.silence, self.latency + MISSING * self._period)
         goal = 0.0 if late else min(1.0, max(0.0, share))

@@ -19,7 +19,6 @@ REST = 0.3  # [s] that are looked at where nothing scatters
 WINDOWS = tuple(REST * 1.5**k for k in range(7))  # [s] the shortest that is sure counts
 STILL = math.radians(0.1)  # in REST an arm that stands moves less
 SURE = 2.0  # standard errors
-SCATTERS = math.radians(0.5)  # standard deviation of angles at most: an arm that trembles does not stand
 
 
 class Standing:
@@ -69,7 +68,8 @@ def _standing(ages: Array, q: Array) -> Array | None:
     slope = times @ (q - mean) / spread
     variance = float(((q - mean - np.outer(times, slope)) ** 2).sum()) / ((len(q) - 2) * q.shape[1])  # of all joints
     error = SURE * math.sqrt(variance / spread)
-    if variance > SCATTERS**2 or (np.abs(slope).max() + error) * REST > STILL:
+    # An arm that trembles does not stand, by the standard deviation of its angles.
+    if variance > math.radians(0.5) ** 2 or (np.abs(slope).max() + error) * REST > STILL:
         return None
     # What still creeps is at the end of its line, as far as that is more than scatter.
     creep = slope - np.divide(error**2, slope, out=slope.copy(), where=np.abs(slope) > error)

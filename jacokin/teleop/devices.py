@@ -18,7 +18,6 @@ from jacokin.model.gripper import opening_range
 from jacokin.model.robot import Robot, checked_robot
 from jacokin.teleop.streams import Stream
 
-KEY_HOLD = 0.15  # [s] a key counts as pressed after it was heard: terminals repeat keys, and do not say when it ends
 SILENT = 5.0  # [s] without a report, after which a space mouse is in trouble
 MOUSE_AXES = ("x", "y", "z", "roll", "pitch", "yaw")
 UDEV_RULE = 'KERNEL=="hidraw*", ATTRS{idVendor}=="256f|046d", TAG+="uaccess"'  # 3Dconnexion and, before, Logitech
@@ -157,7 +156,8 @@ class Keyboard(_KeyRequests):
 
     def read(self, time: float) -> Array:
         """The twist of the keys that are pressed."""
-        held = [key for key, when in self._pressed.items() if time - when < KEY_HOLD]
+        # [s] so long after it was heard: terminals repeat keys, and do not say when one ends.
+        held = [key for key, when in self._pressed.items() if time - when < 0.15]
         self.fingers = sum(FINGER_KEYS.get(key, 0.0) for key in held)
         return np.asarray(_directions(held) * self._size)
 

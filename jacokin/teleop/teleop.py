@@ -44,7 +44,6 @@ from jacokin.teleop.workspace import AHEAD, checked_workspace
 
 AUTO = "auto"
 SAME = 1e-12  # relative: a hand that repeats its pose moves the target by rounding only
-RESTS = 1e-6  # [m/s], [rad/s] a slower twist is none
 STAYS = 5e-3  # [rad] an arm that stays this near to where it was, and off its target by more than this, is stuck
 FAR_OFF = 1e-3, 0.01  # [m], [rad]
 LAG = 0.05  # [rad] a planned motion waits for joints that are farther behind
@@ -412,7 +411,8 @@ class Teleop:
         speed = self._speed.copy()
         if self._workspace is not None:
             speed[:3] = self._workspace.slowed(before.translation, dt * speed[:3]) / dt
-        rests = float(np.abs(speed).max()) < RESTS and float(np.abs(self.tracker.v).max()) <= STILL
+        is_none = float(np.abs(speed).max()) < 1e-6  # [m/s], [rad/s]
+        rests = is_none and float(np.abs(self.tracker.v).max()) <= STILL
         self._rest = None if not rests else self.tracker.q if self._rest is None else self._rest
         tracking = self._track(speed if self._rest is None else JointTarget(self._rest), around)
         # What the arm did not follow is not made up for, and a pose goes on from where it is.

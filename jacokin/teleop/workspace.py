@@ -16,9 +16,6 @@ from jacokin.errors import InvalidInputError
 from jacokin.model import checks
 from jacokin.model.robot import Robot
 
-SOFTNESS = 0.05  # [m] before a wall, from which the target slows
-INSET = 1e-3  # [m] that the target keeps from the walls: a tool that turns in its place moves by less
-MOST_INSET = 0.1  # of a box that is flat
 GUARD = 0.2  # part of the inset: this far before the walls the tool already counts as outside
 SLACK = 5e-5  # [m] that it may be beyond that: turning in one place needs some room
 JUMP = 0.1  # [m] in a tick, after which somebody has put the arm elsewhere
@@ -35,7 +32,8 @@ class Workspace:
     def __init__(self, lower: Array, upper: Array) -> None:
         """Take the corners (3,) [m]."""
         self._lower, self._upper = lower, upper
-        inset = np.minimum(INSET, MOST_INSET * (upper - lower))
+        # [m] a tool that turns in its place moves by less; of a box that is flat, a tenth.
+        inset = np.minimum(1e-3, 0.1 * (upper - lower))
         self._walls = lower + inset, upper - inset
         self._guarded = lower + GUARD * inset, upper - GUARD * inset
         self._allowed = self._guarded
@@ -45,7 +43,7 @@ class Workspace:
         """A way (3,) [m] from a position that slows towards walls and does not cross them; outside, only inwards."""
         lower, upper = self._walls
         room = np.maximum(np.where(way > 0.0, upper - position, position - lower), 0.0)
-        slowed = np.abs(way) * np.minimum(room / SOFTNESS, 1.0)
+        slowed = np.abs(way) * np.minimum(room / 0.05, 1.0)  # [m] before a wall, from which the target slows
         return np.asarray(np.sign(way) * np.minimum(slowed, room))
 
     def tied(self, tool: pin.SE3) -> pin.SE3:

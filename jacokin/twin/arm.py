@@ -27,7 +27,6 @@ IDLE = 3  # ticks without a velocity, after which a joint is to stand: one of th
 GAIN = 40.0  # [1/s] of a joint near its reference, at most; the motors follow within 10 ms
 MARGIN = 5e-3  # [rad] by which the reference keeps off a limit: an arm at full speed passes it by 2e-3
 MOVING = 0.02  # [rad/s] a faster joint moves
-FINGER_GAIN = 8.0  # [1/s]
 FINGER_SPEED = 1.0  # [rad/s] Kinova's: a hand closes in 1.2 s
 
 
@@ -202,7 +201,7 @@ class SimulatedArm:
             speeds, self._finger_speeds = self._finger_speeds, None
             self._finger_targets = np.clip(now + speeds * TICK, *self.finger_range)
             return speeds
-        return np.asarray(np.clip(FINGER_GAIN * (self._finger_targets - now), -FINGER_SPEED, FINGER_SPEED))
+        return np.asarray(np.clip(8.0 * (self._finger_targets - now), -FINGER_SPEED, FINGER_SPEED))  # [1/s]
 
     def _measure(self) -> ArmState:
         joints, robot = self._joints, self.robot

@@ -32,7 +32,6 @@ from jacokin.twin.faults import TICK, Faults
 
 TURNS = 6800.0  # of a finger's motor from open to closed (kinova_arm.cpp, cartesianVelocityWithFingersCallback)
 PERIOD = 0.1  # [s] in which actions look at the arm, rate_hz, and in which the state is published
-STOPPED_VELOCITY = 0.01  # [rad/s] constraints/stopped_velocity_tolerance of joint_trajectory_action_server.cpp
 REACHED = 1e-3  # [rad], [m] a target in the queue this near is reached
 
 logger = logging.getLogger(__name__)
@@ -577,7 +576,7 @@ class KinovaDriver(ArmController[Command | Push]):
         elif state.time - playing.heard > playing.times[-1]:
             # joint_trajectory_action_server.cpp: any end is reached, if the joints stand; without more patience. Even
             # then the controller plays on, if it is behind.
-            if np.abs(state.v).max() > STOPPED_VELOCITY:
+            if np.abs(state.v).max() > 0.01:  # [rad/s] stopped_velocity_tolerance of joint_trajectory_action_server.cpp
                 playing.goal.end(GoalStatus.ABORTED, "wound up outside the goal constraints")
             else:
                 playing.goal.end(GoalStatus.SUCCEEDED)

@@ -17,8 +17,6 @@ from jacokin.mujoco_bridge import Physics
 from jacokin.twin.faults import TICK
 
 BEHIND = 0.1  # [s] what is later than this is not made up for
-#: [s] after which a thread gives way to a tick; the 5 ms of Python, several times a tick, are more than a tick.
-GIVES_WAY = 2e-4
 
 
 @dataclass(slots=True)
@@ -43,7 +41,8 @@ class Ticker:
         jobs = [(max(1, round(period / TICK)), job) for period, job in every]
         due, count = time.monotonic(), 0
         before = sys.getswitchinterval()
-        sys.setswitchinterval(GIVES_WAY)
+        # [s] after which a thread gives way to a tick: the 5 ms of Python, several times a tick, are more than one.
+        sys.setswitchinterval(2e-4)
         try:
             while goes_on():
                 tick()

@@ -35,8 +35,6 @@ INSTALL = (
     "python3-geometry-msgs (Debian 12), and start jacokin with the Python that has them"
 )
 ANSWER = 10.0  # [s] that a master may take
-CLOSURE_GAIN = 2.0  # [1/s] velocity of fingers per distance (kinova_arm.cpp, cartesianVelocityWithFingersCallback)
-CLOSURE_NEAR = 20.0  # [turns] to which they go
 SINGULAR = 0.05  # of the largest singular value: weaker directions of a wrench are not told
 
 
@@ -210,7 +208,8 @@ class Ros1Node:
     def _take_closure(self, message: Any) -> None:
         turns = self._driver.finger_turns(self._driver.state.fingers)
         error = message.fingers_closure_percentage / 100.0 * TURNS - turns[0]
-        speed = CLOSURE_GAIN * error if abs(error) > CLOSURE_NEAR else 0.0
+        # [1/s], up to 20 turns: kinova_arm.cpp, cartesianVelocityWithFingersCallback.
+        speed = 2.0 * error if abs(error) > 20.0 else 0.0
         self._move_tool(message, np.full(len(turns), speed))
 
     def _move_tool(self, message: Any, turns: Array | None = None) -> None:

@@ -24,7 +24,6 @@ INSTALL = (
     "apt-get install ros-jazzy-ros-base ros-jazzy-control-msgs, source /opt/ros/jazzy/setup.bash, and start jacokin "
     "with the Python 3.12 of that system"
 )
-STATES_PERIOD = 0.01  # [s] joint_state_broadcaster publishes at the rate of the controllers
 ACTION = "/joint_trajectory_controller/follow_joint_trajectory"
 
 
@@ -134,7 +133,8 @@ class Ros2Node:
             watch: called every simulated 40 ms.
             goes_on: whether to go on.
         """
-        jobs: list[tuple[float, Callable[[], None]]] = [(STATES_PERIOD, self._publish), (0.04, watch)]
+        # [s] joint_state_broadcaster publishes at the rate of the controllers.
+        jobs: list[tuple[float, Callable[[], None]]] = [(0.01, self._publish), (0.04, watch)]
         jobs += [(camera.period, lambda camera=camera: self._picture(camera)) for camera in self._cameras]  # type: ignore[misc]
         self._ticker.run(self._controller.tick, jobs, goes_on)
 

@@ -27,7 +27,6 @@ from jacokin.model.scene import Scene
 
 SIGNS = np.array(list(product((-1.0, 1.0), repeat=3)))  # of the corners of a box
 SIDES = 24  # of what is round; from the equator of a sphere to its pole, a quarter of it
-BEVEL = 0.006, 0.3  # [m] radius of an edge that is drawn round, and at most this part of the shape's least half size
 STEPS = 3  # of a rounded edge
 PLATE = (1.0, 1.0, 0.002)  # [m] half edges of what is drawn of a floor
 BONE_RADIUS = 0.02  # [m] of the sticks that stand for an arm without shapes
@@ -273,7 +272,7 @@ def rounded_cylinder(radius: float, half: float) -> Triangles:
 
 def bevel(half: Array) -> float:
     """The radius of the rounded edges of a shape by its half sizes [m]."""
-    length, part = BEVEL
+    length, part = 0.006, 0.3  # [m] radius of an edge, and at most this part of the shape's least half size
     return min(length, part * float(half.min()))
 
 

@@ -14,7 +14,6 @@ from jacokin.viewer.view import Free, View
 
 GREEN, RED, ORANGE, GREY = "#237032", "#c92a2a", "#a34700", "#495057"  # each readable on white
 REACHED = 1e-5  # [m] and [rad] an error below this cannot be seen
-LIST = "max-height:14em;overflow-y:auto"  # of branches: eight are seen, members of curves are scrolled
 RIGHT = "text-align:right;white-space:nowrap"
 
 
@@ -84,7 +83,8 @@ def status_html(inspector: Inspector, view: View, *, degrees: bool = False) -> s
     if words := advice(view):
         lines.append(f"<div>{html.escape(words[:1].upper() + words[1:])}</div>")
     if len(view.branches):
-        lines.append(f'<div style="{LIST}" tabindex="0"><table style="border-spacing:4px 0">')
+        # Of branches eight are seen, members of curves are scrolled.
+        lines.append('<div style="max-height:14em;overflow-y:auto" tabindex="0"><table style="border-spacing:4px 0">')
         feasible = view.feasible
         for branch in range(len(view.branches)):
             shade = GREEN if feasible[branch] else (ORANGE if view.within[branch] else RED)

@@ -39,7 +39,6 @@ if TYPE_CHECKING:
     from jacokin.viewer.browser.hand import HandControls
 
 AIMED = {"target", "shown", "typed", "axis", "range", "prefer"}  # what changes the target
-BUILT = {"add", "clicked", "pick", "shape", "moved", "remove"}  # what changes the obstacles
 PERIOD = 0.02  # [s] from one picture to the next of what moves by itself
 TICK = 0.01  # [s] of the tracker: 100 Hz, as the real arm takes joint angles
 OPENINGS = 12  # of the hand that are drawn, beside the first
@@ -235,7 +234,7 @@ class Viewer:
             ({"python", "command"}, self._copy),
             ({"slice"}, self._slice),
             ({"ghosts", "ellipsoid", "datasheet", "commanded", "visuals", "degrees"}, self._draw),
-            (BUILT, self._build),
+            ({"add", "clicked", "pick", "shape", "moved", "remove"}, self._build),  # the obstacles
             ({"setup"}, self._change_setup),
             ({"track"}, self._track),
             ({"play", "time", "speed"}, self._play),

@@ -15,7 +15,8 @@ from jacokin.teleop import make_stream
 
 sys.path.append(str(Path(__file__).resolve().parents[2]))  # last: the installed package is what gets tested
 
-from benchmarks.teleop import ACCELERATION, DT, Played, judge, smoothed, ticks_of
+from benchmarks.teleop import ACCELERATION, Played, judge, smoothed, ticks_of
+from benchmarks.tracker import DT
 
 
 def still(robot: Robot, way: float = 0.0, ticks: int = 400) -> Played:

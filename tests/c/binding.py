@@ -12,6 +12,7 @@ from jacokin.arrays import Array
 from jacokin.ik import FreeAxis, IKSolver
 from jacokin.ik.c_library import solver_file
 from jacokin.kernels import library
+from jacokin.model import Robot
 
 (OK, UNREACHABLE, OUTSIDE_LIMITS, NO_CONVERGENCE) = range(4)
 (BAD_ARGUMENT, NOT_FINITE, NOT_RIGID, WORK_TOO_SMALL, NO_ROOM, WRONG_ARM) = range(-1, -7, -1)
@@ -173,3 +174,11 @@ class CSolver:
             self.handle, address(target), axis, address(seed), *self.work, address(q), address(p)
         )
         return status, q, float(p[0])
+
+
+def make_targets(robot: Robot, n: int, seed: int) -> tuple[Array, Array]:
+    """Poses (n, 4, 4), a third of them moved off, and seeds (n, dof)."""
+    rng = np.random.default_rng(seed)
+    T = np.array([robot.forward_kinematics(q).homogeneous for q in robot.sample(rng, n)])
+    T[::3, :3, 3] += rng.normal(scale=0.2, size=(len(T[::3]), 3))  # [m]
+    return T, robot.sample(rng, n)

@@ -20,18 +20,10 @@ from jacokin.ik.structures import measure_general
 from jacokin.kernels.solution_set.slices import AFTER, BEFORE
 from jacokin.model.descriptions import bundled
 from tests.c import binding
-from tests.c.binding import C, CSolver
-from tests.robot_files import serial_urdf, ur5_text
+from tests.c.binding import C, CSolver, make_targets
+from tests.robot_files import load_text, serial_urdf, ur5_text
 
 SIX = [name for name in bundled.NAMES if jacokin.load_robot(name).dof == 6]
-
-
-def make_targets(robot: jacokin.Robot, n: int, seed: int) -> tuple[Array, Array]:
-    """Poses (n, 4, 4), a third of them moved off, and seeds (n, dof)."""
-    rng = np.random.default_rng(seed)
-    T = np.array([robot.forward_kinematics(q).homogeneous for q in robot.sample(rng, n)])
-    T[::3, :3, 3] += rng.normal(scale=0.2, size=(len(T[::3]), 3))  # [m]
-    return T, robot.sample(rng, n)
 
 
 def test_10000_answers_are_those_of_the_package_to_the_bit() -> None:
@@ -71,9 +63,7 @@ def test_all_branches_are_those_of_the_package(name: str) -> None:
 
 
 def test_an_arm_of_another_make_has_the_branches_of_the_package(tmp_path: Path) -> None:
-    path = tmp_path / "ur5.urdf"
-    path.write_text(ur5_text())
-    robot = jacokin.load_robot(path)
+    robot = load_text(tmp_path / "ur5.urdf", ur5_text())
     solver = IKSolver(robot, collision="ignore")
     c = CSolver(solver)
     for T, seed in zip(*make_targets(robot, 60, 1), strict=True):
@@ -291,9 +281,7 @@ SEVEN_JOINTS = (
 
 def seven_joints(folder: Path) -> jacokin.Robot:
     """An arm of seven joints of no special structure."""
-    path = folder / "seven.urdf"
-    path.write_text(serial_urdf(SEVEN_JOINTS, [(-2.5, 2.5)] * 7, velocity=1.0, name="seven"))
-    return jacokin.load_robot(path)
+    return load_text(folder / "seven.urdf", serial_urdf(SEVEN_JOINTS, [(-2.5, 2.5)] * 7, velocity=1.0, name="seven"))
 
 
 @pytest.mark.parametrize("kind", [AFTER, BEFORE])

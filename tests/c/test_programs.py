@@ -16,6 +16,7 @@ from build_kernels.linking import OLDEST_GLIBC
 from jacokin.ik import IKSolver, export_c
 from jacokin.ik.c_library import INCLUDE
 from jacokin.kernels import library
+from tests.programs import execute
 
 HERE, EXAMPLES = Path(__file__).parent, Path(__file__).parents[2] / "examples" / "c"
 NAMES = "j2n6s300", "j2s7s300"
@@ -31,13 +32,6 @@ def arm(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for name in NAMES:
         assert export_c(IKSolver(jacokin.load_robot(name)), folder) == folder / f"{name}.jacokin"
     return folder
-
-
-def execute(*words: str | Path) -> str:
-    """What a program prints; fails with what it says where it fails."""
-    done = subprocess.run([str(word) for word in words], capture_output=True, text=True, check=False, timeout=300)
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout
 
 
 def linked(arm: Path) -> list[str]:
@@ -79,8 +73,8 @@ def test_eight_threads_share_a_solver(arm: Path, tmp_path: Path) -> None:
     source, program = HERE / "exercise.c", tmp_path / "exercise"
     execute("cc", "-std=c99", "-O2", *WARNINGS, source, *linked(arm), "-lpthread", "-o", program)
     for name in NAMES:
-        alone = execute(program, arm / f"{name}.jacokin", "10", "1")
-        assert execute(program, arm / f"{name}.jacokin", "10", "8").splitlines() == alone.splitlines() * 8
+        alone = execute(program, arm / f"{name}.jacokin", "10", "1").stdout
+        assert execute(program, arm / f"{name}.jacokin", "10", "8").stdout.splitlines() == alone.splitlines() * 8
 
 
 @needs_cc
@@ -107,7 +101,7 @@ def test_sanitizers_find_nothing(sanitizer: str, arm: Path, tmp_path: Path) -> N
 def test_the_example_in_c(arm: Path, tmp_path: Path) -> None:
     program = tmp_path / "nearest"
     execute("cc", "-std=c99", *WARNINGS, EXAMPLES / "nearest.c", *linked(arm), "-o", program)
-    assert "branch 4: within the limits" in execute(program, arm / "j2n6s300.jacokin")
+    assert "branch 4: within the limits" in execute(program, arm / "j2n6s300.jacokin").stdout
 
 
 @pytest.mark.slow
@@ -115,8 +109,8 @@ def test_the_example_in_c(arm: Path, tmp_path: Path) -> None:
 def test_the_example_in_cpp(arm: Path, tmp_path: Path) -> None:
     program = tmp_path / "intervals"
     execute("c++", "-std=c++17", *WARNINGS, EXAMPLES / "intervals.cpp", *linked(arm), "-o", program)
-    assert "8 intervals, none is missing" in execute(program, arm / "j2n6s300.jacokin")
-    assert "16 intervals" in execute(program, arm / "j2s7s300.jacokin")
+    assert "8 intervals, none is missing" in execute(program, arm / "j2n6s300.jacokin").stdout
+    assert "16 intervals" in execute(program, arm / "j2s7s300.jacokin").stdout
 
 
 @pytest.mark.slow
@@ -125,7 +119,7 @@ def test_the_wrapper_has_a_batch_and_memory_for_every_call(arm: Path, tmp_path: 
     program = tmp_path / "wrapper"
     execute("c++", "-std=c++17", *WARNINGS, HERE / "wrapper.cpp", *linked(arm), "-o", program)
     for name in NAMES:
-        assert "20 of 21 reached" in execute(program, arm / f"{name}.jacokin")
+        assert "20 of 21 reached" in execute(program, arm / f"{name}.jacokin").stdout
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="needs the GNU C library")
@@ -141,7 +135,7 @@ def test_the_example_in_rust(arm: Path, tmp_path: Path) -> None:
     program = tmp_path / "nearest"
     rpath = f"link-arg=-Wl,-rpath,{arm / 'lib'}"
     execute("rustc", EXAMPLES / "nearest.rs", "-D", "warnings", "-L", arm / "lib", "-C", rpath, "-o", program)
-    assert "the pose is reached" in execute(program, arm / "j2n6s300.jacokin")
+    assert "the pose is reached" in execute(program, arm / "j2n6s300.jacokin").stdout
 
 
 @needs_cc
@@ -153,4 +147,4 @@ def test_cmake_finds_the_exported_package(arm: Path, tmp_path: Path) -> None:
     )
     execute("cmake", "-S", tmp_path, "-B", tmp_path / "build", f"-DCMAKE_PREFIX_PATH={arm}")
     execute("cmake", "--build", tmp_path / "build")
-    assert "j2n6s300" in execute(tmp_path / "build" / "use", arm / "j2n6s300.jacokin")
+    assert "j2n6s300" in execute(tmp_path / "build" / "use", arm / "j2n6s300.jacokin").stdout

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 import struct
-import subprocess
 import sys
+from collections.abc import Mapping
 from importlib.util import find_spec
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 import pytest
@@ -19,7 +19,8 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, JacokinError, UnknownNameError
 from jacokin.ik import IKSolver, c_library, export_c
 from jacokin.kernels import library
-from tests.c.test_answers import make_targets
+from tests.c.binding import make_targets
+from tests.programs import execute
 
 HERE, REPOSITORY = Path(__file__).parent, Path(__file__).parents[2]
 #: Poses of six joints, and targets of seven.
@@ -40,15 +41,6 @@ needs_qemu = pytest.mark.skipif(
 )
 
 
-def run(*words: str | Path, **environment: str) -> str:
-    """What a program prints; fails with what it says where it fails."""
-    everything = {**os.environ, **environment}
-    texts = [str(word) for word in words]
-    done = subprocess.run(texts, env=everything, capture_output=True, text=True, check=False, timeout=600)
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout
-
-
 def export(folder: Path, target: str | None) -> Path:
     """Both kinds of arm and the library of a machine, from this clone, whichever package is tested."""
     with pytest.MonkeyPatch.context() as patch:
@@ -64,16 +56,27 @@ def export(folder: Path, target: str | None) -> Path:
 def here(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     """What the library of this machine answers, by robot."""
     folder = export(tmp_path_factory.mktemp("here"), None)
-    made = folder / "lib" / library.PATH.name
-    words: list[str | Path] = [
-        f"-I{folder / 'include'}",
-        HERE / "answers.c",
-        made,
-        f"-Wl,-rpath,{folder / 'lib'}",
-        "-lm",
-    ]
-    run(*ZIG, "-O2", *words, "-o", folder / "answers")
-    return {name: run(folder / "answers", *files(name, folder)) for name in MANY}
+    program = compiled(folder, library.PATH.name, f"-Wl,-rpath,{folder / 'lib'}", "-lm")
+    return {name: execute(program, *files(name, folder)).stdout for name in MANY}
+
+
+def compiled(folder: Path, made: str, *words: str, target: str | None = None, name: str = "answers") -> Path:
+    """The program that answers by an exported library."""
+    program = folder / "lib" / name
+    machine = () if target is None else ("-target", target)
+    sources = (f"-I{folder / 'include'}", HERE / "answers.c", folder / "lib" / made)
+    execute(*ZIG, *machine, "-O2", *sources, *words, "-o", program)
+    return program
+
+
+def check_answers(
+    here: dict[str, str], folder: Path, *words: str | Path, environment: Mapping[str, str] = MappingProxyType({})
+) -> None:
+    """A program with these words answers as one here."""
+    for name, answers in here.items():
+        difference = apart(answers, execute(*words, *files(name, folder), environment=environment).stdout)
+        print(f"{name}: {len(parsed(answers))} poses, {difference:.1e} rad")
+        assert difference < SAME
 
 
 def files(name: str, folder: Path) -> tuple[Path, Path]:
@@ -104,20 +107,9 @@ def parsed(text: str) -> list[tuple[str, Array]]:
 @pytest.mark.slow
 def test_a_program_for_windows_answers_as_one_here(here: dict[str, str], tmp_path: Path) -> None:
     folder = export(tmp_path, "windows")
-    program = folder / "lib" / "answers.exe"
-    words: list[str | Path] = [
-        f"-I{folder / 'include'}",
-        HERE / "answers.c",
-        folder / "lib" / "jacokin.lib",
-        "-o",
-        program,
-    ]
-    run(*ZIG, "-target", "x86_64-windows-gnu", "-O2", *words)
+    program = compiled(folder, "jacokin.lib", target="x86_64-windows-gnu", name="answers.exe")
     quiet = {"WINEPREFIX": str(tmp_path / "wine"), "WINEDEBUG": "-all", "WINEDLLOVERRIDES": "mscoree,mshtml="}
-    for name, answers in here.items():
-        difference = apart(answers, run("wine", program, *files(name, folder), **quiet))
-        print(f"{name}: {len(parsed(answers))} poses, {difference:.1e} rad")
-        assert difference < SAME
+    check_answers(here, folder, "wine", program, environment=quiet)
 
 
 @needs_zig
@@ -125,21 +117,9 @@ def test_a_program_for_windows_answers_as_one_here(here: dict[str, str], tmp_pat
 @pytest.mark.slow
 def test_a_program_for_aarch64_answers_as_one_here(here: dict[str, str], tmp_path: Path) -> None:
     folder = export(tmp_path, "linux-aarch64")
-    program, made = folder / "answers", folder / "lib" / "libjacokin.so"
-    words: list[str | Path] = [
-        f"-I{folder / 'include'}",
-        HERE / "answers.c",
-        made,
-        f"-Wl,-rpath,{folder / 'lib'}",
-        "-lm",
-        "-o",
-        program,
-    ]
-    run(*ZIG, "-target", "aarch64-linux-gnu.2.17", "-O2", *words)
-    for name, answers in here.items():
-        difference = apart(answers, run("qemu-aarch64", "-L", ARM_LIBRARIES, program, *files(name, folder)))
-        print(f"{name}: {len(parsed(answers))} poses, {difference:.1e} rad")
-        assert difference < SAME
+    linked = (f"-Wl,-rpath,{folder / 'lib'}", "-lm")
+    program = compiled(folder, "libjacokin.so", *linked, target="aarch64-linux-gnu.2.17")
+    check_answers(here, folder, "qemu-aarch64", "-L", ARM_LIBRARIES, program)
 
 
 @needs_zig
@@ -153,16 +133,7 @@ def test_a_library_for_macos_has_both_processors_and_the_functions(tmp_path: Pat
     for name in ("_jacokin_ik_all", "_jacokin_fk", "@rpath/libjacokin.dylib"):
         assert contents.count(name.encode() + b"\0") >= 2
     assert "libjacokin.dylib" in (folder / c_library.CMAKE / "jacokin_ikConfig.cmake").read_text()
-    run(
-        *ZIG,
-        "-target",
-        "aarch64-macos",
-        f"-I{folder / 'include'}",
-        HERE / "answers.c",
-        made,
-        "-o",
-        folder / "answers",
-    )
+    compiled(folder, made.name, target="aarch64-macos")
 
 
 @needs_zig

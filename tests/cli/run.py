@@ -6,7 +6,8 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -29,7 +30,6 @@ USUAL_SIGNALS = (
 
 @dataclass
 class Answer:
-    code: int
     out: str
     err: str
 
@@ -42,13 +42,24 @@ class Answer:
 Run = Callable[..., Answer]
 
 
-def leave(*words: str) -> int:
+def leave(*words: str | Path) -> int:
     """Exit code of a command."""
     with pytest.raises(SystemExit) as leaving:
-        main(words)
+        main([*map(str, words)])
     code = leaving.value.code
     assert code is None or isinstance(code, int)
     return code or 0
+
+
+@contextmanager
+def running(*words: str) -> Iterator[subprocess.Popen[str]]:
+    """A process of the command line that is over after the block."""
+    process = start(*words)
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.communicate()
 
 
 def start(*words: str, before: str = "") -> subprocess.Popen[str]:

@@ -43,9 +43,8 @@ def test_results_say_that_the_arm_is_calibrated(run: Run, file: Path, tmp_path: 
     line = tmp_path / "line.csv"
     line.write_text(LINE, encoding="utf-8")
     words = [word.format(line=line) for word in words]
-    calibrated = run(*words, "--calibration", str(file))
-    assert LABEL in calibrated.out.splitlines()[0]
-    document = run(*words, "--calibration", str(file), "--json").document
+    assert LABEL in run(*words, "--calibration", file).out.splitlines()[0]
+    document = run(*words, "--calibration", file, "--json").document
     assert (document["robot"], document["calibration"]) == ("j2n6s300", str(file))
     described = run(*words)
     assert described.out.splitlines()[0].startswith("j2n6s300")
@@ -55,28 +54,25 @@ def test_results_say_that_the_arm_is_calibrated(run: Run, file: Path, tmp_path: 
 
 def test_a_map_of_a_calibrated_arm_knows_its_arm(run: Run, file: Path, tmp_path: Path) -> None:
     folder, own = str(tmp_path / "map"), ("--calibration", str(file))
-    assert run("map", "build", folder, "--spacing", "0.3", "--orientations", "8", *own).code == 0
+    run("map", "build", folder, "--spacing", "0.3", "--orientations", "8", *own)
     query = ("--position", "0.4", "0.2", "0.3", "--down", "--json")
     assert run("map", "query", folder, *query).document["reached_by"] == "nearest sample of the map"
     assert run("map", "query", folder, *query, *own).document["reached_by"] == "solver"
     for words in (("map", "query", "j2n6s300", *query), ("view", "--map", "j2n6s300", "--port", "0")):
-        refused = run(*words, *own)  # the bundled map is of the datasheet's arm
-        assert refused.code == 2
+        refused = run(*words, *own, code=2)  # the bundled map is of the datasheet's arm
         assert f"map of another robot than this {LABEL}" in refused.err
-    continued = run("map", "build", folder, "--spacing", "0.3", "--orientations", "8")
-    assert continued.code == 2
+    run("map", "build", folder, "--spacing", "0.3", "--orientations", "8", code=2)
 
 
 def test_info_says_that_the_arm_is_calibrated(run: Run, file: Path) -> None:
-    assert run("info", "--calibration", str(file)).out.startswith(LABEL)
+    assert run("info", "--calibration", file).out.startswith(LABEL)
 
 
 def test_crosscheck_of_a_calibrated_arm(run: Run, file: Path) -> None:
-    both = run("crosscheck", "--calibration", str(file), "--samples", "20")
-    assert both.code == 0  # Pinocchio and MuJoCo have the same calibrated arm
+    both = run("crosscheck", "--calibration", file, "--samples", "20")  # Pinocchio and MuJoCo have the same arm
     assert both.out.startswith(f"{LABEL} (urdf) in Pinocchio against {LABEL} in MuJoCo")
     words = ("crosscheck", "j2n6s300", "j2n6s300", "--calibration", str(file), "--samples", "200", "--json")
-    document = run(*words).document
+    document = run(*words, code=1).document
     assert document["first"] == f"{LABEL} (urdf) in Pinocchio"
     assert document["second"] == "j2n6s300 (urdf) in Pinocchio"
     far = {row["frame"]: row for row in document["deviations"] if row["quantity"] == "position"}["end_effector"]

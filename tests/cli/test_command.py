@@ -22,7 +22,7 @@ from jacokin.cli.command import (
     option,
 )
 from jacokin.errors import InvalidInputError, UnknownNameError
-from tests.cli.run import Run, leave
+from tests.cli.run import Run
 
 LISTS = {"--seed"}
 
@@ -118,24 +118,20 @@ def test_an_unknown_name_is_told_with_the_option_that_gave_it() -> None:
     assert name_flags(error, flags, {"tip": "nowhere", "base": "nowhere"}).startswith("unknown frame 'nowhere'")
 
 
-def test_a_file_whose_name_is_a_number_keeps_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_whose_name_is_a_number_keeps_it(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "1").write_text("x,y,z\n0.3,-0.2,0.5\n", encoding="utf-8")
-    assert leave("ik", "--targets", "1", "--output", "5.csv") == 0
+    run("ik", "--targets", "1", "--output", "5.csv")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["1", "5.csv"]
 
 
 @pytest.mark.parametrize(("words", "flag"), [(("fk", *"12345", "1e400"), "ANGLE..."), (FROM, "--from")])
 def test_joint_angles_are_called_as_the_command_calls_them(run: Run, words: tuple[str, ...], flag: str) -> None:
-    answer = run(*words)
-    assert answer.code == 2
-    assert answer.err.splitlines()[-1].startswith(f"jacokin: {flag} ")
+    assert run(*words, code=2).err.splitlines()[-1].startswith(f"jacokin: {flag} ")
 
 
 def test_an_unknown_option_is_named_not_its_value(run: Run) -> None:
-    answer = run("fk", "1", "2", "--fraem", "-3")
-    assert answer.code == 2
-    assert "--fraem" in answer.err
+    assert "--fraem" in run("fk", "1", "2", "--fraem", "-3", code=2).err
 
 
 @dataclass(frozen=True)

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import re
 import runpy
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +12,7 @@ import pytest
 from jacokin.cli.demo import targets_file
 from jacokin.ik import read_targets
 from tests.cli.run import ENVIRONMENT
-from tests.rendering import backends
+from tests.programs import backends, python
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 
@@ -29,14 +27,7 @@ def test_the_targets_are_those_the_script_writes() -> None:
 
 @pytest.mark.slow
 def test_the_demo_shows_branches_a_motion_and_advice(tmp_path: Path) -> None:
-    done = subprocess.run(
-        [sys.executable, "-P", "-m", "jacokin", "demo", "--output", "out/jaco.png"],
-        cwd=tmp_path,
-        env=ENVIRONMENT,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+    done = python("-m", "jacokin", "demo", "--output", "out/jaco.png", cwd=tmp_path, environment=ENVIRONMENT)
     assert "8 branches" in done.stdout
     assert done.stdout.count("outside the limits ") == 4
     straight, around = re.findall(r"(\d+) mm (?:deep|clear)", done.stdout)
@@ -65,8 +56,7 @@ def test_the_arm_is_in_the_picture(tmp_path: Path) -> None:
     drawing = set(backends()) & {"egl", "osmesa"}
     if not drawing:
         pytest.skip("MuJoCo draws with neither EGL nor OSMesa here")
-    environment = {**ENVIRONMENT, "MUJOCO_GL": min(drawing)}
-    subprocess.run([sys.executable, "-P", "-c", program], env=environment, check=True)
+    python("-c", program, environment={**ENVIRONMENT, "MUJOCO_GL": min(drawing)})
     seen = np.load(tmp_path / "seen.npz")
     picture, arm = seen["picture"], seen["arm"]
     assert picture.shape == (*arm.shape, 3)

@@ -3,49 +3,38 @@
 from __future__ import annotations
 
 import importlib.metadata
-import json
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
-import jacokin
 from jacokin.cli import doctor
 from jacokin.cli.doctor import FAILED, MISSING, OK, WARNING, Finding
 from jacokin.errors import install_command
 from jacokin.kernels import library
-from tests.cli.run import Run, leave
+from tests.cli.run import ENVIRONMENT, Run
+from tests.programs import python
 
 
 @pytest.mark.slow
-def test_this_installation_is_well(capsys: pytest.CaptureFixture[str]) -> None:
-    code = leave("doctor", "--json")
-    document = json.loads(capsys.readouterr().out)
+def test_this_installation_is_well(run: Run) -> None:
+    document = run("doctor", "--json").document
     failed = [finding for finding in document["findings"] if finding["state"] == FAILED]
     assert failed == []
-    assert code == 0
     names = {finding["name"] for finding in document["findings"]}
     assert {"python", "pin", "mujoco", "mink", "solvers", "egl", "osmesa", "kernels", "bundled"} <= names
     solvers = next(finding["detail"] for finding in document["findings"] if finding["name"] == "solvers")
     assert "daqp" in solvers
 
 
-def test_a_failure_is_shown_and_the_code_is_1(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_failure_is_shown_and_the_code_is_1(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     findings = [Finding("package", "pin", FAILED, "ImportError: libboost"), Finding("rendering", "egl", MISSING, "no")]
     monkeypatch.setattr(doctor, "check_all", lambda: findings)
-    assert leave("doctor") == 1
-    shown = capsys.readouterr().out
+    shown = run("doctor", code=1).out
     assert "libboost" in shown
     assert "Optional and not there: egl; no" in shown
     monkeypatch.setattr(doctor, "check_all", lambda: findings[1:])
-    assert leave("doctor") == 0
-    assert capsys.readouterr().out.startswith("Everything needed works.\n")
-    assert leave("doctor", "--all") == 0
-    assert "rendering" in capsys.readouterr().out
+    assert run("doctor").out.startswith("Everything needed works.\n")
+    assert "rendering" in run("doctor", "--all").out
 
 
 def test_a_package_that_does_not_import_is_a_failure(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -150,17 +139,14 @@ def test_half_an_installation_of_mujoco_is_named_with_what_helps(
 
 
 def test_commands_that_need_mujoco_point_to_the_doctor() -> None:
-    environment = {**os.environ, "MUJOCO_GL": "magic", "PYTHONPATH": str(Path(jacokin.__file__).parent.parent)}
-    words = [sys.executable, "-P", "-m", "jacokin", "crosscheck", "--samples", "1"]
-    done = subprocess.run(words, env=environment, capture_output=True, text=True, check=False)
-    assert done.returncode == 2
+    magic = {**ENVIRONMENT, "MUJOCO_GL": "magic"}
+    done = python("-m", "jacokin", "crosscheck", "--samples", "1", code=2, environment=magic)
     assert "jacokin doctor" in done.stderr
     assert "MUJOCO_GL" in done.stderr
 
 
 def test_it_says_that_the_kernels_are_ready(run: Run) -> None:
     answer = run("warmup")
-    assert answer.code == 0
     assert answer.out.startswith("the compiled kernels are ready (")
     assert answer.err == ""
 
@@ -168,9 +154,8 @@ def test_it_says_that_the_kernels_are_ready(run: Run) -> None:
 def test_kernels_that_do_not_load_are_one_sentence(run: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(library, "PATH", tmp_path / "libjacokin.so")
     library.load.cache_clear()
-    answer = run("warmup")
+    answer = run("warmup", code=2)
     monkeypatch.undo()
     library.load.cache_clear()
-    assert answer.code == 2
     assert answer.err.startswith(f"jacokin: the compiled kernels {tmp_path / 'libjacokin.so'} cannot be read")
     assert answer.err.count("\n") == 1

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-import subprocess
 from pathlib import Path
 
 import pytest
@@ -13,6 +12,7 @@ from jacokin.ik import IKSolver
 from jacokin.ik.c_library import solver_file
 from jacokin.kernels import library
 from tests.cli.run import Run
+from tests.programs import execute
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "c" / "nearest.c"
 
@@ -20,16 +20,14 @@ EXAMPLE = Path(__file__).parents[2] / "examples" / "c" / "nearest.c"
 @pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
 def test_a_program_finds_the_installed_library_by_cflags(run: Run, tmp_path: Path) -> None:
     flags = run("export-c", "--cflags").out.split()
-    assert run("export-c", "--output", str(tmp_path)).code == 0
-    subprocess.run(["cc", EXAMPLE, *flags, "-o", tmp_path / "use"], check=True)
-    done = subprocess.run([tmp_path / "use", tmp_path / "j2n6s300.jacokin"], capture_output=True, text=True, check=True)
-    assert "branch 4: within the limits" in done.stdout
+    run("export-c", "--output", tmp_path)
+    execute("cc", EXAMPLE, *flags, "-o", tmp_path / "use")
+    assert "branch 4: within the limits" in execute(tmp_path / "use", tmp_path / "j2n6s300.jacokin").stdout
 
 
 def test_export_c_writes_a_robot_with_its_tool_and_limits(run: Run, tmp_path: Path) -> None:
     words = ["--tool", "0", "0", "0.1", "--limit", "joint_2=1,5", "--output", str(tmp_path / "new" / "arm")]
-    answer = run("export-c", "j2n6s300", *words)
-    assert answer.code == 0
+    run("export-c", "j2n6s300", *words)
     written = {path.relative_to(tmp_path / "new" / "arm").as_posix() for path in tmp_path.rglob("*") if path.is_file()}
     assert written == {
         "j2n6s300.jacokin",
@@ -45,7 +43,7 @@ def test_export_c_writes_a_robot_with_its_tool_and_limits(run: Run, tmp_path: Pa
 
 
 def test_export_c_refuses_in_a_sentence(run: Run, tmp_path: Path) -> None:
-    assert "--output must be given" in run("export-c").err
+    assert "--output must be given" in run("export-c", code=2).err
     (tmp_path / "file").write_text("")
-    assert "cannot be written" in run("export-c", "--output", str(tmp_path / "file" / "arm")).err
-    assert run("export-c", "--limit", "joint_2=3", "--output", str(tmp_path)).code == 2
+    assert "cannot be written" in run("export-c", "--output", tmp_path / "file" / "arm", code=2).err
+    run("export-c", "--limit", "joint_2=3", "--output", tmp_path, code=2)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -12,19 +11,19 @@ import numpy as np
 import pytest
 
 import jacokin
+from jacokin import Robot
 from jacokin.errors import InvalidInputError
 from jacokin.ik import read_targets, solve_file
 from jacokin.model import poses
-from tests.cli.run import Run, leave
+from tests.cli.run import Run
 
 REACHED = 12
 FAR = "9,9,9,1,0,0,0"
 
 
 @pytest.fixture
-def targets(tmp_path: Path) -> Path:
+def targets(robot: Robot, tmp_path: Path) -> Path:
     """Twelve poses that are reached, in a file with a comment column and a blank line."""
-    robot = jacokin.load_robot()
     path = tmp_path / "targets.csv"
     lines = ["note,x,y,z,qw,qx,qy,qz", ""]
     for q in robot.sample(np.random.default_rng(1), REACHED):
@@ -35,13 +34,14 @@ def targets(tmp_path: Path) -> Path:
     return path
 
 
-def test_every_answer_in_the_file_is_within_limits_and_reaches_its_target(targets: Path) -> None:
+def test_every_answer_in_the_file_is_within_limits_and_reaches_its_target(
+    robot: Robot, run: Run, targets: Path
+) -> None:
     out = targets.with_name("joints.csv")
-    assert leave("ik", "--targets", str(targets), "--output", str(out)) == 0
+    run("ik", "--targets", targets, "--output", out)
     with out.open(newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == REACHED
-    robot = jacokin.load_robot()
     for row in rows:
         q = [float(row[f"q{joint}"]) for joint in range(1, 7)]
         assert robot.within_limits(q)
@@ -53,44 +53,42 @@ def test_every_answer_in_the_file_is_within_limits_and_reaches_its_target(target
         assert row["method"] == "closed_form"
 
 
-def test_the_written_numbers_are_those_of_python(targets: Path) -> None:
+def test_the_written_numbers_are_those_of_python(run: Run, targets: Path) -> None:
     out = targets.with_name("joints.csv")
-    leave("ik", "--targets", str(targets), "--output", str(out))
+    run("ik", "--targets", targets, "--output", out)
     batch = jacokin.IKSolver(jacokin.load_robot()).solve_batch(read_targets(targets).targets)
     with out.open(newline="", encoding="utf-8") as file:
         written = [[float(row[f"q{joint}"]) for joint in range(1, 7)] for row in csv.DictReader(file)]
     assert written == batch.q.tolist()
 
 
-def test_an_answer_file_is_a_target_file(targets: Path) -> None:
+def test_an_answer_file_is_a_target_file(run: Run, targets: Path) -> None:
     first, second = targets.with_name("a.csv"), targets.with_name("b.csv")
-    leave("ik", "--targets", str(targets), "--output", str(first))
-    leave("ik", "--targets", str(first), "--output", str(second))
+    run("ik", "--targets", targets, "--output", first)
+    run("ik", "--targets", first, "--output", second)
     assert first.read_text(encoding="utf-8") == second.read_text(encoding="utf-8")
 
 
-def test_remarks_are_carried_through_and_named_in_one_line(targets: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_remarks_are_carried_through_and_named_in_one_line(targets: Path, run: Run) -> None:
     out = targets.with_name("joints.csv")
-    assert leave("ik", "--targets", str(targets), "--output", str(out)) == 0
-    assert [line.split() for line in capsys.readouterr().out.splitlines() if line.strip().startswith("carried")] == [
+    answer = run("ik", "--targets", targets, "--output", out)
+    assert [line.split() for line in answer.out.splitlines() if line.strip().startswith("carried")] == [
         ["carried", "through", "note"]
     ]
     with out.open(newline="", encoding="utf-8") as file:
         assert {row["note"] for row in csv.DictReader(file)} == {"mine"}
-    assert leave("ik", "--targets", str(targets), "--json") == 0
-    document = json.loads(capsys.readouterr().out)
+    document = run("ik", "--targets", targets, "--json").document
     assert document["carried"] == ["note"]
     assert document["results"][0]["carried"] == {"note": "mine"}
 
 
-def test_columns_that_answers_have_too_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_columns_that_answers_have_too_are_named(tmp_path: Path, run: Run) -> None:
     file = tmp_path / "targets.csv"
     file.write_text("x,y,z,status,q1,,note\n0.3,-0.2,0.5,keep,1.0,7,mine\n", encoding="utf-8")
-    assert leave("ik", "--targets", str(file), "--output", str(tmp_path / "joints.csv")) == 0
+    answer = run("ik", "--targets", file, "--output", tmp_path / "joints.csv")
     note = "columns not carried through: status (answers have one), q1 (answers have one), number 6 (it has no name)"
-    assert note in capsys.readouterr().err
-    assert leave("ik", "--targets", str(tmp_path / "joints.csv"), "--output", str(tmp_path / "again.csv")) == 0
-    assert "carried" not in capsys.readouterr().err
+    assert note in answer.err
+    assert "carried" not in run("ik", "--targets", tmp_path / "joints.csv", "--output", tmp_path / "again.csv").err
 
 
 @pytest.mark.parametrize("ending", [".npz", ".parquet"])
@@ -103,7 +101,7 @@ def test_columns_that_answers_have_too_are_named_of_all_files(run: Run, tmp_path
     else:
         pytest.importorskip("pyarrow.parquet").write_table(pytest.importorskip("pyarrow").table(columns), file)
     answers = [file, *(tmp_path / f"answers{number}{ending}" for number in (1, 2))]
-    said = [run("ik", "--targets", str(a), "--output", str(b)).err for a, b in pairwise(answers)]
+    said = [run("ik", "--targets", a, "--output", b).err for a, b in pairwise(answers)]
     assert "columns not carried through: q1 (answers have one)" in said[0]
     assert "carried" not in said[1]
 
@@ -111,32 +109,28 @@ def test_columns_that_answers_have_too_are_named_of_all_files(run: Run, tmp_path
 def test_degrees_in_a_file_are_noted_without_an_option_that_is_not_for_files(run: Run, tmp_path: Path) -> None:
     file = tmp_path / "targets.csv"
     file.write_text("x,y,z,roll,pitch,yaw\n0.3,-0.2,0.5,180,0,0\n", encoding="utf-8")
-    said = run("ik", "--targets", str(file)).err
+    said = run("ik", "--targets", file, code=1).err
     assert "roll, pitch, yaw is in radians, and an angle exceeds a full turn; files hold no degrees" in said
 
 
-def test_targets_without_quaternions_are_positions(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_targets_without_quaternions_are_positions(robot: Robot, tmp_path: Path, run: Run) -> None:
     path = tmp_path / "positions.csv"
     path.write_text("\ufeffx, y, z\n0.3,-0.2,0.5\n0.3,-0.2,0.4\n", encoding="utf-8")  # as a spreadsheet writes it
-    assert leave("ik", "--targets", str(path), "--json") == 0
-    document = json.loads(capsys.readouterr().out)
-    robot = jacokin.load_robot()
+    document = run("ik", "--targets", path, "--json").document
     for result, z in zip(document["results"], (0.5, 0.4), strict=True):
         assert np.allclose(robot.forward_kinematics(result["q"]).translation, [0.3, -0.2, z], rtol=0.0, atol=1e-6)
 
 
-def test_an_unreachable_row_is_reported_and_the_code_is_1(targets: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_unreachable_row_is_reported_and_the_code_is_1(targets: Path, run: Run) -> None:
     with targets.open("a", encoding="utf-8") as file:
         file.write(f"far,{FAR}\n")
     out = targets.with_name("joints.csv")
-    assert leave("ik", "--targets", str(targets), "--output", str(out)) == 1
-    shown = capsys.readouterr().out
+    shown = run("ik", "--targets", targets, "--output", out, code=1).out
     assert f"{REACHED} of {REACHED + 1}" in shown
     assert f"{REACHED + 3} " in shown  # its line in the file, after header and blank line
     assert "UNREACHABLE" in shown
     assert out.read_text(encoding="utf-8").count("UNREACHABLE") == 1
-    assert leave("ik", "--targets", str(targets), "--json") == 1
-    summary = json.loads(capsys.readouterr().out)
+    summary = run("ik", "--targets", targets, "--json", code=1).document
     assert summary["statuses"] == {"OK": REACHED, "UNREACHABLE": 1}
     assert summary["worst_position_error"] < 1e-6
 
@@ -152,41 +146,37 @@ def test_an_unreachable_row_is_reported_and_the_code_is_1(targets: Path, capsys:
         ("x,y,z\n0.3,-0.2\n", "line 2, column z: is empty"),
     ],
 )
-def test_a_wrong_file_is_named_with_line_and_column(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str, message: str
-) -> None:
+def test_a_wrong_file_is_named_with_line_and_column(tmp_path: Path, run: Run, text: str, message: str) -> None:
     path, out = tmp_path / "targets.csv", tmp_path / "joints.csv"
     path.write_text(text, encoding="utf-8")
-    assert leave("ik", "--targets", str(path), "--output", str(out)) == 2
-    error = capsys.readouterr().err
+    error = run("ik", "--targets", path, "--output", out, code=2).err
     assert "targets.csv" in error
     assert message in error
     assert [file.name for file in tmp_path.iterdir()] == ["targets.csv"]
 
 
-def test_rows_that_are_not_targets_get_a_status_and_the_others_an_answer(
-    targets: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_rows_that_are_not_targets_get_a_status_and_the_others_an_answer(targets: Path, run: Run) -> None:
     with targets.open("a", encoding="utf-8") as file:
         file.write("gap,0.3,nan,0.5,1,0,0,0\n")
         file.write("long,0.3,-0.2,0.5,2,0,0,0\n")
     out = targets.with_name("joints.csv")
-    assert leave("ik", "--targets", str(targets), "--output", str(out)) == 1
-    shown = capsys.readouterr().out
+    shown = run("ik", "--targets", targets, "--output", out, code=1).out
     assert "y is not finite" in shown
     assert "quat_wxyz must have norm 1" in shown
     with out.open(newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert [row["status"] for row in rows] == ["OK"] * REACHED + ["INVALID_TARGET"] * 2
     assert {row["q1"] for row in rows[REACHED:]} == {"nan"}
-    assert leave("ik", "--targets", str(targets), "--json") == 1
-    assert json.loads(capsys.readouterr().out)["statuses"] == {"OK": REACHED, "INVALID_TARGET": 2}
+    answer = run("ik", "--targets", targets, "--json", code=1)
+    assert answer.document["statuses"] == {"OK": REACHED, "INVALID_TARGET": 2}
 
 
-def test_an_unfinished_run_is_continued_unless_told_not_to(targets: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_unfinished_run_is_continued_unless_told_not_to(
+    run: Run, targets: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     out = targets.with_name("joints.csv")
     whole = targets.with_name("whole.csv")
-    leave("ik", "--targets", str(targets), "--output", str(whole))
+    run("ik", "--targets", targets, "--output", whole)
 
     def stop(_: object) -> None:
         raise KeyboardInterrupt
@@ -195,8 +185,7 @@ def test_an_unfinished_run_is_continued_unless_told_not_to(targets: Path, capsys
         with pytest.raises(KeyboardInterrupt):
             solve_file(jacokin.IKSolver(jacokin.load_robot()), targets, out, closest=False, progress=stop)
         capsys.readouterr()
-        assert leave("ik", "--targets", str(targets), "--output", str(out), "--json", *words) == 0
-        assert json.loads(capsys.readouterr().out)["resumed"] == resumed
+        assert run("ik", "--targets", targets, "--output", out, "--json", *words).document["resumed"] == resumed
         assert out.read_bytes() == whole.read_bytes()
         out.unlink()
     out.touch()
@@ -204,76 +193,67 @@ def test_an_unfinished_run_is_continued_unless_told_not_to(targets: Path, capsys
 
 
 def test_a_scheduler_that_does_not_answer_is_a_sentence(
-    targets: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    targets: Path, run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("jacokin.chunks.execution.ANSWER_WITHIN", 0.5)
     for address in ("tcp://127.0.0.1:9", "nonsense://x"):
         out = targets.with_name("joints.csv")
-        assert leave("ik", "--targets", str(targets), "--output", str(out), "--dask", address) == 2
-        assert f"no dask scheduler answers at {address}" in capsys.readouterr().err
+        answer = run("ik", "--targets", targets, "--output", out, "--dask", address, code=2)
+        assert f"no dask scheduler answers at {address}" in answer.err
     assert [file.name for file in targets.parent.iterdir()] == ["targets.csv"]
 
 
-def test_the_output_is_checked_before_the_work(
-    targets: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_output_is_checked_before_the_work(targets: Path, run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     def solve(*_: object, **__: object) -> None:
         pytest.fail("solved before the output was checked")
 
     monkeypatch.setattr(jacokin.IKSolver, "solve_batch", solve)
     for out in (targets.parent / "nowhere" / "out.csv", targets.parent, targets):
-        assert leave("ik", "--targets", str(targets), "--output", str(out)) == 2
-        assert str(out) in capsys.readouterr().err
+        assert str(out) in run("ik", "--targets", targets, "--output", out, code=2).err
 
 
-def test_a_failure_leaves_the_old_output_as_it_was(targets: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_failure_leaves_the_old_output_as_it_was(run: Run, targets: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def solve(*_: object, **__: object) -> None:
         raise InvalidInputError("halfway")
 
     out = targets.with_name("joints.csv")
     out.write_text("precious", encoding="utf-8")
     monkeypatch.setattr(jacokin.IKSolver, "solve_batch", solve)
-    assert leave("ik", "--targets", str(targets), "--output", str(out)) == 2
+    run("ik", "--targets", targets, "--output", out, code=2)
     assert out.read_text(encoding="utf-8") == "precious"
     assert sorted(file.name for file in targets.parent.iterdir()) == ["joints.csv", "targets.csv"]
 
 
-def test_answers_can_go_to_a_device(targets: Path) -> None:
-    assert leave("ik", "--targets", str(targets), "--output", "/dev/null") == 0
+def test_answers_can_go_to_a_device(run: Run, targets: Path) -> None:
+    run("ik", "--targets", targets, "--output", "/dev/null")
 
 
-def test_files_are_solved_without_closest_configurations_unless_asked(
-    targets: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_files_are_solved_without_closest_configurations_unless_asked(targets: Path, run: Run) -> None:
     with targets.open("a", encoding="utf-8") as file:
         file.write(f"far,{FAR}\n")
     out = targets.with_name("joints.csv")
     home = jacokin.load_robot().home.tolist()
     for words, is_home in (((), True), (("--no-closest",), True), (("--closest",), False)):
-        assert leave("ik", "--targets", str(targets), "--output", str(out), *words) == 1
-        assert ("--closest" in capsys.readouterr().out) == is_home
+        assert ("--closest" in run("ik", "--targets", targets, "--output", out, *words, code=1).out) == is_home
         with out.open(newline="", encoding="utf-8") as file:
             last = list(csv.DictReader(file))[-1]
         assert ([float(last[f"q{joint}"]) for joint in range(1, 7)] == home) == is_home
-        document_code = leave("ik", "--targets", str(targets), "--json", *words)
-        assert document_code == 1
-        document = json.loads(capsys.readouterr().out)
+        document = run("ik", "--targets", targets, "--json", *words, code=1).document
         assert (document["results"][-1]["q"] == home) == is_home
 
 
-def test_answers_that_are_not_saved_are_announced(targets: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert leave("ik", "--targets", str(targets)) == 0
-    assert capsys.readouterr().err == "jacokin: note: the answers are counted, not saved: --output FILE keeps them\n"
+def test_answers_that_are_not_saved_are_announced(targets: Path, run: Run) -> None:
+    answer = run("ik", "--targets", targets)
+    assert answer.err == "jacokin: note: the answers are counted, not saved: --output FILE keeps them\n"
     for words in (("--json",), ("--output", str(targets.with_name("joints.csv")))):
-        assert leave("ik", "--targets", str(targets), *words) == 0
-        assert capsys.readouterr().err == ""
+        assert run("ik", "--targets", targets, *words).err == ""
 
 
 @pytest.mark.parametrize("output", [(), ("--output", "joints.csv")])
 def test_a_device_without_an_end_is_a_sentence(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], output: tuple[str, ...]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run: Run, output: tuple[str, ...]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert leave("ik", "--targets", "/dev/zero", *output) == 2
-    assert capsys.readouterr().err.endswith("jacokin: /dev/zero: is a device: give a file or a pipe\n")
+    answer = run("ik", "--targets", "/dev/zero", *output, code=2)
+    assert answer.err.endswith("jacokin: /dev/zero: is a device: give a file or a pipe\n")
     assert not list(tmp_path.iterdir())

@@ -9,19 +9,18 @@ import numpy as np
 import pytest
 
 import jacokin
+from jacokin import Robot
 from jacokin.motion import Trajectory
-from tests.cli.run import leave
+from tests.cli.run import Run
 
 BLOCK = "- {shape: box, name: block, size: [0.2, 0.2, 0.2], position: [0.3, -0.2, 0.5]}\n"
 
 
-def test_a_motion_to_a_pose_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_motion_to_a_pose_is_written(robot: Robot, tmp_path: Path, run: Run) -> None:
     out, plot = tmp_path / "motion.csv", tmp_path / "motion.png"
     words = ("move", "--position", "0.3", "-0.2", "0.5", "--down", "--output", str(out), "--plot", str(plot), "--json")
-    assert leave(*words) == 0
-    document = json.loads(capsys.readouterr().out)
+    document = run(*words).document
     motion = Trajectory.load(out)
-    robot = jacokin.load_robot()
     np.testing.assert_allclose(robot.forward_kinematics(motion.q[-1]).translation, [0.3, -0.2, 0.5], atol=1e-6)
     np.testing.assert_array_equal(motion.q[0], robot.home)
     assert document["success"]
@@ -30,69 +29,61 @@ def test_a_motion_to_a_pose_is_written(tmp_path: Path, capsys: pytest.CaptureFix
     assert plot.stat().st_size > 1000
 
 
-def test_limits_of_torque_slow_a_motion_down(capsys: pytest.CaptureFixture[str]) -> None:
+def test_limits_of_torque_slow_a_motion_down(run: Run) -> None:
     end = (jacokin.load_robot().home + 0.4).tolist()
     words = ["move", "--to", *map(repr, end), "--velocity-limit", "6", "--acceleration-limit", "60", "--json"]
     durations = []
     for more in ((), ("--torque-limit", "20"), ("--rated-torque",)):
-        assert leave(*words, *more) == 0
-        document = json.loads(capsys.readouterr().out)
+        document = run(*words, *more).document
         durations.append(document["duration"])
         assert ("slower for the torques" in document["message"]) == (len(durations) == 2)
     assert durations[0] == durations[2] < durations[1]
-    assert leave(*words, "--torque-limit", "1") == 1
-    assert json.loads(capsys.readouterr().out)["outcome"] == "TOO_HEAVY"
-    assert leave(*words, "--torque-limit", "20", "--rated-torque") == 2
-    assert "--rated-torque" in capsys.readouterr().err
+    assert run(*words, "--torque-limit", "1", code=1).document["outcome"] == "TOO_HEAVY"
+    assert "--rated-torque" in run(*words, "--torque-limit", "20", "--rated-torque", code=2).err
 
 
-def test_degrees_go_in_and_out(capsys: pytest.CaptureFixture[str]) -> None:
-    robot = jacokin.load_robot()
+def test_degrees_go_in_and_out(robot: Robot, run: Run) -> None:
     start, end = np.degrees(robot.home), np.degrees(robot.home + 0.2)
     words = ["move", "--from", *map(repr, start.tolist()), "--to", *map(repr, end.tolist()), "--degrees", "--json"]
-    assert leave(*words) == 0
-    document = json.loads(capsys.readouterr().out)
+    document = run(*words).document
     np.testing.assert_allclose(document["q_end"], end, atol=1e-9)
     assert document["angle_unit"] == "deg"
 
 
-def test_no_way_says_what_touches(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_no_way_says_what_touches(tmp_path: Path, run: Run) -> None:
     scene = tmp_path / "scene.yaml"
     scene.write_text(BLOCK)
-    assert leave("move", "--position", "0.3", "-0.2", "0.5", "--down", "--scene", str(scene)) == 1
-    shown = capsys.readouterr().out
+    shown = run("move", "--position", "0.3", "-0.2", "0.5", "--down", "--scene", scene, code=1).out
     assert "block" in shown
     assert "no way" in shown
 
 
 @pytest.mark.parametrize("name", ["motion.csv", "motion.npz", "motion.json", "motion.kinova.csv"])
-def test_what_failed_is_not_written(tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str) -> None:
+def test_what_failed_is_not_written(tmp_path: Path, run: Run, name: str) -> None:
     scene, out = tmp_path / "scene.yaml", tmp_path / name
     scene.write_text(BLOCK)
     out.write_text("precious")
     words = ("move", "--position", "0.3", "-0.2", "0.5", "--down", "--scene", str(scene), "--output", str(out))
-    assert leave(*words) == 1
-    assert "not written" in capsys.readouterr().out
+    assert "not written" in run(*words, code=1).out
     assert out.read_text() == "precious"
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted([name, "scene.yaml"])
     if name in ("motion.csv", "motion.npz"):
-        assert leave(*words, "--save-failed") == 1
-        assert "written to" in capsys.readouterr().out
+        assert "written to" in run(*words, "--save-failed", code=1).out
         assert not Trajectory.load(out).success
 
 
-def test_a_motion_for_ros(tmp_path: Path) -> None:
+def test_a_motion_for_ros(run: Run, tmp_path: Path) -> None:
     out = tmp_path / "motion.json"
     words = ("move", "--position", "0.3", "-0.2", "0.5", "--down", "--output", str(out), "--first-time", "0.5")
-    assert leave(*words) == 0
+    run(*words)
     points = json.loads(out.read_text())["points"]
     assert points[0]["time_from_start"] == {"sec": 0, "nanosec": 500_000_000}
     assert not any(points[0]["velocities"] + points[-1]["velocities"])
 
 
-def test_degrees_in_place_of_radians_are_noted(capsys: pytest.CaptureFixture[str]) -> None:
-    leave("move", "--position", "0.3", "-0.2", "0.5", "--rpy", "180", "0", "0")
-    assert "note: --rpy is in radians, and an angle exceeds a full turn" in capsys.readouterr().err
+def test_degrees_in_place_of_radians_are_noted(run: Run) -> None:
+    answer = run("move", "--position", "0.3", "-0.2", "0.5", "--rpy", "180", "0", "0", code=1)
+    assert "note: --rpy is in radians, and an angle exceeds a full turn" in answer.err
 
 
 @pytest.mark.parametrize(
@@ -122,6 +113,5 @@ def test_degrees_in_place_of_radians_are_noted(capsys: pytest.CaptureFixture[str
         (("--to", "0", "500", "0", "0", "0", "0", "--degrees"), "--to puts joint_2 at 500 deg, outside [47, 313] deg"),
     ],
 )
-def test_what_is_refused(words: tuple[str, ...], message: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert leave("move", "--dt", "0.01", *words) == 2
-    assert message in " ".join(capsys.readouterr().err.split())
+def test_what_is_refused(words: tuple[str, ...], message: str, run: Run) -> None:
+    assert message in " ".join(run("move", "--dt", "0.01", *words, code=2).err.split())

@@ -41,8 +41,7 @@ def test_targets_are_not_written_over(run: Run, tmp_path: Path, command: str, re
     file = tmp_path / "poses.csv"
     file.write_text(TARGETS, encoding="utf-8")
     option = {"ik": "--targets", "track": "--path"}[command]
-    answer = run(command, option, str(file), "--output", str(reached(file)))
-    assert answer.code == 2
+    answer = run(command, option, file, "--output", reached(file), code=2)
     assert "--output" in answer.err
     assert option in answer.err
     assert file.read_text(encoding="utf-8") == TARGETS
@@ -54,9 +53,7 @@ def test_the_robot_is_not_written_over(run: Run, tmp_path: Path, reached: Callab
     targets.write_text(TARGETS, encoding="utf-8")
     text = (urdf_folder() / "j2n6s300.urdf").read_text(encoding="utf-8")
     robot.write_text(text, encoding="utf-8")
-    answer = run("ik", "--targets", str(targets), "--robot", str(robot), "--output", str(reached(robot)))
-    assert answer.code == 2
-    assert "--robot" in answer.err
+    assert "--robot" in run("ik", "--targets", targets, "--robot", robot, "--output", reached(robot), code=2).err
     assert robot.read_text(encoding="utf-8") == text
 
 
@@ -65,9 +62,7 @@ def test_a_file_that_the_robot_includes_is_not_written_over(run: Run, tmp_path: 
     targets.write_text(TARGETS, encoding="utf-8")
     before = included.read_text(encoding="utf-8")
     words = ("ik", "--targets", str(targets), "--robot", str(scene), "--base", "pedestal", "--tip", "tool")
-    answer = run(*words, "--output", str(included))
-    assert answer.code == 2
-    assert "common.xml" in answer.err
+    assert "common.xml" in run(*words, "--output", included, code=2).err
     assert included.read_text(encoding="utf-8") == before
 
 
@@ -75,8 +70,7 @@ def test_a_file_that_the_robot_includes_is_not_written_over(run: Run, tmp_path: 
 def test_answers_have_an_ending_that_says_how_they_are_written(run: Run, tmp_path: Path, name: str) -> None:
     targets = tmp_path / "poses.csv"
     targets.write_text(TARGETS, encoding="utf-8")
-    answer = run("ik", "--targets", str(targets), "--output", str(tmp_path / name))
-    assert answer.code == 2
+    answer = run("ik", "--targets", targets, "--output", tmp_path / name, code=2)
     assert f"{name}: answers are written as .csv, .npz, .parquet, told by the ending of the name" in answer.err
     assert list(tmp_path.iterdir()) == [targets]
 
@@ -85,6 +79,5 @@ def test_two_outputs_are_two_files(run: Run, tmp_path: Path) -> None:
     targets, link = tmp_path / "poses.csv", tmp_path / "plot.png"
     targets.write_text(TARGETS, encoding="utf-8")
     link.symlink_to(tmp_path / "out.csv")
-    answer = run("track", "--path", str(targets), "--output", str(tmp_path / "out.csv"), "--plot", str(link))
-    assert answer.code == 2
+    answer = run("track", "--path", targets, "--output", tmp_path / "out.csv", "--plot", link, code=2)
     assert "same file" in answer.err

@@ -11,28 +11,25 @@ import numpy as np
 import pytest
 
 import jacokin
+from jacokin import Robot
 from jacokin.motion import move_joints
 from tests.cli.run import Run
 
 
 @pytest.fixture
-def file(tmp_path: Path) -> Path:
-    robot = jacokin.load_robot()
+def file(robot: Robot, tmp_path: Path) -> Path:
     motion = move_joints(robot, robot.home, robot.home + np.array([0.2, 0.1, -0.1, 0.2, 0.1, 0.3]), dt=0.02)
     motion.save(tmp_path / "m.csv")
     return tmp_path / "m.csv"
 
 
 def test_the_simulated_arm_plays_a_file(run: Run, file: Path) -> None:
-    answer = run("run", str(file), "--twin", "--faults", "lag=0.02,loss=0.01", "--fingers", "1", "--json")
-    assert answer.code == 0, answer.err
-    said = json.loads(answer.out)
+    said = json.loads(run("run", file, "--twin", "--faults", "lag=0.02,loss=0.01", "--fingers", "1", "--json").out)
     assert said["status"] == "ARRIVED"
     assert said["away_deg"] < 0.5
     assert said["stands"]
     assert said["latency"] == said["measured_latency"] == pytest.approx(0.04, abs=0.01)
-    answer = run("run", str(file), "--twin", "--faults", "stall=9", "--random-seed", "3")
-    assert answer.code in (0, 1)
+    answer = run("run", file, "--twin", "--faults", "stall=9", "--random-seed", "3", code=(0, 1))
     assert "ARRIVED" in answer.out or "SILENT: nothing said where the arm is" in answer.out
 
 
@@ -41,14 +38,11 @@ def test_a_latency_that_was_given_wrongly_is_said(run: Run, file: Path) -> None:
     wrong = run(*late, "--latency", "0.05")
     assert "latency    0.20 s measured, but 0.05 s given: leave out --latency, or give 0.20" in wrong.out
     for words in ((), ("--latency", "0.2")):
-        right = run(*late, *words)
-        assert right.code == 0
-        assert "latency    0.20 s\n" in right.out
+        assert "latency    0.20 s\n" in run(*late, *words).out
 
 
 def test_an_open_loop_is_told_apart(run: Run, file: Path) -> None:
-    answer = run("run", str(file), "--twin", "--faults", "loss=0.3", "--gain", "0", "--lag", "60")
-    assert answer.code == 1
+    answer = run("run", file, "--twin", "--faults", "loss=0.3", "--gain", "0", "--lag", "60", code=1)
     assert "MISSED" in answer.out
     assert "from the end of the motion" in answer.out
 
@@ -62,82 +56,69 @@ FORWARDERS = {
 }
 
 
+def forwarder(folder: Path, *lines: str) -> str:
+    """The command of one that does this with the `fields` of each line; `q` are the angles of home."""
+    script = folder / "forwarder.py"
+    program = [
+        "import json, sys",
+        f"q, heard = {jacokin.load_robot().home.tolist()}, []",
+        "def say(fields): print(json.dumps(fields), flush=True)",
+        "for line in sys.stdin:",
+        *(
+            "    " + line
+            for line in ("fields = json.loads(line)", "if 'joints' in fields: say({'listens': True})", *lines)
+        ),
+    ]
+    script.write_text("\n".join(program))
+    return f"{sys.executable} {script}"
+
+
+TURNED = "if 'v' in fields: q = [angle + 0.01 * v for angle, v in zip(q, fields['v'])]"  # for 10 ms
+
+
 @pytest.mark.parametrize("why", FORWARDERS)
 def test_a_forwarder_that_does_not_serve(run: Run, file: Path, tmp_path: Path, why: str) -> None:
     script = tmp_path / "forwarder.py"
     script.write_text(f"import json, sys, time\nsys.stdin.readline()\n{FORWARDERS[why]}\n")
-    answer = run("run", str(file), "--forwarder", f"{sys.executable} {script}")
-    assert answer.code == 2
-    assert why in answer.err
+    assert why in run("run", file, "--forwarder", f"{sys.executable} {script}", code=2).err
 
 
 def test_a_forwarder_moves_an_ideal_arm(run: Run, file: Path, tmp_path: Path) -> None:
     """The lines as they are: joints first, velocities for 10 ms each, angles back."""
-    script = tmp_path / "forwarder.py"
-    script.write_text(
-        "import json, sys\n"
-        f"q = {jacokin.load_robot().home.tolist()}\n"
-        "def say(fields): print(json.dumps(fields), flush=True)\n"
-        "for line in sys.stdin:\n"
-        "    fields = json.loads(line)\n"
-        "    if 'joints' in fields: say({'listens': True})\n"
-        "    if 'v' in fields: q = [angle + 0.01 * v for angle, v in zip(q, fields['v'])]\n"
-        "    say({'q': q, 'v': None, 'torques': None})\n"
-    )
-    answer = run("run", str(file), "--forwarder", f"{sys.executable} {script}", "--latency", "0", "--json")
-    assert answer.code == 0, answer.err
+    ideal = forwarder(tmp_path, TURNED, "say({'q': q, 'v': None, 'torques': None})")
+    answer = run("run", file, "--forwarder", ideal, "--latency", "0", "--json")
     assert json.loads(answer.out)["away_deg"] < 0.2
 
 
 def test_contact_without_torques_is_said_once(run: Run, file: Path, tmp_path: Path) -> None:
-    script = tmp_path / "forwarder.py"
-    script.write_text(
-        "import json, sys\n"
-        f"q = {jacokin.load_robot().home.tolist()}\n"
-        "def say(fields): print(json.dumps(fields), flush=True)\n"
-        "for line in sys.stdin:\n"
-        "    fields = json.loads(line)\n"
-        "    if 'joints' in fields: say({'listens': True})\n"
-        "    if 'v' in fields: q = [angle + 0.01 * v for angle, v in zip(q, fields['v'])]\n"
-        "    say({'q': q, 'v': [0.0] * 6, 'torques': [float('nan')] * 6})\n"
-    )
-    words = ("run", str(file), "--forwarder", f"{sys.executable} {script}")
+    numb = forwarder(tmp_path, TURNED, "say({'q': q, 'v': [0.0] * 6, 'torques': [float('nan')] * 6})")
+    words = ("run", file, "--forwarder", numb)
     answer = run(*words, "--contact", "5")
-    assert answer.code == 0, answer.err
     assert answer.err.count("--contact watches nothing: the arm has told no velocities and torques for 0.5 s") == 1
     assert "--contact" not in run(*words).err
 
 
 def test_a_driver_that_ends_and_comes_back_is_not_moved_again(run: Run, file: Path, tmp_path: Path) -> None:
-    script = tmp_path / "forwarder.py"
-    script.write_text(
-        "import json, sys\n"
-        f"q, heard = {jacokin.load_robot().home.tolist()}, []\n"
-        "def say(fields): print(json.dumps(fields), flush=True)\n"
-        "for line in sys.stdin:\n"
-        "    fields = json.loads(line)\n"
-        "    heard += [fields['v']] if 'v' in fields else []\n"
-        "    if 'joints' in fields: say({'listens': True})\n"
-        "    if len(heard) == 32: say({'listens': False})\n"
-        "    if len(heard) == 40: say({'listens': True})\n"
-        "    if len(heard) > 40 and any(heard[-1]): open(sys.argv[0] + '.moved', 'w')\n"
-        "    say({'q': q})\n"
+    restarted = forwarder(
+        tmp_path,
+        "heard += [fields['v']] if 'v' in fields else []",
+        "if len(heard) == 32: say({'listens': False})",
+        "if len(heard) == 40: say({'listens': True})",
+        "if len(heard) > 40 and any(heard[-1]): open(sys.argv[0] + '.moved', 'w')",
+        "say({'q': q})",
     )
-    answer = run("run", str(file), "--forwarder", f"{sys.executable} {script}", "--lag", "90")
-    assert answer.code == 1, answer.err
+    answer = run("run", file, "--forwarder", restarted, "--lag", "90", code=1)
     assert "LOST: the driver no longer listens to velocities" in answer.out
     assert "was restarted, in the middle" in answer.out
-    assert not Path(f"{script}.moved").exists()
+    assert not list(tmp_path.glob("*.moved"))
 
 
 def test_the_forwarder_is_written_once_and_is_of_python_3_8(run: Run, tmp_path: Path) -> None:
     file = tmp_path / "forwarder.py"
-    assert run("run", "--write-forwarder", str(file)).code == 0
+    run("run", "--write-forwarder", file)
     ast.parse(file.read_text(), feature_version=(3, 8))
     assert "jacokin." not in file.read_text().replace("jacokin.runner.forwarder", "")
-    answer = run("run", "--write-forwarder", str(file))
-    assert answer.code == 2
-    assert "is there already" in answer.err
+    assert "is there already" in run("run", "--write-forwarder", file, code=2).err
 
 
 @pytest.mark.parametrize(
@@ -163,6 +144,4 @@ def test_what_is_refused(
     run: Run, file: Path, words: tuple[str, ...], why: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(file.parent)
-    answer = run("run", *words)
-    assert answer.code == 2
-    assert why in answer.err
+    assert why in run("run", *words, code=2).err

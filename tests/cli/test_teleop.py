@@ -19,20 +19,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-import jacokin
+from jacokin import Robot
 from jacokin.motion import Trajectory
 from jacokin.teleop import make_stream
-from tests.cli.run import Answer, Run, leave, start
+from tests.cli.run import Answer, Run, running
 
 
-def test_a_recorded_hand_leads_the_arm_to_where_it_ends(run: Run, tmp_path: Path) -> None:
-    robot = jacokin.load_robot()
+def test_a_recorded_hand_leads_the_arm_to_where_it_ends(robot: Robot, run: Run, tmp_path: Path) -> None:
     stream = make_stream(robot, "smooth", np.random.default_rng(3))
     stream.save(tmp_path / "hand.npz")
     out = tmp_path / "motion.csv"
     words = ("teleop", "--stream", str(tmp_path / "hand.npz"), "--fast", "--output", str(out))
     answer = run(*words, "--json")
-    assert answer.code == 0
     motion = Trajectory.load(out)
     home, tool = (robot.forward_kinematics(q).translation for q in (robot.home, motion.q[-1]))
     np.testing.assert_allclose(tool - home, stream.hand[-1, :3] - stream.hand[0, :3], atol=1e-3)
@@ -46,21 +44,18 @@ def test_a_recorded_hand_leads_the_arm_to_where_it_ends(run: Run, tmp_path: Path
 
 
 def test_a_hand_that_is_never_caught_up_with_ends_with_one(run: Run) -> None:
-    answer = run("teleop", "--stream", "out_of_reach", "--fast", "--seconds", "7", "--scale", "3")
-    assert answer.code == 1
+    answer = run("teleop", "--stream", "out_of_reach", "--fast", "--seconds", "7", "--scale", "3", code=1)
     assert "held back by" in answer.out
 
 
 @pytest.mark.parametrize("name", ["gen3", "gen3_lite"])
 def test_other_arms_are_led(run: Run, name: str) -> None:
     answer = run("teleop", "--robot", name, "--stream", "smooth", "--fast", "--seconds", "1")
-    assert answer.code == 0
     assert "kept in every tick" in answer.out
 
 
 def test_a_task_gives_its_reward(run: Run) -> None:
     answer = run("teleop", "--task", "reach_site", "--fast", "--seconds", "1", "--json")
-    assert answer.code == 0
     assert answer.document["return"] >= 0.0
     assert answer.document["solved"] in (False, True)
     assert answer.document["ticks"] >= 25
@@ -75,7 +70,7 @@ def test_the_command_is_one_that_the_motors_of_a_task_can_follow(run: Run) -> No
     assert run(*words, "--acceleration-limit", "4").document["lag"] > 0.04  # as it was asked for
 
 
-def test_fingers_close_in_a_task(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_fingers_close_in_a_task(monkeypatch: pytest.MonkeyPatch, run: Run) -> None:
     from jacokin.tasks import TaskEnv
     from jacokin.teleop import Player
 
@@ -88,15 +83,14 @@ def test_fingers_close_in_a_task(monkeypatch: pytest.MonkeyPatch, capsys: pytest
 
     monkeypatch.setattr(TaskEnv, "step", step)
     monkeypatch.setattr(Player, "fingers", 1.0, raising=False)
-    assert leave("teleop", "--task", "reach_site", "--fast", "--seconds", "1", "--json") == 0
+    run("teleop", "--task", "reach_site", "--fast", "--seconds", "1", "--json")
     assert np.allclose(np.diff(angles[:10]), 0.8 * 0.04)
     assert angles[-1] < 1.35 + 1e-9
 
 
 @pytest.mark.slow
-def test_a_page_leads_the_arm() -> None:
-    process = start("teleop", "--device", "page", "--port", "0", "--json")
-    try:
+def test_a_page_leads_the_arm(robot: Robot) -> None:
+    with running("teleop", "--device", "page", "--port", "0", "--json") as process:
         assert process.stderr is not None
         address, rest = process.stderr.readline().split(maxsplit=1)
         assert rest == "shows j2n6s300; Ctrl-C ends it\n"
@@ -108,12 +102,8 @@ def test_a_page_leads_the_arm() -> None:
         process.send_signal(signal.SIGINT)
         out, err = process.communicate(timeout=60.0)
         spent = time.monotonic() - began
-    finally:
-        process.kill()
-        process.communicate()
     assert (process.returncode, err) == (0, "")
     found = json.loads(out)
-    robot = jacokin.load_robot()
     tools = [robot.forward_kinematics(q).translation for q in (robot.home, found["q_end"])]
     assert 0.01 < tools[1][2] - tools[0][2] < spent * 0.1  # no faster than the keys' 0.1 m/s
     assert found["statuses"]["HOLDING"] > 0  # the space bar opened the clutch
@@ -121,16 +111,12 @@ def test_a_page_leads_the_arm() -> None:
 
 @pytest.mark.slow
 def test_ctrl_c_brakes_the_arm_and_then_says_what_happened() -> None:
-    process = start("teleop", "--stream", "smooth", "--view", "--port", "0", "--json")
-    try:
+    with running("teleop", "--stream", "smooth", "--view", "--port", "0", "--json") as process:
         assert process.stderr is not None
         process.stderr.readline()  # the address
         time.sleep(3.0)
         process.send_signal(signal.SIGINT)
         out, _ = process.communicate(timeout=60.0)
-    finally:
-        process.kill()
-        process.communicate()
     found = json.loads(out)
     assert found["duration"] < 10.0  # of 12
     assert found["statuses"]["HOLDING"] > 0
@@ -138,9 +124,8 @@ def test_ctrl_c_brakes_the_arm_and_then_says_what_happened() -> None:
 
 
 @pytest.mark.slow
-def test_a_recording_is_shown_in_the_browser(capsys: pytest.CaptureFixture[str]) -> None:
-    assert leave("teleop", "--fast", "--seconds", "1", "--view", "--port", "0", "--json") == 0
-    said = capsys.readouterr()
+def test_a_recording_is_shown_in_the_browser(run: Run) -> None:
+    said = run("teleop", "--fast", "--seconds", "1", "--view", "--port", "0", "--json")
     assert said.err.startswith("http://127.0.0.1:")
     assert json.loads(said.out)["ticks"] >= 100
 
@@ -184,32 +169,6 @@ def test_the_props_of_a_task_are_drawn_where_they_are(task: str) -> None:
     environment.close()
 
 
-def test_keys_of_a_terminal_move_the_arm(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    ours, theirs = pty.openpty()
-
-    def type_keys() -> None:
-        until = time.monotonic() + 60.0  # [s]
-        while termios.tcgetattr(ours)[3] & termios.ICANON and time.monotonic() < until:
-            time.sleep(0.01)  # what is typed before the program listens is lost
-        for key in [b"\x1b[A", b"\x1bOB", b"\x1b[3~", *[b"w"] * 10, *[b"W"] * 10, b" ", b"Q"]:  # arrows do nothing
-            time.sleep(0.02)
-            os.write(ours, key)
-
-    with os.fdopen(theirs, "r") as terminal:
-        monkeypatch.setattr(sys, "stdin", terminal)
-        typist = threading.Thread(target=type_keys)
-        typist.start()
-        answer = run("teleop", "--device", "keyboard", "--seconds", "5", "--json")
-        typist.join()
-    os.close(ours)
-    robot = jacokin.load_robot()
-    tools = [robot.forward_kinematics(q).translation for q in (robot.home, answer.document["q_end"])]
-    assert answer.code == 0
-    assert answer.document["duration"] < 4.0
-    assert 0.005 < tools[1][0] - tools[0][0] < 0.06
-    assert answer.document["statuses"]["HOLDING"] > 0
-
-
 def at_a_terminal(monkeypatch: pytest.MonkeyPatch, keys: list[bytes], act: Callable[[], Answer]) -> Answer:
     """What a command says while keys are typed, some 30 a second."""
     ours, theirs = pty.openpty()
@@ -232,6 +191,16 @@ def at_a_terminal(monkeypatch: pytest.MonkeyPatch, keys: list[bytes], act: Calla
     return answer
 
 
+def test_keys_of_a_terminal_move_the_arm(robot: Robot, run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    keys = [b"\x1b[A", b"\x1bOB", b"\x1b[3~", *[b"w"] * 10, *[b"W"] * 10, b" ", b"Q"]  # arrows do nothing
+    words = ("teleop", "--device", "keyboard", "--seconds", "5", "--json")
+    found = at_a_terminal(monkeypatch, keys, lambda: run(*words)).document
+    tools = [robot.forward_kinematics(q).translation for q in (robot.home, found["q_end"])]
+    assert found["duration"] < 4.0
+    assert 0.005 < tools[1][0] - tools[0][0] < 0.06
+    assert found["statuses"]["HOLDING"] > 0
+
+
 @pytest.mark.slow
 def test_keys_record_demonstrations(run: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     path = tmp_path / "demos.lerobot"
@@ -239,39 +208,34 @@ def test_keys_record_demonstrations(run: Run, monkeypatch: pytest.MonkeyPatch, t
     keys = [*pause, b"b", *[b"w"] * 20, b"e", *pause, b"y", *pause, b"b", *[b"s"] * 15, b"x", *pause]
     words = ("teleop", "--device", "keyboard", "--task", "reach_site", "--record", str(path), "--json")
     answer = at_a_terminal(monkeypatch, [*keys, b"b", *[b"a"] * 15, b"y", *pause, b"q"], lambda: run(*words))
-    assert answer.code == 0
     assert {name: answer.document[name] for name in ("kept", "discarded", "is_written")} == {
         "kept": 2,
         "discarded": 1,
         "is_written": True,
     }
     assert "b begins it" in answer.err
-    again = run("task", "replay", str(path))
-    assert (again.code, again.out.splitlines()[-1]) == (0, "2 of 2 equal bit by bit")
+    assert run("task", "replay", path).out.splitlines()[-1] == "2 of 2 equal bit by bit"
 
 
 @pytest.mark.slow
 def test_a_recorded_hand_demonstrates(run: Run, tmp_path: Path) -> None:
     path = str(tmp_path / "demos.hdf5")
     words = ("teleop", "--task", "reach_site", "--stream", "smooth", "--fast", "--record", path)
-    answer = run(*words, "--episodes", "2", "--random-seed", "4")
-    assert answer.code == 0
-    assert "2 kept" in answer.out
+    assert "2 kept" in run(*words, "--episodes", "2", "--random-seed", "4").out
     assert run("task", "replay", path).out.startswith("episode 1, seed 4: equal\nepisode 2, seed 5: equal")
-    assert "is there already" in run(*words).err
+    assert "is there already" in run(*words, code=2).err
 
 
 def test_joints_are_as_slow_as_wished(run: Run, tmp_path: Path) -> None:
     out = tmp_path / "motion.csv"
-    run("teleop", "--stream", "jerky", "--fast", "--seconds", "6", "--velocity-limit", "0.1", "--output", str(out))
+    run("teleop", "--stream", "jerky", "--fast", "--seconds", "6", "--velocity-limit", "0.1", "--output", out, code=1)
     motion = Trajectory.load(out)
     assert 0.09 < np.abs(motion.v).max() <= 0.1 + 1e-9
 
 
 @pytest.mark.slow
 def test_seconds_count_from_when_somebody_has_opened_the_page() -> None:
-    process = start("teleop", "--device", "page", "--port", "0", "--seconds", "1", "--json")
-    try:
+    with running("teleop", "--device", "page", "--port", "0", "--seconds", "1", "--json") as process:
         assert process.stderr is not None
         address = process.stderr.readline().split()[0]
         time.sleep(2.0)
@@ -279,9 +243,6 @@ def test_seconds_count_from_when_somebody_has_opened_the_page() -> None:
         with urllib.request.urlopen(f"{address.replace('/?', '/hand?')}&keys=", timeout=60.0):
             pass
         out, _ = process.communicate(timeout=60.0)
-    finally:
-        process.kill()
-        process.communicate()
     assert 0.9 < json.loads(out)["duration"] < 1.5
 
 
@@ -320,7 +281,6 @@ def test_seconds_count_from_when_somebody_has_opened_the_page() -> None:
     ],
 )
 def test_what_is_refused(run: Run, words: tuple[str, ...], message: str) -> None:
-    answer = run("teleop", *words)
-    assert answer.code == 2
+    answer = run("teleop", *words, code=2)
     assert message in " ".join(answer.err.split())
     assert "Traceback" not in answer.err

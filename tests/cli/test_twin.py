@@ -21,8 +21,7 @@ def test_without_ros_it_says_what_to_install(
     run: Run, monkeypatch: pytest.MonkeyPatch, version: str, package: str
 ) -> None:
     monkeypatch.setitem(sys.modules, package, None)  # as if it were not installed
-    answer = run("twin", "--ros", version)
-    assert answer.code == 2
+    answer = run("twin", "--ros", version, code=2)
     assert f"{package} is needed" in answer.err
     assert "apt-get install" in answer.err
 
@@ -44,9 +43,7 @@ def test_without_ros_it_says_what_to_install(
     ],
 )
 def test_what_is_refused(run: Run, words: tuple[str, ...], why: str) -> None:
-    answer = run("twin", *words)
-    assert answer.code == 2
-    assert why in answer.err
+    assert why in run("twin", *words, code=2).err
 
 
 @dataclass
@@ -76,6 +73,4 @@ def test_its_record_comes_whenever_it_ends(run: Run, monkeypatch: pytest.MonkeyP
 
     monkeypatch.setattr(twin, "_node", lambda *_: (KinovaDriver(SimulatedArm()), Node(word == "ready")))
     monkeypatch.setattr(click, "echo", leave)
-    answer = run("twin", "--ros", "1", "--json")
-    assert len(json.loads(answer.out)["angles"]) == 6
-    assert answer.code == code
+    assert len(json.loads(run("twin", "--ros", "1", "--json", code=code).out)["angles"]) == 6

@@ -12,20 +12,16 @@ import pytest
 
 from jacokin.viewer import serve
 from jacokin.viewer.viewer import Viewer
-from tests.cli.run import leave, start
+from tests.cli.run import Run, running
 from tests.viewer.page import port_of
 
 
 @contextmanager
 def viewing(*words: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
     """A running viewer and its address."""
-    process = start("view", "--port", "0", *words)
-    try:
+    with running("view", "--port", "0", *words) as process:
         assert process.stdout is not None
         yield process, process.stdout.readline()
-    finally:
-        process.kill()
-        process.communicate()
 
 
 @pytest.mark.parametrize(
@@ -45,15 +41,14 @@ def test_it_prints_its_address_and_ends_cleanly_without_any_browser(number: sign
 
 
 @pytest.mark.slow
-def test_a_port_in_use_is_one_sentence(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_port_in_use_is_one_sentence(run: Run) -> None:
     with serve(port=0) as viewer:
         port = str(port_of(viewer))
-        assert leave("view", "--port", port) == 2
-    said = capsys.readouterr().err
+        said = run("view", "--port", port, code=2).err
     assert f"jacokin: --port {port} of 127.0.0.1 cannot be used (Address already in use); choose another" in said
 
 
-def test_its_options_are_those_of_the_page(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_its_options_are_those_of_the_page(monkeypatch: pytest.MonkeyPatch, run: Run) -> None:
     """Tool, limits, free axis and its range, and meshes are taken."""
 
     def interrupt(_: Viewer) -> None:
@@ -62,8 +57,7 @@ def test_its_options_are_those_of_the_page(monkeypatch: pytest.MonkeyPatch, caps
     monkeypatch.setattr(Viewer, "wait", interrupt)
     arm = "--tool 0 0 0.05 --limit joint_2=1,5 --finger-angle 0.4 --visuals"
     free = "--free-axis z --free-range -20 30 --degrees --target 0.3 -0.2 0.5 0 1 0 0"
-    assert leave("view", "--port", "0", *arm.split(), *free.split()) == 0
-    said = capsys.readouterr()
+    said = run("view", "--port", "0", *arm.split(), *free.split())
     assert said.out.startswith("http://127.0.0.1:")
     assert said.err.endswith("closed\n")
 
@@ -88,6 +82,5 @@ def test_its_options_are_those_of_the_page(monkeypatch: pytest.MonkeyPatch, caps
         (["--finger-angle", "9"], "the fingers move from"),
     ],
 )
-def test_wrong_options_are_one_sentence(words: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert leave("view", "--port", "0", *words) == 2
-    assert message in capsys.readouterr().err
+def test_wrong_options_are_one_sentence(words: list[str], message: str, run: Run) -> None:
+    assert message in run("view", "--port", "0", *words, code=2).err

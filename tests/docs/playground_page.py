@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import base64
 import shutil
-import subprocess
 import sys
 import tempfile
 from collections.abc import Sequence
@@ -15,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from jacokin.model import NAMES
+from tests.programs import execute
 from tests.scripts import load_script
 from tests.viewer.chromium import STARTING, Tab, browsing
 from tests.viewer.page import until
@@ -49,8 +49,7 @@ def build(folder: Path, names: Sequence[str] = NAMES) -> None:
     """Write `playground.html` and what it needs into a folder."""
     web, scripts, files = folder / "web", folder / "playground", load_script(DOCS / "playground_files.py")
     shutil.copytree(WEB, web, ignore=shutil.ignore_patterns("*.wasm", "robots.js", "reference", "*.tgz"))
-    done = subprocess.run([sys.executable, WEB / "build.py", web], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr
+    execute(sys.executable, WEB / "build.py", web)
     scripts.mkdir()
     (scripts / "playground.js").write_text(files.page_script(web), encoding="utf-8")
     for name in names:

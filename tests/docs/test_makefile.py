@@ -11,7 +11,6 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-COPIED = ("Makefile", "pyproject.toml", "constraints.txt", "constraints-oldest.txt", "README.md", "LICENSE", "NOTICE")
 WHEEL = "dist/jacokin-0-py3-none-any.whl"
 
 pytestmark = pytest.mark.skipif(shutil.which("make") is None, reason="make is not installed")

@@ -16,10 +16,7 @@ from tests.scripts import load_script
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
-LARGEST_MOVING_IMAGE = 2_000_000  # bytes
-LARGEST_IMAGES_OF_TASKS = 1_000_000  # bytes, together
 AGAIN = "run python -m docs.tasks_page"
-LARGEST_IMAGE = 150_000  # bytes; pages should load quickly, and so should clones
 
 
 def described() -> set[str]:
@@ -94,7 +91,7 @@ def test_images_are_small_png_files() -> None:
         assert content[:8] == b"\x89PNG\r\n\x1a\n"
         width, height = struct.unpack(">II", content[16:24])
         assert min(width, height) >= 400, image.name
-        assert len(content) <= LARGEST_IMAGE, image.name
+        assert len(content) <= 150_000, image.name  # bytes; pages should load quickly, and so should clones
 
 
 def test_moving_pictures_are_small_and_shown() -> None:
@@ -104,7 +101,7 @@ def test_moving_pictures_are_small_and_shown() -> None:
     for file in moving:
         content = file.read_bytes()
         assert content[:6] == b"GIF89a"
-        assert len(content) < LARGEST_MOVING_IMAGE, file.name
+        assert len(content) < 2_000_000, file.name  # bytes
         assert f"images/{file.name})" in pages
 
 
@@ -121,7 +118,7 @@ def test_the_list_of_tasks_is_current() -> None:
         assert f"\n## {name}\n" in found[1]
         assert f"(images/tasks/{name}.png)" in found[1]
     pictures = list((DOCS / "images" / "tasks").iterdir())
-    assert sum(picture.stat().st_size for picture in pictures) < LARGEST_IMAGES_OF_TASKS
+    assert sum(picture.stat().st_size for picture in pictures) < 1_000_000  # bytes, together
     assert {f"images/tasks/{picture.name}" for picture in pictures} <= set(re.findall(r"\]\(([^)]+)\)", found[1]))
 
 

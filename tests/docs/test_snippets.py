@@ -19,7 +19,7 @@ import pytest
 import jacokin
 from jacokin.cli.main import main
 from tests.gripper_arms import so101_text
-from tests.rendering import backends
+from tests.programs import backends
 from tests.robot_files import ur5_text
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -17,9 +17,10 @@ from jacokin import IKSolver, Robot
 from jacokin.calibration import Measurements, calibrate
 from jacokin.ik import BatchResult
 from jacokin.ik.solutions.points import Points
-from jacokin.model import NAMES, Scene, Sphere, load_robot, urdf_folder
+from jacokin.model import NAMES, Scene, Sphere, urdf_folder
 from jacokin.model.descriptions.bundled import JACOS
 from jacokin.motion import move_joints
+from tests.robot_files import load_text
 
 
 @pytest.mark.one_quick
@@ -132,9 +133,7 @@ def test_a_calibration_that_is_too_sure_is_noticed(robot: Robot, rng: np.random.
 
 def test_a_branch_that_is_lost_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     rng = np.random.default_rng(1)
-    path = tmp_path / "arm.urdf"
-    path.write_text(six_joints.random_arm(rng))
-    robot = load_robot(path)
+    robot = load_text(tmp_path / "arm.urdf", six_joints.random_arm(rng))
     solver, q = IKSolver(robot, collision="ignore"), robot.sample(rng)
     assert list(six_joints.check_branches(solver, q)) == []
     found = solver.solve_all(robot.forward_kinematics(q), q).q  # the nearest first, which is q

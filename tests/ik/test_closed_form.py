@@ -144,27 +144,21 @@ def _bent(robot: Robot, joint: int, move: pin.SE3) -> ClosedForm:
     return ClosedForm(model, robot.frame_id(), None, robot.lower, robot.upper)
 
 
-@pytest.mark.parametrize(
-    ("joint", "axis", "pair"),
-    [(2, 0, ("joint_1", "joint_2")), (4, 0, ("joint_3", "joint_4")), (5, 0, ("joint_4", "joint_5"))],
-)
-def test_an_arm_with_a_shifted_axis_is_solved_as_any_other(
-    joint: int, axis: int, pair: tuple[str, str], robot: Robot
+SHIFTED = pin.SE3(np.eye(3), np.array([1e-3, 0.0, 0.0])), "must meet", 1e-3, "m"
+TILTED = pin.SE3(pin.exp3(np.array([0.01, 0.0, 0.0])), np.zeros(3)), "parallel", 0.01, "rad"
+
+
+@pytest.mark.parametrize(("joint", "change"), [(2, SHIFTED), (4, SHIFTED), (5, SHIFTED), (3, TILTED)])
+def test_an_arm_with_a_shifted_or_tilted_axis_is_solved_as_any_other(
+    joint: int, change: tuple[pin.SE3, str, float, str], robot: Robot
 ) -> None:
-    form = _bent(robot, joint, pin.SE3(np.eye(3), 1e-3 * np.eye(3)[axis]))
+    move, why, misfit, unit = change
+    form = _bent(robot, joint, move)
     assert form.other is not None
-    assert "must meet" in str(form.other)
-    assert form.other.axes == pair
-    assert form.other.misfit == pytest.approx(1e-3, rel=1e-3)
-
-
-def test_an_arm_with_a_tilted_axis_is_solved_as_any_other(robot: Robot) -> None:
-    form = _bent(robot, 3, pin.SE3(pin.exp3(np.array([0.01, 0.0, 0.0])), np.zeros(3)))
-    assert form.other is not None
-    assert "parallel" in str(form.other)
-    assert form.other.axes == ("joint_2", "joint_3")
-    assert form.other.misfit == pytest.approx(0.01, rel=1e-3)
-    assert form.other.unit == "rad"
+    assert why in str(form.other)
+    assert form.other.axes == (f"joint_{joint - 1}", f"joint_{joint}")
+    assert form.other.misfit == pytest.approx(misfit, rel=1e-3)
+    assert form.other.unit == unit
 
 
 def test_a_frame_off_the_last_link_is_refused(robot: Robot) -> None:

@@ -14,7 +14,7 @@ from jacokin import IKSolver, Robot, Status
 from jacokin.arrays import Array
 from jacokin.ik.closest import ReachBound
 from tests.kernels.six_joints.arms import chain_of_arm
-from tests.robot_files import serial_urdf
+from tests.robot_files import load_text, serial_urdf
 
 #: Placements (n + 1, 3, 4) by name.
 CHAINS = {
@@ -34,9 +34,7 @@ def urdf_of(chain: Array) -> str:
 
 @cache
 def arm(folder: Path, name: str) -> Robot:
-    path = folder / f"{name}.urdf"
-    path.write_text(urdf_of(CHAINS[name]))
-    return jacokin.load_robot(path)
+    return load_text(folder / f"{name}.urdf", urdf_of(CHAINS[name]))
 
 
 @pytest.mark.parametrize("name", CHAINS)

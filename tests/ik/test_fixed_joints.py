@@ -22,7 +22,7 @@ from jacokin.ik.solutions.points import Points
 from jacokin.ik.structures import measure_general
 from jacokin.model.angles import circular_distance, wrap_to_pi
 from tests.robot_files import joint as urdf_joint
-from tests.robot_files import serial_urdf
+from tests.robot_files import load_text, serial_urdf
 
 # The joints of three arms of seven joints that are not built like a Jaco: origin [m] and rpy [rad] before each joint.
 H = np.pi / 2
@@ -68,9 +68,7 @@ def text_of(name: str, first: str = "revolute") -> str:
 
 
 def load(folder: Path, name: str, first: str = "revolute") -> Robot:
-    path = folder / "arm.urdf"
-    path.write_text(text_of(name, first))
-    return jacokin.load_robot(path)
+    return load_text(folder / "arm.urdf", text_of(name, first))
 
 
 @pytest.mark.one_quick

@@ -92,18 +92,17 @@ def test_six_joints_follow_as_solving_again_says(
     robot: Robot, rng: np.random.Generator, tool: pin.SE3 | None, frame: str
 ) -> None:
     solver = IKSolver(robot, frame, tool=tool, collision="ignore")
-    for q in regular(solver, rng, 5):
-        T = solver.verifier.tool_pose(q).copy()
-        gradient = solver.gradient(answered(solver, T, q))
-        check(gradient, differences(near(solver, q), T))
+    check_six_joints(solver, rng)
 
 
 def test_any_structure_of_six_joints(folder: Path, rng: np.random.Generator) -> None:
-    solver = IKSolver(written(folder, "generic"), tool=TOOL)
+    check_six_joints(IKSolver(written(folder, "generic"), tool=TOOL), rng)
+
+
+def check_six_joints(solver: IKSolver, rng: np.random.Generator) -> None:
     for q in regular(solver, rng, 5):
         T = solver.verifier.tool_pose(q).copy()
-        gradient = solver.gradient(answered(solver, T, q))
-        check(gradient, differences(near(solver, q), T))
+        check(solver.gradient(answered(solver, T, q)), differences(near(solver, q), T))
 
 
 def test_a_small_motion_of_the_target_is_met(robot: Robot, rng: np.random.Generator) -> None:

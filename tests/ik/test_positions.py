@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from collections.abc import Callable
 
 import numpy as np
@@ -13,6 +11,7 @@ import jacokin
 from jacokin import IKSolver, Robot
 from jacokin.ik import local_search
 from jacokin.ik.local_search import PositionDescents
+from tests.programs import python
 
 NAMES = ("j2n6s300", "j2s6s200", "j2s7s300")
 
@@ -66,7 +65,7 @@ def test_a_position_waits_for_no_import() -> None:
         "print(solver.solve([0.3, -0.2, 0.4]).success, solver.solve([1.3, -0.2, 0.4]).success);"
         "print(set(sys.modules) - before, {'mink', 'mujoco', 'qpsolvers'} & set(sys.modules))"
     )
-    done = subprocess.run([sys.executable, "-P", "-c", program], capture_output=True, text=True, check=True)
+    done = python("-c", program)
     assert done.stdout == "True False\nset() set()\n"
 
 

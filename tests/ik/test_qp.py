@@ -18,6 +18,7 @@ from jacokin.arrays import Array
 from jacokin.errors import MissingExtraError, SolveError, StructureError, UnknownNameError
 from jacokin.ik import qp_backend
 from jacokin.model import poses, urdf_folder
+from tests.robot_files import load_text
 
 CRANE = """<robot name="crane">
 <link name="base"/><link name="mast"/><link name="slide"/><link name="hook"/>
@@ -264,9 +265,7 @@ def test_rotation_angles_are_accurate_at_both_ends() -> None:
 
 
 def test_sliding_joints_reach_as_far_as_they_slide(tmp_path: Path, rng: np.random.Generator) -> None:
-    path = tmp_path / "crane.urdf"
-    path.write_text(CRANE)
-    crane = jacokin.load_robot(path)
+    crane = load_text(tmp_path / "crane.urdf", CRANE)
     assert crane.sliding.tolist() == [False, True, False]
     solver = IKSolver(crane)
     for q in crane.sample(rng, 20):

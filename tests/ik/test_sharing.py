@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import copy
 import pickle
-import subprocess
-import sys
 import textwrap
 from concurrent.futures import ThreadPoolExecutor
 
@@ -16,6 +14,7 @@ import jacokin
 from jacokin import IKSolver, Robot, Status
 from jacokin.errors import InvalidInputError
 from jacokin.ik import Box, Scene
+from tests.programs import python
 
 
 def test_one_search_for_the_closest_configuration_serves_many_threads(robot: Robot) -> None:
@@ -65,9 +64,7 @@ FORKING = """
 
 @pytest.mark.slow
 def test_forked_processes_solve_with_the_solvers_of_their_parent() -> None:
-    words = [sys.executable, "-P", "-W", "ignore::DeprecationWarning", "-c", textwrap.dedent(FORKING)]
-    done = subprocess.run(words, capture_output=True, text=True, timeout=120, check=False)
-    assert done.returncode == 0, done.stderr
+    python("-W", "ignore::DeprecationWarning", "-c", textwrap.dedent(FORKING), timeout=120.0)
 
 
 def test_copies_of_results_stay_read_only(robot: Robot) -> None:

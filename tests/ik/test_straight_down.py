@@ -14,6 +14,7 @@ from jacokin import FreeAxis, IKSolver
 from jacokin.arrays import Array
 from jacokin.ik.virtual_joints import PointsOfFew
 from tests.gripper_arms import so101_text
+from tests.robot_files import load_text
 
 PLACES = ((0.2, 0.05, 0.02), (0.2, 0.1, 0.05), (0.25, 0.0, 0.03), (0.16, -0.1, 0.02))
 DOWN = (0.0, 0.0, -1.0)
@@ -26,9 +27,7 @@ def solver(request: pytest.FixtureRequest, tmp_path: Path) -> IKSolver:
     if request.param == "exact":
         text = text.replace("3.14159 ", f"{math.pi!r} ").replace("1.5708", repr(0.5 * math.pi))
         text = text.replace('3.14159"', f'{math.pi!r}"')
-    path = tmp_path / "so101.urdf"
-    path.write_text(text)
-    return IKSolver(jacokin.load_robot(path), collision="ignore", orientation_tolerance=1e-5)
+    return IKSolver(load_text(tmp_path / "so101.urdf", text), collision="ignore", orientation_tolerance=1e-5)
 
 
 def points(solver: IKSolver, target: FreeAxis, seed: Array) -> PointsOfFew:
@@ -100,9 +99,7 @@ def test_a_tilted_tool_has_points(solver: IKSolver, rng: np.random.Generator) ->
 
 def test_tolerances_decide_whether_the_direction_is_met(tmp_path: Path) -> None:
     """The last joint of the file is 4e-6 rad off: no curve within 1e-9 rad, and the message names the cure."""
-    path = tmp_path / "so101.urdf"
-    path.write_text(so101_text())
-    exact = IKSolver(jacokin.load_robot(path), collision="ignore", orientation_tolerance=1e-9)
+    exact = IKSolver(load_text(tmp_path / "so101.urdf", so101_text()), collision="ignore", orientation_tolerance=1e-9)
     target = jacokin.pose(PLACES[0], approach=DOWN)
     assert isinstance(target, FreeAxis)
     assert not points(exact, target, exact.robot.home).on_curve

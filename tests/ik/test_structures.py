@@ -16,7 +16,7 @@ from jacokin.ik import IKSolver, Status, solve_file, structure
 from jacokin.ik.structures import measure_general
 from jacokin.model import urdf_folder
 from tests.kernels.six_joints.arms import chain_of_arm, distance
-from tests.robot_files import ur5_text
+from tests.robot_files import load_text, ur5_text
 
 
 @pytest.fixture(scope="module")
@@ -31,9 +31,7 @@ def moved_jaco(folder: Path, metres: str) -> Robot:
     text = (urdf_folder() / "j2n6s300.urdf").read_text()
     moved = text.replace('xyz="0.0 0.2073 -0.0114"', f'xyz="{metres} 0.2073 -0.0114"')
     assert moved != text
-    path = folder / "moved.urdf"
-    path.write_text(moved)
-    return jacokin.load_robot(path)
+    return load_text(folder / "moved.urdf", moved)
 
 
 def test_a_ur5_has_all_its_branches(ur5: Robot, rng: np.random.Generator) -> None:

@@ -14,6 +14,7 @@ from benchmarks import few_joints
 from jacokin import FreeAxis, IKSolver, Status
 from jacokin.arrays import Array
 from jacokin.ik.solutions.points import Points
+from tests.robot_files import load_text
 
 CASES = [(name, word) for name, places in few_joints.ARMS.items() for word in few_joints.kinds(len(places) - 1)]
 Z = np.array([0.0, 0.0, 1.0])
@@ -21,9 +22,7 @@ Z = np.array([0.0, 0.0, 1.0])
 
 @cache
 def solver_of(folder: Path, name: str, limit: float = 3.1) -> IKSolver:
-    path = folder / f"{name}.urdf"
-    path.write_text(few_joints.urdf_of(few_joints.ARMS[name], limit))
-    robot = jacokin.load_robot(path)
+    robot = load_text(folder / f"{name}.urdf", few_joints.urdf_of(few_joints.ARMS[name], limit))
     return IKSolver(robot, few_joints.tip(robot), collision="ignore")
 
 

@@ -29,6 +29,7 @@ from jacokin.kernels.library import Call, Calls, Library, flatten
 from jacokin.kernels.motion_rows import average_rows, make_average_work
 from tests.kernels.closed_form.tools import closed_form, target
 from tests.kernels.plain import PlainCall
+from tests.programs import python
 
 FIRST_ANSWER = (
     "import jacokin; robot = jacokin.load_robot(); solver = jacokin.IKSolver(robot);"
@@ -175,8 +176,7 @@ def test_nothing_names_another_library(tmp_path: Path, monkeypatch: pytest.Monke
         monkeypatch.setenv(name, str(tmp_path))
     monkeypatch.chdir(tmp_path)
     (tmp_path / library.PATH.name).write_bytes(b"not a library")
-    done = subprocess.run([sys.executable, "-P", "-c", FIRST_ANSWER], capture_output=True, text=True, check=True)
-    assert done.stdout == "True\n"
+    assert python("-c", FIRST_ANSWER).stdout == "True\n"
     assert {path.name for path in tmp_path.iterdir()} == {library.PATH.name}, "something was written"
 
 

@@ -14,7 +14,7 @@ from jacokin import Robot
 from jacokin.errors import InvalidInputError
 from jacokin.model import NAMES, urdf_folder
 from jacokin.model.descriptions.bundled import JACOS
-from tests.robot_files import torso_text, ur5_text
+from tests.robot_files import load_text, torso_text, ur5_text
 
 
 def test_a_rotation_differs_by_an_angle(tmp_path: Path) -> None:
@@ -68,9 +68,7 @@ def test_a_user_s_urdf_passes_its_own_crosscheck(rng: np.random.Generator) -> No
 
 
 def test_a_robot_without_masses_agrees_with_itself(tmp_path: Path, rng: np.random.Generator) -> None:
-    path = tmp_path / "bare.urdf"
-    path.write_text(torso_text({"left": 5}))
-    report = jacokin.crosscheck(jacokin.load_robot(path), samples=50, rng=rng)
+    report = jacokin.crosscheck(load_text(tmp_path / "bare.urdf", torso_text({"left": 5})), samples=50, rng=rng)
     assert report.within(), str(report)
     assert report.worst("mass_matrix").value == 0.0
 

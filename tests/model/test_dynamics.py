@@ -20,7 +20,7 @@ from jacokin.model import identify_payload, urdf_folder
 from jacokin.model.descriptions.bundled import JACOS
 from jacokin.model.poses import quaternion
 from jacokin.motion import move_joints
-from tests.robot_files import ur5_text
+from tests.robot_files import load_text, ur5_text
 
 NAMES = ("j2n6s300", "j2n6s200", "j2s6s300", "m1n6s300", "j2s7s300", "j2s7s200", "gen3", "gen3_6dof")
 FINGER_ANGLE = 0.5  # [rad]
@@ -236,9 +236,7 @@ def test_a_payload_makes_another_robot_and_leaves_this_one(robot: Robot, rng: np
 
 
 def test_arms_without_masses_say_so(tmp_path: Path) -> None:
-    path = tmp_path / "ur5.urdf"
-    path.write_text(ur5_text())
-    arm = jacokin.load_robot(path)
+    arm = load_text(tmp_path / "ur5.urdf", ur5_text())
     q = [0.1] * 6
     with pytest.raises(ModelError, match="no masses"):
         arm.centre_of_mass(q)

@@ -11,7 +11,7 @@ import numpy as np
 import jacokin
 import jacokin.model
 from jacokin.model import SelfContact, urdf_folder
-from tests.robot_files import SCENE, joint, ur5_text, urdf_text
+from tests.robot_files import SCENE, joint, load_text, ur5_text, urdf_text
 
 
 def test_a_pickled_robot_keeps_the_home_it_found(scene: Path) -> None:
@@ -35,9 +35,7 @@ def test_the_keyframe_called_home_is_the_home(scene: Path) -> None:
 
 
 def test_another_arm_does_not_get_the_home_of_a_jaco(tmp_path: Path) -> None:
-    path = tmp_path / "ur5.urdf"
-    path.write_text(ur5_text())
-    robot = jacokin.load_robot(path)
+    robot = load_text(tmp_path / "ur5.urdf", ur5_text())
     assert robot.home_source == "a random search within the limits; without shapes to check for contact"
     assert robot.within_limits(robot.home)
     assert robot.singular_values(robot.home)[-1] > 0.01  # its middle, all joints at 0, is a straight arm
@@ -48,9 +46,7 @@ def test_another_arm_does_not_get_the_home_of_a_jaco(tmp_path: Path) -> None:
 
 
 def test_a_jaco_from_a_file_has_the_documented_home(tmp_path: Path) -> None:
-    path = tmp_path / "mine.urdf"
-    path.write_text(urdf_text().replace("joint_", "my_joint_").replace("link_", "my_link_"))
-    robot = jacokin.load_robot(path)
+    robot = load_text(tmp_path / "mine.urdf", urdf_text().replace("joint_", "my_joint_").replace("link_", "my_link_"))
     assert robot.home_source == "documented for the j2n6s300"
     assert robot.home.tolist() == jacokin.load_robot().home.tolist()
     assert jacokin.load_robot().home_source == "documented for the j2n6s300"
@@ -78,7 +74,5 @@ def test_home_of_shapes_that_always_overlap(tmp_path: Path) -> None:
         joint(f"q{i}", f"l{i - 1}", f"l{i}", (0.0, 0.0, 0.1), axis=(1.0, 0.0, 0.0), limits=(-2.0, 2.0))
         for i in range(1, 4)
     )
-    path = tmp_path / "coarse.urdf"
-    path.write_text(f'<robot name="coarse">{links}{joints}</robot>')
-    robot = jacokin.load_robot(path)
+    robot = load_text(tmp_path / "coarse.urdf", f'<robot name="coarse">{links}{joints}</robot>')
     assert robot.within_limits(robot.home)

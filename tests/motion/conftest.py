@@ -9,14 +9,12 @@ import pytest
 from jacokin import Robot
 from jacokin.motion import Trajectory, track_path
 
-SIDE = 0.05  # [m]
-
 
 @pytest.fixture(scope="session")
 def square(robot: Robot) -> list[pin.SE3]:
     """Corners of a vertical square from home and back."""
     start = robot.forward_kinematics(robot.home)
-    corners = np.array([[0, 0, 0], [0, 0, 1], [0, 1, 1], [0, 1, 0], [0, 0, 0]]) * SIDE
+    corners = np.array([[0, 0, 0], [0, 0, 1], [0, 1, 1], [0, 1, 0], [0, 0, 0]]) * 0.05  # [m]
     return [pin.SE3(start.rotation, start.translation + corner) for corner in corners]
 
 

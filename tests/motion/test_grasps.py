@@ -17,7 +17,6 @@ from jacokin.model.obstacles import place, pose_of
 from jacokin.motion import Grasp, grasps
 
 PLACE = jacokin.pose([0.4, -0.2, 0.3], rpy=[0.1, 0.2, 0.3])
-PADS = 0.024  # [m] from the middle of the tool, no pad is farther along it
 
 
 def test_the_room_between_the_pads_is_that_of_the_shapes(robot: Robot) -> None:

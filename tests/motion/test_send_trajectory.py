@@ -15,15 +15,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-import jacokin
 from examples import send_trajectory
 from examples.send_trajectory import PERIOD, AwayError, Rehearsal, StoppedError, read_velocities, send_velocities
+from jacokin import Robot
 from jacokin.motion import Trajectory, move_joints
 
 
 @pytest.fixture(scope="module")
-def motion() -> Trajectory:
-    robot = jacokin.load_robot()
+def motion(robot: Robot) -> Trajectory:
     return move_joints(robot, robot.home, robot.home + np.array([0.5, 0.2, -0.3, 4.0, 0.1, -1.0]), dt=0.01)
 
 
@@ -208,9 +207,8 @@ def test_a_message_is_the_file(motion: Trajectory, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("dt", [0.002, 0.005, 0.01, 0.05])
-def test_a_file_for_kinova_ros_ends_where_it_should_in_an_open_loop(dt: float, tmp_path: Path) -> None:
+def test_a_file_for_kinova_ros_ends_where_it_should_in_an_open_loop(robot: Robot, dt: float, tmp_path: Path) -> None:
     """One point's velocity for each 10 ms, whatever the times of the points."""
-    robot = jacokin.load_robot()
     motion = move_joints(robot, robot.home, robot.home + np.array([0.5, 0.2, -0.3, 1.0, 0.1, -1.0]), dt=dt)
     motion.save(tmp_path / "m.kinova.json", joint_prefix="j2n6s300_", first_time=0.1)
     message = send_trajectory.read_goal(tmp_path / "m.kinova.json")
@@ -287,8 +285,7 @@ def test_joint_states_of_an_arm_and_a_gripper() -> None:
     assert states.angles() == [1.0, 2.0]
 
 
-def test_a_rehearsal_says_what_kinova_ros_would_not_get(tmp_path: Path) -> None:
-    robot = jacokin.load_robot()
+def test_a_rehearsal_says_what_kinova_ros_would_not_get(robot: Robot, tmp_path: Path) -> None:
     move_joints(robot, robot.home, robot.home + 0.1, dt=0.005).save(tmp_path / "m.json")
     command = [sys.executable, send_trajectory.__file__, str(tmp_path / "m.json"), "--rehearse"]
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=20.0)

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
+from jacokin.model.descriptions.bundled import DEFAULT_ROBOT
 from jacokin.mujoco_bridge import Arena, JacoArm, JacoHand, ModelWrapperEntity, Physics, observations, robots
 
 HOME = (4.8046852, 2.92482, 1.002, 4.2031852, 1.4458, 1.3233)  # [rad] Kinova's "Home" of the j2n6s300
@@ -33,12 +34,13 @@ class Scene(NamedTuple):
 def jaco_parts(
     settings: observations.ObservationSettings = observations.PERFECT_FEATURES,
     *,
+    robot: str = DEFAULT_ROBOT,
     arena: Arena | None = None,
     position: ArrayLike = robots.ARM_OFFSET,
     quaternion: ArrayLike | None = None,
 ) -> Parts:
     """The arm with its hand, attached to an arena (a new one unless given)."""
-    arm, hand = robots.make_arm(settings), robots.make_hand(settings)
+    arm, hand = robots.make_arm(settings, robot), robots.make_hand(settings, robot)
     arm.attach(hand)
     arena = Arena() if arena is None else arena
     arena.attach(arm, position=position, quaternion=quaternion)
@@ -48,12 +50,13 @@ def jaco_parts(
 def jaco_scene(
     settings: observations.ObservationSettings = observations.PERFECT_FEATURES,
     *,
+    robot: str = DEFAULT_ROBOT,
     arena: Arena | None = None,
     position: ArrayLike = robots.ARM_OFFSET,
     quaternion: ArrayLike | None = None,
 ) -> Scene:
     """The same compiled, with the arm at home."""
-    arena, arm, hand = jaco_parts(settings, arena=arena, position=position, quaternion=quaternion)
+    arena, arm, hand = jaco_parts(settings, robot=robot, arena=arena, position=position, quaternion=quaternion)
     physics = Physics.from_entity(arena)
     arm.set_home(physics)
     return Scene(physics, arena, arm, hand)

@@ -14,7 +14,7 @@ from examples.impedance import Impedance, perform
 from jacokin import pose
 from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.mujoco_bridge import Arena, JacoArm, Observable, Physics, command_joint_positions, observations, robots
-from tests.rendering import run_drawing
+from tests.programs import run_drawing
 
 REPOSITORY = Path(__file__).parents[2]
 

@@ -13,7 +13,12 @@ import jacokin
 from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.model.descriptions import bundled
 from jacokin.mujoco_bridge import Arena, JacoArm, JacoHand, ModelWrapperEntity, Physics, observations, robots
-from tests.mujoco_bridge.scenes import attach_sideways, check_torque_balances_the_joint, close_until_still
+from tests.mujoco_bridge.scenes import (
+    attach_sideways,
+    check_torque_balances_the_joint,
+    close_until_still,
+    jaco_scene,
+)
 
 NAMES = bundled.JACOS
 TWO_FINGERS = [name for name in NAMES if name.endswith("200")]
@@ -23,21 +28,10 @@ TRAVEL_TIME = (1.1, 1.3)  # [s] datasheet: 1.2 s
 GRIP_FORCE = (20.0, 30.0)  # [N] datasheet of three fingers: 25 N
 
 
-def scene(robot: str) -> tuple[Physics, JacoArm, JacoHand]:
-    arm = robots.make_arm(observations.PERFECT_FEATURES, robot)
-    hand = robots.make_hand(observations.PERFECT_FEATURES, robot)
-    arm.attach(hand)
-    arena = Arena()
-    arena.attach(arm, position=robots.ARM_OFFSET)
-    physics = Physics.from_entity(arena)
-    arm.set_home(physics)
-    return physics, arm, hand
-
-
 @pytest.mark.one_quick
 @pytest.mark.parametrize("robot", NAMES)
 def test_arm_and_hand_are_the_bundled_robot(robot: str) -> None:
-    physics, arm, hand = scene(robot)
+    physics, _, arm, hand = jaco_scene(robot=robot)
     whole = jacokin.load_robot(robot)
     assert arm.robot_name == hand.robot_name == robot
     assert arm.name == "jaco_arm"
@@ -59,7 +53,7 @@ def test_arm_and_hand_are_the_bundled_robot(robot: str) -> None:
 @pytest.mark.one_quick
 @pytest.mark.parametrize("robot", NAMES)
 def test_home_is_held_at_rest(robot: str) -> None:
-    physics, arm, _ = scene(robot)
+    physics, _, arm, _ = jaco_scene(robot=robot)
     whole = jacokin.load_robot(robot)
     np.testing.assert_array_equal(physics.bind(arm.joints).qpos, bundled.variant(robot)["home"])
     assert whole.within_limits(physics.bind(arm.joints).qpos)
@@ -83,9 +77,13 @@ def test_commanded_velocities_are_reached_and_clipped(robot: str) -> None:
             assert physics.bind(arm.joints[index]).qvel[0] == pytest.approx(limit[index], abs=VELOCITY_BAND)
 
 
+@pytest.mark.parametrize("has_hand", [False, True])
 @pytest.mark.parametrize("robot", NAMES)
-def test_torque_observable_balances_the_joint(robot: str) -> None:
-    check_torque_balances_the_joint(JacoArm(robot=robot), 5)
+def test_torque_observable_balances_the_joint(robot: str, has_hand: bool) -> None:
+    arm = JacoArm(robot=robot)
+    if has_hand:
+        arm.attach(JacoHand(robot=robot))
+    check_torque_balances_the_joint(arm, 20 if robot == bundled.DEFAULT_ROBOT else 5)
 
 
 @pytest.mark.one_quick("robot")
@@ -146,7 +144,7 @@ def test_grip_force(robot: str) -> None:
 @pytest.mark.one_quick
 @pytest.mark.parametrize("robot", NAMES)
 def test_sites_are_brought_to_poses(robot: str) -> None:
-    physics, arm, hand = scene(robot)
+    physics, _, arm, hand = jaco_scene(robot=robot)
     whole = jacokin.load_robot(robot)
     rng = np.random.default_rng(3)
     for _ in range(10):
@@ -160,7 +158,7 @@ def test_sites_are_brought_to_poses(robot: str) -> None:
 
 @pytest.mark.slow
 def test_seven_joints_reach_every_reachable_pose() -> None:
-    physics, arm, hand = scene("j2s7s300")
+    physics, _, arm, hand = jaco_scene(robot="j2s7s300")
     arm.prepare(physics, hand.grip_site)
     whole, rng = jacokin.load_robot("j2s7s300"), np.random.default_rng(4)
     for q in whole.sample(rng, 200):
@@ -174,7 +172,7 @@ def test_seven_joints_reach_every_reachable_pose() -> None:
 
 @pytest.mark.parametrize("robot", TWO_FINGERS)
 def test_hands_with_two_fingers_have_a_grip_site_and_no_pinch_site(robot: str) -> None:
-    physics, _, hand = scene(robot)
+    physics, _, _, hand = jaco_scene(robot=robot)
     assert hand.tool_center_point is hand.grip_site
     names = sorted(hand.observables.as_dict(fully_qualified=False))
     assert names == ["grip_site_pos", "grip_site_rmat", "joints_pos", "joints_vel"]

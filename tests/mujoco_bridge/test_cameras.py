@@ -5,10 +5,7 @@ MuJoCo chooses its OpenGL backend when it is imported, so what renders runs in a
 
 from __future__ import annotations
 
-import os
 import re
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any, cast
 
@@ -18,6 +15,7 @@ import pytest
 
 from jacokin.errors import InvalidInputError
 from jacokin.mujoco_bridge import Arena, Physics, cameras, observations, robots
+from tests.programs import python
 
 SPECS = (
     cameras.FRONT_CLOSE,
@@ -124,17 +122,10 @@ assert before.tobytes() == after.tobytes()
 
 def run(script: str, **environment: str) -> str:
     """Run a script without a display; it must neither fail nor warn nor leave messages behind."""
-    hidden = ("MUJOCO_GL", "DISPLAY", "WAYLAND_DISPLAY", "PYOPENGL_PLATFORM")
-    env = {name: value for name, value in os.environ.items() if name not in hidden}
-    done = subprocess.run(
-        [sys.executable, "-P", "-W", "error", "-c", script],
-        env={**env, **environment},
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("MUJOCO_GL", "DISPLAY", "WAYLAND_DISPLAY", "PYOPENGL_PLATFORM"):
+            patch.delenv(name, raising=False)
+        done = python("-W", "error", "-c", script, timeout=120.0, environment=environment)
     assert done.stderr == ""
     return done.stdout
 

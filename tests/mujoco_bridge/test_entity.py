@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from jacokin.errors import InvalidInputError, ModelError, PhysicsError, UnknownNameError
+from jacokin.errors import InvalidInputError, ModelError, UnknownNameError
 from jacokin.mujoco_bridge import Arena, JacoArm, JacoHand, ModelWrapperEntity, Physics
 from jacokin.mujoco_bridge.props import Primitive
 
@@ -189,31 +189,6 @@ def test_an_entity_can_move_to_another_tree() -> None:
     physics = Physics.from_entity(second)
     arm.set_home(physics)
     assert physics.model.nq == 9
-
-
-def test_poses_of_fixed_and_of_free_entities() -> None:
-    arena, cube, wall = Arena(), Primitive(name="cube"), Primitive(name="wall")
-    arena.add_free_entity(cube, position=(0.0, 0.0, 0.3))
-    arena.attach(wall, position=(0.5, 0.0, 0.1))
-    physics = Physics.from_entity(arena)
-    for entity, start in ((cube, (0.0, 0.0, 0.3)), (wall, (0.5, 0.0, 0.1))):
-        position, quaternion = entity.get_pose(physics)
-        np.testing.assert_allclose(position, start, atol=EXACT)
-        np.testing.assert_allclose(quaternion, (1.0, 0.0, 0.0, 0.0), atol=EXACT)
-        entity.set_pose(physics, position=(0.1, 0.2, 0.5))
-        entity.set_pose(physics, quaternion=QUARTER_TURN)
-        position, quaternion = entity.get_pose(physics)
-        np.testing.assert_allclose(position, (0.1, 0.2, 0.5), atol=EXACT)
-        np.testing.assert_allclose(quaternion, QUARTER_TURN, atol=EXACT)
-        np.testing.assert_allclose(physics.bind(entity.geom).xpos, (0.1, 0.2, 0.5), atol=EXACT)
-        np.testing.assert_allclose(physics.bind(entity.geom).xmat[3], 1.0, atol=EXACT)
-        for wrong in ({"position": (0.0, 0.0)}, {"quaternion": (0.0, 0.0, 0.0, 0.0)}, {"position": (np.nan, 0, 0)}):
-            before = physics.get_state()
-            with pytest.raises(InvalidInputError):
-                entity.set_pose(physics, **wrong)
-            np.testing.assert_array_equal(physics.get_state(), before)
-    with pytest.raises(PhysicsError, match="not attached"):
-        arena.get_pose(physics)
 
 
 def test_what_cannot_be_attached() -> None:

@@ -22,6 +22,28 @@ def scene() -> tuple[Physics, Primitive, Primitive]:
     return Physics.from_entity(arena), cube, wall
 
 
+def test_poses_of_fixed_and_of_free_entities() -> None:
+    physics, cube, wall = scene()
+    for entity, start in ((cube, (0.0, 0.0, 0.3)), (wall, (0.5, 0.0, 0.1))):
+        position, quaternion = entity.get_pose(physics)
+        np.testing.assert_allclose(position, start, atol=EXACT)
+        np.testing.assert_allclose(quaternion, (1.0, 0.0, 0.0, 0.0), atol=EXACT)
+        entity.set_pose(physics, position=(0.1, 0.2, 0.5))
+        entity.set_pose(physics, quaternion=QUARTER_TURN)
+        position, quaternion = entity.get_pose(physics)
+        np.testing.assert_allclose(position, (0.1, 0.2, 0.5), atol=EXACT)
+        np.testing.assert_allclose(quaternion, QUARTER_TURN, atol=EXACT)
+        np.testing.assert_allclose(physics.bind(entity.geom).xpos, (0.1, 0.2, 0.5), atol=EXACT)
+        np.testing.assert_allclose(physics.bind(entity.geom).xmat[3], 1.0, atol=EXACT)
+        for wrong in ({"position": (0.0, 0.0)}, {"quaternion": (0.0, 0.0, 0.0, 0.0)}, {"position": (np.nan, 0, 0)}):
+            before = physics.get_state()
+            with pytest.raises(InvalidInputError):
+                entity.set_pose(physics, **wrong)
+            np.testing.assert_array_equal(physics.get_state(), before)
+    with pytest.raises(PhysicsError, match="not attached"):
+        Arena().get_pose(physics)
+
+
 @pytest.mark.parametrize("which", ["cube", "wall"])
 def test_shifting_adds_to_the_position_and_turns_about_fixed_axes(which: str) -> None:
     physics, cube, wall = scene()

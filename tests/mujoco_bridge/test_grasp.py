@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import subprocess
 import sys
 from pathlib import Path
 
@@ -11,6 +10,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from tests.programs import python
 from tests.scripts import load_script
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "grasp_cube.py"
@@ -53,10 +53,9 @@ def test_the_example_draws_its_pictures(tmp_path: Path) -> None:
     """Needs Debian's libegl1 and libegl-mesa0 (egl), or libosmesa6 (osmesa)."""
     from PIL import Image
 
-    environment = {**os.environ, "MUJOCO_GL": os.environ.get("MUJOCO_GL") or "egl"}
-    command = [sys.executable, str(EXAMPLE), "--width", "64", "--height", "48", "--folder", str(tmp_path)]
-    done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False, timeout=120)
-    assert done.returncode == 0, done.stderr
+    drawing = {"MUJOCO_GL": os.environ.get("MUJOCO_GL") or "egl"}
+    words = (EXAMPLE, "--width", "64", "--height", "48", "--folder", tmp_path)
+    done = python(*words, timeout=120.0, environment=drawing)
     assert "cube at 0.1" in done.stdout
     with Image.open(tmp_path / "grasp_cube.png") as strip:
         assert strip.size == (64 * load_script(EXAMPLE).STRIP, 48)

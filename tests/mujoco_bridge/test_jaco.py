@@ -15,7 +15,6 @@ from jacokin.mujoco_bridge import Arena, JacoArm, JacoHand, ModelWrapperEntity, 
 from tests.mujoco_bridge.scenes import (
     HOME,
     attach_sideways,
-    check_torque_balances_the_joint,
     close_until_still,
     jaco_scene,
 )
@@ -23,7 +22,6 @@ from tests.mujoco_bridge.scenes import (
 LARGE, SMALL = math.radians(36), math.radians(48)  # [rad/s] datasheet
 GRIP_FORCE = (20.0, 30.0)  # [N] datasheet: 25 N
 VELOCITY_BAND = 0.01  # [rad/s]
-TORQUE_BAND = 0.1  # [N m]
 
 
 def ball_with_touch_sensor() -> tuple[ModelWrapperEntity, Any]:
@@ -89,32 +87,6 @@ def test_commanded_velocities_are_reached_and_clipped(index: int, ctrl: float, v
             physics.step()
             assert physics.time < 5.0
     assert joint.qvel[0] == pytest.approx(velocity, abs=VELOCITY_BAND)
-
-
-@pytest.mark.parametrize("torque", [0.0, -6.8, 30.5])
-@pytest.mark.parametrize("index", [0, 2, 4])
-def test_torque_observable_opposes_an_external_torque(index: int, torque: float) -> None:
-    arm = JacoArm()
-    physics = Physics.from_entity(arm)
-    with physics.disable("gravity", "limit", "contact", "actuation"):
-        axis = physics.bind(arm.joints[index]).xaxis
-        physics.bind(arm.joints[index].parent).xfrc_applied[3:] = torque * axis
-        observed = arm.observables.joints_torque(physics)[index]
-    assert observed == pytest.approx(-torque, abs=TORQUE_BAND)
-
-
-def test_torque_observable_balances_the_joint() -> None:
-    check_torque_balances_the_joint(JacoArm(), 20)
-
-
-@pytest.mark.parametrize("angle", [0.0, -0.5 * np.pi, np.pi, 10.0 * np.pi])
-def test_joint_positions_are_observed_as_sine_and_cosine(angle: float) -> None:
-    arm = JacoArm()
-    physics = Physics.from_entity(arm)
-    physics.bind(arm.joints).qpos[0] = angle
-    observed = arm.observables.joints_pos(physics)
-    assert observed.shape == (6, 2)
-    np.testing.assert_allclose(observed[0], (np.sin(angle), np.cos(angle)), rtol=0.0, atol=1e-15)
 
 
 def test_numbers_of_the_model() -> None:

@@ -103,7 +103,7 @@ def test_one_arm_can_be_read_in_two_simulations(jaco: Scene) -> None:
 
 
 @pytest.mark.parametrize("index", [0, 2, 4])
-@pytest.mark.parametrize("torque", [5.0, -3.0])
+@pytest.mark.parametrize("torque", [0.0, 5.0, -6.8, 30.5])
 def test_torque_is_minus_the_external_torque(index: int, torque: float) -> None:
     arm = JacoArm()
     physics = Physics.from_entity(arm)
@@ -114,26 +114,6 @@ def test_torque_is_minus_the_external_torque(index: int, torque: float) -> None:
         physics.forward()
         observed = arm.observables.joints_torque(physics)
     assert observed[index] == pytest.approx(-torque, abs=0.1)
-
-
-def test_torque_balances_the_joint(jaco: Scene) -> None:
-    physics, arm = jaco.physics, jaco.arm
-    arm.observables.joints_torque.corruptor = None  # plain N m
-    rng = np.random.default_rng(1)
-    checked = 0
-    while checked < 20:
-        arm.randomize_arm_joints(physics, rng)
-        physics.bind(arm.joints).qvel = rng.normal(size=6)
-        physics.bind(arm.actuators).ctrl = rng.uniform(-0.5, 0.5, size=6)
-        physics.forward()
-        if physics.data.ncon:
-            continue
-        joints = physics.bind(arm.joints)
-        expected = -(
-            joints.armature * joints.qacc - joints.qfrc_constraint - joints.qfrc_passive - joints.qfrc_actuator
-        )
-        np.testing.assert_allclose(arm.observables.joints_torque(physics), expected, rtol=0, atol=1e-9)
-        checked += 1
 
 
 def test_make_arm_reports_torques_on_a_logarithmic_scale(jaco: Scene) -> None:

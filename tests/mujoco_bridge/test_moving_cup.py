@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.rendering import run_drawing
+from tests.programs import run_drawing
 from tests.scripts import load_script
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "moving_cup.py"

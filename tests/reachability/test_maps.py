@@ -28,8 +28,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def reach(folder: Path) -> ReachabilityMap:
-    robot = jacokin.load_robot()
+def reach(robot: Robot, folder: Path) -> ReachabilityMap:
     found = build(IKSolver(robot, collision="ignore"), folder=folder, grid=Grid.around(robot, SPACING), orientations=80)
     assert found is not None
     return found

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 
+import numpy as np
 import pytest
 
+from jacokin import Robot
+from jacokin.motion import Trajectory, move_joints
 from tests.ros.nodes import Master, MissingRosError, Ros, ros1_with_master, ros2_of_wheels
 
 
@@ -31,3 +35,15 @@ def ros2() -> Ros:
         return ros2_of_wheels()
     except MissingRosError as why:
         pytest.skip(str(why))
+
+
+@pytest.fixture(scope="module")
+def motion(robot: Robot) -> Trajectory:
+    """A second and a half of a Jaco, of points 5 ms apart."""
+    return move_joints(robot, robot.home, robot.home + np.array([0.4, 0.1, -0.2, 0.5, 0.1, 0.6]), dt=0.005)
+
+
+@pytest.fixture
+def file(motion: Trajectory, tmp_path: Path) -> Path:
+    motion.save(tmp_path / "m.json", joint_prefix="j2n6s300_")
+    return tmp_path / "m.json"

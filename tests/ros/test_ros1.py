@@ -10,8 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import jacokin
-from jacokin.motion import Trajectory, move_joints
+from jacokin.motion import Trajectory
 from tests.ros.nodes import Ros, free_port, interrupt, lose
 
 pytestmark = pytest.mark.slow
@@ -22,13 +21,6 @@ OTHER = ("--action", "/arm_controller/follow_joint_trajectory", "--states", "/jo
 @pytest.fixture
 def ros(ros1: Ros) -> Ros:
     return ros1
-
-
-@pytest.fixture(scope="module")
-def motion() -> Trajectory:
-    """A second and a half of a Jaco, of points 5 ms apart."""
-    robot = jacokin.load_robot()
-    return move_joints(robot, robot.home, robot.home + np.array([0.4, 0.1, -0.2, 0.5, 0.1, 0.6]), dt=0.005)
 
 
 @pytest.fixture

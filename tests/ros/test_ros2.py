@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import jacokin
-from jacokin.motion import Trajectory, move_joints
+from jacokin.motion import Trajectory
 from tests.ros.nodes import Ros, interrupt, lose
 
 pytestmark = pytest.mark.slow
@@ -20,18 +19,6 @@ CONTROLLER = ("--action", "/arm_controller/follow_joint_trajectory", "--states",
 @pytest.fixture
 def ros(ros2: Ros) -> Ros:
     return ros2
-
-
-@pytest.fixture(scope="module")
-def motion() -> Trajectory:
-    robot = jacokin.load_robot()
-    return move_joints(robot, robot.home, robot.home + np.array([0.4, 0.1, -0.2, 0.5, 0.1, 0.6]), dt=0.005)
-
-
-@pytest.fixture
-def file(motion: Trajectory, tmp_path: Path) -> Path:
-    motion.save(tmp_path / "m.json", joint_prefix="j2n6s300_")
-    return tmp_path / "m.json"
 
 
 def where(motion: Trajectory, turns: int = 0) -> list[str]:
@@ -83,18 +70,16 @@ def test_a_sender_that_is_killed_or_hangs_has_its_goal_cancelled(
     assert 0.0 < gone < 0.9 * np.abs(np.degrees(motion.q[-1] - motion.q[0])).max()
 
 
-def test_a_controller_that_dies_is_noticed(ros: Ros, motion: Trajectory, file: Path) -> None:
-    with ros.arm(HERE / "arm.py", "--die-after", "0.5", *where(motion)):
+@pytest.mark.parametrize(
+    ("words", "why"), [(("--die-after", "0.5"), "the controller died"), (("--reject",), "rejected the goal")]
+)
+def test_a_controller_that_dies_or_rejects_is_noticed(
+    ros: Ros, motion: Trajectory, file: Path, words: tuple[str, ...], why: str
+) -> None:
+    with ros.arm(HERE / "arm.py", *words, *where(motion)):
         status, _, errors = ros.send(file, *CONTROLLER)
     assert status == 1
-    assert "the controller died" in errors
-
-
-def test_a_goal_that_is_rejected(ros: Ros, motion: Trajectory, file: Path) -> None:
-    with ros.arm(HERE / "arm.py", "--reject", *where(motion)):
-        status, _, errors = ros.send(file, *CONTROLLER)
-    assert status == 1
-    assert "rejected the goal" in errors
+    assert why in errors
 
 
 def test_without_anybody_there_it_ends(ros: Ros, file: Path) -> None:

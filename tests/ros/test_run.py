@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import jacokin
+from jacokin import Robot
 from jacokin.motion import Trajectory, move_joints
 from tests.ros.nodes import Master, Ros, Twin, at_work, away, finish, heed_signals
 
@@ -40,8 +40,7 @@ def ros(request: pytest.FixtureRequest, version: int) -> Ros:
 
 
 @pytest.fixture(scope="module")
-def motion() -> Trajectory:
-    robot = jacokin.load_robot()
+def motion(robot: Robot) -> Trajectory:
     return move_joints(robot, robot.home, robot.home + np.array([0.4, 0.1, -0.2, 0.5, 0.1, 0.6]), dt=0.02)
 
 

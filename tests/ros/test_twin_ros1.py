@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import jacokin
+from jacokin import Robot
 from jacokin.motion import Trajectory, move_joints
 from tests.ros.nodes import Ros, at_work, away, finish, free_port
 
@@ -23,8 +24,7 @@ STANDS = 0.3  # [s] 0.2, and what lies between a signal and the last message tha
 
 
 @pytest.fixture(scope="module")
-def motion() -> Trajectory:
-    robot = jacokin.load_robot()
+def motion(robot: Robot) -> Trajectory:
     return move_joints(robot, robot.home, robot.home + np.array([0.4, 0.1, -0.2, 0.5, 0.1, 0.6]), dt=0.01)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import jacokin
-from jacokin.motion import Trajectory, move_joints
+from jacokin.motion import Trajectory
 from tests.ros.nodes import Ros, at_work, away, finish
 
 pytestmark = pytest.mark.slow
@@ -22,18 +22,6 @@ CONTROLLER = (
 )
 CLOSE = 0.5  # [deg]
 STANDS = 0.35  # [s] 0.2, the watchdog's 0.05, and what lies between a signal and the last message that it lets through
-
-
-@pytest.fixture(scope="module")
-def motion() -> Trajectory:
-    robot = jacokin.load_robot()
-    return move_joints(robot, robot.home, robot.home + np.array([0.4, 0.1, -0.2, 0.5, 0.1, 0.6]), dt=0.005)
-
-
-@pytest.fixture
-def file(motion: Trajectory, tmp_path: Path) -> Path:
-    motion.save(tmp_path / "m.json", joint_prefix="j2n6s300_")
-    return tmp_path / "m.json"
 
 
 @pytest.mark.parametrize("faults", ["", "lag=0.02,loss=0.01,stall"])

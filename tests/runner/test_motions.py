@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import jacokin
 from jacokin.errors import InvalidInputError
 from jacokin.model import Robot
 from jacokin.motion import Tracker, Trajectory, move_joints
@@ -17,11 +16,6 @@ from jacokin.teleop import Teleop
 from jacokin.twin import KinovaDriver, SimulatedArm
 
 TICK = 0.01
-
-
-@pytest.fixture(scope="module")
-def robot() -> Robot:
-    return jacokin.load_robot()
 
 
 @pytest.fixture(scope="module")
@@ -49,36 +43,6 @@ def test_all_files_that_save_writes(robot: Robot, trajectory: Trajectory, tmp_pa
         assert motion.now > before
         np.testing.assert_allclose(q, wanted.q, atol=1e-9)
     np.testing.assert_allclose(q, trajectory.q[-1], atol=1e-9)
-
-
-def test_files_of_others_are_refused(robot: Robot, trajectory: Trajectory, tmp_path: Path) -> None:
-    file = tmp_path / "m.json"
-    trajectory.save(file, joint_prefix="arm_")
-    other = json.loads(file.read_text())
-    other["joint_names"][0] = "wheel"
-    file.write_text(json.dumps(other))
-    with pytest.raises(InvalidInputError, match="has the joints wheel"):
-        PlannedMotion.load(file, robot)
-    for text in ("[]", "{", '{"joint_names": ["a"], "points": [1]}'):
-        file.write_text(text)
-        with pytest.raises(InvalidInputError, match="not a JointTrajectory"):
-            PlannedMotion.load(file, robot)
-    table = tmp_path / "m.kinova.csv"
-    trajectory.save(table)
-    lines = table.read_text().splitlines()
-    for wrong in (lines[:1] + lines[2:], [lines[0].replace("joint1", "axis1"), *lines[1:]], lines[:1]):
-        table.write_text("\n".join(wrong))
-        with pytest.raises(InvalidInputError, match="m.kinova.csv"):
-            PlannedMotion.load(table, robot)
-    table.write_text("\n".join(lines[:50]) + "\n")
-    with pytest.raises(InvalidInputError, match="its last row is not at rest"):
-        PlannedMotion.load(table, robot)
-    with pytest.raises(InvalidInputError, match="must end in"):
-        PlannedMotion.load(tmp_path / "m.txt", robot)
-    seven = jacokin.load_robot("j2s7s300")
-    trajectory.save(tmp_path / "m.csv")
-    with pytest.raises(InvalidInputError, match="j2s7s300"):
-        PlannedMotion.load(tmp_path / "m.csv", seven)
 
 
 def test_rows_that_break_a_limit_are_refused(robot: Robot) -> None:

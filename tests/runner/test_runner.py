@@ -8,7 +8,6 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-import jacokin
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.model import Robot
@@ -20,11 +19,6 @@ from jacokin.twin.arm import MOVING
 CLOSE = 0.5  # [deg]
 STANDS = 0.2  # [s]
 TICK = 0.01
-
-
-@pytest.fixture(scope="module")
-def robot() -> Robot:
-    return jacokin.load_robot()
 
 
 @pytest.fixture(scope="module")

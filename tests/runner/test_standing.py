@@ -7,14 +7,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-import jacokin
 from jacokin.model import Robot
 from jacokin.runner.standing import Standing
-
-
-@pytest.fixture(scope="module")
-def robot() -> Robot:
-    return jacokin.load_robot()
 
 
 def judged(

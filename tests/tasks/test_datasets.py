@@ -30,7 +30,7 @@ from jacokin.tasks.datasets.recorded import Recorded
 from jacokin.tasks.datasets.recording import run_episode
 from jacokin.tasks.task import CONTROL_TIMESTEP
 from tests.cli.run import leave
-from tests.rendering import run_drawing
+from tests.programs import python, run_drawing
 
 h5py = pytest.importorskip("h5py", reason="the extra data is not installed")
 parquet = pytest.importorskip("pyarrow.parquet", reason="the extra data is not installed")
@@ -281,9 +281,7 @@ jacokin.tasks.record(make(), Deadly(), sys.argv[1], episodes=EPISODES, seed=SEED
 @pytest.mark.usefixtures("short")
 def test_a_kill_loses_no_finished_episode(tmp_path: Path) -> None:
     path = tmp_path / "demos.hdf5"
-    command = [sys.executable, "-P", "-c", KILLED, str(path), str(ROOT), *sys.path]
-    done = subprocess.run(command, check=False, capture_output=True)
-    assert done.returncode == -signal.SIGKILL, done.stderr
+    python("-c", KILLED, path, ROOT, *sys.path, code=-signal.SIGKILL)
     assert not path.exists()
     assert len(list((tmp_path / "demos.hdf5.episodes").glob("*.npz"))) == 2
     assert record(path)[1] == [3]  # only the one that was lost is run
@@ -521,9 +519,7 @@ jacokin.tasks.record(make(), Wave(), sys.argv[1], episodes=EPISODES, seed=SEED)
 @pytest.mark.parametrize("ending", FORMATS)
 def test_a_kill_in_the_last_write_leaves_nothing_for_ever(ending: str, tmp_path: Path) -> None:
     path = tmp_path / f"demos{ending}"
-    command = [sys.executable, "-P", "-c", KILLED_WRITING, str(path), ending[1:], str(ROOT), *sys.path]
-    done = subprocess.run(command, check=False, capture_output=True)
-    assert done.returncode == -signal.SIGKILL, done.stderr
+    python("-c", KILLED_WRITING, path, ending[1:], ROOT, *sys.path, code=-signal.SIGKILL)
     folder = path.with_name(f"{path.name}.episodes")
     assert list(tmp_path.iterdir()) == [folder]
     assert any(each.name.endswith(".unfinished") for each in folder.iterdir())
@@ -561,9 +557,7 @@ def test_an_interrupt_in_the_last_write_loses_no_episode(
 ) -> None:
     """HDF5 crashed where what Python calls for it raised an exception."""
     path = tmp_path / f"demos{ending}"
-    command = [sys.executable, "-P", "-c", INTERRUPTED_WRITING, str(path), str(int(number)), str(ROOT), *sys.path]
-    done = subprocess.run(command, check=False, capture_output=True)
-    assert (done.returncode, done.stderr) == (code, b"")
+    assert python("-c", INTERRUPTED_WRITING, path, str(int(number)), ROOT, *sys.path, code=code).stderr == ""
     (folder,) = tmp_path.iterdir()
     assert sorted(each.suffix for each in folder.iterdir()) == [".json", *[".npz"] * EPISODES]
 

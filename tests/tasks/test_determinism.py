@@ -5,10 +5,7 @@ from __future__ import annotations
 import copy
 import functools
 import hashlib
-import os
 import pickle
-import subprocess
-import sys
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
@@ -19,6 +16,7 @@ import pytest
 import jacokin.tasks
 from jacokin.errors import InvalidInputError, JacokinError, PhysicsError
 from jacokin.tasks.registry import TASKS
+from tests.programs import python
 from tests.tasks.families_sample import ONE_OF_EACH_FAMILY, slow_but
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -137,12 +135,4 @@ def test_an_exception_changes_no_later_episode(control: str, cause: str) -> None
 def test_another_process_gives_the_same_episodes() -> None:
     names = sorted(TASKS)
     wanted = fresh_digests(names)
-    done = subprocess.run(
-        [sys.executable, "-P", "-c", PROGRAM, str(ROOT), *names],
-        env={**os.environ, "PYTHONHASHSEED": "7"},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.splitlines() == wanted
+    assert python("-c", PROGRAM, ROOT, *names, environment={"PYTHONHASHSEED": "7"}).stdout.splitlines() == wanted

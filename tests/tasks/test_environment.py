@@ -13,7 +13,7 @@ import jacokin.tasks
 from jacokin.errors import UnknownNameError
 from jacokin.tasks import Environment
 from jacokin.tasks.registry import TASKS
-from tests.rendering import run_drawing
+from tests.programs import run_drawing
 
 FEATURES = jacokin.tasks.names("features")
 QUICK = ("reach_site", "lift_brick", "place_cradle", "stack_3_bricks_random_order")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from typing import Any
 
 import gymnasium
@@ -13,6 +11,7 @@ import pytest
 import jacokin.tasks
 from jacokin.errors import InvalidInputError, PhysicsError, UnknownNameError, install_command
 from jacokin.tasks.gym.registration import IDS
+from tests.programs import python
 
 gymnasium.register_envs(jacokin.tasks)
 CONTROLS = ("joint_velocity", "joint_position", "joint_delta", "tool_velocity", "tool_pose")
@@ -193,5 +192,5 @@ assert len(jacokin.tasks.names()) == 33
 try: {use}
 except ImportError as error: print(error)
 """
-    done = subprocess.run([sys.executable, "-P", "-c", program], capture_output=True, text=True, check=True)
+    done = python("-c", program)
     assert done.stdout.strip() == f"{package} is needed for this. Install it with: {install_command('tasks')}"

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import subprocess
-import sys
 import threading
 import time
 from collections.abc import Iterable
@@ -26,7 +24,7 @@ from jacokin.mujoco_bridge.observations import PERFECT_FEATURES
 from jacokin.tasks import Task, TaskEnv, replay
 from jacokin.tasks.datasets import hdf5
 from jacokin.teleop import Controller, Keyboard, Player, Stream, TaskArm, Teleop, TeleopStep, demonstrate
-from tests.rendering import run_drawing
+from tests.programs import python, run_drawing
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -197,13 +195,7 @@ demonstrate(env, Killed(typed(*sys.argv[3:])), sys.argv[2], pace=math.inf)
 )
 def test_a_kill_loses_no_episode_that_has_ended(env: TaskEnv, script: str, tmp_path: Path) -> None:
     path = tmp_path / "demos.hdf5"
-    process = subprocess.run(
-        [sys.executable, "-P", "-c", KILLED, ROOT, str(path), *script.split(" ")],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert process.returncode == -9, process.stderr
+    python("-c", KILLED, ROOT, path, *script.split(" "), code=-9)
     assert len(list((tmp_path / "demos.hdf5.episodes").glob("*.npz"))) == 1
     made = demonstrate(env, Typist(typed("q")), path, pace=math.inf)
     assert (made.kept, made.is_written) == (1, True)

@@ -501,11 +501,13 @@ def switched(teleop: Teleop, ticks: int = 4_000) -> TeleopStep:
 @pytest.mark.one_quick
 @pytest.mark.parametrize("name", NAMES)
 def test_every_bundled_arm_reaches_another_branch(bundled: Any, name: str) -> None:
-    robot = bundled(name)
-    teleop = Teleop(Tracker(robot, dt=0.02, acceleration_limit=ACCELERATION))
+    check_switch(Teleop(Tracker(bundled(name), dt=0.02, acceleration_limit=ACCELERATION)))
+
+
+def check_switch(teleop: Teleop) -> None:
+    """The arm goes to another branch of the pose that its tool has."""
     start, q = teleop.tool, teleop.tracker.q
-    plan = teleop.switch_branch()
-    assert plan.success
+    assert teleop.switch_branch().success
     switched(teleop)
     assert np.abs(teleop.tracker.q - q).max() > 0.3
     assert np.linalg.norm(teleop.tool.translation - start.translation) < 1e-3
@@ -540,14 +542,8 @@ def arm(joints: int, folder: Path) -> Robot:
 @pytest.mark.one_quick
 @pytest.mark.parametrize("joints", [5, 6, 7])
 def test_other_arms_reach_another_branch(joints: int, tmp_path: Path) -> None:
-    robot = arm(joints, tmp_path)
     q = np.array([0.3, -1.2, 1.3, -0.5, 1.1, 0.4, 0.2])[:joints]
-    teleop = Teleop(Tracker(robot, q=q, acceleration_limit=ACCELERATION))
-    start = teleop.tool
-    assert teleop.switch_branch().success
-    switched(teleop)
-    assert np.abs(teleop.tracker.q - q).max() > 0.3
-    assert np.linalg.norm(teleop.tool.translation - start.translation) < 1e-3
+    check_switch(Teleop(Tracker(arm(joints, tmp_path), q=q, acceleration_limit=ACCELERATION)))
 
 
 def test_an_arm_with_a_sliding_joint_says_that_its_branches_cannot_be_listed(tmp_path: Path) -> None:

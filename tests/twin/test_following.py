@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-import jacokin
+from jacokin import Robot
 from jacokin.errors import InvalidInputError
 from jacokin.motion import Trajectory, move_joints
 from jacokin.twin import Faults, GoalStatus, SimulatedArm, Tolerances, TrajectoryController, TwinGoal
@@ -17,8 +17,7 @@ NAMES = [f"joint_{j}" for j in range(1, 7)]
 
 
 @pytest.fixture(scope="module")
-def motion() -> Trajectory:
-    robot = jacokin.load_robot()
+def motion(robot: Robot) -> Trajectory:
     return move_joints(robot, robot.home, robot.home + np.array([0.4, 0.1, -0.2, 0.5, 0.1, 0.6]), dt=0.02)
 
 

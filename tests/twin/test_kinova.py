@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-import jacokin
+from jacokin import Robot
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.motion import Trajectory, move_joints
@@ -16,9 +16,8 @@ from tests.twin.driving import HALF_DEGREE, away, pass_time, wait
 
 
 @pytest.fixture(scope="module")
-def motion() -> Trajectory:
+def motion(robot: Robot) -> Trajectory:
     """A second and a half, points 10 ms apart, joints up to 0.66 rad/s."""
-    robot = jacokin.load_robot()
     return move_joints(robot, robot.home, robot.home + np.array([0.4, 0.1, -0.2, 0.5, 0.1, 0.6]), dt=0.01)
 
 

@@ -21,7 +21,7 @@ from jacokin.ik import Floor, PointCloud, Scene
 from jacokin.model import NAMES, to_mujoco, urdf_folder
 from jacokin.viewer import Inspector, ViewerOptions, drawing, serve
 from jacokin.viewer.drawing import ArmPart, load_parts, load_visuals, read_geom, read_site, rgba_of, to_colour
-from tests.robot_files import ur5_text
+from tests.robot_files import load_text, ur5_text
 from tests.viewer.page import Page, opened, until
 
 
@@ -80,9 +80,7 @@ def test_the_arm_has_the_colours_of_its_description(robot: Robot, tmp_path: Path
     assert {piece.colour for piece in base.pieces} == {dark}
     assert all({piece.colour for piece in part.pieces} == {dark, light} for part in moved)
     text = (urdf_folder() / "j2n6s300.urdf").read_text(encoding="utf-8")
-    path = tmp_path / "own.urdf"
-    path.write_text(text.replace("0.7 0.7 0.7 1.0", "1 0 0 1"), encoding="utf-8")
-    drawn = load_visuals(jacokin.load_robot(path))
+    drawn = load_visuals(load_text(tmp_path / "own.urdf", text.replace("0.7 0.7 0.7 1.0", "1 0 0 1")))
     assert drawn is not None
     assert {piece.colour for piece in drawn[1].pieces} == {dark, (255, 0, 0)}
 
@@ -254,9 +252,7 @@ def test_meshes_of_an_mjcf_are_where_mujoco_has_them(tmp_path: Path) -> None:
 
 def test_without_visuals_of_its_own_a_robot_has_none(robot: Robot, tmp_path: Path) -> None:
     assert load_visuals(robot) is None
-    path = tmp_path / "arm.xml"
-    path.write_text(MJCF.replace('contype="0" conaffinity="0"', ""), encoding="utf-8")
-    assert load_visuals(jacokin.load_robot(path)) is None
+    assert load_visuals(load_text(tmp_path / "arm.xml", MJCF.replace('contype="0" conaffinity="0"', ""))) is None
 
 
 @pytest.mark.slow
@@ -279,9 +275,7 @@ def test_a_missing_mesh_is_named_and_the_shapes_are_drawn(meshed: Path, caplog: 
 def test_a_missing_mesh_that_collides_is_named_and_sticks_are_drawn(tmp_path: Path) -> None:
     text = (urdf_folder() / "j2n6s300.urdf").read_text(encoding="utf-8")
     text = re.sub(r"<cylinder[^>]*/>", '<mesh filename="package://gone/part.stl"/>', text)
-    path = tmp_path / "arm.urdf"
-    path.write_text(text, encoding="utf-8")
-    parts, note = load_parts(jacokin.load_robot(path))
+    parts, note = load_parts(load_text(tmp_path / "arm.urdf", text))
     assert "package_dirs=" in note
     assert all(part.mesh is not None and not part.shapes for part in parts)
 

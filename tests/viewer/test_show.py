@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import importlib.util
-import subprocess
-import sys
 import webbrowser
 from collections.abc import Callable
 
@@ -16,6 +14,7 @@ from jacokin import IKSolver, Robot, Status
 from jacokin.errors import InvalidInputError, MissingExtraError
 from jacokin.ik import Box, Scene
 from jacokin.viewer import Viewer
+from tests.programs import python
 from tests.viewer.page import opened, until
 
 TARGET = jacokin.pose([0.3, -0.3, 0.4], down=True)
@@ -146,4 +145,4 @@ def test_a_result_knows_of_the_viewer_only_when_asked() -> None:
         "jacokin.solve_ik(robot.forward_kinematics(robot.home), robot);"
         "assert not [name for name in sys.modules if name.startswith(('jacokin.viewer', 'webbrowser', 'viser'))]"
     )
-    subprocess.run([sys.executable, "-P", "-c", program], check=True)
+    python("-c", program)

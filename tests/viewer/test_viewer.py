@@ -24,6 +24,7 @@ from jacokin.model import urdf_folder
 from jacokin.viewer import Inspector, Viewer, ViewerOptions, serve
 from jacokin.viewer.view import View
 from tests.model.measured_arms import perturbed
+from tests.robot_files import load_text
 from tests.viewer.page import Page, opened, port_of, repeat, until
 from tests.viewer.trajectories import recorded
 
@@ -205,9 +206,7 @@ def test_the_tracker_follows_the_gizmo_within_the_velocity_limits(viewer: Viewer
 @pytest.mark.slow
 def test_an_arm_without_velocity_limits_opens_and_tracks_with_given_ones(tmp_path: Path) -> None:
     text = (urdf_folder() / "j2n6s300.urdf").read_text(encoding="utf-8")
-    file = tmp_path / "slow.urdf"
-    file.write_text(re.sub(r'velocity="[^"]*"', 'velocity="0"', text), encoding="utf-8")
-    arm = jacokin.load_robot(file)
+    arm = load_text(tmp_path / "slow.urdf", re.sub(r'velocity="[^"]*"', 'velocity="0"', text))
     with serve(arm, port=0) as viewer, opened(viewer) as page:
         page.move_gizmo(NEAR)
         assert at(viewer, NEAR)

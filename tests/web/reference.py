@@ -19,7 +19,7 @@ from jacokin.arrays import Array
 from jacokin.ik import IKSolver
 from jacokin.ik.c_library import solver_file
 from tests.c import binding
-from tests.c.binding import CSolver
+from tests.c.binding import CSolver, make_targets
 
 STATUSES = ("ok", "unreachable", "outside_limits", "no_convergence")
 ENDS = ("limit", "fold", "range", "circle", "lost")
@@ -48,18 +48,10 @@ def write(folder: Path) -> None:
     (folder / "own.jacokin").write_bytes(solver_file(IKSolver(robot, tool=jacokin.pose([0.0, 0.0, 0.1]))))
 
 
-def _targets(robot: jacokin.Robot, n: int) -> tuple[Array, Array]:
-    """Poses (n, 4, 4), a third of them moved off, and seeds (n, dof)."""
-    rng = np.random.default_rng(44)
-    T = np.array([robot.forward_kinematics(q).homogeneous for q in robot.sample(rng, n)])
-    T[::3, :3, 3] += rng.normal(scale=0.2, size=(len(T[::3]), 3))  # [m]
-    return T, robot.sample(rng, n)
-
-
 def _six_joints(name: str, n: int) -> tuple[dict[str, Any], Array]:
     solver = IKSolver(jacokin.load_robot(name), collision="ignore")
     c = CSolver(solver)
-    T, seeds = _targets(solver.robot, n)
+    T, seeds = make_targets(solver.robot, n, 44)
     found = [c.all(pose, seed) for pose, seed in zip(T, seeds, strict=True)]
     status, q = c.batch(T, seeds)
     branches = [np.array(each.q[:6]) for _, several, _ in found for each in several]
@@ -80,7 +72,7 @@ def _curves(name: str, about: dict[str, Any] | None) -> list[dict[str, Any]]:
         low, high = about.get("range", (-np.pi, np.pi))
         axis = binding.Axis((ctypes.c_double * 3)(*about["axis"]), (ctypes.c_double * 2)(low, high))
     rows = []
-    for T, seed in zip(*_targets(solver.robot, TARGETS), strict=True):
+    for T, seed in zip(*make_targets(solver.robot, TARGETS, 44), strict=True):
         status, intervals, complete = c.intervals(T, axis)
         middles = [c.at(each, 0.5 * (each.start + each.stop), seed)[1].tolist() for each in intervals]
         shown = [

@@ -20,6 +20,7 @@ from typing import ClassVar
 import pytest
 
 import jacokin
+from tests.programs import execute
 from tests.viewer.chromium import CHROMIUM, STARTING, WITHOUT_SCREEN
 from tests.web import reference
 
@@ -52,8 +53,7 @@ def package(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The package as it is built, in a folder of its own."""
     folder = tmp_path_factory.mktemp("npm") / "jacokin"
     shutil.copytree(WEB, folder, ignore=shutil.ignore_patterns("*.wasm", "robots.js", "LICENSE*", "reference", "*.tgz"))
-    done = subprocess.run([sys.executable, WEB / "build.py", folder], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr
+    execute(sys.executable, WEB / "build.py", folder)
     return folder
 
 

@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from jacokin.ik.solutions.points import BranchTable
 
 CHUNK = 32768  # targets in one compiled call: a quarter of a second, after which workers wait for each other
-MAX_CHUNK = 4  # targets that a worker process takes at once: an interrupted batch waits for no more
 
 
 #: Solves one target as `IKSolver.solve` does; can be pickled, and runs in other processes.
@@ -221,7 +220,8 @@ def _one_by_one(single: Single, jobs: list[_Job], workers: int) -> Iterator[tupl
         # The processes start here and inherit the mask: Ctrl-C is for this process, which then stops them.
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
-            results = pool.map(_job_in_process, jobs, chunksize=min(MAX_CHUNK, max(1, len(jobs) // (8 * workers))))
+            # At most 4 targets at once for a process: an interrupted batch waits for no more.
+            results = pool.map(_job_in_process, jobs, chunksize=min(4, max(1, len(jobs) // (8 * workers))))
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
         yield from results

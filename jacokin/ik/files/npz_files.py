@@ -38,7 +38,6 @@ from jacokin.model.checks import NUMBER_KINDS
 #: Arrays with several columns, by their names and shapes, and the columns that they stand for.
 _GROUPS = {("position", (3,)): POSITION, ("quat_wxyz", (4,)): QUATERNION, ("rpy", (3,)): RPY}
 _MATRICES = (4, 4)
-LOCAL_HEADER = 30  # bytes before the name of a file in a ZIP archive; the lengths of name and extra field end it
 NOT_NPZ = "is not an NPZ file"
 _NEEDED = (
     "needed: targets (n, 4, 4) or (n, 3); or position (n, 3) with quat_wxyz (n, 4), rpy (n, 3) or nothing; "
@@ -156,7 +155,7 @@ def _opened(stack: contextlib.ExitStack, archive: zipfile.ZipFile, path: Path, n
         return _Member(path, name, member, info.file_size, stored=False)
     file = stack.enter_context(path.open("rb"))
     file.seek(info.header_offset)
-    header = file.read(LOCAL_HEADER)
+    header = file.read(30)  # before the name of a file in a ZIP archive; the lengths of name and extra field end it
     file.seek(int.from_bytes(header[26:28], "little") + int.from_bytes(header[28:30], "little"), io.SEEK_CUR)
     return _Member(path, name, file, info.file_size, stored=True)
 

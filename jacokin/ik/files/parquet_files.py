@@ -29,8 +29,6 @@ if TYPE_CHECKING:
 
 
 TEXTS = ("status", "method", "message")
-WRITTEN_AT_ONCE = 1 << 14  # rows
-READ_AT_ONCE = 1 << 14  # rows: small batches cost more than what they hold, and pyarrow's threads read on needlessly
 
 NOT_PARQUET = "is not a Parquet file that can be read"
 
@@ -51,7 +49,7 @@ def blocks(path: Path, size: int, consecutive: Sequence[FilePart] | None = None)
         groups, before = _groups_from(file.metadata, start)
         first, waiting, held = start + 1, list[pa.RecordBatch](), 0
         names = [file.schema_arrow.names[at] for at in (*columns.places, *columns.carried.values())]
-        at_once = max(size, READ_AT_ONCE)
+        at_once = max(size, 1 << 14)  # rows: small batches cost more than what they hold
         for batch in file.iter_batches(batch_size=at_once, row_groups=groups, columns=names, use_threads=False):
             if before >= len(batch):
                 before -= len(batch)
@@ -170,7 +168,7 @@ def write_joined(
                     use_dictionary=texts,
                     compression=dict.fromkeys(texts, "snappy"),
                     write_statistics=texts,
-                    write_batch_size=WRITTEN_AT_ONCE,
+                    write_batch_size=1 << 14,  # rows
                 )
             writer.write_table(table, row_group_size=max(1, table.num_rows))
     finally:

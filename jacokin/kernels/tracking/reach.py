@@ -39,7 +39,7 @@ LOOKS, DEPTH = 48, 14
 #: deeper first. The joints between its shapes are those from the first one to before the last.
 FIRST, SECOND, EXCHANGED, MOVER, LEAVING, INNER, OUTER, PAIR_INTEGERS = range(8)
 #: Counts: links and groups of shapes; whether any obstacle moves; what to find out, see below; filled: pairs near.
-LINKS, GROUPS, MOVING, ASKED, NEAR, REACH_COUNTS = range(6)
+LINKS, GROUPS, MOVING, ASKED, NEAR = range(5)
 #: Numbers: the distance kept, and the one below which pairs are measured always [m]; control step [s], time in which
 #: moving obstacles are looked at [s], the part of the way from braking to the displacement, how far beyond the distance
 #: in question is measured [m], the least bound of all pairs before [m]; filled: that after, and the least distance on

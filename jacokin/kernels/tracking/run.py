@@ -75,9 +75,9 @@ from jacokin.kernels.tracking.watch import add_corners, take_near, watch
 #: could bring near, and no more; a whole tick; one whose total was found elsewhere; one along a twist, linearised; one
 #: whose displacement was found elsewhere; what of the displacement is clear; the report.
 LINEARISE, LOOK_AHEAD, WHOLE, FROM_TOTAL, FROM_TWIST, FROM_STEP, TRY, REPORT = range(8)
-#: What it returns beside what `find_step` does with a QP solver to be called: the arm is on its way, or on its target;
-#: the displacement of this tick is there, and something else may be added to it; time to look at the clock.
-ON_ITS_WAY, ON_TARGET, NEEDS_MORE, UNFINISHED = 0, 1, 3, 4
+#: What it returns beside 0 on the way, and what `find_step` does with a QP solver to be called: the arm is on its
+#: target; the displacement of this tick is there, and something else may be added to it; time to look at the clock.
+ON_TARGET, NEEDS_MORE, UNFINISHED = 1, 3, 4
 #: Of the way from braking to what the arm would do, tried until nothing is too near.
 PARTS = (1.0, 0.5, 0.2, 0.05)
 

@@ -40,6 +40,7 @@ from jacokin.motion.free_motion.handling import (
 from jacokin.motion.free_motion.leaving import DEEPEST, Leaving
 from jacokin.motion.free_motion.plan_motion import GoalFinder, list_aims, search_of
 from jacokin.motion.free_motion.plan_pick import Pick
+from jacokin.motion.grasps import checked_gripper
 from jacokin.motion.joint_motion import ACCELERATION
 from jacokin.motion.trajectory import MotionStatus, Trajectory
 
@@ -217,7 +218,7 @@ class _Load(NamedTuple):
 def _load(solver: IKSolver, held: Pick | Scene, obstacle: str | None, gripper: Gripper | None) -> _Load:
     """What the hand holds, checked; errors as of `plan_place`."""
     robot = solver.robot
-    hand = checks.optional(_checked_gripper, "gripper", gripper)
+    hand = None if gripper is None else checked_gripper(gripper)
     if isinstance(held, Pick):
         if held.held is None or held.grasp is None:
             raise InvalidInputError(f"held is a pick that holds nothing (obstacle=None, or {held.message!r})")
@@ -502,7 +503,3 @@ def _poses(target: pin.SE3 | FreeAxis, few: bool) -> list[pin.SE3 | FreeAxis]:
 
 def _checked_target(target: Any) -> pin.SE3 | FreeAxis:
     return target if isinstance(target, FreeAxis) else poses.checked_pose(target, "target")
-
-
-def _checked_gripper(name: str, gripper: object) -> Gripper:
-    return checks.instance(name, gripper, Gripper, "a Gripper, for example Gripper.of(robot)")

@@ -40,7 +40,6 @@ from jacokin.motion.track import ANGULAR_SPEED, SPEED
 from jacokin.motion.trajectory import LEAD_IN, SPEED_ROUNDING, Trajectory
 
 FINEST = 0.01  # [rad] between members of a curve: more of them take minutes
-FINEST_TWO = 0.1  # [rad] the same of a surface
 SLOWEST = 1e-6  # [rad/s] of a velocity limit: a turn takes 70 days
 
 
@@ -119,7 +118,7 @@ def plan_path(
     chain = Chain(robot, verifier.frame_id, verifier.tool)
     manifold = Manifold(robot, chain, path, verifier.options.limit_snap, solver.parameter)
     free_step = checks.positive("free_step", free_step, "rad")
-    finest = FINEST_TWO if manifold.has_surfaces else FINEST
+    finest = 0.1 if manifold.has_surfaces else FINEST  # [rad]
     if free_step < finest:
         raise InvalidInputError(f"free_step must be at least {finest:g} rad, got {free_step!r}")
     limit = np.inf if time_limit is None else checks.positive("time_limit", time_limit, "s")

@@ -38,7 +38,6 @@ from jacokin.motion.timing import sample_lines
 PLACES_TOGETHER = 256  # places whose members are corrected in one go
 MISSED = 2e-3  # [m] of the tool from its line half way between two steps, the joints moving straight
 TILTED = 2e-2  # [rad] the same of its orientation
-SURFACE_STEPS = 2.0  # times farther apart are members where two parameters are free: a quarter of them
 NEAR = 1.0  # [rad] no joint moves farther between two steps
 
 FINEST = 2e-5  # [m] no step of the path is made smaller
@@ -123,7 +122,8 @@ class Ladder:
         """
         self.manifold, self.pace = manifold, pace
         self._solver, self.keep = solver, keep
-        self._step = SURFACE_STEPS * step if manifold.has_surfaces else step
+        # Where two parameters are free members are farther apart: a quarter of them.
+        self._step = 2.0 * step if manifold.has_surfaces else step
         self._robot, self.verifier = solver.robot, solver.verifier
         # Limited joints with more than a turn of room stand for several configurations.
         self._near, self._copies = near, copies_counted(self._robot)

@@ -26,8 +26,6 @@ AXES: tuple[str, ...] = ("none", "x", "y", "z")
 NARROWEST = 1.0  # [deg] of a range
 STEP = 0.5  # [deg]
 MOST_POINTS = 1000  # of a plot
-JOINT_DIGITS = {"rad": 3, "deg": 1}  # of a slider; a box has room for six characters
-SLIDING_DIGITS = 3  # [m]
 ONE_SIDED = 2.0 * math.pi  # how far a slider goes where a joint has no limit
 TARGET_DIGITS = 4, 2  # [m] and [deg]
 ALIKE = 2e-4  # entries of two rotations whose angles agree to those digits
@@ -119,7 +117,8 @@ class JointControls:
         for slider in self._sliders:
             slider.remove()
         sliding = self._robot.sliding
-        self._digits = np.where(sliding, SLIDING_DIGITS, JOINT_DIGITS[unit]).tolist()
+        # A box has room for six characters; what slides has millimetres.
+        self._digits = np.where(sliding, 3, {"rad": 3, "deg": 1}[unit]).tolist()
         self._scale = np.where(sliding, 1.0, math.degrees(1.0) if unit == "deg" else 1.0)
         self._shown = np.zeros(self._robot.dof)  # values the sliders were last set to
         self._folder.label = f"Joints [{unit}]"

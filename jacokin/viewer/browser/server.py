@@ -38,7 +38,6 @@ LOOPBACK = "127.0.0.1"
 LAST_PORT = 65535
 PATIENCE = 0.5  # [s] that pages are given to close their connection, once the viewer ends
 OWN_SITES = ["same-origin", "none"]  # values of Sec-Fetch-Site: of the page itself, and of an address that was typed
-WHOLE_PAGE = "document"  # Sec-Fetch-Dest of a page that is opened
 OWN_HEADER = "X-Jacokin"  # of what the viewer's pages tell: browsers leave out Sec-Fetch-Site without encryption
 HEADERS = {  # of every answer: no other page may hold this one in a frame, or learn the token from Referer
     "Content-Security-Policy": "frame-ancestors 'none'",
@@ -180,7 +179,7 @@ class OwnPages:
         if origins and origins[0].lower() != f"http://{hosts[0].lower()}":
             return f"pages of {origins[0]!r} may not use the viewer"
         others = set(headers.get_all("Sec-Fetch-Site")) - set(OWN_SITES)
-        if others and headers.get_all("Sec-Fetch-Dest") != [WHOLE_PAGE]:  # which is a link that was clicked
+        if others and headers.get_all("Sec-Fetch-Dest") != ["document"]:  # of a page that is opened by a link
             return f"pages of others ({', '.join(others)}) may not use the viewer"
         return None
 

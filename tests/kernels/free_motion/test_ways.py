@@ -24,7 +24,6 @@ from jacokin.model.scene import Scene
 from tests.kernels.plain import PlainCall
 
 WALL = Scene([Box("wall", [0.6, 0.02, 0.5], [0.45, -0.05, 0.25])]).surroundings
-SLACK_KEPT = 1e-4  # [m]
 
 
 def problem(around: Surroundings = WALL, form: Any = Call, room: int = 1024) -> tuple[Any, Contact]:
@@ -41,7 +40,7 @@ def problem(around: Surroundings = WALL, form: Any = Call, room: int = 1024) -> 
     space.weights[:] = robot.velocity_limit.mean() / robot.velocity_limit
     space.levers[:] = contact.levers
     numbers = work.sight.contact.numbers
-    numbers[ContactNumber.MARGIN_KEPT], numbers[ContactNumber.SLACK] = 0.0, SLACK_KEPT
+    numbers[ContactNumber.MARGIN_KEPT], numbers[ContactNumber.SLACK] = 0.0, 1e-4  # [m]
     work.generator[:] = 12345
     work.integers[run.MotionInteger.JOINTS], work.integers[run.MotionInteger.TRIES_IN_VAIN] = robot.dof, 40
     solver = jacokin.IKSolver(robot, collision="reject", scene=Scene([*WALL.obstacles]))

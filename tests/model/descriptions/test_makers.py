@@ -10,7 +10,7 @@ import pytest
 import jacokin
 from benchmarks import makers
 from jacokin.model.descriptions import tools
-from tests.robot_files import skeleton
+from tests.robot_files import load_text, skeleton
 
 
 class Arm(NamedTuple):
@@ -208,9 +208,7 @@ def test_robots_of_several_arms_are_refused_with_the_cure(tmp_path: Path, name: 
 
 
 def test_a_head_or_a_linkage_beside_the_arm_is_locked_and_named(tmp_path: Path) -> None:
-    path = tmp_path / "arm.urdf"
-    path.write_text(skeleton(TABLE["IRB 2400"].parts))
-    robot = jacokin.load_robot(path)
+    robot = load_text(tmp_path / "arm.urdf", skeleton(TABLE["IRB 2400"].parts))
     assert "locked beside the arm are joint_lever_a, joint_lever_b" in robot.notes
 
 

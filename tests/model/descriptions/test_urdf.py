@@ -20,7 +20,7 @@ from jacokin.model import Floor, Scene
 from jacokin.model.descriptions import urdf
 from jacokin.motion import move_joints
 from jacokin.viewer.drawing import load_parts
-from tests.robot_files import urdf_text
+from tests.robot_files import load_text, urdf_text
 
 BROKEN: dict[str, tuple[Callable[[str], str], str]] = {
     "truncated": (lambda text: text[: len(text) // 2], "not well-formed XML"),
@@ -346,9 +346,7 @@ def test_an_inertia_that_no_body_has_is_said(tmp_path: Path, moments: tuple[floa
 
 
 def test_a_robot_without_a_name_has_that_of_its_file(tmp_path: Path) -> None:
-    path = tmp_path / "ur3.urdf"
-    path.write_text(arm_text(head=">").replace(' name="arm"', ""))
-    assert jacokin.load_robot(path).name == "ur3"
+    assert load_text(tmp_path / "ur3.urdf", arm_text(head=">").replace(' name="arm"', "")).name == "ur3"
 
 
 @pytest.mark.parametrize(
@@ -403,9 +401,7 @@ XACRO = 'xmlns:xacro="http://www.ros.org/wiki/xacro"'
     ],
 )
 def test_definitions_of_xacro_that_nothing_uses_are_skipped(tmp_path: Path, head: str) -> None:
-    path = tmp_path / "ARM.URDF"
-    path.write_text(arm_text(head=head))
-    robot = jacokin.load_robot(path)
+    robot = load_text(tmp_path / "ARM.URDF", arm_text(head=head))
     assert robot.joint_names == ("j0", "j1")
     assert any("xacro" in note for note in robot.notes) == ("xacro" in head)
 

@@ -13,7 +13,6 @@ from jacokin.model.contact import ContactBetween
 from jacokin.motion import Trajectory, move_joints, plan_motion
 from jacokin.motion.free_motion.meanwhile import SHORTEST, TimedMotion, find_touch
 
-STEPPED_OVER = 3e-3  # [m] that two arms come nearer to each other between two samples
 BASE = jacokin.pose([0.6, 0.0, 0.0], rpy=[0.0, 0.0, np.pi])
 
 
@@ -70,7 +69,8 @@ def test_touches_are_where_samples_find_them(between: ContactBetween, motions: l
         else:
             touching += 1
             assert along[times < touch.begin].min(initial=np.inf) > 0.0
-            assert along[np.abs(times - touch.begin) < 3e-3].min() < STEPPED_OVER
+            # [m] two arms come nearer to each other between two samples.
+            assert along[np.abs(times - touch.begin) < 3e-3].min() < 3e-3
             assert touch.end - touch.begin <= SHORTEST
             assert touch.pair[0].startswith("other/")
     assert 0 < touching < len(motions) // 2

@@ -61,9 +61,8 @@ def reversals(v: NDArray[np.float64], limit: NDArray[np.float64]) -> int:
 
 
 @pytest.fixture(scope="module")
-def through() -> tuple[Robot, IKSolver, NDArray[np.float64], Any]:
+def through(robot: Robot) -> tuple[Robot, IKSolver, NDArray[np.float64], Any]:
     """An arm, its solver, a configuration on one side of a wall, and a pose on the other."""
-    robot = jacokin.load_robot()
     solver = IKSolver(robot, collision="reject", scene=WALL)
     start = solver.solve(jacokin.pose([0.4, -0.35, 0.3], down=True)).q
     return robot, solver, start, jacokin.pose([0.4, 0.25, 0.3], down=True)

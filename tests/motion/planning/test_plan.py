@@ -371,16 +371,22 @@ def test_from_where_the_arm_is(robot: Robot) -> None:
     result = plan_path(IKSolver(robot), corners, start=turned)
     check(robot, result, corners)
     np.testing.assert_allclose(result.q[0], turned, atol=1e-6)
-    elsewhere = plan_path(IKSolver(robot), corners, start=turned + 0.1)
-    assert elsewhere.success
-    assert elsewhere.status[0] == "LEAD_IN"
-    count = elsewhere.status.count("LEAD_IN")
-    assert "after a motion of" in elsewhere.message
-    first = robot.forward_kinematics(elsewhere.q[count])
+    check_lead_in(IKSolver(robot), corners, turned + 0.1)
+
+
+def check_lead_in(solver: IKSolver, corners: list[pin.SE3], start: Array) -> None:
+    """From elsewhere the arm first moves to where the path begins."""
+    robot = solver.robot
+    result = plan_path(solver, corners, start=start)
+    assert result.success
+    assert result.status[0] == "LEAD_IN"
+    count = result.status.count("LEAD_IN")
+    assert "after a motion of" in result.message
+    first = robot.forward_kinematics(result.q[count])
     np.testing.assert_allclose(first.translation, corners[0].translation, atol=1e-6)
-    assert (np.abs(elsewhere.v) <= robot.velocity_limit + 1e-9).all()
-    assert elsewhere.failed_segments == ()
-    assert max(elsewhere.largest_errors) < 1e-6
+    assert (np.abs(result.v) <= robot.velocity_limit + 1e-9).all()
+    assert result.failed_segments == ()
+    assert max(result.largest_errors) < 1e-6
 
 
 def test_the_way_to_the_first_pose_is_clear_and_saved(robot: Robot, tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 import jacokin
+from jacokin import Robot
 from jacokin.errors import InvalidInputError, ModelError, PhysicsError, UnknownNameError
 from jacokin.ik.closed_form import NearestBranch
 from jacokin.model.angles import circular_distance
@@ -171,10 +172,9 @@ def test_everything_else_is_fresh_in_bindings_observables_and_steps() -> None:
 
 
 @pytest.mark.parametrize("count", [200, pytest.param(1000, marks=pytest.mark.slow)])
-def test_tool_down_in_the_workspace_of_the_tasks(count: int) -> None:
+def test_tool_down_in_the_workspace_of_the_tasks(robot: Robot, count: int) -> None:
     """Everywhere but in the outermost corner, 0.3 % of the box, which no configuration reaches."""
     physics, arm, hand = scene()
-    robot = jacokin.load_robot()
     solver = jacokin.IKSolver(robot, frame="pinchsite")
     rng = np.random.RandomState(0)
     missed = 0
@@ -192,10 +192,9 @@ def test_tool_down_in_the_workspace_of_the_tasks(count: int) -> None:
     assert missed <= max(1, 0.003 * count)
 
 
-def test_the_nearest_branch_within_the_limits_is_taken() -> None:
+def test_the_nearest_branch_within_the_limits_is_taken(robot: Robot) -> None:
     arm = JacoArm()
     physics = Physics.from_entity(arm)
-    robot = jacokin.load_robot()
     solver = jacokin.IKSolver(robot, frame="wristsite")
     rng = np.random.default_rng(2)
     several = 0
@@ -212,9 +211,8 @@ def test_the_nearest_branch_within_the_limits_is_taken() -> None:
     assert several > 20
 
 
-def test_failure_changes_nothing_at_all() -> None:
+def test_failure_changes_nothing_at_all(robot: Robot) -> None:
     physics, arm, hand = scene(crowded=True)
-    robot = jacokin.load_robot()
     rng = np.random.default_rng(3)
     physics.step(5)
     physics.data.qpos[:6] += 0.01  # stale: a forward pass would show in the warm start

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
+from tests.programs import python
 
 THREADS = """
 import threading
@@ -52,7 +51,5 @@ print("done")
 
 
 def test_eight_threads_take_turns() -> None:
-    done = subprocess.run(
-        [sys.executable, "-P", "-c", THREADS], capture_output=True, text=True, timeout=120, check=False
-    )
-    assert (done.returncode, done.stdout, done.stderr) == (0, "done\n", "")
+    done = python("-c", THREADS, timeout=120.0)
+    assert (done.stdout, done.stderr) == ("done\n", "")

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import contextlib
-import subprocess
-import sys
 from pathlib import Path
 
 import gymnasium
 import pytest
 
 from jacokin.tasks.registry import TASKS
-from tests.rendering import run_drawing
+from tests.programs import python, run_drawing
 from tests.tasks.families_sample import ONE_OF_EACH_FAMILY, slow_but
 from tests.tasks.gym.checking import FEATURE_OPTIONS, check, check_copies
 
@@ -39,8 +37,7 @@ def test_an_environment_is_made_by_the_name_of_its_module() -> None:
 def test_a_process_that_has_registered_nothing_makes_an_environment() -> None:
     """As the workers of other libraries are, which get no more than the function that makes it."""
     program = f"import gymnasium; gymnasium.make({NAMED!r}, goal=True).reset(seed=0)"
-    done = subprocess.run([sys.executable, "-P", "-c", program], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    python("-c", program)
 
 
 @pytest.mark.parametrize("task", slow_but(OTHERS, ["reach_site"]))

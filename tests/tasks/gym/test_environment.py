@@ -27,7 +27,7 @@ from jacokin.tasks.gym.packing import Packing
 from jacokin.tasks.gym.registration import EPISODE_STEPS, IDS
 from jacokin.tasks.registry import OURS, TASKS
 from jacokin.tasks.task import WHOLE
-from tests.rendering import run_drawing
+from tests.programs import run_drawing
 from tests.tasks.gym.checking import make
 
 

@@ -18,7 +18,7 @@ from jacokin.tasks import Randomization, TaskEnv
 from jacokin.tasks.gym.controls import CONTROLS
 from jacokin.tasks.gym.vector import Simulations, VectorTaskEnv
 from jacokin.tasks.task import CONTROL_TIMESTEP, Task
-from tests.rendering import run_drawing
+from tests.programs import run_drawing
 from tests.tasks.families_sample import ONE_OF_EACH_FAMILY
 from tests.tasks.gym.randomizations import ALL
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+
+from tests.programs import execute, python
 
 ROOT = Path(__file__).parents[3]
 XVFB = shutil.which("xvfb-run")
@@ -19,27 +19,15 @@ runpy.run_module("tests.tasks.gym.window_program", run_name="__main__")
 """
 
 
-def run(*before: str, end: str, **environment: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [*before, sys.executable, "-P", "-c", PROGRAM, str(ROOT), end],
-        env={**os.environ, **environment},
-        capture_output=True,
-        text=True,
-        timeout=240,
-        check=False,
-    )
-
-
 @pytest.mark.slow
 @pytest.mark.skipif(XVFB is None, reason="there is no xvfb-run (Debian: apt-get install xvfb)")
 @pytest.mark.parametrize("end", ["close", "leave"])
 def test_an_episode_in_a_window_is_the_same_and_ends_well(end: str) -> None:
     assert XVFB is not None
-    done = run(XVFB, "-a", end=end)
-    assert (done.returncode, done.stdout.strip()) == (0, "done"), done.stderr
+    assert execute(XVFB, "-a", sys.executable, "-P", "-c", PROGRAM, ROOT, end).stdout.strip() == "done"
 
 
 def test_a_display_that_is_not_there_is_said() -> None:
-    done = run(end="close", DISPLAY=":4711", WAYLAND_DISPLAY="")
-    assert done.returncode == 1
+    nowhere = {"DISPLAY": ":4711", "WAYLAND_DISPLAY": ""}
+    done = python("-c", PROGRAM, ROOT, "close", code=1, environment=nowhere)
     assert "PhysicsError: no window can be opened on the display" in done.stderr

@@ -17,6 +17,7 @@ from jacokin.motion import Trajectory, track_path
 from jacokin.viewer import Inspector, Viewer, ViewerOptions, serve
 from jacokin.viewer.contents import MapSlices
 from jacokin.viewer.drawing import ArmPart, ColouredMesh, load_parts, load_visuals
+from tests.robot_files import load_text
 from tests.viewer.chromium import (
     EYE,
     FOV,
@@ -238,9 +239,7 @@ def test_visual_meshes_are_drawn_where_forward_kinematics_has_them(tmp_path: Pat
     trimesh.creation.torus(0.15, 0.04).export(tmp_path / "ring.stl")
     text = (urdf_folder() / "j2n6s300.urdf").read_text(encoding="utf-8")
     ring = '<visual><origin xyz="0 0.1 0"/><geometry><mesh filename="ring.stl"/></geometry></visual>'
-    path = tmp_path / "ringed.urdf"
-    path.write_text(text.replace('<link name="link_3">', f'<link name="link_3">{ring}'), encoding="utf-8")
-    robot = jacokin.load_robot(path)
+    robot = load_text(tmp_path / "ringed.urdf", text.replace('<link name="link_3">', f'<link name="link_3">{ring}'))
     visuals = load_visuals(robot)
     assert visuals is not None
     with (
