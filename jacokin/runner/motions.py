@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
+from jacokin.files import parsing
 from jacokin.logs.motion_files import read_motion
 from jacokin.model import checks
 from jacokin.model.angles import wrap_to_pi
@@ -106,9 +107,10 @@ class PlannedMotion:
             InvalidInputError: it cannot be read, is of other joints, or as for `PlannedMotion`.
         """
         t, q, fault = read_motion(path, robot)
-        if fault:
-            raise InvalidInputError(f"a trajectory that failed is not sent: {fault}")
-        return cls(robot, t, q, start=start)
+        with parsing(Path(path), "is not a motion"):
+            if fault:
+                raise InvalidInputError(f"a trajectory that failed is not sent: {fault}")
+            return cls(robot, t, q, start=start)
 
     @property
     def duration(self) -> float:
