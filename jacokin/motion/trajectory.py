@@ -38,7 +38,7 @@ from jacokin.motion.files import (
     write_table,
 )
 from jacokin.motion.grasps import Grasp
-from jacokin.motion.rows import MotionState, Rows, between, cubic, resting
+from jacokin.motion.rows import MotionState, Rows, between, cubic
 from jacokin.showing import Shown, show
 
 FORMATS = (".csv", ".npz", ".json", ".kinova.csv", ".kinova.json")
@@ -334,11 +334,6 @@ class Trajectory(_Completing):
         if look is not None:
             object.__setattr__(made, "_look", partial(look, q))
         return made
-
-    @classmethod
-    def staying(cls, robot: Robot, velocity: Array, q: Array, status: MotionStatus, message: str) -> Self:
-        """One row of a robot that stays at a configuration (dof,) [rad], and why; velocity limits (dof,) [rad/s]."""
-        return cls.of(robot, velocity, resting(q), status=status, message=message)
 
     @property
     def time(self) -> Array:
