@@ -945,10 +945,12 @@ def fingerprint(robot: Robot, *, shapes: bool = False) -> str:
         shapes: the collision shapes too.
     """
     model = robot.pin_model
-    names = [robot.base, robot.default_frame, *robot.joint_names, *robot.frames]
-    names += [joint.shortname() for joint in model.joints]
+    kinds = [joint.shortname() for joint in model.joints]
+    names = [robot.base, robot.default_frame, *robot.joint_names, *robot.frames, *kinds]
     arrays = [robot.lower, robot.upper, robot.home]
     arrays += [placement.homogeneous for placement in model.jointPlacements]
+    # The kind names an axis that is x, y or z, and no other.
+    arrays += [kinematics.axis_of(model, index).direction for index, kind in enumerate(kinds) if "Unaligned" in kind]
     for name in robot.frames:
         frame = model.frames[robot.frame_id(name)]
         arrays += [np.array([frame.parentJoint]), frame.placement.homogeneous]

@@ -82,7 +82,10 @@ def load(folder: str | Path, *, robot: Robot | None = None, scene: Scene | None 
         check_same_robot(path, recipe, checked_robot("robot", robot))
     with files.parsing(path / RECIPE, NOT_A_RECIPE):
         samples = _samples_of(recipe)
-    if scene is not None and digest(pickle.dumps(checked_scene("scene", scene))) != recipe["scene"]:
+    if scene is not None and recipe["scene"] not in (
+        checked_scene("scene", scene).surroundings.fingerprint,
+        digest(pickle.dumps(scene)),  # as earlier versions wrote it
+    ):
         raise InvalidInputError(f"{path}: is a map with other obstacles than this scene, or without any")
     counts, touching = np.zeros((2, samples.positions, len(samples.orientations)), dtype=np.uint8)
     margins = np.empty(counts.shape, dtype=np.float16)
@@ -164,7 +167,7 @@ def make_recipe(solver: IKSolver, samples: Samples) -> dict[str, object]:
         "frame": solver.frame,
         "tool": None if tool is None else tool.homogeneous.tolist(),
         "collision": options.collision,
-        "scene": None if options.scene is None else digest(pickle.dumps(options.scene)),
+        "scene": None if options.scene is None else options.scene.surroundings.fingerprint,
         "clearance": options.clearance,
         "grid": {
             "lower": grid.lower.tolist(),

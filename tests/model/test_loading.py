@@ -18,6 +18,7 @@ import jacokin.model
 from jacokin import Robot
 from jacokin.errors import InvalidInputError, ModelError, UnknownNameError
 from jacokin.model import SelfContact, urdf_folder
+from jacokin.model.robot import fingerprint
 from tests.robot_files import SCENE, skeleton, urdf_text
 
 KEYFRAME = '<keyframe><key name="home" qpos="{}"/></keyframe></mujoco>'
@@ -266,6 +267,15 @@ def test_shapes_of_a_locked_arm_stand_where_it_is_locked(tmp_path: Path) -> None
     np.testing.assert_allclose(places[1], [1.0 - 0.6 * math.sin(1.5), 0.0, 0.6 * math.cos(1.5)], atol=1e-12)
     clear = [not SelfContact(robot).touching([math.atan2(0.4, 0.04), 0.0]) for robot in robots]
     assert clear == [True, False]
+
+
+def test_arms_that_differ_in_an_axis_have_other_fingerprints(tmp_path: Path) -> None:
+    text, found = (urdf_folder() / "j2n6s300.urdf").read_text(), set()
+    for axis in ("0 0 1", "0 0 -1", "0 -1 0", "0.6 0 0.8", "0.6 0 -0.8"):
+        file = tmp_path / "arm.urdf"
+        file.write_text(text.replace('axis xyz="0 0 1"', f'axis xyz="{axis}"', 1))
+        found.add(fingerprint(jacokin.load_robot(file)))
+    assert len(found) == 5
 
 
 def test_a_home_of_ones_own_is_taken(two_arms: Path) -> None:

@@ -36,7 +36,7 @@ from jacokin.chunks.execution import (
     usable_cores,
     worker_processes,
 )
-from jacokin.chunks.folder import ChunkFolder, Keeper, clear, digest, file_digest, sync, temporary
+from jacokin.chunks.folder import ChunkFolder, Keeper, clear, file_digest, sync, temporary
 from jacokin.errors import InvalidInputError, JacokinError
 from jacokin.ik.batches.chunk import (
     EMPTY,
@@ -213,7 +213,7 @@ class _Batch:
         solver, tool, chosen = self.solver, self.solver.tool, self.solver.verifier.options
         options = {field.name: getattr(chosen, field.name) for field in dataclasses.fields(chosen)}
         options |= {
-            "scene": None if chosen.scene is None else digest(pickle.dumps(chosen.scene)),
+            "scene": None if chosen.scene is None else chosen.scene.surroundings.fingerprint,
             "frame": solver.frame,
             "tool": None if tool is None else tool.homogeneous.tolist(),
             "seed": None if self.seed is None else self.seed.tolist(),
