@@ -350,6 +350,20 @@ def read_rows(path: Path) -> list[tuple[int, list[str]]]:
     return found
 
 
+def plain_numbers(cells: Iterable[str]) -> list[float]:
+    """The numbers of some cells, as C reads them, or NaN and infinities.
+
+    Raises:
+        ValueError: one is something else.
+    """
+    found = []
+    for cell in cells:
+        if "_" in cell or not cell.isascii():  # Python's float takes these too
+            raise ValueError(f"{cell!r} is not a number")
+        found.append(float(cell))
+    return found
+
+
 def read_arrays(path: Path, otherwise: str, names: Iterable[str] = ()) -> dict[str, NDArray[np.generic]]:
     """Read an NPZ file of numbers and texts.
 

@@ -11,7 +11,7 @@ import numpy as np
 from jacokin.arrays import Array
 from jacokin.documents import read_json
 from jacokin.errors import InvalidInputError
-from jacokin.files import MESSAGE
+from jacokin.files import MESSAGE, plain_numbers
 from jacokin.logs.messages import NANOSECOND, find_joints
 from jacokin.model.robot import Robot
 from jacokin.motion.files import by_ending, read_table
@@ -91,7 +91,7 @@ def _read_kinova(file: Path, robot: Robot) -> MotionRows:
     rows = []
     for line, row in zip(table.lines, table.rows, strict=True):
         try:
-            rows.append([float(cell) for cell in row])
+            rows.append(plain_numbers(row))
         except ValueError as error:
             raise InvalidInputError(f"{file}, line {line}: {error}") from error
     numbers = np.array(rows)

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
-from jacokin.files import read_arrays
+from jacokin.files import plain_numbers, read_arrays
 from jacokin.ik.results import Frozen
 from jacokin.ik.seeds import ON_LIMIT
 from jacokin.ik.targets import Target
@@ -561,7 +561,7 @@ def _table_arrays(
     numbers, whole = [], []
     for line, row in zip(table.lines, table.rows, strict=True):
         try:
-            numbers.append([float(cell) for cell in row[:floats]])
+            numbers.append(plain_numbers(row[:floats]))
             whole.append([int(cell) for cell in row[floats : floats + len(counts)]])
         except ValueError as error:
             raise InvalidInputError(f"{file}, line {line}: {error}") from error

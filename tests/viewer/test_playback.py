@@ -222,7 +222,8 @@ def test_a_cell_that_is_not_a_number_is_named(robot: Robot, followed: Trajectory
     file = tmp_path / "path.kinova.csv"
     followed.save(file)
     lines = file.read_text(encoding="utf-8").splitlines()
-    lines[2] = lines[2].replace(",", ",x", 1)
-    file.write_text("\n".join(lines), encoding="utf-8")
-    with pytest.raises(InvalidInputError, match=r"path\.kinova\.csv, line 3"):
-        Playback(file, robot)
+    for damage in ("x", "1_"):
+        damaged = [*lines[:2], lines[2].replace(",", f",{damage}", 1), *lines[3:]]
+        file.write_text("\n".join(damaged), encoding="utf-8")
+        with pytest.raises(InvalidInputError, match=r"path\.kinova\.csv, line 3"):
+            Playback(file, robot)
