@@ -355,7 +355,7 @@ def test_what_is_malformed_is_refused(motion: Trajectory) -> None:
         lambda: made.add_pose(np.eye(3)),
         lambda: made.set_end_effector_offset([0.0]),
         lambda: made.arm.tick_torques(np.zeros(5)),
-        lambda: made.follow("now", [[0.0] * 6]),  # type: ignore[arg-type]  # the mistake
+        lambda: made.follow("now", [[0.0] * 6]),
         lambda: made.cancel(other),
         lambda: made.finger_turns("open"),  # type: ignore[arg-type]  # the mistake
         lambda: made.set_torque_control(on=[1, 2]),  # type: ignore[arg-type]  # the mistake
