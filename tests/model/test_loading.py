@@ -278,6 +278,20 @@ def test_arms_that_differ_in_an_axis_have_other_fingerprints(tmp_path: Path) -> 
     assert len(found) == 5
 
 
+def test_arms_that_differ_in_which_shapes_meet_have_other_fingerprints(tmp_path: Path) -> None:
+    file, found, pairs = tmp_path / "arm.xml", set(), set()
+    exclude = '<contact><exclude body1="b1" body2="b3"/></contact>'
+    for mask, more in (("", ""), ("", exclude), ('contype="0" conaffinity="0"', ""), ('contype="2"', "")):
+        body = '<body name="b{0}" pos="0.3 0 0"><joint name="j{0}" axis="0 1 0"/><geom size="0.05" {1}/>'
+        bodies = "".join(body.format(k, mask if k == 3 else "") for k in range(1, 4))
+        file.write_text(f"<mujoco><worldbody>{bodies}</body></body></body></worldbody>{more}</mujoco>")
+        robot = jacokin.load_robot(file)
+        found.add(fingerprint(robot, shapes=True))
+        pairs.add(SelfContact(robot).pairs)
+    assert len(pairs) > 1
+    assert len(found) == 4
+
+
 def test_a_home_of_ones_own_is_taken(two_arms: Path) -> None:
     robot = jacokin.load_robot(two_arms, tip="left_d", home=[0.1, -0.2, 0.3, 2.9])
     assert robot.home.tolist() == [0.1, -0.2, 0.3, 2.9]
