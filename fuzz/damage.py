@@ -6,6 +6,7 @@ Each is refused by an error of jacokin, or read; nothing else is raised, and no 
 from __future__ import annotations
 
 import io
+import json
 import tempfile
 import time
 import traceback
@@ -13,6 +14,7 @@ import warnings
 import zipfile
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -177,6 +179,46 @@ def damaged(ending: str, whole: bytes, rng: np.random.Generator) -> bytes:
         for name, content in members.items():
             archive.writestr(name, content)
     return stream.getvalue()
+
+
+#: What is in the place of something else in a document, as JSON.
+MISFITS = (
+    "null",
+    '"text"',
+    '"1.0"',
+    "[]",
+    "{}",
+    "[1, 2]",
+    "NaN",
+    "1e400",
+    "true",
+    "9" * 400,
+    "[[1], [1, 2]]",
+    "[" * 900 + "]" * 900,
+)
+
+
+def misfits(document: object) -> Iterator[tuple[str, bool, str]]:
+    """Documents in which something is missing or wrong: its name, whether it is missing, and the text, JSON.
+
+    Of a list the first item is wrong.
+    """
+
+    def changed(part: Any, name: str) -> Iterator[tuple[str, bool, str]]:
+        for key, value in list(part.items() if isinstance(part, dict) else enumerate(part[:1])):
+            inner = key if isinstance(key, str) else name
+            for misfit in MISFITS:
+                part[key] = mark
+                yield inner, False, json.dumps(document).replace(json.dumps(mark), misfit)
+            if isinstance(part, dict):
+                del part[key]
+                yield inner, True, json.dumps(document)
+            part[key] = value
+            if isinstance(value, dict | list):
+                yield from changed(value, inner)
+
+    mark = "what is here instead"
+    yield from changed(document, "")
 
 
 def _wounded(data: bytes, rng: np.random.Generator) -> bytes:

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 import jacokin
-from jacokin import ik, model, motion, mujoco_bridge, reachability, tasks
+from jacokin import ik, model, motion, mujoco_bridge, reachability, runner, tasks, twin
 from jacokin.mujoco_bridge import observations, robots
 
 HOME = (4.8046852, 2.92482, 1.002, 4.2031852, 1.4458, 1.3233)  # [rad] of the j2n6s300
@@ -49,6 +49,11 @@ def build(folder: Path) -> Examples:
     environment, gym = tasks.load("lift_brick", seed=0), tasks.TaskEnv("reach_site", goal=True)
     environment.reset()
     gym.reset(seed=0)
+    simulated = twin.SimulatedArm()
+    driver = twin.KinovaDriver(simulated)
+    controller = twin.TrajectoryController(simulated, robot.joint_names)
+    rows = np.add(HOME, [[0.0], [0.1]])
+    planned = runner.PlannedMotion(robot, [0.0, 5.0], rows)
     grid = reachability.Grid((0.3, -0.1, 0.3), (0.5, 0.1, 0.5), 0.1)
     randomization = tasks.Randomization(mass=1.1, latency=mujoco_bridge.distributions.Uniform(0.0, 0.1))
     values = {
@@ -138,6 +143,16 @@ def build(folder: Path) -> Examples:
         "spacing": 0.1,
         "quats_wxyz": [[0.0, 1.0, 0.0, 0.0]],
         "serve.port": 0,
+        "driver": driver,
+        "motion": planned,
+        "names": robot.joint_names,
+        "trajectory": motion.move_joints(robot, HOME, np.add(HOME, 0.1), dt=0.1),
+        "KinovaDriver.arm": simulated,
+        "TrajectoryController.arm": simulated,
+        "PlannedMotion.time": [0.0, 5.0],
+        "PlannedMotion.q": rows,
+        "Runner.step.time": 0.0,
+        "Runner.step.measured": runner.Measured(np.array(HOME)),
     }
     instances: dict[str, object] = {
         "Robot": robot,
@@ -163,5 +178,11 @@ def build(folder: Path) -> Examples:
         "Randomization": randomization,
         "ReachabilityMap": reachability.bundled(),
         "TaskEnv": gym,
+        "SimulatedArm": simulated,
+        "KinovaDriver": driver,
+        "TrajectoryController": controller,
+        "PlannedMotion": planned,
+        "Runner": runner.Runner(robot, planned),
+        "TwinLink": runner.TwinLink(driver),
     }
     return Examples(values, instances)

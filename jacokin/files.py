@@ -1,10 +1,9 @@
 """Files: read whole or as streams, within bounds; written in one step, and only when they are complete.
 
-Every file that a user names is opened by `open_bytes` or read by one of `read_bytes`, `read_text`, `read_json`,
-`read_yaml`, `read_toml`, `read_rows` and `read_arrays`; larger ones come from `open_table` and `table_rows`, from
-`open_archive` and `open_parquet`, piece by piece; readers of other packages run within `parsing`. Whatever a file
-holds, they return or raise InvalidInputError: what is endless, too large, damaged or made to exhaust time and memory is
-refused.
+Every file that a user names is opened by `open_bytes` or read by one of `read_bytes`, `read_rows` and `read_arrays`, or
+as a document by those of `documents.py`; larger ones come from `open_table` and `table_rows`, from `open_archive` and
+`open_parquet`, piece by piece; readers of other packages run within `parsing`. Whatever a file holds, they return or
+raise InvalidInputError: what is endless, too large, damaged or made to exhaust time and memory is refused.
 """
 
 from __future__ import annotations
@@ -17,8 +16,7 @@ import re
 import secrets
 import stat
 import time
-from collections import Counter
-from collections.abc import Hashable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -38,9 +36,6 @@ KEPT_NAME = 60  # characters of the file's name in the temporary one: the ending
 # Bounds of what is read, by kind; what is larger is refused by name.
 DOCUMENT = 10_000_000  # [byte] of JSON or text that describes something: some 100,000 shapes of a scene
 DESCRIPTION = 50_000_000  # [byte] of a robot as XML, whose meshes may stand in it as numbers
-YAML = 1_000_000  # [byte]: 12,000 shapes of a scene, for which Python's reader of YAML takes 8 s
-TOML = 250_000  # [byte]: a calibration takes 4,000
-TOML_LINE = 1000  # characters: Python's reader takes the square of a dotted key's parts
 TABLE = 500_000_000  # [byte] of rows as CSV: three hours of a trajectory at 100 Hz
 HELD = 10_000_000  # rows of a table that is held: a trajectory of a day at 100 Hz has 8,640,000
 MESSAGE = 200_000_000  # [byte] of a trajectory as JSON, which takes twenty times as much: an hour at 100 Hz has 1.5e8
@@ -49,8 +44,6 @@ ARRAYS = 2_000_000_000  # [byte] of an archive's arrays: a trajectory of a day a
 LOG = 5_000_000_000  # [byte] of a recording of ROS: a day of joint states at 100 Hz takes 4.6e9
 PIPED = 10_000_000_000  # [byte] that are copied from a pipe: a hundred million targets
 
-NODES = 1_000_000  # of a YAML document, each counted wherever an alias repeats it
-NUMBER = 1000  # characters of a number in YAML
 ENCRYPTED = 0x1  # flag of a member of an archive
 MEMBERS = 1000  # arrays of an archive; each is an open file
 DIRECTORY = 16_000_000  # [byte] read from an archive at once: its list of members, or a part of one
@@ -280,85 +273,6 @@ def read_bytes(path: Path, largest: int = DOCUMENT) -> bytes:
         return b"".join(pieces(path, largest))
 
 
-def read_text(path: Path, largest: int = DOCUMENT, *, encoding: str = "utf-8") -> str:
-    """A text.
-
-    Raises:
-        InvalidInputError: as `pieces`, or it is not in this encoding.
-    """
-    content = read_bytes(path, largest)
-    with parsing(path, f"is not a text file in {encoding.removesuffix('-sig').upper()}"):
-        return io.TextIOWrapper(io.BytesIO(content), encoding).read()
-
-
-def read_json(path: Path, otherwise: str, largest: int = DOCUMENT) -> Any:  # Any: JSON
-    """A JSON document in which no key is given twice.
-
-    Args:
-        path: the file.
-        otherwise: what the error says of another one, such as "is not a recording".
-        largest: bytes that it may have.
-
-    Raises:
-        InvalidInputError: as `pieces`, or it is not that.
-    """
-    import json
-
-    text = read_text(path, largest)
-    with parsing(path, otherwise):
-        return json.loads(text, object_pairs_hook=_without_repetition)
-
-
-def read_yaml(path: Path, otherwise: str) -> Any:  # Any: YAML
-    """A YAML document of plain values; arguments and errors as `read_json`."""
-    import yaml
-
-    class Loader(yaml.SafeLoader):
-        """YAML without repeated keys: YAML's own takes the last of two equal ones."""
-
-        def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, object]:
-            _without_repetition([(key.value, each) for key, each in node.value if key.tag == "tag:yaml.org,2002:str"])
-            return super().construct_mapping(node, deep)
-
-    def size(node: yaml.Node) -> int:
-        """How many nodes it stands for, whatever is repeated by an alias; in `sizes`, so that each is counted once."""
-        if id(node) in sizes:
-            return sizes[id(node)]
-        sizes[id(node)] = NODES  # if it is met within itself
-        if isinstance(node, yaml.ScalarNode):
-            if len(node.value) > NUMBER and not node.tag.endswith(":str"):
-                raise ValueError(f"a number of {len(node.value)} characters")
-            inner: Iterable[yaml.Node] = ()
-        else:
-            inner = (each for entry in node.value for each in (entry if isinstance(entry, tuple) else (entry,)))
-        sizes[id(node)] = 1 + sum(map(size, inner))
-        if sizes[id(node)] > NODES:
-            raise ValueError(f"its aliases stand for more than {NODES} values")
-        return sizes[id(node)]
-
-    text = read_text(path, YAML)
-    sizes: dict[int, int] = {}
-    with parsing(path, otherwise):
-        loader = Loader(text)
-        node = loader.get_single_node()
-        if node is None:
-            return None
-        size(node)
-        return loader.construct_document(node)
-
-
-def read_toml(path: Path, otherwise: str) -> dict[str, Any]:  # Any: TOML
-    """A TOML document; arguments and errors as `read_json`."""
-    import tomllib
-
-    text = read_text(path, TOML)
-    with parsing(path, otherwise):
-        longest = max(map(len, text.splitlines()), default=0)
-        if longest > TOML_LINE:
-            raise ValueError(f"has a line of {longest} characters; at most {TOML_LINE} are read")
-        return tomllib.loads(text)
-
-
 def open_table(path: Path, largest: int | None = TABLE) -> TextIO:
     """A CSV file as a stream of text, line ends within its cells as they are; of a pipe, all that it holds.
 
@@ -436,20 +350,40 @@ def read_rows(path: Path) -> list[tuple[int, list[str]]]:
     return found
 
 
-def read_arrays(path: Path, otherwise: str) -> dict[str, NDArray[np.generic]]:
+def plain_numbers(cells: Iterable[str]) -> list[float]:
+    """The numbers of some cells, as C reads them, or NaN and infinities.
+
+    Raises:
+        ValueError: one is something else.
+    """
+    found = []
+    for cell in cells:
+        if "_" in cell or not cell.isascii():  # Python's float takes these too
+            raise ValueError(f"{cell!r} is not a number")
+        found.append(float(cell))
+    return found
+
+
+def read_arrays(path: Path, otherwise: str, names: Iterable[str] = ()) -> dict[str, NDArray[np.generic]]:
     """Read an NPZ file of numbers and texts.
 
     Args:
         path: the file.
         otherwise: what the error says of a file that is damaged or something else, such as "is not a recording".
+        names: of arrays that must be there.
 
     Raises:
-        InvalidInputError: unreadable, not an archive of plain arrays, or of more than `ARRAYS` bytes.
+        InvalidInputError: unreadable, not an archive of plain arrays, of more than `ARRAYS` bytes, or without one of
+            those names.
     """
     with open_archive(path, otherwise) as archive:
         if sum(member.file_size for member in archive.infolist()) > ARRAYS:
             raise ValueError(f"its arrays have more than {ARRAYS} bytes")
-        return {member.filename.removesuffix(".npy"): _array(archive, member) for member in archive.infolist()}
+        found = {member.filename.removesuffix(".npy"): _array(archive, member) for member in archive.infolist()}
+        for name in names:
+            if name not in found:
+                raise ValueError(f"it lacks {name!r}, and has {', '.join(map(repr, found)) or 'nothing'}")
+        return found
 
 
 @contextmanager
@@ -589,14 +523,15 @@ def parsing(path: Path, otherwise: str) -> Iterator[None]:
         raise InvalidInputError(f"{path}: {error}") from error
     except JacokinError:
         raise
-    except OSError as error:
-        raise _unreadable(path, error) from error
     except MemoryError as error:
         raise InvalidInputError(f"{path}: {otherwise}: it does not fit into memory") from error
     except RecursionError as error:
         raise InvalidInputError(f"{path}: {otherwise}: it is nested too deeply") from error
     except Exception as error:  # parsers of damaged content raise whatever they stumble over
-        text = str(error) or type(error).__name__
+        if isinstance(error, OSError) and error.errno is not None:  # the system's; others are of what the file holds
+            raise _unreadable(path, error) from error
+        # A KeyError's text is the repr of what it says.
+        text = str(error.args[0] if isinstance(error, KeyError) and error.args else error) or type(error).__name__
         cut = text if len(text) <= SHOWN_ERROR else f"{text[:SHOWN_ERROR]}..."
         raise InvalidInputError(f"{path}: {otherwise}: {cut}") from error
 
@@ -607,15 +542,3 @@ def _unreadable(path: Path, error: OSError) -> InvalidInputError:
 
 def _too_large(path: Path, largest: int) -> InvalidInputError:
     return InvalidInputError(f"{path}: is larger than the {largest} bytes that are read of such a file")
-
-
-def _without_repetition(pairs: Sequence[tuple[str, object]]) -> dict[str, object]:
-    """A mapping of pairs.
-
-    Raises:
-        InvalidInputError: a key is given twice.
-    """
-    repeated = [key for key, count in Counter(key for key, _ in pairs).items() if count > 1]
-    if repeated:
-        raise InvalidInputError(f"the key {repeated[0]!r} is given twice")
-    return dict(pairs)

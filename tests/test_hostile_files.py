@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import os
+import re
+import shutil
 import struct
 import sys
 import threading
@@ -17,12 +21,13 @@ import pytest
 
 sys.path.append(str(Path(__file__).resolve().parents[1]))  # last: the installed package is what gets tested
 
-from fuzz.damage import KINDS, damaged, sound_files
+from fuzz.damage import KINDS, damaged, misfits, sound_files
 from jacokin import files
 from jacokin.cli.main import main
 from jacokin.errors import InvalidInputError, JacokinError, ModelError
 from jacokin.ik import read_targets
 from jacokin.model import Scene
+from jacokin.reachability import bundled, load
 
 LITTLE = 100_000_000  # [byte] that refusing may take
 SOON = 3.0  # [s] that it may take, of a test that takes a tenth of that; those that are refused late take minutes
@@ -115,6 +120,58 @@ def test_damage_is_refused_or_read(kind: str, sound: dict[str, Path], tmp_path: 
             except JacokinError:
                 refusals += 1
     assert refusals > 5
+
+
+MESSAGE = {
+    "joint_names": [f"joint_{number}" for number in range(1, 7)],
+    "points": [
+        {"positions": [0.0, 3, 3.0, 0.0, 0.0, 0.0], "time_from_start": duration}
+        for duration in ({"sec": 0, "nanosec": 5}, {"secs": 1, "nsecs": 0}, 2.5)
+    ],
+}
+SCENE = {
+    "obstacles": [
+        {"shape": "box", "size": [0.1, 0.1, 0.1], "position": [1, 0, 0], "rpy": [0, 0, 1]},
+        {"shape": "capsule", "radius": 0.1, "length": 0.2, "position": [1, 1, 1]},
+    ],
+    "finger_angle": 0.2,
+    "allow": [["a", "b"]],
+}
+PYTHONS = re.compile(r"\w+Error|NoneType|argument|object is|indices|subscriptable|broadcast|codec")
+
+
+@pytest.mark.one_quick
+@pytest.mark.parametrize("kind", ["played.json", "scene.json", "recipe.json", "manifest.json"])
+def test_what_a_document_lacks_or_has_wrong_is_said(kind: str, tmp_path: Path) -> None:
+    path, document, read = tmp_path / kind, MESSAGE if kind == "played.json" else SCENE, KINDS.get(kind)
+    if read is None:
+        shutil.copytree(bundled().folder, tmp_path / "map")
+        path = tmp_path / "map" / kind
+        document = json.loads(path.read_text())
+        manifest = json.loads((tmp_path / "map" / "manifest.json").read_text())
+
+        def read(path: Path) -> None:
+            if kind == "recipe.json":
+                manifest["recipe"] = hashlib.sha256(path.read_bytes()).hexdigest()
+                (path.parent / "manifest.json").write_text(json.dumps(manifest))
+            repr(load(path.parent))
+
+    lacking = 0
+    path.write_text("\ufeff" + json.dumps(document), encoding="utf-8")  # with the mark that Windows puts there
+    if kind != "recipe.json":
+        read(path)
+    for name, is_missing, text in misfits(document):
+        path.write_text(text, encoding="utf-8")
+        try:
+            read(path)
+        except JacokinError as error:
+            said = str(error)
+            assert path.name in said or path.parent.name in said
+            assert not PYTHONS.search(said.replace(str(path), "")), (text, said)
+            if is_missing and not name.endswith(".npz"):  # a map without one of its chunks is not complete
+                assert re.search(rf"\b{name}\b", said.replace(str(path), "")), (text, said)
+                lacking += 1
+    assert lacking > 1
 
 
 def archive_of(path: Path, members: dict[str, bytes], compression: int = zipfile.ZIP_DEFLATED) -> None:

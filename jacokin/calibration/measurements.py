@@ -140,7 +140,7 @@ class Measurements:
         """
         try:
             index = np.arange(len(self))[np.asarray(rows)].reshape(-1)
-        except IndexError as error:
+        except (IndexError, ValueError, OverflowError) as error:
             raise InvalidInputError(f"rows: {error}") from error
         chosen = object.__new__(Measurements)
         chosen.__dict__.update(self.__dict__)

@@ -27,11 +27,32 @@ ANGLES = "ANGLE...", "--from"  # what gives the joint angles that the library ca
 # In a message about options, and fields of a scene, that are in radians also with --degrees.
 ALWAYS_RADIANS = ("--limit", "--finger-angle", "finger_angle")
 
-FILE = click.Path(path_type=Path)
 VECTORS = {"Vector3": 3, "Vector4": 4, "Vector6": 6, "tuple[float, float]": 2}  # kind of a field, and its numbers
 MANY = 15  # options of a command whose help has headings
 
 _NUMBER = re.compile(r"[-+]?((\d+\.?\d*|\.\d+)(e[-+]?\d+)?|inf(inity)?|nan)", re.IGNORECASE | re.ASCII)
+
+
+class File(click.Path):
+    """The name of a file or folder."""
+
+    def __init__(self) -> None:
+        """Any, whether it is there or not."""
+        super().__init__(path_type=Path)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:  # Any: click's own
+        """The path.
+
+        Raises:
+            InvalidInputError: "-", which other programs take for standard input or output.
+        """
+        if str(value) == "-":
+            name = param.metavar if isinstance(param, Argument) else param.opts[0] if param else "a file"
+            raise InvalidInputError(f"{name} is '-': the standard streams are /dev/stdin and /dev/stdout")
+        return super().convert(value, param, ctx)
+
+
+FILE = File()
 
 
 class Company(NamedTuple):

@@ -60,8 +60,8 @@ class MapRobotOptions(RobotOptions):
 class ToolOptions:
     """What is brought to the target."""
 
-    frame: str | None = options.frame()
-    tool: pin.SE3 | None = options.tool()
+    frame: str | None = options.frame(without=("--to",))
+    tool: pin.SE3 | None = options.tool(without=("--to",))
 
 
 @dataclass(frozen=True, slots=True)

@@ -267,7 +267,7 @@ def _alone(targets: object) -> str:
     if not isinstance(targets, np.ndarray | list | tuple) or len(targets) not in (3, 4):
         return ""
     try:
-        shape = np.array(targets, dtype=np.float64).shape
+        shape = checks.numbers(targets).shape
     except (TypeError, ValueError):  # several targets of some kind
         return ""
     return {(4, 4): "one pose of shape (4, 4)", (3,): "one position of shape (3,)"}.get(shape, "")

@@ -209,7 +209,8 @@ class Log:
             times, asked_t, asked_q = measured.t, np.zeros(0), np.zeros((0, self.robot.dof))
         else:
             times, asked_t = same_clock(measured, asked)
-            asked_q = asked.q + _turns(measured.q[0] - asked.q[0], self.robot)
+            there = np.array([np.interp(asked_t[0], times, angles) for angles in measured.q.T])
+            asked_q = asked.q + _turns(there - asked.q[0], self.robot)
         return Recording(
             self.robot.joint_names,
             checks.read_only(times - times[0]),

@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from jacokin.arrays import Array
+from jacokin.documents import read_json
 from jacokin.errors import InvalidInputError
-from jacokin.files import MESSAGE, read_json
+from jacokin.files import MESSAGE, plain_numbers
 from jacokin.logs.messages import NANOSECOND, find_joints
 from jacokin.model.robot import Robot
 from jacokin.motion.files import by_ending, read_table
 from jacokin.motion.trajectory import FORMATS, KINOVA_STEP, Trajectory
 
 NOT_ROS = "not a JointTrajectory as JSON"
+#: Of ROS 2, of ROS 1, or a number [s].
+DURATIONS = ({"sec": float, "nanosec": float}, {"secs": float, "nsecs": float}, float)
+MESSAGE_FORM = {"joint_names": [str], "points": [{"time_from_start": DURATIONS, "positions": [float]}]}
 STEP_ROUNDING = 1e-6  # [s] of times that are written with two decimals
 
 
@@ -63,21 +67,16 @@ def read_motion(path: str | Path, robot: Robot) -> MotionRows:
 
 def _read_ros(file: Path) -> tuple[tuple[str, ...], Array, Sequence[Sequence[float]]]:
     """Names, times and angles of a JointTrajectory message of ROS 1 or ROS 2."""
-    message = read_json(file, NOT_ROS, MESSAGE)
-    try:
-        names = tuple(str(name) for name in message["joint_names"])
-        points = message["points"]
-        times = [_seconds(point["time_from_start"]) for point in points]
-        rows = [[float(angle) for angle in point["positions"]] for point in points]
-    except (ValueError, TypeError, KeyError, AttributeError, OverflowError) as error:
-        raise InvalidInputError(f"{file}: {NOT_ROS}: {error!r}") from error
-    return names, np.array(times, dtype=np.float64), rows
+    message = read_json(file, NOT_ROS, MESSAGE_FORM, MESSAGE)
+    points = message["points"]
+    times = [_seconds(point["time_from_start"]) for point in points]
+    return tuple(message["joint_names"]), np.array(times, dtype=np.float64), [point["positions"] for point in points]
 
 
-def _seconds(duration: object) -> float:
-    """A duration of ROS 2 (sec, nanosec), of ROS 1 (secs, nsecs), or a number [s]."""
-    if not isinstance(duration, Mapping):
-        return float(duration)  # type: ignore[arg-type]  # what is not a number is caught by the caller
+def _seconds(duration: dict[str, float] | float) -> float:
+    """A duration of one of the `DURATIONS` [s]."""
+    if not isinstance(duration, dict):
+        return duration
     names = ("sec", "nanosec") if "sec" in duration else ("secs", "nsecs")
     whole, rest = (float(duration[name]) for name in names)
     return whole + NANOSECOND * rest
@@ -92,7 +91,7 @@ def _read_kinova(file: Path, robot: Robot) -> MotionRows:
     rows = []
     for line, row in zip(table.lines, table.rows, strict=True):
         try:
-            rows.append([float(cell) for cell in row])
+            rows.append(plain_numbers(row))
         except ValueError as error:
             raise InvalidInputError(f"{file}, line {line}: {error}") from error
     numbers = np.array(rows)

@@ -47,6 +47,9 @@ class Gripper:
         spare: room to leave between a pad and an object on each side [m].
         palm: how far from the middle of the pads the palm begins, or what else is between the open pads [m]; negative
             where that is ahead of the middle. An object stays before it. Infinite where `depth` says it.
+
+    Raises:
+        InvalidInputError: malformed, or openings that do not rise or fall, or widths that do not grow.
     """
 
     frame: str
@@ -58,6 +61,24 @@ class Gripper:
     ahead: float
     spare: float = SPARE
     palm: float = np.inf
+
+    def __post_init__(self) -> None:
+        """Check the numbers, and keep copies of them."""
+        checks.word("frame", self.frame)
+        object.__setattr__(self, "pads", poses.checked_pose(self.pads, "pads"))
+        count = max(2, checks.array("openings", self.openings, "numbers").size)
+        for name in ("openings", "widths", "middles"):
+            values = checks.vector(name, checks.array(name, getattr(self, name), "numbers"), count, "")
+            object.__setattr__(self, name, checks.read_only(values))
+        moves = np.diff(self.openings)
+        if not ((moves > 0.0).all() or (moves < 0.0).all()):
+            raise checks.refusal("openings", "from shut to open, rising or falling", self.openings)
+        if not (self.widths[0] >= 0.0 and (np.diff(self.widths) > 0.0).all()):
+            raise checks.refusal("widths", "growing from shut to open, and not negative", self.widths, "m")
+        for name, check in (("depth", checks.non_negative), ("ahead", checks.number), ("spare", checks.non_negative)):
+            object.__setattr__(self, name, check(name, getattr(self, name), "m"))
+        if self.palm != np.inf:
+            object.__setattr__(self, "palm", checks.number("palm", self.palm, "m"))
 
     @classmethod
     def of(cls, robot: Robot, frame: str | None = None) -> Gripper:
@@ -111,9 +132,9 @@ class Gripper:
 JACO: Gripper = Gripper(
     frame="end_effector",
     pads=pin.SE3.Identity(),
-    openings=checks.read_only(np.array([1.35, 1.2, 1.0, 0.8, 0.6, 0.4, 0.15])),
-    widths=checks.read_only(2.0 * np.array([0.003, 0.011, 0.021, 0.031, 0.041, 0.050, 0.060])),
-    middles=checks.read_only(np.zeros(7)),
+    openings=np.array([1.35, 1.2, 1.0, 0.8, 0.6, 0.4, 0.15]),
+    widths=2.0 * np.array([0.003, 0.011, 0.021, 0.031, 0.041, 0.050, 0.060]),
+    middles=np.zeros(7),
     depth=0.017,
     ahead=0.0,  # tips that bend around an object do not reach beyond it
     spare=0.019,
@@ -422,9 +443,9 @@ def _between(
     return Gripper(
         frame=frame,
         pads=pin.SE3(axes, axes @ middle),
-        openings=checks.sealed(rows[:, 0].copy()),
-        widths=checks.sealed(np.maximum(rows[:, 1], 0.0)),
-        middles=checks.sealed(rows[:, 2].copy()),
+        openings=rows[:, 0],
+        widths=np.maximum(rows[:, 1], 0.0),
+        middles=rows[:, 2],
         depth=0.5 * (ends_z[1] - ends_z[0]),
         ahead=tips - float(middle[2]),
         palm=_room_behind(hulls, opened, between, axes[:, 2]) - (tips - float(middle[2])),

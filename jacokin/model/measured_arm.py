@@ -20,7 +20,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from jacokin import files
+from jacokin import documents, files
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, ModelError
 from jacokin.model import checks
@@ -191,7 +191,7 @@ class MeasuredArm:
         """
         path = checks.path("calibration", path)
         try:
-            content = files.read_toml(path, "is not a calibration file, or damaged")
+            content = documents.read_toml(path, "is not a calibration file, or damaged")
         except InvalidInputError as error:
             raise ModelError(str(error)) from error
         return _parse(path, content)

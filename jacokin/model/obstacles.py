@@ -6,6 +6,7 @@ description. It may hold others (`Attached`).
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
@@ -210,6 +211,19 @@ class Surroundings(NamedTuple):
     def obstacle_names(self) -> tuple[str, ...]:
         """Names of the shapes that stand still."""
         return tuple(each.name for each in self.obstacles)
+
+    @property
+    def fingerprint(self) -> str:
+        """SHA-256 of the shapes and what else counts for contact: the same in every process and version of Python."""
+        content = hashlib.sha256(repr((self.allow, self.finger_angle)).encode())
+        standing = [("", each) for each in self.obstacles]
+        for to, obstacle in (*standing, *((each.to, each.shape) for each in self.attached)):
+            shape = shape_of(obstacle)
+            points = np.asarray(obstacle.points) if isinstance(obstacle, PointCloud) else shape.vertices
+            content.update(repr((obstacle.name, to, shape.kind, points.shape)).encode())
+            for array in (shape.size, shape.placement.homogeneous, points):
+                content.update(np.ascontiguousarray(array, dtype=np.float64).tobytes())
+        return content.hexdigest()
 
 
 NOTHING_AROUND = Surroundings()

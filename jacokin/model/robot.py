@@ -937,6 +937,10 @@ def catching_accelerations(robot: Robot, velocity: Array) -> Array:
     return np.maximum(velocity, robot.velocity_limit) / TIME_TO_FULL_SPEED
 
 
+# Of MuJoCo's arrays, what makes the shapes of an MJCF and says which of them meet.
+GEOM = ("type", "size", "pos", "quat", "bodyid", "dataid", "contype", "conaffinity")
+
+
 def fingerprint(robot: Robot, *, shapes: bool = False) -> str:
     """SHA-256 of joints, limits, placements and frames: two robots with the same one give the same answers.
 
@@ -945,10 +949,12 @@ def fingerprint(robot: Robot, *, shapes: bool = False) -> str:
         shapes: the collision shapes too.
     """
     model = robot.pin_model
-    names = [robot.base, robot.default_frame, *robot.joint_names, *robot.frames]
-    names += [joint.shortname() for joint in model.joints]
+    kinds = [joint.shortname() for joint in model.joints]
+    names = [robot.base, robot.default_frame, *robot.joint_names, *robot.frames, *kinds]
     arrays = [robot.lower, robot.upper, robot.home]
     arrays += [placement.homogeneous for placement in model.jointPlacements]
+    # The kind names an axis that is x, y or z, and no other.
+    arrays += [kinematics.axis_of(model, index).direction for index, kind in enumerate(kinds) if "Unaligned" in kind]
     for name in robot.frames:
         frame = model.frames[robot.frame_id(name)]
         arrays += [np.array([frame.parentJoint]), frame.placement.homogeneous]
@@ -968,8 +974,8 @@ def _shapes(robot: Robot) -> bytes:
     if isinstance(described, str):
         disabled = robot.source.disabled
         return f"{described}{'' if disabled is None else disabled.pairs}".encode()
-    arrays = (described.geom_type, described.geom_size, described.geom_pos, described.geom_quat, described.geom_bodyid)
-    return b"".join(np.ascontiguousarray(array).tobytes() for array in (*arrays, described.mesh_vert))
+    arrays = [getattr(described, f"geom_{name}") for name in GEOM] + [described.mesh_vert, described.exclude_signature]
+    return b"".join(np.ascontiguousarray(array).tobytes() for array in arrays)
 
 
 def middle(robot: Robot) -> Array:

@@ -12,8 +12,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from jacokin import files
 from jacokin.arrays import Array
+from jacokin.documents import read_json, read_yaml
 from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.model import checks, poses
 from jacokin.model.contact import Contact
@@ -462,7 +462,7 @@ def _content(file: Path) -> object:
     ending = file.suffix.lower()
     if ending not in (".yaml", ".yml", ".json"):
         raise InvalidInputError(f"the file of a scene must end in .yaml or .yml or .json, got {str(file)!r}")
-    return files.read_json(file, "not a JSON file") if ending == ".json" else files.read_yaml(file, "not a YAML file")
+    return read_json(file, "not a JSON file") if ending == ".json" else read_yaml(file, "not a YAML file")
 
 
 def _obstacle(where: str, entry: object, index: int, folder: Path) -> Obstacle | OtherRobot:

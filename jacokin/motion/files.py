@@ -40,7 +40,7 @@ class Table:
             InvalidInputError: missing or malformed.
         """
         try:
-            return np.array([float(cell) for cell in self.notes[name]])
+            return np.array(files.plain_numbers(self.notes[name]))
         except (KeyError, ValueError) as error:
             raise InvalidInputError(f"{file}: the line '# {name}' is missing or malformed") from error
 

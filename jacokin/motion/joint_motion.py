@@ -17,7 +17,7 @@ from jacokin.kernels.library import Calls
 from jacokin.kernels.rest_to_rest import fit_rest_to_rest, make_rest_work
 from jacokin.model import angles, checks
 from jacokin.model.robot import Robot, acceleration_limits, checked_robot, jerk_limits, velocity_limits
-from jacokin.motion.rows import Limits, Rows
+from jacokin.motion.rows import Limits, Rows, resting
 from jacokin.motion.timing import BETWEEN, MAX_TICKS, MOST_PLACES, TooHeavy, hold_torques, slowness, torque_limits
 from jacokin.motion.trajectory import MotionStatus, Trajectory
 
@@ -72,7 +72,8 @@ def move_joints(
     if torque is not None:
         held = _hold_torques(robot, rows, limits, torque)
         if isinstance(held, TooHeavy):
-            return Trajectory.staying(robot, velocity, start, MotionStatus.TOO_HEAVY, held.explain(robot))
+            why = held.explain(robot)
+            return Trajectory.of(robot, velocity, resting(start), status=MotionStatus.TOO_HEAVY, message=why)
         rows = held
     message = f"reached in {rows.t[-1]:.4g} s" if len(rows.t) > 1 else "already there"
     return Trajectory.of(robot, velocity, rows, message=message)

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
-from jacokin.files import read_arrays
+from jacokin.files import plain_numbers, read_arrays
 from jacokin.ik.results import Frozen
 from jacokin.ik.seeds import ON_LIMIT
 from jacokin.ik.targets import Target
@@ -38,7 +38,7 @@ from jacokin.motion.files import (
     write_table,
 )
 from jacokin.motion.grasps import Grasp
-from jacokin.motion.rows import MotionState, Rows, between, cubic, resting
+from jacokin.motion.rows import MotionState, Rows, between, cubic
 from jacokin.showing import Shown, show
 
 FORMATS = (".csv", ".npz", ".json", ".kinova.csv", ".kinova.json")
@@ -335,11 +335,6 @@ class Trajectory(_Completing):
             object.__setattr__(made, "_look", partial(look, q))
         return made
 
-    @classmethod
-    def staying(cls, robot: Robot, velocity: Array, q: Array, status: MotionStatus, message: str) -> Self:
-        """One row of a robot that stays at a configuration (dof,) [rad], and why; velocity limits (dof,) [rad/s]."""
-        return cls.of(robot, velocity, resting(q), status=status, message=message)
-
     @property
     def time(self) -> Array:
         """(n,) the times `t` [s]."""
@@ -566,7 +561,7 @@ def _table_arrays(
     numbers, whole = [], []
     for line, row in zip(table.lines, table.rows, strict=True):
         try:
-            numbers.append([float(cell) for cell in row[:floats]])
+            numbers.append(plain_numbers(row[:floats]))
             whole.append([int(cell) for cell in row[floats : floats + len(counts)]])
         except ValueError as error:
             raise InvalidInputError(f"{file}, line {line}: {error}") from error

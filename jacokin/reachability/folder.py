@@ -20,6 +20,7 @@ import jacokin
 from jacokin import files
 from jacokin.arrays import Array
 from jacokin.chunks.folder import HASH_DIGITS, RECIPE, Keeper, digest, file_digest
+from jacokin.documents import read_json
 from jacokin.errors import InvalidInputError, JacokinError
 from jacokin.ik.batches.chunk import unpickled_solver
 from jacokin.ik.preferences import least_margins
@@ -36,6 +37,21 @@ from jacokin.reachability.samples import Grid, Orientations, Samples, Symmetries
 
 MANIFEST = "manifest.json"
 FORMAT = "jacokin reachability map 1"
+NOT_A_RECIPE, NOT_A_MANIFEST = "is not the recipe of a map", "is not the manifest of a map"
+VECTORS = [[float]]
+RECIPE_FORM = {
+    "format": FORMAT,
+    "robot": {"name": str, "bundled": (str, None), "sha256": str},
+    "frame": str,
+    "tool": (None, VECTORS),
+    "collision": str,
+    "scene": (str, None),
+    "clearance?": float,  # maps of versions that did not know it
+    "grid": {"lower": [float], "upper": [float], "spacing": float},
+    "symmetries": {"joint 1": (str, None), "tool axis": ([float], None)},
+    "orientations": {"name": str, "quat_wxyz": VECTORS, "free about?": VECTORS, "from and to?": VECTORS},
+}
+MANIFEST_FORM = {"recipe": str, "sha256": {str: str}, "bound?": (float, None)}
 POSES_IN_A_CHUNK = 20_000
 
 TURNS = (
@@ -57,28 +73,32 @@ def load(folder: str | Path, *, robot: Robot | None = None, scene: Scene | None 
         InvalidInputError: not a map, not complete, damaged, or of another robot or scene.
     """
     path = Path(checks.text("folder", str(checks.path("folder", folder))))
-    recipe = _document(path, RECIPE, f"is not a map: it has no {RECIPE}")
-    manifest = _document(path, MANIFEST, f"is not a complete map: it has no {MANIFEST}; build the rest of it")
-    if manifest.get("recipe") != file_digest(path / RECIPE):
+    recipe = _document(path, RECIPE, RECIPE_FORM, f"is not a map: it has no {RECIPE}")
+    missing = f"is not a complete map: it has no {MANIFEST}; build the rest of it"
+    manifest = _document(path, MANIFEST, MANIFEST_FORM, missing)
+    if manifest["recipe"] != file_digest(path / RECIPE):
         raise InvalidInputError(f"{path}: {MANIFEST} is of another {RECIPE} than this one; build the map again")
-    if not isinstance(manifest.get("sha256"), dict):
-        raise InvalidInputError(f"{path / MANIFEST}: does not list the chunks; build the map again")
     if robot is not None:
         check_same_robot(path, recipe, checked_robot("robot", robot))
-    samples = _samples_of(recipe, str(path))
-    if scene is not None and digest(pickle.dumps(checked_scene("scene", scene))) != recipe["scene"]:
+    with files.parsing(path / RECIPE, NOT_A_RECIPE):
+        samples = _samples_of(recipe)
+    if scene is not None and recipe["scene"] not in (
+        checked_scene("scene", scene).surroundings.fingerprint,
+        digest(pickle.dumps(scene)),  # as earlier versions wrote it
+    ):
         raise InvalidInputError(f"{path}: is a map with other obstacles than this scene, or without any")
     counts, touching = np.zeros((2, samples.positions, len(samples.orientations)), dtype=np.uint8)
     margins = np.empty(counts.shape, dtype=np.float16)
     first = 0
     for name, content in manifest["sha256"].items():
         chunk = _chunk(path / name, content)
-        try:
+        with files.parsing(path / name, "is not of this map"):
             stop = first + len(chunk["branches"])
+            shape = (min(stop, len(counts)) - first, *counts.shape[1:])
+            if not chunk["branches"].shape == chunk["margin"].shape == shape:
+                raise ValueError(f"its arrays have other shapes than {shape}")
             counts[first:stop], margins[first:stop] = chunk["branches"], chunk["margin"]
             touching[first:stop] = chunk.get("touching", 0)  # maps of versions that did not know contact
-        except (ValueError, TypeError, KeyError) as error:
-            raise InvalidInputError(f"{path / name}: is not of this map: {error}; build the map again") from error
         first = stop
     if first != samples.positions:
         raise InvalidInputError(f"{path}: has {first} positions of {samples.positions}; build the rest of it")
@@ -102,20 +122,18 @@ def _loaded(folder: Path) -> ReachabilityMap:
     return load(folder)
 
 
-def _document(path: Path, name: str, missing: str) -> dict[str, Any]:  # Any: JSON
+def _document(path: Path, name: str, form: object, missing: str) -> dict[str, Any]:  # Any: JSON
     """A JSON file of a map.
 
     Raises:
         InvalidInputError: it is not there, cannot be read, or holds something else.
     """
     try:
-        document = files.read_json(path / name, "is not JSON")
+        document: dict[str, Any] = read_json(path / name, NOT_A_RECIPE if name == RECIPE else NOT_A_MANIFEST, form)
     except InvalidInputError as error:
         if isinstance(error.__cause__, FileNotFoundError):
             raise InvalidInputError(f"{path}: {missing if path.exists() else 'there is no such folder'}") from error
         raise
-    if not isinstance(document, dict):
-        raise InvalidInputError(f"{path / name}: is not a JSON object")
     return document
 
 
@@ -126,7 +144,7 @@ def _chunk(path: Path, wanted: str) -> dict[str, NDArray[np.generic]]:
         raise InvalidInputError(f"{error}; build the map again") from error
     if digest(content) != wanted or wanted[:HASH_DIGITS] not in path.name:
         raise InvalidInputError(f"{path}: is damaged: its hash is not that of the manifest; build the map again")
-    return files.read_arrays(path, "is not a chunk of a map; build the map again")
+    return files.read_arrays(path, "is not a chunk of a map; build the map again", ("branches", "margin"))
 
 
 def make_recipe(solver: IKSolver, samples: Samples) -> dict[str, object]:
@@ -149,7 +167,7 @@ def make_recipe(solver: IKSolver, samples: Samples) -> dict[str, object]:
         "frame": solver.frame,
         "tool": None if tool is None else tool.homogeneous.tolist(),
         "collision": options.collision,
-        "scene": None if options.scene is None else digest(pickle.dumps(options.scene)),
+        "scene": None if options.scene is None else options.scene.surroundings.fingerprint,
         "clearance": options.clearance,
         "grid": {
             "lower": grid.lower.tolist(),
@@ -181,27 +199,18 @@ def _orientations(orientations: Orientations) -> dict[str, object]:
     return document | {"free about": orientations.axes.tolist(), "from and to": orientations.ranges.tolist()}
 
 
-def _samples_of(recipe: dict[str, Any], place: str) -> Samples:  # Any: JSON
+def _samples_of(recipe: dict[str, Any]) -> Samples:  # Any: JSON
     """The samples of a recipe.
 
     Raises:
-        InvalidInputError: it is not the recipe of a map.
+        InvalidInputError: its numbers are not those of a map.
     """
-    if recipe.get("format") != FORMAT:
-        raise InvalidInputError(f"{place}: is not the recipe of a map: format {recipe.get('format')!r}, not {FORMAT!r}")
-    try:
-        grid = Grid(recipe["grid"]["lower"], recipe["grid"]["upper"], recipe["grid"]["spacing"])
-        axis = recipe["symmetries"]["tool axis"]
-        symmetries = Symmetries(recipe["symmetries"]["joint 1"] is not None, None if axis is None else np.array(axis))
-        given = recipe["orientations"]
-        orientations = Orientations(
-            given["quat_wxyz"], given["name"], axes=given.get("free about"), ranges=given.get("from and to")
-        )
-    except InvalidInputError:
-        raise
-    except (KeyError, TypeError, ValueError) as error:
-        raise InvalidInputError(f"{place}: is not the recipe of a map: {error!r} is missing or wrong") from error
-    return Samples(grid, orientations, symmetries)
+    grid = Grid(recipe["grid"]["lower"], recipe["grid"]["upper"], recipe["grid"]["spacing"])
+    axis, given = recipe["symmetries"]["tool axis"], recipe["orientations"]
+    tool_axis = checks.optional(checks.vector, "tool axis", axis, 3, "")
+    symmetries = Symmetries(recipe["symmetries"]["joint 1"] is not None, tool_axis)
+    axes, ranges = given.get("free about"), given.get("from and to")
+    return Samples(grid, Orientations(given["quat_wxyz"], given["name"], axes=axes, ranges=ranges), symmetries)
 
 
 MOST_BRANCHES = 255

@@ -19,6 +19,7 @@ from jacokin.files import reason
 from jacokin.model import checks
 from jacokin.runner.runner import TICK, Measured, Runner, RunnerStatus
 from jacokin.twin import KinovaDriver, TrajectoryController
+from jacokin.twin.controller import ArmController
 
 LONGEST = 1 << 16  # bytes of a line
 LEAVING = 2.0  # [s] that a forwarder may take to leave
@@ -73,8 +74,14 @@ class TwinLink:
             driver: Kinova's, or a controller of ros2_control.
             period: in which it tells its state [s].
             pace: True to take as long as a real arm.
+
+        Raises:
+            InvalidInputError: one is something else.
         """
-        self.driver, self._every, self._pace = driver, max(1, round(period / TICK)), pace
+        checks.instance("driver", driver, ArmController, "a KinovaDriver or a TrajectoryController")
+        self.driver = driver
+        self._every = max(1, round(min(checks.positive("period", period, "s"), 1e6) / TICK))  # [s]: as good as never
+        self._pace = checks.flag("pace", pace)
         self._ticks, self._told = 0, self._tell()
 
     def now(self) -> float:
@@ -133,9 +140,8 @@ class ProcessLink:
         Raises:
             InvalidInputError: it does not start, or is not a list of words.
         """
-        words = [
-            checks.instance("a word of command", word, str, "a string") for word in checks.listed("command", command)
-        ]
+        words = [checks.text("a word of command", word) for word in checks.listed("command", command)]
+        names = [checks.text("a name of joints", name) for name in checks.listed("joints", joints)]
         if not words:
             raise checks.refusal("command", "a program and its words", command)
         pipe = subprocess.PIPE
@@ -151,7 +157,7 @@ class ProcessLink:
         self._held, self._unsent = b"", b""
         self.listens = self._is_closed = False
         with contextlib.suppress(InvalidInputError):  # one that has left already: what it said is heard first
-            self._say({"joints": list(joints)})
+            self._say({"joints": names})
 
     def now(self) -> float:
         """Seconds by the clock of the arm, or the wall."""
@@ -252,6 +258,8 @@ def run(runner: Runner, link: Link, *, fingers: float | None = None, watch: Call
             fingers are not from 0 to 1.
         KeyboardInterrupt: as it came; the arm was told to stop.
     """
+    checks.instance("runner", runner, Runner, "a Runner")
+    checks.optional(checks.function, "watch", watch)
     if fingers is not None and checks.non_negative("fingers", fingers) > 1.0:
         raise checks.refusal("fingers", "at most 1", fingers)
     begun = due = link.now()

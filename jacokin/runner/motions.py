@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
+from jacokin.files import parsing
 from jacokin.logs.motion_files import read_motion
 from jacokin.model import checks
 from jacokin.model.angles import wrap_to_pi
@@ -94,6 +95,7 @@ class PlannedMotion:
         Raises:
             InvalidInputError: it failed, or as for `PlannedMotion`.
         """
+        checks.instance("trajectory", trajectory, Trajectory, "a Trajectory")
         if not trajectory.success:
             raise InvalidInputError(f"a trajectory that failed is not sent: {trajectory.outcome}, {trajectory.message}")
         return cls(robot, trajectory.t, trajectory.q, start=start)
@@ -105,10 +107,11 @@ class PlannedMotion:
         Raises:
             InvalidInputError: it cannot be read, is of other joints, or as for `PlannedMotion`.
         """
-        t, q, fault = read_motion(path, robot)
-        if fault:
-            raise InvalidInputError(f"a trajectory that failed is not sent: {fault}")
-        return cls(robot, t, q, start=start)
+        t, q, fault = read_motion(path, checked_robot("robot", robot))
+        with parsing(Path(path), "is not a motion"):
+            if fault:
+                raise InvalidInputError(f"a trajectory that failed is not sent: {fault}")
+            return cls(robot, t, q, start=start)
 
     @property
     def duration(self) -> float:
@@ -161,8 +164,14 @@ class LiveMotion:
     """
 
     def __init__(self, teleop: Teleop) -> None:
-        """Follow a hand."""
-        self.teleop, self.said = teleop, ""
+        """Follow a hand.
+
+        Raises:
+            InvalidInputError: not a `Teleop`.
+        """
+        from jacokin.teleop.teleop import Teleop  # its QP is not loaded for a file
+
+        self.teleop, self.said = checks.instance("teleop", teleop, Teleop, "a Teleop"), ""
         self._hand: ArrayLike | None = None
         self._ended, self._ahead = False, 0.0  # [s] of the last tick that are still to come
         self._q = self._from = self._to = teleop.tracker.q
@@ -175,9 +184,10 @@ class LiveMotion:
         Raises:
             InvalidInputError: not such a line; nothing has changed.
         """
+        checks.instance("a line", message, str, "a text")
         try:
             fields = json.loads(message)
-        except ValueError as error:
+        except (ValueError, RecursionError) as error:
             raise InvalidInputError(f"a line must be JSON: {error}") from error
         if not isinstance(fields, dict) or not fields or not set(fields) <= {"hand", "clutch", "end"}:
             raise InvalidInputError(

@@ -148,10 +148,13 @@ class Runner:
             options: None for the usual ones.
 
         Raises:
-            InvalidInputError: not a robot.
+            InvalidInputError: not a robot, a motion or options.
         """
         self.robot, self.motion = checked_robot("robot", robot), motion
-        self.options = RunnerOptions() if options is None else options
+        for name in ("begin", "step"):
+            checks.function(f"motion.{name}", getattr(motion, name, None))
+        usual = RunnerOptions() if options is None else options
+        self.options = checks.instance("options", usual, RunnerOptions, "RunnerOptions, or None")
         self.status, self.message, self.worst = RunnerStatus.WAITING, "", 0.0
         still = np.zeros(robot.dof)
         self._observer = None if self.options.contact is None else ContactObserver(robot, self.options.contact)

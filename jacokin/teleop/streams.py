@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
-from jacokin.files import read_arrays
+from jacokin.files import read_arrays, replacing
 from jacokin.ik.results import Frozen
 from jacokin.model import checks, poses
 from jacokin.model.robot import Robot, checked_robot
@@ -58,11 +58,8 @@ class Stream(Frozen):
         file = checks.path("path", path, "a file name")
         if file.suffix != ".npz":
             raise InvalidInputError(f"the file of a stream must end in .npz, got {str(file)!r}")
-        try:
-            with file.open("wb") as out:
-                np.savez(out, time=self.time, hand=self.hand)
-        except OSError as error:
-            raise InvalidInputError(f"cannot write {file}: {error.strerror or error}") from error
+        with replacing(file) as temporary, temporary.open("wb") as out:
+            np.savez(out, time=self.time, hand=self.hand)
 
     @classmethod
     def load(cls, path: str | Path) -> Stream:
@@ -72,9 +69,7 @@ class Stream(Frozen):
             InvalidInputError: it cannot be read, or holds something else.
         """
         file = checks.path("path", path, "a file name")
-        held = read_arrays(file, "does not hold a stream")
-        if not {"time", "hand"} <= set(held):
-            raise InvalidInputError(f"{file}: does not hold a stream: time (n,) and hand (n, 7) of numbers")
+        held = read_arrays(file, "does not hold a stream", ("time", "hand"))
         try:
             return cls(*(checks.array(name, held[name], "numbers") for name in ("time", "hand")))
         except InvalidInputError as error:

@@ -33,6 +33,7 @@ from jacokin.ik.solver import IKSolver
 from jacokin.model import checks, poses
 from jacokin.motion.free_motion.plan_motion import plan_motion
 from jacokin.motion.joint_motion import ACCELERATION
+from jacokin.motion.rows import resting
 from jacokin.motion.tracking.moving import Motion
 from jacokin.motion.tracking.steps import TrackerStatus, TrackerStep
 from jacokin.motion.tracking.targets import JointTarget
@@ -332,12 +333,12 @@ class Teleop:
             found = plan([goal], left)
         if found.success and self._stays_inside(found):
             return found
-        return Trajectory.staying(
+        return Trajectory.of(
             tracker.robot,
             tracker.velocity_limit,
-            tracker.q,
-            MotionStatus.NO_WAY,
-            "no motion was found that keeps the tool inside the workspace",
+            resting(tracker.q),
+            status=MotionStatus.NO_WAY,
+            message="no motion was found that keeps the tool inside the workspace",
         )
 
     def _stays_inside(self, plan: Trajectory) -> bool:

@@ -76,7 +76,7 @@ class SimulatedArm:
 
         Raises:
             UnknownNameError: no such robot.
-            InvalidInputError: q is malformed, or outside the limits.
+            InvalidInputError: q is malformed, or outside the limits; or the task has another arm.
         """
         self.robot = load_robot(checks.choice("robot", robot, bundled.JACOS))
         arm: JacoArm
@@ -89,7 +89,11 @@ class SimulatedArm:
             self.physics = Physics.from_entity(arena)
             arm.set_home(self.physics)
         else:
-            arm, hand, self.physics = task.arm, task.hand, task.physics
+            from jacokin.tasks.task import Task  # which a twin on a floor does not need
+
+            arm, hand, self.physics = checks.instance("task", task, Task, "a Task").arm, task.hand, task.physics
+            if arm.robot_name != robot:
+                raise InvalidInputError(f"robot is {robot}, and the task has a {arm.robot_name}")
         self._arm = arm
         bind = self.physics.bind
         self._joints, self._fingers = bind(arm.joints), bind(hand.joints)

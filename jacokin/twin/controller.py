@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Generic
 
+from jacokin.model import checks
 from jacokin.twin.arm import ArmState, SimulatedArm
 from jacokin.twin.faults import Command, Faults, Line
 
@@ -81,9 +82,14 @@ class ArmController(Generic[Command]):
     """
 
     def __init__(self, arm: SimulatedArm, faults: Faults | None, seed: int) -> None:
-        """Move an arm, with faults that are drawn from a seed; None for nothing."""
-        self.arm = arm
-        self._line: Line[Command, ArmState] = Line(Faults() if faults is None else faults, seed)
+        """Move an arm, with faults that are drawn from a seed; None for nothing.
+
+        Raises:
+            InvalidInputError: one is something else.
+        """
+        self.arm = checks.instance("arm", arm, SimulatedArm, "a SimulatedArm")
+        going_wrong = Faults() if faults is None else checks.instance("faults", faults, Faults, "Faults, or None")
+        self._line: Line[Command, ArmState] = Line(going_wrong, checks.whole_number("seed", seed))
         self._line.tick(arm.state)
         self._lock = threading.RLock()
         self._velocities, self._goals = 0, 0

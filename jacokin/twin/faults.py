@@ -47,10 +47,13 @@ class Faults:
             InvalidInputError: not such a text, or a value out of range.
             UnknownNameError: a fault that does not exist.
         """
+        checks.instance("faults", text, str, "a text")
         values: dict[str, float] = {}
         for word in filter(None, (part.strip() for part in text.split(","))):
             name, sign, value = word.partition("=")
             checks.choice("fault", name, [field.name for field in fields(cls)])
+            if name in values:
+                raise InvalidInputError(f"{name} is given twice")
             if name == "stall" and not sign:
                 value = "0.3"  # [s]
             try:

@@ -66,9 +66,14 @@ class TrajectoryController(ArmController[tuple[bool, Array]]):
             names: of the joints, from the base to the tool.
             faults: what goes wrong; None for nothing.
             seed: from which faults are drawn.
+
+        Raises:
+            InvalidInputError: one is something else, or not one name for each joint.
         """
         super().__init__(arm, faults, seed)
-        self.names = tuple(names)
+        self.names = _checked_names(names)
+        if len(set(self.names)) != arm.robot.dof or len(self.names) != arm.robot.dof:
+            raise checks.refusal("names", f"{arm.robot.dof} different names", names)
         self._following: Following | None = None
         self._velocity, self._until = np.zeros(len(self.names)), -np.inf
         self._position: Array | None = None  # that the base is to lead the joints to
@@ -97,10 +102,13 @@ class TrajectoryController(ArmController[tuple[bool, Array]]):
             InvalidInputError: the controller rejects the goal; says why.
         """
         at, rows = self.check(names, times, positions, velocities, accelerations)
+        allowed = (
+            Tolerances() if tolerances is None else checks.instance("tolerances", tolerances, Tolerances, "Tolerances")
+        )
         with self._lock:
             self._end(GoalStatus.ABORTED, "another goal came")
             self._goals += 1
-            logger.info("a trajectory of %d points, %.2f s", len(positions), at[-1])
+            logger.info("a trajectory of %d points, %.2f s", len(at), at[-1])
             state = self._line.measured
             if at[0] > 0.0:
                 start = [state.command, state.v, np.zeros_like(state.v)]
@@ -108,7 +116,7 @@ class TrajectoryController(ArmController[tuple[bool, Array]]):
                 at = np.append(0.0, at)
             path = _path(at, rows)
             goal = TwinGoal()
-            self._following = Following(goal, path, self.arm.state.time, float(at[-1]), tolerances or Tolerances())
+            self._following = Following(goal, path, self.arm.state.time, float(at[-1]), allowed)
             self._last = self.arm.state.time
             return goal
 
@@ -125,19 +133,18 @@ class TrajectoryController(ArmController[tuple[bool, Array]]):
         Raises:
             InvalidInputError: as `follow`.
         """
-        at = np.asarray(times, dtype=np.float64)
-        if sorted(names) != sorted(self.names):
-            raise InvalidInputError(f"joints must be {', '.join(self.names)}, got {', '.join(names)}")
+        at, given_names = checks.array("times", times, "numbers", "s"), _checked_names(names)
+        if sorted(given_names) != sorted(self.names):
+            raise InvalidInputError(f"joints must be {', '.join(self.names)}, got {', '.join(given_names)}")
+        at = checks.vector("times", at, at.size, "s")
         if not len(at) or at[0] < 0.0 or not (np.diff(at) > 0.0).all():
             raise InvalidInputError("there must be points, from time 0 on, at times that strictly increase")
-        order = [list(names).index(name) for name in self.names]
-        rows = [
-            _rows(kind, given, len(at), order)
-            for kind, given in (("positions", positions), ("velocities", velocities), ("accelerations", accelerations))
-            if len(given) and any(len(row) for row in given)
-        ]
-        if not rows or not any(len(row) for row in positions):
+        order = [given_names.index(name) for name in self.names]
+        kinds = {"positions": positions, "velocities": velocities, "accelerations": accelerations}
+        found = {kind: _rows(kind, given, len(at), order) for kind, given in kinds.items()}
+        if not len(found["positions"]):
             raise InvalidInputError("positions must be given")
+        rows = [each for each in found.values() if len(each)]
         if len(rows) > 1 and np.abs(rows[1][-1]).max() > STANDING:
             raise InvalidInputError("the last point must have no velocity")
         return at, rows
@@ -225,14 +232,23 @@ class TrajectoryController(ArmController[tuple[bool, Array]]):
         return next(off, "")
 
 
+def _checked_names(names: Sequence[str]) -> tuple[str, ...]:
+    """Names of joints.
+
+    Raises:
+        InvalidInputError: something else.
+    """
+    return tuple(checks.text("a name of a joint", name) for name in checks.listed("names", names, "names of joints"))
+
+
 def _rows(kind: str, given: Sequence[Sequence[float]], count: int, order: list[int]) -> Array:
-    """Rows of a goal (count, dof), in the order of the controller's joints."""
-    if len(given) != count or any(len(row) != len(order) for row in given):
+    """Rows of a goal (count, dof), in the order of the controller's joints; none where all are empty."""
+    lengths = [len(checks.listed(kind, row)) for row in checks.listed(kind, given, "rows of numbers")]
+    if not any(lengths):
+        return np.zeros((0, len(order)))
+    if lengths != [len(order)] * count:
         raise InvalidInputError(f"{kind} must be {len(order)} numbers at each of the {count} points")
-    rows = np.asarray(given, dtype=np.float64)
-    if not np.isfinite(rows).all():
-        raise InvalidInputError(f"{kind} must be finite")
-    return rows[:, order]
+    return checks.matrix(kind, [list(row) for row in given], len(order), "")[:, order]
 
 
 def _path(times: Array, rows: Sequence[Array]) -> BPoly:

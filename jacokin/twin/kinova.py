@@ -230,7 +230,12 @@ class KinovaDriver(ArmController[Command | Push]):
             self.T_end_effector_tool = pin.SE3(np.eye(3), moved)
 
     def set_torque_control(self, *, on: bool) -> None:
-        """`in/set_torque_control_mode`: take torques and forces; or hold positions, and take what moves there."""
+        """`in/set_torque_control_mode`: take torques and forces; or hold positions, and take what moves there.
+
+        Raises:
+            InvalidInputError: neither True nor False.
+        """
+        checks.flag("on", on)
         with self._lock:
             if not self.died:
                 self._last = self.arm.state.time
@@ -260,14 +265,18 @@ class KinovaDriver(ArmController[Command | Push]):
                 self._line.send(command)
 
     def finger_turns(self, fingers: Array) -> Array:
-        """Angles of fingers (k,) [rad] as the driver counts them, 0 open, 6800 closed."""
+        """Angles of fingers (k,) [rad] as the driver counts them, 0 open, 6800 closed.
+
+        Raises:
+            InvalidInputError: not numbers.
+        """
         lower, upper = self.arm.finger_range
-        return np.asarray((fingers - lower) / (upper - lower) * TURNS)
+        return np.asarray((checks.array("fingers", fingers, "numbers", "rad") - lower) / (upper - lower) * TURNS)
 
     def finger_angles(self, turns: Array) -> Array:
-        """The inverse of `finger_turns`."""
+        """The inverse of `finger_turns`; errors as there."""
         lower, upper = self.arm.finger_range
-        return np.asarray(lower + np.asarray(turns) / TURNS * (upper - lower))
+        return np.asarray(lower + checks.array("turns", turns, "numbers") / TURNS * (upper - lower))
 
     def joint_velocity(self, v: ArrayLike) -> None:
         """`in/joint_velocity`: velocities (dof,) for a tick [rad/s].
@@ -424,10 +433,14 @@ class KinovaDriver(ArmController[Command | Push]):
         Raises:
             InvalidInputError: not so many rows of so many joints, or not finite.
         """
-        at, rows = np.asarray(times, dtype=np.float64), np.asarray(velocities, dtype=np.float64)
-        if not (np.isfinite(rows).all() and np.isfinite(at).all()):
-            raise InvalidInputError("times and velocities must be finite")
-        if len(rows) and rows.shape != (len(at), self.arm.robot.dof):
+        at, rows = (
+            checks.array("times", times, "numbers", "s"),
+            checks.array("velocities", velocities, "rows of numbers"),
+        )
+        at = checks.vector("times", at, at.size, "s")
+        if rows.size:
+            rows = checks.matrix("velocities", rows, self.arm.robot.dof, "rad/s")
+        if len(rows) and len(rows) != len(at):
             raise InvalidInputError(f"velocities must have shape ({len(at)}, {self.arm.robot.dof})")
         with self._lock:
             goal = TwinGoal()
@@ -449,13 +462,21 @@ class KinovaDriver(ArmController[Command | Push]):
             return goal
 
     def cancel(self, goal: TwinGoal) -> None:
-        """Cancel a goal: the queue is emptied; a trajectory that is played kills the driver (issue 191)."""
+        """Cancel a goal: the queue is emptied; a trajectory that is played kills the driver (issue 191).
+
+        Raises:
+            InvalidInputError: it is no goal of this driver; nothing has changed.
+        """
+        checks.instance("goal", goal, TwinGoal, "a TwinGoal")
         with self._lock:
             if goal.has_ended:
                 return
+            is_played = self._playing is not None and self._playing.goal is goal
+            if not is_played and goal not in self._watches:
+                raise InvalidInputError("goal is one of another driver")
             goal.end(GoalStatus.CANCELLED)
             self._last = self.arm.state.time
-            if self._playing is not None and self._playing.goal is goal:
+            if is_played:
                 self._die("a goal of follow_joint_trajectory was cancelled")
             else:
                 self._watches.pop(goal)

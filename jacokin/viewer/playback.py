@@ -43,13 +43,15 @@ class Playback:
         """
         if isinstance(trajectory, str | Path) and Path(trajectory).suffix in LOGS:
             trajectory = Log(trajectory, robot).recording()
+        name = "trajectory"
         if isinstance(trajectory, str | Path):
+            name = f"{trajectory}: {name}"
             t, q, _ = read_motion(trajectory, robot)
         else:
             t, q = _columns(trajectory, robot)
-        q = checks.matrix("trajectory", q, robot.dof, "rad")
+        q = checks.matrix(name, q, robot.dof, "rad")
         if t.ndim != 1 or not len(t) or len(q) != len(t) or not np.isfinite(t).all() or (np.diff(t) <= 0.0).any():
-            raise InvalidInputError("trajectory must have rows at finite times that increase")
+            raise InvalidInputError(f"{name} must have rows at finite times that increase")
         self.t, self.q = t - t[0], q
         self.commanded_t: Array = np.zeros(0)
         self.commanded_q: Array = np.zeros((0, robot.dof))

@@ -105,6 +105,9 @@ def test_select_keeps_rows_in_step(seen: tuple[Array, Array]) -> None:
         rows.q[0] = 0.0
     with pytest.raises(InvalidInputError, match="rows: index 7"):
         rows.select([7])
+    for wrong in ([[1.0, 2.0], [3.0]], 2**63, "all"):
+        with pytest.raises(InvalidInputError, match="rows: "):
+            rows.select(wrong)
 
 
 @pytest.mark.parametrize(

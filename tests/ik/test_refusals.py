@@ -162,6 +162,7 @@ def test_what_a_target_has_is_said_beforehand(robot: Robot) -> None:
         (FREE, {}, InvalidInputError, "got one FreeAxis: solve"),
         ([POSITION, [0.3, 0.1], POSITION], {}, InvalidInputError, r"targets\[1\] must have shape \(3,\)"),
         ([POSITION, [0.3, math.nan, 0.4]], {}, InvalidInputError, r"targets\[1\]"),
+        (POSE + 0j, {}, InvalidInputError, r"targets\[0\]"),
         (np.array([POSE + 0j]), {}, InvalidInputError, "targets must be real numbers"),
         (np.ones((2, 4, 4), dtype=bool), {}, InvalidInputError, "targets must be real numbers"),
         (np.array([POSE, 1.1 * POSE]), {}, InvalidInputError, r"targets\[1\]"),

@@ -185,6 +185,14 @@ def test_a_recording_has_both_on_one_clock(robot: Robot, tmp_path: Path) -> None
     np.testing.assert_allclose(played.commanded_t, TIMES + 0.05, atol=1e-9)
     np.testing.assert_allclose(played.commanded_q, played.q, atol=1e-5)  # turns of unlimited joints are no distance
     assert played.joint_names == robot.joint_names
+    # The first command comes when a joint without limits has turned by most of a turn.
+    first, turned = robot.joint_names.index("joint_1"), robot.home + np.outer(6.0 * TIMES, np.eye(6)[0])
+    assert robot.unlimited[first]
+    said = [joint_state("/joint_states", float(t), robot.joint_names, q) for t, q in zip(TIMES, turned, strict=True)]
+    topic, begins = "/j2n6s300_driver/out/joint_command", 6
+    late = [joint_angles(topic, float(TIMES[k]), turned[k] - 2.0 * np.pi * np.eye(6)[0]) for k in range(begins, 10)]
+    played = Log(write(tmp_path / "turned", ".bag", [*said, *late]), robot).recording()
+    np.testing.assert_allclose(played.commanded_q, played.q[begins:], atol=1e-5)
     alone = Log(write(tmp_path / "alone", ".bag", states(robot)), robot).recording()
     assert len(alone.commanded_t) == 0
     assert alone.commanded_q.shape == (0, 6)

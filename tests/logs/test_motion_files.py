@@ -113,6 +113,7 @@ def test_damaged_files_for_kinovas_driver_are_refused(robot: Robot, trajectory: 
         ([head, *rest], "its rows are not 10 ms apart"),
         ([head.replace("joint1", "axis1"), first, *rest], "the head line must begin time_s,joint1_deg"),
         ([head, first, rest[0].replace(",", ",x", 1), *rest[1:]], "line 3: could not convert string to float"),
+        ([head, first, rest[0].replace(",", ",1_", 1), *rest[1:]], "line 3"),
         ([head, first, *rest[: len(rest) // 2]], "its last row is not at rest"),
         ([head], ""),
         (["time_s,joint1_deg", "0.0,1.0"], ""),

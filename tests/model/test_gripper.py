@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -272,3 +273,32 @@ def test_what_is_only_drawn_is_no_shape_of_a_hand(tmp_path: Path) -> None:
     links = shapes_of_links(jacokin.load_robot(path))
     assert {"left", "right"} <= links.keys()
     assert "cover" not in links
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("openings", [1.0, 0.5, 0.7], "openings must be from shut to open"),
+        ("openings", [0.2], r"openings must have shape \(2,\)"),
+        ("widths", [0.1, 0.05, 0.0], "widths must be growing from shut to open"),
+        ("widths", [0.0, 0.1], r"widths must have shape \(3,\)"),
+        ("widths", ["0", "1", "2"], "widths must be numbers"),
+        ("middles", [0.0, np.nan, 0.0], "middles must be finite"),
+        ("pads", [0.0, 0.0, 0.1], r"pads must be"),
+        ("frame", 3, "frame must be"),
+        ("depth", -0.01, "depth must be"),
+        ("palm", np.nan, "palm must be"),
+    ],
+)
+def test_numbers_of_ones_own_are_checked_and_copied(name: str, value: Any, message: str) -> None:
+    given: dict[str, Any] = {
+        "frame": "tool", "pads": pin.SE3.Identity(), "openings": np.array([1.0, 0.5, 0.0]),
+        "widths": np.array([0.0, 0.05, 0.1]), "middles": np.zeros(3), "depth": 0.01, "ahead": 0.01,
+    }  # fmt: skip
+    hand = Gripper(**given)
+    given["widths"] *= 2.0
+    given["pads"].translation = np.ones(3)
+    assert hand.widths.tolist() == [0.0, 0.05, 0.1]
+    assert not hand.pads.translation.any()
+    with pytest.raises(InvalidInputError, match=message):
+        Gripper(**{**given, name: value})

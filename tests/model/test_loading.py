@@ -18,6 +18,7 @@ import jacokin.model
 from jacokin import Robot
 from jacokin.errors import InvalidInputError, ModelError, UnknownNameError
 from jacokin.model import SelfContact, urdf_folder
+from jacokin.model.robot import fingerprint
 from tests.robot_files import SCENE, skeleton, urdf_text
 
 KEYFRAME = '<keyframe><key name="home" qpos="{}"/></keyframe></mujoco>'
@@ -266,6 +267,29 @@ def test_shapes_of_a_locked_arm_stand_where_it_is_locked(tmp_path: Path) -> None
     np.testing.assert_allclose(places[1], [1.0 - 0.6 * math.sin(1.5), 0.0, 0.6 * math.cos(1.5)], atol=1e-12)
     clear = [not SelfContact(robot).touching([math.atan2(0.4, 0.04), 0.0]) for robot in robots]
     assert clear == [True, False]
+
+
+def test_arms_that_differ_in_an_axis_have_other_fingerprints(tmp_path: Path) -> None:
+    text, found = (urdf_folder() / "j2n6s300.urdf").read_text(), set()
+    for axis in ("0 0 1", "0 0 -1", "0 -1 0", "0.6 0 0.8", "0.6 0 -0.8"):
+        file = tmp_path / "arm.urdf"
+        file.write_text(text.replace('axis xyz="0 0 1"', f'axis xyz="{axis}"', 1))
+        found.add(fingerprint(jacokin.load_robot(file)))
+    assert len(found) == 5
+
+
+def test_arms_that_differ_in_which_shapes_meet_have_other_fingerprints(tmp_path: Path) -> None:
+    file, found, pairs = tmp_path / "arm.xml", set(), set()
+    exclude = '<contact><exclude body1="b1" body2="b3"/></contact>'
+    for mask, more in (("", ""), ("", exclude), ('contype="0" conaffinity="0"', ""), ('contype="2"', "")):
+        body = '<body name="b{0}" pos="0.3 0 0"><joint name="j{0}" axis="0 1 0"/><geom size="0.05" {1}/>'
+        bodies = "".join(body.format(k, mask if k == 3 else "") for k in range(1, 4))
+        file.write_text(f"<mujoco><worldbody>{bodies}</body></body></body></worldbody>{more}</mujoco>")
+        robot = jacokin.load_robot(file)
+        found.add(fingerprint(robot, shapes=True))
+        pairs.add(SelfContact(robot).pairs)
+    assert len(pairs) > 1
+    assert len(found) == 4
 
 
 def test_a_home_of_ones_own_is_taken(two_arms: Path) -> None:

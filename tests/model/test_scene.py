@@ -16,7 +16,7 @@ import jacokin
 from jacokin import IKSolver, Robot, Status
 from jacokin.errors import InvalidInputError, ModelError, UnknownNameError
 from jacokin.ik import Box, Capsule, Cylinder, Floor, Scene, Sphere
-from jacokin.model import Obstacle, SelfContact
+from jacokin.model import Obstacle, PointCloud, SelfContact
 
 TABLE = Box("table", [0.6, 0.6, 0.05], [0.5, -0.5, 0.1])
 
@@ -345,3 +345,29 @@ def test_what_is_allowed_with_a_shape_goes_with_it(robot: Robot) -> None:
     assert scene.detach("ball", pose=[1.0, 0.0, 0.0]).allow == scene.allow
     assert scene.changed(["table"], {}).allow == (("ball", "hand"),)
     assert np.isfinite(robot.clearance(robot.home, scene.changed(["table"], {}).adding(Floor(-1.0))))
+
+
+def test_scenes_with_the_same_fingerprint_are_the_same(robot: Robot, tmp_path: Path) -> None:
+    """However a scene was made, and in which process: maps and files that go on ask whether it is the same."""
+    file, cloud = tmp_path / "scene.json", PointCloud("cloud", np.eye(3))
+    box = {"shape": "box", "name": "table", "size": [0.6, 0.6, 0.05], "position": [0.5, -0.5, 0.1]}
+    file.write_text(json.dumps({"obstacles": [box, {"shape": "floor"}]}))
+    scene = Scene([TABLE, Floor()])
+    again = (Scene.load(file), pickle.loads(pickle.dumps(scene)), Scene([TABLE]).adding(Floor()))
+    assert {each.surroundings.fingerprint for each in (scene, *again)} == {scene.surroundings.fingerprint}
+    held = scene.attach(Sphere("ball", 0.1, [0.0, 0.0, 0.1]))
+    others = [
+        Scene([Floor(), TABLE]),
+        Scene([TABLE, Floor(1e-9)]),
+        scene.moving({"table": [0.5, -0.5, 0.2]}),
+        scene.allowing(("table", "hand")),
+        scene.with_fingers(0.3),
+        held,
+        scene.attach(Sphere("ball", 0.1, [0.0, 0.0, 0.1]), "link_4"),
+        scene.adding(cloud),
+        scene.adding(PointCloud("cloud", (1.0 + 1e-9) * np.eye(3))),
+        scene.adding_robot(robot, robot.home, name="other", base=[1.0, 0.0, 0.0]),
+        scene.adding_robot(robot, robot.home + 0.1, name="other", base=[1.0, 0.0, 0.0]),
+    ]
+    found = [each.surroundings.fingerprint for each in (scene, *others)]
+    assert len(set(found)) == len(found)

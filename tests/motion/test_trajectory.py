@@ -85,12 +85,13 @@ def test_files_that_are_not_ours_are_refused(tmp_path: Path, name: str, text: st
         Trajectory.load(file)
 
 
-def test_a_damaged_line_is_named(result: Trajectory, tmp_path: Path) -> None:
+@pytest.mark.parametrize("damage", ["x", "1_", "\u0663"])  # the last is a digit, but not to C
+def test_a_damaged_line_is_named(result: Trajectory, tmp_path: Path, damage: str) -> None:
     file = tmp_path / "path.csv"
     result.save(file)
     lines = file.read_text().splitlines()
-    lines[10] = lines[10].replace(",", ",x", 1)
-    file.write_text("\n".join(lines))
+    lines[10] = lines[10].replace(",", f",{damage}", 1)
+    file.write_text("\n".join(lines), encoding="utf-8")
     with pytest.raises(InvalidInputError, match="line 11"):
         Trajectory.load(file)
 

@@ -108,12 +108,13 @@ def test_load(folder: Any) -> None:
 @pytest.mark.parametrize(
     ("name", "content", "words"),
     [
-        ("manifest.json", "{}", "is of another recipe.json"),
-        ("manifest.json", "[]", "is not a JSON object"),
-        ("manifest.json", "{", "is not JSON"),
+        ("manifest.json", '{"recipe": "", "sha256": {}}', "is of another recipe.json"),
+        ("manifest.json", "[]", "must be a mapping with recipe, sha256"),
+        ("manifest.json", "{", "is not the manifest of a map"),
         ("manifest.json", None, "is not a complete map: it has no manifest.json"),
-        ("recipe.json", "[]", "is not a JSON object"),
-        ("recipe.json", '{"format": "jacokin reachability map 1"}', "is of another recipe.json"),
+        ("recipe.json", "[]", "must be a mapping with format"),
+        ("recipe.json", '{"format": "jacokin reachability map 1"}', "lacks 'robot'"),
+        ("recipe.json", '{"format": "jacokin reachability map 2"}', "format must be 'jacokin reachability map 1'"),
         ("recipe.json", None, "is not a map: it has no recipe.json"),
     ],
 )
@@ -133,7 +134,7 @@ def test_a_manifest_without_chunks(tmp_path: Path) -> None:
     shutil.copytree(bundled().folder, folder)
     manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
     (folder / "manifest.json").write_text(json.dumps(manifest | {"sha256": 3}), encoding="utf-8")
-    with pytest.raises(InvalidInputError, match="does not list the chunks"):
+    with pytest.raises(InvalidInputError, match="sha256 must be a mapping"):
         load(folder)
     with pytest.raises(InvalidInputError, match="there is no such folder"):
         load(tmp_path / "nowhere")

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import math
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +14,7 @@ import pytest
 from jacokin.errors import InvalidInputError
 from jacokin.model import Robot
 from jacokin.motion import Tracker, Trajectory, move_joints
-from jacokin.runner import LiveMotion, PlannedMotion, Runner, RunnerStatus, TwinLink, run
+from jacokin.runner import LiveMotion, PlannedMotion, ProcessLink, Runner, RunnerStatus, TwinLink, run
 from jacokin.teleop import Teleop
 from jacokin.twin import KinovaDriver, SimulatedArm
 
@@ -109,6 +112,25 @@ def test_the_end_of_a_hand_brakes_the_arm(robot: Robot) -> None:
         v = motion.step(TICK).v
         assert np.abs(v - before).max() <= 2.0 * TICK + 1e-9  # the acceleration limit
         before = v
+
+
+def test_what_is_no_motion_no_arm_and_no_hand_is_refused(robot: Robot) -> None:
+    motion: Any = PlannedMotion(robot, [0.0], [robot.home])
+    driver, wrong = KinovaDriver(SimulatedArm()), object()
+    made: list[Callable[[], object]] = [
+        lambda: PlannedMotion.of(wrong, robot),  # type: ignore[arg-type]  # the mistakes
+        lambda: LiveMotion(wrong),  # type: ignore[arg-type]
+        lambda: live(robot).take("[" * 100_000),
+        lambda: Runner(robot, wrong),  # type: ignore[arg-type]
+        lambda: Runner(robot, motion, {"gain": 1.0}),  # type: ignore[arg-type]
+        lambda: TwinLink(wrong),  # type: ignore[arg-type]
+        lambda: TwinLink(driver, period=math.nan),
+        lambda: run(motion, TwinLink(driver)),
+        lambda: ProcessLink(["true"], "joint_1"),
+    ]
+    for call in made:
+        with pytest.raises(InvalidInputError):
+            call()
 
 
 def test_a_malformed_hand_brakes_and_says_why(robot: Robot) -> None:

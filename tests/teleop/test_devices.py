@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import sys
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 import pytest
@@ -46,17 +48,27 @@ def test_shoulder_and_reach_are_what_they_say(robot: Robot) -> None:
     assert np.linalg.norm(beyond[:, :3] - [0.0, 0.0, 0.28], axis=1).max() > 0.85
 
 
-def test_a_stream_is_saved_and_read(robot: Robot, tmp_path: Path) -> None:
+def full_disk(file: IO[bytes]) -> None:
+    file.write(b"PK")
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def test_a_stream_is_saved_and_read(robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     stream = make_stream(robot, "dropouts", np.random.default_rng(1))
     stream.save(tmp_path / "hand.npz")
     read = Stream.load(tmp_path / "hand.npz")
     assert np.array_equal(read.time, stream.time)
     assert np.array_equal(read.hand, stream.hand, equal_nan=True)
-    for path, match in (("hand.csv", "must end in .npz"), ("no/such/folder.npz", "cannot write")):
+    for path, match in (("hand.csv", "must end in .npz"), ("no/such/folder.npz", "cannot be written")):
         with pytest.raises(InvalidInputError, match=match):
             stream.save(tmp_path / path)
     (tmp_path / "text.npz").write_text("hello")
     whole = (tmp_path / "hand.npz").read_bytes()
+    with monkeypatch.context() as full:
+        full.setattr(np, "savez", lambda file, **_: full_disk(file))
+        with pytest.raises(InvalidInputError, match="hand.npz: cannot be written: No space"):
+            stream.save(tmp_path / "hand.npz")
+    assert (tmp_path / "hand.npz").read_bytes() == whole
     (tmp_path / "half.npz").write_bytes(whole[: len(whole) // 2])
     with (tmp_path / "array.npz").open("wb") as file:
         np.save(file, np.zeros(3))

@@ -8,6 +8,7 @@ import time
 import numpy as np
 import pytest
 
+import jacokin.tasks
 from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.twin import Faults, SimulatedArm
 from jacokin.twin.faults import Line
@@ -67,6 +68,8 @@ def test_where_it_begins() -> None:
         SimulatedArm(q=np.zeros(6))
     with pytest.raises(UnknownNameError, match="j2n6s300"):
         SimulatedArm("gen3")
+    with pytest.raises(InvalidInputError, match="robot is j2s7s300, and the task has a j2n6s300"):
+        SimulatedArm("j2s7s300", task=jacokin.tasks.load("reach_site").task)
 
 
 def test_faults_are_read() -> None:
@@ -79,6 +82,7 @@ def test_faults_are_read() -> None:
         ("lag=-1", "lag"),
         ("lag=nan", "lag"),
         ("stall=100", "stall must be at most 10"),
+        ("lag=0.1,lag=0.2", "lag is given twice"),
     ):
         with pytest.raises(InvalidInputError, match=why):
             Faults.parse(text)

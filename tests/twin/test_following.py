@@ -119,6 +119,9 @@ def test_tolerances_of_the_path_and_of_the_goal(motion: Trajectory) -> None:
         (NAMES, [], [], [], "there must be points"),
         (NAMES, [1.0, 1.0], [[0.0] * 6] * 2, [], "strictly increase"),
         (NAMES, [-1.0], [[0.0] * 6], [], "strictly increase"),
+        (NAMES, [float("nan")], [[0.0] * 6], [], "times must be finite"),
+        ("joint_1", [1.0], [[0.0]], [], "names must be"),
+        (NAMES, [1.0], [["0"] * 6], [], "positions must be"),
         (NAMES, [1.0], [[]], [], "positions must be given"),
         (NAMES, [1.0], [[0.0] * 5], [], "6 numbers at each"),
         (NAMES, [1.0], [[float("nan")] * 6], [], "finite"),
@@ -133,9 +136,13 @@ def test_goals_that_are_rejected(
     why: str,
 ) -> None:
     made = controller()
+    before = made.follow(NAMES, [1.0], [made.arm.robot.home.tolist()])
     with pytest.raises(InvalidInputError, match=why):
         made.follow(names, times, positions, velocities)
-    assert made.record().goals == 0
+    assert made.record().goals == 1
+    assert not before.has_ended
+    with pytest.raises(InvalidInputError, match="6 different names"):
+        TrajectoryController(made.arm, NAMES[:1] * 6)
 
 
 def test_a_jump_of_a_turn_is_bounded_by_the_speeds(motion: Trajectory) -> None:

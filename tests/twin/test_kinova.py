@@ -334,7 +334,7 @@ def test_faults_are_seeded_and_move_the_end_of_an_open_loop(motion: Trajectory) 
 
 
 def test_what_is_malformed_is_refused(motion: Trajectory) -> None:
-    made = driver()
+    made, other = driver(), driver().go_to_angles(motion.q[0])
     for call in (
         lambda: made.joint_velocity(np.zeros(5)),
         lambda: made.joint_velocity(np.full(6, np.nan)),
@@ -354,8 +354,16 @@ def test_what_is_malformed_is_refused(motion: Trajectory) -> None:
         lambda: made.add_pose(np.eye(3)),
         lambda: made.set_end_effector_offset([0.0]),
         lambda: made.arm.tick_torques(np.zeros(5)),
+        lambda: made.follow("now", [[0.0] * 6]),
+        lambda: made.cancel(other),
+        lambda: made.finger_turns("open"),  # type: ignore[arg-type]  # the mistake
+        lambda: made.set_torque_control(on=[1, 2]),  # type: ignore[arg-type]  # the mistake
+        lambda: KinovaDriver("j2n6s300"),  # type: ignore[arg-type]  # the mistake
+        lambda: KinovaDriver(made.arm, faults="lag=1"),  # type: ignore[arg-type]  # the mistake
+        lambda: KinovaDriver(made.arm, seed=-1),
     ):
         with pytest.raises(InvalidInputError):
             call()
     record = made.record()
     assert (record.velocities, record.goals, record.time) == (0, 0, 0.0)
+    assert not other.has_ended

@@ -94,5 +94,5 @@ def test_messages_that_are_no_trajectory_are_refused(robot: Robot, tmp_path: Pat
     for points in ([], [point, point], [{**point, "positions": [float("nan")] * 6}]):
         file = tmp_path / "bad.json"
         file.write_text(json.dumps({"joint_names": list(JOINTS), "points": points}), encoding="utf-8")
-        with pytest.raises(InvalidInputError, match="trajectory"):
+        with pytest.raises(InvalidInputError, match="bad.json.*rajectory"):
             Playback(file, robot)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import functools
 import pickle
+import threading
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import orjson
@@ -92,6 +93,7 @@ def make(job: ChunkJob) -> list[str | bytes] | None:
     Raises:
         JacokinError: this process has another version of jacokin, or the disk is full.
         InvalidInputError: the file cannot be read.
+        CancelledError: who waits for it has stopped, see `heed`; chunks before are kept.
     """
     if job.version != jacokin.__version__:
         raise JacokinError(f"the worker has jacokin {jacokin.__version__}, and the batch needs {job.version}")
@@ -103,7 +105,7 @@ def make(job: ChunkJob) -> list[str | bytes] | None:
     kept: list[Future[str | bytes]] = []
     with ThreadPoolExecutor(1) as writer:  # the disk is waited for while the next chunk is solved
         for index, targets in enumerate(blocks, job.first):
-            batch = solve_rows(solver, targets, job.seed, closest=job.closest)
+            batch = solve_rows(solver, targets, job.seed, closest=job.closest, progress=_go_on)
             content = orjson.dumps(count_rows(targets, batch).document()) + b"\n" + answers.encode(targets, batch)
             if kept:
                 kept[-1].result()
@@ -111,6 +113,35 @@ def make(job: ChunkJob) -> list[str | bytes] | None:
                 return None
             kept.append(writer.submit(job.keeper.keep, index, content))
         return [each.result() for each in kept]
+
+
+class Stop(Protocol):
+    """An event of threads or of processes."""
+
+    def set(self) -> None:
+        """Stop the work."""
+
+    def is_set(self) -> bool:
+        """Whether it is to stop."""
+
+
+def heed(stop: Stop) -> None:
+    """Let an event stop the jobs of this worker, a thread or a process."""
+    _worker.stop = stop
+
+
+_worker = threading.local()
+
+
+def _go_on(rows: int) -> None:
+    """Go on after some rows.
+
+    Raises:
+        CancelledError: the work is to stop.
+    """
+    stop: Stop | None = getattr(_worker, "stop", None)
+    if stop is not None and stop.is_set():
+        raise CancelledError
 
 
 def _blocks_of(rows: RowsInFile) -> Iterator[TargetFile]:
@@ -123,19 +154,26 @@ def _is_there(rows: RowsInFile | TargetFile) -> bool:
 
 
 def solve_rows(
-    solver: IKSolver, targets: TargetFile, seed: Array | None, *, closest: bool = True, workers: int = 1
+    solver: IKSolver,
+    targets: TargetFile,
+    seed: Array | None,
+    *,
+    closest: bool = True,
+    workers: int = 1,
+    progress: Callable[[int], None] | None = None,
 ) -> BatchResult:
     """Answers to the rows that are targets; the status of the others says that they are not."""
+    solve = functools.partial(solver.solve_batch, workers=workers, closest=closest, progress=progress)
     problems = targets.problems
     if not problems:
-        return solver.solve_batch(targets.targets, seed, workers=workers, closest=closest)
+        return solve(targets.targets, seed)
     out = AnswerColumns(len(targets), solver.robot.dof, [problems.get(row, "") for row in range(len(targets))])
     for row in problems:
         out.q[row] = out.errors[row] = np.nan
         out.status[row], out.method[row], out.success[row] = Status.INVALID_TARGET, "", False
     good = np.setdiff1d(np.arange(len(targets)), list(problems))
     if len(good):
-        found = solver.solve_batch(targets.targets[good], seed, workers=workers, closest=closest)
+        found = solve(targets.targets[good], seed)
         out.q[good], out.success[good], out.touching[good] = found.q, found.success, found.touching
         out.errors[good] = np.column_stack([found.position_error, found.orientation_error])
         for index, row in enumerate(good.tolist()):

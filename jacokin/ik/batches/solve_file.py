@@ -14,6 +14,7 @@ import functools
 import pickle
 import shutil
 import tempfile
+import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
@@ -35,14 +36,16 @@ from jacokin.chunks.execution import (
     usable_cores,
     worker_processes,
 )
-from jacokin.chunks.folder import ChunkFolder, Keeper, clear, digest, file_digest, sync, temporary
+from jacokin.chunks.folder import ChunkFolder, Keeper, clear, file_digest, sync, temporary
 from jacokin.errors import InvalidInputError, JacokinError
 from jacokin.ik.batches.chunk import (
     EMPTY,
     ChunkJob,
     FileSummary,
     RowsInFile,
+    Stop,
     Tally,
+    heed,
     make,
     read_stamp,
     read_tally,
@@ -210,7 +213,7 @@ class _Batch:
         solver, tool, chosen = self.solver, self.solver.tool, self.solver.verifier.options
         options = {field.name: getattr(chosen, field.name) for field in dataclasses.fields(chosen)}
         options |= {
-            "scene": None if chosen.scene is None else digest(pickle.dumps(chosen.scene)),
+            "scene": None if chosen.scene is None else chosen.scene.surroundings.fingerprint,
             "frame": solver.frame,
             "tool": None if tool is None else tool.homogeneous.tolist(),
             "seed": None if self.seed is None else self.seed.tolist(),
@@ -402,11 +405,17 @@ def _working(executor: Executor | None, workers: int | None, compiled: bool) -> 
     if executor is not None:
         yield executor
         return
-    if compiled:
-        own: Executor = ThreadPoolExecutor(usable_cores() if workers is None else workers)
+    if compiled or workers in (None, 1):
+        count = workers or (usable_cores() if compiled else 1)
+        stop: Stop = threading.Event()
+        own: Executor = ThreadPoolExecutor(count, initializer=heed, initargs=(stop,))
     else:
-        own = ThreadPoolExecutor(1) if workers in (None, 1) else worker_processes(workers or 1)
+        import multiprocessing  # not for who solves in this process
+
+        stop = multiprocessing.get_context("spawn").Event()
+        own = worker_processes(workers or 1, heed, stop)
     try:
         yield own
     finally:
-        own.shutdown(cancel_futures=True)  # where the block failed: what has begun may still be kept
+        stop.set()  # where the block failed, nobody waits for what has begun
+        own.shutdown(cancel_futures=True)

@@ -61,13 +61,19 @@ def compile_mjcf(path: Path) -> mujoco.MjModel:
 
     Raises:
         ModelError: MuJoCo refuses the file (its message is passed on), a number in it is not finite, or so large that
-            MuJoCo cannot normalise it, or the file asks for more elements, terrain or pixels than are read.
+            MuJoCo cannot normalise it, a name is not in UTF-8, or the file asks for more elements, terrain or pixels
+            than are read.
     """
     _check_text(path)
     try:
         model = mujoco.MjModel.from_xml_path(str(path))
     except MUJOCO_ERRORS as error:
         raise ModelError(f"{path}: MuJoCo cannot load this file: {error}") from error
+    try:
+        model.names.decode()
+    except UnicodeDecodeError as error:
+        name = model.names[model.names.rfind(b"\0", 0, error.start) + 1 :].partition(b"\0")[0]
+        raise ModelError(f"{path}: the name {name!r} is not in UTF-8") from error
     lengths, units = ("body_pos", "jnt_pos", "site_pos"), ("body_quat", "body_iquat", "site_quat", "jnt_axis")
     for name in (*lengths, *units, "jnt_range", "body_mass", "key_qpos", "qpos0"):
         if not np.isfinite(getattr(model, name)).all():

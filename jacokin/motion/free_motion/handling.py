@@ -22,7 +22,7 @@ from jacokin.model.robot import Robot, acceleration_limits, velocity_limits
 from jacokin.motion.free_motion.plan_motion import plan_motion
 from jacokin.motion.free_motion.search import Randomness
 from jacokin.motion.planning.plan import plan_path
-from jacokin.motion.rows import joined
+from jacokin.motion.rows import joined, resting
 from jacokin.motion.trajectory import MotionStatus, Trajectory
 
 HAND = "hand"  # of bundled robots: the link whose contact with the object is allowed, with the fingers that it carries
@@ -135,7 +135,7 @@ class Planner:
 
     def stand(self, q: Array, status: MotionStatus, message: str) -> Trajectory:
         """No motion from a configuration (dof,) [rad], and why."""
-        return Trajectory.staying(self._robot, self._velocity, q, status, message)
+        return Trajectory.of(self._robot, self._velocity, resting(q), status=status, message=message)
 
     def move(self, solver: IKSolver, start: Array, goal: Any, *, least: float = 1e-6) -> Trajectory:
         """A motion of `plan_motion` from a configuration (dof,) [rad] in the time that is left, or the least [s]."""

@@ -412,7 +412,8 @@ class Meanwhile:
         return found
 
     def _stay(self, start: Array, status: MotionStatus, message: str) -> Trajectory:
-        return Trajectory.staying(self._solver.robot, self._solver.robot.velocity_limit, start, status, message)
+        robot = self._solver.robot
+        return Trajectory.of(robot, robot.velocity_limit, resting(start), status=status, message=message)
 
 
 def _course(robot: OtherRobot, motion: object) -> TimedMotion:

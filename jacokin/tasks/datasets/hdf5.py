@@ -24,18 +24,10 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from jacokin.documents import parsed_json
 from jacokin.errors import InvalidInputError, needed
-from jacokin.files import ARRAYS, DEFLATION
-from jacokin.tasks.datasets.recorded import (
-    SINGLE,
-    Recorded,
-    checked_description,
-    count,
-    json_object,
-    placing,
-    read_json,
-    reading,
-)
+from jacokin.files import ARRAYS, DEFLATION, parsing
+from jacokin.tasks.datasets.recorded import DESCRIPTION_FORM, NOT_OURS, SINGLE, Recorded, count, placing, read_json
 from jacokin.tasks.datasets.recording import FUNCTION
 from jacokin.tasks.gym.environment import TaskEnv
 
@@ -187,24 +179,24 @@ def read(path: Path) -> tuple[dict[str, Any], Iterator[Recorded]]:
     main = path / MAIN if path.is_dir() else path
     if main.is_symlink() or not main.is_file():
         raise InvalidInputError(f"{path}: is not a data set that jacokin wrote: there is no file {main}")
-    with reading(path), h5py.File(main) as file:
+    with parsing(path, NOT_OURS), h5py.File(main) as file:
         _check_inside(file)
         top = file if path.is_dir() else file["data"]
-        description = checked_description(json_object(top.attrs["jacokin"]))
+        description = parsed_json(top.attrs["jacokin"], DESCRIPTION_FORM)
         names = sorted(top, key=lambda name: (len(name), name))
         if names != [f"{'episode' if path.is_dir() else 'demo'}_{number}" for number in range(len(names))] or not names:
             raise ValueError(f"its episodes are {names[:10]}")
         if path.is_dir():
-            metadata = read_json(path / METADATA)
+            metadata = read_json(path / METADATA, {"total_episodes": int})
             count("total_episodes", metadata["total_episodes"], len(names))
-        elif json_object(top.attrs["env_args"]) != _arguments(description):
+        elif parsed_json(top.attrs["env_args"]) != _arguments(description):
             raise ValueError("env_args and jacokin are not the same environment")
     return description, _episodes(path, main, names)
 
 
 def _episodes(path: Path, main: Path, names: list[str]) -> Iterator[Recorded]:
     """The episodes one by one, checked."""
-    with reading(path), h5py.File(main) as file:
+    with parsing(path, NOT_OURS), h5py.File(main) as file:
         for number, name in enumerate(names):
             found = _minari_episode(file, file[name]) if path.is_dir() else _robomimic_episode(file["data"][name])
             yield found.checked(f"{path}: episode {number + 1}")
@@ -374,7 +366,7 @@ def _serialized(space: spaces.Space[Any]) -> dict[str, Any]:
 
 
 def _minari_episode(file: Any, group: Any) -> Recorded:
-    names = json_object(file.attrs["names"])
+    names = parsed_json(file.attrs["names"], {str: str})
     observed = group["observations"]
     if isinstance(observed, h5py.Dataset):
         observations = {SINGLE: observed[()]}

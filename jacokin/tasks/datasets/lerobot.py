@@ -18,8 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.errors import InvalidInputError, needed
-from jacokin.tasks.datasets.recorded import SINGLE, Recorded, checked_description, placing, read_json, reading
+from jacokin.errors import InvalidInputError, needed, shown
+from jacokin.files import parsing
+from jacokin.tasks.datasets.recorded import DESCRIPTION_FORM, NOT_OURS, SINGLE, Recorded, placing, read_json
 from jacokin.tasks.datasets.video import VideoRecorder, find_ffmpeg
 from jacokin.tasks.gym.environment import TaskEnv
 from jacokin.tasks.gym.packing import PROPRIOCEPTION
@@ -68,14 +69,16 @@ def read(path: Path) -> tuple[dict[str, Any], Iterator[Recorded]]:
     Raises:
         InvalidInputError: no such data set, or it is damaged; also while the episodes are read.
     """
-    with reading(path):
+    with parsing(path, NOT_OURS):
         _check_inside(path)
-        description = checked_description(read_json(path / _EXACT / "environment.json"))
-        info = read_json(path / "meta" / "info.json")
+        description = read_json(path / _EXACT / "environment.json", DESCRIPTION_FORM)
+        info = read_json(path / "meta" / "info.json", {"total_episodes": int, "total_frames": int})
         episodes = sorted((path / _EXACT).glob("*.npz"))
         total = info["total_episodes"]
         if len(episodes) != total or not episodes:
-            raise InvalidInputError(f"{path}: is damaged: {len(episodes)} of its {total} episodes are in {_EXACT}")
+            raise InvalidInputError(
+                f"{path}: is damaged: {len(episodes)} of its {shown(total)} episodes are in {_EXACT}"
+            )
         if [each.name for each in episodes] != [_exact_name(number) for number in range(len(episodes))]:
             raise ValueError(f"the names in {_EXACT} are not {_exact_name(0)} and so on")
     return description, _episodes(path, episodes, info["total_frames"])
@@ -86,7 +89,7 @@ def _episodes(path: Path, exact: list[Path], frames: int) -> Iterator[Recorded]:
     rows, before = _rows(path), 0
     for number, file in enumerate(exact):
         each = Recorded.from_file(file)
-        with reading(path):
+        with parsing(path, NOT_OURS):
             count = len(each.actions)
             found = next(rows, None)
             wanted = _table({**_numbers(each), **_indices(number, before, count, 1)}).select(_COMPARED)
@@ -94,9 +97,9 @@ def _episodes(path: Path, exact: list[Path], frames: int) -> Iterator[Recorded]:
                 raise ValueError(f"the Parquet files do not hold what {file.name} does")
         before += count
         yield each
-    with reading(path):
+    with parsing(path, NOT_OURS):
         if next(rows, None) is not None or before != frames:
-            raise ValueError(f"it does not have the {frames} steps that it tells of, in the Parquet files too")
+            raise ValueError(f"it does not have the {shown(frames)} steps that it tells of, in the Parquet files too")
 
 
 def _rows(path: Path) -> Iterator[Any]:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import contextlib
 import io
-import json
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -17,13 +16,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from jacokin import documents
 from jacokin.arrays import Array
 from jacokin.chunks.folder import temporary
-from jacokin.errors import InvalidInputError, JacokinError, shown
-from jacokin.files import read_arrays, read_text, reason
+from jacokin.errors import InvalidInputError, shown
+from jacokin.files import parsing, read_arrays, reason
 from jacokin.model import checks
 
 SINGLE = "observation"  # name of an observation that has none
+NOT_OURS, NOT_AN_EPISODE = "is not a data set that jacokin wrote, or damaged", "is not an episode, or damaged"
+#: What `describe` gave, as far as that can be said without making the environment.
+DESCRIPTION_FORM = {"id": str, "kwargs": {"reward": object}}
+_ARRAYS = ("actions", "rewards", "success", "states")
 _OBSERVED = "observed "  # begins the names of observations among those of arrays
 
 
@@ -53,8 +57,7 @@ class Recorded:
 
     def to_bytes(self) -> bytes:
         """The episode as the bytes of an .npz file."""
-        names = ("actions", "rewards", "success", "states")
-        arrays: dict[str, Any] = {name: getattr(self, name) for name in names}
+        arrays: dict[str, Any] = {name: getattr(self, name) for name in _ARRAYS}
         arrays.update({_OBSERVED + name: values for name, values in self.observations.items()})
         arrays.update(seed=self.seed, error=self.error)
         arrays["varied"] = np.array(list(self.randomization), dtype=str)
@@ -70,13 +73,14 @@ class Recorded:
         Raises:
             InvalidInputError: the file is damaged.
         """
-        arrays: dict[str, Any] = dict(read_arrays(path, "is not an episode, or damaged"))
+        names = (*_ARRAYS, "seed", "error", "varied", "values")
+        arrays: dict[str, Any] = dict(read_arrays(path, NOT_AN_EPISODE, names))
         observations = {
             name.removeprefix(_OBSERVED): each for name, each in arrays.items() if name.startswith(_OBSERVED)
         }
-        with reading(path, "is not an episode, or damaged"):
+        with parsing(path, NOT_AN_EPISODE):
             varied = dict(zip(arrays["varied"].tolist(), arrays["values"].tolist(), strict=True))
-            plain = {name: arrays[name] for name in ("actions", "rewards", "success", "states")}
+            plain = {name: arrays[name] for name in _ARRAYS}
             seed, error = arrays["seed"].item(), arrays["error"].item()
             found = cls(seed, observations, **plain, randomization=varied, error=error)
         return found.checked(str(path))
@@ -126,8 +130,7 @@ class Recorded:
 
     def differences(self, other: Recorded) -> list[str]:
         """The names of what is not the same bit by bit in another episode; observations only if this one has some."""
-        names = ("actions", "rewards", "success", "states")
-        found = [name for name in names if not _same(getattr(self, name), getattr(other, name))]
+        found = [name for name in _ARRAYS if not _same(getattr(self, name), getattr(other, name))]
         seen = sorted({*self.observations, *other.observations} if self.observations else ())
         found += [name for name in seen if not _same(self.observations.get(name), other.observations.get(name))]
         if dict(self.randomization) != dict(other.randomization):
@@ -147,60 +150,16 @@ def _same(one: NDArray[Any] | None, other: NDArray[Any] | None) -> bool:
     return one.tobytes() == other.tobytes()  # NaN too, of a simulation that diverged
 
 
-@contextlib.contextmanager
-def reading(path: Path, otherwise: str = "is not a data set that jacokin wrote, or damaged") -> Iterator[None]:
-    """Turn what libraries raise on files that are something else into one error.
-
-    Args:
-        path: the file or folder, named by the error.
-        otherwise: what it says of it.
+def read_json(path: Path, form: object) -> dict[str, Any]:
+    """The object of a form in a JSON file of a data set.
 
     Raises:
-        InvalidInputError: the block raised anything.
-    """
-    try:
-        yield
-    except JacokinError:
-        raise
-    except KeyError as error:
-        raise InvalidInputError(f"{path}: {otherwise}: it lacks {error.args[0] if error.args else error}") from error
-    except Exception as error:  # h5py and pyarrow have no base of their errors
-        raise InvalidInputError(f"{path}: {otherwise}: {error}") from error
-
-
-def read_json(path: Path) -> dict[str, Any]:
-    """The object in a JSON file; inside `reading`, which says what any error means.
-
-    Raises:
-        InvalidInputError: something else than a file of sensible size that holds an object.
+        InvalidInputError: something else than a file of sensible size that holds it, or a link.
     """
     if path.is_symlink() or not path.is_file():
         raise InvalidInputError(f"{path}: there is no such file")
-    return json_object(read_text(path, 100_000_000))  # [byte]
-
-
-def json_object(text: object) -> dict[str, Any]:
-    """The object of some JSON.
-
-    Raises:
-        ValueError: something else.
-    """
-    found = json.loads(text) if isinstance(text, str | bytes) else None
-    if not isinstance(found, dict):
-        raise ValueError(f"expected a JSON object, got {shown(text)}")
+    found: dict[str, Any] = documents.read_json(path, NOT_OURS, form, 100_000_000)  # [byte]
     return found
-
-
-def checked_description(description: dict[str, Any]) -> dict[str, Any]:
-    """What `describe` gave, as far as that can be said without making the environment.
-
-    Raises:
-        ValueError: something else.
-    """
-    kwargs = description["kwargs"]
-    if not isinstance(description["id"], str) or not isinstance(kwargs, dict) or "reward" not in kwargs:
-        raise ValueError(f"its environment is {shown(description)}")
-    return description
 
 
 def count(name: str, value: object, expected: int) -> None:
@@ -210,7 +169,7 @@ def count(name: str, value: object, expected: int) -> None:
         ValueError: another one.
     """
     if checks.whole_number(name, value) != expected:
-        raise ValueError(f"{name} says {value}, and there are {expected}")
+        raise ValueError(f"{name} says {shown(value)}, and there are {expected}")
 
 
 def episodes_folder(path: Path) -> Path:

@@ -12,10 +12,11 @@ import gymnasium
 import numpy as np
 
 from jacokin.errors import InvalidInputError
+from jacokin.files import parsing
 from jacokin.model import checks
 from jacokin.mujoco_bridge.arena import DM_CONTROL
 from jacokin.tasks import registry
-from jacokin.tasks.datasets.recorded import Recorded, reading
+from jacokin.tasks.datasets.recorded import NOT_OURS, Recorded
 from jacokin.tasks.datasets.recording import FORMATS, FUNCTION, KEPT, checked_environment, run_actions
 from jacokin.tasks.gym.environment import TaskEnv
 from jacokin.tasks.gym.registration import IDS
@@ -64,7 +65,7 @@ def replay(
     """
     source = checks.path("path", path)
     checks.optional(checks.function, "watch", watch)
-    with reading(source):
+    with parsing(source, NOT_OURS):
         is_there = source.exists()
     if source.suffix not in FORMATS or not is_there:
         raise InvalidInputError(f"path must be a data set that is there, ending in {', '.join(FORMATS)}, got {source}")
@@ -77,14 +78,15 @@ def replay(
 def _make(source: Path, description: dict[str, Any], render_mode: str | None) -> TaskEnv:
     kwargs = dict(description["kwargs"])
     if kwargs["reward"] == FUNCTION:
-        raise InvalidInputError("the reward of this data set is a function, which it does not hold: give env=...")
+        raise InvalidInputError(f"{source}: its reward is a function, which it does not hold: give env=...")
     name = description["id"]
     task = {identifier: task for task, identifier in IDS.items()}.get(name, name)
     checks.choice("task", task, registry.TASKS)
     for option in kwargs:
         checks.choice(f"option of the environment of {source}", option, KEPT)
     kwargs.setdefault("contact", DM_CONTROL)  # before it was an option
-    return TaskEnv(task, render_mode=render_mode, **kwargs)
+    with parsing(source, NOT_OURS):
+        return TaskEnv(task, render_mode=render_mode, **kwargs)
 
 
 def _again(place: str, number: int, recorded: Recorded, env: TaskEnv, look: Callable[[], None]) -> Replayed:

@@ -23,7 +23,7 @@ from jacokin.arrays import Array
 from jacokin.chunks import folder
 from jacokin.errors import InvalidInputError, JacokinError
 from jacokin.ik import Progress, solve_file
-from jacokin.ik.batches import chunk
+from jacokin.ik.batches import batch, chunk
 from jacokin.ik.batches import solve_file as module
 from jacokin.model import quat_wxyz
 
@@ -359,6 +359,25 @@ def test_a_finished_chunk_is_not_solved_again(
     assert seen[-1].rate > 0.0
     assert out.read_bytes() == (tmp_path / "whole.csv").read_bytes()
     assert not (tmp_path / "out.csv.chunks").exists()
+
+
+def test_an_interrupted_run_does_not_wait_for_chunks_that_have_begun(
+    solver: IKSolver, targets: Array, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    targets[:, :3, 3] += 3.0  # [m], out of reach: each takes a while
+    source, solved, single = write(tmp_path / "in.csv", targets[: 4 * ROWS]), list[int](), batch._job
+
+    def counted(*given: Any) -> Any:
+        solved.append(1)
+        return single(*given)
+
+    def stop(_: Progress) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(batch, "_job", counted)
+    with pytest.raises(KeyboardInterrupt):
+        solve_file(solver, source, tmp_path / "out.csv", workers=1, progress=stop)
+    assert ROWS <= len(solved) < ROWS + ROWS // 2
 
 
 @pytest.mark.parametrize("what", ["targets", "robot", "options", "version"])

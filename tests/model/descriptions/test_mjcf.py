@@ -200,6 +200,14 @@ def test_mjcf_mistakes_are_named(tmp_path: Path, scene: Path) -> None:
     assert jacokin.load_robot(two, tip="b").joint_names == ("jb",)
 
 
+def test_a_name_that_is_no_utf_8_is_named(scene: Path) -> None:
+    content = scene.read_bytes()
+    assert b'name="tool"' in content
+    scene.write_bytes(content.replace(b'name="tool"', b'name="werkzeugtr\xe4ger"'))
+    with pytest.raises(ModelError, match=r"the name b'werkzeugtr\\xe4ger' is not in UTF-8"):
+        jacokin.load_robot(scene, base="pedestal")
+
+
 def test_nan_in_an_mjcf_is_named(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "nan.xml"
     path.write_text(SCENE.replace('<include file="common.xml"/>', "").replace('pos="0 0 0.3"', 'pos="nan 0 0.3"'))
