@@ -65,7 +65,7 @@ def find_surface(
     level = distance
     for k in range(count):
         along = dot(normal, (around[k, 0], around[k, 1], around[k, 2]))
-        weight = weight_of(around, k, distance) if along > BEHIND else 0.0
+        weight = weight_of(around, k, distance) * max(along - BEHIND, 0.0) / (1.0 - BEHIND)
         level = min(level, around[k, 3] * (weight * along + 1.0 - weight))
     return normal, level
 

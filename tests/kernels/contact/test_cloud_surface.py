@@ -52,7 +52,7 @@ def test_along_a_plane_of_points_the_surface_is_that_plane(spacing: float, rng: 
         aside.append(np.linalg.norm(way - DOWN))
         assert np.linalg.norm(normal - DOWN) < 0.04
         assert np.linalg.norm(normal - before) < 0.02
-        assert abs(level - (HEIGHT - RADIUS)) < 3e-4
+        assert abs(level - (HEIGHT - RADIUS)) < 4e-4
         before = normal
     assert max(aside) > 0.4 * spacing / HEIGHT
 
@@ -81,7 +81,7 @@ def test_between_a_floor_and_a_wall_it_looks_away_from_both(rng: np.random.Gener
     for part in np.linspace(0.0, 1.0, 101):
         at = np.array([0.02 - 0.01 * part, 0.0, 0.01 + 0.01 * part])
         normal, level, _ = seen(shapes, points, at)
-        assert -5e-3 < level - (min(at[0], at[2]) - RADIUS) < 2e-4  # the corner is filled a little
+        assert -4e-3 < level - (min(at[0], at[2]) - RADIUS) < 2e-4  # the corner is filled a little
         assert max(normal[0], normal[2]) < 0.1
         assert before is None or np.linalg.norm(normal - before) < 0.1
         before = normal
