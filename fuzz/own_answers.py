@@ -17,7 +17,7 @@ from jacokin.ik import SolutionSet
 from jacokin.ik.geometry import ArmGeometry, measure_seven
 from jacokin.ik.preferences import cost_of
 from jacokin.ik.targets import TargetPose
-from jacokin.kernels.solution_set.seven_joints import MOST_AT_Q3, solve_at_q3
+from jacokin.kernels.solution_set.seven_joints import MOST_ROWS, solve_at_q3
 from jacokin.model import NAMES, Robot
 from jacokin.model.angles import wrap_to_pi
 from jacokin.model.descriptions.bundled import JACOS
@@ -278,7 +278,7 @@ def find_missing(
 
 def _at_joint_3(geometry: ArmGeometry, T: pin.SE3, q3: float) -> Array:
     """Rows (k, 7) with joint 3 at an angle [rad]."""
-    rows = np.empty((MOST_AT_Q3, 7))
+    rows = np.empty((MOST_ROWS, 7))
     solve_at_q3(geometry.chain, geometry.arm, T.homogeneous, q3, rows)
     return rows[~np.isnan(rows[:, 0])]
 

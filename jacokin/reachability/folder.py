@@ -8,6 +8,7 @@ from __future__ import annotations
 import functools
 import io
 import pickle
+from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.resources import files as package_files
 from pathlib import Path
@@ -253,7 +254,9 @@ def count_reaching(solver: IKSolver, targets: Array, orientations: Orientations 
     free = orientations if orientations is not None and orientations.axes is not None else None
     if not one_by_one(solver, free is not None):
         found = _count_compiled(solver, targets)
-        return _without_contact(solver, targets, found) if solver.verifier.avoids_contact else found
+        if not solver.verifier.avoids_contact:
+            return found
+        return _without_contact(found, _clear_branches(solver, targets, found.counts))
     counts, touching = np.zeros((2, len(targets)), dtype=np.uint8)
     margins = np.full(len(targets), np.nan)
     for row, matrix in enumerate(targets):
@@ -272,23 +275,47 @@ def _count_compiled(solver: IKSolver, targets: Array) -> PoseCounts:
     return PoseCounts(counts, np.where(good, rows.largest_margin, np.nan), np.zeros(len(targets), dtype=np.uint8))
 
 
-def _without_contact(solver: IKSolver, targets: Array, found: PoseCounts) -> PoseCounts:
-    """Counts in which branches in contact do not count."""
+class _Branches(NamedTuple):
+    """Branches within the limits that reach some of n poses, and do not touch anything where contact counts."""
+
+    of: NDArray[np.intp]
+    """(k,) the pose of each."""
+    q: Array
+    """(k, dof) [rad]"""
+    margins: Array
+    """(k,) least distance to a limit [rad]."""
+    touching: NDArray[np.uint8]
+    """(n,) how many more of each pose touch something."""
+
+
+def _clear_branches(solver: IKSolver, targets: Array, counts: NDArray[np.uint8]) -> _Branches:
+    """Those of the poses (n, 4, 4) with a count."""
     form, seed, verifier = solver.closed_form(), solver.robot.home, solver.verifier
-    counts, margins, touching = np.zeros_like(found.counts), np.full(len(targets), np.nan), found.touching
-    reached = np.flatnonzero(found.counts)
+    of, q, margins = [np.empty(0, np.intp)], [np.empty((0, solver.robot.dof))], [np.empty(0)]
+    touching, reached = np.zeros(len(targets), dtype=np.uint8), np.flatnonzero(counts)
     for first in range(0, len(reached), POSES_AT_ONCE):
         some = reached[first : first + POSES_AT_ONCE]
         each = [form.solve_all(targets[row], seed).rows for row in some]
-        of = np.repeat(some, [len(rows) for rows in each])
+        numbers = np.repeat(some, [len(rows) for rows in each])
         branches = BranchTable(np.concatenate(each))
         good = verifier.reached_rows(branches) & branches.within_limits
-        q, of, margin = np.ascontiguousarray(branches.q[good]), of[good], branches.margin[good].min(axis=1)
-        touches = verifier.touching_rows(q)
-        np.add.at(touching, of[touches], 1)
-        np.add.at(counts, of[~touches], 1)
-        np.fmax.at(margins, of[~touches], margin[~touches])
-    return PoseCounts(counts, margins, touching)
+        rows, numbers = np.ascontiguousarray(branches.q[good]), numbers[good]
+        clear = np.ones(len(rows), dtype=np.bool_)
+        if verifier.avoids_contact:
+            clear = ~verifier.touching_rows(rows)
+            np.add.at(touching, numbers[~clear], 1)
+        of.append(numbers[clear])
+        q.append(rows[clear])
+        margins.append(branches.margin[good].min(axis=1)[clear])
+    return _Branches(np.concatenate(of), np.concatenate(q), np.concatenate(margins), touching)
+
+
+def _without_contact(found: PoseCounts, clear: _Branches) -> PoseCounts:
+    """Counts in which branches in contact do not count."""
+    counts, margins = np.zeros_like(found.counts), np.full(len(found.counts), np.nan)
+    np.add.at(counts, clear.of, 1)
+    np.fmax.at(margins, clear.of, clear.margins)
+    return PoseCounts(counts, margins, clear.touching)
 
 
 def _count_intervals(solver: IKSolver, target: Array | FreeAxis) -> tuple[int, float, int]:
@@ -330,6 +357,29 @@ def usable_rows(solver: IKSolver, target: Array) -> tuple[Array, Array]:
     margins = least_margins(solver.robot, rows)
     order = np.argsort(-margins, kind="stable")
     return rows[order], margins[order]
+
+
+#: Of a pose, by its number: what `usable_rows` gives.
+RowsOf = Callable[[int], tuple[Array, Array]]
+
+
+def count_with_rows(solver: IKSolver, targets: Array) -> tuple[PoseCounts, RowsOf]:
+    """What `count_reaching` gives for poses (n, 4, 4), and the `usable_rows` of those with a count, solved once."""
+    if one_by_one(solver, False):
+        return count_reaching(solver, targets), lambda number: usable_rows(solver, targets[number])
+    found = _count_compiled(solver, targets)
+    clear = _clear_branches(solver, targets, found.counts)
+    if solver.verifier.avoids_contact:
+        found = _without_contact(found, clear)
+    order = np.lexsort((-clear.margins, clear.of))
+    q, margins = clear.q[order], clear.margins[order]
+    ends = np.searchsorted(clear.of[order], np.arange(len(targets) + 1))
+
+    def rows_of(number: int) -> tuple[Array, Array]:
+        part = slice(ends[number], ends[number + 1])
+        return q[part], margins[part]
+
+    return found, rows_of
 
 
 @dataclass(frozen=True, slots=True)

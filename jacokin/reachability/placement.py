@@ -22,7 +22,7 @@ from jacokin.ik.results import Frozen
 from jacokin.model import checks, poses
 from jacokin.model.contact import ContactInWorld
 from jacokin.model.scene import Scene, checked_scene
-from jacokin.reachability.folder import count_reaching, one_by_one, usable_rows
+from jacokin.reachability.folder import count_reaching, count_with_rows, one_by_one, usable_rows
 from jacokin.reachability.map import ReachabilityMap, checked_poses
 from jacokin.reachability.pictures import outline_arm, outline_scene
 from jacokin.reachability.samples import NOWHERE, Grid, turn_about_base, turn_about_z
@@ -276,7 +276,11 @@ class _Refinement:
     ) -> tuple[list[tuple[int, float]], NDArray[np.bool_], NDArray[np.bool_]]:
         """Targets reached and smallest margin of each place; and which targets, and which only in contact."""
         seen = np.concatenate([_targets_in_base(self.targets, place, yaw) for place in places])
-        counts, margins, in_contact = count_reaching(self.map.solver, np.ascontiguousarray(seen))
+        seen = np.ascontiguousarray(seen)
+        if self.world is None:
+            counts, margins, in_contact = count_reaching(self.map.solver, seen)
+        else:
+            (counts, margins, in_contact), rows_of = count_with_rows(self.map.solver, seen)
         hits = (counts > 0).reshape(len(places), len(self.targets))
         margins = margins.reshape(hits.shape)
         touching = ~hits & (in_contact > 0).reshape(hits.shape)
@@ -285,17 +289,18 @@ class _Refinement:
                 base = pin.SE3(turn_about_z(yaw), place)
                 blocked = self.world.is_blocked(base)
                 for target in np.flatnonzero(hits[index]):
-                    margin = None if blocked else self._margin(seen[index * len(self.targets) + target], base)
+                    number = index * len(self.targets) + int(target)
+                    margin = None if blocked else self._clear_margin(*rows_of(number), base)
                     touching[index, target] = margin is None
                     margins[index, target] = np.nan if margin is None else margin
             hits &= ~touching
         smallest = np.where(hits, margins, np.inf).min(axis=1)
         return list(zip(hits.sum(axis=1).tolist(), smallest.tolist(), strict=True)), hits, touching
 
-    def _margin(self, target: Array, base: pin.SE3) -> float | None:
-        """The largest limit margin with which a base reaches a target clear of the world; None if it does not."""
+    def _clear_margin(self, rows: Array, margins: Array, base: pin.SE3) -> float | None:
+        """The first of some limit margins (k,) whose configuration (k, dof) is clear of the world; None for none."""
         assert self.world is not None  # the caller has asked
-        for q, margin in zip(*usable_rows(self.map.solver, target), strict=True):
+        for q, margin in zip(rows, margins, strict=True):
             if not self.world.touching(q, base):
                 return float(margin)
         return None

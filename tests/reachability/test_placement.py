@@ -13,6 +13,7 @@ from jacokin import IKSolver, Robot
 from jacokin.errors import InvalidInputError
 from jacokin.model import Box, Floor, Scene
 from jacokin.reachability import Grid, build, bundled, place_base
+from jacokin.reachability.folder import count_reaching, count_with_rows, usable_rows
 
 BENCH = Box("bench", [0.8, 0.8, 0.4], [0.2, 0.0, 0.2])  # from -0.2 to 0.6 m in x, 0.4 m high
 ON_BENCH = [jacokin.pose([x, y, 0.5], down=True) for x in (0.2, 0.4) for y in (-0.15, 0.15)]
@@ -21,6 +22,23 @@ ON_BENCH = [jacokin.pose([x, y, 0.5], down=True) for x in (0.2, 0.4) for y in (-
 def in_base(obstacle: Box, T_world_base: pin.SE3) -> Box:
     assert isinstance(obstacle.pose, pin.SE3)
     return Box(obstacle.name, obstacle.size, T_world_base.inverse() * obstacle.pose)
+
+
+@pytest.mark.parametrize("collision", ["prefer", "ignore"])
+@pytest.mark.parametrize("name", ["j2n6s300", "gen3"])
+def test_what_reaches_many_targets_is_what_reaches_each(name: str, collision: str, rng: np.random.Generator) -> None:
+    """Counted together, with the configurations that count; and one target at a time."""
+    robot = jacokin.load_robot(name)
+    solver, far = IKSolver(robot, collision=collision), jacokin.pose((9.0, 0.0, 0.0), down=True)
+    targets = np.array([each.homogeneous for each in (*map(robot.forward_kinematics, robot.sample(rng, 6)), far)])
+    found, rows_of = count_with_rows(solver, targets)
+    alone = count_reaching(solver, targets)
+    for together, apart in zip(found, alone, strict=True):
+        np.testing.assert_array_equal(together, apart)
+    assert 0 < np.count_nonzero(found.counts) < len(targets)
+    for number in np.flatnonzero(found.counts).tolist():
+        for together, apart in zip(rows_of(number), usable_rows(solver, targets[number]), strict=True):
+            np.testing.assert_array_equal(together, apart)
 
 
 @pytest.mark.slow

@@ -14,12 +14,15 @@ from numpy.typing import NDArray
 from jacokin.arrays import Array
 from jacokin.kernels.contact.arm import Places, relate
 from jacokin.kernels.contact.cloud import shape_separation
+from jacokin.kernels.contact.cloud_surface import find_surface
 from jacokin.kernels.contact.separation import SeparationWork
 from jacokin.kernels.contact.shapes import CLOUD, KIND, LINK, MARGIN, PLANE, Shapes, core_support
 from jacokin.kernels.vector import Vec, cross, dot, minus, mix, norm, rotated
 
 #: Columns of a measured pair: distance [m], nearest points on both shapes, normal from the first; all in the world.
 FIRST_POINT, SECOND_POINT, WAY, PAIR_NUMBERS = 1, 4, 7, 10
+#: After these, how far apart the surfaces are along the normal [m]: that of a cloud is one that its points make.
+LEVEL, SURFACE_NUMBERS = 10, 11
 #: The second shape is turned by this much [rad], about so many axes along the other one's surface.
 TILT, TILTS = 0.15, 8
 #: [m] corners that are nearer to each other are one.
@@ -36,15 +39,40 @@ def measure_pair(
         fill_points(shapes, places, pair, witness(work, 0), witness(work, 1), witness(work, 2), row)
 
 
-def measure_corners(shapes: Shapes, places: Places, work: SeparationWork, pair: NDArray[np.int64], rows: Array) -> int:
-    """Fill the numbers (1 + TILTS, 10) of a pair, and of points of it that are the nearest ones once it is tilted.
+def measure_surfaces(
+    shapes: Shapes,
+    places: Places,
+    work: SeparationWork,
+    pair: NDArray[np.int64],
+    reach: float,
+    around: Array,
+    row: Array,
+) -> None:
+    """Fill the numbers (11,) of a pair as `measure_pair` does, but the direction and the level of its surfaces."""
+    measure_pair(shapes, places, work, pair, reach, row)
+    row[LEVEL] = row[0]
+    if row[0] > reach or row[0] <= 0.0 or shapes.integers[pair[1], KIND] != CLOUD:
+        return
+    n, first, second = witness(work, 0), witness(work, 1), witness(work, 2)
+    at = mix(first, 1.0, n, shapes.numbers[pair[0], MARGIN], n, 0.0)
+    normal, level = find_surface(shapes, pair[1], work, at, n, row[0], around)
+    fill_points(shapes, places, pair, normal, first, second, row)
+    row[LEVEL] = level
+    for i in range(3):
+        work.witness[0, i] = normal[i]
+
+
+def measure_corners(
+    shapes: Shapes, places: Places, work: SeparationWork, pair: NDArray[np.int64], around: Array, rows: Array
+) -> int:
+    """Fill the numbers (1 + TILTS, 11) of a pair, and of points of it that are the nearest ones once it is tilted.
 
     These are as far apart as they are along the normal of the pair.
 
     Returns:
         How many rows are filled.
     """
-    measure_pair(shapes, places, work, pair, math.inf, rows[0])
+    measure_surfaces(shapes, places, work, pair, math.inf, around, rows[0])
     normal, pivot, count = witness(work, 0), witness(work, 2), 1
     margins = shapes.numbers[pair[0], MARGIN] + shapes.numbers[pair[1], MARGIN]
     along = perpendicular(normal)
@@ -60,7 +88,7 @@ def measure_corners(shapes: Shapes, places: Places, work: SeparationWork, pair: 
         first, second = witness(work, 1), tilted(witness(work, 2), pivot, axis, -TILT)
         fill_points(shapes, places, pair, normal, first, second, rows[count])
         if not is_known(rows, count):
-            rows[count, 0] = dot(normal, minus(second, first)) - margins
+            rows[count, 0] = rows[count, LEVEL] = dot(normal, minus(second, first)) - margins
             count += 1
     return count
 

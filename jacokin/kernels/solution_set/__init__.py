@@ -4,7 +4,8 @@ curve          steps along one curve, and points between its nodes
 trace          all curves through given solutions, each followed until it closes
 slices         all solutions at one value of the parameter: six joints at a pose
 seven_joints   the same of seven joints built like a Jaco's, in closed form, and where they meet
-near_seed      of those, the chords beside which the nearest to a seed is
+end_wrist      and of six joints with a spherical wrist at an end, whose target turns
+near_seed      of both, the chords beside which the nearest to a seed is
 surface        the equation of six joints along the parameter, as one polynomial of both
 islands        at which values to look for solutions, by the characteristic function
 meeting        the other curve where two meet

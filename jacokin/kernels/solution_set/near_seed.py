@@ -1,9 +1,10 @@
-"""The chords of curves on which the configuration nearest to a seed may lie, of seven joints built like a Jaco's.
+"""The chords of curves on which the configuration nearest to a seed may lie, where folds are known beforehand.
 
-Between two folds each row of `seven_joints.solve_at_q3` is a smooth function of joint 3, so that no curve is followed:
-intervals of joint 3 are halved, and left out where no configuration in them can be within the limits and nearer than
-the nearest one so far. Within a half, joints go beyond their values at its ends by less than the middle of the whole
-was beside the line between its ends. Next to a fold that holds for the angle of which joint 3 is the cosine.
+Between two folds each row of `seven_joints.solve_at_q3`, or of `end_wrist`, is a smooth function of the parameter, so
+that no curve is followed: intervals of the parameter are halved, and left out where no configuration in them can be
+within the limits and nearer than the nearest one so far. Within a half, joints go beyond their values at its ends by
+less than the middle of the whole was beside the line between its ends. Next to a fold that holds for the angle of which
+the parameter is the cosine.
 """
 
 from __future__ import annotations
@@ -15,22 +16,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.kernels.limits import TURN, copy_within_limits
+from jacokin.kernels.limits import TURN, copy_within_limits, nearest_copy
 from jacokin.kernels.solution_set.curve import LEAST_COSINE, LONGEST_STEP, RESOLUTION, Walk, tangent, wrapped
-from jacokin.kernels.solution_set.seven_joints import MOST_AT_Q3, solve_at_q3, solve_rows_at_q3
-from jacokin.kernels.solution_set.slices import SevenJoints
+from jacokin.kernels.solution_set.end_wrist import solve_wrist_rows
+from jacokin.kernels.solution_set.seven_joints import MOST_ROWS, solve_rows_at_q3
+from jacokin.kernels.solution_set.slices import JOINT_3, SevenJoints, SixJoints
 from jacokin.kernels.solution_set.trace import CurveEnd, Loops, add_node, enter_run
 from jacokin.kernels.tolerances import LIMIT_SNAP
 
-#: [rad] longest interval of joint 3 to begin with, and places there is room for: twice the intervals and one for each
-#: fold, of which there are 20 at most.
-COARSE, PLACES = 1.0, 160
+#: [rad] longest interval of the parameter to begin with, and arcs and places there is room for: one arc for each fold,
+#: of which there are 20 at most, and twice the intervals and one for each arc.
+COARSE, ARCS, PLACES = 1.0, 32, 160
 #: Share of the way between the ends of an interval by which joints may go beyond them in any case.
 BEYOND_ENDS = 0.1
 #: Share of its length by which joints may go beyond the ends of a chord.
 BESIDE_CHORD = 0.3
 #: [rad] how far from a fold configurations are looked for first, and at last: rounding may leave none just there.
 AT_FOLD, BESIDE_FOLD = 1e-8, 1e-2
+#: [rad] how far beyond the nearest solution so far others are looked for.
+BEYOND = 1e-6
 #: Intervals that wait their turn; and that are halved at most: rows that want more are no smooth functions, as where a
 #: joint may have any value.
 WAITING, MOST_HALVED = 48, 500
@@ -43,17 +47,38 @@ class NearSeed(NamedTuple):
     bounds: Array  # (2, 7) lower and upper limits of all angles, also of those with several equivalents within [rad]
     best: Array  # (1,) least distance of a configuration within the limits so far [rad]
     halved: NDArray[np.int64]  # (1,) how many intervals were
+    arcs: Array  # (ARCS, 6) those that count, and how many intervals each has
     angles: Array  # (PLACES,) along arcs: both ends of intervals, and their middles [rad]
     places: Array  # (PLACES, 8, 7) the rows there
     waiting: Array  # (WAITING, 17) intervals: angles, how far joints may go beyond the ends, configurations there
 
 
+class Parts(NamedTuple):
+    """What gives the rows at each value of the parameter."""
+
+    kind: int  # which joint is the parameter, see `slices`
+    joints: int  # of the arm: another angle is one about a free axis, and its distance from the seed does not count
+    six: SixJoints
+    seven: SevenJoints  # and the rows and folds of six joints
+    walk: Walk  # chain, target, and index of the parameter
+
+
+def solve_rows(parts: Parts, p: float, low: int, high: int, rows: Array) -> None:
+    """Fill rows low to high - 1 with the configurations at a value of the parameter; NaN for none."""
+    if parts.kind == JOINT_3:
+        solve_rows_at_q3(parts.walk.chain, parts.seven.arm, parts.walk.T, p, low, high, rows)
+    else:
+        solve_wrist_rows(parts.six, parts.kind, p, low, high, rows)
+
+
 class Arc(NamedTuple):
-    """Values of joint 3 from one fold to the next, or all round where there is none."""
+    """Values of the parameter from one fold to the next, or all round where there is none, as far as they count."""
 
     middle: float  # [rad]
     half: float  # [rad]
     is_round: bool
+    first: float  # angles along it, from 0 to pi
+    last: float
 
 
 def make_near_seed() -> NearSeed:
@@ -63,35 +88,43 @@ def make_near_seed() -> NearSeed:
         np.array([np.full(7, -np.inf), np.full(7, np.inf)]),
         np.zeros(1),
         np.zeros(1, np.int64),
+        np.zeros((ARCS, 6)),
         np.zeros(PLACES),
-        np.empty((PLACES, MOST_AT_Q3, 7)),
+        np.empty((PLACES, MOST_ROWS, 7)),
         np.empty((WAITING, 17)),
     )
 
 
-def add_chords(limits: Array, seven: SevenJoints, count: int, near: NearSeed, loops: Loops, walk: Walk) -> bool:
+def add_chords(limits: Array, parts: Parts, count: int, near: NearSeed, loops: Loops) -> bool:
     """Enter chords as curves, on one of which the nearest configuration is; False where that is not known.
 
     Args:
         limits: (2, 7), infinite for none [rad].
-        seven: the arm, and the folds of this target.
+        parts: the arm, the target, and the folds.
         count: of the folds.
         near: the seed.
         loops: filled, without curves.
-        walk: the curves, for tangents.
     """
-    near.best[0], near.halved[0], size = math.inf, 0, 0
+    near.halved[0], size, arcs, folds = 0, 0, 0, parts.seven.folds
     for n in range(max(count, 1)):
-        size = place_arc(walk, seven, arc_of(seven.folds, count, n), near, size)
-        if size < 0:
-            return False
+        for turn in range(-1, 2 if count > 0 else 0):
+            arc = part_of(arc_of(folds, count, n), loops.window, turn)
+            if arc.first < arc.last:
+                if arcs == ARCS:
+                    return False
+                intervals = math.ceil((parameter_at(arc, arc.last) - parameter_at(arc, arc.first)) / COARSE)
+                write_arc(near.arcs[arcs], arc, intervals)
+                arcs += 1
+                size = place_arc(parts, arc, 2 * intervals, near, size)
+                if size < 0:
+                    return False
     size = 0
-    for n in range(max(count, 1)):
-        arc = arc_of(seven.folds, count, n)
-        for _ in range(parts_of(arc)):
-            for row in range(MOST_AT_Q3):
+    for n in range(arcs):
+        arc = read_arc(near.arcs[n])
+        for _ in range(int(near.arcs[n, 5])):
+            for row in range(MOST_ROWS):
                 known = not math.isnan(near.places[size + 1, row, 0])
-                if known and not search_interval(limits, seven, arc, row, size, near, loops, walk):
+                if known and not search_interval(limits, parts, arc, row, size, near, loops):
                     return False
             size += 2
         size += 1
@@ -101,36 +134,61 @@ def add_chords(limits: Array, seven: SevenJoints, count: int, near: NearSeed, lo
 def arc_of(folds: Array, count: int, n: int) -> Arc:
     """The arc that begins at one of so many folds."""
     if count == 0:
-        return Arc(0.0, math.pi, True)
+        return Arc(0.0, math.pi, True, 0.0, math.pi)
     end = folds[n + 1] if n + 1 < count else folds[0] + TURN
-    return Arc(0.5 * (folds[n] + end), 0.5 * (end - folds[n]), False)
+    return Arc(0.5 * (folds[n] + end), 0.5 * (end - folds[n]), False, 0.0, math.pi)
 
 
-def parts_of(arc: Arc) -> int:
-    """How many intervals of an arc there are to begin with."""
-    return math.ceil(2.0 * arc.half / COARSE)
+def part_of(arc: Arc, window: Array, turn: int) -> Arc:
+    """What of an arc is in a window, or so many turns away from it: nothing where it ends before it begins.
+
+    All of it is where the window has no end, and once only.
+    """
+    if window[1] == math.inf or arc.half == 0.0:
+        return Arc(arc.middle, arc.half, arc.is_round, 0.0, math.pi if turn == -1 and arc.half > 0.0 else 0.0)
+    if arc.is_round:
+        return Arc(window[0], window[1], True, 0.0, math.pi)
+    centre = nearest_copy(window[0], arc.middle) + TURN * turn
+    first = math.acos(min(max((arc.middle - centre + window[1]) / arc.half, -1.0), 1.0))
+    last = math.acos(min(max((arc.middle - centre - window[1]) / arc.half, -1.0), 1.0))
+    if first < BESIDE_FOLD:
+        first = 0.0
+    if last > math.pi - BESIDE_FOLD:
+        last = math.pi
+    return Arc(arc.middle, arc.half, False, first, last)
 
 
-def joint_3(arc: Arc, angle: float) -> float:
+def write_arc(into: Array, arc: Arc, intervals: int) -> None:
+    """Keep an arc, and how many intervals it has."""
+    into[0], into[1], into[2] = arc.middle, arc.half, 1.0 if arc.is_round else 0.0
+    into[3], into[4], into[5] = arc.first, arc.last, intervals
+
+
+def read_arc(kept: Array) -> Arc:
+    """An arc that was kept."""
+    return Arc(kept[0], kept[1], kept[2] > 0.0, kept[3], kept[4])
+
+
+def parameter_at(arc: Arc, angle: float) -> float:
     """The value at an angle along an arc, from 0 to pi."""
     if arc.is_round:
         return arc.middle + arc.half * (2.0 * angle / math.pi - 1.0)
     return arc.middle - arc.half * math.cos(angle)
 
 
-def place_arc(walk: Walk, seven: SevenJoints, arc: Arc, near: NearSeed, size: int) -> int:
+def place_arc(parts: Parts, arc: Arc, halves: int, near: NearSeed, size: int) -> int:
     """Append the rows at ends and middles of the intervals of an arc; the next place, -1 where that is not known."""
-    parts = 2 * parts_of(arc)
-    for n in range(1, parts + 2):
-        i = size + n % (parts + 1)  # the first one last: the next one tells which rows there are
-        angle, inwards, aside = math.pi * (n % (parts + 1)) / parts, 0.0, 0.0
-        if not arc.is_round and n >= parts:
-            inwards, aside = (-1.0 if n == parts else 1.0), AT_FOLD
+    for n in range(1, halves + 2):
+        i = size + n % (halves + 1)  # the first one last: the next one tells which rows there are
+        share, inwards, aside = (n % (halves + 1)) / halves, 0.0, 0.0
+        angle = (1.0 - share) * arc.first + share * arc.last
+        if not arc.is_round and (angle == 0.0 or angle == math.pi):
+            inwards, aside = (1.0 if angle == 0.0 else -1.0), AT_FOLD
         while True:
             near.angles[i] = angle + inwards * aside
-            solve_at_q3(walk.chain, seven.arm, walk.T, joint_3(arc, near.angles[i]), near.places[i])
+            solve_rows(parts, parameter_at(arc, near.angles[i]), 0, MOST_ROWS, near.places[i])
             known = True
-            for row in range(MOST_AT_Q3):
+            for row in range(MOST_ROWS):
                 known = known and (
                     n == 1 or math.isnan(near.places[i, row, 0]) == math.isnan(near.places[size + 1, row, 0])
                 )
@@ -139,9 +197,9 @@ def place_arc(walk: Walk, seven: SevenJoints, arc: Arc, near: NearSeed, size: in
             aside *= 10.0
             if not 0.0 < aside < BESIDE_FOLD:
                 return -1
-        for row in range(MOST_AT_Q3):
-            offer_row(near.places[i, row], 7, near)
-    return size + parts + 1
+        for row in range(MOST_ROWS):
+            offer_row(near.places[i, row], parts.joints, near)
+    return size + halves + 1
 
 
 def offer_row(x: Array, joints: int, near: NearSeed) -> None:
@@ -160,16 +218,7 @@ def offer_row(x: Array, joints: int, near: NearSeed) -> None:
         near.best[0] = math.sqrt(square)
 
 
-def search_interval(
-    limits: Array,
-    seven: SevenJoints,
-    arc: Arc,
-    row: int,
-    first: int,
-    near: NearSeed,
-    loops: Loops,
-    walk: Walk,
-) -> bool:
+def search_interval(limits: Array, parts: Parts, arc: Arc, row: int, first: int, near: NearSeed, loops: Loops) -> bool:
     """Enter chords of a row between two places, with one between them; False where that takes too much."""
     waiting, top, x = near.waiting, 1, near.places[first + 1, row]
     for side in range(2):
@@ -179,16 +228,16 @@ def search_interval(
     halve(near, 0, near.angles[first + 1], x)
     while top >= 0:
         item = waiting[top]
-        if bound(item, limits, near.seed) >= near.best[0] or enter_chord(item, loops, walk):
+        if bound(item, limits, parts, near.seed) > near.best[0] + BEYOND or enter_chord(item, loops, parts.walk):
             top -= 1
         else:
             angle = 0.5 * (item[0] + item[1])
-            x = seven.rows[row]
-            solve_rows_at_q3(walk.chain, seven.arm, walk.T, joint_3(arc, angle), row, row + 1, seven.rows)
+            x = parts.seven.rows[row]
+            solve_rows(parts, parameter_at(arc, angle), row, row + 1, parts.seven.rows)
             near.halved[0] += 1
             if top + 1 == WAITING or near.halved[0] > MOST_HALVED or math.isnan(x[0]):
                 return False
-            offer_row(x, 7, near)
+            offer_row(x, parts.joints, near)
             halve(near, top, angle, x)
             top += 1
     return True
@@ -206,12 +255,12 @@ def halve(near: NearSeed, top: int, angle: float, x: Array) -> None:
     other[2] = item[2]
 
 
-def bound(item: Array, limits: Array, seed: Array) -> float:
+def bound(item: Array, limits: Array, parts: Parts, seed: Array) -> float:
     """No configuration of an interval is nearer to the seed [rad]; inf where none is within the limits."""
     square = 0.0
     for j in range(7):
         way = 0.5 * wrapped(item[10 + j] - item[3 + j])
-        reach = abs(way) if j == 2 else abs(way) + item[2]
+        reach = abs(way) if j == parts.walk.parameter[0] else abs(way) + item[2]
         centre = item[3 + j] + way
         away = abs(wrapped(centre - seed[j]))
         if limits[0, j] > -math.inf:
@@ -221,7 +270,7 @@ def bound(item: Array, limits: Array, seed: Array) -> float:
                 return math.inf
             if abs(d) + reach < math.pi:
                 away = abs(middle + d - seed[j])
-        if away > reach:
+        if away > reach and j < parts.joints:
             square += (away - reach) * (away - reach)
     return math.sqrt(square)
 

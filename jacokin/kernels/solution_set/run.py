@@ -20,6 +20,7 @@ from jacokin.kernels.solution_set.curve import (
     make_walk,
     wrapped,
 )
+from jacokin.kernels.solution_set.end_wrist import begin_end_wrist, find_wrist_folds
 from jacokin.kernels.solution_set.islands import (
     LINES,
     LOOKED_AT,
@@ -33,8 +34,16 @@ from jacokin.kernels.solution_set.islands import (
     make_islands,
 )
 from jacokin.kernels.solution_set.meeting import Directions, make_directions, points_aside
-from jacokin.kernels.solution_set.near_seed import NearSeed, add_chords, make_near_seed, offer_row
-from jacokin.kernels.solution_set.seven_joints import find_folds
+from jacokin.kernels.solution_set.near_seed import (
+    BEYOND,
+    NearSeed,
+    Parts,
+    add_chords,
+    make_near_seed,
+    offer_row,
+    solve_rows,
+)
+from jacokin.kernels.solution_set.seven_joints import LAST_STEPS, MOST_ROWS, find_folds
 from jacokin.kernels.solution_set.slices import (
     JOINT_3,
     NO_SLICES,
@@ -55,8 +64,8 @@ from jacokin.kernels.tolerances import SMALLEST_PIVOT
 #: Values of the parameter that are solved at in any case, apart by a share of a turn that no structure has, and rounds
 #: of those at which F shows more or fewer solutions than the curves so far.
 FIRST, ROUNDS = 3, 5
-#: [rad] how far beyond the nearest solution curves are followed, and the widest window that saves anything.
-BEYOND, WIDEST = 1e-6, 2.8
+#: [rad] the widest window that saves anything.
+WIDEST = 2.8
 #: [m] and [rad] a start misses the target by less, and [rad] is no farther from a curve.
 NEARBY, FARTHEST_START = 0.02, 0.2
 #: Steps from a start to a curve at most: most take five, those to a solution that is all alone up to a hundred.
@@ -126,15 +135,15 @@ def find_curves(work: SetWork, whole: bool) -> int:
     slices.size[0] = 0
     for n in range(4):
         loops.size[n] = 0
+    loops.window[0], loops.window[1] = 0.0, math.inf
     doubts = 0
-    fit_window(work, whole)
-    if kind == NO_SLICES:
-        pass
-    elif kind == JOINT_3:
-        doubts += slice_between_folds(work, whole)
-        trace(slices, loops, work.walk)
-    else:
-        doubts += slice_by_roots(work)
+    if kind != NO_SLICES and (whole or not add_near_seed(work)):
+        if kind == JOINT_3:
+            doubts += slice_between_folds(work)
+            trace(slices, loops, work.walk)
+        else:
+            fit_window(work, whole)
+            doubts += slice_by_roots(work)
     for n in range(work.starts.shape[0]):
         if bring_to_curve(work.starts[n], work.newton, work.walk):
             doubts += not add_start(slices, work.walk.z)
@@ -149,28 +158,36 @@ def find_curves(work: SetWork, whole: bool) -> int:
 
 
 def fit_window(work: SetWork, whole: bool) -> None:
-    """Follow curves only where solutions may be as near to the seed as one that it leads to, or those at its parameter.
-
-    All round where joint 3 is the parameter: there chords are found without following curves.
-    """
+    """Follow curves only where solutions may be as near to the seed as what it leads to, or those at its parameter."""
     kind, joints = int(work.options[SetOption.KIND]), int(work.options[SetOption.JOINTS])
     window, near, slices, walk = work.loops.window, work.near, work.slices, work.walk
-    parameter = walk.parameter[0]
-    window[0], window[1] = 0.0, math.inf
-    if math.isnan(near.seed[parameter]) or kind == JOINT_3:
+    if math.isnan(near.seed[walk.parameter[0]]):
         return
-    window[0], near.best[0] = near.seed[parameter], math.inf
-    for j in range(7):
-        walk.z[j] = near.seed[j]
-    _, _, cosine = fill_system(7, walk.chain, walk.T, walk.z, walk.system)
-    if descend(work.newton, walk) <= LARGEST_RESIDUAL:
-        add_start(slices, walk.z)  # first: there may be no room for the curves of all others
+    cosine = start_from_seed(work)
     add_slice(walk, kind, window[0], slices, work.six, work.seven)
     for i in range(slices.size[0]):
         for k in range(slices.counts[i]):
             offer_row(slices.x[i, k], joints, near)
     if not whole:
         window[1] = half_width(near.best[0] + BEYOND, joints, cosine)
+
+
+def start_from_seed(work: SetWork) -> float:
+    """Put the middle of the window at the seed, and add the solution that it leads to as the first start, if it does.
+
+    First, as there may be no room for the curves of all others.
+
+    Returns:
+        What `half_width` is told of a free axis.
+    """
+    walk, near = work.walk, work.near
+    work.loops.window[0], near.best[0] = near.seed[walk.parameter[0]], math.inf
+    for j in range(7):
+        walk.z[j] = near.seed[j]
+    _, _, cosine = fill_system(7, walk.chain, walk.T, walk.z, walk.system)
+    if descend(work.newton, walk) <= LARGEST_RESIDUAL:
+        add_start(work.slices, walk.z)
+    return cosine
 
 
 def half_width(distance: float, joints: int, cosine: float) -> float:
@@ -239,20 +256,50 @@ def fill_steps(system: Array, damping: float, normal: Array) -> None:
         normal[i, 6] = system[i, 7]
 
 
-def slice_between_folds(work: SetWork, whole: bool) -> int:
-    """Chords near to a seed, or one slice between each two values of joint 3 at which configurations meet; doubts."""
-    folds, slices, loops, near = work.seven.folds, work.slices, work.loops, work.near
-    count, single = find_folds(work.walk.chain, work.seven.arm, work.walk.T, work.islands.roots, folds)
-    if single and not whole:
-        if add_chords(work.pieces.limits, work.seven, count, near, loops, work.walk):
-            return 0
-        loops.size[0], loops.size[1] = 0, 0
+def add_near_seed(work: SetWork) -> bool:
+    """Enter chords near to the seed as curves, where folds are known beforehand; False, and none, where they are not.
+
+    The solution that the seed leads to is a start where none that was looked at is nearer.
+    """
+    kind, joints = int(work.options[SetOption.KIND]), int(work.options[SetOption.JOINTS])
+    loops, near, slices, seven, roots = work.loops, work.near, work.slices, work.seven, work.islands.roots
+    if kind == JOINT_3:
+        T = work.walk.T
+        count, single = find_folds(work.walk.chain, seven.arm, T, LAST_STEPS, seven.waves, roots, seven.folds)
+    elif begin_end_wrist(work.six):
+        count, single = find_wrist_folds(work.six, seven.waves, roots, seven.folds)
+    else:
+        return False
+    if not single:
+        return False
+    parts = Parts(kind, joints, work.six, seven, work.walk)
+    cosine = start_from_seed(work)
+    if slices.size[0] > 0:
+        offer_row(slices.x[0, 0], joints, near)
+    led = near.best[0]
+    solve_rows(parts, loops.window[0], 0, MOST_ROWS, seven.rows)
+    for row in range(MOST_ROWS):
+        offer_row(seven.rows[row], joints, near)
+    loops.window[1] = half_width(near.best[0] + BEYOND, joints, cosine)
+    found = add_chords(work.pieces.limits, parts, count, near, loops)
+    if not (found and near.best[0] == led < math.inf):
+        slices.size[0] = 0
+    if not found:
+        loops.size[0], loops.size[1], loops.window[1] = 0, 0, math.inf
+    return found
+
+
+def slice_between_folds(work: SetWork) -> int:
+    """One slice between each two values of joint 3 at which configurations meet; how many doubts there are."""
+    slices, seven, roots = work.slices, work.seven, work.islands.roots
+    folds = seven.folds
+    count, single = find_folds(work.walk.chain, seven.arm, work.walk.T, 0, seven.waves, roots, folds)
     doubts = int(not single)
     for n in range(max(count, 1)):
         low = folds[n] if count > 0 else OFFSET
         high = folds[n + 1] if n + 1 < count else (folds[0] if count > 0 else OFFSET) + TURN
         if high - low > RESOLUTION:
-            doubts += not add_slice(work.walk, JOINT_3, 0.5 * (low + high), slices, work.six, work.seven)
+            doubts += not add_slice(work.walk, JOINT_3, 0.5 * (low + high), slices, work.six, seven)
     return doubts
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from jacokin.arrays import Array
-from jacokin.kernels.closed_form.resultant import DEGREE, SAMPLES, SPACING, TO_COSINE, TO_SINE
+from jacokin.kernels.closed_form.resultant import DEGREE, SAMPLES, SPACING, TO_COSINE, TO_SINE, value_and_slope
 from jacokin.kernels.closed_form.roots import RootWork, find_roots
 from jacokin.kernels.six_joints.equations import turned_back_by, turned_by
 from jacokin.kernels.six_joints.loop import column_of
@@ -17,8 +17,13 @@ from jacokin.kernels.solution_set.curve import wrapped
 from jacokin.kernels.trigonometry import angle_of, sin_cos
 from jacokin.kernels.vector import Vec, dot
 
-MOST_AT_Q3 = 8
+MOST_ROWS = 8
 MOST_FOLDS = 64
+#: Waves of the functions that vanish at folds, at most.
+WAVES = 4
+#: Steps of Newton's method after which a fold is as exact as rounding allows: beside it, joints move by the square root
+#: of what it is off.
+LAST_STEPS = 2
 #: What the last digits of a target change of an equation, relative to its largest terms.
 ROUNDING = 1e-14
 
@@ -98,31 +103,66 @@ def meeting_of(a: float, b: float, c: float, d: float, e: float, f: float) -> tu
     return x * x + y * y - z * z, size
 
 
-def find_folds(chain: Array, arm7: Array, T: Array, roots: RootWork, folds: Array) -> tuple[int, bool]:
+def find_folds(
+    chain: Array, arm7: Array, T: Array, steps: int, waves: Array, roots: RootWork, folds: Array
+) -> tuple[int, bool]:
     """Fill folds with the values of joint 3 where configurations meet, in order; how many, and whether all are single.
 
     A root that may be a double one gives the ends of its interval.
+
+    Args:
+        chain: (8, 3, 4) the arm's placements.
+        arm7: (12,) see `solve_at_q3`.
+        T: (4, 4) target.
+        steps: of Newton's method to a fold from where it is found, to 5e-8.
+        waves: filled with coefficients.
+        roots: work arrays.
+        folds: filled.
     """
     D0 = wrist_from_shoulder(chain, arm7, T)
-    count, single = 0, True
+    waves[:] = 0.0
+    most = (0.0, 0.0, 0.0)
+    for j in range(SAMPLES):
+        elbow4, above, below = fold_equations(chain, arm7, D0, SPACING * j)
+        most = (max(most[0], elbow4[1]), max(most[1], above[1]), max(most[2], below[1]))
+        add_sample(j, elbow4[0], 2, waves[0])
+        add_sample(j, above[0], 4, waves[1])
+        add_sample(j, below[0], 4, waves[2])
+    count, single = 0, most[2] > 0.0
     for which in range(3):
-        largest = 0.0
-        for n in range(DEGREE + 1):
-            roots.cosine[n], roots.sine[n] = 0.0, 0.0
-        for j in range(SAMPLES):
-            value, size = fold_equations(chain, arm7, D0, SPACING * j)[which]
-            largest = max(largest, size)
-            for n in range(3 if which == 0 else 5):
-                roots.cosine[n] += TO_COSINE[j, n] * value
-                roots.sine[n] += TO_SINE[j, n] * value
-        found = find_roots(ROUNDING * largest, 0.0, roots)
-        for i in range(found):
-            half = roots.roots[i, 1]
-            single = single and half == 0.0
-            for side in range(1 if half == 0.0 else 2):
-                if count < folds.shape[0]:
-                    folds[count] = wrapped(roots.roots[i, 0] + (2 * side - 1) * half)
-                    count += 1
+        count, alone = add_folds(ROUNDING * most[which], waves[which], steps, count, roots, folds)
+        single = single and alone
+    sort_folds(count, folds)
+    return count, single
+
+
+def add_sample(j: int, value: float, degree: int, waves: Array) -> None:
+    """Add sample j of a trigonometric polynomial to its coefficients (2, 5), of cosines and sines."""
+    for n in range(degree + 1):
+        waves[0, n] += TO_COSINE[j, n] * value
+        waves[1, n] += TO_SINE[j, n] * value
+
+
+def add_folds(noise: float, waves: Array, steps: int, count: int, roots: RootWork, folds: Array) -> tuple[int, bool]:
+    """Append the roots of a function to so many folds; how many there are then, and whether all are single."""
+    for n in range(DEGREE + 1):
+        roots.cosine[n], roots.sine[n] = (waves[0, n], waves[1, n]) if n <= WAVES else (0.0, 0.0)
+    found, single = find_roots(noise, 0.0, roots), True
+    for i in range(found):
+        p, half = roots.roots[i, 0], roots.roots[i, 1]
+        single = single and half == 0.0
+        for _ in range(steps if half == 0.0 else 0):
+            value, slope = value_and_slope(roots.cosine, roots.sine, p)
+            p -= value / slope if slope != 0.0 else 0.0
+        for side in range(1 if half == 0.0 else 2):
+            if count < folds.shape[0]:
+                folds[count] = wrapped(p + (2 * side - 1) * half)
+                count += 1
+    return count, single
+
+
+def sort_folds(count: int, folds: Array) -> None:
+    """Put so many folds in order."""
     for i in range(1, count):
         k = i
         while k > 0 and folds[k] < folds[k - 1]:
@@ -130,7 +170,6 @@ def find_folds(chain: Array, arm7: Array, T: Array, roots: RootWork, folds: Arra
             folds[k] = folds[k - 1]
             folds[k - 1] = swap
             k -= 1
-    return count, single and largest > 0.0
 
 
 def solve_at_q3(chain: Array, arm7: Array, T: Array, q3: float, rows: Array) -> None:
@@ -143,7 +182,7 @@ def solve_at_q3(chain: Array, arm7: Array, T: Array, q3: float, rows: Array) -> 
         q3: [rad].
         rows: filled; NaN in the first column where there is none.
     """
-    solve_rows_at_q3(chain, arm7, T, q3, 0, MOST_AT_Q3, rows)
+    solve_rows_at_q3(chain, arm7, T, q3, 0, MOST_ROWS, rows)
 
 
 def solve_rows_at_q3(chain: Array, arm7: Array, T: Array, q3: float, low: int, high: int, rows: Array) -> None:
@@ -187,32 +226,55 @@ def solve_rows_at_q3(chain: Array, arm7: Array, T: Array, q3: float, low: int, h
             for m in range(first, last):
                 rows[m, 0], rows[m, 1], rows[m, 2], rows[m, 3] = q1, q2, q3, q4
             solve_wrist(
-                chain,
+                (chain[5], chain[6]),
                 after_joint_4(chain, turns, x),
                 after_joint_4(chain, turns, y),
                 after_joint_4(chain, turns, z),
+                (4, 5, 6),
                 rows,
                 first,
                 last,
             )
 
 
-def solve_wrist(chain: Array, x: Vec, y: Vec, z: Vec, rows: Array, first: int, last: int) -> None:
-    """Joints 5, 6 and 7 of rows from first up to last, from the axes of the tool as seen before joint 5."""
-    axis = column_of(chain[6], 2)
-    a, b, c = plane_equation(row_of(chain[5], 2), axis, z[2])
-    r6 = math.sqrt(a * a + b * b)
-    middle6, half6 = angle_of(b, a), half_between(c, r6)
+def solve_wrist(
+    links: tuple[Array, Array],
+    x: Vec,
+    y: Vec,
+    z: Vec,
+    columns: tuple[int, int, int],
+    rows: Array,
+    first: int,
+    last: int,
+) -> None:
+    """The three angles of a square spherical wrist, in rows from first up to last.
+
+    Args:
+        links: between its joints.
+        x: axis of what the joints must make, as seen before the first of them.
+        y: likewise.
+        z: likewise.
+        columns: of the angles.
+        rows: filled.
+        first: first row; odd rows have the other sign.
+        last: row after the last one.
+    """
+    before, after = links
+    axis = column_of(after, 2)
+    a, b, c = plane_equation(row_of(before, 2), axis, z[2])
+    r = math.sqrt(a * a + b * b)
+    middle, half = angle_of(b, a), half_between(c, r)
     towards = angle_of(z[1], z[0])
     for n in range(first, last):
-        q6 = middle6 + (half6 if n % 2 == 0 else -half6)
+        q6 = middle + (half if n % 2 == 0 else -half)
         s6, c6 = sin_cos(q6)
-        e = turned_by(chain[5], about_z(c6, s6, axis))
+        e = turned_by(before, about_z(c6, s6, axis))
         q5 = towards - angle_of(e[1], e[0])
         s5, c5 = sin_cos(q5)
-        f = turned_back_by(chain[6], about_z(c6, -s6, turned_back_by(chain[5], about_z(c5, -s5, x))))
-        g = turned_back_by(chain[6], about_z(c6, -s6, turned_back_by(chain[5], about_z(c5, -s5, y))))
-        rows[n, 4], rows[n, 5], rows[n, 6] = q5, q6, angle_of(f[1] - g[0], f[0] + g[1])
+        f = turned_back_by(after, about_z(c6, -s6, turned_back_by(before, about_z(c5, -s5, x))))
+        g = turned_back_by(after, about_z(c6, -s6, turned_back_by(before, about_z(c5, -s5, y))))
+        rows[n, columns[0]], rows[n, columns[1]] = q5, q6
+        rows[n, columns[2]] = angle_of(f[1] - g[0], f[0] + g[1])
 
 
 def after_joint_4(chain: Array, turns: tuple[tuple[float, float], ...], v: Vec) -> Vec:

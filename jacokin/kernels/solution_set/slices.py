@@ -14,7 +14,7 @@ from jacokin.kernels.closed_form.arm import ARM_CONSTANTS, ArmConstants, unpack_
 from jacokin.kernels.closed_form.pose import Work, make_work, solve_pose
 from jacokin.kernels.six_joints.loop import Form, fill_links
 from jacokin.kernels.solution_set.curve import Walk
-from jacokin.kernels.solution_set.seven_joints import MOST_AT_Q3, MOST_FOLDS, solve_at_q3
+from jacokin.kernels.solution_set.seven_joints import MOST_FOLDS, MOST_ROWS, WAVES, solve_at_q3
 from jacokin.kernels.tolerances import STRUCTURE_TOLERANCE
 
 #: Values of the parameter, and points at each, at most.
@@ -51,6 +51,7 @@ class SixJoints(NamedTuple):
     axis: Array  # (3,) unit vector in the tool frame
     T: Array  # (4, 4) the target at p = 0
     turned: Array  # (4, 4)
+    links: Array  # (6, 3, 4) see `end_wrist`
     work: Work
 
 
@@ -60,6 +61,7 @@ class SevenJoints(NamedTuple):
     arm: Array  # (12,) see `seven_joints.solve_at_q3`
     rows: Array  # (8, 7)
     folds: Array  # (MOST_FOLDS,)
+    waves: Array  # (3, 2, 5) coefficients of the functions that vanish there
 
 
 def make_slices() -> Slices:
@@ -87,13 +89,14 @@ def make_six_joints() -> SixJoints:
         np.zeros(3),
         np.eye(4),
         np.eye(4),
+        np.zeros((6, 3, 4)),
         work,
     )
 
 
 def make_seven_joints() -> SevenJoints:
     """Fresh arrays."""
-    return SevenJoints(np.zeros(12), np.empty((MOST_AT_Q3, 7)), np.empty(MOST_FOLDS))
+    return SevenJoints(np.zeros(12), np.empty((MOST_ROWS, 7)), np.empty(MOST_FOLDS), np.zeros((3, 2, WAVES + 1)))
 
 
 def turn_target(T: Array, axis: Array, angle: float, turned: Array) -> None:
@@ -153,7 +156,7 @@ def add_slice(walk: Walk, kind: int, p: float, slices: Slices, six: SixJoints, s
     count, slices.doubt[i] = 0, 0
     if kind == JOINT_3:
         solve_at_q3(walk.chain, seven.arm, walk.T, p, seven.rows)
-        for k in range(MOST_AT_Q3):
+        for k in range(MOST_ROWS):
             if not math.isnan(seven.rows[k, 0]):
                 for j in range(7):
                     slices.x[i, count, j] = seven.rows[k, j]

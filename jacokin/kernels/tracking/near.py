@@ -16,9 +16,9 @@ BUFFER = 5e-4
 #: [m] rounding of a distance.
 WORSE = 1e-9
 #: Columns of a pair that is near: its distance [m], the nearest point on its second shape, the unit vector along which
-#: the distance grows (from the first shape, or the way out of an obstacle that something is inside), and how fast the
-#: first shape comes nearer [m/s].
-DISTANCE, POINT, NORMAL, CLOSING, NEAR_NUMBERS = 0, 1, 4, 7, 8
+#: the distance grows (from the first shape, or the way out of an obstacle that something is inside), how fast the
+#: first shape comes nearer [m/s], and how far apart the surfaces are along that vector [m].
+DISTANCE, POINT, NORMAL, CLOSING, GAP, NEAR_NUMBERS = 0, 1, 4, 7, 8, 9
 #: Columns of its integers: the joints between its shapes are those from the first one to before the last, and 1 where
 #: something is inside its obstacle.
 FIRST_JOINT, LAST_JOINT, LEAVES, CORNERED, NEAR_INTEGERS = range(5)
@@ -32,7 +32,7 @@ class NearPairs(NamedTuple):
     counts: NDArray[np.int64]  # (4,) of pairs; of inequalities; of pairs that are too near; of faces of targets
     rule: Array  # (2,)
     integers: NDArray[np.int64]  # (pairs, 3)
-    numbers: Array  # (pairs, 8)
+    numbers: Array  # (pairs, 9)
     rows: Array  # (room dof,) filled: rows x <= ends, after those that are there already
     ends: Array  # (room,) [m]
     rooms: Array  # (room,) filled: the same, but negative for pairs that are to move apart [m]
@@ -91,7 +91,7 @@ def find_too_near(near: NearPairs) -> None:
 def room_of(near: NearPairs, i: int) -> float:
     """By how much a pair may come nearer, beside what its obstacle moves [m]."""
     closing = near.rule[FORESIGHT] * near.numbers[i, CLOSING]
-    return float(near.numbers[i, DISTANCE] - near.rule[KEPT] - BUFFER - max(closing, 0.0))
+    return float(near.numbers[i, GAP] - near.rule[KEPT] - BUFFER - max(closing, 0.0))
 
 
 def fill_change(arm: JointFrames, near: NearPairs, i: int, weight: float, rows: Array, at: int) -> None:

@@ -18,13 +18,14 @@ from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.kernels.contact.arm import Places, place_links
-from jacokin.kernels.contact.pairs import PAIR_NUMBERS, TILTS, measure_pair
+from jacokin.kernels.contact.cloud_surface import AROUND_NUMBERS, MOST_AROUND
+from jacokin.kernels.contact.pairs import LEVEL, SURFACE_NUMBERS, TILTS, measure_pair, measure_surfaces
 from jacokin.kernels.contact.run import NOTHING
 from jacokin.kernels.contact.separation import SeparationWork, make_separation_work
 from jacokin.kernels.contact.shapes import CENTRE
 from jacokin.kernels.contact.touching import Geometry
 from jacokin.kernels.tracking.limits import CHANGE, LIMIT_NUMBERS, brake, braking_way, move
-from jacokin.kernels.tracking.near import CLOSING, DISTANCE, NEAR_NUMBERS, NORMAL, POINT, WORSE
+from jacokin.kernels.tracking.near import CLOSING, DISTANCE, GAP, NEAR_NUMBERS, NORMAL, POINT, WORSE
 from jacokin.kernels.trigonometry import sin_cos
 from jacokin.kernels.vector import Vec, cross, dot, norm, rotated
 
@@ -110,12 +111,13 @@ class ReachWork(NamedTuple):
     geometry: Geometry
     places: Places
     pair: SeparationWork
-    measured: Array  # (1, 10) to work in
-    corners: Array  # (1 + TILTS, 10) to work in
+    measured: Array  # (1, 11) to work in
+    corners: Array  # (1 + TILTS, 11) to work in
+    around: Array  # (MOST_AROUND, 4) to work in
     pairs: Pairs
     levers: Levers
     near: NDArray[np.int64]  # (pairs,) filled: pairs in the watched range
-    rows: Array  # (pairs, 8) filled with their numbers, see `near`
+    rows: Array  # (pairs, 9) filled with their numbers, see `near`
     movers: Movers
     waiting: Waiting
 
@@ -141,8 +143,9 @@ def make_reach_work(geometry: Geometry = NOTHING, pairs: int = 0, movers: int = 
         geometry,
         Places(frames, np.zeros((groups, 3)), np.zeros(groups * (dof + 1))),
         make_separation_work(),
-        np.zeros((1, PAIR_NUMBERS)),
-        np.zeros((1 + TILTS, PAIR_NUMBERS)),
+        np.zeros((1, SURFACE_NUMBERS)),
+        np.zeros((1 + TILTS, SURFACE_NUMBERS)),
+        np.zeros((MOST_AROUND if pairs else 0, AROUND_NUMBERS)),
         Pairs(
             np.zeros((pairs, PAIR_INTEGERS), np.int64),
             np.zeros(pairs, np.int64),
@@ -271,7 +274,7 @@ def measure_within(work: ReachWork, i: int, distance: float) -> float:
     if pairs.bound[i] >= within or pairs.exact[i] == 1:
         return float(pairs.bound[i])
     row, reach = work.measured[0], within + work.numbers[BEYOND]
-    measure_pair(work.geometry.shapes, work.places, work.pair, pairs.integers[i], reach, row)
+    measure_surfaces(work.geometry.shapes, work.places, work.pair, pairs.integers[i], reach, work.around, row)
     pairs.bound[i] = row[0]
     if row[0] <= reach:
         pairs.exact[i] = 1
@@ -285,7 +288,7 @@ def measure_within(work: ReachWork, i: int, distance: float) -> float:
 def note_near(work: ReachWork, i: int, row: Array, to: Array) -> None:
     """Fill the numbers (8,) of a pair, see `near`, that was measured."""
     mover, exchanged = work.pairs.integers[i, MOVER], work.pairs.integers[i, EXCHANGED] == 1
-    to[DISTANCE], to[CLOSING] = row[0], 0.0
+    to[DISTANCE], to[GAP], to[CLOSING] = row[0], row[LEVEL], 0.0
     for k in range(3):
         to[POINT + k] = row[1 + k] if exchanged else row[4 + k]
         to[NORMAL + k] = -row[7 + k] if exchanged else row[7 + k]

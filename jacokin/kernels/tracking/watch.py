@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from jacokin.arrays import Array
 from jacokin.kernels.contact.arm import place_links
-from jacokin.kernels.contact.pairs import measure_corners, measure_pair
+from jacokin.kernels.contact.pairs import measure_corners, measure_surfaces
 from jacokin.kernels.contact.shapes import RADIUS
 from jacokin.kernels.tracking.near import (
     BUFFER,
@@ -89,7 +89,7 @@ def measure_there(tick: TickWork, reach: ReachWork, i: int) -> bool:
     """Fill tick.there with pair i as it is where everything is placed; False where it is far."""
     there, pair, row = tick.there, reach.pairs.integers[i], reach.measured[0]
     far = watched_range(reach, i) + HORIZON
-    measure_pair(reach.geometry.shapes, reach.places, reach.pair, pair, far, row)
+    measure_surfaces(reach.geometry.shapes, reach.places, reach.pair, pair, far, reach.around, row)
     if row[0] > far:
         return False
     note_near(reach, i, row, there.numbers[0])
@@ -125,8 +125,9 @@ def add_corners(tick: TickWork, reach: ReachWork) -> None:
         i = reach.near[k]
         pair = reach.pairs.integers[i]
         there.integers[0, FIRST_JOINT], there.integers[0, LAST_JOINT] = pair[INNER], pair[OUTER]
-        for c in range(1, measure_corners(reach.geometry.shapes, reach.places, reach.pair, pair, reach.corners)):
-            note_near(reach, i, reach.corners[c], there.numbers[0])
+        shapes, corners = reach.geometry.shapes, reach.corners
+        for c in range(1, measure_corners(shapes, reach.places, reach.pair, pair, reach.around, corners)):
+            note_near(reach, i, corners[c], there.numbers[0])
             room, at = room_of(there, 0), near.counts[1]
             fill_change(tick.arm, there, 0, -1.0, near.rows, at * dof)
             near.ends[at], near.rooms[at] = max(room, 0.0), room

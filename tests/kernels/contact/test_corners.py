@@ -9,7 +9,8 @@ import pytest
 
 from jacokin.arrays import Array
 from jacokin.kernels.contact.arm import place_links
-from jacokin.kernels.contact.pairs import FIRST_POINT, ONE_CORNER, PAIR_NUMBERS, TILT, TILTS, measure_corners
+from jacokin.kernels.contact.cloud_surface import AROUND_NUMBERS, MOST_AROUND
+from jacokin.kernels.contact.pairs import FIRST_POINT, ONE_CORNER, SURFACE_NUMBERS, TILT, TILTS, measure_corners
 from jacokin.kernels.contact.run import make_contact_work
 from jacokin.kernels.contact.touching import Geometry
 from jacokin.model.descriptions import mjcf
@@ -47,9 +48,10 @@ PAIR = np.array([[0, 1]])  # what flies, and what stands
 
 def corners(geometry: Geometry, q: Array) -> Array:
     """Numbers of the pair, and of its corners, at a configuration (6,)."""
-    work, rows = make_contact_work(geometry, 1), np.zeros((1 + TILTS, PAIR_NUMBERS))
+    work, rows = make_contact_work(geometry, 1), np.zeros((1 + TILTS, SURFACE_NUMBERS))
     place_links(geometry.arm, 6, len(geometry.arm.groups), q, work.places)
-    return rows[: measure_corners(geometry.shapes, work.places, work.hits.pair, PAIR[0], rows)]
+    around = np.zeros((MOST_AROUND, AROUND_NUMBERS))
+    return rows[: measure_corners(geometry.shapes, work.places, work.hits.pair, PAIR[0], around, rows)]
 
 
 def turn(q: Array) -> Array:

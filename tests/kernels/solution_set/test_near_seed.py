@@ -10,9 +10,9 @@ from jacokin.arrays import Array
 from jacokin.ik.geometry import measure_seven
 from jacokin.kernels.closed_form.roots import make_roots
 from jacokin.kernels.solution_set.curve import LONGEST_STEP, make_walk
-from jacokin.kernels.solution_set.near_seed import add_chords, make_near_seed
-from jacokin.kernels.solution_set.seven_joints import find_folds, solve_at_q3
-from jacokin.kernels.solution_set.slices import make_seven_joints
+from jacokin.kernels.solution_set.near_seed import Parts, add_chords, make_near_seed
+from jacokin.kernels.solution_set.seven_joints import LAST_STEPS, find_folds, solve_at_q3
+from jacokin.kernels.solution_set.slices import JOINT_3, make_seven_joints, make_six_joints
 from jacokin.kernels.solution_set.trace import make_loops
 from jacokin.model.angles import TURN, wrap_to_pi
 from jacokin.model.robot import Robot
@@ -48,12 +48,12 @@ def test_the_nearest_configuration_is_beside_a_chord(robot: Robot, rng: np.rando
     count, single = -1, False
     while not single or (count > 0) != folded:
         T = robot.forward_kinematics(robot.sample(rng)).homogeneous
-        count, single = find_folds(chain, seven.arm, T, make_roots(), seven.folds)
+        count, single = find_folds(chain, seven.arm, T, LAST_STEPS, seven.waves, make_roots(), seven.folds)
     near.seed[:], near.bounds[:] = robot.sample(rng), limits
     loops = make_loops()
     walk = make_walk()
-    walk.chain[:], walk.T[:] = chain, T
-    assert add_chords(limits, seven, count, near, loops, walk)
+    walk.chain[:], walk.T[:], walk.parameter[0], near.best[0] = chain, T, 2, np.inf
+    assert add_chords(limits, Parts(JOINT_3, 7, make_six_joints(), seven, walk), count, near, loops)
     nearest = scan(robot, chain, seven.arm, T, near.seed)
     distance = np.linalg.norm(nearest - near.seed)
     chords = loops.nodes[: loops.size[0], :7].reshape(-1, 2, 7)
@@ -70,10 +70,10 @@ def test_a_seed_that_reaches_the_target_is_beside_a_chord(robot: Robot, rng: np.
     limits = np.array([np.full(7, -np.inf), np.full(7, np.inf)])
     near.seed[:] = robot.sample(rng)
     T = robot.forward_kinematics(near.seed).homogeneous
-    count, _ = find_folds(geometry.chain, seven.arm, T, make_roots(), seven.folds)
+    count, _ = find_folds(geometry.chain, seven.arm, T, LAST_STEPS, seven.waves, make_roots(), seven.folds)
     walk = make_walk()
-    walk.chain[:], walk.T[:] = geometry.chain, T
-    assert add_chords(limits, seven, count, near, loops, walk)
+    walk.chain[:], walk.T[:], walk.parameter[0], near.best[0] = geometry.chain, T, 2, np.inf
+    assert add_chords(limits, Parts(JOINT_3, 7, make_six_joints(), seven, walk), count, near, loops)
     chords = loops.nodes[: loops.size[0], :7].reshape(-1, 2, 7)
     along = chords[:, 1] - chords[:, 0]
     share = (wrap_to_pi(near.seed - chords[:, 0]) * along).sum(axis=1) / (along**2).sum(axis=1)
