@@ -5,6 +5,8 @@ shapes         what a shape is: a core and a margin
 simplex        the point of a simplex nearest to the origin
 separation     how far two convex shapes are apart
 cloud          how far two shapes are apart, one of which may be a cloud of points
+cloud_surface  where the surface is that the points of a cloud make
+pairs          where two shapes are nearest, and would be if one turned a little
 penetration    how deep they are in each other
 arm            where the links and their shapes are, and how far a motion can move them
 tree           obstacles in a tree of boxes
