@@ -10,8 +10,8 @@ from __future__ import annotations
 from jacokin.arrays import Array
 from jacokin.kernels.tracking.aside import PLACES, change_least, look_ahead_of
 from jacokin.kernels.tracking.limits import ACCELERATION, EASY, TINY, brake, braking_speed
-from jacokin.kernels.tracking.near import LEAVES, fill_change, room_of
-from jacokin.kernels.tracking.reach import NEAR, ReachWork
+from jacokin.kernels.tracking.near import CLOSING, LEAVES, fill_change, room_of
+from jacokin.kernels.tracking.reach import FORESIGHT, MOVING, NEAR, ReachWork, place_movers
 from jacokin.kernels.tracking.tasks import place_joints
 from jacokin.kernels.tracking.tick import TIME_STEP, TickWork
 from jacokin.kernels.tracking.watch import could_come_near, measure_there, place_there, watch
@@ -34,9 +34,13 @@ def turn_aside(tick: TickWork, reach: ReachWork) -> None:
     place_joints(tick.arm, tick.q)
     watch(tick, reach, tick.along)
     add_step(tick)
+    if reach.counts[MOVING] == 1:
+        place_movers(reach, reach.numbers[FORESIGHT])
     for place in range(1, PLACES):
         if aside.ticks[place] > aside.ticks[place - 1]:
             add_place(tick, reach, place, aside.braked[place * dof : (place + 1) * dof])
+    if reach.counts[MOVING] == 1:
+        place_movers(reach, 0.0)
     change_least(aside, tick.limits, low, high, step)
 
 
@@ -81,6 +85,7 @@ def add_place(tick: TickWork, reach: ReachWork, place: int, braked: Array) -> No
             placed = True
         if not measure_there(tick, reach, i):
             continue
+        tick.there.numbers[0, CLOSING] = 0.0  # it is where it will be
         r, room = aside.size[0], room_of(tick.there, 0)
         fill_change(tick.arm, tick.there, 0, -1.0, aside.rows, r * dof)
         aside.ends[r] = room if room >= 0.0 else -back(-room, tick.numbers[TIME_STEP])
