@@ -25,7 +25,7 @@ from jacokin.kernels.contact.arm import LAST_SHAPE, ArmShapes, Places, place_lin
 from jacokin.kernels.contact.cloud import shape_separation
 from jacokin.kernels.contact.motion import Course, await_all, is_clear, least_on_motion, make_course
 from jacokin.kernels.contact.nearest import Finder, Search, find_nearest, list_all, make_finder
-from jacokin.kernels.contact.pairs import measure_pair
+from jacokin.kernels.contact.pairs import PAIR_NUMBERS, measure_pair
 from jacokin.kernels.contact.separation import make_separation_work
 from jacokin.kernels.contact.shapes import NODE_NUMBERS, SHAPE_INTEGERS, SHAPE_NUMBERS, Shapes
 from jacokin.kernels.contact.touching import Counts, Geometry, Hits, find_touching
@@ -191,5 +191,5 @@ def make_contact_work(geometry: Geometry = NOTHING, rows: int = 0, pairs: int = 
         np.zeros((rows, 2), np.int64),
         np.zeros((pairs, 2), np.int64),
         np.zeros(pairs),
-        np.zeros((pairs, 10)),
+        np.zeros((pairs, PAIR_NUMBERS)),
     )
