@@ -16,15 +16,17 @@ from jacokin.kernels.contact.arm import Places, relate
 from jacokin.kernels.contact.cloud import shape_separation
 from jacokin.kernels.contact.cloud_surface import find_surface
 from jacokin.kernels.contact.separation import SeparationWork
-from jacokin.kernels.contact.shapes import CLOUD, KIND, LINK, MARGIN, PLANE, Shapes, core_support
+from jacokin.kernels.contact.shapes import CLOUD, KIND, LINK, MARGIN, Shapes, core_support
 from jacokin.kernels.vector import Vec, cross, dot, minus, mix, norm, rotated
 
 #: Columns of a measured pair: distance [m], nearest points on both shapes, normal from the first; all in the world.
 FIRST_POINT, SECOND_POINT, WAY, PAIR_NUMBERS = 1, 4, 7, 10
 #: After these, how far apart the surfaces are along the normal [m]: that of a cloud is one that its points make.
 LEVEL, SURFACE_NUMBERS = 10, 11
-#: The second shape is turned by this much [rad], about so many axes along the other one's surface.
-TILT, TILTS = 0.15, 8
+#: The second shape is turned by each of these angles [rad], about so many axes along the other one's surface: far, and
+#: little, as corners of a side that is not quite flat are nearest then, which are behind others after a large turn. All
+#: corners that are found, at most.
+TILTS, AXES, CORNERS = (0.15, 0.02), 8, 16
 #: [m] corners that are nearer to each other are one.
 ONE_CORNER = 1e-3
 
@@ -65,7 +67,7 @@ def measure_surfaces(
 def measure_corners(
     shapes: Shapes, places: Places, work: SeparationWork, pair: NDArray[np.int64], around: Array, rows: Array
 ) -> int:
-    """Fill the numbers (1 + TILTS, 11) of a pair, and of points of it that are the nearest ones once it is tilted.
+    """Fill the numbers (1 + CORNERS, 11) of a pair, and of points of it that are the nearest ones once it is tilted.
 
     These are as far apart as they are along the normal of the pair.
 
@@ -77,15 +79,16 @@ def measure_corners(
     margins = shapes.numbers[pair[0], MARGIN] + shapes.numbers[pair[1], MARGIN]
     along = perpendicular(normal)
     across = cross(normal, along)
-    for k in range(TILTS):
-        angle = 2.0 * math.pi * k / TILTS
+    for k in range(CORNERS):
+        angle, size = 2.0 * math.pi * (k % AXES) / AXES, TILTS[k // AXES]
         axis = mix(along, math.cos(angle), across, math.sin(angle), normal, 0.0)
         relate(shapes, places.frames, pair[0], pair[1], work.relative)
-        if stays_nearest(shapes, places, work, pair, (normal, axis), rows, count):
+        way = rotated(normal, axis, math.sin(size), math.cos(size))
+        if stays_nearest(shapes, places, work, pair, normal, way, rows, count):
             continue
-        tilt(work.relative, pivot, axis, TILT)
+        tilt(work.relative, pivot, axis, size)
         shape_separation(shapes, (pair[0], pair[1]), work, math.inf, -math.inf, math.inf, True)
-        first, second = witness(work, 1), tilted(witness(work, 2), pivot, axis, -TILT)
+        first, second = witness(work, 1), tilted(witness(work, 2), pivot, axis, -size)
         fill_points(shapes, places, pair, normal, first, second, rows[count])
         if not is_known(rows, count):
             rows[count, 0] = rows[count, LEVEL] = dot(normal, minus(second, first)) - margins
@@ -103,36 +106,21 @@ def stays_nearest(
     places: Places,
     work: SeparationWork,
     pair: NDArray[np.int64],
-    ways: tuple[Vec, Vec],
+    normal: Vec,
+    tilted_normal: Vec,
     rows: Array,
     count: int,
 ) -> bool:
-    """Whether a corner that is known stays the nearest one when the pair is tilted, if the other shape is flat.
+    """Whether the first shape's nearest point stays that when the other one is tilted, if that one is flat.
 
-    Ways are the normal and the axis; the row after those that are filled is used to find out.
+    The row after those that are filled is used to find out.
     """
-    s, c, r, row = math.sin(TILT), math.cos(TILT), work.relative, rows[count]
-    normal, axis = ways
-    if shapes.integers[pair[0], KIND] != CLOUD:
-        d = rotated(normal, axis, s, c)
-        p, work.hints[0] = core_support(shapes, pair[0], d[0], d[1], d[2], work.hints[0])
-        fill_points(shapes, places, pair, normal, p, p, row)
-        if is_at(rows[0], row, FIRST_POINT):
-            return True
-    if shapes.integers[pair[1], KIND] in (CLOUD, PLANE):
+    if shapes.integers[pair[0], KIND] == CLOUD:
         return False
-    d = rotated(normal, axis, -s, c)
-    x = -(r[0, 0] * d[0] + r[1, 0] * d[1] + r[2, 0] * d[2])
-    y = -(r[0, 1] * d[0] + r[1, 1] * d[1] + r[2, 1] * d[2])
-    z = -(r[0, 2] * d[0] + r[1, 2] * d[1] + r[2, 2] * d[2])
-    p, work.hints[1] = core_support(shapes, pair[1], x, y, z, work.hints[1])
-    p = (
-        r[0, 0] * p[0] + r[0, 1] * p[1] + r[0, 2] * p[2] + r[0, 3],
-        r[1, 0] * p[0] + r[1, 1] * p[1] + r[1, 2] * p[2] + r[1, 3],
-        r[2, 0] * p[0] + r[2, 1] * p[1] + r[2, 2] * p[2] + r[2, 3],
-    )
-    fill_points(shapes, places, pair, normal, p, p, row)
-    return is_known(rows, count)
+    x, y, z = tilted_normal
+    p, work.hints[0] = core_support(shapes, pair[0], x, y, z, work.hints[0])
+    fill_points(shapes, places, pair, normal, p, p, rows[count])
+    return is_at(rows[0], rows[count], FIRST_POINT)
 
 
 def perpendicular(normal: Vec) -> Vec:
@@ -162,10 +150,10 @@ def tilt(frame: Array, pivot: Vec, axis: Vec, angle: float) -> None:
 
 
 def is_known(rows: Array, count: int) -> bool:
-    """Whether the corner of the second shape that comes after some rows is in one of them."""
+    """Whether the corners that come after some rows are in one of them."""
     known = False
     for r in range(count):
-        known = known or is_at(rows[r], rows[count], SECOND_POINT)
+        known = known or (is_at(rows[r], rows[count], FIRST_POINT) and is_at(rows[r], rows[count], SECOND_POINT))
     return known
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.kernels.contact.pairs import TILTS
+from jacokin.kernels.contact.pairs import CORNERS
 from jacokin.kernels.tracking.aside import PLACES, Aside, make_aside
 from jacokin.kernels.tracking.limits import (
     CATCHING,
@@ -130,9 +130,9 @@ def make_tick_work(dof: int = 0, tasks: int = 0, pairs: int = 0) -> TickWork:
         make_task_rows(dof, tasks),
         np.zeros(rows),
         np.zeros(rows),
-        make_near_pairs(dof, pairs, 6 * tasks + TILTS * pairs),
+        make_near_pairs(dof, pairs, 6 * tasks + CORNERS * pairs),
         make_near_pairs(dof, 1),
-        make_aside(dof, 6 * tasks + (1 + TILTS + PLACES) * pairs),
+        make_aside(dof, 6 * tasks + (1 + CORNERS + PLACES) * pairs),
         make_problem(dof, rows),
         np.zeros((dof, 6)),
         np.zeros(2 * dof),

@@ -22,6 +22,7 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.ik import Box, Floor, Scene, Sphere
 from jacokin.model.descriptions.bundled import JACOS, NAMES
+from jacokin.model.descriptions.meshes import hull_of, stl_bytes
 from jacokin.motion import OrientationTarget, PositionTarget, TrackerStep
 from tests.robot_files import ur5_text
 
@@ -522,6 +523,31 @@ def test_a_hand_that_is_led_into_a_table_slides_along_it(find: Find, name: str) 
     assert min(heights) >= CLEARANCE - ROUNDING
     assert np.median(np.array(heights)[(times > 3.0) & (np.cos(0.7 * times) < 0.0)]) < CLEARANCE + 1.1e-3  # led down
     assert np.mean(errors[300:]) < {"j2n6s300": 0.0661, "j2s7s300": 0.0621, "gen3": 0.05}[name]
+
+
+def test_a_side_that_is_nearly_flat_slides_along_a_table(tmp_path: Path) -> None:
+    """A plate with a rounded edge, as grippers of scanned meshes are, went from corner to corner in 250 jolts."""
+    angles = np.linspace(0.1, 0.1 + 2.0 * np.pi, 16, endpoint=False)
+    circle = np.column_stack([np.cos(angles), np.sin(angles)])
+    rings = (0.03, 0.0), (0.05, -4e-4), (0.06, -1e-3), (0.065, -3e-3), (0.065, -0.02)  # [m] radius, height
+    plate = hull_of(np.vstack([np.column_stack([radius * circle, np.full(16, height)]) for radius, height in rings]))
+    assert plate is not None
+    (tmp_path / "plate.stl").write_bytes(stl_bytes(plate))
+    shape = '<collision><geometry><mesh filename="plate.stl"/></geometry></collision>'
+    path = tmp_path / "arm.urdf"
+    path.write_text(ur5_text().replace('<link name="l6"></link>', f'<link name="l6">{shape}</link>'))
+    robot, down = jacokin.load_robot(path, velocity_limit=2.0), pin.utils.rotate("x", np.pi)
+    start = jacokin.IKSolver(robot).solve(pin.SE3(down, np.array([0.45, 0.1, 0.3]))).q
+    top, times = Box("table", [0.7, 0.7, 0.02], [0.45, 0.1, 0.1]), DT * np.arange(1000)
+    steps = []
+    tracker = Tracker(robot, dt=DT, q=start, scene=Scene([top]))
+    for t in times:
+        place = [0.45 + 0.1 * np.cos(t), 0.1 + 0.1 * np.sin(t), 0.09 + 0.05 * np.cos(0.7 * t)]
+        steps.append(tracker.step(pin.SE3(down @ pin.utils.rotate("z", 0.3 * t), np.array(place))))
+    assert jolts(np.array([step.v for step in steps]), tracker.velocity_limit / 0.3, DT) <= JOLTS
+    heights = np.array([step.clearance for step in steps])
+    assert heights.min() >= CLEARANCE - ROUNDING
+    assert np.median(heights[(times > 3.0) & (np.cos(0.7 * times) < 0.0)]) < CLEARANCE + 1.1e-3  # led down
 
 
 @pytest.mark.parametrize("name", ["gen3_6dof", pytest.param("gen3", marks=pytest.mark.slow)])
