@@ -40,8 +40,8 @@ ASIDE = 0.01
 HALVINGS = 5
 #: Part of its way in a tick by which the joints' path may bend towards a singular pose.
 BENT = 0.1
-#: A smaller part of a twist towards a singular pose is none: the arm stands.
-CREEPING = 1e-3
+#: A smaller part of a twist towards a singular pose is none, as joints would turn fast for next to nothing.
+CREEPING = 5e-2
 #: Part of the acceleration limits that the bend of the joints' path may use.
 BENDING = 0.5
 #: Damping, and part of the tick's room, with which the tool is brought back to the line.

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
 
+from benchmarks.smooth import jolts
 from jacokin import IKSolver, Robot, Tracker
 from jacokin.arrays import Array
 from jacokin.ik import Floor, Scene, Sphere
 from jacokin.motion import AxisTarget, PositionTarget, TrackerStatus, track_path
 from tests.motion.by_mujoco import random_line, tool_poses
+from tests.seven_joint_arms import load_arm
 
 DT = 0.01  # [s]
 NAME = "j2s7s300"
@@ -92,6 +95,21 @@ def test_the_elbow_moves_while_the_tool_follows_a_twist(seven: Robot, accelerati
         moved = seven.forward_kinematics(tracker.q).translation - start.translation
         assert np.abs(moved[:2]).max() < 1e-4
         assert moved[2] == pytest.approx(0.06, abs=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("name", "way", "edge"), [("xarm7", [0.0, 1.0, 0.0], 0.2908), ("panda", [0.0, 0.7, 0.7], 0.1905)]
+)
+def test_a_twist_into_the_edge_of_reach_ends_at_rest(name: str, way: list[float], edge: float, tmp_path: Path) -> None:
+    """For the last two millimetres the elbow turned at two radians a second, and the arm jolted up to 100 times."""
+    robot = load_arm(name, tmp_path)
+    tracker = Tracker(robot, dt=DT, velocity_limit=3.0)
+    steps = [tracker.step(twist=[*np.multiply(0.1, way), 0.0, 0.0, 0.0]) for _ in range(1000)]
+    assert jolts(np.array([step.v for step in steps]), tracker.velocity_limit / 0.3, DT) <= 2
+    assert steps[-1].status is TrackerStatus.HELD
+    assert "singular pose" in steps[-1].limiting
+    moved = robot.forward_kinematics(steps[-1].q).translation - robot.forward_kinematics(robot.home).translation
+    assert edge - 0.002 < float(moved @ way) / float(np.linalg.norm(way)) < edge
 
 
 @pytest.mark.parametrize(("paths", "least"), [(3, 0), pytest.param(6, 1, marks=pytest.mark.slow)])
