@@ -100,8 +100,8 @@ class Contact:
             call = Call(run_contact, self.fresh_work())
             work = call.work.q
             self._local.touch = work, call
-        work[:] = q
-        return bool(call() > 0)
+        work[...] = q
+        return call() > 0
 
     def fresh_work(self) -> ContactWork:
         """Work arrays for kernels that see whether shapes touch at a configuration."""
