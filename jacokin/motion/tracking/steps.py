@@ -104,7 +104,8 @@ class StepTally:
         if step.limiting:
             self._limiting.update(step.limiting)
         self._overruns += step.elapsed > budget
-        self._longest = max(self._longest, step.elapsed)
+        if step.elapsed > self._longest:
+            self._longest = step.elapsed
 
     def summary(self) -> TrackerSummary:
         """The counts."""

@@ -301,15 +301,10 @@ class TaskFactory:
 def _is_rigid(rows: list[float]) -> bool:
     """Whether a pose (12,), row by row, is finite, right-handed and orthonormal to 1e-9; cheap, as every tick asks."""
     a, b, c, x, d, e, f, y, g, h, i, z = rows
-    misfit = (
-        abs(a * a + b * b + c * c - 1.0)
-        + abs(d * d + e * e + f * f - 1.0)
-        + abs(a * d + b * e + c * f)
-        + abs(b * f - c * e - g)
-        + abs(c * d - a * f - h)
-        + abs(a * e - b * d - i)
-    )
-    return misfit < RIGID and abs(x) + abs(y) + abs(z) < 1e9
+    first, second, both = a * a + b * b + c * c - 1.0, d * d + e * e + f * f - 1.0, a * d + b * e + c * f
+    p, q, r = b * f - c * e - g, c * d - a * f - h, a * e - b * d - i
+    misfit = first * first + second * second + both * both + p * p + q * q + r * r
+    return misfit < RIGID * RIGID and x * x + y * y + z * z < 1e18
 
 
 class Kinematics:

@@ -187,7 +187,7 @@ class TickSolver:
         if count > self._room:
             self._make_room(count, self._reach)
         work = self._work
-        work.q[:], work.v[:] = arm
+        work.q[...], work.v[...] = arm
         if rows.integers is not self._given:
             self._given = None  # until it is done
             work.counts[TASKS], work.counts[FIRST_TASKS] = count, tasks.first
