@@ -437,7 +437,7 @@ class Tracker:
         """A tick along a twist: the state after it."""
         kinematics = self._kinematics
         kinematics.move_to(state.arm.q)
-        tool = pin.SE3(kinematics.pose(kinematics.tool))
+        tool = kinematics.pose(kinematics.tool).copy()
         line = state.line
         if line is None:
             velocity = kinematics.jacobian(kinematics.tool, IN_BASE).dot(state.arm.v)
