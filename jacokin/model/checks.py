@@ -337,6 +337,8 @@ def vector_or_rows(name: str, value: ArrayLike, size: int, unit: str) -> Array:
     Raises:
         InvalidInputError: wrong shape, not numbers, or not finite (the first bad row is named).
     """
+    if is_vector(value, size):
+        return value
     if is_listed(value, size):
         return np.array(value, dtype=np.float64)
     try:

@@ -87,7 +87,7 @@ class Robot:
         self.default_frame = chain.default_frame(model, known.tip)
         has_masses = dynamics.has_moving_masses(model) if known.has_masses is None else known.has_masses
         self._known = replace(known, tip=self.default_frame, has_masses=has_masses)
-        self._local = _Working(model)
+        self._local = _WorkingMemory(model)
         self._kept: dict[tuple[Hashable, ...], Any] = dict(carried or {})
         self._to_carry = set(self._kept)
         self._making = threading.RLock()
@@ -270,12 +270,8 @@ class Robot:
         self, q: ArrayLike, v: ArrayLike, frame: str | None = None, reference: str = "local_world_aligned"
     ) -> Array:
         """Time derivative of `jacobian` along joint velocities `v` [rad/s]; (6, dof). Errors as `jacobian`."""
-        model, data, at, velocity = (
-            self.pin_model,
-            self._local.data,
-            self.configuration(q),
-            self.configuration(v, "v"),
-        )
+        model, data = self.pin_model, self._local.data
+        at, velocity = self.configuration(q), self.configuration(v, "v")
         frame_id, axes = self.frame_id(frame), kinematics.reference_frame(reference)
         pin.computeJointJacobiansTimeVariation(model, data, at, velocity)
         pin.updateFramePlacement(model, data, frame_id)
@@ -384,12 +380,8 @@ class Robot:
             ModelError: the description gives no masses.
         """
         self.check_masses()
-        model, data, at, velocity = (
-            self.pin_model,
-            self._local.data,
-            self.configuration(q),
-            self.configuration(v, "v"),
-        )
+        model, data = self.pin_model, self._local.data
+        at, velocity = self.configuration(q), self.configuration(v, "v")
         matrix = np.array(pin.computeCoriolisMatrix(model, data, at, velocity)).reshape(self.dof, self.dof)
         return dynamics.answered(model, data, at, matrix)
 
@@ -594,10 +586,8 @@ class Robot:
         frame_id, torque = self.frame_id(frame), np.zeros(self.dof)
         if external is not None:
             wrench = checks.vector("external", external, 6, "N, N m")
-            axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-            jacobian = pin.computeFrameJacobian(self.pin_model, self._local.data, q, frame_id, axes).reshape(
-                6, self.dof
-            )
+            data, axes = self._local.data, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+            jacobian = pin.computeFrameJacobian(self.pin_model, data, q, frame_id, axes).reshape(6, self.dof)
             with np.errstate(over="ignore", invalid="ignore"):  # wrenches too large are refused with the answer
                 torque += jacobian.T @ wrench
         if base is not None:
@@ -735,11 +725,11 @@ class Robot:
         return self._known.home(self) if callable(self._known.home) else self._known.home
 
 
-class _Working(threading.local):
-    """Working memory of Pinocchio, one for each thread."""
+class _WorkingMemory(threading.local):
+    """Working memory of Pinocchio, one for each thread, made when the thread first asks for it."""
 
     def __init__(self, model: pin.Model) -> None:
-        """Make it: a thread does when it first asks for it."""
+        """Make that of this thread."""
         self.data: pin.Data = model.createData()
 
 
