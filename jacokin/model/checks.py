@@ -389,7 +389,7 @@ def matrix(name: str, value: ArrayLike, columns: int, unit: str) -> Array:
 
 def sealed(array: AnyArray) -> AnyArray:
     """The array itself, which cannot be written to any more."""
-    array.setflags(False)  # write; by its name it takes longer than the copy of a small array
+    array.setflags(write=False)
     return array
 
 

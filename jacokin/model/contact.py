@@ -101,7 +101,7 @@ class Contact:
             work = call.work.q
             self._local.touch = work, call
         work[...] = q
-        return call() > 0
+        return bool(call() > 0)
 
     def fresh_work(self) -> ContactWork:
         """Work arrays for kernels that see whether shapes touch at a configuration."""
