@@ -114,7 +114,8 @@ class Points(BranchTable, SolutionSet):
             verifier: knows the arm, and finds what touches when asked for; None for rows of the closed form alone.
             touching: what touches, if it is known.
         """
-        self.rows, self.dropped = checks.sealed(rows), dropped
+        rows.setflags(write=False)  # one per solve: without a call more
+        self.rows, self.dropped = rows, dropped
         self._seed, self._verifier, self._touching = seed, verifier, touching
 
     def __reduce__(self) -> tuple[object, tuple[object, ...]]:
