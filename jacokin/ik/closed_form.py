@@ -155,7 +155,8 @@ class ClosedForm:
         except IndexError:
             call = self._one_target()
         run, target, start, rows = call
-        target[:], start[:] = T, seed
+        target[...] = T
+        start[...] = seed
         count = run()
         found = None
         if count != NOT_RIGID:

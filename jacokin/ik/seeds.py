@@ -28,8 +28,8 @@ def seed_within_limits(robot: Robot, seed: ArrayLike | None, name: str = "seed")
     """
     if seed is None:
         return robot.home, ""
-    q = robot.configuration(seed, name)
-    values = q.tolist()
+    q = seed if checks.is_plain(seed, robot.dof) else robot.configuration(seed, name)
+    values = q.tolist()  # NaN is not within limits
     lower, upper = robot.limit_values
     if inside_exactly(lower, values, upper) and max(values) <= FARTHEST_SEED and min(values) >= -FARTHEST_SEED:
         return q, ""

@@ -178,11 +178,9 @@ def rotation_between(axis: Array, direction: Array) -> Array:
 
 def pose_matrix(target: Target) -> Array | None:
     """The matrix (4, 4), unchecked, of a target that is nothing but a pose: what most calls bring; None for others."""
-    if isinstance(target, pin.SE3):
-        return np.asarray(target.homogeneous)
-    if type(target) is np.ndarray and target.dtype is checks.FLOAT64 and target.shape == (4, 4):
-        return target
-    return None
+    if type(target) is np.ndarray:
+        return target if target.dtype is checks.FLOAT64 and target.shape == (4, 4) else None
+    return np.asarray(target.homogeneous) if isinstance(target, pin.SE3) else None
 
 
 def interpret(target: Target, frame: str) -> TargetPose:
@@ -291,7 +289,7 @@ def pose_errors(T_base_tool: pin.SE3, target: TargetPose) -> tuple[float, float]
 
 def matrix_errors(T_base_tool: pin.SE3, target: Array) -> tuple[float, float]:
     """Distance [m] and angle [rad] between the tool and a pose (4, 4)."""
-    a, b, c, x, d, e, f, y, g, h, k, z, *_ = (T_base_tool.homogeneous - target).ravel().tolist()
+    a, b, c, x, d, e, f, y, g, h, k, z, _, _, _, _ = (T_base_tool.homogeneous - target).ravel().tolist()
     position = math.hypot(x, y, z)
     chord = math.hypot(a, b, c, d, e, f, g, h, k)  # |R - R_target|_F = sqrt(8) sin(angle / 2)
     if chord < 1.0:

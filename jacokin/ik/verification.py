@@ -198,14 +198,16 @@ class Verifier:
         """
         first: tuple[Candidate, tuple[float, float]] | None = None
         for each in candidates:
+            if first is not None and self.touches(each.q):  # the first of those in contact is the one to name
+                continue
             errors = self.measure(each.q, each.target)
             if not self.reached(each.q, errors):
                 continue
-            touches = self.touches(each.q)
+            touches = first is None and self.touches(each.q)
             if not (touches and self.avoids_contact):
                 pairs = self.pairs_in_contact(each.q) if touches else ()
                 return self.result(each, Status.OK, request.message(each.message), errors, pairs)
-            first = first or (each, errors)
+            first = each, errors
         if first is None:
             return None
         pairs = self.pairs_in_contact(first[0].q)

@@ -8,10 +8,12 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Callable, Iterable, Mapping
+from math import isfinite
 from pathlib import Path
 from typing import Any, TypeGuard, TypeVar
 
 import numpy as np
+from numpy import ndarray
 from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
@@ -272,15 +274,25 @@ def array(name: str, value: ArrayLike, what: str, unit: str = "") -> Array:
         raise refusal(name, what, value, unit) from error
 
 
+def is_plain(value: object, size: int) -> TypeGuard[Array]:
+    """Whether this is a contiguous float64 vector (size,) already, finite or not."""
+    return type(value) is ndarray and value.dtype is FLOAT64 and value.shape == (size,) and value.flags.c_contiguous
+
+
+def is_finite(values: list[float]) -> bool:
+    """Whether a few numbers, and their sum, are finite: the cheapest test, and silent."""
+    return isfinite(sum(values))
+
+
 def is_vector(value: object, size: int) -> TypeGuard[Array]:
     """Whether this is a contiguous float64 vector (size,) already, and finite: what most calls bring."""
     return (
-        type(value) is np.ndarray
+        type(value) is ndarray
         and value.dtype is FLOAT64
         and value.shape == (size,)
-        # A sum of plain floats is the cheapest test, and silent; one that overflows is looked at again.
-        and math.isfinite(sum(value.tolist()))
         and value.flags.c_contiguous
+        # A sum of plain floats is the cheapest test, and silent; one that overflows is looked at again.
+        and isfinite(sum(value.tolist()))
     )
 
 
@@ -327,6 +339,8 @@ def vector_or_rows(name: str, value: ArrayLike, size: int, unit: str) -> Array:
     """
     if is_vector(value, size):
         return value
+    if is_listed(value, size):
+        return np.array(value, dtype=np.float64)
     try:
         checked = numbers(value)
     except (TypeError, ValueError) as error:

@@ -100,7 +100,7 @@ class Contact:
             call = Call(run_contact, self.fresh_work())
             work = call.work.q
             self._local.touch = work, call
-        work[:] = q
+        work[...] = q
         return bool(call() > 0)
 
     def fresh_work(self) -> ContactWork:
@@ -308,14 +308,16 @@ class Contact:
 
     def ordered(self, a: int, b: int, *, by_kind: bool = False) -> Pair:
         """Names of two shapes by their numbers: obstacles first, then as described; or the simpler kind first."""
-        names = self.names
-        return (names[a], names[b]) if self._rank(a, by_kind) <= self._rank(b, by_kind) else (names[b], names[a])
+        names, rank = self.names, self._ranks[by_kind].item
+        return (names[a], names[b]) if rank(a) <= rank(b) else (names[b], names[a])
 
-    def _rank(self, shape: int, by_kind: bool) -> tuple[int, int]:
-        """What pairs are ordered by: no two obstacles make one."""
+    @cached_property
+    def _ranks(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """(n,) what pairs are ordered by, as described and by kind: no two obstacles make one."""
         found = self._found
-        rank = int(found.ranks[shape]) if shape < found.arm_shapes else -1
-        return (int(found.kinds[shape]) if by_kind else 0), rank
+        ranks = np.full(len(self.names), -1)
+        ranks[: found.arm_shapes] = found.ranks
+        return ranks, found.kinds * (ranks.max(initial=0) + 2) + ranks
 
 
 class SelfContact(Contact):

@@ -23,6 +23,7 @@ from jacokin.errors import InvalidInputError, ModelError, UnknownNameError, show
 from jacokin.kernels.configurations.arm import Arm
 from jacokin.kernels.configurations.dynamics import Bodies
 from jacokin.model import angles, checks, dynamics, kinematics
+from jacokin.model.checks import is_finite, is_plain, is_vector, vector_or_rows
 from jacokin.model.descriptions import bundled, chain
 from jacokin.model.descriptions.tools import frames_on, slides, usual_tools
 from jacokin.model.descriptions.urdf import DisabledPairs
@@ -86,7 +87,7 @@ class Robot:
         self.default_frame = chain.default_frame(model, known.tip)
         has_masses = dynamics.has_moving_masses(model) if known.has_masses is None else known.has_masses
         self._known = replace(known, tip=self.default_frame, has_masses=has_masses)
-        self._local = threading.local()
+        self._local = _WorkingMemory(model)
         self._kept: dict[tuple[Hashable, ...], Any] = dict(carried or {})
         self._to_carry = set(self._kept)
         self._making = threading.RLock()
@@ -167,15 +168,6 @@ class Robot:
         known = replace(self._known, source=replace(self.source, calibration=None))
         return Robot(measured.undo(self.pin_model), known)
 
-    @property
-    def _data(self) -> pin.Data:
-        """Working memory of Pinocchio, one per thread."""
-        try:
-            data: pin.Data = self._local.data
-        except AttributeError:
-            data = self._local.data = self.pin_model.createData()
-        return data
-
     def frame_id(self, frame: str | None = None) -> int:
         """Pinocchio's id of a frame; of the default frame when none is named.
 
@@ -223,10 +215,10 @@ class Robot:
             InvalidInputError: `q` malformed.
             UnknownNameError: no such frame.
         """
-        at, frame_id = checks.vector_or_rows("q", q, self.dof, "rad"), self.frame_id(frame)
+        at = q if is_vector(q, self.dof) else vector_or_rows("q", q, self.dof, "rad")
+        frame_id, model, data = self.frame_id(frame), self.pin_model, self._local.data
         if at.ndim == 2:
             return kinematics.poses(self._arm_of(frame_id), at)
-        model, data = self.pin_model, self._data
         pin.forwardKinematics(model, data, at)
         return pin.updateFramePlacement(model, data, frame_id).copy()
 
@@ -248,7 +240,7 @@ class Robot:
         Returns:
             T_base_frame; overwritten by the next call on this thread.
         """
-        data = self._data
+        data = self._local.data
         pin.forwardKinematics(self.pin_model, data, q)
         return pin.updateFramePlacement(self.pin_model, data, frame_id)
 
@@ -267,21 +259,19 @@ class Robot:
             InvalidInputError: `q` malformed.
             UnknownNameError: no such frame or reference.
         """
-        at, frame_id, axes = (
-            checks.vector_or_rows("q", q, self.dof, "rad"),
-            self.frame_id(frame),
-            kinematics.reference_frame(reference),
-        )
+        at = q if is_vector(q, self.dof) else vector_or_rows("q", q, self.dof, "rad")
+        frame_id, axes = self.frame_id(frame), kinematics.reference_frame(reference)
         if at.ndim == 2:
             return kinematics.jacobians(self._arm_of(frame_id), at, reference)
-        jacobian: Array = pin.computeFrameJacobian(self.pin_model, self._data, at, frame_id, axes)
+        jacobian: Array = pin.computeFrameJacobian(self.pin_model, self._local.data, at, frame_id, axes)
         return jacobian if jacobian.ndim == 2 else jacobian.reshape(6, 1)  # Pinocchio's form for a single joint
 
     def jacobian_time_derivative(
         self, q: ArrayLike, v: ArrayLike, frame: str | None = None, reference: str = "local_world_aligned"
     ) -> Array:
         """Time derivative of `jacobian` along joint velocities `v` [rad/s]; (6, dof). Errors as `jacobian`."""
-        model, data, at, velocity = self.pin_model, self._data, self.configuration(q), self.configuration(v, "v")
+        model, data = self.pin_model, self._local.data
+        at, velocity = self.configuration(q), self.configuration(v, "v")
         frame_id, axes = self.frame_id(frame), kinematics.reference_frame(reference)
         pin.computeJointJacobiansTimeVariation(model, data, at, velocity)
         pin.updateFramePlacement(model, data, frame_id)
@@ -292,7 +282,7 @@ class Robot:
         self, q: ArrayLike, frame: str | None = None, reference: str = "local_world_aligned"
     ) -> Array:
         """Kinematic Hessian, (6, dof, dof): [:, j, k] = d J[:, j] / d q_k. Errors as `jacobian`."""
-        model, data, at = self.pin_model, self._data, self.configuration(q)
+        model, data, at = self.pin_model, self._local.data, self.configuration(q)
         frame_id, axes = self.frame_id(frame), kinematics.reference_frame(reference)
         pin.computeJointJacobians(model, data, at)
         pin.updateFramePlacement(model, data, frame_id)
@@ -349,11 +339,11 @@ class Robot:
             ModelError: the description gives no masses.
         """
         self.check_masses()
-        at = checks.vector_or_rows("q", q, self.dof, "rad")
+        at = q if is_vector(q, self.dof) else vector_or_rows("q", q, self.dof, "rad")
         if at.ndim == 2:
             return dynamics.mass_matrices(*self._weighed_arm(), at)
-        matrix: Array = pin.crba(self.pin_model, self._data, at)
-        return matrix.copy() if matrix.ndim == 2 else matrix.reshape(1, 1).copy()  # Pinocchio's form for a single joint
+        matrix: Array = pin.crba(self.pin_model, self._local.data, at)
+        return matrix if matrix.ndim == 2 else matrix.reshape(1, 1)  # Pinocchio's form for a single joint
 
     def gravity(self, q: ArrayLike, *, base: pin.SE3 | ArrayLike | None = None) -> Array:
         """Joint torques that hold the arm still against gravity.
@@ -371,12 +361,12 @@ class Robot:
             ModelError: the description gives no masses.
         """
         self.check_masses()
-        at = checks.vector_or_rows("q", q, self.dof, "rad")
+        at = q if is_vector(q, self.dof) else vector_or_rows("q", q, self.dof, "rad")
         if at.ndim == 2:
             still = np.zeros(at.shape)
             return dynamics.torques(*self._weighed_arm(), at, still, still, dynamics.gravity(self.pin_model, base))
-        torque: Array = pin.computeGeneralizedGravity(self.pin_model, self._data, at)
-        return torque.copy() if base is None else torque - self._push(at, None, None, base)
+        torque: Array = pin.computeGeneralizedGravity(self.pin_model, self._local.data, at)
+        return torque if base is None else torque - self._push(at, None, None, base)
 
     def coriolis(self, q: ArrayLike, v: ArrayLike) -> Array:
         """Matrix C (dof, dof) with C @ v the Coriolis and centrifugal torques [N m]; dM/dt = C + C^T.
@@ -390,7 +380,8 @@ class Robot:
             ModelError: the description gives no masses.
         """
         self.check_masses()
-        model, data, at, velocity = self.pin_model, self._data, self.configuration(q), self.configuration(v, "v")
+        model, data = self.pin_model, self._local.data
+        at, velocity = self.configuration(q), self.configuration(v, "v")
         matrix = np.array(pin.computeCoriolisMatrix(model, data, at, velocity)).reshape(self.dof, self.dof)
         return dynamics.answered(model, data, at, matrix)
 
@@ -424,10 +415,16 @@ class Robot:
             ModelError: the description gives no masses.
         """
         self.check_masses()
-        at, model = checks.vector_or_rows("q", q, self.dof, "rad"), self.pin_model
-        velocity, acceleration = (
-            checks.vector_or_rows("v", v, self.dof, "rad"),
-            checks.vector_or_rows("a", a, self.dof, "rad"),
+        dof, model, data = self.dof, self.pin_model, self._local.data
+        if external is None and base is None and is_plain(q, dof) and is_plain(v, dof) and is_plain(a, dof):
+            self.frame_id(frame)
+            torque: Array = pin.rnea(model, data, q, v, a)
+            if is_finite(q.tolist() + v.tolist() + a.tolist() + torque.tolist()):
+                return torque
+        at, velocity, acceleration = (
+            vector_or_rows("q", q, dof, "rad"),
+            vector_or_rows("v", v, dof, "rad"),
+            vector_or_rows("a", a, dof, "rad"),
         )
         if at.shape != velocity.shape or at.shape != acceleration.shape:
             raise InvalidInputError(
@@ -438,11 +435,8 @@ class Robot:
             torque = dynamics.torques(*self._weighed_arm(), at, velocity, acceleration, gravity)
             pushed = self._pushes(at, external, frame)
             return dynamics.all_answered(model, at, torque if pushed is None else torque - pushed)
-        torque = pin.rnea(model, self._data, at, velocity, acceleration)
-        if external is None and base is None:
-            self.frame_id(frame)
-            return dynamics.answered(model, self._data, at, torque.copy())
-        return dynamics.answered(model, self._data, at, torque - self._push(at, external, frame, base))
+        torque = pin.rnea(model, data, at, velocity, acceleration) - self._push(at, external, frame, base)
+        return dynamics.answered(model, data, at, torque)
 
     def forward_dynamics(
         self,
@@ -462,8 +456,13 @@ class Robot:
             ModelError: a joint moves no mass.
         """
         self.check_masses()
-        model, data, at = self.pin_model, self._data, self.configuration(q)
-        velocity, applied = self.configuration(v, "v"), self.configuration(torque, "torque")
+        dof, model, data = self.dof, self.pin_model, self._local.data
+        if external is None and base is None and is_plain(q, dof) and is_plain(v, dof) and is_plain(torque, dof):
+            self.frame_id(frame)
+            acceleration: Array = pin.aba(model, data, q, v, torque)
+            if is_finite(q.tolist() + v.tolist() + torque.tolist() + acceleration.tolist()):
+                return acceleration
+        at, velocity, applied = self.configuration(q), self.configuration(v, "v"), self.configuration(torque, "torque")
         applied = applied + self._push(at, external, frame, base)
         return dynamics.answered(model, data, at, np.array(pin.aba(model, data, at, velocity, applied)))
 
@@ -486,7 +485,7 @@ class Robot:
             InvalidInputError: `q` malformed.
             ModelError: the description gives no masses.
         """
-        return dynamics.centre_of_mass(self.pin_model, self._data, self.configuration(q))
+        return dynamics.centre_of_mass(self.pin_model, self._local.data, self.configuration(q))
 
     def operational_space_inertia(
         self, q: ArrayLike, frame: str | None = None, reference: str = "local_world_aligned"
@@ -542,7 +541,7 @@ class Robot:
         applied = self.configuration(torque, "torque")
         q = self.configuration(q)
         missing = self.inverse_dynamics(q, v, a, base=base) - applied
-        missing = dynamics.answered(self.pin_model, self._data, q, missing)
+        missing = dynamics.answered(self.pin_model, self._local.data, q, missing)
         return dynamics.wrench_of(self.jacobian(q, frame), missing, torque_covariance)
 
     def with_payload(
@@ -587,12 +586,12 @@ class Robot:
         frame_id, torque = self.frame_id(frame), np.zeros(self.dof)
         if external is not None:
             wrench = checks.vector("external", external, 6, "N, N m")
-            axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-            jacobian = pin.computeFrameJacobian(self.pin_model, self._data, q, frame_id, axes).reshape(6, self.dof)
+            data, axes = self._local.data, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+            jacobian = pin.computeFrameJacobian(self.pin_model, data, q, frame_id, axes).reshape(6, self.dof)
             with np.errstate(over="ignore", invalid="ignore"):  # wrenches too large are refused with the answer
                 torque += jacobian.T @ wrench
         if base is not None:
-            torque -= dynamics.gravity_change(self.pin_model, self._data, q, base)
+            torque -= dynamics.gravity_change(self.pin_model, self._local.data, q, base)
         return torque
 
     def _pushes(self, q: Array, external: ArrayLike | None, frame: str | None) -> Array | None:
@@ -724,6 +723,14 @@ class Robot:
     @cached_property
     def _found_home(self) -> Home:
         return self._known.home(self) if callable(self._known.home) else self._known.home
+
+
+class _WorkingMemory(threading.local):
+    """Working memory of Pinocchio, one for each thread, made when the thread first asks for it."""
+
+    def __init__(self, model: pin.Model) -> None:
+        """Make that of this thread."""
+        self.data: pin.Data = model.createData()
 
 
 @dataclass(frozen=True, slots=True)

@@ -84,6 +84,8 @@ def test_a_solver_is_made_of_a_robot() -> None:
         ([PART, POSE], {}, InvalidInputError, "must hold targets of the tracker only"),
         (POSE, {"seed": [0.0] * 5}, InvalidInputError, r"seed must have shape \(6,\)"),
         (POSE, {"seed": [math.nan] * 6}, InvalidInputError, "seed must be finite"),
+        (POSE, {"seed": np.array([math.inf, 3.0, 3.0, 0.0, 1.0, 1.0])}, InvalidInputError, "seed must be finite"),
+        (POSE, {"seed": np.array([0.0, math.nan, 3.0, 0.0, 1.0, 1.0])}, InvalidInputError, "seed must be finite"),
         (POSE, {"seed": [1e15, 3, 3, 0, 1, 1]}, InvalidInputError, r"seed: joint_1 = 1e\+15 rad is too far from zero"),
         (POSE, {"rng": np.random.RandomState(0)}, InvalidInputError, "rng"),
         (POSE, {"max_restarts": -1}, InvalidInputError, "max_restarts"),

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import copy
 import dataclasses
+import inspect
 import pickle
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ import jacokin
 from jacokin import IKSolver, Robot, Status
 from jacokin.ik.results import IKResult
 from jacokin.ik.targets import TargetPose
+from jacokin.motion.tracking.steps import TrackerStep
 
 VALUES = (
     np.array([1.0, 2.0]),
@@ -35,6 +38,21 @@ def test_an_answer_holds_what_it_is_made_of() -> None:
     for field, value in zip(dataclasses.fields(IKResult), VALUES, strict=True):
         assert getattr(made, field.name) is value
     assert made.success
+
+
+@pytest.mark.parametrize("kind", [IKResult, TrackerStep])
+def test_what_is_made_again_and_again_takes_the_arguments_of_its_fields(kind: Any) -> None:
+    fields = dataclasses.fields(kind)
+    parameters = inspect.signature(kind).parameters
+    assert list(parameters) == [field.name for field in fields]
+    needed = [field.name for field in fields if field.default is dataclasses.MISSING]
+    made = kind(**dict.fromkeys(needed, "given"))
+    for field in fields:
+        assert getattr(made, field.name) == ("given" if field.name in needed else field.default)
+    with pytest.raises(TypeError, match=f"{kind.__name__}.*missing"):
+        kind()
+    with pytest.raises(TypeError, match=f"{kind.__name__}.*unexpected"):
+        kind(**dict.fromkeys(needed, "given"), other=1)
 
 
 def test_an_answer_cannot_be_changed_and_survives_copies(robot: Robot) -> None:

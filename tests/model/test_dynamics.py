@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import itertools
 import pickle
 from collections.abc import Callable
 from pathlib import Path
@@ -20,7 +21,7 @@ from jacokin.model import identify_payload, urdf_folder
 from jacokin.model.descriptions.bundled import JACOS
 from jacokin.model.poses import quaternion
 from jacokin.motion import move_joints
-from tests.robot_files import load_text, ur5_text
+from tests.robot_files import load_text, skeleton, ur5_text
 
 NAMES = ("j2n6s300", "j2n6s200", "j2s6s300", "m1n6s300", "j2s7s300", "j2s7s200", "gen3", "gen3_6dof")
 FINGER_ANGLE = 0.5  # [rad]
@@ -282,6 +283,41 @@ def test_impossible_payloads_and_covariances_are_refused(robot: Robot) -> None:
         robot.external_wrench(robot.home, zero, zero, zero, torque_covariance=np.zeros((6, 6)))
     with pytest.raises(InvalidInputError, match="too large"):
         robot.inverse_dynamics(robot.home, [1e200] * 6, zero)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("name", ["j2n6s300", "slide"])
+def test_numbers_that_are_not_finite_are_refused_where_torques_do_not_tell(
+    name: str, value: float, bundled: Callable[[str], Robot], tmp_path: Path
+) -> None:
+    # The torque of a slide that stands alone has nothing to do with its velocity.
+    arm = load_text(tmp_path / "slide.urdf", skeleton("a>b{0,1}=2")) if name == "slide" else bundled(name)
+    middle = np.full(arm.dof, 0.5)
+    for asked, names in ((arm.inverse_dynamics, "qva"), (arm.forward_dynamics, ("q", "v", "torque"))):
+        for number, joint in itertools.product(range(3), range(arm.dof)):
+            given = [middle, middle, middle.copy()]
+            given[2][joint] = value
+            given[number], given[2] = given[2], given[number]
+            with pytest.raises(InvalidInputError, match=f"^{names[number]} must be finite"):
+                asked(*given)
+
+
+def test_an_answer_is_not_overwritten_by_the_next(robot: Robot, rng: np.random.Generator) -> None:
+    asked: tuple[Callable[[Array], Array], ...] = (
+        robot.jacobian,
+        robot.gravity,
+        robot.mass_matrix,
+        lambda q: robot.coriolis(q, q),
+        lambda q: robot.inverse_dynamics(q, q, q),
+        lambda q: robot.forward_dynamics(q, q, q),
+        lambda q: robot.forward_kinematics(q).homogeneous,
+    )
+    first, second = robot.sample(rng, 2)
+    for ask in asked:
+        kept = ask(first)
+        before = kept.copy()
+        assert not np.array_equal(ask(second), before)
+        np.testing.assert_array_equal(kept, before)
 
 
 def test_a_single_joint_keeps_its_dimensions(tmp_path: Path) -> None:

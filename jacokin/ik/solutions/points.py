@@ -114,7 +114,7 @@ class Points(BranchTable, SolutionSet):
             verifier: knows the arm, and finds what touches when asked for; None for rows of the closed form alone.
             touching: what touches, if it is known.
         """
-        rows.flags.writeable = False  # one per solve: without a call
+        rows.setflags(write=False)  # one per solve: without a call more
         self.rows, self.dropped = rows, dropped
         self._seed, self._verifier, self._touching = seed, verifier, touching
 

@@ -9,7 +9,7 @@ from enum import Enum
 from types import MappingProxyType
 
 from jacokin.arrays import Array
-from jacokin.ik.results import Frozen
+from jacokin.ik.results import Frozen, filled_by_slots
 
 SINGULAR_POSE = "singular pose"
 TIME_BUDGET = "time budget"
@@ -31,6 +31,7 @@ class TrackerStatus(Enum):
     LATE = "the time given for the tick ran out, so the arm brakes: give more, or fewer obstacles"
 
 
+@filled_by_slots
 @dataclass(frozen=True, slots=True, eq=False)
 class TrackerStep:
     """One tick. Arrays are read-only."""
@@ -104,7 +105,8 @@ class StepTally:
         if step.limiting:
             self._limiting.update(step.limiting)
         self._overruns += step.elapsed > budget
-        self._longest = max(self._longest, step.elapsed)
+        if step.elapsed > self._longest:
+            self._longest = step.elapsed
 
     def summary(self) -> TrackerSummary:
         """The counts."""

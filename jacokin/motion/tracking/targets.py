@@ -241,17 +241,20 @@ class TaskFactory:
     def __init__(self, kinematics: Kinematics) -> None:
         """Keep the kinematics for its frames."""
         self._kinematics, self._dof = kinematics, kinematics.robot.dof
+        # Of frames that targets were for: link, number, and placement on the link (12,).
+        self._places: dict[str | None, tuple[int, int, Array]] = {}
         self._tool = self._rows(1)
         self._place(TaskRow(self._tool.integers[0], self._tool.numbers[0], self._tool.joints), None, 1.0)
         self.nothing = Tasks(self._rows(0), 0, 0)
 
     def tasks(self, target: pin.SE3 | ArrayLike | TrackingTarget | Sequence[TrackingTarget] | None) -> Tasks:
         """Tasks for a target or several; errors as in `Tracker.step`."""
-        if isinstance(target, pin.SE3):
-            rows = target.homogeneous.ravel()[: TASK_NUMBERS - GOAL]
-            if not _is_rigid(rows.tolist()):
-                rows = poses.checked_pose(target).homogeneous.ravel()[: TASK_NUMBERS - GOAL]
-            return self._tool_at(rows)
+        matrix = target.homogeneous if isinstance(target, pin.SE3) else targets.pose_matrix(target)
+        if matrix is not None:
+            entries = matrix.ravel()
+            if not _is_rigid(entries.tolist()):
+                entries = targets.checked_target(matrix).matrix.ravel()
+            return self._tool_at(entries)
         if isinstance(target, TrackingTarget):
             return self._all([target])
         if isinstance(target, list | tuple) and any(isinstance(one, TrackingTarget) for one in target):
@@ -259,15 +262,15 @@ class TaskFactory:
         checked = targets.checked_target(target)  # refuses what is neither a pose nor a position
         if checked.position_only:
             return self._all([PositionTarget(checked.position)])
-        return self._tool_at(pin.SE3(checked.rotation, checked.position).homogeneous[:3].ravel())
+        return self._tool_at(checked.matrix.ravel())
 
     def _rows(self, count: int) -> TaskRows:
         return make_task_rows(self._dof, count)
 
-    def _tool_at(self, pose: Array) -> Tasks:
-        """The tool at a pose (12,), row by row: what most ticks are asked for."""
+    def _tool_at(self, entries: Array) -> Tasks:
+        """The tool at a pose (16,), row by row: what most ticks are asked for."""
         numbers = self._tool.numbers.copy()
-        numbers[0, GOAL:] = pose
+        numbers[0, GOAL:] = entries[: TASK_NUMBERS - GOAL]
         return Tasks(TaskRows(self._tool.integers, numbers, self._tool.joints), 1, 1)
 
     def _all(self, given: Sequence[TrackingTarget]) -> Tasks:
@@ -291,25 +294,25 @@ class TaskFactory:
 
     def _place(self, row: TaskRow, frame: str | None, weight: float) -> None:
         """Write the frame and the weights."""
-        number = self._kinematics.frame(frame)
-        link, placement = self._kinematics.on_link(number)
+        try:
+            link, number, placement = self._places[frame]
+        except (KeyError, TypeError):  # not asked for before, or not a name
+            number = self._kinematics.frame(frame)
+            link, T_link_frame = self._kinematics.on_link(number)
+            placement = T_link_frame.homogeneous[:3].ravel()
+            self._places[frame] = link, number, placement
         row.integers[LINK], row.integers[FRAME] = link, number
         row.numbers[WEIGHT], row.numbers[TURN_WEIGHT] = weight, weight * RADIAN_IN_METRES
-        row.numbers[PLACEMENT:GOAL] = placement.homogeneous[:3].ravel()
+        row.numbers[PLACEMENT:GOAL] = placement
 
 
-def _is_rigid(rows: list[float]) -> bool:
-    """Whether a pose (12,), row by row, is finite, right-handed and orthonormal to 1e-9; cheap, as every tick asks."""
-    a, b, c, x, d, e, f, y, g, h, i, z = rows
-    misfit = (
-        abs(a * a + b * b + c * c - 1.0)
-        + abs(d * d + e * e + f * f - 1.0)
-        + abs(a * d + b * e + c * f)
-        + abs(b * f - c * e - g)
-        + abs(c * d - a * f - h)
-        + abs(a * e - b * d - i)
-    )
-    return misfit < RIGID and abs(x) + abs(y) + abs(z) < 1e9
+def _is_rigid(entries: list[float]) -> bool:
+    """Whether a pose (16,), row by row, is finite, right-handed and orthonormal to 1e-9; cheap, as every tick asks."""
+    a, b, c, x, d, e, f, y, g, h, i, z, s, t, u, one = entries
+    first, second, both = a * a + b * b + c * c - 1.0, d * d + e * e + f * f - 1.0, a * d + b * e + c * f
+    p, q, r = b * f - c * e - g, c * d - a * f - h, a * e - b * d - i
+    misfit = first * first + second * second + both * both + p * p + q * q + r * r
+    return misfit < RIGID * RIGID and x * x + y * y + z * z < 1e18 and one == 1.0 and s == t == u == 0.0
 
 
 class Kinematics:

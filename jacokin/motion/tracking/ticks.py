@@ -59,6 +59,7 @@ from jacokin.kernels.tracking.tick import (
     make_tick_work,
 )
 from jacokin.kernels.tracking.twist import make_twist_work
+from jacokin.model import checks
 from jacokin.motion.tracking.joint_limits import JointLimits
 from jacokin.motion.tracking.targets import Kinematics, Tasks
 
@@ -187,7 +188,7 @@ class TickSolver:
         if count > self._room:
             self._make_room(count, self._reach)
         work = self._work
-        work.q[:], work.v[:] = arm
+        work.q[...], work.v[...] = arm
         if rows.integers is not self._given:
             self._given = None  # until it is done
             work.counts[TASKS], work.counts[FIRST_TASKS] = count, tasks.first
@@ -289,8 +290,7 @@ class TickSolver:
         """What a tick has come to that ended with an outcome; the next one may look back at `tasks`."""
         work, dof = self._work, self._dof
         self._kept = tasks
-        after, counts, numbers = work.after.copy(), work.counts.tolist(), work.numbers.tolist()
-        after.setflags(write=False)
+        after, counts, numbers = checks.sealed(work.after.copy()), work.counts.tolist(), work.numbers.tolist()
         on_target = outcome == ON_TARGET
         return Report(
             JointState(after[:dof], after[dof : 2 * dof]),

@@ -70,6 +70,7 @@ RESERVE = 1e-4  # [s] of a budget that braking and the report take
 STILL = 1e-5  # [rad/s] a slower arm stands still
 GROWTH_TIME = 0.25  # [s] of growing error until the target counts as lost
 GROWTH = 1e-7  # [m] an error must grow by this in a tick to count as growing
+NOTHING_LIMITS: tuple[str, ...] = ()  # what limits a tick that is on its target
 NEARBY = 0.05  # [rad] a measured configuration this near to the tracker's own is one of a motion that goes on
 
 
@@ -436,7 +437,7 @@ class Tracker:
         """A tick along a twist: the state after it."""
         kinematics = self._kinematics
         kinematics.move_to(state.arm.q)
-        tool = pin.SE3(kinematics.pose(kinematics.tool))
+        tool = kinematics.pose(kinematics.tool).copy()
         line = state.line
         if line is None:
             velocity = kinematics.jacobian(kinematics.tool, IN_BASE).dot(state.arm.v)
@@ -574,7 +575,7 @@ class Tracker:
         after = TrackerState(
             arm, a, distances, guard, before.scene, before.where, can_stop, error, growing, asked, line
         )
-        status, limiting, message = TrackerStatus.OK, tuple[str, ...](), ""
+        status, limiting, message = TrackerStatus.OK, NOTHING_LIMITS, ""
         if late or not on_target:
             names = [TIME_BUDGET] if late else []
             names += self._limits.names(self._ticks.reached)

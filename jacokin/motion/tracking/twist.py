@@ -112,8 +112,8 @@ class TwistFollower:
         """
         aside = None if wish is None else self._aside(wish, q)
         work = self._ticks.twist
-        work.weights[:], work.twist[:], work.line[:], work.off[:] = self._weights, twist, line.twist, off
-        work.aside[:] = 0.0 if aside is None else aside
+        work.weights[...], work.twist[...], work.line[...], work.off[...] = self._weights, twist, line.twist, off
+        work.aside[...] = 0.0 if aside is None else aside
 
     def found(self, line: TwistLine) -> TwistStep:
         """What the kernel has made of it."""
@@ -146,4 +146,4 @@ class TwistFollower:
 
 def _length(x: Array) -> float:
     """Of a vector."""
-    return math.sqrt(x.dot(x))
+    return math.hypot(*x.tolist())

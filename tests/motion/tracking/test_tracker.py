@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import pickle
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import qpsolvers
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 import jacokin
 from jacokin import IKSolver, Robot, Tracker
@@ -320,6 +321,44 @@ def test_failed_calls_change_nothing(robot: Robot) -> None:
         with pytest.raises(InvalidInputError):
             call()
     assert np.array_equal(tracker.step(pose).q, twin.step(pose).q)
+
+
+@pytest.mark.parametrize(
+    ("entry", "value", "message"),
+    [
+        ((0, 3), np.nan, "target must be finite"),
+        ((3, 3), np.nan, "target must be finite"),
+        ((3, 0), 0.1, "target: the last row must be 0 0 0 1"),
+        ((3, 3), 2.0, "target: the last row must be 0 0 0 1"),
+        ((0, 0), 1.1, "target is not a rotation"),
+    ],
+)
+def test_an_array_that_is_no_pose_is_refused_by_name(
+    robot: Robot, entry: tuple[int, int], value: float, message: str
+) -> None:
+    matrix = np.eye(4)
+    matrix[entry] = value
+    for given in (matrix, matrix.tolist(), np.asfortranarray(matrix)):
+        with pytest.raises(InvalidInputError, match=f"^{message}"):
+            Tracker(robot).step(given)
+
+
+def test_poses_are_followed_alike_however_they_are_given(robot: Robot) -> None:
+    poses = line(robot)[:20]
+    ways: list[Callable[[pin.SE3], ArrayLike]] = [
+        lambda pose: np.asarray(pose.homogeneous),
+        lambda pose: np.asfortranarray(pose.homogeneous),
+        lambda pose: pose.homogeneous.tolist(),
+        lambda pose: pose.homogeneous.astype(np.longdouble),
+    ]
+    expected = Tracker(robot)
+    for pose in poses:
+        expected.step(pose)
+    for way in ways:
+        tracker = Tracker(robot)
+        for pose in poses:
+            tracker.step(way(pose))
+        np.testing.assert_allclose(tracker.q, expected.q, rtol=0.0, atol=1e-13)
 
 
 @pytest.mark.parametrize(
