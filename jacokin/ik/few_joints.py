@@ -30,7 +30,6 @@ KEPT = 16  # free axes whose chains are at hand
 PARALLEL = 1e-4  # sine of two axes that may be parallel within tolerances; what is reached at two angles decides
 AROUND = 8  # angles at which a curve is looked at, beginning with that of the seed
 BESIDE = 0.02  # [rad] from an angle to the next one, at which a curve goes on and a point does not
-AIMS = 3  # angles about a free axis that the closest configuration is looked for at
 
 
 class FewJoints:
@@ -139,15 +138,7 @@ class FewJoints:
             if target.position_only or result.success or not request.closest:
                 return result
             return self._position_first(request, outcome, result)
-        results, p = [], target.nearest_angle(0.0)
-        for _ in range(AIMS if request.closest else 1):
-            result = self._closest.solve(request._replace(target=target.at(p)), outcome, nearby)
-            results.append(dataclasses.replace(result, parameter=p))
-            turned = target.free_axis.parameter_of(self._verifier.tool_pose(result.q).rotation)
-            last, p, nearby = p, target.nearest_angle(turned), [result.q]
-            if result.success or abs(p - last) < self._verifier.options.orientation_tolerance:
-                break
-        best = min(results, key=lambda each: (not each.success, each.position_error + each.orientation_error))
+        best = self._closest.solve_about(request, outcome, nearby, target.nearest_angle(0.0))
         missed = diagnosis.explain_near_miss((best.position_error, best.orientation_error), self._verifier.options)
         if best.success or not request.closest or not missed:
             return best

@@ -15,7 +15,6 @@ from jacokin.model import checks
 from jacokin.mujoco_bridge import Physics
 from jacokin.mujoco_bridge.arena import CONTACTS, FIRM
 from jacokin.mujoco_bridge.base import RandomState
-from jacokin.mujoco_bridge.control import site_ik
 from jacokin.tasks import registry
 from jacokin.tasks.episode import PICTURE, Episode, Snapshot, clip_action
 from jacokin.tasks.task import CAMERA, CONTROL_TIMESTEP, Task, check_rewards
@@ -76,7 +75,7 @@ class Environment(dm_env.Environment):  # type: ignore[misc]  # dm_env has no ty
         Raises:
             EpisodeInitializationError: no initial state was found.
         """
-        site_ik.run(self._episode.starting(self._random_state))
+        self._episode.start(self._random_state)
         return dm_env.restart(self._observation())
 
     def step(self, action: ArrayLike) -> dm_env.TimeStep:

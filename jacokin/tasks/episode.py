@@ -13,7 +13,6 @@ from jacokin.errors import InvalidInputError
 from jacokin.model import checks
 from jacokin.mujoco_bridge.arena import set_contact
 from jacokin.mujoco_bridge.base import RandomState
-from jacokin.mujoco_bridge.control.site_ik import Asking
 from jacokin.mujoco_bridge.simulation.rendering import Renderers, RenderFlags
 from jacokin.tasks import registry
 from jacokin.tasks.features import StateView
@@ -99,15 +98,15 @@ class Episode:
         """Whether the time limit is reached."""
         return self.steps is not None and self.steps >= self.most_steps
 
-    def starting(self, random_state: RandomState) -> Asking[None]:
-        """Draw an initial state; the caller answers the queries, see `Task.starting`.
+    def start(self, random_state: RandomState) -> None:
+        """Draw an initial state.
 
         Raises:
             EpisodeInitializationError: none was found; a reset is due.
         """
         self.steps = None
         self.action = np.zeros_like(self.action)
-        self.goal = yield from self.task.starting(random_state)
+        self.goal = self.task.start(random_state)
         self.steps = 0
 
     def advance(self, action: Array, substeps: int | None = None) -> None:

@@ -12,7 +12,6 @@ from jacokin.arrays import Array
 from jacokin.model import checks
 from jacokin.mujoco_bridge import Brick, Cradle, Pedestal, PropPlacer, large_box, workspaces
 from jacokin.mujoco_bridge.base import RandomState
-from jacokin.mujoco_bridge.control.site_ik import Asking
 from jacokin.mujoco_bridge.distributions import uniform_box
 from jacokin.mujoco_bridge.entity import Entity, quaternion_product
 from jacokin.mujoco_bridge.props import FreeProp
@@ -75,9 +74,9 @@ class ReachSite(_ReachTask):
         """The position of the site before those of the robot."""
         return [Feature("target_position", (3,), self.desired), *own]
 
-    def initialize(self, random_state: RandomState) -> Asking[Array]:
+    def initialize(self, random_state: RandomState) -> Array:
         """Place the robot, then the site."""
-        yield from self.place_robot(random_state)
+        self.place_robot(random_state)
         self.physics.data.mocap_pos[0] = self._target(random_state=random_state)
         return np.empty(0)
 
@@ -100,9 +99,9 @@ class ReachBrick(_ReachTask):
         super().__init__(props=[brick])
         self._position = position_in_qpos(self.physics, brick)
 
-    def initialize(self, random_state: RandomState) -> Asking[Array]:
+    def initialize(self, random_state: RandomState) -> Array:
         """Place the robot, then the brick."""
-        yield from self.place_robot(random_state)
+        self.place_robot(random_state)
         self._place_brick(self.physics, random_state)
         return np.empty(0)
 
@@ -138,11 +137,11 @@ class Lift(Task):
         super().__init__(props=[prop])
         self._corners = ids(self.physics, prop.vertices)
 
-    def initialize(self, random_state: RandomState) -> Asking[Array]:
+    def initialize(self, random_state: RandomState) -> Array:
         """Open the hand, place the prop, then the tool; the goal is the height to reach."""
         self.hand.set_grasp(self.physics, float(random_state.uniform()))
         self._place_prop(self.physics, random_state)
-        yield from self.place_tool(random_state)
+        self.place_tool(random_state)
         return self._lowest(StateView.of(self.physics.data))[None] + LIFTED
 
     def _lowest(self, view: StateView) -> Array:
@@ -210,10 +209,10 @@ class Place(Task):
         super().__init__(props=[prop], fixtures=[self.pedestal])
         self._position = position_in_qpos(self.physics, prop)
 
-    def initialize(self, random_state: RandomState) -> Asking[Array]:
+    def initialize(self, random_state: RandomState) -> Array:
         """Place the pedestal, the robot, then the prop."""
         self._place_pedestal(self.physics, random_state, ignore_contacts_with_entities=self.props)
-        yield from self.place_robot(random_state)
+        self.place_robot(random_state)
         self._place_prop(self.physics, random_state)
         return np.empty(0)
 
@@ -422,7 +421,7 @@ class Stack(BrickTask):
 
     close_weight = 0.1
 
-    def initialize(self, random_state: RandomState) -> Asking[Array]:
+    def initialize(self, random_state: RandomState) -> Array:
         """Scatter the bricks, place the robot, show the wanted stack."""
         order = np.arange(self.height)
         if self._order_varies:
@@ -435,7 +434,7 @@ class Stack(BrickTask):
                 roles, uniform_box(*BRICK_BOX), ANY_YAW, settle_physics=True
             )
         placer(self.physics, random_state)
-        yield from self.place_robot(random_state)
+        self.place_robot(random_state)
         self._show_hints(order, random_state)
         return goal
 
@@ -446,7 +445,7 @@ class Reassemble(BrickTask):
     def _usual_order(self) -> Indices:
         return _rebuilt(np.arange(self.count))
 
-    def initialize(self, random_state: RandomState) -> Asking[Array]:
+    def initialize(self, random_state: RandomState) -> Array:
         """Build a stack, show the wanted one, place the robot."""
         initial = np.arange(self.count)
         if self._order_varies:
@@ -459,7 +458,7 @@ class Reassemble(BrickTask):
         quat_wxyz = np.asarray(ANY_YAW(random_state=random_state))
         self._build_stack([self.bricks[slots[k]] for k in initial], position, quat_wxyz, random_state)
         self._show_hints(wanted, random_state)
-        yield from self.place_robot(random_state)
+        self.place_robot(random_state)
         return goal
 
 

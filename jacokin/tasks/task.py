@@ -24,7 +24,6 @@ from jacokin.mujoco_bridge import (
     robots,
 )
 from jacokin.mujoco_bridge.base import RandomState
-from jacokin.mujoco_bridge.control.site_ik import Asking
 from jacokin.mujoco_bridge.distributions import QuaternionFromAxisAngle, Uniform, uniform_box
 from jacokin.mujoco_bridge.entity import Entity, rotation_matrix
 from jacokin.mujoco_bridge.props import FreeProp
@@ -298,10 +297,10 @@ class Task:
         found += [features.position_feature(self.physics, fixture) for fixture in self.fixtures]
         return [*own, *found, *self._observables]
 
-    def initialize(self, random_state: RandomState) -> Asking[Array]:
+    def initialize(self, random_state: RandomState) -> Array:
         """Draw an initial state of the physics: the opening of the hand, things, then the place of the tool.
 
-        A subclass that draws in another order ends with ``yield from self.place_tool(random_state)``.
+        A subclass that draws in another order ends with ``self.place_tool(random_state)``.
 
         Returns:
             The goal (goal_size,) of the episode.
@@ -311,7 +310,7 @@ class Task:
         """
         self.hand.set_grasp(self.physics, float(random_state.uniform()))
         goal = self.place_things(random_state)
-        yield from self.place_tool(random_state)
+        self.place_tool(random_state)
         return goal
 
     def place_things(self, random_state: RandomState) -> Array:
@@ -328,14 +327,14 @@ class Task:
             )
         return goal
 
-    def place_robot(self, random_state: RandomState) -> Asking[None]:
+    def place_robot(self, random_state: RandomState) -> None:
         """Open the hand somehow, and put the tool centre point somewhere in `tool_box`."""
         self.hand.set_grasp(self.physics, float(random_state.uniform()))
-        yield from self.place_tool(random_state)
+        self.place_tool(random_state)
 
-    def place_tool(self, random_state: RandomState) -> Asking[None]:
+    def place_tool(self, random_state: RandomState) -> None:
         """Put the tool centre point somewhere in `tool_box`."""
-        return self._tool_placer.placing(self.physics, random_state)
+        self._tool_placer(self.physics, random_state)
 
     def achieved(self, view: StateView, goal: Array) -> Array:
         """What counts for the reward, (..., a), of simulations with the goals (..., goal_size)."""
@@ -387,12 +386,8 @@ class Task:
             return measured("success", self._success, state).astype(bool)
         return self.success(state.achieved, state.desired)
 
-    def starting(self, random_state: RandomState) -> Asking[Array]:
+    def start(self, random_state: RandomState) -> Array:
         """Start an episode in `physics`: at rest, at time 0, controls 0.
-
-        The caller answers the queries of inverse kinematics: one by one, as `site_ik.run` does, or for many episodes
-        that start at once from one batched solve. Between a query and its answer, the state of `physics` may
-        be another one.
 
         Args:
             random_state: drawn from in the same order each time.
@@ -404,7 +399,7 @@ class Task:
             EpisodeInitializationError: no initial state was found.
         """
         self._start_afresh()
-        goal = yield from self.initialize(random_state)
+        goal = self.initialize(random_state)
         self.show_goal(goal)
         self.physics.after_reset()
         return goal

@@ -38,20 +38,6 @@ def test_any_frame_on_the_last_link_and_a_tool(frame: str, robot: Robot, rng: np
         assert worst_error(rows) < 1e-12
 
 
-def test_a_posed_base_has_the_same_joints(robot: Robot, rng: np.random.Generator) -> None:
-    base = pin.SE3(pin.exp3(np.array([0.4, 1.2, -0.7])), np.array([1.5, -0.4, 0.8]))
-    model = robot.pin_model.copy()
-    model.jointPlacements[1] = base * model.jointPlacements[1]
-    moved = ClosedForm(model, robot.frame_id(), None, robot.lower, robot.upper)
-    still = closed_form(robot)
-    for q in robot.sample(rng, 100):
-        T = target(robot, q)
-        there = moved.solve_all(np.ascontiguousarray(base.homogeneous @ T), robot.home)
-        here = still.solve_all(T, robot.home)
-        assert len(there) == len(here)
-        assert all(contains(there, branch, 1e-5) for branch in here.q)
-
-
 def test_joints_about_any_axis(robot: Robot, rng: np.random.Generator) -> None:
     """The same arm with every joint's own axes turned: the axes are read from the joints, not taken to be z."""
     turns = [pin.SE3.Identity(), *(pin.SE3(pin.exp3(rng.normal(size=3)), np.zeros(3)) for _ in range(6))]

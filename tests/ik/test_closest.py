@@ -18,7 +18,6 @@ from jacokin.ik.closest import ClosestSearch
 from jacokin.ik.options import SolverOptions
 from jacokin.ik.verification import Verifier
 from jacokin.kernels import closest as kernel
-from jacokin.model.many_configurations import Chain
 
 sys.path.append(str(Path(__file__).resolve().parents[2]))  # last: the installed package is what gets tested
 
@@ -35,20 +34,6 @@ def crane(tmp_path_factory: pytest.TempPathFactory) -> Robot:
 
 def a_target(rng: np.random.Generator) -> targets.TargetPose:
     return targets.checked_target(jacokin.pose(rng.uniform(-0.6, 0.6, 3), rpy=rng.uniform(-3.0, 3.0, 3)))
-
-
-@pytest.mark.parametrize("frame", ["end_effector", "link_4", "pinchsite"])
-def test_the_chain_is_that_of_pinocchio(robot: Robot, rng: np.random.Generator, frame: str) -> None:
-    tool = jacokin.pose([0.1, -0.2, 0.05], rpy=[0.3, 0.2, -1.0])
-    q = robot.sample(rng, 10)
-    poses, jacobians = Chain(robot, robot.frame_id(frame), tool).placements(q)
-    for index, row in enumerate(q):
-        T = robot.forward_kinematics(row, frame)
-        jacobian = robot.jacobian(row, frame)
-        lever = T.rotation @ tool.translation
-        np.testing.assert_allclose(poses[index], (T * tool).homogeneous, atol=1e-14)
-        np.testing.assert_allclose(jacobians[index, 3:], jacobian[3:], atol=1e-14)
-        np.testing.assert_allclose(jacobians[index, :3], jacobian[:3] - pin.skew(lever) @ jacobian[3:], atol=1e-14)
 
 
 def make_work(robot: Robot, target: targets.TargetPose) -> kernel.ClosestWork:

@@ -35,15 +35,17 @@ def some_axes(rng: np.random.Generator, number: int) -> Array:
     return np.asarray(axes / np.linalg.norm(axes, axis=1)[:, None])
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(
+    ("name", "frame"), [*((name, None) for name in NAMES), (NAMES[0], "link_4"), (NAMES[0], "pinchsite")]
+)
 def test_placements_are_those_of_pinocchio(
-    name: str, robot_of: Callable[[str], Robot], rng: np.random.Generator
+    name: str, frame: str | None, robot_of: Callable[[str], Robot], rng: np.random.Generator
 ) -> None:
     robot = robot_of(name)
     q = robot.sample(rng, 20)
-    poses, jacobians = Chain(robot, robot.frame_id(), TOOL).placements(q)
+    poses, jacobians = Chain(robot, robot.frame_id(frame), TOOL).placements(q)
     for index, row in enumerate(q):
-        T, jacobian = robot.forward_kinematics(row), robot.jacobian(row)
+        T, jacobian = robot.forward_kinematics(row, frame), robot.jacobian(row, frame)
         lever = T.rotation @ TOOL.translation
         np.testing.assert_allclose(poses[index], (T * TOOL).homogeneous, atol=1e-14)
         np.testing.assert_allclose(jacobians[index, 3:], jacobian[3:], atol=1e-14)

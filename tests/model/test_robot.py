@@ -6,25 +6,10 @@ import math
 import pickle
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 from jacokin import Robot
 from jacokin.errors import InvalidInputError, UnknownNameError
-
-
-def test_published_home_pose(robot: Robot) -> None:
-    # Kinova's driver states this pose for the home of the real arm; its home angles are given to 0.1 degree.
-    documented = np.radians([275.0, 167.4, 57.4, 241.0, 82.7, 75.5])
-    published = pin.SE3(
-        pin.utils.rotate("x", 1.63771402836)
-        @ pin.utils.rotate("y", 1.11316478252)
-        @ pin.utils.rotate("z", 0.134094119072),
-        np.array([0.212322831154, -0.257197618484, 0.509646713734]),
-    )
-    reached = robot.forward_kinematics(documented)
-    assert np.linalg.norm(reached.translation - published.translation) < 5e-3
-    assert np.linalg.norm(pin.log3(reached.rotation.T @ published.rotation)) < 0.02
 
 
 def test_home_of_moveit_description(robot: Robot) -> None:

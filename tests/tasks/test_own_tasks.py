@@ -22,7 +22,6 @@ from examples.make_mug import write_mug
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, PhysicsError, UnknownNameError
 from jacokin.mujoco_bridge import Primitive, large_box, robots
-from jacokin.mujoco_bridge.control import site_ik
 from jacokin.mujoco_bridge.distributions import Uniform
 from jacokin.mujoco_bridge.observations import PERFECT_FEATURES
 from jacokin.mujoco_bridge.props import Mesh
@@ -311,9 +310,7 @@ def test_more_of_a_scene_is_observed_and_placed() -> None:
         tool_box=((-0.1, -0.1, 0.3), (0.1, 0.1, 0.4)),
     )
     rng = np.random.default_rng(0)
-    from jacokin.mujoco_bridge.control import site_ik
-
-    goal = site_ik.run(task.starting(rng))
+    goal = task.start(rng)
     assert list(task.features_by_name)[-2:] == ["wall/position", "height"]
     state = State(task, jacokin.tasks.features.StateView.of(task.physics.data), goal, np.zeros(9))
     np.testing.assert_allclose(state["wall/position"], (goal[0], 0.1, 0.05))
@@ -455,10 +452,8 @@ def test_mistakes_in_registering(lift_mug: Task) -> None:
     with pytest.raises(InvalidInputError, match="must make a Task, and made 3"):
         jacokin.tasks.load("mine/Three-v0")
     wrong = Task(success=is_high, reset=lambda task, rng: 3.0)  # type: ignore[arg-type, return-value]
-    from jacokin.mujoco_bridge.control import site_ik
-
     with pytest.raises(InvalidInputError, match="a goal of 0 numbers"):
-        site_ik.run(wrong.starting(np.random.default_rng(0)))
+        wrong.start(np.random.default_rng(0))
     varied = Randomization(mass=Uniform(0.5, 2.0))
     one, other = TaskEnv(MUG, randomization=varied), TaskEnv(MUG)
     one.reset(seed=2)
@@ -473,7 +468,7 @@ def test_a_calibrated_arm_places_its_tool_exactly(robot: jacokin.Robot) -> None:
     task = Task(arm=arm, success=lambda state: state["jaco_arm/jaco_hand/pinch_site_pos"][..., 2] > 0.3)
     base = np.array(robots.ARM_OFFSET)
     for seed in range(3):
-        site_ik.run(task.place_robot(np.random.RandomState(seed)))
+        task.place_robot(np.random.RandomState(seed))
         q, tool = task.physics.data.qpos[:6], task.physics.bind(task.hand.pinch_site).xpos
         assert np.linalg.norm(base + calibrated.forward_kinematics(q, "pinchsite").translation - tool) < 1e-12
         assert np.linalg.norm(base + robot.forward_kinematics(q, "pinchsite").translation - tool) > 1e-3

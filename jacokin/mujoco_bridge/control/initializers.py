@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import logging
 import weakref
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import mujoco
@@ -16,8 +17,7 @@ from jacokin.errors import EpisodeInitializationError, InvalidInputError, Physic
 from jacokin.model import checks
 from jacokin.model.poses import unit_quaternion
 from jacokin.mujoco_bridge.base import DOWN_QUATERNION, RobotArm, RobotHand
-from jacokin.mujoco_bridge.control import site_ik
-from jacokin.mujoco_bridge.control.site_ik import Asking
+from jacokin.mujoco_bridge.control.site_ik import Solution
 from jacokin.mujoco_bridge.distributions import (
     IDENTITY_QUATERNION,
     RandomState,
@@ -105,46 +105,29 @@ class ToolCenterPointInitializer:
         """
         check_random_state(random_state)
         with check_physics(physics).lock:
-            if self._branch == "nearest_to_random":
-                site_ik.run(self.placing(physics, random_state))
-            else:
-                self._place(physics, random_state)
-
-    def placing(self, physics: Physics, random_state: RandomState) -> Asking[None]:
-        """Place the tool, branch="nearest_to_random", while the caller answers the queries of inverse kinematics.
-
-        Between a query and its answer, the state of the physics may be another one.
-
-        Raises:
-            EpisodeInitializationError: as for a call.
-            InvalidInputError: as for a call.
-        """
-        bounds = self._arm.sampling_bounds(physics)
-        for _ in range(self._max_rejection_samples):
-            position, rotation = self._pose(random_state)
-            for _ in range(self._max_ik_attempts):
-                solver = self._arm.site_solver(physics, self._site)
-                query = solver.query(position, rotation, bounds, random_state)
-                q = yield query
-                if q is None:
-                    if solver.lists_all:
-                        break  # another start changes nothing
-                elif self._is_free(physics, trial_of(physics), query.qpos, q):
-                    physics.set_qpos(query.qpos, q)
-                    return
+            solutions, trial = self._solutions_by(physics, random_state), trial_of(physics)
+            for _ in range(self._max_rejection_samples):
+                for rows, q in solutions(*self._pose(random_state)):
+                    if self._is_free(physics, trial, rows, q):
+                        physics.set_qpos(rows, q)
+                        return
         raise self._failure()
 
-    def _place(self, physics: Physics, random_state: RandomState) -> None:
-        solver = self._arm.site_solver(physics, self._site)
-        bounds = None if solver.lists_all else self._arm.sampling_bounds(physics)
-        trial = trial_of(physics)
-        for _ in range(self._max_rejection_samples):
-            shuffle, attempts = self._branch == "random", self._max_ik_attempts
-            for rows, q in solver.solutions(*self._pose(random_state), bounds, random_state, attempts, shuffle=shuffle):
-                if self._is_free(physics, trial, rows, q):
-                    physics.set_qpos(rows, q)
-                    return
-        raise self._failure()
+    def _solutions_by(
+        self, physics: Physics, random_state: RandomState
+    ) -> Callable[[Array, Array], Iterator[Solution]]:
+        """What gives the solutions at a position (3,) and an orientation (3, 3) in the world, in their order."""
+        solver, attempts = self._arm.site_solver(physics, self._site), self._max_ik_attempts
+        if self._branch == "nearest_to_random":
+            bounds = self._arm.sampling_bounds(physics)
+            return partial(solver.nearest_to_random, bounds=bounds, random_state=random_state, attempts=attempts)
+        return partial(
+            solver.solutions,
+            bounds=None if solver.lists_all else self._arm.sampling_bounds(physics),
+            random_state=random_state,
+            attempts=attempts,
+            shuffle=self._branch == "random",
+        )
 
     @property
     def _site(self) -> mujoco.MjsSite:

@@ -4,19 +4,15 @@ Where the arm has a closed form, it gives every branch (of seven joints, curves)
 one within the limits is taken. Otherwise the QP starts from the present configuration and then from random ones. The
 chain of joints is built from the compiled scene. The simulation is read only; nothing is written before there is
 a solution.
-
-Who draws initial states asks by a `Query`, which `run` answers at once and `run_all`, for many scenes of one arm, as
-one batch.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -26,7 +22,6 @@ from numpy.typing import NDArray
 from jacokin.arrays import Array
 from jacokin.errors import ModelError, PhysicsError
 from jacokin.ik import targets
-from jacokin.ik.closed_form import NearestBranch
 from jacokin.ik.local_search import LocalSearch
 from jacokin.ik.options import ORIENTATION_TOLERANCE, POSITION_TOLERANCE, SolverOptions
 from jacokin.ik.solutions.solution_set import SolutionSet
@@ -38,7 +33,6 @@ from jacokin.model.robot import Home, Known, Robot, Source
 from jacokin.mujoco_bridge.distributions import RandomState
 from jacokin.mujoco_bridge.simulation.physics import Physics
 
-Result = TypeVar("Result")
 Memory = tuple[memoryview, ...]
 """Live parts of MuJoCo's arrays. Joining their bytes is the quickest way to compare all of them with what they were."""
 
@@ -165,21 +159,39 @@ class SiteSolver:
         for q in found:
             yield chain.qpos, canonical(q, self._wraps)
 
-    def query(self, position: Array, rotation: Array, bounds: JointBounds, random_state: RandomState) -> Query:
-        """A pose from a random start.
+    def nearest_to_random(
+        self, position: Array, rotation: Array, bounds: JointBounds, random_state: RandomState, attempts: int
+    ) -> Iterator[Solution]:
+        """For each of some random starts the solution nearest to it, as `solutions` gives it.
 
         Args:
             position: (3,) target position of the site in the world [m].
             rotation: (3, 3) target orientation, R_world_site.
             bounds: lower and upper bounds of all of the arm's joints.
-            random_state: draws the start.
+            random_state: draws the starts, one at a time when needed.
+            attempts: number of starts.
 
         Raises:
             PhysicsError: positions or velocities in the scene are not finite.
         """
-        start = next(self._starts(None, bounds, random_state, 1))
         chain = self._target(position, rotation)
-        return Query(self._solver, self._nearest, self._T.copy(), start, chain.qpos, tuple(self._wraps))
+        for start in self._starts(None, bounds, random_state, attempts):
+            q = self._nearest_to(start)
+            if q is not None:
+                yield chain.qpos, wrapped_in_place(q, self._wraps)
+            elif self.lists_all:
+                return  # another start changes nothing
+
+    def _nearest_to(self, start: Array) -> Array | None:
+        """The configuration (dof,) at the target that is nearest to a start (dof,); None for none within the limits."""
+        if self._nearest is not None:
+            self._nearest.seed[:] = start
+            q = self._nearest()
+            position_error, orientation_error = self._nearest.errors
+            if q is None or (position_error <= POSITION_TOLERANCE and orientation_error <= ORIENTATION_TOLERANCE):
+                return q
+        result = self._solver.solve(self._T, start, closest=False)
+        return result.q.copy() if result.success else None
 
     def is_reached(self, q: Array, position: Array, rotation: list[float]) -> bool:
         """Whether q is within the limits, and brings the site to a pose.
@@ -399,90 +411,6 @@ def _path(model: mujoco.MjModel, body: int) -> list[int]:
         path.insert(0, body)
         body = int(model.body_parentid[body])
     return path
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Query:
-    """Which configuration nearest to a start brings a site to a pose?
-
-    Attributes:
-        solver: of the arm in its scene.
-        nearest: gives the branch nearest to a start; None without branches.
-        target: (4, 4) T_base_site.
-        start: (dof,) configuration [rad] to stay near to.
-        qpos: (dof,) addresses in qpos of the joints.
-        wraps: the joints that are to be in [0, 2 pi).
-    """
-
-    solver: IKSolver
-    nearest: NearestBranch | None
-    target: Array
-    start: Array
-    qpos: NDArray[np.intp]
-    wraps: tuple[int, ...]
-
-    def answer(self) -> Array | None:
-        """The configuration (dof,), or None if there is none within the limits."""
-        if self.nearest is not None:
-            self.nearest.T[...], self.nearest.seed[...] = self.target, self.start
-            q = self.nearest()
-            position_error, orientation_error = self.nearest.errors
-            if q is None or (position_error <= POSITION_TOLERANCE and orientation_error <= ORIENTATION_TOLERANCE):
-                return None if q is None else wrapped_in_place(q, self.wraps)
-        result = self.solver.solve(self.target, self.start, closest=False)
-        return canonical(result.q, self.wraps) if result.success else None
-
-
-Asking = Generator[Query, "Array | None", Result]
-"""A generator that yields queries, is sent their answers, and returns a result."""
-
-
-def run(asking: Asking[Result]) -> Result:
-    """Run a generator of queries, each answered by itself; returns its result."""
-    answer = None
-    while True:
-        try:
-            query = asking.send(answer)
-        except StopIteration as end:
-            result: Result = end.value
-            return result
-        answer = query.answer()
-
-
-def run_all(
-    askings: Sequence[Asking[Result]],
-    switch: Callable[[int], AbstractContextManager[object]] = nullcontext,
-) -> list[Result]:
-    """Run several generators of queries in turns, each turn's queries solved as one batch; returns their results.
-
-    Args:
-        askings: the generators, all of the same arm.
-        switch: of the number of a generator: a context in which it goes on, as some share a simulation.
-    """
-    found: dict[int, Result] = {}
-    answers: dict[int, Array | None] = dict.fromkeys(range(len(askings)))
-    while answers:
-        queries: dict[int, Query] = {}
-        for number, answer in answers.items():
-            with switch(number):
-                try:
-                    queries[number] = askings[number].send(answer)
-                except StopIteration as end:
-                    found[number] = end.value
-        answers = dict(zip(queries, _answers(list(queries.values())), strict=True))
-    return [found[number] for number in range(len(askings))]
-
-
-def _answers(queries: Sequence[Query]) -> list[Array | None]:
-    """What `Query.answer` gives for each, bit for bit, solved together."""
-    if not queries:
-        return []
-    targets, starts = np.array([each.target for each in queries]), np.array([each.start for each in queries])
-    batch = queries[0].solver.solve_batch(targets, starts, closest=False)
-    return [
-        canonical(q, each.wraps) if success else None
-        for each, q, success in zip(queries, batch.q, batch.success, strict=True)
-    ]
 
 
 def canonical(q: Array, wraps: Sequence[int]) -> Array:

@@ -25,8 +25,6 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, PhysicsError, shown
 from jacokin.model import checks
 from jacokin.mujoco_bridge.arena import FIRM
-from jacokin.mujoco_bridge.control import site_ik
-from jacokin.mujoco_bridge.control.site_ik import Asking
 from jacokin.showing import has_display
 from jacokin.tasks import registry
 from jacokin.tasks.episode import DEPTH, Episode, Snapshot, clip_action
@@ -212,7 +210,7 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
             InvalidInputError: a seed that is not a whole number >= 0, or an unknown option.
             EpisodeInitializationError: no initial state was found.
         """
-        return site_ik.run(self._start(seed, self._checked_reset(seed, options)))
+        return self._start(seed, self._checked_reset(seed, options))
 
     def _checked_reset(self, seed: object, options: Mapping[str, Any] | None) -> dict[str, float] | None:
         """Check the arguments of `reset`; returns the values of an earlier episode, if they were given.
@@ -229,15 +227,15 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
             return None
         return self.randomization.replayed(given["randomization"])
 
-    def _start(self, seed: int | None, replayed: dict[str, float] | None) -> Asking[tuple[Observation, Info]]:
-        """Begin an episode, from checked arguments; the caller answers the queries, see `Task.starting`."""
+    def _start(self, seed: int | None, replayed: dict[str, float] | None) -> tuple[Observation, Info]:
+        """Begin an episode, from checked arguments."""
         super().reset(seed=None if seed is None else int(seed))  # Gymnasium refuses NumPy's whole numbers
         if self.randomization is not None:
             if seed is not None or self._variation_random is None:
                 self._variation_random = self.np_random.spawn(1)[0]
             drawn = self.randomization.draw(self._variation_random)
             self._apply(drawn if replayed is None else replayed, is_starting=True)
-        yield from self._episode.starting(self.np_random)
+        self._episode.start(self.np_random)
         if has_offsets(self._values):
             self._apply(self._values)
             self._episode.physics.after_reset()

@@ -11,8 +11,7 @@ from __future__ import annotations
 import copy
 import itertools
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, cast
 
@@ -27,7 +26,6 @@ from numpy.typing import NDArray
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, PhysicsError
 from jacokin.model import checks
-from jacokin.mujoco_bridge.control import site_ik
 from jacokin.tasks.episode import clip_action
 from jacokin.tasks.features import StateView
 from jacokin.tasks.gym import packing
@@ -361,17 +359,8 @@ class Simulations:
         Raises:
             EpisodeInitializationError: no initial state was found for one of them.
         """
-        numbers, waiting = ids.tolist(), set[int]()
-
-        @contextmanager
-        def switch(place: int) -> Iterator[None]:
-            with self._as_first(numbers[place], is_waiting=place in waiting):
-                yield
-            waiting.add(place)
-
-        runs = [self._first._start(seed, values) for seed, values in zip(seeds, replayed, strict=True)]
-        begun = site_ik.run_all(runs, switch)
-        batch = self._batch
+        started = zip(ids.tolist(), seeds, replayed, strict=True)
+        begun, batch = [self._begin_one(*each) for each in started], self._batch
         batch.reset(ids, stage=int(mujoco.mjtStage.mjSTAGE_NONE))
         batch.state[ids] = self._states[ids]
         batch.warning[ids] = 0
@@ -381,20 +370,15 @@ class Simulations:
         self._steps[ids] = 0
         return begun
 
-    @contextmanager
-    def _as_first(self, index: int, *, is_waiting: bool) -> Iterator[None]:
-        """Let the first environment be another one; `is_waiting`: one whose episode is being started."""
-        first, physics = self._first, self._first.task.physics
+    def _begin_one(self, index: int, seed: int | None, replayed: Values | None) -> tuple[Observation, Info]:
+        """Start an episode in the first environment, and take what it is like there to another one."""
+        first = self._first
         (first._np_random, first._variation_random), first._control = self._random[index], self._controls[index]
-        if is_waiting:
-            if self._constants:
-                first._apply(self._values[index], is_starting=True)
-            physics.set_state(self._states[index])
         try:
-            yield
+            begun = first._start(seed, replayed)
         finally:
             self._random[index] = first.np_random, first._variation_random
-        self._states[index] = physics.get_state()
+        self._states[index] = first.task.physics.get_state()
         self._values[index] = first._values
         self._delays[index], self._changes[index] = delay(first._values, "latency", self._substeps)
         self._biases[index], self._deviations[index] = first._bias, first._deviations
@@ -403,8 +387,8 @@ class Simulations:
         self._seen[index], self._looks[index] = deque(first._seen), self._substeps - early
         for name, constants in self._constants.items():
             constants[index] = getattr(first.model, name)
-        if first._episode.steps is not None:  # the start is complete
-            self._goals[index] = first._episode.goal
+        self._goals[index] = first._episode.goal
+        return begun
 
     def advance(self, actions: Array, ids: Indices) -> StepOutcome:
         """Step some environments; what the outcome says of others does not count.

@@ -53,21 +53,6 @@ def test_intervals_are_those_of_a_scan(solver: IKSolver, rng: np.random.Generato
         np.testing.assert_array_equal(counted(family, parameters), scan(solver, target, parameters))
 
 
-@pytest.mark.parametrize("axis", AXES)
-def test_members_reach_the_target_within_the_limits(solver: IKSolver, rng: np.random.Generator, axis: str) -> None:
-    robot = solver.robot
-    for q in robot.sample(rng, 4):
-        target = FreeAxis(robot.forward_kinematics(q), axis=AXES[axis])
-        for interval in solver.solve_all(target).intervals:
-            assert -math.pi <= interval.start < math.pi
-            assert interval.start <= interval.stop <= interval.start + 2.0 * math.pi
-            for p in (interval.start, *rng.uniform(interval.start, interval.stop, 5), interval.stop):
-                member = interval.at(p)
-                assert robot.within_limits(member)
-                error = target.at(p).actInv(robot.forward_kinematics(member))
-                assert np.abs(error.homogeneous - np.eye(4)).max() < 1e-9
-
-
 def test_an_interval_ends_where_its_joint_is_on_its_limit(solver: IKSolver, rng: np.random.Generator) -> None:
     robot, seen = solver.robot, 0
     for q in robot.sample(rng, 20):
@@ -78,15 +63,6 @@ def test_an_interval_ends_where_its_joint_is_on_its_limit(solver: IKSolver, rng:
                     assert interval.at(p)[robot.joint_index(end.joint)] == end.limit
                     seen += 1
     assert seen > 10
-
-
-@pytest.mark.parametrize("axis", AXES)
-def test_the_nearest_member_to_a_member_is_itself(solver: IKSolver, rng: np.random.Generator, axis: str) -> None:
-    for q in solver.robot.sample(rng, 5):
-        target = FreeAxis(solver.robot.forward_kinematics(q), axis=AXES[axis])
-        result = solver.solve(target, seed=q).raise_for_status()
-        np.testing.assert_allclose(result.q, q, atol=1e-7)
-        assert result.parameter == pytest.approx(0.0, abs=1e-7)
 
 
 @pytest.mark.slow
@@ -100,21 +76,6 @@ def test_the_end_of_an_interval_is_the_nearest_member_to_itself() -> None:
         nearest = family.nearest(q)
         assert nearest is not None
         np.testing.assert_allclose(wrap_to_pi(nearest - q), np.zeros(6), atol=1e-5)
-
-
-@pytest.mark.one_quick
-@pytest.mark.parametrize("axis", AXES)
-def test_no_other_member_is_nearer_to_the_seed(solver: IKSolver, rng: np.random.Generator, axis: str) -> None:
-    robot = solver.robot
-    for q, seed in zip(robot.sample(rng, 4), robot.sample(rng, 4), strict=True):
-        target = FreeAxis(robot.forward_kinematics(q), axis=AXES[axis])
-        result = solver.solve(target, seed=seed).raise_for_status()
-        assert result.parameter is not None
-        family = solver.solve_all(target, seed=seed)
-        best = min(np.linalg.norm(row - seed) for row in family.sample(2000))
-        assert np.linalg.norm(result.q - seed) <= best + 1e-9
-        error = target.at(result.parameter).actInv(robot.forward_kinematics(result.q))
-        assert np.abs(error.homogeneous - np.eye(4)).max() < 1e-9
 
 
 def test_an_arc_longer_than_a_turn_is_two_intervals(solver: IKSolver) -> None:
@@ -137,21 +98,6 @@ def test_an_arc_longer_than_a_turn_is_two_intervals(solver: IKSolver) -> None:
             np.testing.assert_allclose(
                 solver.robot.forward_kinematics(q).homogeneous, target.at(p).homogeneous, atol=1e-9
             )
-
-
-@pytest.mark.slow
-def test_the_widest_member_has_the_largest_margin(solver: IKSolver, rng: np.random.Generator) -> None:
-    robot = solver.robot
-
-    def margin(q: Array) -> float:
-        return float(np.minimum(q - robot.lower, robot.upper - q).min())
-
-    for q in robot.sample(rng, 3):
-        family = solver.solve_all(FreeAxis(robot.forward_kinematics(q), axis=(1.0, 0.0, 0.0)))
-        widest = family.best("margin")
-        assert widest is not None
-        assert margin(widest) == pytest.approx(max(interval.margin for interval in family.intervals))
-        assert margin(widest) >= max(map(margin, family.sample(2000))) - 1e-9
 
 
 def test_members_are_spread_over_all_intervals(solver: IKSolver) -> None:

@@ -115,7 +115,7 @@ def test_the_answer_near_a_seed_is_the_nearest_of_the_whole_set(
 
 
 @pytest.mark.one_quick
-@pytest.mark.parametrize("axis", [(1.0, 0.0, 0.0), (0.3, -0.5, 0.4)])
+@pytest.mark.parametrize("axis", [(1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.3, -0.5, 0.4)])
 def test_no_member_about_a_free_axis_is_nearer(
     six: IKSolver, rng: np.random.Generator, axis: tuple[float, float, float]
 ) -> None:
@@ -136,6 +136,8 @@ def test_no_member_about_a_free_axis_is_nearer(
         np.testing.assert_allclose(own, result.q, atol=1e-6)
         assert result.parameter is not None
         assert limits[0] <= result.parameter <= limits[1]
+        error = target.at(result.parameter).actInv(robot.forward_kinematics(result.q))
+        assert np.abs(error.homogeneous - np.eye(4)).max() < 1e-9
 
 
 def test_a_member_is_nearest_to_itself(seven: IKSolver, rng: np.random.Generator) -> None:

@@ -58,27 +58,6 @@ def test_intervals_are_those_of_another_solver(solver: IKSolver, rng: np.random.
     assert checked == 4
 
 
-def test_members_reach_the_pose_within_the_limits(solver: IKSolver, rng: np.random.Generator) -> None:
-    robot = solver.robot
-    for q in robot.sample(rng, 10):
-        T = robot.forward_kinematics(q)
-        family = solver.solve_all(T)
-        for interval in family.intervals:
-            assert -math.pi <= interval.start < math.pi
-            for p in (interval.start, *rng.uniform(interval.start, interval.stop, 5), interval.stop):
-                member = interval.at(p)
-                assert robot.within_limits(member)
-                assert abs(wrap_to_pi(member[2] - p)) < 1e-12
-                assert np.abs(T.actInv(robot.forward_kinematics(member)).homogeneous - np.eye(4)).max() < 1e-9
-
-
-def test_the_seed_itself_is_found(solver: IKSolver, rng: np.random.Generator) -> None:
-    for q in solver.robot.sample(rng, 20):
-        result = solver.solve(solver.robot.forward_kinematics(q), seed=q).raise_for_status()
-        np.testing.assert_allclose(result.q, q, atol=1e-6)
-        assert result.parameter == result.q[2]
-
-
 @pytest.mark.parametrize("joint", [1, 3, 5])
 def test_a_joint_on_its_limit_is_an_end(solver: IKSolver, rng: np.random.Generator, joint: int) -> None:
     robot = solver.robot

@@ -90,6 +90,8 @@ def test_limits_are_exact_and_margins_say_by_how_much(robot: Robot, rng: np.rand
         np.testing.assert_array_equal(rows.within_limits, inside)
         np.testing.assert_array_equal(rows.margin, np.minimum(rows.q - robot.lower, robot.upper - rows.q))
         assert inside.any()
+        assert rows.complete
+        np.testing.assert_array_equal(rows.q_within_limits, rows.q[inside])
 
 
 @pytest.mark.parametrize("joint", [1, 2])

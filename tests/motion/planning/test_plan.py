@@ -466,17 +466,6 @@ def test_no_way_to_the_first_pose_is_said(robot: Robot) -> None:
     np.testing.assert_array_equal(result.q, np.tile(robot.home, (len(result), 1)))
 
 
-def test_a_saved_plan_comes_back(robot: Robot, tmp_path: pytest.TempPathFactory) -> None:
-    corners = [at(0.4, -0.4, 0.3), at(0.4, -0.3, 0.3)]
-    result = plan_path(IKSolver(robot), corners)
-    for name in ("plan.csv", "plan.npz"):
-        result.save(f"{tmp_path}/{name}")
-        again = Trajectory.load(f"{tmp_path}/{name}")
-        np.testing.assert_array_equal(again.q, result.q)
-        assert again.message == result.message
-    result.save(f"{tmp_path}/plan.kinova.csv")
-
-
 GOOD = [at(0.4, -0.4, 0.3), at(0.4, -0.3, 0.3)]
 BAD = np.array([pose.homogeneous for pose in GOOD])
 BAD[1, 0, 3] = np.nan

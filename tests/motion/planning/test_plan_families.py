@@ -288,9 +288,9 @@ def test_out_of_reach_and_out_of_limits_are_said(robot: Robot, seven: Robot, kin
     assert "no configuration at the first pose: out of reach" in nowhere.message
 
 
-@pytest.mark.parametrize("kind", ["free", "seven"])
+@pytest.mark.parametrize("kind", ["pose", "free", "seven"])
 def test_saved_plans_come_back_with_what_was_chosen(robot: Robot, seven: Robot, tmp_path: Path, kind: str) -> None:
-    arm = robot if kind == "free" else seven
+    arm = seven if kind == "seven" else robot
     targets: list[pin.SE3 | FreeAxis] = [at(0.4, -0.3, 0.3), at(0.4, -0.2, 0.3)]
     if kind == "free":
         targets[1] = FreeAxis(targets[1], axis=[1, 0, 0], range=(0.1, 0.2))
@@ -301,6 +301,7 @@ def test_saved_plans_come_back_with_what_was_chosen(robot: Robot, seven: Robot, 
         again = Trajectory.load(tmp_path / name)
         np.testing.assert_array_equal(again.q, result.q)
         np.testing.assert_array_equal(again.parameter, result.parameter)
+        assert again.message == result.message
         assert not again.parameter.flags.writeable
     result.save(tmp_path / "plan.json")
     points = json.loads((tmp_path / "plan.json").read_text())["points"]

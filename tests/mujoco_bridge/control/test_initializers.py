@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections import Counter
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,9 @@ from jacokin.ik import IKSolver
 from jacokin.model import MeasuredArm
 from jacokin.mujoco_bridge import DOWN_QUATERNION, Arena, JacoArm, JacoHand, Physics
 from jacokin.mujoco_bridge.control.initializers import BRANCHES, TcpInitializer, ToolCenterPointInitializer
-from jacokin.mujoco_bridge.distributions import QuaternionFromAxisAngle, Uniform, uniform_box
+from jacokin.mujoco_bridge.control.site_ik import canonical
+from jacokin.mujoco_bridge.distributions import QuaternionFromAxisAngle, Uniform, UniformQuaternion, uniform_box
+from jacokin.mujoco_bridge.entity import rotation_matrix
 from jacokin.mujoco_bridge.props import Primitive
 from tests.mujoco_bridge.scenes import jaco_parts
 
@@ -114,7 +117,32 @@ def test_failure_is_an_error_and_changes_nothing() -> None:
     assert len(asked) == 7
     with pytest.raises(PhysicsError, match="none of 10 poses"):  # in the floor
         TcpInitializer(hand, arm, (0.0, 0.1, -0.1))(physics, np.random.default_rng(0))
+    low = TcpInitializer(hand, arm, (0.0, 0.0, -0.1), branch="nearest_to_random", max_ik_attempts=3)
+    with pytest.raises(EpisodeInitializationError, match="none of 10 poses"):  # collides from every start
+        low(physics, np.random.default_rng(0))
     assert physics.get_state().tobytes() == before
+
+
+def test_what_is_nearest_to_a_random_start_is_so_by_the_solver_to_the_last_bit(rng: np.random.Generator) -> None:
+    """Whether the target can be reached or not; the initializer looks at the nearest branch alone."""
+    physics, arm, hand = scene()
+    sites, bounds = arm.site_solver(physics, hand.tool_center_point), arm.sampling_bounds(physics)
+    chain = sites.chain()
+    solver = IKSolver(chain.robot, collision="ignore")
+    reached = 0
+    for position in rng.uniform((-0.3, -0.3, 0.02), (0.3, 0.3, 0.6), (200, 3)):  # [m] some of it is out of reach
+        target = np.eye(4)
+        target[:3, :3] = rotation_matrix(UniformQuaternion()(None, None, rng))
+        target[:3, 3] = position - physics.data.xpos[chain.base_body]  # upright
+        start = copy.deepcopy(rng).uniform(*bounds)
+        result = solver.solve(target, start, closest=False)
+        found = list(sites.nearest_to_random(position, target[:3, :3], bounds, rng, 1))
+        assert bool(found) == result.success
+        for rows, q in found:
+            assert (rows == chain.qpos).all()
+            np.testing.assert_array_equal(q, canonical(result.q, np.flatnonzero(chain.robot.unlimited).tolist()))
+            reached += 1
+    assert 20 < reached < 180
 
 
 def test_bad_arguments() -> None:

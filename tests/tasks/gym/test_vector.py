@@ -12,7 +12,6 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 import jacokin.tasks
 from jacokin.errors import EpisodeInitializationError, InvalidInputError, PhysicsError, UnknownNameError
-from jacokin.ik import IKSolver
 from jacokin.mujoco_bridge.distributions import Uniform
 from jacokin.tasks import Randomization, TaskEnv
 from jacokin.tasks.gym.controls import CONTROLS
@@ -219,19 +218,6 @@ def test_arguments_of_other_vectors_reach_them() -> None:
     assert isinstance(vector, SyncVectorEnv)
     assert not vector.copy
     assert gymnasium.spec("jacokin/ReachSite-v0").kwargs == {"task": "reach_site"}
-
-
-def test_resets_are_solved_as_a_batch(monkeypatch: pytest.MonkeyPatch) -> None:
-    sizes, solve_batch = [], IKSolver.solve_batch
-
-    def counted(self: IKSolver, targets: Any, *args: Any, **kwargs: Any) -> Any:
-        sizes.append(len(targets))
-        return solve_batch(self, targets, *args, **kwargs)
-
-    monkeypatch.setattr(IKSolver, "solve_batch", counted)
-    VectorTaskEnv(8, threads=2, task="reach_site").reset(seed=0)
-    assert sizes[0] == 8
-    assert sizes == sorted(sizes, reverse=True)  # those that collide are asked again
 
 
 def test_values_are_replayed() -> None:
