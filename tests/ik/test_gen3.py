@@ -51,6 +51,22 @@ def test_own_configurations_and_curves_of_seven_joints(
             assert robot.within_limits(row)
 
 
+def test_two_complex_solutions_with_one_angle_in_common_leave_no_doubt(bundled: Callable[[str], Robot]) -> None:
+    """F has a double root there, as where a curve begins; their other angles tell that none does."""
+    robot, rng = bundled("gen3"), np.random.default_rng(0)
+    solver, rows = IKSolver(robot, collision="ignore"), robot.sample(rng, 100)
+    for q in rows[[34, 62]]:
+        assert solver.solve_all(robot.forward_kinematics(q)).complete
+
+
+@pytest.mark.slow
+def test_nearly_all_sets_of_seven_joints_are_complete(bundled: Callable[[str], Robot]) -> None:
+    robot, rng = bundled("gen3"), np.random.default_rng(1)
+    solver, targets = IKSolver(robot, collision="ignore"), 300
+    complete = [solver.solve_all(robot.forward_kinematics(q)).complete for q in robot.sample(rng, targets)]
+    assert sum(complete) >= 0.97 * targets
+
+
 @pytest.mark.parametrize("count", [3, pytest.param(10, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", ["gen3_6dof", "gen3_lite"])
 def test_a_free_axis_gives_curves(

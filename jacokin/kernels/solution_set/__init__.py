@@ -7,6 +7,7 @@ seven_joints   the same of seven joints built like a Jaco's, in closed form, and
 end_wrist      and of six joints with a spherical wrist at an end, whose target turns
 near_seed      of both, the chords beside which the nearest to a seed is
 surface        the equation of six joints along the parameter, as one polynomial of both
+pairs          how far complex solutions of six joints are from real ones
 islands        at which values to look for solutions, by the characteristic function
 meeting        the other curve where two meet
 within         what of the curves is within the limits

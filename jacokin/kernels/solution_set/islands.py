@@ -11,6 +11,11 @@ way to the axis, too, and hides what comes there before; so F is looked at right
 known. There the distance of its own pair tells little about where that pair comes to the axis again; it does as seen
 from elsewhere, if not where the fold is.
 
+Two complex solutions may have one angle in common, which is real then: a pair comes to the axis there and leaves it
+again, and no curve begins. Near such a place the other angles of the pair tell, by `pairs`: solutions become real when
+all their angles do, at the same value of p. For a Jaco, whose own F comes without the equations of the other angles, F
+in another labelling of the joints does.
+
 Where noise may move a root as far as the axis, or as far as the next root, it is real or not. Another labelling of the
 joints has the same solutions as real roots of another F: as many as are real for sure in one are solutions, and so are
 those that six joints at the pose are found to have; there are no more than may be real in another one. Where the two
@@ -33,9 +38,19 @@ from jacokin.kernels.limits import TURN, nearest_copy
 from jacokin.kernels.six_joints.loop import LABELLINGS, Form, fill_links, joint_of
 from jacokin.kernels.six_joints.spherical_wrist import reach_of
 from jacokin.kernels.solution_set.curve import wrapped
+from jacokin.kernels.solution_set.pairs import PairWork, make_pair_work, other_angles_apart
 from jacokin.kernels.solution_set.slices import BEFORE, SixJoints, arm_of_equation, count_solutions
-from jacokin.kernels.solution_set.surface import Surface, begin_surface, fill_F, fill_rates, make_surface, size_of
-from jacokin.kernels.solution_set.trace import Loops
+from jacokin.kernels.solution_set.surface import (
+    ASIDE,
+    Surface,
+    begin_surface,
+    fill_equations,
+    fill_F,
+    fill_rates,
+    make_surface,
+    size_of,
+)
+from jacokin.kernels.solution_set.trace import Loops, passes
 from jacokin.kernels.tolerances import DISTINCT, UNCERTAIN
 
 LOOKED_AT, MOST_FOUND = 32, 128
@@ -49,8 +64,12 @@ OFFSET = 0.1234
 SAFETY = 2.0
 #: Share of that distance within which solutions come where a spherical wrist's other angle becomes real.
 SURE = 0.15
-#: [rad] values nearer to each other than this are halved where another labelling of the joints has such pairs, too.
-LABELLED = 0.01
+#: [rad] values nearer to each other than this are halved where the pairs may be solutions, see `is_solution`.
+WHOLE = 0.01
+#: Share of what is left until a pair comes by which the parameter is moved, to see how fast its other angles do, and
+#: the least move [rad]. Their speeds, relative to the parameter, are this at least; and [rad] no square of an angle
+#: shrinks faster.
+NEARER, SHORTEST_ASIDE, LEAST_SPEED, FASTEST = 0.1, 1e-8, 1.0, 1e3
 #: [rad] to where F is looked at again in a labelling in which it is noise.
 ELSEWHERE = 1.0
 #: [rad] of the parameter: the shortest distance that is halved, and from a fold that is known. How far from there its
@@ -104,6 +123,7 @@ class Islands(NamedTuple):
     counts: NDArray[np.int64]  # (LOOKED_AT + MOST_FOUND,) roots of F at each; -1 where they are in doubt
     #: Values found, places left in doubt, values all round, halvings, labelling that tells, solutions for each root.
     size: NDArray[np.int64]  # (6,)
+    passed: NDArray[np.int64]  # (LOOKED_AT + MOST_FOUND,) how often curves pass each value
     useless: NDArray[np.int64]  # (LABELLINGS,) 1 where F is noise at any value of the parameter
     comes: Array  # (LOOKED_AT, 4) see `Look`
     stack: Array  # (DEPTH, 10) two values, what is known of each: when pairs come, real roots, whether it is a fold
@@ -111,6 +131,7 @@ class Islands(NamedTuple):
     crossed: NDArray[np.int64]  # (LOOKED_AT, LINES) how often curves pass there before the next slice
     roots: RootWork
     F: Surface
+    pair: PairWork
     z: Array  # (16, 2) exp(i x) of all roots, real and imaginary part
     other: Array  # (16, 2) the same in another labelling of the joints
     moves: Array  # (17, 2) how z moves with p, and where it was found
@@ -123,6 +144,7 @@ def make_islands() -> Islands:
         np.empty(LOOKED_AT + MOST_FOUND),
         np.zeros(LOOKED_AT + MOST_FOUND, np.int64),
         np.zeros(6, np.int64),
+        np.zeros(LOOKED_AT + MOST_FOUND, np.int64),
         np.zeros(LABELLINGS, np.int64),
         np.empty((LOOKED_AT, 4)),
         np.empty((DEPTH, 10)),
@@ -130,6 +152,7 @@ def make_islands() -> Islands:
         np.zeros((LOOKED_AT, LINES), np.int64),
         make_roots(),
         make_surface(),
+        make_pair_work(),
         np.zeros((2 * DEGREE, 2)),
         np.zeros((2 * DEGREE, 2)),
         np.zeros((2 * DEGREE + 1, 2)),
@@ -214,7 +237,8 @@ def foretell(work: Islands, p: float, degree: int) -> None:
     work.moves[2 * DEGREE, 0] = p
     for i in range(degree):
         x, y = moves[i, 0] * away, moves[i, 1] * away
-        if abs(away) < 1.5 * TURN / LOOKED_AT and math.hypot(x, y) < FORETOLD * math.hypot(z[i, 0], z[i, 1]):
+        size = z[i, 0] * z[i, 0] + z[i, 1] * z[i, 1]
+        if abs(away) < 1.5 * TURN / LOOKED_AT and x * x + y * y < FORETOLD * size:
             z[i, 0] += x
             z[i, 1] += y
 
@@ -247,14 +271,14 @@ def real_roots(seen: Look) -> int:
 
 def look(k: ArmConstants, six: SixJoints, work: Islands, p: float) -> Look:
     """All roots of F(x; p), and when pairs of them come to the axis; F is left there."""
-    seen = look_in(k, six, work, p, -1)
+    seen = look_in(k, six, work, p, -1, 0.0)
     for n in range(0 if k.six.form == Form.SPHERICAL_WRIST else LABELLINGS):
         if n == 1 and seen.least < seen.most:
             seen = together(seen, nothing_sure(count_solutions(six, p)))
         if seen.least == seen.most:
             break
         if work.useless[work.size[4]] == 0:
-            seen = together(seen, look_in(k, six, work, p, work.size[4]))
+            seen = together(seen, look_in(k, six, work, p, work.size[4], 0.0))
         if seen.least != seen.most:
             work.size[4] = next_labelling(k, six, work.size[4])
     if seen.least != seen.most or seen.least % 2 == 1:  # of all round, the number is even
@@ -274,8 +298,11 @@ def together(a: Look, b: Look) -> Look:
     return Look(fewer.ahead, fewer.behind, fewer.sure_ahead, fewer.sure_behind, max(a.least, b.least), fewer.most, 0)
 
 
-def look_in(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling: int) -> Look:
-    """What one labelling of the joints tells, -1 for the arm's own; F is left there."""
+def look_in(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling: int, reach: float) -> Look:
+    """What one labelling of the joints tells, -1 for the arm's own; F is left there.
+
+    Of pairs that come to the axis within reach [rad], the other angles are looked at, too.
+    """
     noise = fill_F(k, six, work.F, p, labelling)
     if not size_of(work.F.cosine, work.F.sine) > UNCERTAIN * noise:
         if labelling >= 0:
@@ -307,10 +334,16 @@ def look_in(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling:
             most += 1
         elif root.d > 0.0:
             value, rate, unsure, bend = approach(work.F.powers, degree, root, noise, noise_of_bend, next_root < root.d)
-            ahead = min(ahead, first_zero(value, unsure - rate, bend))
-            behind = min(behind, first_zero(value, unsure + rate, bend))
-            sure_ahead = min(sure_ahead, zero_of_parabola(value, -rate, bend))
-            sure_behind = min(sure_behind, zero_of_parabola(value, rate, bend))
+            comes = (
+                first_zero(value, unsure - rate, bend),
+                first_zero(value, unsure + rate, bend),
+                zero_of_parabola(value, -rate, bend),
+                zero_of_parabola(value, rate, bend),
+            )
+            if min(comes[0], comes[1]) <= reach:
+                comes = with_others(k, six, work, p, labelling, root, comes)
+            ahead, behind = min(ahead, comes[0]), min(behind, comes[1])
+            sure_ahead, sure_behind = min(sure_ahead, comes[2]), min(sure_behind, comes[3])
     return Look(ahead, behind, sure_ahead, sure_behind, least, most, 0)
 
 
@@ -340,6 +373,45 @@ def approach(
     if abs(bend_of_square) <= 2.0 * d * noise_of_bend / abs(root.slope):
         bend_of_square = 0.0  # noise
     return -d * d, 2.0 * d * rate, 2.0 * d * unsure, bend_of_square
+
+
+def with_others(
+    k: ArmConstants,
+    six: SixJoints,
+    work: Islands,
+    p: float,
+    labelling: int,
+    root: Root,
+    comes: tuple[float, float, float, float],
+) -> tuple[float, float, float, float]:
+    """After how much a pair becomes solutions: not before its other angles are real as well.
+
+    Args:
+        k: the arm.
+        six: six joints and their target.
+        work: work arrays.
+        p: the parameter [rad].
+        labelling: in which F is.
+        root: one of the pair.
+        comes: after how much it comes to the axis ahead and behind, and the same for sure [rad].
+    """
+    step = max(min(ASIDE, NEARER * min(comes[0], comes[1])), SHORTEST_ASIDE)
+    fill_equations(k, six, work.F, p, labelling)
+    first, second = other_angles_apart(work.F.equations, root.x, work.pair)
+    fill_equations(k, six, work.F, p + step, labelling)
+    first_beside, second_beside = other_angles_apart(work.F.equations, root.x + step * root.turns, work.pair)
+    rate, second_rate = (first_beside - first) / step, (second_beside - second) / step
+    ahead = max(until_real(first, -rate), until_real(second, -second_rate))
+    behind = max(until_real(first, rate), until_real(second, second_rate))
+    return max(comes[0], ahead), max(comes[1], behind), max(comes[2], ahead), max(comes[3], behind)
+
+
+def until_real(distance: float, speed: float) -> float:
+    """After how much an angle may be real: its square comes to zero at its own speed, but not faster than any.
+
+    Speeds are known to noise only, and not how they change.
+    """
+    return max(0.5 * distance / max(speed, LEAST_SPEED), distance * distance / FASTEST)
 
 
 def first_zero(value: float, slope: float, bend: float) -> float:
@@ -420,9 +492,7 @@ def halve(
         count, fold = int(stack[top, 8]), int(stack[top, 9])
         last = Look(0.0, stack[top, 6], 0.0, stack[top, 7], count, count, fold)
         top -= 1
-        if not may_come(first, last, high - low) or (
-            high - low < LABELLED and not is_labelled_otherwise(k, six, work, low, high)
-        ):
+        if not may_come(first, last, high - low) or (high - low < WHOLE and not is_solution(k, six, work, low, high)):
             continue
         if high - low < BESIDE or work.size[3] == MOST_HALVED:
             work.size[1] += 1
@@ -548,17 +618,22 @@ def write_part(part: Array, low: float, high: float, first: Look, last: Look) ->
     part[6], part[7], part[8], part[9] = last.behind, last.sure_behind, real_roots(last), last.at_fold
 
 
-def is_labelled_otherwise(k: ArmConstants, six: SixJoints, work: Islands, low: float, high: float) -> bool:
-    """Whether pairs come to the axis between two values in another labelling of the joints, too.
+def is_solution(k: ArmConstants, six: SixJoints, work: Islands, low: float, high: float) -> bool:
+    """Whether the pairs that come to the axis between two values may be solutions there.
 
-    Where two complex solutions have one real angle in common, its F has a pair on the axis without a solution.
+    Where two complex solutions have one real angle in common, F has a pair on the axis without a solution. Their other
+    angles tell, or F in another labelling of the joints.
     """
     if k.six.form == Form.SPHERICAL_WRIST:
         return True
+    if k.six.scale > 0.0:
+        reach = SAFETY * (high - low)
+        first, last = look_in(k, six, work, low, -1, reach), look_in(k, six, work, high, -1, reach)
+        return first.least < first.most or last.least < last.most or may_come(first, last, high - low)
     for _ in range(LABELLINGS):
         if work.useless[work.size[4]] == 0:
-            first = look_in(k, six, work, low, work.size[4])
-            last = look_in(k, six, work, high, work.size[4]) if first.least == first.most else first
+            first = look_in(k, six, work, low, work.size[4], 0.0)
+            last = look_in(k, six, work, high, work.size[4], 0.0) if first.least == first.most else first
             if last.least == last.most:
                 return may_come(first, last, high - low)
         work.size[4] = next_labelling(k, six, work.size[4])
@@ -614,6 +689,22 @@ def count_on_lines(loops: Loops, parameter: int, joint: int, work: Islands) -> N
                     p = a[parameter] + (value - a[joint]) / (b[joint] - a[joint]) * (b[parameter] - a[parameter])
                     i = math.floor((p - OFFSET) / step) % LOOKED_AT
                     work.crossed[i, n] += 1
+
+
+def count_passes(loops: Loops, parameter: int, work: Islands) -> None:
+    """Fill passed with how often curves pass each value of the parameter at which F was looked at."""
+    step, found = TURN / LOOKED_AT, work.size[2] + work.size[0]
+    for i in range(found):
+        work.passed[i] = 0
+    for c in range(loops.size[1]):
+        for n in range(loops.ends[c, 0], loops.ends[c, 1] - 1):
+            p, q = loops.nodes[n, parameter], loops.nodes[n + 1, parameter]
+            first = math.floor((min(p, q) - OFFSET) / step)
+            last = min(math.floor((max(p, q) - OFFSET) / step) + 2, first + LOOKED_AT)
+            for m in range(first, last):
+                work.passed[m % LOOKED_AT] += passes(work.p[m % LOOKED_AT], p, q)
+            for i in range(LOOKED_AT, found):
+                work.passed[i] += passes(work.p[i], p, q)
 
 
 def add_zero_on_line(six: SixJoints, work: Islands, i: int, n: int) -> None:

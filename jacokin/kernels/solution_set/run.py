@@ -28,6 +28,7 @@ from jacokin.kernels.solution_set.islands import (
     Islands,
     add_zero_on_line,
     count_on_lines,
+    count_passes,
     find_islands,
     joint_of_root,
     look_beside_folds,
@@ -57,12 +58,12 @@ from jacokin.kernels.solution_set.slices import (
     make_six_joints,
     make_slices,
 )
-from jacokin.kernels.solution_set.trace import Loops, count_all_passed, make_loops, passes, trace
+from jacokin.kernels.solution_set.trace import Loops, count_all_passed, make_loops, trace
 from jacokin.kernels.solution_set.within import Pieces, cut, make_pieces
 from jacokin.kernels.tolerances import SMALLEST_PIVOT
 
 #: Values of the parameter that are solved at in any case, apart by a share of a turn that no structure has, and rounds
-#: of those at which F shows more or fewer solutions than the curves so far.
+#: of those next to the folds that are known.
 FIRST, ROUNDS = 3, 5
 #: [rad] the widest window that saves anything.
 WIDEST = 2.8
@@ -312,39 +313,48 @@ def slice_by_roots(work: SetWork) -> int:
         add_slice(work.walk, kind, islands.p[n * islands.size[2] // FIRST], slices, work.six, work.seven)
     joint, beside = joint_of_root(work.six, islands, kind), 0
     for _ in range(ROUNDS):
-        trace(slices, loops, work.walk)
+        doubts += trace_missing(work)
         look_along_lines(work, joint)
-        missing, refused = add_missing_slices(work)
-        doubts += refused
-        if missing > 0:
-            continue
+        doubts += trace_missing(work)
         found = islands.size[0]
         look_beside_folds(work.six, loops, work.walk.parameter[0], beside, islands)
         beside = loops.size[1]
         if islands.size[0] == found:
             break
+    else:
+        doubts += trace_missing(work)
     for i in range(islands.size[2] + islands.size[0]):
         if not is_in_window(loops.window, islands.p[i]):
             continue
         n = find_slice(slices, islands.p[i])
-        doubts += not is_counted(work, i) and (n < 0 or slices.doubt[n] > 0)
+        doubts += not is_counted(islands, i) and (n < 0 or slices.doubt[n] > 0)
     return doubts + int(islands.size[1]) + count_crossings(work)
 
 
-def add_missing_slices(work: SetWork) -> tuple[int, int]:
-    """Add slices where F has other numbers of roots than the curves pass; how many, and those without room."""
-    slices, loops, islands = work.slices, work.loops, work.islands
-    missing, refused = 0, 0
-    for i in range(islands.size[2] + islands.size[0]):
-        p = islands.p[i]
-        if not is_in_window(loops.window, p) or find_slice(slices, p) >= 0 or is_counted(work, i):
-            continue
-        missing += 1
-        if add_slice(work.walk, int(work.options[SetOption.KIND]), p, slices, work.six, work.seven):
-            count_all_passed(slices.size[0] - 1, 0, slices, loops, work.walk)
-        else:
-            refused += 1
-    return missing, refused
+def trace_missing(work: SetWork) -> int:
+    """Follow the curves that the slices are on, and those of more slices until curves pass as often as F has roots.
+
+    One slice at a time, where most roots are missing: its curves pass most of the other places.
+
+    Returns:
+        1 where there was no room for a slice, else 0.
+    """
+    slices, loops, islands, kind = work.slices, work.loops, work.islands, int(work.options[SetOption.KIND])
+    while True:
+        trace(slices, loops, work.walk)
+        count_passes(loops, work.walk.parameter[0], islands)
+        best, most = -1, 0
+        for i in range(islands.size[2] + islands.size[0]):
+            missing = islands.counts[i] * islands.size[5] - islands.passed[i]
+            if is_counted(islands, i) or not is_in_window(loops.window, islands.p[i]):
+                continue
+            if (best < 0 or missing > most) and find_slice(slices, islands.p[i]) < 0:
+                best, most = i, missing
+        if best < 0:
+            return 0
+        if not add_slice(work.walk, kind, islands.p[best], slices, work.six, work.seven):
+            return 1
+        count_all_passed(slices.size[0] - 1, 0, slices, loops, work.walk)
 
 
 def look_along_lines(work: SetWork, joint: int) -> None:
@@ -388,20 +398,9 @@ def find_slice(slices: Slices, p: float) -> int:
     return -1
 
 
-def is_counted(work: SetWork, i: int) -> bool:
+def is_counted(islands: Islands, i: int) -> bool:
     """Whether as many curves as F has roots, times the solutions of each, pass a value at which F was looked at."""
-    roots = work.islands.counts[i]
-    passed = passing(work.loops, work.walk.parameter[0], work.islands.p[i])
-    return bool(roots >= 0 and passed == roots * work.islands.size[5])
-
-
-def passing(loops: Loops, parameter: int, value: float) -> int:
-    """How often curves pass a value of the parameter."""
-    count = 0
-    for c in range(loops.size[1]):
-        for n in range(loops.ends[c, 0], loops.ends[c, 1] - 1):
-            count += passes(value, loops.nodes[n, parameter], loops.nodes[n + 1, parameter])
-    return int(count)
+    return bool(islands.counts[i] >= 0 and islands.passed[i] == islands.counts[i] * islands.size[5])
 
 
 def follow_meetings(work: SetWork) -> int:

@@ -182,10 +182,15 @@ def fill_at(k: ArmConstants, six: SixJoints, F: Surface, p: float, labelling: in
 
 def fill_determinant(k: ArmConstants, six: SixJoints, F: Surface, p: float, labelling: int) -> float:
     """Fill cosine and sine with the coefficients of F(x; p) of an arm in a labelling; returns their noise."""
-    turn_target(six.T, six.axis, p, six.turned)
-    fill_links(six.chain, six.turned, k.six.scale, labelling, F.equations.links)
-    write_equations(F.equations)
+    fill_equations(k, six, F, p, labelling)
     return fourier_of_determinant(F.equations, F.determinant, F.cosine, F.sine)
+
+
+def fill_equations(k: ArmConstants, six: SixJoints, F: Surface, p: float, labelling: int) -> None:
+    """Fill the equations of an arm in a labelling, -1 for its own, at a value of the parameter."""
+    turn_target(six.T, six.axis, p, six.turned)
+    fill_links(six.chain, six.turned, k.six.scale, labelling if labelling >= 0 else k.six.own, F.equations.links)
+    write_equations(F.equations)
 
 
 def fill_waves(F: Surface, p: float, order: int) -> float:
