@@ -21,6 +21,7 @@ from jacokin.kernels.solution_set.run import STARTING_STEPS
 from jacokin.kernels.tolerances import CLOSURE, SMALLEST_PIVOT
 from jacokin.model import angles
 from jacokin.model.angles import TURN
+from jacokin.model.many_configurations import TargetRows
 from jacokin.model.robot import Robot
 
 #: [rad] distance in joint space between guesses along a track.
@@ -49,13 +50,16 @@ class CurveTrack:
 
     def at(self, parameter: float) -> Array:
         """(dof,) the configuration where the parameter has a value in [start, stop]."""
-        nodes, index = self.nodes, self._problem.arm.parameter
+        return np.asarray(configurations_at([self], [parameter])[0])
+
+    def chord(self, parameter: float) -> tuple[Array, float]:
+        """The nodes (2, 14) around a value of the parameter, and that value among theirs; an end twice beyond it."""
+        nodes, p = self.nodes, parameter - self._turns
         if parameter <= self.start or parameter >= self.stop:
-            return self._joints(nodes[0 if parameter <= self.start else -1, :DIMENSIONS])
-        p = parameter - self._turns
-        chord = int(np.searchsorted(nodes[:, index], p)) - 1
+            return nodes[[0, 0] if parameter <= self.start else [-1, -1]], p
+        chord = int(nodes[:, self._problem.arm.parameter].searchsorted(p)) - 1
         chord = min(max(chord, 0), len(nodes) - 2)
-        return self._joints(self._problem.at(nodes[chord : chord + 2], p))
+        return nodes[chord : chord + 2], p
 
     def nearest(self, seed: Array, lower: Array, upper: Array) -> tuple[float, Array] | None:
         """Parameter and configuration (dof,) nearest to a seed (dof,), in the equivalents within the limits (dof,).
@@ -94,12 +98,21 @@ class CurveTrack:
         return x[..., : self._problem.arm.dof]
 
 
-def polylines(tracks: Sequence[CurveTrack]) -> tuple[Array, Array, NDArray[np.intp]]:
+def configurations_at(tracks: Sequence[CurveTrack], parameters: Sequence[float]) -> Array:
+    """(n, dof) of tracks of one target, one for each of some values of the parameter in their [start, stop]."""
+    chords, values = zip(*map(CurveTrack.chord, tracks, parameters), strict=True)
+    return tracks[0]._joints(tracks[0]._problem.at(chords, values))
+
+
+def polylines(
+    tracks: Sequence[CurveTrack], spacing: float = GUESS_SPACING
+) -> tuple[Array, Array, NDArray[np.intp]]:
     """Values of the parameter (m,) and configurations there (m, dof) along tracks, one after another, in order.
 
-    As exact as those of `CurveTrack.guesses`. And where each begins, with the end of the last (tracks + 1,).
+    At most a spacing apart [rad], as exact as those of `CurveTrack.guesses`. And where each begins, with the end of the
+    last (tracks + 1,).
     """
-    places, points = _spread(tracks)
+    places, points = _spread(tracks, spacing)
     ends = np.cumsum([len(track.nodes) for track in tracks])
     begins, arm = np.append(0, np.searchsorted(places, ends)), tracks[0]._problem.arm
     p = points[:, arm.parameter].copy()
@@ -118,12 +131,12 @@ def places_along(lengths: Array, spacing: float) -> Array:
     return np.asarray(chord + (np.arange(len(chord)) - (np.cumsum(counts) - counts)[chord]) / counts[chord])
 
 
-def _spread(tracks: Sequence[CurveTrack]) -> tuple[Array, Array]:
+def _spread(tracks: Sequence[CurveTrack], spacing: float = GUESS_SPACING) -> tuple[Array, Array]:
     """Places (m,) along the nodes of all tracks, and points there (m, 7), by the cubics between the nodes."""
     nodes = np.concatenate([track.nodes for track in tracks])
     lengths = np.linalg.norm(np.diff(nodes[:, :DIMENSIONS], axis=0, append=nodes[-1:, :DIMENSIONS]), axis=1)
     lengths[np.cumsum([len(track.nodes) for track in tracks]) - 1] = 0.0  # no chord begins there
-    places = places_along(lengths, GUESS_SPACING)
+    places = places_along(lengths, spacing)
     return places, _points_at(nodes, places)
 
 
@@ -243,6 +256,24 @@ class Members:
             except LostMemberError as error:
                 lost = error
         raise lost
+
+    def on_tracks(self, tracks: Sequence[CurveTrack], parameters: Array, guesses: Array | None = None) -> Array:
+        """Members (n, dof) of tracks, one for each of the values (n,) of the parameter, as `on_track`, near to the seed.
+
+        Where the parameter stands still on a track, the one at a guess (n, dof).
+        """
+        rows = self.copies(configurations_at(tracks, parameters.tolist()), self.seed)
+        if guesses is not None:
+            standing = [track.start == track.stop for track in tracks]
+            rows[standing] = guesses[standing]
+        free, count = self.target.free_axis, len(rows)
+        goal = TargetRows(np.repeat(self.target.matrix[np.newaxis], count, axis=0))
+        if free is not None:
+            goal = goal._replace(axis=np.repeat(free.axis[np.newaxis], count, axis=0))
+        x = rows if free is None else np.column_stack([rows, parameters])
+        for row in np.flatnonzero(np.maximum(*self.verifier.chain.errors(x, goal)) > CLOSURE).tolist():
+            rows[row] = self.on_track(tracks[row], parameters.item(row), rows[row], self.seed)
+        return rows
 
     def beside(self, q: Array, parameter: float) -> tuple[Array, float]:
         """The member (dof,) that the least steps lead to from a configuration nearby, and its parameter [rad].

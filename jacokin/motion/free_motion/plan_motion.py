@@ -27,7 +27,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, ModelError
+from jacokin.ik.preferences import by_distance
 from jacokin.ik.seeds import DEFAULT_RANDOM_SEED, checked_start, inside_exactly, random_configurations
+from jacokin.ik.solutions.curve_set import CurveSet
 from jacokin.ik.solver import IKSolver
 from jacokin.ik.targets import PartialTarget, Target, TargetPose, interpret
 from jacokin.model import angles, checks
@@ -578,7 +580,7 @@ def _named(pairs: Counter[tuple[str, str]]) -> str:
     return ", ".join(f"{a} and {b}" for (a, b), _ in pairs.most_common(2))
 
 
-SPREAD = float(np.radians(20.0))  # between members of a curve that are tried
+SPREAD = 0.7  # [rad] along a curve, between members that are tried
 TURNED = float(np.radians(30.0))  # between angles about a free axis that are tried on seven joints
 GOALS = "a configuration, a pose, a FreeAxis"
 
@@ -713,11 +715,13 @@ class GoalFinder:
     def _members(self, wanted: TargetPose) -> Iterator[tuple[Array, float | None]]:
         """Of each interval of curves the member nearest to the start, and some all along it."""
         found = self._solver.solve_all(self._pose_of(wanted), seed=self._start)
-        for interval in found.intervals:
-            nearest = interval.nearest(self._start)
-            yield nearest, found.parameter_of(nearest)
-            parameters, rows = interval.sample(max(2, int(np.ceil(interval.length / SPREAD))))
-            yield from zip(rows, parameters.tolist(), strict=True)
+        assert isinstance(found, CurveSet)
+        parameters, rows = found.least_and_others(self._times, SPREAD)
+        yield from zip(rows, parameters.tolist(), strict=True)
+
+    def _times(self, rows: Array) -> Array:
+        """Of straight motions (n,) to some configurations (n, dof), at the robot's full speed [s]."""
+        return np.asarray((np.abs(rows - self._start) / self._robot.velocity_limit).max(axis=1))
 
     def _turned(self, wanted: TargetPose) -> Iterator[tuple[Array, float | None]]:
         """On seven joints, the members nearest to the start at some angles about a free axis."""
