@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -247,18 +246,16 @@ class CurveProblem(NamedTuple):
         work.walk.chain[:], work.walk.T[:] = self.chain, self.T
         return self.arm._nearest(Call(find_nearest, work), seed)
 
-    def at(self, chords: Sequence[Array], parameters: Sequence[float]) -> Array:
-        """Points (n, 7) of chords (2, 14) where the parameter has values [rad], or the ends that are nearer to them."""
-        calls, index = self.arm._prepare(self, np.empty((0, DIMENSIONS))), self.arm.parameter
-        work, found = calls.point.work, np.empty((len(chords), DIMENSIONS))
-        for row, (chord, parameter) in enumerate(zip(chords, parameters, strict=True)):
-            work.nodes[:], work.at[0] = chord, parameter
-            if calls.point():
-                found[row] = work.x
-            else:
-                found[row] = chord[int(np.abs(chord[:, index] - parameter).argmin()), :DIMENSIONS]
+    def at(self, chord: Array, parameter: float) -> Array:
+        """The point (7,) of a chord (2, 14) where the parameter has a value [rad], or the end that is nearer to it."""
+        calls = self.arm._prepare(self, np.empty((0, DIMENSIONS)))
+        work = calls.point.work
+        work.nodes[:], work.at[0] = chord, parameter
+        found = calls.point()
+        ends = np.abs(chord[:, self.arm.parameter] - parameter)
+        x = work.x.copy() if found else chord[int(ends.argmin()), :DIMENSIONS].copy()
         self.arm._put_back(calls)
-        return found
+        return np.asarray(x)
 
 
 def about_axis(form: ClosedForm, robot: Robot) -> CurveArm:

@@ -22,6 +22,7 @@ from jacokin.ik.solutions import picture
 from jacokin.ik.solutions.least import least_member
 from jacokin.ik.solutions.members import (
     GUESS_SPACING,
+    CurveTrack,
     LostMemberError,
     Members,
     places_along,
@@ -92,13 +93,12 @@ class TrackInterval(Interval):
             p, rows = self._track.polyline()
             places = [0.5 * (len(p) - 1)] if n == 1 else np.linspace(0, len(p) - 1, n, endpoint=not self._is_round)
             chosen = np.round(places).astype(np.intp)
-            rows = self._members.copies(rows[chosen], self._members.seed)
-            return p[chosen], self._members.on_tracks([self._track] * n, p[chosen], rows)
+            return p[chosen], np.array([self._member(self.start, q, self._members.seed) for q in rows[chosen]])
         if n == 1:
             p = np.array([0.5 * (self.start + self.stop)])
         else:
             p = np.linspace(self.start, self.stop, n, endpoint=not self._is_round)
-        return p, self._members.on_tracks([self._track] * len(p), p)
+        return p, np.array([self._member(value, self._track.at(value), self._members.seed) for value in p.tolist()])
 
     def places_at_steps(self, p: Array, step: float) -> Array:
         """Where (n,) among values of the parameter (m,) in order its ends and the multiples of a step are, in parts.
@@ -313,7 +313,7 @@ class CurveSet(SolutionSet):
             chosen.append(np.unique(np.append(np.round(others), first + np.argmin(costs[first:end]))))
         place = np.concatenate(chosen).astype(np.intp)
         on = [tracks[number] for number in np.repeat(np.arange(len(tracks)), list(map(len, chosen))).tolist()]
-        return p[place], members.on_tracks(on, p[place], rows[place])
+        return members.led_to(on, p[place], rows[place])
 
     def parameter_of(self, q: ArrayLike) -> float:
         """The parameter [rad] of a member (dof,): in [-pi, pi] about a free axis; else the angle of that joint.

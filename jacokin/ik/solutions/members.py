@@ -50,16 +50,13 @@ class CurveTrack:
 
     def at(self, parameter: float) -> Array:
         """(dof,) the configuration where the parameter has a value in [start, stop]."""
-        return np.asarray(configurations_at([self], [parameter])[0])
-
-    def chord(self, parameter: float) -> tuple[Array, float]:
-        """The nodes (2, 14) around a value of the parameter, and that value among theirs; an end twice beyond it."""
-        nodes, p = self.nodes, parameter - self._turns
+        nodes, index = self.nodes, self._problem.arm.parameter
         if parameter <= self.start or parameter >= self.stop:
-            return nodes[[0, 0] if parameter <= self.start else [-1, -1]], p
-        chord = int(nodes[:, self._problem.arm.parameter].searchsorted(p)) - 1
+            return self._joints(nodes[0 if parameter <= self.start else -1, :DIMENSIONS])
+        p = parameter - self._turns
+        chord = int(np.searchsorted(nodes[:, index], p)) - 1
         chord = min(max(chord, 0), len(nodes) - 2)
-        return nodes[chord : chord + 2], p
+        return self._joints(self._problem.at(nodes[chord : chord + 2], p))
 
     def nearest(self, seed: Array, lower: Array, upper: Array) -> tuple[float, Array] | None:
         """Parameter and configuration (dof,) nearest to a seed (dof,), in the equivalents within the limits (dof,).
@@ -96,12 +93,6 @@ class CurveTrack:
     def _joints(self, x: Array) -> Array:
         """(..., dof) of points (..., 7)."""
         return x[..., : self._problem.arm.dof]
-
-
-def configurations_at(tracks: Sequence[CurveTrack], parameters: Sequence[float]) -> Array:
-    """(n, dof) of tracks of one target, one for each of some values of the parameter in their [start, stop]."""
-    chords, values = zip(*map(CurveTrack.chord, tracks, parameters), strict=True)
-    return tracks[0]._joints(tracks[0]._problem.at(chords, values))
 
 
 def polylines(
@@ -257,23 +248,25 @@ class Members:
                 lost = error
         raise lost
 
-    def on_tracks(self, tracks: Sequence[CurveTrack], parameters: Array, guesses: Array | None = None) -> Array:
-        """Members (n, dof) of tracks, one for each of the values (n,) of the parameter, as `on_track`, near to the seed.
+    def led_to(self, tracks: Sequence[CurveTrack], parameters: Array, guesses: Array) -> tuple[Array, Array]:
+        """Values of the parameter (n,) and members (n, dof) near to the seed that guesses (n, dof) on tracks lead to.
 
-        Where the parameter stands still on a track, the one at a guess (n, dof).
+        Raises:
+            LostMemberError: there is none anywhere near to one of them.
         """
-        rows = self.copies(configurations_at(tracks, parameters.tolist()), self.seed)
-        if guesses is not None:
-            standing = [track.start == track.stop for track in tracks]
-            rows[standing] = guesses[standing]
-        free, count = self.target.free_axis, len(rows)
-        goal = TargetRows(np.repeat(self.target.matrix[np.newaxis], count, axis=0))
+        free, chain, count = self.target.free_axis, self.verifier.chain, len(guesses)
+        axis = None if free is None else np.broadcast_to(free.axis, (count, 3))
+        goal = TargetRows(np.broadcast_to(self.target.matrix, (count, 4, 4)), axis)
+        x, _ = chain.close(guesses if free is None else np.column_stack([guesses, parameters]), goal)
+        rows = x[:, : chain.dof] = self.copies(x[:, : chain.dof], self.seed)
         if free is not None:
-            goal = goal._replace(axis=np.repeat(free.axis[np.newaxis], count, axis=0))
-        x = rows if free is None else np.column_stack([rows, parameters])
-        for row in np.flatnonzero(np.maximum(*self.verifier.chain.errors(x, goal)) > CLOSURE).tolist():
-            rows[row] = self.on_track(tracks[row], parameters.item(row), rows[row], self.seed)
-        return rows
+            low, high = np.array([(track.start, track.stop) for track in tracks]).T
+            x[:, chain.dof] = parameters = x[:, chain.dof].clip(low, high)
+        elif self.index is not None:
+            parameters = rows[:, self.index]
+        for row in np.flatnonzero(np.maximum(*chain.errors(x, goal)) > CLOSURE).tolist():  # clipped, or a singular arm
+            rows[row] = self.on_track(tracks[row], parameters.item(row), guesses[row], self.seed)
+        return parameters, rows
 
     def beside(self, q: Array, parameter: float) -> tuple[Array, float]:
         """The member (dof,) that the least steps lead to from a configuration nearby, and its parameter [rad].

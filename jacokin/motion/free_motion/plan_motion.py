@@ -324,14 +324,13 @@ class _Request(NamedTuple):
             goals: (n, dof) [rad].
         """
         rows, notes = [self.start], list[str]()
-        leaving = None if search is None else search.leaving
-        near = None if leaving is None else leaving.near(self.start)
+        near = None if search is None else search.near(self.start)
         outside = np.flatnonzero(inside != self.start).tolist()
         if outside:
             names = ", ".join(self.solver.robot.joint_names[joint] for joint in outside)
-            if search is not None and leaving is not None:
+            if search is not None:
                 if near:
-                    near, pair = leaving.follow(self.start, inside, near)
+                    near, pair = search.leaving.follow(self.start, inside, near)
                 else:
                     pair = search.contact.in_the_way(self.start, inside)
                 if pair is not None:
@@ -339,8 +338,9 @@ class _Request(NamedTuple):
                     return self._stay(MotionStatus.START_IN_CONTACT, sentence)
             rows.append(inside)
             notes.append(f"{names} starts outside its limits and comes back first")
-        if not near or leaving is None:
+        if not near or search is None:
             return _Beginning(np.array(rows), "; ".join(notes))
+        leaving = search.leaving
         distance, pair = leaving.nearest(near)
         how = f"are {distance:.3g} m apart" if distance > SAME_DISTANCE else "touch"
         where = f"{pair[0]} and {pair[1]} {how} at the start"
@@ -369,11 +369,10 @@ class _Request(NamedTuple):
 
         They begin where it may be. With them, why there is none to some others.
         """
-        leaving, found, none = search.leaving, dict[int, Array](), dict[int, str]()
-        for k in straight.blocked.tolist():
+        found, none = dict[int, Array](), dict[int, str]()
+        for k in straight.blocked[search.are_near(rows[straight.blocked])].tolist():
+            leaving = search.leaving
             near = leaving.near(rows[k])
-            if not near:
-                continue
             out = leaving.way_out(rows[k], near, start[None]) if len(found) < 16 else None  # enough to choose from
             if out is not None:
                 found[k] = out[::-1]
