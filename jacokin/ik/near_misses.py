@@ -8,7 +8,6 @@ within the limits lead back to it. Far from folds and limits there is nothing to
 
 from __future__ import annotations
 
-import functools
 import math
 
 import numpy as np
@@ -167,7 +166,9 @@ class NearMisses:
         """Errors (k, 6) and how they shrink with each coordinate (k, 6, width); none of an orientation that is free."""
         free = target.free_axis
         axis = None if free is None else np.broadcast_to(free.axis, (len(x), 3))
-        error, jacobian = self._verifier.chain.linearise(x, TargetRows(np.broadcast_to(target.matrix, (len(x), 4, 4)), axis))
+        error, jacobian = self._verifier.chain.linearise(
+            x, TargetRows(np.broadcast_to(target.matrix, (len(x), 4, 4)), axis)
+        )
         if target.position_only:
             error[:, 3:] = jacobian[:, 3:] = 0.0
         return error, jacobian

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -294,11 +295,11 @@ class CurveSet(SolutionSet):
         part, after = place - before, np.minimum(before + 1, len(p) - 1)
         return (1.0 - part) * p[before] + part * p[after], rows[before] + part[:, None] * (rows[after] - rows[before])
 
-    def least_and_others(self, cost: Cost, step: float = np.inf) -> tuple[Array, Array]:
+    def least_and_others(self, cost: Callable[[Array], Array], step: float = np.inf) -> tuple[Array, Array]:
         """Values of the parameter (k,) and members (k, dof) [rad]: of each interval one of least cost, and some others.
 
         Args:
-            cost: of rows (m, dof), in the copies nearest to the seed; looked at `LOOKED_AT` apart.
+            cost: (m,) of rows (m, dof), in the copies nearest to the seed; looked at `LOOKED_AT` apart.
             step: the others are about so far apart along each interval, both ends among them; infinite for none [rad].
         """
         members, tracks = self._members, [interval._track for interval in self.intervals]

@@ -95,9 +95,7 @@ class CurveTrack:
         return x[..., : self._problem.arm.dof]
 
 
-def polylines(
-    tracks: Sequence[CurveTrack], spacing: float = GUESS_SPACING
-) -> tuple[Array, Array, NDArray[np.intp]]:
+def polylines(tracks: Sequence[CurveTrack], spacing: float = GUESS_SPACING) -> tuple[Array, Array, NDArray[np.intp]]:
     """Values of the parameter (m,) and configurations there (m, dof) along tracks, one after another, in order.
 
     At most a spacing apart [rad], as exact as those of `CurveTrack.guesses`. And where each begins, with the end of the

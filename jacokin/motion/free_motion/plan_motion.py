@@ -27,7 +27,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, ModelError
-from jacokin.ik.preferences import by_distance
 from jacokin.ik.seeds import DEFAULT_RANDOM_SEED, checked_start, inside_exactly, random_configurations
 from jacokin.ik.solutions.curve_set import CurveSet
 from jacokin.ik.solver import IKSolver
