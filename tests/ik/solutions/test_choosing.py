@@ -225,13 +225,13 @@ def test_the_least_member_of_each_interval_and_others_all_along_it(name: str, rn
     target = FreeAxis(pose, axis=(1.0, 0.0, 0.0), range=(-2.0, 2.0)) if robot.dof == 6 else pose
     curves = IKSolver(robot, collision="ignore").solve_all(target, seed=seed)
     assert isinstance(curves, CurveSet)
-    least, rows = curves.least_and_others(by_distance(seed))
+    least, rows = curves.least_and_others(by_distance(seed).of)
     assert len(rows) == len(curves.intervals) > 1
     for q, interval in zip(rows, curves.intervals, strict=True):
         assert np.linalg.norm(q - seed) <= np.linalg.norm(interval.nearest(seed) - seed) + 0.1
-    parameters, rows = curves.least_and_others(by_distance(seed), 0.5)
+    parameters, rows = curves.least_and_others(by_distance(seed).of, 0.5)
     assert len(rows) > 3 * len(curves.intervals)
-    for p, q in zip([*least, *parameters], [*curves.least_and_others(by_distance(seed))[1], *rows], strict=True):
+    for p, q in zip([*least, *parameters], [*curves.least_and_others(by_distance(seed).of)[1], *rows], strict=True):
         assert robot.within_limits(q)
         wanted = target.at(p) if isinstance(target, FreeAxis) else target
         assert np.abs(robot.forward_kinematics(q).homogeneous - wanted.homogeneous).max() < 2e-9
