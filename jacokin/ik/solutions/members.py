@@ -264,6 +264,8 @@ class Members:
             parameters = rows[:, self.index]
         for row in np.flatnonzero(np.maximum(*chain.errors(x, goal)) > CLOSURE).tolist():  # clipped, or a singular arm
             rows[row] = self.on_track(tracks[row], parameters.item(row), guesses[row], self.seed)
+            if free is not None:
+                parameters[row] = self.parameter(rows[row])
         return parameters, rows
 
     def beside(self, q: Array, parameter: float) -> tuple[Array, float]:

@@ -719,7 +719,8 @@ class GoalFinder:
 
     def _times(self, rows: Array) -> Array:
         """Of straight motions (n,) to some configurations (n, dof), at the robot's full speed [s]."""
-        return np.asarray((np.abs(rows - self._start) / self._robot.velocity_limit).max(axis=1))
+        fastest = self._robot.velocity_limit
+        return np.asarray((np.abs(rows - self._start) / np.where(np.isfinite(fastest), fastest, 1.0)).max(axis=1))
 
     def _turned(self, wanted: TargetPose) -> Iterator[tuple[Array, float | None]]:
         """On seven joints, the members nearest to the start at some angles about a free axis."""
