@@ -24,7 +24,6 @@ from jacokin.kernels.closest import CIRCULAR, LOWER, UPPER, ClosestWork, find_cl
 from jacokin.kernels.library import Call
 from jacokin.model import angles
 from jacokin.model.kinematics import axis_of
-from jacokin.model.many_configurations import Chain
 
 REACH_SLACK = 1e-3  # [m] beyond the tolerance: a bound that can be trusted
 FARTHEST = 10.0  # arm lengths: from there on only the direction to the target matters
@@ -48,7 +47,7 @@ class ClosestSearch:
     @functools.cached_property
     def _joints(self) -> tuple[Array, Array, int]:
         """What the kernel knows about the joints, the tool after the last one, and how many move it."""
-        constants, tip, number = Chain(self._robot, self._verifier.frame_id, self._verifier.tool).constants
+        constants, tip, number = self._verifier.chain.constants
         joints = np.column_stack([constants, self._circular, self._robot.lower, self._robot.upper])
         assert joints.shape[1] == UPPER + 1 == LOWER + 2 == CIRCULAR + 3
         return joints, tip, number

@@ -8,7 +8,6 @@ within the limits lead back to it. Far from folds and limits there is nothing to
 
 from __future__ import annotations
 
-import functools
 import math
 
 import numpy as np
@@ -20,7 +19,7 @@ from jacokin.ik.targets import Request, TargetPose
 from jacokin.ik.verification import Verifier
 from jacokin.kernels.closest import BOUND_PASSES, LONGEST_STEP
 from jacokin.model import angles
-from jacokin.model.many_configurations import Chain, TargetRows
+from jacokin.model.many_configurations import TargetRows
 
 #: Directions that no structured target has, so that each crosses a fold; moves go along them to and fro.
 DIRECTIONS = (
@@ -65,10 +64,6 @@ class NearMisses:
         steps = [sign * move * np.array(way) for way in DIRECTIONS[:ways] for sign in (1.0, -1.0)]
         self._moves = np.array([pin.exp6(step).homogeneous for step in steps])
         self.near = BEND * math.sqrt(move)
-
-    @functools.cached_property
-    def _chain(self) -> Chain:
-        return Chain(self._verifier.robot, self._verifier.frame_id, self._verifier.tool)
 
     def moved(self, T: Array) -> Array:
         """A target (4, 4) moved a little to and fro, (m, 4, 4)."""
@@ -171,7 +166,9 @@ class NearMisses:
         """Errors (k, 6) and how they shrink with each coordinate (k, 6, width); none of an orientation that is free."""
         free = target.free_axis
         axis = None if free is None else np.broadcast_to(free.axis, (len(x), 3))
-        error, jacobian = self._chain.linearise(x, TargetRows(np.broadcast_to(target.matrix, (len(x), 4, 4)), axis))
+        error, jacobian = self._verifier.chain.linearise(
+            x, TargetRows(np.broadcast_to(target.matrix, (len(x), 4, 4)), axis)
+        )
         if target.position_only:
             error[:, 3:] = jacobian[:, 3:] = 0.0
         return error, jacobian

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -19,6 +20,7 @@ from jacokin.ik.solutions.points import BranchTable, Points
 from jacokin.ik.solutions.solution_set import SolutionSet
 from jacokin.ik.targets import Request, TargetPose
 from jacokin.model import checks
+from jacokin.model.many_configurations import Chain
 from jacokin.model.robot import Robot
 
 if TYPE_CHECKING:
@@ -127,6 +129,11 @@ class Verifier:
         """Work arrays for kernels that see whether shapes touch, where the solver looks for contact."""
         assert self._contact is not None
         return self._contact.fresh_work()
+
+    @functools.cached_property
+    def chain(self) -> Chain:
+        """The kinematics of the tool, for many configurations at once."""
+        return Chain(self.robot, self.frame_id, self.tool)
 
     def tool_pose(self, q: Array) -> pin.SE3:
         """The pose of the tool in the base at `q`."""

@@ -127,9 +127,12 @@ class Contact:
         call.work.q[: q.size] = q
         return self._listed(call)
 
-    def touches_at(self, rows: Array) -> NDArray[np.bool_]:
-        """Whether any shapes touch at each of some checked configurations (n, dof) [rad]."""
-        return self._ask(run.ContactTask.TOUCHES, rows, self._clearance)
+    def touches_at(self, rows: Array, extra: float = 0.0) -> NDArray[np.bool_]:
+        """Whether any shapes touch at each of some checked configurations (n, dof) [rad].
+
+        With `extra` [m] the clearance is so much larger.
+        """
+        return self._ask(run.ContactTask.TOUCHES, rows, self._clearance + extra)
 
     def touching_from(self, T_world_base: pin.SE3, q: Array) -> list[Pair]:
         """Names of the shapes that touch with the base elsewhere: of the base and obstacles those 5 mm deep."""

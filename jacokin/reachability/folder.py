@@ -253,7 +253,7 @@ def count_reaching(solver: IKSolver, targets: Array, orientations: Orientations 
     """
     free = orientations if orientations is not None and orientations.axes is not None else None
     if not one_by_one(solver, free is not None):
-        found = _count_compiled(solver, targets)
+        found = count_in_contact_or_not(solver, targets)
         if not solver.verifier.avoids_contact:
             return found
         return _without_contact(found, _clear_branches(solver, targets, found.counts))
@@ -267,7 +267,11 @@ def count_reaching(solver: IKSolver, targets: Array, orientations: Orientations 
     return PoseCounts(counts, margins, touching)
 
 
-def _count_compiled(solver: IKSolver, targets: Array) -> PoseCounts:
+def count_in_contact_or_not(solver: IKSolver, targets: Array) -> PoseCounts:
+    """How many configurations reach each of n poses (n, 4, 4), whether they touch something or not, and their margin.
+
+    By the compiled loop alone, where `one_by_one` does not hold.
+    """
     seeds = np.tile(solver.robot.home, (len(targets), 1))
     rows = solver.closed_form().solve_batch(targets, seeds)
     good = solver.verifier.reached_rows(rows) & rows.within_limits
@@ -367,7 +371,7 @@ def count_with_rows(solver: IKSolver, targets: Array) -> tuple[PoseCounts, RowsO
     """What `count_reaching` gives for poses (n, 4, 4), and the `usable_rows` of those with a count, solved once."""
     if one_by_one(solver, False):
         return count_reaching(solver, targets), lambda number: usable_rows(solver, targets[number])
-    found = _count_compiled(solver, targets)
+    found = count_in_contact_or_not(solver, targets)
     clear = _clear_branches(solver, targets, found.counts)
     if solver.verifier.avoids_contact:
         found = _without_contact(found, clear)

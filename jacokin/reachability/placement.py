@@ -22,7 +22,13 @@ from jacokin.ik.results import Frozen
 from jacokin.model import checks, poses
 from jacokin.model.contact import ContactInWorld
 from jacokin.model.scene import Scene, checked_scene
-from jacokin.reachability.folder import count_reaching, count_with_rows, one_by_one, usable_rows
+from jacokin.reachability.folder import (
+    count_in_contact_or_not,
+    count_reaching,
+    count_with_rows,
+    one_by_one,
+    usable_rows,
+)
 from jacokin.reachability.map import ReachabilityMap, checked_poses
 from jacokin.reachability.pictures import outline_arm, outline_scene
 from jacokin.reachability.samples import NOWHERE, Grid, turn_about_base, turn_about_z
@@ -242,9 +248,10 @@ class _Refinement:
             if self.slow and score[0] == len(self.targets):
                 break
             around = np.clip(place + step * moves, *self.bounds)
+            around = self._promising(around, yaw, score)
             scores, hits, touches = self._measure(around, yaw)
-            index = max(range(len(scores)), key=scores.__getitem__)
-            if scores[index] > score:
+            index = max(range(len(scores)), key=scores.__getitem__, default=-1)
+            if index >= 0 and scores[index] > score:
                 place, score = around[index], scores[index]
                 success, touching = hits[index], touches[index]
             elif step > 0.001:  # [m]
@@ -265,18 +272,43 @@ class _Refinement:
         moves = np.stack(np.meshgrid(steps, steps, [0.0] if flat else steps, indexing="ij"), axis=-1).reshape(-1, 3)
         yaw = float(np.arctan2(near.pose.rotation[1, 0], near.pose.rotation[0, 0]))
         places = np.clip(near.pose.translation + moves, *self.bounds)
-        scores: list[tuple[int, float]] = []
+        best, score = near.pose.translation, (-1, 0.0)
         for first in range(0, len(places), PLACES):
-            scores += self._measure(places[first : first + PLACES], yaw)[0]
-        best = places[max(range(len(scores)), key=scores.__getitem__)]
+            some = self._promising(places[first : first + PLACES], yaw, score)
+            scores = self._measure(some, yaw)[0]
+            index = max(range(len(scores)), key=scores.__getitem__, default=-1)
+            if index >= 0 and scores[index] > score:
+                best, score = some[index], scores[index]
         return self.settle(yaw, best)
+
+    def _promising(self, places: Array, yaw: float, score: tuple[int, float]) -> Array:
+        """Those of places (n, 3) that would score more if nothing touched anything: the others need no closer look."""
+        solver = self.map.solver
+        if one_by_one(solver, False) or (self.world is None and not solver.verifier.avoids_contact):
+            return places
+        found = count_in_contact_or_not(solver, self._seen_from(places, yaw))
+        better = [each > score for each in self._scores(len(places), found.counts > 0, found.margins)]
+        return places[better]
+
+    def _seen_from(self, places: Array, yaw: float) -> Array:
+        """The targets (places targets, 4, 4) in a base at each of some places (n, 3)."""
+        return np.ascontiguousarray(np.concatenate([_targets_in_base(self.targets, place, yaw) for place in places]))
+
+    @staticmethod
+    def _scores(places: int, hits: NDArray[np.bool_], margins: Array) -> list[tuple[int, float]]:
+        """Targets reached and smallest margin of each of some places."""
+        hits, margins = hits.reshape(places, -1), margins.reshape(places, -1)
+        smallest = np.where(hits, margins, np.inf).min(axis=1)
+        return list(zip(hits.sum(axis=1).tolist(), smallest.tolist(), strict=True))
 
     def _measure(
         self, places: Array, yaw: float
     ) -> tuple[list[tuple[int, float]], NDArray[np.bool_], NDArray[np.bool_]]:
         """Targets reached and smallest margin of each place; and which targets, and which only in contact."""
-        seen = np.concatenate([_targets_in_base(self.targets, place, yaw) for place in places])
-        seen = np.ascontiguousarray(seen)
+        if not len(places):
+            nothing = np.zeros((0, len(self.targets)), dtype=np.bool_)
+            return [], nothing, nothing
+        seen = self._seen_from(places, yaw)
         if self.world is None:
             counts, margins, in_contact = count_reaching(self.map.solver, seen)
         else:
@@ -294,8 +326,7 @@ class _Refinement:
                     touching[index, target] = margin is None
                     margins[index, target] = np.nan if margin is None else margin
             hits &= ~touching
-        smallest = np.where(hits, margins, np.inf).min(axis=1)
-        return list(zip(hits.sum(axis=1).tolist(), smallest.tolist(), strict=True)), hits, touching
+        return self._scores(len(places), hits, margins), hits, touching
 
     def _clear_margin(self, rows: Array, margins: Array, base: pin.SE3) -> float | None:
         """The first of some limit margins (k,) whose configuration (k, dof) is clear of the world; None for none."""

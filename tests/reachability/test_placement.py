@@ -10,10 +10,12 @@ import pytest
 
 import jacokin
 from jacokin import IKSolver, Robot
+from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.model import Box, Floor, Scene
 from jacokin.reachability import Grid, build, bundled, place_base
 from jacokin.reachability.folder import count_reaching, count_with_rows, usable_rows
+from jacokin.reachability.placement import _Refinement
 
 BENCH = Box("bench", [0.8, 0.8, 0.4], [0.2, 0.0, 0.2])  # from -0.2 to 0.6 m in x, 0.4 m high
 ON_BENCH = [jacokin.pose([x, y, 0.5], down=True) for x in (0.2, 0.4) for y in (-0.15, 0.15)]
@@ -39,6 +41,22 @@ def test_what_reaches_many_targets_is_what_reaches_each(name: str, collision: st
     for number in np.flatnonzero(found.counts).tolist():
         for together, apart in zip(rows_of(number), usable_rows(solver, targets[number]), strict=True):
             np.testing.assert_array_equal(together, apart)
+
+
+def test_places_that_cannot_be_better_are_not_looked_at_closely(monkeypatch: pytest.MonkeyPatch) -> None:
+    def places() -> list[tuple[float, ...]]:
+        found = place_base(bundled(), ON_BENCH, x=(-0.3, 0.1), y=(-0.1, 0.1), heights=[0.0], count=2)
+        return [(place.reached, place.margin, *place.pose.translation) for place in found]
+
+    quick, seen = places(), list[int]()
+
+    def all_of_them(_: _Refinement, at: Array, *__: object) -> Array:
+        seen.append(len(at))
+        return at
+
+    monkeypatch.setattr(_Refinement, "_promising", all_of_them)
+    assert quick == places()
+    assert len(seen) > 10
 
 
 @pytest.mark.slow

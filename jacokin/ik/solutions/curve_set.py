@@ -7,6 +7,9 @@ What is within the limits of a branch is some intervals of p.
 
 from __future__ import annotations
 
+import itertools
+import math
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +34,9 @@ from jacokin.kernels.tolerances import LIMIT_SNAP
 from jacokin.model import angles, checks
 from jacokin.model.angles import TURN
 from jacokin.model.robot import limit_margins
+
+#: [rad] between members of which some are chosen.
+LOOKED_AT = 0.1
 
 
 class TrackInterval(Interval):
@@ -288,6 +294,27 @@ class CurveSet(SolutionSet):
         before = np.minimum(place.astype(np.intp), len(p) - 1)
         part, after = place - before, np.minimum(before + 1, len(p) - 1)
         return (1.0 - part) * p[before] + part * p[after], rows[before] + part[:, None] * (rows[after] - rows[before])
+
+    def least_and_others(self, cost: Callable[[Array], Array], step: float = np.inf) -> tuple[Array, Array]:
+        """Values of the parameter (k,) and members (k, dof) [rad]: of each interval one of least cost, and some others.
+
+        Args:
+            cost: (m,) of rows (m, dof), in the copies nearest to the seed; looked at `LOOKED_AT` apart.
+            step: the others are about so far apart along each interval, both ends among them; infinite for none [rad].
+        """
+        members, tracks = self._members, [interval._track for interval in self.intervals]
+        if not tracks:
+            return np.empty(0), np.empty((0, members.robot.dof))
+        p, rows, begins = polylines(tracks, LOOKED_AT)
+        rows = members.copies(rows, members.seed)
+        costs, chosen = cost(rows), list[Array]()
+        for first, end in itertools.pairwise(begins.tolist()):
+            others = np.linspace(first, end - 1, 1 + math.ceil((end - first) * LOOKED_AT / step))
+            others = others[: 0 if math.isinf(step) else None]
+            chosen.append(np.unique(np.append(np.round(others), first + np.argmin(costs[first:end]))))
+        place = np.concatenate(chosen).astype(np.intp)
+        on = [tracks[number] for number in np.repeat(np.arange(len(tracks)), list(map(len, chosen))).tolist()]
+        return members.led_to(on, p[place], rows[place])
 
     def parameter_of(self, q: ArrayLike) -> float:
         """The parameter [rad] of a member (dof,): in [-pi, pi] about a free axis; else the angle of that joint.

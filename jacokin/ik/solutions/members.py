@@ -21,6 +21,7 @@ from jacokin.kernels.solution_set.run import STARTING_STEPS
 from jacokin.kernels.tolerances import CLOSURE, SMALLEST_PIVOT
 from jacokin.model import angles
 from jacokin.model.angles import TURN
+from jacokin.model.many_configurations import TargetRows
 from jacokin.model.robot import Robot
 
 #: [rad] distance in joint space between guesses along a track.
@@ -94,12 +95,13 @@ class CurveTrack:
         return x[..., : self._problem.arm.dof]
 
 
-def polylines(tracks: Sequence[CurveTrack]) -> tuple[Array, Array, NDArray[np.intp]]:
+def polylines(tracks: Sequence[CurveTrack], spacing: float = GUESS_SPACING) -> tuple[Array, Array, NDArray[np.intp]]:
     """Values of the parameter (m,) and configurations there (m, dof) along tracks, one after another, in order.
 
-    As exact as those of `CurveTrack.guesses`. And where each begins, with the end of the last (tracks + 1,).
+    At most a spacing apart [rad], as exact as those of `CurveTrack.guesses`. And where each begins, with the end of the
+    last (tracks + 1,).
     """
-    places, points = _spread(tracks)
+    places, points = _spread(tracks, spacing)
     ends = np.cumsum([len(track.nodes) for track in tracks])
     begins, arm = np.append(0, np.searchsorted(places, ends)), tracks[0]._problem.arm
     p = points[:, arm.parameter].copy()
@@ -118,12 +120,12 @@ def places_along(lengths: Array, spacing: float) -> Array:
     return np.asarray(chord + (np.arange(len(chord)) - (np.cumsum(counts) - counts)[chord]) / counts[chord])
 
 
-def _spread(tracks: Sequence[CurveTrack]) -> tuple[Array, Array]:
+def _spread(tracks: Sequence[CurveTrack], spacing: float = GUESS_SPACING) -> tuple[Array, Array]:
     """Places (m,) along the nodes of all tracks, and points there (m, 7), by the cubics between the nodes."""
     nodes = np.concatenate([track.nodes for track in tracks])
     lengths = np.linalg.norm(np.diff(nodes[:, :DIMENSIONS], axis=0, append=nodes[-1:, :DIMENSIONS]), axis=1)
     lengths[np.cumsum([len(track.nodes) for track in tracks]) - 1] = 0.0  # no chord begins there
-    places = places_along(lengths, GUESS_SPACING)
+    places = places_along(lengths, spacing)
     return places, _points_at(nodes, places)
 
 
@@ -243,6 +245,28 @@ class Members:
             except LostMemberError as error:
                 lost = error
         raise lost
+
+    def led_to(self, tracks: Sequence[CurveTrack], parameters: Array, guesses: Array) -> tuple[Array, Array]:
+        """Values of the parameter (n,) and members (n, dof) near to the seed that guesses (n, dof) on tracks lead to.
+
+        Raises:
+            LostMemberError: there is none anywhere near to one of them.
+        """
+        free, chain, count = self.target.free_axis, self.verifier.chain, len(guesses)
+        axis = None if free is None else np.broadcast_to(free.axis, (count, 3))
+        goal = TargetRows(np.broadcast_to(self.target.matrix, (count, 4, 4)), axis)
+        x, _ = chain.close(guesses if free is None else np.column_stack([guesses, parameters]), goal)
+        rows = x[:, : chain.dof] = self.copies(x[:, : chain.dof], self.seed)
+        if free is not None:
+            low, high = np.array([(track.start, track.stop) for track in tracks]).T
+            x[:, chain.dof] = parameters = x[:, chain.dof].clip(low, high)
+        elif self.index is not None:
+            parameters = rows[:, self.index]
+        for row in np.flatnonzero(np.maximum(*chain.errors(x, goal)) > CLOSURE).tolist():  # clipped, or a singular arm
+            rows[row] = self.on_track(tracks[row], parameters.item(row), guesses[row], self.seed)
+            if free is not None:
+                parameters[row] = self.parameter(rows[row])
+        return parameters, rows
 
     def beside(self, q: Array, parameter: float) -> tuple[Array, float]:
         """The member (dof,) that the least steps lead to from a configuration nearby, and its parameter [rad].

@@ -12,6 +12,7 @@ arm            where the links and their shapes are, and how far a motion can mo
 tree           obstacles in a tree of boxes
 touching       pairs of shapes that touch
 nearest        the pair that is nearest, or that a motion could bring together first
+approach       for how long a pair stays apart on a motion
 motion         straight motions, without gaps
 sweep          what could touch on a part of a motion, in places side by side
 cloud_tree     the entry point that sorts points into a tree of boxes

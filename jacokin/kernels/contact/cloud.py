@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 from jacokin.arrays import Array
-from jacokin.kernels.contact.separation import SeparationWork, separation
+from jacokin.kernels.contact.separation import OVERLAP, SeparationWork, separation
 from jacokin.kernels.contact.shapes import (
     BOX,
     CLOUD,
@@ -28,6 +28,7 @@ from jacokin.kernels.contact.shapes import (
     POINT,
     RADIUS,
     SEGMENT,
+    SIZE,
     Shapes,
     box_distance,
     core_bound,
@@ -57,8 +58,29 @@ def shape_separation(
         x = -(r[0, 0] * r[0, 3] + r[1, 0] * r[1, 3] + r[2, 0] * r[2, 3])
         y = -(r[0, 1] * r[0, 3] + r[1, 1] * r[1, 3] + r[2, 1] * r[2, 3])
         z = -(r[0, 2] * r[0, 3] + r[1, 2] * r[1, 3] + r[2, 2] * r[2, 3])
+        point_normal(shapes, b, (x, y, z), r, work.witness[0])
         return float(core_bound(shapes, b, x, y, z) - shapes.numbers[a, MARGIN])
     return separation(shapes, pair, work, enough, little, rough, deep)
+
+
+def point_normal(shapes: Shapes, b: int, p: Vec, relative: Array, normal: Array) -> None:
+    """Fill the normal from a point to a point, segment, box or cylinder, in the point's axes; zero inside of that.
+
+    The point is in the axes of the shape, and `relative` (3, 4) the shape's frame in the point's.
+    """
+    row = shapes.numbers[b]
+    x, y, z = p[0], p[1], p[2]
+    if shapes.integers[b, KIND] == CYLINDER:
+        far = math.sqrt(x * x + y * y)
+        beyond = max(far - row[SIZE], 0.0) / max(far, OVERLAP)
+        x, y = beyond * x, beyond * y
+    else:
+        x = math.copysign(max(abs(x) - row[SIZE], 0.0), x)
+        y = math.copysign(max(abs(y) - row[SIZE + 1], 0.0), y)
+    z = math.copysign(max(abs(z) - row[SIZE + 2], 0.0), z)
+    length = max(math.sqrt(x * x + y * y + z * z), OVERLAP)
+    for i in range(3):
+        normal[i] = -(relative[i, 0] * x + relative[i, 1] * y + relative[i, 2] * z) / length
 
 
 def cloud_separation(

@@ -89,7 +89,7 @@ def is_clear(
         middle, half = 0.5 * (low + high), 0.5 * (high - low)
         look_at(geometry, counts, places, course, start, middle)
         rate(geometry, counts, places, course, half, first, last)
-        search = Search(margin, True, half, refused)
+        search = Search(margin, True, half, refused, course.step)
         covered, end = find_nearest(geometry, counts, places, finder, search, near, first, last)
         if covered < half:
             if finder.distance[0] < refused:
@@ -141,7 +141,7 @@ def least_on_motion(
     found[0], found[1], near = math.inf, 0.0, list_all(geometry.arm, geometry.tree, counts, rows)
     for end in range(2):
         look_at(geometry, counts, places, course, start, float(end))
-        search = Search(0.0, False, found[0], math.inf)
+        search = Search(0.0, False, found[0], math.inf, course.step)
         if find_nearest(geometry, counts, places, finder, search, rows, 0, near)[0] < found[0]:
             leave(course, finder, float(end))
     waiting[0, 0], waiting[0, 1] = 0.0, 1.0
@@ -151,11 +151,11 @@ def least_on_motion(
         low, high = waiting[size, 0], waiting[size, 1]
         middle, half = 0.5 * (low + high), 0.5 * (high - low)
         look_at(geometry, counts, places, course, start, middle)
-        search = Search(0.0, False, found[0], math.inf)
+        search = Search(0.0, False, found[0], math.inf, course.step)
         if find_nearest(geometry, counts, places, finder, search, rows, 0, near)[0] < found[0]:
             leave(course, finder, middle)
         rate(geometry, counts, places, course, half, 0, near)
-        search = Search(found[0] - accuracy - RELATIVE_ACCURACY * abs(found[0]), True, half, math.inf)
+        search = Search(found[0] - accuracy - RELATIVE_ACCURACY * abs(found[0]), True, half, math.inf, course.step)
         covered, _ = find_nearest(geometry, counts, places, finder, search, rows, 0, near)
         if covered < half:
             waiting[size, 0], waiting[size, 1] = middle + covered, high

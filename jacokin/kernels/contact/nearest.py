@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
+from jacokin.kernels.contact.approach import apart_along, lasts
 from jacokin.kernels.contact.arm import (
     FIRST_PAIR,
     FIRST_SHAPE,
@@ -33,6 +34,8 @@ from jacokin.kernels.contact.tree import Tree, node_bound
 MEETING, NODE, PLANE_BELOW, OWN_PAIR, OBSTACLE_PAIR = range(5)
 #: Columns of such an entry: which of them it is, two numbers, and the group that moves.
 KIND, FIRST, SECOND, GROUP, ENTRY = range(5)
+#: For a pair that is certain to stay apart, it is asked for how much longer, where all others do so many times as long.
+WORTH = 1.5
 #: [m] how far a motion moves the pairs that it does not move.
 UNMOVED = 1e-12
 #: An entry: its kind, two numbers, its group.
@@ -50,12 +53,16 @@ class Finder(NamedTuple):
 
 
 class Search(NamedTuple):
-    """What is looked for: the least (distance - margin) / rate, smaller than a value."""
+    """What is looked for: the least (distance - margin) / rate, smaller than a value.
+
+    On a motion, that is for how long a pair is certain to stay apart; the direction in which it is may show more.
+    """
 
     margin: float  # [m]
     moving: bool  # False: the rate is one; True: that at which the pair can approach
     below: float
     rough: float  # [m] distances above this need not be exact, see `separation`
+    step: Array  # (dof,) what the joints do for each unit of the motion [rad]
 
 
 def make_finder(room: int, work: SeparationWork) -> Finder:
@@ -130,6 +137,11 @@ def find_nearest(
             enough, deep = least * rate + search.margin, search.rough == math.inf
             distance = shape_separation(shapes, (i, j), finder.work, enough, -math.inf, search.rough, deep)
             value = (distance - search.margin) / rate
+            if search.moving and value < least and (size == 0 or finder.keys[0] >= WORTH * value):
+                spare = apart_along(shapes, (i, j), finder.work, distance) - (search.margin if deep else search.rough)
+                if spare > 0.0:
+                    own, half = kind == OWN_PAIR, search.below
+                    value = max(value, lasts(geometry, places, finder.work, (i, j), own, search.step, half, spare))
             if value < search.below:
                 end = keep(search, rows, end, entry)
             if value < least:

@@ -91,7 +91,7 @@ def run_contact(work: ContactWork) -> int:
             elif a >= 0:  # rows are near to each other more often than not, and so is their nearest pair
                 relate(geometry.shapes, places.frames, a, b, hits.pair.relative)
                 near = shape_separation(geometry.shapes, (a, b), hits.pair, math.inf, -math.inf, math.inf, True)
-            search = Search(0.0, False, near, math.inf)
+            search = Search(0.0, False, near, math.inf, course.step)
             least, _ = find_nearest(geometry, counts, places, finder, search, course.near, 0, count)
             work.value[i, 0] = least
             work.named[i, 0], work.named[i, 1] = finder.best[0], finder.best[1]

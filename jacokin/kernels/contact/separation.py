@@ -68,7 +68,7 @@ def separation(
     Args:
         shapes: all of them.
         pair: numbers of the two; a plane is the second.
-        work: its witness is filled unless the search ends early.
+        work: its witness is filled; where the search ends early, only its normal, along which they are apart.
         enough: as soon as they are known to be farther apart, a lower bound larger than this is returned [m].
         little: as soon as they are known to be nearer, an upper bound not larger than this is returned [m].
         rough: where they are farther apart than this, a lower bound of what is beyond it will do, known to a part of
@@ -91,6 +91,8 @@ def separation(
         height = -support_of_difference(shapes, pair, r, work.hints, (-v[0], -v[1], -v[2]), simplex[count])
         bound = max(bound, height / length)
         if bound - margin > enough or upper - bound <= ROUGHNESS * (bound - margin - rough):
+            for i in range(3):
+                witness[0, i] = -v[i] / length
             return float(bound - margin)
         if known and (upper - bound <= DISTANCE_TOLERANCE or is_corner(simplex, count)):
             break

@@ -28,6 +28,7 @@ from numpy.typing import ArrayLike, NDArray
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, ModelError
 from jacokin.ik.seeds import DEFAULT_RANDOM_SEED, checked_start, inside_exactly, random_configurations
+from jacokin.ik.solutions.curve_set import CurveSet
 from jacokin.ik.solver import IKSolver
 from jacokin.ik.targets import PartialTarget, Target, TargetPose, interpret
 from jacokin.model import angles, checks
@@ -322,14 +323,13 @@ class _Request(NamedTuple):
             goals: (n, dof) [rad].
         """
         rows, notes = [self.start], list[str]()
-        leaving = None if search is None else search.leaving
-        near = None if leaving is None else leaving.near(self.start)
+        near = None if search is None else search.near(self.start)
         outside = np.flatnonzero(inside != self.start).tolist()
         if outside:
             names = ", ".join(self.solver.robot.joint_names[joint] for joint in outside)
-            if search is not None and leaving is not None:
+            if search is not None:
                 if near:
-                    near, pair = leaving.follow(self.start, inside, near)
+                    near, pair = search.leaving.follow(self.start, inside, near)
                 else:
                     pair = search.contact.in_the_way(self.start, inside)
                 if pair is not None:
@@ -337,8 +337,9 @@ class _Request(NamedTuple):
                     return self._stay(MotionStatus.START_IN_CONTACT, sentence)
             rows.append(inside)
             notes.append(f"{names} starts outside its limits and comes back first")
-        if not near or leaving is None:
+        if not near or search is None:
             return _Beginning(np.array(rows), "; ".join(notes))
+        leaving = search.leaving
         distance, pair = leaving.nearest(near)
         how = f"are {distance:.3g} m apart" if distance > SAME_DISTANCE else "touch"
         where = f"{pair[0]} and {pair[1]} {how} at the start"
@@ -367,11 +368,10 @@ class _Request(NamedTuple):
 
         They begin where it may be. With them, why there is none to some others.
         """
-        leaving, found, none = search.leaving, dict[int, Array](), dict[int, str]()
-        for k in straight.blocked.tolist():
+        found, none = dict[int, Array](), dict[int, str]()
+        for k in straight.blocked[search.are_near(rows[straight.blocked])].tolist():
+            leaving = search.leaving
             near = leaving.near(rows[k])
-            if not near:
-                continue
             out = leaving.way_out(rows[k], near, start[None]) if len(found) < 16 else None  # enough to choose from
             if out is not None:
                 found[k] = out[::-1]
@@ -578,7 +578,7 @@ def _named(pairs: Counter[tuple[str, str]]) -> str:
     return ", ".join(f"{a} and {b}" for (a, b), _ in pairs.most_common(2))
 
 
-SPREAD = float(np.radians(20.0))  # between members of a curve that are tried
+SPREAD = 0.7  # [rad] along a curve, between members that are tried
 TURNED = float(np.radians(30.0))  # between angles about a free axis that are tried on seven joints
 GOALS = "a configuration, a pose, a FreeAxis"
 
@@ -713,11 +713,14 @@ class GoalFinder:
     def _members(self, wanted: TargetPose) -> Iterator[tuple[Array, float | None]]:
         """Of each interval of curves the member nearest to the start, and some all along it."""
         found = self._solver.solve_all(self._pose_of(wanted), seed=self._start)
-        for interval in found.intervals:
-            nearest = interval.nearest(self._start)
-            yield nearest, found.parameter_of(nearest)
-            parameters, rows = interval.sample(max(2, int(np.ceil(interval.length / SPREAD))))
-            yield from zip(rows, parameters.tolist(), strict=True)
+        assert isinstance(found, CurveSet)
+        parameters, rows = found.least_and_others(self._times, SPREAD)
+        yield from zip(rows, parameters.tolist(), strict=True)
+
+    def _times(self, rows: Array) -> Array:
+        """Of straight motions (n,) to some configurations (n, dof), at the robot's full speed [s]."""
+        fastest = self._robot.velocity_limit
+        return np.asarray((np.abs(rows - self._start) / np.where(np.isfinite(fastest), fastest, 1.0)).max(axis=1))
 
     def _turned(self, wanted: TargetPose) -> Iterator[tuple[Array, float | None]]:
         """On seven joints, the members nearest to the start at some angles about a free axis."""

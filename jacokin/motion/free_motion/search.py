@@ -29,7 +29,7 @@ from jacokin.kernels.library import Call
 from jacokin.model.angles import TURN
 from jacokin.model.contact import REFUSED_WITHIN, Contact, Pair
 from jacokin.model.robot import Robot
-from jacokin.motion.free_motion.leaving import Leaving
+from jacokin.motion.free_motion.leaving import Leaving, Nearness
 
 MOST_STRAIGHT = 64  # clear goals to which the straight motion is tried
 MOST_SAMPLES = 200_000  # after which a search is given up, whatever time is left
@@ -88,6 +88,14 @@ class WaySearch:
         if found is None:
             found = self._local.leaving = Leaving(self._robot, self.contact, self._clearance)
         return found
+
+    def are_near(self, rows: Array) -> NDArray[np.bool_]:
+        """Whether at configurations (n, dof) anything is nearer than motions from there can be certified with."""
+        return self.contact.touches_at(rows, REFUSED_WITHIN)
+
+    def near(self, q: Array) -> Nearness | None:
+        """What is so near at a configuration (dof,); None for nothing."""
+        return self.leaving.near(q) if self.are_near(q[None])[0] else None
 
     def begin(self, start: Array, goals: Array, speed: Array, rng: Randomness) -> None:
         """Set start (dof,) and goals (k, dof) [rad], the soonest first, and the speeds of the joints (dof,) [rad/s].

@@ -25,7 +25,6 @@ from jacokin.ik.targets import Target, TargetPose
 from jacokin.ik.verification import Verifier
 from jacokin.model import checks
 from jacokin.model.angles import wrap_to_pi
-from jacokin.model.many_configurations import Chain
 from jacokin.model.poses import FreeAxis, rotation_angle
 from jacokin.model.robot import acceleration_limits, limit_margins, velocity_limits
 from jacokin.motion.free_motion.plan_motion import plan_motion
@@ -115,8 +114,7 @@ def plan_path(
         raise InvalidInputError(f"velocity_limit must be at least {SLOWEST:g} rad/s, got {velocity.min():g}")
     dt = checks.positive("dt", dt, "s")
     path = CartesianPath(targets, solver.frame)
-    chain = Chain(robot, verifier.frame_id, verifier.tool)
-    manifold = Manifold(robot, chain, path, verifier.options.limit_snap, solver.parameter)
+    manifold = Manifold(robot, verifier.chain, path, verifier.options.limit_snap, solver.parameter)
     free_step = checks.positive("free_step", free_step, "rad")
     finest = 0.1 if manifold.has_surfaces else FINEST  # [rad]
     if free_step < finest:

@@ -13,6 +13,7 @@ import jacokin
 from jacokin import FreeAxis, IKSolver, Robot
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
+from jacokin.ik.preferences import by_distance
 from jacokin.ik.solutions.curve_set import CurveSet
 from jacokin.motion import AxisTarget, OrientationTarget, PoseTarget, PositionTarget
 
@@ -214,3 +215,27 @@ def test_members_at_steps_of_the_parameter_are_nearly_members(robot: Robot, rng:
     for interval in family.intervals:  # every multiple of the step that is inside
         inside = 0.3 * np.arange(np.ceil(interval.start / 0.3), np.floor(interval.stop / 0.3) + 1.0)
         assert all(np.abs(parameters - p).min() < 1e-9 for p in inside)
+
+
+@pytest.mark.parametrize("name", ["j2n6s300", "j2s7s300", "gen3"])
+@pytest.mark.one_quick("name")
+def test_the_least_member_of_each_interval_and_others_all_along_it(name: str, rng: np.random.Generator) -> None:
+    robot = jacokin.load_robot(name)
+    seed, pose = robot.home, robot.forward_kinematics(robot.sample(rng))
+    target = FreeAxis(pose, axis=(1.0, 0.0, 0.0), range=(-2.0, 2.0)) if robot.dof == 6 else pose
+    curves = IKSolver(robot, collision="ignore").solve_all(target, seed=seed)
+    assert isinstance(curves, CurveSet)
+    least, rows = curves.least_and_others(by_distance(seed).of)
+    assert len(rows) == len(curves.intervals) > 1
+    for q, interval in zip(rows, curves.intervals, strict=True):
+        assert np.linalg.norm(q - seed) <= np.linalg.norm(interval.nearest(seed) - seed) + 0.1
+    parameters, rows = curves.least_and_others(by_distance(seed).of, 0.5)
+    assert len(rows) > 3 * len(curves.intervals)
+    for p, q in zip([*least, *parameters], [*curves.least_and_others(by_distance(seed).of)[1], *rows], strict=True):
+        assert robot.within_limits(q)
+        wanted = target.at(p) if isinstance(target, FreeAxis) else target
+        assert np.abs(robot.forward_kinematics(q).homogeneous - wanted.homogeneous).max() < 2e-9
+    for interval in curves.intervals:
+        for member in interval.sample(40)[1]:
+            away = np.abs(np.mod(rows - member + np.pi, 2.0 * np.pi) - np.pi)
+            assert np.linalg.norm(away, axis=1).min() < 0.5
