@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import functools
 from dataclasses import dataclass, fields
 from enum import Enum
 from types import MappingProxyType
-from typing import Any, Self, TypeVar
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +13,6 @@ from numpy.typing import NDArray
 from jacokin.arrays import Array
 from jacokin.errors import SolveError
 from jacokin.showing import Shown, show
-
-Kind = TypeVar("Kind")
 
 FEW = 8  # numbers of an array, or items of a tuple, that `repr` shows; of more it says how many
 
@@ -39,22 +36,6 @@ class Frozen:
         """Rebuild from the fields."""
         values = (getattr(self, each.name) for each in fields(self))  # type: ignore[arg-type]  # every subclass is a dataclass
         return _rebuilt, (type(self), *(dict(each) if isinstance(each, MappingProxyType) else each for each in values))
-
-
-def filled_by_slots(kind: type[Kind]) -> type[Kind]:
-    """Have a frozen dataclass with slots fill them directly, for one that is made again and again.
-
-    Its own `__init__` has `object.__setattr__` look for each field by its name, which takes twice the time.
-    """
-    made = kind.__dict__["__init__"]
-    names = made.__code__.co_varnames[1 : made.__code__.co_argcount]
-    lines = [f"def fill(self, {', '.join(names)}):", *(f"    set_{name}(self, {name})" for name in names)]
-    known = {f"set_{name}": kind.__dict__[name].__set__ for name in names}
-    exec("\n".join(lines), known)
-    fill = known["fill"]
-    fill.__defaults__ = made.__defaults__
-    type.__setattr__(kind, "__init__", functools.update_wrapper(fill, made))
-    return kind
 
 
 def in_short(value: object) -> str:
@@ -99,7 +80,6 @@ class Status(Enum):
     INVALID_TARGET = "this row of a file is not a target and was left out: see its message"
 
 
-@filled_by_slots
 @dataclass(frozen=True, slots=True, eq=False)
 class IKResult(Frozen):
     """One answer, measured with Pinocchio after the solve. Arrays are read-only."""

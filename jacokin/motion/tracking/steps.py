@@ -9,7 +9,7 @@ from enum import Enum
 from types import MappingProxyType
 
 from jacokin.arrays import Array
-from jacokin.ik.results import Frozen, filled_by_slots
+from jacokin.ik.results import Frozen
 
 SINGULAR_POSE = "singular pose"
 TIME_BUDGET = "time budget"
@@ -31,7 +31,6 @@ class TrackerStatus(Enum):
     LATE = "the time given for the tick ran out, so the arm brakes: give more, or fewer obstacles"
 
 
-@filled_by_slots
 @dataclass(frozen=True, slots=True, eq=False)
 class TrackerStep:
     """One tick. Arrays are read-only."""
