@@ -35,6 +35,8 @@ FOLD, CIRCLE, LOST = -1, -2, -3
 #: [rad] an angle passes its limit where it is past it by what rounding leaves of an angle: one that comes to its limit
 #: and hardly moves there stays within it.
 ROUNDING = 1e-12
+#: [rad] a place where a limit is passed is nearer to it.
+AT_LIMIT = 10.0 * LIMIT_SNAP
 #: Share of the square of a chord by which the cubic through its ends may be off, or of the chord and so many times what
 #: an angle moves along it, where that is less.
 DOUBT, MOVES = 3e-3, 10.0
@@ -306,8 +308,11 @@ def touches(a: Array, b: Array, length: float, j: int, level: float) -> bool:
 
 
 def inside_between(here: Array, there: Array, limits: Array) -> bool:
-    """Whether the middle between two nodes is within the limits, by the cubic through both."""
-    length, most = chord_length(here, there), -math.inf
+    """Whether the middle between two nodes is within the limits, by the cubic through both, and so are the nodes.
+
+    One of these is not where a limit is passed at a place that was not found.
+    """
+    length, most = chord_length(here, there), max(excess(here, limits), excess(there, limits)) - AT_LIMIT
     for j in range(7):
         most = max(most, past(cubic(here, there, length, 0.5, j), j, limits))
     return most <= LIMIT_SNAP
@@ -329,7 +334,7 @@ def put_on_limit(pieces: Pieces, event: Array) -> None:
     code, n = int(event[1]), pieces.size[0] - 1
     j, side = code // 2, code % 2
     level = pieces.limits[side, j]
-    if abs(wrapped(pieces.nodes[n, j] - level)) <= 10.0 * LIMIT_SNAP:
+    if abs(wrapped(pieces.nodes[n, j] - level)) <= AT_LIMIT:
         pieces.nodes[n, j] -= wrapped(pieces.nodes[n, j] - level)
 
 
