@@ -15,6 +15,7 @@ import os
 import re
 import secrets
 import stat
+import threading
 import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -48,6 +49,7 @@ ENCRYPTED = 0x1  # flag of a member of an archive
 MEMBERS = 1000  # arrays of an archive; each is an open file
 DIRECTORY = 16_000_000  # [byte] read from an archive at once: its list of members, or a part of one
 ARRAY_HEADER = 10_000  # [byte], NumPy's own bound
+_READING_HEADER = threading.Lock()  # it is a literal, and CPython 3.11 may fail where two threads parse one
 DEFLATION = 1100  # byte that one compressed byte can stand for: 1032 by the format, and a margin
 ARRAY_KINDS, TEXT_KIND = "biufcSU", "U"  # of NumPy's types: those that are read, and texts among them
 ROWS = 10_000_000_000  # of a Parquet file, which can say a number often in little space
@@ -463,7 +465,7 @@ def array_header(stream: IO[bytes], size: int) -> tuple[tuple[int, ...], bool, n
     if length > ARRAY_HEADER:
         raise ValueError(f"a header of {length} bytes")
     read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-    with warnings.catch_warnings():
+    with _READING_HEADER, warnings.catch_warnings():
         warnings.simplefilter("ignore")  # NumPy's, of files of Python 2, and Python's, of what is to be a header
         shape, by_columns, dtype = read(io.BytesIO(digits + stream.read(length)))
     # A pickled array has any size, and is never read.

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import errno
+import io
 import os
 import resource
 import shutil
 import stat
+import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -171,3 +175,23 @@ def test_archives_of_arrays_are_read_or_refused(tmp_path: Path) -> None:
         files.read_arrays(file, "is not ours")
     with pytest.raises(InvalidInputError, match="cannot be read: No such file"):
         files.read_arrays(tmp_path / "missing.npz", "is not ours")
+
+
+def test_headers_of_arrays_are_read_one_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The parser of literals and the filter of warnings are of the whole process."""
+    stream, reading, together = io.BytesIO(), list[int](), list[int]()
+    np.lib.format.write_array(stream, np.zeros(3))
+    whole, read = stream.getvalue(), np.lib.format.read_array_header_1_0
+
+    def slowly(header: io.BytesIO) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
+        reading.append(1)
+        together.append(len(reading))
+        time.sleep(0.01)
+        reading.pop()
+        return read(header)
+
+    monkeypatch.setattr(np.lib.format, "read_array_header_1_0", slowly)
+    with ThreadPoolExecutor(4) as threads:
+        found = list(threads.map(lambda _: files.array_header(io.BytesIO(whole), len(whole)), range(8)))
+    assert {shape for shape, *_ in found} == {(3,)}
+    assert max(together) == 1
