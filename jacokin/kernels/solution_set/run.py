@@ -38,7 +38,7 @@ from jacokin.kernels.solution_set.near_seed import (
     offer_settled,
     solve_rows,
 )
-from jacokin.kernels.solution_set.seven_joints import LAST_STEPS, MOST_ROWS, ROUNDING, find_folds
+from jacokin.kernels.solution_set.seven_joints import LAST_STEPS, MOST_ROWS, ROUNDING, find_folds, solve_at_q3
 from jacokin.kernels.solution_set.slices import (
     JOINT_3,
     NO_SLICES,
@@ -65,6 +65,9 @@ WIDEST = 2.8
 CROSSING = 1e-10
 #: What may change of the equations of folds, relative to the slack of a structure [1/rad].
 SLACK_OF_FOLDS = 0.1
+#: [rad] between folds nearer to each other than this there is no slice: so far off folds may be, for what an arm misses
+#: its structure by.
+NARROW = 1e-3
 #: Rounds of curves that were met on the way along others.
 MEETINGS = 2
 #: Where the options are: kind of `slices`, joints.
@@ -244,7 +247,11 @@ def add_near_seed(work: SetWork) -> bool:
 
 
 def slice_between_folds(work: SetWork) -> int:
-    """One slice between each two values of joint 3 at which configurations meet; how many doubts there are."""
+    """One slice between each two values of joint 3 at which configurations meet; how many doubts there are.
+
+    Where folds all but meet, those of the arm itself may be elsewhere. Rows that go on beyond them are on curves that
+    other slices have.
+    """
     slices, seven, roots = work.slices, work.seven, work.islands.roots
     folds = seven.folds
     count, single = find_folds(work.walk.chain, seven.arm, work.walk.T, 0, seven.waves, roots, folds)
@@ -252,9 +259,23 @@ def slice_between_folds(work: SetWork) -> int:
     for n in range(max(count, 1)):
         low = folds[n] if count > 0 else OFFSET
         high = folds[n + 1] if n + 1 < count else (folds[0] if count > 0 else OFFSET) + TURN
-        if high - low > RESOLUTION:
-            doubts += not add_slice(work.walk, JOINT_3, 0.5 * (low + high), slices, work.six, seven)
+        middle = 0.5 * (low + high)
+        if high - low <= NARROW:
+            alone = rows_at(work, middle) & ~(rows_at(work, low - NARROW) | rows_at(work, high + NARROW))
+            if alone == 0 or high - low <= RESOLUTION:
+                continue
+        doubts += not add_slice(work.walk, JOINT_3, middle, slices, work.six, seven)
     return doubts
+
+
+def rows_at(work: SetWork, q3: float) -> int:
+    """Which rows of seven joints built like a Jaco's there are at a joint 3, a bit for each."""
+    seven, found = work.seven, 0
+    solve_at_q3(work.walk.chain, seven.arm, work.walk.T, q3, seven.rows)
+    for row in range(MOST_ROWS):
+        if not math.isnan(seven.rows[row, 0]):
+            found |= 1 << row
+    return found
 
 
 def slice_by_roots(work: SetWork) -> int:
