@@ -62,6 +62,18 @@ SAWYER: list[Placement] = [
     ((0.0, 0.0, 0.1363), (HALF, 0.0, 0.0)),
     ((0.0, 0.0, 0.13375), (0.0, 0.0, 0.0)),
 ]
+#: Its file rounds right angles.
+ROUNDED = 1.5708
+RM75: list[Placement] = [
+    ((0.0, 0.0, 0.2405), (0.0, 0.0, 0.0)),
+    ((0.0, 0.0, 0.0), (-ROUNDED, 0.0, 0.0)),
+    ((0.0, -0.256, 0.0), (ROUNDED, 0.0, 0.0)),
+    ((0.0, 0.0, 0.0), (-ROUNDED, 0.0, 0.0)),
+    ((0.0, -0.21, 0.0), (ROUNDED, 0.0, 0.0)),
+    ((0.0, 0.0, 0.0), (-ROUNDED, 0.0, 0.0)),
+    ((0.0, -0.144, 0.0), (ROUNDED, 0.0, 0.0)),
+    ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
+]
 #: Half of a range that is symmetric about zero [rad], both limits, or None for a joint without limits.
 Limits = float | tuple[float, float] | None
 ARMS: dict[str, tuple[list[Placement], list[Limits]]] = {
@@ -80,6 +92,7 @@ ARMS: dict[str, tuple[list[Placement], list[Limits]]] = {
         ],
     ),
     "gen3": (GEN3, [None, 2.41, None, 2.66, None, 2.23, None]),
+    "rm75": (RM75, [3.1, 2.268, 3.1, 2.355, 3.1, 2.233, 6.28]),
     "sawyer": (SAWYER, [3.05, (-3.81, 2.27), 3.04, 3.04, 2.98, 2.98, 4.71]),
 }
 

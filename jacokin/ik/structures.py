@@ -146,6 +146,46 @@ def nearest_to_axes(frames: Frames) -> tuple[NDArray[np.float64], float]:
     return point, max(float(np.linalg.norm(P @ (point - p))) for P, (_, p) in zip(across, frames, strict=True))
 
 
+class EndWrist(NamedTuple):
+    """Six joints of which three at an end have axes that meet, and the other end's two."""
+
+    chain: NDArray[np.float64]
+    """(7, 3, 4)"""
+    arm: NDArray[np.float64]
+    """(46,) constants, see `kernels.closed_form.arm`."""
+    moved: float
+    """How far their axes are from those of the arm that they stand for, in units of its size."""
+
+
+def with_end_wrist(chain: NDArray[np.float64]) -> EndWrist | None:
+    """The arm with a wrist at an end that is nearest to an arm (7, 3, 4); None without any.
+
+    Directions of axes, and the tool at q = 0, are the arm's.
+    """
+    ends = (0, [3, 4, 5], [0, 1]), (LABELLINGS - 1, [0, 1, 2], [4, 5])
+    size, found = size_of(chain), []
+    for labelling, wrist, shoulder in ends:
+        frames, moved = frames_at_zero(chain), 0.0
+        for joints in (wrist, shoulder):
+            point, misfit = nearest_to_axes([frames[j] for j in joints])
+            for j in joints:
+                R, p = frames[j]
+                frames[j] = R, point + R[:, 2] * float(R[:, 2] @ (p - point))
+            moved = max(moved, misfit / size)
+        last, placements = (np.eye(3), np.zeros(3)), []
+        for R, p in frames:
+            placements.append(np.column_stack([last[0].T @ R, last[0].T @ (p - last[1])]))
+            last = R, p
+        near, links = np.array(placements), np.zeros((6, 3, 4))
+        fill_links(near, np.eye(4), 1.0 / size, labelling, links)
+        form = wrist_form(links, labelling, 5)
+        if form is not None and form.rank == 0:
+            arm = np.zeros(ARM_CONSTANTS)
+            arm[39:] = 1.0 / size, 0.0, 0.0, form.kind, form.labelling, form.first, form.second
+            found.append(EndWrist(near, arm, moved))
+    return min(found, key=lambda one: one.moved, default=None)
+
+
 def parallel_axes(chain: NDArray[np.float64]) -> Residual:
     """How far axes 2, 3 and 4 of a chain (7, 3, 4) are from parallel."""
     *frames, _ = frames_at_zero(chain)

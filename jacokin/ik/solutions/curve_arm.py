@@ -13,10 +13,20 @@ from jacokin.arrays import Array
 from jacokin.errors import StructureError
 from jacokin.ik.closed_form import ClosedForm
 from jacokin.ik.geometry import chain_of, measure_seven
-from jacokin.ik.structures import NO_FORM, largest_freedoms, measure_general, quick_form, size_of
+from jacokin.ik.structures import (
+    NO_FORM,
+    EndWrist,
+    largest_freedoms,
+    measure_general,
+    quick_form,
+    size_of,
+    with_end_wrist,
+)
 from jacokin.ik.targets import TargetPose
 from jacokin.ik.verification import Verifier
+from jacokin.kernels.closed_form.arm import unpack_arm
 from jacokin.kernels.library import Call
+from jacokin.kernels.six_joints.loop import LABELLINGS, Form
 from jacokin.kernels.solution_set.nearest import (
     NearestWork,
     find_nearest,
@@ -42,6 +52,9 @@ HALF_TURN = np.diag([1.0, -1.0, -1.0])
 ANY_AXIS = np.array([0.48, -0.6, 0.64])
 #: Configurations on which the freedoms of six of seven joints are counted.
 TRIED = 8
+#: [rad] how far configurations of an arm may be from those of one with a wrist at an end, for each of the arm's size by
+#: which axes moved; and the farthest that pays.
+SLACK, MOST_SLACK = 30.0, 0.05
 
 
 class CurveArm:
@@ -51,21 +64,28 @@ class CurveArm:
         parameter: index among seven angles of the one that is the parameter.
         name: what the parameter is called: a joint's name, or "angle".
         dof: joints of the arm.
+        nearly: the arm as one of a structure that it nearly has, which tells most members next to a seed; or None.
     """
 
     __slots__ = (
         "_bounds",
         "_chain",
         "_constants",
+        "_from_last",
         "_idle",
         "_kind",
         "_limits",
+        "_six",
+        "_slack",
         "dof",
         "name",
+        "nearly",
         "parameter",
     )
 
-    def __init__(self, kind: int, name: str, chain: Array, constants: Array, robot: Robot) -> None:
+    def __init__(
+        self, kind: int, name: str, chain: Array, constants: Array, robot: Robot, near: EndWrist | None = None
+    ) -> None:
         """Take the constants of an arm.
 
         Args:
@@ -74,8 +94,14 @@ class CurveArm:
             chain: (7, 3, 4) of six joints, or (8, 3, 4) of seven.
             constants: (46,) of the six joints that are solved for, or (12,) of seven built like a Jaco's.
             robot: the arm.
+            near: six joints to solve for instead of those in the chain, of which they are nearly equal.
         """
         self._kind, self.name, self._chain, self._constants, self.dof = kind, name, chain, constants, robot.dof
+        self.nearly: CurveArm | None = None
+        self._slack = SLACK * near.moved if near else 0.0
+        ordered = turned_round(chain) if kind == BEFORE else chain
+        self._six = near.chain if near else ordered[:7]
+        self._from_last = _inverse(_square(ordered[-1]))
         self.parameter = {AFTER: FREE_AXIS, BEFORE: 0, JOINT_3: 2}[kind]
         bounded = robot.upper - robot.lower < TURN  # others have some equivalent of every angle within their limits
         self._limits = np.array([np.full(DIMENSIONS, -np.inf), np.full(DIMENSIONS, np.inf)])
@@ -126,21 +152,17 @@ class CurveArm:
         walk.chain[:], walk.T[:], work.pieces.limits[:] = problem.chain, problem.T, problem.limits
         walk.parameter[0] = self.parameter
         work.options[:] = NO_SLICES if only_starts else self._kind, self.dof
-        work.starts[:], work.near.seed[:] = np.nan, np.nan
+        work.starts[:], work.near.seed[:], work.near.slack[0] = np.nan, np.nan, self._slack
         work.starts[: len(starts)] = starts
         if self._kind == JOINT_3:
             work.seven.arm[:] = self._constants
             return calls
-        six.arm[:] = self._constants
+        six.arm[:], six.chain[:] = self._constants, self._six
         if problem.axis is not None:
-            six.chain[:], six.axis[:], six.T[:] = self._chain, problem.axis, problem.T
-        elif self._kind == AFTER:
-            six.chain[:], six.axis[:] = self._chain[:7], (0.0, 0.0, -1.0)
-            six.T[:] = problem.T @ _inverse(_square(self._chain[7]))
+            six.axis[:], six.T[:] = problem.axis, problem.T
         else:
-            turned = turned_round(self._chain)
-            six.chain[:], six.axis[:] = turned[:7], (0.0, 0.0, -1.0)
-            six.T[:] = _inverse(problem.T) @ _inverse(_square(turned[7]))
+            six.axis[:] = 0.0, 0.0, -1.0
+            six.T[:] = (problem.T if self._kind == AFTER else _inverse(problem.T)) @ self._from_last
         return calls
 
     def _nearest_work(self) -> NearestWork:
@@ -228,6 +250,10 @@ class CurveProblem(NamedTuple):
             seed: (dof,) [rad].
             parameter: [rad] of the seed: about a free axis, where the target is turned least from it.
         """
+        if self.arm.nearly is not None:
+            x = self._replace(arm=self.arm.nearly).nearest(starts, seed, parameter)
+            if x is not None:
+                return x
         calls, dof = self.arm._prepare(self, starts), len(seed)
         work = calls.solve.work
         work.near.bounds[:, :dof], work.near.bounds[:, dof:] = self.arm._bounds, self.limits[:, dof:]
@@ -260,7 +286,12 @@ class CurveProblem(NamedTuple):
 
 def about_axis(form: ClosedForm, robot: Robot) -> CurveArm:
     """Six joints whose tool may turn about an axis; the parameter is that angle."""
-    return CurveArm(AFTER, "angle", form.chain, form.arm, robot)
+    arm = CurveArm(AFTER, "angle", form.chain, form.arm, robot)
+    if not has_end_wrist(form.arm):
+        near = nearly(form.chain)
+        if near:
+            arm.nearly = CurveArm(AFTER, arm.name, form.chain, near.arm, robot, near)
+    return arm
 
 
 def at_poses(verifier: Verifier) -> CurveArm:
@@ -279,7 +310,31 @@ def at_poses(verifier: Verifier) -> CurveArm:
         return CurveArm(JOINT_3, names[2], geometry.chain, geometry.arm, robot)
     cut = min(_cuts(chain), key=_Cut.effort)
     constants = measure_general(np.ascontiguousarray(cut.six)).arm
-    return CurveArm(cut.kind, names[-1 if cut.kind == AFTER else 0], chain, constants, robot)
+    arm = CurveArm(cut.kind, names[-1 if cut.kind == AFTER else 0], chain, constants, robot)
+    if not has_end_wrist(constants):
+        found = [(near, kind) for kind, six in _ends(chain) if (near := nearly(six))]
+        if found:
+            near, kind = min(found, key=lambda one: one[0].moved)
+            arm.nearly = CurveArm(kind, names[-1 if kind == AFTER else 0], chain, near.arm, robot, near)
+    return arm
+
+
+def nearly(six: Array) -> EndWrist | None:
+    """The arm with a wrist at an end that six joints (7, 3, 4) nearly are; None where they are too far from one."""
+    found = with_end_wrist(six)
+    return found if found is not None and SLACK * found.moved <= MOST_SLACK else None
+
+
+def has_end_wrist(constants: Array) -> bool:
+    """Whether six joints, by their constants, are built like a Jaco, or are solved by a wrist at an end of them."""
+    six = unpack_arm(constants).six
+    ends = six.form == Form.SPHERICAL_WRIST and six.form_labelling in (0, LABELLINGS - 1)
+    return bool(six.scale == 0.0 or ends)
+
+
+def _ends(chain: Array) -> list[tuple[int, Array]]:
+    """The two ways to leave out a joint at an end of seven (8, 3, 4): its kind, and the six others (7, 3, 4)."""
+    return [(AFTER, chain[:7]), (BEFORE, turned_round(chain)[:7])]
 
 
 class _Cut(NamedTuple):
@@ -306,7 +361,7 @@ def _cuts(chain: Array) -> list[_Cut]:
     """
     q = np.random.default_rng(0).uniform(-np.pi, np.pi, (TRIED, 6))
     found, most = [], 0
-    for kind, six in ((AFTER, chain[:7]), (BEFORE, turned_round(chain)[:7])):
+    for kind, six in _ends(chain):
         size = size_of(six)
         freedoms = largest_freedoms(six, q, size) if 0.0 < size < np.inf else np.zeros(6)
         count = int((freedoms > SMALLEST_FREEDOM_OF_CURVES).sum())

@@ -17,7 +17,7 @@ from jacokin.ik.solutions.curve_arm import DIMENSIONS, CurveProblem
 from jacokin.ik.targets import TargetPose
 from jacokin.ik.verification import Candidate, Verifier
 from jacokin.kernels.solution_set.curve import RESIDUAL, RESOLUTION
-from jacokin.kernels.solution_set.run import STARTING_STEPS
+from jacokin.kernels.solution_set.starts import STARTING_STEPS
 from jacokin.kernels.tolerances import CLOSURE, SMALLEST_PIVOT
 from jacokin.model import angles
 from jacokin.model.angles import TURN

@@ -25,7 +25,7 @@ from jacokin.ik.solutions.solution_set import IntervalEnd
 from jacokin.ik.targets import Request, TargetPose
 from jacokin.ik.verification import Candidate, Verifier
 from jacokin.kernels.solution_set.curve import RESOLUTION
-from jacokin.kernels.solution_set.run import NEARBY
+from jacokin.kernels.solution_set.starts import NEARBY
 from jacokin.model import angles
 from jacokin.model.angles import TURN
 from jacokin.model.robot import Robot

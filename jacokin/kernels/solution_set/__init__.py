@@ -11,6 +11,7 @@ pairs          how far complex solutions of six joints are from real ones
 islands        at which values to look for solutions, by the characteristic function
 meeting        the other curve where two meet
 within         what of the curves is within the limits
+starts         from points beside curves to these, by the least steps
 run            from a target to all of it: the entry point
 nearest        points of the pieces: where the parameter has a value, and nearest to a seed
 """

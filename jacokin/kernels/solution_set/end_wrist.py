@@ -88,8 +88,11 @@ def fold_equations(reach: Reach) -> FoldEquations:
     return FoldEquations(r2, even, 2.0 * (a0 * a1 + b0 * b1 - c0 * c1), h + rest[0] * rest[0], size)
 
 
-def find_wrist_folds(six: SixJoints, waves: Array, roots: RootWork, folds: Array) -> tuple[int, bool]:
+def find_wrist_folds(six: SixJoints, rounding: float, waves: Array, roots: RootWork, folds: Array) -> tuple[int, bool]:
     """Fill folds with the values of the parameter where configurations meet; see `seven_joints.find_folds`.
+
+    Rounding is what may change of equations, relative to their largest terms.
+
 
     Theta_2 is at a fold where the product of its discriminants for both theta_3 vanishes, or where the one that they
     have in common does: arms have that whose elbow has no offset.
@@ -104,11 +107,11 @@ def find_wrist_folds(six: SixJoints, waves: Array, roots: RootWork, folds: Array
         add_sample(j, e.three, 2, waves[0])
         add_sample(j, e.even, 2, waves[1])
         add_sample(j, e.even * e.even - e.three * e.odd * e.odd, 4, waves[2])
-    count, single = add_folds(ROUNDING * three, waves[0], LAST_STEPS, 0, roots, folds)
+    count, single = add_folds(rounding * three, waves[0], LAST_STEPS, 0, roots, folds)
     if odd <= ROUNDING * two:
-        count, alone = add_folds(ROUNDING * two, waves[1], LAST_STEPS, count, roots, folds)
+        count, alone = add_folds(rounding * two, waves[1], LAST_STEPS, count, roots, folds)
     else:
-        count, alone = add_folds(2.0 * ROUNDING * two * two, waves[2], LAST_STEPS, count, roots, folds)
+        count, alone = add_folds(2.0 * rounding * two * two, waves[2], LAST_STEPS, count, roots, folds)
     sort_folds(count, folds)
     return count, single and alone and three > 0.0 and two > 0.0
 

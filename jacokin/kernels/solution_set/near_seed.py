@@ -5,6 +5,10 @@ that no curve is followed: intervals of the parameter are halved, and left out w
 within the limits and nearer than the nearest one so far. Within a half, joints go beyond their values at its ends by
 less than the middle of the whole was beside the line between its ends. Next to a fold that holds for the angle of which
 the parameter is the cosine.
+
+An arm that nearly has such a structure, as one whose wrist's axes miss each other by a part of a millimetre, is
+searched as the arm that has it. Its configurations lead to those of the arm itself, by the least steps; where one is
+farther away than expected, or does not, nothing is known.
 """
 
 from __future__ import annotations
@@ -16,11 +20,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
+from jacokin.kernels.chain import Newton
 from jacokin.kernels.limits import TURN, copy_within_limits, nearest_copy
-from jacokin.kernels.solution_set.curve import LEAST_COSINE, LONGEST_STEP, RESOLUTION, Walk, tangent, wrapped
+from jacokin.kernels.solution_set.curve import (
+    LARGEST_RESIDUAL,
+    LEAST_COSINE,
+    LONGEST_STEP,
+    RESOLUTION,
+    Walk,
+    tangent,
+    wrapped,
+)
 from jacokin.kernels.solution_set.end_wrist import solve_wrist_rows
 from jacokin.kernels.solution_set.seven_joints import MOST_ROWS, solve_rows_at_q3
 from jacokin.kernels.solution_set.slices import JOINT_3, SevenJoints, SixJoints
+from jacokin.kernels.solution_set.starts import descend
 from jacokin.kernels.solution_set.trace import CurveEnd, Loops, add_node, enter_run
 from jacokin.kernels.tolerances import LIMIT_SNAP
 
@@ -46,6 +60,7 @@ class NearSeed(NamedTuple):
     seed: Array  # (7,) where only solutions as near to it as the nearest one are wanted; NaN for all of them [rad]
     bounds: Array  # (2, 7) lower and upper limits of all angles, also of those with several equivalents within [rad]
     best: Array  # (1,) least distance of a configuration within the limits so far [rad]
+    slack: Array  # (1,) how far the arm is from its configurations as a structure, at most [rad]; 0 where it has that
     halved: NDArray[np.int64]  # (1,) how many intervals were
     arcs: Array  # (ARCS, 6) those that count, and how many intervals each has
     angles: Array  # (PLACES,) along arcs: both ends of intervals, and their middles [rad]
@@ -60,7 +75,8 @@ class Parts(NamedTuple):
     joints: int  # of the arm: another angle is one about a free axis, and its distance from the seed does not count
     six: SixJoints
     seven: SevenJoints  # and the rows and folds of six joints
-    walk: Walk  # chain, target, and index of the parameter
+    walk: Walk  # chain of the arm itself, target, and index of the parameter
+    newton: Newton
 
 
 def solve_rows(parts: Parts, p: float, low: int, high: int, rows: Array) -> None:
@@ -86,6 +102,7 @@ def make_near_seed() -> NearSeed:
     return NearSeed(
         np.full(7, np.nan),
         np.array([np.full(7, -np.inf), np.full(7, np.inf)]),
+        np.zeros(1),
         np.zeros(1),
         np.zeros(1, np.int64),
         np.zeros((ARCS, 6)),
@@ -198,24 +215,56 @@ def place_arc(parts: Parts, arc: Arc, halves: int, near: NearSeed, size: int) ->
             if not 0.0 < aside < BESIDE_FOLD:
                 return -1
         for row in range(MOST_ROWS):
-            offer_row(near.places[i, row], parts.joints, near)
+            if not offer_settled(near.places[i, row], parts, near):
+                return -1
     return size + halves + 1
 
 
 def offer_row(x: Array, joints: int, near: NearSeed) -> None:
     """Take a configuration within the limits for the best so far if it is nearer, by so many joints; NaN for none."""
+    near.best[0] = min(near.best[0], away_from_seed(x, joints, near, 0.0))
+
+
+def away_from_seed(x: Array, joints: int, near: NearSeed, slack: float) -> float:
+    """How far a configuration is from the seed [rad]; inf for none, and outside the limits by more than a slack."""
     if math.isnan(x[0]):
-        return
+        return math.inf
     square = 0.0
     for j in range(7):
-        low, high = near.bounds[0, j], near.bounds[1, j]
+        low, high = near.bounds[0, j] - slack, near.bounds[1, j] + slack
         angle = copy_within_limits(x[j], near.seed[j], low, high, LIMIT_SNAP)
         if not low <= angle <= high:
-            return
+            return math.inf
         if j < joints:
             square += (angle - near.seed[j]) * (angle - near.seed[j])
-    if square < near.best[0] * near.best[0]:
-        near.best[0] = math.sqrt(square)
+    return math.sqrt(square)
+
+
+def offer_settled(x: Array, parts: Parts, near: NearSeed) -> bool:
+    """Offer the configuration of the arm itself that one of its structure leads to; False where there is none."""
+    slack = near.slack[0]
+    if not away_from_seed(x, parts.joints, near, slack) - slack < near.best[0]:
+        return True
+    if slack == 0.0:
+        offer_row(x, parts.joints, near)
+        return True
+    if not settle(x, parts, slack):
+        return False
+    offer_row(parts.walk.z, parts.joints, near)
+    return True
+
+
+def settle(x: Array, parts: Parts, slack: float) -> bool:
+    """Fill walk.z with the configuration of the arm itself within a slack that one leads to; False for none."""
+    z, square = parts.walk.z, 0.0
+    for j in range(7):
+        z[j] = x[j]
+    if slack == 0.0:
+        return True
+    missing = descend(parts.newton, parts.walk)
+    for j in range(7):
+        square += (z[j] - x[j]) * (z[j] - x[j])
+    return bool(missing <= LARGEST_RESIDUAL and square <= slack * slack)
 
 
 def search_interval(limits: Array, parts: Parts, arc: Arc, row: int, first: int, near: NearSeed, loops: Loops) -> bool:
@@ -228,7 +277,7 @@ def search_interval(limits: Array, parts: Parts, arc: Arc, row: int, first: int,
     halve(near, 0, near.angles[first + 1], x)
     while top >= 0:
         item = waiting[top]
-        if bound(item, limits, parts, near.seed) > near.best[0] + BEYOND or enter_chord(item, loops, parts.walk):
+        if bound(item, limits, parts, near) > near.best[0] + BEYOND or enter_chord(item, loops, parts, near):
             top -= 1
         else:
             angle = 0.5 * (item[0] + item[1])
@@ -237,7 +286,8 @@ def search_interval(limits: Array, parts: Parts, arc: Arc, row: int, first: int,
             near.halved[0] += 1
             if top + 1 == WAITING or near.halved[0] > MOST_HALVED or math.isnan(x[0]):
                 return False
-            offer_row(x, parts.joints, near)
+            if not offer_settled(x, parts, near):
+                return False
             halve(near, top, angle, x)
             top += 1
     return True
@@ -255,31 +305,38 @@ def halve(near: NearSeed, top: int, angle: float, x: Array) -> None:
     other[2] = item[2]
 
 
-def bound(item: Array, limits: Array, parts: Parts, seed: Array) -> float:
+def bound(item: Array, limits: Array, parts: Parts, near: NearSeed) -> float:
     """No configuration of an interval is nearer to the seed [rad]; inf where none is within the limits."""
     square = 0.0
     for j in range(7):
         way = 0.5 * wrapped(item[10 + j] - item[3 + j])
-        reach = abs(way) if j == parts.walk.parameter[0] else abs(way) + item[2]
+        reach = near.slack[0] + (abs(way) if j == parts.walk.parameter[0] else abs(way) + item[2])
         centre = item[3 + j] + way
-        away = abs(wrapped(centre - seed[j]))
+        away = abs(wrapped(centre - near.seed[j]))
         if limits[0, j] > -math.inf:
             middle = 0.5 * (limits[0, j] + limits[1, j])
             d = wrapped(centre - middle)
             if abs(d) - reach > limits[1, j] - middle:
                 return math.inf
             if abs(d) + reach < math.pi:
-                away = abs(middle + d - seed[j])
+                away = abs(middle + d - near.seed[j])
         if away > reach and j < parts.joints:
             square += (away - reach) * (away - reach)
     return math.sqrt(square)
 
 
-def enter_chord(item: Array, loops: Loops, walk: Walk) -> bool:
+def enter_chord(item: Array, loops: Loops, parts: Parts, near: NearSeed) -> bool:
     """Enter an interval as a curve of two nodes; False where it is not nearly straight, or there is no room."""
-    square, first = 0.0, loops.size[0]
+    square, first, walk = 0.0, loops.size[0], parts.walk
+    for n in range(2):
+        if not settle(item[3 + 7 * n : 10 + 7 * n], parts, near.slack[0]):
+            near.halved[0] = MOST_HALVED  # nothing is known
+            return False
+        for j in range(7):
+            walk.x[j] = walk.y[j]
+            walk.y[j] = walk.z[j]
     for j in range(7):
-        walk.border[j] = wrapped(item[10 + j] - item[3 + j])
+        walk.border[j] = wrapped(walk.y[j] - walk.x[j])
         square += walk.border[j] * walk.border[j]
     length = math.sqrt(square)
     is_short = length <= RESOLUTION  # there curves meet
@@ -289,7 +346,7 @@ def enter_chord(item: Array, loops: Loops, walk: Walk) -> bool:
         return False
     for n in range(2):
         for j in range(7):
-            walk.z[j] = item[3 + j] + n * walk.border[j]
+            walk.z[j] = walk.x[j] + n * walk.border[j]
         along = 0.0
         if tangent(walk.z, walk.border, walk.tz, walk) != 0.0:
             for j in range(7):

@@ -12,14 +12,7 @@ from numpy.typing import NDArray
 from jacokin.arrays import Array
 from jacokin.kernels.chain import Newton, fill_system, linearise7, make_newton, solve_normal
 from jacokin.kernels.limits import TURN
-from jacokin.kernels.solution_set.curve import (
-    LARGEST_RESIDUAL,
-    RESIDUAL,
-    RESOLUTION,
-    Walk,
-    make_walk,
-    wrapped,
-)
+from jacokin.kernels.solution_set.curve import LARGEST_RESIDUAL, RESOLUTION, Walk, make_walk, wrapped
 from jacokin.kernels.solution_set.end_wrist import begin_end_wrist, find_wrist_folds
 from jacokin.kernels.solution_set.islands import (
     LINES,
@@ -42,9 +35,10 @@ from jacokin.kernels.solution_set.near_seed import (
     add_chords,
     make_near_seed,
     offer_row,
+    offer_settled,
     solve_rows,
 )
-from jacokin.kernels.solution_set.seven_joints import LAST_STEPS, MOST_ROWS, find_folds
+from jacokin.kernels.solution_set.seven_joints import LAST_STEPS, MOST_ROWS, ROUNDING, find_folds, solve_at_q3
 from jacokin.kernels.solution_set.slices import (
     JOINT_3,
     NO_SLICES,
@@ -58,21 +52,22 @@ from jacokin.kernels.solution_set.slices import (
     make_six_joints,
     make_slices,
 )
+from jacokin.kernels.solution_set.starts import bring_to_curve, descend, fill_steps
 from jacokin.kernels.solution_set.trace import Loops, count_all_passed, make_loops, trace
 from jacokin.kernels.solution_set.within import Pieces, cut, make_pieces
-from jacokin.kernels.tolerances import SMALLEST_PIVOT
 
 #: Values of the parameter that are solved at in any case, apart by a share of a turn that no structure has, and rounds
 #: of those next to the folds that are known.
 FIRST, ROUNDS = 3, 5
 #: [rad] the widest window that saves anything.
 WIDEST = 2.8
-#: [m] and [rad] a start misses the target by less, and [rad] is no farther from a curve.
-NEARBY, FARTHEST_START = 0.02, 0.2
-#: Steps from a start to a curve at most: most take five, those to a solution that is all alone up to a hundred.
-STARTING_STEPS = 150
 #: Least pivot of the Jacobian times its transpose of a point that is on one curve only.
 CROSSING = 1e-10
+#: What may change of the equations of folds, relative to the slack of a structure [1/rad].
+SLACK_OF_FOLDS = 0.1
+#: [rad] between folds nearer to each other than this there is no slice: so far off folds may be, for what an arm misses
+#: its structure by.
+NARROW = 1e-3
 #: Rounds of curves that were met on the way along others.
 MEETINGS = 2
 #: Where the options are: kind of `slices`, joints.
@@ -117,11 +112,13 @@ def make_set_work() -> SetWork:
 def solve_set(work: SetWork) -> int:
     """Fill loops with all curves and pieces with what of them is within the limits; with a seed, with some at least.
 
+    An arm that nearly has a structure is looked at near the seed only: there may be no pieces.
+
     Returns:
         How many things went wrong, so that parts may be missing; 0 for none.
     """
     wrong = find_curves(work, math.isnan(work.near.seed[0]))
-    if work.pieces.size[1] == 0 and not math.isnan(work.near.seed[0]):
+    if work.pieces.size[1] == 0 and not math.isnan(work.near.seed[0]) and work.near.slack[0] == 0.0:
         wrong = find_curves(work, True)
     return wrong
 
@@ -139,6 +136,9 @@ def find_curves(work: SetWork, whole: bool) -> int:
     loops.window[0], loops.window[1] = 0.0, math.inf
     doubts = 0
     if kind != NO_SLICES and (whole or not add_near_seed(work)):
+        if work.near.slack[0] > 0.0:
+            work.pieces.size[1] = 0
+            return 1
         if kind == JOINT_3:
             doubts += slice_between_folds(work)
             trace(slices, loops, work.walk)
@@ -211,52 +211,6 @@ def is_in_window(window: Array, p: float) -> bool:
     return bool(abs(wrapped(p - window[0])) <= window[1])
 
 
-def bring_to_curve(start: Array, newton: Newton, walk: Walk) -> bool:
-    """Fill walk.z with the point of a curve that a start nearby leads to; False for none."""
-    for j in range(7):
-        walk.z[j] = start[j]
-    if not linearise7(walk.chain, walk.T, walk.z, walk.system) <= NEARBY:  # NaN for no start
-        return False
-    missing, moved = descend(newton, walk), 0.0
-    for j in range(7):
-        moved = max(moved, abs(walk.z[j] - start[j]))
-    return bool(moved <= FARTHEST_START and missing <= LARGEST_RESIDUAL)
-
-
-def descend(newton: Newton, walk: Walk) -> float:
-    """Bring walk.z to where it reaches the target; returns what is missing [m and rad].
-
-    By the least steps that reach the target (Levenberg and Marquardt), damped by the square of what is missing, which
-    the squares of small singular values come near to where solutions meet: each step takes three quarters of that away
-    there, and elsewhere the number of digits doubles (Yamashita and Fukushima, 2001).
-    """
-    x, system, normal = walk.z, walk.system, newton.normal
-    missing = linearise7(walk.chain, walk.T, x, system)
-    for _ in range(STARTING_STEPS):
-        if missing <= RESIDUAL:
-            break
-        fill_steps(system, max(missing * missing, SMALLEST_PIVOT), normal)
-        if not solve_normal(normal):
-            break
-        for j in range(7):
-            for i in range(6):
-                x[j] += system[i, j] * normal[i, 6]
-        missing = linearise7(walk.chain, walk.T, x, system)
-    return missing
-
-
-def fill_steps(system: Array, damping: float, normal: Array) -> None:
-    """Fill normal (6, 7) with the equations of the least step that takes away what system (7, 8) says is missing."""
-    for i in range(6):
-        for k in range(i, 6):
-            product = 0.0
-            for j in range(7):
-                product += system[i, j] * system[k, j]
-            normal[i, k] = product
-        normal[i, i] += damping
-        normal[i, 6] = system[i, 7]
-
-
 def add_near_seed(work: SetWork) -> bool:
     """Enter chords near to the seed as curves, where folds are known beforehand; False, and none, where they are not.
 
@@ -268,21 +222,23 @@ def add_near_seed(work: SetWork) -> bool:
         T = work.walk.T
         count, single = find_folds(work.walk.chain, seven.arm, T, LAST_STEPS, seven.waves, roots, seven.folds)
     elif begin_end_wrist(work.six):
-        count, single = find_wrist_folds(work.six, seven.waves, roots, seven.folds)
+        rounding = ROUNDING + SLACK_OF_FOLDS * near.slack[0]
+        count, single = find_wrist_folds(work.six, rounding, seven.waves, roots, seven.folds)
     else:
         return False
     if not single:
         return False
-    parts = Parts(kind, joints, work.six, seven, work.walk)
+    parts = Parts(kind, joints, work.six, seven, work.walk, work.newton)
     cosine = start_from_seed(work)
     if slices.size[0] > 0:
         offer_row(slices.x[0, 0], joints, near)
     led = near.best[0]
     solve_rows(parts, loops.window[0], 0, MOST_ROWS, seven.rows)
+    known = True
     for row in range(MOST_ROWS):
-        offer_row(seven.rows[row], joints, near)
-    loops.window[1] = half_width(near.best[0] + BEYOND, joints, cosine)
-    found = add_chords(work.pieces.limits, parts, count, near, loops)
+        known = known and offer_settled(seven.rows[row], parts, near)
+    loops.window[1] = half_width(near.best[0] + near.slack[0] + BEYOND, joints, cosine)
+    found = known and add_chords(work.pieces.limits, parts, count, near, loops)
     if not (found and near.best[0] == led < math.inf):
         slices.size[0] = 0
     if not found:
@@ -291,7 +247,11 @@ def add_near_seed(work: SetWork) -> bool:
 
 
 def slice_between_folds(work: SetWork) -> int:
-    """One slice between each two values of joint 3 at which configurations meet; how many doubts there are."""
+    """One slice between each two values of joint 3 at which configurations meet; how many doubts there are.
+
+    Where folds all but meet, those of the arm itself may be elsewhere. Rows that go on beyond them are on curves that
+    other slices have.
+    """
     slices, seven, roots = work.slices, work.seven, work.islands.roots
     folds = seven.folds
     count, single = find_folds(work.walk.chain, seven.arm, work.walk.T, 0, seven.waves, roots, folds)
@@ -299,9 +259,23 @@ def slice_between_folds(work: SetWork) -> int:
     for n in range(max(count, 1)):
         low = folds[n] if count > 0 else OFFSET
         high = folds[n + 1] if n + 1 < count else (folds[0] if count > 0 else OFFSET) + TURN
-        if high - low > RESOLUTION:
-            doubts += not add_slice(work.walk, JOINT_3, 0.5 * (low + high), slices, work.six, seven)
+        middle = 0.5 * (low + high)
+        if high - low <= NARROW:
+            alone = rows_at(work, middle) & ~(rows_at(work, low - NARROW) | rows_at(work, high + NARROW))
+            if alone == 0 or high - low <= RESOLUTION:
+                continue
+        doubts += not add_slice(work.walk, JOINT_3, middle, slices, work.six, seven)
     return doubts
+
+
+def rows_at(work: SetWork, q3: float) -> int:
+    """Which rows of seven joints built like a Jaco's there are at a joint 3, a bit for each."""
+    seven, found = work.seven, 0
+    solve_at_q3(work.walk.chain, seven.arm, work.walk.T, q3, seven.rows)
+    for row in range(MOST_ROWS):
+        if not math.isnan(seven.rows[row, 0]):
+            found |= 1 << row
+    return found
 
 
 def slice_by_roots(work: SetWork) -> int:

@@ -18,6 +18,7 @@ from jacokin.arrays import Array
 from jacokin.kernels.limits import nearest_copy
 from jacokin.kernels.solution_set.curve import (
     COLUMNS,
+    LEAST_COSINE,
     LONGEST_STEP,
     RESOLUTION,
     StepResult,
@@ -43,6 +44,9 @@ SHORTEST_STEP, MEETING_STEP = 1e-9, 1e-4
 #: this share of the distance to any other.
 PASSED, PASSED_SHARE = 0.03, 0.5
 MOST_STEPS = 6000
+#: Steps after which a walk that comes back to where it was then, or after twice, four times as many, goes round without
+#: end: it passes by where it began (Brent, 1980, on cycles).
+ENDLESS = 256
 #: Share of a chord by which a point on a curve may be beside the chord's ends, for rounding.
 BESIDE = 0.1
 #: How a curve ends: nowhere, where it leaves the window, lost on the way, or for want of room.
@@ -174,7 +178,7 @@ def run(point: tuple[int, int], slices: Slices, loops: Loops, walk: Walk) -> Cur
     walk.volume[1] = abs(volume)
     first = add_node(loops, walk.x, walk.t, 0)
     h, state = 0.25 * LONGEST_STEP, CurveEnd.LOST if first >= 0 else CurveEnd.FULL
-    way, at_first, farthest = 0.0, 0.0, first
+    way, at_first, farthest, reference, steps = 0.0, 0.0, first, NODES, 0
     for _ in range(MOST_STEPS):
         if h < SHORTEST_STEP or state != CurveEnd.LOST:
             break
@@ -196,8 +200,14 @@ def run(point: tuple[int, int], slices: Slices, loops: Loops, walk: Walk) -> Cur
         for n in range(last + 1, loops.size[0]):
             way, farthest = note_turn(loops, parameter, n, way, farthest)
             at_first = way if at_first == 0.0 else at_first
+        if state == CurveEnd.LOST and comes_round(last, reference, loops):
+            first, state = reference, CurveEnd.CLOSED
+            loops.size[3] += 1
         if state == CurveEnd.LOST:
             state = how_far(loops, walk.y[parameter])
+        steps += 1
+        if steps >= ENDLESS and steps & (steps - 1) == 0:
+            reference = int(loops.size[0]) - 1
         go_on(walk, h)
         h = min(1.5 * h, LONGEST_STEP)
     if state == CurveEnd.CLOSED and way * at_first < 0.0:  # it turned within the last steps, or where it began
@@ -220,6 +230,18 @@ def comes_back(
     for n in range(last, loops.size[0] - 1):
         back = back or note_passed(n, start, slices, loops, walk)
     return back
+
+
+def comes_round(last: int, reference: int, loops: Loops) -> bool:
+    """End a curve from node last on where it comes back to an earlier one, of which it began aside; whether it does."""
+    for n in range(max(last, reference + 1), loops.size[0] - 1):
+        a, b, x, cosine = loops.nodes[n], loops.nodes[n + 1], loops.nodes[reference], 0.0
+        for j in range(7):
+            cosine += x[7 + j] * b[7 + j]
+        if cosine >= LEAST_COSINE and lies_between(x, a, b, 0.0):
+            close_loop(loops, n, reference)
+            return True
+    return False
 
 
 def how_far(loops: Loops, p: float) -> CurveEnd:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import jacokin
@@ -14,8 +16,11 @@ from benchmarks import scan_seven
 from jacokin import FreeAxis, IKSolver, Robot
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
+from jacokin.ik import forms
+from jacokin.ik.solutions.curve_arm import CurveArm
+from jacokin.ik.targets import interpret
 from jacokin.model.angles import TURN
-from tests.seven_joint_arms import ARMS, load_arm
+from tests.seven_joint_arms import ARMS, load_arm, load_placed
 
 SCANNED = 4000
 #: [rad] the nearest point of such a scan is this near to the nearest of all, or nearer, unless it is at an end.
@@ -112,6 +117,56 @@ def test_the_answer_near_a_seed_is_the_nearest_of_the_whole_set(
         farther = np.linalg.norm(result.q - seed) - np.linalg.norm(nearest - seed)
         assert farther < 1e-8
         assert farther > -1e-8 or not found.complete
+
+
+@pytest.mark.parametrize("count", [30, pytest.param(400, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", ["gen3", "gen3_6dof"])
+def test_an_arm_that_nearly_has_a_wrist_gets_the_same_answers_as_in_general(
+    name: str, count: int, rng: np.random.Generator
+) -> None:
+    """Axes 5 and 7 of a Gen3, and 4 and 6 of the one with six joints, miss each other by a third of a millimetre."""
+    robot = jacokin.load_robot(name)
+    solver = IKSolver(robot, collision="ignore")
+    arm = forms.about_axis(solver.verifier) if robot.dof == 6 else forms.at_poses(solver.verifier)
+    assert isinstance(arm, CurveArm)
+    assert arm.nearly is not None
+    given = 0
+    for number in range(count):
+        target: FreeAxis | pin.SE3 = robot.forward_kinematics(q := robot.sample(rng))
+        if robot.dof == 6:
+            target = FreeAxis(target, axis=rng.normal(size=3))
+        seed = (robot.home, robot.sample(rng), q.clip(robot.lower + 0.1, robot.upper - 0.1))[number % 3]
+        problem = arm.problem(interpret(target, robot.default_frame))
+        none = np.empty((0, 7))
+        nearly = problem._replace(arm=arm.nearly).nearest(none, seed, 0.0)
+        answer = problem._replace(arm=in_general(arm)).nearest(none, seed, 0.0)
+        assert answer is not None
+        given += nearly is not None
+        if nearly is not None:
+            away, least = (np.linalg.norm(x[: robot.dof] - seed) for x in (nearly, answer))
+            assert away == pytest.approx(least, abs=1e-9)
+    assert given > 0.7 * count
+
+
+def in_general(arm: CurveArm) -> CurveArm:
+    """The same arm, without what it nearly is."""
+    found = copy.copy(arm)
+    found.nearly = None
+    return found
+
+
+def test_only_an_arm_that_is_near_enough_counts_as_one_with_a_wrist(tmp_path: Path) -> None:
+    placements, limits = ARMS["gen3"]
+    for aside, near in ((0.0, True), (5e-4, True), (0.01, False)):
+        moved = list(placements)
+        (x, y, z), rpy = placements[6]
+        moved[6] = (x + aside, y, z), rpy
+        arm = forms.at_poses(IKSolver(load_placed("moved", moved, limits, tmp_path)).verifier)
+        assert isinstance(arm, CurveArm)
+        assert (arm.nearly is not None) == near
+    panda = forms.at_poses(IKSolver(load_arm("panda", tmp_path)).verifier)
+    assert isinstance(panda, CurveArm)
+    assert panda.nearly is None  # its wrist is none but for rounding
 
 
 @pytest.mark.one_quick

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -18,6 +19,7 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, StructureError
 from jacokin.ik.geometry import measure_seven
 from jacokin.model.angles import wrap_to_pi
+from tests.seven_joint_arms import load_arm
 
 
 @pytest.fixture(scope="module")
@@ -167,6 +169,22 @@ def test_structured_poses(solver: IKSolver) -> None:
             family = solver.solve_all(target)
             best = min(np.linalg.norm(q - robot.home) for q in family.sample(2000))
             assert np.linalg.norm(result.q - robot.home) <= best + 1e-9
+
+
+@pytest.mark.parametrize("count", [60, pytest.param(300, marks=pytest.mark.slow)])
+def test_sets_of_an_arm_whose_right_angles_are_rounded_are_whole(
+    count: int, tmp_path: Path, rng: np.random.Generator
+) -> None:
+    """Its folds come in pairs that are one with right angles, and are only known to about what is between them."""
+    robot = load_arm("rm75", tmp_path)
+    solver = IKSolver(robot, collision="ignore")
+    for q in robot.sample(rng, count):
+        found = solver.solve_all(robot.forward_kinematics(q))
+        own = found.nearest(q)
+        assert own is not None
+        np.testing.assert_allclose(own, q, atol=1e-6)
+        assert found.complete
+        assert len(found.intervals) < 100
 
 
 def test_statuses(solver: IKSolver) -> None:

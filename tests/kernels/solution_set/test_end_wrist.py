@@ -18,6 +18,7 @@ from jacokin.ik.targets import interpret
 from jacokin.kernels.closed_form.roots import make_roots
 from jacokin.kernels.solution_set.end_wrist import begin_end_wrist, find_wrist_folds, solve_wrist_rows
 from jacokin.kernels.solution_set.run import SetWork
+from jacokin.kernels.solution_set.seven_joints import ROUNDING
 from jacokin.kernels.solution_set.slices import AFTER, BEFORE, add_slice
 from jacokin.model.angles import TURN, wrap_to_pi
 from tests.robot_files import serial_urdf
@@ -107,7 +108,7 @@ def test_rows_are_the_branches_of_six_joints(name: str, tmp_path: Path, rng: np.
 def test_rows_come_and_go_in_folds_alone_where_two_meet(name: str, tmp_path: Path, rng: np.random.Generator) -> None:
     met = 0
     for kind, work, _ in works(name, tmp_path, rng):
-        count, single = find_wrist_folds(work.six, work.seven.waves, make_roots(), work.seven.folds)
+        count, single = find_wrist_folds(work.six, ROUNDING, work.seven.waves, make_roots(), work.seven.folds)
         assert single
         folds = work.seven.folds[:count].copy() if count else np.array([0.0])
         assert (np.diff(folds) >= 0.0).all()

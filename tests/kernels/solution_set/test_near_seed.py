@@ -8,6 +8,7 @@ import pytest
 import jacokin
 from jacokin.arrays import Array
 from jacokin.ik.geometry import measure_seven
+from jacokin.kernels.chain import make_newton
 from jacokin.kernels.closed_form.roots import make_roots
 from jacokin.kernels.solution_set.curve import LONGEST_STEP, make_walk
 from jacokin.kernels.solution_set.near_seed import Parts, add_chords, make_near_seed
@@ -53,7 +54,7 @@ def test_the_nearest_configuration_is_beside_a_chord(robot: Robot, rng: np.rando
     loops = make_loops()
     walk = make_walk()
     walk.chain[:], walk.T[:], walk.parameter[0], near.best[0] = chain, T, 2, np.inf
-    assert add_chords(limits, Parts(JOINT_3, 7, make_six_joints(), seven, walk), count, near, loops)
+    assert add_chords(limits, Parts(JOINT_3, 7, make_six_joints(), seven, walk, make_newton()), count, near, loops)
     nearest = scan(robot, chain, seven.arm, T, near.seed)
     distance = np.linalg.norm(nearest - near.seed)
     chords = loops.nodes[: loops.size[0], :7].reshape(-1, 2, 7)
@@ -73,7 +74,7 @@ def test_a_seed_that_reaches_the_target_is_beside_a_chord(robot: Robot, rng: np.
     count, _ = find_folds(geometry.chain, seven.arm, T, LAST_STEPS, seven.waves, make_roots(), seven.folds)
     walk = make_walk()
     walk.chain[:], walk.T[:], walk.parameter[0], near.best[0] = geometry.chain, T, 2, np.inf
-    assert add_chords(limits, Parts(JOINT_3, 7, make_six_joints(), seven, walk), count, near, loops)
+    assert add_chords(limits, Parts(JOINT_3, 7, make_six_joints(), seven, walk, make_newton()), count, near, loops)
     chords = loops.nodes[: loops.size[0], :7].reshape(-1, 2, 7)
     along = chords[:, 1] - chords[:, 0]
     share = (wrap_to_pi(near.seed - chords[:, 0]) * along).sum(axis=1) / (along**2).sum(axis=1)
