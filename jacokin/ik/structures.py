@@ -14,7 +14,7 @@ from jacokin.errors import StructureError
 from jacokin.ik.geometry import ArmGeometry, Frames, chain_of, frames_at_zero, measure, measure_seven
 from jacokin.kernels.closed_form.arm import ARM_CONSTANTS
 from jacokin.kernels.library import Call
-from jacokin.kernels.six_joints.loop import LABELLINGS, Form, fill_links, joint_of
+from jacokin.kernels.six_joints.loop import LABELLINGS, Form, fill_links, joint_of, rotation_about
 from jacokin.kernels.six_joints.planar_arm import meeting
 from jacokin.kernels.six_joints.ranking import Score, make_rank_work, rank_labellings
 from jacokin.kernels.tolerances import DISTINCT, EXACT_MISFIT, EXACT_STRUCTURE, SMALLEST_FREEDOM
@@ -147,25 +147,29 @@ def nearest_to_axes(frames: Frames) -> tuple[NDArray[np.float64], float]:
 
 
 class EndWrist(NamedTuple):
-    """Six joints of which three at an end have axes that meet, and the other end's two."""
+    """Six joints of which three at an end have axes that meet at right angles, and the other end's two meet."""
 
     chain: NDArray[np.float64]
     """(7, 3, 4)"""
     arm: NDArray[np.float64]
     """(46,) constants, see `kernels.closed_form.arm`."""
     moved: float
-    """How far their axes are from those of the arm that they stand for, in units of its size."""
+    """How far their axes are from those of the arm that they stand for, in units of its size, or turned [rad]."""
 
 
 def with_end_wrist(chain: NDArray[np.float64]) -> EndWrist | None:
-    """The arm with a wrist at an end that is nearest to an arm (7, 3, 4); None without any.
-
-    Directions of axes, and the tool at q = 0, are the arm's.
-    """
+    """The arm with a wrist at an end that is nearest to an arm (7, 3, 4), with its tool at q = 0; None without any."""
     ends = (0, [3, 4, 5], [0, 1]), (LABELLINGS - 1, [0, 1, 2], [4, 5])
     size, found = size_of(chain), []
     for labelling, wrist, shoulder in ends:
         frames, moved = frames_at_zero(chain), 0.0
+        middle = frames[wrist[1]][0][:, 2]
+        for j in wrist[::2]:
+            R, p = frames[j]
+            off = float(R[:, 2] @ middle)
+            x, y, z = np.cross(middle, R[:, 2]) / max(float(np.linalg.norm(np.cross(middle, R[:, 2]))), DISTINCT)
+            frames[j] = rotation_about((x, y, z), float(np.arcsin(off))) @ R, p
+            moved = max(moved, abs(off))
         for joints in (wrist, shoulder):
             point, misfit = nearest_to_axes([frames[j] for j in joints])
             for j in joints:

@@ -120,12 +120,19 @@ def test_the_answer_near_a_seed_is_the_nearest_of_the_whole_set(
 
 
 @pytest.mark.parametrize("count", [30, pytest.param(400, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("name", ["gen3", "gen3_6dof"])
+@pytest.mark.parametrize("name", ["gen3", "gen3_6dof", "two digits"])
 def test_an_arm_that_nearly_has_a_wrist_gets_the_same_answers_as_in_general(
-    name: str, count: int, rng: np.random.Generator
+    name: str, count: int, tmp_path: Path, rng: np.random.Generator
 ) -> None:
-    """Axes 5 and 7 of a Gen3, and 4 and 6 of the one with six joints, miss each other by a third of a millimetre."""
-    robot = jacokin.load_robot(name)
+    """Axes 5 and 7 of a Gen3, and 4 and 6 of the one with six joints, miss each other by a third of a millimetre.
+
+    And right angles may be written with two digits.
+    """
+    if name == "two digits":
+        placements = [(xyz, (round(roll, 2), 0.0, 0.0)) for xyz, (roll, _, _) in ARMS["rm75"][0]]
+        robot = load_placed(name, placements, ARMS["rm75"][1], tmp_path)
+    else:
+        robot = jacokin.load_robot(name)
     solver = IKSolver(robot, collision="ignore")
     arm = forms.about_axis(solver.verifier) if robot.dof == 6 else forms.at_poses(solver.verifier)
     assert isinstance(arm, CurveArm)
