@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, ModelError
+from jacokin.kernels.contact.arm import FIRST_PAIR
 from jacokin.kernels.contact.near_points import find_near_points, make_near_work
 from jacokin.kernels.contact.run import ContactNumber
 from jacokin.kernels.contact.touching import Geometry
@@ -44,7 +45,7 @@ from jacokin.model.obstacles import (
     checked_surroundings,
     shape_of,
 )
-from jacokin.model.own_shapes import OwnShapes, own_shapes
+from jacokin.model.own_shapes import OwnShapes, never_apart, own_shapes
 from jacokin.model.point_cloud import PointCloud, checked_points
 from jacokin.model.robot import Robot, SceneLike
 
@@ -101,6 +102,18 @@ def _alone(robot: Robot, finger_angle: float | None) -> Surrounded:
     """A robot with nothing around it."""
     own = own_shapes(robot, finger_angle)
     return among_nothing(own.shapes, own.arrays, len(own.pairs))
+
+
+def without_never_apart(robot: Robot, around: Surroundings, found: Surrounded, clearance: float) -> Surrounded:
+    """What surrounds an arm, without the pairs of its own shapes that are `never_apart` by a clearance [m]."""
+    names = never_apart(robot, around.finger_angle, clearance)
+    if not names:
+        return found
+    arm, meetings = found.geometry.arm, found.geometry.arm.meetings.copy()
+    counts = np.array([frozenset((found.names[a], found.names[b])) not in names for a, b in arm.pairs.tolist()])
+    meetings[:, FIRST_PAIR:] = np.append(0, np.cumsum(counts))[meetings[:, FIRST_PAIR:]]
+    fewer = found.geometry._replace(arm=arm._replace(meetings=meetings, pairs=arm.pairs[counts]))
+    return found._replace(geometry=fewer, pairs=found.pairs - int(np.count_nonzero(~counts)))
 
 
 def make_world(obstacles: Sequence[Obstacle]) -> WorldArrays:
