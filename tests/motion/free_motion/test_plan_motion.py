@@ -336,3 +336,13 @@ def test_mistakes(robot: Robot) -> None:
         plan_motion(solver, robot.home, [1.0, 2.0])
     with pytest.raises(InvalidInputError, match="goal 1"):
         plan_motion(solver, robot.home, [robot.home, "cup"])
+
+
+def test_links_that_are_near_everywhere_are_no_hindrance() -> None:
+    robot = jacokin.load_robot("gen3_lite")  # its fingers are 23 mm from the link before the wrist
+    solver = IKSolver(robot, scene=Scene([Floor(-0.02)]), clearance=0.03)
+    there = robot.forward_kinematics(robot.home)
+    goal = pin.SE3(there.rotation, there.translation + np.array([0.0, 0.1, 0.0]))
+    assert solver.solve(goal).success
+    motion = plan_motion(solver, robot.home, goal, time_limit=10.0)
+    check(robot, Scene([Floor(-0.02)]), motion)

@@ -147,6 +147,15 @@ def test_clearance_holds_with_acceleration_limits_too(robot: Robot) -> None:
         assert referee.least(step.q) >= DISTANCE - TOLERANCE
 
 
+def test_shapes_that_are_near_everywhere_change_nothing() -> None:
+    robot = jacokin.load_robot("gen3_lite")  # its fingers are 23 mm from the link before the wrist
+    plain, guarded = Tracker(robot), Tracker(robot, collision="reject", clearance=0.03)
+    pose = robot.forward_kinematics(robot.home)
+    for tick in range(60):
+        there = pin.SE3(pose.rotation, pose.translation + np.array([0.0, 0.0, 5e-4 * tick]))
+        np.testing.assert_allclose(guarded.step(there).q, plain.step(there).q, rtol=0.0, atol=1e-12)  # rounding
+
+
 def test_far_obstacles_change_nothing(robot: Robot) -> None:
     pose = robot.forward_kinematics(robot.home)
     pose = pin.SE3(pose.rotation, pose.translation + np.array([0.0, 0.0, 0.02]))
