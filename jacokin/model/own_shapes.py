@@ -75,6 +75,17 @@ def overlapping(robot: Robot) -> frozenset[frozenset[str]]:
     return own_shapes(robot).overlapping
 
 
+def own_hulls(robot: Robot) -> frozenset[str]:
+    """Names of the arm's own shapes that are the convex hulls of meshes, which may fill what these leave open.
+
+    Raises:
+        ShapeError: the description's shapes cannot be loaded.
+    """
+    if robot.source.decompose:
+        return frozenset()
+    return frozenset(shape.name for shape in own_shapes(robot).shapes if shape.kind == "mesh")
+
+
 def never_apart(robot: Robot, finger_angle: float | None, clearance: float) -> frozenset[frozenset[str]]:
     """Pairs of names of the arm's own shapes that are nearer than a clearance everywhere, and touch nowhere.
 

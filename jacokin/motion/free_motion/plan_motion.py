@@ -33,9 +33,10 @@ from jacokin.ik.solver import IKSolver
 from jacokin.ik.targets import PartialTarget, Target, TargetPose, interpret
 from jacokin.model import angles, checks
 from jacokin.model.angles import TURN
-from jacokin.model.contact import Contact, self_contact
+from jacokin.model.contact import Contact, Pair, self_contact
+from jacokin.model.own_shapes import own_hulls
 from jacokin.model.poses import FreeAxis
-from jacokin.model.robot import acceleration_limits, copies_counted, jerk_limits, velocity_limits
+from jacokin.model.robot import Robot, acceleration_limits, copies_counted, jerk_limits, velocity_limits
 from jacokin.motion.free_motion.leaving import DEEPEST, SAME_DISTANCE
 from jacokin.motion.free_motion.meanwhile import Meanwhile, Motions
 from jacokin.motion.free_motion.search import MOST_SAMPLES, Found, Randomness, StraightMotion, WaySearch
@@ -290,7 +291,7 @@ class _Request(NamedTuple):
         if nearness:
             straight.blocked = np.setdiff1d(straight.blocked, list(nearness))
         if straight.reached < 0 and not len(straight.blocked):
-            return self._stay(MotionStatus.GOAL_IN_CONTACT, _why_no_goal(len(rows), search.touching, nearness))
+            return self._stay(MotionStatus.GOAL_IN_CONTACT, self._why_no_goal(len(rows), search.touching, nearness))
         best = self._quickest(search, straight, rows, _Ends(before, after), deadline)
         if isinstance(best, Found):
             return self._stay(MotionStatus.NO_WAY, self._why_no_way(search, best, deadline))
@@ -303,8 +304,15 @@ class _Request(NamedTuple):
         return (
             f"no way was found {cut} ({found.samples} samples); two parts of one came within "
             f"{found.nearest * self.unit:.3g} s of motion of each other; most often in the way: "
-            f"{_named(search.hindrances)}"
+            f"{_named(search.hindrances, self.solver.robot)}"
         )
+
+    def _why_no_goal(self, count: int, touching: Counter[Pair], nearness: Mapping[int, str]) -> str:
+        """Why none of so many configurations that reach the goal can be one."""
+        reasons = [f"touch something: {_named(touching, self.solver.robot)}"] if touching else []
+        if nearness:
+            reasons.append(f"are nearer to something than motions are kept: {next(iter(nearness.values()))}")
+        return f"all {count} configurations that reach the goal {', or '.join(reasons)}"
 
     def _times(self, rows: Array, start: Array) -> Array:
         """Of straight motions from a configuration (dof,), or from one each, to some (n, dof), at full speed."""
@@ -565,17 +573,13 @@ def _unlooked_contact(solver: IKSolver) -> Contact | None:
         raise
 
 
-def _why_no_goal(count: int, touching: Counter[tuple[str, str]], nearness: Mapping[int, str]) -> str:
-    """Why none of so many configurations that reach the goal can be one."""
-    reasons = [f"touch something: {_named(touching)}"] if touching else []
-    if nearness:
-        reasons.append(f"are nearer to something than motions are kept: {next(iter(nearness.values()))}")
-    return f"all {count} configurations that reach the goal {', or '.join(reasons)}"
-
-
-def _named(pairs: Counter[tuple[str, str]]) -> str:
+def _named(pairs: Counter[Pair], robot: Robot) -> str:
     """The pairs of shapes that are met most often, for a sentence."""
-    return ", ".join(f"{a} and {b}" for (a, b), _ in pairs.most_common(2))
+    often = [pair for pair, _ in pairs.most_common(2)]
+    words, hulls = ", ".join(f"{a} and {b}" for a, b in often), own_hulls(robot)
+    if any(hulls.issuperset(pair) for pair in often):
+        words += ", which are hulls of meshes and may touch where these do not: load_robot(..., decompose=True)"
+    return words
 
 
 SPREAD = 0.7  # [rad] along a curve, between members that are tried
