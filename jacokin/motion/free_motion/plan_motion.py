@@ -271,7 +271,7 @@ class _Request(NamedTuple):
         still = np.flatnonzero(np.abs(rows - self.start).max(axis=1) <= SAME)
         if len(still) and (contact is None or not contact.touches(self.start)):
             return self._go(self._timed(self.start[None], None), goals[int(still[0])], contact, "")
-        beginning = self._begin(search, inside, rows)
+        beginning = self._begin(search, inside, rows, deadline)
         if isinstance(beginning, Trajectory):
             return beginning
         before, note = beginning
@@ -282,7 +282,7 @@ class _Request(NamedTuple):
             return self._go(self._timed(way, None), goals[order[0]], None, note)
         search.begin(before[-1], rows, self.speed, rng)
         straight = search.go_straight()
-        after, nearness = self._land(search, straight, rows, before[-1])
+        after, nearness = self._land(search, straight, rows, before[-1], deadline)
         if after:
             for k, tail in after.items():
                 rows[k] = tail[0]
@@ -322,13 +322,14 @@ class _Request(NamedTuple):
         """Of goals (n, dof), by the times of straight motions from a configuration."""
         return np.argsort(self._times(rows, start), kind="stable")
 
-    def _begin(self, search: WaySearch | None, inside: Array, goals: Array) -> _Beginning | Trajectory:
+    def _begin(self, search: WaySearch | None, inside: Array, goals: Array, deadline: float) -> _Beginning | Trajectory:
         """Bring joints onto their limits, then apart what is near; or the motion that stays, with the reason.
 
         Args:
             search: knows what is near; None where nothing is looked at.
             inside: (dof,) the start, each joint within its limits [rad].
             goals: (n, dof) [rad].
+            deadline: on the clock of `time.monotonic` [s].
         """
         rows, notes = [self.start], list[str]()
         near = None if search is None else search.near(self.start)
@@ -358,7 +359,7 @@ class _Request(NamedTuple):
             )
             return self._stay(MotionStatus.START_IN_CONTACT, sentence)
         out = leaving.way_out(
-            inside, near, goals[self._order(goals, self.start)[:8]]
+            inside, near, goals[self._order(goals, self.start)[:8]], deadline
         )  # straight to these, if it can be
         if out is None:
             sentence = (
@@ -370,7 +371,7 @@ class _Request(NamedTuple):
         return _Beginning(np.array([*rows[:-1], *out]), "; ".join(notes))
 
     def _land(
-        self, search: WaySearch, straight: StraightMotion, rows: Array, start: Array
+        self, search: WaySearch, straight: StraightMotion, rows: Array, start: Array, deadline: float
     ) -> tuple[dict[int, Array], dict[int, str]]:
         """Motions (n, dof) that end at goals nearer to something than a certified motion may be, by number of the goal.
 
@@ -380,7 +381,8 @@ class _Request(NamedTuple):
         for k in straight.blocked[search.are_near(rows[straight.blocked])].tolist():
             leaving = search.leaving
             near = leaving.near(rows[k])
-            out = leaving.way_out(rows[k], near, start[None]) if len(found) < 16 else None  # enough to choose from
+            enough = len(found) >= 16  # to choose from
+            out = None if enough else leaving.way_out(rows[k], near, start[None], deadline)
             if out is not None:
                 found[k] = out[::-1]
             else:
