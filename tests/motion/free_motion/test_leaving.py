@@ -188,10 +188,10 @@ def test_limits_of_any_size_are_held_around_a_wall(robot: Robot, velocity: float
 
 def test_no_more_is_tried_when_the_time_is_over(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     # The cup is between low boxes that are 5 mm from it, with a clearance of 1 cm.
-    low = PLACE - [0.0, 0.0, 0.05]
-    sides = [Box(f"side_{k}", [0.06, 0.02, 0.02], low + [0.0, 0.045 * s, 0.0]) for k, s in enumerate((-1.0, 1.0))]
-    ends = [Box(f"end_{k}", [0.02, 0.06, 0.02], low + [0.045 * s, 0.0, 0.0]) for k, s in enumerate((-1.0, 1.0))]
-    scene, q = holding(robot, others=(*sides, *ends))
+    along, across = np.array([0.06, 0.02, 0.02]), np.array([0.02, 0.06, 0.02])
+    places = [PLACE + np.array([x, y, -0.05]) for x, y in ((0.0, -0.045), (0.0, 0.045), (-0.045, 0.0), (0.045, 0.0))]
+    boxes = [Box(f"side_{k}", along if k < 2 else across, place) for k, place in enumerate(places)]
+    scene, q = holding(robot, others=tuple(boxes))
     solver, walk, walks = IKSolver(robot, scene=scene, clearance=0.01), Leaving._walk, list[int]()
 
     def counted(
