@@ -276,6 +276,12 @@ def test_shapes_that_are_near_everywhere_are_not_kept_apart(
             clear += least > clearance
     assert clear > 50
     assert self_contact(robot).pairs == len(distances)  # without a clearance all count
+    for scene in (
+        Scene([Sphere("moon", 0.1, [5.0, 0.0, 0.0])]),
+        Scene().attach(Sphere("ball", 0.01, [0.0, 0.0, 0.3]), to=robot.default_frame),
+    ):
+        among = scene.contact(robot)
+        assert among.pairs - among.with_clearance(clearance).pairs == len(distances) - contact.pairs > 0
 
 
 def test_what_only_seems_to_be_near_everywhere_counts_where_it_touches(
