@@ -284,6 +284,26 @@ def test_shapes_that_are_near_everywhere_are_not_kept_apart(
         assert among.pairs - among.with_clearance(clearance).pairs == len(distances) - contact.pairs > 0
 
 
+def test_links_that_are_near_everywhere_by_turns_of_their_parts_are_not_kept_apart(
+    tmp_path: Path, rng: np.random.Generator
+) -> None:
+    ball = '<collision><origin xyz="{} {} 0"/><geometry><sphere radius="0.03"/></geometry></collision>'
+    path = tmp_path / "arm.urdf"
+    path.write_text(ur5_text("".join(ball.format(x, y) for x, y in ((0.05, 0), (-0.05, 0), (0, 0.05), (0, -0.05)))))
+    robot = jacokin.load_robot(path)
+    rows = robot.sample(rng, 150)
+    distances = own_distances(robot, rows)
+    inner = {pair for pair in distances if {name.split("#")[0] for name in pair} == {"l0", "l2"}}
+    assert len(inner) == 16
+    near = np.array([distances[pair] for pair in inner])
+    assert 0.03 < near.min(axis=0).min() < near.min(axis=0).max() < 0.05 < near.max(axis=1).min()
+    contact = self_contact(robot).with_clearance(0.05)
+    for index, q in enumerate(rows):
+        others = min(distances[pair][index] for pair in distances.keys() - inner)
+        if abs(others - 0.05) > 1e-5:  # [m] rounding of two engines
+            assert contact.touches(q) == (others < 0.05)
+
+
 def test_what_only_seems_to_be_near_everywhere_counts_where_it_touches(
     tmp_path: Path, rng: np.random.Generator
 ) -> None:
