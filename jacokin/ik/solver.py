@@ -110,7 +110,8 @@ class IKSolver:
             limit_snap: a closed-form branch past a limit by no more than this [rad] is put on it and measured again.
             max_restarts: random starts of the QP after the first ones.
             scene: obstacles around the arm; they count as self-contact does.
-            clearance: shapes this near to each other count as touching [m].
+            clearance: shapes this near to each other count as touching [m], but for those of the arm that are nearer in
+                every configuration and touch in none.
 
         Raises:
             UnknownNameError: unknown frame, method, collision mode or QP solver.

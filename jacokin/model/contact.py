@@ -27,7 +27,14 @@ from jacokin.model.contact_arrays import ShapeRow, arm_arrays, joints_about_z
 from jacokin.model.obstacles import NOTHING_AROUND, OtherRobot, Surroundings
 from jacokin.model.own_shapes import own_shapes
 from jacokin.model.robot import Robot, checked_robot
-from jacokin.model.surrounded import Surrounded, allowed_pairs, among_nothing, carried_shapes, surround
+from jacokin.model.surrounded import (
+    Surrounded,
+    allowed_pairs,
+    among_nothing,
+    carried_shapes,
+    surround,
+    without_never_apart,
+)
 
 ROWS_AT_ONCE = 64  # configurations that go to the kernels together
 REFUSED_WITHIN = 1e-4  # [m] of the clearance, a motion is not certain, and counts as touching
@@ -67,7 +74,8 @@ class Contact:
         Args:
             robot: the arm.
             around: the scene.
-            clearance: shapes this near to each other count as touching [m].
+            clearance: shapes this near to each other count as touching [m], but not those of two links of the arm that
+                are nearer in every configuration, and touch in none.
             found: `surround` of both, where it is known.
 
         Raises:
@@ -77,7 +85,10 @@ class Contact:
         """
         self._robot = checked_robot("robot", robot)
         self._around, self._clearance = around, clearance
-        self._found = found = surround(robot, around) if found is None else found
+        self._all = found = surround(robot, around) if found is None else found
+        if clearance > 0.0:
+            found = without_never_apart(robot, around, found, clearance)
+        self._found = found
         self.geometry, self.names, self.pairs = found.geometry, found.names, found.pairs
         self._partly, self._arm_shapes, self._met_partly = found.alone, found.arm_shapes, found.met_partly
         self._local = threading.local()
@@ -86,7 +97,7 @@ class Contact:
         """These shapes, which count as touching this near to each other [m]."""
         if clearance == self._clearance:
             return self
-        return Contact(self._robot, self._around, clearance=clearance, found=self._found)
+        return Contact(self._robot, self._around, clearance=clearance, found=self._all)
 
     def __reduce__(self) -> tuple[object, tuple[object, ...]]:
         """For pickle: made anew of the robot's arrays, as what the kernels are told belongs to a thread."""

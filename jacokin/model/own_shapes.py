@@ -9,12 +9,17 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from jacokin.kernels.contact.run import ContactInteger, ContactTask, make_contact_work, run_contact
+from jacokin.arrays import Array
+from jacokin.kernels.contact.run import ContactInteger, ContactNumber, ContactTask, make_contact_work, run_contact
+from jacokin.kernels.contact.shapes import LINK
 from jacokin.kernels.library import Call
 from jacokin.model.contact_arrays import NO_WORLD, ArmArrays, ShapeRow, arm_arrays, joined, joints_about_z, shape_rows
 from jacokin.model.descriptions.shapes import NO_VERTICES, Shape, read_bundled
 from jacokin.model.robot import Robot, middle, spread
+
+MORE_THAN_CLEAR = 1e-3  # [m] than the clearance pairs must come apart: planners and trackers keep up to so much more
 
 
 class OwnShapes(NamedTuple):
@@ -30,6 +35,11 @@ class OwnShapes(NamedTuple):
     names: tuple[str, ...]
     taken: frozenset[str]
     """Names of the shapes, which no obstacle may have."""
+
+    def named(self, chosen: NDArray[np.bool_]) -> frozenset[frozenset[str]]:
+        """Names of the chosen ones (n,) of the pairs of the arrays."""
+        numbers = self.arrays.numbers[self.arrays.arm.pairs[chosen]].tolist()
+        return frozenset(frozenset((self.names[a], self.names[b])) for a, b in numbers)
 
 
 def own_shapes(robot: Robot, finger_angle: float | None = None) -> OwnShapes:
@@ -63,6 +73,34 @@ def overlapping(robot: Robot) -> frozenset[frozenset[str]]:
         ShapeError: the description's shapes cannot be loaded.
     """
     return own_shapes(robot).overlapping
+
+
+def own_hulls(robot: Robot) -> frozenset[str]:
+    """Names of the arm's own shapes that are the convex hulls of meshes, which may fill what these leave open.
+
+    Raises:
+        ShapeError: the description's shapes cannot be loaded.
+    """
+    if robot.source.decompose:
+        return frozenset()
+    return frozenset(shape.name for shape in own_shapes(robot).shapes if shape.kind == "mesh")
+
+
+def never_apart(robot: Robot, finger_angle: float | None, clearance: float) -> frozenset[frozenset[str]]:
+    """Pairs of names of the arm's own shapes that are nearer than a clearance everywhere, and touch nowhere.
+
+    No configuration keeps them apart, and none brings them together: their nearness says nothing. Where no two shapes
+    of two links, but some of them are near in every configuration, such as convex parts of one mesh, it is all of them.
+
+    Args:
+        robot: the arm.
+        finger_angle: as in `own_shapes`.
+        clearance: [m].
+
+    Raises:
+        InvalidInputError, ShapeError: as of `own_shapes`.
+    """
+    return robot.once(_never_apart, finger_angle, clearance)
 
 
 def _make_own_shapes(robot: Robot) -> OwnShapes:
@@ -115,16 +153,66 @@ def _prepared(
 
 
 def _touching_everywhere(robot: Robot, own: OwnShapes) -> frozenset[frozenset[str]]:
-    """Names of shapes that touch in all of some configurations, so many that they are taken to touch everywhere."""
-    call = Call(run_contact, make_contact_work(joined(own.arrays, NO_WORLD), 1))
-    call.work.integers[ContactInteger.TASK] = ContactTask.LIST_TOUCHING
-    numbers, names = own.arrays.numbers.tolist(), own.names
-    found: set[frozenset[str]] | None = None
+    """Names of shapes that touch in every configuration."""
+    listed = _Listed(robot, own.arrays, 0.0)
+    return own.named(_everywhere(robot, listed, np.arange(len(listed.pairs)), np.zeros(len(listed.pairs), np.bool_)))
+
+
+def _never_apart(robot: Robot, finger_angle: float | None, clearance: float) -> frozenset[frozenset[str]]:
+    """Names of shapes; see `never_apart`."""
+    own = own_shapes(robot, finger_angle)
+    near, touching = (_Listed(robot, own.arrays, margin) for margin in (clearance + MORE_THAN_CLEAR, 0.0))
+    _, links = np.unique(own.arrays.shapes.integers[:, LINK][near.pairs], axis=0, return_inverse=True)
+    found = np.zeros(len(near.pairs), dtype=np.bool_)
+    for together in (np.arange(len(found)), links.reshape(-1)):  # shapes by themselves, then links by what is left
+        always = _everywhere(robot, near, together, found)
+        if always.any():
+            for q in spread(robot, 1000):
+                always &= ~np.isin(together, together[touching.at(q)])
+        found |= always
+    return own.named(found)
+
+
+def _everywhere(
+    robot: Robot, listed: _Listed, together: NDArray[np.int64], but: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """Which pairs (n,) are listed in every configuration, or others with the same number `together`; but some.
+
+    In all of so many random ones, and in the middle of the limits, that they are taken to be so everywhere.
+    """
+    found = ~but
     for q in (middle(robot), *spread(robot, 200)):
-        call.work.q[: q.size] = q
-        pairs = call.work.hits.pairs[: call()].tolist()
-        touching = {frozenset((names[numbers[a]], names[numbers[b]])) for a, b in pairs}
-        found = touching if found is None else found & touching
-        if not found:
+        found &= np.isin(together, together[listed.at(q) & ~but])
+        if not found.any():
             break
-    return frozenset(found or ())
+    return found
+
+
+class _Listed:
+    """Which pairs of an arm's shapes are nearer than a margin.
+
+    Attributes:
+        pairs: (n, 2) numbers of the shapes.
+    """
+
+    def __init__(self, robot: Robot, arrays: ArmArrays, margin: float) -> None:
+        """Take the shapes, and the margin [m]."""
+        geometry = joined(arrays, NO_WORLD)
+        self._call, self._dof, self.pairs = (
+            Call(run_contact, make_contact_work(geometry, 1)),
+            robot.dof,
+            arrays.arm.pairs,
+        )
+        self._call.work.integers[ContactInteger.TASK] = ContactTask.LIST_TOUCHING
+        self._call.work.numbers[ContactNumber.MARGIN_KEPT] = margin
+        self._count = len(arrays.numbers)
+        self._numbers = self._numbered(self.pairs)
+
+    def at(self, q: Array) -> NDArray[np.bool_]:
+        """Which of them (n,) at a configuration (dof,) [rad]."""
+        self._call.work.q[: self._dof] = q
+        return np.isin(self._numbers, self._numbered(self._call.work.hits.pairs[: self._call()]))
+
+    def _numbered(self, pairs: NDArray[np.int64]) -> NDArray[np.int64]:
+        """A number for each pair (n, 2)."""
+        return np.asarray(pairs[:, 0] * self._count + pairs[:, 1])

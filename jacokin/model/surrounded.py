@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, ModelError
+from jacokin.kernels.contact.arm import FIRST_PAIR, ArmShapes
 from jacokin.kernels.contact.near_points import find_near_points, make_near_work
 from jacokin.kernels.contact.run import ContactNumber
 from jacokin.kernels.contact.touching import Geometry
@@ -44,7 +45,7 @@ from jacokin.model.obstacles import (
     checked_surroundings,
     shape_of,
 )
-from jacokin.model.own_shapes import OwnShapes, own_shapes
+from jacokin.model.own_shapes import OwnShapes, never_apart, own_shapes
 from jacokin.model.point_cloud import PointCloud, checked_points
 from jacokin.model.robot import Robot, SceneLike
 
@@ -101,6 +102,33 @@ def _alone(robot: Robot, finger_angle: float | None) -> Surrounded:
     """A robot with nothing around it."""
     own = own_shapes(robot, finger_angle)
     return among_nothing(own.shapes, own.arrays, len(own.pairs))
+
+
+def without_never_apart(robot: Robot, around: Surroundings, found: Surrounded, clearance: float) -> Surrounded:
+    """What surrounds an arm, without the pairs of its own shapes that are `never_apart` by a clearance [m]."""
+    never = never_apart(robot, around.finger_angle, clearance)
+    if not never:
+        return found
+    if around.attached or around.allow:
+        arm = _fewer_pairs(found, never)
+    else:
+        arm = robot.once(_fewer_pairs_alone, around.finger_angle, clearance)
+    left_out = len(found.geometry.arm.pairs) - len(arm.pairs)
+    return found._replace(geometry=found.geometry._replace(arm=arm), pairs=found.pairs - left_out)
+
+
+def _fewer_pairs_alone(robot: Robot, finger_angle: float | None, clearance: float) -> ArmShapes:
+    """Those of a robot with nothing around it."""
+    return _fewer_pairs(robot.once(_alone, finger_angle), never_apart(robot, finger_angle, clearance))
+
+
+def _fewer_pairs(found: Surrounded, never: frozenset[frozenset[str]]) -> ArmShapes:
+    """The arm without pairs of these names."""
+    arm, names = found.geometry.arm, found.names
+    kept = np.array([frozenset((names[a], names[b])) not in never for a, b in arm.pairs.tolist()])
+    meetings = arm.meetings.copy()
+    meetings[:, FIRST_PAIR:] = np.append(0, np.cumsum(kept))[meetings[:, FIRST_PAIR:]]
+    return arm._replace(meetings=meetings, pairs=arm.pairs[kept])
 
 
 def make_world(obstacles: Sequence[Obstacle]) -> WorldArrays:

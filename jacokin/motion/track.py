@@ -7,6 +7,7 @@ curves), nearest to the seed first, until one of them stays on the path througho
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -314,7 +315,7 @@ def _sentence(result: Trajectory, tried: int, reaching: int, word: str) -> str:
         return f"{word} {tried} of {reaching} stays on the path"
     words = "branches" if word == "branch" else f"{word}s"
     where = list_segments(result.failed_segments)
-    return f"none of the {reaching} {words} stays on the path; the best one leaves it on segment {where}"
+    return f"none of the {reaching} {words} stays on the path; the best one leaves it on segment {where}{_why(result)}"
 
 
 def _sentence_from_start(result: Trajectory) -> str:
@@ -325,4 +326,11 @@ def _sentence_from_start(result: Trajectory) -> str:
             f"the given start is not at the first pose: {result.position_error[0]:.3g} m and "
             f"{result.orientation_error[0]:.3g} rad away"
         )
-    return f"the given start leaves the path on segment {list_segments(result.failed_segments)}"
+    return f"the given start leaves the path on segment {list_segments(result.failed_segments)}{_why(result)}"
+
+
+def _why(result: Trajectory) -> str:
+    """What holds the arm back in most ticks that are off the path, for the end of a sentence."""
+    off = [words for words, status in zip(result.limiting, result.status, strict=True) if status != "OK"]
+    often = Counter(word for words in off for word in words.split("; ") if word).most_common(2)
+    return f", held back by {' and '.join(word for word, _ in often)}" if often else ""

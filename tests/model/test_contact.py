@@ -16,7 +16,7 @@ from jacokin import Robot, pose
 from jacokin.arrays import Array
 from jacokin.errors import ShapeError
 from jacokin.model import Scene, SelfContact
-from jacokin.model.contact import Contact
+from jacokin.model.contact import Contact, self_contact
 from jacokin.model.descriptions import mjcf
 from jacokin.model.descriptions.shapes import PreparedShapes, prepare_shapes
 from jacokin.model.mujoco_twin import to_mujoco, to_spec
@@ -234,11 +234,88 @@ def test_own_urdf_shapes_are_checked_for_contact(tmp_path: Path, rng: np.random.
     assert mine.touching(own.home) == []
 
 
-def ball_arm(tmp_path: Path, names: str = "") -> Path:
-    """An arm with a ball at each joint: those of the base and of the upper arm overlap whatever the joints do."""
+def ball_arm(tmp_path: Path, names: str = "", radius: float = 0.09) -> Path:
+    """An arm with a ball at each joint [m]: those of the base and of the upper arm are as near whatever joints do."""
     path = tmp_path / "arm.urdf"
-    path.write_text(ur5_text(f'<collision {names}><geometry><sphere radius="0.09"/></geometry></collision>'))
+    path.write_text(ur5_text(f'<collision {names}><geometry><sphere radius="{radius}"/></geometry></collision>'))
     return path
+
+
+def own_distances(robot: Robot, rows: Array) -> dict[frozenset[str], Array]:
+    """Distances (n,) of the arm's own shapes at configurations (n, dof) by MuJoCo, up to 10 cm [m]."""
+    model = to_mujoco(robot, geometry=True)
+    data, found = mujoco.MjData(model), np.empty((len(rows), model.npair))
+    for row, q in zip(found, rows, strict=True):
+        data.qpos[:] = q
+        mujoco.mj_kinematics(model, data)
+        row[:] = [
+            mujoco.mj_geomDistance(model, data, a, b, 0.1, None)
+            for a, b in zip(model.pair_geom1.tolist(), model.pair_geom2.tolist(), strict=True)
+        ]
+    names = [model.geom(k).name for k in range(model.ngeom)]
+    pairs = zip(model.pair_geom1.tolist(), model.pair_geom2.tolist(), strict=True)
+    return {frozenset((names[a], names[b])): column for (a, b), column in zip(pairs, found.T, strict=True)}
+
+
+@pytest.mark.one_quick
+@pytest.mark.parametrize(("name", "clearance"), [("balls", 0.02), ("gen3_lite", 0.03), ("m1n6s200", 0.035)])
+def test_shapes_that_are_near_everywhere_are_not_kept_apart(
+    tmp_path: Path, rng: np.random.Generator, name: str, clearance: float
+) -> None:
+    robot = jacokin.load_robot(ball_arm(tmp_path, radius=0.076) if name == "balls" else name)
+    near = robot.sample(rng, 150)
+    distances = {pair: each for pair, each in own_distances(robot, near).items() if pair not in overlapping(robot)}
+    kept_apart = {pair for pair, found in distances.items() if found.max() > clearance + 1e-3}
+    assert len(kept_apart) < len(distances)  # the case is one
+    contact = self_contact(robot).with_clearance(clearance)
+    clear = 0
+    for index, q in enumerate(near):
+        least = min(distances[pair][index] for pair in kept_apart)
+        if abs(least - clearance) > 1e-5:  # [m] rounding of two engines
+            assert contact.touches(q) == (least < clearance)
+            clear += least > clearance
+    assert clear > 50
+    assert self_contact(robot).pairs == len(distances)  # without a clearance all count
+    for scene in (
+        Scene([Sphere("moon", 0.1, [5.0, 0.0, 0.0])]),
+        Scene().attach(Sphere("ball", 0.01, [0.0, 0.0, 0.3]), to=robot.default_frame),
+    ):
+        among = scene.contact(robot)
+        assert among.pairs - among.with_clearance(clearance).pairs == len(distances) - contact.pairs > 0
+
+
+def test_links_that_are_near_everywhere_by_turns_of_their_parts_are_not_kept_apart(
+    tmp_path: Path, rng: np.random.Generator
+) -> None:
+    ball = '<collision><origin xyz="{} {} 0"/><geometry><sphere radius="0.03"/></geometry></collision>'
+    path = tmp_path / "arm.urdf"
+    path.write_text(ur5_text("".join(ball.format(x, y) for x, y in ((0.05, 0), (-0.05, 0), (0, 0.05), (0, -0.05)))))
+    robot = jacokin.load_robot(path)
+    rows = robot.sample(rng, 150)
+    distances = own_distances(robot, rows)
+    inner = {pair for pair in distances if {name.split("#")[0] for name in pair} == {"l0", "l2"}}
+    assert len(inner) == 16
+    near = np.array([distances[pair] for pair in inner])
+    assert 0.03 < near.min(axis=0).min() < near.min(axis=0).max() < 0.05 < near.max(axis=1).min()
+    contact = self_contact(robot).with_clearance(0.05)
+    for index, q in enumerate(rows):
+        others = min(distances[pair][index] for pair in distances.keys() - inner)
+        if abs(others - 0.05) > 1e-5:  # [m] rounding of two engines
+            assert contact.touches(q) == (others < 0.05)
+
+
+def test_what_only_seems_to_be_near_everywhere_counts_where_it_touches(
+    tmp_path: Path, rng: np.random.Generator
+) -> None:
+    robot = jacokin.load_robot(ball_arm(tmp_path, radius=0.076))
+    wide = self_contact(robot).with_clearance(0.5)  # [m] all that is on an arm of a metre is nearer
+    rows = robot.sample(rng, 150)
+    touching = {pair for pair, found in own_distances(robot, rows).items() if found.min() < 0.0}
+    assert touching
+    for q in rows:
+        assert {frozenset(pair) for pair in self_contact(robot).touching(q)} <= {
+            frozenset(pair) for pair in wide.touching(q)
+        }
 
 
 def test_shapes_that_overlap_everywhere_are_no_contact_and_are_said(tmp_path: Path, rng: np.random.Generator) -> None:

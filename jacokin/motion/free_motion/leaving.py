@@ -10,6 +10,8 @@ both ends of a step stays apart between them. The distances of the pairs that le
 from __future__ import annotations
 
 import itertools
+import math
+import time
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -79,18 +81,21 @@ class Leaving:
         a, b = near.pairs[k].tolist()
         return float(near.distances[k]), self._contact.ordered(a, b, by_kind=True)
 
-    def way_out(self, q: Array, near: Nearness, towards: Array) -> Array | None:
+    def way_out(self, q: Array, near: Nearness, towards: Array, deadline: float = math.inf) -> Array | None:
         """Straight motions (n, dof) to where nothing is near [rad]; None where none are found.
 
         Args:
             q: (dof,) where the arm is [rad].
             near: what is near there.
             towards: (k, dof) where it is to go; a straight motion there is the first choice [rad].
+            deadline: on the clock of `time.monotonic` [s], after which no other motion is tried.
         """
         for end in towards:
             out, _, _ = self._walk(q, end, near, room=0.0)
             if out is not None:
                 return np.array([q, out])
+            if time.monotonic() >= deadline:
+                return None
         rows, there = [q], near
         for _ in range(12):  # lines
             best: tuple[float, Array, Array] | None = None
@@ -98,6 +103,8 @@ class Leaving:
                 out, last, distances = self._walk(rows[-1], end, there, room=0.005)  # [m] where nothing hinders it
                 if out is not None:
                     return np.array([*rows, out])
+                if time.monotonic() >= deadline:
+                    return None
                 gain = float((distances - there.distances).min())
                 if gain > 1e-3 and (best is None or gain > best[0]):  # [m] less is no way out
                     best = gain, last, distances

@@ -33,9 +33,10 @@ from jacokin.ik.solver import IKSolver
 from jacokin.ik.targets import PartialTarget, Target, TargetPose, interpret
 from jacokin.model import angles, checks
 from jacokin.model.angles import TURN
-from jacokin.model.contact import Contact, self_contact
+from jacokin.model.contact import Contact, Pair, self_contact
+from jacokin.model.own_shapes import own_hulls
 from jacokin.model.poses import FreeAxis
-from jacokin.model.robot import acceleration_limits, copies_counted, jerk_limits, velocity_limits
+from jacokin.model.robot import Robot, acceleration_limits, copies_counted, jerk_limits, velocity_limits
 from jacokin.motion.free_motion.leaving import DEEPEST, SAME_DISTANCE
 from jacokin.motion.free_motion.meanwhile import Meanwhile, Motions
 from jacokin.motion.free_motion.search import MOST_SAMPLES, Found, Randomness, StraightMotion, WaySearch
@@ -270,7 +271,7 @@ class _Request(NamedTuple):
         still = np.flatnonzero(np.abs(rows - self.start).max(axis=1) <= SAME)
         if len(still) and (contact is None or not contact.touches(self.start)):
             return self._go(self._timed(self.start[None], None), goals[int(still[0])], contact, "")
-        beginning = self._begin(search, inside, rows)
+        beginning = self._begin(search, inside, rows, deadline)
         if isinstance(beginning, Trajectory):
             return beginning
         before, note = beginning
@@ -281,7 +282,7 @@ class _Request(NamedTuple):
             return self._go(self._timed(way, None), goals[order[0]], None, note)
         search.begin(before[-1], rows, self.speed, rng)
         straight = search.go_straight()
-        after, nearness = self._land(search, straight, rows, before[-1])
+        after, nearness = self._land(search, straight, rows, before[-1], deadline)
         if after:
             for k, tail in after.items():
                 rows[k] = tail[0]
@@ -290,7 +291,7 @@ class _Request(NamedTuple):
         if nearness:
             straight.blocked = np.setdiff1d(straight.blocked, list(nearness))
         if straight.reached < 0 and not len(straight.blocked):
-            return self._stay(MotionStatus.GOAL_IN_CONTACT, _why_no_goal(len(rows), search.touching, nearness))
+            return self._stay(MotionStatus.GOAL_IN_CONTACT, self._why_no_goal(len(rows), search.touching, nearness))
         best = self._quickest(search, straight, rows, _Ends(before, after), deadline)
         if isinstance(best, Found):
             return self._stay(MotionStatus.NO_WAY, self._why_no_way(search, best, deadline))
@@ -303,8 +304,15 @@ class _Request(NamedTuple):
         return (
             f"no way was found {cut} ({found.samples} samples); two parts of one came within "
             f"{found.nearest * self.unit:.3g} s of motion of each other; most often in the way: "
-            f"{_named(search.hindrances)}"
+            f"{_named(search.hindrances, self.solver.robot)}"
         )
+
+    def _why_no_goal(self, count: int, touching: Counter[Pair], nearness: Mapping[int, str]) -> str:
+        """Why none of so many configurations that reach the goal can be one."""
+        reasons = [f"touch something: {_named(touching, self.solver.robot)}"] if touching else []
+        if nearness:
+            reasons.append(f"are nearer to something than motions are kept: {next(iter(nearness.values()))}")
+        return f"all {count} configurations that reach the goal {', or '.join(reasons)}"
 
     def _times(self, rows: Array, start: Array) -> Array:
         """Of straight motions from a configuration (dof,), or from one each, to some (n, dof), at full speed."""
@@ -314,13 +322,14 @@ class _Request(NamedTuple):
         """Of goals (n, dof), by the times of straight motions from a configuration."""
         return np.argsort(self._times(rows, start), kind="stable")
 
-    def _begin(self, search: WaySearch | None, inside: Array, goals: Array) -> _Beginning | Trajectory:
+    def _begin(self, search: WaySearch | None, inside: Array, goals: Array, deadline: float) -> _Beginning | Trajectory:
         """Bring joints onto their limits, then apart what is near; or the motion that stays, with the reason.
 
         Args:
             search: knows what is near; None where nothing is looked at.
             inside: (dof,) the start, each joint within its limits [rad].
             goals: (n, dof) [rad].
+            deadline: on the clock of `time.monotonic` [s].
         """
         rows, notes = [self.start], list[str]()
         near = None if search is None else search.near(self.start)
@@ -350,7 +359,7 @@ class _Request(NamedTuple):
             )
             return self._stay(MotionStatus.START_IN_CONTACT, sentence)
         out = leaving.way_out(
-            inside, near, goals[self._order(goals, self.start)[:8]]
+            inside, near, goals[self._order(goals, self.start)[:8]], deadline
         )  # straight to these, if it can be
         if out is None:
             sentence = (
@@ -362,7 +371,7 @@ class _Request(NamedTuple):
         return _Beginning(np.array([*rows[:-1], *out]), "; ".join(notes))
 
     def _land(
-        self, search: WaySearch, straight: StraightMotion, rows: Array, start: Array
+        self, search: WaySearch, straight: StraightMotion, rows: Array, start: Array, deadline: float
     ) -> tuple[dict[int, Array], dict[int, str]]:
         """Motions (n, dof) that end at goals nearer to something than a certified motion may be, by number of the goal.
 
@@ -372,7 +381,8 @@ class _Request(NamedTuple):
         for k in straight.blocked[search.are_near(rows[straight.blocked])].tolist():
             leaving = search.leaving
             near = leaving.near(rows[k])
-            out = leaving.way_out(rows[k], near, start[None]) if len(found) < 16 else None  # enough to choose from
+            enough = len(found) >= 16  # to choose from
+            out = None if enough else leaving.way_out(rows[k], near, start[None], deadline)
             if out is not None:
                 found[k] = out[::-1]
             else:
@@ -565,17 +575,13 @@ def _unlooked_contact(solver: IKSolver) -> Contact | None:
         raise
 
 
-def _why_no_goal(count: int, touching: Counter[tuple[str, str]], nearness: Mapping[int, str]) -> str:
-    """Why none of so many configurations that reach the goal can be one."""
-    reasons = [f"touch something: {_named(touching)}"] if touching else []
-    if nearness:
-        reasons.append(f"are nearer to something than motions are kept: {next(iter(nearness.values()))}")
-    return f"all {count} configurations that reach the goal {', or '.join(reasons)}"
-
-
-def _named(pairs: Counter[tuple[str, str]]) -> str:
+def _named(pairs: Counter[Pair], robot: Robot) -> str:
     """The pairs of shapes that are met most often, for a sentence."""
-    return ", ".join(f"{a} and {b}" for (a, b), _ in pairs.most_common(2))
+    often = [pair for pair, _ in pairs.most_common(2)]
+    words, hulls = ", ".join(f"{a} and {b}" for a, b in often), own_hulls(robot)
+    if any(hulls.issuperset(pair) for pair in often):
+        words += ", which are hulls of meshes and may touch where these do not: load_robot(..., decompose=True)"
+    return words
 
 
 SPREAD = 0.7  # [rad] along a curve, between members that are tried

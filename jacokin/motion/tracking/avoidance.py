@@ -321,7 +321,7 @@ def make_guard(
             raise InvalidInputError(f"{asked[0]} has no effect with collision='ignore'; use 'reject'")
         return None
     contact = around.contact(robot)
-    numbers = contact.pair_numbers(self_collision=self_collision)
+    numbers = contact.with_clearance(distance).pair_numbers(self_collision=self_collision)
     if pairs is not None:
         named = [_named_pair(contact, robot.dof, pair) for pair in checks.listed("pairs", pairs)]
         numbers = np.array(named, dtype=np.int64).reshape(-1, 2)

@@ -11,7 +11,7 @@ from jacokin import IKSolver, Robot
 from jacokin.arrays import Array
 from jacokin.ik import Box, Floor, Scene
 from jacokin.motion import Trajectory, plan_motion
-from jacokin.motion.free_motion.leaving import Leaving
+from jacokin.motion.free_motion.leaving import Leaving, Nearness
 from tests.coal_shapes import coal_distance
 
 coal = pytest.importorskip("coal")
@@ -184,3 +184,26 @@ def test_limits_of_any_size_are_held_around_a_wall(robot: Robot, velocity: float
     assert (np.abs(np.diff(motion.q, axis=0)) <= steps * fastest * (1.0 + 1e-8)).all()
     assert (np.abs(np.diff(motion.v, axis=0)) <= steps * hardest * (1.0 + 1e-6)).all()
     assert np.min(robot.clearance(motion.q, wall, self_collision=True)) > 0.0
+
+
+def test_no_more_is_tried_when_the_time_is_over(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    # The cup is between low boxes that are 5 mm from it, with a clearance of 1 cm.
+    along, across = np.array([0.06, 0.02, 0.02]), np.array([0.02, 0.06, 0.02])
+    places = [PLACE + np.array([x, y, -0.05]) for x, y in ((0.0, -0.045), (0.0, 0.045), (-0.045, 0.0), (0.045, 0.0))]
+    boxes = [Box(f"side_{k}", along if k < 2 else across, place) for k, place in enumerate(places)]
+    scene, q = holding(robot, others=tuple(boxes))
+    solver, walk, walks = IKSolver(robot, scene=scene, clearance=0.01), Leaving._walk, list[int]()
+
+    def counted(
+        leaving: Leaving, q: Array, end: Array, near: Nearness, *, room: float
+    ) -> tuple[Array | None, Array, Array]:
+        walks.append(1)
+        return walk(leaving, q, end, near, room=room)
+
+    monkeypatch.setattr(Leaving, "_walk", counted)
+    goals = [robot.home + 0.01 * k for k in range(8)]
+    motion = plan_motion(solver, q, goals, time_limit=1e-9)
+    assert motion.outcome == "START_IN_CONTACT", motion.message
+    assert len(walks) == 1
+    plan_motion(solver, q, goals, time_limit=10.0)
+    assert len(walks) > 9

@@ -15,17 +15,20 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
+import trimesh
 from numpy.typing import NDArray
 
 import jacokin
 from jacokin import FreeAxis, IKSolver, Robot
 from jacokin.errors import InvalidInputError
 from jacokin.ik import Box, Floor, Scene, Sphere
+from jacokin.model import SelfContact
 from jacokin.model.contact import Contact
 from jacokin.model.poses import rotation_angle
 from jacokin.motion import Trajectory, plan_motion
 from jacokin.motion.free_motion import search
 from tests.compiled_twin import compile_twin
+from tests.robot_files import ur5_text
 
 FINE = 1e-3  # [rad] between configurations that the referee looks at
 WALL = Scene([Box("wall", [0.6, 0.02, 0.7], [0.45, -0.05, 0.35]), Floor(-0.02)])
@@ -336,3 +339,31 @@ def test_mistakes(robot: Robot) -> None:
         plan_motion(solver, robot.home, [1.0, 2.0])
     with pytest.raises(InvalidInputError, match="goal 1"):
         plan_motion(solver, robot.home, [robot.home, "cup"])
+
+
+def test_links_that_are_near_everywhere_are_no_hindrance() -> None:
+    robot = jacokin.load_robot("gen3_lite")  # its fingers are 23 mm from the link before the wrist
+    solver = IKSolver(robot, scene=Scene([Floor(-0.02)]), clearance=0.03)
+    there = robot.forward_kinematics(robot.home)
+    goal = pin.SE3(there.rotation, there.translation + np.array([0.0, 0.1, 0.0]))
+    assert solver.solve(goal).success
+    motion = plan_motion(solver, robot.home, goal, time_limit=10.0)
+    check(robot, Scene([Floor(-0.02)]), motion)
+
+
+def test_hulls_of_meshes_in_the_way_are_said_to_be_hulls(tmp_path: Path) -> None:
+    parts = [((0.12, 0.03, 0.03), 0.0, 0.0), ((0.03, 0.03, 0.1), 0.045, 0.06), ((0.03, 0.03, 0.1), -0.045, 0.06)]
+    boxes = [trimesh.creation.box(size).apply_translation((x, 0.0, z)) for size, x, z in parts]
+    horseshoe: Any = trimesh.util.concatenate(boxes)
+    horseshoe.export(tmp_path / "horseshoe.stl")
+    path = tmp_path / "arm.urdf"
+    path.write_text(ur5_text('<collision><geometry><mesh filename="horseshoe.stl"/></geometry></collision>'))
+    for decompose in (False, True):
+        robot = jacokin.load_robot(path, decompose=decompose)
+        contact = SelfContact(robot)
+        rows = robot.sample(np.random.default_rng(0), 200)
+        goal = next(q for q in rows if contact.touching(q))
+        start = next(q for q in rows if not contact.touching(q))
+        motion = plan_motion(IKSolver(robot), start, goal)
+        assert motion.outcome == "GOAL_IN_CONTACT"
+        assert ("decompose=True" in motion.message) == (not decompose)

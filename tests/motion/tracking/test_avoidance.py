@@ -147,6 +147,15 @@ def test_clearance_holds_with_acceleration_limits_too(robot: Robot) -> None:
         assert referee.least(step.q) >= DISTANCE - TOLERANCE
 
 
+def test_shapes_that_are_near_everywhere_change_nothing() -> None:
+    robot = jacokin.load_robot("gen3_lite")  # its fingers are 23 mm from the link before the wrist
+    plain, guarded = Tracker(robot), Tracker(robot, collision="reject", clearance=0.03)
+    pose = robot.forward_kinematics(robot.home)
+    for tick in range(60):
+        there = pin.SE3(pose.rotation, pose.translation + np.array([0.0, 0.0, 5e-4 * tick]))
+        np.testing.assert_allclose(guarded.step(there).q, plain.step(there).q, rtol=0.0, atol=1e-12)  # rounding
+
+
 def test_far_obstacles_change_nothing(robot: Robot) -> None:
     pose = robot.forward_kinematics(robot.home)
     pose = pin.SE3(pose.rotation, pose.translation + np.array([0.0, 0.0, 0.02]))
@@ -254,8 +263,8 @@ def test_the_tracker_sees_true_distances_and_how_they_change(robot: Robot, rng: 
     scene = Scene([Floor(-0.4), *(obstacle(kind, place, rng) for kind, place in enumerate(places))])
     limits = JointLimits(robot, robot.velocity_limit, np.full(robot.dof, np.inf), 0.05)
     guard = make_guard(
-        robot, limits, 0.05, scene=scene, clearance=0.05, collision=None, self_collision=True, pairs=None
-    )
+        robot, limits, 0.05, scene=scene, clearance=0.03, collision=None, self_collision=True, pairs=None
+    )  # with a larger clearance not all pairs count: links of the wrist are 3 cm apart
     assert guard is not None
     kinematics = Kinematics(robot, robot.default_frame, None)
     ticks, nothing = TickSolver(kinematics, limits, 0.05, 1e-5, (1e-4, 1e-3)), TaskFactory(kinematics).nothing
