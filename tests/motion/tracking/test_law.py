@@ -298,6 +298,29 @@ def test_twists_in_every_reference(find: Find, name: str, reference: str, number
     follow_twist(find(name), twist, reference, None, DT, 5.0)
 
 
+@pytest.mark.parametrize("number", [5, *(pytest.param(n, marks=pytest.mark.slow) for n in (1, 14, 17, 35))])
+def test_a_twist_that_five_joints_cannot_follow_does_not_shake_them(tmp_path: Path, number: int) -> None:
+    """At a pose that is singular once more, joints went to and fro across it at every tick."""
+    rows = [
+        ("0 0 0.06", "0 0 0", "0 0 1"),
+        ("0.03 0 0.05", "0 0 0", "0 1 0"),
+        ("0.03 0 0.11", "0 0 0", "0 1 0"),
+        ("0.13 0 0", "0 0 0", "0 1 0"),
+        ("0.06 0 0", "0 0 0", "1 0 0"),
+    ]
+    path = tmp_path / "five.urdf"
+    path.write_text(ur5_text(rows=rows, limit=1.8))
+    robot, rng = jacokin.load_robot(path, velocity_limit=10.0), np.random.default_rng([number, 11])
+    way = rng.normal(size=3)
+    start = np.zeros(5) if number % 2 else robot.sample(rng)
+    tracker = Tracker(robot, dt=DT, q=start, tool=jacokin.pose([0.1, 0.0, 0.0]))
+    twist = [0.0, 0.0, 0.0, *(0.4 * way / np.linalg.norm(way))]  # [rad/s]
+    reference = "local" if number % 2 else "local_world_aligned"
+    v = np.array([tracker.step(twist=twist, reference=reference).v for _ in range(700)])
+    assert jolts(v, tracker.acceleration_limit, DT) <= JOLTS
+    assert turns(v, robot.velocity_limit, DT) <= MORE
+
+
 # (d) By default accelerations are limited.
 
 
