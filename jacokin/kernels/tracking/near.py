@@ -17,22 +17,20 @@ BUFFER = 5e-4
 WORSE = 1e-9
 #: Columns of a pair that is near: its distance [m], the nearest point on its second shape, the unit vector along which
 #: the distance grows (from the first shape, or the way out of an obstacle that something is inside), how fast the
-#: first shape comes nearer [m/s], and how far apart the surfaces are along that vector [m].
-DISTANCE, POINT, NORMAL, CLOSING, GAP, NEAR_NUMBERS = 0, 1, 4, 7, 8, 9
+#: first shape comes nearer [m/s], how far apart the surfaces are along that vector [m], and the distance kept [m].
+DISTANCE, POINT, NORMAL, CLOSING, GAP, KEPT, NEAR_NUMBERS = 0, 1, 4, 7, 8, 9, 10
 #: Columns of its integers: the joints between its shapes are those from the first one to before the last, and 1 where
 #: something is inside its obstacle.
 FIRST_JOINT, LAST_JOINT, LEAVES, CORNERED, NEAR_INTEGERS = range(5)
-#: The distance kept [m], and the time in which obstacles that come nearer count [s].
-KEPT, FORESIGHT, RULE_NUMBERS = range(3)
 
 
 class NearPairs(NamedTuple):
     """Pairs of shapes that are near, and what follows for a displacement x of the joints."""
 
     counts: NDArray[np.int64]  # (4,) of pairs; of inequalities; of pairs that are too near; of faces of targets
-    rule: Array  # (2,)
+    foresight: Array  # (1,) time in which obstacles that come nearer count [s]
     integers: NDArray[np.int64]  # (pairs, 3)
-    numbers: Array  # (pairs, 9)
+    numbers: Array  # (pairs, 10)
     rows: Array  # (room dof,) filled: rows x <= ends, after those that are there already
     ends: Array  # (room,) [m]
     rooms: Array  # (room,) filled: the same, but negative for pairs that are to move apart [m]
@@ -43,7 +41,7 @@ def make_near_pairs(dof: int = 0, pairs: int = 0, more: int = 0) -> NearPairs:
     """Fresh arrays for so many pairs, and more inequalities."""
     return NearPairs(
         np.zeros(4, np.int64),
-        np.zeros(RULE_NUMBERS),
+        np.zeros(1),
         np.zeros((pairs, NEAR_INTEGERS), np.int64),
         np.zeros((pairs, NEAR_NUMBERS)),
         np.zeros((pairs + more) * dof),
@@ -83,15 +81,15 @@ def find_too_near(near: NearPairs) -> None:
     near.counts[2] = 0
     for i in range(near.counts[0]):
         coming = near.numbers[i, CLOSING] > 0.0 and room_of(near, i) < 0.0
-        if coming or near.numbers[i, DISTANCE] < near.rule[KEPT] - 2.0 * WORSE:
+        if coming or near.numbers[i, DISTANCE] < near.numbers[i, KEPT] - 2.0 * WORSE:
             near.apart[near.counts[2]] = i
             near.counts[2] += 1
 
 
 def room_of(near: NearPairs, i: int) -> float:
     """By how much a pair may come nearer, beside what its obstacle moves [m]."""
-    closing = near.rule[FORESIGHT] * near.numbers[i, CLOSING]
-    return float(near.numbers[i, GAP] - near.rule[KEPT] - BUFFER - max(closing, 0.0))
+    closing = near.foresight[0] * near.numbers[i, CLOSING]
+    return float(near.numbers[i, GAP] - near.numbers[i, KEPT] - BUFFER - max(closing, 0.0))
 
 
 def fill_change(arm: JointFrames, near: NearPairs, i: int, weight: float, rows: Array, at: int) -> None:

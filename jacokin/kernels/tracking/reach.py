@@ -25,7 +25,7 @@ from jacokin.kernels.contact.separation import SeparationWork, make_separation_w
 from jacokin.kernels.contact.shapes import CENTRE
 from jacokin.kernels.contact.touching import Geometry
 from jacokin.kernels.tracking.limits import CHANGE, LIMIT_NUMBERS, brake, braking_way, move
-from jacokin.kernels.tracking.near import CLOSING, DISTANCE, GAP, NEAR_NUMBERS, NORMAL, POINT, WORSE
+from jacokin.kernels.tracking.near import CLOSING, DISTANCE, GAP, KEPT, NEAR_NUMBERS, NORMAL, POINT, WORSE
 from jacokin.kernels.trigonometry import sin_cos
 from jacokin.kernels.vector import Vec, cross, dot, norm, rotated
 
@@ -41,11 +41,11 @@ LOOKS, DEPTH = 48, 14
 FIRST, SECOND, EXCHANGED, MOVER, LEAVING, INNER, OUTER, PAIR_INTEGERS = range(8)
 #: Counts: links and groups of shapes; whether any obstacle moves; what to find out, see below; filled: pairs near.
 LINKS, GROUPS, MOVING, ASKED, NEAR = range(5)
-#: Numbers: the distance kept, and the one below which pairs are measured always [m]; control step [s], time in which
+#: Numbers: the distance allowed, and the one below which pairs are measured always [m]; control step [s], time in which
 #: moving obstacles are looked at [s], the part of the way from braking to the displacement, how far beyond the distance
 #: in question is measured [m], the least bound of all pairs before [m]; filled: that after, and the least distance on
 #: the way to rest less the one needed [m].
-KEPT, CLOSE, TIME_STEP, FORESIGHT, PART, BEYOND, LEAST_BEFORE, LEAST, SPARE, REACH_NUMBERS = range(10)
+ALLOWED, CLOSE, TIME_STEP, FORESIGHT, PART, BEYOND, LEAST_BEFORE, LEAST, SPARE, REACH_NUMBERS = range(10)
 #: What to find out: distances; whether they are kept; whether the arm could come to rest.
 DISTANCES, KEEPING, RESTING = 0, 1, 2
 #: What `try_reach` returns: too near; the arm could come to rest, or that was not asked; it could not.
@@ -62,6 +62,7 @@ class Pairs(NamedTuple):
     before: Array  # (pairs,) at least how far apart it was [m]
     bound: Array  # (pairs,) filled: at least how far apart it is [m]
     exact: NDArray[np.int64]  # (pairs,) filled with 1 where that is the distance itself
+    kept: Array  # (pairs,) the distance that is kept; less where no motion gives it [m]
     needed: Array  # (pairs,) at least how far apart it is to be on the way to rest [m]
 
 
@@ -117,7 +118,7 @@ class ReachWork(NamedTuple):
     pairs: Pairs
     levers: Levers
     near: NDArray[np.int64]  # (pairs,) filled: pairs in the watched range
-    rows: Array  # (pairs, 9) filled with their numbers, see `near`
+    rows: Array  # (pairs, 10) filled with their numbers, see `near`
     movers: Movers
     waiting: Waiting
 
@@ -154,6 +155,7 @@ def make_reach_work(geometry: Geometry = NOTHING, pairs: int = 0, movers: int = 
             np.zeros(pairs),
             np.zeros(pairs),
             np.zeros(pairs, np.int64),
+            np.zeros(pairs),
             np.zeros(pairs),
         ),
         Levers(np.zeros(levers * dof), np.zeros(levers), np.zeros(levers)),
@@ -286,9 +288,9 @@ def measure_within(work: ReachWork, i: int, distance: float) -> float:
 
 
 def note_near(work: ReachWork, i: int, row: Array, to: Array) -> None:
-    """Fill the numbers (8,) of a pair, see `near`, that was measured."""
+    """Fill the numbers (10,) of a pair, see `near`, that was measured."""
     mover, exchanged = work.pairs.integers[i, MOVER], work.pairs.integers[i, EXCHANGED] == 1
-    to[DISTANCE], to[GAP], to[CLOSING] = row[0], row[LEVEL], 0.0
+    to[DISTANCE], to[GAP], to[CLOSING], to[KEPT] = row[0], row[LEVEL], 0.0, work.pairs.kept[i]
     for k in range(3):
         to[POINT + k] = row[1 + k] if exchanged else row[4 + k]
         to[NORMAL + k] = -row[7 + k] if exchanged else row[7 + k]
@@ -306,18 +308,19 @@ def note_near(work: ReachWork, i: int, row: Array, to: Array) -> None:
 
 def keeps_distances(work: ReachWork) -> bool:
     """Whether no pair gets too near, and pairs that are too near already get no worse."""
-    kept, pairs = work.numbers[KEPT], work.pairs
+    pairs = work.pairs
     for k in range(work.counts[NEAR]):
         i = work.near[k]
+        kept = pairs.kept[i]
         if pairs.before[i] >= kept and pairs.integers[i, LEAVING] == 0 and pairs.bound[i] < kept - WORSE:
             return False
-    if work.numbers[LEAST_BEFORE] >= kept:
+    if work.numbers[LEAST_BEFORE] >= work.numbers[ALLOWED]:
         return True
     before, after = math.inf, math.inf
     for i in range(len(pairs.bound)):
         if pairs.integers[i, LEAVING] == 0:
-            before, after = min(before, pairs.before[i]), min(after, pairs.bound[i])
-    return bool(after >= min(kept, before) - WORSE)
+            before, after = min(before, pairs.before[i] - pairs.kept[i]), min(after, pairs.bound[i] - pairs.kept[i])
+    return bool(after >= min(0.0, before) - WORSE)
 
 
 def rests_clear(work: ReachWork) -> bool:
@@ -386,11 +389,11 @@ def find_doubtful(work: ReachWork, ticks: int) -> int:
     for j in range(len(work.q)):
         work.at[j] = braked(work, j, ticks)
     fill_ways(work)
-    most = work.numbers[KEPT] + largest(ways) + largest(work.movers.speeds) * work.numbers[TIME_STEP] * ticks
+    most = work.numbers[ALLOWED] + largest(ways) + largest(work.movers.speeds) * work.numbers[TIME_STEP] * ticks
     for i in range(len(pairs.bound)):
         if pairs.bound[i] >= most or pairs.integers[i, LEAVING] == 1:
             continue
-        pairs.needed[i] = min(work.numbers[KEPT], pairs.before[i]) - WORSE
+        pairs.needed[i] = min(pairs.kept[i], pairs.before[i]) - WORSE
         safe = pairs.needed[i] + rate_of(work, i) * ticks + ways[pairs.lever[i]]
         if measure_within(work, i, safe) < safe:
             work.waiting.pairs[count], work.waiting.first[count] = i, pairs.bound[i]
@@ -423,7 +426,7 @@ def keep_unsure(work: ReachWork, part: int) -> int:
         i, first, last = waiting.pairs[offset + k], waiting.first[offset + k], waiting.last[offset + k]
         way = rate_of(work, i) * (end - start) + work.levers.ways[pairs.lever[i]]
         close = 0.5 * (first + last - way) < pairs.needed[i] - BETWEEN
-        if close and pairs.before[i] >= work.numbers[KEPT]:
+        if close and pairs.before[i] >= pairs.kept[i]:
             waiting.pairs[offset + kept], waiting.first[offset + kept] = i, first
             waiting.last[offset + kept] = last
             kept += 1

@@ -258,11 +258,10 @@ def turning_part(tick: TickWork, work: TwistWork, damping: float) -> float:
         along += bend[j] * direction[j]
         way += direction[j] * direction[j]
         size += bend[j] * bend[j]
-    part = math.sqrt(BENDING * part)
-    if along > 0.0:  # the joints get ever faster: towards a singular pose
-        part = min(part, BENT * math.sqrt(way) / max(math.sqrt(size), TINY))
-        part = part if part > CREEPING else 0.0
-    return part
+    # Towards a singular pose they get ever faster, or ever slower, up to where they would turn round beyond it.
+    bent = BENT * math.sqrt(way) / max(math.sqrt(size), TINY) + max(-along, 0.0) / max(size, TINY)
+    part = min(math.sqrt(BENDING * part), bent)
+    return part if along <= 0.0 or part > CREEPING else 0.0
 
 
 def fill_turn(tick: TickWork, x: Array, weights: Array, turn: Array) -> None:

@@ -21,10 +21,10 @@ from jacokin.kernels.tracking.near import (
     room_of,
 )
 from jacokin.kernels.tracking.reach import (
+    ALLOWED,
     GROUPS,
     HORIZON,
     INNER,
-    KEPT,
     LEAVING,
     LINKS,
     NEAR,
@@ -73,7 +73,7 @@ def watch(tick: TickWork, reach: ReachWork, displacement: Array) -> None:
 def could_come_near(reach: ReachWork, i: int) -> bool:
     """Whether the displacement that `fill_ways` saw last could bring pair i too near."""
     pairs = reach.pairs
-    within = reach.numbers[KEPT] + BUFFER + reach.movers.coming[pairs.mover[i]] + reach.levers.ways[pairs.lever[i]]
+    within = reach.numbers[ALLOWED] + BUFFER + reach.movers.coming[pairs.mover[i]] + reach.levers.ways[pairs.lever[i]]
     return bool(pairs.integers[i, LEAVING] == 0 and pairs.bound[i] < within)
 
 

@@ -7,8 +7,8 @@ nearer.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,15 +19,15 @@ from jacokin.kernels.contact.arm import SLIDE
 from jacokin.kernels.contact.shapes import CENTRE, LINK, RADIUS, SIZE
 from jacokin.kernels.contact.touching import Geometry
 from jacokin.kernels.library import Call
-from jacokin.kernels.tracking.near import BUFFER, CLOSING, DISTANCE, NEAR_NUMBERS, NORMAL
+from jacokin.kernels.tracking.near import BUFFER, CLOSING, DISTANCE, KEPT, NEAR_NUMBERS, NORMAL
 from jacokin.kernels.tracking.reach import (
+    ALLOWED,
     ASKED,
     BEYOND,
     CLOSE,
     DISTANCES,
     FORESIGHT,
     HORIZON,
-    KEPT,
     LEAST,
     LEAVING,
     MOVING,
@@ -50,7 +50,21 @@ COLLISION = ("ignore", "reject")
 LOOK_AHEAD = 3.0  # ticks at full speed, and the way to rest, before a pair could come too near: then it is watched
 MEASURED = 0.01  # [m] above the distance, from which pairs are always measured
 LOOKED_AHEAD = 0.15  # [s] a moving obstacle that would be too near by then is avoided now
+TRIED = 100  # configurations in which a pair of shapes is too near, before it counts as one that no motion parts
+NEARER = 2e-3  # [m] such a pair may come nearer than it was: links that turn on the spot are not quite round
 NO_PAIRS, NO_NUMBERS = np.empty(0, dtype=np.int64), np.empty((0, NEAR_NUMBERS))
+
+
+class Contacts(NamedTuple):
+    """What is in contact."""
+
+    exits: Mapping[int, Array]
+    """Directions (3,) in which shapes leave the obstacles they are inside of, by the obstacle's number."""
+    kept: Mapping[int, float]
+    """Distances [m] that are kept instead of the clearance, by the number of a pair that no motion parts."""
+
+
+NO_CONTACTS = Contacts({}, {})
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,9 +74,9 @@ class Distances:
     Attributes:
         bound: (pairs,) each pair is at least this far apart [m].
         near: (near,) numbers of the pairs that were measured and are in the watched range.
-        numbers: (near, 8) how they are, see `jacokin.kernels.tracking.near`.
+        numbers: (near, 10) how they are, see `jacokin.kernels.tracking.near`.
         least: smallest distance [m], inf for none: measured when it is in the watched range, a lower bound when larger.
-        exits: directions (3,) in which shapes leave the obstacles they are inside of, by the obstacle's number.
+        contacts: what is in contact.
         measured: False where there was no time to measure: then nothing is in `near`, and `bound` still holds.
     """
 
@@ -70,7 +84,7 @@ class Distances:
     near: NDArray[np.int64]
     numbers: Array
     least: float
-    exits: Mapping[int, Array]
+    contacts: Contacts
     measured: bool = True
 
     @property
@@ -128,6 +142,7 @@ class ClearanceGuard:
         way = (LOOK_AHEAD + 0.5 * limits.stopping_time / dt) * (self._levers @ limits.step)
         self._watched = distance + BUFFER + np.maximum(way, MEASURED)
         self._fixed = links[self._first] == 0
+        self._lower, self._upper = _range(limits)
         # The kernels take a plane, and any obstacle, as the second shape.
         exchanged = self._first > self._second
         given = np.where(exchanged[:, np.newaxis], pairs[:, ::-1], pairs)
@@ -136,11 +151,11 @@ class ClearanceGuard:
         self._limits = limits
         self._call: Call[ReachWork] | None = None
         self._held: Distances | None = None  # what the kernel's arrays have
-        self._leaves = False
+        self._leaves = self._keeps_less = False
 
     def __getstate__(self) -> dict[str, Any]:
         """Everything but work arrays."""
-        return {**self.__dict__, "_call": None, "_placed": None, "_held": None, "_leaves": False}
+        return {**self.__dict__, "_call": None, "_placed": None, "_held": None, "_leaves": False, "_keeps_less": False}
 
     def put(self, where: Whereabouts) -> None:
         """Put obstacles where they are to be measured from now on."""
@@ -166,9 +181,9 @@ class ClearanceGuard:
         if self._call is None:
             work = make_reach_work(self._geometry, len(self._first), len(self.shapes.numbers), len(self._levers))
             numbers, pairs = work.numbers, work.pairs
-            numbers[KEPT], numbers[TIME_STEP], numbers[FORESIGHT] = self._distance, self._dt, self._foresight
+            numbers[ALLOWED], numbers[TIME_STEP], numbers[FORESIGHT] = self._distance, self._dt, self._foresight
             numbers[CLOSE] = self._distance + BUFFER + MEASURED
-            work.limits[:] = self._limits.table
+            work.limits[:], pairs.kept[:] = self._limits.table, self._distance
             pairs.integers[:], pairs.lever[:], pairs.mover[:] = self._pairs, self._lever, self._mover
             pairs.mover[self._mover < 0] = len(self.shapes.numbers)
             work.levers.lengths[:], work.levers.watched[:] = self._levers.ravel(), self._watched
@@ -176,21 +191,32 @@ class ClearanceGuard:
             self._call = Call(try_reach, work)
         return self._call
 
+    def carried(self, before: ClearanceGuard, distances: Distances) -> dict[int, float]:
+        """What another guard keeps of pairs that no motion parts, by the numbers that they have here."""
+        kept = distances.contacts.kept
+        numbers = {self.name(pair): pair for pair in range(len(self._first))} if kept else {}
+        named = ((before.name(pair), distance) for pair, distance in kept.items())
+        return {numbers[name]: distance for name, distance in named if name in numbers}
+
     def name(self, pair: int) -> str:
         """Names of the two shapes, joined by "~"."""
         return f"{self._names[self._first[pair]]}~{self._names[self._second[pair]]}"
 
-    def start(self, q: Array) -> Distances:
-        """Distances at a configuration (dof,) [rad] nothing is known about."""
-        return self._measure(q, np.full(len(self._first), -np.inf), {}, beyond=np.inf)
+    def start(self, q: Array, kept: Mapping[int, float] = NO_CONTACTS.kept) -> Distances:
+        """Distances at a configuration (dof,) [rad] nothing is known about, but maybe pairs that no motion parts."""
+        found = self._measure(q, np.full(len(self._first), -np.inf), NO_CONTACTS, beyond=np.inf)
+        return self._judged(replace(found, contacts=Contacts({}, kept)), None)
 
     def move(self, q: Array, before: Distances, step: Array) -> Distances:
         """Distances at `q` (dof,) [rad], a displacement (dof,) [rad] away from where `before` was taken."""
-        return self._measure(q, before.bound - self._ways(step), {})
+        return self._measure(q, before.bound - self._ways(step), before.contacts._replace(exits={}))
 
     def refresh(self, q: Array, before: Distances, shift: Array | None) -> Distances:
         """Distances at the same configuration, after obstacles moved by at most `shift` (k,) [m], None for not."""
-        return self._measure(q, before.bound, before.exits, shift)
+        found = self._measure(q, before.bound, before.contacts, shift)
+        if before.measured:
+            return found if shift is None else self._judged(found, before.bound)
+        return self._judged(found, None)
 
     def unmeasured(self, before: Distances, step: Array, shift: Array | None) -> Distances:
         """What is known of distances after a displacement (dof,) [rad], without measuring."""
@@ -198,7 +224,7 @@ class ClearanceGuard:
         if shift is not None:
             bound -= np.append(shift, 0.0)[self._mover]  # -1 for what stands still
         least = float(bound.min(initial=np.inf))
-        return Distances(bound, NO_PAIRS, NO_NUMBERS, least, before.exits, measured=False)
+        return Distances(bound, NO_PAIRS, NO_NUMBERS, least, before.contacts, measured=False)
 
     def _ways(self, step: Array) -> Array:
         """(pairs,) how far a displacement (dof,) [rad] moves pairs nearer, at most [m]."""
@@ -208,7 +234,7 @@ class ClearanceGuard:
         self,
         q: Array,
         bound: Array,
-        exits: Mapping[int, Array],
+        contacts: Contacts,
         shift: Array | None = None,
         beyond: float = HORIZON,
     ) -> Distances:
@@ -217,7 +243,7 @@ class ClearanceGuard:
         Args:
             q: (dof,) the configuration [rad].
             bound: (pairs,) each pair was at least so far apart there [m].
-            exits: ways out of obstacles.
+            contacts: what is in contact.
             shift: (k,) how far obstacles have moved since, at most [m]; None for not.
             beyond: how far beyond the distances in question is measured [m].
         """
@@ -225,12 +251,62 @@ class ClearanceGuard:
         work, self._held = call.work, None
         work.start[:], work.v[:], work.displacement[:], work.pairs.before[:] = q, 0.0, 0.0, bound
         work.movers.shifts[:-1] = 0.0 if shift is None else shift
+        self._keep(contacts.kept)
         work.numbers[BEYOND], work.numbers[PART], work.counts[ASKED] = beyond, 0.0, DISTANCES
         call()
         work.movers.shifts[:] = 0.0
-        return self.found(exits)
+        return self.found(contacts)
 
-    def found(self, exits: Mapping[int, Array]) -> Distances:
+    def _judged(self, now: Distances, before: Array | None) -> Distances:
+        """The distances, where pairs that no motion parts are to be kept about as they are.
+
+        A link that turns on the spot stays in a table that is too high whatever the joints do. Pairs are looked at when
+        they come too near, and when they begin to overlap.
+
+        Args:
+            now: the distances.
+            before: (pairs,) each pair was at least so far apart at this configuration [m]; None if that is not known.
+        """
+        close = now.distance < self._distance
+        if not close.any():
+            return now
+        kept, fresh = dict(now.contacts.kept), []
+        near = dict(zip(now.near[close].tolist(), now.distance[close].tolist(), strict=True))
+        for pair, distance in near.items():
+            last = np.inf if before is None else float(before[pair])
+            if pair not in kept:
+                if last >= self._distance or distance < 0.0 <= last:
+                    fresh.append(pair)
+            elif before is not None:
+                kept[pair] += distance - last  # what its obstacle has moved does not count
+            elif distance < kept[pair]:
+                kept[pair] = distance - NEARER
+        kept.update((pair, near[pair] - NEARER) for pair in self._staying(fresh))
+        self._held = None
+        return replace(now, contacts=now.contacts._replace(kept=kept))
+
+    def _staying(self, pairs: list[int]) -> list[int]:
+        """Which pairs are too near in all of many configurations."""
+        rng, bound = np.random.default_rng(0), np.full(len(self._first), np.inf)
+        for _ in range(TRIED):
+            if not pairs:
+                break
+            bound[:] = np.inf
+            bound[pairs] = -np.inf
+            there = self._measure(rng.uniform(self._lower, self._upper), bound, NO_CONTACTS).bound
+            pairs = [pair for pair in pairs if there[pair] < self._distance + BUFFER]
+        return pairs
+
+    def _keep(self, kept: Mapping[int, float]) -> None:
+        """Have the kernel keep the clearance, and of some pairs what is said."""
+        if kept or self._keeps_less:
+            self._keeps_less = True  # until it is done
+            self.work.pairs.kept[:] = self._distance
+            for pair, distance in kept.items():
+                self.work.pairs.kept[pair] = distance
+            self._keeps_less = bool(kept)
+
+    def found(self, contacts: Contacts) -> Distances:
         """The distances that the kernel found last."""
         work = self.work
         count = int(work.counts[NEAR])
@@ -239,29 +315,36 @@ class ClearanceGuard:
             work.near[:count].copy(),
             work.rows[:count].copy(),
             float(work.numbers[LEAST]),
-            exits,
+            contacts,
         )
         return self._held
 
-    def take(self, now: Distances) -> Mapping[int, Array]:
-        """Have the kernel go on from distances; returns the `exits` for the coming step."""
+    def take(self, now: Distances) -> Contacts:
+        """Have the kernel go on from distances; returns what is in contact in the coming step."""
         work, held, self._held = self.work, self._held, None
         if now is not held:
             count = work.counts[NEAR] = len(now.near)
             work.pairs.bound[:], work.near[:count], work.rows[:count] = now.bound, now.near, now.numbers
             work.pairs.exact[:], work.numbers[LEAST] = 0, now.least
             work.pairs.exact[now.near] = 1
-        exits = self._exits(now)
+        kept = now.contacts.kept
+        if kept:
+            kept = {pair: each for pair, each in kept.items() if now.bound[pair] < self._distance + BUFFER}
+        self._keep(kept)
+        if now is not held:
+            work.rows[:count, KEPT] = work.pairs.kept[now.near]
+        exits = self._exits(now, kept)
         if exits or self._leaves:
             leaving = np.isin(self._first, list(exits))
+            leaving[list(kept)] = False
             self._leaves = True  # until none is left
             work.pairs.integers[:, LEAVING] = leaving
             for pair in np.flatnonzero(leaving).tolist():
                 work.pairs.exits[pair] = exits[int(self._first[pair])]
             self._leaves = bool(exits)
-        return exits
+        return Contacts(exits, kept)
 
-    def _exits(self, now: Distances) -> dict[int, Array]:
+    def _exits(self, now: Distances, kept: Mapping[int, float]) -> dict[int, Array]:
         """One way out of each obstacle that something is inside.
 
         The nearest face differs from shape to shape; each going its own way, a hand would never leave a box. The way
@@ -273,14 +356,25 @@ class ClearanceGuard:
         exits: dict[int, Array] = {}
         for row in inside[np.argsort(now.distance[inside])].tolist():
             obstacle = int(self._first[now.near[row]])
-            if obstacle not in exits:
-                exits[obstacle] = now.exits.get(obstacle, now.numbers[row, NORMAL:CLOSING].copy())
+            if obstacle not in exits and int(now.near[row]) not in kept:
+                exits[obstacle] = now.contacts.exits.get(obstacle, now.numbers[row, NORMAL:CLOSING].copy())
         return exits
 
     def limiting(self, now: Distances, apart: Iterable[int]) -> list[str]:
         """Names of the pairs at the distance or nearer, and of those by their numbers that are moved apart."""
-        near = now.near[now.distance < self._distance + 2.0 * BUFFER].tolist()
+        near = now.near[now.distance < now.numbers[:, KEPT] + 2.0 * BUFFER].tolist()
         return [self.name(pair) for pair in dict.fromkeys((*near, *apart))]
+
+    def staying(self, now: Distances) -> str:
+        """Which pairs no motion parts, to end a sentence; "" for none."""
+        names = ", ".join(map(self.name, now.contacts.kept))
+        return f"; no motion parts {names}" if names else ""
+
+
+def _range(limits: JointLimits) -> tuple[Array, Array]:
+    """Where joints can be, lower and upper (dof,) [rad]; a turn where there is no limit."""
+    lower = np.where(np.isfinite(limits.lower), limits.lower, np.minimum(limits.upper, np.pi) - 2.0 * np.pi)
+    return lower, np.where(np.isfinite(limits.upper), limits.upper, lower + 2.0 * np.pi)
 
 
 def _levers(robot: Robot, geometry: Geometry) -> Array:

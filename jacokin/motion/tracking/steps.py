@@ -55,7 +55,8 @@ class TrackerStep:
     qp_solver: str
     """QP solver that ran, with a fallback named."""
     message: str
-    """What happened in this tick, with numbers; empty when OK."""
+    """What happened in this tick, with numbers, empty when OK; and which joints are past their limits, and which shapes
+    no motion parts."""
     elapsed: float
     """How long the call took [s]."""
 

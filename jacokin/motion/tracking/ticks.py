@@ -13,9 +13,8 @@ from jacokin.arrays import Array
 from jacokin.ik.qp_backend import Backend, Inequalities
 from jacokin.ik.targets import RADIAN_IN_METRES
 from jacokin.kernels.library import Call
-from jacokin.kernels.tracking import near
 from jacokin.kernels.tracking.problem import worthwhile
-from jacokin.kernels.tracking.reach import FORESIGHT, KEPT, ReachWork, make_reach_work
+from jacokin.kernels.tracking.reach import FORESIGHT, ReachWork, make_reach_work
 from jacokin.kernels.tracking.run import (
     FROM_TWIST,
     LINEARISE,
@@ -168,7 +167,7 @@ class TickSolver:
         work.counts[GUARDED], work.counts[STOPS_AT_ONCE] = reach is not None, self._limits.stops_at_once
         if reach is not None:
             for pairs in (work.near, work.there):
-                pairs.rule[near.KEPT], pairs.rule[near.FORESIGHT] = reach.numbers[[KEPT, FORESIGHT]]
+                pairs.foresight[0] = reach.numbers[FORESIGHT]
         twist = make_twist_work(self._dof)
         run = Call(run_tick, RunWork(work, make_reach_work() if reach is None else reach, twist))
         kept: Tasks | None = None  # those that the kernel knows as the ones of the tick before
@@ -265,9 +264,11 @@ class TickSolver:
         """
         work = self._work
         low, high = self.room
-        hessian, gradient = self.hessian, work.problem.gradient.copy()
-        total = qp.minimize(hessian, gradient, self.inequalities, np.maximum(low, -FAR), np.minimum(high, FAR))
-        work.total[:] = total * worthwhile(-float(gradient @ total), float(work.problem.worth[0]))
+        hessian = self.hessian
+        wanted = -hessian @ work.total  # without directions that are not worth while
+        total = qp.minimize(hessian, wanted, self.inequalities, np.maximum(low, -FAR), np.minimum(high, FAR))
+        gained = -float(work.problem.gradient @ total)
+        work.total[:] = total * worthwhile(gained, float(work.problem.worth[0]))
 
     def measure(self, q: Array, arm: JointState, tasks: Tasks, *, goes: bool) -> Report:
         """Measure where the arm is.

@@ -39,7 +39,7 @@ from jacokin.model.robot import (
 )
 from jacokin.model.scene import Scene
 from jacokin.motion.rows import MotionState, checked_velocity
-from jacokin.motion.tracking.avoidance import CLEARANCE, ClearanceGuard, Distances, make_guard
+from jacokin.motion.tracking.avoidance import CLEARANCE, NO_CONTACTS, ClearanceGuard, Contacts, Distances, make_guard
 from jacokin.motion.tracking.joint_limits import JointLimits
 from jacokin.motion.tracking.moving import Motion, Whereabouts
 from jacokin.motion.tracking.problem import Level, Objective, checked_objectives, refine, wished
@@ -417,7 +417,8 @@ class Tracker:
         assert state.where is not None
         where = guard.shapes.carried(before.shapes, state.where)
         guard.put(where)
-        distances = guard.start(state.arm.q)
+        assert state.distances is not None
+        distances = guard.start(state.arm.q, guard.carried(before, state.distances))
         return state._replace(guard=guard, scene=scene, where=where, distances=distances, can_stop=False)
 
     def _approach(
@@ -426,8 +427,9 @@ class Tracker:
         """A tick towards targets: the state after it."""
         self._qp.reset()
         places = self._move_obstacles(state)
+        state = self._see(state, places)
         try:
-            return self._solve(self._see(state, places), tasks, began, deadline)
+            return self._solve(state, tasks, began, deadline)
         except OutOfTime:
             return self._brake(state, places, tasks, began)
 
@@ -451,7 +453,7 @@ class Tracker:
         places = self._move_obstacles(state)
         try:
             state = self._see(state, places)
-            exits = self._among(state)
+            contacts = self._among(state)
             if self._ticks.linearise(state.arm, goal):  # shapes are moved apart first
                 after, step = self._solve(state, goal, began, deadline)
                 return after._replace(asked=None, line=None), step
@@ -463,7 +465,7 @@ class Tracker:
         along = self._twists.found(line)
         followed = along.part >= FOLLOWED and self._twists.lag(found.arm.v) <= 1.0 - FOLLOWED
         found = found._replace(on_target=followed)
-        return self._end(state, found, self._found(state, exits), _Tick(began, along=along))
+        return self._end(state, found, self._found(state, contacts), _Tick(began, along=along))
 
     def _move_obstacles(self, state: TrackerState) -> tuple[Whereabouts | None, Array | None]:
         """Put the obstacles where they are at the end of the tick; with how far they moved (k,) [m], None for not."""
@@ -490,12 +492,12 @@ class Tracker:
             return state
         return state._replace(distances=distances, where=where)
 
-    def _among(self, state: TrackerState) -> Mapping[int, Array]:
-        """Have the kernel know what keeps shapes apart, and what is near; returns the ways out of obstacles."""
+    def _among(self, state: TrackerState) -> Contacts:
+        """Have the kernel know what keeps shapes apart, and what is near; returns what is in contact."""
         guard, distances = state.guard, state.distances
         if guard is None or distances is None:
             self._ticks.among(None)
-            return {}
+            return NO_CONTACTS
         self._ticks.among(guard.work)
         return guard.take(distances)
 
@@ -503,7 +505,7 @@ class Tracker:
         self, state: TrackerState, tasks: Tasks, began: float, deadline: float
     ) -> tuple[TrackerState, TrackerStep]:
         """A tick towards targets whose distances are known."""
-        ticks, held, exits = self._ticks, "", self._among(state)
+        ticks, held, contacts = self._ticks, "", self._among(state)
         wish = self._wish(state.arm.q) if self._objectives else None
         ticks.ask(state.arm, tasks, state.asked, refined=wish is not None)
         outcome = ticks.go(WHOLE, deadline, can_stop=state.can_stop)
@@ -529,7 +531,7 @@ class Tracker:
         # Shapes moving apart, or joints still gathering speed, may take the tool away from its target for a while.
         excused = bool(apart) or found.is_slowed
         tick = _Tick(began, excused, asked, held, apart)
-        return self._end(state, found, self._found(state, exits), tick)
+        return self._end(state, found, self._found(state, contacts), tick)
 
     def _wish(self, q: Array) -> Array | None:
         """The displacement (dof,) [rad] that the objectives want in a tick at `q` (dof,) [rad]; None without any."""
@@ -558,9 +560,9 @@ class Tracker:
             found = found._replace(on_target=found.fastest < STILL)
         return self._end(state._replace(where=where), found, distances, _Tick(began, late=late))
 
-    def _found(self, state: TrackerState, exits: Mapping[int, Array]) -> Distances | None:
+    def _found(self, state: TrackerState, contacts: Contacts) -> Distances | None:
         """The distances where the kernel has moved the arm to; None where nothing is kept apart."""
-        return None if state.guard is None or state.distances is None else state.guard.found(exits)
+        return None if state.guard is None or state.distances is None else state.guard.found(contacts)
 
     def _end(
         self, before: TrackerState, found: Report, distances: Distances | None, tick: _Tick
@@ -588,10 +590,14 @@ class Tracker:
             limiting = tuple(dict.fromkeys(names))
             status, message = self._why(growing, fastest, limiting, tick)
         if past > LIMIT_SNAP:
-            message = (message + self._limits.outside(arm.q)).removeprefix("; ")
+            message += self._limits.outside(arm.q)
+        if guard is not None and distances is not None:
+            message += guard.staying(distances)
         least = None if distances is None else distances.least
         used, elapsed = self._qp.used, time.perf_counter() - began
-        step = TrackerStep(arm.q, arm.v, status, position, orientation, limiting, least, used, message, elapsed)
+        step = TrackerStep(
+            arm.q, arm.v, status, position, orientation, limiting, least, used, message.removeprefix("; "), elapsed
+        )
         return after, step
 
     def _why(self, growing: int, fastest: float, limiting: Sequence[str], tick: _Tick) -> tuple[TrackerStatus, str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Any
 
 import mujoco
@@ -12,6 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 import jacokin
+from benchmarks.smooth import jolts
 from jacokin import Robot, Tracker
 from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.ik import Box, Capsule, Floor, Obstacle, Scene, Sphere
@@ -19,7 +20,7 @@ from jacokin.kernels.tracking.reach import CLOSE
 from jacokin.model import to_mujoco
 from jacokin.model.mujoco_twin import to_spec
 from jacokin.motion import PoseTarget, PositionTarget, TrackerStatus
-from jacokin.motion.tracking.avoidance import make_guard
+from jacokin.motion.tracking.avoidance import NEARER, make_guard
 from jacokin.motion.tracking.joint_limits import JointLimits
 from jacokin.motion.tracking.targets import Kinematics, TaskFactory
 from jacokin.motion.tracking.ticks import JointState, TickSolver
@@ -28,6 +29,7 @@ from tests.coal_shapes import collision_pairs
 DISTANCE = 0.01  # [m]
 TOLERANCE = 1e-4  # [m]
 HORIZON = 0.2  # [m] the referee does not look farther
+Find = Callable[[str], Robot]
 
 
 class Referee:
@@ -41,11 +43,16 @@ class Referee:
         self.pairs = collision_pairs(self.model, scene.obstacles, self_collision=self_collision)
         self.data = mujoco.MjData(self.model)
 
-    def least(self, q: NDArray[np.float64]) -> float:
+    def least(self, q: NDArray[np.float64], links: Collection[str] = (), *, without: Collection[str] = ()) -> float:
+        """Of all pairs [m], or of those whose second shape is of some links, or not of some."""
         self.data.qpos[:] = q
         mujoco.mj_kinematics(self.model, self.data)
-        fromto = np.zeros(6)
-        return float(min(mujoco.mj_geomDistance(self.model, self.data, a, b, HORIZON, fromto) for a, b in self.pairs))
+        fromto, found = np.zeros(6), HORIZON
+        for a, b in self.pairs:
+            link = "_".join(self.model.geom(b).name.split("_")[:2])
+            if (not links or link in links) and link not in without:
+                found = min(found, mujoco.mj_geomDistance(self.model, self.data, a, b, HORIZON, fromto))
+        return found
 
 
 def obstacle(kind: int, centre: NDArray[np.float64], rng: np.random.Generator) -> Obstacle:
@@ -106,6 +113,70 @@ def test_an_arm_inside_an_obstacle_moves_out(robot: Robot, number: int) -> None:
     assert referee.least(step.q) >= DISTANCE - TOLERANCE
     assert step.status is not TrackerStatus.OK
     assert named
+
+
+def pedestal(top: float) -> Scene:
+    """A block around the base, up to a height [m]."""
+    return Scene([Box("pedestal", [0.3, 0.3, 0.5], [0.0, 0.0, top - 0.25])])
+
+
+@pytest.mark.parametrize("far", [False, True])
+def test_an_arm_that_no_motion_takes_out_of_an_obstacle_does_not_shake(bundled: Find, far: bool) -> None:
+    """The second joint swung for ever, with its hub in a block around the base."""
+    gen3 = bundled("gen3")
+    scene = pedestal(0.236)  # 80 mm above the lower end of its first link
+    tracker, pose = Tracker(gen3, scene=scene, clearance=DISTANCE), gen3.forward_kinematics(gen3.home)
+    target = pin.SE3(
+        pose.rotation, np.array([2.0, 0.5, 0.6]) if far else pose.translation + np.array([-0.1, 0.1, 0.05])
+    )
+    referee = Referee(gen3, scene, self_collision=False)
+    inside = {"link_1", "link_2"}
+    start, steps = referee.least(gen3.home, inside), [tracker.step(target) for _ in range(700)]
+    assert start < -0.07
+    assert all(referee.least(step.q, inside) >= start - NEARER for step in steps[::10])
+    assert all(referee.least(step.q, without=inside) >= DISTANCE - TOLERANCE for step in steps[::10])
+    assert steps[-1].status is (TrackerStatus.HELD if far else TrackerStatus.OK)
+    assert np.abs(steps[-1].v).max() < 1e-5
+    assert "no motion parts" in steps[-1].message
+    assert "pedestal~link_1" in steps[-1].message
+    assert jolts(np.array([step.v for step in steps]), gen3.velocity_limit / 0.3, 0.01) <= 4
+
+
+@pytest.mark.parametrize("name", ["j2n6s300", "gen3"])
+def test_a_table_that_the_first_link_stands_in_is_not_touched_by_others(bundled: Find, name: str) -> None:
+    """While one link was in an obstacle the others were free: a hand went 25 mm deep into the table."""
+    robot, scene = bundled(name), Scene([Box("table", [2.0, 2.0, 0.1], [0.0, 0.0, 0.12])])
+    pose, referee = robot.forward_kinematics(robot.home), Referee(robot, scene, self_collision=False)
+    tracker, nearest = Tracker(robot, scene=scene, clearance=DISTANCE, self_collision=False), np.inf
+    target = pin.SE3(pose.rotation, np.array([*pose.translation[:2], 0.05]))  # below the table's top
+    for _ in range(300):
+        nearest = min(nearest, referee.least(tracker.step(target).q, without={"link_1"}))
+    assert DISTANCE - TOLERANCE <= nearest < 2.0 * DISTANCE
+
+
+def test_what_no_motion_parts_comes_no_nearer_as_obstacles_come_and_go(bundled: Find) -> None:
+    gen3 = bundled("gen3")
+    scene, target = pedestal(0.236), pin.SE3(np.eye(3), np.array([0.9, 0.9, 0.1]))
+    tracker, referee = Tracker(gen3, scene=scene), Referee(gen3, scene, self_collision=False)
+    start = referee.least(gen3.home, {"link_2"})
+    for tick in range(300):
+        moon = Sphere("moon", 0.1, [5.0, 5.0, 5.0]) if tick % 2 == 0 else None
+        step = tracker.step(target, obstacles={"moon": moon})
+        assert referee.least(step.q, {"link_2"}) >= start - NEARER
+
+
+def test_an_obstacle_that_comes_into_the_shoulder_and_stays_does_not_shake_the_arm(bundled: Find) -> None:
+    gen3 = bundled("gen3")
+    tracker, pose = Tracker(gen3, scene=pedestal(0.1)), gen3.forward_kinematics(gen3.home)
+    for tick in range(500):
+        top = min(0.1 + 0.001 * tick, 0.236)
+        late = 1e-9 if tick % 7 == 0 else None  # [s]
+        step = tracker.step(pose, obstacles={"pedestal": [0.0, 0.0, top - 0.25]}, budget=late)
+    assert step.status is TrackerStatus.OK
+    assert np.abs(step.v).max() < 1e-5
+    for _ in range(2):
+        step = tracker.step(pose, obstacles={"pedestal": [0.0, 0.0, -1.0]})
+    assert not step.message
 
 
 def test_the_floor_is_not_touched(robot: Robot) -> None:

@@ -23,7 +23,7 @@ from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.ik import Box, Floor, Scene, Sphere
 from jacokin.model.descriptions.bundled import JACOS, NAMES
 from jacokin.model.descriptions.meshes import hull_of, stl_bytes
-from jacokin.motion import OrientationTarget, PositionTarget, TrackerStep
+from jacokin.motion import OrientationTarget, PositionTarget, TrackerStatus, TrackerStep
 from tests.robot_files import ur5_text
 
 DT = 0.01  # [s]
@@ -45,12 +45,15 @@ Find = Callable[[str], Robot]
 
 @pytest.fixture(scope="module")
 def find(bundled: Find, tmp_path_factory: pytest.TempPathFactory) -> Find:
-    """A robot by name: a bundled one, a UR5, or its first five joints."""
+    """A robot by name: a bundled one, a UR5, one within narrower limits, or its first five joints."""
     path = Path(tmp_path_factory.mktemp("law")) / "ur5.urdf"
     path.write_text(ur5_text())
     others = {
         "ur5": jacokin.load_robot(path, velocity_limit=2.0),
         "five": jacokin.load_robot(path, velocity_limit=2.0, tip="l5"),
+        "bounded": jacokin.load_robot(
+            path, velocity_limit=2.0, limits={"q1": (-2.4, 0.2), "q2": (0.0, 2.8), "q4": (-1.5, 1.5)}
+        ),
     }
     return lambda name: others[name] if name in others else bundled(name)
 
@@ -140,6 +143,19 @@ def test_a_smooth_target_is_chased_smoothly_where_it_cannot_be_followed(
     tracker = Tracker(robot, dt=DT, q=stream.start)
     v, _, _ = play(tracker, stream.targets)
     assert jolts(v, tracker.acceleration_limit, DT) <= JOLTS
+
+
+@pytest.mark.parametrize(
+    ("kind", "number"), [("circling", 3), *(pytest.param("beyond", n, marks=pytest.mark.slow) for n in (2, 4))]
+)
+def test_at_a_joint_limit_too(find: Find, kind: str, number: int) -> None:
+    """What is not worth while was left out only where limits allowed the rest: ticks came and went that took it all."""
+    robot = find("bounded")
+    stream = stream_of(robot, kind, number, seconds=8.0)
+    tracker = Tracker(robot, dt=DT, q=stream.start)
+    v, _, step = play(tracker, stream.targets)
+    assert jolts(v, tracker.acceleration_limit, DT) <= JOLTS
+    assert step.status is TrackerStatus.HELD or step.status is TrackerStatus.OK
 
 
 @pytest.mark.slow
@@ -280,6 +296,29 @@ def test_twists_in_every_reference(find: Find, name: str, reference: str, number
     way /= np.linalg.norm(way)
     twist = np.concatenate([0.1 * way, np.zeros(3)] if number == 0 else [np.zeros(3), 0.3 * way])
     follow_twist(find(name), twist, reference, None, DT, 5.0)
+
+
+@pytest.mark.parametrize("number", [5, *(pytest.param(n, marks=pytest.mark.slow) for n in (1, 14, 17, 35))])
+def test_a_twist_that_five_joints_cannot_follow_does_not_shake_them(tmp_path: Path, number: int) -> None:
+    """At a pose that is singular once more, joints went to and fro across it at every tick."""
+    rows = [
+        ("0 0 0.06", "0 0 0", "0 0 1"),
+        ("0.03 0 0.05", "0 0 0", "0 1 0"),
+        ("0.03 0 0.11", "0 0 0", "0 1 0"),
+        ("0.13 0 0", "0 0 0", "0 1 0"),
+        ("0.06 0 0", "0 0 0", "1 0 0"),
+    ]
+    path = tmp_path / "five.urdf"
+    path.write_text(ur5_text(rows=rows, limit=1.8))
+    robot, rng = jacokin.load_robot(path, velocity_limit=10.0), np.random.default_rng([number, 11])
+    way = rng.normal(size=3)
+    start = np.zeros(5) if number % 2 else robot.sample(rng)
+    tracker = Tracker(robot, dt=DT, q=start, tool=jacokin.pose([0.1, 0.0, 0.0]))
+    twist = [0.0, 0.0, 0.0, *(0.4 * way / np.linalg.norm(way))]  # [rad/s]
+    reference = "local" if number % 2 else "local_world_aligned"
+    v = np.array([tracker.step(twist=twist, reference=reference).v for _ in range(700)])
+    assert jolts(v, tracker.acceleration_limit, DT) <= JOLTS
+    assert turns(v, robot.velocity_limit, DT) <= MORE
 
 
 # (d) By default accelerations are limited.
