@@ -181,7 +181,6 @@ def _frames(arm: Arm, q: Array, reference: int, written: Array) -> Array:
         arm,
         q.reshape(-1),
         block_of(arm),
-        np.empty((PLACE, LANES)),
         T,
         np.empty((6, LANES)),
         np.array([reference], dtype=np.int64),
@@ -193,4 +192,4 @@ def _frames(arm: Arm, q: Array, reference: int, written: Array) -> Array:
 
 def block_of(arm: Arm) -> Block:
     """Working memory for the joints of an arm."""
-    return Block(np.empty((3, LANES)), np.empty((len(arm.sliding) + 1, PLACE, LANES)))
+    return Block(np.empty((3, LANES)), np.empty((len(arm.sliding) + 2, PLACE, LANES)))

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.kernels.chain import place
+from jacokin.kernels.chain import moved
 from jacokin.kernels.contact.shapes import LINK, Shapes
-from jacokin.kernels.vector import Vec, mix
+from jacokin.kernels.vector import Vec
 
 #: Kinds of joints: about z, along z.
 HINGE, SLIDE = 0, 1
@@ -51,12 +51,7 @@ def place_links(arm: ArmShapes, dof: int, groups: int, q: Array, places: Places)
     x, y, z = column(frames[0], 0), column(frames[0], 1), column(frames[0], 2)
     p = column(frames[0], 3)
     for j in range(dof):
-        x, y, z, p = place(arm.placements, j, x, y, z, p)
-        if arm.joint_kinds[j] == HINGE:
-            c, s = math.cos(q[j]), math.sin(q[j])
-            x, y = mix(x, c, y, s, y, 0.0), mix(y, c, x, -s, x, 0.0)
-        else:
-            p = (p[0] + q[j] * z[0], p[1] + q[j] * z[1], p[2] + q[j] * z[2])
+        x, y, z, p = moved(arm.placements, j, arm.joint_kinds[j] != HINGE, q[j], x, y, z, p)
         frame = frames[j + 1]
         for i in range(3):
             frame[i, 0], frame[i, 1], frame[i, 2], frame[i, 3] = x[i], y[i], z[i], p[i]

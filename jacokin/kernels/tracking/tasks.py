@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.kernels.chain import place
-from jacokin.kernels.trigonometry import angle_of, sin_cos
+from jacokin.kernels.chain import BASE, moved
+from jacokin.kernels.trigonometry import angle_of
 from jacokin.kernels.vector import Vec, cross, dot, minus, mix, norm
 
 #: What a task asks of its frame: position and orientation, position, orientation, an axis along a direction, a position
@@ -60,15 +60,9 @@ def make_task_rows(dof: int = 0, tasks: int = 0) -> TaskRows:
 def place_joints(arm: JointFrames, q: Array) -> None:
     """Fill the frames at a configuration (dof,) [rad]."""
     frames = arm.frames
-    x, y, z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
-    p = (0.0, 0.0, 0.0)
+    x, y, z, p = BASE
     for j in range(len(q)):
-        x, y, z, p = place(arm.placements, j, x, y, z, p)
-        if arm.kinds[j] == TURNS:
-            s, c = sin_cos(q[j])
-            x, y = mix(x, c, y, s, y, 0.0), mix(y, c, x, -s, x, 0.0)
-        else:
-            p = (p[0] + q[j] * z[0], p[1] + q[j] * z[1], p[2] + q[j] * z[2])
+        x, y, z, p = moved(arm.placements, j, arm.kinds[j] != TURNS, q[j], x, y, z, p)
         for i in range(3):
             frames[j + 1, i, 0], frames[j + 1, i, 1], frames[j + 1, i, 2], frames[j + 1, i, 3] = x[i], y[i], z[i], p[i]
 
