@@ -1,4 +1,4 @@
-"""Kinematics of six or seven joints that turn: poses, errors against a target, Jacobians, and Newton's method."""
+"""Kinematics of one configuration: poses, errors against a target, Jacobians, and Newton's method."""
 
 from __future__ import annotations
 

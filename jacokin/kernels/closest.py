@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from jacokin.arrays import Array
 from jacokin.kernels.chain import BASE, deviation, moved, place
 from jacokin.kernels.configurations.arm import Arm, make_arm
-from jacokin.kernels.symmetric import diagonalise, factorise
+from jacokin.kernels.symmetric import diagonalise, factorise, is_positive, solve_factorised
 from jacokin.kernels.trigonometry import angle_of
 from jacokin.kernels.vector import Vec, cross, dot, minus, mix, norm
 
@@ -40,8 +40,6 @@ SETTLED = 1e-8  # [m] less progress in `PATIENCE` steps ends a descent
 PATIENCE = 8
 #: Size of what Jacobi's method leaves beside the diagonal, squared and relative.
 DIAGONAL = 1e-20
-#: Of the mean of the diagonal: pivots above this are of a matrix without negative eigenvalues.
-LEAST_PIVOT = 1e-9
 
 STARTS = 112  # nearest ones of those drawn that descend
 COARSE = 1e-2  # [m] smoothing of the first stage, which only gets near
@@ -423,35 +421,22 @@ def fill_step(work: ClosestWork, damping: float) -> None:
 
 
 def solve_model(work: ClosestWork, damping: float) -> None:
-    """Fill work.step for the joints that are not held, those that are moving as it says; Cholesky's method."""
-    dof, matrix, step, held = len(work.lower), work.matrix, work.step, work.held
+    """Fill work.step for the joints that are not held, those that are moving as it says."""
+    dof, matrix, factor, step, held = len(work.lower), work.matrix, work.vectors, work.step, work.held
     for i in range(dof):
+        for j in range(dof):
+            matrix[i * dof + j] = 0.0
         if held[i] > 0.0:
+            matrix[i * dof + i] = 1.0
             continue
-        right = -work.here.gradient[i]
+        step[i] = -work.here.gradient[i]
         for j in range(dof):
             if held[j] > 0.0:
-                right -= work.curvature[i * dof + j] * step[j]
-        for j in range(i + 1):
-            if held[j] > 0.0:
-                continue
-            product = work.curvature[i * dof + j] + (damping if i == j else 0.0)
-            for k in range(j):
-                if held[k] == 0.0:
-                    product -= matrix[i * dof + k] * matrix[j * dof + k]
-            matrix[i * dof + j] = math.sqrt(max(product, TINY)) if i == j else product / matrix[j * dof + j]
-        for k in range(i):
-            if held[k] == 0.0:
-                right -= matrix[i * dof + k] * step[k]
-        step[i] = right / matrix[i * dof + i]
-    for i in range(dof - 1, -1, -1):
-        if held[i] > 0.0:
-            continue
-        value = step[i]
-        for k in range(i + 1, dof):
-            if held[k] == 0.0:
-                value -= matrix[k * dof + i] * step[k]
-        step[i] = value / matrix[i * dof + i]
+                step[i] -= work.curvature[i * dof + j] * step[j]
+            else:
+                matrix[i * dof + j] = work.curvature[i * dof + j] + (damping if i == j else 0.0)
+    if factorise(matrix, factor, dof, 0.0, 0.0):  # else straight down, for once
+        solve_factorised(factor, step, dof)
 
 
 def fill_curvature(work: ClosestWork, convex: bool) -> None:
@@ -470,11 +455,3 @@ def fill_curvature(work: ClosestWork, convex: bool) -> None:
             for k in range(dof):
                 value += work.vectors[i * dof + k] * work.step[k] * work.vectors[j * dof + k]
             curvature[i * dof + j] = value
-
-
-def is_positive(hessian: Array, matrix: Array, dof: int) -> bool:
-    """Whether all pivots of Cholesky's method are positive."""
-    least = 0.0
-    for i in range(dof):
-        least += LEAST_PIVOT * abs(hessian[i * dof + i]) / dof
-    return factorise(hessian, matrix, dof, 0.0, least)
