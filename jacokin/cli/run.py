@@ -219,8 +219,8 @@ def _twin(bundled: str, way: ConnectionOptions, motion: PlannedMotion | None) ->
 def _live(robot: Robot) -> LiveMotion:
     from jacokin.motion import Tracker
     from jacokin.runner import LiveMotion
-    from jacokin.runner.runner import TICK
     from jacokin.teleop import Teleop
+    from jacokin.twin.faults import TICK
 
     tracker = Tracker(robot, dt=TICK, q=robot.home, acceleration_limit=2.0)  # [rad/s^2]
     return LiveMotion(Teleop(tracker))

@@ -20,7 +20,7 @@ from jacokin.ik.diagnosis import Outcome, explain_near_miss
 from jacokin.ik.results import IKResult, Status
 from jacokin.ik.targets import RADIAN_IN_METRES, Request, TargetPose, combined_error
 from jacokin.ik.verification import Candidate, Effort, Verifier
-from jacokin.kernels.closest import CIRCULAR, LOWER, UPPER, ClosestWork, find_closest, make_closest_work
+from jacokin.kernels.closest import ClosestWork, find_closest, make_closest_work
 from jacokin.kernels.library import Call
 from jacokin.model import angles
 from jacokin.model.kinematics import axis_of
@@ -34,7 +34,7 @@ class ClosestSearch:
     """The search for one robot, frame and tool; immutable, and may be shared between threads."""
 
     def __init__(self, verifier: Verifier) -> None:
-        """Take the arm; its joints are read when first needed."""
+        """Take the arm."""
         self._verifier = verifier
         self._robot = verifier.robot
         self._circular = verifier.robot.unlimited & ~verifier.robot.sliding
@@ -43,14 +43,6 @@ class ClosestSearch:
     def reach(self) -> ReachBound:
         """What the tool cannot leave."""
         return ReachBound(self._verifier)
-
-    @functools.cached_property
-    def _joints(self) -> tuple[Array, Array, int]:
-        """What the kernel knows about the joints, the tool after the last one, and how many move it."""
-        constants, tip, number = self._verifier.chain.constants
-        joints = np.column_stack([constants, self._circular, self._robot.lower, self._robot.upper])
-        assert joints.shape[1] == UPPER + 1 == LOWER + 2 == CIRCULAR + 3
-        return joints, tip, number
 
     def solve(
         self, request: Request, outcome: Outcome, nearby: Sequence[Array], before: Effort | None = None
@@ -120,19 +112,24 @@ class ClosestSearch:
             position_first: whether the position goes before everything: of what reaches it, the least turned is taken.
         """
         starts = np.vstack([*first, seeds.random_configurations(self._robot, 1000, rng)])
-        work = make_closest_work(self._robot.dof, len(starts))
-        self.fill(work, target)
+        work = self.work(target, len(starts))
         if position_first:
             work.weight[0] = 1e-3  # [m/rad] too little for an orientation to be worth a position that is missed
-        work.starts[:], work.counts[1] = starts.ravel(), len(first)
+        work.starts[:], work.counts[0] = starts.ravel(), len(first)
         descended = Call(find_closest, work)()
-        return work.starts[: self._robot.dof].copy(), Effort(int(work.counts[2]), descended)
+        return work.starts[: self._robot.dof].copy(), Effort(int(work.counts[1]), descended)
 
-    def fill(self, work: ClosestWork, target: TargetPose) -> None:
-        """Tell the kernel about the arm and the target."""
-        work.joints[:], work.tip[:], work.counts[0] = self._joints
-        work.T[:] = target.matrix
-        work.weight[0] = 0.0 if target.position_only else RADIAN_IN_METRES
+    def work(self, target: TargetPose, starts: int) -> ClosestWork:
+        """What the kernel works on: the arm, the target, and room for so many starts."""
+        robot, weight = self._robot, 0.0 if target.position_only else RADIAN_IN_METRES
+        return make_closest_work(robot.dof, starts)._replace(
+            weight=np.array([weight]),
+            arm=self._verifier.chain.arm,
+            circular=self._circular.astype(np.int64),
+            lower=robot.lower,
+            upper=robot.upper,
+            T=np.array(target.matrix),
+        )
 
 
 def _error(result: IKResult) -> float:

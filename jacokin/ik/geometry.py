@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from jacokin.errors import StructureError
 from jacokin.kernels.tolerances import SMALLEST_LENGTH, SMALLEST_TWIST, SPHERICAL_TOLERANCE, STRUCTURE_TOLERANCE
 from jacokin.model import checks
-from jacokin.model.kinematics import axis_of, frame_with_z
+from jacokin.model.kinematics import arm_of
 
 WORDS = {6: "six", 7: "seven"}
 
@@ -28,8 +28,7 @@ def chain_of(model: pin.Model, frame_id: int, tool: pin.SE3 | None, count: int) 
     Raises:
         StructureError: the model is not one chain of revolute joints, or the frame is not on its last link.
     """
-    joints = list(model.joints)[1:]
-    if model.nq != count or model.nv != count or len(joints) != count:
+    if model.nq != count or model.nv != count or model.njoints != count + 1:
         hint = ": solve_all holds joints at values with fixed=" if model.nv > count else ""
         raise StructureError(
             f"the closed form needs {WORDS[count]} joints of one angle each; this model has {model.nv}{hint}"
@@ -44,22 +43,11 @@ def chain_of(model: pin.Model, frame_id: int, tool: pin.SE3 | None, count: int) 
             f"joint {names[-1]!r}",
             (names[-1], str(frame.name)),
         )
-    chain = np.empty((count + 1, 3, 4))
-    turn = np.eye(3)  # from z-aligned axes to the joint's own
-    for i, joint in enumerate(joints):
-        placement = model.jointPlacements[i + 1]
-        axis, slides = axis_of(model, i + 1)
-        if slides:
-            kind, name = joint.shortname(), names[i]
-            raise StructureError(f"the closed form needs revolute joints; joint {name!r} is a {kind}", (name, name))
-        align = frame_with_z(axis)
-        chain[i, :, :3] = turn.T @ placement.rotation @ align
-        chain[i, :, 3] = turn.T @ placement.translation
-        turn = align
-    last = frame.placement if tool is None else frame.placement * tool
-    chain[count, :, :3] = turn.T @ last.rotation
-    chain[count, :, 3] = turn.T @ last.translation
-    return chain
+    arm = arm_of(model, frame_id, tool)
+    for slide in np.flatnonzero(arm.sliding).tolist():
+        kind, name = model.joints[slide + 1].shortname(), names[slide]
+        raise StructureError(f"the closed form needs revolute joints; joint {name!r} is a {kind}", (name, name))
+    return arm.placements
 
 
 Frames = list[tuple[NDArray[np.float64], NDArray[np.float64]]]

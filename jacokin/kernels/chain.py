@@ -1,4 +1,4 @@
-"""Kinematics of six or seven joints that turn: poses, errors against a target, Jacobians, and Newton's method."""
+"""Kinematics of one configuration: poses, errors against a target, Jacobians, and Newton's method."""
 
 from __future__ import annotations
 
@@ -30,16 +30,22 @@ def forward(chain: Array, q: Array) -> Frame:
         chain: (7, 3, 4) placements between joints that turn about z.
         q: (6,) joint angles [rad].
     """
-    x, y, z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
-    p = (0.0, 0.0, 0.0)
+    x, y, z, p = BASE
     for i in range(6):
-        x, y, z, p = place(chain, i, x, y, z, p)
-        s, c = sin_cos(q[i])
-        x, y = mix(x, c, y, s, y, 0.0), mix(y, c, x, -s, x, 0.0)
+        x, y, z, p = moved(chain, i, False, q[i], x, y, z, p)
     return place(chain, 6, x, y, z, p)
 
 
-def place(chain: Array, i: int, x: Vec, y: Vec, z: Vec, p: Vec) -> tuple[Vec, Vec, Vec, Vec]:
+def moved(chain: Array, j: int, slides: bool, q: float, x: Vec, y: Vec, z: Vec, p: Vec) -> Frame:
+    """The frame x, y, z, p followed by joint j: its placement, then q about its z axis [rad], or along it [m]."""
+    x, y, z, p = place(chain, j, x, y, z, p)
+    if slides:
+        return x, y, z, (p[0] + q * z[0], p[1] + q * z[1], p[2] + q * z[2])
+    s, c = sin_cos(q)
+    return mix(x, c, y, s, y, 0.0), mix(y, c, x, -s, x, 0.0), z, p
+
+
+def place(chain: Array, i: int, x: Vec, y: Vec, z: Vec, p: Vec) -> Frame:
     """The frame x, y, z, p followed by the constant placement i."""
     d = mix(x, chain[i, 0, 3], y, chain[i, 1, 3], z, chain[i, 2, 3])
     return (
@@ -56,7 +62,7 @@ def deviation(T: Array, x: Vec, y: Vec, z: Vec, p: Vec) -> tuple[Vec, Vec, float
     return between(tx, ty, tz, tp, x, y, z, p)
 
 
-def columns_of(T: Array) -> tuple[Vec, Vec, Vec, Vec]:
+def columns_of(T: Array) -> Frame:
     """The columns of a pose: axes and position."""
     x, y, z = (T[0, 0], T[1, 0], T[2, 0]), (T[0, 1], T[1, 1], T[2, 1]), (T[0, 2], T[1, 2], T[2, 2])
     return x, y, z, (T[0, 3], T[1, 3], T[2, 3])
@@ -81,12 +87,9 @@ def fill_system(joints: int, chain: Array, T: Array, q: Array, system: Array) ->
     Returns:
         The deviation from the target, as `deviation` gives it.
     """
-    x, y, z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
-    p = (0.0, 0.0, 0.0)
+    x, y, z, p = BASE
     for j in range(joints):
-        x, y, z, p = place(chain, j, x, y, z, p)
-        s, c = sin_cos(q[j])
-        x, y = mix(x, c, y, s, y, 0.0), mix(y, c, x, -s, x, 0.0)
+        x, y, z, p = moved(chain, j, False, q[j], x, y, z, p)
         for i in range(3):
             system[i, j] = p[i]
             system[i + 3, j] = z[i]

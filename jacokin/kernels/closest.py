@@ -23,8 +23,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.kernels.symmetric import diagonalise, factorise
-from jacokin.kernels.trigonometry import angle_of, sin_cos
+from jacokin.kernels.chain import BASE, deviation, moved, place
+from jacokin.kernels.configurations.arm import Arm, make_arm
+from jacokin.kernels.symmetric import diagonalise, factorise, is_positive, solve_factorised
+from jacokin.kernels.trigonometry import angle_of
 from jacokin.kernels.vector import Vec, cross, dot, minus, mix, norm
 
 TINY = 1e-300
@@ -38,17 +40,12 @@ SETTLED = 1e-8  # [m] less progress in `PATIENCE` steps ends a descent
 PATIENCE = 8
 #: Size of what Jacobi's method leaves beside the diagonal, squared and relative.
 DIAGONAL = 1e-20
-#: Of the mean of the diagonal: pivots above this are of a matrix without negative eigenvalues.
-LEAST_PIVOT = 1e-9
 
 STARTS = 112  # nearest ones of those drawn that descend
 COARSE = 1e-2  # [m] smoothing of the first stage, which only gets near
 FINE = 1e-6  # [m] smoothing of the others: as much may be missing in the end
 SAME = 1e-2  # [rad] descents nearer than this to each other have met
 
-#: Columns of a joint: its rotation at zero, as rows (3, 3), and what the cosine and the sine of its angle add; where it
-#: is after the one before; its axis after its rotation; 1 if it slides; 1 if turns make no difference; its limits.
-FIXED, COSINE, SINE, OFFSET, AXIS, SLIDES, CIRCULAR, LOWER, UPPER, JOINT_COLUMNS = 0, 9, 18, 27, 30, 33, 34, 35, 36, 37
 #: Columns of what a start goes on with: the unit vectors u and v, damping, and 1 once it has been through a stage.
 U, V, DAMPED, BEGUN, STATE_COLUMNS = 0, 3, 6, 7, 8
 #: What a configuration is measured as: value, |p| and p / |p|, |a| and a / |a|, the axis of a, x cot(x) at |a| / 2.
@@ -69,10 +66,12 @@ class Point(NamedTuple):
 class ClosestWork(NamedTuple):
     """What a call reads and writes."""
 
-    counts: NDArray[np.int64]  # (3,) joints up to the frame; starts that descend in any case; steps that were taken
+    counts: NDArray[np.int64]  # (2,) starts that descend in any case; steps that were taken
     weight: Array  # (1,) w [m/rad]; 0 where the position alone counts
-    joints: Array  # (dof, 37)
-    tip: Array  # (3, 4) the tool after the last joint
+    arm: Arm  # up to the tool
+    circular: NDArray[np.int64]  # (dof,) 1 for joints of which turns make no difference
+    lower: Array  # (dof,) limits
+    upper: Array  # (dof,)
     T: Array  # (4, 4) target
     starts: Array  # (n * dof,) configurations; the first one is the answer
     values: Array  # (n,) their measures [m]
@@ -90,10 +89,12 @@ class ClosestWork(NamedTuple):
 def make_closest_work(dof: int = 0, starts: int = 0) -> ClosestWork:
     """Fresh work arrays for an arm, and so many starts."""
     return ClosestWork(
-        np.zeros(3, np.int64),
+        np.zeros(2, np.int64),
         np.zeros(1),
-        np.zeros((dof, JOINT_COLUMNS)),
-        np.zeros((3, 4)),
+        make_arm(),
+        np.zeros(dof, np.int64),
+        np.zeros(dof),
+        np.zeros(dof),
         np.eye(4),
         np.zeros(starts * dof),
         np.zeros(starts),
@@ -126,15 +127,15 @@ def find_closest(work: ClosestWork) -> int:
 
     After each stage the worse ones are dropped, and those that have met.
     """
-    dof, number = len(work.joints), len(work.values)
+    dof, number = len(work.lower), len(work.values)
     for i in range(number):
         work.states[i, BEGUN] = 0.0
         for j in range(dof):
             work.here.q[j] = work.starts[i * dof + j]
-        place(work, work.here)
+        fill_velocities(work, work.here)
         work.values[i] = exact(work, work.here)
-    work.counts[2] = 0
-    first = int(work.counts[1])
+    work.counts[1] = 0
+    first = int(work.counts[0])
     count = min(number, first + STARTS)
     for i in range(first, count):
         bring_least(work, i, number)
@@ -148,7 +149,7 @@ def find_closest(work: ClosestWork) -> int:
 
 def bring_least(work: ClosestWork, i: int, number: int) -> None:
     """Exchange start i with the least of those from it up to a number."""
-    dof, least = len(work.joints), i
+    dof, least = len(work.lower), i
     for k in range(i + 1, number):
         if work.values[k] < work.values[least]:
             least = k
@@ -178,10 +179,10 @@ def run_stage(work: ClosestWork, count: int, convex: bool, smoothing: float, ste
         steps: at most.
         kept: how many go on at most.
     """
-    dof = len(work.joints)
+    dof = len(work.lower)
     for i in range(count):
-        work.counts[2] += descend(work, i, convex, smoothing, steps)
-        place(work, work.here)
+        work.counts[1] += descend(work, i, convex, smoothing, steps)
+        fill_velocities(work, work.here)
         work.values[i] = exact(work, work.here)
     chosen = 0
     last = count
@@ -203,12 +204,12 @@ def run_stage(work: ClosestWork, count: int, convex: bool, smoothing: float, ste
 
 def has_met(work: ClosestWork, i: int) -> bool:
     """Whether a start is one of those before it."""
-    dof = len(work.joints)
+    dof = len(work.lower)
     for k in range(i):
         same = True
         for j in range(dof):
             away = work.starts[i * dof + j] - work.starts[k * dof + j]
-            if work.joints[j, CIRCULAR] > 0.0:
+            if work.circular[j] > 0:
                 away -= 2.0 * math.pi * math.floor(away / (2.0 * math.pi) + 0.5)
             if abs(away) > SAME:
                 same = False
@@ -217,78 +218,34 @@ def has_met(work: ClosestWork, i: int) -> bool:
     return False
 
 
-def place(work: ClosestWork, point: Point) -> None:
-    """Fill the velocities at point.q, and in point.measured the errors: |p| and p, the angle of a and its axis."""
-    x, y, z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
-    p = (0.0, 0.0, 0.0)
-    joints, linear, angular = work.joints, point.linear, point.angular
-    for j in range(len(joints)):
+def fill_velocities(work: ClosestWork, point: Point) -> None:
+    """Fill the velocities at point.q, and columns DISTANCE to ABOUT of point.measured, without smoothing."""
+    arm, linear, angular, measured = work.arm, point.linear, point.angular, point.measured
+    joints = len(arm.sliding)
+    x, y, z, p = BASE
+    for j in range(joints):
+        x, y, z, p = moved(arm.placements, j, arm.sliding[j] != 0.0, point.q[j], x, y, z, p)
         for i in range(3):
-            linear[j, i] = 0.0
-            angular[j, i] = 0.0
-        if j >= work.counts[0]:
-            continue
-        row = joints[j]
-        p = added(p, mix(x, row[OFFSET], y, row[OFFSET + 1], z, row[OFFSET + 2]))
-        s, c = sin_cos(point.q[j])
-        x, y, z = (
-            turned(x, y, z, row, 0, c, s),
-            turned(x, y, z, row, 1, c, s),
-            turned(x, y, z, row, 2, c, s),
-        )
-        axis = mix(x, row[AXIS], y, row[AXIS + 1], z, row[AXIS + 2])
-        if row[SLIDES] > 0.0:
-            p = added(p, mix(axis, point.q[j], axis, 0.0, axis, 0.0))
+            angular[j, i], linear[j, i] = z[i], p[i]
+    x, y, z, p = place(arm.placements, joints, x, y, z, p)
+    for j in range(joints):
+        axis = vector_of(angular, j)
+        v = cross(axis, minus(p, vector_of(linear, j)))
         for i in range(3):
-            angular[j, i] = axis[i]
-            linear[j, i] = p[i]
-    tip = work.tip
-    p = added(p, mix(x, tip[0, 3], y, tip[1, 3], z, tip[2, 3]))
-    for j in range(work.counts[0]):
-        axis = (angular[j, 0], angular[j, 1], angular[j, 2])
-        v = cross(axis, minus(p, (linear[j, 0], linear[j, 1], linear[j, 2])))
-        for i in range(3):
-            if joints[j, SLIDES] > 0.0:
-                linear[j, i] = axis[i]
-                angular[j, i] = 0.0
+            if arm.sliding[j] != 0.0:
+                linear[j, i], angular[j, i] = axis[i], 0.0
             else:
                 linear[j, i] = v[i]
-    x, y, z = (
-        mix(x, tip[0, 0], y, tip[1, 0], z, tip[2, 0]),
-        mix(x, tip[0, 1], y, tip[1, 1], z, tip[2, 1]),
-        mix(x, tip[0, 2], y, tip[1, 2], z, tip[2, 2]),
-    )
-    measure_errors(work.T, x, y, z, p, point.measured)
+    missing, turn, cosine = deviation(work.T, x, y, z, p)
+    sine = norm(turn)
+    measured[DISTANCE], measured[ANGLE] = norm(missing), angle_of(sine, cosine)
+    for i in range(3):
+        measured[TOWARDS + i], measured[ABOUT + i] = -missing[i], -turn[i] / max(sine, TINY)
 
 
 def added(a: Vec, b: Vec) -> Vec:
     """Sum."""
     return (a[0] + b[0], a[1] + b[1], a[2] + b[2])
-
-
-def turned(x: Vec, y: Vec, z: Vec, row: Array, k: int, c: float, s: float) -> Vec:
-    """Column k of the rotation with columns x, y, z followed by a joint, by the cosine and sine of its angle."""
-    return mix(
-        x,
-        row[FIXED + k] + c * row[COSINE + k] + s * row[SINE + k],
-        y,
-        row[FIXED + 3 + k] + c * row[COSINE + 3 + k] + s * row[SINE + 3 + k],
-        z,
-        row[FIXED + 6 + k] + c * row[COSINE + 6 + k] + s * row[SINE + 6 + k],
-    )
-
-
-def measure_errors(T: Array, x: Vec, y: Vec, z: Vec, p: Vec, measured: Array) -> None:
-    """Fill columns DISTANCE to ABOUT of measured, without smoothing, for the tool with axes x, y, z at p."""
-    away = minus(p, (T[0, 3], T[1, 3], T[2, 3]))
-    tx, ty, tz = (T[0, 0], T[1, 0], T[2, 0]), (T[0, 1], T[1, 1], T[2, 1]), (T[0, 2], T[1, 2], T[2, 2])
-    axis = added(cross(tx, x), added(cross(ty, y), cross(tz, z)))
-    sine = norm(axis)
-    measured[ANGLE] = angle_of(sine, dot(x, tx) + dot(y, ty) + dot(z, tz) - 1.0)
-    measured[DISTANCE] = norm(away)
-    for i in range(3):
-        measured[TOWARDS + i] = away[i]
-        measured[ABOUT + i] = axis[i] / max(sine, TINY)
 
 
 def exact(work: ClosestWork, point: Point) -> float:
@@ -298,7 +255,7 @@ def exact(work: ClosestWork, point: Point) -> float:
 
 def measure(work: ClosestWork, point: Point, smoothing: float) -> None:
     """Fill the smoothed measure at point.q, its gradient, and what the Hessian is made of."""
-    place(work, point)
+    fill_velocities(work, point)
     m = point.measured
     angle = m[ANGLE]
     half = 0.5 * angle
@@ -382,7 +339,7 @@ def move_dual(state: Array, first: int, unit: Vec, length: float, change: Vec) -
 
 def descend(work: ClosestWork, i: int, convex: bool, smoothing: float, steps: int) -> int:
     """Let start i descend; returns how many steps it took. It ends in work.here."""
-    dof, here, there, state, best = len(work.joints), work.here, work.there, work.states[i], work.best
+    dof, here, there, state, best = len(work.lower), work.here, work.there, work.states[i], work.best
     for j in range(dof):
         here.q[j] = work.starts[i * dof + j]
     measure(work, here, smoothing)
@@ -403,7 +360,7 @@ def descend(work: ClosestWork, i: int, convex: bool, smoothing: float, steps: in
         fill_step(work, state[DAMPED])
         predicted = 0.0
         for j in range(dof):
-            there.q[j] = min(max(here.q[j] + work.step[j], work.joints[j, LOWER]), work.joints[j, UPPER])
+            there.q[j] = min(max(here.q[j] + work.step[j], work.lower[j]), work.upper[j])
             work.step[j] = there.q[j] - here.q[j]
         for j in range(dof):
             bent = 0.0
@@ -441,16 +398,16 @@ def copy_point(a: Point, b: Point) -> None:
 
 def fill_step(work: ClosestWork, damping: float) -> None:
     """Fill work.step with the way to the minimum of the quadratic model; joints that would pass a limit end on it."""
-    dof, here, step, held = len(work.joints), work.here, work.step, work.held
+    dof, here, step, held = len(work.lower), work.here, work.step, work.held
     for j in range(dof):
-        on_lower = here.q[j] <= work.joints[j, LOWER] and here.gradient[j] > 0.0
-        on_upper = here.q[j] >= work.joints[j, UPPER] and here.gradient[j] < 0.0
+        on_lower = here.q[j] <= work.lower[j] and here.gradient[j] > 0.0
+        on_upper = here.q[j] >= work.upper[j] and here.gradient[j] < 0.0
         held[j], step[j] = 1.0 if on_lower or on_upper else 0.0, 0.0
     for _ in range(BOUND_PASSES):
         solve_model(work, damping)
         past = False
         for j in range(dof):
-            inside = min(max(here.q[j] + step[j], work.joints[j, LOWER]), work.joints[j, UPPER])
+            inside = min(max(here.q[j] + step[j], work.lower[j]), work.upper[j])
             if held[j] == 0.0 and inside != here.q[j] + step[j]:
                 past, held[j], step[j] = True, 1.0, inside - here.q[j]
         if not past:
@@ -464,40 +421,27 @@ def fill_step(work: ClosestWork, damping: float) -> None:
 
 
 def solve_model(work: ClosestWork, damping: float) -> None:
-    """Fill work.step for the joints that are not held, those that are moving as it says; Cholesky's method."""
-    dof, matrix, step, held = len(work.joints), work.matrix, work.step, work.held
+    """Fill work.step for the joints that are not held, those that are moving as it says."""
+    dof, matrix, factor, step, held = len(work.lower), work.matrix, work.vectors, work.step, work.held
     for i in range(dof):
+        for j in range(dof):
+            matrix[i * dof + j] = 0.0
         if held[i] > 0.0:
+            matrix[i * dof + i] = 1.0
             continue
-        right = -work.here.gradient[i]
+        step[i] = -work.here.gradient[i]
         for j in range(dof):
             if held[j] > 0.0:
-                right -= work.curvature[i * dof + j] * step[j]
-        for j in range(i + 1):
-            if held[j] > 0.0:
-                continue
-            product = work.curvature[i * dof + j] + (damping if i == j else 0.0)
-            for k in range(j):
-                if held[k] == 0.0:
-                    product -= matrix[i * dof + k] * matrix[j * dof + k]
-            matrix[i * dof + j] = math.sqrt(max(product, TINY)) if i == j else product / matrix[j * dof + j]
-        for k in range(i):
-            if held[k] == 0.0:
-                right -= matrix[i * dof + k] * step[k]
-        step[i] = right / matrix[i * dof + i]
-    for i in range(dof - 1, -1, -1):
-        if held[i] > 0.0:
-            continue
-        value = step[i]
-        for k in range(i + 1, dof):
-            if held[k] == 0.0:
-                value -= matrix[k * dof + i] * step[k]
-        step[i] = value / matrix[i * dof + i]
+                step[i] -= work.curvature[i * dof + j] * step[j]
+            else:
+                matrix[i * dof + j] = work.curvature[i * dof + j] + (damping if i == j else 0.0)
+    if factorise(matrix, factor, dof, 0.0, 0.0):  # else straight down, for once
+        solve_factorised(factor, step, dof)
 
 
 def fill_curvature(work: ClosestWork, convex: bool) -> None:
     """Fill work.curvature with the Hessian of work.here, its eigenvalues made positive: saddle points repel."""
-    dof, hessian, curvature = len(work.joints), work.here.hessian, work.curvature
+    dof, hessian, curvature = len(work.lower), work.here.hessian, work.curvature
     for k in range(dof * dof):
         curvature[k] = hessian[k]
     if convex or is_positive(hessian, work.matrix, dof):
@@ -511,11 +455,3 @@ def fill_curvature(work: ClosestWork, convex: bool) -> None:
             for k in range(dof):
                 value += work.vectors[i * dof + k] * work.step[k] * work.vectors[j * dof + k]
             curvature[i * dof + j] = value
-
-
-def is_positive(hessian: Array, matrix: Array, dof: int) -> bool:
-    """Whether all pivots of Cholesky's method are positive."""
-    least = 0.0
-    for i in range(dof):
-        least += LEAST_PIVOT * abs(hessian[i * dof + i]) / dof
-    return factorise(hessian, matrix, dof, 0.0, least)

@@ -13,30 +13,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.kernels.chain import deviation
-from jacokin.kernels.closest import AXIS, OFFSET, SLIDES, added, turned
+from jacokin.kernels.chain import BASE, Frame, deviation, moved, place
+from jacokin.kernels.configurations.arm import Arm, make_arm
 from jacokin.kernels.limits import TURN
 from jacokin.kernels.solution_set.slices import turn_target
-from jacokin.kernels.trigonometry import sin_cos
-from jacokin.kernels.vector import Vec, mix, norm
+from jacokin.kernels.vector import norm
 
-#: Columns of a joint, see `many_configurations.Chain.constants`.
-JOINT_COLUMNS = 34
 #: Where the numbers are: the farthest that a joint moves, and a parameter [rad]; by how much the tool misses the path
 #: half way [m], and in orientation [rad]; how much more for squared changes of parameters; the cost of a second
 #: times how much too fast a joint is.
 LinkNumber = IntEnum("LinkNumber", "FARTHEST FARTHEST_PARAMETER DEVIATION TILT BEND HASTE COUNT", start=0)
-#: Where the counts are: joints up to the frame.
-LinkCount = IntEnum("LinkCount", "JOINTS COUNT", start=0)
 
 
 class LinkWork(NamedTuple):
     """What a call reads and writes."""
 
-    counts: NDArray[np.int64]  # (LINK_COUNTS,)
-    numbers: Array  # (LINK_NUMBERS,)
-    joints: Array  # (dof, JOINT_COLUMNS)
-    tip: Array  # (3, 4) the tool after the last joint
+    numbers: Array  # (LinkNumber.COUNT,)
+    arm: Arm  # up to the tool
     circular: NDArray[np.int64]  # (width,) 1 for coordinates that are the same after a turn
     parameters: NDArray[np.int64]  # (k,) coordinates that are free where the tool is: of points none, of curves one
     scale: Array  # (dof,) velocity limits [rad/s]
@@ -60,10 +53,8 @@ def make_link_work(
     """Fresh work arrays for an arm, so many coordinates, parameters among them, rungs, solutions and links."""
     lines = max(rungs - 1, 0)
     return LinkWork(
-        np.zeros(LinkCount.COUNT, np.int64),
         np.zeros(LinkNumber.COUNT),
-        np.zeros((dof, JOINT_COLUMNS)),
-        np.zeros((3, 4)),
+        make_arm(),
         np.zeros(width, np.int64),
         np.zeros(parameters, np.int64),
         np.zeros(dof),
@@ -106,7 +97,7 @@ def is_near(work: LinkWork, a: int, b: int) -> bool:
         if not coordinate_is_near(work, a, b, parameter, numbers[LinkNumber.FARTHEST_PARAMETER]):
             return False
     for j in range(width):
-        limit = numbers[LinkNumber.FARTHEST] if j < len(work.joints) else numbers[LinkNumber.FARTHEST_PARAMETER]
+        limit = numbers[LinkNumber.FARTHEST] if j < len(work.scale) else numbers[LinkNumber.FARTHEST_PARAMETER]
         if not coordinate_is_near(work, a, b, j, limit):
             return False
     return True
@@ -124,7 +115,7 @@ def coordinate_is_near(work: LinkWork, a: int, b: int, j: int, limit: float) -> 
 
 def misses(work: LinkWork, i: int) -> bool:
     """Whether the tool is too far from the path half way to the rung after rung i."""
-    dof, numbers, goal = len(work.joints), work.numbers, work.T[i]
+    dof, numbers, goal = len(work.scale), work.numbers, work.T[i]
     x, y, z, p = tool_at(work)
     more = 0.0
     for parameter in work.parameters:
@@ -144,25 +135,13 @@ def misses(work: LinkWork, i: int) -> bool:
     return bool(norm(turn) > numbers[LinkNumber.TILT] + more)
 
 
-def tool_at(work: LinkWork) -> tuple[Vec, Vec, Vec, Vec]:
+def tool_at(work: LinkWork) -> Frame:
     """Axes and position of the tool at `middle`."""
-    x, y, z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
-    p, tip = (0.0, 0.0, 0.0), work.tip
-    for j in range(work.counts[LinkCount.JOINTS]):
-        row = work.joints[j]
-        p = added(p, mix(x, row[OFFSET], y, row[OFFSET + 1], z, row[OFFSET + 2]))
-        s, c = sin_cos(work.middle[j])
-        x, y, z = turned(x, y, z, row, 0, c, s), turned(x, y, z, row, 1, c, s), turned(x, y, z, row, 2, c, s)
-        if row[SLIDES] > 0.0:
-            axis = mix(x, row[AXIS], y, row[AXIS + 1], z, row[AXIS + 2])
-            p = added(p, mix(axis, work.middle[j], axis, 0.0, axis, 0.0))
-    p = added(p, mix(x, tip[0, 3], y, tip[1, 3], z, tip[2, 3]))
-    return (
-        mix(x, tip[0, 0], y, tip[1, 0], z, tip[2, 0]),
-        mix(x, tip[0, 1], y, tip[1, 1], z, tip[2, 1]),
-        mix(x, tip[0, 2], y, tip[1, 2], z, tip[2, 2]),
-        p,
-    )
+    arm = work.arm
+    x, y, z, p = BASE
+    for j in range(len(arm.sliding)):
+        x, y, z, p = moved(arm.placements, j, arm.sliding[j] != 0.0, work.middle[j], x, y, z, p)
+    return place(arm.placements, len(arm.sliding), x, y, z, p)
 
 
 def cost_of(work: LinkWork, time: float) -> float:
@@ -171,7 +150,7 @@ def cost_of(work: LinkWork, time: float) -> float:
     More where the time does not suffice, if the speed is to be kept.
     """
     square, fastest = 0.0, 0.0
-    for j in range(len(work.joints)):
+    for j in range(len(work.scale)):
         speed = abs(work.away[j]) / work.scale[j] / time
         square += speed * speed
         fastest = max(fastest, speed)

@@ -8,6 +8,8 @@ from jacokin.arrays import Array
 
 #: Sweeps of Jacobi's method; it converges quadratically.
 SWEEPS = 12
+#: Part of the mean of the diagonal: with every pivot above it, there is no negative eigenvalue.
+LEAST_PIVOT = 1e-9
 
 
 def diagonalise(a: Array, vectors: Array, size: int, precision: float) -> None:
@@ -76,6 +78,14 @@ def factorise(a: Array, factor: Array, size: int, added: float, least: float) ->
             else:
                 return False
     return True
+
+
+def is_positive(a: Array, factor: Array, size: int) -> bool:
+    """Whether a matrix (size size,) has positive eigenvalues only; fills the factor (size size,) of one that has."""
+    least = 0.0
+    for i in range(size):
+        least += LEAST_PIVOT * abs(a[i * size + i]) / size
+    return factorise(a, factor, size, 0.0, least)
 
 
 def solve_factorised(factor: Array, x: Array, size: int) -> None:

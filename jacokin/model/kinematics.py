@@ -137,15 +137,14 @@ def arm_of(model: pin.Model, frame_id: int | None = None, tool: pin.SE3 | None =
     if frame_id is not None:
         frame = model.frames[frame_id]
         joints, tip = int(frame.parentJoint), frame.placement
-    T_joint_own = own_axes(model)
-    placements = [T_joint_own[j].inverse() * model.jointPlacements[j + 1] * T_joint_own[j + 1] for j in range(joints)]
-    placements.append(T_joint_own[joints].inverse() * (tip if tool is None else tip * tool))
-    sliding = [axis_of(model, j + 1).slides for j in range(joints)]
-    return Arm(
-        np.array([T.homogeneous[:3] for T in placements]),
-        np.array(sliding, dtype=np.float64),
-        np.array([model.nv], dtype=np.int64),
-    )
+    T_joint_own, placements, sliding = pin.SE3.Identity(), list[Array](), np.zeros(joints)
+    for j in range(joints):
+        before = T_joint_own.inverse() * model.jointPlacements[j + 1]
+        direction, sliding[j] = axis_of(model, j + 1)
+        T_joint_own = pin.SE3(frame_with_z(direction), np.zeros(3))
+        placements.append((before * T_joint_own).homogeneous[:3])
+    placements.append((T_joint_own.inverse() * (tip if tool is None else tip * tool)).homogeneous[:3])
+    return Arm(np.array(placements), sliding, np.array([model.nv], dtype=np.int64))
 
 
 def turning_arm(chain: Array) -> Arm:
@@ -181,7 +180,6 @@ def _frames(arm: Arm, q: Array, reference: int, written: Array) -> Array:
         arm,
         q.reshape(-1),
         block_of(arm),
-        np.empty((PLACE, LANES)),
         T,
         np.empty((6, LANES)),
         np.array([reference], dtype=np.int64),
@@ -193,4 +191,4 @@ def _frames(arm: Arm, q: Array, reference: int, written: Array) -> Array:
 
 def block_of(arm: Arm) -> Block:
     """Working memory for the joints of an arm."""
-    return Block(np.empty((3, LANES)), np.empty((len(arm.sliding) + 1, PLACE, LANES)))
+    return Block(np.empty((3, LANES)), np.empty((len(arm.sliding) + 2, PLACE, LANES)))

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.model import kinematics
-from jacokin.model.kinematics import axis_of
 from jacokin.model.robot import Robot
 
 
@@ -33,32 +32,22 @@ class Chain:
 
     Attributes:
         dof: number of joints, those after the frame included.
+        arm: the joints up to the frame as kernels take them.
     """
 
     def __init__(self, robot: Robot, frame_id: int, tool: pin.SE3 | None) -> None:
-        """Read every joint of the model: its rotation is A + cos(q) B + sin(q) C."""
+        """Read the joints of the model."""
         self.dof = robot.dof
-        model = robot.pin_model
-        self._arm = kinematics.arm_of(model, frame_id, tool)
-        rows = np.zeros((robot.dof, 34))
-        for index, row in enumerate(rows):
-            placement, (axis, slides) = model.jointPlacements[index + 1], axis_of(model, index + 1)
-            along = np.eye(3) if slides else np.outer(axis, axis)
-            parts = [along, np.eye(3) - along, np.zeros((3, 3)) if slides else pin.skew(axis)]
-            row[:27] = (placement.rotation @ np.array(parts)).ravel()
-            row[27:] = *placement.translation, *axis, slides
-        frame = model.frames[frame_id]
-        tip = frame.placement if tool is None else frame.placement * tool
-        self.constants = rows, tip.homogeneous[:3], int(frame.parentJoint)
+        self.arm = kinematics.arm_of(robot.pin_model, frame_id, tool)
 
     def placements(self, q: Array) -> tuple[Array, Array]:
         """Poses (k, 4, 4) of the tool in the base at configurations (k, dof), and its Jacobians (k, 6, dof) there."""
-        return kinematics.frames(self._arm, np.ascontiguousarray(q))
+        return kinematics.frames(self.arm, np.ascontiguousarray(q))
 
     def errors(self, x: Array, goal: TargetRows) -> tuple[Array, Array]:
         """Position (n,) [m] and orientation (n,) [rad, for small ones] errors at configurations (n, width)."""
         error = _error(
-            kinematics.poses(self._arm, np.ascontiguousarray(x[:, : self.dof])), _turned(goal, x[:, self.dof :])
+            kinematics.poses(self.arm, np.ascontiguousarray(x[:, : self.dof])), _turned(goal, x[:, self.dof :])
         )
         return np.linalg.norm(error[:, :3], axis=1), np.linalg.norm(error[:, 3:], axis=1)
 

@@ -382,8 +382,8 @@ class Robot:
         self.check_masses()
         model, data = self.pin_model, self._local.data
         at, velocity = self.configuration(q), self.configuration(v, "v")
-        matrix = np.array(pin.computeCoriolisMatrix(model, data, at, velocity)).reshape(self.dof, self.dof)
-        return dynamics.answered(model, data, at, matrix)
+        matrix = dynamics.answered(model, data, at, pin.computeCoriolisMatrix(model, data, at, velocity))
+        return matrix if matrix.ndim == 2 else matrix.reshape(1, 1)  # Pinocchio's form for a single joint
 
     def inverse_dynamics(
         self,

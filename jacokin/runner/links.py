@@ -17,9 +17,10 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.files import reason
 from jacokin.model import checks
-from jacokin.runner.runner import TICK, Measured, Runner, RunnerStatus
+from jacokin.runner.runner import Measured, Runner, RunnerStatus
 from jacokin.twin import KinovaDriver, TrajectoryController
 from jacokin.twin.controller import ArmController
+from jacokin.twin.faults import TICK
 
 LONGEST = 1 << 16  # bytes of a line
 LEAVING = 2.0  # [s] that a forwarder may take to leave

@@ -26,8 +26,8 @@ from jacokin.model.robot import Robot, checked_robot
 from jacokin.runner.latency import MOST, LatencyMeasurement
 from jacokin.runner.motions import Motion, Wanted, apart
 from jacokin.runner.standing import Standing
+from jacokin.twin.faults import TICK
 
-TICK = 0.01  # [s] of Kinova's base, which plays one velocity so long (README of kinova-ros, velocity control)
 RAMP = 0.2  # [s] in which a motion comes to wait for its arm, and goes on
 WAITS = 0.8  # of `lag`: an arm that is so far behind is waited for
 FULL = 0.4  # of `lag`: one that is nearer is not

@@ -11,7 +11,7 @@ import numpy as np
 from jacokin.errors import InvalidInputError
 from jacokin.model import checks
 
-TICK = 0.01  # [s] of Kinova's base, which takes a command each time (README of kinova-ros)
+TICK = 0.01  # [s] of Kinova's base, which takes a command, and plays a velocity, so long (README of kinova-ros)
 LONGEST = 10.0  # [s] of a lag or a stall
 
 Command = TypeVar("Command")

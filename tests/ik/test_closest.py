@@ -38,10 +38,7 @@ def a_target(rng: np.random.Generator) -> targets.TargetPose:
 
 def make_work(robot: Robot, target: targets.TargetPose) -> kernel.ClosestWork:
     """What the kernel works on, for one configuration."""
-    search = ClosestSearch(Verifier(robot, robot.default_frame, None, SolverOptions()))
-    work = kernel.make_closest_work(robot.dof, 1)
-    search.fill(work, target)
-    return work
+    return ClosestSearch(Verifier(robot, robot.default_frame, None, SolverOptions())).work(target, 1)
 
 
 def measured(work: kernel.ClosestWork, q: Array, smoothing: float) -> tuple[float, Array, Array, Array]:

@@ -151,8 +151,7 @@ def test_home_is_within_limits_at_rest_and_free_of_contact() -> None:
     ],
 )
 def test_set_grasp(factors: Any, angles: tuple[float, ...]) -> None:
-    physics, _, arm, hand = jaco_scene()
-    arm.set_home(physics)
+    physics, _, _, hand = jaco_scene()
     rng = np.random.default_rng(0)
     physics.data.qvel[:] = velocities = rng.uniform(-0.1, 0.1, 9)
     physics.data.ctrl[:] = rng.uniform(-0.1, 0.1, 9)
@@ -172,8 +171,7 @@ def test_set_grasp(factors: Any, angles: tuple[float, ...]) -> None:
 
 @pytest.mark.parametrize("factors", [-0.1, 1.1, (0.5, 0.5), (0.5,) * 4, np.nan, (0.0, 0.0, 2.0), "shut", None, [[0.5]]])
 def test_wrong_grasps_change_nothing(factors: Any) -> None:
-    physics, _, arm, hand = jaco_scene()
-    arm.set_home(physics)
+    physics, _, _, hand = jaco_scene()
     before = physics.get_state()
     with pytest.raises(InvalidInputError, match="close_factors"):
         hand.set_grasp(physics, factors)

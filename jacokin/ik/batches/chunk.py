@@ -115,7 +115,7 @@ def make(job: ChunkJob) -> list[str | bytes] | None:
         return [each.result() for each in kept]
 
 
-class Stop(Protocol):
+class StopEvent(Protocol):
     """An event of threads or of processes."""
 
     def set(self) -> None:
@@ -125,7 +125,7 @@ class Stop(Protocol):
         """Whether it is to stop."""
 
 
-def heed(stop: Stop) -> None:
+def heed(stop: StopEvent) -> None:
     """Let an event stop the jobs of this worker, a thread or a process."""
     _worker.stop = stop
 
@@ -139,7 +139,7 @@ def _go_on(rows: int) -> None:
     Raises:
         CancelledError: the work is to stop.
     """
-    stop: Stop | None = getattr(_worker, "stop", None)
+    stop: StopEvent | None = getattr(_worker, "stop", None)
     if stop is not None and stop.is_set():
         raise CancelledError
 

@@ -43,7 +43,7 @@ from jacokin.ik.batches.chunk import (
     ChunkJob,
     FileSummary,
     RowsInFile,
-    Stop,
+    StopEvent,
     Tally,
     heed,
     make,
@@ -407,7 +407,7 @@ def _working(executor: Executor | None, workers: int | None, compiled: bool) -> 
         return
     if compiled or workers in (None, 1):
         count = workers or (usable_cores() if compiled else 1)
-        stop: Stop = threading.Event()
+        stop: StopEvent = threading.Event()
         own: Executor = ThreadPoolExecutor(count, initializer=heed, initargs=(stop,))
     else:
         import multiprocessing  # not for who solves in this process

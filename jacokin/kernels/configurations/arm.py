@@ -41,7 +41,7 @@ class Block(NamedTuple):
     """Where the joints of some configurations are."""
 
     turned: Array  # (3, LANES) angle, sine and cosine of one joint
-    places: Array  # (joints + 1, 12, LANES) of the base, and of each joint after it has moved
+    places: Array  # (joints + 2, 12, LANES) of the base, of each joint after it has moved, and of the frame
 
 
 def make_arm() -> Arm:
@@ -64,11 +64,19 @@ def place_joints(arm: Arm, q: Array, first: int, block: Block) -> None:
     for j in range(len(arm.sliding)):
         for i in range(LANES):
             block.turned[0, i] = q[min(first + i, last) * columns + j]
-        if arm.sliding[j] != 0.0:
-            slide(arm.placements, j, block.turned, places)
-        else:
-            turn_sines(block.turned)
-            turn(arm.placements, j, block.turned, places)
+        move(arm.placements, j, arm.sliding[j] != 0.0, block.turned, places)
+
+
+def move(placements: Array, j: int, slides: bool, turned: Array, places: Array) -> None:
+    """Place joint j after the one before, moved by the first row of turned [rad] or [m]; a turn fills the others."""
+    if slides:
+        place(placements, j, places)
+        for row in range(3):
+            for i in range(LANES):
+                places[j + 1, row + 9, i] += places[j + 1, row + 6, i] * turned[0, i]
+    else:
+        turn_sines(turned)
+        turn(placements, j, turned, places)
 
 
 def turn_sines(turned: Array) -> None:
@@ -113,16 +121,15 @@ def turn(placements: Array, j: int, turned: Array, places: Array) -> None:
             places[j + 1, row + 9, i] = places[j, row + 9, i] + (x * d + y * h + z * p)
 
 
-def slide(placements: Array, j: int, turned: Array, places: Array) -> None:
-    """Place joint j, which slides, after the one before."""
+def place(placements: Array, j: int, places: Array) -> None:
+    """Place joint j as it is at zero after the one before, or the frame after the last joint."""
     a, b, c, d = placements[j, 0, 0], placements[j, 0, 1], placements[j, 0, 2], placements[j, 0, 3]
     e, f, g, h = placements[j, 1, 0], placements[j, 1, 1], placements[j, 1, 2], placements[j, 1, 3]
     m, n, o, p = placements[j, 2, 0], placements[j, 2, 1], placements[j, 2, 2], placements[j, 2, 3]
     for row in range(3):
         for i in range(LANES):
             x, y, z = places[j, row, i], places[j, row + 3, i], places[j, row + 6, i]
-            axis = x * c + y * g + z * o
             places[j + 1, row, i] = x * a + y * e + z * m
             places[j + 1, row + 3, i] = x * b + y * f + z * n
-            places[j + 1, row + 6, i] = axis
-            places[j + 1, row + 9, i] = places[j, row + 9, i] + (x * d + y * h + z * p) + axis * turned[0, i]
+            places[j + 1, row + 6, i] = x * c + y * g + z * o
+            places[j + 1, row + 9, i] = places[j, row + 9, i] + (x * d + y * h + z * p)

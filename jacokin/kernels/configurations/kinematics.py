@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.kernels.configurations.arm import LANES, PLACE, Arm, Block, make_arm, make_block, place_joints
+from jacokin.kernels.configurations.arm import LANES, Arm, Block, make_arm, make_block, place, place_joints
 
 #: Reference frames of Jacobians.
 Reference = IntEnum("Reference", "ALIGNED LOCAL WORLD", start=0)
@@ -21,7 +21,6 @@ class FrameWork(NamedTuple):
     arm: Arm
     q: Array  # (n * columns,) [rad] or [m]
     block: Block
-    frame: Array  # (12, LANES) where the frame is
     T: Array  # (n, 4, 4) written
     columns: Array  # (6, LANES) of one joint's column
     reference: NDArray[np.int64]  # (1,)
@@ -34,7 +33,6 @@ def make_frame_work() -> FrameWork:
         make_arm(),
         np.empty(0),
         make_block(),
-        np.empty((PLACE, LANES)),
         np.empty((0, 4, 4)),
         np.empty((6, LANES)),
         np.empty(1, np.int64),
@@ -47,12 +45,13 @@ def place_frames(work: FrameWork) -> int:
     n, joints, T = len(work.T), len(work.arm.sliding), work.T
     for first in range(0, n, LANES):
         place_joints(work.arm, work.q, first, work.block)
-        place_frame(work.arm.placements, joints, work.block.places, work.frame)
+        place(work.arm.placements, joints, work.block.places)
+        frame = work.block.places[joints + 1]
         count = min(LANES, n - first)
         for i in range(count):
             for row in range(3):
                 for column in range(4):
-                    T[first + i, row, column] = work.frame[3 * column + row, i]
+                    T[first + i, row, column] = frame[3 * column + row, i]
                 T[first + i, 3, row] = 0.0
             T[first + i, 3, 3] = 1.0
         if len(work.jacobians):
@@ -60,35 +59,23 @@ def place_frames(work: FrameWork) -> int:
     return n
 
 
-def place_frame(placements: Array, j: int, places: Array, frame: Array) -> None:
-    """Place the frame after the last joint j."""
-    a, b, c, d = placements[j, 0, 0], placements[j, 0, 1], placements[j, 0, 2], placements[j, 0, 3]
-    e, f, g, h = placements[j, 1, 0], placements[j, 1, 1], placements[j, 1, 2], placements[j, 1, 3]
-    m, n, o, p = placements[j, 2, 0], placements[j, 2, 1], placements[j, 2, 2], placements[j, 2, 3]
-    for row in range(3):
-        for i in range(LANES):
-            x, y, z = places[j, row, i], places[j, row + 3, i], places[j, row + 6, i]
-            frame[row, i] = x * a + y * e + z * m
-            frame[row + 3, i] = x * b + y * f + z * n
-            frame[row + 6, i] = x * c + y * g + z * o
-            frame[row + 9, i] = places[j, row + 9, i] + (x * d + y * h + z * p)
-
-
 def write_jacobians(work: FrameWork, first: int, count: int) -> None:
     """Write the Jacobians of a block whose joints and frame are placed."""
     dof, reference, jacobians = work.arm.columns[0], work.reference[0], work.jacobians
-    for j in range(len(work.arm.sliding)):
-        fill_column(work, j, 0.0 if reference == Reference.WORLD else 1.0)
+    joints = len(work.arm.sliding)
+    frame = work.block.places[joints + 1]
+    for j in range(joints):
+        fill_column(work, j, frame, 0.0 if reference == Reference.WORLD else 1.0)
         if reference == Reference.LOCAL:
-            turn_column(work.columns, work.frame)
+            turn_column(work.columns, frame)
         for row in range(6):
             for i in range(count):
                 jacobians[((first + i) * 6 + row) * dof + j] = work.columns[row, i]
 
 
-def fill_column(work: FrameWork, j: int, at_frame: float) -> None:
+def fill_column(work: FrameWork, j: int, frame: Array, at_frame: float) -> None:
     """The velocity of the frame's origin (at_frame 1) or of the point at the base's (0), at a unit rate of joint j."""
-    places, frame, columns = work.block.places, work.frame, work.columns
+    places, columns = work.block.places, work.columns
     if work.arm.sliding[j] != 0.0:
         for row in range(3):
             for i in range(LANES):

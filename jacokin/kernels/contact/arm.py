@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.kernels.chain import place
+from jacokin.kernels.chain import columns_of, moved
 from jacokin.kernels.contact.shapes import LINK, Shapes
-from jacokin.kernels.vector import Vec, mix
+from jacokin.kernels.vector import Vec
 
 #: Kinds of joints: about z, along z.
 HINGE, SLIDE = 0, 1
@@ -48,22 +48,21 @@ class Places(NamedTuple):
 def place_links(arm: ArmShapes, dof: int, groups: int, q: Array, places: Places) -> None:
     """Fill frames and centres at a configuration (dof,) [rad]; those of base and world are given."""
     frames = places.frames
-    x, y, z = column(frames[0], 0), column(frames[0], 1), column(frames[0], 2)
-    p = column(frames[0], 3)
-    for j in range(dof):
-        x, y, z, p = place(arm.placements, j, x, y, z, p)
-        if arm.joint_kinds[j] == HINGE:
-            c, s = math.cos(q[j]), math.sin(q[j])
-            x, y = mix(x, c, y, s, y, 0.0), mix(y, c, x, -s, x, 0.0)
-        else:
-            p = (p[0] + q[j] * z[0], p[1] + q[j] * z[1], p[2] + q[j] * z[2])
-        frame = frames[j + 1]
-        for i in range(3):
-            frame[i, 0], frame[i, 1], frame[i, 2], frame[i, 3] = x[i], y[i], z[i], p[i]
+    fill_frames(arm.placements, arm.joint_kinds, dof, q, frames)
     for g in range(groups):
         link, sphere = frames[arm.groups[g, GROUP_LINK]], arm.spheres[g]
         for i in range(3):
             places.centres[g, i] = link[i, 0] * sphere[0] + link[i, 1] * sphere[1] + link[i, 2] * sphere[2] + link[i, 3]
+
+
+def fill_frames(placements: Array, kinds: NDArray[np.int64], dof: int, q: Array, frames: Array) -> None:
+    """Fill frames (dof + 1, 3, 4) of joints at a configuration (dof,) [rad]; that of the base, the first, is given."""
+    x, y, z, p = columns_of(frames[0])
+    for j in range(dof):
+        x, y, z, p = moved(placements, j, kinds[j] != HINGE, q[j], x, y, z, p)
+        frame = frames[j + 1]
+        for i in range(3):
+            frame[i, 0], frame[i, 1], frame[i, 2], frame[i, 3] = x[i], y[i], z[i], p[i]
 
 
 def bound_rates(arm: ArmShapes, dof: int, g: int, motion: Array, half: float, places: Places) -> None:
@@ -115,11 +114,6 @@ def relate(shapes: Shapes, frames: Array, a: int, b: int, relative: Array) -> No
         offset = x * (B[0, 3] - A[0, 3]) + y * (B[1, 3] - A[1, 3]) + z * (B[2, 3] - A[2, 3])
         own = u[i] * u[3] + u[4 + i] * u[7] + u[8 + i] * u[11]
         relative[i, 3] = offset + bx * v[3] + by * v[7] + bz * v[11] - own
-
-
-def column(frame: Array, i: int) -> Vec:
-    """A column of a frame (3, 4)."""
-    return (frame[0, i], frame[1, i], frame[2, i])
 
 
 def in_link(frames: Array, link: int, p: Vec) -> Vec:

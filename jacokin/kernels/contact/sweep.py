@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.kernels.configurations.arm import LANES, PLACE, slide, turn, turn_sines
+from jacokin.kernels.configurations.arm import LANES, PLACE, move
 from jacokin.kernels.contact.arm import (
     FIRST_PAIR,
     FIRST_SHAPE,
@@ -205,11 +205,7 @@ def place_along(arm: ArmShapes, dof: int, places: Places, sweep: Sweep, part: Pa
         for i in range(LANES):
             t = part.low + sweep.shares[i] * (part.high - part.low)
             turned[0, i] = start + t * (step + t * bend)
-        if arm.joint_kinds[j] == HINGE:
-            turn_sines(turned)
-            turn(arm.placements, j, turned, links)
-        else:
-            slide(arm.placements, j, turned, links)
+        move(arm.placements, j, arm.joint_kinds[j] != HINGE, turned, links)
 
 
 def know_joints(arm: ArmShapes, dof: int, sweep: Sweep, part: Part) -> None:

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.kernels.tracking.tasks import TURNS, JointFrames, axis_of
+from jacokin.kernels.contact.arm import HINGE
+from jacokin.kernels.tracking.tasks import JointFrames, axis_of
 from jacokin.kernels.vector import Vec, cross, dot, minus
 
 #: [m] the problem stays this far above the distance, so that curvature does not cost a shortened step.
@@ -54,7 +55,7 @@ def make_near_pairs(dof: int = 0, pairs: int = 0, more: int = 0) -> NearPairs:
 def change_of_distance(arm: JointFrames, j: int, point: Vec, normal: Vec) -> float:
     """How a distance along a normal changes with joint j, which moves the point [m/rad]."""
     axis = axis_of(arm.frames, j + 1, 2)
-    if arm.kinds[j] != TURNS:
+    if arm.kinds[j] != HINGE:
         return dot(normal, axis)
     return dot(cross(minus(point, axis_of(arm.frames, j + 1, 3)), normal), axis)
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.kernels.limits import TURN
-from jacokin.kernels.symmetric import diagonalise, factorise, solve_factorised
+from jacokin.kernels.symmetric import diagonalise, factorise, is_positive, solve_factorised
 
 #: Keeps the Hessian regular at singular poses.
 TIKHONOV = 1e-10
@@ -33,8 +33,6 @@ LITTLE = 1e-4
 FADING = 0.75
 #: Instead of dividing by zero.
 TINY = 1e-200
-#: Part of the mean of the Hessian's diagonal: with every pivot above it, there is no negative eigenvalue.
-LEAST_PIVOT = 1e-9
 #: What Jacobi's method leaves beside the diagonal, squared and relative.
 DIAGONAL = 1e-32
 #: [m/rad] weighted: in directions with a smaller singular value the arm hardly moves the tool.
@@ -131,13 +129,10 @@ def make_regular(problem: Problem, cost: float, negligible: float, wanted: Array
     """
     dof = len(wanted)
     gradient, hessian, bends, slopes = problem.gradient, problem.hessian, problem.bends, problem.slopes
-    least = 0.0
-    for i in range(dof):
-        least += LEAST_PIVOT * abs(hessian[i * dof + i]) / dof
     problem.principal[0], problem.worth[0] = 0, 0.0
     for i in range(dof):
         wanted[i] = -gradient[i]
-    if factorise(hessian, problem.factor, dof, 0.0, least):
+    if is_positive(hessian, problem.factor, dof):
         factorise(hessian, problem.factor, dof, TIKHONOV, 0.0)
         for i in range(dof):
             slopes[i] = gradient[i]

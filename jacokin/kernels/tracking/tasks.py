@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.kernels.chain import place
-from jacokin.kernels.trigonometry import angle_of, sin_cos
+from jacokin.kernels.contact.arm import HINGE, fill_frames
+from jacokin.kernels.trigonometry import angle_of
 from jacokin.kernels.vector import Vec, cross, dot, minus, mix, norm
 
 #: What a task asks of its frame: position and orientation, position, orientation, an axis along a direction, a position
@@ -26,8 +26,6 @@ KIND, LINK, FRAME, TASK_INTEGERS = range(4)
 #: Columns of its numbers: weight [1/m] and that of turning [1/rad], the frame on its link (3, 4), and the target: a
 #: pose (3, 4); a position (3,); axis (3,) and direction (3,); lower (3,) and upper corner (3,).
 WEIGHT, TURN_WEIGHT, PLACEMENT, GOAL, SECOND_GOAL, TASK_NUMBERS = 0, 1, 2, 14, 17, 26
-#: Kinds of joints.
-TURNS, SLIDES = 0, 1
 #: [m] from the base; nothing beyond is within reach, and its error would drown all else.
 FAR = 100.0
 #: Of a sine: less is aligned, or opposite.
@@ -59,18 +57,7 @@ def make_task_rows(dof: int = 0, tasks: int = 0) -> TaskRows:
 
 def place_joints(arm: JointFrames, q: Array) -> None:
     """Fill the frames at a configuration (dof,) [rad]."""
-    frames = arm.frames
-    x, y, z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
-    p = (0.0, 0.0, 0.0)
-    for j in range(len(q)):
-        x, y, z, p = place(arm.placements, j, x, y, z, p)
-        if arm.kinds[j] == TURNS:
-            s, c = sin_cos(q[j])
-            x, y = mix(x, c, y, s, y, 0.0), mix(y, c, x, -s, x, 0.0)
-        else:
-            p = (p[0] + q[j] * z[0], p[1] + q[j] * z[1], p[2] + q[j] * z[2])
-        for i in range(3):
-            frames[j + 1, i, 0], frames[j + 1, i, 1], frames[j + 1, i, 2], frames[j + 1, i, 3] = x[i], y[i], z[i], p[i]
+    fill_frames(arm.placements, arm.kinds, len(q), q, arm.frames)
 
 
 def axis_of(frames: Array, link: int, column: int) -> Vec:
@@ -219,7 +206,7 @@ def fill_columns(arm: JointFrames, link: int, p: Vec, columns: Array) -> None:
         v, w = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
         if j < link:
             axis = axis_of(arm.frames, j + 1, 2)
-            if arm.kinds[j] == TURNS:
+            if arm.kinds[j] == HINGE:
                 v, w = cross(axis, minus(p, axis_of(arm.frames, j + 1, 3))), axis
             else:
                 v = axis

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
+from jacokin.kernels.contact.arm import HINGE
 from jacokin.kernels.tracking.inverse import (
     EXACT,
     SIX,
@@ -29,7 +30,7 @@ from jacokin.kernels.tracking.inverse import (
 )
 from jacokin.kernels.tracking.limits import CHANGE, EASY, STEP, TINY, braking_speed
 from jacokin.kernels.tracking.reach import ReachWork
-from jacokin.kernels.tracking.tasks import LINK, TURNS, axis_of, fill_columns, origin_of, place_joints
+from jacokin.kernels.tracking.tasks import LINK, axis_of, fill_columns, origin_of, place_joints
 from jacokin.kernels.tracking.tick import TIME_STEP, TickWork
 from jacokin.kernels.tracking.watch import watch
 from jacokin.kernels.vector import Vec, cross, minus, mix
@@ -274,7 +275,7 @@ def fill_turn(tick: TickWork, x: Array, weights: Array, turn: Array) -> None:
         z, p = axis_of(frames, j + 1, 2), axis_of(frames, j + 1, 3)
         turned, moved = cross(w, z), mix(moved, 1.0, cross(w, minus(p, o)), 1.0, w, 0.0)
         linear, angular = turned, (0.0, 0.0, 0.0)
-        if tick.arm.kinds[j] == TURNS:
+        if tick.arm.kinds[j] == HINGE:
             linear = mix(cross(turned, minus(end, p)), 1.0, cross(z, minus(tool, moved)), 1.0, z, 0.0)
             angular, w = turned, mix(w, 1.0, z, x[j], z, 0.0)
         else:

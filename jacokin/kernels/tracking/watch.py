@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from jacokin.arrays import Array
-from jacokin.kernels.contact.arm import place_links
+from jacokin.kernels.contact.arm import HINGE, place_links
 from jacokin.kernels.contact.pairs import measure_corners, measure_surfaces
 from jacokin.kernels.contact.shapes import RADIUS
 from jacokin.kernels.tracking.near import (
@@ -34,7 +34,7 @@ from jacokin.kernels.tracking.reach import (
     note_near,
     watched_range,
 )
-from jacokin.kernels.tracking.tasks import TURNS, axis_of, place_joints
+from jacokin.kernels.tracking.tasks import axis_of, place_joints
 from jacokin.kernels.tracking.tick import GUARDED, TickWork
 from jacokin.kernels.vector import cross, mix, norm
 
@@ -105,7 +105,7 @@ def could_turn_near(tick: TickWork, reach: ReachWork, k: int) -> bool:
     room, turn = room_of(near, k), (0.0, 0.0, 0.0)
     for j in range(near.integers[k, FIRST_JOINT], near.integers[k, LAST_JOINT]):
         room += change_of_distance(arm, j, point, normal) * tick.total[j]
-        if arm.kinds[j] == TURNS:
+        if arm.kinds[j] == HINGE:
             turn = mix(turn, 1.0, axis_of(arm.frames, j + 1, 2), tick.total[j], turn, 0.0)
     shapes = reach.geometry.shapes.numbers
     size = 2.0 * min(shapes[pair[0], RADIUS], shapes[pair[1], RADIUS])

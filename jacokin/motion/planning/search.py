@@ -26,7 +26,7 @@ from jacokin.arrays import Array
 from jacokin.ik.solutions.curve_set import CurveSet
 from jacokin.ik.solver import IKSolver
 from jacokin.kernels.library import Call
-from jacokin.kernels.rung_links import LinkCount, LinkNumber, link_rungs, make_link_work
+from jacokin.kernels.rung_links import LinkNumber, link_rungs, make_link_work
 from jacokin.model import angles
 from jacokin.model.poses import FreeAxis
 from jacokin.model.robot import copies_counted
@@ -222,7 +222,7 @@ class Ladder:
         sizes = [len(rows) for rows in firsts]
         room = sum(a * b for a, b in itertools.pairwise(sizes))
         work = make_link_work(manifold.dof, manifold.width, len(manifold.parameters), len(rungs), sum(sizes), room)
-        work.joints[:], work.tip[:], work.counts[LinkCount.JOINTS] = manifold.chain.constants
+        work = work._replace(arm=manifold.chain.arm)
         work.parameters[:] = manifold.parameters
         work.numbers[LinkNumber.FARTHEST] = NEAR
         work.numbers[LinkNumber.FARTHEST_PARAMETER] = 2.5 * self._step  # from step to step of the path

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from jacokin.arrays import Array
+from jacokin.kernels.contact.arm import SLIDE
 from jacokin.kernels.tracking.inverse import damping_leaving, decompose, fill_bend, make_inverse, solve_damped
-from jacokin.kernels.tracking.tasks import LINK, PLACEMENT, SLIDES, fill_columns, place_joints
+from jacokin.kernels.tracking.tasks import LINK, PLACEMENT, fill_columns, place_joints
 from jacokin.kernels.tracking.tick import TickWork, make_tick_work
 from jacokin.kernels.tracking.twist import fill_turn, tool_of
 
@@ -72,7 +73,7 @@ def test_the_jacobian_turns_as_its_differences(rng: np.random.Generator) -> None
         rotations = np.linalg.qr(rng.normal(size=(dof, 3, 3)))[0]
         tick.arm.placements[:, :, :3] = rotations * np.linalg.det(rotations)[:, np.newaxis, np.newaxis]
         tick.arm.placements[:, :, 3] = rng.normal(size=(dof, 3))
-        tick.arm.kinds[rng.integers(dof)] = SLIDES
+        tick.arm.kinds[rng.integers(dof)] = SLIDE
         tick.tasks.integers[0, LINK] = rng.integers(4, dof + 1)
         tick.tasks.numbers[0, PLACEMENT : PLACEMENT + 12] = np.column_stack([np.eye(3), rng.normal(size=3)]).ravel()
         weights, turn = rng.uniform(0.5, 2.0, 6), np.zeros(6 * dof)
