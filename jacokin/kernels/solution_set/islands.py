@@ -43,10 +43,10 @@ from jacokin.kernels.solution_set.slices import BEFORE, SixJoints, arm_of_equati
 from jacokin.kernels.solution_set.surface import (
     ASIDE,
     Surface,
-    begin_surface,
     fill_equations,
     fill_F,
     fill_rates,
+    fill_surface,
     make_surface,
     size_of,
 )
@@ -445,7 +445,7 @@ def find_islands(six: SixJoints, window: Array, work: Islands) -> None:
     step = TURN / LOOKED_AT
     work.size[0], work.size[1], work.size[2], work.size[3] = 0, 0, LOOKED_AT, 0
     work.size[5] = 2 if k.six.form == Form.SPHERICAL_WRIST else 1
-    begin_surface(k, six, window[1], work.F)
+    fill_surface(k, six, work.F)
     own = unpack_arm(six.general).six.own
     work.size[4] = own if k.six.scale == 0.0 else next_labelling(k, six, own)
     spread_roots(work.z)
