@@ -78,7 +78,7 @@ def test_F_is_well_known(rng: np.random.Generator) -> None:
 
 @pytest.mark.parametrize("labelling", [each for each in range(LABELLINGS) if link_of_target(each) == 5])
 def test_minors_of_the_turned_columns_have_a_factor_in_common(labelling: int, rng: np.random.Generator) -> None:
-    """They are of third degree in the target: the vector of which they are multiples is of first, the factor of second."""
+    """They are of third degree in the target: what they are multiples of is of first degree, the factor of second."""
     six, F = any_arm(rng, labelling), make_surface()
     k, size = unpack_arm(six.arm), 32
     squares, factors = np.empty(size), np.empty(size)
