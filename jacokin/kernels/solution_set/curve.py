@@ -25,7 +25,7 @@ RESOLUTION = 1e-7
 #: it at a time: twice as many as halvings of the longest step down to the resolution.
 MOST_HALVED, PARTS = 200, 48
 #: [rad] longest step along a curve, and least cosine between the tangents at its ends.
-LONGEST_STEP, LEAST_COSINE = 0.2, 0.955
+LONGEST_STEP, LEAST_COSINE = 0.3, 0.955
 #: Square of the distance of the next point from the tangent, relative to the step's.
 LARGEST_BEND = 0.05
 #: [m] and [rad]; residual of a point, where Newton's method ends and at most.
@@ -39,7 +39,7 @@ SECOND_ORDER = 10.0
 SECANTS, STATIONARY = 60, 1e-14
 #: Share of the largest product of the singular values on a curve, from which down steps are shorter in proportion: how
 #: near another curve may be, it tells. Products that are rounding tell nothing.
-NEAR_OTHERS, FLAT = 0.1, 1e-8
+NEAR_OTHERS, FLAT = 0.15, 1e-8
 #: What a step may come to.
 StepResult = IntEnum("StepResult", "FAILED STEPPED FLIPPED LONG", start=0)
 COLUMNS = 14
@@ -54,8 +54,9 @@ class Walk(NamedTuple):
     x: Array  # (7,) the last point [rad]
     t: Array  # (7,) its tangent, forwards
     bend: Array  # (7,) how the tangent turns at x, for a distance of 1,
-    more: Array  # (7,) and how that changes
-    turned: Array  # (7,) how it turned on the last step,
+    more: Array  # (7,) how that changes,
+    last: Array  # (7,) and how that does
+    turned: Array  # (7,) how the tangent turned on the last step,
     length: Array  # (1,) which was so long
     volume: Array  # (2,) product of the Jacobian's singular values ahead, signed, see `tangent`; the largest so far
     y: Array  # (7,) the point ahead
@@ -71,10 +72,10 @@ class Walk(NamedTuple):
 def make_walk() -> Walk:
     """Fresh arrays."""
     chain, T, parameter = np.zeros((8, 3, 4)), np.eye(4), np.zeros(1, np.int64)
-    x, t, bend, more, turned, y, ty, z, tz, border, step = (np.zeros(7) for _ in range(11))
+    x, t, bend, more, last, turned, y, ty, z, tz, border, step = (np.zeros(7) for _ in range(12))
     length, volume, columns, system = np.zeros(1), np.zeros(2), np.zeros((6, 7)), np.zeros((7, 9))
     return Walk(
-        chain, T, parameter, x, t, bend, more, turned, length, volume, y, ty, z, tz, border, step, columns, system
+        chain, T, parameter, x, t, bend, more, last, turned, length, volume, y, ty, z, tz, border, step, columns, system
     )
 
 
@@ -248,7 +249,7 @@ def advance(walk: Walk, h: float, volume: float, y: Array, ty: Array) -> StepRes
     x, t = walk.x, walk.t
     offset = h
     for j in range(7):
-        y[j] = x[j] + h * (t[j] + h * (0.5 * walk.bend[j] + h / 6.0 * walk.more[j]))
+        y[j] = x[j] + h * (t[j] + h * (0.5 * walk.bend[j] + h / 6.0 * (walk.more[j] + 0.25 * h * walk.last[j])))
         offset += t[j] * x[j]
     wanted = LARGEST_RESIDUAL if h > SHORT_STEP else RESIDUAL
     residual, reached = to_curve(t, offset, wanted, y, ty, walk)
@@ -272,14 +273,24 @@ def advance(walk: Walk, h: float, volume: float, y: Array, ty: Array) -> StepRes
     return StepResult.LONG if most > FLAT and NEAR_OTHERS * h * most > LONGEST_STEP * least else StepResult.STEPPED
 
 
-def go_on(walk: Walk, h: float) -> None:
-    """Make the point ahead, a step h away, the last one; how the tangent turned tells where the next one will be."""
-    before = walk.length[0]
+def go_on(walk: Walk) -> None:
+    """Make the point ahead the last one; how the tangent turned on the way tells where the next one will be.
+
+    By the polynomial that has the tangents at the last three points, and leads from the last but one to the last.
+    """
+    square, turned = 0.0, 0.0
+    for j in range(7):
+        d, turn = walk.y[j] - walk.x[j], walk.ty[j] - walk.t[j]
+        square, turned = square + d * d, turned + turn * turn
+    h, before = math.sqrt(square) * (1.0 + turned / 24.0), walk.length[0]  # of the arc
     for j in range(7):
         turn = (walk.ty[j] - walk.t[j]) / h
-        change = 2.0 * (turn - walk.turned[j]) / (h + before) if before > 0.0 else 0.0
-        walk.bend[j], walk.more[j], walk.turned[j] = turn + 0.5 * h * change, change, turn
-        walk.x[j], walk.t[j] = walk.y[j], walk.ty[j]
+        change = (turn - walk.turned[j]) / (h + before) if before > 0.0 else 0.0
+        beyond = walk.y[j] - walk.x[j] - h * (0.5 * (walk.t[j] + walk.ty[j]) - h * h / 6.0 * change)
+        rest = -12.0 * beyond / (h * h * h * (h + 2.0 * before)) if before > 0.0 else 0.0
+        walk.bend[j] = turn + h * (change + (h + before) * rest)
+        walk.more[j], walk.last[j] = 2.0 * (change + (2.0 * h + before) * rest), 6.0 * rest
+        walk.turned[j], walk.x[j], walk.t[j] = turn, walk.y[j], walk.ty[j]
     walk.length[0] = h
 
 
