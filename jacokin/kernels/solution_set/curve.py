@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.kernels.chain import bordered_newton, linearise7, null_tangent
+from jacokin.kernels.chain import ASTRAY, SMALLEST_PIVOT_7, bring_pivot, linearise7, null_tangent
 from jacokin.kernels.limits import TURN
 from jacokin.kernels.trigonometry import whole_below
+from jacokin.kernels.vector import Vec, cross, mix
 
 #: [rad] the one resolution: what is nearer than this on a curve, or to another curve, is not told apart.
 RESOLUTION = 1e-7
@@ -24,7 +25,7 @@ RESOLUTION = 1e-7
 #: it at a time: twice as many as halvings of the longest step down to the resolution.
 MOST_HALVED, PARTS = 200, 48
 #: [rad] longest step along a curve, and least cosine between the tangents at its ends.
-LONGEST_STEP, LEAST_COSINE = 0.2, 0.955
+LONGEST_STEP, LEAST_COSINE = 0.3, 0.955
 #: Square of the distance of the next point from the tangent, relative to the step's.
 LARGEST_BEND = 0.05
 #: [m] and [rad]; residual of a point, where Newton's method ends and at most.
@@ -32,11 +33,13 @@ RESIDUAL, LARGEST_RESIDUAL = 1e-13, 1e-10
 #: [rad] after longer steps nodes are as exact as a point at most: what lies between them is known no better.
 SHORT_STEP = 0.02
 NEWTON_STEPS = 8
+#: What a step of Newton's method leaves, relative to its square, at most [m]: twice what joints at an arm's length do.
+SECOND_ORDER = 10.0
 #: Steps along a chord at most, and where they end, in its shares and [rad]: as exact as rounding allows.
 SECANTS, STATIONARY = 60, 1e-14
 #: Share of the largest product of the singular values on a curve, from which down steps are shorter in proportion: how
 #: near another curve may be, it tells. Products that are rounding tell nothing.
-NEAR_OTHERS, FLAT = 0.1, 1e-8
+NEAR_OTHERS, FLAT = 0.15, 1e-8
 #: What a step may come to.
 StepResult = IntEnum("StepResult", "FAILED STEPPED FLIPPED LONG", start=0)
 COLUMNS = 14
@@ -51,8 +54,9 @@ class Walk(NamedTuple):
     x: Array  # (7,) the last point [rad]
     t: Array  # (7,) its tangent, forwards
     bend: Array  # (7,) how the tangent turns at x, for a distance of 1,
-    more: Array  # (7,) and how that changes
-    turned: Array  # (7,) how it turned on the last step,
+    more: Array  # (7,) how that changes,
+    last: Array  # (7,) and how that does
+    turned: Array  # (7,) how the tangent turned on the last step,
     length: Array  # (1,) which was so long
     volume: Array  # (2,) product of the Jacobian's singular values ahead, signed, see `tangent`; the largest so far
     y: Array  # (7,) the point ahead
@@ -60,15 +64,18 @@ class Walk(NamedTuple):
     z: Array  # (7,) a point between them
     tz: Array  # (7,)
     border: Array  # (7,)
-    system: Array  # (7, 8)
+    step: Array  # (7,) of Newton's method
+    columns: Array  # (6, 7) the Jacobian before that
+    system: Array  # (7, 9)
 
 
 def make_walk() -> Walk:
     """Fresh arrays."""
     chain, T, parameter = np.zeros((8, 3, 4)), np.eye(4), np.zeros(1, np.int64)
-    x, t, bend, more, turned, y, ty, z, tz, border = (np.zeros(7) for _ in range(10))
+    x, t, bend, more, last, turned, y, ty, z, tz, border, step = (np.zeros(7) for _ in range(12))
+    length, volume, columns, system = np.zeros(1), np.zeros(2), np.zeros((6, 7)), np.zeros((7, 9))
     return Walk(
-        chain, T, parameter, x, t, bend, more, turned, np.zeros(1), np.zeros(2), y, ty, z, tz, border, np.zeros((7, 8))
+        chain, T, parameter, x, t, bend, more, last, turned, length, volume, y, ty, z, tz, border, step, columns, system
     )
 
 
@@ -81,6 +88,148 @@ def tangent(x: Array, border: Array, t: Array, walk: Walk) -> float:
     """Fill t with the tangent at x for which border . t > 0; see `null_tangent` for what is returned."""
     linearise7(walk.chain, walk.T, x, walk.system)
     return null_tangent(border, t, walk.system)
+
+
+def to_curve(border: Array, offset: float, wanted: float, x: Array, t: Array, walk: Walk) -> tuple[float, float]:
+    """Bring x to the curve where border . x = offset, by Newton's method, and fill t with the tangent there.
+
+    One elimination gives the next step and the tangent before it, which the step's share in the Jacobian then turns.
+
+    Args:
+        border: (7,) unit vector; border . t > 0.
+        offset: [rad].
+        wanted: how much of pose and condition may be left [m and rad].
+        x: (7,) changed in place [rad].
+        t: (7,) filled.
+        walk: the curve.
+
+    Returns:
+        How much is left at most, inf where there is no tangent; and what `null_tangent` returns.
+    """
+    system, columns, step, free = walk.system, walk.columns, walk.step, 0
+    left, volume, square = math.inf, 0.0, 0.0
+    for j in range(1, 7):
+        free = j if abs(border[j]) > abs(border[free]) else free
+    for _ in range(NEWTON_STEPS):
+        left, rest = linearise7(walk.chain, walk.T, x, system), offset
+        for j in range(7):
+            rest -= border[j] * x[j]
+        left = max(left, abs(rest))
+        if left > ASTRAY:
+            return left, 0.0
+        for i in range(6):
+            for j in range(7):
+                columns[i, j] = system[i, j]
+        volume = solve_for_others(system, free)
+        along = border[free]
+        for k in range(6):
+            j = other_angle(k, free)
+            t[j], step[j] = -system[k, 6], system[k, 7]
+            along += border[j] * t[j]
+            rest -= border[j] * step[j]
+        if volume == 0.0 or along == 0.0:
+            return math.inf, 0.0
+        t[free], step[free] = 1.0, 0.0
+        share, square = rest / along, 0.0
+        if left <= wanted:
+            break
+        for j in range(7):
+            step[j] += share * t[j]
+            x[j] += step[j]
+            square += step[j] * step[j]
+        if SECOND_ORDER * square <= wanted:
+            left = SECOND_ORDER * square
+            break
+    if square > 0.0:
+        turn_tangent(columns, step, free, t, system)
+    square, along = 0.0, 0.0
+    for j in range(7):
+        square += t[j] * t[j]
+        along += border[j] * t[j]
+    length = math.copysign(math.sqrt(square), along)
+    for j in range(7):
+        t[j] /= length
+    return left, volume * length
+
+
+def other_angle(k: int, free: int) -> int:
+    """The angle that column k of `solve_for_others` is of."""
+    return 6 if k == free else k
+
+
+def solve_for_others(system: Array, free: int) -> float:
+    """Solve for all angles but a free one: in column 6 with what that one moves on the right, in column 7 as it is.
+
+    Gauss elimination with row pivoting, of the first six rows, in place, with column 6 in the place of the free one.
+    Factors and inverse pivots stay there; column 8 tells which row was which.
+
+    Returns:
+        The determinant, with 1 in row 6 of the free angle; 0 where it is singular.
+    """
+    product = 1.0
+    for i in range(6):
+        system[i, 8] = i
+        if free != 6:
+            swap = system[i, free]
+            system[i, free] = system[i, 6]
+            system[i, 6] = swap
+    if free != 6:
+        product = -1.0
+    for column in range(6):
+        if bring_pivot(system, column, 6, 0, 9) != column:
+            product = -product
+        if abs(system[column, column]) < SMALLEST_PIVOT_7:
+            return 0.0
+        product *= system[column, column]
+        inverse = 1.0 / system[column, column]
+        system[column, column] = inverse
+        for row in range(column + 1, 6):
+            factor = system[row, column] * inverse
+            system[row, column] = factor
+            for j in range(column + 1, 8):
+                system[row, j] -= factor * system[column, j]
+    substitute_back(system, 6)
+    substitute_back(system, 7)
+    return product
+
+
+def substitute_back(system: Array, column: int) -> None:
+    """Solve the triangular equations that `solve_for_others` leaves, in place."""
+    for i in range(5, -1, -1):
+        value = system[i, column]
+        for j in range(i + 1, 6):
+            value -= system[i, j] * system[j, column]
+        system[i, column] = value * system[i, i]
+
+
+def turn_tangent(columns: Array, step: Array, free: int, t: Array, system: Array) -> None:
+    """Turn t (7,), with 1 for a free angle, as a step (7,) from where `solve_for_others` has solved turns it."""
+    linear, angular = moved_jacobian(columns, step, t)
+    moved = (linear[0], linear[1], linear[2], angular[0], angular[1], angular[2])
+    for i in range(6):
+        value = -moved[int(system[i, 8])]
+        for j in range(i):
+            value -= system[i, j] * system[j, 8]
+        system[i, 8] = value
+    substitute_back(system, 8)
+    for k in range(6):
+        t[other_angle(k, free)] += system[k, 8]
+
+
+def moved_jacobian(columns: Array, step: Array, t: Array) -> tuple[Vec, Vec]:
+    """By how much a step (7,) changes what the Jacobian (6, 7) makes of t (7,): its linear and angular part.
+
+    An axis is turned by the joints before it, and what it moves by those and, at its end, by all others.
+    """
+    linear, angular = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    by_step, by_t = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    for j in range(7):
+        v, w = (columns[0, j], columns[1, j], columns[2, j]), (columns[3, j], columns[4, j], columns[5, j])
+        angular = mix(angular, 1.0, cross(by_step, w), t[j], w, 0.0)
+        by_step = mix(by_step, 1.0, w, step[j], w, 0.0)
+        linear = mix(linear, 1.0, cross(by_step, v), t[j], cross(by_t, v), step[j])
+        by_t = mix(by_t, 1.0, w, t[j], w, 0.0)
+    return linear, angular
 
 
 def advance(walk: Walk, h: float, volume: float, y: Array, ty: Array) -> StepResult:
@@ -100,10 +249,10 @@ def advance(walk: Walk, h: float, volume: float, y: Array, ty: Array) -> StepRes
     x, t = walk.x, walk.t
     offset = h
     for j in range(7):
-        y[j] = x[j] + h * (t[j] + h * (0.5 * walk.bend[j] + h / 6.0 * walk.more[j]))
+        y[j] = x[j] + h * (t[j] + h * (0.5 * walk.bend[j] + h / 6.0 * (walk.more[j] + 0.25 * h * walk.last[j])))
         offset += t[j] * x[j]
     wanted = LARGEST_RESIDUAL if h > SHORT_STEP else RESIDUAL
-    residual = bordered_newton(walk.chain, walk.T, y, t, offset, walk.system, NEWTON_STEPS, wanted)
+    residual, reached = to_curve(t, offset, wanted, y, ty, walk)
     if not residual <= LARGEST_RESIDUAL:
         return StepResult.FAILED
     away, cosine = 0.0, 0.0
@@ -112,7 +261,6 @@ def advance(walk: Walk, h: float, volume: float, y: Array, ty: Array) -> StepRes
         away += d * d
     if away > LARGEST_BEND * h * h:
         return StepResult.FAILED
-    reached = null_tangent(t, ty, walk.system)  # of the Jacobian that Newton's method left there
     for j in range(7):
         cosine += t[j] * ty[j]
     if reached == 0.0 or cosine < LEAST_COSINE:
@@ -125,14 +273,24 @@ def advance(walk: Walk, h: float, volume: float, y: Array, ty: Array) -> StepRes
     return StepResult.LONG if most > FLAT and NEAR_OTHERS * h * most > LONGEST_STEP * least else StepResult.STEPPED
 
 
-def go_on(walk: Walk, h: float) -> None:
-    """Make the point ahead, a step h away, the last one; how the tangent turned tells where the next one will be."""
-    before = walk.length[0]
+def go_on(walk: Walk) -> None:
+    """Make the point ahead the last one; how the tangent turned on the way tells where the next one will be.
+
+    By the polynomial that has the tangents at the last three points, and leads from the last but one to the last.
+    """
+    square, turned = 0.0, 0.0
+    for j in range(7):
+        d, turn = walk.y[j] - walk.x[j], walk.ty[j] - walk.t[j]
+        square, turned = square + d * d, turned + turn * turn
+    h, before = math.sqrt(square) * (1.0 + turned / 24.0), walk.length[0]  # of the arc
     for j in range(7):
         turn = (walk.ty[j] - walk.t[j]) / h
-        change = 2.0 * (turn - walk.turned[j]) / (h + before) if before > 0.0 else 0.0
-        walk.bend[j], walk.more[j], walk.turned[j] = turn + 0.5 * h * change, change, turn
-        walk.x[j], walk.t[j] = walk.y[j], walk.ty[j]
+        change = (turn - walk.turned[j]) / (h + before) if before > 0.0 else 0.0
+        beyond = walk.y[j] - walk.x[j] - h * (0.5 * (walk.t[j] + walk.ty[j]) - h * h / 6.0 * change)
+        rest = -12.0 * beyond / (h * h * h * (h + 2.0 * before)) if before > 0.0 else 0.0
+        walk.bend[j] = turn + h * (change + (h + before) * rest)
+        walk.more[j], walk.last[j] = 2.0 * (change + (2.0 * h + before) * rest), 6.0 * rest
+        walk.turned[j], walk.x[j], walk.t[j] = turn, walk.y[j], walk.ty[j]
     walk.length[0] = h
 
 
@@ -211,12 +369,8 @@ def point_across(a: Array, b: Array, u: float, walk: Walk) -> bool:
         walk.border[j] = (b[j] - a[j]) / length
         x[j] = cubic(a, b, length, u, j)
         offset += walk.border[j] * (a[j] + u * (b[j] - a[j]))
-    if (
-        not bordered_newton(walk.chain, walk.T, x, walk.border, offset, walk.system, NEWTON_STEPS, RESIDUAL)
-        <= LARGEST_RESIDUAL
-    ):
-        return False
-    return tangent(x, walk.border, t, walk) != 0.0
+    residual, _ = to_curve(walk.border, offset, RESIDUAL, x, t, walk)
+    return residual <= LARGEST_RESIDUAL
 
 
 def halve_chord(parts: Array, top: int, walk: Walk) -> bool:
@@ -246,15 +400,16 @@ def point_at(a: Array, b: Array, j: int, value: float, u: float, walk: Walk) -> 
     for m in range(7):
         walk.border[m] = 1.0 if m == j else 0.0
         x[m] = cubic(a, b, length, u, m)
-        t[m] = x[m]
-    residual = bordered_newton(walk.chain, walk.T, x, walk.border, value, walk.system, NEWTON_STEPS, RESIDUAL)
-    moved = 0.0
+    residual, _ = to_curve(walk.border, value, RESIDUAL, x, t, walk)
+    moved, along = 0.0, 0.0
     for m in range(7):
-        moved = max(moved, abs(x[m] - t[m]))
-        walk.border[m] = (b[m] - a[m]) / length
-    if residual <= LARGEST_RESIDUAL and moved <= 0.01 * length and tangent(x, walk.border, t, walk) != 0.0:
-        return True
-    return slide(a, b, j, value, walk)
+        moved = max(moved, abs(x[m] - cubic(a, b, length, u, m)))
+        along += t[m] * (b[m] - a[m])
+    if not residual <= LARGEST_RESIDUAL or moved > 0.01 * length:
+        return slide(a, b, j, value, walk)
+    for m in range(7):
+        t[m] = math.copysign(1.0, along) * t[m]
+    return True
 
 
 def point_where_still(a: Array, b: Array, j: int, walk: Walk) -> bool:

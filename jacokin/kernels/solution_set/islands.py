@@ -43,10 +43,10 @@ from jacokin.kernels.solution_set.slices import BEFORE, SixJoints, arm_of_equati
 from jacokin.kernels.solution_set.surface import (
     ASIDE,
     Surface,
-    begin_surface,
     fill_equations,
     fill_F,
     fill_rates,
+    fill_surface,
     make_surface,
     size_of,
 )
@@ -89,8 +89,8 @@ ABERTH_STEPS, LAST_STEP = 40, 1e-2
 #: Share of all coefficients of F that is rounding of its value: nothing is nearer to a root. Stands for the square of
 #: such a root's last step.
 ROUNDING, SETTLED = 1e-15, 1e-300
-#: A root is foretold at the next value of the parameter if that moves it by less than this part of its size.
-FORETOLD = 1.0
+#: [rad] roots are foretold from no farther away, and those that this moves by less than a part of their size.
+FORESEEN, FORETOLD = 1.5 * TURN / LOOKED_AT, 1.0
 
 
 class Look(NamedTuple):
@@ -134,7 +134,8 @@ class Islands(NamedTuple):
     pair: PairWork
     z: Array  # (16, 2) exp(i x) of all roots, real and imaginary part
     other: Array  # (16, 2) the same in another labelling of the joints
-    moves: Array  # (17, 2) how z moves with p, and where it was found
+    found: Array  # (LOOKED_AT + 1, 16, 4) roots at each even value, and at the last one: z, and how it moves with p
+    found_at: Array  # (LOOKED_AT + 1, 2) that value, NaN for none, and the degree
     settled: Array  # (16,) the square of its last step for each that is found, else 0
 
 
@@ -155,7 +156,8 @@ def make_islands() -> Islands:
         make_pair_work(),
         np.zeros((2 * DEGREE, 2)),
         np.zeros((2 * DEGREE, 2)),
-        np.zeros((2 * DEGREE + 1, 2)),
+        np.zeros((LOOKED_AT + 1, 2 * DEGREE, 4)),
+        np.zeros((LOOKED_AT + 1, 2)),
         np.zeros(2 * DEGREE),
     )
 
@@ -232,15 +234,31 @@ def find_all_roots(powers: Array, degree: int, z: Array, settled: Array) -> None
 
 
 def foretell(work: Islands, p: float, degree: int) -> None:
-    """Move roots as they move with the parameter from where they were found, if that is near."""
-    z, moves, away = work.z, work.moves, wrapped(p - work.moves[2 * DEGREE, 0])
-    work.moves[2 * DEGREE, 0] = p
+    """Move roots as they move with the parameter from the nearest value at which they were found, if that is near."""
+    z, best, away = work.z, -1, FORESEEN
+    for i in range(LOOKED_AT, -1, -1):
+        distance = abs(wrapped(p - work.found_at[i, 0]))  # NaN for none
+        if distance < away and work.found_at[i, 1] == degree:
+            best, away = i, distance
+    if best < 0:
+        return
+    away = wrapped(p - work.found_at[best, 0])
     for i in range(degree):
-        x, y = moves[i, 0] * away, moves[i, 1] * away
-        size = z[i, 0] * z[i, 0] + z[i, 1] * z[i, 1]
-        if abs(away) < 1.5 * TURN / LOOKED_AT and x * x + y * y < FORETOLD * size:
+        root = work.found[best, i]
+        z[i, 0], z[i, 1] = root[0], root[1]
+        x, y = root[2] * away, root[3] * away
+        if x * x + y * y < FORETOLD * (root[0] * root[0] + root[1] * root[1]):
             z[i, 0] += x
             z[i, 1] += y
+
+
+def keep_found(i: int, work: Islands) -> None:
+    """Keep the roots at the last value of the parameter as those at even value i."""
+    for n in range(2):
+        work.found_at[i, n] = work.found_at[LOOKED_AT, n]
+    for n in range(2 * DEGREE):
+        for m in range(4):
+            work.found[i, n, m] = work.found[LOOKED_AT, n, m]
 
 
 def degree_of(work: Islands, noise: float) -> int:
@@ -318,6 +336,7 @@ def look_in(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling:
     z = work.z if labelling < 0 else work.other
     if labelling < 0:
         foretell(work, p, degree)
+        work.found_at[LOOKED_AT, 0] = math.nan
     find_all_roots(work.F.powers[0], degree, z, work.settled)
     ahead, behind, sure_ahead, sure_behind, least, most = math.inf, math.inf, math.inf, math.inf, 0, 0
     for i in range(degree):
@@ -326,7 +345,8 @@ def look_in(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling:
             return nothing_sure(0)
         z[i, 0], z[i, 1] = root.x.real, root.x.imag
         if labelling < 0:
-            work.moves[i, 0], work.moves[i, 1] = root.turns.real, root.turns.imag
+            found = work.found[LOOKED_AT, i]
+            found[0], found[1], found[2], found[3] = root.x.real, root.x.imag, root.turns.real, root.turns.imag
         error, next_root = degree * noise / abs(root.slope), distance_to_next(z, i, degree)
         if abs(root.d) <= REAL:
             most, least = most + 1, least + int(next_root > ALONE * error + 2.0 * REAL)
@@ -344,6 +364,8 @@ def look_in(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling:
                 comes = with_others(k, six, work, p, labelling, root, comes)
             ahead, behind = min(ahead, comes[0]), min(behind, comes[1])
             sure_ahead, sure_behind = min(sure_ahead, comes[2]), min(sure_behind, comes[3])
+    if labelling < 0:
+        work.found_at[LOOKED_AT, 0], work.found_at[LOOKED_AT, 1] = p, degree
     return Look(ahead, behind, sure_ahead, sure_behind, least, most, 0)
 
 
@@ -445,15 +467,15 @@ def find_islands(six: SixJoints, window: Array, work: Islands) -> None:
     step = TURN / LOOKED_AT
     work.size[0], work.size[1], work.size[2], work.size[3] = 0, 0, LOOKED_AT, 0
     work.size[5] = 2 if k.six.form == Form.SPHERICAL_WRIST else 1
-    begin_surface(k, six, window[1], work.F)
+    fill_surface(k, six, work.F)
     own = unpack_arm(six.general).six.own
     work.size[4] = own if k.six.scale == 0.0 else next_labelling(k, six, own)
     spread_roots(work.z)
     spread_roots(work.other)
     for labelling in range(LABELLINGS):
         work.useless[labelling] = 0
-    for i in range(2 * DEGREE + 1):
-        work.moves[i, 0], work.moves[i, 1] = 0.0, 0.0
+    for i in range(LOOKED_AT + 1):
+        work.found_at[i, 0] = math.nan
     for i in range(LOOKED_AT):
         work.p[i] = wrapped(OFFSET + step * i)
         work.counts[i] = -1
@@ -463,6 +485,7 @@ def find_islands(six: SixJoints, window: Array, work: Islands) -> None:
             work.lines[i, n] = 0.0
         if abs(wrapped(work.p[i] - window[0])) <= window[1] + step:
             seen = look(k, six, work, work.p[i])
+            keep_found(i, work)
             work.comes[i, 0], work.comes[i, 1], work.counts[i] = seen.ahead, seen.behind, real_roots(seen)
             work.comes[i, 2], work.comes[i, 3] = seen.sure_ahead, seen.sure_behind
             noise = fill_F(k, six, work.F, work.p[i], -1)

@@ -1,8 +1,9 @@
 """F(x; p), the one equation of six joints, along the parameter p by which their target turns about an axis.
 
 All sines and cosines of a target that turns are of first degree in those of p, so that F is a trigonometric polynomial
-in p as well: of degree 8 for a Jaco and for spherical wrists, and of degree 18 at most for any arm, once it is made of
-minors of the equations (`scale_of`). A few values of p tell it at all others, with exact derivatives.
+in p as well, of degree 8 as in x, and a few values of p tell it at all others, with exact derivatives. Of an arm of any
+structure it is one once the rows of the equations are polynomials (`scale_of`), and may have a factor that does not
+depend on x.
 """
 
 from __future__ import annotations
@@ -18,22 +19,23 @@ from jacokin.kernels.closed_form.arm import ArmConstants, pose_of, unpack_arm
 from jacokin.kernels.closed_form.resultant import DEGREE, fourier_of_F
 from jacokin.kernels.limits import TURN
 from jacokin.kernels.six_joints.characteristic import Determinant, fourier_of_determinant, make_determinant
-from jacokin.kernels.six_joints.equations import Equations, P, make_equations, still_place, write_equations
+from jacokin.kernels.six_joints.equations import Equations, make_equations, still_place, turned_back_by, write_equations
 from jacokin.kernels.six_joints.loop import Form, fill_links
 from jacokin.kernels.six_joints.spherical_wrist import fill_both_turns, fill_quartic, reach_of
 from jacokin.kernels.solution_set.slices import SixJoints, turn_target
 from jacokin.kernels.tolerances import DISTINCT
 from jacokin.kernels.trigonometry import sin_cos
+from jacokin.kernels.vector import dot
 
-#: Waves of F in p at most, and those of a Jaco and of spherical wrists.
-MOST_WAVES, FEW_WAVES = 18, 8
+#: Waves of F in p at most: of a Jaco and of spherical wrists, and by the link of an arm of any structure, from L_1 to
+#: L_6, that has the target in it.
+FEW_WAVES, MOST_WAVES = 8, 12
+WAVES_OF_LINK = (10, FEW_WAVES, FEW_WAVES, MOST_WAVES, MOST_WAVES, FEW_WAVES)
 #: Numbers of F at one value of p: of cosines and sines of x, and one apart.
 NUMBERS = 2 * DEGREE + 3
 #: F may be much smaller at some p than at others, and is known here to its noise everywhere: less than so many times
 #: that is worth determinants at p itself.
 WELL_KNOWN = 1e8
-#: [rad] half the width of windows in which determinants take less time than the table, until F is asked for so often.
-NARROW, OFTEN = 0.4, 16
 #: [rad] of the parameter, for slopes and bends of determinants.
 ASIDE = 1e-4
 
@@ -41,9 +43,9 @@ ASIDE = 1e-4
 class Surface(NamedTuple):
     """F at every p, and at the last one asked for."""
 
-    table: Array  # (37, 19) parts of 1, cos p, sin p, cos 2 p, ... of cosine, then sine, then apart
+    table: Array  # (25, 19) parts of 1, cos p, sin p, cos 2 p, ... of cosine, then sine, then apart
     noise: Array  # (1,) of the values of that, the root mean square of the samples'
-    waves: NDArray[np.int64]  # (3,) waves in p, whether the last F is from the table, and how often it was not filled
+    waves: NDArray[np.int64]  # (2,) waves in p, and whether the last F is from the table
     row: Array  # (19,) the table's numbers at one p
     cosine: Array  # (9,) F at p
     sine: Array  # (9,)
@@ -59,7 +61,7 @@ def make_surface() -> Surface:
     return Surface(
         np.zeros((2 * MOST_WAVES + 1, NUMBERS)),
         np.zeros(1),
-        np.zeros(3, np.int64),
+        np.zeros(2, np.int64),
         np.zeros(NUMBERS),
         np.zeros(DEGREE + 1),
         np.zeros(DEGREE + 1),
@@ -71,16 +73,9 @@ def make_surface() -> Surface:
     )
 
 
-def begin_surface(k: ArmConstants, six: SixJoints, width: float, F: Surface) -> None:
-    """Begin with a target: the table is filled at once, or in a window of half a small width when it is worth it."""
-    has_few = k.six.form == Form.SPHERICAL_WRIST or k.six.scale == 0.0
-    F.waves[0], F.waves[2], F.noise[0] = FEW_WAVES if has_few else MOST_WAVES, 0, math.inf
-    if has_few or width >= NARROW:
-        fill_surface(k, six, F)
-
-
 def fill_surface(k: ArmConstants, six: SixJoints, F: Surface) -> None:
-    """Fill the table from as many values of p as it has rows."""
+    """Fill the table of a target from as many values of p as it has rows."""
+    F.waves[0] = WAVES_OF_LINK[link_of_target(k.six.own)] if has_any_structure(k) else FEW_WAVES
     size, total = 2 * F.waves[0] + 1, 0.0
     for i in range(size):
         for j in range(NUMBERS):
@@ -98,6 +93,11 @@ def fill_surface(k: ArmConstants, six: SixJoints, F: Surface) -> None:
                 else:
                     F.table[0, j] += c * F.row[j]
     F.noise[0] = math.sqrt(total / size)
+
+
+def has_any_structure(k: ArmConstants) -> bool:
+    """Whether F of an arm is a determinant: of others, it comes in closed form."""
+    return bool(k.six.form != Form.SPHERICAL_WRIST and k.six.scale > 0.0)
 
 
 def fill_sample(k: ArmConstants, six: SixJoints, F: Surface, p: float) -> float:
@@ -122,36 +122,46 @@ def fill_sample(k: ArmConstants, six: SixJoints, F: Surface, p: float) -> float:
     return scale * noise
 
 
-def scale_of(e: Equations) -> float:
-    """What makes a determinant of the equations one of their minors, which are polynomials in the target.
+def link_of_target(labelling: int) -> int:
+    """The index of the link of a labelling that has the target in it."""
+    return (5 - labelling) % 6 if labelling < 6 else labelling - 6
 
-    Its rows are unit vectors orthogonal to two real columns and to three complex ones, each taken twice: the minors are
-    as long as the columns span, and each of the complex ones stands for two rows.
+
+def scale_of(e: Equations) -> float:
+    """What makes a determinant of the equations, whose rows are unit vectors, one of rows that are polynomials.
+
+    Four rows are orthogonal to two real columns, and their minors are as long as what these span. Two are the real and
+    imaginary part of a vector that `square_of_null` tells. Each row is in the determinant twice.
     """
     a, b, ab = 0.0, 0.0, 0.0
     for j in range(6):
         x, y = e.right[0, still_place(j)], e.right[1, still_place(j)]
         a, b, ab = a + x * x, b + y * y, ab + x * y
-    square = gram_of_three(e)
+    square = square_of_null(e)
     return (a * b - ab * ab) * square * square
 
 
-def gram_of_three(e: Equations) -> float:
-    """The square of what the three complex columns (4,) of theta_2 span: Gram's determinant."""
-    g00, g11, g22 = 0.0, 0.0, 0.0
-    g01, g02, g12 = 0.0j, 0.0j, 0.0j
-    for v in range(4):
-        x = complex(e.right[0, P + 3 * v], e.right[0, P + 3 * v + 1])
-        y = complex(e.right[1, P + 3 * v], e.right[1, P + 3 * v + 1])
-        z = complex(e.right[2, P + 3 * v], e.right[2, P + 3 * v + 1])
-        g00 += x.real * x.real + x.imag * x.imag
-        g11 += y.real * y.real + y.imag * y.imag
-        g22 += z.real * z.real + z.imag * z.imag
-        g01 += x * y.conjugate()
-        g02 += x * z.conjugate()
-        g12 += y * z.conjugate()
-    product = 2.0 * (g01 * g12 * g02.conjugate()).real
-    return float(g00 * g11 * g22 + product - g00 * abs(g12) ** 2 - g11 * abs(g02) ** 2 - g22 * abs(g01) ** 2)
+def square_of_null(e: Equations) -> float:
+    """The square of the length of a complex vector (4,) orthogonal to the columns of theta_2, a polynomial.
+
+    For all theta_1, p lies on a sphere and l is a tangent of it: h (p - c).(p - c) + 2 g u.(p - c) is constant, with u
+    along axis 1, c a point of it, and h and g the numbers x + i y of both. The x + i y of its gradient is h p, without
+    a constant, so that the condition on l times the x + i y of p, minus that on p times that of l, is one on P, L, M
+    and K. It is of first degree in the target, where minors of the columns are of third.
+    """
+    first, last = e.links[0], e.links[5]
+    u, w = (first[2, 0], first[2, 1], first[2, 2]), (last[2, 0], last[2, 1], last[2, 2])
+    c = turned_back_by(first, (-first[0, 3], -first[1, 3], -first[2, 3]))
+    t = turned_back_by(last, (-last[0, 3], -last[1, 3], -last[2, 3]))
+    along_p, along_l = 2.0 * w[2], 2.0 * dot(t, w)
+    rest_g, rest_h = 2.0 * (t[2] + dot(u, c)), dot(t, t) - dot(c, c)
+    total = 0.0
+    for i in range(2):  # real and imaginary parts
+        g, h = c[i], u[i]
+        values = (along_p * g + along_l * h, rest_g * g + rest_h * h, 2.0 * (g * u[2] - h * c[2]), h)
+        for value in values:
+            total += value * value
+    return total
 
 
 def fill_F(k: ArmConstants, six: SixJoints, F: Surface, p: float, labelling: int) -> float:
@@ -161,13 +171,9 @@ def fill_F(k: ArmConstants, six: SixJoints, F: Surface, p: float, labelling: int
     spherical wrist, F is then about where the wrist is: each root goes with two solutions.
     """
     F.waves[1] = 0
-    if labelling < 0 and F.noise[0] == math.inf:
-        F.waves[2] += 1
-        if F.waves[2] > OFTEN:
-            fill_surface(k, six, F)
-    if labelling < 0 and F.noise[0] < math.inf:
+    if labelling < 0:
         F.apart[0] = fill_waves(F, p, 0)
-        if F.waves[0] == FEW_WAVES or size_of(F.cosine, F.sine) > WELL_KNOWN * F.noise[0]:
+        if not has_any_structure(k) or size_of(F.cosine, F.sine) > WELL_KNOWN * F.noise[0]:
             F.waves[1] = 1
             return float(F.noise[0])
     return fill_at(k, six, F, p, labelling)

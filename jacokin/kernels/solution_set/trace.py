@@ -158,7 +158,7 @@ def begin(start: Array, walk: Walk) -> bool:
             walk.border[j] = 1.0 if j == (parameter if m == 0 else m - 1) else 0.0
         found = found or tangent(walk.x, walk.border, walk.t, walk) != 0.0
     for j in range(7):
-        walk.bend[j], walk.more[j] = 0.0, 0.0
+        walk.bend[j], walk.more[j], walk.last[j] = 0.0, 0.0, 0.0
         walk.t[j] = walk.t[j] if found else 0.0
     walk.length[0] = 0.0
     return found
@@ -208,7 +208,7 @@ def run(point: tuple[int, int], slices: Slices, loops: Loops, walk: Walk) -> Cur
         steps += 1
         if steps >= ENDLESS and steps & (steps - 1) == 0:
             reference = int(loops.size[0]) - 1
-        go_on(walk, h)
+        go_on(walk)
         h = min(1.5 * h, LONGEST_STEP)
     if state == CurveEnd.CLOSED and way * at_first < 0.0:  # it turned within the last steps, or where it began
         loops.fold[farthest if farthest < loops.size[0] - 1 else first] = 1

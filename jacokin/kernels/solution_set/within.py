@@ -12,7 +12,6 @@ from jacokin.arrays import Array
 from jacokin.kernels.limits import TURN, nearest_copy
 from jacokin.kernels.solution_set.curve import (
     COLUMNS,
-    LONGEST_STEP,
     MOST_HALVED,
     PARTS,
     RESOLUTION,
@@ -127,7 +126,7 @@ def cut_loop(c: int, loops: Loops, pieces: Pieces, walk: Walk) -> None:
             close_piece(pieces, parameter, FOLD)
             size[2] += 1
             open_if_inside(node, FOLD, c, pieces)
-        elif several and is_a_turn_long(pieces, parameter):
+        elif several and is_a_turn_long(pieces, parameter, loops.nodes[m + 1, parameter] - loops.nodes[m, parameter]):
             close_piece(pieces, parameter, CIRCLE)
             open_piece(pieces, node, CIRCLE, c)
     if size[4] > 0:
@@ -157,12 +156,12 @@ def open_if_inside(node: Array, code: int, c: int, pieces: Pieces) -> None:
         open_piece(pieces, node, code, c)
 
 
-def is_a_turn_long(pieces: Pieces, parameter: int) -> bool:
-    """Whether the open piece would be longer than a turn of the parameter with another step."""
+def is_a_turn_long(pieces: Pieces, parameter: int, step: float) -> bool:
+    """Whether the open piece would be longer than a turn of the parameter after a step of that."""
     if pieces.size[4] == 0:
         return False
     first, last = pieces.ends[pieces.size[1], 0], pieces.size[0] - 1
-    return bool(abs(pieces.nodes[last, parameter] - pieces.nodes[first, parameter]) > TURN - LONGEST_STEP)
+    return bool(abs(pieces.nodes[last, parameter] + step - pieces.nodes[first, parameter]) > TURN)
 
 
 def join_round(start: Array, end: Array, k: int, pieces: Pieces) -> None:

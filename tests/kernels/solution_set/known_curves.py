@@ -62,7 +62,7 @@ def nodes_along(curve: Curve, parameter: int, steps: int, longest: float) -> Arr
         if advance(walk, h, volume, walk.y, walk.ty) == StepResult.STEPPED:
             nodes.append(np.concatenate([walk.y, walk.ty]))
             volume = walk.volume[0]
-            go_on(walk, h)
+            go_on(walk)
             h = min(1.5 * h, longest)
         else:
             h *= 0.5

@@ -13,6 +13,7 @@ from jacokin.ik.geometry import measure_seven
 from jacokin.kernels.solution_set.curve import (
     LARGEST_RESIDUAL,
     LONGEST_STEP,
+    RESIDUAL,
     StepResult,
     advance,
     chord_length,
@@ -20,9 +21,12 @@ from jacokin.kernels.solution_set.curve import (
     cubic_root,
     cubic_slope,
     make_walk,
+    moved_jacobian,
     point_across,
     point_at,
     point_where_still,
+    tangent,
+    to_curve,
 )
 from jacokin.kernels.solution_set.slices import JOINT_3, add_slice, make_seven_joints, make_six_joints, make_slices
 from jacokin.kernels.solution_set.trace import NODES, CurveEnd, follow, make_loops
@@ -88,6 +92,35 @@ def test_steps_stay_on_the_curve(curve: Curve) -> None:
         np.testing.assert_allclose(curve.robot.jacobian(x) @ t, 0.0, atol=1e-9)
         assert t @ before[7:] > 0.0
         assert 1e-4 < (x - before[:7]) @ before[7:] < longest + 1e-9
+
+
+def test_a_step_turns_the_tangent_as_it_moves_the_jacobian(curve: Curve, rng: np.random.Generator) -> None:
+    """By Pinocchio: differences of the Jacobian along the step."""
+    step, t = rng.normal(size=(2, 7))
+    linear, angular = moved_jacobian(curve.robot.jacobian(curve.q), step, t)
+    ahead, behind = (curve.robot.jacobian(curve.q + side * 1e-6 * step) @ t for side in (1.0, -1.0))
+    np.testing.assert_allclose([*linear, *angular], (ahead - behind) / 2e-6, atol=1e-7)
+
+
+@pytest.mark.parametrize("wanted", [RESIDUAL, LARGEST_RESIDUAL])
+@pytest.mark.parametrize("away", [1e-9, 1e-6, 1e-4, 1e-2])
+def test_a_point_nearby_comes_to_the_curve_with_its_tangent(
+    curve: Curve, rng: np.random.Generator, away: float, wanted: float
+) -> None:
+    """No more is left than is said, and the tangent is that of an elimination there."""
+    walk, t = walk_on(curve), np.empty(7)
+    for border in rng.normal(size=(10, 7)):
+        border /= np.linalg.norm(border)
+        volume = tangent(curve.q, border, t, walk)
+        if abs(border @ t) < 0.3:
+            continue
+        x = curve.q + away * rng.normal(size=7)
+        left, reached = to_curve(border, border @ x, wanted, x, walk.ty, walk)
+        assert left <= wanted
+        assert residual(curve, x) < left + 1e-14
+        volume = tangent(x, border, t, walk)
+        np.testing.assert_allclose(walk.ty, t, atol=3.0 * wanted)
+        assert reached == pytest.approx(volume, rel=1e-4)
 
 
 @pytest.mark.parametrize("h", [1e-6, 1e-3, 0.1, 0.5, 1.5, 4.0])

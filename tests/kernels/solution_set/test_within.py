@@ -8,8 +8,8 @@ import pytest
 import jacokin
 from jacokin.arrays import Array
 from jacokin.kernels.solution_set import within
-from jacokin.kernels.solution_set.curve import point_where_still
-from jacokin.kernels.solution_set.trace import Loops
+from jacokin.kernels.solution_set.curve import make_walk, point_where_still
+from jacokin.kernels.solution_set.trace import CurveEnd, Loops, make_loops
 from jacokin.kernels.solution_set.within import CIRCLE, FOLD, Pieces, cut, excess, make_pieces, nearest_limit
 from jacokin.model.angles import TURN, wrap_to_pi
 from tests.kernels.solution_set.known_curves import (
@@ -68,6 +68,25 @@ def test_without_limits_a_circle_is_whole(rng: np.random.Generator) -> None:
     (rows,) = rows_of(pieces)
     assert pieces.ends[0, 2:4].tolist() == [CIRCLE, CIRCLE]
     assert rows[-1, FIRST] - rows[0, FIRST] == pytest.approx(TURN)
+
+
+@pytest.mark.parametrize(("width", "count"), [(3.0, 1), (TURN - 0.01, 1), (TURN + 0.5, 2)])
+def test_a_piece_is_a_turn_long_at_most(width: float, count: int) -> None:
+    """From fold to fold and back: it is cut where it would be longer."""
+    loops, walk, pieces, s = make_loops(), make_walk(), make_pieces(), np.linspace(0.0, TURN, 81)
+    loops.nodes[: len(s)] = 0.0
+    loops.nodes[: len(s), 0], loops.nodes[: len(s), 1] = 0.5 * width * (1.0 - np.cos(s)), np.sin(s)
+    tangents = np.column_stack([0.5 * width * np.sin(s), np.cos(s)])
+    loops.nodes[: len(s), 7:9] = tangents / np.linalg.norm(tangents, axis=1)[:, np.newaxis]
+    loops.fold[[0, 40]] = 1
+    loops.ends[0], loops.size[:2] = (0, len(s), CurveEnd.CLOSED), (len(s), 1)
+    pieces.limits[:] = without_limits()
+    cut(loops, pieces, walk)
+    rows = rows_of(pieces)
+    assert len(rows) == 2 * count
+    assert sum(each[-1, 0] - each[0, 0] for each in rows) == pytest.approx(2.0 * width)
+    assert max(each[-1, 0] - each[0, 0] for each in rows) <= TURN
+    assert (pieces.ends[: 2 * count, 2:4] == CIRCLE).sum() == 4 * (count - 1)
 
 
 def test_a_circle_is_cut_where_joint_5_is_on_its_limits(rng: np.random.Generator) -> None:
