@@ -1,4 +1,4 @@
-"""Arms of seven joints by other makers, from the numbers that these publish: kinematics and limits, no shapes."""
+"""Arms by other makers, mostly of seven joints, by the numbers that these publish: kinematics and limits."""
 
 from __future__ import annotations
 
@@ -105,4 +105,6 @@ def load_arm(name: str, folder: Path) -> Robot:
 def load_placed(name: str, placements: list[Placement], limits: list[Limits], folder: Path) -> Robot:
     """An arm of so many joints from the placements of these and of the tool."""
     both = [(-limit, limit) if isinstance(limit, float) else limit for limit in limits]
-    return load_text(folder / f"{name}.urdf", serial_urdf(placements, both, name=name), base="link_0", tip="link_8")
+    return load_text(
+        folder / f"{name}.urdf", serial_urdf(placements, both, name=name), base="link_0", tip=f"link_{len(placements)}"
+    )

@@ -161,15 +161,17 @@ def with_end_wrist(chain: NDArray[np.float64]) -> EndWrist | None:
     """The arm with a wrist at an end that is nearest to an arm (7, 3, 4), with its tool at q = 0; None without any."""
     ends = (0, [3, 4, 5], [0, 1]), (LABELLINGS - 1, [0, 1, 2], [4, 5])
     size, found = size_of(chain), []
-    for labelling, wrist, shoulder in ends:
-        frames, moved = frames_at_zero(chain), 0.0
+    for labelling, wrist, shoulder in ends if 0.0 < size < np.inf else ():
+        frames = frames_at_zero(chain)
         middle = frames[wrist[1]][0][:, 2]
-        for j in wrist[::2]:
+        off = [float(frames[j][0][:, 2] @ middle) for j in wrist[::2]]
+        moved = max(abs(cosine) for cosine in off)
+        if moved > DISTINCT:
+            continue
+        for j, cosine in zip(wrist[::2], off, strict=True):
             R, p = frames[j]
-            off = float(R[:, 2] @ middle)
-            x, y, z = np.cross(middle, R[:, 2]) / max(float(np.linalg.norm(np.cross(middle, R[:, 2]))), DISTINCT)
-            frames[j] = rotation_about((x, y, z), float(np.arcsin(off))) @ R, p
-            moved = max(moved, abs(off))
+            x, y, z = np.cross(middle, R[:, 2]) / np.sqrt(1.0 - cosine * cosine)
+            frames[j] = rotation_about((x, y, z), float(np.arcsin(cosine))) @ R, p
         for joints in (wrist, shoulder):
             point, misfit = nearest_to_axes([frames[j] for j in joints])
             for j in joints:

@@ -14,6 +14,7 @@ either side of the plane. Where both equations are one, at a double root, it has
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 from jacokin.arrays import Array
@@ -83,8 +84,7 @@ def branches_of_planar_arm(
     fill_links(query.chain, query.T, arm.scale, arm.form_labelling, links)
     planar = planar_arm_of(links)
     size = fill_polynomial(planar, roots.cosine, roots.sine)
-    noise = (SMALLEST_NOISE + TIMES_NOISE * arm.first) * size
-    for i in range(find_roots(noise, 0.0, roots)):
+    for i in range(find_roots(noise_of_polynomial(arm, size), 0.0, roots)):
         take_angle(work, 5, roots.roots[i, 0])
         if roots.roots[i, 1] == 0.0:
             turn_five(arm, planar, query, work, branches)
@@ -175,6 +175,27 @@ def solution_of(at: Lines) -> tuple[float, float, float]:
         D[0] * at.across - w[0] * at.along,
         D[0] * w[1] - D[1] * w[0],
     )
+
+
+def noise_of_polynomial(arm: SixArm, size: float) -> float:
+    """What rounding, and what an arm misses the structure by, change of its values, from the size of its parts."""
+    return (SMALLEST_NOISE + TIMES_NOISE * arm.first) * size
+
+
+def theta_5_apart(planar: PlanarArm, z: complex) -> float:
+    """How far theta_5 is from the real axis where z = exp(i theta_6) is a root [rad]."""
+    c, s = 0.5 * (z + 1.0 / z), -0.5j * (z - 1.0 / z)
+    D = planar.D0[0] + c * planar.Dc[0] + s * planar.Ds[0], planar.D0[1] + c * planar.Dc[1] + s * planar.Ds[1]
+    m = planar.m0[0] + c * planar.mc[0] + s * planar.ms[0], planar.m0[1] + c * planar.mc[1] + s * planar.ms[1]
+    D2, m2 = planar.D0[2] + c * planar.Dc[2] + s * planar.Ds[2], planar.m0[2] + c * planar.mc[2] + s * planar.ms[2]
+    w = D[1] * m2 - D2 * m[1], D2 * m[0] - D[0] * m2
+    along = 0.5 * (planar.square - D[0] * D[0] - D[1] * D[1] - D2 * D2 - planar.c * planar.c) / planar.c
+    along -= planar.k[2] * D2
+    across = -planar.k[2] * (D[0] * m[1] - D[1] * m[0])
+    x, y = along * w[1] - across * D[1], D[0] * across - w[0] * along
+    ahead, behind = x + 1.0j * y, x - 1.0j * y
+    a, b = ahead.real**2 + ahead.imag**2, behind.real**2 + behind.imag**2
+    return 0.25 * abs(math.log(a / b)) if a > 0.0 and b > 0.0 else math.inf
 
 
 def turn_five(arm: SixArm, planar: PlanarArm, query: PoseQuery, work: Candidates, branches: BranchWork) -> None:

@@ -36,10 +36,11 @@ from jacokin.kernels.closed_form.resultant import DEGREE, value_and_slope
 from jacokin.kernels.closed_form.roots import RootWork, make_roots
 from jacokin.kernels.limits import TURN, nearest_copy
 from jacokin.kernels.six_joints.loop import LABELLINGS, Form, fill_links, joint_of
+from jacokin.kernels.six_joints.planar_arm import planar_arm_of, theta_5_apart
 from jacokin.kernels.six_joints.spherical_wrist import reach_of
 from jacokin.kernels.solution_set.curve import wrapped
 from jacokin.kernels.solution_set.pairs import PairWork, make_pair_work, other_angles_apart
-from jacokin.kernels.solution_set.slices import BEFORE, SixJoints, arm_of_equation, count_solutions
+from jacokin.kernels.solution_set.slices import BEFORE, SixJoints, arm_of_equation, count_solutions, turn_target
 from jacokin.kernels.solution_set.surface import (
     ASIDE,
     Surface,
@@ -49,6 +50,7 @@ from jacokin.kernels.solution_set.surface import (
     fill_surface,
     make_surface,
     size_of,
+    solutions_of_root,
 )
 from jacokin.kernels.solution_set.trace import Loops, passes
 from jacokin.kernels.tolerances import DISTINCT, UNCERTAIN
@@ -290,7 +292,7 @@ def real_roots(seen: Look) -> int:
 def look(k: ArmConstants, six: SixJoints, work: Islands, p: float) -> Look:
     """All roots of F(x; p), and when pairs of them come to the axis; F is left there."""
     seen = look_in(k, six, work, p, -1, 0.0)
-    for n in range(0 if k.six.form == Form.SPHERICAL_WRIST else LABELLINGS):
+    for n in range(0 if solutions_of_root(k) > 1 else LABELLINGS):
         if n == 1 and seen.least < seen.most:
             seen = together(seen, nothing_sure(count_solutions(six, p)))
         if seen.least == seen.most:
@@ -418,14 +420,25 @@ def with_others(
         comes: after how much it comes to the axis ahead and behind, and the same for sure [rad].
     """
     step = max(min(ASIDE, NEARER * min(comes[0], comes[1])), SHORTEST_ASIDE)
-    fill_equations(k, six, work.F, p, labelling)
-    first, second = other_angles_apart(work.F.equations, root.x, work.pair)
-    fill_equations(k, six, work.F, p + step, labelling)
-    first_beside, second_beside = other_angles_apart(work.F.equations, root.x + step * root.turns, work.pair)
+    first, second = others_apart(k, six, work, p, labelling, root.x)
+    first_beside, second_beside = others_apart(k, six, work, p + step, labelling, root.x + step * root.turns)
     rate, second_rate = (first_beside - first) / step, (second_beside - second) / step
     ahead = max(until_real(first, -rate), until_real(second, -second_rate))
     behind = max(until_real(first, rate), until_real(second, second_rate))
     return max(comes[0], ahead), max(comes[1], behind), max(comes[2], ahead), max(comes[3], behind)
+
+
+def others_apart(
+    k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling: int, z: complex
+) -> tuple[float, float]:
+    """How far two other angles are from the real axis where z = exp(i x) is a root of F(x; p) [rad]."""
+    if labelling < 0 and k.six.form == Form.PLANAR_ARM:
+        turn_target(six.T, six.axis, p, six.turned)
+        fill_links(six.chain, six.turned, k.six.scale, k.six.form_labelling, work.F.equations.links)
+        apart = theta_5_apart(planar_arm_of(work.F.equations.links), z)
+        return apart, apart
+    fill_equations(k, six, work.F, p, labelling)
+    return other_angles_apart(work.F.equations, z, work.pair)
 
 
 def until_real(distance: float, speed: float) -> float:
@@ -466,7 +479,7 @@ def find_islands(six: SixJoints, window: Array, work: Islands) -> None:
     k = arm_of_equation(six)
     step = TURN / LOOKED_AT
     work.size[0], work.size[1], work.size[2], work.size[3] = 0, 0, LOOKED_AT, 0
-    work.size[5] = 2 if k.six.form == Form.SPHERICAL_WRIST else 1
+    work.size[5] = solutions_of_root(k)
     fill_surface(k, six, work.F)
     own = unpack_arm(six.general).six.own
     work.size[4] = own if k.six.scale == 0.0 else next_labelling(k, six, own)
@@ -693,6 +706,8 @@ def joint_of_root(six: SixJoints, work: Islands, kind: int) -> int:
         fill_links(six.chain, six.T, k.six.scale, k.six.form_labelling, work.F.equations.links)
         meet = abs(reach_of(k.six, work.F.equations.links).cross) < DISTINCT
         j = joint_of(k.six.form_labelling, 1 if meet else 2)
+    elif k.six.form == Form.PLANAR_ARM:
+        j = joint_of(k.six.form_labelling, 5)
     elif k.six.scale == 0.0:
         j = 5  # of the Jaco's own F
     return 6 - j if kind == BEFORE else j

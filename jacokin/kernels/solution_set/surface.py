@@ -21,14 +21,15 @@ from jacokin.kernels.limits import TURN
 from jacokin.kernels.six_joints.characteristic import Determinant, fourier_of_determinant, make_determinant
 from jacokin.kernels.six_joints.equations import Equations, make_equations, still_place, turned_back_by, write_equations
 from jacokin.kernels.six_joints.loop import Form, fill_links
+from jacokin.kernels.six_joints.planar_arm import fill_polynomial, noise_of_polynomial, planar_arm_of
 from jacokin.kernels.six_joints.spherical_wrist import fill_both_turns, fill_quartic, reach_of
 from jacokin.kernels.solution_set.slices import SixJoints, turn_target
 from jacokin.kernels.tolerances import DISTINCT
 from jacokin.kernels.trigonometry import sin_cos
 from jacokin.kernels.vector import dot
 
-#: Waves of F in p at most: of a Jaco and of spherical wrists, and by the link of an arm of any structure, from L_1 to
-#: L_6, that has the target in it.
+#: Waves of F in p at most: of a Jaco, spherical wrists and planar arms; and by the link of an arm of any structure that
+#: has the target in it, from L_1 to L_6.
 FEW_WAVES, MOST_WAVES = 8, 12
 WAVES_OF_LINK = (10, FEW_WAVES, FEW_WAVES, MOST_WAVES, MOST_WAVES, FEW_WAVES)
 #: Numbers of F at one value of p: of cosines and sines of x, and one apart.
@@ -97,7 +98,12 @@ def fill_surface(k: ArmConstants, six: SixJoints, F: Surface) -> None:
 
 def has_any_structure(k: ArmConstants) -> bool:
     """Whether F of an arm is a determinant: of others, it comes in closed form."""
-    return bool(k.six.form != Form.SPHERICAL_WRIST and k.six.scale > 0.0)
+    return bool(k.six.scale > 0.0 and solutions_of_root(k) == 1)
+
+
+def solutions_of_root(k: ArmConstants) -> int:
+    """How many solutions go with each root of F, of those that it tells of."""
+    return 2 if k.six.form in (Form.SPHERICAL_WRIST, Form.PLANAR_ARM) else 1
 
 
 def fill_sample(k: ArmConstants, six: SixJoints, F: Surface, p: float) -> float:
@@ -111,6 +117,10 @@ def fill_sample(k: ArmConstants, six: SixJoints, F: Surface, p: float) -> float:
             noise, apart = fill_both_turns(reach, F.cosine, F.sine)
         else:
             _, _, noise = fill_quartic(reach, F.cosine, F.sine)
+    elif k.six.form == Form.PLANAR_ARM:
+        fill_links(six.chain, six.turned, k.six.scale, k.six.form_labelling, F.equations.links)
+        size = fill_polynomial(planar_arm_of(F.equations.links), F.cosine, F.sine)
+        noise = noise_of_polynomial(k.six, size)
     elif k.six.scale == 0.0:
         noise = fourier_of_F(k, pose_of(six.arm, k, six.turned), F.cosine, F.sine, F.samples)
     else:
@@ -168,7 +178,8 @@ def fill_F(k: ArmConstants, six: SixJoints, F: Surface, p: float, labelling: int
     """Fill cosine and sine with the coefficients of F(x; p), up to a positive factor; returns the noise of its values.
 
     In the way that suits the arm, or in a labelling of its joints as those of any arm; -1 for the former. Of a
-    spherical wrist, F is then about where the wrist is: each root goes with two solutions.
+    spherical wrist, F is then about where the wrist is, of a planar arm about joint 6: each root goes with two
+    solutions.
     """
     F.waves[1] = 0
     if labelling < 0:

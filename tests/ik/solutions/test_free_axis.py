@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import pickle
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -16,6 +17,7 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, StructureError
 from jacokin.ik import SolutionSet
 from jacokin.model.angles import wrap_to_pi
+from tests.seven_joint_arms import HALF, Placement, load_placed
 
 AXES = {"tool x": (1.0, 0.0, 0.0), "last joint": (0.0, 0.0, -1.0), "skew": (0.3, -0.5, 0.4)}
 RANGES = {"circle": (-math.pi, math.pi), "part": (-0.7, 1.1), "past pi": (2.5, 4.0)}
@@ -52,6 +54,47 @@ def test_intervals_are_those_of_a_scan(solver: IKSolver, rng: np.random.Generato
         apart = [min(np.abs(wrap_to_pi(p - np.array([*ends, p + 1.0])))) > 1e-8 for p in parameters]
         parameters = parameters[apart]
         np.testing.assert_array_equal(counted(family, parameters), scan(solver, target, parameters))
+
+
+#: Axes 2 and 3 are parallel, 1 and 4 in one plane across them, and 4 and 5 meet, as of a Fanuc CRX.
+PLANAR: list[Placement] = [
+    ((0.0, 0.0, 0.2), (0.0, 0.0, 0.0)),
+    ((0.0, 0.0, 0.0), (-HALF, 0.0, 0.0)),
+    ((0.0, -0.54, 0.0), (0.0, 0.0, 0.0)),
+    ((0.0, 0.0, 0.0), (HALF, 0.0, 0.0)),
+    ((0.0, 0.0, 0.54), (-HALF, 0.0, 0.0)),
+    ((0.0, 0.0, 0.15), (HALF, 0.0, 0.0)),
+    ((0.0, 0.05, 0.1), (0.0, 0.0, 0.0)),
+]
+
+
+@pytest.mark.parametrize("count", [15, pytest.param(150, marks=pytest.mark.slow)])
+def test_sets_of_planar_arms_are_whole(count: int, tmp_path: Path, rng: np.random.Generator) -> None:
+    """Where both equations for joint 5 become one, and it is complex, no curve begins."""
+    robot = load_placed("planar", PLANAR, [3.0] * 6, tmp_path)
+    solver, complete = IKSolver(robot, collision="ignore"), 0
+    for q in robot.sample(rng, count):
+        target = FreeAxis(robot.forward_kinematics(q), axis=rng.normal(size=3))
+        found = solver.solve_all(target)
+        own = found.nearest(q)
+        assert own is not None
+        np.testing.assert_allclose(own, q, atol=1e-6)
+        complete += found.complete
+        parameters = rng.uniform(-math.pi, math.pi, 40)
+        wrong = counted(found, parameters) != scan(solver, target, parameters)
+        assert not wrong.any()
+    assert complete > 0.97 * count
+
+
+def test_an_arm_whose_rounded_axes_are_all_but_parallel_has_sets(tmp_path: Path, rng: np.random.Generator) -> None:
+    """The cosine between them may be above 1."""
+    rounded = [(xyz, (round(roll, 4), 0.0, 0.0)) for xyz, (roll, _, _) in PLANAR]
+    robot = load_placed("rounded", rounded, [3.0] * 6, tmp_path)
+    for q in robot.sample(rng, 3):
+        found = IKSolver(robot, collision="ignore").solve_all(FreeAxis(robot.forward_kinematics(q), axis=(0.3, 1, 0.2)))
+        own = found.nearest(q)
+        assert own is not None
+        np.testing.assert_allclose(own, q, atol=1e-6)
 
 
 def test_an_interval_ends_where_its_joint_is_on_its_limit(solver: IKSolver, rng: np.random.Generator) -> None:
