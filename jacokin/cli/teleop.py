@@ -25,7 +25,7 @@ from jacokin.cli import display, options
 from jacokin.cli.command import command, option, switch
 from jacokin.cli.display import number, show_facts
 from jacokin.cli.groups import RADIANS, RobotOptions, SceneOptions
-from jacokin.cli.options import keep_apart
+from jacokin.cli.options import keep_apart, keep_degrees
 from jacokin.cli.process import NOT_SOLVED
 from jacokin.cli.task import DATA_SETS, choose_renderer
 from jacokin.errors import InvalidInputError, ModelError
@@ -289,6 +289,7 @@ def teleop(
         simulation = stack.enter_context(simulated.start(hand.seed))
         arm = None if simulation is None else simulation.arm
         robot = source.load() if arm is None else arm.robot
+        keep_degrees(hand.output, robot)
         scene = arm.table if arm is not None and around.scene is None else around.load()
         led = following.follow(robot, arm, scene, around.clearance)
         watched = _Watched()

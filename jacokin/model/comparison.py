@@ -73,7 +73,9 @@ def crosscheck(
     order = _joint_order(first, second, joint_map or {})
     frames = _frames(first, second, frame_map)
     with_armature = first.armature.any() == second.armature.any()
-    notes = () if with_armature else ("mass matrices are compared without armature: only one side has it",)
+    notes: tuple[str, ...] = (
+        () if with_armature else ("mass matrices are compared without armature: only one side has it",)
+    )
     for robot in (robot_a, robot_b):
         if robot is not None and not has_moving_masses(robot.pin_model):
             notes += (f"{robot.label} ({robot.source.kind}) gives no masses: its mass matrix and torques are zero",)
