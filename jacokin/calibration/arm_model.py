@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 from jacokin.arrays import Array
 from jacokin.calibration.alignment import Reference, Seen, find_reference, left_jacobian, rotation_of
 from jacokin.calibration.measurements import CONTACTS, SIZES, Measurements
-from jacokin.errors import InvalidInputError
+from jacokin.errors import InvalidInputError, ModelError
 from jacokin.kernels.vector import cross
 from jacokin.model import checks
 from jacokin.model.kinematics import arm_of
@@ -121,6 +121,9 @@ class ArmKinematics:
             ModelError: a joint slides.
             UnknownNameError: no such frame.
         """
+        for name, slides in zip(robot.joint_names, robot.sliding.tolist(), strict=True):
+            if slides:
+                raise ModelError(f"joint {name!r} slides: only arms whose joints all turn are calibrated")
         model = robot.pin_model
         self._model, self._gravity_data, self._sags = model, model.createData(), sags
         self.dof = robot.dof

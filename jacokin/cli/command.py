@@ -129,7 +129,8 @@ class Command(click.Command):
             angles = next((name for name in ANGLES if name in {*flags.values(), *arguments}), "q")
             text = name_flags(error, {**flags, **OTHER_NAMES, "q": angles}, ctx.params)
             # Words of the library for what an option does; where a command has that option, it is named.
-            for word, flag in {"solve_all": "--all", "a FreeAxis": "--free-axis"}.items():
+            words = {"solve_all": "--all", "a FreeAxis": "--free-axis", "write_urdf": "--urdf", "write_mjcf": "--mjcf"}
+            for word, flag in words.items():
                 if flag in flags.values():
                     text = text.replace(word, flag)
             units = ctx.params.get("units")

@@ -31,7 +31,7 @@ class RobotOptions:
     package_dirs: Sequence[Path] = options.package_dirs()
     limits: dict[str, tuple[float, float]] | None = options.limits()
     finger_angle: float | None = option(
-        "--finger-angle", metavar="A", help="Where the fingers are held [rad], also with --degrees."
+        "--finger-angle", metavar="A", help="Where the fingers are held [rad], or [m], also with --degrees."
     )
     locked: dict[str, float] | None = options.locked()
     srdf: Path | None = options.srdf()

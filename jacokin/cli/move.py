@@ -71,6 +71,7 @@ def move(
         raise InvalidInputError("at most one of --torque-limit and --rated-torque is needed")
     written.check({"--robot": source.robot, "--scene": around.scene}, source.package_dirs)
     arm = source.load()
+    options.keep_degrees(written.output, arm)
     joints = form.units.for_joints(arm)
     scene, clearance = around.load(), around.clearance
     solver = ik.IKSolver(arm, tool.frame, tool=tool.tool, collision="reject", scene=scene, clearance=clearance)

@@ -242,6 +242,17 @@ _FOLDER = re.compile(r"""\b(?:meshdir|texturedir|assetdir)\s*=\s*["']([^"']+)["'
 _SCHEME = re.compile(r"^(?:package|file)://")
 
 
+def keep_degrees(output: Path | None, robot: model.Robot) -> None:
+    """Refuse to write joints that slide to Kinova's files.
+
+    Raises:
+        InvalidInputError: names them.
+    """
+    sliding = [name for name, slides in zip(robot.joint_names, robot.sliding.tolist(), strict=True) if slides]
+    if output is not None and output.name.endswith((".kinova.csv", ".kinova.json")) and sliding:
+        raise InvalidInputError(f"--output {output.name}: Kinova's files hold angles, and {', '.join(sliding)} slides")
+
+
 def keep_apart(
     outputs: Mapping[str, Path | None], inputs: Mapping[str, str | Path | None], folders: Sequence[Path] = ()
 ) -> None:

@@ -16,7 +16,7 @@ from jacokin.cli import display, options
 from jacokin.cli.command import command, option, switch
 from jacokin.cli.display import number, progress_bar, show_facts, show_table, small
 from jacokin.cli.groups import FormOptions, RobotOptions, ToolOptions, free_about, load_scene
-from jacokin.cli.options import keep_apart
+from jacokin.cli.options import keep_apart, keep_degrees
 from jacokin.cli.process import NOT_SOLVED
 from jacokin.cli.units import Units, warn_of_degrees
 from jacokin.errors import InvalidInputError, MissingExtraError
@@ -213,6 +213,7 @@ def plan(
         warn_of_degrees("--free-range", turns, units)
     targets = poses if axis is None else [free_about(pose, axis, turns, units) for pose in poses]
     arm = source.load()
+    keep_degrees(written.output, arm)
     numbers = given.in_si(arm, units)
     scene, clearance = load_scene(around.scene), around.clearance or 0.0
     solver = ik.IKSolver(arm, tool.frame, tool=tool.tool, collision="reject", scene=scene, clearance=clearance)
@@ -248,6 +249,7 @@ def track(
     poses = read_poses(given.waypoints)
     scene = load_scene(around.scene)
     arm = source.load()
+    keep_degrees(written.output, arm)
     numbers = given.in_si(arm, form.units)
 
     def compute() -> motion.Trajectory:

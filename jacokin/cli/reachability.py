@@ -221,7 +221,9 @@ class PlaceOptions:
     """What is to be reached, and where the base may stand."""
 
     targets: Path = option("--targets", required=True, metavar="FILE.csv", help="Poses of the tool in the world.")
-    folder: str = option("--map", default=model.DEFAULT_ROBOT, metavar="FOLDER|NAME", help=MAP)
+    folder: str | None = option(
+        "--map", metavar="FOLDER|NAME", help="A map, or the bundled one of a robot; of --robot if not given."
+    )
     x: tuple[float, float] | None = option("--x", metavar="LOW HIGH", help="From and to where the base may stand [m].")
     y: tuple[float, float] | None = option("--y", metavar="LOW HIGH", help="As --x.")
     height: float | None = option("--height", metavar="Z", help="Height that the base stands at [m]; any if not given.")
@@ -262,7 +264,7 @@ def place(given: PlaceOptions, source: MapRobotOptions) -> None:
         raise MissingExtraError("matplotlib", "plot")
     rows_of_file = ik.read_targets(given.targets)
     wanted = rows_of_file.targets
-    reach, obstacles = load_map(given.folder, source, given.map_scene), load_scene(given.scene)
+    reach, obstacles = load_map(_map_of(given.folder, source), source, given.map_scene), load_scene(given.scene)
     heights = None if given.height is None else [given.height]
     with contextlib.ExitStack() as stack:
         drawable = None if given.plot is None else stack.enter_context(replacing(given.plot))
@@ -313,6 +315,21 @@ def place(given: PlaceOptions, source: MapRobotOptions) -> None:
             display.say(f"written to {given.plot}")
     if failed:
         raise SystemExit(NOT_SOLVED)
+
+
+def _map_of(folder: str | None, source: MapRobotOptions) -> str:
+    """The map that is given, or else the bundled one of the robot.
+
+    Raises:
+        InvalidInputError: there is none.
+    """
+    robot = model.DEFAULT_ROBOT if source.robot is None else source.robot
+    if folder is None and robot not in NAMES:
+        raise InvalidInputError(
+            f"--map is needed: no map of {robot} comes with the package; `jacokin map build FOLDER --robot ...` "
+            "builds one"
+        )
+    return robot if folder is None else folder
 
 
 def _why_missed(reach: reachability.ReachabilityMap, place: reachability.BasePlacement, row: int, target: Array) -> str:

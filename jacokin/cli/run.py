@@ -184,7 +184,7 @@ def _link(robot: Robot, way: ConnectionOptions, motion: PlannedMotion | None) ->
         raise InvalidInputError("--faults are for --twin")
     bundled = robot.source.bundled or model.DEFAULT_ROBOT
     if way.twin:
-        return _twin(bundled, way, motion)
+        return _twin(robot, bundled, way, motion)
     name = way.name or bundled
     joints = [f"{name}_{joint}" for joint in robot.joint_names]
     if way.forwarder is not None:
@@ -206,11 +206,22 @@ def _link(robot: Robot, way: ConnectionOptions, motion: PlannedMotion | None) ->
     return ProcessLink(command, joints)
 
 
-def _twin(bundled: str, way: ConnectionOptions, motion: PlannedMotion | None) -> TwinLink:
-    """A simulated arm that stands where a motion begins, in real time for a hand."""
+def _twin(robot: Robot, bundled: str, way: ConnectionOptions, motion: PlannedMotion | None) -> TwinLink:
+    """A simulated arm that stands where a motion begins, in real time for a hand.
+
+    Raises:
+        InvalidInputError: the robot is another one.
+    """
     from jacokin.runner import TwinLink
     from jacokin.twin import Faults, KinovaDriver, SimulatedArm
 
+    count = model.load_robot(bundled).dof
+    if robot.dof != count:
+        raise InvalidInputError(
+            f"--twin moves a simulated {bundled} of {count} joints, and {robot.name} has {robot.dof}"
+        )
+    if robot.source.bundled is None:
+        click.echo(f"jacokin: note: --twin moves a simulated {bundled}, whatever {robot.name} is", err=True)
     arm = SimulatedArm(bundled, q=None if motion is None else motion.q[0])
     driver = KinovaDriver(arm, faults=Faults.parse(way.faults), seed=way.random_seed or 0)
     return TwinLink(driver, pace=motion is None)

@@ -25,7 +25,7 @@ from jacokin.cli import display, options
 from jacokin.cli.command import command, option, switch
 from jacokin.cli.display import number, show_facts
 from jacokin.cli.groups import RADIANS, RobotOptions, SceneOptions
-from jacokin.cli.options import keep_apart
+from jacokin.cli.options import keep_apart, keep_degrees
 from jacokin.cli.process import NOT_SOLVED
 from jacokin.cli.task import DATA_SETS, choose_renderer
 from jacokin.errors import InvalidInputError, ModelError
@@ -138,20 +138,26 @@ class FollowingOptions:
     def follow(self, robot: model.Robot, arm: TaskArm | None, scene: model.Scene | None, clearance: float) -> Teleop:
         """What leads an arm, that of a task where there is one.
 
+        Without a scene and a clearance, an arm without shapes is led without looking for contact, which is said.
+
         Raises:
             InvalidInputError: as `Tracker` and `Teleop`.
+            ShapeError: the description's shapes cannot be loaded.
         """
         from jacokin.teleop import Teleop
         from jacokin.teleop.teleop import AUTO
 
         possible = ACCELERATION if arm is None else arm.acceleration
+        looks = scene is not None or clearance > 0.0 or model.SelfContact(robot).has_shapes
+        if not looks:
+            click.echo("jacokin: note: the description has no collision shapes: contact is not looked for", err=True)
         tracker = motion.Tracker(
             robot,
             self.frame,
             q=None if arm is None else arm.q,
             dt=arm.dt if arm is not None else 0.01 if self.dt is None else self.dt,  # [s]
             scene=scene,
-            clearance=clearance,
+            clearance=clearance if looks else None,
             velocity_limit=RADIANS.for_joints(robot).limits("--velocity-limit", self.velocity_limit, "rad/s"),
             acceleration_limit=possible if self.acceleration_limit is None else self.acceleration_limit,
         )
@@ -289,6 +295,7 @@ def teleop(
         simulation = stack.enter_context(simulated.start(hand.seed))
         arm = None if simulation is None else simulation.arm
         robot = source.load() if arm is None else arm.robot
+        keep_degrees(hand.output, robot)
         scene = arm.table if arm is not None and around.scene is None else around.load()
         led = following.follow(robot, arm, scene, around.clearance)
         watched = _Watched()

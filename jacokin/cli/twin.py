@@ -93,7 +93,7 @@ def twin(given: TwinOptions) -> None:
     if given.task is not None and (given.robot != model.DEFAULT_ROBOT or given.start is not None):
         raise InvalidInputError(f"--task has its robot, {model.DEFAULT_ROBOT}, and its start: leave them out")
     called = given.robot if given.name is None else given.name
-    if not re.fullmatch(r"[A-Za-z]\w*", called, re.ASCII):
+    if given.name is not None and not re.fullmatch(r"[A-Za-z]\w*", called, re.ASCII):
         raise InvalidInputError(f"--name must be letters, digits and underscores, a letter first, got {called!r}")
     q = None
     if given.start is not None:

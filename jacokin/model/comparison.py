@@ -14,6 +14,7 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.model import checks, mujoco_twin, poses
 from jacokin.model.descriptions import mjcf
+from jacokin.model.dynamics import has_moving_masses
 from jacokin.model.robot import Robot, checked_robot
 from jacokin.model.written_descriptions import move_bodies
 
@@ -72,7 +73,12 @@ def crosscheck(
     order = _joint_order(first, second, joint_map or {})
     frames = _frames(first, second, frame_map)
     with_armature = first.armature.any() == second.armature.any()
-    notes = () if with_armature else ("mass matrices are compared without armature: only one side has it",)
+    notes: tuple[str, ...] = (
+        () if with_armature else ("mass matrices are compared without armature: only one side has it",)
+    )
+    for robot in (robot_a, robot_b):
+        if robot is not None and not has_moving_masses(robot.pin_model):
+            notes += (f"{robot.label} ({robot.source.kind}) gives no masses: its mass matrix and torques are zero",)
 
     rng = np.random.default_rng(0) if rng is None else rng
     worst: dict[tuple[str, str], tuple[float, Array]] = {}

@@ -26,7 +26,7 @@ from jacokin.model import checks, poses
 from jacokin.model.contact_arrays import ShapeRow, arm_arrays, joints_about_z
 from jacokin.model.obstacles import NOTHING_AROUND, OtherRobot, Surroundings
 from jacokin.model.own_shapes import own_shapes
-from jacokin.model.robot import Robot, checked_robot
+from jacokin.model.robot import Robot, checked_robot, middle, spread
 from jacokin.model.surrounded import (
     Surrounded,
     allowed_pairs,
@@ -138,6 +138,36 @@ class Contact:
         call.work.q[: q.size] = q
         return self._listed(call)
 
+    def how_near(self, q: Array) -> dict[Pair, float]:
+        """Of the shapes that touch at a checked configuration (dof,) [rad], how far apart they are [m], by names."""
+        call = self._call()
+        call.work.q[: q.size] = q
+        numbers = self._numbers_touching(call)
+        measuring = Call(run_contact, make_contact_work(self.geometry, 1, len(numbers)))
+        work = measuring.work
+        work.integers[[run.ContactInteger.TASK, run.ContactInteger.ROWS]] = run.ContactTask.MEASURE_PAIRS, len(numbers)
+        work.q[:], work.given[:], work.reach[:] = q, numbers, np.inf
+        measuring()
+        pairs = [self.ordered(a, b, by_kind=True) for a, b in numbers.tolist()]
+        return dict(zip(pairs, work.measured[:, 0].tolist(), strict=True))
+
+    def mostly_touching(self) -> dict[Pair, float]:
+        """Of the shapes that touch in most of some configurations, the median of their distances [m], by names."""
+        looks, found = self._look(50)
+        most = {pair: distances for pair, distances in found.items() if 2 * len(distances) > looks}
+        return {pair: sorted(distances)[looks // 2] for pair, distances in most.items()}
+
+    def _look(self, count: int) -> tuple[int, dict[Pair, list[float]]]:
+        """The distances of the shapes that touch in the middle of the limits and at so many random configurations [m].
+
+        How many they are in all comes first.
+        """
+        rows, found = np.vstack([middle(self._robot), spread(self._robot, count)]), dict[Pair, list[float]]()
+        for q in rows[self.touches_at(rows)]:
+            for pair, away in self.how_near(q).items():
+                found.setdefault(pair, []).append(away)
+        return len(rows), found
+
     def touches_at(self, rows: Array, extra: float = 0.0) -> NDArray[np.bool_]:
         """Whether any shapes touch at each of some checked configurations (n, dof) [rad].
 
@@ -159,9 +189,12 @@ class Contact:
 
     def _listed(self, call: Call[ContactWork]) -> list[Pair]:
         """All pairs that touch, the simpler kind of shape first."""
+        return sorted(self.ordered(a, b, by_kind=True) for a, b in self._numbers_touching(call).tolist())
+
+    def _numbers_touching(self, call: Call[ContactWork]) -> NDArray[np.int64]:
+        """Numbers (n, 2) of all pairs that touch."""
         found = self._run(call, run.ContactTask.LIST_TOUCHING, margin=self._clearance)
-        pairs = [self.ordered(a, b, by_kind=True) for a, b in call.work.hits.pairs[:found].tolist()]
-        return sorted(pairs)
+        return call.work.hits.pairs[:found].copy()
 
     def distances(self, rows: Array, *, self_collision: bool = False) -> Array:
         """Smallest distances (n,) [m] of checked configurations; arguments and errors as of `nearest`."""

@@ -50,8 +50,8 @@ def load_robot(
         base: frame in which poses are expressed. None: the root link of a URDF, the world of an MJCF.
         tip: frame at the end of the arm, and its default frame. None: the arm ends where the tree branches (into
             fingers), and its default frame is the end effector there.
-        finger_angle: angle at which joints off the arm are locked [rad]. None: open for bundled robots (0.15, of the
-            gen3_lite -0.96), the reference position clipped into the limits for a user's file.
+        finger_angle: where joints off the arm are locked [rad], or [m] where they slide. None: open for bundled robots
+            (0.15, of the gen3_lite -0.96), the reference position clipped into the limits for a user's file.
         limits: a user's own limits (lower, upper) [rad] by joint name, in place of those of the file.
         package_dirs: folders that hold the packages of package:// meshes, searched before ROS_PACKAGE_PATH and the
             folders above the file. Kinematics needs no meshes; self-contact does.
@@ -73,7 +73,7 @@ def load_robot(
     Raises:
         UnknownNameError: no such bundled robot, frame or joint.
         InvalidInputError: limits, velocity limits, locked joints or a home malformed or out of the limits, or a finger
-            angle that no finger can take.
+            angle that no finger can take, or of an arm without fingers.
         ModelError: the file is missing, malformed, or holds no such arm; the calibration is damaged or another arm's;
             the SRDF cannot be read, or the robot is an MJCF or a bundled one, which exclude pairs themselves.
     """
@@ -373,14 +373,13 @@ def _refuse_coupled(model: pin.Model, couplings: Iterable[chain.Coupling]) -> No
 def _check_fingers(full: pin.Model, model: pin.Model, finger_angle: float) -> None:
     """The angle must be one that a joint off the arm can take; others are clipped into their limits."""
     arm = set(model.names)
-    ranges = [
-        (full.lowerPositionLimit[joint.idx_q], full.upperPositionLimit[joint.idx_q])
-        for name, joint in zip(full.names, full.joints, strict=True)
-        if joint.nq == 1 and joint.nv == 1 and name not in arm and name != "universe"
+    allowed = [
+        (*limits_of(full, joint), "m" if slides(full, joint) else "rad")
+        for joint, name in enumerate(full.names)
+        if full.joints[joint].nq == 1 and full.joints[joint].nv == 1 and name not in arm and name != "universe"
     ]
-    if ranges and not any(low <= finger_angle <= high for low, high in ranges):
-        low, high = ranges[0]
-        raise InvalidInputError(f"finger_angle = {finger_angle} rad: the fingers move from {low} to {high} rad")
+    if not any(low <= finger_angle <= high for low, high, _ in allowed):
+        raise InvalidInputError(f"finger_angle = {finger_angle}: {chain.range_of_fingers(allowed)}")
 
 
 def _override_limits(
@@ -489,7 +488,7 @@ def _missing_numbers(robot: Robot) -> Iterator[str]:
     if len(weightless) == robot.dof:
         yield "no masses: what needs them is refused (gravity, mass matrix, torques)"
     elif weightless:
-        yield f"no masses for what {', '.join(weightless)} carry up to the next joint: torques are those of the rest"
+        yield f"no masses between {', '.join(weightless)} and the next joint: torques are those of the rest"
     for name, body in zip(robot.joint_names, bodies, strict=True):
         wrong = impossible_moments(np.asarray(body.inertia)) if body.mass > 0.0 else ""
         if wrong:

@@ -286,7 +286,7 @@ class _JointsOffArm:
         """
         self._source, self._robot = source, robot
         self._data = mujoco.MjData(source)
-        arm, allowed, held = set(robot.joint_names), list[tuple[float, float]](), dict(robot.source.locked)
+        arm, allowed, held = set(robot.joint_names), list[tuple[float, float, str]](), dict(robot.source.locked)
         following = [rule for rule in robot.source.followers if rule[0] not in held]
         passive = passive_joints(robot)
         limits, places, wanted = dict[str, tuple[float, float]](), dict[str, int](), dict[str, float]()
@@ -298,10 +298,10 @@ class _JointsOffArm:
             places[name], wanted[name] = int(source.jnt_qposadr[joint]), held.get(name, angle)
             limits[name] = (held[name], held[name]) if name in held else (low, high)
             if all(name != follower for follower, *_ in following):
-                allowed.append((low, high))
-        if not any(low <= angle <= high for low, high in allowed):
-            reason = f"the fingers move from {allowed[0][0]} to {allowed[0][1]} rad" if allowed else "it has no fingers"
-            raise InvalidInputError(f"finger_angle = {angle} rad: {reason}")
+                slides = source.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE
+                allowed.append((low, high, "m" if slides else "rad"))
+        if not any(low <= angle <= high for low, high, _ in allowed):
+            raise InvalidInputError(f"finger_angle = {angle}: {chain.range_of_fingers(allowed)}")
         moved, ends = list(places.values()), np.array(list(chain.standing(wanted, limits, following).values()))
         if passive:
             # From where the description has the gripper, so that its loops close as there.

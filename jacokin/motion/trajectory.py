@@ -436,9 +436,9 @@ class Trajectory(_Completing):
         """Write a file; an existing one is replaced only when the new one is complete.
 
         ".csv" and ".npz" hold everything and can be loaded. ".json" holds the fields of a ROS JointTrajectory.
-        ".kinova.csv" holds angles [deg] and velocities [deg/s] at 100 Hz for Kinova's driver. ".kinova.json" holds a
-        JointTrajectory of points 10 ms apart for the controller of kinova-ros, which plays the velocity of one point
-        each 10 ms, whatever their times: points of another step end elsewhere.
+        ".kinova.csv" holds angles [deg] and velocities [deg/s] at 100 Hz for Kinova's driver, of joints that turn.
+        ".kinova.json" holds a JointTrajectory of points 10 ms apart for the controller of kinova-ros, which plays the
+        velocity of one point each 10 ms, whatever their times: points of another step end elsewhere.
 
         Args:
             path: where the file goes.

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
+import pytest
 
 import jacokin
 from jacokin import Robot
-from jacokin.calibration import Measurements, Prior
+from jacokin.calibration import Measurements, Prior, calibrate, plan_measurements, predict_accuracy
 from jacokin.calibration.arm_model import ArmKinematics, ArmModel
+from jacokin.errors import ModelError
 from tests.calibration.simulated import arm_of, hidden_arm, poses_of
+from tests.robot_files import CRANE, load_text
 
 
 def test_kinematics_are_those_of_the_robot(robot: Robot, rng: np.random.Generator) -> None:
@@ -58,3 +63,20 @@ def test_base_and_tool_are_found_with_the_described_arm(robot: Robot, rng: np.ra
     np.testing.assert_allclose(found.base.rotation, base.rotation, atol=1e-6)
     np.testing.assert_allclose(found.tools[None].rotation, tool.rotation, atol=1e-6)
     assert np.linalg.norm(found.base.translation - base.translation) < 0.05
+
+
+def test_an_arm_with_a_slide_is_refused(tmp_path: Path, rng: np.random.Generator) -> None:
+    """It was taken for one that turns."""
+    crane = load_text(tmp_path / "crane.urdf", CRANE)
+    q = crane.sample(rng, 20)
+    poses = [crane.forward_kinematics(row) for row in q]
+    positions = Measurements(q, positions=[pose.translation for pose in poses], sigma=1e-3)
+    seen = Measurements(q, poses=poses, sigma=(1e-3, 1e-3), base="unknown", tool="unknown")
+    for ask in (
+        lambda: calibrate(crane, positions),
+        lambda: calibrate(crane, seen, parameters=[]),
+        lambda: plan_measurements(crane, 5),
+        lambda: predict_accuracy(crane, q),
+    ):
+        with pytest.raises(ModelError, match="joint 'slide' slides: only arms whose joints all turn are calibrated"):
+            ask()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -12,6 +14,7 @@ from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.model import Box, Floor, Scene, SelfContact
 from jacokin.model.contact import Contact
 from tests.calibration.simulated import NOISE, Array, bound, hidden_arm, mean_error, positions_of
+from tests.robot_files import joint, load_text
 
 
 @pytest.fixture(scope="module")
@@ -116,3 +119,18 @@ def test_what_is_refused(robot: Robot) -> None:
         plan_measurements(robot, 5, parameters=[])
     with pytest.raises(InvalidInputError, match="parameters is empty, and neither base nor tool is unknown"):
         predict_accuracy(robot, [robot.home], parameters=[])
+
+
+def test_neighbours_that_are_always_near_hinder_no_plan(tmp_path: Path) -> None:
+    """A ball on the third link turns beside one on the first: 22 mm deep to 18 mm away, which is less than 2 cm."""
+    ball = '<collision><origin xyz="{} 0 0"/><geometry><sphere radius="0.03"/></geometry></collision>'
+    links = [f'<link name="link_{k}">{shape}</link>' for k, shape in enumerate((ball.format(0), "", ball.format(0.02)))]
+    joints = [
+        joint(f"joint_{k}", f"link_{k - 1}", f"link_{k}", (x, 0, 0), limits=(-2.9, 2.9))
+        for k, x in ((1, 0), (2, 0.058))
+    ]
+    robot = load_text(tmp_path / "arm.urdf", f'<robot name="arm">{"".join([*links, *joints])}</robot>')
+    contact = SelfContact(robot).with_clearance(0.02)
+    ((pair, usual),) = contact.mostly_touching().items()
+    for q in plan_measurements(robot, 10):
+        assert contact.how_near(q)[pair] > 0.5 * max(usual, 0.0)

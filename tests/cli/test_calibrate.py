@@ -224,3 +224,15 @@ def test_a_plan_of_an_arm_with_other_names_is_read_back(run: Run, tmp_path: Path
     arm.write_text(text)
     run("calibrate", "plan", "--robot", arm, "--points", "12", "--output", plan)
     assert plan.read_text().startswith("joint_1,joint_2,joint_3,joint_4,joint_5,joint_6,x,y,z\n")
+
+
+def test_a_kind_of_file_that_cannot_be_written_is_said_with_the_option_that_can(
+    run: Run, robot: Robot, tmp_path: Path
+) -> None:
+    arm, measured = tmp_path / "arm.urdf", tmp_path / "m.csv"
+    arm.write_text((URDF / "j2n6s300.urdf").read_text())
+    q = robot.sample(np.random.default_rng(0), 20)
+    rows = np.hstack([q, [robot.forward_kinematics(row).translation for row in q]])
+    np.savetxt(measured, rows, delimiter=",", header="q1,q2,q3,q4,q5,q6,x,y,z", comments="", fmt="%.17g")
+    answer = run("calibrate", measured, "--robot", arm, "--sigma", "3e-4", "--mjcf", tmp_path / "arm.xml", code=2)
+    assert answer.err.endswith("is a URDF: --urdf writes it\n")

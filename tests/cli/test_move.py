@@ -12,6 +12,7 @@ import jacokin
 from jacokin import Robot
 from jacokin.motion import Trajectory
 from tests.cli.run import Run
+from tests.robot_files import CRANE
 
 BLOCK = "- {shape: box, name: block, size: [0.2, 0.2, 0.2], position: [0.3, -0.2, 0.5]}\n"
 
@@ -48,6 +49,18 @@ def test_degrees_go_in_and_out(robot: Robot, run: Run) -> None:
     document = run(*words).document
     np.testing.assert_allclose(document["q_end"], end, atol=1e-9)
     assert document["angle_unit"] == "deg"
+
+
+@pytest.mark.parametrize("command", ["move", "plan", "track", "teleop"])
+def test_a_rail_is_not_written_in_degrees(command: str, run: Run, tmp_path: Path) -> None:
+    crane, path = tmp_path / "crane.urdf", tmp_path / "path.csv"
+    crane.write_text(CRANE, encoding="utf-8")
+    path.write_text("x,y,z,qw,qx,qy,qz\n0.3,0,0.5,1,0,0,0\n0.3,0,0.6,1,0,0,0\n", encoding="utf-8")
+    words = {"move": ("--to", "0", "0.5", "0"), "teleop": ("--fast", "--seconds", "1")}.get(command, ("--path", path))
+    for name in ("motion.kinova.csv", "motion.kinova.json"):
+        said = run(command, *words, "--robot", crane, "--output", tmp_path / name, code=2).err
+        assert said == f"jacokin: --output {name}: Kinova's files hold angles, and slide slides\n"
+        assert not (tmp_path / name).exists()
 
 
 def test_no_way_says_what_touches(tmp_path: Path, run: Run) -> None:

@@ -11,8 +11,9 @@ import jacokin
 from jacokin import Robot, reachability
 from jacokin.ik import Scene
 from jacokin.model import quat_wxyz, urdf_folder
-from jacokin.reachability import load
+from jacokin.reachability import ReachabilityMap, load
 from tests.cli.run import Run
+from tests.robot_files import ur5_text
 
 
 @pytest.mark.slow
@@ -101,6 +102,24 @@ def test_a_base_is_placed(robot: Robot, run: Run, tmp_path: Path) -> None:
     answer = run("place", "--targets", tmp_path / "targets.csv", "--json")
     assert answer.document["places"][0]["reached"] == 10
     assert answer.document["places"][0]["yaw"] == 0.0  # any would do: joint 1 turns freely
+
+
+def test_the_map_is_that_of_the_robot(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "targets.csv").write_text("x,y,z,qw,qx,qy,qz\n0.3,0.2,0.3,0,1,0,0\n", encoding="utf-8")
+    own = tmp_path / "ur5.urdf"
+    own.write_text(ur5_text(), encoding="utf-8")
+    words = ("place", "--targets", str(tmp_path / "targets.csv"), "--robot")
+    said = run(*words, own, code=2).err
+    assert f"--map is needed: no map of {own} comes with the package; `jacokin map build FOLDER --robot ...`" in said
+
+    def place(reach: ReachabilityMap, *_: object, **__: object) -> tuple[()]:
+        placed.append(reach.robot.name)
+        return ()
+
+    placed = list[str]()
+    monkeypatch.setattr(reachability, "place_base", place)
+    run(*words, "j2s7s300", code=2)
+    assert placed == ["j2s7s300"]
 
 
 def test_a_pose_that_is_asked_for_is_reached_or_not(run: Run, tmp_path: Path) -> None:

@@ -14,6 +14,8 @@ import jacokin
 from jacokin import Robot
 from jacokin.motion import move_joints
 from tests.cli.run import Run
+from tests.gripper_arms import panda_text
+from tests.robot_files import load_text, urdf_text
 
 
 @pytest.fixture
@@ -39,6 +41,19 @@ def test_a_latency_that_was_given_wrongly_is_said(run: Run, file: Path) -> None:
     assert "latency    0.20 s measured, but 0.05 s given: leave out --latency, or give 0.20" in wrong.out
     for words in ((), ("--latency", "0.2")):
         assert "latency    0.20 s\n" in run(*late, *words).out
+
+
+def test_the_simulated_arm_is_a_jaco_whatever_the_robot_is(run: Run, file: Path, tmp_path: Path) -> None:
+    panda = load_text(tmp_path / "panda.urdf", panda_text())
+    move_joints(panda, panda.home, panda.home + 0.1).save(tmp_path / "panda.csv")
+    said = run("run", tmp_path / "panda.csv", "--robot", tmp_path / "panda.urdf", "--twin", code=2).err
+    assert said == "jacokin: --twin moves a simulated j2n6s300 of 6 joints, and panda has 7\n"
+    own = tmp_path / "own.urdf"
+    own.write_text(urdf_text(), encoding="utf-8")
+    assert (
+        "note: --twin moves a simulated j2n6s300, whatever j2n6s300 is"
+        in run("run", file, "--robot", own, "--twin").err
+    )
 
 
 def test_an_open_loop_is_told_apart(run: Run, file: Path) -> None:

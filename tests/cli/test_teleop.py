@@ -23,6 +23,7 @@ from jacokin import Robot
 from jacokin.motion import Trajectory
 from jacokin.teleop import make_stream
 from tests.cli.run import Answer, Run, running
+from tests.robot_files import CRANE
 
 
 def test_a_recorded_hand_leads_the_arm_to_where_it_ends(robot: Robot, run: Run, tmp_path: Path) -> None:
@@ -52,6 +53,15 @@ def test_a_hand_that_is_never_caught_up_with_ends_with_one(run: Run) -> None:
 def test_other_arms_are_led(run: Run, name: str) -> None:
     answer = run("teleop", "--robot", name, "--stream", "smooth", "--fast", "--seconds", "1")
     assert "kept in every tick" in answer.out
+
+
+def test_an_arm_without_shapes_is_led_and_that_is_said(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "crane.urdf").write_text(CRANE, encoding="utf-8")
+    words = ("teleop", "--robot", str(tmp_path / "crane.urdf"), "--fast", "--seconds", "0.5")
+    answer = run(*words, code=(0, 1))
+    assert answer.err == "jacokin: note: the description has no collision shapes: contact is not looked for\n"
+    assert "limits            kept in every tick" in answer.out
+    assert "no distance can be measured" in run(*words, "--clearance", "0.01", code=2).err
 
 
 def test_a_task_gives_its_reward(run: Run) -> None:

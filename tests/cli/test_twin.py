@@ -32,6 +32,7 @@ def test_without_ros_it_says_what_to_install(
         (("--fast",), "--ros"),
         (("--ros", "3"), "'1', '2'"),
         (("--ros", "1", "--robot", "gen3"), "j2n6s300"),
+        (("--ros", "1", "--robot", "my/panda.urdf"), "--robot: unknown robot 'my/panda.urdf'. Valid: j2n6s300"),
         (("--ros", "1", "--faults", "lag"), "lag=0.02,loss=0.01"),
         (("--ros", "1", "--faults", "delay=1"), "lag, loss, stall"),
         (("--ros", "1", "--from", "0", "0", "0", "0", "0", "0"), "outside the limits"),

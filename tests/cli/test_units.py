@@ -130,7 +130,7 @@ def test_refusals_are_in_degrees_too(run: Run, waypoints: str) -> None:
     refused = run("ik", *POSE, "--free-axis", "z", "--free-range", "10", "-10", "--degrees", code=2).err
     assert "got 10 to -10 deg" in refused
     held = run("fk", *start, "--degrees", "--finger-angle", "9", code=2).err
-    assert "9.0 rad: the fingers move from 0.15 to 1.35 rad" in held  # the option is in radians
+    assert "= 9.0: the fingers move from 0.15 to 1.35 rad" in held  # the option is in radians
 
 
 def test_notes_of_paths_are_in_degrees_too(run: Run, waypoints: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from jacokin import Robot
 from jacokin.errors import InvalidInputError
 from jacokin.model import NAMES, urdf_folder
 from jacokin.model.descriptions.bundled import JACOS
+from tests.gripper_arms import panda_text
 from tests.robot_files import load_text, torso_text, ur5_text
 
 
@@ -45,6 +47,16 @@ def test_every_frame_agrees_with_mujoco(
     assert ("hand" in compared) == (name not in ("gen3", "gen3_6dof"))
     assert ("gripsite" in compared) == (name in JACOS)
     assert ("pinchsite" in compared) == name.endswith("300")
+
+
+def test_masses_that_are_not_given_are_said(tmp_path: Path) -> None:
+    """Two engines agree that nothing weighs anything, which says nothing of an arm."""
+    weighing = load_text(tmp_path / "panda.urdf", panda_text())
+    weightless = load_text(tmp_path / "bare.urdf", re.sub("<inertial>.*?</inertial>", "", panda_text()))
+    assert jacokin.crosscheck(weighing, samples=5).notes == ()
+    for arms in ((weightless,), (weighing, weightless), (weightless, weighing)):
+        (note,) = jacokin.crosscheck(*arms, samples=5).notes
+        assert note == "panda (urdf) gives no masses: its mass matrix and torques are zero"
 
 
 def test_absurd_requests_are_refused(robot: Robot) -> None:

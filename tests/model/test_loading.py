@@ -17,9 +17,10 @@ import jacokin
 import jacokin.model
 from jacokin import Robot
 from jacokin.errors import InvalidInputError, ModelError, UnknownNameError
-from jacokin.model import SelfContact, urdf_folder
+from jacokin.model import Floor, Scene, SelfContact, urdf_folder
 from jacokin.model.robot import fingerprint
-from tests.robot_files import SCENE, skeleton, urdf_text
+from tests.gripper_arms import panda_text
+from tests.robot_files import SCENE, load_text, skeleton, ur5_text, urdf_text
 
 KEYFRAME = '<keyframe><key name="home" qpos="{}"/></keyframe></mujoco>'
 HOME = "1 1 1 1 0 0 0 0.5 0.2 0.05 0.3 0.2 0.2"
@@ -196,6 +197,18 @@ def test_coupled_arm_joints_are_refused(tmp_path: Path, scene: Path) -> None:
 def test_fingers_take_only_angles_they_have() -> None:
     with pytest.raises(InvalidInputError, match="the fingers move from 0.15 to 1.35 rad"):
         jacokin.load_robot(finger_angle=100.0)
+
+
+def test_fingers_that_slide_and_arms_without_any_are_told_apart(tmp_path: Path) -> None:
+    with pytest.raises(InvalidInputError, match=r"finger_angle = 0.5: the fingers move from 0.0 to 0.04 m$"):
+        load_text(tmp_path / "panda.urdf", panda_text(), finger_angle=0.5)
+    with pytest.raises(InvalidInputError, match=r"finger_angle = 0.5: it has no fingers$"):
+        load_text(tmp_path / "ur5.urdf", ur5_text(), finger_angle=0.5)
+    with pytest.raises(InvalidInputError, match="it has no fingers"):
+        jacokin.load_robot("gen3", finger_angle=0.0)
+    panda = load_text(tmp_path / "panda.urdf", panda_text())
+    with pytest.raises(InvalidInputError, match=r"from 0.0 to 0.04 m$"):
+        panda.clearance(panda.home, Scene([Floor(-1.0)], finger_angle=0.5))
 
 
 @pytest.fixture

@@ -372,6 +372,14 @@ def standing(
     return found
 
 
+def range_of_fingers(allowed: Sequence[tuple[float, float, str]]) -> str:
+    """In words, from where to where joints off the arm move: the first of some ranges, with its unit."""
+    if not allowed:
+        return "it has no fingers"
+    low, high, unit = allowed[0]
+    return f"the fingers move from {low} to {high} {unit}"
+
+
 def _check_place(what: str, placement: pin.SE3) -> None:
     """Refuse a place that is not finite, or so far from the joint before it that rounding exceeds every tolerance."""
     if not np.abs(placement.homogeneous).max() <= 1e6:

@@ -429,5 +429,5 @@ def test_some_masses_that_are_missing_are_said(tmp_path: Path) -> None:
     text = arm_text(head=">")
     path.write_text(text[: text.rindex("<inertial>")] + text[text.rindex("</inertial>") + len("</inertial>") :])
     robot = jacokin.load_robot(path)
-    assert any("no masses for what j1 carry" in note for note in robot.notes)
+    assert any("no masses between j1 and the next joint" in note for note in robot.notes)
     assert np.isfinite(robot.gravity([0.1, 0.2])).all()
