@@ -264,11 +264,9 @@ class TickSolver:
         """
         work = self._work
         low, high = self.room
-        hessian = self.hessian
-        wanted = -hessian @ work.total  # without directions that are not worth while
-        total = qp.minimize(hessian, wanted, self.inequalities, np.maximum(low, -FAR), np.minimum(high, FAR))
-        gained = -float(work.problem.gradient @ total)
-        work.total[:] = total * worthwhile(gained, float(work.problem.worth[0]))
+        hessian, gradient = self.hessian, work.problem.gradient.copy()
+        total = qp.minimize(hessian, gradient, self.inequalities, np.maximum(low, -FAR), np.minimum(high, FAR))
+        work.total[:] = total * worthwhile(-float(gradient @ total), float(work.problem.worth[0]))
 
     def measure(self, q: Array, arm: JointState, tasks: Tasks, *, goes: bool) -> Report:
         """Measure where the arm is.
