@@ -108,11 +108,12 @@ class Manifold:
         lower, upper = self.window_near(u, found)
         within = np.clip(found, lower, upper)
         beyond = np.abs(within - found)
-        if self.has_curves:
+        held = np.zeros(x.shape, dtype=np.bool_)
+        for _ in self.parameters:  # on surfaces, one that is held may lead another one past its limit
             rows = np.flatnonzero(((beyond > self._snap).any(axis=1)) & (beyond.max(axis=1) < 0.1))
             if rows.size:
-                held = beyond[rows] > 0.0
-                found[rows], worst[rows] = self.chain.close(within[rows], goal.some(rows), held)
+                held[rows] |= beyond[rows] > 0.0
+                found[rows], worst[rows] = self.chain.close(within[rows], goal.some(rows), held[rows])
                 within[rows] = np.clip(found[rows], lower[rows], upper[rows])
                 beyond = np.abs(within - found)
         good = (worst <= CLOSURE) & (beyond.max(axis=1) <= self._snap)
