@@ -27,6 +27,10 @@ from jacokin.model import angles
 ORIENTATIONS = 200
 #: Members that are enough.
 ENOUGH = 5
+#: Where poses have curves, whose members take longer to find, so many starts come before: on the way from the seed to
+#: random configurations, farther and farther away.
+ASIDE = 16
+SHARES = np.arange(1, ASIDE + 1) / (ASIDE + 1)
 
 #: Numbers of a pose, and of one that may turn about an axis, which fewer joints cannot all meet.
 POSE_NUMBERS, AXIS_NUMBERS = 6, 5
@@ -201,13 +205,16 @@ class LocalSearch:
         return q if self._verifier.reached(q, self._verifier.measure(q, target)) else None
 
     def _starts(self, request: Request, first: list[Array]) -> Iterator[Array]:
-        """First ones, then configurations that reach a position with some orientation, then random ones."""
+        """First ones, then beside the seed, then configurations that reach a position somehow, then random ones."""
         yield from first[: 1 + request.restarts]
         left = 1 + request.restarts - len(first)
+        rng = request.generator()
         if left > 0 and request.target.position_only and self._nearest is not None:
+            if self._robot.dof > POSE_NUMBERS:
+                for q, share in zip(seeds.random_configurations(self._robot, ASIDE, rng), SHARES, strict=True):
+                    yield request.seed + share * (q - request.seed)
             rotation = self._verifier.tool_pose(request.seed).rotation
             yield from members(self._nearest, request.target.position, rotation, request.seed)
-        rng = request.generator()
         for _ in range(left):
             yield seeds.random_configurations(self._robot, 1, rng)[0]
 

@@ -47,13 +47,14 @@ class TurnedSearch:
         if found is not None and not self._is_unwanted(found):
             return found
         first = target.nearest_angle(members.parameter(seed))
-        angles = _angles(target, first)
-        tried = [self._at(request, angle) for angle in angles]
-        reached = [result for result in tried if result is not None]
-        clear = [result for result in reached if not self._is_unwanted(result)]
-        if clear:
-            costs = with_ties(request.cost, seed)(np.array([result.q for result in clear]))
-            return clear[int(np.argmin(costs))]
+        angles, reached = _angles(target, first), list[IKResult]()
+        for look in ([] if request.cost else [self._nearest_at]) + [self._at]:  # the former takes much less time
+            tried = [look(request, angle) for angle in angles]
+            reached = [result for result in tried if result is not None]
+            clear = [result for result in reached if not self._is_unwanted(result)]
+            if clear:
+                costs = with_ties(request.cost, seed)(np.array([result.q for result in clear]))
+                return clear[int(np.argmin(costs))]
         if found is not None or reached:
             return found or reached[0]
         outcome = Outcome(Status.NO_CONVERGENCE, f"reached at none of {len(angles)} angles about the axis")
@@ -68,6 +69,17 @@ class TurnedSearch:
         candidates = (members.candidate(each, members.parameter(each))._replace(effort=effort) for each in (q, end.q))
         return verifier.select(candidates, request, "the configuration that was found is in contact")
 
+    def _nearest_at(self, request: Request, angle: float) -> IKResult | None:
+        """The member that is nearest to the seed of the curves at an angle; None where only all of them can tell."""
+        turned = request.target.at(angle)
+        member = self._at_poses.nearest(turned, request.seed)
+        if member is None:
+            return None
+        candidates = iter([self._at_poses.members(turned, request.seed).candidate(*member)])
+        return self._told(
+            self._verifier.select(candidates, request, "the nearest member is in contact"), request, angle
+        )
+
     def _at(self, request: Request, angle: float) -> IKResult | None:
         """The member of the least cost of the curves at an angle; None for none."""
         target = request.target
@@ -76,9 +88,13 @@ class TurnedSearch:
             return None
         candidates = found.candidates(request.cost, several=self._verifier.avoids_contact)
         result = self._verifier.select(candidates, request, "every member that was tried is in contact; the best one")
+        return self._told(result, request, angle)
+
+    def _told(self, result: IKResult | None, request: Request, angle: float) -> IKResult | None:
+        """What was found at an angle about the axis, with that."""
         if result is None:
             return None
-        angle = target.nearest_angle(angle)
+        angle = request.target.nearest_angle(angle)
         return replace(result, parameter=angle, message=f"at {angle:.6g} rad about the axis, {result.message}")
 
     def _is_unwanted(self, result: IKResult) -> bool:
