@@ -31,12 +31,14 @@ from jacokin.ik.targets import TargetPose
 from jacokin.ik.verification import Verifier
 from jacokin.kernels.branches import COLUMNS, DISTANCE, FAMILY, ORIENTATION_ERROR, POSITION_ERROR
 from jacokin.kernels.tolerances import LIMIT_SNAP
-from jacokin.model import checks, kinematics
+from jacokin.model import checks
 from jacokin.model.angles import TURN
 from jacokin.model.kinematics import axis_of
 
 STANDS = 0.03  # [rad] of a joint that should stand at zero: from there on Newton's method decides
 SAME = 1e-7  # [rad] configurations nearer than that are one
+LOCAL = pin.ReferenceFrame.LOCAL
+DAMPING = 1e-14 * np.eye(SIX)  # [m^2] of steps at singular poses
 
 #: Where joints that stand at zero are: turned by [rad], moved by [lengths of the arm]. Any generic numbers will do.
 ANYWHERE = (
@@ -108,7 +110,19 @@ class VirtualJoints:
         free_joint: as `PointsOfFew` has it.
     """
 
-    __slots__ = ("_form", "_lower", "_position_only", "_real", "_sign", "_still", "_upper", "_verifier", "free_joint")
+    __slots__ = (
+        "_form",
+        "_frame",
+        "_lower",
+        "_model",
+        "_position_only",
+        "_real",
+        "_sign",
+        "_still",
+        "_upper",
+        "_verifier",
+        "free_joint",
+    )
 
     def __init__(self, verifier: Verifier, axis: Array | None, *, position_only: bool, limit_snap: float) -> None:
         """Build the chain of six and prepare its closed form: a tenth of a second.
@@ -138,8 +152,8 @@ class VirtualJoints:
         lower = np.concatenate([robot.lower[: self._real], -unbounded])
         upper = np.concatenate([robot.upper[: self._real], unbounded])
         self._lower, self._upper = robot.lower.tolist(), robot.upper.tolist()
-        model, frame_id = self._chain(virtual)
-        self._form = ClosedForm(model, frame_id, None, lower, upper, limit_snap=limit_snap)
+        self._model, self._frame = self._chain(virtual)
+        self._form = ClosedForm(self._model, self._frame, None, lower, upper, limit_snap=limit_snap)
 
     def measured_by(self, verifier: Verifier) -> VirtualJoints:
         """This chain for another solver of the same arm, frame and tool."""
@@ -196,10 +210,12 @@ class VirtualJoints:
         row[free:SIX] = [0.0] * self._still
         if stood < 1e-10:  # [rad] of such a joint: nothing to correct
             return True
-        q = np.array(row[:SIX])
+        q, data = np.array(row[:SIX]), self._model.createData()
         for _ in range(8):  # of Newton's method
-            error, jacobian = _error_and_jacobian(self._form.chain, q, T)
-            step = np.linalg.lstsq(jacobian[:, :free], error, rcond=None)[0]
+            pin.computeJointJacobians(self._model, data, q)
+            error = self._error(data, T)
+            jacobian = pin.getFrameJacobian(self._model, data, self._frame, LOCAL)[:, :free]
+            step = np.linalg.solve(jacobian.T @ jacobian + DAMPING[:free, :free], jacobian.T @ error)
             q[:free] += step
             if np.abs(step).max() < 1e-7:  # [rad] after which it ends: the next one would be rounding
                 break
@@ -207,12 +223,19 @@ class VirtualJoints:
         real = q[: self._real]
         onto = real.clip(lower, upper)
         real[:] = np.where(np.abs(onto - real) < LIMIT_SNAP, onto, real)
-        error, _ = _error_and_jacobian(self._form.chain, q, T)
+        pin.forwardKinematics(self._model, data, q)
+        error = self._error(data, T)
         row[:SIX], row[SIX : SIX + self._real] = q.tolist(), np.minimum(real - lower, upper - real).tolist()
         row[POSITION_ERROR], row[ORIENTATION_ERROR] = math.hypot(*error[:3]), math.hypot(*error[3:])
         options = self._verifier.options
         near = row[POSITION_ERROR] <= options.position_tolerance
         return near and row[ORIENTATION_ERROR] <= options.orientation_tolerance
+
+    def _error(self, data: pin.Data, T: Array) -> Array:
+        """What is missing of a pose (6,) where the chain's joints are placed [m and rad], in the axes of the tool."""
+        placed: pin.SE3 = pin.updateFramePlacement(self._model, data, self._frame)
+        R = placed.rotation.T
+        return np.concatenate([R @ (T[:3, 3] - placed.translation), pin.log3(R @ T[:3, :3])])
 
     def _last_along(self, axis: Array) -> float:
         """Whether the last joint turns about the free axis (3,) itself: 1.0, against it -1.0, or not 0.0."""
@@ -267,9 +290,3 @@ def _different(made: list[tuple[list[float], float]]) -> list[tuple[list[float],
 def _is_same(row: list[float], other: list[float]) -> bool:
     """Whether two rows have one configuration."""
     return all(abs(math.remainder(a - b, TURN)) < SAME for a, b in zip(row[:SIX], other[:SIX], strict=True))
-
-
-def _error_and_jacobian(chain: Array, q: Array, T: Array) -> tuple[Array, Array]:
-    """Error (6,), linear [m] and as a rotation vector [rad], and the Jacobian (6, 6) of a chain of six at q (6,)."""
-    (placed,), (jacobian,) = kinematics.frames(kinematics.turning_arm(chain), q[np.newaxis])
-    return np.concatenate([T[:3, 3] - placed[:3, 3], pin.log3(T[:3, :3] @ placed[:3, :3].T)]), jacobian
