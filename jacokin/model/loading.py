@@ -50,8 +50,9 @@ def load_robot(
         base: frame in which poses are expressed. None: the root link of a URDF, the world of an MJCF.
         tip: frame at the end of the arm, and its default frame. None: the arm ends where the tree branches (into
             fingers), and its default frame is the end effector there.
-        finger_angle: where joints off the arm are locked [rad], or [m] where they slide. None: open for bundled robots
-            (0.15, of the gen3_lite -0.96), the reference position clipped into the limits for a user's file.
+        finger_angle: where joints off the arm are locked, if there are any [rad], or [m] where they slide. None: open
+            for bundled robots (0.15, of the gen3_lite -0.96), the reference position clipped into the limits for a
+            user's file.
         limits: a user's own limits (lower, upper) [rad] by joint name, in place of those of the file.
         package_dirs: folders that hold the packages of package:// meshes, searched before ROS_PACKAGE_PATH and the
             folders above the file. Kinematics needs no meshes; self-contact does.
@@ -73,7 +74,7 @@ def load_robot(
     Raises:
         UnknownNameError: no such bundled robot, frame or joint.
         InvalidInputError: limits, velocity limits, locked joints or a home malformed or out of the limits, or a finger
-            angle that no finger can take, or of an arm without fingers.
+            angle that no finger can take.
         ModelError: the file is missing, malformed, or holds no such arm; the calibration is damaged or another arm's;
             the SRDF cannot be read, or the robot is an MJCF or a bundled one, which exclude pairs themselves.
     """
@@ -378,7 +379,7 @@ def _check_fingers(full: pin.Model, model: pin.Model, finger_angle: float) -> No
         for joint, name in enumerate(full.names)
         if full.joints[joint].nq == 1 and full.joints[joint].nv == 1 and name not in arm and name != "universe"
     ]
-    if not any(low <= finger_angle <= high for low, high, _ in allowed):
+    if allowed and not any(low <= finger_angle <= high for low, high, _ in allowed):
         raise InvalidInputError(f"finger_angle = {finger_angle}: {chain.range_of_fingers(allowed)}")
 
 
