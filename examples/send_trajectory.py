@@ -613,6 +613,34 @@ class Ros1Controller:
         self._rospy.signal_shutdown("done")
 
 
+class Undisturbed:
+    """Within it interruptions wait: ROS 2 makes other errors of what is raised in its midst."""
+
+    def __init__(self) -> None:
+        """Nothing has come."""
+        self._is_inside, self._came = False, ""
+
+    def __enter__(self) -> None:
+        """Begin."""
+        self._is_inside = True
+
+    def __exit__(self, *_: object) -> None:
+        """End, and be interrupted by what came."""
+        self._is_inside = False
+        self.interrupt()
+
+    def interrupt(self, name: str = "") -> None:
+        """Be interrupted by a signal, now or at the end."""
+        came, self._came = name or self._came, ""
+        if came and self._is_inside:
+            self._came = came
+        elif came:
+            raise KeyboardInterrupt(came)
+
+
+UNDISTURBED = Undisturbed()
+
+
 class Ros2Controller:
     """A controller of ROS 2, by rclpy."""
 
@@ -641,7 +669,8 @@ class Ros2Controller:
         """See `Controller`."""
         end = time.monotonic() + seconds
         while time.monotonic() < end:
-            self._rclpy.spin_once(self._node, timeout_sec=max(0.0, end - time.monotonic()))
+            with UNDISTURBED:
+                self._rclpy.spin_once(self._node, timeout_sec=max(0.0, end - time.monotonic()))
 
     def listens(self) -> bool:
         """See `Controller`."""
@@ -777,7 +806,7 @@ def interrupt(number: int, _: object) -> None:
     """Stop as Ctrl-C does, once: what stops the arm is not interrupted."""
     for each in SIGNALS:
         signal.signal(each, signal.SIG_IGN)
-    raise KeyboardInterrupt(signal.Signals(number).name)
+    UNDISTURBED.interrupt(signal.Signals(number).name)
 
 
 def main() -> None:

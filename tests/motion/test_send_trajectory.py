@@ -106,6 +106,24 @@ def test_ctrl_c_ends_with_zero(rows: tuple[list[list[float]], list[list[float]]]
     assert arm.sent[-1][1] == [0.0] * 6
 
 
+def test_interruptions_in_the_midst_of_ros_come_after_it() -> None:
+    """What is raised in a callback of rclpy ends as another error, without a word of the arm."""
+    held, passed = send_trajectory.Undisturbed(), list[str]()
+
+    def spin() -> None:
+        with held:
+            held.interrupt("SIGTERM")
+            passed.append("the end")
+
+    with pytest.raises(KeyboardInterrupt, match="SIGINT"):
+        held.interrupt("SIGINT")
+    with pytest.raises(KeyboardInterrupt, match="SIGTERM"):
+        spin()
+    assert passed
+    with held:  # once is enough
+        pass
+
+
 def test_an_arm_that_goes_on_is_waited_for(rows: tuple[list[list[float]], list[list[float]]]) -> None:
     """The last rows come late: how far the arm ends is read once it stands."""
     arm, late = Faulty(rows[0][0]), deque[tuple[float, list[float]]]()
