@@ -38,7 +38,6 @@ from jacokin.model.kinematics import axis_of
 STANDS = 0.03  # [rad] of a joint that should stand at zero: from there on Newton's method decides
 SAME = 1e-7  # [rad] configurations nearer than that are one
 LOCAL = pin.ReferenceFrame.LOCAL
-DAMPING = 1e-14 * np.eye(SIX)  # [m^2] of steps at singular poses
 
 #: Where joints that stand at zero are: turned by [rad], moved by [lengths of the arm]. Any generic numbers will do.
 ANYWHERE = (
@@ -215,7 +214,7 @@ class VirtualJoints:
             pin.computeJointJacobians(self._model, data, q)
             error = self._error(data, T)
             jacobian = pin.getFrameJacobian(self._model, data, self._frame, LOCAL)[:, :free]
-            step = np.linalg.solve(jacobian.T @ jacobian + DAMPING[:free, :free], jacobian.T @ error)
+            step = np.linalg.lstsq(jacobian, error, rcond=None)[0]
             q[:free] += step
             if np.abs(step).max() < 1e-7:  # [rad] after which it ends: the next one would be rounding
                 break
