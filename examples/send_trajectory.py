@@ -24,6 +24,7 @@ Send velocities to kinova-ros, not goals. Its controller measures nothing: it pl
 from __future__ import annotations
 
 import argparse
+import contextlib
 import csv
 import importlib
 import importlib.util
@@ -51,6 +52,7 @@ STANDING = 0.1  # [deg] that an arm at rest moves from one look to the next, BEH
 ZEROS = 5  # messages that end it
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 SUCCEEDED = 4  # of action_msgs/GoalStatus, ROS 2
+OVER = b"over\n"  # what `Guard` is told when a goal needs it no more
 NOT_OURS = "not a .kinova.csv file of jacokin"
 DRIVER_DIES = (
     "the driver of kinova-ros dies of a cancelled goal (issue 191): start it again, which opens the fingers; "
@@ -433,26 +435,48 @@ class Guard:
         except BrokenPipeError:
             raise StoppedError("the process that would cancel the goal ended") from None
 
+    def dismiss(self) -> None:
+        """The goal needs it no more: it leaves ROS.
+
+        One that is killed stays registered at the master of ROS 1. A driver asks at the addresses of all who may
+        cancel, and hangs in a talk with itself once the port of one that is gone is given to it.
+        """
+        with contextlib.suppress(BrokenPipeError):  # it has ended
+            self._told.write(OVER)
+
     def close(self) -> None:
-        """End it: the goal needs it no more."""
+        """Wait until it has left, or end it."""
+        self.dismiss()
         with self._process:
-            self._process.kill()
+            try:
+                self._process.wait(DEATH)
+            except subprocess.TimeoutExpired:
+                self._process.kill()
 
 
 def guard(version: int, action: str) -> None:
     """Cancel a goal once nothing comes on standard input for some time, or never will; `Guard` is at its other end."""
     for each in SIGNALS:
         signal.signal(each, signal.SIG_IGN)
-    canceller = (Ros1Canceller if version == 1 else Ros2Canceller)(action)
-    wait_for(canceller.listens, "no controller listens to cancelled goals", WallClock())
-    print("ready", flush=True)
     told = open(0, "rb", buffering=0, closefd=False)  # noqa: SIM115 (standard input)
-    goal = told.readline().decode().strip()
-    if goal:
-        while select.select([told], [], [], SILENCE)[0] and told.read(1 << 16):
-            pass
-        canceller.cancel(goal)
-        print("the process that sent the goal is gone, or hangs: the goal was cancelled", file=sys.stderr)
+
+    def hears(seconds: float) -> bool:
+        return bool(select.select([told], [], [], seconds)[0])
+
+    canceller = (Ros1Canceller if version == 1 else Ros2Canceller)(action)
+    try:
+        wait_for(lambda: canceller.listens() or hears(0.0), "no controller listens to cancelled goals", WallClock())
+        if not hears(0.0):
+            print("ready", flush=True)
+        said = told.readline()
+        goal = said.decode().strip()
+        while said and not said.endswith(OVER):
+            said = told.read(1 << 16) if hears(SILENCE) else b""
+        if goal and not said:
+            canceller.cancel(goal)
+            print("the process that sent the goal is gone, or hangs: the goal was cancelled", file=sys.stderr)
+    finally:
+        canceller.close()
 
 
 class Ros1Canceller:
@@ -460,10 +484,10 @@ class Ros1Canceller:
 
     def __init__(self, action: str) -> None:
         """Of an action."""
-        rospy: Any = importlib.import_module("rospy")
+        self._rospy: Any = importlib.import_module("rospy")
         self._messages: Any = importlib.import_module("actionlib_msgs.msg")
-        start_ros1(rospy)
-        self._publisher = rospy.Publisher(f"{action}/cancel", self._messages.GoalID, queue_size=1)
+        start_ros1(self._rospy)
+        self._publisher = self._rospy.Publisher(f"{action}/cancel", self._messages.GoalID, queue_size=1)
 
     def listens(self) -> bool:
         """Whether it would be heard."""
@@ -473,6 +497,10 @@ class Ros1Canceller:
         """Cancel one."""
         self._publisher.publish(id=goal)
         time.sleep(BEHIND)  # the message leaves in another thread
+
+    def close(self) -> None:
+        """Leave ROS."""
+        self._rospy.signal_shutdown("done")
 
 
 class Ros2Canceller:
@@ -502,6 +530,11 @@ class Ros2Canceller:
             if answer.done() and answer.result().return_code != self._type.Response.ERROR_UNKNOWN_GOAL_ID:
                 return
 
+    def close(self) -> None:
+        """Leave ROS."""
+        self._node.destroy_node()
+        self._rclpy.shutdown()
+
 
 def send_goal(message: dict[str, Any], controller: Controller, guardian: Guard, unlimited: list[str]) -> float:
     """Send a goal and wait for its end; returns how far the arm then is from the last point [deg].
@@ -529,7 +562,7 @@ def send_goal(message: dict[str, Any], controller: Controller, guardian: Guard, 
         controller.cancel()
         raise
     finally:
-        guardian.close()
+        guardian.dismiss()
     last = [position + turns[j] for j, position in enumerate(message["points"][-1]["positions"])]
     angles = at_rest(states.angles, states.age, math.tau, clock)
     return math.degrees(farthest(angles, last, math.tau))

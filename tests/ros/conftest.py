@@ -13,7 +13,7 @@ from jacokin.motion import Trajectory, move_joints
 from tests.ros.nodes import Master, MissingRosError, Ros, ros1_with_master, ros2_of_wheels
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def ros1_and_master() -> Iterator[tuple[Ros, Master]]:
     try:
         with ros1_with_master() as both:
@@ -22,7 +22,7 @@ def ros1_and_master() -> Iterator[tuple[Ros, Master]]:
         pytest.skip(str(why))
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def ros1(ros1_and_master: tuple[Ros, Master]) -> Ros:
     """ROS 1 with a master."""
     return ros1_and_master[0]

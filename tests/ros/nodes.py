@@ -15,6 +15,7 @@ import sys
 import sysconfig
 import threading
 import time
+import xmlrpc.client
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -94,6 +95,12 @@ class Ros:
         finally:
             process.kill()
             process.communicate()
+
+    def registered(self) -> set[str]:
+        """The nodes that a master of ROS 1 knows."""
+        with xmlrpc.client.ServerProxy(self.environment["ROS_MASTER_URI"]) as master:
+            answer: Any = master.getSystemState("/tests")
+        return {node for each in answer[2] for _, nodes in each for node in nodes}
 
     def _start(self, script: Path, *words: str) -> subprocess.Popen[str]:
         pipe = subprocess.PIPE

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from jacokin.motion import Trajectory
-from tests.ros.nodes import Ros, free_port, interrupt, lose
+from tests.ros.nodes import Ros, finish, free_port, interrupt, lose
 
 pytestmark = pytest.mark.slow
 HERE = Path(__file__).parent / "ros1"
@@ -122,6 +122,23 @@ def test_a_sender_that_is_killed_or_hangs_has_its_goal_cancelled(
     assert "the goal was cancelled" in errors
     gone = np.abs(np.array(record["angles"]) - np.degrees(motion.q[0])).max()
     assert 0.0 < gone < 0.9 * np.abs(np.degrees(motion.q[-1] - motion.q[0])).max()
+
+
+@pytest.mark.parametrize(
+    ("aside", "number", "status"),
+    [(0.0, None, 0), (5.0, None, 1), (0.0, signal.SIGINT, 1)],
+    ids=["sent", "refused", "interrupted"],
+)
+def test_a_sender_leaves_the_master_as_it_was(
+    ros: Ros, motion: Trajectory, files: Path, aside: float, number: signal.Signals | None, status: int
+) -> None:
+    """Of a node that stays registered the address is given to others, and a driver that asks there may hang."""
+    with ros.arm(HERE / "arm.py", *where(motion, 0, aside)) as arm:
+        before = ros.registered()
+        sender = ros.sending(files / "m.json", *OTHER)
+        ended = finish(sender)[0] if number is None else interrupt(sender, arm, number)[0]
+        assert ended == status
+        assert ros.registered() == before
 
 
 def test_ctrl_c_on_a_goal_of_kinova_ros_says_what_it_does(ros: Ros, motion: Trajectory, files: Path) -> None:
