@@ -86,6 +86,22 @@ def path(name: str, value: object, what: str = "a str or a Path") -> Path:
     return Path(value)
 
 
+def folder(name: str, value: object) -> Path:
+    """A folder that is there.
+
+    Raises:
+        InvalidInputError: not the name of one, or nothing or something else is there.
+    """
+    found = path(name, value, "a folder")
+    try:
+        is_there = found.is_dir()
+    except (OSError, ValueError):  # no folder can have that name
+        is_there = False
+    if not is_there:
+        raise InvalidInputError(f"{name}: there is no folder {str(found)!r}")
+    return found
+
+
 def number(name: str, value: object, unit: str = "") -> float:
     """A finite number.
 
