@@ -335,10 +335,7 @@ def vector(name: str, value: ArrayLike, size: int, unit: str) -> Array:
         return value
     if is_listed(value, size):
         return np.array(value, dtype=np.float64)
-    try:
-        checked = numbers(value)
-    except (TypeError, ValueError) as error:
-        raise refusal(name, f"{size} numbers", value, unit) from error
+    checked = array(name, value, f"{size} numbers", unit)
     if checked.shape != (size,):
         raise InvalidInputError(f"{name} must have shape ({size},){_bracketed(unit)}, got shape {checked.shape}")
     if not np.isfinite(checked).all():
@@ -357,10 +354,7 @@ def vector_or_rows(name: str, value: ArrayLike, size: int, unit: str) -> Array:
         return value
     if is_listed(value, size):
         return np.array(value, dtype=np.float64)
-    try:
-        checked = numbers(value)
-    except (TypeError, ValueError) as error:
-        raise refusal(name, f"{size} numbers, or rows of them", value, unit) from error
+    checked = array(name, value, f"{size} numbers, or rows of them", unit)
     if checked.shape == (size,):
         return vector(name, checked, size, unit)
     if checked.ndim != 2 or checked.shape[1] != size:
