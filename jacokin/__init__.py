@@ -24,22 +24,7 @@ ROOMS = (
     "viewer",
 )
 
-_public, _load, _ = lazy.door(
-    __name__,
-    {
-        "jacokin.errors": ("JacokinError",),
-        "jacokin.ik.results": ("IKResult", "Status"),
-        "jacokin.ik.solver": ("IKSolver", "solve_ik"),
-        "jacokin.kernels.library": ("warmup",),
-        "jacokin.model.comparison": ("crosscheck",),
-        "jacokin.model.loading": ("load_robot",),
-        "jacokin.model.poses": ("FreeAxis", "pose"),
-        "jacokin.model.robot": ("Robot",),
-        "jacokin.motion.free_motion.plan_motion": ("plan_motion",),
-        "jacokin.motion.planning.plan": ("plan_path",),
-        "jacokin.motion.tracking.tracker": ("Tracker",),
-    },
-)
+_public, _load, _ = lazy.door(__name__)
 __all__ = sorted([*_public, "__version__"])
 
 

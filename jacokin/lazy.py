@@ -4,24 +4,25 @@ from __future__ import annotations
 
 import importlib
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
 
-def door(
-    package: str, names_of: Mapping[str, tuple[str, ...]]
-) -> tuple[list[str], Callable[[str], object], Callable[[], list[str]]]:
+def door(package: str) -> tuple[list[str], Callable[[str], object], Callable[[], list[str]]]:
     """The `__all__`, `__getattr__` and `__dir__` of a package that imports nothing until it is asked.
 
-    The stub beside the package imports the same names, for type checkers.
+    What is public, and where it comes from, stands in the stub beside the package, where type checkers read it, too:
+    `from jacokin.model.scene import Scene as Scene`, one name a line.
 
     Args:
         package: name of the package, its `__name__`.
-        names_of: module, and the public names that come from it; the package itself, and modules of it.
 
     Returns:
         The sorted public names; a function that loads one of them; a function that lists them.
     """
-    module_of = {name: module for module, names in names_of.items() for name in names}
+    stub = f"{sys.modules[package].__path__[0]}/__init__.pyi"
+    with open(stub, encoding="utf-8") as lines:  # noqa: PTH123 - pathlib takes longer to load than all of this
+        imports = [line.split() for line in lines if line.startswith("from ")]
+    module_of = {words[-1]: words[1] for words in imports}
     public = sorted(module_of)
 
     def load(name: str) -> object:

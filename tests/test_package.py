@@ -120,7 +120,7 @@ def test_no_layer_imports_a_higher_one(layer: str) -> None:
 
 
 def test_no_modules_import_each_other_in_a_circle() -> None:
-    """Packages count as their ``__init__``, which names its modules as text only: doors are lazy."""
+    """Packages count as their ``__init__``, without the stub beside it that names its modules: doors are lazy."""
     graph = {name: sorted(imports(name)) for name in MODULES}
     finished: set[str] = set()
     for start in graph:

@@ -13,14 +13,4 @@ design            which configurations to measure, and how good the result will 
 
 from jacokin import lazy
 
-__all__, __getattr__, __dir__ = lazy.door(
-    __name__,
-    {
-        "jacokin.calibration.arm_model": ("Prior",),
-        "jacokin.calibration.calibration": ("Calibration", "Comparison", "compare"),
-        "jacokin.calibration.design": ("Accuracy", "plan_measurements", "predict_accuracy"),
-        "jacokin.calibration.estimation": ("calibrate",),
-        "jacokin.calibration.findings": ("Estimate",),
-        "jacokin.calibration.measurements": ("Measurements",),
-    },
-)
+__all__, __getattr__, __dir__ = lazy.door(__name__)

@@ -66,7 +66,8 @@ class ConnectionOptions:
         "--name",
         without=("--twin",),
         metavar="NAME",
-        help="Of the robot in ROS, as kinova_robotName; that of --robot if not given.",
+        help="Of the robot in ROS, as kinova_robotName, and before its joints; that of --robot if not given. Joints of "
+        "a file are named as there without it.",
     )
     states: str | None = option(
         "--states", needs=("--ros",), metavar="TOPIC", help="Of joint states, if it is not the driver's."
@@ -186,7 +187,9 @@ def _link(robot: Robot, way: ConnectionOptions, motion: PlannedMotion | None) ->
     if way.twin:
         return _twin(robot, bundled, way, motion)
     name = way.name or bundled
-    joints = [f"{name}_{joint}" for joint in robot.joint_names]
+    # Kinova's drivers put the name before the joints; another arm has its joints' names from its own description.
+    prefix = "" if robot.source.bundled is None and way.name is None else f"{name}_"
+    joints = [prefix + joint for joint in robot.joint_names]
     if way.forwarder is not None:
         try:
             command = shlex.split(way.forwarder)

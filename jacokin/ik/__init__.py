@@ -26,23 +26,4 @@ c_library                a solver for C programs
 
 from jacokin import lazy
 
-__all__, __getattr__, __dir__ = lazy.door(
-    __name__,
-    {
-        "jacokin.chunks.execution": ("Progress",),
-        "jacokin.ik.batches.chunk": ("FileSummary",),
-        "jacokin.ik.batches.solve_file": ("solve_file",),
-        "jacokin.ik.c_library": ("export_c",),
-        "jacokin.ik.files.csv_files": ("read_targets",),
-        "jacokin.ik.files.targets": ("TargetFile",),
-        "jacokin.ik.results": ("BatchResult", "IKResult", "Status"),
-        "jacokin.ik.solutions.solution_set": ("Interval", "IntervalEnd", "SolutionSet"),
-        "jacokin.ik.solver": ("IKSolver", "solve_ik"),
-        "jacokin.ik.structures": ("Residual", "Structure", "structure"),
-        "jacokin.kernels.library": ("warmup",),
-        "jacokin.model.obstacles": ("Box", "Capsule", "Cylinder", "Floor", "Obstacle", "Sphere"),
-        "jacokin.model.point_cloud": ("PointCloud",),
-        "jacokin.model.poses": ("FreeAxis",),
-        "jacokin.model.scene": ("Scene",),
-    },
-)
+__all__, __getattr__, __dir__ = lazy.door(__name__)

@@ -17,8 +17,9 @@ from pathlib import Path
 import numpy as np
 
 from jacokin import __version__
-from jacokin.errors import InvalidInputError, JacokinError
+from jacokin.errors import InvalidInputError, JacokinError, StructureError
 from jacokin.files import reason, replacing
+from jacokin.ik.fixed_joints import SIX
 from jacokin.ik.solutions import curve_arm
 from jacokin.ik.solver import IKSolver
 from jacokin.kernels import library
@@ -82,7 +83,7 @@ def export_c(solver: IKSolver, folder: str | Path, *, target: str | None = None)
         InvalidInputError: no solver, or one that looks for contact or solves by the QP only; a file cannot be written;
             an unknown target, or one that is asked of an installed package.
         JacokinError: the library of the target cannot be compiled; says what is missing.
-        StructureError: the robot has no closed form.
+        StructureError: the robot has no closed form, or fewer than six joints.
     """
     solver = checks.instance("solver", solver, IKSolver, "an IKSolver")
     folder = checks.path("folder", folder)
@@ -151,7 +152,7 @@ def solver_file(solver: IKSolver) -> bytes:
 
     Raises:
         InvalidInputError: the solver looks for contact, or solves by the QP only, which the C library does not do.
-        StructureError: the robot has no closed form.
+        StructureError: the robot has no closed form, or fewer than six joints.
     """
     robot, verifier = solver.robot, solver.verifier
     options = verifier.options
@@ -159,6 +160,8 @@ def solver_file(solver: IKSolver) -> bytes:
         raise InvalidInputError("the C library does not look for contact; use collision='ignore'")
     if solver.method == "qp":
         raise InvalidInputError("the C library solves by the closed form only; use method='auto'")
+    if robot.dof < SIX:
+        raise StructureError(f"the C library solves arms of six or seven joints; {robot.label} has {robot.dof}")
     at_poses = solver.dimension() == 1
     arm = curve_arm.at_poses(verifier) if at_poses else curve_arm.about_axis(solver.closed_form(), robot)
     kind, chain, constants = arm.constants

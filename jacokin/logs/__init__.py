@@ -11,12 +11,4 @@ rows           where the arm stands still, for `calibrate`; joints smoothed and 
 
 from jacokin import lazy
 
-__all__, __getattr__, __dir__ = lazy.door(
-    __name__,
-    {
-        "jacokin.logs.bag": ("Topic",),
-        "jacokin.logs.log": ("Log", "Recording"),
-        "jacokin.logs.messages": ("JointRecord", "PoseRecord"),
-        "jacokin.logs.rows": ("StandstillRule", "Standstills", "TorqueRows"),
-    },
-)
+__all__, __getattr__, __dir__ = lazy.door(__name__)

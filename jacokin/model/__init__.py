@@ -23,24 +23,4 @@ comparison              how far two descriptions, or Pinocchio and MuJoCo, diffe
 
 from jacokin import lazy
 
-__all__, __getattr__, __dir__ = lazy.door(
-    __name__,
-    {
-        "jacokin.model.comparison": ("CrossCheckReport", "Deviation", "crosscheck"),
-        "jacokin.model.contact": ("SelfContact",),
-        "jacokin.model.contact_observer": ("ContactObserver", "ContactStep"),
-        "jacokin.model.descriptions.bundled": ("DEFAULT_ROBOT", "NAMES", "urdf_folder"),
-        "jacokin.model.dynamics": ("ExternalWrench",),
-        "jacokin.model.gripper": ("Gripper",),
-        "jacokin.model.identification": ("ArmEstimate", "PayloadEstimate", "identify_arm", "identify_payload"),
-        "jacokin.model.loading": ("load_robot",),
-        "jacokin.model.measured_arm": ("MeasuredArm", "MeasuredJoint"),
-        "jacokin.model.mujoco_twin": ("to_mujoco",),
-        "jacokin.model.obstacles": ("Attached", "Box", "Capsule", "Cylinder", "Floor", "Obstacle", "Sphere"),
-        "jacokin.model.point_cloud": ("PointCloud", "depth_points"),
-        "jacokin.model.poses": ("pose", "pose_from_kinova", "pose_to_kinova", "quat_wxyz"),
-        "jacokin.model.robot": ("Robot", "Source"),
-        "jacokin.model.scene": ("Scene",),
-        "jacokin.model.written_descriptions": ("write_mjcf", "write_urdf"),
-    },
-)
+__all__, __getattr__, __dir__ = lazy.door(__name__)

@@ -86,6 +86,22 @@ def path(name: str, value: object, what: str = "a str or a Path") -> Path:
     return Path(value)
 
 
+def folder(name: str, value: object) -> Path:
+    """A folder that is there.
+
+    Raises:
+        InvalidInputError: not the name of one, or nothing or something else is there.
+    """
+    found = path(name, value, "a folder")
+    try:
+        is_there = found.is_dir()
+    except (OSError, ValueError):  # no folder can have that name
+        is_there = False
+    if not is_there:
+        raise InvalidInputError(f"{name}: there is no folder {str(found)!r}")
+    return found
+
+
 def number(name: str, value: object, unit: str = "") -> float:
     """A finite number.
 
@@ -319,10 +335,7 @@ def vector(name: str, value: ArrayLike, size: int, unit: str) -> Array:
         return value
     if is_listed(value, size):
         return np.array(value, dtype=np.float64)
-    try:
-        checked = numbers(value)
-    except (TypeError, ValueError) as error:
-        raise refusal(name, f"{size} numbers", value, unit) from error
+    checked = array(name, value, f"{size} numbers", unit)
     if checked.shape != (size,):
         raise InvalidInputError(f"{name} must have shape ({size},){_bracketed(unit)}, got shape {checked.shape}")
     if not np.isfinite(checked).all():
@@ -341,10 +354,7 @@ def vector_or_rows(name: str, value: ArrayLike, size: int, unit: str) -> Array:
         return value
     if is_listed(value, size):
         return np.array(value, dtype=np.float64)
-    try:
-        checked = numbers(value)
-    except (TypeError, ValueError) as error:
-        raise refusal(name, f"{size} numbers, or rows of them", value, unit) from error
+    checked = array(name, value, f"{size} numbers, or rows of them", unit)
     if checked.shape == (size,):
         return vector(name, checked, size, unit)
     if checked.ndim != 2 or checked.shape[1] != size:

@@ -81,8 +81,10 @@ def load_robot(
     path, name = _resolve(robot)
     checks.optional(checks.instance, "base", base, str, "the name of a frame")
     checks.optional(checks.instance, "tip", tip, str, "the name of a frame")
-    given = checks.listed("package_dirs", package_dirs)
-    folders = tuple(checks.path(f"package_dirs[{k}]", each, "a folder").absolute() for k, each in enumerate(given))
+    folders = tuple(
+        checks.folder(f"package_dirs[{k}]", each).absolute()
+        for k, each in enumerate(checks.listed("package_dirs", package_dirs))
+    )
     finger_angle = checks.optional(checks.number, "finger_angle", finger_angle, "rad")
     described = _read(path, name)
     if name:

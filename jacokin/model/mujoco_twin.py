@@ -488,8 +488,9 @@ def with_masses(robot: Robot) -> mujoco.MjModel:
             replaced[link.get("name", "")] = inertial
             _replace_inertial(link)
     model = _compile(tree, {}, source)
+    bodies = {mjcf.body_name(model, body): body for body in range(model.nbody)}
     for name, inertial in replaced.items():
-        _write_inertial(model, model.body(name).id, inertial)
+        _write_inertial(model, bodies[name], inertial)
     return model
 
 
@@ -509,11 +510,16 @@ def _compile(tree: ET.Element, assets: dict[str, bytes], source: Source) -> mujo
         for limit in element.findall("limit"):
             if limit.get("lower") == limit.get("upper"):  # MuJoCo takes it for none, and would warn on stderr
                 element.remove(limit)
+    renamed = {mjcf.WORLD: mjcf.WORLD_LINK}
+    for way, key in (("link", "name"), ("joint/parent", "link"), ("joint/child", "link")):
+        for element in tree.findall(way):
+            element.set(key, renamed.get(element.get(key, ""), element.get(key, "")))
     try:
         spec = mujoco.MjSpec.from_string(ET.tostring(tree, encoding="unicode"), assets=assets)
         spec.compiler.fusestatic = False
         links = {link.get("name") for link in tree.findall("link")}
-        for first, second in () if source.disabled is None else source.disabled.pairs:
+        for pair in () if source.disabled is None else source.disabled.pairs:
+            first, second = (renamed.get(name, name) for name in pair)
             if first in links and second in links:
                 spec.add_exclude(bodyname1=first, bodyname2=second)
         return spec.compile()

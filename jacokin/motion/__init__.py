@@ -14,38 +14,4 @@ clearance, plot    how far a trajectory stays from a scene; its picture
 
 from jacokin import lazy
 
-__all__, __getattr__, __dir__ = lazy.door(
-    __name__,
-    {
-        "jacokin.motion": ("grasps",),
-        "jacokin.motion.clearance": ("Clearance", "path_clearance"),
-        "jacokin.motion.free_motion.plan_motion": ("plan_motion",),
-        "jacokin.motion.free_motion.plan_pick": ("Pick", "plan_pick"),
-        "jacokin.motion.free_motion.plan_place": ("PutDown", "plan_place"),
-        "jacokin.motion.grasps": ("Grasp",),
-        "jacokin.motion.joint_motion": ("move_joints",),
-        "jacokin.motion.planning.plan": ("plan_path",),
-        "jacokin.motion.plot": ("plot_path",),
-        "jacokin.motion.rows": ("MotionState",),
-        "jacokin.motion.track": ("track_path",),
-        "jacokin.motion.tracking.problem": ("LimitDistance", "Manipulability", "Objective", "Posture"),
-        "jacokin.motion.tracking.steps": ("TrackerStatus", "TrackerStep", "TrackerSummary"),
-        "jacokin.motion.tracking.targets": (
-            "AxisTarget",
-            "JointTarget",
-            "OrientationTarget",
-            "PoseTarget",
-            "PositionTarget",
-            "RegionTarget",
-        ),
-        "jacokin.motion.tracking.tracker": ("Tracker",),
-        "jacokin.motion.trajectory": (
-            "BranchReport",
-            "Goal",
-            "JointMotion",
-            "MotionStatus",
-            "PathResult",
-            "Trajectory",
-        ),
-    },
-)
+__all__, __getattr__, __dir__ = lazy.door(__name__)

@@ -22,42 +22,4 @@ distributions, rewards      random values for initial states; rewards between 0 
 
 from jacokin import lazy
 
-__all__, __getattr__, __dir__ = lazy.door(
-    __name__,
-    {
-        "jacokin.mujoco_bridge": (
-            "base",
-            "cameras",
-            "distributions",
-            "jaco_arm",
-            "jaco_hand",
-            "observations",
-            "props",
-            "rewards",
-            "robots",
-            "workspaces",
-        ),
-        "jacokin.mujoco_bridge.arena": ("Arena",),
-        "jacokin.mujoco_bridge.base": ("DOWN_QUATERNION", "RobotArm", "RobotHand"),
-        "jacokin.mujoco_bridge.control.commands": ("command_joint_positions", "command_site_velocity"),
-        "jacokin.mujoco_bridge.control.initializers": ("PropPlacer", "TcpInitializer", "ToolCenterPointInitializer"),
-        "jacokin.mujoco_bridge.distributions": ("uniform_box",),
-        "jacokin.mujoco_bridge.entity": ("Entity", "ModelWrapperEntity"),
-        "jacokin.mujoco_bridge.jaco_arm": ("JacoArm",),
-        "jacokin.mujoco_bridge.jaco_hand": ("JacoHand",),
-        "jacokin.mujoco_bridge.observables": (
-            "ArraySpec",
-            "JointsObservables",
-            "MJCFFeature",
-            "Observable",
-            "Observables",
-            "observable",
-        ),
-        "jacokin.mujoco_bridge.updater": ("Updater", "observables_of"),
-        "jacokin.mujoco_bridge.observations": ("angles_from_sin_cos",),
-        "jacokin.mujoco_bridge.props.brick": ("Brick",),
-        "jacokin.mujoco_bridge.props.pedestal": ("Cradle", "Pedestal"),
-        "jacokin.mujoco_bridge.props.primitive": ("BoxProp", "Primitive", "large_box"),
-        "jacokin.mujoco_bridge.simulation.physics": ("Physics",),
-    },
-)
+__all__, __getattr__, __dir__ = lazy.door(__name__)

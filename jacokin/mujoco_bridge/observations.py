@@ -136,11 +136,8 @@ def angles_from_sin_cos(sin_cos: ArrayLike, near: ArrayLike | None = None) -> ND
         InvalidInputError: a wrong shape, a value that is not finite, or a pair (0, 0), as in a buffer padded with
             zeros.
     """
-    try:
-        pairs = checks.numbers(sin_cos)
-        reference = None if near is None else checks.numbers(near)
-    except (TypeError, ValueError) as error:
-        raise InvalidInputError(f"sin_cos and near must be numbers: {error}") from None
+    pairs = checks.array("sin_cos", sin_cos, "pairs of numbers (..., 2)")
+    reference = None if near is None else checks.array("near", near, "angles (...)", "rad")
     if pairs.ndim < 1 or pairs.shape[-1] != 2:
         raise InvalidInputError(f"sin_cos must have the shape (..., 2), got {pairs.shape}")
     if not np.isfinite(pairs).all():

@@ -11,13 +11,4 @@ pictures      maps as PNG and as a page that turns them, with the arm and obstac
 
 from jacokin import lazy
 
-__all__, __getattr__, __dir__ = lazy.door(
-    __name__,
-    {
-        "jacokin.reachability.building": ("build",),
-        "jacokin.reachability.folder": ("bundled", "load"),
-        "jacokin.reachability.map": ("ReachabilityMap",),
-        "jacokin.reachability.placement": ("BasePlacement", "place_base"),
-        "jacokin.reachability.samples": ("Grid", "Orientations"),
-    },
-)
+__all__, __getattr__, __dir__ = lazy.door(__name__)

@@ -26,7 +26,8 @@ from jacokin import files
 from jacokin.arrays import Array
 from jacokin.chunks.execution import Progress, checked_executor, reporter, run_jobs, usable_cores
 from jacokin.chunks.folder import RECIPE, ChunkFolder, Keeper, file_digest
-from jacokin.errors import InvalidInputError
+from jacokin.errors import InvalidInputError, StructureError
+from jacokin.ik.fixed_joints import SIX
 from jacokin.ik.solver import IKSolver
 from jacokin.model import checks
 from jacokin.model.many_configurations import Chain
@@ -79,7 +80,7 @@ def build(
 
     Raises:
         InvalidInputError: malformed arguments, too large a grid, or a folder of another map (says what differs).
-        StructureError: the robot has no closed form.
+        StructureError: the robot has no closed form, or fewer than six joints.
         ShapeError: the robot's shapes cannot be loaded, and contact is to be avoided.
         JacokinError: a worker failed or the disk is full; finished chunks are kept.
     """
@@ -90,6 +91,8 @@ def build(
     checks.optional(checks.instance, "grid", grid, Grid, "a Grid")
     checks.optional(checks.function, "progress", progress)
     solver = _solver(robot)
+    if solver.robot.dof < SIX:
+        raise StructureError(f"maps are of arms with six or seven joints; {solver.robot.label} has {solver.robot.dof}")
     if solver.dimension() != 1:
         solver.closed_form()
     found = NO_SYMMETRIES

@@ -12,11 +12,4 @@ forwarder  the program beside the driver, for ROS 1 and 2; it needs Python 3.8 a
 
 from jacokin import lazy
 
-__all__, __getattr__, __dir__ = lazy.door(
-    __name__,
-    {
-        "jacokin.runner.links": ("ProcessLink", "TwinLink", "run"),
-        "jacokin.runner.motions": ("LiveMotion", "PlannedMotion"),
-        "jacokin.runner.runner": ("Measured", "Runner", "RunnerOptions", "RunnerStatus", "RunnerStep"),
-    },
-)
+__all__, __getattr__, __dir__ = lazy.door(__name__)

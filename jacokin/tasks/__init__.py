@@ -24,21 +24,7 @@ import importlib.util
 
 from jacokin import lazy
 
-__all__, __getattr__, __dir__ = lazy.door(
-    __name__,
-    {
-        "jacokin.tasks.datasets.recording": ("RecordSummary", "record"),
-        "jacokin.tasks.datasets.replaying": ("Replayed", "replay"),
-        "jacokin.tasks.environment": ("Environment", "load"),
-        "jacokin.tasks.experts.expert": ("Expert", "expert"),
-        "jacokin.tasks.families": ("Lift", "Place"),
-        "jacokin.tasks.features": ("Feature",),
-        "jacokin.tasks.gym.environment": ("TaskEnv",),
-        "jacokin.tasks.randomization": ("Randomization",),
-        "jacokin.tasks.registry": ("names", "register"),
-        "jacokin.tasks.task": ("State", "Task"),
-    },
-)
+__all__, __getattr__, __dir__ = lazy.door(__name__)
 
 if importlib.util.find_spec("gymnasium") is not None:
     importlib.import_module("jacokin.tasks.gym.registration").register()

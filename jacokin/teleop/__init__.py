@@ -11,14 +11,4 @@ demonstrations  `demonstrate`: episodes of a task whose simulated arm (`TaskArm`
 
 from jacokin import lazy
 
-__all__, __getattr__, __dir__ = lazy.door(
-    __name__,
-    {
-        "jacokin.teleop.demonstrations": ("Demonstrations", "TaskArm", "demonstrate"),
-        "jacokin.teleop.devices": ("Controller", "Device", "Fingers", "Keyboard", "Player", "SpaceMouse"),
-        "jacokin.teleop.hand": ("HandOptions",),
-        "jacokin.teleop.session": ("Session", "lead"),
-        "jacokin.teleop.streams": ("Stream", "make_stream"),
-        "jacokin.teleop.teleop": ("Teleop", "TeleopStatus", "TeleopStep"),
-    },
-)
+__all__, __getattr__, __dir__ = lazy.door(__name__)

@@ -14,13 +14,4 @@ ros1_messages  messages that Debian has no package of
 
 from jacokin import lazy
 
-__all__, __getattr__, __dir__ = lazy.door(
-    __name__,
-    {
-        "jacokin.twin.arm": ("SimulatedArm", "ArmState"),
-        "jacokin.twin.faults": ("Faults",),
-        "jacokin.twin.following": ("Tolerances", "TrajectoryController"),
-        "jacokin.twin.controller": ("TwinGoal", "GoalStatus", "Record"),
-        "jacokin.twin.kinova": ("KinovaDriver",),
-    },
-)
+__all__, __getattr__, __dir__ = lazy.door(__name__)

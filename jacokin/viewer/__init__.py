@@ -13,12 +13,4 @@ browser               the only part that imports viser: scene, panel and the gua
 
 from jacokin import lazy
 
-__all__, __getattr__, __dir__ = lazy.door(
-    __name__,
-    {
-        "jacokin.viewer.inspector": ("Inspector",),
-        "jacokin.viewer.serving": ("ViewerOptions", "serve", "show"),
-        "jacokin.viewer.view": ("View",),
-        "jacokin.viewer.viewer": ("Viewer",),
-    },
-)
+__all__, __getattr__, __dir__ = lazy.door(__name__)

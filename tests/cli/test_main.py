@@ -233,3 +233,6 @@ def test_a_mesh_that_is_not_found_names_the_option_that_finds_it(run: Run, tmp_p
     (meshes / "base.obj").write_text(corners + "f 1 2 4\nf 1 3 5\nf 8 7 6\nf 2 6 7\n", encoding="utf-8")
     run(*words, "--package-dir", tmp_path / "packages", "--frame", "end_effector", code=(0, 1))
     run("fk", *HOME, "--robot", file)  # kinematics needs no meshes
+    missing = run("fk", *HOME, "--robot", file, "--package-dir", tmp_path / "package", code=2).err
+    assert missing.startswith("jacokin: --package-dir")
+    assert missing.endswith(f": there is no folder '{tmp_path / 'package'}'\n")

@@ -105,6 +105,24 @@ def test_a_forwarder_moves_an_ideal_arm(run: Run, file: Path, tmp_path: Path) ->
     assert json.loads(answer.out)["away_deg"] < 0.2
 
 
+def test_joints_of_a_file_are_named_as_there(run: Run, tmp_path: Path) -> None:
+    """Only Kinova's drivers put the name of the robot before them."""
+    panda = load_text(tmp_path / "panda.urdf", panda_text())
+    move_joints(panda, panda.home, panda.home + 0.1).save(tmp_path / "panda.csv")
+    move_joints(jacokin.load_robot(), [1.0] * 6, [1.1] * 6).save(tmp_path / "jaco.csv")
+    asked = tmp_path / "asked.json"
+    script = tmp_path / "forwarder.py"
+    script.write_text(f"import sys\nopen({str(asked)!r}, 'w').write(sys.stdin.readline())\n")
+    own = ("run", tmp_path / "panda.csv", "--robot", tmp_path / "panda.urdf")
+    for words, prefix, names in (
+        (own, "", panda.joint_names),
+        ((*own, "--name", "left"), "left_", panda.joint_names),
+        (("run", tmp_path / "jaco.csv"), "j2n6s300_", jacokin.load_robot().joint_names),
+    ):
+        run(*words, "--forwarder", f"{sys.executable} {script}", code=2)
+        assert json.loads(asked.read_text()) == {"joints": [prefix + name for name in names]}
+
+
 def test_contact_without_torques_is_said_once(run: Run, file: Path, tmp_path: Path) -> None:
     numb = forwarder(tmp_path, TURNED, "say({'q': q, 'v': [0.0] * 6, 'torques': [float('nan')] * 6})")
     words = ("run", file, "--forwarder", numb)

@@ -12,7 +12,9 @@ import pytest
 import jacokin
 from jacokin import IKSolver, Robot, Status
 from jacokin.arrays import Array
+from jacokin.errors import StructureError
 from jacokin.ik.closest import ReachBound
+from jacokin.reachability import build
 from tests.kernels.six_joints.arms import chain_of_arm
 from tests.robot_files import load_text, serial_urdf
 
@@ -35,6 +37,15 @@ def urdf_of(chain: Array) -> str:
 @cache
 def arm(folder: Path, name: str) -> Robot:
     return load_text(folder / f"{name}.urdf", urdf_of(CHAINS[name]))
+
+
+def test_what_few_joints_lack_is_said(folder: Path) -> None:
+    robot = arm(folder, "five")
+    with pytest.raises(StructureError, match=r"^the C library solves arms of six or seven joints; arm has 5$"):
+        jacokin.ik.export_c(IKSolver(robot), folder / "c")
+    assert not (folder / "c").exists()
+    with pytest.raises(StructureError, match=r"^maps are of arms with six or seven joints; arm has 5$"):
+        build(robot, folder=folder / "map")
 
 
 @pytest.mark.parametrize("name", CHAINS)

@@ -76,6 +76,14 @@ def test_package_dirs_is_a_list_of_folders() -> None:
             jacokin.load_robot(urdf_folder() / "j2n6s300.urdf", package_dirs=value)
 
 
+def test_package_dirs_are_there(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    for name in ("nowhere", "file", "a\0b", "a" * 300):
+        folders = [tmp_path, tmp_path / name]
+        with pytest.raises(InvalidInputError, match=r"package_dirs\[1\]: there is no folder '"):
+            jacokin.load_robot(urdf_folder() / "j2n6s300.urdf", package_dirs=folders)
+
+
 def test_fingers_lock_where_asked(scene: Path) -> None:
     def pad_angle(angle: float | None) -> float:
         robot = jacokin.load_robot(scene, finger_angle=angle)

@@ -21,6 +21,8 @@ from jacokin.errors import ModelError
 from jacokin.model.descriptions.chain import Coupling, Description
 
 WORLD = "world"
+#: What a link of a URDF with that name is called in MuJoCo, which would take it for the world body.
+WORLD_LINK = "jacokin_world"
 NUMERIC = frozenset((
     "pos", "quat", "euler", "axisangle", "xyaxes", "zaxis", "axis", "range", "ref", "springref", "mass", "qpos", "size",
     "fromto", "diaginertia", "fullinertia", "damping", "armature", "frictionloss", "stiffness", "margin", "friction",
@@ -302,8 +304,9 @@ def placement(quat_wxyz: ArrayLike, position: ArrayLike) -> pin.SE3:
 
 
 def body_name(model: mujoco.MjModel, body: int) -> str:
-    """Name of a body; unnamed ones get a name from their number."""
-    return str(model.body(body).name) or _free_name(model, f"body_{body}", BODY_NAME)
+    """Name of a body, or of the link that it is; unnamed ones get a name from their number."""
+    name = str(model.body(body).name)
+    return WORLD if name == WORLD_LINK else name or _free_name(model, f"body_{body}", BODY_NAME)
 
 
 def joint_name(model: mujoco.MjModel, joint: int) -> str:

@@ -8,18 +8,4 @@ pedestal    a pillar, and a cradle on its top
 
 from jacokin import lazy
 
-__all__, __getattr__, __dir__ = lazy.door(
-    __name__,
-    {
-        "jacokin.mujoco_bridge.props.brick": ("Brick",),
-        "jacokin.mujoco_bridge.props.from_files": ("Mesh", "ModelFile"),
-        "jacokin.mujoco_bridge.props.pedestal": ("Cradle", "Pedestal"),
-        "jacokin.mujoco_bridge.props.primitive": (
-            "BoxProp",
-            "FreeProp",
-            "FreePropObservables",
-            "Primitive",
-            "large_box",
-        ),
-    },
-)
+__all__, __getattr__, __dir__ = lazy.door(__name__)
