@@ -35,6 +35,7 @@ from jacokin.motion.free_motion.leaving import Leaving, Nearness
 MOST_STRAIGHT = 64  # clear goals to which the straight motion is tried
 MOST_SAMPLES = 200_000  # after which a search is given up, whatever time is left
 FIRST_ROOM = 1024  # configurations of a tree, twice as many whenever one is full
+MODULI = np.repeat([FIRST_MODULUS, SECOND_MODULUS], 3)  # of the kernels' random numbers
 FARTHEST = 1e3  # [rad] or [m] from zero, random configurations of joints without one limit
 
 
@@ -148,8 +149,7 @@ class WaySearch:
         call = self._call()
         space, rng = call.work.space, self._local.rng
         if rng is not None:  # once for all ways
-            first, second = (rng().integers(1, modulus, 3) for modulus in (FIRST_MODULUS, SECOND_MODULUS))
-            call.work.generator[:3], call.work.generator[3:] = first, second
+            call.work.generator[:] = rng().integers(1, MODULI)
             # When steps are measured, no joint counts as more than four times as fast as the slowest.
             compared = np.minimum(space.speed, 4.0 * space.speed.min())
             space.weights[:] = float(compared.sum()) / len(compared) / compared
