@@ -28,7 +28,7 @@ from benchmarks.bench_maker_peers import PLANNERS, Jacokin, Planner
 from jacokin import Robot
 from jacokin.arrays import Array
 from jacokin.motion.free_motion.plan_motion import search_of
-from jacokin.motion.free_motion.sections import fit_time, straightened
+from jacokin.motion.free_motion.sections import fit_time
 from jacokin.motion.joint_motion import ACCELERATION
 
 STEP = 0.002  # [rad] of the referee
@@ -73,17 +73,16 @@ class Timer:
 
     def measure(self, problem: BenchProblem, path: Array) -> tuple[float, float]:
         """Duration [s] and length [rad] of the motion along a path (n, 6)."""
-        robot, path = self._robot, path[np.append(True, np.abs(np.diff(path, axis=0)).max(axis=1) > 1e-9)]
+        robot = self._robot
         self._world.build(problem)
         search = search_of(self._world.solver)
         assert search is not None
         search.begin(problem.start, problem.goal[None], robot.velocity_limit, np.random.default_rng)
+        path, cuts = search.cut_corners(path)
         certain = [search.contact.in_the_way(a, b) is None for a, b in pairwise(path)]
-        cuts = search.cuts(path)
         for corner in range(1, len(path) - 1):
             if not (certain[corner - 1] and certain[corner]):
                 cuts[corner] = 0.0
-        path, cuts = straightened(path, cuts, robot.velocity_limit)
         full, hard = robot.velocity_limit, np.full(robot.dof, ACCELERATION)
         timed = fit_time(path, cuts, full, full, hard)
         rows = timed.at(np.linspace(0.0, timed.duration, max(2, int(timed.duration / DT))))[0]

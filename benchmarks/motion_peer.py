@@ -173,7 +173,7 @@ def ask(plan: Plan, problem: Problem, limit: float) -> Answer | None:
     rows = rows[np.append(True, np.abs(np.diff(rows, axis=0)).max(axis=1) > 1e-9)]
     certified = all(search.contact.in_the_way(a, b) is None for a, b in pairwise(rows))
     full, hard = robot.velocity_limit, np.full(robot.dof, ACCELERATION)
-    return Answer(taken, fit_time(rows, search.cuts(rows), full, full, hard).duration, certified)
+    return Answer(taken, fit_time(*search.cut_corners(rows), full, full, hard).duration, certified)
 
 
 def compare(robot: Robot, kind: str, count: int, limit: float) -> Iterator[str]:

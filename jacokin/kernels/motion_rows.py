@@ -26,14 +26,16 @@ class SampleWork(NamedTuple):
     at: Array  # (pieces dof,) configuration there [rad]
     slope: Array  # (pieces dof,) dq/ds there
     bend: Array  # (pieces dof,) d2q/ds2
+    lower: Array  # (dof,) of what the course passes [rad]
+    upper: Array  # (dof,)
     q: Array  # (rows dof,) filled in [rad]
 
 
 def make_sample_work(dof: int = 0, rows: int = 0, places: int = 0) -> SampleWork:
     """Fresh work arrays; a course has fewer lines and parabolas than places."""
     (t, s, speed, begins), (at, slope, bend) = np.zeros((4, places)), np.zeros((3, places * dof))
-    piece, q = np.zeros(places, np.int64), np.zeros(rows * dof)
-    return SampleWork(np.zeros(3, np.int64), np.zeros(1), t, s, speed, piece, begins, at, slope, bend, q)
+    piece, (lower, upper), q = np.zeros(places, np.int64), np.zeros((2, dof)), np.zeros(rows * dof)
+    return SampleWork(np.zeros(3, np.int64), np.zeros(1), t, s, speed, piece, begins, at, slope, bend, lower, upper, q)
 
 
 def sample_course(work: SampleWork) -> int:
@@ -50,7 +52,8 @@ def sample_course(work: SampleWork) -> int:
         on = min(max(place, work.s[i]), work.s[i + 1]) - work.begins[work.piece[i]]
         for j in range(dof):
             k = work.piece[i] * dof + j
-            work.q[row * dof + j] = work.at[k] + on * (work.slope[k] + 0.5 * on * work.bend[k])
+            q = work.at[k] + on * (work.slope[k] + 0.5 * on * work.bend[k])
+            work.q[row * dof + j] = min(max(q, work.lower[j]), work.upper[j])
     return int(count)
 
 

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import solve_banded
 
 from jacokin.arrays import Array
@@ -30,6 +31,7 @@ MEAN = 0.25, 0.5, 0.25  # weights of three ticks
 HELD = 1.0 + 1e-9  # times a limit; what is beyond is no rounding
 ATTEMPTS = 30  # to find how slow a motion must be
 LEAST_SLOWER = 1.001  # from attempt to attempt
+ROWS_AT_ONCE = 1000  # that are looked at between each other
 STEPS_AT_ONCE = 4  # from row to row, that are certified by one line
 FINEST = 5e-4  # [s] a step from row to row that needs no halving: in it no arm leaves the line by more than 0.1 um
 
@@ -125,7 +127,7 @@ class Limits(NamedTuple):
         return np.asarray(found)
 
 
-def between(rows: Rows, steps: slice = slice(None), *, quintic: bool = False) -> tuple[Array, Array]:
+def between(rows: Rows, steps: slice | NDArray[np.intp] = slice(None), *, quintic: bool = False) -> tuple[Array, Array]:
     """Angles and velocities (m, 9, dof) along some steps, by cubics that meet velocities, or by quintics."""
     x, dt = np.linspace(0.0, 1.0, 9)[:, None], np.diff(rows.t)[steps, None]
     x0, moved = rows.q[:-1][steps], np.diff(rows.q, axis=0)[steps]
@@ -236,10 +238,11 @@ def past_limits(rows: Rows, lower: Array, upper: Array) -> Array:
         return found
     least, most = np.minimum(rows.q[:-1], rows.q[1:]), np.maximum(rows.q[:-1], rows.q[1:])
     room = np.minimum(least - lower, upper - most)
-    for row in np.flatnonzero((room < bulge).any(axis=1)).tolist():
-        at = between(rows, slice(row, row + 1))[0][0]
-        past = np.maximum(lower - at, at - upper).max(axis=0) - np.maximum(-room[row], 0.0)
-        found[row] = np.maximum(past, 0.0)
+    beyond = np.flatnonzero((room < bulge).any(axis=1))
+    for some in np.split(beyond, range(ROWS_AT_ONCE, len(beyond), ROWS_AT_ONCE)):
+        at = between(rows, some)[0]
+        past = np.maximum(lower - at, at - upper).max(axis=1) - np.maximum(-room[some], 0.0)
+        found[some] = np.maximum(past, 0.0)
     return found
 
 
@@ -281,17 +284,20 @@ class OnTheWay(NamedTuple):
                 return f"{self.robot.joint_names[int(np.argmax(past))]} could pass its limit"
         if self.contact is None:
             return ""
-        steps = np.flatnonzero(3.0 * reach > REFUSED_WITHIN)
-        if not len(steps):
+        wide, last = 3.0 * reach > REFUSED_WITHIN, len(reach)
+        if not wide.any():
             return ""
         # Some steps by one chord, which they leave by at most the square of their number times as much; those of
         # chords that are near something one by one.
-        chord, last = steps // STEPS_AT_ONCE, len(reach)
-        chords = np.unique(chord)
-        starts, ends = STEPS_AT_ONCE * chords, np.minimum(STEPS_AT_ONCE * (chords + 1), last)
+        starts = np.arange(0, last, STEPS_AT_ONCE)
+        starts = starts[np.logical_or.reduceat(wide, starts)]
+        ends = np.minimum(starts + STEPS_AT_ONCE, last)
         extra = (STEPS_AT_ONCE**2 + 1) * float(reach.max())
         near = self.contact.are_in_the_way(rows.q[starts], rows.q[ends], extra)
-        for row in steps[np.isin(chord, chords[near])].tolist():
+        steps = [row for first in starts[near].tolist() for row in range(first, min(first + STEPS_AT_ONCE, last))]
+        for row in steps:
+            if not wide[row]:
+                continue
             pair = self.contact.in_the_way(rows.q[row], rows.q[row + 1], extra=float(reach[row]))
             # What is near at a row itself is being left, or landed at: that was looked at closely.
             if pair is not None and all(self.contact.in_the_way(q, q) is None for q in rows.q[row : row + 2]):

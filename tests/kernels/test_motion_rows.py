@@ -25,7 +25,9 @@ def test_a_course_is_sampled_where_it_is_at_each_time(rng: np.random.Generator, 
     cuts[2:3] = 0.0  # one corner is a stop
     timed = fit_time(way, cuts, np.ones(6), np.ones(6), np.ones(6))
     for steps in (1, 2, 700):
-        found = timed.sampled(steps)
+        found = timed.sampled(steps, way)
+        assert (way.min(axis=0) <= found).all()
+        assert (found <= way.max(axis=0)).all()
         np.testing.assert_allclose(found, timed.at(np.linspace(0.0, timed.duration, steps + 1))[0], rtol=0, atol=1e-13)
 
 

@@ -63,9 +63,8 @@ def test_ways_are_the_same_with_wider_vectors() -> None:
         call, _ = problem()
         call._function = each  # one of two forms of it
         search(call)
-        while not ask(call, run.MotionTask.SHORTEN, 50):
+        while ask(call, run.MotionTask.SHORTEN, 50) != run.FINISHED:
             pass
-        ask(call, run.MotionTask.CORNERS)
         found.append((way_of(call).tobytes(), call.work.cuts.tobytes()))
     assert found[0] == found[1]
 

@@ -174,7 +174,7 @@ def sweep_part(
     for i in range(LANES):
         sweep.near[i] = 0
     end = 0
-    for g in range(counts.groups):
+    for g in range(counts.groups - 1, -1, -1):  # what is far out touches more often
         know_group(arm, counts.dof, sweep, part, g)
         if arm.groups[g, GROUP_LINK] == 0:
             continue
@@ -324,7 +324,11 @@ def sweep_meeting(
     seen = sweep.seen[h * (counts.dof + 1) + link]
     reach = arm.spheres[h, 3] + margin
     limit = arm.spheres[g, 3] + reach + 0.5 * seen[MOVES]
-    if not come_close(sweep.centres[g], sweep.centres[h], limit * limit):
+    inner, outer, square = sweep.numbers[g * GROUP_NUMBERS :], sweep.numbers[h * GROUP_NUMBERS :], 0.0
+    for k in range(3):  # boxes around all places of both
+        away = max(max(inner[LOWEST + k] - outer[HIGHEST + k], outer[LOWEST + k] - inner[HIGHEST + k]), 0.0)
+        square += away * away
+    if square > limit * limit or not come_close(sweep.centres[g], sweep.centres[h], limit * limit):
         return end
     relate_links(sweep, link, arm.groups[h, GROUP_LINK])
     centre, box, point, local = arm.spheres[h], arm.boxes[g], sweep.point, sweep.local

@@ -100,7 +100,7 @@ def touching_obstacles(
     """Fill in the pairs of the arm and obstacles; returns how many."""
     arm, tree = geometry.arm, geometry.tree
     stack, found = hits.stack, 0
-    for g in range(counts.groups):
+    for g in range(counts.groups - 1, -1, -1):  # what is far out touches more often
         near = margin if arm.groups[g, GROUP_LINK] > 0 else standing
         if near == -math.inf:
             continue

@@ -1,11 +1,10 @@
 """The entry point: a motion from one configuration to any of some goals, without contact. Read this file first.
 
     straight    the straight motion to each goal in turn, until one is clear
-    search      two trees grow until they meet (`trees`)
-    shorten     the way takes less time (`shortcuts`)
-    corners     how much of them may be cut off (`corners`)
+    search      two trees grow until they meet (`trees`), the way takes less time (`shortcuts`), and how much of its
+                corners may be cut off is found (`corners`)
 
-A search and shortcuts go on where they were, a few steps with each call, so that a caller can look at the clock.
+A search and shortcuts go on where they were, some steps with each call, so that a caller can look at the clock.
 """
 
 from __future__ import annotations
@@ -20,9 +19,17 @@ from jacokin.arrays import Array
 from jacokin.kernels.contact.run import NOTHING, make_contact_work, stands_clear
 from jacokin.kernels.contact.sweep import make_sweep
 from jacokin.kernels.contact.touching import Geometry
-from jacokin.kernels.free_motion.corners import size_cuts
-from jacokin.kernels.free_motion.shortcuts import Way, join_branches, make_way, shorten, skip_corners
-from jacokin.kernels.free_motion.sight import Sight, moves_clear
+from jacokin.kernels.free_motion.corners import cut_corners
+from jacokin.kernels.free_motion.shortcuts import (
+    Way,
+    WayInteger,
+    end_at,
+    join_branches,
+    make_way,
+    shorten,
+    skip_corners,
+)
+from jacokin.kernels.free_motion.sight import Sight, is_free, moves_clear
 from jacokin.kernels.free_motion.space import (
     HINDRANCES,
     Hindrances,
@@ -32,13 +39,18 @@ from jacokin.kernels.free_motion.space import (
 )
 from jacokin.kernels.free_motion.trees import Trees, grow_trees, make_trees, plant
 
-#: What to do.
-MotionTask = IntEnum("MotionTask", "STRAIGHT_MOTIONS BEGIN_SEARCH GO_ON_SEARCH SHORTEN CORNERS", start=0)
-#: Where the options' integers are: task, joints, goals, how many clear goals are enough, roots, steps of a search or
-#: tries of a shortcut in one call, and the failures in a row that end shortcuts.
-MotionInteger = IntEnum("MotionInteger", "TASK JOINTS GOALS ENOUGH ROOTS STEPS TRIES_IN_VAIN COUNT", start=0)
-#: What is known about a goal.
-GoalState = IntEnum("GoalState", "UNKNOWN IN_CONTACT BLOCKED STRAIGHT", start=0)
+#: What to do. LOOK: whether motions may pass the start. CORNERS: of a way that is given.
+MotionTask = IntEnum("MotionTask", "LOOK STRAIGHT_MOTIONS BEGIN_SEARCH GO_ON_SEARCH SHORTEN CORNERS", start=0)
+#: How far a search has come.
+SEARCHING, SHORTENING, FINISHED = range(3)
+#: Where the options' integers are: task, joints, goals, how many clear goals are enough, roots, steps of a search and
+#: tries of a shortcut in one call, the failures in a row that end shortcuts, and how many corners at the beginning and
+#: at the end of a way are not cut.
+MotionInteger = IntEnum(
+    "MotionInteger", "TASK JOINTS GOALS ENOUGH ROOTS STEPS TRIES_IN_VAIN KEPT_FIRST KEPT_LAST COUNT", start=0
+)
+#: What is known about a goal. NEAR: it is clear, and nearer to something than motions to it can be certified with.
+GoalState = IntEnum("GoalState", "UNKNOWN IN_CONTACT STRAIGHT BLOCKED NEAR", start=0)
 
 
 class MotionWork(NamedTuple):
@@ -63,30 +75,31 @@ def run_free_motion(work: MotionWork) -> int:
     """Do a task; this is what gets compiled: it allocates nothing.
 
     Returns:
-        Of straight motions, the number of the first goal that is reached so, or -1. Of a search, 1 when a way was
-        found. Of shortcuts, 1 when they came to an end.
+        Of straight motions, the number of the first goal that is reached so, or -1; of a look, 1 where motions may
+        pass; otherwise the stage.
     """
     integers, space, sight, way = work.integers, work.space, work.sight, work.way
     task, dof = integers[MotionInteger.TASK], integers[MotionInteger.JOINTS]
+    if task == MotionTask.LOOK:
+        return 1 if is_free(sight, work.start) else 0
     if task == MotionTask.STRAIGHT_MOTIONS:
         return try_straight(work)
+    trees, steps, patience = work.trees, integers[MotionInteger.STEPS], integers[MotionInteger.TRIES_IN_VAIN]
     if task in (MotionTask.BEGIN_SEARCH, MotionTask.GO_ON_SEARCH):
         if task == MotionTask.BEGIN_SEARCH:
-            plant(work.trees, space, dof, work.start, work.goals, work.chosen, integers[MotionInteger.ROOTS])
-        trees, steps = work.trees, integers[MotionInteger.STEPS]
+            plant(trees, space, dof, work.start, work.goals, work.chosen, integers[MotionInteger.ROOTS])
         if not grow_trees(trees, space, dof, sight, work.hindrances, work.generator, steps):
-            return 0
+            return SEARCHING
         join_branches(trees, space, dof, work.start, way)
         skip_corners(way, space, dof, sight)
-        return 1
-    if task == MotionTask.SHORTEN:
-        steps, patience = integers[MotionInteger.STEPS], integers[MotionInteger.TRIES_IN_VAIN]
+    if task != MotionTask.CORNERS:
         if not shorten(way, space, dof, sight, work.generator, steps, patience):
-            return 0
+            return SHORTENING
         skip_corners(way, space, dof, sight)
-        return 1
-    size_cuts(way, space, dof, sight, work.cuts)
-    return 1
+        end_at(way, dof, work.goals[work.chosen[way.integers[WayInteger.GOAL]] * dof :])
+    kept = integers[MotionInteger.KEPT_FIRST], integers[MotionInteger.KEPT_LAST]
+    cut_corners(way, space, dof, sight, work.cuts, kept)
+    return FINISHED
 
 
 def try_straight(work: MotionWork) -> int:
@@ -102,8 +115,10 @@ def try_straight(work: MotionWork) -> int:
         if moves_clear(sight, work.start, goal, 0.0):
             work.known[k] = GoalState.STRAIGHT
             return k
-        work.known[k] = GoalState.BLOCKED
         remember(work.hindrances, contact.course.pair)
+        work.known[k] = GoalState.BLOCKED
+        if not is_free(sight, goal):
+            work.known[k] = GoalState.NEAR
         clear += 1
         if clear == integers[MotionInteger.ENOUGH]:
             break

@@ -70,6 +70,13 @@ def join_branches(trees: Trees, space: Space, dof: int, start: Array, way: Way) 
     measure(way, space, dof)
 
 
+def end_at(way: Way, dof: int, goal: Array) -> None:
+    """Let the way end whole turns apart from a goal (dof,), but for rounding."""
+    last = (way.integers[WayInteger.POINTS] - 1) * dof
+    for j in range(dof):
+        way.q[last + j] = goal[j] + TURN * math.floor((way.q[last + j] - goal[j]) / TURN + 0.5)
+
+
 def shorten(
     way: Way, space: Space, dof: int, sight: Sight, generator: NDArray[np.int64], tries: int, patience: int
 ) -> bool:

@@ -39,8 +39,8 @@ from jacokin.model.poses import FreeAxis
 from jacokin.model.robot import Robot, acceleration_limits, copies_counted, jerk_limits, velocity_limits
 from jacokin.motion.free_motion.leaving import DEEPEST, SAME_DISTANCE
 from jacokin.motion.free_motion.meanwhile import Meanwhile, Motions
-from jacokin.motion.free_motion.search import MOST_SAMPLES, Found, Randomness, StraightMotion, WaySearch
-from jacokin.motion.free_motion.sections import Section, make_sections, straightened
+from jacokin.motion.free_motion.search import MOST_SAMPLES, CutWay, Found, Randomness, StraightMotion, WaySearch
+from jacokin.motion.free_motion.sections import Section, make_sections
 from jacokin.motion.free_motion.under_way import AT_REST, NoStop, Stop, find_stop, go_directly, go_on, velocity_now
 from jacokin.motion.grasps import Grasp
 from jacokin.motion.joint_motion import ACCELERATION
@@ -196,6 +196,17 @@ class _Ends(NamedTuple):
     """(n, dof) from the start to where the search begins [rad]."""
     after: Mapping[int, Array]
     """(m, dof) by number of the goal: where the search ends, and what comes then [rad]."""
+    unlimited: NDArray[np.bool_]
+    """(dof,) joints of which whole turns make no difference."""
+
+    def around(self, way: CutWay, goal: int, search: WaySearch) -> CutWay:
+        """A way to a goal with what comes before and after it, corners of which are not cut."""
+        tail = self.after.get(goal, way.q[-1:])
+        if len(self.before) == 1 and len(tail) == 1:
+            return way
+        tail = tail + TURN * np.round((way.q[-1] - tail[0]) / TURN) * self.unlimited  # turned on
+        lines = np.concatenate([self.before[:-1], way.q, tail[1:]])
+        return search.cut_corners(lines, len(self.before) - 1, len(tail) - 1)
 
 
 class _Beginning(NamedTuple):
@@ -270,7 +281,7 @@ class _Request(NamedTuple):
         contact = None if search is None else search.contact
         still = np.flatnonzero(np.abs(rows - self.start).max(axis=1) <= SAME)
         if len(still) and (contact is None or not contact.touches(self.start)):
-            return self._go(self._timed(self.start[None], None), goals[int(still[0])], contact, "")
+            return self._go(_Timed(self.start[None], []), goals[int(still[0])], contact, "")
         beginning = self._begin(search, inside, rows, deadline)
         if isinstance(beginning, Trajectory):
             return beginning
@@ -278,8 +289,9 @@ class _Request(NamedTuple):
         order = self._order(rows, before[-1])
         rows = rows[order]
         if search is None:
-            way = np.array([*before, rows[0]])
-            return self._go(self._timed(way, None), goals[order[0]], None, note)
+            moves = np.abs(rows[0] - before[-1]).max() > SAME
+            way = np.array([*before, rows[0]] if moves else before)
+            return self._go(self._timed(CutWay(way, np.zeros(len(way)))), goals[order[0]], None, note)
         search.begin(before[-1], rows, self.speed, rng)
         straight = search.go_straight()
         after, nearness = self._land(search, straight, rows, before[-1], deadline)
@@ -292,7 +304,7 @@ class _Request(NamedTuple):
             straight.blocked = np.setdiff1d(straight.blocked, list(nearness))
         if straight.reached < 0 and not len(straight.blocked):
             return self._stay(MotionStatus.GOAL_IN_CONTACT, self._why_no_goal(len(rows), search.touching, nearness))
-        best = self._quickest(search, straight, rows, _Ends(before, after), deadline)
+        best = self._quickest(search, straight, rows, _Ends(before, after, self.solver.robot.unlimited), deadline)
         if isinstance(best, Found):
             return self._stay(MotionStatus.NO_WAY, self._why_no_way(search, best, deadline))
         timed, number = best
@@ -378,7 +390,7 @@ class _Request(NamedTuple):
         They begin where it may be. With them, why there is none to some others.
         """
         found, none = dict[int, Array](), dict[int, str]()
-        for k in straight.blocked[search.are_near(rows[straight.blocked])].tolist():
+        for k in straight.near:
             leaving = search.leaving
             near = leaving.near(rows[k])
             enough = len(found) >= 16  # to choose from
@@ -406,11 +418,11 @@ class _Request(NamedTuple):
         """The quickest of the straight motion and some ways around to goals (k, dof), and the number of its goal."""
         start, best, quick = ends.before[-1], None, np.inf
         if straight.reached >= 0:
-            way = np.array([start, rows[straight.reached]])
-            best = self._timed(way, search, ends, straight.reached), straight.reached
+            line = CutWay(np.array([start, rows[straight.reached]]), np.zeros(2))
+            best = self._timed(ends.around(line, straight.reached, search)), straight.reached
             if self._is_direct(rows, straight, start):
                 return best
-            quick = float(self._times(way[1], start))
+            quick = float(self._times(line.q[1], start))
         times = self._times(rows[straight.blocked], start)
         found, bound, most = Found(), np.inf, MOST_SAMPLES
         for _ in range(self.ways):
@@ -421,31 +433,22 @@ class _Request(NamedTuple):
                 break
             found = search.go_around(goals, deadline, most, bound)
             if found.way is not None:
-                timed = self._timed(found.way, search, ends, found.goal)
+                timed = self._timed(ends.around(found.way, found.goal, search))
                 if best is None or timed.duration < best[0].duration:
-                    best, quick = (timed, found.goal), float(self._times(found.way[1:], found.way[:-1]).sum())
+                    q = found.way.q
+                    best, quick = (timed, found.goal), float(self._times(q[1:], q[:-1]).sum())
             elif best is None:
                 break
         return best or found
 
-    def _timed(self, way: Array, search: WaySearch | None, ends: _Ends | None = None, goal: int = -1) -> _Timed:
-        """A way (n, dof), with what comes before and after it, in the least time within the limits."""
-        robot, moves = self.solver.robot, np.ones(len(way), dtype=np.bool_)
-        moves[1:] = np.abs(way[1:] - way[:-1]).max(axis=1) > SAME
-        way = way[moves]
-        cuts = search.cuts(way) if search is not None and len(way) > 2 else np.zeros(len(way))
-        if ends is not None and len(ends.before) > 1:
-            way, cuts = np.concatenate([ends.before[:-1], way]), np.append(np.zeros(len(ends.before) - 1), cuts)
-        if ends is not None and goal in ends.after:
-            tail = ends.after[goal]
-            tail = (tail + TURN * np.round((way[-1] - tail[0]) / TURN) * robot.unlimited)[1:]  # turned on
-            way, cuts = np.concatenate([way, tail]), np.concatenate([cuts, np.zeros(len(tail))])
-        if len(way) == 1:
-            return _Timed(way, [])
+    def _timed(self, way: CutWay) -> _Timed:
+        """A way in the least time within the limits."""
+        if len(way.q) == 1:
+            return _Timed(way.q, [])
+        robot = self.solver.robot
         # Joints that start outside their limits stay there until they are back; what else is beyond is rounding.
-        way = way.clip(np.minimum(robot.lower, self.start), np.maximum(robot.upper, self.start))
-        way, cuts = straightened(way, cuts, self.speed)
-        return _Timed(way, make_sections(way, cuts, self.speed, self.limits))
+        q = way.q.clip(np.minimum(robot.lower, self.start), np.maximum(robot.upper, self.start))
+        return _Timed(q, make_sections(q, way.cuts, self.speed, self.limits))
 
     def _go(self, timed: _Timed, goal: Goal, contact: Contact | None, note: str) -> Trajectory:
         """The motion along a timed way to a goal, measured."""

@@ -7,7 +7,7 @@ import time
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from jacokin.arrays import Array
 from jacokin.kernels.contact.run import ContactNumber
 from jacokin.kernels.free_motion.run import (
+    FINISHED,
+    SHORTENING,
     GoalState,
     MotionInteger,
     MotionTask,
@@ -26,7 +28,6 @@ from jacokin.kernels.free_motion.shortcuts import WayInteger, make_way
 from jacokin.kernels.free_motion.space import FIRST_MODULUS, SECOND_MODULUS
 from jacokin.kernels.free_motion.trees import SearchInteger, SearchNumber, make_trees
 from jacokin.kernels.library import Call
-from jacokin.model.angles import TURN
 from jacokin.model.contact import REFUSED_WITHIN, Contact, Pair
 from jacokin.model.robot import Robot
 from jacokin.motion.free_motion.leaving import Leaving, Nearness
@@ -34,6 +35,7 @@ from jacokin.motion.free_motion.leaving import Leaving, Nearness
 MOST_STRAIGHT = 64  # clear goals to which the straight motion is tried
 MOST_SAMPLES = 200_000  # after which a search is given up, whatever time is left
 FIRST_ROOM = 1024  # configurations of a tree, twice as many whenever one is full
+MODULI = np.repeat([FIRST_MODULUS, SECOND_MODULUS], 3)  # of the kernels' random numbers
 FARTHEST = 1e3  # [rad] or [m] from zero, random configurations of joints without one limit
 
 
@@ -41,19 +43,27 @@ FARTHEST = 1e3  # [rad] or [m] from zero, random configurations of joints withou
 Randomness: TypeAlias = Callable[[], np.random.Generator]
 
 
+class CutWay(NamedTuple):
+    """A way of straight lines, none of its corners a straight one."""
+
+    q: Array
+    """(n, dof) configurations [rad]; unlimited joints turn on."""
+    cuts: Array
+    """(n,) how much of each corner may be cut off: time at full speed on both sides [s]; 0 where it must stay."""
+
+
 @dataclass(slots=True)
 class Found:
     """What a search found.
 
     Attributes:
-        way: (n, dof) configurations from the start to a goal [rad], with clear straight motions between them; None for
-            none. Unlimited joints turn on.
+        way: from the start to a goal, with clear straight motions between its corners; None for none.
         goal: number of the goal at its end.
         samples: how many random configurations it took.
         nearest: how near the trees came to each other [s], at full speed.
     """
 
-    way: Array | None = None
+    way: CutWay | None = None
     goal: int = -1
     samples: int = 0
     nearest: float = np.inf
@@ -66,10 +76,12 @@ class StraightMotion:
     Attributes:
         reached: number of the goal whose straight motion is clear; -1 where all are blocked.
         blocked: numbers of the clear goals before it; `WaySearch.touching` says what touches at the others.
+        near: those of them that are nearer to something than motions there can be certified with.
     """
 
     reached: int
     blocked: NDArray[np.intp]
+    near: list[int]
 
 
 class WaySearch:
@@ -89,13 +101,11 @@ class WaySearch:
             found = self._local.leaving = Leaving(self._robot, self.contact, self._clearance)
         return found
 
-    def are_near(self, rows: Array) -> NDArray[np.bool_]:
-        """Whether at configurations (n, dof) anything is nearer than motions from there can be certified with."""
-        return self.contact.touches_at(rows, REFUSED_WITHIN)
-
     def near(self, q: Array) -> Nearness | None:
-        """What is so near at a configuration (dof,); None for nothing."""
-        return self.leaving.near(q) if self.are_near(q[None])[0] else None
+        """What is nearer at a configuration (dof,) than motions from there can be certified with; None for nothing."""
+        call = self._call()
+        call.work.start[:], call.work.integers[MotionInteger.TASK] = q, MotionTask.LOOK
+        return None if call() else self.leaving.near(q)
 
     def begin(self, start: Array, goals: Array, speed: Array, rng: Randomness) -> None:
         """Set start (dof,) and goals (k, dof) [rad], the soonest first, and the speeds of the joints (dof,) [rad/s].
@@ -122,7 +132,8 @@ class WaySearch:
         work.known[:] = 0
         reached = call()
         known = work.known[: work.integers[MotionInteger.GOALS]]
-        return StraightMotion(reached, np.flatnonzero(known == GoalState.BLOCKED))
+        near = np.flatnonzero(known == GoalState.NEAR).tolist()
+        return StraightMotion(reached, np.flatnonzero(known >= GoalState.BLOCKED), near)
 
     def go_around(
         self, goals: NDArray[np.intp], deadline: float, most_samples: int = MOST_SAMPLES, bound: float = np.inf
@@ -138,8 +149,7 @@ class WaySearch:
         call = self._call()
         space, rng = call.work.space, self._local.rng
         if rng is not None:  # once for all ways
-            first, second = (rng().integers(1, modulus, 3) for modulus in (FIRST_MODULUS, SECOND_MODULUS))
-            call.work.generator[:3], call.work.generator[3:] = first, second
+            call.work.generator[:] = rng().integers(1, MODULI)
             # When steps are measured, no joint counts as more than four times as fast as the slowest.
             compared = np.minimum(space.speed, 4.0 * space.speed.min())
             space.weights[:] = float(compared.sum()) / len(compared) / compared
@@ -147,45 +157,49 @@ class WaySearch:
         roots = goals[:48]  # the quickest to reach
         call.work.trees.numbers[SearchNumber.BOUND] = bound
         call.work.chosen[: len(roots)], call.work.integers[MotionInteger.ROOTS] = roots, len(roots)
-        found, task = Found(), MotionTask.BEGIN_SEARCH
-        while True:
-            call.work.integers[MotionInteger.TASK] = task
-            call.work.integers[MotionInteger.STEPS] = 256  # then the clock is looked at
-            met = call()
-            found.samples = int(call.work.trees.integers[SearchInteger.SAMPLES])
-            found.nearest = float(call.work.trees.numbers[SearchNumber.NEAREST])
-            if met:
-                break
-            if found.samples >= most_samples or time.monotonic() >= deadline:
+        options, search = call.work.integers, call.work.trees.integers
+        options[MotionInteger.TASK], options[MotionInteger.STEPS] = MotionTask.BEGIN_SEARCH, 256  # between two looks
+        options[MotionInteger.TRIES_IN_VAIN] = 40  # one after another
+        options[MotionInteger.KEPT_FIRST] = options[MotionInteger.KEPT_LAST] = 0
+        found = Found()
+        while (stage := call()) != FINISHED:
+            is_late = time.monotonic() >= deadline
+            if stage == SHORTENING:
+                options[MotionInteger.TASK] = MotionTask.SHORTEN
+                if is_late:
+                    options[MotionInteger.TRIES_IN_VAIN] = 0
+                continue
+            found.samples = int(search[SearchInteger.SAMPLES])
+            if is_late or found.samples >= most_samples:
+                found.nearest = float(call.work.trees.numbers[SearchNumber.NEAREST])
                 return found
-            if call.work.trees.integers[SearchInteger.IS_FULL]:
+            options[MotionInteger.TASK] = MotionTask.GO_ON_SEARCH
+            if search[SearchInteger.IS_FULL]:
                 call = self._grow()
-            task = MotionTask.GO_ON_SEARCH
-        work = call.work
-        work.integers[[MotionInteger.TASK, MotionInteger.TRIES_IN_VAIN]] = MotionTask.SHORTEN, 40  # one after another
-        while not call() and time.monotonic() < deadline:
-            pass
-        points, dof = int(work.way.integers[WayInteger.POINTS]), len(work.start)
-        found.goal = int(roots[work.way.integers[WayInteger.GOAL]])
-        found.way = work.way.q[: points * dof].reshape(points, dof).copy()
-        goal = work.goals[found.goal * dof : (found.goal + 1) * dof]
-        # Whole turns apart from the goal, but for rounding.
-        found.way[-1] = goal + TURN * np.round((found.way[-1] - goal) / TURN)
+                search = call.work.trees.integers
+        found.samples = int(search[SearchInteger.SAMPLES])
+        found.goal = int(roots[call.work.way.integers[WayInteger.GOAL]])
+        found.way = self._way()
         return found
 
-    def cuts(self, way: Array) -> Array:
-        """How much of each corner of a way (n, dof) may be cut off (n,): time at full speed on both sides [s]."""
+    def cut_corners(self, way: Array, first: int = 0, last: int = 0) -> CutWay:
+        """A way (n, dof) with its corners cut, but so many at its beginning and at its end [rad]."""
         call = self._call()
         if len(way) > len(call.work.cuts):
             call = self._grow(len(way))
         work = call.work
         work.way.q[: way.size], work.way.integers[WayInteger.POINTS] = way.ravel(), len(way)
-        work.way.times[0] = 0.0
-        np.cumsum((np.abs(way[1:] - way[:-1]) / work.space.speed).max(axis=1), out=work.way.times[1 : len(way)])
-        work.integers[MotionInteger.TASK] = MotionTask.CORNERS
-        work.cuts[: len(way)] = 0.0
+        options = work.integers
+        options[MotionInteger.TASK] = MotionTask.CORNERS
+        options[MotionInteger.KEPT_FIRST], options[MotionInteger.KEPT_LAST] = first, last
         call()
-        return work.cuts[: len(way)].copy()
+        return self._way()
+
+    def _way(self) -> CutWay:
+        """The way of the last call."""
+        work = self._call().work
+        points, dof = int(work.way.integers[WayInteger.POINTS]), len(work.start)
+        return CutWay(work.way.q[: points * dof].reshape(points, dof).copy(), work.cuts[:points].copy())
 
     @property
     def touching(self) -> Counter[Pair]:

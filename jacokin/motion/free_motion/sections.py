@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.kernels.course_times import CourseInteger, fit_course_times, make_course_work
-from jacokin.kernels.free_motion.corners import CHORD, CORNER_TRIES, LARGEST_CUT, STRAIGHT
+from jacokin.kernels.free_motion.corners import CHORD, CORNER_TRIES, LARGEST_CUT
 from jacokin.kernels.library import Calls
 from jacokin.kernels.motion_rows import make_sample_work, sample_course
 from jacokin.model.contact import Contact
@@ -35,17 +35,6 @@ from jacokin.motion.timing import BETWEEN, MOST_PLACES, steps_of
 
 _fit = Calls(fit_course_times, make_course_work, kept=500)  # corners
 _sample = Calls(sample_course, make_sample_work, kept=20_000)  # rows
-
-
-def straightened(way: Array, cuts: Array, full: Array) -> tuple[Array, Array]:
-    """A way (n, dof) [rad] and its cuts (n,) without corners that are none; see `fit_time`."""
-    if len(way) < 3:
-        return way, cuts
-    steps = way[1:] - way[:-1]
-    slopes = steps / (np.abs(steps) / full).max(axis=1)[:, None]
-    kept = np.ones(len(way), dtype=np.bool_)
-    kept[1:-1] = (np.abs(slopes[1:] - slopes[:-1]) / full).max(axis=1) >= STRAIGHT
-    return way[kept], cuts[kept]
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,12 +80,16 @@ class TimedCourse:
         q = self.q[piece] + on * (slope + 0.5 * on * bend)
         return q, here * speed, here * pull[:, None] + bend * speed**2
 
-    def sampled(self, steps: int) -> Array:
-        """Configurations (steps + 1, dof) [rad] at equal steps of time from start to end."""
+    def sampled(self, steps: int, way: Array) -> Array:
+        """Configurations (steps + 1, dof) [rad] at equal steps of time from start to end.
+
+        No joint is beyond the corners of the way (n, dof) by rounding.
+        """
         (pieces, dof), places, rows = self.q.shape, len(self.t), steps + 1
         call = _sample.with_room(dof, rows, places)
         work = call.work
         work.counts[:], work.span[0] = (dof, rows, places), self.t[-1]
+        work.lower[:dof], work.upper[:dof] = way.min(axis=0), way.max(axis=0)
         work.begins[: pieces + 1], work.piece[:places] = self.begins, self.piece
         work.t[:places], work.s[:places], work.speed[:places] = self.t, self.s, self.speed
         size = pieces * dof
@@ -200,8 +193,8 @@ class Section:
 
     def _average(self, dt: float, slower: float, jerk: Array | None) -> tuple[Rows, int]:
         """The course in rows that are averaged over ticks, and over how many."""
-        rows, ticks = averaged_rows(self.timed.sampled(steps_of(slower * self.timed.duration, dt)), dt, jerk)
-        rows.q.clip(self.way.min(axis=0), self.way.max(axis=0), out=rows.q)
+        taken = self.timed.sampled(steps_of(slower * self.timed.duration, dt), self.way)
+        rows, ticks = averaged_rows(taken, dt, jerk)
         rows.q[0], rows.q[-1] = self.way[0], self.way[-1]  # but for rounding
         return rows, ticks
 

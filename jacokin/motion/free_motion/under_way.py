@@ -22,7 +22,7 @@ from jacokin.ik.seeds import ON_LIMIT, checked_start
 from jacokin.model.contact import Pair
 from jacokin.model.robot import Robot
 from jacokin.motion.free_motion.search import WaySearch
-from jacokin.motion.free_motion.sections import TimedCourse, fit_time, straightened
+from jacokin.motion.free_motion.sections import TimedCourse, fit_time
 from jacokin.motion.rows import (
     HELD,
     WHOLE_TICK,
@@ -309,7 +309,7 @@ def _bent(
     None where the lines cannot be entered at that speed, or rows break a limit.
     """
     v = now[1]
-    lines, cuts = straightened(lines, search.cuts(lines), speed)
+    lines, cuts = search.cut_corners(lines)
     step = lines[1] - lines[0]
     begin = float(np.abs(v).max() / np.abs(step).max()) * float((np.abs(step) / speed).max())  # ds/dt
     hard = limits.acceleration / (1.0 + 1e-4)  # rounding of the speed takes some

@@ -62,7 +62,7 @@ def search(call: Any) -> None:
     assert ask(call, run.MotionTask.STRAIGHT_MOTIONS) == -1
     task = run.MotionTask.BEGIN_SEARCH
     for _ in range(100):
-        if ask(call, task, 20):
+        if ask(call, task, 20) != run.SEARCHING:
             return
         task = run.MotionTask.GO_ON_SEARCH
     pytest.fail("no way")
@@ -113,7 +113,7 @@ def test_ways_are_clear_lead_to_the_goal_and_repeat(rng: np.random.Generator) ->
         limited = call.work.space.unlimited == 0
         assert not np.round(turns)[limited].any()
         longest = time_of(call, way)
-        while not ask(call, run.MotionTask.SHORTEN, 10):
+        while ask(call, run.MotionTask.SHORTEN, 10) != run.FINISHED:
             shorter = time_of(call, way_of(call))
             assert shorter <= longest + 1e-9
             longest = shorter
@@ -125,7 +125,7 @@ def test_ways_are_clear_lead_to_the_goal_and_repeat(rng: np.random.Generator) ->
             assert not any(contact.touches(a + share * (b - a)) for share in np.linspace(0.0, 1.0, 400))
         call.work.generator[:] = before
         search(call)
-        while not ask(call, run.MotionTask.SHORTEN, 3):
+        while ask(call, run.MotionTask.SHORTEN, 3) != run.FINISHED:
             pass
         np.testing.assert_array_equal(way_of(call), way)
 
@@ -143,6 +143,43 @@ def test_a_cut_corner_is_clear() -> None:
         first, last = way[k] + back * (way[k - 1] - way[k]), way[k] + ahead * (way[k + 1] - way[k])
         for u in np.linspace(0.0, 1.0, 200):
             assert not contact.touches((1 - u) ** 2 * first + 2 * u * (1 - u) * way[k] + u * u * last)
+
+
+def test_corners_that_are_none_are_left_out() -> None:
+    call = problem()[0]
+    search(call)
+    while ask(call, run.MotionTask.SHORTEN, 50) != run.FINISHED:
+        pass
+    way, cuts = way_of(call), call.work.cuts.copy()
+    assert len(way) > 2
+    more = [way[0]]
+    for a, b in itertools.pairwise(way):
+        more += [a, 0.25 * (3.0 * a + b), 0.5 * (a + b), b]
+    call.work.way.q[: 6 * len(more)] = np.ravel(more)
+    call.work.way.integers[WayInteger.POINTS] = len(more)
+    ask(call, run.MotionTask.CORNERS)
+    np.testing.assert_allclose(way_of(call), way, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(call.work.cuts[: len(way)], cuts[: len(way)], rtol=0, atol=1e-12)
+    assert cuts[1 : len(way) - 1].any()
+    call.work.integers[[run.MotionInteger.KEPT_FIRST, run.MotionInteger.KEPT_LAST]] = 1, len(way) - 3
+    ask(call, run.MotionTask.CORNERS)
+    assert not call.work.cuts[: len(way)].any()
+
+
+def test_a_goal_to_which_no_motion_is_certain_is_told_apart() -> None:
+    call, contact = problem()
+    work: MotionWork = call.work
+    work.goals[:6], work.start[:] = work.start.copy(), work.goals[:6].copy()
+    start, goal = contact.distances(np.array([work.start, work.goals[:6]]), self_collision=True).tolist()
+    assert start > goal + 2e-3  # [m]
+    slack = goal + 1e-3
+    for kept, state in ((1e-4, run.GoalState.BLOCKED), (slack, run.GoalState.NEAR)):
+        work.sight.contact.numbers[ContactNumber.SLACK] = kept
+        assert ask(call, run.MotionTask.LOOK) == 1
+        assert ask(call, run.MotionTask.STRAIGHT_MOTIONS) == -1
+        assert work.known[0] == state
+    work.start[:] = work.goals[:6]
+    assert ask(call, run.MotionTask.LOOK) == 0
 
 
 def test_the_nearest_node_is_the_nearest_on_the_torus(rng: np.random.Generator) -> None:
@@ -183,13 +220,13 @@ def test_random_configurations_lie_where_a_way_is_quick_enough() -> None:
     direct = time_of(call, np.array([start, angles.nearest_copy(goal, start, space.unlimited == 1)]))
     for bound in (1.05 * direct, 1.5 * direct, 4.0 * direct):
         trees.numbers[SearchNumber.BOUND], quick, seen = bound, 0, []
-        for _ in range(100):
+        for _ in range(1000):
             draw(trees, space, 6, work.generator)
             seen.append(trees.sample.copy())
             quick += is_worth(trees, space, 6, trees.sample)
             assert (space.low <= trees.sample).all()
             assert (trees.sample <= space.high).all()
-        assert quick > 90
+        assert quick > 900
         assert (np.ptp(seen, axis=0) > 0.0).all()
 
 
