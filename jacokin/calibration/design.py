@@ -78,8 +78,8 @@ def plan_measurements(
         scene: obstacles around the arm.
         within: what the instrument sees: lower and upper corner of a box in the base [m], or a function of T_base_frame
             that returns whether it is seen. None for everything.
-        clearance: the arm stays this far from itself and from obstacles [m], as it is not where it is described; of
-            shapes that are mostly nearer to each other, half of the distance that they mostly have.
+        clearance: the arm stays this far from itself and from obstacles [m], as it is not where it is described; as
+            that of `IKSolver`, links that are nearer in nearly all configurations keep less.
         rng: chooses the candidates; None for a fixed seed.
 
     Returns:
@@ -176,12 +176,13 @@ def _candidates(
 ) -> Array:
     """Configurations that are seen and clear of contact."""
     contact: Contact | None = SelfContact.of(robot) if scene is None else scene.contact(robot)
-    room = None if contact is None else _Room(robot, contact, clearance)
+    if contact is not None:
+        contact = contact.with_clearance(clearance)
     frame_id = robot.frame_id(frame)
     wanted = max(1000, 4 * count)
     found: list[Array] = []
     for q in robot.sample(rng, TRIES * wanted):
-        if (room is None or room.has(q)) and seen(robot.placement(q, frame_id).copy()):
+        if (contact is None or not contact.touches(q)) and seen(robot.placement(q, frame_id).copy()):
             found.append(q)
             if len(found) == wanted:
                 break
@@ -191,29 +192,6 @@ def _candidates(
             "are wanted: a wider within, a smaller clearance, or less around the arm"
         )
     return np.array(found)
-
-
-class _Room:
-    """Whether an arm stays away from itself and from obstacles.
-
-    Neighbours such as the first and the third link of a wrist may be a centimetre or two apart in every configuration.
-    Where they are mostly nearer than the clearance, they stay half as far apart as they mostly are.
-    """
-
-    def __init__(self, robot: Robot, contact: Contact, clearance: float) -> None:
-        """Find these neighbours."""
-        self._contact, self._clearance = contact.with_clearance(clearance), clearance
-        near = self._contact.mostly_touching()
-        self._kept = {pair: max(0.5 * away, 0.0) for pair, away in near.items()}
-
-    def has(self, q: Array) -> bool:
-        """Whether everything is far enough apart at a configuration (dof,) [rad]."""
-        if not self._contact.touches(q):
-            return True
-        kept, clearance = self._kept, self._clearance
-        if not kept:
-            return False
-        return all(away > kept.get(pair, clearance) for pair, away in self._contact.how_near(q).items())
 
 
 class _Instrument(NamedTuple):

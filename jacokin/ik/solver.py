@@ -110,8 +110,8 @@ class IKSolver:
             limit_snap: a closed-form branch past a limit by no more than this [rad] is put on it and measured again.
             max_restarts: random starts of the QP after the first ones.
             scene: obstacles around the arm; they count as self-contact does.
-            clearance: shapes this near to each other count as touching [m], but for those of the arm that are nearer in
-                every configuration and touch in none.
+            clearance: shapes this near to each other count as touching [m]. Those of the arm that are nearer in nearly
+                all configurations keep a tenth of the distance that they mostly have; what they keep is in the message.
 
         Raises:
             UnknownNameError: unknown frame, method, collision mode or QP solver.
@@ -286,8 +286,8 @@ class IKSolver:
         verifier, form = self._verifier, self._usable_form
         robot, frame = verifier.robot, verifier.frame
         start, note = seed_within_limits(robot, seed)
-        if verifier.unchecked:
-            note = f"{note}; {verifier.unchecked}" if note else verifier.unchecked
+        if verifier.note:
+            note = f"{note}; {verifier.note}" if note else verifier.note
         if rng is not None:
             checks.generator("rng", rng)
         restarts = (
@@ -399,7 +399,7 @@ class IKSolver:
         return batch.solve(
             self.robot,
             self.frame,
-            batch.Ways(single, compiled, self._verifier.unchecked),
+            batch.Ways(single, compiled, self._verifier.note),
             targets,
             seeds,
             workers=workers,

@@ -63,7 +63,8 @@ class Verifier:
         frame_id: Pinocchio's id of it.
         tool: constant pose after the frame, or None.
         options: the solver's options.
-        unchecked: why contact is not looked for although it should be avoided; empty where it is.
+        note: why contact is not looked for although it should be avoided, or which shapes of the arm keep less than the
+            clearance; empty for most.
         avoids_contact: whether another configuration is taken where one is in contact.
     """
 
@@ -82,7 +83,7 @@ class Verifier:
         self.tool = tool
         self.options = options
         self._lower, self._upper = robot.limit_values
-        self._contact, self.unchecked, self._unreadable = _contact(robot, options)
+        self._contact, self.note, self._unreadable = _contact(robot, options)
         self.avoids_contact = self._contact is not None and options.collision in ("prefer", "reject")
 
     def __reduce__(self) -> tuple[object, tuple[object, ...]]:
@@ -258,10 +259,7 @@ class Verifier:
 
 
 def _contact(robot: Robot, options: SolverOptions) -> tuple[Contact | None, str, ShapeError | None]:
-    """What looks for contact, if anything does; and why nothing does although contact is to be avoided.
-
-    In words, and as the error where the shapes cannot be loaded.
-    """
+    """What looks for contact, if anything does; what is to be noted about it; and why shapes cannot be loaded."""
     if options.collision == "ignore":
         return None, "", None
     from jacokin.model.contact import self_contact
@@ -275,4 +273,5 @@ def _contact(robot: Robot, options: SolverOptions) -> tuple[Contact | None, str,
         return None, f"contact was not checked: {error}", error
     if options.collision == "prefer" and not found.has_shapes:
         return None, "contact was not checked: the description has no collision shapes", None
-    return found.with_clearance(options.clearance), "", None
+    found = found.with_clearance(options.clearance)
+    return found, found.keeping_less, None

@@ -26,17 +26,18 @@ from jacokin.model import checks, poses
 from jacokin.model.contact_arrays import ShapeRow, arm_arrays, joints_about_z
 from jacokin.model.obstacles import NOTHING_AROUND, OtherRobot, Surroundings
 from jacokin.model.own_shapes import own_shapes
-from jacokin.model.robot import Robot, checked_robot, middle, spread
+from jacokin.model.robot import Robot, checked_robot
 from jacokin.model.surrounded import (
     Surrounded,
     allowed_pairs,
     among_nothing,
     carried_shapes,
     surround,
-    without_never_apart,
+    with_clearance,
 )
 
 ROWS_AT_ONCE = 64  # configurations that go to the kernels together
+NAMED = 3  # pairs of shapes in a message
 REFUSED_WITHIN = 1e-4  # [m] of the clearance, a motion is not certain, and counts as touching
 Pair = tuple[str, str]
 
@@ -74,8 +75,8 @@ class Contact:
         Args:
             robot: the arm.
             around: the scene.
-            clearance: shapes this near to each other count as touching [m], but not those of two links of the arm that
-                are nearer in every configuration, and touch in none.
+            clearance: shapes this near to each other count as touching [m], those of the arm that nearly always are so
+                near only where they are much nearer (`kept_less`).
             found: `surround` of both, where it is known.
 
         Raises:
@@ -87,7 +88,7 @@ class Contact:
         self._around, self._clearance = around, clearance
         self._all = found = surround(robot, around) if found is None else found
         if clearance > 0.0:
-            found = without_never_apart(robot, around, found, clearance)
+            found = with_clearance(robot, around, found, clearance)
         self._found = found
         self.geometry, self.names, self.pairs = found.geometry, found.names, found.pairs
         self._partly, self._arm_shapes, self._met_partly = found.alone, found.arm_shapes, found.met_partly
@@ -137,36 +138,6 @@ class Contact:
         call = self._call()
         call.work.q[: q.size] = q
         return self._listed(call)
-
-    def how_near(self, q: Array) -> dict[Pair, float]:
-        """Of the shapes that touch at a checked configuration (dof,) [rad], how far apart they are [m], by names."""
-        call = self._call()
-        call.work.q[: q.size] = q
-        numbers = self._numbers_touching(call)
-        measuring = Call(run_contact, make_contact_work(self.geometry, 1, len(numbers)))
-        work = measuring.work
-        work.integers[[run.ContactInteger.TASK, run.ContactInteger.ROWS]] = run.ContactTask.MEASURE_PAIRS, len(numbers)
-        work.q[:], work.given[:], work.reach[:] = q, numbers, np.inf
-        measuring()
-        pairs = [self.ordered(a, b, by_kind=True) for a, b in numbers.tolist()]
-        return dict(zip(pairs, work.measured[:, 0].tolist(), strict=True))
-
-    def mostly_touching(self) -> dict[Pair, float]:
-        """Of the shapes that touch in most of some configurations, the median of their distances [m], by names."""
-        looks, found = self._look(50)
-        most = {pair: distances for pair, distances in found.items() if 2 * len(distances) > looks}
-        return {pair: sorted(distances)[looks // 2] for pair, distances in most.items()}
-
-    def _look(self, count: int) -> tuple[int, dict[Pair, list[float]]]:
-        """The distances of the shapes that touch in the middle of the limits and at so many random configurations [m].
-
-        How many they are in all comes first.
-        """
-        rows, found = np.vstack([middle(self._robot), spread(self._robot, count)]), dict[Pair, list[float]]()
-        for q in rows[self.touches_at(rows)]:
-            for pair, away in self.how_near(q).items():
-                found.setdefault(pair, []).append(away)
-        return len(rows), found
 
     def touches_at(self, rows: Array, extra: float = 0.0) -> NDArray[np.bool_]:
         """Whether any shapes touch at each of some checked configurations (n, dof) [rad].
@@ -244,7 +215,8 @@ class Contact:
 
     def _ask(self, task: int, rows: Array, margin: float, slack: float = 0.0) -> NDArray[np.bool_]:
         """Whether shapes touch, for each row as of `_answers`."""
-        found = [value[:, 0] != 0.0 for value, _ in self._answers(task, rows, margin=margin, slack=slack)]
+        answers = self._answers(self._call(), task, rows, margin=margin, slack=slack)
+        found = [value[:, 0] != 0.0 for value, _ in answers]
         return np.concatenate([np.zeros(0, dtype=np.bool_), *found])
 
     def _nearest(self, task: int, rows: Array, self_collision: bool) -> list[NearestPair]:
@@ -258,22 +230,45 @@ class Contact:
         """What a task of measuring says of rows; errors as of `nearest`."""
         self._check_shapes()
         meetings = len(self.geometry.arm.meetings) if self_collision else self._met_partly
-        return self._answers(task, rows, slack=1e-4, meetings=meetings)  # [m] off the least distance along a motion
+        # [m] off the least distance along a motion
+        return self._answers(self._measuring(), task, rows, slack=1e-4, meetings=meetings)
 
     def _answers(
-        self, task: int, rows: Array, *, margin: float = 0.0, slack: float = 0.0, meetings: int | None = None
+        self,
+        call: Call[ContactWork],
+        task: int,
+        rows: Array,
+        *,
+        margin: float = 0.0,
+        slack: float = 0.0,
+        meetings: int | None = None,
     ) -> Iterator[tuple[Array, NDArray[np.int64]]]:
         """What a task says of rows (n, dof) of configurations or (n, 2 dof) of the ends of motions, some at a time.
 
         Values (k, 2), and the numbers (k, 2) of two shapes; overwritten by the next.
         """
-        call = self._call()
         at_once = ROWS_AT_ONCE * len(self.geometry.arm.joint_kinds) // rows.shape[1]
         for first in range(0, len(rows), at_once):
             some = rows[first : first + at_once]
             call.work.q[: some.size] = some.ravel()
             self._run(call, task, len(some), margin=margin, slack=slack, meetings=meetings)
             yield call.work.value[: len(some)], call.work.named[: len(some)]
+
+    @cached_property
+    def keeping_less(self) -> str:
+        """Which of the arm's own shapes keep less than the clearance, and how much, in words; "" for none."""
+        arm = self.geometry.arm
+        rows = np.flatnonzero(arm.less)
+        if not rows.size:
+            return ""
+        kept = np.maximum(self._clearance - arm.less[rows], 0.0)  # rounding
+        words = [
+            " and ".join((self.names[a], self.names[b])) + (f" ({length:.2g} m)" if length > 0.0 else " (0 m)")
+            for (a, b), length in zip(arm.pairs[rows].tolist(), kept.tolist(), strict=True)
+        ]
+        more = f" and {len(words) - NAMED} more" if len(words) > NAMED else ""
+        named = ", ".join(words[:NAMED])
+        return f"kept less than {self._clearance:.3g} m apart, as nearly always nearer: {named}{more}"
 
     @cached_property
     def levers(self) -> Array:
@@ -323,6 +318,12 @@ class Contact:
         partly = int(arm.meetings[self._met_partly - 1, LAST_PAIR]) if self._met_partly else 0
         return np.vstack([outside, arm.pairs if self_collision else arm.pairs[:partly]])
 
+    def distances_kept(self, pairs: NDArray[np.int64]) -> Array:
+        """Distances (n,) up to which pairs of shapes, by their numbers (n, 2), count as touching [m]."""
+        arm = self.geometry.arm
+        less = dict(zip(map(tuple, arm.pairs.tolist()), arm.less.tolist(), strict=True)) if arm.less.any() else {}
+        return np.array([self._clearance - less.get((a, b), 0.0) for a, b in pairs.tolist()])
+
     def _check_shapes(self) -> None:
         if not self.has_shapes:
             raise ModelError(
@@ -335,6 +336,18 @@ class Contact:
             call: Call[ContactWork] = self._local.call
         except AttributeError:
             call = self._local.call = Call(run_contact, make_contact_work(self.geometry, ROWS_AT_ONCE))
+        return call
+
+    def _measuring(self) -> Call[ContactWork]:
+        """The same to measure distances with: no pair keeps less than others of none."""
+        arm = self.geometry.arm
+        if not arm.less.any():
+            return self._call()
+        try:
+            call: Call[ContactWork] = self._local.measuring
+        except AttributeError:
+            geometry = self.geometry._replace(arm=arm._replace(less=np.zeros(len(arm.less))))
+            call = self._local.measuring = Call(run_contact, make_contact_work(geometry, ROWS_AT_ONCE))
         return call
 
     def _run(

@@ -126,6 +126,7 @@ def arm_arrays(
         groups=_integers([(group.link, *ends) for group, ends in zip(groups, slices, strict=True)], 3),
         meetings=_integers(meetings, 4),
         pairs=_integers([(shape_of[a], shape_of[b]) for a, b in ordered], 2),
+        less=np.zeros(len(ordered)),
     )
     met_partly = sum(inner < len(alone) for inner, *_ in meetings)
     return ArmArrays(shapes, arm, np.array(numbers, dtype=np.intp), len(alone), met_partly)

@@ -6,6 +6,8 @@ with the robot where it is pickled.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -20,6 +22,9 @@ from jacokin.model.descriptions.shapes import NO_VERTICES, Shape, read_bundled
 from jacokin.model.robot import Robot, middle, spread
 
 MORE_THAN_CLEAR = 1e-3  # [m] than the clearance pairs must come apart: planners and trackers keep up to so much more
+NEARLY_ALL = 0.9  # of the configurations: a pair that is too near in so many leaves hardly any answer
+SHARE_KEPT = 0.1  # of their usual distance, by such a pair: more would divide what the joints can do into parts
+NOTHING_KEPT = -math.inf  # [m] by pairs that are not looked at
 
 
 class OwnShapes(NamedTuple):
@@ -36,10 +41,10 @@ class OwnShapes(NamedTuple):
     taken: frozenset[str]
     """Names of the shapes, which no obstacle may have."""
 
-    def named(self, chosen: NDArray[np.bool_]) -> frozenset[frozenset[str]]:
-        """Names of the chosen ones (n,) of the pairs of the arrays."""
+    def named(self, chosen: NDArray[np.bool_] | NDArray[np.int64]) -> list[frozenset[str]]:
+        """Names of the chosen ones of the pairs of the arrays: whether each is (n,), or their numbers (k,)."""
         numbers = self.arrays.numbers[self.arrays.arm.pairs[chosen]].tolist()
-        return frozenset(frozenset((self.names[a], self.names[b])) for a, b in numbers)
+        return [frozenset((self.names[a], self.names[b])) for a, b in numbers]
 
 
 def own_shapes(robot: Robot, finger_angle: float | None = None) -> OwnShapes:
@@ -86,11 +91,14 @@ def own_hulls(robot: Robot) -> frozenset[str]:
     return frozenset(shape.name for shape in own_shapes(robot).shapes if shape.kind == "mesh")
 
 
-def never_apart(robot: Robot, finger_angle: float | None, clearance: float) -> frozenset[frozenset[str]]:
-    """Pairs of names of the arm's own shapes that are nearer than a clearance everywhere, and touch nowhere.
+def kept_less(robot: Robot, finger_angle: float | None, clearance: float) -> Mapping[frozenset[str], float]:
+    """Distances that some pairs of the arm's own shapes keep instead of a clearance [m], by the names of the two.
 
-    No configuration keeps them apart, and none brings them together: their nearness says nothing. Where no two shapes
-    of two links, but some of them are near in every configuration, such as convex parts of one mesh, it is all of them.
+    Neighbours such as the first and the third link of a wrist may be a centimetre or two apart, whatever the joints do.
+    Where they are nearer than the clearance in nine of ten configurations, they keep a tenth of the median of their
+    distances, and at least do not touch. Pairs that are nowhere so near keep `NOTHING_KEPT`: they are not looked at.
+
+    Where no two shapes of two links, but some of them are near, such as convex parts of one mesh, it is all of them.
 
     Args:
         robot: the arm.
@@ -100,7 +108,7 @@ def never_apart(robot: Robot, finger_angle: float | None, clearance: float) -> f
     Raises:
         InvalidInputError, ShapeError: as of `own_shapes`.
     """
-    return robot.once(_never_apart, finger_angle, clearance)
+    return robot.once(_kept_less, finger_angle, clearance)
 
 
 def _make_own_shapes(robot: Robot) -> OwnShapes:
@@ -153,65 +161,79 @@ def _prepared(
 
 
 def _touching_everywhere(robot: Robot, own: OwnShapes) -> frozenset[frozenset[str]]:
-    """Names of shapes that touch in every configuration."""
-    listed = _Listed(robot, own.arrays, 0.0)
-    return own.named(_everywhere(robot, listed, np.arange(len(listed.pairs)), np.zeros(len(listed.pairs), np.bool_)))
-
-
-def _never_apart(robot: Robot, finger_angle: float | None, clearance: float) -> frozenset[frozenset[str]]:
-    """Names of shapes; see `never_apart`."""
-    own = own_shapes(robot, finger_angle)
-    near, touching = (_Listed(robot, own.arrays, margin) for margin in (clearance + MORE_THAN_CLEAR, 0.0))
-    _, links = np.unique(own.arrays.shapes.integers[:, LINK][near.pairs], axis=0, return_inverse=True)
-    found = np.zeros(len(near.pairs), dtype=np.bool_)
-    for together in (np.arange(len(found)), links.reshape(-1)):  # shapes by themselves, then links by what is left
-        always = _everywhere(robot, near, together, found)
-        if always.any():
-            for q in spread(robot, 1000):
-                always &= ~np.isin(together, together[touching.at(q)])
-        found |= always
-    return own.named(found)
-
-
-def _everywhere(
-    robot: Robot, listed: _Listed, together: NDArray[np.int64], but: NDArray[np.bool_]
-) -> NDArray[np.bool_]:
-    """Which pairs (n,) are listed in every configuration, or others with the same number `together`; but some.
-
-    In all of so many random ones, and in the middle of the limits, that they are taken to be so everywhere.
-    """
-    found = ~but
-    for q in (middle(robot), *spread(robot, 200)):
-        found &= np.isin(together, together[listed.at(q) & ~but])
+    """Names of shapes that touch in all of so many configurations that they are taken to touch everywhere."""
+    looked_at, found = _LookedAt(robot, own.arrays), np.ones(len(own.arrays.arm.pairs), dtype=np.bool_)
+    for q in _some(robot):
+        found &= looked_at.nearer(q, 0.0)
         if not found.any():
             break
+    return frozenset(own.named(found))
+
+
+def _kept_less(robot: Robot, finger_angle: float | None, clearance: float) -> Mapping[frozenset[str], float]:
+    """What pairs keep of a clearance; see `kept_less`."""
+    own, rows = own_shapes(robot, finger_angle), _some(robot)
+    looked_at, pairs = _LookedAt(robot, own.arrays), own.arrays.arm.pairs
+    _, links = np.unique(own.arrays.shapes.integers[:, LINK][pairs], axis=0, return_inverse=True)
+    links = links.reshape(-1)  # of each pair, a number for the two links
+    near, far = np.zeros((len(rows), len(pairs)), dtype=np.bool_), np.zeros(links.max(initial=-1) + 1, dtype=np.int64)
+    for k, q in enumerate(rows):
+        near[k] = looked_at.nearer(q, clearance + MORE_THAN_CLEAR)
+        far += np.bincount(links[near[k]], minlength=len(far)) == 0
+        if far.min(initial=len(rows)) > (1.0 - NEARLY_ALL) * len(rows):
+            return {}
+    nearly_always = near.mean(axis=0) >= NEARLY_ALL
+    groups = [np.array([pair]) for pair in np.flatnonzero(nearly_always)]
+    others = [np.flatnonzero((links == number) & ~nearly_always) for number in range(len(far))]
+    groups += [group for group in others if near[:, group].any(axis=1).mean() >= NEARLY_ALL]
+    if not groups:
+        return {}
+    distances = looked_at.least_distances(rows, groups)
+    kept = np.maximum(SHARE_KEPT * np.median(distances, axis=0), 0.0)
+    never = distances.min(axis=0) > kept
+    if never.any():
+        never &= looked_at.least_distances(spread(robot, 1000), groups).min(axis=0) > kept
+    found = dict[frozenset[str], float]()
+    for group, length, nothing in zip(groups, kept.tolist(), never.tolist(), strict=True):
+        if length < clearance:
+            found.update(dict.fromkeys(own.named(group), NOTHING_KEPT if nothing else length))
     return found
 
 
-class _Listed:
-    """Which pairs of an arm's shapes are nearer than a margin.
+def _some(robot: Robot) -> Array:
+    """Configurations (n, dof) that stand for all: the middle of the limits, and random ones [rad]."""
+    return np.vstack([middle(robot), spread(robot, 200)])
 
-    Attributes:
-        pairs: (n, 2) numbers of the shapes.
-    """
 
-    def __init__(self, robot: Robot, arrays: ArmArrays, margin: float) -> None:
-        """Take the shapes, and the margin [m]."""
-        geometry = joined(arrays, NO_WORLD)
-        self._call, self._dof, self.pairs = (
-            Call(run_contact, make_contact_work(geometry, 1)),
-            robot.dof,
-            arrays.arm.pairs,
-        )
-        self._call.work.integers[ContactInteger.TASK] = ContactTask.LIST_TOUCHING
-        self._call.work.numbers[ContactNumber.MARGIN_KEPT] = margin
+class _LookedAt:
+    """How near the pairs of an arm's shapes are."""
+
+    def __init__(self, robot: Robot, arrays: ArmArrays) -> None:
+        """Take the shapes."""
+        self._geometry, self._pairs, self._dof = joined(arrays, NO_WORLD), arrays.arm.pairs, robot.dof
+        self._list = Call(run_contact, make_contact_work(self._geometry, 1))
+        self._list.work.integers[ContactInteger.TASK] = ContactTask.LIST_TOUCHING
         self._count = len(arrays.numbers)
-        self._numbers = self._numbered(self.pairs)
+        self._numbers = self._numbered(self._pairs)
 
-    def at(self, q: Array) -> NDArray[np.bool_]:
-        """Which of them (n,) at a configuration (dof,) [rad]."""
-        self._call.work.q[: self._dof] = q
-        return np.isin(self._numbers, self._numbered(self._call.work.hits.pairs[: self._call()]))
+    def nearer(self, q: Array, margin: float) -> NDArray[np.bool_]:
+        """Which of them (n,) are nearer than a margin [m] at a configuration (dof,) [rad]."""
+        work = self._list.work
+        work.q[: self._dof], work.numbers[ContactNumber.MARGIN_KEPT] = q, margin
+        return np.isin(self._numbers, self._numbered(work.hits.pairs[: self._list()]))
+
+    def least_distances(self, rows: Array, groups: Sequence[NDArray[np.int64]]) -> Array:
+        """The least distances (n, groups) [m] of pairs, group by group of their numbers, at configurations (n, dof)."""
+        chosen, starts = np.concatenate(groups), np.cumsum([0, *map(len, groups)])[:-1]
+        measure = Call(run_contact, make_contact_work(self._geometry, 1, len(chosen)))
+        work, found = measure.work, np.empty((len(rows), len(chosen)))
+        work.integers[[ContactInteger.TASK, ContactInteger.ROWS]] = ContactTask.MEASURE_PAIRS, len(chosen)
+        work.given[:], work.reach[:] = self._pairs[chosen], np.inf
+        for row, q in zip(found, rows, strict=True):
+            work.q[: self._dof] = q
+            measure()
+            row[:] = work.measured[:, 0]
+        return np.asarray(np.minimum.reduceat(found, starts, axis=1))
 
     def _numbered(self, pairs: NDArray[np.int64]) -> NDArray[np.int64]:
         """A number for each pair (n, 2)."""

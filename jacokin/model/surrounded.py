@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, ModelError
-from jacokin.kernels.contact.arm import FIRST_PAIR, ArmShapes
+from jacokin.kernels.contact.arm import FIRST_PAIR
 from jacokin.kernels.contact.near_points import find_near_points, make_near_work
 from jacokin.kernels.contact.run import ContactNumber
 from jacokin.kernels.contact.touching import Geometry
@@ -45,7 +45,7 @@ from jacokin.model.obstacles import (
     checked_surroundings,
     shape_of,
 )
-from jacokin.model.own_shapes import OwnShapes, never_apart, own_shapes
+from jacokin.model.own_shapes import NOTHING_KEPT, OwnShapes, kept_less, own_shapes
 from jacokin.model.point_cloud import PointCloud, checked_points
 from jacokin.model.robot import Robot, SceneLike
 
@@ -104,31 +104,28 @@ def _alone(robot: Robot, finger_angle: float | None) -> Surrounded:
     return among_nothing(own.shapes, own.arrays, len(own.pairs))
 
 
-def without_never_apart(robot: Robot, around: Surroundings, found: Surrounded, clearance: float) -> Surrounded:
-    """What surrounds an arm, without the pairs of its own shapes that are `never_apart` by a clearance [m]."""
-    never = never_apart(robot, around.finger_angle, clearance)
-    if not never:
+def with_clearance(robot: Robot, around: Surroundings, found: Surrounded, clearance: float) -> Surrounded:
+    """What surrounds an arm, where pairs of its own shapes that hardly ever have a clearance [m] keep less of it.
+
+    See `kept_less`; pairs that keep nothing are left out.
+    """
+    kept_of = kept_less(robot, around.finger_angle, clearance)
+    if not kept_of:
         return found
-    if around.attached or around.allow:
-        arm = _fewer_pairs(found, never)
-    else:
-        arm = robot.once(_fewer_pairs_alone, around.finger_angle, clearance)
-    left_out = len(found.geometry.arm.pairs) - len(arm.pairs)
-    return found._replace(geometry=found.geometry._replace(arm=arm), pairs=found.pairs - left_out)
-
-
-def _fewer_pairs_alone(robot: Robot, finger_angle: float | None, clearance: float) -> ArmShapes:
-    """Those of a robot with nothing around it."""
-    return _fewer_pairs(robot.once(_alone, finger_angle), never_apart(robot, finger_angle, clearance))
-
-
-def _fewer_pairs(found: Surrounded, never: frozenset[frozenset[str]]) -> ArmShapes:
-    """The arm without pairs of these names."""
-    arm, names = found.geometry.arm, found.names
-    kept = np.array([frozenset((names[a], names[b])) not in never for a, b in arm.pairs.tolist()])
+    arm, count = found.geometry.arm, len(found.names)
+    number = {name: index for index, name in enumerate(found.names)}
+    less, counts = arm.less.copy(), np.ones(len(arm.pairs), dtype=np.bool_)
+    rows = {code: row for row, code in enumerate((arm.pairs[:, 0] * count + arm.pairs[:, 1]).tolist())}
+    for names, kept in kept_of.items():
+        a, b = (number[name] for name in names)
+        row = rows.get(a * count + b, rows.get(b * count + a))
+        if row is not None:  # else it is allowed to touch, or the pairs are those of the arm and another robot
+            less[row], counts[row] = clearance - kept, kept > NOTHING_KEPT
     meetings = arm.meetings.copy()
-    meetings[:, FIRST_PAIR:] = np.append(0, np.cumsum(kept))[meetings[:, FIRST_PAIR:]]
-    return arm._replace(meetings=meetings, pairs=arm.pairs[kept])
+    meetings[:, FIRST_PAIR:] = np.append(0, np.cumsum(counts))[meetings[:, FIRST_PAIR:]]
+    arm = arm._replace(meetings=meetings, pairs=arm.pairs[counts], less=less[counts])
+    left_out = int(np.count_nonzero(~counts))
+    return found._replace(geometry=found.geometry._replace(arm=arm), pairs=found.pairs - left_out)
 
 
 def make_world(obstacles: Sequence[Obstacle]) -> WorldArrays:

@@ -17,6 +17,8 @@ from jacokin.ik import solve_file
 from jacokin.ik.batches import batch
 from jacokin.ik.c_library import solver_file
 from jacokin.model import Floor, Scene, SelfContact, Sphere
+from jacokin.model.own_shapes import kept_less
+from tests.near_neighbours import CLEARANCE, NEIGHBOURS, near_neighbours, of_neighbours_and_others
 from tests.robot_files import urdf_text
 
 
@@ -258,3 +260,28 @@ def test_a_straight_wrist_turns_out_of_contact(q: tuple[float, ...], ball: tuple
     batch_result = solver.solve_batch([target, target], seeds=own)
     assert batch_result.success.all()
     np.testing.assert_allclose(batch_result.q, np.tile(result.q, (2, 1)), rtol=0.0, atol=1e-12)
+
+
+def test_neighbours_nearer_than_the_clearance_leave_answers_that_say_so(
+    tmp_path: Path, rng: np.random.Generator
+) -> None:
+    robot = near_neighbours(tmp_path)
+    solver = IKSolver(robot, clearance=CLEARANCE)
+    kept = kept_less(robot, None, CLEARANCE)[NEIGHBOURS]
+    rows = robot.sample(rng, 150)
+    away, others = of_neighbours_and_others(robot, rows)
+    there = (away > kept) & (others > CLEARANCE)
+    assert there.mean() > 0.5
+    targets = [robot.forward_kinematics(q) for q in rows]
+    results = [solver.solve(target, seed=q, closest=False) for target, q in zip(targets, rows, strict=True)]
+    assert all(result.success for result, clear in zip(results, there, strict=True) if clear)
+    both = solver.solve_batch(targets, seeds=rows, closest=False)
+    np.testing.assert_array_equal(both.success, [result.success for result in results])
+    reached = np.array([result.q for result in results if result.success])
+    for answers in (reached, both.q[both.success]):
+        away, others = of_neighbours_and_others(robot, answers)
+        assert away.min() > kept - 1e-6
+        assert others.min() > CLEARANCE - 1e-6
+    for message in (results[int(np.argmax(there))].message, both.message[int(np.argmax(there))]):
+        assert f"kept less than 0.02 m apart, as nearly always nearer: l4#2 and l6#3 ({kept:.2g} m)" in message
+    assert "apart" not in IKSolver(robot).solve(targets[0]).message

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -29,8 +30,9 @@ from jacokin.model.obstacles import (
     Sphere,
     Surroundings,
 )
-from jacokin.model.own_shapes import overlapping
+from jacokin.model.own_shapes import kept_less, overlapping
 from tests.coal_shapes import coal_shape, collision_pairs
+from tests.near_neighbours import CLEARANCE, NEIGHBOURS, near_neighbours, of_neighbours_and_others, own_distances
 from tests.robot_files import ur5_text, urdf_text
 from tests.threads import run_in_threads
 
@@ -241,22 +243,6 @@ def ball_arm(tmp_path: Path, names: str = "", radius: float = 0.09) -> Path:
     return path
 
 
-def own_distances(robot: Robot, rows: Array) -> dict[frozenset[str], Array]:
-    """Distances (n,) of the arm's own shapes at configurations (n, dof) by MuJoCo, up to 10 cm [m]."""
-    model = to_mujoco(robot, geometry=True)
-    data, found = mujoco.MjData(model), np.empty((len(rows), model.npair))
-    for row, q in zip(found, rows, strict=True):
-        data.qpos[:] = q
-        mujoco.mj_kinematics(model, data)
-        row[:] = [
-            mujoco.mj_geomDistance(model, data, a, b, 0.1, None)
-            for a, b in zip(model.pair_geom1.tolist(), model.pair_geom2.tolist(), strict=True)
-        ]
-    names = [model.geom(k).name for k in range(model.ngeom)]
-    pairs = zip(model.pair_geom1.tolist(), model.pair_geom2.tolist(), strict=True)
-    return {frozenset((names[a], names[b])): column for (a, b), column in zip(pairs, found.T, strict=True)}
-
-
 @pytest.mark.one_quick
 @pytest.mark.parametrize(("name", "clearance"), [("balls", 0.02), ("gen3_lite", 0.03), ("m1n6s200", 0.035)])
 def test_shapes_that_are_near_everywhere_are_not_kept_apart(
@@ -297,11 +283,76 @@ def test_links_that_are_near_everywhere_by_turns_of_their_parts_are_not_kept_apa
     assert len(inner) == 16
     near = np.array([distances[pair] for pair in inner])
     assert 0.03 < near.min(axis=0).min() < near.min(axis=0).max() < 0.05 < near.max(axis=1).min()
+    wrist = {pair for pair in distances if {name.split("#")[0] for name in pair} == {"l4", "l6"}}
+    least = np.min([distances[pair] for pair in wrist], axis=0)  # these touch somewhere
+    assert (least < 0.05).mean() > 0.85
+    assert (least < 0.0).any()
+    (kept,) = {kept_less(robot, None, 0.05)[pair] for pair in wrist}
+    assert 0.05 * np.median(least) < kept < 0.2 * np.median(least)
     contact = self_contact(robot).with_clearance(0.05)
     for index, q in enumerate(rows):
-        others = min(distances[pair][index] for pair in distances.keys() - inner)
-        if abs(others - 0.05) > 1e-5:  # [m] rounding of two engines
-            assert contact.touches(q) == (others < 0.05)
+        others = min(distances[pair][index] for pair in distances.keys() - inner - wrist)
+        if min(abs(others - 0.05), abs(least[index] - kept)) > 1e-5:  # [m] rounding of two engines
+            assert contact.touches(q) == (others < 0.05 or least[index] < kept)
+
+
+@pytest.fixture(scope="module")
+def neighbours(tmp_path_factory: pytest.TempPathFactory) -> Robot:
+    return near_neighbours(tmp_path_factory.mktemp("arm"))
+
+
+def test_neighbours_that_are_nearly_always_near_keep_a_tenth_of_their_usual_distance(
+    neighbours: Robot, rng: np.random.Generator
+) -> None:
+    rows = neighbours.sample(rng, 2000)
+    away, others = of_neighbours_and_others(neighbours, rows)
+    assert away.max() < CLEARANCE + 1e-3
+    assert 0.1 < (away < 0.0).mean() < 0.4  # it touches here and there
+    assert 0.01 < (others < CLEARANCE).mean() < 0.5
+    kept = kept_less(neighbours, None, CLEARANCE)
+    assert kept.keys() == {NEIGHBOURS}
+    length = kept[NEIGHBOURS]
+    assert length == pytest.approx(0.1 * np.median(away), rel=0.2)
+    contact = self_contact(neighbours).with_clearance(CLEARANCE)
+    certain = np.minimum(np.abs(others - CLEARANCE), np.abs(away - length)) > 1e-5  # [m] rounding of two engines
+    touching = (others < CLEARANCE) | (away < length)
+    np.testing.assert_array_equal(contact.touches_at(rows)[certain], touching[certain])
+    for q, is_touching in zip(rows[certain][:200], touching[certain], strict=False):
+        assert contact.touches(q) == is_touching
+        pairs = {frozenset(pair) for pair in contact.all_touching(q)}
+        assert bool(pairs) == is_touching
+    # What is measured is how far they are apart, whatever they keep.
+    found = contact.distances(rows, self_collision=True)
+    np.testing.assert_allclose(np.clip(found, 0.0, 0.1), np.clip(np.minimum(away, others), 0.0, None), atol=1e-5)
+    for nearest, least in zip(contact.nearest(rows[:50], self_collision=True), found, strict=False):
+        assert nearest.distance == least
+    assert f"l4#2 and l6#3 ({length:.2g} m)" in contact.keeping_less
+    assert not self_contact(neighbours).keeping_less
+    for again in (contact.with_clearance(0.0).with_clearance(CLEARANCE), pickle.loads(pickle.dumps(contact))):
+        np.testing.assert_array_equal(again.touches_at(rows), contact.touches_at(rows))
+
+
+def test_motions_of_such_neighbours_are_certified_at_what_they_keep(
+    neighbours: Robot, rng: np.random.Generator
+) -> None:
+    contact = self_contact(neighbours).with_clearance(CLEARANCE)
+    length = kept_less(neighbours, None, CLEARANCE)[NEIGHBOURS]
+    shares, clear, refused = np.linspace(0.0, 1.0, 60)[:, None], 0, set[frozenset[str]]()
+    for start, end in zip(neighbours.sample(rng, 60), neighbours.sample(rng, 60), strict=True):
+        end = start + 0.4 * (end - start)
+        away, others = of_neighbours_and_others(neighbours, start + shares * (end - start))
+        pair = contact.in_the_way(start, end)
+        assert contact.are_in_the_way(start[None], end[None])[0] == (pair is not None)
+        if pair is None:
+            clear += 1
+            assert away.min() > length - 1e-6
+            assert others.min() > CLEARANCE - 1e-6
+        else:
+            refused.add(frozenset(pair))
+            step = 0.01 * np.abs(end - start).sum()  # [m] between two of the samples, at most
+            assert away.min() < length + step or others.min() < CLEARANCE + step
+    assert clear > 10
+    assert NEIGHBOURS in refused
 
 
 def test_what_only_seems_to_be_near_everywhere_counts_where_it_touches(

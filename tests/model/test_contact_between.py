@@ -57,6 +57,19 @@ def test_motions_of_both_are_refused_where_samples_touch(
     assert 0 < refused < 60
 
 
+def test_a_clearance_that_links_of_one_robot_never_keep_is_kept_between_two(
+    bundled: Callable[[str], Robot], rng: np.random.Generator
+) -> None:
+    robot = bundled("gen3_lite")
+    scene = Scene().adding_robot(robot, robot.home, name="other", base=BASE)
+    between, wide = (ContactBetween(robot, scene.surroundings, scene.robots[0], clearance=c) for c in (0.0, 0.03))
+    rows, others = robot.sample(rng, 100), robot.sample(rng, 100)
+    near = between.distances(rows, others) < 0.03
+    assert 0 < np.count_nonzero(near) < 100
+    found = [wide.in_the_way((q, q), (there, there)) is not None for q, there in zip(rows, others, strict=True)]
+    np.testing.assert_array_equal(found, near)
+
+
 def test_what_the_arm_holds_counts_and_what_is_allowed_does_not(robot: Robot) -> None:
     """A ball at the tool is nearer by its radius to the other arm, whose tool is in front of it."""
     tool = robot.forward_kinematics(robot.home)

@@ -33,6 +33,7 @@ class ArmShapes(NamedTuple):
     pairs: NDArray[
         np.int64
     ]  # (pairs, 2) shapes that count as contact when they touch, the one nearer to the base first
+    less: Array  # (pairs,) how much less than a margin they keep, 0 for most: their distance counts as so much more [m]
 
 
 class Places(NamedTuple):

@@ -29,8 +29,8 @@ from jacokin.kernels.contact.shapes import CENTRE, LINK, RADIUS, point_bound
 from jacokin.kernels.contact.touching import Counts, Geometry, meeting_bound, pair_bound
 from jacokin.kernels.contact.tree import Tree, node_bound
 
-#: What may hold the best pair: two groups, a group and what a node of the tree holds, a group and a plane, two shapes
-#: of the arm, a shape and an obstacle.
+#: What may hold the best pair: two groups, a group and what a node of the tree holds, a group and a plane, a pair of
+#: the arm, a shape and an obstacle.
 MEETING, NODE, PLANE_BELOW, OWN_PAIR, OBSTACLE_PAIR = range(5)
 #: Columns of such an entry: which of them it is, two numbers, and the group that moves.
 KIND, FIRST, SECOND, GROUP, ENTRY = range(5)
@@ -49,12 +49,13 @@ class Finder(NamedTuple):
     entries: NDArray[np.int64]  # (room, 4)
     work: SeparationWork  # for one pair of shapes
     best: NDArray[np.int64]  # (2,) the pair
-    distance: Array  # (1,) of it [m]
+    distance: Array  # (1,) of it; of a pair that keeps less than others, and so much more [m]
 
 
 class Search(NamedTuple):
     """What is looked for: the least (distance - margin) / rate, smaller than a value.
 
+    The distance of a pair that keeps less than others counts as so much larger.
     On a motion, that is for how long a pair is certain to stay apart; the direction in which it is may show more.
     """
 
@@ -114,7 +115,7 @@ def find_nearest(
     Returns:
         The value, and where what was written ends; beyond `room_of(rows)` where there was too little room.
     """
-    shapes, room = geometry.shapes, room_of(rows)
+    shapes, pairs, room = geometry.shapes, geometry.arm.pairs, room_of(rows)
     least, size, end, start, stop = search.below, 0, last, first, last
     while True:
         for row in range(start, stop):
@@ -132,15 +133,21 @@ def find_nearest(
         size, start = pop(finder, size), room
         stop = start
         if kind in (OWN_PAIR, OBSTACLE_PAIR):
-            rate = rate_of(counts, places, search, g, shapes.integers[i, LINK] if kind == OWN_PAIR else 0)
+            own, link, less = kind == OWN_PAIR, 0, 0.0
+            if own:
+                i, j, less = pairs[i, 0], pairs[i, 1], geometry.arm.less[i]
+                link = shapes.integers[i, LINK]
+            rate = rate_of(counts, places, search, g, link)
             relate(shapes, places.frames, i, j, finder.work.relative)
-            enough, deep = least * rate + search.margin, search.rough == math.inf
-            distance = shape_separation(shapes, (i, j), finder.work, enough, -math.inf, search.rough, deep)
+            enough, deep = least * rate + search.margin - less, search.rough == math.inf
+            apart = shape_separation(shapes, (i, j), finder.work, enough, -math.inf, search.rough - less, deep)
+            distance = apart + less
             value = (distance - search.margin) / rate
             if search.moving and value < least and (size == 0 or finder.keys[0] >= WORTH * value):
-                spare = apart_along(shapes, (i, j), finder.work, distance) - (search.margin if deep else search.rough)
+                along = apart_along(shapes, (i, j), finder.work, apart) + less
+                spare = along - (search.margin if deep else search.rough)
                 if spare > 0.0:
-                    own, half = kind == OWN_PAIR, search.below
+                    half = search.below
                     value = max(value, lasts(geometry, places, finder.work, (i, j), own, search.step, half, spare))
             if value < search.below:
                 end = keep(search, rows, end, entry)
@@ -161,13 +168,14 @@ def value_of(geometry: Geometry, counts: Counts, places: Places, search: Search,
     if kind == MEETING:
         link = arm.groups[arm.meetings[i, INNER], GROUP_LINK]
     elif kind == OWN_PAIR:
-        link = shapes.integers[i, LINK]
+        link = shapes.integers[arm.pairs[i, 0], LINK]
     rate = rate_of(counts, places, search, g, link)
     enough = until * rate + search.margin
     if kind == MEETING:
         bound = meeting_bound(arm, places, i, enough)
     elif kind == OWN_PAIR:
-        bound = pair_bound(shapes, places, i, j, enough)
+        less = arm.less[i]
+        bound = pair_bound(shapes, places, arm.pairs[i, 0], arm.pairs[i, 1], enough - less) + less
     elif kind == OBSTACLE_PAIR:
         s = shapes.numbers[i]
         p = in_world(places.frames, arm.groups[g, GROUP_LINK], s[CENTRE], s[CENTRE + 1], s[CENTRE + 2])
@@ -185,7 +193,7 @@ def divide(geometry: Geometry, rows: NDArray[np.int64], start: int, entry: Entry
     kind, i, _, g = entry
     if kind == MEETING:
         for k in range(arm.meetings[i, FIRST_PAIR], arm.meetings[i, LAST_PAIR]):
-            fill(rows[stop], (OWN_PAIR, arm.pairs[k, 0], arm.pairs[k, 1], g))
+            fill(rows[stop], (OWN_PAIR, k, 0, g))
             stop += 1
     elif kind == NODE and tree.children[i, 0] >= 0:
         for side in range(2):

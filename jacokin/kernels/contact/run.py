@@ -157,6 +157,7 @@ NOTHING = Geometry(
         np.zeros((0, 3), np.int64),
         np.zeros((0, 4), np.int64),
         np.zeros((0, 2), np.int64),
+        np.zeros(0),
     ),
     Tree(np.zeros((0, 6)), np.zeros((0, 2), np.int64), np.zeros(0, np.int64)),
 )
@@ -180,7 +181,7 @@ def make_contact_work(geometry: Geometry = NOTHING, rows: int = 0, pairs: int = 
         geometry,
         Places(frames, np.zeros((groups, 3)), np.zeros(groups * (dof + 1))),
         Hits(
-            np.full(2, -1),
+            np.full(3, -1),
             np.zeros((len(arm.pairs) + with_obstacles, 2), np.int64),
             np.zeros(DEEPEST, np.int64),
             pair,

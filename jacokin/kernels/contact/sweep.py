@@ -302,7 +302,7 @@ def sweep_obstacle(
         s = shapes.numbers[a]
         put_centres(link, s[CENTRE], s[CENTRE + 1], s[CENTRE + 2], sweep.point)
         turn_into(shapes.numbers[b], sweep.point, sweep.local)
-        end = sweep_pair(shapes, sweep, rows, end, (OBSTACLE_PAIR, a, b, g), margin, leaves)
+        end = sweep_pair(shapes, sweep, rows, end, (OBSTACLE_PAIR, a, b, g), (a, b), margin, leaves)
         if end == TOUCHES_THERE:
             return end
     return end
@@ -345,21 +345,28 @@ def sweep_meeting(
         s = shapes.numbers[b]
         put_centres(sweep.between, s[CENTRE], s[CENTRE + 1], s[CENTRE + 2], point)
         turn_into(shapes.numbers[a], point, local)
-        end = sweep_pair(shapes, sweep, rows, end, (OWN_PAIR, a, b, h), margin, leaves)
+        end = sweep_pair(shapes, sweep, rows, end, (OWN_PAIR, k, 0, h), (a, b), margin - arm.less[k], leaves)
         if end == TOUCHES_THERE:
             return end
     return end
 
 
 def sweep_pair(
-    shapes: Shapes, sweep: Sweep, rows: NDArray[np.int64], end: int, entry: Entry, margin: float, leaves: float
+    shapes: Shapes,
+    sweep: Sweep,
+    rows: NDArray[np.int64],
+    end: int,
+    entry: Entry,
+    pair: tuple[int, int],
+    margin: float,
+    leaves: float,
 ) -> int:
-    """Write a pair of shapes if it could touch; returns where the pairs end.
+    """Write the entry of a pair of shapes if it could touch; returns where the entries end.
 
     `sweep.local` is the centre of the one that moves, in the axes of the other.
     """
-    kind, a, b, _ = entry
-    moving, other = (b, a) if kind == OWN_PAIR else (a, b)
+    a, b = pair
+    moving, other = (b, a) if entry[0] == OWN_PAIR else (a, b)
     limit = shapes.numbers[moving, RADIUS] + margin + leaves
     if not comes_near(shapes, other, sweep.local, limit):
         return end
@@ -376,16 +383,18 @@ def touch_rows(
     geometry: Geometry, places: Places, hits: Hits, rows: NDArray[np.int64], first: int, last: int, margin: float
 ) -> bool:
     """Whether a pair in some rows touches where all is placed; then it is left in `hits.pairs`."""
-    shapes = geometry.shapes
+    shapes, pairs = geometry.shapes, geometry.arm.pairs
     for row in range(first, last):
-        a, b = rows[row, FIRST], rows[row, SECOND]
+        a, b, kept = rows[row, FIRST], rows[row, SECOND], margin
         if rows[row, KIND] == OWN_PAIR:
-            bound = pair_bound(shapes, places, a, b, margin)
+            kept -= geometry.arm.less[a]
+            a, b = pairs[a, 0], pairs[a, 1]
+            bound = pair_bound(shapes, places, a, b, kept)
         else:
             s = shapes.numbers[a]
             p = in_world(places.frames, shapes.integers[a, LINK], s[CENTRE], s[CENTRE + 1], s[CENTRE + 2])
             bound = point_bound(shapes, b, p) - s[RADIUS]
-        if bound <= margin and touch(geometry, places, hits, a, b, margin):
+        if bound <= kept and touch(geometry, places, hits, a, b, kept):
             hits.pairs[0, 0], hits.pairs[0, 1] = a, b
             return True
     return False

@@ -50,7 +50,7 @@ class Geometry(NamedTuple):
 class Hits(NamedTuple):
     """Pairs of shapes that touch, and working memory to find them."""
 
-    last: NDArray[np.int64]  # (2,) the pair that an earlier call found first, looked at first in the next one; or -1
+    last: NDArray[np.int64]  # (3,) what an earlier call found first is looked at first: two shapes, own pair; or -1
     pairs: NDArray[np.int64]  # (room, 2)
     stack: NDArray[np.int64]  # (DEEPEST,)
     pair: SeparationWork
@@ -73,18 +73,19 @@ def find_touching(
     Returns:
         How many pairs were found.
     """
-    a, b = hits.last[0], hits.last[1]
-    again = not every and a >= 0 and pair_bound(geometry.shapes, places, a, b, margin) <= margin
-    if again and touch(geometry, places, hits, a, b, margin):
+    a, b, k = hits.last[0], hits.last[1], hits.last[2]
+    kept = margin - geometry.arm.less[k] if k >= 0 else margin
+    again = not every and a >= 0 and pair_bound(geometry.shapes, places, a, b, kept) <= kept
+    if again and touch(geometry, places, hits, a, b, kept):
         hits.pairs[0, 0], hits.pairs[0, 1] = a, b
         return 1
-    found = touching_obstacles(geometry, counts, places, hits, margin, standing, every)
+    found, k = touching_obstacles(geometry, counts, places, hits, margin, standing, every), -1
     if found == 0 or every:
-        found = touching_itself(geometry, counts, places, hits, margin, every, found)
+        found, k = touching_itself(geometry, counts, places, hits, margin, every, found)
     if found > 0 and not every:
         a, b = hits.pairs[0, 0], hits.pairs[0, 1]
         own_margin = geometry.shapes.integers[a, LINK] == 0 and geometry.shapes.integers[b, LINK] > counts.dof
-        hits.last[0], hits.last[1] = -1 if own_margin else a, b
+        hits.last[0], hits.last[1], hits.last[2] = -1 if own_margin else a, b, k
     return found
 
 
@@ -150,21 +151,25 @@ def touching_one(
 
 def touching_itself(
     geometry: Geometry, counts: Counts, places: Places, hits: Hits, margin: float, every: bool, found: int
-) -> int:
-    """Fill in the pairs of the arm's own shapes after those found so far; returns how many there are then."""
+) -> tuple[int, int]:
+    """Fill in the pairs of the arm's own shapes after those found so far.
+
+    Returns:
+        How many there are then, and the number of the pair where it is the first that is looked for, else -1.
+    """
     arm = geometry.arm
     for m in range(counts.meetings):
         if meeting_bound(arm, places, m, margin) > margin:
             continue
         for k in range(arm.meetings[m, FIRST_PAIR], arm.meetings[m, LAST_PAIR]):
-            a, b = arm.pairs[k, 0], arm.pairs[k, 1]
-            near = pair_bound(geometry.shapes, places, a, b, margin) <= margin
-            if near and touch(geometry, places, hits, a, b, margin):
+            a, b, kept = arm.pairs[k, 0], arm.pairs[k, 1], margin - arm.less[k]
+            near = pair_bound(geometry.shapes, places, a, b, kept) <= kept
+            if near and touch(geometry, places, hits, a, b, kept):
                 hits.pairs[found, 0], hits.pairs[found, 1] = a, b
                 found += 1
                 if not every:
-                    return found
-    return found
+                    return found, k
+    return found, -1
 
 
 def meeting_bound(arm: ArmShapes, places: Places, m: int, enough: float) -> float:

@@ -47,6 +47,8 @@ class Nearness(NamedTuple):
     """(n, 2) numbers of shapes, the one that moves less first unless it is an obstacle."""
     distances: Array
     """(n,) [m], negative where they overlap."""
+    kept: Array
+    """(n,) what certified motions keep [m]."""
 
     def __bool__(self) -> bool:
         """Whether anything is."""
@@ -59,9 +61,7 @@ class Leaving:
     def __init__(self, robot: Robot, contact: Contact, clearance: float) -> None:
         """Take what may be in contact, and the distance that counts as contact [m]."""
         self._robot, self._contact = robot, contact
-        self._clearance = clearance
-        #: [m] what certified motions keep.
-        self.kept = clearance + REFUSED_WITHIN
+        self._kept = clearance + REFUSED_WITHIN
         self._levers = contact.levers
         self._work = make_contact_work(contact.geometry, 1)
         self._list = Call(run_contact, self._work)
@@ -70,16 +70,17 @@ class Leaving:
 
     def near(self, q: Array) -> Nearness:
         """What is near at a configuration (dof,); nothing where a motion from there can be certified at once."""
-        pairs = self._nearer(q, self.kept)
+        pairs = self._nearer(q, self._kept)
         if len(pairs):  # and what a step could bring near
-            pairs = self._nearer(q, self.kept + STEP)
-        return Nearness(pairs, self._measured(pairs, q)[:, 0] if len(pairs) else np.zeros(0))
+            pairs = self._nearer(q, self._kept + STEP)
+        kept = self._contact.distances_kept(pairs) + REFUSED_WITHIN
+        return Nearness(pairs, self._measured(pairs, q)[:, 0] if len(pairs) else np.zeros(0), kept)
 
-    def nearest(self, near: Nearness) -> tuple[float, Pair]:
-        """The nearest of some pairs [m], and its names."""
+    def nearest(self, near: Nearness) -> tuple[float, Pair, float]:
+        """The pair that is nearest of some: its distance [m], its names, and what certified motions keep of it [m]."""
         k = int(np.argmin(near.distances))
         a, b = near.pairs[k].tolist()
-        return float(near.distances[k]), self._contact.ordered(a, b, by_kind=True)
+        return float(near.distances[k]), self._contact.ordered(a, b, by_kind=True), float(near.kept[k])
 
     def way_out(self, q: Array, near: Nearness, towards: Array, deadline: float = math.inf) -> Array | None:
         """Straight motions (n, dof) to where nothing is near [rad]; None where none are found.
@@ -111,7 +112,7 @@ class Leaving:
             if best is None:
                 return None
             rows.append(best[1])
-            there = Nearness(near.pairs, best[2])
+            there = near._replace(distances=best[2])
         return None
 
     def follow(self, q: Array, end: Array, near: Nearness) -> tuple[Nearness, Pair | None]:
@@ -121,10 +122,10 @@ class Leaving:
             What has not come apart there, and the pair that hinders it; None where none does.
         """
         _, last, distances = self._walk(q, end, near, room=np.inf)
-        still = distances < self.kept + STEP
+        still = distances < near.kept + STEP
         if (last != end).any():
             return near, self.nearest(self.near(last) or near)[1]
-        return Nearness(near.pairs[still], distances[still]), None
+        return Nearness(near.pairs[still], distances[still], near.kept[still]), None
 
     def hindrance(self, rows: Array) -> Pair | None:
         """What hinders a motion through configurations (n, dof) in leaving what is near at the first one; or None.
@@ -155,7 +156,7 @@ class Leaving:
         out: Array | None = None
         for k in range(1, min(count, 3_000) + 1):
             there = end if k == count else q + (k / count) * step
-            met = self._nearer(there, self.kept + STEP)
+            met = self._nearer(there, self._kept + STEP)
             if any((a, b) not in pairs for a, b in met.tolist()):
                 break
             distances = self._measured(near.pairs, there)[:, 0]
@@ -164,7 +165,7 @@ class Leaving:
             most, last = np.maximum(most, distances), there
             if not len(met):
                 out = there
-                if distances.min() >= self.kept + room:
+                if (distances >= near.kept + room).all():
                     break
         return out, last, most
 

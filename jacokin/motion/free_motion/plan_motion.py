@@ -361,7 +361,7 @@ class _Request(NamedTuple):
         if not near or search is None:
             return _Beginning(np.array(rows), "; ".join(notes))
         leaving = search.leaving
-        distance, pair = leaving.nearest(near)
+        distance, pair, kept = leaving.nearest(near)
         how = f"are {distance:.3g} m apart" if distance > SAME_DISTANCE else "touch"
         where = f"{pair[0]} and {pair[1]} {how} at the start"
         if distance < -DEEPEST:
@@ -375,7 +375,7 @@ class _Request(NamedTuple):
         )  # straight to these, if it can be
         if out is None:
             sentence = (
-                f"{where}, nearer than {leaving.kept:.3g} m (the clearance and a reserve), and no straight motion was "
+                f"{where}, nearer than {kept:.3g} m (the clearance and a reserve), and no straight motion was "
                 "found that parts them without bringing anything nearer"
             )
             return self._stay(MotionStatus.START_IN_CONTACT, sentence)
@@ -398,8 +398,8 @@ class _Request(NamedTuple):
             if out is not None:
                 found[k] = out[::-1]
             else:
-                distance, pair = leaving.nearest(near)
-                none[k] = f"{pair[0]} and {pair[1]} are {distance:.3g} m apart there, kept {leaving.kept:.3g} m apart"
+                distance, pair, kept = leaving.nearest(near)
+                none[k] = f"{pair[0]} and {pair[1]} are {distance:.3g} m apart there, kept {kept:.3g} m apart"
         return found, none
 
     def _is_direct(self, rows: Array, straight: StraightMotion, start: Array) -> bool:
@@ -519,7 +519,7 @@ class _Request(NamedTuple):
             rows,
             look=None if contact is None else partial(contact.distances, self_collision=True),
             status=MotionStatus.MISSED if wrong else MotionStatus.OK,
-            message=wrong or message,
+            message="; ".join(word for word in (wrong or message, contact.keeping_less if contact else "") if word),
             goal=goal,
         )
 

@@ -299,7 +299,7 @@ class _Writer:
             upper=robot.upper,
             velocity_limit=checks.read_only(self.pace.velocity),
             parameter=checks.read_only(parameter),
-            message="; ".join(word for word in words if word),
+            message="; ".join(word for word in (*words, verifier.note) if word),
             start_distance=float(away.max()),
         )
 

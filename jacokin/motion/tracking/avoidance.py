@@ -106,7 +106,7 @@ class ClearanceGuard:
         robot: Robot,
         shapes: MovableShapes,
         pairs: NDArray[np.int64],
-        distance: float,
+        distances: Array,
         limits: JointLimits,
         dt: float,
     ) -> None:
@@ -117,7 +117,7 @@ class ClearanceGuard:
             robot: the arm.
             shapes: the obstacles that can move.
             pairs: (n, 2) numbers of shapes, the one nearer to the base first.
-            distance: smallest distance allowed [m].
+            distances: (n,) smallest distances allowed [m].
             limits: of the joints.
             dt: control step [s].
         """
@@ -127,7 +127,7 @@ class ClearanceGuard:
         rows = np.full(len(contact.names), -1)
         rows[shapes.numbers] = np.arange(len(shapes.numbers))
         self._mover = rows[pairs[:, 0]]
-        self._names, self._distance = contact.names, distance
+        self._names, self._distances, largest = contact.names, distances, float(distances.max(initial=0.0))
         shapes_of_all = contact.geometry.shapes  # obstacles move in arrays of this guard's own
         own = shapes_of_all._replace(numbers=shapes_of_all.numbers.copy())
         self._geometry = contact.geometry._replace(shapes=own)
@@ -140,7 +140,7 @@ class ClearanceGuard:
         self._levers, lever = np.unique(levers, axis=0, return_inverse=True)
         self._lever = lever.reshape(-1)  # of each pair
         way = (LOOK_AHEAD + 0.5 * limits.stopping_time / dt) * (self._levers @ limits.step)
-        self._watched = distance + BUFFER + np.maximum(way, MEASURED)
+        self._largest, self._watched = largest, largest + BUFFER + np.maximum(way, MEASURED)
         self._fixed = links[self._first] == 0
         self._lower, self._upper = _range(limits)
         # The kernels take a plane, and any obstacle, as the second shape.
@@ -181,9 +181,9 @@ class ClearanceGuard:
         if self._call is None:
             work = make_reach_work(self._geometry, len(self._first), len(self.shapes.numbers), len(self._levers))
             numbers, pairs = work.numbers, work.pairs
-            numbers[ALLOWED], numbers[TIME_STEP], numbers[FORESIGHT] = self._distance, self._dt, self._foresight
-            numbers[CLOSE] = self._distance + BUFFER + MEASURED
-            work.limits[:], pairs.kept[:] = self._limits.table, self._distance
+            numbers[ALLOWED], numbers[TIME_STEP], numbers[FORESIGHT] = self._largest, self._dt, self._foresight
+            numbers[CLOSE] = self._largest + BUFFER + MEASURED
+            work.limits[:], pairs.kept[:] = self._limits.table, self._distances
             pairs.integers[:], pairs.lever[:], pairs.mover[:] = self._pairs, self._lever, self._mover
             pairs.mover[self._mover < 0] = len(self.shapes.numbers)
             work.levers.lengths[:], work.levers.watched[:] = self._levers.ravel(), self._watched
@@ -267,7 +267,7 @@ class ClearanceGuard:
             now: the distances.
             before: (pairs,) each pair was at least so far apart at this configuration [m]; None if that is not known.
         """
-        close = now.distance < self._distance
+        close = now.distance < self._distances[now.near]
         if not close.any():
             return now
         kept, fresh = dict(now.contacts.kept), []
@@ -275,7 +275,7 @@ class ClearanceGuard:
         for pair, distance in near.items():
             last = np.inf if before is None else float(before[pair])
             if pair not in kept:
-                if last >= self._distance or distance < 0.0 <= last:
+                if last >= self._distances[pair] or distance < 0.0 <= last:
                     fresh.append(pair)
             elif before is not None:
                 kept[pair] += distance - last  # what its obstacle has moved does not count
@@ -294,14 +294,14 @@ class ClearanceGuard:
             bound[:] = np.inf
             bound[pairs] = -np.inf
             there = self._measure(rng.uniform(self._lower, self._upper), bound, NO_CONTACTS).bound
-            pairs = [pair for pair in pairs if there[pair] < self._distance + BUFFER]
+            pairs = [pair for pair in pairs if there[pair] < self._distances[pair] + BUFFER]
         return pairs
 
     def _keep(self, kept: Mapping[int, float]) -> None:
         """Have the kernel keep the clearance, and of some pairs what is said."""
         if kept or self._keeps_less:
             self._keeps_less = True  # until it is done
-            self.work.pairs.kept[:] = self._distance
+            self.work.pairs.kept[:] = self._distances
             for pair, distance in kept.items():
                 self.work.pairs.kept[pair] = distance
             self._keeps_less = bool(kept)
@@ -329,7 +329,7 @@ class ClearanceGuard:
             work.pairs.exact[now.near] = 1
         kept = now.contacts.kept
         if kept:
-            kept = {pair: each for pair, each in kept.items() if now.bound[pair] < self._distance + BUFFER}
+            kept = {pair: each for pair, each in kept.items() if now.bound[pair] < self._distances[pair] + BUFFER}
         self._keep(kept)
         if now is not held:
             work.rows[:count, KEPT] = work.pairs.kept[now.near]
@@ -415,12 +415,15 @@ def make_guard(
             raise InvalidInputError(f"{asked[0]} has no effect with collision='ignore'; use 'reject'")
         return None
     contact = around.contact(robot)
-    numbers = contact.with_clearance(distance).pair_numbers(self_collision=self_collision)
-    if pairs is not None:
+    if pairs is None:
+        clear = contact.with_clearance(distance)
+        numbers = clear.pair_numbers(self_collision=self_collision)
+        distances = clear.distances_kept(numbers)
+    else:
         named = [_named_pair(contact, robot.dof, pair) for pair in checks.listed("pairs", pairs)]
-        numbers = np.array(named, dtype=np.int64).reshape(-1, 2)
+        numbers, distances = np.array(named, dtype=np.int64).reshape(-1, 2), np.full(len(named), distance)
     shapes = MovableShapes(around.obstacles, contact)
-    return ClearanceGuard(contact, robot, shapes, numbers, distance, limits, dt)
+    return ClearanceGuard(contact, robot, shapes, numbers, distances, limits, dt)
 
 
 def _named_pair(contact: Contact, dof: int, pair: tuple[str, str]) -> tuple[int, int]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import itertools
 import pickle
 import signal
 import threading
@@ -24,10 +25,12 @@ from jacokin.errors import InvalidInputError
 from jacokin.ik import Box, Floor, Scene, Sphere
 from jacokin.model import SelfContact
 from jacokin.model.contact import Contact
+from jacokin.model.own_shapes import kept_less
 from jacokin.model.poses import rotation_angle
 from jacokin.motion import Trajectory, plan_motion
 from jacokin.motion.free_motion import search
 from tests.compiled_twin import compile_twin
+from tests.near_neighbours import CLEARANCE, FAR, NEIGHBOURS, near_neighbours, of_neighbours_and_others
 from tests.robot_files import ur5_text
 
 FINE = 1e-3  # [rad] between configurations that the referee looks at
@@ -349,6 +352,53 @@ def test_links_that_are_near_everywhere_are_no_hindrance() -> None:
     assert solver.solve(goal).success
     motion = plan_motion(solver, robot.home, goal, time_limit=10.0)
     check(robot, Scene([Floor(-0.02)]), motion)
+
+
+def test_neighbours_nearer_than_the_clearance_are_passed_at_what_they_keep(
+    tmp_path: Path, rng: np.random.Generator
+) -> None:
+    robot = near_neighbours(tmp_path)
+    solver = IKSolver(robot, clearance=CLEARANCE)
+    kept = kept_less(robot, None, CLEARANCE)[NEIGHBOURS]
+    rows = robot.sample(rng, 60)
+    away, others = of_neighbours_and_others(robot, rows)
+    ends, planned = rows[(away > kept + 1e-3) & (others > CLEARANCE + 1e-3)], 0
+    for start, goal in itertools.pairwise(ends):
+        if of_neighbours_and_others(robot, np.linspace(start, goal, 200))[0].min() < kept + 1e-3:
+            continue  # where these two touch, they divide what the fifth joint can do
+        motion = plan_motion(solver, start, goal, time_limit=5.0)
+        assert motion.success, motion.message
+        planned += 1
+        assert "l4#2 and l6#3" in motion.message
+        away, others = of_neighbours_and_others(robot, between(motion, 0.01))
+        assert away.min() > kept
+        assert others.min() > CLEARANCE
+        least = np.min(of_neighbours_and_others(robot, motion.q), axis=0)
+        np.testing.assert_allclose(np.minimum(motion.clearance, FAR), least, atol=1e-5)
+    assert planned >= 5
+
+
+def test_neighbours_that_are_nearer_than_they_keep_come_apart_first(tmp_path: Path, rng: np.random.Generator) -> None:
+    robot = near_neighbours(tmp_path)
+    solver = IKSolver(robot, clearance=CLEARANCE)
+    kept = kept_less(robot, None, CLEARANCE)[NEIGHBOURS]
+    rows = robot.sample(rng, 2000)
+    away, others = of_neighbours_and_others(robot, rows)
+    clear = others > CLEARANCE + 5e-3
+    start = rows[clear & (away > 0.1 * kept) & (away < 0.9 * kept)][0]
+    goal = next(
+        q
+        for q in rows[clear & (away > kept + 1e-3)]
+        if (np.diff(of_neighbours_and_others(robot, np.linspace(start, q, 30))[0]) > 0.0).all()
+    )
+    motion = plan_motion(solver, start, goal, time_limit=5.0)
+    assert motion.success, motion.message
+    assert "l4#2 and l6#3 are" in motion.message
+    away, others = of_neighbours_and_others(robot, motion.q)
+    assert away.min() > away[0] - 1e-6
+    apart = int(np.argmax(away > kept))
+    assert (away[apart:] > kept - 1e-6).all()
+    assert others.min() > CLEARANCE
 
 
 def test_hulls_of_meshes_in_the_way_are_said_to_be_hulls(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
+from pathlib import Path
 from typing import Any
 
 import mujoco
@@ -19,12 +20,14 @@ from jacokin.ik import Box, Capsule, Floor, Obstacle, Scene, Sphere
 from jacokin.kernels.tracking.reach import CLOSE
 from jacokin.model import to_mujoco
 from jacokin.model.mujoco_twin import to_spec
+from jacokin.model.own_shapes import kept_less
 from jacokin.motion import PoseTarget, PositionTarget, TrackerStatus
 from jacokin.motion.tracking.avoidance import NEARER, make_guard
 from jacokin.motion.tracking.joint_limits import JointLimits
 from jacokin.motion.tracking.targets import Kinematics, TaskFactory
 from jacokin.motion.tracking.ticks import JointState, TickSolver
 from tests.coal_shapes import collision_pairs
+from tests.near_neighbours import CLEARANCE, NEIGHBOURS, near_neighbours, of_neighbours_and_others
 
 DISTANCE = 0.01  # [m]
 TOLERANCE = 1e-4  # [m]
@@ -225,6 +228,26 @@ def test_shapes_that_are_near_everywhere_change_nothing() -> None:
     for tick in range(60):
         there = pin.SE3(pose.rotation, pose.translation + np.array([0.0, 0.0, 5e-4 * tick]))
         np.testing.assert_allclose(guarded.step(there).q, plain.step(there).q, rtol=0.0, atol=1e-12)  # rounding
+
+
+def test_neighbours_nearer_than_the_clearance_follow_until_they_would_touch(
+    tmp_path: Path, rng: np.random.Generator
+) -> None:
+    robot = near_neighbours(tmp_path)
+    kept = kept_less(robot, None, CLEARANCE)[NEIGHBOURS]
+    rows = robot.sample(rng, 200)
+    away, others = of_neighbours_and_others(robot, rows)
+    starts, near = rows[(away > 0.5 * CLEARANCE) & (others > 2.0 * CLEARANCE)][:6], []
+    for start in starts:
+        turned = start + np.linspace(0.0, np.pi, 200)[:, None] * np.eye(6)[4]  # the fifth joint, until they are nearest
+        goal = turned[np.argmin(of_neighbours_and_others(robot, turned)[0])]
+        tracker = Tracker(robot, dt=0.01, clearance=CLEARANCE, q=start)
+        steps = [tracker.step(robot.forward_kinematics(goal)) for _ in range(500)]
+        away, others = of_neighbours_and_others(robot, np.array([step.q for step in steps]))
+        near.append(away.min())
+        assert away.min() > kept - TOLERANCE
+        assert others.min() > CLEARANCE - TOLERANCE
+    assert min(near) < 0.5 * CLEARANCE - 3.0 * NEARER  # much nearer than they were
 
 
 def test_far_obstacles_change_nothing(robot: Robot) -> None:
