@@ -12,9 +12,9 @@ known. There the distance of its own pair tells little about where that pair com
 from elsewhere, if not where the fold is.
 
 Two complex solutions may have one angle in common, which is real then: a pair comes to the axis there and leaves it
-again, and no curve begins. Near such a place the other angles of the pair tell, by `pairs`: solutions become real when
-all their angles do, at the same value of p. For a Jaco, whose own F comes without the equations of the other angles, F
-in another labelling of the joints does.
+again, and no curve begins. Near such a place the other angles of the pair tell: solutions become real when all their
+angles do, at the same value of p. They follow from the equations, see `pairs`, or where F comes in closed form, from
+those it was made of.
 
 Where noise may move a root as far as the axis, or as far as the next root, it is real or not. Another labelling of the
 joints has the same solutions as real roots of another F: as many as are real for sure in one are solutions, and so are
@@ -31,8 +31,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.kernels.closed_form.arm import ArmConstants, unpack_arm
-from jacokin.kernels.closed_form.resultant import DEGREE, value_and_slope
+from jacokin.kernels.closed_form.arm import ArmConstants, pose_of, unpack_arm
+from jacokin.kernels.closed_form.resultant import DEGREE, q5_apart, value_and_slope
 from jacokin.kernels.closed_form.roots import RootWork, make_roots
 from jacokin.kernels.limits import TURN, nearest_copy
 from jacokin.kernels.six_joints.loop import LABELLINGS, Form, fill_links, joint_of
@@ -437,6 +437,10 @@ def others_apart(
         fill_links(six.chain, six.turned, k.six.scale, k.six.form_labelling, work.F.equations.links)
         apart = theta_5_apart(planar_arm_of(work.F.equations.links), z)
         return apart, apart
+    if labelling < 0 and k.six.scale == 0.0:
+        turn_target(six.T, six.axis, p, six.turned)
+        apart = q5_apart(k, pose_of(six.arm, k, six.turned), z)
+        return apart, apart
     fill_equations(k, six, work.F, p, labelling)
     return other_angles_apart(work.F.equations, z, work.pair)
 
@@ -658,22 +662,13 @@ def is_solution(k: ArmConstants, six: SixJoints, work: Islands, low: float, high
     """Whether the pairs that come to the axis between two values may be solutions there.
 
     Where two complex solutions have one real angle in common, F has a pair on the axis without a solution. Their other
-    angles tell, or F in another labelling of the joints.
+    angles tell.
     """
     if k.six.form == Form.SPHERICAL_WRIST:
         return True
-    if k.six.scale > 0.0:
-        reach = SAFETY * (high - low)
-        first, last = look_in(k, six, work, low, -1, reach), look_in(k, six, work, high, -1, reach)
-        return first.least < first.most or last.least < last.most or may_come(first, last, high - low)
-    for _ in range(LABELLINGS):
-        if work.useless[work.size[4]] == 0:
-            first = look_in(k, six, work, low, work.size[4], 0.0)
-            last = look_in(k, six, work, high, work.size[4], 0.0) if first.least == first.most else first
-            if last.least == last.most:
-                return may_come(first, last, high - low)
-        work.size[4] = next_labelling(k, six, work.size[4])
-    return True
+    reach = SAFETY * (high - low)
+    first, last = look_in(k, six, work, low, -1, reach), look_in(k, six, work, high, -1, reach)
+    return first.least < first.most or last.least < last.most or may_come(first, last, high - low)
 
 
 def next_labelling(k: ArmConstants, six: SixJoints, labelling: int) -> int:

@@ -86,6 +86,24 @@ def test_sets_of_planar_arms_are_whole(count: int, tmp_path: Path, rng: np.rando
     assert complete > 0.97 * count
 
 
+@pytest.mark.parametrize("count", [15, pytest.param(150, marks=pytest.mark.slow)])
+def test_sets_of_a_gen3_with_six_joints_are_whole(count: int, rng: np.random.Generator) -> None:
+    """It is built like a Jaco whose shoulder has an offset of 1 mm; joint 5 tells where no curve begins."""
+    robot = jacokin.load_robot("gen3_6dof")
+    solver, complete = IKSolver(robot, collision="ignore"), 0
+    for q in robot.sample(rng, count):
+        target = FreeAxis(robot.forward_kinematics(q), axis=rng.normal(size=3))
+        found = solver.solve_all(target)
+        own = found.nearest(q)
+        assert own is not None
+        np.testing.assert_allclose(own, q, atol=1e-6)
+        complete += found.complete
+        parameters = rng.uniform(-math.pi, math.pi, 40)
+        wrong = counted(found, parameters) != scan(solver, target, parameters)
+        assert not found.complete or not wrong.any()
+    assert complete > 0.9 * count
+
+
 def test_an_arm_whose_rounded_axes_are_all_but_parallel_has_sets(tmp_path: Path, rng: np.random.Generator) -> None:
     """The cosine between them may be above 1."""
     rounded = [(xyz, (round(roll, 4), 0.0, 0.0)) for xyz, (roll, _, _) in PLANAR]
