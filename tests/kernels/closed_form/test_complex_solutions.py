@@ -28,7 +28,7 @@ def conditions_at(k: ArmConstants, pose: Pose, z: complex, zeta: complex) -> tup
     D, m = vectors_at((pose.D0, pose.Dc, pose.Ds), z), vectors_at((pose.m0, pose.mc, pose.ms), z)
     axis_4 = np.array([0.5 * k.sin_a * (zeta + 1.0 / zeta), 0.5j * k.sin_a * (zeta - 1.0 / zeta), k.cos_a])
     normal, C = np.cross(m, axis_4), D + k.c4 * axis_4
-    return C @ C - k.R2, (normal @ D) ** 2 - k.e3**2 * (normal @ normal)
+    return complex(C @ C - k.R2), complex((normal @ D) ** 2 - k.e3**2 * (normal @ normal))
 
 
 def joint_5_at(k: ArmConstants, pose: Pose, z: complex, condition: int) -> Complex:
