@@ -15,7 +15,13 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from jacokin.errors import StructureError
-from jacokin.kernels.tolerances import SMALLEST_LENGTH, SMALLEST_TWIST, SPHERICAL_TOLERANCE, STRUCTURE_TOLERANCE
+from jacokin.kernels.tolerances import (
+    SMALLEST_LENGTH,
+    SMALLEST_OFFSET,
+    SMALLEST_TWIST,
+    SPHERICAL_TOLERANCE,
+    STRUCTURE_TOLERANCE,
+)
 from jacokin.model import checks
 from jacokin.model.kinematics import arm_of
 
@@ -131,10 +137,10 @@ class StructureCheck:
         misfit = float(np.linalg.norm(second - first))
         self._check(i, j, misfit, "m", "the axes must meet where those before them do")
 
-    def long_enough(self, i: int, j: int, length: float, what: str) -> None:
+    def long_enough(self, i: int, j: int, length: float, what: str, least: float = SMALLEST_LENGTH) -> None:
         """A length of the mechanism must not vanish."""
-        if length < SMALLEST_LENGTH:
-            self._refuse(i, j, length, "m", f"{what} is {length:.3g} m; it must be at least {SMALLEST_LENGTH:g} m")
+        if length < least:
+            self._refuse(i, j, length, "m", f"{what} is {length:.3g} m; it must be at least {least:g} m")
 
 
 class ArmGeometry(NamedTuple):
@@ -189,7 +195,7 @@ def measure_chain(names: Sequence[str], chain: NDArray[np.float64]) -> ArmGeomet
     upper_arm = math.sqrt(max(float((C - origin) @ (C - origin)) - e3**2, 0.0))
     check.long_enough(2, 3, upper_arm, "the distance from axis 2 to axis 3")
     check.long_enough(3, 4, abs(c4), "the distance from axis 3 to axis 5 along axis 4")
-    check.long_enough(0, 2, abs(e3), "the lateral offset of the shoulder")
+    check.long_enough(0, 2, abs(e3), "the lateral offset of the shoulder", SMALLEST_OFFSET)
 
     # Shoulder frame: x = w3 x w1, y = w3, z = w1. Wrist frame: x = e, y = f, z = w5 with w4 in the x, z plane.
     S = _orthonormal(w[0], w[2])

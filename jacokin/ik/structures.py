@@ -262,7 +262,7 @@ class QuickForm(NamedTuple):
     """A structure, where it is in the arm, and what the kernels must know about it."""
 
     kind: int
-    """`GENERAL` for none, `SPHERICAL_WRIST`, `PARALLEL_AXES` or `PLANAR_ARM`."""
+    """`GENERAL` for none, `SPHERICAL_WRIST`, `PARALLEL_AXES`, `PLANAR_ARM` or `ELBOW_OFFSET`."""
     labelling: int
     """In which the structure has its place."""
     first: float
@@ -282,9 +282,10 @@ class QuickForm(NamedTuple):
             return "every branch, in closed form: axes {}, {} and {} meet in one point".format(*self.joints)
         if self.kind == Form.PARALLEL_AXES:
             return "every branch, in closed form: axes {}, {} and {} are parallel".format(*self.joints)
-        if self.kind == Form.PLANAR_ARM:
+        if self.kind in (Form.PLANAR_ARM, Form.ELBOW_OFFSET):
+            degree = 4 if self.kind == Form.PLANAR_ARM else 8
             parts = "axes {} and {} are parallel, {} and {} in one plane across them".format(*self.joints)
-            return f"every branch, from a polynomial of degree 4: {parts}"
+            return f"every branch, from a polynomial of degree {degree}: {parts}"
         return "every branch, from a determinant of the closed loop"
 
 
@@ -364,7 +365,10 @@ def plane_form(links: NDArray[np.float64], labelling: int, carrier: int) -> Quic
 
 
 def planar_arm_form(links: NDArray[np.float64], labelling: int, carrier: int) -> QuickForm | None:
-    """Axes 2 and 3 are parallel, axes 1 and 4 meet them at right angles and lie in one plane, 4 and 5 meet."""
+    """Axes 2 and 3 are parallel, axes 1 and 4 at right angles to them and in one plane, 1 and 2 and 4 and 5 meet.
+
+    Axis 4 meets axis 3, too, or clearly does not.
+    """
     first, second, third, fourth = links[:4]
     if carrier < 4 or min(sine_of(link) for link in (first, third, fourth)) < DISTINCT:
         return None
@@ -373,15 +377,20 @@ def planar_arm_form(links: NDArray[np.float64], labelling: int, carrier: int) ->
     misfit = max(
         sine_of(second),
         *(abs(float(link[2, 2])) for link in (first, third)),
-        *(distance_of(link) for link in (first, third, fourth)),
+        *(distance_of(link) for link in (first, fourth)),
         abs(float(across)),
     )
-    if not misfit <= EXACT_STRUCTURE:
+    beside = distance_of(third)
+    if beside <= EXACT_STRUCTURE:
+        kind, misfit = Form.PLANAR_ARM, max(misfit, beside)
+    else:
+        kind = Form.ELBOW_OFFSET
+    if not misfit <= EXACT_STRUCTURE or EXACT_STRUCTURE < beside < DISTINCT:
         return None
     if min(np.hypot(*second[:2, 3]), abs(elbow - fourth[2, 3] - wrist * fourth[2, 2])) < DISTINCT:
         return None
-    beside, inner = ([joint_of(labelling, i) + 1 for i in pair] for pair in ((0, 3), (1, 2)))
-    return QuickForm(Form.PLANAR_ARM, labelling, misfit, 0.0, (*sorted(inner), *sorted(beside)), 3)
+    outer, inner = ([joint_of(labelling, i) + 1 for i in pair] for pair in ((0, 3), (1, 2)))
+    return QuickForm(kind, labelling, misfit, 0.0, (*sorted(inner), *sorted(outer)), 3 + (kind == Form.ELBOW_OFFSET))
 
 
 def sine_of(link: NDArray[np.float64]) -> float:

@@ -11,8 +11,10 @@ from __future__ import annotations
 #: [m] and [rad]; how far the axes may miss the structure. Files with six-digit quaternions miss it by up to 1e-6; a
 #: Newton step on the model's own kinematics removes what is left, so the answers are exact all the same.
 STRUCTURE_TOLERANCE = 1e-5
-#: [m]; shorter links, or a smaller shoulder offset, are another mechanism, with solutions this method does not know.
+#: [m]; shorter links are another mechanism, with solutions this method does not know.
 SMALLEST_LENGTH = 1e-3
+#: [m]; with a smaller lateral offset of the shoulder, pairs of roots of F are all but double, as for arms without one.
+SMALLEST_OFFSET = 1e-4
 #: [rad]; axes 4/5 and 5/6 closer to parallel than this do not meet in a usable point.
 SMALLEST_TWIST = 0.05
 #: [m]; B and A closer than this are one point: a spherical wrist.

@@ -326,10 +326,9 @@ def nearly(six: Array) -> EndWrist | None:
 
 
 def has_end_wrist(constants: Array) -> bool:
-    """Whether six joints, by their constants, are built like a Jaco, or are solved by a wrist at an end of them."""
+    """Whether six joints, by their constants, are solved by a wrist at an end of them."""
     six = unpack_arm(constants).six
-    ends = six.form == Form.SPHERICAL_WRIST and six.form_labelling in (0, LABELLINGS - 1)
-    return bool(six.scale == 0.0 or ends)
+    return bool(six.form == Form.SPHERICAL_WRIST and six.form_labelling in (0, LABELLINGS - 1))
 
 
 def _ends(chain: Array) -> list[tuple[int, Array]]:

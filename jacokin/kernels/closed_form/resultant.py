@@ -52,6 +52,52 @@ def axis_terms(k: ArmConstants, D: Vec, m: Vec) -> tuple[complex, complex, float
     return G2, G1, G0
 
 
+def square_root(x: complex) -> complex:
+    """One of both."""
+    size = abs(x)
+    if size == 0.0:
+        return 0.0j
+    long = math.sqrt(0.5 * (size + abs(x.real)))
+    short = 0.5 * x.imag / long
+    return complex(long, short) if x.real >= 0.0 else complex(short, long)
+
+
+def q5_apart(k: ArmConstants, pose: Pose, z: complex) -> float:
+    """How far q5 is from the real axis where z = exp(i q6) is a root of F [rad]: where it is real, all joints are.
+
+    Of both zeta of the sphere condition, A zeta^2 - 2 k zeta + B = 0, it is the one with g = 0. Where that says nothing
+    of zeta, q5 may be real.
+    """
+    c, s = 0.5 * (z + 1.0 / z), -0.5j * (z - 1.0 / z)
+    D0 = pose.D0[0] + c * pose.Dc[0] + s * pose.Ds[0]
+    D1 = pose.D0[1] + c * pose.Dc[1] + s * pose.Ds[1]
+    D2 = pose.D0[2] + c * pose.Dc[2] + s * pose.Ds[2]
+    m0 = pose.m0[0] + c * pose.mc[0] + s * pose.ms[0]
+    m1 = pose.m0[1] + c * pose.mc[1] + s * pose.ms[1]
+    m2 = pose.m0[2] + c * pose.mc[2] + s * pose.ms[2]
+    right = ((k.R2 - D0 * D0 - D1 * D1 - D2 * D2 - k.c4 * k.c4) / (2.0 * k.c4) - k.cos_a * D2) / k.sin_a
+    A, B = D0 + 1.0j * D1, D0 - 1.0j * D1
+    root = square_root(right * right - A * B)
+    found, least = 0.0, math.inf
+    for sign in (1.0, -1.0):
+        # (k + root) / A, or B / (k - root): their product is B / A.
+        over, under = right + sign * root, right - sign * root
+        if abs(over) >= abs(under):
+            under = A
+        else:
+            over = B
+        if over == 0.0 or under == 0.0:
+            continue
+        zeta = over / under
+        x, y = 0.5 * k.sin_a * (zeta + 1.0 / zeta), 0.5j * k.sin_a * (zeta - 1.0 / zeta)
+        along = x * (D1 * m2 - D2 * m1) + y * (D2 * m0 - D0 * m2) + k.cos_a * (D0 * m1 - D1 * m0)
+        cosine = x * m0 + y * m1 + k.cos_a * m2
+        g = abs(along * along - k.e3 * k.e3 * (1.0 - cosine * cosine))
+        if g < least:
+            found, least = abs(math.log(abs(zeta))), g
+    return found
+
+
 def resultant(k: ArmConstants, D: Vec, m: Vec) -> tuple[float, float]:
     """r^4 g(zeta1) g(zeta2) over the two zeta of the sphere condition, a polynomial in W, k and G; and its noise scale.
 

@@ -9,6 +9,7 @@ roots, starts      its real roots, and the configurations that follow from them
 spherical_wrist    where three axes meet, a closed form: the point where they do first
 parallel_axes      where three are parallel: what they do not move first
 planar_arm         where two are, and those beside them stay in one plane: a polynomial of degree 4
+elbow_offset       and where one of those is beside its neighbour, one of degree 8
 candidates         what these share: angles two at a time, and branches from them
 ranking            which labellings suit an arm
 """

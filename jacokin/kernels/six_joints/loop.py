@@ -21,8 +21,8 @@ from jacokin.kernels.vector import Vec
 #: 0..5 begin at that joint and go forwards, 6..11 at the joint 6 less, backwards.
 LABELLINGS = 12
 #: Structures with a form of their own: axes 4, 5 and 6 of a labelling meet; axes 2, 3 and 4 are parallel, 5 and 6 meet;
-#: axes 2 and 3 are parallel, 1 and 4 in one plane across them, 4 and 5 meet.
-Form = IntEnum("Form", "GENERAL SPHERICAL_WRIST PARALLEL_AXES PLANAR_ARM", start=0)
+#: axes 2 and 3 are parallel, 1 and 4 in one plane across them, 4 and 5 meet; the same with axis 4 beside joint 3.
+Form = IntEnum("Form", "GENERAL SPHERICAL_WRIST PARALLEL_AXES PLANAR_ARM ELBOW_OFFSET", start=0)
 #: Neighbours of an arm, and how far a link is moved: [rad], and part of the arm's length. Branches whose Jacobian has
 #: singular values above 1e-3 move by less than Newton's method brings back; structures are broken well above rounding.
 NEIGHBOURS, LINK_MOVE = 3, 1e-5

@@ -226,7 +226,6 @@ def in_the_plane(
     arm: SixArm, planar: PlanarArm, at: Lines, query: PoseQuery, work: Candidates, branches: BranchWork
 ) -> None:
     """From theta_6 and theta_5: the branches on both sides of the plane."""
-    links = work.links
     z = unturned_about_z((work.cosine[4], work.sine[4]), planar.k)
     normal, other = cross(at.m, z), cross(at.m, at.D)
     if dot(other, other) > dot(normal, normal):
@@ -240,14 +239,20 @@ def in_the_plane(
     z, five = before_one(work, z), before_one(work, (0.0, 0.0, 1.0))
     for side in range(2):
         sign = 1.0 if side == 0 else -1.0
-        take_unit(work, 0, unit_from_to(links[0, 0, 2], links[0, 1, 2], sign * normal[0], sign * normal[1]))
-        a = behind(work, 0, C)
-        take_unit(work, 1, unit_from_to(links[1, 0, 3], links[1, 1, 3], a[0], a[1]))
-        b = behind(work, 1, behind(work, 0, z))
-        take_unit(work, 2, unit_from_to(links[2, 0, 2], links[2, 1, 2], b[0], b[1]))
-        b = behind(work, 2, behind(work, 1, behind(work, 0, five)))
-        take_unit(work, 3, unit_from_to(links[3, 0, 2], links[3, 1, 2], b[0], b[1]))
+        place_arm(work, (sign * normal[0], sign * normal[1], sign * normal[2]), C, z, five)
         add_candidate(arm, query, work, branches, False)
+
+
+def place_arm(work: Candidates, axis_2: Vec, C: Vec, z: Vec, five: Vec) -> None:
+    """From axis 2, the way from O to C, and axes 4 and 5, all seen before joint 1: theta_1 to theta_4."""
+    links = work.links
+    take_unit(work, 0, unit_from_to(links[0, 0, 2], links[0, 1, 2], axis_2[0], axis_2[1]))
+    a = behind(work, 0, C)
+    take_unit(work, 1, unit_from_to(links[1, 0, 3], links[1, 1, 3], a[0], a[1]))
+    b = behind(work, 1, behind(work, 0, z))
+    take_unit(work, 2, unit_from_to(links[2, 0, 2], links[2, 1, 2], b[0], b[1]))
+    b = behind(work, 2, behind(work, 1, behind(work, 0, five)))
+    take_unit(work, 3, unit_from_to(links[3, 0, 2], links[3, 1, 2], b[0], b[1]))
 
 
 def before_one(work: Candidates, v: Vec) -> Vec:

@@ -11,6 +11,7 @@ from jacokin.kernels.chain import errors, least_squares
 from jacokin.kernels.closed_form.folds import most_singular_joint
 from jacokin.kernels.limits import TURN, circular_distance
 from jacokin.kernels.six_joints.candidates import Candidates, make_candidates
+from jacokin.kernels.six_joints.elbow_offset import branches_of_elbow_offset
 from jacokin.kernels.six_joints.equations import Equations, make_equations, write_equations
 from jacokin.kernels.six_joints.loop import NEIGHBOURS, Form, SixArm, fill_links, joint_of, move_links
 from jacokin.kernels.six_joints.near_continua import (
@@ -78,7 +79,10 @@ def solve_six_joints(arm: SixArm, query: PoseQuery, work: SixWork, branches: Bra
     elif arm.form == Form.PARALLEL_AXES:
         if branches_of_parallel_axes(arm, query, work.candidates, branches):
             return
-    elif arm.form == Form.PLANAR_ARM and branches_of_planar_arm(
+    elif arm.form == Form.PLANAR_ARM:
+        if branches_of_planar_arm(arm, query, work.candidates, work.roots.fourier, branches):
+            return
+    elif arm.form == Form.ELBOW_OFFSET and branches_of_elbow_offset(
         arm, query, work.candidates, work.roots.fourier, branches
     ):
         return

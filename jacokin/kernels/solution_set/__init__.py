@@ -8,6 +8,7 @@ end_wrist      and of six joints with a spherical wrist at an end, whose target 
 near_seed      of both, the chords beside which the nearest to a seed is
 surface        the equation of six joints along the parameter, as one polynomial of both
 pairs          how far complex solutions of six joints are from real ones
+whole_solutions   complex solutions in two angles, where roots are too near to each other
 islands        at which values to look for solutions, by the characteristic function
 meeting        the other curve where two meet
 within         what of the curves is within the limits

@@ -12,11 +12,13 @@ known. There the distance of its own pair tells little about where that pair com
 from elsewhere, if not where the fold is.
 
 Two complex solutions may have one angle in common, which is real then: a pair comes to the axis there and leaves it
-again, and no curve begins. Near such a place the other angles of the pair tell, by `pairs`: solutions become real when
-all their angles do, at the same value of p. For a Jaco, whose own F comes without the equations of the other angles, F
-in another labelling of the joints does.
+again, and no curve begins. Near such a place the other angles of the pair tell: solutions become real when all their
+angles do, at the same value of p. They follow from the equations, see `pairs`, or where F comes in closed form, from
+those it was made of.
 
-Where noise may move a root as far as the axis, or as far as the next root, it is real or not. Another labelling of the
+Where noise may move a root as far as the axis, or as far as the next root, it is real or not. Of arms whose F comes in
+closed form, whole complex solutions tell, which are not near to each other where their roots are, see
+`whole_solutions`. Otherwise another labelling of the
 joints has the same solutions as real roots of another F: as many as are real for sure in one are solutions, and so are
 those that six joints at the pose are found to have; there are no more than may be real in another one. Where the two
 numbers are the same, all other roots are apart from the axis; where they are not, the set is in doubt.
@@ -31,10 +33,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.kernels.closed_form.arm import ArmConstants, unpack_arm
-from jacokin.kernels.closed_form.resultant import DEGREE, value_and_slope
+from jacokin.kernels.closed_form.arm import ArmConstants, pose_of, unpack_arm
+from jacokin.kernels.closed_form.resultant import DEGREE, q5_apart, value_and_slope
 from jacokin.kernels.closed_form.roots import RootWork, make_roots
 from jacokin.kernels.limits import TURN, nearest_copy
+from jacokin.kernels.six_joints.elbow_offset import offset_arm_of, theta_5_apart_of
 from jacokin.kernels.six_joints.loop import LABELLINGS, Form, fill_links, joint_of
 from jacokin.kernels.six_joints.planar_arm import planar_arm_of, theta_5_apart
 from jacokin.kernels.six_joints.spherical_wrist import reach_of
@@ -48,11 +51,21 @@ from jacokin.kernels.solution_set.surface import (
     fill_F,
     fill_rates,
     fill_surface,
+    has_any_structure,
     make_surface,
     size_of,
     solutions_of_root,
 )
 from jacokin.kernels.solution_set.trace import Loops, passes
+from jacokin.kernels.solution_set.whole_solutions import (
+    NEAR,
+    REAL_ANGLE,
+    conditions_of,
+    find_solutions,
+    has_two_angles,
+    off_axis,
+    settle,
+)
 from jacokin.kernels.tolerances import DISTINCT, UNCERTAIN
 
 LOOKED_AT, MOST_FOUND = 32, 128
@@ -138,6 +151,7 @@ class Islands(NamedTuple):
     other: Array  # (16, 2) the same in another labelling of the joints
     found: Array  # (LOOKED_AT + 1, 16, 4) roots at each even value, and at the last one: z, and how it moves with p
     found_at: Array  # (LOOKED_AT + 1, 2) that value, NaN for none, and the degree
+    whole: Array  # (16, 4) solutions in two angles, see `whole_solutions`
     settled: Array  # (16,) the square of its last step for each that is found, else 0
 
 
@@ -160,6 +174,7 @@ def make_islands() -> Islands:
         np.zeros((2 * DEGREE, 2)),
         np.zeros((LOOKED_AT + 1, 2 * DEGREE, 4)),
         np.zeros((LOOKED_AT + 1, 2)),
+        np.zeros((2 * DEGREE, 4)),
         np.zeros(2 * DEGREE),
     )
 
@@ -291,7 +306,7 @@ def real_roots(seen: Look) -> int:
 
 def look(k: ArmConstants, six: SixJoints, work: Islands, p: float) -> Look:
     """All roots of F(x; p), and when pairs of them come to the axis; F is left there."""
-    seen = look_in(k, six, work, p, -1, 0.0)
+    seen = look_closely(k, six, work, p, 0.0)
     for n in range(0 if solutions_of_root(k) > 1 else LABELLINGS):
         if n == 1 and seen.least < seen.most:
             seen = together(seen, nothing_sure(count_solutions(six, p)))
@@ -304,6 +319,75 @@ def look(k: ArmConstants, six: SixJoints, work: Islands, p: float) -> Look:
     if seen.least != seen.most or seen.least % 2 == 1:  # of all round, the number is even
         return nothing_sure(0)
     return seen
+
+
+def look_closely(k: ArmConstants, six: SixJoints, work: Islands, p: float, reach: float) -> Look:
+    """What the arm's own labelling tells, and where its roots are too near to each other, whole solutions.
+
+    Args:
+        k: the arm.
+        six: six joints and their target.
+        work: work arrays.
+        p: the parameter [rad].
+        reach: as for `look_in`.
+    """
+    seen = look_in(k, six, work, p, -1, reach)
+    if seen.least == seen.most or work.found_at[LOOKED_AT, 0] != p or not has_two_angles(k):
+        return seen
+    F, noise, links = work.F, float(work.F.noise[0]), work.F.equations.links
+    degree = degree_of(work, noise)
+    count = find_solutions(conditions_of(k, six, p, links), work.z, degree, work.whole)
+    if count < 0:
+        return seen
+    ahead, behind, sure_ahead, sure_behind, real = math.inf, math.inf, math.inf, math.inf, 0
+    for i in range(degree):
+        root = root_at(F.powers, degree, work.z, i)
+        if root.d >= NEAR:
+            value, rate, unsure, bend = approach(F.powers, degree, root, noise, F.waves[0] ** 2 * noise, False)
+            ahead, behind = (
+                min(ahead, first_zero(value, unsure - rate, bend)),
+                min(behind, first_zero(value, unsure + rate, bend)),
+            )
+            sure_ahead = min(sure_ahead, zero_of_parabola(value, -rate, bend))
+            sure_behind = min(sure_behind, zero_of_parabola(value, rate, bend))
+    before, after = conditions_of(k, six, p - ASIDE, links), conditions_of(k, six, p + ASIDE, links)
+    for i in range(count):
+        row = work.whole[i]
+        z, zeta = complex(row[0], row[1]), complex(row[2], row[3])
+        if max(abs(off_axis(z)), abs(off_axis(zeta))) <= REAL_ANGLE:
+            real += 1
+            continue
+        z_before, zeta_before, was = settle(before, z, zeta)
+        z_after, zeta_after, will_be = settle(after, z, zeta)
+        if not was or not will_be:
+            return seen
+        first = until_on_axis(off_axis(z_before), off_axis(z), off_axis(z_after))
+        second = until_on_axis(off_axis(zeta_before), off_axis(zeta), off_axis(zeta_after))
+        ahead, behind = min(ahead, max(first[0], second[0])), min(behind, max(first[1], second[1]))
+        sure_ahead = min(sure_ahead, max(first[2], second[2]))
+        sure_behind = min(sure_behind, max(first[3], second[3]))
+    return Look(ahead, behind, sure_ahead, sure_behind, real, real, 0)
+
+
+def until_on_axis(before: float, here: float, after: float) -> tuple[float, float, float, float]:
+    """After how much an angle is real, ahead and behind; and the same by its value, slope and bend [rad].
+
+    Args:
+        before: how far it is from the real axis `ASIDE` before [rad].
+        here: the same here.
+        after: and after it.
+    """
+    if abs(here) <= REAL_ANGLE:
+        return 0.0, 0.0, 0.0, 0.0
+    value, low, high = -here * here, -before * before, -after * after
+    slope, bend = 0.5 * (high - low) / ASIDE, (high - 2.0 * value + low) / ASIDE**2
+    ahead, behind = first_zero(value, slope, bend), first_zero(value, -slope, bend)
+    return (
+        min(ahead, ASIDE) if abs(after) <= REAL_ANGLE else ahead,
+        min(behind, ASIDE) if abs(before) <= REAL_ANGLE else behind,
+        zero_of_parabola(value, slope, bend),
+        zero_of_parabola(value, -slope, bend),
+    )
 
 
 def size_on_axis(powers: Array, degree: int, root: Root) -> float:
@@ -437,6 +521,15 @@ def others_apart(
         fill_links(six.chain, six.turned, k.six.scale, k.six.form_labelling, work.F.equations.links)
         apart = theta_5_apart(planar_arm_of(work.F.equations.links), z)
         return apart, apart
+    if labelling < 0 and k.six.form == Form.ELBOW_OFFSET:
+        turn_target(six.T, six.axis, p, six.turned)
+        fill_links(six.chain, six.turned, k.six.scale, k.six.form_labelling, work.F.equations.links)
+        apart = theta_5_apart_of(offset_arm_of(work.F.equations.links), z)
+        return apart, apart
+    if labelling < 0 and k.six.scale == 0.0:
+        turn_target(six.T, six.axis, p, six.turned)
+        apart = q5_apart(k, pose_of(six.arm, k, six.turned), z)
+        return apart, apart
     fill_equations(k, six, work.F, p, labelling)
     return other_angles_apart(work.F.equations, z, work.pair)
 
@@ -482,7 +575,7 @@ def find_islands(six: SixJoints, window: Array, work: Islands) -> None:
     work.size[5] = solutions_of_root(k)
     fill_surface(k, six, work.F)
     own = unpack_arm(six.general).six.own
-    work.size[4] = own if k.six.scale == 0.0 else next_labelling(k, six, own)
+    work.size[4] = next_labelling(k, six, own) if has_any_structure(k) else own
     spread_roots(work.z)
     spread_roots(work.other)
     for labelling in range(LABELLINGS):
@@ -658,28 +751,19 @@ def is_solution(k: ArmConstants, six: SixJoints, work: Islands, low: float, high
     """Whether the pairs that come to the axis between two values may be solutions there.
 
     Where two complex solutions have one real angle in common, F has a pair on the axis without a solution. Their other
-    angles tell, or F in another labelling of the joints.
+    angles tell.
     """
     if k.six.form == Form.SPHERICAL_WRIST:
         return True
-    if k.six.scale > 0.0:
-        reach = SAFETY * (high - low)
-        first, last = look_in(k, six, work, low, -1, reach), look_in(k, six, work, high, -1, reach)
-        return first.least < first.most or last.least < last.most or may_come(first, last, high - low)
-    for _ in range(LABELLINGS):
-        if work.useless[work.size[4]] == 0:
-            first = look_in(k, six, work, low, work.size[4], 0.0)
-            last = look_in(k, six, work, high, work.size[4], 0.0) if first.least == first.most else first
-            if last.least == last.most:
-                return may_come(first, last, high - low)
-        work.size[4] = next_labelling(k, six, work.size[4])
-    return True
+    reach = SAFETY * (high - low)
+    first, last = look_closely(k, six, work, low, reach), look_closely(k, six, work, high, reach)
+    return first.least < first.most or last.least < last.most or may_come(first, last, high - low)
 
 
 def next_labelling(k: ArmConstants, six: SixJoints, labelling: int) -> int:
     """Another labelling of the joints than one, and than the one in which F is the arm's own."""
     found = (labelling + 1) % LABELLINGS
-    if k.six.scale > 0.0 and found == k.six.own:
+    if has_any_structure(k) and found == k.six.own:
         found = (found + 1) % LABELLINGS
     return int(found)
 
@@ -706,7 +790,7 @@ def joint_of_root(six: SixJoints, work: Islands, kind: int) -> int:
         fill_links(six.chain, six.T, k.six.scale, k.six.form_labelling, work.F.equations.links)
         meet = abs(reach_of(k.six, work.F.equations.links).cross) < DISTINCT
         j = joint_of(k.six.form_labelling, 1 if meet else 2)
-    elif k.six.form == Form.PLANAR_ARM:
+    elif k.six.form in (Form.PLANAR_ARM, Form.ELBOW_OFFSET):
         j = joint_of(k.six.form_labelling, 5)
     elif k.six.scale == 0.0:
         j = 5  # of the Jaco's own F

@@ -19,6 +19,7 @@ from jacokin.kernels.closed_form.arm import ArmConstants, pose_of, unpack_arm
 from jacokin.kernels.closed_form.resultant import DEGREE, fourier_of_F
 from jacokin.kernels.limits import TURN
 from jacokin.kernels.six_joints.characteristic import Determinant, fourier_of_determinant, make_determinant
+from jacokin.kernels.six_joints.elbow_offset import fill_product, offset_arm_of
 from jacokin.kernels.six_joints.equations import Equations, make_equations, still_place, turned_back_by, write_equations
 from jacokin.kernels.six_joints.loop import Form, fill_links
 from jacokin.kernels.six_joints.planar_arm import fill_polynomial, noise_of_polynomial, planar_arm_of
@@ -98,7 +99,7 @@ def fill_surface(k: ArmConstants, six: SixJoints, F: Surface) -> None:
 
 def has_any_structure(k: ArmConstants) -> bool:
     """Whether F of an arm is a determinant: of others, it comes in closed form."""
-    return bool(k.six.scale > 0.0 and solutions_of_root(k) == 1)
+    return bool(k.six.scale > 0.0 and k.six.form in (Form.GENERAL, Form.PARALLEL_AXES))
 
 
 def solutions_of_root(k: ArmConstants) -> int:
@@ -120,6 +121,10 @@ def fill_sample(k: ArmConstants, six: SixJoints, F: Surface, p: float) -> float:
     elif k.six.form == Form.PLANAR_ARM:
         fill_links(six.chain, six.turned, k.six.scale, k.six.form_labelling, F.equations.links)
         size = fill_polynomial(planar_arm_of(F.equations.links), F.cosine, F.sine)
+        noise = noise_of_polynomial(k.six, size)
+    elif k.six.form == Form.ELBOW_OFFSET:
+        fill_links(six.chain, six.turned, k.six.scale, k.six.form_labelling, F.equations.links)
+        size = fill_product(offset_arm_of(F.equations.links), F.cosine, F.sine)
         noise = noise_of_polynomial(k.six, size)
     elif k.six.scale == 0.0:
         noise = fourier_of_F(k, pose_of(six.arm, k, six.turned), F.cosine, F.sine, F.samples)

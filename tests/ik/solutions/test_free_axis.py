@@ -68,10 +68,25 @@ PLANAR: list[Placement] = [
 ]
 
 
+#: The same with axis 4 beside joint 3, as of an xArm6.
+OFFSET: list[Placement] = [
+    ((0.0, 0.0, 0.267), (0.0, 0.0, 0.0)),
+    ((0.0, 0.0, 0.0), (-HALF, 0.0, 0.0)),
+    ((0.053, -0.2845, 0.0), (0.0, 0.0, 0.0)),
+    ((0.0775, 0.3425, 0.0), (-HALF, 0.0, 0.0)),
+    ((0.0, 0.0, 0.0), (HALF, 0.0, 0.0)),
+    ((0.076, 0.097, 0.0), (-HALF, 0.0, 0.0)),
+    ((0.0, 0.05, 0.1), (0.0, 0.0, 0.0)),
+]
+
+
 @pytest.mark.parametrize("count", [15, pytest.param(150, marks=pytest.mark.slow)])
-def test_sets_of_planar_arms_are_whole(count: int, tmp_path: Path, rng: np.random.Generator) -> None:
+@pytest.mark.parametrize("placements", [PLANAR, OFFSET], ids=["planar", "offset"])
+def test_sets_of_planar_arms_are_whole(
+    placements: list[Placement], count: int, tmp_path: Path, rng: np.random.Generator
+) -> None:
     """Where both equations for joint 5 become one, and it is complex, no curve begins."""
-    robot = load_placed("planar", PLANAR, [3.0] * 6, tmp_path)
+    robot = load_placed("planar", placements, [3.0] * 6, tmp_path)
     solver, complete = IKSolver(robot, collision="ignore"), 0
     for q in robot.sample(rng, count):
         target = FreeAxis(robot.forward_kinematics(q), axis=rng.normal(size=3))
@@ -84,6 +99,24 @@ def test_sets_of_planar_arms_are_whole(count: int, tmp_path: Path, rng: np.rando
         wrong = counted(found, parameters) != scan(solver, target, parameters)
         assert not wrong.any()
     assert complete > 0.97 * count
+
+
+@pytest.mark.parametrize("count", [15, pytest.param(150, marks=pytest.mark.slow)])
+def test_sets_of_a_gen3_of_six_joints_are_whole(count: int, rng: np.random.Generator) -> None:
+    """It is built like a Jaco whose shoulder has an offset of 1 mm; joint 5 tells where no curve begins."""
+    robot = jacokin.load_robot("gen3_6dof")
+    solver, complete = IKSolver(robot, collision="ignore"), 0
+    for q in robot.sample(rng, count):
+        target = FreeAxis(robot.forward_kinematics(q), axis=rng.normal(size=3))
+        found = solver.solve_all(target)
+        own = found.nearest(q)
+        assert own is not None
+        np.testing.assert_allclose(own, q, atol=1e-6)
+        complete += found.complete
+        parameters = rng.uniform(-math.pi, math.pi, 40)
+        wrong = counted(found, parameters) != scan(solver, target, parameters)
+        assert not found.complete or not wrong.any()
+    assert complete > 0.95 * count
 
 
 def test_an_arm_whose_rounded_axes_are_all_but_parallel_has_sets(tmp_path: Path, rng: np.random.Generator) -> None:

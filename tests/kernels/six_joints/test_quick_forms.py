@@ -15,6 +15,7 @@ from jacokin.ik.structures import quick_form, size_of
 from jacokin.kernels.branches import COLUMNS, MAX_BRANCHES, PoseQuery
 from jacokin.kernels.closed_form.arm import unpack_arm
 from jacokin.kernels.closed_form.pose import make_work
+from jacokin.kernels.six_joints.elbow_offset import branches_of_elbow_offset
 from jacokin.kernels.six_joints.loop import Form, joint_of
 from jacokin.kernels.six_joints.planar_arm import branches_of_planar_arm
 from tests.kernels.plain import PlainCall
@@ -47,6 +48,9 @@ MADE_UP: dict[str, tuple[list[float], list[float], list[float]]] = {
     "planar 1234": ([0, 0.7, 0, 0, 0.03, 0], [0.275, 0.1, 0.1, 0.5, 0.16, 0.17], [-H, np.pi, -H, 1.1, -0.7, 0.4]),
     "planar 2345": ([0.1, 0, 0.7, 0, 0, 0], [0.2, 0.16, 0, 0, 0.5, 0.17], [0.8, H, np.pi, -H, H, 0.3]),
     "planar 5432": ([0, 0, 0.4, 0, 0.05, 0.1], [0.2, 0.35, 0, 0, 0.3, 0.1], [0.9, H, np.pi, H, 0.7, 0.4]),
+    "offset 1234": ([0, 0.7, 0.08, 0, 0.03, 0], [0.275, 0.1, 0.1, 0.5, 0.16, 0.17], [-H, np.pi, -H, 1.1, -0.7, 0.4]),
+    "offset 2345": ([0.1, 0, 0.7, 0.09, 0, 0], [0.2, 0.16, 0, 0, 0.5, 0.17], [0.8, H, np.pi, -H, H, 0.3]),
+    "offset 5432": ([0, 0.07, 0.4, 0, 0.05, 0.1], [0.2, 0.35, 0, 0, 0.3, 0.1], [0.9, H, np.pi, H, 0.7, 0.4]),
 }
 #: The kind of form, and the joints whose axes meet or are parallel; of a planar arm, these and the two beside them.
 EXPECTED = {
@@ -65,6 +69,10 @@ EXPECTED = {
     "planar 1234": (Form.PLANAR_ARM, (2, 3, 1, 4)),
     "planar 2345": (Form.PLANAR_ARM, (3, 4, 2, 5)),
     "planar 5432": (Form.PLANAR_ARM, (3, 4, 2, 5)),
+    "xarm6": (Form.ELBOW_OFFSET, (2, 3, 1, 4)),
+    "offset 1234": (Form.ELBOW_OFFSET, (2, 3, 1, 4)),
+    "offset 2345": (Form.ELBOW_OFFSET, (3, 4, 2, 5)),
+    "offset 5432": (Form.ELBOW_OFFSET, (3, 4, 2, 5)),
 }
 
 
@@ -228,7 +236,24 @@ def test_a_polynomial_settles_random_poses_of_planar_arms(name: str, rng: np.ran
 
 
 @pytest.mark.one_quick
-@pytest.mark.parametrize("name", ["puma", "any three, wrist", "ur5", "crx"])
+@pytest.mark.parametrize("name", ["xarm6", "offset 1234", "offset 2345", "offset 5432"])
+def test_a_polynomial_settles_most_poses_of_arms_with_an_offset_at_the_elbow(
+    name: str, rng: np.random.Generator
+) -> None:
+    """Each root has one branch; where roots are too near to each other the general way goes on."""
+    form, settled = form_of(chain_of_name(name)), 0
+    arm, work = unpack_arm(form.arm).six, make_work(np.empty((MAX_BRANCHES, COLUMNS)))
+    for q in rng.uniform(-np.pi, np.pi, (30, 6)):
+        query = PoseQuery(form.chain, form.constants[2], pose_at(form.chain, q), HOME)
+        work.branches.filled[0] = 0
+        if branches_of_elbow_offset(arm, query, work.six.candidates, work.roots, work.branches):
+            settled += 1
+            assert min(distance(q, row) for row in work.branches.rows[: work.branches.filled[0], :6]) < 1e-6
+    assert settled > 24
+
+
+@pytest.mark.one_quick
+@pytest.mark.parametrize("name", ["puma", "any three, wrist", "ur5", "crx", "xarm6"])
 def test_compiled_bits_are_those_of_plain_python(
     name: str, monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator
 ) -> None:
