@@ -11,6 +11,10 @@ way to the axis, too, and hides what comes there before; so F is looked at right
 known. There the distance of its own pair tells little about where that pair comes to the axis again; it does as seen
 from elsewhere, if not where the fold is.
 
+Where F vanishes at one value of the parameter, whatever x is, a curve may go round at that value, of which no root next
+to there tells. The size of F has a minimum there, and the joints are solved for at the very value. Where that minimum
+is small, but not zero, F is looked at there, too.
+
 Two complex solutions may have one angle in common, which is real then: a pair comes to the axis there and leaves it
 again, and no curve begins. Near such a place the other angles of the pair tell: solutions become real when all their
 angles do, at the same value of p. They follow from the equations, see `pairs`, or where F comes in closed form, from
@@ -53,6 +57,7 @@ from jacokin.kernels.solution_set.surface import (
     fill_surface,
     has_any_structure,
     make_surface,
+    size_at,
     size_of,
     solutions_of_root,
 )
@@ -73,6 +78,10 @@ LOOKED_AT, MOST_FOUND = 32, 128
 LINES, FIRST_LINE = 3, 0.7
 #: Halvings to where F is zero on such a line.
 LINE_HALVINGS = 24
+#: Where F is at most this part of its size beside, it is looked at, too; steps to there, each of a share of the one before.
+SMALL, STEPS_TO_LEAST, GOLDEN = 1e-2, 10, 0.6180339887498949
+#: Rounds to where it vanishes, from how far away F is looked at [rad], and times that in the next round.
+ROUNDS_TO_ZERO, FIRST_AWAY, NEXT_AWAY = 3, 4e-3, 0.1
 #: [rad] where the even values begin: away from the round angles that people use.
 OFFSET = 0.1234
 #: Times the distance between two values within which pairs from both sides may come to the axis.
@@ -142,6 +151,8 @@ class Islands(NamedTuple):
     useless: NDArray[np.int64]  # (LABELLINGS,) 1 where F is noise at any value of the parameter
     comes: Array  # (LOOKED_AT, 4) see `Look`
     stack: Array  # (DEPTH, 10) two values, what is known of each: when pairs come, real roots, whether it is a fold
+    small: Array  # (LOOKED_AT,) where F is small for all x before the next slice [rad], NaN for nowhere
+    vanishing: Array  # (LOOKED_AT,) where it vanishes
     lines: Array  # (LOOKED_AT, LINES) F where x has one of some values, 0 for noise
     crossed: NDArray[np.int64]  # (LOOKED_AT, LINES) how often curves pass there before the next slice
     roots: RootWork
@@ -165,6 +176,8 @@ def make_islands() -> Islands:
         np.zeros(LABELLINGS, np.int64),
         np.empty((LOOKED_AT, 4)),
         np.empty((DEPTH, 10)),
+        np.empty(LOOKED_AT),
+        np.empty(LOOKED_AT),
         np.zeros((LOOKED_AT, LINES)),
         np.zeros((LOOKED_AT, LINES), np.int64),
         make_roots(),
@@ -598,8 +611,82 @@ def find_islands(six: SixJoints, window: Array, work: Islands) -> None:
             for n in range(LINES):
                 value, _ = value_and_slope(work.F.cosine, work.F.sine, line_at(n))
                 work.lines[i, n] = value if abs(value) > noise else 0.0
+    find_small(k, six, work)
     for i in range(LOOKED_AT):
-        halve(k, six, work, (work.p[i], work.p[i] + step), known(work, i), known(work, (i + 1) % LOOKED_AT))
+        low, first, last = work.p[i], known(work, i), known(work, (i + 1) % LOOKED_AT)
+        if not math.isnan(work.small[i]):
+            middle = work.small[i]
+            seen = look(k, six, work, middle)
+            add_found(work, middle, real_roots(seen))
+            halve(k, six, work, (low, middle), first, seen)
+            low, first = middle, seen
+        halve(k, six, work, (low, work.p[i] + step), first, last)
+
+
+def find_small(k: ArmConstants, six: SixJoints, work: Islands) -> None:
+    """Fill small and vanishing."""
+    half = 0.5 * TURN / LOOKED_AT
+    for i in range(LOOKED_AT):
+        work.small[i], work.vanishing[i] = math.nan, math.nan
+    before, here = size_at(k, six, work.F, OFFSET - half), size_at(k, six, work.F, OFFSET)
+    for n in range(2 * LOOKED_AT):
+        p = OFFSET + half * n
+        after = size_at(k, six, work.F, p + half)
+        if here <= before and here < after:
+            p = least_between(k, six, work.F, p - half, p + half)
+            if size_at(k, six, work.F, p) <= SMALL * min(before, after):
+                p, vanishes = zero_near(k, six, work.F, p)
+                i = math.floor((p - OFFSET) / (2.0 * half))
+                beyond = p - (OFFSET + 2.0 * half * i)
+                if vanishes:
+                    work.vanishing[i % LOOKED_AT] = wrapped(p)
+                elif BESIDE < beyond < 2.0 * half - BESIDE:
+                    work.small[i % LOOKED_AT] = work.p[i % LOOKED_AT] + beyond
+        before, here = here, after
+
+
+def least_between(k: ArmConstants, six: SixJoints, F: Surface, low: float, high: float) -> float:
+    """About where F is least between two values of the parameter."""
+    a, b = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
+    at_a, at_b = size_at(k, six, F, a), size_at(k, six, F, b)
+    for _ in range(STEPS_TO_LEAST):
+        if at_a < at_b:
+            high, b, at_b = b, a, at_a
+            a = high - GOLDEN * (high - low)
+            at_a = size_at(k, six, F, a)
+        else:
+            low, a, at_a = a, b, at_b
+            b = low + GOLDEN * (high - low)
+            at_b = size_at(k, six, F, b)
+    return a if at_a < at_b else b
+
+
+def zero_near(k: ArmConstants, six: SixJoints, F: Surface, p: float) -> tuple[float, bool]:
+    """Where F vanishes for all x, to rounding, next to where it is least; False with that place where it does not.
+
+    It grows on both sides of a zero by the same power of the distance, but for what a distance twice as long tells.
+    """
+    zero, found = p, False
+    for n in range(ROUNDS_TO_ZERO):
+        away = FIRST_AWAY * NEXT_AWAY**n
+        near, power = zero_between(k, six, F, zero, away)
+        far, _ = zero_between(k, six, F, zero, 2.0 * away)
+        if power < 0.5 or math.isnan(far):
+            return (zero, found) if power < 0.0 else (p, False)
+        zero, found = zero + (4.0 * near - far) / 3.0, True
+    return zero, found
+
+
+def zero_between(k: ArmConstants, six: SixJoints, F: Surface, middle: float, away: float) -> tuple[float, float]:
+    """From the middle of two values of the parameter to a zero of F there, and by which power it grows; NaN, -1 in noise."""
+    low = size_at(k, six, F, middle - away)
+    high = size_at(k, six, F, middle + away)
+    farther = size_at(k, six, F, middle + 2.0 * away)
+    if not min(low, high) > 0.0:
+        return math.nan, -1.0
+    power = math.floor(math.log2(farther / high) + 0.5) if farther > high else 0.0
+    ratio = (high / low) ** (1.0 / max(power, 1.0))
+    return away * (1.0 - ratio) / (1.0 + ratio), power
 
 
 def known(work: Islands, i: int) -> Look:

@@ -53,7 +53,7 @@ from jacokin.kernels.solution_set.slices import (
     make_slices,
 )
 from jacokin.kernels.solution_set.starts import bring_to_curve, descend, fill_steps
-from jacokin.kernels.solution_set.trace import Loops, count_all_passed, make_loops, trace
+from jacokin.kernels.solution_set.trace import Loops, count_all_passed, is_traced, make_loops, trace
 from jacokin.kernels.solution_set.within import Pieces, cut, make_pieces
 
 #: Values of the parameter that are solved at in any case, apart by a share of a turn that no structure has, and rounds
@@ -134,7 +134,7 @@ def find_curves(work: SetWork, whole: bool) -> int:
     for n in range(4):
         loops.size[n] = 0
     loops.window[0], loops.window[1] = 0.0, math.inf
-    doubts = 0
+    doubts, by_roots = 0, False
     if kind != NO_SLICES and (whole or not add_near_seed(work)):
         if work.near.slack[0] > 0.0:
             work.pieces.size[1] = 0
@@ -145,11 +145,13 @@ def find_curves(work: SetWork, whole: bool) -> int:
         else:
             fit_window(work, whole)
             doubts += slice_by_roots(work)
+            by_roots = True
     for n in range(work.starts.shape[0]):
         if bring_to_curve(work.starts[n], work.newton, work.walk):
             doubts += not add_start(slices, work.walk.z)
     trace(slices, loops, work.walk)
     doubts += follow_meetings(work)
+    doubts += doubts_where_F_vanishes(work) if by_roots else 0
     cut(loops, work.pieces, work.walk)
     wrong = doubts + loops.size[3] + work.pieces.size[3]
     for i in range(slices.size[0]):
@@ -303,6 +305,24 @@ def slice_by_roots(work: SetWork) -> int:
         n = find_slice(slices, islands.p[i])
         doubts += not is_counted(islands, i) and (n < 0 or slices.doubt[n] > 0)
     return doubts + int(islands.size[1]) + count_crossings(work)
+
+
+def doubts_where_F_vanishes(work: SetWork) -> int:
+    """At how many values of the parameter there may be curves along which it stands still, and none passes a solution."""
+    kind, slices, doubts = int(work.options[SetOption.KIND]), work.slices, 0
+    for i in range(LOOKED_AT):
+        p, n = work.islands.vanishing[i], slices.size[0]
+        if math.isnan(p) or not is_in_window(work.loops.window, p):
+            continue
+        if not add_slice(work.walk, kind, p, slices, work.six, work.seven):
+            doubts += 1
+            continue
+        slices.size[0] = n
+        known = slices.doubt[n] == 0
+        for k in range(slices.counts[n]):
+            known = known and is_traced(work.loops, slices.x[n, k])
+        doubts += not known
+    return doubts
 
 
 def trace_missing(work: SetWork) -> int:

@@ -25,7 +25,7 @@ from jacokin.kernels.six_joints.loop import Form, fill_links
 from jacokin.kernels.six_joints.planar_arm import fill_polynomial, noise_of_polynomial, planar_arm_of
 from jacokin.kernels.six_joints.spherical_wrist import fill_both_turns, fill_quartic, reach_of
 from jacokin.kernels.solution_set.slices import SixJoints, turn_target
-from jacokin.kernels.tolerances import DISTINCT
+from jacokin.kernels.tolerances import DISTINCT, UNCERTAIN
 from jacokin.kernels.trigonometry import sin_cos
 from jacokin.kernels.vector import dot
 
@@ -272,6 +272,16 @@ def fill_powers(F: Surface, row: int) -> None:
     for m in range(1, DEGREE + 1):
         powers[DEGREE + m, 0], powers[DEGREE + m, 1] = 0.5 * F.cosine[m], -0.5 * F.sine[m]
         powers[DEGREE - m, 0], powers[DEGREE - m, 1] = 0.5 * F.cosine[m], 0.5 * F.sine[m]
+
+
+def size_at(k: ArmConstants, six: SixJoints, F: Surface, p: float) -> float:
+    """An upper bound of the values of F(x; p), as large beside those at other p as the table has them; 0 in noise."""
+    fill_waves(F, p, 0)
+    noise = F.noise[0]
+    if not size_of(F.cosine, F.sine) > WELL_KNOWN * noise:
+        noise = fill_sample(k, six, F, p)
+    size = size_of(F.row[: DEGREE + 1], F.row[DEGREE + 1 : NUMBERS - 1])
+    return size if size > UNCERTAIN * noise else 0.0
 
 
 def size_of(cosine: Array, sine: Array) -> float:

@@ -13,7 +13,7 @@ import jacokin
 from jacokin import FreeAxis, IKSolver, Robot, Status
 from jacokin.arrays import Array
 from jacokin.model.angles import wrap_to_pi
-from tests.seven_joint_arms import XARM7, load_arm, load_placed
+from tests.seven_joint_arms import HALF, XARM7, Placement, load_arm, load_placed
 
 CLOSURE = 1e-9  # [m] and [rad] by which members may be off
 TOLERANCE = 1e-6  # [m] and [rad] of a success
@@ -116,6 +116,26 @@ def test_curves_along_which_the_parameter_hardly_changes_are_found(tmp_path: Pat
     everything = IKSolver(robot, collision="ignore").solve_all(target)
     assert everything.complete
     assert everything.branches == 16  # four of them are two curves that go all round within 5e-3 rad of joint 7
+
+
+@pytest.mark.parametrize("turned", [0.0, math.pi])
+def test_curves_along_which_the_parameter_stands_still_are_in_the_set_or_in_doubt(
+    tmp_path: Path, rng: np.random.Generator, turned: float
+) -> None:
+    """Two pairs of parallel axes, parallel to each other: four joints move, where no root tells of it beside."""
+    for _ in range(3):
+        a, d = rng.uniform(0.1, 0.5, (2, 6))
+        placements: list[Placement] = [
+            ((a[j], 0.0, d[j]), (turn, 0.0, 0.0)) for j, turn in enumerate((0.0, 0.0, -HALF, 2.0 * HALF, HALF, 0.0))
+        ]
+        robot = load_placed("pairs", [*placements, ((0.1, -0.1, 0.1), (0.0, 0.0, 0.0))], [None] * 6, tmp_path)
+        solver = IKSolver(robot, collision="ignore")
+        for _ in range(5):
+            q = robot.sample(rng)
+            q[3] = q[2] + turned
+            family = solver.solve_all(FreeAxis(robot.forward_kinematics(q), axis=rng.normal(size=3)))
+            own = family.nearest(q)
+            assert not family.complete or (own is not None and np.abs(wrap_to_pi(own - q)).max() < 1e-6)
 
 
 @pytest.mark.one_quick
