@@ -321,6 +321,34 @@ def test_a_twist_that_five_joints_cannot_follow_does_not_shake_them(tmp_path: Pa
     assert turns(v, robot.velocity_limit, DT) <= MORE
 
 
+#: Axes and origins [m] of five joints, a number of a twist, and whether they begin at zero.
+DRAWN = (
+    ("z 0.045 0 -0.1", "x 0 0 0.04", "x 0 -0.142 0", "x -0.124 -0.126 0", "y 0 0.113 0.125", 4, False),
+    ("z 0 0 0.061", "z 0 -0.084 0", "z 0.065 0 -0.024", "x 0 0.009 0", "y 0 -0.079 0", 2, False),
+    ("y 0 0 -0.1", "x 0.129 0 0.095", "x 0.018 -0.072 0", "x 0 -0.138 0.062", "y -0.056 -0.126 0", 1, True),
+)
+
+
+@pytest.mark.parametrize("arm", [DRAWN[1], *(pytest.param(arm, marks=pytest.mark.slow) for arm in DRAWN[::2])])
+def test_a_twist_along_singular_poses_does_not_shake_joints_that_are_drawn_to_them(
+    tmp_path: Path, arm: tuple[Any, ...]
+) -> None:
+    """They were beyond them after one tick, and back after the next."""
+    axes = {"x": "1 0 0", "y": "0 1 0", "z": "0 0 1"}
+    *joints, number, at_zero = arm
+    path = tmp_path / "five.urdf"
+    path.write_text(ur5_text(rows=[(joint[2:], "0 0 0", axes[joint[0]]) for joint in joints], limit=1.8))
+    robot, rng = jacokin.load_robot(path, velocity_limit=10.0), np.random.default_rng([number, 11])
+    way = rng.normal(size=3)
+    start = np.zeros(5) if at_zero else robot.sample(rng)
+    tracker = Tracker(robot, dt=DT, q=start, tool=jacokin.pose([0.1, 0.0, 0.0]))
+    twist = [0.0, 0.0, 0.0, *(0.4 * way / np.linalg.norm(way))]  # [rad/s]
+    reference = "local" if at_zero else "local_world_aligned"
+    v = np.array([tracker.step(twist=twist, reference=reference).v for _ in range(700)])
+    assert jolts(v, tracker.acceleration_limit, DT) <= JOLTS
+    assert turns(v, robot.velocity_limit, DT) <= MORE
+
+
 # (d) By default accelerations are limited.
 
 
