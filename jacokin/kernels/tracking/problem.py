@@ -28,8 +28,8 @@ CLOSE = 0.01
 ROUNDED = 1e-6
 #: Of an error out of reach, by which it is not worth while to move on.
 LITTLE = 1e-4
-#: Towards the edge of what is worth while, a slope fades with this power of what is to be gained: with 1, the arm steps
-#: over the edge and back at every tick; with 0.5, which leaves it as steep as it was, it never quite comes to rest.
+#: Towards the edge of what is worth while, a step fades with this power of what is to be gained: with 1, the arm steps
+#: over the edge and back; with 0.5, which stops it on the edge, it never quite comes to rest.
 FADING = 0.75
 #: Instead of dividing by zero.
 TINY = 1e-200
@@ -74,9 +74,18 @@ def make_problem(dof: int = 0, rows: int = 0) -> Problem:
     )
 
 
-def worthwhile(gained: float, worth: float) -> float:
-    """The part, from 0 to 1, of a step that gains so much of the squared error which is worth while [m^2]."""
-    return float(max(1.0 - (worth / max(gained, TINY)) ** FADING, 0.0))
+def take_worthwhile(problem: Problem, x: Array) -> None:
+    """Leave of a displacement (dof,) [rad] what is worth while: none of one by which next to nothing is gained.
+
+    It is weighed as a whole, after limits and distances have had their say. Weighed direction by direction, before
+    that, a joint that reaches its limit would make worth while in one tick what was not in the tick before.
+    """
+    gained = 0.0
+    for j in range(len(x)):
+        gained -= problem.gradient[j] * x[j]
+    part = max(1.0 - (problem.worth[0] / max(gained, TINY)) ** FADING, 0.0)
+    for j in range(len(x)):
+        x[j] *= part
 
 
 def damping_for(gain: float) -> float:
@@ -115,23 +124,20 @@ def begin(problem: Problem, rows: int, dof: int) -> float:
     return cost
 
 
-def make_regular(problem: Problem, cost: float, negligible: float, wanted: Array) -> float:
+def make_regular(problem: Problem, cost: float, negligible: float, dof: int) -> float:
     """Make the Hessian positive definite and damp it; returns the damping.
 
     Damping goes with what there is to gain: it vanishes at the least error, on target or out of reach. Where error is
-    left there, directions in which next to nothing is to be gained are left alone: the arm comes to rest.
+    left there, it is found what a step must gain to be worth while: so the arm comes to rest.
 
     Args:
         problem: with gradient and Hessian.
         cost: the squared error [m^2].
         negligible: error that is not worth while [m].
-        wanted: (dof,) filled with the gradient downwards, without those directions.
+        dof: joints.
     """
-    dof = len(wanted)
     gradient, hessian, bends, slopes = problem.gradient, problem.hessian, problem.bends, problem.slopes
     problem.principal[0], problem.worth[0] = 0, 0.0
-    for i in range(dof):
-        wanted[i] = -gradient[i]
     if is_positive(hessian, problem.factor, dof):
         factorise(hessian, problem.factor, dof, TIKHONOV, 0.0)
         for i in range(dof):
@@ -159,14 +165,7 @@ def make_regular(problem: Problem, cost: float, negligible: float, wanted: Array
     gain = min(cost, gain)
     left = math.sqrt(max(cost - gain - ROUNDED * cost, 0.0))
     damping = damping_for(gain)
-    if left > 0.0:
-        problem.worth[0] = 2.0 * left * (negligible + LITTLE * left)
-        for i in range(dof):
-            slopes[i] *= worthwhile(slopes[i] * slopes[i] / bends[i], problem.worth[0])
-        for j in range(dof):
-            wanted[j] = 0.0
-            for i in range(dof):
-                wanted[j] -= problem.factor[j * dof + i] * slopes[i]
+    problem.worth[0] = 2.0 * left * (negligible + LITTLE * left)
     for i in range(dof):
         bends[i] += damping
     return TIKHONOV + damping

@@ -36,6 +36,7 @@ from jacokin.kernels.tracking.problem import (
     is_singular,
     make_problem,
     make_regular,
+    take_worthwhile,
 )
 from jacokin.kernels.tracking.tasks import (
     TASK_INTEGERS,
@@ -163,9 +164,11 @@ def solve_tick(work: TickWork) -> None:
     begun = fill_faces(work.arm, tasks, first, work.columns, near.rows, near.ends)
     keep_apart(work.arm, near, 0, begun)
     find_too_near(near)
-    numbers[DAMPED] = make_regular(problem, cost, numbers[NEGLIGIBLE], work.total)
+    numbers[DAMPED] = make_regular(problem, cost, numbers[NEGLIGIBLE], dof)
     fill_bounds(work.limits, q, work.v, numbers[TIME_STEP], work.bounds[:dof], work.bounds[dof:])
     fill_room(work.limits, q, work.room[:dof], work.room[dof:])
+    for j in range(dof):
+        work.total[j] = -problem.gradient[j]
     divide(problem, work.total, dof)
 
 
@@ -228,6 +231,7 @@ def find_moved(work: TickWork, rows: int) -> None:
 def finish_tick(work: TickWork) -> int:
     """Find the displacement of a tick from what is missing to the target in all."""
     dof, rows = len(work.q), work.counts[ROWS]
+    take_worthwhile(work.problem, work.total)
     for j in range(dof):
         work.along[j], work.along_change[j], work.step[j] = 0.0, 0.0, work.total[j]
     lasting = 1.0 - work.counts[MOVED]

@@ -47,6 +47,8 @@ CREEPING = 5e-2
 BENDING = 0.5
 #: Damping, and part of the tick's room, with which the tool is brought back to the line.
 SETTLING, SETTLED = 1e-5, 0.5
+#: Damping that tells motions which move the tool from those that hardly do.
+IDLE = 1e-6
 #: Part of a twist by which the tool may be faster than asked, to make up for what a tick left undone.
 HURRY = 5e-3
 #: What holds the arm back: nothing, a joint's velocity, its upper or lower limit, what is near, a singular pose.
@@ -74,6 +76,7 @@ class TwistWork(NamedTuple):
     start: Array  # (dof,)
     settling: Array  # (dof,)
     planned: Array  # (dof,)
+    idle: Array  # (dof,)
 
 
 def make_twist_work(dof: int = 0) -> TwistWork:
@@ -91,6 +94,7 @@ def make_twist_work(dof: int = 0) -> TwistWork:
         np.zeros(SIX),
         make_inverse(dof),
         np.zeros(SIX * dof),
+        np.zeros(dof),
         np.zeros(dof),
         np.zeros(dof),
         np.zeros(dof),
@@ -210,7 +214,8 @@ def any_of(x: Array) -> bool:
 
 def pace(tick: TickWork, reach: ReachWork, work: TwistWork, damping: float) -> tuple[float, int, int]:
     """The largest part from 0 to 1 of the displacement that is tried that keeps every limit; what limits it, where."""
-    dof, limits, direction, bend, near = len(tick.q), tick.limits, work.tried, work.bend, tick.near
+    dof, limits, direction, ahead, near = len(tick.q), tick.limits, work.tried, work.planned, tick.near
+    find_bend(tick, work, damping)
     fast, first, speed, free, braking = 0, 0, math.inf, math.inf, math.inf
     for j in range(dof):
         size = max(abs(direction[j]), TINY)
@@ -225,8 +230,8 @@ def pace(tick: TickWork, reach: ReachWork, work: TwistWork, damping: float) -> t
     if part < found[0]:
         found = (part, UPPER_LIMIT if direction[first] > 0.0 else LOWER_LIMIT, first)
     for j in range(dof):
-        bend[j] = (1.0 + 0.5 / braking) * direction[j]  # as many as it takes to stop after a whole one
-    watch(tick, reach, bend)
+        ahead[j] = (1.0 + 0.5 / braking) * direction[j]  # as many as it takes to stop after a whole one
+    watch(tick, reach, ahead)
     spare = math.inf
     for r in range(near.counts[1]):
         closing = 0.0
@@ -237,7 +242,7 @@ def pace(tick: TickWork, reach: ReachWork, work: TwistWork, damping: float) -> t
     part = stopping(spare, braking)
     if part < found[0]:
         found = (part, NEARNESS, 0)
-    part = turning_part(tick, work, damping)
+    part = turning_part(tick, work)
     if part < found[0]:
         found = (part, SINGULARITY, 0)
     return found if found[0] < 1.0 else (1.0, NOTHING, 0)
@@ -248,11 +253,36 @@ def stopping(distance: float, braking: float) -> float:
     return braking_speed(max(distance, 0.0), braking, 1.0)
 
 
-def turning_part(tick: TickWork, work: TwistWork, damping: float) -> float:
+def find_bend(tick: TickWork, work: TwistWork, damping: float) -> None:
+    """Fill by how much the displacement that is tried will have changed after it.
+
+    Along singular poses that joints are drawn to from both sides, the change has the opposite sign beyond them: of one
+    that would lead there and farther, and hardly moves the tool, the displacement takes as much as ends there.
+    """
+    dof, inverse, direction, bend, again = len(tick.q), work.inverse, work.tried, work.bend, work.planned
+    idle = work.idle
+    fill_turn(tick, direction, work.weights, work.turn)
+    fill_bend(inverse, work.wanted, direction, work.turn, damping, bend)
+    multiply(inverse.jacobian, bend, inverse.rest)
+    solve_damped(inverse, inverse.rest, IDLE, idle)
+    for j in range(dof):
+        idle[j] = bend[j] - idle[j]
+    fill_turn(tick, idle, work.weights, work.turn)
+    fill_bend(inverse, work.wanted, direction, work.turn, damping, again)
+    size, back = 0.0, 0.0
+    for j in range(dof):
+        size += idle[j] * idle[j]
+        back -= idle[j] * again[j]
+    steep = back / max(size, TINY)
+    if steep > 1.0:
+        for j in range(dof):
+            direction[j] += (steep - 1.0) / (steep * steep) * idle[j]
+            bend[j] -= (steep - 1.0) / steep * idle[j]
+
+
+def turning_part(tick: TickWork, work: TwistWork) -> float:
     """The part of the displacement that is tried with which the joints' path bends no more than they can follow."""
     dof, direction, bend = len(tick.q), work.tried, work.bend
-    fill_turn(tick, direction, work.weights, work.turn)
-    fill_bend(work.inverse, work.wanted, direction, work.turn, damping, bend)
     part, along, way, size = math.inf, 0.0, 0.0, 0.0
     for j in range(dof):
         part = min(part, tick.limits[j, CHANGE] / max(abs(bend[j]), TINY))

@@ -13,7 +13,6 @@ from jacokin.arrays import Array
 from jacokin.ik.qp_backend import Backend, Inequalities
 from jacokin.ik.targets import RADIAN_IN_METRES
 from jacokin.kernels.library import Call
-from jacokin.kernels.tracking.problem import worthwhile
 from jacokin.kernels.tracking.reach import FORESIGHT, ReachWork, make_reach_work
 from jacokin.kernels.tracking.run import (
     FROM_TWIST,
@@ -265,8 +264,7 @@ class TickSolver:
         work = self._work
         low, high = self.room
         hessian, gradient = self.hessian, work.problem.gradient.copy()
-        total = qp.minimize(hessian, gradient, self.inequalities, np.maximum(low, -FAR), np.minimum(high, FAR))
-        work.total[:] = total * worthwhile(-float(gradient @ total), float(work.problem.worth[0]))
+        work.total[:] = qp.minimize(hessian, gradient, self.inequalities, np.maximum(low, -FAR), np.minimum(high, FAR))
 
     def measure(self, q: Array, arm: JointState, tasks: Tasks, *, goes: bool) -> Report:
         """Measure where the arm is.
