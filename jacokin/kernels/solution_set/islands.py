@@ -78,7 +78,7 @@ LOOKED_AT, MOST_FOUND = 32, 128
 LINES, FIRST_LINE = 3, 0.7
 #: Halvings to where F is zero on such a line.
 LINE_HALVINGS = 24
-#: Where F is at most this part of its size beside, it is looked at, too; steps to there, each of a share of the one before.
+#: Where F is at most this part of its size beside, it is looked at, too; steps to there, of a share of the one before.
 SMALL, STEPS_TO_LEAST, GOLDEN = 1e-2, 10, 0.6180339887498949
 #: Rounds to where it vanishes, from how far away F is looked at [rad], and times that in the next round.
 ROUNDS_TO_ZERO, FIRST_AWAY, NEXT_AWAY = 3, 4e-3, 0.1
@@ -671,19 +671,21 @@ def zero_near(k: ArmConstants, six: SixJoints, F: Surface, p: float) -> tuple[fl
         away = FIRST_AWAY * NEXT_AWAY**n
         near, power = zero_between(k, six, F, zero, away)
         far, _ = zero_between(k, six, F, zero, 2.0 * away)
-        if power < 0.5 or math.isnan(far):
-            return (zero, found) if power < 0.0 else (p, False)
+        if math.isnan(near) or math.isnan(far):
+            return zero, found
+        if power == 0.0:
+            return p, False
         zero, found = zero + (4.0 * near - far) / 3.0, True
     return zero, found
 
 
 def zero_between(k: ArmConstants, six: SixJoints, F: Surface, middle: float, away: float) -> tuple[float, float]:
-    """From the middle of two values of the parameter to a zero of F there, and by which power it grows; NaN, -1 in noise."""
+    """From the middle of two values of the parameter to a zero there, and by which power F grows; NaN in noise."""
     low = size_at(k, six, F, middle - away)
     high = size_at(k, six, F, middle + away)
     farther = size_at(k, six, F, middle + 2.0 * away)
     if not min(low, high) > 0.0:
-        return math.nan, -1.0
+        return math.nan, 0.0
     power = math.floor(math.log2(farther / high) + 0.5) if farther > high else 0.0
     ratio = (high / low) ** (1.0 / max(power, 1.0))
     return away * (1.0 - ratio) / (1.0 + ratio), power

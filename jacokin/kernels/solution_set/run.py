@@ -308,7 +308,7 @@ def slice_by_roots(work: SetWork) -> int:
 
 
 def doubts_where_F_vanishes(work: SetWork) -> int:
-    """At how many values of the parameter there may be curves along which it stands still, and none passes a solution."""
+    """At how many values of the parameter there may be curves along which it stands still that are not known."""
     kind, slices, doubts = int(work.options[SetOption.KIND]), work.slices, 0
     for i in range(LOOKED_AT):
         p, n = work.islands.vanishing[i], slices.size[0]

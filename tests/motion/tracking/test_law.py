@@ -426,7 +426,7 @@ def test_with_measured_feedback_the_arm_gets_there(robot: Robot) -> None:
     for number in range(3):
         v, q = measured(Tracker(robot, dt=DT), target, 500, 1e-3, np.random.default_rng(number))
         places = np.array([robot.forward_kinematics(row).translation for row in q[-100:]])
-        assert np.linalg.norm(places - target.translation, axis=1).mean() < 5e-3  # one of them alone is chance
+        assert np.linalg.norm(places - target.translation, axis=1).mean() < 4e-3  # one of them alone is chance
         assert turns(v, robot.velocity_limit, DT) <= MORE
         assert np.abs(v[-100:]).max() < 0.2
 
