@@ -12,8 +12,7 @@ known. There the distance of its own pair tells little about where that pair com
 from elsewhere, if not where the fold is.
 
 Where F vanishes at one value of the parameter, whatever x is, a curve may go round at that value, of which no root next
-to there tells. The size of F has a minimum there, and the joints are solved for at the very value. Where that minimum
-is small, but not zero, F is looked at there, too.
+to there tells. The size of F has a minimum there, and the joints are solved for at the very value.
 
 Two complex solutions may have one angle in common, which is real then: a pair comes to the axis there and leaves it
 again, and no curve begins. Near such a place the other angles of the pair tell: solutions become real when all their
@@ -78,7 +77,7 @@ LOOKED_AT, MOST_FOUND = 32, 128
 LINES, FIRST_LINE = 3, 0.7
 #: Halvings to where F is zero on such a line.
 LINE_HALVINGS = 24
-#: Where F is at most this part of its size beside, it is looked at, too; steps to there, of a share of the one before.
+#: Where F is at most this part of its size beside, it may vanish; steps to there, of a share of the one before.
 SMALL, STEPS_TO_LEAST, GOLDEN = 1e-2, 10, 0.6180339887498949
 #: Rounds to where it vanishes, from how far away F is looked at [rad], and times that in the next round.
 ROUNDS_TO_ZERO, FIRST_AWAY, NEXT_AWAY = 3, 4e-3, 0.1
@@ -151,8 +150,7 @@ class Islands(NamedTuple):
     useless: NDArray[np.int64]  # (LABELLINGS,) 1 where F is noise at any value of the parameter
     comes: Array  # (LOOKED_AT, 4) see `Look`
     stack: Array  # (DEPTH, 10) two values, what is known of each: when pairs come, real roots, whether it is a fold
-    small: Array  # (LOOKED_AT,) where F is small for all x before the next slice [rad], NaN for nowhere
-    vanishing: Array  # (LOOKED_AT,) where it vanishes
+    vanishing: Array  # (LOOKED_AT,) where F vanishes for all x about at each even value [rad], NaN for nowhere
     lines: Array  # (LOOKED_AT, LINES) F where x has one of some values, 0 for noise
     crossed: NDArray[np.int64]  # (LOOKED_AT, LINES) how often curves pass there before the next slice
     roots: RootWork
@@ -176,7 +174,6 @@ def make_islands() -> Islands:
         np.zeros(LABELLINGS, np.int64),
         np.empty((LOOKED_AT, 4)),
         np.empty((DEPTH, 10)),
-        np.empty(LOOKED_AT),
         np.empty(LOOKED_AT),
         np.zeros((LOOKED_AT, LINES)),
         np.zeros((LOOKED_AT, LINES), np.int64),
@@ -611,23 +608,16 @@ def find_islands(six: SixJoints, window: Array, work: Islands) -> None:
             for n in range(LINES):
                 value, _ = value_and_slope(work.F.cosine, work.F.sine, line_at(n))
                 work.lines[i, n] = value if abs(value) > noise else 0.0
-    find_small(k, six, work)
     for i in range(LOOKED_AT):
-        low, first, last = work.p[i], known(work, i), known(work, (i + 1) % LOOKED_AT)
-        if not math.isnan(work.small[i]):
-            middle = work.small[i]
-            seen = look(k, six, work, middle)
-            add_found(work, middle, real_roots(seen))
-            halve(k, six, work, (low, middle), first, seen)
-            low, first = middle, seen
-        halve(k, six, work, (low, work.p[i] + step), first, last)
+        halve(k, six, work, (work.p[i], work.p[i] + step), known(work, i), known(work, (i + 1) % LOOKED_AT))
 
 
-def find_small(k: ArmConstants, six: SixJoints, work: Islands) -> None:
-    """Fill small and vanishing."""
+def find_vanishing(six: SixJoints, work: Islands) -> None:
+    """Fill vanishing, from the table of a target."""
+    k = arm_of_equation(six)
     half = 0.5 * TURN / LOOKED_AT
     for i in range(LOOKED_AT):
-        work.small[i], work.vanishing[i] = math.nan, math.nan
+        work.vanishing[i] = math.nan
     before, here = size_at(k, six, work.F, OFFSET - half), size_at(k, six, work.F, OFFSET)
     for n in range(2 * LOOKED_AT):
         p = OFFSET + half * n
@@ -636,12 +626,8 @@ def find_small(k: ArmConstants, six: SixJoints, work: Islands) -> None:
             p = least_between(k, six, work.F, p - half, p + half)
             if size_at(k, six, work.F, p) <= SMALL * min(before, after):
                 p, vanishes = zero_near(k, six, work.F, p)
-                i = math.floor((p - OFFSET) / (2.0 * half))
-                beyond = p - (OFFSET + 2.0 * half * i)
                 if vanishes:
-                    work.vanishing[i % LOOKED_AT] = wrapped(p)
-                elif BESIDE < beyond < 2.0 * half - BESIDE:
-                    work.small[i % LOOKED_AT] = work.p[i % LOOKED_AT] + beyond
+                    work.vanishing[n // 2] = wrapped(p)
         before, here = here, after
 
 
@@ -686,7 +672,7 @@ def zero_between(k: ArmConstants, six: SixJoints, F: Surface, middle: float, awa
     farther = size_at(k, six, F, middle + 2.0 * away)
     if not min(low, high) > 0.0:
         return math.nan, 0.0
-    power = math.floor(math.log2(farther / high) + 0.5) if farther > high else 0.0
+    power = math.floor(math.log(farther / high) / math.log(2.0) + 0.5) if farther > high else 0.0
     ratio = (high / low) ** (1.0 / max(power, 1.0))
     return away * (1.0 - ratio) / (1.0 + ratio), power
 

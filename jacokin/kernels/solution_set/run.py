@@ -23,6 +23,7 @@ from jacokin.kernels.solution_set.islands import (
     count_on_lines,
     count_passes,
     find_islands,
+    find_vanishing,
     joint_of_root,
     look_beside_folds,
     make_islands,
@@ -68,6 +69,8 @@ SLACK_OF_FOLDS = 0.1
 #: [rad] between folds nearer to each other than this there is no slice: so far off folds may be, for what an arm misses
 #: its structure by.
 NARROW = 1e-3
+#: Configurations that are brought to curves where not all solutions are known.
+BROUGHT = 64
 #: Rounds of curves that were met on the way along others.
 MEETINGS = 2
 #: Where the options are: kind of `slices`, joints.
@@ -151,7 +154,7 @@ def find_curves(work: SetWork, whole: bool) -> int:
             doubts += not add_start(slices, work.walk.z)
     trace(slices, loops, work.walk)
     doubts += follow_meetings(work)
-    doubts += doubts_where_F_vanishes(work) if by_roots else 0
+    doubts += doubts_where_F_vanishes(work) if by_roots and loops.window[1] == math.inf else 0
     cut(loops, work.pieces, work.walk)
     wrong = doubts + loops.size[3] + work.pieces.size[3]
     for i in range(slices.size[0]):
@@ -308,21 +311,37 @@ def slice_by_roots(work: SetWork) -> int:
 
 
 def doubts_where_F_vanishes(work: SetWork) -> int:
-    """At how many values of the parameter there may be curves along which it stands still that are not known."""
-    kind, slices, doubts = int(work.options[SetOption.KIND]), work.slices, 0
+    """At how many values of the parameter there may be curves along which it stands still that are not known.
+
+    There is none where all solutions are known, and on curves that are. Where they are not, as F may vanish for what it
+    is made of alone, configurations are brought to the nearest curve, and all come to those that are known.
+    """
+    kind, slices, islands, doubts = int(work.options[SetOption.KIND]), work.slices, work.islands, 0
+    find_vanishing(work.six, islands)
     for i in range(LOOKED_AT):
-        p, n = work.islands.vanishing[i], slices.size[0]
-        if math.isnan(p) or not is_in_window(work.loops.window, p):
+        p, n = islands.vanishing[i], slices.size[0]
+        if math.isnan(p):
             continue
         if not add_slice(work.walk, kind, p, slices, work.six, work.seven):
             doubts += 1
             continue
         slices.size[0] = n
-        known = slices.doubt[n] == 0
+        known = slices.doubt[n] == 0 or not leads_elsewhere(work, p)
         for k in range(slices.counts[n]):
             known = known and is_traced(work.loops, slices.x[n, k])
         doubts += not known
     return doubts
+
+
+def leads_elsewhere(work: SetWork, p: float) -> bool:
+    """Whether a configuration of some spread over all angles is brought to a curve that is not known."""
+    walk = work.walk
+    for n in range(BROUGHT):
+        for j in range(7):
+            walk.z[j] = p if j == walk.parameter[0] else wrapped(TURN * (n + 1) * math.sqrt(2.0 + 3.0 * j))
+        if descend(work.newton, walk) <= LARGEST_RESIDUAL and not is_traced(work.loops, walk.z):
+            return True
+    return False
 
 
 def trace_missing(work: SetWork) -> int:
