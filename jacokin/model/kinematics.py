@@ -64,11 +64,14 @@ def about_z(model: pin.Model, joint: int) -> pin.SE3:
 
 def frame_with_z(z: Array) -> Array:
     """A rotation (3, 3) whose third column is a unit vector: the identity for z itself, quarter turns for x and y."""
-    if z[2] == 1.0:
+    a, b, c = z.tolist()
+    if c == 1.0:
         return np.eye(3)
-    x = np.cross(z, np.eye(3)[int(np.argmin(np.abs(z)))])
-    x /= np.linalg.norm(x)
-    return np.column_stack([x, np.cross(z, x), z])
+    across = [(0.0, c, -b), (-c, 0.0, a), (b, -a, 0.0)][int(np.argmin(np.abs(z)))]
+    size = math.hypot(*across)
+    x = [value / size for value in across]
+    y = [b * x[2] - c * x[1], c * x[0] - a * x[2], a * x[1] - b * x[0]]
+    return np.array(list(zip(x, y, (a, b, c), strict=True)))
 
 
 def reference_frame(name: str) -> pin.ReferenceFrame:

@@ -6,6 +6,7 @@ slices         all solutions at one value of the parameter: six joints at a pose
 seven_joints   the same of seven joints built like a Jaco's, in closed form, and where they meet
 end_wrist      and of six joints with a spherical wrist at an end, whose target turns
 near_seed      of both, the chords beside which the nearest to a seed is
+same_axis      curves along which the parameter and the joint next to it turn about one axis
 surface        the equation of six joints along the parameter, as one polynomial of both
 pairs          how far complex solutions of six joints are from real ones
 whole_solutions   complex solutions in two angles, where roots are too near to each other

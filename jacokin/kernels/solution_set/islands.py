@@ -12,7 +12,8 @@ known. There the distance of its own pair tells little about where that pair com
 from elsewhere, if not where the fold is.
 
 Where F vanishes at one value of the parameter, whatever x is, a curve may go round at that value, of which no root next
-to there tells. The size of F has a minimum there, and the joints are solved for at the very value.
+to there tells. The size of F has a minimum there, and the joints are solved for at the very value. Where F all but
+vanishes, such a curve may be next to there, and configurations all round are brought to curves.
 
 Two complex solutions may have one angle in common, which is real then: a pair comes to the axis there and leaves it
 again, and no curve begins. Near such a place the other angles of the pair tell: solutions become real when all their
@@ -77,8 +78,9 @@ LOOKED_AT, MOST_FOUND = 32, 128
 LINES, FIRST_LINE = 3, 0.7
 #: Halvings to where F is zero on such a line.
 LINE_HALVINGS = 24
-#: Where F is at most this part of its size beside, it may vanish; steps to there, of a share of the one before.
-SMALL, STEPS_TO_LEAST, GOLDEN = 1e-2, 10, 0.6180339887498949
+#: Where F is at most this part of its size beside, it may vanish, and at most that part it all but does; steps to
+#: there, of a share of the one before.
+SMALL, ALMOST_NOTHING, STEPS_TO_LEAST, GOLDEN = 1e-2, 2e-4, 10, 0.6180339887498949
 #: Rounds to where it vanishes, from how far away F is looked at [rad], and times that in the next round.
 ROUNDS_TO_ZERO, FIRST_AWAY, NEXT_AWAY = 3, 4e-3, 0.1
 #: [rad] where the even values begin: away from the round angles that people use.
@@ -150,7 +152,7 @@ class Islands(NamedTuple):
     useless: NDArray[np.int64]  # (LABELLINGS,) 1 where F is noise at any value of the parameter
     comes: Array  # (LOOKED_AT, 4) see `Look`
     stack: Array  # (DEPTH, 10) two values, what is known of each: when pairs come, real roots, whether it is a fold
-    vanishing: Array  # (LOOKED_AT,) where F vanishes for all x about at each even value [rad], NaN for nowhere
+    vanishing: Array  # (LOOKED_AT, 2) see `find_vanishing`
     lines: Array  # (LOOKED_AT, LINES) F where x has one of some values, 0 for noise
     crossed: NDArray[np.int64]  # (LOOKED_AT, LINES) how often curves pass there before the next slice
     roots: RootWork
@@ -174,7 +176,7 @@ def make_islands() -> Islands:
         np.zeros(LABELLINGS, np.int64),
         np.empty((LOOKED_AT, 4)),
         np.empty((DEPTH, 10)),
-        np.empty(LOOKED_AT),
+        np.empty((LOOKED_AT, 2)),
         np.zeros((LOOKED_AT, LINES)),
         np.zeros((LOOKED_AT, LINES), np.int64),
         make_roots(),
@@ -613,21 +615,25 @@ def find_islands(six: SixJoints, window: Array, work: Islands) -> None:
 
 
 def find_vanishing(six: SixJoints, work: Islands) -> None:
-    """Fill vanishing, from the table of a target."""
+    """Fill vanishing with where F is next to zero for all x about at each even value, NaN for nowhere, from the table.
+
+    Besides, 1 where it vanishes there to rounding, and 0 where it does not quite.
+    """
     k = arm_of_equation(six)
     half = 0.5 * TURN / LOOKED_AT
     for i in range(LOOKED_AT):
-        work.vanishing[i] = math.nan
+        work.vanishing[i, 0] = math.nan
     before, here = size_at(k, six, work.F, OFFSET - half), size_at(k, six, work.F, OFFSET)
     for n in range(2 * LOOKED_AT):
         p = OFFSET + half * n
         after = size_at(k, six, work.F, p + half)
         if here <= before and here < after:
             p = least_between(k, six, work.F, p - half, p + half)
-            if size_at(k, six, work.F, p) <= SMALL * min(before, after):
+            least = size_at(k, six, work.F, p) / min(before, after)
+            if least <= SMALL:
                 p, vanishes = zero_near(k, six, work.F, p)
-                if vanishes:
-                    work.vanishing[n // 2] = wrapped(p)
+                if vanishes or least <= ALMOST_NOTHING:
+                    work.vanishing[n // 2, 0], work.vanishing[n // 2, 1] = wrapped(p), vanishes
         before, here = here, after
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from jacokin.arrays import Array
 from jacokin.kernels.chain import Newton, fill_system, linearise7, make_newton, solve_normal
 from jacokin.kernels.limits import TURN
+from jacokin.kernels.six_joints.loop import Form
 from jacokin.kernels.solution_set.curve import LARGEST_RESIDUAL, RESOLUTION, Walk, make_walk, wrapped
 from jacokin.kernels.solution_set.end_wrist import begin_end_wrist, find_wrist_folds
 from jacokin.kernels.solution_set.islands import (
@@ -39,8 +40,11 @@ from jacokin.kernels.solution_set.near_seed import (
     offer_settled,
     solve_rows,
 )
+from jacokin.kernels.solution_set.same_axis import add_turns, sense_beside
 from jacokin.kernels.solution_set.seven_joints import LAST_STEPS, MOST_ROWS, ROUNDING, find_folds, solve_at_q3
 from jacokin.kernels.solution_set.slices import (
+    AFTER,
+    BEFORE,
     JOINT_3,
     NO_SLICES,
     SevenJoints,
@@ -48,13 +52,14 @@ from jacokin.kernels.solution_set.slices import (
     Slices,
     add_slice,
     add_start,
+    arm_of_equation,
     fill_general,
     make_seven_joints,
     make_six_joints,
     make_slices,
 )
 from jacokin.kernels.solution_set.starts import bring_to_curve, descend, fill_steps
-from jacokin.kernels.solution_set.trace import Loops, count_all_passed, is_traced, make_loops, trace
+from jacokin.kernels.solution_set.trace import Loops, count_all_passed, is_near, is_traced, make_loops, trace
 from jacokin.kernels.solution_set.within import Pieces, cut, make_pieces
 
 #: Values of the parameter that are solved at in any case, apart by a share of a turn that no structure has, and rounds
@@ -69,8 +74,9 @@ SLACK_OF_FOLDS = 0.1
 #: [rad] between folds nearer to each other than this there is no slice: so far off folds may be, for what an arm misses
 #: its structure by.
 NARROW = 1e-3
-#: Configurations that are brought to curves where not all solutions are known.
-BROUGHT = 64
+#: Configurations that are brought to curves where not all solutions are known; and how far one must be from all others
+#: to be on another curve [rad].
+BROUGHT, APART = 64, 0.05
 #: Rounds of curves that were met on the way along others.
 MEETINGS = 2
 #: Where the options are: kind of `slices`, joints.
@@ -138,11 +144,14 @@ def find_curves(work: SetWork, whole: bool) -> int:
         loops.size[n] = 0
     loops.window[0], loops.window[1] = 0.0, math.inf
     doubts, by_roots = 0, False
-    if kind != NO_SLICES and (whole or not add_near_seed(work)):
+    on_one_axis = kind in (AFTER, BEFORE) and sense_beside(work.walk.chain, work.walk.parameter[0]) != 0.0
+    if kind != NO_SLICES and (whole or on_one_axis or not add_near_seed(work)):
         if work.near.slack[0] > 0.0:
             work.pieces.size[1] = 0
             return 1
-        if kind == JOINT_3:
+        if on_one_axis:
+            doubts += add_turns(kind, work.pieces.limits, slices, loops, work.six, work.seven, work.walk)
+        elif kind == JOINT_3:
             doubts += slice_between_folds(work)
             trace(slices, loops, work.walk)
         else:
@@ -311,37 +320,46 @@ def slice_by_roots(work: SetWork) -> int:
 
 
 def doubts_where_F_vanishes(work: SetWork) -> int:
-    """At how many values of the parameter there may be curves along which it stands still that are not known.
+    """At how many values of the parameter there may be curves along which it hardly moves that are not known.
 
-    There is none where all solutions are known, and on curves that are. Where they are not, as F may vanish for what it
-    is made of alone, configurations are brought to the nearest curve, and all come to those that are known.
+    There is none where F vanishes and all solutions are known, and on curves that are. Else, as F may vanish for what
+    it is made of alone, or not quite, configurations are brought to curves, and all come to those that are known. So
+    they are of an arm of any structure: it may miss by less than noise what makes F vanish.
     """
     kind, slices, islands, doubts = int(work.options[SetOption.KIND]), work.slices, work.islands, 0
     find_vanishing(work.six, islands)
+    has_a_form = arm_of_equation(work.six).six.form != Form.GENERAL
     for i in range(LOOKED_AT):
-        p, n = islands.vanishing[i], slices.size[0]
+        p, n = islands.vanishing[i, 0], slices.size[0]
         if math.isnan(p):
             continue
         if not add_slice(work.walk, kind, p, slices, work.six, work.seven):
             doubts += 1
             continue
         slices.size[0] = n
-        known = slices.doubt[n] == 0 or not leads_elsewhere(work, p)
+        is_sure = has_a_form and slices.doubt[n] == 0 and islands.vanishing[i, 1] > 0.0
+        known = True
         for k in range(slices.counts[n]):
             known = known and is_traced(work.loops, slices.x[n, k])
-        doubts += not known
+        doubts += not known or (not is_sure and find_elsewhere(work, p))
     return doubts
 
 
-def leads_elsewhere(work: SetWork, p: float) -> bool:
-    """Whether a configuration of some spread over all angles is brought to a curve that is not known."""
-    walk = work.walk
+def find_elsewhere(work: SetWork, p: float) -> bool:
+    """Follow curves that configurations of some spread over all angles are brought to, apart from those that are known.
+
+    Returns:
+        Whether there was one.
+    """
+    walk, found = work.walk, False
     for n in range(BROUGHT):
         for j in range(7):
             walk.z[j] = p if j == walk.parameter[0] else wrapped(TURN * (n + 1) * math.sqrt(2.0 + 3.0 * j))
-        if descend(work.newton, walk) <= LARGEST_RESIDUAL and not is_traced(work.loops, walk.z):
-            return True
-    return False
+        if descend(work.newton, walk) <= LARGEST_RESIDUAL and not is_near(work.loops, walk.z, APART):
+            found = True
+            if add_start(work.slices, walk.z):
+                trace(work.slices, work.loops, walk)
+    return found
 
 
 def trace_missing(work: SetWork) -> int:

@@ -97,6 +97,21 @@ def is_traced(loops: Loops, x: Array) -> bool:
     return False
 
 
+def is_near(loops: Loops, x: Array, distance: float) -> bool:
+    """Whether a point is no farther than a distance from a curve that is known, by the chords between its nodes [rad]."""
+    for c in range(loops.size[1]):
+        for n in range(loops.ends[c, 0], max(loops.ends[c, 1] - 1, loops.ends[c, 0] + 1)):
+            a, b = loops.nodes[n], loops.nodes[min(n + 1, loops.ends[c, 1] - 1)]
+            square, along, length = 0.0, 0.0, 0.0
+            for j in range(7):
+                d, e = wrapped(x[j] - a[j]), b[j] - a[j]
+                square, along, length = square + d * d, along + d * e, length + e * e
+            u = min(max(along / length, 0.0), 1.0) if length > 0.0 else 0.0
+            if square - 2.0 * u * along + u * u * length <= distance * distance:
+                return True
+    return False
+
+
 def lies_between(x: Array, a: Array, b: Array, low: float) -> bool:
     """Whether a point lies on the curve between two nodes, from a share of the chord on to just beyond the second one.
 

@@ -130,6 +130,58 @@ def test_an_arm_whose_rounded_axes_are_all_but_parallel_has_sets(tmp_path: Path,
         np.testing.assert_allclose(own, q, atol=1e-6)
 
 
+#: Axes 2, 3, 5 and 6 are parallel where joint 4 is at zero: they turn against each other while the tool stands.
+FOUR_PARALLEL: list[Placement] = [
+    ((-0.1, 0.0, 0.0), (0.0, 0.0, 0.0)),
+    ((-0.03, 0.0, 0.0), (0.67, 0.0, 0.0)),
+    ((0.48, 0.0, 0.0), (0.0, 0.0, 0.0)),
+    ((-0.06, 0.0, 0.0), (HALF, 0.0, 0.0)),
+    ((-0.11, 0.0, 0.0), (-HALF, 0.0, 0.0)),
+    ((0.09, 0.0, 0.01), (0.0, 0.0, 0.0)),
+    ((-0.09, 0.08, 0.16), (0.0, 0.0, 0.0)),
+]
+
+
+@pytest.mark.parametrize("moved", [0.0, 1e-7, 1e-6, 1e-5, 1e-4])
+def test_a_curve_along_which_the_angle_hardly_moves_is_found_or_in_doubt(
+    moved: float, tmp_path: Path, rng: np.random.Generator
+) -> None:
+    """Of an arm that is moved a little, the angle moves as little along such a curve, and F all but vanishes there."""
+    placed = [
+        ((x + moved * noise[0], y + moved * noise[1], z + moved * noise[2]), (roll + moved * noise[3], pitch, yaw))
+        for ((x, y, z), (roll, pitch, yaw)), noise in zip(FOUR_PARALLEL, rng.normal(size=(7, 4)).tolist(), strict=True)
+    ]
+    robot = load_placed("parallel", placed, [3.0] * 6, tmp_path)
+    solver, held = IKSolver(robot, collision="ignore"), 0
+    for q in robot.sample(rng, 8):
+        q[3] = 0.0
+        found = solver.solve_all(FreeAxis(robot.forward_kinematics(q), axis=rng.normal(size=3)))
+        own = found.nearest(q)
+        has_own = own is not None and bool(np.abs(wrap_to_pi(own - q)).max() < 1e-4)
+        held += has_own
+        assert has_own or not found.complete
+    assert held >= 6
+
+
+@pytest.mark.parametrize("name", ["j2s6s300", "j2n6s300", "gen3_6dof", "gen3_lite"])
+def test_special_postures_have_sets_about_the_last_axis(name: str, rng: np.random.Generator) -> None:
+    """Joint 6 and the angle turn against each other: what reaches the pose tells, also of a stretched arm."""
+    robot = jacokin.load_robot(name)
+    solver = IKSolver(robot, collision="ignore")
+    for q in robot.sample(rng, 10):
+        q[2] = np.clip(math.pi if name.startswith("j2") else 0.0, robot.lower[2], robot.upper[2])
+        target = FreeAxis(robot.forward_kinematics(q), axis=(0.0, 0.0, 1.0))
+        found, seed = solver.solve_all(target), robot.sample(rng)
+        assert found.complete
+        assert len(found) <= 16
+        own, nearest = found.nearest(q), found.nearest(seed)
+        assert own is not None
+        assert nearest is not None
+        np.testing.assert_allclose(wrap_to_pi(own - q), np.zeros(6), atol=1e-6)
+        away = np.linalg.norm(solver.solve(target, seed).q - seed)
+        assert away == pytest.approx(np.linalg.norm(nearest - seed), abs=1e-7)
+
+
 def test_an_interval_ends_where_its_joint_is_on_its_limit(solver: IKSolver, rng: np.random.Generator) -> None:
     robot, seen = solver.robot, 0
     for q in robot.sample(rng, 20):
