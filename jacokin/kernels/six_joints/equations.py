@@ -178,6 +178,18 @@ def fill_right(e: Equations) -> None:
         place_before(links[0], True, right[i])
 
 
+def area_of_columns(e: Equations) -> tuple[float, float]:
+    """The square of the area that the two columns span which theta_2 turns: at most, were they at right angles, and it.
+
+    Four rows are orthogonal to both: where these are on one line, such rows are rounding.
+    """
+    a, b, ab = 0.0, 0.0, 0.0
+    for j in range(6):
+        x, y = e.right[0, still_place(j)], e.right[1, still_place(j)]
+        a, b, ab = a + x * x, b + y * y, ab + x * y
+    return a * b, a * b - ab * ab
+
+
 def still_place(i: int) -> int:
     """Places of phi that theta_2 does not turn."""
     return P + 2 + 3 * i if i < 4 else PP + i - 4

@@ -32,6 +32,10 @@ from jacokin.kernels.six_joints.equations import turned_back_by, turned_by
 from jacokin.kernels.six_joints.loop import SixArm, column_of, fill_links, joint_of
 from jacokin.kernels.vector import Vec, minus
 
+QUARTER = 0.5 * math.pi
+#: Share of the square of the stretched elbow by which it may miss one angle alone with which it reaches, for rounding.
+JUST_REACHES = 1e-9
+
 
 def branches_of_parallel_axes(arm: SixArm, query: PoseQuery, work: Candidates, branches: BranchWork) -> bool:
     """Add every branch; False where the general way must look after what is left open."""
@@ -73,7 +77,10 @@ def branches_of_parallel_axes(arm: SixArm, query: PoseQuery, work: Candidates, b
             state[FormState.FREE], state[FormState.FOLDS] = ones.free + fives.free, ones.fold + fives.fold
             take(work, 4, fives, SIGNS[n])
             if fives.free > 0:
-                take_angle(work, 5, query.seed[joint_of(labelling, 5)])
+                angle = angle_that_closes(arm, E, query.seed[joint_of(labelling, 5)], work)
+                if math.isnan(angle):
+                    continue
+                take_angle(work, 5, angle)
             else:
                 y = turned_back_by(links[4], unturned_about_z((cosine[4], sine[4]), k))
                 take_unit(work, 5, unit_from_to(Q[2, 0], Q[2, 1], y[0], y[1]))
@@ -89,12 +96,7 @@ def in_the_plane(arm: SixArm, E: Vec, middle: bool, query: PoseQuery, work: Cand
     """From theta_1, theta_5 and theta_6: both sides of the elbow."""
     links, state, labelling = work.links, work.state, arm.form_labelling
     free, folds = state[FormState.FREE], state[FormState.FOLDS]
-    # E seen from link 1, and from link 4: the origin of joint 4 is where the latter takes it.
-    place = unturned_about_z((work.cosine[0], work.sine[0]), E)
-    place = turned_back_by(links[0], minus(place, column_of(links[0], 3)))
-    z, t = column_of(links[3], 2), column_of(links[3], 3)
-    e = undo_last(work, (t[0] + arm.first * z[0], t[1] + arm.first * z[1], t[2] + arm.first * z[2]))
-    px, py = place[0] - e[0], place[1] - e[1]
+    px, py = across_elbow(arm, E, work)
     a, b = column_of(links[1], 3), column_of(links[2], 3)
     bc, bs = turned_by(links[1], (b[0], b[1], 0.0)), turned_by(links[1], (-b[1], b[0], 0.0))
     square = px * px + py * py
@@ -123,6 +125,48 @@ def in_the_plane(arm: SixArm, E: Vec, middle: bool, query: PoseQuery, work: Cand
         take_unit(work, 3, (y[0], y[1]))
         add_candidate(arm, query, work, branches, middle or (threes.fold > 0 and SIGNS[i] == 0.0))
     state[FormState.FREE], state[FormState.FOLDS] = free, folds
+
+
+def across_elbow(arm: SixArm, E: Vec, work: Candidates) -> tuple[float, float]:
+    """From joint 2 to joint 4 in the plane, from theta_1, theta_5 and theta_6.
+
+    E is seen from link 1, and from link 4: the origin of joint 4 is where the latter takes it.
+    """
+    links = work.links
+    place = unturned_about_z((work.cosine[0], work.sine[0]), E)
+    place = turned_back_by(links[0], minus(place, column_of(links[0], 3)))
+    z, t = column_of(links[3], 2), column_of(links[3], 3)
+    e = undo_last(work, (t[0] + arm.first * z[0], t[1] + arm.first * z[1], t[2] + arm.first * z[2]))
+    return place[0] - e[0], place[1] - e[1]
+
+
+def angle_that_closes(arm: SixArm, E: Vec, seed: float, work: Candidates) -> float:
+    """A free theta_6 with which the elbow reaches across: that of the seed, or one near to it; NaN where none does.
+
+    Axis 6 is parallel to axes 2, 3 and 4 then, so that joint 4 goes round on a circle about E as theta_6 turns: the
+    square of its distance to joint 2 is a constant and one wave.
+    """
+    a, b = column_of(work.links[1], 3), column_of(work.links[2], 3)
+    upper, fore = math.hypot(a[0], a[1]), math.hypot(b[0], b[1])
+    low, high = (upper - fore) * (upper - fore), (upper + fore) * (upper + fore)
+    here, quarter = square_across(arm, E, 0.0, work), square_across(arm, E, QUARTER, work)
+    half = square_across(arm, E, 2.0 * QUARTER, work)
+    middle = 0.5 * (here + half)
+    wave, phase = math.hypot(here - middle, quarter - middle), math.atan2(quarter - middle, here - middle)
+    if low <= middle + wave * math.cos(seed - phase) <= high:
+        return seed
+    low, high = max(low, middle - wave), min(high, middle + wave)
+    if low > high + JUST_REACHES * (upper + fore) * (upper + fore) or wave == 0.0:
+        return math.nan
+    away = math.acos(min(max((0.5 * (low + high) - middle) / wave, -1.0), 1.0))
+    return phase + math.copysign(away, math.sin(seed - phase))
+
+
+def square_across(arm: SixArm, E: Vec, angle: float, work: Candidates) -> float:
+    """The square of the distance from joint 2 to joint 4 with a theta_6."""
+    take_angle(work, 5, angle)
+    x, y = across_elbow(arm, E, work)
+    return x * x + y * y
 
 
 def undo_last(work: Candidates, v: Vec) -> Vec:

@@ -24,7 +24,7 @@ from jacokin.kernels.six_joints.characteristic import (
     fourier_of_determinant,
     make_determinant,
 )
-from jacokin.kernels.six_joints.equations import Equations
+from jacokin.kernels.six_joints.equations import Equations, area_of_columns
 from jacokin.kernels.tolerances import CLOSE_NOISE, MIN_WIDTH, NARROW_NOISE, POSE_NOISE, UNCERTAIN
 from jacokin.kernels.trigonometry import sines_cosines
 
@@ -37,6 +37,8 @@ NOISE_PART, LEAST_PART = 1.0 / 8.0, 1.0 / 256.0
 BRACKETED_STEPS = 60
 #: [rad], and part of the interval: a root is known after a step this small. Newton's method on the arm goes on from it.
 FOUND_ROOT, FOUND_PART = 1e-9, 1e-4
+#: The square of the sine between two columns that are on one line but for rounding.
+ON_ONE_LINE = 1e-13
 #: [rad]; F is still noise so far from a root where others are beside it, which rounding hides.
 BESIDE = 2e-6
 #: Where F touches zero its extremum may be as far on the other side of zero as the noise: its roots are then the square
@@ -89,9 +91,15 @@ def make_six_roots() -> SixRoots:
 
 
 def find_six_roots(e: Equations, work: SixRoots) -> int:
-    """Fill work.found with single roots and undecided intervals; returns how many, -1 where F is all noise."""
+    """Fill work.found with single roots and undecided intervals; returns how many, -1 where F is all noise.
+
+    So it is, too, where the rows of its determinant are.
+    """
     cosine, sine, rough, filled = work.fourier.cosine, work.fourier.sine, work.fourier.roots, work.filled
     filled[0], filled[1], filled[2], filled[3] = 0, 0, 0, 0
+    most, area = area_of_columns(e)
+    if not area > ON_ONE_LINE * most:
+        return -1
     noise = fourier_of_determinant(e, work.determinant, cosine, sine)
     total = 0.0
     for n in range(cosine.shape[0]):

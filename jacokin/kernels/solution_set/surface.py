@@ -20,7 +20,13 @@ from jacokin.kernels.closed_form.resultant import DEGREE, fourier_of_F
 from jacokin.kernels.limits import TURN
 from jacokin.kernels.six_joints.characteristic import Determinant, fourier_of_determinant, make_determinant
 from jacokin.kernels.six_joints.elbow_offset import fill_product, offset_arm_of
-from jacokin.kernels.six_joints.equations import Equations, make_equations, still_place, turned_back_by, write_equations
+from jacokin.kernels.six_joints.equations import (
+    Equations,
+    area_of_columns,
+    make_equations,
+    turned_back_by,
+    write_equations,
+)
 from jacokin.kernels.six_joints.loop import Form, fill_links
 from jacokin.kernels.six_joints.planar_arm import fill_polynomial, noise_of_polynomial, planar_arm_of
 from jacokin.kernels.six_joints.spherical_wrist import fill_both_turns, fill_quartic, reach_of
@@ -148,12 +154,9 @@ def scale_of(e: Equations) -> float:
     Four rows are orthogonal to two real columns, and their minors are as long as what these span. Two are the real and
     imaginary part of a vector that `square_of_null` tells. Each row is in the determinant twice.
     """
-    a, b, ab = 0.0, 0.0, 0.0
-    for j in range(6):
-        x, y = e.right[0, still_place(j)], e.right[1, still_place(j)]
-        a, b, ab = a + x * x, b + y * y, ab + x * y
+    _, area = area_of_columns(e)
     square = square_of_null(e)
-    return (a * b - ab * ab) * square * square
+    return area * square * square
 
 
 def square_of_null(e: Equations) -> float:

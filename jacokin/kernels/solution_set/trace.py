@@ -98,7 +98,7 @@ def is_traced(loops: Loops, x: Array) -> bool:
 
 
 def is_near(loops: Loops, x: Array, distance: float) -> bool:
-    """Whether a point is no farther than a distance from a curve that is known, by the chords between its nodes [rad]."""
+    """Whether a point is at most a distance [rad] away from a curve that is known, by the chords between its nodes."""
     for c in range(loops.size[1]):
         for n in range(loops.ends[c, 0], max(loops.ends[c, 1] - 1, loops.ends[c, 0] + 1)):
             a, b = loops.nodes[n], loops.nodes[min(n + 1, loops.ends[c, 1] - 1)]

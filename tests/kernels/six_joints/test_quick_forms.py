@@ -180,6 +180,22 @@ def test_a_straight_wrist_is_a_continuum(
         assert min(np.abs((row - q)[rest]).max() for row in others) < 1e-6
 
 
+def test_a_straight_wrist_is_a_continuum_where_the_elbow_does_not_close_at_the_angle_of_the_seed(
+    rng: np.random.Generator,
+) -> None:
+    """Joint 6 is then where it does: with it left at the seed, a UR5 had other branches alone, said to be all."""
+    chain = chain_of_name("ur5")
+    form, far = form_of(chain), 0
+    for q in np.vstack([rng.integers(-4, 5, (150, 6)) * (np.pi / 4), rng.uniform(-np.pi, np.pi, (50, 6))]):
+        q[4] = rng.choice([0.0, np.pi])
+        T, seed = pose_at(chain, q), rng.uniform(-np.pi, np.pi, 6)
+        branches = form.solve_all(T, seed)
+        assert not branches.complete
+        assert max(branches.position_error.max(), branches.orientation_error.max()) < 1e-9
+        far += bool(np.abs(np.sin(0.5 * (branches.q[branches.singular][:, 5] - seed[5]))).min(initial=1.0) > 1e-3)
+    assert far > 20
+
+
 @pytest.mark.parametrize("forearm", [0.35, 0.4318])
 def test_a_wrist_on_axis_1_leaves_joint_1_free(forearm: float, rng: np.random.Generator) -> None:
     """A Puma without lateral offsets: wherever joint 1 is, the wrist's joints make up for it.
