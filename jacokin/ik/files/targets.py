@@ -84,7 +84,7 @@ def _is_finer(kind: pa.DataType) -> bool:
     import pyarrow as pa
 
     is_time = pa.types.is_timestamp(kind) or pa.types.is_duration(kind) or pa.types.is_time64(kind)
-    return is_time and kind.unit == "ns"
+    return bool(is_time and kind.unit == "ns")
 
 
 def _with_nanoseconds(column: pa.Array) -> list[str | None]:
