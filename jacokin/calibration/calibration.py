@@ -36,6 +36,11 @@ if TYPE_CHECKING:
 class Calibration(Findings):
     """What `calibrate` returns: what was found, as an arm and as files. Immutable."""
 
+    def __repr__(self) -> str:
+        """The arm, and how many parameters and measurements there are; `print` says more."""
+        rows = sum(map(len, self.fit.after))
+        return f"Calibration({self.described.name!r}, {len(self.parameters)} parameters, {rows} measurements)"
+
     @cached_property
     def robot(self) -> Robot:
         """The calibrated arm, loaded as the described one was.

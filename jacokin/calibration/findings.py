@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.stats import chi2
 
-from jacokin.arrays import Array
+from jacokin.arrays import Array, Sealed
 from jacokin.calibration.arm_model import ArmModel, Parameter
 from jacokin.model import checks
 from jacokin.model.measured_arm import MeasuredArm, joints_fingerprint
@@ -74,7 +74,7 @@ class Trend:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Fit:
+class Fit(Sealed):
     """What the estimate knows of itself; arrays are read-only, tuples have an entry for each set."""
 
     x: Array
@@ -304,7 +304,7 @@ EQUAL = 1e-6  # of a size: what differs by less is equal, and comes in the order
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Identifiability:
+class Identifiability(Sealed):
     """Which combinations of the numbers show in some measurements; arrays are read-only."""
 
     singular_values: Array

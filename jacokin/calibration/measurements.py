@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from jacokin.arrays import Array
+from jacokin.arrays import Array, seal
 from jacokin.errors import InvalidInputError
 from jacokin.files import ARRAYS, NOT_FINITE_TEXT, NUMBER_TEXT, open_parquet, read_arrays, read_rows
 from jacokin.ik.files.targets import POSITION, QUATERNION, RPY, rotations_from_quats, rotations_from_rpys
@@ -117,6 +117,11 @@ class Measurements:
     def __len__(self) -> int:
         """Number of rows."""
         return len(self.q)
+
+    def __setstate__(self, state: dict[str, object]) -> None:
+        """Unpickled arrays are writable until told otherwise."""
+        self.__dict__.update(state)
+        seal(tuple(state.values()))
 
     def __repr__(self) -> str:
         """Kind and number of rows."""

@@ -192,7 +192,7 @@ def ik(
       jacokin ik --targets targets.csv --output joints.csv      a file of poses
       jacokin ik --targets poses.parquet --output joints.parquet --workers 8
     """
-    from jacokin.cli.ik_answers import show_curves, show_points, show_result
+    from jacokin.cli.ik_answers import show_curves, show_none, show_points, show_result
 
     if given.fixed and not given.every:
         raise InvalidInputError("--fixed goes with --all")
@@ -228,6 +228,9 @@ def ik(
         found = solver.solve_all(target, start, fixed=held) if held else solver.solve_all(target, start)
         if found.dimension == 1:
             solved = show_curves(solver, found, form.units, as_json=form.json)
+        elif not len(found) and not form.json:
+            show_none(solver, target, start, form.units, held=bool(held))
+            solved = False
         else:
             solved = show_points(solver, found, form.units, as_json=form.json)
     else:

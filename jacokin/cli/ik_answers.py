@@ -5,10 +5,13 @@ from __future__ import annotations
 import re
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from jacokin import ik
 from jacokin.cli import display
 from jacokin.cli.units import Units
+from jacokin.ik.targets import Target
+from jacokin.ik.virtual_joints import PointsOfFew
 
 
 def show_result(solver: ik.IKSolver, result: ik.IKResult, units: Units, *, closest: bool, as_json: bool) -> bool:
@@ -66,6 +69,18 @@ def in_options(message: str, units: Units) -> str:
     return units.in_words(re.sub(r"\b(position|orientation)_tolerance=", r"--\1-tolerance ", message))
 
 
+def show_none(solver: ik.IKSolver, target: Target, seed: ArrayLike | None, units: Units, *, held: bool) -> None:
+    """Say why a pose has no branch; of some joints that are held, only that it has none."""
+    if held:
+        display.say("No joint angles reach this pose with these joints held, with or without limits.")
+        return
+    result = solver.solve(target, seed)
+    if result.success:  # it tolerates more
+        display.say("No joint angles reach this pose exactly, but some within the tolerances: leave out --all.")
+    else:
+        display.say(f"{result.status.name}: {in_options(result.message, units)}.\n{result.status.value}.")
+
+
 def show_points(solver: ik.IKSolver, branches: ik.SolutionSet, units: Units, *, as_json: bool) -> bool:
     """Print every branch; returns whether one is inside the limits and, where contact is rejected, free of it."""
     robot = solver.robot
@@ -93,9 +108,6 @@ def show_points(solver: ik.IKSolver, branches: ik.SolutionSet, units: Units, *, 
             }
         )
         return bool(acceptable.any())
-    if not len(branches):
-        display.say("UNREACHABLE: no joint angles reach this pose, with or without limits.")
-        return False
     columns = ["", "limits", *joints.labels(robot.joint_names), "margin", "distance"]
     rows = []
     for row in range(len(branches)):
@@ -119,8 +131,13 @@ def show_points(solver: ik.IKSolver, branches: ik.SolutionSet, units: Units, *, 
         ("distance", "to the seed"),
         ("worst error", f"{display.small(worst[0], 'm')}, {display.small(worst[1], units.angle)}"),
     ]
-    if not branches.complete:
+    few = branches if isinstance(branches, PointsOfFew) else None
+    if few is not None and few.free_joint:
+        lines.append(("note", f"{few.free_joint} is free: each row stands for all its angles"))
+    elif branches.singular.any() or (few is not None and few.on_curve):
         lines.append(("note", "this pose has a curve of solutions; the rows are members of it"))
+    elif not branches.complete:
+        lines.append(("note", "there may be more"))
     display.show_facts(lines)
     return bool(acceptable.any())
 

@@ -240,10 +240,11 @@ def checked_values(robot: Robot, fixed: Mapping[str, float]) -> Array:
                 f"fixed[{name!r}] = {held:g} is outside the limits {robot.lower[index]:g} to "
                 f"{robot.upper[index]:g} of that joint"
             )
-    if np.isnan(values).sum() != SIX or robot.dof == SIX:
+    if robot.dof <= SIX:
+        raise InvalidInputError(f"fixed is for arms of more than six joints; {robot.name} has {robot.dof}")
+    if np.isnan(values).sum() != SIX:
         raise InvalidInputError(
-            f"fixed must hold all joints but six: {max(robot.dof - SIX, 0)} of {robot.name}'s {robot.dof}, "
-            f"not {len(fixed)}"
+            f"fixed must hold all joints but six: {robot.dof - SIX} of {robot.name}'s {robot.dof}, not {len(fixed)}"
         )
     return checks.sealed(values)
 

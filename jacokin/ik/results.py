@@ -4,20 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from enum import Enum
-from types import MappingProxyType
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from jacokin.arrays import Array
+from jacokin.arrays import Array, Sealed
 from jacokin.errors import SolveError
 from jacokin.showing import Shown, show
 
 FEW = 8  # numbers of an array, or items of a tuple, that `repr` shows; of more it says how many
 
 
-class Frozen:
+class Frozen(Sealed):
     """A result whose arrays and mappings stay read-only when it is copied or pickled, and whose `repr` is short."""
 
     __slots__ = ()
@@ -32,11 +31,6 @@ class Frozen:
         values = {each.name: getattr(self, each.name) for each in fields(self)}  # type: ignore[arg-type]  # every subclass is a dataclass
         return f"{type(self).__name__}({', '.join(f'{name}={in_short(value)}' for name, value in values.items())})"
 
-    def __reduce__(self) -> tuple[object, tuple[object, ...]]:
-        """Rebuild from the fields."""
-        values = (getattr(self, each.name) for each in fields(self))  # type: ignore[arg-type]  # every subclass is a dataclass
-        return _rebuilt, (type(self), *(dict(each) if isinstance(each, MappingProxyType) else each for each in values))
-
 
 def in_short(value: object) -> str:
     """The `repr` of a value; of a long array its shape, of a long tuple how many items it has."""
@@ -47,13 +41,6 @@ def in_short(value: object) -> str:
     if isinstance(value, tuple) and type(value) is tuple and len(value) > FEW:
         return f"<{len(value)} items>"
     return repr(value)
-
-
-def _rebuilt(kind: type, *values: object) -> object:
-    for value in values:
-        if isinstance(value, np.ndarray):
-            value.setflags(write=False)
-    return kind(*(MappingProxyType(each) if isinstance(each, dict) else each for each in values))
 
 
 class Status(Enum):

@@ -465,6 +465,19 @@ class IKSolver:
         """
         return gradients.pull_back(self._verifier, q, cotangents, self.parameter)
 
+    def __repr__(self) -> str:
+        """Robot, frame, and the options that are not as if not given."""
+        given = self._options
+        usual = SolverOptions(collision=default_collision(given.scene, given.clearance))
+        shown = {} if self.tool is None else {"tool": self.tool}
+        shown |= {
+            each.name: getattr(given, each.name)
+            for each in dataclasses.fields(SolverOptions)
+            if getattr(given, each.name) != getattr(usual, each.name)
+        }
+        words = "".join(f", {name}={' '.join(repr(value).split())}" for name, value in shown.items())
+        return f"IKSolver({self.robot.name!r}, frame={self.frame!r}{words})"
+
     def __reduce__(self) -> tuple[object, tuple[object, ...]]:
         """Pickle the options; working memory is made anew."""
         return _rebuild, (self.robot, self.frame, self.tool, self._options)

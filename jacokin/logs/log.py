@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from jacokin.arrays import Array
+from jacokin.arrays import Array, Sealed
 from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.files import parsing
 from jacokin.logs.bag import NOT_A_LOG, Topic, open_bag
@@ -50,7 +50,7 @@ logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Recording:
+class Recording(Sealed):
     """What the arm did, to be played. Arrays are read-only."""
 
     joint_names: tuple[str, ...]

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from jacokin.arrays import Array
+from jacokin.arrays import Array, Sealed
 from jacokin.errors import InvalidInputError
 from jacokin.files import HELD
 from jacokin.ik.files.targets import rotations_from_quats
@@ -41,7 +41,7 @@ Messages = Iterable[tuple[int, Any]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class JointRecord:
+class JointRecord(Sealed):
     """What a topic says of the arm's joints. Arrays are read-only; times count from the recording's first message."""
 
     topic: str
@@ -66,7 +66,7 @@ class JointRecord:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class PoseRecord:
+class PoseRecord(Sealed):
     """What a topic says of a pose. Arrays are read-only; times count from the recording's first message."""
 
     topic: str

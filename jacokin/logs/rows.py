@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from jacokin.arrays import Array
+from jacokin.arrays import Array, Sealed
 from jacokin.errors import InvalidInputError
 from jacokin.logs.messages import JointRecord, PoseRecord
 from jacokin.model import checks
@@ -46,7 +46,7 @@ class StandstillRule:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Standstills:
+class Standstills(Sealed):
     """Where an arm stood still, in order of time. Arrays are read-only."""
 
     start: Array
@@ -183,7 +183,7 @@ def _nowhere(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class TorqueRows:
+class TorqueRows(Sealed):
     """What `identify_arm` and `identify_payload` take. Arrays are read-only."""
 
     t: Array

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 
-from jacokin.arrays import Array
+from jacokin.arrays import Array, Sealed
 from jacokin.errors import InvalidInputError
 from jacokin.model import checks, mujoco_twin, poses
 from jacokin.model.descriptions import mjcf
@@ -98,7 +98,7 @@ def crosscheck(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Deviation:
+class Deviation(Sealed):
     """The largest difference found in one quantity."""
 
     quantity: str

@@ -9,14 +9,14 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from jacokin.arrays import Array
+from jacokin.arrays import Array, Sealed
 from jacokin.errors import InvalidInputError
 from jacokin.model import checks, dynamics, poses
 from jacokin.model.robot import Robot, checked_robot
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ContactStep:
+class ContactStep(Sealed):
     """What the observer sees after one step; arrays are read-only."""
 
     external_torque: Array

@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from jacokin.arrays import Array
+from jacokin.arrays import Array, Sealed
 from jacokin.errors import InvalidInputError, ModelError
 from jacokin.kernels.configurations.arm import LANES, Arm
 from jacokin.kernels.configurations.dynamics import Bodies, MassWork, TorqueWork, find_mass_matrices, find_torques
@@ -28,7 +28,7 @@ TOO_LARGE = "the arguments are too large: the answer does not fit in floating-po
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ExternalWrench:
+class ExternalWrench(Sealed):
     """The wrench at a frame that explains joint torques; arrays are read-only."""
 
     wrench: Array

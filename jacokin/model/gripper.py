@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from jacokin.arrays import Array
+from jacokin.arrays import Array, Sealed
 from jacokin.errors import InvalidInputError, ModelError
 from jacokin.model import checks, poses
 from jacokin.model.descriptions import bundled
@@ -32,7 +32,7 @@ SPARE = 0.006  # [m] between a pad and an object on each side, of a measured gri
 
 @poses.giving_copies("pads")
 @dataclass(frozen=True, slots=True, eq=False)
-class Gripper:
+class Gripper(Sealed):
     """A gripper whose two sides close along a line.
 
     Attributes:

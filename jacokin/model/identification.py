@@ -16,7 +16,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from jacokin.arrays import Array
+from jacokin.arrays import Array, Sealed
 from jacokin.errors import InvalidInputError, ModelError
 from jacokin.model import checks, dynamics
 from jacokin.model.dynamics import BODY, pseudo_inertia
@@ -29,7 +29,7 @@ NOISE_FLOOR = 1e-6  # of the torques: a log is never taken as more exact
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class PayloadEstimate:
+class PayloadEstimate(Sealed):
     """A body and friction that explain a log; sigmas are standard deviations, arrays read-only."""
 
     mass: float
@@ -121,7 +121,7 @@ def identify_payload(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ArmEstimate:
+class ArmEstimate(Sealed):
     """Bodies and friction of an arm that explain a log; sigmas are standard deviations, arrays read-only.
 
     A body is all that a joint moves up to the next one, in Pinocchio's frame of that joint. Its ten parameters are mass

@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from jacokin.arrays import Array
+from jacokin.arrays import Array, Sealed
 from jacokin.errors import ModelError
 from jacokin.kernels.contact.shapes import SIZE
 from jacokin.model import checks, poses
@@ -41,7 +41,7 @@ class Obstacle(Protocol):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Solid:
+class _Solid(Sealed):
     """What the shapes below share."""
 
     solid: Shape = field(init=False, repr=False, compare=False)
@@ -283,7 +283,7 @@ def shape_of(obstacle: Obstacle) -> Shape:
 
 @poses.giving_copies("base")
 @dataclass(frozen=True, slots=True, eq=False)
-class OtherRobot:
+class OtherRobot(Sealed):
     """A robot that stands beside the arm.
 
     Attributes:

@@ -14,7 +14,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from jacokin import files
-from jacokin.arrays import Array
+from jacokin.arrays import Array, Sealed
 from jacokin.errors import InvalidInputError
 from jacokin.kernels.contact.cloud_tree import build_cloud, make_cloud_tree
 from jacokin.kernels.library import Call
@@ -38,7 +38,7 @@ FORMATS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 
 @poses.giving_copies("pose")
 @dataclass(frozen=True, slots=True, eq=False)
-class PointCloud:
+class PointCloud(Sealed):
     """Points with a sphere around each; between the spheres is nothing, and nothing is behind them.
 
     A surface holds only where its points lie closer to each other than twice the radius.

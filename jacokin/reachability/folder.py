@@ -9,6 +9,7 @@ import functools
 import io
 import pickle
 from collections.abc import Callable
+from concurrent.futures import CancelledError
 from dataclasses import dataclass
 from importlib.resources import files as package_files
 from pathlib import Path
@@ -240,7 +241,12 @@ def one_by_one(solver: IKSolver, free: bool) -> bool:
     return free or solver.dimension() == 1
 
 
-def count_reaching(solver: IKSolver, targets: Array, orientations: Orientations | None = None) -> PoseCounts:
+def count_reaching(
+    solver: IKSolver,
+    targets: Array,
+    orientations: Orientations | None = None,
+    stopped: Callable[[], bool] | None = None,
+) -> PoseCounts:
     """How many configurations reach each of n poses (n, 4, 4), with what margin, and how many only in contact.
 
     Where a pose has curves of configurations, because the arm has seven joints or the tool may turn about an axis,
@@ -250,6 +256,10 @@ def count_reaching(solver: IKSolver, targets: Array, orientations: Orientations 
         solver: of the map.
         targets: poses.
         orientations: what they are made of, again and again in this order, where tools may turn about an axis.
+        stopped: asked before each pose that is looked at for itself; None for never.
+
+    Raises:
+        CancelledError: it was stopped.
     """
     free = orientations if orientations is not None and orientations.axes is not None else None
     if not one_by_one(solver, free is not None):
@@ -260,6 +270,8 @@ def count_reaching(solver: IKSolver, targets: Array, orientations: Orientations 
     counts, touching = np.zeros((2, len(targets)), dtype=np.uint8)
     margins = np.full(len(targets), np.nan)
     for row, matrix in enumerate(targets):
+        if stopped is not None and stopped():
+            raise CancelledError
         target = matrix if free is None else free.free_axis(row % len(free), matrix)
         number, margin, touch = _count_intervals(solver, target)
         counts[row], touching[row] = min(number, MOST_BRANCHES), min(touch, MOST_BRANCHES)
@@ -409,18 +421,23 @@ class MapJob:
     keeper: Keeper
 
 
-def make(job: MapJob) -> str | bytes:
+def make(job: MapJob, stopped: Callable[[], bool] | None = None) -> str | bytes:
     """Keep an NPZ file with the arrays that the recipe names; returns what `Keeper.keep` does.
+
+    Args:
+        job: the chunk.
+        stopped: tells that nobody waits for it any more; None where it cannot be told.
 
     Raises:
         JacokinError: this process has another version of jacokin.
+        CancelledError: it was stopped.
     """
     if job.version != jacokin.__version__:
         raise JacokinError(f"the worker has jacokin {jacokin.__version__}, and the map needs {job.version}")
     targets = job.samples.targets(np.arange(job.first, job.stop))
     shape = targets.shape[:2]
     solver = unpickled_solver(job.solver)
-    found = count_reaching(solver, targets.reshape(-1, 4, 4), job.samples.orientations)
+    found = count_reaching(solver, targets.reshape(-1, 4, 4), job.samples.orientations, stopped)
     stream = io.BytesIO()
     np.savez_compressed(
         stream,

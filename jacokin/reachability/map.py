@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from jacokin.arrays import Array
+from jacokin.arrays import Array, seal
 from jacokin.errors import InvalidInputError
 from jacokin.ik.solver import IKSolver
 from jacokin.ik.targets import checked_batch
@@ -59,6 +59,11 @@ class ReachabilityMap:
         self.touching = checks.sealed(touching)
         self.bound = bound
         self._robot, self._scene = robot, scene
+
+    def __setstate__(self, state: dict[str, object]) -> None:
+        """Unpickled arrays are writable until told otherwise."""
+        self.__dict__.update(state)
+        seal(tuple(state.values()))
 
     def __repr__(self) -> str:
         """Robot, grid and orientations."""

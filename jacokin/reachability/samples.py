@@ -16,7 +16,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from jacokin.arrays import Array
+from jacokin.arrays import Array, seal
 from jacokin.errors import InvalidInputError
 from jacokin.ik.files.targets import rotations_from_quats
 from jacokin.ik.solver import IKSolver
@@ -80,6 +80,10 @@ class Grid:
         steps = float(np.ceil(reach / spacing))
         edge = steps * spacing if math.isfinite(steps) else reach  # which then has too many cells
         return cls(placements[0].translation - edge, placements[0].translation + edge, spacing)
+
+    def __reduce__(self) -> tuple[object, tuple[object, ...]]:
+        """Rebuild from the numbers, so that arrays stay read-only."""
+        return Grid, (self.lower, self.upper, self.spacing)
 
     def __repr__(self) -> str:
         """Corners, spacing and number of cells."""
@@ -274,6 +278,16 @@ class Orientations:
     def __len__(self) -> int:
         """How many."""
         return len(self.quats_wxyz)
+
+    def __repr__(self) -> str:
+        """How they were made, and how many there are."""
+        return f"Orientations({len(self)}, {self.name!r})"
+
+    def __setstate__(self, state: tuple[None, dict[str, object]]) -> None:
+        """Unpickled arrays are writable until told otherwise."""
+        for name, value in state[1].items():
+            seal(value)
+            setattr(self, name, value)
 
     @classmethod
     def even(cls, count: int) -> Orientations:

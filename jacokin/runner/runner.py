@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jacokin.arrays import Array
+from jacokin.arrays import Array, Sealed
 from jacokin.errors import InvalidInputError
 from jacokin.model import checks
 from jacokin.model.contact_observer import ContactObserver
@@ -99,7 +99,7 @@ class RunnerOptions:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Measured:
+class Measured(Sealed):
     """What an arm said once. Numbers that are not all finite count as not told, as ROS drivers say nan for unknown."""
 
     q: Array
@@ -111,7 +111,7 @@ class Measured:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class RunnerStep:
+class RunnerStep(Sealed):
     """One tick."""
 
     v: Array

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from jacokin.arrays import Array
+from jacokin.arrays import Array, Sealed
 from jacokin.errors import InvalidInputError
 from jacokin.model import checks, poses
 from jacokin.teleop.workspace import Workspace
@@ -22,7 +22,7 @@ NOISE = (0.05, 0.2)  # [m], [rad] that a frame may be off however soon it comes
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class HandOptions:
+class HandOptions(Sealed):
     """What a hand device is like; checked.
 
     Raises:

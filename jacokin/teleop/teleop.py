@@ -26,7 +26,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from jacokin.arrays import Array
+from jacokin.arrays import Array, Sealed
 from jacokin.errors import InvalidInputError, StructureError
 from jacokin.ik.seeds import checked_start
 from jacokin.ik.solver import IKSolver
@@ -66,7 +66,7 @@ class TeleopStatus(Enum):
 
 @poses.giving_copies("target")
 @dataclass(frozen=True, slots=True, eq=False)
-class TeleopStep:
+class TeleopStep(Sealed):
     """One tick. Arrays are read-only."""
 
     q: Array

@@ -40,6 +40,7 @@ def test_thirty_positions_give_the_arm_to_a_fraction_of_a_millimetre(robot: Robo
     assert not found.rejected
     assert found.robot.calibration == found.measured_arm
     assert "30 of 30 measurements" in str(found)
+    assert repr(found) == "Calibration('j2n6s300', 36 parameters, 30 measurements)"
     assert "calibrated" in repr(found.robot)
 
 

@@ -13,6 +13,7 @@ import pytest
 import jacokin
 from jacokin import Robot
 from tests.cli.run import POSE, Run
+from tests.gripper_arms import so101_text
 from tests.ik.test_few_joints import CHAINS, urdf_of
 
 FAR = ("--position", "9", "9", "9", "--down")
@@ -83,6 +84,22 @@ def test_ik_out_of_reach_says_why_and_leaves_with_1(run: Run) -> None:
 
 def test_ik_all_out_of_reach_leaves_with_1(run: Run) -> None:
     assert "UNREACHABLE" in run("ik", *FAR, "--all", code=1).out
+
+
+def test_ik_all_says_what_solving_once_says_where_it_has_nothing(run: Run, tmp_path: Path) -> None:
+    """Angles of this file have five digits, so straight down is missed by some 4e-6 rad."""
+    (tmp_path / "so101.urdf").write_text(so101_text())
+    pose = ("--robot", str(tmp_path / "so101.urdf"), "--collision", "ignore", "--position", "0.2", "0.1", "0.02")
+    yawed = ("ik", *pose, "--rpy", "180", "0", "57", "--degrees")
+    once = run(*yawed, code=1).out.splitlines()[0]
+    assert "NO_CONVERGENCE" in once
+    assert "--orientation-tolerance 1e-5 accepts it" in once
+    assert run(*yawed, "--all", code=1).out.splitlines()[0] == once
+    assert "1 usable" in run(*yawed, "--all", "--orientation-tolerance", "1e-5").out
+    down = run("ik", *pose, "--approach", "0", "0", "-1", "--all", "--orientation-tolerance", "1e-5").out
+    assert "this pose has a curve of solutions; the rows are members of it" in down
+    held = run("ik", *FAR, "--robot", "gen3", "--all", "--fixed", "joint_3=0", code=1).out
+    assert "No joint angles reach this pose with these joints held" in held
 
 
 def test_ik_with_the_qp_and_a_random_seed_repeats(run: Run) -> None:

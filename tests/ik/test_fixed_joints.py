@@ -274,7 +274,8 @@ def test_what_may_not_be_held(tmp_path: Path) -> None:
             solver.solve_all(target, fixed=wrong)
     with pytest.raises(InvalidInputError, match="fixed must be a dict"):
         solver.solve_all(target, fixed=[("joint_3", 0.1)])  # type: ignore[arg-type]
-    six = jacokin.load_robot()
-    with pytest.raises(InvalidInputError, match="0 of j2n6s300's 6, not 1"):
-        IKSolver(six).solve_all(six.forward_kinematics(six.home), fixed={"joint_3": 3.0})
+    six, five = jacokin.load_robot(), jacokin.load_robot(tip="link_5")
+    for few, joint in ((six, "joint_3"), (five, "joint_2")):
+        with pytest.raises(InvalidInputError, match=f"of more than six joints; {few.name} has {few.dof}$"):
+            IKSolver(few).solve_all(few.forward_kinematics(few.home), fixed={joint: 3.0})
     assert len(solver.solve_all(target)) > 0  # without: a set with one parameter

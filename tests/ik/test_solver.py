@@ -17,7 +17,7 @@ from jacokin import IKSolver, Robot, Status
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, StructureError
 from jacokin.ik import SolutionSet
-from jacokin.model import NAMES, SelfContact, urdf_folder
+from jacokin.model import NAMES, Floor, Scene, SelfContact, urdf_folder
 from jacokin.model.descriptions.bundled import JACOS, arm_joints
 from tests.programs import python
 
@@ -359,3 +359,11 @@ def test_missing_branches_are_no_proof(robot: Robot, monkeypatch: pytest.MonkeyP
         assert result.status is Status.NO_CONVERGENCE
         assert "some may be missing" in result.message
     assert solver.solve(robot.forward_kinematics(robot.home)).success
+
+
+def test_a_solver_shows_what_it_was_made_with(robot: Robot) -> None:
+    assert repr(IKSolver(robot)) == "IKSolver('j2n6s300', frame='end_effector')"
+    assert repr(IKSolver(robot, "pinchsite", collision="reject")).endswith("frame='pinchsite', collision='reject')")
+    shown = repr(IKSolver(robot, scene=Scene([Floor(-0.2)]), clearance=0.01, tool=jacokin.pose([0.0, 0.0, 0.1])))
+    assert shown.startswith("IKSolver('j2n6s300', frame='end_effector', tool=SE3(")
+    assert shown.endswith(", scene=Scene(floor), clearance=0.01)")

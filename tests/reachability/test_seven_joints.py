@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import signal
+import threading
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -9,7 +13,7 @@ import numpy as np
 import pytest
 
 from jacokin import IKSolver, Robot
-from jacokin.reachability import Grid, ReachabilityMap, build, place_base
+from jacokin.reachability import Grid, ReachabilityMap, build, folder, place_base
 from jacokin.reachability.folder import count_reaching
 from tests.reachability.poses import random_samples
 
@@ -90,3 +94,19 @@ def test_a_base_is_placed_for_seven_joints(reach: ReachabilityMap, seven: Robot,
     assert best.reached == len(targets)
     seen = [best.pose.inverse() * target for target in targets]
     assert IKSolver(seven, collision="ignore").solve_batch(seen, closest=False).success.all()
+
+
+def test_a_build_of_its_own_threads_ends_with_ctrl_c(
+    seven: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def slowly(*_: object) -> tuple[int, float, int]:
+        time.sleep(2e-3)  # [s] of 10,000 in a chunk
+        return 1, 0.1, 0
+
+    monkeypatch.setattr(folder, "_count_intervals", slowly)
+    grid = Grid([-1.0, -1.0, 0.0], [1.0, 1.0, 1.0], 0.2)
+    threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT)).start()
+    begun = time.monotonic()
+    with pytest.raises(KeyboardInterrupt):
+        build(seven, folder=tmp_path / "map", grid=grid, orientations=20, use_symmetry=False)
+    assert time.monotonic() - begun < 8.0

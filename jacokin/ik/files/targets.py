@@ -44,7 +44,7 @@ def as_objects(column: Column) -> list[Any]:
     if isinstance(column, list):
         return column
     if not isinstance(column, np.ndarray):
-        return [_plain(value) for value in column.to_pylist()]
+        return _with_nanoseconds(column) if _is_finer(column.type) else [_plain(each) for each in column.to_pylist()]
     # Python has no nanoseconds.
     return [str(value) for value in column] if column.dtype.kind in "Mm" else [_plain(each) for each in column.tolist()]
 
@@ -56,7 +56,12 @@ def as_texts(column: Column) -> list[str]:
 
 def as_array(column: Column) -> NDArray[np.generic]:
     """The values as an array (n,) of numbers, truth values or dates where they are such, else of texts."""
-    array = column if isinstance(column, np.ndarray | list) else column.to_numpy(zero_copy_only=False)
+    array: object = column
+    if not isinstance(column, np.ndarray | list):
+        import pyarrow as pa
+
+        # NumPy has no times of a day.
+        array = None if pa.types.is_time(column.type) else column.to_numpy(zero_copy_only=False)
     if isinstance(array, np.ndarray) and array.dtype.kind in KINDS:
         return array
     return np.array(as_texts(column), dtype=np.str_)
@@ -72,6 +77,37 @@ def as_arrow(column: Column) -> pa.Array:
         except pa.ArrowNotImplementedError:  # numbers of 16 bytes, times in hours
             return pa.array(as_texts(column), pa.string())
     return pa.array(as_texts(column), pa.string()) if isinstance(column, np.ndarray | list) else column
+
+
+def _is_finer(kind: pa.DataType) -> bool:
+    """Whether values of a type of Arrow are times in nanoseconds, which Python's have not."""
+    import pyarrow as pa
+
+    is_time = pa.types.is_timestamp(kind) or pa.types.is_duration(kind) or pa.types.is_time64(kind)
+    return bool(is_time and kind.unit == "ns")
+
+
+def _with_nanoseconds(column: pa.Array) -> list[str | None]:
+    """The texts of a column of times in nanoseconds: as `_plain`, with nine decimals where six do not do."""
+    import pyarrow as pa
+
+    counts: list[int | None] = column.cast(pa.int64()).to_pylist()
+    split = [(None, 0) if count is None else divmod(count, 1000) for count in counts]
+    kind, micro = column.type, pa.duration("us")
+    if pa.types.is_timestamp(kind):
+        micro = pa.timestamp("us", kind.tz)
+    elif pa.types.is_time64(kind):
+        micro = pa.time64("us")
+    texts: list[str | None] = []
+    for value, (_, rest) in zip(pa.array([each for each, _ in split], micro).to_pylist(), split, strict=True):
+        text = None if value is None else str(_plain(value))
+        if text is not None and rest:
+            seconds = _SECONDS.match(text)
+            assert seconds is not None
+            before, decimals, zone = seconds[1], seconds[2] or ".000000", text[seconds.end() :]
+            text = f"{before}{decimals}{rest:03}{zone}"
+        texts.append(text)
+    return texts
 
 
 def _plain(value: Any) -> Any:
@@ -90,6 +126,7 @@ MATRIX = ("r11", "r12", "r13", "r21", "r22", "r23", "r31", "r32", "r33")
 
 ANSWERS = ("status", "position_error", "orientation_error", "method", "message")  # what is written beside q1, q2, ...
 _JOINT = re.compile(r"q[1-9][0-9]*", re.ASCII)
+_SECONDS = re.compile(r"(.*?\d+:\d\d:\d\d)(\.\d{6})?")
 # Letters and digits of names that other programs give to the numbers of an orientation: Qw, rot.y, rz_deg, Roll, R11.
 _TURNED = re.compile(r"(((q|quat|quaternion|o|orientation|r|rot|rotation)[wxyz]|roll|pitch|yaw)(rad|deg)?|r[1-3]{2})")
 
@@ -199,8 +236,10 @@ def choose_columns(path: Path, header: Sequence[str], place: str = ", line 1") -
     missing = [name for name in wanted if name not in names]
     if missing:
         found = ", ".join(names) or "nothing"
+        marks = [word for mark, word in ((";", "semicolons"), ("\t", "tabs")) if len(names) == 1 and mark in names[0]]
+        advice = f"; commas separate columns, not {marks[0]}, and decimals need a point" if marks else ""
         raise InvalidInputError(
-            f"{place}: column {', '.join(missing)} is missing; needed: {', '.join(wanted)}; found: {found}"
+            f"{place}: column {', '.join(missing)} is missing; needed: {', '.join(wanted)}; found: {found}{advice}"
         )
     carried = {name: at for at, name in enumerate(names) if name and name not in wanted and not is_answer(name)}
     turned = [name for name in carried if _TURNED.fullmatch(re.sub(r"[\W_]", "", name).lower())]

@@ -38,10 +38,18 @@ class Manifold:
         circular: (width,) coordinates that are the same after a turn.
         lower: (dof,) limits of the joints [rad].
         upper: (dof,) [rad].
+        tolerances: position [m] and orientation [rad] errors that are none on fewer coordinates than six.
     """
 
     def __init__(
-        self, robot: Robot, chain: Chain, path: CartesianPath, limit_snap: float, parameter: str | None = None
+        self,
+        robot: Robot,
+        chain: Chain,
+        path: CartesianPath,
+        limit_snap: float,
+        parameter: str | None = None,
+        *,
+        tolerances: tuple[float, float] = (CLOSURE, CLOSURE),
     ) -> None:
         """Prepare.
 
@@ -51,6 +59,8 @@ class Manifold:
             path: the path of the tool.
             limit_snap: a joint past its limit by at most this is put on the limit [rad].
             parameter: the joint that is the parameter of the curves of a pose; None where poses have none.
+            tolerances: position [m] and orientation [rad] errors that are none on fewer coordinates than six: these
+                reach their targets only as nearly as angles are written in their file.
         """
         self.path, self.chain, self.dof = path, chain, robot.dof
         self.width = self.dof + path.free
@@ -59,6 +69,7 @@ class Manifold:
             self.parameters.append(self.dof)
         self.circular = np.array([*robot.unlimited, *[True] * path.free])
         self.lower, self.upper, self._snap = robot.lower, robot.upper, limit_snap
+        self.tolerances = tolerances
 
     @property
     def has_curves(self) -> bool:
@@ -116,6 +127,10 @@ class Manifold:
                 found[rows], worst[rows] = self.chain.close(within[rows], goal.some(rows), held[rows])
                 within[rows] = np.clip(found[rows], lower[rows], upper[rows])
                 beyond = np.abs(within - found)
+        if self.width < 6:
+            position, orientation = self.chain.errors(within, goal)
+            near = (position <= self.tolerances[0]) & (orientation <= self.tolerances[1])
+            return within, near & (beyond.max(axis=1) <= self._snap)
         good = (worst <= CLOSURE) & (beyond.max(axis=1) <= self._snap)
         snapped = np.flatnonzero(good & (beyond.max(axis=1) > 0.0))
         if snapped.size:

@@ -114,7 +114,15 @@ def plan_path(
         raise InvalidInputError(f"velocity_limit must be at least {SLOWEST:g} rad/s, got {velocity.min():g}")
     dt = checks.positive("dt", dt, "s")
     path = CartesianPath(targets, solver.frame)
-    manifold = Manifold(robot, verifier.chain, path, verifier.options.limit_snap, solver.parameter)
+    options = verifier.options
+    manifold = Manifold(
+        robot,
+        verifier.chain,
+        path,
+        options.limit_snap,
+        solver.parameter,
+        tolerances=(options.position_tolerance, options.orientation_tolerance),
+    )
     free_step = checks.positive("free_step", free_step, "rad")
     finest = 0.1 if manifold.has_surfaces else FINEST  # [rad]
     if free_step < finest:

@@ -10,7 +10,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from jacokin.arrays import Array
+from jacokin.arrays import Array, Sealed
 from jacokin.errors import InvalidInputError
 from jacokin.ik.qp_backend import Backend, QPFailed
 from jacokin.kernels.tracking.limits import TINY
@@ -46,7 +46,7 @@ class _Rated:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Posture(_Rated):
+class Posture(_Rated, Sealed):
     """Stay near a configuration.
 
     Attributes:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 from types import MappingProxyType
 
-from jacokin.arrays import Array
+from jacokin.arrays import Array, Sealed
 from jacokin.ik.results import Frozen
 
 SINGULAR_POSE = "singular pose"
@@ -32,7 +32,7 @@ class TrackerStatus(Enum):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class TrackerStep:
+class TrackerStep(Sealed):
     """One tick. Arrays are read-only."""
 
     q: Array

@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from jacokin.arrays import Array
+from jacokin.arrays import Array, Sealed
 from jacokin.errors import InvalidInputError
 from jacokin.ik import targets
 from jacokin.ik.targets import RADIAN_IN_METRES
@@ -46,7 +46,7 @@ IN_BASE = pin.LOCAL_WORLD_ALIGNED  # at the frame's origin, axes of the base
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class TrackingTarget(targets.PartialTarget):
+class TrackingTarget(targets.PartialTarget, Sealed):
     """What all targets share.
 
     Attributes:

@@ -390,6 +390,10 @@ class Tracker:
         found = self._ticks.measure(state.arm.q, state.arm, tasks, goes=False)
         return self._end(state, found, state.distances, _Tick(began, excused=False))[1]
 
+    def __repr__(self) -> str:
+        """Robot, frame and control step."""
+        return f"Tracker({self.robot.name!r}, frame={self.frame!r}, dt={self.dt:g})"
+
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Unpickled arrays are writable until told otherwise."""
         self.__dict__.update(state)

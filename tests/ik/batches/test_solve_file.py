@@ -247,6 +247,33 @@ def test_columns_of_unusual_types_and_missing_values_travel(solver: IKSolver, ta
     assert parquet.read_table(tmp_path / "out.parquet").column("raw").to_pylist() == ["a", "", "c"]
 
 
+@pytest.mark.parametrize(
+    ("kind", "whole", "text"),
+    [
+        ("timestamp", 1_700_000_000_000_000_000, "2023-11-14T22:13:20"),
+        ("berlin", 1_700_000_000_000_000_000, "2023-11-14T23:13:20"),
+        ("time64", 3_600_000_000_000, "01:00:00"),
+        ("duration", 90_000_000_000, "0:01:30"),
+    ],
+)
+def test_times_in_nanoseconds_travel_to_every_format(  # as pandas writes them, which Python's times do not hold
+    kind: str, whole: int, text: str, solver: IKSolver, targets: Array, tmp_path: Path
+) -> None:
+    pa, parquet = importlib.import_module("pyarrow"), importlib.import_module("pyarrow.parquet")
+    zone = "+01:00" if kind == "berlin" else ""
+    type_ = pa.timestamp("ns", "Europe/Berlin") if kind == "berlin" else getattr(pa, kind)("ns")
+    times = pa.array([whole, whole + 120_000, whole + 1, whole + 123_456_789, None], type_)
+    table = pa.table({**dict(zip("xyz", targets[:5, :3, 3].T, strict=True)), "when": times})
+    parquet.write_table(table, tmp_path / "in.parquet")
+    for suffix in (".csv", ".npz", ".parquet"):
+        assert solve_file(solver, tmp_path / "in.parquet", tmp_path / f"out{suffix}").carried == ("when",)
+    with (tmp_path / "out.csv").open(newline="", encoding="utf-8") as file:
+        written = [row["when"] for row in csv.DictReader(file)]
+    decimals = ["", ".000120", ".000000001", ".123456789"]
+    assert written == [*(f"{text}{each}{zone}" for each in decimals), ""]
+    assert parquet.read_table(tmp_path / "out.parquet").column("when").combine_chunks().equals(times)
+
+
 def test_what_cannot_be_carried_is_refused_before_anything_is_solved(
     solver: IKSolver, targets: Array, tmp_path: Path
 ) -> None:

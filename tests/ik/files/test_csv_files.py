@@ -55,6 +55,15 @@ def test_columns_may_stand_in_any_order_beside_remarks(file: Path) -> None:
     assert read.lines.tolist() == [2, 4, 6]
 
 
+@pytest.mark.parametrize(("mark", "word"), [(";", "semicolons"), ("\t", "tabs")])
+def test_columns_that_something_else_separates_are_told(file: Path, mark: str, word: str) -> None:
+    written(file, f"{mark.join('xyz')}\n{mark.join(['0,3', '0,2', '0,4'])}\n")
+    with pytest.raises(InvalidInputError, match=f"commas separate columns, not {word}, and decimals need a point"):
+        read_targets(file)
+    with pytest.raises(InvalidInputError, match="found: a, b$"):
+        read_targets(written(file, "a,b\n1,2\n"))
+
+
 def test_other_columns_are_carried_as_they_stand(file: Path) -> None:
     rows = " 007 ,1,2,3,, 1.50,9,1,0,0,0,OK\nÄ#x,1,2,3,a\\,-0,9,1,0,0,0,\n"
     read = read_targets(written(file, f"part no.,x,y,z,rx,force [N],,qw,qx,qy,qz,status\n{rows}"))

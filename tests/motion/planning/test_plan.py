@@ -538,6 +538,22 @@ def test_gaps_are_not_looked_at_for_longer_than_the_time(tmp_path: Path) -> None
     assert "as far as there was time to look" in found.message
 
 
+def test_five_joints_follow_poses_that_they_reach_within_the_tolerances(tmp_path: Path) -> None:
+    """Angles in their file have five digits, so the poses on the way are missed by some 1e-8 m and rad."""
+    arm = load("so101", tmp_path)
+    solver = IKSolver(arm, collision="ignore", orientation_tolerance=1e-5)
+    begin = arm.forward_kinematics(arm.home)
+    for offset in ([0.0, 0.0, -0.03], [-0.03, 0.0, 0.0]):  # [m] in the plane in which the arm folds
+        end = pin.SE3(begin.rotation, begin.translation + np.array(offset))
+        path = plan_path(solver, [begin, end], speed=0.05, timing="slow")
+        assert path.success, path.message
+        assert path.position_error.max() <= 1e-6
+        assert path.orientation_error.max() <= 1e-5
+        assert path.position_error.max() > 1e-9  # to rounding there is no such path
+    sideways = pin.SE3(begin.rotation, begin.translation + np.array([0.0, 0.01, 0.0]))
+    assert not plan_path(solver, [begin, sideways], speed=0.05, timing="slow").success
+
+
 def test_an_arm_without_a_closed_form_is_refused(robot: Robot) -> None:
     with pytest.raises(StructureError, match="plan_path needs a closed form"):
         plan_path(IKSolver(robot, "link_4"), [at(0.4, -0.4, 0.3), at(0.4, -0.3, 0.3)])

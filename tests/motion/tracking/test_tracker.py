@@ -441,3 +441,7 @@ def test_threads_may_each_have_a_tracker_of_one_robot(robot: Robot, rng: np.rand
     for number, rows in together.items():
         np.testing.assert_array_equal(rows, follow(number))
     assert len(together) == len(targets)
+
+
+def test_a_tracker_shows_what_it_moves(robot: Robot) -> None:
+    assert repr(Tracker(robot, dt=0.02)) == "Tracker('j2n6s300', frame='end_effector', dt=0.02)"
