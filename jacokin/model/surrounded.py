@@ -18,9 +18,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, ModelError
-from jacokin.kernels.contact.arm import FIRST_PAIR
+from jacokin.kernels.contact.arm import FIRST_PAIR, HINGE
 from jacokin.kernels.contact.near_points import find_near_points, make_near_work
 from jacokin.kernels.contact.run import ContactNumber
+from jacokin.kernels.contact.shapes import CENTRE, LINK, RADIUS
 from jacokin.kernels.contact.touching import Geometry
 from jacokin.kernels.library import Call
 from jacokin.model import checks
@@ -72,6 +73,8 @@ class Surrounded(NamedTuple):
     """How many meetings of the arm's groups, the first ones, are with those obstacles."""
     pairs: int
     """How many pairs of shapes count."""
+    levers: Array
+    """(dof,) how far a point of the arm can be from the axis of each joint, at most [m]; 1 where a joint slides."""
 
 
 def surround(robot: Robot, around: Surroundings, world: WorldArrays | None = None) -> Surrounded:
@@ -201,7 +204,21 @@ def among_nothing(shapes: Sequence[Shape], arrays: ArmArrays, pairs: int) -> Sur
         moving=sum(shape.joint > 0 for shape in given),
         met_partly=arrays.met_partly,
         pairs=pairs,
+        levers=_levers(arrays),
     )
+
+
+def _levers(arrays: ArmArrays) -> Array:
+    """How far a point of an arm can be from the axis of each joint (dof,), at most [m]; 1 where a joint slides."""
+    shapes, arm = arrays.shapes, arrays.arm
+    links, spheres = shapes.integers[arrays.alone :, LINK], shapes.numbers[arrays.alone :, CENTRE : RADIUS + 1]
+    reach = np.linalg.norm(spheres[:, :3], axis=1) + spheres[:, 3]
+    along = np.append(0.0, np.cumsum(np.linalg.norm(arm.placements[:, :, 3], axis=1)))
+    found = np.ones(len(arm.joint_kinds))
+    for joint in np.flatnonzero(arm.joint_kinds == HINGE).tolist():
+        far = (along[links] - along[joint + 1] + reach)[links > joint]
+        found[joint] = far.max(initial=0.0)
+    return checks.sealed(found)
 
 
 def _with_world(arm: Surrounded, arrays: ArmArrays, names: Sequence[str], world: WorldArrays) -> Surrounded:
