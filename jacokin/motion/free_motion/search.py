@@ -270,6 +270,7 @@ class WaySearch:
             old, new = slice(tree * room, (tree + 1) * room), slice(tree * more, tree * more + room)
             trees.parents[new] = work.trees.parents[old]
             trees.q.reshape(-1, dof)[new] = work.trees.q.reshape(-1, dof)[old]
+        trees.columns.reshape(2 * dof, more)[:, :room] = work.trees.columns.reshape(2 * dof, room)
         trees.integers[:], trees.numbers[:] = work.trees.integers, work.trees.numbers
         trees.integers[SearchInteger.IS_FULL] = 0
         larger = work._replace(trees=trees, way=make_way(dof, 2 * more), cuts=np.zeros(2 * more))
