@@ -23,7 +23,7 @@ import jacokin
 from jacokin import FreeAxis, IKSolver, Robot
 from jacokin.errors import InvalidInputError
 from jacokin.ik import Box, Floor, Scene, Sphere
-from jacokin.kernels.free_motion.trees import Trees
+from jacokin.kernels.free_motion.trees import Trees, make_trees
 from jacokin.model import SelfContact
 from jacokin.model.contact import Contact
 from jacokin.model.own_shapes import kept_less
@@ -165,7 +165,7 @@ def test_trees_grow_beyond_their_first_room(
     robot: Robot, rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     start, pose = ways_through(robot, rng)
-    made, make_trees = list[int](), search.make_trees
+    made = list[int]()
 
     def make(dof: int, room: int) -> Trees:
         made.append(room)
