@@ -4,7 +4,6 @@ shapes         what a shape is, and its farthest points
 separation     how far two convex shapes are apart; simplex, and penetration where they overlap
 cloud          how far a shape is from a cloud of points
 cloud_surface  where the surface is that these points make
-world          rows of simple shapes, and the tree of obstacles
 pairs          where two shapes are nearest, and would be if one turned a little
 arm, tree      where the arm's shapes are, and which obstacles are near
 touching       pairs that touch: groups of shapes by their spheres, then shapes by theirs, then exactly
